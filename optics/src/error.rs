@@ -1,0 +1,52 @@
+//! What can be wrong with what a caller hands in.
+
+/// Shorthand for this crate's results.
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// Everything that this crate refuses.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A number lies outside what is possible or allowed.
+    #[error("{name} is {value}, but must be {allowed}")]
+    OutOfRange {
+        /// The parameter's name, with its unit.
+        name: &'static str,
+        /// What was given.
+        value: f64,
+        /// What would be right, for people.
+        allowed: &'static str,
+    },
+    /// An array does not have the size that its partner has.
+    #[error("{name} is {actual_width_px}×{actual_height_px} px, but must be {width_px}×{height_px} px")]
+    SizeMismatch {
+        /// Which array.
+        name: &'static str,
+        /// Columns it should have.
+        width_px: usize,
+        /// Rows it should have.
+        height_px: usize,
+        /// Columns it has.
+        actual_width_px: usize,
+        /// Rows it has.
+        actual_height_px: usize,
+    },
+    /// An array holds NaN or an infinity.
+    #[error("{name} holds a value that is not a finite number, at x = {x_px} px, y = {y_px} px")]
+    NotFinite {
+        /// Which array.
+        name: &'static str,
+        /// Column of the first such value.
+        x_px: usize,
+        /// Row of the first such value.
+        y_px: usize,
+    },
+    /// Nothing to work on.
+    #[error("{name} is empty, but {needed}")]
+    Empty {
+        /// What is empty.
+        name: &'static str,
+        /// What would be needed, for people.
+        needed: &'static str,
+    },
+}

@@ -1,0 +1,26 @@
+//! Fourier optics for phase-only holographic displays: propagation, hologram optimization, and learning a
+//! display's own light transport from photographs.
+//!
+//! # Conventions
+//!
+//! - Planes are row-major, `[y][x]`; sizes are `height_px` and `width_px`; public names carry SI units.
+//! - Time convention e^{−iωt}: a wave travelling towards +z gains e^{+ikz}.
+//! - Forward Fourier transform with e^{−i2π(fx·x + fy·y)}, unscaled; the inverse is scaled by 1/(number of samples).
+//!   Zero frequency is at `[0][0]`.
+//! - Frequencies are the exact bins n/(N·Δ) for n = 0 … N/2−1, −N/2 … −1.
+//! - Phases of transfer functions are computed in f64 without their piston and reduced modulo 2π before they are
+//!   narrowed to f32.
+//! - Fields are zero-padded twofold along each axis, so that the convolution is linear, and cropped afterwards.
+//!
+//! # Layout
+//!
+//! - [`grid`], [`plane`], [`region`]: sizes, arrays, and the part of an image that counts.
+mod error;
+pub mod grid;
+pub mod plane;
+pub mod region;
+
+pub use error::{Error, Result};
+pub use grid::Grid;
+pub use plane::Plane;
+pub use region::RegionOfInterest;

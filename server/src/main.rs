@@ -1,0 +1,2 @@
+//! Lightpath.
+fn main() {}

@@ -1,0 +1,107 @@
+//! Exact lengths: what distances and wavelengths are inside the server, so that a float is never a key.
+
+use serde::{Deserialize, Serialize};
+use std::fmt;
+
+/// Wavelength in vacuum, in whole picometres.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct Wavelength {
+    /// [pm]
+    pub pm: i64,
+}
+
+/// Distance from the SLM, in whole nanometres; negative behind the SLM.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct Distance {
+    /// [nm]
+    pub nm: i64,
+}
+
+impl Wavelength {
+    /// Shortest accepted wavelength [m].
+    pub const MIN_M: f64 = 200e-9;
+    /// Longest accepted wavelength [m].
+    pub const MAX_M: f64 = 2e-6;
+
+    /// The nearest picometre, where `wavelength_m` is a number between [`Self::MIN_M`] and [`Self::MAX_M`].
+    #[must_use]
+    pub fn from_m(wavelength_m: f64) -> Option<Self> {
+        (Self::MIN_M..=Self::MAX_M).contains(&wavelength_m).then(|| Self { pm: (wavelength_m * 1e12).round() as i64 })
+    }
+
+    /// [m]
+    #[must_use]
+    pub fn m(self) -> f64 {
+        self.pm as f64 / 1e12
+    }
+}
+
+impl Distance {
+    /// Largest accepted distance, either way [m].
+    pub const MAX_M: f64 = 10.0;
+
+    /// The nearest nanometre, where `distance_m` is a number within ±[`Self::MAX_M`] that does not round to 0.
+    #[must_use]
+    pub fn from_m(distance_m: f64) -> Option<Self> {
+        if !(-Self::MAX_M..=Self::MAX_M).contains(&distance_m) {
+            return None;
+        }
+        let nm = (distance_m * 1e9).round() as i64;
+        (nm != 0).then_some(Self { nm })
+    }
+
+    /// [m]
+    #[must_use]
+    pub fn m(self) -> f64 {
+        self.nm as f64 / 1e9
+    }
+}
+
+/// `515nm`, `632.8nm`: the form used in kernel names.
+impl fmt::Display for Wavelength {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write_thousandths(f, self.pm, 1_000, "nm")
+    }
+}
+
+/// `150mm`, `-12.5mm`: the form used in kernel names.
+impl fmt::Display for Distance {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write_thousandths(f, self.nm, 1_000_000, "mm")
+    }
+}
+
+fn write_thousandths(f: &mut fmt::Formatter<'_>, value: i64, per_unit: i64, unit: &str) -> fmt::Result {
+    let sign = if value < 0 { "-" } else { "" };
+    let (whole, rest) = (value.abs() / per_unit, value.abs() % per_unit);
+    if rest == 0 {
+        return write!(f, "{sign}{whole}{unit}");
+    }
+    let digits = per_unit.ilog10() as usize;
+    let fraction = format!("{rest:0digits$}");
+    write!(f, "{sign}{whole}.{}{unit}", fraction.trim_end_matches('0'))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_exact_and_short() {
+        assert_eq!(Wavelength::from_m(515e-9).unwrap().to_string(), "515nm");
+        assert_eq!(Wavelength::from_m(632.8e-9).unwrap().to_string(), "632.8nm");
+        assert_eq!(Distance::from_m(0.15).unwrap().to_string(), "150mm");
+        assert_eq!(Distance::from_m(-0.0125).unwrap().to_string(), "-12.5mm");
+        assert_eq!(Distance::from_m(1e-9).unwrap().to_string(), "0.000001mm");
+    }
+
+    #[test]
+    fn what_is_no_length_is_refused() {
+        for bad in [f64::NAN, f64::INFINITY, 0.0, 1e-10, 11.0, -11.0] {
+            assert_eq!(Distance::from_m(bad), None, "{bad}");
+        }
+        for bad in [f64::NAN, -515e-9, 0.0, 1e-10, 1.0] {
+            assert_eq!(Wavelength::from_m(bad), None, "{bad}");
+        }
+    }
+}
