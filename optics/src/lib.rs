@@ -15,12 +15,18 @@
 //! # Layout
 //!
 //! - [`grid`], [`plane`], [`region`]: sizes, arrays, and the part of an image that counts.
+//! - [`setup`], [`transfer_function`]: what light goes through, and what that does to it.
+#![cfg_attr(test, allow(clippy::unwrap_used))]
+
 mod error;
 pub mod grid;
 pub mod plane;
 pub mod region;
+pub mod setup;
+pub mod transfer_function;
 
 pub use error::{Error, Result};
 pub use grid::Grid;
 pub use plane::Plane;
 pub use region::RegionOfInterest;
+pub use setup::OpticalSetup;

@@ -1,0 +1,140 @@
+//! What a propagation goes through: a grid, a wavelength and a distance.
+
+use crate::transfer_function::{angular_spectrum, band_limit};
+use crate::{Error, Grid, Result};
+use num_complex::Complex64;
+
+/// A plane of pixels, the light's wavelength, and how far away the image is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OpticalSetup {
+    grid: Grid,
+    wavelength_m: f64,
+    distance_m: f64,
+}
+
+impl OpticalSetup {
+    /// Shortest wavelength [m]: no display works below the ultraviolet.
+    pub const WAVELENGTH_M_MIN: f64 = 100e-9;
+    /// Longest wavelength [m]: no display works beyond the thermal infrared.
+    pub const WAVELENGTH_M_MAX: f64 = 10e-6;
+    /// Farthest image, either way [m]: beyond it hardly any band is left at any size.
+    pub const DISTANCE_M_MAX: f64 = 10.0;
+
+    /// # Errors
+    ///
+    /// [`Error::OutOfRange`] for a wavelength that is not between [`Self::WAVELENGTH_M_MIN`] and
+    /// [`Self::WAVELENGTH_M_MAX`], or a distance that is 0, not finite, or beyond ±[`Self::DISTANCE_M_MAX`].
+    pub fn try_new(grid: Grid, wavelength_m: f64, distance_m: f64) -> Result<Self> {
+        if !(Self::WAVELENGTH_M_MIN..=Self::WAVELENGTH_M_MAX).contains(&wavelength_m) {
+            let allowed = "1e-7 to 1e-5 m";
+            return Err(Error::OutOfRange { name: "wavelength_m", value: wavelength_m, allowed });
+        }
+        if distance_m == 0.0 || !(-Self::DISTANCE_M_MAX..=Self::DISTANCE_M_MAX).contains(&distance_m) {
+            let allowed = "between -10 and 10 m, and not 0";
+            return Err(Error::OutOfRange { name: "distance_m", value: distance_m, allowed });
+        }
+        Ok(Self { grid, wavelength_m, distance_m })
+    }
+
+    /// The sampled plane, the same at the display and at the image.
+    #[must_use]
+    pub fn grid(&self) -> Grid {
+        self.grid
+    }
+
+    /// λ, in vacuum [m].
+    #[must_use]
+    pub fn wavelength_m(&self) -> f64 {
+        self.wavelength_m
+    }
+
+    /// z, from the display to the image [m]; negative behind the display.
+    #[must_use]
+    pub fn distance_m(&self) -> f64 {
+        self.distance_m
+    }
+
+    /// Rows after zero padding, twice the grid's [px].
+    #[must_use]
+    pub fn padded_height_px(&self) -> usize {
+        2 * self.grid.height_px()
+    }
+
+    /// Columns after zero padding, twice the grid's [px].
+    #[must_use]
+    pub fn padded_width_px(&self) -> usize {
+        2 * self.grid.width_px()
+    }
+
+    /// The band-limited angular spectrum transfer function at fx, fy [1/m], without its piston: 0 where its samples on
+    /// the padded grid would alias, [`angular_spectrum`] elsewhere.
+    #[must_use]
+    pub fn transfer(&self, fx: f64, fy: f64) -> Complex64 {
+        if self.keeps(fx, fy) { angular_spectrum(fx, fy, self.wavelength_m, self.distance_m) } else { Complex64::ZERO }
+    }
+
+    /// Whether the [band limit](band_limit) keeps fx, fy [1/m].
+    #[must_use]
+    pub fn keeps(&self, fx: f64, fy: f64) -> bool {
+        let pitch_m = self.grid.pixel_pitch_m();
+        let (extent_x_m, extent_y_m) =
+            (self.padded_width_px() as f64 * pitch_m, self.padded_height_px() as f64 * pitch_m);
+        band_limit(fx, fy, self.wavelength_m, self.distance_m, extent_x_m, extent_y_m)
+    }
+
+    /// Distance z_c = N_x·Δ²/λ up to which the padded columns sample the whole band [m].
+    #[must_use]
+    pub fn critical_distance_x_m(&self) -> f64 {
+        self.padded_width_px() as f64 * self.grid.pixel_pitch_m().powi(2) / self.wavelength_m
+    }
+
+    /// Distance z_c = N_y·Δ²/λ up to which the padded rows sample the whole band [m].
+    #[must_use]
+    pub fn critical_distance_y_m(&self) -> f64 {
+        self.padded_height_px() as f64 * self.grid.pixel_pitch_m().powi(2) / self.wavelength_m
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn setup(distance_m: f64) -> OpticalSetup {
+        OpticalSetup::try_new(Grid::try_new(1080, 1920, 8e-6).unwrap(), 515e-9, distance_m).unwrap()
+    }
+
+    /// Part of the line through zero frequency that the band limit keeps, (x, y).
+    fn kept_fraction(setup: &OpticalSetup) -> (f64, f64) {
+        let (samples, nyquist) = (10_000, 1.0 / (2.0 * setup.grid().pixel_pitch_m()));
+        let kept = |along: &dyn Fn(f64) -> bool| {
+            (0..samples).filter(|&i| along(nyquist * i as f64 / samples as f64)).count() as f64 / samples as f64
+        };
+        (kept(&|f| setup.keeps(f, 0.0)), kept(&|f| setup.keeps(0.0, f)))
+    }
+
+    #[test]
+    fn critical_distances_of_a_common_display() {
+        assert!((setup(0.15).critical_distance_y_m() - 0.268).abs() < 1e-3);
+        assert!((setup(0.15).critical_distance_x_m() - 0.477).abs() < 1e-3);
+    }
+
+    #[test]
+    fn the_band_limit_does_nothing_below_the_critical_distance() {
+        assert_eq!(kept_fraction(&setup(0.15)), (1.0, 1.0));
+        let (x, y) = kept_fraction(&setup(-0.5));
+        assert!((x - 0.954).abs() < 1e-3 && (y - 0.537).abs() < 1e-3, "{x} {y}");
+    }
+
+    #[test]
+    fn impossible_setups_are_refused_by_name() {
+        let grid = Grid::try_new(8, 8, 8e-6).unwrap();
+        for distance_m in [0.0, f64::NAN, f64::INFINITY, 10.1, -11.0] {
+            let error = OpticalSetup::try_new(grid, 515e-9, distance_m).unwrap_err();
+            assert!(error.to_string().starts_with("distance_m is"), "{error}");
+        }
+        for wavelength_m in [0.0, f64::NAN, -515e-9, 515.0] {
+            let error = OpticalSetup::try_new(grid, wavelength_m, 0.1).unwrap_err();
+            assert!(error.to_string().starts_with("wavelength_m is"), "{error}");
+        }
+    }
+}
