@@ -5,8 +5,12 @@
 //!
 //! - [`units`], [`display`], [`dataset`], [`kernel`], [`job`]: the domain, plain validated Rust that knows no
 //!   database, no wire type and no clock.
+//! - [`pictures`]: decoding of targets, photographs and holograms, and encoding of results.
+#![cfg_attr(test, allow(clippy::unwrap_used))]
+
 pub mod dataset;
 pub mod display;
 pub mod job;
 pub mod kernel;
+pub mod pictures;
 pub mod units;

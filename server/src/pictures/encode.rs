@@ -1,0 +1,76 @@
+//! From planes to files. The same plane always gives the same bytes.
+
+use super::{PictureError, linear_to_srgb};
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{ExtendedColorType, ImageEncoder};
+use lightpath_optics::Plane;
+use npyz::WriterBuilder;
+
+/// A hologram for a display of `bit_depth` bits as a grey PNG: 8 bits a pixel up to 8, else 16, levels not scaled.
+///
+/// # Errors
+///
+/// [`PictureError::Encode`] for an empty plane, [`PictureError::LevelTooHigh`] for what the bits cannot hold.
+pub fn levels_png(levels: &Plane<u16>, bit_depth: u32) -> Result<Vec<u8>, PictureError> {
+    let level_max = u16::MAX >> (16 - bit_depth.clamp(1, 16));
+    if let Some(i) = levels.values().iter().position(|&level| level > level_max) {
+        let (x_px, y_px) = (i % levels.width_px(), i / levels.width_px());
+        return Err(PictureError::LevelTooHigh { level: levels.values()[i], x_px, y_px, bit_depth, level_max });
+    }
+    if bit_depth <= 8 {
+        let bytes: Vec<u8> = levels.values().iter().map(|&level| level as u8).collect();
+        png(&bytes, levels.height_px(), levels.width_px(), ExtendedColorType::L8)
+    } else {
+        let bytes: Vec<u8> = levels.values().iter().flat_map(|level| level.to_ne_bytes()).collect();
+        png(&bytes, levels.height_px(), levels.width_px(), ExtendedColorType::L16)
+    }
+}
+
+/// Linear light as an 8-bit sRGB grey PNG, for eyes. Light is clipped to [0, 1].
+///
+/// # Errors
+///
+/// [`PictureError::Encode`] for an empty plane.
+pub fn grey_png_srgb(intensity: &Plane<f32>) -> Result<Vec<u8>, PictureError> {
+    grey_png(intensity, linear_to_srgb)
+}
+
+/// Linear light as an 8-bit grey PNG of linear values, as cameras measure it. Light is clipped to [0, 1].
+///
+/// # Errors
+///
+/// [`PictureError::Encode`] for an empty plane.
+pub fn grey_png_linear(intensity: &Plane<f32>) -> Result<Vec<u8>, PictureError> {
+    grey_png(intensity, |light| light)
+}
+
+/// An array file of NumPy: float32, C order, [height, width].
+///
+/// # Errors
+///
+/// [`PictureError::Encode`] when the array cannot be written.
+pub fn npy_f32(plane: &Plane<f32>) -> Result<Vec<u8>, PictureError> {
+    let mut bytes = Vec::with_capacity(plane.values().len() * 4 + 128);
+    let shape = [plane.height_px() as u64, plane.width_px() as u64];
+    let failed = |error: std::io::Error| PictureError::Encode(error.to_string());
+    let options = npyz::WriteOptions::new().default_dtype().shape(&shape).writer(&mut bytes);
+    let mut writer = options.begin_nd().map_err(failed)?;
+    writer.extend(plane.values().iter().copied()).map_err(failed)?;
+    writer.finish().map_err(failed)?;
+    Ok(bytes)
+}
+
+fn grey_png(intensity: &Plane<f32>, encode: impl Fn(f32) -> f32) -> Result<Vec<u8>, PictureError> {
+    let grey = |&light: &f32| (encode(light.clamp(0.0, 1.0)) * 255.0).round() as u8;
+    let bytes: Vec<u8> = intensity.values().iter().map(grey).collect();
+    png(&bytes, intensity.height_px(), intensity.width_px(), ExtendedColorType::L8)
+}
+
+fn png(bytes: &[u8], height_px: usize, width_px: usize, colour: ExtendedColorType) -> Result<Vec<u8>, PictureError> {
+    let mut file = Vec::new();
+    // Holograms look like noise: harder compression costs a second and gains nothing.
+    PngEncoder::new_with_quality(&mut file, CompressionType::Fast, FilterType::Adaptive)
+        .write_image(bytes, width_px as u32, height_px as u32, colour)
+        .map_err(|error| PictureError::Encode(error.to_string()))?;
+    Ok(file)
+}

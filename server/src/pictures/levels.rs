@@ -1,0 +1,58 @@
+//! Holograms as the display takes them: grey PNGs whose values are levels, not shades.
+
+use super::{PictureError, decode};
+use image::{ColorType, ImageFormat};
+use lightpath_optics::Plane;
+
+/// The levels of a hologram, 0 to 2^`bit_depth` − 1, from a grey PNG of 8 or 16 bits (either holds any display's levels
+/// that fit in it); values are taken as they are.
+///
+/// # Errors
+///
+/// [`PictureError`] for what is no readable PNG, is not grey, has another size than `height_px` × `width_px`, or
+/// holds a level that the display does not have.
+pub fn levels(bytes: &[u8], bit_depth: u32, height_px: usize, width_px: usize) -> Result<Plane<u16>, PictureError> {
+    let (format, decoder) = decode::open(bytes)?;
+    if format != ImageFormat::Png {
+        return Err(PictureError::NotLevels { actual: format!("a {format:?} file") });
+    }
+    // Decoding scales fewer bits to 8 and fills in palettes: neither would leave the levels as they are.
+    let (bits, png_colour) = (bytes[24], bytes[25]);
+    if png_colour != 0 || bits < 8 || !matches!(decoder.color_type(), ColorType::L8 | ColorType::L16) {
+        return Err(PictureError::NotLevels { actual: kind(bits, png_colour) });
+    }
+    let (actual_width_px, actual_height_px) = decoder.dimensions();
+    if (actual_height_px as usize, actual_width_px as usize) != (height_px, width_px) {
+        let (width_px, height_px) = (width_px as u32, height_px as u32);
+        return Err(PictureError::WrongSize { width_px, height_px, actual_width_px, actual_height_px });
+    }
+    let samples = decode::read_samples(format, decoder)?;
+    let plane = Plane::from_fn(height_px, width_px, |y, x| {
+        let i = y * width_px + x;
+        if samples.colour == ColorType::L16 { samples.sample_16(i) } else { u16::from(samples.bytes[i]) }
+    });
+    expect_levels(&plane, bit_depth)?;
+    Ok(plane)
+}
+
+fn expect_levels(plane: &Plane<u16>, bit_depth: u32) -> Result<(), PictureError> {
+    let level_max = u16::MAX >> (16 - bit_depth.clamp(1, 16));
+    match plane.values().iter().position(|&level| level > level_max) {
+        None => Ok(()),
+        Some(i) => {
+            let (x_px, y_px) = (i % plane.width_px(), i / plane.width_px());
+            Err(PictureError::LevelTooHigh { level: plane.values()[i], x_px, y_px, bit_depth, level_max })
+        }
+    }
+}
+
+fn kind(bits: u8, png_colour: u8) -> String {
+    let colour = match png_colour {
+        0 => "grey",
+        2 => "RGB",
+        3 => "a palette",
+        4 => "grey with alpha",
+        _ => "RGBA",
+    };
+    format!("{colour}, {bits} bits a channel")
+}

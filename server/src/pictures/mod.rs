@@ -1,0 +1,34 @@
+//! Pictures: decoding what users send, fitting it to a display, and encoding what the server answers.
+//!
+//! A picture is recognized by its content, never by a file name. Its header is read first and its size checked
+//! before any memory for its pixels is taken. What comes out is a plane of linear light in [0, 1]:
+//!
+//! - sRGB values are decoded to linear light *before* channels are averaged and pixels are resampled;
+//! - colours become their mean over the channels;
+//! - transparent pixels show black: alpha multiplies the light;
+//! - the orientation that a camera wrote into a picture is applied, as every viewer does;
+//! - embedded gamma and colour profiles are not read: the encoding is the caller's word.
+
+mod decode;
+mod encode;
+mod error;
+mod fit;
+mod jpeg_end;
+mod levels;
+mod srgb;
+#[cfg(test)]
+mod tests;
+
+pub use decode::{SIDE_PX_MIN, photograph, picture_size, target_intensity};
+pub use encode::{grey_png_linear, grey_png_srgb, levels_png, npy_f32};
+pub use error::PictureError;
+pub use fit::fit;
+pub use levels::levels;
+pub use srgb::{linear_to_srgb, srgb_to_linear};
+
+/// Longest accepted side of a picture [px]: beyond what any SLM or camera has.
+pub const SIDE_PX_MAX: u32 = 16_384;
+/// Most accepted pixels of a picture. At 8 bytes a pixel (RGBA, 16 bits) its decoding takes 512 MiB.
+pub const PIXELS_MAX: u64 = 64 << 20;
+/// Largest accepted picture file [bytes]: an uncompressed 16-bit RGB picture of 40 Mpx still fits.
+pub const FILE_BYTES_MAX: usize = 256 << 20;
