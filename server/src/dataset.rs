@@ -2,6 +2,7 @@
 
 use crate::units::{Distance, Wavelength};
 use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
 
 /// A dataset with its pairs.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,4 +62,134 @@ pub enum Split {
     Validation,
     /// Looked at once, after learning.
     Test,
+}
+
+/// Draws what each pair is used for, and returns every pair's id with its split, in the order of the ids.
+///
+/// Pairs that have a split keep it. Of the others, `test_fraction` (at least one pair where no pair was given as a
+/// test pair) are held out, then `validation_fraction` are watched, both rounded to whole pairs; the rest is for
+/// training. The draw ranks pairs by a hash of the seed and their id: it depends on nothing else, not even on the
+/// order in which pairs were added.
+#[must_use]
+pub fn draw_split(pairs: &[Pair], validation_fraction: f64, test_fraction: f64, seed: u64) -> Vec<(String, Split)> {
+    let mut free: Vec<&Pair> = pairs.iter().filter(|pair| pair.split.is_none()).collect();
+    free.sort_by_cached_key(|pair| {
+        let mut hasher = Sha256::new();
+        hasher.update(seed.to_le_bytes());
+        hasher.update(pair.id.as_bytes());
+        <[u8; 32]>::from(hasher.finalize())
+    });
+    let share = |fraction: f64| (fraction * free.len() as f64).round() as usize;
+    let has_test = pairs.iter().any(|pair| pair.split == Some(Split::Test));
+    let test = share(test_fraction).max(usize::from(!has_test)).min(free.len());
+    let validation = share(validation_fraction).min(free.len() - test);
+
+    let drawn = free.iter().enumerate().map(|(rank, pair)| {
+        let split = match rank {
+            rank if rank < test => Split::Test,
+            rank if rank < test + validation => Split::Validation,
+            _ => Split::Train,
+        };
+        (pair.id.clone(), split)
+    });
+    let given = pairs.iter().filter_map(|pair| pair.split.map(|split| (pair.id.clone(), split)));
+    let mut splits: Vec<_> = drawn.chain(given).collect();
+    splits.sort_by(|a, b| a.0.cmp(&b.0));
+    splits
+}
+
+/// `sha256-…` over the display, optics, pairs and split: datasets with the same digest teach the same.
+///
+/// Pairs count in the order of their ids; the id of the dataset and its times don't count.
+#[must_use]
+pub fn digest(dataset: &Dataset) -> String {
+    #[derive(Serialize)]
+    struct Content<'a> {
+        display: &'a str,
+        wavelength_pm: i64,
+        distance_nm: i64,
+        photo_encoding: Encoding,
+        pairs: Vec<(&'a str, &'a str, &'a str, Option<Split>)>,
+    }
+
+    let mut pairs: Vec<_> = dataset
+        .pairs
+        .iter()
+        .map(|pair| (pair.id.as_str(), pair.phase.as_str(), pair.photo.as_str(), pair.split))
+        .collect();
+    pairs.sort_by_key(|pair| pair.0);
+    let content = Content {
+        display: &dataset.display,
+        wavelength_pm: dataset.wavelength.pm,
+        distance_nm: dataset.distance.nm,
+        photo_encoding: dataset.photo_encoding,
+        pairs,
+    };
+    // A debug rendering would change with the code; JSON of this private struct does not.
+    let json = serde_json::to_vec(&content).unwrap_or_default();
+    let hash: String = Sha256::digest(&json).iter().map(|byte| format!("{byte:02x}")).collect();
+    format!("sha256-{hash}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pairs(count: usize) -> Vec<Pair> {
+        (0..count)
+            .map(|n| Pair { id: format!("p{n:02}"), phase: format!("a{n}"), photo: format!("b{n}"), split: None })
+            .collect()
+    }
+
+    fn count(splits: &[(String, Split)], split: Split) -> usize {
+        splits.iter().filter(|(_, s)| *s == split).count()
+    }
+
+    #[test]
+    fn split_has_the_wanted_shares_and_does_not_depend_on_order() {
+        let pairs = pairs(20);
+        let splits = draw_split(&pairs, 0.1, 0.2, 7);
+        assert_eq!((count(&splits, Split::Test), count(&splits, Split::Validation)), (4, 2));
+        assert_eq!(count(&splits, Split::Train), 14);
+        let reversed: Vec<Pair> = pairs.iter().rev().cloned().collect();
+        assert_eq!(draw_split(&reversed, 0.1, 0.2, 7), splits);
+        assert_ne!(draw_split(&pairs, 0.1, 0.2, 8), splits);
+    }
+
+    #[test]
+    fn given_splits_stay_and_one_test_pair_is_drawn_at_least() {
+        let mut pairs = pairs(3);
+        let splits = draw_split(&pairs, 0.0, 0.0, 1);
+        assert_eq!(count(&splits, Split::Test), 1);
+        pairs[1].split = Some(Split::Test);
+        let splits = draw_split(&pairs, 0.0, 0.0, 1);
+        assert_eq!(splits[1], ("p01".to_owned(), Split::Test));
+        assert_eq!((count(&splits, Split::Test), count(&splits, Split::Train)), (1, 2));
+        assert_eq!(draw_split(&[], 0.2, 0.2, 1), []);
+    }
+
+    #[test]
+    fn digest_covers_content_and_nothing_else() {
+        let dataset = Dataset {
+            id: "d".into(),
+            display: "lab".into(),
+            wavelength: Wavelength { pm: 515_000 },
+            distance: Distance { nm: 150_000_000 },
+            photo_encoding: Encoding::Linear,
+            pairs: pairs(3),
+            pair_count: 3,
+            digest: None,
+            create_time_ms: 0,
+            finalize_time_ms: None,
+        };
+        let first = digest(&dataset);
+        assert_eq!(first.len(), 71);
+        let mut other = dataset.clone();
+        other.id = "e".into();
+        other.create_time_ms = 5;
+        other.pairs.reverse();
+        assert_eq!(digest(&other), first);
+        other.pairs[0].split = Some(Split::Test);
+        assert_ne!(digest(&other), first);
+    }
 }

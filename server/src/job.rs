@@ -31,6 +31,18 @@ pub enum JobState {
 }
 
 impl JobState {
+    /// In lower case, as people and the database write it.
+    #[must_use]
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Queued => "queued",
+            Self::Running => "running",
+            Self::Succeeded => "succeeded",
+            Self::Failed => "failed",
+            Self::Cancelled => "cancelled",
+        }
+    }
+
     /// Nothing will change any more by itself.
     #[must_use]
     pub fn has_ended(self) -> bool {
@@ -56,7 +68,7 @@ pub struct Job {
     pub priority: i32,
     /// Attempts started so far.
     pub attempt: u32,
-    /// Failed attempts after which the job fails for good.
+    /// Failed attempts, without a checkpoint between them, after which the job fails for good.
     pub attempts_max: u32,
     /// [ms since 1970]
     pub create_time_ms: i64,
@@ -89,7 +101,7 @@ pub struct NewJob {
     pub request_id: String,
     /// Lower runs first.
     pub priority: i32,
-    /// Failed attempts after which the job fails for good.
+    /// Failed attempts, without a checkpoint between them, after which the job fails for good.
     pub attempts_max: u32,
 }
 
@@ -105,6 +117,29 @@ pub enum JobSpec {
     SimulateCapture(SimulateCapture),
     /// Measure a kernel on a dataset.
     EvaluateKernel(EvaluateKernel),
+}
+
+impl JobSpec {
+    /// Id of the display that the job is about.
+    #[must_use]
+    pub fn display(&self) -> &str {
+        match self {
+            Self::OptimizeHologram(spec) => &spec.display,
+            Self::LearnKernel(spec) => &spec.display,
+            Self::SimulateCapture(spec) => &spec.display,
+            Self::EvaluateKernel(spec) => &spec.display,
+        }
+    }
+
+    /// Id of the dataset that the job reads.
+    #[must_use]
+    pub fn dataset(&self) -> Option<&str> {
+        match self {
+            Self::LearnKernel(spec) => Some(&spec.dataset),
+            Self::EvaluateKernel(spec) => Some(&spec.dataset),
+            Self::OptimizeHologram(_) | Self::SimulateCapture(_) => None,
+        }
+    }
 }
 
 /// Find the phase that shows a target.
@@ -342,6 +377,19 @@ pub struct JobError {
     pub message: String,
     /// The job will be tried again by itself.
     pub retryable: bool,
+}
+
+/// Something that happened to a job.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct JobEvent {
+    /// Grows over all jobs; what pages are keyed by.
+    pub sequence: i64,
+    /// [ms since 1970]
+    pub time_ms: i64,
+    /// The attempt it belongs to; 0 before the first.
+    pub attempt: u32,
+    /// For people.
+    pub message: String,
 }
 
 /// A worker's right to a job: every write of the worker names all of it.

@@ -123,6 +123,8 @@ pub struct KernelLineage {
 /// One move of the alias `active`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct KernelMove {
+    /// Grows over all kernels; what pages are keyed by.
+    pub sequence: i64,
     /// [ms since 1970]
     pub time_ms: i64,
     /// `None`: none was active.

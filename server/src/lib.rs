@@ -6,6 +6,7 @@
 //! - [`units`], [`display`], [`dataset`], [`kernel`], [`job`]: the domain, plain validated Rust that knows no
 //!   database, no wire type and no clock.
 //! - [`pictures`]: decoding of targets, photographs and holograms, and encoding of results.
+//! - [`store`]: the durable queue and registry; the only place that knows the database.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 pub mod dataset;
@@ -13,4 +14,5 @@ pub mod display;
 pub mod job;
 pub mod kernel;
 pub mod pictures;
+pub mod store;
 pub mod units;

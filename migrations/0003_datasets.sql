@@ -1,0 +1,42 @@
+-- Sets of (hologram, photograph) pairs; immutable once they have a digest.
+create table dataset (
+    id               text    not null primary key check (length(id) between 1 and 63),
+    display          text    not null references display (id),
+    wavelength_pm    integer not null check (wavelength_pm > 0),
+    distance_nm      integer not null check (distance_nm <> 0),
+    photo_encoding   text    not null check (photo_encoding in ('linear', 'srgb')),
+    pair_count       integer not null default 0 check (pair_count >= 0),
+    digest           text,
+    create_time_ms   integer not null,
+    finalize_time_ms integer,
+    check ((digest is null) = (finalize_time_ms is null))
+) strict, without rowid;
+
+create index dataset_by_display on dataset (display, id);
+
+-- A hologram and a photograph are in a dataset at most once: a second partner would be a mistake.
+create table pair (
+    dataset text not null references dataset (id),
+    id      text not null check (length(id) between 1 and 63),
+    phase   text not null references artifact (digest),
+    photo   text not null references artifact (digest),
+    split   text check (split in ('train', 'validation', 'test')),
+    primary key (dataset, id),
+    unique (dataset, phase),
+    unique (dataset, photo)
+) strict, without rowid;
+
+create index pair_by_phase on pair (phase);
+create index pair_by_photo on pair (photo);
+
+create trigger pair_of_finalized_dataset_stays before update on pair
+when (select digest from dataset where id = old.dataset) is not null
+begin select raise(abort, 'the dataset is finalized'); end;
+
+create trigger pair_of_finalized_dataset_is_kept before delete on pair
+when (select digest from dataset where id = old.dataset) is not null
+begin select raise(abort, 'the dataset is finalized'); end;
+
+create trigger finalized_dataset_takes_no_pair before insert on pair
+when (select digest from dataset where id = new.dataset) is not null
+begin select raise(abort, 'the dataset is finalized'); end;

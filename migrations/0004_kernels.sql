@@ -1,0 +1,53 @@
+-- Learned light transport: one kernel for a display, wavelength and distance, with numbered versions.
+create table kernel (
+    id             integer primary key,
+    -- the resource name: what lists are ordered by
+    name           text    not null unique,
+    display        text    not null references display (id),
+    wavelength_pm  integer not null check (wavelength_pm > 0),
+    distance_nm    integer not null check (distance_nm <> 0),
+    active_version integer,
+    latest_version integer not null default 0 check (latest_version >= 0),
+    create_time_ms integer not null,
+    unique (display, wavelength_pm, distance_nm),
+    foreign key (id, active_version) references kernel_version (kernel, version)
+) strict;
+
+create table kernel_version (
+    kernel         integer not null references kernel (id),
+    version        integer not null check (version >= 1),
+    model          text    not null check (model in ('paper', 'dense', 'smooth', 'display')),
+    artifact       text    not null references artifact (digest),
+    size_bytes     integer not null check (size_bytes >= 0),
+    metrics        text    not null check (json_valid(metrics)),
+    lineage        text    not null check (json_valid(lineage)),
+    create_time_ms integer not null,
+    primary key (kernel, version)
+) strict, without rowid;
+
+create index kernel_version_by_artifact on kernel_version (artifact);
+
+create trigger kernel_version_stays before update on kernel_version
+begin select raise(abort, 'kernel versions are immutable'); end;
+
+-- Every move of the alias `active`. A rollback names the move that it undoes, and no move is undone twice:
+-- the moves that are not undone are the stack that the next rollback takes from.
+create table kernel_move (
+    sequence     integer primary key autoincrement,
+    kernel       integer not null references kernel (id),
+    time_ms      integer not null,
+    from_version integer,
+    to_version   integer not null,
+    reason       text    not null,
+    undoes       integer unique references kernel_move (sequence),
+    foreign key (kernel, from_version) references kernel_version (kernel, version),
+    foreign key (kernel, to_version) references kernel_version (kernel, version)
+) strict;
+
+create index kernel_move_by_kernel on kernel_move (kernel, sequence);
+
+create trigger kernel_move_stays before update on kernel_move
+begin select raise(abort, 'the history of a kernel is append-only'); end;
+
+create trigger kernel_move_is_kept before delete on kernel_move
+begin select raise(abort, 'the history of a kernel is append-only'); end;

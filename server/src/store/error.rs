@@ -1,0 +1,114 @@
+//! What can go wrong in the store.
+
+/// Why the store refused or failed. Everything but the last variants is about the request, not about the store.
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    /// What was named is not there.
+    #[error("{what} does not exist")]
+    NotFound {
+        /// For example `displays/lab-2`.
+        what: String,
+    },
+    /// The name is taken by something with other content.
+    #[error("{what} already exists {detail}")]
+    AlreadyExists {
+        /// For example `displays/lab-2`.
+        what: String,
+        /// What differs, for example `with other properties`.
+        detail: String,
+    },
+    /// Not possible in this state.
+    #[error("{message}")]
+    Precondition {
+        /// In capitals, stable, for programs.
+        reason: &'static str,
+        /// For people.
+        message: String,
+    },
+    /// Something changed in between: read again and retry.
+    #[error("{message}")]
+    Aborted {
+        /// In capitals, stable, for programs.
+        reason: &'static str,
+        /// For people.
+        message: String,
+    },
+    /// The worker no longer holds the job: it was given to another, ended, or the lease ran out.
+    #[error("the lease on the job is lost")]
+    LeaseLost,
+    /// No more jobs may wait.
+    #[error("the queue is full: {limit} jobs wait already; submit again when some have run")]
+    QueueFull {
+        /// Most jobs that may wait.
+        limit: u32,
+    },
+    /// No space left for the database.
+    #[error("no space is left on the disk of the database")]
+    DiskFull,
+    /// The write did not happen because the process is about to end.
+    #[error("the server is stopping")]
+    Stopping,
+    /// The linked SQLite has known bugs.
+    #[error("SQLite {found} is too old, but must be at least {required}")]
+    SqliteTooOld {
+        /// The linked version.
+        found: String,
+        /// The oldest version without the bugs.
+        required: &'static str,
+    },
+    /// A stored text could not be understood.
+    #[error("{column} of a row cannot be read")]
+    Corrupt {
+        /// The column's name.
+        column: &'static str,
+        /// What is wrong with it.
+        source: serde_json::Error,
+    },
+    /// The database could not be brought to this version's tables.
+    #[error("the database cannot be migrated")]
+    Migration(#[source] sqlx::migrate::MigrateError),
+    /// Anything else from the database.
+    #[error("the database failed")]
+    Database(#[source] sqlx::Error),
+}
+
+impl StoreError {
+    pub(super) fn not_found(what: impl Into<String>) -> Self {
+        Self::NotFound { what: what.into() }
+    }
+
+    pub(super) fn exists(what: impl Into<String>, detail: impl Into<String>) -> Self {
+        Self::AlreadyExists { what: what.into(), detail: detail.into() }
+    }
+
+    pub(super) fn precondition(reason: &'static str, message: impl Into<String>) -> Self {
+        Self::Precondition { reason, message: message.into() }
+    }
+
+    /// The same call may succeed later without anybody doing anything but making room.
+    #[must_use]
+    pub fn is_transient(&self) -> bool {
+        match self {
+            Self::DiskFull | Self::Database(_) | Self::Stopping | Self::QueueFull { .. } => true,
+            Self::NotFound { .. }
+            | Self::AlreadyExists { .. }
+            | Self::Precondition { .. }
+            | Self::Aborted { .. }
+            | Self::LeaseLost
+            | Self::SqliteTooOld { .. }
+            | Self::Corrupt { .. }
+            | Self::Migration(_) => false,
+        }
+    }
+}
+
+impl From<sqlx::Error> for StoreError {
+    fn from(error: sqlx::Error) -> Self {
+        /// SQLITE_FULL.
+        const FULL: &str = "13";
+        match error.as_database_error().and_then(|e| e.code()) {
+            Some(code) if code == FULL => Self::DiskFull,
+            _ => Self::Database(error),
+        }
+    }
+}

@@ -1,0 +1,371 @@
+//! A worker's side of the queue: claims, and everything that a lease allows.
+//!
+//! Every write names job, attempt and lease, and holds only while the lease does. A worker that lost its job, however
+//! late it notices, changes nothing.
+
+use super::changes::Change;
+use super::events::happened;
+use super::jobs::job_of;
+use super::kernels::append_version;
+use super::rows::to_json;
+use super::write::Write;
+use super::{Store, StoreError};
+use crate::job::{Job, JobError, JobResult, Lease, Progress};
+use crate::kernel::{KernelKey, NewKernelVersion};
+use sqlx::sqlite::{SqliteArguments, SqliteRow};
+use sqlx::{Row, Sqlite};
+use uuid::Uuid;
+
+/// Leases that one call expires; the next call takes the rest.
+const EXPIRED_MAX: i64 = 1000;
+
+/// What a heartbeat brings back.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Heartbeat {
+    /// The lease now holds until then [ms since 1970].
+    pub until_ms: i64,
+    /// Somebody asked for the end of the job.
+    pub cancel_requested: bool,
+}
+
+/// How an attempt ends without a result.
+enum Ending {
+    Requeued { run_time_ms: i64, failures: i64, error: Option<JobError> },
+    Failed { failures: i64, error: JobError },
+    Cancelled,
+}
+
+/// An update that happens only while the lease `(?1 job, ?2 attempt, ?3 lease_id)` holds at `?4`.
+macro_rules! fenced {
+    ($set:literal) => {
+        concat!(
+            "update job set revision = revision + 1, ",
+            $set,
+            " where id = ?1 and state = 'running' and attempt = ?2 and lease_id = ?3 and lease_until_ms > ?4 returning *"
+        )
+    };
+}
+
+impl Store {
+    /// Gives the next job that may run to `worker`, with a lease of `lease_ms`: the lowest priority first, then the
+    /// longest due, then the oldest.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`], [`StoreError::DiskFull`].
+    pub async fn claim(&self, now_ms: i64, lease_ms: i64, worker: &str) -> Result<Option<(Job, Lease)>, StoreError> {
+        let worker = worker.to_owned();
+        self.write(move |write| Box::pin(async move { claim(write, now_ms, lease_ms, &worker).await })).await
+    }
+
+    /// When the next queued job may run [ms since 1970], where one waits.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn next_run_time(&self) -> Result<Option<i64>, StoreError> {
+        let time = sqlx::query_scalar("select min(run_time_ms) from job where state = 'queued'");
+        Ok(time.fetch_one(self.readers()).await?)
+    }
+
+    /// Extends the lease.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::LeaseLost`].
+    pub async fn heartbeat(&self, lease: &Lease, now_ms: i64, lease_ms: i64) -> Result<Heartbeat, StoreError> {
+        let lease = lease.clone();
+        self.write(move |write| {
+            Box::pin(async move {
+                // A heartbeat is no news: it leaves the revision alone.
+                let sql = "update job set lease_until_ms = ?5 where id = ?1 and state = 'running' and attempt = ?2 \
+                           and lease_id = ?3 and lease_until_ms > ?4 returning *";
+                let row = fenced(sql, &lease, now_ms).bind(now_ms + lease_ms).fetch_optional(write.sql()).await?;
+                let job = held(row)?;
+                Ok(Heartbeat { until_ms: now_ms + lease_ms, cancel_requested: job.cancel_requested })
+            })
+        })
+        .await
+    }
+
+    /// Records how far the job is.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::LeaseLost`].
+    pub async fn progress(&self, lease: &Lease, progress: &Progress, now_ms: i64) -> Result<(), StoreError> {
+        let (lease, progress) = (lease.clone(), to_json("job.progress", progress)?);
+        self.write(move |write| {
+            Box::pin(async move {
+                let query = fenced(fenced!("progress = ?5"), &lease, now_ms).bind(progress);
+                held(query.fetch_optional(write.sql()).await?)?;
+                write.announce(Change::Job(lease.job));
+                Ok(())
+            })
+        })
+        .await
+    }
+
+    /// Records a checkpoint that is on disk, and returns the one that it replaces. The job got ahead: its failures so
+    /// far no longer count.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::LeaseLost`].
+    pub async fn checkpoint(&self, lease: &Lease, digest: &str, now_ms: i64) -> Result<Option<String>, StoreError> {
+        let (lease, digest) = (lease.clone(), digest.to_owned());
+        self.write(move |write| {
+            Box::pin(async move {
+                let before = read(write, &lease, now_ms).await?.0.checkpoint;
+                let query = fenced(fenced!("checkpoint = ?5, failures = 0"), &lease, now_ms).bind(&digest);
+                held(query.fetch_optional(write.sql()).await?)?;
+                write.announce(Change::Job(lease.job));
+                Ok(before.filter(|before| *before != digest))
+            })
+        })
+        .await
+    }
+
+    /// Ends the job with its result. A learned kernel becomes its kernel's next version in the same transaction, and
+    /// the version's name goes into the result: there is never one without the other.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::LeaseLost`]; [`StoreError::NotFound`] where the kernel's artifact is not recorded.
+    pub async fn finish(
+        &self,
+        lease: &Lease,
+        result: JobResult,
+        learned: Option<(KernelKey, NewKernelVersion)>,
+        now_ms: i64,
+    ) -> Result<Job, StoreError> {
+        let lease = lease.clone();
+        self.write(move |write| Box::pin(async move { finish(write, &lease, result, learned, now_ms).await })).await
+    }
+
+    /// Ends the attempt with an error. With `retry_at_ms` the job goes back to the queue until then, unless its
+    /// attempts are spent; without, it fails for good. A job that somebody asked to end is cancelled instead.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::LeaseLost`].
+    pub async fn fail(
+        &self,
+        lease: &Lease,
+        error: JobError,
+        retry_at_ms: Option<i64>,
+        now_ms: i64,
+    ) -> Result<Job, StoreError> {
+        let lease = lease.clone();
+        self.write(move |write| {
+            Box::pin(async move {
+                let (job, failures) = read(write, &lease, now_ms).await?;
+                let ending = after_failure(&job, failures, error, retry_at_ms);
+                end(write, &job.id, ending, now_ms).await
+            })
+        })
+        .await
+    }
+
+    /// Ends the job because somebody asked for it.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::LeaseLost`].
+    pub async fn end_cancelled(&self, lease: &Lease, now_ms: i64) -> Result<Job, StoreError> {
+        let lease = lease.clone();
+        self.write(move |write| {
+            Box::pin(async move {
+                let (job, _) = read(write, &lease, now_ms).await?;
+                end(write, &job.id, Ending::Cancelled, now_ms).await
+            })
+        })
+        .await
+    }
+
+    /// Puts the job back into the queue because the worker stops. The attempt does not count as failed.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::LeaseLost`].
+    pub async fn release(&self, lease: &Lease, now_ms: i64) -> Result<Job, StoreError> {
+        let lease = lease.clone();
+        self.write(move |write| {
+            Box::pin(async move {
+                let (job, failures) = read(write, &lease, now_ms).await?;
+                let ending = match job.cancel_requested {
+                    true => Ending::Cancelled,
+                    false => Ending::Requeued { run_time_ms: now_ms, failures, error: None },
+                };
+                end(write, &job.id, ending, now_ms).await
+            })
+        })
+        .await
+    }
+
+    /// Takes jobs from workers whose leases have run out: back to the queue, or failed where the attempts are spent.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`], [`StoreError::DiskFull`].
+    pub async fn expire_leases(&self, now_ms: i64) -> Result<Vec<Job>, StoreError> {
+        self.expire(now_ms, now_ms).await
+    }
+
+    /// Takes every running job from its worker. For the start of the only process that works on this database: whoever
+    /// held a lease is dead, so nobody has to wait until it runs out.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`], [`StoreError::DiskFull`].
+    pub async fn expire_all_leases(&self, now_ms: i64) -> Result<Vec<Job>, StoreError> {
+        self.expire(i64::MAX, now_ms).await
+    }
+
+    async fn expire(&self, until_ms: i64, now_ms: i64) -> Result<Vec<Job>, StoreError> {
+        self.write(move |write| Box::pin(expire(write, until_ms, now_ms))).await
+    }
+}
+
+async fn claim(
+    write: &mut Write,
+    now_ms: i64,
+    lease_ms: i64,
+    worker: &str,
+) -> Result<Option<(Job, Lease)>, StoreError> {
+    let lease_id = Uuid::now_v7().to_string();
+    let row = sqlx::query(
+        "update job set state = 'running', attempt = attempt + 1, lease_id = ?1, lease_until_ms = ?2, worker = ?3, \
+         start_time_ms = ?4, progress = null, error = null, revision = revision + 1 \
+         where id = (select id from job where state = 'queued' and run_time_ms <= ?4 \
+                     order by priority, run_time_ms, id limit 1) returning *",
+    )
+    .bind(&lease_id)
+    .bind(now_ms + lease_ms)
+    .bind(worker)
+    .bind(now_ms)
+    .fetch_optional(write.sql())
+    .await?;
+    let Some(row) = row else { return Ok(None) };
+    let job = job_of(&row)?;
+    happened(write, &job, now_ms, format!("attempt {} started by {worker}", job.attempt)).await?;
+    let lease = Lease { job: job.id.clone(), attempt: job.attempt, lease_id, until_ms: now_ms + lease_ms };
+    Ok(Some((job, lease)))
+}
+
+async fn finish(
+    write: &mut Write,
+    lease: &Lease,
+    mut result: JobResult,
+    learned: Option<(KernelKey, NewKernelVersion)>,
+    now_ms: i64,
+) -> Result<Job, StoreError> {
+    read(write, lease, now_ms).await?;
+    if let Some((key, version)) = learned {
+        let version = append_version(write, &key, version, now_ms).await?;
+        if let JobResult::Learn(learn) = &mut result {
+            learn.kernel_version = format!("{key}/versions/{}", version.version);
+        }
+    }
+    let sql = fenced!(
+        "state = 'succeeded', lease_id = null, lease_until_ms = null, worker = null, finish_time_ms = ?4, \
+         error = null, checkpoint = null, result = ?5"
+    );
+    let query = fenced(sql, lease, now_ms).bind(to_json("job.result", &result)?);
+    let job = held(query.fetch_optional(write.sql()).await?)?;
+    happened(write, &job, now_ms, "succeeded").await?;
+    Ok(job)
+}
+
+async fn expire(write: &mut Write, until_ms: i64, now_ms: i64) -> Result<Vec<Job>, StoreError> {
+    let rows = sqlx::query(
+        "select * from job where state = 'running' and lease_until_ms <= ? order by lease_until_ms limit ?",
+    )
+    .bind(until_ms)
+    .bind(EXPIRED_MAX)
+    .fetch_all(write.sql())
+    .await?;
+    let mut jobs = Vec::with_capacity(rows.len());
+    for row in rows {
+        let job = job_of(&row)?;
+        let error = JobError {
+            reason: "LEASE_EXPIRED".to_owned(),
+            message: format!("{} stopped without a word", row.try_get::<String, _>("worker")?),
+            retryable: true,
+        };
+        let ending = after_failure(&job, row.try_get("failures")?, error, Some(now_ms));
+        jobs.push(end(write, &job.id, ending, now_ms).await?);
+    }
+    Ok(jobs)
+}
+
+/// Where a failed attempt leads.
+fn after_failure(job: &Job, failures: i64, mut error: JobError, retry_at_ms: Option<i64>) -> Ending {
+    let failures = failures + 1;
+    if job.cancel_requested {
+        return Ending::Cancelled;
+    }
+    match retry_at_ms {
+        Some(run_time_ms) if failures < i64::from(job.attempts_max) => {
+            error.retryable = true;
+            Ending::Requeued { run_time_ms, failures, error: Some(error) }
+        }
+        _ => {
+            error.retryable = false;
+            Ending::Failed { failures, error }
+        }
+    }
+}
+
+/// Ends the attempt of a running job whose lease has been checked, or has run out, in this transaction.
+async fn end(write: &mut Write, id: &str, ending: Ending, now_ms: i64) -> Result<Job, StoreError> {
+    let sql = "update job set state = ?2, lease_id = null, lease_until_ms = null, worker = null, \
+               run_time_ms = coalesce(?3, run_time_ms), finish_time_ms = ?4, failures = coalesce(?5, failures), \
+               error = ?6, cancel_requested = ?2 = 'cancelled', revision = revision + 1 \
+               where id = ?1 and state = 'running' returning *";
+    let (state, run_time, finish_time, failures, error, message) = match ending {
+        Ending::Requeued { run_time_ms, failures, error } => {
+            let message = match &error {
+                Some(error) => format!("{}: {}; queued again", error.reason, error.message),
+                None => "handed back; queued again".to_owned(),
+            };
+            ("queued", Some(run_time_ms), None, Some(failures), error, message)
+        }
+        Ending::Failed { failures, error } => {
+            let message = format!("failed: {}: {}", error.reason, error.message);
+            ("failed", None, Some(now_ms), Some(failures), Some(error), message)
+        }
+        Ending::Cancelled => ("cancelled", None, Some(now_ms), None, None, "cancelled".to_owned()),
+    };
+    let row = sqlx::query(sql)
+        .bind(id)
+        .bind(state)
+        .bind(run_time)
+        .bind(finish_time)
+        .bind(failures)
+        .bind(error.map(|error| to_json("job.error", &error)).transpose()?)
+        .fetch_one(write.sql())
+        .await?;
+    let job = job_of(&row)?;
+    happened(write, &job, now_ms, message).await?;
+    if state == "queued" {
+        write.announce(Change::Claimable);
+    }
+    Ok(job)
+}
+
+/// The job that the lease holds, and its failures.
+async fn read(write: &mut Write, lease: &Lease, now_ms: i64) -> Result<(Job, i64), StoreError> {
+    let sql = "select * from job where id = ?1 and state = 'running' and attempt = ?2 and lease_id = ?3 \
+               and lease_until_ms > ?4";
+    let row = fenced(sql, lease, now_ms).fetch_optional(write.sql()).await?.ok_or(StoreError::LeaseLost)?;
+    Ok((job_of(&row)?, row.try_get("failures")?))
+}
+
+fn fenced<'q>(sql: &'static str, lease: &Lease, now_ms: i64) -> sqlx::query::Query<'q, Sqlite, SqliteArguments> {
+    sqlx::query(sql).bind(lease.job.clone()).bind(lease.attempt).bind(lease.lease_id.clone()).bind(now_ms)
+}
+
+fn held(row: Option<SqliteRow>) -> Result<Job, StoreError> {
+    job_of(&row.ok_or(StoreError::LeaseLost)?)
+}

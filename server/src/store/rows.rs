@@ -1,0 +1,37 @@
+//! Between columns and domain values: words and JSON.
+
+use super::StoreError;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+
+/// A value as JSON text.
+pub(super) fn to_json<T: Serialize>(column: &'static str, value: &T) -> Result<String, StoreError> {
+    serde_json::to_string(value).map_err(|source| StoreError::Corrupt { column, source })
+}
+
+/// JSON text as a value.
+pub(super) fn from_json<T: DeserializeOwned>(column: &'static str, text: &str) -> Result<T, StoreError> {
+    serde_json::from_str(text).map_err(|source| StoreError::Corrupt { column, source })
+}
+
+/// JSON text, where there is one, as a value.
+pub(super) fn from_json_option<T: DeserializeOwned>(
+    column: &'static str,
+    text: Option<String>,
+) -> Result<Option<T>, StoreError> {
+    text.map(|text| from_json(column, &text)).transpose()
+}
+
+/// A unit variant as its word, `Encoding::Srgb` as `srgb`.
+pub(super) fn to_word<T: Serialize>(column: &'static str, value: &T) -> Result<String, StoreError> {
+    match serde_json::to_value(value).map_err(|source| StoreError::Corrupt { column, source })? {
+        Value::String(word) => Ok(word),
+        other => Ok(other.to_string()),
+    }
+}
+
+/// A word as a unit variant.
+pub(super) fn from_word<T: DeserializeOwned>(column: &'static str, word: String) -> Result<T, StoreError> {
+    serde_json::from_value(Value::String(word)).map_err(|source| StoreError::Corrupt { column, source })
+}
