@@ -104,8 +104,8 @@ mod tests {
 
     #[test]
     fn the_band_limit_is_the_published_one() {
-        let (extent_m, distance_m) = (2160.0 * 8e-6, 0.5);
-        let limit = 1.0 / (WAVELENGTH_M * ((2.0 * distance_m / extent_m as f64).powi(2) + 1.0).sqrt());
+        let (extent_m, distance_m): (f64, f64) = (2160.0 * 8e-6, 0.5);
+        let limit = 1.0 / (WAVELENGTH_M * ((2.0 * distance_m / extent_m).powi(2) + 1.0).sqrt());
         let kept = |fx: f64, fy: f64| band_limit(fx, fy, WAVELENGTH_M, distance_m, extent_m, extent_m);
         assert!(kept(limit * 0.999_999, 0.0) && !kept(limit * 1.000_001, 0.0));
         assert!(kept(0.0, -limit * 0.999_999) && !kept(0.0, -limit * 1.000_001));
