@@ -1,0 +1,89 @@
+//! The grating that steers an image away from the undiffracted light.
+//!
+//! ```text
+//! φ'(y, x) = φ(y, x) + π · (x mod 2)   [or y mod 2],   sin θ = λ / (2Δ)
+//! ```
+//!
+//! π on alternate columns is a frequency of half a cycle a pixel: it moves the image by half the diffraction order, to
+//! the angle θ, while light that the modulator does not touch goes straight on. λ wavelength [m], Δ pixel pitch [m].
+
+use crate::phase_response::wrap_f32;
+use crate::{OpticalSetup, Plane};
+use std::f64::consts::PI;
+
+/// A binary grating of half the diffraction order, added to a hologram after its optimization.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Carrier {
+    /// π on every odd column.
+    HalfOrderX,
+    /// π on every odd row.
+    HalfOrderY,
+}
+
+impl Carrier {
+    /// What the grating multiplies the field by at (y, x): 1 or −1.
+    #[must_use]
+    pub fn sign(self, y: usize, x: usize) -> f64 {
+        let along = match self {
+            Self::HalfOrderX => x,
+            Self::HalfOrderY => y,
+        };
+        if along % 2 == 0 { 1.0 } else { -1.0 }
+    }
+
+    /// The hologram with the grating on it, phases [rad] in [0, 2π). Applied twice, it cancels.
+    #[must_use]
+    pub fn applied_to(self, phase: &Plane<f32>) -> Plane<f32> {
+        Plane::from_fn(phase.height_px(), phase.width_px(), |y, x| {
+            let steered = if self.sign(y, x) < 0.0 { PI } else { 0.0 };
+            wrap_f32(f64::from(phase.at(y, x)) + steered)
+        })
+    }
+
+    /// Angle θ [rad] between the steered image and the undiffracted light, asin(λ/2Δ); `None` where λ > 2Δ and no
+    /// such order exists.
+    ///
+    /// ```
+    /// use lightpath_optics::{Grid, OpticalSetup, carrier::Carrier};
+    /// let setup = OpticalSetup::try_new(Grid::try_new(1080, 1920, 8e-6)?, 515e-9, 0.15)?;
+    /// let angle_deg = Carrier::HalfOrderX.steering_angle_rad(&setup).unwrap().to_degrees();
+    /// assert!((angle_deg - 1.845).abs() < 1e-3);
+    /// # Ok::<(), lightpath_optics::Error>(())
+    /// ```
+    #[must_use]
+    pub fn steering_angle_rad(self, setup: &OpticalSetup) -> Option<f64> {
+        let sine = setup.wavelength_m() / (2.0 * setup.grid().pixel_pitch_m());
+        (sine <= 1.0).then(|| sine.asin())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::f64::consts::TAU;
+
+    #[test]
+    fn alternate_columns_or_rows_gain_half_a_turn() {
+        let flat = Plane::filled(2, 3, 1.0f32);
+        let up = (1.0 + PI) as f32;
+        assert_eq!(Carrier::HalfOrderX.applied_to(&flat).values(), [1.0, up, 1.0, 1.0, up, 1.0]);
+        assert_eq!(Carrier::HalfOrderY.applied_to(&flat).values(), [1.0, 1.0, 1.0, up, up, up]);
+        let wrapped = Carrier::HalfOrderX.applied_to(&Plane::filled(1, 2, 4.0));
+        assert!((f64::from(wrapped.at(0, 1)) - (4.0 + PI - TAU)).abs() < 1e-6);
+    }
+
+    proptest! {
+        #[test]
+        fn the_phase_matches_the_sign_and_cancels(phase in 0.0f32..6.25, y in 0usize..4, x in 0usize..4) {
+            for carrier in [Carrier::HalfOrderX, Carrier::HalfOrderY] {
+                let plane = Plane::filled(4, 4, phase);
+                let steered = carrier.applied_to(&plane);
+                let expected = carrier.sign(y, x) * f64::from(phase).cos();
+                prop_assert!((f64::from(steered.at(y, x)).cos() - expected).abs() < 1e-6);
+                let back = f64::from(carrier.applied_to(&steered).at(y, x));
+                prop_assert!((back.cos() - f64::from(phase).cos()).abs() < 1e-6);
+            }
+        }
+    }
+}
