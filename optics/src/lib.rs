@@ -16,13 +16,22 @@
 //!
 //! - [`grid`], [`plane`], [`region`]: sizes, arrays, and the part of an image that counts.
 //! - [`setup`], [`transfer_function`]: what light goes through, and what that does to it.
+//! - [`phase_response`], [`carrier`]: from phases to what a modulator shows.
+//! - [`metrics`]: how close an image comes to its target.
+//! - [`reference`](mod@reference): slow and plain f64 twins of what is fast elsewhere.
+//! - [`simulated_display`]: an imperfect bench to photograph holograms on.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+pub mod carrier;
 mod error;
 pub mod grid;
+pub mod metrics;
+pub mod phase_response;
 pub mod plane;
+pub mod reference;
 pub mod region;
 pub mod setup;
+pub mod simulated_display;
 pub mod transfer_function;
 
 pub use error::{Error, Result};

@@ -1,0 +1,88 @@
+//! What the optics do to each spatial frequency, beside free space.
+//!
+//! ```text
+//! H = H_ideal · e^{α + iψ},   ψ = s Σ c_j R_j(ρ) cos(m_j (θ − θ_j)),   α = −s |A(f − f₀)|² + s · ε cos(2π k·f + δ)
+//! ```
+//!
+//! s strength; ρ, θ polar coordinates of (fx, fy) with ρ = 1 at the corner of the band; f in units of the Nyquist
+//! frequency. The shapes are those of a misaligned relay lens: defocus, astigmatism, coma, trefoil, spherical
+//! aberration and a little of the next order, an aperture that is soft and off centre, and an interference ripple.
+
+use super::draws::{Draws, Stream};
+use num_complex::Complex64;
+use std::f64::consts::{SQRT_2, TAU};
+
+/// The drawn aberrations of one bench.
+#[derive(Clone, Debug)]
+pub(super) struct Aberration {
+    strength: f64,
+    waves: Vec<(Shape, f64, f64)>,
+    aperture: Aperture,
+    ripple: Ripple,
+}
+
+/// One shape of wavefront error.
+#[derive(Clone, Copy, Debug)]
+struct Shape {
+    /// Typical size [rad].
+    size_rad: f64,
+    /// Periods around the axis.
+    fold: i32,
+    radial: fn(f64) -> f64,
+}
+
+/// Typical sizes at strength 1, in radians at the corner of the band.
+const SHAPES: [Shape; 8] = [
+    Shape { size_rad: 1.2, fold: 0, radial: |r| r * r },
+    Shape { size_rad: 3.0, fold: 2, radial: |r| r * r },
+    Shape { size_rad: 2.0, fold: 1, radial: |r| r.powi(3) - 0.3 * r },
+    Shape { size_rad: 1.2, fold: 3, radial: |r| r.powi(3) },
+    Shape { size_rad: 1.0, fold: 0, radial: |r| r.powi(4) },
+    Shape { size_rad: 0.3, fold: 2, radial: |r| 4.0 * r.powi(4) - 3.0 * r * r },
+    Shape { size_rad: 0.25, fold: 4, radial: |r| r.powi(4) },
+    Shape { size_rad: 0.15, fold: 1, radial: |r| 10.0 * r.powi(5) - 12.0 * r.powi(3) + 2.0 * r },
+];
+
+#[derive(Clone, Debug)]
+struct Aperture {
+    centre: (f64, f64),
+    radius: (f64, f64),
+}
+
+#[derive(Clone, Debug)]
+struct Ripple {
+    size: f64,
+    periods: (f64, f64),
+    phase_rad: f64,
+}
+
+impl Aberration {
+    pub(super) fn draw(seed: u64, strength: f64) -> Self {
+        let mut draws = Draws::new(seed, Stream::Aberration);
+        let waves = SHAPES.map(|shape| (shape, draws.about(shape.size_rad), draws.angle())).to_vec();
+        let (towards, size) = (draws.angle(), draws.about(0.25));
+        let centre = (size * towards.cos(), size * towards.sin());
+        let aperture = Aperture { centre, radius: (draws.about(1.5), draws.about(1.3)) };
+        let (towards, periods) = (draws.angle(), draws.about(1.4));
+        let periods = (periods * towards.cos(), periods * towards.sin());
+        let ripple = Ripple { size: draws.about(0.04), periods, phase_rad: draws.angle() };
+        Self { strength, waves, aperture, ripple }
+    }
+
+    /// e^{α + iψ} at a frequency in units of the Nyquist frequency, so within ±1.
+    pub(super) fn at(&self, x: f64, y: f64) -> Complex64 {
+        let (radius, angle) = ((x * x + y * y).sqrt() / SQRT_2, y.atan2(x));
+        let wave = |&(shape, size_rad, turned): &(Shape, f64, f64)| {
+            // A shape without folds has a sign instead of a direction.
+            let around =
+                if shape.fold == 0 { turned.cos().signum() } else { (f64::from(shape.fold) * (angle - turned)).cos() };
+            size_rad * (shape.radial)(radius) * around
+        };
+        let phase_rad = self.waves.iter().map(wave).sum::<f64>();
+        let Aperture { centre, radius } = self.aperture;
+        let roll_off = ((x - centre.0) / radius.0).powi(2) + ((y - centre.1) / radius.1).powi(2);
+        let Ripple { size, periods, phase_rad: start } = self.ripple;
+        let ripple = size * (TAU * (periods.0 * x + periods.1 * y) + start).cos();
+        Complex64::from_polar((self.strength * (ripple - roll_off)).exp(), self.strength * phase_rad)
+    }
+}

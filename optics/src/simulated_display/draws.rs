@@ -1,0 +1,58 @@
+//! Random numbers that stay the same.
+//!
+//! Each part of a bench has a stream of its own, so that a change to one part leaves the others as they were.
+
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+use std::f64::consts::TAU;
+
+/// What the numbers are for.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Stream {
+    Aberration = 1,
+    Illumination = 2,
+    Modulator = 3,
+    Camera = 4,
+    Exposure = 5,
+    /// The first row of a photograph; the rows below follow.
+    Noise = 1 << 20,
+}
+
+/// A stream of random numbers.
+#[derive(Debug)]
+pub(super) struct Draws(ChaCha8Rng);
+
+impl Draws {
+    pub(super) fn new(seed: u64, stream: Stream) -> Self {
+        Self::of_row(seed, stream, 0)
+    }
+
+    /// A stream for one row of an image, so that rows can be drawn in any order.
+    pub(super) fn of_row(seed: u64, stream: Stream, y: usize) -> Self {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        rng.set_stream(stream as u64 + y as u64);
+        Self(rng)
+    }
+
+    /// Uniform in [low, high).
+    pub(super) fn between(&mut self, low: f64, high: f64) -> f64 {
+        const UNIT: f64 = 1.0 / (1u64 << 53) as f64;
+        low + (high - low) * (self.0.next_u64() >> 11) as f64 * UNIT
+    }
+
+    /// Uniform in [0, 2π).
+    pub(super) fn angle(&mut self) -> f64 {
+        self.between(0.0, TAU)
+    }
+
+    /// `size`, give or take a fifth.
+    pub(super) fn about(&mut self, size: f64) -> f64 {
+        size * self.between(0.8, 1.2)
+    }
+
+    /// Normal with mean 0 and standard deviation 1 (Box and Muller).
+    pub(super) fn normal(&mut self) -> f64 {
+        let radius = (-2.0 * (1.0 - self.between(0.0, 1.0)).ln()).sqrt();
+        radius * self.angle().cos()
+    }
+}

@@ -1,0 +1,290 @@
+//! An imperfect optical bench that exists only as a simulation.
+//!
+//! ```text
+//! light = exposure · mean over the camera's pixel of | F⁻¹ { H · F [ c · a_src · (e^{i r(φ)} + z₀) ] } |²
+//! ```
+//!
+//! φ displayed phase [rad]; r the modulator's response, z₀ the zero order; a_src the source's profile; c = ±1 the
+//! carrier's demodulation: the camera looks along the steered order, so it is the zero order that seems to be steered;
+//! H free space, aberrations, apodization and the camera's shift. Everything is in f64 and comes from a seed; the same
+//! seed draws the same bench for any wavelength and distance, on any number of threads.
+
+mod aberration;
+mod camera;
+mod draws;
+mod illumination;
+mod modulator;
+mod pixel_light;
+
+use crate::carrier::Carrier;
+use crate::grid::frequency;
+use crate::reference::propagate;
+use crate::transfer_function::phasor;
+use crate::{Error, OpticalSetup, Plane, RegionOfInterest, Result};
+use aberration::Aberration;
+use camera::Camera;
+use draws::{Draws, Stream};
+use modulator::Modulator;
+use num_complex::Complex64;
+use rayon::prelude::*;
+
+/// What a bench is drawn from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Imperfections {
+    /// The same seed draws the same bench.
+    pub seed: u64,
+    /// Scales every optical imperfection, 0 to 4; 1 is a display in need of alignment, 0 a perfect one.
+    pub strength: f64,
+    /// Standard deviation of the camera's read noise as a fraction of its full scale, 0 to 0.1.
+    pub camera_noise: f64,
+    /// The camera is shifted by up to this in x and in y [px], 0 to 4.
+    pub misalignment_px: f64,
+}
+
+/// A drawn bench: a display, its optics, and a camera in the image plane.
+#[derive(Clone)]
+pub struct SimulatedDisplay {
+    setup: OpticalSetup,
+    carrier: Option<Carrier>,
+    aberration: Aberration,
+    source: Plane<f64>,
+    modulator: Modulator,
+    camera: Camera,
+    shift_px: (f64, f64),
+    exposure: f64,
+    /// [`Self::true_transfer`] on the padded grid, one row for each fx.
+    transfer_by_column: Plane<Complex64>,
+}
+
+impl SimulatedDisplay {
+    /// Strongest imperfections: beyond this no image is left.
+    pub const STRENGTH_MAX: f64 = 4.0;
+    /// Noisiest camera: beyond this no image is left.
+    pub const CAMERA_NOISE_MAX: f64 = 0.1;
+    /// Largest shift [px]: more would be seen and put right by hand.
+    pub const MISALIGNMENT_PX_MAX: f64 = 4.0;
+    /// Part of the camera's full scale that all but a thousandth of a speckled image stays below.
+    const EXPOSED_TO: f64 = 0.9;
+
+    /// Draws a bench. The camera's exposure is set once, on a speckled image that fills the region of interest.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::OutOfRange`] for an imperfection outside its range.
+    pub fn draw(setup: OpticalSetup, carrier: Option<Carrier>, imperfections: Imperfections) -> Result<Self> {
+        let Imperfections { seed, strength, camera_noise, misalignment_px } = imperfections;
+        for (name, value, most, allowed) in [
+            ("strength", strength, Self::STRENGTH_MAX, "0 to 4"),
+            ("camera_noise", camera_noise, Self::CAMERA_NOISE_MAX, "0 to 0.1"),
+            ("misalignment_px", misalignment_px, Self::MISALIGNMENT_PX_MAX, "0 to 4 px"),
+        ] {
+            if !(0.0..=most).contains(&value) {
+                return Err(Error::OutOfRange { name, value, allowed });
+            }
+        }
+        let mut draws = Draws::new(seed, Stream::Camera);
+        let mut shift_px = || misalignment_px * draws.between(-1.0, 1.0);
+        let mut display = Self {
+            setup,
+            carrier,
+            aberration: Aberration::draw(seed, strength),
+            source: illumination::draw(&setup.grid(), seed, strength),
+            modulator: Modulator::draw(seed, strength),
+            shift_px: (shift_px(), shift_px()),
+            camera: Camera::draw(&mut draws, camera_noise),
+            exposure: 1.0,
+            transfer_by_column: Plane::filled(0, 0, Complex64::ZERO),
+        };
+        display.transfer_by_column = display.sampled_transfer();
+        display.exposure = display.calibrated_exposure(seed);
+        Ok(display)
+    }
+
+    /// A photograph of what a displayed phase [rad] makes of the light: with the same `noise_seed`, the same bytes.
+    ///
+    /// `phase_displayed` is the phase that the grey levels stand for, carrier included, before the modulator's own
+    /// response.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::SizeMismatch`] or [`Error::NotFinite`] for a phase that does not fit the display.
+    pub fn capture(&self, phase_displayed: &Plane<f32>, noise_seed: u64) -> Result<Plane<u8>> {
+        Ok(self.camera.photograph(&self.light(phase_displayed)?, noise_seed))
+    }
+
+    /// The light on each camera pixel, in units of the camera's full scale: free of noise, black level, clipping and
+    /// quantization.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::capture`].
+    pub fn light(&self, phase_displayed: &Plane<f32>) -> Result<Plane<f32>> {
+        let (height_px, width_px) = (self.setup.grid().height_px(), self.setup.grid().width_px());
+        phase_displayed.expect_size("phase_displayed", height_px, width_px)?;
+        phase_displayed.expect_finite("phase_displayed")?;
+        let field = Plane::from_fn(height_px, width_px, |y, x| {
+            let lit = self.source.at(y, x) * self.carrier.map_or(1.0, |carrier| carrier.sign(y, x));
+            lit * self.modulator.field(f64::from(phase_displayed.at(y, x)))
+        });
+        let light = pixel_light::pixel_light(&field, &self.transfer_by_column);
+        Ok(light.map(|value| (self.exposure * value) as f32))
+    }
+
+    /// What the bench was drawn for.
+    #[must_use]
+    pub fn setup(&self) -> OpticalSetup {
+        self.setup
+    }
+
+    /// H(fx, fy), frequencies in 1/m: free space, aberrations, apodization, and the camera's shift.
+    #[must_use]
+    pub fn true_transfer(&self, fx: f64, fy: f64) -> Complex64 {
+        let pitch_m = self.setup.grid().pixel_pitch_m();
+        let shifted = phasor((fx * self.shift_px.0 + fy * self.shift_px.1) * pitch_m);
+        self.setup.transfer(fx, fy) * shifted * self.aberration.at(2.0 * pitch_m * fx, 2.0 * pitch_m * fy)
+    }
+
+    /// Amplitude of the light on a pixel of the modulator; the brightest pixel has 1.
+    #[must_use]
+    pub fn source(&self, y: usize, x: usize) -> f64 {
+        self.source.at(y, x)
+    }
+
+    /// The phase [rad] that the modulator shows for a nominal phase [rad].
+    #[must_use]
+    pub fn response(&self, phase_rad: f64) -> f64 {
+        self.modulator.response(phase_rad)
+    }
+
+    /// Light that the modulator does not touch, beside a modulated amplitude of 1.
+    #[must_use]
+    pub fn zero_order(&self) -> Complex64 {
+        self.modulator.zero_order
+    }
+
+    /// Where the camera samples, beside the ideal positions, (x, y) [px].
+    #[must_use]
+    pub fn shift_px(&self) -> (f64, f64) {
+        self.shift_px
+    }
+
+    /// Full scales of the camera for an intensity of 1.
+    #[must_use]
+    pub fn exposure(&self) -> f64 {
+        self.exposure
+    }
+
+    /// What the camera shows in the dark, as a fraction of full scale.
+    #[must_use]
+    pub fn black_level(&self) -> f64 {
+        self.camera.black_level
+    }
+
+    fn sampled_transfer(&self) -> Plane<Complex64> {
+        let (height_px, width_px) = (self.setup.padded_height_px(), self.setup.padded_width_px());
+        let pitch_m = self.setup.grid().pixel_pitch_m();
+        let mut transfer = Plane::filled(width_px, height_px, Complex64::ZERO);
+        transfer.values_mut().par_chunks_mut(height_px).enumerate().for_each(|(u, column)| {
+            let fx = frequency(u, width_px, pitch_m);
+            for (v, value) in column.iter_mut().enumerate() {
+                *value = self.true_transfer(fx, frequency(v, height_px, pitch_m));
+            }
+        });
+        transfer
+    }
+
+    /// Brings the brightest thousandth of a speckled image to [`Self::EXPOSED_TO`].
+    fn calibrated_exposure(&self, seed: u64) -> f64 {
+        let grid = self.setup.grid();
+        let region = RegionOfInterest::middle(&grid);
+        let inside = |y: usize, x: usize| region.columns(y).is_some_and(|columns| columns.contains(&x));
+        let mut draws = Draws::new(seed, Stream::Exposure);
+        let speckles = Plane::from_fn(grid.height_px(), grid.width_px(), |y, x| {
+            let speckle = Complex64::cis(draws.angle());
+            if inside(y, x) { speckle } else { Complex64::ZERO }
+        });
+        let hologram = propagate(&speckles, grid.pixel_pitch_m(), |fx, fy| self.setup.transfer(fx, fy).conj());
+        let field = Plane::from_fn(grid.height_px(), grid.width_px(), |y, x| {
+            self.source.at(y, x) * Complex64::cis(hologram.at(y, x).arg())
+        });
+        let light = pixel_light::pixel_light(&field, &self.transfer_by_column);
+        let mut values: Vec<f64> = (0..grid.height_px())
+            .flat_map(|y| region.columns(y).into_iter().flat_map(move |columns| columns.map(move |x| (y, x))))
+            .map(|(y, x)| light.at(y, x))
+            .collect();
+        let brightest = values.len() - 1 - values.len() / 1000;
+        let (_, &mut level, _) = values.select_nth_unstable_by(brightest, f64::total_cmp);
+        Self::EXPOSED_TO / level
+    }
+}
+
+impl std::fmt::Debug for SimulatedDisplay {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { setup, carrier, shift_px, exposure, .. } = self;
+        f.debug_struct("SimulatedDisplay")
+            .field("setup", setup)
+            .field("carrier", carrier)
+            .field("shift_px", shift_px)
+            .field("exposure", exposure)
+            .finish_non_exhaustive()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Grid;
+    use crate::reference::offset;
+
+    fn drawn(strength: f64) -> SimulatedDisplay {
+        let setup = OpticalSetup::try_new(Grid::try_new(36, 50, 8e-6).unwrap(), 515e-9, 0.02).unwrap();
+        let imperfections = Imperfections { seed: 5, strength, camera_noise: 0.0, misalignment_px: 0.5 };
+        SimulatedDisplay::draw(setup, None, imperfections).unwrap()
+    }
+
+    #[test]
+    fn fast_pixel_light_is_the_mean_of_sixteen_plain_propagations() {
+        let display = drawn(1.0);
+        let phase = Plane::from_fn(36, 50, |y, x| ((y * 17 + x * x * 5) % 61) as f32 / 10.0);
+        let pitch_m = display.setup.grid().pixel_pitch_m();
+        let field = Plane::from_fn(36, 50, |y, x| {
+            let shown = Complex64::cis(display.response(f64::from(phase.at(y, x)))) + display.zero_order();
+            display.source(y, x) * shown
+        });
+        let mut mean = Plane::filled(36, 50, 0.0);
+        let offsets_px = [-3.0, -1.0, 1.0, 3.0].map(|eighths| eighths / 8.0);
+        for (dy, dx) in offsets_px.iter().flat_map(|dy| offsets_px.map(|dx| (*dy, dx))) {
+            let transfer = |fx, fy| display.true_transfer(fx, fy);
+            let seen = propagate(&field, pitch_m, offset(transfer, dx * pitch_m, dy * pitch_m));
+            mean.values_mut().iter_mut().zip(seen.values()).for_each(|(m, u)| *m += u.norm_sqr() / 16.0);
+        }
+        let light = display.light(&phase).unwrap();
+        for (&fast, &plain) in light.values().iter().zip(mean.values()) {
+            assert!((f64::from(fast) - plain * display.exposure()).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn without_imperfections_the_bench_is_ideal() {
+        let display = drawn(0.0);
+        assert_eq!(display.zero_order(), Complex64::ZERO);
+        assert_eq!((display.source(0, 0), display.response(2.5)), (1.0, 2.5));
+        assert!((display.true_transfer(1e4, 2e4).norm() - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn imperfections_out_of_range_are_refused_by_name() {
+        let setup = drawn(0.0).setup();
+        let fair = Imperfections { seed: 1, strength: 1.0, camera_noise: 0.0, misalignment_px: 0.0 };
+        for (bad, name) in [
+            (Imperfections { strength: f64::NAN, ..fair }, "strength is NaN"),
+            (Imperfections { camera_noise: -0.1, ..fair }, "camera_noise is -0.1"),
+            (Imperfections { misalignment_px: 5.0, ..fair }, "misalignment_px is 5"),
+        ] {
+            let error = SimulatedDisplay::draw(setup, None, bad).unwrap_err();
+            assert!(error.to_string().starts_with(name), "{error}");
+        }
+        assert!(drawn(0.0).light(&Plane::filled(36, 51, 0.0)).is_err());
+        assert!(drawn(0.0).light(&Plane::filled(36, 50, f32::NAN)).is_err());
+    }
+}
