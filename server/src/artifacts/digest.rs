@@ -1,0 +1,42 @@
+//! Names of blobs: `sha256-` and 64 lower-case hexadecimal digits.
+
+use super::ArtifactError;
+use sha2::{Digest, Sha256};
+use std::fmt::Write;
+
+const PREFIX: &str = "sha256-";
+const HEX_DIGITS: usize = 64;
+
+/// The digest of `bytes`.
+#[must_use]
+pub fn digest_of(bytes: &[u8]) -> String {
+    name(Sha256::new_with_prefix(bytes))
+}
+
+/// Whether `digest` is one. What passes is a plain file name: no separator, no dot.
+///
+/// # Errors
+///
+/// [`ArtifactError::BadDigest`].
+pub fn check_digest(digest: &str) -> Result<(), ArtifactError> {
+    let good = digest.strip_prefix(PREFIX).is_some_and(|hex| {
+        hex.len() == HEX_DIGITS && hex.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'))
+    });
+    if good { Ok(()) } else { Err(ArtifactError::BadDigest { digest: digest.chars().take(100).collect() }) }
+}
+
+/// The digest of everything that was hashed.
+pub(super) fn name(hasher: Sha256) -> String {
+    let mut name = String::with_capacity(PREFIX.len() + HEX_DIGITS);
+    name.push_str(PREFIX);
+    for byte in hasher.finalize() {
+        // Writing to a string cannot fail.
+        let _ = write!(name, "{byte:02x}");
+    }
+    name
+}
+
+/// The subfolder of a checked digest: its first two hexadecimal digits.
+pub(super) fn shard(digest: &str) -> &str {
+    &digest[PREFIX.len()..PREFIX.len() + 2]
+}

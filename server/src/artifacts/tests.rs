@@ -1,0 +1,143 @@
+use super::*;
+use std::path::Path;
+
+fn files(folder: &Path) -> Vec<String> {
+    let mut names = Vec::new();
+    for entry in fs::read_dir(folder).unwrap() {
+        let entry = entry.unwrap();
+        match entry.file_type().unwrap().is_dir() {
+            true => names.extend(files(&entry.path())),
+            false => names.push(entry.file_name().into_string().unwrap()),
+        }
+    }
+    names
+}
+
+async fn drain(mut reader: ArtifactReader) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    while let Some(chunk) = reader.next_chunk().await.unwrap() {
+        bytes.extend(chunk);
+    }
+    bytes
+}
+
+#[tokio::test]
+async fn bytes_come_back_whole_and_in_parts() {
+    let data = tempfile::tempdir().unwrap();
+    let artifacts = Artifacts::open(data.path()).unwrap();
+    let bytes: Vec<u8> = (0..3_000_000_u32).map(|n| (n % 251) as u8).collect();
+    let digest = artifacts.put_bytes(bytes.clone()).await.unwrap();
+    assert_eq!(artifacts.put_bytes(bytes.clone()).await.unwrap(), digest, "the same bytes are the same artifact");
+    assert_eq!(artifacts.read_all(&digest).await.unwrap(), bytes);
+    assert_eq!(artifacts.size(&digest).await.unwrap(), Some(3_000_000));
+    assert_eq!(drain(artifacts.read(&digest, 0, 0).await.unwrap()).await, bytes);
+    assert_eq!(drain(artifacts.read(&digest, 5, 7).await.unwrap()).await, bytes[5..12]);
+    assert!(drain(artifacts.read(&digest, 3_000_000, 0).await.unwrap()).await.is_empty());
+    let past = artifacts.read(&digest, 3_000_001, 0).await;
+    assert!(matches!(past, Err(ArtifactError::OutOfRange { size_bytes: 3_000_000, .. })));
+    assert!(files(&data.path().join("tmp")).is_empty());
+
+    artifacts.delete(&digest).await.unwrap();
+    artifacts.delete(&digest).await.unwrap();
+    assert!(matches!(artifacts.read_all(&digest).await, Err(ArtifactError::NotFound { .. })));
+}
+
+#[tokio::test]
+async fn damage_is_noticed() {
+    let data = tempfile::tempdir().unwrap();
+    let artifacts = Artifacts::open(data.path()).unwrap();
+    let digest = artifacts.put_bytes(b"kernel".to_vec()).await.unwrap();
+    let path = data.path().join("artifacts").join(&digest[7..9]).join(&digest);
+    fs::write(path, b"kernal").unwrap();
+    assert!(matches!(artifacts.read_all(&digest).await, Err(ArtifactError::DataLoss { .. })));
+    assert!(matches!(artifacts.read(&digest, 0, 0).await, Err(ArtifactError::DataLoss { .. })));
+    artifacts.put_bytes(b"kernel".to_vec()).await.unwrap();
+    assert_eq!(artifacts.read_all(&digest).await.unwrap(), b"kernel", "storing it again heals it");
+}
+
+#[tokio::test]
+async fn no_digest_leaves_the_folder() {
+    let data = tempfile::tempdir().unwrap();
+    let artifacts = Artifacts::open(data.path()).unwrap();
+    let upper = format!("sha256-{}", "A".repeat(64));
+    let long = format!("sha256-{}", "a".repeat(65));
+    for bad in ["", "sha256-", "../lock", "sha256-../../../../../../etc/passwd", &upper, &long] {
+        assert!(matches!(artifacts.read_all(bad).await, Err(ArtifactError::BadDigest { .. })), "{bad}");
+        assert!(matches!(artifacts.upload(bad, 1, 0).await, Err(ArtifactError::BadDigest { .. })), "{bad}");
+    }
+}
+
+#[tokio::test]
+async fn an_upload_goes_on_after_a_break() {
+    let data = tempfile::tempdir().unwrap();
+    let artifacts = Artifacts::open(data.path()).unwrap();
+    let digest = digest_of(b"half and half");
+    let mut writer = artifacts.upload(&digest, 13, 0).await.unwrap();
+    writer.write(b"half ".to_vec()).await.unwrap();
+    assert!(matches!(artifacts.upload(&digest, 13, 0).await, Err(ArtifactError::UploadBusy { .. })));
+    drop(writer);
+    drop(artifacts);
+
+    let artifacts = Artifacts::open(data.path()).unwrap();
+    assert_eq!(artifacts.upload_received(&digest).await.unwrap(), 5);
+    let wrong = artifacts.upload(&digest, 13, 3).await;
+    assert!(matches!(wrong, Err(ArtifactError::WrongOffset { received_bytes: 5, .. })));
+    let mut writer = artifacts.upload(&digest, 13, 5).await.unwrap();
+    writer.write(b"and half".to_vec()).await.unwrap();
+    assert_eq!(writer.received_bytes(), 13);
+    writer.finish().await.unwrap();
+    assert_eq!(artifacts.read_all(&digest).await.unwrap(), b"half and half");
+    assert!(files(&data.path().join("uploads")).is_empty());
+}
+
+#[tokio::test]
+async fn what_does_not_match_is_not_published() {
+    let data = tempfile::tempdir().unwrap();
+    let artifacts = Artifacts::open(data.path()).unwrap();
+    let digest = digest_of(b"right");
+    let mut writer = artifacts.upload(&digest, 5, 0).await.unwrap();
+    writer.write(b"wrong".to_vec()).await.unwrap();
+    assert!(matches!(writer.finish().await, Err(ArtifactError::WrongDigest { .. })));
+    assert_eq!(artifacts.upload_received(&digest).await.unwrap(), 0);
+
+    let mut writer = artifacts.upload(&digest, 5, 0).await.unwrap();
+    assert!(matches!(writer.write(b"too long".to_vec()).await, Err(ArtifactError::WrongSize { .. })));
+    let mut writer = artifacts.upload(&digest, 5, 0).await.unwrap();
+    writer.write(b"rig".to_vec()).await.unwrap();
+    assert!(matches!(writer.finish().await, Err(ArtifactError::WrongSize { .. })));
+    assert_eq!(artifacts.upload_received(&digest).await.unwrap(), 3, "the rest can still come");
+    let mut writer = artifacts.upload(&digest, 5, 0).await.unwrap();
+    writer.write(b"right".to_vec()).await.unwrap();
+    writer.finish().await.unwrap();
+    assert_eq!(artifacts.read_all(&digest).await.unwrap(), b"right", "or everything again");
+}
+
+#[tokio::test]
+async fn one_process_works_in_a_folder_and_cleans_up_after_the_last() {
+    let data = tempfile::tempdir().unwrap();
+    let artifacts = Artifacts::open(data.path()).unwrap();
+    assert!(matches!(Artifacts::open(data.path()), Err(ArtifactError::Locked { .. })));
+    drop(artifacts);
+    fs::write(data.path().join("tmp/half-written"), b"x").unwrap();
+    let old = data.path().join("uploads/old.part");
+    let new = data.path().join("uploads/new.part");
+    fs::write(&new, b"x").unwrap();
+    fs::write(&old, b"x").unwrap();
+    let long_ago = std::time::SystemTime::now() - 2 * UPLOAD_AGE_MAX;
+    File::options().write(true).open(&old).unwrap().set_modified(long_ago).unwrap();
+    Artifacts::open(data.path()).unwrap();
+    assert!(files(&data.path().join("tmp")).is_empty());
+    assert_eq!(files(&data.path().join("uploads")), ["new.part"]);
+}
+
+#[tokio::test]
+async fn checkpoints_are_apart_from_artifacts() {
+    let data = tempfile::tempdir().unwrap();
+    let artifacts = Artifacts::open(data.path()).unwrap();
+    let digest = artifacts.put_checkpoint(b"state".to_vec()).await.unwrap();
+    assert_eq!(artifacts.read_checkpoint(&digest).await.unwrap(), b"state");
+    assert!(matches!(artifacts.read_all(&digest).await, Err(ArtifactError::NotFound { .. })));
+    assert_eq!(artifacts.checkpoints().await.unwrap(), [digest.clone()]);
+    artifacts.delete_checkpoint(&digest).await.unwrap();
+    assert!(artifacts.checkpoints().await.unwrap().is_empty());
+}
