@@ -24,11 +24,17 @@ impl Carrier {
     /// What the grating multiplies the field by at (y, x): 1 or −1.
     #[must_use]
     pub fn sign(self, y: usize, x: usize) -> f64 {
+        if self.is_odd(y, x) { -1.0 } else { 1.0 }
+    }
+
+    /// Whether the grating adds π at (y, x).
+    #[inline(always)]
+    pub(crate) fn is_odd(self, y: usize, x: usize) -> bool {
         let along = match self {
             Self::HalfOrderX => x,
             Self::HalfOrderY => y,
         };
-        if along % 2 == 0 { 1.0 } else { -1.0 }
+        along % 2 == 1
     }
 
     /// The hologram with the grating on it, phases [rad] in [0, 2π). Applied twice, it cancels.

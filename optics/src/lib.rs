@@ -19,23 +19,44 @@
 //! - [`phase_response`], [`carrier`]: from phases to what a modulator shows.
 //! - [`metrics`]: how close an image comes to its target.
 //! - [`reference`](mod@reference): slow and plain f64 twins of what is fast elsewhere.
+//! - [`display_model`], [`chebyshev`]: a display as it is learned: kernel, source, response, zero order.
+//! - [`engine`], [`detector`], [`photometry`]: that display made ready to run, fused and parallel; what a camera or an eye
+//!   sees of its light; how that compares with a picture.
+//! - [`hologram`], [`learning`], [`optimizer`]: finding phases, and finding displays.
 //! - [`simulated_display`]: an imperfect bench to photograph holograms on.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 pub mod carrier;
+pub mod chebyshev;
+mod convolution;
+pub mod detector;
+pub mod display_model;
+pub mod engine;
 mod error;
 pub mod grid;
+pub mod hologram;
+pub mod learning;
 pub mod metrics;
+pub mod optimizer;
 pub mod phase_response;
+pub mod photometry;
 pub mod plane;
+mod real;
 pub mod reference;
 pub mod region;
 pub mod setup;
 pub mod simulated_display;
+mod slm;
 pub mod transfer_function;
 
+pub use carrier::Carrier;
+pub use detector::Detector;
+pub use display_model::{DisplayModel, KernelShape, SmoothField};
+pub use engine::Engine;
 pub use error::{Error, Result};
 pub use grid::Grid;
+pub use hologram::{Adam, AdamState, Evaluation, HologramProblem};
 pub use plane::Plane;
+pub use real::Real;
 pub use region::RegionOfInterest;
 pub use setup::OpticalSetup;

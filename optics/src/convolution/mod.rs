@@ -1,0 +1,110 @@
+//! Linear convolution of a field with a transfer function, in fused passes.
+//!
+//! ```text
+//! u = crop F⁻¹[ H · F[ pad c ] ]        pad: h×w → 2h×2w
+//! ```
+//!
+//! The padded transform is never formed. A DFT of length 2n of a signal whose second half is zero is two DFTs of
+//! length n, one of the signal (the even bins) and one of the signal times e^{−iπj/n} (the odd bins); the first half of
+//! the inverse is the sum of the two inverses, the odd one times e^{+iπj/n}. So every transform has the length of the
+//! unpadded side, nothing is computed that is cropped afterwards, and any side is allowed.
+//!
+//! A convolution is three passes over memory, each parallel and each writing whole contiguous pieces:
+//!
+//! 1. [rows](rows): make or read a row, transform it along x, write row-major;
+//! 2. [columns](columns): a tile of columns at a time, transform along y, multiply, transform back, write tile-major;
+//! 3. rows again: gather a row, transform back, use it.
+//!
+//! Every row and every column is computed by itself and sums are added up in a fixed order, so results do not depend
+//! on the number of threads.
+
+pub(crate) mod columns;
+pub(crate) mod rows;
+mod scratch;
+mod transfer;
+
+pub(crate) use scratch::{Scratch, ScratchPool};
+pub(crate) use transfer::{Transfer, frequencies};
+
+use crate::real::{Real, unit_of};
+use num_complex::Complex;
+use rustfft::{Fft, FftPlanner};
+use std::{f64::consts::PI, fmt, sync::Arc};
+
+/// Columns in a tile: with 16, a row of a tile is two cache lines in f32.
+pub(crate) const TILE: usize = 16;
+
+/// Plans and tables for one size and one set of sub-sample offsets.
+pub(crate) struct Convolver<T> {
+    pub(crate) height_px: usize,
+    pub(crate) width_px: usize,
+    pub(crate) along_x: Axis<T>,
+    pub(crate) along_y: Axis<T>,
+    pub(crate) scratch: ScratchPool<T>,
+}
+
+impl<T> fmt::Debug for Convolver<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Convolver({}×{} px)", self.width_px, self.height_px)
+    }
+}
+
+/// Transforms and tables along one axis of n samples.
+pub(crate) struct Axis<T> {
+    pub(crate) n: usize,
+    pub(crate) forward: Arc<dyn Fft<T>>,
+    pub(crate) inverse: Arc<dyn Fft<T>>,
+    /// e^{−iπj/n}: turns the transform of length n into the odd bins of the one of length 2n.
+    pub(crate) half_bin: Vec<Complex<T>>,
+    /// For each offset, e^{i2πf·offset} at all 2n bins in split order; `None` for no offset.
+    pub(crate) offsets: Vec<Option<Vec<Complex<T>>>>,
+}
+
+impl<T: Real> Convolver<T> {
+    /// For fields of `height_px` × `width_px`, detected at the given offsets [px] along each axis.
+    pub(crate) fn new(height_px: usize, width_px: usize, offsets_px: &[f64]) -> Self {
+        let mut planner = FftPlanner::new();
+        let along_x = Axis::new(&mut planner, width_px, offsets_px);
+        let along_y = Axis::new(&mut planner, height_px, offsets_px);
+        let scratch = ScratchPool::new(&along_x, &along_y);
+        Self { height_px, width_px, along_x, along_y, scratch }
+    }
+
+    /// Offsets along each axis.
+    pub(crate) fn lanes(&self) -> usize {
+        self.along_y.offsets.len()
+    }
+
+    /// Values in a buffer of half-transformed fields, one for each of `lanes` offsets along y.
+    pub(crate) fn half_spectrum_len(&self, lanes: usize) -> usize {
+        lanes * self.height_px * 2 * self.width_px
+    }
+}
+
+impl<T: Real> Axis<T> {
+    fn new(planner: &mut FftPlanner<T>, n: usize, offsets_px: &[f64]) -> Self {
+        let half_bin = (0..n).map(|j| unit_of(-PI * j as f64 / n as f64)).collect();
+        let offsets = offsets_px
+            .iter()
+            .map(|&offset_px| {
+                (offset_px != 0.0).then(|| {
+                    (0..2 * n).map(|i| unit_of(2.0 * PI * frequency_per_px(split_bin(i, n), n) * offset_px)).collect()
+                })
+            })
+            .collect();
+        Self { n, forward: planner.plan_fft_forward(n), inverse: planner.plan_fft_inverse(n), half_bin, offsets }
+    }
+}
+
+/// The padded bin, 0 … 2n−1, at index `i` of the split order: first the even bins, then the odd ones.
+pub(crate) fn split_bin(i: usize, n: usize) -> usize {
+    if i < n { 2 * i } else { 2 * (i - n) + 1 }
+}
+
+/// Frequency [cycles/px] of padded bin `bin`, 0 … 2n−1.
+pub(crate) fn frequency_per_px(bin: usize, n: usize) -> f64 {
+    crate::grid::frequency(bin, 2 * n, 1.0)
+}
+
+#[cfg(test)]
+mod check;

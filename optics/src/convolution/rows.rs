@@ -1,0 +1,134 @@
+//! Passes along x.
+
+use super::{Axis, Convolver, TILE, scratch::Scratch};
+use crate::real::Real;
+use num_complex::Complex;
+use pulp::Arch;
+use rayon::prelude::*;
+
+impl<T: Real> Convolver<T> {
+    /// Lets `fill(y, row)` write each row of a field, transforms it, and stores it row-major in `spectrum`.
+    pub(crate) fn forward_rows(&self, spectrum: &mut [Complex<T>], fill: impl Fn(usize, &mut [Complex<T>]) + Sync) {
+        let arch = Arch::new();
+        spectrum.par_chunks_mut(2 * self.width_px).enumerate().for_each_init(
+            || self.scratch.take(),
+            |scratch, (y, row)| {
+                arch.dispatch(|| fill(y, &mut row[..self.width_px]));
+                self.along_x.transform_row(arch, row, &mut scratch.fft);
+            },
+        );
+    }
+
+    /// Gathers each row from `tiles` (one offset along y), transforms it back and hands it to `use_row(y, row, out)`, where
+    /// `out` is what row `y` owns of `results`, `results.len() / height_px` values.
+    pub(crate) fn inverse_rows<R: Send>(
+        &self,
+        tiles: &[Complex<T>],
+        results: &mut [R],
+        use_row: impl Fn(usize, &[Complex<T>], &mut [R]) + Sync,
+    ) {
+        let arch = Arch::new();
+        let per_row = results.len() / self.height_px;
+        results.par_chunks_mut(per_row).enumerate().for_each_init(
+            || self.scratch.take(),
+            |scratch, (y, out)| {
+                let Scratch { row, samples, fft, .. } = &mut **scratch;
+                let half = &mut row[..2 * self.width_px];
+                self.gather_row(tiles, 1, 0, y, half);
+                self.along_x.transform_row_back(arch, half, &mut samples[..self.width_px], fft);
+                arch.dispatch(|| use_row(y, &samples[..self.width_px], out));
+            },
+        );
+    }
+
+    /// Gathers every sub-sample of row `y` from `tiles` (all offsets along y): for each offset along y, for each along x,
+    /// the row's `width_px` values.
+    pub(crate) fn sample_row(&self, arch: Arch, tiles: &[Complex<T>], y: usize, scratch: &mut Scratch<T>) {
+        let Scratch { row, samples, fft, .. } = scratch;
+        let (half, shifted) = row.split_at_mut(2 * self.width_px);
+        let mut samples = samples.chunks_exact_mut(self.width_px);
+        for lane in 0..self.lanes() {
+            self.gather_row(tiles, self.lanes(), lane, y, half);
+            for offset in &self.along_x.offsets {
+                match offset {
+                    None => shifted.copy_from_slice(half),
+                    Some(phases) => arch.dispatch(|| multiply(half, phases, shifted)),
+                }
+                let out = samples.next().expect("a slot for every sub-sample");
+                self.along_x.transform_row_back(arch, shifted, out, fft);
+            }
+        }
+    }
+
+    /// The adjoint of [`Self::sample_row`]: transforms the sub-samples and sums them up for each offset along y in `out`,
+    /// `lanes · 2 · width_px` values.
+    pub(crate) fn sample_row_adjoint(&self, arch: Arch, scratch: &mut Scratch<T>, out: &mut [Complex<T>]) {
+        let Scratch { row, samples, fft, .. } = scratch;
+        let half = &mut row[..2 * self.width_px];
+        let mut samples = samples.chunks_exact(self.width_px);
+        for out in out.chunks_exact_mut(2 * self.width_px) {
+            for (i, offset) in self.along_x.offsets.iter().enumerate() {
+                half[..self.width_px].copy_from_slice(samples.next().expect("a slot for every sub-sample"));
+                self.along_x.transform_row(arch, half, fft);
+                match offset {
+                    None => out.copy_from_slice(half),
+                    Some(phases) if i == 0 => arch.dispatch(|| multiply_conj(half, phases, out)),
+                    Some(phases) => arch.dispatch(|| add_multiply_conj(half, phases, out)),
+                }
+            }
+        }
+    }
+
+    fn gather_row(&self, tiles: &[Complex<T>], lanes: usize, lane: usize, y: usize, half: &mut [Complex<T>]) {
+        for (tile, out) in half.chunks_mut(TILE).enumerate() {
+            let columns = out.len();
+            let start = (tile * TILE * lanes + lane * columns) * self.height_px + y * columns;
+            out.copy_from_slice(&tiles[start..start + columns]);
+        }
+    }
+}
+
+impl<T: Real> Axis<T> {
+    /// `row` holds n samples in its first half; both halves become the even and the odd bins.
+    fn transform_row(&self, arch: Arch, row: &mut [Complex<T>], fft: &mut [Complex<T>]) {
+        let (even, odd) = row.split_at_mut(self.n);
+        arch.dispatch(|| multiply(even, &self.half_bin, odd));
+        self.forward.process_with_scratch(row, fft);
+    }
+
+    /// The inverse without its scaling; destroys `half`.
+    fn transform_row_back(&self, arch: Arch, half: &mut [Complex<T>], row: &mut [Complex<T>], fft: &mut [Complex<T>]) {
+        self.inverse.process_with_scratch(half, fft);
+        let (even, odd) = half.split_at(self.n);
+        arch.dispatch(|| join_halves(even, odd, &self.half_bin, row));
+    }
+}
+
+#[inline(always)]
+pub(super) fn multiply<T: Real>(a: &[Complex<T>], b: &[Complex<T>], out: &mut [Complex<T>]) {
+    for ((out, &a), &b) in out.iter_mut().zip(a).zip(b) {
+        *out = a * b;
+    }
+}
+
+#[inline(always)]
+fn multiply_conj<T: Real>(a: &[Complex<T>], b: &[Complex<T>], out: &mut [Complex<T>]) {
+    for ((out, &a), &b) in out.iter_mut().zip(a).zip(b) {
+        *out = a * b.conj();
+    }
+}
+
+#[inline(always)]
+pub(super) fn add_multiply_conj<T: Real>(a: &[Complex<T>], b: &[Complex<T>], out: &mut [Complex<T>]) {
+    for ((out, &a), &b) in out.iter_mut().zip(a).zip(b) {
+        *out = *out + a * b.conj();
+    }
+}
+
+/// even + conj(half_bin) · odd.
+#[inline(always)]
+fn join_halves<T: Real>(even: &[Complex<T>], odd: &[Complex<T>], half_bin: &[Complex<T>], out: &mut [Complex<T>]) {
+    for (((out, &even), &odd), &turn) in out.iter_mut().zip(even).zip(odd).zip(half_bin) {
+        *out = even + odd * turn.conj();
+    }
+}

@@ -1,0 +1,96 @@
+//! Working memory of a thread, kept between passes.
+
+use super::{Axis, TILE};
+use crate::real::Real;
+use num_complex::Complex;
+use std::{
+    fmt,
+    ops::{Deref, DerefMut},
+    sync::{Mutex, PoisonError},
+};
+
+/// Working memory of one thread.
+pub(crate) struct Scratch<T> {
+    /// Two half-transformed rows' worth.
+    pub(crate) row: Vec<Complex<T>>,
+    /// The sub-samples of a row, one after the other.
+    pub(crate) samples: Vec<Complex<T>>,
+    /// Real numbers of a row.
+    pub(crate) reals: [Vec<T>; 2],
+    /// The columns of a tile, transformed along y.
+    pub(crate) columns: [Vec<Complex<T>>; 2],
+    /// What the transforms ask for.
+    pub(crate) fft: Vec<Complex<T>>,
+}
+
+/// Scratch that is lent to a thread and comes back when it is done.
+pub(crate) struct ScratchPool<T> {
+    idle: Mutex<Vec<Scratch<T>>>,
+    samples_len: usize,
+    width_px: usize,
+    height_px: usize,
+    fft_len: usize,
+}
+
+impl<T> fmt::Debug for ScratchPool<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("ScratchPool").finish_non_exhaustive()
+    }
+}
+
+impl<T: Real> ScratchPool<T> {
+    pub(crate) fn new(along_x: &Axis<T>, along_y: &Axis<T>) -> Self {
+        let needs = [&along_x.forward, &along_x.inverse, &along_y.forward, &along_y.inverse];
+        Self {
+            idle: Mutex::new(Vec::new()),
+            samples_len: along_x.offsets.len() * along_y.offsets.len() * along_x.n,
+            width_px: along_x.n,
+            height_px: along_y.n,
+            fft_len: needs.iter().map(|fft| fft.get_inplace_scratch_len()).max().unwrap_or(0),
+        }
+    }
+
+    pub(crate) fn take(&self) -> Lent<'_, T> {
+        let idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        Lent { pool: self, scratch: Some(idle.unwrap_or_else(|| self.make())) }
+    }
+
+    fn make(&self) -> Scratch<T> {
+        let zeros = |len| vec![Complex::new(T::zero(), T::zero()); len];
+        Scratch {
+            row: zeros(4 * self.width_px),
+            samples: zeros(self.samples_len),
+            reals: [vec![T::zero(); self.width_px], vec![T::zero(); self.width_px]],
+            columns: [zeros(TILE * 2 * self.height_px), zeros(TILE * 2 * self.height_px)],
+            fft: zeros(self.fft_len),
+        }
+    }
+}
+
+/// Scratch on loan.
+pub(crate) struct Lent<'a, T> {
+    pool: &'a ScratchPool<T>,
+    scratch: Option<Scratch<T>>,
+}
+
+impl<T> Deref for Lent<'_, T> {
+    type Target = Scratch<T>;
+
+    fn deref(&self) -> &Scratch<T> {
+        self.scratch.as_ref().expect("lent until dropped")
+    }
+}
+
+impl<T> DerefMut for Lent<'_, T> {
+    fn deref_mut(&mut self) -> &mut Scratch<T> {
+        self.scratch.as_mut().expect("lent until dropped")
+    }
+}
+
+impl<T> Drop for Lent<'_, T> {
+    fn drop(&mut self) {
+        if let Some(scratch) = self.scratch.take() {
+            self.pool.idle.lock().unwrap_or_else(PoisonError::into_inner).push(scratch);
+        }
+    }
+}

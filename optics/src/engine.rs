@@ -1,0 +1,214 @@
+//! A [`DisplayModel`] made ready to run: its transfer function sampled, its SLM tabulated, its transforms planned.
+
+use crate::carrier::Carrier;
+use crate::chebyshev::polynomials;
+use crate::convolution::{Convolver, Transfer};
+use crate::display_model::{KernelShape, SmoothField, position};
+use crate::real::Real;
+use crate::slm::Slm;
+use crate::{Detector, DisplayModel, Plane, Result};
+use num_complex::{Complex, Complex64};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// A display model in the precision of `T` (f32 for work, f64 for reference), for one detector.
+#[derive(Clone, Debug)]
+pub struct Engine<T = f32> {
+    pub(crate) convolver: Arc<Convolver<T>>,
+    pub(crate) transfer: Arc<Transfer<T>>,
+    pub(crate) slm: Arc<Slm<T>>,
+    pub(crate) detector: Detector,
+}
+
+/// Half-transformed fields on their way: row-major spectra and tiles of columns. Kept from call to call.
+#[derive(Debug)]
+pub(crate) struct Fields<T> {
+    pub(crate) spectrum: Vec<Complex<T>>,
+    pub(crate) tiles: Vec<Complex<T>>,
+}
+
+impl<T: Real> Engine<T> {
+    /// # Errors
+    ///
+    /// What [`DisplayModel::validate`] finds.
+    pub fn new(model: &DisplayModel, detector: Detector, carrier: Option<Carrier>) -> Result<Self> {
+        model.validate()?;
+        let (height_px, width_px) = (model.setup.grid().height_px(), model.setup.grid().width_px());
+        Ok(Self {
+            convolver: Arc::new(Convolver::new(height_px, width_px, detector.offsets_px())),
+            transfer: Arc::new(sample_transfer(model)),
+            slm: Arc::new(tabulate_slm(model, carrier)),
+            detector,
+        })
+    }
+
+    /// The same display seen by another detector; the transfer function is shared.
+    #[must_use]
+    pub fn with_detector(&self, detector: Detector) -> Self {
+        let convolver = Convolver::new(self.convolver.height_px, self.convolver.width_px, detector.offsets_px());
+        Self { convolver: Arc::new(convolver), detector, ..self.clone() }
+    }
+
+    /// What counts as the light of a pixel.
+    #[must_use]
+    pub fn detector(&self) -> Detector {
+        self.detector
+    }
+
+    /// Rows [px].
+    #[must_use]
+    pub fn height_px(&self) -> usize {
+        self.convolver.height_px
+    }
+
+    /// Columns [px].
+    #[must_use]
+    pub fn width_px(&self) -> usize {
+        self.convolver.width_px
+    }
+
+    /// The complex field in the image plane at the pixels' centres, for a `phase` [rad] on the SLM.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for a phase of another size.
+    pub fn field(&self, phase: &Plane<T>) -> Result<Plane<Complex<T>>> {
+        phase.expect_size("phase", self.height_px(), self.width_px())?;
+        Ok(self.propagate_rows(|y, row| self.slm.field_row(y, phase.row(y), row)))
+    }
+
+    /// The complex field in the image plane that a given `field` at the SLM becomes; the SLM's model is not used.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for a field of another size.
+    pub fn propagate(&self, field: &Plane<Complex<T>>) -> Result<Plane<Complex<T>>> {
+        field.expect_size("field", self.height_px(), self.width_px())?;
+        Ok(self.propagate_rows(|y, row| row.copy_from_slice(field.row(y))))
+    }
+
+    /// The light that the detector sees at each pixel (of the supersampled detector, the mean over the sub-samples).
+    ///
+    /// # Errors
+    ///
+    /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for a phase of another size.
+    pub fn light(&self, phase: &Plane<T>) -> Result<Plane<T>> {
+        phase.expect_size("phase", self.height_px(), self.width_px())?;
+        let mut fields = Fields::new(&self.convolver);
+        self.send(phase.values(), &mut fields);
+        let mut light = Plane::filled(self.height_px(), self.width_px(), T::zero());
+        self.convolver.light(&fields.tiles, light.values_mut());
+        Ok(light)
+    }
+
+    /// From the phase on the SLM to half-transformed fields in the image plane.
+    pub(crate) fn send(&self, phase: &[T], fields: &mut Fields<T>) {
+        let width_px = self.width_px();
+        let spectrum = &mut fields.spectrum[..self.convolver.half_spectrum_len(1)];
+        self.convolver.forward_rows(spectrum, |y, row| {
+            self.slm.field_row(y, &phase[y * width_px..][..width_px], row);
+        });
+        self.convolver.propagate(spectrum, &self.transfer, &mut fields.tiles);
+    }
+
+    fn propagate_rows(&self, fill: impl Fn(usize, &mut [Complex<T>]) + Sync) -> Plane<Complex<T>> {
+        let point = match self.detector {
+            Detector::Point => self.clone(),
+            Detector::Pixel | Detector::Supersampled => self.with_detector(Detector::Point),
+        };
+        let mut fields = Fields::new(&point.convolver);
+        point.convolver.forward_rows(&mut fields.spectrum, fill);
+        point.convolver.propagate(&fields.spectrum, &point.transfer, &mut fields.tiles);
+        let zero = Complex::new(T::zero(), T::zero());
+        let mut field = Plane::filled(self.height_px(), self.width_px(), zero);
+        point.convolver.inverse_rows(&fields.tiles, field.values_mut(), |_, row, out| out.copy_from_slice(row));
+        field
+    }
+}
+
+impl<T: Real> Fields<T> {
+    pub(crate) fn new(convolver: &Convolver<T>) -> Self {
+        let zeros = || vec![Complex::new(T::zero(), T::zero()); convolver.half_spectrum_len(convolver.lanes())];
+        Self { spectrum: zeros(), tiles: zeros() }
+    }
+}
+
+fn sample_transfer<T: Real>(model: &DisplayModel) -> Transfer<T> {
+    let (height_px, width_px) = (model.setup.grid().height_px(), model.setup.grid().width_px());
+    let pitch_m = model.setup.grid().pixel_pitch_m();
+    match &model.kernel {
+        KernelShape::Ideal | KernelShape::Bins(_) => {
+            Transfer::sample(height_px, width_px, |fx, fy| model.transfer(fx / pitch_m, fy / pitch_m))
+        }
+        KernelShape::Smooth(errors) => {
+            let mut transfer = Transfer::zeros(height_px, width_px);
+            transfer.fill_columns(|fx, fys, column| {
+                let series = SeriesAlongY::new(errors, 2.0 * fx);
+                for (value, &fy) in column.iter_mut().zip(fys) {
+                    let exact = model.setup.transfer(fx / pitch_m, fy / pitch_m) * series.at(2.0 * fy);
+                    *value = Complex::new(T::of(exact.re), T::of(exact.im));
+                }
+            });
+            transfer
+        }
+    }
+}
+
+/// A smooth field along y at one x.
+struct SeriesAlongY {
+    log_amplitude: Vec<f64>,
+    phase: Vec<f64>,
+}
+
+impl SeriesAlongY {
+    fn new(field: &SmoothField, x: f64) -> Self {
+        let basis = field.basis();
+        Self { log_amplitude: basis.along_y(&field.log_amplitude, x), phase: basis.along_y(&field.phase, x) }
+    }
+
+    fn at(&self, y: f64) -> Complex64 {
+        Complex64::from_polar(clenshaw(&self.log_amplitude, y).exp(), clenshaw(&self.phase, y))
+    }
+}
+
+/// Σ_j c_j T_j(y), by Clenshaw's recurrence.
+fn clenshaw(coefficients: &[f64], y: f64) -> f64 {
+    let (mut next, mut after) = (0.0, 0.0);
+    for &c in coefficients.iter().skip(1).rev() {
+        (next, after) = (c + 2.0 * y * next - after, next);
+    }
+    coefficients.first().copied().unwrap_or(0.0) + y * next - after
+}
+
+fn tabulate_slm<T: Real>(model: &DisplayModel, carrier: Option<Carrier>) -> Slm<T> {
+    let grid = model.setup.grid();
+    let mut slm = Slm::ideal(grid.width_px(), carrier);
+    slm.harmonics = model.response.iter().map(|&[a, b]| [T::of(a), T::of(b)]).collect();
+    slm.zero_order = Complex::new(T::of(model.zero_order.re), T::of(model.zero_order.im));
+    slm.source = (!model.source.is_flat()).then(|| tabulate_source(&model.source, grid.height_px(), grid.width_px()));
+    slm
+}
+
+/// The source at every pixel.
+pub(crate) fn tabulate_source<T: Real>(source: &SmoothField, height_px: usize, width_px: usize) -> Vec<Complex<T>> {
+    // Swapped arguments: a row has one y, so the series runs along x.
+    let basis = source.basis();
+    let along_x = |coefficients: &[f64], y: f64| {
+        let (at_y, mut along) = (polynomials(source.order, y), vec![0.0; source.order + 1]);
+        for ((i, j), c) in basis.degrees().zip(coefficients) {
+            along[i] += c * at_y[j];
+        }
+        along
+    };
+    let mut values = vec![Complex::new(T::zero(), T::zero()); height_px * width_px];
+    values.par_chunks_mut(width_px).enumerate().for_each(|(row, out)| {
+        let y = position(row, height_px);
+        let (log_amplitude, phase) = (along_x(&source.log_amplitude, y), along_x(&source.phase, y));
+        for (column, value) in out.iter_mut().enumerate() {
+            let x = position(column, width_px);
+            let exact = Complex64::from_polar(clenshaw(&log_amplitude, x).exp(), clenshaw(&phase, x));
+            *value = Complex::new(T::of(exact.re), T::of(exact.im));
+        }
+    });
+    values
+}

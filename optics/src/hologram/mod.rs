@@ -1,0 +1,9 @@
+//! Finding the phase that shows a target.
+
+mod adam;
+mod initial;
+mod problem;
+
+pub use adam::{Adam, AdamState};
+pub use initial::initial_phase;
+pub use problem::{Evaluation, HologramProblem, Quality, quality};

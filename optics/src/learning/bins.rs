@@ -1,0 +1,262 @@
+//! Models with numbers for every frequency: `paper` and `dense`.
+//!
+//! Adam with a constant step, one pair at a time in their own order, as the paper has it.
+
+use super::pair::{Example, measure_all};
+use super::{LearnModel, LearnOptions, LearnStage, LearnStep, PairSource};
+use crate::convolution::{Transfer, split_bin};
+use crate::engine::{Engine, Fields};
+use crate::optimizer::adam::AdamStep;
+use crate::{DisplayModel, Error, KernelShape, OpticalSetup, Plane};
+use num_complex::Complex32;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// All that the next step depends on.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct BinsState {
+    /// Two numbers a bin, column after column: amplitude and phase (`paper`), or real and imaginary part (`dense`).
+    pub parameters: Vec<f32>,
+    /// Adam's m.
+    pub first_moment: Vec<f32>,
+    /// Adam's v.
+    pub second_moment: Vec<f32>,
+    /// Steps done.
+    pub adam_steps: u32,
+    /// Sum of the losses of the epoch under way.
+    pub epoch_loss: f64,
+    /// The photograph's gain and offset, fitted at the start and after each epoch.
+    pub gain: f64,
+    /// See `gain`.
+    pub offset: f64,
+    /// Mean training loss of each epoch.
+    pub loss_history: Vec<f64>,
+}
+
+/// Learning a model of bins.
+#[derive(Debug)]
+pub struct BinsLearner {
+    setup: OpticalSetup,
+    options: LearnOptions,
+    band: Band,
+    engine: Engine<f32>,
+    out: Fields<f32>,
+    back: Vec<Complex32>,
+    state: BinsState,
+}
+
+impl BinsLearner {
+    pub(super) fn start<S: PairSource>(
+        setup: OpticalSetup,
+        options: LearnOptions,
+        pairs: &S,
+    ) -> Result<Self, S::Error> {
+        let band = Band::new(&setup, options.model);
+        let parameters = match options.model {
+            LearnModel::Paper => {
+                let mut random = ChaCha8Rng::seed_from_u64(options.seed);
+                (0..band.parameters()).map(|_| random.random()).collect()
+            }
+            _ => band.ideal(&setup),
+        };
+        let zeros = vec![0.0; parameters.len()];
+        let state = BinsState {
+            parameters,
+            first_moment: zeros.clone(),
+            second_moment: zeros,
+            gain: 1.0,
+            ..BinsState::default()
+        };
+        let mut learner = Self::resume(setup, options, state)?;
+        learner.fit_gain(pairs)?;
+        Ok(learner)
+    }
+
+    pub(super) fn resume(setup: OpticalSetup, options: LearnOptions, state: BinsState) -> Result<Self, Error> {
+        let band = Band::new(&setup, options.model);
+        if state.parameters.len() != band.parameters() {
+            let value = state.parameters.len() as f64;
+            return Err(Error::OutOfRange { name: "state", value, allowed: "as long as the model has parameters" });
+        }
+        let mut engine = Engine::new(&DisplayModel::ideal(setup), options.detector, options.carrier)?;
+        engine.transfer = Arc::new(Transfer::zeros(setup.grid().height_px(), setup.grid().width_px()));
+        let out = Fields::new(&engine.convolver);
+        let back = vec![Complex32::ZERO; out.spectrum.len()];
+        let mut learner = Self { setup, options, band, engine, out, back, state };
+        learner.write_transfer();
+        Ok(learner)
+    }
+
+    pub(super) fn state(&self) -> &BinsState {
+        &self.state
+    }
+
+    pub(super) fn model(&self) -> DisplayModel {
+        let bins = self.band.centred(&self.state.parameters);
+        DisplayModel {
+            kernel: KernelShape::Bins(bins),
+            gain: self.state.gain,
+            offset: self.state.offset,
+            ..DisplayModel::ideal(self.setup)
+        }
+    }
+
+    pub(super) fn step<S: PairSource>(&mut self, pairs: &S) -> Result<Option<LearnStep>, S::Error> {
+        let (count, total) = (pairs.len() as u32, self.options.epochs * pairs.len() as u32);
+        if self.state.adam_steps >= total {
+            return Ok(None);
+        }
+        let place = self.state.adam_steps % count;
+        let example = Example::new(&pairs.pair(place as usize)?, &self.engine, self.options.region)?;
+        let loss = self.descend(&example);
+        self.state.epoch_loss += loss;
+        if place + 1 == count {
+            self.state.loss_history.push(self.state.epoch_loss / f64::from(count));
+            self.state.epoch_loss = 0.0;
+            self.fit_gain(pairs)?;
+        }
+        Ok(Some(LearnStep { stage: LearnStage::Adam, step: self.state.adam_steps, steps_total: total, loss }))
+    }
+
+    fn descend(&mut self, example: &Example<f32>) -> f64 {
+        let Self { engine, out, back, band, state, .. } = self;
+        let convolver = &engine.convolver;
+        engine.send(example.phase.values(), out);
+        let comparison = example.comparison(engine, state.gain, state.offset);
+        let sums = convolver.compare(&out.tiles, &comparison, back);
+        let one = convolver.half_spectrum_len(1);
+        let field = &out.spectrum[..one];
+        let columns = convolver.correlate(field, back, &engine.transfer, &mut out.tiles[..one], |column, u, g| {
+            band.gradient(column, u, g)
+        });
+
+        state.adam_steps += 1;
+        // The scale keeps Adam's ε small beside gradients of a mean over pixels.
+        let step = AdamStep::new(self.options.learning_rate, state.adam_steps, example.photo.values().len() as f64);
+        let len = 2 * band.rows.len();
+        let gradients: Vec<&Vec<Complex32>> = band.columns.iter().map(|&column| &columns[column]).collect();
+        (
+            state.parameters.par_chunks_mut(len),
+            state.first_moment.par_chunks_mut(len),
+            state.second_moment.par_chunks_mut(len),
+            gradients,
+        )
+            .into_par_iter()
+            .for_each(|(parameters, m, v, gradient)| {
+                let gradient = band.chain(parameters, gradient);
+                step.take(parameters, m, v, &gradient);
+            });
+        self.write_transfer();
+        sums.loss()
+    }
+
+    fn fit_gain<S: PairSource>(&mut self, pairs: &S) -> Result<(), S::Error> {
+        let sums = measure_all(&self.engine, &mut self.out, pairs, self.options.region)?;
+        (self.state.gain, self.state.offset) = sums.best_gain_and_offset();
+        Ok(())
+    }
+
+    fn write_transfer(&mut self) {
+        let transfer = Arc::make_mut(&mut self.engine.transfer);
+        let (bins, scale) = (2 * transfer.height_px, 1.0 / transfer.values.len() as f32);
+        let (band, parameters) = (&self.band, &self.state.parameters);
+        transfer.values.par_chunks_mut(bins).enumerate().for_each(|(column, out)| {
+            let Ok(place) = band.columns.binary_search(&column) else { return };
+            let numbers = parameters[place * 2 * band.rows.len()..].as_chunks().0;
+            for (&row, &number) in band.rows.iter().zip(numbers) {
+                out[row] = band.value(number) * scale;
+            }
+        });
+    }
+}
+
+/// Which bins are learned, and what their two numbers mean.
+#[derive(Debug)]
+struct Band {
+    polar: bool,
+    /// Columns of the transfer function, ascending, and their places in the centred plane.
+    columns: Vec<usize>,
+    columns_centred: Vec<usize>,
+    /// Bins of a column, ascending, and their places in the centred plane.
+    rows: Vec<usize>,
+    rows_centred: Vec<usize>,
+}
+
+impl Band {
+    fn new(setup: &OpticalSetup, model: LearnModel) -> Self {
+        let polar = model == LearnModel::Paper;
+        let along = |n: usize| {
+            // `paper` has as many bins as the display has pixels (one less where that is odd), `dense` all of them.
+            let side = if polar { n / 2 * 2 } else { 2 * n };
+            let centred = |i: usize| {
+                let bin = split_bin(i, n) as isize;
+                let signed = if bin < n as isize { bin } else { bin - 2 * n as isize };
+                usize::try_from(signed + (side / 2) as isize).ok().filter(|&place| place < side)
+            };
+            (0..2 * n).filter_map(|i| centred(i).map(|place| (i, place))).unzip()
+        };
+        let (columns, columns_centred) = along(setup.grid().width_px());
+        let (rows, rows_centred) = along(setup.grid().height_px());
+        Self { polar, columns, columns_centred, rows, rows_centred }
+    }
+
+    fn parameters(&self) -> usize {
+        2 * self.columns.len() * self.rows.len()
+    }
+
+    fn ideal(&self, setup: &OpticalSetup) -> Vec<f32> {
+        let grid = setup.grid();
+        let frequency = |centred: usize, side: usize, n: usize| {
+            (centred as f64 - (side / 2) as f64) / (2 * n) as f64 / grid.pixel_pitch_m()
+        };
+        let mut parameters = Vec::with_capacity(self.parameters());
+        for &x in &self.columns_centred {
+            let fx = frequency(x, self.columns.len(), grid.width_px());
+            for &y in &self.rows_centred {
+                let h = setup.transfer(fx, frequency(y, self.rows.len(), grid.height_px()));
+                parameters.extend([h.re as f32, h.im as f32]);
+            }
+        }
+        parameters
+    }
+
+    fn value(&self, [a, b]: [f32; 2]) -> Complex32 {
+        if self.polar { Complex32::from_polar(a, b) } else { Complex32::new(a, b) }
+    }
+
+    /// ∂L/∂H* = u*·g at the learned bins of a column, up to the transfer function's scale.
+    fn gradient(&self, column: usize, u: &[Complex32], g: &[Complex32]) -> Vec<Complex32> {
+        if self.columns.binary_search(&column).is_err() {
+            return Vec::new();
+        }
+        self.rows.iter().map(|&row| u[row].conj() * g[row]).collect()
+    }
+
+    /// From ∂L/∂H* to the gradient of the two numbers of each bin.
+    fn chain(&self, parameters: &[f32], gradient: &[Complex32]) -> Vec<f32> {
+        let chain = |(&[_, phase], &d): (&[f32; 2], &Complex32), amplitude: f32| {
+            let turned = d.conj() * Complex32::cis(phase);
+            [2.0 * turned.re, -2.0 * amplitude * turned.im]
+        };
+        let bins = parameters.as_chunks().0.iter().zip(gradient);
+        if self.polar {
+            bins.flat_map(|(number, d)| chain((number, d), number[0])).collect()
+        } else {
+            bins.flat_map(|(_, d)| [2.0 * d.re, 2.0 * d.im]).collect()
+        }
+    }
+
+    fn centred(&self, parameters: &[f32]) -> Plane<Complex32> {
+        let mut plane = Plane::filled(self.rows.len(), self.columns.len(), Complex32::ZERO);
+        let width_px = self.columns.len();
+        let mut numbers = parameters.as_chunks().0.iter();
+        for &x in &self.columns_centred {
+            for (&y, &number) in self.rows_centred.iter().zip(&mut numbers) {
+                plane.values_mut()[y * width_px + x] = self.value(number);
+            }
+        }
+        plane
+    }
+}

@@ -1,0 +1,214 @@
+//! Learning a [`DisplayModel`] from photographs of holograms.
+//!
+//! ```text
+//! min over θ of  mean over pairs of  Σ w ( gain · D(|H ∗ c(φ)|²) + offset − photo )² / Σ w
+//! ```
+//!
+//! φ the hologram and photo its photograph, w 1 in the region of interest but 0 where the camera saturates. Two families:
+//! [`parametric`] describes the display by some dozens of numbers, [`bins`] by one for every frequency.
+//!
+//! Learning is a sequence of [steps](Learner::step), each of which can be the last of a session: [`Learner::state`] is all
+//! that the next one depends on.
+
+pub mod bins;
+mod columns;
+mod pair;
+pub mod parametric;
+mod schedule;
+mod smooth_transfer;
+
+pub use pair::{Pair, PairSource, compare};
+
+use crate::carrier::Carrier;
+use crate::{Detector, DisplayModel, Error, OpticalSetup, RegionOfInterest};
+use bins::{BinsLearner, BinsState};
+use parametric::{ParametricLearner, ParametricState};
+
+/// How a display is described.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LearnModel {
+    /// Amplitude and phase of H, uniform random in [0, 1) at first, where |f| < 1/4Δ; zero elsewhere. K. Kavaklı,
+    /// H. Ürey and K. Akşit, Applied Optics 61, B50 (2022).
+    Paper,
+    /// H free at every bin of the padded spectrum, starting from free space.
+    Dense,
+    /// H = H_ideal · exp(α + iψ), smooth α and ψ.
+    Smooth {
+        /// Highest total degree of α and ψ, 1 to 12.
+        order: usize,
+    },
+    /// `Smooth`, and the source, the phase response and the zero order.
+    Display {
+        /// Highest total degree of α and ψ, 1 to 12.
+        order: usize,
+    },
+}
+
+/// What to learn, and how.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LearnOptions {
+    /// How the display is described.
+    pub model: LearnModel,
+    /// Passes over the pairs with Adam, one pair a step.
+    pub epochs: u32,
+    /// Adam's step, at its highest where it follows a schedule.
+    pub learning_rate: f64,
+    /// Evaluations of all pairs by L-BFGS afterwards; parametric models only.
+    pub refinement_evaluations: u32,
+    /// Of the order of the pairs, and of the paper model's start.
+    pub seed: u64,
+    /// Where the photographs count.
+    pub region: RegionOfInterest,
+    /// What the camera's pixels measure.
+    pub detector: Detector,
+    /// The display's grating.
+    pub carrier: Option<Carrier>,
+}
+
+impl LearnOptions {
+    /// What works for each model: `paper` as published, the others as measured on simulated displays.
+    #[must_use]
+    pub fn new(model: LearnModel, region: RegionOfInterest) -> Self {
+        let (epochs, learning_rate, refinement_evaluations) = match model {
+            LearnModel::Paper => (30, 0.002, 0),
+            LearnModel::Dense => (5, 0.02, 0),
+            LearnModel::Smooth { .. } => (4, 0.05, 60),
+            LearnModel::Display { .. } => (4, 0.05, 120),
+        };
+        Self {
+            model,
+            epochs,
+            learning_rate,
+            refinement_evaluations,
+            seed: 0,
+            region,
+            detector: Detector::Pixel,
+            carrier: None,
+        }
+    }
+
+    fn validate(&self, pairs: usize) -> Result<(), Error> {
+        if pairs == 0 {
+            return Err(Error::Empty { name: "pairs", needed: "at least one training pair is needed" });
+        }
+        if !(self.learning_rate > 0.0 && self.learning_rate <= 10.0) {
+            let allowed = "above 0 and at most 10";
+            return Err(Error::OutOfRange { name: "learning_rate", value: self.learning_rate, allowed });
+        }
+        if let LearnModel::Smooth { order } | LearnModel::Display { order } = self.model
+            && !(1..=12).contains(&order)
+        {
+            return Err(Error::OutOfRange { name: "order", value: order as f64, allowed: "1 to 12" });
+        }
+        Ok(())
+    }
+}
+
+/// What a step did.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LearnStep {
+    /// Adam over single pairs, or the refinement over all of them.
+    pub stage: LearnStage,
+    /// Pair evaluations done.
+    pub step: u32,
+    /// Pair evaluations at the end, at most.
+    pub steps_total: u32,
+    /// Of this step: one pair's with Adam, the mean over all in the refinement.
+    pub loss: f64,
+}
+
+/// What kind of step it was.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LearnStage {
+    /// Adam over single pairs.
+    Adam,
+    /// L-BFGS over all pairs.
+    Refinement,
+}
+
+/// All that the next step depends on.
+#[derive(Clone, Debug, PartialEq)]
+pub enum LearnState {
+    /// Of `smooth` and `display`.
+    Parametric(ParametricState),
+    /// Of `paper` and `dense`.
+    Bins(BinsState),
+}
+
+/// Learning under way.
+#[derive(Debug)]
+pub struct Learner(Method);
+
+#[derive(Debug)]
+enum Method {
+    Parametric(ParametricLearner),
+    Bins(BinsLearner),
+}
+
+impl Learner {
+    /// Starts from the ideal display (`paper`: from random numbers).
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] for options out of range, no pairs, or pairs of another size; those of the source.
+    pub fn start<S: PairSource>(setup: OpticalSetup, options: LearnOptions, pairs: &S) -> Result<Self, S::Error> {
+        options.validate(pairs.len())?;
+        Ok(Self(match options.model {
+            LearnModel::Paper | LearnModel::Dense => Method::Bins(BinsLearner::start(setup, options, pairs)?),
+            LearnModel::Smooth { .. } | LearnModel::Display { .. } => {
+                Method::Parametric(ParametricLearner::start(setup, options, pairs)?)
+            }
+        }))
+    }
+
+    /// Goes on from a state, with the same setup, options and pairs.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] for a state that does not fit the options.
+    pub fn resume(setup: OpticalSetup, options: LearnOptions, state: LearnState) -> Result<Self, Error> {
+        Ok(Self(match state {
+            LearnState::Parametric(state) => Method::Parametric(ParametricLearner::resume(setup, options, state)?),
+            LearnState::Bins(state) => Method::Bins(BinsLearner::resume(setup, options, state)?),
+        }))
+    }
+
+    /// The next step, or `None` at the end.
+    ///
+    /// # Errors
+    ///
+    /// Those of the source, and [`Error`] for a pair of another size.
+    pub fn step<S: PairSource>(&mut self, pairs: &S) -> Result<Option<LearnStep>, S::Error> {
+        match &mut self.0 {
+            Method::Parametric(learner) => learner.step(pairs),
+            Method::Bins(learner) => learner.step(pairs),
+        }
+    }
+
+    /// All that the next step depends on.
+    #[must_use]
+    pub fn state(&self) -> LearnState {
+        match &self.0 {
+            Method::Parametric(learner) => LearnState::Parametric(learner.state().clone()),
+            Method::Bins(learner) => LearnState::Bins(learner.state().clone()),
+        }
+    }
+
+    /// The display as learned so far.
+    #[must_use]
+    pub fn model(&self) -> DisplayModel {
+        match &self.0 {
+            Method::Parametric(learner) => learner.model(),
+            Method::Bins(learner) => learner.model(),
+        }
+    }
+
+    /// Mean training loss of each epoch, then of each refinement iteration.
+    #[must_use]
+    pub fn loss_history(&self) -> &[f64] {
+        match &self.0 {
+            Method::Parametric(learner) => &learner.state().loss_history,
+            Method::Bins(learner) => &learner.state().loss_history,
+        }
+    }
+}

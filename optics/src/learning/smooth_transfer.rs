@@ -1,0 +1,93 @@
+//! H = H_ideal · exp(α + iψ) again and again for new α and ψ, and the gradient of a loss with respect to them.
+
+use crate::chebyshev::{ChebyshevBasis, polynomials};
+use crate::convolution::{Transfer, frequencies};
+use crate::real::{Real, unit};
+use crate::{OpticalSetup, SmoothField};
+use num_complex::{Complex, Complex64};
+use rayon::prelude::*;
+
+use super::columns::project;
+
+/// The ideal transfer function and the polynomials along y, sampled once.
+#[derive(Debug)]
+pub(super) struct SmoothTransfer<T> {
+    basis: ChebyshevBasis,
+    ideal: Transfer<T>,
+    /// fx of each column, scaled to [−1, 1].
+    columns: Vec<f64>,
+    /// T_j at the fy of each bin.
+    polynomials: Vec<Vec<T>>,
+}
+
+/// Σ along a column of u · g* · H · T_j(fy), for each j.
+pub(super) type ColumnSums = [Complex64; ChebyshevBasis::ORDER_MAX + 1];
+
+impl<T: Real> SmoothTransfer<T> {
+    pub(super) fn new(setup: &OpticalSetup, order: usize) -> Self {
+        let grid = setup.grid();
+        let pitch_m = grid.pixel_pitch_m();
+        let ideal =
+            Transfer::sample(grid.height_px(), grid.width_px(), |fx, fy| setup.transfer(fx / pitch_m, fy / pitch_m));
+        let rows: Vec<Vec<f64>> = frequencies(grid.height_px()).iter().map(|fy| polynomials(order, 2.0 * fy)).collect();
+        Self {
+            basis: ChebyshevBasis::new(order),
+            ideal,
+            columns: frequencies(grid.width_px()).iter().map(|fx| 2.0 * fx).collect(),
+            polynomials: (0..=order).map(|j| rows.iter().map(|row| T::of(row[j])).collect()).collect(),
+        }
+    }
+
+    /// Writes H for these errors.
+    pub(super) fn apply(&self, errors: &SmoothField, transfer: &mut Transfer<T>) {
+        let arch = pulp::Arch::new();
+        let bins = 2 * transfer.height_px;
+        let columns = transfer.values.par_chunks_mut(bins).zip(self.ideal.values.par_chunks(bins)).zip(&self.columns);
+        columns.for_each_init(
+            || (vec![T::zero(); bins], vec![T::zero(); bins]),
+            |(alpha, psi), ((column, ideal), &fx)| {
+                let log_amplitude = self.basis.along_y(&errors.log_amplitude, fx);
+                let phase = self.basis.along_y(&errors.phase, fx);
+                arch.dispatch(|| {
+                    self.sum_series(&log_amplitude, alpha);
+                    self.sum_series(&phase, psi);
+                    for (((h, &ideal), &alpha), &psi) in column.iter_mut().zip(ideal).zip(&*alpha).zip(&*psi) {
+                        *h = ideal * unit(psi).scale(alpha.exponential());
+                    }
+                });
+            },
+        );
+    }
+
+    /// What a column of spectra contributes to the gradient.
+    #[inline(always)]
+    pub(super) fn visit(&self, h: &[Complex<T>], u: &[Complex<T>], g: &[Complex<T>]) -> ColumnSums {
+        let mut sums = [Complex64::ZERO; ChebyshevBasis::ORDER_MAX + 1];
+        project(|k| u[k] * g[k].conj() * h[k], &self.polynomials, &mut sums);
+        sums
+    }
+
+    /// ∂L/∂α and ∂L/∂ψ of each coefficient: 2 Re Σ T and −2 Im Σ T over all columns.
+    pub(super) fn gradient(&self, columns: &[ColumnSums]) -> (Vec<f64>, Vec<f64>) {
+        let mut totals = vec![[Complex64::ZERO; ChebyshevBasis::ORDER_MAX + 1]; self.basis.order() + 1];
+        for (sums, &fx) in columns.iter().zip(&self.columns) {
+            for (total, t) in totals.iter_mut().zip(polynomials(self.basis.order(), fx)) {
+                for (total, sum) in total.iter_mut().zip(sums) {
+                    *total += sum * t;
+                }
+            }
+        }
+        self.basis.degrees().map(|(i, j)| (2.0 * totals[i][j].re, -2.0 * totals[i][j].im)).unzip()
+    }
+
+    #[inline(always)]
+    fn sum_series(&self, coefficients: &[f64], out: &mut [T]) {
+        out.fill(T::of(coefficients[0]));
+        for (&c, polynomial) in coefficients.iter().zip(&self.polynomials).skip(1) {
+            let c = T::of(c);
+            for (out, &t) in out.iter_mut().zip(polynomial) {
+                *out = *out + c * t;
+            }
+        }
+    }
+}
