@@ -125,3 +125,77 @@ pub fn quality<T: Real>(
         psnr_supersampled_db: psnr_db(Detector::Supersampled)?,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hologram::initial_phase;
+    use crate::{Carrier, DisplayModel, Grid, KernelShape, OpticalSetup, SmoothField};
+    use num_complex::Complex64;
+
+    /// A display with every flaw that the model knows.
+    fn flawed(setup: OpticalSetup) -> DisplayModel {
+        let smooth = |order, scale: f64| {
+            let mut field = SmoothField::flat(order);
+            let both = field.log_amplitude.iter_mut().chain(&mut field.phase);
+            both.enumerate().for_each(|(i, c)| *c = scale * (1.7 * i as f64 + 0.3).sin());
+            field
+        };
+        DisplayModel {
+            kernel: KernelShape::Smooth(smooth(3, 0.3)),
+            source: smooth(2, 0.1),
+            response: vec![[0.15, -0.05], [0.02, 0.04]],
+            zero_order: Complex64::new(0.03, -0.02),
+            ..DisplayModel::ideal(setup)
+        }
+    }
+
+    fn problem(
+        height_px: usize,
+        width_px: usize,
+        detector: Detector,
+        carrier: Option<Carrier>,
+    ) -> HologramProblem<f64> {
+        let grid = Grid::try_new(height_px, width_px, 8e-6).unwrap();
+        let setup = OpticalSetup::try_new(grid, 515e-9, 3e-3).unwrap();
+        let engine = Engine::new(&flawed(setup), detector, carrier).unwrap();
+        let target = Plane::from_fn(height_px, width_px, |y, x| 0.5 + 0.5 * ((3 * y + 5 * x) as f64).sin());
+        HologramProblem::new(engine, target, RegionOfInterest::middle(&grid)).unwrap()
+    }
+
+    #[test]
+    fn the_gradient_is_that_of_central_differences() {
+        for (height_px, width_px) in [(16, 24), (17, 13), (11, 30)] {
+            for detector in Detector::ALL {
+                for carrier in [None, Some(Carrier::HalfOrderX), Some(Carrier::HalfOrderY)] {
+                    let mut problem = problem(height_px, width_px, detector, carrier);
+                    let phase = initial_phase(height_px, width_px, 6.0, 5).unwrap().map(f64::from).into_vec();
+                    let direction: Vec<f64> = (0..phase.len()).map(|i| (i as f64 * 2.3).cos()).collect();
+                    let mut gradient = vec![0.0; phase.len()];
+                    problem.evaluate(&phase, 0.7, &mut gradient);
+                    let slope: f64 = gradient.iter().zip(&direction).map(|(g, d)| g * d).sum();
+                    let h = 1e-5;
+                    let mut at = |step: f64| {
+                        let moved: Vec<f64> = phase.iter().zip(&direction).map(|(p, d)| p + step * d).collect();
+                        problem.measure(&moved, 0.7).loss
+                    };
+                    let difference = (at(h) - at(-h)) / (2.0 * h);
+                    let error = (slope - difference).abs() / difference.abs();
+                    assert!(error < 1e-6, "{detector:?} {carrier:?}: {slope} against {difference}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_fitted_gain_is_the_best_one() {
+        let mut problem = problem(20, 20, Detector::Pixel, None);
+        let phase = vec![0.5; 400];
+        let best = problem.measure(&phase, 1.0);
+        let at_best = problem.measure(&phase, best.best_gain);
+        assert!((at_best.loss - best.best_loss).abs() < 1e-12);
+        for gain in [0.99, 1.01] {
+            assert!(problem.measure(&phase, gain * best.best_gain).loss > at_best.loss);
+        }
+    }
+}

@@ -380,3 +380,49 @@ fn row_sums<T: Real>(slm: &Slm<T>, y: usize, phase: &[T], b: &[Complex<T>], poly
     }
     sums
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hologram::initial_phase;
+    use crate::learning::Pair;
+    use crate::{Carrier, Grid, Plane, RegionOfInterest};
+
+    #[test]
+    fn the_gradient_of_every_parameter_is_that_of_central_differences() {
+        for (model, carrier) in [
+            (LearnModel::Smooth { order: 3 }, None),
+            (LearnModel::Display { order: 4 }, None),
+            (LearnModel::Display { order: 2 }, Some(Carrier::HalfOrderX)),
+        ] {
+            let grid = Grid::try_new(18, 23, 8e-6).unwrap();
+            let setup = OpticalSetup::try_new(grid, 515e-9, 2e-3).unwrap();
+            let mut options = LearnOptions::new(model, RegionOfInterest::middle(&grid));
+            options.carrier = carrier;
+            let mut fit = Fit::<f64>::new(setup, &options).unwrap();
+            let photo = Plane::from_fn(18, 23, |y, x| 0.5 + 0.5 * ((y * 2 + x * 3) as f32).sin());
+            let phase = initial_phase(18, 23, 6.0, 3).unwrap();
+            let example = Example::new(&Pair { phase, photo }, &fit.engine, options.region).unwrap();
+            let theta: Vec<f64> = (0..fit.layout.len()).map(|i| 0.1 * (i as f64 * 1.3 + 0.5).sin()).collect();
+            fit.set(0.8, &theta);
+            let (_, gradient) = fit.evaluate(&example);
+            let scale = gradient.iter().fold(0.0_f64, |largest, g| largest.max(g.abs()));
+            for i in 0..theta.len() {
+                let h = 1e-5;
+                let mut at = |step: f64| {
+                    let mut moved = theta.clone();
+                    moved[i] += step;
+                    fit.set(0.8, &moved);
+                    fit.evaluate(&example).0.loss()
+                };
+                let difference = (at(h) - at(-h)) / (2.0 * h);
+                assert!(
+                    (gradient[i] - difference).abs() < 1e-6 * scale,
+                    "{model:?}, parameter {i} of {}: {} against {difference}",
+                    theta.len(),
+                    gradient[i]
+                );
+            }
+        }
+    }
+}
