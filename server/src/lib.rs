@@ -6,6 +6,7 @@
 //! - [`units`], [`display`], [`dataset`], [`kernel`], [`job`]: the domain, plain validated Rust that knows no
 //!   database, no wire type and no clock.
 //! - [`pictures`]: decoding of targets, photographs and holograms, and encoding of results.
+//! - [`kernel_file`]: learned displays as safetensors.
 //! - [`artifacts`]: content-addressed files and resumable uploads.
 //! - [`store`]: the durable queue and registry; the only place that knows the database.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
@@ -15,6 +16,7 @@ pub mod dataset;
 pub mod display;
 pub mod job;
 pub mod kernel;
+pub mod kernel_file;
 pub mod pictures;
 pub mod store;
 pub mod units;

@@ -1,0 +1,237 @@
+//! A learned display model as a safetensors file, the native form of a kernel.
+//!
+//! The file's metadata has one entry, `lightpath`, whose value is a JSON object (one entry, because safetensors keeps
+//! metadata in no particular order and equal kernels must have equal bytes):
+//!
+//! | key | meaning |
+//! |---|---|
+//! | `format`, `format_version` | `lightpath-kernel`, 1 |
+//! | `model` | `paper`, `dense`, `smooth` or `display` |
+//! | `height_px`, `width_px`, `pixel_pitch_m`, `wavelength_m`, `distance_m` | what it was learned for |
+//! | `kernel_order`, `source_order` | highest total degrees of the Chebyshev series |
+//!
+//! | tensor | type, shape | meaning |
+//! |---|---|---|
+//! | `kernel.log_amplitude`, `kernel.phase` | f64, \[terms\] | α and ψ of H = H_ideal · exp(α + iψ) (`smooth`, `display`) |
+//! | `kernel.bins` | f32, \[rows, columns, 2\] | H, real and imaginary, zero frequency in the middle (`paper`, `dense`) |
+//! | `source.log_amplitude`, `source.phase` | f64, \[terms\] | the source profile (`display`) |
+//! | `response` | f64, \[harmonics, 2\] | r(φ) = φ + Σ a_k sin kφ + b_k cos kφ \[rad\] (`display`) |
+//! | `photometry` | f64, \[4\] | gain, offset, zero order (real, imaginary) |
+//!
+//! Coefficients are in the order of `lightpath_optics::chebyshev::ChebyshevBasis::degrees`.
+
+use crate::kernel::KernelModel;
+use lightpath_optics::{DisplayModel, Grid, KernelShape, OpticalSetup, Plane, SmoothField};
+use num_complex::{Complex32, Complex64};
+use safetensors::tensor::TensorView;
+use safetensors::{Dtype, SafeTensorError, SafeTensors};
+use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
+
+const METADATA_KEY: &str = "lightpath";
+const FORMAT: &str = "lightpath-kernel";
+const FORMAT_VERSION: u32 = 1;
+
+/// What is wrong with a kernel file.
+#[derive(Debug, thiserror::Error)]
+pub enum KernelFileError {
+    /// Not safetensors, or cut short.
+    #[error("the file is not whole safetensors: {0}")]
+    Safetensors(#[from] SafeTensorError),
+    /// Safetensors, but not ours.
+    #[error("the file has no metadata entry `lightpath`: it is safetensors, but not a Lightpath kernel")]
+    NoHeader,
+    /// Our header does not parse.
+    #[error("the metadata entry `lightpath` is not what it should be: {0}")]
+    Header(#[from] serde_json::Error),
+    /// From the future, or of another kind.
+    #[error("the file is {format} version {version}; this server reads {FORMAT} version {FORMAT_VERSION}")]
+    Format {
+        /// What the header says.
+        format: String,
+        /// What the header says.
+        version: u32,
+    },
+    /// A tensor has another type or shape.
+    #[error("tensor `{name}` must be {expected}")]
+    Tensor {
+        /// Its name.
+        name: &'static str,
+        /// What would be right.
+        expected: &'static str,
+    },
+    /// The numbers make no display.
+    #[error("the kernel is not possible: {0}")]
+    Model(#[from] lightpath_optics::Error),
+}
+
+#[derive(Serialize, Deserialize)]
+struct Header {
+    format: String,
+    format_version: u32,
+    model: KernelModel,
+    height_px: usize,
+    width_px: usize,
+    pixel_pitch_m: f64,
+    wavelength_m: f64,
+    distance_m: f64,
+    kernel_order: usize,
+    source_order: usize,
+}
+
+/// The file's bytes; the same model gives the same bytes.
+///
+/// # Errors
+///
+/// [`KernelFileError::Safetensors`] when the model is too large for the format.
+pub fn encode(model: &DisplayModel, kind: KernelModel) -> Result<Vec<u8>, KernelFileError> {
+    let grid = model.setup.grid();
+    let header = Header {
+        format: FORMAT.to_owned(),
+        format_version: FORMAT_VERSION,
+        model: kind,
+        height_px: grid.height_px(),
+        width_px: grid.width_px(),
+        pixel_pitch_m: grid.pixel_pitch_m(),
+        wavelength_m: model.setup.wavelength_m(),
+        distance_m: model.setup.distance_m(),
+        kernel_order: if let KernelShape::Smooth(errors) = &model.kernel { errors.order } else { 0 },
+        source_order: model.source.order,
+    };
+    let photometry = [model.gain, model.offset, model.zero_order.re, model.zero_order.im];
+    let mut tensors = vec![("photometry", Dtype::F64, vec![4], bytes_f64(&photometry))];
+    let mut series = |name, values: &[f64]| tensors.push((name, Dtype::F64, vec![values.len()], bytes_f64(values)));
+    if let KernelShape::Smooth(errors) = &model.kernel {
+        series("kernel.log_amplitude", &errors.log_amplitude);
+        series("kernel.phase", &errors.phase);
+    }
+    series("source.log_amplitude", &model.source.log_amplitude);
+    series("source.phase", &model.source.phase);
+    let harmonics = vec![model.response.len(), 2];
+    tensors.push(("response", Dtype::F64, harmonics, bytes_f64(model.response.as_flattened())));
+    if let KernelShape::Bins(bins) = &model.kernel {
+        let bytes = bins.values().iter().flat_map(|h| [h.re, h.im]).flat_map(f32::to_le_bytes).collect();
+        tensors.push(("kernel.bins", Dtype::F32, vec![bins.height_px(), bins.width_px(), 2], bytes));
+    }
+    let metadata = HashMap::from([(METADATA_KEY.to_owned(), serde_json::to_string(&header)?)]);
+    let views = tensors
+        .iter()
+        .map(|(name, dtype, shape, bytes)| Ok((*name, TensorView::new(*dtype, shape.clone(), bytes)?)))
+        .collect::<Result<Vec<_>, SafeTensorError>>()?;
+    Ok(safetensors::serialize(views, Some(metadata))?)
+}
+
+/// Reads a file, checks that it makes a display, and says how it is parametrized.
+///
+/// # Errors
+///
+/// [`KernelFileError`], naming what is wrong.
+pub fn decode(bytes: &[u8]) -> Result<(DisplayModel, KernelModel), KernelFileError> {
+    let (_, metadata) = SafeTensors::read_metadata(bytes)?;
+    let header = metadata.metadata().as_ref().and_then(|metadata| metadata.get(METADATA_KEY));
+    let header: Header = serde_json::from_str(header.ok_or(KernelFileError::NoHeader)?)?;
+    if header.format != FORMAT || header.format_version != FORMAT_VERSION {
+        return Err(KernelFileError::Format { format: header.format, version: header.format_version });
+    }
+    let tensors = SafeTensors::deserialize(bytes)?;
+    let grid = Grid::try_new(header.height_px, header.width_px, header.pixel_pitch_m)?;
+    let setup = OpticalSetup::try_new(grid, header.wavelength_m, header.distance_m)?;
+    let [gain, offset, re, im] = floats(&tensors, "photometry")?[..] else {
+        return Err(KernelFileError::Tensor { name: "photometry", expected: "four f64" });
+    };
+    let model = DisplayModel {
+        setup,
+        kernel: match header.model {
+            KernelModel::Paper | KernelModel::Dense => KernelShape::Bins(bins(&tensors)?),
+            KernelModel::Smooth | KernelModel::Display => KernelShape::Smooth(SmoothField {
+                order: header.kernel_order,
+                log_amplitude: floats(&tensors, "kernel.log_amplitude")?,
+                phase: floats(&tensors, "kernel.phase")?,
+            }),
+        },
+        source: SmoothField {
+            order: header.source_order,
+            log_amplitude: floats(&tensors, "source.log_amplitude")?,
+            phase: floats(&tensors, "source.phase")?,
+        },
+        response: floats(&tensors, "response")?.as_chunks().0.to_vec(),
+        zero_order: Complex64::new(re, im),
+        gain,
+        offset,
+    };
+    model.validate()?;
+    Ok((model, header.model))
+}
+
+fn bytes_f64(values: &[f64]) -> Vec<u8> {
+    values.iter().flat_map(|value| value.to_le_bytes()).collect()
+}
+
+fn floats(tensors: &SafeTensors<'_>, name: &'static str) -> Result<Vec<f64>, KernelFileError> {
+    let tensor = tensors.tensor(name)?;
+    if tensor.dtype() != Dtype::F64 {
+        return Err(KernelFileError::Tensor { name, expected: "f64" });
+    }
+    Ok(tensor.data().as_chunks().0.iter().map(|&bytes| f64::from_le_bytes(bytes)).collect())
+}
+
+fn bins(tensors: &SafeTensors<'_>) -> Result<Plane<Complex32>, KernelFileError> {
+    let expected = "f32 of shape [rows, columns, 2]";
+    let tensor = tensors.tensor("kernel.bins")?;
+    let (Dtype::F32, &[height_px, width_px, 2]) = (tensor.dtype(), tensor.shape()) else {
+        return Err(KernelFileError::Tensor { name: "kernel.bins", expected });
+    };
+    let numbers: Vec<f32> = tensor.data().as_chunks().0.iter().map(|&bytes| f32::from_le_bytes(bytes)).collect();
+    let values = numbers.as_chunks().0.iter().map(|&[re, im]| Complex32::new(re, im)).collect();
+    Ok(Plane::try_from_vec(height_px, width_px, values)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn model(kernel: KernelShape) -> DisplayModel {
+        let grid = Grid::try_new(32, 48, 8e-6).unwrap();
+        let setup = OpticalSetup::try_new(grid, 632.8e-9, 0.0701).unwrap();
+        let mut source = SmoothField::flat(2);
+        source.log_amplitude[1] = -0.1;
+        DisplayModel {
+            kernel,
+            source,
+            response: vec![[0.1, -0.2], [1e-9, 0.3]],
+            zero_order: Complex64::new(0.03, -0.01),
+            gain: 0.1 + 0.2,
+            offset: 0.01,
+            ..DisplayModel::ideal(setup)
+        }
+    }
+
+    #[test]
+    fn a_kernel_comes_back_exactly_and_in_the_same_bytes() {
+        let mut errors = SmoothField::flat(3);
+        errors.phase.iter_mut().enumerate().for_each(|(i, c)| *c = 1.0 / (i as f64 + 3.0));
+        let bins = Plane::from_fn(64, 96, |y, x| Complex32::new(y as f32, -(x as f32) / 7.0));
+        for (kernel, kind) in
+            [(KernelShape::Smooth(errors), KernelModel::Display), (KernelShape::Bins(bins), KernelModel::Dense)]
+        {
+            let model = model(kernel);
+            let bytes = encode(&model, kind).unwrap();
+            assert_eq!(bytes, encode(&model, kind).unwrap());
+            assert_eq!(decode(&bytes).unwrap(), (model, kind));
+        }
+    }
+
+    #[test]
+    fn what_is_no_kernel_is_refused() {
+        let bytes = encode(&model(KernelShape::Smooth(SmoothField::flat(3))), KernelModel::Smooth).unwrap();
+        for end in [0, 7, 100, bytes.len() - 1] {
+            assert!(decode(&bytes[..end]).is_err(), "cut at {end}");
+        }
+        let mut broken = model(KernelShape::Smooth(SmoothField::flat(3)));
+        broken.gain = f64::NAN;
+        let broken = encode(&broken, KernelModel::Smooth).unwrap();
+        assert!(matches!(decode(&broken), Err(KernelFileError::Model(_))));
+        let foreign = safetensors::serialize(Vec::<(&str, TensorView<'_>)>::new(), None).unwrap();
+        assert!(matches!(decode(&foreign), Err(KernelFileError::NoHeader)));
+    }
+}
