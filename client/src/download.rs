@@ -1,0 +1,129 @@
+//! Downloads: checked against their digest, and gone on with after a break.
+
+use crate::digest::Hasher;
+use crate::retry::Backoff;
+use crate::v1::ReadArtifactRequest;
+use crate::{Client, Error, Result};
+use std::io::Write;
+use std::path::Path;
+use tempfile::NamedTempFile;
+
+impl Client {
+    /// An artifact's bytes, in memory.
+    ///
+    /// # Errors
+    ///
+    /// What the server refused, that it could not be reached for about 15 seconds, or [`Error::Damaged`].
+    pub async fn download(&self, digest: &str) -> Result<Vec<u8>> {
+        let mut bytes = Vec::new();
+        self.receive(digest, &mut |chunk| {
+            bytes.extend_from_slice(chunk);
+            Ok(())
+        })
+        .await?;
+        Ok(bytes)
+    }
+
+    /// Writes an artifact to the file `path`, which appears (or is replaced) only when all of it is there and checked.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::download`], and [`Error::File`] when the file cannot be written.
+    pub async fn download_to(&self, digest: &str, path: &Path) -> Result<()> {
+        let mut file = FileToBe::beside(path)?;
+        self.receive(digest, &mut |chunk| file.write(chunk)).await?;
+        file.finish()
+    }
+
+    /// Hands the chunks of an artifact to `take`, from the first byte to the last, across breaks.
+    async fn receive(&self, digest: &str, take: &mut (dyn FnMut(&[u8]) -> Result<()> + Send)) -> Result<()> {
+        let mut hasher = Hasher::default();
+        let mut backoff = Backoff::new();
+        loop {
+            let before_bytes = hasher.size_bytes();
+            let Err(error) = self.receive_once(digest, &mut hasher, take).await else { break };
+            if hasher.size_bytes() > before_bytes {
+                backoff.reset();
+            }
+            backoff.pause(error).await?;
+        }
+        let found = hasher.finish();
+        if found == digest { Ok(()) } else { Err(Error::Damaged { digest: digest.to_owned(), found }) }
+    }
+
+    async fn receive_once(
+        &self,
+        digest: &str,
+        hasher: &mut Hasher,
+        take: &mut (dyn FnMut(&[u8]) -> Result<()> + Send),
+    ) -> Result<()> {
+        let request =
+            ReadArtifactRequest { digest: digest.to_owned(), offset_bytes: hasher.size_bytes(), limit_bytes: 0 };
+        let mut stream = self.read_artifact(request).await?;
+        while let Some(message) = stream.message().await.map_err(|status| self.error(status))? {
+            take(&message.chunk)?;
+            hasher.update(&message.chunk);
+        }
+        Ok(())
+    }
+}
+
+/// A file under a temporary name beside its place, so that nobody ever sees half of it.
+pub(crate) struct FileToBe<'a> {
+    path: &'a Path,
+    file: NamedTempFile,
+}
+
+impl<'a> FileToBe<'a> {
+    pub(crate) fn beside(path: &'a Path) -> Result<Self> {
+        let folder = match path.parent() {
+            Some(folder) if !folder.as_os_str().is_empty() => folder,
+            _ => Path::new("."),
+        };
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(".lightpath-");
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt as _;
+            // As any other new file: the user's umask decides.
+            builder.permissions(std::fs::Permissions::from_mode(0o666));
+        }
+        let file = builder.tempfile_in(folder).map_err(|source| Error::file("write", path, source))?;
+        Ok(Self { path, file })
+    }
+
+    pub(crate) fn write(&mut self, bytes: &[u8]) -> Result<()> {
+        self.file.write_all(bytes).map_err(|source| Error::file("write", self.path, source))
+    }
+
+    pub(crate) fn finish(self) -> Result<()> {
+        self.file.persist(self.path).map_err(|error| Error::file("write", self.path, error.error))?;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_appears_whole_or_not_at_all() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("phase.png");
+        let mut file = FileToBe::beside(&path).unwrap();
+        file.write(b"half").unwrap();
+        assert!(!path.exists());
+        drop(file);
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+        let mut file = FileToBe::beside(&path).unwrap();
+        file.write(b"whole").unwrap();
+        file.finish().unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), b"whole");
+    }
+
+    #[test]
+    fn a_missing_folder_is_named() {
+        let error = FileToBe::beside(Path::new("/nowhere/at/all.png")).err().unwrap().to_string();
+        assert!(error.contains("could not write /nowhere/at/all.png"), "{error}");
+    }
+}

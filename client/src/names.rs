@@ -1,0 +1,71 @@
+//! Resource names, as the API writes them.
+
+/// `displays/{id}`; a name stays as it is.
+#[must_use]
+pub fn display(id: &str) -> String {
+    with_collection("displays", id)
+}
+
+/// `datasets/{id}`; a name stays as it is.
+#[must_use]
+pub fn dataset(id: &str) -> String {
+    with_collection("datasets", id)
+}
+
+/// `jobs/{id}`; a name stays as it is.
+#[must_use]
+pub fn job(id: &str) -> String {
+    with_collection("jobs", id)
+}
+
+/// `displays/{id}/kernels/515nm-150mm`, rounded to picometres and nanometres as the server does.
+#[must_use]
+pub fn kernel(display_id: &str, wavelength_m: f64, distance_m: f64) -> String {
+    let wavelength = whole_and_rest((wavelength_m * 1e12).round() as i64, 1_000);
+    let distance = whole_and_rest((distance_m * 1e9).round() as i64, 1_000_000);
+    format!("{}/kernels/{wavelength}nm-{distance}mm", display(display_id))
+}
+
+/// `{kernel}/versions/{version}`.
+#[must_use]
+pub fn kernel_version(kernel: &str, version: u32) -> String {
+    format!("{kernel}/versions/{version}")
+}
+
+/// The last part of a name: the id.
+#[must_use]
+pub fn id(name: &str) -> &str {
+    name.rsplit('/').next().unwrap_or(name)
+}
+
+fn with_collection(collection: &str, id: &str) -> String {
+    let is_name = id.strip_prefix(collection).is_some_and(|rest| rest.starts_with('/'));
+    if is_name { id.to_owned() } else { format!("{collection}/{id}") }
+}
+
+fn whole_and_rest(value: i64, per_unit: u64) -> String {
+    let sign = if value < 0 { "-" } else { "" };
+    let (whole, rest) = (value.unsigned_abs() / per_unit, value.unsigned_abs() % per_unit);
+    if rest == 0 {
+        return format!("{sign}{whole}");
+    }
+    let digits = per_unit.ilog10() as usize;
+    let fraction = format!("{rest:0digits$}");
+    format!("{sign}{whole}.{}", fraction.trim_end_matches('0'))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_follow_the_api() {
+        assert_eq!(display("lab-2"), "displays/lab-2");
+        assert_eq!(display("displays/lab-2"), "displays/lab-2");
+        assert_eq!(job("jobs-1"), "jobs/jobs-1");
+        assert_eq!(kernel("lab-2", 515e-9, 0.15), "displays/lab-2/kernels/515nm-150mm");
+        assert_eq!(kernel("lab-2", 632.8e-9, -0.0125), "displays/lab-2/kernels/632.8nm--12.5mm");
+        assert_eq!(kernel_version("displays/a/kernels/k", 3), "displays/a/kernels/k/versions/3");
+        assert_eq!(id("displays/a/kernels/k/versions/3"), "3");
+    }
+}

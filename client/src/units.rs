@@ -1,0 +1,263 @@
+//! Lengths with units: `150mm`, `8um`, `515nm`, and back.
+
+use std::fmt;
+
+/// What a length is, which decides how large a plain number may be before a forgotten unit is the likelier reading.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Length {
+    /// From the SLM to the image plane.
+    Distance,
+    /// Between SLM pixels.
+    PixelPitch,
+    /// In vacuum.
+    Wavelength,
+}
+
+/// Why a text is no length.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ParseError {
+    /// No number at the start.
+    #[error("{length} \"{text}\" is not a number with a unit, such as {example}")]
+    NotANumber {
+        /// What was wanted.
+        length: Length,
+        /// What was given.
+        text: String,
+        /// What would be right.
+        example: &'static str,
+    },
+    /// A number that is not finite.
+    #[error("{length} is {text}, but must be a finite number, such as {example}")]
+    NotFinite {
+        /// What was wanted.
+        length: Length,
+        /// What was given.
+        text: String,
+        /// What would be right.
+        example: &'static str,
+    },
+    /// A unit that is not known.
+    #[error(
+        "{length} \"{text}\" has the unknown unit \"{unit}\": use m, cm, mm, um (or µm), nm or pm, such as {example}"
+    )]
+    UnknownUnit {
+        /// What was wanted.
+        length: Length,
+        /// What was given.
+        text: String,
+        /// The part behind the number.
+        unit: String,
+        /// What would be right.
+        example: &'static str,
+    },
+    /// A plain number is in metres, and so many metres make no sense.
+    #[error("{length} {text} has no unit and would be {text} m: write {text}{unit}")]
+    NoUnit {
+        /// What was wanted.
+        length: Length,
+        /// What was given.
+        text: String,
+        /// The unit that was probably meant.
+        unit: &'static str,
+    },
+}
+
+/// Units and their power of ten. Longer names first, so that `mm` is not read as `m`.
+const UNITS: [(&str, i32); 8] =
+    [("cm", -2), ("mm", -3), ("um", -6), ("µm", -6), ("μm", -6), ("nm", -9), ("pm", -12), ("m", 0)];
+
+impl Length {
+    /// Reads `150mm`, `8um`, `8µm`, `515nm`, `0.15m` or a plain number of metres. Exact: the result is the f64
+    /// nearest to the decimal number. Whether the length makes sense is for the server to say.
+    ///
+    /// # Errors
+    ///
+    /// [`ParseError`]; a plain number too large for this kind of length counts as one without its unit.
+    pub fn parse_m(self, text: &str) -> Result<f64, ParseError> {
+        let text = text.trim();
+        let example = self.example();
+        let not_a_number = || ParseError::NotANumber { length: self, text: text.to_owned(), example };
+        if let Ok(plain) = text.parse::<f64>()
+            && !plain.is_finite()
+        {
+            return Err(ParseError::NotFinite { length: self, text: text.to_owned(), example });
+        }
+        let (number, unit) = split_number(text).ok_or_else(not_a_number)?;
+        if unit.is_empty() {
+            return self.plain_m(text, number.parse().map_err(|_| not_a_number())?);
+        }
+        let Some((_, power)) = UNITS.iter().find(|(name, _)| *name == unit) else {
+            let (text, unit) = (text.to_owned(), unit.to_owned());
+            return Err(ParseError::UnknownUnit { length: self, text, unit, example });
+        };
+        let metres = with_power(number, *power).and_then(|decimal| decimal.parse::<f64>().ok());
+        match metres {
+            Some(metres) if metres.is_finite() => Ok(metres),
+            Some(_) => Err(ParseError::NotFinite { length: self, text: text.to_owned(), example }),
+            None => Err(not_a_number()),
+        }
+    }
+
+    fn plain_m(self, text: &str, metres: f64) -> Result<f64, ParseError> {
+        let (plain_max_m, unit) = match self {
+            Self::Distance => (10.0, "mm"),
+            Self::PixelPitch => (1e-2, "um"),
+            Self::Wavelength => (1e-4, "nm"),
+        };
+        if metres.abs() > plain_max_m {
+            // 0.515 was meant in micrometres.
+            let unit = if self == Self::Wavelength && metres.abs() < 10.0 { "um" } else { unit };
+            return Err(ParseError::NoUnit { length: self, text: text.to_owned(), unit });
+        }
+        Ok(metres)
+    }
+
+    fn example(self) -> &'static str {
+        match self {
+            Self::Distance => "150mm",
+            Self::PixelPitch => "8um",
+            Self::Wavelength => "515nm",
+        }
+    }
+}
+
+impl fmt::Display for Length {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Distance => "distance",
+            Self::PixelPitch => "pixel pitch",
+            Self::Wavelength => "wavelength",
+        })
+    }
+}
+
+/// `150 mm`, `8 µm`, `515 nm`: for people, to a millionth of the unit.
+#[must_use]
+pub fn show_m(metres: f64) -> String {
+    let (scale, unit) = match metres.abs() {
+        size if size >= 1.0 || size == 0.0 || !size.is_finite() => (1.0, "m"),
+        size if size >= 1e-3 => (1e3, "mm"),
+        size if size >= 1e-6 => (1e6, "µm"),
+        _ => (1e9, "nm"),
+    };
+    let number = format!("{:.6}", metres * scale);
+    let number = if number.contains('.') { number.trim_end_matches('0').trim_end_matches('.') } else { &number };
+    format!("{number} {unit}")
+}
+
+/// The decimal number at the start (with its exponent), and what follows it without spaces.
+fn split_number(text: &str) -> Option<(&str, &str)> {
+    let bytes = text.as_bytes();
+    let digits = |from: usize| bytes[from..].iter().take_while(|b| b.is_ascii_digit()).count();
+    let mut end = usize::from(matches!(bytes.first(), Some(b'+' | b'-')));
+    let whole = digits(end);
+    end += whole;
+    let mut fraction = 0;
+    if bytes.get(end) == Some(&b'.') {
+        fraction = digits(end + 1);
+        end += 1 + fraction;
+    }
+    if whole + fraction == 0 {
+        return None;
+    }
+    if matches!(bytes.get(end), Some(b'e' | b'E')) {
+        let sign = usize::from(matches!(bytes.get(end + 1), Some(b'+' | b'-')));
+        let exponent = if bytes.len() > end + sign { digits(end + 1 + sign) } else { 0 };
+        if exponent > 0 {
+            end += 1 + sign + exponent;
+        }
+    }
+    Some((&text[..end], text[end..].trim_start()))
+}
+
+/// The number times 10^power, still as a decimal text.
+fn with_power(number: &str, power: i32) -> Option<String> {
+    let (mantissa, exponent) = match number.split_once(['e', 'E']) {
+        Some((mantissa, exponent)) => (mantissa, exponent.parse::<i32>().ok()?),
+        None => (number, 0),
+    };
+    Some(format!("{mantissa}e{}", exponent.checked_add(power)?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn decimal_texts_are_read_exactly() {
+        for (length, text, metres) in [
+            (Length::Distance, "150mm", 0.15),
+            (Length::Distance, "0.15m", 0.15),
+            (Length::Distance, "0.15", 0.15),
+            (Length::Distance, "15 cm", 0.15),
+            (Length::Distance, "-12.5mm", -0.0125),
+            (Length::Distance, "1.5e2mm", 0.15),
+            (Length::Distance, "+.5m", 0.5),
+            (Length::Distance, "5.", 5.0),
+            (Length::Distance, "0mm", 0.0),
+            (Length::PixelPitch, "8um", 8e-6),
+            (Length::PixelPitch, "8µm", 8e-6),
+            (Length::PixelPitch, "8μm", 8e-6),
+            (Length::PixelPitch, "3.74um", 3.74e-6),
+            (Length::PixelPitch, "8e-6", 8e-6),
+            (Length::PixelPitch, "-8um", -8e-6),
+            (Length::Wavelength, "515nm", 515e-9),
+            (Length::Wavelength, "632.8nm", 632.8e-9),
+            (Length::Wavelength, "515000pm", 515e-9),
+            (Length::Wavelength, "0.515um", 515e-9),
+        ] {
+            assert_eq!(length.parse_m(text), Ok(metres), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_forgotten_unit_is_pointed_out() {
+        for (length, text, message) in [
+            (Length::Distance, "150", "distance 150 has no unit and would be 150 m: write 150mm"),
+            (Length::PixelPitch, "8", "pixel pitch 8 has no unit and would be 8 m: write 8um"),
+            (Length::Wavelength, "515", "wavelength 515 has no unit and would be 515 m: write 515nm"),
+            (Length::Wavelength, "0.515", "wavelength 0.515 has no unit and would be 0.515 m: write 0.515um"),
+        ] {
+            assert_eq!(length.parse_m(text).unwrap_err().to_string(), message);
+        }
+    }
+
+    #[test]
+    fn what_is_no_length_is_refused_with_an_example() {
+        for (text, sign) in [
+            ("", "not a number"),
+            ("mm", "not a number"),
+            ("-", "not a number"),
+            (".mm", "not a number"),
+            ("NaN", "finite"),
+            ("inf", "finite"),
+            ("1e999mm", "finite"),
+            ("1e999999999999mm", "not a number"),
+            ("150MM", "unknown unit \"MM\""),
+            ("150mmm", "unknown unit \"mmm\""),
+            ("1e", "unknown unit \"e\""),
+            ("0x10", "unknown unit \"x10\""),
+            ("1,5mm", "unknown unit"),
+        ] {
+            let error = Length::Distance.parse_m(text).unwrap_err().to_string();
+            assert!(error.contains(sign) && error.contains("distance") && error.contains("150mm"), "{text}: {error}");
+        }
+    }
+
+    #[test]
+    fn lengths_are_shown_in_the_unit_people_use() {
+        for (metres, text) in [
+            (0.15, "150 mm"),
+            (-0.0125, "-12.5 mm"),
+            (8e-6, "8 µm"),
+            (3.74e-6, "3.74 µm"),
+            (515e-9, "515 nm"),
+            (632.8e-9, "632.8 nm"),
+            (2.0, "2 m"),
+            (10.0, "10 m"),
+            (0.0, "0 m"),
+        ] {
+            assert_eq!(show_m(metres), text);
+        }
+    }
+}
