@@ -42,7 +42,8 @@ create table job (
     check ((state = 'succeeded') = (result is not null)),
     check (state <> 'failed' or error is not null),
     check (state <> 'queued' or cancel_requested = 0),
-    check (state <> 'running' or attempt >= 1)
+    check (state <> 'running' or attempt >= 1),
+    check (checkpoint is null or state in ('queued', 'running', 'failed'))
 ) strict, without rowid;
 
 -- What a claim takes from, in the order in which it takes.
@@ -50,6 +51,7 @@ create index job_to_claim on job (priority, run_time_ms, id) where state = 'queu
 create index job_leased on job (lease_until_ms) where state = 'running';
 create index job_by_state on job (state, id);
 create index job_by_display on job (display, id);
+create index job_with_checkpoint on job (checkpoint) where checkpoint is not null;
 create index job_by_dataset on job (dataset) where dataset is not null;
 
 -- Ended means ended, except that a failed or cancelled job can be queued again.

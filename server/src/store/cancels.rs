@@ -34,7 +34,7 @@ async fn cancel(write: &mut Write, id: &str, now_ms: i64) -> Result<Job, StoreEr
     match job.state {
         JobState::Queued => {
             let row = sqlx::query(
-                "update job set state = 'cancelled', finish_time_ms = ?2, cancel_requested = 1, \
+                "update job set state = 'cancelled', finish_time_ms = ?2, cancel_requested = 1, checkpoint = null, \
                  revision = revision + 1 where id = ?1 returning *",
             )
             .bind(id)

@@ -101,6 +101,16 @@ impl Store {
         rows.iter().map(job_of).collect()
     }
 
+    /// Digests of the checkpoints that some job may go on from.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn live_checkpoints(&self) -> Result<Vec<String>, StoreError> {
+        let digests = sqlx::query_scalar("select checkpoint from job where checkpoint is not null");
+        Ok(digests.fetch_all(self.readers()).await?)
+    }
+
     /// How many jobs are in each state.
     ///
     /// # Errors

@@ -321,7 +321,8 @@ fn after_failure(job: &Job, failures: i64, mut error: JobError, retry_at_ms: Opt
 async fn end(write: &mut Write, id: &str, ending: Ending, now_ms: i64) -> Result<Job, StoreError> {
     let sql = "update job set state = ?2, lease_id = null, lease_until_ms = null, worker = null, \
                run_time_ms = coalesce(?3, run_time_ms), finish_time_ms = ?4, failures = coalesce(?5, failures), \
-               error = ?6, cancel_requested = ?2 = 'cancelled', revision = revision + 1 \
+               error = ?6, cancel_requested = ?2 = 'cancelled', \
+               checkpoint = case ?2 when 'cancelled' then null else checkpoint end, revision = revision + 1 \
                where id = ?1 and state = 'running' returning *";
     let (state, run_time, finish_time, failures, error, message) = match ending {
         Ending::Requeued { run_time_ms, failures, error } => {

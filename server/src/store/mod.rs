@@ -18,6 +18,8 @@
 mod artifacts;
 mod cancels;
 mod changes;
+#[cfg(test)]
+mod conformance;
 mod datasets;
 mod displays;
 mod error;

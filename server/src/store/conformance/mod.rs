@@ -1,0 +1,111 @@
+//! What every store must do, on a real database in a temporary folder.
+//!
+//! `queue`: the life of jobs. `registry`: displays, artifacts, datasets, kernels. `model`: random histories of the
+//! queue against a model of a few lines.
+mod model;
+mod queue;
+mod registry;
+
+use super::{Store, StoreError};
+use crate::dataset::{Dataset, Encoding, Pair};
+use crate::display::Display;
+use crate::job::{CaptureResult, JobError, JobResult, JobSpec, NewJob, SimulateCapture};
+use crate::kernel::{KernelKey, KernelLineage, KernelMetrics, KernelModel, NewKernelVersion};
+use crate::units::{Distance, Wavelength};
+use tempfile::TempDir;
+
+const WAVELENGTH: Wavelength = Wavelength { pm: 515_000 };
+const DISTANCE: Distance = Distance { nm: 150_000_000 };
+const QUEUE_LIMIT: u32 = 100;
+const LEASE_MS: i64 = 30_000;
+
+/// A store with the display `lab`, and the folder that it lives in.
+async fn store() -> (Store, TempDir) {
+    let folder = tempfile::tempdir().unwrap();
+    let store = Store::open(&folder.path().join("lightpath.db")).await.unwrap();
+    store.create_display(&display("lab"), 1).await.unwrap();
+    (store, folder)
+}
+
+fn display(id: &str) -> Display {
+    Display {
+        id: id.to_owned(),
+        width_px: 64,
+        height_px: 64,
+        pixel_pitch_m: 8e-6,
+        bit_depth: 8,
+        wavelengths: vec![WAVELENGTH],
+        phase_response_rad: None,
+        carrier: None,
+        notes: String::new(),
+        simulated_bench: None,
+    }
+}
+
+/// The cheapest kind of job; the seed tells jobs apart.
+fn new_job(request_id: &str, seed: u64) -> NewJob {
+    let spec = SimulateCapture {
+        display: "lab".to_owned(),
+        wavelength: WAVELENGTH,
+        distance: DISTANCE,
+        phase: digest(0),
+        seed,
+    };
+    NewJob { spec: JobSpec::SimulateCapture(spec), request_id: request_id.to_owned(), priority: 0, attempts_max: 3 }
+}
+
+fn result() -> JobResult {
+    JobResult::Capture(CaptureResult { photo: digest(1) })
+}
+
+fn trouble() -> JobError {
+    JobError { reason: "IO".to_owned(), message: "the disk sighed".to_owned(), retryable: true }
+}
+
+fn digest(n: u32) -> String {
+    format!("sha256-{n:064x}")
+}
+
+async fn submit(store: &Store, request_id: &str, now_ms: i64) -> String {
+    store.submit(&new_job(request_id, 1), now_ms, QUEUE_LIMIT).await.unwrap().0.id
+}
+
+fn dataset(id: &str) -> Dataset {
+    Dataset {
+        id: id.to_owned(),
+        display: "lab".to_owned(),
+        wavelength: WAVELENGTH,
+        distance: DISTANCE,
+        photo_encoding: Encoding::Linear,
+        pairs: Vec::new(),
+        pair_count: 0,
+        digest: None,
+        create_time_ms: 0,
+        finalize_time_ms: None,
+    }
+}
+
+fn pair(n: u32) -> Pair {
+    Pair { id: format!("p{n}"), phase: digest(2 * n), photo: digest(2 * n + 1), split: None }
+}
+
+fn key() -> KernelKey {
+    KernelKey { display: "lab".to_owned(), wavelength: WAVELENGTH, distance: DISTANCE }
+}
+
+fn new_version(n: u32) -> NewKernelVersion {
+    NewKernelVersion {
+        model: KernelModel::Display,
+        artifact: digest(n),
+        size_bytes: 7,
+        metrics: KernelMetrics { test_loss: 0.001, ..KernelMetrics::default() },
+        lineage: KernelLineage { seed: u64::MAX, ..KernelLineage::default() },
+    }
+}
+
+/// Records the artifacts 0 to `count` − 1.
+async fn record(store: &Store, count: u32) {
+    for n in 0..count {
+        store.record_artifact(&digest(n), 7, 1).await.unwrap();
+    }
+}
