@@ -9,6 +9,7 @@
 //! - [`kernel_file`]: learned displays as safetensors.
 //! - [`artifacts`]: content-addressed files and resumable uploads.
 //! - [`store`]: the durable queue and registry; the only place that knows the database.
+//! - [`worker`]: claims jobs and runs them.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 pub mod artifacts;
@@ -20,3 +21,4 @@ pub mod kernel_file;
 pub mod pictures;
 pub mod store;
 pub mod units;
+pub mod worker;

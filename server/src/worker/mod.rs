@@ -1,0 +1,256 @@
+//! Workers: they claim jobs, run them on the optics engine, and tell the store.
+//!
+//! ```text
+//!  async runtime                                    compute thread (one an attempt)
+//!  claim loop ── claim ──> attempt ── starts ─────> Task::run, inside a rayon pool of its own
+//!                            ├ heartbeats            │ once an iteration: JobContext::step
+//!                            ├ progress  <── watch ──┤   reports progress,
+//!                            ├ cancels   ── flag ──> │   stops on cancel, drain or a lost lease,
+//!                            ├ drain     ── flag ──> │   saves a checkpoint when one is due
+//!                            └ finish, fail, release <── outcome
+//! ```
+//!
+//! Heartbeats never wait for compute, and compute never runs on the runtime's threads.
+//!
+//! # Layout
+//!
+//! - `attempt`: one job from claim to end. `context`: what a task sees of the outside. `stop`: the shared flag.
+//! - `checkpoint`: the envelope of saved states. `backoff`: when to try again. `clock`.
+//! - `engine`: which function runs which kind of job.
+mod attempt;
+mod backoff;
+mod checkpoint;
+mod clock;
+mod context;
+mod stop;
+#[cfg(test)]
+mod tests;
+
+pub use backoff::Backoff;
+pub use context::{JobContext, TaskError, TaskOutput};
+pub use stop::StopReason;
+
+use crate::artifacts::{ArtifactError, Artifacts};
+use crate::job::Job;
+use crate::store::{Store, StoreError};
+use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
+use std::collections::HashSet;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::task::JoinSet;
+use tokio::time::{MissedTickBehavior, sleep};
+use tokio_util::sync::CancellationToken;
+
+/// How long a claim loop waits after the store failed it, and at most between two looks at the queue.
+const PAUSE: Duration = Duration::from_secs(1);
+const LOOK_INTERVAL_MAX: Duration = Duration::from_secs(60);
+
+/// What a job does. Runs on a compute thread, inside a rayon pool.
+pub trait Task: Send + Sync + 'static {
+    /// Does the job's work and returns what it gave. Calls [`JobContext::step`] once an iteration.
+    ///
+    /// # Errors
+    ///
+    /// [`TaskError::Stopped`] as soon as the context says so; [`TaskError::Failed`].
+    fn run(&self, job: &Job, context: &JobContext) -> Result<TaskOutput, TaskError>;
+}
+
+impl<F> Task for F
+where
+    F: Fn(&Job, &JobContext) -> Result<TaskOutput, TaskError> + Send + Sync + 'static,
+{
+    fn run(&self, job: &Job, context: &JobContext) -> Result<TaskOutput, TaskError> {
+        self(job, context)
+    }
+}
+
+/// How workers work.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WorkerConfig {
+    /// Jobs that run at once.
+    pub workers: usize,
+    /// Threads that one job computes on; 0: as many as there are cores.
+    pub compute_threads: usize,
+    /// A job whose worker was not heard of for this long goes to another.
+    pub lease: Duration,
+    /// Time between two checkpoints of a job.
+    pub checkpoint_interval: Duration,
+    /// When a failed attempt is repeated.
+    pub backoff: Backoff,
+    /// What the workers call themselves in a job's events.
+    pub name: String,
+}
+
+impl Default for WorkerConfig {
+    fn default() -> Self {
+        Self {
+            workers: 1,
+            compute_threads: 0,
+            lease: Duration::from_secs(30),
+            checkpoint_interval: Duration::from_secs(10),
+            backoff: Backoff::default(),
+            name: "worker".to_owned(),
+        }
+    }
+}
+
+/// Why the workers could not start.
+#[derive(Debug, thiserror::Error)]
+pub enum WorkerError {
+    /// The compute threads could not be started.
+    #[error("the compute threads could not be started")]
+    Threads(#[from] ThreadPoolBuildError),
+    /// The queue could not be put in order.
+    #[error("the queue could not be put in order")]
+    Store(#[from] StoreError),
+    /// Old checkpoints could not be removed.
+    #[error("old checkpoints could not be removed")]
+    Artifacts(#[from] ArtifactError),
+}
+
+/// Workers on one store and one folder of artifacts.
+pub struct Worker {
+    store: Store,
+    artifacts: Artifacts,
+    config: WorkerConfig,
+    task: Arc<dyn Task>,
+}
+
+impl std::fmt::Debug for Worker {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Worker").field("config", &self.config).finish_non_exhaustive()
+    }
+}
+
+impl Worker {
+    /// Workers that run `task`, for all kinds of jobs.
+    #[must_use]
+    pub fn new(store: Store, artifacts: Artifacts, config: WorkerConfig, task: Arc<dyn Task>) -> Self {
+        Self { store, artifacts, config, task }
+    }
+
+    /// Puts the queue in order after an earlier process, then works until `drain` is cancelled: running jobs then
+    /// save their state and go back to the queue, and this returns.
+    ///
+    /// Only for the one process that holds the data folder: jobs that are running when this starts are taken for
+    /// orphans.
+    ///
+    /// # Errors
+    ///
+    /// [`WorkerError`], before any job is claimed.
+    pub async fn run(self, drain: CancellationToken) -> Result<(), WorkerError> {
+        self.recover().await?;
+        let pools: Vec<ThreadPool> = (0..self.config.workers.max(1)).map(|_| self.pool()).collect::<Result<_, _>>()?;
+        let worker = Arc::new(self);
+        let mut loops = JoinSet::new();
+        for (index, pool) in pools.into_iter().enumerate() {
+            let (worker, drain) = (Arc::clone(&worker), drain.clone());
+            loops.spawn(async move { worker.claim_loop(index, Arc::new(pool), drain).await });
+        }
+        loops.spawn({
+            let (worker, drain) = (Arc::clone(&worker), drain.clone());
+            async move { worker.expire_loop(drain).await }
+        });
+        loops.join_all().await;
+        Ok(())
+    }
+
+    /// A pool for each claim loop: in a shared one, a thread that waits for its own job's pieces may pick up a whole
+    /// other job and not come back until that has ended.
+    fn pool(&self) -> Result<ThreadPool, ThreadPoolBuildError> {
+        ThreadPoolBuilder::new()
+            .num_threads(self.config.compute_threads)
+            .thread_name(|index| format!("compute-{index}"))
+            .build()
+    }
+
+    /// Takes jobs back from the dead and removes checkpoints that nobody will go on from.
+    async fn recover(&self) -> Result<(), WorkerError> {
+        loop {
+            let orphans = self.store.expire_all_leases(clock::now_ms()).await?;
+            if orphans.is_empty() {
+                break;
+            }
+            for job in orphans {
+                tracing::warn!(job = job.id, state = job.state.as_str(), "took the job back from a dead worker");
+            }
+        }
+        let live: HashSet<String> = self.store.live_checkpoints().await?.into_iter().collect();
+        for digest in self.artifacts.checkpoints().await? {
+            if !live.contains(&digest) {
+                self.artifacts.delete_checkpoint(&digest).await?;
+            }
+        }
+        Ok(())
+    }
+
+    async fn claim_loop(&self, index: usize, pool: Arc<ThreadPool>, drain: CancellationToken) {
+        let name = format!("{}-{index}", self.config.name);
+        let claimable = self.store.claimable();
+        while !drain.is_cancelled() {
+            match self.store.claim(clock::now_ms(), self.lease_ms(), &name).await {
+                Ok(Some((job, lease))) => {
+                    // There may be more where this came from: let an idle neighbour look.
+                    claimable.notify_one();
+                    self.attempt(job, lease, &pool, &drain).await;
+                }
+                Ok(None) => {
+                    let wait = self.until_next_job().await;
+                    tokio::select! {
+                        () = claimable.notified() => {}
+                        () = sleep(wait) => {}
+                        () = drain.cancelled() => {}
+                    }
+                }
+                Err(error) => {
+                    tracing::error!(error = &error as &dyn std::error::Error, "no job could be claimed");
+                    tokio::select! {
+                        () = sleep(PAUSE) => {}
+                        () = drain.cancelled() => {}
+                    }
+                }
+            }
+        }
+    }
+
+    /// Until a job that waits for its time is due.
+    async fn until_next_job(&self) -> Duration {
+        match self.store.next_run_time().await {
+            Ok(Some(due_ms)) => {
+                let wait_ms = due_ms.saturating_sub(clock::now_ms()).max(1).unsigned_abs();
+                Duration::from_millis(wait_ms).min(LOOK_INTERVAL_MAX)
+            }
+            Ok(None) => LOOK_INTERVAL_MAX,
+            Err(error) => {
+                tracing::error!(error = &error as &dyn std::error::Error, "the queue could not be read");
+                PAUSE
+            }
+        }
+    }
+
+    /// Takes jobs from workers that lost their leases without ending, for example while the disk was full.
+    async fn expire_loop(&self, drain: CancellationToken) {
+        let mut ticks = tokio::time::interval(self.config.lease / 2);
+        ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        loop {
+            tokio::select! {
+                _ = ticks.tick() => {}
+                () = drain.cancelled() => return,
+            }
+            match self.store.expire_leases(clock::now_ms()).await {
+                Ok(jobs) => {
+                    for job in jobs {
+                        tracing::warn!(job = job.id, state = job.state.as_str(), "the job's lease ran out");
+                    }
+                }
+                Err(error) => {
+                    tracing::error!(error = &error as &dyn std::error::Error, "leases could not be checked");
+                }
+            }
+        }
+    }
+
+    fn lease_ms(&self) -> i64 {
+        i64::try_from(self.config.lease.as_millis()).unwrap_or(i64::MAX / 2)
+    }
+}
