@@ -24,6 +24,7 @@
 //!   sees of its light; how that compares with a picture.
 //! - [`hologram`], [`learning`], [`optimizer`]: finding phases, and finding displays.
 //! - [`simulated_display`]: an imperfect bench to photograph holograms on.
+//! - [`test_cards`]: target pictures to try all of it on.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 pub mod carrier;
@@ -47,6 +48,7 @@ pub mod region;
 pub mod setup;
 pub mod simulated_display;
 mod slm;
+pub mod test_cards;
 pub mod transfer_function;
 
 pub use carrier::Carrier;

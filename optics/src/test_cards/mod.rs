@@ -1,0 +1,218 @@
+//! Generated target pictures: for demonstrations, tests and training sets that need no photographs.
+//!
+//! A card is a continuous picture, drawn by a seed, that is sampled several times in each pixel. Coordinates inside
+//! the cards are in halves of the shorter side: x to the right, y down, (0, 0) in the middle. Cards are composed in
+//! *tones* from 0 to 1, as the eye sees them, and rendered as linear light, tone^2.2, so that their grey levels are
+//! spread as those of photographs are.
+
+mod city;
+mod flower;
+mod glyphs;
+mod landscape;
+mod leaf;
+mod noise;
+mod planet;
+mod portrait;
+mod sea;
+mod sky;
+mod spheres;
+mod technical;
+mod vector;
+
+use crate::{Error, Plane, Result};
+use rayon::prelude::*;
+
+/// A kind of picture; the seed makes many of each.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum TestCard {
+    /// A head, lit from the side.
+    Portrait,
+    /// Mountains behind a lake.
+    Landscape,
+    /// A ringed planet among stars.
+    Planet,
+    /// A flower with many petals.
+    Flower,
+    /// Balls on a chequered floor.
+    Spheres,
+    /// Cumulus clouds.
+    Clouds,
+    /// A veined leaf.
+    Leaf,
+    /// A skyline at night.
+    City,
+    /// Waves under a low sun.
+    Sea,
+    /// Lines of letters, ever smaller.
+    EyeChart,
+    /// Grey steps, ramps and discs.
+    Wedges,
+    /// Groups of bars, ever finer.
+    ResolutionBars,
+    /// A star with spokes that meet in the middle.
+    SiemensStar,
+    /// Rings, finer towards the edge.
+    Rings,
+}
+
+/// A picture as a function: tone at (x, y).
+type Scene = Box<dyn Fn(f32, f32) -> f32 + Sync>;
+
+/// Where the picture ends, in halves of its shorter side.
+#[derive(Clone, Copy)]
+struct Frame {
+    half_width: f32,
+    half_height: f32,
+}
+
+impl TestCard {
+    /// Every card, photograph-like ones first.
+    pub const ALL: [Self; 14] = [
+        Self::Portrait,
+        Self::Landscape,
+        Self::Planet,
+        Self::Flower,
+        Self::Spheres,
+        Self::Clouds,
+        Self::Leaf,
+        Self::City,
+        Self::Sea,
+        Self::EyeChart,
+        Self::Wedges,
+        Self::ResolutionBars,
+        Self::SiemensStar,
+        Self::Rings,
+    ];
+
+    /// Shortest side [px]: smaller ones show nothing.
+    pub const SIDE_PX_MIN: usize = 32;
+
+    /// In lower case with hyphens, fit for a file name.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Portrait => "portrait",
+            Self::Landscape => "landscape",
+            Self::Planet => "planet",
+            Self::Flower => "flower",
+            Self::Spheres => "spheres",
+            Self::Clouds => "clouds",
+            Self::Leaf => "leaf",
+            Self::City => "city",
+            Self::Sea => "sea",
+            Self::EyeChart => "eye-chart",
+            Self::Wedges => "wedges",
+            Self::ResolutionBars => "resolution-bars",
+            Self::SiemensStar => "siemens-star",
+            Self::Rings => "rings",
+        }
+    }
+
+    /// The card as linear light in [0, 1]; the same seed gives the same picture, at any size.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::OutOfRange`] for a side below [`Self::SIDE_PX_MIN`].
+    ///
+    /// ```
+    /// use lightpath_optics::test_cards::TestCard;
+    /// let target_intensity = TestCard::Planet.render(96, 160, 7)?;
+    /// assert_eq!((target_intensity.height_px(), target_intensity.width_px()), (96, 160));
+    /// # Ok::<(), lightpath_optics::Error>(())
+    /// ```
+    pub fn render(self, height_px: usize, width_px: usize, seed: u64) -> Result<Plane<f32>> {
+        for (name, side_px) in [("height_px", height_px), ("width_px", width_px)] {
+            if side_px < Self::SIDE_PX_MIN {
+                return Err(Error::OutOfRange {
+                    name,
+                    value: side_px as f64,
+                    allowed: "at least 32 px for a test card",
+                });
+            }
+        }
+        let half_px = height_px.min(width_px) as f32 / 2.0;
+        let frame =
+            Frame { half_width: width_px as f32 / 2.0 / half_px, half_height: height_px as f32 / 2.0 / half_px };
+        let scene = self.scene(frame, seed);
+        let samples = samples_per_side(height_px.min(width_px));
+        let mut light = Plane::filled(height_px, width_px, 0.0_f32);
+        light.values_mut().par_chunks_mut(width_px).enumerate().for_each(|(y, row)| {
+            for (x, value) in row.iter_mut().enumerate() {
+                let tones = (0..samples * samples).map(|i| {
+                    let at = |pixel: usize, sample: usize| pixel as f32 + (sample as f32 + 0.5) / samples as f32;
+                    let x = at(x, i % samples) / half_px - frame.half_width;
+                    let y = at(y, i / samples) / half_px - frame.half_height;
+                    scene(x, y).clamp(0.0, 1.0).powf(2.2)
+                });
+                *value = tones.sum::<f32>() / (samples * samples) as f32;
+            }
+        });
+        Ok(light)
+    }
+
+    fn scene(self, frame: Frame, seed: u64) -> Scene {
+        match self {
+            Self::Portrait => portrait::portrait(seed),
+            Self::Landscape => landscape::landscape(seed),
+            Self::Planet => planet::planet(seed),
+            Self::Flower => flower::flower(seed),
+            Self::Spheres => spheres::spheres(seed),
+            Self::Clouds => sky::clouds(seed),
+            Self::Leaf => leaf::leaf(seed),
+            Self::City => city::city(seed),
+            Self::Sea => sea::sea(seed),
+            Self::EyeChart => glyphs::eye_chart(frame, seed),
+            Self::Wedges => technical::wedges(frame, seed),
+            Self::ResolutionBars => technical::resolution_bars(frame, seed),
+            Self::SiemensStar => technical::siemens_star(frame, seed),
+            Self::Rings => technical::rings(seed),
+        }
+    }
+}
+
+/// Small pictures need more samples to look smooth, and can afford them.
+fn samples_per_side(short_side_px: usize) -> usize {
+    match short_side_px {
+        0..=199 => 4,
+        200..=599 => 3,
+        _ => 2,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_card_is_a_picture_of_its_own_seed_at_any_size() {
+        for card in TestCard::ALL {
+            for (height_px, width_px) in [(32, 32), (45, 80), (61, 33)] {
+                let light = card.render(height_px, width_px, 1).unwrap();
+                assert_eq!(light, card.render(height_px, width_px, 1).unwrap(), "{}", card.name());
+                assert!(light.values().iter().all(|value| (0.0..=1.0).contains(value)), "{}", card.name());
+                assert_ne!(light, card.render(height_px, width_px, 2).unwrap(), "{}", card.name());
+            }
+        }
+    }
+
+    #[test]
+    fn grey_levels_are_broad_and_pictures_neither_dark_nor_glaring() {
+        for card in TestCard::ALL {
+            for seed in 0..4 {
+                let light = card.render(54, 96, seed).unwrap();
+                let mut values = light.values().to_vec();
+                values.sort_by(f32::total_cmp);
+                let mean = values.iter().sum::<f32>() / values.len() as f32;
+                let spread = values[values.len() * 95 / 100] - values[values.len() * 5 / 100];
+                assert!((0.04..0.7).contains(&mean), "{} {seed}: mean {mean}", card.name());
+                assert!(spread > 0.2, "{} {seed}: spread {spread}", card.name());
+            }
+        }
+    }
+
+    #[test]
+    fn a_side_that_shows_nothing_is_refused() {
+        let error = TestCard::Rings.render(31, 64, 1).unwrap_err();
+        assert_eq!(error.to_string(), "height_px is 31, but must be at least 32 px for a test card");
+    }
+}
