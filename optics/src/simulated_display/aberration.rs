@@ -33,13 +33,13 @@ struct Shape {
 
 /// Typical sizes at strength 1, in radians at the corner of the band.
 const SHAPES: [Shape; 8] = [
-    Shape { size_rad: 1.2, fold: 0, radial: |r| r * r },
-    Shape { size_rad: 3.0, fold: 2, radial: |r| r * r },
-    Shape { size_rad: 2.0, fold: 1, radial: |r| r.powi(3) - 0.3 * r },
-    Shape { size_rad: 1.2, fold: 3, radial: |r| r.powi(3) },
-    Shape { size_rad: 1.0, fold: 0, radial: |r| r.powi(4) },
-    Shape { size_rad: 0.3, fold: 2, radial: |r| 4.0 * r.powi(4) - 3.0 * r * r },
-    Shape { size_rad: 0.25, fold: 4, radial: |r| r.powi(4) },
+    Shape { size_rad: 0.8, fold: 0, radial: |r| r * r },
+    Shape { size_rad: 2.2, fold: 2, radial: |r| r * r },
+    Shape { size_rad: 1.5, fold: 1, radial: |r| r.powi(3) - 0.3 * r },
+    Shape { size_rad: 0.9, fold: 3, radial: |r| r.powi(3) },
+    Shape { size_rad: 0.7, fold: 0, radial: |r| r.powi(4) },
+    Shape { size_rad: 0.25, fold: 2, radial: |r| 4.0 * r.powi(4) - 3.0 * r * r },
+    Shape { size_rad: 0.2, fold: 4, radial: |r| r.powi(4) },
     Shape { size_rad: 0.15, fold: 1, radial: |r| 10.0 * r.powi(5) - 12.0 * r.powi(3) + 2.0 * r },
 ];
 
@@ -62,7 +62,7 @@ impl Aberration {
         let waves = SHAPES.map(|shape| (shape, draws.about(shape.size_rad), draws.angle())).to_vec();
         let (towards, size) = (draws.angle(), draws.about(0.25));
         let centre = (size * towards.cos(), size * towards.sin());
-        let aperture = Aperture { centre, radius: (draws.about(1.5), draws.about(1.3)) };
+        let aperture = Aperture { centre, radius: (draws.about(1.8), draws.about(1.6)) };
         let (towards, periods) = (draws.angle(), draws.about(1.4));
         let periods = (periods * towards.cos(), periods * towards.sin());
         let ripple = Ripple { size: draws.about(0.04), periods, phase_rad: draws.angle() };

@@ -16,7 +16,7 @@ pub(super) fn draw(grid: &Grid, seed: u64, strength: f64) -> Plane<f64> {
     let mut draws = Draws::new(seed, Stream::Illumination);
     let (towards, away) = (draws.angle(), draws.about(0.25));
     let centre = (away * towards.cos(), away * towards.sin());
-    let (turned, radius) = (draws.angle(), (draws.about(1.6), draws.about(1.3)));
+    let (turned, radius) = (draws.angle(), (draws.about(1.9), draws.about(1.6)));
     let (towards, periods) = (draws.angle(), draws.about(1.7));
     let (size, start) = (draws.about(0.03), draws.angle());
 

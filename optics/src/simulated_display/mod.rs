@@ -12,15 +12,15 @@
 mod aberration;
 mod camera;
 mod draws;
+mod exposure;
 mod illumination;
 mod modulator;
 mod pixel_light;
 
 use crate::carrier::Carrier;
 use crate::grid::frequency;
-use crate::reference::propagate;
 use crate::transfer_function::phasor;
-use crate::{Error, OpticalSetup, Plane, RegionOfInterest, Result};
+use crate::{Error, OpticalSetup, Plane, Result};
 use aberration::Aberration;
 use camera::Camera;
 use draws::{Draws, Stream};
@@ -63,8 +63,6 @@ impl SimulatedDisplay {
     pub const CAMERA_NOISE_MAX: f64 = 0.1;
     /// Largest shift [px]: more would be seen and put right by hand.
     pub const MISALIGNMENT_PX_MAX: f64 = 4.0;
-    /// Part of the camera's full scale that all but a thousandth of a speckled image stays below.
-    const EXPOSED_TO: f64 = 0.9;
 
     /// Draws a bench. The camera's exposure is set once, on a speckled image that fills the region of interest.
     ///
@@ -96,7 +94,7 @@ impl SimulatedDisplay {
             transfer_by_column: Plane::filled(0, 0, Complex64::ZERO),
         };
         display.transfer_by_column = display.sampled_transfer();
-        display.exposure = display.calibrated_exposure(seed);
+        display.exposure = exposure::calibrate(&setup, &display.source, &display.transfer_by_column, seed);
         Ok(display)
     }
 
@@ -192,30 +190,6 @@ impl SimulatedDisplay {
         });
         transfer
     }
-
-    /// Brings the brightest thousandth of a speckled image to [`Self::EXPOSED_TO`].
-    fn calibrated_exposure(&self, seed: u64) -> f64 {
-        let grid = self.setup.grid();
-        let region = RegionOfInterest::middle(&grid);
-        let inside = |y: usize, x: usize| region.columns(y).is_some_and(|columns| columns.contains(&x));
-        let mut draws = Draws::new(seed, Stream::Exposure);
-        let speckles = Plane::from_fn(grid.height_px(), grid.width_px(), |y, x| {
-            let speckle = Complex64::cis(draws.angle());
-            if inside(y, x) { speckle } else { Complex64::ZERO }
-        });
-        let hologram = propagate(&speckles, grid.pixel_pitch_m(), |fx, fy| self.setup.transfer(fx, fy).conj());
-        let field = Plane::from_fn(grid.height_px(), grid.width_px(), |y, x| {
-            self.source.at(y, x) * Complex64::cis(hologram.at(y, x).arg())
-        });
-        let light = pixel_light::pixel_light(&field, &self.transfer_by_column);
-        let mut values: Vec<f64> = (0..grid.height_px())
-            .flat_map(|y| region.columns(y).into_iter().flat_map(move |columns| columns.map(move |x| (y, x))))
-            .map(|(y, x)| light.at(y, x))
-            .collect();
-        let brightest = values.len() - 1 - values.len() / 1000;
-        let (_, &mut level, _) = values.select_nth_unstable_by(brightest, f64::total_cmp);
-        Self::EXPOSED_TO / level
-    }
 }
 
 impl std::fmt::Debug for SimulatedDisplay {
@@ -234,7 +208,7 @@ impl std::fmt::Debug for SimulatedDisplay {
 mod tests {
     use super::*;
     use crate::Grid;
-    use crate::reference::offset;
+    use crate::reference::{offset, propagate};
 
     fn drawn(strength: f64) -> SimulatedDisplay {
         let setup = OpticalSetup::try_new(Grid::try_new(36, 50, 8e-6).unwrap(), 515e-9, 0.02).unwrap();

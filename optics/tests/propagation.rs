@@ -1,0 +1,263 @@
+//! What every propagation engine must get right, whatever it is made of.
+//!
+//! To put an engine under these tests, add it to [`ENGINES`].
+#![allow(clippy::unwrap_used)]
+
+use lightpath_optics::reference::{
+    filter, gaussian_beam, propagate, propagate_uncropped, rayleigh_sommerfeld, square_aperture,
+};
+use lightpath_optics::transfer_function::angular_spectrum;
+use lightpath_optics::{Grid, OpticalSetup, Plane};
+use num_complex::Complex64;
+use std::f64::consts::TAU;
+
+const WAVELENGTH_M: f64 = 515e-9;
+const PITCH_M: f64 = 8e-6;
+
+/// H(fx, fy), frequencies in 1/m.
+type Transfer<'a> = &'a (dyn Fn(f64, f64) -> Complex64 + Sync);
+
+struct Engine {
+    name: &'static str,
+    /// The field, zero-padded twofold, convolved with the transfer function, cropped.
+    propagate: fn(&Grid, Transfer<'_>, &Plane<Complex64>) -> Plane<Complex64>,
+    /// Relative L2 error of the field that its number format explains.
+    rounding: f64,
+}
+
+const ENGINES: &[Engine] = &[Engine {
+    name: "f64 reference",
+    propagate: |grid, transfer, field| propagate(field, grid.pixel_pitch_m(), transfer),
+    rounding: 1e-12,
+}];
+
+impl Engine {
+    fn through(&self, setup: &OpticalSetup, field: &Plane<Complex64>) -> Plane<Complex64> {
+        (self.propagate)(&setup.grid(), &|fx, fy| setup.transfer(fx, fy), field)
+    }
+}
+
+#[test]
+fn engines_agree_with_the_reference() {
+    for engine in ENGINES {
+        for (height_px, width_px, distance_m) in [(64, 96, 0.01), (45, 81, -0.15), (50, 128, 0.5)] {
+            let (setup, field) = (setup(height_px, width_px, distance_m), noise(height_px, width_px, 1));
+            let expected = propagate(&field, PITCH_M, |fx, fy| setup.transfer(fx, fy));
+            let error = relative_l2(&engine.through(&setup, &field), &expected);
+            assert!(error <= engine.rounding, "{} {height_px}×{width_px} {distance_m} m: {error:e}", engine.name);
+        }
+    }
+}
+
+#[test]
+fn a_gaussian_beam_keeps_its_course_and_spreads_as_it_should() {
+    let waist_m = 0.286e-3;
+    for engine in ENGINES {
+        for (height_px, width_px) in [(270, 480), (271, 481), (301, 272)] {
+            for distance_m in [0.07, 0.15, 0.5, -0.15] {
+                let setup = setup(height_px, width_px, distance_m);
+                let centre = (height_px as f64 / 2.0 - 3.3, width_px as f64 / 2.0 + 2.6);
+                let beam = |z: f64| {
+                    Plane::from_fn(height_px, width_px, |y, x| {
+                        let (y, x) = ((y as f64 - centre.0) * PITCH_M, (x as f64 - centre.1) * PITCH_M);
+                        gaussian_beam(x, y, z, waist_m, WAVELENGTH_M)
+                    })
+                };
+                let seen = engine.through(&setup, &beam(0.0));
+                let label = format!("{} {height_px}×{width_px} {distance_m} m", engine.name);
+                let (found, waists) = centroid_and_waists(&seen);
+                assert!((found.0 - centre.0).abs() < 1e-3 && (found.1 - centre.1).abs() < 1e-3, "{label}: {found:?}");
+                let range_m = TAU / 2.0 * waist_m * waist_m / WAVELENGTH_M;
+                let expected = waist_m / PITCH_M * (1.0 + (distance_m / range_m).powi(2)).sqrt();
+                for waist in waists {
+                    assert!((waist / expected - 1.0).abs() < 1e-4, "{label}: waist {waist}, not {expected} px");
+                }
+                let error = relative_l2(&seen, &beam(distance_m));
+                assert!(error < 1e-5 + engine.rounding, "{label}: field off by {error:e}");
+            }
+        }
+    }
+}
+
+#[test]
+fn no_energy_is_lost_on_the_uncropped_plane() {
+    for (height_px, width_px) in [(270, 480), (61, 45)] {
+        let setup = setup(height_px, width_px, 0.01);
+        let (there, back) = (|fx, fy| setup.transfer(fx, fy), |fx, fy| setup.transfer(fx, fy).conj());
+        let field = noise(height_px, width_px, 2);
+        let seen = propagate_uncropped(&field, PITCH_M, there);
+        assert!((energy(&seen) / energy(&field) - 1.0).abs() < 1e-12);
+        let returned = cropped(&filter(&seen, PITCH_M, back), height_px, width_px);
+        assert!(relative_l2(&returned, &field) < 1e-12);
+    }
+}
+
+#[test]
+fn there_and_back_is_where_it_was() {
+    for engine in ENGINES {
+        let field = Plane::from_fn(160, 200, |y, x| {
+            let spot = |cy: f64, cx: f64| (-((y as f64 - cy).powi(2) + (x as f64 - cx).powi(2)) / 72.0).exp();
+            Complex64::new(spot(80.0, 90.0), -0.7 * spot(85.5, 110.0))
+        });
+        let seen = engine.through(&setup(160, 200, 0.01), &field);
+        let returned = engine.through(&setup(160, 200, -0.01), &seen);
+        let error = relative_l2(&returned, &field);
+        assert!(error < 10.0 * engine.rounding, "{}: {error:e}", engine.name);
+    }
+}
+
+#[test]
+fn the_conjugate_transfer_function_is_the_adjoint() {
+    for engine in ENGINES {
+        let setup = setup(48, 70, 0.15);
+        let (u, v) = (noise(48, 70, 3), noise(48, 70, 4));
+        let forwards = inner_product(&engine.through(&setup, &u), &v);
+        let adjoint = (engine.propagate)(&setup.grid(), &|fx, fy| setup.transfer(fx, fy).conj(), &v);
+        let backwards = inner_product(&u, &adjoint);
+        let scale = (energy(&u) * energy(&v)).sqrt();
+        assert!((forwards - backwards).norm() / scale < 1e-6_f64.min(engine.rounding), "{}", engine.name);
+    }
+}
+
+#[test]
+fn the_direct_diffraction_sum_says_the_same() {
+    for engine in ENGINES {
+        for (height_px, width_px, distance_m) in [(32, 32, 0.012), (32, 32, -0.012), (27, 34, 0.0095)] {
+            let setup = setup(height_px, width_px, distance_m);
+            assert!(distance_m.abs() > setup.critical_distance_x_m().max(setup.critical_distance_y_m()));
+            let field = half_band_spots(height_px, width_px);
+            let expected = rayleigh_sommerfeld(&setup, &field).unwrap();
+            let error = relative_l2(&engine.through(&setup, &field), &expected);
+            assert!(error < 1e-3, "{} {height_px}×{width_px} {distance_m} m: {error:e}", engine.name);
+        }
+    }
+}
+
+#[test]
+fn a_square_aperture_casts_fresnels_fringes() {
+    let (side_px, hole_px) = (512, 100);
+    for engine in ENGINES {
+        let setup = setup(side_px, side_px, 0.15);
+        let first = (side_px - hole_px) / 2;
+        let hole = first..first + hole_px;
+        let field = Plane::from_fn(side_px, side_px, |y, x| {
+            Complex64::from(if hole.contains(&y) && hole.contains(&x) { 1.0 } else { 0.0 })
+        });
+        // Samples of 1 stand for whole square pixels, not for points.
+        let transfer = |fx: f64, fy: f64| setup.transfer(fx, fy) * sinc(fx * PITCH_M) * sinc(fy * PITCH_M);
+        let seen = (engine.propagate)(&setup.grid(), &transfer, &field).map(|value| value.norm_sqr());
+        let middle = (side_px - 1) as f64 / 2.0;
+        let expected = Plane::from_fn(side_px, side_px, |y, x| {
+            let (y, x) = ((y as f64 - middle) * PITCH_M, (x as f64 - middle) * PITCH_M);
+            square_aperture(x, y, setup.distance_m(), hole_px as f64 * PITCH_M, WAVELENGTH_M).norm_sqr()
+        });
+        let worst = seen.values().iter().zip(expected.values()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(worst < 5e-3, "{}: intensity off by {worst:e}", engine.name);
+    }
+}
+
+#[test]
+fn a_grating_images_itself() {
+    let (height_px, width_px, period_px) = (480, 1024, 16);
+    let period_m = period_px as f64 * PITCH_M;
+    let talbot_m = 2.0 * period_m * period_m / WAVELENGTH_M;
+    let grating = |x: usize| 1.0 + 0.8 * (TAU * x as f64 / period_px as f64).cos();
+    let field = Plane::from_fn(height_px, width_px, |y, x| {
+        Complex64::from(flat_top(y, height_px) * flat_top(x, width_px) * grating(x))
+    });
+    for engine in ENGINES {
+        for (distance_m, moved_px) in [(talbot_m, 0), (talbot_m / 2.0, period_px / 2)] {
+            let seen = engine.through(&setup(height_px, width_px, distance_m), &field);
+            for x in width_px / 2 - 3 * period_px..width_px / 2 + 3 * period_px {
+                let (found, expected) = (seen.at(height_px / 2, x).norm_sqr(), grating(x + moved_px).powi(2));
+                assert!((found - expected).abs() < 1e-3, "{} {distance_m} m, x = {x}: {found}", engine.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_plane_wave_only_gains_its_phase() {
+    let side_px = 480;
+    for engine in ENGINES {
+        for (u, v, distance_m) in [(0, 0, 0.07), (5, -3, 0.07), (-12, 8, -0.03)] {
+            let (fx, fy) = [u, v].map(|bin: i32| f64::from(bin) / (2.0 * side_px as f64 * PITCH_M)).into();
+            let wave = |y: usize, x: usize| Complex64::cis(TAU * PITCH_M * (fx * x as f64 + fy * y as f64));
+            let field =
+                Plane::from_fn(side_px, side_px, |y, x| wave(y, x) * flat_top(y, side_px) * flat_top(x, side_px));
+            let seen = engine.through(&setup(side_px, side_px, distance_m), &field);
+            let gained = angular_spectrum(fx, fy, WAVELENGTH_M, distance_m);
+            for (y, x) in [(240, 240), (236, 244), (245, 233)] {
+                let error = (seen.at(y, x) - gained * wave(y, x)).norm();
+                assert!(error < 1e-5, "{} ({u}, {v}) {distance_m} m: {error:e}", engine.name);
+            }
+        }
+    }
+}
+
+fn setup(height_px: usize, width_px: usize, distance_m: f64) -> OpticalSetup {
+    OpticalSetup::try_new(Grid::try_new(height_px, width_px, PITCH_M).unwrap(), WAVELENGTH_M, distance_m).unwrap()
+}
+
+/// Values spread over the unit square, the same every time.
+fn noise(height_px: usize, width_px: usize, seed: u64) -> Plane<Complex64> {
+    let mut state = seed;
+    let mut next = move || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as f64 / f64::from(1u32 << 30) - 1.0
+    };
+    Plane::from_fn(height_px, width_px, |_, _| Complex64::new(next(), next()))
+}
+
+/// Smooth spots with a tilt: no frequency beyond half of the band, no light near the sides.
+fn half_band_spots(height_px: usize, width_px: usize) -> Plane<Complex64> {
+    let spots = [(0.5, 0.45, 1.0, 0.03), (0.42, 0.55, -0.6, -0.05), (0.55, 0.6, 0.5, 0.04)];
+    Plane::from_fn(height_px, width_px, |y, x| {
+        let spot = |(cy, cx, size, tilt): (f64, f64, f64, f64)| {
+            let (dy, dx) = (y as f64 - cy * height_px as f64, x as f64 - cx * width_px as f64);
+            Complex64::cis(TAU * tilt * (dx - dy)) * size * (-(dx * dx + dy * dy) / 16.0).exp()
+        };
+        spots.map(spot).into_iter().sum()
+    })
+}
+
+/// 1 over the middle third, falling smoothly (every derivative vanishes at both ends) to 0 at the sides.
+fn flat_top(pixel: usize, side_px: usize) -> f64 {
+    let middle = (side_px - 1) as f64 / 2.0;
+    let from_side = (1.0 - (pixel as f64 - middle).abs() / (side_px as f64 / 2.0)) * 1.5;
+    let bump = |t: f64| if t <= 0.0 { 0.0 } else { (-1.0 / t).exp() };
+    bump(from_side) / (bump(from_side) + bump(1.0 - from_side))
+}
+
+fn sinc(cycles: f64) -> f64 {
+    let half_turns = TAU / 2.0 * cycles;
+    if half_turns == 0.0 { 1.0 } else { half_turns.sin() / half_turns }
+}
+
+fn cropped(plane: &Plane<Complex64>, height_px: usize, width_px: usize) -> Plane<Complex64> {
+    Plane::from_fn(height_px, width_px, |y, x| plane.at(y, x))
+}
+
+fn energy(field: &Plane<Complex64>) -> f64 {
+    field.values().iter().map(|value| value.norm_sqr()).sum()
+}
+
+fn inner_product(a: &Plane<Complex64>, b: &Plane<Complex64>) -> Complex64 {
+    a.values().iter().zip(b.values()).map(|(a, b)| a * b.conj()).sum()
+}
+
+fn relative_l2(found: &Plane<Complex64>, expected: &Plane<Complex64>) -> f64 {
+    let error: f64 = found.values().iter().zip(expected.values()).map(|(a, b)| (a - b).norm_sqr()).sum();
+    (error / energy(expected)).sqrt()
+}
+
+/// Centre (y, x) and 1/e² radius along y and x of the intensity [px], from its moments.
+fn centroid_and_waists(field: &Plane<Complex64>) -> ((f64, f64), [f64; 2]) {
+    let mean = |of: &dyn Fn(f64, f64) -> f64| {
+        let pixels = (0..field.height_px()).flat_map(|y| (0..field.width_px()).map(move |x| (y, x)));
+        pixels.map(|(y, x)| field.at(y, x).norm_sqr() * of(y as f64, x as f64)).sum::<f64>() / energy(field)
+    };
+    let centre = (mean(&|y, _| y), mean(&|_, x| x));
+    let waists = [mean(&|y, _| (y - centre.0).powi(2)), mean(&|_, x| (x - centre.1).powi(2))];
+    (centre, waists.map(|variance| 2.0 * variance.sqrt()))
+}
