@@ -10,15 +10,23 @@
 //! - [`artifacts`]: content-addressed files and resumable uploads.
 //! - [`store`]: the durable queue and registry; the only place that knows the database.
 //! - [`worker`]: claims jobs and runs them.
+//! - `api`: the gRPC services. `http`: health, metrics and JSON. `connections`: both on one port.
+//! - [`config`], [`server`], [`metrics`]: settings, assembly, and what Prometheus is told.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+mod api;
 pub mod artifacts;
+pub mod config;
+mod connections;
 pub mod dataset;
 pub mod display;
+mod http;
 pub mod job;
 pub mod kernel;
 pub mod kernel_file;
+pub mod metrics;
 pub mod pictures;
+pub mod server;
 pub mod store;
 pub mod units;
 pub mod worker;

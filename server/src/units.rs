@@ -34,6 +34,13 @@ impl Wavelength {
     pub fn m(self) -> f64 {
         self.pm as f64 / 1e12
     }
+
+    /// The wavelength shown as `text`, `632.8nm`; exact, and within [`Self::MIN_M`] to [`Self::MAX_M`].
+    #[must_use]
+    pub fn parse(text: &str) -> Option<Self> {
+        let pm = read_thousandths(text, 1_000, "nm")?;
+        Self::from_m(pm as f64 / 1e12)
+    }
 }
 
 impl Distance {
@@ -54,6 +61,13 @@ impl Distance {
     #[must_use]
     pub fn m(self) -> f64 {
         self.nm as f64 / 1e9
+    }
+
+    /// The distance shown as `text`, `-12.5mm`; exact, within ±[`Self::MAX_M`] and not 0.
+    #[must_use]
+    pub fn parse(text: &str) -> Option<Self> {
+        let nm = read_thousandths(text, 1_000_000, "mm")?;
+        Self::from_m(nm as f64 / 1e9)
     }
 }
 
@@ -82,6 +96,22 @@ fn write_thousandths(f: &mut fmt::Formatter<'_>, value: i64, per_unit: i64, unit
     write!(f, "{sign}{whole}.{}{unit}", fraction.trim_end_matches('0'))
 }
 
+/// What [`write_thousandths`] wrote; `None` for anything else, such as digits below the resolution.
+fn read_thousandths(text: &str, per_unit: i64, unit: &str) -> Option<i64> {
+    /// Enough for every length here; more could overflow.
+    const WHOLE_DIGITS_MAX: usize = 9;
+    let number = text.strip_suffix(unit)?;
+    let (negative, number) = number.strip_prefix('-').map_or((false, number), |rest| (true, rest));
+    let (whole, fraction) = number.split_once('.').unwrap_or((number, ""));
+    let digits = per_unit.ilog10() as usize;
+    let all_digits = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
+    if !all_digits(whole) || !all_digits(fraction) || whole.len() > WHOLE_DIGITS_MAX || fraction.len() > digits {
+        return None;
+    }
+    let value = whole.parse::<i64>().ok()? * per_unit + format!("{fraction:0<digits$}").parse::<i64>().ok()?;
+    Some(if negative { -value } else { value })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -93,6 +123,19 @@ mod tests {
         assert_eq!(Distance::from_m(0.15).unwrap().to_string(), "150mm");
         assert_eq!(Distance::from_m(-0.0125).unwrap().to_string(), "-12.5mm");
         assert_eq!(Distance::from_m(1e-9).unwrap().to_string(), "0.000001mm");
+    }
+
+    #[test]
+    fn names_are_read_back_exactly() {
+        for pm in [200_000, 514_999, 515_000, 632_816, 2_000_000] {
+            assert_eq!(Wavelength::parse(&Wavelength { pm }.to_string()), Some(Wavelength { pm }));
+        }
+        for nm in [1, -1, 150_000_000, -12_500_000, 9_999_999_999, 10_000_000_000] {
+            assert_eq!(Distance::parse(&Distance { nm }.to_string()), Some(Distance { nm }));
+        }
+        for bad in ["", "mm", "1", "1 mm", "1.0000001mm", "+1mm", "--1mm", "0mm", "10001mm", "9999999999999999mm"] {
+            assert_eq!(Distance::parse(bad), None, "{bad}");
+        }
     }
 
     #[test]

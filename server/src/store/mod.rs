@@ -13,7 +13,7 @@
 //! # Layout
 //!
 //! - `open`: files, pragmas, migrations. `write`: write transactions. `changes`: announcements. `rows`: text and JSON.
-//! - `displays`, `artifacts`, `datasets`, `jobs`, `leases`, `cancels`, `events`, `kernels`, `moves`: a table or a
+//! - `displays`, `artifacts`, `datasets`, `jobs`, `leases`, `cancels`, `events`, `kernels`, `moves`, `totals`: a table or a
 //!   part of its life each, every one an `impl Store`.
 mod artifacts;
 mod cancels;
@@ -30,6 +30,7 @@ mod leases;
 mod moves;
 mod open;
 mod rows;
+mod totals;
 mod write;
 
 pub use artifacts::ArtifactRecord;
@@ -38,6 +39,7 @@ pub use error::StoreError;
 pub use jobs::{JobFilter, QueueCounts, Submitted};
 pub use leases::Heartbeat;
 pub use open::Store;
+pub use totals::QueueDepth;
 
 /// Most rows that one call returns, whatever limit it names: a page of the largest list fits well into a message.
 pub const LIMIT_MAX: u32 = 1001;

@@ -1,0 +1,50 @@
+//! The display service.
+
+use super::field::Field;
+use super::pages::Page;
+use super::time::now_ms;
+use super::{Api, displays, names, required};
+use lightpath_proto::v1;
+use lightpath_proto::v1::display_service_server::DisplayService;
+use tonic::{Request, Response, Status};
+
+#[tonic::async_trait]
+impl DisplayService for Api {
+    async fn create_display(
+        &self,
+        request: Request<v1::CreateDisplayRequest>,
+    ) -> Result<Response<v1::Display>, Status> {
+        let field = Field::new("display");
+        let message = required(&field, request.into_inner().display)?;
+        let display = displays::from_wire(message, &field)?;
+        let (display, create_time_ms) = self.store.create_display(&display, now_ms()).await?;
+        Ok(Response::new(displays::to_wire(display, create_time_ms)))
+    }
+
+    async fn get_display(&self, request: Request<v1::GetDisplayRequest>) -> Result<Response<v1::Display>, Status> {
+        let id = names::display_id(&Field::new("name"), &request.into_inner().name)?;
+        let (display, create_time_ms) = self.store.display(&id).await?;
+        Ok(Response::new(displays::to_wire(display, create_time_ms)))
+    }
+
+    async fn list_displays(
+        &self,
+        request: Request<v1::ListDisplaysRequest>,
+    ) -> Result<Response<v1::ListDisplaysResponse>, Status> {
+        let request = request.into_inner();
+        let page = Page::new(&["displays"], request.page_size, &request.page_token)?;
+        let displays = self.store.displays(page.after.as_deref(), page.limit()).await?;
+        let to_wire = |(display, time_ms)| displays::to_wire(display, time_ms);
+        let (displays, next_page_token) = page.fill(displays, |(display, _)| display.id.clone(), to_wire);
+        Ok(Response::new(v1::ListDisplaysResponse { displays, next_page_token }))
+    }
+
+    async fn delete_display(
+        &self,
+        request: Request<v1::DeleteDisplayRequest>,
+    ) -> Result<Response<v1::DeleteDisplayResponse>, Status> {
+        let id = names::display_id(&Field::new("name"), &request.into_inner().name)?;
+        self.store.delete_display(&id).await?;
+        Ok(Response::new(v1::DeleteDisplayResponse {}))
+    }
+}

@@ -1,0 +1,66 @@
+//! Importing kernels from files.
+
+use super::Api;
+use super::error::ApiError;
+use super::field::Field;
+use super::time::now_ms;
+use crate::display::Display;
+use crate::kernel::{KernelKey, KernelLineage, KernelMetrics, KernelVersion, NewKernelVersion};
+use crate::kernel_file;
+use crate::units::{Distance, Wavelength};
+use lightpath_optics::OpticalSetup;
+use lightpath_proto::v1;
+
+impl Api {
+    /// Stores an uploaded kernel file as the next version, if it was learned for just this.
+    pub(super) async fn import(&self, request: v1::ImportKernelRequest) -> Result<KernelVersion, ApiError> {
+        let display = self.display_named(&Field::new("display"), &request.display).await?;
+        let wavelength = Field::new("wavelength_m").wavelength_of(request.wavelength_m, &display)?;
+        let distance = Field::new("distance_m").distance(request.distance_m)?;
+        let field = Field::new("artifact");
+        let digest = field.digest(&request.artifact)?;
+        let Some(record) = self.store.artifact(&digest).await? else {
+            return Err(field.missing(format!("artifact {digest}"), "upload it first"));
+        };
+        let bytes = self.artifacts.read_all(&digest).await?;
+        let decoded = tokio::task::spawn_blocking(move || kernel_file::decode(&bytes)).await.map_err(ApiError::Task)?;
+        let (learned, model) = decoded.map_err(|error| field.invalid(format!("({digest}): {error}")))?;
+        let key = KernelKey { display: display.id.clone(), wavelength, distance };
+        expect_setup(&field, &learned.setup, &display, &key)?;
+        let lineage = KernelLineage {
+            parameters_json: "{}".to_owned(),
+            code_version: env!("CARGO_PKG_VERSION").to_owned(),
+            ..KernelLineage::default()
+        };
+        let size_bytes = record.size_bytes;
+        // Nothing was measured here: an import has no held-out pairs.
+        let metrics = KernelMetrics::default();
+        let version = NewKernelVersion { model, artifact: digest, size_bytes, metrics, lineage };
+        Ok(self.store.add_kernel_version(&key, version, now_ms()).await?)
+    }
+}
+
+fn expect_setup(field: &Field, setup: &OpticalSetup, display: &Display, key: &KernelKey) -> Result<(), ApiError> {
+    let grid = setup.grid();
+    let is_size = (grid.width_px(), grid.height_px()) == (display.width_px as usize, display.height_px as usize);
+    // Both were written as decimal numbers once; they may differ in their last bits.
+    let is_pitch = (grid.pixel_pitch_m() / display.pixel_pitch_m - 1.0).abs() < 1e-9;
+    let is_wavelength = Wavelength::from_m(setup.wavelength_m()) == Some(key.wavelength);
+    let is_distance = Distance::from_m(setup.distance_m()) == Some(key.distance);
+    if is_size && is_pitch && is_wavelength && is_distance {
+        return Ok(());
+    }
+    Err(field.invalid(format!(
+        "is a kernel for {}×{} px of {:e} m at {:e} m and {} m, but must be one for {}×{} px of {:e} m at {} and {}",
+        grid.width_px(),
+        grid.height_px(),
+        grid.pixel_pitch_m(),
+        setup.wavelength_m(),
+        setup.distance_m(),
+        display.width_px,
+        display.height_px,
+        display.pixel_pitch_m,
+        key.wavelength,
+        key.distance,
+    )))
+}

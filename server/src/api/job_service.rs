@@ -1,0 +1,117 @@
+//! The job service.
+
+use super::error::ApiError;
+use super::field::Field;
+use super::pages::Page;
+use super::time::{now_ms, timestamp};
+use super::watch::{self, Watch};
+use super::{Api, jobs, names};
+use crate::job::Job;
+use crate::store::JobFilter;
+use futures::stream::BoxStream;
+use lightpath_proto::v1;
+use lightpath_proto::v1::job_service_server::JobService;
+use tonic::{Request, Response, Status};
+
+#[tonic::async_trait]
+impl JobService for Api {
+    async fn submit_job(&self, request: Request<v1::SubmitJobRequest>) -> Result<Response<v1::Job>, Status> {
+        let new = self.new_job(request.into_inner()).await?;
+        let (job, _) = self.store.submit(&new, now_ms(), self.queue_limit).await?;
+        Ok(Response::new(jobs::to_wire(job)))
+    }
+
+    async fn get_job(&self, request: Request<v1::GetJobRequest>) -> Result<Response<v1::Job>, Status> {
+        Ok(Response::new(self.job(&request.into_inner().name).await?))
+    }
+
+    async fn list_jobs(&self, request: Request<v1::ListJobsRequest>) -> Result<Response<v1::ListJobsResponse>, Status> {
+        Ok(Response::new(self.jobs(request.into_inner()).await?))
+    }
+
+    type WatchJobStream = BoxStream<'static, Result<v1::Job, Status>>;
+
+    async fn watch_job(&self, request: Request<v1::WatchJobRequest>) -> Result<Response<Self::WatchJobStream>, Status> {
+        let id = names::job_id(&Field::new("name"), &request.into_inner().name)?;
+        let permit = self.watcher()?;
+        // Subscribed before the first read, so that no change falls in between.
+        let changes = self.store.subscribe_job_changes();
+        let first = self.store.job(&id).await?;
+        let source = JobSource { store: self.store.clone(), id };
+        Ok(Response::new(watch::stream(source, first, changes, self.stopping.clone(), permit)))
+    }
+
+    async fn cancel_job(&self, request: Request<v1::CancelJobRequest>) -> Result<Response<v1::Job>, Status> {
+        let id = names::job_id(&Field::new("name"), &request.into_inner().name)?;
+        Ok(Response::new(jobs::to_wire(self.store.cancel(&id, now_ms()).await?)))
+    }
+
+    async fn retry_job(&self, request: Request<v1::RetryJobRequest>) -> Result<Response<v1::Job>, Status> {
+        let id = names::job_id(&Field::new("name"), &request.into_inner().name)?;
+        Ok(Response::new(jobs::to_wire(self.store.retry(&id, now_ms()).await?)))
+    }
+
+    async fn list_job_events(
+        &self,
+        request: Request<v1::ListJobEventsRequest>,
+    ) -> Result<Response<v1::ListJobEventsResponse>, Status> {
+        let request = request.into_inner();
+        let id = names::job_id(&Field::new("name"), &request.name)?;
+        let page = Page::new(&["events", &id], request.page_size, &request.page_token)?;
+        let events = self.store.events(&id, page.after_number()?, page.limit()).await?;
+        let to_wire = |event: crate::job::JobEvent| v1::JobEvent {
+            time: Some(timestamp(event.time_ms)),
+            attempt: event.attempt,
+            message: event.message,
+        };
+        let (events, next_page_token) = page.fill(events, |event| event.sequence.to_string(), to_wire);
+        Ok(Response::new(v1::ListJobEventsResponse { events, next_page_token }))
+    }
+}
+
+impl Api {
+    /// The job called `name`, as clients see it.
+    pub(crate) async fn job(&self, name: &str) -> Result<v1::Job, ApiError> {
+        let id = names::job_id(&Field::new("name"), name)?;
+        Ok(jobs::to_wire(self.store.job(&id).await?))
+    }
+
+    /// A page of jobs, as clients see them.
+    pub(crate) async fn jobs(&self, request: v1::ListJobsRequest) -> Result<v1::ListJobsResponse, ApiError> {
+        let state = Field::new("state").known(request.state, jobs::state_from_wire)?;
+        let display = names::display_filter(&Field::new("display"), &request.display)?;
+        let list = ["jobs", &request.state.to_string(), &request.display];
+        let page = Page::new(&list, request.page_size, &request.page_token)?;
+        let filter = JobFilter { state, display };
+        let jobs = self.store.jobs(&filter, page.after.as_deref(), page.limit()).await?;
+        let (jobs, next_page_token) = page.fill(jobs, |job| job.id.clone(), jobs::to_wire);
+        Ok(v1::ListJobsResponse { jobs, next_page_token })
+    }
+}
+
+struct JobSource {
+    store: crate::store::Store,
+    id: String,
+}
+
+impl Watch for JobSource {
+    type Item = Job;
+    type Change = String;
+    type Message = v1::Job;
+
+    async fn read(&self) -> Result<Job, ApiError> {
+        Ok(self.store.job(&self.id).await?)
+    }
+
+    fn concerns(&self, change: &String) -> bool {
+        *change == self.id
+    }
+
+    fn is_last(&self, job: &Job) -> bool {
+        job.state.has_ended()
+    }
+
+    fn message(&self, job: &Job) -> v1::Job {
+        jobs::to_wire(job.clone())
+    }
+}

@@ -1,0 +1,173 @@
+//! The kernel service.
+
+use super::artifact_service::chunks;
+use super::error::ApiError;
+use super::field::Field;
+use super::pages::Page;
+use super::time::now_ms;
+use super::watch::{self, Watch};
+use super::{Api, kernels, names};
+use crate::kernel::{Kernel, KernelKey, KernelVersion};
+use crate::store::Store;
+use futures::stream::{self, BoxStream, StreamExt as _};
+use lightpath_proto::v1;
+use lightpath_proto::v1::fetch_kernel_response::Part;
+use lightpath_proto::v1::kernel_service_server::KernelService;
+use tonic::{Request, Response, Status};
+
+/// Longest reason of a move [bytes]: a paragraph.
+const REASON_BYTES_MAX: usize = 1024;
+
+#[tonic::async_trait]
+impl KernelService for Api {
+    async fn get_kernel(&self, request: Request<v1::GetKernelRequest>) -> Result<Response<v1::Kernel>, Status> {
+        let key = names::kernel_key(&Field::new("name"), &request.into_inner().name)?;
+        Ok(Response::new(kernels::to_wire(&self.store.kernel(&key).await?)))
+    }
+
+    async fn list_kernels(
+        &self,
+        request: Request<v1::ListKernelsRequest>,
+    ) -> Result<Response<v1::ListKernelsResponse>, Status> {
+        let request = request.into_inner();
+        let display = names::display_filter(&Field::new("display"), &request.display)?;
+        let page = Page::new(&["kernels", &request.display], request.page_size, &request.page_token)?;
+        let kernels = self.store.kernels(display.as_deref(), page.after.as_deref(), page.limit()).await?;
+        let to_wire = |kernel| kernels::to_wire(&kernel);
+        let (kernels, next_page_token) = page.fill(kernels, |kernel| kernel.key.to_string(), to_wire);
+        Ok(Response::new(v1::ListKernelsResponse { kernels, next_page_token }))
+    }
+
+    async fn get_kernel_version(
+        &self,
+        request: Request<v1::GetKernelVersionRequest>,
+    ) -> Result<Response<v1::KernelVersion>, Status> {
+        let (key, version) = names::kernel_version(&Field::new("name"), &request.into_inner().name)?;
+        Ok(Response::new(kernels::version_to_wire(self.store.kernel_version(&key, version).await?)))
+    }
+
+    async fn list_kernel_versions(
+        &self,
+        request: Request<v1::ListKernelVersionsRequest>,
+    ) -> Result<Response<v1::ListKernelVersionsResponse>, Status> {
+        let request = request.into_inner();
+        let key = names::kernel_key(&Field::new("kernel"), &request.kernel)?;
+        let page = Page::new(&["versions", &request.kernel], request.page_size, &request.page_token)?;
+        let versions = self.store.kernel_versions(&key, page.after_number()?, page.limit()).await?;
+        let key = |version: &KernelVersion| version.version.to_string();
+        let (versions, next_page_token) = page.fill(versions, key, kernels::version_to_wire);
+        Ok(Response::new(v1::ListKernelVersionsResponse { versions, next_page_token }))
+    }
+
+    type FetchKernelStream = BoxStream<'static, Result<v1::FetchKernelResponse, Status>>;
+
+    async fn fetch_kernel(
+        &self,
+        request: Request<v1::FetchKernelRequest>,
+    ) -> Result<Response<Self::FetchKernelStream>, Status> {
+        let request = request.into_inner();
+        let key = names::kernel_key(&Field::new("kernel"), &request.kernel)?;
+        let number = match request.version {
+            0 => self.require_active(&key).await?,
+            number => number,
+        };
+        let version = self.store.kernel_version(&key, number).await?;
+        // Opened, and its hash checked, before the first message: what is damaged fails whole.
+        let reader = self.artifacts.read(&version.content.artifact, 0, 0).await?;
+        let first = v1::FetchKernelResponse { part: Some(Part::Version(kernels::version_to_wire(version))) };
+        let rest =
+            chunks(reader).map(|chunk| chunk.map(|chunk| v1::FetchKernelResponse { part: Some(Part::Chunk(chunk)) }));
+        Ok(Response::new(stream::iter([Ok(first)]).chain(rest).boxed()))
+    }
+
+    type WatchKernelStream = BoxStream<'static, Result<v1::Kernel, Status>>;
+
+    async fn watch_kernel(
+        &self,
+        request: Request<v1::WatchKernelRequest>,
+    ) -> Result<Response<Self::WatchKernelStream>, Status> {
+        let key = names::kernel_key(&Field::new("name"), &request.into_inner().name)?;
+        let permit = self.watcher()?;
+        // Subscribed before the first read, so that no change falls in between.
+        let changes = self.store.subscribe_kernel_changes();
+        let first = self.store.kernel(&key).await?;
+        let source = KernelSource { store: self.store.clone(), key };
+        Ok(Response::new(watch::stream(source, first, changes, self.stopping.clone(), permit)))
+    }
+
+    async fn promote_kernel(&self, request: Request<v1::PromoteKernelRequest>) -> Result<Response<v1::Kernel>, Status> {
+        let request = request.into_inner();
+        let key = names::kernel_key(&Field::new("kernel"), &request.kernel)?;
+        let version = Field::new("version").integer(request.version, 1..=u32::MAX)?;
+        let reason = Field::new("reason").text(request.reason, REASON_BYTES_MAX)?;
+        let expected = request.expected_active_version.map(|version| (version > 0).then_some(version));
+        let kernel = self.store.promote(&key, version, expected, &reason, now_ms()).await?;
+        Ok(Response::new(kernels::to_wire(&kernel)))
+    }
+
+    async fn rollback_kernel(
+        &self,
+        request: Request<v1::RollbackKernelRequest>,
+    ) -> Result<Response<v1::Kernel>, Status> {
+        let request = request.into_inner();
+        let key = names::kernel_key(&Field::new("kernel"), &request.kernel)?;
+        let reason = Field::new("reason").text(request.reason, REASON_BYTES_MAX)?;
+        Ok(Response::new(kernels::to_wire(&self.store.rollback(&key, &reason, now_ms()).await?)))
+    }
+
+    async fn list_kernel_moves(
+        &self,
+        request: Request<v1::ListKernelMovesRequest>,
+    ) -> Result<Response<v1::ListKernelMovesResponse>, Status> {
+        let request = request.into_inner();
+        let key = names::kernel_key(&Field::new("kernel"), &request.kernel)?;
+        let page = Page::new(&["moves", &request.kernel], request.page_size, &request.page_token)?;
+        let moves = self.store.kernel_moves(&key, page.after_number()?, page.limit()).await?;
+        let (moves, next_page_token) = page.fill(moves, |moved| moved.sequence.to_string(), kernels::move_to_wire);
+        Ok(Response::new(v1::ListKernelMovesResponse { moves, next_page_token }))
+    }
+
+    async fn import_kernel(
+        &self,
+        request: Request<v1::ImportKernelRequest>,
+    ) -> Result<Response<v1::KernelVersion>, Status> {
+        let version = self.import(request.into_inner()).await?;
+        Ok(Response::new(kernels::version_to_wire(version)))
+    }
+}
+
+impl Api {
+    async fn require_active(&self, key: &KernelKey) -> Result<u32, ApiError> {
+        self.store.kernel(key).await?.active_version.ok_or_else(|| {
+            let message = format!("no version of {key} is active; promote one first, or name a version");
+            ApiError::Precondition { reason: "NO_ACTIVE_KERNEL", message }
+        })
+    }
+}
+
+struct KernelSource {
+    store: Store,
+    key: KernelKey,
+}
+
+impl Watch for KernelSource {
+    type Item = Kernel;
+    type Change = KernelKey;
+    type Message = v1::Kernel;
+
+    async fn read(&self) -> Result<Kernel, ApiError> {
+        Ok(self.store.kernel(&self.key).await?)
+    }
+
+    fn concerns(&self, change: &KernelKey) -> bool {
+        *change == self.key
+    }
+
+    fn is_last(&self, _: &Kernel) -> bool {
+        false
+    }
+
+    fn message(&self, kernel: &Kernel) -> v1::Kernel {
+        kernels::to_wire(kernel)
+    }
+}

@@ -1,0 +1,124 @@
+//! The gRPC services: what comes in is checked and turned into domain types, what goes out is turned into messages.
+//!
+//! # Layout
+//!
+//! - `field`, `names`, `pages`: checking fields, resource names and pages. `submit`, `kernel_choice`, `pictures`:
+//!   checking submitted jobs.
+//! - `displays`, `datasets`, `jobs`, `kernels`, `encodings`, `time`: messages from and to domain types.
+//! - `*_service`: one gRPC service each. `watch`: streams that follow something.
+//! - `error`, `status`: why a request is refused, and the one map to gRPC statuses.
+
+mod artifact_service;
+mod dataset_service;
+mod datasets;
+mod display_service;
+mod displays;
+mod encodings;
+mod error;
+mod field;
+mod import;
+mod job_service;
+mod jobs;
+mod kernel_choice;
+mod kernel_service;
+mod kernels;
+mod names;
+mod pages;
+mod pictures;
+mod status;
+mod submit;
+mod time;
+mod watch;
+
+pub(crate) use error::ApiError;
+
+use crate::artifacts::Artifacts;
+use crate::store::Store;
+use field::Field;
+use lightpath_proto::v1::artifact_service_server::ArtifactServiceServer;
+use lightpath_proto::v1::dataset_service_server::DatasetServiceServer;
+use lightpath_proto::v1::display_service_server::DisplayServiceServer;
+use lightpath_proto::v1::job_service_server::JobServiceServer;
+use lightpath_proto::v1::kernel_service_server::KernelServiceServer;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio_util::sync::CancellationToken;
+use tonic::service::Routes;
+use tonic_health::server::HealthReporter;
+
+/// Largest message that clients may send [bytes]: a chunk of an upload, twice over.
+const MESSAGE_BYTES_MAX: usize = 4 << 20;
+/// Streams that may follow jobs and kernels at once, all clients together: each costs a little memory and a read
+/// at every change.
+const WATCHERS_MAX: usize = 1000;
+/// Pictures that are decoded at once for checking: one may take 1 GiB.
+const DECODERS_MAX: usize = 2;
+
+/// What all services share; cheap to clone.
+#[derive(Clone, Debug)]
+pub(crate) struct Api {
+    store: Store,
+    artifacts: Artifacts,
+    queue_limit: u32,
+    decoders: Arc<Semaphore>,
+    watchers: Arc<Semaphore>,
+    stopping: CancellationToken,
+}
+
+impl Api {
+    /// `stopping` ends the streams when the server stops.
+    pub(crate) fn new(store: Store, artifacts: Artifacts, queue_limit: u32, stopping: CancellationToken) -> Self {
+        let decoders = Arc::new(Semaphore::new(DECODERS_MAX));
+        let watchers = Arc::new(Semaphore::new(WATCHERS_MAX));
+        Self { store, artifacts, queue_limit, decoders, watchers, stopping }
+    }
+
+    /// All services, with health and reflection, and the means to say that the server stops.
+    pub(crate) fn routes(self) -> Result<(Routes, HealthReporter), tonic_reflection::server::Error> {
+        let (health, health_service) = tonic_health::server::health_reporter();
+        let reflection = || {
+            tonic_reflection::server::Builder::configure()
+                .register_encoded_file_descriptor_set(lightpath_proto::DESCRIPTORS)
+                .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
+        };
+        let limit = MESSAGE_BYTES_MAX;
+        let routes = Routes::default()
+            .add_service(DisplayServiceServer::new(self.clone()).max_decoding_message_size(limit))
+            .add_service(DatasetServiceServer::new(self.clone()).max_decoding_message_size(limit))
+            .add_service(JobServiceServer::new(self.clone()).max_decoding_message_size(limit))
+            .add_service(KernelServiceServer::new(self.clone()).max_decoding_message_size(limit))
+            .add_service(ArtifactServiceServer::new(self).max_decoding_message_size(limit))
+            .add_service(health_service)
+            .add_service(reflection().build_v1()?)
+            .add_service(reflection().build_v1alpha()?);
+        Ok((routes, health))
+    }
+
+    /// Whether requests can be answered: the server is not stopping, and its database answers.
+    pub(crate) async fn is_serving(&self) -> Result<(), ApiError> {
+        if self.stopping.is_cancelled() {
+            return Err(ApiError::Stopping);
+        }
+        self.store.queue_counts().await?;
+        Ok(())
+    }
+
+    /// Where everything is kept.
+    pub(crate) fn store(&self) -> &Store {
+        &self.store
+    }
+
+    fn watcher(&self) -> Result<OwnedSemaphorePermit, ApiError> {
+        Arc::clone(&self.watchers).try_acquire_owned().map_err(|_| ApiError::Exhausted {
+            reason: "TOO_MANY_WATCHERS",
+            message: format!("{WATCHERS_MAX} streams follow jobs and kernels already; end one, or try again later"),
+            retry_after: Duration::from_secs(5),
+        })
+    }
+}
+
+/// A field of message type must be set.
+fn required<T>(field: &Field, value: Option<T>) -> Result<T, ApiError> {
+    value.ok_or_else(|| field.invalid("is not set, but is required"))
+}

@@ -1,0 +1,97 @@
+//! Checking pictures while their sender still listens.
+
+use super::Api;
+use super::error::ApiError;
+use super::field::Field;
+use crate::dataset::Encoding;
+use crate::display::Display;
+use crate::job::{OptimizeHologram, Region};
+use crate::pictures::{self, PictureError};
+use lightpath_optics::Plane;
+use std::sync::Arc;
+
+impl Api {
+    /// A target must be a picture with some light where it counts.
+    pub(super) async fn check_target(
+        &self,
+        field: &Field,
+        spec: &OptimizeHologram,
+        display: &Display,
+    ) -> Result<(), ApiError> {
+        let (height_px, width_px) = size_of(display);
+        let (encoding, fit, region) = (spec.target_encoding, spec.target_fit, spec.region_of_interest);
+        let decode = move |bytes: &[u8]| {
+            let target = pictures::target_intensity(bytes, encoding, fit, height_px, width_px)?;
+            Ok(has_light(&target, region))
+        };
+        if self.decoded(field, &spec.target, decode).await? {
+            return Ok(());
+        }
+        let problem = format!(
+            "({}): the picture is black everywhere in the region of interest, but must have light",
+            spec.target
+        );
+        Err(field.invalid(problem))
+    }
+
+    /// A hologram must be levels of the display, in its size.
+    pub(super) async fn check_levels(&self, field: &Field, digest: &str, display: &Display) -> Result<(), ApiError> {
+        let (height_px, width_px) = size_of(display);
+        let bit_depth = display.bit_depth;
+        let decode = move |bytes: &[u8]| pictures::levels(bytes, bit_depth, height_px, width_px).map(drop);
+        self.decoded(field, digest, decode).await
+    }
+
+    /// A photograph must have one camera pixel for each pixel of the display.
+    pub(super) async fn check_photo(
+        &self,
+        field: &Field,
+        digest: &str,
+        encoding: Encoding,
+        display: &Display,
+    ) -> Result<(), ApiError> {
+        let (height_px, width_px) = size_of(display);
+        let decode = move |bytes: &[u8]| {
+            let photo = pictures::photograph(bytes, encoding)?;
+            if (photo.height_px(), photo.width_px()) == (height_px, width_px) {
+                return Ok(());
+            }
+            Err(PictureError::WrongSize {
+                width_px: width_px as u32,
+                height_px: height_px as u32,
+                actual_width_px: photo.width_px() as u32,
+                actual_height_px: photo.height_px() as u32,
+            })
+        };
+        self.decoded(field, digest, decode).await
+    }
+
+    /// What `decode` makes of an artifact, on a thread that may block, few at a time.
+    async fn decoded<T: Send + 'static>(
+        &self,
+        field: &Field,
+        digest: &str,
+        decode: impl FnOnce(&[u8]) -> Result<T, PictureError> + Send + 'static,
+    ) -> Result<T, ApiError> {
+        let Some(record) = self.store.artifact(digest).await? else {
+            return Err(field.missing(format!("artifact {digest}"), "upload it first"));
+        };
+        if record.size_bytes > pictures::FILE_BYTES_MAX as u64 {
+            let error = PictureError::FileTooLarge { bytes: record.size_bytes as usize };
+            return Err(field.invalid(format!("({digest}): {error}")));
+        }
+        let _permit = Arc::clone(&self.decoders).acquire_owned().await.map_err(|_| ApiError::Stopping)?;
+        let bytes = self.artifacts.read_all(digest).await?;
+        let decoded = tokio::task::spawn_blocking(move || decode(&bytes)).await.map_err(ApiError::Task)?;
+        decoded.map_err(|error| field.invalid(format!("({digest}): {error}")))
+    }
+}
+
+fn size_of(display: &Display) -> (usize, usize) {
+    (display.height_px as usize, display.width_px as usize)
+}
+
+fn has_light(target: &Plane<f32>, region: Region) -> bool {
+    let rows = region.y_px as usize..(region.y_px + region.height_px) as usize;
+    rows.into_iter().any(|y| target.row(y)[region.x_px as usize..][..region.width_px as usize].iter().any(|&v| v > 0.0))
+}

@@ -1,0 +1,233 @@
+//! From a submitted request to a job: every field checked, every default filled in, every name found.
+
+use super::encodings::{detector, encoding, model, region};
+use super::error::ApiError;
+use super::field::Field;
+use super::{Api, names, required};
+use crate::dataset::{Dataset, Encoding};
+use crate::display::Display;
+use crate::job::{Detector, EvaluateKernel, Fit, Job, JobSpec, LearnKernel, NewJob, OptimizeHologram, SimulateCapture};
+use crate::kernel::{KernelKey, KernelModel};
+use crate::store::StoreError;
+use lightpath_proto::v1::{self, job_spec, optimize_hologram};
+use std::f64::consts::TAU;
+use uuid::Uuid;
+
+/// Longest request id [bytes]: room for a UUID and a few words.
+const REQUEST_ID_BYTES_MAX: usize = 128;
+/// Beyond this, a failure is not a matter of chance.
+const ATTEMPTS_MAX: u32 = 20;
+const ATTEMPTS_DEFAULT: u32 = 3;
+const PRIORITY_MAX: i32 = 100;
+/// Fifty times what a good hologram takes; bounds how long one job can hold a worker.
+const ITERATIONS_MAX: u32 = 10_000;
+const ITERATIONS_DEFAULT: u32 = 200;
+/// Beyond this an optimizer's step only throws its parameters about.
+const LEARNING_RATE_MAX: f64 = 10.0;
+/// Adam's step for holograms, the paper's [rad].
+const LEARNING_RATE_DEFAULT: f64 = 0.1;
+/// Initial phases within one radian speckle little.
+const INITIAL_PHASE_RANGE_DEFAULT_RAD: f64 = 1.0;
+/// Thirty times the paper's.
+const EPOCHS_MAX: u32 = 1000;
+const REFINEMENT_EVALUATIONS_MAX: u32 = 10_000;
+/// Polynomials beyond this are no smooth errors any more.
+const ORDER_MAX: u32 = 12;
+const ORDER_DEFAULT: u32 = 5;
+
+impl Api {
+    /// The job that a request asks for. What it names is found, and its pictures are decoded once, so that what can be
+    /// known to be wrong is refused now and not by a worker an hour later.
+    pub(super) async fn new_job(&self, request: v1::SubmitJobRequest) -> Result<NewJob, ApiError> {
+        let field = Field::new("spec");
+        let kind = request.spec.and_then(|spec| spec.kind);
+        let attempts_max =
+            Field::new("attempts_max").integer_or(request.attempts_max, ATTEMPTS_DEFAULT, 1..=ATTEMPTS_MAX)?;
+        let priority = Field::new("priority").integer(request.priority, -PRIORITY_MAX..=PRIORITY_MAX)?;
+        let request_id = request_id(request.request_id)?;
+        let before = self.store.job_by_request(&request_id).await?;
+        let spec = match required(&field, kind)? {
+            job_spec::Kind::OptimizeHologram(message) => {
+                let field = field.at("optimize_hologram");
+                JobSpec::OptimizeHologram(self.optimize(message, &field, before.as_ref()).await?)
+            }
+            job_spec::Kind::LearnKernel(message) => {
+                JobSpec::LearnKernel(self.learn(message, &field.at("learn_kernel")).await?)
+            }
+            job_spec::Kind::SimulateCapture(message) => {
+                JobSpec::SimulateCapture(self.simulate(message, &field.at("simulate_capture")).await?)
+            }
+            job_spec::Kind::EvaluateKernel(message) => {
+                let field = field.at("evaluate_kernel");
+                JobSpec::EvaluateKernel(self.evaluate(message, &field, before.as_ref()).await?)
+            }
+        };
+        Ok(NewJob { spec, request_id, priority, attempts_max })
+    }
+
+    async fn optimize(
+        &self,
+        message: v1::OptimizeHologram,
+        field: &Field,
+        before: Option<&Job>,
+    ) -> Result<OptimizeHologram, ApiError> {
+        let at = |name| field.at(name);
+        let display = self.display_named(&at("display"), &message.display).await?;
+        let wavelength = at("wavelength_m").wavelength_of(message.wavelength_m, &display)?;
+        let distance = at("distance_m").distance(message.distance_m)?;
+        at("method").known(message.method, |value| match optimize_hologram::Method::try_from(value).ok()? {
+            optimize_hologram::Method::Unspecified | optimize_hologram::Method::Adam => Some(()),
+        })?;
+        let range_rad = message.initial_phase_range_rad.unwrap_or(INITIAL_PHASE_RANGE_DEFAULT_RAD);
+        let mut spec = OptimizeHologram {
+            wavelength,
+            distance,
+            target: at("target").digest(&message.target)?,
+            target_encoding: encoding(&at("target_encoding"), message.target_encoding, Encoding::Srgb)?,
+            target_fit: at("target_fit").known(message.target_fit, fit)?,
+            kernel_version: None,
+            detector: detector(&at("detector"), message.detector)?,
+            iterations: at("iterations").integer_or(message.iterations, ITERATIONS_DEFAULT, 1..=ITERATIONS_MAX)?,
+            learning_rate: learning_rate(&at("learning_rate"), message.learning_rate)?.unwrap_or(LEARNING_RATE_DEFAULT),
+            seed: message.seed,
+            initial_phase_range_rad: phase_range(&at("initial_phase_range_rad"), range_rad)?,
+            region_of_interest: region(&at("region_of_interest"), message.region_of_interest, &display)?,
+            display: display.id.clone(),
+        };
+        let key = KernelKey { display: display.id.clone(), wavelength, distance };
+        spec.kernel_version = self.kernel_version_for(&at("kernel"), &message.kernel, &key, before, false).await?;
+        self.check_target(&at("target"), &spec, &display).await?;
+        Ok(spec)
+    }
+
+    async fn learn(&self, message: v1::LearnKernel, field: &Field) -> Result<LearnKernel, ApiError> {
+        let at = |name| field.at(name);
+        let (dataset, display) = self.finalized_dataset(&at("dataset"), &message.dataset).await?;
+        let model = model(&at("model"), message.model)?;
+        let refinement = message.refinement_evaluations;
+        let refined = match model {
+            KernelModel::Smooth | KernelModel::Display => true,
+            KernelModel::Paper | KernelModel::Dense => false,
+        };
+        if !refined && refinement.is_some_and(|evaluations| evaluations > 0) {
+            return Err(at("refinement_evaluations").invalid("is given, but only the models smooth and display refine"));
+        }
+        let detector = detector(&at("detector"), message.detector)?;
+        if detector == Detector::Supersampled {
+            return Err(at("detector").invalid("is supersampled, but a camera's pixels measure either point or pixel"));
+        }
+        let epochs = at("epochs").integer(message.epochs, 0..=EPOCHS_MAX)?;
+        let evaluations = at("refinement_evaluations");
+        Ok(LearnKernel {
+            model,
+            epochs: (epochs > 0).then_some(epochs),
+            refinement_evaluations: refinement
+                .map(|given| evaluations.integer(given, 0..=REFINEMENT_EVALUATIONS_MAX))
+                .transpose()?,
+            learning_rate: learning_rate(&at("learning_rate"), message.learning_rate)?,
+            seed: message.seed,
+            order: at("order").integer_or(message.order, ORDER_DEFAULT, 1..=ORDER_MAX)?,
+            detector,
+            region_of_interest: region(&at("region_of_interest"), message.region_of_interest, &display)?,
+            display: display.id,
+            dataset: dataset.id,
+        })
+    }
+
+    async fn simulate(&self, message: v1::SimulateCapture, field: &Field) -> Result<SimulateCapture, ApiError> {
+        let at = |name| field.at(name);
+        let display = self.display_named(&at("display"), &message.display).await?;
+        if display.simulated_bench.is_none() {
+            let fix = "but only a display that was created with a simulated_bench can be photographed by the server";
+            let message = format!("{}: displays/{} has no simulated bench, {fix}", at("display"), display.id);
+            return Err(ApiError::Precondition { reason: "NOT_SIMULATED", message });
+        }
+        let spec = SimulateCapture {
+            wavelength: at("wavelength_m").wavelength_of(message.wavelength_m, &display)?,
+            distance: at("distance_m").distance(message.distance_m)?,
+            phase: at("phase").digest(&message.phase)?,
+            seed: message.seed,
+            display: display.id.clone(),
+        };
+        self.check_levels(&at("phase"), &spec.phase, &display).await?;
+        Ok(spec)
+    }
+
+    async fn evaluate(
+        &self,
+        message: v1::EvaluateKernel,
+        field: &Field,
+        before: Option<&Job>,
+    ) -> Result<EvaluateKernel, ApiError> {
+        let at = |name| field.at(name);
+        let (dataset, display) = self.finalized_dataset(&at("dataset"), &message.dataset).await?;
+        let region_of_interest = region(&at("region_of_interest"), message.region_of_interest, &display)?;
+        let key = KernelKey { display: display.id, wavelength: dataset.wavelength, distance: dataset.distance };
+        let kernel_version = self.kernel_version_for(&at("kernel"), &message.kernel, &key, before, true).await?;
+        Ok(EvaluateKernel { dataset: dataset.id, display: key.display, kernel_version, region_of_interest })
+    }
+
+    /// A dataset that can be learned from, and its display.
+    async fn finalized_dataset(&self, field: &Field, name: &str) -> Result<(Dataset, Display), ApiError> {
+        let id = names::dataset_id(field, name)?;
+        let dataset = self.dataset_named(field, &id).await?;
+        if dataset.digest.is_none() {
+            let (reason, fix) = match dataset.pair_count {
+                0 => ("DATASET_EMPTY", "is empty; add pairs and finalize it first"),
+                _ => ("DATASET_OPEN", "still takes pairs; finalize it first"),
+            };
+            return Err(ApiError::Precondition { reason, message: format!("{field}: datasets/{id} {fix}") });
+        }
+        let (display, _) = self.store.display(&dataset.display).await?;
+        Ok((dataset, display))
+    }
+
+    /// The display that a field names.
+    pub(super) async fn display_named(&self, field: &Field, name: &str) -> Result<Display, ApiError> {
+        let id = names::display_id(field, name)?;
+        match self.store.display(&id).await {
+            Err(StoreError::NotFound { what }) => Err(field.missing(what, "create it first")),
+            other => Ok(other?.0),
+        }
+    }
+}
+
+fn request_id(given: String) -> Result<String, ApiError> {
+    let field = Field::new("request_id");
+    if given.is_empty() {
+        return Ok(Uuid::now_v7().to_string());
+    }
+    if given.chars().any(char::is_control) {
+        return Err(field.invalid("holds control characters, but must be plain text"));
+    }
+    field.text(given, REQUEST_ID_BYTES_MAX)
+}
+
+fn fit(value: i32) -> Option<Fit> {
+    match optimize_hologram::Fit::try_from(value).ok()? {
+        optimize_hologram::Fit::Unspecified | optimize_hologram::Fit::Contain => Some(Fit::Contain),
+        optimize_hologram::Fit::Cover => Some(Fit::Cover),
+        optimize_hologram::Fit::Stretch => Some(Fit::Stretch),
+        optimize_hologram::Fit::Exact => Some(Fit::Exact),
+    }
+}
+
+/// `None` for 0, the default.
+fn learning_rate(field: &Field, value: f64) -> Result<Option<f64>, ApiError> {
+    if value == 0.0 {
+        return Ok(None);
+    }
+    if value > 0.0 && value <= LEARNING_RATE_MAX {
+        return Ok(Some(value));
+    }
+    Err(field.invalid(format!("is {value}, but must be above 0 and at most {LEARNING_RATE_MAX}, or 0 for the default")))
+}
+
+fn phase_range(field: &Field, value: f64) -> Result<f64, ApiError> {
+    /// 2π, as people and other programs round it.
+    const ROUNDING: f64 = 1e-6;
+    if (0.0..=TAU + ROUNDING).contains(&value) {
+        return Ok(value.min(TAU));
+    }
+    Err(field.invalid(format!("is {value}, but must be 0 to 2π rad")))
+}

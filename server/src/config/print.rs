@@ -1,0 +1,55 @@
+//! The settings in effect, as a file that sets them.
+
+use super::{Config, Effective, LogFormat};
+use std::fmt;
+use std::time::Duration;
+use toml::Value;
+
+/// TOML that a configuration file can hold, each line with what it means and where it came from.
+impl fmt::Display for Effective {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (key, value, meaning) in settings(&self.config) {
+            let origin = self.origins.iter().find(|(name, _)| *name == key);
+            let origin = origin.map(|(_, origin)| origin.to_string()).unwrap_or_default();
+            writeln!(f, "# {meaning} ({origin})\n{key} = {value}")?;
+        }
+        Ok(())
+    }
+}
+
+fn settings(config: &Config) -> [(&'static str, Value, &'static str); 10] {
+    let count = |value: usize| Value::Integer(i64::try_from(value).unwrap_or(i64::MAX));
+    let seconds = |value: Duration| Value::Float(value.as_secs_f64());
+    let log_format = match config.log_format {
+        LogFormat::Text => "text",
+        LogFormat::Json => "json",
+    };
+    [
+        ("data_dir", Value::from(config.data_dir.display().to_string()), "folder of database and artifacts"),
+        ("listen", Value::from(config.listen.to_string()), "address and port of gRPC and HTTP"),
+        ("workers", count(config.workers as usize), "jobs that run at once"),
+        ("compute_threads", count(config.compute_threads), "threads that one job computes on"),
+        ("lease_s", seconds(config.lease), "a worker silent for this long loses its job [s]"),
+        ("checkpoint_interval_s", seconds(config.checkpoint_interval), "how often a running job saves its state [s]"),
+        ("queue_limit", count(config.queue_limit as usize), "jobs that may wait"),
+        ("drain_deadline_s", seconds(config.drain_deadline), "time to end jobs and requests when stopping [s]"),
+        ("log_format", Value::from(log_format), "text or json"),
+        ("log_level", Value::from(config.log_level.as_str()), "what is logged"),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Settings;
+    use super::*;
+
+    #[test]
+    fn what_is_printed_sets_the_same() {
+        let given = Settings { workers: Some(4), log_format: Some(LogFormat::Json), ..Settings::default() };
+        let effective = Effective::merge(given, None, Settings::default()).unwrap();
+        let text = effective.to_string();
+        assert!(text.contains("# jobs that run at once (flag)\nworkers = 4\n"), "{text}");
+        let again = Effective::merge(Settings::default(), None, toml::from_str(&text).unwrap()).unwrap();
+        assert_eq!(again.config, effective.config);
+    }
+}

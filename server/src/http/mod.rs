@@ -1,0 +1,58 @@
+//! Plain HTTP beside gRPC: health, metrics, and jobs as protobuf's JSON of the same messages.
+//!
+//! # Layout
+//!
+//! - `jobs`: `/v1/jobs`. `refusal`: errors as JSON. `requests`: deadlines and counting, for gRPC too.
+
+mod jobs;
+mod refusal;
+mod requests;
+
+use crate::api::Api;
+use crate::metrics;
+use axum::Router;
+use axum::extract::{Request, State};
+use axum::http::{StatusCode, header};
+use axum::middleware;
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+use refusal::Refusal;
+use tonic::Status;
+
+/// gRPC and HTTP on one router.
+pub(crate) fn router(api: Api, grpc: tonic::service::Routes) -> Router {
+    let http = Router::new()
+        .route("/healthz", get(health))
+        .route("/metrics", get(metrics))
+        .route("/v1/jobs", get(jobs::list))
+        .route("/v1/jobs/{id}", get(jobs::one))
+        .fallback(unknown)
+        .with_state(api);
+    // Both have a fallback, and only one can stay.
+    let grpc = grpc.into_axum_router().reset_fallback();
+    http.merge(grpc).layer(middleware::from_fn(requests::watched))
+}
+
+async fn health(State(api): State<Api>) -> Response {
+    match api.is_serving().await {
+        Ok(()) => (StatusCode::OK, "serving\n").into_response(),
+        Err(error) => (StatusCode::SERVICE_UNAVAILABLE, format!("{}\n", Status::from(error).message())).into_response(),
+    }
+}
+
+async fn metrics(State(api): State<Api>) -> Result<Response, Refusal> {
+    /// The text format's own content type.
+    const TEXT_FORMAT: &str = "text/plain; version=0.0.4; charset=utf-8";
+    let text = metrics::render(api.store()).await.map_err(Status::from)?;
+    Ok(([(header::CONTENT_TYPE, TEXT_FORMAT)], text).into_response())
+}
+
+/// Clients of either protocol get an answer in their own.
+async fn unknown(request: Request) -> Response {
+    let content_type = request.headers().get(header::CONTENT_TYPE).map(|value| value.as_bytes());
+    let path = request.uri().path();
+    if content_type.is_some_and(|it| it.starts_with(b"application/grpc")) {
+        return Status::unimplemented(format!("there is no method {path}")).into_http();
+    }
+    Refusal::from(Status::not_found(format!("there is nothing at {path}"))).into_response()
+}

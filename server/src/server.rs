@@ -1,0 +1,121 @@
+//! The server, assembled: store, artifacts, workers, gRPC and HTTP.
+
+use crate::api::Api;
+use crate::artifacts::{ArtifactError, Artifacts};
+use crate::config::Config;
+use crate::connections;
+use crate::http;
+use crate::metrics;
+use crate::store::{Store, StoreError};
+use tokio::net::TcpListener;
+use tokio::task::{JoinError, JoinHandle};
+use tokio::time::timeout;
+use tokio_util::sync::CancellationToken;
+use tonic_health::ServingStatus;
+use tonic_health::server::HealthReporter;
+
+/// Name of the database in the data folder.
+const DATABASE: &str = "lightpath.db";
+
+/// Why the server could not start or go on.
+#[derive(Debug, thiserror::Error)]
+pub enum ServeError {
+    /// The data folder cannot be used, for example because another server works in it.
+    #[error(transparent)]
+    Artifacts(#[from] ArtifactError),
+    /// The database cannot be used.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The workers cannot start.
+    #[error(transparent)]
+    Worker(#[from] std::io::Error),
+    /// The workers panicked.
+    #[error("the workers failed")]
+    Panic(#[from] JoinError),
+    /// The API's descriptors cannot be read.
+    #[error("the API's descriptors cannot be read")]
+    Reflection(#[from] tonic_reflection::server::Error),
+}
+
+/// Serves on `listener` until `shutdown` is done, then drains: no new connections, health says NOT_SERVING, streams
+/// end with UNAVAILABLE, running jobs save their state and go back to the queue. Returns after that, at most
+/// `config.drain_deadline` later.
+///
+/// # Errors
+///
+/// [`ServeError`] when the server cannot start; nothing is half done then.
+pub async fn run(
+    listener: TcpListener,
+    config: Config,
+    shutdown: impl Future<Output = ()> + Send,
+) -> Result<(), ServeError> {
+    metrics::install();
+    let data_dir = config.data_dir.clone();
+    let artifacts = tokio::task::spawn_blocking(move || Artifacts::open(&data_dir)).await??;
+    let store = Store::open(&config.data_dir.join(DATABASE)).await?;
+    let stopping = CancellationToken::new();
+    let api = Api::new(store.clone(), artifacts.clone(), config.queue_limit, stopping.clone());
+    let (grpc, health) = api.clone().routes()?;
+    set_health(&health, ServingStatus::Serving).await;
+    let mut workers = start_workers(store, artifacts, &config, stopping.clone());
+    let connections = {
+        let app = http::router(api, grpc);
+        let (stop, drained) = (stopping.clone(), stopping.clone());
+        let deadline = config.drain_deadline;
+        tokio::spawn(connections::serve(listener, app, stop, async move { drained.cancelled().await }, deadline))
+    };
+
+    let early = tokio::select! {
+        () = shutdown => None,
+        // Workers end only when told to, unless they could not start.
+        ended = &mut workers => Some(ended),
+    };
+    tracing::info!("stopping: running jobs save their state and go back to the queue");
+    set_health(&health, ServingStatus::NotServing).await;
+    stopping.cancel();
+    let workers_ended = match early {
+        Some(ended) => ended,
+        None => match timeout(config.drain_deadline, &mut workers).await {
+            Ok(ended) => ended,
+            Err(_) => {
+                tracing::warn!("some jobs did not stop in time; their leases run out, and they start again");
+                workers.abort();
+                Ok(Ok(()))
+            }
+        },
+    };
+    connections.await?;
+    workers_ended??;
+    tracing::info!("stopped");
+    Ok(())
+}
+
+fn start_workers(
+    _store: Store,
+    _artifacts: Artifacts,
+    _config: &Config,
+    stopping: CancellationToken,
+) -> JoinHandle<Result<(), std::io::Error>> {
+    tokio::spawn(async move {
+        stopping.cancelled().await;
+        Ok(())
+    })
+}
+
+async fn set_health(health: &HealthReporter, status: ServingStatus) {
+    use lightpath_proto::v1::{
+        artifact_service_server, dataset_service_server, display_service_server, job_service_server,
+        kernel_service_server,
+    };
+    // The empty name is the server as a whole.
+    for service in [
+        "",
+        artifact_service_server::SERVICE_NAME,
+        dataset_service_server::SERVICE_NAME,
+        display_service_server::SERVICE_NAME,
+        job_service_server::SERVICE_NAME,
+        kernel_service_server::SERVICE_NAME,
+    ] {
+        health.set_service_status(service, status).await;
+    }
+}

@@ -1,0 +1,60 @@
+//! Totals for metrics.
+
+use super::rows::from_word;
+use super::{Store, StoreError};
+use crate::job::JobState;
+
+/// How many jobs of one kind are in one state.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct QueueDepth {
+    /// As in a job's stored specification, for example `optimize_hologram`.
+    pub kind: String,
+    /// Queued or running.
+    pub state: JobState,
+    /// Number of jobs.
+    pub jobs: u64,
+}
+
+/// Every kind of job, so that an empty queue shows as 0 and not as nothing.
+const KINDS: [&str; 4] = ["optimize_hologram", "learn_kernel", "simulate_capture", "evaluate_kernel"];
+
+impl Store {
+    /// Jobs that wait or run, for every kind.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn queue_depths(&self) -> Result<Vec<QueueDepth>, StoreError> {
+        let rows: Vec<(String, String, i64)> = sqlx::query_as(
+            "select json_extract(spec, '$.kind'), state, count(*) from job \
+             where state in ('queued', 'running') group by 1, 2",
+        )
+        .fetch_all(self.readers())
+        .await?;
+        let mut depths = Vec::new();
+        for kind in KINDS {
+            for state in [JobState::Queued, JobState::Running] {
+                depths.push(QueueDepth { kind: kind.to_owned(), state, jobs: 0 });
+            }
+        }
+        for (kind, state, count) in rows {
+            let state: JobState = from_word("job.state", state)?;
+            if let Some(depth) = depths.iter_mut().find(|depth| depth.kind == kind && depth.state == state) {
+                depth.jobs = count.unsigned_abs();
+            }
+        }
+        Ok(depths)
+    }
+
+    /// Number and bytes of all artifacts.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn artifact_totals(&self) -> Result<(u64, u64), StoreError> {
+        let (count, bytes): (i64, i64) = sqlx::query_as("select count(*), coalesce(sum(size_bytes), 0) from artifact")
+            .fetch_one(self.readers())
+            .await?;
+        Ok((count.unsigned_abs(), bytes.unsigned_abs()))
+    }
+}

@@ -1,0 +1,197 @@
+//! Jobs: what is wrong is refused with the field and the fix; what changes is seen.
+
+use crate::serving::{Serving, expect};
+use lightpath_proto::v1::dataset_service_client::DatasetServiceClient;
+use lightpath_proto::v1::kernel_service_client::KernelServiceClient;
+use lightpath_proto::v1::{self, job_spec};
+use lightpath_server::artifacts::digest_of;
+use lightpath_server::pictures;
+use tonic::{Code, Status};
+
+fn picture() -> Vec<u8> {
+    let plane = lightpath_optics::Plane::from_fn(40, 30, |y, x| (y + x) as f32 / 70.0);
+    pictures::grey_png_srgb(&plane).unwrap()
+}
+
+fn optimize(target: &str) -> v1::OptimizeHologram {
+    v1::OptimizeHologram {
+        display: "displays/lab".into(),
+        distance_m: 0.05,
+        target: target.to_owned(),
+        iterations: 10_000,
+        ..Default::default()
+    }
+}
+
+async fn submit(serving: &Serving, kind: job_spec::Kind, request_id: &str) -> Result<v1::Job, Status> {
+    let spec = Some(v1::JobSpec { kind: Some(kind) });
+    let request = v1::SubmitJobRequest { spec, request_id: request_id.to_owned(), ..Default::default() };
+    Ok(serving.jobs().submit_job(request).await?.into_inner())
+}
+
+/// A job of `displays/lab` that takes long enough to be seen at work.
+pub(crate) async fn submit_long(serving: &Serving) -> v1::Job {
+    serving.display("lab").await;
+    let target = serving.upload(&picture()).await;
+    submit(serving, job_spec::Kind::OptimizeHologram(optimize(&target)), "").await.unwrap()
+}
+
+#[tokio::test]
+async fn defaults_are_filled_in_and_repeats_are_harmless() {
+    let serving = Serving::start().await;
+    serving.display("lab").await;
+    let target = serving.upload(&picture()).await;
+    let kind = || job_spec::Kind::OptimizeHologram(optimize(&target));
+    let job = submit(&serving, kind(), "mine-1").await.unwrap();
+    let Some(job_spec::Kind::OptimizeHologram(spec)) = job.spec.clone().unwrap().kind else { panic!("{job:?}") };
+    assert_eq!((spec.kernel.as_str(), spec.wavelength_m, spec.learning_rate), ("ideal", 515e-9, 0.1));
+    assert_eq!(spec.region_of_interest, Some(v1::RegionOfInterest { x_px: 6, y_px: 5, width_px: 52, height_px: 38 }));
+    assert_eq!((job.attempts_max, job.request_id.as_str()), (3, "mine-1"));
+    assert_eq!(submit(&serving, kind(), "mine-1").await.unwrap().name, job.name);
+    let other = job_spec::Kind::OptimizeHologram(v1::OptimizeHologram { seed: 1, ..optimize(&target) });
+    expect(submit(&serving, other, "mine-1").await, Code::AlreadyExists, "");
+}
+
+#[tokio::test]
+async fn bad_requests_name_the_field_and_the_fix() {
+    let serving = Serving::start().await;
+    serving.display("lab").await;
+    let whole = picture();
+    let target = serving.upload(&whole).await;
+    let truncated = serving.upload(&whole[..whole.len() / 2]).await;
+    let text = serving.upload(b"this is no picture").await;
+    let black = pictures::grey_png_srgb(&lightpath_optics::Plane::filled(48, 64, 0.0)).unwrap();
+    let black = serving.upload(&black).await;
+    let dot = pictures::grey_png_srgb(&lightpath_optics::Plane::filled(1, 1, 1.0)).unwrap();
+    let dot = serving.upload(&dot).await;
+    let missing = digest_of(b"missing");
+    type Spec = v1::OptimizeHologram;
+    let cases: Vec<(Box<dyn Fn(&mut Spec)>, Code, &str)> = vec![
+        (Box::new(|s| s.distance_m = f64::NAN), Code::InvalidArgument, "distance_m is NaN, but must be within ±10 m"),
+        (Box::new(|s| s.distance_m = 0.0), Code::InvalidArgument, "distance_m is 0"),
+        (Box::new(|s| s.display = "displays/none".into()), Code::NotFound, "display: displays/none does not exist"),
+        (Box::new(|s| s.display = "none".into()), Code::InvalidArgument, "display is \"none\""),
+        (
+            Box::new(|s| s.wavelength_m = 639e-9),
+            Code::InvalidArgument,
+            "wavelength_m is 639nm, but must be one of 515nm",
+        ),
+        (Box::new(|s| s.target = missing.clone()), Code::NotFound, "target: artifact sha256-"),
+        (Box::new(|s| s.target.clear()), Code::InvalidArgument, "target is empty"),
+        (Box::new(|s| s.target = truncated.clone()), Code::InvalidArgument, "target (sha256-"),
+        (Box::new(|s| s.target = text.clone()), Code::InvalidArgument, "target (sha256-"),
+        (Box::new(|s| s.target = black.clone()), Code::InvalidArgument, "target (sha256-"),
+        (Box::new(|s| s.target = dot.clone()), Code::InvalidArgument, "target (sha256-"),
+        (Box::new(|s| s.target_fit = 4), Code::InvalidArgument, "target (sha256-"),
+        (Box::new(|s| s.target_fit = 9), Code::InvalidArgument, "target_fit is 9"),
+        (Box::new(|s| s.kernel = "7".into()), Code::NotFound, "kernel: displays/lab/kernels/515nm-50mm/versions/7"),
+        (Box::new(|s| s.kernel = "best".into()), Code::InvalidArgument, "kernel is \"best\""),
+        (Box::new(|s| s.kernel = "active".into()), Code::FailedPrecondition, "kernel: no version of"),
+        (Box::new(|s| s.iterations = 10_001), Code::InvalidArgument, "iterations is 10001, but must be 1 to 10000"),
+        (Box::new(|s| s.learning_rate = -1.0), Code::InvalidArgument, "learning_rate is -1"),
+        (Box::new(|s| s.initial_phase_range_rad = Some(7.0)), Code::InvalidArgument, "initial_phase_range_rad is 7"),
+        (
+            Box::new(|s| {
+                s.region_of_interest = Some(v1::RegionOfInterest { x_px: 60, width_px: 5, height_px: 1, y_px: 0 })
+            }),
+            Code::InvalidArgument,
+            "region_of_interest is 5×1 px at (60, 0)",
+        ),
+    ];
+    for (change, code, start) in cases {
+        let mut spec = optimize(&target);
+        change(&mut spec);
+        let answer = submit(&serving, job_spec::Kind::OptimizeHologram(spec), "").await;
+        expect(answer, code, &format!("spec.optimize_hologram.{start}"));
+    }
+    let listed = serving.jobs().list_jobs(v1::ListJobsRequest::default()).await.unwrap().into_inner();
+    assert_eq!(listed.jobs, [], "nothing half-written is left");
+    let answer = serving.jobs().submit_job(v1::SubmitJobRequest::default()).await;
+    expect(answer, Code::InvalidArgument, "spec is not set");
+}
+
+#[tokio::test]
+async fn datasets_take_pairs_that_fit() {
+    let serving = Serving::start().await;
+    serving.display("lab").await;
+    let mut datasets = DatasetServiceClient::new(serving.channel.clone());
+    let dataset = v1::Dataset {
+        name: "datasets/first".into(),
+        display: "displays/lab".into(),
+        distance_m: 0.05,
+        ..Default::default()
+    };
+    datasets.create_dataset(v1::CreateDatasetRequest { dataset: Some(dataset) }).await.unwrap();
+    let learn = v1::LearnKernel { dataset: "datasets/first".into(), ..Default::default() };
+    let answer = submit(&serving, job_spec::Kind::LearnKernel(learn.clone()), "").await;
+    expect(answer, Code::FailedPrecondition, "spec.learn_kernel.dataset: datasets/first is empty");
+
+    let levels = |height_px, width_px, level| {
+        pictures::levels_png(&lightpath_optics::Plane::filled(height_px, width_px, level), 8).unwrap()
+    };
+    let photo = |grey| pictures::grey_png_linear(&lightpath_optics::Plane::filled(48, 64, grey)).unwrap();
+    let (small, phase) = (serving.upload(&levels(48, 63, 1)).await, serving.upload(&levels(48, 64, 2)).await);
+    let good_photo = serving.upload(&photo(0.5)).await;
+    let add = |id: &str, phase: &str, photo: &str| v1::AddPairRequest {
+        dataset: "datasets/first".into(),
+        pair: Some(v1::Pair { id: id.into(), phase: phase.into(), photo: photo.into(), split: 0 }),
+    };
+    expect(datasets.add_pair(add("a", &small, &good_photo)).await, Code::InvalidArgument, "pair.phase (sha256-");
+    expect(datasets.add_pair(add("a", &phase, &small)).await, Code::InvalidArgument, "pair.photo (sha256-");
+    expect(datasets.add_pair(add("a", "", &good_photo)).await, Code::InvalidArgument, "pair.phase is empty");
+    expect(datasets.add_pair(add("a/b", &phase, &good_photo)).await, Code::InvalidArgument, "pair.id is");
+    datasets.add_pair(add("a", &phase, &good_photo)).await.unwrap();
+    let answer = submit(&serving, job_spec::Kind::LearnKernel(learn.clone()), "").await;
+    expect(answer, Code::FailedPrecondition, "spec.learn_kernel.dataset: datasets/first still takes pairs");
+
+    let finalize = v1::FinalizeDatasetRequest { name: "datasets/first".into(), ..Default::default() };
+    expect(datasets.finalize_dataset(finalize.clone()).await, Code::FailedPrecondition, "");
+    let (phase, other_photo) = (serving.upload(&levels(48, 64, 3)).await, serving.upload(&photo(0.25)).await);
+    datasets.add_pair(add("b", &phase, &other_photo)).await.unwrap();
+    let dataset = datasets.finalize_dataset(finalize).await.unwrap().into_inner();
+    assert!(dataset.digest.starts_with("sha256-") && dataset.pairs.len() == 2);
+
+    let bad = v1::LearnKernel { detector: v1::Detector::Supersampled.into(), ..learn.clone() };
+    let answer = submit(&serving, job_spec::Kind::LearnKernel(bad), "").await;
+    expect(answer, Code::InvalidArgument, "spec.learn_kernel.detector is supersampled");
+    let bad = v1::LearnKernel { learning_rate: f64::INFINITY, ..learn };
+    let answer = submit(&serving, job_spec::Kind::LearnKernel(bad), "").await;
+    expect(answer, Code::InvalidArgument, "spec.learn_kernel.learning_rate is inf");
+    let evaluate = v1::EvaluateKernel { dataset: "datasets/first".into(), ..Default::default() };
+    let answer = submit(&serving, job_spec::Kind::EvaluateKernel(evaluate), "").await;
+    expect(answer, Code::FailedPrecondition, "spec.evaluate_kernel.kernel: no version of");
+    let simulate = v1::SimulateCapture {
+        display: "displays/lab".into(),
+        distance_m: 0.05,
+        phase: phase.clone(),
+        ..Default::default()
+    };
+    let answer = submit(&serving, job_spec::Kind::SimulateCapture(simulate), "").await;
+    expect(answer, Code::FailedPrecondition, "spec.simulate_capture.display: displays/lab has no simulated bench");
+    let mut kernels = KernelServiceClient::new(serving.channel.clone());
+    let name = "displays/lab/kernels/515nm-50mm".to_owned();
+    expect(kernels.get_kernel(v1::GetKernelRequest { name }).await, Code::NotFound, "displays/lab/kernels/515nm-50mm");
+}
+
+#[tokio::test]
+async fn a_watcher_sees_the_job_end() {
+    let serving = Serving::start().await;
+    let job = submit_long(&serving).await;
+    let request = v1::WatchJobRequest { name: job.name.clone() };
+    let mut stream = serving.jobs().watch_job(request).await.unwrap().into_inner();
+    let first = stream.message().await.unwrap().unwrap();
+    assert_eq!(first.name, job.name);
+    serving.jobs().cancel_job(v1::CancelJobRequest { name: job.name.clone() }).await.unwrap();
+    let mut last = first;
+    while let Some(job) = stream.message().await.unwrap() {
+        assert!(job.revision > last.revision);
+        last = job;
+    }
+    assert_eq!(last.state(), v1::job::State::Cancelled);
+    let again = serving.jobs().cancel_job(v1::CancelJobRequest { name: job.name.clone() }).await;
+    expect(again, Code::FailedPrecondition, "");
+    let events = v1::ListJobEventsRequest { name: job.name, ..Default::default() };
+    assert!(!serving.jobs().list_job_events(events).await.unwrap().into_inner().events.is_empty());
+    let nobody = v1::WatchJobRequest { name: "jobs/none".into() };
+    expect(serving.jobs().watch_job(nobody).await.map(drop), Code::NotFound, "jobs/none does not exist");
+}

@@ -1,0 +1,72 @@
+//! Starting and stopping.
+
+use crate::serving::{Serving, expect};
+use lightpath_proto::v1;
+use lightpath_server::server;
+use tokio::net::TcpListener;
+use tonic::Code;
+use tonic_health::pb::HealthCheckRequest;
+use tonic_health::pb::health_client::HealthClient;
+use tonic_reflection::pb::v1::ServerReflectionRequest;
+use tonic_reflection::pb::v1::server_reflection_client::ServerReflectionClient;
+use tonic_reflection::pb::v1::server_reflection_request::MessageRequest;
+use tonic_reflection::pb::v1::server_reflection_response::MessageResponse;
+
+#[tokio::test]
+async fn health_and_reflection_answer() {
+    let serving = Serving::start().await;
+    for service in ["", "lightpath.v1.JobService"] {
+        let request = HealthCheckRequest { service: service.into() };
+        let health = HealthClient::new(serving.channel.clone()).check(request).await.unwrap().into_inner();
+        assert_eq!(health.status().as_str_name(), "SERVING");
+    }
+    let list = MessageRequest::ListServices(String::new());
+    let request = ServerReflectionRequest { host: String::new(), message_request: Some(list) };
+    let mut client = ServerReflectionClient::new(serving.channel.clone());
+    let mut answers = client.server_reflection_info(tokio_stream::iter([request])).await.unwrap().into_inner();
+    let Some(MessageResponse::ListServicesResponse(list)) = answers.message().await.unwrap().unwrap().message_response
+    else {
+        panic!("no list")
+    };
+    assert!(list.service.iter().any(|service| service.name == "lightpath.v1.KernelService"));
+}
+
+#[tokio::test]
+async fn unknown_methods_are_unimplemented() {
+    let serving = Serving::start().await;
+    let mut grpc = tonic::client::Grpc::new(serving.channel.clone());
+    grpc.ready().await.unwrap();
+    let codec = tonic_prost::ProstCodec::<v1::GetJobRequest, v1::Job>::default();
+    let path = tonic::codegen::http::uri::PathAndQuery::from_static("/lightpath.v1.NoService/Nothing");
+    let answer = grpc.unary(tonic::Request::new(v1::GetJobRequest::default()), path, codec).await;
+    expect(answer, Code::Unimplemented, "there is no method /lightpath.v1.NoService/Nothing");
+}
+
+#[tokio::test]
+async fn stopping_ends_watchers_and_keeps_jobs() {
+    let serving = Serving::start().await;
+    let job = crate::jobs::submit_long(&serving).await;
+    let request = v1::WatchJobRequest { name: job.name.clone() };
+    let mut stream = serving.jobs().watch_job(request).await.unwrap().into_inner();
+    stream.message().await.unwrap().unwrap();
+    serving.begin_to_stop();
+    let end = loop {
+        match stream.message().await {
+            Ok(Some(_)) => {}
+            end => break end,
+        }
+    };
+    expect(end, Code::Unavailable, "the server is stopping");
+    serving.stop().await.unwrap();
+}
+
+#[tokio::test]
+async fn a_second_server_on_the_same_folder_is_refused() {
+    let serving = Serving::start().await;
+    // Served once: it surely holds the folder.
+    serving.display("lab").await;
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let refused = server::run(listener, serving.config.clone(), std::future::pending()).await.unwrap_err();
+    assert!(refused.to_string().contains("is held by another process"), "{refused}");
+    serving.display("lab").await;
+}

@@ -1,0 +1,10 @@
+//! The server, spoken to over the wire: each test starts one on a free port with a fresh data folder.
+#![allow(clippy::unwrap_used)]
+
+mod artifacts;
+mod displays;
+mod http;
+mod jobs;
+mod kernels;
+mod lifecycle;
+mod serving;
