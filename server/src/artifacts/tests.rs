@@ -137,7 +137,7 @@ async fn checkpoints_are_apart_from_artifacts() {
     let digest = artifacts.put_checkpoint(b"state".to_vec()).await.unwrap();
     assert_eq!(artifacts.read_checkpoint(&digest).await.unwrap(), b"state");
     assert!(matches!(artifacts.read_all(&digest).await, Err(ArtifactError::NotFound { .. })));
-    assert_eq!(artifacts.checkpoints().await.unwrap(), [digest.clone()]);
+    assert_eq!(artifacts.checkpoints().await.unwrap(), std::slice::from_ref(&digest));
     artifacts.delete_checkpoint(&digest).await.unwrap();
     assert!(artifacts.checkpoints().await.unwrap().is_empty());
 }

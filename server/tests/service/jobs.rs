@@ -65,8 +65,8 @@ async fn bad_requests_name_the_field_and_the_fix() {
     let dot = pictures::grey_png_srgb(&lightpath_optics::Plane::filled(1, 1, 1.0)).unwrap();
     let dot = serving.upload(&dot).await;
     let missing = digest_of(b"missing");
-    type Spec = v1::OptimizeHologram;
-    let cases: Vec<(Box<dyn Fn(&mut Spec)>, Code, &str)> = vec![
+    type Change<'a> = Box<dyn Fn(&mut v1::OptimizeHologram) + 'a>;
+    let cases: Vec<(Change<'_>, Code, &str)> = vec![
         (Box::new(|s| s.distance_m = f64::NAN), Code::InvalidArgument, "distance_m is NaN, but must be within ±10 m"),
         (Box::new(|s| s.distance_m = 0.0), Code::InvalidArgument, "distance_m is 0"),
         (Box::new(|s| s.display = "displays/none".into()), Code::NotFound, "display: displays/none does not exist"),
