@@ -13,7 +13,7 @@ use crate::plane::Plane;
 use crate::real::Real;
 use crate::region::RegionOfInterest;
 use num_complex::Complex;
-use pulp::Arch;
+use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -117,7 +117,7 @@ impl<T: Real> Convolver<T> {
                 };
                 self.sample_row(arch, tiles, y, scratch);
                 let Scratch { samples, reals: [light, error], .. } = &mut **scratch;
-                let sums = arch.dispatch(|| comparison.gradient_row(y, columns, samples, self.width_px, light, error));
+                let sums = arch.dispatch(GradientRow { comparison, y, columns, samples, light, error });
                 self.sample_row_adjoint(arch, scratch, out);
                 sums
             },
@@ -134,7 +134,7 @@ impl<T: Real> Convolver<T> {
                 let Some(columns) = comparison.region.columns(y) else { return Sums::default() };
                 self.sample_row(arch, tiles, y, scratch);
                 let Scratch { samples, reals: [light, error], .. } = &mut **scratch;
-                arch.dispatch(|| comparison.gradient_row(y, columns, samples, self.width_px, light, error))
+                arch.dispatch(GradientRow { comparison, y, columns, samples, light, error })
             },
         );
         total(&rows.collect::<Vec<_>>())
@@ -150,6 +150,25 @@ impl<T: Real> Convolver<T> {
                 arch.dispatch(|| mean_light(&scratch.samples, self.width_px, 0..self.width_px, out));
             },
         );
+    }
+}
+
+/// [`Comparison::gradient_row`] as an operation that is compiled for the vector instructions of the machine at hand.
+struct GradientRow<'a, 'b, T> {
+    comparison: &'a Comparison<'b, T>,
+    y: usize,
+    columns: Range<usize>,
+    samples: &'a mut [Complex<T>],
+    light: &'a mut [T],
+    error: &'a mut [T],
+}
+
+impl<T: Real> WithSimd for GradientRow<'_, '_, T> {
+    type Output = Sums;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> Sums {
+        self.comparison.gradient_row(self.y, self.columns, self.samples, self.light, self.error)
     }
 }
 
@@ -169,10 +188,10 @@ impl<T: Real> Comparison<'_, T> {
         y: usize,
         columns: Range<usize>,
         samples: &mut [Complex<T>],
-        width_px: usize,
         light: &mut [T],
         error: &mut [T],
     ) -> Sums {
+        let width_px = self.picture.width_px();
         let sample_rows = samples.len() / width_px;
         let factor = T::of(2.0 * self.gain / (sample_rows as f64 * self.weight_sum));
         let mut sums = Sums::default();

@@ -10,6 +10,7 @@
 use crate::carrier::Carrier;
 use crate::real::{Real, unit};
 use num_complex::Complex;
+use pulp::{Arch, Simd, WithSimd};
 use std::f64::consts::PI;
 
 /// What an SLM does, in the precision of an engine.
@@ -32,8 +33,17 @@ impl<T: Real> Slm<T> {
     }
 
     /// c along row `y`, for the phase before the carrier is added.
-    #[inline(always)]
     pub(crate) fn field_row(&self, y: usize, phase: &[T], field: &mut [Complex<T>]) {
+        Arch::new().dispatch(FieldRow { slm: self, y, phase, field });
+    }
+
+    /// ∂L/∂φ along row `y` from b = ∂L/∂c*: 2 Re( b* · dc/dφ ).
+    pub(crate) fn phase_gradient_row(&self, y: usize, phase: &[T], b: &[Complex<T>], gradient: &mut [T]) {
+        Arch::new().dispatch(PhaseGradientRow { slm: self, y, phase, b, gradient });
+    }
+
+    #[inline(always)]
+    fn write_field_row(&self, y: usize, phase: &[T], field: &mut [Complex<T>]) {
         for (x, (c, &phase)) in field.iter_mut().zip(phase).enumerate() {
             let (_, steered) = self.response(self.displayed(y, x, phase));
             *c = (steered + self.zero_order).scale(self.sign(y, x));
@@ -45,9 +55,8 @@ impl<T: Real> Slm<T> {
         }
     }
 
-    /// ∂L/∂φ along row `y` from b = ∂L/∂c*: 2 Re( b* · dc/dφ ).
     #[inline(always)]
-    pub(crate) fn phase_gradient_row(&self, y: usize, phase: &[T], b: &[Complex<T>], gradient: &mut [T]) {
+    fn write_phase_gradient_row(&self, y: usize, phase: &[T], b: &[Complex<T>], gradient: &mut [T]) {
         let two = T::of(2.0);
         match &self.source {
             None => {
@@ -98,5 +107,41 @@ impl<T: Real> Slm<T> {
             Some(carrier) if carrier.is_odd(y, x) => -T::one(),
             _ => T::one(),
         }
+    }
+}
+
+/// [`Slm::field_row`] as an operation that is compiled for the vector instructions of the machine at hand. A closure of
+/// this size may be called instead of inlined, and is then compiled for the oldest machine.
+struct FieldRow<'a, T> {
+    slm: &'a Slm<T>,
+    y: usize,
+    phase: &'a [T],
+    field: &'a mut [Complex<T>],
+}
+
+impl<T: Real> WithSimd for FieldRow<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        self.slm.write_field_row(self.y, self.phase, self.field);
+    }
+}
+
+/// [`Slm::phase_gradient_row`], likewise.
+struct PhaseGradientRow<'a, T> {
+    slm: &'a Slm<T>,
+    y: usize,
+    phase: &'a [T],
+    b: &'a [Complex<T>],
+    gradient: &'a mut [T],
+}
+
+impl<T: Real> WithSimd for PhaseGradientRow<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        self.slm.write_phase_gradient_row(self.y, self.phase, self.b, self.gradient);
     }
 }

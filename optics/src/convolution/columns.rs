@@ -6,6 +6,9 @@ use num_complex::Complex;
 use pulp::Arch;
 use rayon::prelude::*;
 
+/// Rows that are transposed together: with 8, a column's share is a cache line in f32.
+const BLOCK: usize = 8;
+
 impl<T: Real> Convolver<T> {
     /// One half-transformed field in, H applied, one field out for each offset along y.
     pub(crate) fn propagate(&self, spectrum: &[Complex<T>], transfer: &Transfer<T>, tiles: &mut [Complex<T>]) {
@@ -72,7 +75,7 @@ impl<T: Real> Convolver<T> {
                 let field_columns = &mut second.columns[0];
                 self.transform_tile(arch, field, 1, 0, tile * TILE, count, field_columns, fft);
                 let columns = field_columns.chunks_exact(2 * self.height_px).zip(sum.chunks_exact(2 * self.height_px));
-                let answer = |(k, (u, g))| arch.dispatch(|| visit(tile * TILE + k, u, g));
+                let answer = |(k, (u, g))| visit(tile * TILE + k, u, g);
                 let answers: Vec<R> = columns.take(count).enumerate().map(answer).collect();
                 self.return_tile(arch, transfer, tile * TILE, count, sum, out, fft);
                 answers
@@ -142,10 +145,19 @@ impl<T: Real> Convolver<T> {
         fft: &mut [Complex<T>],
     ) {
         let (height, width) = (self.height_px, 2 * self.width_px);
-        for y in 0..height {
-            let row = &spectrum[(y * lanes + lane) * width + start..][..count];
-            for (column, &value) in columns.chunks_exact_mut(2 * height).zip(row) {
-                column[y] = value;
+        for first in (0..height).step_by(BLOCK) {
+            let rows = BLOCK.min(height - first);
+            let mut block = [[Complex::new(T::zero(), T::zero()); TILE]; BLOCK];
+            for (i, row) in block.iter_mut().enumerate().take(rows) {
+                let at = ((first + i) * lanes + lane) * width + start;
+                for (slot, &value) in row.iter_mut().zip(&spectrum[at..at + count]) {
+                    *slot = value;
+                }
+            }
+            for (k, column) in columns.chunks_exact_mut(2 * height).enumerate().take(count) {
+                for (value, row) in column[first..first + rows].iter_mut().zip(&block) {
+                    *value = row[k];
+                }
             }
         }
         for column in columns.chunks_exact_mut(2 * height).take(count) {
@@ -165,9 +177,16 @@ impl<T: Real> Convolver<T> {
         for column in columns.chunks_exact_mut(2 * self.height_px).take(count) {
             self.along_y.transform_column_back(arch, column, fft);
         }
-        for (y, row) in out.chunks_exact_mut(count).enumerate() {
-            for (value, column) in row.iter_mut().zip(columns.chunks_exact(2 * self.height_px)) {
-                *value = column[y];
+        for (first, rows) in out.chunks_mut(BLOCK * count).enumerate() {
+            let mut block = [[Complex::new(T::zero(), T::zero()); TILE]; BLOCK];
+            let count_rows = rows.len() / count;
+            for (k, column) in columns.chunks_exact(2 * self.height_px).enumerate().take(count) {
+                for (row, &value) in block.iter_mut().zip(&column[first * BLOCK..][..count_rows]) {
+                    row[k] = value;
+                }
+            }
+            for (row, block) in rows.chunks_exact_mut(count).zip(&block) {
+                row.copy_from_slice(&block[..count]);
             }
         }
     }

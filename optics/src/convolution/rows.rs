@@ -8,12 +8,15 @@ use rayon::prelude::*;
 
 impl<T: Real> Convolver<T> {
     /// Lets `fill(y, row)` write each row of a field, transforms it, and stores it row-major in `spectrum`.
+    ///
+    /// Here and below, a closure that does arithmetic dispatches to the machine's vector instructions itself: only what is
+    /// inlined into the dispatched closure is compiled for them.
     pub(crate) fn forward_rows(&self, spectrum: &mut [Complex<T>], fill: impl Fn(usize, &mut [Complex<T>]) + Sync) {
         let arch = Arch::new();
         spectrum.par_chunks_mut(2 * self.width_px).enumerate().for_each_init(
             || self.scratch.take(),
             |scratch, (y, row)| {
-                arch.dispatch(|| fill(y, &mut row[..self.width_px]));
+                fill(y, &mut row[..self.width_px]);
                 self.along_x.transform_row(arch, row, &mut scratch.fft);
             },
         );
@@ -36,7 +39,7 @@ impl<T: Real> Convolver<T> {
                 let half = &mut row[..2 * self.width_px];
                 self.gather_row(tiles, 1, 0, y, half);
                 self.along_x.transform_row_back(arch, half, &mut samples[..self.width_px], fft);
-                arch.dispatch(|| use_row(y, &samples[..self.width_px], out));
+                use_row(y, &samples[..self.width_px], out);
             },
         );
     }

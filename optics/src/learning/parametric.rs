@@ -16,6 +16,7 @@ use crate::real::Real;
 use crate::slm::Slm;
 use crate::{DisplayModel, Error, KernelShape, OpticalSetup, SmoothField};
 use num_complex::{Complex, Complex64};
+use pulp::Arch;
 use std::sync::Arc;
 
 use super::columns::project;
@@ -329,9 +330,10 @@ impl<T: Real> Fit<T> {
 
     fn slm_gradient(&self, example: &Example<T>, gradient: &mut Vec<f64>) {
         let (height_px, convolver) = (self.engine.height_px(), &self.engine.convolver);
-        let mut rows = vec![NO_SUMS; height_px];
+        let (arch, mut rows) = (Arch::new(), vec![NO_SUMS; height_px]);
         convolver.inverse_rows(&self.out.tiles[..convolver.half_spectrum_len(1)], &mut rows, |y, b, out| {
-            out[0] = row_sums(&self.engine.slm, y, example.phase.row(y), b, &self.polynomials_x);
+            let phase = example.phase.row(y);
+            out[0] = arch.dispatch(|| row_sums(&self.engine.slm, y, phase, b, &self.polynomials_x));
         });
 
         let order = self.layout.source.order();

@@ -5,6 +5,7 @@ use crate::convolution::{Transfer, frequencies};
 use crate::real::{Real, unit};
 use crate::{OpticalSetup, SmoothField};
 use num_complex::{Complex, Complex64};
+use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 use super::columns::project;
@@ -40,7 +41,7 @@ impl<T: Real> SmoothTransfer<T> {
 
     /// Writes H for these errors.
     pub(super) fn apply(&self, errors: &SmoothField, transfer: &mut Transfer<T>) {
-        let arch = pulp::Arch::new();
+        let arch = Arch::new();
         let bins = 2 * transfer.height_px;
         let columns = transfer.values.par_chunks_mut(bins).zip(self.ideal.values.par_chunks(bins)).zip(&self.columns);
         columns.for_each_init(
@@ -48,23 +49,16 @@ impl<T: Real> SmoothTransfer<T> {
             |(alpha, psi), ((column, ideal), &fx)| {
                 let log_amplitude = self.basis.along_y(&errors.log_amplitude, fx);
                 let phase = self.basis.along_y(&errors.phase, fx);
-                arch.dispatch(|| {
-                    self.sum_series(&log_amplitude, alpha);
-                    self.sum_series(&phase, psi);
-                    for (((h, &ideal), &alpha), &psi) in column.iter_mut().zip(ideal).zip(&*alpha).zip(&*psi) {
-                        *h = ideal * unit(psi).scale(alpha.exponential());
-                    }
-                });
+                arch.dispatch(|| self.sum_series(&log_amplitude, alpha));
+                arch.dispatch(|| self.sum_series(&phase, psi));
+                arch.dispatch(Exponential { ideal, alpha, psi, column });
             },
         );
     }
 
     /// What a column of spectra contributes to the gradient.
-    #[inline(always)]
     pub(super) fn visit(&self, h: &[Complex<T>], u: &[Complex<T>], g: &[Complex<T>]) -> ColumnSums {
-        let mut sums = [Complex64::ZERO; ChebyshevBasis::ORDER_MAX + 1];
-        project(|k| u[k] * g[k].conj() * h[k], &self.polynomials, &mut sums);
-        sums
+        Arch::new().dispatch(VisitColumn { smooth: self, h, u, g })
     }
 
     /// ∂L/∂α and ∂L/∂ψ of each coefficient: 2 Re Σ T and −2 Im Σ T over all columns.
@@ -88,6 +82,45 @@ impl<T: Real> SmoothTransfer<T> {
             for (out, &t) in out.iter_mut().zip(polynomial) {
                 *out = *out + c * t;
             }
+        }
+    }
+}
+
+/// [`SmoothTransfer::visit`] as an operation that is compiled for the vector instructions of the machine at hand.
+struct VisitColumn<'a, T> {
+    smooth: &'a SmoothTransfer<T>,
+    h: &'a [Complex<T>],
+    u: &'a [Complex<T>],
+    g: &'a [Complex<T>],
+}
+
+impl<T: Real> WithSimd for VisitColumn<'_, T> {
+    type Output = ColumnSums;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> ColumnSums {
+        let Self { smooth, h, u, g } = self;
+        let mut sums = [Complex64::ZERO; ChebyshevBasis::ORDER_MAX + 1];
+        project(|k| u[k] * g[k].conj() * h[k], &smooth.polynomials, &mut sums);
+        sums
+    }
+}
+
+/// ideal · exp(α + iψ), likewise.
+struct Exponential<'a, T> {
+    ideal: &'a [Complex<T>],
+    alpha: &'a [T],
+    psi: &'a [T],
+    column: &'a mut [Complex<T>],
+}
+
+impl<T: Real> WithSimd for Exponential<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        for (((h, &ideal), &alpha), &psi) in self.column.iter_mut().zip(self.ideal).zip(self.alpha).zip(self.psi) {
+            *h = ideal * unit(psi).scale(alpha.exponential());
         }
     }
 }
