@@ -347,9 +347,9 @@ pub struct PairLoss {
     pub pair: String,
     /// What the pair is used for.
     pub split: Split,
-    /// In the region of interest, gain fitted.
+    /// In the region of interest, gain and black level fitted.
     pub loss: f64,
-    /// Over the full frame, gain fitted.
+    /// Over the full frame, gain and black level fitted.
     pub loss_full_frame: f64,
 }
 

@@ -71,6 +71,26 @@ impl From<StoreError> for TaskError {
     }
 }
 
+/// How long is left, judged by the steps of this attempt alone.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Eta {
+    first_step: u32,
+    started: Instant,
+}
+
+impl Eta {
+    /// Starts the clock at `step`.
+    pub(super) fn from(step: u32) -> Self {
+        Self { first_step: step, started: Instant::now() }
+    }
+
+    /// [s]; `None` until there is a step to judge by.
+    pub(super) fn left_s(self, step: u32, steps_total: u32) -> Option<f64> {
+        let done = step.checked_sub(self.first_step).filter(|done| *done > 0)?;
+        Some(self.started.elapsed().as_secs_f64() / f64::from(done) * f64::from(steps_total.saturating_sub(step)))
+    }
+}
+
 /// The link between a task on its compute thread and the rest of the server.
 #[derive(Debug)]
 pub struct JobContext {

@@ -16,18 +16,31 @@
 //!
 //! - `attempt`: one job from claim to end. `context`: what a task sees of the outside. `stop`: the shared flag.
 //! - `checkpoint`: the envelope of saved states. `backoff`: when to try again. `clock`.
-//! - `engine`: which function runs which kind of job.
+//! - `optics_task`: which function runs which kind of job: `optimize`, `learn`, `simulate`, `evaluate`. They share
+//!   `setting` (the display made ready), `pairs`, `losses` and `state_bytes`.
 mod attempt;
 mod backoff;
 mod checkpoint;
 mod clock;
 mod context;
+mod evaluate;
+mod learn;
+mod losses;
+mod optics_task;
+mod optimize;
+mod pairs;
+mod setting;
+mod simulate;
+mod state_bytes;
 mod stop;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod whole_loop;
 
 pub use backoff::Backoff;
 pub use context::{JobContext, TaskError, TaskOutput};
+pub use optics_task::OpticsTask;
 pub use stop::StopReason;
 
 use crate::artifacts::{ArtifactError, Artifacts};

@@ -1,0 +1,151 @@
+//! Learning a kernel from a dataset.
+
+use super::context::Eta;
+use super::losses::{Judge, mean};
+use super::pairs::Pairs;
+use super::setting::{Setting, detector, finite};
+use super::state_bytes::{learn_state_from_bytes, learn_state_to_bytes};
+use super::{JobContext, TaskError, TaskOutput};
+use crate::dataset::{Dataset, Split};
+use crate::job::{Job, JobResult, LearnKernel, LearnResult, Progress};
+use crate::kernel::{KernelLineage, KernelMetrics, KernelModel, NewKernelVersion};
+use crate::kernel_file;
+use lightpath_optics::learning::{LearnModel, LearnOptions, LearnStage, Learner, PairSource};
+use lightpath_optics::{DisplayModel, RegionOfInterest};
+
+pub(super) fn run(context: &JobContext, job: &Job, spec: &LearnKernel) -> Result<TaskOutput, TaskError> {
+    let (setting, dataset) = read_dataset(context, &spec.dataset)?;
+    let region = setting.region(spec.region_of_interest)?;
+    let training = Pairs::of(context, &setting, &dataset, Split::Train);
+    let learner = learn(context, spec, &setting, region, &training)?;
+    let (model, loss_history) = (learner.model(), learner.loss_history().to_vec());
+    drop(learner);
+
+    let metrics = measure(context, spec, &setting, &dataset, region, &model, &training)?;
+    let file = kernel_file::encode(&model, spec.model)?;
+    let size_bytes = file.len() as u64;
+    let version = NewKernelVersion {
+        model: spec.model,
+        artifact: context.put_artifact(file)?,
+        size_bytes,
+        metrics: metrics.clone(),
+        lineage: lineage(job, spec, &dataset)?,
+    };
+    for loss in &loss_history {
+        finite("the loss", *loss)?;
+    }
+    // The store fills in the name.
+    let result = LearnResult { kernel_version: String::new(), metrics, loss_history };
+    Ok(TaskOutput { result: JobResult::Learn(result), learned: Some((setting.key, version)) })
+}
+
+/// A finalized dataset and the display that it is about.
+pub(super) fn read_dataset(context: &JobContext, id: &str) -> Result<(Setting, Dataset), TaskError> {
+    let dataset = context.wait(context.store().dataset(id))?;
+    if dataset.digest.is_none() {
+        let message = format!("datasets/{id} is still open; finalize it first");
+        return Err(TaskError::permanent("DATASET_OPEN", message));
+    }
+    let setting = Setting::read(context, &dataset.display, dataset.wavelength, dataset.distance)?;
+    Ok((setting, dataset))
+}
+
+/// All steps that are left.
+fn learn(
+    context: &JobContext,
+    spec: &LearnKernel,
+    setting: &Setting,
+    region: RegionOfInterest,
+    training: &Pairs,
+) -> Result<Learner, TaskError> {
+    let options = options(spec, setting, region);
+    let saved = context.take_saved_state().and_then(|bytes| learn_state_from_bytes(&bytes));
+    let mut learner = match saved {
+        Some(state) => Learner::resume(setting.setup, options, state)?,
+        None => Learner::start(setting.setup, options, training)?,
+    };
+    let mut eta = None;
+    while let Some(done) = learner.step(training)? {
+        let eta = *eta.get_or_insert_with(|| Eta::from(done.step));
+        let stage = match done.stage {
+            LearnStage::Adam => "learn",
+            LearnStage::Refinement => "refine",
+        };
+        let progress = Progress {
+            stage: stage.to_owned(),
+            step: done.step,
+            steps_total: done.steps_total,
+            loss: finite("the loss", done.loss)?,
+            eta_s: eta.left_s(done.step, done.steps_total),
+        };
+        context.step(progress, || learn_state_to_bytes(&learner.state()))?;
+    }
+    Ok(learner)
+}
+
+fn options(spec: &LearnKernel, setting: &Setting, region: RegionOfInterest) -> LearnOptions {
+    let order = spec.order as usize;
+    let model = match spec.model {
+        KernelModel::Paper => LearnModel::Paper,
+        KernelModel::Dense => LearnModel::Dense,
+        KernelModel::Smooth => LearnModel::Smooth { order },
+        KernelModel::Display => LearnModel::Display { order },
+    };
+    let defaults = LearnOptions::new(model, region);
+    LearnOptions {
+        epochs: spec.epochs.unwrap_or(defaults.epochs),
+        learning_rate: spec.learning_rate.unwrap_or(defaults.learning_rate),
+        refinement_evaluations: spec.refinement_evaluations.unwrap_or(defaults.refinement_evaluations),
+        seed: spec.seed,
+        detector: detector(spec.detector),
+        carrier: setting.carrier,
+        ..defaults
+    }
+}
+
+/// Judges the learned model, and the ideal one on the same test pairs.
+fn measure(
+    context: &JobContext,
+    spec: &LearnKernel,
+    setting: &Setting,
+    dataset: &Dataset,
+    region: RegionOfInterest,
+    model: &DisplayModel,
+    training: &Pairs,
+) -> Result<KernelMetrics, TaskError> {
+    let detector = detector(spec.detector);
+    let validation = Pairs::of(context, setting, dataset, Split::Validation);
+    let test = Pairs::of(context, setting, dataset, Split::Test);
+    let learned = Judge::new(context, setting, model, detector, region)?;
+    let train_loss = mean(&learned.losses(training, "measure on training pairs")?);
+    let validation_loss = mean(&learned.losses(&validation, "measure on validation pairs")?);
+    let test_loss = mean(&learned.losses(&test, "measure on test pairs")?);
+    // Two transfer functions of a large display need not be in memory at once.
+    drop(learned);
+    let ideal = Judge::new(context, setting, &DisplayModel::ideal(setting.setup), detector, region)?;
+    let ideal_test_loss = mean(&ideal.losses(&test, "measure the ideal kernel")?);
+    Ok(KernelMetrics {
+        train_pairs: training.len() as u32,
+        validation_pairs: validation.len() as u32,
+        test_pairs: test.len() as u32,
+        train_loss: train_loss.region,
+        validation_loss: validation_loss.region,
+        test_loss: test_loss.region,
+        ideal_test_loss: ideal_test_loss.region,
+        test_loss_full_frame: test_loss.full_frame,
+        ideal_test_loss_full_frame: ideal_test_loss.full_frame,
+    })
+}
+
+fn lineage(job: &Job, spec: &LearnKernel, dataset: &Dataset) -> Result<KernelLineage, TaskError> {
+    let parameters_json = serde_json::to_string(spec).map_err(|error| TaskError::permanent("LINEAGE", error))?;
+    Ok(KernelLineage {
+        job: job.id.clone(),
+        dataset: dataset.id.clone(),
+        dataset_digest: dataset.digest.clone().unwrap_or_default(),
+        parameters_json,
+        seed: spec.seed,
+        code_version: env!("CARGO_PKG_VERSION").to_owned(),
+        parent_version: 0,
+    })
+}

@@ -1,0 +1,94 @@
+//! A dataset's pairs, read when they are needed.
+
+use super::setting::Setting;
+use super::stop::{StopFlag, StopReason};
+use super::{JobContext, TaskError};
+use crate::artifacts::Artifacts;
+use crate::dataset::{self, Dataset, Encoding, Split};
+use crate::pictures;
+use lightpath_optics::learning::{Pair, PairSource};
+use std::sync::{Arc, OnceLock};
+use tokio::runtime::Handle;
+
+/// Decoded pairs are kept up to this size [bytes]: reading a pair again takes about as long as learning from it, but
+/// a large dataset must not fill the machine's memory.
+const CACHE_BYTES_MAX: usize = 256 << 20;
+
+/// Pairs of one split.
+pub(super) struct Pairs {
+    setting: Setting,
+    encoding: Encoding,
+    pairs: Vec<dataset::Pair>,
+    /// The first ones, as many as there is room for.
+    kept: Vec<OnceLock<Pair>>,
+    artifacts: Artifacts,
+    runtime: Handle,
+    stop: Arc<StopFlag>,
+}
+
+impl Pairs {
+    /// The pairs of a dataset that are used for `split`, in the order of their ids.
+    pub(super) fn of(context: &JobContext, setting: &Setting, dataset: &Dataset, split: Split) -> Self {
+        let pairs: Vec<_> = dataset.pairs.iter().filter(|pair| pair.split == Some(split)).cloned().collect();
+        let pair_bytes = 2 * size_of::<f32>() * setting.setup.grid().pixels();
+        let room = (CACHE_BYTES_MAX / pair_bytes).min(pairs.len());
+        Self {
+            setting: setting.clone(),
+            encoding: dataset.photo_encoding,
+            pairs,
+            kept: (0..room).map(|_| OnceLock::new()).collect(),
+            artifacts: context.artifacts.clone(),
+            runtime: context.runtime.clone(),
+            stop: Arc::clone(&context.stop),
+        }
+    }
+
+    /// The pair's id.
+    pub(super) fn id(&self, index: usize) -> &str {
+        &self.pairs[index].id
+    }
+
+    fn read(&self, index: usize) -> Result<Pair, TaskError> {
+        let pair = &self.pairs[index];
+        let named = |error: TaskError| match error {
+            TaskError::Failed(mut error) => {
+                error.message = format!("pair \"{}\": {}", pair.id, error.message);
+                TaskError::Failed(error)
+            }
+            TaskError::Stopped => TaskError::Stopped,
+        };
+        let read = || -> Result<Pair, TaskError> {
+            let phase = self.setting.displayed_phase(&self.bytes(&pair.phase)?)?;
+            let photo = pictures::photograph(&self.bytes(&pair.photo)?, self.encoding)?;
+            photo.expect_size("photo", self.setting.height_px(), self.setting.width_px())?;
+            Ok(Pair { phase: self.setting.without_carrier(phase), photo })
+        };
+        read().map_err(named)
+    }
+
+    fn bytes(&self, digest: &str) -> Result<Vec<u8>, TaskError> {
+        Ok(self.runtime.block_on(self.artifacts.read_all(digest))?)
+    }
+}
+
+impl PairSource for Pairs {
+    type Error = TaskError;
+
+    fn len(&self) -> usize {
+        self.pairs.len()
+    }
+
+    /// Stops here too when nothing of the attempt will count: a line search goes over all pairs several times. A
+    /// drain waits for the step's end, where the state is whole.
+    fn pair(&self, index: usize) -> Result<Pair, TaskError> {
+        if self.stop.reason() > Some(StopReason::Drain) {
+            return Err(TaskError::Stopped);
+        }
+        let Some(kept) = self.kept.get(index) else { return self.read(index) };
+        if let Some(pair) = kept.get() {
+            return Ok(pair.clone());
+        }
+        let pair = self.read(index)?;
+        Ok(kept.get_or_init(|| pair).clone())
+    }
+}

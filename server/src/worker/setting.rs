@@ -1,0 +1,126 @@
+//! What a job is about, read and made ready: a display at a wavelength and distance.
+
+use super::{JobContext, TaskError};
+use crate::display::{self, Display};
+use crate::job::{self, Region};
+use crate::kernel::KernelKey;
+use crate::kernel_file::{self, KernelFileError};
+use crate::pictures::{self, PictureError};
+use crate::units::{Distance, Wavelength};
+use lightpath_optics::phase_response::PhaseResponse;
+use lightpath_optics::{Carrier, Detector, DisplayModel, Grid, OpticalSetup, Plane, RegionOfInterest};
+
+/// A display at a wavelength and distance.
+#[derive(Clone, Debug)]
+pub(super) struct Setting {
+    pub(super) display: Display,
+    pub(super) key: KernelKey,
+    pub(super) setup: OpticalSetup,
+    pub(super) response: PhaseResponse,
+    pub(super) carrier: Option<Carrier>,
+}
+
+impl Setting {
+    pub(super) fn read(
+        context: &JobContext,
+        display: &str,
+        wavelength: Wavelength,
+        distance: Distance,
+    ) -> Result<Self, TaskError> {
+        let (display, _) = context.wait(context.store().display(display))?;
+        let grid = Grid::try_new(display.height_px as usize, display.width_px as usize, display.pixel_pitch_m)?;
+        let setup = OpticalSetup::try_new(grid, wavelength.m(), distance.m())?;
+        let response = match &display.phase_response_rad {
+            Some(phase_rad) => PhaseResponse::measured(phase_rad.clone())?,
+            None => PhaseResponse::linear(display.bit_depth)?,
+        };
+        let carrier = display.carrier.map(|carrier| match carrier {
+            display::Carrier::HalfOrderX => Carrier::HalfOrderX,
+            display::Carrier::HalfOrderY => Carrier::HalfOrderY,
+        });
+        let key = KernelKey { display: display.id.clone(), wavelength, distance };
+        Ok(Self { display, key, setup, response, carrier })
+    }
+
+    /// Rows [px].
+    pub(super) fn height_px(&self) -> usize {
+        self.setup.grid().height_px()
+    }
+
+    /// Columns [px].
+    pub(super) fn width_px(&self) -> usize {
+        self.setup.grid().width_px()
+    }
+
+    /// The model of a kernel version; `None`: the ideal display.
+    pub(super) fn model(&self, context: &JobContext, version: Option<u32>) -> Result<DisplayModel, TaskError> {
+        let Some(version) = version else { return Ok(DisplayModel::ideal(self.setup)) };
+        let version = context.wait(context.store().kernel_version(&self.key, version))?;
+        let (model, _) = kernel_file::decode(&context.read_artifact(&version.content.artifact)?)?;
+        if model.setup != self.setup {
+            let message = format!("{}/versions/{} was learned for another setup", self.key, version.version);
+            return Err(TaskError::permanent("KERNEL_MISMATCH", message));
+        }
+        Ok(model)
+    }
+
+    pub(super) fn region(&self, region: Region) -> Result<RegionOfInterest, TaskError> {
+        let [x, y, width, height] = [region.x_px, region.y_px, region.width_px, region.height_px].map(|px| px as usize);
+        Ok(RegionOfInterest::try_new(&self.setup.grid(), x, y, width, height)?)
+    }
+
+    /// Grey levels that show `phase` [rad], carrier added.
+    pub(super) fn levels_of(&self, phase: &Plane<f32>) -> Result<Plane<u16>, TaskError> {
+        let steered = self.carrier.map(|carrier| carrier.applied_to(phase));
+        Ok(self.response.quantize(steered.as_ref().unwrap_or(phase))?)
+    }
+
+    /// The phase [rad] that a hologram file's levels stand for, carrier included.
+    pub(super) fn displayed_phase(&self, file: &[u8]) -> Result<Plane<f32>, TaskError> {
+        let levels = pictures::levels(file, self.display.bit_depth, self.height_px(), self.width_px())?;
+        Ok(self.response.dequantize(&levels)?)
+    }
+
+    /// A displayed phase [rad] without the carrier: what engines start from.
+    pub(super) fn without_carrier(&self, displayed: Plane<f32>) -> Plane<f32> {
+        match self.carrier {
+            // Adding half a turn twice takes it away.
+            Some(carrier) => carrier.applied_to(&displayed),
+            None => displayed,
+        }
+    }
+}
+
+pub(super) fn detector(detector: job::Detector) -> Detector {
+    match detector {
+        job::Detector::Point => Detector::Point,
+        job::Detector::Pixel => Detector::Pixel,
+        job::Detector::Supersampled => Detector::Supersampled,
+    }
+}
+
+/// A number that may be stored: JSON knows no NaN and no infinity.
+pub(super) fn finite(what: &str, value: f64) -> Result<f64, TaskError> {
+    if value.is_finite() {
+        return Ok(value);
+    }
+    Err(TaskError::permanent("DIVERGED", format!("{what} became {value}; a smaller learning_rate may help")))
+}
+
+impl From<lightpath_optics::Error> for TaskError {
+    fn from(error: lightpath_optics::Error) -> Self {
+        Self::permanent("INVALID_INPUT", error)
+    }
+}
+
+impl From<PictureError> for TaskError {
+    fn from(error: PictureError) -> Self {
+        Self::permanent("INVALID_PICTURE", error)
+    }
+}
+
+impl From<KernelFileError> for TaskError {
+    fn from(error: KernelFileError) -> Self {
+        Self::permanent("INVALID_KERNEL", error)
+    }
+}

@@ -1,0 +1,254 @@
+//! The states of optimizations as bytes, exactly: a resumed job must end with the bytes of an uninterrupted one.
+//!
+//! Little-endian numbers in a fixed order; arrays behind their length. The envelope of a checkpoint says which version
+//! of the code wrote them, so nothing here needs a version of its own.
+
+use lightpath_optics::AdamState;
+use lightpath_optics::learning::LearnState;
+use lightpath_optics::learning::bins::BinsState;
+use lightpath_optics::learning::parametric::ParametricState;
+use lightpath_optics::optimizer::lbfgs::LbfgsState;
+use std::collections::VecDeque;
+
+/// A hologram under way: Adam's state, the loss of its last step, and the time that the steps took [s].
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct HologramState {
+    pub(super) adam: AdamState,
+    pub(super) loss: f64,
+    pub(super) compute_s: f64,
+}
+
+impl HologramState {
+    pub(super) fn to_bytes(adam: &AdamState, loss: f64, compute_s: f64) -> Vec<u8> {
+        let AdamState { phase, first_moment, second_moment, iteration, gain } = adam;
+        let mut bytes = Writer::default();
+        [phase, first_moment, second_moment].into_iter().for_each(|values| bytes.f32s(values));
+        bytes.u32(*iteration);
+        [*gain, loss, compute_s].into_iter().for_each(|value| bytes.f64(value));
+        bytes.0
+    }
+
+    /// `None` where the bytes are no such state.
+    pub(super) fn from_bytes(bytes: &[u8]) -> Option<Self> {
+        let mut bytes = Reader(bytes);
+        let adam = AdamState {
+            phase: bytes.f32s()?,
+            first_moment: bytes.f32s()?,
+            second_moment: bytes.f32s()?,
+            iteration: bytes.u32()?,
+            gain: bytes.f64()?,
+        };
+        let state = Self { adam, loss: bytes.f64()?, compute_s: bytes.f64()? };
+        bytes.0.is_empty().then_some(state)
+    }
+}
+
+const PARAMETRIC: u32 = 1;
+const BINS: u32 = 2;
+
+pub(super) fn learn_state_to_bytes(state: &LearnState) -> Vec<u8> {
+    let mut bytes = Writer::default();
+    match state {
+        LearnState::Parametric(state) => {
+            bytes.u32(PARAMETRIC);
+            write_parametric(&mut bytes, state);
+        }
+        LearnState::Bins(state) => {
+            bytes.u32(BINS);
+            write_bins(&mut bytes, state);
+        }
+    }
+    bytes.0
+}
+
+/// `None` where the bytes are no such state.
+pub(super) fn learn_state_from_bytes(bytes: &[u8]) -> Option<LearnState> {
+    let mut bytes = Reader(bytes);
+    let state = match bytes.u32()? {
+        PARAMETRIC => LearnState::Parametric(read_parametric(&mut bytes)?),
+        BINS => LearnState::Bins(read_bins(&mut bytes)?),
+        _ => return None,
+    };
+    bytes.0.is_empty().then_some(state)
+}
+
+fn write_parametric(bytes: &mut Writer, state: &ParametricState) {
+    let ParametricState {
+        parameters,
+        first_moment,
+        second_moment,
+        adam_steps,
+        epoch_loss,
+        gain,
+        refinement,
+        converged,
+        loss_history,
+    } = state;
+    [parameters, first_moment, second_moment, loss_history].into_iter().for_each(|values| bytes.f64s(values));
+    bytes.u32(*adam_steps);
+    bytes.f64(*epoch_loss);
+    bytes.f64(*gain);
+    bytes.u32(u32::from(*converged));
+    bytes.u32(u32::from(refinement.is_some()));
+    if let Some(LbfgsState { parameters, loss, gradient, history, evaluations }) = refinement {
+        bytes.f64s(parameters);
+        bytes.f64(*loss);
+        bytes.f64s(gradient);
+        bytes.u32(*evaluations);
+        bytes.u32(history.len() as u32);
+        for (step, change) in history {
+            bytes.f64s(step);
+            bytes.f64s(change);
+        }
+    }
+}
+
+fn read_parametric(bytes: &mut Reader<'_>) -> Option<ParametricState> {
+    let [parameters, first_moment, second_moment, loss_history] =
+        [bytes.f64s()?, bytes.f64s()?, bytes.f64s()?, bytes.f64s()?];
+    let (adam_steps, epoch_loss, gain, converged) = (bytes.u32()?, bytes.f64()?, bytes.f64()?, bytes.u32()? != 0);
+    let refinement = if bytes.u32()? == 0 { None } else { Some(read_lbfgs(bytes)?) };
+    Some(ParametricState {
+        parameters,
+        first_moment,
+        second_moment,
+        adam_steps,
+        epoch_loss,
+        gain,
+        refinement,
+        converged,
+        loss_history,
+    })
+}
+
+fn read_lbfgs(bytes: &mut Reader<'_>) -> Option<LbfgsState> {
+    let (parameters, loss, gradient) = (bytes.f64s()?, bytes.f64()?, bytes.f64s()?);
+    let (evaluations, count) = (bytes.u32()?, bytes.u32()?);
+    let history = (0..count).map(|_| Some((bytes.f64s()?, bytes.f64s()?))).collect::<Option<VecDeque<_>>>()?;
+    Some(LbfgsState { parameters, loss, gradient, history, evaluations })
+}
+
+fn write_bins(bytes: &mut Writer, state: &BinsState) {
+    let BinsState { parameters, first_moment, second_moment, adam_steps, epoch_loss, gain, offset, loss_history } =
+        state;
+    [parameters, first_moment, second_moment].into_iter().for_each(|values| bytes.f32s(values));
+    bytes.u32(*adam_steps);
+    [*epoch_loss, *gain, *offset].into_iter().for_each(|value| bytes.f64(value));
+    bytes.f64s(loss_history);
+}
+
+fn read_bins(bytes: &mut Reader<'_>) -> Option<BinsState> {
+    Some(BinsState {
+        parameters: bytes.f32s()?,
+        first_moment: bytes.f32s()?,
+        second_moment: bytes.f32s()?,
+        adam_steps: bytes.u32()?,
+        epoch_loss: bytes.f64()?,
+        gain: bytes.f64()?,
+        offset: bytes.f64()?,
+        loss_history: bytes.f64s()?,
+    })
+}
+
+#[derive(Default)]
+struct Writer(Vec<u8>);
+
+impl Writer {
+    fn u32(&mut self, value: u32) {
+        self.0.extend_from_slice(&value.to_le_bytes());
+    }
+
+    fn f64(&mut self, value: f64) {
+        self.0.extend_from_slice(&value.to_le_bytes());
+    }
+
+    fn f32s(&mut self, values: &[f32]) {
+        self.0.reserve(4 * values.len() + 8);
+        self.0.extend_from_slice(&(values.len() as u64).to_le_bytes());
+        self.0.extend(values.iter().flat_map(|value| value.to_le_bytes()));
+    }
+
+    fn f64s(&mut self, values: &[f64]) {
+        self.0.reserve(8 * values.len() + 8);
+        self.0.extend_from_slice(&(values.len() as u64).to_le_bytes());
+        self.0.extend(values.iter().flat_map(|value| value.to_le_bytes()));
+    }
+}
+
+struct Reader<'a>(&'a [u8]);
+
+impl Reader<'_> {
+    fn u32(&mut self) -> Option<u32> {
+        self.array().map(u32::from_le_bytes)
+    }
+
+    fn f64(&mut self) -> Option<f64> {
+        self.array().map(f64::from_le_bytes)
+    }
+
+    fn f32s(&mut self) -> Option<Vec<f32>> {
+        Some(self.values::<4>()?.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect())
+    }
+
+    fn f64s(&mut self) -> Option<Vec<f64>> {
+        Some(self.values::<8>()?.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect())
+    }
+
+    fn array<const N: usize>(&mut self) -> Option<[u8; N]> {
+        let (array, rest) = self.0.split_first_chunk()?;
+        self.0 = rest;
+        Some(*array)
+    }
+
+    fn values<const N: usize>(&mut self) -> Option<&[[u8; N]]> {
+        let count = usize::try_from(u64::from_le_bytes(self.array()?)).ok()?;
+        let (values, rest) = self.0.split_at_checked(count.checked_mul(N)?)?;
+        self.0 = rest;
+        Some(values.as_chunks().0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn states_come_back_exactly() {
+        let adam = AdamState {
+            phase: vec![0.1, -2.5],
+            first_moment: vec![1e-30, 3.0],
+            second_moment: vec![f32::MIN_POSITIVE, 7.0],
+            iteration: 12,
+            gain: 1.0 / 3.0,
+        };
+        let bytes = HologramState::to_bytes(&adam, 0.1 + 0.2, 1e-3);
+        let state = HologramState { adam, loss: 0.1 + 0.2, compute_s: 1e-3 };
+        assert_eq!(HologramState::from_bytes(&bytes), Some(state));
+        for end in [0, 3, 8, 11, bytes.len() - 1] {
+            assert_eq!(HologramState::from_bytes(&bytes[..end]), None, "cut at {end}");
+        }
+
+        let refinement = LbfgsState {
+            parameters: vec![0.1, 0.7],
+            loss: 1e-5,
+            gradient: vec![-1.0 / 7.0, 0.0],
+            history: VecDeque::from([(vec![1.0, 2.0], vec![3.0, 4.0]), (vec![5.0, 6.0], vec![7.0, 8.0])]),
+            evaluations: 9,
+        };
+        let parametric = ParametricState {
+            parameters: vec![0.1],
+            refinement: Some(refinement),
+            converged: true,
+            loss_history: vec![0.3, 0.2],
+            adam_steps: 5,
+            ..ParametricState::default()
+        };
+        let bins = BinsState { parameters: vec![0.1, 0.2], adam_steps: 3, offset: 0.01, ..BinsState::default() };
+        let plain = ParametricState::default();
+        for state in [LearnState::Parametric(parametric), LearnState::Parametric(plain), LearnState::Bins(bins)] {
+            let bytes = learn_state_to_bytes(&state);
+            assert_eq!(learn_state_from_bytes(&bytes), Some(state));
+            assert_eq!(learn_state_from_bytes(&bytes[..bytes.len() - 1]), None);
+        }
+    }
+}
