@@ -1,0 +1,127 @@
+//! Arguments that several commands take.
+
+use clap::{Args, ValueEnum};
+use lightpath::units::{Length, ParseError};
+use lightpath::v1;
+
+/// The name of the thing that a new display, a hologram or a photograph belongs to, and where the image is.
+#[derive(Debug, Args)]
+pub(crate) struct Optics {
+    /// Id of the display, for example lab-2
+    #[arg(long, value_name = "ID")]
+    pub(crate) display: String,
+
+    /// From the SLM to the image plane, for example 150mm; negative for an image behind the SLM
+    #[arg(long, value_name = "LENGTH", value_parser = distance, allow_hyphen_values = true)]
+    pub(crate) distance: f64,
+
+    /// Wavelength in vacuum, for example 515nm; may be left out where the display has only one
+    #[arg(long, value_name = "LENGTH", value_parser = wavelength, allow_hyphen_values = true)]
+    pub(crate) wavelength: Option<f64>,
+}
+
+impl Optics {
+    /// [m]; 0 asks the server for the display's only one.
+    pub(crate) fn wavelength_m(&self) -> f64 {
+        self.wavelength.unwrap_or(0.0)
+    }
+}
+
+/// How many items a list shows.
+#[derive(Debug, Args)]
+pub(crate) struct Limit {
+    /// Show at most this many; 0 shows all
+    #[arg(long, value_name = "N", default_value_t = 50)]
+    pub(crate) limit: u32,
+}
+
+/// What counts as the light of a pixel.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum Detector {
+    /// The intensity at the sample point alone, as most published figures take it.
+    Point,
+    /// The mean over the pixel: what a camera of the same pitch integrates.
+    Pixel,
+    /// Every sub-sample by itself: nothing left free between the points, what an eye sees.
+    Supersampled,
+}
+
+impl From<Detector> for v1::Detector {
+    fn from(detector: Detector) -> Self {
+        match detector {
+            Detector::Point => Self::Point,
+            Detector::Pixel => Self::Pixel,
+            Detector::Supersampled => Self::Supersampled,
+        }
+    }
+}
+
+/// How grey values stand for light.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum Encoding {
+    /// Value / full scale is the intensity, as cameras measure it.
+    Linear,
+    /// As pictures for screens are stored; decoded to linear light first.
+    Srgb,
+}
+
+impl From<Encoding> for v1::Encoding {
+    fn from(encoding: Encoding) -> Self {
+        match encoding {
+            Encoding::Linear => Self::Linear,
+            Encoding::Srgb => Self::Srgb,
+        }
+    }
+}
+
+/// `150mm`.
+pub(crate) fn distance(text: &str) -> Result<f64, ParseError> {
+    Length::Distance.parse_m(text)
+}
+
+/// `8um`.
+pub(crate) fn pixel_pitch(text: &str) -> Result<f64, ParseError> {
+    Length::PixelPitch.parse_m(text)
+}
+
+/// `515nm`.
+pub(crate) fn wavelength(text: &str) -> Result<f64, ParseError> {
+    Length::Wavelength.parse_m(text)
+}
+
+/// `x,y,width,height` in pixels.
+pub(crate) fn region(text: &str) -> Result<v1::RegionOfInterest, String> {
+    let numbers: Option<Vec<u32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[x_px, y_px, width_px, height_px]) => Ok(v1::RegionOfInterest { x_px, y_px, width_px, height_px }),
+        _ => Err("a region is x,y,width,height in whole pixels, such as 192,108,1536,864".to_owned()),
+    }
+}
+
+/// `1920x1080`: columns, rows.
+pub(crate) fn resolution(text: &str) -> Result<(u32, u32), String> {
+    let (width, height) = text.split_once(['x', '×']).unwrap_or(("", ""));
+    match (width.trim().parse(), height.trim().parse()) {
+        (Ok(width_px), Ok(height_px)) => Ok((width_px, height_px)),
+        _ => Err("a resolution is columns x rows in pixels, such as 1920x1080".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn regions_and_resolutions_are_read() {
+        let full = v1::RegionOfInterest { x_px: 1, y_px: 2, width_px: 30, height_px: 40 };
+        assert_eq!(region("1,2, 30,40"), Ok(full));
+        for bad in ["", "1,2,3", "1,2,3,4,5", "-1,2,3,4", "0.1,0,1,1"] {
+            assert!(region(bad).unwrap_err().contains("192,108,1536,864"), "{bad}");
+        }
+        assert_eq!(resolution("1920x1080"), Ok((1920, 1080)));
+        assert_eq!(resolution("1920×1080"), Ok((1920, 1080)));
+        for bad in ["", "1920", "x", "-1x5", "1920x1080x3"] {
+            assert!(resolution(bad).unwrap_err().contains("1920x1080"), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,265 @@
+//! `lightpath display …`
+
+use super::arguments::{Limit, pixel_pitch, resolution, wavelength};
+use super::failure::Failure;
+use super::session::{Session, more_hint, pages, say};
+use super::show;
+use super::table::{Facts, Table};
+use clap::{Args, Subcommand, ValueEnum};
+use lightpath::v1::{self, Display};
+use lightpath::{names, units};
+use std::path::{Path, PathBuf};
+
+/// What can be done with displays.
+#[derive(Debug, Subcommand)]
+pub(crate) enum DisplayCommand {
+    /// Declare a display
+    Create(Box<Create>),
+    /// List displays
+    List(Limit),
+    /// Show one display
+    Show(Id),
+    /// Delete a display that has no datasets, kernels or jobs
+    Delete(Id),
+}
+
+/// Declare a display.
+///
+/// A display is a phase-only spatial light modulator (SLM) and the optics behind it. Declaring the same display
+/// again changes nothing; the same id with other properties is refused.
+#[derive(Debug, Args)]
+#[command(after_long_help = "\
+Examples:
+  lightpath display create lab-2 --resolution 1920x1080 --pixel-pitch 8um --wavelength 515nm
+  lightpath display create rgb --resolution 3840x2160 --pixel-pitch 3.74um \\
+      --wavelength 450nm --wavelength 520nm --wavelength 638nm --bit-depth 10 --carrier half-order-x
+
+A display to play with, that exists only as a simulation (see `lightpath simulate --help`):
+  lightpath display create toy --resolution 480x270 --pixel-pitch 8um --wavelength 515nm --simulated-seed 1")]
+pub(crate) struct Create {
+    /// Its id: 1 to 63 characters of a-z, 0-9 and '-', starting with a letter
+    id: String,
+
+    /// Columns x rows of the SLM [px], 16 to 8192 each
+    #[arg(long, value_name = "WxH", value_parser = resolution)]
+    resolution: (u32, u32),
+
+    /// Distance between the centres of neighbouring SLM pixels, for example 8um
+    #[arg(long, value_name = "LENGTH", value_parser = pixel_pitch, allow_hyphen_values = true)]
+    pixel_pitch: f64,
+
+    /// Wavelength in vacuum that the display is lit with, for example 515nm; may be given several times
+    #[arg(long = "wavelength", value_name = "LENGTH", value_parser = wavelength, required = true, allow_hyphen_values = true)]
+    wavelengths: Vec<f64>,
+
+    /// Grey levels are 0 to 2^N - 1; 1 to 16
+    #[arg(long, value_name = "N", default_value_t = 8)]
+    bit_depth: u32,
+
+    /// Text file with the measured phase [rad] of each grey level, one number a line, 2^bit-depth of them
+    ///
+    /// Without it, level · 2π / 2^bit-depth. Empty lines and lines that start with # are skipped.
+    #[arg(long, value_name = "FILE")]
+    phase_response: Option<PathBuf>,
+
+    /// Grating that is added to every hologram, to steer the image away from the undiffracted light
+    #[arg(long)]
+    carrier: Option<Carrier>,
+
+    /// Free text, at most 4096 bytes
+    #[arg(long, value_name = "TEXT", default_value = "")]
+    notes: String,
+
+    /// Make it a simulated display, with imperfections drawn from this seed
+    #[arg(long, value_name = "N", help_heading = "Simulated bench")]
+    simulated_seed: Option<u64>,
+
+    /// Scales every optical imperfection, above 0, at most 4
+    #[arg(
+        long,
+        value_name = "X",
+        default_value_t = 1.0,
+        requires = "simulated_seed",
+        help_heading = "Simulated bench"
+    )]
+    simulated_strength: f64,
+
+    /// Standard deviation of the camera's read noise, as a fraction of its full scale, above 0, at most 0.1
+    #[arg(
+        long,
+        value_name = "X",
+        default_value_t = 0.003,
+        requires = "simulated_seed",
+        help_heading = "Simulated bench"
+    )]
+    camera_noise: f64,
+
+    /// The camera is shifted by up to this, in x and in y [px], 0 to 4
+    #[arg(
+        long,
+        value_name = "PX",
+        default_value_t = 0.0,
+        requires = "simulated_seed",
+        help_heading = "Simulated bench"
+    )]
+    misalignment: f64,
+}
+
+/// Half-order gratings.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Carrier {
+    /// π on every other column.
+    HalfOrderX,
+    /// π on every other row.
+    HalfOrderY,
+}
+
+/// Which display.
+#[derive(Debug, Args)]
+pub(crate) struct Id {
+    /// Id of the display
+    id: String,
+}
+
+impl DisplayCommand {
+    pub(crate) async fn run(self, session: &Session) -> Result<(), Failure> {
+        match self {
+            Self::Create(create) => {
+                let display = Some(create.display()?);
+                let display = session.client.create_display(v1::CreateDisplayRequest { display }).await?;
+                session.print(&display, facts)
+            }
+            Self::List(limit) => list(session, limit.limit).await,
+            Self::Show(id) => {
+                let request = v1::GetDisplayRequest { name: names::display(&id.id) };
+                session.print(&session.client.get_display(request).await?, facts)
+            }
+            Self::Delete(id) => {
+                let request = v1::DeleteDisplayRequest { name: names::display(&id.id) };
+                let answer = session.client.delete_display(request).await?;
+                if session.is_json() {
+                    return session.print_json_line(&answer);
+                }
+                say(&format!("deleted display {}", id.id));
+                Ok(())
+            }
+        }
+    }
+}
+
+impl Create {
+    fn display(&self) -> Result<Display, Failure> {
+        let carrier = match self.carrier {
+            None => v1::Carrier::Unspecified,
+            Some(Carrier::HalfOrderX) => v1::Carrier::HalfOrderX,
+            Some(Carrier::HalfOrderY) => v1::Carrier::HalfOrderY,
+        };
+        let simulated_bench = self.simulated_seed.map(|seed| v1::SimulatedBench {
+            seed,
+            strength: self.simulated_strength,
+            camera_noise: self.camera_noise,
+            misalignment_px: self.misalignment,
+        });
+        Ok(Display {
+            name: names::display(&self.id),
+            width_px: self.resolution.0,
+            height_px: self.resolution.1,
+            pixel_pitch_m: self.pixel_pitch,
+            bit_depth: self.bit_depth,
+            wavelengths_m: self.wavelengths.clone(),
+            phase_response: self.phase_response.as_deref().map(phase_response).transpose()?,
+            carrier: carrier.into(),
+            notes: self.notes.clone(),
+            simulated_bench,
+            create_time: None,
+        })
+    }
+}
+
+fn phase_response(path: &Path) -> Result<v1::PhaseResponse, Failure> {
+    let text = std::fs::read_to_string(path).map_err(|source| lightpath::Error::File {
+        action: "read",
+        path: path.to_owned(),
+        source,
+    })?;
+    let lines = text.lines().enumerate().map(|(index, line)| (index + 1, line.trim()));
+    let numbers = lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#')).map(|(number, line)| {
+        line.parse().map_err(|_| {
+            let file = path.display();
+            Failure::Usage(format!("{file}, line {number}: \"{line}\" is no number of radians, such as 1.5708"))
+        })
+    });
+    Ok(v1::PhaseResponse { phase_rad: numbers.collect::<Result<_, _>>()? })
+}
+
+async fn list(session: &Session, limit: u32) -> Result<(), Failure> {
+    let (displays, next_page_token) = pages(limit, async |page_size, page_token| {
+        let answer = session.client.list_displays(v1::ListDisplaysRequest { page_size, page_token }).await?;
+        Ok((answer.displays, answer.next_page_token))
+    })
+    .await?;
+    session.print(&v1::ListDisplaysResponse { displays, next_page_token }, |list| {
+        let mut table = Table::new(&["display", ">resolution", ">pitch", "wavelengths", ">bits", "kind", "created"]);
+        for display in &list.displays {
+            table.row([
+                names::id(&display.name).to_owned(),
+                format!("{}x{}", display.width_px, display.height_px),
+                units::show_m(display.pixel_pitch_m),
+                wavelengths(display),
+                display.bit_depth.to_string(),
+                if display.simulated_bench.is_some() { "simulated".to_owned() } else { "real".to_owned() },
+                show::time_or_dash(display.create_time.as_ref()),
+            ]);
+        }
+        table.text_or("no displays; declare one: lightpath display create --help") + more_hint(&list.next_page_token)
+    })
+}
+
+fn wavelengths(display: &Display) -> String {
+    display.wavelengths_m.iter().copied().map(units::show_m).collect::<Vec<_>>().join(", ")
+}
+
+fn facts(display: &Display) -> String {
+    let mut facts = Facts::default();
+    facts.add("display", names::id(&display.name));
+    facts.add("resolution", format!("{}x{} px", display.width_px, display.height_px));
+    facts.add("pixel pitch", units::show_m(display.pixel_pitch_m));
+    facts.add("wavelengths", wavelengths(display));
+    facts.add("bit depth", display.bit_depth.to_string());
+    let response = display.phase_response.as_ref().map_or("linear, 0 to 2π", |_| "measured");
+    facts.add("phase response", response);
+    facts.add(
+        "carrier",
+        match display.carrier() {
+            v1::Carrier::Unspecified => "none",
+            v1::Carrier::HalfOrderX => "half order in x",
+            v1::Carrier::HalfOrderY => "half order in y",
+        },
+    );
+    if let Some(bench) = &display.simulated_bench {
+        let (seed, strength) = (bench.seed, bench.strength);
+        let camera = format!("camera noise {}, misalignment {} px", bench.camera_noise, bench.misalignment_px);
+        facts.add("simulated", format!("seed {seed}, strength {strength}, {camera}"));
+    }
+    if !display.notes.is_empty() {
+        facts.add("notes", &display.notes);
+    }
+    facts.add_some("created", display.create_time.as_ref().map(show::time));
+    facts.text()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_phase_response_is_one_number_a_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("response.txt");
+        std::fs::write(&path, "# radians\n0\n1.5\n\n 3.1 \n").unwrap();
+        assert_eq!(phase_response(&path).unwrap().phase_rad, [0.0, 1.5, 3.1]);
+        std::fs::write(&path, "0\n1,5\n").unwrap();
+        let Err(Failure::Usage(text)) = phase_response(&path) else { panic!("accepted") };
+        assert!(text.contains("line 2: \"1,5\""), "{text}");
+    }
+}

@@ -1,0 +1,193 @@
+//! `lightpath job …`
+
+use super::arguments::Limit;
+use super::failure::Failure;
+use super::progress::{Progress, or_interrupted};
+use super::session::{Session, more_hint, pages, say};
+use super::table::Table;
+use super::{job_text, show};
+use clap::{Args, Subcommand, ValueEnum};
+use futures::{StreamExt as _, TryStreamExt as _};
+use lightpath::names;
+use lightpath::v1::{self, Job, job};
+
+/// Jobs watched at once: a stream each, so well within what one connection carries.
+const WATCHES_MAX: usize = 64;
+
+/// What can be done with jobs.
+#[derive(Debug, Subcommand)]
+pub(crate) enum JobCommand {
+    /// List jobs, newest first
+    List(List),
+    /// Show one job
+    Show(Id),
+    /// Follow jobs until they end; survives a restart of the server
+    ///
+    /// With --output json every change is printed as one line of JSON. Exit code 1 when a job did not succeed.
+    Watch(Watch),
+    /// Ask for the end of a job; a running one ends within an iteration
+    Cancel(Id),
+    /// Queue a failed or cancelled job again
+    Retry(Id),
+    /// Print what happened to a job, oldest first
+    Logs(Id),
+}
+
+/// Which jobs.
+#[derive(Debug, Args)]
+pub(crate) struct List {
+    /// Only jobs in this state
+    #[arg(long)]
+    state: Option<State>,
+
+    /// Only this display's
+    #[arg(long, value_name = "ID")]
+    display: Option<String>,
+
+    #[command(flatten)]
+    limit: Limit,
+}
+
+/// A job's state.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum State {
+    /// Waits for a worker or for its time.
+    Queued,
+    /// A worker is at it.
+    Running,
+    /// Ended with a result.
+    Succeeded,
+    /// Ended without; can be queued again with `job retry`.
+    Failed,
+    /// Ended because somebody asked for it.
+    Cancelled,
+}
+
+/// Which job.
+#[derive(Debug, Args)]
+pub(crate) struct Id {
+    /// Id of the job
+    job: String,
+}
+
+/// Which jobs.
+#[derive(Debug, Args)]
+pub(crate) struct Watch {
+    /// Ids of the jobs
+    #[arg(required = true, value_name = "JOB")]
+    jobs: Vec<String>,
+}
+
+impl JobCommand {
+    pub(crate) async fn run(self, session: &Session) -> Result<(), Failure> {
+        let client = &session.client;
+        match self {
+            Self::List(list) => list.run(session).await,
+            Self::Show(id) => {
+                session.print(&client.get_job(v1::GetJobRequest { name: id.name() }).await?, job_text::facts)
+            }
+            Self::Watch(watch) => watch.run(session).await,
+            Self::Cancel(id) => {
+                let job = client.cancel_job(v1::CancelJobRequest { name: id.name() }).await?;
+                session.print(&job, |job| format!("{}  {}", names::id(&job.name), job_text::one_line(job)))
+            }
+            Self::Retry(id) => {
+                let job = client.retry_job(v1::RetryJobRequest { name: id.name() }).await?;
+                session.print(&job, |job| format!("{}  {}", names::id(&job.name), job_text::one_line(job)))
+            }
+            Self::Logs(id) => logs(session, id.name()).await,
+        }
+    }
+}
+
+impl Id {
+    fn name(&self) -> String {
+        names::job(&self.job)
+    }
+}
+
+impl List {
+    async fn run(self, session: &Session) -> Result<(), Failure> {
+        let display = self.display.as_deref().map(names::display).unwrap_or_default();
+        let state = match self.state {
+            None => job::State::Unspecified,
+            Some(State::Queued) => job::State::Queued,
+            Some(State::Running) => job::State::Running,
+            Some(State::Succeeded) => job::State::Succeeded,
+            Some(State::Failed) => job::State::Failed,
+            Some(State::Cancelled) => job::State::Cancelled,
+        };
+        let (jobs, next_page_token) = pages(self.limit.limit, async |page_size, page_token| {
+            let display = display.clone();
+            let request = v1::ListJobsRequest { page_size, page_token, state: state.into(), display };
+            let answer = session.client.list_jobs(request).await?;
+            Ok((answer.jobs, answer.next_page_token))
+        })
+        .await?;
+        session.print(&v1::ListJobsResponse { jobs, next_page_token }, |list| {
+            table(&list.jobs).text_or("no jobs") + more_hint(&list.next_page_token)
+        })
+    }
+}
+
+impl Watch {
+    async fn run(self, session: &Session) -> Result<(), Failure> {
+        let ids: Vec<String> = self.jobs.iter().map(|job| names::id(job).to_owned()).collect();
+        let progress = Progress::new(ids.iter().map(String::as_str));
+        let waits = ids.iter().map(async |id| {
+            let mut printed = Ok(());
+            let on_job = |job: &Job| {
+                if printed.is_ok() {
+                    printed = session.print_json_line(job);
+                }
+            };
+            let job = progress.wait(session, id, &names::job(id), on_job).await?;
+            printed.map(|()| job)
+        });
+        let all = futures::stream::iter(waits).buffered(WATCHES_MAX).try_collect();
+        let jobs: Vec<Job> = or_interrupted(&ids, all).await?;
+        if let [job] = jobs.as_slice() {
+            session.print_text(&job_text::facts(job))?;
+        } else {
+            session.print_text(&table(&jobs).text())?;
+        }
+        job_text::check_success(&jobs)
+    }
+}
+
+fn table(jobs: &[Job]) -> Table {
+    let mut table = Table::new(&["job", "kind", "on", "state", ">progress", ">attempt", "created"]);
+    for job in jobs {
+        let progress = job.progress.as_ref().map(|progress| format!("{}/{}", progress.step, progress.steps_total));
+        table.row([
+            names::id(&job.name).to_owned(),
+            job_text::kind(job).to_owned(),
+            job_text::subject(job).to_owned(),
+            job_text::state(job),
+            progress.unwrap_or_default(),
+            job.attempt.to_string(),
+            show::time_or_dash(job.create_time.as_ref()),
+        ]);
+    }
+    table
+}
+
+async fn logs(session: &Session, name: String) -> Result<(), Failure> {
+    let (events, next_page_token) = pages(0, async |page_size, page_token| {
+        let request = v1::ListJobEventsRequest { name: name.clone(), page_size, page_token };
+        let answer = session.client.list_job_events(request).await?;
+        Ok((answer.events, answer.next_page_token))
+    })
+    .await?;
+    if events.is_empty() {
+        say("nothing has happened to the job yet");
+    }
+    session.print(&v1::ListJobEventsResponse { events, next_page_token }, |list| {
+        let mut table = Table::new(&["time", ">attempt", "what"]);
+        for event in &list.events {
+            let attempt = show::version_or_dash(event.attempt);
+            table.row([show::time_or_dash(event.time.as_ref()), attempt, event.message.clone()]);
+        }
+        table.text()
+    })
+}

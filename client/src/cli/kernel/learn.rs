@@ -1,0 +1,134 @@
+//! `lightpath kernel learn` and `evaluate`.
+
+use crate::cli::arguments::{Detector, region};
+use crate::cli::failure::Failure;
+use crate::cli::session::Session;
+use crate::cli::submission::Submission;
+use clap::{Args, ValueEnum};
+use lightpath::names;
+use lightpath::v1::{self, EvaluateKernel, KernelModel, LearnKernel, job_spec};
+
+/// Learn a display's light transport from photographs.
+///
+/// The result is the next version of the kernel of the dataset's display, wavelength and distance. It is not
+/// used until it is promoted.
+#[derive(Debug, Args)]
+#[command(after_long_help = "\
+Example:
+  lightpath kernel learn --dataset bench-1 --wait
+  lightpath kernel promote --display lab-2 --distance 150mm --version 1 --reason \"held-out loss 0.0001\"")]
+pub(crate) struct Learn {
+    /// Name of a finalized dataset
+    #[arg(long, value_name = "NAME")]
+    dataset: String,
+
+    /// How the light transport is written as parameters
+    #[arg(long, default_value = "display")]
+    model: Model,
+
+    /// Passes over the training pairs with Adam, at most 1000 [default: the model's]
+    #[arg(long, value_name = "N")]
+    epochs: Option<u32>,
+
+    /// Full-batch L-BFGS evaluations after Adam (smooth and display), at most 10000 [default: the model's]
+    #[arg(long, value_name = "N")]
+    refinement_evaluations: Option<u32>,
+
+    /// Adam's step [default: the model's]
+    #[arg(long, value_name = "X")]
+    learning_rate: Option<f64>,
+
+    /// Seed of the order of the pairs, and of the paper model's start
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+
+    /// Highest polynomial degree of the smooth errors, 1 to 12
+    #[arg(long, value_name = "N", default_value_t = 5)]
+    order: u32,
+
+    /// What the camera's pixels measure (supersampled is no camera)
+    #[arg(long, default_value = "pixel")]
+    detector: Detector,
+
+    /// Where the photographs count [px]: x,y,width,height [default: the middle 80 % of each axis]
+    #[arg(long, value_name = "X,Y,W,H", value_parser = region)]
+    roi: Option<v1::RegionOfInterest>,
+
+    /// Wait for the job, with a bar
+    #[arg(long)]
+    wait: bool,
+
+    #[command(flatten)]
+    submission: Submission,
+}
+
+/// How a kernel is parametrized.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Model {
+    /// Amplitude and phase, random at first, in the inner half of the spectrum (Kavaklı, Ürey, Akşit 2021).
+    Paper,
+    /// Every frequency bin free, starting from the ideal kernel.
+    Dense,
+    /// Smooth amplitude and phase errors over the band.
+    Smooth,
+    /// Smooth, and the source profile, the SLM's phase response and the undiffracted light.
+    Display,
+}
+
+/// Measure how well a kernel predicts a dataset's photographs.
+#[derive(Debug, Args)]
+pub(crate) struct Evaluate {
+    /// Name of a finalized dataset
+    #[arg(long, value_name = "NAME")]
+    dataset: String,
+
+    /// Which kernel of the dataset's display, wavelength and distance: active, ideal or a version number
+    #[arg(long, value_name = "KERNEL", default_value = "active")]
+    kernel: String,
+
+    /// Where the photographs count [px]: x,y,width,height [default: the middle 80 % of each axis]
+    #[arg(long, value_name = "X,Y,W,H", value_parser = region)]
+    roi: Option<v1::RegionOfInterest>,
+
+    /// Wait for the job, with a bar
+    #[arg(long)]
+    wait: bool,
+
+    #[command(flatten)]
+    submission: Submission,
+}
+
+impl Learn {
+    pub(super) async fn run(self, session: &Session) -> Result<(), Failure> {
+        let model = match self.model {
+            Model::Paper => KernelModel::Paper,
+            Model::Dense => KernelModel::Dense,
+            Model::Smooth => KernelModel::Smooth,
+            Model::Display => KernelModel::Display,
+        };
+        let kind = job_spec::Kind::LearnKernel(LearnKernel {
+            dataset: names::dataset(&self.dataset),
+            model: model.into(),
+            epochs: self.epochs.unwrap_or(0),
+            refinement_evaluations: self.refinement_evaluations,
+            learning_rate: self.learning_rate.unwrap_or(0.0),
+            seed: self.seed,
+            order: self.order,
+            detector: v1::Detector::from(self.detector).into(),
+            region_of_interest: self.roi,
+        });
+        self.submission.submit_and_print(session, kind, self.wait).await
+    }
+}
+
+impl Evaluate {
+    pub(super) async fn run(self, session: &Session) -> Result<(), Failure> {
+        let kind = job_spec::Kind::EvaluateKernel(EvaluateKernel {
+            dataset: names::dataset(&self.dataset),
+            kernel: self.kernel,
+            kernel_version: 0,
+            region_of_interest: self.roi,
+        });
+        self.submission.submit_and_print(session, kind, self.wait).await
+    }
+}

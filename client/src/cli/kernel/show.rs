@@ -1,0 +1,189 @@
+//! `lightpath kernel list`, `show` and `versions`.
+
+use crate::cli::arguments::{Limit, distance};
+use crate::cli::failure::Failure;
+use crate::cli::kernel_choice::KernelChoice;
+use crate::cli::session::{Session, more_hint, pages};
+use crate::cli::table::{Facts, Table};
+use crate::cli::{job_text, show};
+use clap::Args;
+use lightpath::names;
+use lightpath::v1::{self, Kernel, KernelVersion};
+
+/// Two distances are the same when they differ by less than the server's unit, a nanometre.
+const SAME_DISTANCE_M: f64 = 0.5e-9;
+
+/// List kernels.
+#[derive(Debug, Args)]
+pub(crate) struct List {
+    /// Only this display's
+    #[arg(long, value_name = "ID")]
+    display: Option<String>,
+
+    /// Only those of this distance, for example 150mm
+    #[arg(long, value_name = "LENGTH", value_parser = distance, allow_hyphen_values = true)]
+    distance: Option<f64>,
+
+    #[command(flatten)]
+    limit: Limit,
+}
+
+/// Show a kernel and its versions, or one version in full.
+#[derive(Debug, Args)]
+pub(crate) struct Show {
+    #[command(flatten)]
+    kernel: KernelChoice,
+
+    /// This version in full, with its lineage
+    #[arg(long, value_name = "N")]
+    version: Option<u32>,
+}
+
+/// List the versions of a kernel, newest first.
+#[derive(Debug, Args)]
+pub(crate) struct Versions {
+    #[command(flatten)]
+    kernel: KernelChoice,
+
+    #[command(flatten)]
+    limit: Limit,
+}
+
+impl List {
+    pub(super) async fn run(self, session: &Session) -> Result<(), Failure> {
+        let display = self.display.as_deref().map(names::display).unwrap_or_default();
+        // The server does not filter by distance, so that the limit can only cut what is left.
+        let asked = if self.distance.is_some() { 0 } else { self.limit.limit };
+        let (mut kernels, next_page_token) = pages(asked, async |page_size, page_token| {
+            let request = v1::ListKernelsRequest { page_size, page_token, display: display.clone() };
+            let answer = session.client.list_kernels(request).await?;
+            Ok((answer.kernels, answer.next_page_token))
+        })
+        .await?;
+        if let Some(distance_m) = self.distance {
+            kernels.retain(|kernel| (kernel.distance_m - distance_m).abs() < SAME_DISTANCE_M);
+            kernels.truncate(if self.limit.limit == 0 { usize::MAX } else { self.limit.limit as usize });
+        }
+        session.print(&v1::ListKernelsResponse { kernels, next_page_token }, |list| {
+            let mut table = Table::new(&["kernel", "optics", ">active", ">latest", "created"]);
+            for kernel in &list.kernels {
+                table.row([
+                    kernel.name.clone(),
+                    job_text::optics(kernel.wavelength_m, kernel.distance_m),
+                    show::version_or_dash(kernel.active_version),
+                    show::version_or_dash(kernel.latest_version),
+                    show::time_or_dash(kernel.create_time.as_ref()),
+                ]);
+            }
+            table.text_or("no kernels; learn one: lightpath kernel learn --help") + more_hint(&list.next_page_token)
+        })
+    }
+}
+
+impl Show {
+    pub(super) async fn run(self, session: &Session) -> Result<(), Failure> {
+        let name = self.kernel.name(session).await?;
+        if let Some(version) = self.version {
+            let request = v1::GetKernelVersionRequest { name: names::kernel_version(&name, version) };
+            return session.print(&session.client.get_kernel_version(request).await?, version_facts);
+        }
+        let kernel = session.client.get_kernel(v1::GetKernelRequest { name: name.clone() }).await?;
+        if session.is_json() {
+            return session.print(&kernel, |_| String::new());
+        }
+        let (versions, next_page_token) = versions(session, &name, 50).await?;
+        let table = version_table(&versions).text() + more_hint(&next_page_token);
+        session.print_text(&format!("{}\n{table}", kernel_facts(&kernel)))
+    }
+}
+
+impl Versions {
+    pub(super) async fn run(self, session: &Session) -> Result<(), Failure> {
+        let name = self.kernel.name(session).await?;
+        let (versions, next_page_token) = versions(session, &name, self.limit.limit).await?;
+        session.print(&v1::ListKernelVersionsResponse { versions, next_page_token }, |list| {
+            version_table(&list.versions).text() + more_hint(&list.next_page_token)
+        })
+    }
+}
+
+async fn versions(session: &Session, kernel: &str, limit: u32) -> Result<(Vec<KernelVersion>, String), Failure> {
+    pages(limit, async |page_size, page_token| {
+        let request = v1::ListKernelVersionsRequest { kernel: kernel.to_owned(), page_size, page_token };
+        let answer = session.client.list_kernel_versions(request).await?;
+        Ok((answer.versions, answer.next_page_token))
+    })
+    .await
+}
+
+/// A kernel without its versions.
+pub(super) fn kernel_facts(kernel: &Kernel) -> String {
+    let mut facts = Facts::default();
+    facts.add("kernel", &kernel.name);
+    facts.add("optics", job_text::optics(kernel.wavelength_m, kernel.distance_m));
+    facts.add(
+        "active",
+        match kernel.active_version {
+            0 => "none; choose one: lightpath kernel promote --help".to_owned(),
+            version => show::kernel_version(version),
+        },
+    );
+    facts.add("latest", show::kernel_version(kernel.latest_version));
+    facts.add_some("created", kernel.create_time.as_ref().map(show::time));
+    facts.text()
+}
+
+fn version_table(versions: &[KernelVersion]) -> Table {
+    let titles = [">version", "active", "model", ">held-out loss", ">ideal", ">size", "dataset", "created"];
+    let mut table = Table::new(&titles);
+    for version in versions {
+        let metrics = version.metrics.unwrap_or_default();
+        let dataset = version.lineage.as_ref().map(|lineage| names::id(&lineage.dataset)).unwrap_or_default();
+        let measured = |loss| if metrics.test_pairs == 0 { "–".to_owned() } else { show::loss(loss) };
+        table.row([
+            version.version.to_string(),
+            if version.active { "active".to_owned() } else { String::new() },
+            model(version),
+            measured(metrics.test_loss),
+            measured(metrics.ideal_test_loss),
+            show::bytes(version.size_bytes),
+            if dataset.is_empty() { "(imported)".to_owned() } else { dataset.to_owned() },
+            show::time_or_dash(version.create_time.as_ref()),
+        ]);
+    }
+    table
+}
+
+fn model(version: &KernelVersion) -> String {
+    show::word("KERNEL_MODEL_", version.model().as_str_name())
+}
+
+/// One version in full.
+pub(super) fn version_facts(version: &KernelVersion) -> String {
+    let mut facts = Facts::default();
+    facts.add("version", &version.name);
+    facts.add("model", model(version));
+    facts.add("active", if version.active { "yes" } else { "no" });
+    facts.add("file", format!("{}, {}", version.artifact, show::bytes(version.size_bytes)));
+    if let Some(metrics) = version.metrics.as_ref().filter(|metrics| metrics.train_pairs > 0) {
+        let against = |learned, ideal| format!("{} (ideal kernel {})", show::loss(learned), show::loss(ideal));
+        facts.add("held-out loss", against(metrics.test_loss, metrics.ideal_test_loss));
+        facts.add("full frame", against(metrics.test_loss_full_frame, metrics.ideal_test_loss_full_frame));
+        facts.add("training loss", show::loss(metrics.train_loss));
+        if metrics.validation_pairs > 0 {
+            facts.add("validation loss", show::loss(metrics.validation_loss));
+        }
+        let pairs = (metrics.train_pairs, metrics.validation_pairs, metrics.test_pairs);
+        facts.add("pairs", format!("{} train, {} validation, {} test", pairs.0, pairs.1, pairs.2));
+    }
+    if let Some(lineage) = version.lineage.as_ref().filter(|lineage| !lineage.job.is_empty()) {
+        facts.add("job", names::id(&lineage.job));
+        facts.add("dataset", format!("{} ({})", names::id(&lineage.dataset), lineage.dataset_digest));
+        facts.add("parameters", &lineage.parameters_json);
+        facts.add("seed", lineage.seed.to_string());
+        facts.add("server", &lineage.code_version);
+        facts.add("parent", show::version_or_dash(lineage.parent_version));
+    }
+    facts.add_some("created", version.create_time.as_ref().map(show::time));
+    facts.text()
+}

@@ -1,0 +1,49 @@
+//! Naming a kernel on the command line.
+
+use super::arguments::{distance, wavelength};
+use super::failure::Failure;
+use super::session::Session;
+use clap::Args;
+use lightpath::{names, v1};
+
+/// A kernel, by its name or by what it belongs to.
+#[derive(Debug, Args)]
+pub(crate) struct KernelChoice {
+    /// Name of the kernel as `kernel list` prints it; or give --display and --distance
+    #[arg(value_name = "KERNEL", conflicts_with = "display")]
+    kernel: Option<String>,
+
+    /// Id of the display
+    #[arg(long, value_name = "ID", requires = "distance")]
+    display: Option<String>,
+
+    /// From the SLM to the image plane, for example 150mm
+    #[arg(long, value_name = "LENGTH", value_parser = distance, allow_hyphen_values = true, requires = "display")]
+    distance: Option<f64>,
+
+    /// Wavelength in vacuum, for example 515nm; may be left out where the display has only one
+    #[arg(long, value_name = "LENGTH", value_parser = wavelength, allow_hyphen_values = true, requires = "display")]
+    wavelength: Option<f64>,
+}
+
+impl KernelChoice {
+    /// `displays/{id}/kernels/{k}`; asks the server for the display's wavelength where none was given.
+    pub(crate) async fn name(&self, session: &Session) -> Result<String, Failure> {
+        let (display, distance_m) = match (&self.kernel, &self.display, self.distance) {
+            (Some(name), _, _) => return Ok(name.clone()),
+            (None, Some(display), Some(distance_m)) => (display, distance_m),
+            _ => return Err(Failure::Usage("name a kernel, or give --display and --distance".to_owned())),
+        };
+        if let Some(wavelength_m) = self.wavelength {
+            return Ok(names::kernel(display, wavelength_m, distance_m));
+        }
+        let declared = session.client.get_display(v1::GetDisplayRequest { name: names::display(display) }).await?;
+        match declared.wavelengths_m.as_slice() {
+            &[wavelength_m] => Ok(names::kernel(display, wavelength_m, distance_m)),
+            several => {
+                let several = several.iter().copied().map(lightpath::units::show_m).collect::<Vec<_>>().join(", ");
+                Err(Failure::Usage(format!("display {display} has several wavelengths ({several}): add --wavelength")))
+            }
+        }
+    }
+}

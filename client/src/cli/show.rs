@@ -1,0 +1,123 @@
+//! Times, sizes and numbers for people.
+
+use jiff::Timestamp;
+
+/// `2026-11-20 14:07:49 UTC (3 min ago)`.
+pub(crate) fn time(time: &pbjson_types::Timestamp) -> String {
+    format!("{} ({})", clock(time.seconds), age(time))
+}
+
+/// `2026-11-20 14:07:49 UTC (3 min ago)`, or `–` for no time.
+pub(crate) fn time_or_dash(some: Option<&pbjson_types::Timestamp>) -> String {
+    some.map_or_else(|| "–".to_owned(), time)
+}
+
+/// `3 min ago`.
+pub(crate) fn age(time: &pbjson_types::Timestamp) -> String {
+    age_between(time.seconds, Timestamp::now().as_second())
+}
+
+/// How long something took, `12.3 s`, `4 min 10 s`; `None` unless both ends are known.
+pub(crate) fn took(from: Option<&pbjson_types::Timestamp>, to: Option<&pbjson_types::Timestamp>) -> Option<String> {
+    let seconds = |time: &pbjson_types::Timestamp| time.seconds as f64 + f64::from(time.nanos) / 1e9;
+    Some(duration(seconds(to?) - seconds(from?)))
+}
+
+/// `0.4 s`, `12.3 s`, `4 min 10 s`, `2 h 5 min`.
+pub(crate) fn duration(seconds: f64) -> String {
+    let whole = seconds.max(0.0).round() as u64;
+    match whole {
+        0..60 => format!("{:.1} s", seconds.max(0.0)),
+        60..3600 => format!("{} min {} s", whole / 60, whole % 60),
+        _ => format!("{} h {} min", whole / 3600, whole % 3600 / 60),
+    }
+}
+
+/// `46.3 dB`.
+pub(crate) fn decibel(value: f64) -> String {
+    format!("{value:.1} dB")
+}
+
+/// A loss: four digits that count.
+pub(crate) fn loss(value: f64) -> String {
+    if value == 0.0 || value.abs() >= 1e-3 { format!("{value:.5}") } else { format!("{value:.2e}") }
+}
+
+/// `512 B`, `3.1 kB`, `66.4 MB`.
+pub(crate) fn bytes(size: u64) -> String {
+    let (mut value, mut unit) = (size as f64, "B");
+    for next in ["kB", "MB", "GB", "TB"] {
+        if value < 1000.0 {
+            break;
+        }
+        (value, unit) = (value / 1000.0, next);
+    }
+    if unit == "B" { format!("{size} B") } else { format!("{value:.1} {unit}") }
+}
+
+/// `version 3`, or `ideal` for 0.
+pub(crate) fn kernel_version(version: u32) -> String {
+    if version == 0 { "ideal".to_owned() } else { format!("version {version}") }
+}
+
+/// `3`, or `–` for 0, which stands for none.
+pub(crate) fn version_or_dash(version: u32) -> String {
+    if version == 0 { "–".to_owned() } else { version.to_string() }
+}
+
+/// The unprefixed lower-case word of an enum value: `STATE_RUNNING` is `running`.
+pub(crate) fn word(prefix: &str, name: &str) -> String {
+    name.strip_prefix(prefix).unwrap_or(name).to_lowercase().replace('_', "-")
+}
+
+fn clock(seconds: i64) -> String {
+    match Timestamp::from_second(seconds) {
+        Ok(time) => time.strftime("%Y-%m-%d %H:%M:%S UTC").to_string(),
+        Err(_) => format!("{seconds} s after 1970"),
+    }
+}
+
+fn age_between(then_s: i64, now_s: i64) -> String {
+    let distance = now_s.saturating_sub(then_s);
+    let length = match distance.unsigned_abs() {
+        0..2 => return "now".to_owned(),
+        seconds @ 2..90 => format!("{seconds} s"),
+        seconds @ 90..5400 => format!("{} min", (seconds + 30) / 60),
+        seconds @ 5400..129_600 => format!("{} h", (seconds + 1800) / 3600),
+        seconds => format!("{} days", (seconds + 43_200) / 86_400),
+    };
+    if distance > 0 { format!("{length} ago") } else { format!("in {length}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ages_are_short() {
+        for (distance, text) in [
+            (0, "now"),
+            (42, "42 s ago"),
+            (180, "3 min ago"),
+            (7200, "2 h ago"),
+            (259_200, "3 days ago"),
+            (-30, "in 30 s"),
+        ] {
+            assert_eq!(age_between(1_000_000, 1_000_000 + distance), text);
+        }
+        assert_eq!(clock(1_795_000_069), "2026-11-18 11:07:49 UTC");
+    }
+
+    #[test]
+    fn numbers_have_units() {
+        assert_eq!(decibel(46.27), "46.3 dB");
+        assert_eq!(bytes(512), "512 B");
+        assert_eq!(bytes(66_400_000), "66.4 MB");
+        assert_eq!(duration(250.4), "4 min 10 s");
+        assert_eq!(duration(0.42), "0.4 s");
+        assert_eq!(loss(0.00139), "0.00139");
+        assert_eq!(loss(0.0001), "1.00e-4");
+        assert_eq!(kernel_version(0), "ideal");
+        assert_eq!(word("STATE_", "STATE_RUNNING"), "running");
+    }
+}

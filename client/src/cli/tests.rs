@@ -1,0 +1,128 @@
+use super::*;
+use clap::error::ErrorKind;
+
+fn parse(line: &str) -> Result<Cli, clap::Error> {
+    Cli::try_parse_from(line.split_whitespace())
+}
+
+fn refusal(line: &str) -> String {
+    let error = parse(line).unwrap_err();
+    assert_eq!(error.exit_code(), 2, "{line}");
+    error.to_string()
+}
+
+#[test]
+fn the_command_line_is_consistent() {
+    Cli::command().debug_assert();
+}
+
+#[test]
+fn every_command_of_the_design_is_read() {
+    for line in [
+        "lightpath display create lab-2 --resolution 1920x1080 --pixel-pitch 8um --wavelength 515nm",
+        "lightpath display create toy --resolution 64x64 --pixel-pitch 8µm --wavelength 515nm --wavelength 632.8nm \
+         --bit-depth 10 --carrier half-order-x --simulated-seed 3 --simulated-strength 0.5 --camera-noise 0.001 \
+         --misalignment 0.3 --phase-response response.txt --notes bench",
+        "lightpath display list --limit 3",
+        "lightpath display show lab-2",
+        "lightpath display delete lab-2",
+        "lightpath hologram optimize a.png b.png --display lab-2 --distance 150mm -o {name}.png",
+        "lightpath hologram optimize a.png --display lab-2 --distance -12.5mm --wavelength 515nm --kernel 3 --method \
+         adam --iterations 5 --learning-rate 0.3 --seed 2 --detector point --target-encoding linear --fit cover --roi \
+         1,2,3,4 --phase-range 6.28 --wait --npy a.npy --reconstruction r.png --priority -5 --request-id r1",
+        "lightpath hologram save 0193 -o phase.png",
+        "lightpath dataset create bench-1 --display lab-2 --distance 150mm --photo-encoding srgb",
+        "lightpath dataset add bench-1 --phase p.png --photo c.png --id p1 --split test",
+        "lightpath dataset finalize bench-1 --validation-fraction 0.1 --test-fraction 0.2 --seed 4",
+        "lightpath dataset show bench-1",
+        "lightpath dataset list --display lab-2",
+        "lightpath kernel learn --dataset bench-1 --model smooth --epochs 3 --wait",
+        "lightpath kernel evaluate --dataset bench-1 --kernel ideal --wait",
+        "lightpath kernel list --display lab-2 --distance 150mm",
+        "lightpath kernel show displays/lab-2/kernels/515nm-150mm --version 2",
+        "lightpath kernel versions --display lab-2 --distance 150mm",
+        "lightpath kernel history --display lab-2 --distance 150mm --wavelength 515nm",
+        "lightpath kernel promote --display lab-2 --distance 150mm --version 3 --reason better",
+        "lightpath kernel rollback --display lab-2 --distance 150mm",
+        "lightpath kernel fetch --display lab-2 --distance 150mm --format safetensors -o k.safetensors",
+        "lightpath kernel export --display lab-2 --distance 150mm --version 1 -o k.safetensors",
+        "lightpath kernel import --display lab-2 --distance 150mm k.safetensors",
+        "lightpath simulate --display toy --distance 150mm --phase p.png -o photo.png",
+        "lightpath job list --state running --display lab-2",
+        "lightpath job show 0193",
+        "lightpath job watch 0193 0194",
+        "lightpath job cancel 0193",
+        "lightpath job retry 0193",
+        "lightpath --server http://lab:7070 --token-file t --output json job logs 0193",
+        "lightpath job logs 0193 --server http://lab:7070 --output json",
+        "lightpath completions bash",
+    ] {
+        if let Err(error) = parse(line) {
+            panic!("{line}\n{error}");
+        }
+    }
+}
+
+#[test]
+fn wrong_units_and_values_are_explained() {
+    for (line, sign) in [
+        ("lightpath hologram optimize a.png --display d --distance 150", "would be 150 m: write 150mm"),
+        (
+            "lightpath hologram optimize a.png --display d --distance NaN",
+            "distance is NaN, but must be a finite number",
+        ),
+        ("lightpath hologram optimize a.png --display d --distance 1mile", "unknown unit \"mile\""),
+        ("lightpath hologram optimize a.png --display d --distance 1mm --method gs", "[possible values: adam]"),
+        ("lightpath hologram optimize a.png --display d --distance 1mm --roi 1,2", "192,108,1536,864"),
+        ("lightpath hologram optimize --display d --distance 1mm", "<TARGET>"),
+        ("lightpath display create d --resolution 1920 --pixel-pitch 8um --wavelength 515nm", "such as 1920x1080"),
+        ("lightpath display create d --resolution 9x9 --pixel-pitch 8 --wavelength 515nm", "write 8um"),
+        ("lightpath display create d --resolution 9x9 --pixel-pitch 8um --wavelength 515", "write 515nm"),
+        ("lightpath display create d --resolution 9x9 --pixel-pitch 8um", "--wavelength"),
+        ("lightpath kernel show --display d", "--distance"),
+        ("lightpath kernel export k --version 0 -o f", "0 is not in 1.."),
+        ("lightpath dataset add d --phase p.png", "--photo"),
+    ] {
+        let error = refusal(line);
+        assert!(error.contains(sign), "{line}\n{error}");
+    }
+}
+
+#[test]
+fn zero_and_negative_lengths_are_left_to_the_server() {
+    for pitch in ["0um", "-8um", "0"] {
+        let line = format!("lightpath display create d --resolution 9x9 --pixel-pitch {pitch} --wavelength 515nm");
+        assert!(parse(&line).is_ok(), "{pitch}");
+    }
+}
+
+#[test]
+fn every_command_has_help() {
+    fn check(command: &clap::Command, path: &str) {
+        assert!(command.get_about().is_some(), "{path} has no help");
+        for argument in command.get_arguments().filter(|argument| !argument.is_hide_set()) {
+            assert!(argument.get_help().is_some(), "{path} {} has no help", argument.get_id());
+        }
+        for sub in command.get_subcommands() {
+            check(sub, &format!("{path} {}", sub.get_name()));
+        }
+    }
+    let mut command = Cli::command();
+    command.build();
+    check(&command, "lightpath");
+}
+
+#[test]
+fn help_teaches_with_examples() {
+    for (line, sign) in [
+        ("lightpath --help", "A first hologram:"),
+        ("lightpath hologram optimize --help", "lightpath hologram optimize targets/*.png"),
+        ("lightpath hologram optimize --help", "{name}"),
+        ("lightpath display create --help", "--simulated-seed 1"),
+        ("lightpath kernel learn --help", "[default: display]"),
+    ] {
+        let error = parse(line).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::DisplayHelp);
+        assert!(error.to_string().contains(sign), "{line}\n{error}");
+    }
+}
