@@ -5,7 +5,7 @@
 //! ```
 //!
 //! π on alternate columns is a frequency of half a cycle a pixel: it moves the image by half the diffraction order, to
-//! the angle θ, while light that the modulator does not touch goes straight on. λ wavelength [m], Δ pixel pitch [m].
+//! the angle θ, while light that the modulator does not touch goes straight on. λ wavelength \[m\], Δ pixel pitch \[m\].
 
 use crate::phase_response::wrap_f32;
 use crate::{OpticalSetup, Plane};
@@ -37,7 +37,7 @@ impl Carrier {
         along % 2 == 1
     }
 
-    /// The hologram with the grating on it, phases [rad] in [0, 2π). Applied twice, it cancels.
+    /// The hologram with the grating on it, phases \[rad\] in [0, 2π). Applied twice, it cancels.
     #[must_use]
     pub fn applied_to(self, phase: &Plane<f32>) -> Plane<f32> {
         Plane::from_fn(phase.height_px(), phase.width_px(), |y, x| {
@@ -46,7 +46,7 @@ impl Carrier {
         })
     }
 
-    /// Angle θ [rad] between the steered image and the undiffracted light, asin(λ/2Δ); `None` where λ > 2Δ and no
+    /// Angle θ \[rad\] between the steered image and the undiffracted light, asin(λ/2Δ); `None` where λ > 2Δ and no
     /// such order exists.
     ///
     /// ```

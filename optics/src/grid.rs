@@ -30,19 +30,19 @@ impl Grid {
         Ok(Self { height_px, width_px, pixel_pitch_m })
     }
 
-    /// Rows [px].
+    /// Rows \[px\].
     #[must_use]
     pub fn height_px(&self) -> usize {
         self.height_px
     }
 
-    /// Columns [px].
+    /// Columns \[px\].
     #[must_use]
     pub fn width_px(&self) -> usize {
         self.width_px
     }
 
-    /// Distance between neighbouring samples [m].
+    /// Distance between neighbouring samples \[m\].
     #[must_use]
     pub fn pixel_pitch_m(&self) -> f64 {
         self.pixel_pitch_m

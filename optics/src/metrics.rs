@@ -18,7 +18,7 @@ pub enum Gain {
     Given(f64),
 }
 
-/// Peak signal to noise ratio [dB] over the region of interest, for a peak of 1.
+/// Peak signal to noise ratio \[dB\] over the region of interest, for a peak of 1.
 ///
 /// Infinite where the two are equal after the gain; that includes a fitted gain of 0 against a black target. A black
 /// reconstruction gives −10 log₁₀ of the target's mean square. Values that are not finite give NaN.

@@ -29,7 +29,7 @@ enum Curve {
 impl PhaseResponse {
     /// Most bits a grey level has: it must fit a 16-bit image.
     pub const BIT_DEPTH_MAX: u32 = 16;
-    /// A modulator that spans less than this [rad] cannot make holograms.
+    /// A modulator that spans less than this \[rad\] cannot make holograms.
     pub const SPAN_RAD_MIN: f64 = PI;
 
     /// Every level a step of 2π / 2^`bit_depth`.
@@ -44,7 +44,7 @@ impl PhaseResponse {
         Ok(Self { bit_depth, curve: Curve::Linear })
     }
 
-    /// The measured phase [rad] of each level, 2^b values for b bits.
+    /// The measured phase \[rad\] of each level, 2^b values for b bits.
     ///
     /// # Errors
     ///
@@ -81,7 +81,7 @@ impl PhaseResponse {
         1 << self.bit_depth
     }
 
-    /// Phase [rad] of `level`: in [0, 2π) where linear, as measured otherwise.
+    /// Phase \[rad\] of `level`: in [0, 2π) where linear, as measured otherwise.
     ///
     /// # Errors
     ///
@@ -96,7 +96,7 @@ impl PhaseResponse {
         })
     }
 
-    /// The level nearest to a finite phase [rad], modulo 2π. Halfway between two levels it is the upper one where
+    /// The level nearest to a finite phase \[rad\], modulo 2π. Halfway between two levels it is the upper one where
     /// linear, and the one with the smaller number where measured.
     #[must_use]
     pub fn nearest_level(&self, phase_rad: f64) -> u16 {
@@ -109,7 +109,7 @@ impl PhaseResponse {
         }
     }
 
-    /// The nearest level of every phase [rad].
+    /// The nearest level of every phase \[rad\].
     ///
     /// # Errors
     ///
@@ -120,7 +120,7 @@ impl PhaseResponse {
         Plane::try_from_vec(phase.height_px(), phase.width_px(), levels)
     }
 
-    /// The phase [rad] of every level.
+    /// The phase \[rad\] of every level.
     ///
     /// # Errors
     ///
@@ -131,7 +131,7 @@ impl PhaseResponse {
     }
 }
 
-/// A finite phase [rad] brought to [0, 2π).
+/// A finite phase \[rad\] brought to [0, 2π).
 ///
 /// ```
 /// use lightpath_optics::phase_response::wrap;

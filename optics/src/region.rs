@@ -45,25 +45,25 @@ impl RegionOfInterest {
         Self { x_px: 0, y_px: 0, width_px: grid.width_px(), height_px: grid.height_px() }
     }
 
-    /// First column [px].
+    /// First column \[px\].
     #[must_use]
     pub fn x_px(&self) -> usize {
         self.x_px
     }
 
-    /// First row [px].
+    /// First row \[px\].
     #[must_use]
     pub fn y_px(&self) -> usize {
         self.y_px
     }
 
-    /// Columns [px].
+    /// Columns \[px\].
     #[must_use]
     pub fn width_px(&self) -> usize {
         self.width_px
     }
 
-    /// Rows [px].
+    /// Rows \[px\].
     #[must_use]
     pub fn height_px(&self) -> usize {
         self.height_px

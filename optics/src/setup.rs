@@ -13,11 +13,11 @@ pub struct OpticalSetup {
 }
 
 impl OpticalSetup {
-    /// Shortest wavelength [m]: no display works below the ultraviolet.
+    /// Shortest wavelength \[m\]: no display works below the ultraviolet.
     pub const WAVELENGTH_M_MIN: f64 = 100e-9;
-    /// Longest wavelength [m]: no display works beyond the thermal infrared.
+    /// Longest wavelength \[m\]: no display works beyond the thermal infrared.
     pub const WAVELENGTH_M_MAX: f64 = 10e-6;
-    /// Farthest image, either way [m]: beyond it hardly any band is left at any size.
+    /// Farthest image, either way \[m\]: beyond it hardly any band is left at any size.
     pub const DISTANCE_M_MAX: f64 = 10.0;
 
     /// # Errors
@@ -42,38 +42,38 @@ impl OpticalSetup {
         self.grid
     }
 
-    /// λ, in vacuum [m].
+    /// λ, in vacuum \[m\].
     #[must_use]
     pub fn wavelength_m(&self) -> f64 {
         self.wavelength_m
     }
 
-    /// z, from the display to the image [m]; negative behind the display.
+    /// z, from the display to the image \[m\]; negative behind the display.
     #[must_use]
     pub fn distance_m(&self) -> f64 {
         self.distance_m
     }
 
-    /// Rows after zero padding, twice the grid's [px].
+    /// Rows after zero padding, twice the grid's \[px\].
     #[must_use]
     pub fn padded_height_px(&self) -> usize {
         2 * self.grid.height_px()
     }
 
-    /// Columns after zero padding, twice the grid's [px].
+    /// Columns after zero padding, twice the grid's \[px\].
     #[must_use]
     pub fn padded_width_px(&self) -> usize {
         2 * self.grid.width_px()
     }
 
-    /// The band-limited angular spectrum transfer function at fx, fy [1/m], without its piston: 0 where its samples on
+    /// The band-limited angular spectrum transfer function at fx, fy \[1/m\], without its piston: 0 where its samples on
     /// the padded grid would alias, [`angular_spectrum`] elsewhere.
     #[must_use]
     pub fn transfer(&self, fx: f64, fy: f64) -> Complex64 {
         if self.keeps(fx, fy) { angular_spectrum(fx, fy, self.wavelength_m, self.distance_m) } else { Complex64::ZERO }
     }
 
-    /// Whether the [band limit](band_limit) keeps fx, fy [1/m].
+    /// Whether the [band limit](band_limit) keeps fx, fy \[1/m\].
     #[must_use]
     pub fn keeps(&self, fx: f64, fy: f64) -> bool {
         let pitch_m = self.grid.pixel_pitch_m();
@@ -82,13 +82,13 @@ impl OpticalSetup {
         band_limit(fx, fy, self.wavelength_m, self.distance_m, extent_x_m, extent_y_m)
     }
 
-    /// Distance z_c = N_x·Δ²/λ up to which the padded columns sample the whole band [m].
+    /// Distance z_c = N_x·Δ²/λ up to which the padded columns sample the whole band \[m\].
     #[must_use]
     pub fn critical_distance_x_m(&self) -> f64 {
         self.padded_width_px() as f64 * self.grid.pixel_pitch_m().powi(2) / self.wavelength_m
     }
 
-    /// Distance z_c = N_y·Δ²/λ up to which the padded rows sample the whole band [m].
+    /// Distance z_c = N_y·Δ²/λ up to which the padded rows sample the whole band \[m\].
     #[must_use]
     pub fn critical_distance_y_m(&self) -> f64 {
         self.padded_height_px() as f64 * self.grid.pixel_pitch_m().powi(2) / self.wavelength_m

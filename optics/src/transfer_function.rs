@@ -4,7 +4,7 @@
 //! H(fx, fy) = exp(i 2π z (√(1/λ² − f²) − 1/λ)) = exp(−i 2π z λ f² / (1 + √(1 − λ² f²))),   f² = fx² + fy²
 //! ```
 //!
-//! λ wavelength [m], z distance [m], fx, fy spatial frequency [1/m]. The piston e^{ikz} is left out: it moves no light,
+//! λ wavelength \[m\], z distance \[m\], fx, fy spatial frequency \[1/m\]. The piston e^{ikz} is left out: it moves no light,
 //! and without it the phase stays small enough to be exact. The second form has no cancellation at small f.
 //! Band limit: K. Matsushima and T. Shimobaba, Optics Express 17, 19662 (2009).
 
@@ -44,7 +44,7 @@ pub fn angular_spectrum(fx: f64, fy: f64, wavelength_m: f64, distance_m: f64) ->
 /// (fx/fx_lim)² + (λ fy)² ≤ 1  and  (fy/fy_lim)² + (λ fx)² ≤ 1,   fx_lim = 1 / (λ √((2z/(N_x Δ))² + 1))
 /// ```
 ///
-/// `padded_extent_x_m` and `padded_extent_y_m` are the padded sides N_x·Δ and N_y·Δ [m]. Evanescent waves are never
+/// `padded_extent_x_m` and `padded_extent_y_m` are the padded sides N_x·Δ and N_y·Δ \[m\]. Evanescent waves are never
 /// kept.
 #[must_use]
 pub fn band_limit(

@@ -7,8 +7,8 @@ use lightpath_optics::reference::{
     filter, gaussian_beam, propagate, propagate_uncropped, rayleigh_sommerfeld, square_aperture,
 };
 use lightpath_optics::transfer_function::angular_spectrum;
-use lightpath_optics::{Grid, OpticalSetup, Plane};
-use num_complex::Complex64;
+use lightpath_optics::{Detector, DisplayModel, Grid, KernelShape, OpticalSetup, Plane, Real};
+use num_complex::{Complex, Complex32, Complex64};
 use std::f64::consts::TAU;
 
 const WAVELENGTH_M: f64 = 515e-9;
@@ -19,22 +19,44 @@ type Transfer<'a> = &'a (dyn Fn(f64, f64) -> Complex64 + Sync);
 
 struct Engine {
     name: &'static str,
-    /// The field, zero-padded twofold, convolved with the transfer function, cropped.
-    propagate: fn(&Grid, Transfer<'_>, &Plane<Complex64>) -> Plane<Complex64>,
+    /// The field after free space, on its own pixels.
+    free_space: fn(&OpticalSetup, &Plane<Complex64>) -> Plane<Complex64>,
+    /// The field, zero-padded twofold, after any transfer function, cropped.
+    filtered: fn(&OpticalSetup, Transfer<'_>, &Plane<Complex64>) -> Plane<Complex64>,
     /// Relative L2 error of the field that its number format explains.
     rounding: f64,
 }
 
-const ENGINES: &[Engine] = &[Engine {
-    name: "f64 reference",
-    propagate: |grid, transfer, field| propagate(field, grid.pixel_pitch_m(), transfer),
-    rounding: 1e-12,
-}];
+const ENGINES: &[Engine] = &[
+    Engine {
+        name: "plain f64",
+        free_space: |setup, field| propagate(field, PITCH_M, |fx, fy| setup.transfer(fx, fy)),
+        filtered: |_, transfer, field| propagate(field, PITCH_M, transfer),
+        rounding: 1e-12,
+    },
+    Engine { name: "fused f64", free_space: fused_free_space::<f64>, filtered: fused_filter::<f64>, rounding: 1e-12 },
+    Engine { name: "fused f32", free_space: fused_free_space::<f32>, filtered: fused_filter::<f32>, rounding: 1e-5 },
+];
 
-impl Engine {
-    fn through(&self, setup: &OpticalSetup, field: &Plane<Complex64>) -> Plane<Complex64> {
-        (self.propagate)(&setup.grid(), &|fx, fy| setup.transfer(fx, fy), field)
-    }
+fn fused_free_space<T: Real>(setup: &OpticalSetup, field: &Plane<Complex64>) -> Plane<Complex64> {
+    fused::<T>(&DisplayModel::ideal(*setup), field)
+}
+
+fn fused_filter<T: Real>(setup: &OpticalSetup, transfer: Transfer<'_>, field: &Plane<Complex64>) -> Plane<Complex64> {
+    let (height_px, width_px) = (setup.grid().height_px(), setup.grid().width_px());
+    // Bins are stored with zero frequency in the middle of the padded plane.
+    let frequency = |bin: usize, side_px: usize| (bin as f64 - side_px as f64) / (2.0 * side_px as f64 * PITCH_M);
+    let bins = Plane::from_fn(2 * height_px, 2 * width_px, |v, u| {
+        let value = transfer(frequency(u, width_px), frequency(v, height_px));
+        Complex32::new(value.re as f32, value.im as f32)
+    });
+    fused::<T>(&DisplayModel { kernel: KernelShape::Bins(bins), ..DisplayModel::ideal(*setup) }, field)
+}
+
+fn fused<T: Real>(model: &DisplayModel, field: &Plane<Complex64>) -> Plane<Complex64> {
+    let engine = lightpath_optics::Engine::<T>::new(model, Detector::Point, None).unwrap();
+    let narrowed = field.map(|value| Complex::new(T::of(value.re), T::of(value.im)));
+    engine.propagate(&narrowed).unwrap().map(|value| Complex64::new(value.re.wide(), value.im.wide()))
 }
 
 #[test]
@@ -43,7 +65,7 @@ fn engines_agree_with_the_reference() {
         for (height_px, width_px, distance_m) in [(64, 96, 0.01), (45, 81, -0.15), (50, 128, 0.5)] {
             let (setup, field) = (setup(height_px, width_px, distance_m), noise(height_px, width_px, 1));
             let expected = propagate(&field, PITCH_M, |fx, fy| setup.transfer(fx, fy));
-            let error = relative_l2(&engine.through(&setup, &field), &expected);
+            let error = relative_l2(&(engine.free_space)(&setup, &field), &expected);
             assert!(error <= engine.rounding, "{} {height_px}×{width_px} {distance_m} m: {error:e}", engine.name);
         }
     }
@@ -63,7 +85,7 @@ fn a_gaussian_beam_keeps_its_course_and_spreads_as_it_should() {
                         gaussian_beam(x, y, z, waist_m, WAVELENGTH_M)
                     })
                 };
-                let seen = engine.through(&setup, &beam(0.0));
+                let seen = (engine.free_space)(&setup, &beam(0.0));
                 let label = format!("{} {height_px}×{width_px} {distance_m} m", engine.name);
                 let (found, waists) = centroid_and_waists(&seen);
                 assert!((found.0 - centre.0).abs() < 1e-3 && (found.1 - centre.1).abs() < 1e-3, "{label}: {found:?}");
@@ -99,20 +121,21 @@ fn there_and_back_is_where_it_was() {
             let spot = |cy: f64, cx: f64| (-((y as f64 - cy).powi(2) + (x as f64 - cx).powi(2)) / 72.0).exp();
             Complex64::new(spot(80.0, 90.0), -0.7 * spot(85.5, 110.0))
         });
-        let seen = engine.through(&setup(160, 200, 0.01), &field);
-        let returned = engine.through(&setup(160, 200, -0.01), &seen);
+        let seen = (engine.free_space)(&setup(160, 200, 0.01), &field);
+        let returned = (engine.free_space)(&setup(160, 200, -0.01), &seen);
         let error = relative_l2(&returned, &field);
         assert!(error < 10.0 * engine.rounding, "{}: {error:e}", engine.name);
     }
 }
 
 #[test]
-fn the_conjugate_transfer_function_is_the_adjoint() {
+fn the_way_back_is_the_adjoint() {
     for engine in ENGINES {
         let setup = setup(48, 70, 0.15);
         let (u, v) = (noise(48, 70, 3), noise(48, 70, 4));
-        let forwards = inner_product(&engine.through(&setup, &u), &v);
-        let adjoint = (engine.propagate)(&setup.grid(), &|fx, fy| setup.transfer(fx, fy).conj(), &v);
+        let forwards = inner_product(&(engine.free_space)(&setup, &u), &v);
+        // Free space the other way has the conjugate transfer function.
+        let adjoint = (engine.free_space)(&self::setup(48, 70, -0.15), &v);
         let backwards = inner_product(&u, &adjoint);
         let scale = (energy(&u) * energy(&v)).sqrt();
         assert!((forwards - backwards).norm() / scale < 1e-6_f64.min(engine.rounding), "{}", engine.name);
@@ -127,7 +150,7 @@ fn the_direct_diffraction_sum_says_the_same() {
             assert!(distance_m.abs() > setup.critical_distance_x_m().max(setup.critical_distance_y_m()));
             let field = half_band_spots(height_px, width_px);
             let expected = rayleigh_sommerfeld(&setup, &field).unwrap();
-            let error = relative_l2(&engine.through(&setup, &field), &expected);
+            let error = relative_l2(&(engine.free_space)(&setup, &field), &expected);
             assert!(error < 1e-3, "{} {height_px}×{width_px} {distance_m} m: {error:e}", engine.name);
         }
     }
@@ -145,7 +168,7 @@ fn a_square_aperture_casts_fresnels_fringes() {
         });
         // Samples of 1 stand for whole square pixels, not for points.
         let transfer = |fx: f64, fy: f64| setup.transfer(fx, fy) * sinc(fx * PITCH_M) * sinc(fy * PITCH_M);
-        let seen = (engine.propagate)(&setup.grid(), &transfer, &field).map(|value| value.norm_sqr());
+        let seen = (engine.filtered)(&setup, &transfer, &field).map(|value| value.norm_sqr());
         let middle = (side_px - 1) as f64 / 2.0;
         let expected = Plane::from_fn(side_px, side_px, |y, x| {
             let (y, x) = ((y as f64 - middle) * PITCH_M, (x as f64 - middle) * PITCH_M);
@@ -167,7 +190,7 @@ fn a_grating_images_itself() {
     });
     for engine in ENGINES {
         for (distance_m, moved_px) in [(talbot_m, 0), (talbot_m / 2.0, period_px / 2)] {
-            let seen = engine.through(&setup(height_px, width_px, distance_m), &field);
+            let seen = (engine.free_space)(&setup(height_px, width_px, distance_m), &field);
             for x in width_px / 2 - 3 * period_px..width_px / 2 + 3 * period_px {
                 let (found, expected) = (seen.at(height_px / 2, x).norm_sqr(), grating(x + moved_px).powi(2));
                 assert!((found - expected).abs() < 1e-3, "{} {distance_m} m, x = {x}: {found}", engine.name);
@@ -185,7 +208,7 @@ fn a_plane_wave_only_gains_its_phase() {
             let wave = |y: usize, x: usize| Complex64::cis(TAU * PITCH_M * (fx * x as f64 + fy * y as f64));
             let field =
                 Plane::from_fn(side_px, side_px, |y, x| wave(y, x) * flat_top(y, side_px) * flat_top(x, side_px));
-            let seen = engine.through(&setup(side_px, side_px, distance_m), &field);
+            let seen = (engine.free_space)(&setup(side_px, side_px, distance_m), &field);
             let gained = angular_spectrum(fx, fy, WAVELENGTH_M, distance_m);
             for (y, x) in [(240, 240), (236, 244), (245, 233)] {
                 let error = (seen.at(y, x) - gained * wave(y, x)).norm();

@@ -6,12 +6,12 @@
 //! Fresnel:         F(s) = C(s) + iS(s) = ∫₀ˢ e^{iπt²/2} dt = (1 + i)/2 · erf(√π/2 · (1 − i) s)
 //! ```
 //!
-//! w₀ waist (1/e² radius of the intensity) [m], L side of the aperture [m], λ wavelength [m], z distance [m].
+//! w₀ waist (1/e² radius of the intensity) \[m\], L side of the aperture \[m\], λ wavelength \[m\], z distance \[m\].
 
 use num_complex::Complex64;
 use std::f64::consts::PI;
 
-/// The field at (x, y, z) [m] of a Gaussian beam with its waist `waist_m` [m] and amplitude 1 at the origin.
+/// The field at (x, y, z) \[m\] of a Gaussian beam with its waist `waist_m` \[m\] and amplitude 1 at the origin.
 #[must_use]
 pub fn gaussian_beam(x: f64, y: f64, z: f64, waist_m: f64, wavelength_m: f64) -> Complex64 {
     let rayleigh_range_m = PI * waist_m * waist_m / wavelength_m;
@@ -19,7 +19,7 @@ pub fn gaussian_beam(x: f64, y: f64, z: f64, waist_m: f64, wavelength_m: f64) ->
     (-(x * x + y * y) / (q * waist_m * waist_m)).exp() / q
 }
 
-/// The field at (x, y, z) [m], z > 0, behind a square hole of side `side_m` [m] around the origin, lit by a plane wave
+/// The field at (x, y, z) \[m\], z > 0, behind a square hole of side `side_m` \[m\] around the origin, lit by a plane wave
 /// of amplitude 1.
 #[must_use]
 pub fn square_aperture(x: f64, y: f64, z: f64, side_m: f64, wavelength_m: f64) -> Complex64 {

@@ -58,7 +58,7 @@ pub fn filter(
     fft2(&spectrum, Direction::Inverse)
 }
 
-/// `transfer` to points that lie `offset_x_m` and `offset_y_m` [m] beside the samples: times e^{i2π(fx·dx + fy·dy)}.
+/// `transfer` to points that lie `offset_x_m` and `offset_y_m` \[m\] beside the samples: times e^{i2π(fx·dx + fy·dy)}.
 pub fn offset(
     transfer: impl Fn(f64, f64) -> Complex64 + Sync,
     offset_x_m: f64,

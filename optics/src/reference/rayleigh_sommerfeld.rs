@@ -5,7 +5,7 @@
 //! ```
 //!
 //! The first Rayleigh–Sommerfeld integral in the time convention e^{−iωt}, without the piston e^{ikz}, as the transfer
-//! functions of this crate. k = 2π/λ, Δ pixel pitch [m]. r − z = ρ²/(r + z) avoids cancellation. The sum samples the
+//! functions of this crate. k = 2π/λ, Δ pixel pitch \[m\]. r − z = ρ²/(r + z) avoids cancellation. The sum samples the
 //! integral well enough for z > z_c (see [`OpticalSetup::critical_distance_x_m`]).
 
 use crate::transfer_function::phasor;
@@ -41,7 +41,7 @@ pub fn rayleigh_sommerfeld(setup: &OpticalSetup, field: &Plane<Complex64>) -> Re
     Plane::try_from_vec(height_px, width_px, values)
 }
 
-/// h(x, y) [1/m²] a whole number of pixels away, for |z|.
+/// h(x, y) \[1/m²\] a whole number of pixels away, for |z|.
 fn impulse_response(setup: &OpticalSetup, y_px: usize, x_px: usize) -> Complex64 {
     let (pitch_m, wavelength_m, z) = (setup.grid().pixel_pitch_m(), setup.wavelength_m(), setup.distance_m().abs());
     let rho_squared = (y_px as f64 * pitch_m).powi(2) + (x_px as f64 * pitch_m).powi(2);

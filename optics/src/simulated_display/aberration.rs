@@ -24,7 +24,7 @@ pub(super) struct Aberration {
 /// One shape of wavefront error.
 #[derive(Clone, Copy, Debug)]
 struct Shape {
-    /// Typical size [rad].
+    /// Typical size \[rad\].
     size_rad: f64,
     /// Periods around the axis.
     fold: i32,

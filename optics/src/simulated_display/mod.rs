@@ -4,7 +4,7 @@
 //! light = exposure · mean over the camera's pixel of | F⁻¹ { H · F [ c · a_src · (e^{i r(φ)} + z₀) ] } |²
 //! ```
 //!
-//! φ displayed phase [rad]; r the modulator's response, z₀ the zero order; a_src the source's profile; c = ±1 the
+//! φ displayed phase \[rad\]; r the modulator's response, z₀ the zero order; a_src the source's profile; c = ±1 the
 //! carrier's demodulation: the camera looks along the steered order, so it is the zero order that seems to be steered;
 //! H free space, aberrations, apodization and the camera's shift. Everything is in f64 and comes from a seed; the same
 //! seed draws the same bench for any wavelength and distance, on any number of threads.
@@ -37,7 +37,7 @@ pub struct Imperfections {
     pub strength: f64,
     /// Standard deviation of the camera's read noise as a fraction of its full scale, 0 to 0.1.
     pub camera_noise: f64,
-    /// The camera is shifted by up to this in x and in y [px], 0 to 4.
+    /// The camera is shifted by up to this in x and in y \[px\], 0 to 4.
     pub misalignment_px: f64,
 }
 
@@ -61,7 +61,7 @@ impl SimulatedDisplay {
     pub const STRENGTH_MAX: f64 = 4.0;
     /// Noisiest camera: beyond this no image is left.
     pub const CAMERA_NOISE_MAX: f64 = 0.1;
-    /// Largest shift [px]: more would be seen and put right by hand.
+    /// Largest shift \[px\]: more would be seen and put right by hand.
     pub const MISALIGNMENT_PX_MAX: f64 = 4.0;
 
     /// Draws a bench. The camera's exposure is set once, on a speckled image that fills the region of interest.
@@ -98,7 +98,7 @@ impl SimulatedDisplay {
         Ok(display)
     }
 
-    /// A photograph of what a displayed phase [rad] makes of the light: with the same `noise_seed`, the same bytes.
+    /// A photograph of what a displayed phase \[rad\] makes of the light: with the same `noise_seed`, the same bytes.
     ///
     /// `phase_displayed` is the phase that the grey levels stand for, carrier included, before the modulator's own
     /// response.
@@ -148,7 +148,7 @@ impl SimulatedDisplay {
         self.source.at(y, x)
     }
 
-    /// The phase [rad] that the modulator shows for a nominal phase [rad].
+    /// The phase \[rad\] that the modulator shows for a nominal phase \[rad\].
     #[must_use]
     pub fn response(&self, phase_rad: f64) -> f64 {
         self.modulator.response(phase_rad)
@@ -160,7 +160,7 @@ impl SimulatedDisplay {
         self.modulator.zero_order
     }
 
-    /// Where the camera samples, beside the ideal positions, (x, y) [px].
+    /// Where the camera samples, beside the ideal positions, (x, y) \[px\].
     #[must_use]
     pub fn shift_px(&self) -> (f64, f64) {
         self.shift_px

@@ -10,7 +10,7 @@ use num_complex::Complex64;
 /// The drawn modulator of one bench.
 #[derive(Clone, Debug)]
 pub(super) struct Modulator {
-    /// Sine and cosine parts of the first and second harmonic [rad].
+    /// Sine and cosine parts of the first and second harmonic \[rad\].
     harmonics: [(f64, f64); 2],
     pub(super) zero_order: Complex64,
 }
@@ -25,7 +25,7 @@ impl Modulator {
         Self { harmonics, zero_order: Complex64::from_polar(strength * draws.about(0.03), draws.angle()) }
     }
 
-    /// The phase [rad] shown for a nominal phase [rad].
+    /// The phase \[rad\] shown for a nominal phase \[rad\].
     pub(super) fn response(&self, phase_rad: f64) -> f64 {
         let [(sine_1, cosine_1), (sine_2, cosine_2)] = self.harmonics;
         let (sine, cosine) = phase_rad.sin_cos();
