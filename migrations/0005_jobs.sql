@@ -19,6 +19,8 @@ create table job (
     attempt          integer not null default 0 check (attempt >= 0),
     -- failed attempts since the job last got ahead
     failures         integer not null default 0 check (failures >= 0),
+    -- deaths of the server during an attempt, since the job last got ahead
+    crashes          integer not null default 0 check (crashes >= 0),
     attempts_max     integer not null check (attempts_max >= 1),
     create_time_ms   integer not null,
     run_time_ms      integer not null,

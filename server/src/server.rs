@@ -7,6 +7,8 @@ use crate::connections;
 use crate::http;
 use crate::metrics;
 use crate::store::{Store, StoreError};
+use crate::worker::{OpticsTask, Worker, WorkerConfig, WorkerError};
+use std::sync::Arc;
 use tokio::net::TcpListener;
 use tokio::task::{JoinError, JoinHandle};
 use tokio::time::timeout;
@@ -28,7 +30,7 @@ pub enum ServeError {
     Store(#[from] StoreError),
     /// The workers cannot start.
     #[error(transparent)]
-    Worker(#[from] std::io::Error),
+    Worker(#[from] WorkerError),
     /// The workers panicked.
     #[error("the workers failed")]
     Panic(#[from] JoinError),
@@ -91,15 +93,19 @@ pub async fn run(
 }
 
 fn start_workers(
-    _store: Store,
-    _artifacts: Artifacts,
-    _config: &Config,
+    store: Store,
+    artifacts: Artifacts,
+    config: &Config,
     stopping: CancellationToken,
-) -> JoinHandle<Result<(), std::io::Error>> {
-    tokio::spawn(async move {
-        stopping.cancelled().await;
-        Ok(())
-    })
+) -> JoinHandle<Result<(), WorkerError>> {
+    let config = WorkerConfig {
+        workers: config.workers as usize,
+        compute_threads: config.compute_threads,
+        lease: config.lease,
+        checkpoint_interval: config.checkpoint_interval,
+        ..WorkerConfig::default()
+    };
+    tokio::spawn(Worker::new(store, artifacts, config, Arc::new(OpticsTask)).run(stopping))
 }
 
 async fn set_health(health: &HealthReporter, status: ServingStatus) {

@@ -72,7 +72,7 @@ async fn retry(write: &mut Write, id: &str, now_ms: i64) -> Result<Job, StoreErr
         return Err(StoreError::precondition("JOB_NOT_RETRYABLE", message));
     }
     let row = sqlx::query(
-        "update job set state = 'queued', failures = 0, cancel_requested = 0, error = null, progress = null, \
+        "update job set state = 'queued', failures = 0, crashes = 0, cancel_requested = 0, error = null, progress = null, \
          finish_time_ms = null, run_time_ms = ?2, revision = revision + 1 where id = ?1 returning *",
     )
     .bind(id)

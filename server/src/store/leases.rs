@@ -19,6 +19,10 @@ use uuid::Uuid;
 /// Leases that one call expires; the next call takes the rest.
 const EXPIRED_MAX: i64 = 1000;
 
+/// A job that was running at this many deaths of the server in a row, without a checkpoint between them, is more
+/// likely their cause than their victim: it fails. Other jobs would never run again otherwise.
+const CRASHES_MAX: i64 = 30;
+
 /// What a heartbeat brings back.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Heartbeat {
@@ -117,7 +121,7 @@ impl Store {
         self.write(move |write| {
             Box::pin(async move {
                 let before = read(write, &lease, now_ms).await?.0.checkpoint;
-                let query = fenced(fenced!("checkpoint = ?5, failures = 0"), &lease, now_ms).bind(&digest);
+                let query = fenced(fenced!("checkpoint = ?5, failures = 0, crashes = 0"), &lease, now_ms).bind(&digest);
                 held(query.fetch_optional(write.sql()).await?)?;
                 write.announce(Change::Job(lease.job));
                 Ok(before.filter(|before| *before != digest))
@@ -209,21 +213,18 @@ impl Store {
     ///
     /// [`StoreError::Database`], [`StoreError::DiskFull`].
     pub async fn expire_leases(&self, now_ms: i64) -> Result<Vec<Job>, StoreError> {
-        self.expire(now_ms, now_ms).await
+        self.write(move |write| Box::pin(expire(write, now_ms))).await
     }
 
     /// Takes every running job from its worker. For the start of the only process that works on this database: whoever
-    /// held a lease is dead, so nobody has to wait until it runs out.
+    /// held a lease is dead, so nobody has to wait until it runs out. Such an end does not count as a failed attempt,
+    /// but a job that is there whenever the server dies fails in the end.
     ///
     /// # Errors
     ///
     /// [`StoreError::Database`], [`StoreError::DiskFull`].
-    pub async fn expire_all_leases(&self, now_ms: i64) -> Result<Vec<Job>, StoreError> {
-        self.expire(i64::MAX, now_ms).await
-    }
-
-    async fn expire(&self, until_ms: i64, now_ms: i64) -> Result<Vec<Job>, StoreError> {
-        self.write(move |write| Box::pin(expire(write, until_ms, now_ms))).await
+    pub async fn recover_orphans(&self, now_ms: i64) -> Result<Vec<Job>, StoreError> {
+        self.write(move |write| Box::pin(recover_orphans(write, now_ms))).await
     }
 }
 
@@ -277,26 +278,42 @@ async fn finish(
     Ok(job)
 }
 
-async fn expire(write: &mut Write, until_ms: i64, now_ms: i64) -> Result<Vec<Job>, StoreError> {
-    let rows = sqlx::query(
-        "select * from job where state = 'running' and lease_until_ms <= ? order by lease_until_ms limit ?",
-    )
-    .bind(until_ms)
-    .bind(EXPIRED_MAX)
-    .fetch_all(write.sql())
-    .await?;
-    let mut jobs = Vec::with_capacity(rows.len());
-    for row in rows {
+async fn expire(write: &mut Write, now_ms: i64) -> Result<Vec<Job>, StoreError> {
+    let mut jobs = Vec::new();
+    for row in running(write, now_ms).await? {
         let job = job_of(&row)?;
-        let error = JobError {
-            reason: "LEASE_EXPIRED".to_owned(),
-            message: format!("{} stopped without a word", row.try_get::<String, _>("worker")?),
-            retryable: true,
-        };
+        let message = format!("{} was not heard of for too long", row.try_get::<String, _>("worker")?);
+        let error = JobError { reason: "LEASE_EXPIRED".to_owned(), message, retryable: true };
         let ending = after_failure(&job, row.try_get("failures")?, error, Some(now_ms));
         jobs.push(end(write, &job.id, ending, now_ms).await?);
     }
     Ok(jobs)
+}
+
+async fn recover_orphans(write: &mut Write, now_ms: i64) -> Result<Vec<Job>, StoreError> {
+    let mut jobs = Vec::new();
+    for row in running(write, i64::MAX).await? {
+        let (job, failures, crashes) = (job_of(&row)?, row.try_get("failures")?, row.try_get::<i64, _>("crashes")? + 1);
+        let ending = match (job.cancel_requested, crashes < CRASHES_MAX) {
+            (true, _) => Ending::Cancelled,
+            (false, true) => Ending::Requeued { run_time_ms: now_ms, failures, error: None },
+            (false, false) => {
+                let message = format!("the server died {crashes} times in a row while it ran this job");
+                let error = JobError { reason: "SERVER_DIED".to_owned(), message, retryable: false };
+                Ending::Failed { failures, error }
+            }
+        };
+        sqlx::query("update job set crashes = ? where id = ?").bind(crashes).bind(&job.id).execute(write.sql()).await?;
+        happened(write, &job, now_ms, "the server died").await?;
+        jobs.push(end(write, &job.id, ending, now_ms).await?);
+    }
+    Ok(jobs)
+}
+
+/// Running jobs whose leases end by `until_ms`.
+async fn running(write: &mut Write, until_ms: i64) -> Result<Vec<SqliteRow>, StoreError> {
+    let sql = "select * from job where state = 'running' and lease_until_ms <= ? order by lease_until_ms limit ?";
+    Ok(sqlx::query(sql).bind(until_ms).bind(EXPIRED_MAX).fetch_all(write.sql()).await?)
 }
 
 /// Where a failed attempt leads.

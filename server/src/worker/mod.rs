@@ -180,7 +180,7 @@ impl Worker {
     /// Takes jobs back from the dead and removes checkpoints that nobody will go on from.
     async fn recover(&self) -> Result<(), WorkerError> {
         loop {
-            let orphans = self.store.expire_all_leases(clock::now_ms()).await?;
+            let orphans = self.store.recover_orphans(clock::now_ms()).await?;
             if orphans.is_empty() {
                 break;
             }

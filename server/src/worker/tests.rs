@@ -220,7 +220,7 @@ async fn a_worker_that_lost_its_lease_stops_and_the_job_runs_again() {
     };
     let (drain, running) = bench.start(WorkerConfig { lease, ..config() }, task);
     bench.until(&id, |job| job.state == JobState::Running).await;
-    bench.store.expire_all_leases(clock::now_ms()).await.unwrap();
+    bench.store.recover_orphans(clock::now_ms()).await.unwrap();
     let job = bench.until(&id, |job| job.state.has_ended()).await;
     assert_eq!((job.state, job.attempt, job.result), (JobState::Succeeded, 2, Some(output("fresh").result)));
     drain.cancel();

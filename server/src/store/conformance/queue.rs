@@ -127,7 +127,7 @@ async fn heartbeats_keep_a_lease() {
 }
 
 #[tokio::test]
-async fn attempts_are_spent_by_failures_but_not_by_drains_or_headway() {
+async fn attempts_are_spent_by_failures_but_not_by_drains_deaths_or_headway() {
     let (store, _folder) = store().await;
     let id = submit(&store, "r", 1).await;
     for drain in 1..=5 {
@@ -144,16 +144,16 @@ async fn attempts_are_spent_by_failures_but_not_by_drains_or_headway() {
     assert_eq!(store.checkpoint(&lease, &digest(1), 51).await.unwrap(), None);
     assert_eq!(store.checkpoint(&lease, &digest(2), 51).await.unwrap(), Some(digest(1)));
     assert_eq!(store.checkpoint(&lease, &digest(2), 51).await.unwrap(), None);
-    store.expire_all_leases(52).await.unwrap();
+    let orphans = store.recover_orphans(52).await.unwrap();
+    assert_eq!((orphans.len(), orphans[0].state, &orphans[0].error), (1, JobState::Queued, &None));
 
-    for last in [false, true] {
+    for state in [JobState::Queued, JobState::Queued, JobState::Failed] {
         let (_, lease) = claim(&store, 60).await.unwrap();
         let job = store.fail(&lease, trouble(), Some(60), 60).await.unwrap();
-        let state = if last { JobState::Failed } else { JobState::Queued };
-        assert_eq!(job.state, state, "one failure since the checkpoint, then two, then three");
+        assert_eq!(job.state, state, "three failures since the checkpoint");
     }
     let job = store.job(&id).await.unwrap();
-    assert_eq!((job.attempt, job.finish_time_ms), (9, Some(60)));
+    assert_eq!((job.attempt, job.finish_time_ms), (10, Some(60)));
     assert!(!job.error.unwrap().retryable);
     assert_eq!(job.checkpoint, Some(digest(2)), "a retry by hand goes on from here");
 
@@ -161,6 +161,21 @@ async fn attempts_are_spent_by_failures_but_not_by_drains_or_headway() {
     assert_eq!((job.state, job.error, job.finish_time_ms), (JobState::Queued, None, None));
     let (_, lease) = claim(&store, 70).await.unwrap();
     assert_eq!(store.fail(&lease, trouble(), None, 71).await.unwrap().state, JobState::Failed, "permanent");
+}
+
+#[tokio::test]
+async fn a_job_that_is_always_there_when_the_server_dies_fails_in_the_end() {
+    let (store, _folder) = store().await;
+    let id = submit(&store, "r", 1).await;
+    let mut deaths = 0;
+    while claim(&store, 10).await.is_some() {
+        store.recover_orphans(10).await.unwrap();
+        deaths += 1;
+    }
+    assert_eq!(deaths, 30);
+    let job = store.job(&id).await.unwrap();
+    assert_eq!((job.state, job.error.unwrap().reason.as_str()), (JobState::Failed, "SERVER_DIED"));
+    assert_eq!(store.retry(&id, 20).await.unwrap().state, JobState::Queued);
 }
 
 #[tokio::test]
@@ -190,7 +205,7 @@ async fn cancelling_ends_a_waiting_job_and_asks_a_running_one() {
         match how {
             0 => drop(store.fail(&lease, trouble(), Some(12), 12).await.unwrap()),
             1 => drop(store.release(&lease, 12).await.unwrap()),
-            _ => drop(store.expire_all_leases(12).await.unwrap()),
+            _ => drop(store.recover_orphans(12).await.unwrap()),
         }
         assert_eq!(store.job(&id).await.unwrap().state, JobState::Cancelled, "{request}");
     }
