@@ -26,22 +26,17 @@ const KEEPALIVE_TIMEOUT: Duration = Duration::from_secs(20);
 /// Pause after the system refused a connection, most likely for want of file handles.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 
-/// Serves `app` until `stop` is cancelled, then lets open requests end, for at most `deadline` after `closing` is done.
-pub(crate) async fn serve(
-    listener: TcpListener,
-    app: Router,
-    stop: CancellationToken,
-    closing: impl Future<Output = ()>,
-    deadline: Duration,
-) {
+/// Serves `app` until `stop` is cancelled, then lets open requests end, for at most `deadline`.
+pub(crate) async fn serve(listener: TcpListener, app: Router, stop: CancellationToken, deadline: Duration) {
     let builder = Arc::new(builder());
     let places = Arc::new(Semaphore::new(CONNECTIONS_MAX));
     let graceful = GracefulShutdown::new();
     while let Some((stream, place)) = next(&listener, &places, &stop).await {
         let watcher = graceful.watcher();
-        let (builder, service) = (Arc::clone(&builder), TowerToHyperService::new(app.clone()));
+        let (builder, stop) = (Arc::clone(&builder), stop.clone());
+        let service = TowerToHyperService::new(app.clone());
         tokio::spawn(async move {
-            if timeout(FIRST_BYTES_DEADLINE, stream.peek(&mut [0])).await.is_ok_and(|peeked| peeked.is_ok()) {
+            if speaks(&stream, &stop).await {
                 let connection = builder.serve_connection(TokioIo::new(stream), service).into_owned();
                 if let Err(error) = watcher.watch(connection).await {
                     tracing::debug!(%error, "a connection ended early");
@@ -51,13 +46,7 @@ pub(crate) async fn serve(
         });
     }
     drop(listener);
-    let open = graceful.shutdown();
-    tokio::pin!(open);
-    let all_closed = tokio::select! {
-        () = &mut open => true,
-        () = closing => false,
-    };
-    if !all_closed && timeout(deadline, open).await.is_err() {
+    if timeout(deadline, graceful.shutdown()).await.is_err() {
         tracing::warn!("some connections did not end in time and are cut");
     }
 }
@@ -72,6 +61,14 @@ fn builder() -> Builder<TokioExecutor> {
         .keep_alive_interval(KEEPALIVE_INTERVAL)
         .keep_alive_timeout(KEEPALIVE_TIMEOUT);
     builder
+}
+
+/// Waits for a connection's first bytes; `false` where none come, or the server stops before.
+async fn speaks(stream: &TcpStream, stop: &CancellationToken) -> bool {
+    tokio::select! {
+        peeked = timeout(FIRST_BYTES_DEADLINE, stream.peek(&mut [0])) => peeked.is_ok_and(|peeked| peeked.is_ok()),
+        () = stop.cancelled() => false,
+    }
 }
 
 /// The next connection and its place among [`CONNECTIONS_MAX`]; `None` when it is time to stop.

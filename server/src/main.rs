@@ -5,7 +5,7 @@ use clap::{ArgMatches, CommandFactory as _, FromArgMatches as _, Parser, Subcomm
 use lightpath_server::config::{Config, Effective, LogFormat, Settings};
 use lightpath_server::server;
 use std::future::Future;
-use std::io::Write as _;
+use std::io::{IsTerminal as _, Write as _};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use tokio::net::TcpListener;
@@ -44,10 +44,10 @@ const SERVE_HELP: &str = "\
 Flags win over environment variables, those over the file, and that over the defaults.
 
 Examples:
-  lightpathd serve                                          on 127.0.0.1:7070, data in ./lightpath-data
+  lightpathd serve
   lightpathd serve --data-dir /srv/lightpath --listen 0.0.0.0:7070
   lightpathd serve --config lightpath.toml --log-level debug
-  lightpathd serve --print-config > lightpath.toml          a file to start from
+  lightpathd serve --print-config > lightpath.toml
 
 The address that it listens on goes to stdout, the log to stderr. Health is at /healthz, metrics are at /metrics.";
 
@@ -74,7 +74,11 @@ impl Serve {
             return Ok(());
         }
         start_log(&effective.config)?;
-        tokio::runtime::Builder::new_multi_thread().enable_all().build()?.block_on(serve(effective.config))
+        let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
+        let outcome = runtime.block_on(serve(effective.config));
+        // What still runs on blocking threads belongs to requests that were cut; the process need not wait for it.
+        runtime.shutdown_background();
+        outcome
     }
 }
 
@@ -107,7 +111,10 @@ fn start_log(config: &Config) -> anyhow::Result<()> {
     let filter = EnvFilter::try_new(&config.log_level).with_context(|| {
         format!("log_level is {:?}, but must be such as info or lightpath_server=debug", config.log_level)
     })?;
-    let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
+    let log = tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal());
     match config.log_format {
         LogFormat::Text => log.init(),
         LogFormat::Json => log.json().init(),

@@ -60,12 +60,8 @@ pub async fn run(
     let (grpc, health) = api.clone().routes()?;
     set_health(&health, ServingStatus::Serving).await;
     let mut workers = start_workers(store, artifacts, &config, stopping.clone());
-    let connections = {
-        let app = http::router(api, grpc);
-        let (stop, drained) = (stopping.clone(), stopping.clone());
-        let deadline = config.drain_deadline;
-        tokio::spawn(connections::serve(listener, app, stop, async move { drained.cancelled().await }, deadline))
-    };
+    let app = http::router(api, grpc);
+    let connections = tokio::spawn(connections::serve(listener, app, stopping.clone(), config.drain_deadline));
 
     let early = tokio::select! {
         () = shutdown => None,

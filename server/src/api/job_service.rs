@@ -7,6 +7,7 @@ use super::time::{now_ms, timestamp};
 use super::watch::{self, Watch};
 use super::{Api, jobs, names};
 use crate::job::Job;
+use crate::metrics;
 use crate::store::JobFilter;
 use futures::stream::BoxStream;
 use lightpath_proto::v1;
@@ -43,7 +44,12 @@ impl JobService for Api {
 
     async fn cancel_job(&self, request: Request<v1::CancelJobRequest>) -> Result<Response<v1::Job>, Status> {
         let id = names::job_id(&Field::new("name"), &request.into_inner().name)?;
-        Ok(Response::new(jobs::to_wire(self.store.cancel(&id, now_ms()).await?)))
+        let job = self.store.cancel(&id, now_ms()).await?;
+        // A running job ends at its worker, and is counted there.
+        if job.state.has_ended() {
+            metrics::job_ended(&job.spec, job.state);
+        }
+        Ok(Response::new(jobs::to_wire(job)))
     }
 
     async fn retry_job(&self, request: Request<v1::RetryJobRequest>) -> Result<Response<v1::Job>, Status> {
