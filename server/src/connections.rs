@@ -65,8 +65,9 @@ fn builder() -> Builder<TokioExecutor> {
 
 /// Waits for a connection's first bytes; `false` where none come, or the server stops before.
 async fn speaks(stream: &TcpStream, stop: &CancellationToken) -> bool {
+    let mut byte = [0];
     tokio::select! {
-        peeked = timeout(FIRST_BYTES_DEADLINE, stream.peek(&mut [0])) => peeked.is_ok_and(|peeked| peeked.is_ok()),
+        peeked = timeout(FIRST_BYTES_DEADLINE, stream.peek(&mut byte)) => peeked.is_ok_and(|peeked| peeked.is_ok()),
         () = stop.cancelled() => false,
     }
 }

@@ -4,6 +4,7 @@ use super::context::saved_state;
 use super::stop::{StopFlag, StopReason};
 use super::{JobContext, Task, TaskError, TaskOutput, Worker, clock};
 use crate::job::{Job, JobError, Lease, Progress};
+use crate::metrics;
 use crate::store::{Store, StoreError};
 use rayon::ThreadPool;
 use std::any::Any;
@@ -90,6 +91,9 @@ impl Worker {
             }
         };
         tracing::info!(job = job.id, attempt = lease.attempt, state = job.state.as_str(), "attempt ended");
+        if job.state.has_ended() {
+            metrics::job_ended(&job.spec, job.state);
+        }
         if job.checkpoint.is_none()
             && let Some(digest) = checkpoint
             && let Err(error) = self.artifacts.delete_checkpoint(&digest).await
