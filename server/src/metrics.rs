@@ -12,7 +12,7 @@ use std::time::Duration;
 
 const QUEUE_DEPTH: &str = "lightpath_queue_depth";
 const JOBS_ENDED: &str = "lightpath_jobs_ended_total";
-const ITERATION: &str = "lightpath_iteration_seconds";
+const ITERATION: &str = "lightpath_hologram_iteration_seconds";
 const REQUESTS: &str = "lightpath_requests_total";
 const REQUEST: &str = "lightpath_request_seconds";
 const ARTIFACTS: &str = "lightpath_artifacts";
@@ -29,9 +29,9 @@ pub fn job_ended(spec: &JobSpec, state: JobState) {
     counter!(JOBS_ENDED, "kind" => kind(spec), "state" => state.as_str()).increment(1);
 }
 
-/// A job has done an iteration.
-pub fn iteration(spec: &JobSpec, time: Duration) {
-    histogram!(ITERATION, "kind" => kind(spec)).record(time.as_secs_f64());
+/// A hologram's optimizer has done an iteration.
+pub fn hologram_iteration(time: Duration) {
+    histogram!(ITERATION).record(time.as_secs_f64());
 }
 
 /// A request was answered (a stream: begun).
@@ -78,7 +78,7 @@ fn handle() -> Option<&'static PrometheusHandle> {
 fn describe() {
     describe_gauge!(QUEUE_DEPTH, "Jobs that wait or run, by kind and state");
     describe_counter!(JOBS_ENDED, "Jobs that ended, by kind and state");
-    describe_histogram!(ITERATION, Unit::Seconds, "Time of one iteration, by kind of job");
+    describe_histogram!(ITERATION, Unit::Seconds, "Time of one iteration of a hologram's optimizer");
     describe_counter!(REQUESTS, "Requests, by method and status code");
     describe_histogram!(REQUEST, Unit::Seconds, "Time to the answer, by method");
     describe_gauge!(ARTIFACTS, "Stored artifacts");

@@ -5,6 +5,7 @@ use super::setting::{Setting, detector, finite};
 use super::state_bytes::HologramState;
 use super::{JobContext, TaskError, TaskOutput};
 use crate::job::{HologramResult, JobResult, OptimizeHologram, Progress, Quality};
+use crate::metrics;
 use crate::pictures;
 use lightpath_optics::hologram::{initial_phase, quality};
 use lightpath_optics::metrics::fitted_intensity_scale;
@@ -52,7 +53,9 @@ fn descend(
     while adam.state().iteration < spec.iterations {
         let started = Instant::now();
         loss = finite("the loss", adam.step().loss)?;
-        compute_s += started.elapsed().as_secs_f64();
+        let took = started.elapsed();
+        metrics::hologram_iteration(took);
+        compute_s += took.as_secs_f64();
         let (step, steps_total) = (adam.state().iteration, spec.iterations);
         let progress =
             Progress { stage: "optimize".to_owned(), step, steps_total, loss, eta_s: eta.left_s(step, steps_total) };
