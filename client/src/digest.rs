@@ -17,7 +17,7 @@ pub fn digest_of(bytes: &[u8]) -> String {
     hasher.finish()
 }
 
-/// The digest and the size [bytes] of a file.
+/// The digest and the size \[bytes\] of a file.
 pub(crate) fn digest_of_file(path: &Path) -> Result<(String, u64)> {
     let refused = |source| Error::file("read", path, source);
     let mut file = std::fs::File::open(path).map_err(refused)?;

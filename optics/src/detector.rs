@@ -19,7 +19,7 @@ impl Detector {
     /// Every detector.
     pub const ALL: [Self; 3] = [Self::Point, Self::Pixel, Self::Supersampled];
 
-    /// Offsets of the sub-samples from the pixel's centre along one axis [px]; both axes have the same.
+    /// Offsets of the sub-samples from the pixel's centre along one axis \[px\]; both axes have the same.
     #[must_use]
     pub fn offsets_px(self) -> &'static [f64] {
         match self {

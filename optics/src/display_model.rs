@@ -21,7 +21,7 @@ pub struct DisplayModel {
     pub kernel: KernelShape,
     /// The light that falls on the SLM.
     pub source: SmoothField,
-    /// [a_k, b_k] of r(φ) = φ + Σ_k (a_k sin kφ + b_k cos kφ), k = 1, 2, … [rad].
+    /// [a_k, b_k] of r(φ) = φ + Σ_k (a_k sin kφ + b_k cos kφ), k = 1, 2, … \[rad\].
     pub response: Vec<[f64; 2]>,
     /// z₀, relative to the modulated light.
     pub zero_order: Complex64,
@@ -50,7 +50,7 @@ pub struct SmoothField {
     pub order: usize,
     /// Coefficients of the logarithm of the amplitude, in the order of [`ChebyshevBasis::degrees`].
     pub log_amplitude: Vec<f64>,
-    /// Coefficients of the phase [rad], in the same order.
+    /// Coefficients of the phase \[rad\], in the same order.
     pub phase: Vec<f64>,
 }
 

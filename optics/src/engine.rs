@@ -55,19 +55,19 @@ impl<T: Real> Engine<T> {
         self.detector
     }
 
-    /// Rows [px].
+    /// Rows \[px\].
     #[must_use]
     pub fn height_px(&self) -> usize {
         self.convolver.height_px
     }
 
-    /// Columns [px].
+    /// Columns \[px\].
     #[must_use]
     pub fn width_px(&self) -> usize {
         self.convolver.width_px
     }
 
-    /// The complex field in the image plane at the pixels' centres, for a `phase` [rad] on the SLM.
+    /// The complex field in the image plane at the pixels' centres, for a `phase` \[rad\] on the SLM.
     ///
     /// # Errors
     ///

@@ -4,7 +4,7 @@
 //! c(x, y) = k(x, y) · a(x, y) · ( e^{i r(φ)} + z₀ ),   r(φ) = φ + Σ_k ( a_k sin kφ + b_k cos kφ )
 //! ```
 //!
-//! φ displayed phase [rad], a source profile (complex), r the SLM's phase response, z₀ undiffracted light. With a carrier
+//! φ displayed phase \[rad\], a source profile (complex), r the SLM's phase response, z₀ undiffracted light. With a carrier
 //! φ includes its grating, and k = ±1 follows it, so that c is described in the direction in which the image leaves.
 
 use crate::carrier::Carrier;

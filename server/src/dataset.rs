@@ -23,9 +23,9 @@ pub struct Dataset {
     pub pair_count: u32,
     /// Digest of everything above and the split; set when finalized.
     pub digest: Option<String>,
-    /// [ms since 1970]
+    /// \[ms since 1970\]
     pub create_time_ms: i64,
-    /// [ms since 1970]
+    /// \[ms since 1970\]
     pub finalize_time_ms: Option<i64>,
 }
 

@@ -8,17 +8,17 @@ use serde::{Deserialize, Serialize};
 pub struct Display {
     /// 1 to 63 characters of a-z, 0-9 and '-', starting with a letter.
     pub id: String,
-    /// SLM columns [px].
+    /// SLM columns \[px\].
     pub width_px: u32,
-    /// SLM rows [px].
+    /// SLM rows \[px\].
     pub height_px: u32,
-    /// Distance between pixel centres [m].
+    /// Distance between pixel centres \[m\].
     pub pixel_pitch_m: f64,
     /// Grey levels are 0 to 2^bit_depth − 1.
     pub bit_depth: u32,
     /// At least one, ascending, no two equal.
     pub wavelengths: Vec<Wavelength>,
-    /// Phase [rad] of each grey level; `None`: level · 2π / 2^bit_depth.
+    /// Phase \[rad\] of each grey level; `None`: level · 2π / 2^bit_depth.
     pub phase_response_rad: Option<Vec<f64>>,
     /// Grating added after optimization.
     pub carrier: Option<Carrier>,
@@ -47,6 +47,6 @@ pub struct SimulatedBench {
     pub strength: f64,
     /// Standard deviation of the read noise, fraction of full scale.
     pub camera_noise: f64,
-    /// The camera is shifted by up to this, in x and in y [px].
+    /// The camera is shifted by up to this, in x and in y \[px\].
     pub misalignment_px: f64,
 }

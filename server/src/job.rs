@@ -70,13 +70,13 @@ pub struct Job {
     pub attempt: u32,
     /// Failed attempts, without a checkpoint between them, after which the job fails for good.
     pub attempts_max: u32,
-    /// [ms since 1970]
+    /// \[ms since 1970\]
     pub create_time_ms: i64,
-    /// Of the latest attempt [ms since 1970].
+    /// Of the latest attempt \[ms since 1970\].
     pub start_time_ms: Option<i64>,
-    /// [ms since 1970]
+    /// \[ms since 1970\]
     pub finish_time_ms: Option<i64>,
-    /// A queued job does not start before this [ms since 1970].
+    /// A queued job does not start before this \[ms since 1970\].
     pub run_time_ms: i64,
     /// Of the latest attempt.
     pub progress: Option<Progress>,
@@ -163,11 +163,11 @@ pub struct OptimizeHologram {
     pub detector: Detector,
     /// Steps of Adam.
     pub iterations: u32,
-    /// Adam's step [rad].
+    /// Adam's step \[rad\].
     pub learning_rate: f64,
     /// Of the initial phase.
     pub seed: u64,
-    /// The initial phase is uniform in [0, this) [rad].
+    /// The initial phase is uniform in [0, this) \[rad\].
     pub initial_phase_range_rad: f64,
     /// Where the picture counts.
     pub region_of_interest: Region,
@@ -202,13 +202,13 @@ pub enum Detector {
 /// A rectangle in the image plane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Region {
-    /// [px]
+    /// \[px\]
     pub x_px: u32,
-    /// [px]
+    /// \[px\]
     pub y_px: u32,
-    /// [px]
+    /// \[px\]
     pub width_px: u32,
-    /// [px]
+    /// \[px\]
     pub height_px: u32,
 }
 
@@ -298,13 +298,13 @@ pub struct HologramResult {
     pub loss: f64,
     /// Steps done.
     pub iterations: u32,
-    /// Mean over the iterations [ms].
+    /// Mean over the iterations \[ms\].
     pub iteration_ms: f64,
     /// Where the picture counted.
     pub region_of_interest: Region,
 }
 
-/// Peak signal-to-noise ratios [dB] in the region of interest, peak 1, gain fitted.
+/// Peak signal-to-noise ratios \[dB\] in the region of interest, peak 1, gain fitted.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Quality {
     /// At the sample points.
@@ -364,7 +364,7 @@ pub struct Progress {
     pub steps_total: u32,
     /// Of the latest step.
     pub loss: f64,
-    /// Time left [s].
+    /// Time left \[s\].
     pub eta_s: Option<f64>,
 }
 
@@ -384,7 +384,7 @@ pub struct JobError {
 pub struct JobEvent {
     /// Grows over all jobs; what pages are keyed by.
     pub sequence: i64,
-    /// [ms since 1970]
+    /// \[ms since 1970\]
     pub time_ms: i64,
     /// The attempt it belongs to; 0 before the first.
     pub attempt: u32,
@@ -401,6 +401,6 @@ pub struct Lease {
     pub attempt: u32,
     /// Unique to this claim.
     pub lease_id: String,
-    /// The lease is void after this, unless extended [ms since 1970].
+    /// The lease is void after this, unless extended \[ms since 1970\].
     pub until_ms: i64,
 }

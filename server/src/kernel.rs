@@ -30,7 +30,7 @@ pub struct Kernel {
     pub active_version: Option<u32>,
     /// The newest version; versions count from 1.
     pub latest_version: u32,
-    /// [ms since 1970]
+    /// \[ms since 1970\]
     pub create_time_ms: i64,
 }
 
@@ -72,7 +72,7 @@ pub struct KernelVersion {
     pub version: u32,
     /// Everything else.
     pub content: NewKernelVersion,
-    /// [ms since 1970]
+    /// \[ms since 1970\]
     pub create_time_ms: i64,
     /// This is the active version.
     pub active: bool,
@@ -125,7 +125,7 @@ pub struct KernelLineage {
 pub struct KernelMove {
     /// Grows over all kernels; what pages are keyed by.
     pub sequence: i64,
-    /// [ms since 1970]
+    /// \[ms since 1970\]
     pub time_ms: i64,
     /// `None`: none was active.
     pub from_version: Option<u32>,

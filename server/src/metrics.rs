@@ -19,9 +19,9 @@ const ARTIFACTS: &str = "lightpath_artifacts";
 const ARTIFACT_BYTES: &str = "lightpath_artifact_bytes";
 const BUILD_INFO: &str = "lightpath_build_info";
 
-/// From a small hologram on a fast machine to a large one on a slow machine [s].
+/// From a small hologram on a fast machine to a large one on a slow machine \[s\].
 const ITERATION_BUCKETS_S: [f64; 12] = [0.0005, 0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 5.0];
-/// From a read of one row to the checking of a large picture [s].
+/// From a read of one row to the checking of a large picture \[s\].
 const REQUEST_BUCKETS_S: [f64; 10] = [0.001, 0.0025, 0.005, 0.01, 0.025, 0.1, 0.25, 1.0, 5.0, 30.0];
 
 /// A job has ended in `state`.

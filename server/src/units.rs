@@ -6,21 +6,21 @@ use std::fmt;
 /// Wavelength in vacuum, in whole picometres.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Wavelength {
-    /// [pm]
+    /// \[pm\]
     pub pm: i64,
 }
 
 /// Distance from the SLM, in whole nanometres; negative behind the SLM.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Distance {
-    /// [nm]
+    /// \[nm\]
     pub nm: i64,
 }
 
 impl Wavelength {
-    /// Shortest accepted wavelength [m].
+    /// Shortest accepted wavelength \[m\].
     pub const MIN_M: f64 = 200e-9;
-    /// Longest accepted wavelength [m].
+    /// Longest accepted wavelength \[m\].
     pub const MAX_M: f64 = 2e-6;
 
     /// The nearest picometre, where `wavelength_m` is a number between [`Self::MIN_M`] and [`Self::MAX_M`].
@@ -29,7 +29,7 @@ impl Wavelength {
         (Self::MIN_M..=Self::MAX_M).contains(&wavelength_m).then(|| Self { pm: (wavelength_m * 1e12).round() as i64 })
     }
 
-    /// [m]
+    /// \[m\]
     #[must_use]
     pub fn m(self) -> f64 {
         self.pm as f64 / 1e12
@@ -44,7 +44,7 @@ impl Wavelength {
 }
 
 impl Distance {
-    /// Largest accepted distance, either way [m].
+    /// Largest accepted distance, either way \[m\].
     pub const MAX_M: f64 = 10.0;
 
     /// The nearest nanometre, where `distance_m` is a number within ±[`Self::MAX_M`] that does not round to 0.
@@ -57,7 +57,7 @@ impl Distance {
         (nm != 0).then_some(Self { nm })
     }
 
-    /// [m]
+    /// \[m\]
     #[must_use]
     pub fn m(self) -> f64 {
         self.nm as f64 / 1e9

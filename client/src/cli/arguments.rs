@@ -21,7 +21,7 @@ pub(crate) struct Optics {
 }
 
 impl Optics {
-    /// [m]; 0 asks the server for the display's only one.
+    /// \[m\]; 0 asks the server for the display's only one.
     pub(crate) fn wavelength_m(&self) -> f64 {
         self.wavelength.unwrap_or(0.0)
     }

@@ -61,7 +61,7 @@ pub(crate) struct Axis<T> {
 }
 
 impl<T: Real> Convolver<T> {
-    /// For fields of `height_px` × `width_px`, detected at the given offsets [px] along each axis.
+    /// For fields of `height_px` × `width_px`, detected at the given offsets \[px\] along each axis.
     pub(crate) fn new(height_px: usize, width_px: usize, offsets_px: &[f64]) -> Self {
         let mut planner = FftPlanner::new();
         let along_x = Axis::new(&mut planner, width_px, offsets_px);

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 /// Everything that a step depends on: saved and restored, the optimization goes on to the same bytes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AdamState<T = f32> {
-    /// φ [rad], not wrapped; row-major.
+    /// φ \[rad\], not wrapped; row-major.
     pub phase: Vec<T>,
     /// m
     pub first_moment: Vec<T>,
@@ -35,7 +35,7 @@ pub struct Adam<T = f32> {
 }
 
 impl<T: Real> Adam<T> {
-    /// Starts from `phase`, with steps of `learning_rate` [rad].
+    /// Starts from `phase`, with steps of `learning_rate` \[rad\].
     ///
     /// # Errors
     ///

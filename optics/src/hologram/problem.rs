@@ -92,7 +92,7 @@ fn compare_with<T>(picture: &Plane<T>, region: RegionOfInterest, detector: Detec
     Comparison { picture, weight: None, region, detector, gain, offset: 0.0, weight_sum }
 }
 
-/// Peak signal-to-noise ratios [dB] in the region of interest, peak 1, gain fitted.
+/// Peak signal-to-noise ratios \[dB\] in the region of interest, peak 1, gain fitted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quality {
     /// At the sample points.

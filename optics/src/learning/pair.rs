@@ -11,7 +11,7 @@ const SATURATION: f32 = 254.75 / 255.0;
 /// A hologram and its photograph.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pair {
-    /// The hologram's phase [rad], before the carrier.
+    /// The hologram's phase \[rad\], before the carrier.
     pub phase: Plane<f32>,
     /// The photograph, intensity in linear light, 1 at the camera's full scale.
     pub photo: Plane<f32>,

@@ -84,7 +84,7 @@ impl TestCard {
         Self::Rings,
     ];
 
-    /// Shortest side [px]: smaller ones show nothing.
+    /// Shortest side \[px\]: smaller ones show nothing.
     pub const SIDE_PX_MIN: usize = 32;
 
     /// In lower case with hyphens, fit for a file name.

@@ -15,9 +15,9 @@ use std::time::Duration;
 use tokio::time::{Instant, sleep, timeout};
 use tonic::{Request, Response, Status, Streaming};
 
-/// Largest artifact [bytes]: a dense kernel of an 8K display, twice over.
+/// Largest artifact \[bytes\]: a dense kernel of an 8K display, twice over.
 const ARTIFACT_BYTES_MAX: u64 = 1 << 30;
-/// Largest chunk of an upload [bytes]: half a message, so that the rest of the message surely fits.
+/// Largest chunk of an upload \[bytes\]: half a message, so that the rest of the message surely fits.
 const CHUNK_BYTES_MAX: usize = 2 << 20;
 /// An upload that brings nothing for this long has lost its client; what arrived is kept.
 const UPLOAD_IDLE_MAX: Duration = Duration::from_secs(60);

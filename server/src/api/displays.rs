@@ -10,18 +10,18 @@ use lightpath_proto::v1;
 use std::f64::consts::PI;
 use std::ops::RangeInclusive;
 
-/// Sides of an SLM [px]: below, there is nothing to diffract; above, no SLM exists and a padded field would not fit
+/// Sides of an SLM \[px\]: below, there is nothing to diffract; above, no SLM exists and a padded field would not fit
 /// into memory.
 const SIDE_PX: RangeInclusive<u32> = 16..=8192;
-/// Pixel pitches of SLMs, with room on either end [m].
+/// Pixel pitches of SLMs, with room on either end \[m\].
 const PIXEL_PITCH_M: RangeInclusive<f64> = 1e-7..=1e-3;
 /// What the levels' 16-bit PNGs can hold.
 const BIT_DEPTH: RangeInclusive<u32> = 1..=16;
 /// Most wavelengths that one display is lit with: more than any multi-colour projector has.
 const WAVELENGTHS_MAX: usize = 16;
-/// Largest phase [rad] in a response: some 160 wavelengths of modulation; f32 keeps a thousandth of it exactly.
+/// Largest phase \[rad\] in a response: some 160 wavelengths of modulation; f32 keeps a thousandth of it exactly.
 const PHASE_RAD_MAX: f64 = 1000.0;
-/// Longest notes [bytes]: a page of text.
+/// Longest notes \[bytes\]: a page of text.
 const NOTES_BYTES_MAX: usize = 4096;
 
 /// The display that a client declares.

@@ -15,7 +15,7 @@ use lightpath_proto::v1::fetch_kernel_response::Part;
 use lightpath_proto::v1::kernel_service_server::KernelService;
 use tonic::{Request, Response, Status};
 
-/// Longest reason of a move [bytes]: a paragraph.
+/// Longest reason of a move \[bytes\]: a paragraph.
 const REASON_BYTES_MAX: usize = 1024;
 
 #[tonic::async_trait]

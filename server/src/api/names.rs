@@ -5,7 +5,7 @@ use super::field::{Field, shortened};
 use crate::kernel::KernelKey;
 use crate::units::{Distance, Wavelength};
 
-/// Longest id [bytes]: a DNS label, so that ids can become host and folder names.
+/// Longest id \[bytes\]: a DNS label, so that ids can become host and folder names.
 const ID_BYTES_MAX: usize = 63;
 
 /// The id in `displays/{id}`.

@@ -8,9 +8,9 @@ use prost::Message;
 const PAGE_SIZE_DEFAULT: u32 = 50;
 /// Most items on a page: what one query should return.
 const PAGE_SIZE_MAX: u32 = 1000;
-/// A page ends before its items exceed this [bytes]: gRPC clients refuse messages above 4 MiB unless told.
+/// A page ends before its items exceed this \[bytes\]: gRPC clients refuse messages above 4 MiB unless told.
 const PAGE_BYTES_MAX: usize = 3 << 20;
-/// Longest token [bytes]; ours are shorter.
+/// Longest token \[bytes\]; ours are shorter.
 const TOKEN_BYTES_MAX: usize = 1024;
 
 /// Which page of which list is wanted.

@@ -13,7 +13,7 @@ use lightpath_proto::v1::{self, job_spec, optimize_hologram};
 use std::f64::consts::TAU;
 use uuid::Uuid;
 
-/// Longest request id [bytes]: room for a UUID and a few words.
+/// Longest request id \[bytes\]: room for a UUID and a few words.
 const REQUEST_ID_BYTES_MAX: usize = 128;
 /// Beyond this, a failure is not a matter of chance.
 const ATTEMPTS_MAX: u32 = 20;
@@ -24,7 +24,7 @@ const ITERATIONS_MAX: u32 = 10_000;
 const ITERATIONS_DEFAULT: u32 = 200;
 /// Beyond this an optimizer's step only throws its parameters about.
 const LEARNING_RATE_MAX: f64 = 10.0;
-/// Adam's step for holograms, the paper's [rad].
+/// Adam's step for holograms, the paper's \[rad\].
 const LEARNING_RATE_DEFAULT: f64 = 0.1;
 /// Initial phases within one radian speckle little.
 const INITIAL_PHASE_RANGE_DEFAULT_RAD: f64 = 1.0;

@@ -124,7 +124,7 @@ impl Artifacts {
         .await
     }
 
-    /// Size of a blob, where it is on disk [bytes]. The bytes are not checked.
+    /// Size of a blob, where it is on disk \[bytes\]. The bytes are not checked.
     ///
     /// # Errors
     ///

@@ -4,7 +4,7 @@ use super::{ArtifactError, blocking};
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 
-/// Size of the pieces that blobs are read and hashed in [bytes]: large enough that a call costs nothing beside its
+/// Size of the pieces that blobs are read and hashed in \[bytes\]: large enough that a call costs nothing beside its
 /// bytes, small enough for a message.
 pub const CHUNK_BYTES: usize = 1 << 20;
 
@@ -32,7 +32,7 @@ impl ArtifactReader {
         Ok(Self { file: Some(file), size_bytes, left_bytes })
     }
 
-    /// Size of the whole blob [bytes].
+    /// Size of the whole blob \[bytes\].
     #[must_use]
     pub fn size_bytes(&self) -> u64 {
         self.size_bytes

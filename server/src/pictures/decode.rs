@@ -12,7 +12,7 @@ use std::io::{self, Cursor};
 /// Fewest pixels a side of a target: below that there is no picture to speak of.
 pub const SIDE_PX_MIN: u32 = 8;
 
-/// Decoders may use this much beside the pixels themselves [bytes]; the picture's own size is checked before.
+/// Decoders may use this much beside the pixels themselves \[bytes\]; the picture's own size is checked before.
 const DECODER_BYTES_MAX: u64 = 1 << 30;
 
 /// The linear light, in [0, 1], that a target asks for on a display of `height_px` × `width_px`.
@@ -41,7 +41,7 @@ pub fn photograph(bytes: &[u8], encoding: Encoding) -> Result<Plane<f32>, Pictur
     linear_light(bytes, encoding, 1)
 }
 
-/// Columns and rows [px] as the header tells them, before any orientation; reads no pixel.
+/// Columns and rows \[px\] as the header tells them, before any orientation; reads no pixel.
 ///
 /// # Errors
 ///

@@ -26,9 +26,9 @@ pub use fit::fit;
 pub use levels::levels;
 pub use srgb::{linear_to_srgb, srgb_to_linear};
 
-/// Longest accepted side of a picture [px]: beyond what any SLM or camera has.
+/// Longest accepted side of a picture \[px\]: beyond what any SLM or camera has.
 pub const SIDE_PX_MAX: u32 = 16_384;
 /// Most accepted pixels of a picture. At 8 bytes a pixel (RGBA, 16 bits) its decoding takes 512 MiB.
 pub const PIXELS_MAX: u64 = 64 << 20;
-/// Largest accepted picture file [bytes]: an uncompressed 16-bit RGB picture of 40 Mpx still fits.
+/// Largest accepted picture file \[bytes\]: an uncompressed 16-bit RGB picture of 40 Mpx still fits.
 pub const FILE_BYTES_MAX: usize = 256 << 20;

@@ -84,7 +84,7 @@ impl Eta {
         Self { first_step: step, started: Instant::now() }
     }
 
-    /// [s]; `None` until there is a step to judge by.
+    /// \[s\]; `None` until there is a step to judge by.
     pub(super) fn left_s(self, step: u32, steps_total: u32) -> Option<f64> {
         let done = step.checked_sub(self.first_step).filter(|done| *done > 0)?;
         Some(self.started.elapsed().as_secs_f64() / f64::from(done) * f64::from(steps_total.saturating_sub(step)))

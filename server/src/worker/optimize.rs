@@ -13,7 +13,7 @@ use lightpath_optics::phase_response::wrap_f32;
 use lightpath_optics::{Adam, Engine, HologramProblem, Plane, RegionOfInterest};
 use std::time::Instant;
 
-/// Reported for a reconstruction that equals its target [dB]: JSON knows no infinity, and f32 no 200 dB.
+/// Reported for a reconstruction that equals its target \[dB\]: JSON knows no infinity, and f32 no 200 dB.
 const PSNR_DB_MAX: f64 = 200.0;
 
 pub(super) fn run(context: &JobContext, spec: &OptimizeHologram) -> Result<TaskOutput, TaskError> {
@@ -70,7 +70,7 @@ struct Finished<'a> {
     engine: &'a Engine,
     target: &'a Plane<f32>,
     region: RegionOfInterest,
-    /// [rad], wrapped
+    /// \[rad\], wrapped
     phase: Plane<f32>,
 }
 

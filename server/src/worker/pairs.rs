@@ -10,7 +10,7 @@ use lightpath_optics::learning::{Pair, PairSource};
 use std::sync::{Arc, OnceLock};
 use tokio::runtime::Handle;
 
-/// Decoded pairs are kept up to this size [bytes]: reading a pair again takes about as long as learning from it, but
+/// Decoded pairs are kept up to this size \[bytes\]: reading a pair again takes about as long as learning from it, but
 /// a large dataset must not fill the machine's memory.
 const CACHE_BYTES_MAX: usize = 256 << 20;
 

@@ -42,12 +42,12 @@ impl Setting {
         Ok(Self { display, key, setup, response, carrier })
     }
 
-    /// Rows [px].
+    /// Rows \[px\].
     pub(super) fn height_px(&self) -> usize {
         self.setup.grid().height_px()
     }
 
-    /// Columns [px].
+    /// Columns \[px\].
     pub(super) fn width_px(&self) -> usize {
         self.setup.grid().width_px()
     }
@@ -69,19 +69,19 @@ impl Setting {
         Ok(RegionOfInterest::try_new(&self.setup.grid(), x, y, width, height)?)
     }
 
-    /// Grey levels that show `phase` [rad], carrier added.
+    /// Grey levels that show `phase` \[rad\], carrier added.
     pub(super) fn levels_of(&self, phase: &Plane<f32>) -> Result<Plane<u16>, TaskError> {
         let steered = self.carrier.map(|carrier| carrier.applied_to(phase));
         Ok(self.response.quantize(steered.as_ref().unwrap_or(phase))?)
     }
 
-    /// The phase [rad] that a hologram file's levels stand for, carrier included.
+    /// The phase \[rad\] that a hologram file's levels stand for, carrier included.
     pub(super) fn displayed_phase(&self, file: &[u8]) -> Result<Plane<f32>, TaskError> {
         let levels = pictures::levels(file, self.display.bit_depth, self.height_px(), self.width_px())?;
         Ok(self.response.dequantize(&levels)?)
     }
 
-    /// A displayed phase [rad] without the carrier: what engines start from.
+    /// A displayed phase \[rad\] without the carrier: what engines start from.
     pub(super) fn without_carrier(&self, displayed: Plane<f32>) -> Plane<f32> {
         match self.carrier {
             // Adding half a turn twice takes it away.

@@ -10,7 +10,7 @@ use lightpath_optics::learning::parametric::ParametricState;
 use lightpath_optics::optimizer::lbfgs::LbfgsState;
 use std::collections::VecDeque;
 
-/// A hologram under way: Adam's state, the loss of its last step, and the time that the steps took [s].
+/// A hologram under way: Adam's state, the loss of its last step, and the time that the steps took \[s\].
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct HologramState {
     pub(super) adam: AdamState,
