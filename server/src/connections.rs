@@ -17,6 +17,10 @@ use tokio_util::sync::CancellationToken;
 const CONNECTIONS_MAX: usize = 800;
 /// Requests at once on one connection, watching streams included.
 const STREAMS_MAX: u32 = 256;
+/// Bytes that a stream may send before its handler reads them: fills a fast link over a continent.
+const STREAM_WINDOW_BYTES: u32 = 512 << 10;
+/// Unread streams, such as uploads that wait for their turn, must never use up what the connection's others need.
+const CONNECTION_WINDOW_BYTES: u32 = STREAMS_MAX * STREAM_WINDOW_BYTES;
 /// A connection that says nothing for this long at its beginning, or between HTTP/1 requests, is closed.
 const FIRST_BYTES_DEADLINE: Duration = Duration::from_secs(30);
 /// HTTP/2 peers are asked this often whether they still live ...
@@ -58,6 +62,8 @@ fn builder() -> Builder<TokioExecutor> {
         .http2()
         .timer(TokioTimer::new())
         .max_concurrent_streams(STREAMS_MAX)
+        .initial_stream_window_size(STREAM_WINDOW_BYTES)
+        .initial_connection_window_size(CONNECTION_WINDOW_BYTES)
         .keep_alive_interval(KEEPALIVE_INTERVAL)
         .keep_alive_timeout(KEEPALIVE_TIMEOUT);
     builder

@@ -7,6 +7,7 @@ use lightpath_proto::v1::{self, job_spec};
 use lightpath_server::artifacts::digest_of;
 use lightpath_server::pictures;
 use tonic::{Code, Status};
+use tonic_types::StatusExt as _;
 
 fn picture() -> Vec<u8> {
     let plane = lightpath_optics::Plane::from_fn(40, 30, |y, x| (y + x) as f32 / 70.0);
@@ -194,4 +195,81 @@ async fn a_watcher_sees_the_job_end() {
     assert!(!serving.jobs().list_job_events(events).await.unwrap().into_inner().events.is_empty());
     let nobody = v1::WatchJobRequest { name: "jobs/none".into() };
     expect(serving.jobs().watch_job(nobody).await.map(drop), Code::NotFound, "jobs/none does not exist");
+}
+
+async fn watch_to_end(serving: &Serving, name: &str) -> v1::Job {
+    let request = v1::WatchJobRequest { name: name.to_owned() };
+    let mut stream = serving.jobs().watch_job(request).await.unwrap().into_inner();
+    let mut last = None;
+    while let Some(job) = stream.message().await.unwrap() {
+        last = Some(job);
+    }
+    last.unwrap()
+}
+
+fn hologram(job: &v1::Job) -> &v1::HologramResult {
+    match job.result.as_ref().and_then(|result| result.kind.as_ref()) {
+        Some(v1::job_result::Kind::Hologram(result)) => result,
+        _ => panic!("{job:?}"),
+    }
+}
+
+#[tokio::test]
+async fn a_hologram_is_optimized_and_its_files_are_there() {
+    let serving = Serving::start().await;
+    serving.display("lab").await;
+    let target = serving.upload(&picture()).await;
+    let spec = v1::OptimizeHologram { iterations: 30, ..optimize(&target) };
+    let job = submit(&serving, job_spec::Kind::OptimizeHologram(spec), "").await.unwrap();
+    let job = watch_to_end(&serving, &job.name).await;
+    assert_eq!(job.state(), v1::job::State::Succeeded, "{job:?}");
+    let result = hologram(&job);
+    assert_eq!(result.iterations, 30);
+    assert!(result.quality.as_ref().unwrap().psnr_pixel_db > 10.0, "{result:?}");
+    for digest in [&result.phase, &result.phase_npy, &result.reconstruction] {
+        let request = v1::GetArtifactRequest { digest: digest.clone() };
+        assert!(serving.artifacts().get_artifact(request).await.unwrap().into_inner().size_bytes > 0);
+    }
+}
+
+#[tokio::test]
+async fn a_restart_does_not_change_the_result() {
+    let serving = Serving::start().await;
+    serving.display("lab").await;
+    let target = serving.upload(&picture()).await;
+    let kind = || job_spec::Kind::OptimizeHologram(v1::OptimizeHologram { iterations: 500, ..optimize(&target) });
+    let job = submit(&serving, kind(), "").await.unwrap();
+    let request = v1::WatchJobRequest { name: job.name.clone() };
+    let mut stream = serving.jobs().watch_job(request).await.unwrap().into_inner();
+    let at_work = loop {
+        let job = stream.message().await.unwrap().unwrap();
+        if job.progress.as_ref().is_some_and(|progress| progress.step > 0) {
+            break job;
+        }
+    };
+    drop(stream);
+    assert_eq!(at_work.state(), v1::job::State::Running);
+    let serving = serving.restart().await;
+    let resumed = watch_to_end(&serving, &job.name).await;
+    assert_eq!((resumed.state(), resumed.attempt), (v1::job::State::Succeeded, 2));
+    let whole = submit(&serving, kind(), "").await.unwrap();
+    let whole = watch_to_end(&serving, &whole.name).await;
+    assert_eq!(hologram(&whole).phase_npy, hologram(&resumed).phase_npy);
+}
+
+#[tokio::test]
+async fn a_full_queue_says_when_to_come_back() {
+    let serving = Serving::start_with(|config| config.queue_limit = 1).await;
+    serving.display("lab").await;
+    let target = serving.upload(&picture()).await;
+    let kind = || job_spec::Kind::OptimizeHologram(optimize(&target));
+    // One runs, one waits; which is refused depends on how soon the first one starts.
+    let refused = loop {
+        match submit(&serving, kind(), "").await {
+            Ok(_) => {}
+            Err(status) => break status,
+        }
+    };
+    assert_eq!(refused.code(), Code::ResourceExhausted);
+    assert!(refused.get_error_details().retry_info().unwrap().retry_delay.is_some());
 }

@@ -26,13 +26,22 @@ pub(crate) struct Serving {
     /// Stops the server of a test that fails, too.
     _guard: DropGuard,
     running: JoinHandle<Result<(), ServeError>>,
-    _folder: TempDir,
+    folder: TempDir,
 }
 
 impl Serving {
     pub(crate) async fn start() -> Self {
+        Self::start_with(|_| {}).await
+    }
+
+    pub(crate) async fn start_with(change: impl FnOnce(&mut Config)) -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let config = Config { data_dir: folder.path().join("data"), compute_threads: 1, ..Config::default() };
+        let mut config = Config { data_dir: folder.path().join("data"), compute_threads: 1, ..Config::default() };
+        change(&mut config);
+        Self::start_in(folder, config).await
+    }
+
+    async fn start_in(folder: TempDir, config: Config) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = listener.local_addr().unwrap();
         let shutdown = CancellationToken::new();
@@ -40,7 +49,14 @@ impl Serving {
         let running = tokio::spawn(server::run(listener, config.clone(), async move { stop.cancelled().await }));
         let channel = Channel::from_shared(format!("http://{address}")).unwrap().connect().await.unwrap();
         let guard = shutdown.clone().drop_guard();
-        Self { address, config, channel, shutdown, _guard: guard, running, _folder: folder }
+        Self { address, config, channel, shutdown, _guard: guard, running, folder }
+    }
+
+    /// Stops the server, and starts another one on the same data.
+    pub(crate) async fn restart(self) -> Self {
+        self.shutdown.cancel();
+        self.running.await.unwrap().unwrap();
+        Self::start_in(self.folder, self.config).await
     }
 
     /// Stops the server and waits for its end.
