@@ -23,12 +23,14 @@
 //! - [`engine`], [`detector`], [`photometry`]: that display made ready to run, fused and parallel; what a camera or an eye
 //!   sees of its light; how that compares with a picture.
 //! - [`hologram`], [`learning`], [`optimizer`]: finding phases, and finding displays.
+//! - [`compiled`]: the engine's entry points for callers that are not optimized themselves.
 //! - [`simulated_display`]: an imperfect bench to photograph holograms on.
 //! - [`test_cards`]: target pictures to try all of it on.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 pub mod carrier;
 pub mod chebyshev;
+pub mod compiled;
 mod convolution;
 pub mod detector;
 pub mod display_model;

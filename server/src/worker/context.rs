@@ -23,11 +23,13 @@ pub struct TaskOutput {
 }
 
 /// Why a task ended without output.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum TaskError {
     /// It was told to.
+    #[error("the task was told to stop")]
     Stopped,
     /// It failed; `retryable` in the error says whether another attempt may help.
+    #[error("{}: {}", .0.reason, .0.message)]
     Failed(JobError),
 }
 

@@ -7,10 +7,11 @@ use super::{JobContext, TaskError, TaskOutput};
 use crate::job::{HologramResult, JobResult, OptimizeHologram, Progress, Quality};
 use crate::metrics;
 use crate::pictures;
-use lightpath_optics::hologram::{initial_phase, quality};
+use lightpath_optics::compiled;
+use lightpath_optics::hologram::initial_phase;
 use lightpath_optics::metrics::fitted_intensity_scale;
 use lightpath_optics::phase_response::wrap_f32;
-use lightpath_optics::{Adam, Engine, HologramProblem, Plane, RegionOfInterest};
+use lightpath_optics::{Engine, HologramProblem, Plane, RegionOfInterest};
 use std::time::Instant;
 
 /// Reported for a reconstruction that equals its target \[dB\]: JSON knows no infinity, and f32 no 200 dB.
@@ -24,9 +25,9 @@ pub(super) fn run(context: &JobContext, spec: &OptimizeHologram) -> Result<TaskO
     let target = pictures::target_intensity(&picture, spec.target_encoding, spec.target_fit, height_px, width_px)?;
     drop(picture);
     let model = setting.model(context, spec.kernel_version)?;
-    let engine = Engine::new(&model, detector(spec.detector), setting.carrier)?;
+    let engine = compiled::engine(&model, detector(spec.detector), setting.carrier)?;
 
-    let problem = HologramProblem::new(engine.clone(), target.clone(), region)?;
+    let problem = compiled::hologram_problem(engine.clone(), target.clone(), region)?;
     let done = descend(context, spec, problem)?;
     let phase = Plane::try_from_vec(height_px, width_px, done.adam.phase)?.map(|phi| wrap_f32(f64::from(phi)));
     let result = Finished { setting: &setting, engine: &engine, target: &target, region, phase };
@@ -42,17 +43,17 @@ fn descend(
 ) -> Result<HologramState, TaskError> {
     let saved = context.take_saved_state().and_then(|bytes| HologramState::from_bytes(&bytes));
     let (mut adam, mut loss, mut compute_s) = match saved {
-        Some(state) => (Adam::resume(problem, spec.learning_rate, state.adam)?, state.loss, state.compute_s),
+        Some(state) => (compiled::resume_adam(problem, spec.learning_rate, state.adam)?, state.loss, state.compute_s),
         None => {
             let (height_px, width_px) = (problem.engine().height_px(), problem.engine().width_px());
             let start = initial_phase(height_px, width_px, spec.initial_phase_range_rad, spec.seed)?;
-            (Adam::start(problem, spec.learning_rate, start)?, 0.0, 0.0)
+            (compiled::start_adam(problem, spec.learning_rate, start)?, 0.0, 0.0)
         }
     };
     let eta = Eta::from(adam.state().iteration);
     while adam.state().iteration < spec.iterations {
         let started = Instant::now();
-        loss = finite("the loss", adam.step().loss)?;
+        loss = finite("the loss", compiled::step_adam(&mut adam).loss)?;
         let took = started.elapsed();
         metrics::hologram_iteration(took);
         compute_s += took.as_secs_f64();
@@ -84,7 +85,7 @@ impl Finished<'_> {
     ) -> Result<HologramResult, TaskError> {
         let levels = self.setting.levels_of(&self.phase)?;
         let displayed = self.setting.without_carrier(self.setting.response.dequantize(&levels)?);
-        let light = self.engine.light(&displayed)?;
+        let light = compiled::light(self.engine, &displayed)?;
         let intensity_scale = finite("the gain", fitted_intensity_scale(&light, self.target, self.region)?)?;
         let reconstruction = light.map(|light| (intensity_scale * f64::from(light)) as f32);
         Ok(HologramResult {
@@ -102,7 +103,7 @@ impl Finished<'_> {
     }
 
     fn quality(&self, phase: &Plane<f32>) -> Result<Quality, TaskError> {
-        let found = quality(self.engine, phase, self.target, self.region)?;
+        let found = compiled::quality(self.engine, phase, self.target, self.region)?;
         let bounded = |psnr_db: f64| finite("the quality", psnr_db.min(PSNR_DB_MAX));
         Ok(Quality {
             psnr_point_db: bounded(found.psnr_point_db)?,

@@ -6,6 +6,7 @@ use super::{JobContext, TaskError};
 use crate::artifacts::Artifacts;
 use crate::dataset::{self, Dataset, Encoding, Split};
 use crate::pictures;
+use lightpath_optics::compiled::BoxError;
 use lightpath_optics::learning::{Pair, PairSource};
 use std::sync::{Arc, OnceLock};
 use tokio::runtime::Handle;
@@ -72,7 +73,7 @@ impl Pairs {
 }
 
 impl PairSource for Pairs {
-    type Error = TaskError;
+    type Error = BoxError;
 
     fn len(&self) -> usize {
         self.pairs.len()
@@ -80,11 +81,11 @@ impl PairSource for Pairs {
 
     /// Stops here too when nothing of the attempt will count: a line search goes over all pairs several times. A
     /// drain waits for the step's end, where the state is whole.
-    fn pair(&self, index: usize) -> Result<Pair, TaskError> {
+    fn pair(&self, index: usize) -> Result<Pair, BoxError> {
         if self.stop.reason() > Some(StopReason::Drain) {
-            return Err(TaskError::Stopped);
+            return Err(TaskError::Stopped.into());
         }
-        let Some(kept) = self.kept.get(index) else { return self.read(index) };
+        let Some(kept) = self.kept.get(index) else { return Ok(self.read(index)?) };
         if let Some(pair) = kept.get() {
             return Ok(pair.clone());
         }

@@ -7,6 +7,7 @@ use crate::kernel::KernelKey;
 use crate::kernel_file::{self, KernelFileError};
 use crate::pictures::{self, PictureError};
 use crate::units::{Distance, Wavelength};
+use lightpath_optics::compiled::BoxError;
 use lightpath_optics::phase_response::PhaseResponse;
 use lightpath_optics::{Carrier, Detector, DisplayModel, Grid, OpticalSetup, Plane, RegionOfInterest};
 
@@ -110,6 +111,20 @@ pub(super) fn finite(what: &str, value: f64) -> Result<f64, TaskError> {
 impl From<lightpath_optics::Error> for TaskError {
     fn from(error: lightpath_optics::Error) -> Self {
         Self::permanent("INVALID_INPUT", error)
+    }
+}
+
+/// From learning: what the source of pairs said, or the engine.
+impl From<BoxError> for TaskError {
+    fn from(error: BoxError) -> Self {
+        let error = match error.downcast::<Self>() {
+            Ok(own) => return *own,
+            Err(error) => error,
+        };
+        match error.downcast::<lightpath_optics::Error>() {
+            Ok(error) => (*error).into(),
+            Err(error) => Self::permanent("LEARNING", error),
+        }
     }
 }
 
