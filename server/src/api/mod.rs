@@ -97,11 +97,16 @@ impl Api {
 
     /// Whether requests can be answered: the server is not stopping, and its database answers.
     pub(crate) async fn is_serving(&self) -> Result<(), ApiError> {
-        if self.stopping.is_cancelled() {
+        if self.is_stopping() {
             return Err(ApiError::Stopping);
         }
         self.store.queue_counts().await?;
         Ok(())
+    }
+
+    /// Whether the server takes no more requests.
+    pub(crate) fn is_stopping(&self) -> bool {
+        self.stopping.is_cancelled()
     }
 
     /// Where everything is kept.

@@ -27,10 +27,10 @@ pub(crate) fn router(api: Api, grpc: tonic::service::Routes) -> Router {
         .route("/v1/jobs", get(jobs::list))
         .route("/v1/jobs/{id}", get(jobs::one))
         .fallback(unknown)
-        .with_state(api);
+        .with_state(api.clone());
     // Both have a fallback, and only one can stay.
     let grpc = grpc.into_axum_router().reset_fallback();
-    http.merge(grpc).layer(middleware::from_fn(requests::watched))
+    http.merge(grpc).layer(middleware::from_fn_with_state(api, requests::watched))
 }
 
 async fn health(State(api): State<Api>) -> Response {

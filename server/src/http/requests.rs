@@ -1,10 +1,12 @@
 //! Around every request, gRPC and HTTP: a deadline to its answer, and its count.
 
+use super::refusal::Refusal;
+use crate::api::{Api, ApiError};
 use crate::metrics;
-use axum::extract::{MatchedPath, Request};
+use axum::extract::{MatchedPath, Request, State};
 use axum::http::HeaderMap;
 use axum::middleware::Next;
-use axum::response::Response;
+use axum::response::{IntoResponse as _, Response};
 use std::time::{Duration, Instant};
 use tokio::time::timeout;
 use tonic::{Code, Status};
@@ -15,25 +17,35 @@ const ANSWER_DEADLINE: Duration = Duration::from_secs(120);
 const UPLOAD_DEADLINE: Duration = Duration::from_secs(24 * 3600);
 const UPLOAD: &str = "/lightpath.v1.ArtifactService/WriteArtifact";
 
-/// Runs the request within its deadline, the client's (`grpc-timeout`) where that is sooner, and counts it.
-pub(super) async fn watched(request: Request, next: Next) -> Response {
+/// What is answered even while the server stops, so that somebody can watch it do so.
+const ALWAYS: [&str; 3] = ["/healthz", "/metrics", "/grpc.health.v1.Health/"];
+
+/// Runs the request within its deadline, the client's (`grpc-timeout`) where that is sooner, and counts it. A server
+/// that stops takes no more.
+pub(super) async fn watched(State(api): State<Api>, request: Request, next: Next) -> Response {
     let begin = Instant::now();
     let is_grpc =
         request.headers().get("content-type").is_some_and(|it| it.as_bytes().starts_with(b"application/grpc"));
     let method = method(&request);
     let limit = if request.uri().path() == UPLOAD { UPLOAD_DEADLINE } else { ANSWER_DEADLINE };
     let limit = client_limit(request.headers()).map_or(limit, |client| client.min(limit));
-    let response = match timeout(limit, next.run(request)).await {
-        Ok(response) => response,
-        Err(_) => late(limit, is_grpc),
+    let response = if api.is_stopping() && !ALWAYS.iter().any(|path| request.uri().path().starts_with(path)) {
+        refuse(ApiError::Stopping.into(), is_grpc)
+    } else {
+        match timeout(limit, next.run(request)).await {
+            Ok(response) => response,
+            Err(_) => {
+                let message = format!("no answer within {} s", limit.as_secs_f64());
+                refuse(Status::deadline_exceeded(message), is_grpc)
+            }
+        }
     };
     metrics::request(method, code(&response, is_grpc), begin.elapsed());
     response
 }
 
-fn late(limit: Duration, is_grpc: bool) -> Response {
-    let status = Status::deadline_exceeded(format!("no answer within {} s", limit.as_secs_f64()));
-    if is_grpc { status.into_http() } else { axum::response::IntoResponse::into_response(super::Refusal::from(status)) }
+fn refuse(status: Status, is_grpc: bool) -> Response {
+    if is_grpc { status.into_http() } else { Refusal::from(status).into_response() }
 }
 
 /// What was called, out of a set that clients cannot make grow.

@@ -57,6 +57,8 @@ async fn stopping_ends_watchers_and_keeps_jobs() {
         }
     };
     expect(end, Code::Unavailable, "the server is stopping");
+    let late = serving.jobs().get_job(v1::GetJobRequest { name: job.name.clone() }).await;
+    assert_eq!(late.unwrap_err().code(), Code::Unavailable, "refused, or not even connected any more");
     serving.stop().await.unwrap();
 }
 
