@@ -1,2 +1,30 @@
-//! End-to-end tests.
-fn main() {}
+//! End to end: real servers with real databases in temporary folders, spoken to over the wire.
+#![allow(clippy::unwrap_used)]
+
+// What the tests work with.
+
+/// Displays, pictures and job specs.
+mod material;
+/// The binaries `lightpath` and `lightpathd`, as processes.
+mod process;
+/// A server inside the test's process.
+mod server;
+
+// The tests.
+
+/// Bad input through the command line: the same, and exit codes.
+mod bad_input_cli;
+/// Bad input through raw gRPC: refused with a code, a field and a fix, and no harm done.
+mod bad_input_grpc;
+/// Killing the server at random moments.
+mod crash;
+/// Many small jobs from two clients at once.
+mod crowd;
+/// Same request, same bytes.
+mod determinism;
+/// Whether each crate and module imports only what it may.
+mod imports;
+/// Cancelling, retrying, watching, repeating.
+mod jobs;
+/// The main job through the command line, from the display to the learned kernel.
+mod whole_loop;

@@ -1,0 +1,76 @@
+use crate::material::{assert_succeeded_once, declare, hologram, request, target};
+use crate::server::TestServer;
+use futures::{StreamExt as _, TryStreamExt as _};
+use lightpath::Client;
+use lightpath::v1::{self, job::State};
+use std::collections::HashSet;
+use std::io::Write as _;
+use std::time::{Duration, Instant};
+use tokio::sync::watch;
+
+const JOBS_PER_CLIENT: u64 = 250;
+/// Calls that one client has under way.
+const AT_ONCE: usize = 16;
+
+#[tokio::test(flavor = "multi_thread")]
+async fn two_clients_with_500_small_jobs_get_each_done_once() {
+    let server = TestServer::with(|config| config.workers = 2).await;
+    declare(&server.client, "lab", 64, 64).await;
+    let target = server.client.upload_bytes(target(64, 64, 0)).await.unwrap();
+    let (ended, listening) = watch::channel(());
+    let lister = tokio::spawn(list_until(Client::connect(server.url()).unwrap(), listening));
+
+    let started = Instant::now();
+    let (first, second) = tokio::join!(all_done(server.url(), &target, 1), all_done(server.url(), &target, 2));
+    let took = started.elapsed();
+    drop(ended);
+    let mut latencies = lister.await.unwrap();
+    latencies.sort();
+
+    let names: HashSet<String> = first.into_iter().chain(second).collect();
+    assert_eq!(names.len() as u64, 2 * JOBS_PER_CLIENT);
+    let request = v1::ListJobsRequest { page_size: 1000, ..Default::default() };
+    let listed = server.client.list_jobs(request).await.unwrap().jobs;
+    assert_eq!(listed.len(), names.len());
+    assert!(listed.iter().all(|job| job.state() == State::Succeeded && job.attempt == 1));
+    for name in &names {
+        assert_succeeded_once(&server.client, name).await;
+    }
+    let (median, slowest) = (latencies[latencies.len() / 2], latencies[latencies.len() - 1]);
+    let lists = latencies.len();
+    let line = format!("500 jobs in {took:.1?}; {lists} lists meanwhile, median {median:.1?}, slowest {slowest:.1?}");
+    writeln!(std::io::stderr(), "{line}").unwrap();
+    server.stop().await;
+}
+
+/// Submits its jobs and waits for all of them; their names.
+async fn all_done(url: &str, target: &str, client_number: u64) -> Vec<String> {
+    let client = &Client::connect(url).unwrap();
+    let jobs = (0..JOBS_PER_CLIENT).map(async |i| {
+        let spec = hologram("lab", target, 5, client_number * JOBS_PER_CLIENT + i);
+        client.submit(request(spec, &format!("{client_number}-{i}"))).await
+    });
+    let jobs: Vec<v1::Job> = futures::stream::iter(jobs).buffer_unordered(AT_ONCE).try_collect().await.unwrap();
+    let ends = jobs.iter().map(async |job| client.wait(&job.name, |_| ()).await);
+    let ended: Vec<v1::Job> = futures::stream::iter(ends).buffer_unordered(AT_ONCE).try_collect().await.unwrap();
+    for job in &ended {
+        assert_eq!(job.state(), State::Succeeded, "{job:?}");
+    }
+    ended.into_iter().map(|job| job.name).collect()
+}
+
+/// Lists jobs as a dashboard does until `listening` closes; how long each answer took.
+async fn list_until(client: Client, mut listening: watch::Receiver<()>) -> Vec<Duration> {
+    let mut ticks = tokio::time::interval(Duration::from_millis(50));
+    let mut latencies = Vec::new();
+    loop {
+        tokio::select! {
+            _ = listening.changed() => return latencies,
+            _ = ticks.tick() => {
+                let started = Instant::now();
+                client.list_jobs(v1::ListJobsRequest::default()).await.unwrap();
+                latencies.push(started.elapsed());
+            }
+        }
+    }
+}

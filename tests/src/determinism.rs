@@ -1,0 +1,35 @@
+use crate::material::{declare, hologram, request, target};
+use crate::server::TestServer;
+use lightpath::hologram_result;
+use lightpath::v1::HologramResult;
+
+/// Rows and columns that neither threads nor tiles divide evenly.
+const SIZE_PX: (u32, u32) = (150, 98);
+
+async fn optimized(compute_threads: usize, workers: u32) -> HologramResult {
+    let server = TestServer::with(|config| {
+        config.compute_threads = compute_threads;
+        config.workers = workers;
+    })
+    .await;
+    declare(&server.client, "lab", SIZE_PX.0, SIZE_PX.1).await;
+    let target = server.client.upload_bytes(target(120, 120, 3)).await.unwrap();
+    let job = server.client.submit(request(hologram("lab", &target, 40, 5), "")).await.unwrap();
+    let job = server.client.wait(&job.name, |_| ()).await.unwrap();
+    let result = hologram_result(&job).unwrap().clone();
+    server.stop().await;
+    result
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn one_and_two_compute_threads_give_the_same_bytes() {
+    let one = optimized(1, 1).await;
+    for threads in [2, 3] {
+        let several = optimized(threads, 1).await;
+        assert_eq!(one.phase, several.phase, "{threads} threads");
+        assert_eq!(one.phase_npy, several.phase_npy, "{threads} threads");
+        assert_eq!(one.reconstruction, several.reconstruction, "{threads} threads");
+        assert_eq!(one.quality, several.quality, "{threads} threads");
+        assert_eq!(one.loss.to_bits(), several.loss.to_bits(), "{threads} threads");
+    }
+}

@@ -1,0 +1,98 @@
+//! Displays, pictures and job specs, all small.
+
+use image::{ExtendedColorType, ImageEncoder as _, codecs::png::PngEncoder};
+use lightpath::v1::{self, Display, OptimizeHologram, SubmitJobRequest, job_spec};
+use lightpath::{Client, names};
+
+pub(crate) const WAVELENGTH_M: f64 = 515e-9;
+pub(crate) const DISTANCE_M: f64 = 0.05;
+
+/// A simulated display of this size.
+pub(crate) fn display(id: &str, width_px: u32, height_px: u32) -> Display {
+    Display {
+        name: names::display(id),
+        width_px,
+        height_px,
+        pixel_pitch_m: 8e-6,
+        wavelengths_m: vec![WAVELENGTH_M],
+        simulated_bench: Some(v1::SimulatedBench { seed: 7, ..Default::default() }),
+        ..Default::default()
+    }
+}
+
+/// Declares it.
+pub(crate) async fn declare(client: &Client, id: &str, width_px: u32, height_px: u32) -> Display {
+    let display = Some(display(id, width_px, height_px));
+    client.create_display(v1::CreateDisplayRequest { display }).await.unwrap()
+}
+
+/// A grey PNG whose pixels `value(x, y)` tells.
+pub(crate) fn png(width_px: u32, height_px: u32, value: impl Fn(u32, u32) -> u8) -> Vec<u8> {
+    let pixels: Vec<u8> = (0..width_px * height_px).map(|i| value(i % width_px, i / width_px)).collect();
+    let mut bytes = Vec::new();
+    PngEncoder::new(&mut bytes).write_image(&pixels, width_px, height_px, ExtendedColorType::L8).unwrap();
+    bytes
+}
+
+/// A picture with edges and slopes; another one for every `number`.
+pub(crate) fn target(width_px: u32, height_px: u32, number: u32) -> Vec<u8> {
+    png(width_px, height_px, |x, y| {
+        let disc = (x + number).abs_diff(width_px / 2).pow(2) + y.abs_diff(height_px / 2).pow(2);
+        if disc < (height_px / 4).pow(2) { 230 } else { (40 + x * 120 / width_px + (y / 8 + number) % 2 * 30) as u8 }
+    })
+}
+
+/// A PNG that claims a size, and has a few bytes of pixels.
+pub(crate) fn png_header(width_px: u32, height_px: u32) -> Vec<u8> {
+    let mut header = b"IHDR".to_vec();
+    header.extend(width_px.to_be_bytes());
+    header.extend(height_px.to_be_bytes());
+    // 8 bits, grey, and the only compression, filter and interlace there are.
+    header.extend([8, 0, 0, 0, 0]);
+    let mut file = b"\x89PNG\r\n\x1a\n".to_vec();
+    for chunk in [&header[..], b"IDAT\x78\x01\x03\x00\x00\x00\x00\x01", b"IEND"] {
+        file.extend((chunk.len() as u32 - 4).to_be_bytes());
+        file.extend(chunk);
+        file.extend(crc32(chunk).to_be_bytes());
+    }
+    file
+}
+
+fn crc32(bytes: &[u8]) -> u32 {
+    let step = |crc: u32, _| if crc & 1 == 1 { (crc >> 1) ^ 0xedb8_8320 } else { crc >> 1 };
+    !bytes.iter().fold(!0, |crc, &byte| (0..8).fold(crc ^ u32::from(byte), step))
+}
+
+/// A hologram of few iterations.
+pub(crate) fn hologram(display: &str, target: &str, iterations: u32, seed: u64) -> OptimizeHologram {
+    OptimizeHologram {
+        display: names::display(display),
+        distance_m: DISTANCE_M,
+        target: target.to_owned(),
+        iterations,
+        seed,
+        ..Default::default()
+    }
+}
+
+/// A request for it; the id may be empty.
+pub(crate) fn request(hologram: OptimizeHologram, request_id: &str) -> SubmitJobRequest {
+    SubmitJobRequest {
+        spec: Some(lightpath::job_spec(job_spec::Kind::OptimizeHologram(hologram))),
+        request_id: request_id.to_owned(),
+        ..Default::default()
+    }
+}
+
+/// What happened to a job.
+pub(crate) async fn events(client: &Client, job: &str) -> Vec<String> {
+    let request = v1::ListJobEventsRequest { name: job.to_owned(), page_size: 1000, page_token: String::new() };
+    let events = client.list_job_events(request).await.unwrap().events;
+    events.into_iter().map(|event| event.message).collect()
+}
+
+/// The job's events hold "succeeded" once.
+pub(crate) async fn assert_succeeded_once(client: &Client, job: &str) {
+    let events = events(client, job).await;
+    assert_eq!(events.iter().filter(|event| *event == "succeeded").count(), 1, "{job}: {events:#?}");
+}

@@ -1,0 +1,104 @@
+//! The binaries `lightpath` and `lightpathd`, as processes.
+
+use lightpath::Client;
+use std::path::{Path, PathBuf};
+use std::process::{Output, Stdio};
+use std::sync::OnceLock;
+use tokio::io::{AsyncBufReadExt as _, BufReader};
+use tokio::process::{Child, Command};
+
+/// The path of a binary of this workspace, built as the tests were, and up to date.
+fn binary(name: &str) -> PathBuf {
+    static BUILT: OnceLock<PathBuf> = OnceLock::new();
+    let folder = BUILT.get_or_init(|| {
+        // target/{profile}/deps/end_to_end-…
+        let test = std::env::current_exe().unwrap();
+        let folder = test.ancestors().nth(2).unwrap().to_owned();
+        let mut cargo = std::process::Command::new(env!("CARGO"));
+        cargo
+            .args(["build", "--quiet", "--locked", "--bins"])
+            .current_dir(env!("CARGO_MANIFEST_DIR").to_owned() + "/..");
+        if folder.ends_with("release") {
+            cargo.arg("--release");
+        }
+        assert!(cargo.status().unwrap().success(), "the binaries cannot be built");
+        folder
+    });
+    folder.join(name)
+}
+
+/// Runs `lightpath` with these arguments.
+pub(crate) async fn lightpath(server: &str, arguments: &[&str]) -> Ran {
+    let mut command = Command::new(binary("lightpath"));
+    command.args(["--server", server]).args(arguments).env_remove("LIGHTPATH_TOKEN_FILE").stdin(Stdio::null());
+    let Output { status, stdout, stderr } = command.output().await.unwrap();
+    Ran {
+        command: arguments.join(" "),
+        code: status.code(),
+        stdout: String::from_utf8(stdout).unwrap(),
+        stderr: String::from_utf8(stderr).unwrap(),
+    }
+}
+
+/// A command that has ended.
+#[derive(Debug)]
+pub(crate) struct Ran {
+    pub(crate) command: String,
+    pub(crate) code: Option<i32>,
+    pub(crate) stdout: String,
+    pub(crate) stderr: String,
+}
+
+impl Ran {
+    /// It succeeded; its output.
+    pub(crate) fn ok(self) -> String {
+        assert_eq!(self.code, Some(0), "{self:#?}");
+        self.stdout
+    }
+
+    /// It succeeded and printed one JSON document.
+    pub(crate) fn json(self) -> serde_json::Value {
+        let command = self.command.clone();
+        serde_json::from_str(&self.ok()).unwrap_or_else(|error| panic!("{command}: {error}"))
+    }
+
+    /// It ended with this code and said all of this on stderr, and nothing on stdout.
+    pub(crate) fn refused(self, code: i32, signs: &[&str]) {
+        assert_eq!(self.code, Some(code), "{self:#?}");
+        assert_eq!(self.stdout, "", "{self:#?}");
+        for sign in signs {
+            assert!(self.stderr.contains(sign), "{sign:?} is not in {self:#?}");
+        }
+    }
+}
+
+/// A running `lightpathd serve`. Killed when dropped.
+pub(crate) struct Daemon {
+    pub(crate) client: Client,
+    pub(crate) url: String,
+    child: Child,
+}
+
+impl Daemon {
+    /// Starts it on a port of its own choice, and returns when it listens.
+    pub(crate) async fn start(data_dir: &Path, settings: &[&str]) -> Self {
+        Self::start_at(data_dir, "127.0.0.1:0", settings).await
+    }
+
+    /// Starts it at an address.
+    pub(crate) async fn start_at(data_dir: &Path, address: &str, settings: &[&str]) -> Self {
+        let mut command = Command::new(binary("lightpathd"));
+        command.args(["serve", "--listen", address, "--log-level", "error", "--data-dir"]).arg(data_dir);
+        command.args(settings).stdin(Stdio::null()).stdout(Stdio::piped()).kill_on_drop(true);
+        let mut child = command.spawn().unwrap();
+        let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+        let line = lines.next_line().await.unwrap().expect("lightpathd ended before it listened");
+        let url = line.strip_prefix("listening on ").expect("lightpathd says where it listens").to_owned();
+        Self { client: Client::connect(&url).unwrap(), url, child }
+    }
+
+    /// `kill -9`.
+    pub(crate) async fn kill(mut self) {
+        self.child.kill().await.unwrap();
+    }
+}
