@@ -34,9 +34,16 @@ pub struct Heartbeat {
 
 /// How an attempt ends without a result.
 enum Ending {
-    Requeued { run_time_ms: i64, failures: i64, error: Option<JobError> },
+    Requeued { run_time_ms: i64, failures: i64, cause: Cause },
     Failed { failures: i64, error: JobError },
     Cancelled,
+}
+
+/// Why a job goes back to the queue.
+enum Cause {
+    Error(JobError),
+    Drain,
+    ServerDied,
 }
 
 /// An update that happens only while the lease `(?1 job, ?2 attempt, ?3 lease_id)` holds at `?4`.
@@ -199,7 +206,7 @@ impl Store {
                 let (job, failures) = read(write, &lease, now_ms).await?;
                 let ending = match job.cancel_requested {
                     true => Ending::Cancelled,
-                    false => Ending::Requeued { run_time_ms: now_ms, failures, error: None },
+                    false => Ending::Requeued { run_time_ms: now_ms, failures, cause: Cause::Drain },
                 };
                 end(write, &job.id, ending, now_ms).await
             })
@@ -296,7 +303,7 @@ async fn recover_orphans(write: &mut Write, now_ms: i64) -> Result<Vec<Job>, Sto
         let (job, failures, crashes) = (job_of(&row)?, row.try_get("failures")?, row.try_get::<i64, _>("crashes")? + 1);
         let ending = match (job.cancel_requested, crashes < CRASHES_MAX) {
             (true, _) => Ending::Cancelled,
-            (false, true) => Ending::Requeued { run_time_ms: now_ms, failures, error: None },
+            (false, true) => Ending::Requeued { run_time_ms: now_ms, failures, cause: Cause::ServerDied },
             (false, false) => {
                 let message = format!("the server died {crashes} times in a row while it ran this job");
                 let error = JobError { reason: "SERVER_DIED".to_owned(), message, retryable: false };
@@ -304,7 +311,6 @@ async fn recover_orphans(write: &mut Write, now_ms: i64) -> Result<Vec<Job>, Sto
             }
         };
         sqlx::query("update job set crashes = ? where id = ?").bind(crashes).bind(&job.id).execute(write.sql()).await?;
-        happened(write, &job, now_ms, "the server died").await?;
         jobs.push(end(write, &job.id, ending, now_ms).await?);
     }
     Ok(jobs)
@@ -325,7 +331,7 @@ fn after_failure(job: &Job, failures: i64, mut error: JobError, retry_at_ms: Opt
     match retry_at_ms {
         Some(run_time_ms) if failures < i64::from(job.attempts_max) => {
             error.retryable = true;
-            Ending::Requeued { run_time_ms, failures, error: Some(error) }
+            Ending::Requeued { run_time_ms, failures, cause: Cause::Error(error) }
         }
         _ => {
             error.retryable = false;
@@ -342,10 +348,14 @@ async fn end(write: &mut Write, id: &str, ending: Ending, now_ms: i64) -> Result
                checkpoint = case ?2 when 'cancelled' then null else checkpoint end, revision = revision + 1 \
                where id = ?1 and state = 'running' returning *";
     let (state, run_time, finish_time, failures, error, message) = match ending {
-        Ending::Requeued { run_time_ms, failures, error } => {
-            let message = match &error {
-                Some(error) => format!("{}: {}; queued again", error.reason, error.message),
-                None => "handed back; queued again".to_owned(),
+        Ending::Requeued { run_time_ms, failures, cause } => {
+            let (error, message) = match cause {
+                Cause::Error(error) => {
+                    let message = format!("{}: {}; queued again", error.reason, error.message);
+                    (Some(error), message)
+                }
+                Cause::Drain => (None, "the server stopped; queued again".to_owned()),
+                Cause::ServerDied => (None, "the server died; queued again".to_owned()),
             };
             ("queued", Some(run_time_ms), None, Some(failures), error, message)
         }
