@@ -176,7 +176,7 @@ impl Add {
         let request = v1::AddPairRequest { dataset: names::dataset(&self.name), pair: Some(pair) };
         let dataset = session.client.add_pair(request).await?;
         session.print(&dataset, |dataset| {
-            format!("added pair {id} to {}, which has {} pairs now", names::id(&dataset.name), dataset.pair_count)
+            format!("added pair {id} to {}; pairs now: {}", names::id(&dataset.name), dataset.pair_count)
         })
     }
 }

@@ -40,7 +40,7 @@ pub(crate) struct Create {
     /// Its id: 1 to 63 characters of a-z, 0-9 and '-', starting with a letter
     id: String,
 
-    /// Columns x rows of the SLM \[px\], 16 to 8192 each
+    /// Columns x rows of the SLM in pixels, 16 to 8192 each
     #[arg(long, value_name = "WxH", value_parser = resolution)]
     resolution: (u32, u32),
 
@@ -56,7 +56,7 @@ pub(crate) struct Create {
     #[arg(long, value_name = "N", default_value_t = 8)]
     bit_depth: u32,
 
-    /// Text file with the measured phase \[rad\] of each grey level, one number a line, 2^bit-depth of them
+    /// Text file with the measured phase in radians of each grey level, one number a line, 2^bit-depth of them
     ///
     /// Without it, level · 2π / 2^bit-depth. Empty lines and lines that start with # are skipped.
     #[arg(long, value_name = "FILE")]
@@ -94,7 +94,7 @@ pub(crate) struct Create {
     )]
     camera_noise: f64,
 
-    /// The camera is shifted by up to this, in x and in y \[px\], 0 to 4
+    /// The camera is shifted by up to this, in x and in y, in pixels, 0 to 4
     #[arg(
         long,
         value_name = "PX",

@@ -40,9 +40,9 @@ Examples:
   lightpath hologram optimize a.png b.png --display lab-2 --distance 150mm \\
       -o {name}-phase.png --reconstruction {name}-seen.png --npy {name}.npy --kernel ideal
 
-Output files: one file where there is one target; a folder (made where it is missing and ends with /), which then
-gets NAME-phase.png, NAME-phase.npy and NAME-reconstruction.png; or a pattern, where {name} stands for the
-target's file name without its extension.
+Output files: one file where there is one target; a folder (made where it is missing and ends with /), which \
+then gets NAME-phase.png, NAME-phase.npy and NAME-reconstruction.png; or a pattern, where {name} stands for \
+the target's file name without its extension.
 
 With --output json each job is printed as one line of JSON.")]
 pub(crate) struct Optimize {
@@ -85,7 +85,7 @@ struct Work {
     #[arg(long, value_name = "N", default_value_t = 200)]
     iterations: u32,
 
-    /// Adam's step \[rad\], above 0, at most 10
+    /// Adam's step in radians, above 0, at most 10
     #[arg(long, value_name = "RAD", default_value_t = 0.1)]
     learning_rate: f64,
 
@@ -97,7 +97,7 @@ struct Work {
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
 
-    /// The initial phase is uniform in [0, this) \[rad\], 0 to 2π = 6.2831853
+    /// The initial phase is uniform between 0 and this, in radians, at most 2π = 6.2831853
     #[arg(long, value_name = "RAD", default_value_t = 1.0)]
     phase_range: f64,
 
@@ -109,7 +109,7 @@ struct Work {
     #[arg(long, default_value = "contain")]
     fit: Fit,
 
-    /// Where the picture counts \[px\]: x,y,width,height [default: the middle 80 % of each axis]
+    /// Where the picture counts, in pixels: x,y,width,height [default: the middle 80 % of each axis]
     #[arg(long, value_name = "X,Y,W,H", value_parser = region)]
     roi: Option<v1::RegionOfInterest>,
 }
@@ -142,7 +142,7 @@ struct Outputs {
     #[arg(short = 'o', value_name = "PHASE.png")]
     phase: Option<PathBuf>,
 
-    /// The phase before response, carrier and quantization \[rad\], float32
+    /// The phase before response, carrier and quantization, in radians, float32
     #[arg(long, value_name = "FILE.npy")]
     npy: Option<PathBuf>,
 

@@ -72,7 +72,7 @@ A first kernel, from photographs of holograms:
 
 Lengths have units: 150mm, 8um, 515nm, 0.15m; a plain number is in metres.
 
-Exit codes: 0 done, 1 a job failed or the server refused, 2 bad usage, 3 the server could not be reached,
+Exit codes: 0 done, 1 a job failed or the server refused, 2 bad usage, 3 the server could not be reached, \
 130 interrupted (jobs go on).";
 
 #[derive(Debug, Subcommand)]

@@ -58,7 +58,11 @@ impl Progress {
 
     fn connection_lost(&self, error: &lightpath::Error) {
         if !self.lost.replace(true) {
-            self.say(&format!("{error}; the job goes on there, and the connection is tried again"));
+            let reason = match error {
+                lightpath::Error::Unreachable { reason, .. } => reason.clone(),
+                other => other.to_string(),
+            };
+            self.say(&format!("connection lost ({reason}); jobs go on without it; trying again"));
         }
     }
 

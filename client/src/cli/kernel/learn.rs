@@ -50,7 +50,7 @@ pub(crate) struct Learn {
     #[arg(long, default_value = "pixel")]
     detector: Detector,
 
-    /// Where the photographs count \[px\]: x,y,width,height [default: the middle 80 % of each axis]
+    /// Where the photographs count, in pixels: x,y,width,height [default: the middle 80 % of each axis]
     #[arg(long, value_name = "X,Y,W,H", value_parser = region)]
     roi: Option<v1::RegionOfInterest>,
 
@@ -86,7 +86,7 @@ pub(crate) struct Evaluate {
     #[arg(long, value_name = "KERNEL", default_value = "active")]
     kernel: String,
 
-    /// Where the photographs count \[px\]: x,y,width,height [default: the middle 80 % of each axis]
+    /// Where the photographs count, in pixels: x,y,width,height [default: the middle 80 % of each axis]
     #[arg(long, value_name = "X,Y,W,H", value_parser = region)]
     roi: Option<v1::RegionOfInterest>,
 
