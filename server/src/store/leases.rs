@@ -1,4 +1,4 @@
-//! A worker's side of the queue: claims, and everything that a lease allows.
+//! A worker's side of the queue: claims, and what a lease allows while the job runs.
 //!
 //! Every write names job, attempt and lease, and holds only while the lease does. A worker that lost its job, however
 //! late it notices, changes nothing.
@@ -6,22 +6,13 @@
 use super::changes::Change;
 use super::events::happened;
 use super::jobs::job_of;
-use super::kernels::append_version;
 use super::rows::to_json;
 use super::write::Write;
 use super::{Store, StoreError};
-use crate::job::{Job, JobError, JobResult, Lease, Progress};
-use crate::kernel::{KernelKey, NewKernelVersion};
+use crate::job::{Job, Lease, Progress};
 use sqlx::sqlite::{SqliteArguments, SqliteRow};
 use sqlx::{Row, Sqlite};
 use uuid::Uuid;
-
-/// Leases that one call expires; the next call takes the rest.
-const EXPIRED_MAX: i64 = 1000;
-
-/// A job that was running at this many deaths of the server in a row, without a checkpoint between them, is more
-/// likely their cause than their victim: it fails. Other jobs would never run again otherwise.
-const CRASHES_MAX: i64 = 30;
 
 /// What a heartbeat brings back.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,20 +21,6 @@ pub struct Heartbeat {
     pub until_ms: i64,
     /// Somebody asked for the end of the job.
     pub cancel_requested: bool,
-}
-
-/// How an attempt ends without a result.
-enum Ending {
-    Requeued { run_time_ms: i64, failures: i64, cause: Cause },
-    Failed { failures: i64, error: JobError },
-    Cancelled,
-}
-
-/// Why a job goes back to the queue.
-enum Cause {
-    Error(JobError),
-    Drain,
-    ServerDied,
 }
 
 /// An update that happens only while the lease `(?1 job, ?2 attempt, ?3 lease_id)` holds at `?4`.
@@ -56,6 +33,7 @@ macro_rules! fenced {
         )
     };
 }
+pub(super) use fenced;
 
 impl Store {
     /// Gives the next job that may run to `worker`, with a lease of `lease_ms`: the lowest priority first, then the
@@ -91,7 +69,7 @@ impl Store {
                 // A heartbeat is no news: it leaves the revision alone.
                 let sql = "update job set lease_until_ms = ?5 where id = ?1 and state = 'running' and attempt = ?2 \
                            and lease_id = ?3 and lease_until_ms > ?4 returning *";
-                let row = fenced(sql, &lease, now_ms).bind(now_ms + lease_ms).fetch_optional(write.sql()).await?;
+                let row = under_lease(sql, &lease, now_ms).bind(now_ms + lease_ms).fetch_optional(write.sql()).await?;
                 let job = held(row)?;
                 Ok(Heartbeat { until_ms: now_ms + lease_ms, cancel_requested: job.cancel_requested })
             })
@@ -108,7 +86,7 @@ impl Store {
         let (lease, progress) = (lease.clone(), to_json("job.progress", progress)?);
         self.write(move |write| {
             Box::pin(async move {
-                let query = fenced(fenced!("progress = ?5"), &lease, now_ms).bind(progress);
+                let query = under_lease(fenced!("progress = ?5"), &lease, now_ms).bind(progress);
                 held(query.fetch_optional(write.sql()).await?)?;
                 write.announce(Change::Job(lease.job));
                 Ok(())
@@ -128,110 +106,14 @@ impl Store {
         self.write(move |write| {
             Box::pin(async move {
                 let before = read(write, &lease, now_ms).await?.0.checkpoint;
-                let query = fenced(fenced!("checkpoint = ?5, failures = 0, crashes = 0"), &lease, now_ms).bind(&digest);
+                let query =
+                    under_lease(fenced!("checkpoint = ?5, failures = 0, crashes = 0"), &lease, now_ms).bind(&digest);
                 held(query.fetch_optional(write.sql()).await?)?;
                 write.announce(Change::Job(lease.job));
                 Ok(before.filter(|before| *before != digest))
             })
         })
         .await
-    }
-
-    /// Ends the job with its result. A learned kernel becomes its kernel's next version in the same transaction, and
-    /// the version's name goes into the result: there is never one without the other.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::LeaseLost`]; [`StoreError::NotFound`] where the kernel's artifact is not recorded.
-    pub async fn finish(
-        &self,
-        lease: &Lease,
-        result: JobResult,
-        learned: Option<(KernelKey, NewKernelVersion)>,
-        now_ms: i64,
-    ) -> Result<Job, StoreError> {
-        let lease = lease.clone();
-        self.write(move |write| Box::pin(async move { finish(write, &lease, result, learned, now_ms).await })).await
-    }
-
-    /// Ends the attempt with an error. With `retry_at_ms` the job goes back to the queue until then, unless its
-    /// attempts are spent; without, it fails for good. A job that somebody asked to end is cancelled instead.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::LeaseLost`].
-    pub async fn fail(
-        &self,
-        lease: &Lease,
-        error: JobError,
-        retry_at_ms: Option<i64>,
-        now_ms: i64,
-    ) -> Result<Job, StoreError> {
-        let lease = lease.clone();
-        self.write(move |write| {
-            Box::pin(async move {
-                let (job, failures) = read(write, &lease, now_ms).await?;
-                let ending = after_failure(&job, failures, error, retry_at_ms);
-                end(write, &job.id, ending, now_ms).await
-            })
-        })
-        .await
-    }
-
-    /// Ends the job because somebody asked for it.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::LeaseLost`].
-    pub async fn end_cancelled(&self, lease: &Lease, now_ms: i64) -> Result<Job, StoreError> {
-        let lease = lease.clone();
-        self.write(move |write| {
-            Box::pin(async move {
-                let (job, _) = read(write, &lease, now_ms).await?;
-                end(write, &job.id, Ending::Cancelled, now_ms).await
-            })
-        })
-        .await
-    }
-
-    /// Puts the job back into the queue because the worker stops. The attempt does not count as failed.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::LeaseLost`].
-    pub async fn release(&self, lease: &Lease, now_ms: i64) -> Result<Job, StoreError> {
-        let lease = lease.clone();
-        self.write(move |write| {
-            Box::pin(async move {
-                let (job, failures) = read(write, &lease, now_ms).await?;
-                let ending = match job.cancel_requested {
-                    true => Ending::Cancelled,
-                    false => Ending::Requeued { run_time_ms: now_ms, failures, cause: Cause::Drain },
-                };
-                end(write, &job.id, ending, now_ms).await
-            })
-        })
-        .await
-    }
-
-    /// Takes jobs from workers whose leases have run out: back to the queue, or failed where the attempts are spent.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`], [`StoreError::DiskFull`].
-    pub async fn expire_leases(&self, now_ms: i64) -> Result<Vec<Job>, StoreError> {
-        self.write(move |write| Box::pin(expire(write, now_ms))).await
-    }
-
-    /// Takes every running job from its worker. For the start of the only process that works on this database: whoever
-    /// held a lease is dead, so nobody has to wait until it runs out. Such an end does not count as a failed attempt,
-    /// but a job that is there whenever the server dies fails in the end.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`], [`StoreError::DiskFull`].
-    pub async fn recover_orphans(&self, now_ms: i64) -> Result<Vec<Job>, StoreError> {
-        self.write(move |write| Box::pin(recover_orphans(write, now_ms))).await
     }
 }
 
@@ -261,139 +143,22 @@ async fn claim(
     Ok(Some((job, lease)))
 }
 
-async fn finish(
-    write: &mut Write,
-    lease: &Lease,
-    mut result: JobResult,
-    learned: Option<(KernelKey, NewKernelVersion)>,
-    now_ms: i64,
-) -> Result<Job, StoreError> {
-    read(write, lease, now_ms).await?;
-    if let Some((key, version)) = learned {
-        let version = append_version(write, &key, version, now_ms).await?;
-        if let JobResult::Learn(learn) = &mut result {
-            learn.kernel_version = format!("{key}/versions/{}", version.version);
-        }
-    }
-    let sql = fenced!(
-        "state = 'succeeded', lease_id = null, lease_until_ms = null, worker = null, finish_time_ms = ?4, \
-         error = null, checkpoint = null, result = ?5"
-    );
-    let query = fenced(sql, lease, now_ms).bind(to_json("job.result", &result)?);
-    let job = held(query.fetch_optional(write.sql()).await?)?;
-    happened(write, &job, now_ms, "succeeded").await?;
-    Ok(job)
-}
-
-async fn expire(write: &mut Write, now_ms: i64) -> Result<Vec<Job>, StoreError> {
-    let mut jobs = Vec::new();
-    for row in running(write, now_ms).await? {
-        let job = job_of(&row)?;
-        let message = format!("{} was not heard of for too long", row.try_get::<String, _>("worker")?);
-        let error = JobError { reason: "LEASE_EXPIRED".to_owned(), message, retryable: true };
-        let ending = after_failure(&job, row.try_get("failures")?, error, Some(now_ms));
-        jobs.push(end(write, &job.id, ending, now_ms).await?);
-    }
-    Ok(jobs)
-}
-
-async fn recover_orphans(write: &mut Write, now_ms: i64) -> Result<Vec<Job>, StoreError> {
-    let mut jobs = Vec::new();
-    for row in running(write, i64::MAX).await? {
-        let (job, failures, crashes) = (job_of(&row)?, row.try_get("failures")?, row.try_get::<i64, _>("crashes")? + 1);
-        let ending = match (job.cancel_requested, crashes < CRASHES_MAX) {
-            (true, _) => Ending::Cancelled,
-            (false, true) => Ending::Requeued { run_time_ms: now_ms, failures, cause: Cause::ServerDied },
-            (false, false) => {
-                let message = format!("the server died {crashes} times in a row while it ran this job");
-                let error = JobError { reason: "SERVER_DIED".to_owned(), message, retryable: false };
-                Ending::Failed { failures, error }
-            }
-        };
-        sqlx::query("update job set crashes = ? where id = ?").bind(crashes).bind(&job.id).execute(write.sql()).await?;
-        jobs.push(end(write, &job.id, ending, now_ms).await?);
-    }
-    Ok(jobs)
-}
-
-/// Running jobs whose leases end by `until_ms`.
-async fn running(write: &mut Write, until_ms: i64) -> Result<Vec<SqliteRow>, StoreError> {
-    let sql = "select * from job where state = 'running' and lease_until_ms <= ? order by lease_until_ms limit ?";
-    Ok(sqlx::query(sql).bind(until_ms).bind(EXPIRED_MAX).fetch_all(write.sql()).await?)
-}
-
-/// Where a failed attempt leads.
-fn after_failure(job: &Job, failures: i64, mut error: JobError, retry_at_ms: Option<i64>) -> Ending {
-    let failures = failures + 1;
-    if job.cancel_requested {
-        return Ending::Cancelled;
-    }
-    match retry_at_ms {
-        Some(run_time_ms) if failures < i64::from(job.attempts_max) => {
-            error.retryable = true;
-            Ending::Requeued { run_time_ms, failures, cause: Cause::Error(error) }
-        }
-        _ => {
-            error.retryable = false;
-            Ending::Failed { failures, error }
-        }
-    }
-}
-
-/// Ends the attempt of a running job whose lease has been checked, or has run out, in this transaction.
-async fn end(write: &mut Write, id: &str, ending: Ending, now_ms: i64) -> Result<Job, StoreError> {
-    let sql = "update job set state = ?2, lease_id = null, lease_until_ms = null, worker = null, \
-               run_time_ms = coalesce(?3, run_time_ms), finish_time_ms = ?4, failures = coalesce(?5, failures), \
-               error = ?6, cancel_requested = ?2 = 'cancelled', \
-               checkpoint = case ?2 when 'cancelled' then null else checkpoint end, revision = revision + 1 \
-               where id = ?1 and state = 'running' returning *";
-    let (state, run_time, finish_time, failures, error, message) = match ending {
-        Ending::Requeued { run_time_ms, failures, cause } => {
-            let (error, message) = match cause {
-                Cause::Error(error) => {
-                    let message = format!("{}: {}; queued again", error.reason, error.message);
-                    (Some(error), message)
-                }
-                Cause::Drain => (None, "the server stopped; queued again".to_owned()),
-                Cause::ServerDied => (None, "the server died; queued again".to_owned()),
-            };
-            ("queued", Some(run_time_ms), None, Some(failures), error, message)
-        }
-        Ending::Failed { failures, error } => {
-            let message = format!("failed: {}: {}", error.reason, error.message);
-            ("failed", None, Some(now_ms), Some(failures), Some(error), message)
-        }
-        Ending::Cancelled => ("cancelled", None, Some(now_ms), None, None, "cancelled".to_owned()),
-    };
-    let row = sqlx::query(sql)
-        .bind(id)
-        .bind(state)
-        .bind(run_time)
-        .bind(finish_time)
-        .bind(failures)
-        .bind(error.map(|error| to_json("job.error", &error)).transpose()?)
-        .fetch_one(write.sql())
-        .await?;
-    let job = job_of(&row)?;
-    happened(write, &job, now_ms, message).await?;
-    if state == "queued" {
-        write.announce(Change::Claimable);
-    }
-    Ok(job)
-}
-
 /// The job that the lease holds, and its failures.
-async fn read(write: &mut Write, lease: &Lease, now_ms: i64) -> Result<(Job, i64), StoreError> {
+pub(super) async fn read(write: &mut Write, lease: &Lease, now_ms: i64) -> Result<(Job, i64), StoreError> {
     let sql = "select * from job where id = ?1 and state = 'running' and attempt = ?2 and lease_id = ?3 \
                and lease_until_ms > ?4";
-    let row = fenced(sql, lease, now_ms).fetch_optional(write.sql()).await?.ok_or(StoreError::LeaseLost)?;
+    let row = under_lease(sql, lease, now_ms).fetch_optional(write.sql()).await?.ok_or(StoreError::LeaseLost)?;
     Ok((job_of(&row)?, row.try_get("failures")?))
 }
 
-fn fenced<'q>(sql: &'static str, lease: &Lease, now_ms: i64) -> sqlx::query::Query<'q, Sqlite, SqliteArguments> {
+pub(super) fn under_lease<'q>(
+    sql: &'static str,
+    lease: &Lease,
+    now_ms: i64,
+) -> sqlx::query::Query<'q, Sqlite, SqliteArguments> {
     sqlx::query(sql).bind(lease.job.clone()).bind(lease.attempt).bind(lease.lease_id.clone()).bind(now_ms)
 }
 
-fn held(row: Option<SqliteRow>) -> Result<Job, StoreError> {
+pub(super) fn held(row: Option<SqliteRow>) -> Result<Job, StoreError> {
     job_of(&row.ok_or(StoreError::LeaseLost)?)
 }

@@ -13,7 +13,7 @@
 //! # Layout
 //!
 //! - `open`: files, pragmas, migrations. `write`: write transactions. `changes`: announcements. `rows`: text and JSON.
-//! - `displays`, `artifacts`, `datasets`, `jobs`, `leases`, `cancels`, `events`, `kernels`, `moves`, `totals`: a table or a
+//! - `displays`, `artifacts`, `datasets`, `jobs`, `leases`, `endings`, `cancels`, `events`, `kernels`, `moves`, `totals`: a table or a
 //!   part of its life each, every one an `impl Store`.
 mod artifacts;
 mod cancels;
@@ -22,6 +22,7 @@ mod changes;
 mod conformance;
 mod datasets;
 mod displays;
+mod endings;
 mod error;
 mod events;
 mod jobs;
