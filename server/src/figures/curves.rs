@@ -1,0 +1,116 @@
+//! Curves over steps, on a logarithmic axis.
+
+use super::canvas::{Anchor, BLACK, Canvas, Colour, GREY, PALE};
+use super::ticks;
+
+/// What to draw.
+#[derive(Clone, Debug)]
+pub struct Curves<'a> {
+    /// Above the picture.
+    pub title: &'a str,
+    /// Below the x axis.
+    pub x_label: &'a str,
+    /// Beside the y axis.
+    pub y_label: &'a str,
+    /// Each in a colour of its own.
+    pub curves: Vec<Curve>,
+}
+
+/// One curve, or one level where it has a single value.
+#[derive(Clone, Debug)]
+pub struct Curve {
+    /// For the legend.
+    pub label: String,
+    /// At x = 1, 2, …; what is not above 0 is left out. A single value is drawn as a dashed line all across.
+    pub values: Vec<f64>,
+}
+
+/// Colours that differ for most colour-blind eyes too.
+const COLOURS: [Colour; 6] = [
+    [0x1f, 0x5f, 0xa8],
+    [0xd4, 0x6a, 0x0c],
+    [0x2b, 0x8a, 0x5e],
+    [0xa8, 0x2e, 0x5b],
+    [0x6b, 0x55, 0xb0],
+    [0x55, 0x55, 0x55],
+];
+const SIZE_PX: (u32, u32) = (860, 460);
+const LEFT_PX: f32 = 92.0;
+const TOP_PX: f32 = 48.0;
+const PLOT_PX: (f32, f32) = (530.0, 344.0);
+
+impl Curves<'_> {
+    /// Draws them.
+    #[must_use]
+    pub fn draw(&self) -> Canvas {
+        let mut canvas = Canvas::new(SIZE_PX.0, SIZE_PX.1);
+        let values =
+            || self.curves.iter().flat_map(|curve| &curve.values).copied().filter(|v| *v > 0.0 && v.is_finite());
+        let (low, high) = (values().fold(f64::INFINITY, f64::min), values().fold(0.0, f64::max));
+        let (low, high) = if low <= high { (low / 1.25, high * 1.25) } else { (0.1, 1.0) };
+        let steps = self.curves.iter().map(|curve| curve.values.len()).max().unwrap_or(1).max(2) as f64;
+        let at_x = |x: f64| LEFT_PX + PLOT_PX.0 * ((x - 1.0) / (steps - 1.0)) as f32;
+        let at_y = |y: f64| TOP_PX + PLOT_PX.1 * ((high / y).ln() / (high / low).ln()) as f32;
+        let (right, bottom) = (LEFT_PX + PLOT_PX.0, TOP_PX + PLOT_PX.1);
+
+        for (value, label) in ticks::logarithmic(low, high) {
+            let y = at_y(value);
+            canvas.stroke((LEFT_PX, y), (right, y), 1.0, [0xe4; 3]);
+            canvas.text(LEFT_PX as i32 - 8, y.round() as i32 + 4, &label, 12.0, BLACK, Anchor::End);
+        }
+        for (value, label) in ticks::linear(1.0, steps, 8).into_iter().filter(|(value, _)| value.fract() == 0.0) {
+            let x = at_x(value);
+            canvas.stroke((x, bottom), (x, bottom + 4.0), 1.0, GREY);
+            canvas.text(x.round() as i32, bottom as i32 + 19, &label, 12.0, BLACK, Anchor::Middle);
+        }
+        canvas.frame(LEFT_PX as i32, TOP_PX as i32, PLOT_PX.0 as u32, PLOT_PX.1 as u32, PALE);
+        for (i, curve) in self.curves.iter().enumerate() {
+            let colour = COLOURS[i % COLOURS.len()];
+            self.draw_curve(&mut canvas, curve, colour, at_x, at_y);
+            let y = TOP_PX + 12.0 + 22.0 * i as f32;
+            canvas.stroke((right + 16.0, y), (right + 38.0, y), 2.2, colour);
+            canvas.text(right as i32 + 46, y as i32 + 4, &curve.label, 12.0, BLACK, Anchor::Start);
+        }
+        let middle = (LEFT_PX + PLOT_PX.0 / 2.0) as i32;
+        canvas.text(middle, 28, self.title, 15.0, BLACK, Anchor::Middle);
+        canvas.text(middle, bottom as i32 + 42, self.x_label, 12.0, BLACK, Anchor::Middle);
+        canvas.text_upwards(22, (TOP_PX + PLOT_PX.1 / 2.0) as i32, self.y_label, 12.0, BLACK);
+        canvas
+    }
+
+    fn draw_curve(
+        &self,
+        canvas: &mut Canvas,
+        curve: &Curve,
+        colour: Colour,
+        at_x: impl Fn(f64) -> f32,
+        at_y: impl Fn(f64) -> f32,
+    ) {
+        if let [level] = curve.values[..] {
+            let y = at_y(level);
+            let dashes = (0..(PLOT_PX.0 / 12.0) as u32).map(|i| LEFT_PX + 12.0 * i as f32);
+            return dashes.for_each(|x| canvas.stroke((x, y), (x + 6.0, y), 1.6, colour));
+        }
+        let points: Vec<_> = (1..)
+            .zip(&curve.values)
+            .filter(|(_, value)| **value > 0.0 && value.is_finite())
+            .map(|(step, &value)| (at_x(f64::from(step)), at_y(value)))
+            .collect();
+        for pair in points.windows(2) {
+            canvas.stroke(pair[0], pair[1], 2.0, colour);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn curves_without_numbers_are_no_reason_to_fail() {
+        for values in [vec![], vec![f64::NAN, 0.0], vec![1e-3], vec![0.1, 0.01, 0.005]] {
+            let curves = vec![Curve { label: "a".to_owned(), values }];
+            assert_eq!(Curves { title: "t", x_label: "x", y_label: "y", curves }.draw().width_px(), SIZE_PX.0);
+        }
+    }
+}
