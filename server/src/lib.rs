@@ -8,6 +8,7 @@
 //! - [`pictures`]: decoding of targets, photographs and holograms, and encoding of results.
 //! - [`kernel_file`]: learned displays as safetensors.
 //! - [`figures`]: contact sheets, heat maps and curves for people.
+//! - [`demo`]: the whole loop on a simulated display, for people to see.
 //! - [`artifacts`]: content-addressed files and resumable uploads.
 //! - [`store`]: the durable queue and registry; the only place that knows the database.
 //! - [`worker`]: claims jobs and runs them.
@@ -20,6 +21,7 @@ pub mod artifacts;
 pub mod config;
 mod connections;
 pub mod dataset;
+pub mod demo;
 pub mod display;
 pub mod figures;
 mod http;

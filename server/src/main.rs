@@ -3,6 +3,7 @@
 use anyhow::Context as _;
 use clap::{ArgMatches, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 use lightpath_server::config::{Config, Effective, LogFormat, Settings};
+use lightpath_server::demo::{self, DemoArgs};
 use lightpath_server::server;
 use std::future::Future;
 use std::io::{IsTerminal as _, Write as _};
@@ -24,6 +25,7 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     Serve(Serve),
+    Demo(DemoArgs),
 }
 
 /// Run the server until SIGTERM or ctrl-c, then finish cleanly: running jobs save their state and go back to the queue.
@@ -55,6 +57,7 @@ fn main() -> ExitCode {
     let matches = Cli::command().get_matches();
     let outcome = Cli::from_arg_matches(&matches).map_err(Into::into).and_then(|cli| match cli.command {
         Command::Serve(serve) => serve.run(matches.subcommand_matches("serve")),
+        Command::Demo(args) => demo::run(args),
     });
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

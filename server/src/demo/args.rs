@@ -1,0 +1,145 @@
+//! The demo's arguments.
+
+use super::FIRST_MODEL;
+use crate::pictures::SIDE_PX_MAX;
+use lightpath::units::{Length, ParseError};
+use lightpath::v1::KernelModel;
+use std::path::PathBuf;
+
+/// Show the whole loop on a simulated display: holograms, photographs, learning, better holograms.
+#[derive(Clone, Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  lightpathd demo
+  lightpathd demo --images photos/ --out tour
+  lightpathd demo --models display,smooth,dense,paper --pairs 32")]
+pub struct DemoArgs {
+    /// Folder for pictures, report and the server's data
+    #[arg(long, value_name = "DIR", default_value = "lightpath-demo")]
+    pub out: PathBuf,
+    /// Folder of PNG, JPEG or TIFF pictures to use instead of generated ones; at least 5
+    #[arg(long, value_name = "DIR")]
+    pub images: Option<PathBuf>,
+    /// Size of the display [px], WIDTHxHEIGHT
+    #[arg(long, value_name = "WxH", default_value = "480x270", value_parser = resolution)]
+    pub resolution: (u32, u32),
+    /// From the display to the image; by default 0.6 of the distance up to which its size samples the whole band
+    #[arg(long, value_name = "LENGTH", value_parser = |text: &str| length(Length::Distance, text))]
+    pub distance: Option<f64>,
+    /// Wavelength of the light
+    #[arg(long, value_name = "LENGTH", default_value = "515nm", value_parser = |text: &str| length(Length::Wavelength, text))]
+    pub wavelength: f64,
+    /// Distance between the display's pixels
+    #[arg(long, value_name = "LENGTH", default_value = "8um", value_parser = |text: &str| length(Length::PixelPitch, text))]
+    pub pixel_pitch: f64,
+    /// Draws the display's flaws, the pictures and the noise
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// Photographs to learn from; a quarter more is held out
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(2..=500))]
+    pub pairs: u32,
+    /// Targets to show through each kernel
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=20))]
+    pub held_out: u32,
+    /// Iterations for each hologram of a held-out target
+    #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub iterations: u32,
+    /// Iterations for each hologram to learn from
+    #[arg(long, value_name = "N", default_value_t = 60, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub training_iterations: u32,
+    /// Further models to learn beside `display`: smooth, dense, paper
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', default_value = "display,smooth", value_parser = model)]
+    pub models: Vec<KernelModel>,
+}
+
+/// Smallest side of the demo's display [px]: below, pictures show nothing.
+const SIDE_PX_MIN: u32 = 32;
+/// Part of the critical distance that the image is at by default: all of the band is kept, and light spreads far.
+const DISTANCE_SHARE: f64 = 0.6;
+
+impl DemoArgs {
+    /// From the display to the image [m].
+    pub(super) fn distance_m(&self) -> f64 {
+        let (width_px, height_px) = self.resolution;
+        let critical_m = 2.0 * f64::from(width_px.min(height_px)) * self.pixel_pitch.powi(2) / self.wavelength;
+        self.distance.unwrap_or_else(|| (DISTANCE_SHARE * critical_m * 1e3).ceil() / 1e3)
+    }
+
+    /// The models to learn, without repetitions, the one that goes into service first.
+    pub(super) fn ordered(mut self) -> Self {
+        let mut models = vec![FIRST_MODEL];
+        for model in self.models {
+            if !models.contains(&model) {
+                models.push(model);
+            }
+        }
+        self.models = models;
+        self
+    }
+}
+
+/// As the command line writes it.
+pub(super) fn model_name(model: KernelModel) -> &'static str {
+    match model {
+        KernelModel::Paper => "paper",
+        KernelModel::Dense => "dense",
+        KernelModel::Smooth => "smooth",
+        KernelModel::Display | KernelModel::Unspecified => "display",
+    }
+}
+
+fn model(name: &str) -> Result<KernelModel, String> {
+    let models = [KernelModel::Paper, KernelModel::Dense, KernelModel::Smooth, KernelModel::Display];
+    let found = models.into_iter().find(|model| model_name(*model) == name);
+    found.ok_or_else(|| "a model is display, smooth, dense or paper".to_owned())
+}
+
+fn length(kind: Length, text: &str) -> Result<f64, ParseError> {
+    kind.parse_m(text)
+}
+
+fn resolution(text: &str) -> Result<(u32, u32), String> {
+    let sides = text.split_once('x').and_then(|(width, height)| Some((width.parse().ok()?, height.parse().ok()?)));
+    let allowed = SIDE_PX_MIN..=SIDE_PX_MAX / 2;
+    match sides {
+        Some((width, height)) if allowed.contains(&width) && allowed.contains(&height) => Ok((width, height)),
+        Some(_) => Err(format!("each side must be {SIDE_PX_MIN} to {} px", SIDE_PX_MAX / 2)),
+        None => Err("must look like 480x270".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Cli {
+        #[command(flatten)]
+        args: DemoArgs,
+    }
+
+    fn parse(words: &str) -> Result<DemoArgs, clap::Error> {
+        Cli::try_parse_from(["demo"].into_iter().chain(words.split_whitespace())).map(|cli| cli.args.ordered())
+    }
+
+    #[test]
+    fn the_distance_follows_from_the_size_unless_given() {
+        assert_eq!(parse("").unwrap().distance_m(), 0.041);
+        assert_eq!(parse("--resolution 160x96").unwrap().distance_m(), 0.015);
+        assert_eq!(parse("--distance 12.5mm").unwrap().distance_m(), 0.0125);
+    }
+
+    #[test]
+    fn the_model_for_service_is_learned_first() {
+        let models = parse("--models dense,smooth,dense").unwrap().models;
+        assert_eq!(models, [KernelModel::Display, KernelModel::Dense, KernelModel::Smooth]);
+    }
+
+    #[test]
+    fn what_cannot_be_shown_is_refused() {
+        for bad in ["--resolution 480", "--resolution 8x8", "--resolution 0x-5", "--pairs 1", "--models best"] {
+            assert!(parse(bad).is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,77 @@
+//! The output folder.
+
+use anyhow::{Context as _, bail};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// The demo's output folder.
+pub(super) struct Files {
+    out: PathBuf,
+}
+
+/// Marks a data folder as the demo's own, which the next demo may replace.
+const MARK: &str = "made-by-lightpath-demo";
+
+impl Files {
+    /// Makes the folder, with an empty data folder in it: that of an earlier demo is replaced.
+    pub(super) fn create(out: &Path) -> anyhow::Result<Self> {
+        let files = Self { out: out.to_owned() };
+        let data = files.data_dir();
+        if data.join(MARK).exists() {
+            fs::remove_dir_all(&data).with_context(|| format!("cannot replace {}", data.display()))?;
+        } else if data.exists() {
+            bail!("{} exists and was not made by a demo; name another folder with --out", data.display());
+        }
+        fs::create_dir_all(&data).with_context(|| format!("cannot make {}", data.display()))?;
+        fs::write(data.join(MARK), "The next demo in this folder replaces this data folder.\n")?;
+        Ok(files)
+    }
+
+    /// The server's data folder.
+    pub(super) fn data_dir(&self) -> PathBuf {
+        self.out.join("data")
+    }
+
+    /// Path of a file.
+    pub(super) fn at(&self, name: &str) -> PathBuf {
+        self.out.join(name)
+    }
+
+    /// Writes a file; folders in its name are made.
+    pub(super) fn write(&self, name: &str, bytes: impl AsRef<[u8]>) -> anyhow::Result<()> {
+        let path = self.at(name);
+        let folder = path.parent().context("a file needs a folder")?;
+        fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
+        fs::write(&path, bytes).with_context(|| format!("cannot write {}", path.display()))
+    }
+
+    /// A target to try further commands with.
+    pub(super) fn example_target(&self) -> PathBuf {
+        let mut targets: Vec<PathBuf> = fs::read_dir(self.at("targets"))
+            .map(|folder| folder.flatten().map(|entry| entry.path()).collect())
+            .unwrap_or_default();
+        targets.sort();
+        targets.into_iter().next().unwrap_or_else(|| PathBuf::from("target.png"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_demo_s_own_data_is_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("out");
+        let files = Files::create(&out).unwrap();
+        files.write("targets/a.png", b"a").unwrap();
+        fs::write(files.data_dir().join("lightpath.db"), "old").unwrap();
+        Files::create(&out).unwrap();
+        assert!(!files.data_dir().join("lightpath.db").exists());
+        assert!(files.example_target().ends_with("targets/a.png"));
+
+        fs::remove_file(files.data_dir().join(MARK)).unwrap();
+        assert!(Files::create(&out).is_err());
+        assert!(files.data_dir().exists());
+    }
+}

@@ -1,0 +1,168 @@
+//! What the demo measured: a table for people, JSON for programs.
+
+use super::args::DemoArgs;
+use super::held_out::Judged;
+use super::row_of;
+use super::single_kernel;
+use super::targets::Targets;
+use super::{Learned, figures};
+use serde::Serialize;
+use std::fmt::Write as _;
+
+/// A contender with what its learning reported.
+pub(super) struct ModelRow<'a> {
+    pub(super) judged: &'a Judged,
+    pub(super) learned: Option<&'a Learned>,
+}
+
+/// Everything that was measured, as `report.json` has it.
+#[derive(Debug, Serialize)]
+pub(super) struct Report {
+    code_version: &'static str,
+    seed: u64,
+    width_px: u32,
+    height_px: u32,
+    pixel_pitch_m: f64,
+    wavelength_m: f64,
+    distance_m: f64,
+    training_pairs: usize,
+    test_pairs: usize,
+    iterations: u32,
+    training_iterations: u32,
+    /// Names, in the order of every list of targets below.
+    targets: Vec<String>,
+    models: Vec<Model>,
+    /// Held-out loss of the display's true transfer function alone.
+    single_kernel_floor: f64,
+    /// The smallest gain of the learned kernel over the ideal one, of all targets.
+    smallest_gain_db: f64,
+    steps: Vec<StepTime>,
+    total_s: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct Model {
+    name: &'static str,
+    /// 0: the ideal kernel.
+    kernel_version: u32,
+    held_out_loss: f64,
+    train_loss: Option<f64>,
+    learn_s: Option<f64>,
+    loss_history: Vec<f64>,
+    simulated_psnr_db: Vec<f64>,
+    captured_psnr_db: Vec<f64>,
+    /// Of the captures, over those through the ideal kernel.
+    gain_db: Vec<f64>,
+    mean_simulated_psnr_db: f64,
+    mean_captured_psnr_db: f64,
+    mean_gain_db: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct StepTime {
+    title: String,
+    took_s: f64,
+}
+
+impl Report {
+    /// `judged` starts with the ideal kernel and the one in service.
+    pub(super) fn new(
+        args: &DemoArgs,
+        targets: &Targets,
+        learned: &[Learned],
+        judged: &[Judged],
+        steps: Vec<(String, f64)>,
+    ) -> Self {
+        let models: Vec<Model> = judged.iter().map(|j| Model::new(&row_of(j, learned), &judged[0])).collect();
+        let floor = models.iter().find(|model| model.name == single_kernel::NAME);
+        Self {
+            code_version: env!("CARGO_PKG_VERSION"),
+            seed: args.seed,
+            width_px: args.resolution.0,
+            height_px: args.resolution.1,
+            pixel_pitch_m: args.pixel_pitch,
+            wavelength_m: args.wavelength,
+            distance_m: args.distance_m(),
+            training_pairs: targets.training.len(),
+            test_pairs: targets.test.len(),
+            iterations: args.iterations,
+            training_iterations: args.training_iterations,
+            targets: targets.held_out.iter().map(|target| target.name.clone()).collect(),
+            single_kernel_floor: floor.map_or(f64::NAN, |model| model.held_out_loss),
+            smallest_gain_db: models[1].gain_db.iter().copied().fold(f64::INFINITY, f64::min),
+            models,
+            total_s: steps.iter().map(|(_, took_s)| took_s).sum(),
+            steps: steps.into_iter().map(|(title, took_s)| StepTime { title, took_s }).collect(),
+        }
+    }
+
+    pub(super) fn json(&self) -> serde_json::Result<String> {
+        serde_json::to_string_pretty(self)
+    }
+
+    /// Two tables of fixed columns: the models, and their captures of each target.
+    pub(super) fn table(&self) -> String {
+        let mut text = format!(
+            "{:<20}{:>8}{:>15}{:>16}{:>15}{:>11}\n",
+            "model", "version", "held-out loss", "simulated PSNR", "captured PSNR", "gain"
+        );
+        for model in &self.models {
+            let version = if model.kernel_version == 0 { "–".to_owned() } else { model.kernel_version.to_string() };
+            let _ = writeln!(
+                text,
+                "{:<20}{version:>8}{:>15.5}{:>13.1} dB{:>12.1} dB{:>11}",
+                model.name,
+                model.held_out_loss,
+                model.mean_simulated_psnr_db,
+                model.mean_captured_psnr_db,
+                gain(model, model.mean_gain_db),
+            );
+        }
+        let _ = write!(text, "\n{:<20}", "captured");
+        for target in &self.targets {
+            let _ = write!(text, "{target:>20}");
+        }
+        for model in &self.models {
+            let _ = write!(text, "\n{:<20}", model.name);
+            for (psnr_db, gain_db) in model.captured_psnr_db.iter().zip(&model.gain_db) {
+                let _ = write!(text, "{:>20}", format!("{psnr_db:.1} dB {:>9}", gain(model, *gain_db)));
+            }
+        }
+        let learned = &self.models[1];
+        let _ = write!(
+            text,
+            "\n\nThe learned display is {} or more ahead on every held-out target; its held-out loss is {:.0} % of what \
+             the\ndisplay's true transfer function alone leaves ({:.5}).",
+            figures::signed_db(self.smallest_gain_db),
+            100.0 * learned.held_out_loss / self.single_kernel_floor,
+            self.single_kernel_floor
+        );
+        text
+    }
+}
+
+fn gain(model: &Model, gain_db: f64) -> String {
+    if model.kernel_version == 0 { String::new() } else { figures::signed_db(gain_db) }
+}
+
+impl Model {
+    fn new(row: &ModelRow<'_>, ideal: &Judged) -> Self {
+        let ModelRow { judged, learned } = row;
+        let captured_psnr_db: Vec<f64> = judged.shown.iter().map(|shown| shown.captured_psnr_db).collect();
+        let gains = captured_psnr_db.iter().zip(&ideal.shown).map(|(psnr_db, ideal)| psnr_db - ideal.captured_psnr_db);
+        Self {
+            name: judged.contender.name,
+            kernel_version: judged.contender.version,
+            held_out_loss: judged.held_out_loss,
+            train_loss: learned.map(|learned| learned.metrics().train_loss),
+            learn_s: learned.map(|learned| learned.seconds),
+            loss_history: learned.map(|learned| learned.result.loss_history.clone()).unwrap_or_default(),
+            simulated_psnr_db: judged.shown.iter().map(|shown| shown.simulated_psnr_db).collect(),
+            gain_db: gains.collect(),
+            captured_psnr_db,
+            mean_simulated_psnr_db: judged.mean_simulated_psnr_db(),
+            mean_captured_psnr_db: judged.mean_captured_psnr_db(),
+            mean_gain_db: judged.mean_captured_psnr_db() - ideal.mean_captured_psnr_db(),
+        }
+    }
+}

@@ -1,0 +1,32 @@
+//! The mark that a single kernel cannot pass: the display's true transfer function, and nothing else of it.
+
+use crate::display::SimulatedBench;
+use crate::kernel::KernelModel;
+use crate::kernel_file;
+use lightpath_optics::simulated_display::{Imperfections, SimulatedDisplay};
+use lightpath_optics::{DisplayModel, KernelShape, OpticalSetup, Plane};
+use num_complex::Complex32;
+
+/// What tables call it.
+pub(super) const NAME: &str = "true single kernel";
+
+/// The demo's bench: the same that the server photographs on.
+pub(super) fn bench(setup: &OpticalSetup, bench: SimulatedBench) -> anyhow::Result<SimulatedDisplay> {
+    let SimulatedBench { seed, strength, camera_noise, misalignment_px } = bench;
+    let imperfections = Imperfections { seed, strength, camera_noise, misalignment_px };
+    Ok(SimulatedDisplay::draw(*setup, None, imperfections)?)
+}
+
+/// Its true transfer function with a flat source, a linear response and no undiffracted light, as a kernel file.
+pub(super) fn file(bench: &SimulatedDisplay) -> anyhow::Result<Vec<u8>> {
+    let setup = bench.setup();
+    let (rows, columns) = (setup.padded_height_px(), setup.padded_width_px());
+    let pitch_m = setup.grid().pixel_pitch_m();
+    let centred = |i: usize, n: usize| (i as f64 - (n / 2) as f64) / (n as f64 * pitch_m);
+    let bins = Plane::from_fn(rows, columns, |y, x| {
+        let value = bench.true_transfer(centred(x, columns), centred(y, rows));
+        Complex32::new(value.re as f32, value.im as f32)
+    });
+    let model = DisplayModel { kernel: KernelShape::Bins(bins), ..DisplayModel::ideal(setup) };
+    Ok(kernel_file::encode(&model, KernelModel::Dense)?)
+}

@@ -1,0 +1,138 @@
+//! What the demo tells in the terminal: numbered steps on stdout, progress bars on stderr.
+
+use super::args::DemoArgs;
+use super::files::Files;
+use indicatif::{ProgressBar, ProgressStyle};
+use lightpath::units::show_m;
+use std::io::Write as _;
+use std::time::{Duration, Instant};
+
+/// The tale so far.
+pub(super) struct Story {
+    begun: Instant,
+    steps: Vec<(String, Instant)>,
+}
+
+impl Story {
+    /// Says what is about to happen.
+    pub(super) fn begin(args: &DemoArgs) -> anyhow::Result<Self> {
+        let (width_px, height_px) = args.resolution;
+        let mut out = std::io::stdout().lock();
+        writeln!(
+            out,
+            "Lightpath demo: a display of {width_px}×{height_px} px of {}, {}, image at {}, seed {}",
+            show_m(args.pixel_pitch),
+            show_m(args.wavelength),
+            show_m(args.distance_m()),
+            args.seed
+        )?;
+        Ok(Self { begun: Instant::now(), steps: Vec::new() })
+    }
+
+    /// Begins the next step.
+    pub(super) fn step(&mut self, title: &str) -> anyhow::Result<()> {
+        let number = self.steps.len() + 1;
+        writeln!(std::io::stdout().lock(), "\n{number:2}  {title}")?;
+        self.steps.push((title.to_owned(), Instant::now()));
+        Ok(())
+    }
+
+    /// Says how the step went, and how long it took.
+    pub(super) fn tell(&self, text: String) -> anyhow::Result<()> {
+        let took_s = self.steps.last().map_or(0.0, |(_, begun)| begun.elapsed().as_secs_f64());
+        writeln!(std::io::stdout().lock(), "    {text}  ({took_s:.1} s)")?;
+        Ok(())
+    }
+
+    /// Shows lines as they are.
+    pub(super) fn show(&self, text: &str) -> anyhow::Result<()> {
+        writeln!(std::io::stdout().lock(), "\n{text}")?;
+        Ok(())
+    }
+
+    /// A bar for the work of this step; it goes when it is dropped.
+    pub(super) fn bar(&self, verb: &'static str) -> Bar {
+        let bar = ProgressBar::new(0);
+        let style = ProgressStyle::with_template("    {msg} {wide_bar} {percent:>3}% {eta:>4}");
+        bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+        bar.set_message(verb);
+        bar.enable_steady_tick(Duration::from_millis(200));
+        Bar { bar, verb }
+    }
+
+    /// The steps and how long each took [s].
+    pub(super) fn steps(&self) -> Vec<(String, f64)> {
+        let ends = self.steps.iter().skip(1).map(|(_, begun)| *begun).chain([Instant::now()]);
+        let took = |((title, begun), end): (&(String, Instant), Instant)| {
+            (title.clone(), end.duration_since(*begun).as_secs_f64())
+        };
+        self.steps.iter().zip(ends).map(took).collect()
+    }
+
+    /// Says what there is to look at, and how to go on.
+    pub(super) fn finish(self, args: &DemoArgs, files: &Files) -> anyhow::Result<()> {
+        let out = args.out.display();
+        let data = files.data_dir();
+        let (serve, cli) = programs();
+        let distance = show_m(args.distance_m()).replace(' ', "");
+        let target = files.example_target();
+        let mut stdout = std::io::stdout().lock();
+        writeln!(
+            stdout,
+            "
+Look at   {out}/contact_sheet.png, {out}/kernel.png, {out}/loss.png; every number is in {out}/report.json.
+
+Go on     {serve} serve --data-dir {}
+          {cli} kernel list
+          {cli} hologram optimize {} --display {} --distance {distance} -o hologram.png
+          {cli} simulate --display {} --distance {distance} --phase hologram.png -o photograph.png
+
+Done in {:.0} s.",
+            data.display(),
+            target.display(),
+            super::lab::DISPLAY,
+            super::lab::DISPLAY,
+            self.begun.elapsed().as_secs_f64()
+        )?;
+        Ok(())
+    }
+}
+
+/// How the daemon and the command line are called from here.
+fn programs() -> (&'static str, &'static str) {
+    let path = std::env::current_exe().unwrap_or_default();
+    let built = |profile: &str| path.components().any(|part| part.as_os_str() == profile);
+    match () {
+        () if built("target") && built("release") => {
+            ("cargo run --release --bin lightpathd --", "cargo run --release --bin lightpath --")
+        }
+        () if built("target") => ("cargo run --bin lightpathd --", "cargo run --bin lightpath --"),
+        () => ("lightpathd", "lightpath"),
+    }
+}
+
+/// A progress bar over several jobs.
+pub(super) struct Bar {
+    bar: ProgressBar,
+    verb: &'static str,
+}
+
+impl Bar {
+    /// Steps in a job: fine enough for any bar.
+    const JOB_STEPS: u64 = 1000;
+
+    /// `share` of the job after the first `done` of `jobs` is done.
+    pub(super) fn set(&self, done: usize, jobs: usize, share: f64) {
+        self.bar.set_length(jobs as u64 * Self::JOB_STEPS);
+        self.bar.set_position(done as u64 * Self::JOB_STEPS + (share.clamp(0.0, 1.0) * Self::JOB_STEPS as f64) as u64);
+        if jobs > 1 {
+            self.bar.set_message(format!("{} {}/{jobs}", self.verb, (done + 1).min(jobs)));
+        }
+    }
+}
+
+impl Drop for Bar {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+    }
+}
