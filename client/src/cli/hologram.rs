@@ -1,5 +1,7 @@
 //! `lightpath hologram …`
 
+mod outputs;
+
 use super::arguments::{Detector, Encoding, Optics, region};
 use super::failure::Failure;
 use super::progress::{Progress, or_interrupted};
@@ -11,7 +13,8 @@ use clap::{Args, Subcommand, ValueEnum};
 use futures::{StreamExt as _, TryStreamExt as _};
 use lightpath::v1::{self, Job, OptimizeHologram, job_spec, optimize_hologram};
 use lightpath::{hologram_result, names};
-use std::path::{Path, PathBuf};
+use outputs::{Files, Outputs};
+use std::path::PathBuf;
 
 /// Jobs waited for at once.
 const WAITS_MAX: usize = 16;
@@ -134,23 +137,6 @@ enum Fit {
     Exact,
 }
 
-/// Files of a result.
-#[derive(Debug, Args)]
-#[command(next_help_heading = "Output files")]
-struct Outputs {
-    /// The hologram for the display, a grey PNG of levels; .npy gives radians as float32
-    #[arg(short = 'o', value_name = "PHASE.png")]
-    phase: Option<PathBuf>,
-
-    /// The phase before response, carrier and quantization, in radians, float32
-    #[arg(long, value_name = "FILE.npy")]
-    npy: Option<PathBuf>,
-
-    /// What the kernel predicts the detector sees
-    #[arg(long, value_name = "FILE.png")]
-    reconstruction: Option<PathBuf>,
-}
-
 /// Save the files of an optimization, waiting for it where it still runs.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
@@ -169,13 +155,6 @@ struct Item {
     name: String,
     job: Job,
     files: Files,
-}
-
-#[derive(Clone, Debug, Default)]
-struct Files {
-    phase: Option<PathBuf>,
-    npy: Option<PathBuf>,
-    reconstruction: Option<PathBuf>,
 }
 
 impl HologramCommand {
@@ -253,53 +232,6 @@ impl Save {
         let files = self.outputs.files(std::slice::from_ref(&name), &[])?.remove(0);
         let job = session.client.get_job(v1::GetJobRequest { name: names::job(&self.job) }).await?;
         finish(session, vec![Item { name, job, files }]).await
-    }
-}
-
-impl Outputs {
-    fn any(&self) -> bool {
-        self.phase.is_some() || self.npy.is_some() || self.reconstruction.is_some()
-    }
-
-    /// Where the files of each target go.
-    fn files(&self, names: &[String], targets: &[PathBuf]) -> Result<Vec<Files>, Failure> {
-        let places = |option: &str, destination: &Option<PathBuf>, suffix: &str| match destination {
-            None => Ok(vec![None; names.len()]),
-            Some(destination) => {
-                let files = destination::files(option, destination, names, suffix)?;
-                Ok::<_, Failure>(files.into_iter().map(Some).collect())
-            }
-        };
-        let phases = places("-o", &self.phase, "-phase.png")?;
-        let npys = places("--npy", &self.npy, "-phase.npy")?;
-        let reconstructions = places("--reconstruction", &self.reconstruction, "-reconstruction.png")?;
-        let all = || [&phases, &npys, &reconstructions].into_iter().flatten().flatten();
-        destination::check_distinct(targets.iter().map(PathBuf::as_path), all().map(PathBuf::as_path))?;
-        let zipped = phases.into_iter().zip(npys).zip(reconstructions);
-        Ok(zipped.map(|((phase, npy), reconstruction)| Files { phase, npy, reconstruction }).collect())
-    }
-}
-
-impl Files {
-    async fn save(&self, session: &Session, result: &v1::HologramResult) -> lightpath::Result<()> {
-        let is_npy = |path: &Path| path.extension().is_some_and(|extension| extension == "npy");
-        if let Some(path) = &self.phase {
-            let digest = if is_npy(path) { &result.phase_npy } else { &result.phase };
-            session.client.download_to(digest, path).await?;
-        }
-        if let Some(path) = &self.npy {
-            session.client.download_to(&result.phase_npy, path).await?;
-        }
-        if let Some(path) = &self.reconstruction {
-            session.client.download_to(&result.reconstruction, path).await?;
-        }
-        Ok(())
-    }
-
-    fn text(&self) -> Option<String> {
-        let files = [&self.phase, &self.npy, &self.reconstruction].into_iter().flatten();
-        let text = files.map(|path| path.display().to_string()).collect::<Vec<_>>().join(", ");
-        (!text.is_empty()).then_some(text)
     }
 }
 
