@@ -14,13 +14,13 @@ Examples:
   lightpathd demo --images photos/ --out tour
   lightpathd demo --models display,smooth,dense,paper --pairs 32")]
 pub struct DemoArgs {
-    /// Folder for pictures, report and the server's data
+    /// Folder for pictures, report and the server's data: a new or empty one, or an earlier demo's
     #[arg(long, value_name = "DIR", default_value = "lightpath-demo")]
     pub out: PathBuf,
     /// Folder of PNG, JPEG or TIFF pictures to use instead of generated ones; at least 5
     #[arg(long, value_name = "DIR")]
     pub images: Option<PathBuf>,
-    /// Size of the display [px], WIDTHxHEIGHT
+    /// Size of the display in pixels, WIDTHxHEIGHT
     #[arg(long, value_name = "WxH", default_value = "480x270", value_parser = resolution)]
     pub resolution: (u32, u32),
     /// From the display to the image; by default 0.6 of the distance up to which its size samples the whole band
@@ -47,7 +47,7 @@ pub struct DemoArgs {
     /// Iterations for each hologram to learn from
     #[arg(long, value_name = "N", default_value_t = 60, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub training_iterations: u32,
-    /// Further models to learn beside `display`: smooth, dense, paper
+    /// Models to learn: display (always, and first), smooth, dense, paper
     #[arg(long, value_name = "NAMES", value_delimiter = ',', default_value = "display,smooth", value_parser = model)]
     pub models: Vec<KernelModel>,
 }

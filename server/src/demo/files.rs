@@ -2,6 +2,7 @@
 
 use anyhow::{Context as _, bail};
 use std::fs;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 /// The demo's output folder.
@@ -13,14 +14,15 @@ pub(super) struct Files {
 const MARK: &str = "made-by-lightpath-demo";
 
 impl Files {
-    /// Makes the folder, with an empty data folder in it: that of an earlier demo is replaced.
+    /// Makes the folder, with an empty data folder in it. The folder must be new, empty, or an earlier demo's, whose
+    /// data is replaced: nobody's files are mixed with the demo's.
     pub(super) fn create(out: &Path) -> anyhow::Result<Self> {
         let files = Self { out: out.to_owned() };
         let data = files.data_dir();
         if data.join(MARK).exists() {
             fs::remove_dir_all(&data).with_context(|| format!("cannot replace {}", data.display()))?;
-        } else if data.exists() {
-            bail!("{} exists and was not made by a demo; name another folder with --out", data.display());
+        } else if !is_empty(out)? {
+            bail!("{} has files in it that are no demo's; name a new folder with --out", out.display());
         }
         fs::create_dir_all(&data).with_context(|| format!("cannot make {}", data.display()))?;
         fs::write(data.join(MARK), "The next demo in this folder replaces this data folder.\n")?;
@@ -55,12 +57,21 @@ impl Files {
     }
 }
 
+/// Also where there is no such folder yet.
+fn is_empty(folder: &Path) -> anyhow::Result<bool> {
+    match fs::read_dir(folder) {
+        Ok(mut entries) => Ok(entries.next().is_none()),
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(true),
+        Err(error) => Err(error).with_context(|| format!("cannot use {} as the output folder", folder.display())),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn only_a_demo_s_own_data_is_replaced() {
+    fn only_a_new_folder_or_a_demo_s_own_is_used() {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("out");
         let files = Files::create(&out).unwrap();
@@ -73,5 +84,15 @@ mod tests {
         fs::remove_file(files.data_dir().join(MARK)).unwrap();
         assert!(Files::create(&out).is_err());
         assert!(files.data_dir().exists());
+
+        let empty = folder.path().join("empty");
+        fs::create_dir(&empty).unwrap();
+        Files::create(&empty).unwrap();
+        let other = folder.path().join("other");
+        fs::create_dir(&other).unwrap();
+        fs::write(other.join("thesis.txt"), "mine").unwrap();
+        let refused = Files::create(&other).err().unwrap().to_string();
+        assert!(refused.contains("no demo's"), "{refused}");
+        assert_eq!(fs::read_dir(&other).unwrap().count(), 1);
     }
 }

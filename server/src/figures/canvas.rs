@@ -54,13 +54,13 @@ impl Canvas {
         sheet
     }
 
-    /// Columns [px].
+    /// Columns, in pixels.
     #[must_use]
     pub fn width_px(&self) -> u32 {
         self.image.width()
     }
 
-    /// Rows [px].
+    /// Rows, in pixels.
     #[must_use]
     pub fn height_px(&self) -> u32 {
         self.image.height()
