@@ -22,8 +22,16 @@ const CRASHES_MAX: i64 = 30;
 
 /// How an attempt ends without a result.
 enum Ending {
-    Requeued { run_time_ms: i64, failures: i64, cause: Cause },
-    Failed { failures: i64, error: JobError },
+    /// An interrupted job keeps its `run_time_ms`, and with it its place before those that waited behind it.
+    Requeued {
+        run_time_ms: i64,
+        failures: i64,
+        cause: Cause,
+    },
+    Failed {
+        failures: i64,
+        error: JobError,
+    },
     Cancelled,
 }
 
@@ -104,7 +112,7 @@ impl Store {
                 let (job, failures) = read(write, &lease, now_ms).await?;
                 let ending = match job.cancel_requested {
                     true => Ending::Cancelled,
-                    false => Ending::Requeued { run_time_ms: now_ms, failures, cause: Cause::Drain },
+                    false => Ending::Requeued { run_time_ms: job.run_time_ms, failures, cause: Cause::Drain },
                 };
                 end(write, &job.id, ending, now_ms).await
             })
@@ -175,7 +183,7 @@ async fn recover_orphans(write: &mut Write, now_ms: i64) -> Result<Vec<Job>, Sto
         let (job, failures, crashes) = (job_of(&row)?, row.try_get("failures")?, row.try_get::<i64, _>("crashes")? + 1);
         let ending = match (job.cancel_requested, crashes < CRASHES_MAX) {
             (true, _) => Ending::Cancelled,
-            (false, true) => Ending::Requeued { run_time_ms: now_ms, failures, cause: Cause::ServerDied },
+            (false, true) => Ending::Requeued { run_time_ms: job.run_time_ms, failures, cause: Cause::ServerDied },
             (false, false) => {
                 let message = format!("the server died {crashes} times in a row while it ran this job");
                 let error = JobError { reason: "SERVER_DIED".to_owned(), message, retryable: false };

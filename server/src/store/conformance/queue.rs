@@ -54,6 +54,19 @@ async fn claims_go_by_priority_then_time_then_age() {
     assert_eq!(store.next_run_time().await.unwrap(), None);
 }
 
+#[tokio::test]
+async fn an_interrupted_job_keeps_its_place() {
+    let (store, _folder) = store().await;
+    let first = submit(&store, "first", 10).await;
+    submit(&store, "second", 11).await;
+    let (job, lease) = claim(&store, 20).await.unwrap();
+    assert_eq!(job, first);
+    store.release(&lease, 21).await.unwrap();
+    assert_eq!(claim(&store, 22).await.unwrap().0, first, "after a drain");
+    store.recover_orphans(23).await.unwrap();
+    assert_eq!(claim(&store, 24).await.unwrap().0, first, "after a death of the server");
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn two_stores_claim_every_job_once() {
     let (store, folder) = store().await;
