@@ -52,13 +52,13 @@ pub struct DemoArgs {
     pub models: Vec<KernelModel>,
 }
 
-/// Smallest side of the demo's display [px]: below, pictures show nothing.
+/// Smallest side of the demo's display \[px\]: below, pictures show nothing.
 const SIDE_PX_MIN: u32 = 32;
 /// Part of the critical distance that the image is at by default: all of the band is kept, and light spreads far.
 const DISTANCE_SHARE: f64 = 0.6;
 
 impl DemoArgs {
-    /// From the display to the image [m].
+    /// From the display to the image \[m\].
     pub(super) fn distance_m(&self) -> f64 {
         let (width_px, height_px) = self.resolution;
         let critical_m = 2.0 * f64::from(width_px.min(height_px)) * self.pixel_pitch.powi(2) / self.wavelength;

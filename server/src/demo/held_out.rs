@@ -37,9 +37,9 @@ pub(super) struct Judged {
 
 /// One held-out target through one kernel.
 pub(super) struct Shown {
-    /// What the kernel promises of the quantized hologram [dB].
+    /// What the kernel promises of the quantized hologram \[dB\].
     pub(super) simulated_psnr_db: f64,
-    /// What the camera sees [dB], gain fitted.
+    /// What the camera sees \[dB\], gain fitted.
     pub(super) captured_psnr_db: f64,
     /// The photograph as the server gave it.
     pub(super) photo: Vec<u8>,

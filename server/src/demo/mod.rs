@@ -33,7 +33,7 @@ use targets::{Picture, Targets};
 const STRENGTH: f64 = 1.0;
 const CAMERA_NOISE: f64 = 0.003;
 const MISALIGNMENT_PX: f64 = 0.5;
-/// Range of the initial phase [rad] of held-out holograms: narrow ones speckle least.
+/// Range of the initial phase \[rad\] of held-out holograms: narrow ones speckle least.
 const NARROW_RAD: f64 = 1.0;
 const DATASET: &str = "demo-photographs";
 

@@ -60,7 +60,7 @@ impl Story {
         Bar { bar, verb }
     }
 
-    /// The steps and how long each took [s].
+    /// The steps and how long each took \[s\].
     pub(super) fn steps(&self) -> Vec<(String, f64)> {
         let ends = self.steps.iter().skip(1).map(|(_, begun)| *begun).chain([Instant::now()]);
         let took = |((title, begun), end): (&(String, Instant), Instant)| {

@@ -137,7 +137,7 @@ impl Canvas {
         }
     }
 
-    /// Linear light, sRGB-encoded, `width_px` wide and in proportion; returns the height [px].
+    /// Linear light, sRGB-encoded, `width_px` wide and in proportion; returns the height \[px\].
     pub(super) fn light(&mut self, x: i32, y: i32, width_px: u32, light: &Plane<f32>) -> u32 {
         let height_px = scaled_height_px(light, width_px);
         let scaled = averaged(light, height_px, width_px);
@@ -160,7 +160,7 @@ impl Canvas {
     }
 }
 
-/// The height [px] that keeps the proportions at this width.
+/// The height \[px\] that keeps the proportions at this width.
 pub(super) fn scaled_height_px(plane: &Plane<f32>, width_px: u32) -> u32 {
     ((plane.height_px() * width_px as usize) as f32 / plane.width_px() as f32).round().max(1.0) as u32
 }

@@ -32,15 +32,15 @@ pub struct Shown<'a> {
     pub caption: String,
 }
 
-/// Pictures are shown no wider than this [px]: three of them fit a common screen.
+/// Pictures are shown no wider than this \[px\]: three of them fit a common screen.
 const PICTURE_WIDTH_PX_MAX: u32 = 480;
-/// Pictures are shown at least this wide [px], for their captions' sake.
+/// Pictures are shown at least this wide \[px\], for their captions' sake.
 const PICTURE_WIDTH_PX_MIN: u32 = 320;
 const MARGIN_PX: i32 = 24;
 const GAP_PX: i32 = 14;
 const CAPTION_PX: i32 = 34;
 const HEADER_PX: i32 = 92;
-/// Size of captions and column heads [px].
+/// Size of captions and column heads \[px\].
 const TEXT_PX: f32 = 15.0;
 
 impl ContactSheet<'_> {

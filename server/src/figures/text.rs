@@ -9,7 +9,7 @@ static FONT: LazyLock<FontRef<'static>> = LazyLock::new(|| {
     FontRef::try_from_slice(bytes).expect("the embedded font is whole")
 });
 
-/// Width of `text` at `size_px` [px].
+/// Width of `text` at `size_px` \[px\].
 pub(super) fn width_px(text: &str, size_px: f32) -> f32 {
     let font = FONT.as_scaled(scale(size_px));
     text.chars().map(|letter| font.h_advance(font.glyph_id(letter))).sum()
