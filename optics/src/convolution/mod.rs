@@ -31,8 +31,9 @@ use num_complex::Complex;
 use rustfft::{Fft, FftPlanner};
 use std::{f64::consts::PI, fmt, sync::Arc};
 
-/// Columns in a tile: with 16, a row of a tile is two cache lines in f32.
-pub(crate) const TILE: usize = 16;
+/// Columns in a tile: few enough that its spectra stay in a core's cache, and many enough that a row of it is several
+/// whole cache lines. Measured: 32 takes 5 % less time than 16 or 64.
+pub(crate) const TILE: usize = 32;
 
 /// Plans and tables for one size and one set of sub-sample offsets.
 pub(crate) struct Convolver<T> {
