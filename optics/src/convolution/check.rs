@@ -50,3 +50,36 @@ fn f64_passes_match_the_plain_transform() {
 fn f32_passes_match_the_plain_transform() {
     check_against_reference::<f32>(1e-6);
 }
+
+fn inner<T: Real>(a: &[Complex<T>], b: &[Complex<T>]) -> Complex64 {
+    let wide = |c: &Complex<T>| Complex64::new(c.re.wide(), c.im.wide());
+    a.iter().zip(b).map(|(a, b)| wide(a).conj() * wide(b)).sum()
+}
+
+/// ⟨A u, v⟩ = ⟨u, Aᴴ v⟩.
+fn check_adjoint<T: Real>(bound: f64) {
+    for (height_px, width_px) in SIZES {
+        let setup = setup(height_px, width_px, 2e-3);
+        let engine = Engine::<T>::new(&DisplayModel::ideal(setup), Detector::Point, None).unwrap();
+        let (u, v) = (random_field(height_px, width_px, 3), random_field(height_px, width_px, 4));
+        let (u, v) = (narrowed::<T>(&u), narrowed::<T>(&v));
+        let there = inner(engine.propagate(&u).unwrap().values(), v.values());
+
+        let (convolver, transfer) = (&engine.convolver, &engine.transfer);
+        let zeros = || vec![Complex::new(T::zero(), T::zero()); convolver.half_spectrum_len(1)];
+        let (mut spectrum, mut tiles, mut back) = (zeros(), zeros(), u.clone());
+        convolver.forward_rows(&mut spectrum, |y, row| row.copy_from_slice(v.row(y)));
+        convolver.propagate_adjoint(&spectrum, transfer, &mut tiles);
+        convolver.inverse_rows(&tiles, back.values_mut(), |_, row, out| out.copy_from_slice(row));
+        let here = inner(u.values(), back.values());
+        // Against the lengths of the vectors: the products themselves are small by chance.
+        let length = (inner(u.values(), u.values()).re * inner(v.values(), v.values()).re).sqrt();
+        assert!((there - here).norm() < bound * length, "{width_px}×{height_px} px: {there} against {here}");
+    }
+}
+
+#[test]
+fn the_way_back_is_the_adjoint_of_the_way_there() {
+    check_adjoint::<f32>(1e-6);
+    check_adjoint::<f64>(1e-14);
+}
