@@ -1,7 +1,7 @@
 //! The engine's entry points in single precision, compiled in this crate.
 //!
 //! The engine is generic over its precision and its source of pairs, so its code is made where it is called. In a
-//! development build that is a crate without optimizations, and a hundred times slower. These functions do nothing but
+//! development build that is a crate without optimizations, and some fifty times slower. These functions do nothing but
 //! call the engine; but they name its types, so that it runs as optimized as this crate is, whoever calls.
 
 use crate::hologram::Quality;

@@ -79,7 +79,7 @@ impl<T: Real> HologramProblem<T> {
         sums.into()
     }
 
-    /// The loss at `gain` alone, at a third of the cost.
+    /// The loss at `gain` alone, without the way back that its gradient takes.
     pub fn measure(&mut self, phase: &[T], gain: f64) -> Evaluation {
         self.engine.send(phase, &mut self.fields);
         let comparison = compare_with(&self.target, self.region, self.engine.detector, gain);
