@@ -94,7 +94,7 @@ impl<T: Real> Engine<T> {
     /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for a phase of another size.
     pub fn light(&self, phase: &Plane<T>) -> Result<Plane<T>> {
         phase.expect_size("phase", self.height_px(), self.width_px())?;
-        let mut fields = Fields::new(&self.convolver);
+        let mut fields = Fields::for_light(&self.convolver);
         self.send(phase.values(), &mut fields);
         let mut light = Plane::filled(self.height_px(), self.width_px(), T::zero());
         self.convolver.light(&fields.tiles, light.values_mut());
@@ -130,6 +130,12 @@ impl<T: Real> Fields<T> {
     pub(crate) fn new(convolver: &Convolver<T>) -> Self {
         let zeros = || vec![Complex::new(T::zero(), T::zero()); convolver.half_spectrum_len(convolver.lanes())];
         Self { spectrum: zeros(), tiles: zeros() }
+    }
+
+    /// Enough for [`Engine::send`], from which nothing comes back.
+    pub(crate) fn for_light(convolver: &Convolver<T>) -> Self {
+        let zeros = |lanes| vec![Complex::new(T::zero(), T::zero()); convolver.half_spectrum_len(lanes)];
+        Self { spectrum: zeros(1), tiles: zeros(convolver.lanes()) }
     }
 }
 

@@ -17,7 +17,7 @@
 //! - [`grid`], [`plane`], [`region`]: sizes, arrays, and the part of an image that counts.
 //! - [`setup`], [`transfer_function`]: what light goes through, and what that does to it.
 //! - [`phase_response`], [`carrier`]: from phases to what a modulator shows.
-//! - [`metrics`]: how close an image comes to its target.
+//! - [`metrics`]: how close an image comes to its target, and how much of the light arrives.
 //! - [`reference`](mod@reference): slow and plain f64 twins of what is fast elsewhere.
 //! - [`display_model`], [`chebyshev`]: a display as it is learned: kernel, source, response, zero order.
 //! - [`engine`], [`detector`], [`photometry`]: that display made ready to run, fused and parallel; what a camera or an eye
@@ -39,6 +39,7 @@ mod error;
 pub mod grid;
 pub mod hologram;
 pub mod learning;
+mod light;
 pub mod metrics;
 pub mod optimizer;
 pub mod phase_response;

@@ -270,7 +270,7 @@ pub struct EvaluateKernel {
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum JobResult {
     /// Of [`OptimizeHologram`].
-    Hologram(HologramResult),
+    Hologram(Box<HologramResult>),
     /// Of [`LearnKernel`].
     Learn(LearnResult),
     /// Of [`SimulateCapture`].
@@ -304,15 +304,66 @@ pub struct HologramResult {
     pub region_of_interest: Region,
 }
 
-/// Peak signal-to-noise ratios \[dB\] in the region of interest, peak 1, gain fitted.
+/// How good a hologram is in the region of interest, as each detector sees it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(from = "StoredQuality")]
 pub struct Quality {
     /// At the sample points.
-    pub psnr_point_db: f64,
+    pub point: SeenQuality,
     /// Integrated over pixels.
-    pub psnr_pixel_db: f64,
+    pub pixel: SeenQuality,
     /// Over all sub-samples.
-    pub psnr_supersampled_db: f64,
+    pub supersampled: SeenQuality,
+}
+
+/// What one detector sees; gain fitted, peak 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SeenQuality {
+    /// Peak signal-to-noise ratio \[dB\].
+    pub psnr_db: f64,
+    /// Structural similarity; `None` where the region is too small.
+    pub ssim: Option<f64>,
+    /// Over five scales; `None` where the region is too small.
+    pub ms_ssim: Option<f64>,
+    /// Light in the region, as a part of what leaves the SLM; `None` in results of older servers.
+    pub diffraction_efficiency: Option<f64>,
+    /// Light in the frame, as a part of what leaves the SLM; `None` in results of older servers.
+    pub frame_efficiency: Option<f64>,
+    /// Grain of evenly lit areas; `None` where there are none.
+    pub speckle_contrast: Option<f64>,
+}
+
+/// The forms in which results are stored.
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum StoredQuality {
+    Now {
+        point: Box<SeenQuality>,
+        pixel: Box<SeenQuality>,
+        supersampled: Box<SeenQuality>,
+    },
+    /// Of servers that knew no other metric.
+    PsnrAlone {
+        psnr_point_db: f64,
+        psnr_pixel_db: f64,
+        psnr_supersampled_db: f64,
+    },
+}
+
+impl From<StoredQuality> for Quality {
+    fn from(stored: StoredQuality) -> Self {
+        let psnr_alone = |psnr_db| SeenQuality { psnr_db, ..SeenQuality::default() };
+        match stored {
+            StoredQuality::Now { point, pixel, supersampled } => {
+                Self { point: *point, pixel: *pixel, supersampled: *supersampled }
+            }
+            StoredQuality::PsnrAlone { psnr_point_db, psnr_pixel_db, psnr_supersampled_db } => Self {
+                point: psnr_alone(psnr_point_db),
+                pixel: psnr_alone(psnr_pixel_db),
+                supersampled: psnr_alone(psnr_supersampled_db),
+            },
+        }
+    }
 }
 
 /// A learned kernel, before it has a version number: the store numbers it in the transaction that ends the job.
@@ -403,4 +454,19 @@ pub struct Lease {
     pub lease_id: String,
     /// The lease is void after this, unless extended \[ms since 1970\].
     pub until_ms: i64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn qualities_are_read_in_every_form_that_was_ever_stored() {
+        let old = r#"{"psnr_point_db":46.3,"psnr_pixel_db":27.7,"psnr_supersampled_db":15.6}"#;
+        let quality: Quality = serde_json::from_str(old).unwrap();
+        assert_eq!(quality.pixel, SeenQuality { psnr_db: 27.7, ..SeenQuality::default() });
+        assert_eq!((quality.point.psnr_db, quality.supersampled.psnr_db), (46.3, 15.6));
+        let full = Quality { pixel: SeenQuality { ssim: Some(0.93), ..quality.pixel }, ..quality };
+        assert_eq!(serde_json::from_str::<Quality>(&serde_json::to_string(&full).unwrap()).unwrap(), full);
+    }
 }

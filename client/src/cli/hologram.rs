@@ -8,7 +8,7 @@ use super::progress::{Progress, or_interrupted};
 use super::session::{Session, say};
 use super::submission::{Submission, watch_hint};
 use super::table::{Facts, Table};
-use super::{destination, job_text, show};
+use super::{destination, job_text, quality_text, show};
 use clap::{Args, Subcommand, ValueEnum};
 use futures::{StreamExt as _, TryStreamExt as _};
 use lightpath::v1::{self, Job, OptimizeHologram, job_spec, optimize_hologram};
@@ -33,8 +33,11 @@ pub(crate) enum HologramCommand {
 /// Each target becomes a job of its own. With --wait or an output file the command waits for them, with a bar for each,
 /// saves the files and prints how good the holograms are; otherwise it prints the jobs and ends.
 ///
-/// Quality is the peak signal-to-noise ratio in the region of interest, as three detectors see it: `point` at
-/// the sample points, `pixel` as a camera of the same pitch integrates, `supersampled` as an eye sees.
+/// Quality is measured in the region of interest, as three detectors see it: `point` at the sample points, `pixel` as
+/// a camera of the same pitch integrates, `supersampled` as an eye sees. PSNR, SSIM and MS-SSIM compare with the target,
+/// gain fitted (MS-SSIM where the region has 176 samples a side); efficiency is the light in the region as a part of
+/// what leaves the SLM; speckle contrast is the grain of areas that should be even. Of several targets the table has the
+/// PSNR, and at its end PSNR and SSIM of the quantized hologram as `pixel` sees it.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -282,6 +285,7 @@ fn results(items: &[Item]) -> String {
         ">pixel",
         ">supersampled",
         ">quantized pixel",
+        ">SSIM",
         ">ms/iteration",
         "job",
     ]);
@@ -295,6 +299,7 @@ fn results(items: &[Item]) -> String {
             show::decibel(quality.psnr_pixel_db),
             show::decibel(quality.psnr_supersampled_db),
             show::decibel(quantized.psnr_pixel_db),
+            quality_text::similarity(quantized.ssim_pixel),
             format!("{:.1}", result.iteration_ms),
             names::id(&item.job.name).to_owned(),
         ]);
@@ -307,11 +312,9 @@ fn result_facts(item: &Item, result: &v1::HologramResult) -> String {
     facts.add("target", &item.name);
     facts.add("job", names::id(&item.job.name));
     facts.add("kernel", kernel_version(&item.job));
-    facts.add("quality", format!("{} (as optimized)", job_text::quality(result.quality.as_ref())));
-    facts.add("on display", format!("{} (quantized)", job_text::quality(result.quantized_quality.as_ref())));
     facts.add("speed", format!("{:.1} ms an iteration, {} iterations", result.iteration_ms, result.iterations));
     facts.add_some("saved", item.files.text());
-    facts.text()
+    format!("{}\n{}", facts.text(), quality_text::table(result))
 }
 
 fn kernel_version(job: &Job) -> String {

@@ -1,8 +1,8 @@
 //! Jobs in words.
 
 use super::failure::Failure;
-use super::show;
 use super::table::{Facts, Table};
+use super::{quality_text, show};
 use lightpath::v1::{self, Job, job::State, job_result, job_spec};
 use lightpath::{names, units};
 
@@ -77,25 +77,16 @@ pub(crate) fn facts(job: &Job) -> String {
     facts.add_some("ended", job.finish_time.as_ref().map(show::time));
     let mut text = String::new();
     match job.result.as_ref().and_then(|result| result.kind.as_ref()) {
-        Some(job_result::Kind::Hologram(result)) => hologram_facts(result, &mut facts),
+        Some(job_result::Kind::Hologram(result)) => {
+            hologram_facts(result, &mut facts);
+            text = format!("\n{}", quality_text::table(result));
+        }
         Some(job_result::Kind::Learn(result)) => learn_facts(result, &mut facts),
         Some(job_result::Kind::Capture(result)) => facts.add("photograph", &result.photo),
         Some(job_result::Kind::Evaluate(result)) => text = format!("\n{}", evaluation(result)),
         None => {}
     }
     facts.text() + &text
-}
-
-/// `point 46.3 dB, pixel 27.7 dB, supersampled 15.6 dB`.
-pub(crate) fn quality(quality: Option<&v1::Quality>) -> String {
-    quality.map_or_else(
-        || "–".to_owned(),
-        |quality| {
-            let [point, pixel, supersampled] =
-                [quality.psnr_point_db, quality.psnr_pixel_db, quality.psnr_supersampled_db].map(show::decibel);
-            format!("point {point}, pixel {pixel}, supersampled {supersampled}")
-        },
-    )
 }
 
 fn spec(job: &Job) -> Option<&job_spec::Kind> {
@@ -139,8 +130,6 @@ pub(crate) fn optics(wavelength_m: f64, distance_m: f64) -> String {
 }
 
 fn hologram_facts(result: &v1::HologramResult, facts: &mut Facts) {
-    facts.add("quality", format!("{} (as optimized)", quality(result.quality.as_ref())));
-    facts.add("on display", format!("{} (quantized)", quality(result.quantized_quality.as_ref())));
     facts.add("speed", format!("{:.1} ms an iteration, {} iterations", result.iteration_ms, result.iterations));
     facts.add("phase", &result.phase);
     facts.add("phase npy", &result.phase_npy);

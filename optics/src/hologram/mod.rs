@@ -3,7 +3,9 @@
 mod adam;
 mod initial;
 mod problem;
+mod quality;
 
 pub use adam::{Adam, AdamState};
 pub use initial::initial_phase;
-pub use problem::{Evaluation, HologramProblem, Quality, quality};
+pub use problem::{Evaluation, HologramProblem};
+pub use quality::{Quality, SeenQuality, quality};

@@ -92,40 +92,6 @@ fn compare_with<T>(picture: &Plane<T>, region: RegionOfInterest, detector: Detec
     Comparison { picture, weight: None, region, detector, gain, offset: 0.0, weight_sum }
 }
 
-/// Peak signal-to-noise ratios \[dB\] in the region of interest, peak 1, gain fitted.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Quality {
-    /// At the sample points.
-    pub psnr_point_db: f64,
-    /// Integrated over the pixels.
-    pub psnr_pixel_db: f64,
-    /// Over all sub-samples.
-    pub psnr_supersampled_db: f64,
-}
-
-/// How well `phase` shows `target` on the engine's display, in all three detectors.
-///
-/// # Errors
-///
-/// As [`HologramProblem::new`], and for a phase of another size.
-pub fn quality<T: Real>(
-    engine: &Engine<T>,
-    phase: &Plane<T>,
-    target: &Plane<T>,
-    region: RegionOfInterest,
-) -> Result<Quality> {
-    phase.expect_size("phase", engine.height_px(), engine.width_px())?;
-    let psnr_db = |detector| -> Result<f64> {
-        let mut problem = HologramProblem::new(engine.with_detector(detector), target.clone(), region)?;
-        Ok(-10.0 * problem.measure(phase.values(), 1.0).best_loss.log10())
-    };
-    Ok(Quality {
-        psnr_point_db: psnr_db(Detector::Point)?,
-        psnr_pixel_db: psnr_db(Detector::Pixel)?,
-        psnr_supersampled_db: psnr_db(Detector::Supersampled)?,
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

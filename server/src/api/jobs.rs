@@ -139,7 +139,7 @@ fn evaluate_to_wire(spec: EvaluateKernel) -> v1::EvaluateKernel {
 
 fn result_to_wire(result: JobResult) -> v1::JobResult {
     let kind = match result {
-        JobResult::Hologram(result) => job_result::Kind::Hologram(hologram_to_wire(result)),
+        JobResult::Hologram(result) => job_result::Kind::Hologram(hologram_to_wire(*result)),
         JobResult::Learn(result) => job_result::Kind::Learn(v1::LearnResult {
             kernel_version: result.kernel_version,
             metrics: Some(metrics_to_wire(&result.metrics)),
@@ -174,7 +174,25 @@ fn hologram_to_wire(result: HologramResult) -> v1::HologramResult {
     }
 }
 
-fn quality_to_wire(quality: Quality) -> v1::Quality {
-    let Quality { psnr_point_db, psnr_pixel_db, psnr_supersampled_db } = quality;
-    v1::Quality { psnr_point_db, psnr_pixel_db, psnr_supersampled_db }
+fn quality_to_wire(Quality { point, pixel, supersampled }: Quality) -> v1::Quality {
+    v1::Quality {
+        psnr_point_db: point.psnr_db,
+        psnr_pixel_db: pixel.psnr_db,
+        psnr_supersampled_db: supersampled.psnr_db,
+        ssim_point: point.ssim,
+        ssim_pixel: pixel.ssim,
+        ssim_supersampled: supersampled.ssim,
+        ms_ssim_point: point.ms_ssim,
+        ms_ssim_pixel: pixel.ms_ssim,
+        ms_ssim_supersampled: supersampled.ms_ssim,
+        diffraction_efficiency_point: point.diffraction_efficiency,
+        diffraction_efficiency_pixel: pixel.diffraction_efficiency,
+        diffraction_efficiency_supersampled: supersampled.diffraction_efficiency,
+        frame_efficiency_point: point.frame_efficiency,
+        frame_efficiency_pixel: pixel.frame_efficiency,
+        frame_efficiency_supersampled: supersampled.frame_efficiency,
+        speckle_contrast_point: point.speckle_contrast,
+        speckle_contrast_pixel: pixel.speckle_contrast,
+        speckle_contrast_supersampled: supersampled.speckle_contrast,
+    }
 }

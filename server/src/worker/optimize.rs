@@ -4,11 +4,11 @@ use super::context::Eta;
 use super::setting::{Setting, detector, finite};
 use super::state_bytes::HologramState;
 use super::{JobContext, TaskError, TaskOutput};
-use crate::job::{HologramResult, JobResult, OptimizeHologram, Progress, Quality};
+use crate::job::{HologramResult, JobResult, OptimizeHologram, Progress, Quality, SeenQuality};
 use crate::metrics;
 use crate::pictures;
 use lightpath_optics::compiled;
-use lightpath_optics::hologram::initial_phase;
+use lightpath_optics::hologram::{self, initial_phase};
 use lightpath_optics::metrics::fitted_intensity_scale;
 use lightpath_optics::phase_response::wrap_f32;
 use lightpath_optics::{Engine, HologramProblem, Plane, RegionOfInterest};
@@ -32,7 +32,7 @@ pub(super) fn run(context: &JobContext, spec: &OptimizeHologram) -> Result<TaskO
     let phase = Plane::try_from_vec(height_px, width_px, done.adam.phase)?.map(|phi| wrap_f32(f64::from(phi)));
     let result = Finished { setting: &setting, engine: &engine, target: &target, region, phase };
     let hologram = result.store(context, spec, done.loss, done.compute_s)?;
-    Ok(TaskOutput { result: JobResult::Hologram(hologram), learned: None })
+    Ok(TaskOutput { result: JobResult::Hologram(Box::new(hologram)), learned: None })
 }
 
 /// All iterations that are left.
@@ -104,11 +104,19 @@ impl Finished<'_> {
 
     fn quality(&self, phase: &Plane<f32>) -> Result<Quality, TaskError> {
         let found = compiled::quality(self.engine, phase, self.target, self.region)?;
-        let bounded = |psnr_db: f64| finite("the quality", psnr_db.min(PSNR_DB_MAX));
-        Ok(Quality {
-            psnr_point_db: bounded(found.psnr_point_db)?,
-            psnr_pixel_db: bounded(found.psnr_pixel_db)?,
-            psnr_supersampled_db: bounded(found.psnr_supersampled_db)?,
-        })
+        Ok(Quality { point: seen(found.point)?, pixel: seen(found.pixel)?, supersampled: seen(found.supersampled)? })
     }
+}
+
+fn seen(found: hologram::SeenQuality) -> Result<SeenQuality, TaskError> {
+    let number = |value| finite("the quality", value);
+    let some = |value: Option<f64>| value.map(number).transpose();
+    Ok(SeenQuality {
+        psnr_db: number(found.psnr_db.min(PSNR_DB_MAX))?,
+        ssim: some(found.ssim)?,
+        ms_ssim: some(found.ms_ssim)?,
+        diffraction_efficiency: Some(number(found.diffraction_efficiency)?),
+        frame_efficiency: Some(number(found.frame_efficiency)?),
+        speckle_contrast: some(found.speckle_contrast)?,
+    })
 }

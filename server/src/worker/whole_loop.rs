@@ -103,7 +103,7 @@ impl Lab {
 
     async fn hologram(&self, request_id: &str, spec: JobSpec) -> HologramResult {
         match self.done(request_id, spec).await {
-            JobResult::Hologram(result) => result,
+            JobResult::Hologram(result) => *result,
             other => panic!("{other:?}"),
         }
     }
@@ -226,7 +226,7 @@ async fn a_learned_kernel_makes_better_holograms() {
     let target = lab.target(20).await;
     let ideal = lab.hologram("new ideal", optimize(target.clone(), None, 100)).await;
     let better = lab.hologram("new learned", optimize(target.clone(), Some(1), 100)).await;
-    assert!(ideal.quality.psnr_pixel_db > 20.0, "{:?}", ideal.quality);
+    assert!(ideal.quality.pixel.psnr_db > 20.0, "{:?}", ideal.quality);
     let (before, after) =
         (lab.seen("see ideal", &ideal, &target).await, lab.seen("see learned", &better, &target).await);
     assert!(after < 0.5 * before, "captured error {before} through the ideal kernel, {after} through the learned one");
@@ -239,7 +239,7 @@ async fn interruptions_and_threads_change_no_byte() {
     let whole = lab.hologram("whole", spec.clone()).await;
     let JobResult::Hologram(resumed) = lab.interrupted("interrupted", spec).await else { panic!() };
     // How long it took is all that may differ.
-    assert_eq!(HologramResult { iteration_ms: whole.iteration_ms, ..resumed }, whole);
+    assert_eq!(HologramResult { iteration_ms: whole.iteration_ms, ..*resumed }, whole);
 
     lab.dataset(4).await;
     let key = KernelKey { display: "lab".to_owned(), wavelength: WAVELENGTH, distance: DISTANCE };

@@ -225,7 +225,14 @@ async fn a_hologram_is_optimized_and_its_files_are_there() {
     assert_eq!(job.state(), v1::job::State::Succeeded, "{job:?}");
     let result = hologram(&job);
     assert_eq!(result.iterations, 30);
-    assert!(result.quality.as_ref().unwrap().psnr_pixel_db > 10.0, "{result:?}");
+    let quality = result.quality.as_ref().unwrap();
+    assert!(quality.psnr_pixel_db > 10.0, "{quality:?}");
+    assert!(quality.ssim_pixel.unwrap() > 0.5, "{quality:?}");
+    // The region is too small for five scales.
+    assert_eq!(quality.ms_ssim_pixel, None);
+    let (inside, all) = (quality.diffraction_efficiency_pixel.unwrap(), quality.frame_efficiency_pixel.unwrap());
+    assert!(0.0 < inside && inside < all && all <= 1.0 + 1e-6, "{quality:?}");
+    assert_eq!(quality.diffraction_efficiency_supersampled, Some(inside));
     for digest in [&result.phase, &result.phase_npy, &result.reconstruction] {
         let request = v1::GetArtifactRequest { digest: digest.clone() };
         assert!(serving.artifacts().get_artifact(request).await.unwrap().into_inner().size_bytes > 0);

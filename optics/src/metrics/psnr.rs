@@ -1,13 +1,14 @@
-//! How close a reconstruction comes to its target.
+//! Peak signal-to-noise ratio.
 //!
 //! ```text
 //! MSE = Σ (s p − t)² / n,   PSNR = −10 log₁₀ MSE,   s = Σ t p / Σ p²  where the gain is fitted
 //! ```
 //!
-//! p reconstruction, t target, both linear light with peak 1; sums over the n pixels of a region of interest, in f64
-//! and in a fixed order. s is the gain with the smallest MSE: how bright a display shines is a matter of exposure.
+//! p reconstruction, t target, both linear light with peak 1; sums over the n samples of a region of interest. s is the
+//! gain with the smallest MSE: how bright a display shines is a matter of exposure.
 
-use crate::{Error, Plane, RegionOfInterest, Result};
+use super::ImagePair;
+use crate::{Plane, RegionOfInterest, Result};
 
 /// What the reconstruction is multiplied by before it is compared.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,7 +26,8 @@ pub enum Gain {
 ///
 /// # Errors
 ///
-/// [`Error::SizeMismatch`] when the two differ in size; [`Error::OutOfRange`] when the region leaves them.
+/// [`Error::SizeMismatch`](crate::Error::SizeMismatch) when the reconstruction is not of the target's size or a whole
+/// multiple of it; [`Error::OutOfRange`](crate::Error::OutOfRange) when the region leaves the target.
 pub fn psnr_db(reconstruction: &Plane<f32>, target: &Plane<f32>, roi: RegionOfInterest, gain: Gain) -> Result<f64> {
     Ok(-10.0 * mse(reconstruction, target, roi, gain)?.log10())
 }
@@ -36,12 +38,7 @@ pub fn psnr_db(reconstruction: &Plane<f32>, target: &Plane<f32>, roi: RegionOfIn
 ///
 /// As [`psnr_db`].
 pub fn mse(reconstruction: &Plane<f32>, target: &Plane<f32>, roi: RegionOfInterest, gain: Gain) -> Result<f64> {
-    let scale = match gain {
-        Gain::Fitted => fitted_intensity_scale(reconstruction, target, roi)?,
-        Gain::Given(scale) => scale,
-    };
-    let sum = sum_over_pairs(reconstruction, target, roi, |p, t| (scale * p - t).powi(2))?;
-    Ok(sum / roi.pixels() as f64)
+    Ok(ImagePair::new(reconstruction, target, roi, gain)?.mse())
 }
 
 /// The gain s that brings s · reconstruction closest to the target; 0 for a black reconstruction.
@@ -50,38 +47,13 @@ pub fn mse(reconstruction: &Plane<f32>, target: &Plane<f32>, roi: RegionOfIntere
 ///
 /// As [`psnr_db`].
 pub fn fitted_intensity_scale(reconstruction: &Plane<f32>, target: &Plane<f32>, roi: RegionOfInterest) -> Result<f64> {
-    let overlap = sum_over_pairs(reconstruction, target, roi, |p, t| p * t)?;
-    let energy = sum_over_pairs(reconstruction, target, roi, |p, _| p * p)?;
-    Ok(if energy == 0.0 { 0.0 } else { overlap / energy })
-}
-
-fn sum_over_pairs(
-    reconstruction: &Plane<f32>,
-    target: &Plane<f32>,
-    roi: RegionOfInterest,
-    term: impl Fn(f64, f64) -> f64,
-) -> Result<f64> {
-    reconstruction.expect_size("reconstruction", target.height_px(), target.width_px())?;
-    let (bottom_px, right_px) = (roi.y_px() + roi.height_px(), roi.x_px() + roi.width_px());
-    for (name, end, side) in [
-        ("region_of_interest's bottom", bottom_px, target.height_px()),
-        ("region_of_interest's right side", right_px, target.width_px()),
-    ] {
-        if end > side {
-            return Err(Error::OutOfRange { name, value: end as f64, allowed: "inside the image" });
-        }
-    }
-    let rows = (roi.y_px()..bottom_px).map(|y| {
-        let (p, t) = (&reconstruction.row(y)[roi.x_px()..right_px], &target.row(y)[roi.x_px()..right_px]);
-        p.iter().zip(t).map(|(&p, &t)| term(f64::from(p), f64::from(t))).sum::<f64>()
-    });
-    Ok(rows.sum())
+    Ok(ImagePair::new(reconstruction, target, roi, Gain::Fitted)?.gain())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Grid;
+    use crate::{Error, Grid};
 
     fn ramp() -> Plane<f32> {
         Plane::from_fn(10, 20, |y, x| (y * 20 + x) as f32 / 200.0)
@@ -132,9 +104,20 @@ mod tests {
     }
 
     #[test]
+    fn sub_samples_are_compared_with_their_pixels() {
+        let seen = Plane::from_fn(20, 40, |y, x| ramp().at(y / 2, x / 2) + if (y + x) % 2 == 0 { 0.1 } else { -0.1 });
+        assert!((psnr_db(&seen, &ramp(), middle(), Gain::Given(1.0)).unwrap() - 20.0).abs() < 1e-5);
+    }
+
+    #[test]
     fn sizes_that_do_not_fit_are_refused() {
         let small = Plane::filled(10, 19, 0.0);
         assert!(matches!(mse(&small, &ramp(), middle(), Gain::Fitted), Err(Error::SizeMismatch { .. })));
+        for (height_px, width_px) in [(20, 20), (20, 39), (9, 20), (25, 50)] {
+            let other = Plane::filled(height_px, width_px, 0.0);
+            let error = mse(&other, &ramp(), middle(), Gain::Fitted).unwrap_err();
+            assert!(matches!(error, Error::SizeMismatch { .. }), "{height_px}×{width_px}: {error}");
+        }
         let wide = RegionOfInterest::full(&Grid::try_new(10, 21, 8e-6).unwrap());
         assert!(matches!(mse(&ramp(), &ramp(), wide, Gain::Fitted), Err(Error::OutOfRange { .. })));
     }

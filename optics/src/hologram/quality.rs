@@ -1,0 +1,238 @@
+//! How good a hologram is, as each detector sees it.
+
+use crate::metrics::{Gain, ImagePair, diffraction_efficiency, frame_efficiency, speckle_contrast, ssim_at_all_scales};
+use crate::real::Real;
+use crate::{Detector, Engine, Plane, RegionOfInterest, Result};
+use rayon::prelude::*;
+
+/// A hologram's quality in the eyes of each detector.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Quality {
+    /// At the sample points.
+    pub point: SeenQuality,
+    /// Integrated over the pixels.
+    pub pixel: SeenQuality,
+    /// Of every sub-sample, against the target of its pixel.
+    pub supersampled: SeenQuality,
+}
+
+/// What the light of a hologram is worth in the region of interest; definitions and sources in [`metrics`](crate::metrics).
+///
+/// PSNR, SSIM and MS-SSIM are those at the gain with the smallest squared error.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SeenQuality {
+    /// [`psnr_db`](crate::metrics::psnr_db)
+    pub psnr_db: f64,
+    /// [`ssim`](crate::metrics::ssim()); `None` in a region of less than 11 samples a side.
+    pub ssim: Option<f64>,
+    /// [`ms_ssim`](crate::metrics::ms_ssim()); `None` in a region of less than 176 samples a side.
+    pub ms_ssim: Option<f64>,
+    /// Light in the region as a part of the light that leaves the modulator
+    /// ([`diffraction_efficiency`](crate::metrics::diffraction_efficiency())).
+    pub diffraction_efficiency: f64,
+    /// Light in the whole frame as a part of the light that leaves the modulator.
+    pub frame_efficiency: f64,
+    /// [`speckle_contrast`](crate::metrics::speckle_contrast()); `None` where the target is flat almost nowhere.
+    pub speckle_contrast: Option<f64>,
+}
+
+/// How well `phase` shows `target` (intensity, linear light) on the engine's display, in all three detectors.
+///
+/// Two propagations: to the sample points, and to the sub-samples, over which a pixel integrates. The engine's own detector
+/// does not matter. Takes less memory than an evaluation of the pixel detector, since nothing goes back.
+///
+/// # Errors
+///
+/// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for a phase or a target of another size than the engine's;
+/// [`Error::OutOfRange`](crate::Error::OutOfRange) when the region leaves the image.
+pub fn quality<T: Real>(
+    engine: &Engine<T>,
+    phase: &Plane<T>,
+    target: &Plane<T>,
+    region: RegionOfInterest,
+) -> Result<Quality> {
+    target.expect_size("target_intensity", engine.height_px(), engine.width_px())?;
+    let light_sent = engine.light_sent(phase)?;
+    let at_points = narrowed(&engine.with_detector(Detector::Point).samples(phase)?);
+    let samples = narrowed(&engine.with_detector(Detector::Supersampled).samples(phase)?);
+    Quality::of_light(&at_points, &samples, &narrowed(target), region, light_sent)
+}
+
+impl Quality {
+    /// Of light that is already there, such as the mean over several frames: `at_points` and `samples` as
+    /// [`Engine::samples`] gives them with the detectors [`Detector::Point`] and [`Detector::Supersampled`], and
+    /// `light_sent` as [`Engine::light_sent`].
+    ///
+    /// # Errors
+    ///
+    /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) when the lights are not of the target's size, or a whole multiple
+    /// of it; [`Error::OutOfRange`](crate::Error::OutOfRange) when the region leaves the image.
+    pub fn of_light(
+        at_points: &Plane<f32>,
+        samples: &Plane<f32>,
+        target: &Plane<f32>,
+        region: RegionOfInterest,
+        light_sent: f64,
+    ) -> Result<Self> {
+        let efficiency = |light: &Plane<f32>| {
+            [diffraction_efficiency(light, region, light_sent), frame_efficiency(light, light_sent)]
+        };
+        let point = seen_quality(at_points, target, region, efficiency(at_points))?;
+        // The same light, counted in smaller portions.
+        let integrated = integrated(samples, target.height_px(), target.width_px());
+        let efficiency = efficiency(&integrated);
+        let pixel = seen_quality(&integrated, target, region, efficiency)?;
+        Ok(Self { point, pixel, supersampled: seen_quality(samples, target, region, efficiency)? })
+    }
+}
+
+fn seen_quality(
+    light: &Plane<f32>,
+    target: &Plane<f32>,
+    region: RegionOfInterest,
+    [diffraction_efficiency, frame_efficiency]: [f64; 2],
+) -> Result<SeenQuality> {
+    let pair = ImagePair::new(light, target, region, Gain::Fitted)?;
+    let (ssim, ms_ssim) = ssim_at_all_scales(&pair);
+    Ok(SeenQuality {
+        psnr_db: -10.0 * pair.mse().log10(),
+        ssim,
+        ms_ssim,
+        diffraction_efficiency,
+        frame_efficiency,
+        speckle_contrast: speckle_contrast(light, target, region)?,
+    })
+}
+
+fn narrowed<T: Real>(plane: &Plane<T>) -> Plane<f32> {
+    plane.map(|value| value.wide() as f32)
+}
+
+/// The mean over each pixel's samples.
+fn integrated(samples: &Plane<f32>, height_px: usize, width_px: usize) -> Plane<f32> {
+    let per_side = samples.height_px() / height_px;
+    let share = 1.0 / (per_side * per_side) as f32;
+    let mut light = Plane::filled(height_px, width_px, 0.0);
+    light.values_mut().par_chunks_mut(width_px).enumerate().for_each(|(y, out)| {
+        for row in (0..per_side).map(|i| samples.row(per_side * y + i)) {
+            for (light, samples) in out.iter_mut().zip(row.chunks_exact(per_side)) {
+                *light += share * samples.iter().sum::<f32>();
+            }
+        }
+    });
+    light
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hologram::initial_phase;
+    use crate::metrics::{ms_ssim, psnr_db, ssim};
+    use crate::{Adam, DisplayModel, Grid, HologramProblem, OpticalSetup};
+
+    fn setup(height_px: usize, width_px: usize, distance_m: f64) -> OpticalSetup {
+        OpticalSetup::try_new(Grid::try_new(height_px, width_px, 8e-6).unwrap(), 515e-9, distance_m).unwrap()
+    }
+
+    fn target(height_px: usize, width_px: usize) -> Plane<f32> {
+        Plane::from_fn(height_px, width_px, |y, x| if (y / 8 + x / 12) % 2 == 0 { 0.9 } else { 0.3 })
+    }
+
+    #[test]
+    fn each_detector_has_the_metrics_of_its_light() {
+        let setup = setup(60, 75, 5e-3);
+        let engine = Engine::<f32>::new(&DisplayModel::ideal(setup), Detector::Pixel, None).unwrap();
+        let (phase, target) = (initial_phase(60, 75, 6.0, 4).unwrap(), target(60, 75));
+        let region = RegionOfInterest::middle(&setup.grid());
+        let found = quality(&engine, &phase, &target, region).unwrap();
+        let sent = engine.light_sent(&phase).unwrap();
+        for (detector, seen) in [
+            (Detector::Point, found.point),
+            (Detector::Pixel, found.pixel),
+            (Detector::Supersampled, found.supersampled),
+        ] {
+            let own = engine.with_detector(detector);
+            let pixels = own.light(&phase).unwrap();
+            let light = if detector == Detector::Supersampled { own.samples(&phase).unwrap() } else { pixels.clone() };
+            let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-6 * b.abs(), "{detector:?}: {a} {b}");
+            near(seen.psnr_db, psnr_db(&light, &target, region, Gain::Fitted).unwrap());
+            near(seen.ssim.unwrap(), ssim(&light, &target, region, Gain::Fitted).unwrap());
+            near(seen.speckle_contrast.unwrap(), speckle_contrast(&light, &target, region).unwrap().unwrap());
+            near(seen.diffraction_efficiency, diffraction_efficiency(&pixels, region, sent));
+            near(seen.frame_efficiency, frame_efficiency(&pixels, sent));
+            assert_eq!(seen.ms_ssim, None);
+        }
+    }
+
+    #[test]
+    fn a_large_region_has_all_metrics_in_both_precisions() {
+        let setup = setup(224, 240, 5e-3);
+        let target = target(224, 240);
+        let region = RegionOfInterest::middle(&setup.grid());
+        let narrow = Engine::<f32>::new(&DisplayModel::ideal(setup), Detector::Point, None).unwrap();
+        let problem = HologramProblem::new(narrow.clone(), target.clone(), region).unwrap();
+        let mut adam = Adam::start(problem, 0.1, initial_phase(224, 240, 1.0, 4).unwrap()).unwrap();
+        (0..20).for_each(|_| _ = adam.step());
+        let phase = Plane::try_from_vec(224, 240, adam.into_state().phase).unwrap();
+        let wide = Engine::<f64>::new(&DisplayModel::ideal(setup), Detector::Point, None).unwrap();
+        let narrow = quality(&narrow, &phase, &target, region).unwrap();
+        let wide = quality(&wide, &phase.map(f64::from), &target.map(f64::from), region).unwrap();
+        for (a, b) in [(narrow.point, wide.point), (narrow.pixel, wide.pixel), (narrow.supersampled, wide.supersampled)]
+        {
+            // The field is good to 1e-6 of its length in f32, and every metric is smooth in it.
+            for (a, b) in [
+                (a.psnr_db, b.psnr_db),
+                (a.ssim.unwrap(), b.ssim.unwrap()),
+                (a.ms_ssim.unwrap(), b.ms_ssim.unwrap()),
+                (a.speckle_contrast.unwrap(), b.speckle_contrast.unwrap()),
+                (a.diffraction_efficiency, b.diffraction_efficiency),
+                (a.frame_efficiency, b.frame_efficiency),
+            ] {
+                assert!((a - b).abs() < 1e-4 * b.abs(), "{a} {b}");
+            }
+        }
+        // What was optimized is better than what was not.
+        assert!(wide.point.psnr_db > wide.supersampled.psnr_db + 1.0, "{wide:?}");
+        assert!(wide.point.ms_ssim > wide.supersampled.ms_ssim, "{wide:?}");
+        assert!(wide.point.speckle_contrast < wide.supersampled.speckle_contrast, "{wide:?}");
+        let samples = Engine::<f32>::new(&DisplayModel::ideal(setup), Detector::Supersampled, None).unwrap();
+        let expected = ms_ssim(&samples.samples(&phase).unwrap(), &target, region, Gain::Fitted).unwrap();
+        assert!((narrow.supersampled.ms_ssim.unwrap() - expected).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_lens_brings_the_light_into_the_region() {
+        // Half a millimetre of aperture through a lens of its distance: nearly all light meets in a spot.
+        let (side_px, distance_m) = (64, 20e-3);
+        let setup = setup(side_px, side_px, distance_m);
+        let engine = Engine::<f64>::new(&DisplayModel::ideal(setup), Detector::Point, None).unwrap();
+        let across_m = |i: usize| (i as f64 - 31.5) * 8e-6;
+        let lens = Plane::from_fn(side_px, side_px, |y, x| {
+            -std::f64::consts::PI * (across_m(y).powi(2) + across_m(x).powi(2)) / (515e-9 * distance_m)
+        });
+        let flat = Plane::filled(side_px, side_px, 0.0);
+        let region = RegionOfInterest::try_new(&setup.grid(), 26, 26, 12, 12).unwrap();
+        let target = Plane::filled(side_px, side_px, 0.5);
+        let focused = quality(&engine, &lens, &target, region).unwrap();
+        let spread = quality(&engine, &flat, &target, region).unwrap();
+        // sinc² beside the main lobe: λz/L = 20 µm to each side is 2.5 px; ±6 px hold 96 % along an axis, its square in both.
+        for seen in [focused.point, focused.pixel, focused.supersampled] {
+            assert!((0.88..1.0).contains(&seen.diffraction_efficiency), "{seen:?}");
+            assert!((0.97..1.0 + 1e-9).contains(&seen.frame_efficiency), "{seen:?}");
+        }
+        let share = (12.0_f64 / 64.0).powi(2);
+        assert!((spread.pixel.diffraction_efficiency / share - 1.0).abs() < 0.2, "{:?}", spread.pixel);
+    }
+
+    #[test]
+    fn what_does_not_fit_is_refused() {
+        let setup = setup(30, 40, 5e-3);
+        let engine = Engine::<f32>::new(&DisplayModel::ideal(setup), Detector::Pixel, None).unwrap();
+        let region = RegionOfInterest::full(&setup.grid());
+        let (good, bad) = (Plane::filled(30, 40, 0.5), Plane::filled(30, 41, 0.5));
+        assert!(quality(&engine, &bad, &good, region).is_err());
+        assert!(quality(&engine, &good, &bad, region).is_err());
+        let beyond = RegionOfInterest::full(&Grid::try_new(31, 40, 8e-6).unwrap());
+        assert!(quality(&engine, &good, &good, beyond).is_err());
+    }
+}

@@ -1,0 +1,123 @@
+//! The light that a hologram sends out, and what arrives of it between the pixels' centres.
+
+use crate::engine::{Engine, Fields};
+use crate::real::Real;
+use crate::{Plane, Result};
+use num_complex::Complex;
+use pulp::Arch;
+use rayon::prelude::*;
+
+impl<T: Real> Engine<T> {
+    /// |u|² at every sub-sample of the detector, where it is in the image: k·`height_px` × k·`width_px` values, k = 1 for
+    /// [`Detector::Point`](crate::Detector::Point) and 2 for the others, whose mean over k×k samples is
+    /// [`Self::light`] where the detector is [`Detector::Pixel`](crate::Detector::Pixel).
+    ///
+    /// # Errors
+    ///
+    /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for a phase of another size.
+    pub fn samples(&self, phase: &Plane<T>) -> Result<Plane<T>> {
+        phase.expect_size("phase", self.height_px(), self.width_px())?;
+        let per_side = self.detector().offsets_px().len();
+        let mut fields = Fields::for_light(&self.convolver);
+        self.send(phase.values(), &mut fields);
+        let Fields { spectrum, tiles } = fields;
+        // Its memory is needed for the samples.
+        drop(spectrum);
+        let mut samples = Plane::filled(per_side * self.height_px(), per_side * self.width_px(), T::zero());
+        let (arch, width_px) = (Arch::new(), self.width_px());
+        samples.values_mut().par_chunks_mut(per_side * per_side * width_px).enumerate().for_each_init(
+            || self.convolver.scratch.take(),
+            |scratch, (y, out)| {
+                self.convolver.sample_row(arch, &tiles, y, scratch);
+                let fields = scratch.samples.chunks_exact(per_side * width_px);
+                for (out, fields) in out.chunks_exact_mut(per_side * width_px).zip(fields) {
+                    arch.dispatch(|| interleave(fields, per_side, out));
+                }
+            },
+        );
+        Ok(samples)
+    }
+
+    /// Σ |c|² over the pixels, c the field that leaves the modulator: with an ideal one, the number of pixels.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for a phase of another size.
+    pub fn light_sent(&self, phase: &Plane<T>) -> Result<f64> {
+        phase.expect_size("phase", self.height_px(), self.width_px())?;
+        let rows = (0..self.height_px()).into_par_iter().map_init(
+            || vec![Complex::new(T::zero(), T::zero()); self.width_px()],
+            |field, y| {
+                self.slm.field_row(y, phase.row(y), field);
+                field.iter().map(|c| c.norm_sqr().wide()).sum::<f64>()
+            },
+        );
+        Ok(rows.collect::<Vec<_>>().iter().sum())
+    }
+}
+
+/// Intensities in the order of their places, from the fields of one offset along x after the other.
+#[inline(always)]
+fn interleave<T: Real>(fields: &[Complex<T>], per_side: usize, out: &mut [T]) {
+    for (offset, fields) in fields.chunks_exact(out.len() / per_side).enumerate() {
+        for (out, u) in out.chunks_exact_mut(per_side).zip(fields) {
+            out[offset] = u.norm_sqr();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hologram::initial_phase;
+    use crate::{Detector, DisplayModel, Grid, OpticalSetup, reference};
+    use num_complex::Complex64;
+
+    const PITCH_M: f64 = 8e-6;
+
+    fn setup() -> OpticalSetup {
+        OpticalSetup::try_new(Grid::try_new(18, 25, PITCH_M).unwrap(), 515e-9, 3e-3).unwrap()
+    }
+
+    fn engine(detector: Detector) -> Engine<f64> {
+        Engine::new(&DisplayModel::ideal(setup()), detector, None).unwrap()
+    }
+
+    #[test]
+    fn samples_are_the_light_beside_the_pixels_centres() {
+        let phase = initial_phase(18, 25, 6.0, 3).unwrap().map(f64::from);
+        let field = phase.map(Complex64::cis);
+        let samples = engine(Detector::Supersampled).samples(&phase).unwrap();
+        for (dy, dx) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+            let offset_m = |d: usize| (d as f64 - 0.5) * 0.5 * PITCH_M;
+            let transfer = reference::offset(|fx, fy| setup().transfer(fx, fy), offset_m(dx), offset_m(dy));
+            let beside = reference::propagate(&field, PITCH_M, transfer);
+            for (y, x) in (0..18).flat_map(|y| (0..25).map(move |x| (y, x))) {
+                let (found, expected) = (samples.at(2 * y + dy, 2 * x + dx), beside.at(y, x).norm_sqr());
+                assert!((found - expected).abs() < 1e-11, "{y} {x} + {dy} {dx}: {found} {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_pixel_integrates_its_samples() {
+        let phase = initial_phase(18, 25, 6.0, 3).unwrap().map(f64::from);
+        let (light, samples) =
+            (engine(Detector::Pixel).light(&phase).unwrap(), engine(Detector::Pixel).samples(&phase).unwrap());
+        for (y, x) in (0..18).flat_map(|y| (0..25).map(move |x| (y, x))) {
+            let near = [(0, 0), (0, 1), (1, 0), (1, 1)].map(|(dy, dx)| samples.at(2 * y + dy, 2 * x + dx));
+            assert!((near.iter().sum::<f64>() / 4.0 - light.at(y, x)).abs() < 1e-12);
+        }
+        let point = engine(Detector::Point);
+        assert_eq!(point.samples(&phase).unwrap(), point.light(&phase).unwrap());
+    }
+
+    #[test]
+    fn an_ideal_modulator_sends_one_from_each_pixel() {
+        let phase = initial_phase(18, 25, 6.0, 3).unwrap().map(f64::from);
+        let engine = engine(Detector::Point);
+        assert!((engine.light_sent(&phase).unwrap() - 450.0).abs() < 1e-10);
+        assert!(engine.light_sent(&Plane::filled(18, 24, 0.0)).is_err());
+        assert!(engine.samples(&Plane::filled(18, 24, 0.0)).is_err());
+    }
+}
