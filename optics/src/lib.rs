@@ -28,6 +28,7 @@
 //! - [`test_cards`]: target pictures to try all of it on.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+mod batch_fft;
 pub mod carrier;
 pub mod chebyshev;
 pub mod compiled;

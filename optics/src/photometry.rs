@@ -107,7 +107,7 @@ impl<T: Real> Convolver<T> {
         spectrum: &mut [Complex<T>],
     ) -> Sums {
         let arch = Arch::new();
-        let row_len = self.lanes() * 2 * self.width_px;
+        let row_len = self.lanes() * self.row_len();
         let rows = spectrum.par_chunks_mut(row_len).enumerate().map_init(
             || self.scratch.take(),
             |scratch, (y, out)| {

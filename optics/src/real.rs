@@ -1,10 +1,12 @@
 //! The two precisions of the engine: f32 for work, f64 for reference.
 
 use num_complex::Complex;
+use pulp::{Simd, bytemuck};
 use rustfft::{FftNum, num_traits::Float};
 
 /// f32 or f64.
-pub trait Real: FftNum + Float {
+#[allow(private_bounds)] // how the engine computes is its own affair
+pub trait Real: FftNum + Float + Vectors {
     /// The nearest number of this precision.
     fn of(value: f64) -> Self;
 
@@ -58,17 +60,17 @@ impl Real for f32 {
     #[inline(always)]
     fn sine_cosine(self) -> (Self, Self) {
         const HALF_PI: [f32; 3] = [1.570_312_5, 4.837_513e-4, 7.549_79e-8];
-        let quarter_turns = (self * std::f32::consts::FRAC_2_PI).round_ties_even();
+        // Adding 1.5·2²³ rounds to a whole number, and leaves that number in the lowest bits.
+        const ROUND: f32 = 12_582_912.0;
+        let shifted = self * std::f32::consts::FRAC_2_PI + ROUND;
+        let (quadrant, quarter_turns) = (shifted.to_bits(), shifted - ROUND);
         let x = self - quarter_turns * HALF_PI[0] - quarter_turns * HALF_PI[1] - quarter_turns * HALF_PI[2];
         let x2 = x * x;
         let sine = x + x * x2 * (-1.666_665_5e-1 + x2 * (8.332_161e-3 + x2 * -1.951_529_6e-4));
         let cosine = 1.0 - 0.5 * x2 + x2 * x2 * (4.166_664_6e-2 + x2 * (-1.388_731_6e-3 + x2 * 2.443_315_7e-5));
-        let quadrant = quarter_turns as i32;
-        let swap = quadrant & 1 != 0;
-        let (s, c) = if swap { (cosine, sine) } else { (sine, cosine) };
-        let s = if quadrant & 2 != 0 { -s } else { s };
-        let c = if (quadrant + 1) & 2 != 0 { -c } else { c };
-        (s, c)
+        let (s, c) = if quadrant & 1 != 0 { (cosine, sine) } else { (sine, cosine) };
+        let signed = |value: f32, sign: u32| f32::from_bits(value.to_bits() ^ (sign << 30 & 0x8000_0000));
+        (signed(s, quadrant), signed(c, quadrant.wrapping_add(1)))
     }
 
     // e^x = 2^n · e^r with |r| ≤ ln 2 / 2, and a Taylor series for e^r.
@@ -83,6 +85,135 @@ impl Real for f32 {
         series * f32::from_bits(((n as i32 + 127) << 23) as u32)
     }
 }
+
+/// Numbers of this precision in the registers of a machine, see [`batch_fft`](crate::batch_fft).
+pub(crate) trait Vectors: Copy {
+    type Vector<S: Simd>: Copy;
+
+    fn lanes<S: Simd>() -> usize;
+    fn splat<S: Simd>(simd: S, value: Self) -> Self::Vector<S>;
+    fn add<S: Simd>(simd: S, a: Self::Vector<S>, b: Self::Vector<S>) -> Self::Vector<S>;
+    fn sub<S: Simd>(simd: S, a: Self::Vector<S>, b: Self::Vector<S>) -> Self::Vector<S>;
+    fn mul<S: Simd>(simd: S, a: Self::Vector<S>, b: Self::Vector<S>) -> Self::Vector<S>;
+    /// a·b + c
+    fn mul_add<S: Simd>(simd: S, a: Self::Vector<S>, b: Self::Vector<S>, c: Self::Vector<S>) -> Self::Vector<S>;
+    fn neg<S: Simd>(simd: S, a: Self::Vector<S>) -> Self::Vector<S>;
+    /// Whole registers' worth; what is left over at the end is left out.
+    fn vectors<S: Simd>(values: &[Self]) -> &[Self::Vector<S>];
+    fn vectors_mut<S: Simd>(values: &mut [Self]) -> &mut [Self::Vector<S>];
+    /// Pairs of registers that hold complex numbers as they lie in memory.
+    fn interleaved<S: Simd>(values: &[Complex<Self>]) -> &[[Self::Vector<S>; 2]];
+    fn interleaved_mut<S: Simd>(values: &mut [Complex<Self>]) -> &mut [[Self::Vector<S>; 2]];
+    /// From such a pair to real and imaginary parts, lanes in an order of the machine's own.
+    fn parts<S: Simd>(simd: S, pair: [Self::Vector<S>; 2]) -> [Self::Vector<S>; 2];
+    /// The inverse of [`Self::parts`].
+    fn pair<S: Simd>(simd: S, parts: [Self::Vector<S>; 2]) -> [Self::Vector<S>; 2];
+}
+
+macro_rules! vectors {
+    ($real:ty, $vector:ident, $lanes:ident, $splat:ident, $add:ident, $sub:ident, $mul:ident, $mul_add:ident,
+     $neg:ident, $slice:ident, $slice_mut:ident, $deinterleave:ident, $interleave:ident) => {
+        impl Vectors for $real {
+            type Vector<S: Simd> = S::$vector;
+
+            #[inline(always)]
+            fn lanes<S: Simd>() -> usize {
+                S::$lanes
+            }
+
+            #[inline(always)]
+            fn splat<S: Simd>(simd: S, value: Self) -> S::$vector {
+                simd.$splat(value)
+            }
+
+            #[inline(always)]
+            fn add<S: Simd>(simd: S, a: S::$vector, b: S::$vector) -> S::$vector {
+                simd.$add(a, b)
+            }
+
+            #[inline(always)]
+            fn sub<S: Simd>(simd: S, a: S::$vector, b: S::$vector) -> S::$vector {
+                simd.$sub(a, b)
+            }
+
+            #[inline(always)]
+            fn mul<S: Simd>(simd: S, a: S::$vector, b: S::$vector) -> S::$vector {
+                simd.$mul(a, b)
+            }
+
+            #[inline(always)]
+            fn mul_add<S: Simd>(simd: S, a: S::$vector, b: S::$vector, c: S::$vector) -> S::$vector {
+                simd.$mul_add(a, b, c)
+            }
+
+            #[inline(always)]
+            fn neg<S: Simd>(simd: S, a: S::$vector) -> S::$vector {
+                simd.$neg(a)
+            }
+
+            #[inline(always)]
+            fn vectors<S: Simd>(values: &[Self]) -> &[S::$vector] {
+                S::$slice(values).0
+            }
+
+            #[inline(always)]
+            fn vectors_mut<S: Simd>(values: &mut [Self]) -> &mut [S::$vector] {
+                S::$slice_mut(values).0
+            }
+
+            #[inline(always)]
+            fn interleaved<S: Simd>(values: &[Complex<Self>]) -> &[[S::$vector; 2]] {
+                S::$slice(bytemuck::cast_slice(values)).0.as_chunks().0
+            }
+
+            #[inline(always)]
+            fn interleaved_mut<S: Simd>(values: &mut [Complex<Self>]) -> &mut [[S::$vector; 2]] {
+                S::$slice_mut(bytemuck::cast_slice_mut(values)).0.as_chunks_mut().0
+            }
+
+            #[inline(always)]
+            fn parts<S: Simd>(simd: S, pair: [S::$vector; 2]) -> [S::$vector; 2] {
+                simd.$deinterleave(pair)
+            }
+
+            #[inline(always)]
+            fn pair<S: Simd>(simd: S, parts: [S::$vector; 2]) -> [S::$vector; 2] {
+                simd.$interleave(parts)
+            }
+        }
+    };
+}
+
+vectors!(
+    f32,
+    f32s,
+    F32_LANES,
+    splat_f32s,
+    add_f32s,
+    sub_f32s,
+    mul_f32s,
+    mul_add_e_f32s,
+    neg_f32s,
+    as_simd_f32s,
+    as_mut_simd_f32s,
+    deinterleave_shfl_f32s,
+    interleave_shfl_f32s
+);
+vectors!(
+    f64,
+    f64s,
+    F64_LANES,
+    splat_f64s,
+    add_f64s,
+    sub_f64s,
+    mul_f64s,
+    mul_add_e_f64s,
+    neg_f64s,
+    as_simd_f64s,
+    as_mut_simd_f64s,
+    deinterleave_shfl_f64s,
+    interleave_shfl_f64s
+);
 
 /// e^{ix}.
 #[inline(always)]

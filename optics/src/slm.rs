@@ -8,7 +8,7 @@
 //! φ includes its grating, and k = ±1 follows it, so that c is described in the direction in which the image leaves.
 
 use crate::carrier::Carrier;
-use crate::real::{Real, unit};
+use crate::real::Real;
 use num_complex::Complex;
 use pulp::{Arch, Simd, WithSimd};
 use std::f64::consts::PI;
@@ -44,9 +44,12 @@ impl<T: Real> Slm<T> {
 
     #[inline(always)]
     fn write_field_row(&self, y: usize, phase: &[T], field: &mut [Complex<T>]) {
-        for (x, (c, &phase)) in field.iter_mut().zip(phase).enumerate() {
-            let (_, steered) = self.response(self.displayed(y, x, phase));
-            *c = (steered + self.zero_order).scale(self.sign(y, x));
+        for (i, (phase, field)) in phase.chunks(BLOCK).zip(field.chunks_mut(BLOCK)).enumerate() {
+            let block = self.respond(y, i * BLOCK, phase);
+            for (x, c) in field.iter_mut().enumerate() {
+                let (re, im) = (block.steered.re[x] + self.zero_order.re, block.steered.im[x] + self.zero_order.im);
+                *c = Complex::new(re * block.sign[x], im * block.sign[x]);
+            }
         }
         if let Some(source) = &self.source {
             for (c, &a) in field.iter_mut().zip(&source[y * self.width_px..]) {
@@ -57,56 +60,106 @@ impl<T: Real> Slm<T> {
 
     #[inline(always)]
     fn write_phase_gradient_row(&self, y: usize, phase: &[T], b: &[Complex<T>], gradient: &mut [T]) {
-        let two = T::of(2.0);
+        let blocks = phase.chunks(BLOCK).zip(b.chunks(BLOCK)).zip(gradient.chunks_mut(BLOCK));
+        for (i, ((phase, b), gradient)) in blocks.enumerate() {
+            let Block { slope, sign, steered, .. } = self.respond(y, i * BLOCK, phase);
+            let light = self.lit(y, i * BLOCK, b);
+            for (x, gradient) in gradient.iter_mut().enumerate() {
+                let imaginary = light.re[x] * steered.im[x] + light.im[x] * steered.re[x];
+                *gradient = -T::of(2.0) * sign[x] * slope[x] * imaginary;
+            }
+        }
+    }
+
+    /// b* · a, zero beyond the row's end.
+    #[inline(always)]
+    pub(crate) fn lit(&self, y: usize, x: usize, b: &[Complex<T>]) -> Parts<T> {
+        let mut light = Parts { re: [T::zero(); BLOCK], im: [T::zero(); BLOCK] };
         match &self.source {
             None => {
-                for (x, ((gradient, &phase), &b)) in gradient.iter_mut().zip(phase).zip(b).enumerate() {
-                    let (slope, steered) = self.response(self.displayed(y, x, phase));
-                    *gradient = -two * self.sign(y, x) * slope * (b.conj() * steered).im;
+                for (i, b) in b.iter().enumerate() {
+                    (light.re[i], light.im[i]) = (b.re, -b.im);
                 }
             }
             Some(source) => {
-                let row = &source[y * self.width_px..];
-                for (x, (((gradient, &phase), &b), &a)) in gradient.iter_mut().zip(phase).zip(b).zip(row).enumerate() {
-                    let (slope, steered) = self.response(self.displayed(y, x, phase));
-                    *gradient = -two * self.sign(y, x) * slope * (b.conj() * steered * a).im;
+                for (i, (b, a)) in b.iter().zip(&source[y * self.width_px + x..]).enumerate() {
+                    (light.re[i], light.im[i]) = (b.re * a.re + b.im * a.im, b.re * a.im - b.im * a.re);
                 }
             }
         }
+        light
     }
 
-    /// r′(φ) and e^{i r(φ)}.
+    /// What becomes of at most [`BLOCK`] phases from (y, x) on.
     #[inline(always)]
-    pub(crate) fn response(&self, phase: T) -> (T, Complex<T>) {
-        let turn = unit(phase);
+    pub(crate) fn respond(&self, y: usize, x: usize, phase: &[T]) -> Block<T> {
+        let (zero, one) = ([T::zero(); BLOCK], [T::one(); BLOCK]);
+        let mut displayed = zero;
+        displayed[..phase.len()].copy_from_slice(phase);
+        let mut sign = one;
+        if let Some(carrier) = self.carrier {
+            for i in 0..BLOCK {
+                if carrier.is_odd(y, x + i) {
+                    (displayed[i], sign[i]) = (displayed[i] + T::of(PI), -T::one());
+                }
+            }
+        }
+        let mut turn = Parts { re: zero, im: zero };
+        for i in 0..BLOCK {
+            (turn.im[i], turn.re[i]) = displayed[i].sine_cosine();
+        }
         if self.harmonics.is_empty() {
-            return (T::one(), turn);
+            return Block { sign, slope: one, turn, steered: turn };
         }
-        let (mut response, mut slope, mut power) = (phase, T::one(), turn);
+        let (mut response, mut slope, mut power) = (displayed, one, turn);
         for (k, &[a, b]) in self.harmonics.iter().enumerate() {
-            response = response + a * power.im + b * power.re;
-            slope = slope + T::of((k + 1) as f64) * (a * power.re - b * power.im);
-            power = power * turn;
+            let (order, times) = (T::of((k + 1) as f64), power);
+            for i in 0..BLOCK {
+                response[i] = response[i] + a * times.im[i] + b * times.re[i];
+                slope[i] = slope[i] + order * (a * times.re[i] - b * times.im[i]);
+            }
+            power = times.multiplied(&turn);
         }
-        (slope, unit(response))
+        let mut steered = turn;
+        for i in 0..BLOCK {
+            (steered.im[i], steered.re[i]) = response[i].sine_cosine();
+        }
+        Block { sign, slope, turn, steered }
     }
+}
 
-    /// The phase with the carrier's grating.
-    #[inline(always)]
-    pub(crate) fn displayed(&self, y: usize, x: usize, phase: T) -> T {
-        match self.carrier {
-            Some(carrier) if carrier.is_odd(y, x) => phase + T::of(PI),
-            _ => phase,
-        }
-    }
+/// Neighbours that are worked on together: every step is a loop over plain arrays, which becomes vector instructions.
+pub(crate) const BLOCK: usize = 32;
 
-    /// k at a pixel: −1 where the carrier adds π.
+/// The real and the imaginary parts of neighbours.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Parts<T> {
+    pub(crate) re: [T; BLOCK],
+    pub(crate) im: [T; BLOCK],
+}
+
+/// What the SLM makes of neighbouring phases.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Block<T> {
+    /// k: −1 where the carrier adds π.
+    pub(crate) sign: [T; BLOCK],
+    /// r′(φ)
+    pub(crate) slope: [T; BLOCK],
+    /// e^{iφ}
+    pub(crate) turn: Parts<T>,
+    /// e^{i r(φ)}
+    pub(crate) steered: Parts<T>,
+}
+
+impl<T: Real> Parts<T> {
     #[inline(always)]
-    pub(crate) fn sign(&self, y: usize, x: usize) -> T {
-        match self.carrier {
-            Some(carrier) if carrier.is_odd(y, x) => -T::one(),
-            _ => T::one(),
+    pub(crate) fn multiplied(&self, by: &Self) -> Self {
+        let mut product = *self;
+        for i in 0..BLOCK {
+            product.re[i] = self.re[i] * by.re[i] - self.im[i] * by.im[i];
+            product.im[i] = self.re[i] * by.im[i] + self.im[i] * by.re[i];
         }
+        product
     }
 }
 

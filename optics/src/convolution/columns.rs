@@ -1,41 +1,37 @@
 //! Passes along y: a tile of columns at a time.
 
-use super::{Axis, Convolver, TILE, Transfer, rows::add_multiply_conj, scratch::Scratch};
+use super::{Convolver, Transfer};
+use crate::batch_fft::{ComplexLanes, Planes};
 use crate::real::Real;
 use num_complex::Complex;
-use pulp::Arch;
+use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-/// Rows that are transposed together: with 8, a column's share is a cache line in f32.
-const BLOCK: usize = 8;
+/// A tile's spectra, and room to transform them in.
+pub(crate) struct TileScratch<T> {
+    /// The even and the odd bins.
+    spectra: [Planes<T>; 2],
+    /// Those of one offset.
+    shifted: [Planes<T>; 2],
+    spare: Planes<T>,
+}
+
+impl<T: Real> TileScratch<T> {
+    pub(super) fn new(len: usize) -> Self {
+        let planes = || Planes::zeros(len);
+        Self { spectra: [planes(), planes()], shifted: [planes(), planes()], spare: planes() }
+    }
+}
 
 impl<T: Real> Convolver<T> {
     /// One half-transformed field in, H applied, one field out for each offset along y.
     pub(crate) fn propagate(&self, spectrum: &[Complex<T>], transfer: &Transfer<T>, tiles: &mut [Complex<T>]) {
         let arch = Arch::new();
-        let lanes = self.lanes();
-        tiles.par_chunks_mut(lanes * TILE * self.height_px).enumerate().for_each_init(
+        tiles.par_chunks_mut(self.lanes() * self.tile_len()).enumerate().for_each_init(
             || self.scratch.take(),
             |scratch, (tile, out)| {
-                let Scratch { columns: [spectra, shifted], fft, .. } = &mut **scratch;
-                let count = out.len() / (lanes * self.height_px);
-                self.transform_tile(arch, spectrum, 1, 0, tile * TILE, count, spectra, fft);
-                for (k, column) in spectra.chunks_exact_mut(2 * self.height_px).take(count).enumerate() {
-                    arch.dispatch(|| multiply_in_place(column, transfer.column(tile * TILE + k)));
-                }
-                for (offset, out) in self.along_y.offsets.iter().zip(out.chunks_exact_mut(count * self.height_px)) {
-                    let columns = match offset {
-                        None => &mut *spectra,
-                        Some(phases) => {
-                            let pairs = shifted.chunks_exact_mut(2 * self.height_px);
-                            for (to, from) in pairs.zip(spectra.chunks_exact(2 * self.height_px)).take(count) {
-                                arch.dispatch(|| super::rows::multiply(from, phases, to));
-                            }
-                            &mut *shifted
-                        }
-                    };
-                    self.transform_tile_back(arch, columns, count, out, fft);
-                }
+                let scratch = &mut scratch.tile;
+                arch.dispatch(TilePass { convolver: self, transfer, spectrum, tile, scratch, out, way: Way::There });
             },
         );
     }
@@ -43,13 +39,11 @@ impl<T: Real> Convolver<T> {
     /// The adjoint of [`Self::propagate`].
     pub(crate) fn propagate_adjoint(&self, spectrum: &[Complex<T>], transfer: &Transfer<T>, tiles: &mut [Complex<T>]) {
         let arch = Arch::new();
-        tiles.par_chunks_mut(TILE * self.height_px).enumerate().for_each_init(
+        tiles.par_chunks_mut(self.tile_len()).enumerate().for_each_init(
             || self.scratch.take(),
             |scratch, (tile, out)| {
-                let Scratch { columns: [sum, lane], fft, .. } = &mut **scratch;
-                let count = out.len() / self.height_px;
-                self.sum_lanes(arch, spectrum, tile * TILE, count, sum, lane, fft);
-                self.return_tile(arch, transfer, tile * TILE, count, sum, out, fft);
+                let scratch = &mut scratch.tile;
+                arch.dispatch(TilePass { convolver: self, transfer, spectrum, tile, scratch, out, way: Way::Back });
             },
         );
     }
@@ -66,157 +60,263 @@ impl<T: Real> Convolver<T> {
         visit: impl Fn(usize, &[Complex<T>], &[Complex<T>]) -> R + Sync,
     ) -> Vec<R> {
         let arch = Arch::new();
-        let answers = tiles.par_chunks_mut(TILE * self.height_px).enumerate().map_init(
-            || (self.scratch.take(), self.scratch.take()),
-            |(first, second), (tile, out)| {
-                let count = out.len() / self.height_px;
-                let Scratch { columns: [sum, lane], fft, .. } = &mut **first;
-                self.sum_lanes(arch, gradient, tile * TILE, count, sum, lane, fft);
-                let field_columns = &mut second.columns[0];
-                self.transform_tile(arch, field, 1, 0, tile * TILE, count, field_columns, fft);
-                let columns = field_columns.chunks_exact(2 * self.height_px).zip(sum.chunks_exact(2 * self.height_px));
-                let answer = |(k, (u, g))| visit(tile * TILE + k, u, g);
-                let answers: Vec<R> = columns.take(count).enumerate().map(answer).collect();
-                self.return_tile(arch, transfer, tile * TILE, count, sum, out, fft);
+        let len = self.tile_len();
+        let zeros = |len| vec![Complex::new(T::zero(), T::zero()); len];
+        let answers = tiles.par_chunks_mut(len).enumerate().map_init(
+            || {
+                (
+                    self.scratch.take(),
+                    [zeros(2 * len), zeros(2 * len)],
+                    [zeros(2 * self.height_px), zeros(2 * self.height_px)],
+                )
+            },
+            |(scratch, [u, g], [u_column, g_column]), (tile, out)| {
+                let scratch = &mut scratch.tile;
+                let mut pass = |spectrum: &[Complex<T>], out: &mut [Complex<T>], way| {
+                    arch.dispatch(TilePass { convolver: self, transfer, spectrum, tile, scratch, out, way });
+                };
+                pass(field, u, Way::SpectraThere);
+                pass(gradient, g, Way::SpectraBack);
+                let columns = self.tile_columns.min(2 * self.width_px - tile * self.tile_columns);
+                let answers: Vec<R> = (0..columns)
+                    .map(|k| {
+                        read_column(u, self.tile_columns, k, u_column);
+                        read_column(g, self.tile_columns, k, g_column);
+                        visit(tile * self.tile_columns + k, u_column, g_column)
+                    })
+                    .collect();
+                pass(gradient, out, Way::ReturnSpectra);
                 answers
             },
         );
         answers.collect::<Vec<_>>().into_iter().flatten().collect()
     }
 
-    /// Applies H* to `count` columns from `start` on and transforms them back.
-    #[allow(clippy::too_many_arguments)] // a leaf: everything it touches comes from the pass above
-    fn return_tile(
-        &self,
-        arch: Arch,
-        transfer: &Transfer<T>,
-        start: usize,
-        count: usize,
-        columns: &mut [Complex<T>],
-        out: &mut [Complex<T>],
-        fft: &mut [Complex<T>],
-    ) {
-        for (k, column) in columns.chunks_exact_mut(2 * self.height_px).take(count).enumerate() {
-            arch.dispatch(|| multiply_conj_in_place(column, transfer.column(start + k)));
-        }
-        self.transform_tile_back(arch, columns, count, out, fft);
+    /// Values of a tile of one half-transformed field.
+    fn tile_len(&self) -> usize {
+        self.height_px * self.tile_columns
     }
+}
 
-    /// The spectra of a tile of the sub-sampled field's adjoint: each offset's columns with its phase undone, summed.
-    #[allow(clippy::too_many_arguments)] // a leaf: everything it touches comes from the pass above
-    fn sum_lanes(
-        &self,
-        arch: Arch,
-        spectrum: &[Complex<T>],
-        start: usize,
-        count: usize,
-        sum: &mut [Complex<T>],
-        lane_columns: &mut [Complex<T>],
-        fft: &mut [Complex<T>],
-    ) {
-        let lanes = self.lanes();
-        for (lane, offset) in self.along_y.offsets.iter().enumerate() {
-            let Some(phases) = offset else {
-                self.transform_tile(arch, spectrum, lanes, lane, start, count, sum, fft);
-                continue;
-            };
-            self.transform_tile(arch, spectrum, lanes, lane, start, count, lane_columns, fft);
-            let columns = sum.chunks_exact_mut(2 * self.height_px).zip(lane_columns.chunks_exact(2 * self.height_px));
-            for (to, from) in columns.take(count) {
-                if lane == 0 {
-                    to.fill(Complex::new(T::zero(), T::zero()));
-                }
-                arch.dispatch(|| add_multiply_conj(from, phases, to));
+fn read_column<T: Copy>(tile: &[T], columns: usize, k: usize, column: &mut [T]) {
+    for (value, row) in column.iter_mut().zip(tile.chunks_exact(columns)) {
+        *value = row[k];
+    }
+}
+
+/// What a pass over a tile does.
+#[derive(Clone, Copy, Debug)]
+enum Way {
+    /// Transform, multiply by H, transform back for each offset along y.
+    There,
+    /// The adjoint of it.
+    Back,
+    /// Stop before H and write the spectra.
+    SpectraThere,
+    /// The same on the way back.
+    SpectraBack,
+    /// Go on from the spectra that [`Way::SpectraBack`] left in the scratch.
+    ReturnSpectra,
+}
+
+/// A pass over a tile, as an operation that is compiled for the vector instructions of the machine at hand.
+struct TilePass<'a, T> {
+    convolver: &'a Convolver<T>,
+    transfer: &'a Transfer<T>,
+    spectrum: &'a [Complex<T>],
+    tile: usize,
+    scratch: &'a mut TileScratch<T>,
+    out: &'a mut [Complex<T>],
+    way: Way,
+}
+
+impl<T: Real> WithSimd for TilePass<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { convolver, transfer, spectrum, tile, scratch, out, way } = self;
+        let pass = Pass { simd, convolver, tile };
+        match way {
+            Way::There | Way::SpectraThere => {
+                pass.transform(spectrum, 1, 0, &mut scratch.spectra, &mut scratch.spare);
             }
+            Way::Back | Way::SpectraBack => pass.sum_lanes(spectrum, scratch),
+            Way::ReturnSpectra => {}
+        }
+        match way {
+            Way::There => {
+                pass.apply(transfer, false, &mut scratch.spectra);
+                pass.return_lanes(scratch, out);
+            }
+            Way::Back | Way::ReturnSpectra => {
+                pass.apply(transfer, true, &mut scratch.spectra);
+                pass.return_tile(&mut scratch.spectra, &mut scratch.spare, out);
+            }
+            Way::SpectraThere | Way::SpectraBack => pass.write_spectra(&scratch.spectra, out),
         }
     }
+}
 
-    /// Reads `count` columns from `start` on of a row-major half spectrum and transforms them along y.
-    #[allow(clippy::too_many_arguments)] // a leaf: everything it touches comes from the pass above
-    fn transform_tile(
+struct Pass<'a, T, S> {
+    simd: S,
+    convolver: &'a Convolver<T>,
+    tile: usize,
+}
+
+impl<T: Real, S: Simd> Pass<'_, T, S> {
+    /// Registers in a row of a tile.
+    #[inline(always)]
+    fn registers(&self) -> usize {
+        self.convolver.tile_columns / T::lanes::<S>()
+    }
+
+    /// Reads this tile of one of `lanes` half-transformed fields and leaves its spectra in `halves`.
+    #[inline(always)]
+    fn transform(
         &self,
-        arch: Arch,
         spectrum: &[Complex<T>],
         lanes: usize,
         lane: usize,
-        start: usize,
-        count: usize,
-        columns: &mut [Complex<T>],
-        fft: &mut [Complex<T>],
+        halves: &mut [Planes<T>; 2],
+        spare: &mut Planes<T>,
     ) {
-        let (height, width) = (self.height_px, 2 * self.width_px);
-        for first in (0..height).step_by(BLOCK) {
-            let rows = BLOCK.min(height - first);
-            let mut block = [[Complex::new(T::zero(), T::zero()); TILE]; BLOCK];
-            for (i, row) in block.iter_mut().enumerate().take(rows) {
-                let at = ((first + i) * lanes + lane) * width + start;
-                for (slot, &value) in row.iter_mut().zip(&spectrum[at..at + count]) {
-                    *slot = value;
+        let (columns, row_len) = (self.convolver.tile_columns, self.convolver.row_len());
+        let [even, odd] = &mut *halves;
+        let (even_re, even_im) = (T::vectors_mut::<S>(&mut even.re), T::vectors_mut::<S>(&mut even.im));
+        let (odd_re, odd_im) = (T::vectors_mut::<S>(&mut odd.re), T::vectors_mut::<S>(&mut odd.im));
+        let mut at = 0;
+        for (y, &turn) in self.convolver.along_y.half_bin.iter().enumerate() {
+            let turn = ComplexLanes::splat(self.simd, turn);
+            let row = &spectrum[(y * lanes + lane) * row_len + self.tile * columns..][..columns];
+            for &pair in T::interleaved::<S>(row) {
+                let [re, im] = T::parts(self.simd, pair);
+                let turned = ComplexLanes::<T, S>::new(self.simd, re, im) * turn;
+                (even_re[at], even_im[at]) = (re, im);
+                (odd_re[at], odd_im[at]) = (turned.re.vector, turned.im.vector);
+                at += 1;
+            }
+        }
+        for half in halves {
+            self.convolver.down_columns.forward(self.simd, half, spare);
+        }
+    }
+
+    /// The spectra of the sub-sampled field's adjoint: each offset's columns with its phase undone, summed.
+    #[inline(always)]
+    fn sum_lanes(&self, spectrum: &[Complex<T>], scratch: &mut TileScratch<T>) {
+        let TileScratch { spectra, shifted, spare } = scratch;
+        let lanes = self.convolver.lanes();
+        for (lane, offset) in self.convolver.along_y.offsets.iter().enumerate() {
+            let Some(phases) = offset else {
+                self.transform(spectrum, lanes, lane, spectra, spare);
+                continue;
+            };
+            self.transform(spectrum, lanes, lane, shifted, spare);
+            let halves = spectra.iter_mut().zip(&*shifted).zip(phases.chunks_exact(self.convolver.height_px));
+            for ((sum, half), phases) in halves {
+                self.add_turned_back(half, phases, lane > 0, sum);
+            }
+        }
+    }
+
+    /// `sum` (+)= `half` · conj of its row's phase.
+    #[inline(always)]
+    fn add_turned_back(&self, half: &Planes<T>, phases: &[Complex<T>], add: bool, sum: &mut Planes<T>) {
+        let registers = self.registers();
+        let (re, im) = (T::vectors::<S>(&half.re), T::vectors::<S>(&half.im));
+        let (sum_re, sum_im) = (T::vectors_mut::<S>(&mut sum.re), T::vectors_mut::<S>(&mut sum.im));
+        for (y, &phase) in phases.iter().enumerate() {
+            let phase = ComplexLanes::splat(self.simd, phase).conj();
+            for at in y * registers..(y + 1) * registers {
+                let mut value = ComplexLanes::<T, S>::new(self.simd, re[at], im[at]) * phase;
+                if add {
+                    value = value + ComplexLanes::new(self.simd, sum_re[at], sum_im[at]);
                 }
-            }
-            for (k, column) in columns.chunks_exact_mut(2 * height).enumerate().take(count) {
-                for (value, row) in column[first..first + rows].iter_mut().zip(&block) {
-                    *value = row[k];
-                }
-            }
-        }
-        for column in columns.chunks_exact_mut(2 * height).take(count) {
-            self.along_y.transform_column(arch, column, fft);
-        }
-    }
-
-    /// Transforms `count` columns back and writes them as a tile; destroys `columns`.
-    fn transform_tile_back(
-        &self,
-        arch: Arch,
-        columns: &mut [Complex<T>],
-        count: usize,
-        out: &mut [Complex<T>],
-        fft: &mut [Complex<T>],
-    ) {
-        for column in columns.chunks_exact_mut(2 * self.height_px).take(count) {
-            self.along_y.transform_column_back(arch, column, fft);
-        }
-        for (first, rows) in out.chunks_mut(BLOCK * count).enumerate() {
-            let mut block = [[Complex::new(T::zero(), T::zero()); TILE]; BLOCK];
-            let count_rows = rows.len() / count;
-            for (k, column) in columns.chunks_exact(2 * self.height_px).enumerate().take(count) {
-                for (row, &value) in block.iter_mut().zip(&column[first * BLOCK..][..count_rows]) {
-                    row[k] = value;
-                }
-            }
-            for (row, block) in rows.chunks_exact_mut(count).zip(&block) {
-                row.copy_from_slice(&block[..count]);
+                (sum_re[at], sum_im[at]) = (value.re.vector, value.im.vector);
             }
         }
     }
-}
 
-impl<T: Real> Axis<T> {
-    fn transform_column(&self, arch: Arch, column: &mut [Complex<T>], fft: &mut [Complex<T>]) {
-        let (even, odd) = column.split_at_mut(self.n);
-        arch.dispatch(|| super::rows::multiply(even, &self.half_bin, odd));
-        self.forward.process_with_scratch(column, fft);
+    /// `to` = `half` · its row's phase.
+    #[inline(always)]
+    fn turn(&self, half: &Planes<T>, phases: &[Complex<T>], to: &mut Planes<T>) {
+        let registers = self.registers();
+        let (re, im) = (T::vectors::<S>(&half.re), T::vectors::<S>(&half.im));
+        let (to_re, to_im) = (T::vectors_mut::<S>(&mut to.re), T::vectors_mut::<S>(&mut to.im));
+        for (y, &phase) in phases.iter().enumerate() {
+            let phase = ComplexLanes::splat(self.simd, phase);
+            for at in y * registers..(y + 1) * registers {
+                let value = ComplexLanes::<T, S>::new(self.simd, re[at], im[at]) * phase;
+                (to_re[at], to_im[at]) = (value.re.vector, value.im.vector);
+            }
+        }
     }
 
-    /// The result is in the first half.
-    fn transform_column_back(&self, arch: Arch, column: &mut [Complex<T>], fft: &mut [Complex<T>]) {
-        self.inverse.process_with_scratch(column, fft);
-        let (even, odd) = column.split_at_mut(self.n);
-        arch.dispatch(|| add_multiply_conj(odd, &self.half_bin, even));
+    /// Multiplies the spectra by H, or by its conjugate.
+    #[inline(always)]
+    fn apply(&self, transfer: &Transfer<T>, conjugate: bool, spectra: &mut [Planes<T>; 2]) {
+        let h = transfer.tile(self.tile);
+        for (half, h) in spectra.iter_mut().zip(h.chunks_exact(h.len() / 2)) {
+            let (re, im) = (T::vectors_mut::<S>(&mut half.re), T::vectors_mut::<S>(&mut half.im));
+            for ((re, im), &pair) in re.iter_mut().zip(im).zip(T::interleaved::<S>(h)) {
+                let [h_re, h_im] = T::parts(self.simd, pair);
+                let h = ComplexLanes::<T, S>::new(self.simd, h_re, h_im);
+                let h = if conjugate { h.conj() } else { h };
+                let value = ComplexLanes::new(self.simd, *re, *im) * h;
+                (*re, *im) = (value.re.vector, value.im.vector);
+            }
+        }
     }
-}
 
-#[inline(always)]
-fn multiply_in_place<T: Real>(values: &mut [Complex<T>], by: &[Complex<T>]) {
-    for (value, &by) in values.iter_mut().zip(by) {
-        *value = *value * by;
+    /// Transforms the spectra back for each offset along y.
+    #[inline(always)]
+    fn return_lanes(&self, scratch: &mut TileScratch<T>, out: &mut [Complex<T>]) {
+        let TileScratch { spectra, shifted, spare } = scratch;
+        let outs = out.chunks_exact_mut(self.convolver.tile_len());
+        for (offset, out) in self.convolver.along_y.offsets.iter().zip(outs) {
+            let Some(phases) = offset else {
+                self.return_tile(spectra, spare, out);
+                continue;
+            };
+            let halves = spectra.iter().zip(&mut *shifted).zip(phases.chunks_exact(self.convolver.height_px));
+            for ((half, shifted), phases) in halves {
+                self.turn(half, phases, shifted);
+            }
+            self.return_tile(shifted, spare, out);
+        }
     }
-}
 
-#[inline(always)]
-fn multiply_conj_in_place<T: Real>(values: &mut [Complex<T>], by: &[Complex<T>]) {
-    for (value, &by) in values.iter_mut().zip(by) {
-        *value = *value * by.conj();
+    /// Transforms spectra back and writes the first half of the padded columns: even + conj(half_bin) · odd.
+    #[inline(always)]
+    fn return_tile(&self, halves: &mut [Planes<T>; 2], spare: &mut Planes<T>, out: &mut [Complex<T>]) {
+        for half in &mut *halves {
+            self.convolver.down_columns.inverse(self.simd, half, spare);
+        }
+        let [even, odd] = &*halves;
+        let (even_re, even_im) = (T::vectors::<S>(&even.re), T::vectors::<S>(&even.im));
+        let (odd_re, odd_im) = (T::vectors::<S>(&odd.re), T::vectors::<S>(&odd.im));
+        let rows = out.chunks_exact_mut(self.convolver.tile_columns);
+        let mut at = 0;
+        for (row, &turn) in rows.zip(&self.convolver.along_y.half_bin) {
+            let turn = ComplexLanes::splat(self.simd, turn).conj();
+            for pair in T::interleaved_mut::<S>(row) {
+                let odd = ComplexLanes::<T, S>::new(self.simd, odd_re[at], odd_im[at]) * turn;
+                let value = ComplexLanes::new(self.simd, even_re[at], even_im[at]) + odd;
+                *pair = T::pair(self.simd, [value.re.vector, value.im.vector]);
+                at += 1;
+            }
+        }
+    }
+
+    /// Writes the spectra row after row, in split order.
+    #[inline(always)]
+    fn write_spectra(&self, spectra: &[Planes<T>; 2], out: &mut [Complex<T>]) {
+        for (half, out) in spectra.iter().zip(out.chunks_exact_mut(self.convolver.tile_len())) {
+            let (re, im) = (T::vectors::<S>(&half.re), T::vectors::<S>(&half.im));
+            for ((pair, &re), &im) in T::interleaved_mut::<S>(out).iter_mut().zip(re).zip(im) {
+                *pair = T::pair(self.simd, [re, im]);
+            }
+        }
     }
 }

@@ -26,19 +26,19 @@ mod transfer;
 pub(crate) use scratch::{Scratch, ScratchPool};
 pub(crate) use transfer::{Transfer, frequencies};
 
+use crate::batch_fft::BatchFft;
 use crate::real::{Real, unit_of};
 use num_complex::Complex;
 use rustfft::{Fft, FftPlanner};
 use std::{f64::consts::PI, fmt, sync::Arc};
 
-/// Columns in a tile: few enough that its spectra stay in a core's cache, and many enough that a row of it is several
-/// whole cache lines. Measured: 32 takes 5 % less time than 16 or 64.
-pub(crate) const TILE: usize = 32;
-
 /// Plans and tables for one size and one set of sub-sample offsets.
 pub(crate) struct Convolver<T> {
     pub(crate) height_px: usize,
     pub(crate) width_px: usize,
+    /// Columns that are transformed together.
+    pub(crate) tile_columns: usize,
+    pub(crate) down_columns: BatchFft<T>,
     pub(crate) along_x: Axis<T>,
     pub(crate) along_y: Axis<T>,
     pub(crate) scratch: ScratchPool<T>,
@@ -67,8 +67,10 @@ impl<T: Real> Convolver<T> {
         let mut planner = FftPlanner::new();
         let along_x = Axis::new(&mut planner, width_px, offsets_px);
         let along_y = Axis::new(&mut planner, height_px, offsets_px);
-        let scratch = ScratchPool::new(&along_x, &along_y);
-        Self { height_px, width_px, along_x, along_y, scratch }
+        let tile_columns = tile_columns::<T>(height_px);
+        let scratch = ScratchPool::new(&along_x, &along_y, tile_columns);
+        let down_columns = BatchFft::new(height_px, tile_columns);
+        Self { height_px, width_px, tile_columns, down_columns, along_x, along_y, scratch }
     }
 
     /// Offsets along each axis.
@@ -78,7 +80,12 @@ impl<T: Real> Convolver<T> {
 
     /// Values in a buffer of half-transformed fields, one for each of `lanes` offsets along y.
     pub(crate) fn half_spectrum_len(&self, lanes: usize) -> usize {
-        lanes * self.height_px * 2 * self.width_px
+        lanes * self.height_px * self.row_len()
+    }
+
+    /// Values in a half-transformed row: both halves, and zeros up to whole tiles.
+    pub(crate) fn row_len(&self) -> usize {
+        padded_columns(self.width_px, self.tile_columns)
     }
 }
 
@@ -95,6 +102,17 @@ impl<T: Real> Axis<T> {
             .collect();
         Self { n, forward: planner.plan_fft_forward(n), inverse: planner.plan_fft_inverse(n), half_bin, offsets }
     }
+}
+
+/// Columns in a tile: so many that a row of a tile is whole cache lines and fills whole registers, and so few that a
+/// tile's spectra stay in a core's second-level cache.
+pub(crate) fn tile_columns<T>(height_px: usize) -> usize {
+    if height_px * size_of::<T>() <= 1280 * size_of::<f32>() { 32 } else { 16 }
+}
+
+/// The columns of a padded spectrum, rounded up to whole tiles.
+pub(crate) fn padded_columns(width_px: usize, tile_columns: usize) -> usize {
+    (2 * width_px).next_multiple_of(tile_columns)
 }
 
 /// The padded bin, 0 … 2n−1, at index `i` of the split order: first the even bins, then the odd ones.

@@ -1,6 +1,6 @@
 //! Passes along x.
 
-use super::{Axis, Convolver, TILE, scratch::Scratch};
+use super::{Axis, Convolver, scratch::Scratch};
 use crate::real::Real;
 use num_complex::Complex;
 use pulp::Arch;
@@ -13,9 +13,10 @@ impl<T: Real> Convolver<T> {
     /// inlined into the dispatched closure is compiled for them.
     pub(crate) fn forward_rows(&self, spectrum: &mut [Complex<T>], fill: impl Fn(usize, &mut [Complex<T>]) + Sync) {
         let arch = Arch::new();
-        spectrum.par_chunks_mut(2 * self.width_px).enumerate().for_each_init(
+        spectrum.par_chunks_mut(self.row_len()).enumerate().for_each_init(
             || self.scratch.take(),
             |scratch, (y, row)| {
+                let row = &mut row[..2 * self.width_px];
                 fill(y, &mut row[..self.width_px]);
                 self.along_x.transform_row(arch, row, &mut scratch.fft);
             },
@@ -69,7 +70,8 @@ impl<T: Real> Convolver<T> {
         let Scratch { row, samples, fft, .. } = scratch;
         let half = &mut row[..2 * self.width_px];
         let mut samples = samples.chunks_exact(self.width_px);
-        for out in out.chunks_exact_mut(2 * self.width_px) {
+        for out in out.chunks_exact_mut(self.row_len()) {
+            let out = &mut out[..2 * self.width_px];
             for (i, offset) in self.along_x.offsets.iter().enumerate() {
                 half[..self.width_px].copy_from_slice(samples.next().expect("a slot for every sub-sample"));
                 self.along_x.transform_row(arch, half, fft);
@@ -83,10 +85,10 @@ impl<T: Real> Convolver<T> {
     }
 
     fn gather_row(&self, tiles: &[Complex<T>], lanes: usize, lane: usize, y: usize, half: &mut [Complex<T>]) {
-        for (tile, out) in half.chunks_mut(TILE).enumerate() {
-            let columns = out.len();
-            let start = (tile * TILE * lanes + lane * columns) * self.height_px + y * columns;
-            out.copy_from_slice(&tiles[start..start + columns]);
+        let columns = self.tile_columns;
+        for (tile, out) in half.chunks_mut(columns).enumerate() {
+            let start = ((tile * lanes + lane) * self.height_px + y) * columns;
+            out.copy_from_slice(&tiles[start..start + out.len()]);
         }
     }
 }
@@ -108,7 +110,7 @@ impl<T: Real> Axis<T> {
 }
 
 #[inline(always)]
-pub(super) fn multiply<T: Real>(a: &[Complex<T>], b: &[Complex<T>], out: &mut [Complex<T>]) {
+fn multiply<T: Real>(a: &[Complex<T>], b: &[Complex<T>], out: &mut [Complex<T>]) {
     for ((out, &a), &b) in out.iter_mut().zip(a).zip(b) {
         *out = a * b;
     }
@@ -122,7 +124,7 @@ fn multiply_conj<T: Real>(a: &[Complex<T>], b: &[Complex<T>], out: &mut [Complex
 }
 
 #[inline(always)]
-pub(super) fn add_multiply_conj<T: Real>(a: &[Complex<T>], b: &[Complex<T>], out: &mut [Complex<T>]) {
+fn add_multiply_conj<T: Real>(a: &[Complex<T>], b: &[Complex<T>], out: &mut [Complex<T>]) {
     for ((out, &a), &b) in out.iter_mut().zip(a).zip(b) {
         *out = *out + a * b.conj();
     }

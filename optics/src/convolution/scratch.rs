@@ -1,6 +1,6 @@
 //! Working memory of a thread, kept between passes.
 
-use super::{Axis, TILE};
+use super::{Axis, columns::TileScratch};
 use crate::real::Real;
 use num_complex::Complex;
 use std::{
@@ -17,8 +17,8 @@ pub(crate) struct Scratch<T> {
     pub(crate) samples: Vec<Complex<T>>,
     /// Real numbers of a row.
     pub(crate) reals: [Vec<T>; 2],
-    /// The columns of a tile, transformed along y.
-    pub(crate) columns: [Vec<Complex<T>>; 2],
+    /// A tile's spectra, and room to transform them in.
+    pub(crate) tile: TileScratch<T>,
     /// What the transforms ask for.
     pub(crate) fft: Vec<Complex<T>>,
 }
@@ -29,6 +29,7 @@ pub(crate) struct ScratchPool<T> {
     samples_len: usize,
     width_px: usize,
     height_px: usize,
+    tile_columns: usize,
     fft_len: usize,
 }
 
@@ -39,13 +40,14 @@ impl<T> fmt::Debug for ScratchPool<T> {
 }
 
 impl<T: Real> ScratchPool<T> {
-    pub(crate) fn new(along_x: &Axis<T>, along_y: &Axis<T>) -> Self {
-        let needs = [&along_x.forward, &along_x.inverse, &along_y.forward, &along_y.inverse];
+    pub(crate) fn new(along_x: &Axis<T>, along_y: &Axis<T>, tile_columns: usize) -> Self {
+        let needs = [&along_x.forward, &along_x.inverse];
         Self {
             idle: Mutex::new(Vec::new()),
             samples_len: along_x.offsets.len() * along_y.offsets.len() * along_x.n,
             width_px: along_x.n,
             height_px: along_y.n,
+            tile_columns,
             fft_len: needs.iter().map(|fft| fft.get_inplace_scratch_len()).max().unwrap_or(0),
         }
     }
@@ -61,7 +63,7 @@ impl<T: Real> ScratchPool<T> {
             row: zeros(4 * self.width_px),
             samples: zeros(self.samples_len),
             reals: [vec![T::zero(); self.width_px], vec![T::zero(); self.width_px]],
-            columns: [zeros(TILE * 2 * self.height_px), zeros(TILE * 2 * self.height_px)],
+            tile: TileScratch::new(self.height_px * self.tile_columns),
             fft: zeros(self.fft_len),
         }
     }

@@ -1,17 +1,19 @@
 //! A transfer function in the order in which the column pass reads it.
 
-use super::{frequency_per_px, split_bin};
+use super::{frequency_per_px, padded_columns, split_bin, tile_columns};
 use crate::real::Real;
 use num_complex::{Complex, Complex64};
 use rayon::prelude::*;
 
-/// H at every bin of the padded spectrum: column after column in split order, along each column in split order,
-/// divided by the number of bins so that the inverse transform needs no scaling of its own.
+/// H at every bin of the padded spectrum, divided by the number of bins so that the inverse transform needs no scaling
+/// of its own: tile after tile of columns in split order, in a tile row after row in split order. Columns beyond the last
+/// are zero.
 #[derive(Clone, Debug)]
 pub(crate) struct Transfer<T> {
     pub(crate) height_px: usize,
     pub(crate) width_px: usize,
-    pub(crate) values: Vec<Complex<T>>,
+    tile_columns: usize,
+    values: Vec<Complex<T>>,
 }
 
 impl<T: Real> Transfer<T> {
@@ -28,16 +30,17 @@ impl<T: Real> Transfer<T> {
     }
 
     pub(crate) fn zeros(height_px: usize, width_px: usize) -> Self {
-        let zero = Complex::new(T::zero(), T::zero());
-        Self { height_px, width_px, values: vec![zero; 4 * height_px * width_px] }
+        let tile_columns = tile_columns::<T>(height_px);
+        let len = 2 * height_px * padded_columns(width_px, tile_columns);
+        Self { height_px, width_px, tile_columns, values: vec![Complex::new(T::zero(), T::zero()); len] }
     }
 
     /// Lets `fill(fx, fys, column)` write each column, unscaled, in parallel; frequencies in cycles/px.
     pub(crate) fn fill_columns(&mut self, fill: impl Fn(f64, &[f64], &mut [Complex<T>]) + Sync) {
         let (height_px, width_px) = (self.height_px, self.width_px);
         let fys = frequencies(height_px);
-        let scale = T::of(1.0 / (4 * height_px * width_px) as f64);
-        self.values.par_chunks_mut(2 * height_px).enumerate().for_each(|(i, column)| {
+        let scale = self.scale();
+        self.write_columns(|i, column| {
             fill(frequency_per_px(split_bin(i, width_px), width_px), &fys, column);
             for value in column {
                 *value = value.scale(scale);
@@ -45,8 +48,39 @@ impl<T: Real> Transfer<T> {
         });
     }
 
-    pub(crate) fn column(&self, i: usize) -> &[Complex<T>] {
-        &self.values[i * 2 * self.height_px..][..2 * self.height_px]
+    /// Lets `write(i, column)` write each column, scaled, in parallel.
+    pub(crate) fn write_columns(&mut self, write: impl Fn(usize, &mut [Complex<T>]) + Sync) {
+        let (rows, columns, count) = (2 * self.height_px, self.tile_columns, 2 * self.width_px);
+        self.values.par_chunks_mut(rows * columns).enumerate().for_each_init(
+            || vec![Complex::new(T::zero(), T::zero()); rows],
+            |column, (tile, values)| {
+                for k in 0..columns.min(count - tile * columns) {
+                    write(tile * columns + k, column);
+                    for (row, &value) in values.chunks_exact_mut(columns).zip(column.iter()) {
+                        row[k] = value;
+                    }
+                }
+            },
+        );
+    }
+
+    /// Copies column `i`.
+    pub(crate) fn read_column(&self, i: usize, column: &mut [Complex<T>]) {
+        let (tile, k) = (self.tile(i / self.tile_columns), i % self.tile_columns);
+        for (value, row) in column.iter_mut().zip(tile.chunks_exact(self.tile_columns)) {
+            *value = row[k];
+        }
+    }
+
+    /// All rows of a tile.
+    pub(crate) fn tile(&self, tile: usize) -> &[Complex<T>] {
+        let len = 2 * self.height_px * self.tile_columns;
+        &self.values[tile * len..][..len]
+    }
+
+    /// What every value is divided by the inverse of: the number of bins.
+    pub(crate) fn scale(&self) -> T {
+        T::of(1.0 / (4 * self.height_px * self.width_px) as f64)
     }
 }
 

@@ -160,13 +160,14 @@ impl BinsLearner {
 
     fn write_transfer(&mut self) {
         let transfer = Arc::make_mut(&mut self.engine.transfer);
-        let (bins, scale) = (2 * transfer.height_px, 1.0 / transfer.values.len() as f32);
+        let scale = transfer.scale();
         let (band, parameters) = (&self.band, &self.state.parameters);
-        transfer.values.par_chunks_mut(bins).enumerate().for_each(|(column, out)| {
-            let Ok(place) = band.columns.binary_search(&column) else { return };
+        transfer.write_columns(|i, column| {
+            column.fill(Complex32::ZERO);
+            let Ok(place) = band.columns.binary_search(&i) else { return };
             let numbers = parameters[place * 2 * band.rows.len()..].as_chunks().0;
             for (&row, &number) in band.rows.iter().zip(numbers) {
-                out[row] = band.value(number) * scale;
+                column[row] = band.value(number) * scale;
             }
         });
     }

@@ -13,7 +13,7 @@ use crate::optimizer::adam::AdamStep;
 use crate::optimizer::lbfgs::LbfgsState;
 use crate::photometry::Sums;
 use crate::real::Real;
-use crate::slm::Slm;
+use crate::slm::{BLOCK, Block, Slm};
 use crate::{DisplayModel, Error, KernelShape, OpticalSetup, SmoothField};
 use num_complex::{Complex, Complex64};
 use pulp::Arch;
@@ -315,7 +315,9 @@ impl<T: Real> Fit<T> {
         let sums = convolver.compare(&out.tiles, &comparison, back);
         let one = convolver.half_spectrum_len(1);
         let columns = convolver.correlate(&out.spectrum[..one], back, transfer, &mut out.tiles[..one], |i, u, g| {
-            smooth.visit(transfer.column(i), u, g)
+            let mut h = u.to_vec();
+            transfer.read_column(i, &mut h);
+            smooth.visit(&h, u, g)
         });
 
         let (mut gradient, psi) = smooth.gradient(&columns);
@@ -357,30 +359,51 @@ impl<T: Real> Fit<T> {
 #[inline(always)]
 fn row_sums<T: Real>(slm: &Slm<T>, y: usize, phase: &[T], b: &[Complex<T>], polynomials_x: &[Vec<T>]) -> RowSums {
     let mut sums = NO_SUMS;
-    let source = slm.source.as_ref().map(|source| &source[y * slm.width_px..][..slm.width_px]);
-    let lit = |x: usize| {
-        let light = b[x].conj().scale(slm.sign(y, x));
-        source.map_or(light, |source| light * source[x])
-    };
-    project(
-        |x| lit(x) * (slm.response(slm.displayed(y, x, phase[x])).1 + slm.zero_order),
-        polynomials_x,
-        &mut sums.source,
-    );
-    for (x, &phase) in phase.iter().enumerate() {
-        let light = lit(x);
-        let displayed = slm.displayed(y, x, phase);
-        let imaginary = (light * slm.response(displayed).1).im.wide();
-        let turn = crate::real::unit(displayed);
+    // b* · c
+    let mut products = vec![Complex::new(T::zero(), T::zero()); phase.len()];
+    let rows = phase.chunks(BLOCK).zip(b.chunks(BLOCK)).zip(products.chunks_mut(BLOCK));
+    for (i, ((phase, b), products)) in rows.enumerate() {
+        let Block { sign, turn, steered, .. } = slm.respond(y, i * BLOCK, phase);
+        let mut light = slm.lit(y, i * BLOCK, b);
+        for x in 0..BLOCK {
+            (light.re[x], light.im[x]) = (light.re[x] * sign[x], light.im[x] * sign[x]);
+        }
+        let turned = light.multiplied(&steered);
+        for (x, product) in products.iter_mut().enumerate() {
+            let undiffracted = Complex::new(light.re[x], light.im[x]) * slm.zero_order;
+            *product = Complex::new(turned.re[x], turned.im[x]) + undiffracted;
+        }
         let mut power = turn;
         for [sine, cosine] in &mut sums.response {
-            *sine += imaginary * power.im.wide();
-            *cosine += imaginary * power.re.wide();
-            power = power * turn;
+            *sine += dot(&turned.im, &power.im);
+            *cosine += dot(&turned.im, &power.re);
+            power = power.multiplied(&turn);
         }
-        sums.zero_order += Complex64::new(light.re.wide(), light.im.wide());
+        sums.zero_order += Complex64::new(sum(&light.re), sum(&light.im));
     }
+    project(|x| products[x], polynomials_x, &mut sums.source);
     sums
+}
+
+#[inline(always)]
+fn dot<T: Real>(a: &[T; BLOCK], b: &[T; BLOCK]) -> f64 {
+    let mut products = *a;
+    for (product, &b) in products.iter_mut().zip(b) {
+        *product = *product * b;
+    }
+    sum(&products)
+}
+
+/// In a fixed order, many lanes at a time.
+#[inline(always)]
+fn sum<T: Real>(values: &[T; BLOCK]) -> f64 {
+    let mut lanes = [0.0; 8];
+    for chunk in values.chunks_exact(8) {
+        for (lane, value) in lanes.iter_mut().zip(chunk) {
+            *lane += value.wide();
+        }
+    }
+    lanes.iter().sum()
 }
 
 #[cfg(test)]

@@ -6,7 +6,6 @@ use crate::real::{Real, unit};
 use crate::{OpticalSetup, SmoothField};
 use num_complex::{Complex, Complex64};
 use pulp::{Arch, Simd, WithSimd};
-use rayon::prelude::*;
 
 use super::columns::project;
 
@@ -42,18 +41,16 @@ impl<T: Real> SmoothTransfer<T> {
     /// Writes H for these errors.
     pub(super) fn apply(&self, errors: &SmoothField, transfer: &mut Transfer<T>) {
         let arch = Arch::new();
-        let bins = 2 * transfer.height_px;
-        let columns = transfer.values.par_chunks_mut(bins).zip(self.ideal.values.par_chunks(bins)).zip(&self.columns);
-        columns.for_each_init(
-            || (vec![T::zero(); bins], vec![T::zero(); bins]),
-            |(alpha, psi), ((column, ideal), &fx)| {
-                let log_amplitude = self.basis.along_y(&errors.log_amplitude, fx);
-                let phase = self.basis.along_y(&errors.phase, fx);
-                arch.dispatch(|| self.sum_series(&log_amplitude, alpha));
-                arch.dispatch(|| self.sum_series(&phase, psi));
-                arch.dispatch(Exponential { ideal, alpha, psi, column });
-            },
-        );
+        transfer.write_columns(|i, column| {
+            let mut ideal = column.to_vec();
+            self.ideal.read_column(i, &mut ideal);
+            let (mut alpha, mut psi) = (vec![T::zero(); ideal.len()], vec![T::zero(); ideal.len()]);
+            let log_amplitude = self.basis.along_y(&errors.log_amplitude, self.columns[i]);
+            let phase = self.basis.along_y(&errors.phase, self.columns[i]);
+            arch.dispatch(|| self.sum_series(&log_amplitude, &mut alpha));
+            arch.dispatch(|| self.sum_series(&phase, &mut psi));
+            arch.dispatch(Exponential { ideal: &ideal, alpha: &alpha, psi: &psi, column });
+        });
     }
 
     /// What a column of spectra contributes to the gradient.

@@ -1,0 +1,280 @@
+//! Fourier transforms of many columns at once.
+//!
+//! ```text
+//! X_k = Σ_n x_n e^{−i2πnk/N},   N = R₁·R₂·…
+//! ```
+//!
+//! A tile holds `columns` neighbours, row after row, real and imaginary parts in planes of their own. Every register
+//! works on as many columns, so that no number ever has to change its lane: there are no transposes, and no shuffles.
+//! Each stage is Stockham's, in natural order from one buffer into another. The inverse transform is the same one with
+//! the planes exchanged.
+//!
+//! Lengths with factors other than 2, 3 and 5 go through rustfft, a column at a time.
+
+mod butterflies;
+mod lanes;
+
+pub(crate) use lanes::ComplexLanes;
+
+use crate::real::{Real, unit_of};
+use butterflies::{
+    Butterfly, Butterfly2, Butterfly3, Butterfly4, Butterfly5, Butterfly6, Butterfly8, Butterfly9, Butterfly10,
+    Butterfly12,
+};
+use num_complex::Complex;
+use pulp::{Simd, WithSimd};
+use rustfft::{Fft, FftPlanner};
+use std::{f64::consts::TAU, sync::Arc};
+
+/// Stages are made of these, the largest that divides first.
+const RADICES: [usize; 9] = [12, 10, 9, 8, 6, 5, 4, 3, 2];
+
+/// A plan for tiles of so many columns.
+pub(crate) struct BatchFft<T> {
+    columns: usize,
+    method: Method<T>,
+}
+
+enum Method<T> {
+    Stages(Vec<Stage<T>>),
+    ColumnByColumn(Arc<dyn Fft<T>>),
+}
+
+/// Row (r·m + p)·s + q of the source goes to row (p·R + k)·s + q.
+struct Stage<T> {
+    radix: usize,
+    /// What is left to transform after this stage.
+    m: usize,
+    /// What has been transformed before it.
+    s: usize,
+    /// e^{−i2πpk/(R·m)}, `radix` of them for each p.
+    twiddles: Vec<Complex<T>>,
+}
+
+/// Real and imaginary parts of a tile, `n · columns` values each.
+#[derive(Debug)]
+pub(crate) struct Planes<T> {
+    pub(crate) re: Vec<T>,
+    pub(crate) im: Vec<T>,
+}
+
+impl<T: Real> Planes<T> {
+    pub(crate) fn zeros(len: usize) -> Self {
+        Self { re: vec![T::zero(); len], im: vec![T::zero(); len] }
+    }
+
+    /// i · conj of every value: before and after a transform, it makes the inverse of it.
+    fn exchange(&mut self) {
+        std::mem::swap(&mut self.re, &mut self.im);
+    }
+}
+
+impl<T: Real> BatchFft<T> {
+    /// For columns of `n` samples. `columns` must be a multiple of 16, the most numbers that a register holds.
+    pub(crate) fn new(n: usize, columns: usize) -> Self {
+        let method = match factors(n) {
+            Some(radices) => Method::Stages(stages(n, &radices)),
+            None => Method::ColumnByColumn(FftPlanner::new().plan_fft_forward(n)),
+        };
+        Self { columns, method }
+    }
+
+    /// Transforms `tile`, without scaling; `spare` is overwritten.
+    #[inline(always)]
+    pub(crate) fn forward<S: Simd>(&self, simd: S, tile: &mut Planes<T>, spare: &mut Planes<T>) {
+        simd.vectorize(Forward { fft: self, tile, spare });
+    }
+
+    /// The inverse of [`Self::forward`] times n.
+    #[inline(always)]
+    pub(crate) fn inverse<S: Simd>(&self, simd: S, tile: &mut Planes<T>, spare: &mut Planes<T>) {
+        tile.exchange();
+        self.forward(simd, tile, spare);
+        tile.exchange();
+    }
+}
+
+/// [`BatchFft::forward`] as a function of its own, so that its many butterflies are compiled once.
+struct Forward<'a, T> {
+    fft: &'a BatchFft<T>,
+    tile: &'a mut Planes<T>,
+    spare: &'a mut Planes<T>,
+}
+
+impl<T: Real> WithSimd for Forward<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { fft, tile, spare } = self;
+        match &fft.method {
+            Method::ColumnByColumn(one) => column_by_column(&**one, fft.columns, tile),
+            Method::Stages(stages) => {
+                for stage in stages {
+                    stage.run(simd, fft.columns / T::lanes::<S>(), tile, spare);
+                    std::mem::swap(tile, spare);
+                }
+            }
+        }
+    }
+}
+
+impl<T: Real> Stage<T> {
+    #[inline(always)]
+    fn run<S: Simd>(&self, simd: S, registers: usize, from: &Planes<T>, to: &mut Planes<T>) {
+        match self.radix {
+            2 => self.run_radix::<S, Butterfly2, 2>(simd, registers, from, to),
+            3 => self.run_radix::<S, Butterfly3, 3>(simd, registers, from, to),
+            4 => self.run_radix::<S, Butterfly4, 4>(simd, registers, from, to),
+            5 => self.run_radix::<S, Butterfly5, 5>(simd, registers, from, to),
+            6 => self.run_radix::<S, Butterfly6, 6>(simd, registers, from, to),
+            8 => self.run_radix::<S, Butterfly8, 8>(simd, registers, from, to),
+            9 => self.run_radix::<S, Butterfly9, 9>(simd, registers, from, to),
+            10 => self.run_radix::<S, Butterfly10, 10>(simd, registers, from, to),
+            12 => self.run_radix::<S, Butterfly12, 12>(simd, registers, from, to),
+            radix => unreachable!("a stage of radix {radix}"),
+        }
+    }
+
+    #[inline(always)]
+    fn run_radix<S: Simd, B: Butterfly<R>, const R: usize>(
+        &self,
+        simd: S,
+        registers: usize,
+        from: &Planes<T>,
+        to: &mut Planes<T>,
+    ) {
+        let (m, s) = (self.m, self.s * registers);
+        let (from_re, from_im) = (&T::vectors::<S>(&from.re)[..R * m * s], &T::vectors::<S>(&from.im)[..R * m * s]);
+        let to_re = T::vectors_mut::<S>(&mut to.re).chunks_exact_mut(R * s);
+        let to_im = T::vectors_mut::<S>(&mut to.im).chunks_exact_mut(R * s);
+        for (p, ((twiddles, to_re), to_im)) in self.twiddles.chunks_exact(R).zip(to_re).zip(to_im).enumerate() {
+            for q in 0..s {
+                let mut x = [ComplexLanes::<T, S>::new(simd, from_re[p * s + q], from_im[p * s + q]); R];
+                for (r, x) in x.iter_mut().enumerate().skip(1) {
+                    let at = (r * m + p) * s + q;
+                    *x = ComplexLanes::new(simd, from_re[at], from_im[at]);
+                }
+                let y = B::transform(x);
+                (to_re[q], to_im[q]) = (y[0].re.vector, y[0].im.vector);
+                for k in 1..R {
+                    let y = if m == 1 { y[k] } else { y[k] * ComplexLanes::splat(simd, twiddles[k]) };
+                    (to_re[k * s + q], to_im[k * s + q]) = (y.re.vector, y.im.vector);
+                }
+            }
+        }
+    }
+}
+
+fn column_by_column<T: Real>(fft: &dyn Fft<T>, columns: usize, tile: &mut Planes<T>) {
+    let mut column = vec![Complex::new(T::zero(), T::zero()); fft.len()];
+    for k in 0..columns {
+        let parts = tile.re[k..].iter().step_by(columns).zip(tile.im[k..].iter().step_by(columns));
+        for (value, (&re, &im)) in column.iter_mut().zip(parts) {
+            *value = Complex::new(re, im);
+        }
+        fft.process(&mut column);
+        let parts = tile.re[k..].iter_mut().step_by(columns).zip(tile.im[k..].iter_mut().step_by(columns));
+        for (value, (re, im)) in column.iter().zip(parts) {
+            (*re, *im) = (value.re, value.im);
+        }
+    }
+}
+
+/// n as a product of [`RADICES`], the largest first; `None` where it has other factors.
+fn factors(n: usize) -> Option<Vec<usize>> {
+    let (mut left, mut found) = (n, Vec::new());
+    while let Some(&radix) = RADICES.iter().find(|&radix| left % radix == 0) {
+        found.push(radix);
+        left /= radix;
+    }
+    (left == 1).then_some(found)
+}
+
+fn stages<T: Real>(n: usize, radices: &[usize]) -> Vec<Stage<T>> {
+    let (mut length, mut s) = (n, 1);
+    let mut stages = Vec::new();
+    for &radix in radices {
+        let m = length / radix;
+        let turn = |p: usize, k: usize| unit_of(-TAU * (p * k) as f64 / length as f64);
+        let twiddles = (0..m).flat_map(|p| (0..radix).map(move |k| turn(p, k))).collect();
+        stages.push(Stage { radix, m, s, twiddles });
+        (length, s) = (m, s * radix);
+    }
+    stages
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use num_complex::Complex64;
+    use pulp::Arch;
+
+    const COLUMNS: usize = 16;
+
+    struct Run<'a, T> {
+        fft: &'a BatchFft<T>,
+        tile: &'a mut Planes<T>,
+        spare: &'a mut Planes<T>,
+        inverse: bool,
+    }
+
+    impl<T: Real> WithSimd for Run<'_, T> {
+        type Output = ();
+
+        #[inline(always)]
+        fn with_simd<S: Simd>(self, simd: S) {
+            let Self { fft, tile, spare, inverse } = self;
+            if inverse { fft.inverse(simd, tile, spare) } else { fft.forward(simd, tile, spare) }
+        }
+    }
+
+    fn check<T: Real>(n: usize, bound: f64) {
+        let fft = BatchFft::<T>::new(n, COLUMNS);
+        let noise = |i: usize, by: usize| T::of(((i * by) % 1009) as f64 / 504.5 - 1.0);
+        let dirt = vec![T::of(f64::NAN); n * COLUMNS];
+        let re: Vec<T> = (0..n * COLUMNS).map(|i| noise(i, 7919)).collect();
+        let im: Vec<T> = (0..n * COLUMNS).map(|i| noise(i, 104_729)).collect();
+        for inverse in [false, true] {
+            let mut tile = Planes { re: re.clone(), im: im.clone() };
+            let mut spare = Planes { re: dirt.clone(), im: dirt.clone() };
+            Arch::new().dispatch(Run { fft: &fft, tile: &mut tile, spare: &mut spare, inverse });
+            let (mut error, mut energy) = (0.0, 0.0);
+            for column in [0, 1, COLUMNS - 1] {
+                for k in 0..n {
+                    let turn = if inverse { TAU } else { -TAU } / n as f64;
+                    let term = |j: usize| {
+                        let at = j * COLUMNS + column;
+                        Complex64::new(re[at].wide(), im[at].wide()) * Complex64::cis(turn * ((j * k) % n) as f64)
+                    };
+                    let expected: Complex64 = (0..n).map(term).sum();
+                    let at = k * COLUMNS + column;
+                    error += (Complex64::new(tile.re[at].wide(), tile.im[at].wide()) - expected).norm_sqr();
+                    energy += expected.norm_sqr();
+                }
+            }
+            let error = (error / energy).sqrt();
+            assert!(error < bound, "n = {n}, inverse {inverse}: {error:e}");
+        }
+    }
+
+    // Every radix, every pair of radices, and lengths that are left to rustfft.
+    #[test]
+    fn agrees_with_the_sum_of_its_definition() {
+        for n in (1..=60).chain([64, 72, 81, 96, 100, 108, 120, 125, 131, 144, 270, 360, 540]) {
+            check::<f32>(n, 5e-7);
+            check::<f64>(n, 1e-14);
+        }
+    }
+
+    #[test]
+    fn common_displays_need_few_stages() {
+        for (n, most) in [(1080, 3), (2160, 4), (1200, 3), (1024, 4), (768, 3), (1536, 4), (2400, 4), (600, 3)] {
+            let radices = factors(n).unwrap();
+            assert_eq!(radices.iter().product::<usize>(), n);
+            assert!(radices.len() <= most, "{n}: {radices:?}");
+        }
+        assert_eq!(factors(7), None);
+        assert_eq!(factors(1), Some(vec![]));
+    }
+}
