@@ -79,65 +79,136 @@ impl<T: Real> BatchFft<T> {
         Self { columns, method }
     }
 
-    /// Transforms `tile`, without scaling; `spare` is overwritten.
+    /// Transforms `tile`, without scaling, and multiplies it by `factors` where there are some; `spare` is overwritten.
     #[inline(always)]
-    pub(crate) fn forward<S: Simd>(&self, simd: S, tile: &mut Planes<T>, spare: &mut Planes<T>) {
-        simd.vectorize(Forward { fft: self, tile, spare });
+    pub(crate) fn forward<S: Simd>(
+        &self,
+        simd: S,
+        tile: &mut Planes<T>,
+        spare: &mut Planes<T>,
+        factors: Option<Factors<'_, T>>,
+    ) {
+        let registers = self.columns / T::lanes::<S>();
+        match &self.method {
+            Method::Stages(stages) if !stages.is_empty() => {
+                let (last, stages) = stages.split_last().expect("just asked");
+                for stage in stages {
+                    simd.vectorize(Run { stage, registers, from: tile, to: spare });
+                    std::mem::swap(tile, spare);
+                }
+                match factors {
+                    None => simd.vectorize(Run { stage: last, registers, from: tile, to: spare }),
+                    Some(factors) => {
+                        simd.vectorize(RunLast { stage: last, registers, from: tile, to: spare, factors });
+                    }
+                }
+                std::mem::swap(tile, spare);
+            }
+            Method::Stages(_) => factors.into_iter().for_each(|factors| factors.apply(simd, tile)),
+            Method::ColumnByColumn(fft) => {
+                column_by_column(&**fft, self.columns, tile);
+                factors.into_iter().for_each(|factors| factors.apply(simd, tile));
+            }
+        }
     }
 
     /// The inverse of [`Self::forward`] times n.
     #[inline(always)]
     pub(crate) fn inverse<S: Simd>(&self, simd: S, tile: &mut Planes<T>, spare: &mut Planes<T>) {
         tile.exchange();
-        self.forward(simd, tile, spare);
+        self.forward(simd, tile, spare, None);
         tile.exchange();
     }
 }
 
-/// [`BatchFft::forward`] as a function of its own, so that its many butterflies are compiled once.
-struct Forward<'a, T> {
-    fft: &'a BatchFft<T>,
-    tile: &'a mut Planes<T>,
-    spare: &'a mut Planes<T>,
+/// What a tile is multiplied by, in its order.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Factors<'a, T> {
+    pub(crate) values: &'a [Complex<T>],
+    /// Multiply by the complex conjugates instead.
+    pub(crate) conjugate: bool,
 }
 
-impl<T: Real> WithSimd for Forward<'_, T> {
+impl<T: Real> Factors<'_, T> {
+    #[inline(always)]
+    fn factor<S: Simd>(conjugate: bool, simd: S, pair: [T::Vector<S>; 2]) -> ComplexLanes<T, S> {
+        let [re, im] = T::parts(simd, pair);
+        let factor = ComplexLanes::new(simd, re, im);
+        if conjugate { factor.conj() } else { factor }
+    }
+
+    #[inline(always)]
+    pub(crate) fn apply<S: Simd>(self, simd: S, tile: &mut Planes<T>) {
+        let parts = T::vectors_mut::<S>(&mut tile.re).iter_mut().zip(T::vectors_mut::<S>(&mut tile.im));
+        for ((re, im), &pair) in parts.zip(T::interleaved::<S>(self.values)) {
+            let value = ComplexLanes::new(simd, *re, *im) * Self::factor(self.conjugate, simd, pair);
+            (*re, *im) = (value.re.vector, value.im.vector);
+        }
+    }
+}
+
+/// A stage as a function of its own, so that its many butterflies are compiled once.
+struct Run<'a, T> {
+    stage: &'a Stage<T>,
+    registers: usize,
+    from: &'a Planes<T>,
+    to: &'a mut Planes<T>,
+}
+
+impl<T: Real> WithSimd for Run<'_, T> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { fft, tile, spare } = self;
-        match &fft.method {
-            Method::ColumnByColumn(one) => column_by_column(&**one, fft.columns, tile),
-            Method::Stages(stages) => {
-                for stage in stages {
-                    stage.run(simd, fft.columns / T::lanes::<S>(), tile, spare);
-                    std::mem::swap(tile, spare);
-                }
-            }
+        let Self { stage, registers, from, to } = self;
+        match stage.radix {
+            2 => stage.run::<S, Butterfly2, 2>(simd, registers, from, to),
+            3 => stage.run::<S, Butterfly3, 3>(simd, registers, from, to),
+            4 => stage.run::<S, Butterfly4, 4>(simd, registers, from, to),
+            5 => stage.run::<S, Butterfly5, 5>(simd, registers, from, to),
+            6 => stage.run::<S, Butterfly6, 6>(simd, registers, from, to),
+            8 => stage.run::<S, Butterfly8, 8>(simd, registers, from, to),
+            9 => stage.run::<S, Butterfly9, 9>(simd, registers, from, to),
+            10 => stage.run::<S, Butterfly10, 10>(simd, registers, from, to),
+            12 => stage.run::<S, Butterfly12, 12>(simd, registers, from, to),
+            radix => unreachable!("a stage of radix {radix}"),
+        }
+    }
+}
+
+/// The last stage, and a multiplication on its way out.
+struct RunLast<'a, T> {
+    stage: &'a Stage<T>,
+    registers: usize,
+    from: &'a Planes<T>,
+    to: &'a mut Planes<T>,
+    factors: Factors<'a, T>,
+}
+
+impl<T: Real> WithSimd for RunLast<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { stage, registers, from, to, factors } = self;
+        match stage.radix {
+            2 => stage.run_last::<S, Butterfly2, 2>(simd, registers, from, to, factors),
+            3 => stage.run_last::<S, Butterfly3, 3>(simd, registers, from, to, factors),
+            4 => stage.run_last::<S, Butterfly4, 4>(simd, registers, from, to, factors),
+            5 => stage.run_last::<S, Butterfly5, 5>(simd, registers, from, to, factors),
+            6 => stage.run_last::<S, Butterfly6, 6>(simd, registers, from, to, factors),
+            8 => stage.run_last::<S, Butterfly8, 8>(simd, registers, from, to, factors),
+            9 => stage.run_last::<S, Butterfly9, 9>(simd, registers, from, to, factors),
+            10 => stage.run_last::<S, Butterfly10, 10>(simd, registers, from, to, factors),
+            12 => stage.run_last::<S, Butterfly12, 12>(simd, registers, from, to, factors),
+            radix => unreachable!("a stage of radix {radix}"),
         }
     }
 }
 
 impl<T: Real> Stage<T> {
     #[inline(always)]
-    fn run<S: Simd>(&self, simd: S, registers: usize, from: &Planes<T>, to: &mut Planes<T>) {
-        match self.radix {
-            2 => self.run_radix::<S, Butterfly2, 2>(simd, registers, from, to),
-            3 => self.run_radix::<S, Butterfly3, 3>(simd, registers, from, to),
-            4 => self.run_radix::<S, Butterfly4, 4>(simd, registers, from, to),
-            5 => self.run_radix::<S, Butterfly5, 5>(simd, registers, from, to),
-            6 => self.run_radix::<S, Butterfly6, 6>(simd, registers, from, to),
-            8 => self.run_radix::<S, Butterfly8, 8>(simd, registers, from, to),
-            9 => self.run_radix::<S, Butterfly9, 9>(simd, registers, from, to),
-            10 => self.run_radix::<S, Butterfly10, 10>(simd, registers, from, to),
-            12 => self.run_radix::<S, Butterfly12, 12>(simd, registers, from, to),
-            radix => unreachable!("a stage of radix {radix}"),
-        }
-    }
-
-    #[inline(always)]
-    fn run_radix<S: Simd, B: Butterfly<R>, const R: usize>(
+    fn run<S: Simd, B: Butterfly<R>, const R: usize>(
         &self,
         simd: S,
         registers: usize,
@@ -150,12 +221,7 @@ impl<T: Real> Stage<T> {
         let to_im = T::vectors_mut::<S>(&mut to.im).chunks_exact_mut(R * s);
         for (p, ((twiddles, to_re), to_im)) in self.twiddles.chunks_exact(R).zip(to_re).zip(to_im).enumerate() {
             for q in 0..s {
-                let mut x = [ComplexLanes::<T, S>::new(simd, from_re[p * s + q], from_im[p * s + q]); R];
-                for (r, x) in x.iter_mut().enumerate().skip(1) {
-                    let at = (r * m + p) * s + q;
-                    *x = ComplexLanes::new(simd, from_re[at], from_im[at]);
-                }
-                let y = B::transform(x);
+                let y = B::transform(gather::<T, S, R>(simd, from_re, from_im, p * s + q, m * s));
                 (to_re[q], to_im[q]) = (y[0].re.vector, y[0].im.vector);
                 for k in 1..R {
                     let y = if m == 1 { y[k] } else { y[k] * ComplexLanes::splat(simd, twiddles[k]) };
@@ -164,6 +230,46 @@ impl<T: Real> Stage<T> {
             }
         }
     }
+
+    #[inline(always)]
+    fn run_last<S: Simd, B: Butterfly<R>, const R: usize>(
+        &self,
+        simd: S,
+        registers: usize,
+        from: &Planes<T>,
+        to: &mut Planes<T>,
+        factors: Factors<'_, T>,
+    ) {
+        let s = self.s * registers;
+        let (from_re, from_im) = (&T::vectors::<S>(&from.re)[..R * s], &T::vectors::<S>(&from.im)[..R * s]);
+        let to_re = &mut T::vectors_mut::<S>(&mut to.re)[..R * s];
+        let to_im = &mut T::vectors_mut::<S>(&mut to.im)[..R * s];
+        let pairs = &T::interleaved::<S>(factors.values)[..R * s];
+        for q in 0..s {
+            let y = B::transform(gather::<T, S, R>(simd, from_re, from_im, q, s));
+            for (k, y) in y.into_iter().enumerate() {
+                let at = k * s + q;
+                let y = y * Factors::factor(factors.conjugate, simd, pairs[at]);
+                (to_re[at], to_im[at]) = (y.re.vector, y.im.vector);
+            }
+        }
+    }
+}
+
+/// The inputs of a butterfly: `first`, and on in steps.
+#[inline(always)]
+fn gather<T: Real, S: Simd, const R: usize>(
+    simd: S,
+    re: &[T::Vector<S>],
+    im: &[T::Vector<S>],
+    first: usize,
+    step: usize,
+) -> [ComplexLanes<T, S>; R] {
+    let mut x = [ComplexLanes::new(simd, re[first], im[first]); R];
+    for (r, x) in x.iter_mut().enumerate().skip(1) {
+        *x = ComplexLanes::new(simd, re[first + r * step], im[first + r * step]);
+    }
+    x
 }
 
 fn column_by_column<T: Real>(fft: &dyn Fft<T>, columns: usize, tile: &mut Planes<T>) {
@@ -212,20 +318,20 @@ mod tests {
 
     const COLUMNS: usize = 16;
 
-    struct Run<'a, T> {
+    struct Both<'a, T> {
         fft: &'a BatchFft<T>,
         tile: &'a mut Planes<T>,
         spare: &'a mut Planes<T>,
         inverse: bool,
     }
 
-    impl<T: Real> WithSimd for Run<'_, T> {
+    impl<T: Real> WithSimd for Both<'_, T> {
         type Output = ();
 
         #[inline(always)]
         fn with_simd<S: Simd>(self, simd: S) {
             let Self { fft, tile, spare, inverse } = self;
-            if inverse { fft.inverse(simd, tile, spare) } else { fft.forward(simd, tile, spare) }
+            if inverse { fft.inverse(simd, tile, spare) } else { fft.forward(simd, tile, spare, None) }
         }
     }
 
@@ -238,7 +344,7 @@ mod tests {
         for inverse in [false, true] {
             let mut tile = Planes { re: re.clone(), im: im.clone() };
             let mut spare = Planes { re: dirt.clone(), im: dirt.clone() };
-            Arch::new().dispatch(Run { fft: &fft, tile: &mut tile, spare: &mut spare, inverse });
+            Arch::new().dispatch(Both { fft: &fft, tile: &mut tile, spare: &mut spare, inverse });
             let (mut error, mut energy) = (0.0, 0.0);
             for column in [0, 1, COLUMNS - 1] {
                 for k in 0..n {

@@ -1,7 +1,7 @@
 //! Passes along y: a tile of columns at a time.
 
 use super::{Convolver, Transfer};
-use crate::batch_fft::{ComplexLanes, Planes};
+use crate::batch_fft::{ComplexLanes, Factors, Planes};
 use crate::real::Real;
 use num_complex::Complex;
 use pulp::{Arch, Simd, WithSimd};
@@ -137,23 +137,30 @@ impl<T: Real> WithSimd for TilePass<'_, T> {
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { convolver, transfer, spectrum, tile, scratch, out, way } = self;
         let pass = Pass { simd, convolver, tile };
-        match way {
-            Way::There | Way::SpectraThere => {
-                pass.transform(spectrum, 1, 0, &mut scratch.spectra, &mut scratch.spare);
-            }
-            Way::Back | Way::SpectraBack => pass.sum_lanes(spectrum, scratch),
-            Way::ReturnSpectra => {}
-        }
+        let h = |conjugate| transfer.halves(tile).map(|values| Factors { values, conjugate });
         match way {
             Way::There => {
-                pass.apply(transfer, false, &mut scratch.spectra);
+                pass.transform(spectrum, 1, 0, &mut scratch.spectra, &mut scratch.spare, Some(h(false)));
                 pass.return_lanes(scratch, out);
             }
-            Way::Back | Way::ReturnSpectra => {
-                pass.apply(transfer, true, &mut scratch.spectra);
+            Way::Back => {
+                pass.sum_lanes(spectrum, scratch, Some(h(true)));
                 pass.return_tile(&mut scratch.spectra, &mut scratch.spare, out);
             }
-            Way::SpectraThere | Way::SpectraBack => pass.write_spectra(&scratch.spectra, out),
+            Way::SpectraThere => {
+                pass.transform(spectrum, 1, 0, &mut scratch.spectra, &mut scratch.spare, None);
+                pass.write_spectra(&scratch.spectra, out);
+            }
+            Way::SpectraBack => {
+                pass.sum_lanes(spectrum, scratch, None);
+                pass.write_spectra(&scratch.spectra, out);
+            }
+            Way::ReturnSpectra => {
+                for (half, factors) in scratch.spectra.iter_mut().zip(h(true)) {
+                    factors.apply(simd, half);
+                }
+                pass.return_tile(&mut scratch.spectra, &mut scratch.spare, out);
+            }
         }
     }
 }
@@ -171,7 +178,8 @@ impl<T: Real, S: Simd> Pass<'_, T, S> {
         self.convolver.tile_columns / T::lanes::<S>()
     }
 
-    /// Reads this tile of one of `lanes` half-transformed fields and leaves its spectra in `halves`.
+    /// Reads this tile of one of `lanes` half-transformed fields and leaves its spectra, times `factors`,
+    /// in `halves`.
     #[inline(always)]
     fn transform(
         &self,
@@ -180,6 +188,7 @@ impl<T: Real, S: Simd> Pass<'_, T, S> {
         lane: usize,
         halves: &mut [Planes<T>; 2],
         spare: &mut Planes<T>,
+        factors: Option<[Factors<'_, T>; 2]>,
     ) {
         let (columns, row_len) = (self.convolver.tile_columns, self.convolver.row_len());
         let [even, odd] = &mut *halves;
@@ -197,26 +206,29 @@ impl<T: Real, S: Simd> Pass<'_, T, S> {
                 at += 1;
             }
         }
-        for half in halves {
-            self.convolver.down_columns.forward(self.simd, half, spare);
+        for (i, half) in halves.iter_mut().enumerate() {
+            let factors = factors.map(|both| both[i]);
+            self.convolver.down_columns.forward(self.simd, half, spare, factors);
         }
     }
 
     /// The spectra of the sub-sampled field's adjoint: each offset's columns with its phase undone, summed.
     #[inline(always)]
-    fn sum_lanes(&self, spectrum: &[Complex<T>], scratch: &mut TileScratch<T>) {
+    fn sum_lanes(&self, spectrum: &[Complex<T>], scratch: &mut TileScratch<T>, factors: Option<[Factors<'_, T>; 2]>) {
         let TileScratch { spectra, shifted, spare } = scratch;
         let lanes = self.convolver.lanes();
         for (lane, offset) in self.convolver.along_y.offsets.iter().enumerate() {
             let Some(phases) = offset else {
-                self.transform(spectrum, lanes, lane, spectra, spare);
-                continue;
+                return self.transform(spectrum, lanes, lane, spectra, spare, factors);
             };
-            self.transform(spectrum, lanes, lane, shifted, spare);
+            self.transform(spectrum, lanes, lane, shifted, spare, None);
             let halves = spectra.iter_mut().zip(&*shifted).zip(phases.chunks_exact(self.convolver.height_px));
             for ((sum, half), phases) in halves {
                 self.add_turned_back(half, phases, lane > 0, sum);
             }
+        }
+        for (half, factors) in spectra.iter_mut().zip(factors.into_iter().flatten()) {
+            factors.apply(self.simd, half);
         }
     }
 
@@ -249,22 +261,6 @@ impl<T: Real, S: Simd> Pass<'_, T, S> {
             for at in y * registers..(y + 1) * registers {
                 let value = ComplexLanes::<T, S>::new(self.simd, re[at], im[at]) * phase;
                 (to_re[at], to_im[at]) = (value.re.vector, value.im.vector);
-            }
-        }
-    }
-
-    /// Multiplies the spectra by H, or by its conjugate.
-    #[inline(always)]
-    fn apply(&self, transfer: &Transfer<T>, conjugate: bool, spectra: &mut [Planes<T>; 2]) {
-        let h = transfer.tile(self.tile);
-        for (half, h) in spectra.iter_mut().zip(h.chunks_exact(h.len() / 2)) {
-            let (re, im) = (T::vectors_mut::<S>(&mut half.re), T::vectors_mut::<S>(&mut half.im));
-            for ((re, im), &pair) in re.iter_mut().zip(im).zip(T::interleaved::<S>(h)) {
-                let [h_re, h_im] = T::parts(self.simd, pair);
-                let h = ComplexLanes::<T, S>::new(self.simd, h_re, h_im);
-                let h = if conjugate { h.conj() } else { h };
-                let value = ComplexLanes::new(self.simd, *re, *im) * h;
-                (*re, *im) = (value.re.vector, value.im.vector);
             }
         }
     }

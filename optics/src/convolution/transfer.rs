@@ -72,8 +72,13 @@ impl<T: Real> Transfer<T> {
         }
     }
 
-    /// All rows of a tile.
-    pub(crate) fn tile(&self, tile: usize) -> &[Complex<T>] {
+    /// The even and the odd rows of a tile.
+    pub(crate) fn halves(&self, tile: usize) -> [&[Complex<T>]; 2] {
+        let (even, odd) = self.tile(tile).split_at(self.height_px * self.tile_columns);
+        [even, odd]
+    }
+
+    fn tile(&self, tile: usize) -> &[Complex<T>] {
         let len = 2 * self.height_px * self.tile_columns;
         &self.values[tile * len..][..len]
     }
