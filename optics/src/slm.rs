@@ -98,33 +98,26 @@ impl<T: Real> Slm<T> {
         displayed[..phase.len()].copy_from_slice(phase);
         let mut sign = one;
         if let Some(carrier) = self.carrier {
-            for i in 0..BLOCK {
+            for (i, (displayed, sign)) in displayed.iter_mut().zip(&mut sign).enumerate() {
                 if carrier.is_odd(y, x + i) {
-                    (displayed[i], sign[i]) = (displayed[i] + T::of(PI), -T::one());
+                    (*displayed, *sign) = (*displayed + T::of(PI), -T::one());
                 }
             }
         }
-        let mut turn = Parts { re: zero, im: zero };
-        for i in 0..BLOCK {
-            (turn.im[i], turn.re[i]) = displayed[i].sine_cosine();
-        }
+        let turn = Parts::unit(&displayed);
         if self.harmonics.is_empty() {
             return Block { sign, slope: one, turn, steered: turn };
         }
         let (mut response, mut slope, mut power) = (displayed, one, turn);
         for (k, &[a, b]) in self.harmonics.iter().enumerate() {
             let (order, times) = (T::of((k + 1) as f64), power);
-            for i in 0..BLOCK {
-                response[i] = response[i] + a * times.im[i] + b * times.re[i];
-                slope[i] = slope[i] + order * (a * times.re[i] - b * times.im[i]);
+            for (i, (response, slope)) in response.iter_mut().zip(&mut slope).enumerate() {
+                *response = *response + a * times.im[i] + b * times.re[i];
+                *slope = *slope + order * (a * times.re[i] - b * times.im[i]);
             }
             power = times.multiplied(&turn);
         }
-        let mut steered = turn;
-        for i in 0..BLOCK {
-            (steered.im[i], steered.re[i]) = response[i].sine_cosine();
-        }
-        Block { sign, slope, turn, steered }
+        Block { sign, slope, turn, steered: Parts::unit(&response) }
     }
 }
 
@@ -152,6 +145,16 @@ pub(crate) struct Block<T> {
 }
 
 impl<T: Real> Parts<T> {
+    /// e^{iφ}
+    #[inline(always)]
+    fn unit(phase: &[T; BLOCK]) -> Self {
+        let mut parts = Self { re: [T::zero(); BLOCK], im: [T::zero(); BLOCK] };
+        for ((re, im), phase) in parts.re.iter_mut().zip(&mut parts.im).zip(phase) {
+            (*im, *re) = phase.sine_cosine();
+        }
+        parts
+    }
+
     #[inline(always)]
     pub(crate) fn multiplied(&self, by: &Self) -> Self {
         let mut product = *self;

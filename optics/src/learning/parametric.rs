@@ -365,8 +365,8 @@ fn row_sums<T: Real>(slm: &Slm<T>, y: usize, phase: &[T], b: &[Complex<T>], poly
     for (i, ((phase, b), products)) in rows.enumerate() {
         let Block { sign, turn, steered, .. } = slm.respond(y, i * BLOCK, phase);
         let mut light = slm.lit(y, i * BLOCK, b);
-        for x in 0..BLOCK {
-            (light.re[x], light.im[x]) = (light.re[x] * sign[x], light.im[x] * sign[x]);
+        for ((re, im), &sign) in light.re.iter_mut().zip(&mut light.im).zip(&sign) {
+            (*re, *im) = (*re * sign, *im * sign);
         }
         let turned = light.multiplied(&steered);
         for (x, product) in products.iter_mut().enumerate() {
