@@ -6,6 +6,9 @@ use num_complex::Complex;
 use pulp::Arch;
 use rayon::prelude::*;
 
+/// Rows that are gathered together: a tile is far from the next one in memory, so its rows are read several at a time.
+const ROWS: usize = 8;
+
 impl<T: Real> Convolver<T> {
     /// Lets `fill(y, row)` write each row of a field, transforms it, and stores it row-major in `spectrum`.
     ///
@@ -33,14 +36,16 @@ impl<T: Real> Convolver<T> {
     ) {
         let arch = Arch::new();
         let per_row = results.len() / self.height_px;
-        results.par_chunks_mut(per_row).enumerate().for_each_init(
+        results.par_chunks_mut(ROWS * per_row).enumerate().for_each_init(
             || self.scratch.take(),
-            |scratch, (y, out)| {
-                let Scratch { row, samples, fft, .. } = &mut **scratch;
-                let half = &mut row[..2 * self.width_px];
-                self.gather_row(tiles, 1, 0, y, half);
-                self.along_x.transform_row_back(arch, half, &mut samples[..self.width_px], fft);
-                use_row(y, &samples[..self.width_px], out);
+            |scratch, (block, out)| {
+                let Scratch { rows, samples, fft, .. } = &mut **scratch;
+                self.gather_rows(tiles, 1, block * ROWS, out.len() / per_row, rows);
+                for (i, (half, out)) in rows.chunks_exact_mut(self.row_len()).zip(out.chunks_mut(per_row)).enumerate() {
+                    let half = &mut half[..2 * self.width_px];
+                    self.along_x.transform_row_back(arch, half, &mut samples[..self.width_px], fft);
+                    use_row(block * ROWS + i, &samples[..self.width_px], out);
+                }
             },
         );
     }
@@ -54,11 +59,13 @@ impl<T: Real> Convolver<T> {
         for lane in 0..self.lanes() {
             self.gather_row(tiles, self.lanes(), lane, y, half);
             for offset in &self.along_x.offsets {
-                match offset {
-                    None => shifted.copy_from_slice(half),
-                    Some(phases) => arch.dispatch(|| multiply(half, phases, shifted)),
-                }
                 let out = samples.next().expect("a slot for every sub-sample");
+                let Some(phases) = offset else {
+                    // No other offset needs the half-transformed row.
+                    self.along_x.transform_row_back(arch, half, out, fft);
+                    continue;
+                };
+                arch.dispatch(|| multiply(half, phases, shifted));
                 self.along_x.transform_row_back(arch, shifted, out, fft);
             }
         }
@@ -73,12 +80,18 @@ impl<T: Real> Convolver<T> {
         for out in out.chunks_exact_mut(self.row_len()) {
             let out = &mut out[..2 * self.width_px];
             for (i, offset) in self.along_x.offsets.iter().enumerate() {
-                half[..self.width_px].copy_from_slice(samples.next().expect("a slot for every sub-sample"));
+                let row = samples.next().expect("a slot for every sub-sample");
+                let Some(phases) = offset else {
+                    out[..self.width_px].copy_from_slice(row);
+                    self.along_x.transform_row(arch, out, fft);
+                    continue;
+                };
+                half[..self.width_px].copy_from_slice(row);
                 self.along_x.transform_row(arch, half, fft);
-                match offset {
-                    None => out.copy_from_slice(half),
-                    Some(phases) if i == 0 => arch.dispatch(|| multiply_conj(half, phases, out)),
-                    Some(phases) => arch.dispatch(|| add_multiply_conj(half, phases, out)),
+                if i == 0 {
+                    arch.dispatch(|| multiply_conj(half, phases, out));
+                } else {
+                    arch.dispatch(|| add_multiply_conj(half, phases, out));
                 }
             }
         }
@@ -89,6 +102,17 @@ impl<T: Real> Convolver<T> {
         for (tile, out) in half.chunks_mut(columns).enumerate() {
             let start = ((tile * lanes + lane) * self.height_px + y) * columns;
             out.copy_from_slice(&tiles[start..start + out.len()]);
+        }
+    }
+
+    /// Copies `count` rows of all `lanes` from `tiles`.
+    fn gather_rows(&self, tiles: &[Complex<T>], lanes: usize, first: usize, count: usize, rows: &mut [Complex<T>]) {
+        let (columns, row_len) = (self.tile_columns, self.row_len());
+        for (tile, parts) in tiles.chunks_exact(self.height_px * columns).enumerate() {
+            let (tile, lane) = (tile / lanes, tile % lanes);
+            for (i, part) in parts[first * columns..][..count * columns].chunks_exact(columns).enumerate() {
+                rows[(i * lanes + lane) * row_len + tile * columns..][..columns].copy_from_slice(part);
+            }
         }
     }
 }

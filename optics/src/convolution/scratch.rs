@@ -13,6 +13,8 @@ use std::{
 pub(crate) struct Scratch<T> {
     /// Two half-transformed rows' worth.
     pub(crate) row: Vec<Complex<T>>,
+    /// Several half-transformed rows.
+    pub(crate) rows: Vec<Complex<T>>,
     /// The sub-samples of a row, one after the other.
     pub(crate) samples: Vec<Complex<T>>,
     /// Real numbers of a row.
@@ -61,6 +63,7 @@ impl<T: Real> ScratchPool<T> {
         let zeros = |len| vec![Complex::new(T::zero(), T::zero()); len];
         Scratch {
             row: zeros(4 * self.width_px),
+            rows: zeros(8 * super::padded_columns(self.width_px, self.tile_columns)),
             samples: zeros(self.samples_len),
             reals: [vec![T::zero(); self.width_px], vec![T::zero(); self.width_px]],
             tile: TileScratch::new(self.height_px * self.tile_columns),
