@@ -130,18 +130,19 @@ pub(crate) struct Factors<'a, T> {
 }
 
 impl<T: Real> Factors<'_, T> {
+    /// The factors of register `at` of the tile.
     #[inline(always)]
-    fn factor<S: Simd>(conjugate: bool, simd: S, pair: [T::Vector<S>; 2]) -> ComplexLanes<T, S> {
-        let [re, im] = T::parts(simd, pair);
+    pub(crate) fn factor<S: Simd>(self, simd: S, at: usize) -> ComplexLanes<T, S> {
+        let [re, im] = T::parts(simd, T::interleaved::<S>(self.values)[at]);
         let factor = ComplexLanes::new(simd, re, im);
-        if conjugate { factor.conj() } else { factor }
+        if self.conjugate { factor.conj() } else { factor }
     }
 
     #[inline(always)]
     pub(crate) fn apply<S: Simd>(self, simd: S, tile: &mut Planes<T>) {
         let parts = T::vectors_mut::<S>(&mut tile.re).iter_mut().zip(T::vectors_mut::<S>(&mut tile.im));
-        for ((re, im), &pair) in parts.zip(T::interleaved::<S>(self.values)) {
-            let value = ComplexLanes::new(simd, *re, *im) * Self::factor(self.conjugate, simd, pair);
+        for (at, (re, im)) in parts.enumerate() {
+            let value = ComplexLanes::new(simd, *re, *im) * self.factor(simd, at);
             (*re, *im) = (value.re.vector, value.im.vector);
         }
     }
@@ -244,12 +245,11 @@ impl<T: Real> Stage<T> {
         let (from_re, from_im) = (&T::vectors::<S>(&from.re)[..R * s], &T::vectors::<S>(&from.im)[..R * s]);
         let to_re = &mut T::vectors_mut::<S>(&mut to.re)[..R * s];
         let to_im = &mut T::vectors_mut::<S>(&mut to.im)[..R * s];
-        let pairs = &T::interleaved::<S>(factors.values)[..R * s];
         for q in 0..s {
             let y = B::transform(gather::<T, S, R>(simd, from_re, from_im, q, s));
             for (k, y) in y.into_iter().enumerate() {
                 let at = k * s + q;
-                let y = y * Factors::factor(factors.conjugate, simd, pairs[at]);
+                let y = y * factors.factor(simd, at);
                 (to_re[at], to_im[at]) = (y.re.vector, y.im.vector);
             }
         }

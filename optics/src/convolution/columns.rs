@@ -222,19 +222,25 @@ impl<T: Real, S: Simd> Pass<'_, T, S> {
                 return self.transform(spectrum, lanes, lane, spectra, spare, factors);
             };
             self.transform(spectrum, lanes, lane, shifted, spare, None);
+            let last = lane + 1 == lanes;
             let halves = spectra.iter_mut().zip(&*shifted).zip(phases.chunks_exact(self.convolver.height_px));
-            for ((sum, half), phases) in halves {
-                self.add_turned_back(half, phases, lane > 0, sum);
+            for (i, ((sum, half), phases)) in halves.enumerate() {
+                let factors = if last { factors.map(|both| both[i]) } else { None };
+                self.add_turned_back(half, phases, lane > 0, factors, sum);
             }
-        }
-        for (half, factors) in spectra.iter_mut().zip(factors.into_iter().flatten()) {
-            factors.apply(self.simd, half);
         }
     }
 
-    /// `sum` (+)= `half` · conj of its row's phase.
+    /// `sum` = (`sum` +) `half` · conj of its row's phase, and that times `factors`.
     #[inline(always)]
-    fn add_turned_back(&self, half: &Planes<T>, phases: &[Complex<T>], add: bool, sum: &mut Planes<T>) {
+    fn add_turned_back(
+        &self,
+        half: &Planes<T>,
+        phases: &[Complex<T>],
+        add: bool,
+        factors: Option<Factors<'_, T>>,
+        sum: &mut Planes<T>,
+    ) {
         let registers = self.registers();
         let (re, im) = (T::vectors::<S>(&half.re), T::vectors::<S>(&half.im));
         let (sum_re, sum_im) = (T::vectors_mut::<S>(&mut sum.re), T::vectors_mut::<S>(&mut sum.im));
@@ -244,6 +250,9 @@ impl<T: Real, S: Simd> Pass<'_, T, S> {
                 let mut value = ComplexLanes::<T, S>::new(self.simd, re[at], im[at]) * phase;
                 if add {
                     value = value + ComplexLanes::new(self.simd, sum_re[at], sum_im[at]);
+                }
+                if let Some(factors) = factors {
+                    value = value * factors.factor(self.simd, at);
                 }
                 (sum_re[at], sum_im[at]) = (value.re.vector, value.im.vector);
             }
