@@ -29,6 +29,31 @@ pub struct Dataset {
     pub finalize_time_ms: Option<i64>,
 }
 
+impl Dataset {
+    /// An open dataset without pairs.
+    #[must_use]
+    pub fn empty(
+        id: String,
+        display: String,
+        wavelength: Wavelength,
+        distance: Distance,
+        photo_encoding: Encoding,
+    ) -> Self {
+        Self {
+            id,
+            display,
+            wavelength,
+            distance,
+            photo_encoding,
+            pairs: Vec::new(),
+            pair_count: 0,
+            digest: None,
+            create_time_ms: 0,
+            finalize_time_ms: None,
+        }
+    }
+}
+
 /// How grey values stand for light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -170,18 +195,9 @@ mod tests {
 
     #[test]
     fn digest_covers_content_and_nothing_else() {
-        let dataset = Dataset {
-            id: "d".into(),
-            display: "lab".into(),
-            wavelength: Wavelength { pm: 515_000 },
-            distance: Distance { nm: 150_000_000 },
-            photo_encoding: Encoding::Linear,
-            pairs: pairs(3),
-            pair_count: 3,
-            digest: None,
-            create_time_ms: 0,
-            finalize_time_ms: None,
-        };
+        let (wavelength, distance) = (Wavelength { pm: 515_000 }, Distance { nm: 150_000_000 });
+        let mut dataset = Dataset::empty("d".into(), "lab".into(), wavelength, distance, Encoding::Linear);
+        dataset.pairs = pairs(3);
         let first = digest(&dataset);
         assert_eq!(first.len(), 71);
         let mut other = dataset.clone();

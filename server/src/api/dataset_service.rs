@@ -84,18 +84,10 @@ impl Api {
     async fn new_dataset(&self, message: &v1::Dataset, field: &Field) -> Result<Dataset, ApiError> {
         let id = names::dataset_id(&field.at("name"), &message.name)?;
         let display = self.display_named(&field.at("display"), &message.display).await?;
-        Ok(Dataset {
-            id,
-            wavelength: field.at("wavelength_m").wavelength_of(message.wavelength_m, &display)?,
-            distance: field.at("distance_m").distance(message.distance_m)?,
-            photo_encoding: encoding(&field.at("photo_encoding"), message.photo_encoding, Encoding::Linear)?,
-            display: display.id,
-            pairs: Vec::new(),
-            pair_count: 0,
-            digest: None,
-            create_time_ms: 0,
-            finalize_time_ms: None,
-        })
+        let wavelength = field.at("wavelength_m").wavelength_of(message.wavelength_m, &display)?;
+        let distance = field.at("distance_m").distance(message.distance_m)?;
+        let encoding = encoding(&field.at("photo_encoding"), message.photo_encoding, Encoding::Linear)?;
+        Ok(Dataset::empty(id, display.id, wavelength, distance, encoding))
     }
 
     /// Both pictures must be there, readable, and of the display's size: learning would find out much later.

@@ -35,8 +35,6 @@ mod state_bytes;
 mod stop;
 #[cfg(test)]
 mod tests;
-#[cfg(test)]
-mod whole_loop;
 
 pub use backoff::Backoff;
 pub use context::{JobContext, TaskError, TaskOutput};

@@ -71,18 +71,7 @@ async fn submit(store: &Store, request_id: &str, now_ms: i64) -> String {
 }
 
 fn dataset(id: &str) -> Dataset {
-    Dataset {
-        id: id.to_owned(),
-        display: "lab".to_owned(),
-        wavelength: WAVELENGTH,
-        distance: DISTANCE,
-        photo_encoding: Encoding::Linear,
-        pairs: Vec::new(),
-        pair_count: 0,
-        digest: None,
-        create_time_ms: 0,
-        finalize_time_ms: None,
-    }
+    Dataset::empty(id.to_owned(), "lab".to_owned(), WAVELENGTH, DISTANCE, Encoding::Linear)
 }
 
 fn pair(n: u32) -> Pair {

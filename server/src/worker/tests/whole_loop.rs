@@ -1,62 +1,45 @@
 //! The whole loop on a small simulated display: ideal holograms, photographs, learning, better holograms; and that
 //! interruptions and threads change no byte of it.
 
-use super::*;
+use super::super::*;
+use super::bench::{Bench, DISTANCE, WAVELENGTH, display};
 use crate::dataset::{self, Dataset, Encoding, Pair};
 use crate::display::{Carrier, Display, SimulatedBench};
 use crate::job::{
-    Detector, EvaluateKernel, Fit, HologramResult, JobResult, JobSpec, JobState, LearnKernel, NewJob, OptimizeHologram,
-    Region, SimulateCapture,
+    Detector, EvaluateKernel, Fit, HologramResult, JobResult, JobSpec, JobState, LearnKernel, OptimizeHologram, Region,
+    SimulateCapture,
 };
 use crate::kernel::{KernelKey, KernelModel};
 use crate::pictures;
-use crate::units::{Distance, Wavelength};
 use lightpath_optics::Plane;
-use tempfile::TempDir;
 
-const WIDTH_PX: u32 = 64;
-const HEIGHT_PX: u32 = 48;
-const WAVELENGTH: Wavelength = Wavelength { pm: 515_000 };
-const DISTANCE: Distance = Distance { nm: 4_000_000 };
 const REGION: Region = Region { x_px: 6, y_px: 5, width_px: 52, height_px: 38 };
 
 struct Lab {
-    store: Store,
-    artifacts: Artifacts,
-    _folder: TempDir,
+    bench: Bench,
+    height_px: usize,
+    width_px: usize,
 }
 
 impl Lab {
     async fn new() -> Self {
-        let folder = tempfile::tempdir().unwrap();
-        let store = Store::open(&folder.path().join("lightpath.db")).await.unwrap();
-        let artifacts = Artifacts::open(folder.path()).unwrap();
-        let display = Display {
-            id: "lab".to_owned(),
-            width_px: WIDTH_PX,
-            height_px: HEIGHT_PX,
-            pixel_pitch_m: 8e-6,
-            bit_depth: 8,
-            wavelengths: vec![WAVELENGTH],
-            phase_response_rad: None,
-            carrier: Some(Carrier::HalfOrderX),
-            notes: String::new(),
-            simulated_bench: Some(SimulatedBench { seed: 3, strength: 1.0, camera_noise: 0.002, misalignment_px: 0.3 }),
-        };
-        store.create_display(&display, 1).await.unwrap();
-        Self { store, artifacts, _folder: folder }
+        let simulated_bench = SimulatedBench { seed: 3, strength: 1.0, camera_noise: 0.002, misalignment_px: 0.3 };
+        let carrier = Some(Carrier::HalfOrderX);
+        let display = Display { carrier, simulated_bench: Some(simulated_bench), ..display() };
+        let (height_px, width_px) = (display.height_px as usize, display.width_px as usize);
+        Self { bench: Bench::new(display).await, height_px, width_px }
     }
 
     async fn put(&self, bytes: Vec<u8>) -> String {
         let size_bytes = bytes.len() as u64;
-        let digest = self.artifacts.put_bytes(bytes).await.unwrap();
-        self.store.record_artifact(&digest, size_bytes, 1).await.unwrap();
+        let digest = self.bench.artifacts.put_bytes(bytes).await.unwrap();
+        self.bench.store.record_artifact(&digest, size_bytes, 1).await.unwrap();
         digest
     }
 
     /// A picture of bars and a blob; the number makes it another one.
     async fn target(&self, n: usize) -> String {
-        let picture = Plane::from_fn(HEIGHT_PX as usize, WIDTH_PX as usize, |y, x| {
+        let picture = Plane::from_fn(self.height_px, self.width_px, |y, x| {
             let bars = ((x / (4 + n % 5) + y / (6 + n % 3)) % 2) as f32;
             let (dy, dx) = (y as f32 - 20.0 - n as f32, x as f32 - 30.0 + 2.0 * n as f32);
             0.15 + 0.35 * bars + 0.5 * (-(dy * dy + dx * dx) / 150.0).exp()
@@ -64,27 +47,16 @@ impl Lab {
         self.put(pictures::grey_png_srgb(&picture).unwrap()).await
     }
 
-    async fn submit(&self, request_id: &str, spec: JobSpec) -> String {
-        let new = NewJob { spec, request_id: request_id.to_owned(), priority: 0, attempts_max: 1 };
-        self.store.submit(&new, clock::now_ms(), 1000).await.unwrap().0.id
-    }
-
     /// Works until the condition holds for the job.
     async fn work(&self, config: WorkerConfig, id: &str, condition: impl Fn(&Job) -> bool) -> Job {
-        let drain = CancellationToken::new();
-        let worker = Worker::new(self.store.clone(), self.artifacts.clone(), config, Arc::new(OpticsTask));
-        let running = tokio::spawn(worker.run(drain.clone()));
-        let mut changes = self.store.subscribe_job_changes();
-        while !condition(&self.store.job(id).await.unwrap()) {
-            drop(changes.recv().await);
-        }
-        drain.cancel();
-        running.await.unwrap().unwrap();
-        self.store.job(id).await.unwrap()
+        let working = self.bench.start(config, OpticsTask);
+        self.bench.until(id, condition).await;
+        working.stop().await;
+        self.bench.store.job(id).await.unwrap()
     }
 
     async fn done(&self, request_id: &str, spec: JobSpec) -> JobResult {
-        let id = self.submit(request_id, spec).await;
+        let id = self.bench.submit(request_id, spec, 1).await;
         let job = self.work(threads(2), &id, |job| job.state.has_ended()).await;
         assert_eq!(job.state, JobState::Succeeded, "{:?}", job.error);
         job.result.unwrap()
@@ -92,7 +64,7 @@ impl Lab {
 
     /// Interrupts the job after its first checkpoint, then lets it end.
     async fn interrupted(&self, request_id: &str, spec: JobSpec) -> JobResult {
-        let id = self.submit(request_id, spec).await;
+        let id = self.bench.submit(request_id, spec, 1).await;
         let every_step = WorkerConfig { checkpoint_interval: Duration::ZERO, ..threads(2) };
         let job = self.work(every_step, &id, |job| job.checkpoint.is_some()).await;
         assert_eq!((job.state, job.attempt), (JobState::Queued, 1));
@@ -118,41 +90,32 @@ impl Lab {
     }
 
     async fn dataset(&self, pairs: usize) {
-        let mut dataset = Dataset {
-            id: "photos".to_owned(),
-            display: "lab".to_owned(),
-            wavelength: WAVELENGTH,
-            distance: DISTANCE,
-            photo_encoding: Encoding::Linear,
-            pairs: Vec::new(),
-            pair_count: 0,
-            digest: None,
-            create_time_ms: 0,
-            finalize_time_ms: None,
-        };
-        self.store.create_dataset(&dataset, 1).await.unwrap();
+        let (id, display) = ("photos".to_owned(), "lab".to_owned());
+        let mut dataset = Dataset::empty(id, display, WAVELENGTH, DISTANCE, Encoding::Linear);
+        self.bench.store.create_dataset(&dataset, 1).await.unwrap();
         for n in 0..pairs {
             let ideal = self.hologram(&format!("ideal{n}"), optimize(self.target(n).await, None, 40)).await;
             let photo = self.photograph(&format!("photo{n}"), &ideal.phase).await;
             let pair = Pair { id: format!("p{n}"), phase: ideal.phase, photo, split: None };
-            self.store.add_pair("photos", &pair).await.unwrap();
+            self.bench.store.add_pair("photos", &pair).await.unwrap();
             dataset.pairs.push(pair);
         }
         let splits = dataset::draw_split(&dataset.pairs, 0.0, 0.25, 1);
         for (pair, (_, split)) in dataset.pairs.iter_mut().zip(&splits) {
             pair.split = Some(*split);
         }
-        self.store.finalize_dataset("photos", &splits, &dataset::digest(&dataset), 2).await.unwrap();
+        self.bench.store.finalize_dataset("photos", &splits, &dataset::digest(&dataset), 2).await.unwrap();
     }
 
     /// Mean squared error of a photograph of the hologram against its target, gain fitted.
     async fn seen(&self, request_id: &str, hologram: &HologramResult, target: &str) -> f64 {
         let photo = self.photograph(request_id, &hologram.phase).await;
-        let photo = pictures::photograph(&self.artifacts.read_all(&photo).await.unwrap(), Encoding::Linear).unwrap();
-        let target = self.artifacts.read_all(target).await.unwrap();
-        let (height_px, width_px) = (HEIGHT_PX as usize, WIDTH_PX as usize);
-        let target = pictures::target_intensity(&target, Encoding::Srgb, Fit::Exact, height_px, width_px).unwrap();
-        let grid = lightpath_optics::Grid::try_new(height_px, width_px, 8e-6).unwrap();
+        let photo =
+            pictures::photograph(&self.bench.artifacts.read_all(&photo).await.unwrap(), Encoding::Linear).unwrap();
+        let target = self.bench.artifacts.read_all(target).await.unwrap();
+        let target =
+            pictures::target_intensity(&target, Encoding::Srgb, Fit::Exact, self.height_px, self.width_px).unwrap();
+        let grid = lightpath_optics::Grid::try_new(self.height_px, self.width_px, 8e-6).unwrap();
         let region = lightpath_optics::RegionOfInterest::middle(&grid);
         let gain = lightpath_optics::metrics::Gain::Fitted;
         lightpath_optics::metrics::mse(&photo, &target, region, gain).unwrap()
@@ -255,8 +218,8 @@ async fn interruptions_and_threads_change_no_byte() {
         assert_eq!((&whole.metrics, &whole.loss_history), (&resumed.metrics, &resumed.loss_history), "{name}");
         version += 2;
         let [first, second] = [
-            lab.store.kernel_version(&key, version - 1).await.unwrap().content,
-            lab.store.kernel_version(&key, version).await.unwrap().content,
+            lab.bench.store.kernel_version(&key, version - 1).await.unwrap().content,
+            lab.bench.store.kernel_version(&key, version).await.unwrap().content,
         ];
         assert_eq!(first.artifact, second.artifact, "{name}");
     }
