@@ -41,6 +41,9 @@ pub enum Error {
         /// Row of the first such value.
         y_px: usize,
     },
+    /// A photograph of which nothing counts.
+    #[error("photo is saturated at every pixel of the region of interest; expose the camera less, or move the region")]
+    Saturated,
     /// Nothing to work on.
     #[error("{name} is empty, but {needed}")]
     Empty {

@@ -4,7 +4,8 @@
 //! min over θ of  mean over pairs of  Σ w ( gain · D(|H ∗ c(φ)|²) + offset − photo )² / Σ w
 //! ```
 //!
-//! φ the hologram and photo its photograph, w 1 in the region of interest but 0 where the camera saturates. Two families:
+//! φ the hologram and photo its photograph, w 1 in the region of interest but 0 where the camera saturates, here as in
+//! [`compare`], by which finished models are judged. Two families:
 //! [`parametric`] describes the display by some dozens of numbers, [`bins`] by one for every frequency.
 //!
 //! Learning is a sequence of [steps](Learner::step), each of which can be the last of a session: [`Learner::state`] is all
@@ -17,7 +18,7 @@ pub mod parametric;
 mod schedule;
 mod smooth_transfer;
 
-pub use pair::{Pair, PairSource, compare};
+pub use pair::{Pair, PairSource, compare, unsaturated_px};
 
 use crate::carrier::Carrier;
 use crate::{Detector, DisplayModel, Error, OpticalSetup, RegionOfInterest};

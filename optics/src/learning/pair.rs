@@ -78,13 +78,10 @@ impl<T: Real> Example<T> {
             plane.expect_size(name, engine.height_px(), engine.width_px())?;
             plane.expect_finite(name)?;
         }
-        let weight = pair.photo.map(|value| if value < SATURATION { T::one() } else { T::zero() });
-        let in_region =
-            |y| region.columns(y).map_or(0.0, |columns| weight.row(y)[columns].iter().map(|w| w.wide()).sum());
-        let weight_sum: f64 = (0..weight.height_px()).map(in_region).sum();
+        let weight = pair.photo.map(|value| if is_saturated(value) { T::zero() } else { T::one() });
+        let weight_sum = unsaturated_px(&pair.photo, region) as f64;
         if weight_sum == 0.0 {
-            let needed = "a photograph needs pixels in the region of interest that are not saturated";
-            return Err(Error::Empty { name: "photo", needed });
+            return Err(Error::Saturated);
         }
         let widen = |plane: &Plane<f32>| plane.map(|value| T::of(f64::from(value)));
         Ok(Self { phase: widen(&pair.phase), photo: widen(&pair.photo), weight, weight_sum, region })
@@ -119,27 +116,72 @@ pub(super) fn measure_all<T: Real, S: PairSource>(
     Ok(sums)
 }
 
-/// Compares what an engine predicts for a pair with its photograph, every pixel of the region counted, at gain 1 and
-/// offset 0.
+/// Compares what an engine predicts for a pair with its photograph at gain 1 and offset 0, by the rule of learning: over
+/// the pixels of the region where the photograph is not saturated.
 ///
 /// # Errors
 ///
-/// [`Error`] for a pair of another size or with values that are not finite.
+/// [`Error`] for a pair of another size, with values that are not finite, or without a pixel that counts.
 pub fn compare(engine: &Engine, pair: &Pair, region: RegionOfInterest) -> Result<Sums, Error> {
-    for (name, plane) in [("phase", &pair.phase), ("photo", &pair.photo)] {
-        plane.expect_size(name, engine.height_px(), engine.width_px())?;
-        plane.expect_finite(name)?;
-    }
+    let example = Example::new(pair, engine, region)?;
     let mut fields = Fields::new(&engine.convolver);
-    engine.send(pair.phase.values(), &mut fields);
-    let comparison = Comparison {
-        picture: &pair.photo,
-        weight: None,
-        region,
-        detector: engine.detector,
-        gain: 1.0,
-        offset: 0.0,
-        weight_sum: region.pixels() as f64,
+    engine.send(example.phase.values(), &mut fields);
+    Ok(engine.convolver.measure(&fields.tiles, &example.comparison(engine, 1.0, 0.0)))
+}
+
+/// Pixels of the region where the photograph is not saturated: those that count in learning and in [`compare`].
+#[must_use]
+pub fn unsaturated_px(photo: &Plane<f32>, region: RegionOfInterest) -> usize {
+    let in_row = |y: usize| {
+        let columns = region.columns(y).unwrap_or_default();
+        photo.row(y)[columns].iter().filter(|&&value| !is_saturated(value)).count()
     };
-    Ok(engine.convolver.measure(&fields.tiles, &comparison))
+    (0..photo.height_px()).map(in_row).sum()
+}
+
+fn is_saturated(value: f32) -> bool {
+    value >= SATURATION
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hologram::initial_phase;
+    use crate::{Detector, DisplayModel, Grid, OpticalSetup};
+
+    fn engine() -> Engine {
+        let setup = OpticalSetup::try_new(Grid::try_new(40, 56, 8e-6).unwrap(), 515e-9, 2e-3).unwrap();
+        Engine::new(&DisplayModel::ideal(setup), Detector::Pixel, None).unwrap()
+    }
+
+    /// The photograph by a camera that clips at 1, with light up to `peak`.
+    fn clipped(engine: &Engine, peak: f32) -> Pair {
+        let phase = initial_phase(40, 56, 6.0, 5).unwrap();
+        let light = engine.light(&phase).unwrap();
+        let brightest = light.values().iter().copied().fold(0.0, f32::max);
+        Pair { phase, photo: light.map(|value| (peak / brightest * value).min(1.0)) }
+    }
+
+    #[test]
+    fn where_the_camera_clips_a_true_model_is_not_found_wrong() {
+        let engine = engine();
+        let region = RegionOfInterest::try_new(&Grid::try_new(40, 56, 8e-6).unwrap(), 3, 2, 50, 36).unwrap();
+        let pair = clipped(&engine, 2.0);
+        let sums = compare(&engine, &pair, region).unwrap();
+        let saturated = region.pixels() - unsaturated_px(&pair.photo, region);
+        assert!(saturated > 10, "{saturated} of {} pixels are saturated", region.pixels());
+        assert_eq!(sums.w, (region.pixels() - saturated) as f64);
+        // What is left is rounding: f32 light and photographs of at most 1.
+        assert!(sums.best_loss() < 1e-12, "{}", sums.best_loss());
+    }
+
+    #[test]
+    fn a_photograph_without_a_pixel_that_counts_is_refused() {
+        let engine = engine();
+        let region = RegionOfInterest::try_new(&Grid::try_new(40, 56, 8e-6).unwrap(), 3, 2, 50, 36).unwrap();
+        let mut pair = clipped(&engine, 1.0);
+        pair.photo = Plane::filled(40, 56, 1.0);
+        pair.photo.values_mut()[0] = 0.5;
+        assert_eq!(compare(&engine, &pair, region), Err(Error::Saturated));
+    }
 }

@@ -122,7 +122,7 @@ fn draw(title: &str, values: &Plane<f32>, colours: ColourMap, half: f64) -> Canv
     Heatmap { title, values, colours, range, unit, x: axis("fx [cycles/mm]"), y: axis("fy [cycles/mm]") }.draw()
 }
 
-/// Training losses of the learned models, and the mark that no single kernel passes.
+/// Training losses of the learned models, and the mark for models of a kernel alone.
 pub(super) fn loss(files: &Files, learned: &[Learned], judged: &[Judged]) -> anyhow::Result<()> {
     let curve =
         |learned: &Learned| Curve { label: learned.name.to_owned(), values: learned.result.loss_history.clone() };

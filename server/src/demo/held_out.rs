@@ -29,7 +29,7 @@ impl Contender {
 /// What a contender reached.
 pub(super) struct Judged {
     pub(super) contender: Contender,
-    /// Mean squared error over the dataset's test photographs.
+    /// Mean squared error over the dataset's test photographs, as the server measures it for every kernel alike.
     pub(super) held_out_loss: f64,
     /// In the order of the held-out targets.
     pub(super) shown: Vec<Shown>,

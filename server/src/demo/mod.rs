@@ -166,7 +166,7 @@ async fn learn(args: &DemoArgs, lab: &Lab, story: &mut Story) -> anyhow::Result<
         let version = result.kernel_version.rsplit('/').next().and_then(|number| number.parse().ok());
         let version = version.with_context(|| format!("{:?} is no kernel version", result.kernel_version))?;
         story.tell(format!(
-            "version {version} · training loss {:.5} · held-out loss {:.5}, through the ideal kernel {:.5}",
+            "version {version} · training loss {:.6} · held-out loss {:.6}, through the ideal kernel {:.6}",
             metrics.train_loss, metrics.test_loss, metrics.ideal_test_loss
         ))?;
         learned.push(Learned { name, version, result, seconds: started.elapsed().as_secs_f64() });

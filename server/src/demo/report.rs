@@ -110,7 +110,7 @@ impl Report {
             let version = if model.kernel_version == 0 { "–".to_owned() } else { model.kernel_version.to_string() };
             let _ = writeln!(
                 text,
-                "{:<20}{version:>8}{:>15.5}{:>13.1} dB{:>12.1} dB{:>11}",
+                "{:<20}{version:>8}{:>15.6}{:>13.1} dB{:>12.1} dB{:>11}",
                 model.name,
                 model.held_out_loss,
                 model.mean_simulated_psnr_db,
@@ -131,8 +131,8 @@ impl Report {
         let learned = &self.models[1];
         let _ = write!(
             text,
-            "\n\nThe learned display is {} or more ahead on every held-out target; its held-out loss is {:.0} % of what \
-             the\ndisplay's true transfer function alone leaves ({:.5}).",
+            "\n\nThrough the learned display every held-out target gains {} or more; its held-out loss is {:.0} % of what \
+             the\ndisplay's true transfer function alone leaves ({:.6}). Saturated pixels count in no loss.",
             figures::signed_db(self.smallest_gain_db),
             100.0 * learned.held_out_loss / self.single_kernel_floor,
             self.single_kernel_floor

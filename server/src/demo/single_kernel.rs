@@ -1,4 +1,4 @@
-//! The mark that a single kernel cannot pass: the display's true transfer function, and nothing else of it.
+//! The mark for models of a kernel alone: the display's true transfer function, and nothing else of it.
 
 use crate::display::SimulatedBench;
 use crate::kernel::KernelModel;

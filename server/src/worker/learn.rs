@@ -11,13 +11,17 @@ use crate::job::{Job, JobResult, LearnKernel, LearnResult, Progress};
 use crate::kernel::{KernelLineage, KernelMetrics, KernelModel, NewKernelVersion};
 use crate::kernel_file;
 use lightpath_optics::compiled;
-use lightpath_optics::learning::{LearnModel, LearnOptions, LearnStage, Learner, PairSource};
+use lightpath_optics::learning::{LearnModel, LearnOptions, LearnStage, Learner, PairSource, unsaturated_px};
 use lightpath_optics::{DisplayModel, RegionOfInterest};
 
 pub(super) fn run(context: &JobContext, job: &Job, spec: &LearnKernel) -> Result<TaskOutput, TaskError> {
     let (setting, dataset) = read_dataset(context, &spec.dataset)?;
     let region = setting.region(spec.region_of_interest)?;
+    for split in [Split::Validation, Split::Test] {
+        check_photographs(context, &Pairs::of(context, &setting, &dataset, split), region)?;
+    }
     let training = Pairs::of(context, &setting, &dataset, Split::Train);
+    check_photographs(context, &training, region)?;
     let learner = learn(context, spec, &setting, region, &training)?;
     let (model, loss_history) = (learner.model(), learner.loss_history().to_vec());
     drop(learner);
@@ -49,6 +53,19 @@ pub(super) fn read_dataset(context: &JobContext, id: &str) -> Result<(Setting, D
     }
     let setting = Setting::read(context, &dataset.display, dataset.wavelength, dataset.distance)?;
     Ok((setting, dataset))
+}
+
+/// Refuses photographs that cannot be read or of which nothing counts: better now than after hours of learning.
+fn check_photographs(context: &JobContext, pairs: &Pairs, region: RegionOfInterest) -> Result<(), TaskError> {
+    let steps_total = pairs.len() as u32;
+    for index in 0..pairs.len() {
+        if unsaturated_px(&pairs.pair(index)?.photo, region) == 0 {
+            return Err(pairs.named(index, lightpath_optics::Error::Saturated.into()));
+        }
+        let (stage, step) = ("check the photographs".to_owned(), index as u32 + 1);
+        context.report(Progress { stage, step, steps_total, loss: 0.0, eta_s: None })?;
+    }
+    Ok(())
 }
 
 /// All steps that are left.

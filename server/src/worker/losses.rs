@@ -9,7 +9,8 @@ use lightpath_optics::learning::{PairSource, compare};
 use lightpath_optics::photometry::Sums;
 use lightpath_optics::{Detector, DisplayModel, Engine, RegionOfInterest};
 
-/// Mean squared errors of one pair, gain and black level fitted: both are the exposure's, not the display's.
+/// Mean squared errors of one pair over the pixels that count in learning too, those where the photograph is not
+/// saturated; gain and black level fitted: all three are the exposure's, not the display's.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Loss {
     /// In the region of interest.
@@ -43,8 +44,9 @@ impl<'a> Judge<'a> {
         let steps_total = pairs.len() as u32;
         let one = |index: usize| {
             let pair = pairs.pair(index)?;
-            let [region, full_frame] = self.regions.map(|region| -> Result<f64, TaskError> {
-                finite("the loss", loss(&compare(&self.engine, &pair, region)?))
+            let [region, full_frame] = self.regions.map(|region| {
+                let sums = compare(&self.engine, &pair, region).map_err(|error| pairs.named(index, error.into()))?;
+                finite("the loss", loss(&sums))
             });
             let loss = Loss { region: region?, full_frame: full_frame? };
             let step = index as u32 + 1;
@@ -66,7 +68,7 @@ pub(super) fn mean(losses: &[Loss]) -> Loss {
 /// The mean squared error at the gain s and black level o that fit best together.
 ///
 /// ```text
-/// Σ (s p + o − t)² / Σ 1
+/// Σ w (s p + o − t)² / Σ w
 /// ```
 fn loss(sums: &Sums) -> f64 {
     let Sums { w, p, pp, t, tp, tt, .. } = sums;

@@ -51,20 +51,24 @@ impl Pairs {
 
     fn read(&self, index: usize) -> Result<Pair, TaskError> {
         let pair = &self.pairs[index];
-        let named = |error: TaskError| match error {
-            TaskError::Failed(mut error) => {
-                error.message = format!("pair \"{}\": {}", pair.id, error.message);
-                TaskError::Failed(error)
-            }
-            TaskError::Stopped => TaskError::Stopped,
-        };
         let read = || -> Result<Pair, TaskError> {
             let phase = self.setting.displayed_phase(&self.bytes(&pair.phase)?)?;
             let photo = pictures::photograph(&self.bytes(&pair.photo)?, self.encoding)?;
             photo.expect_size("photo", self.setting.height_px(), self.setting.width_px())?;
             Ok(Pair { phase: self.setting.without_carrier(phase), photo })
         };
-        read().map_err(named)
+        read().map_err(|error| self.named(index, error))
+    }
+
+    /// What failed, with the pair that it failed at.
+    pub(super) fn named(&self, index: usize, error: TaskError) -> TaskError {
+        match error {
+            TaskError::Failed(mut error) => {
+                error.message = format!("pair \"{}\": {}", self.id(index), error.message);
+                TaskError::Failed(error)
+            }
+            TaskError::Stopped => TaskError::Stopped,
+        }
     }
 
     fn bytes(&self, digest: &str) -> Result<Vec<u8>, TaskError> {

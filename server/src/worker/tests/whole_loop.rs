@@ -89,14 +89,36 @@ impl Lab {
         }
     }
 
+    /// Ideal holograms and their photographs on the simulated bench.
     async fn dataset(&self, pairs: usize) {
-        let (id, display) = ("photos".to_owned(), "lab".to_owned());
-        let mut dataset = Dataset::empty(id, display, WAVELENGTH, DISTANCE, Encoding::Linear);
-        self.bench.store.create_dataset(&dataset, 1).await.unwrap();
+        let mut photographed = Vec::new();
         for n in 0..pairs {
             let ideal = self.hologram(&format!("ideal{n}"), optimize(self.target(n).await, None, 40)).await;
             let photo = self.photograph(&format!("photo{n}"), &ideal.phase).await;
-            let pair = Pair { id: format!("p{n}"), phase: ideal.phase, photo, split: None };
+            photographed.push(Pair { id: format!("p{n}"), phase: ideal.phase, photo, split: None });
+        }
+        self.finalized(photographed).await;
+    }
+
+    /// Ideal holograms and what an ideal display's camera sees of them that clips at half the target's peak.
+    async fn overexposed(&self, pairs: usize) -> Vec<Pair> {
+        let mut photographed = Vec::new();
+        for n in 0..pairs {
+            let ideal = self.hologram(&format!("ideal{n}"), optimize(self.target(n).await, None, 40)).await;
+            let seen = self.bench.artifacts.read_all(&ideal.reconstruction).await.unwrap();
+            let clipped = pictures::photograph(&seen, Encoding::Srgb).unwrap().map(|light| (2.0 * light).min(1.0));
+            let photo = self.put(pictures::grey_png_linear(&clipped).unwrap()).await;
+            photographed.push(Pair { id: format!("p{n}"), phase: ideal.phase, photo, split: None });
+        }
+        photographed
+    }
+
+    /// A dataset of these pairs, a quarter of them held out.
+    async fn finalized(&self, pairs: Vec<Pair>) {
+        let (id, display) = ("photos".to_owned(), "lab".to_owned());
+        let mut dataset = Dataset::empty(id, display, WAVELENGTH, DISTANCE, Encoding::Linear);
+        self.bench.store.create_dataset(&dataset, 1).await.unwrap();
+        for pair in pairs {
             self.bench.store.add_pair("photos", &pair).await.unwrap();
             dataset.pairs.push(pair);
         }
@@ -159,6 +181,15 @@ fn learn(model: KernelModel, epochs: u32, refinement_evaluations: u32) -> JobSpe
     })
 }
 
+fn evaluate(kernel_version: Option<u32>) -> JobSpec {
+    JobSpec::EvaluateKernel(EvaluateKernel {
+        dataset: "photos".to_owned(),
+        display: "lab".to_owned(),
+        kernel_version,
+        region_of_interest: REGION,
+    })
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_learned_kernel_makes_better_holograms() {
     let lab = Lab::new().await;
@@ -168,14 +199,6 @@ async fn a_learned_kernel_makes_better_holograms() {
     assert_eq!((learned.metrics.train_pairs, learned.metrics.test_pairs), (6, 2));
     assert!(learned.metrics.test_loss < 0.3 * learned.metrics.ideal_test_loss, "{:?}", learned.metrics);
 
-    let evaluate = |kernel_version| {
-        JobSpec::EvaluateKernel(EvaluateKernel {
-            dataset: "photos".to_owned(),
-            display: "lab".to_owned(),
-            kernel_version,
-            region_of_interest: REGION,
-        })
-    };
     for (request_id, version, expected) in
         [("learned", Some(1), learned.metrics.test_loss), ("ideal", None, learned.metrics.ideal_test_loss)]
     {
@@ -193,6 +216,43 @@ async fn a_learned_kernel_makes_better_holograms() {
     let (before, after) =
         (lab.seen("see ideal", &ideal, &target).await, lab.seen("see learned", &better, &target).await);
     assert!(after < 0.5 * before, "captured error {before} through the ideal kernel, {after} through the learned one");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn saturated_pixels_are_no_error_of_a_kernel() {
+    let lab = Lab::new().await;
+    lab.finalized(lab.overexposed(4).await).await;
+    // The photographs are what the ideal kernel predicts, rounded to 8-bit sRGB and doubled: (2 · 2.3 / 255)² / 12.
+    let rounding = 3e-5;
+    let JobResult::Evaluate(found) = lab.done("evaluate", evaluate(None)).await else { panic!() };
+    assert_eq!(found.pairs.len(), 4);
+    for pair in &found.pairs {
+        assert!(pair.loss < rounding && pair.loss_full_frame < rounding, "{pair:?}");
+    }
+    let JobResult::Learn(learned) = lab.done("learn", learn(KernelModel::Smooth, 1, 2)).await else { panic!() };
+    let metrics = learned.metrics;
+    for loss in [metrics.ideal_test_loss, metrics.ideal_test_loss_full_frame] {
+        assert!(loss > 0.0 && loss < rounding, "{metrics:?}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_photograph_of_which_nothing_counts_is_named_before_anything_is_learned() {
+    let lab = Lab::new().await;
+    let mut pairs = lab.overexposed(3).await;
+    let white = Plane::filled(lab.height_px, lab.width_px, 1.0);
+    pairs[1].photo = lab.put(pictures::grey_png_linear(&white).unwrap()).await;
+    pairs[1].split = Some(dataset::Split::Test);
+    lab.finalized(pairs).await;
+    for (request_id, spec) in [("learn", learn(KernelModel::Smooth, 1, 2)), ("evaluate", evaluate(None))] {
+        let id = lab.bench.submit(request_id, spec, 1).await;
+        let job = lab.work(threads(2), &id, |job| job.state.has_ended()).await;
+        let error = job.error.unwrap();
+        assert_eq!((job.state, error.reason.as_str()), (JobState::Failed, "INVALID_INPUT"));
+        assert!(error.message.starts_with("pair \"p1\": photo is saturated at every pixel"), "{}", error.message);
+        let stage = job.progress.map(|progress| progress.stage).unwrap_or_default();
+        assert!(!["learn", "refine"].contains(&stage.as_str()), "{stage}");
+    }
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
