@@ -4,7 +4,7 @@ mod outputs;
 
 use super::arguments::{Detector, Encoding, Optics, region};
 use super::failure::Failure;
-use super::progress::{Progress, or_interrupted};
+use super::progress::{Progress, WATCHES_MAX, or_interrupted};
 use super::session::{Session, say};
 use super::submission::{Submission, watch_hint};
 use super::table::{Facts, Table};
@@ -15,9 +15,6 @@ use lightpath::v1::{self, Job, OptimizeHologram, job_spec, optimize_hologram};
 use lightpath::{hologram_result, names};
 use outputs::{Files, Outputs};
 use std::path::PathBuf;
-
-/// Jobs waited for at once.
-const WAITS_MAX: usize = 16;
 
 /// What can be done with holograms.
 #[derive(Debug, Subcommand)]
@@ -249,7 +246,7 @@ async fn finish(session: &Session, items: Vec<Item>) -> Result<(), Failure> {
         }
         Ok::<Item, Failure>(Item { job, ..item })
     });
-    let all = futures::stream::iter(waits).buffered(WAITS_MAX).try_collect();
+    let all = futures::stream::iter(waits).buffered(WATCHES_MAX).try_collect();
     let items: Vec<Item> = or_interrupted(&ids, all).await?;
     for item in &items {
         session.print_json_line(&item.job)?;

@@ -11,8 +11,9 @@ use futures::{StreamExt as _, TryStreamExt as _};
 use lightpath::names;
 use lightpath::v1::{self, Job, job};
 
-/// Jobs watched at once: a stream each, so well within what one connection carries.
-const WATCHES_MAX: usize = 64;
+/// Jobs watched at once: what somebody named may all run, and each change of each is told. A stream each, still well
+/// within what one connection carries.
+const NAMED_WATCHES_MAX: usize = 64;
 
 /// What can be done with jobs.
 #[derive(Debug, Subcommand)]
@@ -144,7 +145,7 @@ impl Watch {
             let job = progress.wait(session, id, &names::job(id), on_job).await?;
             printed.map(|()| job)
         });
-        let all = futures::stream::iter(waits).buffered(WATCHES_MAX).try_collect();
+        let all = futures::stream::iter(waits).buffered(NAMED_WATCHES_MAX).try_collect();
         let jobs: Vec<Job> = or_interrupted(&ids, all).await?;
         if let [job] = jobs.as_slice() {
             session.print_text(&job_text::facts(job))?;

@@ -11,8 +11,8 @@ use std::cell::Cell;
 use std::io::IsTerminal as _;
 use std::time::Duration;
 
-/// Jobs watched at once: a stream each, so well within what one connection carries.
-const WATCHES_MAX: usize = 16;
+/// Jobs that a command waits for at once: a stream each, well within what one connection carries, and a bar each.
+pub(crate) const WATCHES_MAX: usize = 16;
 
 /// How often the bar of a queued job moves.
 const TICK: Duration = Duration::from_millis(120);
