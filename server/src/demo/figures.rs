@@ -68,19 +68,22 @@ pub(super) fn kernel(files: &Files, kernel: &[u8], bench: &SimulatedDisplay) -> 
 
     let nyquist = 0.5 / setup.grid().pixel_pitch_m();
     let inner = nyquist.min(smooth_band(&setup));
-    let amplitude = |title: &str, of: &dyn Fn(f64, f64) -> Complex64| {
-        draw(title, &sampled(nyquist, |fx, fy| of(fx, fy).norm()), ColourMap::Sequential, nyquist)
-    };
+    let amplitudes = [
+        ("ideal: amplitude", sampled(nyquist, |fx, fy| ideal(fx, fy).norm())),
+        ("learned: amplitude", sampled(nyquist, |fx, fy| learned(fx, fy).norm())),
+        ("learned / ideal: amplitude", sampled(nyquist, |fx, fy| learned_error(fx, fy).norm())),
+        ("truth / ideal: amplitude", sampled(nyquist, |fx, fy| true_error(fx, fy).norm())),
+    ];
+    // One scale for all: they are there to be compared.
+    let highest = amplitudes.iter().flat_map(|(_, plane)| plane.values()).copied().fold(1.0, f32::max);
+    let amplitude =
+        |(title, plane): &(&str, Plane<f32>)| draw(title, plane, ColourMap::Sequential, (0.0, highest), nyquist);
     let phase = |title: &str, half: f64, of: &dyn Fn(f64, f64) -> Complex64| {
-        draw(title, &sampled(half, |fx, fy| of(fx, fy).arg()), ColourMap::Cyclic, half)
+        let plane = sampled(half, |fx, fy| of(fx, fy).arg());
+        draw(title, &plane, ColourMap::Cyclic, (-PI as f32, PI as f32), half)
     };
     let sheet = Canvas::grid(&[
-        vec![
-            amplitude("ideal: amplitude", &ideal),
-            amplitude("learned: amplitude", &learned),
-            amplitude("learned / ideal: amplitude", &learned_error),
-            amplitude("truth / ideal: amplitude", &true_error),
-        ],
+        amplitudes.iter().map(amplitude).collect(),
         vec![
             phase("ideal: phase, inner band", inner, &ideal),
             phase("learned: phase, inner band", inner, &learned),
@@ -114,11 +117,9 @@ fn sampled(half: f64, value: impl Fn(f64, f64) -> f64) -> Plane<f32> {
     Plane::from_fn(SAMPLES, SAMPLES, |y, x| value(frequency(x), frequency(y)) as f32)
 }
 
-fn draw(title: &str, values: &Plane<f32>, colours: ColourMap, half: f64) -> Canvas {
+fn draw(title: &str, values: &Plane<f32>, colours: ColourMap, range: (f32, f32), half: f64) -> Canvas {
     let axis = |label| Axis { label, start: -half / 1e3, end: half / 1e3 };
-    let highest = values.values().iter().copied().fold(0.0, f32::max);
     let unit = if colours == ColourMap::Cyclic { "rad" } else { "" };
-    let range = (0.0, highest.max(1.0));
     Heatmap { title, values, colours, range, unit, x: axis("fx [cycles/mm]"), y: axis("fy [cycles/mm]") }.draw()
 }
 

@@ -68,7 +68,11 @@ impl Curves<'_> {
             let colour = COLOURS[i % COLOURS.len()];
             self.draw_curve(&mut canvas, curve, colour, at_x, at_y);
             let y = TOP_PX + 12.0 + 22.0 * i as f32;
-            canvas.stroke((right + 16.0, y), (right + 38.0, y), 2.2, colour);
+            let (start, end) = (right + 16.0, right + 38.0);
+            match curve.values[..] {
+                [_] => draw_level(&mut canvas, start, end, y, colour),
+                _ => canvas.stroke((start, y), (end, y), 2.0, colour),
+            }
             canvas.text(right as i32 + 46, y as i32 + 4, &curve.label, 12.0, BLACK, Anchor::Start);
         }
         let middle = (LEFT_PX + PLOT_PX.0 / 2.0) as i32;
@@ -87,9 +91,7 @@ impl Curves<'_> {
         at_y: impl Fn(f64) -> f32,
     ) {
         if let [level] = curve.values[..] {
-            let y = at_y(level);
-            let dashes = (0..(PLOT_PX.0 / 12.0) as u32).map(|i| LEFT_PX + 12.0 * i as f32);
-            return dashes.for_each(|x| canvas.stroke((x, y), (x + 6.0, y), 1.6, colour));
+            return draw_level(canvas, LEFT_PX, LEFT_PX + PLOT_PX.0, at_y(level), colour);
         }
         let points: Vec<_> = (1..)
             .zip(&curve.values)
@@ -99,6 +101,15 @@ impl Curves<'_> {
         for pair in points.windows(2) {
             canvas.stroke(pair[0], pair[1], 2.0, colour);
         }
+    }
+}
+
+/// A dashed line.
+fn draw_level(canvas: &mut Canvas, start: f32, end: f32, y: f32, colour: Colour) {
+    const DASH_PX: f32 = 6.0;
+    let dashes = ((end - start + DASH_PX) / (2.0 * DASH_PX)) as u32;
+    for x in (0..dashes).map(|i| start + 2.0 * DASH_PX * i as f32) {
+        canvas.stroke((x, y), (x + DASH_PX, y), 1.6, colour);
     }
 }
 
