@@ -19,7 +19,7 @@ pub(crate) struct Submission {
     #[arg(long, value_name = "TEXT")]
     pub(crate) request_id: Option<String>,
 
-    /// The job fails for good when this many attempts have failed, 1 to 20
+    /// The job fails for good when this many attempts have failed without getting ahead, 1 to 20
     #[arg(long, value_name = "N", default_value_t = 3)]
     pub(crate) attempts: u32,
 }
