@@ -45,18 +45,19 @@ fn expect_setup(field: &Field, setup: &OpticalSetup, display: &Display, key: &Ke
     let is_size = (grid.width_px(), grid.height_px()) == (display.width_px as usize, display.height_px as usize);
     // Both were written as decimal numbers once; they may differ in their last bits.
     let is_pitch = (grid.pixel_pitch_m() / display.pixel_pitch_m - 1.0).abs() < 1e-9;
-    let is_wavelength = Wavelength::from_m(setup.wavelength_m()) == Some(key.wavelength);
-    let is_distance = Distance::from_m(setup.distance_m()) == Some(key.distance);
-    if is_size && is_pitch && is_wavelength && is_distance {
+    let (wavelength, distance) = (Wavelength::from_m(setup.wavelength_m()), Distance::from_m(setup.distance_m()));
+    if is_size && is_pitch && wavelength == Some(key.wavelength) && distance == Some(key.distance) {
         return Ok(());
     }
+    // A file may hold lengths that no key can.
+    let wavelength = wavelength.map_or_else(|| format!("{:e} m", setup.wavelength_m()), |exact| exact.to_string());
+    let distance = distance.map_or_else(|| format!("{:e} m", setup.distance_m()), |exact| exact.to_string());
     Err(field.invalid(format!(
-        "is a kernel for {}×{} px of {:e} m at {:e} m and {} m, but must be one for {}×{} px of {:e} m at {} and {}",
+        "is a kernel for {}×{} px of {:e} m at {wavelength} and {distance}, but must be one for {}×{} px of {:e} m at {} \
+         and {}",
         grid.width_px(),
         grid.height_px(),
         grid.pixel_pitch_m(),
-        setup.wavelength_m(),
-        setup.distance_m(),
         display.width_px,
         display.height_px,
         display.pixel_pitch_m,

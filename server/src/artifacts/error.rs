@@ -66,7 +66,7 @@ pub enum ArtifactError {
     #[error("no space is left on the disk of the artifacts")]
     DiskFull,
     /// Another process works in the data folder.
-    #[error("{} is held by another process; stop it, or use another data folder", path.display())]
+    #[error("{} is held by another process; stop it, or name another data folder (--data-dir)", path.display())]
     Locked {
         /// The lock file.
         path: PathBuf,

@@ -21,7 +21,7 @@ pub struct Settings {
     #[arg(long, env = "LIGHTPATH_DATA_DIR", value_name = "DIR")]
     pub data_dir: Option<PathBuf>,
     /// Address and port of gRPC and HTTP; port 0 takes a free one [default: 127.0.0.1:7070]
-    #[arg(long, env = "LIGHTPATH_LISTEN", value_name = "ADDRESS:PORT")]
+    #[arg(long, env = "LIGHTPATH_LISTEN", value_name = "ADDRESS:PORT", value_parser = address)]
     pub listen: Option<SocketAddr>,
     /// Jobs that run at once [default: 1]
     #[arg(long, env = "LIGHTPATH_WORKERS", value_name = "COUNT")]
@@ -42,11 +42,15 @@ pub struct Settings {
     #[arg(long, env = "LIGHTPATH_DRAIN_DEADLINE_S", value_name = "SECONDS")]
     pub drain_deadline_s: Option<f64>,
     /// Form of the log on stderr [default: text]
-    #[arg(long, env = "LIGHTPATH_LOG_FORMAT", value_enum)]
+    #[arg(long, env = "LIGHTPATH_LOG_FORMAT", value_name = "FORM", value_enum)]
     pub log_format: Option<LogFormat>,
     /// What is logged: error, warn, info, debug, or by module, lightpath_server=debug,warn [default: info]
     #[arg(long, env = "LIGHTPATH_LOG_LEVEL", value_name = "FILTER")]
     pub log_level: Option<String>,
+}
+
+fn address(text: &str) -> Result<SocketAddr, String> {
+    text.parse().map_err(|_| "must be an IP address and a port, such as 127.0.0.1:7070 or 0.0.0.0:7070".to_owned())
 }
 
 /// Where a value came from.
@@ -216,6 +220,14 @@ mod tests {
         assert_eq!(origin("workers"), Origin::Flag);
         assert_eq!(origin("queue_limit"), Origin::File);
         assert_eq!(origin("listen"), Origin::Default);
+    }
+
+    #[test]
+    fn an_address_needs_a_port() {
+        for bad in ["7070", "localhost:7070", "127.0.0.1"] {
+            assert!(address(bad).unwrap_err().contains("such as 127.0.0.1:7070"), "{bad}");
+        }
+        assert_eq!(address("[::1]:0").unwrap().port(), 0);
     }
 
     #[test]

@@ -67,8 +67,10 @@ async fn cancel(write: &mut Write, id: &str, now_ms: i64) -> Result<Job, StoreEr
 async fn retry(write: &mut Write, id: &str, now_ms: i64) -> Result<Job, StoreError> {
     let job = read(write, id).await?;
     if !matches!(job.state, JobState::Failed | JobState::Cancelled) {
-        let message =
-            format!("jobs/{id} is {}; only a failed or cancelled job can be queued again", job.state.as_str());
+        let message = format!(
+            "the state of jobs/{id} is {}; only a failed or cancelled job can be queued again",
+            job.state.as_str()
+        );
         return Err(StoreError::precondition("JOB_NOT_RETRYABLE", message));
     }
     let row = sqlx::query(

@@ -113,7 +113,10 @@ async fn create(write: &mut Write, dataset: Dataset, now_ms: i64) -> Result<Data
     let same = (&stored.display, stored.wavelength, stored.distance, stored.photo_encoding)
         == (&dataset.display, dataset.wavelength, dataset.distance, dataset.photo_encoding);
     if !same {
-        return Err(StoreError::exists(format!("datasets/{}", dataset.id), "with other properties"));
+        return Err(StoreError::exists(
+            format!("datasets/{}", dataset.id),
+            "with other properties; choose another name",
+        ));
     }
     stored.pairs = pairs(write.sql(), &dataset.id).await?;
     Ok(stored)

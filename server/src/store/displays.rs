@@ -26,7 +26,10 @@ impl Store {
                 .await?;
                 let row = sqlx::query("select * from display where id = ?").bind(&id).fetch_one(write.sql()).await?;
                 if row.try_get::<String, _>("content")? != content {
-                    return Err(StoreError::exists(format!("displays/{id}"), "with other properties"));
+                    return Err(StoreError::exists(
+                        format!("displays/{id}"),
+                        "with other properties; choose another id",
+                    ));
                 }
                 display_of(&row)
             })
