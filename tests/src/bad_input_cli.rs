@@ -56,11 +56,28 @@ async fn targets_that_are_no_pictures() {
         let file = bench.file(name, bytes);
         let arguments = ["hologram", "optimize", &file, "--display", "lab", "--distance", "50mm", "-o"];
         let arguments = [&arguments[..], &[phase.to_str().unwrap()]].concat();
-        let signs = [&["INVALID_ARGUMENT", "target"], &signs[..]].concat();
+        let signs = [&["INVALID_ARGUMENT", "target", name], &signs[..]].concat();
         bench.refuses(&arguments, 1, &signs).await;
     }
     let absent = ["hologram", "optimize", "/nowhere/a.png", "--display", "lab", "--distance", "50mm"];
     bench.refuses(&absent, 2, &["could not read /nowhere/a.png"]).await;
+    bench.server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_bad_target_among_good_ones() {
+    let bench = Bench::start().await;
+    let (eye, zero) = (bench.file("eye.png", &target(64, 48, 0)), bench.file("zero.png", &[]));
+    let optimize = |last: &'static str| ["hologram", "optimize", &eye, last, "--display", "lab", "--distance", "50mm"];
+    bench.refuses(&optimize("/nowhere/a.png"), 2, &["could not read /nowhere/a.png"]).await;
+    let jobs = async || bench.server.client.list_jobs(Default::default()).await.unwrap().jobs;
+    assert_eq!(jobs().await, [], "nothing is submitted where a file is missing");
+
+    let arguments = ["hologram", "optimize", &eye, &zero, "--display", "lab", "--distance", "50mm"];
+    let refused = lightpath(bench.server.url(), &arguments).await;
+    let [job] = &jobs().await[..] else { panic!("the first target has no job") };
+    let watch = format!("lightpath job watch {}", job.name.strip_prefix("jobs/").unwrap());
+    refused.refused(1, &["zero.png: INVALID_ARGUMENT", "submitted before that", &watch]);
     bench.server.stop().await;
 }
 

@@ -89,6 +89,15 @@ pub(crate) fn wavelength(text: &str) -> Result<f64, ParseError> {
     Length::Wavelength.parse_m(text)
 }
 
+/// A number that the API would take for its default where it is 0, which nobody means who writes a 0.
+pub(crate) fn above_zero(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(number) if number > 0.0 => Ok(number),
+        Ok(_) => Err("must be above 0".to_owned()),
+        Err(_) => Err("must be a number above 0".to_owned()),
+    }
+}
+
 /// `x,y,width,height` in pixels.
 pub(crate) fn region(text: &str) -> Result<v1::RegionOfInterest, String> {
     let numbers: Option<Vec<u32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();

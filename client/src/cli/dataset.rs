@@ -1,6 +1,6 @@
 //! `lightpath dataset …`
 
-use super::arguments::{Encoding, Limit, Optics};
+use super::arguments::{Encoding, Limit, Optics, above_zero};
 use super::destination::name_of;
 use super::failure::Failure;
 use super::session::{Session, more_hint, pages};
@@ -12,13 +12,11 @@ use lightpath::v1::{self, Dataset, dataset::State};
 use std::path::PathBuf;
 
 /// What can be done with datasets.
+// Where the help is with the arguments, a comment here would hide all but its first line.
 #[derive(Debug, Subcommand)]
 pub(crate) enum DatasetCommand {
-    /// Open a dataset
     Create(Create),
-    /// Add a hologram and its photograph
     Add(Add),
-    /// Draw the split and close the dataset for good
     Finalize(Finalize),
     /// Show a dataset with its pairs
     Show(Name),
@@ -26,7 +24,9 @@ pub(crate) enum DatasetCommand {
     List(List),
 }
 
-/// Open a dataset: photographs of holograms of one display, wavelength and distance.
+/// Open a dataset.
+///
+/// A dataset collects photographs of holograms of one display, wavelength and distance.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Example:
@@ -41,7 +41,7 @@ pub(crate) struct Create {
     optics: Optics,
 
     /// How the photographs' grey values stand for light
-    #[arg(long, default_value = "linear")]
+    #[arg(long, value_name = "ENCODING", default_value = "linear")]
     photo_encoding: Encoding,
 }
 
@@ -81,7 +81,9 @@ pub(crate) enum Split {
     Test,
 }
 
-/// Draw the split and close the dataset for good. Only then can it be learned from.
+/// Draw the split and close the dataset for good.
+///
+/// Only then can it be learned from.
 #[derive(Debug, Args)]
 pub(crate) struct Finalize {
     /// Name of the dataset
@@ -92,7 +94,7 @@ pub(crate) struct Finalize {
     validation_fraction: f64,
 
     /// Fraction of the pairs without a split that is drawn for the test, at least one pair, above 0, at most 0.8
-    #[arg(long, value_name = "X", default_value_t = 0.2)]
+    #[arg(long, value_name = "X", default_value_t = 0.2, value_parser = above_zero)]
     test_fraction: f64,
 
     /// Seed of the draw

@@ -1,6 +1,6 @@
 //! `lightpath display …`
 
-use super::arguments::{Limit, pixel_pitch, resolution, wavelength};
+use super::arguments::{Limit, above_zero, pixel_pitch, resolution, wavelength};
 use super::failure::Failure;
 use super::session::{Session, more_hint, pages, say};
 use super::show;
@@ -11,9 +11,9 @@ use lightpath::{names, units};
 use std::path::{Path, PathBuf};
 
 /// What can be done with displays.
+// Where the help is with the arguments, a comment here would hide all but its first line.
 #[derive(Debug, Subcommand)]
 pub(crate) enum DisplayCommand {
-    /// Declare a display
     Create(Box<Create>),
     /// List displays
     List(Limit),
@@ -30,12 +30,15 @@ pub(crate) enum DisplayCommand {
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
-  lightpath display create lab-2 --resolution 1920x1080 --pixel-pitch 8um --wavelength 515nm
+  lightpath display create lab-2 --resolution 1920x1080 --pixel-pitch 8um \\
+      --wavelength 515nm
   lightpath display create rgb --resolution 3840x2160 --pixel-pitch 3.74um \\
-      --wavelength 450nm --wavelength 520nm --wavelength 638nm --bit-depth 10 --carrier half-order-x
+      --wavelength 450nm --wavelength 520nm --wavelength 638nm --bit-depth 10 \\
+      --carrier half-order-x
 
 A display to play with, that exists only as a simulation (see `lightpath simulate --help`):
-  lightpath display create toy --resolution 480x270 --pixel-pitch 8um --wavelength 515nm --simulated-seed 1")]
+  lightpath display create toy --resolution 480x270 --pixel-pitch 8um \\
+      --wavelength 515nm --simulated-seed 1")]
 pub(crate) struct Create {
     /// Its id: 1 to 63 characters of a-z, 0-9 and '-', starting with a letter
     id: String,
@@ -53,7 +56,7 @@ pub(crate) struct Create {
     wavelengths: Vec<f64>,
 
     /// Grey levels are 0 to 2^N - 1; 1 to 16
-    #[arg(long, value_name = "N", default_value_t = 8)]
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..))]
     bit_depth: u32,
 
     /// Text file with the measured phase in radians of each grey level, one number a line, 2^bit-depth of them
@@ -67,7 +70,7 @@ pub(crate) struct Create {
     carrier: Option<Carrier>,
 
     /// Free text, at most 4096 bytes
-    #[arg(long, value_name = "TEXT", default_value = "")]
+    #[arg(long, value_name = "TEXT", default_value = "", hide_default_value = true)]
     notes: String,
 
     /// Make it a simulated display, with imperfections drawn from this seed
@@ -79,6 +82,7 @@ pub(crate) struct Create {
         long,
         value_name = "X",
         default_value_t = 1.0,
+        value_parser = above_zero,
         requires = "simulated_seed",
         help_heading = "Simulated bench"
     )]
@@ -89,6 +93,7 @@ pub(crate) struct Create {
         long,
         value_name = "X",
         default_value_t = 0.003,
+        value_parser = above_zero,
         requires = "simulated_seed",
         help_heading = "Simulated bench"
     )]

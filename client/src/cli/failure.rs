@@ -1,6 +1,7 @@
 //! Exit codes, and what is said on stderr.
 
 use std::io::{self, Write as _};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 /// Why a command ended without success.
@@ -8,6 +9,8 @@ use std::process::ExitCode;
 pub(crate) enum Failure {
     /// The server refused, could not be reached, or a file could not be read or written.
     Client(lightpath::Error),
+    /// The same for one of several targets.
+    Target(TargetFailure),
     /// These jobs ended without success; each line says how.
     Jobs(Vec<String>),
     /// The command makes no sense.
@@ -16,6 +19,27 @@ pub(crate) enum Failure {
     Interrupted(String),
     /// The terminal or a pipe is gone.
     Output(io::Error),
+}
+
+/// A target that no job could be made for.
+#[derive(Debug)]
+pub(crate) struct TargetFailure {
+    pub(crate) target: PathBuf,
+    pub(crate) error: lightpath::Error,
+    /// What became of the targets before it, where jobs were made for some.
+    pub(crate) goes_on: Option<String>,
+}
+
+impl TargetFailure {
+    fn text(&self) -> String {
+        let Self { target, error, goes_on } = self;
+        let error = match error {
+            // The server knows the file by its digest alone.
+            lightpath::Error::Refused(_) => format!("{}: {error}", target.display()),
+            _ => error.to_string(),
+        };
+        goes_on.iter().fold(error, |text, goes_on| format!("{text}\n  {goes_on}"))
+    }
 }
 
 impl From<lightpath::Error> for Failure {
@@ -28,6 +52,7 @@ impl From<lightpath::Error> for Failure {
 pub(crate) fn tell(failure: &Failure) -> ExitCode {
     let (code, text) = match failure {
         Failure::Client(error) => (code_of(error), error.to_string()),
+        Failure::Target(failure) => (code_of(&failure.error), failure.text()),
         Failure::Jobs(endings) => (1, endings.join("\nlightpath: ")),
         Failure::Usage(text) => (2, text.clone()),
         Failure::Interrupted(text) => (130, text.clone()),
@@ -36,7 +61,7 @@ pub(crate) fn tell(failure: &Failure) -> ExitCode {
         Failure::Output(error) => (1, format!("could not write the output: {error}")),
     };
     let hint = match failure {
-        Failure::Client(error) if error.is_unreachable() => {
+        Failure::Client(error) | Failure::Target(TargetFailure { error, .. }) if error.is_unreachable() => {
             "\n  is it running? start it with `lightpathd serve`, or name another one with --server or LIGHTPATH_SERVER"
         }
         _ => "",

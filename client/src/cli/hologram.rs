@@ -2,9 +2,9 @@
 
 mod outputs;
 
-use super::arguments::{Detector, Encoding, Optics, region};
-use super::failure::Failure;
-use super::progress::{Progress, WATCHES_MAX, or_interrupted};
+use super::arguments::{Detector, Encoding, Optics, above_zero, region};
+use super::failure::{Failure, TargetFailure};
+use super::progress::{Progress, WATCHES_MAX, goes_on, or_interrupted};
 use super::session::{Session, say};
 use super::submission::{Submission, watch_hint};
 use super::table::{Facts, Table};
@@ -14,14 +14,14 @@ use futures::{StreamExt as _, TryStreamExt as _};
 use lightpath::v1::{self, Job, OptimizeHologram, job_spec, optimize_hologram};
 use lightpath::{hologram_result, names};
 use outputs::{Files, Outputs};
+use std::fs::File;
 use std::path::PathBuf;
 
 /// What can be done with holograms.
+// The help of each is with its arguments: a comment here would hide all but its first line.
 #[derive(Debug, Subcommand)]
 pub(crate) enum HologramCommand {
-    /// Find the phases that make a display show target pictures
     Optimize(Box<Optimize>),
-    /// Save the files of an optimization, waiting for it where it still runs
     Save(Save),
 }
 
@@ -38,10 +38,12 @@ pub(crate) enum HologramCommand {
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
-  lightpath hologram optimize indian_head.png --display lab-2 --distance 150mm -o phase.png
-  lightpath hologram optimize targets/*.png --display lab-2 --distance 150mm -o holograms/
+  lightpath hologram optimize indian_head.png --display lab-2 --distance 150mm \\
+      -o phase.png
+  lightpath hologram optimize targets/*.png --display lab-2 --distance 150mm \\
+      -o holograms/
   lightpath hologram optimize a.png b.png --display lab-2 --distance 150mm \\
-      -o {name}-phase.png --reconstruction {name}-seen.png --npy {name}.npy --kernel ideal
+      -o {name}-phase.png --reconstruction {name}-seen.png --npy {name}.npy
 
 Output files: one file where there is one target; a folder (made where it is missing and ends with /), which \
 then gets NAME-phase.png, NAME-phase.npy and NAME-reconstruction.png; or a pattern, where {name} stands for \
@@ -62,15 +64,15 @@ pub(crate) struct Optimize {
     #[arg(long, value_name = "KERNEL", default_value = "", hide_default_value = true)]
     kernel: String,
 
+    /// Wait for the jobs; implied by an output file
+    #[arg(long)]
+    wait: bool,
+
     #[command(flatten)]
     work: Work,
 
     #[command(flatten)]
     submission: Submission,
-
-    /// Wait for the jobs; implied by an output file
-    #[arg(long)]
-    wait: bool,
 
     #[command(flatten)]
     outputs: Outputs,
@@ -85,11 +87,11 @@ struct Work {
     method: Method,
 
     /// Steps of the optimization, 1 to 10000
-    #[arg(long, value_name = "N", default_value_t = 200)]
+    #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..))]
     iterations: u32,
 
     /// Adam's step in radians, above 0, at most 10
-    #[arg(long, value_name = "RAD", default_value_t = 0.1)]
+    #[arg(long, value_name = "RAD", default_value_t = 0.1, value_parser = above_zero)]
     learning_rate: f64,
 
     /// What counts as the light of a pixel while optimizing
@@ -105,7 +107,7 @@ struct Work {
     phase_range: f64,
 
     /// How the target's values stand for light
-    #[arg(long, default_value = "srgb")]
+    #[arg(long, value_name = "ENCODING", default_value = "srgb")]
     target_encoding: Encoding,
 
     /// How a target of another size is brought to the display's
@@ -170,6 +172,7 @@ impl Optimize {
     async fn run(self, session: &Session) -> Result<(), Failure> {
         let names: Vec<String> = self.targets.iter().map(|target| destination::name_of(target)).collect();
         let files = self.outputs.files(&names, &self.targets)?;
+        check_readable(&self.targets)?;
         let items = self.submit(session, names, files).await?;
         if !(self.wait || self.outputs.any()) {
             return print_submitted(session, &items);
@@ -186,7 +189,14 @@ impl Optimize {
                 self.submission.submit(session, kind, several.then_some(name.as_str())).await
             };
             let ids: Vec<String> = items.iter().map(|item| names::id(&item.job.name).to_owned()).collect();
-            let job = or_interrupted(&ids, submitting).await?;
+            let refused = |error| {
+                let goes_on = (!ids.is_empty()).then(|| format!("submitted before that: the {}", goes_on(&ids)));
+                Failure::Target(TargetFailure { target: target.clone(), error, goes_on })
+            };
+            let job = or_interrupted(&ids, submitting).await.map_err(|failure| match failure {
+                Failure::Client(error) => refused(error),
+                other => other,
+            })?;
             items.push(Item { name, job, files });
         }
         Ok(items)
@@ -233,6 +243,14 @@ impl Save {
         let job = session.client.get_job(v1::GetJobRequest { name: names::job(&self.job) }).await?;
         finish(session, vec![Item { name, job, files }]).await
     }
+}
+
+/// A mistyped name is told before the targets in front of it become jobs.
+fn check_readable(targets: &[PathBuf]) -> Result<(), Failure> {
+    for path in targets {
+        File::open(path).map_err(|source| lightpath::Error::File { action: "read", path: path.clone(), source })?;
+    }
+    Ok(())
 }
 
 /// Waits for all jobs, saves the files of each as it succeeds, and prints how good they are.

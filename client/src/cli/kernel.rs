@@ -10,29 +10,19 @@ use super::session::Session;
 use clap::Subcommand;
 
 /// What can be done with kernels.
+// The help of each is with its arguments: a comment here would hide all but its first line.
 #[derive(Debug, Subcommand)]
 pub(crate) enum KernelCommand {
-    /// Learn a display's light transport from photographs
     Learn(learn::Learn),
-    /// Measure how well a kernel predicts a dataset's photographs
     Evaluate(learn::Evaluate),
-    /// List kernels
     List(show::List),
-    /// Show a kernel and its versions, or one version in full
     Show(show::Show),
-    /// List the versions of a kernel, newest first
     Versions(show::Versions),
-    /// Make a version the active one, which holograms and firmware use
     Promote(moves::Promote),
-    /// Make the version active again that was before the last move
     Rollback(moves::Rollback),
-    /// List every move of the active version, newest first
     History(moves::History),
-    /// Write the active version (or another one) as a safetensors file
     Fetch(transfer::Fetch),
-    /// Write a certain version as a safetensors file
     Export(transfer::Export),
-    /// Store a safetensors file as a kernel's next version
     Import(transfer::Import),
 }
 

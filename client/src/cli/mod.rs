@@ -61,12 +61,15 @@ pub(crate) struct Cli {
 
 const EXAMPLES: &str = "\
 A first hologram:
-  lightpath display create lab-2 --resolution 1920x1080 --pixel-pitch 8um --wavelength 515nm
-  lightpath hologram optimize indian_head.png --display lab-2 --distance 150mm -o phase.png
+  lightpath display create lab-2 --resolution 1920x1080 --pixel-pitch 8um \\
+      --wavelength 515nm
+  lightpath hologram optimize indian_head.png --display lab-2 --distance 150mm \\
+      -o phase.png
 
-A first kernel, from photographs of holograms:
+A first kernel, from photographs of holograms (some 8 pairs, better 16):
   lightpath dataset create bench-1 --display lab-2 --distance 150mm
-  lightpath dataset add bench-1 --phase p01.png --photo c01.png     (and so on, 16 pairs or more)
+  lightpath dataset add bench-1 --phase p01.png --photo c01.png
+  lightpath dataset add bench-1 --phase p02.png --photo c02.png
   lightpath dataset finalize bench-1
   lightpath kernel learn --dataset bench-1 --wait
   lightpath kernel promote --display lab-2 --distance 150mm --version 1
@@ -76,6 +79,7 @@ Lengths have units: 150mm, 8um, 515nm, 0.15m; a plain number is in metres.
 Exit codes: 0 done, 1 a job failed or the server refused, 2 bad usage, 3 the server could not be reached, \
 130 interrupted (jobs go on).";
 
+// Where the help is with the arguments, a comment here would hide all but its first line.
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Declare and look at displays
@@ -90,12 +94,10 @@ enum Command {
     /// Learn kernels, look at them, choose the active one, carry them around
     #[command(subcommand)]
     Kernel(kernel::KernelCommand),
-    /// Photograph a hologram on a simulated display
     Simulate(simulate::Simulate),
     /// Look at jobs, watch, cancel and retry them
     #[command(subcommand)]
     Job(job::JobCommand),
-    /// Print a completion script for a shell
     Completions(Completions),
 }
 

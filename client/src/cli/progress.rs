@@ -104,7 +104,14 @@ pub(crate) async fn or_interrupted<T>(
 fn interrupted(ids: &[String]) -> String {
     match ids {
         [] => "interrupted before a job was submitted".to_owned(),
-        [id] => format!("the job goes on. Watch it: lightpath job watch {id}. End it: lightpath job cancel {id}"),
+        ids => format!("the {}", goes_on(ids)),
+    }
+}
+
+/// What jobs do that nobody waits for.
+pub(crate) fn goes_on(ids: &[String]) -> String {
+    match ids {
+        [id] => format!("job goes on. Watch it: lightpath job watch {id}. End it: lightpath job cancel {id}"),
         ids => format!("{} jobs go on. Watch them: lightpath job watch {}", ids.len(), ids.join(" ")),
     }
 }

@@ -20,7 +20,7 @@ pub(crate) struct Submission {
     pub(crate) request_id: Option<String>,
 
     /// The job fails for good when this many attempts have failed without getting ahead, 1 to 20
-    #[arg(long, value_name = "N", default_value_t = 3)]
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) attempts: u32,
 }
 

@@ -82,6 +82,16 @@ fn wrong_units_and_values_are_explained() {
         ("lightpath kernel show --display d", "--distance"),
         ("lightpath kernel export k --version 0 -o f", "0 is not in 1.."),
         ("lightpath dataset add d --phase p.png", "--photo"),
+        // The API takes a 0 for its default.
+        ("lightpath hologram optimize a.png --display d --distance 1mm --iterations 0", "0 is not in 1.."),
+        ("lightpath hologram optimize a.png --display d --distance 1mm --learning-rate 0", "must be above 0"),
+        ("lightpath kernel learn --dataset d --epochs 0", "0 is not in 1.."),
+        (
+            "lightpath display create d --resolution 99x99 --pixel-pitch 8um --wavelength 515nm --simulated-seed 1 \
+             --camera-noise 0",
+            "must be above 0",
+        ),
+        ("lightpath dataset finalize d --test-fraction 0", "must be above 0"),
     ] {
         let error = refusal(line);
         assert!(error.contains(sign), "{line}\n{error}");
@@ -115,6 +125,18 @@ fn every_command_has_help() {
 }
 
 #[test]
+fn examples_fit_a_terminal_and_can_be_copied() {
+    fn check(command: &clap::Command) {
+        let help = command.get_after_long_help().map(ToString::to_string).unwrap_or_default();
+        for line in help.lines().filter(|line| line.starts_with("  ")) {
+            assert!(line.chars().count() <= 80, "{}: {line}", command.get_name());
+        }
+        command.get_subcommands().for_each(check);
+    }
+    check(&Cli::command());
+}
+
+#[test]
 fn help_teaches_with_examples() {
     for (line, sign) in [
         ("lightpath --help", "A first hologram:"),
@@ -122,6 +144,11 @@ fn help_teaches_with_examples() {
         ("lightpath hologram optimize --help", "{name}"),
         ("lightpath display create --help", "--simulated-seed 1"),
         ("lightpath kernel learn --help", "[default: display]"),
+        ("lightpath kernel learn --help", "not used until it is promoted"),
+        ("lightpath hologram optimize --help", "Each target becomes a job of its own"),
+        ("lightpath display create --help", "spatial light modulator"),
+        ("lightpath dataset add --help", "The same pair again"),
+        ("lightpath simulate --help", "declared with --simulated-seed"),
     ] {
         let error = parse(line).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::DisplayHelp);

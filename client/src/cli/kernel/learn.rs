@@ -1,6 +1,6 @@
 //! `lightpath kernel learn` and `evaluate`.
 
-use crate::cli::arguments::{Detector, region};
+use crate::cli::arguments::{Detector, above_zero, region};
 use crate::cli::failure::Failure;
 use crate::cli::session::Session;
 use crate::cli::submission::Submission;
@@ -16,7 +16,8 @@ use lightpath::v1::{self, EvaluateKernel, KernelModel, LearnKernel, job_spec};
 #[command(after_long_help = "\
 Example:
   lightpath kernel learn --dataset bench-1 --wait
-  lightpath kernel promote --display lab-2 --distance 150mm --version 1 --reason \"held-out loss 0.0001\"")]
+  lightpath kernel promote --display lab-2 --distance 150mm --version 1 \\
+      --reason \"held-out loss 0.0001\"")]
 pub(crate) struct Learn {
     /// Name of a finalized dataset
     #[arg(long, value_name = "NAME")]
@@ -26,16 +27,16 @@ pub(crate) struct Learn {
     #[arg(long, default_value = "display")]
     model: Model,
 
-    /// Passes over the training pairs with Adam, at most 1000 [default: the model's]
-    #[arg(long, value_name = "N")]
+    /// Passes over the training pairs with Adam, 1 to 1000 [default: the model's]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     epochs: Option<u32>,
 
     /// Full-batch L-BFGS evaluations after Adam (smooth and display), at most 10000 [default: the model's]
     #[arg(long, value_name = "N")]
     refinement_evaluations: Option<u32>,
 
-    /// Adam's step [default: the model's]
-    #[arg(long, value_name = "X")]
+    /// Adam's step, above 0, at most 10 [default: the model's]
+    #[arg(long, value_name = "X", value_parser = above_zero)]
     learning_rate: Option<f64>,
 
     /// Seed of the order of the pairs, and of the paper model's start
@@ -43,7 +44,7 @@ pub(crate) struct Learn {
     seed: u64,
 
     /// Highest polynomial degree of the smooth errors, 1 to 12
-    #[arg(long, value_name = "N", default_value_t = 5)]
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
     order: u32,
 
     /// What the camera's pixels measure (supersampled is no camera)

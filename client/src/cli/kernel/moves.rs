@@ -14,7 +14,8 @@ use lightpath::v1;
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Example:
-  lightpath kernel promote --display lab-2 --distance 150mm --version 3 --reason \"new lens\"")]
+  lightpath kernel promote --display lab-2 --distance 150mm --version 3 \\
+      --reason \"new lens\"")]
 pub(crate) struct Promote {
     #[command(flatten)]
     kernel: KernelChoice,
