@@ -9,6 +9,8 @@ use std::time::{Duration, Instant};
 use tokio::sync::watch;
 
 const JOBS_PER_CLIENT: u64 = 250;
+/// What a dashboard waits for its list while the jobs run. The median: a single answer may meet a busy machine.
+const LIST_MEDIAN_MAX: Duration = Duration::from_millis(100);
 /// Calls that one client has under way.
 const AT_ONCE: usize = 16;
 
@@ -37,6 +39,7 @@ async fn two_clients_with_500_small_jobs_get_each_done_once() {
         assert_succeeded_once(&server.client, name).await;
     }
     let (median, slowest) = (latencies[latencies.len() / 2], latencies[latencies.len() - 1]);
+    assert!(median < LIST_MEDIAN_MAX, "a list took {median:.1?}, the median of {}", latencies.len());
     let lists = latencies.len();
     let line = format!("500 jobs in {took:.1?}; {lists} lists meanwhile, median {median:.1?}, slowest {slowest:.1?}");
     writeln!(std::io::stderr(), "{line}").unwrap();
