@@ -13,11 +13,12 @@
 //! - [`store`]: the durable queue and registry; the only place that knows the database.
 //! - [`worker`]: claims jobs and runs them.
 //! - `api`: the gRPC services. `http`: health, metrics and JSON. `connections`: both on one port.
-//! - [`config`], [`server`], [`metrics`]: settings, assembly, and what Prometheus is told.
+//! - [`config`], [`server`], [`metrics`]: settings, assembly, and what Prometheus is told. `causes`: errors in one line.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod api;
 pub mod artifacts;
+mod causes;
 pub mod config;
 mod connections;
 pub mod dataset;

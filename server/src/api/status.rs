@@ -5,6 +5,7 @@
 
 use super::error::ApiError;
 use crate::artifacts::ArtifactError;
+use crate::causes::with_causes;
 use crate::store::StoreError;
 use std::collections::HashMap;
 use std::error::Error;
@@ -155,14 +156,7 @@ impl Answer {
 /// Logs the error with its sources, and tells the client where to look for it.
 fn internal(error: &(dyn Error + 'static)) -> Status {
     let id = Uuid::now_v7().to_string();
-    let mut causes = error.to_string();
-    let mut source = error.source();
-    while let Some(cause) = source {
-        causes.push_str(": ");
-        causes.push_str(&cause.to_string());
-        source = cause.source();
-    }
-    tracing::error!(id, causes, "internal error");
+    tracing::error!(id, causes = with_causes(error), "internal error");
     let message = format!("internal error {id}; the server's log tells what happened");
     Answer::new(Code::Internal, "INTERNAL", message).about("error_id", id).status()
 }

@@ -3,6 +3,7 @@
 use super::stop::{StopFlag, StopReason};
 use super::{checkpoint, clock};
 use crate::artifacts::{ArtifactError, Artifacts};
+use crate::causes::with_causes;
 use crate::job::{Job, JobError, JobResult, Lease, Progress};
 use crate::kernel::{KernelKey, NewKernelVersion};
 use crate::store::{Store, StoreError};
@@ -56,7 +57,7 @@ impl From<ArtifactError> for TaskError {
             _ => "IO",
         };
         let retryable = error.is_transient();
-        Self::Failed(JobError { reason: reason.to_owned(), message: with_sources(&error), retryable })
+        Self::Failed(JobError { reason: reason.to_owned(), message: with_causes(&error), retryable })
     }
 }
 
@@ -69,7 +70,7 @@ impl From<StoreError> for TaskError {
             _ => "STORE",
         };
         let retryable = error.is_transient();
-        Self::Failed(JobError { reason: reason.to_owned(), message: with_sources(&error), retryable })
+        Self::Failed(JobError { reason: reason.to_owned(), message: with_causes(&error), retryable })
     }
 }
 
@@ -224,15 +225,4 @@ pub(super) async fn saved_state(artifacts: &Artifacts, job: &Job) -> Option<Vec<
             None
         }
     }
-}
-
-/// An error with what caused it.
-fn with_sources(error: &dyn std::error::Error) -> String {
-    let mut text = error.to_string();
-    let mut source = error.source();
-    while let Some(cause) = source {
-        text = format!("{text}: {cause}");
-        source = cause.source();
-    }
-    text
 }
