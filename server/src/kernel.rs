@@ -78,7 +78,7 @@ pub struct KernelVersion {
     pub active: bool,
 }
 
-/// Mean squared errors between photograph and prediction, gain and black level fitted.
+/// Mean squared errors between photograph and prediction: saturated pixels left out, gain and black level fitted.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct KernelMetrics {
     /// Pairs learned from.

@@ -1,0 +1,166 @@
+//! What jobs are asked to do.
+
+use crate::dataset::Encoding;
+use crate::kernel::KernelModel;
+use crate::units::{Distance, Wavelength};
+use serde::{Deserialize, Serialize};
+
+/// What to do.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum JobSpec {
+    /// Find the phase that shows a target.
+    OptimizeHologram(OptimizeHologram),
+    /// Learn a kernel from a dataset.
+    LearnKernel(LearnKernel),
+    /// Photograph a hologram on a simulated display.
+    SimulateCapture(SimulateCapture),
+    /// Measure a kernel on a dataset.
+    EvaluateKernel(EvaluateKernel),
+}
+
+impl JobSpec {
+    /// Id of the display that the job is about.
+    #[must_use]
+    pub fn display(&self) -> &str {
+        match self {
+            Self::OptimizeHologram(spec) => &spec.display,
+            Self::LearnKernel(spec) => &spec.display,
+            Self::SimulateCapture(spec) => &spec.display,
+            Self::EvaluateKernel(spec) => &spec.display,
+        }
+    }
+
+    /// Id of the dataset that the job reads.
+    #[must_use]
+    pub fn dataset(&self) -> Option<&str> {
+        match self {
+            Self::LearnKernel(spec) => Some(&spec.dataset),
+            Self::EvaluateKernel(spec) => Some(&spec.dataset),
+            Self::OptimizeHologram(_) | Self::SimulateCapture(_) => None,
+        }
+    }
+}
+
+/// Find the phase that shows a target.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct OptimizeHologram {
+    /// Id of the display.
+    pub display: String,
+    /// One of the display's.
+    pub wavelength: Wavelength,
+    /// From the SLM to the image plane.
+    pub distance: Distance,
+    /// Artifact digest of the picture.
+    pub target: String,
+    /// How the picture's values stand for light.
+    pub target_encoding: Encoding,
+    /// How a picture of another size is brought to the display's.
+    pub target_fit: Fit,
+    /// `None`: the ideal kernel.
+    pub kernel_version: Option<u32>,
+    /// What counts as a pixel's light.
+    pub detector: Detector,
+    /// Steps of Adam.
+    pub iterations: u32,
+    /// Adam's step \[rad\].
+    pub learning_rate: f64,
+    /// Of the initial phase.
+    pub seed: u64,
+    /// The initial phase is uniform in [0, this) \[rad\].
+    pub initial_phase_range_rad: f64,
+    /// Where the picture counts.
+    pub region_of_interest: Region,
+}
+
+/// How a picture of another size is brought to the display's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Fit {
+    /// Fit inside, black borders.
+    Contain,
+    /// Cover, crop the overhang.
+    Cover,
+    /// Each axis by itself.
+    Stretch,
+    /// Refuse any other size.
+    Exact,
+}
+
+/// What counts as a pixel's light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Detector {
+    /// The intensity at the sample point.
+    Point,
+    /// The mean over the pixel.
+    Pixel,
+    /// Every sub-sample by itself.
+    Supersampled,
+}
+
+/// A rectangle in the image plane.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Region {
+    /// \[px\]
+    pub x_px: u32,
+    /// \[px\]
+    pub y_px: u32,
+    /// \[px\]
+    pub width_px: u32,
+    /// \[px\]
+    pub height_px: u32,
+}
+
+/// Learn a kernel from a dataset.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LearnKernel {
+    /// Id of the dataset.
+    pub dataset: String,
+    /// Id of the dataset's display.
+    pub display: String,
+    /// How the kernel is parametrized.
+    pub model: KernelModel,
+    /// Passes over the training pairs; `None`: the model's default.
+    pub epochs: Option<u32>,
+    /// Full-batch L-BFGS evaluations afterwards; `None`: the model's default.
+    pub refinement_evaluations: Option<u32>,
+    /// Adam's step; `None`: the model's default.
+    pub learning_rate: Option<f64>,
+    /// Of the order of the pairs, and of the paper model's start.
+    pub seed: u64,
+    /// Highest polynomial degree of the smooth errors.
+    pub order: u32,
+    /// What the camera's pixels measure.
+    pub detector: Detector,
+    /// Where the photographs count.
+    pub region_of_interest: Region,
+}
+
+/// Photograph a hologram on a simulated display.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SimulateCapture {
+    /// Id of the display.
+    pub display: String,
+    /// One of the display's.
+    pub wavelength: Wavelength,
+    /// From the SLM to the camera's plane.
+    pub distance: Distance,
+    /// Artifact digest of the hologram.
+    pub phase: String,
+    /// Of the camera's noise.
+    pub seed: u64,
+}
+
+/// Measure a kernel on a dataset.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EvaluateKernel {
+    /// Id of the dataset.
+    pub dataset: String,
+    /// Id of the dataset's display.
+    pub display: String,
+    /// `None`: the ideal kernel.
+    pub kernel_version: Option<u32>,
+    /// Where the photographs count.
+    pub region_of_interest: Region,
+}
