@@ -23,6 +23,7 @@
 //! - [`engine`], [`detector`], [`photometry`]: that display made ready to run, fused and parallel; what a camera or an eye
 //!   sees of its light; how that compares with a picture.
 //! - [`hologram`], [`learning`], [`optimizer`]: finding phases, and finding displays.
+//! - [`passes`]: an evaluation taken apart, to see where its time goes.
 //! - [`compiled`]: the engine's entry points for callers that are not optimized themselves.
 //! - [`simulated_display`]: an imperfect bench to photograph holograms on.
 //! - [`test_cards`]: target pictures to try all of it on.
@@ -43,6 +44,7 @@ pub mod learning;
 mod light;
 pub mod metrics;
 pub mod optimizer;
+pub mod passes;
 pub mod phase_response;
 pub mod photometry;
 pub mod plane;

@@ -1,0 +1,135 @@
+//! Where the engine's time goes: each pass of an evaluation, whole evaluations, steps of Adam, all metrics of
+//! a hologram, and steps of learning.
+//!
+//! ```sh
+//! cargo bench -p lightpath-optics                       # all of it: some ten minutes
+//! cargo bench -p lightpath-optics -- 'adam/pixel'       # whatever has this in its name
+//! cargo bench -p lightpath-optics -- --test             # everything once, to see that it runs
+//! ```
+//!
+//! Times are those of a call; `Melem/s` are millions of SLM pixels a second. `examples/cost_per_pixel.rs` prints how the
+//! cost of a pixel grows with the size.
+
+#![allow(clippy::unwrap_used)]
+
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use lightpath_optics::hologram::{initial_phase, quality};
+use lightpath_optics::learning::{LearnModel, LearnOptions, Learner, Pair};
+use lightpath_optics::passes::{Pass, Passes};
+use lightpath_optics::test_cards::TestCard;
+use lightpath_optics::{
+    Adam, Detector, DisplayModel, Engine, Grid, HologramProblem, OpticalSetup, Plane, RegionOfInterest,
+};
+use std::time::Duration;
+
+const SIZES: [(&str, usize, usize); 3] = [("540p", 540, 960), ("1080p", 1080, 1920), ("4K", 2160, 3840)];
+
+/// A display of a size, and what it is to show.
+struct Job {
+    setup: OpticalSetup,
+    engine: Engine,
+    target: Plane<f32>,
+    region: RegionOfInterest,
+    phase: Plane<f32>,
+}
+
+impl Job {
+    fn new(height_px: usize, width_px: usize) -> Self {
+        let grid = Grid::try_new(height_px, width_px, 8e-6).unwrap();
+        let setup = OpticalSetup::try_new(grid, 515e-9, 0.15).unwrap();
+        Self {
+            setup,
+            engine: Engine::new(&DisplayModel::ideal(setup), Detector::Point, None).unwrap(),
+            target: TestCard::Portrait.render(height_px, width_px, 1).unwrap(),
+            region: RegionOfInterest::middle(&grid),
+            phase: initial_phase(height_px, width_px, 1.0, 1).unwrap(),
+        }
+    }
+
+    fn problem(&self, detector: Detector) -> HologramProblem {
+        HologramProblem::new(self.engine.with_detector(detector), self.target.clone(), self.region).unwrap()
+    }
+}
+
+fn name(detector: Detector) -> &'static str {
+    match detector {
+        Detector::Point => "point",
+        Detector::Pixel => "pixel",
+        Detector::Supersampled => "supersampled",
+    }
+}
+
+fn engine(criterion: &mut Criterion) {
+    for (size, height_px, width_px) in SIZES {
+        let job = Job::new(height_px, width_px);
+        for detector in Detector::ALL {
+            passes(criterion, size, &job, detector);
+            whole_iterations(criterion, size, &job, detector);
+        }
+        all_metrics(criterion, size, &job);
+    }
+}
+
+fn passes(criterion: &mut Criterion, size: &str, job: &Job, detector: Detector) {
+    let mut group = criterion.benchmark_group(format!("passes/{}/{size}", name(detector)));
+    group.throughput(Throughput::Elements(job.phase.values().len() as u64));
+    let engine = job.engine.with_detector(detector);
+    let mut passes = Passes::new(engine, job.target.clone(), job.region, job.phase.clone()).unwrap();
+    // In their order, so that each finds what it would find in an evaluation.
+    for pass in Pass::ALL {
+        passes.run(pass);
+        group.bench_function(pass.name(), |bencher| bencher.iter(|| passes.run(pass)));
+    }
+    group.finish();
+}
+
+fn whole_iterations(criterion: &mut Criterion, size: &str, job: &Job, detector: Detector) {
+    let pixels = Throughput::Elements(job.phase.values().len() as u64);
+    let mut group = criterion.benchmark_group("evaluate");
+    group.throughput(pixels.clone());
+    let (mut problem, mut gradient) = (job.problem(detector), job.phase.values().to_vec());
+    group.bench_function(BenchmarkId::new(name(detector), size), |bencher| {
+        bencher.iter(|| problem.evaluate(job.phase.values(), 1.0, &mut gradient));
+    });
+    group.finish();
+    let mut group = criterion.benchmark_group("adam");
+    group.throughput(pixels);
+    let mut adam = Adam::start(problem, 0.1, job.phase.clone()).unwrap();
+    group.bench_function(BenchmarkId::new(name(detector), size), |bencher| bencher.iter(|| adam.step()));
+    group.finish();
+}
+
+/// What is reported of a hologram, once at its end.
+fn all_metrics(criterion: &mut Criterion, size: &str, job: &Job) {
+    let mut group = criterion.benchmark_group("quality");
+    group.throughput(Throughput::Elements(job.phase.values().len() as u64));
+    group.bench_function(size, |bencher| {
+        bencher.iter(|| quality(&job.engine, &job.phase, &job.target, job.region).unwrap());
+    });
+    group.finish();
+}
+
+/// One pair of the `display` and of the `dense` model.
+fn learning(criterion: &mut Criterion) {
+    for (size, height_px, width_px) in &SIZES[..2] {
+        let job = Job::new(*height_px, *width_px);
+        let pairs = vec![Pair { phase: job.phase.clone(), photo: job.target.clone() }];
+        let mut group = criterion.benchmark_group("learn");
+        group.throughput(Throughput::Elements(job.phase.values().len() as u64));
+        for (name, model) in [("display", LearnModel::Display { order: 5 }), ("dense", LearnModel::Dense)] {
+            let options = LearnOptions { epochs: 1_000_000, ..LearnOptions::new(model, job.region) };
+            let mut learner = Learner::start(job.setup, options, &pairs).unwrap();
+            group.bench_function(BenchmarkId::new(name, size), |bencher| {
+                bencher.iter(|| learner.step(&pairs).unwrap().unwrap());
+            });
+        }
+        group.finish();
+    }
+}
+
+criterion_group! {
+    name = benches;
+    config = Criterion::default().sample_size(10).warm_up_time(Duration::from_secs(1)).measurement_time(Duration::from_secs(3));
+    targets = engine, learning
+}
+criterion_main!(benches);

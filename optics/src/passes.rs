@@ -1,0 +1,153 @@
+//! An evaluation taken apart, to see where its time goes on a machine.
+//!
+//! [`HologramProblem::evaluate`](crate::HologramProblem::evaluate) is five passes over memory, each on all threads:
+//!
+//! | pass | does |
+//! |---|---|
+//! | [`Pass::ForwardRows`] | the modulator's field from the phase, transformed along x |
+//! | [`Pass::ForwardColumns`] | along y, times H, and back along y, for each offset of the detector along y |
+//! | [`Pass::Compare`] | back along x to every sub-sample, the loss and its gradient there, and along x again |
+//! | [`Pass::BackwardColumns`] | along y, times H*, and back along y |
+//! | [`Pass::BackwardRows`] | back along x, and the gradient of the phase |
+//!
+//! ```
+//! use lightpath_optics::passes::{Pass, Passes};
+//! use lightpath_optics::{Detector, DisplayModel, Engine, Grid, OpticalSetup, Plane, RegionOfInterest};
+//! let grid = Grid::try_new(36, 64, 8e-6)?;
+//! let engine = Engine::new(&DisplayModel::ideal(OpticalSetup::try_new(grid, 515e-9, 0.01)?), Detector::Pixel, None)?;
+//! let (target, phase) = (Plane::filled(36, 64, 0.5_f32), Plane::filled(36, 64, 0.0_f32));
+//! let mut passes = Passes::new(engine, target, RegionOfInterest::middle(&grid), phase)?;
+//! for pass in Pass::ALL {
+//!     let started = std::time::Instant::now();
+//!     passes.run(pass);
+//!     eprintln!("{:>16} {:?}", pass.name(), started.elapsed());
+//! }
+//! # Ok::<(), lightpath_optics::Error>(())
+//! ```
+
+use crate::engine::Fields;
+use crate::photometry::Comparison;
+use crate::{Engine, Plane, RegionOfInterest, Result};
+
+/// A part of an evaluation that goes through memory once.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Pass {
+    /// From the phase to spectra of rows.
+    ForwardRows,
+    /// From the spectra of rows to the image plane, but for the way back along x.
+    ForwardColumns,
+    /// To the light, to the loss's gradient, and to spectra of rows.
+    Compare,
+    /// The adjoint of [`Self::ForwardColumns`].
+    BackwardColumns,
+    /// To the gradient of the phase.
+    BackwardRows,
+}
+
+impl Pass {
+    /// In the order in which an evaluation makes them.
+    pub const ALL: [Self; 5] =
+        [Self::ForwardRows, Self::ForwardColumns, Self::Compare, Self::BackwardColumns, Self::BackwardRows];
+
+    /// In lower case.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::ForwardRows => "forward rows",
+            Self::ForwardColumns => "forward columns",
+            Self::Compare => "compare",
+            Self::BackwardColumns => "backward columns",
+            Self::BackwardRows => "backward rows",
+        }
+    }
+}
+
+/// An evaluation at one phase, in single precision.
+#[derive(Debug)]
+pub struct Passes {
+    engine: Engine,
+    target: Plane<f32>,
+    region: RegionOfInterest,
+    phase: Plane<f32>,
+    fields: Fields<f32>,
+    gradient: Plane<f32>,
+}
+
+impl Passes {
+    /// For a `target` (intensity, linear light) and a `phase` \[rad\] of the engine's size.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for another size.
+    pub fn new(engine: Engine, target: Plane<f32>, region: RegionOfInterest, phase: Plane<f32>) -> Result<Self> {
+        let (height_px, width_px) = (engine.height_px(), engine.width_px());
+        target.expect_size("target_intensity", height_px, width_px)?;
+        phase.expect_size("phase", height_px, width_px)?;
+        let fields = Fields::new(&engine.convolver);
+        let gradient = Plane::filled(height_px, width_px, 0.0);
+        Ok(Self { engine, target, region, phase, fields, gradient })
+    }
+
+    /// Makes one pass over what the last one left. Any order is allowed, but only [`Pass::ALL`] ends with a gradient;
+    /// [`Pass::BackwardColumns`] overwrites the light that [`Pass::Compare`] reads.
+    pub fn run(&mut self, pass: Pass) {
+        let Self { engine, target, region, phase, fields: Fields { spectrum, tiles }, gradient } = self;
+        let (convolver, width_px) = (&engine.convolver, engine.width_px());
+        let one_lane = convolver.half_spectrum_len(1);
+        match pass {
+            Pass::ForwardRows => convolver.forward_rows(&mut spectrum[..one_lane], |y, row| {
+                engine.slm.field_row(y, phase.row(y), row);
+            }),
+            Pass::ForwardColumns => convolver.propagate(&spectrum[..one_lane], &engine.transfer, tiles),
+            Pass::Compare => {
+                let comparison = Comparison {
+                    picture: target,
+                    weight: None,
+                    region: *region,
+                    detector: engine.detector(),
+                    gain: 1.0,
+                    offset: 0.0,
+                    weight_sum: region.pixels() as f64,
+                };
+                convolver.compare(tiles, &comparison, spectrum);
+            }
+            Pass::BackwardColumns => convolver.propagate_adjoint(spectrum, &engine.transfer, &mut tiles[..one_lane]),
+            Pass::BackwardRows => {
+                convolver.inverse_rows(&tiles[..one_lane], gradient.values_mut(), |y, b, out| {
+                    engine.slm.phase_gradient_row(y, &phase.values()[y * width_px..][..width_px], b, out);
+                });
+            }
+        }
+    }
+
+    /// ∂L/∂φ at a gain of 1, after all passes in their order.
+    #[must_use]
+    pub fn gradient(&self) -> &Plane<f32> {
+        &self.gradient
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hologram::initial_phase;
+    use crate::{Detector, DisplayModel, Grid, HologramProblem, OpticalSetup};
+
+    #[test]
+    fn all_passes_are_an_evaluation() {
+        let grid = Grid::try_new(34, 45, 8e-6).unwrap();
+        let model = DisplayModel::ideal(OpticalSetup::try_new(grid, 515e-9, 5e-3).unwrap());
+        let region = RegionOfInterest::middle(&grid);
+        let target = Plane::from_fn(34, 45, |y, x| ((y * 3 + x) % 7) as f32 / 7.0);
+        let phase = initial_phase(34, 45, 6.0, 2).unwrap();
+        for detector in Detector::ALL {
+            let engine = Engine::new(&model, detector, None).unwrap();
+            let mut expected = vec![0.0; 34 * 45];
+            let mut problem = HologramProblem::new(engine.clone(), target.clone(), region).unwrap();
+            problem.evaluate(phase.values(), 1.0, &mut expected);
+            let mut passes = Passes::new(engine, target.clone(), region, phase.clone()).unwrap();
+            Pass::ALL.into_iter().for_each(|pass| passes.run(pass));
+            assert_eq!(passes.gradient().values(), expected, "{detector:?}");
+        }
+    }
+}
