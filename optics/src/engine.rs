@@ -126,6 +126,20 @@ impl<T: Real> Engine<T> {
     }
 }
 
+/// Entry points that are not generic. Generic code is compiled by its caller, which in a development build is not
+/// optimized; what is called here is compiled in this crate.
+impl Engine<f32> {
+    /// [`Engine::new`] in single precision.
+    ///
+    /// # Errors
+    ///
+    /// As there.
+    #[inline(never)]
+    pub fn of_display(model: &DisplayModel, detector: Detector, carrier: Option<Carrier>) -> Result<Self> {
+        Self::new(model, detector, carrier)
+    }
+}
+
 impl<T: Real> Fields<T> {
     pub(crate) fn new(convolver: &Convolver<T>) -> Self {
         let zeros = || vec![Complex::new(T::zero(), T::zero()); convolver.half_spectrum_len(convolver.lanes())];

@@ -24,7 +24,6 @@
 //!   sees of its light; how that compares with a picture.
 //! - [`hologram`], [`learning`], [`optimizer`]: finding phases, and finding displays.
 //! - [`passes`]: an evaluation taken apart, to see where its time goes.
-//! - [`compiled`]: the engine's entry points for callers that are not optimized themselves.
 //! - [`simulated_display`]: an imperfect bench to photograph holograms on.
 //! - [`test_cards`]: target pictures to try all of it on.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
@@ -32,7 +31,6 @@
 mod batch_fft;
 pub mod carrier;
 pub mod chebyshev;
-pub mod compiled;
 mod convolution;
 pub mod detector;
 pub mod display_model;
@@ -54,6 +52,7 @@ pub mod region;
 pub mod setup;
 pub mod simulated_display;
 mod slm;
+mod slm_inverse;
 pub mod test_cards;
 pub mod transfer_function;
 
@@ -63,7 +62,7 @@ pub use display_model::{DisplayModel, KernelShape, SmoothField};
 pub use engine::Engine;
 pub use error::{Error, Result};
 pub use grid::Grid;
-pub use hologram::{Adam, AdamState, Evaluation, HologramProblem};
+pub use hologram::{Adam, AdamState, Evaluation, HologramProblem, Optimization};
 pub use plane::Plane;
 pub use real::Real;
 pub use region::RegionOfInterest;

@@ -26,7 +26,7 @@
 //! ```
 
 use crate::engine::Fields;
-use crate::photometry::Comparison;
+use crate::photometry::{Comparison, Quantity};
 use crate::{Engine, Plane, RegionOfInterest, Result};
 
 /// A part of an evaluation that goes through memory once.
@@ -101,6 +101,7 @@ impl Passes {
             Pass::ForwardColumns => convolver.propagate(&spectrum[..one_lane], &engine.transfer, tiles),
             Pass::Compare => {
                 let comparison = Comparison {
+                    quantity: Quantity::Intensity,
                     picture: target,
                     weight: None,
                     region: *region,

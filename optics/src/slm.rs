@@ -39,7 +39,12 @@ impl<T: Real> Slm<T> {
 
     /// ∂L/∂φ along row `y` from b = ∂L/∂c*: 2 Re( b* · dc/dφ ).
     pub(crate) fn phase_gradient_row(&self, y: usize, phase: &[T], b: &[Complex<T>], gradient: &mut [T]) {
-        Arch::new().dispatch(PhaseGradientRow { slm: self, y, phase, b, gradient });
+        Arch::new().dispatch(PhaseGradientRow::<_, false> { slm: self, y, phase, b, gradient });
+    }
+
+    /// Adds what [`Self::phase_gradient_row`] writes.
+    pub(crate) fn add_phase_gradient_row(&self, y: usize, phase: &[T], b: &[Complex<T>], gradient: &mut [T]) {
+        Arch::new().dispatch(PhaseGradientRow::<_, true> { slm: self, y, phase, b, gradient });
     }
 
     #[inline(always)]
@@ -59,14 +64,15 @@ impl<T: Real> Slm<T> {
     }
 
     #[inline(always)]
-    fn write_phase_gradient_row(&self, y: usize, phase: &[T], b: &[Complex<T>], gradient: &mut [T]) {
+    fn write_phase_gradient_row<const ADD: bool>(&self, y: usize, phase: &[T], b: &[Complex<T>], gradient: &mut [T]) {
         let blocks = phase.chunks(BLOCK).zip(b.chunks(BLOCK)).zip(gradient.chunks_mut(BLOCK));
         for (i, ((phase, b), gradient)) in blocks.enumerate() {
             let Block { slope, sign, steered, .. } = self.respond(y, i * BLOCK, phase);
             let light = self.lit(y, i * BLOCK, b);
             for (x, gradient) in gradient.iter_mut().enumerate() {
                 let imaginary = light.re[x] * steered.im[x] + light.im[x] * steered.re[x];
-                *gradient = -T::of(2.0) * sign[x] * slope[x] * imaginary;
+                let value = -T::of(2.0) * sign[x] * slope[x] * imaginary;
+                *gradient = if ADD { *gradient + value } else { value };
             }
         }
     }
@@ -185,7 +191,7 @@ impl<T: Real> WithSimd for FieldRow<'_, T> {
 }
 
 /// [`Slm::phase_gradient_row`], likewise.
-struct PhaseGradientRow<'a, T> {
+struct PhaseGradientRow<'a, T, const ADD: bool> {
     slm: &'a Slm<T>,
     y: usize,
     phase: &'a [T],
@@ -193,11 +199,11 @@ struct PhaseGradientRow<'a, T> {
     gradient: &'a mut [T],
 }
 
-impl<T: Real> WithSimd for PhaseGradientRow<'_, T> {
+impl<T: Real, const ADD: bool> WithSimd for PhaseGradientRow<'_, T, ADD> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        self.slm.write_phase_gradient_row(self.y, self.phase, self.b, self.gradient);
+        self.slm.write_phase_gradient_row::<ADD>(self.y, self.phase, self.b, self.gradient);
     }
 }

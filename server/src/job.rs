@@ -9,15 +9,18 @@
 //!                      retry after backoff, lease expired, drain
 //! ```
 //!
-//! `spec`: what jobs are asked to do, validated. `result`: what they gave.
+//! `spec`: what jobs are asked to do, validated. `result`: what they gave. `hologram`: both, of holograms.
 
+mod hologram;
 mod result;
 mod spec;
 
-pub use result::{
-    CaptureResult, EvaluateResult, HologramResult, JobResult, LearnResult, PairLoss, Quality, SeenQuality,
+pub use hologram::{
+    Fit, FrameResult, HologramResult, ImagePlane, InitialPhase, Loss, Method, OptimizeHologram, PlaneResult, Quantity,
+    WavelengthResult,
 };
-pub use spec::{Detector, EvaluateKernel, Fit, JobSpec, LearnKernel, OptimizeHologram, Region, SimulateCapture};
+pub use result::{CaptureResult, EvaluateResult, JobResult, LearnResult, PairLoss, Quality, SeenQuality};
+pub use spec::{Detector, EvaluateKernel, JobSpec, LearnKernel, Region, SimulateCapture};
 
 use serde::{Deserialize, Serialize};
 

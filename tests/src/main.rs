@@ -26,5 +26,7 @@ mod determinism;
 mod imports;
 /// Cancelling, retrying, watching, repeating.
 mod jobs;
+/// Several planes, wavelengths and frames, every method, through the command line.
+mod planes_and_colours;
 /// The main job through the command line, from the display to the learned kernel.
 mod whole_loop;

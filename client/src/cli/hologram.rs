@@ -1,21 +1,26 @@
 //! `lightpath hologram …`
 
 mod outputs;
+mod pictures;
+mod results;
+mod work;
 
-use super::arguments::{Detector, Encoding, Optics, above_zero, region};
 use super::failure::{Failure, TargetFailure};
+use super::job_text;
 use super::progress::{Progress, WATCHES_MAX, goes_on, or_interrupted};
 use super::session::{Session, say};
 use super::submission::{Submission, watch_hint};
-use super::table::{Facts, Table};
-use super::{destination, job_text, quality_text, show};
-use clap::{Args, Subcommand, ValueEnum};
+use super::table::Table;
+use clap::{Args, Subcommand};
 use futures::{StreamExt as _, TryStreamExt as _};
-use lightpath::v1::{self, Job, OptimizeHologram, job_spec, optimize_hologram};
+use lightpath::v1::{self, Job, job_spec};
 use lightpath::{hologram_result, names};
 use outputs::{Files, Outputs};
+use pictures::Pictures;
+use results::{kernel_version, results};
 use std::fs::File;
 use std::path::PathBuf;
+use work::Work;
 
 /// What can be done with holograms.
 // The help of each is with its arguments: a comment here would hide all but its first line.
@@ -27,14 +32,12 @@ pub(crate) enum HologramCommand {
 
 /// Find the phases that make a display show target pictures.
 ///
-/// Each target becomes a job of its own. With --wait or an output file the command waits for them, with a bar for each,
-/// saves the files and prints how good the holograms are; otherwise it prints the jobs and ends.
+/// Each target becomes a job of its own; several --plane make one job of several pictures at several distances, and several
+/// wavelengths give each job one hologram for each of them. With --wait or an output file the command waits, with a bar
+/// for each job, saves the files and prints how good the holograms are; otherwise it prints the jobs and ends.
 ///
-/// Quality is measured in the region of interest, as three detectors see it: `point` at the sample points, `pixel` as
-/// a camera of the same pitch integrates, `supersampled` as an eye sees. PSNR, SSIM and MS-SSIM compare with the target,
-/// gain fitted (MS-SSIM where the region has 176 samples a side); efficiency is the light in the region as a part of
-/// what leaves the SLM; speckle contrast is the grain of areas that should be even. Of several targets the table has the
-/// PSNR, and at its end PSNR and SSIM of the quantized hologram as `pixel` sees it.
+/// Quality is the peak signal-to-noise ratio in the region of interest, as three detectors see it: `point` at
+/// the sample points, `pixel` as a camera of the same pitch integrates, `supersampled` as an eye sees.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -45,18 +48,36 @@ Examples:
   lightpath hologram optimize a.png b.png --display lab-2 --distance 150mm \\
       -o {name}-phase.png --reconstruction {name}-seen.png --npy {name}.npy
 
+  A focal stack: one hologram that shows three pictures at three distances
+    lightpath hologram optimize --display lab-2 -o phase.png --reconstruction seen.png \\
+        --plane 140mm=near.png --plane 150mm=middle.png --plane 160mm=far.png
+
+  A colour picture with depth: three wavelengths, and a depth map whose white is at 140mm and whose black is at 160mm
+    lightpath hologram optimize photo.png --display rgb-1 --wavelength 638nm,520nm,450nm \\
+        --depth-map depth.png --distance 140mm,150mm,160mm -o holograms/ --reconstruction holograms/
+
+  Less speckle: the mean of eight phases, shown faster than the eye can follow
+    lightpath hologram optimize photo.png --display lab-2 --distance 150mm --frames 8 --phase-range 6.2831853 -o frames/
+
+  For the 16 levels of an old modulator: the last third of the steps goes on through its levels
+    lightpath hologram optimize photo.png --display lab-4bit --distance 150mm --quantization-aware -o phase.png
+
+Methods:
+  lbfgs  follows the gradient, and its curvature: by far the best picture for the time; every option works with it
+  adam   follows the gradient, as most published holograms do
+  gs     Gerchberg-Saxton: replaces amplitudes on either side in turn; a quick draft
+  wgs    gs with weights that raise what is too dark
+  dpac   double phase: no iterations, one pass; needs optics that filter away its chequerboard
+
 Output files: one file where there is one target; a folder (made where it is missing and ends with /), which \
 then gets NAME-phase.png, NAME-phase.npy and NAME-reconstruction.png; or a pattern, where {name} stands for \
-the target's file name without its extension.
+the target's file name without its extension. Where a job has several wavelengths, frames or planes, each of its \
+files has them in its name: phase-638nm-frame2.png, seen-150mm.png. Three wavelengths are reconstructed as colours.
 
 With --output json each job is printed as one line of JSON.")]
 pub(crate) struct Optimize {
-    /// Pictures: PNG (8 or 16 bit, grey or colour), JPEG or TIFF, at least 8x8 px; colours are averaged
-    #[arg(required = true, value_name = "TARGET")]
-    targets: Vec<PathBuf>,
-
     #[command(flatten)]
-    optics: Optics,
+    pictures: Pictures,
 
     /// Light transport to optimize through: active, ideal or a version number
     ///
@@ -76,67 +97,6 @@ pub(crate) struct Optimize {
 
     #[command(flatten)]
     outputs: Outputs,
-}
-
-/// How the phase is found.
-#[derive(Clone, Debug, Args)]
-#[command(next_help_heading = "Optimization")]
-struct Work {
-    /// How the phase is found
-    #[arg(long, default_value = "adam")]
-    method: Method,
-
-    /// Steps of the optimization, 1 to 10000
-    #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..))]
-    iterations: u32,
-
-    /// Adam's step in radians, above 0, at most 10
-    #[arg(long, value_name = "RAD", default_value_t = 0.1, value_parser = above_zero)]
-    learning_rate: f64,
-
-    /// What counts as the light of a pixel while optimizing
-    #[arg(long, default_value = "pixel")]
-    detector: Detector,
-
-    /// Seed of the initial phase
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    seed: u64,
-
-    /// The initial phase is uniform between 0 and this, in radians, at most 2π = 6.2831853
-    #[arg(long, value_name = "RAD", default_value_t = 1.0)]
-    phase_range: f64,
-
-    /// How the target's values stand for light
-    #[arg(long, value_name = "ENCODING", default_value = "srgb")]
-    target_encoding: Encoding,
-
-    /// How a target of another size is brought to the display's
-    #[arg(long, default_value = "contain")]
-    fit: Fit,
-
-    /// Where the picture counts, in pixels: x,y,width,height [default: the middle 80 % of each axis]
-    #[arg(long, value_name = "X,Y,W,H", value_parser = region)]
-    roi: Option<v1::RegionOfInterest>,
-}
-
-/// How the phase is found.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Method {
-    /// Adam on the phase, gain fitted.
-    Adam,
-}
-
-/// How a target of another size is brought to the display's.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Fit {
-    /// Scale to fit inside, keep the aspect ratio, black borders.
-    Contain,
-    /// Scale to cover, keep the aspect ratio, crop the overhang evenly.
-    Cover,
-    /// Scale each axis by itself.
-    Stretch,
-    /// Refuse any other size.
-    Exact,
 }
 
 /// Save the files of an optimization, waiting for it where it still runs.
@@ -170,9 +130,11 @@ impl HologramCommand {
 
 impl Optimize {
     async fn run(self, session: &Session) -> Result<(), Failure> {
-        let names: Vec<String> = self.targets.iter().map(|target| destination::name_of(target)).collect();
-        let files = self.outputs.files(&names, &self.targets)?;
-        check_readable(&self.targets)?;
+        self.pictures.check()?;
+        let names = self.pictures.names();
+        let inputs = self.inputs();
+        let files = self.outputs.files(&names, &inputs)?;
+        check_readable(&inputs)?;
         let items = self.submit(session, names, files).await?;
         if !(self.wait || self.outputs.any()) {
             return print_submitted(session, &items);
@@ -180,18 +142,26 @@ impl Optimize {
         finish(session, items).await
     }
 
+    /// Files that are read.
+    fn inputs(&self) -> Vec<PathBuf> {
+        self.pictures.files().chain(self.work.files()).cloned().collect()
+    }
+
     async fn submit(&self, session: &Session, names: Vec<String>, files: Vec<Files>) -> Result<Vec<Item>, Failure> {
         let mut items: Vec<Item> = Vec::new();
         let several = names.len() > 1;
-        for ((target, name), files) in self.targets.iter().zip(names).zip(files) {
+        for (i, (name, files)) in names.into_iter().zip(files).enumerate() {
             let submitting = async {
-                let kind = self.kind(session.client.upload_file(target).await?);
+                let spec = v1::OptimizeHologram { kernel: self.kernel.clone(), ..v1::OptimizeHologram::default() };
+                let spec = self.pictures.fill(session, i, spec).await?;
+                let spec = self.work.fill(session, spec).await?;
+                let kind = job_spec::Kind::OptimizeHologram(spec);
                 self.submission.submit(session, kind, several.then_some(name.as_str())).await
             };
             let ids: Vec<String> = items.iter().map(|item| names::id(&item.job.name).to_owned()).collect();
             let refused = |error| {
                 let goes_on = (!ids.is_empty()).then(|| format!("submitted before that: the {}", goes_on(&ids)));
-                Failure::Target(TargetFailure { target: target.clone(), error, goes_on })
+                Failure::Target(TargetFailure { target: self.pictures.first_file(i), error, goes_on })
             };
             let job = or_interrupted(&ids, submitting).await.map_err(|failure| match failure {
                 Failure::Client(error) => refused(error),
@@ -200,36 +170,6 @@ impl Optimize {
             items.push(Item { name, job, files });
         }
         Ok(items)
-    }
-
-    fn kind(&self, target: String) -> job_spec::Kind {
-        let work = &self.work;
-        let fit = match work.fit {
-            Fit::Contain => optimize_hologram::Fit::Contain,
-            Fit::Cover => optimize_hologram::Fit::Cover,
-            Fit::Stretch => optimize_hologram::Fit::Stretch,
-            Fit::Exact => optimize_hologram::Fit::Exact,
-        };
-        let method = match work.method {
-            Method::Adam => optimize_hologram::Method::Adam,
-        };
-        job_spec::Kind::OptimizeHologram(OptimizeHologram {
-            display: names::display(&self.optics.display),
-            wavelength_m: self.optics.wavelength_m(),
-            distance_m: self.optics.distance,
-            target,
-            target_encoding: v1::Encoding::from(work.target_encoding).into(),
-            target_fit: fit.into(),
-            kernel: self.kernel.clone(),
-            kernel_version: 0,
-            method: method.into(),
-            detector: v1::Detector::from(work.detector).into(),
-            iterations: work.iterations,
-            learning_rate: work.learning_rate,
-            seed: work.seed,
-            initial_phase_range_rad: Some(work.phase_range),
-            region_of_interest: work.roi,
-        })
     }
 }
 
@@ -285,56 +225,4 @@ fn print_submitted(session: &Session, items: &[Item]) -> Result<(), Failure> {
         say(&watch_hint(&item.job));
     }
     Ok(())
-}
-
-/// One result in full, or a table of several. The jobs that did not succeed are told as errors.
-fn results(items: &[Item]) -> String {
-    let succeeded = items.iter().filter_map(|item| Some((item, hologram_result(&item.job).ok()?)));
-    if let ([item], Some((_, result))) = (items, succeeded.clone().next()) {
-        return result_facts(item, result);
-    }
-    let mut table = Table::new(&[
-        "target",
-        "kernel",
-        ">point",
-        ">pixel",
-        ">supersampled",
-        ">quantized pixel",
-        ">SSIM",
-        ">ms/iteration",
-        "job",
-    ]);
-    for (item, result) in succeeded {
-        let of = |quality: Option<v1::Quality>| quality.unwrap_or_default();
-        let (quality, quantized) = (of(result.quality), of(result.quantized_quality));
-        table.row([
-            item.name.clone(),
-            kernel_version(&item.job),
-            show::decibel(quality.psnr_point_db),
-            show::decibel(quality.psnr_pixel_db),
-            show::decibel(quality.psnr_supersampled_db),
-            show::decibel(quantized.psnr_pixel_db),
-            quality_text::similarity(quantized.ssim_pixel),
-            format!("{:.1}", result.iteration_ms),
-            names::id(&item.job.name).to_owned(),
-        ]);
-    }
-    table.text_or("")
-}
-
-fn result_facts(item: &Item, result: &v1::HologramResult) -> String {
-    let mut facts = Facts::default();
-    facts.add("target", &item.name);
-    facts.add("job", names::id(&item.job.name));
-    facts.add("kernel", kernel_version(&item.job));
-    facts.add("speed", format!("{:.1} ms an iteration, {} iterations", result.iteration_ms, result.iterations));
-    facts.add_some("saved", item.files.text());
-    format!("{}\n{}", facts.text(), quality_text::table(result))
-}
-
-fn kernel_version(job: &Job) -> String {
-    match job.spec.as_ref().and_then(|spec| spec.kind.as_ref()) {
-        Some(job_spec::Kind::OptimizeHologram(spec)) => show::kernel_version(spec.kernel_version),
-        _ => "–".to_owned(),
-    }
 }

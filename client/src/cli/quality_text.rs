@@ -42,7 +42,8 @@ pub(crate) fn similarity(value: Option<f64>) -> String {
     or_dash(value, |value| format!("{value:.4}"))
 }
 
-fn percent(value: Option<f64>) -> String {
+/// `12.3 %`, or `–`.
+pub(crate) fn percent(value: Option<f64>) -> String {
     or_dash(value, |value| format!("{:.1} %", 100.0 * value))
 }
 

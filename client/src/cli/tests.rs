@@ -72,7 +72,15 @@ fn wrong_units_and_values_are_explained() {
             "distance is NaN, but must be a finite number",
         ),
         ("lightpath hologram optimize a.png --display d --distance 1mile", "unknown unit \"mile\""),
-        ("lightpath hologram optimize a.png --display d --distance 1mm --method gs", "[possible values: adam]"),
+        (
+            "lightpath hologram optimize a.png --display d --distance 1mm --method sgd",
+            "[possible values: lbfgs, adam, gs, wgs, dpac]",
+        ),
+        (
+            "lightpath hologram optimize a.png --display d --distance 1mm --initial-phase lens",
+            "quadratic[:FOCAL LENGTH]",
+        ),
+        ("lightpath hologram optimize --display d --plane near.png", "140mm=near.png"),
         ("lightpath hologram optimize a.png --display d --distance 1mm --roi 1,2", "192,108,1536,864"),
         ("lightpath hologram optimize --display d --distance 1mm", "<TARGET>"),
         ("lightpath display create d --resolution 1920 --pixel-pitch 8um --wavelength 515nm", "such as 1920x1080"),

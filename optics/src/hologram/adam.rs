@@ -41,16 +41,9 @@ impl<T: Real> Adam<T> {
     ///
     /// [`Error`] for a phase of another size or a learning rate that is not above 0 and at most 10.
     pub fn start(mut problem: HologramProblem<T>, learning_rate: f64, phase: Plane<T>) -> Result<Self> {
-        phase.expect_size("phase", problem.engine().height_px(), problem.engine().width_px())?;
-        let gain = problem.measure(phase.values(), 1.0).best_gain;
-        let zeros = vec![T::zero(); phase.values().len()];
-        let state = AdamState {
-            phase: phase.into_vec(),
-            first_moment: zeros.clone(),
-            second_moment: zeros,
-            iteration: 0,
-            gain,
-        };
+        let (height_px, width_px) = (problem.frames() * problem.engine().height_px(), problem.engine().width_px());
+        phase.expect_size("phase", height_px, width_px)?;
+        let state = AdamState::new(&mut problem, phase.into_vec());
         Self::resume(problem, learning_rate, state)
     }
 
@@ -64,7 +57,7 @@ impl<T: Real> Adam<T> {
             let allowed = "above 0 and at most 10 rad";
             return Err(Error::OutOfRange { name: "learning_rate", value: learning_rate, allowed });
         }
-        let (height_px, width_px) = (problem.engine().height_px(), problem.engine().width_px());
+        let (height_px, width_px) = (problem.frames() * problem.engine().height_px(), problem.engine().width_px());
         for values in [&state.phase, &state.first_moment, &state.second_moment] {
             if values.len() != height_px * width_px {
                 return Err(Error::SizeMismatch {
@@ -84,23 +77,7 @@ impl<T: Real> Adam<T> {
     ///
     /// The gain is the best fit of the step before, which costs no pass of its own.
     pub fn step(&mut self) -> Evaluation {
-        let evaluation = self.problem.evaluate(&self.state.phase, self.state.gain, &mut self.gradient);
-        self.state.gain = evaluation.best_gain;
-        self.state.iteration += 1;
-        let width_px = self.problem.engine().width_px();
-        let scale = self.gradient.len() as f64;
-        let step = AdamStep::new(self.learning_rate, self.state.iteration, scale);
-        let arch = Arch::new();
-        let state = &mut self.state;
-        (
-            state.phase.par_chunks_mut(width_px),
-            state.first_moment.par_chunks_mut(width_px),
-            state.second_moment.par_chunks_mut(width_px),
-            self.gradient.par_chunks(width_px),
-        )
-            .into_par_iter()
-            .for_each(|(phase, m, v, g)| arch.dispatch(|| step.take(phase, m, v, g)));
-        evaluation
+        self.state.step(&mut self.problem, self.learning_rate, &mut self.gradient)
     }
 
     /// Everything that the next step depends on.
@@ -113,5 +90,38 @@ impl<T: Real> Adam<T> {
     #[must_use]
     pub fn into_state(self) -> AdamState<T> {
         self.state
+    }
+}
+
+impl<T: Real> AdamState<T> {
+    /// At the start, at the gain that fits best.
+    pub(super) fn new(problem: &mut HologramProblem<T>, phase: Vec<T>) -> Self {
+        let gain = problem.measure(&phase, 1.0).best_gain;
+        let zeros = vec![T::zero(); phase.len()];
+        Self { phase, first_moment: zeros.clone(), second_moment: zeros, iteration: 0, gain }
+    }
+
+    pub(super) fn step(
+        &mut self,
+        problem: &mut HologramProblem<T>,
+        learning_rate: f64,
+        gradient: &mut [T],
+    ) -> Evaluation {
+        let evaluation = problem.evaluate(&self.phase, self.gain, gradient);
+        self.gain = evaluation.best_gain;
+        self.iteration += 1;
+        let width_px = problem.engine().width_px();
+        let scale = gradient.len() as f64;
+        let step = AdamStep::new(learning_rate, self.iteration, scale);
+        let arch = Arch::new();
+        (
+            self.phase.par_chunks_mut(width_px),
+            self.first_moment.par_chunks_mut(width_px),
+            self.second_moment.par_chunks_mut(width_px),
+            gradient.par_chunks(width_px),
+        )
+            .into_par_iter()
+            .for_each(|(phase, m, v, g)| arch.dispatch(|| step.take(phase, m, v, g)));
+        evaluation
     }
 }

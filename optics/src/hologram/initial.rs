@@ -1,24 +1,146 @@
 //! Where an optimization starts.
 
-use crate::{Error, Plane, Result};
+use super::problem::HologramProblem;
+use crate::real::Real;
+use crate::{Error, OpticalSetup, Plane, Result};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
-/// A phase uniform in [0, `range_rad`), drawn row by row from `seed`.
-///
-/// A wide range (2π) spreads the image's light over all angles and gives speckle; a narrow one keeps it smooth and
-/// converges to a better picture, with less light outside the picture's own band.
+/// The phase that an optimization starts from.
+#[derive(Clone, Debug, PartialEq)]
+pub enum InitialPhase {
+    /// Uniform in [0, `range_rad`), drawn row by row from the seed.
+    ///
+    /// A wide range (2π) spreads the image's light over all angles and gives speckle; a narrow one keeps it smooth and
+    /// converges to a better picture, with less light outside the picture's own band.
+    Random {
+        /// 0 to 2π
+        range_rad: f64,
+    },
+    /// The same everywhere.
+    Constant {
+        /// \[rad\]
+        phase_rad: f64,
+    },
+    /// A lens, −π r² / (λ f), that brings light from all of the SLM to every part of the picture.
+    Quadratic {
+        /// f; `None`: the focal length at which the SLM's edges steer by half of its band, [`default_focal_length_m`].
+        focal_length_m: Option<f64>,
+    },
+    /// That of the field that the targets' amplitudes send back to the SLM, with an image phase uniform in
+    /// [0, `range_rad`).
+    BackPropagated {
+        /// 0 to 2π
+        range_rad: f64,
+    },
+    /// Given \[rad\], frame after frame: `frames · height_px` rows.
+    Given(Plane<f32>),
+}
+
+/// f = 2 N Δ² / λ \[m\] for the longer side's N pixels of pitch Δ: the edges steer by half of the band.
+#[must_use]
+pub fn default_focal_length_m(setup: &OpticalSetup) -> f64 {
+    let side_px = setup.grid().height_px().max(setup.grid().width_px()) as f64;
+    2.0 * side_px * setup.grid().pixel_pitch_m().powi(2) / setup.wavelength_m()
+}
+
+impl InitialPhase {
+    /// The phases of all frames \[rad\]; what is random differs from frame to frame.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::OutOfRange`] for a range that is not between 0 and 2π, a focal length of 0, or numbers that are not finite;
+    /// [`Error::SizeMismatch`] and [`Error::NotFinite`] for a given phase.
+    pub fn phases(&self, problem: &HologramProblem, setup: &OpticalSetup, seed: u64) -> Result<Vec<f32>> {
+        let (height_px, width_px) = (problem.engine().height_px(), problem.engine().width_px());
+        let frames = problem.frames();
+        match self {
+            Self::Random { range_rad } => random(frames, height_px * width_px, *range_rad, seed),
+            Self::Constant { phase_rad } => {
+                let phase_rad = finite("initial_phase.constant_rad", *phase_rad)?;
+                Ok(vec![phase_rad as f32; problem.parameters()])
+            }
+            Self::Quadratic { focal_length_m } => {
+                let focal_length_m = focal_length_m.unwrap_or_else(|| default_focal_length_m(setup));
+                if finite("initial_phase.focal_length_m", focal_length_m)? == 0.0 {
+                    let allowed = "finite and not 0";
+                    let name = "initial_phase.focal_length_m";
+                    return Err(Error::OutOfRange { name, value: focal_length_m, allowed });
+                }
+                Ok(lens(setup, focal_length_m).into_vec().repeat(frames))
+            }
+            Self::BackPropagated { range_rad } => {
+                let image_phase = random(frames, height_px * width_px, *range_rad, seed)?;
+                Ok(problem.phase_of_targets(&image_phase))
+            }
+            Self::Given(phase) => {
+                phase.expect_size("initial_phase", frames * height_px, width_px)?;
+                phase.expect_finite("initial_phase")?;
+                Ok(phase.values().to_vec())
+            }
+        }
+    }
+}
+
+/// A phase uniform in [0, `range_rad`), drawn row by row from `seed`: [`InitialPhase::Random`] of one frame.
 ///
 /// # Errors
 ///
 /// [`Error::OutOfRange`] when `range_rad` is not between 0 and 2π.
 pub fn initial_phase(height_px: usize, width_px: usize, range_rad: f64, seed: u64) -> Result<Plane<f32>> {
+    Plane::try_from_vec(height_px, width_px, random(1, height_px * width_px, range_rad, seed)?)
+}
+
+/// Each frame has a stream of its own.
+pub(super) fn random(frames: usize, frame_len: usize, range_rad: f64, seed: u64) -> Result<Vec<f32>> {
     // A little beyond 2π, so that a 2π that went through f32 is still one.
     if !(0.0..=TAU + 1e-6).contains(&range_rad) {
         let allowed = "between 0 and 2π";
         return Err(Error::OutOfRange { name: "initial_phase_range_rad", value: range_rad, allowed });
     }
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    Ok(Plane::from_fn(height_px, width_px, |_, _| random.random::<f32>() * range_rad as f32))
+    let mut phases = Vec::with_capacity(frames * frame_len);
+    for frame in 0..frames {
+        random.set_stream(frame as u64);
+        random.set_word_pos(0);
+        phases.extend((0..frame_len).map(|_| random.random::<f32>() * range_rad as f32));
+    }
+    Ok(phases)
+}
+
+fn lens(setup: &OpticalSetup, focal_length_m: f64) -> Plane<f32> {
+    let (height_px, width_px) = (setup.grid().height_px(), setup.grid().width_px());
+    let scale = -PI * setup.grid().pixel_pitch_m().powi(2) / (setup.wavelength_m() * focal_length_m);
+    let from_middle = |i: usize, side: usize| i as f64 - (side as f64 - 1.0) / 2.0;
+    Plane::from_fn(height_px, width_px, |y, x| {
+        let r_squared = from_middle(y, height_px).powi(2) + from_middle(x, width_px).powi(2);
+        (scale * r_squared).rem_euclid(TAU) as f32
+    })
+}
+
+fn finite(name: &'static str, value: f64) -> Result<f64> {
+    if value.is_finite() { Ok(value) } else { Err(Error::OutOfRange { name, value, allowed: "finite" }) }
+}
+
+impl<T: Real> HologramProblem<T> {
+    /// The phases whose light has the phase of [`Self::back_propagated`].
+    fn phase_of_targets(&self, image_phase: &[T]) -> Vec<T> {
+        let engine = self.engine();
+        let frame_len = engine.height_px() * engine.width_px();
+        let mut phases = vec![T::zero(); self.parameters()];
+        for (phase, image_phase) in phases.chunks_exact_mut(frame_len).zip(image_phase.chunks_exact(frame_len)) {
+            let mut field = self.back_propagated(image_phase);
+            // A field of the modulator's own strength, so that its zero order is taken away in proportion.
+            let power: f64 = field.iter().map(|c| c.norm_sqr().wide()).sum::<f64>() / frame_len as f64;
+            let norm = T::of(1.0 / power.sqrt().max(f64::MIN_POSITIVE));
+            field.iter_mut().for_each(|c| *c = c.scale(norm));
+            for (y, (phase, field)) in
+                phase.chunks_exact_mut(engine.width_px()).zip(field.chunks_exact(engine.width_px())).enumerate()
+            {
+                engine.slm.phase_of_row(y, field, phase);
+            }
+        }
+        phases
+    }
 }

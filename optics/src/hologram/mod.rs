@@ -1,11 +1,23 @@
-//! Finding the phase that shows a target.
+//! Finding the phases that show targets.
 
 mod adam;
+mod double_phase;
+mod gerchberg_saxton;
 mod initial;
+mod loss;
+mod optimization;
 mod problem;
 mod quality;
+mod roughness;
+mod rounded;
+mod state;
+mod two_passes;
 
 pub use adam::{Adam, AdamState};
-pub use initial::initial_phase;
+pub use initial::{InitialPhase, default_focal_length_m, initial_phase};
+pub use loss::{ImagePlane, Loss};
+pub use optimization::{Method, Optimization, Options, Step};
 pub use problem::{Evaluation, HologramProblem};
-pub use quality::{Quality, SeenQuality, quality};
+pub use quality::{Quality, SeenQuality, light_of_frames, quality, quality_of_frames};
+pub use rounded::Levels;
+pub use state::OptimizationState;

@@ -1,167 +1,237 @@
 //! How far a phase is from showing a target, and in which direction it gets nearer.
 
+use super::loss::{ImagePlane, Loss, Wanted, weighted_sums};
+use super::two_passes::Kept;
 use crate::engine::{Engine, Fields};
-use crate::photometry::{Comparison, Sums};
+use crate::photometry::{Comparison, Quantity, Sums};
 use crate::real::Real;
-use crate::{Detector, Error, Plane, RegionOfInterest, Result};
+use crate::{Error, Plane, RegionOfInterest, Result};
+use num_complex::Complex;
 
-/// A target, where it counts, and the display that is to show it.
+/// What a hologram is to show, and the display that is to show it: one picture, or several at different distances; one
+/// phase, or several *frames* that are shown so fast that the eye sees the mean of their light.
+///
+/// Phases and gradients are the frames' rows, one frame after the other: `frames · height_px · width_px` values. All
+/// planes share one gain, as one exposure would show them.
 #[derive(Debug)]
 pub struct HologramProblem<T = f32> {
-    engine: Engine<T>,
-    target: Plane<T>,
-    region: RegionOfInterest,
-    fields: Fields<T>,
+    pub(super) planes: Vec<Wanted<T>>,
+    pub(super) frames: usize,
+    pub(super) region: RegionOfInterest,
+    pub(super) loss: Loss,
+    pub(super) fields: Fields<T>,
+    pub(super) kept: Kept<T>,
 }
 
 /// What an evaluation found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Evaluation {
-    /// Σ(s·p − t)² / n in the region of interest, at the gain s that was asked for.
+    /// The [loss](Loss) at the gain s that was asked for, or at the one that fits best.
     pub loss: f64,
-    /// The gain that fits best: the next evaluation's, where gain is fitted.
+    /// The gain that fits best: the next evaluation's, where the gain may lag by one.
     pub best_gain: f64,
     /// The loss at that gain.
     pub best_loss: f64,
 }
 
-impl From<Sums> for Evaluation {
-    fn from(sums: Sums) -> Self {
-        Self { loss: sums.loss(), best_gain: sums.best_gain(), best_loss: sums.best_loss() }
+impl Evaluation {
+    pub(super) fn new(sums: &Sums, roughness: f64) -> Self {
+        let (loss, best_loss) = (sums.loss() + roughness, sums.best_loss() + roughness);
+        Self { loss, best_gain: sums.best_gain(), best_loss }
     }
 }
 
+/// What comes back from the image planes.
+pub(super) enum Sink<'a, T> {
+    /// ∂L/∂φ
+    Gradient(&'a mut [T]),
+    /// Aᴴg, a field on the SLM.
+    Field(&'a mut [Complex<T>]),
+}
+
 impl<T: Real> HologramProblem<T> {
-    /// `target`: intensity in linear light, of the engine's size.
+    /// One picture and one frame, compared by intensity. `target`: intensity in linear light, of the engine's size.
     ///
     /// # Errors
     ///
-    /// [`Error`] for a target of another size, with values that are negative or not finite, or that is black in all of
-    /// the region of interest.
+    /// As [`Self::with_planes`].
     pub fn new(engine: Engine<T>, target: Plane<T>, region: RegionOfInterest) -> Result<Self> {
-        target.expect_size("target_intensity", engine.height_px(), engine.width_px())?;
-        target.map(|t| t.wide() as f32).expect_finite("target_intensity")?;
-        if let Some(&value) = target.values().iter().find(|value| **value < T::zero()) {
-            let allowed = "0 or above";
-            return Err(Error::OutOfRange { name: "target_intensity", value: value.wide(), allowed });
+        Self::with_planes(vec![ImagePlane::new(engine, target)], 1, region, Loss::default())
+    }
+
+    /// Several pictures, several frames, any loss.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] for no planes or frames, engines of different sizes or detectors, a target or weight of another size,
+    /// with values that are negative or not finite, a plane where nothing counts, targets that are all black where they
+    /// count, or a loss out of range.
+    pub fn with_planes(
+        planes: Vec<ImagePlane<T>>,
+        frames: usize,
+        region: RegionOfInterest,
+        loss: Loss,
+    ) -> Result<Self> {
+        loss.validate(region)?;
+        let Some(first) = planes.first() else {
+            return Err(Error::Empty { name: "planes", needed: "at least one picture is needed" });
+        };
+        if frames == 0 {
+            return Err(Error::OutOfRange { name: "frames", value: 0.0, allowed: "at least 1" });
         }
-        let lit = |y| region.columns(y).is_some_and(|columns| target.row(y)[columns].iter().any(|t| *t > T::zero()));
-        if !(0..target.height_px()).any(lit) {
+        let first = first.engine.clone();
+        for plane in &planes {
+            plane.target.expect_size("target_intensity", first.height_px(), first.width_px())?;
+            if plane.engine.detector() != first.detector() {
+                return Err(Error::Empty { name: "planes", needed: "all of them must have the same detector" });
+            }
+        }
+        let shares = planes.iter().map(|plane| plane.share).sum();
+        let wanted = planes.into_iter().map(|plane| Wanted::new(plane, region, &loss, shares));
+        let planes = wanted.collect::<Result<Vec<_>>>()?;
+        if !planes.iter().any(|plane| plane.is_lit(region)) {
             let needed = "some light is needed in the region of interest";
             return Err(Error::Empty { name: "target_intensity", needed });
         }
-        let fields = Fields::new(&engine.convolver);
-        Ok(Self { engine, target, region, fields })
+        let fields = Fields::new(&first.convolver);
+        Ok(Self { planes, frames, region, loss, fields, kept: Kept::empty() })
     }
 
-    /// The display.
+    /// The display, at the distance of the first plane.
     #[must_use]
     pub fn engine(&self) -> &Engine<T> {
-        &self.engine
+        &self.planes[0].engine
     }
 
-    /// The loss at `gain` and its gradient ∂L/∂φ, written to `gradient`; both `height_px · width_px` values.
+    /// Phases that share the work.
+    #[must_use]
+    pub fn frames(&self) -> usize {
+        self.frames
+    }
+
+    /// Pictures to show.
+    #[must_use]
+    pub fn planes(&self) -> usize {
+        self.planes.len()
+    }
+
+    /// What is minimized.
+    #[must_use]
+    pub fn loss(&self) -> &Loss {
+        &self.loss
+    }
+
+    /// Values in a phase or a gradient, `frames · height_px · width_px`.
+    #[must_use]
+    pub fn parameters(&self) -> usize {
+        self.frames * self.frame_len()
+    }
+
+    pub(super) fn frame_len(&self) -> usize {
+        self.engine().height_px() * self.engine().width_px()
+    }
+
+    /// The loss at `gain` and its gradient ∂L/∂φ, written to `gradient`.
     ///
     /// With the gain fitted in closed form the same gradient is exact at [`Evaluation::best_gain`], since there the loss
     /// does not change with the gain.
     pub fn evaluate(&mut self, phase: &[T], gain: f64, gradient: &mut [T]) -> Evaluation {
-        let Self { engine, fields, .. } = self;
-        engine.send(phase, fields);
-        let Fields { spectrum, tiles } = fields;
-        let comparison = compare_with(&self.target, self.region, engine.detector, gain);
-        let sums = engine.convolver.compare(tiles, &comparison, spectrum);
-        let back = &mut tiles[..engine.convolver.half_spectrum_len(1)];
-        engine.convolver.propagate_adjoint(spectrum, &engine.transfer, back);
-        let width_px = engine.width_px();
-        engine.convolver.inverse_rows(back, gradient, |y, b, out| {
-            engine.slm.phase_gradient_row(y, &phase[y * width_px..][..width_px], b, out);
-        });
-        sums.into()
+        if self.frames > 1 || self.loss.has_roughness() {
+            return self.evaluate_in_two(phase, Some(gain), gradient);
+        }
+        let mut all = Vec::with_capacity(self.planes.len());
+        for (p, plane) in self.planes.iter().enumerate() {
+            let engine = &plane.engine;
+            engine.send(phase, &mut self.fields);
+            let Fields { spectrum, tiles } = &mut self.fields;
+            let comparison = compare_with(plane, self.loss.quantity, self.region, gain);
+            all.push((engine.convolver.compare(tiles, &comparison, spectrum), plane.share));
+            send_back(engine, &mut self.fields, phase, &mut Sink::Gradient(gradient), p > 0);
+        }
+        Evaluation::new(&weighted_sums(all.into_iter()), 0.0)
+    }
+
+    /// The loss at the gain that fits best and its gradient: those of min over s of the [loss](Loss).
+    pub fn evaluate_fitted(&mut self, phase: &[T], gradient: &mut [T]) -> Evaluation {
+        self.evaluate_in_two(phase, None, gradient)
     }
 
     /// The loss at `gain` alone, without the way back that its gradient takes.
     pub fn measure(&mut self, phase: &[T], gain: f64) -> Evaluation {
-        self.engine.send(phase, &mut self.fields);
-        let comparison = compare_with(&self.target, self.region, self.engine.detector, gain);
-        self.engine.convolver.measure(&self.fields.tiles, &comparison).into()
+        if self.frames > 1 || self.loss.has_roughness() {
+            self.light_up(phase);
+            let sums = (0..self.planes.len()).map(|p| self.measure_plane(p, gain)).collect::<Vec<_>>();
+            let roughness = (0..self.planes.len()).map(|p| self.roughness(p)).sum();
+            return Evaluation::new(&weighted_sums(sums.into_iter()), roughness);
+        }
+        let sums = self.planes.iter().map(|plane| {
+            plane.engine.send(phase, &mut self.fields);
+            let comparison = compare_with(plane, self.loss.quantity, self.region, gain);
+            (plane.engine.convolver.measure(&self.fields.tiles, &comparison), plane.share)
+        });
+        let sums: Vec<_> = sums.collect();
+        Evaluation::new(&weighted_sums(sums.into_iter()), 0.0)
     }
 }
 
-fn compare_with<T>(picture: &Plane<T>, region: RegionOfInterest, detector: Detector, gain: f64) -> Comparison<'_, T> {
-    let weight_sum = region.pixels() as f64;
-    Comparison { picture, weight: None, region, detector, gain, offset: 0.0, weight_sum }
+impl<T> Sink<'_, T> {
+    pub(super) fn frame(&mut self, f: usize, frame_len: usize) -> Sink<'_, T> {
+        let range = f * frame_len..(f + 1) * frame_len;
+        match self {
+            Self::Gradient(gradient) => Sink::Gradient(&mut gradient[range]),
+            Self::Field(field) => Sink::Field(&mut field[range]),
+        }
+    }
+}
+
+/// From the half-transformed gradient in the spectrum to the sink, where it is written or, where asked, added.
+pub(super) fn send_back<T: Real>(
+    engine: &Engine<T>,
+    fields: &mut Fields<T>,
+    phase: &[T],
+    sink: &mut Sink<'_, T>,
+    add: bool,
+) {
+    let back = &mut fields.tiles[..engine.convolver.half_spectrum_len(1)];
+    engine.convolver.propagate_adjoint(&fields.spectrum, &engine.transfer, back);
+    let width_px = engine.width_px();
+    match sink {
+        Sink::Gradient(gradient) => engine.convolver.inverse_rows(back, gradient, |y, b, out| {
+            let phase = &phase[y * width_px..][..width_px];
+            if add {
+                engine.slm.add_phase_gradient_row(y, phase, b, out);
+            } else {
+                engine.slm.phase_gradient_row(y, phase, b, out);
+            }
+        }),
+        Sink::Field(field) => engine.convolver.inverse_rows(back, field, |_, b, out| {
+            if add {
+                out.iter_mut().zip(b).for_each(|(out, &b)| *out = *out + b);
+            } else {
+                out.copy_from_slice(b);
+            }
+        }),
+    }
+}
+
+pub(super) fn compare_with<T>(
+    plane: &Wanted<T>,
+    quantity: Quantity,
+    region: RegionOfInterest,
+    gain: f64,
+) -> Comparison<'_, T> {
+    Comparison {
+        quantity,
+        picture: &plane.picture,
+        weight: plane.weight.as_ref(),
+        region,
+        detector: plane.engine.detector,
+        gain,
+        offset: 0.0,
+        weight_sum: plane.weight_sum / plane.share,
+    }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::hologram::initial_phase;
-    use crate::{Carrier, DisplayModel, Grid, KernelShape, OpticalSetup, SmoothField};
-    use num_complex::Complex64;
-
-    /// A display with every flaw that the model knows.
-    fn flawed(setup: OpticalSetup) -> DisplayModel {
-        let smooth = |order, scale: f64| {
-            let mut field = SmoothField::flat(order);
-            let both = field.log_amplitude.iter_mut().chain(&mut field.phase);
-            both.enumerate().for_each(|(i, c)| *c = scale * (1.7 * i as f64 + 0.3).sin());
-            field
-        };
-        DisplayModel {
-            kernel: KernelShape::Smooth(smooth(3, 0.3)),
-            source: smooth(2, 0.1),
-            response: vec![[0.15, -0.05], [0.02, 0.04]],
-            zero_order: Complex64::new(0.03, -0.02),
-            ..DisplayModel::ideal(setup)
-        }
-    }
-
-    fn problem(
-        height_px: usize,
-        width_px: usize,
-        detector: Detector,
-        carrier: Option<Carrier>,
-    ) -> HologramProblem<f64> {
-        let grid = Grid::try_new(height_px, width_px, 8e-6).unwrap();
-        let setup = OpticalSetup::try_new(grid, 515e-9, 3e-3).unwrap();
-        let engine = Engine::new(&flawed(setup), detector, carrier).unwrap();
-        let target = Plane::from_fn(height_px, width_px, |y, x| 0.5 + 0.5 * ((3 * y + 5 * x) as f64).sin());
-        HologramProblem::new(engine, target, RegionOfInterest::middle(&grid)).unwrap()
-    }
-
-    #[test]
-    fn the_gradient_is_that_of_central_differences() {
-        for (height_px, width_px) in [(16, 24), (17, 13), (11, 30)] {
-            for detector in Detector::ALL {
-                for carrier in [None, Some(Carrier::HalfOrderX), Some(Carrier::HalfOrderY)] {
-                    let mut problem = problem(height_px, width_px, detector, carrier);
-                    let phase = initial_phase(height_px, width_px, 6.0, 5).unwrap().map(f64::from).into_vec();
-                    let direction: Vec<f64> = (0..phase.len()).map(|i| (i as f64 * 2.3).cos()).collect();
-                    let mut gradient = vec![0.0; phase.len()];
-                    problem.evaluate(&phase, 0.7, &mut gradient);
-                    let slope: f64 = gradient.iter().zip(&direction).map(|(g, d)| g * d).sum();
-                    let h = 1e-5;
-                    let mut at = |step: f64| {
-                        let moved: Vec<f64> = phase.iter().zip(&direction).map(|(p, d)| p + step * d).collect();
-                        problem.measure(&moved, 0.7).loss
-                    };
-                    let difference = (at(h) - at(-h)) / (2.0 * h);
-                    let error = (slope - difference).abs() / difference.abs();
-                    assert!(error < 1e-6, "{detector:?} {carrier:?}: {slope} against {difference}");
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn the_fitted_gain_is_the_best_one() {
-        let mut problem = problem(20, 20, Detector::Pixel, None);
-        let phase = vec![0.5; 400];
-        let best = problem.measure(&phase, 1.0);
-        let at_best = problem.measure(&phase, best.best_gain);
-        assert!((at_best.loss - best.best_loss).abs() < 1e-12);
-        for gain in [0.99, 1.01] {
-            assert!(problem.measure(&phase, gain * best.best_gain).loss > at_best.loss);
-        }
-    }
-}
+#[path = "problem_tests.rs"]
+mod tests;

@@ -2,7 +2,7 @@
 
 use crate::metrics::{Gain, ImagePair, diffraction_efficiency, frame_efficiency, speckle_contrast, ssim_at_all_scales};
 use crate::real::Real;
-use crate::{Detector, Engine, Plane, RegionOfInterest, Result};
+use crate::{Detector, Engine, Error, Plane, RegionOfInterest, Result};
 use rayon::prelude::*;
 
 /// A hologram's quality in the eyes of each detector.
@@ -56,6 +56,52 @@ pub fn quality<T: Real>(
     let at_points = narrowed(&engine.with_detector(Detector::Point).samples(phase)?);
     let samples = narrowed(&engine.with_detector(Detector::Supersampled).samples(phase)?);
     Quality::of_light(&at_points, &samples, &narrowed(target), region, light_sent)
+}
+
+/// How well several `phases`, shown one after the other, show `target`: [`quality`] of the mean of their light.
+///
+/// # Errors
+///
+/// As there, and [`Error::Empty`] for no phase.
+pub fn quality_of_frames(
+    engine: &Engine,
+    phases: &[Plane<f32>],
+    target: &Plane<f32>,
+    region: RegionOfInterest,
+) -> Result<Quality> {
+    if let [phase] = phases {
+        return quality(engine, phase, target, region);
+    }
+    target.expect_size("target_intensity", engine.height_px(), engine.width_px())?;
+    let sent = phases.iter().map(|phase| engine.light_sent(phase)).sum::<Result<f64>>()? / phases.len() as f64;
+    let (point, eye) = (engine.with_detector(Detector::Point), engine.with_detector(Detector::Supersampled));
+    let at_points = mean_of(phases, |phase| point.samples(phase))?;
+    let samples = mean_of(phases, |phase| eye.samples(phase))?;
+    Quality::of_light(&at_points, &samples, target, region, sent)
+}
+
+/// The mean of the light that the engine's detector sees of several phases.
+///
+/// # Errors
+///
+/// [`Error::SizeMismatch`] for a phase of another size than the engine's, [`Error::Empty`] for no phase.
+pub fn light_of_frames(engine: &Engine, phases: &[Plane<f32>]) -> Result<Plane<f32>> {
+    mean_of(phases, |phase| engine.light(phase))
+}
+
+/// In the order of the frames.
+fn mean_of(phases: &[Plane<f32>], light: impl Fn(&Plane<f32>) -> Result<Plane<f32>>) -> Result<Plane<f32>> {
+    let [first, rest @ ..] = phases else {
+        return Err(Error::Empty { name: "phases", needed: "at least one frame is needed" });
+    };
+    let mut sum = light(first)?;
+    for phase in rest {
+        let light = light(phase)?;
+        sum.values_mut().par_iter_mut().zip(light.values()).for_each(|(sum, light)| *sum += light);
+    }
+    let share = 1.0 / phases.len() as f32;
+    sum.values_mut().par_iter_mut().for_each(|value| *value *= share);
+    Ok(sum)
 }
 
 impl Quality {

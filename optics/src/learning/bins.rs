@@ -3,7 +3,7 @@
 //! Adam with a constant step, one pair at a time in their own order, as the paper has it.
 
 use super::pair::{Example, measure_all};
-use super::{LearnModel, LearnOptions, LearnStage, LearnStep, PairSource};
+use super::{LearnModel, LearnOptions, LearnStage, LearnStep, PairSource, pair::BoxError};
 use crate::convolution::{Transfer, split_bin};
 use crate::engine::{Engine, Fields};
 use crate::optimizer::adam::AdamStep;
@@ -48,11 +48,7 @@ pub struct BinsLearner {
 }
 
 impl BinsLearner {
-    pub(super) fn start<S: PairSource>(
-        setup: OpticalSetup,
-        options: LearnOptions,
-        pairs: &S,
-    ) -> Result<Self, S::Error> {
+    pub(super) fn start(setup: OpticalSetup, options: LearnOptions, pairs: &dyn PairSource) -> Result<Self, BoxError> {
         let band = Band::new(&setup, options.model);
         let parameters = match options.model {
             LearnModel::Paper => {
@@ -103,7 +99,7 @@ impl BinsLearner {
         }
     }
 
-    pub(super) fn step<S: PairSource>(&mut self, pairs: &S) -> Result<Option<LearnStep>, S::Error> {
+    pub(super) fn step(&mut self, pairs: &dyn PairSource) -> Result<Option<LearnStep>, BoxError> {
         let (count, total) = (pairs.len() as u32, self.options.epochs * pairs.len() as u32);
         if self.state.adam_steps >= total {
             return Ok(None);
@@ -152,7 +148,7 @@ impl BinsLearner {
         sums.loss()
     }
 
-    fn fit_gain<S: PairSource>(&mut self, pairs: &S) -> Result<(), S::Error> {
+    fn fit_gain(&mut self, pairs: &dyn PairSource) -> Result<(), BoxError> {
         let sums = measure_all(&self.engine, &mut self.out, pairs, self.options.region)?;
         (self.state.gain, self.state.offset) = sums.best_gain_and_offset();
         Ok(())

@@ -18,7 +18,7 @@ pub mod parametric;
 mod schedule;
 mod smooth_transfer;
 
-pub use pair::{Pair, PairSource, compare, unsaturated_px};
+pub use pair::{BoxError, Pair, PairSource, compare, unsaturated_px};
 
 use crate::carrier::Carrier;
 use crate::{Detector, DisplayModel, Error, OpticalSetup, RegionOfInterest};
@@ -152,7 +152,7 @@ impl Learner {
     /// # Errors
     ///
     /// [`Error`] for options out of range, no pairs, or pairs of another size; those of the source.
-    pub fn start<S: PairSource>(setup: OpticalSetup, options: LearnOptions, pairs: &S) -> Result<Self, S::Error> {
+    pub fn start(setup: OpticalSetup, options: LearnOptions, pairs: &dyn PairSource) -> Result<Self, BoxError> {
         options.validate(pairs.len())?;
         Ok(Self(match options.model {
             LearnModel::Paper | LearnModel::Dense => Method::Bins(BinsLearner::start(setup, options, pairs)?),
@@ -179,7 +179,7 @@ impl Learner {
     /// # Errors
     ///
     /// Those of the source, and [`Error`] for a pair of another size.
-    pub fn step<S: PairSource>(&mut self, pairs: &S) -> Result<Option<LearnStep>, S::Error> {
+    pub fn step(&mut self, pairs: &dyn PairSource) -> Result<Option<LearnStep>, BoxError> {
         match &mut self.0 {
             Method::Parametric(learner) => learner.step(pairs),
             Method::Bins(learner) => learner.step(pairs),

@@ -1,7 +1,7 @@
 //! Holograms and their photographs.
 
 use crate::engine::{Engine, Fields};
-use crate::photometry::{Comparison, Sums};
+use crate::photometry::{Comparison, Quantity, Sums};
 use crate::real::Real;
 use crate::{Error, Plane, RegionOfInterest};
 
@@ -17,11 +17,11 @@ pub struct Pair {
     pub photo: Plane<f32>,
 }
 
+/// Whatever goes wrong while pairs are read, or learned from: one of this crate's errors, or the source's own.
+pub type BoxError = Box<dyn std::error::Error + Send + Sync>;
+
 /// Where pairs come from: memory, or files that are read when they are needed.
 pub trait PairSource: Sync {
-    /// What can go wrong while reading.
-    type Error: From<Error>;
-
     /// Number of pairs.
     fn len(&self) -> usize;
 
@@ -35,29 +35,25 @@ pub trait PairSource: Sync {
     /// # Errors
     ///
     /// When it cannot be read.
-    fn pair(&self, index: usize) -> Result<Pair, Self::Error>;
+    fn pair(&self, index: usize) -> Result<Pair, BoxError>;
 }
 
 impl PairSource for [Pair] {
-    type Error = Error;
-
     fn len(&self) -> usize {
         <[Pair]>::len(self)
     }
 
-    fn pair(&self, index: usize) -> Result<Pair, Error> {
+    fn pair(&self, index: usize) -> Result<Pair, BoxError> {
         Ok(self[index].clone())
     }
 }
 
 impl PairSource for Vec<Pair> {
-    type Error = Error;
-
     fn len(&self) -> usize {
         self.as_slice().len()
     }
 
-    fn pair(&self, index: usize) -> Result<Pair, Error> {
+    fn pair(&self, index: usize) -> Result<Pair, BoxError> {
         self.as_slice().pair(index)
     }
 }
@@ -89,6 +85,7 @@ impl<T: Real> Example<T> {
 
     pub(super) fn comparison(&self, engine: &Engine<T>, gain: f64, offset: f64) -> Comparison<'_, T> {
         Comparison {
+            quantity: Quantity::Intensity,
             picture: &self.photo,
             weight: Some(&self.weight),
             region: self.region,
@@ -101,12 +98,12 @@ impl<T: Real> Example<T> {
 }
 
 /// The sums over all examples at gain 1 and offset 0, from which the gain and offset that fit best follow.
-pub(super) fn measure_all<T: Real, S: PairSource>(
+pub(super) fn measure_all<T: Real>(
     engine: &Engine<T>,
     fields: &mut Fields<T>,
-    pairs: &S,
+    pairs: &dyn PairSource,
     region: RegionOfInterest,
-) -> Result<Sums, S::Error> {
+) -> Result<Sums, BoxError> {
     let mut sums = Sums::default();
     for index in 0..pairs.len() {
         let example = Example::new(&pairs.pair(index)?, engine, region)?;

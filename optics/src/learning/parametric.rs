@@ -5,7 +5,7 @@
 use super::pair::{Example, measure_all};
 use super::schedule::{one_cycle, shuffled};
 use super::smooth_transfer::SmoothTransfer;
-use super::{LearnModel, LearnOptions, LearnStage, LearnStep, PairSource};
+use super::{LearnModel, LearnOptions, LearnStage, LearnStep, PairSource, pair::BoxError};
 use crate::chebyshev::{ChebyshevBasis, polynomials};
 use crate::display_model::position;
 use crate::engine::{Engine, Fields, tabulate_source};
@@ -58,11 +58,7 @@ pub struct ParametricLearner {
 }
 
 impl ParametricLearner {
-    pub(super) fn start<S: PairSource>(
-        setup: OpticalSetup,
-        options: LearnOptions,
-        pairs: &S,
-    ) -> Result<Self, S::Error> {
+    pub(super) fn start(setup: OpticalSetup, options: LearnOptions, pairs: &dyn PairSource) -> Result<Self, BoxError> {
         let mut fit = Fit::new(setup, &options)?;
         let zeros = vec![0.0; fit.layout.len()];
         let (gain, offset) = measure_all(&fit.engine, &mut fit.out, pairs, options.region)?.best_gain_and_offset();
@@ -95,7 +91,7 @@ impl ParametricLearner {
         self.fit.layout.model(&self.fit.setup, self.state.gain, self.parameters())
     }
 
-    pub(super) fn step<S: PairSource>(&mut self, pairs: &S) -> Result<Option<LearnStep>, S::Error> {
+    pub(super) fn step(&mut self, pairs: &dyn PairSource) -> Result<Option<LearnStep>, BoxError> {
         if self.state.adam_steps < self.adam_steps_total(pairs.len()) {
             return self.adam_step(pairs).map(Some);
         }
@@ -110,7 +106,7 @@ impl ParametricLearner {
         self.options.epochs * pairs as u32
     }
 
-    fn adam_step<S: PairSource>(&mut self, pairs: &S) -> Result<LearnStep, S::Error> {
+    fn adam_step(&mut self, pairs: &dyn PairSource) -> Result<LearnStep, BoxError> {
         let (count, total) = (pairs.len() as u32, self.adam_steps_total(pairs.len()));
         let (epoch, place) = (self.state.adam_steps / count, self.state.adam_steps % count);
         let index = shuffled(pairs.len(), epoch, self.options.seed)[place as usize];
@@ -131,14 +127,14 @@ impl ParametricLearner {
         Ok(self.progress(LearnStage::Adam, sums.loss(), pairs.len()))
     }
 
-    fn refine<S: PairSource>(&mut self, pairs: &S) -> Result<Option<LearnStep>, S::Error> {
+    fn refine(&mut self, pairs: &dyn PairSource) -> Result<Option<LearnStep>, BoxError> {
         let evaluations = self.state.refinement.as_ref().map_or(0, |refinement| refinement.evaluations);
         if self.state.converged || evaluations >= self.options.refinement_evaluations {
             return Ok(None);
         }
         let Self { fit, options, state } = self;
         let gain = state.gain;
-        let mut evaluate = |parameters: &[f64]| -> Result<(f64, Vec<f64>), S::Error> {
+        let mut evaluate = |parameters: &[f64]| -> Result<(f64, Vec<f64>), BoxError> {
             fit.set(gain, parameters);
             let mut total = (0.0, vec![0.0; parameters.len()]);
             let share = 1.0 / pairs.len() as f64;

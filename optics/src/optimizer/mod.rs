@@ -2,3 +2,5 @@
 
 pub(crate) mod adam;
 pub mod lbfgs;
+pub(crate) mod limited_memory;
+mod vectors;

@@ -1,13 +1,13 @@
 //! Jobs and their results on the wire.
 
-use super::encodings::{detector_to_wire, encoding_to_wire, model_to_wire, region_to_wire, split_to_wire};
+use super::encodings::{detector_to_wire, model_to_wire, region_to_wire, split_to_wire};
+use super::holograms::{hologram_to_wire, optimize_to_wire};
 use super::kernels::metrics_to_wire;
 use super::time::timestamp;
 use crate::job::{
-    EvaluateKernel, Fit, HologramResult, Job, JobError, JobResult, JobSpec, JobState, LearnKernel, OptimizeHologram,
-    Progress, Quality, SimulateCapture,
+    EvaluateKernel, Job, JobError, JobResult, JobSpec, JobState, LearnKernel, Progress, Quality, SimulateCapture,
 };
-use lightpath_proto::v1::{self, job_result, job_spec, optimize_hologram};
+use lightpath_proto::v1::{self, job_result, job_spec};
 
 /// The job as clients see it.
 pub(super) fn to_wire(job: Job) -> v1::Job {
@@ -65,7 +65,7 @@ fn error_to_wire(error: JobError) -> v1::JobError {
 
 fn spec_to_wire(spec: JobSpec) -> v1::JobSpec {
     let kind = match spec {
-        JobSpec::OptimizeHologram(spec) => job_spec::Kind::OptimizeHologram(optimize_to_wire(spec)),
+        JobSpec::OptimizeHologram(spec) => job_spec::Kind::OptimizeHologram(optimize_to_wire(*spec)),
         JobSpec::LearnKernel(spec) => job_spec::Kind::LearnKernel(learn_to_wire(spec)),
         JobSpec::SimulateCapture(spec) => job_spec::Kind::SimulateCapture(simulate_to_wire(spec)),
         JobSpec::EvaluateKernel(spec) => job_spec::Kind::EvaluateKernel(evaluate_to_wire(spec)),
@@ -73,34 +73,8 @@ fn spec_to_wire(spec: JobSpec) -> v1::JobSpec {
     v1::JobSpec { kind: Some(kind) }
 }
 
-fn optimize_to_wire(spec: OptimizeHologram) -> v1::OptimizeHologram {
-    v1::OptimizeHologram {
-        display: format!("displays/{}", spec.display),
-        wavelength_m: spec.wavelength.m(),
-        distance_m: spec.distance.m(),
-        target: spec.target,
-        target_encoding: encoding_to_wire(spec.target_encoding),
-        target_fit: match spec.target_fit {
-            Fit::Contain => optimize_hologram::Fit::Contain,
-            Fit::Cover => optimize_hologram::Fit::Cover,
-            Fit::Stretch => optimize_hologram::Fit::Stretch,
-            Fit::Exact => optimize_hologram::Fit::Exact,
-        }
-        .into(),
-        kernel: kernel_choice(spec.kernel_version),
-        kernel_version: spec.kernel_version.unwrap_or(0),
-        method: optimize_hologram::Method::Adam.into(),
-        detector: detector_to_wire(spec.detector),
-        iterations: spec.iterations,
-        learning_rate: spec.learning_rate,
-        seed: spec.seed,
-        initial_phase_range_rad: Some(spec.initial_phase_range_rad),
-        region_of_interest: Some(region_to_wire(spec.region_of_interest)),
-    }
-}
-
 /// What a job's `kernel` was resolved to, in the form that a request may name it.
-fn kernel_choice(version: Option<u32>) -> String {
+pub(super) fn kernel_choice(version: Option<u32>) -> String {
     version.map_or_else(|| "ideal".to_owned(), |version| version.to_string())
 }
 
@@ -159,22 +133,7 @@ fn result_to_wire(result: JobResult) -> v1::JobResult {
     v1::JobResult { kind: Some(kind) }
 }
 
-fn hologram_to_wire(result: HologramResult) -> v1::HologramResult {
-    v1::HologramResult {
-        phase: result.phase,
-        phase_npy: result.phase_npy,
-        reconstruction: result.reconstruction,
-        quality: Some(quality_to_wire(result.quality)),
-        quantized_quality: Some(quality_to_wire(result.quantized_quality)),
-        intensity_scale: result.intensity_scale,
-        loss: result.loss,
-        iterations: result.iterations,
-        iteration_ms: result.iteration_ms,
-        region_of_interest: Some(region_to_wire(result.region_of_interest)),
-    }
-}
-
-fn quality_to_wire(Quality { point, pixel, supersampled }: Quality) -> v1::Quality {
+pub(super) fn quality_to_wire(Quality { point, pixel, supersampled }: Quality) -> v1::Quality {
     v1::Quality {
         psnr_point_db: point.psnr_db,
         psnr_pixel_db: pixel.psnr_db,

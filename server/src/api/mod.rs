@@ -2,9 +2,9 @@
 //!
 //! # Layout
 //!
-//! - `field`, `names`, `pages`: checking fields, resource names and pages. `submit`, `kernel_choice`, `pictures`:
-//!   checking submitted jobs.
-//! - `displays`, `datasets`, `jobs`, `kernels`, `encodings`, `time`: messages from and to domain types.
+//! - `field`, `names`, `pages`: checking fields, resource names and pages. `submit`, `optimize`, `kernel_choice`,
+//!   `pictures`: checking submitted jobs.
+//! - `displays`, `datasets`, `jobs`, `holograms`, `kernels`, `encodings`, `time`: messages from and to domain types.
 //! - `*_service`: one gRPC service each. `watch`: streams that follow something.
 //! - `error`, `status`: why a request is refused, and the one map to gRPC statuses.
 
@@ -16,6 +16,7 @@ mod displays;
 mod encodings;
 mod error;
 mod field;
+mod holograms;
 mod import;
 mod job_service;
 mod jobs;
@@ -23,6 +24,7 @@ mod kernel_choice;
 mod kernel_service;
 mod kernels;
 mod names;
+mod optimize;
 mod pages;
 mod pictures;
 mod status;

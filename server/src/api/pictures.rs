@@ -16,21 +16,70 @@ impl Api {
         &self,
         field: &Field,
         spec: &OptimizeHologram,
+        digest: &str,
+        display: &Display,
+    ) -> Result<(), ApiError> {
+        self.check_light(field, spec, digest, spec.target_encoding, display, "black").await
+    }
+
+    /// A mask must let some of the region of interest count.
+    pub(super) async fn check_mask(
+        &self,
+        field: &Field,
+        spec: &OptimizeHologram,
+        digest: &str,
+        display: &Display,
+    ) -> Result<(), ApiError> {
+        self.check_light(field, spec, digest, Encoding::Linear, display, "a black mask").await
+    }
+
+    /// Any picture.
+    pub(super) async fn check_grey(
+        &self,
+        field: &Field,
+        spec: &OptimizeHologram,
+        digest: &str,
+        display: &Display,
+    ) -> Result<(), ApiError> {
+        let ((height_px, width_px), fit) = (size_of(display), spec.target_fit);
+        let decode =
+            move |bytes: &[u8]| pictures::target_intensity(bytes, Encoding::Linear, fit, height_px, width_px).map(drop);
+        self.decoded(field, digest, decode).await
+    }
+
+    /// An initial phase must be an array of the display's size, frame after frame.
+    pub(super) async fn check_phase(
+        &self,
+        field: &Field,
+        digest: &str,
+        frames: u32,
         display: &Display,
     ) -> Result<(), ApiError> {
         let (height_px, width_px) = size_of(display);
-        let (encoding, fit, region) = (spec.target_encoding, spec.target_fit, spec.region_of_interest);
+        let decode = move |bytes: &[u8]| pictures::phase_npy(bytes, frames as usize * height_px, width_px).map(drop);
+        self.decoded(field, digest, decode).await
+    }
+
+    async fn check_light(
+        &self,
+        field: &Field,
+        spec: &OptimizeHologram,
+        digest: &str,
+        encoding: Encoding,
+        display: &Display,
+        dark: &str,
+    ) -> Result<(), ApiError> {
+        let (height_px, width_px) = size_of(display);
+        let (fit, region) = (spec.target_fit, spec.region_of_interest);
         let decode = move |bytes: &[u8]| {
             let target = pictures::target_intensity(bytes, encoding, fit, height_px, width_px)?;
             Ok(has_light(&target, region))
         };
-        if self.decoded(field, &spec.target, decode).await? {
+        if self.decoded(field, digest, decode).await? {
             return Ok(());
         }
-        let problem = format!(
-            "({}): the picture is black everywhere in the region of interest, but must have light",
-            spec.target
-        );
+        let problem =
+            format!("({digest}): the picture is {dark} everywhere in the region of interest, but must have light");
         Err(field.invalid(problem))
     }
 

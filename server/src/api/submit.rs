@@ -1,16 +1,15 @@
 //! From a submitted request to a job: every field checked, every default filled in, every name found.
 
-use super::encodings::{detector, encoding, model, region};
+use super::encodings::{detector, model, region};
 use super::error::ApiError;
 use super::field::Field;
 use super::{Api, names, required};
-use crate::dataset::{Dataset, Encoding};
+use crate::dataset::Dataset;
 use crate::display::Display;
-use crate::job::{Detector, EvaluateKernel, Fit, Job, JobSpec, LearnKernel, NewJob, OptimizeHologram, SimulateCapture};
+use crate::job::{Detector, EvaluateKernel, Job, JobSpec, LearnKernel, NewJob, SimulateCapture};
 use crate::kernel::{KernelKey, KernelModel};
 use crate::store::StoreError;
-use lightpath_proto::v1::{self, job_spec, optimize_hologram};
-use std::f64::consts::TAU;
+use lightpath_proto::v1::{self, job_spec};
 use uuid::Uuid;
 
 /// Longest request id \[bytes\]: room for a UUID and a few words.
@@ -19,15 +18,8 @@ const REQUEST_ID_BYTES_MAX: usize = 128;
 const ATTEMPTS_MAX: u32 = 20;
 const ATTEMPTS_DEFAULT: u32 = 3;
 const PRIORITY_MAX: i32 = 100;
-/// Fifty times what a good hologram takes; bounds how long one job can hold a worker.
-const ITERATIONS_MAX: u32 = 10_000;
-const ITERATIONS_DEFAULT: u32 = 200;
 /// Beyond this an optimizer's step only throws its parameters about.
 const LEARNING_RATE_MAX: f64 = 10.0;
-/// Adam's step for holograms, the paper's \[rad\].
-const LEARNING_RATE_DEFAULT: f64 = 0.1;
-/// Initial phases within one radian speckle little.
-const INITIAL_PHASE_RANGE_DEFAULT_RAD: f64 = 1.0;
 /// Thirty times the paper's.
 const EPOCHS_MAX: u32 = 1000;
 const REFINEMENT_EVALUATIONS_MAX: u32 = 10_000;
@@ -49,7 +41,7 @@ impl Api {
         let spec = match required(&field, kind)? {
             job_spec::Kind::OptimizeHologram(message) => {
                 let field = field.at("optimize_hologram");
-                JobSpec::OptimizeHologram(self.optimize(message, &field, before.as_ref()).await?)
+                JobSpec::OptimizeHologram(Box::new(self.optimize(message, &field, before.as_ref()).await?))
             }
             job_spec::Kind::LearnKernel(message) => {
                 JobSpec::LearnKernel(self.learn(message, &field.at("learn_kernel")).await?)
@@ -63,41 +55,6 @@ impl Api {
             }
         };
         Ok(NewJob { spec, request_id, priority, attempts_max })
-    }
-
-    async fn optimize(
-        &self,
-        message: v1::OptimizeHologram,
-        field: &Field,
-        before: Option<&Job>,
-    ) -> Result<OptimizeHologram, ApiError> {
-        let at = |name| field.at(name);
-        let display = self.display_named(&at("display"), &message.display).await?;
-        let wavelength = at("wavelength_m").wavelength_of(message.wavelength_m, &display)?;
-        let distance = at("distance_m").distance(message.distance_m)?;
-        at("method").known(message.method, |value| match optimize_hologram::Method::try_from(value).ok()? {
-            optimize_hologram::Method::Unspecified | optimize_hologram::Method::Adam => Some(()),
-        })?;
-        let range_rad = message.initial_phase_range_rad.unwrap_or(INITIAL_PHASE_RANGE_DEFAULT_RAD);
-        let mut spec = OptimizeHologram {
-            wavelength,
-            distance,
-            target: at("target").digest(&message.target)?,
-            target_encoding: encoding(&at("target_encoding"), message.target_encoding, Encoding::Srgb)?,
-            target_fit: at("target_fit").known(message.target_fit, fit)?,
-            kernel_version: None,
-            detector: detector(&at("detector"), message.detector)?,
-            iterations: at("iterations").integer_or(message.iterations, ITERATIONS_DEFAULT, 1..=ITERATIONS_MAX)?,
-            learning_rate: learning_rate(&at("learning_rate"), message.learning_rate)?.unwrap_or(LEARNING_RATE_DEFAULT),
-            seed: message.seed,
-            initial_phase_range_rad: phase_range(&at("initial_phase_range_rad"), range_rad)?,
-            region_of_interest: region(&at("region_of_interest"), message.region_of_interest, &display)?,
-            display: display.id.clone(),
-        };
-        let key = KernelKey { display: display.id.clone(), wavelength, distance };
-        spec.kernel_version = self.kernel_version_for(&at("kernel"), &message.kernel, &key, before, false).await?;
-        self.check_target(&at("target"), &spec, &display).await?;
-        Ok(spec)
     }
 
     async fn learn(&self, message: v1::LearnKernel, field: &Field) -> Result<LearnKernel, ApiError> {
@@ -203,17 +160,8 @@ fn request_id(given: String) -> Result<String, ApiError> {
     field.text(given, REQUEST_ID_BYTES_MAX)
 }
 
-fn fit(value: i32) -> Option<Fit> {
-    match optimize_hologram::Fit::try_from(value).ok()? {
-        optimize_hologram::Fit::Unspecified | optimize_hologram::Fit::Contain => Some(Fit::Contain),
-        optimize_hologram::Fit::Cover => Some(Fit::Cover),
-        optimize_hologram::Fit::Stretch => Some(Fit::Stretch),
-        optimize_hologram::Fit::Exact => Some(Fit::Exact),
-    }
-}
-
 /// `None` for 0, the default.
-fn learning_rate(field: &Field, value: f64) -> Result<Option<f64>, ApiError> {
+pub(super) fn learning_rate(field: &Field, value: f64) -> Result<Option<f64>, ApiError> {
     if value == 0.0 {
         return Ok(None);
     }
@@ -221,13 +169,4 @@ fn learning_rate(field: &Field, value: f64) -> Result<Option<f64>, ApiError> {
         return Ok(Some(value));
     }
     Err(field.invalid(format!("is {value}, but must be above 0 and at most {LEARNING_RATE_MAX}, or 0 for the default")))
-}
-
-fn phase_range(field: &Field, value: f64) -> Result<f64, ApiError> {
-    /// 2π, as people and other programs round it.
-    const ROUNDING: f64 = 1e-6;
-    if (0.0..=TAU + ROUNDING).contains(&value) {
-        return Ok(value.min(TAU));
-    }
-    Err(field.invalid(format!("is {value}, but must be 0 to 2π rad")))
 }

@@ -93,6 +93,8 @@ impl Lab {
                 target: self.client.upload_bytes(wanted.target).await?,
                 target_fit: v1::optimize_hologram::Fit::Cover.into(),
                 kernel: wanted.kernel,
+                // What the figures in README were made with.
+                method: v1::optimize_hologram::Method::Adam.into(),
                 iterations: wanted.iterations,
                 seed: wanted.seed,
                 initial_phase_range_rad: Some(wanted.initial_phase_range_rad),

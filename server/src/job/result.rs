@@ -1,6 +1,6 @@
 //! What jobs gave.
 
-use super::Region;
+use super::HologramResult;
 use crate::dataset::Split;
 use crate::kernel::KernelMetrics;
 use serde::{Deserialize, Serialize};
@@ -17,31 +17,6 @@ pub enum JobResult {
     Capture(CaptureResult),
     /// Of [`EvaluateKernel`](super::EvaluateKernel).
     Evaluate(EvaluateResult),
-}
-
-/// A hologram and how good it is.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct HologramResult {
-    /// Artifact digest: grey PNG of levels.
-    pub phase: String,
-    /// Artifact digest: float32 radians.
-    pub phase_npy: String,
-    /// Artifact digest: what the kernel predicts, sRGB PNG.
-    pub reconstruction: String,
-    /// Of the phase as optimized.
-    pub quality: Quality,
-    /// Of the phase as the display shows it.
-    pub quantized_quality: Quality,
-    /// The fitted gain.
-    pub intensity_scale: f64,
-    /// Of the last iteration.
-    pub loss: f64,
-    /// Steps done.
-    pub iterations: u32,
-    /// Mean over the iterations \[ms\].
-    pub iteration_ms: f64,
-    /// Where the picture counted.
-    pub region_of_interest: Region,
 }
 
 /// How good a hologram is in the region of interest, as each detector sees it.

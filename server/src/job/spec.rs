@@ -1,6 +1,6 @@
 //! What jobs are asked to do.
 
-use crate::dataset::Encoding;
+use super::OptimizeHologram;
 use crate::kernel::KernelModel;
 use crate::units::{Distance, Wavelength};
 use serde::{Deserialize, Serialize};
@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum JobSpec {
     /// Find the phase that shows a target.
-    OptimizeHologram(OptimizeHologram),
+    OptimizeHologram(Box<OptimizeHologram>),
     /// Learn a kernel from a dataset.
     LearnKernel(LearnKernel),
     /// Photograph a hologram on a simulated display.
@@ -40,51 +40,6 @@ impl JobSpec {
             Self::OptimizeHologram(_) | Self::SimulateCapture(_) => None,
         }
     }
-}
-
-/// Find the phase that shows a target.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct OptimizeHologram {
-    /// Id of the display.
-    pub display: String,
-    /// One of the display's.
-    pub wavelength: Wavelength,
-    /// From the SLM to the image plane.
-    pub distance: Distance,
-    /// Artifact digest of the picture.
-    pub target: String,
-    /// How the picture's values stand for light.
-    pub target_encoding: Encoding,
-    /// How a picture of another size is brought to the display's.
-    pub target_fit: Fit,
-    /// `None`: the ideal kernel.
-    pub kernel_version: Option<u32>,
-    /// What counts as a pixel's light.
-    pub detector: Detector,
-    /// Steps of Adam.
-    pub iterations: u32,
-    /// Adam's step \[rad\].
-    pub learning_rate: f64,
-    /// Of the initial phase.
-    pub seed: u64,
-    /// The initial phase is uniform in [0, this) \[rad\].
-    pub initial_phase_range_rad: f64,
-    /// Where the picture counts.
-    pub region_of_interest: Region,
-}
-
-/// How a picture of another size is brought to the display's.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Fit {
-    /// Fit inside, black borders.
-    Contain,
-    /// Cover, crop the overhang.
-    Cover,
-    /// Each axis by itself.
-    Stretch,
-    /// Refuse any other size.
-    Exact,
 }
 
 /// What counts as a pixel's light.

@@ -15,6 +15,15 @@ pub const SIDE_PX_MIN: u32 = 8;
 /// Decoders may use this much beside the pixels themselves \[bytes\]; the picture's own size is checked before.
 const DECODER_BYTES_MAX: u64 = 1 << 30;
 
+/// Which of a picture's colours its light is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Channel {
+    /// The mean of all.
+    Mean,
+    /// Red, 0; green, 1; blue, 2. A grey picture has its grey in each.
+    Colour(usize),
+}
+
 /// The linear light, in [0, 1], that a target asks for on a display of `height_px` × `width_px`.
 ///
 /// # Errors
@@ -28,7 +37,23 @@ pub fn target_intensity(
     height_px: usize,
     width_px: usize,
 ) -> Result<Plane<f32>, PictureError> {
-    let target = linear_light(bytes, encoding, SIDE_PX_MIN)?;
+    target_channel(bytes, encoding, Channel::Mean, fit, height_px, width_px)
+}
+
+/// [`target_intensity`] of one of the picture's colours.
+///
+/// # Errors
+///
+/// As there.
+pub fn target_channel(
+    bytes: &[u8],
+    encoding: Encoding,
+    channel: Channel,
+    fit: Fit,
+    height_px: usize,
+    width_px: usize,
+) -> Result<Plane<f32>, PictureError> {
+    let target = linear_light(bytes, encoding, channel, SIDE_PX_MIN)?;
     fit::fit(target, fit, height_px, width_px)
 }
 
@@ -38,7 +63,7 @@ pub fn target_intensity(
 ///
 /// [`PictureError`] for what is no readable picture or is beyond the limits.
 pub fn photograph(bytes: &[u8], encoding: Encoding) -> Result<Plane<f32>, PictureError> {
-    linear_light(bytes, encoding, 1)
+    linear_light(bytes, encoding, Channel::Mean, 1)
 }
 
 /// Columns and rows \[px\] as the header tells them, before any orientation; reads no pixel.
@@ -51,7 +76,12 @@ pub fn picture_size(bytes: &[u8]) -> Result<(u32, u32), PictureError> {
     Ok(decoder.dimensions())
 }
 
-fn linear_light(bytes: &[u8], encoding: Encoding, side_px_min: u32) -> Result<Plane<f32>, PictureError> {
+fn linear_light(
+    bytes: &[u8],
+    encoding: Encoding,
+    channel: Channel,
+    side_px_min: u32,
+) -> Result<Plane<f32>, PictureError> {
     let (format, mut decoder) = open(bytes)?;
     let (width_px, height_px) = decoder.dimensions();
     if width_px < side_px_min || height_px < side_px_min {
@@ -62,7 +92,7 @@ fn linear_light(bytes: &[u8], encoding: Encoding, side_px_min: u32) -> Result<Pl
     }
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
     let samples = read_samples(format, decoder)?;
-    let light = samples.light(encoding, height_px as usize, width_px as usize);
+    let light = samples.light(encoding, channel, height_px as usize, width_px as usize);
     Ok(oriented(light, orientation))
 }
 
@@ -121,7 +151,7 @@ pub(super) fn read_samples(format: ImageFormat, decoder: Box<dyn ImageDecoder + 
 }
 
 impl Samples {
-    fn light(&self, encoding: Encoding, height_px: usize, width_px: usize) -> Plane<f32> {
+    fn light(&self, encoding: Encoding, channel: Channel, height_px: usize, width_px: usize) -> Plane<f32> {
         let wide = self.colour.bytes_per_pixel() / self.colour.channel_count() == 2;
         let full_scale = if wide { f32::from(u16::MAX) } else { f32::from(u8::MAX) };
         let decode: Vec<f32> = (0..=full_scale as u32)
@@ -135,9 +165,14 @@ impl Samples {
         };
         Plane::from_fn(height_px, width_px, |y, x| {
             let first = (y * width_px + x) * channels;
-            let sum: f32 = (first..first + colours).map(|i| decode[sample(i)]).sum();
+            let value = match channel {
+                Channel::Colour(colour) if colours == 3 => decode[sample(first + colour.min(2))],
+                Channel::Colour(_) | Channel::Mean => {
+                    (first..first + colours).map(|i| decode[sample(i)]).sum::<f32>() / colours as f32
+                }
+            };
             let opaque = if colours < channels { sample(first + colours) as f32 / full_scale } else { 1.0 };
-            sum / colours as f32 * opaque
+            value * opaque
         })
     }
 

@@ -44,6 +44,34 @@ pub fn grey_png_linear(intensity: &Plane<f32>) -> Result<Vec<u8>, PictureError> 
     grey_png(intensity, |light| light)
 }
 
+/// Three grey 8-bit PNGs of one size as the red, green and blue of one: values are taken as they are.
+///
+/// # Errors
+///
+/// [`PictureError`] for what is no readable grey PNG of 8 bits, and for pictures of different sizes.
+pub fn colour_png(channels: [&[u8]; 3]) -> Result<Vec<u8>, PictureError> {
+    let planes = channels.map(|bytes| {
+        let (width_px, height_px) = super::picture_size(bytes)?;
+        super::levels(bytes, 8, height_px as usize, width_px as usize)
+    });
+    let [red, green, blue] = planes;
+    let (red, green, blue) = (red?, green?, blue?);
+    let (height_px, width_px) = (red.height_px(), red.width_px());
+    for plane in [&green, &blue] {
+        if (plane.height_px(), plane.width_px()) != (height_px, width_px) {
+            return Err(PictureError::WrongSize {
+                width_px: width_px as u32,
+                height_px: height_px as u32,
+                actual_width_px: plane.width_px() as u32,
+                actual_height_px: plane.height_px() as u32,
+            });
+        }
+    }
+    let pixels = red.values().iter().zip(green.values()).zip(blue.values());
+    let bytes: Vec<u8> = pixels.flat_map(|((&r, &g), &b)| [r as u8, g as u8, b as u8]).collect();
+    png(&bytes, height_px, width_px, ExtendedColorType::Rgb8)
+}
+
 /// An array file of NumPy: float32, C order, [height, width].
 ///
 /// # Errors

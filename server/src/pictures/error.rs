@@ -96,6 +96,18 @@ pub enum PictureError {
         /// The display's highest level.
         level_max: u16,
     },
+    /// No phase.
+    #[error(
+        "a phase must be a .npy file of float32 with shape [{height_px}, {width_px}], C order, but this is {actual}"
+    )]
+    NotAnArray {
+        /// Rows it should have.
+        height_px: usize,
+        /// Columns it should have.
+        width_px: usize,
+        /// What it is.
+        actual: String,
+    },
     /// A picture could not be written.
     #[error("the picture could not be encoded ({0})")]
     Encode(String),

@@ -4,11 +4,12 @@
 //! before any memory for its pixels is taken. What comes out is a plane of linear light in [0, 1]:
 //!
 //! - sRGB values are decoded to linear light *before* channels are averaged and pixels are resampled;
-//! - colours become their mean over the channels;
+//! - colours become their mean over the channels, unless one of them is asked for;
 //! - transparent pixels show black: alpha multiplies the light;
 //! - the orientation that a camera wrote into a picture is applied, as every viewer does;
 //! - embedded gamma and colour profiles are not read: the encoding is the caller's word.
 
+mod array;
 mod decode;
 mod encode;
 mod error;
@@ -19,8 +20,9 @@ mod srgb;
 #[cfg(test)]
 mod tests;
 
-pub use decode::{SIDE_PX_MIN, photograph, picture_size, target_intensity};
-pub use encode::{grey_png_linear, grey_png_srgb, levels_png, npy_f32};
+pub use array::phase_npy;
+pub use decode::{Channel, SIDE_PX_MIN, photograph, picture_size, target_channel, target_intensity};
+pub use encode::{colour_png, grey_png_linear, grey_png_srgb, levels_png, npy_f32};
 pub use error::PictureError;
 pub use fit::fit;
 pub use levels::levels;

@@ -10,7 +10,6 @@ use crate::dataset::{Dataset, Split};
 use crate::job::{Job, JobResult, LearnKernel, LearnResult, Progress};
 use crate::kernel::{KernelLineage, KernelMetrics, KernelModel, NewKernelVersion};
 use crate::kernel_file;
-use lightpath_optics::compiled;
 use lightpath_optics::learning::{LearnModel, LearnOptions, LearnStage, Learner, PairSource, unsaturated_px};
 use lightpath_optics::{DisplayModel, RegionOfInterest};
 
@@ -80,10 +79,10 @@ fn learn(
     let saved = context.take_saved_state().and_then(|bytes| learn_state_from_bytes(&bytes));
     let mut learner = match saved {
         Some(state) => Learner::resume(setting.setup, options, state)?,
-        None => compiled::start_learning(setting.setup, options, training)?,
+        None => Learner::start(setting.setup, options, training)?,
     };
     let mut eta = None;
-    while let Some(done) = compiled::step_learning(&mut learner, training)? {
+    while let Some(done) = learner.step(training)? {
         let eta = *eta.get_or_insert_with(|| Eta::from(done.step));
         let stage = match done.stage {
             LearnStage::Adam => "learn",

@@ -4,7 +4,6 @@ use super::pairs::Pairs;
 use super::setting::{Setting, finite};
 use super::{JobContext, TaskError};
 use crate::job::Progress;
-use lightpath_optics::compiled;
 use lightpath_optics::learning::{PairSource, compare};
 use lightpath_optics::photometry::Sums;
 use lightpath_optics::{Detector, DisplayModel, Engine, RegionOfInterest};
@@ -34,7 +33,7 @@ impl<'a> Judge<'a> {
         detector: Detector,
         region: RegionOfInterest,
     ) -> Result<Self, TaskError> {
-        let engine = compiled::engine(model, detector, setting.carrier)?;
+        let engine = Engine::of_display(model, detector, setting.carrier)?;
         let regions = [region, RegionOfInterest::full(&setting.setup.grid())];
         Ok(Self { context, engine, regions })
     }

@@ -17,13 +17,14 @@
 //! - `attempt`: one job from claim to end. `context`: what a task sees of the outside. `stop`: the shared flag.
 //! - `checkpoint`: the envelope of saved states. `backoff`: when to try again. `clock`.
 //! - `optics_task`: which function runs which kind of job: `optimize`, `learn`, `simulate`, `evaluate`. They share
-//!   `setting` (the display made ready), `pairs`, `losses` and `state_bytes`.
+//!   `setting` (the display made ready), `pairs`, `losses` and `state_bytes`; `hologram_setup` reads what `optimize` needs.
 mod attempt;
 mod backoff;
 mod checkpoint;
 mod clock;
 mod context;
 mod evaluate;
+mod hologram_setup;
 mod learn;
 mod losses;
 mod optics_task;

@@ -1,110 +1,180 @@
-//! Finding the phase that shows a target.
+//! Finding the phases that show pictures.
 
 use super::context::Eta;
-use super::setting::{Setting, detector, finite};
+use super::hologram_setup::{Wanted, colours};
+use super::setting::finite;
 use super::state_bytes::HologramState;
 use super::{JobContext, TaskError, TaskOutput};
-use crate::job::{HologramResult, JobResult, OptimizeHologram, Progress, Quality, SeenQuality};
+use crate::job::{
+    FrameResult, HologramResult, JobResult, Method, OptimizeHologram, PlaneResult, Progress, Quality, Quantity,
+    SeenQuality, WavelengthResult,
+};
 use crate::metrics;
 use crate::pictures;
-use lightpath_optics::compiled;
-use lightpath_optics::hologram::{self, initial_phase};
-use lightpath_optics::metrics::fitted_intensity_scale;
+use lightpath_optics::hologram::{self, light_of_frames, quality_of_frames};
 use lightpath_optics::phase_response::wrap_f32;
-use lightpath_optics::{Engine, HologramProblem, Plane, RegionOfInterest};
+use lightpath_optics::{Optimization, Plane};
 use std::time::Instant;
 
 /// Reported for a reconstruction that equals its target \[dB\]: JSON knows no infinity, and f32 no 200 dB.
 const PSNR_DB_MAX: f64 = 200.0;
 
 pub(super) fn run(context: &JobContext, spec: &OptimizeHologram) -> Result<TaskOutput, TaskError> {
-    let setting = Setting::read(context, &spec.display, spec.wavelength, spec.distance)?;
-    let region = setting.region(spec.region_of_interest)?;
-    let picture = context.read_artifact(&spec.target)?;
-    let (height_px, width_px) = (setting.height_px(), setting.width_px());
-    let target = pictures::target_intensity(&picture, spec.target_encoding, spec.target_fit, height_px, width_px)?;
-    drop(picture);
-    let model = setting.model(context, spec.kernel_version)?;
-    let engine = compiled::engine(&model, detector(spec.detector), setting.carrier)?;
-
-    let problem = compiled::hologram_problem(engine.clone(), target.clone(), region)?;
-    let done = descend(context, spec, problem)?;
-    let phase = Plane::try_from_vec(height_px, width_px, done.adam.phase)?.map(|phi| wrap_f32(f64::from(phi)));
-    let result = Finished { setting: &setting, engine: &engine, target: &target, region, phase };
-    let hologram = result.store(context, spec, done.loss, done.compute_s)?;
+    let wavelengths = spec.wavelengths();
+    let mut work = Work { context, spec, state: HologramState::default(), eta: None };
+    if let Some(state) = context.take_saved_state().and_then(|bytes| HologramState::from_bytes(&bytes)) {
+        work.state = state;
+    }
+    for index in work.state.finished.len()..wavelengths.len() {
+        let wanted = Wanted::read(context, spec, index)?;
+        let mut optimization = work.begin(&wanted, index)?;
+        let loss = work.descend(&mut optimization, wavelengths.len(), &wanted)?;
+        let finished = Finished { wanted: &wanted, optimization, loss };
+        work.state.finished.push(finished.store(context, spec)?);
+    }
+    let hologram = work.result()?;
     Ok(TaskOutput { result: JobResult::Hologram(Box::new(hologram)), learned: None })
 }
 
-/// All iterations that are left.
-fn descend(
-    context: &JobContext,
-    spec: &OptimizeHologram,
-    problem: HologramProblem,
-) -> Result<HologramState, TaskError> {
-    let saved = context.take_saved_state().and_then(|bytes| HologramState::from_bytes(&bytes));
-    let (mut adam, mut loss, mut compute_s) = match saved {
-        Some(state) => (compiled::resume_adam(problem, spec.learning_rate, state.adam)?, state.loss, state.compute_s),
-        None => {
-            let (height_px, width_px) = (problem.engine().height_px(), problem.engine().width_px());
-            let start = initial_phase(height_px, width_px, spec.initial_phase_range_rad, spec.seed)?;
-            (compiled::start_adam(problem, spec.learning_rate, start)?, 0.0, 0.0)
+/// A job under way.
+struct Work<'a> {
+    context: &'a JobContext,
+    spec: &'a OptimizeHologram,
+    state: HologramState,
+    eta: Option<Eta>,
+}
+
+impl Work<'_> {
+    /// Goes on where an earlier attempt was, or starts.
+    fn begin(&mut self, wanted: &Wanted, index: usize) -> Result<Optimization, TaskError> {
+        let (problem, options) = (wanted.problem(self.spec)?, wanted.options(self.spec)?);
+        if let Some(state) = self.state.current.take() {
+            return Ok(Optimization::resume(problem, options, state)?);
         }
-    };
-    let eta = Eta::from(adam.state().iteration);
-    while adam.state().iteration < spec.iterations {
-        let started = Instant::now();
-        loss = finite("the loss", compiled::step_adam(&mut adam).loss)?;
-        let took = started.elapsed();
-        metrics::hologram_iteration(took);
-        compute_s += took.as_secs_f64();
-        let (step, steps_total) = (adam.state().iteration, spec.iterations);
-        let progress =
-            Progress { stage: "optimize".to_owned(), step, steps_total, loss, eta_s: eta.left_s(step, steps_total) };
-        context.step(progress, || HologramState::to_bytes(adam.state(), loss, compute_s))?;
+        let phases = wanted.first_phases(self.context, self.spec, index, &problem)?;
+        Ok(Optimization::start(problem, options, phases)?)
     }
-    Ok(HologramState { adam: adam.into_state(), loss, compute_s })
-}
 
-/// A hologram whose phase is found.
-struct Finished<'a> {
-    setting: &'a Setting,
-    engine: &'a Engine,
-    target: &'a Plane<f32>,
-    region: RegionOfInterest,
-    /// \[rad\], wrapped
-    phase: Plane<f32>,
-}
+    /// All iterations that are left of one wavelength's hologram. Returns the last loss.
+    fn descend(
+        &mut self,
+        optimization: &mut Optimization,
+        wavelengths: usize,
+        wanted: &Wanted,
+    ) -> Result<f64, TaskError> {
+        let steps_each = if self.spec.method == Method::DoublePhase { 1 } else { self.spec.iterations };
+        let (before, steps_total) = (self.state.finished.len() as u32 * steps_each, steps_each * wavelengths as u32);
+        let stage = if wavelengths == 1 { "optimize".to_owned() } else { format!("optimize {}", wanted.wavelength) };
+        let eta = *self.eta.get_or_insert_with(|| Eta::from(before + optimization.iteration()));
+        loop {
+            let started = Instant::now();
+            let Some(done) = optimization.step() else { return Ok(self.state.loss) };
+            let took = started.elapsed();
+            self.state.loss = finite("the loss", done.evaluation.loss)?;
+            metrics::hologram_iteration(took);
+            self.state.compute_s += took.as_secs_f64();
+            self.state.steps += 1;
+            let step = before + done.iteration;
+            let (loss, eta_s) = (self.state.loss, eta.left_s(step, steps_total));
+            let progress = Progress { stage: stage.clone(), step, steps_total, loss, eta_s };
+            self.context.step(progress, || self.state.to_bytes(Some(&optimization.state())))?;
+        }
+    }
 
-impl Finished<'_> {
-    fn store(
-        &self,
-        context: &JobContext,
-        spec: &OptimizeHologram,
-        loss: f64,
-        compute_s: f64,
-    ) -> Result<HologramResult, TaskError> {
-        let levels = self.setting.levels_of(&self.phase)?;
-        let displayed = self.setting.without_carrier(self.setting.response.dequantize(&levels)?);
-        let light = compiled::light(self.engine, &displayed)?;
-        let intensity_scale = finite("the gain", fitted_intensity_scale(&light, self.target, self.region)?)?;
-        let reconstruction = light.map(|light| (intensity_scale * f64::from(light)) as f32);
+    fn result(self) -> Result<HologramResult, TaskError> {
+        let colour_reconstructions = self.colour_reconstructions()?;
+        let HologramState { finished, compute_s, steps, .. } = self.state;
+        let first = finished.first().and_then(|first| Some((first, first.frames.first()?, first.planes.first()?)));
+        let Some((first, frame, plane)) = first else {
+            return Err(TaskError::permanent("INVALID_INPUT", "the job has no wavelength, frame or plane"));
+        };
         Ok(HologramResult {
-            phase: context.put_artifact(pictures::levels_png(&levels, self.setting.display.bit_depth)?)?,
-            phase_npy: context.put_artifact(pictures::npy_f32(&self.phase)?)?,
-            reconstruction: context.put_artifact(pictures::grey_png_srgb(&reconstruction)?)?,
-            quality: self.quality(&self.phase)?,
-            quantized_quality: self.quality(&displayed)?,
-            intensity_scale,
-            loss,
-            iterations: spec.iterations,
-            iteration_ms: 1e3 * compute_s / f64::from(spec.iterations.max(1)),
-            region_of_interest: spec.region_of_interest,
+            phase: frame.phase.clone(),
+            phase_npy: frame.phase_npy.clone(),
+            reconstruction: plane.reconstruction.clone(),
+            quality: plane.quality,
+            quantized_quality: plane.quantized_quality,
+            intensity_scale: first.intensity_scale,
+            loss: first.loss,
+            iterations: if self.spec.method == Method::DoublePhase { 1 } else { self.spec.iterations },
+            iteration_ms: 1e3 * compute_s / f64::from(steps.max(1)),
+            region_of_interest: self.spec.region_of_interest,
+            colour_reconstructions,
+            wavelengths: finished,
         })
     }
 
-    fn quality(&self, phase: &Plane<f32>) -> Result<Quality, TaskError> {
-        let found = compiled::quality(self.engine, phase, self.target, self.region)?;
-        Ok(Quality { point: seen(found.point)?, pixel: seen(found.pixel)?, supersampled: seen(found.supersampled)? })
+    /// For each plane, three wavelengths as one picture.
+    fn colour_reconstructions(&self) -> Result<Vec<String>, TaskError> {
+        let finished = &self.state.finished;
+        let Some(places) = colours(&self.spec.wavelengths()) else { return Ok(Vec::new()) };
+        let planes = finished.first().map_or(0, |first| first.planes.len());
+        let of_plane = |plane: usize| -> Result<String, TaskError> {
+            let [red, green, blue] =
+                places.map(|place| self.context.read_artifact(&finished[place].planes[plane].reconstruction));
+            let (red, green, blue) = (red?, green?, blue?);
+            self.context.put_artifact(pictures::colour_png([&red, &green, &blue])?)
+        };
+        (0..planes).map(of_plane).collect()
+    }
+}
+
+/// A hologram whose phases are found.
+struct Finished<'a> {
+    wanted: &'a Wanted,
+    optimization: Optimization,
+    loss: f64,
+}
+
+impl Finished<'_> {
+    fn store(mut self, context: &JobContext, spec: &OptimizeHologram) -> Result<WavelengthResult, TaskError> {
+        let setting = &self.wanted.setting;
+        let (height_px, width_px) = (setting.height_px(), setting.width_px());
+        let (mut frames, mut phases, mut displayed) = (Vec::new(), Vec::new(), Vec::new());
+        for frame in self.optimization.phases().chunks_exact(height_px * width_px) {
+            let wrapped = frame.iter().map(|&phi| wrap_f32(f64::from(phi))).collect();
+            let phase = Plane::try_from_vec(height_px, width_px, wrapped)?;
+            let levels = setting.levels_of(&phase)?;
+            frames.push(FrameResult {
+                phase: context.put_artifact(pictures::levels_png(&levels, setting.display.bit_depth)?)?,
+                phase_npy: context.put_artifact(pictures::npy_f32(&phase)?)?,
+            });
+            displayed.push(setting.without_carrier(setting.response.dequantize(&levels)?));
+            phases.push(phase);
+        }
+        let all: Vec<f32> = displayed.iter().flat_map(|phase| phase.values()).copied().collect();
+        let gain = self.optimization.measure(&all)?.best_gain;
+        let largest_amplitude = self.optimization.largest_amplitude();
+        // The buffers of the optimization are not needed for what follows.
+        drop(self.optimization);
+        let intensity_scale = finite(
+            "the gain",
+            match spec.loss.quantity {
+                Quantity::Intensity => gain,
+                Quantity::Amplitude => gain * gain,
+            },
+        )?;
+        let mut planes = Vec::new();
+        for shown in &self.wanted.planes {
+            let light = light_of_frames(&shown.engine, &displayed)?;
+            let reconstruction = light.map(|light| (intensity_scale * f64::from(light)) as f32);
+            let quality = |phases: &[Plane<f32>]| -> Result<Quality, TaskError> {
+                let found = quality_of_frames(&shown.engine, phases, &shown.target, self.wanted.region)?;
+                Ok(Quality {
+                    point: seen(found.point)?,
+                    pixel: seen(found.pixel)?,
+                    supersampled: seen(found.supersampled)?,
+                })
+            };
+            planes.push(PlaneResult {
+                distance: shown.plane.distance,
+                reconstruction: context.put_artifact(pictures::grey_png_srgb(&reconstruction)?)?,
+                quality: quality(&phases)?,
+                quantized_quality: quality(&displayed)?,
+            });
+        }
+        let (wavelength, loss) = (self.wanted.wavelength, self.loss);
+        Ok(WavelengthResult { wavelength, frames, planes, intensity_scale, loss, largest_amplitude })
     }
 }
 

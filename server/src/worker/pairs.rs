@@ -6,8 +6,7 @@ use super::{JobContext, TaskError};
 use crate::artifacts::Artifacts;
 use crate::dataset::{self, Dataset, Encoding, Split};
 use crate::pictures;
-use lightpath_optics::compiled::BoxError;
-use lightpath_optics::learning::{Pair, PairSource};
+use lightpath_optics::learning::{BoxError, Pair, PairSource};
 use std::sync::{Arc, OnceLock};
 use tokio::runtime::Handle;
 
@@ -77,8 +76,6 @@ impl Pairs {
 }
 
 impl PairSource for Pairs {
-    type Error = BoxError;
-
     fn len(&self) -> usize {
         self.pairs.len()
     }

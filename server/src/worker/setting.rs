@@ -7,7 +7,7 @@ use crate::kernel::KernelKey;
 use crate::kernel_file::{self, KernelFileError};
 use crate::pictures::{self, PictureError};
 use crate::units::{Distance, Wavelength};
-use lightpath_optics::compiled::BoxError;
+use lightpath_optics::learning::BoxError;
 use lightpath_optics::phase_response::PhaseResponse;
 use lightpath_optics::{Carrier, Detector, DisplayModel, Grid, OpticalSetup, Plane, RegionOfInterest};
 

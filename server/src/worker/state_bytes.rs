@@ -3,42 +3,51 @@
 //! Little-endian numbers in a fixed order; arrays behind their length. The envelope of a checkpoint says which version
 //! of the code wrote them, so nothing here needs a version of its own.
 
-use lightpath_optics::AdamState;
+use crate::job::WavelengthResult;
+use lightpath_optics::hologram::OptimizationState;
 use lightpath_optics::learning::LearnState;
 use lightpath_optics::learning::bins::BinsState;
 use lightpath_optics::learning::parametric::ParametricState;
 use lightpath_optics::optimizer::lbfgs::LbfgsState;
 use std::collections::VecDeque;
 
-/// A hologram under way: Adam's state, the loss of its last step, and the time that the steps took \[s\].
-#[derive(Clone, Debug, PartialEq)]
+/// Holograms under way: those of the wavelengths that are done, the one that is being found, the loss of its last step, and
+/// the steps taken and their time \[s\].
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct HologramState {
-    pub(super) adam: AdamState,
+    pub(super) finished: Vec<WavelengthResult>,
+    pub(super) current: Option<OptimizationState>,
     pub(super) loss: f64,
+    pub(super) steps: u32,
     pub(super) compute_s: f64,
 }
 
 impl HologramState {
-    pub(super) fn to_bytes(adam: &AdamState, loss: f64, compute_s: f64) -> Vec<u8> {
-        let AdamState { phase, first_moment, second_moment, iteration, gain } = adam;
+    /// Of this state with another one under way.
+    pub(super) fn to_bytes(&self, current: Option<&OptimizationState>) -> Vec<u8> {
         let mut bytes = Writer::default();
-        [phase, first_moment, second_moment].into_iter().for_each(|values| bytes.f32s(values));
-        bytes.u32(*iteration);
-        [*gain, loss, compute_s].into_iter().for_each(|value| bytes.f64(value));
+        // Results are numbers and names; numbers in JSON come back exactly.
+        bytes.text(&serde_json::to_string(&self.finished).unwrap_or_default());
+        let vectors = current.map_or(&[][..], |current| &current.vectors);
+        bytes.u32(u32::from(current.is_some()));
+        bytes.u32(vectors.len() as u32);
+        vectors.iter().for_each(|values| bytes.f32s(values));
+        bytes.f64s(current.map_or(&[], |current| &current.numbers));
+        [self.loss, self.compute_s].into_iter().for_each(|value| bytes.f64(value));
+        bytes.u32(self.steps);
         bytes.0
     }
 
     /// `None` where the bytes are no such state.
     pub(super) fn from_bytes(bytes: &[u8]) -> Option<Self> {
         let mut bytes = Reader(bytes);
-        let adam = AdamState {
-            phase: bytes.f32s()?,
-            first_moment: bytes.f32s()?,
-            second_moment: bytes.f32s()?,
-            iteration: bytes.u32()?,
-            gain: bytes.f64()?,
-        };
-        let state = Self { adam, loss: bytes.f64()?, compute_s: bytes.f64()? };
+        let finished = serde_json::from_str(&bytes.text()?).ok()?;
+        let (is_some, count) = (bytes.u32()? != 0, bytes.u32()?);
+        let vectors = (0..count).map(|_| bytes.f32s()).collect::<Option<Vec<_>>>()?;
+        let numbers = bytes.f64s()?;
+        let current = is_some.then_some(OptimizationState { vectors, numbers });
+        let (loss, compute_s, steps) = (bytes.f64()?, bytes.f64()?, bytes.u32()?);
+        let state = Self { finished, current, loss, steps, compute_s };
         bytes.0.is_empty().then_some(state)
     }
 }
@@ -162,6 +171,11 @@ impl Writer {
         self.0.extend_from_slice(&value.to_le_bytes());
     }
 
+    fn text(&mut self, text: &str) {
+        self.0.extend_from_slice(&(text.len() as u64).to_le_bytes());
+        self.0.extend_from_slice(text.as_bytes());
+    }
+
     fn f32s(&mut self, values: &[f32]) {
         self.0.reserve(4 * values.len() + 8);
         self.0.extend_from_slice(&(values.len() as u64).to_le_bytes());
@@ -184,6 +198,11 @@ impl Reader<'_> {
 
     fn f64(&mut self) -> Option<f64> {
         self.array().map(f64::from_le_bytes)
+    }
+
+    fn text(&mut self) -> Option<String> {
+        let bytes: Vec<u8> = self.values::<1>()?.iter().map(|[byte]| *byte).collect();
+        String::from_utf8(bytes).ok()
     }
 
     fn f32s(&mut self) -> Option<Vec<f32>> {
@@ -211,19 +230,27 @@ impl Reader<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::job::FrameResult;
+    use crate::units::Wavelength;
 
     #[test]
     fn states_come_back_exactly() {
-        let adam = AdamState {
-            phase: vec![0.1, -2.5],
-            first_moment: vec![1e-30, 3.0],
-            second_moment: vec![f32::MIN_POSITIVE, 7.0],
-            iteration: 12,
-            gain: 1.0 / 3.0,
+        let current = OptimizationState {
+            vectors: vec![vec![0.1, -2.5], vec![1e-30, 3.0], vec![f32::MIN_POSITIVE]],
+            numbers: vec![1.0 / 3.0, f64::INFINITY, -0.0],
         };
-        let bytes = HologramState::to_bytes(&adam, 0.1 + 0.2, 1e-3);
-        let state = HologramState { adam, loss: 0.1 + 0.2, compute_s: 1e-3 };
-        assert_eq!(HologramState::from_bytes(&bytes), Some(state));
+        let finished = vec![WavelengthResult {
+            wavelength: Wavelength { pm: 515_000 },
+            frames: vec![FrameResult { phase: "sha256-1".into(), phase_npy: "sha256-2".into() }],
+            planes: Vec::new(),
+            intensity_scale: 0.1 + 0.2,
+            loss: 1e-5,
+            largest_amplitude: None,
+        }];
+        let state = HologramState { finished, loss: 0.1 + 0.2, steps: 7, compute_s: 1e-3, current: None };
+        let bytes = state.to_bytes(Some(&current));
+        let whole = HologramState { current: Some(current), ..state };
+        assert_eq!(HologramState::from_bytes(&bytes), Some(whole));
         for end in [0, 3, 8, 11, bytes.len() - 1] {
             assert_eq!(HologramState::from_bytes(&bytes[..end]), None, "cut at {end}");
         }

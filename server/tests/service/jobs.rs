@@ -1,6 +1,6 @@
 //! Jobs: what is wrong is refused with the field and the fix; what changes is seen.
 
-use crate::serving::{Serving, expect};
+use crate::serving::{Serving, expect, small_display};
 use lightpath_proto::v1::dataset_service_client::DatasetServiceClient;
 use lightpath_proto::v1::kernel_service_client::KernelServiceClient;
 use lightpath_proto::v1::{self, job_spec};
@@ -45,7 +45,8 @@ async fn defaults_are_filled_in_and_repeats_are_harmless() {
     let kind = || job_spec::Kind::OptimizeHologram(optimize(&target));
     let job = submit(&serving, kind(), "mine-1").await.unwrap();
     let Some(job_spec::Kind::OptimizeHologram(spec)) = job.spec.clone().unwrap().kind else { panic!("{job:?}") };
-    assert_eq!((spec.kernel.as_str(), spec.wavelength_m, spec.learning_rate), ("ideal", 515e-9, 0.1));
+    assert_eq!((spec.kernel.as_str(), spec.wavelength_m), ("ideal", 515e-9));
+    assert_eq!((spec.method(), spec.frames, spec.learning_rate), (v1::optimize_hologram::Method::Lbfgs, 1, 0.0));
     assert_eq!(spec.region_of_interest, Some(v1::RegionOfInterest { x_px: 6, y_px: 5, width_px: 52, height_px: 38 }));
     assert_eq!((job.attempts_max, job.request_id.as_str()), (3, "mine-1"));
     assert_eq!(submit(&serving, kind(), "mine-1").await.unwrap().name, job.name);
@@ -262,6 +263,38 @@ async fn a_restart_does_not_change_the_result() {
     let whole = submit(&serving, kind(), "").await.unwrap();
     let whole = watch_to_end(&serving, &whole.name).await;
     assert_eq!(hologram(&whole).phase_npy, hologram(&resumed).phase_npy);
+}
+
+#[tokio::test]
+async fn a_restart_between_two_wavelengths_does_not_change_the_result() {
+    let serving = Serving::start().await;
+    let wavelengths_m = vec![638e-9, 515e-9];
+    let display = Some(v1::Display { wavelengths_m: wavelengths_m.clone(), ..small_display("two") });
+    serving.displays().create_display(v1::CreateDisplayRequest { display }).await.unwrap();
+    let target = serving.upload(&picture()).await;
+    let plane = |distance_m| v1::optimize_hologram::ImagePlane { distance_m, target: target.clone(), weight: 0.0 };
+    let spec = v1::OptimizeHologram {
+        display: "displays/two".into(),
+        wavelengths_m,
+        planes: vec![plane(0.05), plane(0.07)],
+        iterations: 1500,
+        quantization_aware: true,
+        ..Default::default()
+    };
+    let kind = || job_spec::Kind::OptimizeHologram(spec.clone());
+    let job = submit(&serving, kind(), "").await.unwrap();
+    let request = v1::WatchJobRequest { name: job.name.clone() };
+    let mut stream = serving.jobs().watch_job(request).await.unwrap().into_inner();
+    // The second wavelength is under way.
+    while stream.message().await.unwrap().unwrap().progress.is_none_or(|progress| progress.step <= 1600) {}
+    drop(stream);
+    let serving = serving.restart().await;
+    let resumed = watch_to_end(&serving, &job.name).await;
+    assert_eq!((resumed.state(), resumed.attempt), (v1::job::State::Succeeded, 2));
+    let whole = submit(&serving, kind(), "").await.unwrap();
+    let whole = watch_to_end(&serving, &whole.name).await;
+    assert_eq!(hologram(&whole).wavelengths, hologram(&resumed).wavelengths);
+    assert_eq!(hologram(&whole).wavelengths.len(), 2);
 }
 
 #[tokio::test]

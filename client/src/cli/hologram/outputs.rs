@@ -4,7 +4,7 @@ use crate::cli::destination;
 use crate::cli::failure::Failure;
 use crate::cli::session::Session;
 use clap::Args;
-use lightpath::v1;
+use lightpath::{units, v1};
 use std::path::{Path, PathBuf};
 
 /// Files of a result.
@@ -58,23 +58,107 @@ impl Outputs {
 
 impl Files {
     pub(super) async fn save(&self, session: &Session, result: &v1::HologramResult) -> lightpath::Result<()> {
-        let is_npy = |path: &Path| path.extension().is_some_and(|extension| extension == "npy");
-        if let Some(path) = &self.phase {
-            let digest = if is_npy(path) { &result.phase_npy } else { &result.phase };
-            session.client.download_to(digest, path).await?;
-        }
-        if let Some(path) = &self.npy {
-            session.client.download_to(&result.phase_npy, path).await?;
-        }
-        if let Some(path) = &self.reconstruction {
-            session.client.download_to(&result.reconstruction, path).await?;
+        for (digest, path) in self.parts(result) {
+            session.client.download_to(digest, &path).await?;
         }
         Ok(())
     }
 
-    pub(super) fn text(&self) -> Option<String> {
-        let files = [&self.phase, &self.npy, &self.reconstruction].into_iter().flatten();
-        let text = files.map(|path| path.display().to_string()).collect::<Vec<_>>().join(", ");
+    pub(super) fn text(&self, result: &v1::HologramResult) -> Option<String> {
+        let files = self.parts(result).into_iter().map(|(_, path)| path.display().to_string());
+        let text = files.collect::<Vec<_>>().join(", ");
         (!text.is_empty()).then_some(text)
+    }
+
+    /// Every file with the artifact that goes into it. What a result has several of is told apart by wavelength, frame or
+    /// distance in the file's name; pictures in several colours are saved as colour pictures.
+    fn parts<'a>(&self, result: &'a v1::HologramResult) -> Vec<(&'a str, PathBuf)> {
+        let is_npy = |path: &Path| path.extension().is_some_and(|extension| extension == "npy");
+        let mut parts = Vec::new();
+        if result.wavelengths.is_empty() {
+            // From a server that knew but one of each.
+            let first = [(&self.phase, &result.phase), (&self.npy, &result.phase_npy)];
+            for (path, digest) in first.into_iter().chain([(&self.reconstruction, &result.reconstruction)]) {
+                let path = path.as_ref().map(|path| (if is_npy(path) { &result.phase_npy } else { digest }, path));
+                parts.extend(path.map(|(digest, path)| (digest.as_str(), path.clone())));
+            }
+        }
+        let several_wavelengths = result.wavelengths.len() > 1;
+        for wavelength in &result.wavelengths {
+            let colour = several_wavelengths.then(|| compact(wavelength.wavelength_m));
+            let several_frames = wavelength.frames.len() > 1;
+            for (i, frame) in wavelength.frames.iter().enumerate() {
+                let number = several_frames.then(|| format!("frame{}", i + 1));
+                let marks = [colour.clone(), number];
+                if let Some(path) = &self.phase {
+                    let digest = if is_npy(path) { &frame.phase_npy } else { &frame.phase };
+                    parts.push((digest.as_str(), marked(path, &marks)));
+                }
+                if let Some(path) = &self.npy {
+                    parts.push((frame.phase_npy.as_str(), marked(path, &marks)));
+                }
+            }
+            let Some(path) = self.reconstruction.as_ref().filter(|_| result.colour_reconstructions.is_empty()) else {
+                continue;
+            };
+            let several_planes = wavelength.planes.len() > 1;
+            for plane in &wavelength.planes {
+                let marks = [colour.clone(), several_planes.then(|| compact(plane.distance_m))];
+                parts.push((plane.reconstruction.as_str(), marked(path, &marks)));
+            }
+        }
+        if let (Some(path), Some(first)) = (&self.reconstruction, result.wavelengths.first()) {
+            let several_planes = first.planes.len() > 1;
+            for (digest, plane) in result.colour_reconstructions.iter().zip(&first.planes) {
+                parts.push((digest.as_str(), marked(path, &[several_planes.then(|| compact(plane.distance_m))])));
+            }
+        }
+        parts
+    }
+}
+
+/// `638nm`.
+fn compact(metres: f64) -> String {
+    units::show_m(metres).replace(' ', "")
+}
+
+/// `phase-638nm-frame2.png` from `phase.png`.
+fn marked(path: &Path, marks: &[Option<String>]) -> PathBuf {
+    let marks: String = marks.iter().flatten().map(|mark| format!("-{mark}")).collect();
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let extension = path.extension().map(|extension| format!(".{}", extension.to_string_lossy())).unwrap_or_default();
+    path.with_file_name(format!("{stem}{marks}{extension}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use v1::hologram_result::{Frame, PlaneResult, WavelengthResult};
+
+    fn result(wavelengths_m: &[f64], frames: usize, distances_m: &[f64], colours: bool) -> v1::HologramResult {
+        let wavelengths = wavelengths_m.iter().map(|&wavelength_m| WavelengthResult {
+            wavelength_m,
+            frames: vec![Frame { phase: "phase".into(), phase_npy: "npy".into() }; frames],
+            planes: distances_m.iter().map(|&distance_m| PlaneResult { distance_m, ..Default::default() }).collect(),
+            ..Default::default()
+        });
+        let colour_reconstructions = if colours { vec!["colour".to_owned(); distances_m.len()] } else { vec![] };
+        v1::HologramResult { wavelengths: wavelengths.collect(), colour_reconstructions, ..Default::default() }
+    }
+
+    fn names(result: &v1::HologramResult) -> String {
+        let files = Files { phase: Some("a/p.png".into()), npy: None, reconstruction: Some("s.png".into()) };
+        files.text(result).unwrap()
+    }
+
+    #[test]
+    fn one_of_each_keeps_its_name_and_several_are_told_apart() {
+        assert_eq!(names(&result(&[515e-9], 1, &[0.15], false)), "a/p.png, s.png");
+        let stack = names(&result(&[515e-9], 2, &[0.14, 0.15], false));
+        assert_eq!(stack, "a/p-frame1.png, a/p-frame2.png, s-140mm.png, s-150mm.png");
+        let colour = names(&result(&[638e-9, 520e-9, 450e-9], 1, &[0.15], true));
+        assert_eq!(colour, "a/p-638nm.png, a/p-520nm.png, a/p-450nm.png, s.png");
+        let two = names(&result(&[638e-9, 520e-9], 1, &[0.15], false));
+        assert_eq!(two, "a/p-638nm.png, s-638nm.png, a/p-520nm.png, s-520nm.png");
     }
 }

@@ -6,8 +6,8 @@ use super::bench::{Bench, DISTANCE, WAVELENGTH, display};
 use crate::dataset::{self, Dataset, Encoding, Pair};
 use crate::display::{Carrier, Display, SimulatedBench};
 use crate::job::{
-    Detector, EvaluateKernel, Fit, HologramResult, JobResult, JobSpec, JobState, LearnKernel, OptimizeHologram, Region,
-    SimulateCapture,
+    Detector, EvaluateKernel, Fit, HologramResult, InitialPhase, JobResult, JobSpec, JobState, LearnKernel, Loss,
+    Method, OptimizeHologram, Region, SimulateCapture,
 };
 use crate::kernel::{KernelKey, KernelModel};
 use crate::pictures;
@@ -149,7 +149,7 @@ fn threads(compute_threads: usize) -> WorkerConfig {
 }
 
 fn optimize(target: String, kernel_version: Option<u32>, iterations: u32) -> JobSpec {
-    JobSpec::OptimizeHologram(OptimizeHologram {
+    JobSpec::OptimizeHologram(Box::new(OptimizeHologram {
         display: "lab".to_owned(),
         wavelength: WAVELENGTH,
         distance: DISTANCE,
@@ -163,7 +163,18 @@ fn optimize(target: String, kernel_version: Option<u32>, iterations: u32) -> Job
         seed: 7,
         initial_phase_range_rad: 1.0,
         region_of_interest: REGION,
-    })
+        method: Method::Lbfgs,
+        more_wavelengths: Vec::new(),
+        more_planes: Vec::new(),
+        plane_weight: 1.0,
+        depth_map: None,
+        kernel_versions: Vec::new(),
+        frames: 1,
+        initial_phase: InitialPhase::Random,
+        loss: Loss::default(),
+        weight_mask: None,
+        quantization_aware: false,
+    }))
 }
 
 fn learn(model: KernelModel, epochs: u32, refinement_evaluations: u32) -> JobSpec {

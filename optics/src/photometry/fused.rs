@@ -1,102 +1,13 @@
-//! Comparing light with a wanted or photographed picture.
-//!
-//! ```text
-//! e = s·p + o − t,   L = Σ w e² / Σ w,   g = ∂L/∂u* = 2 w s e u / (n Σ w)
-//! ```
-//!
-//! p the detector's light, t the picture, s gain, o offset, w 1 in the region of interest (0 at masked pixels), u the field
-//! at each of the n sub-samples. With the detector `Supersampled` every sub-sample has its own p and e.
+//! Light, its comparison and the gradient in one pass.
 
+use super::{Comparison, Quantity, Sums};
 use crate::convolution::{Convolver, Scratch};
 use crate::detector::Detector;
-use crate::plane::Plane;
 use crate::real::Real;
-use crate::region::RegionOfInterest;
 use num_complex::Complex;
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 use std::ops::Range;
-
-/// Weighted sums over pixels, in f64, from which loss, gain and offset follow.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Sums {
-    /// Σ w
-    pub w: f64,
-    /// Σ w p
-    pub p: f64,
-    /// Σ w p²
-    pub pp: f64,
-    /// Σ w t
-    pub t: f64,
-    /// Σ w t p
-    pub tp: f64,
-    /// Σ w t²
-    pub tt: f64,
-    /// Σ w e²
-    pub ee: f64,
-    /// Σ w e
-    pub e: f64,
-    /// Σ w e p
-    pub ep: f64,
-}
-
-impl Sums {
-    /// L at the gain and offset that the light was compared with.
-    #[must_use]
-    pub fn loss(&self) -> f64 {
-        self.ee / self.w
-    }
-
-    /// The gain that fits best, without an offset: Σ t p / Σ p². 0 where there is no light.
-    #[must_use]
-    pub fn best_gain(&self) -> f64 {
-        if self.pp > 0.0 { self.tp / self.pp } else { 0.0 }
-    }
-
-    /// L at [`Self::best_gain`].
-    #[must_use]
-    pub fn best_loss(&self) -> f64 {
-        ((self.tt - self.best_gain() * self.tp) / self.w).max(0.0)
-    }
-
-    /// The gain and offset that fit best together.
-    #[must_use]
-    pub fn best_gain_and_offset(&self) -> (f64, f64) {
-        let spread = self.pp - self.p * self.p / self.w;
-        if spread <= f64::EPSILON * self.pp {
-            return (self.best_gain(), 0.0);
-        }
-        let gain = (self.tp - self.t * self.p / self.w) / spread;
-        (gain, (self.t - gain * self.p) / self.w)
-    }
-
-    /// Adds another's sums.
-    pub fn add(&mut self, other: &Self) {
-        self.w += other.w;
-        self.p += other.p;
-        self.pp += other.pp;
-        self.t += other.t;
-        self.tp += other.tp;
-        self.tt += other.tt;
-        self.ee += other.ee;
-        self.e += other.e;
-        self.ep += other.ep;
-    }
-}
-
-/// The picture that light is compared with.
-#[derive(Clone, Debug)]
-pub(crate) struct Comparison<'a, T> {
-    pub(crate) picture: &'a Plane<T>,
-    /// 1 or 0 for each pixel; `None`: all count.
-    pub(crate) weight: Option<&'a Plane<T>>,
-    pub(crate) region: RegionOfInterest,
-    pub(crate) detector: Detector,
-    pub(crate) gain: f64,
-    pub(crate) offset: f64,
-    /// What the gradient is divided by: the Σ w that the loss will be divided by.
-    pub(crate) weight_sum: f64,
-}
 
 impl<T: Real> Convolver<T> {
     /// Compares the light in `tiles` with a picture and writes the half-transformed gradient to `spectrum` (all offsets).
@@ -173,7 +84,7 @@ impl<T: Real> WithSimd for GradientRow<'_, '_, T> {
 }
 
 /// In the order of the rows, whoever computed them.
-fn total(rows: &[Sums]) -> Sums {
+pub(super) fn total(rows: &[Sums]) -> Sums {
     rows.iter().fold(Sums::default(), |mut sum, row| {
         sum.add(row);
         sum
@@ -193,7 +104,7 @@ impl<T: Real> Comparison<'_, T> {
     ) -> Sums {
         let width_px = self.picture.width_px();
         let sample_rows = samples.len() / width_px;
-        let factor = T::of(2.0 * self.gain / (sample_rows as f64 * self.weight_sum));
+        let factor = T::of(self.slope_factor() / sample_rows as f64);
         let mut sums = Sums::default();
         if self.detector != Detector::Supersampled {
             mean_light(samples, width_px, columns.clone(), light);
@@ -218,43 +129,45 @@ impl<T: Real> Comparison<'_, T> {
         sums
     }
 
-    /// Writes w·e along the columns and sums up.
+    /// What the gradient of L by light is, per [`Self::errors`].
+    pub(super) fn slope_factor(&self) -> f64 {
+        match self.quantity {
+            Quantity::Intensity => 2.0 * self.gain / self.weight_sum,
+            Quantity::Amplitude => self.gain / self.weight_sum,
+        }
+    }
+
+    /// Writes w·e along the columns, for amplitudes w·e/√p, and sums up. Leaves `light` as what is compared.
     #[inline(always)]
-    fn errors(&self, y: usize, columns: Range<usize>, light: &[T], error: &mut [T]) -> Sums {
+    pub(super) fn errors(&self, y: usize, columns: Range<usize>, light: &mut [T], error: &mut [T]) -> Sums {
+        if self.quantity == Quantity::Intensity {
+            return self.differences(y, columns, light, error);
+        }
+        for light in &mut light[columns.clone()] {
+            *light = light.sqrt();
+        }
+        let sums = self.differences(y, columns.clone(), light, error);
+        for (error, &root) in error[columns.clone()].iter_mut().zip(&light[columns]) {
+            *error = if root > T::zero() { *error / root } else { T::zero() };
+        }
+        sums
+    }
+
+    #[inline(always)]
+    fn differences(&self, y: usize, columns: Range<usize>, light: &[T], error: &mut [T]) -> Sums {
         let (gain, offset) = (T::of(self.gain), T::of(self.offset));
         let picture = &self.picture.row(y)[columns.clone()];
         let (light, error) = (&light[columns.clone()], &mut error[columns.clone()]);
         for ((error, &p), &t) in error.iter_mut().zip(light).zip(picture) {
             *error = gain * p + offset - t;
         }
-        match self.weight {
-            None => sum_row(light, picture, error, |_| T::one()),
-            Some(weight) => {
-                let weight = &weight.row(y)[columns];
-                for (error, &w) in error.iter_mut().zip(weight) {
-                    *error = *error * w;
-                }
-                sum_row(light, picture, error, |i| weight[i])
-            }
+        let Some(weight) = self.weight else { return sum_row(light, picture, error, |_| T::one()) };
+        let weight = &weight.row(y)[columns];
+        let sums = sum_row(light, picture, error, |i| weight[i]);
+        for (error, &w) in error.iter_mut().zip(weight) {
+            *error = *error * w;
         }
-    }
-}
-
-impl Sums {
-    fn divide(&mut self, by: f64) {
-        for sum in [
-            &mut self.w,
-            &mut self.p,
-            &mut self.pp,
-            &mut self.t,
-            &mut self.tp,
-            &mut self.tt,
-            &mut self.ee,
-            &mut self.e,
-            &mut self.ep,
-        ] {
-            *sum /= by;
-        }
+        sums
     }
 }
 
@@ -266,7 +179,9 @@ fn sum_row<T: Real>(light: &[T], picture: &[T], error: &[T], weight: impl Fn(usi
     let mut lanes = [[0.0_f64; LANES]; 9];
     let mut add = |lane: usize, i: usize| {
         let (w, p, t, e) = (weight(i).wide(), light[i].wide(), picture[i].wide(), error[i].wide());
-        for (sum, value) in lanes.iter_mut().zip([w, w * p, w * p * p, w * t, w * t * p, w * t * t, e * e, e, e * p]) {
+        for (sum, value) in
+            lanes.iter_mut().zip([w, w * p, w * p * p, w * t, w * t * p, w * t * t, w * e * e, w * e, w * e * p])
+        {
             sum[lane] += value;
         }
     };
@@ -284,7 +199,7 @@ fn sum_row<T: Real>(light: &[T], picture: &[T], error: &[T], weight: impl Fn(usi
 }
 
 #[inline(always)]
-fn mean_light<T: Real>(samples: &[Complex<T>], width_px: usize, columns: Range<usize>, light: &mut [T]) {
+pub(super) fn mean_light<T: Real>(samples: &[Complex<T>], width_px: usize, columns: Range<usize>, light: &mut [T]) {
     let share = T::of(width_px as f64 / samples.len() as f64);
     let light = &mut light[columns.clone()];
     for (i, row) in samples.chunks_exact(width_px).enumerate() {

@@ -1,0 +1,154 @@
+//! What holograms are to show: pictures, distances and wavelengths.
+
+use crate::cli::arguments::{distance, wavelength};
+use crate::cli::destination;
+use crate::cli::failure::Failure;
+use crate::cli::session::Session;
+use clap::Args;
+use lightpath::names;
+use lightpath::v1::{OptimizeHologram, optimize_hologram};
+use std::path::PathBuf;
+
+/// Pictures, and where they are to be.
+#[derive(Debug, Args)]
+pub(super) struct Pictures {
+    /// Pictures: PNG (8 or 16 bit, grey or colour), JPEG or TIFF, at least 8x8 px; colours are averaged, except for three
+    /// wavelengths, each of which shows its own colour
+    #[arg(required_unless_present = "planes", value_name = "TARGET")]
+    targets: Vec<PathBuf>,
+
+    /// Id of the display, for example lab-2
+    #[arg(long, value_name = "ID")]
+    display: String,
+
+    /// From the SLM to the image plane, for example 150mm; negative for an image behind the SLM. With --depth-map the
+    /// distances of all planes, separated by commas
+    #[arg(long = "distance", value_name = "LENGTH", value_parser = distance, value_delimiter = ',')]
+    #[arg(allow_hyphen_values = true, required_unless_present = "planes")]
+    distances: Vec<f64>,
+
+    /// Wavelengths in vacuum, for example 515nm or 638nm,520nm,450nm: one hologram each. May be left out where the display has
+    /// only one
+    #[arg(long = "wavelength", value_name = "LENGTH", value_parser = wavelength, value_delimiter = ',')]
+    #[arg(allow_hyphen_values = true)]
+    wavelengths: Vec<f64>,
+
+    /// A picture at a distance, for example 140mm=near.png, or 140mm=near.png:2 for one that counts twice. Several of them
+    /// are shown by one hologram, in place of TARGET and --distance
+    #[arg(long = "plane", value_name = "LENGTH=FILE", value_parser = plane, allow_hyphen_values = true)]
+    #[arg(conflicts_with_all = ["targets", "distances", "depth_map"])]
+    planes: Vec<PlaneFile>,
+
+    /// A grey picture of depths that cuts TARGET into planes: white is at the first --distance, black at the last
+    #[arg(long, value_name = "FILE")]
+    depth_map: Option<PathBuf>,
+}
+
+/// `140mm=near.png:2`.
+#[derive(Clone, Debug, PartialEq)]
+struct PlaneFile {
+    distance_m: f64,
+    file: PathBuf,
+    weight: f64,
+}
+
+fn plane(text: &str) -> Result<PlaneFile, String> {
+    let form = "a plane is a distance and a picture, such as 140mm=near.png, with a weight where it counts more, \
+                near.png:2";
+    let (length, file) = text.split_once('=').ok_or(form)?;
+    let distance_m = distance(length).map_err(|error| error.to_string())?;
+    let weighted = file.rsplit_once(':').and_then(|(file, weight)| Some((file, weight.parse::<f64>().ok()?)));
+    let (file, weight) = weighted.unwrap_or((file, 1.0));
+    if file.is_empty() || !(weight > 0.0 && weight.is_finite()) {
+        return Err(form.to_owned());
+    }
+    Ok(PlaneFile { distance_m, file: file.into(), weight })
+}
+
+impl Pictures {
+    /// Refuses what the arguments' own rules cannot.
+    pub(super) fn check(&self) -> Result<(), Failure> {
+        let several = self.distances.len() > 1;
+        match &self.depth_map {
+            None if several => Err(Failure::Usage(
+                "several distances need --depth-map, which says what belongs to which; or give each picture its own with --plane"
+                    .to_owned(),
+            )),
+            Some(_) if !several => Err(Failure::Usage(
+                "--depth-map needs two distances or more, such as --distance 140mm,150mm,160mm".to_owned(),
+            )),
+            _ => Ok(()),
+        }
+    }
+
+    /// What each job is called.
+    pub(super) fn names(&self) -> Vec<String> {
+        match self.planes.first() {
+            Some(first) => vec![destination::name_of(&first.file)],
+            None => self.targets.iter().map(|target| destination::name_of(target)).collect(),
+        }
+    }
+
+    /// The picture that the `index`-th job is called after.
+    pub(super) fn first_file(&self, index: usize) -> PathBuf {
+        self.planes.first().map_or_else(|| self.targets[index].clone(), |plane| plane.file.clone())
+    }
+
+    /// Files that are read.
+    pub(super) fn files(&self) -> impl Iterator<Item = &PathBuf> {
+        self.targets.iter().chain(self.planes.iter().map(|plane| &plane.file)).chain(&self.depth_map)
+    }
+
+    /// The pictures of the `index`-th job, uploaded.
+    pub(super) async fn fill(
+        &self,
+        session: &Session,
+        index: usize,
+        mut spec: OptimizeHologram,
+    ) -> Result<OptimizeHologram, Failure> {
+        spec.display = names::display(&self.display);
+        match self.wavelengths.as_slice() {
+            [] => {}
+            [one] => spec.wavelength_m = *one,
+            several => spec.wavelengths_m = several.to_vec(),
+        }
+        if !self.planes.is_empty() {
+            for plane in &self.planes {
+                spec.planes.push(optimize_hologram::ImagePlane {
+                    distance_m: plane.distance_m,
+                    target: session.client.upload_file(&plane.file).await?,
+                    weight: plane.weight,
+                });
+            }
+            return Ok(spec);
+        }
+        spec.target = session.client.upload_file(&self.targets[index]).await?;
+        match (&self.depth_map, self.distances.as_slice()) {
+            (Some(map), distances) => {
+                let map = session.client.upload_file(map).await?;
+                spec.depth_map = Some(optimize_hologram::DepthMap { map, distances_m: distances.to_vec() });
+            }
+            (None, distances) => spec.distance_m = distances.first().copied().unwrap_or_default(),
+        }
+        Ok(spec)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn planes_are_read() {
+        let read = |text| plane(text).unwrap();
+        let near = PlaneFile { distance_m: 0.14, file: "near.png".into(), weight: 1.0 };
+        assert_eq!(read("140mm=near.png"), near);
+        assert_eq!(read("0.14m=near.png"), near);
+        assert_eq!(read("140mm=near.png:2.5"), PlaneFile { weight: 2.5, ..near.clone() });
+        assert_eq!(read("-140mm=a:b.png").file, PathBuf::from("a:b.png"));
+        for bad in ["near.png", "140mm", "140mm=", "140=near.png", "140mm=near.png:0", "x=near.png"] {
+            assert!(plane(bad).is_err(), "{bad}");
+        }
+        assert!(plane("near.png").unwrap_err().contains("140mm=near.png"));
+    }
+}

@@ -1,0 +1,279 @@
+//! One way to run every method: start, step, save, resume.
+
+use super::adam::AdamState;
+use super::double_phase::double_phase;
+use super::gerchberg_saxton::GerchbergSaxton;
+use super::loss::{ImagePlane, Loss};
+use super::problem::HologramProblem;
+use super::rounded::{Levels, Rounded};
+use crate::optimizer::limited_memory::{LimitedMemory, Workspace};
+use crate::{Error, Evaluation, Plane, RegionOfInterest, Result};
+
+/// How a phase is found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Method {
+    /// Adam: a step along the gradient, scaled for each pixel by its history. The gain lags by one step.
+    Adam {
+        /// \[rad\], above 0, at most 10.
+        learning_rate: f64,
+    },
+    /// L-BFGS: the curvature of the loss from its last gradients, with the gain fitted at every evaluation. A step is an
+    /// evaluation.
+    Lbfgs,
+    /// Gerchberg–Saxton with the phase-only constraint.
+    GerchbergSaxton,
+    /// Gerchberg–Saxton with weights that raise the target where light is missing.
+    WeightedGerchbergSaxton,
+    /// Double phase: no iterations.
+    DoublePhase,
+}
+
+impl Method {
+    /// Whether the method follows the gradient of the whole [loss](super::Loss), and can go on through a display's levels.
+    #[must_use]
+    pub fn follows_gradient(self) -> bool {
+        match self {
+            Self::Adam { .. } | Self::Lbfgs => true,
+            Self::GerchbergSaxton | Self::WeightedGerchbergSaxton | Self::DoublePhase => false,
+        }
+    }
+}
+
+/// How long, and for what levels.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// How a phase is found.
+    pub method: Method,
+    /// Steps in all, at least 1; [`Method::DoublePhase`] takes one.
+    pub iterations: u32,
+    /// The last third of the steps goes on through these levels, and the phases found are ones that the display shows.
+    /// Only where [`Method::follows_gradient`].
+    pub levels: Option<Levels>,
+}
+
+impl Options {
+    /// Any number of levels.
+    #[must_use]
+    pub fn new(method: Method, iterations: u32) -> Self {
+        Self { method, iterations, levels: None }
+    }
+
+    /// Steps with phases that are not rounded.
+    pub(super) fn free_iterations(&self) -> u32 {
+        let steps = if self.method == Method::DoublePhase { 1 } else { self.iterations };
+        if self.levels.is_some() { steps - steps.div_ceil(3) } else { steps }
+    }
+
+    fn all_iterations(&self) -> u32 {
+        if self.method == Method::DoublePhase { 1 } else { self.iterations }
+    }
+
+    pub(super) fn validate(&self) -> Result<()> {
+        if self.iterations == 0 {
+            return Err(Error::OutOfRange { name: "iterations", value: 0.0, allowed: "at least 1" });
+        }
+        if let Method::Adam { learning_rate } = self.method
+            && !(learning_rate > 0.0 && learning_rate <= 10.0)
+        {
+            let allowed = "above 0 and at most 10 rad";
+            return Err(Error::OutOfRange { name: "learning_rate", value: learning_rate, allowed });
+        }
+        if self.levels.is_some() && !self.method.follows_gradient() {
+            let needed = "only adam and lbfgs can optimize through a display's levels";
+            return Err(Error::Empty { name: "levels", needed });
+        }
+        Ok(())
+    }
+}
+
+/// An optimization under way.
+#[derive(Debug)]
+pub struct Optimization {
+    pub(super) problem: HologramProblem,
+    pub(super) options: Options,
+    pub(super) run: Run,
+    pub(super) iteration: u32,
+    pub(super) gradient: Vec<f32>,
+}
+
+/// The method that has its turn.
+#[derive(Debug)]
+pub(super) enum Run {
+    Adam(AdamState),
+    Lbfgs { state: Box<LimitedMemory>, workspace: Workspace, gain: f64 },
+    GerchbergSaxton { rounds: GerchbergSaxton<f32>, phase: Vec<f32> },
+    DoublePhase { phase: Vec<f32>, largest_amplitude: f64 },
+    Rounded(Rounded),
+}
+
+/// What a step did.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Step {
+    /// Steps done.
+    pub iteration: u32,
+    /// Steps at the end.
+    pub iterations: u32,
+    /// Of the phase that this step looked at.
+    pub evaluation: Evaluation,
+}
+
+impl Optimization {
+    /// Starts from `phases`, the frames' rows one after the other; [`Method::DoublePhase`] takes them for the phases of the
+    /// light in the image.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] for phases of another size or options out of range.
+    pub fn start(mut problem: HologramProblem, options: Options, phases: Vec<f32>) -> Result<Self> {
+        options.validate()?;
+        let (rows, width_px) = (problem.frames() * problem.engine().height_px(), problem.engine().width_px());
+        let phase = Plane::try_from_vec(rows, width_px, phases)?;
+        phase.expect_finite("initial_phase")?;
+        let phase = phase.into_vec();
+        let run = match options.method {
+            Method::Adam { .. } => Run::Adam(AdamState::new(&mut problem, phase)),
+            Method::Lbfgs => {
+                Run::Lbfgs { state: Box::new(LimitedMemory::new(phase)), workspace: Workspace::default(), gain: 0.0 }
+            }
+            Method::GerchbergSaxton | Method::WeightedGerchbergSaxton => {
+                let weighted = options.method == Method::WeightedGerchbergSaxton;
+                Run::GerchbergSaxton { rounds: GerchbergSaxton::new(&problem, weighted, None), phase }
+            }
+            Method::DoublePhase => {
+                let (phase, largest_amplitude) = double_phase(&problem, &phase);
+                Run::DoublePhase { phase, largest_amplitude }
+            }
+        };
+        Ok(Self::with(problem, options, run, 0))
+    }
+
+    /// [`HologramProblem::with_planes`], compiled in this crate: generic code is compiled by its caller, which in a
+    /// development build is not optimized.
+    ///
+    /// # Errors
+    ///
+    /// As there.
+    #[inline(never)]
+    pub fn problem_of(
+        planes: Vec<ImagePlane>,
+        frames: usize,
+        region: RegionOfInterest,
+        loss: Loss,
+    ) -> Result<HologramProblem> {
+        HologramProblem::with_planes(planes, frames, region, loss)
+    }
+
+    pub(super) fn with(problem: HologramProblem, options: Options, run: Run, iteration: u32) -> Self {
+        Self { problem, options, run, iteration, gradient: Vec::new() }
+    }
+
+    /// The next step, or `None` at the end.
+    pub fn step(&mut self) -> Option<Step> {
+        let iterations = self.options.all_iterations();
+        if self.iteration >= iterations {
+            return None;
+        }
+        if self.iteration >= self.options.free_iterations() {
+            self.round();
+        }
+        let free_iterations = self.options.free_iterations();
+        let Self { problem, options, run, gradient, .. } = self;
+        let evaluation = match run {
+            Run::Adam(state) => {
+                let Method::Adam { learning_rate } = options.method else { unreachable!("the state is the method's") };
+                gradient.resize(state.phase.len(), 0.0);
+                state.step(problem, learning_rate, gradient)
+            }
+            Run::Lbfgs { state, workspace, gain } => {
+                let mut found = None;
+                state.advance(workspace, |phase, gradient| {
+                    let evaluation = problem.evaluate_fitted(phase, gradient);
+                    found = Some(evaluation);
+                    evaluation.loss
+                });
+                let evaluation = found.expect("every step evaluates once");
+                *gain = evaluation.best_gain;
+                evaluation
+            }
+            Run::GerchbergSaxton { rounds, phase } => rounds.step(problem, phase),
+            Run::DoublePhase { phase, .. } => problem.measure(phase, 1.0),
+            Run::Rounded(state) => {
+                gradient.resize(state.phase.len(), 0.0);
+                let levels = options.levels.as_ref().expect("rounded for the levels given");
+                state.step(problem, levels, iterations - free_iterations, gradient)
+            }
+        };
+        self.iteration += 1;
+        if let Run::Lbfgs { state, .. } = &self.run
+            && state.counts.converged
+        {
+            // No better point is to be found: what is left of the free steps would find none either.
+            self.iteration = self.iteration.max(free_iterations);
+        }
+        Some(Step { iteration: self.iteration, iterations, evaluation })
+    }
+
+    /// Goes over to the levels.
+    fn round(&mut self) {
+        let gain = match &self.run {
+            Run::Adam(state) => state.gain,
+            Run::Lbfgs { gain, .. } => *gain,
+            Run::GerchbergSaxton { .. } | Run::DoublePhase { .. } | Run::Rounded(_) => return,
+        };
+        let phase = match &mut self.run {
+            Run::Adam(state) => std::mem::take(&mut state.phase),
+            Run::Lbfgs { state, .. } => std::mem::take(&mut state.point),
+            Run::GerchbergSaxton { .. } | Run::DoublePhase { .. } | Run::Rounded(_) => return,
+        };
+        self.run = Run::Rounded(Rounded::new(phase, gain));
+    }
+
+    /// φ \[rad\], not wrapped, of all frames, one after the other: the best found so far.
+    #[must_use]
+    pub fn phases(&self) -> &[f32] {
+        match &self.run {
+            Run::Adam(state) => &state.phase,
+            Run::Lbfgs { state, .. } => &state.point,
+            Run::GerchbergSaxton { phase, .. } | Run::DoublePhase { phase, .. } => phase,
+            Run::Rounded(state) => &state.phase,
+        }
+    }
+
+    /// What the field was divided by to fit the modulator, for [`Method::DoublePhase`]: with the leftovers of the encoding
+    /// filtered away, the light is 1/this² of the target's.
+    #[must_use]
+    pub fn largest_amplitude(&self) -> Option<f64> {
+        match &self.run {
+            Run::DoublePhase { largest_amplitude, .. } => Some(*largest_amplitude),
+            _ => None,
+        }
+    }
+
+    /// The loss of any phases, such as those that a display shows instead of the ones found.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::SizeMismatch`] for phases of another size.
+    pub fn measure(&mut self, phases: &[f32]) -> Result<Evaluation> {
+        let (rows, width_px) =
+            (self.problem.frames() * self.problem.engine().height_px(), self.problem.engine().width_px());
+        Plane::try_from_vec(rows, width_px, phases.to_vec())?;
+        Ok(self.problem.measure(phases, 1.0))
+    }
+
+    /// The problem that is solved.
+    #[must_use]
+    pub fn problem(&self) -> &HologramProblem {
+        &self.problem
+    }
+
+    /// Steps done.
+    #[must_use]
+    pub fn iteration(&self) -> u32 {
+        self.iteration
+    }
+}
+
+#[cfg(test)]
+#[path = "optimization_tests.rs"]
+mod tests;

@@ -1,0 +1,228 @@
+//! What every method promises: it gets nearer to its targets, to the same bits on any number of threads and after any
+//! interruption.
+
+use super::*;
+use crate::hologram::OptimizationState;
+use crate::hologram::{InitialPhase, light_of_frames, quality};
+use crate::phase_response::PhaseResponse;
+use crate::test_cards::TestCard;
+use crate::{Carrier, Detector, DisplayModel, Engine, Grid, OpticalSetup};
+use rayon::ThreadPoolBuilder;
+
+const HEIGHT_PX: usize = 90;
+const WIDTH_PX: usize = 128;
+
+fn grid() -> Grid {
+    Grid::try_new(HEIGHT_PX, WIDTH_PX, 8e-6).unwrap()
+}
+
+fn setup(distance_m: f64) -> OpticalSetup {
+    OpticalSetup::try_new(grid(), 515e-9, distance_m).unwrap()
+}
+
+fn plane(distance_m: f64, detector: Detector, card: TestCard) -> ImagePlane {
+    let engine = Engine::of_display(&DisplayModel::ideal(setup(distance_m)), detector, None).unwrap();
+    ImagePlane::new(engine, card.render(HEIGHT_PX, WIDTH_PX, 3).unwrap())
+}
+
+fn problem(detector: Detector, planes: usize, frames: usize) -> HologramProblem {
+    let cards = [TestCard::Portrait, TestCard::Spheres, TestCard::Wedges];
+    let planes = (0..planes).map(|p| plane(12e-3 + 8e-3 * p as f64, detector, cards[p])).collect();
+    Optimization::problem_of(planes, frames, RegionOfInterest::middle(&grid()), Loss::default()).unwrap()
+}
+
+fn start(problem: HologramProblem, options: Options) -> Optimization {
+    let initial = InitialPhase::Random { range_rad: 1.0 };
+    let phases = initial.phases(&problem, &setup(12e-3), 1).unwrap();
+    Optimization::start(problem, options, phases).unwrap()
+}
+
+/// Runs to the end; the best loss of the phases found.
+fn finished(mut optimization: Optimization) -> (f64, Optimization) {
+    while optimization.step().is_some() {}
+    let phases = optimization.phases().to_vec();
+    (optimization.measure(&phases).unwrap().best_loss, optimization)
+}
+
+fn psnr_db(method: Method, detector: Detector, iterations: u32) -> f64 {
+    -10.0 * finished(start(problem(detector, 1, 1), Options::new(method, iterations))).0.log10()
+}
+
+const ADAM: Method = Method::Adam { learning_rate: 0.1 };
+const ALL: [Method; 5] =
+    [ADAM, Method::Lbfgs, Method::GerchbergSaxton, Method::WeightedGerchbergSaxton, Method::DoublePhase];
+
+/// Three levels' worth of bits: coarse, so that rounding matters.
+fn coarse(bit_depth: u32) -> Levels {
+    Levels::new(PhaseResponse::linear(bit_depth).unwrap(), Some(Carrier::HalfOrderX)).unwrap()
+}
+
+#[test]
+fn methods_are_as_good_as_they_should_be() {
+    let one_step = psnr_db(ADAM, Detector::Point, 1);
+    let [adam, lbfgs, gs, wgs] = [ADAM, Method::Lbfgs, Method::GerchbergSaxton, Method::WeightedGerchbergSaxton]
+        .map(|method| psnr_db(method, Detector::Point, 60));
+    assert!(gs > 14.0 && gs > one_step + 5.0, "gs {gs} dB, after one step {one_step} dB");
+    assert!(wgs > gs, "wgs {wgs} dB, gs {gs} dB");
+    assert!(adam > gs && lbfgs > adam + 3.0, "adam {adam} dB, lbfgs {lbfgs} dB");
+}
+
+#[test]
+fn lbfgs_beats_adam_with_every_detector() {
+    for detector in Detector::ALL {
+        let (adam, lbfgs) = (psnr_db(ADAM, detector, 60), psnr_db(Method::Lbfgs, detector, 60));
+        assert!(lbfgs > adam, "{detector:?}: adam {adam} dB, lbfgs {lbfgs} dB");
+    }
+}
+
+#[test]
+fn the_bits_do_not_depend_on_threads_or_interruptions() {
+    let runs = ALL.iter().map(|&method| Options::new(method, 9));
+    let with_levels =
+        [ADAM, Method::Lbfgs].map(|method| Options { levels: Some(coarse(5)), ..Options::new(method, 9) });
+    for options in runs.chain(with_levels) {
+        for (planes, frames) in [(1, 1), (2, 2)] {
+            let run = |threads: usize, stops: &[u32]| {
+                let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+                pool.install(|| {
+                    let mut optimization = start(problem(Detector::Pixel, planes, frames), options.clone());
+                    while let Some(step) = optimization.step() {
+                        if stops.contains(&step.iteration) {
+                            let state = optimization.state();
+                            let again = problem(Detector::Pixel, planes, frames);
+                            optimization = Optimization::resume(again, options.clone(), state).unwrap();
+                        }
+                    }
+                    optimization.phases().iter().map(|phase| phase.to_bits()).collect::<Vec<_>>()
+                })
+            };
+            let whole = run(1, &[]);
+            for (threads, stops) in [(2, &[1][..]), (8, &[2, 5, 6, 7, 8])] {
+                let name = format!("{:?}, {planes} planes, {frames} frames", options.method);
+                assert!(run(threads, stops) == whole, "{name}: {threads} threads, stopped at {stops:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_state_of_something_else_is_refused() {
+    let mut adam = start(problem(Detector::Point, 1, 1), Options::new(ADAM, 3));
+    adam.step();
+    let state = adam.state();
+    for options in [Method::Lbfgs, Method::GerchbergSaxton, Method::DoublePhase].map(|method| Options::new(method, 3)) {
+        let refused = Optimization::resume(problem(Detector::Point, 1, 1), options, state.clone());
+        assert!(refused.unwrap_err().to_string().starts_with("state is"));
+    }
+    let larger = Optimization::resume(problem(Detector::Point, 1, 2), Options::new(ADAM, 3), state.clone());
+    assert!(larger.is_err());
+    let cut = OptimizationState { numbers: state.numbers[..3].to_vec(), ..state };
+    assert!(Optimization::resume(problem(Detector::Point, 1, 1), Options::new(ADAM, 3), cut).is_err());
+}
+
+#[test]
+fn a_hologram_of_several_planes_shows_each_of_them() {
+    let mut both = start(problem(Detector::Pixel, 2, 1), Options::new(Method::Lbfgs, 60));
+    while both.step().is_some() {}
+    let mut first = start(problem(Detector::Pixel, 1, 1), Options::new(Method::Lbfgs, 60));
+    while first.step().is_some() {}
+    let far = plane(20e-3, Detector::Pixel, TestCard::Spheres);
+    let psnr_db = |phases: &[f32]| {
+        let phase = Plane::try_from_vec(HEIGHT_PX, WIDTH_PX, phases.to_vec()).unwrap();
+        quality(&far.engine, &phase, &far.target, RegionOfInterest::middle(&grid())).unwrap().pixel.psnr_db
+    };
+    let (with, without) = (psnr_db(both.phases()), psnr_db(first.phases()));
+    assert!(with > without + 5.0, "{with} dB against {without} dB");
+}
+
+#[test]
+fn frames_average_their_light() {
+    let run = |frames| {
+        let problem = problem(Detector::Supersampled, 1, frames);
+        let phases = InitialPhase::Random { range_rad: 6.0 }.phases(&problem, &setup(12e-3), 1).unwrap();
+        finished(Optimization::start(problem, Options::new(Method::Lbfgs, 40), phases).unwrap())
+    };
+    let ((one, _), (four, optimization)) = (run(1), run(4));
+    assert!(four < one / 2.0, "{four} with four frames, {one} with one");
+    // The light of the frames found, measured by itself.
+    let shown = plane(12e-3, Detector::Pixel, TestCard::Portrait);
+    let frames = optimization.phases().chunks_exact(HEIGHT_PX * WIDTH_PX);
+    let frames: Vec<_> =
+        frames.map(|phase| Plane::try_from_vec(HEIGHT_PX, WIDTH_PX, phase.to_vec()).unwrap()).collect();
+    let mean = light_of_frames(&shown.engine, &frames).unwrap();
+    let by_hand: f32 = frames.iter().map(|phase| shown.engine.light(phase).unwrap().at(40, 60)).sum::<f32>() / 4.0;
+    assert!((mean.at(40, 60) - by_hand).abs() < 1e-6 * by_hand.abs());
+}
+
+#[test]
+fn going_on_through_the_levels_costs_less_than_rounding() {
+    let options = Options::new(Method::Lbfgs, 90);
+    let (free, plain) = finished(start(problem(Detector::Point, 1, 1), options.clone()));
+    let rounded = |levels: &Levels, phases: &[f32]| {
+        let mut shown = vec![0.0; phases.len()];
+        for (y, (shown, phase)) in shown.chunks_exact_mut(WIDTH_PX).zip(phases.chunks_exact(WIDTH_PX)).enumerate() {
+            levels.show_row(y, phase, shown);
+        }
+        shown
+    };
+    for bit_depth in [4, 6] {
+        let levels = coarse(bit_depth);
+        let naive = problem(Detector::Point, 1, 1).measure(&rounded(&levels, plain.phases()), 1.0).best_loss;
+        let aware = Options { levels: Some(levels.clone()), ..options.clone() };
+        let (aware, found) = finished(start(problem(Detector::Point, 1, 1), aware));
+        assert!(aware < 0.8 * naive, "{bit_depth} bits: {aware} against {naive}, free {free}");
+        // What was found is what the display shows of it.
+        let again = rounded(&levels, found.phases());
+        assert!(found.phases().iter().zip(&again).all(|(a, b)| (a - b).abs() < 1e-4));
+    }
+}
+
+#[test]
+fn every_initial_phase_is_what_it_says() {
+    let problem = problem(Detector::Point, 1, 2);
+    let setup = setup(12e-3);
+    let phases = |initial: InitialPhase| initial.phases(&problem, &setup, 5).unwrap();
+    let random = phases(InitialPhase::Random { range_rad: 2.0 });
+    let (one, other) = random.split_at(HEIGHT_PX * WIDTH_PX);
+    assert!(random.iter().all(|phase| (0.0..2.0).contains(phase)) && one != other);
+    assert!(phases(InitialPhase::Constant { phase_rad: 1.5 }).iter().all(|&phase| phase == 1.5));
+    let lens = phases(InitialPhase::Quadratic { focal_length_m: Some(0.01) });
+    let at = |y: usize, x: usize| f64::from(lens[y * WIDTH_PX + x]);
+    // −π (r₁² − r₀²) / (λ f) between neighbours, half a pixel and one and a half from the middle.
+    let expected = -std::f64::consts::PI * (8e-6_f64).powi(2) * (1.5_f64.powi(2) - 0.5_f64.powi(2)) / (515e-9 * 0.01);
+    let found = at(45, 65) - at(45, 64);
+    assert!((found - expected).sin().abs() < 1e-5, "{found} {expected}");
+    // The field that comes back from the target shows it better than chance does.
+    let loss = |initial: Vec<f32>| {
+        let mut problem = self::problem(Detector::Point, 1, 2);
+        problem.measure(&initial, 1.0).best_loss
+    };
+    let back = loss(phases(InitialPhase::BackPropagated { range_rad: 0.0 }));
+    assert!(back < 0.7 * loss(phases(InitialPhase::Random { range_rad: 6.0 })), "{back}");
+    let given = Plane::from_fn(2 * HEIGHT_PX, WIDTH_PX, |y, x| (y + x) as f32);
+    assert_eq!(phases(InitialPhase::Given(given.clone())), given.values());
+    for bad in [
+        InitialPhase::Random { range_rad: 7.0 },
+        InitialPhase::Constant { phase_rad: f64::NAN },
+        InitialPhase::Quadratic { focal_length_m: Some(0.0) },
+        InitialPhase::Given(Plane::filled(HEIGHT_PX, WIDTH_PX, 0.0)),
+        InitialPhase::Given(Plane::filled(2 * HEIGHT_PX, WIDTH_PX, f32::NAN)),
+    ] {
+        assert!(bad.phases(&problem, &setup, 5).is_err(), "{bad:?}");
+    }
+}
+
+#[test]
+fn what_a_method_cannot_do_is_refused() {
+    let refused = |options: Options| {
+        let problem = problem(Detector::Point, 1, 1);
+        let phases = vec![0.0; problem.parameters()];
+        Optimization::start(problem, options, phases).unwrap_err().to_string()
+    };
+    assert!(refused(Options::new(Method::Lbfgs, 0)).starts_with("iterations is 0"));
+    assert!(refused(Options::new(Method::Adam { learning_rate: 0.0 }, 1)).starts_with("learning_rate is 0"));
+    let levels = Some(coarse(8));
+    assert!(refused(Options { levels, ..Options::new(Method::DoublePhase, 1) }).contains("adam and lbfgs"));
+    let short = Optimization::start(problem(Detector::Point, 1, 1), Options::new(ADAM, 1), vec![0.0; 5]);
+    assert!(short.is_err());
+}

@@ -1,0 +1,188 @@
+//! Gradients of every loss, detector, number of frames and planes, against central differences in f64.
+
+use super::*;
+use crate::hologram::initial::random;
+use crate::{Carrier, Detector, DisplayModel, Grid, KernelShape, OpticalSetup, SmoothField};
+use num_complex::Complex64;
+
+const SIZES: [(usize, usize); 3] = [(16, 24), (17, 13), (11, 30)];
+
+/// A display with every flaw that the model knows.
+fn flawed(setup: OpticalSetup) -> DisplayModel {
+    let smooth = |order, scale: f64| {
+        let mut field = SmoothField::flat(order);
+        let both = field.log_amplitude.iter_mut().chain(&mut field.phase);
+        both.enumerate().for_each(|(i, c)| *c = scale * (1.7 * i as f64 + 0.3).sin());
+        field
+    };
+    DisplayModel {
+        kernel: KernelShape::Smooth(smooth(3, 0.3)),
+        source: smooth(2, 0.1),
+        response: vec![[0.15, -0.05], [0.02, 0.04]],
+        zero_order: Complex64::new(0.03, -0.02),
+        ..DisplayModel::ideal(setup)
+    }
+}
+
+/// What a test's problem consists of.
+#[derive(Clone, Copy, Debug)]
+struct Case {
+    height_px: usize,
+    width_px: usize,
+    detector: Detector,
+    carrier: Option<Carrier>,
+    planes: usize,
+    frames: usize,
+    masked: bool,
+    loss: Loss,
+}
+
+impl Case {
+    fn plain((height_px, width_px): (usize, usize), detector: Detector) -> Self {
+        let loss = Loss::default();
+        Self { height_px, width_px, detector, carrier: None, planes: 1, frames: 1, masked: false, loss }
+    }
+
+    fn problem(&self) -> HologramProblem<f64> {
+        let (height_px, width_px) = (self.height_px, self.width_px);
+        let grid = Grid::try_new(height_px, width_px, 8e-6).unwrap();
+        let plane = |p: usize| {
+            let setup = OpticalSetup::try_new(grid, 515e-9, 3e-3 - 2e-3 * p as f64).unwrap();
+            let engine = Engine::new(&flawed(setup), self.detector, self.carrier).unwrap();
+            let wave = |y: usize, x: usize| 0.5 + 0.4 * ((3 * y + (5 + p) * x) as f64).sin();
+            let weight = |y: usize, x: usize| [1.0, 0.0, 0.4][(y + 2 * x + p) % 3];
+            ImagePlane {
+                engine,
+                target: Plane::from_fn(height_px, width_px, wave),
+                weight: self.masked.then(|| Plane::from_fn(height_px, width_px, weight)),
+                share: 1.0 + p as f64,
+            }
+        };
+        let planes = (0..self.planes).map(plane).collect();
+        HologramProblem::with_planes(planes, self.frames, RegionOfInterest::middle(&grid), self.loss).unwrap()
+    }
+
+    fn phase(&self) -> Vec<f64> {
+        let phase = random(self.frames, self.height_px * self.width_px, 6.0, 5).unwrap();
+        phase.into_iter().map(f64::from).collect()
+    }
+
+    /// The gradient along a direction against the difference of the loss, at a gain that is held or fitted.
+    fn check(&self, gain: Option<f64>) {
+        let (mut problem, phase) = (self.problem(), self.phase());
+        let direction: Vec<f64> = (0..phase.len()).map(|i| (i as f64 * 2.3).cos()).collect();
+        let mut gradient = vec![f64::NAN; phase.len()];
+        let evaluation = match gain {
+            Some(gain) => problem.evaluate(&phase, gain, &mut gradient),
+            None => problem.evaluate_fitted(&phase, &mut gradient),
+        };
+        let slope: f64 = gradient.iter().zip(&direction).map(|(g, d)| g * d).sum();
+        let h = 1e-5;
+        let mut at = |step: f64| {
+            let moved: Vec<f64> = phase.iter().zip(&direction).map(|(p, d)| p + step * d).collect();
+            let found = problem.measure(&moved, gain.unwrap_or(1.0));
+            if gain.is_some() { found.loss } else { found.best_loss }
+        };
+        let difference = (at(h) - at(-h)) / (2.0 * h);
+        let error = (slope - difference).abs() / difference.abs();
+        assert!(error < 1e-6, "{self:?} gain {gain:?}: {slope} against {difference}");
+        let value = at(0.0);
+        let found = if gain.is_some() { evaluation.loss } else { evaluation.best_loss };
+        assert!((found - value).abs() < 1e-12, "{self:?} gain {gain:?}: {found} against {value}");
+    }
+}
+
+#[test]
+fn the_gradient_is_that_of_central_differences() {
+    for size in SIZES {
+        for detector in Detector::ALL {
+            for carrier in [None, Some(Carrier::HalfOrderX), Some(Carrier::HalfOrderY)] {
+                Case { carrier, ..Case::plain(size, detector) }.check(Some(0.7));
+            }
+        }
+    }
+}
+
+#[test]
+fn every_loss_with_every_detector_and_any_number_of_frames_and_planes_has_an_exact_gradient() {
+    let roughness = Loss { total_variation: 0.3, speckle: 0.7, speckle_block_px: 3, ..Loss::default() };
+    for (i, size) in SIZES.into_iter().enumerate() {
+        for detector in Detector::ALL {
+            for (planes, frames) in [(1, 1), (3, 1), (1, 2), (2, 3)] {
+                for quantity in [Quantity::Intensity, Quantity::Amplitude] {
+                    for terms in [Loss::default(), roughness] {
+                        let loss = Loss { quantity, ..terms };
+                        let masked = (i + planes + frames) % 2 == 0;
+                        let case = Case { planes, frames, masked, loss, ..Case::plain(size, detector) };
+                        case.check(Some(0.7));
+                        case.check(None);
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn roughness_does_not_depend_on_brightness_or_gain() {
+    let loss = Loss { total_variation: 1.0, speckle: 1.0, speckle_block_px: 4, ..Loss::default() };
+    let case = Case { loss, ..Case::plain((16, 24), Detector::Pixel) };
+    let (mut rough, mut plain) = (case.problem(), Case { loss: Loss::default(), ..case }.problem());
+    let phase = case.phase();
+    let mut excess = |gain| rough.measure(&phase, gain).loss - plain.measure(&phase, gain).loss;
+    let (one, other) = (excess(0.5), excess(2.0));
+    assert!(one > 0.01 && (one - other).abs() < 1e-12, "{one} {other}");
+}
+
+#[test]
+fn the_fitted_gain_is_the_best_one() {
+    let mut problem = Case::plain((20, 20), Detector::Pixel).problem();
+    let phase = vec![0.5; 400];
+    let best = problem.measure(&phase, 1.0);
+    let at_best = problem.measure(&phase, best.best_gain);
+    assert!((at_best.loss - best.best_loss).abs() < 1e-12);
+    for gain in [0.99, 1.01] {
+        assert!(problem.measure(&phase, gain * best.best_gain).loss > at_best.loss);
+    }
+}
+
+#[test]
+fn one_pass_and_two_passes_agree() {
+    for detector in Detector::ALL {
+        let case = Case { planes: 2, ..Case::plain((17, 13), detector) };
+        let (mut problem, phase) = (case.problem(), case.phase());
+        let (mut fused, mut two) = (vec![0.0; phase.len()], vec![0.0; phase.len()]);
+        let gain = problem.measure(&phase, 1.0).best_gain;
+        let one = problem.evaluate(&phase, gain, &mut fused);
+        let other = problem.evaluate_fitted(&phase, &mut two);
+        assert!((one.loss - other.loss).abs() < 1e-13);
+        let scale = fused.iter().fold(0.0_f64, |largest, g| largest.max(g.abs()));
+        assert!(fused.iter().zip(&two).all(|(a, b)| (a - b).abs() < 1e-12 * scale));
+    }
+}
+
+#[test]
+fn what_cannot_be_shown_is_refused_by_name() {
+    let grid = Grid::try_new(16, 16, 8e-6).unwrap();
+    let setup = OpticalSetup::try_new(grid, 515e-9, 3e-3).unwrap();
+    let engine = Engine::<f64>::new(&DisplayModel::ideal(setup), Detector::Pixel, None).unwrap();
+    let region = RegionOfInterest::middle(&grid);
+    let plane = || ImagePlane::new(engine.clone(), Plane::filled(16, 16, 0.5));
+    let refusal =
+        |planes, frames, loss| HologramProblem::with_planes(planes, frames, region, loss).unwrap_err().to_string();
+    let plain = Loss::default();
+    assert!(refusal(vec![], 1, plain).starts_with("planes is empty"));
+    assert!(refusal(vec![plane()], 0, plain).starts_with("frames is 0"));
+    let black = ImagePlane { target: Plane::filled(16, 16, 0.0), ..plane() };
+    assert!(refusal(vec![black], 1, plain).starts_with("target_intensity is empty"));
+    let blind = ImagePlane { weight: Some(Plane::filled(16, 16, 0.0)), ..plane() };
+    assert!(refusal(vec![plane(), blind], 1, plain).starts_with("weight is empty"));
+    assert!(refusal(vec![ImagePlane { share: 0.0, ..plane() }], 1, plain).starts_with("share is 0"));
+    let negative = ImagePlane { weight: Some(Plane::filled(16, 16, -0.1)), ..plane() };
+    assert!(refusal(vec![negative], 1, plain).starts_with("weight is -0.1"));
+    assert!(refusal(vec![plane()], 1, Loss { speckle: -1.0, ..plain }).starts_with("speckle is -1"));
+    let large = Loss { speckle: 1.0, speckle_block_px: 13, ..plain };
+    assert!(refusal(vec![plane()], 1, large).starts_with("speckle_block_px is 13"));
+    let other = ImagePlane::new(engine.with_detector(Detector::Point), Plane::filled(16, 16, 0.5));
+    assert!(refusal(vec![plane(), other], 1, plain).contains("same detector"));
+}

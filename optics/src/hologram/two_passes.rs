@@ -1,0 +1,234 @@
+//! Evaluations that need all of the light before any of its gradient: for the gain that fits best, for several frames, for
+//! roughness, and for projections.
+
+use super::loss::{Wanted, weighted_sums};
+use super::problem::{Evaluation, HologramProblem, Sink, compare_with, send_back};
+use super::roughness::{LightPlane, total_variation};
+use crate::engine::Fields;
+use crate::photometry::{Comparison, Quantity, Sums};
+use crate::real::{Real, unit};
+use crate::{Detector, Plane};
+use num_complex::Complex;
+use rayon::prelude::*;
+
+/// Light and samples between the two passes of an evaluation; empty until one needs them.
+#[derive(Debug)]
+pub(super) struct Kept<T> {
+    /// Of each plane and frame, where there is room; `fields` serve where there is but one.
+    samples: Vec<Vec<Complex<T>>>,
+    /// The light planes of each plane.
+    lights: Vec<Vec<T>>,
+    /// ∂L/∂p of one plane.
+    slopes: Vec<T>,
+}
+
+/// Samples of several planes and frames are kept up to this size \[bytes\], and taken anew beyond: three planes of
+/// 1080×1920 px with a pixel detector fit.
+const SAMPLES_BYTES_MAX: usize = 256 << 20;
+
+impl<T> Kept<T> {
+    pub(super) fn empty() -> Self {
+        Self { samples: Vec::new(), lights: Vec::new(), slopes: Vec::new() }
+    }
+}
+
+impl<T: Real> HologramProblem<T> {
+    /// All of the light first, then the slopes at the gain given or fitted, then the way back.
+    pub(super) fn evaluate_in_two(&mut self, phase: &[T], gain: Option<f64>, gradient: &mut [T]) -> Evaluation {
+        self.light_up(phase);
+        let gain = gain.unwrap_or_else(|| self.fitted_gain());
+        let (mut all, mut roughness) = (Vec::with_capacity(self.planes.len()), 0.0);
+        for p in 0..self.planes.len() {
+            let plane = &self.planes[p];
+            let comparison = compare_with(plane, self.loss.quantity, self.region, gain);
+            all.push((comparison.slopes(&self.kept.lights[p], &mut self.kept.slopes), plane.share));
+            roughness += self.roughness(p);
+            self.weigh_and_send_back(p, phase, Sink::Gradient(&mut *gradient));
+        }
+        Evaluation::new(&weighted_sums(all.into_iter()), roughness)
+    }
+
+    /// One step of all planes towards their targets: in `field` what the field on the SLM has too much, the mean over the
+    /// planes of
+    ///
+    /// ```text
+    /// Aᴴ[ w · ( 1 − W√t / (s√p) ) · u ]
+    /// ```
+    ///
+    /// which is what a projection of the image's amplitude to its target's changes. `wanted` stands for each plane's W√t;
+    /// `weighted` updates it first.
+    pub(super) fn excess(
+        &mut self,
+        phase: &[T],
+        wanted: &mut [Plane<T>],
+        weighted: bool,
+        field: &mut [Complex<T>],
+    ) -> Evaluation {
+        self.light_up(phase);
+        let sums: Vec<_> = (0..self.planes.len()).map(|p| self.measure_plane(p, 1.0)).collect();
+        let evaluation = Evaluation::new(&weighted_sums(sums.into_iter()), 0.0);
+        if weighted {
+            let gain = self.fitted_amplitude_gain(&self.target_amplitudes());
+            for ((plane, lights), wanted) in self.planes.iter().zip(&self.kept.lights).zip(&mut *wanted) {
+                raise(plane, lights, gain, wanted);
+            }
+        }
+        let gain = self.fitted_amplitude_gain(wanted);
+        for (p, wanted) in wanted.iter().enumerate() {
+            let plane = &self.planes[p];
+            let comparison = Comparison {
+                picture: wanted,
+                // slope = w e / (s √p), the relative excess of the amplitude, in every frame
+                weight_sum: gain * gain / (plane.share * self.frames as f64),
+                ..compare_with(plane, Quantity::Amplitude, self.region, gain)
+            };
+            comparison.slopes(&self.kept.lights[p], &mut self.kept.slopes);
+            self.weigh_and_send_back(p, phase, Sink::Field(&mut *field));
+        }
+        evaluation
+    }
+
+    fn fitted_amplitude_gain(&self, wanted: &[Plane<T>]) -> f64 {
+        let fitted = self.planes.iter().zip(wanted).zip(&self.kept.lights).map(|((plane, wanted), lights)| {
+            let comparison =
+                Comparison { picture: wanted, ..compare_with(plane, Quantity::Amplitude, self.region, 1.0) };
+            (comparison.measure_lights(lights), plane.share)
+        });
+        weighted_sums(fitted.collect::<Vec<_>>().into_iter()).best_gain()
+    }
+
+    /// √t of each plane.
+    pub(super) fn target_amplitudes(&self) -> Vec<Plane<T>> {
+        let amplitude = |plane: &Wanted<T>| match self.loss.quantity {
+            Quantity::Intensity => plane.picture.map(T::sqrt),
+            Quantity::Amplitude => plane.picture.clone(),
+        };
+        self.planes.iter().map(amplitude).collect()
+    }
+
+    /// The field on the SLM that the targets' amplitudes come back as, with a phase of `image_phase` in all of their planes.
+    pub(super) fn back_propagated(&self, image_phase: &[T]) -> Vec<Complex<T>> {
+        let width_px = self.engine().width_px();
+        let mut field = vec![Complex::new(T::zero(), T::zero()); self.frame_len()];
+        for (plane, amplitude) in self.planes.iter().zip(self.target_amplitudes()) {
+            let point = plane.engine.with_detector(Detector::Point);
+            let mut fields = Fields::new(&point.convolver);
+            let share = T::of(plane.share);
+            point.convolver.forward_rows(&mut fields.spectrum, |y, row| {
+                for (x, (u, &a)) in row.iter_mut().zip(amplitude.row(y)).enumerate() {
+                    let counts = plane.weight.as_ref().map_or(T::one(), |weight| weight.at(y, x));
+                    *u = unit(image_phase[y * width_px + x]).scale(a * counts * share);
+                }
+            });
+            send_back(&point, &mut fields, &[], &mut Sink::Field(&mut field), true);
+        }
+        field
+    }
+
+    /// The light of all planes, the mean over the frames.
+    pub(super) fn light_up(&mut self, phase: &[T]) {
+        self.make_room();
+        let (frame_len, share) = (self.frame_len(), 1.0 / self.frames as f64);
+        let alone = self.planes.len() * self.frames == 1;
+        for (p, plane) in self.planes.iter().enumerate() {
+            for (f, phase) in phase.chunks_exact(frame_len).enumerate() {
+                plane.engine.send(phase, &mut self.fields);
+                let kept = match self.kept.samples.get_mut(p * self.frames + f) {
+                    Some(kept) => Some(kept.as_mut_slice()),
+                    None if alone => Some(self.fields.spectrum.as_mut_slice()),
+                    None => None,
+                };
+                let lights = &mut self.kept.lights[p];
+                plane.engine.convolver.add_light(&self.fields.tiles, share, f == 0, kept, lights);
+            }
+        }
+    }
+
+    fn make_room(&mut self) {
+        if !self.kept.lights.is_empty() {
+            return;
+        }
+        let light_len = self.engine().detector().light_planes() * self.frame_len();
+        let (fields, len) = (self.planes.len() * self.frames, self.fields.spectrum.len());
+        self.kept.lights = vec![vec![T::zero(); light_len]; self.planes.len()];
+        self.kept.slopes = vec![T::zero(); light_len];
+        if fields > 1 && fields * len * size_of::<Complex<T>>() <= SAMPLES_BYTES_MAX {
+            self.kept.samples = vec![vec![Complex::new(T::zero(), T::zero()); len]; fields];
+        }
+    }
+
+    pub(super) fn measure_plane(&self, p: usize, gain: f64) -> (Sums, f64) {
+        let plane = &self.planes[p];
+        let comparison = compare_with(plane, self.loss.quantity, self.region, gain);
+        (comparison.measure_lights(&self.kept.lights[p]), plane.share)
+    }
+
+    fn fitted_gain(&self) -> f64 {
+        let sums: Vec<_> = (0..self.planes.len()).map(|p| self.measure_plane(p, 1.0)).collect();
+        weighted_sums(sums.into_iter()).best_gain()
+    }
+
+    /// The roughness of a plane's light, as much as it counts; adds its slopes.
+    pub(super) fn roughness(&mut self, p: usize) -> f64 {
+        let (plane, Kept { lights, slopes, .. }) = (&self.planes[p], &mut self.kept);
+        let (extent, count) = (plane.extent(self.region), plane.engine.detector().light_planes());
+        let mut sum = 0.0;
+        for index in 0..count {
+            let light_plane = LightPlane { index, count, width_px: plane.engine.width_px() };
+            if self.loss.total_variation > 0.0 {
+                let factor = self.loss.total_variation * plane.share;
+                sum += factor * total_variation(&extent, light_plane, &lights[p], factor, slopes);
+            }
+            if let Some(blocks) = &plane.blocks {
+                let factor = self.loss.speckle * plane.share;
+                sum += factor * blocks.evaluate(&extent, light_plane, &lights[p], factor, slopes);
+            }
+        }
+        sum / count as f64
+    }
+
+    /// From a plane's slopes back to the SLM, frame by frame.
+    fn weigh_and_send_back(&mut self, p: usize, phase: &[T], mut sink: Sink<'_, T>) {
+        let (plane, frame_len) = (&self.planes[p], self.frame_len());
+        let engine = &plane.engine;
+        let factor = 1.0 / (engine.detector().samples() * self.frames) as f64;
+        let alone = self.planes.len() * self.frames == 1;
+        for (f, phase) in phase.chunks_exact(frame_len).enumerate() {
+            let Kept { samples, slopes, .. } = &mut self.kept;
+            if let Some(kept) = samples.get_mut(p * self.frames + f) {
+                engine.convolver.weigh_kept(kept, slopes, factor);
+                std::mem::swap(kept, &mut self.fields.spectrum);
+            } else if alone {
+                engine.convolver.weigh_kept(&mut self.fields.spectrum, slopes, factor);
+            } else {
+                engine.send(phase, &mut self.fields);
+                let Fields { spectrum, tiles } = &mut self.fields;
+                engine.convolver.weigh_tiles(tiles, slopes, factor, spectrum);
+            }
+            send_back(engine, &mut self.fields, phase, &mut sink.frame(f, frame_len), p > 0);
+        }
+    }
+}
+
+/// W ← W · √t / (s√p), within bounds: a dark spot must not draw all of the light.
+fn raise<T: Real>(plane: &Wanted<T>, lights: &[T], gain: f64, wanted: &mut Plane<T>) {
+    /// Largest W.
+    const RAISE_MAX: f64 = 3.0;
+    let (width_px, planes) = (plane.picture.width_px(), plane.engine.detector().light_planes());
+    let is_amplitude = plane.compares_amplitudes;
+    let share = T::of(1.0 / planes as f64);
+    wanted.values_mut().par_chunks_mut(width_px).enumerate().for_each(|(y, wanted)| {
+        let lights = &lights[y * planes * width_px..][..planes * width_px];
+        for (x, wanted) in wanted.iter_mut().enumerate() {
+            let light = (0..planes).fold(T::zero(), |sum, l| sum + lights[l * width_px + x]) * share;
+            let target = plane.picture.at(y, x);
+            let target = if is_amplitude { target } else { target.sqrt() };
+            let shown = T::of(gain) * light.sqrt();
+            if target > T::zero() {
+                let least = target * T::of(1.0 / RAISE_MAX);
+                let raised = *wanted * target / shown.max(least);
+                *wanted = raised.max(least).min(target * T::of(RAISE_MAX));
+            }
+        }
+    });
+}

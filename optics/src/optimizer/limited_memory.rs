@@ -1,0 +1,326 @@
+//! L-BFGS for as many parameters as a hologram has pixels.
+//!
+//! ```text
+//! d = −H g,   H from the last m steps s_i and gradient changes y_i by the two-loop recursion
+//! accept x + t d  where  f(t) ≤ f(0) + c₁ t f′(0)  and  f′(t) ≥ c₂ f′(0)        (weak Wolfe)
+//! ```
+//!
+//! Both loops only ever combine the s_i, y_i and g, so they run on the inner products of these (W. Chen, Z. Wang and
+//! J. Zhou, NIPS 2014): one pass over memory gives the products, another the direction, instead of 4m passes. J. Nocedal and
+//! S. Wright, Numerical Optimization, 2nd ed., algorithm 7.4. Line search: A. Lewis and M. Overton, Math. Program. 141, 135
+//! (2013).
+//!
+//! Vectors are f32, sums f64 in a fixed order. [`LimitedMemory::advance`] is one evaluation.
+
+use super::vectors::{combine, gram_rows, move_along, product};
+
+/// Steps remembered. More gain little and take time: a step reads all of them twice.
+pub(crate) const HISTORY: usize = 6;
+/// Sufficient decrease, c₁.
+const DECREASE: f64 = 1e-4;
+/// Curvature, c₂.
+const CURVATURE: f64 = 0.9;
+/// Largest change of a parameter in a first step, before there is a scale to judge by \[rad\].
+const FIRST_CHANGE: f64 = 0.5;
+/// Evaluations along one line, after which the history is forgotten, or, without one, the end is reached.
+const SEARCH_MAX: u32 = 12;
+
+/// Everything that the next evaluation depends on.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct LimitedMemory {
+    /// The best point so far.
+    pub(crate) point: Vec<f32>,
+    pub(crate) loss: f64,
+    pub(crate) gradient: Vec<f32>,
+    /// d
+    pub(crate) direction: Vec<f32>,
+    /// s_i and y_i, in places that are filled in turn.
+    pub(crate) steps: Vec<Vec<f32>>,
+    pub(crate) changes: Vec<Vec<f32>>,
+    pub(crate) counts: Counts,
+    pub(crate) search: Search,
+    /// Inner products of s_1 … s_m, y_1 … y_m, g, row after row.
+    pub(crate) products: Vec<f64>,
+}
+
+/// How far it is.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Counts {
+    pub(crate) evaluations: u32,
+    /// Steps in the history.
+    pub(crate) filled: u32,
+    /// Where the next one goes.
+    pub(crate) next: u32,
+    /// No better point is to be found.
+    pub(crate) converged: bool,
+}
+
+/// A line search under way.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Search {
+    /// t of the next evaluation.
+    pub(crate) step: f64,
+    /// A good t lies above this …
+    pub(crate) low: f64,
+    /// … and below this; infinite at first.
+    pub(crate) high: f64,
+    /// f′(0)
+    pub(crate) slope: f64,
+    pub(crate) evaluations: u32,
+}
+
+/// Vectors that hold nothing from one evaluation to the next.
+#[derive(Debug, Default)]
+pub(crate) struct Workspace {
+    point: Vec<f32>,
+    gradient: Vec<f32>,
+    sums: Vec<f64>,
+}
+
+impl LimitedMemory {
+    /// Starts at a point; the first [`Self::advance`] evaluates it.
+    pub(crate) fn new(point: Vec<f32>) -> Self {
+        let zeros = vec![0.0; point.len()];
+        Self {
+            loss: f64::INFINITY,
+            gradient: zeros.clone(),
+            direction: zeros,
+            steps: Vec::new(),
+            changes: Vec::new(),
+            counts: Counts::default(),
+            search: Search::default(),
+            products: vec![0.0; BASIS * BASIS],
+            point,
+        }
+    }
+
+    /// Whether its parts belong together.
+    pub(crate) fn is_whole(&self) -> bool {
+        let places = self.steps.len();
+        self.products.len() == BASIS * BASIS
+            && places <= HISTORY
+            && self.counts.filled as usize <= places
+            && (self.counts.next as usize) < HISTORY
+            && self.counts.next as usize <= places
+    }
+
+    /// One evaluation, by `evaluate(point, gradient)`: of the start, or of the next point along the line. Returns its loss.
+    pub(crate) fn advance(
+        &mut self,
+        workspace: &mut Workspace,
+        mut evaluate: impl FnMut(&[f32], &mut [f32]) -> f64,
+    ) -> f64 {
+        let Workspace { point, gradient, sums } = workspace;
+        point.resize(self.point.len(), 0.0);
+        gradient.resize(self.point.len(), 0.0);
+        self.counts.evaluations += 1;
+        if self.counts.evaluations == 1 || self.counts.converged {
+            self.loss = evaluate(&self.point, &mut self.gradient);
+            if self.counts.evaluations == 1 {
+                self.descend();
+            }
+            return self.loss;
+        }
+        move_along(&self.point, &self.direction, self.search.step as f32, point);
+        let loss = evaluate(point, gradient);
+        let slope = product(&self.direction, gradient, sums);
+        self.search.evaluations += 1;
+        let Search { step, low, high, slope: slope_0, .. } = self.search;
+        // A comparison that is false for NaN: a point where the loss is none is too far.
+        let decreases = loss <= self.loss + DECREASE * step * slope_0;
+        if decreases && slope >= CURVATURE * slope_0 {
+            self.accept(workspace, loss);
+        } else if self.search.evaluations >= SEARCH_MAX {
+            if decreases {
+                self.accept(workspace, loss);
+            } else {
+                self.forget();
+            }
+        } else if decreases {
+            self.search.low = step;
+            self.search.step = if high.is_finite() { (step + high) / 2.0 } else { 2.0 * step };
+        } else {
+            self.search.high = step;
+            // The minimum of the parabola through f(0), f′(0) and f(t), kept off the ends.
+            let parabola = -slope_0 * step * step / (2.0 * (loss - self.loss - slope_0 * step));
+            let (near, far) = (low + 0.1 * (step - low), low + 0.5 * (step - low));
+            self.search.step = if parabola.is_finite() { parabola.clamp(near, far) } else { near };
+        }
+        loss
+    }
+
+    /// Moves to the point that was evaluated last, remembers the step, and chooses the next direction.
+    fn accept(&mut self, workspace: &mut Workspace, loss: f64) {
+        let Workspace { point, gradient, sums } = workspace;
+        let slot = self.counts.next as usize;
+        if self.steps.len() < HISTORY && slot == self.steps.len() {
+            self.steps.push(vec![0.0; point.len()]);
+            self.changes.push(vec![0.0; point.len()]);
+        }
+        let rows = gram_rows(
+            [&self.point, point],
+            [&self.gradient, gradient],
+            (&mut self.steps, &mut self.changes),
+            slot,
+            sums,
+        );
+        std::mem::swap(&mut self.point, point);
+        std::mem::swap(&mut self.gradient, gradient);
+        self.loss = loss;
+        self.enter(slot, &rows);
+        let (s, y) = (slot, HISTORY + slot);
+        let (sy, ss, yy) = (self.at(s, y), self.at(s, s), self.at(y, y));
+        // Only pairs of positive curvature keep the inverse Hessian positive definite.
+        if sy > 1e-8 * (ss * yy).sqrt() {
+            self.counts.next = ((slot + 1) % HISTORY) as u32;
+            self.counts.filled = (self.counts.filled + 1).min(HISTORY as u32);
+        } else if self.counts.filled == HISTORY as u32 {
+            // The oldest step gave its place to one that is of no use.
+            self.counts.filled -= 1;
+        }
+        self.descend();
+    }
+
+    /// Begins anew with the steepest descent; where that has just failed, the end is reached.
+    fn forget(&mut self) {
+        self.counts.converged = self.counts.filled == 0;
+        self.counts.filled = 0;
+        self.counts.next = 0;
+        self.descend();
+    }
+
+    /// Sets out in a new direction.
+    fn descend(&mut self) {
+        let mut weights = self.two_loops();
+        let mut slope = self.along(&weights);
+        if self.counts.filled > 0 && slope >= 0.0 {
+            self.counts.filled = 0;
+            self.counts.next = 0;
+            weights = self.two_loops();
+            slope = self.along(&weights);
+        }
+        combine(&self.steps, &self.changes, &self.gradient, &weights, &mut self.direction);
+        let step = if self.counts.filled == 0 {
+            let largest = self.direction.iter().fold(0.0_f32, |largest, d| largest.max(d.abs()));
+            slope = -product(&self.direction, &self.direction, &mut Vec::new());
+            FIRST_CHANGE / f64::from(largest)
+        } else {
+            1.0
+        };
+        self.counts.converged |= !(step.is_finite() && slope < 0.0);
+        self.search = Search { step, low: 0.0, high: f64::INFINITY, slope, evaluations: 0 };
+    }
+
+    /// The direction's weights on s_1 … s_m, y_1 … y_m, g.
+    fn two_loops(&self) -> [f64; BASIS] {
+        let mut weights = [0.0; BASIS];
+        weights[G] = -1.0;
+        let newest_first: Vec<usize> = (1..=self.counts.filled as usize)
+            .map(|back| (self.counts.next as usize + HISTORY - back) % HISTORY)
+            .collect();
+        let mut alphas = [0.0; HISTORY];
+        for &i in &newest_first {
+            let (s, y) = (i, HISTORY + i);
+            alphas[i] = self.times(&weights, s) / self.at(s, y);
+            weights[y] -= alphas[i];
+        }
+        if let Some(&newest) = newest_first.first() {
+            let (s, y) = (newest, HISTORY + newest);
+            let scale = self.at(s, y) / self.at(y, y);
+            weights.iter_mut().for_each(|weight| *weight *= scale);
+        }
+        for &i in newest_first.iter().rev() {
+            let (s, y) = (i, HISTORY + i);
+            weights[s] += alphas[i] - self.times(&weights, y) / self.at(s, y);
+        }
+        weights
+    }
+
+    fn at(&self, a: usize, b: usize) -> f64 {
+        self.products[a * BASIS + b]
+    }
+
+    /// The inner product of a combination with basis vector `b`.
+    fn times(&self, weights: &[f64; BASIS], b: usize) -> f64 {
+        weights.iter().enumerate().map(|(a, weight)| weight * self.at(a, b)).sum()
+    }
+
+    /// The inner product of a combination with g.
+    fn along(&self, weights: &[f64; BASIS]) -> f64 {
+        self.times(weights, G)
+    }
+
+    fn enter(&mut self, slot: usize, rows: &[[f64; BASIS]; 3]) {
+        for (row, at) in rows.iter().zip([slot, HISTORY + slot, G]) {
+            for (b, &value) in row.iter().enumerate() {
+                self.products[at * BASIS + b] = value;
+                self.products[b * BASIS + at] = value;
+            }
+        }
+    }
+}
+
+/// Vectors that a direction is made of: s_1 … s_m, y_1 … y_m, g.
+pub(crate) const BASIS: usize = 2 * HISTORY + 1;
+/// g among them.
+const G: usize = 2 * HISTORY;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A curved valley along every pair of parameters, with scales that differ.
+    fn valleys(x: &[f32], gradient: &mut [f32]) -> f64 {
+        let mut loss = 0.0;
+        for (i, (x, g)) in x.chunks_exact(2).zip(gradient.chunks_exact_mut(2)).enumerate() {
+            let scale = 1.0 + (i % 7) as f64;
+            let (a, b) = (1.0 - f64::from(x[0]), f64::from(x[1]) - f64::from(x[0]).powi(2));
+            loss += scale * (a * a + 20.0 * b * b);
+            g[0] = (scale * (-2.0 * a - 80.0 * f64::from(x[0]) * b)) as f32;
+            g[1] = (scale * 40.0 * b) as f32;
+        }
+        loss
+    }
+
+    fn start() -> Vec<f32> {
+        (0..20_000).map(|i| if i % 2 == 0 { -1.2 } else { 1.0 + (i % 5) as f32 * 0.1 }).collect()
+    }
+
+    #[test]
+    fn finds_the_minimum_of_curved_valleys() {
+        let (mut state, mut workspace) = (LimitedMemory::new(start()), Workspace::default());
+        let first = state.advance(&mut workspace, valleys);
+        let mut before = f64::INFINITY;
+        for _ in 0..300 {
+            state.advance(&mut workspace, valleys);
+            assert!(state.loss <= before, "an accepted point is never worse");
+            before = state.loss;
+        }
+        assert!(state.loss < 1e-7 * first, "from {first} to {}", state.loss);
+    }
+
+    #[test]
+    fn goes_on_from_its_state_to_the_same_bits() {
+        let run = |mut state: LimitedMemory, count: usize| {
+            let mut workspace = Workspace::default();
+            (0..count).for_each(|_| _ = state.advance(&mut workspace, valleys));
+            state
+        };
+        let whole = run(LimitedMemory::new(start()), 40);
+        for stop in [1, 2, 13, 39] {
+            assert_eq!(run(run(LimitedMemory::new(start()), stop), 40 - stop), whole, "stopped after {stop}");
+        }
+    }
+
+    #[test]
+    fn a_loss_that_is_no_number_is_stepped_back_from() {
+        // 2x² − ln(1 − x): no number from 1 on.
+        let cliff = |x: &[f32], g: &mut [f32]| {
+            g[0] = 4.0 * x[0] + 1.0 / (1.0 - x[0]);
+            2.0 * f64::from(x[0]).powi(2) - (1.0 - f64::from(x[0])).ln()
+        };
+        let (mut state, mut workspace) = (LimitedMemory::new(vec![0.9]), Workspace::default());
+        (0..60).for_each(|_| _ = state.advance(&mut workspace, cliff));
+        assert!((state.point[0] - (1.0 - 2.0_f32.sqrt()) / 2.0).abs() < 1e-3, "{:?}", state.point);
+    }
+}

@@ -1,0 +1,220 @@
+//! Light that is kept between two passes.
+//!
+//! The first pass samples the field and adds up its light over frames; the second multiplies the samples by the slope
+//! ∂L/∂p of the loss at each of them, and sends them back. Between the passes anything may be computed from all of the light.
+//!
+//! Light is kept as *light planes*, one for the detectors `Point` and `Pixel` and one for each sub-sample with
+//! `Supersampled`: `[y][plane][x]`.
+
+use super::fused::{mean_light, total};
+use super::{Comparison, Sums};
+use crate::convolution::{Convolver, Scratch};
+use crate::detector::Detector;
+use crate::real::Real;
+use num_complex::Complex;
+use pulp::{Arch, Simd, WithSimd};
+use rayon::prelude::*;
+
+impl Detector {
+    /// Light planes that a comparison looks at.
+    pub(crate) fn light_planes(self) -> usize {
+        match self {
+            Self::Point | Self::Pixel => 1,
+            Self::Supersampled => self.samples(),
+        }
+    }
+}
+
+impl<T: Real> Convolver<T> {
+    /// Samples the field in `tiles` and adds `share` of its light to `lights`, or writes it there for the `first` of
+    /// several fields. Keeps the samples in `kept`, a half-transformed field's worth, where there is one.
+    pub(crate) fn add_light(
+        &self,
+        tiles: &[Complex<T>],
+        share: f64,
+        first: bool,
+        kept: Option<&mut [Complex<T>]>,
+        lights: &mut [T],
+    ) {
+        let row_len = lights.len() / self.height_px;
+        let light_rows = lights.par_chunks_mut(row_len).enumerate();
+        let light_of = |y: usize, light: &mut [T], scratch: &mut Scratch<T>| {
+            let arch = Arch::new();
+            self.sample_row(arch, tiles, y, scratch);
+            let Scratch { samples, reals: [row, _], .. } = scratch;
+            arch.dispatch(LightRow { samples, share: T::of(share), first, row, light });
+        };
+        match kept {
+            None => light_rows.for_each_init(|| self.scratch.take(), |scratch, (y, light)| light_of(y, light, scratch)),
+            Some(kept) => {
+                let kept_rows = kept.par_chunks_mut(self.lanes() * self.row_len());
+                light_rows.zip(kept_rows).for_each_init(
+                    || self.scratch.take(),
+                    |scratch, ((y, light), kept)| {
+                        light_of(y, light, scratch);
+                        // Two offsets an axis: four sub-samples fill the row's four half spectra.
+                        kept[..scratch.samples.len()].copy_from_slice(&scratch.samples);
+                    },
+                );
+            }
+        }
+    }
+
+    /// Multiplies the samples that [`Self::add_light`] kept by `factor` and the slope of their light plane, and
+    /// transforms them along x: the half-transformed gradient takes their place.
+    pub(crate) fn weigh_kept(&self, kept: &mut [Complex<T>], slopes: &[T], factor: f64) {
+        let arch = Arch::new();
+        let slope_len = slopes.len() / self.height_px;
+        kept.par_chunks_mut(self.lanes() * self.row_len()).zip(slopes.par_chunks(slope_len)).for_each_init(
+            || self.scratch.take(),
+            |scratch, (kept, slopes)| {
+                let len = scratch.samples.len();
+                scratch.samples.copy_from_slice(&kept[..len]);
+                arch.dispatch(WeighRow { samples: &mut scratch.samples, slopes, factor: T::of(factor) });
+                self.sample_row_adjoint(arch, scratch, kept);
+                // Samples lay across what rows are padded with, too.
+                let zero = Complex::new(T::zero(), T::zero());
+                kept.chunks_exact_mut(self.row_len()).for_each(|row| row[2 * self.width_px..].fill(zero));
+            },
+        );
+    }
+
+    /// As [`Self::weigh_kept`], with samples taken again from `tiles`.
+    pub(crate) fn weigh_tiles(&self, tiles: &[Complex<T>], slopes: &[T], factor: f64, spectrum: &mut [Complex<T>]) {
+        let arch = Arch::new();
+        let slope_len = slopes.len() / self.height_px;
+        let rows = spectrum.par_chunks_mut(self.lanes() * self.row_len()).zip(slopes.par_chunks(slope_len));
+        rows.enumerate().for_each_init(
+            || self.scratch.take(),
+            |scratch, (y, (out, slopes))| {
+                self.sample_row(arch, tiles, y, scratch);
+                arch.dispatch(WeighRow { samples: &mut scratch.samples, slopes, factor: T::of(factor) });
+                self.sample_row_adjoint(arch, scratch, out);
+            },
+        );
+    }
+}
+
+impl<T: Real> Comparison<'_, T> {
+    /// The sums over light planes, and in `slopes` ∂L/∂p at this gain. The slopes of several light planes are those
+    /// of the mean of their losses, times their number.
+    pub(crate) fn slopes(&self, lights: &[T], slopes: &mut [T]) -> Sums {
+        let (arch, width_px) = (Arch::new(), self.picture.width_px());
+        let planes = self.detector.light_planes();
+        let rows = lights.par_chunks(planes * width_px).zip(slopes.par_chunks_mut(planes * width_px)).enumerate();
+        let sums = rows.map_init(
+            || vec![T::zero(); width_px],
+            |row, (y, (light, slopes))| arch.dispatch(SlopeRow { comparison: self, y, light, row, slopes }),
+        );
+        let mut sums = total(&sums.collect::<Vec<_>>());
+        sums.divide(planes as f64);
+        sums
+    }
+
+    /// The sums of [`Self::slopes`] alone.
+    pub(crate) fn measure_lights(&self, lights: &[T]) -> Sums {
+        let (arch, width_px) = (Arch::new(), self.picture.width_px());
+        let planes = self.detector.light_planes();
+        let sums = lights.par_chunks(planes * width_px).enumerate().map_init(
+            || (vec![T::zero(); width_px], vec![T::zero(); planes * width_px]),
+            |(row, slopes), (y, light)| arch.dispatch(SlopeRow { comparison: self, y, light, row, slopes }),
+        );
+        let mut sums = total(&sums.collect::<Vec<_>>());
+        sums.divide(planes as f64);
+        sums
+    }
+}
+
+/// Adds a row's light.
+struct LightRow<'a, T> {
+    samples: &'a [Complex<T>],
+    share: T,
+    first: bool,
+    row: &'a mut [T],
+    light: &'a mut [T],
+}
+
+impl<T: Real> WithSimd for LightRow<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { samples, share, first, row, light } = self;
+        let width_px = row.len();
+        let per_plane = samples.len() / light.len();
+        for (samples, light) in samples.chunks_exact(per_plane * width_px).zip(light.chunks_exact_mut(width_px)) {
+            mean_light(samples, width_px, 0..width_px, row);
+            if first {
+                light.iter_mut().zip(&*row).for_each(|(light, &p)| *light = p * share);
+            } else {
+                light.iter_mut().zip(&*row).for_each(|(light, &p)| *light = *light + p * share);
+            }
+        }
+    }
+}
+
+/// Multiplies a row's samples by their slopes.
+struct WeighRow<'a, T> {
+    samples: &'a mut [Complex<T>],
+    slopes: &'a [T],
+    factor: T,
+}
+
+impl<T: Real> WithSimd for WeighRow<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { samples, slopes, factor } = self;
+        let repeats = samples.len() / slopes.len();
+        for (samples, slopes) in chunks(samples, slopes, repeats) {
+            for (u, &slope) in samples.iter_mut().zip(slopes) {
+                *u = u.scale(slope * factor);
+            }
+        }
+    }
+}
+
+/// Each of the samples' rows with its slopes: all the same row where there is one light plane, one each otherwise.
+#[inline(always)]
+fn chunks<'a, T: Real>(
+    samples: &'a mut [Complex<T>],
+    slopes: &'a [T],
+    repeats: usize,
+) -> impl Iterator<Item = (&'a mut [Complex<T>], &'a [T])> {
+    let len = slopes.len();
+    // With one slope a sample the whole row is one chunk.
+    samples.chunks_exact_mut(len).zip(std::iter::repeat_n(slopes, repeats))
+}
+
+/// The errors of a row's light planes.
+struct SlopeRow<'a, 'b, T> {
+    comparison: &'a Comparison<'b, T>,
+    y: usize,
+    light: &'a [T],
+    row: &'a mut [T],
+    slopes: &'a mut [T],
+}
+
+impl<T: Real> WithSimd for SlopeRow<'_, '_, T> {
+    type Output = Sums;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> Sums {
+        let Self { comparison, y, light, row, slopes } = self;
+        let Some(columns) = comparison.region.columns(y) else {
+            slopes.fill(T::zero());
+            return Sums::default();
+        };
+        let (width_px, factor) = (row.len(), T::of(comparison.slope_factor()));
+        let mut sums = Sums::default();
+        for (light, slopes) in light.chunks_exact(width_px).zip(slopes.chunks_exact_mut(width_px)) {
+            row.copy_from_slice(light);
+            sums.add(&comparison.errors(y, columns.clone(), row, slopes));
+            slopes[..columns.start].fill(T::zero());
+            slopes[columns.end..].fill(T::zero());
+            slopes[columns.clone()].iter_mut().for_each(|slope| *slope = *slope * factor);
+        }
+        sums
+    }
+}

@@ -1,0 +1,132 @@
+//! Comparing light with a wanted or photographed picture.
+//!
+//! ```text
+//! intensity:  e = s·p + o − t,    L = Σ w e² / Σ w,   g = ∂L/∂u* = 2 w s e u / (n Σ w)
+//! amplitude:  e = s·√p − √t,      L = Σ w e² / Σ w,   g = ∂L/∂u* = w s e u / (n √p Σ w),   0 where p = 0
+//! ```
+//!
+//! p the detector's light, t the picture, s gain, o offset, w 1 in the region of interest (0 at masked pixels), u the field
+//! at each of the n sub-samples. With the detector `Supersampled` every sub-sample has its own p and e.
+//!
+//! `fused` compares on the way: one pass over the field gives the sums at a gain that is known beforehand and the
+//! gradient at it. `lights` keeps the light between two passes, for what needs all of it first: the gain that fits
+//! best, the mean over frames, neighbouring pixels.
+
+mod fused;
+pub(crate) mod lights;
+
+use crate::detector::Detector;
+use crate::plane::Plane;
+use crate::region::RegionOfInterest;
+
+/// What is compared.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Quantity {
+    /// The light itself.
+    #[default]
+    Intensity,
+    /// Its square root: dark parts count more.
+    Amplitude,
+}
+
+/// Weighted sums over pixels, in f64, from which loss, gain and offset follow. p and t stand for what is
+/// [compared](Quantity).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Sums {
+    /// Σ w
+    pub w: f64,
+    /// Σ w p
+    pub p: f64,
+    /// Σ w p²
+    pub pp: f64,
+    /// Σ w t
+    pub t: f64,
+    /// Σ w t p
+    pub tp: f64,
+    /// Σ w t²
+    pub tt: f64,
+    /// Σ w e²
+    pub ee: f64,
+    /// Σ w e
+    pub e: f64,
+    /// Σ w e p
+    pub ep: f64,
+}
+
+impl Sums {
+    /// L at the gain and offset that the light was compared with.
+    #[must_use]
+    pub fn loss(&self) -> f64 {
+        self.ee / self.w
+    }
+
+    /// The gain that fits best, without an offset: Σ t p / Σ p². 0 where there is no light.
+    #[must_use]
+    pub fn best_gain(&self) -> f64 {
+        if self.pp > 0.0 { self.tp / self.pp } else { 0.0 }
+    }
+
+    /// L at [`Self::best_gain`].
+    #[must_use]
+    pub fn best_loss(&self) -> f64 {
+        ((self.tt - self.best_gain() * self.tp) / self.w).max(0.0)
+    }
+
+    /// The gain and offset that fit best together.
+    #[must_use]
+    pub fn best_gain_and_offset(&self) -> (f64, f64) {
+        let spread = self.pp - self.p * self.p / self.w;
+        if spread <= f64::EPSILON * self.pp {
+            return (self.best_gain(), 0.0);
+        }
+        let gain = (self.tp - self.t * self.p / self.w) / spread;
+        (gain, (self.t - gain * self.p) / self.w)
+    }
+
+    /// Adds another's sums.
+    pub fn add(&mut self, other: &Self) {
+        self.w += other.w;
+        self.p += other.p;
+        self.pp += other.pp;
+        self.t += other.t;
+        self.tp += other.tp;
+        self.tt += other.tt;
+        self.ee += other.ee;
+        self.e += other.e;
+        self.ep += other.ep;
+    }
+}
+
+/// The picture that light is compared with.
+#[derive(Clone, Debug)]
+pub(crate) struct Comparison<'a, T> {
+    pub(crate) quantity: Quantity,
+    /// t, or √t where amplitudes are compared.
+    pub(crate) picture: &'a Plane<T>,
+    /// 1 or 0 for each pixel; `None`: all count.
+    pub(crate) weight: Option<&'a Plane<T>>,
+    pub(crate) region: RegionOfInterest,
+    pub(crate) detector: Detector,
+    pub(crate) gain: f64,
+    pub(crate) offset: f64,
+    /// What the gradient is divided by: the Σ w that the loss will be divided by.
+    pub(crate) weight_sum: f64,
+}
+
+impl Sums {
+    pub(crate) fn divide(&mut self, by: f64) {
+        for sum in [
+            &mut self.w,
+            &mut self.p,
+            &mut self.pp,
+            &mut self.t,
+            &mut self.tp,
+            &mut self.tt,
+            &mut self.ee,
+            &mut self.e,
+            &mut self.ep,
+        ] {
+            *sum /= by;
+        }
+    }
+}

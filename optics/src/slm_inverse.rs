@@ -1,0 +1,125 @@
+//! From a wanted field back to the phase that shows it: what [`Slm`] does, the other way round.
+
+use crate::real::{Real, unit};
+use crate::slm::Slm;
+use num_complex::Complex;
+use std::f64::consts::PI;
+
+impl<T: Real> Slm<T> {
+    /// The phase along row `y` that comes nearest to giving the light the phase of a `wanted` field: r(φ) = arg(k c/a − z₀).
+    pub(crate) fn phase_of_row(&self, y: usize, wanted: &[Complex<T>], phase: &mut [T]) {
+        for (x, (phase, &wanted)) in phase.iter_mut().zip(wanted).enumerate() {
+            let wanted = wanted.scale(self.sign(y, x));
+            let steered = match &self.source {
+                None => wanted - self.zero_order,
+                // ·|a|²: arg(c/a − z₀) without dividing by a dark source.
+                Some(source) => {
+                    let a = source[y * self.width_px + x];
+                    wanted * a.conj() - self.zero_order.scale(a.norm_sqr())
+                }
+            };
+            *phase = self.inverse_response(steered.im.atan2(steered.re)) - self.grating(y, x);
+        }
+    }
+
+    /// The phases that give the light the phases in `row`, where only the modulated light counts.
+    pub(crate) fn shown_by_row(&self, y: usize, row: &mut [T]) {
+        for (x, phase) in row.iter_mut().enumerate() {
+            let grating = self.grating(y, x);
+            *phase = self.inverse_response(*phase + grating) - grating;
+        }
+    }
+
+    /// What the modulator itself has to make of a field: c / a, 0 where no light falls.
+    pub(crate) fn divide_by_source(&self, field: &mut [Complex<T>]) {
+        /// Less light than this, in the source's own unit, is none.
+        const SOURCE_MIN: f64 = 1e-3;
+        let Some(source) = &self.source else { return };
+        for (c, &a) in field.iter_mut().zip(source) {
+            let dark = a.norm_sqr() < T::of(SOURCE_MIN * SOURCE_MIN);
+            *c = if dark { Complex::new(T::zero(), T::zero()) } else { *c / a };
+        }
+    }
+
+    /// k at a pixel: −1 where the carrier adds π.
+    pub(crate) fn sign(&self, y: usize, x: usize) -> T {
+        if self.carrier.is_some_and(|carrier| carrier.is_odd(y, x)) { -T::one() } else { T::one() }
+    }
+
+    /// What the carrier adds to a phase.
+    fn grating(&self, y: usize, x: usize) -> T {
+        if self.carrier.is_some_and(|carrier| carrier.is_odd(y, x)) { T::of(PI) } else { T::zero() }
+    }
+
+    /// φ with r(φ) = `wanted` modulo 2π, by Newton's method.
+    fn inverse_response(&self, wanted: T) -> T {
+        /// Responses are nearly linear: each step squares an error that begins at some tenths.
+        const STEPS: usize = 6;
+        /// Where the response is flatter than this the step would overshoot.
+        const SLOPE_MIN: f64 = 0.25;
+        let mut phase = wanted;
+        if self.harmonics.is_empty() {
+            return phase;
+        }
+        for _ in 0..STEPS {
+            let (slope, steered) = self.response(phase);
+            let away = steered * unit(-wanted);
+            phase = phase - away.im.atan2(away.re) / slope.max(T::of(SLOPE_MIN));
+        }
+        phase
+    }
+
+    /// r′(φ) and e^{i r(φ)}.
+    fn response(&self, phase: T) -> (T, Complex<T>) {
+        let turn = unit(phase);
+        let (mut response, mut slope, mut power) = (phase, T::one(), turn);
+        for (k, &[a, b]) in self.harmonics.iter().enumerate() {
+            response = response + a * power.im + b * power.re;
+            slope = slope + T::of((k + 1) as f64) * (a * power.re - b * power.im);
+            power = power * turn;
+        }
+        (slope, unit(response))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Carrier;
+    use num_complex::Complex64;
+
+    #[test]
+    fn the_phase_of_a_field_shows_that_field() {
+        let (height_px, width_px) = (5, 24);
+        let mut slm = Slm::<f64>::ideal(width_px, Some(Carrier::HalfOrderX));
+        slm.harmonics = vec![[0.2, -0.1], [0.03, 0.05]];
+        slm.zero_order = Complex64::new(0.05, -0.03);
+        slm.source =
+            Some((0..height_px * width_px).map(|i| Complex64::from_polar(0.5 + 0.02 * i as f64, 0.1)).collect());
+        for y in 0..height_px {
+            let phase: Vec<f64> = (0..width_px).map(|x| (3.7 * x as f64 + y as f64) % 6.2).collect();
+            let (mut field, mut found) = (vec![Complex64::ZERO; width_px], vec![0.0; width_px]);
+            slm.field_row(y, &phase, &mut field);
+            slm.phase_of_row(y, &field, &mut found);
+            for (a, b) in phase.iter().zip(&found) {
+                assert!(((a - b) / 2.0).sin().abs() < 1e-9, "{a} {b}");
+            }
+        }
+    }
+
+    #[test]
+    fn phases_of_the_light_are_shown_through_response_and_carrier() {
+        let mut slm = Slm::<f64>::ideal(16, Some(Carrier::HalfOrderY));
+        slm.harmonics = vec![[0.2, -0.1]];
+        let wanted: Vec<f64> = (0..16).map(|x| 0.4 * f64::from(x)).collect();
+        for y in 0..2 {
+            let (mut phase, mut field) = (wanted.clone(), vec![Complex64::ZERO; 16]);
+            slm.shown_by_row(y, &mut phase);
+            slm.field_row(y, &phase, &mut field);
+            // The light leaves with the grating's sign taken along: φ + π is shown as −1 · −e^{iφ}.
+            for (wanted, c) in wanted.iter().zip(&field) {
+                assert!((Complex64::cis(*wanted) - c).norm() < 1e-9, "row {y}: {wanted} {c}");
+            }
+        }
+    }
+}
