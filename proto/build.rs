@@ -4,12 +4,13 @@
 use prost::Message as _;
 use std::{env, error::Error, fs, path::PathBuf};
 
-const PROTOS: [&str; 5] = [
+const PROTOS: [&str; 6] = [
     "lightpath/v1/artifact.proto",
     "lightpath/v1/dataset.proto",
     "lightpath/v1/display.proto",
     "lightpath/v1/job.proto",
     "lightpath/v1/kernel.proto",
+    "lightpath/v1/propagation.proto",
 ];
 
 fn main() -> Result<(), Box<dyn Error>> {

@@ -29,6 +29,8 @@ calls! {
     displays.get_display(GetDisplayRequest) -> Display;
     /// A page of displays, in the order of their ids.
     displays.list_displays(ListDisplaysRequest) -> ListDisplaysResponse;
+    /// How the light's way to a distance would be computed, and how good that is.
+    displays.plan_propagation(PlanPropagationRequest) -> PlanPropagationResponse;
     /// Deletes a display that nothing refers to.
     displays.delete_display(DeleteDisplayRequest) -> DeleteDisplayResponse;
 

@@ -168,8 +168,10 @@ mod tests {
         job.state = State::Cancelled.into();
         assert_eq!(capture_result(&job).unwrap_err().to_string(), "jobs/1 was cancelled");
         job.state = State::Succeeded.into();
-        job.result =
-            Some(v1::JobResult { kind: Some(v1::job_result::Kind::Capture(v1::CaptureResult { photo: "p".into() })) });
+        job.result = Some(v1::JobResult {
+            kind: Some(v1::job_result::Kind::Capture(v1::CaptureResult { photo: "p".into() })),
+            ..Default::default()
+        });
         assert_eq!(capture_result(&job).unwrap().photo, "p");
         assert!(matches!(learn_result(&job), Err(Error::Protocol { .. })));
     }

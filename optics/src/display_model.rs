@@ -145,15 +145,23 @@ impl DisplayModel {
         bins.map(|h| h.re + h.im).expect_finite("kernel")
     }
 
-    /// H at fx, fy [1/m].
+    /// H at fx, fy [1/m]. Where the setup's method is an impulse response it is a sum over the frame, anew each time.
     #[must_use]
     pub fn transfer(&self, fx: f64, fy: f64) -> Complex64 {
+        self.beside_ideal(fx, fy, |fx, fy| self.setup.transfer(fx, fy))
+    }
+
+    /// H, with all that it needs tabulated: for many padded bins.
+    pub fn sampled(&self) -> impl Fn(f64, f64) -> Complex64 + Sync + '_ {
+        let ideal = self.setup.sampled();
+        move |fx, fy| self.beside_ideal(fx, fy, |fx, fy| ideal.at(fx, fy))
+    }
+
+    fn beside_ideal(&self, fx: f64, fy: f64, ideal: impl Fn(f64, f64) -> Complex64) -> Complex64 {
         let pitch_m = self.setup.grid().pixel_pitch_m();
         match &self.kernel {
-            KernelShape::Ideal => self.setup.transfer(fx, fy),
-            KernelShape::Smooth(errors) => {
-                self.setup.transfer(fx, fy) * errors.value(2.0 * pitch_m * fx, 2.0 * pitch_m * fy)
-            }
+            KernelShape::Ideal => ideal(fx, fy),
+            KernelShape::Smooth(errors) => ideal(fx, fy) * errors.value(2.0 * pitch_m * fx, 2.0 * pitch_m * fy),
             KernelShape::Bins(bins) => {
                 let index = |f: f64, padded: usize, side: usize| {
                     let i = (f * pitch_m * padded as f64).round() + (side / 2) as f64;

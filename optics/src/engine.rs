@@ -158,14 +158,16 @@ fn sample_transfer<T: Real>(model: &DisplayModel) -> Transfer<T> {
     let pitch_m = model.setup.grid().pixel_pitch_m();
     match &model.kernel {
         KernelShape::Ideal | KernelShape::Bins(_) => {
-            Transfer::sample(height_px, width_px, |fx, fy| model.transfer(fx / pitch_m, fy / pitch_m))
+            let sampled = model.sampled();
+            Transfer::sample(height_px, width_px, |fx, fy| sampled(fx / pitch_m, fy / pitch_m))
         }
         KernelShape::Smooth(errors) => {
+            let ideal = model.setup.sampled();
             let mut transfer = Transfer::zeros(height_px, width_px);
             transfer.fill_columns(|fx, fys, column| {
                 let series = SeriesAlongY::new(errors, 2.0 * fx);
                 for (value, &fy) in column.iter_mut().zip(fys) {
-                    let exact = model.setup.transfer(fx / pitch_m, fy / pitch_m) * series.at(2.0 * fy);
+                    let exact = ideal.at(fx / pitch_m, fy / pitch_m) * series.at(2.0 * fy);
                     *value = Complex::new(T::of(exact.re), T::of(exact.im));
                 }
             });

@@ -1,5 +1,7 @@
 //! What can be wrong with what a caller hands in.
 
+use crate::propagation::Method;
+
 /// Shorthand for this crate's results.
 pub type Result<T> = std::result::Result<T, Error>;
 
@@ -44,6 +46,16 @@ pub enum Error {
     /// A photograph of which nothing counts.
     #[error("photo is saturated at every pixel of the region of interest; expose the camera less, or move the region")]
     Saturated,
+    /// A method of propagation can't be right for what it was asked.
+    #[error("the {method} is not possible here: {reason}")]
+    Unsuitable {
+        /// Which method.
+        method: Method,
+        /// In capitals, stable, for programs.
+        code: &'static str,
+        /// The numbers, and what would be right, for people.
+        reason: String,
+    },
     /// Nothing to work on.
     #[error("{name} is empty, but {needed}")]
     Empty {

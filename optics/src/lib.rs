@@ -16,6 +16,7 @@
 //!
 //! - [`grid`], [`plane`], [`region`]: sizes, arrays, and the part of an image that counts.
 //! - [`setup`], [`transfer_function`]: what light goes through, and what that does to it.
+//! - [`propagation`]: the methods by which it is computed, and a planner that chooses one and says how good it is.
 //! - [`phase_response`], [`carrier`]: from phases to what a modulator shows.
 //! - [`metrics`]: how close an image comes to its target, and how much of the light arrives.
 //! - [`reference`](mod@reference): slow and plain f64 twins of what is fast elsewhere.
@@ -46,6 +47,7 @@ pub mod passes;
 pub mod phase_response;
 pub mod photometry;
 pub mod plane;
+pub mod propagation;
 mod real;
 pub mod reference;
 pub mod region;
@@ -64,6 +66,7 @@ pub use error::{Error, Result};
 pub use grid::Grid;
 pub use hologram::{Adam, AdamState, Evaluation, HologramProblem, Optimization};
 pub use plane::Plane;
+pub use propagation::Method;
 pub use real::Real;
 pub use region::RegionOfInterest;
 pub use setup::OpticalSetup;

@@ -9,6 +9,7 @@
 //! | `model` | `paper`, `dense`, `smooth` or `display` |
 //! | `height_px`, `width_px`, `pixel_pitch_m`, `wavelength_m`, `distance_m` | what it was learned for |
 //! | `kernel_order`, `source_order` | highest total degrees of the Chebyshev series |
+//! | `propagation` | the method of H_ideal, `band_limited` where it is missing |
 //!
 //! | tensor | type, shape | meaning |
 //! |---|---|---|
@@ -21,6 +22,8 @@
 //! Coefficients are in the order of `lightpath_optics::chebyshev::ChebyshevBasis::degrees`.
 
 use crate::kernel::KernelModel;
+use crate::planning;
+use crate::propagation::PropagationMethod;
 use lightpath_optics::{DisplayModel, Grid, KernelShape, OpticalSetup, Plane, SmoothField};
 use num_complex::{Complex32, Complex64};
 use safetensors::tensor::TensorView;
@@ -77,6 +80,13 @@ struct Header {
     distance_m: f64,
     kernel_order: usize,
     source_order: usize,
+    /// Files of older servers are of band-limited propagation.
+    #[serde(default = "band_limited")]
+    propagation: PropagationMethod,
+}
+
+fn band_limited() -> PropagationMethod {
+    PropagationMethod::BandLimited
 }
 
 /// The file's bytes; the same model gives the same bytes.
@@ -97,6 +107,7 @@ pub fn encode(model: &DisplayModel, kind: KernelModel) -> Result<Vec<u8>, Kernel
         distance_m: model.setup.distance_m(),
         kernel_order: if let KernelShape::Smooth(errors) = &model.kernel { errors.order } else { 0 },
         source_order: model.source.order,
+        propagation: planning::from_optics(model.setup.method()),
     };
     let photometry = [model.gain, model.offset, model.zero_order.re, model.zero_order.im];
     let mut tensors = vec![("photometry", Dtype::F64, vec![4], bytes_f64(&photometry))];
@@ -136,6 +147,7 @@ pub fn decode(bytes: &[u8]) -> Result<(DisplayModel, KernelModel), KernelFileErr
     let tensors = SafeTensors::deserialize(bytes)?;
     let grid = Grid::try_new(header.height_px, header.width_px, header.pixel_pitch_m)?;
     let setup = OpticalSetup::try_new(grid, header.wavelength_m, header.distance_m)?;
+    let setup = setup.with_method_regardless(planning::to_optics(header.propagation))?;
     let [gain, offset, re, im] = floats(&tensors, "photometry")?[..] else {
         return Err(KernelFileError::Tensor { name: "photometry", expected: "four f64" });
     };
@@ -214,7 +226,8 @@ mod tests {
         for (kernel, kind) in
             [(KernelShape::Smooth(errors), KernelModel::Display), (KernelShape::Bins(bins), KernelModel::Dense)]
         {
-            let model = model(kernel);
+            let mut model = model(kernel);
+            model.setup = model.setup.planned().unwrap().0;
             let bytes = encode(&model, kind).unwrap();
             assert_eq!(bytes, encode(&model, kind).unwrap());
             assert_eq!(decode(&bytes).unwrap(), (model, kind));

@@ -3,10 +3,10 @@
 //!
 //! # Layout
 //!
-//! - [`units`], [`display`], [`dataset`], [`kernel`], [`job`]: the domain, plain validated Rust that knows no
+//! - [`units`], [`display`], [`dataset`], [`kernel`], [`job`], [`propagation`]: the domain, plain validated Rust that knows no
 //!   database, no wire type and no clock.
 //! - [`pictures`]: decoding of targets, photographs and holograms, and encoding of results.
-//! - [`kernel_file`]: learned displays as safetensors.
+//! - [`kernel_file`]: learned displays as safetensors. `planning`: from displays to optical setups.
 //! - [`figures`]: contact sheets, heat maps and curves for people.
 //! - [`demo`]: the whole loop on a simulated display, for people to see.
 //! - [`artifacts`]: content-addressed files and resumable uploads.
@@ -31,6 +31,8 @@ pub mod kernel;
 pub mod kernel_file;
 pub mod metrics;
 pub mod pictures;
+mod planning;
+pub mod propagation;
 pub mod server;
 pub mod store;
 pub mod units;

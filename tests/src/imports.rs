@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 /// Dependencies that no pure numerics need.
 const NO_NUMERICS: [&str; 6] = ["tokio", "sqlx", "prost", "tonic", "axum", "object_store"];
 /// Modules of the server that are plain domain.
-const DOMAIN: [&str; 5] = ["units", "display", "dataset", "kernel", "job"];
+const DOMAIN: [&str; 6] = ["units", "display", "dataset", "kernel", "job", "propagation"];
 
 #[test]
 fn crates_depend_only_on_those_they_may() {

@@ -60,11 +60,16 @@ async fn holograms(bench: &Bench) {
     assert!(made.contains("96x64 px") && made.contains("8 µm") && made.contains("515 nm"), "{made}");
     assert!(bench.text("display list").await.contains("toy"));
     assert_eq!(bench.json("display show toy").await["name"], "displays/toy");
+    let plan = bench.text("display plan toy --distance 50mm").await;
+    for sign in ["rayleigh-sommerfeld: 50 mm is beyond", "warning", "BAND_LIMITED", "15.91 mm along y", "band-extended"]
+    {
+        assert!(plan.contains(sign), "{sign} is not in {plan}");
+    }
 
     let one = bench
         .text("hologram optimize @/t0.png --display toy --distance 50mm --iterations 30 -o @/one.png --npy @/one.npy --reconstruction @/seen.png")
         .await;
-    for sign in ["ideal", "point", "pixel", "supersampled", " dB", "ms an iteration", "one.png"] {
+    for sign in ["ideal", "point", "pixel", "supersampled", " dB", "ms an iteration", "one.png", "BAND_LIMITED"] {
         assert!(one.contains(sign), "{sign} is not in {one}");
     }
     assert_eq!((size_of(&bench.path("one.png")), size_of(&bench.path("seen.png"))), ((96, 64), (96, 64)));

@@ -74,6 +74,36 @@ impl From<Encoding> for v1::Encoding {
     }
 }
 
+/// How light's way from the SLM to the image is computed.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum Propagation {
+    /// The planner's choice; through a learned kernel, what that was learned with.
+    Auto,
+    /// The angular spectrum with all of its band: exact up to the critical distance.
+    AngularSpectrum,
+    /// The same without the light that lands beyond the padded frame.
+    BandLimited,
+    /// The Rayleigh–Sommerfeld impulse response: exact from the critical distance on.
+    RayleighSommerfeld,
+    /// The paraxial transfer function: up to the critical distance.
+    FresnelTransferFunction,
+    /// The paraxial impulse response: from the critical distance on.
+    FresnelImpulseResponse,
+}
+
+impl From<Propagation> for v1::PropagationMethod {
+    fn from(propagation: Propagation) -> Self {
+        match propagation {
+            Propagation::Auto => Self::Unspecified,
+            Propagation::AngularSpectrum => Self::AngularSpectrum,
+            Propagation::BandLimited => Self::BandLimited,
+            Propagation::RayleighSommerfeld => Self::RayleighSommerfeld,
+            Propagation::FresnelTransferFunction => Self::FresnelTransferFunction,
+            Propagation::FresnelImpulseResponse => Self::FresnelImpulseResponse,
+        }
+    }
+}
+
 /// `150mm`.
 pub(crate) fn distance(text: &str) -> Result<f64, ParseError> {
     Length::Distance.parse_m(text)

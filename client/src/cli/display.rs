@@ -1,5 +1,7 @@
 //! `lightpath display …`
 
+mod plan;
+
 use super::arguments::{Limit, above_zero, pixel_pitch, resolution, wavelength};
 use super::failure::Failure;
 use super::session::{Session, more_hint, pages, say};
@@ -19,6 +21,7 @@ pub(crate) enum DisplayCommand {
     List(Limit),
     /// Show one display
     Show(Id),
+    Plan(plan::Plan),
     /// Delete a display that has no datasets, kernels or jobs
     Delete(Id),
 }
@@ -139,6 +142,7 @@ impl DisplayCommand {
                 let request = v1::GetDisplayRequest { name: names::display(&id.id) };
                 session.print(&session.client.get_display(request).await?, facts)
             }
+            Self::Plan(plan) => plan.run(session).await,
             Self::Delete(id) => {
                 let request = v1::DeleteDisplayRequest { name: names::display(&id.id) };
                 let answer = session.client.delete_display(request).await?;

@@ -18,6 +18,7 @@ use lightpath::{hologram_result, names};
 use outputs::{Files, Outputs};
 use pictures::Pictures;
 use results::{kernel_version, results};
+use std::collections::BTreeSet;
 use std::fs::File;
 use std::path::PathBuf;
 use work::Work;
@@ -210,7 +211,21 @@ async fn finish(session: &Session, items: Vec<Item>) -> Result<(), Failure> {
         session.print_json_line(&item.job)?;
     }
     session.print_text(&results(&items))?;
+    say_warnings(&items);
     job_text::check_success(&items.into_iter().map(|item| item.job).collect::<Vec<_>>())
+}
+
+/// What to beware of, once for all jobs, wavelengths and planes that have the same warning. That of a single one is among
+/// its facts.
+fn say_warnings(items: &[Item]) {
+    let results = items.iter().filter_map(|item| hologram_result(&item.job).ok());
+    let planes = results.flat_map(|result| &result.wavelengths).flat_map(|wavelength| &wavelength.planes);
+    let reports: Vec<_> = planes.filter_map(|plane| plane.propagation.as_ref()).collect();
+    if reports.len() > 1 {
+        let warnings = reports.iter().flat_map(|report| &report.warnings);
+        let once: BTreeSet<String> = warnings.map(|it| format!("warning {}: {}", it.code, it.text)).collect();
+        once.iter().for_each(|warning| say(warning));
+    }
 }
 
 fn print_submitted(session: &Session, items: &[Item]) -> Result<(), Failure> {

@@ -2,7 +2,7 @@
 
 use super::failure::Failure;
 use super::table::{Facts, Table};
-use super::{quality_text, show};
+use super::{propagation_text, quality_text, show};
 use lightpath::v1::{self, Job, job::State, job_result, job_spec};
 use lightpath::{names, units};
 
@@ -75,6 +75,9 @@ pub(crate) fn facts(job: &Job) -> String {
     facts.add_some("created", job.create_time.as_ref().map(show::time));
     facts.add_some("started", job.start_time.as_ref().map(show::time));
     facts.add_some("ended", job.finish_time.as_ref().map(show::time));
+    if let Some(report) = propagation(job) {
+        propagation_text::add(report, &mut facts);
+    }
     let mut text = String::new();
     match job.result.as_ref().and_then(|result| result.kind.as_ref()) {
         Some(job_result::Kind::Hologram(result)) => {
@@ -87,6 +90,11 @@ pub(crate) fn facts(job: &Job) -> String {
         None => {}
     }
     facts.text() + &text
+}
+
+/// How light's way was computed, of a job that succeeded.
+pub(crate) fn propagation(job: &Job) -> Option<&v1::ValidityReport> {
+    job.result.as_ref()?.propagation.as_ref()
 }
 
 fn spec(job: &Job) -> Option<&job_spec::Kind> {

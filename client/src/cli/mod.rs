@@ -2,7 +2,7 @@
 //!
 //! - `arguments`, `submission`, `kernel_choice`: arguments that several commands take.
 //! - `session`: the connection and the two forms of output; `failure`: exit codes.
-//! - `table`, `show`, `job_text`, `quality_text`: how things look to people; `progress`: bars and waiting; `destination`: files to write.
+//! - `table`, `show`, `job_text`, `quality_text`, `propagation_text`: how things look to people; `progress`: bars and waiting; `destination`: files to write.
 
 mod arguments;
 mod dataset;
@@ -15,6 +15,7 @@ mod job_text;
 mod kernel;
 mod kernel_choice;
 mod progress;
+mod propagation_text;
 mod quality_text;
 mod session;
 mod show;

@@ -208,11 +208,12 @@ impl Band {
         let frequency = |centred: usize, side: usize, n: usize| {
             (centred as f64 - (side / 2) as f64) / (2 * n) as f64 / grid.pixel_pitch_m()
         };
+        let sampled = setup.sampled();
         let mut parameters = Vec::with_capacity(self.parameters());
         for &x in &self.columns_centred {
             let fx = frequency(x, self.columns.len(), grid.width_px());
             for &y in &self.rows_centred {
-                let h = setup.transfer(fx, frequency(y, self.rows.len(), grid.height_px()));
+                let h = sampled.at(fx, frequency(y, self.rows.len(), grid.height_px()));
                 parameters.extend([h.re as f32, h.im as f32]);
             }
         }

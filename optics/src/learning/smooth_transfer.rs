@@ -27,8 +27,9 @@ impl<T: Real> SmoothTransfer<T> {
     pub(super) fn new(setup: &OpticalSetup, order: usize) -> Self {
         let grid = setup.grid();
         let pitch_m = grid.pixel_pitch_m();
+        let sampled = setup.sampled();
         let ideal =
-            Transfer::sample(grid.height_px(), grid.width_px(), |fx, fy| setup.transfer(fx / pitch_m, fy / pitch_m));
+            Transfer::sample(grid.height_px(), grid.width_px(), |fx, fy| sampled.at(fx / pitch_m, fy / pitch_m));
         let rows: Vec<Vec<f64>> = frequencies(grid.height_px()).iter().map(|fy| polynomials(order, 2.0 * fy)).collect();
         Self {
             basis: ChebyshevBasis::new(order),

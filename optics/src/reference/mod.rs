@@ -5,7 +5,7 @@
 //!
 //! - [`fft2`], [`dft2`]: the two-dimensional Fourier transform, fast and by its definition.
 //! - [`propagate`]: convolution with a transfer function, zero-padded twofold.
-//! - [`rayleigh_sommerfeld`]: diffraction as a direct sum, knowing no Fourier transform.
+//! - [`rayleigh_sommerfeld`], [`rayleigh_sommerfeld_onto`]: diffraction as a direct sum, knowing no Fourier transform.
 //! - [`gaussian_beam`], [`square_aperture`]: fields that are known in closed form.
 
 mod closed_forms;
@@ -16,4 +16,4 @@ mod rayleigh_sommerfeld;
 pub use closed_forms::{fresnel_integral, gaussian_beam, square_aperture};
 pub use fourier::{Direction, dft2, fft2};
 pub use propagation::{filter, offset, propagate, propagate_uncropped};
-pub use rayleigh_sommerfeld::rayleigh_sommerfeld;
+pub use rayleigh_sommerfeld::{rayleigh_sommerfeld, rayleigh_sommerfeld_onto};

@@ -6,46 +6,70 @@
 //!
 //! The first Rayleigh–Sommerfeld integral in the time convention e^{−iωt}, without the piston e^{ikz}, as the transfer
 //! functions of this crate. k = 2π/λ, Δ pixel pitch \[m\]. r − z = ρ²/(r + z) avoids cancellation. The sum samples the
-//! integral well enough for z > z_c (see [`OpticalSetup::critical_distance_x_m`]).
+//! integral well enough where e^{ikr} turns by less than half a cycle from pixel to pixel, that is onto the display's own window
+//! for z > z_c (see [`OpticalSetup::critical_distance_x_m`]). To judge nearer images sample the field more finely: z_c goes
+//! with Δ at a given size of the display. J. Goodman, Introduction to Fourier Optics, section 3.5.
 
-use crate::transfer_function::phasor;
+use crate::propagation::{ImageWindow, impulse_response};
 use crate::{OpticalSetup, Plane, Result};
 use num_complex::Complex64;
 use rayon::prelude::*;
-use std::f64::consts::TAU;
 
-/// The field at the setup's distance, in O(pixels²). Towards negative distances it is the field that would become
-/// `field`, without its evanescent part.
+/// The field at the setup's distance, on the display's own pixels, in O(pixels²). Towards negative distances it is the
+/// field that would become `field`, without its evanescent part.
+///
+/// ```
+/// use lightpath_optics::reference::rayleigh_sommerfeld;
+/// use lightpath_optics::{Grid, OpticalSetup, Plane};
+/// use num_complex::Complex64;
+///
+/// let setup = OpticalSetup::try_new(Grid::try_new(24, 24, 8e-6)?, 515e-9, 0.02)?;
+/// let spot = Plane::from_fn(24, 24, |y, x| {
+///     Complex64::from((-((y as f64 - 11.5).powi(2) + (x as f64 - 11.5).powi(2)) / 18.0).exp())
+/// });
+/// let image = rayleigh_sommerfeld(&setup, &spot)?;
+/// let light = |plane: &Plane<Complex64>| plane.values().iter().map(|u| u.norm_sqr()).sum::<f64>();
+/// assert!(image.at(12, 12).norm() < spot.at(12, 12).norm(), "it spreads,");
+/// assert!((light(&image) / light(&spot) - 1.0).abs() < 0.05, "but little of it leaves the frame");
+/// # Ok::<(), lightpath_optics::Error>(())
+/// ```
 ///
 /// # Errors
 ///
 /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) when `field` is not of the size of the setup's grid.
 pub fn rayleigh_sommerfeld(setup: &OpticalSetup, field: &Plane<Complex64>) -> Result<Plane<Complex64>> {
-    let (height_px, width_px) = (setup.grid().height_px(), setup.grid().width_px());
-    field.expect_size("field", height_px, width_px)?;
-    let backwards = setup.distance_m() < 0.0;
-    let turned = |value: Complex64| if backwards { value.conj() } else { value };
-    let values = (0..height_px * width_px)
-        .into_par_iter()
-        .map(|pixel| {
-            let (y, x) = (pixel / width_px, pixel % width_px);
-            let mut sum = Complex64::ZERO;
-            for source_y in 0..height_px {
-                for (source_x, &value) in field.row(source_y).iter().enumerate() {
-                    sum += turned(value) * impulse_response(setup, y.abs_diff(source_y), x.abs_diff(source_x));
-                }
-            }
-            turned(sum) * setup.grid().pixel_pitch_m().powi(2)
-        })
-        .collect();
-    Plane::try_from_vec(height_px, width_px, values)
+    rayleigh_sommerfeld_onto(setup, field, &ImageWindow::of(&setup.grid()))
 }
 
-/// h(x, y) \[1/m²\] a whole number of pixels away, for |z|.
-fn impulse_response(setup: &OpticalSetup, y_px: usize, x_px: usize) -> Complex64 {
-    let (pitch_m, wavelength_m, z) = (setup.grid().pixel_pitch_m(), setup.wavelength_m(), setup.distance_m().abs());
-    let rho_squared = (y_px as f64 * pitch_m).powi(2) + (x_px as f64 * pitch_m).powi(2);
-    let r = (rho_squared + z * z).sqrt();
-    let obliquity = z / (TAU * r * r) * Complex64::new(1.0 / r, -TAU / wavelength_m);
-    obliquity * phasor(rho_squared / ((r + z) * wavelength_m))
+/// The field at the setup's distance in any window, in O(pixels · the window's pixels). The setup's method and middle don't
+/// matter.
+///
+/// # Errors
+///
+/// [`Error::SizeMismatch`](crate::Error::SizeMismatch) when `field` is not of the size of the setup's grid.
+pub fn rayleigh_sommerfeld_onto(
+    setup: &OpticalSetup,
+    field: &Plane<Complex64>,
+    window: &ImageWindow,
+) -> Result<Plane<Complex64>> {
+    let grid = setup.grid();
+    field.expect_size("field", grid.height_px(), grid.width_px())?;
+    let source = ImageWindow::of(&grid);
+    let columns_m: Vec<f64> = (0..grid.width_px()).map(|x| source.x_m(x)).collect();
+    let values = (0..window.height_px() * window.width_px())
+        .into_par_iter()
+        .map(|pixel| {
+            let (y, x) = (pixel / window.width_px(), pixel % window.width_px());
+            let mut sum = Complex64::ZERO;
+            for source_y in 0..grid.height_px() {
+                let dy_m = window.y_m(y) - source.y_m(source_y);
+                for (&value, &column_m) in field.row(source_y).iter().zip(&columns_m) {
+                    let dx_m = window.x_m(x) - column_m;
+                    sum += value * impulse_response(dx_m, dy_m, setup.wavelength_m(), setup.distance_m());
+                }
+            }
+            sum * grid.pixel_pitch_m().powi(2)
+        })
+        .collect();
+    Plane::try_from_vec(window.height_px(), window.width_px(), values)
 }

@@ -4,8 +4,9 @@
 
 use super::draws::{Draws, Stream};
 use super::pixel_light::pixel_light;
+use crate::propagation::SampledTransfer;
 use crate::reference::propagate;
-use crate::{OpticalSetup, Plane, RegionOfInterest};
+use crate::{Grid, Plane, RegionOfInterest};
 use num_complex::Complex64;
 
 /// Part of the camera's full scale that all but a thousandth of a speckled image stays below.
@@ -14,19 +15,19 @@ const EXPOSED_TO: f64 = 0.9;
 /// The gain from intensity to full scales of the camera that brings the brightest thousandth of a speckled image to
 /// [`EXPOSED_TO`].
 pub(super) fn calibrate(
-    setup: &OpticalSetup,
+    ideal: &SampledTransfer,
+    grid: Grid,
     source: &Plane<f64>,
     transfer_by_column: &Plane<Complex64>,
     seed: u64,
 ) -> f64 {
-    let grid = setup.grid();
     let region = RegionOfInterest::middle(&grid);
     let mut draws = Draws::new(seed, Stream::Exposure);
     let speckles = Plane::from_fn(grid.height_px(), grid.width_px(), |y, x| {
         let speckle = Complex64::cis(draws.angle());
         if region.columns(y).is_some_and(|columns| columns.contains(&x)) { speckle } else { Complex64::ZERO }
     });
-    let hologram = propagate(&speckles, grid.pixel_pitch_m(), |fx, fy| setup.transfer(fx, fy).conj());
+    let hologram = propagate(&speckles, grid.pixel_pitch_m(), |fx, fy| ideal.at(fx, fy).conj());
     let field = Plane::from_fn(grid.height_px(), grid.width_px(), |y, x| {
         source.at(y, x) * Complex64::cis(hologram.at(y, x).arg())
     });

@@ -19,6 +19,7 @@ mod pixel_light;
 
 use crate::carrier::Carrier;
 use crate::grid::frequency;
+use crate::propagation::SampledTransfer;
 use crate::transfer_function::phasor;
 use crate::{Error, OpticalSetup, Plane, Result};
 use aberration::Aberration;
@@ -45,6 +46,7 @@ pub struct Imperfections {
 #[derive(Clone)]
 pub struct SimulatedDisplay {
     setup: OpticalSetup,
+    ideal: SampledTransfer,
     carrier: Option<Carrier>,
     aberration: Aberration,
     source: Plane<f64>,
@@ -84,6 +86,7 @@ impl SimulatedDisplay {
         let mut shift_px = || misalignment_px * draws.between(-1.0, 1.0);
         let mut display = Self {
             setup,
+            ideal: setup.sampled(),
             carrier,
             aberration: Aberration::draw(seed, strength),
             source: illumination::draw(&setup.grid(), seed, strength),
@@ -94,7 +97,8 @@ impl SimulatedDisplay {
             transfer_by_column: Plane::filled(0, 0, Complex64::ZERO),
         };
         display.transfer_by_column = display.sampled_transfer();
-        display.exposure = exposure::calibrate(&setup, &display.source, &display.transfer_by_column, seed);
+        display.exposure =
+            exposure::calibrate(&display.ideal, setup.grid(), &display.source, &display.transfer_by_column, seed);
         Ok(display)
     }
 
@@ -134,12 +138,13 @@ impl SimulatedDisplay {
         self.setup
     }
 
-    /// H(fx, fy), frequencies in 1/m: free space, aberrations, apodization, and the camera's shift.
+    /// H(fx, fy), frequencies in 1/m: free space, aberrations, apodization, and the camera's shift. Where the setup's method is
+    /// an impulse response, free space is that of the nearest padded bin.
     #[must_use]
     pub fn true_transfer(&self, fx: f64, fy: f64) -> Complex64 {
         let pitch_m = self.setup.grid().pixel_pitch_m();
         let shifted = phasor((fx * self.shift_px.0 + fy * self.shift_px.1) * pitch_m);
-        self.setup.transfer(fx, fy) * shifted * self.aberration.at(2.0 * pitch_m * fx, 2.0 * pitch_m * fy)
+        self.ideal.at(fx, fy) * shifted * self.aberration.at(2.0 * pitch_m * fx, 2.0 * pitch_m * fy)
     }
 
     /// Amplitude of the light on a pixel of the modulator; the brightest pixel has 1.

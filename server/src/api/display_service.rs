@@ -39,6 +39,13 @@ impl DisplayService for Api {
         Ok(Response::new(v1::ListDisplaysResponse { displays, next_page_token }))
     }
 
+    async fn plan_propagation(
+        &self,
+        request: Request<v1::PlanPropagationRequest>,
+    ) -> Result<Response<v1::PlanPropagationResponse>, Status> {
+        Ok(Response::new(self.plan(request.into_inner()).await?))
+    }
+
     async fn delete_display(
         &self,
         request: Request<v1::DeleteDisplayRequest>,

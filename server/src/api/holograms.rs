@@ -2,6 +2,7 @@
 
 use super::encodings::{detector_to_wire, encoding_to_wire, region_to_wire};
 use super::jobs::{kernel_choice, quality_to_wire};
+use super::propagation::{method_to_wire as propagation_to_wire, report_to_wire};
 use crate::job::{
     Fit, HologramResult, ImagePlane, InitialPhase, Loss, Method, OptimizeHologram, PlaneResult, Quantity,
     WavelengthResult,
@@ -39,6 +40,7 @@ pub(super) fn optimize_to_wire(spec: OptimizeHologram) -> v1::OptimizeHologram {
         weight_mask: spec.weight_mask.unwrap_or_default(),
         quantization_aware: spec.quantization_aware,
         kernel_versions: versions,
+        propagation: spec.propagation.map_or(v1::PropagationMethod::Unspecified, propagation_to_wire).into(),
         ..v1::OptimizeHologram::default()
     };
     if wavelengths.len() > 1 {
@@ -140,5 +142,6 @@ fn plane_result_to_wire(plane: PlaneResult) -> hologram_result::PlaneResult {
         reconstruction: plane.reconstruction,
         quality: Some(quality_to_wire(plane.quality)),
         quantized_quality: Some(quality_to_wire(plane.quantized_quality)),
+        propagation: plane.propagation.map(report_to_wire),
     }
 }

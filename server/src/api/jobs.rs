@@ -3,6 +3,7 @@
 use super::encodings::{detector_to_wire, model_to_wire, region_to_wire, split_to_wire};
 use super::holograms::{hologram_to_wire, optimize_to_wire};
 use super::kernels::metrics_to_wire;
+use super::propagation::report_to_wire;
 use super::time::timestamp;
 use crate::job::{
     EvaluateKernel, Job, JobError, JobResult, JobSpec, JobState, LearnKernel, Progress, Quality, SimulateCapture,
@@ -112,6 +113,13 @@ fn evaluate_to_wire(spec: EvaluateKernel) -> v1::EvaluateKernel {
 }
 
 fn result_to_wire(result: JobResult) -> v1::JobResult {
+    let propagation = match &result {
+        JobResult::Hologram(result) => result.propagation(),
+        JobResult::Learn(result) => result.propagation.as_ref(),
+        JobResult::Capture(result) => result.propagation.as_ref(),
+        JobResult::Evaluate(result) => result.propagation.as_ref(),
+    };
+    let propagation = propagation.cloned().map(report_to_wire);
     let kind = match result {
         JobResult::Hologram(result) => job_result::Kind::Hologram(hologram_to_wire(*result)),
         JobResult::Learn(result) => job_result::Kind::Learn(v1::LearnResult {
@@ -130,7 +138,7 @@ fn result_to_wire(result: JobResult) -> v1::JobResult {
             job_result::Kind::Evaluate(v1::EvaluateResult { pairs: pairs.collect() })
         }
     };
-    v1::JobResult { kind: Some(kind) }
+    v1::JobResult { kind: Some(kind), propagation }
 }
 
 pub(super) fn quality_to_wire(Quality { point, pixel, supersampled }: Quality) -> v1::Quality {

@@ -4,7 +4,8 @@
 //!
 //! - `field`, `names`, `pages`: checking fields, resource names and pages. `submit`, `optimize`, `kernel_choice`,
 //!   `pictures`: checking submitted jobs.
-//! - `displays`, `datasets`, `jobs`, `holograms`, `kernels`, `encodings`, `time`: messages from and to domain types.
+//! - `displays`, `datasets`, `jobs`, `holograms`, `kernels`, `propagation`, `encodings`, `time`: messages from and to domain
+//!   types.
 //! - `*_service`: one gRPC service each. `watch`: streams that follow something.
 //! - `error`, `status`: why a request is refused, and the one map to gRPC statuses.
 
@@ -27,6 +28,7 @@ mod names;
 mod optimize;
 mod pages;
 mod pictures;
+mod propagation;
 mod status;
 mod submit;
 mod time;

@@ -4,6 +4,7 @@ use super::Api;
 use super::encodings::{detector, encoding, region};
 use super::error::ApiError;
 use super::field::Field;
+use super::propagation::{check_distance, check_method as check_propagation_method, convolution};
 use super::submit::learning_rate;
 use crate::dataset::Encoding;
 use crate::display::Display;
@@ -83,11 +84,13 @@ impl Api {
             loss: Loss::default(),
             weight_mask: optional_digest(&at("weight_mask"), &message.weight_mask)?,
             quantization_aware: message.quantization_aware,
+            propagation: convolution(&at("propagation"), message.propagation)?,
         };
         spec.loss = loss_of(&at("loss"), message.loss, spec.region_of_interest)?;
         check_method(field, &spec)?;
         check_size(field, &spec, &display)?;
         self.choose_kernels(&at("kernel"), &message.kernel, &mut spec, before).await?;
+        check_propagation(field, &spec, &display)?;
         self.check_pictures(field, &spec, &display).await?;
         Ok(spec)
     }
@@ -153,6 +156,32 @@ impl Api {
         }
         Ok(())
     }
+}
+
+/// Refuses ways to an image that can't be right, of every wavelength to every plane.
+fn check_propagation(field: &Field, spec: &OptimizeHologram, display: &Display) -> Result<(), ApiError> {
+    let (wavelengths, planes) = (spec.wavelengths(), spec.planes());
+    for (w, &wavelength) in wavelengths.iter().enumerate() {
+        for (p, plane) in planes.iter().enumerate() {
+            let Some(method) = spec.propagation else {
+                let at = match (&spec.depth_map, planes.len()) {
+                    (_, 1) => field.at("distance_m"),
+                    (Some(_), _) => field.at("depth_map").at("distances_m").index(p),
+                    (None, _) => field.at("planes").index(p).at("distance_m"),
+                };
+                check_distance(&at, display, wavelength, plane.distance)?;
+                continue;
+            };
+            let at = field.at("propagation");
+            if let Some(version) = spec.kernel_of(w, p) {
+                let fix = "leave it unspecified, or optimize through the kernel `ideal`";
+                let problem = format!("is given, but version {version} brings what it was learned with; {fix}");
+                return Err(at.invalid(problem));
+            }
+            check_propagation_method(&at, display, wavelength, plane.distance, method)?;
+        }
+    }
+    Ok(())
 }
 
 fn wavelengths(field: &Field, message: &v1::OptimizeHologram, display: &Display) -> Result<Vec<Wavelength>, ApiError> {

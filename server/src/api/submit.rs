@@ -3,6 +3,7 @@
 use super::encodings::{detector, model, region};
 use super::error::ApiError;
 use super::field::Field;
+use super::propagation::check_distance;
 use super::{Api, names, required};
 use crate::dataset::Dataset;
 use crate::display::Display;
@@ -60,6 +61,7 @@ impl Api {
     async fn learn(&self, message: v1::LearnKernel, field: &Field) -> Result<LearnKernel, ApiError> {
         let at = |name| field.at(name);
         let (dataset, display) = self.finalized_dataset(&at("dataset"), &message.dataset).await?;
+        check_distance(&at("dataset"), &display, dataset.wavelength, dataset.distance)?;
         let model = model(&at("model"), message.model)?;
         let refinement = message.refinement_evaluations;
         let refined = match model {
@@ -106,6 +108,7 @@ impl Api {
             seed: message.seed,
             display: display.id.clone(),
         };
+        check_distance(&at("distance_m"), &display, spec.wavelength, spec.distance)?;
         self.check_levels(&at("phase"), &spec.phase, &display).await?;
         Ok(spec)
     }
@@ -118,6 +121,7 @@ impl Api {
     ) -> Result<EvaluateKernel, ApiError> {
         let at = |name| field.at(name);
         let (dataset, display) = self.finalized_dataset(&at("dataset"), &message.dataset).await?;
+        check_distance(&at("dataset"), &display, dataset.wavelength, dataset.distance)?;
         let region_of_interest = region(&at("region_of_interest"), message.region_of_interest, &display)?;
         let key = KernelKey { display: display.id, wavelength: dataset.wavelength, distance: dataset.distance };
         let kernel_version = self.kernel_version_for(&at("kernel"), &message.kernel, &key, before, true).await?;

@@ -61,8 +61,9 @@ pub(super) fn signed_db(gain_db: f64) -> String {
 pub(super) fn kernel(files: &Files, kernel: &[u8], bench: &SimulatedDisplay) -> anyhow::Result<()> {
     let (model, _) = kernel_file::decode(kernel)?;
     let setup = bench.setup();
-    let ideal = |fx: f64, fy: f64| setup.transfer(fx, fy);
-    let learned_error = centred_error(&setup, |fx, fy| model.transfer(fx, fy));
+    let sampled_ideal = setup.sampled();
+    let ideal = |fx: f64, fy: f64| sampled_ideal.at(fx, fy);
+    let learned_error = centred_error(&setup, model.sampled());
     let true_error = centred_error(&setup, |fx, fy| bench.true_transfer(fx, fy));
     let learned = |fx: f64, fy: f64| ideal(fx, fy) * learned_error(fx, fy);
 
@@ -105,9 +106,10 @@ fn smooth_band(setup: &OpticalSetup) -> f64 {
 
 /// H / H_ideal, relative to its value at zero frequency: brightness and piston are no one's error.
 fn centred_error(setup: &OpticalSetup, transfer: impl Fn(f64, f64) -> Complex64) -> impl Fn(f64, f64) -> Complex64 {
-    let centre = transfer(0.0, 0.0) / setup.transfer(0.0, 0.0);
+    let ideal = setup.sampled();
+    let centre = transfer(0.0, 0.0) / ideal.at(0.0, 0.0);
     move |fx, fy| {
-        let ideal = setup.transfer(fx, fy);
+        let ideal = ideal.at(fx, fy);
         if ideal.norm() == 0.0 { Complex64::ZERO } else { transfer(fx, fy) / ideal / centre }
     }
 }

@@ -71,12 +71,12 @@ impl Lab {
         })
     }
 
-    /// Grid, wavelength and distance, as exact as the server keeps them.
+    /// Grid, wavelength, distance and propagation, as the server takes them.
     pub(super) fn setup(&self) -> anyhow::Result<OpticalSetup> {
         let grid = Grid::try_new(self.size_px.1 as usize, self.size_px.0 as usize, self.pixel_pitch_m)?;
         let wavelength = Wavelength::from_m(self.wavelength_m).context("no possible wavelength")?;
         let distance = Distance::from_m(self.distance_m).context("no possible distance")?;
-        Ok(OpticalSetup::try_new(grid, wavelength.m(), distance.m())?)
+        Ok(OpticalSetup::try_new(grid, wavelength.m(), distance.m())?.planned()?.0)
     }
 
     /// Holograms, in the order in which they were wanted.

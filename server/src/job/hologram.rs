@@ -2,6 +2,7 @@
 
 use super::{Detector, Quality, Region};
 use crate::dataset::Encoding;
+use crate::propagation::{PropagationMethod, ValidityReport};
 use crate::units::{Distance, Wavelength};
 use serde::{Deserialize, Serialize};
 
@@ -67,6 +68,9 @@ pub struct OptimizeHologram {
     /// The phases are optimized through the display's levels in the end.
     #[serde(default)]
     pub quantization_aware: bool,
+    /// How the light's way is computed; `None`: the planner's choice, or what the kernel was learned with.
+    #[serde(default)]
+    pub propagation: Option<PropagationMethod>,
 }
 
 fn one() -> f64 {
@@ -224,6 +228,14 @@ pub struct HologramResult {
     pub colour_reconstructions: Vec<String>,
 }
 
+impl HologramResult {
+    /// How the light's way to the first plane was computed with the first wavelength.
+    #[must_use]
+    pub fn propagation(&self) -> Option<&ValidityReport> {
+        self.wavelengths.first()?.planes.first()?.propagation.as_ref()
+    }
+}
+
 /// The hologram of one wavelength.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct WavelengthResult {
@@ -261,4 +273,7 @@ pub struct PlaneResult {
     pub quality: Quality,
     /// Of the phases as the display shows them.
     pub quantized_quality: Quality,
+    /// How the light's way was computed; `None` for jobs of older servers.
+    #[serde(default)]
+    pub propagation: Option<ValidityReport>,
 }

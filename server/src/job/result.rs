@@ -3,6 +3,7 @@
 use super::HologramResult;
 use crate::dataset::Split;
 use crate::kernel::KernelMetrics;
+use crate::propagation::ValidityReport;
 use serde::{Deserialize, Serialize};
 
 /// What a job gave.
@@ -90,6 +91,9 @@ pub struct LearnResult {
     pub metrics: KernelMetrics,
     /// Training loss after each epoch and refinement evaluation.
     pub loss_history: Vec<f64>,
+    /// How the light's way was computed; `None` for jobs of older servers.
+    #[serde(default)]
+    pub propagation: Option<ValidityReport>,
 }
 
 /// A simulated photograph.
@@ -97,6 +101,9 @@ pub struct LearnResult {
 pub struct CaptureResult {
     /// Artifact digest.
     pub photo: String,
+    /// How the light's way was computed; `None` for jobs of older servers.
+    #[serde(default)]
+    pub propagation: Option<ValidityReport>,
 }
 
 /// How well a kernel predicts each pair.
@@ -104,6 +111,9 @@ pub struct CaptureResult {
 pub struct EvaluateResult {
     /// In the order of the pairs' ids.
     pub pairs: Vec<PairLoss>,
+    /// How the light's way was computed; `None` for jobs of older servers.
+    #[serde(default)]
+    pub propagation: Option<ValidityReport>,
 }
 
 /// How well a kernel predicts one pair.

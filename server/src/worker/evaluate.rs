@@ -30,7 +30,8 @@ pub(super) fn run(context: &JobContext, spec: &EvaluateKernel) -> Result<TaskOut
         }));
     }
     pairs.sort_by(|a, b| a.pair.cmp(&b.pair));
-    Ok(TaskOutput { result: JobResult::Evaluate(EvaluateResult { pairs }), learned: None })
+    let propagation = Some(setting.validity_of(&model));
+    Ok(TaskOutput { result: JobResult::Evaluate(EvaluateResult { pairs, propagation }), learned: None })
 }
 
 /// What the camera's pixels were taken to measure when the version was learned; a pixel's mean where nothing is known.

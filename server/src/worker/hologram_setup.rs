@@ -5,6 +5,7 @@ use super::{JobContext, TaskError};
 use crate::dataset::Encoding;
 use crate::job::{self, ImagePlane, OptimizeHologram};
 use crate::pictures::{self, Channel};
+use crate::propagation::ValidityReport;
 use crate::units::Wavelength;
 use lightpath_optics::hologram::{self, HologramProblem, InitialPhase, Levels, Loss, Method, Options};
 use lightpath_optics::photometry::Quantity;
@@ -25,6 +26,7 @@ pub(super) struct Shown {
     pub(super) target: Plane<f32>,
     weight: Option<Plane<f32>>,
     share: f64,
+    pub(super) validity: ValidityReport,
 }
 
 impl Wanted {
@@ -48,13 +50,14 @@ impl Wanted {
         };
         let mut shown = Vec::new();
         for (p, plane) in planes.into_iter().enumerate() {
-            let here = Setting::read(context, &spec.display, wavelength, plane.distance)?;
+            let here = Setting::read_with(context, &spec.display, wavelength, plane.distance, spec.propagation)?;
             let model = here.model(context, spec.kernel_of(index, p))?;
             let engine = Engine::of_display(&model, detector(spec.detector), here.carrier)?;
             let target = fitted(context, &setting, spec, &plane.target, spec.target_encoding, channel)?;
             let (weight, share) = weight_of(p, mask.as_ref(), depths.as_ref(), region);
             let share = share * plane.weight;
-            shown.push(Shown { plane, engine, target, weight, share });
+            let validity = here.validity_of(&model);
+            shown.push(Shown { plane, engine, target, weight, share, validity });
         }
         Ok(Self { wavelength, setting, region, planes: shown })
     }

@@ -39,7 +39,8 @@ pub(super) fn run(context: &JobContext, job: &Job, spec: &LearnKernel) -> Result
         finite("the loss", *loss)?;
     }
     // The store fills in the name.
-    let result = LearnResult { kernel_version: String::new(), metrics, loss_history };
+    let propagation = Some(setting.validity.clone());
+    let result = LearnResult { kernel_version: String::new(), metrics, loss_history, propagation };
     Ok(TaskOutput { result: JobResult::Learn(result), learned: Some((setting.key, version)) })
 }
 

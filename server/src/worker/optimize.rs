@@ -171,6 +171,7 @@ impl Finished<'_> {
                 reconstruction: context.put_artifact(pictures::grey_png_srgb(&reconstruction)?)?,
                 quality: quality(&phases)?,
                 quantized_quality: quality(&displayed)?,
+                propagation: Some(shown.validity.clone()),
             });
         }
         let (wavelength, loss) = (self.wanted.wavelength, self.loss);

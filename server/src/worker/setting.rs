@@ -6,10 +6,12 @@ use crate::job::{self, Region};
 use crate::kernel::KernelKey;
 use crate::kernel_file::{self, KernelFileError};
 use crate::pictures::{self, PictureError};
+use crate::planning;
+use crate::propagation::{PropagationMethod, ValidityReport};
 use crate::units::{Distance, Wavelength};
 use lightpath_optics::learning::BoxError;
 use lightpath_optics::phase_response::PhaseResponse;
-use lightpath_optics::{Carrier, Detector, DisplayModel, Grid, OpticalSetup, Plane, RegionOfInterest};
+use lightpath_optics::{Carrier, Detector, DisplayModel, OpticalSetup, Plane, RegionOfInterest};
 
 /// A display at a wavelength and distance.
 #[derive(Clone, Debug)]
@@ -17,20 +19,33 @@ pub(super) struct Setting {
     pub(super) display: Display,
     pub(super) key: KernelKey,
     pub(super) setup: OpticalSetup,
+    /// Of the setup.
+    pub(super) validity: ValidityReport,
     pub(super) response: PhaseResponse,
     pub(super) carrier: Option<Carrier>,
 }
 
 impl Setting {
+    /// With the planner's choice of a propagation.
     pub(super) fn read(
         context: &JobContext,
         display: &str,
         wavelength: Wavelength,
         distance: Distance,
     ) -> Result<Self, TaskError> {
+        Self::read_with(context, display, wavelength, distance, None)
+    }
+
+    /// With the propagation asked for, or the planner's choice.
+    pub(super) fn read_with(
+        context: &JobContext,
+        display: &str,
+        wavelength: Wavelength,
+        distance: Distance,
+        propagation: Option<PropagationMethod>,
+    ) -> Result<Self, TaskError> {
         let (display, _) = context.wait(context.store().display(display))?;
-        let grid = Grid::try_new(display.height_px as usize, display.width_px as usize, display.pixel_pitch_m)?;
-        let setup = OpticalSetup::try_new(grid, wavelength.m(), distance.m())?;
+        let (setup, validity) = planning::planned(planning::setup(&display, wavelength, distance)?, propagation)?;
         let response = match &display.phase_response_rad {
             Some(phase_rad) => PhaseResponse::measured(phase_rad.clone())?,
             None => PhaseResponse::linear(display.bit_depth)?,
@@ -40,7 +55,7 @@ impl Setting {
             display::Carrier::HalfOrderY => Carrier::HalfOrderY,
         });
         let key = KernelKey { display: display.id.clone(), wavelength, distance };
-        Ok(Self { display, key, setup, response, carrier })
+        Ok(Self { display, key, setup, validity, response, carrier })
     }
 
     /// Rows \[px\].
@@ -58,11 +73,20 @@ impl Setting {
         let Some(version) = version else { return Ok(DisplayModel::ideal(self.setup)) };
         let version = context.wait(context.store().kernel_version(&self.key, version))?;
         let (model, _) = kernel_file::decode(&context.read_artifact(&version.content.artifact)?)?;
-        if model.setup != self.setup {
+        let of = |setup: &OpticalSetup| (setup.grid(), setup.wavelength_m(), setup.distance_m());
+        if of(&model.setup) != of(&self.setup) {
             let message = format!("{}/versions/{} was learned for another setup", self.key, version.version);
             return Err(TaskError::permanent("KERNEL_MISMATCH", message));
         }
         Ok(model)
+    }
+
+    /// How good the propagation of a model is: the setup's own, or the one that a kernel was learned with.
+    pub(super) fn validity_of(&self, model: &DisplayModel) -> ValidityReport {
+        if model.setup.method() == self.setup.method() {
+            return self.validity.clone();
+        }
+        planning::assessed(&model.setup, "the kernel was learned with it")
     }
 
     pub(super) fn region(&self, region: Region) -> Result<RegionOfInterest, TaskError> {

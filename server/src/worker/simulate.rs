@@ -27,7 +27,10 @@ pub(super) fn run(context: &JobContext, spec: &SimulateCapture) -> Result<TaskOu
     let photo = pictures::grey_png_linear(&photo.map(|level| f32::from(level) / 255.0))?;
     let photo = context.put_artifact(photo)?;
     report(context, 2)?;
-    Ok(TaskOutput { result: JobResult::Capture(CaptureResult { photo }), learned: None })
+    Ok(TaskOutput {
+        result: JobResult::Capture(CaptureResult { photo, propagation: Some(setting.validity) }),
+        learned: None,
+    })
 }
 
 fn report(context: &JobContext, step: u32) -> Result<(), TaskError> {

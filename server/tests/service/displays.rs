@@ -38,6 +38,50 @@ async fn refusals_carry_the_field_for_programs_too() {
 }
 
 #[tokio::test]
+async fn plans_of_propagation_tell_the_numbers() {
+    let serving = Serving::start().await;
+    serving.display("lab").await;
+    let ask = |change: &dyn Fn(&mut v1::PlanPropagationRequest)| {
+        let mut request = v1::PlanPropagationRequest { display: "displays/lab".into(), ..Default::default() };
+        request.distance_m = 0.01;
+        change(&mut request);
+        request
+    };
+    let plan = async |request| serving.displays().plan_propagation(request).await.map(tonic::Response::into_inner);
+    // 64×48 px of 8 µm at 515 nm: z_c = 15.9 mm and 11.9 mm.
+    let near = plan(ask(&|_| ())).await.unwrap();
+    let report = near.report.unwrap();
+    assert_eq!(report.method(), v1::PropagationMethod::AngularSpectrum);
+    assert!((report.critical_distance_y_m - 0.01193).abs() < 1e-5 && report.band_kept_area > 0.99, "{report:?}");
+    let refused = near.alternatives.iter().find(|it| it.method() == v1::PropagationMethod::FresnelImpulseResponse);
+    assert!(refused.is_some_and(|it| !it.possible && it.text.contains("15.9 mm")), "{refused:?}");
+
+    let far = plan(ask(&|request| request.distance_m = -0.05)).await.unwrap().report.unwrap();
+    assert_eq!(far.method(), v1::PropagationMethod::RayleighSommerfeld);
+    assert_eq!(far.warnings[0].code, "BAND_LIMITED");
+
+    let window = v1::ImageWindow { width_px: 32, height_px: 32, pitch_x_m: 2e-6, ..Default::default() };
+    let zoom = plan(ask(&|request| request.window = Some(window))).await.unwrap().report.unwrap();
+    assert_eq!(zoom.method(), v1::PropagationMethod::Scaled);
+    assert_eq!(zoom.window.unwrap().pitch_y_m, 2e-6);
+
+    let endless = v1::ImageWindow { centre_x_m: f64::INFINITY, ..window };
+    let fresnel = v1::PropagationMethod::FresnelImpulseResponse.into();
+    for (request, start) in [
+        (ask(&|request| request.distance_m = 5.0), "distance_m is 5: the Rayleigh–Sommerfeld impulse response is not"),
+        (ask(&|request| request.method = fresnel), "method can't be met: the Fresnel impulse response is not possible"),
+        (ask(&|request| request.method = 99), "method is 99"),
+        (ask(&|request| request.window = Some(endless)), "window is not possible: centre_x_m is inf"),
+        (ask(&|request| (request.method, request.window) = (fresnel, Some(window))), "method is given beside a window"),
+        (ask(&|request| request.wavelength_m = 1e-6), "wavelength_m is 1000nm"),
+    ] {
+        expect(plan(request).await, Code::InvalidArgument, start);
+    }
+    let nowhere = plan(ask(&|request| request.display = "displays/none".into())).await;
+    expect(nowhere, Code::NotFound, "display: displays/none does not exist");
+}
+
+#[tokio::test]
 async fn lists_come_in_pages() {
     let serving = Serving::start().await;
     for id in ["a", "b", "c"] {

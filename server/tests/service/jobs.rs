@@ -71,6 +71,14 @@ async fn bad_requests_name_the_field_and_the_fix() {
     let cases: Vec<(Change<'_>, Code, &str)> = vec![
         (Box::new(|s| s.distance_m = f64::NAN), Code::InvalidArgument, "distance_m is NaN, but must be within ±10 m"),
         (Box::new(|s| s.distance_m = 0.0), Code::InvalidArgument, "distance_m is 0"),
+        (Box::new(|s| s.distance_m = 5.0), Code::InvalidArgument, "distance_m is 5: the Rayleigh–Sommerfeld impulse"),
+        (
+            Box::new(|s| s.propagation = 1),
+            Code::InvalidArgument,
+            "propagation can't be met: the angular spectrum is not",
+        ),
+        (Box::new(|s| s.propagation = 8), Code::InvalidArgument, "propagation is the scaled angular spectrum, but"),
+        (Box::new(|s| s.propagation = 77), Code::InvalidArgument, "propagation is 77"),
         (Box::new(|s| s.display = "displays/none".into()), Code::NotFound, "display: displays/none does not exist"),
         (Box::new(|s| s.display = "none".into()), Code::InvalidArgument, "display is \"none\""),
         (

@@ -2,7 +2,7 @@
 
 use super::Item;
 use crate::cli::table::{Facts, Table};
-use crate::cli::{quality_text, show};
+use crate::cli::{job_text, propagation_text, quality_text, show};
 use lightpath::v1::{self, Job, job_spec};
 use lightpath::{hologram_result, names, units};
 
@@ -47,6 +47,9 @@ fn result_facts(item: &Item, result: &v1::HologramResult) -> String {
     facts.add("job", names::id(&item.job.name));
     facts.add("kernel", kernel_version(&item.job));
     facts.add("speed", format!("{:.1} ms an iteration, {} iterations", result.iteration_ms, result.iterations));
+    if let Some(report) = job_text::propagation(&item.job) {
+        propagation_text::add(report, &mut facts);
+    }
     facts.add_some("saved", item.files.text(result));
     let parts: usize = result.wavelengths.iter().map(|wavelength| wavelength.planes.len()).sum();
     let quality = if parts > 1 { parts_table(result) } else { quality_text::table(result) };

@@ -1,6 +1,6 @@
 //! How phases are found.
 
-use crate::cli::arguments::{Detector, Encoding, above_zero, region};
+use crate::cli::arguments::{Detector, Encoding, Propagation, above_zero, region};
 use crate::cli::failure::Failure;
 use crate::cli::session::Session;
 use clap::{Args, ValueEnum};
@@ -26,6 +26,10 @@ pub(super) struct Work {
     /// Adam's step in radians, above 0, at most 10 [default: 0.1]
     #[arg(long, value_name = "RAD", value_parser = above_zero)]
     learning_rate: Option<f64>,
+
+    /// How light's way to the image is computed; `lightpath display plan` tells what suits
+    #[arg(long, default_value = "auto")]
+    propagation: Propagation,
 
     /// What counts as the light of a pixel while optimizing
     #[arg(long, default_value = "pixel")]
@@ -216,6 +220,7 @@ impl Work {
             loss: Some(loss),
             weight_mask,
             quantization_aware: self.quantization_aware,
+            propagation: v1::PropagationMethod::from(self.propagation).into(),
             ..spec
         })
     }

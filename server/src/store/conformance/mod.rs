@@ -55,7 +55,7 @@ fn new_job(request_id: &str, seed: u64) -> NewJob {
 }
 
 fn result() -> JobResult {
-    JobResult::Capture(CaptureResult { photo: digest(1) })
+    JobResult::Capture(CaptureResult { photo: digest(1), propagation: None })
 }
 
 fn trouble() -> JobError {

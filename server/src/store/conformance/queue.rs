@@ -232,7 +232,12 @@ async fn a_learned_kernel_gets_its_number_with_the_end_of_its_job() {
     record(&store, 3).await;
     submit(&store, "r", 1).await;
     let (_, lease) = claim(&store, 1).await.unwrap();
-    let learned = LearnResult { kernel_version: String::new(), metrics: Default::default(), loss_history: vec![0.5] };
+    let learned = LearnResult {
+        kernel_version: String::new(),
+        metrics: Default::default(),
+        loss_history: vec![0.5],
+        propagation: None,
+    };
     let learned = JobResult::Learn(learned);
     let missing = store.finish(&lease, learned.clone(), Some((key(), new_version(99))), 2).await;
     assert!(matches!(missing, Err(StoreError::NotFound { .. })));

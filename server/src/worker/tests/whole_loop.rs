@@ -174,6 +174,7 @@ fn optimize(target: String, kernel_version: Option<u32>, iterations: u32) -> Job
         loss: Loss::default(),
         weight_mask: None,
         quantization_aware: false,
+        propagation: None,
     }))
 }
 

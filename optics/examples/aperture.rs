@@ -1,0 +1,46 @@
+//! A square hole, by every method that is right, beside the direct sum.
+//!
+//! ```text
+//! cargo run --release --example aperture
+//! ```
+#![allow(clippy::print_stdout)] // it is a program
+
+use lightpath_optics::propagation::{Method, Propagator};
+use lightpath_optics::reference::rayleigh_sommerfeld_onto;
+use lightpath_optics::{Grid, OpticalSetup, Plane, Result};
+use num_complex::Complex64;
+
+fn main() -> Result<()> {
+    let side_px = 48;
+    let grid = Grid::try_new(side_px, side_px, 8e-6)?;
+    // Its edges fall off over two pixels: a sharper hole holds frequencies that the pixels can't.
+    let soft = |i: usize| 0.5 - 0.5 * ((i as f64 - 23.5).abs() - 8.0).tanh();
+    let hole = Plane::from_fn(side_px, side_px, |y, x| Complex64::from(soft(y) * soft(x)));
+    for distance_m in [6e-3, 12e-3, 50e-3, 1.0] {
+        let setup = OpticalSetup::try_new(grid, 515e-9, distance_m)?;
+        println!("\n{} mm; critical distance {:.1} mm", 1e3 * distance_m, 1e3 * setup.critical_distance_x_m());
+        for method in Method::ALL {
+            let propagator = match Propagator::<f64>::new(&setup, method) {
+                Ok(propagator) => propagator,
+                Err(refusal) => {
+                    println!("  {method:37} refused: {refusal}");
+                    continue;
+                }
+            };
+            let image = propagator.forward(&hole)?;
+            // Only from the critical distance on is the sum itself right.
+            let sum = rayleigh_sommerfeld_onto(&setup, &hole, propagator.window())?;
+            let light = |plane: &Plane<Complex64>| plane.values().iter().map(Complex64::norm_sqr).sum::<f64>();
+            let apart = Plane::from_fn(side_px, side_px, |y, x| image.at(y, x) - sum.at(y, x));
+            let pitch_um = 1e6 * propagator.window().pitch_x_m();
+            let error = (light(&apart) / light(&sum)).sqrt();
+            println!("  {method:37} {error:8.1e} from the direct sum, on pixels of {pitch_um:.1} µm");
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn it_runs() {
+    main().expect("every call is right");
+}

@@ -1,0 +1,75 @@
+//! A hologram by the library alone: plans the propagation, finds the phase, and writes what to show and what is seen.
+//!
+//! ```text
+//! cargo run --release --example hologram [FOLDER]
+//! ```
+//!
+//! Writes `phase.pgm` and `seen.pgm` into the folder, by default the current one.
+#![allow(clippy::print_stdout)] // it is a program
+
+use lightpath_optics::hologram::initial_phase;
+use lightpath_optics::metrics::fitted_intensity_scale;
+use lightpath_optics::{
+    Adam, Detector, DisplayModel, Engine, Grid, HologramProblem, OpticalSetup, Plane, RegionOfInterest,
+};
+use std::f32::consts::TAU;
+use std::path::{Path, PathBuf};
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let folder = std::env::args_os().nth(1).map_or_else(|| PathBuf::from("."), PathBuf::from);
+    make(&folder)
+}
+
+fn make(folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
+    let (height_px, width_px) = (180, 240);
+    let grid = Grid::try_new(height_px, width_px, 8e-6)?;
+    let (setup, report) = OpticalSetup::try_new(grid, 515e-9, 0.03)?.planned()?;
+    println!("{report}\n");
+
+    let target = rings(height_px, width_px);
+    let region = RegionOfInterest::middle(&grid);
+    let engine = Engine::<f32>::new(&DisplayModel::ideal(setup), Detector::Pixel, None)?;
+    let problem = HologramProblem::new(engine.clone(), target.clone(), region)?;
+    let mut adam = Adam::start(problem, 0.1, initial_phase(height_px, width_px, 1.0, 1)?)?;
+    for iteration in 1..=100 {
+        let loss = adam.step().loss;
+        if iteration % 20 == 0 {
+            println!("iteration {iteration:3}: {:.1} dB", -10.0 * loss.log10());
+        }
+    }
+
+    let phase = Plane::try_from_vec(height_px, width_px, adam.into_state().phase)?;
+    let light = engine.light(&phase)?;
+    let gain = fitted_intensity_scale(&light, &target, region)? as f32;
+    write_pgm(&folder.join("phase.pgm"), &phase.map(|phase| phase.rem_euclid(TAU) / TAU))?;
+    write_pgm(&folder.join("seen.pgm"), &light.map(|light| (gain * light).clamp(0.0, 1.0)))?;
+    println!("\nwrote phase.pgm and seen.pgm into {}", folder.display());
+    Ok(())
+}
+
+/// Rings around a disc, linear light.
+fn rings(height_px: usize, width_px: usize) -> Plane<f32> {
+    Plane::from_fn(height_px, width_px, |y, x| {
+        let radius_px = (y as f32 - height_px as f32 / 2.0).hypot(x as f32 - width_px as f32 / 2.0);
+        if radius_px < 15.0 || (radius_px / 12.0) % 2.0 < 1.0 { 0.9 } else { 0.05 }
+    })
+}
+
+/// A grey picture of values from 0 to 1.
+fn write_pgm(path: &Path, values: &Plane<f32>) -> std::io::Result<()> {
+    let mut bytes = format!("P5\n{} {}\n255\n", values.width_px(), values.height_px()).into_bytes();
+    bytes.extend(values.values().iter().map(|value| (255.0 * value).round() as u8));
+    std::fs::write(path, bytes)
+}
+
+#[test]
+fn it_leaves_two_pictures() {
+    let folder = std::env::temp_dir().join(format!("lightpath-hologram-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).expect("a temporary folder");
+    make(&folder).expect("every call is right");
+    for file in ["phase.pgm", "seen.pgm"] {
+        let size = std::fs::metadata(folder.join(file)).expect("the file").len();
+        assert_eq!(size, 15 + 180 * 240, "{file}");
+    }
+    std::fs::remove_dir_all(&folder).expect("its end");
+}

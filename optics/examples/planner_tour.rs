@@ -1,0 +1,41 @@
+//! Which method the planner chooses for a display, from near to far, and for other windows of the image.
+//!
+//! ```text
+//! cargo run --release --example planner_tour
+//! ```
+#![allow(clippy::print_stdout)] // it is a program
+
+use lightpath_optics::propagation::{ImageWindow, Method, assess, plan, plan_onto};
+use lightpath_optics::{Grid, OpticalSetup, Result};
+
+fn main() -> Result<()> {
+    let display = Grid::try_new(1080, 1920, 8e-6)?;
+    let at = |distance_m: f64| OpticalSetup::try_new(display, 515e-9, distance_m);
+
+    println!("1920×1080 px of 8 µm, 515 nm\n");
+    for distance_m in [0.07, 0.15, 0.275, 0.4, 0.5, 2.0] {
+        println!("at {distance_m} m\n{}\n", plan(&at(distance_m)?)?);
+    }
+
+    println!("a zoom to a quarter of the pitch, and a window 2 mm beside the axis, at 0.15 m");
+    let zoom = ImageWindow::try_new(1080, 1920, 2e-6)?;
+    println!("{}\n", plan_onto(&at(0.15)?, &zoom)?);
+    println!("{}\n", plan(&at(0.15)?.with_centre(2e-3, 0.0)?)?);
+
+    println!("what is refused at 0.5 m");
+    for method in Method::ALL {
+        if let Err(refusal) = assess(&at(0.5)?, method) {
+            println!("- {refusal}");
+        }
+    }
+    let postage_stamp = OpticalSetup::try_new(Grid::try_new(64, 64, 8e-6)?, 515e-9, 2.0)?;
+    if let Err(refusal) = plan(&postage_stamp) {
+        println!("\n64×64 px at 2 m\n- {refusal}");
+    }
+    Ok(())
+}
+
+#[test]
+fn it_runs() {
+    main().expect("every plan but the refused ones is possible");
+}

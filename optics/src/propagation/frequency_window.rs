@@ -1,0 +1,203 @@
+//! The angular spectrum at frequencies of our own choice, and back onto any window.
+//!
+//! ```text
+//! u₁(x, y) = Σ_k U₀(f_k) H(f_k) e^{i2π f_k·(x, y)} δf_x δf_y,   U₀(f) = Δ² Σ u₀(x', y') e^{−i2πf·(x', y')}
+//! ```
+//!
+//! f_k = k·δf \[1/m\] along each axis for whole k from a first to a last one. Both sums are [chirp-z
+//! transforms](super::chirp_z) along one axis after the other. What light lands farther than 1/δf away from where it came from
+//! would come back on the other side: the methods that use this choose δf so that none does.
+
+use super::chirp_z::{ChirpZ, Sign, Span};
+use super::impulse_response::fading;
+use super::rows::{transform_rows, transposed};
+use super::{ImageWindow, Method, shifted::landing_m, shifted_angular_spectrum};
+use crate::real::Real;
+use crate::{Error, OpticalSetup, Plane, Result};
+use num_complex::{Complex, Complex64};
+use rayon::prelude::*;
+use rustfft::FftPlanner;
+
+/// The frequencies f_k = k·`spacing_per_m` along one axis, k = `first` … `first` + `count` − 1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct FrequencyAxis {
+    pub(super) first: f64,
+    pub(super) count: usize,
+    /// δf \[1/m\]
+    pub(super) spacing_per_m: f64,
+    /// Light that lands this far from the window's middle is still kept whole \[m\].
+    pub(super) whole_m: f64,
+    /// From here on it is left out; between, it fades \[m\].
+    pub(super) reach_m: f64,
+}
+
+impl FrequencyAxis {
+    /// The multiples of `spacing_per_m` from `low_per_m` up to but without `high_per_m`.
+    pub(super) fn between(low_per_m: f64, high_per_m: f64, spacing_per_m: f64) -> Self {
+        // A bound that is a multiple, but for rounding, counts as one.
+        const ROUNDING: f64 = 1e-9;
+        let first = (low_per_m / spacing_per_m - ROUNDING).ceil();
+        let end = (high_per_m / spacing_per_m - ROUNDING).ceil();
+        let count = (end - first).max(0.0) as usize;
+        Self { first, count, spacing_per_m, whole_m: f64::INFINITY, reach_m: f64::INFINITY }
+    }
+
+    /// f_k of the `i`-th frequency \[1/m\].
+    pub(super) fn at(&self, i: usize) -> f64 {
+        (self.first + i as f64) * self.spacing_per_m
+    }
+
+    /// How much of the light that lands `beside_m` \[m\] beside the window's middle is kept, 0 to 1.
+    fn weight(&self, beside_m: f64) -> f64 {
+        if self.whole_m < self.reach_m {
+            return fading((beside_m.abs() - self.whole_m) / (self.reach_m - self.whole_m));
+        }
+        if beside_m.abs() <= self.reach_m { 1.0 } else { 0.0 }
+    }
+
+    fn span(&self) -> Span {
+        Span { count: self.count, origin: -self.first }
+    }
+}
+
+/// Most frequencies, over both axes: half a gigabyte of transfer function in single precision. A zoom into the image of a 4K display
+/// takes three quarters of them.
+pub(super) const FREQUENCIES_MAX: usize = 1 << 26;
+
+/// Refuses axes that hold no frequency, or too many.
+pub(super) fn check_frequencies(method: Method, along_x: &FrequencyAxis, along_y: &FrequencyAxis) -> Result<()> {
+    let (columns, rows) = (along_x.count, along_y.count);
+    if columns == 0 || rows == 0 {
+        let reason = "no light of the display's pixels lands in the window".to_owned();
+        return Err(Error::Unsuitable { method, code: "WINDOW_UNREACHABLE", reason });
+    }
+    if columns.saturating_mul(rows) > FREQUENCIES_MAX {
+        let reason = format!(
+            "it takes {columns}×{rows} frequencies, more than the {FREQUENCIES_MAX} that are accepted; a smaller or nearer \
+             window takes fewer"
+        );
+        return Err(Error::Unsuitable { method, code: "TOO_MANY_FREQUENCIES", reason });
+    }
+    Ok(())
+}
+
+/// Propagation over chosen frequencies, planned.
+#[derive(Debug)]
+pub(super) struct FrequencyWindow<T> {
+    /// (along x, along y) of each step.
+    to_frequencies: [ChirpZ<T>; 2],
+    to_window: [ChirpZ<T>; 2],
+    /// The adjoints of the two.
+    from_window: [ChirpZ<T>; 2],
+    from_frequencies: [ChirpZ<T>; 2],
+    /// H times Δ²·δf_x·δf_y, along y for one fx after the other.
+    transfer: Vec<Complex<T>>,
+}
+
+impl<T: Real> FrequencyWindow<T> {
+    pub(super) fn new(setup: &OpticalSetup, window: &ImageWindow, axes: &[FrequencyAxis; 2]) -> Self {
+        let (grid, mut planner) = (setup.grid(), FftPlanner::new());
+        let sides = [(grid.width_px(), window.width_px()), (grid.height_px(), window.height_px())];
+        let pitches = [window.pitch_x_m(), window.pitch_y_m()];
+        let mut plan = |axis: usize, is_window: bool, sign: Sign, to_frequency: bool| {
+            let (side, pitch_m) =
+                if is_window { (sides[axis].1, pitches[axis]) } else { (sides[axis].0, grid.pixel_pitch_m()) };
+            let (space, frequencies) = (Span::centred(side), axes[axis].span());
+            let (from, to) = if to_frequency { (space, frequencies) } else { (frequencies, space) };
+            ChirpZ::new(&mut planner, from, to, pitch_m * axes[axis].spacing_per_m, sign)
+        };
+        Self {
+            to_frequencies: [0, 1].map(|axis| plan(axis, false, Sign::Minus, true)),
+            to_window: [0, 1].map(|axis| plan(axis, true, Sign::Plus, false)),
+            from_window: [0, 1].map(|axis| plan(axis, true, Sign::Minus, true)),
+            from_frequencies: [0, 1].map(|axis| plan(axis, false, Sign::Plus, false)),
+            transfer: sample_transfer(setup, window, axes),
+        }
+    }
+
+    pub(super) fn forward(&self, field: &Plane<Complex<T>>) -> Plane<Complex<T>> {
+        self.through(field, &self.to_frequencies, |u, h| u * h, &self.to_window)
+    }
+
+    pub(super) fn adjoint(&self, field: &Plane<Complex<T>>) -> Plane<Complex<T>> {
+        self.through(field, &self.from_window, |u, h| u * h.conj(), &self.from_frequencies)
+    }
+
+    fn through(
+        &self,
+        field: &Plane<Complex<T>>,
+        [there_x, there_y]: &[ChirpZ<T>; 2],
+        apply: impl Fn(Complex<T>, Complex<T>) -> Complex<T> + Sync,
+        [back_x, back_y]: &[ChirpZ<T>; 2],
+    ) -> Plane<Complex<T>> {
+        let rows = chirp_rows(field.values(), there_x);
+        let mut columns = chirp_rows(&transposed(&rows, there_x.results()), there_y);
+        columns.par_iter_mut().zip(&self.transfer).for_each(|(u, &h)| *u = apply(*u, h));
+        let columns = chirp_rows(&columns, back_y);
+        let values = chirp_rows(&transposed(&columns, back_y.results()), back_x);
+        Plane::try_from_vec(back_y.results(), back_x.results(), values).expect("as many values as the window has")
+    }
+}
+
+fn chirp_rows<T: Real>(input: &[Complex<T>], chirp_z: &ChirpZ<T>) -> Vec<Complex<T>> {
+    transform_rows(
+        input,
+        chirp_z.samples(),
+        chirp_z.results(),
+        || chirp_z.scratch(),
+        |row, out, scratch| chirp_z.transform(row, out, scratch),
+    )
+}
+
+fn sample_transfer<T: Real>(
+    setup: &OpticalSetup,
+    window: &ImageWindow,
+    [along_x, along_y]: &[FrequencyAxis; 2],
+) -> Vec<Complex<T>> {
+    let (wavelength_m, distance_m) = (setup.wavelength_m(), setup.distance_m());
+    let (centre_x_m, centre_y_m) = (window.centre_x_m(), window.centre_y_m());
+    let scale = setup.grid().pixel_pitch_m().powi(2) * along_x.spacing_per_m * along_y.spacing_per_m;
+    let weight = |fx, fy| {
+        landing_m(fx, fy, wavelength_m, distance_m)
+            .map_or(0.0, |(x_m, y_m)| along_x.weight(x_m - centre_x_m) * along_y.weight(y_m - centre_y_m))
+    };
+    let mut transfer = vec![Complex::new(T::zero(), T::zero()); along_x.count * along_y.count];
+    transfer.par_chunks_exact_mut(along_y.count).enumerate().for_each(|(i, column)| {
+        let fx = along_x.at(i);
+        for (j, value) in column.iter_mut().enumerate() {
+            let fy = along_y.at(j);
+            let weight = weight(fx, fy);
+            if weight > 0.0 {
+                let whole: Complex64 =
+                    shifted_angular_spectrum(fx, fy, wavelength_m, distance_m, centre_x_m, centre_y_m);
+                let exact = whole * (weight * scale);
+                *value = Complex::new(T::of(exact.re), T::of(exact.im));
+            }
+        }
+    });
+    transfer
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frequencies_are_whole_multiples_and_leave_the_upper_bound_out() {
+        let axis = FrequencyAxis::between(-62_500.0, 62_500.0, 62_500.0 / 270.0);
+        assert_eq!((axis.first, axis.count), (-270.0, 540));
+        assert!((axis.at(0) + 62_500.0).abs() < 1e-9 && axis.at(270) == 0.0);
+        assert_eq!(FrequencyAxis::between(1.2, 1.3, 1.0).count, 0);
+        assert_eq!(FrequencyAxis::between(2.0, 1.0, 0.1).count, 0);
+    }
+
+    #[test]
+    fn empty_and_endless_axes_are_refused() {
+        let axis = |count| FrequencyAxis { count, ..FrequencyAxis::between(0.0, 1.0, 1.0) };
+        assert!(check_frequencies(Method::Scaled, &axis(10), &axis(10)).is_ok());
+        let none = check_frequencies(Method::Scaled, &axis(0), &axis(10)).unwrap_err().to_string();
+        assert!(none.contains("no light"), "{none}");
+        let many = check_frequencies(Method::Scaled, &axis(1 << 20), &axis(1 << 20)).unwrap_err().to_string();
+        assert!(many.contains("1048576×1048576"), "{many}");
+    }
+}

@@ -1,0 +1,103 @@
+//! Fresnel diffraction by its impulse response, sampled in space.
+//!
+//! ```text
+//! u₁ = Δ² Σ u₀(x', y') h(x − x', y − y'),   h(x, y) = e^{iπ(x² + y²)/λz} / (iλz)
+//! ```
+//!
+//! λ wavelength \[m\], z distance \[m\], Δ pixel pitch \[m\], h \[1/m²\]; the piston e^{ikz} is left out. The sum is done as a
+//! convolution on the padded grid, where h is what the samples of h along x are transformed to, times the same along y. They
+//! step by N·Δ²/λz of a cycle at the far end of the frame: by less than half a cycle, and so without aliasing, where z ≥ z_c.
+//! D. Voelz and M. Roggemann, Applied Optics 48, 6132 (2009).
+
+use crate::transfer_function::phasor;
+use num_complex::Complex64;
+use rustfft::FftPlanner;
+use std::f64::consts::{FRAC_PI_4, TAU};
+
+/// h(x, y) \[1/m²\].
+///
+/// ```
+/// use lightpath_optics::propagation::fresnel_impulse_response;
+/// let middle = fresnel_impulse_response(0.0, 0.0, 500e-9, 0.1);
+/// assert!((middle.im + 1.0 / (500e-9 * 0.1)).abs() < 1e-3);
+/// ```
+#[must_use]
+pub fn fresnel_impulse_response(x_m: f64, y_m: f64, wavelength_m: f64, distance_m: f64) -> Complex64 {
+    along_axis(x_m, wavelength_m, distance_m) * along_axis(y_m, wavelength_m, distance_m)
+}
+
+/// The factor of h along one axis \[1/m\]: e^{iπx²/λz}/√(iλz).
+fn along_axis(x_m: f64, wavelength_m: f64, distance_m: f64) -> Complex64 {
+    let area_m2 = wavelength_m * distance_m;
+    let root = Complex64::cis(-FRAC_PI_4 * area_m2.signum()) / area_m2.abs().sqrt();
+    root * phasor(0.5 * x_m * x_m / area_m2)
+}
+
+/// Δ·h along an axis of `samples` pixels, transformed: at the 2·`samples` padded bins in the order of the DFT.
+pub(super) fn spectrum_along_axis(
+    samples: usize,
+    pixel_pitch_m: f64,
+    wavelength_m: f64,
+    distance_m: f64,
+) -> Vec<Complex64> {
+    let mut spectrum = vec![Complex64::ZERO; 2 * samples];
+    for lag in 0..samples {
+        let value = pixel_pitch_m * along_axis(lag as f64 * pixel_pitch_m, wavelength_m, distance_m);
+        spectrum[lag] = value;
+        // No pair of pixels is `samples` apart: that bin stays zero.
+        if lag > 0 {
+            spectrum[2 * samples - lag] = value;
+        }
+    }
+    FftPlanner::new().plan_fft_forward(2 * samples).process(&mut spectrum);
+    spectrum
+}
+
+/// The same at any frequency \[1/m\], by its definition.
+pub(crate) fn fresnel_impulse_spectrum(
+    f: f64,
+    samples: usize,
+    pixel_pitch_m: f64,
+    wavelength_m: f64,
+    distance_m: f64,
+) -> Complex64 {
+    let term = |lag: usize| {
+        let x_m = lag as f64 * pixel_pitch_m;
+        let pair = if lag == 0 { 1.0 } else { 2.0 * (TAU * f * x_m).cos() };
+        along_axis(x_m, wavelength_m, distance_m) * pair
+    };
+    (0..samples).map(term).sum::<Complex64>() * pixel_pitch_m
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::frequency;
+
+    #[test]
+    fn the_fast_spectrum_is_the_plain_one() {
+        for samples in [1, 2, 7, 30] {
+            let fast = spectrum_along_axis(samples, 8e-6, 515e-9, -0.02);
+            for (bin, fast) in fast.iter().enumerate() {
+                let plain = fresnel_impulse_spectrum(frequency(bin, 2 * samples, 8e-6), samples, 8e-6, 515e-9, -0.02);
+                assert!((fast - plain).norm() < 1e-12, "{samples} {bin}");
+            }
+        }
+    }
+
+    #[test]
+    fn far_away_it_is_the_transfer_function() {
+        // Within the frame's reach, and away from the ringing at the response's ends.
+        let (samples, pitch_m, distance_m) = (4096, 8e-6, 3.0);
+        let f = 3e3;
+        let sampled = fresnel_impulse_spectrum(f, samples, pitch_m, 515e-9, distance_m);
+        let exact = super::super::fresnel_transfer_function(f, 0.0, 515e-9, distance_m);
+        assert!((sampled - exact).norm() < 0.05, "{sampled} {exact}");
+    }
+
+    #[test]
+    fn opposite_distances_are_conjugate() {
+        let there = fresnel_impulse_response(1e-4, -3e-4, 515e-9, 0.2);
+        assert!((fresnel_impulse_response(1e-4, -3e-4, 515e-9, -0.2) - there.conj()).norm() < 1e-9 * there.norm());
+    }
+}

@@ -1,0 +1,194 @@
+//! What is refused: methods that can't be right where they are asked.
+
+use super::band_extended::band_extended_axes;
+use super::frequency_window::check_frequencies;
+use super::quantity::{digits, length, percent};
+use super::report::{Band, neglected_phase_rad};
+use super::scaled::{scaled_axes, spread_m};
+use super::scaled_fresnel::farthest_m;
+use super::{ImageWindow, Method};
+use crate::{Error, OpticalSetup, Result};
+use std::f64::consts::{FRAC_PI_2, PI};
+
+/// A window that resolves fewer points along a side holds no picture, only a part of one speckle.
+const RESOLVED_POINTS_MIN: f64 = 2.0;
+/// With less of the band than this inside its sharp limits, what rings there is as bright as the image: a band of 1/5 was seen to
+/// be off by 10 to 50 %.
+const SHARP_BAND_MIN: f64 = 0.2;
+/// Nearer than this part of the critical distance, the impulse response fades out within the image's own light.
+const IMPULSE_RESPONSE_REACH_MIN: f64 = 0.5;
+/// A paraxial method that is off by more shows dark where it is light.
+const NEGLECTED_PHASE_RAD_MAX: f64 = PI;
+/// The same for the far field, whose error is all over the image: four times the usual λ/8 criterion z = 2D²/λ.
+const FAR_FIELD_PHASE_RAD_MAX: f64 = FRAC_PI_2;
+
+/// # Errors
+///
+/// [`Error::Unsuitable`] where `method` can't be right.
+pub(super) fn check(setup: &OpticalSetup, method: Method, window: &ImageWindow) -> Result<()> {
+    check_window(setup, method, window)?;
+    check_light(setup, method, window)?;
+    match method {
+        Method::AngularSpectrum | Method::FresnelTransferFunction => check_whole_band(setup, method)?,
+        Method::BandLimited | Method::Shifted => check_sharp_band(setup, method, window)?,
+        Method::RayleighSommerfeld => check_impulse_response(setup, method, IMPULSE_RESPONSE_REACH_MIN)?,
+        Method::FresnelImpulseResponse => check_impulse_response(setup, method, 1.0)?,
+        Method::BandExtended => {
+            let axes = band_extended_axes(setup);
+            check_frequencies(method, &axes[0], &axes[1])?;
+        }
+        Method::Scaled => {
+            let axes = scaled_axes(setup, window);
+            check_frequencies(method, &axes[0], &axes[1])?;
+        }
+        Method::ScaledFresnel => check_reached_window(setup, method, window)?,
+        Method::Fraunhofer => {}
+    }
+    check_neglected_phase(setup, method, window)
+}
+
+fn refusal(method: Method, code: &'static str, reason: String) -> Error {
+    Error::Unsuitable { method, code, reason }
+}
+
+/// Only some methods choose where the image lies.
+fn check_window(setup: &OpticalSetup, method: Method, window: &ImageWindow) -> Result<()> {
+    let own = ImageWindow::of(&setup.grid());
+    let (fits, needed) = match method {
+        Method::Scaled | Method::ScaledFresnel => return Ok(()),
+        Method::Shifted => (window.has_pixels_of(&setup.grid()), "as many pixels of the same pitch as the display"),
+        Method::Fraunhofer => (*window == super::fraunhofer_window(setup), "pixels of λz over the display's sides"),
+        _ => (*window == own, "the display's own pixels, opposite to it"),
+    };
+    if fits {
+        return Ok(());
+    }
+    Err(refusal(method, "OTHER_WINDOW", format!("its window has {needed}, and another one was asked for")))
+}
+
+fn check_light(setup: &OpticalSetup, method: Method, window: &ImageWindow) -> Result<()> {
+    let band = Band::new(setup, window);
+    for (axis, kept) in [("x", band.kept_x), ("y", band.kept_y)] {
+        if kept <= 0.0 {
+            let spread = spread_m(setup.grid().pixel_pitch_m(), setup.wavelength_m(), setup.distance_m());
+            let [z, spread] = [setup.distance_m().abs(), spread].map(length);
+            let reason =
+                format!("at {z} no light lands in the window along {axis}: it moves at most {spread} to a side");
+            return Err(refusal(method, "WINDOW_UNREACHABLE", reason));
+        }
+    }
+    Ok(())
+}
+
+/// # Errors
+///
+/// [`Error::Unsuitable`] where a window, opposite to the display, can't hold a picture.
+pub(super) fn check_picture(setup: &OpticalSetup, method: Method, window: &ImageWindow) -> Result<()> {
+    let (grid, band) = (setup.grid(), Band::new(setup, window));
+    for (axis, kept, side_px, window_px, window_pitch_m) in [
+        ("x", band.kept_x, grid.width_px(), window.width_px(), window.pitch_x_m()),
+        ("y", band.kept_y, grid.height_px(), window.height_px(), window.pitch_y_m()),
+    ] {
+        let points = kept * window_px as f64 * window_pitch_m / grid.pixel_pitch_m();
+        // Displays and windows of one or two lines are no pictures to begin with.
+        if points < RESOLVED_POINTS_MIN.min(side_px.min(window_px) as f64 / 2.0) {
+            let reason = format!(
+                "at {} only {} of the band lands in the image along {axis}, which resolves {} of its {window_px} pixels; a \
+                 shorter distance or a larger window holds more",
+                length(setup.distance_m().abs()),
+                percent(kept),
+                digits(points)
+            );
+            return Err(refusal(method, "BAND_LOST", reason));
+        }
+    }
+    Ok(())
+}
+
+/// Each axis with its critical distance.
+fn critical_distances(setup: &OpticalSetup) -> [(&'static str, f64); 2] {
+    [("x", setup.critical_distance_x_m()), ("y", setup.critical_distance_y_m())]
+}
+
+fn check_whole_band(setup: &OpticalSetup, method: Method) -> Result<()> {
+    let z = setup.distance_m().abs();
+    for (axis, critical_m) in critical_distances(setup) {
+        if z > critical_m {
+            let reason = format!(
+                "the padded frame samples its whole band along {axis} up to {}, and at {} light comes back on the other side; \
+                 the band-limited angular spectrum or an impulse response is right there",
+                length(critical_m),
+                length(z)
+            );
+            return Err(refusal(method, "ALIASED", reason));
+        }
+    }
+    Ok(())
+}
+
+fn check_sharp_band(setup: &OpticalSetup, method: Method, window: &ImageWindow) -> Result<()> {
+    let band = Band::new(setup, window);
+    for (axis, kept) in [("x", band.kept_x), ("y", band.kept_y)] {
+        if kept < SHARP_BAND_MIN {
+            let reason = format!(
+                "at {} its limits keep {} of the band along {axis}, and with less than {} their ringing is as bright as the \
+                 image; an impulse response or a scaled plane is right there",
+                length(setup.distance_m().abs()),
+                percent(kept),
+                percent(SHARP_BAND_MIN)
+            );
+            return Err(refusal(method, "BAND_LOST", reason));
+        }
+    }
+    Ok(())
+}
+
+fn check_impulse_response(setup: &OpticalSetup, method: Method, reach_min: f64) -> Result<()> {
+    let z = setup.distance_m().abs();
+    for (axis, critical_m) in critical_distances(setup) {
+        if z < reach_min * critical_m {
+            let reason = format!(
+                "at {} its phase turns by {} of a cycle from pixel to pixel at the frame's end along {axis}, and half a cycle is \
+                 the most that pixels can follow; it is right from {} on, and an angular spectrum up to there",
+                length(z),
+                digits(0.5 * critical_m / z),
+                length(reach_min * critical_m)
+            );
+            return Err(refusal(method, "UNDERSAMPLED", reason));
+        }
+    }
+    Ok(())
+}
+
+fn check_reached_window(setup: &OpticalSetup, method: Method, window: &ImageWindow) -> Result<()> {
+    let reach_m = 0.5 * setup.wavelength_m() * setup.distance_m().abs() / setup.grid().pixel_pitch_m();
+    let (x_m, y_m) = farthest_m(setup, window);
+    for (axis, farthest_m) in [("x", x_m), ("y", y_m)] {
+        if farthest_m > reach_m {
+            let reason = format!(
+                "along {axis} the window and the display are up to {} apart, but at {} the light of a pixel reaches only {} to a side",
+                length(farthest_m),
+                length(setup.distance_m().abs()),
+                length(reach_m)
+            );
+            return Err(refusal(method, "UNDERSAMPLED", reason));
+        }
+    }
+    Ok(())
+}
+
+fn check_neglected_phase(setup: &OpticalSetup, method: Method, window: &ImageWindow) -> Result<()> {
+    let off_rad = neglected_phase_rad(setup, method, window);
+    let (most_rad, code, what) = match method {
+        Method::Fraunhofer => {
+            (FAR_FIELD_PHASE_RAD_MAX, "NOT_FAR", "the display is too large for the far field, whose phase")
+        }
+        _ => (NEGLECTED_PHASE_RAD_MAX, "NOT_PARAXIAL", "the light is too steep for a paraxial method, whose phase"),
+    };
+    if off_rad <= most_rad {
+        return Ok(());
+    }
+    let [off, most] = [off_rad, most_rad].map(digits);
+    let z = length(setup.distance_m().abs());
+    Err(refusal(method, code, format!("at {z} {what} is off by {off} rad, and more than {most} rad is wrong")))
+}

@@ -1,0 +1,179 @@
+//! A field in, a field out, by any method.
+
+use super::band_extended::band_extended_axes;
+use super::fraunhofer::{Fraunhofer, fraunhofer_window};
+use super::frequency_window::{FrequencyWindow, check_frequencies};
+use super::limits;
+use super::planner::{method_onto, own_window};
+use super::scaled::scaled_axes;
+use super::scaled_fresnel::ScaledFresnel;
+use super::{ImageWindow, Method};
+use crate::real::Real;
+use crate::{Detector, DisplayModel, Engine, OpticalSetup, Plane, Result};
+use num_complex::Complex;
+
+/// A planned propagation from the display to a window of the image plane, and back by its adjoint.
+///
+/// A method that is a [convolution](Method::is_convolution) runs on the [`Engine`]; the others have passes of their own.
+///
+/// ```
+/// use lightpath_optics::propagation::{ImageWindow, Method, Propagator};
+/// use lightpath_optics::{Grid, OpticalSetup, Plane};
+/// use num_complex::Complex32;
+///
+/// let grid = Grid::try_new(32, 32, 8e-6)?;
+/// let setup = OpticalSetup::try_new(grid, 515e-9, 0.05)?;
+/// // The middle of the image, four times as fine.
+/// let window = ImageWindow::try_new(32, 32, 2e-6)?;
+/// let propagator = Propagator::<f32>::onto(&setup, &window)?;
+/// let image = propagator.forward(&Plane::filled(32, 32, Complex32::ONE))?;
+/// assert_eq!((image.height_px(), propagator.window().pitch_x_m()), (32, 2e-6));
+/// # Ok::<(), lightpath_optics::Error>(())
+/// ```
+#[derive(Debug)]
+pub struct Propagator<T = f32> {
+    setup: OpticalSetup,
+    method: Method,
+    window: ImageWindow,
+    passes: Passes<T>,
+}
+
+#[derive(Debug)]
+enum Passes<T> {
+    /// The engine, and the one whose transfer function is H(−fx, −fy).
+    Convolution {
+        engine: Box<Engine<T>>,
+        mirrored: Box<Engine<T>>,
+    },
+    Frequencies(Box<FrequencyWindow<T>>),
+    ScaledFresnel(Box<ScaledFresnel<T>>),
+    Fraunhofer(Fraunhofer<T>),
+}
+
+impl<T: Real> Propagator<T> {
+    /// By `method`, onto the window that the method has of itself: [`OpticalSetup::window`], or for the far field
+    /// [`fraunhofer_window`].
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Unsuitable`] where the method can't be right, with the numbers.
+    pub fn new(setup: &OpticalSetup, method: Method) -> Result<Self> {
+        limits::check(setup, method, &own_window(setup, method))?;
+        Self::regardless(setup, method)
+    }
+
+    /// Onto any window, by [`Method::Scaled`] or [`Method::ScaledFresnel`], whichever is right there.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Unsuitable`](crate::Error::Unsuitable) for a window that no light reaches, or that would take too many
+    /// frequencies.
+    pub fn onto(setup: &OpticalSetup, window: &ImageWindow) -> Result<Self> {
+        let method = method_onto(setup, window);
+        limits::check(setup, method, window)?;
+        Self::onto_regardless(setup, method, window)
+    }
+
+    fn onto_regardless(setup: &OpticalSetup, method: Method, window: &ImageWindow) -> Result<Self> {
+        let passes = match method {
+            Method::ScaledFresnel => Passes::ScaledFresnel(Box::new(ScaledFresnel::new(setup, window))),
+            _ => {
+                let axes = scaled_axes(setup, window);
+                check_frequencies(Method::Scaled, &axes[0], &axes[1])?;
+                Passes::Frequencies(Box::new(FrequencyWindow::new(setup, window, &axes)))
+            }
+        };
+        Ok(Self { setup: *setup, method, window: *window, passes })
+    }
+
+    /// By `method`, right or wrong: to see by how much.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Unsuitable`] where the method has nothing to compute, or too much.
+    pub fn regardless(setup: &OpticalSetup, method: Method) -> Result<Self> {
+        let window = match method {
+            Method::Scaled | Method::ScaledFresnel => return Self::onto_regardless(setup, method, &setup.window()),
+            Method::Fraunhofer => fraunhofer_window(setup),
+            Method::Shifted => setup.window(),
+            _ => ImageWindow::of(&setup.grid()),
+        };
+        let passes = match method {
+            Method::Scaled | Method::ScaledFresnel | Method::BandExtended => {
+                let axes = band_extended_axes(setup);
+                check_frequencies(method, &axes[0], &axes[1])?;
+                Passes::Frequencies(Box::new(FrequencyWindow::new(setup, &window, &axes)))
+            }
+            Method::Fraunhofer => Passes::Fraunhofer(Fraunhofer::new(setup)),
+            Method::AngularSpectrum
+            | Method::BandLimited
+            | Method::Shifted
+            | Method::RayleighSommerfeld
+            | Method::FresnelTransferFunction
+            | Method::FresnelImpulseResponse => Self::convolution(&setup.with_method_regardless(method)?)?,
+        };
+        Ok(Self { setup: *setup, method, window, passes })
+    }
+
+    /// The setup.
+    #[must_use]
+    pub fn setup(&self) -> &OpticalSetup {
+        &self.setup
+    }
+
+    /// The method.
+    #[must_use]
+    pub fn method(&self) -> Method {
+        self.method
+    }
+
+    /// Where the samples of the image lie.
+    #[must_use]
+    pub fn window(&self) -> &ImageWindow {
+        &self.window
+    }
+
+    /// The field in the window that `field`, on the display's pixels, becomes.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::SizeMismatch`] for a field of another size than the display's.
+    pub fn forward(&self, field: &Plane<Complex<T>>) -> Result<Plane<Complex<T>>> {
+        field.expect_size("field", self.setup.grid().height_px(), self.setup.grid().width_px())?;
+        match &self.passes {
+            Passes::Convolution { engine, .. } => engine.propagate(field),
+            Passes::Frequencies(passes) => Ok(passes.forward(field)),
+            Passes::ScaledFresnel(passes) => Ok(passes.forward(field)),
+            Passes::Fraunhofer(passes) => Ok(passes.forward(field)),
+        }
+    }
+
+    /// The adjoint of [`Self::forward`], ⟨A u, v⟩ = ⟨u, Aᴴ v⟩: from a field in the window to one on the display's pixels.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::SizeMismatch`] for a field of another size than the window's.
+    pub fn adjoint(&self, field: &Plane<Complex<T>>) -> Result<Plane<Complex<T>>> {
+        field.expect_size("field", self.window.height_px(), self.window.width_px())?;
+        match &self.passes {
+            // conj(Aᴴv) = F⁻¹ H(−f) F conj(v): the spectrum of a conjugate field is conjugate and mirrored.
+            Passes::Convolution { mirrored, .. } => Ok(mirrored.propagate(&field.map(|v| v.conj()))?.map(|u| u.conj())),
+            Passes::Frequencies(passes) => Ok(passes.adjoint(field)),
+            Passes::ScaledFresnel(passes) => Ok(passes.adjoint(field)),
+            Passes::Fraunhofer(passes) => Ok(passes.adjoint(field)),
+        }
+    }
+
+    fn convolution(setup: &OpticalSetup) -> Result<Passes<T>> {
+        let engine = Box::new(Engine::new(&DisplayModel::ideal(*setup), Detector::Point, None)?);
+        // Only a window beside the axis tells left from right.
+        let mirrored = match setup.method() {
+            Method::Shifted => {
+                let mirrored = setup.with_centre(-setup.window().centre_x_m(), -setup.window().centre_y_m())?;
+                Box::new(Engine::new(&DisplayModel::ideal(mirrored), Detector::Point, None)?)
+            }
+            _ => engine.clone(),
+        };
+        Ok(Passes::Convolution { engine, mirrored })
+    }
+}

@@ -1,0 +1,278 @@
+//! Where a method is right, in numbers.
+
+use super::quantity::{digits, length, percent};
+use super::scaled::spread_m;
+use super::scaled_fresnel::farthest_m;
+use super::shifted::{frequency_landing_at, landing_m};
+use super::{ImageWindow, Method, fraunhofer, fresnel_transfer_function};
+use crate::OpticalSetup;
+use std::fmt;
+
+/// A method for a setup, how good it is there, and what to beware of.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ValidityReport {
+    /// The method.
+    pub method: Method,
+    /// Why this one, for people.
+    pub explanation: String,
+    /// Where the samples of the image lie.
+    pub window: ImageWindow,
+    /// z_c = 2·width·Δ²/λ, up to which the padded frame samples the whole band \[m\].
+    pub critical_distance_x_m: f64,
+    /// z_c = 2·height·Δ²/λ \[m\].
+    pub critical_distance_y_m: f64,
+    /// Part of the pixels' band along fx whose light lands in the window, 0 to 1.
+    pub band_kept_x: f64,
+    /// Part of the pixels' band along fy whose light lands in the window, 0 to 1.
+    pub band_kept_y: f64,
+    /// Part of the pixels' band, over both, whose light lands in the window, 0 to 1.
+    pub band_kept_area: f64,
+    /// a²/(λz), a half the longer side of the display: below 1 the image is in the far field.
+    pub fresnel_number: f64,
+    /// The steepest angle at which the pixels send light \[rad\]: sin θ = λ/2Δ; π/2 for pixels finer than λ/2.
+    pub diffraction_angle_rad: f64,
+    /// How far to one side the steepest light moves on its way: |z| tan θ \[m\]; infinite at θ = π/2.
+    pub spread_m: f64,
+    /// Sides of the middle of the image in which each point gets light at every angle that the pixels send; 0: no
+    /// point does \[m\].
+    pub full_cone_x_m: f64,
+    /// As `full_cone_x_m`, along y \[m\].
+    pub full_cone_y_m: f64,
+    /// Largest error of the phase that a paraxial method makes \[rad\]; 0 for the others.
+    pub neglected_phase_rad: f64,
+    /// What to beware of.
+    pub warnings: Vec<Warning>,
+}
+
+/// Something to beware of.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Warning {
+    /// For programs.
+    pub code: WarningCode,
+    /// For people, with the numbers.
+    pub text: String,
+}
+
+/// What there is to beware of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum WarningCode {
+    /// Part of the light misses the window, and with it the finest detail.
+    BandLimited,
+    /// The limit's sharp ends ring in the image.
+    SharpBandLimit,
+    /// The impulse response fades out before the frame's end.
+    ShortImpulseResponse,
+    /// The window resolves only few points.
+    FewPoints,
+    /// A paraxial method's phase is off.
+    Paraxial,
+    /// Pixels finer than half a wavelength send light that does not propagate.
+    Evanescent,
+}
+
+impl WarningCode {
+    /// In capitals, stable.
+    #[must_use]
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::BandLimited => "BAND_LIMITED",
+            Self::SharpBandLimit => "SHARP_BAND_LIMIT",
+            Self::ShortImpulseResponse => "SHORT_IMPULSE_RESPONSE",
+            Self::FewPoints => "FEW_POINTS",
+            Self::Paraxial => "PARAXIAL",
+            Self::Evanescent => "EVANESCENT",
+        }
+    }
+}
+
+impl fmt::Display for ValidityReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{}: {}", self.method, self.explanation)?;
+        let (x_m, y_m) = (length(self.critical_distance_x_m), length(self.critical_distance_y_m));
+        writeln!(f, "critical distance {x_m} along x, {y_m} along y; Fresnel number {}", digits(self.fresnel_number))?;
+        let [x, y, area] = [self.band_kept_x, self.band_kept_y, self.band_kept_area].map(percent);
+        write!(f, "band in the image {x} along x, {y} along y, {area} in all")?;
+        for warning in &self.warnings {
+            write!(f, "\nwarning {}: {}", warning.code.as_str(), warning.text)?;
+        }
+        Ok(())
+    }
+}
+
+/// Phases that are off by less than this show in no image \[rad\].
+const NEGLECTED_PHASE_RAD_MAX: f64 = 0.1;
+/// Windows that resolve fewer points along a side are worth a warning: icons, not pictures.
+const FEW_POINTS: f64 = 32.0;
+
+impl ValidityReport {
+    /// The numbers of `method`, and what there is to warn of.
+    pub(super) fn new(setup: &OpticalSetup, method: Method, window: ImageWindow, explanation: String) -> Self {
+        let (grid, wavelength_m, z) = (setup.grid(), setup.wavelength_m(), setup.distance_m().abs());
+        let pitch_m = grid.pixel_pitch_m();
+        let [side_x_m, side_y_m] = [grid.width_px(), grid.height_px()].map(|px| px as f64 * pitch_m);
+        let spread_m = spread_m(pitch_m, wavelength_m, z);
+        let band = Band::new(setup, &window);
+        let mut report = Self {
+            method,
+            explanation,
+            window,
+            critical_distance_x_m: setup.critical_distance_x_m(),
+            critical_distance_y_m: setup.critical_distance_y_m(),
+            band_kept_x: band.kept_x,
+            band_kept_y: band.kept_y,
+            band_kept_area: band.kept_area(setup),
+            fresnel_number: (0.5 * side_x_m.max(side_y_m)).powi(2) / (wavelength_m * z),
+            diffraction_angle_rad: (0.5 * wavelength_m / pitch_m).min(1.0).asin(),
+            spread_m,
+            full_cone_x_m: (side_x_m - 2.0 * spread_m).max(0.0),
+            full_cone_y_m: (side_y_m - 2.0 * spread_m).max(0.0),
+            neglected_phase_rad: neglected_phase_rad(setup, method, &window),
+            warnings: Vec::new(),
+        };
+        report.warn(setup);
+        report
+    }
+
+    /// Points that the window resolves along x and y.
+    #[must_use]
+    pub fn resolved_points(&self, setup: &OpticalSetup) -> (f64, f64) {
+        let pitch_m = setup.grid().pixel_pitch_m();
+        let points = |kept: f64, side_px: usize, window_pitch_m: f64| {
+            side_px as f64 * (window_pitch_m / pitch_m * kept).min(1.0)
+        };
+        let window = &self.window;
+        (
+            points(self.band_kept_x, window.width_px(), window.pitch_x_m()),
+            points(self.band_kept_y, window.height_px(), window.pitch_y_m()),
+        )
+    }
+
+    fn warn(&mut self, setup: &OpticalSetup) {
+        let pitch_m = setup.grid().pixel_pitch_m();
+        let (kept_x, kept_y) = (self.band_kept_x, self.band_kept_y);
+        let mut warn = |code, text| self.warnings.push(Warning { code, text });
+        if kept_x.min(kept_y) < 0.999 {
+            let [detail_x, detail_y] = [kept_x, kept_y].map(|kept| length(pitch_m / kept));
+            warn(
+                WarningCode::BandLimited,
+                format!(
+                    "only {} of the band along x and {} along y land in the image: no detail there is finer than {detail_x} \
+                     along x, {detail_y} along y",
+                    percent(kept_x),
+                    percent(kept_y)
+                ),
+            );
+            if matches!(self.method, Method::BandLimited | Method::Shifted) {
+                let text = "the band limit cuts sharply through light that lands at the sides of the image, and rings \
+                            there; the Rayleigh–Sommerfeld impulse response or a scaled plane does not"
+                    .to_owned();
+                warn(WarningCode::SharpBandLimit, text);
+            }
+        }
+        let farther_m = self.critical_distance_x_m.max(self.critical_distance_y_m);
+        if self.method == Method::RayleighSommerfeld && setup.distance_m().abs() < farther_m {
+            let text = format!(
+                "from {} on the impulse response would alias, so it fades out beyond {} to a side",
+                length(farther_m),
+                length(self.spread_m)
+            );
+            warn(WarningCode::ShortImpulseResponse, text);
+        }
+        if self.neglected_phase_rad > NEGLECTED_PHASE_RAD_MAX {
+            let text =
+                format!("the phase of the steepest light is off by up to {} rad", digits(self.neglected_phase_rad));
+            warn(WarningCode::Paraxial, text);
+        }
+        if setup.wavelength_m() >= 2.0 * pitch_m {
+            let text = format!(
+                "pixels of {} are finer than half a wavelength of {}: part of what they show does not propagate",
+                length(pitch_m),
+                length(setup.wavelength_m())
+            );
+            warn(WarningCode::Evanescent, text);
+        }
+        let (points_x, points_y) = self.resolved_points(setup);
+        if points_x.min(self.window.width_px() as f64) < FEW_POINTS.min(self.window.width_px() as f64)
+            || points_y < FEW_POINTS.min(self.window.height_px() as f64)
+        {
+            let text = format!("the window resolves about {}×{} points", digits(points_x), digits(points_y));
+            self.warnings.push(Warning { code: WarningCode::FewPoints, text });
+        }
+    }
+}
+
+/// The light that lands in a window.
+#[derive(Debug)]
+pub(super) struct Band {
+    /// Farthest from the window's middle that light of a pixel can be and land in it, along x and y \[m\].
+    apart_m: (f64, f64),
+    centre_m: (f64, f64),
+    pub(super) kept_x: f64,
+    pub(super) kept_y: f64,
+}
+
+impl Band {
+    pub(super) fn new(setup: &OpticalSetup, window: &ImageWindow) -> Self {
+        let (grid, nyquist) = (setup.grid(), 0.5 / setup.grid().pixel_pitch_m());
+        let apart_m = |side_px: usize, window_px: usize, window_pitch_m: f64| {
+            0.5 * (side_px as f64 * grid.pixel_pitch_m() + window_px as f64 * window_pitch_m)
+        };
+        let kept = |apart_m: f64, centre_m: f64| {
+            let end =
+                |x_m: f64| frequency_landing_at(x_m, setup.wavelength_m(), setup.distance_m()).clamp(-nyquist, nyquist);
+            (end(centre_m + apart_m) - end(centre_m - apart_m)) / (2.0 * nyquist)
+        };
+        let apart_x_m = apart_m(grid.width_px(), window.width_px(), window.pitch_x_m());
+        let apart_y_m = apart_m(grid.height_px(), window.height_px(), window.pitch_y_m());
+        Self {
+            apart_m: (apart_x_m, apart_y_m),
+            centre_m: (window.centre_x_m(), window.centre_y_m()),
+            kept_x: kept(apart_x_m, window.centre_x_m()),
+            kept_y: kept(apart_y_m, window.centre_y_m()),
+        }
+    }
+
+    /// Counted at the middles of a mesh over the band.
+    fn kept_area(&self, setup: &OpticalSetup) -> f64 {
+        const MESH: usize = 128;
+        let nyquist = 0.5 / setup.grid().pixel_pitch_m();
+        let f = |i: usize| ((2 * i + 1) as f64 / MESH as f64 - 1.0) * nyquist;
+        let lands = |&(u, v): &(usize, usize)| {
+            landing_m(f(u), f(v), setup.wavelength_m(), setup.distance_m()).is_some_and(|(x_m, y_m)| {
+                (x_m - self.centre_m.0).abs() <= self.apart_m.0 && (y_m - self.centre_m.1).abs() <= self.apart_m.1
+            })
+        };
+        let mesh = (0..MESH).flat_map(|v| (0..MESH).map(move |u| (u, v)));
+        mesh.filter(lands).count() as f64 / (MESH * MESH) as f64
+    }
+}
+
+/// Largest error of the phase \[rad\] for light that lands in the window.
+pub(super) fn neglected_phase_rad(setup: &OpticalSetup, method: Method, window: &ImageWindow) -> f64 {
+    let (wavelength_m, z) = (setup.wavelength_m(), setup.distance_m().abs());
+    // 2π(√(ρ² + z²) − z − ρ²/2z)/λ, at the window's point farthest from a pixel.
+    let of_paraboloid = || {
+        let (x_m, y_m) = farthest_m(setup, window);
+        let rho =
+            x_m.hypot(y_m).min(spread_m(setup.grid().pixel_pitch_m(), wavelength_m, z) * std::f64::consts::SQRT_2);
+        let squared = rho * rho;
+        let sum = (squared + z * z).sqrt() + z;
+        std::f64::consts::TAU / wavelength_m * squared * (sum - 2.0 * z) / (2.0 * z * sum)
+    };
+    match method {
+        Method::FresnelTransferFunction => {
+            let nyquist = 0.5 / setup.grid().pixel_pitch_m();
+            let band = Band::new(setup, window);
+            let steepest = (nyquist * band.kept_x).hypot(nyquist * band.kept_y);
+            fresnel_transfer_function::neglected_phase_rad(steepest, wavelength_m, z)
+        }
+        Method::FresnelImpulseResponse | Method::ScaledFresnel => of_paraboloid(),
+        Method::Fraunhofer => fraunhofer::neglected_phase_rad(setup),
+        Method::AngularSpectrum
+        | Method::BandLimited
+        | Method::Shifted
+        | Method::RayleighSommerfeld
+        | Method::BandExtended
+        | Method::Scaled => 0.0,
+    }
+}

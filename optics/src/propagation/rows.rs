@@ -1,0 +1,44 @@
+//! Doing the same to every row, and turning rows into columns.
+
+use crate::real::Real;
+use num_complex::Complex;
+use rayon::prelude::*;
+
+/// Every row of `input_len` values becomes one of `output_len` values by `each(row, out, scratch)`.
+pub(super) fn transform_rows<T: Real, S>(
+    input: &[Complex<T>],
+    input_len: usize,
+    output_len: usize,
+    scratch: impl Fn() -> S + Sync,
+    each: impl Fn(&[Complex<T>], &mut [Complex<T>], &mut S) + Sync,
+) -> Vec<Complex<T>> {
+    let mut output = vec![Complex::new(T::zero(), T::zero()); input.len() / input_len * output_len];
+    let rows = output.par_chunks_exact_mut(output_len).zip(input.par_chunks_exact(input_len));
+    rows.for_each_init(&scratch, |scratch, (out, row)| each(row, out, scratch));
+    output
+}
+
+/// The columns of `width` values a row, as rows.
+pub(super) fn transposed<T: Real>(input: &[Complex<T>], width: usize) -> Vec<Complex<T>> {
+    let height = input.len() / width;
+    let mut output = vec![Complex::new(T::zero(), T::zero()); input.len()];
+    output.par_chunks_exact_mut(height).enumerate().for_each(|(x, column)| {
+        for (value, &from) in column.iter_mut().zip(input[x..].iter().step_by(width)) {
+            *value = from;
+        }
+    });
+    output
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_become_rows() {
+        let of = |values: &[f64]| values.iter().map(|&value| Complex::new(value, 0.0)).collect::<Vec<_>>();
+        assert_eq!(transposed(&of(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]), 3), of(&[1.0, 4.0, 2.0, 5.0, 3.0, 6.0]));
+        let doubled = transform_rows(&of(&[1.0, 2.0, 3.0, 4.0]), 2, 1, || (), |row, out, ()| out[0] = row[0] + row[1]);
+        assert_eq!(doubled, of(&[3.0, 7.0]));
+    }
+}

@@ -1,0 +1,273 @@
+//! Each method against closed forms, the direct sum and its adjoint.
+
+use crate::fields::{
+    PITCH_M, WAVELENGTH_M, energy, half_band_spots, inner_product, noise, relative_l2, setup, spots_over_the_band,
+};
+use lightpath_optics::propagation::{ImageWindow, Method, Propagator};
+use lightpath_optics::reference::{gaussian_beam, rayleigh_sommerfeld, rayleigh_sommerfeld_onto};
+use lightpath_optics::{Grid, OpticalSetup, Plane, Real};
+use num_complex::{Complex, Complex64};
+use std::f64::consts::{PI, TAU};
+
+fn sent<T: Real>(propagator: &Propagator<T>, field: &Plane<Complex64>) -> Plane<Complex64> {
+    wide(&propagator.forward(&narrow(field)).unwrap())
+}
+
+fn narrow<T: Real>(field: &Plane<Complex64>) -> Plane<Complex<T>> {
+    field.map(|u| Complex::new(T::of(u.re), T::of(u.im)))
+}
+
+fn wide<T: Real>(field: &Plane<Complex<T>>) -> Plane<Complex64> {
+    field.map(|u| Complex64::new(u.re.wide(), u.im.wide()))
+}
+
+/// Every method that has a window of its own, at distances where it can be right, and three windows of our own.
+fn propagators<T: Real>(height_px: usize, width_px: usize) -> Vec<Propagator<T>> {
+    let at = |distance_m: f64| setup(height_px, width_px, distance_m);
+    let (near_m, far_m) = (0.4 * critical_m(&at(1.0)), 2.0 * critical_m(&at(1.0)));
+    let mut all = Vec::new();
+    for (method, distances_m) in [
+        (Method::AngularSpectrum, [near_m, -near_m]),
+        (Method::BandLimited, [far_m, -near_m]),
+        (Method::RayleighSommerfeld, [far_m, -far_m]),
+        (Method::FresnelTransferFunction, [near_m, -near_m]),
+        (Method::FresnelImpulseResponse, [far_m, -far_m]),
+        (Method::BandExtended, [far_m, -near_m]),
+    ] {
+        all.extend(distances_m.map(|z| Propagator::regardless(&at(z), method).unwrap()));
+    }
+    let beside = |z: f64| at(z).with_centre(0.2 * far_m * WAVELENGTH_M / PITCH_M, -1e-5).unwrap();
+    all.extend([far_m, -far_m].map(|z| Propagator::regardless(&beside(z), Method::Shifted).unwrap()));
+    all.extend([3.0, -3.0].map(|z| Propagator::regardless(&at(z), Method::Fraunhofer).unwrap()));
+    for (rows, columns, pitch_m, z) in [(20, 33, 2e-6, near_m), (17, 12, 11e-6, -far_m), (24, 9, 1e-6, 8.0 * far_m)] {
+        let window = ImageWindow::try_new(rows, columns, pitch_m).unwrap().centred_at(3e-5, -2e-5).unwrap();
+        all.push(Propagator::onto(&at(z), &window).unwrap());
+    }
+    all
+}
+
+fn critical_m(setup: &OpticalSetup) -> f64 {
+    setup.critical_distance_x_m().max(setup.critical_distance_y_m())
+}
+
+fn label<T>(propagator: &Propagator<T>) -> String
+where
+    T: Real,
+{
+    format!("{} at {} m", propagator.method(), propagator.setup().distance_m())
+}
+
+#[test]
+fn every_method_is_there() {
+    let listed: Vec<Method> = propagators::<f32>(24, 31).iter().map(Propagator::method).collect();
+    for method in Method::ALL {
+        assert!(listed.contains(&method), "{method}");
+    }
+}
+
+fn check_adjoints<T: Real>(bound: f64) {
+    for (height_px, width_px) in [(24, 31), (17, 16), (1, 13)] {
+        for propagator in propagators::<T>(height_px, width_px) {
+            let window = propagator.window();
+            let (u, v) = (noise(height_px, width_px, 3), noise(window.height_px(), window.width_px(), 4));
+            let there = sent(&propagator, &u);
+            let back = wide(&propagator.adjoint(&narrow(&v)).unwrap());
+            let apart = inner_product(&there, &v) - inner_product(&u, &back);
+            let scale = (energy(&there) * energy(&v)).sqrt();
+            assert!(apart.norm() <= bound * scale, "{height_px}×{width_px} {}: {apart}", label(&propagator));
+        }
+    }
+}
+
+#[test]
+fn the_way_back_is_the_adjoint_of_the_way_there() {
+    check_adjoints::<f64>(1e-12);
+    check_adjoints::<f32>(1e-6);
+}
+
+#[test]
+fn single_precision_is_as_good_as_double() {
+    let field = noise(24, 31, 5);
+    for (single, double) in propagators::<f32>(24, 31).iter().zip(propagators::<f64>(24, 31)) {
+        let error = relative_l2(&sent(single, &field), &sent(&double, &field));
+        assert!(error < 1e-5, "{}: {error:e}", label(single));
+    }
+}
+
+#[test]
+fn results_do_not_depend_on_the_number_of_threads() {
+    let field = noise(40, 31, 6);
+    let on = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            propagators::<f32>(40, 31).iter().map(|it| it.forward(&narrow(&field)).unwrap()).collect::<Vec<_>>()
+        })
+    };
+    let one = on(1);
+    assert!(on(2) == one && on(8) == one);
+}
+
+#[test]
+fn a_gaussian_beam_spreads_as_it_should() {
+    let (height_px, width_px, waist_m) = (129, 96, 60e-6);
+    let beam = |window: &ImageWindow, z: f64| {
+        Plane::from_fn(window.height_px(), window.width_px(), |y, x| {
+            gaussian_beam(window.x_m(x) - 20e-6, window.y_m(y) + 30e-6, z, waist_m, WAVELENGTH_M)
+        })
+    };
+    let own = setup(height_px, width_px, 1.0).window();
+    let check = |propagator: Propagator<f64>, bound: f64| {
+        let z = propagator.setup().distance_m();
+        let error = relative_l2(&sent(&propagator, &beam(&own, 0.0)), &beam(propagator.window(), z));
+        assert!(error < bound, "{}: {error:e}", label(&propagator));
+    };
+    // The closed form is paraxial: what the exact methods differ by is its own error.
+    let (paraxial, exact) = (1e-6, 5e-5);
+    for z in [15e-3, -15e-3, 40e-3, -40e-3] {
+        let setup = setup(height_px, width_px, z);
+        let is_near = z.abs() < 20e-3;
+        for (method, bound, is_right) in [
+            (Method::AngularSpectrum, exact, is_near),
+            (Method::BandLimited, exact, true),
+            (Method::BandExtended, exact, true),
+            (Method::FresnelTransferFunction, paraxial, is_near),
+            (Method::RayleighSommerfeld, exact, !is_near),
+            (Method::FresnelImpulseResponse, paraxial, !is_near),
+        ] {
+            if is_right {
+                check(Propagator::new(&setup, method).unwrap(), bound);
+            }
+        }
+        let zoom = ImageWindow::try_new(50, 71, 3e-6).unwrap().centred_at(40e-6, -10e-6).unwrap();
+        let reduced = ImageWindow::try_new(30, 33, 20e-6).unwrap();
+        for window in [zoom, reduced, own.centred_at(1e-4, -5e-5).unwrap()] {
+            check(Propagator::onto(&setup, &window).unwrap(), exact);
+        }
+        check(Propagator::new(&setup.with_centre(1e-4, -5e-5).unwrap(), Method::Shifted).unwrap(), exact);
+        if !is_near {
+            check(Propagator::regardless(&setup, Method::ScaledFresnel).unwrap(), paraxial);
+        }
+    }
+}
+
+#[test]
+fn the_impulse_response_is_the_direct_sum() {
+    for (height_px, width_px) in [(20, 31), (33, 8)] {
+        for times in [1.0, -1.0, 4.0] {
+            let setup = setup(height_px, width_px, times * critical_m(&setup(height_px, width_px, 1.0)));
+            let field = noise(height_px, width_px, 7);
+            let expected = rayleigh_sommerfeld(&setup, &field).unwrap();
+            for (found, bound) in [
+                (sent(&Propagator::<f64>::new(&setup, Method::RayleighSommerfeld).unwrap(), &field), 1e-12),
+                (sent(&Propagator::<f32>::new(&setup, Method::RayleighSommerfeld).unwrap(), &field), 1e-5),
+            ] {
+                let error = relative_l2(&found, &expected);
+                assert!(error < bound, "{height_px}×{width_px} {times} z_c: {error:e}");
+            }
+        }
+    }
+}
+
+#[test]
+fn windows_anywhere_see_what_the_direct_sum_sees() {
+    let (height_px, width_px, finer) = (32, 28, 3);
+    let grid = Grid::try_new(height_px * finer, width_px * finer, PITCH_M / finer as f64).unwrap();
+    let (field, fine) = (half_band_spots(height_px, width_px), spots_resampled(height_px, width_px, finer));
+    for z in [5e-3, 0.012, -0.012, 0.04] {
+        let (setup, fine_setup) =
+            (setup(height_px, width_px, z), OpticalSetup::try_new(grid, WAVELENGTH_M, z).unwrap());
+        let check = |propagator: Propagator<f64>| {
+            let expected = rayleigh_sommerfeld_onto(&fine_setup, &fine, propagator.window()).unwrap();
+            let error = relative_l2(&sent(&propagator, &field), &expected);
+            assert!(error < 1e-3, "{}: {error:e}", label(&propagator));
+        };
+        for (rows, columns, pitch_m, x_m, y_m) in
+            [(16, 16, 3e-6, 0.0, 0.0), (20, 13, 9e-6, 4e-5, -3e-5), (12, 30, 16e-6, 0.0, 2e-5)]
+        {
+            let window = ImageWindow::try_new(rows, columns, pitch_m).unwrap().centred_at(x_m, y_m).unwrap();
+            check(Propagator::onto(&setup, &window).unwrap());
+        }
+        if z.abs() < 0.02 {
+            check(Propagator::new(&setup.with_centre(3e-5, -2e-5).unwrap(), Method::Shifted).unwrap());
+        }
+    }
+}
+
+/// [`half_band_spots`] of `height_px` × `width_px`, sampled more finely.
+fn spots_resampled(height_px: usize, width_px: usize, finer: usize) -> Plane<Complex64> {
+    // Pixel centres lie at (i + ½)/finer − ½ pixels.
+    let spots = [(0.5, 0.45, 1.0, 0.03), (0.42, 0.55, -0.6, -0.05), (0.55, 0.6, 0.5, 0.04)];
+    Plane::from_fn(height_px * finer, width_px * finer, |y, x| {
+        let [y, x] = [y, x].map(|i| (i as f64 + 0.5) / finer as f64 - 0.5);
+        let spot = |(cy, cx, size, tilt): (f64, f64, f64, f64)| {
+            let (dy, dx) = (y - cy * height_px as f64, x - cx * width_px as f64);
+            Complex64::cis(TAU * tilt * (dx - dy)) * size * (-(dx * dx + dy * dy) / 16.0).exp()
+        };
+        spots.map(spot).into_iter().sum()
+    })
+}
+
+#[test]
+fn extending_the_band_changes_nothing_up_to_the_critical_distance_and_helps_beyond() {
+    let (near, far) = (setup(40, 40, 5e-3), setup(40, 40, 0.08));
+    let field = noise(40, 40, 8);
+    let by = |setup: &OpticalSetup, method, field| sent(&Propagator::<f64>::new(setup, method).unwrap(), field);
+    let same = relative_l2(&by(&near, Method::BandExtended, &field), &by(&near, Method::AngularSpectrum, &field));
+    assert!(same < 1e-11, "{same:e}");
+    let field = spots_over_the_band(40, 40, 1);
+    let exact = by(&far, Method::RayleighSommerfeld, &field);
+    let error = |method| relative_l2(&sent(&Propagator::<f64>::regardless(&far, method).unwrap(), &field), &exact);
+    let (limited, extended) = (error(Method::BandLimited), error(Method::BandExtended));
+    assert!(extended < 0.5 * limited, "{extended} {limited}");
+}
+
+#[test]
+fn the_far_field_of_a_rectangle_is_the_dirichlet_kernel() {
+    let (height_px, width_px, (rows, columns)) = (50, 61, (10, 7));
+    for z in [4.0, -4.0] {
+        let propagator = Propagator::<f64>::regardless(&setup(height_px, width_px, z), Method::Fraunhofer).unwrap();
+        let hole = |i: usize, side_px: usize, hole_px: usize| {
+            2 * i.abs_diff((side_px - hole_px) / 2) < 4 * hole_px
+                && i >= (side_px - hole_px) / 2
+                && i < (side_px - hole_px) / 2 + hole_px
+        };
+        let field = Plane::from_fn(height_px, width_px, |y, x| {
+            Complex64::from(if hole(y, height_px, rows) && hole(x, width_px, columns) { 1.0 } else { 0.0 })
+        });
+        let window = *propagator.window();
+        let area_m2 = WAVELENGTH_M * z;
+        let kernel = |x_m: f64, side_px: usize, hole_px: usize| {
+            // Σ e^{−i2πx·x'/λz} over the hole, whose middle may lie half a pixel beside the display's.
+            let middle_m =
+                ((side_px - hole_px) / 2) as f64 * PITCH_M + 0.5 * (hole_px as f64 - side_px as f64) * PITCH_M;
+            let turn = PI * x_m * PITCH_M / area_m2;
+            let ratio =
+                if turn.sin().abs() < 1e-12 { hole_px as f64 } else { (hole_px as f64 * turn).sin() / turn.sin() };
+            Complex64::cis(-TAU * x_m * middle_m / area_m2) * ratio
+        };
+        let expected = Plane::from_fn(height_px, width_px, |y, x| {
+            let (x_m, y_m) = (window.x_m(x), window.y_m(y));
+            kernel(x_m, width_px, columns)
+                * kernel(y_m, height_px, rows)
+                * Complex64::cis(PI * (x_m * x_m + y_m * y_m) / area_m2)
+                * PITCH_M.powi(2)
+                / Complex64::new(0.0, area_m2)
+        });
+        let error = relative_l2(&sent(&propagator, &field), &expected);
+        assert!(error < 1e-11, "{z}: {error:e}");
+    }
+}
+
+#[test]
+fn the_far_field_is_what_the_exact_integral_becomes() {
+    let setup = setup(12, 16, 0.5);
+    let propagator = Propagator::<f64>::new(&setup, Method::Fraunhofer).unwrap();
+    let field = noise(12, 16, 10);
+    let expected = rayleigh_sommerfeld_onto(&setup, &field, propagator.window()).unwrap();
+    // π·ρ²/λz at the display's corners, the phase that is neglected.
+    let neglected = PI * PITCH_M.powi(2) * (5.5_f64.powi(2) + 7.5_f64.powi(2)) / (WAVELENGTH_M * 0.5);
+    // So far off the axis, the phase of a paraboloid is not that of a sphere.
+    let amplitude = |field: &Plane<Complex64>| field.map(|u| Complex64::from(u.norm()));
+    let error = relative_l2(&amplitude(&sent(&propagator, &field)), &amplitude(&expected));
+    assert!(error < neglected && neglected < 0.1, "{error} {neglected}");
+}
