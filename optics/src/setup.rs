@@ -56,7 +56,7 @@ impl OpticalSetup {
         Ok(setup)
     }
 
-    /// The same setup, computed by the convolution that [`plan`](crate::propagation::plan) chooses, and how good that is.
+    /// The same setup, computed by the convolution that [`plan`] chooses, and how good that is.
     ///
     /// # Errors
     ///

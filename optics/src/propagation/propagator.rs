@@ -56,7 +56,7 @@ impl<T: Real> Propagator<T> {
     ///
     /// # Errors
     ///
-    /// [`Error::Unsuitable`] where the method can't be right, with the numbers.
+    /// [`Error::Unsuitable`](crate::Error::Unsuitable) where the method can't be right, with the numbers.
     pub fn new(setup: &OpticalSetup, method: Method) -> Result<Self> {
         limits::check(setup, method, &own_window(setup, method))?;
         Self::regardless(setup, method)
@@ -90,7 +90,7 @@ impl<T: Real> Propagator<T> {
     ///
     /// # Errors
     ///
-    /// [`Error::Unsuitable`] where the method has nothing to compute, or too much.
+    /// [`Error::Unsuitable`](crate::Error::Unsuitable) where the method has nothing to compute, or too much.
     pub fn regardless(setup: &OpticalSetup, method: Method) -> Result<Self> {
         let window = match method {
             Method::Scaled | Method::ScaledFresnel => return Self::onto_regardless(setup, method, &setup.window()),
@@ -137,7 +137,7 @@ impl<T: Real> Propagator<T> {
     ///
     /// # Errors
     ///
-    /// [`Error::SizeMismatch`] for a field of another size than the display's.
+    /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for a field of another size than the display's.
     pub fn forward(&self, field: &Plane<Complex<T>>) -> Result<Plane<Complex<T>>> {
         field.expect_size("field", self.setup.grid().height_px(), self.setup.grid().width_px())?;
         match &self.passes {
@@ -152,7 +152,7 @@ impl<T: Real> Propagator<T> {
     ///
     /// # Errors
     ///
-    /// [`Error::SizeMismatch`] for a field of another size than the window's.
+    /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for a field of another size than the window's.
     pub fn adjoint(&self, field: &Plane<Complex<T>>) -> Result<Plane<Complex<T>>> {
         field.expect_size("field", self.window.height_px(), self.window.width_px())?;
         match &self.passes {
