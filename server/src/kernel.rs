@@ -38,7 +38,7 @@ pub struct Kernel {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum KernelModel {
-    /// Kavaklı, Ürey, Akşit 2021.
+    /// Kavaklı, Ürey, Akşit 2022.
     Paper,
     /// Every frequency bin free.
     Dense,

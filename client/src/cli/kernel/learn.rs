@@ -66,7 +66,7 @@ pub(crate) struct Learn {
 /// How a kernel is parametrized.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Model {
-    /// Amplitude and phase, random at first, in the inner half of the spectrum (Kavaklı, Ürey, Akşit 2021).
+    /// Amplitude and phase, random at first, in the inner half of the spectrum (Kavaklı, Ürey, Akşit 2022).
     Paper,
     /// Every frequency bin free, starting from the ideal kernel.
     Dense,
