@@ -23,7 +23,7 @@ use rayon::prelude::*;
 /// use lightpath_optics::{Grid, OpticalSetup, Plane};
 /// use num_complex::Complex64;
 ///
-/// let setup = OpticalSetup::try_new(Grid::try_new(24, 24, 8e-6)?, 515e-9, 0.02)?;
+/// let setup = OpticalSetup::try_new(Grid::try_new(24, 24, 8e-6)?, 515e-9, 8e-3)?;
 /// let spot = Plane::from_fn(24, 24, |y, x| {
 ///     Complex64::from((-((y as f64 - 11.5).powi(2) + (x as f64 - 11.5).powi(2)) / 18.0).exp())
 /// });

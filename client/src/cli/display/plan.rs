@@ -15,7 +15,7 @@ use lightpath::{names, v1};
 Examples:
   lightpath display plan lab-2 --distance 150mm
   lightpath display plan lab-2 --distance 500mm --method band-limited
-  lightpath display plan lab-2 --distance 150mm --window 512x512 --window-pitch 2um")]
+  lightpath display plan lab-2 --distance 9cm --window 96x96 --window-pitch 2um")]
 pub(crate) struct Plan {
     /// Id of the display
     id: String,
