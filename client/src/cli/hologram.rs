@@ -50,25 +50,33 @@ Examples:
       -o {name}-phase.png --reconstruction {name}-seen.png --npy {name}.npy
 
   A focal stack: one hologram that shows three pictures at three distances
-    lightpath hologram optimize --display lab-2 -o phase.png --reconstruction seen.png \\
+    lightpath hologram optimize --display lab-2 -o phase.png \\
         --plane 140mm=near.png --plane 150mm=middle.png --plane 160mm=far.png
 
-  A colour picture with depth: three wavelengths, and a depth map whose white is at 140mm and whose black is at 160mm
-    lightpath hologram optimize photo.png --display rgb-1 --wavelength 638nm,520nm,450nm \\
-        --depth-map depth.png --distance 140mm,150mm,160mm -o holograms/ --reconstruction holograms/
+  A colour picture with depth: three wavelengths, and a depth map whose white
+  is at the first distance and whose black is at the last
+    lightpath hologram optimize photo.png --display rgb-1 \\
+        --wavelength 638nm,520nm,450nm --distance 140mm,150mm,160mm \\
+        --depth-map depth.png -o holograms/ --reconstruction holograms/
 
   Less speckle: the mean of eight phases, shown faster than the eye can follow
-    lightpath hologram optimize photo.png --display lab-2 --distance 150mm --frames 8 --phase-range 6.2831853 -o frames/
+    lightpath hologram optimize photo.png --display lab-2 --distance 150mm \\
+        --frames 8 --phase-range 6.2831853 -o frames/
 
-  For the 16 levels of an old modulator: the last third of the steps goes on through its levels
-    lightpath hologram optimize photo.png --display lab-4bit --distance 150mm --quantization-aware -o phase.png
+  For the 16 levels of an old modulator: the last third of the steps goes on
+  through its levels
+    lightpath hologram optimize photo.png --display lab-4bit --distance 150mm \\
+        --quantization-aware -o phase.png
 
 Methods:
-  lbfgs  follows the gradient, and its curvature: by far the best picture for the time; every option works with it
+  lbfgs  follows the gradient and its curvature: by far the best picture for
+         the time; every option works with it
   adam   follows the gradient, as most published holograms do
-  gs     Gerchberg-Saxton: replaces amplitudes on either side in turn; a quick draft
+  gs     Gerchberg-Saxton: replaces amplitudes on either side in turn; a quick
+         draft
   wgs    gs with weights that raise what is too dark
-  dpac   double phase: no iterations, one pass; needs optics that filter away its chequerboard
+  dpac   double phase: no iterations, one pass; needs optics that filter away
+         its chequerboard
 
 Output files: one file where there is one target; a folder (made where it is missing and ends with /), which \
 then gets NAME-phase.png, NAME-phase.npy and NAME-reconstruction.png; or a pattern, where {name} stands for \
