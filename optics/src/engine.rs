@@ -153,7 +153,7 @@ impl<T: Real> Fields<T> {
     }
 }
 
-fn sample_transfer<T: Real>(model: &DisplayModel) -> Transfer<T> {
+pub(crate) fn sample_transfer<T: Real>(model: &DisplayModel) -> Transfer<T> {
     let (height_px, width_px) = (model.setup.grid().height_px(), model.setup.grid().width_px());
     let pitch_m = model.setup.grid().pixel_pitch_m();
     match &model.kernel {
@@ -202,7 +202,7 @@ fn clenshaw(coefficients: &[f64], y: f64) -> f64 {
     coefficients.first().copied().unwrap_or(0.0) + y * next - after
 }
 
-fn tabulate_slm<T: Real>(model: &DisplayModel, carrier: Option<Carrier>) -> Slm<T> {
+pub(crate) fn tabulate_slm<T: Real>(model: &DisplayModel, carrier: Option<Carrier>) -> Slm<T> {
     let grid = model.setup.grid();
     let mut slm = Slm::ideal(grid.width_px(), carrier);
     slm.harmonics = model.response.iter().map(|&[a, b]| [T::of(a), T::of(b)]).collect();

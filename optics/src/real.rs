@@ -1,12 +1,13 @@
 //! The two precisions of the engine: f32 for work, f64 for reference.
 
+use crate::convolution::columns::TilePasses;
 use num_complex::Complex;
 use pulp::{Simd, bytemuck};
 use rustfft::{FftNum, num_traits::Float};
 
 /// f32 or f64.
 #[allow(private_bounds)] // how the engine computes is its own affair
-pub trait Real: FftNum + Float + Vectors {
+pub trait Real: FftNum + Float + Vectors + TilePasses {
     /// The nearest number of this precision.
     fn of(value: f64) -> Self;
 

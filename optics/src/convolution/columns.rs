@@ -26,24 +26,30 @@ impl<T: Real> TileScratch<T> {
 impl<T: Real> Convolver<T> {
     /// One half-transformed field in, H applied, one field out for each offset along y.
     pub(crate) fn propagate(&self, spectrum: &[Complex<T>], transfer: &Transfer<T>, tiles: &mut [Complex<T>]) {
-        let arch = Arch::new();
         tiles.par_chunks_mut(self.lanes() * self.tile_len()).enumerate().for_each_init(
             || self.scratch.take(),
             |scratch, (tile, out)| {
                 let scratch = &mut scratch.tile;
-                arch.dispatch(TilePass { convolver: self, transfer, spectrum, tile, scratch, out, way: Way::There });
+                T::pass_over_tile(TilePass {
+                    convolver: self,
+                    transfer,
+                    spectrum,
+                    tile,
+                    scratch,
+                    out,
+                    way: Way::There,
+                });
             },
         );
     }
 
     /// The adjoint of [`Self::propagate`].
     pub(crate) fn propagate_adjoint(&self, spectrum: &[Complex<T>], transfer: &Transfer<T>, tiles: &mut [Complex<T>]) {
-        let arch = Arch::new();
         tiles.par_chunks_mut(self.tile_len()).enumerate().for_each_init(
             || self.scratch.take(),
             |scratch, (tile, out)| {
                 let scratch = &mut scratch.tile;
-                arch.dispatch(TilePass { convolver: self, transfer, spectrum, tile, scratch, out, way: Way::Back });
+                T::pass_over_tile(TilePass { convolver: self, transfer, spectrum, tile, scratch, out, way: Way::Back });
             },
         );
     }
@@ -59,7 +65,6 @@ impl<T: Real> Convolver<T> {
         tiles: &mut [Complex<T>],
         visit: impl Fn(usize, &[Complex<T>], &[Complex<T>]) -> R + Sync,
     ) -> Vec<R> {
-        let arch = Arch::new();
         let len = self.tile_len();
         let zeros = |len| vec![Complex::new(T::zero(), T::zero()); len];
         let answers = tiles.par_chunks_mut(len).enumerate().map_init(
@@ -73,7 +78,7 @@ impl<T: Real> Convolver<T> {
             |(scratch, [u, g], [u_column, g_column]), (tile, out)| {
                 let scratch = &mut scratch.tile;
                 let mut pass = |spectrum: &[Complex<T>], out: &mut [Complex<T>], way| {
-                    arch.dispatch(TilePass { convolver: self, transfer, spectrum, tile, scratch, out, way });
+                    T::pass_over_tile(TilePass { convolver: self, transfer, spectrum, tile, scratch, out, way });
                 };
                 pass(field, u, Way::SpectraThere);
                 pass(gradient, g, Way::SpectraBack);
@@ -119,8 +124,26 @@ enum Way {
     ReturnSpectra,
 }
 
+/// Passes over tiles as functions of one precision, which are compiled here. A generic function is compiled by every crate
+/// that calls it, and these hold the butterflies of all radices for all vector instructions.
+pub(crate) trait TilePasses: Sized {
+    fn pass_over_tile(pass: TilePass<'_, Self>);
+}
+
+impl TilePasses for f32 {
+    fn pass_over_tile(pass: TilePass<'_, Self>) {
+        Arch::new().dispatch(pass);
+    }
+}
+
+impl TilePasses for f64 {
+    fn pass_over_tile(pass: TilePass<'_, Self>) {
+        Arch::new().dispatch(pass);
+    }
+}
+
 /// A pass over a tile, as an operation that is compiled for the vector instructions of the machine at hand.
-struct TilePass<'a, T> {
+pub(crate) struct TilePass<'a, T> {
     convolver: &'a Convolver<T>,
     transfer: &'a Transfer<T>,
     spectrum: &'a [Complex<T>],

@@ -37,6 +37,7 @@ pub(crate) struct Convolver<T> {
     pub(crate) height_px: usize,
     pub(crate) width_px: usize,
     /// Columns that are transformed together.
+    offsets_px: Vec<f64>,
     pub(crate) tile_columns: usize,
     pub(crate) down_columns: BatchFft<T>,
     pub(crate) along_x: Axis<T>,
@@ -70,7 +71,21 @@ impl<T: Real> Convolver<T> {
         let tile_columns = tile_columns::<T>(height_px);
         let scratch = ScratchPool::new(&along_x, &along_y, tile_columns);
         let down_columns = BatchFft::new(height_px, tile_columns);
-        Self { height_px, width_px, tile_columns, down_columns, along_x, along_y, scratch }
+        Self {
+            height_px,
+            width_px,
+            offsets_px: offsets_px.to_vec(),
+            tile_columns,
+            down_columns,
+            along_x,
+            along_y,
+            scratch,
+        }
+    }
+
+    /// Where the field is detected along each axis, from the pixels' centres.
+    pub(crate) fn offsets_px(&self) -> &[f64] {
+        &self.offsets_px
     }
 
     /// Offsets along each axis.

@@ -17,7 +17,7 @@ pub(crate) struct Scratch<T> {
     pub(crate) rows: Vec<Complex<T>>,
     /// The sub-samples of a row, one after the other.
     pub(crate) samples: Vec<Complex<T>>,
-    /// Real numbers of a row.
+    /// Real numbers: of a row, and of a row of all sub-samples.
     pub(crate) reals: [Vec<T>; 2],
     /// A tile's spectra, and room to transform them in.
     pub(crate) tile: TileScratch<T>,
@@ -65,7 +65,7 @@ impl<T: Real> ScratchPool<T> {
             row: zeros(4 * self.width_px),
             rows: zeros(8 * super::padded_columns(self.width_px, self.tile_columns)),
             samples: zeros(self.samples_len),
-            reals: [vec![T::zero(); self.width_px], vec![T::zero(); self.width_px]],
+            reals: [vec![T::zero(); self.width_px], vec![T::zero(); self.samples_len]],
             tile: TileScratch::new(self.height_px * self.tile_columns),
             fft: zeros(self.fft_len),
         }

@@ -78,6 +78,10 @@ impl<T: Real> Transfer<T> {
         [even, odd]
     }
 
+    pub(crate) fn bytes(&self) -> usize {
+        size_of_val(self.values.as_slice())
+    }
+
     fn tile(&self, tile: usize) -> &[Complex<T>] {
         let len = 2 * self.height_px * self.tile_columns;
         &self.values[tile * len..][..len]

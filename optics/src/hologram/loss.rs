@@ -156,14 +156,15 @@ fn expect_light<T: Real>(name: &'static str, plane: &Plane<T>, engine: &Engine<T
 }
 
 /// The sums of several planes as one: each counts by its share of the loss.
-pub(super) fn weighted_sums(sums: impl ExactSizeIterator<Item = (Sums, f64)>) -> Sums {
-    // One plane's sums stay as they are, to the last bit.
-    let alone = sums.len() == 1;
-    sums.fold(Sums::default(), |mut all, (mut sums, share)| {
-        if !alone {
+pub(super) fn weighted_sums(planes: usize, mut sums_of: impl FnMut(usize) -> (Sums, f64)) -> Sums {
+    let mut all = Sums::default();
+    for p in 0..planes {
+        let (mut sums, share) = sums_of(p);
+        // One plane's sums stay as they are, to the last bit.
+        if planes > 1 {
             sums.divide(sums.w / share);
         }
         all.add(&sums);
-        all
-    })
+    }
+    all
 }

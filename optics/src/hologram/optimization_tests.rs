@@ -88,7 +88,7 @@ fn the_bits_do_not_depend_on_threads_or_interruptions() {
                     let mut optimization = start(problem(Detector::Pixel, planes, frames), options.clone());
                     while let Some(step) = optimization.step() {
                         if stops.contains(&step.iteration) {
-                            let state = optimization.state();
+                            let state = optimization.state().into_owned();
                             let again = problem(Detector::Pixel, planes, frames);
                             optimization = Optimization::resume(again, options.clone(), state).unwrap();
                         }
@@ -109,7 +109,7 @@ fn the_bits_do_not_depend_on_threads_or_interruptions() {
 fn a_state_of_something_else_is_refused() {
     let mut adam = start(problem(Detector::Point, 1, 1), Options::new(ADAM, 3));
     adam.step();
-    let state = adam.state();
+    let state = adam.state().into_owned();
     for options in [Method::Lbfgs, Method::GerchbergSaxton, Method::DoublePhase].map(|method| Options::new(method, 3)) {
         let refused = Optimization::resume(problem(Detector::Point, 1, 1), options, state.clone());
         assert!(refused.unwrap_err().to_string().starts_with("state is"));

@@ -139,16 +139,17 @@ impl<T: Real> HologramProblem<T> {
         if self.frames > 1 || self.loss.has_roughness() {
             return self.evaluate_in_two(phase, Some(gain), gradient);
         }
-        let mut all = Vec::with_capacity(self.planes.len());
-        for (p, plane) in self.planes.iter().enumerate() {
+        let sums = weighted_sums(self.planes.len(), |p| {
+            let plane = &self.planes[p];
             let engine = &plane.engine;
             engine.send(phase, &mut self.fields);
             let Fields { spectrum, tiles } = &mut self.fields;
             let comparison = compare_with(plane, self.loss.quantity, self.region, gain);
-            all.push((engine.convolver.compare(tiles, &comparison, spectrum), plane.share));
+            let sums = engine.convolver.compare(tiles, &comparison, spectrum);
             send_back(engine, &mut self.fields, phase, &mut Sink::Gradient(gradient), p > 0);
-        }
-        Evaluation::new(&weighted_sums(all.into_iter()), 0.0)
+            (sums, plane.share)
+        });
+        Evaluation::new(&sums, 0.0)
     }
 
     /// The loss at the gain that fits best and its gradient: those of min over s of the [loss](Loss).
@@ -160,17 +161,17 @@ impl<T: Real> HologramProblem<T> {
     pub fn measure(&mut self, phase: &[T], gain: f64) -> Evaluation {
         if self.frames > 1 || self.loss.has_roughness() {
             self.light_up(phase);
-            let sums = (0..self.planes.len()).map(|p| self.measure_plane(p, gain)).collect::<Vec<_>>();
+            let sums = weighted_sums(self.planes.len(), |p| self.measure_plane(p, gain));
             let roughness = (0..self.planes.len()).map(|p| self.roughness(p)).sum();
-            return Evaluation::new(&weighted_sums(sums.into_iter()), roughness);
+            return Evaluation::new(&sums, roughness);
         }
-        let sums = self.planes.iter().map(|plane| {
+        let sums = weighted_sums(self.planes.len(), |p| {
+            let plane = &self.planes[p];
             plane.engine.send(phase, &mut self.fields);
             let comparison = compare_with(plane, self.loss.quantity, self.region, gain);
             (plane.engine.convolver.measure(&self.fields.tiles, &comparison), plane.share)
         });
-        let sums: Vec<_> = sums.collect();
-        Evaluation::new(&weighted_sums(sums.into_iter()), 0.0)
+        Evaluation::new(&sums, 0.0)
     }
 }
 

@@ -10,9 +10,9 @@ use crate::{Error, Plane, Result};
 
 /// Everything that the next step depends on, beside the problem and its options.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct OptimizationState {
+pub struct OptimizationState<V = Vec<f32>> {
     /// Phases, moments and the like, in the method's own order.
-    pub vectors: Vec<Vec<f32>>,
+    pub vectors: Vec<V>,
     /// Iterations, gains and the like, likewise; every number is exact.
     pub numbers: Vec<f64>,
 }
@@ -24,14 +24,22 @@ const GERCHBERG_SAXTON: f64 = 3.0;
 const DOUBLE_PHASE: f64 = 4.0;
 const ROUNDED: f64 = 5.0;
 
-impl Optimization {
-    /// Everything that the next step depends on.
+impl OptimizationState<&[f32]> {
+    /// A copy of what is borrowed.
     #[must_use]
-    pub fn state(&self) -> OptimizationState {
+    pub fn into_owned(self) -> OptimizationState {
+        OptimizationState { vectors: self.vectors.into_iter().map(<[f32]>::to_vec).collect(), numbers: self.numbers }
+    }
+}
+
+impl Optimization {
+    /// Everything that the next step depends on, where it lies.
+    #[must_use]
+    pub fn state(&self) -> OptimizationState<&[f32]> {
         let iteration = f64::from(self.iteration);
         let (vectors, numbers) = match &self.run {
             Run::Adam(state) => (
-                vec![state.phase.clone(), state.first_moment.clone(), state.second_moment.clone()],
+                vec![&state.phase[..], &state.first_moment, &state.second_moment],
                 vec![ADAM, iteration, f64::from(state.iteration), state.gain],
             ),
             Run::Lbfgs { state, gain, .. } => {
@@ -39,14 +47,14 @@ impl Optimization {
                 (vectors, [vec![LBFGS, iteration, *gain], numbers].concat())
             }
             Run::GerchbergSaxton { rounds, phase } => {
-                let wanted = rounds.wanted.iter().map(|plane| plane.values().to_vec());
-                (std::iter::once(phase.clone()).chain(wanted).collect(), vec![GERCHBERG_SAXTON, iteration])
+                let wanted = rounds.wanted.iter().map(Plane::values);
+                (std::iter::once(&phase[..]).chain(wanted).collect(), vec![GERCHBERG_SAXTON, iteration])
             }
             Run::DoublePhase { phase, largest_amplitude } => {
-                (vec![phase.clone()], vec![DOUBLE_PHASE, iteration, *largest_amplitude])
+                (vec![&phase[..]], vec![DOUBLE_PHASE, iteration, *largest_amplitude])
             }
             Run::Rounded(state) => (
-                vec![state.phase.clone(), state.velocity.clone()],
+                vec![&state.phase[..], &state.velocity],
                 vec![ROUNDED, iteration, f64::from(state.iteration), state.gain, state.rate],
             ),
         };
@@ -112,9 +120,9 @@ fn mismatch(vectors: usize) -> Error {
 }
 
 impl LimitedMemory {
-    fn to_numbers(&self) -> (Vec<Vec<f32>>, Vec<f64>) {
+    fn to_numbers(&self) -> (Vec<&[f32]>, Vec<f64>) {
         let vectors = [&self.point, &self.gradient, &self.direction].into_iter();
-        let vectors = vectors.chain(&self.steps).chain(&self.changes).cloned().collect();
+        let vectors = vectors.chain(&self.steps).chain(&self.changes).map(Vec::as_slice).collect();
         let Counts { evaluations, filled, next, converged } = self.counts;
         let Search { step, low, high, slope, evaluations: searched } = self.search;
         let counts = [evaluations, filled, next, u32::from(converged), searched].map(f64::from);

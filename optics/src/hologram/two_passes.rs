@@ -37,15 +37,17 @@ impl<T: Real> HologramProblem<T> {
     pub(super) fn evaluate_in_two(&mut self, phase: &[T], gain: Option<f64>, gradient: &mut [T]) -> Evaluation {
         self.light_up(phase);
         let gain = gain.unwrap_or_else(|| self.fitted_gain());
-        let (mut all, mut roughness) = (Vec::with_capacity(self.planes.len()), 0.0);
-        for p in 0..self.planes.len() {
+        let mut roughness = 0.0;
+        let sums = weighted_sums(self.planes.len(), |p| {
             let plane = &self.planes[p];
-            let comparison = compare_with(plane, self.loss.quantity, self.region, gain);
-            all.push((comparison.slopes(&self.kept.lights[p], &mut self.kept.slopes), plane.share));
+            let (comparison, share) = (compare_with(plane, self.loss.quantity, self.region, gain), plane.share);
+            let Kept { lights, slopes, .. } = &mut self.kept;
+            let sums = plane.engine.convolver.slopes(&comparison, &lights[p], slopes);
             roughness += self.roughness(p);
             self.weigh_and_send_back(p, phase, Sink::Gradient(&mut *gradient));
-        }
-        Evaluation::new(&weighted_sums(all.into_iter()), roughness)
+            (sums, share)
+        });
+        Evaluation::new(&sums, roughness)
     }
 
     /// One step of all planes towards their targets: in `field` what the field on the SLM has too much, the mean over the
@@ -65,8 +67,7 @@ impl<T: Real> HologramProblem<T> {
         field: &mut [Complex<T>],
     ) -> Evaluation {
         self.light_up(phase);
-        let sums: Vec<_> = (0..self.planes.len()).map(|p| self.measure_plane(p, 1.0)).collect();
-        let evaluation = Evaluation::new(&weighted_sums(sums.into_iter()), 0.0);
+        let evaluation = Evaluation::new(&weighted_sums(self.planes.len(), |p| self.measure_plane(p, 1.0)), 0.0);
         if weighted {
             let gain = self.fitted_amplitude_gain(&self.target_amplitudes());
             for ((plane, lights), wanted) in self.planes.iter().zip(&self.kept.lights).zip(&mut *wanted) {
@@ -82,19 +83,20 @@ impl<T: Real> HologramProblem<T> {
                 weight_sum: gain * gain / (plane.share * self.frames as f64),
                 ..compare_with(plane, Quantity::Amplitude, self.region, gain)
             };
-            comparison.slopes(&self.kept.lights[p], &mut self.kept.slopes);
+            plane.engine.convolver.slopes(&comparison, &self.kept.lights[p], &mut self.kept.slopes);
             self.weigh_and_send_back(p, phase, Sink::Field(&mut *field));
         }
         evaluation
     }
 
     fn fitted_amplitude_gain(&self, wanted: &[Plane<T>]) -> f64 {
-        let fitted = self.planes.iter().zip(wanted).zip(&self.kept.lights).map(|((plane, wanted), lights)| {
+        let sums = weighted_sums(self.planes.len(), |p| {
+            let plane = &self.planes[p];
             let comparison =
-                Comparison { picture: wanted, ..compare_with(plane, Quantity::Amplitude, self.region, 1.0) };
-            (comparison.measure_lights(lights), plane.share)
+                Comparison { picture: &wanted[p], ..compare_with(plane, Quantity::Amplitude, self.region, 1.0) };
+            (plane.engine.convolver.measure_lights(&comparison, &self.kept.lights[p]), plane.share)
         });
-        weighted_sums(fitted.collect::<Vec<_>>().into_iter()).best_gain()
+        sums.best_gain()
     }
 
     /// √t of each plane.
@@ -160,12 +162,11 @@ impl<T: Real> HologramProblem<T> {
     pub(super) fn measure_plane(&self, p: usize, gain: f64) -> (Sums, f64) {
         let plane = &self.planes[p];
         let comparison = compare_with(plane, self.loss.quantity, self.region, gain);
-        (comparison.measure_lights(&self.kept.lights[p]), plane.share)
+        (plane.engine.convolver.measure_lights(&comparison, &self.kept.lights[p]), plane.share)
     }
 
     fn fitted_gain(&self) -> f64 {
-        let sums: Vec<_> = (0..self.planes.len()).map(|p| self.measure_plane(p, 1.0)).collect();
-        weighted_sums(sums.into_iter()).best_gain()
+        weighted_sums(self.planes.len(), |p| self.measure_plane(p, 1.0)).best_gain()
     }
 
     /// The roughness of a plane's light, as much as it counts; adds its slopes.

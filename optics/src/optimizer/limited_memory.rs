@@ -215,21 +215,20 @@ impl LimitedMemory {
     fn two_loops(&self) -> [f64; BASIS] {
         let mut weights = [0.0; BASIS];
         weights[G] = -1.0;
-        let newest_first: Vec<usize> = (1..=self.counts.filled as usize)
-            .map(|back| (self.counts.next as usize + HISTORY - back) % HISTORY)
-            .collect();
+        let filled = self.counts.filled as usize;
+        let newest_first = (1..=filled).map(|back| (self.counts.next as usize + HISTORY - back) % HISTORY);
         let mut alphas = [0.0; HISTORY];
-        for &i in &newest_first {
+        for i in newest_first.clone() {
             let (s, y) = (i, HISTORY + i);
             alphas[i] = self.times(&weights, s) / self.at(s, y);
             weights[y] -= alphas[i];
         }
-        if let Some(&newest) = newest_first.first() {
+        if let Some(newest) = newest_first.clone().next() {
             let (s, y) = (newest, HISTORY + newest);
             let scale = self.at(s, y) / self.at(y, y);
             weights.iter_mut().for_each(|weight| *weight *= scale);
         }
-        for &i in newest_first.iter().rev() {
+        for i in newest_first.rev() {
             let (s, y) = (i, HISTORY + i);
             weights[s] += alphas[i] - self.times(&weights, y) / self.at(s, y);
         }

@@ -9,6 +9,9 @@ use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 use std::ops::Range;
 
+/// Rows are summed up in so many blocks: few enough for the stack, and enough for any number of threads.
+pub(super) const BLOCKS: usize = 64;
+
 impl<T: Real> Convolver<T> {
     /// Compares the light in `tiles` with a picture and writes the half-transformed gradient to `spectrum` (all offsets).
     pub(crate) fn compare(
@@ -19,36 +22,48 @@ impl<T: Real> Convolver<T> {
     ) -> Sums {
         let arch = Arch::new();
         let row_len = self.lanes() * self.row_len();
-        let rows = spectrum.par_chunks_mut(row_len).enumerate().map_init(
+        let rows = self.rows_in_block();
+        let mut sums = [Sums::default(); BLOCKS];
+        spectrum.par_chunks_mut(rows * row_len).zip(&mut sums).enumerate().for_each_init(
             || self.scratch.take(),
-            |scratch, (y, out)| {
-                let Some(columns) = comparison.region.columns(y) else {
-                    out.fill(Complex::new(T::zero(), T::zero()));
-                    return Sums::default();
-                };
-                self.sample_row(arch, tiles, y, scratch);
-                let Scratch { samples, reals: [light, error], .. } = &mut **scratch;
-                let sums = arch.dispatch(GradientRow { comparison, y, columns, samples, light, error });
-                self.sample_row_adjoint(arch, scratch, out);
-                sums
+            |scratch, (block, (out, sum))| {
+                for (y, out) in (block * rows..).zip(out.chunks_exact_mut(row_len)) {
+                    let Some(columns) = comparison.region.columns(y) else {
+                        out.fill(Complex::new(T::zero(), T::zero()));
+                        continue;
+                    };
+                    self.sample_row(arch, tiles, y, scratch);
+                    let Scratch { samples, reals: [light, error], .. } = &mut **scratch;
+                    sum.add(&arch.dispatch(GradientRow { comparison, y, columns, samples, light, error }));
+                    self.sample_row_adjoint(arch, scratch, out);
+                }
             },
         );
-        total(&rows.collect::<Vec<_>>())
+        total(&sums)
     }
 
     /// The sums of [`Self::compare`] alone.
     pub(crate) fn measure(&self, tiles: &[Complex<T>], comparison: &Comparison<'_, T>) -> Sums {
         let arch = Arch::new();
-        let rows = (0..self.height_px).into_par_iter().map_init(
+        let rows = self.rows_in_block();
+        let mut sums = [Sums::default(); BLOCKS];
+        sums.par_iter_mut().enumerate().for_each_init(
             || self.scratch.take(),
-            |scratch, y| {
-                let Some(columns) = comparison.region.columns(y) else { return Sums::default() };
-                self.sample_row(arch, tiles, y, scratch);
-                let Scratch { samples, reals: [light, error], .. } = &mut **scratch;
-                arch.dispatch(GradientRow { comparison, y, columns, samples, light, error })
+            |scratch, (block, sum)| {
+                for y in block * rows..((block + 1) * rows).min(self.height_px) {
+                    let Some(columns) = comparison.region.columns(y) else { continue };
+                    self.sample_row(arch, tiles, y, scratch);
+                    let Scratch { samples, reals: [light, error], .. } = &mut **scratch;
+                    sum.add(&arch.dispatch(GradientRow { comparison, y, columns, samples, light, error }));
+                }
             },
         );
-        total(&rows.collect::<Vec<_>>())
+        total(&sums)
+    }
+
+    /// Rows whose sums are one of [`BLOCKS`].
+    pub(super) fn rows_in_block(&self) -> usize {
+        self.height_px.div_ceil(BLOCKS)
     }
 
     /// The light at each pixel, the mean over the sub-samples.
@@ -83,9 +98,9 @@ impl<T: Real> WithSimd for GradientRow<'_, '_, T> {
     }
 }
 
-/// In the order of the rows, whoever computed them.
-pub(super) fn total(rows: &[Sums]) -> Sums {
-    rows.iter().fold(Sums::default(), |mut sum, row| {
+/// In the order of the blocks, whoever computed them.
+pub(super) fn total(blocks: &[Sums; BLOCKS]) -> Sums {
+    blocks.iter().fold(Sums::default(), |mut sum, row| {
         sum.add(row);
         sum
     })

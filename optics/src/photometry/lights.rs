@@ -6,7 +6,7 @@
 //! Light is kept as *light planes*, one for the detectors `Point` and `Pixel` and one for each sub-sample with
 //! `Supersampled`: `[y][plane][x]`.
 
-use super::fused::{mean_light, total};
+use super::fused::{BLOCKS, mean_light, total};
 use super::{Comparison, Sums};
 use crate::convolution::{Convolver, Scratch};
 use crate::detector::Detector;
@@ -95,34 +95,52 @@ impl<T: Real> Convolver<T> {
     }
 }
 
-impl<T: Real> Comparison<'_, T> {
+impl<T: Real> Convolver<T> {
     /// The sums over light planes, and in `slopes` ∂L/∂p at this gain. The slopes of several light planes are those
     /// of the mean of their losses, times their number.
-    pub(crate) fn slopes(&self, lights: &[T], slopes: &mut [T]) -> Sums {
-        let (arch, width_px) = (Arch::new(), self.picture.width_px());
-        let planes = self.detector.light_planes();
-        let rows = lights.par_chunks(planes * width_px).zip(slopes.par_chunks_mut(planes * width_px)).enumerate();
-        let sums = rows.map_init(
-            || vec![T::zero(); width_px],
-            |row, (y, (light, slopes))| arch.dispatch(SlopeRow { comparison: self, y, light, row, slopes }),
+    pub(crate) fn slopes(&self, comparison: &Comparison<'_, T>, lights: &[T], slopes: &mut [T]) -> Sums {
+        let arch = Arch::new();
+        let planes = comparison.detector.light_planes();
+        let (rows, row_len) = (self.rows_in_block(), planes * self.width_px);
+        let mut sums = [Sums::default(); BLOCKS];
+        let blocks = (lights.par_chunks(rows * row_len), slopes.par_chunks_mut(rows * row_len), &mut sums[..]);
+        blocks.into_par_iter().enumerate().for_each_init(
+            || self.scratch.take(),
+            |scratch, (block, (lights, slopes, sum))| {
+                let lines = lights.chunks_exact(row_len).zip(slopes.chunks_exact_mut(row_len));
+                for (y, (light, slopes)) in (block * rows..).zip(lines) {
+                    let row = &mut scratch.reals[0];
+                    sum.add(&arch.dispatch(SlopeRow { comparison, y, light, row, slopes }));
+                }
+            },
         );
-        let mut sums = total(&sums.collect::<Vec<_>>());
-        sums.divide(planes as f64);
-        sums
+        mean_over(planes, &sums)
     }
 
     /// The sums of [`Self::slopes`] alone.
-    pub(crate) fn measure_lights(&self, lights: &[T]) -> Sums {
-        let (arch, width_px) = (Arch::new(), self.picture.width_px());
-        let planes = self.detector.light_planes();
-        let sums = lights.par_chunks(planes * width_px).enumerate().map_init(
-            || (vec![T::zero(); width_px], vec![T::zero(); planes * width_px]),
-            |(row, slopes), (y, light)| arch.dispatch(SlopeRow { comparison: self, y, light, row, slopes }),
+    pub(crate) fn measure_lights(&self, comparison: &Comparison<'_, T>, lights: &[T]) -> Sums {
+        let arch = Arch::new();
+        let planes = comparison.detector.light_planes();
+        let (rows, row_len) = (self.rows_in_block(), planes * self.width_px);
+        let mut sums = [Sums::default(); BLOCKS];
+        lights.par_chunks(rows * row_len).zip(&mut sums).enumerate().for_each_init(
+            || self.scratch.take(),
+            |scratch, (block, (lights, sum))| {
+                for (y, light) in (block * rows..).zip(lights.chunks_exact(row_len)) {
+                    let [row, slopes] = &mut scratch.reals;
+                    let slopes = &mut slopes[..row_len];
+                    sum.add(&arch.dispatch(SlopeRow { comparison, y, light, row, slopes }));
+                }
+            },
         );
-        let mut sums = total(&sums.collect::<Vec<_>>());
-        sums.divide(planes as f64);
-        sums
+        mean_over(planes, &sums)
     }
+}
+
+fn mean_over(planes: usize, sums: &[Sums; BLOCKS]) -> Sums {
+    let mut sums = total(sums);
+    sums.divide(planes as f64);
+    sums
 }
 
 /// Adds a row's light.

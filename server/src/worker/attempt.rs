@@ -46,6 +46,7 @@ impl Worker {
             lease: lease.clone(),
             store: self.store.clone(),
             artifacts: self.artifacts.clone(),
+            engines: Arc::clone(&self.engines),
             runtime: Handle::current(),
             stop: Arc::clone(&stop),
             progress,

@@ -7,6 +7,7 @@ use crate::causes::with_causes;
 use crate::job::{Job, JobError, JobResult, Lease, Progress};
 use crate::kernel::{KernelKey, NewKernelVersion};
 use crate::store::{Store, StoreError};
+use lightpath_optics::EngineCache;
 use std::cell::{Cell, RefCell};
 use std::future::Future;
 use std::sync::Arc;
@@ -100,6 +101,7 @@ pub struct JobContext {
     pub(super) lease: Lease,
     pub(super) store: Store,
     pub(super) artifacts: Artifacts,
+    pub(super) engines: Arc<EngineCache>,
     pub(super) runtime: Handle,
     pub(super) stop: Arc<StopFlag>,
     pub(super) progress: watch::Sender<Option<Progress>>,
@@ -121,11 +123,11 @@ impl JobContext {
         self.progress.send_replace(Some(progress));
         match self.stop.reason() {
             Some(StopReason::Drain) => {
-                self.save(&state())?;
+                self.save(state())?;
                 Err(TaskError::Stopped)
             }
             Some(StopReason::Cancel | StopReason::LeaseLost) => Err(TaskError::Stopped),
-            None if self.last_checkpoint.get().elapsed() >= self.checkpoint_interval => self.save(&state()),
+            None if self.last_checkpoint.get().elapsed() >= self.checkpoint_interval => self.save(state()),
             None => Ok(()),
         }
     }
@@ -153,6 +155,11 @@ impl JobContext {
     #[must_use]
     pub fn take_saved_state(&self) -> Option<Vec<u8>> {
         self.saved.borrow_mut().take()
+    }
+
+    /// Engines, with the parts that this server's jobs have in common made once.
+    pub(super) fn engines(&self) -> &EngineCache {
+        &self.engines
     }
 
     /// An artifact's bytes, checked.
@@ -190,7 +197,7 @@ impl JobContext {
     }
 
     /// Saves the state: file first, then the row that names it, then the file before goes.
-    fn save(&self, state: &[u8]) -> Result<(), TaskError> {
+    fn save(&self, state: Vec<u8>) -> Result<(), TaskError> {
         let sealed = checkpoint::seal(&self.lease, state).map_err(|error| TaskError::permanent("CHECKPOINT", error))?;
         self.wait(self.save_sealed(sealed))?;
         self.last_checkpoint.set(Instant::now());

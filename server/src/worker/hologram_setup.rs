@@ -52,7 +52,7 @@ impl Wanted {
         for (p, plane) in planes.into_iter().enumerate() {
             let here = Setting::read_with(context, &spec.display, wavelength, plane.distance, spec.propagation)?;
             let model = here.model(context, spec.kernel_of(index, p))?;
-            let engine = Engine::of_display(&model, detector(spec.detector), here.carrier)?;
+            let engine = context.engines().engine(&model, detector(spec.detector), here.carrier)?;
             let target = fitted(context, &setting, spec, &plane.target, spec.target_encoding, channel)?;
             let (weight, share) = weight_of(p, mask.as_ref(), depths.as_ref(), region);
             let share = share * plane.weight;

@@ -33,7 +33,7 @@ impl<'a> Judge<'a> {
         detector: Detector,
         region: RegionOfInterest,
     ) -> Result<Self, TaskError> {
-        let engine = Engine::of_display(model, detector, setting.carrier)?;
+        let engine = context.engines().engine(model, detector, setting.carrier)?;
         let regions = [region, RegionOfInterest::full(&setting.setup.grid())];
         Ok(Self { context, engine, regions })
     }

@@ -45,6 +45,7 @@ pub use stop::StopReason;
 use crate::artifacts::{ArtifactError, Artifacts};
 use crate::job::Job;
 use crate::store::{Store, StoreError};
+use lightpath_optics::EngineCache;
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -52,6 +53,9 @@ use std::time::Duration;
 use tokio::task::JoinSet;
 use tokio::time::{MissedTickBehavior, sleep};
 use tokio_util::sync::CancellationToken;
+
+/// Transfer functions that are kept from job to job: those of some four planes of 1920×1080 px.
+const TRANSFERS_BYTES_MAX: usize = 256 << 20;
 
 /// How long a claim loop waits after the store failed it, and at most between two looks at the queue.
 const PAUSE: Duration = Duration::from_secs(1);
@@ -124,6 +128,7 @@ pub enum WorkerError {
 pub struct Worker {
     store: Store,
     artifacts: Artifacts,
+    engines: Arc<EngineCache>,
     config: WorkerConfig,
     task: Arc<dyn Task>,
 }
@@ -138,7 +143,8 @@ impl Worker {
     /// Workers that run `task`, for all kinds of jobs.
     #[must_use]
     pub fn new(store: Store, artifacts: Artifacts, config: WorkerConfig, task: Arc<dyn Task>) -> Self {
-        Self { store, artifacts, config, task }
+        let engines = Arc::new(EngineCache::new(TRANSFERS_BYTES_MAX));
+        Self { store, artifacts, engines, config, task }
     }
 
     /// Puts the queue in order after an earlier process, then works until `drain` is cancelled: running jobs then

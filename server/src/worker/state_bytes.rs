@@ -11,6 +11,9 @@ use lightpath_optics::learning::parametric::ParametricState;
 use lightpath_optics::optimizer::lbfgs::LbfgsState;
 use std::collections::VecDeque;
 
+/// For what stands beside a state's vectors, its envelope included.
+const ROOM_BYTES: usize = 64 << 10;
+
 /// Holograms under way: those of the wavelengths that are done, the one that is being found, the loss of its last step, and
 /// the steps taken and their time \[s\].
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -24,14 +27,16 @@ pub(super) struct HologramState {
 
 impl HologramState {
     /// Of this state with another one under way.
-    pub(super) fn to_bytes(&self, current: Option<&OptimizationState>) -> Vec<u8> {
+    pub(super) fn to_bytes<V: AsRef<[f32]>>(&self, current: Option<&OptimizationState<V>>) -> Vec<u8> {
         let mut bytes = Writer::default();
+        let vectors = current.map_or(&[][..], |current| &current.vectors);
+        // All at once: growing would copy what may be more than a hundred megabytes.
+        bytes.0.reserve(vectors.iter().map(|values| 4 * values.as_ref().len() + 8).sum::<usize>() + ROOM_BYTES);
         // Results are numbers and names; numbers in JSON come back exactly.
         bytes.text(&serde_json::to_string(&self.finished).unwrap_or_default());
-        let vectors = current.map_or(&[][..], |current| &current.vectors);
         bytes.u32(u32::from(current.is_some()));
         bytes.u32(vectors.len() as u32);
-        vectors.iter().for_each(|values| bytes.f32s(values));
+        vectors.iter().for_each(|values| bytes.f32s(values.as_ref()));
         bytes.f64s(current.map_or(&[], |current| &current.numbers));
         [self.loss, self.compute_s].into_iter().for_each(|value| bytes.f64(value));
         bytes.u32(self.steps);

@@ -196,7 +196,7 @@ async fn a_dead_worker_job_is_taken_back_at_the_next_start() {
     let bench = bench().await;
     let id = submit(&bench, "r", 3).await;
     let orphan = bench.store.claim(clock::now_ms(), 3_600_000, "dead").await.unwrap().unwrap().1;
-    let state = checkpoint::seal(&orphan, &[15]).unwrap();
+    let state = checkpoint::seal(&orphan, vec![15]).unwrap();
     let saved = bench.artifacts.put_checkpoint(state).await.unwrap();
     bench.store.checkpoint(&orphan, &saved, clock::now_ms()).await.unwrap();
     bench.artifacts.put_checkpoint(b"nobody's".to_vec()).await.unwrap();

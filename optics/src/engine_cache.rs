@@ -1,0 +1,147 @@
+//! Parts of engines that one job after another needs: plans made and transfer functions sampled once.
+
+use crate::carrier::Carrier;
+use crate::convolution::{Convolver, Transfer};
+use crate::display_model::KernelShape;
+use crate::engine::{sample_transfer, tabulate_slm};
+use crate::{Detector, DisplayModel, Engine, OpticalSetup, Result};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// Sizes and detectors whose plans are kept. Plans are small beside a transfer function.
+const PLANS_MAX: usize = 8;
+
+/// Engines that share what they can: plans with all engines of their size and detector, transfer functions with all engines
+/// of their setup and kernel. What was used longest ago goes first.
+///
+/// A kernel that was learned bin by bin is as large as its transfer function and quickly made into it; it is not kept.
+#[derive(Debug)]
+pub struct EngineCache {
+    transfers_bytes_max: usize,
+    kept: Mutex<Kept>,
+}
+
+/// The last used at the end.
+#[derive(Debug, Default)]
+struct Kept {
+    plans: Vec<Arc<Convolver<f32>>>,
+    transfers: Vec<(OpticalSetup, KernelShape, Arc<Transfer<f32>>)>,
+}
+
+impl EngineCache {
+    /// Keeps transfer functions of at most so many bytes together; one needs 32 bytes for each pixel of its display.
+    #[must_use]
+    pub fn new(transfers_bytes_max: usize) -> Self {
+        Self { transfers_bytes_max, kept: Mutex::default() }
+    }
+
+    /// The same as [`Engine::new`].
+    ///
+    /// # Errors
+    ///
+    /// As there.
+    pub fn engine(&self, model: &DisplayModel, detector: Detector, carrier: Option<Carrier>) -> Result<Engine> {
+        model.validate()?;
+        Ok(Engine {
+            convolver: self.plans(model, detector),
+            transfer: self.transfer(model),
+            slm: Arc::new(tabulate_slm(model, carrier)),
+            detector,
+        })
+    }
+
+    fn plans(&self, model: &DisplayModel, detector: Detector) -> Arc<Convolver<f32>> {
+        let (height_px, width_px) = (model.setup.grid().height_px(), model.setup.grid().width_px());
+        let fits = |kept: &Arc<Convolver<f32>>| {
+            (kept.height_px, kept.width_px, kept.offsets_px()) == (height_px, width_px, detector.offsets_px())
+        };
+        let mut kept = self.kept();
+        let plans = match kept.plans.iter().position(fits) {
+            Some(at) => kept.plans.remove(at),
+            None => Arc::new(Convolver::new(height_px, width_px, detector.offsets_px())),
+        };
+        kept.plans.push(Arc::clone(&plans));
+        if kept.plans.len() > PLANS_MAX {
+            kept.plans.remove(0);
+        }
+        plans
+    }
+
+    fn transfer(&self, model: &DisplayModel) -> Arc<Transfer<f32>> {
+        if matches!(model.kernel, KernelShape::Bins(_)) {
+            return Arc::new(sample_transfer(model));
+        }
+        let mut kept = self.kept();
+        if let Some(at) = kept.transfers.iter().position(|(s, k, _)| (s, k) == (&model.setup, &model.kernel)) {
+            let found = kept.transfers.remove(at);
+            let transfer = Arc::clone(&found.2);
+            kept.transfers.push(found);
+            return transfer;
+        }
+        // Sampling takes a while; two jobs that need the same one at once sample it twice.
+        drop(kept);
+        let transfer = Arc::new(sample_transfer(model));
+        self.kept().keep(model, &transfer, self.transfers_bytes_max);
+        transfer
+    }
+
+    fn kept(&self) -> MutexGuard<'_, Kept> {
+        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Kept {
+    fn keep(&mut self, model: &DisplayModel, transfer: &Arc<Transfer<f32>>, bytes_max: usize) {
+        if transfer.bytes() > bytes_max {
+            return;
+        }
+        self.transfers.push((model.setup, model.kernel.clone(), Arc::clone(transfer)));
+        while self.transfers.iter().map(|(_, _, transfer)| transfer.bytes()).sum::<usize>() > bytes_max {
+            self.transfers.remove(0);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Grid, Plane, SmoothField};
+
+    fn model(distance_m: f64) -> DisplayModel {
+        let setup = OpticalSetup::try_new(Grid::try_new(12, 20, 8e-6).unwrap(), 515e-9, distance_m).unwrap();
+        DisplayModel::ideal(setup)
+    }
+
+    fn transfer(cache: &EngineCache, model: &DisplayModel) -> Arc<Transfer<f32>> {
+        cache.engine(model, Detector::Pixel, None).unwrap().transfer
+    }
+
+    #[test]
+    fn engines_share_plans_and_transfer_functions_and_give_the_same_light() {
+        let cache = EngineCache::new(1 << 20);
+        let mut smooth = model(2e-3);
+        smooth.kernel = KernelShape::Smooth(SmoothField { order: 1, log_amplitude: vec![0.1; 3], phase: vec![0.2; 3] });
+        let phase = Plane::from_fn(12, 20, |y, x| (y * 7 + x * 3) as f32 * 0.1);
+        for model in [model(2e-3), smooth, model(3e-3)] {
+            let first = cache.engine(&model, Detector::Pixel, None).unwrap();
+            let again = cache.engine(&model, Detector::Pixel, Some(Carrier::HalfOrderX)).unwrap();
+            assert!(Arc::ptr_eq(&first.transfer, &again.transfer));
+            assert!(Arc::ptr_eq(&first.convolver, &again.convolver));
+            let other = cache.engine(&model, Detector::Point, None).unwrap();
+            assert!(Arc::ptr_eq(&first.transfer, &other.transfer));
+            assert!(!Arc::ptr_eq(&first.convolver, &other.convolver));
+            let fresh = Engine::new(&model, Detector::Pixel, None).unwrap();
+            assert_eq!(first.light(&phase).unwrap().values(), fresh.light(&phase).unwrap().values());
+        }
+    }
+
+    #[test]
+    fn what_was_used_longest_ago_makes_room() {
+        let bytes = transfer(&EngineCache::new(0), &model(1e-3)).bytes();
+        let cache = EngineCache::new(2 * bytes);
+        let [a, b] = [1e-3, 2e-3].map(|distance_m| transfer(&cache, &model(distance_m)));
+        assert!(Arc::ptr_eq(&a, &transfer(&cache, &model(1e-3))));
+        transfer(&cache, &model(3e-3));
+        assert!(Arc::ptr_eq(&a, &transfer(&cache, &model(1e-3))), "used last, so it stays");
+        assert!(!Arc::ptr_eq(&b, &transfer(&cache, &model(2e-3))));
+    }
+}
