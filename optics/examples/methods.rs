@@ -1,42 +1,53 @@
-//! Every method on a generated picture: how good it is after as many steps, and how long they take.
+//! Every method on a picture, from a random and from a quadratic initial phase: how good it is after as many steps, and how
+//! long they take.
 //!
 //! ```sh
-//! cargo run --release -p lightpath-optics --example methods [-- HEIGHT WIDTH STEPS]
+//! cargo run --release -p lightpath-optics --example methods [-- STEPS [TARGET.npy]]
 //! ```
+//!
+//! `TARGET.npy` holds intensities in linear light, float32, \[y\]\[x\]; without it, a generated card of 540×960 px is the
+//! target.
 
 use lightpath_optics::hologram::{InitialPhase, Method, Options, quality};
 use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{
-    Detector, DisplayModel, Engine, Grid, HologramProblem, OpticalSetup, Optimization, Plane, RegionOfInterest, Result,
+    Detector, DisplayModel, Engine, Grid, HologramProblem, OpticalSetup, Optimization, Plane, RegionOfInterest,
 };
-use std::io::Write as _;
+use std::error::Error;
+use std::fs::File;
+use std::io::{BufReader, Write as _};
 use std::time::Instant;
 
-fn main() -> Result<()> {
-    let mut numbers = std::env::args().skip(1).map(|text| text.parse().unwrap_or(0));
-    let mut number = |default| numbers.next().filter(|number| *number > 0).unwrap_or(default);
-    let (height_px, width_px, steps) = (number(540), number(960), number(100) as u32);
+fn main() -> Result<(), Box<dyn Error>> {
+    let mut arguments = std::env::args().skip(1);
+    let steps = arguments.next().map_or(Ok(100), |text| text.parse())?;
+    let target = match arguments.next() {
+        Some(path) => read_npy(&path)?,
+        None => TestCard::Portrait.render(540, 960, 1)?,
+    };
+    let (height_px, width_px) = (target.height_px(), target.width_px());
     let grid = Grid::try_new(height_px, width_px, 8e-6)?;
     let setup = OpticalSetup::try_new(grid, 515e-9, 0.15)?;
     let region = RegionOfInterest::middle(&grid);
-    let target = TestCard::Portrait.render(height_px, width_px, 1)?;
+    let random = InitialPhase::Random { range_rad: 1.0 };
+    let quadratic = InitialPhase::Quadratic { focal_length_m: None };
+    let constant = InitialPhase::Constant { phase_rad: 0.0 };
+    let ways = [
+        ("lbfgs", Method::Lbfgs, &random),
+        ("lbfgs", Method::Lbfgs, &quadratic),
+        ("adam", Method::Adam { learning_rate: 0.1 }, &random),
+        ("adam", Method::Adam { learning_rate: 0.1 }, &quadratic),
+        ("gs", Method::GerchbergSaxton, &random),
+        ("wgs", Method::WeightedGerchbergSaxton, &random),
+        ("dpac", Method::DoublePhase, &constant),
+    ];
     let mut out = std::io::stdout().lock();
     // A closed pipe ends the table early, and nothing else.
-    drop(writeln!(out, "method      detector       point    pixel    supersampled   ms a step"));
+    drop(writeln!(out, "method  from       detector         point      pixel  supersampled  ms a step"));
     for detector in Detector::ALL {
         let engine = Engine::of_display(&DisplayModel::ideal(setup), detector, None)?;
-        for (name, method) in [
-            ("lbfgs", Method::Lbfgs),
-            ("adam", Method::Adam { learning_rate: 0.1 }),
-            ("gs", Method::GerchbergSaxton),
-            ("wgs", Method::WeightedGerchbergSaxton),
-            ("dpac", Method::DoublePhase),
-        ] {
+        for (name, method, initial) in ways {
             let problem = HologramProblem::new(engine.clone(), target.clone(), region)?;
-            let initial = match method {
-                Method::DoublePhase => InitialPhase::Constant { phase_rad: 0.0 },
-                _ => InitialPhase::Random { range_rad: 1.0 },
-            };
             let phases = initial.phases(&problem, &setup, 1)?;
             let mut optimization = Optimization::start(problem, Options::new(method, steps), phases)?;
             let started = Instant::now();
@@ -48,9 +59,23 @@ fn main() -> Result<()> {
             let phase = Plane::try_from_vec(height_px, width_px, optimization.phases().to_vec())?;
             let found = quality(&engine, &phase, &target, region)?;
             let [point, pixel, eye] = [found.point, found.pixel, found.supersampled].map(|seen| seen.psnr_db);
-            let line = format!("{name:8} {detector:>12?} {point:8.1} dB {pixel:5.1} dB {eye:8.1} dB {step_ms:12.1}");
+            let from = match initial {
+                InitialPhase::Random { .. } => "random",
+                InitialPhase::Quadratic { .. } => "quadratic",
+                _ => "constant",
+            };
+            let line = format!(
+                "{name:7} {from:10} {detector:<12?} {point:6.1} dB {pixel:7.1} dB {eye:10.1} dB {step_ms:10.1}"
+            );
             drop(writeln!(out, "{line}"));
         }
     }
     Ok(())
+}
+
+fn read_npy(path: &str) -> Result<Plane<f32>, Box<dyn Error>> {
+    let file = npyz::NpyFile::new(BufReader::new(File::open(path).map_err(|error| format!("{path}: {error}"))?))?;
+    let &[height, width] = file.shape() else { return Err(format!("{path} is not [height, width]").into()) };
+    let (height_px, width_px) = (usize::try_from(height)?, usize::try_from(width)?);
+    Ok(Plane::try_from_vec(height_px, width_px, file.into_vec::<f32>()?)?)
 }

@@ -8,7 +8,9 @@ use super::propagation::{check_distance, check_method as check_propagation_metho
 use super::submit::learning_rate;
 use crate::dataset::Encoding;
 use crate::display::Display;
-use crate::job::{Fit, ImagePlane, InitialPhase, Job, JobSpec, Loss, Method, OptimizeHologram, Quantity, Region};
+use crate::job::{
+    Detector, Fit, ImagePlane, InitialPhase, Job, JobSpec, Loss, Method, OptimizeHologram, Quantity, Region,
+};
 use crate::kernel::KernelKey;
 use crate::units::{Distance, Wavelength};
 use lightpath_proto::v1::{
@@ -53,7 +55,9 @@ impl Api {
         let wavelengths = wavelengths(field, &message, &display)?;
         let (planes, depth_map) = planes(field, &message)?;
         let method = at("method").known(message.method, method)?;
-        let initial_phase = initial_phase(&at("initial_phase"), &message, method, wavelengths.len())?;
+        let detector = detector(&at("detector"), message.detector)?;
+        let begins = Begins { method, detector, wavelengths: wavelengths.len() };
+        let initial_phase = initial_phase(&at("initial_phase"), &message, begins)?;
         let range_default_rad = match initial_phase {
             InitialPhase::BackPropagated => 0.0,
             _ => INITIAL_PHASE_RANGE_DEFAULT_RAD,
@@ -66,7 +70,7 @@ impl Api {
             target_encoding: encoding(&at("target_encoding"), message.target_encoding, Encoding::Srgb)?,
             target_fit: at("target_fit").known(message.target_fit, fit)?,
             kernel_version: None,
-            detector: detector(&at("detector"), message.detector)?,
+            detector,
             iterations: at("iterations").integer_or(message.iterations, ITERATIONS_DEFAULT, 1..=ITERATIONS_MAX)?,
             learning_rate: adams_rate(&at("learning_rate"), message.learning_rate, method)?,
             seed: message.seed,
@@ -316,12 +320,33 @@ fn optional_digest(field: &Field, value: &str) -> Result<Option<String>, ApiErro
     if value.is_empty() { Ok(None) } else { field.digest(value).map(Some) }
 }
 
-fn initial_phase(
-    field: &Field,
-    message: &v1::OptimizeHologram,
+/// What an initial phase depends on.
+#[derive(Clone, Copy)]
+struct Begins {
     method: Method,
+    detector: Detector,
     wavelengths: usize,
-) -> Result<InitialPhase, ApiError> {
+}
+
+impl Begins {
+    /// Where nobody said.
+    fn by_default(self, message: &v1::OptimizeHologram) -> InitialPhase {
+        let follows_gradient = matches!(self.method, Method::Adam | Method::Lbfgs);
+        // What vortices a random phase has between the pixels stay; without any it ends up to 5 dB higher. Several
+        // frames have to differ, and a range is asked for to be used.
+        let smooth = self.detector == Detector::Supersampled
+            && follows_gradient
+            && message.frames <= 1
+            && message.initial_phase_range_rad.is_none();
+        if smooth || self.method == Method::DoublePhase {
+            return InitialPhase::Constant { phase_rad: 0.0 };
+        }
+        InitialPhase::Random
+    }
+}
+
+fn initial_phase(field: &Field, message: &v1::OptimizeHologram, begins: Begins) -> Result<InitialPhase, ApiError> {
+    let Begins { method, wavelengths, .. } = begins;
     let given = message.initial_phase.clone().unwrap_or_default();
     let kind = field.at("kind").known(given.kind, |value| Kind::try_from(value).ok())?;
     let refuse = |name, of| Err(field.at(name).invalid(format!("is given, but the kind of initial phase is not {of}")));
@@ -338,8 +363,8 @@ fn initial_phase(
         return Err(field.at("kind").invalid("is back-propagated, but double phase begins with a phase of the image"));
     }
     Ok(match kind {
-        Kind::Unspecified if method == Method::DoublePhase => InitialPhase::Constant { phase_rad: 0.0 },
-        Kind::Unspecified | Kind::Random => InitialPhase::Random,
+        Kind::Unspecified => begins.by_default(message),
+        Kind::Random => InitialPhase::Random,
         Kind::BackPropagated => InitialPhase::BackPropagated,
         Kind::Quadratic => {
             let value = given.focal_length_m;

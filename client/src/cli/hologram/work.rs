@@ -41,7 +41,8 @@ pub(super) struct Work {
 
     /// Where the search begins: random; back-propagated (the targets sent back to the SLM); quadratic, or quadratic:200mm
     /// with a focal length; constant, or constant:1.5 in radians; or a .npy file of radians, float32, one for each
-    /// wavelength, separated by commas [default: random; dpac: constant]
+    /// wavelength, separated by commas [default: random; dpac, and --detector supersampled without --frames or --phase-range:
+    /// constant]
     #[arg(long, value_name = "KIND", value_parser = initial_phase, allow_hyphen_values = true)]
     initial_phase: Option<Start>,
 
