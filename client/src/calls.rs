@@ -57,6 +57,14 @@ calls! {
     jobs.retry_job(RetryJobRequest) -> Job;
     /// A page of what happened to a job, oldest first.
     jobs.list_job_events(ListJobEventsRequest) -> ListJobEventsResponse;
+    /// How the jobs of a batch stand, as one.
+    jobs.get_batch(GetBatchRequest) -> Batch;
+    /// How the queue stands.
+    jobs.get_queue(GetQueueRequest) -> Queue;
+    /// Lets nothing start any more, for a display or at all.
+    jobs.pause_queue(PauseQueueRequest) -> Queue;
+    /// Lets jobs start again.
+    jobs.resume_queue(ResumeQueueRequest) -> Queue;
 
     /// One kernel.
     kernels.get_kernel(GetKernelRequest) -> Kernel;

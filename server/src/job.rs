@@ -100,6 +100,27 @@ pub struct Job {
     pub checkpoint: Option<String>,
     /// Grows with every change.
     pub revision: u64,
+    /// When and for whom it runs.
+    pub scheduling: Scheduling,
+    /// How many of the jobs that it comes after have not succeeded yet.
+    pub waiting_for: u32,
+}
+
+/// When and for whom a job runs. The default: nobody in particular, as soon as may be.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Scheduling {
+    /// Whose turn the job takes; empty: nobody said.
+    pub owner: String,
+    /// Jobs with the same name are looked at together.
+    pub batch: Option<String>,
+    /// At most one job with the same key waits or runs.
+    pub unique_key: Option<String>,
+    /// It does not start before this \[ms since 1970\].
+    pub not_before_ms: Option<i64>,
+    /// Longest attempt \[ms\].
+    pub timeout_ms: Option<i64>,
+    /// Ids of the jobs that must have succeeded first, ascending, no two equal.
+    pub after: Vec<String>,
 }
 
 /// What a submit brings, validated.
@@ -113,6 +134,8 @@ pub struct NewJob {
     pub priority: i32,
     /// Failed attempts, without a checkpoint between them, after which the job fails for good.
     pub attempts_max: u32,
+    /// When and for whom it runs.
+    pub scheduling: Scheduling,
 }
 
 /// How far a running job is.

@@ -11,6 +11,7 @@
 //! - [`demo`]: the whole loop on a simulated display, for people to see.
 //! - [`artifacts`]: content-addressed files and resumable uploads.
 //! - [`store`]: the durable queue and registry; the only place that knows the database.
+//! - [`upkeep`]: what operators do to a data folder: check, back up, restore.
 //! - [`worker`]: claims jobs and runs them.
 //! - `api`: the gRPC services. `http`: health, metrics and JSON. `connections`: both on one port.
 //! - [`config`], [`server`], [`metrics`]: settings, assembly, and what Prometheus is told. `causes`: errors in one line.
@@ -36,4 +37,5 @@ pub mod propagation;
 pub mod server;
 pub mod store;
 pub mod units;
+pub mod upkeep;
 pub mod worker;

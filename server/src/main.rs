@@ -5,6 +5,7 @@ use clap::{ArgMatches, CommandFactory as _, FromArgMatches as _, Parser, Subcomm
 use lightpath_server::config::{Config, Effective, LogFormat, Settings};
 use lightpath_server::demo::{self, DemoArgs};
 use lightpath_server::server;
+use lightpath_server::upkeep::{BackupArgs, CheckArgs, CollectArgs, RestoreArgs};
 use std::future::Future;
 use std::io::{IsTerminal as _, Write as _};
 use std::path::PathBuf;
@@ -25,6 +26,10 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     Serve(Serve),
+    Check(CheckArgs),
+    Backup(BackupArgs),
+    Restore(RestoreArgs),
+    Collect(CollectArgs),
     Demo(DemoArgs),
 }
 
@@ -56,11 +61,15 @@ The address that it listens on goes to stdout, the log to stderr. Health is at /
 fn main() -> ExitCode {
     let matches = Cli::command().get_matches();
     let outcome = Cli::from_arg_matches(&matches).map_err(Into::into).and_then(|cli| match cli.command {
-        Command::Serve(serve) => serve.run(matches.subcommand_matches("serve")),
-        Command::Demo(args) => demo::run(args),
+        Command::Serve(serve) => serve.run(matches.subcommand_matches("serve")).map(|()| ExitCode::SUCCESS),
+        Command::Check(args) => Ok(args.run()),
+        Command::Backup(args) => Ok(args.run()),
+        Command::Restore(args) => Ok(args.run()),
+        Command::Collect(args) => Ok(args.run()),
+        Command::Demo(args) => demo::run(args).map(|()| ExitCode::SUCCESS),
     });
     match outcome {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(code) => code,
         Err(error) => {
             let _ = writeln!(std::io::stderr().lock(), "lightpathd: {error:#}");
             ExitCode::FAILURE

@@ -3,6 +3,7 @@
 //! Counters and histograms are kept where things happen; gauges that only the database knows are read when somebody
 //! asks.
 
+use crate::artifacts::Artifacts;
 use crate::job::{JobSpec, JobState};
 use crate::store::{Store, StoreError};
 use metrics::{Unit, counter, describe_counter, describe_gauge, describe_histogram, gauge, histogram};
@@ -17,6 +18,11 @@ const REQUESTS: &str = "lightpath_requests_total";
 const REQUEST: &str = "lightpath_request_seconds";
 const ARTIFACTS: &str = "lightpath_artifacts";
 const ARTIFACT_BYTES: &str = "lightpath_artifact_bytes";
+const COLLECTED_JOBS: &str = "lightpath_collected_jobs_total";
+const COLLECTED_ARTIFACTS: &str = "lightpath_collected_artifacts_total";
+const COLLECTED_BYTES: &str = "lightpath_collected_bytes_total";
+const DISK_FREE: &str = "lightpath_disk_free_bytes";
+const DISK_RESERVE: &str = "lightpath_disk_reserve_bytes";
 const BUILD_INFO: &str = "lightpath_build_info";
 
 /// From a small hologram on a fast machine to a large one on a slow machine \[s\].
@@ -40,13 +46,20 @@ pub(crate) fn request(method: String, code: String, time: Duration) {
     histogram!(REQUEST, "method" => method).record(time.as_secs_f64());
 }
 
+/// A collection has removed this much.
+pub(crate) fn collected(jobs: u64, artifacts: u64, bytes: u64) {
+    counter!(COLLECTED_JOBS).increment(jobs);
+    counter!(COLLECTED_ARTIFACTS).increment(artifacts);
+    counter!(COLLECTED_BYTES).increment(bytes);
+}
+
 /// Starts to record; everything recorded earlier is lost. The recorder is the process's: all servers in one share it.
 pub(crate) fn install() {
     let _ = handle();
 }
 
 /// All metrics in Prometheus' text format.
-pub(crate) async fn render(store: &Store) -> Result<String, StoreError> {
+pub(crate) async fn render(store: &Store, files: &Artifacts) -> Result<String, StoreError> {
     let Some(handle) = handle() else {
         return Ok(String::new());
     };
@@ -56,6 +69,10 @@ pub(crate) async fn render(store: &Store) -> Result<String, StoreError> {
     let (artifacts, bytes) = store.artifact_totals().await?;
     gauge!(ARTIFACTS).set(artifacts as f64);
     gauge!(ARTIFACT_BYTES).set(bytes as f64);
+    if let Ok(free) = files.free_bytes() {
+        gauge!(DISK_FREE).set(free as f64);
+    }
+    gauge!(DISK_RESERVE).set(files.space_limits().reserve_bytes as f64);
     gauge!(BUILD_INFO, "version" => env!("CARGO_PKG_VERSION")).set(1.0);
     handle.run_upkeep();
     Ok(handle.render())
@@ -83,6 +100,11 @@ fn describe() {
     describe_histogram!(REQUEST, Unit::Seconds, "Time to the answer, by method");
     describe_gauge!(ARTIFACTS, "Stored artifacts");
     describe_gauge!(ARTIFACT_BYTES, Unit::Bytes, "Bytes of all stored artifacts");
+    describe_counter!(COLLECTED_JOBS, "Ended jobs that were removed because of their age");
+    describe_counter!(COLLECTED_ARTIFACTS, "Unreferenced artifacts that were removed because of their age");
+    describe_counter!(COLLECTED_BYTES, Unit::Bytes, "Bytes of those artifacts");
+    describe_gauge!(DISK_FREE, Unit::Bytes, "Free space on the disk of the data folder");
+    describe_gauge!(DISK_RESERVE, Unit::Bytes, "Free space below which new jobs and uploads are refused");
     describe_gauge!(BUILD_INFO, "The server's version");
 }
 

@@ -6,18 +6,22 @@ use crate::config::Config;
 use crate::connections;
 use crate::http;
 use crate::metrics;
-use crate::store::{Store, StoreError};
-use crate::worker::{OpticsTask, Worker, WorkerConfig, WorkerError};
+use crate::store::{QueueLimits, Store, StoreError};
+use crate::upkeep::{Collected, DATABASE, Retention, UpkeepError};
+use crate::worker::{Clock, OpticsTask, Worker, WorkerConfig, WorkerError};
 use std::sync::Arc;
+use std::time::Duration;
 use tokio::net::TcpListener;
 use tokio::task::{JoinError, JoinHandle};
-use tokio::time::timeout;
+use tokio::time::{interval, timeout};
 use tokio_util::sync::CancellationToken;
 use tonic_health::ServingStatus;
 use tonic_health::server::HealthReporter;
 
-/// Name of the database in the data folder.
-const DATABASE: &str = "lightpath.db";
+/// How often the bytes of all artifacts are counted, for their limit.
+const COUNT_INTERVAL: Duration = Duration::from_secs(10);
+/// How often what may go is looked for.
+const COLLECT_INTERVAL: Duration = Duration::from_secs(3600);
 
 /// Why the server could not start or go on.
 #[derive(Debug, thiserror::Error)]
@@ -53,10 +57,14 @@ pub async fn run(
 ) -> Result<(), ServeError> {
     metrics::install();
     let data_dir = config.data_dir.clone();
-    let artifacts = tokio::task::spawn_blocking(move || Artifacts::open(&data_dir)).await??;
+    let space = config.space;
+    let artifacts = tokio::task::spawn_blocking(move || Artifacts::open_within(&data_dir, space)).await??;
     let store = Store::open(&config.data_dir.join(DATABASE)).await?;
+    artifacts.set_stored_bytes(store.artifact_totals().await?.1);
     let stopping = CancellationToken::new();
-    let api = Api::new(store.clone(), artifacts.clone(), config.queue_limit, stopping.clone());
+    let upkeep = tokio::spawn(upkeep_loop(store.clone(), artifacts.clone(), config.retention, stopping.clone()));
+    let limits = QueueLimits { queued: config.queue_limit, queued_per_owner: config.owner_queue_limit };
+    let api = Api::new(store.clone(), artifacts.clone(), limits, stopping.clone());
     let (grpc, health) = api.clone().routes()?;
     set_health(&health, ServingStatus::Serving).await;
     let mut workers = start_workers(store, artifacts, &config, stopping.clone());
@@ -83,6 +91,7 @@ pub async fn run(
         },
     };
     connections.await?;
+    upkeep.await?;
     workers_ended??;
     tracing::info!("stopped");
     Ok(())
@@ -99,9 +108,33 @@ fn start_workers(
         compute_threads: config.compute_threads,
         lease: config.lease,
         checkpoint_interval: config.checkpoint_interval,
+        limits: config.running,
+        timeouts: config.timeouts,
         ..WorkerConfig::default()
     };
     tokio::spawn(Worker::new(store, artifacts, config, Arc::new(OpticsTask)).run(stopping))
+}
+
+/// Counts what is stored, and removes what may go.
+async fn upkeep_loop(store: Store, artifacts: Artifacts, retention: Retention, stopping: CancellationToken) {
+    let (mut count, mut collect) = (interval(COUNT_INTERVAL), interval(COLLECT_INTERVAL));
+    loop {
+        let outcome = tokio::select! {
+            () = stopping.cancelled() => return,
+            _ = count.tick() => store.artifact_totals().await.map(|(_, bytes)| artifacts.set_stored_bytes(bytes)).map_err(Into::into),
+            _ = collect.tick() => async {
+                let collected = retention.collect(&store, &artifacts, Clock::default().now_ms()).await?;
+                if collected != Collected::default() {
+                    let Collected { jobs, artifacts, artifact_bytes } = collected;
+                    tracing::info!(jobs, artifacts, artifact_bytes, "removed what was kept for long enough");
+                }
+                Ok::<(), UpkeepError>(())
+            }.await,
+        };
+        if let Err(error) = outcome {
+            tracing::error!(error = &error as &dyn std::error::Error, "upkeep failed; it is tried again later");
+        }
+    }
 }
 
 async fn set_health(health: &HealthReporter, status: ServingStatus) {

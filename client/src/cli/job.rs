@@ -32,6 +32,8 @@ pub(crate) enum JobCommand {
     Retry(Id),
     /// Print what happened to a job, oldest first
     Logs(Id),
+    /// Show how the jobs of a batch stand, as one
+    Batch(Batch),
 }
 
 /// Which jobs.
@@ -47,6 +49,17 @@ pub(crate) struct List {
 
     #[command(flatten)]
     limit: Limit,
+
+    /// Only this batch's
+    #[arg(long, value_name = "NAME", default_value = "", hide_default_value = true)]
+    batch: String,
+}
+
+/// Which batch.
+#[derive(Debug, Args)]
+pub(crate) struct Batch {
+    /// Its name, as given with --batch
+    name: String,
 }
 
 /// A job's state.
@@ -97,6 +110,10 @@ impl JobCommand {
                 session.print(&job, |job| format!("{}  {}", names::id(&job.name), job_text::one_line(job)))
             }
             Self::Logs(id) => logs(session, id.name()).await,
+            Self::Batch(batch) => {
+                let batch = client.get_batch(v1::GetBatchRequest { batch: batch.name }).await?;
+                session.print(&batch, batch_line)
+            }
         }
     }
 }
@@ -120,7 +137,8 @@ impl List {
         };
         let (jobs, next_page_token) = pages(self.limit.limit, async |page_size, page_token| {
             let display = display.clone();
-            let request = v1::ListJobsRequest { page_size, page_token, state: state.into(), display };
+            let batch = self.batch.clone();
+            let request = v1::ListJobsRequest { page_size, page_token, state: state.into(), display, batch };
             let answer = session.client.list_jobs(request).await?;
             Ok((answer.jobs, answer.next_page_token))
         })
@@ -154,6 +172,19 @@ impl Watch {
         }
         job_text::check_success(&jobs)
     }
+}
+
+/// `63 % done: 2 queued, 1 running, 5 succeeded`.
+fn batch_line(batch: &v1::Batch) -> String {
+    let counts = [
+        (batch.queued, "queued"),
+        (batch.running, "running"),
+        (batch.succeeded, "succeeded"),
+        (batch.failed, "failed"),
+        (batch.cancelled, "cancelled"),
+    ];
+    let counts = counts.iter().filter(|(count, _)| *count > 0).map(|(count, word)| format!("{count} {word}"));
+    format!("{:.0} % done: {}", 100.0 * batch.done, counts.collect::<Vec<_>>().join(", "))
 }
 
 fn table(jobs: &[Job]) -> Table {

@@ -42,6 +42,7 @@ pub(crate) fn state(job: &Job) -> String {
 pub(crate) fn one_line(job: &Job) -> String {
     let took = show::took(job.start_time.as_ref(), job.finish_time.as_ref());
     match job.state() {
+        State::Queued if job.waiting_for > 0 => format!("queued, after {} other jobs", job.waiting_for),
         State::Queued if job.attempt > 0 => format!("queued again after attempt {}{}", job.attempt, error_text(job)),
         State::Running if job.cancel_requested => "running, will be cancelled".to_owned(),
         State::Running if job.attempt > 1 => format!("running, attempt {}", job.attempt),

@@ -17,6 +17,7 @@ mod kernel_choice;
 mod progress;
 mod propagation_text;
 mod quality_text;
+mod queue;
 mod session;
 mod show;
 mod simulate;
@@ -99,6 +100,9 @@ enum Command {
     /// Look at jobs, watch, cancel and retry them
     #[command(subcommand)]
     Job(job::JobCommand),
+    /// Look at the queue as a whole, pause and resume it
+    #[command(subcommand)]
+    Queue(queue::QueueCommand),
     Completions(Completions),
 }
 
@@ -136,6 +140,7 @@ async fn run(cli: Cli) -> Result<(), Failure> {
         Command::Kernel(command) => command.run(&session).await,
         Command::Simulate(command) => command.run(&session).await,
         Command::Job(command) => command.run(&session).await,
+        Command::Queue(command) => command.run(&session).await,
         Command::Completions(completions) => print_completions(completions.shell),
     }
 }

@@ -55,6 +55,14 @@ fn every_command_of_the_design_is_read() {
         "lightpath job retry 0193",
         "lightpath --server http://lab:7070 --token-file t --output json job logs 0193",
         "lightpath job logs 0193 --server http://lab:7070 --output json",
+        "lightpath hologram optimize a.png --display d --distance 1mm --owner ada --batch night --unique-key k \
+         --not-before 2026-11-21T22:00:00+01:00 --timeout 45m --after 0193 --after jobs/0194",
+        "lightpath kernel learn --dataset bench-1 --not-before 90m",
+        "lightpath job list --batch night",
+        "lightpath job batch night",
+        "lightpath queue show",
+        "lightpath queue pause --display lab-2 --reason maintenance",
+        "lightpath queue resume",
         "lightpath completions bash",
     ] {
         if let Err(error) = parse(line) {

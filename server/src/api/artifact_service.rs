@@ -30,7 +30,8 @@ impl ArtifactService for Api {
     async fn get_artifact(&self, request: Request<v1::GetArtifactRequest>) -> Result<Response<v1::Artifact>, Status> {
         let field = Field::new("digest");
         let digest = field.digest(&request.into_inner().digest)?;
-        match self.store.artifact(&digest).await? {
+        // Who asks whether it is there goes on to use it.
+        match self.store.use_artifact(&digest, now_ms()).await? {
             Some(record) => Ok(Response::new(to_wire(record))),
             None => Err(field.missing(format!("artifact {digest}"), "upload it first").into()),
         }
@@ -38,7 +39,7 @@ impl ArtifactService for Api {
 
     async fn get_upload(&self, request: Request<v1::GetUploadRequest>) -> Result<Response<v1::Upload>, Status> {
         let digest = Field::new("digest").digest(&request.into_inner().digest)?;
-        let (received_bytes, complete) = match self.store.artifact(&digest).await? {
+        let (received_bytes, complete) = match self.store.use_artifact(&digest, now_ms()).await? {
             Some(record) => (record.size_bytes, true),
             None => (self.artifacts.upload_received(&digest).await?, false),
         };
@@ -102,6 +103,7 @@ impl Api {
                 None => break,
             }
         }
+        let _publishing = self.artifacts.publishing().await;
         upload.finish().await?;
         Ok(self.store.record_artifact(&digest, size_bytes, now_ms()).await?)
     }
@@ -110,9 +112,10 @@ impl Api {
     async fn turn(&self, digest: &str, size_bytes: u64, offset_bytes: u64) -> Result<Turn, ApiError> {
         let until = Instant::now() + UPLOAD_TURN_MAX;
         loop {
-            if let Some(record) = self.store.artifact(digest).await? {
+            if let Some(record) = self.store.use_artifact(digest, now_ms()).await? {
                 return Ok(Turn::Stored(record));
             }
+            self.artifacts.admit(size_bytes.saturating_sub(offset_bytes))?;
             match self.artifacts.upload(digest, size_bytes, offset_bytes).await {
                 Err(ArtifactError::UploadBusy { .. }) if Instant::now() < until => sleep(UPLOAD_TURN_POLL).await,
                 upload => return Ok(Turn::Ours(upload?)),

@@ -5,20 +5,23 @@ use super::field::Field;
 use super::pages::Page;
 use super::time::{now_ms, timestamp};
 use super::watch::{self, Watch};
-use super::{Api, jobs, names};
+use super::{Api, jobs, names, scheduling};
 use crate::job::Job;
 use crate::metrics;
-use crate::store::JobFilter;
+use crate::store::{BatchProgress, JobFilter};
 use futures::stream::BoxStream;
 use lightpath_proto::v1;
 use lightpath_proto::v1::job_service_server::JobService;
 use tonic::{Request, Response, Status};
 
+/// A few sentences of why.
+const REASON_BYTES_MAX: usize = 1000;
+
 #[tonic::async_trait]
 impl JobService for Api {
     async fn submit_job(&self, request: Request<v1::SubmitJobRequest>) -> Result<Response<v1::Job>, Status> {
         let new = self.new_job(request.into_inner()).await?;
-        let (job, _) = self.store.submit(&new, now_ms(), self.queue_limit).await?;
+        let (job, _) = self.store.submit(&new, now_ms(), self.queue_limits).await?;
         Ok(Response::new(jobs::to_wire(job)))
     }
 
@@ -73,9 +76,55 @@ impl JobService for Api {
         let (events, next_page_token) = page.fill(events, |event| event.sequence.to_string(), to_wire);
         Ok(Response::new(v1::ListJobEventsResponse { events, next_page_token }))
     }
+
+    async fn get_batch(&self, request: Request<v1::GetBatchRequest>) -> Result<Response<v1::Batch>, Status> {
+        let batch = scheduling::label(&Field::new("batch"), request.into_inner().batch)?;
+        let batch = batch.ok_or_else(|| Field::new("batch").invalid("is empty, but must name a batch"))?;
+        let BatchProgress { queued, running, succeeded, failed, cancelled, done } = self.store.batch(&batch).await?;
+        Ok(Response::new(v1::Batch { batch, queued, running, succeeded, failed, cancelled, done }))
+    }
+
+    async fn get_queue(&self, _: Request<v1::GetQueueRequest>) -> Result<Response<v1::Queue>, Status> {
+        Ok(Response::new(self.queue().await?))
+    }
+
+    async fn pause_queue(&self, request: Request<v1::PauseQueueRequest>) -> Result<Response<v1::Queue>, Status> {
+        let request = request.into_inner();
+        let display = names::display_filter(&Field::new("display"), &request.display)?;
+        let reason = Field::new("reason").text(request.reason, REASON_BYTES_MAX)?;
+        self.store.pause(display.as_deref(), &reason, now_ms()).await?;
+        Ok(Response::new(self.queue().await?))
+    }
+
+    async fn resume_queue(&self, request: Request<v1::ResumeQueueRequest>) -> Result<Response<v1::Queue>, Status> {
+        let display = names::display_filter(&Field::new("display"), &request.into_inner().display)?;
+        self.store.resume(display.as_deref()).await?;
+        Ok(Response::new(self.queue().await?))
+    }
 }
 
 impl Api {
+    async fn queue(&self) -> Result<v1::Queue, ApiError> {
+        let turns = self.store.turns().await?;
+        let pauses = self.store.pauses().await?;
+        Ok(v1::Queue {
+            queued: turns.iter().map(|turn| turn.queued).sum(),
+            running: turns.iter().map(|turn| turn.running).sum(),
+            turns: turns
+                .into_iter()
+                .map(|turn| v1::queue::Turn { owner: turn.owner, queued: turn.queued, running: turn.running })
+                .collect(),
+            pauses: pauses
+                .into_iter()
+                .map(|pause| v1::queue::Pause {
+                    display: pause.display.map(|id| format!("displays/{id}")).unwrap_or_default(),
+                    since: Some(timestamp(pause.time_ms)),
+                    reason: pause.reason,
+                })
+                .collect(),
+        })
+    }
+
     /// The job called `name`, as clients see it.
     pub(crate) async fn job(&self, name: &str) -> Result<v1::Job, ApiError> {
         let id = names::job_id(&Field::new("name"), name)?;
@@ -86,9 +135,10 @@ impl Api {
     pub(crate) async fn jobs(&self, request: v1::ListJobsRequest) -> Result<v1::ListJobsResponse, ApiError> {
         let state = Field::new("state").known(request.state, jobs::state_from_wire)?;
         let display = names::display_filter(&Field::new("display"), &request.display)?;
-        let list = ["jobs", &request.state.to_string(), &request.display];
+        let batch = scheduling::label(&Field::new("batch"), request.batch)?;
+        let list = ["jobs", &request.state.to_string(), &request.display, batch.as_deref().unwrap_or_default()];
         let page = Page::new(&list, request.page_size, &request.page_token)?;
-        let filter = JobFilter { state, display };
+        let filter = JobFilter { state, display, batch };
         let jobs = self.store.jobs(&filter, page.after.as_deref(), page.limit()).await?;
         let (jobs, next_page_token) = page.fill(jobs, |job| job.id.clone(), jobs::to_wire);
         Ok(v1::ListJobsResponse { jobs, next_page_token })

@@ -29,6 +29,12 @@ pub(super) fn to_wire(job: Job) -> v1::Job {
         result: job.result.map(result_to_wire),
         cancel_requested: job.cancel_requested,
         revision: job.revision,
+        owner: job.scheduling.owner,
+        batch: job.scheduling.batch.unwrap_or_default(),
+        unique_key: job.scheduling.unique_key.unwrap_or_default(),
+        timeout_s: job.scheduling.timeout_ms.map_or(0.0, |ms| ms as f64 / 1e3),
+        after: job.scheduling.after.iter().map(|id| format!("jobs/{id}")).collect(),
+        waiting_for: job.waiting_for,
     }
 }
 

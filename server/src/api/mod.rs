@@ -2,12 +2,12 @@
 //!
 //! # Layout
 //!
-//! - `field`, `names`, `pages`: checking fields, resource names and pages. `submit`, `optimize`, `kernel_choice`,
+//! - `field`, `names`, `pages`: checking fields, resource names and pages. `submit`, `scheduling`, `optimize`, `kernel_choice`,
 //!   `pictures`: checking submitted jobs.
 //! - `displays`, `datasets`, `jobs`, `holograms`, `kernels`, `propagation`, `encodings`, `time`: messages from and to domain
 //!   types.
 //! - `*_service`: one gRPC service each. `watch`: streams that follow something.
-//! - `error`, `status`: why a request is refused, and the one map to gRPC statuses.
+//! - `rules`: what each call does. `error`, `status`: why a request is refused, and the one map to gRPC statuses.
 
 mod artifact_service;
 mod dataset_service;
@@ -29,6 +29,8 @@ mod optimize;
 mod pages;
 mod pictures;
 mod propagation;
+pub(crate) mod rules;
+mod scheduling;
 mod status;
 mod submit;
 mod time;
@@ -37,7 +39,7 @@ mod watch;
 pub(crate) use error::ApiError;
 
 use crate::artifacts::Artifacts;
-use crate::store::Store;
+use crate::store::{QueueLimits, Store};
 use field::Field;
 use lightpath_proto::v1::artifact_service_server::ArtifactServiceServer;
 use lightpath_proto::v1::dataset_service_server::DatasetServiceServer;
@@ -64,7 +66,7 @@ const DECODERS_MAX: usize = 2;
 pub(crate) struct Api {
     store: Store,
     artifacts: Artifacts,
-    queue_limit: u32,
+    queue_limits: QueueLimits,
     decoders: Arc<Semaphore>,
     watchers: Arc<Semaphore>,
     stopping: CancellationToken,
@@ -72,10 +74,15 @@ pub(crate) struct Api {
 
 impl Api {
     /// `stopping` ends the streams when the server stops.
-    pub(crate) fn new(store: Store, artifacts: Artifacts, queue_limit: u32, stopping: CancellationToken) -> Self {
+    pub(crate) fn new(
+        store: Store,
+        artifacts: Artifacts,
+        queue_limits: QueueLimits,
+        stopping: CancellationToken,
+    ) -> Self {
         let decoders = Arc::new(Semaphore::new(DECODERS_MAX));
         let watchers = Arc::new(Semaphore::new(WATCHERS_MAX));
-        Self { store, artifacts, queue_limit, decoders, watchers, stopping }
+        Self { store, artifacts, queue_limits, decoders, watchers, stopping }
     }
 
     /// All services, with health and reflection, and the means to say that the server stops.
@@ -116,6 +123,11 @@ impl Api {
     /// Where everything is kept.
     pub(crate) fn store(&self) -> &Store {
         &self.store
+    }
+
+    /// The files.
+    pub(crate) fn artifacts(&self) -> &Artifacts {
+        &self.artifacts
     }
 
     fn watcher(&self) -> Result<OwnedSemaphorePermit, ApiError> {

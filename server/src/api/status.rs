@@ -77,12 +77,17 @@ impl From<StoreError> for Status {
             StoreError::QueueFull { .. } => {
                 Answer::new(Code::ResourceExhausted, "QUEUE_FULL", message).retry(QUEUE_RETRY).status()
             }
+            StoreError::OwnerQueueFull { .. } => {
+                Answer::new(Code::ResourceExhausted, "OWNER_QUEUE_FULL", message).retry(QUEUE_RETRY).status()
+            }
             StoreError::DiskFull => {
                 Answer::new(Code::ResourceExhausted, "DISK_FULL", message).retry(DISK_RETRY).status()
             }
             StoreError::Stopping => Answer::new(Code::Unavailable, "STOPPING", message).retry(RESTART_RETRY).status(),
             error @ (StoreError::SqliteTooOld { .. }
             | StoreError::Corrupt { .. }
+            | StoreError::NewerDatabase { .. }
+            | StoreError::OlderDatabase
             | StoreError::Migration(_)
             | StoreError::Database(_)) => internal(&error),
         }
@@ -121,6 +126,12 @@ impl From<ArtifactError> for Status {
             }
             ArtifactError::DiskFull => {
                 Answer::new(Code::ResourceExhausted, "DISK_FULL", message).retry(DISK_RETRY).status()
+            }
+            ArtifactError::DiskLow { .. } => {
+                Answer::new(Code::ResourceExhausted, "DISK_LOW", message).retry(DISK_RETRY).status()
+            }
+            ArtifactError::QuotaSpent { .. } => {
+                Answer::new(Code::ResourceExhausted, "STORED_BYTES", message).retry(DISK_RETRY).status()
             }
             error @ (ArtifactError::Locked { .. } | ArtifactError::Io { .. }) => internal(&error),
         }

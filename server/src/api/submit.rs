@@ -4,7 +4,7 @@ use super::encodings::{detector, model, region};
 use super::error::ApiError;
 use super::field::Field;
 use super::propagation::check_distance;
-use super::{Api, names, required};
+use super::{Api, names, required, scheduling};
 use crate::dataset::Dataset;
 use crate::display::Display;
 use crate::job::{Detector, EvaluateKernel, Job, JobSpec, LearnKernel, NewJob, SimulateCapture};
@@ -33,6 +33,7 @@ impl Api {
     /// known to be wrong is refused now and not by a worker an hour later.
     pub(super) async fn new_job(&self, request: v1::SubmitJobRequest) -> Result<NewJob, ApiError> {
         let field = Field::new("spec");
+        let scheduling = scheduling::scheduling(&request)?;
         let kind = request.spec.and_then(|spec| spec.kind);
         let attempts_max =
             Field::new("attempts_max").integer_or(request.attempts_max, ATTEMPTS_DEFAULT, 1..=ATTEMPTS_MAX)?;
@@ -55,7 +56,7 @@ impl Api {
                 JobSpec::EvaluateKernel(self.evaluate(message, &field, before.as_ref()).await?)
             }
         };
-        Ok(NewJob { spec, request_id, priority, attempts_max })
+        Ok(NewJob { spec, request_id, priority, attempts_max, scheduling })
     }
 
     async fn learn(&self, message: v1::LearnKernel, field: &Field) -> Result<LearnKernel, ApiError> {

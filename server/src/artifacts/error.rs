@@ -65,6 +65,26 @@ pub enum ArtifactError {
     /// No space left.
     #[error("no space is left on the disk of the artifacts")]
     DiskFull,
+    /// Little space left: what there is belongs to work that was accepted before.
+    #[error(
+        "the server's disk has {} MiB left, and {} of them are kept for work that it has accepted; make room there",
+        free_bytes >> 20,
+        reserve_bytes >> 20
+    )]
+    DiskLow {
+        /// What is free.
+        free_bytes: u64,
+        /// What new work must leave free.
+        reserve_bytes: u64,
+    },
+    /// All artifacts together have as many bytes as they may.
+    #[error("artifacts have {} of {} MiB that they may have; delete old jobs, or raise stored_mib_max", stored_bytes >> 20, stored_bytes_max >> 20)]
+    QuotaSpent {
+        /// What they have.
+        stored_bytes: u64,
+        /// What they may have.
+        stored_bytes_max: u64,
+    },
     /// Another process works in the data folder.
     #[error("{} is held by another process; stop it, or name another data folder (--data-dir)", path.display())]
     Locked {
@@ -93,7 +113,11 @@ impl ArtifactError {
     #[must_use]
     pub fn is_transient(&self) -> bool {
         match self {
-            Self::DiskFull | Self::Io { .. } | Self::UploadBusy { .. } => true,
+            Self::DiskFull
+            | Self::DiskLow { .. }
+            | Self::QuotaSpent { .. }
+            | Self::Io { .. }
+            | Self::UploadBusy { .. } => true,
             Self::BadDigest { .. }
             | Self::NotFound { .. }
             | Self::DataLoss { .. }

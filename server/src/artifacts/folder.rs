@@ -42,6 +42,34 @@ impl Folder {
         self.publish(&file, temporary, digest)
     }
 
+    /// Stores what `from` holds, where that is what the digest promises; its size \[bytes\].
+    pub(super) fn receive(&self, from: &mut File, digest: &str) -> Result<u64, ArtifactError> {
+        check_digest(digest)?;
+        let temporary = self.temporary.join(Uuid::now_v7().to_string());
+        let copied = self.copy_by_way_of(&temporary, from, digest);
+        if copied.is_err() {
+            let _ = fs::remove_file(&temporary);
+        }
+        copied
+    }
+
+    fn copy_by_way_of(&self, temporary: &Path, from: &mut File, digest: &str) -> Result<u64, ArtifactError> {
+        let mut copy = || -> io::Result<(File, u64, String)> {
+            let mut file = File::options().read(true).write(true).create_new(true).open(temporary)?;
+            let size_bytes = io::copy(from, &mut file)?;
+            // What counts is what the copy holds, not what was read for it.
+            file.seek(SeekFrom::Start(0))?;
+            let found = name(hash_rest(&mut file)?);
+            Ok((file, size_bytes, found))
+        };
+        let (file, size_bytes, found) = copy().map_err(|error| ArtifactError::io("copy a file", error))?;
+        if found != digest {
+            return Err(ArtifactError::DataLoss { digest: digest.to_owned() });
+        }
+        self.publish(&file, temporary, digest)?;
+        Ok(size_bytes)
+    }
+
     /// Flushes a complete file to disk and gives it the name of its digest, which the caller has checked.
     pub(super) fn publish(&self, file: &File, path: &Path, digest: &str) -> Result<(), ArtifactError> {
         let shard = self.root.join(shard(digest));
@@ -101,8 +129,11 @@ impl Folder {
         let list = || -> io::Result<Vec<String>> {
             let mut digests = Vec::new();
             for shard in fs::read_dir(&self.root)? {
-                for file in fs::read_dir(shard?.path())? {
-                    digests.extend(file?.file_name().into_string());
+                let shard = shard?;
+                if shard.file_type()?.is_dir() {
+                    for file in fs::read_dir(shard.path())? {
+                        digests.extend(file?.file_name().into_string());
+                    }
                 }
             }
             Ok(digests)
@@ -112,7 +143,7 @@ impl Folder {
         Ok(digests)
     }
 
-    fn open(&self, digest: &str) -> Result<(File, u64), ArtifactError> {
+    pub(super) fn open(&self, digest: &str) -> Result<(File, u64), ArtifactError> {
         let open = || -> Result<io::Result<(File, u64)>, ArtifactError> {
             let path = self.path(digest)?;
             Ok(File::open(path).and_then(|file| file.metadata().map(|metadata| (file, metadata.len()))))
@@ -151,6 +182,6 @@ pub(super) fn empty(folder: &Path) -> io::Result<()> {
 }
 
 /// A rename is durable only once its folder is.
-fn flush_folder(folder: &Path) -> io::Result<()> {
+pub(super) fn flush_folder(folder: &Path) -> io::Result<()> {
     File::open(folder)?.sync_all()
 }

@@ -10,6 +10,7 @@
 //! DATA_DIR/uploads/sha256-….part       what has arrived of interrupted uploads
 //! DATA_DIR/tmp/                        files being written; emptied at start
 //! DATA_DIR/lock                        held by the only process that works here
+//! DATA_DIR/keep.lock                   held by backups: no artifact is removed meanwhile
 //! ```
 //!
 //! These are plain files and not the `object_store` crate's local backend, because that one neither flushes to disk
@@ -18,25 +19,32 @@
 //! # Layout
 //!
 //! - `digest`: names. `folder`: blobs of one folder. `upload`: resumable uploads. `read`: streaming. `error`.
+//! - `space`: room on the disk. `inventory`: the files as they lie, for checks and backups beside a server that runs.
 mod digest;
 mod error;
 mod folder;
+mod inventory;
 mod read;
+mod space;
 #[cfg(test)]
 mod tests;
 mod upload;
 
 pub use digest::{check_digest, digest_of};
 pub use error::ArtifactError;
+pub use inventory::{BlobKind, Inventory, digest_of_file};
 pub use read::{ArtifactReader, CHUNK_BYTES};
+pub use space::SpaceLimits;
 pub use upload::{UPLOAD_AGE_MAX, UploadWriter};
 
 use folder::Folder;
+use space::Space;
 use std::collections::HashSet;
 use std::fs::{self, File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
+use tokio::sync::{OwnedRwLockReadGuard, OwnedRwLockWriteGuard, RwLock};
 
 /// A handle to the files of one data folder; cheap to clone.
 #[derive(Clone, Debug)]
@@ -49,6 +57,11 @@ struct Inner {
     blobs: Folder,
     checkpoints: Folder,
     uploads: PathBuf,
+    data_dir: PathBuf,
+    space: Space,
+    /// Shared from before a blob gets its name until the store has recorded it; a collection takes it alone, so that it
+    /// never removes a file that is about to be recorded again.
+    publishing: Arc<RwLock<()>>,
     /// Digests that somebody is uploading right now.
     uploading: Mutex<HashSet<String>>,
     /// Unlocked by the system when the process ends, however it ends.
@@ -63,6 +76,15 @@ impl Artifacts {
     ///
     /// [`ArtifactError::Locked`] where another process works in this folder; [`ArtifactError::Io`].
     pub fn open(data_dir: &Path) -> Result<Self, ArtifactError> {
+        Self::open_within(data_dir, SpaceLimits::default())
+    }
+
+    /// [`Self::open`], with limits on what new work may use.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::open`].
+    pub fn open_within(data_dir: &Path, limits: SpaceLimits) -> Result<Self, ArtifactError> {
         let make = |name: &str| -> Result<PathBuf, ArtifactError> {
             let path = data_dir.join(name);
             fs::create_dir_all(&path).map_err(|error| ArtifactError::io("create a folder", error))?;
@@ -79,10 +101,30 @@ impl Artifacts {
                 blobs: Folder::new(make("artifacts")?, temporary.clone()),
                 checkpoints: Folder::new(make("checkpoints")?, temporary),
                 uploads,
+                data_dir: data_dir.to_owned(),
+                space: Space::new(limits),
+                publishing: Arc::default(),
                 uploading: Mutex::default(),
                 _lock: lock,
             }),
         })
+    }
+
+    /// To be held from before a blob is stored until the store has recorded it.
+    pub async fn publishing(&self) -> OwnedRwLockReadGuard<()> {
+        Arc::clone(&self.inner.publishing).read_owned().await
+    }
+
+    /// To be held while artifacts are collected; `None` while somebody copies the folder.
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError::Io`].
+    pub async fn collecting(&self) -> Result<Option<Collecting>, ArtifactError> {
+        let alone = Arc::clone(&self.inner.publishing).write_owned().await;
+        let path = self.inner.data_dir.join(inventory::KEEP_LOCK);
+        let file = self.blocking(move |_| try_lock(&path)).await?;
+        Ok(file.map(|file| Collecting { _alone: alone, _file: file }))
     }
 
     /// Stores `bytes` and returns their digest. When this returns they are on disk; record them in the store next.
@@ -207,12 +249,32 @@ where
     }
 }
 
+/// The right to remove artifacts; nobody publishes one and nobody copies them while it lives.
+#[derive(Debug)]
+pub struct Collecting {
+    _alone: OwnedRwLockWriteGuard<()>,
+    _file: File,
+}
+
 fn lock(path: &Path) -> Result<File, ArtifactError> {
+    try_lock(path)?.ok_or_else(|| ArtifactError::Locked { path: path.to_owned() })
+}
+
+/// The lock, where nobody holds it.
+fn try_lock(path: &Path) -> Result<Option<File>, ArtifactError> {
     let options = File::options().create(true).truncate(false).write(true).open(path);
-    let file = options.map_err(|error| ArtifactError::io("open the lock file", error))?;
+    let file = options.map_err(|error| ArtifactError::io("open a lock file", error))?;
     match file.try_lock() {
-        Ok(()) => Ok(file),
-        Err(TryLockError::WouldBlock) => Err(ArtifactError::Locked { path: path.to_owned() }),
+        Ok(()) => Ok(Some(file)),
+        Err(TryLockError::WouldBlock) => Ok(None),
         Err(TryLockError::Error(error)) => Err(ArtifactError::io("lock the data folder", error)),
     }
+}
+
+/// Waits for the lock, and shares it with others who share.
+fn lock_shared(path: &Path) -> Result<File, ArtifactError> {
+    let options = File::options().create(true).truncate(false).write(true).open(path);
+    let file = options.map_err(|error| ArtifactError::io("open a lock file", error))?;
+    file.lock_shared().map_err(|error| ArtifactError::io("lock the data folder", error))?;
+    Ok(file)
 }

@@ -1,9 +1,13 @@
 //! Merging the layers, remembering where each value came from.
 
 use super::{
-    CHECKPOINT_INTERVAL_S, COMPUTE_THREADS, Config, ConfigError, DRAIN_DEADLINE_S, LEASE_S, LogFormat, QUEUE_LIMIT,
-    WORKERS,
+    CHECKPOINT_INTERVAL_S, COLLECT_AFTER_DAYS, COMPUTE_THREADS, Config, ConfigError, DRAIN_DEADLINE_S, LEASE_S,
+    LogFormat, MIB_MAX, OWNER_QUEUE_LIMIT, QUEUE_LIMIT, RUNNING_LIMIT, TIMEOUT_S, WORKERS,
 };
+use crate::artifacts::SpaceLimits;
+use crate::store::ClaimLimits;
+use crate::upkeep::Retention;
+use crate::worker::Timeouts;
 use clap::ArgMatches;
 use clap::parser::ValueSource;
 use std::fmt::{self, Display};
@@ -12,6 +16,8 @@ use std::net::SocketAddr;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
+
+const DAY_S: f64 = 24.0 * 3600.0;
 
 /// One layer of settings: a file, or flags and environment. What is `None` is left to the layer below.
 #[derive(Clone, Debug, Default, PartialEq, clap::Args, serde::Deserialize)]
@@ -38,6 +44,39 @@ pub struct Settings {
     /// Jobs that may wait; more are refused [default: 10000]
     #[arg(long, env = "LIGHTPATH_QUEUE_LIMIT", value_name = "COUNT")]
     pub queue_limit: Option<u32>,
+    /// Jobs of one owner that may wait; 0: as many as all together [default: 0]
+    #[arg(long, env = "LIGHTPATH_OWNER_QUEUE_LIMIT", value_name = "COUNT")]
+    pub owner_queue_limit: Option<u32>,
+    /// Jobs of one owner that run at once; 0: no limit [default: 0]
+    #[arg(long, env = "LIGHTPATH_OWNER_RUNNING_LIMIT", value_name = "COUNT")]
+    pub owner_running_limit: Option<u32>,
+    /// Jobs on one display that run at once; 0: no limit [default: 0]
+    #[arg(long, env = "LIGHTPATH_DISPLAY_RUNNING_LIMIT", value_name = "COUNT")]
+    pub display_running_limit: Option<u32>,
+    /// Longest attempt at finding a hologram; 0: no limit [default: 0]
+    #[arg(long, env = "LIGHTPATH_OPTIMIZE_TIMEOUT_S", value_name = "SECONDS")]
+    pub optimize_timeout_s: Option<f64>,
+    /// Longest attempt at learning a kernel; 0: no limit [default: 0]
+    #[arg(long, env = "LIGHTPATH_LEARN_TIMEOUT_S", value_name = "SECONDS")]
+    pub learn_timeout_s: Option<f64>,
+    /// Longest attempt at simulating a capture; 0: no limit [default: 0]
+    #[arg(long, env = "LIGHTPATH_SIMULATE_TIMEOUT_S", value_name = "SECONDS")]
+    pub simulate_timeout_s: Option<f64>,
+    /// Longest attempt at evaluating a kernel; 0: no limit [default: 0]
+    #[arg(long, env = "LIGHTPATH_EVALUATE_TIMEOUT_S", value_name = "SECONDS")]
+    pub evaluate_timeout_s: Option<f64>,
+    /// Space on the disk that only accepted work may use, in MiB; below it, new jobs and uploads are refused [default: 256]
+    #[arg(long, env = "LIGHTPATH_DISK_RESERVE_MIB", value_name = "MIB")]
+    pub disk_reserve_mib: Option<u64>,
+    /// Space that all artifacts together may take, in MiB; 0: all there is [default: 0]
+    #[arg(long, env = "LIGHTPATH_STORED_MIB_MAX", value_name = "MIB")]
+    pub stored_mib_max: Option<u64>,
+    /// Days after which an artifact that nothing refers to is removed; 0: never [default: 7]
+    #[arg(long, env = "LIGHTPATH_COLLECT_ARTIFACTS_AFTER_DAYS", value_name = "DAYS")]
+    pub collect_artifacts_after_days: Option<f64>,
+    /// Days after which a job that has ended is removed, with its events; 0: never [default: 0]
+    #[arg(long, env = "LIGHTPATH_COLLECT_JOBS_AFTER_DAYS", value_name = "DAYS")]
+    pub collect_jobs_after_days: Option<f64>,
     /// Time that jobs and requests get to end when the server stops [default: 20]
     #[arg(long, env = "LIGHTPATH_DRAIN_DEADLINE_S", value_name = "SECONDS")]
     pub drain_deadline_s: Option<f64>,
@@ -140,6 +179,63 @@ impl Effective {
                 default.queue_limit,
                 QUEUE_LIMIT,
             )?,
+            owner_queue_limit: merge.count(
+                "owner_queue_limit",
+                given.owner_queue_limit,
+                file.owner_queue_limit,
+                default.owner_queue_limit,
+                OWNER_QUEUE_LIMIT,
+            )?,
+            running: ClaimLimits {
+                per_owner: merge.count(
+                    "owner_running_limit",
+                    given.owner_running_limit,
+                    file.owner_running_limit,
+                    default.running.per_owner,
+                    RUNNING_LIMIT,
+                )?,
+                per_display: merge.count(
+                    "display_running_limit",
+                    given.display_running_limit,
+                    file.display_running_limit,
+                    default.running.per_display,
+                    RUNNING_LIMIT,
+                )?,
+            },
+            timeouts: Timeouts {
+                optimize: merge.timeout("optimize_timeout_s", given.optimize_timeout_s, file.optimize_timeout_s)?,
+                learn: merge.timeout("learn_timeout_s", given.learn_timeout_s, file.learn_timeout_s)?,
+                simulate: merge.timeout("simulate_timeout_s", given.simulate_timeout_s, file.simulate_timeout_s)?,
+                evaluate: merge.timeout("evaluate_timeout_s", given.evaluate_timeout_s, file.evaluate_timeout_s)?,
+            },
+            space: SpaceLimits {
+                reserve_bytes: merge.mib(
+                    "disk_reserve_mib",
+                    given.disk_reserve_mib,
+                    file.disk_reserve_mib,
+                    default.space.reserve_bytes,
+                )?,
+                stored_bytes_max: merge.mib(
+                    "stored_mib_max",
+                    given.stored_mib_max,
+                    file.stored_mib_max,
+                    default.space.stored_bytes_max,
+                )?,
+            },
+            retention: Retention {
+                artifacts: merge.days(
+                    "collect_artifacts_after_days",
+                    given.collect_artifacts_after_days,
+                    file.collect_artifacts_after_days,
+                    default.retention.artifacts,
+                )?,
+                jobs: merge.days(
+                    "collect_jobs_after_days",
+                    given.collect_jobs_after_days,
+                    file.collect_jobs_after_days,
+                    default.retention.jobs,
+                )?,
+            },
             drain_deadline: merge.seconds(
                 "drain_deadline_s",
                 drain.0,
@@ -186,6 +282,46 @@ impl Merge<'_> {
         }
         let allowed = format!("{} to {}", allowed.start(), allowed.end());
         Err(ConfigError::Value { key, value: value.to_string(), allowed })
+    }
+
+    fn mib(
+        &mut self,
+        key: &'static str,
+        given: Option<u64>,
+        file: Option<u64>,
+        default: u64,
+    ) -> Result<u64, ConfigError> {
+        Ok(self.count(key, given, file, default >> 20, MIB_MAX)? << 20)
+    }
+
+    /// `None` for 0: no limit.
+    fn timeout(
+        &mut self,
+        key: &'static str,
+        given: Option<f64>,
+        file: Option<f64>,
+    ) -> Result<Option<Duration>, ConfigError> {
+        let timeout = self.seconds(key, given, file, Duration::ZERO, TIMEOUT_S)?;
+        Ok((!timeout.is_zero()).then_some(timeout))
+    }
+
+    /// `None` for 0: never.
+    fn days(
+        &mut self,
+        key: &'static str,
+        given: Option<f64>,
+        file: Option<f64>,
+        default: Option<Duration>,
+    ) -> Result<Option<Duration>, ConfigError> {
+        let days = self.pick(key, given, file, default.map_or(0.0, |age| age.as_secs_f64() / DAY_S));
+        if days == 0.0 {
+            return Ok(None);
+        }
+        if COLLECT_AFTER_DAYS.contains(&days) {
+            return Ok(Some(Duration::from_secs_f64(days * DAY_S)));
+        }
+        let allowed = format!("0, or {:.3} to {}", COLLECT_AFTER_DAYS.start(), COLLECT_AFTER_DAYS.end());
+        Err(ConfigError::Value { key, value: days.to_string(), allowed })
     }
 
     fn seconds(

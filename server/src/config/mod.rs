@@ -5,6 +5,10 @@ mod print;
 
 pub use layers::{Effective, Origin, Settings};
 
+use crate::artifacts::SpaceLimits;
+use crate::store::ClaimLimits;
+use crate::upkeep::Retention;
+use crate::worker::Timeouts;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::num::NonZeroUsize;
 use std::ops::RangeInclusive;
@@ -28,6 +32,16 @@ pub struct Config {
     pub checkpoint_interval: Duration,
     /// Jobs that may wait; more are refused.
     pub queue_limit: u32,
+    /// Jobs of one owner that may wait; 0: as many as all together.
+    pub owner_queue_limit: u32,
+    /// How many jobs of an owner or a display run at once.
+    pub running: ClaimLimits,
+    /// How long an attempt may take.
+    pub timeouts: Timeouts,
+    /// What new work must leave free on the disk, and all artifacts together may have.
+    pub space: SpaceLimits,
+    /// What goes by itself, and when.
+    pub retention: Retention,
     /// Time that running jobs and open requests get to end when the server stops.
     pub drain_deadline: Duration,
     /// Form of the log on stderr.
@@ -56,6 +70,11 @@ impl Default for Config {
             lease: Duration::from_secs(30),
             checkpoint_interval: Duration::from_secs(10),
             queue_limit: 10_000,
+            owner_queue_limit: 0,
+            running: ClaimLimits::default(),
+            timeouts: Timeouts::default(),
+            space: SpaceLimits { reserve_bytes: 256 << 20, stored_bytes_max: 0 },
+            retention: Retention { artifacts: Some(Duration::from_secs(7 * 24 * 3600)), jobs: None },
             drain_deadline: Duration::from_secs(20),
             log_format: LogFormat::Text,
             log_level: "info".to_owned(),
@@ -71,6 +90,14 @@ const LEASE_S: RangeInclusive<f64> = 0.1..=3600.0;
 const CHECKPOINT_INTERVAL_S: RangeInclusive<f64> = 0.01..=3600.0;
 /// A row of the queue takes about a kilobyte.
 const QUEUE_LIMIT: RangeInclusive<u32> = 1..=1_000_000;
+/// 0: no limit.
+const RUNNING_LIMIT: RangeInclusive<u32> = 0..=64;
+const OWNER_QUEUE_LIMIT: RangeInclusive<u32> = 0..=1_000_000;
+const TIMEOUT_S: RangeInclusive<f64> = 0.0..=2_592_000.0;
+/// 16 TiB: more is a mistake in the unit.
+const MIB_MAX: RangeInclusive<u64> = 0..=1 << 24;
+/// Less than an hour is less than some jobs take between storing what they make and naming it.
+const COLLECT_AFTER_DAYS: RangeInclusive<f64> = 1.0 / 24.0..=36_500.0;
 const DRAIN_DEADLINE_S: RangeInclusive<f64> = 0.0..=3600.0;
 
 /// Why settings cannot be used.

@@ -17,9 +17,12 @@ impl fmt::Display for Effective {
     }
 }
 
-fn settings(config: &Config) -> [(&'static str, Value, &'static str); 10] {
+fn settings(config: &Config) -> [(&'static str, Value, &'static str); 21] {
     let count = |value: usize| Value::Integer(i64::try_from(value).unwrap_or(i64::MAX));
     let seconds = |value: Duration| Value::Float(value.as_secs_f64());
+    let timeout = |value: Option<Duration>| seconds(value.unwrap_or_default());
+    let mib = |bytes: u64| Value::Integer(i64::try_from(bytes >> 20).unwrap_or(i64::MAX));
+    let days = |age: Option<Duration>| Value::Float(age.map_or(0.0, |age| age.as_secs_f64() / (24.0 * 3600.0)));
     let log_format = match config.log_format {
         LogFormat::Text => "text",
         LogFormat::Json => "json",
@@ -32,6 +35,25 @@ fn settings(config: &Config) -> [(&'static str, Value, &'static str); 10] {
         ("lease_s", seconds(config.lease), "a worker silent for this long loses its job [s]"),
         ("checkpoint_interval_s", seconds(config.checkpoint_interval), "how often a running job saves its state [s]"),
         ("queue_limit", count(config.queue_limit as usize), "jobs that may wait"),
+        ("owner_queue_limit", count(config.owner_queue_limit as usize), "jobs of one owner that may wait; 0: no limit"),
+        ("owner_running_limit", count(config.running.per_owner as usize), "jobs of one owner at once; 0: no limit"),
+        (
+            "display_running_limit",
+            count(config.running.per_display as usize),
+            "jobs on one display at once; 0: no limit",
+        ),
+        ("optimize_timeout_s", timeout(config.timeouts.optimize), "longest attempt at a hologram [s]; 0: no limit"),
+        ("learn_timeout_s", timeout(config.timeouts.learn), "longest attempt at learning [s]; 0: no limit"),
+        ("simulate_timeout_s", timeout(config.timeouts.simulate), "longest attempt at a capture [s]; 0: no limit"),
+        ("evaluate_timeout_s", timeout(config.timeouts.evaluate), "longest attempt at evaluating [s]; 0: no limit"),
+        ("disk_reserve_mib", mib(config.space.reserve_bytes), "space that only accepted work may use [MiB]"),
+        ("stored_mib_max", mib(config.space.stored_bytes_max), "space of all artifacts together [MiB]; 0: no limit"),
+        (
+            "collect_artifacts_after_days",
+            days(config.retention.artifacts),
+            "unreferenced artifacts go after [d]; 0: never",
+        ),
+        ("collect_jobs_after_days", days(config.retention.jobs), "ended jobs go after [d]; 0: never"),
         ("drain_deadline_s", seconds(config.drain_deadline), "time to end jobs and requests when stopping [s]"),
         ("log_format", Value::from(log_format), "text or json"),
         ("log_level", Value::from(config.log_level.as_str()), "what is logged"),

@@ -22,6 +22,8 @@ pub(super) struct List {
     state: String,
     #[serde(default)]
     display: String,
+    #[serde(default)]
+    batch: String,
 }
 
 /// `GET /v1/jobs`
@@ -35,6 +37,7 @@ pub(super) async fn list(
         page_token: list.page_token,
         state: state(&list.state)?.into(),
         display: list.display,
+        batch: list.batch,
     };
     Ok(Json(api.jobs(request).await?))
 }

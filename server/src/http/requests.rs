@@ -1,6 +1,7 @@
 //! Around every request, gRPC and HTTP: a deadline to its answer, and its count.
 
 use super::refusal::Refusal;
+use crate::api::rules::{Effect, effect};
 use crate::api::{Api, ApiError};
 use crate::metrics;
 use axum::extract::{MatchedPath, Request, State};
@@ -21,7 +22,7 @@ const UPLOAD: &str = "/lightpath.v1.ArtifactService/WriteArtifact";
 const ALWAYS: [&str; 3] = ["/healthz", "/metrics", "/grpc.health.v1.Health/"];
 
 /// Runs the request within its deadline, the client's (`grpc-timeout`) where that is sooner, and counts it. A server
-/// that stops takes no more.
+/// that stops takes no more, one whose disk is low no more work.
 pub(super) async fn watched(State(api): State<Api>, request: Request, next: Next) -> Response {
     let begin = Instant::now();
     let is_grpc =
@@ -31,6 +32,10 @@ pub(super) async fn watched(State(api): State<Api>, request: Request, next: Next
     let limit = client_limit(request.headers()).map_or(limit, |client| client.min(limit));
     let response = if api.is_stopping() && !ALWAYS.iter().any(|path| request.uri().path().starts_with(path)) {
         refuse(ApiError::Stopping.into(), is_grpc)
+    } else if effect(request.uri().path()) == Some(Effect::Takes)
+        && let Err(full) = api.artifacts().admit(0)
+    {
+        refuse(ApiError::from(full).into(), is_grpc)
     } else {
         match timeout(limit, next.run(request)).await {
             Ok(response) => response,

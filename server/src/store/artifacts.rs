@@ -12,11 +12,16 @@ pub struct ArtifactRecord {
     pub size_bytes: u64,
     /// [ms since 1970]
     pub create_time_ms: i64,
+    /// When somebody last stored it, or was told that it need not be stored [ms since 1970].
+    pub use_time_ms: i64,
 }
+
+/// A use within this time of the last one need not be noted: reads stay reads.
+const USE_RESOLUTION_MS: i64 = 3_600_000;
 
 impl Store {
     /// Records that an artifact's file is complete and on disk; call it after that, never before. The same artifact
-    /// again changes nothing.
+    /// again counts as used.
     ///
     /// # Errors
     ///
@@ -31,8 +36,9 @@ impl Store {
         self.write(move |write| {
             Box::pin(async move {
                 let row = sqlx::query(
-                    "insert into artifact (digest, size_bytes, create_time_ms) values (?, ?, ?) \
-                     on conflict do update set size_bytes = excluded.size_bytes returning *",
+                    "insert into artifact (digest, size_bytes, create_time_ms, use_time_ms) values (?1, ?2, ?3, ?3) \
+                     on conflict do update set size_bytes = excluded.size_bytes, \
+                     use_time_ms = max(use_time_ms, excluded.use_time_ms) returning *",
                 )
                 .bind(digest)
                 .bind(size_bytes as i64)
@@ -43,6 +49,33 @@ impl Store {
             })
         })
         .await
+    }
+
+    /// An artifact's record, where the artifact is stored, for somebody who goes on to use it: it is not collected for
+    /// as long as if it had been stored now.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`]. That its use could not be noted for want of space is no error.
+    pub async fn use_artifact(&self, digest: &str, now_ms: i64) -> Result<Option<ArtifactRecord>, StoreError> {
+        let Some(record) = self.artifact(digest).await? else { return Ok(None) };
+        if now_ms - record.use_time_ms < USE_RESOLUTION_MS {
+            return Ok(Some(record));
+        }
+        let digest = digest.to_owned();
+        let noted = self
+            .write(move |write| {
+                Box::pin(async move {
+                    let sql = "update artifact set use_time_ms = ?2 where digest = ?1 returning *";
+                    let row = sqlx::query(sql).bind(digest).bind(now_ms).fetch_optional(write.sql()).await?;
+                    row.as_ref().map(record_of).transpose()
+                })
+            })
+            .await;
+        match noted {
+            Err(StoreError::DiskFull) => Ok(Some(record)),
+            noted => noted,
+        }
     }
 
     /// An artifact's record, where the artifact is stored.
@@ -57,10 +90,11 @@ impl Store {
     }
 }
 
-fn record_of(row: &sqlx::sqlite::SqliteRow) -> Result<ArtifactRecord, StoreError> {
+pub(super) fn record_of(row: &sqlx::sqlite::SqliteRow) -> Result<ArtifactRecord, StoreError> {
     Ok(ArtifactRecord {
         digest: row.try_get("digest")?,
         size_bytes: row.try_get::<i64, _>("size_bytes")?.unsigned_abs(),
         create_time_ms: row.try_get("create_time_ms")?,
+        use_time_ms: row.try_get("use_time_ms")?,
     })
 }

@@ -2,9 +2,9 @@
 
 use super::changes::Change;
 use super::events::happened;
-use super::jobs::job_of;
+use super::jobs::{active_with_key, job_of};
 use super::write::Write;
-use super::{Store, StoreError};
+use super::{Store, StoreError, dependencies};
 use crate::job::{Job, JobState};
 
 impl Store {
@@ -43,6 +43,7 @@ async fn cancel(write: &mut Write, id: &str, now_ms: i64) -> Result<Job, StoreEr
             .await?;
             let job = job_of(&row)?;
             happened(write, &job, now_ms, "cancelled").await?;
+            dependencies::failed(write, &job, now_ms).await?;
             Ok(job)
         }
         JobState::Running if job.cancel_requested => Ok(job),
@@ -73,12 +74,20 @@ async fn retry(write: &mut Write, id: &str, now_ms: i64) -> Result<Job, StoreErr
         );
         return Err(StoreError::precondition("JOB_NOT_RETRYABLE", message));
     }
+    if let Some(key) = &job.scheduling.unique_key
+        && let Some(other) = active_with_key(write.sql(), key).await?
+    {
+        let message = format!("jobs/{other} has the same unique_key \"{key}\" and has not ended");
+        return Err(StoreError::precondition("NOT_UNIQUE", message));
+    }
+    let waiting_for = dependencies::open_ones(write, &job.scheduling.after).await?;
     let row = sqlx::query(
         "update job set state = 'queued', failures = 0, crashes = 0, cancel_requested = 0, error = null, progress = null, \
-         finish_time_ms = null, run_time_ms = ?2, revision = revision + 1 where id = ?1 returning *",
+         finish_time_ms = null, run_time_ms = ?2, waiting_for = ?3, revision = revision + 1 where id = ?1 returning *",
     )
     .bind(id)
     .bind(now_ms)
+    .bind(waiting_for)
     .fetch_one(write.sql())
     .await?;
     let job = job_of(&row)?;

@@ -7,7 +7,7 @@ use super::kernels::append_version;
 use super::leases::{fenced, held, read, under_lease};
 use super::rows::to_json;
 use super::write::Write;
-use super::{Store, StoreError};
+use super::{Store, StoreError, dependencies};
 use crate::job::{Job, JobError, JobResult, Lease};
 use crate::kernel::{KernelKey, NewKernelVersion};
 use sqlx::Row;
@@ -15,10 +15,6 @@ use sqlx::sqlite::SqliteRow;
 
 /// Leases that one call expires; the next call takes the rest.
 const EXPIRED_MAX: i64 = 1000;
-
-/// A job that was running at this many deaths of the server in a row, without a checkpoint between them, is more
-/// likely their cause than their victim: it fails. Other jobs would never run again otherwise.
-const CRASHES_MAX: i64 = 30;
 
 /// How an attempt ends without a result.
 enum Ending {
@@ -76,8 +72,36 @@ impl Store {
         let lease = lease.clone();
         self.write(move |write| {
             Box::pin(async move {
-                let (job, failures) = read(write, &lease, now_ms).await?;
-                let ending = after_failure(&job, failures, error, retry_at_ms);
+                let (job, failures, crashes) = read(write, &lease, now_ms).await?;
+                let ending = after_failure(&job, failures, crashes, error, retry_at_ms);
+                end(write, &job.id, ending, now_ms).await
+            })
+        })
+        .await
+    }
+
+    /// Puts the job back into the queue until `retry_at_ms` for something that is no fault of the job's: the attempt does
+    /// not count as failed.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::LeaseLost`].
+    pub async fn postpone(
+        &self,
+        lease: &Lease,
+        error: JobError,
+        retry_at_ms: i64,
+        now_ms: i64,
+    ) -> Result<Job, StoreError> {
+        let lease = lease.clone();
+        self.write(move |write| {
+            Box::pin(async move {
+                let (job, failures, _) = read(write, &lease, now_ms).await?;
+                let error = JobError { retryable: true, ..error };
+                let ending = match job.cancel_requested {
+                    true => Ending::Cancelled,
+                    false => Ending::Requeued { run_time_ms: retry_at_ms, failures, cause: Cause::Error(error) },
+                };
                 end(write, &job.id, ending, now_ms).await
             })
         })
@@ -93,7 +117,7 @@ impl Store {
         let lease = lease.clone();
         self.write(move |write| {
             Box::pin(async move {
-                let (job, _) = read(write, &lease, now_ms).await?;
+                let (job, ..) = read(write, &lease, now_ms).await?;
                 end(write, &job.id, Ending::Cancelled, now_ms).await
             })
         })
@@ -109,7 +133,7 @@ impl Store {
         let lease = lease.clone();
         self.write(move |write| {
             Box::pin(async move {
-                let (job, failures) = read(write, &lease, now_ms).await?;
+                let (job, failures, _) = read(write, &lease, now_ms).await?;
                 let ending = match job.cancel_requested {
                     true => Ending::Cancelled,
                     false => Ending::Requeued { run_time_ms: job.run_time_ms, failures, cause: Cause::Drain },
@@ -130,8 +154,8 @@ impl Store {
     }
 
     /// Takes every running job from its worker. For the start of the only process that works on this database: whoever
-    /// held a lease is dead, so nobody has to wait until it runs out. Such an end does not count as a failed attempt,
-    /// but a job that is there whenever the server dies fails in the end.
+    /// held a lease is dead, so nobody has to wait until it runs out. Such an end counts as an attempt, until the job gets
+    /// ahead: one that kills its server ends when its attempts are spent, and others run again.
     ///
     /// # Errors
     ///
@@ -162,6 +186,7 @@ async fn finish(
     let query = under_lease(sql, lease, now_ms).bind(to_json("job.result", &result)?);
     let job = held(query.fetch_optional(write.sql()).await?)?;
     happened(write, &job, now_ms, "succeeded").await?;
+    dependencies::succeeded(write, &job).await?;
     Ok(job)
 }
 
@@ -171,7 +196,7 @@ async fn expire(write: &mut Write, now_ms: i64) -> Result<Vec<Job>, StoreError> 
         let job = job_of(&row)?;
         let message = format!("{} was not heard of for too long", row.try_get::<String, _>("worker")?);
         let error = JobError { reason: "LEASE_EXPIRED".to_owned(), message, retryable: true };
-        let ending = after_failure(&job, row.try_get("failures")?, error, Some(now_ms));
+        let ending = after_failure(&job, row.try_get("failures")?, row.try_get("crashes")?, error, Some(now_ms));
         jobs.push(end(write, &job.id, ending, now_ms).await?);
     }
     Ok(jobs)
@@ -181,11 +206,12 @@ async fn recover_orphans(write: &mut Write, now_ms: i64) -> Result<Vec<Job>, Sto
     let mut jobs = Vec::new();
     for row in running(write, i64::MAX).await? {
         let (job, failures, crashes) = (job_of(&row)?, row.try_get("failures")?, row.try_get::<i64, _>("crashes")? + 1);
-        let ending = match (job.cancel_requested, crashes < CRASHES_MAX) {
+        let spent = failures + crashes >= i64::from(job.attempts_max);
+        let ending = match (job.cancel_requested, spent) {
             (true, _) => Ending::Cancelled,
-            (false, true) => Ending::Requeued { run_time_ms: job.run_time_ms, failures, cause: Cause::ServerDied },
-            (false, false) => {
-                let message = format!("the server died {crashes} times in a row while it ran this job");
+            (false, false) => Ending::Requeued { run_time_ms: job.run_time_ms, failures, cause: Cause::ServerDied },
+            (false, true) => {
+                let message = format!("the server died {crashes} times while it ran this job, which had not got ahead");
                 let error = JobError { reason: "SERVER_DIED".to_owned(), message, retryable: false };
                 Ending::Failed { failures, error }
             }
@@ -203,13 +229,13 @@ async fn running(write: &mut Write, until_ms: i64) -> Result<Vec<SqliteRow>, Sto
 }
 
 /// Where a failed attempt leads.
-fn after_failure(job: &Job, failures: i64, mut error: JobError, retry_at_ms: Option<i64>) -> Ending {
+fn after_failure(job: &Job, failures: i64, crashes: i64, mut error: JobError, retry_at_ms: Option<i64>) -> Ending {
     let failures = failures + 1;
     if job.cancel_requested {
         return Ending::Cancelled;
     }
     match retry_at_ms {
-        Some(run_time_ms) if failures < i64::from(job.attempts_max) => {
+        Some(run_time_ms) if failures + crashes < i64::from(job.attempts_max) => {
             error.retryable = true;
             Ending::Requeued { run_time_ms, failures, cause: Cause::Error(error) }
         }
@@ -256,8 +282,9 @@ async fn end(write: &mut Write, id: &str, ending: Ending, now_ms: i64) -> Result
         .await?;
     let job = job_of(&row)?;
     happened(write, &job, now_ms, message).await?;
-    if state == "queued" {
-        write.announce(Change::Claimable);
+    match job.state.has_ended() {
+        true => dependencies::failed(write, &job, now_ms).await?,
+        false => write.announce(Change::Claimable),
     }
     Ok(job)
 }

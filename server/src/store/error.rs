@@ -42,6 +42,12 @@ pub enum StoreError {
         /// Most jobs that may wait.
         limit: u32,
     },
+    /// Nobody may have more jobs waiting than this.
+    #[error("{limit} of your jobs wait already, which is as many as may; submit again when some have run")]
+    OwnerQueueFull {
+        /// Most jobs of one owner that may wait.
+        limit: u32,
+    },
     /// No space left for the database.
     #[error("no space is left on the disk of the database")]
     DiskFull,
@@ -64,6 +70,15 @@ pub enum StoreError {
         /// What is wrong with it.
         source: serde_json::Error,
     },
+    /// A newer program has been at work here.
+    #[error("the database was written by a newer version of this program (step {step}); use that version")]
+    NewerDatabase {
+        /// The first migration that this program does not know.
+        step: i64,
+    },
+    /// Its server has not been started with this version of the program yet.
+    #[error("the database is of an older version; start the server of this version first")]
+    OlderDatabase,
     /// The database could not be brought to this version's tables.
     #[error("the database cannot be migrated")]
     Migration(#[source] sqlx::migrate::MigrateError),
@@ -89,7 +104,11 @@ impl StoreError {
     #[must_use]
     pub fn is_transient(&self) -> bool {
         match self {
-            Self::DiskFull | Self::Database(_) | Self::Stopping | Self::QueueFull { .. } => true,
+            Self::DiskFull
+            | Self::Database(_)
+            | Self::Stopping
+            | Self::QueueFull { .. }
+            | Self::OwnerQueueFull { .. } => true,
             Self::NotFound { .. }
             | Self::AlreadyExists { .. }
             | Self::Precondition { .. }
@@ -97,6 +116,8 @@ impl StoreError {
             | Self::LeaseLost
             | Self::SqliteTooOld { .. }
             | Self::Corrupt { .. }
+            | Self::NewerDatabase { .. }
+            | Self::OlderDatabase
             | Self::Migration(_) => false,
         }
     }
@@ -104,10 +125,10 @@ impl StoreError {
 
 impl From<sqlx::Error> for StoreError {
     fn from(error: sqlx::Error) -> Self {
-        /// SQLITE_FULL.
-        const FULL: &str = "13";
+        /// SQLITE_FULL, and SQLITE_IOERR_SHMSIZE: no room for the log's index.
+        const FULL: [&str; 2] = ["13", "4874"];
         match error.as_database_error().and_then(|e| e.code()) {
-            Some(code) if code == FULL => Self::DiskFull,
+            Some(code) if FULL.contains(&&*code) => Self::DiskFull,
             _ => Self::Database(error),
         }
     }

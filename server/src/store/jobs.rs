@@ -4,8 +4,8 @@ use super::changes::Change;
 use super::events::happened;
 use super::rows::{from_json, from_json_option, from_word, to_json, to_word};
 use super::write::Write;
-use super::{Store, StoreError, page};
-use crate::job::{Job, JobState, NewJob};
+use super::{Store, StoreError, dependencies, page};
+use crate::job::{Job, JobState, NewJob, Scheduling};
 use sqlx::sqlite::SqliteRow;
 use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
 use uuid::Uuid;
@@ -19,6 +19,21 @@ pub enum Submitted {
     Existing,
 }
 
+/// How many jobs may wait.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct QueueLimits {
+    /// All together.
+    pub queued: u32,
+    /// Of each owner; 0: as many as all together.
+    pub queued_per_owner: u32,
+}
+
+impl From<u32> for QueueLimits {
+    fn from(queued: u32) -> Self {
+        Self { queued, queued_per_owner: 0 }
+    }
+}
+
 /// Which jobs to list.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct JobFilter {
@@ -26,6 +41,8 @@ pub struct JobFilter {
     pub state: Option<JobState>,
     /// Only jobs about the display with this id.
     pub display: Option<String>,
+    /// Only jobs of this batch.
+    pub batch: Option<String>,
 }
 
 /// How many jobs are in each state.
@@ -49,11 +66,17 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::AlreadyExists`] where the request id was used with other content, [`StoreError::QueueFull`] where
-    /// `queue_limit` jobs wait already, [`StoreError::NotFound`] where the display or dataset is gone.
-    pub async fn submit(&self, new: &NewJob, now_ms: i64, queue_limit: u32) -> Result<(Job, Submitted), StoreError> {
-        let new = new.clone();
-        self.write(move |write| Box::pin(submit(write, new, now_ms, queue_limit))).await
+    /// [`StoreError::AlreadyExists`] where the request id was used with other content, or a job with the same unique key
+    /// waits or runs; [`StoreError::QueueFull`] and [`StoreError::OwnerQueueFull`] where too many jobs wait already,
+    /// [`StoreError::Precondition`] where a job that it comes after has ended without success, [`StoreError::NotFound`] where the display, the dataset or an artifact is gone.
+    pub async fn submit(
+        &self,
+        new: &NewJob,
+        now_ms: i64,
+        limits: impl Into<QueueLimits>,
+    ) -> Result<(Job, Submitted), StoreError> {
+        let (new, limits) = (new.clone(), limits.into());
+        self.write(move |write| Box::pin(submit(write, new, now_ms, limits))).await
     }
 
     /// A job.
@@ -93,6 +116,9 @@ impl Store {
         if let Some(display) = &filter.display {
             query.push(" and display = ").push_bind(display);
         }
+        if let Some(batch) = &filter.batch {
+            query.push(" and batch = ").push_bind(batch);
+        }
         if let Some(after) = after {
             query.push(" and id < ").push_bind(after);
         }
@@ -118,7 +144,7 @@ impl Store {
     /// [`StoreError::Database`].
     pub async fn queue_counts(&self) -> Result<QueueCounts, StoreError> {
         let rows: Vec<(String, i64)> =
-            sqlx::query_as("select state, count(*) from job group by state").fetch_all(self.readers()).await?;
+            sqlx::query_as("select state, sum(jobs) from job_count group by state").fetch_all(self.readers()).await?;
         let mut counts = QueueCounts::default();
         for (state, count) in rows {
             let slot = match from_word("job.state", state)? {
@@ -134,20 +160,25 @@ impl Store {
     }
 }
 
-async fn submit(write: &mut Write, new: NewJob, now_ms: i64, queue_limit: u32) -> Result<(Job, Submitted), StoreError> {
+async fn submit(
+    write: &mut Write,
+    new: NewJob,
+    now_ms: i64,
+    limits: QueueLimits,
+) -> Result<(Job, Submitted), StoreError> {
     let spec = to_json("job.spec", &new.spec)?;
     if let Some(job) = existing(write.sql(), &new, &spec).await? {
         return Ok((job, Submitted::Existing));
     }
     require(write.sql(), &new).await?;
-    let queued: i64 =
-        sqlx::query_scalar("select count(*) from job where state = 'queued'").fetch_one(write.sql()).await?;
-    if queued >= i64::from(queue_limit) {
-        return Err(StoreError::QueueFull { limit: queue_limit });
-    }
+    require_turn(write.sql(), &new, limits).await?;
+    let Scheduling { owner, batch, unique_key, not_before_ms, timeout_ms, after } = &new.scheduling;
+    let waiting_for = dependencies::open_ones(write, after).await?;
     let row = sqlx::query(
         "insert into job (id, request_id, display, dataset, spec, state, priority, attempts_max, create_time_ms, \
-         run_time_ms) values (?1, ?2, ?3, ?4, ?5, 'queued', ?6, ?7, ?8, ?8) returning *",
+         run_time_ms, owner, batch, unique_key, not_before_ms, timeout_ms, after, waiting_for) \
+         values (?1, ?2, ?3, ?4, ?5, 'queued', ?6, ?7, ?8, max(?8, coalesce(?12, ?8)), ?9, ?10, ?11, ?12, ?13, ?14, ?15) \
+         returning *",
     )
     .bind(Uuid::now_v7().to_string())
     .bind(&new.request_id)
@@ -157,9 +188,18 @@ async fn submit(write: &mut Write, new: NewJob, now_ms: i64, queue_limit: u32) -
     .bind(new.priority)
     .bind(new.attempts_max)
     .bind(now_ms)
+    .bind(owner)
+    .bind(batch)
+    .bind(unique_key)
+    .bind(not_before_ms)
+    .bind(timeout_ms)
+    .bind(to_json("job.after", after)?)
+    .bind(waiting_for)
     .fetch_one(write.sql())
     .await?;
     let job = job_of(&row)?;
+    dependencies::wait_for(write, &job.id, after).await?;
+    require_artifacts(write.sql(), &job.id).await?;
     happened(write, &job, now_ms, "queued").await?;
     write.announce(Change::Claimable);
     Ok((job, Submitted::New))
@@ -173,12 +213,43 @@ async fn existing(sql: &mut SqliteConnection, new: &NewJob, spec: &str) -> Resul
     // Text, not values: a number that was rounded on its way would make the same request another one.
     let same = row.try_get::<String, _>("spec")? == spec
         && job.priority == new.priority
-        && job.attempts_max == new.attempts_max;
+        && job.attempts_max == new.attempts_max
+        && job.scheduling == new.scheduling;
     if !same {
         let detail = format!("as jobs/{} with other content", job.id);
         return Err(StoreError::exists(format!("request_id \"{}\"", new.request_id), detail));
     }
     Ok(Some(job))
+}
+
+/// There is room in the queue for a job of this owner, and no other with its unique key.
+async fn require_turn(sql: &mut SqliteConnection, new: &NewJob, limits: QueueLimits) -> Result<(), StoreError> {
+    let (queued, owned): (i64, i64) = sqlx::query_as(
+        "select coalesce(sum(jobs), 0), coalesce(sum(jobs) filter (where owner = ?), 0) \
+         from job_count where state = 'queued'",
+    )
+    .bind(&new.scheduling.owner)
+    .fetch_one(&mut *sql)
+    .await?;
+    if queued >= i64::from(limits.queued) {
+        return Err(StoreError::QueueFull { limit: limits.queued });
+    }
+    if limits.queued_per_owner > 0 && owned >= i64::from(limits.queued_per_owner) {
+        return Err(StoreError::OwnerQueueFull { limit: limits.queued_per_owner });
+    }
+    let Some(key) = &new.scheduling.unique_key else { return Ok(()) };
+    match active_with_key(sql, key).await? {
+        Some(id) => {
+            Err(StoreError::exists(format!("unique_key \"{key}\""), format!("at jobs/{id}, which has not ended")))
+        }
+        None => Ok(()),
+    }
+}
+
+/// The job with this unique key that waits or runs.
+pub(super) async fn active_with_key(sql: &mut SqliteConnection, key: &str) -> Result<Option<String>, StoreError> {
+    let query = sqlx::query_scalar("select id from job where unique_key = ? and state in ('queued', 'running')");
+    Ok(query.bind(key).fetch_optional(sql).await?)
 }
 
 /// What the job refers to is there.
@@ -200,6 +271,18 @@ async fn require(sql: &mut SqliteConnection, new: &NewJob) -> Result<(), StoreEr
     Ok(())
 }
 
+/// What the new job reads is still there: artifacts that nothing refers to go after a while.
+async fn require_artifacts(sql: &mut SqliteConnection, id: &str) -> Result<(), StoreError> {
+    let missing: Option<String> = sqlx::query_scalar(
+        "select artifact from job_artifact where job = ? \
+         and not exists (select 1 from artifact a where a.digest = job_artifact.artifact) limit 1",
+    )
+    .bind(id)
+    .fetch_optional(sql)
+    .await?;
+    missing.map_or(Ok(()), |digest| Err(StoreError::not_found(format!("artifact {digest}"))))
+}
+
 pub(super) fn job_of(row: &SqliteRow) -> Result<Job, StoreError> {
     Ok(Job {
         id: row.try_get("id")?,
@@ -219,5 +302,14 @@ pub(super) fn job_of(row: &SqliteRow) -> Result<Job, StoreError> {
         cancel_requested: row.try_get("cancel_requested")?,
         checkpoint: row.try_get("checkpoint")?,
         revision: row.try_get::<i64, _>("revision")?.unsigned_abs(),
+        scheduling: Scheduling {
+            owner: row.try_get("owner")?,
+            batch: row.try_get("batch")?,
+            unique_key: row.try_get("unique_key")?,
+            not_before_ms: row.try_get("not_before_ms")?,
+            timeout_ms: row.try_get("timeout_ms")?,
+            after: from_json("job.after", &row.try_get::<String, _>("after")?)?,
+        },
+        waiting_for: row.try_get("waiting_for")?,
     })
 }

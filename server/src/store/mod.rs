@@ -12,34 +12,43 @@
 //!
 //! # Layout
 //!
+//! - `queue`: pausing, and how it stands. `dependencies`: jobs that wait for others.
+//! - `collection`: what goes by itself. `inspect`: a database as it lies there, for checks and backups.
 //! - `open`: files, pragmas, migrations. `write`: write transactions. `changes`: announcements. `rows`: text and JSON.
 //! - `displays`, `artifacts`, `datasets`, `jobs`, `leases`, `endings`, `cancels`, `events`, `kernels`, `moves`, `totals`: a table or a
 //!   part of its life each, every one an `impl Store`.
 mod artifacts;
 mod cancels;
 mod changes;
+mod collection;
 #[cfg(test)]
 mod conformance;
 mod datasets;
+mod dependencies;
 mod displays;
 mod endings;
 mod error;
 mod events;
+mod inspect;
 mod jobs;
 mod kernels;
 mod leases;
 mod moves;
 mod open;
+mod queue;
 mod rows;
 mod totals;
 mod write;
 
 pub use artifacts::ArtifactRecord;
+pub use collection::Deleted;
 pub use datasets::PAIRS_MAX;
 pub use error::StoreError;
-pub use jobs::{JobFilter, QueueCounts, Submitted};
-pub use leases::Heartbeat;
+pub use inspect::{Counts, DanglingReference, Inspection, StoredBlob};
+pub use jobs::{JobFilter, QueueCounts, QueueLimits, Submitted};
+pub use leases::{ClaimLimits, Heartbeat};
 pub use open::Store;
+pub use queue::{BatchProgress, Pause, Turn};
 pub use totals::QueueDepth;
 
 /// Most rows that one call returns, whatever limit it names: a page of the largest list fits well into a message.

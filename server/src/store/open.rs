@@ -1,8 +1,8 @@
 //! Opening the database: files, pragmas, migrations.
 
-use super::StoreError;
 use super::changes::Changes;
-use sqlx::migrate::{Migration, MigrationType, Migrator};
+use super::{Inspection, StoreError};
+use sqlx::migrate::{MigrateError, Migration, MigrationType, Migrator};
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous};
 use sqlx::{AssertSqlSafe, SqlSafeStr};
 use std::path::Path;
@@ -20,12 +20,14 @@ const SQLITE_MIN: (u32, u32, u32) = (3, 51, 3);
 const SQLITE_MIN_TEXT: &str = "3.51.3";
 
 /// One file a step, in order. Steps that have been released never change.
-const MIGRATIONS: &[(&str, &str)] = &[
+pub(super) const MIGRATIONS: &[(&str, &str)] = &[
     ("0001_displays", include_str!("../../../migrations/0001_displays.sql")),
     ("0002_artifacts", include_str!("../../../migrations/0002_artifacts.sql")),
     ("0003_datasets", include_str!("../../../migrations/0003_datasets.sql")),
     ("0004_kernels", include_str!("../../../migrations/0004_kernels.sql")),
     ("0005_jobs", include_str!("../../../migrations/0005_jobs.sql")),
+    ("0006_collection", include_str!("../../../migrations/0006_collection.sql")),
+    ("0007_queue", include_str!("../../../migrations/0007_queue.sql")),
 ];
 
 /// A handle to the database; see the module's documentation.
@@ -49,19 +51,29 @@ impl Store {
     /// [`StoreError::Database`] where the file can't be opened, [`StoreError::Migration`] where its tables are those
     /// of a newer version, [`StoreError::SqliteTooOld`].
     pub async fn open(path: &Path) -> Result<Self, StoreError> {
-        // Durability is the point of the queue: with FULL an accepted job is on disk, not only in the page cache.
-        let options = SqliteConnectOptions::new()
-            .filename(path)
-            .create_if_missing(true)
-            .journal_mode(SqliteJournalMode::Wal)
-            .synchronous(SqliteSynchronous::Full)
-            .foreign_keys(true)
-            .busy_timeout(BUSY_TIMEOUT);
+        let options = connect_options(path);
         let writer = pool(1).connect_with(options.clone()).await?;
         check_version(&writer).await?;
-        migrator().run(&writer).await.map_err(StoreError::Migration)?;
+        migrator(MIGRATIONS.len()).run(&writer).await.map_err(migration_error)?;
         let readers = pool(READERS).connect_with(options.create_if_missing(false).pragma("query_only", "on")).await?;
         Ok(Self { inner: Arc::new(Inner { writer, readers, changes: Changes::default() }) })
+    }
+
+    /// Opens a database that a server may be at work on: one whose tables are of another version is left alone.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::open`]; [`StoreError::OlderDatabase`].
+    pub async fn open_beside(path: &Path) -> Result<Self, StoreError> {
+        if path.exists() {
+            let mut inspection = Inspection::open(path).await?;
+            let steps = inspection.steps().await?.len();
+            inspection.close().await?;
+            if steps < MIGRATIONS.len() {
+                return Err(StoreError::OlderDatabase);
+            }
+        }
+        Self::open(path).await
     }
 
     /// Waits for what is under way and closes the files. Later calls fail.
@@ -72,6 +84,25 @@ impl Store {
 
     pub(super) fn readers(&self) -> &SqlitePool {
         &self.inner.readers
+    }
+}
+
+/// How every connection is made.
+pub(super) fn connect_options(path: &Path) -> SqliteConnectOptions {
+    // Durability is the point of the queue: with FULL an accepted job is on disk, not only in the page cache.
+    SqliteConnectOptions::new()
+        .filename(path)
+        .create_if_missing(true)
+        .journal_mode(SqliteJournalMode::Wal)
+        .synchronous(SqliteSynchronous::Full)
+        .foreign_keys(true)
+        .busy_timeout(BUSY_TIMEOUT)
+}
+
+fn migration_error(error: MigrateError) -> StoreError {
+    match error {
+        MigrateError::VersionMissing(step) => StoreError::NewerDatabase { step },
+        other => StoreError::Migration(other),
     }
 }
 
@@ -89,8 +120,9 @@ async fn check_version(pool: &SqlitePool) -> Result<(), StoreError> {
     Ok(())
 }
 
-fn migrator() -> Migrator {
-    let migrations = MIGRATIONS.iter().zip(1..).map(|((name, sql), version)| {
+/// The first `steps` migrations.
+pub(super) fn migrator(steps: usize) -> Migrator {
+    let migrations = MIGRATIONS.iter().take(steps).zip(1..).map(|((name, sql), version)| {
         // The text is compiled in: nothing from outside can reach it.
         let sql = AssertSqlSafe(*sql).into_sql_str();
         Migration::new(version, (*name).into(), MigrationType::Simple, sql, false)

@@ -26,8 +26,7 @@ impl Store {
     /// [`StoreError::Database`].
     pub async fn queue_depths(&self) -> Result<Vec<QueueDepth>, StoreError> {
         let rows: Vec<(String, String, i64)> = sqlx::query_as(
-            "select json_extract(spec, '$.kind'), state, count(*) from job \
-             where state in ('queued', 'running') group by 1, 2",
+            "select kind, state, sum(jobs) from job_count where state in ('queued', 'running') group by 1, 2",
         )
         .fetch_all(self.readers())
         .await?;

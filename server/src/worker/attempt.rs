@@ -1,8 +1,8 @@
 //! One attempt at a job, from claim to end.
 
-use super::context::saved_state;
+use super::context::{DISK_FULL, PANIC, saved_state};
 use super::stop::{StopFlag, StopReason};
-use super::{JobContext, Task, TaskError, TaskOutput, Worker, clock};
+use super::{Clock, JobContext, Task, TaskError, TaskOutput, Worker};
 use crate::job::{Job, JobError, Lease, Progress};
 use crate::metrics;
 use crate::store::{Store, StoreError};
@@ -39,14 +39,24 @@ impl Worker {
         // Listen first: a cancel before this is seen by the first heartbeat, any later one is heard.
         let cancels = self.store.subscribe_cancels();
         attendants.spawn(listen(cancels, lease.job.clone(), drain.clone(), Arc::clone(&stop)));
-        attendants.spawn(beat(self.store.clone(), lease.clone(), self.config.lease, Arc::clone(&stop)));
-        attendants.spawn(tell(self.store.clone(), lease.clone(), reports.clone()));
+        let (store, clock) = (self.store.clone(), self.clock.clone());
+        attendants.spawn(beat(store.clone(), clock.clone(), lease.clone(), self.config.lease, Arc::clone(&stop)));
+        attendants.spawn(tell(store, clock, lease.clone(), reports.clone()));
+        let timeout = self.config.timeouts.of(&job);
+        if let Some(timeout) = timeout {
+            let stop = Arc::clone(&stop);
+            attendants.spawn(async move {
+                sleep(timeout).await;
+                stop.raise(StopReason::Timeout);
+            });
+        }
 
         let context = JobContext {
             lease: lease.clone(),
             store: self.store.clone(),
             artifacts: self.artifacts.clone(),
             engines: Arc::clone(&self.engines),
+            clock: self.clock.clone(),
             runtime: Handle::current(),
             stop: Arc::clone(&stop),
             progress,
@@ -74,21 +84,33 @@ impl Worker {
         let job = match (outcome, stop) {
             (Ok(output), _) => {
                 if let Some(progress) = last_report {
-                    self.store.progress(lease, &progress, clock::now_ms()).await?;
+                    self.store.progress(lease, &progress, self.clock.now_ms()).await?;
                 }
-                self.store.finish(lease, output.result, output.learned, clock::now_ms()).await?
+                self.store.finish(lease, output.result, output.learned, self.clock.now_ms()).await?
             }
             (Err(TaskError::Stopped), Some(StopReason::Cancel)) => {
-                self.store.end_cancelled(lease, clock::now_ms()).await?
+                self.store.end_cancelled(lease, self.clock.now_ms()).await?
             }
-            (Err(TaskError::Stopped), Some(StopReason::Drain)) => self.store.release(lease, clock::now_ms()).await?,
+            (Err(TaskError::Stopped), Some(StopReason::Drain)) => {
+                self.store.release(lease, self.clock.now_ms()).await?
+            }
+            (Err(TaskError::Stopped), Some(StopReason::Timeout)) => {
+                let message = "the attempt took longer than it may; raise the job's timeout".to_owned();
+                let error = JobError { reason: "TIMEOUT".to_owned(), message, retryable: false };
+                self.store.fail(lease, error, None, self.clock.now_ms()).await?
+            }
             (Err(TaskError::Stopped), Some(StopReason::LeaseLost) | None) => return Err(StoreError::LeaseLost),
             (Err(TaskError::Failed(error)), _) => {
                 tracing::warn!(job = lease.job, reason = error.reason, message = error.message, "attempt failed");
-                let now_ms = clock::now_ms();
-                let delay = self.config.backoff.delay(lease.attempt).as_millis() as i64;
-                let retry_at_ms = error.retryable.then_some(now_ms + delay);
-                self.store.fail(lease, error, retry_at_ms, now_ms).await?
+                let now_ms = self.clock.now_ms();
+                let delay = self.config.backoff.delay(&error.reason, lease.attempt).as_millis() as i64;
+                if error.reason == DISK_FULL {
+                    // No fault of the job's.
+                    self.store.postpone(lease, error, now_ms + delay, now_ms).await?
+                } else {
+                    let retry_at_ms = error.retryable.then_some(now_ms + delay);
+                    self.store.fail(lease, error, retry_at_ms, now_ms).await?
+                }
             }
         };
         tracing::info!(job = job.id, attempt = lease.attempt, state = job.state.as_str(), "attempt ended");
@@ -131,17 +153,17 @@ fn panicked(panic: &(dyn Any + Send)) -> TaskError {
         (None, Some(text)) => text.clone(),
         (None, None) => "no message".to_owned(),
     };
-    TaskError::Failed(JobError { reason: "PANIC".to_owned(), message, retryable: true })
+    TaskError::Failed(JobError { reason: PANIC.to_owned(), message, retryable: true })
 }
 
 /// Keeps the lease; raises the flag where it is lost or the job is to be cancelled.
-async fn beat(store: Store, lease: Lease, duration: Duration, stop: Arc<StopFlag>) {
+async fn beat(store: Store, clock: Clock, lease: Lease, duration: Duration, stop: Arc<StopFlag>) {
     let lease_ms = i64::try_from(duration.as_millis()).unwrap_or(i64::MAX / 2);
     let mut until_ms = lease.until_ms;
     let mut ticks = interval(duration / HEARTBEATS_PER_LEASE);
     loop {
         ticks.tick().await;
-        match store.heartbeat(&lease, clock::now_ms(), lease_ms).await {
+        match store.heartbeat(&lease, clock.now_ms(), lease_ms).await {
             Ok(beat) => {
                 until_ms = beat.until_ms;
                 if beat.cancel_requested {
@@ -151,7 +173,7 @@ async fn beat(store: Store, lease: Lease, duration: Duration, stop: Arc<StopFlag
             Err(StoreError::LeaseLost) => return stop.raise(StopReason::LeaseLost),
             Err(error) => {
                 tracing::error!(job = lease.job, error = &error as &dyn std::error::Error, "a heartbeat failed");
-                if clock::now_ms() >= until_ms {
+                if clock.now_ms() >= until_ms {
                     return stop.raise(StopReason::LeaseLost);
                 }
             }
@@ -178,11 +200,11 @@ async fn listen(mut cancels: Receiver<String>, job: String, drain: CancellationT
 }
 
 /// Passes progress on, a few times a second at most.
-async fn tell(store: Store, lease: Lease, mut reports: watch::Receiver<Option<Progress>>) {
+async fn tell(store: Store, clock: Clock, lease: Lease, mut reports: watch::Receiver<Option<Progress>>) {
     while reports.changed().await.is_ok() {
         let report = reports.borrow_and_update().clone();
         if let Some(progress) = report
-            && let Err(error) = store.progress(&lease, &progress, clock::now_ms()).await
+            && let Err(error) = store.progress(&lease, &progress, clock.now_ms()).await
         {
             tracing::debug!(job = lease.job, error = &error as &dyn std::error::Error, "progress was not recorded");
         }

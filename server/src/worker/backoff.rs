@@ -4,8 +4,10 @@
 //! delay = min(first · 2^(attempt − 1), max) · u,    u uniform in [½, 1)
 //! ```
 //!
-//! Jobs that failed together (on a full disk, say) come back apart from each other.
+//! `first` depends on what went wrong: a full disk needs somebody to make room, a panic is most likely a bug that comes
+//! again, and anything else may pass soon. Jobs that failed together (on a full disk, say) come back apart from each other.
 
+use super::context::{DISK_FULL, PANIC};
 use std::time::Duration;
 use uuid::Uuid;
 
@@ -14,22 +16,42 @@ use uuid::Uuid;
 pub struct Backoff {
     /// After the first attempt.
     pub first: Duration,
+    /// After the first attempt that found the disk full.
+    pub first_disk_full: Duration,
+    /// After the first attempt that panicked.
+    pub first_panic: Duration,
     /// At most.
     pub max: Duration,
 }
 
 impl Default for Backoff {
     fn default() -> Self {
-        Self { first: Duration::from_secs(2), max: Duration::from_secs(300) }
+        Self {
+            first: Duration::from_secs(2),
+            first_disk_full: Duration::from_secs(15),
+            first_panic: Duration::from_secs(10),
+            max: Duration::from_secs(300),
+        }
     }
 }
 
 impl Backoff {
-    /// The pause after attempt number `attempt` (from 1).
+    /// The same pauses whatever went wrong.
     #[must_use]
-    pub fn delay(&self, attempt: u32) -> Duration {
+    pub fn uniform(first: Duration, max: Duration) -> Self {
+        Self { first, first_disk_full: first, first_panic: first, max }
+    }
+
+    /// The pause after attempt number `attempt` (from 1), which failed for `reason`.
+    #[must_use]
+    pub fn delay(&self, reason: &str, attempt: u32) -> Duration {
         let doublings = attempt.saturating_sub(1).min(31);
-        let full = self.first.saturating_mul(1 << doublings).min(self.max);
+        let first = match reason {
+            DISK_FULL => self.first_disk_full,
+            PANIC => self.first_panic,
+            _ => self.first,
+        };
+        let full = first.saturating_mul(1 << doublings).min(self.max);
         // The last bits of a UUID v7 are random: enough for jitter, without a generator of its own.
         let random = (Uuid::now_v7().as_u128() & 0xffff_ffff) as f64 / f64::from(u32::MAX);
         full.mul_f64(0.5 + 0.5 * random)
@@ -42,12 +64,14 @@ mod tests {
 
     #[test]
     fn pauses_double_up_to_the_longest() {
-        let backoff = Backoff { first: Duration::from_secs(2), max: Duration::from_secs(60) };
+        let backoff = Backoff { max: Duration::from_secs(60), ..Backoff::default() };
         for (attempt, full_s) in [(1, 2.0), (2, 4.0), (3, 8.0), (6, 60.0), (1000, 60.0)] {
             for _ in 0..20 {
-                let delay_s = backoff.delay(attempt).as_secs_f64();
+                let delay_s = backoff.delay("IO", attempt).as_secs_f64();
                 assert!((full_s / 2.0..=full_s).contains(&delay_s), "attempt {attempt}: {delay_s} s");
             }
         }
+        assert!(backoff.delay(DISK_FULL, 1) >= Duration::from_millis(7500), "somebody has to make room");
+        assert!(backoff.delay(PANIC, 1) >= Duration::from_secs(5));
     }
 }

@@ -1,7 +1,7 @@
 //! What a task sees of the outside.
 
 use super::stop::{StopFlag, StopReason};
-use super::{checkpoint, clock};
+use super::{Clock, checkpoint};
 use crate::artifacts::{ArtifactError, Artifacts};
 use crate::causes::with_causes;
 use crate::job::{Job, JobError, JobResult, Lease, Progress};
@@ -14,6 +14,11 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::runtime::Handle;
 use tokio::sync::watch;
+
+/// Why an attempt fails that found no room on the disk.
+pub(super) const DISK_FULL: &str = "DISK_FULL";
+/// Why an attempt fails whose task panicked.
+pub(super) const PANIC: &str = "PANIC";
 
 /// What a job gave.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,7 +57,7 @@ impl TaskError {
 impl From<ArtifactError> for TaskError {
     fn from(error: ArtifactError) -> Self {
         let reason = match &error {
-            ArtifactError::DiskFull => "DISK_FULL",
+            ArtifactError::DiskFull => DISK_FULL,
             ArtifactError::NotFound { .. } => "ARTIFACT_NOT_FOUND",
             ArtifactError::DataLoss { .. } => "DATA_LOSS",
             _ => "IO",
@@ -66,7 +71,7 @@ impl From<StoreError> for TaskError {
     fn from(error: StoreError) -> Self {
         let reason = match &error {
             StoreError::LeaseLost => return Self::Stopped,
-            StoreError::DiskFull => "DISK_FULL",
+            StoreError::DiskFull => DISK_FULL,
             StoreError::NotFound { .. } => "NOT_FOUND",
             _ => "STORE",
         };
@@ -102,6 +107,7 @@ pub struct JobContext {
     pub(super) store: Store,
     pub(super) artifacts: Artifacts,
     pub(super) engines: Arc<EngineCache>,
+    pub(super) clock: Clock,
     pub(super) runtime: Handle,
     pub(super) stop: Arc<StopFlag>,
     pub(super) progress: watch::Sender<Option<Progress>>,
@@ -126,8 +132,8 @@ impl JobContext {
                 self.save(state())?;
                 Err(TaskError::Stopped)
             }
-            Some(StopReason::Cancel | StopReason::LeaseLost) => Err(TaskError::Stopped),
-            None if self.last_checkpoint.get().elapsed() >= self.checkpoint_interval => self.save(state()),
+            Some(StopReason::Timeout | StopReason::Cancel | StopReason::LeaseLost) => Err(TaskError::Stopped),
+            None if self.last_checkpoint.get().elapsed() >= self.checkpoint_interval => self.save_in_passing(state()),
             None => Ok(()),
         }
     }
@@ -179,8 +185,9 @@ impl JobContext {
     pub fn put_artifact(&self, bytes: Vec<u8>) -> Result<String, TaskError> {
         let size_bytes = bytes.len() as u64;
         self.wait(async {
+            let _publishing = self.artifacts.publishing().await;
             let digest = self.artifacts.put_bytes(bytes).await?;
-            self.store.record_artifact(&digest, size_bytes, clock::now_ms()).await?;
+            self.store.record_artifact(&digest, size_bytes, self.clock.now_ms()).await?;
             Ok(digest)
         })
     }
@@ -196,6 +203,19 @@ impl JobContext {
         self.runtime.block_on(future)
     }
 
+    /// Saves the state because it is time to. Nothing is lost without it but time: where the disk is full, the job goes on
+    /// and tries again later.
+    fn save_in_passing(&self, state: Vec<u8>) -> Result<(), TaskError> {
+        match self.save(state) {
+            Err(TaskError::Failed(error)) if error.reason == DISK_FULL => {
+                tracing::warn!(job = self.lease.job, "the disk is full: no checkpoint; the job goes on");
+                self.last_checkpoint.set(Instant::now());
+                Ok(())
+            }
+            saved => saved,
+        }
+    }
+
     /// Saves the state: file first, then the row that names it, then the file before goes.
     fn save(&self, state: Vec<u8>) -> Result<(), TaskError> {
         let sealed = checkpoint::seal(&self.lease, state).map_err(|error| TaskError::permanent("CHECKPOINT", error))?;
@@ -206,7 +226,7 @@ impl JobContext {
 
     async fn save_sealed(&self, sealed: Vec<u8>) -> Result<(), TaskError> {
         let digest = self.artifacts.put_checkpoint(sealed).await?;
-        let before = match self.store.checkpoint(&self.lease, &digest, clock::now_ms()).await {
+        let before = match self.store.checkpoint(&self.lease, &digest, self.clock.now_ms()).await {
             Ok(before) => before,
             Err(error) => {
                 // Nothing names the file. Where this fails too, the next start removes it.

@@ -38,13 +38,14 @@ mod stop;
 mod tests;
 
 pub use backoff::Backoff;
+pub use clock::Clock;
 pub use context::{JobContext, TaskError, TaskOutput};
 pub use optics_task::OpticsTask;
 pub use stop::StopReason;
 
 use crate::artifacts::{ArtifactError, Artifacts};
-use crate::job::Job;
-use crate::store::{Store, StoreError};
+use crate::job::{Job, JobSpec};
+use crate::store::{ClaimLimits, Store, StoreError};
 use lightpath_optics::EngineCache;
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 use std::collections::HashSet;
@@ -93,6 +94,10 @@ pub struct WorkerConfig {
     pub checkpoint_interval: Duration,
     /// When a failed attempt is repeated.
     pub backoff: Backoff,
+    /// How many jobs of an owner or a display run at once.
+    pub limits: ClaimLimits,
+    /// How long an attempt may take, where the job does not say.
+    pub timeouts: Timeouts,
     /// What the workers call themselves in a job's events.
     pub name: String,
 }
@@ -105,8 +110,37 @@ impl Default for WorkerConfig {
             lease: Duration::from_secs(30),
             checkpoint_interval: Duration::from_secs(10),
             backoff: Backoff::default(),
+            limits: ClaimLimits::default(),
+            timeouts: Timeouts::default(),
             name: "worker".to_owned(),
         }
+    }
+}
+
+/// How long an attempt at each kind of job may take; `None`: as long as it takes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Timeouts {
+    /// Finding holograms.
+    pub optimize: Option<Duration>,
+    /// Learning kernels.
+    pub learn: Option<Duration>,
+    /// Simulating captures.
+    pub simulate: Option<Duration>,
+    /// Evaluating kernels.
+    pub evaluate: Option<Duration>,
+}
+
+impl Timeouts {
+    /// Of an attempt at this job.
+    #[must_use]
+    pub fn of(&self, job: &Job) -> Option<Duration> {
+        let asked = job.scheduling.timeout_ms.map(|ms| Duration::from_millis(ms.unsigned_abs()));
+        asked.or(match job.spec {
+            JobSpec::OptimizeHologram(_) => self.optimize,
+            JobSpec::LearnKernel(_) => self.learn,
+            JobSpec::SimulateCapture(_) => self.simulate,
+            JobSpec::EvaluateKernel(_) => self.evaluate,
+        })
     }
 }
 
@@ -131,6 +165,7 @@ pub struct Worker {
     engines: Arc<EngineCache>,
     config: WorkerConfig,
     task: Arc<dyn Task>,
+    clock: Clock,
 }
 
 impl std::fmt::Debug for Worker {
@@ -144,7 +179,13 @@ impl Worker {
     #[must_use]
     pub fn new(store: Store, artifacts: Artifacts, config: WorkerConfig, task: Arc<dyn Task>) -> Self {
         let engines = Arc::new(EngineCache::new(TRANSFERS_BYTES_MAX));
-        Self { store, artifacts, engines, config, task }
+        Self { store, artifacts, engines, config, task, clock: Clock::default() }
+    }
+
+    /// The clock that leases are told in.
+    #[must_use]
+    pub fn clock(&self) -> Clock {
+        self.clock.clone()
     }
 
     /// Puts the queue in order after an earlier process, then works until `drain` is cancelled: running jobs then
@@ -158,6 +199,10 @@ impl Worker {
     /// [`WorkerError`], before any job is claimed.
     pub async fn run(self, drain: CancellationToken) -> Result<(), WorkerError> {
         self.recover().await?;
+        self.work(drain).await
+    }
+
+    async fn work(self, drain: CancellationToken) -> Result<(), WorkerError> {
         let pools: Vec<ThreadPool> = (0..self.config.workers.max(1)).map(|_| self.pool()).collect::<Result<_, _>>()?;
         let worker = Arc::new(self);
         let mut loops = JoinSet::new();
@@ -185,7 +230,7 @@ impl Worker {
     /// Takes jobs back from the dead and removes checkpoints that nobody will go on from.
     async fn recover(&self) -> Result<(), WorkerError> {
         loop {
-            let orphans = self.store.recover_orphans(clock::now_ms()).await?;
+            let orphans = self.store.recover_orphans(self.clock.now_ms()).await?;
             if orphans.is_empty() {
                 break;
             }
@@ -206,14 +251,22 @@ impl Worker {
         let name = format!("{}-{index}", self.config.name);
         let claimable = self.store.claimable();
         while !drain.is_cancelled() {
-            match self.store.claim(clock::now_ms(), self.lease_ms(), &name).await {
+            if !self.has_room() {
+                tokio::select! {
+                    () = sleep(PAUSE) => {}
+                    () = drain.cancelled() => {}
+                }
+                continue;
+            }
+            let now_ms = self.clock.now_ms();
+            match self.store.claim_within(self.config.limits, now_ms, self.lease_ms(), &name).await {
                 Ok(Some((job, lease))) => {
                     // There may be more where this came from: let an idle neighbour look.
                     claimable.notify_one();
                     self.attempt(job, lease, &pool, &drain).await;
                 }
                 Ok(None) => {
-                    let wait = self.until_next_job().await;
+                    let wait = self.until_next_job(now_ms).await;
                     tokio::select! {
                         () = claimable.notified() => {}
                         () = sleep(wait) => {}
@@ -231,11 +284,17 @@ impl Worker {
         }
     }
 
-    /// Until a job that waits for its time is due.
-    async fn until_next_job(&self) -> Duration {
-        match self.store.next_run_time().await {
+    /// Whether a job that starts now may hope to end: half of the disk's reserve is left for those that run.
+    fn has_room(&self) -> bool {
+        let reserve_bytes = self.artifacts.space_limits().reserve_bytes;
+        reserve_bytes == 0 || self.artifacts.free_bytes().is_ok_and(|free| free >= reserve_bytes / 2)
+    }
+
+    /// Until a job is due that was not yet due when nothing could be claimed.
+    async fn until_next_job(&self, claimed_ms: i64) -> Duration {
+        match self.store.next_run_time(claimed_ms).await {
             Ok(Some(due_ms)) => {
-                let wait_ms = due_ms.saturating_sub(clock::now_ms()).max(1).unsigned_abs();
+                let wait_ms = due_ms.saturating_sub(self.clock.now_ms()).max(1).unsigned_abs();
                 Duration::from_millis(wait_ms).min(LOOK_INTERVAL_MAX)
             }
             Ok(None) => LOOK_INTERVAL_MAX,
@@ -255,7 +314,11 @@ impl Worker {
                 _ = ticks.tick() => {}
                 () = drain.cancelled() => return,
             }
-            match self.store.expire_leases(clock::now_ms()).await {
+            if let Err(error) = self.follow_system_clock().await {
+                tracing::error!(error = &error as &dyn std::error::Error, "leases could not follow the clock");
+                continue;
+            }
+            match self.store.expire_leases(self.clock.now_ms()).await {
                 Ok(jobs) => {
                     for job in jobs {
                         tracing::warn!(job = job.id, state = job.state.as_str(), "the job's lease ran out");
@@ -266,6 +329,21 @@ impl Worker {
                 }
             }
         }
+    }
+
+    /// When the system's clock was set, leases move along: none gets lost, and none lives longer than it should.
+    async fn follow_system_clock(&self) -> Result<(), StoreError> {
+        let Some(ahead_ms) = self.clock.jump() else { return Ok(()) };
+        tracing::warn!(ahead_s = ahead_ms as f64 / 1e3, "the system's clock was set");
+        // In this order no lease looks lost in between; a heartbeat never shortens one.
+        if ahead_ms > 0 {
+            self.store.shift_leases(ahead_ms).await?;
+            self.clock.adjust(ahead_ms);
+        } else {
+            self.clock.adjust(ahead_ms);
+            self.store.shift_leases(ahead_ms).await?;
+        }
+        Ok(())
     }
 
     fn lease_ms(&self) -> i64 {

@@ -8,10 +8,12 @@ use std::sync::atomic::{AtomicU8, Ordering};
 pub enum StopReason {
     /// The server stops: save the state, the job goes on later.
     Drain = 1,
+    /// The attempt has taken as long as it may.
+    Timeout = 2,
     /// Somebody asked for the end of the job.
-    Cancel = 2,
+    Cancel = 3,
     /// The job is no longer this worker's: nothing that it does will count.
-    LeaseLost = 3,
+    LeaseLost = 4,
 }
 
 /// Shared between an attempt and its compute thread.
@@ -27,7 +29,8 @@ impl StopFlag {
         match self.0.load(Ordering::Relaxed) {
             0 => None,
             1 => Some(StopReason::Drain),
-            2 => Some(StopReason::Cancel),
+            2 => Some(StopReason::Timeout),
+            3 => Some(StopReason::Cancel),
             _ => Some(StopReason::LeaseLost),
         }
     }

@@ -1,15 +1,20 @@
 //! What every store must do, on a real database in a temporary folder.
 //!
-//! `queue`: the life of jobs. `registry`: displays, artifacts, datasets, kernels. `model`: random histories of the
-//! queue against a model of a few lines.
+//! `queue`: the life of jobs. `scheduling`: when and for whom they run. `registry`: displays, artifacts, datasets,
+//! kernels. `model`: random histories of a job against a model of a few lines; `machine`: of a whole queue. `migrations`:
+//! databases of earlier versions. `scale`: many jobs.
+mod machine;
+mod migrations;
 mod model;
 mod queue;
 mod registry;
+mod scale;
+mod scheduling;
 
 use super::{Store, StoreError};
 use crate::dataset::{Dataset, Encoding, Pair};
 use crate::display::Display;
-use crate::job::{CaptureResult, JobError, JobResult, JobSpec, NewJob, SimulateCapture};
+use crate::job::{CaptureResult, JobError, JobResult, JobSpec, NewJob, Scheduling, SimulateCapture};
 use crate::kernel::{KernelKey, KernelLineage, KernelMetrics, KernelModel, NewKernelVersion};
 use crate::units::{Distance, Wavelength};
 use tempfile::TempDir;
@@ -24,6 +29,8 @@ async fn store() -> (Store, TempDir) {
     let folder = tempfile::tempdir().unwrap();
     let store = Store::open(&folder.path().join("lightpath.db")).await.unwrap();
     store.create_display(&display("lab"), 1).await.unwrap();
+    // What `new_job` reads.
+    store.record_artifact(&digest(0), 7, 1).await.unwrap();
     (store, folder)
 }
 
@@ -51,7 +58,14 @@ fn new_job(request_id: &str, seed: u64) -> NewJob {
         phase: digest(0),
         seed,
     };
-    NewJob { spec: JobSpec::SimulateCapture(spec), request_id: request_id.to_owned(), priority: 0, attempts_max: 3 }
+    let scheduling = Scheduling::default();
+    NewJob {
+        spec: JobSpec::SimulateCapture(spec),
+        request_id: request_id.to_owned(),
+        priority: 0,
+        attempts_max: 3,
+        scheduling,
+    }
 }
 
 fn result() -> JobResult {

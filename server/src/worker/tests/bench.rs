@@ -2,13 +2,18 @@
 
 use super::super::*;
 use crate::display::Display;
-use crate::job::{JobSpec, NewJob};
+use crate::job::{JobSpec, NewJob, Scheduling};
 use crate::units::{Distance, Wavelength};
 use tempfile::TempDir;
 use tokio::task::JoinHandle;
 
 pub(super) const WAVELENGTH: Wavelength = Wavelength { pm: 515_000 };
 pub(super) const DISTANCE: Distance = Distance { nm: 4_000_000 };
+
+/// [ms since 1970]
+pub(super) fn now_ms() -> i64 {
+    Clock::default().now_ms()
+}
 
 /// A display of 64×48 px without anything special.
 pub(super) fn display() -> Display {
@@ -43,14 +48,26 @@ impl Bench {
 
     /// The id of the new job.
     pub(super) async fn submit(&self, request_id: &str, spec: JobSpec, attempts_max: u32) -> String {
-        let new = NewJob { spec, request_id: request_id.to_owned(), priority: 0, attempts_max };
-        self.store.submit(&new, clock::now_ms(), 1000).await.unwrap().0.id
+        let scheduling = Scheduling::default();
+        let new = NewJob { spec, request_id: request_id.to_owned(), priority: 0, attempts_max, scheduling };
+        self.store.submit(&new, now_ms(), 1000).await.unwrap().0.id
     }
 
     pub(super) fn start(&self, config: WorkerConfig, task: impl Task) -> Working {
+        self.start_worker(Worker::new(self.store.clone(), self.artifacts.clone(), config, Arc::new(task)))
+    }
+
+    pub(super) fn start_worker(&self, worker: Worker) -> Working {
+        let drain = CancellationToken::new();
+        let running = tokio::spawn(worker.run(drain.clone()));
+        Working { drain, running }
+    }
+
+    /// Workers that take nothing for orphans, as if they had run all the time.
+    pub(super) fn start_unrecovered(&self, config: WorkerConfig, task: impl Task) -> Working {
         let drain = CancellationToken::new();
         let worker = Worker::new(self.store.clone(), self.artifacts.clone(), config, Arc::new(task));
-        let running = tokio::spawn(worker.run(drain.clone()));
+        let running = tokio::spawn(worker.work(drain.clone()));
         Working { drain, running }
     }
 

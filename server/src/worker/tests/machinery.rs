@@ -1,7 +1,7 @@
 //! The machinery, with toy tasks: a task that counts to 20, in all ways in which a job can end.
 
 use super::super::*;
-use super::bench::{Bench, DISTANCE, WAVELENGTH, display};
+use super::bench::{Bench, DISTANCE, WAVELENGTH, display, now_ms};
 use crate::job::{CaptureResult, JobResult, JobSpec, JobState, Progress, SimulateCapture};
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -26,7 +26,7 @@ async fn submit(bench: &Bench, request_id: &str, attempts_max: u32) -> String {
 fn config() -> WorkerConfig {
     WorkerConfig {
         compute_threads: 2,
-        backoff: Backoff { first: Duration::from_millis(2), max: Duration::from_millis(10) },
+        backoff: Backoff::uniform(Duration::from_millis(2), Duration::from_millis(10)),
         ..WorkerConfig::default()
     }
 }
@@ -124,7 +124,7 @@ async fn a_cancelled_job_ends_at_its_next_step_and_leaves_no_checkpoint() {
     let every_step = WorkerConfig { checkpoint_interval: Duration::ZERO, ..config() };
     let working = bench.start(every_step, count_to_7);
     bench.until(&id, |job| job.checkpoint.is_some()).await;
-    bench.store.cancel(&id, clock::now_ms()).await.unwrap();
+    bench.store.cancel(&id, now_ms()).await.unwrap();
     let job = bench.ended(&id).await;
     assert_eq!((job.state, job.checkpoint), (JobState::Cancelled, None));
     working.stop().await;
@@ -169,7 +169,7 @@ async fn a_worker_that_lost_its_lease_stops_and_the_job_runs_again() {
     };
     let working = bench.start(WorkerConfig { lease, ..config() }, task);
     bench.until(&id, |job| job.state == JobState::Running).await;
-    bench.store.recover_orphans(clock::now_ms()).await.unwrap();
+    bench.store.recover_orphans(now_ms()).await.unwrap();
     let job = bench.ended(&id).await;
     assert_eq!((job.state, job.attempt, job.result), (JobState::Succeeded, 2, Some(output("fresh").result)));
     working.stop().await;
@@ -195,10 +195,10 @@ async fn heartbeats_do_not_wait_for_compute() {
 async fn a_dead_worker_job_is_taken_back_at_the_next_start() {
     let bench = bench().await;
     let id = submit(&bench, "r", 3).await;
-    let orphan = bench.store.claim(clock::now_ms(), 3_600_000, "dead").await.unwrap().unwrap().1;
+    let orphan = bench.store.claim(now_ms(), 3_600_000, "dead").await.unwrap().unwrap().1;
     let state = checkpoint::seal(&orphan, vec![15]).unwrap();
     let saved = bench.artifacts.put_checkpoint(state).await.unwrap();
-    bench.store.checkpoint(&orphan, &saved, clock::now_ms()).await.unwrap();
+    bench.store.checkpoint(&orphan, &saved, now_ms()).await.unwrap();
     bench.artifacts.put_checkpoint(b"nobody's".to_vec()).await.unwrap();
 
     let working = bench.start(config(), |_: &Job, context: &JobContext| count(context, |_| {}));
@@ -210,4 +210,84 @@ async fn a_dead_worker_job_is_taken_back_at_the_next_start() {
     );
     working.stop().await;
     assert!(bench.artifacts.checkpoints().await.unwrap().is_empty());
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn an_attempt_that_takes_too_long_fails() {
+    let bench = bench().await;
+    let id = submit(&bench, "r", 3).await;
+    let timeouts = Timeouts { simulate: Some(Duration::from_millis(50)), ..Timeouts::default() };
+    let working = bench.start(WorkerConfig { timeouts, ..config() }, count_to_7);
+    let job = bench.ended(&id).await;
+    assert_eq!((job.state, job.attempt, job.error.unwrap().reason.as_str()), (JobState::Failed, 1, "TIMEOUT"));
+    working.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_clock_that_is_set_costs_no_lease() {
+    let bench = bench().await;
+    let id = submit(&bench, "r", 1).await;
+    let lease = Duration::from_millis(400);
+    let worker = Worker::new(
+        bench.store.clone(),
+        bench.artifacts.clone(),
+        WorkerConfig { lease, ..config() },
+        Arc::new(move |_: &Job, context: &JobContext| {
+            // Eight leases: in that time the clock is set four times.
+            std::thread::sleep(8 * lease);
+            count(context, |_| {})
+        }),
+    );
+    let clock = worker.clock();
+    let working = bench.start_worker(worker);
+    bench.until(&id, |job| job.state == JobState::Running).await;
+    let day_ms = 24 * 3600 * 1000;
+    for by_ms in [day_ms, -2 * day_ms, 5000, day_ms] {
+        clock.set_system_clock(by_ms);
+        tokio::time::sleep(lease).await;
+        assert_eq!(clock.jump(), None, "the clock has followed");
+    }
+    let job = bench.ended(&id).await;
+    assert_eq!((job.state, job.attempt), (JobState::Succeeded, 1), "{job:?}");
+    working.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_dead_worker_job_is_rescued_within_two_leases() {
+    let bench = bench().await;
+    let id = submit(&bench, "r", 2).await;
+    let lease = Duration::from_millis(500);
+    // Claimed by somebody who dies at once; the server that looks after the queue lives.
+    bench.store.claim(now_ms(), 500, "dead").await.unwrap().unwrap();
+    let started = std::time::Instant::now();
+    let working =
+        bench.start_unrecovered(WorkerConfig { lease, ..config() }, move |job: &Job, context: &JobContext| {
+            assert_eq!(job.attempt, 2);
+            count(context, |_| {})
+        });
+    bench.until(&id, |job| job.attempt == 2).await;
+    assert!(started.elapsed() < 2 * lease, "{:?}", started.elapsed());
+    assert_eq!(bench.ended(&id).await.state, JobState::Succeeded);
+    working.stop().await;
+}
+
+#[tokio::test]
+async fn a_job_that_kills_its_server_ends_after_exactly_its_attempts() {
+    for attempts_max in [1, 3, 7] {
+        let bench = bench().await;
+        let id = submit(&bench, "killer", attempts_max).await;
+        let after = submit(&bench, "after", 3).await;
+        let mut deaths = 0;
+        // Each claim is a start of the job that the server does not survive; each start of a server puts the queue in order.
+        while bench.store.job(&id).await.unwrap().state == JobState::Queued {
+            bench.store.claim(now_ms(), 30_000, "w").await.unwrap().unwrap();
+            bench.store.recover_orphans(now_ms()).await.unwrap();
+            deaths += 1;
+        }
+        let job = bench.store.job(&id).await.unwrap();
+        assert_eq!((deaths, job.attempt, job.state), (attempts_max, attempts_max, JobState::Failed));
+        assert_eq!(job.error.unwrap().reason, "SERVER_DIED");
+        let next = bench.store.claim(now_ms(), 30_000, "w").await.unwrap().unwrap().0;
+        assert_eq!(next.id, after, "others run again");
+    }
 }

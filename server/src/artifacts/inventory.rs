@@ -1,0 +1,130 @@
+//! The files of a data folder as they lie there, without working in it: for checks and backups, beside a server that
+//! runs. Everything here blocks.
+
+use super::digest::check_digest;
+use super::folder::{Folder, flush_folder};
+use super::{ArtifactError, lock_shared};
+use std::fs::{self, File};
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Held shared while somebody copies the folder; the server removes no artifact meanwhile.
+pub(super) const KEEP_LOCK: &str = "keep.lock";
+
+/// Which of the two kinds of blobs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BlobKind {
+    /// What clients see.
+    Artifact,
+    /// The saved state of a job.
+    Checkpoint,
+}
+
+/// The blobs below one folder.
+#[derive(Debug)]
+pub struct Inventory {
+    data_dir: PathBuf,
+    artifacts: Folder,
+    checkpoints: Folder,
+}
+
+impl Inventory {
+    /// The blobs below `data_dir`, which need not exist.
+    #[must_use]
+    pub fn of(data_dir: &Path) -> Self {
+        let folder = |name| Folder::new(data_dir.join(name), data_dir.join("tmp"));
+        Self { data_dir: data_dir.to_owned(), artifacts: folder("artifacts"), checkpoints: folder("checkpoints") }
+    }
+
+    /// Makes the folders, for a place that blobs are copied to.
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError::DiskFull`], [`ArtifactError::Io`].
+    pub fn create(data_dir: &Path) -> Result<Self, ArtifactError> {
+        for name in ["artifacts", "checkpoints", "tmp"] {
+            fs::create_dir_all(data_dir.join(name)).map_err(|error| ArtifactError::io("create a folder", error))?;
+        }
+        Ok(Self::of(data_dir))
+    }
+
+    /// While the returned lock lives, a server that works here removes no artifact.
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError::Io`].
+    pub fn keep(&self) -> Result<File, ArtifactError> {
+        lock_shared(&self.data_dir.join(KEEP_LOCK))
+    }
+
+    /// Reads a blob whole and compares it with its digest; its size \[bytes\].
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError::NotFound`]; [`ArtifactError::DataLoss`] where the bytes are others; [`ArtifactError::BadDigest`].
+    pub fn verify(&self, kind: BlobKind, digest: &str) -> Result<u64, ArtifactError> {
+        Ok(self.folder(kind).open_verified(digest)?.1)
+    }
+
+    /// Copies a blob to another folder; the copy is checked and on disk when this returns. Its size \[bytes\].
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::verify`]; [`ArtifactError::DiskFull`] of the other disk.
+    pub fn copy(&self, kind: BlobKind, digest: &str, to: &Self) -> Result<u64, ArtifactError> {
+        let (mut from, _) = self.folder(kind).open(digest)?;
+        to.folder(kind).receive(&mut from, digest)
+    }
+
+    /// Digests of all files of a kind.
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError::Io`].
+    pub fn list(&self, kind: BlobKind) -> Result<Vec<String>, ArtifactError> {
+        self.folder(kind).list()
+    }
+
+    /// Files that are being written, or that a dead server left half written.
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError::Io`].
+    pub fn temporary_files(&self) -> Result<usize, ArtifactError> {
+        match fs::read_dir(self.data_dir.join("tmp")) {
+            Ok(files) => Ok(files.count()),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(0),
+            Err(error) => Err(ArtifactError::io("list files", error)),
+        }
+    }
+
+    /// Flushes the folders themselves: after this, what was copied survives a power failure.
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError::Io`].
+    pub fn flush(&self) -> Result<(), ArtifactError> {
+        let folders = [self.data_dir.join("artifacts"), self.data_dir.join("checkpoints"), self.data_dir.clone()];
+        let flushed = folders.iter().try_for_each(|folder| flush_folder(folder));
+        flushed.map_err(|error| ArtifactError::io("flush a folder", error))
+    }
+
+    fn folder(&self, kind: BlobKind) -> &Folder {
+        match kind {
+            BlobKind::Artifact => &self.artifacts,
+            BlobKind::Checkpoint => &self.checkpoints,
+        }
+    }
+}
+
+/// Hashes a file of any name; how backups prove that their database is the one that was written.
+///
+/// # Errors
+///
+/// [`ArtifactError::Io`].
+pub fn digest_of_file(path: &Path) -> Result<String, ArtifactError> {
+    let hash = || -> io::Result<String> { Ok(super::digest::name(super::folder::hash_rest(&mut File::open(path)?)?)) };
+    let digest = hash().map_err(|error| ArtifactError::io("read a file", error))?;
+    check_digest(&digest)?;
+    Ok(digest)
+}

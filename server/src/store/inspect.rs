@@ -1,0 +1,242 @@
+//! A database as it lies there, whoever serves it: for checks and backups.
+
+use super::StoreError;
+use super::open::{MIGRATIONS, connect_options};
+use sqlx::sqlite::SqliteConnection;
+use sqlx::{ConnectOptions as _, Connection as _, Row};
+use std::path::Path;
+
+/// Rows of one page of artifacts.
+const PAGE: i64 = 1000;
+
+/// A connection that only reads.
+#[derive(Debug)]
+pub struct Inspection {
+    connection: SqliteConnection,
+}
+
+/// How much is stored.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Jobs in all states.
+    pub jobs: u64,
+    /// Recorded artifacts.
+    pub artifacts: u64,
+    /// Their bytes.
+    pub artifact_bytes: u64,
+    /// Versions of all kernels.
+    pub kernel_versions: u64,
+}
+
+/// A recorded artifact.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct StoredBlob {
+    /// `sha256-…`.
+    pub digest: String,
+    /// \[bytes\]
+    pub size_bytes: u64,
+}
+
+/// A row that names a blob that is not recorded.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DanglingReference {
+    /// The row, for example `jobs/0193…`.
+    pub by: String,
+    /// What it names.
+    pub digest: String,
+}
+
+impl Inspection {
+    /// Opens the database at `path` for reading; nothing is created and no table changed.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`] where it cannot be opened; [`StoreError::NewerDatabase`].
+    pub async fn open(path: &Path) -> Result<Self, StoreError> {
+        let options = connect_options(path).create_if_missing(false).pragma("query_only", "on");
+        let mut inspection = Self { connection: options.connect().await? };
+        inspection.steps().await?;
+        Ok(inspection)
+    }
+
+    /// Copies the database as it is at this moment to `to`, which must not exist; the server goes on meanwhile. The copy
+    /// is complete, but not yet flushed to disk.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`], [`StoreError::DiskFull`].
+    pub async fn snapshot(from: &Path, to: &Path) -> Result<(), StoreError> {
+        let mut connection = connect_options(from).create_if_missing(false).connect().await?;
+        let copied = sqlx::query("vacuum into ?").bind(to.to_string_lossy()).execute(&mut connection).await;
+        connection.close().await?;
+        copied?;
+        Ok(())
+    }
+
+    /// Names of the migrations that the database has been through, in order.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::NewerDatabase`] where this program does not know one of them.
+    pub async fn steps(&mut self) -> Result<Vec<&'static str>, StoreError> {
+        let applied: Vec<i64> =
+            sqlx::query_scalar("select version from _sqlx_migrations where success order by version")
+                .fetch_all(&mut self.connection)
+                .await?;
+        applied
+            .into_iter()
+            .map(|version| {
+                let known = usize::try_from(version - 1).ok().and_then(|index| MIGRATIONS.get(index));
+                known.map(|(name, _)| *name).ok_or(StoreError::NewerDatabase { step: version })
+            })
+            .collect()
+    }
+
+    /// What SQLite finds wrong with pages, indexes, constraints and references between rows.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn damages(&mut self) -> Result<Vec<String>, StoreError> {
+        let mut damages: Vec<String> =
+            sqlx::query_scalar("pragma integrity_check").fetch_all(&mut self.connection).await?;
+        damages.retain(|damage| damage != "ok");
+        for row in sqlx::query("pragma foreign_key_check").fetch_all(&mut self.connection).await? {
+            let (table, parent): (String, String) = (row.try_get("table")?, row.try_get("parent")?);
+            damages.push(format!("a row of {table} refers to a row of {parent} that is not there"));
+        }
+        Ok(damages)
+    }
+
+    /// Jobs whose history contradicts their state.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn contradictions(&mut self) -> Result<Vec<String>, StoreError> {
+        let sql = "select job.id, (select count(*) from job_event e where e.job = job.id and e.message = 'succeeded') as ends \
+                   from job where ends <> (state = 'succeeded')";
+        let rows = sqlx::query(sql).fetch_all(&mut self.connection).await?;
+        rows.iter()
+            .map(|row| {
+                let (id, ends): (String, i64) = (row.try_get("id")?, row.try_get("ends")?);
+                Ok(format!("jobs/{id} has succeeded {ends} times by its events, which its state contradicts"))
+            })
+            .collect()
+    }
+
+    /// How much is stored.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn counts(&mut self) -> Result<Counts, StoreError> {
+        let (jobs, artifacts, artifact_bytes, kernel_versions): (i64, i64, i64, i64) = sqlx::query_as(
+            "select (select count(*) from job), (select count(*) from artifact), \
+             (select coalesce(sum(size_bytes), 0) from artifact), (select count(*) from kernel_version)",
+        )
+        .fetch_one(&mut self.connection)
+        .await?;
+        Ok(Counts {
+            jobs: jobs.unsigned_abs(),
+            artifacts: artifacts.unsigned_abs(),
+            artifact_bytes: artifact_bytes.unsigned_abs(),
+            kernel_versions: kernel_versions.unsigned_abs(),
+        })
+    }
+
+    /// The next page of artifacts in the order of their digests, behind `after`; empty at the end.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn artifacts_after(&mut self, after: &str) -> Result<Vec<StoredBlob>, StoreError> {
+        let rows = sqlx::query("select digest, size_bytes from artifact where digest > ? order by digest limit ?")
+            .bind(after)
+            .bind(PAGE)
+            .fetch_all(&mut self.connection)
+            .await?;
+        rows.iter()
+            .map(|row| {
+                let size_bytes = row.try_get::<i64, _>("size_bytes")?.unsigned_abs();
+                Ok(StoredBlob { digest: row.try_get("digest")?, size_bytes })
+            })
+            .collect()
+    }
+
+    /// Whether the artifact is recorded.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn has_artifact(&mut self, digest: &str) -> Result<bool, StoreError> {
+        let known = sqlx::query_scalar("select exists (select 1 from artifact where digest = ?)").bind(digest);
+        Ok(known.fetch_one(&mut self.connection).await?)
+    }
+
+    /// Ids of jobs with the digest of the checkpoint that each would go on from.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn checkpoints(&mut self) -> Result<Vec<(String, String)>, StoreError> {
+        let rows = sqlx::query_as("select id, checkpoint from job where checkpoint is not null order by id");
+        Ok(rows.fetch_all(&mut self.connection).await?)
+    }
+
+    /// The checkpoint that a job would go on from now.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn checkpoint_of(&mut self, job: &str) -> Result<Option<String>, StoreError> {
+        let digest = sqlx::query_scalar("select checkpoint from job where id = ?").bind(job);
+        Ok(digest.fetch_optional(&mut self.connection).await?.flatten())
+    }
+
+    /// Artifacts that jobs were asked to read, or said that they made, and that are not recorded. (Pairs and kernel
+    /// versions refer to theirs by foreign keys.)
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn dangling_references(&mut self) -> Result<Vec<DanglingReference>, StoreError> {
+        let rows: Vec<(String, String)> = sqlx::query_as(
+            "select distinct 'jobs/' || job.id, node.value from job, json_tree(job.spec) node \
+             where node.type = 'text' and node.value glob 'sha256-*' and length(node.value) = 71 \
+             and not exists (select 1 from artifact where digest = node.value) \
+             union select distinct 'jobs/' || job.id, node.value from job, json_tree(job.result) node \
+             where node.type = 'text' and node.value glob 'sha256-*' and length(node.value) = 71 \
+             and not exists (select 1 from artifact where digest = node.value)",
+        )
+        .fetch_all(&mut self.connection)
+        .await?;
+        Ok(rows.into_iter().map(|(by, digest)| DanglingReference { by, digest }).collect())
+    }
+
+    /// Forgets the checkpoints of these jobs in a snapshot that nobody serves; they start over.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn forget_checkpoints(path: &Path, jobs: &[String]) -> Result<(), StoreError> {
+        let mut connection = connect_options(path).create_if_missing(false).connect().await?;
+        for job in jobs {
+            let forget = sqlx::query("update job set checkpoint = null where id = ?").bind(job);
+            forget.execute(&mut connection).await?;
+        }
+        // One plain file again, without a log beside it.
+        sqlx::query("pragma journal_mode = delete").execute(&mut connection).await?;
+        connection.close().await?;
+        Ok(())
+    }
+
+    /// Ends the connection.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn close(self) -> Result<(), StoreError> {
+        Ok(self.connection.close().await?)
+    }
+}
