@@ -1,66 +1,60 @@
-use crate::material::{assert_succeeded_once, declare, events, hologram, request, target};
-use crate::process::Daemon;
-use lightpath::v1::{self, HologramResult, SubmitJobRequest, job::State};
-use lightpath::{Client, JobChange, hologram_result};
-use std::collections::BTreeMap;
+use crate::ledger::{Ledger, Material, assert_same_bytes, kernel_name};
+use crate::material::{DISTANCE_M, assert_succeeded_once, declare, hologram, kernel_file, request, target};
+use crate::process::{Daemon, lightpathd};
+use lightpath::v1::{self, SubmitJobRequest, job::State};
+use lightpath::{Client, JobChange, hologram_result, names};
+use lightpath_server::upkeep::check;
+use std::io::Write as _;
 use std::path::Path;
 use std::time::Duration;
 use tempfile::TempDir;
 
-/// Moments at which the server is killed.
-const KILLS: u64 = 22;
+/// Moments at which the server is killed, in every run of the tests.
+const CYCLES: u64 = 50;
 /// Jobs submitted between two kills.
 const JOBS_PER_LIFE: u64 = 2;
-/// Different jobs; those with the same seed must give the same bytes.
-const SEEDS: u64 = 3;
-/// Long enough to be interrupted often, short enough that many end.
-const ITERATIONS: u32 = 150;
 /// A life lasts up to this long.
 const LIFE_MS_MAX: u64 = 700;
+/// Times at which a worker is stopped past its lease.
+const STOPS: u32 = 3;
 /// Saves its state about every third iteration, and gives up a dead worker's job soon.
 const SETTINGS: [&str; 8] =
     ["--checkpoint-interval-s", "0.02", "--lease-s", "1", "--compute-threads", "1", "--workers", "2"];
 
 #[tokio::test(flavor = "multi_thread")]
-async fn killed_at_random_moments_every_accepted_job_is_done_once() {
+async fn killed_at_random_moments_the_server_keeps_every_promise() {
     let data = TempDir::new().unwrap();
-    let target = prepare(data.path()).await;
-    let mut random = Random(2026);
-    // What was asked for, and the job that answered; `None` while no answer came.
-    let mut asked: BTreeMap<String, Option<String>> = BTreeMap::new();
-    for life in 0..KILLS {
+    let material = prepare_kernel(data.path()).await;
+    let (cycles, mut random, mut ledger) = (cycles(), Random(2026), Ledger::default());
+    for life in 0..cycles {
         for i in 0..JOBS_PER_LIFE {
-            asked.insert(format!("{life}-{i}"), None);
+            ledger.ask(format!("{life}-{i}"));
         }
         let daemon = Daemon::start(data.path(), &SETTINGS).await;
+        let client = daemon.client.clone();
+        ledger.assert_kept(&client, &material).await;
         let alive = Duration::from_millis(random.below(LIFE_MS_MAX));
-        // The moment is what is random here; whatever the server is doing then, it must survive it.
-        let submitting = submit_open(&daemon.client, &target, &mut asked);
-        drop(tokio::time::timeout(alive, async { (submitting.await, std::future::pending::<()>().await) }).await);
-        daemon.kill().await;
+        // The moment is what is random here; whatever the server is doing then, it must survive it. Answers that were
+        // on their way count.
+        let death = async {
+            tokio::time::sleep(alive).await;
+            daemon.kill().await;
+        };
+        let load = async { (ledger.load(&client, &material, life).await, std::future::pending::<()>().await) };
+        tokio::select! {
+            () = death => {}
+            _ = load => {}
+        }
+        let report = check(data.path()).await.unwrap();
+        assert_eq!(report.problems, [], "after death {life}");
     }
 
     let daemon = Daemon::start(data.path(), &SETTINGS).await;
-    submit_open(&daemon.client, &target, &mut asked).await;
-    let mut results: BTreeMap<u64, HologramResult> = BTreeMap::new();
-    let mut attempts = 0;
-    for (request_id, job) in &asked {
-        let name = job.as_ref().unwrap();
-        let job = daemon.client.wait(name, |_| ()).await.unwrap();
-        assert_eq!(job.state(), State::Succeeded, "{job:?} {:#?}", events(&daemon.client, name).await);
-        assert_eq!(&job.request_id, request_id);
-        assert_succeeded_once(&daemon.client, name).await;
-        attempts += job.attempt;
-        let result = hologram_result(&job).unwrap();
-        let first = results.entry(seed_of(request_id)).or_insert_with(|| result.clone());
-        assert_same_bytes(first, result);
-    }
-    let request = v1::ListJobsRequest { page_size: 1000, ..Default::default() };
-    let listed = daemon.client.list_jobs(request).await.unwrap().jobs;
-    assert_eq!(listed.len(), asked.len(), "each request made one job");
-    assert!(attempts as usize > asked.len(), "no job was ever interrupted: {attempts} attempts");
-    assert_eq!(results.len() as u64, SEEDS);
+    ledger.assert_kept(&daemon.client, &material).await;
+    ledger.settle(&daemon.client, &material).await;
     daemon.kill().await;
+    lightpathd(&["check", "--data-dir", data.path().to_str().unwrap()]).await.ok();
+    writeln!(std::io::stderr(), "{cycles} times kill -9: {}", ledger.summary()).unwrap();
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -100,6 +94,58 @@ async fn an_interrupted_job_gives_the_bytes_of_an_uninterrupted_one() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_worker_that_was_stopped_past_its_lease_writes_nothing_stale() {
+    /// Short, so that being stopped past it takes no time.
+    const ZOMBIE: [&str; 8] =
+        ["--checkpoint-interval-s", "0.02", "--lease-s", "0.2", "--compute-threads", "1", "--workers", "1"];
+    let (data, undisturbed) = (TempDir::new().unwrap(), TempDir::new().unwrap());
+    let target = prepare(data.path()).await;
+    assert_eq!(prepare(undisturbed.path()).await, target);
+    let spec = || SubmitJobRequest { attempts_max: 20, ..request(hologram("lab", &target, 1500, 9), "one") };
+    let daemon = Daemon::start(undisturbed.path(), &SETTINGS).await;
+    let job = daemon.client.submit(spec()).await.unwrap();
+    let whole = daemon.client.wait(&job.name, |_| ()).await.unwrap();
+    daemon.kill().await;
+
+    let daemon = Daemon::start(data.path(), &ZOMBIE).await;
+    let client = daemon.client.clone();
+    let job = client.submit(spec()).await.unwrap();
+    let mut stops = 0;
+    loop {
+        let attempt = stops + 1;
+        let running = until(&client, &job.name, |job| job.state() == State::Running && job.attempt >= attempt).await;
+        if running.state() != State::Running || stops == STOPS {
+            break;
+        }
+        daemon.signal("STOP");
+        // What is tested is the passing of time: two leases and a half.
+        tokio::time::sleep(Duration::from_millis(500)).await;
+        daemon.signal("CONT");
+        stops += 1;
+    }
+    let resumed = client.wait(&job.name, |_| ()).await.unwrap();
+    assert_eq!(resumed.state(), State::Succeeded, "{resumed:?}");
+    assert!(resumed.attempt > 1, "the lease was never lost in {stops} stops");
+    assert_same_bytes(hologram_result(&whole).unwrap(), hologram_result(&resumed).unwrap());
+    assert_succeeded_once(&client, &job.name).await;
+    daemon.kill().await;
+    assert_eq!(check(data.path()).await.unwrap().problems, []);
+}
+
+/// The job as soon as the condition holds for it, or it has ended.
+async fn until(client: &Client, job: &str, wanted: impl Fn(&v1::Job) -> bool) -> v1::Job {
+    let mut watch = client.watch_job(v1::WatchJobRequest { name: job.to_owned() }).await.unwrap();
+    let mut last = None;
+    while let Some(job) = watch.message().await.unwrap() {
+        if wanted(&job) {
+            return job;
+        }
+        last = Some(job);
+    }
+    last.unwrap()
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_wait_survives_a_restart_and_says_so_once() {
     let data = TempDir::new().unwrap();
     let target = prepare(data.path()).await;
@@ -134,17 +180,27 @@ async fn prepare(data_dir: &Path) -> String {
     digest
 }
 
-/// Submits what has no answer yet.
-async fn submit_open(client: &Client, target: &str, asked: &mut BTreeMap<String, Option<String>>) {
-    for (request_id, job) in asked.iter_mut().filter(|(_, job)| job.is_none()) {
-        let spec = hologram("lab", target, ITERATIONS, seed_of(request_id));
-        let request = SubmitJobRequest { attempts_max: 20, ..request(spec, request_id) };
-        *job = Some(client.submit(request).await.unwrap().name);
+/// The same, and a kernel with two versions to promote in turn.
+async fn prepare_kernel(data_dir: &Path) -> Material {
+    let target = prepare(data_dir).await;
+    let daemon = Daemon::start(data_dir, &SETTINGS).await;
+    for tilt in [0.1, 0.2] {
+        let artifact = daemon.client.upload_bytes(kernel_file(128, 96, tilt)).await.unwrap();
+        let request = v1::ImportKernelRequest {
+            display: names::display("lab"),
+            distance_m: DISTANCE_M,
+            artifact,
+            ..Default::default()
+        };
+        daemon.client.import_kernel(request).await.unwrap();
     }
+    daemon.kill().await;
+    Material { target, kernel: kernel_name() }
 }
 
-fn seed_of(request_id: &str) -> u64 {
-    request_id.bytes().map(u64::from).sum::<u64>() % SEEDS
+/// How often the server is killed: [`CYCLES`], or as often as `LIGHTPATH_KILL_CYCLES` says.
+fn cycles() -> u64 {
+    std::env::var("LIGHTPATH_KILL_CYCLES").map_or(CYCLES, |cycles| cycles.parse().unwrap())
 }
 
 /// Waits until a job has done this many steps; the step it was seen at.
@@ -156,12 +212,6 @@ async fn until_step(client: &Client, job: &str, step: u32) -> u32 {
             return progress.step;
         }
     }
-}
-
-fn assert_same_bytes(one: &HologramResult, other: &HologramResult) {
-    assert_eq!(one.phase, other.phase);
-    assert_eq!(one.phase_npy, other.phase_npy);
-    assert_eq!(one.reconstruction, other.reconstruction);
 }
 
 /// SplitMix64 (Steele, Lea, Flood 2014): the same moments in every run.

@@ -3,6 +3,8 @@
 
 // What the tests work with.
 
+/// What a server has promised.
+mod ledger;
 /// Displays, pictures and job specs.
 mod material;
 /// The binaries `lightpath` and `lightpathd`, as processes.
@@ -16,12 +18,14 @@ mod server;
 mod bad_input_cli;
 /// Bad input through raw gRPC: refused with a code, a field and a fix, and no harm done.
 mod bad_input_grpc;
-/// Killing the server at random moments.
+/// Killing the server at random moments, and stopping it past its leases.
 mod crash;
 /// Many small jobs from two clients at once.
 mod crowd;
 /// Same request, same bytes.
 mod determinism;
+/// Little room on the disk, and none.
+mod disk;
 /// Whether each crate and module imports only what it may.
 mod imports;
 /// Cancelling, retrying, watching, repeating.

@@ -3,6 +3,9 @@
 use image::{ExtendedColorType, ImageEncoder as _, codecs::png::PngEncoder};
 use lightpath::v1::{self, Display, OptimizeHologram, SubmitJobRequest, job_spec};
 use lightpath::{Client, names};
+use lightpath_optics::{DisplayModel, Grid, KernelShape, OpticalSetup, SmoothField};
+use lightpath_server::kernel::KernelModel;
+use lightpath_server::kernel_file;
 
 pub(crate) const WAVELENGTH_M: f64 = 515e-9;
 pub(crate) const DISTANCE_M: f64 = 0.05;
@@ -61,6 +64,16 @@ pub(crate) fn png_header(width_px: u32, height_px: u32) -> Vec<u8> {
 fn crc32(bytes: &[u8]) -> u32 {
     let step = |crc: u32, _| if crc & 1 == 1 { (crc >> 1) ^ 0xedb8_8320 } else { crc >> 1 };
     !bytes.iter().fold(!0, |crc, &byte| (0..8).fold(crc ^ u32::from(byte), step))
+}
+
+/// A kernel of a display of this size, tilted by `tilt` \[rad\].
+pub(crate) fn kernel_file(width_px: usize, height_px: usize, tilt: f64) -> Vec<u8> {
+    let grid = Grid::try_new(height_px, width_px, 8e-6).unwrap();
+    let setup = OpticalSetup::try_new(grid, WAVELENGTH_M, DISTANCE_M).unwrap();
+    let mut errors = SmoothField::flat(3);
+    errors.phase[1] = tilt;
+    let model = DisplayModel { kernel: KernelShape::Smooth(errors), ..DisplayModel::ideal(setup) };
+    kernel_file::encode(&model, KernelModel::Smooth).unwrap()
 }
 
 /// A hologram of few iterations.

@@ -40,6 +40,18 @@ pub(crate) async fn lightpath(server: &str, arguments: &[&str]) -> Ran {
     }
 }
 
+/// Runs `lightpathd` with these arguments.
+pub(crate) async fn lightpathd(arguments: &[&str]) -> Ran {
+    let mut command = Command::new(binary("lightpathd"));
+    let Output { status, stdout, stderr } = command.args(arguments).stdin(Stdio::null()).output().await.unwrap();
+    Ran {
+        command: arguments.join(" "),
+        code: status.code(),
+        stdout: String::from_utf8(stdout).unwrap(),
+        stderr: String::from_utf8(stderr).unwrap(),
+    }
+}
+
 /// A command that has ended.
 #[derive(Debug)]
 pub(crate) struct Ran {
@@ -95,6 +107,13 @@ impl Daemon {
         let line = lines.next_line().await.unwrap().expect("lightpathd ended before it listened");
         let url = line.strip_prefix("listening on ").expect("lightpathd says where it listens").to_owned();
         Self { client: Client::connect(&url).unwrap(), url, child }
+    }
+
+    /// Sends it a signal, for example `STOP`.
+    pub(crate) fn signal(&self, name: &str) {
+        let id = self.child.id().expect("it runs").to_string();
+        let sent = std::process::Command::new("kill").args(["-s", name, &id]).status().unwrap();
+        assert!(sent.success(), "kill -s {name} {id}");
     }
 
     /// `kill -9`.

@@ -3,18 +3,43 @@
 use super::changes::Change;
 use super::{Store, StoreError};
 use futures::future::BoxFuture;
-use sqlx::{Sqlite, SqliteConnection, Transaction};
+use sqlx::pool::PoolConnection;
+use sqlx::{Sqlite, SqliteConnection};
+
+/// A transaction that reads first and writes later fails with BUSY however long it waits, unless it begins so.
+const BEGIN: &str = "begin immediate";
 
 /// A write transaction, and what it will announce once it is on disk.
 #[derive(Debug)]
 pub(super) struct Write {
-    transaction: Transaction<'static, Sqlite>,
+    connection: PoolConnection<Sqlite>,
     changes: Vec<Change>,
 }
 
 impl Write {
     pub(super) fn sql(&mut self) -> &mut SqliteConnection {
-        &mut self.transaction
+        &mut self.connection
+    }
+
+    /// Begins. SQLite ends some transactions that fail by itself (on a full disk, say) and leaves others open, so both are
+    /// expected here; sqlx's own transactions fail the next one for it.
+    async fn begin(mut connection: PoolConnection<Sqlite>) -> Result<Self, StoreError> {
+        if sqlx::query(BEGIN).execute(&mut *connection).await.is_err() {
+            // A panic has left one open, or somebody else holds the database: then this tells.
+            drop(sqlx::query("rollback").execute(&mut *connection).await);
+            sqlx::query(BEGIN).execute(&mut *connection).await?;
+        }
+        Ok(Self { connection, changes: Vec::new() })
+    }
+
+    async fn commit(&mut self) -> Result<(), StoreError> {
+        sqlx::query("commit").execute(self.sql()).await?;
+        Ok(())
+    }
+
+    async fn undo(&mut self) {
+        // What fails here has been undone already.
+        drop(sqlx::query("rollback").execute(self.sql()).await);
     }
 
     pub(super) fn announce(&mut self, change: Change) {
@@ -31,12 +56,16 @@ impl Store {
     {
         let store = self.clone();
         let task = tokio::spawn(async move {
-            let transaction = store.inner.writer.begin_with("begin immediate").await?;
-            let mut write = Write { transaction, changes: Vec::new() };
-            let value = work(&mut write).await?;
-            write.transaction.commit().await?;
-            store.inner.changes.publish(write.changes);
-            Ok(value)
+            let mut write = Write::begin(store.inner.writer.acquire().await?).await?;
+            let outcome = match work(&mut write).await {
+                Ok(value) => write.commit().await.map(|()| value),
+                Err(error) => Err(error),
+            };
+            match &outcome {
+                Ok(_) => store.inner.changes.publish(write.changes),
+                Err(_) => write.undo().await,
+            }
+            outcome
         });
         match task.await {
             Ok(outcome) => outcome,
