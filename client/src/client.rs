@@ -11,7 +11,7 @@ use std::time::Duration;
 use tonic::metadata::{Ascii, MetadataValue};
 use tonic::service::Interceptor;
 use tonic::service::interceptor::InterceptedService;
-use tonic::transport::{Channel, Endpoint};
+use tonic::transport::{Certificate, Channel, ClientTlsConfig, Endpoint, Identity};
 
 /// A server that takes longer to accept a connection counts as unreachable.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
@@ -39,6 +39,24 @@ pub struct Client {
 
 pub(crate) type Transport = InterceptedService<Channel, Bearer>;
 
+/// What a guarded server wants. The default: nothing.
+#[derive(Clone, Default)]
+pub struct Credentials {
+    /// Sent with each call.
+    pub token: Option<String>,
+    /// The authority of the server's certificate, PEM, where it is not one of the system's.
+    pub authority_pem: Option<Vec<u8>>,
+    /// The client's own certificate and key, PEM, where the server asks for one.
+    pub certificate_and_key_pem: Option<(Vec<u8>, Vec<u8>)>,
+}
+
+/// Never shows the token or the key.
+impl fmt::Debug for Credentials {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Credentials").finish_non_exhaustive()
+    }
+}
+
 /// Adds the token to each call.
 #[derive(Clone)]
 pub(crate) struct Bearer {
@@ -46,14 +64,14 @@ pub(crate) struct Bearer {
 }
 
 impl Client {
-    /// A client of the server at `url`, for example `http://127.0.0.1:7070`. Must be called on a Tokio runtime;
+    /// A client of the server at `url`, for example `http://127.0.0.1:7070` or `https://lab:7070`. Must be called on a Tokio runtime;
     /// connects with the first call.
     ///
     /// # Errors
     ///
-    /// [`Error::Url`] when `url` is not an `http://` address.
+    /// [`Error::Url`] when `url` is no `http://` or `https://` address.
     pub fn connect(url: &str) -> Result<Self> {
-        Self::new(url, None)
+        Self::connect_as(url, &Credentials::default())
     }
 
     /// Like [`Self::connect`], and every call carries `token` as its bearer token.
@@ -62,24 +80,24 @@ impl Client {
     ///
     /// [`Error::Url`] as above; [`Error::Token`] when the token is empty or has characters outside printable ASCII.
     pub fn connect_with_token(url: &str, token: &str) -> Result<Self> {
-        let token = token.trim();
-        if token.is_empty() || !token.bytes().all(|byte| byte.is_ascii_graphic()) {
-            return Err(Error::Token);
-        }
-        let mut authorization = MetadataValue::try_from(format!("Bearer {token}")).map_err(|_| Error::Token)?;
-        authorization.set_sensitive(true);
-        Self::new(url, Some(authorization))
+        Self::connect_as(url, &Credentials { token: Some(token.to_owned()), ..Credentials::default() })
+    }
+
+    /// Like [`Self::connect`], with all that a guarded server wants.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Url`] where `url` is malformed or the certificates cannot be used; [`Error::Token`] as above.
+    pub fn connect_as(url: &str, credentials: &Credentials) -> Result<Self> {
+        let authorization = credentials.token.as_deref().map(authorization).transpose()?;
+        let channel = endpoint(url, credentials)?.connect_lazy();
+        Ok(Self { url: url.to_owned(), transport: InterceptedService::new(channel, Bearer { authorization }) })
     }
 
     /// The server's address, as given.
     #[must_use]
     pub fn url(&self) -> &str {
         &self.url
-    }
-
-    fn new(url: &str, authorization: Option<MetadataValue<Ascii>>) -> Result<Self> {
-        let channel = endpoint(url)?.connect_lazy();
-        Ok(Self { url: url.to_owned(), transport: InterceptedService::new(channel, Bearer { authorization }) })
     }
 
     pub(crate) fn artifacts(&self) -> ArtifactServiceClient<Transport> {
@@ -108,6 +126,16 @@ impl Client {
     }
 }
 
+fn authorization(token: &str) -> Result<MetadataValue<Ascii>> {
+    let token = token.trim();
+    if token.is_empty() || !token.bytes().all(|byte| byte.is_ascii_graphic()) {
+        return Err(Error::Token);
+    }
+    let mut authorization = MetadataValue::try_from(format!("Bearer {token}")).map_err(|_| Error::Token)?;
+    authorization.set_sensitive(true);
+    Ok(authorization)
+}
+
 /// A request that must be answered within [`CALL_TIMEOUT`].
 pub(crate) fn bounded<T>(message: T) -> tonic::Request<T> {
     let mut request = tonic::Request::new(message);
@@ -115,21 +143,37 @@ pub(crate) fn bounded<T>(message: T) -> tonic::Request<T> {
     request
 }
 
-fn endpoint(url: &str) -> Result<Endpoint> {
+fn endpoint(url: &str, credentials: &Credentials) -> Result<Endpoint> {
     let refused = |reason: String| Error::Url { url: url.to_owned(), reason };
-    match url.split_once("://") {
-        Some(("http", rest)) if !rest.is_empty() => {}
-        Some(("https", _)) => return Err(refused("must start with http://; TLS is not supported yet".to_owned())),
+    let is_tls = match url.split_once("://") {
+        Some(("http", rest)) if !rest.is_empty() => false,
+        Some(("https", rest)) if !rest.is_empty() => true,
         Some(_) => return Err(refused("must look like http://127.0.0.1:7070".to_owned())),
         None => return Err(refused(format!("has no scheme: write http://{url}"))),
-    }
-    let endpoint = Endpoint::from_shared(url.to_owned())
+    };
+    let mut endpoint = Endpoint::from_shared(url.to_owned())
         .and_then(|endpoint| endpoint.user_agent(concat!("lightpath/", env!("CARGO_PKG_VERSION"))))
         .map_err(|error| refused(format!("is malformed ({error}): write http://127.0.0.1:7070")))?;
+    if is_tls {
+        let tls = tls(credentials);
+        endpoint = endpoint.tls_config(tls).map_err(|error| refused(format!("cannot be reached by TLS: {error}")))?;
+    }
     Ok(endpoint
         .connect_timeout(CONNECT_TIMEOUT)
         .http2_keep_alive_interval(KEEP_ALIVE_INTERVAL)
         .keep_alive_timeout(KEEP_ALIVE_TIMEOUT))
+}
+
+/// The system's authorities, and what the credentials add.
+fn tls(credentials: &Credentials) -> ClientTlsConfig {
+    let mut tls = ClientTlsConfig::new().with_enabled_roots();
+    if let Some(authority) = &credentials.authority_pem {
+        tls = tls.ca_certificate(Certificate::from_pem(authority));
+    }
+    if let Some((certificate, key)) = &credentials.certificate_and_key_pem {
+        tls = tls.identity(Identity::from_pem(certificate, key));
+    }
+    tls
 }
 
 impl Interceptor for Bearer {
@@ -156,7 +200,7 @@ mod tests {
     async fn addresses_are_checked_before_anything_is_sent() {
         for (url, hint) in [
             ("127.0.0.1:7070", "write http://127.0.0.1:7070"),
-            ("https://lab", "TLS"),
+            ("https://", "must look like"),
             ("ftp://lab", "must look like"),
             ("http://", "must look like"),
             ("http://a b", "malformed"),

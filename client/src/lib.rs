@@ -45,7 +45,7 @@ mod retry;
 pub mod units;
 mod upload;
 
-pub use client::Client;
+pub use client::{Client, Credentials};
 pub use digest::digest_of;
 pub use error::{Error, FieldViolation, Refusal, Result};
 pub use job::{JobChange, capture_result, evaluate_result, has_ended, hologram_result, job_spec, learn_result};

@@ -1,11 +1,15 @@
-//! Connections: HTTP/1.1 and HTTP/2 without TLS (prior knowledge) on one port, within limits, ended gracefully.
+//! Connections: HTTP/1.1 and HTTP/2, with TLS or without (prior knowledge), on one port, within limits, ended gracefully.
 
-use axum::Router;
+use crate::tls::Tls;
+use axum::{Extension, Router};
 use hyper_util::rt::{TokioExecutor, TokioIo, TokioTimer};
 use hyper_util::server::conn::auto::Builder;
 use hyper_util::server::graceful::GracefulShutdown;
 use hyper_util::service::TowerToHyperService;
-use std::sync::Arc;
+use std::collections::HashMap;
+use std::fmt;
+use std::net::{IpAddr, SocketAddr};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::Semaphore;
@@ -30,28 +34,104 @@ const KEEPALIVE_TIMEOUT: Duration = Duration::from_secs(20);
 /// Pause after the system refused a connection, most likely for want of file handles.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 
+/// A client that takes longer to agree on keys is none.
+const HANDSHAKE_DEADLINE: Duration = Duration::from_secs(10);
+/// Connections at once from one address: one client cannot take everybody's place. Loopback counts too.
+const CONNECTIONS_PER_PEER_MAX: usize = 400;
+
+/// Where a connection came from; kept with each of its requests.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Peer(SocketAddr);
+
+impl Peer {
+    pub(crate) fn ip(&self) -> IpAddr {
+        self.0.ip()
+    }
+}
+
+impl fmt::Display for Peer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
 /// Serves `app` until `stop` is cancelled, then lets open requests end, for at most `deadline`.
-pub(crate) async fn serve(listener: TcpListener, app: Router, stop: CancellationToken, deadline: Duration) {
+pub(crate) async fn serve(
+    listener: TcpListener,
+    tls: Option<Arc<Tls>>,
+    app: Router,
+    stop: CancellationToken,
+    deadline: Duration,
+) {
     let builder = Arc::new(builder());
     let places = Arc::new(Semaphore::new(CONNECTIONS_MAX));
+    let peers = Arc::new(Peers::default());
     let graceful = GracefulShutdown::new();
-    while let Some((stream, place)) = next(&listener, &places, &stop).await {
+    while let Some((stream, address, place)) = next(&listener, &places, &stop).await {
+        let Some(seat) = Peers::sit(&peers, address.ip()) else {
+            tracing::debug!(%address, "refused a connection: its address has too many");
+            continue;
+        };
         let watcher = graceful.watcher();
         let (builder, stop) = (Arc::clone(&builder), stop.clone());
-        let service = TowerToHyperService::new(app.clone());
+        let acceptor = tls.as_ref().map(|tls| tls.acceptor());
+        let service = TowerToHyperService::new(app.clone().layer(Extension(Peer(address))));
         tokio::spawn(async move {
             if speaks(&stream, &stop).await {
-                let connection = builder.serve_connection(TokioIo::new(stream), service).into_owned();
-                if let Err(error) = watcher.watch(connection).await {
+                let ended = match acceptor {
+                    None => watcher.watch(builder.serve_connection(TokioIo::new(stream), service).into_owned()).await,
+                    Some(acceptor) => match timeout(HANDSHAKE_DEADLINE, acceptor.accept(stream)).await {
+                        Ok(Ok(stream)) => {
+                            watcher.watch(builder.serve_connection(TokioIo::new(stream), service).into_owned()).await
+                        }
+                        Ok(Err(error)) => Err(error.into()),
+                        Err(elapsed) => Err(elapsed.into()),
+                    },
+                };
+                if let Err(error) = ended {
                     tracing::debug!(%error, "a connection ended early");
                 }
             }
-            drop(place);
+            drop((place, seat));
         });
     }
     drop(listener);
     if timeout(deadline, graceful.shutdown()).await.is_err() {
         tracing::warn!("some connections did not end in time and are cut");
+    }
+}
+
+/// How many connections each address has.
+#[derive(Debug, Default)]
+struct Peers(Mutex<HashMap<IpAddr, usize>>);
+
+/// One connection's place among those of its address; given back on drop.
+struct Seat {
+    peers: Arc<Peers>,
+    address: IpAddr,
+}
+
+impl Peers {
+    fn sit(peers: &Arc<Self>, address: IpAddr) -> Option<Seat> {
+        let mut counts = peers.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let count = counts.entry(address).or_default();
+        if *count >= CONNECTIONS_PER_PEER_MAX {
+            return None;
+        }
+        *count += 1;
+        Some(Seat { peers: Arc::clone(peers), address })
+    }
+}
+
+impl Drop for Seat {
+    fn drop(&mut self) {
+        let mut counts = self.peers.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(count) = counts.get_mut(&self.address) {
+            *count -= 1;
+            if *count == 0 {
+                counts.remove(&self.address);
+            }
+        }
     }
 }
 
@@ -83,15 +163,15 @@ async fn next(
     listener: &TcpListener,
     places: &Arc<Semaphore>,
     stop: &CancellationToken,
-) -> Option<(TcpStream, tokio::sync::OwnedSemaphorePermit)> {
+) -> Option<(TcpStream, SocketAddr, tokio::sync::OwnedSemaphorePermit)> {
     let accept = async {
         let place = Arc::clone(places).acquire_owned().await.ok()?;
         loop {
             match listener.accept().await {
-                Ok((stream, _)) => {
+                Ok((stream, address)) => {
                     // Small messages must not wait for the acknowledgement of the one before.
                     let _ = stream.set_nodelay(true);
-                    return Some((stream, place));
+                    return Some((stream, address, place));
                 }
                 Err(error) => {
                     tracing::warn!(%error, "a connection could not be accepted");

@@ -9,6 +9,7 @@
 //! - [`kernel_file`]: learned displays as safetensors. `planning`: from displays to optical setups.
 //! - [`figures`]: contact sheets, heat maps and curves for people.
 //! - [`demo`]: the whole loop on a simulated display, for people to see.
+//! - [`access`]: roles and tokens. `audit`: what was done and refused. [`tls`]: certificates.
 //! - [`artifacts`]: content-addressed files and resumable uploads.
 //! - [`store`]: the durable queue and registry; the only place that knows the database.
 //! - [`upkeep`]: what operators do to a data folder: check, back up, restore.
@@ -17,8 +18,10 @@
 //! - [`config`], [`server`], [`metrics`]: settings, assembly, and what Prometheus is told. `causes`: errors in one line.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+pub mod access;
 mod api;
 pub mod artifacts;
+mod audit;
 mod causes;
 pub mod config;
 mod connections;
@@ -36,6 +39,7 @@ mod planning;
 pub mod propagation;
 pub mod server;
 pub mod store;
+pub mod tls;
 pub mod units;
 pub mod upkeep;
 pub mod worker;

@@ -5,7 +5,7 @@ use clap::{ArgMatches, CommandFactory as _, FromArgMatches as _, Parser, Subcomm
 use lightpath_server::config::{Config, Effective, LogFormat, Settings};
 use lightpath_server::demo::{self, DemoArgs};
 use lightpath_server::server;
-use lightpath_server::upkeep::{BackupArgs, CheckArgs, CollectArgs, RestoreArgs};
+use lightpath_server::upkeep::{BackupArgs, CheckArgs, CollectArgs, RestoreArgs, TokenCommand};
 use std::future::Future;
 use std::io::{IsTerminal as _, Write as _};
 use std::path::PathBuf;
@@ -30,6 +30,9 @@ enum Command {
     Backup(BackupArgs),
     Restore(RestoreArgs),
     Collect(CollectArgs),
+    /// Make, list and revoke the tokens that calls need
+    #[command(subcommand)]
+    Token(TokenCommand),
     Demo(DemoArgs),
 }
 
@@ -52,7 +55,9 @@ Flags win over environment variables, those over the file, and that over the def
 
 Examples:
   lightpathd serve
-  lightpathd serve --data-dir /srv/lightpath --listen 0.0.0.0:7070
+  lightpathd token create ada --role admin > ada.token
+  lightpathd serve --data-dir /srv/lightpath --listen 0.0.0.0:7070 \\
+      --tls-cert cert.pem --tls-key key.pem
   lightpathd serve --config lightpath.toml --log-level debug
   lightpathd serve --print-config > lightpath.toml
 
@@ -66,6 +71,7 @@ fn main() -> ExitCode {
         Command::Backup(args) => Ok(args.run()),
         Command::Restore(args) => Ok(args.run()),
         Command::Collect(args) => Ok(args.run()),
+        Command::Token(command) => Ok(command.run()),
         Command::Demo(args) => demo::run(args).map(|()| ExitCode::SUCCESS),
     });
     match outcome {
@@ -103,7 +109,8 @@ async fn serve(config: Config) -> anyhow::Result<()> {
     let address = listener.local_addr()?;
     tracing::info!(%address, data_dir = %config.data_dir.display(), "starting");
     // Whoever connects from here on waits in the backlog until the server has put its queue in order.
-    writeln!(std::io::stdout().lock(), "listening on http://{address}")?;
+    let scheme = if config.tls.is_some() { "https" } else { "http" };
+    writeln!(std::io::stdout().lock(), "listening on {scheme}://{address}")?;
     server::run(listener, config, stop).await?;
     Ok(())
 }
@@ -128,8 +135,9 @@ fn start_log(config: &Config) -> anyhow::Result<()> {
         .with_writer(std::io::stderr)
         .with_ansi(std::io::stderr().is_terminal());
     match config.log_format {
+        LogFormat::Auto if std::io::stderr().is_terminal() => log.init(),
         LogFormat::Text => log.init(),
-        LogFormat::Json => log.json().init(),
+        LogFormat::Auto | LogFormat::Json => log.json().init(),
     }
     Ok(())
 }

@@ -2,13 +2,17 @@
 
 use crate::api::Api;
 use crate::artifacts::{ArtifactError, Artifacts};
+use crate::audit::Audit;
 use crate::config::Config;
 use crate::connections;
-use crate::http;
+use crate::http::{self, Gate, Rate};
 use crate::metrics;
 use crate::store::{QueueLimits, Store, StoreError};
+use crate::tls::{self, Tls, TlsError};
 use crate::upkeep::{Collected, DATABASE, Retention, UpkeepError};
 use crate::worker::{Clock, OpticsTask, Worker, WorkerConfig, WorkerError};
+use std::io;
+use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::net::TcpListener;
@@ -20,6 +24,10 @@ use tonic_health::server::HealthReporter;
 
 /// How often the bytes of all artifacts are counted, for their limit.
 const COUNT_INTERVAL: Duration = Duration::from_secs(10);
+/// What the audit log may lose when the power fails.
+const FLUSH_INTERVAL: Duration = Duration::from_secs(1);
+/// How soon a change of health is told.
+const HEALTH_INTERVAL: Duration = Duration::from_secs(2);
 /// How often what may go is looked for.
 const COLLECT_INTERVAL: Duration = Duration::from_secs(3600);
 
@@ -38,6 +46,30 @@ pub enum ServeError {
     /// The workers panicked.
     #[error("the workers failed")]
     Panic(#[from] JoinError),
+    /// The listener is none.
+    #[error("the listening address cannot be read")]
+    Listener(#[source] io::Error),
+    /// The audit log cannot be opened.
+    #[error("the audit log cannot be opened")]
+    Audit(#[source] io::Error),
+    /// Certificates cannot be used.
+    #[error(transparent)]
+    Tls(#[from] TlsError),
+    /// Others than this machine could connect without TLS.
+    #[error(
+        "{address} can be reached from other machines, but there is no TLS: set tls_cert and tls_key, listen on \
+         127.0.0.1, or say --insecure"
+    )]
+    NoTls {
+        /// The listening address.
+        address: SocketAddr,
+    },
+    /// Tokens are asked for, and there is none.
+    #[error(
+        "calls need a token, but none is valid: make one with `lightpathd token create NAME --role admin`, or listen on \
+         127.0.0.1"
+    )]
+    NoTokens,
     /// The API's descriptors cannot be read.
     #[error("the API's descriptors cannot be read")]
     Reflection(#[from] tonic_reflection::server::Error),
@@ -60,16 +92,24 @@ pub async fn run(
     let space = config.space;
     let artifacts = tokio::task::spawn_blocking(move || Artifacts::open_within(&data_dir, space)).await??;
     let store = Store::open(&config.data_dir.join(DATABASE)).await?;
+    let address = listener.local_addr().map_err(ServeError::Listener)?;
+    let tokens_required = guard(&store, &config, address).await?;
+    let tls = config.tls.clone().map(Tls::open).transpose()?.map(Arc::new);
+    let audit = Arc::new(Audit::open(&config.data_dir).map_err(ServeError::Audit)?);
     artifacts.set_stored_bytes(store.artifact_totals().await?.1);
     let stopping = CancellationToken::new();
     let upkeep = tokio::spawn(upkeep_loop(store.clone(), artifacts.clone(), config.retention, stopping.clone()));
     let limits = QueueLimits { queued: config.queue_limit, queued_per_owner: config.owner_queue_limit };
     let api = Api::new(store.clone(), artifacts.clone(), limits, stopping.clone());
+    let flushing = tokio::spawn(flush_loop(Arc::clone(&audit), tls.clone(), stopping.clone()));
     let (grpc, health) = api.clone().routes()?;
     set_health(&health, ServingStatus::Serving).await;
+    let watching = tokio::spawn(health_loop(api.clone(), health.clone(), stopping.clone()));
     let mut workers = start_workers(store, artifacts, &config, stopping.clone());
-    let app = http::router(api, grpc);
-    let connections = tokio::spawn(connections::serve(listener, app, stopping.clone(), config.drain_deadline));
+    let rate = Arc::new(Rate::new(config.calls_per_s_max));
+    let gate = Gate { api, tokens_required, audit: Arc::clone(&audit), rate };
+    let app = http::router(gate, grpc);
+    let connections = tokio::spawn(connections::serve(listener, tls, app, stopping.clone(), config.drain_deadline));
 
     let early = tokio::select! {
         () = shutdown => None,
@@ -77,8 +117,9 @@ pub async fn run(
         ended = &mut workers => Some(ended),
     };
     tracing::info!("stopping: running jobs save their state and go back to the queue");
-    set_health(&health, ServingStatus::NotServing).await;
     stopping.cancel();
+    watching.await?;
+    set_health(&health, ServingStatus::NotServing).await;
     let workers_ended = match early {
         Some(ended) => ended,
         None => match timeout(config.drain_deadline, &mut workers).await {
@@ -91,10 +132,47 @@ pub async fn run(
         },
     };
     connections.await?;
-    upkeep.await?;
+    // A collection may stop anywhere; the next one goes on.
+    upkeep.abort();
+    drop(upkeep.await);
+    flushing.await?;
+    audit.flush();
     workers_ended??;
     tracing::info!("stopped");
     Ok(())
+}
+
+/// Whether calls need a token; a server that others could abuse does not start.
+async fn guard(store: &Store, config: &Config, address: SocketAddr) -> Result<bool, ServeError> {
+    let is_local = address.ip().is_loopback();
+    if !is_local && config.tls.is_none() && !config.insecure {
+        return Err(ServeError::NoTls { address });
+    }
+    let tokens_required = config.require_tokens || !(is_local || config.insecure);
+    if config.insecure && !is_local {
+        tracing::warn!(%address, tokens_required, "insecure, as was asked for: others can read along");
+    }
+    let now_ms = Clock::default().now_ms();
+    if tokens_required && !store.tokens().await?.iter().any(|token| token.is_valid(now_ms)) {
+        return Err(ServeError::NoTokens);
+    }
+    Ok(tokens_required)
+}
+
+/// Once a second the audit log is flushed; now and then certificates are looked at.
+async fn flush_loop(audit: Arc<Audit>, tls: Option<Arc<Tls>>, stopping: CancellationToken) {
+    let (mut flush, mut look) = (interval(FLUSH_INTERVAL), interval(tls::LOOK_INTERVAL));
+    loop {
+        let (audit, tls) = (Arc::clone(&audit), tls.clone());
+        let done = tokio::select! {
+            () = stopping.cancelled() => return,
+            _ = flush.tick() => tokio::task::spawn_blocking(move || audit.flush()).await,
+            _ = look.tick() => tokio::task::spawn_blocking(move || tls.iter().for_each(|tls| tls.look())).await,
+        };
+        if let Err(error) = done {
+            tracing::error!(%error, "flushing failed");
+        }
+    }
 }
 
 fn start_workers(
@@ -134,6 +212,28 @@ async fn upkeep_loop(store: Store, artifacts: Artifacts, retention: Retention, s
         if let Err(error) = outcome {
             tracing::error!(error = &error as &dyn std::error::Error, "upkeep failed; it is tried again later");
         }
+    }
+}
+
+/// Says what is so: not serving while the disk is low or the database does not answer.
+async fn health_loop(api: Api, health: HealthReporter, stopping: CancellationToken) {
+    let mut looks = interval(HEALTH_INTERVAL);
+    let mut is_well = true;
+    loop {
+        tokio::select! {
+            () = stopping.cancelled() => return,
+            _ = looks.tick() => {}
+        }
+        let found = api.is_serving().await;
+        if found.is_ok() == is_well {
+            continue;
+        }
+        is_well = found.is_ok();
+        if let Err(error) = found {
+            tracing::error!(error = &error as &dyn std::error::Error, "not serving");
+        }
+        let status = if is_well { ServingStatus::Serving } else { ServingStatus::NotServing };
+        set_health(&health, status).await;
     }
 }
 

@@ -53,6 +53,32 @@ pub(crate) struct Cli {
     #[arg(long, global = true, env = "LIGHTPATH_TOKEN_FILE", value_name = "FILE", help_heading = "Global options")]
     token_file: Option<PathBuf>,
 
+    /// PEM file of the authority of the server's certificate, where it is not one of the system's
+    #[arg(long, global = true, env = "LIGHTPATH_CA_FILE", value_name = "FILE", help_heading = "Global options")]
+    ca_file: Option<PathBuf>,
+
+    /// PEM file of a certificate to show to the server, where it asks for one
+    #[arg(
+        long,
+        global = true,
+        env = "LIGHTPATH_CLIENT_CERT",
+        value_name = "FILE",
+        requires = "client_key",
+        help_heading = "Global options"
+    )]
+    client_cert: Option<PathBuf>,
+
+    /// PEM file of that certificate's private key
+    #[arg(
+        long,
+        global = true,
+        env = "LIGHTPATH_CLIENT_KEY",
+        value_name = "FILE",
+        requires = "client_cert",
+        help_heading = "Global options"
+    )]
+    client_key: Option<PathBuf>,
+
     /// What stdout gets: tables for people, or the API's messages in protobuf's JSON form and nothing else
     #[arg(long, global = true, default_value = "table", value_name = "FORM", help_heading = "Global options")]
     output: Output,
@@ -132,7 +158,9 @@ async fn run(cli: Cli) -> Result<(), Failure> {
     if let Command::Completions(completions) = &cli.command {
         return print_completions(completions.shell);
     }
-    let session = Session::open(&cli.server, cli.token_file.as_deref(), cli.output)?;
+    let certificate = cli.client_cert.as_deref().zip(cli.client_key.as_deref());
+    let session =
+        Session::open(&cli.server, cli.token_file.as_deref(), cli.ca_file.as_deref(), certificate, cli.output)?;
     match cli.command {
         Command::Display(command) => command.run(&session).await,
         Command::Hologram(command) => command.run(&session).await,

@@ -2,7 +2,7 @@
 
 use super::failure::Failure;
 use clap::ValueEnum;
-use lightpath::Client;
+use lightpath::{Client, Credentials};
 use serde::Serialize;
 use std::io::{self, Write as _};
 use std::path::Path;
@@ -27,19 +27,26 @@ pub(crate) struct Session {
 }
 
 impl Session {
-    pub(crate) fn open(url: &str, token_file: Option<&Path>, output: Output) -> Result<Self, Failure> {
-        let client = match token_file {
-            None => Client::connect(url)?,
-            Some(path) => {
-                let token = std::fs::read_to_string(path).map_err(|source| lightpath::Error::File {
-                    action: "read",
-                    path: path.to_owned(),
-                    source,
-                })?;
-                Client::connect_with_token(url, &token)?
-            }
+    pub(crate) fn open(
+        url: &str,
+        token_file: Option<&Path>,
+        authority: Option<&Path>,
+        certificate_and_key: Option<(&Path, &Path)>,
+        output: Output,
+    ) -> Result<Self, Failure> {
+        let token = token_file
+            .map(read)
+            .transpose()?
+            .map(|bytes| String::from_utf8(bytes).map_err(|_| lightpath::Error::Token));
+        let credentials = Credentials {
+            token: token.transpose()?,
+            authority_pem: authority.map(read).transpose()?,
+            certificate_and_key_pem: match certificate_and_key {
+                None => None,
+                Some((certificate, key)) => Some((read(certificate)?, read(key)?)),
+            },
         };
-        Ok(Self { client, output })
+        Ok(Self { client: Client::connect_as(url, &credentials)?, output })
     }
 
     pub(crate) fn is_json(&self) -> bool {
@@ -69,6 +76,14 @@ impl Session {
             Output::Table => write_out(text.trim_end()),
         }
     }
+}
+
+fn read(path: &Path) -> Result<Vec<u8>, Failure> {
+    Ok(std::fs::read(path).map_err(|source| lightpath::Error::File {
+        action: "read",
+        path: path.to_owned(),
+        source,
+    })?)
 }
 
 /// A remark for people, on stderr whatever the form of output.

@@ -1,5 +1,6 @@
 //! The dataset service.
 
+use super::caller::require_display;
 use super::encodings::encoding;
 use super::error::ApiError;
 use super::field::Field;
@@ -31,7 +32,9 @@ impl DatasetService for Api {
 
     async fn get_dataset(&self, request: Request<v1::GetDatasetRequest>) -> Result<Response<v1::Dataset>, Status> {
         let id = names::dataset_id(&Field::new("name"), &request.into_inner().name)?;
-        Ok(Response::new(datasets::to_wire(self.store.dataset(&id).await?)))
+        let dataset = self.store.dataset(&id).await?;
+        require_display(&dataset.display)?;
+        Ok(Response::new(datasets::to_wire(dataset)))
     }
 
     async fn list_datasets(
@@ -71,6 +74,7 @@ impl DatasetService for Api {
             return Err(Field::new("validation_fraction").invalid(problem).into());
         }
         let mut dataset = self.store.dataset(&id).await?;
+        require_display(&dataset.display)?;
         let splits = dataset::draw_split(&dataset.pairs, validation, test, request.seed);
         for (pair, (_, split)) in dataset.pairs.iter_mut().zip(&splits) {
             pair.split = Some(*split);
@@ -101,7 +105,11 @@ impl Api {
     pub(super) async fn dataset_named(&self, field: &Field, id: &str) -> Result<Dataset, ApiError> {
         match self.store.dataset(id).await {
             Err(StoreError::NotFound { what }) => Err(field.missing(what, "create it first")),
-            other => Ok(other?),
+            other => {
+                let dataset = other?;
+                require_display(&dataset.display)?;
+                Ok(dataset)
+            }
         }
     }
 }

@@ -1,5 +1,6 @@
 //! The display service.
 
+use super::caller::may_see;
 use super::field::Field;
 use super::pages::Page;
 use super::time::now_ms;
@@ -35,7 +36,8 @@ impl DisplayService for Api {
         let page = Page::new(&["displays"], request.page_size, &request.page_token)?;
         let displays = self.store.displays(page.after.as_deref(), page.limit()).await?;
         let to_wire = |(display, time_ms)| displays::to_wire(display, time_ms);
-        let (displays, next_page_token) = page.fill(displays, |(display, _)| display.id.clone(), to_wire);
+        let (mut displays, next_page_token) = page.fill(displays, |(display, _)| display.id.clone(), to_wire);
+        displays.retain(|display| display.name.strip_prefix("displays/").is_some_and(may_see));
         Ok(Response::new(v1::ListDisplaysResponse { displays, next_page_token }))
     }
 

@@ -19,6 +19,15 @@ pub(crate) enum ApiError {
     /// Too much at once.
     #[error("{message}")]
     Exhausted { reason: &'static str, message: String, retry_after: Duration },
+    /// No token, or none that is accepted.
+    #[error("{0}")]
+    Unauthenticated(String),
+    /// Not for this caller.
+    #[error("{0}")]
+    Denied(String),
+    /// Somebody else holds the database.
+    #[error("the database lets nobody write; is another program at it?")]
+    Locked,
     /// The server drains.
     #[error("the server is stopping; try again in a moment")]
     Stopping,

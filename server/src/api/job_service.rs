@@ -1,5 +1,6 @@
 //! The job service.
 
+use super::caller::{require_all_displays, require_display};
 use super::error::ApiError;
 use super::field::Field;
 use super::pages::Page;
@@ -40,13 +41,14 @@ impl JobService for Api {
         let permit = self.watcher()?;
         // Subscribed before the first read, so that no change falls in between.
         let changes = self.store.subscribe_job_changes();
-        let first = self.store.job(&id).await?;
+        let first = self.visible_job(&id).await?;
         let source = JobSource { store: self.store.clone(), id };
         Ok(Response::new(watch::stream(source, first, changes, self.stopping.clone(), permit)))
     }
 
     async fn cancel_job(&self, request: Request<v1::CancelJobRequest>) -> Result<Response<v1::Job>, Status> {
         let id = names::job_id(&Field::new("name"), &request.into_inner().name)?;
+        self.visible_job(&id).await?;
         let job = self.store.cancel(&id, now_ms()).await?;
         // A running job ends at its worker, and is counted there.
         if job.state.has_ended() {
@@ -57,6 +59,7 @@ impl JobService for Api {
 
     async fn retry_job(&self, request: Request<v1::RetryJobRequest>) -> Result<Response<v1::Job>, Status> {
         let id = names::job_id(&Field::new("name"), &request.into_inner().name)?;
+        self.visible_job(&id).await?;
         Ok(Response::new(jobs::to_wire(self.store.retry(&id, now_ms()).await?)))
     }
 
@@ -66,6 +69,7 @@ impl JobService for Api {
     ) -> Result<Response<v1::ListJobEventsResponse>, Status> {
         let request = request.into_inner();
         let id = names::job_id(&Field::new("name"), &request.name)?;
+        self.visible_job(&id).await?;
         let page = Page::new(&["events", &id], request.page_size, &request.page_token)?;
         let events = self.store.events(&id, page.after_number()?, page.limit()).await?;
         let to_wire = |event: crate::job::JobEvent| v1::JobEvent {
@@ -80,11 +84,14 @@ impl JobService for Api {
     async fn get_batch(&self, request: Request<v1::GetBatchRequest>) -> Result<Response<v1::Batch>, Status> {
         let batch = scheduling::label(&Field::new("batch"), request.into_inner().batch)?;
         let batch = batch.ok_or_else(|| Field::new("batch").invalid("is empty, but must name a batch"))?;
+        // Its jobs may be about any display.
+        require_all_displays("display in ListJobs")?;
         let BatchProgress { queued, running, succeeded, failed, cancelled, done } = self.store.batch(&batch).await?;
         Ok(Response::new(v1::Batch { batch, queued, running, succeeded, failed, cancelled, done }))
     }
 
     async fn get_queue(&self, _: Request<v1::GetQueueRequest>) -> Result<Response<v1::Queue>, Status> {
+        require_all_displays("display in ListJobs")?;
         Ok(Response::new(self.queue().await?))
     }
 
@@ -128,7 +135,14 @@ impl Api {
     /// The job called `name`, as clients see it.
     pub(crate) async fn job(&self, name: &str) -> Result<v1::Job, ApiError> {
         let id = names::job_id(&Field::new("name"), name)?;
-        Ok(jobs::to_wire(self.store.job(&id).await?))
+        Ok(jobs::to_wire(self.visible_job(&id).await?))
+    }
+
+    /// A job about a display that the caller may use.
+    pub(super) async fn visible_job(&self, id: &str) -> Result<Job, ApiError> {
+        let job = self.store.job(id).await?;
+        require_display(job.spec.display())?;
+        Ok(job)
     }
 
     /// A page of jobs, as clients see them.

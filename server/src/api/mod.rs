@@ -7,9 +7,10 @@
 //! - `displays`, `datasets`, `jobs`, `holograms`, `kernels`, `propagation`, `encodings`, `time`: messages from and to domain
 //!   types.
 //! - `*_service`: one gRPC service each. `watch`: streams that follow something.
-//! - `rules`: what each call does. `error`, `status`: why a request is refused, and the one map to gRPC statuses.
+//! - `rules`: who may make each call, and what it does. `caller`: who makes it, and for which displays. `error`, `status`: why a request is refused, and the one map to gRPC statuses.
 
 mod artifact_service;
+mod caller;
 mod dataset_service;
 mod datasets;
 mod display_service;
@@ -36,7 +37,9 @@ mod submit;
 mod time;
 mod watch;
 
+pub(crate) use caller::handle_for;
 pub(crate) use error::ApiError;
+pub(crate) use time::now_ms;
 
 use crate::artifacts::Artifacts;
 use crate::store::{QueueLimits, Store};
@@ -49,6 +52,7 @@ use lightpath_proto::v1::kernel_service_server::KernelServiceServer;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::time::timeout;
 use tokio_util::sync::CancellationToken;
 use tonic::service::Routes;
 use tonic_health::server::HealthReporter;
@@ -60,6 +64,9 @@ const MESSAGE_BYTES_MAX: usize = 4 << 20;
 const WATCHERS_MAX: usize = 1000;
 /// Pictures that are decoded at once for checking: one may take 1 GiB.
 const DECODERS_MAX: usize = 2;
+
+/// A server whose database lets nobody write for this long is not well.
+const WRITE_TURN_MAX: Duration = Duration::from_secs(5);
 
 /// What all services share; cheap to clone.
 #[derive(Clone, Debug)]
@@ -106,12 +113,15 @@ impl Api {
         Ok((routes, health))
     }
 
-    /// Whether requests can be answered: the server is not stopping, and its database answers.
+    /// Whether requests can be answered and jobs run: the server is not stopping, its database reads and writes, and its
+    /// disk has room.
     pub(crate) async fn is_serving(&self) -> Result<(), ApiError> {
         if self.is_stopping() {
             return Err(ApiError::Stopping);
         }
+        self.artifacts.room_to_start()?;
         self.store.queue_counts().await?;
+        timeout(WRITE_TURN_MAX, self.store.take_turn()).await.map_err(|_| ApiError::Locked)??;
         Ok(())
     }
 

@@ -1,5 +1,6 @@
 //! Resource names: `displays/{id}`, `datasets/{id}`, `jobs/{id}`, `displays/{id}/kernels/{k}/versions/{n}`.
 
+use super::caller::{require_all_displays, require_display};
 use super::error::ApiError;
 use super::field::{Field, shortened};
 use crate::kernel::KernelKey;
@@ -8,9 +9,11 @@ use crate::units::{Distance, Wavelength};
 /// Longest id \[bytes\]: a DNS label, so that ids can become host and folder names.
 const ID_BYTES_MAX: usize = 63;
 
-/// The id in `displays/{id}`.
+/// The id in `displays/{id}`, a display that the caller may use.
 pub(crate) fn display_id(field: &Field, name: &str) -> Result<String, ApiError> {
-    chosen_id(field, name, "displays")
+    let id = chosen_id(field, name, "displays")?;
+    require_display(&id)?;
+    Ok(id)
 }
 
 /// The id in `datasets/{id}`.
@@ -26,9 +29,13 @@ pub(crate) fn job_id(field: &Field, name: &str) -> Result<String, ApiError> {
     }
 }
 
-/// A display's id where the filter is given.
+/// A display's id where the filter is given; it must be, for callers who may not look at all displays.
 pub(crate) fn display_filter(field: &Field, name: &str) -> Result<Option<String>, ApiError> {
-    if name.is_empty() { Ok(None) } else { display_id(field, name).map(Some) }
+    if name.is_empty() {
+        require_all_displays(&field.to_string())?;
+        return Ok(None);
+    }
+    display_id(field, name).map(Some)
 }
 
 /// The key in `displays/{id}/kernels/{wavelength}-{distance}`.

@@ -2,8 +2,8 @@
 
 use super::error::ApiError;
 use super::field::Field;
-use super::names;
 use super::time::{ms, now_ms};
+use super::{caller, names};
 use crate::job::Scheduling;
 use lightpath_proto::v1;
 
@@ -40,7 +40,7 @@ pub(super) fn scheduling(request: &v1::SubmitJobRequest) -> Result<Scheduling, A
     after.sort();
     after.dedup();
     Ok(Scheduling {
-        owner: label(&Field::new("owner"), request.owner.clone())?.unwrap_or_default(),
+        owner: caller::owner(label(&Field::new("owner"), request.owner.clone())?.unwrap_or_default())?,
         batch: label(&Field::new("batch"), request.batch.clone())?,
         unique_key: label(&Field::new("unique_key"), request.unique_key.clone())?,
         not_before_ms,

@@ -51,6 +51,9 @@ impl From<ApiError> for Status {
             ApiError::Exhausted { reason, retry_after, .. } => {
                 Answer::new(Code::ResourceExhausted, reason, message).retry(retry_after).status()
             }
+            ApiError::Unauthenticated(_) => Answer::new(Code::Unauthenticated, "UNAUTHENTICATED", message).status(),
+            ApiError::Denied(_) => Answer::new(Code::PermissionDenied, "PERMISSION_DENIED", message).status(),
+            ApiError::Locked => Answer::new(Code::Unavailable, "DATABASE_LOCKED", message).retry(QUEUE_RETRY).status(),
             ApiError::Stopping => Answer::new(Code::Unavailable, "STOPPING", message).retry(RESTART_RETRY).status(),
             ApiError::Idle(_) => Answer::new(Code::DeadlineExceeded, "IDLE", message).status(),
             ApiError::Stream(status) => *status,

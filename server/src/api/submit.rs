@@ -34,6 +34,9 @@ impl Api {
     pub(super) async fn new_job(&self, request: v1::SubmitJobRequest) -> Result<NewJob, ApiError> {
         let field = Field::new("spec");
         let scheduling = scheduling::scheduling(&request)?;
+        for id in &scheduling.after {
+            self.visible_job(id).await?;
+        }
         let kind = request.spec.and_then(|spec| spec.kind);
         let attempts_max =
             Field::new("attempts_max").integer_or(request.attempts_max, ATTEMPTS_DEFAULT, 1..=ATTEMPTS_MAX)?;

@@ -47,6 +47,22 @@ impl Artifacts {
         self.inner.space.stored_bytes.store(bytes, Ordering::Relaxed);
     }
 
+    /// Whether a job that starts now may hope to end: half of the reserve is left for those that run.
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError::DiskLow`].
+    pub fn room_to_start(&self) -> Result<(), ArtifactError> {
+        let reserve_bytes = self.inner.space.limits.reserve_bytes;
+        if reserve_bytes == 0 {
+            return Ok(());
+        }
+        match self.free_bytes()? {
+            free_bytes if free_bytes < reserve_bytes / 2 => Err(ArtifactError::DiskLow { free_bytes, reserve_bytes }),
+            _ => Ok(()),
+        }
+    }
+
     /// Whether `more_bytes` of new work may be taken.
     ///
     /// # Errors

@@ -1,11 +1,12 @@
 //! Merging the layers, remembering where each value came from.
 
 use super::{
-    CHECKPOINT_INTERVAL_S, COLLECT_AFTER_DAYS, COMPUTE_THREADS, Config, ConfigError, DRAIN_DEADLINE_S, LEASE_S,
-    LogFormat, MIB_MAX, OWNER_QUEUE_LIMIT, QUEUE_LIMIT, RUNNING_LIMIT, TIMEOUT_S, WORKERS,
+    CALLS_PER_S, CHECKPOINT_INTERVAL_S, COLLECT_AFTER_DAYS, COMPUTE_THREADS, Config, ConfigError, DRAIN_DEADLINE_S,
+    LEASE_S, LogFormat, MIB_MAX, OWNER_QUEUE_LIMIT, QUEUE_LIMIT, RUNNING_LIMIT, TIMEOUT_S, WORKERS,
 };
 use crate::artifacts::SpaceLimits;
 use crate::store::ClaimLimits;
+use crate::tls::TlsFiles;
 use crate::upkeep::Retention;
 use crate::worker::Timeouts;
 use clap::ArgMatches;
@@ -29,6 +30,24 @@ pub struct Settings {
     /// Address and port of gRPC and HTTP; port 0 takes a free one [default: 127.0.0.1:7070]
     #[arg(long, env = "LIGHTPATH_LISTEN", value_name = "ADDRESS:PORT", value_parser = address)]
     pub listen: Option<SocketAddr>,
+    /// PEM file of the server's certificate, with those that lead to its authority; read again when it changes
+    #[arg(long, env = "LIGHTPATH_TLS_CERT", value_name = "FILE")]
+    pub tls_cert: Option<PathBuf>,
+    /// PEM file of the certificate's private key
+    #[arg(long, env = "LIGHTPATH_TLS_KEY", value_name = "FILE")]
+    pub tls_key: Option<PathBuf>,
+    /// PEM file of authorities: whoever connects must show a certificate of one of them
+    #[arg(long, env = "LIGHTPATH_TLS_CLIENT_CA", value_name = "FILE")]
+    pub tls_client_ca: Option<PathBuf>,
+    /// Ask for a token even on 127.0.0.1; other addresses always do [default: false]
+    #[arg(long, env = "LIGHTPATH_REQUIRE_TOKENS", value_name = "BOOL", num_args = 0..=1, default_missing_value = "true")]
+    pub require_tokens: Option<bool>,
+    /// Let others connect without TLS and tokens: only where whoever can connect may do everything [default: false]
+    #[arg(long, env = "LIGHTPATH_INSECURE", value_name = "BOOL", num_args = 0..=1, default_missing_value = "true")]
+    pub insecure: Option<bool>,
+    /// Calls a second that each token, or each address without one, may make; 0: no limit [default: 2000]
+    #[arg(long, env = "LIGHTPATH_CALLS_PER_S_MAX", value_name = "COUNT")]
+    pub calls_per_s_max: Option<u32>,
     /// Jobs that run at once [default: 1]
     #[arg(long, env = "LIGHTPATH_WORKERS", value_name = "COUNT")]
     pub workers: Option<u32>,
@@ -80,7 +99,7 @@ pub struct Settings {
     /// Time that jobs and requests get to end when the server stops [default: 20]
     #[arg(long, env = "LIGHTPATH_DRAIN_DEADLINE_S", value_name = "SECONDS")]
     pub drain_deadline_s: Option<f64>,
-    /// Form of the log on stderr [default: text]
+    /// Form of the log on stderr; auto: text on a terminal, JSON elsewhere [default: auto]
     #[arg(long, env = "LIGHTPATH_LOG_FORMAT", value_name = "FORM", value_enum)]
     pub log_format: Option<LogFormat>,
     /// What is logged: error, warn, info, debug, or by module, lightpath_server=debug,warn [default: info]
@@ -154,8 +173,23 @@ impl Effective {
         let drain = (given.drain_deadline_s, file.drain_deadline_s);
         let threads = (given.compute_threads, file.compute_threads);
         let config = Config {
-            data_dir: merge.pick("data_dir", given.data_dir, file.data_dir, default.data_dir),
+            data_dir: merge.pick("data_dir", given.data_dir.clone(), file.data_dir.clone(), default.data_dir),
             listen: merge.pick("listen", given.listen, file.listen, default.listen),
+            tls: merge.tls(&given, &file)?,
+            require_tokens: merge.pick(
+                "require_tokens",
+                given.require_tokens,
+                file.require_tokens,
+                default.require_tokens,
+            ),
+            insecure: merge.pick("insecure", given.insecure, file.insecure, default.insecure),
+            calls_per_s_max: merge.count(
+                "calls_per_s_max",
+                given.calls_per_s_max,
+                file.calls_per_s_max,
+                default.calls_per_s_max,
+                CALLS_PER_S,
+            )?,
             workers: merge.count("workers", given.workers, file.workers, default.workers, WORKERS)?,
             compute_threads: merge.count(
                 "compute_threads",
@@ -244,7 +278,7 @@ impl Effective {
                 DRAIN_DEADLINE_S,
             )?,
             log_format: merge.pick("log_format", given.log_format, file.log_format, default.log_format),
-            log_level: merge.pick("log_level", given.log_level, file.log_level, default.log_level),
+            log_level: merge.pick("log_level", given.log_level.clone(), file.log_level.clone(), default.log_level),
         };
         Ok(Self { config, origins: merge.origins })
     }
@@ -266,6 +300,24 @@ impl Merge<'_> {
         };
         self.origins.push((key, origin));
         value
+    }
+
+    fn tls(&mut self, given: &Settings, file: &Settings) -> Result<Option<TlsFiles>, ConfigError> {
+        let mut path = |key, given: &Option<PathBuf>, file: &Option<PathBuf>| {
+            self.pick(key, given.clone().map(Some), file.clone().map(Some), None)
+        };
+        let certificate = path("tls_cert", &given.tls_cert, &file.tls_cert);
+        let key = path("tls_key", &given.tls_key, &file.tls_key);
+        let client_authority = path("tls_client_ca", &given.tls_client_ca, &file.tls_client_ca);
+        match (certificate, key) {
+            (Some(certificate), Some(key)) => Ok(Some(TlsFiles { certificate, key, client_authority })),
+            (Some(_), None) => Err(ConfigError::Half { given: "tls_cert", missing: "tls_key" }),
+            (None, Some(_)) => Err(ConfigError::Half { given: "tls_key", missing: "tls_cert" }),
+            (None, None) if client_authority.is_some() => {
+                Err(ConfigError::Half { given: "tls_client_ca", missing: "tls_cert" })
+            }
+            (None, None) => Ok(None),
+        }
     }
 
     fn count<T: PartialOrd + Display>(

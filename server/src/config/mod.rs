@@ -7,6 +7,7 @@ pub use layers::{Effective, Origin, Settings};
 
 use crate::artifacts::SpaceLimits;
 use crate::store::ClaimLimits;
+use crate::tls::TlsFiles;
 use crate::upkeep::Retention;
 use crate::worker::Timeouts;
 use std::net::{Ipv4Addr, SocketAddr};
@@ -22,6 +23,14 @@ pub struct Config {
     pub data_dir: PathBuf,
     /// Address and port of gRPC and HTTP.
     pub listen: SocketAddr,
+    /// Certificates; `None`: no TLS.
+    pub tls: Option<TlsFiles>,
+    /// Whether calls need a token even from this machine. From others they always do.
+    pub require_tokens: bool,
+    /// Others may connect without TLS and tokens.
+    pub insecure: bool,
+    /// Calls a second that each token, or each address without one, may make; 0: no limit.
+    pub calls_per_s_max: u32,
     /// Jobs that run at once.
     pub workers: u32,
     /// Threads that one job computes on.
@@ -54,6 +63,8 @@ pub struct Config {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum LogFormat {
+    /// Text on a terminal, JSON elsewhere.
+    Auto,
     /// For people.
     Text,
     /// One JSON object a line, for log collectors.
@@ -65,6 +76,10 @@ impl Default for Config {
         Self {
             data_dir: PathBuf::from("./lightpath-data"),
             listen: SocketAddr::from((Ipv4Addr::LOCALHOST, 7070)),
+            tls: None,
+            require_tokens: false,
+            insecure: false,
+            calls_per_s_max: 2000,
             workers: 1,
             compute_threads: std::thread::available_parallelism().map_or(1, NonZeroUsize::get),
             lease: Duration::from_secs(30),
@@ -76,7 +91,7 @@ impl Default for Config {
             space: SpaceLimits { reserve_bytes: 256 << 20, stored_bytes_max: 0 },
             retention: Retention { artifacts: Some(Duration::from_secs(7 * 24 * 3600)), jobs: None },
             drain_deadline: Duration::from_secs(20),
-            log_format: LogFormat::Text,
+            log_format: LogFormat::Auto,
             log_level: "info".to_owned(),
         }
     }
@@ -90,6 +105,7 @@ const LEASE_S: RangeInclusive<f64> = 0.1..=3600.0;
 const CHECKPOINT_INTERVAL_S: RangeInclusive<f64> = 0.01..=3600.0;
 /// A row of the queue takes about a kilobyte.
 const QUEUE_LIMIT: RangeInclusive<u32> = 1..=1_000_000;
+const CALLS_PER_S: RangeInclusive<u32> = 0..=1_000_000;
 /// 0: no limit.
 const RUNNING_LIMIT: RangeInclusive<u32> = 0..=64;
 const OWNER_QUEUE_LIMIT: RangeInclusive<u32> = 0..=1_000_000;
@@ -118,6 +134,14 @@ pub enum ConfigError {
         path: PathBuf,
         /// What is wrong, with the line and the key.
         problem: String,
+    },
+    /// One half of a pair of settings.
+    #[error("{given} is set, but {missing} is not: TLS needs both")]
+    Half {
+        /// What was set.
+        given: &'static str,
+        /// What is missing.
+        missing: &'static str,
     },
     /// A value is out of range.
     #[error("{key} is {value}, but must be {allowed}")]

@@ -17,17 +17,19 @@ impl fmt::Display for Effective {
     }
 }
 
-fn settings(config: &Config) -> [(&'static str, Value, &'static str); 21] {
+fn settings(config: &Config) -> Vec<(&'static str, Value, &'static str)> {
     let count = |value: usize| Value::Integer(i64::try_from(value).unwrap_or(i64::MAX));
     let seconds = |value: Duration| Value::Float(value.as_secs_f64());
     let timeout = |value: Option<Duration>| seconds(value.unwrap_or_default());
     let mib = |bytes: u64| Value::Integer(i64::try_from(bytes >> 20).unwrap_or(i64::MAX));
     let days = |age: Option<Duration>| Value::Float(age.map_or(0.0, |age| age.as_secs_f64() / (24.0 * 3600.0)));
     let log_format = match config.log_format {
+        LogFormat::Auto => "auto",
         LogFormat::Text => "text",
         LogFormat::Json => "json",
     };
-    [
+    let path = |path: &std::path::Path| Value::from(path.display().to_string());
+    let mut settings = vec![
         ("data_dir", Value::from(config.data_dir.display().to_string()), "folder of database and artifacts"),
         ("listen", Value::from(config.listen.to_string()), "address and port of gRPC and HTTP"),
         ("workers", count(config.workers as usize), "jobs that run at once"),
@@ -55,9 +57,24 @@ fn settings(config: &Config) -> [(&'static str, Value, &'static str); 21] {
         ),
         ("collect_jobs_after_days", days(config.retention.jobs), "ended jobs go after [d]; 0: never"),
         ("drain_deadline_s", seconds(config.drain_deadline), "time to end jobs and requests when stopping [s]"),
-        ("log_format", Value::from(log_format), "text or json"),
+        ("log_format", Value::from(log_format), "auto, text or json"),
         ("log_level", Value::from(config.log_level.as_str()), "what is logged"),
-    ]
+        (
+            "calls_per_s_max",
+            count(config.calls_per_s_max as usize),
+            "calls a second of each token or address; 0: no limit",
+        ),
+        ("require_tokens", Value::from(config.require_tokens), "calls from this machine need a token, too"),
+        ("insecure", Value::from(config.insecure), "others may connect without TLS and tokens"),
+    ];
+    if let Some(tls) = &config.tls {
+        settings.push(("tls_cert", path(&tls.certificate), "PEM file of the certificate"));
+        settings.push(("tls_key", path(&tls.key), "PEM file of its private key"));
+        if let Some(authority) = &tls.client_authority {
+            settings.push(("tls_client_ca", path(authority), "PEM file of the authorities of client certificates"));
+        }
+    }
+    settings
 }
 
 #[cfg(test)]

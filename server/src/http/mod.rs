@@ -2,9 +2,11 @@
 //!
 //! # Layout
 //!
-//! - `jobs`: `/v1/jobs`. `refusal`: errors as JSON. `requests`: deadlines and counting, for gRPC too.
+//! - `gate`: who calls, and may they. `rate`: and how often. `jobs`: `/v1/jobs`. `refusal`: errors as JSON. `requests`: deadlines and counting, for gRPC too.
 
+mod gate;
 mod jobs;
+mod rate;
 mod refusal;
 mod requests;
 
@@ -16,11 +18,14 @@ use axum::http::{StatusCode, header};
 use axum::middleware;
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
+pub(crate) use gate::Gate;
+pub(crate) use rate::Rate;
 use refusal::Refusal;
 use tonic::Status;
 
 /// gRPC and HTTP on one router.
-pub(crate) fn router(api: Api, grpc: tonic::service::Routes) -> Router {
+pub(crate) fn router(gate: Gate, grpc: tonic::service::Routes) -> Router {
+    let api = gate.api.clone();
     let http = Router::new()
         .route("/healthz", get(health))
         .route("/metrics", get(metrics))
@@ -30,7 +35,9 @@ pub(crate) fn router(api: Api, grpc: tonic::service::Routes) -> Router {
         .with_state(api.clone());
     // Both have a fallback, and only one can stay.
     let grpc = grpc.into_axum_router().reset_fallback();
-    http.merge(grpc).layer(middleware::from_fn_with_state(api, requests::watched))
+    http.merge(grpc)
+        .layer(middleware::from_fn_with_state(gate, gate::pass))
+        .layer(middleware::from_fn_with_state(api, requests::watched))
 }
 
 async fn health(State(api): State<Api>) -> Response {

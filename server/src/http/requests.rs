@@ -1,16 +1,18 @@
 //! Around every request, gRPC and HTTP: a deadline to its answer, and its count.
 
+use super::gate::is_grpc;
 use super::refusal::Refusal;
-use crate::api::rules::{Effect, effect};
 use crate::api::{Api, ApiError};
 use crate::metrics;
 use axum::extract::{MatchedPath, Request, State};
-use axum::http::HeaderMap;
+use axum::http::{HeaderMap, HeaderValue};
 use axum::middleware::Next;
 use axum::response::{IntoResponse as _, Response};
 use std::time::{Duration, Instant};
 use tokio::time::timeout;
 use tonic::{Code, Status};
+use tracing::Instrument as _;
+use uuid::Uuid;
 
 /// Time to the answer (a stream: to its beginning). The longest is the checking of a picture of 64 Mpx behind others.
 const ANSWER_DEADLINE: Duration = Duration::from_secs(120);
@@ -22,22 +24,19 @@ const UPLOAD: &str = "/lightpath.v1.ArtifactService/WriteArtifact";
 const ALWAYS: [&str; 3] = ["/healthz", "/metrics", "/grpc.health.v1.Health/"];
 
 /// Runs the request within its deadline, the client's (`grpc-timeout`) where that is sooner, and counts it. A server
-/// that stops takes no more, one whose disk is low no more work.
+/// that stops takes no more.
 pub(super) async fn watched(State(api): State<Api>, request: Request, next: Next) -> Response {
     let begin = Instant::now();
-    let is_grpc =
-        request.headers().get("content-type").is_some_and(|it| it.as_bytes().starts_with(b"application/grpc"));
+    let is_grpc = is_grpc(request.headers());
     let method = method(&request);
     let limit = if request.uri().path() == UPLOAD { UPLOAD_DEADLINE } else { ANSWER_DEADLINE };
     let limit = client_limit(request.headers()).map_or(limit, |client| client.min(limit));
-    let response = if api.is_stopping() && !ALWAYS.iter().any(|path| request.uri().path().starts_with(path)) {
+    let id = Uuid::now_v7().to_string();
+    let span = tracing::info_span!("request", id, method);
+    let mut response = if api.is_stopping() && !ALWAYS.iter().any(|path| request.uri().path().starts_with(path)) {
         refuse(ApiError::Stopping.into(), is_grpc)
-    } else if effect(request.uri().path()) == Some(Effect::Takes)
-        && let Err(full) = api.artifacts().admit(0)
-    {
-        refuse(ApiError::from(full).into(), is_grpc)
     } else {
-        match timeout(limit, next.run(request)).await {
+        match timeout(limit, next.run(request).instrument(span)).await {
             Ok(response) => response,
             Err(_) => {
                 let message = format!("no answer within {} s", limit.as_secs_f64());
@@ -45,7 +44,13 @@ pub(super) async fn watched(State(api): State<Api>, request: Request, next: Next
             }
         }
     };
-    metrics::request(method, code(&response, is_grpc), begin.elapsed());
+    let (code, took) = (code(&response, is_grpc), begin.elapsed());
+    tracing::debug!(id, method, code, took_ms = took.as_secs_f64() * 1e3, "answered");
+    metrics::request(method, code, took);
+    // Whoever asks what happened can name the request.
+    if let Ok(id) = HeaderValue::from_str(&id) {
+        response.headers_mut().insert("x-request-id", id);
+    }
     response
 }
 

@@ -12,7 +12,7 @@
 //!
 //! # Layout
 //!
-//! - `queue`: pausing, and how it stands. `dependencies`: jobs that wait for others.
+//! - `tokens`: who may call. `queue`: pausing, and how it stands. `dependencies`: jobs that wait for others.
 //! - `collection`: what goes by itself. `inspect`: a database as it lies there, for checks and backups.
 //! - `open`: files, pragmas, migrations. `write`: write transactions. `changes`: announcements. `rows`: text and JSON.
 //! - `displays`, `artifacts`, `datasets`, `jobs`, `leases`, `endings`, `cancels`, `events`, `kernels`, `moves`, `totals`: a table or a
@@ -37,6 +37,7 @@ mod moves;
 mod open;
 mod queue;
 mod rows;
+mod tokens;
 mod totals;
 mod write;
 
@@ -49,6 +50,7 @@ pub use jobs::{JobFilter, QueueCounts, QueueLimits, Submitted};
 pub use leases::{ClaimLimits, Heartbeat};
 pub use open::Store;
 pub use queue::{BatchProgress, Pause, Turn};
+pub use tokens::TokenRecord;
 pub use totals::QueueDepth;
 
 /// Most rows that one call returns, whatever limit it names: a page of the largest list fits well into a message.

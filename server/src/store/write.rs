@@ -48,6 +48,15 @@ impl Write {
 }
 
 impl Store {
+    /// Waits until nobody writes, and writes nothing.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`] where somebody else holds the database for too long.
+    pub async fn take_turn(&self) -> Result<(), StoreError> {
+        self.write(|_| Box::pin(async { Ok(()) })).await
+    }
+
     /// Runs `work` in a transaction of its own task: whole or not at all, even where the caller goes away.
     pub(super) async fn write<T, W>(&self, work: W) -> Result<T, StoreError>
     where

@@ -12,7 +12,7 @@ use std::process::ExitCode;
 
 /// The data folder, found as the server finds it.
 #[derive(Debug, clap::Args)]
-struct DataDir {
+pub(super) struct DataDir {
     /// TOML file of settings that the server is started with; its data_dir counts
     #[arg(long, env = "LIGHTPATH_CONFIG", value_name = "FILE")]
     config: Option<PathBuf>,
@@ -98,12 +98,12 @@ pub struct CollectArgs {
 const EXIT_NOT_DONE: u8 = 2;
 
 impl DataDir {
-    fn path(&self) -> anyhow::Result<PathBuf> {
+    pub(super) fn path(&self) -> anyhow::Result<PathBuf> {
         let file = self.config.as_deref().map(Settings::read).transpose()?.unwrap_or_default();
         Ok(self.data_dir.clone().or(file.data_dir).unwrap_or(Config::default().data_dir))
     }
 
-    fn print<T: Serialize>(&self, value: &T, text: impl FnOnce(&T) -> String) -> anyhow::Result<()> {
+    pub(super) fn print<T: Serialize>(&self, value: &T, text: impl FnOnce(&T) -> String) -> anyhow::Result<()> {
         print(self.output, value, text)
     }
 }
@@ -204,11 +204,11 @@ impl CollectArgs {
     }
 }
 
-fn runtime() -> std::io::Result<tokio::runtime::Runtime> {
+pub(super) fn runtime() -> std::io::Result<tokio::runtime::Runtime> {
     tokio::runtime::Builder::new_current_thread().enable_all().build()
 }
 
-fn exit(outcome: anyhow::Result<bool>) -> ExitCode {
+pub(super) fn exit(outcome: anyhow::Result<bool>) -> ExitCode {
     match outcome {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::FAILURE,

@@ -5,8 +5,8 @@
 //!
 //! # Layout
 //!
-//! - `check`: is everything there that should be? `backup`, `restore`. `collect`: what goes by itself. `commands`: these on
-//!   the command line.
+//! - `check`: is everything there that should be? `backup`, `restore`. `collect`: what goes by itself. `tokens`: making
+//!   and revoking them. `commands`: these on the command line.
 
 mod backup;
 mod check;
@@ -15,12 +15,14 @@ mod commands;
 mod restore;
 #[cfg(test)]
 mod tests;
+mod tokens;
 
 pub use backup::{Backup, Manifest, backup};
 pub use check::{Finding, FindingKind, Report, check};
 pub use collect::{Collected, Retention};
 pub use commands::{BackupArgs, CheckArgs, CollectArgs, RestoreArgs};
 pub use restore::restore;
+pub use tokens::TokenCommand;
 
 use crate::artifacts::ArtifactError;
 use crate::store::StoreError;

@@ -251,7 +251,7 @@ impl Worker {
         let name = format!("{}-{index}", self.config.name);
         let claimable = self.store.claimable();
         while !drain.is_cancelled() {
-            if !self.has_room() {
+            if self.artifacts.room_to_start().is_err() {
                 tokio::select! {
                     () = sleep(PAUSE) => {}
                     () = drain.cancelled() => {}
@@ -282,12 +282,6 @@ impl Worker {
                 }
             }
         }
-    }
-
-    /// Whether a job that starts now may hope to end: half of the disk's reserve is left for those that run.
-    fn has_room(&self) -> bool {
-        let reserve_bytes = self.artifacts.space_limits().reserve_bytes;
-        reserve_bytes == 0 || self.artifacts.free_bytes().is_ok_and(|free| free >= reserve_bytes / 2)
     }
 
     /// Until a job is due that was not yet due when nothing could be claimed.

@@ -1,6 +1,7 @@
 //! The server, spoken to over the wire: each test starts one on a free port with a fresh data folder.
 #![allow(clippy::unwrap_used)]
 
+mod access;
 mod artifacts;
 mod displays;
 mod http;

@@ -36,18 +36,28 @@ impl Serving {
 
     pub(crate) async fn start_with(change: impl FnOnce(&mut Config)) -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let mut config = Config { data_dir: folder.path().join("data"), compute_threads: 1, ..Config::default() };
-        change(&mut config);
-        Self::start_in(folder, config).await
+        let config = Config { data_dir: folder.path().join("data"), ..Config::default() };
+        Self::start_in(folder, config, change).await
     }
 
-    async fn start_in(folder: TempDir, config: Config) -> Self {
+    /// A server that speaks TLS; its `channel` does not, and is of no use.
+    pub(crate) async fn start_secured(change: impl FnOnce(&mut Config)) -> Self {
+        Self::start_with(change).await
+    }
+
+    pub(crate) async fn start_in(folder: TempDir, mut config: Config, change: impl FnOnce(&mut Config)) -> Self {
+        config.compute_threads = 1;
+        change(&mut config);
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = listener.local_addr().unwrap();
         let shutdown = CancellationToken::new();
         let stop = shutdown.clone();
         let running = tokio::spawn(server::run(listener, config.clone(), async move { stop.cancelled().await }));
-        let channel = Channel::from_shared(format!("http://{address}")).unwrap().connect().await.unwrap();
+        let endpoint = Channel::from_shared(format!("http://{address}")).unwrap();
+        let channel = match config.tls {
+            None => endpoint.connect().await.unwrap(),
+            Some(_) => endpoint.connect_lazy(),
+        };
         let guard = shutdown.clone().drop_guard();
         Self { address, config, channel, shutdown, _guard: guard, running, folder }
     }
@@ -56,7 +66,7 @@ impl Serving {
     pub(crate) async fn restart(self) -> Self {
         self.shutdown.cancel();
         self.running.await.unwrap().unwrap();
-        Self::start_in(self.folder, self.config).await
+        Self::start_in(self.folder, self.config, |_| {}).await
     }
 
     /// Stops the server and waits for its end.

@@ -317,3 +317,41 @@ async fn a_caller_that_goes_away_leaves_nothing_half_done() {
         assert_eq!(store.events(&job.id, None, 50).await.unwrap().len(), 1, "each job with its event");
     }
 }
+
+/// Workers that come back after their jobs were given to others: 50, or as many as `LIGHTPATH_ZOMBIES` says.
+#[tokio::test]
+async fn zombies_write_nothing() {
+    let zombies = std::env::var("LIGHTPATH_ZOMBIES").map_or(50, |zombies| zombies.parse().unwrap());
+    let (store, folder) = store().await;
+    let elsewhere = Store::open(&folder.path().join("lightpath.db")).await.unwrap();
+    let mut rejected = 0;
+    for n in 0..zombies {
+        let now = 10 + i64::from(n) * 3 * LEASE_MS;
+        let id = submit(&store, &format!("r{n}"), now).await;
+        let (_, zombie) = claim(&elsewhere, now).await.unwrap();
+        let late = now + LEASE_MS;
+        assert_eq!(store.expire_leases(late).await.unwrap().len(), 1);
+        let (rescued, fresh) = claim(&store, late).await.unwrap();
+        assert_eq!((&rescued, fresh.attempt), (&id, 2));
+        let saved = store.checkpoint(&fresh, &digest(n), late).await.unwrap();
+        let before = store.job(&id).await.unwrap();
+        let progress = Progress { stage: "x".into(), step: 1, steps_total: 2, loss: 0.5, eta_s: None };
+        let writes = [
+            elsewhere.heartbeat(&zombie, late, LEASE_MS).await.map(drop),
+            elsewhere.progress(&zombie, &progress, late).await,
+            elsewhere.checkpoint(&zombie, &digest(1_000_000), late).await.map(drop),
+            elsewhere.finish(&zombie, result(), None, late).await.map(drop),
+            elsewhere.fail(&zombie, trouble(), None, late).await.map(drop),
+            elsewhere.postpone(&zombie, trouble(), late, late).await.map(drop),
+            elsewhere.release(&zombie, late).await.map(drop),
+            elsewhere.end_cancelled(&zombie, late).await.map(drop),
+        ];
+        for write in writes {
+            assert!(matches!(write, Err(StoreError::LeaseLost)), "{write:?}");
+            rejected += 1;
+        }
+        assert_eq!((saved, store.job(&id).await.unwrap()), (None, before), "nothing has changed");
+        store.finish(&fresh, result(), None, late + 1).await.unwrap();
+    }
+    assert_eq!(rejected, 8 * zombies);
+}

@@ -1,0 +1,243 @@
+//! How a server answers under load.
+//!
+//! ```sh
+//! lightpathd serve --data-dir /tmp/load --queue-limit 1000000 --calls-per-s-max 0 &
+//! cargo run --release -p lightpath --example load -- --server-pid $!
+//! ```
+//!
+//! A long job keeps the server's cores busy all the while. Submits many jobs, lists pages of them, follows a thousand jobs at
+//! once and measures how soon each follower hears of the job's end, and uploads large artifacts side by side. Prints a table in
+//! Markdown.
+
+#![allow(clippy::unwrap_used, clippy::print_stdout)]
+
+use clap::Parser;
+use futures::stream::{self, StreamExt as _};
+use image_of_noise::png;
+use lightpath::v1::{self, OptimizeHologram, SubmitJobRequest, job::State, job_spec};
+use lightpath::{Client, Credentials, job_spec as spec_of, names};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use tokio::sync::Mutex;
+
+/// Streams that one connection may carry, with some room.
+const WATCHERS_PER_CONNECTION: usize = 200;
+
+#[derive(Parser)]
+struct Options {
+    /// Address of the server
+    #[arg(long, default_value = "http://127.0.0.1:7070")]
+    server: String,
+    /// File with the access token
+    #[arg(long)]
+    token_file: Option<PathBuf>,
+    /// PEM file of the authority of the server's certificate
+    #[arg(long)]
+    ca_file: Option<PathBuf>,
+    /// Process id of the server, for its memory
+    #[arg(long)]
+    server_pid: Option<u32>,
+    /// Jobs to submit
+    #[arg(long, default_value_t = 3000)]
+    submits: usize,
+    /// Calls under way at once
+    #[arg(long, default_value_t = 8)]
+    at_once: usize,
+    /// Jobs to follow at once, at most 1000
+    #[arg(long, default_value_t = 1000)]
+    watchers: usize,
+    /// Size of each of eight uploads [MB]
+    #[arg(long, default_value_t = 130)]
+    upload_mb: usize,
+}
+
+#[tokio::main]
+async fn main() {
+    let options = Options::parse();
+    let credentials = Credentials {
+        token: options.token_file.as_ref().map(|path| std::fs::read_to_string(path).unwrap()),
+        authority_pem: options.ca_file.as_ref().map(|path| std::fs::read(path).unwrap()),
+        certificate_and_key_pem: None,
+    };
+    let connect = || Client::connect_as(&options.server, &credentials).unwrap();
+    let client = connect();
+    let target = prepare(&client).await;
+    let run = u64::from(std::process::id());
+
+    let busy = submit(&client, &target, 10_000, -100, &format!("busy-{run}")).await;
+    until(&client, &busy, State::Running).await;
+    println!("| what | result |\n|---|---|");
+
+    let started = Instant::now();
+    let submitted: Vec<(String, Duration)> = stream::iter(0..options.submits)
+        .map(|n| {
+            let (client, target) = (&client, &target);
+            async move {
+                let begin = Instant::now();
+                (submit(client, target, 5, 50, &format!("load-{run}-{n}")).await, begin.elapsed())
+            }
+        })
+        .buffer_unordered(options.at_once)
+        .collect()
+        .await;
+    let rate = options.submits as f64 / started.elapsed().as_secs_f64();
+    let times = Times::of(submitted.iter().map(|(_, time)| *time));
+    println!("| {} submits, {} at once | {rate:.0} a second, {times} |", options.submits, options.at_once);
+
+    let mut times = Vec::new();
+    let mut request = v1::ListJobsRequest::default();
+    for _ in 0..300 {
+        let begin = Instant::now();
+        let page = client.list_jobs(request.clone()).await.unwrap();
+        times.push(begin.elapsed());
+        request.page_token = page.next_page_token;
+    }
+    println!("| 300 pages of 50 jobs, one after the other | {} |", Times::of(times));
+
+    let watched: Vec<String> = submitted.iter().take(options.watchers).map(|(name, _)| name.clone()).collect();
+    let heard = Arc::new(Mutex::new(std::collections::HashMap::new()));
+    let mut followers = Vec::new();
+    for names in watched.chunks(WATCHERS_PER_CONNECTION) {
+        let client = connect();
+        for name in names {
+            let mut stream = client.watch_job(v1::WatchJobRequest { name: name.clone() }).await.unwrap();
+            let (heard, name) = (Arc::clone(&heard), name.clone());
+            followers.push(tokio::spawn(async move {
+                while let Some(job) = stream.message().await.unwrap() {
+                    if job.state() == State::Cancelled {
+                        heard.lock().await.insert(name.clone(), Instant::now());
+                    }
+                }
+            }));
+        }
+    }
+    let mut cancelled = Vec::new();
+    for name in &watched {
+        client.cancel_job(v1::CancelJobRequest { name: name.clone() }).await.unwrap();
+        cancelled.push((name, Instant::now()));
+    }
+    for follower in followers {
+        follower.await.unwrap();
+    }
+    let heard = heard.lock().await;
+    let delays = cancelled.iter().map(|(name, at)| heard[*name].saturating_duration_since(*at));
+    println!("| {} followers, each told of its job's end | {} after the answer |", watched.len(), Times::of(delays));
+
+    let before_mib = options.server_pid.map(memory_mib);
+    let uploads = (0..8_u8).map(|n| {
+        let client = connect();
+        let bytes: Vec<u8> =
+            (0..options.upload_mb * 1_000_000).map(|i| (i as u8).wrapping_mul(31) ^ n ^ run as u8).collect();
+        async move { client.upload_bytes(bytes).await.unwrap() }
+    });
+    let uploads: Vec<_> = uploads.map(tokio::spawn).collect();
+    let (begin, mut peak_mib) = (Instant::now(), before_mib);
+    while !uploads.iter().all(tokio::task::JoinHandle::is_finished) {
+        tokio::time::sleep(Duration::from_millis(50)).await;
+        peak_mib = options.server_pid.map(memory_mib).max(peak_mib);
+    }
+    let rate = 8.0 * options.upload_mb as f64 / begin.elapsed().as_secs_f64();
+    let grown =
+        peak_mib.zip(before_mib).map(|(peak, before)| format!(", the server's memory grew by {} MiB", peak - before));
+    println!("| 8 uploads of {} MB side by side | {rate:.0} MB/s{} |", options.upload_mb, grown.unwrap_or_default());
+
+    let job = client.get_job(v1::GetJobRequest { name: busy.clone() }).await.unwrap();
+    println!("| the job that ran meanwhile | attempt {}, {:?} |", job.attempt, job.state());
+    client.cancel_job(v1::CancelJobRequest { name: busy }).await.unwrap();
+}
+
+async fn prepare(client: &Client) -> String {
+    let display = v1::Display {
+        name: names::display("load"),
+        width_px: 1920,
+        height_px: 1080,
+        pixel_pitch_m: 8e-6,
+        wavelengths_m: vec![515e-9],
+        ..Default::default()
+    };
+    client.create_display(v1::CreateDisplayRequest { display: Some(display) }).await.unwrap();
+    client.upload_bytes(png(64, 48)).await.unwrap()
+}
+
+async fn submit(client: &Client, target: &str, iterations: u32, priority: i32, request_id: &str) -> String {
+    let spec = OptimizeHologram {
+        display: names::display("load"),
+        distance_m: 0.05,
+        target: target.to_owned(),
+        iterations,
+        ..Default::default()
+    };
+    let spec = Some(spec_of(job_spec::Kind::OptimizeHologram(spec)));
+    let request = SubmitJobRequest { spec, priority, request_id: request_id.to_owned(), ..Default::default() };
+    client.submit_job(request).await.unwrap().name
+}
+
+async fn until(client: &Client, job: &str, state: State) {
+    let mut watch = client.watch_job(v1::WatchJobRequest { name: job.to_owned() }).await.unwrap();
+    while watch.message().await.unwrap().is_some_and(|job| job.state() != state) {}
+}
+
+/// Resident memory of a process \[MiB\].
+fn memory_mib(pid: u32) -> u64 {
+    let status = std::fs::read_to_string(format!("/proc/{pid}/status")).unwrap();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).unwrap();
+    line.trim().trim_end_matches(" kB").parse::<u64>().unwrap() / 1024
+}
+
+/// How long the same thing took, often.
+struct Times(Vec<Duration>);
+
+impl Times {
+    fn of(times: impl IntoIterator<Item = Duration>) -> Self {
+        let mut times: Vec<_> = times.into_iter().collect();
+        times.sort();
+        Self(times)
+    }
+}
+
+impl std::fmt::Display for Times {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let at = |part: usize| self.0[(self.0.len() * part / 100).min(self.0.len() - 1)].as_secs_f64() * 1e3;
+        write!(f, "median {:.1} ms, p99 {:.1} ms", at(50), at(99))
+    }
+}
+
+/// A picture without a library: stored, not compressed.
+mod image_of_noise {
+    /// A grey PNG of a pattern.
+    pub(crate) fn png(width_px: u32, height_px: u32) -> Vec<u8> {
+        let rows: Vec<u8> = (0..height_px)
+            .flat_map(|y| std::iter::once(0).chain((0..width_px).map(move |x| (x * 7 + y * 13) as u8)))
+            .collect();
+        let mut data = vec![0x78, 0x01, 0x01];
+        data.extend((rows.len() as u16).to_le_bytes());
+        data.extend((!(rows.len() as u16)).to_le_bytes());
+        data.extend(&rows);
+        data.extend(adler32(&rows).to_be_bytes());
+        let mut header = width_px.to_be_bytes().to_vec();
+        header.extend(height_px.to_be_bytes());
+        header.extend([8, 0, 0, 0, 0]);
+        let mut file = b"\x89PNG\r\n\x1a\n".to_vec();
+        for (kind, bytes) in [(b"IHDR", header), (b"IDAT", data), (b"IEND", Vec::new())] {
+            let chunk = [kind.as_slice(), &bytes].concat();
+            file.extend((bytes.len() as u32).to_be_bytes());
+            file.extend(&chunk);
+            file.extend(crc32(&chunk).to_be_bytes());
+        }
+        file
+    }
+
+    fn adler32(bytes: &[u8]) -> u32 {
+        let (a, b) = bytes.iter().fold((1, 0), |(a, b), &byte| {
+            let a = (a + u32::from(byte)) % 65521;
+            (a, (b + a) % 65521)
+        });
+        b << 16 | a
+    }
+
+    fn crc32(bytes: &[u8]) -> u32 {
+        let step = |crc: u32, _| if crc & 1 == 1 { (crc >> 1) ^ 0xedb8_8320 } else { crc >> 1 };
+        !bytes.iter().fold(!0, |crc, &byte| (0..8).fold(crc ^ u32::from(byte), step))
+    }
+}
