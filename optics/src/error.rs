@@ -46,6 +46,15 @@ pub enum Error {
     /// A photograph of which nothing counts.
     #[error("photo is saturated at every pixel of the region of interest; expose the camera less, or move the region")]
     Saturated,
+    /// Photographs that have nothing to do with their holograms.
+    #[error(
+        "the photographs seem to be of other holograms, or mirrored, turned or far out of place: what an ideal display would \
+         show correlates with them by {correlation:.3} only; check which photo belongs to which phase, and the alignment"
+    )]
+    Unrelated {
+        /// Of light and photograph, the median over the pairs.
+        correlation: f64,
+    },
     /// A method of propagation can't be right for what it was asked.
     #[error("the {method} is not possible here: {reason}")]
     Unsuitable {

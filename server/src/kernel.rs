@@ -99,6 +99,30 @@ pub struct KernelMetrics {
     pub test_loss_full_frame: f64,
     /// Over the full frame, through the ideal kernel.
     pub ideal_test_loss_full_frame: f64,
+    /// Of new holograms; only of simulated displays.
+    #[serde(default)]
+    pub captured: Option<CapturedQuality>,
+}
+
+/// What the camera of a simulated display sees of new holograms, the mean over some targets \[dB\].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CapturedQuality {
+    /// PSNR through the kernel.
+    pub psnr_db: f64,
+    /// PSNR through the ideal kernel.
+    pub ideal_psnr_db: f64,
+}
+
+impl KernelMetrics {
+    /// Measured, and not shown to be better than the ideal kernel: neither in predicting held-out photographs, nor, where
+    /// that was tried, in photographs of new holograms.
+    #[must_use]
+    pub fn no_better_than_ideal(&self) -> bool {
+        // Losses that are not numbers show nothing.
+        let predicts = self.test_loss < self.ideal_test_loss;
+        let shows = self.captured.is_none_or(|captured| captured.psnr_db > captured.ideal_psnr_db);
+        (self.test_pairs > 0 && !predicts) || !shows
+    }
 }
 
 /// Where a version comes from.
@@ -135,4 +159,26 @@ pub struct KernelMove {
     pub reason: String,
     /// The move was a rollback.
     pub rollback: bool,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_kernel_is_better_than_ideal_only_where_everything_measured_says_so() {
+        let measured = |test_loss: f64, captured_db: Option<f64>| KernelMetrics {
+            test_pairs: 2,
+            test_loss,
+            ideal_test_loss: 0.5,
+            captured: captured_db.map(|psnr_db| CapturedQuality { psnr_db, ideal_psnr_db: 20.0 }),
+            ..KernelMetrics::default()
+        };
+        assert!(!KernelMetrics::default().no_better_than_ideal(), "imported: nothing was measured");
+        assert!(!measured(0.4, None).no_better_than_ideal());
+        assert!(!measured(0.4, Some(21.0)).no_better_than_ideal());
+        assert!(measured(0.5, None).no_better_than_ideal());
+        assert!(measured(f64::NAN, None).no_better_than_ideal());
+        assert!(measured(0.4, Some(19.0)).no_better_than_ideal());
+    }
 }

@@ -153,6 +153,14 @@ fn learn_facts(result: &v1::LearnResult, facts: &mut Facts) {
         facts.add("training loss", show::loss(metrics.train_loss));
         let pairs = (metrics.train_pairs, metrics.validation_pairs, metrics.test_pairs);
         facts.add("pairs", format!("{} train, {} validation, {} test", pairs.0, pairs.1, pairs.2));
+        quality_text::verdict(metrics, facts);
+    }
+    if !result.left_out_pairs.is_empty() {
+        let ids = result.left_out_pairs.join(", ");
+        facts.add("left out", format!("{ids}: the photographs are not of their holograms"));
+    }
+    if result.order > 0 {
+        facts.add("order", result.order.to_string());
     }
 }
 

@@ -1,8 +1,8 @@
-//! How good a hologram is, as a table.
+//! How good a hologram is, as a table; how good a kernel is.
 
 use super::show;
-use super::table::Table;
-use lightpath::v1::{HologramResult, Quality};
+use super::table::{Facts, Table};
+use lightpath::v1::{HologramResult, KernelMetrics, Quality};
 
 /// Every metric in the eyes of each detector, of the phase as optimized and as the display shows it.
 pub(crate) fn table(result: &HologramResult) -> String {
@@ -35,6 +35,17 @@ pub(crate) fn table(result: &HologramResult) -> String {
         }
     }
     if phases.is_empty() { String::new() } else { table.text() }
+}
+
+/// What new holograms through a kernel look like, and whether it is good for anything.
+pub(crate) fn verdict(metrics: &KernelMetrics, facts: &mut Facts) {
+    if let (Some(learned), Some(ideal)) = (metrics.captured_psnr_db, metrics.ideal_captured_psnr_db) {
+        let (learned, ideal) = (show::decibel(learned), show::decibel(ideal));
+        facts.add("captured", format!("{learned} (ideal kernel {ideal}), new holograms"));
+    }
+    if metrics.no_better_than_ideal {
+        facts.add("verdict", "no better than the ideal kernel; promoted only with --force");
+    }
 }
 
 /// `0.9876`, or `–`.

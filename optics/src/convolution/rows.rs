@@ -53,11 +53,26 @@ impl<T: Real> Convolver<T> {
     /// Gathers every sub-sample of row `y` from `tiles` (all offsets along y): for each offset along y, for each along x,
     /// the row's `width_px` values.
     pub(crate) fn sample_row(&self, arch: Arch, tiles: &[Complex<T>], y: usize, scratch: &mut Scratch<T>) {
+        self.sample_weighed_row(arch, tiles, y, None, scratch);
+    }
+
+    /// [`Self::sample_row`] of the field whose spectrum is multiplied by a real number for each column.
+    pub(crate) fn sample_weighed_row(
+        &self,
+        arch: Arch,
+        tiles: &[Complex<T>],
+        y: usize,
+        weights: Option<&[T]>,
+        scratch: &mut Scratch<T>,
+    ) {
         let Scratch { row, samples, fft, .. } = scratch;
         let (half, shifted) = row.split_at_mut(2 * self.width_px);
         let mut samples = samples.chunks_exact_mut(self.width_px);
         for lane in 0..self.lanes() {
             self.gather_row(tiles, self.lanes(), lane, y, half);
+            if let Some(weights) = weights {
+                half.iter_mut().zip(weights).for_each(|(value, &weight)| *value = value.scale(weight));
+            }
             for offset in &self.along_x.offsets {
                 let out = samples.next().expect("a slot for every sub-sample");
                 let Some(phases) = offset else {

@@ -2,7 +2,7 @@
 //!
 //! Adam with a constant step, one pair at a time in their own order, as the paper has it.
 
-use super::pair::{Example, measure_all};
+use super::pair::{Example, measure_each, total};
 use super::{LearnModel, LearnOptions, LearnStage, LearnStep, PairSource, pair::BoxError};
 use crate::convolution::{Transfer, split_bin};
 use crate::engine::{Engine, Fields};
@@ -113,7 +113,8 @@ impl BinsLearner {
             self.state.epoch_loss = 0.0;
             self.fit_gain(pairs)?;
         }
-        Ok(Some(LearnStep { stage: LearnStage::Adam, step: self.state.adam_steps, steps_total: total, loss }))
+        let (step, steps_total) = (self.state.adam_steps, total);
+        Ok(Some(LearnStep { stage: LearnStage::Adam, step, steps_total, loss, validation_loss: None, order: 0 }))
     }
 
     fn descend(&mut self, example: &Example<f32>) -> f64 {
@@ -149,8 +150,8 @@ impl BinsLearner {
     }
 
     fn fit_gain(&mut self, pairs: &dyn PairSource) -> Result<(), BoxError> {
-        let sums = measure_all(&self.engine, &mut self.out, pairs, self.options.region)?;
-        (self.state.gain, self.state.offset) = sums.best_gain_and_offset();
+        let each = measure_each(&self.engine, &mut self.out, pairs, self.options.region)?;
+        (self.state.gain, self.state.offset) = total(&each).best_gain_and_offset();
         Ok(())
     }
 

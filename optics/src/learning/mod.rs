@@ -1,10 +1,11 @@
 //! Learning a [`DisplayModel`] from photographs of holograms.
 //!
 //! ```text
-//! min over θ of  mean over pairs of  Σ w ( gain · D(|H ∗ c(φ)|²) + offset − photo )² / Σ w
+//! min over θ of  mean over pairs of  min over s, o of  Σ w ( s · D(|H ∗ c(φ)|²) + o − photo )² / Σ w
 //! ```
 //!
-//! φ the hologram and photo its photograph, w 1 in the region of interest but 0 where the camera saturates, here as in
+//! φ the hologram and photo its photograph, s and o its gain and offset (those of the exposure: every photograph has its own,
+//! but for `paper` and `dense`, which fit them to all photographs after each epoch), w 1 in the region of interest but 0 where the camera saturates, here as in
 //! [`compare`], by which finished models are judged. Two families:
 //! [`parametric`] describes the display by some dozens of numbers, [`bins`] by one for every frequency.
 //!
@@ -13,9 +14,13 @@
 
 pub mod bins;
 mod columns;
+mod fit;
+mod jacobian;
+mod layout;
 mod pair;
 pub mod parametric;
 mod schedule;
+mod screening;
 mod smooth_transfer;
 
 pub use pair::{BoxError, Pair, PairSource, compare, unsaturated_px};
@@ -35,13 +40,13 @@ pub enum LearnModel {
     Dense,
     /// H = H_ideal · exp(α + iψ), smooth α and ψ.
     Smooth {
-        /// Highest total degree of α and ψ, 1 to 12.
-        order: usize,
+        /// Highest total degree of α and ψ, 1 to 12; `None`: 5, 8 or 12, as validation pairs choose; 8 without any.
+        order: Option<usize>,
     },
     /// `Smooth`, and the source, the phase response and the zero order.
     Display {
-        /// Highest total degree of α and ψ, 1 to 12.
-        order: usize,
+        /// As of `Smooth`.
+        order: Option<usize>,
     },
 }
 
@@ -54,7 +59,7 @@ pub struct LearnOptions {
     pub epochs: u32,
     /// Adam's step, at its highest where it follows a schedule.
     pub learning_rate: f64,
-    /// Evaluations of all pairs by L-BFGS afterwards; parametric models only.
+    /// Evaluations of all pairs by Levenberg and Marquardt's method afterwards, at most; parametric models only.
     pub refinement_evaluations: u32,
     /// Of the order of the pairs, and of the paper model's start.
     pub seed: u64,
@@ -64,6 +69,9 @@ pub struct LearnOptions {
     pub detector: Detector,
     /// The display's grating.
     pub carrier: Option<Carrier>,
+    /// A display to start from instead of an ideal one, such as an earlier version of the kernel; parametric models only, which
+    /// then go without Adam.
+    pub warm_start: Option<DisplayModel>,
 }
 
 impl LearnOptions {
@@ -73,8 +81,7 @@ impl LearnOptions {
         let (epochs, learning_rate, refinement_evaluations) = match model {
             LearnModel::Paper => (30, 0.002, 0),
             LearnModel::Dense => (5, 0.02, 0),
-            LearnModel::Smooth { .. } => (4, 0.05, 60),
-            LearnModel::Display { .. } => (4, 0.05, 120),
+            LearnModel::Smooth { .. } | LearnModel::Display { .. } => (4, 0.05, 40),
         };
         Self {
             model,
@@ -85,6 +92,7 @@ impl LearnOptions {
             region,
             detector: Detector::Pixel,
             carrier: None,
+            warm_start: None,
         }
     }
 
@@ -96,7 +104,7 @@ impl LearnOptions {
             let allowed = "above 0 and at most 10";
             return Err(Error::OutOfRange { name: "learning_rate", value: self.learning_rate, allowed });
         }
-        if let LearnModel::Smooth { order } | LearnModel::Display { order } = self.model
+        if let LearnModel::Smooth { order: Some(order) } | LearnModel::Display { order: Some(order) } = self.model
             && !(1..=12).contains(&order)
         {
             return Err(Error::OutOfRange { name: "order", value: order as f64, allowed: "1 to 12" });
@@ -116,14 +124,44 @@ pub struct LearnStep {
     pub steps_total: u32,
     /// Of this step: one pair's with Adam, the mean over all in the refinement.
     pub loss: f64,
+    /// The best on the validation pairs so far, where there are some and they have been looked at.
+    pub validation_loss: Option<f64>,
+    /// The kernel's order; 0 for models of bins.
+    pub order: u32,
 }
+
+/// The pairs to learn from, and those by which learning knows when to end.
+#[derive(Clone, Copy)]
+pub struct Lessons<'a> {
+    /// What is learned from.
+    pub training: &'a dyn PairSource,
+    /// By which orders are chosen and learning ends; may be empty. Only parametric models look at them.
+    pub validation: &'a dyn PairSource,
+}
+
+impl std::fmt::Debug for Lessons<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Lessons({} pairs, {} to validate)", self.training.len(), self.validation.len())
+    }
+}
+
+impl<'a> Lessons<'a> {
+    /// Pairs to learn from alone.
+    #[must_use]
+    pub fn only(training: &'a dyn PairSource) -> Self {
+        Self { training, validation: &NO_PAIRS }
+    }
+}
+
+/// No pairs at all.
+static NO_PAIRS: Vec<Pair> = Vec::new();
 
 /// What kind of step it was.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LearnStage {
     /// Adam over single pairs.
     Adam,
-    /// L-BFGS over all pairs.
+    /// Levenberg and Marquardt's method over all pairs.
     Refinement,
 }
 
@@ -142,8 +180,8 @@ pub struct Learner(Method);
 
 #[derive(Debug)]
 enum Method {
-    Parametric(ParametricLearner),
-    Bins(BinsLearner),
+    Parametric(Box<ParametricLearner>),
+    Bins(Box<BinsLearner>),
 }
 
 impl Learner {
@@ -155,9 +193,9 @@ impl Learner {
     pub fn start(setup: OpticalSetup, options: LearnOptions, pairs: &dyn PairSource) -> Result<Self, BoxError> {
         options.validate(pairs.len())?;
         Ok(Self(match options.model {
-            LearnModel::Paper | LearnModel::Dense => Method::Bins(BinsLearner::start(setup, options, pairs)?),
+            LearnModel::Paper | LearnModel::Dense => Method::Bins(Box::new(BinsLearner::start(setup, options, pairs)?)),
             LearnModel::Smooth { .. } | LearnModel::Display { .. } => {
-                Method::Parametric(ParametricLearner::start(setup, options, pairs)?)
+                Method::Parametric(Box::new(ParametricLearner::start(setup, options, pairs)?))
             }
         }))
     }
@@ -169,8 +207,10 @@ impl Learner {
     /// [`Error`] for a state that does not fit the options.
     pub fn resume(setup: OpticalSetup, options: LearnOptions, state: LearnState) -> Result<Self, Error> {
         Ok(Self(match state {
-            LearnState::Parametric(state) => Method::Parametric(ParametricLearner::resume(setup, options, state)?),
-            LearnState::Bins(state) => Method::Bins(BinsLearner::resume(setup, options, state)?),
+            LearnState::Parametric(state) => {
+                Method::Parametric(Box::new(ParametricLearner::resume(setup, options, state)?))
+            }
+            LearnState::Bins(state) => Method::Bins(Box::new(BinsLearner::resume(setup, options, state)?)),
         }))
     }
 
@@ -179,10 +219,19 @@ impl Learner {
     /// # Errors
     ///
     /// Those of the source, and [`Error`] for a pair of another size.
-    pub fn step(&mut self, pairs: &dyn PairSource) -> Result<Option<LearnStep>, BoxError> {
+    pub fn step(&mut self, lessons: Lessons<'_>) -> Result<Option<LearnStep>, BoxError> {
         match &mut self.0 {
-            Method::Parametric(learner) => learner.step(pairs),
-            Method::Bins(learner) => learner.step(pairs),
+            Method::Parametric(learner) => learner.step(lessons),
+            Method::Bins(learner) => learner.step(lessons.training),
+        }
+    }
+
+    /// Places of the training pairs that count: without those whose photographs are of something else.
+    #[must_use]
+    pub fn kept_pairs(&self, pairs: usize) -> Vec<usize> {
+        match &self.0 {
+            Method::Parametric(learner) => learner.state().kept.iter().map(|&index| index as usize).collect(),
+            Method::Bins(_) => (0..pairs).collect(),
         }
     }
 

@@ -63,9 +63,9 @@ impl PairSource for Vec<Pair> {
 pub(super) struct Example<T> {
     pub(super) phase: Plane<T>,
     pub(super) photo: Plane<T>,
-    weight: Plane<T>,
+    pub(super) weight: Plane<T>,
     weight_sum: f64,
-    region: RegionOfInterest,
+    pub(super) region: RegionOfInterest,
 }
 
 impl<T: Real> Example<T> {
@@ -97,20 +97,27 @@ impl<T: Real> Example<T> {
     }
 }
 
-/// The sums over all examples at gain 1 and offset 0, from which the gain and offset that fit best follow.
-pub(super) fn measure_all<T: Real>(
+/// The sums of each pair at gain 1 and offset 0.
+pub(super) fn measure_each<T: Real>(
     engine: &Engine<T>,
     fields: &mut Fields<T>,
     pairs: &dyn PairSource,
     region: RegionOfInterest,
-) -> Result<Sums, BoxError> {
-    let mut sums = Sums::default();
-    for index in 0..pairs.len() {
+) -> Result<Vec<Sums>, BoxError> {
+    let one = |index| {
         let example = Example::new(&pairs.pair(index)?, engine, region)?;
         engine.send(example.phase.values(), fields);
-        sums.add(&engine.convolver.measure(&fields.tiles, &example.comparison(engine, 1.0, 0.0)));
-    }
-    Ok(sums)
+        Ok(engine.convolver.measure(&fields.tiles, &example.comparison(engine, 1.0, 0.0)))
+    };
+    (0..pairs.len()).map(one).collect()
+}
+
+/// Over several pairs: what the gain and offset that fit best follow from.
+pub(super) fn total<'a>(each: impl IntoIterator<Item = &'a Sums>) -> Sums {
+    each.into_iter().fold(Sums::default(), |mut total, sums| {
+        total.add(sums);
+        total
+    })
 }
 
 /// Compares what an engine predicts for a pair with its photograph at gain 1 and offset 0, by the rule of learning: over

@@ -1,30 +1,34 @@
 //! Models of some dozens of parameters: `smooth` and `display`.
 //!
-//! Adam goes over single pairs first, which finds the right valley; L-BFGS over all pairs then goes to its floor.
+//! Adam goes over single pairs first, with a kernel of low order, which finds the right valley; Levenberg and Marquardt's
+//! method over all pairs then goes to its floor, and on through kernels of higher orders. Pairs whose photographs are of
+//! something else are [left out](super::screening). Where there are validation pairs, the model that foretells them best is
+//! the one that counts, and learning ends when they gain no more.
 
-use super::pair::{Example, measure_all};
+use super::fit::Fit;
+use super::layout::Layout;
+use super::pair::{Example, measure_each, total};
 use super::schedule::{one_cycle, shuffled};
-use super::smooth_transfer::SmoothTransfer;
-use super::{LearnModel, LearnOptions, LearnStage, LearnStep, PairSource, pair::BoxError};
-use crate::chebyshev::{ChebyshevBasis, polynomials};
-use crate::display_model::position;
-use crate::engine::{Engine, Fields, tabulate_source};
+use super::screening::{self, Knowledge};
+use super::{LearnModel, LearnOptions, LearnStage, LearnStep, Lessons, PairSource, pair::BoxError};
 use crate::optimizer::adam::AdamStep;
-use crate::optimizer::lbfgs::LbfgsState;
-use crate::photometry::Sums;
-use crate::real::Real;
-use crate::slm::{BLOCK, Block, Slm};
-use crate::{DisplayModel, Error, KernelShape, OpticalSetup, SmoothField};
-use num_complex::{Complex, Complex64};
-use pulp::Arch;
-use std::sync::Arc;
+use crate::optimizer::damped::DampedState;
+use crate::{DisplayModel, Error, KernelShape, OpticalSetup};
 
-use super::columns::project;
-
-/// Highest total degree of the source profile.
-const SOURCE_ORDER: usize = 4;
-/// Harmonics of the phase response.
-const HARMONICS: usize = 3;
+/// Orders of the kernel, one after the other, up to the one asked for.
+const LADDER: [usize; 3] = [5, 8, 12];
+/// The order where there is nothing to choose it by.
+const ORDER_DEFAULT: usize = 8;
+/// Pairs whose curvature stands for that of all.
+const CURVATURE_PAIRS: usize = 4;
+/// Pixels of a pair that its curvature is taken from: several hundred for each parameter.
+const CURVATURE_PX: usize = 40_000;
+/// A step that lowers the loss by less than this part of it is the last of its order.
+const STEP_WORTH: f64 = 1e-2;
+/// A step, or an order, that lowers the loss of the validation pairs by less than this part of it is in vain.
+const VALIDATION_WORTH: f64 = 1e-2;
+/// Steps in vain after which validation ends an order.
+const PATIENCE: u32 = 3;
 
 /// All that the next step depends on.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -39,48 +43,84 @@ pub struct ParametricState {
     pub adam_steps: u32,
     /// Sum of the losses of the epoch under way.
     pub epoch_loss: f64,
-    /// The gain that θ's is relative to.
+    /// The photographs' gain and offset, as fitted at the start and at the end to all of them.
     pub gain: f64,
-    /// Once Adam has ended.
-    pub refinement: Option<LbfgsState>,
-    /// L-BFGS found no better point.
+    /// See `gain`.
+    pub offset: f64,
+    /// Places of the pairs that count.
+    pub kept: Vec<u32>,
+    /// The pairs have been looked at again since Adam ended.
+    pub rescreened: bool,
+    /// Orders of the kernel that are done with.
+    pub rung: u32,
+    /// Of the order under way, once Adam has ended.
+    pub refinement: Option<DampedState>,
+    /// The curvature as known so far, row after row, where the pairs that it is taken from are some of many.
+    pub curvature: Vec<f64>,
+    /// Full evaluations of the orders before.
+    pub evaluations: u32,
+    /// The best on the validation pairs so far.
+    pub best: Option<Best>,
+    /// Steps of this order since validation gained.
+    pub in_vain: u32,
+    /// Nothing is left to do.
     pub converged: bool,
-    /// Mean training loss of each epoch, then of each refinement iteration.
+    /// Mean training loss of each epoch, then of each refinement step.
     pub loss_history: Vec<f64>,
+}
+
+/// A model that was better on the validation pairs than all before.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Best {
+    /// The kernel's order.
+    pub order: u32,
+    /// θ
+    pub parameters: Vec<f64>,
+    /// On the validation pairs.
+    pub loss: f64,
+    /// At the end of the order before.
+    pub loss_before: f64,
 }
 
 /// Learning a parametric model.
 #[derive(Debug)]
 pub struct ParametricLearner {
     options: LearnOptions,
+    rungs: Vec<usize>,
     fit: Fit<f32>,
     state: ParametricState,
 }
 
 impl ParametricLearner {
     pub(super) fn start(setup: OpticalSetup, options: LearnOptions, pairs: &dyn PairSource) -> Result<Self, BoxError> {
-        let mut fit = Fit::new(setup, &options)?;
-        let zeros = vec![0.0; fit.layout.len()];
-        let (gain, offset) = measure_all(&fit.engine, &mut fit.out, pairs, options.region)?.best_gain_and_offset();
-        let mut state = ParametricState {
-            parameters: zeros.clone(),
-            first_moment: zeros.clone(),
-            second_moment: zeros,
-            // A dataset that fits nothing at first still needs a gain that light can be learned with.
-            gain: if gain > 0.0 { gain } else { 1.0 },
-            ..ParametricState::default()
-        };
-        state.parameters[fit.layout.offset()] = if gain > 0.0 { offset } else { 0.0 };
-        Ok(Self { options, fit, state })
+        let mut learner = Self::resume(setup, options, ParametricState::default())?;
+        let Self { fit, options, state, .. } = &mut learner;
+        let mut parameters = vec![0.0; fit.layout.len()];
+        if let Some(model) = &options.warm_start {
+            parameters = fit.layout.parameters(model);
+            fit.set(&parameters);
+        }
+        let each = measure_each(&fit.engine, &mut fit.out, pairs, options.region)?;
+        let knowledge = if options.warm_start.is_some() { Knowledge::Rough } else { Knowledge::Ideal };
+        let kept = screening::kept(&each, knowledge)?;
+        (state.gain, state.offset) = total(kept.iter().map(|&index| &each[index])).best_gain_and_offset();
+        let zeros = vec![0.0; parameters.len()];
+        (state.parameters, state.first_moment, state.second_moment) = (parameters, zeros.clone(), zeros);
+        state.kept = kept.into_iter().map(|index| index as u32).collect();
+        Ok(learner)
     }
 
     pub(super) fn resume(setup: OpticalSetup, options: LearnOptions, state: ParametricState) -> Result<Self, Error> {
-        let fit = Fit::new(setup, &options)?;
-        if state.parameters.len() != fit.layout.len() {
-            let value = state.parameters.len() as f64;
+        let rungs = rungs(&options);
+        let order = rungs.get(state.rung as usize).copied().unwrap_or(rungs[rungs.len() - 1]);
+        let layout = Layout::new(options.model, order);
+        let theta = state.refinement.as_ref().map_or(&state.parameters, |refinement| &refinement.parameters);
+        if !theta.is_empty() && theta.len() != layout.len() {
+            let value = theta.len() as f64;
             return Err(Error::OutOfRange { name: "state", value, allowed: "as long as the model has parameters" });
         }
-        Ok(Self { options, fit, state })
+        let fit = Fit::new(setup, layout, options.detector, options.carrier)?;
+        Ok(Self { options, rungs, fit, state })
     }
 
     pub(super) fn state(&self) -> &ParametricState {
@@ -88,30 +128,39 @@ impl ParametricLearner {
     }
 
     pub(super) fn model(&self) -> DisplayModel {
-        self.fit.layout.model(&self.fit.setup, self.state.gain, self.parameters())
+        let state = &self.state;
+        let (layout, parameters) = match (&state.best, &state.refinement) {
+            (Some(best), _) => (Layout::new(self.options.model, best.order as usize), &best.parameters),
+            (None, Some(refinement)) => (self.fit.layout, &refinement.parameters),
+            (None, None) => (self.fit.layout, &state.parameters),
+        };
+        layout.model(&self.fit.setup, (state.gain, state.offset), parameters)
     }
 
-    pub(super) fn step(&mut self, pairs: &dyn PairSource) -> Result<Option<LearnStep>, BoxError> {
-        if self.state.adam_steps < self.adam_steps_total(pairs.len()) {
-            return self.adam_step(pairs).map(Some);
+    pub(super) fn step(&mut self, lessons: Lessons<'_>) -> Result<Option<LearnStep>, BoxError> {
+        if self.state.adam_steps < self.adam_steps_total() && !self.state.rescreened {
+            return self.adam_step(lessons.training).map(Some);
         }
-        self.refine(pairs)
+        if !self.state.rescreened {
+            self.rescreen(lessons.training)?;
+        }
+        if self.state.converged || self.options.refinement_evaluations == 0 {
+            return Ok(None);
+        }
+        self.refine(lessons).map(Some)
     }
 
-    fn parameters(&self) -> &[f64] {
-        self.state.refinement.as_ref().map_or(&self.state.parameters, |refinement| &refinement.parameters)
-    }
-
-    fn adam_steps_total(&self, pairs: usize) -> u32 {
-        self.options.epochs * pairs as u32
+    fn adam_steps_total(&self) -> u32 {
+        let epochs = if self.options.warm_start.is_some() { 0 } else { self.options.epochs };
+        epochs * self.state.kept.len() as u32
     }
 
     fn adam_step(&mut self, pairs: &dyn PairSource) -> Result<LearnStep, BoxError> {
-        let (count, total) = (pairs.len() as u32, self.adam_steps_total(pairs.len()));
+        let (count, total) = (self.state.kept.len() as u32, self.adam_steps_total());
         let (epoch, place) = (self.state.adam_steps / count, self.state.adam_steps % count);
-        let index = shuffled(pairs.len(), epoch, self.options.seed)[place as usize];
-        let example = Example::new(&pairs.pair(index)?, &self.fit.engine, self.options.region)?;
-        self.fit.set(self.state.gain, &self.state.parameters);
+        let index = self.state.kept[shuffled(count as usize, epoch, self.options.seed)[place as usize]];
+        let example = Example::new(&pairs.pair(index as usize)?, &self.fit.engine, self.options.region)?;
+        self.fit.set(&self.state.parameters);
         let (sums, gradient) = self.fit.evaluate(&example);
 
         let rate = one_cycle(self.state.adam_steps, total, self.options.learning_rate);
@@ -124,326 +173,186 @@ impl ParametricLearner {
             state.loss_history.push(state.epoch_loss / f64::from(count));
             state.epoch_loss = 0.0;
         }
-        Ok(self.progress(LearnStage::Adam, sums.loss(), pairs.len()))
+        Ok(self.progress(LearnStage::Adam, sums.loss()))
     }
 
-    fn refine(&mut self, pairs: &dyn PairSource) -> Result<Option<LearnStep>, BoxError> {
-        let evaluations = self.state.refinement.as_ref().map_or(0, |refinement| refinement.evaluations);
-        if self.state.converged || evaluations >= self.options.refinement_evaluations {
-            return Ok(None);
-        }
-        let Self { fit, options, state } = self;
-        let gain = state.gain;
-        let mut evaluate = |parameters: &[f64]| -> Result<(f64, Vec<f64>), BoxError> {
-            fit.set(gain, parameters);
-            let mut total = (0.0, vec![0.0; parameters.len()]);
-            let share = 1.0 / pairs.len() as f64;
-            for index in 0..pairs.len() {
-                let example = Example::new(&pairs.pair(index)?, &fit.engine, options.region)?;
-                let (sums, gradient) = fit.evaluate(&example);
-                total.0 += sums.loss() * share;
-                total.1.iter_mut().zip(gradient).for_each(|(total, g)| *total += g * share);
+    /// Looks at the pairs again, now that something is known of the display.
+    fn rescreen(&mut self, pairs: &dyn PairSource) -> Result<(), BoxError> {
+        let Self { fit, options, state, .. } = self;
+        fit.set(&state.parameters);
+        let each = measure_each(&fit.engine, &mut fit.out, pairs, options.region)?;
+        let kept = screening::kept(&each, Knowledge::Rough)?;
+        (state.gain, state.offset) = total(kept.iter().map(|&index| &each[index])).best_gain_and_offset();
+        state.kept = kept.into_iter().map(|index| index as u32).collect();
+        state.rescreened = true;
+        Ok(())
+    }
+
+    /// A step of Levenberg and Marquardt's method, and what follows from it.
+    fn refine(&mut self, lessons: Lessons<'_>) -> Result<LearnStep, BoxError> {
+        let before = self.state.refinement.as_ref().map(|refinement| refinement.loss);
+        let moved = match self.state.refinement.take() {
+            None => {
+                let start = self.state.parameters.clone();
+                self.state.refinement = Some(DampedState::start(start, |theta| self.fit_all(lessons.training, theta))?);
+                true
             }
-            Ok(total)
-        };
-        match &mut state.refinement {
-            None => state.refinement = Some(LbfgsState::start(state.parameters.clone(), &mut evaluate)?),
-            Some(refinement) => state.converged = !refinement.step(&mut evaluate)?,
-        }
-        let loss = state.refinement.as_ref().map_or(f64::NAN, |refinement| refinement.loss);
-        state.loss_history.push(loss);
-        Ok(Some(self.progress(LearnStage::Refinement, loss, pairs.len())))
-    }
-
-    fn progress(&self, stage: LearnStage, loss: f64, pairs: usize) -> LearnStep {
-        let evaluations = self.state.refinement.as_ref().map_or(0, |refinement| refinement.evaluations);
-        let steps_total = self.adam_steps_total(pairs) + self.options.refinement_evaluations * pairs as u32;
-        let step = (self.state.adam_steps + evaluations * pairs as u32).min(steps_total);
-        LearnStep { stage, step: if self.state.converged { steps_total } else { step }, steps_total, loss }
-    }
-}
-
-/// Which parameter stands where in θ.
-#[derive(Clone, Copy, Debug)]
-struct Layout {
-    kernel: ChebyshevBasis,
-    source: ChebyshevBasis,
-    harmonics: usize,
-    zero_order: usize,
-}
-
-impl Layout {
-    fn new(model: LearnModel) -> Self {
-        let (kernel, source, harmonics, zero_order) = match model {
-            LearnModel::Smooth { order } => (order, 0, 0, 0),
-            LearnModel::Display { order } => (order, SOURCE_ORDER, HARMONICS, 2),
-            LearnModel::Paper | LearnModel::Dense => unreachable!("models of bins are learned by their own method"),
-        };
-        Self { kernel: ChebyshevBasis::new(kernel), source: ChebyshevBasis::new(source), harmonics, zero_order }
-    }
-
-    fn len(&self) -> usize {
-        self.offset() + 1
-    }
-
-    fn source(&self) -> usize {
-        2 * self.kernel.terms()
-    }
-
-    fn response(&self) -> usize {
-        self.source() + 2 * self.source.terms()
-    }
-
-    fn zero_order(&self) -> usize {
-        self.response() + 2 * self.harmonics
-    }
-
-    /// The logarithm of the gain, relative to the state's.
-    fn gain(&self) -> usize {
-        self.zero_order() + self.zero_order
-    }
-
-    fn offset(&self) -> usize {
-        self.gain() + 1
-    }
-
-    fn has_slm(&self) -> bool {
-        self.gain() > self.source()
-    }
-
-    fn model(&self, setup: &OpticalSetup, gain: f64, parameters: &[f64]) -> DisplayModel {
-        let smooth = |basis: ChebyshevBasis, start: usize| {
-            let (log_amplitude, rest) = parameters[start..].split_at(basis.terms());
-            SmoothField {
-                order: basis.order(),
-                log_amplitude: log_amplitude.to_vec(),
-                phase: rest[..basis.terms()].to_vec(),
+            Some(mut refinement) => {
+                let curvature = self.curvature(lessons.training, &refinement.parameters, refinement.evaluations)?;
+                let moved = refinement.step(&curvature, |theta| self.fit_all(lessons.training, theta))?;
+                self.state.refinement = Some(refinement);
+                moved
             }
         };
-        let zero_order = &parameters[self.zero_order()..self.gain()];
-        DisplayModel {
-            setup: *setup,
-            kernel: KernelShape::Smooth(smooth(self.kernel, 0)),
-            source: smooth(self.source, self.source()),
-            response: parameters[self.response()..self.zero_order()].as_chunks().0.to_vec(),
-            zero_order: zero_order.first_chunk().map_or(Complex64::ZERO, |&[re, im]| Complex64::new(re, im)),
-            gain: gain * parameters[self.gain()].exp(),
-            offset: parameters[self.offset()],
+        let (loss, spent) = self.refinement();
+        self.state.loss_history.push(loss);
+        let little = before.is_some_and(|before| loss > before * (1.0 - STEP_WORTH));
+        let validated = self.validate(lessons.validation)?;
+        let exhausted = self.state.evaluations + spent >= self.options.refinement_evaluations;
+        if !moved || little || exhausted || !validated {
+            self.climb(exhausted);
         }
-    }
-}
-
-/// A model in the making: set its parameters, then evaluate pairs.
-#[derive(Debug)]
-struct Fit<T> {
-    setup: OpticalSetup,
-    layout: Layout,
-    engine: Engine<T>,
-    smooth: SmoothTransfer<T>,
-    gain: f64,
-    offset: f64,
-    /// T_i at the x of each pixel.
-    polynomials_x: Vec<Vec<T>>,
-    out: Fields<T>,
-    back: Vec<Complex<T>>,
-}
-
-/// What a row contributes to the gradient of the SLM's parameters.
-#[derive(Clone, Copy, Debug)]
-struct RowSums {
-    /// Σ b* · c · T_i(x)
-    source: [Complex64; SOURCE_ORDER + 1],
-    /// Im Σ b* · a e^{ir} · (sin kφ, cos kφ)
-    response: [[f64; 2]; HARMONICS],
-    /// Σ b* · a
-    zero_order: Complex64,
-}
-
-const NO_SUMS: RowSums = RowSums {
-    source: [Complex64::ZERO; SOURCE_ORDER + 1],
-    response: [[0.0; 2]; HARMONICS],
-    zero_order: Complex64::ZERO,
-};
-
-impl<T: Real> Fit<T> {
-    fn new(setup: OpticalSetup, options: &LearnOptions) -> Result<Self, Error> {
-        let layout = Layout::new(options.model);
-        let engine = Engine::new(&DisplayModel::ideal(setup), options.detector, options.carrier)?;
-        let width_px = setup.grid().width_px();
-        let at_x: Vec<Vec<f64>> =
-            (0..width_px).map(|x| polynomials(layout.source.order(), position(x, width_px))).collect();
-        let out = Fields::new(&engine.convolver);
-        let back = vec![Complex::new(T::zero(), T::zero()); out.spectrum.len()];
-        Ok(Self {
-            setup,
-            layout,
-            smooth: SmoothTransfer::new(&setup, layout.kernel.order()),
-            engine,
-            gain: 1.0,
-            offset: 0.0,
-            polynomials_x: (0..=layout.source.order()).map(|i| at_x.iter().map(|t| T::of(t[i])).collect()).collect(),
-            out,
-            back,
-        })
+        if self.state.converged {
+            self.fit_exposure(lessons.training)?;
+        }
+        Ok(self.progress(LearnStage::Refinement, loss))
     }
 
-    fn set(&mut self, gain: f64, parameters: &[f64]) {
-        let model = self.layout.model(&self.setup, gain, parameters);
-        (self.gain, self.offset) = (model.gain, model.offset);
-        if let KernelShape::Smooth(errors) = &model.kernel {
-            self.smooth.apply(errors, Arc::make_mut(&mut self.engine.transfer));
-        }
-        if self.layout.has_slm() {
-            let (height_px, width_px) = (self.engine.height_px(), self.engine.width_px());
-            let slm = Arc::make_mut(&mut self.engine.slm);
-            slm.harmonics = model.response.iter().map(|&[a, b]| [T::of(a), T::of(b)]).collect();
-            slm.zero_order = Complex::new(T::of(model.zero_order.re), T::of(model.zero_order.im));
-            slm.source = Some(tabulate_source(&model.source, height_px, width_px));
-        }
+    fn refinement(&self) -> (f64, u32) {
+        self.state.refinement.as_ref().map_or((f64::NAN, 0), |refinement| (refinement.loss, refinement.evaluations))
     }
 
-    /// The loss of one pair and its gradient with respect to θ.
-    fn evaluate(&mut self, example: &Example<T>) -> (Sums, Vec<f64>) {
-        let Self { engine, smooth, out, back, .. } = self;
-        let (convolver, transfer) = (&engine.convolver, &engine.transfer);
-        engine.send(example.phase.values(), out);
-        let comparison = example.comparison(engine, self.gain, self.offset);
-        let sums = convolver.compare(&out.tiles, &comparison, back);
-        let one = convolver.half_spectrum_len(1);
-        let columns = convolver.correlate(&out.spectrum[..one], back, transfer, &mut out.tiles[..one], |i, u, g| {
-            let mut h = u.to_vec();
-            transfer.read_column(i, &mut h);
-            smooth.visit(&h, u, g)
-        });
-
-        let (mut gradient, psi) = smooth.gradient(&columns);
-        gradient.extend(psi);
-        if self.layout.has_slm() {
-            self.slm_gradient(example, &mut gradient);
+    /// The mean loss of the pairs that count, and its gradient.
+    fn fit_all(&mut self, pairs: &dyn PairSource, theta: &[f64]) -> Result<(f64, Vec<f64>), BoxError> {
+        self.fit.set(theta);
+        let mut total = (0.0, vec![0.0; theta.len()]);
+        let share = 1.0 / self.state.kept.len() as f64;
+        for &index in &self.state.kept {
+            let example = Example::new(&pairs.pair(index as usize)?, &self.fit.engine, self.options.region)?;
+            let (sums, gradient) = self.fit.evaluate(&example);
+            total.0 += sums.loss() * share;
+            total.1.iter_mut().zip(gradient).for_each(|(total, g)| *total += g * share);
         }
-        gradient.push(2.0 * self.gain * sums.ep / sums.w);
-        gradient.push(2.0 * sums.e / sums.w);
-        (sums, gradient)
+        Ok(total)
     }
 
-    fn slm_gradient(&self, example: &Example<T>, gradient: &mut Vec<f64>) {
-        let (height_px, convolver) = (self.engine.height_px(), &self.engine.convolver);
-        let (arch, mut rows) = (Arch::new(), vec![NO_SUMS; height_px]);
-        convolver.inverse_rows(&self.out.tiles[..convolver.half_spectrum_len(1)], &mut rows, |y, b, out| {
-            let phase = example.phase.row(y);
-            out[0] = arch.dispatch(|| row_sums(&self.engine.slm, y, phase, b, &self.polynomials_x));
-        });
-
-        let order = self.layout.source.order();
-        let mut source = vec![[Complex64::ZERO; SOURCE_ORDER + 1]; order + 1];
-        let (mut response, mut zero_order) = ([[0.0; 2]; HARMONICS], Complex64::ZERO);
-        for (y, row) in rows.iter().enumerate() {
-            for (source, t) in source.iter_mut().zip(polynomials(order, position(y, height_px))) {
-                source.iter_mut().zip(&row.source).for_each(|(sum, value)| *sum += value * t);
+    /// The curvature of some pairs, other ones and other rows from step to step.
+    fn curvature(&mut self, pairs: &dyn PairSource, theta: &[f64], round: u32) -> Result<Vec<f64>, BoxError> {
+        self.fit.set(theta);
+        let kept = &self.state.kept;
+        let order = shuffled(kept.len(), 1000 + round, self.options.seed);
+        let stride = (self.options.region.pixels() / CURVATURE_PX).max(1);
+        let mut sum = vec![0.0; theta.len() * theta.len()];
+        let chosen = CURVATURE_PAIRS.min(kept.len());
+        for (turn, &place) in order.iter().take(chosen).enumerate() {
+            let pair = pairs.pair(kept[place] as usize)?;
+            let example = Example::new(&pair, &self.fit.engine, self.options.region)?;
+            let first = (round as usize + turn * stride / chosen) % stride;
+            let normal = self.fit.curvature(&example, first, stride);
+            sum.iter_mut().zip(normal.matrix).for_each(|(sum, value)| *sum += value / chosen as f64);
+        }
+        if chosen < kept.len() {
+            // What the pairs of the step before said, said others in part.
+            if self.state.curvature.len() == sum.len() {
+                sum.iter_mut().zip(&self.state.curvature).for_each(|(new, old)| *new = (*new + old) / 2.0);
             }
-            let flat = response.as_flattened_mut().iter_mut().zip(row.response.as_flattened());
-            flat.for_each(|(sum, value)| *sum += value);
-            zero_order += row.zero_order;
+            self.state.curvature.clone_from(&sum);
         }
-        gradient.extend(self.layout.source.degrees().map(|(i, j)| 2.0 * source[j][i].re));
-        gradient.extend(self.layout.source.degrees().map(|(i, j)| -2.0 * source[j][i].im));
-        gradient.extend(response.as_flattened().iter().map(|sum| -2.0 * sum));
-        gradient.extend([2.0 * zero_order.re, -2.0 * zero_order.im]);
+        Ok(sum)
     }
-}
 
-#[inline(always)]
-fn row_sums<T: Real>(slm: &Slm<T>, y: usize, phase: &[T], b: &[Complex<T>], polynomials_x: &[Vec<T>]) -> RowSums {
-    let mut sums = NO_SUMS;
-    // b* · c
-    let mut products = vec![Complex::new(T::zero(), T::zero()); phase.len()];
-    let rows = phase.chunks(BLOCK).zip(b.chunks(BLOCK)).zip(products.chunks_mut(BLOCK));
-    for (i, ((phase, b), products)) in rows.enumerate() {
-        let Block { sign, turn, steered, .. } = slm.respond(y, i * BLOCK, phase);
-        let mut light = slm.lit(y, i * BLOCK, b);
-        for ((re, im), &sign) in light.re.iter_mut().zip(&mut light.im).zip(&sign) {
-            (*re, *im) = (*re * sign, *im * sign);
+    /// Whether the validation pairs, if there are any, still gain.
+    fn validate(&mut self, pairs: &dyn PairSource) -> Result<bool, BoxError> {
+        if pairs.is_empty() {
+            return Ok(true);
         }
-        let turned = light.multiplied(&steered);
-        for (x, product) in products.iter_mut().enumerate() {
-            let undiffracted = Complex::new(light.re[x], light.im[x]) * slm.zero_order;
-            *product = Complex::new(turned.re[x], turned.im[x]) + undiffracted;
+        let Some(refinement) = &self.state.refinement else { return Ok(true) };
+        self.fit.set(&refinement.parameters);
+        let each = measure_each(&self.fit.engine, &mut self.fit.out, pairs, self.options.region)?;
+        // The median: a wrong photograph among them has no say.
+        let mut losses: Vec<f64> = each.iter().map(crate::photometry::Sums::fitted_loss).collect();
+        losses.sort_by(f64::total_cmp);
+        let middle = &losses[(losses.len() - 1) / 2..=losses.len() / 2];
+        let loss = middle.iter().sum::<f64>() / middle.len() as f64;
+
+        let best = self.state.best.as_ref().map_or(f64::INFINITY, |best| best.loss);
+        self.state.in_vain = if loss < best * (1.0 - VALIDATION_WORTH) { 0 } else { self.state.in_vain + 1 };
+        if loss < best {
+            let loss_before = self.state.best.as_ref().map_or(f64::INFINITY, |best| best.loss_before);
+            let (order, parameters) = (self.fit.layout.kernel.order() as u32, refinement.parameters.clone());
+            self.state.best = Some(Best { order, parameters, loss, loss_before });
         }
-        let mut power = turn;
-        for [sine, cosine] in &mut sums.response {
-            *sine += dot(&turned.im, &power.im);
-            *cosine += dot(&turned.im, &power.re);
-            power = power.multiplied(&turn);
-        }
-        sums.zero_order += Complex64::new(sum(&light.re), sum(&light.im));
+        Ok(self.state.in_vain < PATIENCE)
     }
-    project(|x| products[x], polynomials_x, &mut sums.source);
-    sums
-}
 
-#[inline(always)]
-fn dot<T: Real>(a: &[T; BLOCK], b: &[T; BLOCK]) -> f64 {
-    let mut products = *a;
-    for (product, &b) in products.iter_mut().zip(b) {
-        *product = *product * b;
+    /// The gain and offset that fit all photographs best together.
+    fn fit_exposure(&mut self, pairs: &dyn PairSource) -> Result<(), BoxError> {
+        let model = self.model();
+        let KernelShape::Smooth(kernel) = &model.kernel else { return Ok(()) };
+        self.fit.change(Layout::new(self.options.model, kernel.order));
+        self.fit.set(&self.fit.layout.parameters(&model));
+        let each = measure_each(&self.fit.engine, &mut self.fit.out, pairs, self.options.region)?;
+        let kept = self.state.kept.iter().map(|&index| &each[index as usize]);
+        (self.state.gain, self.state.offset) = total(kept).best_gain_and_offset();
+        Ok(())
     }
-    sum(&products)
-}
 
-/// In a fixed order, many lanes at a time.
-#[inline(always)]
-fn sum<T: Real>(values: &[T; BLOCK]) -> f64 {
-    let mut lanes = [0.0; 8];
-    for chunk in values.chunks_exact(8) {
-        for (lane, value) in lanes.iter_mut().zip(chunk) {
-            *lane += value.wide();
-        }
-    }
-    lanes.iter().sum()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::hologram::initial_phase;
-    use crate::learning::Pair;
-    use crate::{Carrier, Grid, Plane, RegionOfInterest};
-
-    #[test]
-    fn the_gradient_of_every_parameter_is_that_of_central_differences() {
-        for (model, carrier) in [
-            (LearnModel::Smooth { order: 3 }, None),
-            (LearnModel::Display { order: 4 }, None),
-            (LearnModel::Display { order: 2 }, Some(Carrier::HalfOrderX)),
-        ] {
-            let grid = Grid::try_new(18, 23, 8e-6).unwrap();
-            let setup = OpticalSetup::try_new(grid, 515e-9, 2e-3).unwrap();
-            let mut options = LearnOptions::new(model, RegionOfInterest::middle(&grid));
-            options.carrier = carrier;
-            let mut fit = Fit::<f64>::new(setup, &options).unwrap();
-            let photo = Plane::from_fn(18, 23, |y, x| 0.5 + 0.5 * ((y * 2 + x * 3) as f32).sin());
-            let phase = initial_phase(18, 23, 6.0, 3).unwrap();
-            let example = Example::new(&Pair { phase, photo }, &fit.engine, options.region).unwrap();
-            let theta: Vec<f64> = (0..fit.layout.len()).map(|i| 0.1 * (i as f64 * 1.3 + 0.5).sin()).collect();
-            fit.set(0.8, &theta);
-            let (_, gradient) = fit.evaluate(&example);
-            let scale = gradient.iter().fold(0.0_f64, |largest, g| largest.max(g.abs()));
-            for i in 0..theta.len() {
-                let h = 1e-5;
-                let mut at = |step: f64| {
-                    let mut moved = theta.clone();
-                    moved[i] += step;
-                    fit.set(0.8, &moved);
-                    fit.evaluate(&example).0.loss()
-                };
-                let difference = (at(h) - at(-h)) / (2.0 * h);
-                assert!(
-                    (gradient[i] - difference).abs() < 1e-6 * scale,
-                    "{model:?}, parameter {i} of {}: {} against {difference}",
-                    theta.len(),
-                    gradient[i]
-                );
+    /// Goes on to the next order, or ends.
+    fn climb(&mut self, exhausted: bool) {
+        let next = self.rungs.get(self.state.rung as usize + 1).copied();
+        let chooses = self.chooses();
+        let gained = match (&mut self.state.best, chooses) {
+            (Some(best), true) => {
+                let gained = best.loss < best.loss_before * (1.0 - VALIDATION_WORTH);
+                best.loss_before = best.loss;
+                gained
             }
-        }
+            (None, true) => self.fit.layout.kernel.order() < ORDER_DEFAULT,
+            (_, false) => true,
+        };
+        let Some(order) = next.filter(|_| gained && !exhausted) else {
+            self.state.converged = true;
+            return;
+        };
+        let (_, spent) = self.refinement();
+        let theta = self.state.refinement.take().map_or_else(Vec::new, |refinement| refinement.parameters);
+        let model = self.fit.layout.model(&self.fit.setup, (1.0, 0.0), &theta);
+        let layout = Layout::new(self.options.model, order);
+        self.state.parameters = layout.parameters(&model);
+        self.state.curvature.clear();
+        self.state.evaluations += spent;
+        (self.state.rung, self.state.in_vain) = (self.state.rung + 1, 0);
+        self.fit.change(layout);
+    }
+
+    /// Whether validation chooses the order.
+    fn chooses(&self) -> bool {
+        matches!(self.options.model, LearnModel::Smooth { order: None } | LearnModel::Display { order: None })
+    }
+
+    fn progress(&self, stage: LearnStage, loss: f64) -> LearnStep {
+        let kept = self.state.kept.len() as u32;
+        let (_, spent) = self.refinement();
+        let steps_total = self.adam_steps_total() + self.options.refinement_evaluations * kept;
+        let step = (self.state.adam_steps + (self.state.evaluations + spent) * kept).min(steps_total);
+        let step = if self.state.converged { steps_total } else { step };
+        let validation_loss = self.state.best.as_ref().map(|best| best.loss);
+        LearnStep { stage, step, steps_total, loss, validation_loss, order: self.fit.layout.kernel.order() as u32 }
+    }
+}
+
+/// The orders to go through; a warm start begins no lower than what it starts from.
+fn rungs(options: &LearnOptions) -> Vec<usize> {
+    let (LearnModel::Smooth { order } | LearnModel::Display { order }) = options.model else {
+        return vec![ORDER_DEFAULT];
+    };
+    let lowest = match options.warm_start.as_ref().map(|model| &model.kernel) {
+        Some(KernelShape::Smooth(field)) => field.order,
+        _ => 0,
+    };
+    let ladder = LADDER.into_iter().filter(|&rung| rung >= lowest.min(LADDER[2]));
+    match order {
+        None => ladder.collect(),
+        Some(order) => ladder.filter(|&rung| rung < order.min(LADDER[1])).chain([order]).collect(),
     }
 }

@@ -16,6 +16,8 @@ pub(super) struct SmoothTransfer<T> {
     ideal: Transfer<T>,
     /// fx of each column, scaled to [−1, 1].
     columns: Vec<f64>,
+    /// fy of each bin, likewise.
+    rows: Vec<f64>,
     /// T_j at the fy of each bin.
     polynomials: Vec<Vec<T>>,
 }
@@ -30,13 +32,34 @@ impl<T: Real> SmoothTransfer<T> {
         let sampled = setup.sampled();
         let ideal =
             Transfer::sample(grid.height_px(), grid.width_px(), |fx, fy| sampled.at(fx / pitch_m, fy / pitch_m));
-        let rows: Vec<Vec<f64>> = frequencies(grid.height_px()).iter().map(|fy| polynomials(order, 2.0 * fy)).collect();
+        let scaled = |side_px: usize| frequencies(side_px).iter().map(|f| 2.0 * f).collect::<Vec<f64>>();
+        let rows = scaled(grid.height_px());
         Self {
             basis: ChebyshevBasis::new(order),
             ideal,
-            columns: frequencies(grid.width_px()).iter().map(|fx| 2.0 * fx).collect(),
-            polynomials: (0..=order).map(|j| rows.iter().map(|row| T::of(row[j])).collect()).collect(),
+            columns: scaled(grid.width_px()),
+            polynomials: tabulate(order, &rows),
+            rows,
         }
+    }
+
+    /// Goes over to another order.
+    pub(super) fn change_order(&mut self, order: usize) {
+        self.basis = ChebyshevBasis::new(order);
+        self.polynomials = tabulate(order, &self.rows);
+    }
+
+    /// T_0 … T_order at the fx of each column.
+    pub(super) fn polynomials_x(&self) -> Vec<Vec<T>> {
+        tabulate(self.basis.order(), &self.columns)
+    }
+
+    /// Writes H · T_j(fy) for the H of `transfer`.
+    pub(super) fn times_polynomial(&self, transfer: &Transfer<T>, j: usize, out: &mut Transfer<T>) {
+        out.write_columns(|i, column| {
+            transfer.read_column(i, column);
+            column.iter_mut().zip(&self.polynomials[j]).for_each(|(h, &t)| *h = h.scale(t));
+        });
     }
 
     /// Writes H for these errors.
@@ -82,6 +105,12 @@ impl<T: Real> SmoothTransfer<T> {
             }
         }
     }
+}
+
+/// T_0 … T_order at each of the points.
+fn tabulate<T: Real>(order: usize, points: &[f64]) -> Vec<Vec<T>> {
+    let at: Vec<Vec<f64>> = points.iter().map(|&x| polynomials(order, x)).collect();
+    (0..=order).map(|j| at.iter().map(|t| T::of(t[j])).collect()).collect()
 }
 
 /// [`SmoothTransfer::visit`] as an operation that is compiled for the vector instructions of the machine at hand.

@@ -83,6 +83,30 @@ impl Sums {
         (gain, (self.t - gain * self.p) / self.w)
     }
 
+    /// How much of what varies in the picture varies in the light as well: the correlation of the two, −1 to 1; 0 where
+    /// one of them is the same everywhere.
+    #[must_use]
+    pub fn correlation(&self) -> f64 {
+        let spread = |square: f64, sum: f64| (square - sum * sum / self.w).max(0.0);
+        let (light, picture) = (spread(self.pp, self.p), spread(self.tt, self.t));
+        if light <= f64::EPSILON * self.pp || picture <= f64::EPSILON * self.tt {
+            return 0.0;
+        }
+        (self.tp - self.t * self.p / self.w) / (light * picture).sqrt()
+    }
+
+    /// L at [`Self::best_gain_and_offset`].
+    ///
+    /// ```text
+    /// Σ w (s p + o − t)² / Σ w
+    /// ```
+    #[must_use]
+    pub fn fitted_loss(&self) -> f64 {
+        let Self { w, p, pp, t, tp, tt, .. } = self;
+        let (s, o) = self.best_gain_and_offset();
+        ((s * s * pp + o * o * w + tt + 2.0 * (s * o * p - s * tp - o * t)) / w).max(0.0)
+    }
+
     /// Adds another's sums.
     pub fn add(&mut self, other: &Self) {
         self.w += other.w;
@@ -128,5 +152,45 @@ impl Sums {
         ] {
             *sum /= by;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sums_of(light: [f64; 4], picture: [f64; 4]) -> Sums {
+        let sum = |f: &dyn Fn(f64, f64) -> f64| light.iter().zip(&picture).map(|(p, t)| f(*p, *t)).sum::<f64>();
+        Sums {
+            w: 4.0,
+            p: sum(&|p, _| p),
+            pp: sum(&|p, _| p * p),
+            t: sum(&|_, t| t),
+            tp: sum(&|p, t| t * p),
+            tt: sum(&|_, t| t * t),
+            ..Sums::default()
+        }
+    }
+
+    #[test]
+    fn the_fitted_loss_is_that_of_the_best_gain_and_black_level() {
+        let (light, photo) = ([0.2, 0.5, 0.9, 0.4], [0.3, 0.4, 0.8, 0.5]);
+        let at = |s: f64, o: f64| light.iter().zip(&photo).map(|(p, t)| (s * p + o - t).powi(2)).sum::<f64>() / 4.0;
+        let sums = sums_of(light, photo);
+        let (s, o) = sums.best_gain_and_offset();
+        assert!((sums.fitted_loss() - at(s, o)).abs() < 1e-12);
+        for (ds, d_o) in [(0.01, 0.0), (-0.01, 0.0), (0.0, 0.01), (0.0, -0.01)] {
+            assert!(at(s + ds, o + d_o) > sums.fitted_loss());
+        }
+    }
+
+    #[test]
+    fn the_correlation_knows_neither_gain_nor_black_level() {
+        let light = [0.2, 0.5, 0.9, 0.4];
+        assert!((sums_of(light, light.map(|p| 0.3 * p + 0.1)).correlation() - 1.0).abs() < 1e-12);
+        assert!((sums_of(light, light.map(|p| 1.0 - p)).correlation() + 1.0).abs() < 1e-12);
+        assert_eq!(sums_of(light, [0.5; 4]).correlation(), 0.0);
+        // Σ (p − p̄)(t − t̄) / √(Σ (p − p̄)² Σ (t − t̄)²) by hand: 0.18 / √(0.26 · 0.14).
+        assert!((sums_of(light, [0.3, 0.4, 0.8, 0.5]).correlation() - 0.18 / (0.26_f64 * 0.14).sqrt()).abs() < 1e-9);
     }
 }

@@ -93,9 +93,10 @@ fn learn_to_wire(spec: LearnKernel) -> v1::LearnKernel {
         refinement_evaluations: spec.refinement_evaluations,
         learning_rate: spec.learning_rate.unwrap_or(0.0),
         seed: spec.seed,
-        order: spec.order,
+        order: spec.order.unwrap_or(0),
         detector: detector_to_wire(spec.detector),
         region_of_interest: Some(region_to_wire(spec.region_of_interest)),
+        start_version: spec.start_version.unwrap_or(0),
     }
 }
 
@@ -106,6 +107,7 @@ fn simulate_to_wire(spec: SimulateCapture) -> v1::SimulateCapture {
         distance_m: spec.distance.m(),
         phase: spec.phase,
         seed: spec.seed,
+        elapsed_s: spec.elapsed_s,
     }
 }
 
@@ -132,6 +134,8 @@ fn result_to_wire(result: JobResult) -> v1::JobResult {
             kernel_version: result.kernel_version,
             metrics: Some(metrics_to_wire(&result.metrics)),
             loss_history: result.loss_history,
+            left_out_pairs: result.left_out_pairs,
+            order: result.order,
         }),
         JobResult::Capture(result) => job_result::Kind::Capture(v1::CaptureResult { photo: result.photo }),
         JobResult::Evaluate(result) => {

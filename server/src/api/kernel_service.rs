@@ -101,6 +101,11 @@ impl KernelService for Api {
         let version = Field::new("version").integer(request.version, 1..=u32::MAX)?;
         let reason = Field::new("reason").text(request.reason, REASON_BYTES_MAX)?;
         let expected = request.expected_active_version.map(|version| (version > 0).then_some(version));
+        // Versions never change, so what is read here still holds when the alias moves.
+        let candidate = self.store.kernel_version(&key, version).await?;
+        if candidate.content.metrics.no_better_than_ideal() {
+            check_forced(&candidate, request.force, &reason)?;
+        }
         let kernel = self.store.promote(&key, version, expected, &reason, now_ms()).await?;
         Ok(Response::new(kernels::to_wire(&kernel)))
     }
@@ -136,6 +141,20 @@ impl KernelService for Api {
     }
 }
 
+/// A kernel that makes nothing better is a mistake, unless somebody says why it is not.
+fn check_forced(candidate: &KernelVersion, force: bool, reason: &str) -> Result<(), ApiError> {
+    if force && !reason.trim().is_empty() {
+        return Ok(());
+    }
+    let KernelVersion { key, version, content, .. } = candidate;
+    let losses = format!("{:.6} against {:.6}", content.metrics.test_loss, content.metrics.ideal_test_loss);
+    let message = format!(
+        "{key}/versions/{version} was measured to be no better than the ideal kernel (held-out loss {losses}); \
+         to promote it all the same, set force and give a reason"
+    );
+    Err(ApiError::Precondition { reason: "NO_BETTER_THAN_IDEAL", message })
+}
+
 impl Api {
     async fn require_active(&self, key: &KernelKey) -> Result<u32, ApiError> {
         self.store.kernel(key).await?.active_version.ok_or_else(|| {
@@ -169,5 +188,28 @@ impl Watch for KernelSource {
 
     fn message(&self, kernel: &Kernel) -> v1::Kernel {
         kernels::to_wire(kernel)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kernel::{KernelLineage, KernelMetrics, KernelModel, NewKernelVersion};
+    use crate::units::{Distance, Wavelength};
+
+    #[test]
+    fn a_kernel_that_makes_nothing_better_is_promoted_only_by_force_and_with_a_reason() {
+        let wavelength = Wavelength::from_m(515e-9).unwrap();
+        let key = KernelKey { display: "lab".to_owned(), wavelength, distance: Distance::from_m(0.15).unwrap() };
+        let metrics =
+            KernelMetrics { test_pairs: 2, test_loss: 0.02, ideal_test_loss: 0.01, ..KernelMetrics::default() };
+        let (model, lineage) = (KernelModel::Dense, KernelLineage::default());
+        let content = NewKernelVersion { model, artifact: String::new(), size_bytes: 1, metrics, lineage };
+        let version = KernelVersion { key, version: 3, content, create_time_ms: 0, active: false };
+        for (force, reason) in [(false, ""), (false, "because"), (true, ""), (true, " ")] {
+            let refused = check_forced(&version, force, reason).unwrap_err().to_string();
+            assert!(refused.contains("versions/3") && refused.contains("0.020000 against 0.010000"), "{refused}");
+        }
+        assert!(check_forced(&version, true, "to compare on the bench").is_ok());
     }
 }

@@ -46,6 +46,9 @@ pub(super) fn metrics_to_wire(metrics: &KernelMetrics) -> v1::KernelMetrics {
         ideal_test_loss: metrics.ideal_test_loss,
         test_loss_full_frame: metrics.test_loss_full_frame,
         ideal_test_loss_full_frame: metrics.ideal_test_loss_full_frame,
+        captured_psnr_db: metrics.captured.map(|captured| captured.psnr_db),
+        ideal_captured_psnr_db: metrics.captured.map(|captured| captured.ideal_psnr_db),
+        no_better_than_ideal: metrics.no_better_than_ideal(),
     }
 }
 

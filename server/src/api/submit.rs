@@ -24,9 +24,10 @@ const LEARNING_RATE_MAX: f64 = 10.0;
 /// Thirty times the paper's.
 const EPOCHS_MAX: u32 = 1000;
 const REFINEMENT_EVALUATIONS_MAX: u32 = 10_000;
+/// Ten years: longer than any bench stands.
+const ELAPSED_S_MAX: f64 = 10.0 * 365.25 * 86_400.0;
 /// Polynomials beyond this are no smooth errors any more.
 const ORDER_MAX: u32 = 12;
-const ORDER_DEFAULT: u32 = 5;
 
 impl Api {
     /// The job that a request asks for. What it names is found, and its pictures are decoded once, so that what can be
@@ -79,6 +80,7 @@ impl Api {
         if detector == Detector::Supersampled {
             return Err(at("detector").invalid("is supersampled, but a camera's pixels measure either point or pixel"));
         }
+        let key = KernelKey { display: display.id.clone(), wavelength: dataset.wavelength, distance: dataset.distance };
         let epochs = at("epochs").integer(message.epochs, 0..=EPOCHS_MAX)?;
         let evaluations = at("refinement_evaluations");
         Ok(LearnKernel {
@@ -89,12 +91,38 @@ impl Api {
                 .transpose()?,
             learning_rate: learning_rate(&at("learning_rate"), message.learning_rate)?,
             seed: message.seed,
-            order: at("order").integer_or(message.order, ORDER_DEFAULT, 1..=ORDER_MAX)?,
+            order: (message.order > 0).then(|| at("order").integer(message.order, 1..=ORDER_MAX)).transpose()?,
+            start_version: self.start_version(&at("start_version"), message.start_version, refined, &key).await?,
             detector,
             region_of_interest: region(&at("region_of_interest"), message.region_of_interest, &display)?,
             display: display.id,
             dataset: dataset.id,
         })
+    }
+
+    /// A version that learning can go on from.
+    async fn start_version(
+        &self,
+        field: &Field,
+        version: u32,
+        refined: bool,
+        key: &KernelKey,
+    ) -> Result<Option<u32>, ApiError> {
+        if version == 0 {
+            return Ok(None);
+        }
+        if !refined {
+            return Err(field.invalid("is given, but only the models smooth and display can start from a version"));
+        }
+        let start = self.store.kernel_version(key, version).await?;
+        match start.content.model {
+            KernelModel::Smooth | KernelModel::Display => Ok(Some(version)),
+            KernelModel::Paper | KernelModel::Dense => {
+                let problem =
+                    format!("is {version}, but {key}/versions/{version} has no smooth kernel; name one that has");
+                Err(field.invalid(&problem))
+            }
+        }
     }
 
     async fn simulate(&self, message: v1::SimulateCapture, field: &Field) -> Result<SimulateCapture, ApiError> {
@@ -110,6 +138,7 @@ impl Api {
             distance: at("distance_m").distance(message.distance_m)?,
             phase: at("phase").digest(&message.phase)?,
             seed: message.seed,
+            elapsed_s: at("elapsed_s").number(message.elapsed_s, 0.0..=ELAPSED_S_MAX)?,
             display: display.id.clone(),
         };
         check_distance(&at("distance_m"), &display, spec.wavelength, spec.distance)?;

@@ -94,6 +94,12 @@ pub struct LearnResult {
     /// How the light's way was computed; `None` for jobs of older servers.
     #[serde(default)]
     pub propagation: Option<ValidityReport>,
+    /// Ids of training pairs whose photographs are not of their holograms.
+    #[serde(default)]
+    pub left_out_pairs: Vec<String>,
+    /// The kernel's polynomial degree; 0 for the models paper and dense.
+    #[serde(default)]
+    pub order: u32,
 }
 
 /// A simulated photograph.

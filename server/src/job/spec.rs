@@ -78,14 +78,17 @@ pub struct LearnKernel {
     pub model: KernelModel,
     /// Passes over the training pairs; `None`: the model's default.
     pub epochs: Option<u32>,
-    /// Full-batch L-BFGS evaluations afterwards; `None`: the model's default.
+    /// Evaluations of all pairs afterwards; `None`: the model's default.
     pub refinement_evaluations: Option<u32>,
     /// Adam's step; `None`: the model's default.
     pub learning_rate: Option<f64>,
     /// Of the order of the pairs, and of the paper model's start.
     pub seed: u64,
-    /// Highest polynomial degree of the smooth errors.
-    pub order: u32,
+    /// Highest polynomial degree of the smooth errors; `None`: as the validation pairs choose.
+    pub order: Option<u32>,
+    /// The version to start from; `None`: the ideal kernel.
+    #[serde(default)]
+    pub start_version: Option<u32>,
     /// What the camera's pixels measure.
     pub detector: Detector,
     /// Where the photographs count.
@@ -105,6 +108,9 @@ pub struct SimulateCapture {
     pub phase: String,
     /// Of the camera's noise.
     pub seed: u64,
+    /// Since the bench was set up \[s\].
+    #[serde(default)]
+    pub elapsed_s: f64,
 }
 
 /// Measure a kernel on a dataset.

@@ -1,5 +1,6 @@
 //! Learning a kernel from a dataset.
 
+use super::captured;
 use super::context::Eta;
 use super::losses::{Judge, mean};
 use super::pairs::Pairs;
@@ -10,8 +11,8 @@ use crate::dataset::{Dataset, Split};
 use crate::job::{Job, JobResult, LearnKernel, LearnResult, Progress};
 use crate::kernel::{KernelLineage, KernelMetrics, KernelModel, NewKernelVersion};
 use crate::kernel_file;
-use lightpath_optics::learning::{LearnModel, LearnOptions, LearnStage, Learner, PairSource, unsaturated_px};
-use lightpath_optics::{DisplayModel, RegionOfInterest};
+use lightpath_optics::learning::{LearnModel, LearnOptions, LearnStage, Learner, Lessons, PairSource, unsaturated_px};
+use lightpath_optics::{DisplayModel, KernelShape, RegionOfInterest};
 
 pub(super) fn run(context: &JobContext, job: &Job, spec: &LearnKernel) -> Result<TaskOutput, TaskError> {
     let (setting, dataset) = read_dataset(context, &spec.dataset)?;
@@ -21,11 +22,18 @@ pub(super) fn run(context: &JobContext, job: &Job, spec: &LearnKernel) -> Result
     }
     let training = Pairs::of(context, &setting, &dataset, Split::Train);
     check_photographs(context, &training, region)?;
-    let learner = learn(context, spec, &setting, region, &training)?;
+    let validation = Pairs::of(context, &setting, &dataset, Split::Validation);
+    let learner = learn(context, spec, &setting, region, Lessons { training: &training, validation: &validation })?;
     let (model, loss_history) = (learner.model(), learner.loss_history().to_vec());
+    let kept = learner.kept_pairs(training.len());
     drop(learner);
+    let left_out_pairs = (0..training.len()).filter(|index| !kept.contains(index));
+    let left_out_pairs = left_out_pairs.map(|index| training.id(index).to_owned()).collect();
+    // What is kept of pairs makes room for those of the next step.
+    drop((training, validation));
 
-    let metrics = measure(context, spec, &setting, &dataset, region, &model, &training)?;
+    let mut metrics = measure(context, spec, &setting, &dataset, region, &model, &kept)?;
+    metrics.captured = captured::compare(context, &setting, &model, detector(spec.detector), region)?;
     let file = kernel_file::encode(&model, spec.model)?;
     let size_bytes = file.len() as u64;
     let version = NewKernelVersion {
@@ -40,7 +48,12 @@ pub(super) fn run(context: &JobContext, job: &Job, spec: &LearnKernel) -> Result
     }
     // The store fills in the name.
     let propagation = Some(setting.validity.clone());
-    let result = LearnResult { kernel_version: String::new(), metrics, loss_history, propagation };
+    let order = match &model.kernel {
+        KernelShape::Smooth(field) => field.order as u32,
+        KernelShape::Ideal | KernelShape::Bins(_) => 0,
+    };
+    let kernel_version = String::new();
+    let result = LearnResult { kernel_version, metrics, loss_history, propagation, left_out_pairs, order };
     Ok(TaskOutput { result: JobResult::Learn(result), learned: Some((setting.key, version)) })
 }
 
@@ -74,23 +87,24 @@ fn learn(
     spec: &LearnKernel,
     setting: &Setting,
     region: RegionOfInterest,
-    training: &Pairs,
+    lessons: Lessons<'_>,
 ) -> Result<Learner, TaskError> {
-    let options = options(spec, setting, region);
+    let warm_start = spec.start_version.map(|version| setting.model(context, Some(version))).transpose()?;
+    let options = LearnOptions { warm_start, ..options(spec, setting, region) };
     let saved = context.take_saved_state().and_then(|bytes| learn_state_from_bytes(&bytes));
     let mut learner = match saved {
         Some(state) => Learner::resume(setting.setup, options, state)?,
-        None => Learner::start(setting.setup, options, training)?,
+        None => Learner::start(setting.setup, options, lessons.training)?,
     };
     let mut eta = None;
-    while let Some(done) = learner.step(training)? {
+    while let Some(done) = learner.step(lessons)? {
         let eta = *eta.get_or_insert_with(|| Eta::from(done.step));
         let stage = match done.stage {
-            LearnStage::Adam => "learn",
-            LearnStage::Refinement => "refine",
+            LearnStage::Adam => "learn".to_owned(),
+            LearnStage::Refinement => format!("refine to order {}", done.order),
         };
         let progress = Progress {
-            stage: stage.to_owned(),
+            stage,
             step: done.step,
             steps_total: done.steps_total,
             loss: finite("the loss", done.loss)?,
@@ -102,7 +116,7 @@ fn learn(
 }
 
 fn options(spec: &LearnKernel, setting: &Setting, region: RegionOfInterest) -> LearnOptions {
-    let order = spec.order as usize;
+    let order = spec.order.map(|order| order as usize);
     let model = match spec.model {
         KernelModel::Paper => LearnModel::Paper,
         KernelModel::Dense => LearnModel::Dense,
@@ -129,13 +143,15 @@ fn measure(
     dataset: &Dataset,
     region: RegionOfInterest,
     model: &DisplayModel,
-    training: &Pairs,
+    kept: &[usize],
 ) -> Result<KernelMetrics, TaskError> {
     let detector = detector(spec.detector);
     let validation = Pairs::of(context, setting, dataset, Split::Validation);
     let test = Pairs::of(context, setting, dataset, Split::Test);
     let learned = Judge::new(context, setting, model, detector, region)?;
-    let train_loss = mean(&learned.losses(training, "measure on training pairs")?);
+    let training = Pairs::of(context, setting, dataset, Split::Train);
+    let train_losses = learned.losses(&training, "measure on training pairs")?;
+    let train_loss = mean(&kept.iter().map(|&index| train_losses[index]).collect::<Vec<_>>());
     let validation_loss = mean(&learned.losses(&validation, "measure on validation pairs")?);
     let test_loss = mean(&learned.losses(&test, "measure on test pairs")?);
     // Two transfer functions of a large display need not be in memory at once.
@@ -143,7 +159,7 @@ fn measure(
     let ideal = Judge::new(context, setting, &DisplayModel::ideal(setting.setup), detector, region)?;
     let ideal_test_loss = mean(&ideal.losses(&test, "measure the ideal kernel")?);
     Ok(KernelMetrics {
-        train_pairs: training.len() as u32,
+        train_pairs: kept.len() as u32,
         validation_pairs: validation.len() as u32,
         test_pairs: test.len() as u32,
         train_loss: train_loss.region,
@@ -152,6 +168,7 @@ fn measure(
         ideal_test_loss: ideal_test_loss.region,
         test_loss_full_frame: test_loss.full_frame,
         ideal_test_loss_full_frame: ideal_test_loss.full_frame,
+        captured: None,
     })
 }
 
@@ -164,6 +181,6 @@ fn lineage(job: &Job, spec: &LearnKernel, dataset: &Dataset) -> Result<KernelLin
         parameters_json,
         seed: spec.seed,
         code_version: env!("CARGO_PKG_VERSION").to_owned(),
-        parent_version: 0,
+        parent_version: spec.start_version.unwrap_or(0),
     })
 }

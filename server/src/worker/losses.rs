@@ -5,7 +5,6 @@ use super::setting::{Setting, finite};
 use super::{JobContext, TaskError};
 use crate::job::Progress;
 use lightpath_optics::learning::{PairSource, compare};
-use lightpath_optics::photometry::Sums;
 use lightpath_optics::{Detector, DisplayModel, Engine, RegionOfInterest};
 
 /// Mean squared errors of one pair over the pixels that count in learning too, those where the photograph is not
@@ -45,7 +44,7 @@ impl<'a> Judge<'a> {
             let pair = pairs.pair(index)?;
             let [region, full_frame] = self.regions.map(|region| {
                 let sums = compare(&self.engine, &pair, region).map_err(|error| pairs.named(index, error.into()))?;
-                finite("the loss", loss(&sums))
+                finite("the loss", sums.fitted_loss())
             });
             let loss = Loss { region: region?, full_frame: full_frame? };
             let step = index as u32 + 1;
@@ -62,41 +61,4 @@ pub(super) fn mean(losses: &[Loss]) -> Loss {
     let count = losses.len().max(1) as f64;
     let sum = |of: fn(&Loss) -> f64| losses.iter().map(of).sum::<f64>() / count;
     Loss { region: sum(|loss| loss.region), full_frame: sum(|loss| loss.full_frame) }
-}
-
-/// The mean squared error at the gain s and black level o that fit best together.
-///
-/// ```text
-/// Σ w (s p + o − t)² / Σ w
-/// ```
-fn loss(sums: &Sums) -> f64 {
-    let Sums { w, p, pp, t, tp, tt, .. } = sums;
-    let (s, o) = sums.best_gain_and_offset();
-    ((s * s * pp + o * o * w + tt + 2.0 * (s * o * p - s * tp - o * t)) / w).max(0.0)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_loss_is_that_of_the_best_gain_and_black_level() {
-        let (light, photo): ([f64; 4], [f64; 4]) = ([0.2, 0.5, 0.9, 0.4], [0.3, 0.4, 0.8, 0.5]);
-        let sum = |f: &dyn Fn(f64, f64) -> f64| light.iter().zip(&photo).map(|(p, t)| f(*p, *t)).sum::<f64>();
-        let sums = Sums {
-            w: 4.0,
-            p: sum(&|p, _| p),
-            pp: sum(&|p, _| p * p),
-            t: sum(&|_, t| t),
-            tp: sum(&|p, t| t * p),
-            tt: sum(&|_, t| t * t),
-            ..Sums::default()
-        };
-        let at = |s: f64, o: f64| sum(&|p, t| (s * p + o - t).powi(2)) / 4.0;
-        let (s, o) = sums.best_gain_and_offset();
-        assert!((loss(&sums) - at(s, o)).abs() < 1e-12);
-        for (ds, d_o) in [(0.01, 0.0), (-0.01, 0.0), (0.0, 0.01), (0.0, -0.01)] {
-            assert!(at(s + ds, o + d_o) > loss(&sums));
-        }
-    }
 }

@@ -20,6 +20,7 @@
 //!   `setting` (the display made ready), `pairs`, `losses` and `state_bytes`; `hologram_setup` reads what `optimize` needs.
 mod attempt;
 mod backoff;
+mod captured;
 mod checkpoint;
 mod clock;
 mod context;

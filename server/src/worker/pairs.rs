@@ -11,8 +11,9 @@ use std::sync::{Arc, OnceLock};
 use tokio::runtime::Handle;
 
 /// Decoded pairs are kept up to this size \[bytes\]: reading a pair again takes about as long as learning from it, but
-/// a large dataset must not fill the machine's memory.
-const CACHE_BYTES_MAX: usize = 256 << 20;
+/// a large dataset must not fill the machine's memory. Of pairs that are seen less often, fewer.
+const TRAINING_BYTES_MAX: usize = 256 << 20;
+const OTHER_BYTES_MAX: usize = 64 << 20;
 
 /// Pairs of one split.
 pub(super) struct Pairs {
@@ -31,7 +32,8 @@ impl Pairs {
     pub(super) fn of(context: &JobContext, setting: &Setting, dataset: &Dataset, split: Split) -> Self {
         let pairs: Vec<_> = dataset.pairs.iter().filter(|pair| pair.split == Some(split)).cloned().collect();
         let pair_bytes = 2 * size_of::<f32>() * setting.setup.grid().pixels();
-        let room = (CACHE_BYTES_MAX / pair_bytes).min(pairs.len());
+        let bytes_max = if split == Split::Train { TRAINING_BYTES_MAX } else { OTHER_BYTES_MAX };
+        let room = (bytes_max / pair_bytes).min(pairs.len());
         Self {
             setting: setting.clone(),
             encoding: dataset.photo_encoding,

@@ -3,26 +3,19 @@
 use super::setting::Setting;
 use super::{JobContext, TaskError, TaskOutput};
 use crate::job::{CaptureResult, JobResult, Progress, SimulateCapture};
-use crate::pictures;
-use lightpath_optics::simulated_display::{Imperfections, SimulatedDisplay};
+use crate::{pictures, planning};
+use lightpath_optics::simulated_display::SimulatedDisplay;
 
 pub(super) fn run(context: &JobContext, spec: &SimulateCapture) -> Result<TaskOutput, TaskError> {
     let setting = Setting::read(context, &spec.display, spec.wavelength, spec.distance)?;
-    let Some(bench) = setting.display.simulated_bench else {
+    let displayed = setting.displayed_phase(&context.read_artifact(&spec.phase)?)?;
+    report(context, 0)?;
+    let Some(display) = bench(&setting)? else {
         let message = format!("displays/{} has no simulated bench", spec.display);
         return Err(TaskError::permanent("NOT_SIMULATED", message));
     };
-    let displayed = setting.displayed_phase(&context.read_artifact(&spec.phase)?)?;
-    report(context, 0)?;
-    let imperfections = Imperfections {
-        seed: bench.seed,
-        strength: bench.strength,
-        camera_noise: bench.camera_noise,
-        misalignment_px: bench.misalignment_px,
-    };
-    let display = SimulatedDisplay::draw(setting.setup, setting.carrier, imperfections)?;
     report(context, 1)?;
-    let photo = display.capture(&displayed, spec.seed)?;
+    let photo = display.capture_at(&displayed, spec.seed, spec.elapsed_s / 3600.0)?;
     // Back to the same 256 values: a capture is a file of what the camera counted.
     let photo = pictures::grey_png_linear(&photo.map(|level| f32::from(level) / 255.0))?;
     let photo = context.put_artifact(photo)?;
@@ -31,6 +24,13 @@ pub(super) fn run(context: &JobContext, spec: &SimulateCapture) -> Result<TaskOu
         result: JobResult::Capture(CaptureResult { photo, propagation: Some(setting.validity) }),
         learned: None,
     })
+}
+
+/// The display's bench, where it is a simulated one.
+pub(super) fn bench(setting: &Setting) -> Result<Option<SimulatedDisplay>, TaskError> {
+    let Some(bench) = setting.display.simulated_bench else { return Ok(None) };
+    let imperfections = planning::imperfections(bench);
+    Ok(Some(SimulatedDisplay::draw(setting.setup, setting.carrier, imperfections)?))
 }
 
 fn report(context: &JobContext, step: u32) -> Result<(), TaskError> {

@@ -7,9 +7,8 @@ use crate::job::WavelengthResult;
 use lightpath_optics::hologram::OptimizationState;
 use lightpath_optics::learning::LearnState;
 use lightpath_optics::learning::bins::BinsState;
-use lightpath_optics::learning::parametric::ParametricState;
-use lightpath_optics::optimizer::lbfgs::LbfgsState;
-use std::collections::VecDeque;
+use lightpath_optics::learning::parametric::{Best, ParametricState};
+use lightpath_optics::optimizer::damped::DampedState;
 
 /// For what stands beside a state's vectors, its envelope included.
 const ROOM_BYTES: usize = 64 << 10;
@@ -94,34 +93,49 @@ fn write_parametric(bytes: &mut Writer, state: &ParametricState) {
         adam_steps,
         epoch_loss,
         gain,
+        offset,
+        kept,
+        rescreened,
+        rung,
         refinement,
+        curvature,
+        evaluations,
+        best,
+        in_vain,
         converged,
         loss_history,
     } = state;
-    [parameters, first_moment, second_moment, loss_history].into_iter().for_each(|values| bytes.f64s(values));
-    bytes.u32(*adam_steps);
-    bytes.f64(*epoch_loss);
-    bytes.f64(*gain);
-    bytes.u32(u32::from(*converged));
-    bytes.u32(u32::from(refinement.is_some()));
-    if let Some(LbfgsState { parameters, loss, gradient, history, evaluations }) = refinement {
-        bytes.f64s(parameters);
-        bytes.f64(*loss);
-        bytes.f64s(gradient);
+    [parameters, first_moment, second_moment, loss_history, curvature]
+        .into_iter()
+        .for_each(|values| bytes.f64s(values));
+    [*epoch_loss, *gain, *offset].into_iter().for_each(|value| bytes.f64(value));
+    [*adam_steps, *rung, *evaluations, *in_vain].into_iter().for_each(|value| bytes.u32(value));
+    [*rescreened, *converged, refinement.is_some(), best.is_some()].into_iter().for_each(|is| bytes.u32(u32::from(is)));
+    bytes.u32(kept.len() as u32);
+    kept.iter().for_each(|&index| bytes.u32(index));
+    if let Some(DampedState { parameters, loss, gradient, damping, evaluations }) = refinement {
+        [parameters, gradient].into_iter().for_each(|values| bytes.f64s(values));
+        [*loss, *damping].into_iter().for_each(|value| bytes.f64(value));
         bytes.u32(*evaluations);
-        bytes.u32(history.len() as u32);
-        for (step, change) in history {
-            bytes.f64s(step);
-            bytes.f64s(change);
-        }
+    }
+    if let Some(Best { order, parameters, loss, loss_before }) = best {
+        bytes.u32(*order);
+        bytes.f64s(parameters);
+        [*loss, *loss_before].into_iter().for_each(|value| bytes.f64(value));
     }
 }
 
 fn read_parametric(bytes: &mut Reader<'_>) -> Option<ParametricState> {
-    let [parameters, first_moment, second_moment, loss_history] =
-        [bytes.f64s()?, bytes.f64s()?, bytes.f64s()?, bytes.f64s()?];
-    let (adam_steps, epoch_loss, gain, converged) = (bytes.u32()?, bytes.f64()?, bytes.f64()?, bytes.u32()? != 0);
-    let refinement = if bytes.u32()? == 0 { None } else { Some(read_lbfgs(bytes)?) };
+    let [parameters, first_moment, second_moment, loss_history, curvature] =
+        [bytes.f64s()?, bytes.f64s()?, bytes.f64s()?, bytes.f64s()?, bytes.f64s()?];
+    let (epoch_loss, gain, offset) = (bytes.f64()?, bytes.f64()?, bytes.f64()?);
+    let (adam_steps, rung, evaluations, in_vain) = (bytes.u32()?, bytes.u32()?, bytes.u32()?, bytes.u32()?);
+    let [rescreened, converged, refined, has_best] =
+        [bytes.u32()? != 0, bytes.u32()? != 0, bytes.u32()? != 0, bytes.u32()? != 0];
+    let count = bytes.u32()?;
+    let kept = (0..count).map(|_| bytes.u32()).collect::<Option<Vec<_>>>()?;
+    let refinement = if refined { Some(read_damped(bytes)?) } else { None };
+    let best = if has_best { Some(read_best(bytes)?) } else { None };
     Some(ParametricState {
         parameters,
         first_moment,
@@ -129,17 +143,30 @@ fn read_parametric(bytes: &mut Reader<'_>) -> Option<ParametricState> {
         adam_steps,
         epoch_loss,
         gain,
+        offset,
+        kept,
+        rescreened,
+        rung,
         refinement,
+        curvature,
+        evaluations,
+        best,
+        in_vain,
         converged,
         loss_history,
     })
 }
 
-fn read_lbfgs(bytes: &mut Reader<'_>) -> Option<LbfgsState> {
-    let (parameters, loss, gradient) = (bytes.f64s()?, bytes.f64()?, bytes.f64s()?);
-    let (evaluations, count) = (bytes.u32()?, bytes.u32()?);
-    let history = (0..count).map(|_| Some((bytes.f64s()?, bytes.f64s()?))).collect::<Option<VecDeque<_>>>()?;
-    Some(LbfgsState { parameters, loss, gradient, history, evaluations })
+fn read_damped(bytes: &mut Reader<'_>) -> Option<DampedState> {
+    let (parameters, gradient) = (bytes.f64s()?, bytes.f64s()?);
+    let (loss, damping, evaluations) = (bytes.f64()?, bytes.f64()?, bytes.u32()?);
+    Some(DampedState { parameters, loss, gradient, damping, evaluations })
+}
+
+fn read_best(bytes: &mut Reader<'_>) -> Option<Best> {
+    let (order, parameters) = (bytes.u32()?, bytes.f64s()?);
+    let (loss, loss_before) = (bytes.f64()?, bytes.f64()?);
+    Some(Best { order, parameters, loss, loss_before })
 }
 
 fn write_bins(bytes: &mut Writer, state: &BinsState) {
@@ -260,16 +287,22 @@ mod tests {
             assert_eq!(HologramState::from_bytes(&bytes[..end]), None, "cut at {end}");
         }
 
-        let refinement = LbfgsState {
+        let refinement = DampedState {
             parameters: vec![0.1, 0.7],
             loss: 1e-5,
             gradient: vec![-1.0 / 7.0, 0.0],
-            history: VecDeque::from([(vec![1.0, 2.0], vec![3.0, 4.0]), (vec![5.0, 6.0], vec![7.0, 8.0])]),
+            damping: 1e-3,
             evaluations: 9,
         };
+        let best = Best { order: 8, parameters: vec![0.3], loss: 1e-4, loss_before: f64::INFINITY };
         let parametric = ParametricState {
             parameters: vec![0.1],
             refinement: Some(refinement),
+            best: Some(best),
+            kept: vec![0, 2, 3],
+            curvature: vec![4.0],
+            rescreened: true,
+            rung: 1,
             converged: true,
             loss_history: vec![0.3, 0.2],
             adam_steps: 5,

@@ -45,6 +45,7 @@ async fn promote(serving: &Serving, version: u32, expected: Option<u32>) -> Resu
         version,
         reason: "looks better".into(),
         expected_active_version: expected,
+        force: false,
     };
     Ok(client(serving).promote_kernel(request).await?.into_inner())
 }

@@ -31,7 +31,7 @@ pub(crate) struct Learn {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     epochs: Option<u32>,
 
-    /// Full-batch L-BFGS evaluations after Adam (smooth and display), at most 10000 [default: the model's]
+    /// Evaluations of all pairs after Adam (smooth and display), at most 10000 [default: the model's]
     #[arg(long, value_name = "N")]
     refinement_evaluations: Option<u32>,
 
@@ -43,9 +43,13 @@ pub(crate) struct Learn {
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
 
-    /// Highest polynomial degree of the smooth errors, 1 to 12
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
+    /// Highest polynomial degree of the smooth errors, 1 to 12; auto: 5, 8 or 12, as the validation pairs choose
+    #[arg(long, value_name = "N", default_value = "auto", value_parser = order)]
     order: u32,
+
+    /// Start from this version of the kernel, learned as smooth or display, instead of the ideal kernel
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    start_version: Option<u32>,
 
     /// What the camera's pixels measure (supersampled is no camera)
     #[arg(long, default_value = "pixel")]
@@ -117,8 +121,18 @@ impl Learn {
             order: self.order,
             detector: v1::Detector::from(self.detector).into(),
             region_of_interest: self.roi,
+            start_version: self.start_version.unwrap_or(0),
         });
         self.submission.submit_and_print(session, kind, self.wait).await
+    }
+}
+
+/// 0 stands for auto.
+fn order(text: &str) -> Result<u32, String> {
+    match text.parse() {
+        Ok(order) if (1..=12).contains(&order) => Ok(order),
+        _ if text == "auto" => Ok(0),
+        _ => Err("an order is 1 to 12, or auto".to_owned()),
     }
 }
 

@@ -28,6 +28,10 @@ pub(crate) struct Promote {
     #[arg(long, value_name = "TEXT", default_value = "", hide_default_value = true)]
     reason: String,
 
+    /// Promote a version that was measured to be no better than the ideal kernel all the same; needs --reason
+    #[arg(long, requires = "reason")]
+    force: bool,
+
     /// Refuse when another version than this one is active now; 0: none is
     #[arg(long, value_name = "N")]
     expected_active: Option<u32>,
@@ -61,6 +65,7 @@ impl Promote {
             version: self.version,
             reason: self.reason,
             expected_active_version: self.expected_active,
+            force: self.force,
         };
         session.print(&session.client.promote_kernel(request).await?, kernel_facts)
     }

@@ -5,7 +5,7 @@ use crate::cli::failure::Failure;
 use crate::cli::kernel_choice::KernelChoice;
 use crate::cli::session::{Session, more_hint, pages};
 use crate::cli::table::{Facts, Table};
-use crate::cli::{job_text, show};
+use crate::cli::{job_text, quality_text, show};
 use clap::Args;
 use lightpath::names;
 use lightpath::v1::{self, Kernel, KernelVersion};
@@ -169,6 +169,7 @@ pub(super) fn version_facts(version: &KernelVersion) -> String {
         let against = |learned, ideal| format!("{} (ideal kernel {})", show::loss(learned), show::loss(ideal));
         facts.add("held-out loss", against(metrics.test_loss, metrics.ideal_test_loss));
         facts.add("full frame", against(metrics.test_loss_full_frame, metrics.ideal_test_loss_full_frame));
+        quality_text::verdict(metrics, &mut facts);
         facts.add("training loss", show::loss(metrics.train_loss));
         if metrics.validation_pairs > 0 {
             facts.add("validation loss", show::loss(metrics.validation_loss));

@@ -57,6 +57,7 @@ fn new_job(request_id: &str, seed: u64) -> NewJob {
         distance: DISTANCE,
         phase: digest(0),
         seed,
+        elapsed_s: 0.0,
     };
     let scheduling = Scheduling::default();
     NewJob {

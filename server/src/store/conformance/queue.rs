@@ -237,6 +237,8 @@ async fn a_learned_kernel_gets_its_number_with_the_end_of_its_job() {
         metrics: Default::default(),
         loss_history: vec![0.5],
         propagation: None,
+        left_out_pairs: Vec::new(),
+        order: 0,
     };
     let learned = JobResult::Learn(learned);
     let missing = store.finish(&lease, learned.clone(), Some((key(), new_version(99))), 2).await;

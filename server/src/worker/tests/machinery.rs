@@ -19,6 +19,7 @@ async fn submit(bench: &Bench, request_id: &str, attempts_max: u32) -> String {
         distance: DISTANCE,
         phase: String::new(),
         seed: 1,
+        elapsed_s: 0.0,
     };
     bench.submit(request_id, JobSpec::SimulateCapture(spec), attempts_max).await
 }

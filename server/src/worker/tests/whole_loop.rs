@@ -23,7 +23,7 @@ struct Lab {
 
 impl Lab {
     async fn new() -> Self {
-        let simulated_bench = SimulatedBench { seed: 3, strength: 1.0, camera_noise: 0.002, misalignment_px: 0.3 };
+        let simulated_bench = SimulatedBench::new(3, 1.0, 0.002, 0.3);
         let carrier = Some(Carrier::HalfOrderX);
         let display = Display { carrier, simulated_bench: Some(simulated_bench), ..display() };
         let (height_px, width_px) = (display.height_px as usize, display.width_px as usize);
@@ -82,7 +82,8 @@ impl Lab {
 
     async fn photograph(&self, request_id: &str, phase: &str) -> String {
         let (display, phase) = ("lab".to_owned(), phase.to_owned());
-        let spec = SimulateCapture { display, wavelength: WAVELENGTH, distance: DISTANCE, phase, seed: 1 };
+        let spec =
+            SimulateCapture { display, wavelength: WAVELENGTH, distance: DISTANCE, phase, seed: 1, elapsed_s: 0.0 };
         match self.done(request_id, JobSpec::SimulateCapture(spec)).await {
             JobResult::Capture(result) => result.photo,
             other => panic!("{other:?}"),
@@ -187,7 +188,8 @@ fn learn(model: KernelModel, epochs: u32, refinement_evaluations: u32) -> JobSpe
         refinement_evaluations: Some(refinement_evaluations),
         learning_rate: None,
         seed: 1,
-        order: 4,
+        order: Some(4),
+        start_version: None,
         detector: Detector::Pixel,
         region_of_interest: REGION,
     })
@@ -210,6 +212,10 @@ async fn a_learned_kernel_makes_better_holograms() {
     assert_eq!(learned.kernel_version, "displays/lab/kernels/515nm-4mm/versions/1");
     assert_eq!((learned.metrics.train_pairs, learned.metrics.test_pairs), (6, 2));
     assert!(learned.metrics.test_loss < 0.3 * learned.metrics.ideal_test_loss, "{:?}", learned.metrics);
+    let captured = learned.metrics.captured.unwrap();
+    assert!(captured.psnr_db > captured.ideal_psnr_db + 3.0, "{captured:?}");
+    assert!(!learned.metrics.no_better_than_ideal());
+    assert_eq!((learned.order, learned.left_out_pairs.as_slice()), (4, [].as_slice()));
 
     for (request_id, version, expected) in
         [("learned", Some(1), learned.metrics.test_loss), ("ideal", None, learned.metrics.ideal_test_loss)]

@@ -1,0 +1,49 @@
+//! Models against photographs: of the test pairs, and of new holograms made through each model.
+
+use super::lab::Lab;
+use super::options::{Failure, Options};
+use super::shots::{Shots, phase};
+use lightpath_optics::learning::{PairSource, compare};
+use lightpath_optics::metrics::{Gain, psnr_db};
+use lightpath_optics::{Detector, DisplayModel, Engine, Plane};
+
+/// What models are judged by.
+pub(crate) struct Judge<'a> {
+    lab: &'a Lab,
+    test: &'a Shots,
+    targets: Vec<Plane<f32>>,
+    iterations: u32,
+}
+
+/// How good a model is.
+pub(crate) struct Verdict {
+    /// Mean squared error in the region over the test pairs, gain and black level fitted to each.
+    pub(crate) test_loss: f64,
+    /// PSNR of photographs of new holograms \[dB\], target by target.
+    pub(crate) captured_db: Vec<f64>,
+}
+
+impl<'a> Judge<'a> {
+    pub(crate) fn new(lab: &'a Lab, test: &'a Shots, options: &Options) -> Result<Self, Failure> {
+        let targets = (0..options.targets).map(|i| lab.new_target(i)).collect::<Result<_, _>>()?;
+        Ok(Self { lab, test, targets, iterations: options.iterations })
+    }
+
+    pub(crate) fn verdict(&self, model: &DisplayModel) -> Result<Verdict, Failure> {
+        let engine = Engine::<f32>::new(model, Detector::Pixel, None)?;
+        let mut test_loss = 0.0;
+        for index in 0..self.test.len() {
+            test_loss += compare(&engine, &self.test.pair(index)?, self.lab.region())?.fitted_loss();
+        }
+        let captured_db = self.targets.iter().zip(1..).map(|(target, seed)| {
+            let levels = self.lab.hologram(&engine, target, 1.0, seed, self.iterations)?;
+            let photo = self.lab.bench().capture(&phase(&levels)?, 1_000_000 + seed)?;
+            let light = photo.map(|level| f32::from(level) / 255.0);
+            Ok(psnr_db(&light, target, self.lab.region(), Gain::Fitted)?)
+        });
+        Ok(Verdict {
+            test_loss: test_loss / self.test.len() as f64,
+            captured_db: captured_db.collect::<Result<_, Failure>>()?,
+        })
+    }
+}

@@ -1,0 +1,148 @@
+//! A simulated display with a camera, and what its owner does with it.
+
+use super::options::{Failure, Options};
+use super::shots::{Shots, phase};
+use super::slip::{overexposed, turned};
+use lightpath_optics::hologram::{Method, Options as MethodOptions, initial_phase};
+use lightpath_optics::phase_response::PhaseResponse;
+use lightpath_optics::simulated_display::{Imperfections, SimulatedDisplay};
+use lightpath_optics::test_cards::TestCard;
+use lightpath_optics::{
+    Detector, DisplayModel, Engine, Grid, HologramProblem, KernelShape, OpticalSetup, Optimization, Plane,
+    RegionOfInterest,
+};
+use num_complex::Complex32;
+use std::f64::consts::TAU;
+
+/// Cards that no training hologram shows.
+const HELD_OUT: [TestCard; 4] = [TestCard::Portrait, TestCard::Planet, TestCard::Leaf, TestCard::Clouds];
+
+/// A display on a bench.
+#[derive(Clone)]
+pub(crate) struct Lab {
+    bench: SimulatedDisplay,
+    region: RegionOfInterest,
+    iterations: u32,
+    seed: u64,
+    wrong: usize,
+    saturated: f64,
+    rotation_deg: f64,
+    jitter_px: f64,
+}
+
+impl Lab {
+    pub(crate) fn draw(options: &Options, seed: u64) -> Result<Self, Failure> {
+        let (width_px, height_px) = options.size_px;
+        let (pitch_m, wavelength_m) = (8e-6, 515e-9);
+        let grid = Grid::try_new(height_px, width_px, pitch_m)?;
+        let critical_m = 2.0 * width_px.min(height_px) as f64 * pitch_m * pitch_m / wavelength_m;
+        let distance_m = if options.distance_m > 0.0 { options.distance_m } else { 0.6 * critical_m };
+        let setup = OpticalSetup::try_new(grid, wavelength_m, distance_m)?.planned()?.0;
+        let Options { strength, camera_noise, misalignment_px, .. } = *options;
+        let imperfections = Imperfections { seed, strength, camera_noise, misalignment_px, ..Imperfections::FAIR };
+        Ok(Self {
+            bench: SimulatedDisplay::draw(setup, None, imperfections)?,
+            region: RegionOfInterest::middle(&grid),
+            iterations: options.training_iterations,
+            seed,
+            wrong: options.wrong,
+            saturated: options.saturated,
+            rotation_deg: options.rotation_deg,
+            jitter_px: options.jitter_px,
+        })
+    }
+
+    /// The same bench, handled without a slip.
+    pub(crate) fn clean(&self) -> Self {
+        Self { wrong: 0, saturated: 0.0, rotation_deg: 0.0, jitter_px: 0.0, ..self.clone() }
+    }
+
+    pub(crate) fn setup(&self) -> OpticalSetup {
+        self.bench.setup()
+    }
+
+    pub(crate) fn region(&self) -> RegionOfInterest {
+        self.region
+    }
+
+    pub(crate) fn bench(&self) -> &SimulatedDisplay {
+        &self.bench
+    }
+
+    /// The display's true transfer function with a flat source, a linear response and no undiffracted light.
+    pub(crate) fn true_kernel(&self) -> DisplayModel {
+        let setup = self.setup();
+        let (rows, columns, pitch_m) =
+            (setup.padded_height_px(), setup.padded_width_px(), setup.grid().pixel_pitch_m());
+        let centred = |i: usize, n: usize| (i as f64 - (n / 2) as f64) / (n as f64 * pitch_m);
+        let bins = Plane::from_fn(rows, columns, |y, x| {
+            let value = self.bench.true_transfer(centred(x, columns), centred(y, rows));
+            Complex32::new(value.re as f32, value.im as f32)
+        });
+        DisplayModel { kernel: KernelShape::Bins(bins), ..DisplayModel::ideal(setup) }
+    }
+
+    /// Holograms through the ideal kernel, half of them from random phase and half from narrow, and their photographs.
+    pub(crate) fn photograph(&self, pairs: usize, set: u64) -> Result<Shots, Failure> {
+        let cards: Vec<TestCard> = TestCard::ALL.into_iter().filter(|card| !HELD_OUT.contains(card)).collect();
+        let engine = Engine::<f32>::new(&DisplayModel::ideal(self.setup()), Detector::Pixel, None)?;
+        let mut shots = Shots { levels: Vec::new(), photos: Vec::new() };
+        for i in 0..pairs {
+            let seed = (self.seed * 16 + set) * 1000 + i as u64;
+            // Pictures of a set come from its own part of the cards' seeds.
+            let target = self.card(cards[(i + set as usize * 5) % cards.len()], seed)?;
+            let range_rad = if i % 2 == 0 { TAU } else { 1.0 };
+            let levels = self.hologram(&engine, &target, range_rad, seed, self.iterations)?;
+            shots.photos.push(self.slipped(&self.bench.light(&phase(&levels)?)?, i, seed)?);
+            shots.levels.push(levels);
+        }
+        for i in 0..self.wrong.min(pairs / 2) {
+            shots.photos.swap(i, pairs - 1 - i);
+        }
+        Ok(shots)
+    }
+
+    /// A picture that no training hologram shows.
+    pub(crate) fn new_target(&self, index: usize) -> Result<Plane<f32>, Failure> {
+        self.card(HELD_OUT[index % HELD_OUT.len()], self.seed * 1000 + 900 + index as u64)
+    }
+
+    fn card(&self, card: TestCard, seed: u64) -> Result<Plane<f32>, Failure> {
+        let grid = self.setup().grid();
+        Ok(card.render(grid.height_px(), grid.width_px(), seed)?)
+    }
+
+    /// Grey levels that show a target through a model.
+    pub(crate) fn hologram(
+        &self,
+        engine: &Engine,
+        target: &Plane<f32>,
+        range_rad: f64,
+        seed: u64,
+        iterations: u32,
+    ) -> Result<Plane<u8>, Failure> {
+        let (height_px, width_px) = (target.height_px(), target.width_px());
+        let problem = HologramProblem::new(engine.clone(), target.clone(), self.region)?;
+        let start = initial_phase(height_px, width_px, range_rad, seed)?;
+        let options = MethodOptions::new(Method::Lbfgs, iterations);
+        let mut optimization = Optimization::start(problem, options, start.into_vec())?;
+        while optimization.step().is_some() {}
+        let phase = Plane::try_from_vec(height_px, width_px, optimization.phases().to_vec())?;
+        Ok(PhaseResponse::linear(8)?.quantize(&phase)?.map(|level| level as u8))
+    }
+
+    /// A photograph by a camera that was moved, turned and exposed as asked.
+    fn slipped(&self, light: &Plane<f32>, index: usize, seed: u64) -> Result<Plane<u8>, Failure> {
+        // Directions that differ from photograph to photograph.
+        let angle = index as f64 * 2.4;
+        let (dx, dy) = (self.jitter_px * angle.cos(), self.jitter_px * angle.sin());
+        let rotation_rad = self.rotation_deg.to_radians() * (angle * 1.7).cos();
+        let moved = if dx == 0.0 && dy == 0.0 && rotation_rad == 0.0 {
+            light.clone()
+        } else {
+            turned(light, rotation_rad, dx, dy)
+        };
+        let exposed = if self.saturated > 0.0 { overexposed(&moved, self.region, self.saturated) } else { moved };
+        Ok(self.bench.expose(&exposed, seed))
+    }
+}

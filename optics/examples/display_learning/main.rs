@@ -1,0 +1,107 @@
+//! How good a learned display is: draws simulated displays, photographs holograms on each, learns models from the photographs,
+//! and judges them by photographs of new holograms made through them.
+//!
+//! ```sh
+//! cargo run --release -p lightpath-optics --example display_learning -- --size 640x360 --seeds 1,2,3,4,5
+//! cargo run --release -p lightpath-optics --example display_learning -- --pairs 4 --models display
+//! cargo run --release -p lightpath-optics --example display_learning -- --wrong 1 --saturated 0.02 --rotation-deg 0.02
+//! ```
+//!
+//! One line a model: its held-out error, the same relative to the display's true transfer function (the floor of any single
+//! kernel), the PSNR of photographs of new targets and their gain over the ideal kernel, target by target, and what learning cost.
+#![allow(clippy::print_stdout)] // it is a program
+
+mod judge;
+mod lab;
+mod memory;
+mod options;
+mod shots;
+mod slip;
+
+use judge::{Judge, Verdict};
+use lab::Lab;
+use lightpath_optics::learning::{LearnModel, LearnOptions, LearnStage, Learner, Lessons, PairSource as _};
+use lightpath_optics::{DisplayModel, KernelShape};
+use options::{Failure, Options};
+use shots::Shots;
+use std::time::Instant;
+
+fn main() -> Result<(), Failure> {
+    let options = Options::parse(std::env::args().skip(1))?;
+    rayon::ThreadPoolBuilder::new().num_threads(options.threads).build_global()?;
+    println!("seed model      test MSE  /floor  captured PSNR [dB]         gain [dB]                   seconds  MB");
+    for &seed in &options.seeds {
+        show_display(&options, seed)?;
+    }
+    Ok(())
+}
+
+fn show_display(options: &Options, seed: u64) -> Result<(), Failure> {
+    let lab = Lab::draw(options, seed)?;
+    let training = lab.photograph(options.pairs, 0)?;
+    let validation = lab.photograph(options.validation, 1)?;
+    let test = lab.clean().photograph(options.test, 2)?;
+    let judge = Judge::new(&lab, &test, options)?;
+
+    let floor = judge.verdict(&lab.true_kernel())?;
+    let ideal = judge.verdict(&DisplayModel::ideal(lab.setup()))?;
+    let show = |name: &str, verdict: &Verdict, cost: &str| {
+        let gains: Vec<f64> = verdict.captured_db.iter().zip(&ideal.captured_db).map(|(a, b)| a - b).collect();
+        let list = |values: &[f64]| values.iter().map(|value| format!("{value:5.1}")).collect::<Vec<_>>().join(" ");
+        println!(
+            "{seed:4} {name:8} {:11.6} {:7.3}  {:26} {:26} {cost}",
+            verdict.test_loss,
+            verdict.test_loss / floor.test_loss,
+            list(&verdict.captured_db),
+            list(&gains)
+        );
+    };
+    show("ideal", &ideal, "");
+    show("true", &floor, "");
+    for &model in &options.models {
+        let (learned, cost) = learn(options, &lab, model, seed, &training, &validation)?;
+        show(options::name(model), &judge.verdict(&learned)?, &cost);
+    }
+    Ok(())
+}
+
+fn learn(
+    options: &Options,
+    lab: &Lab,
+    model: LearnModel,
+    seed: u64,
+    training: &Shots,
+    validation: &Shots,
+) -> Result<(DisplayModel, String), Failure> {
+    let defaults = LearnOptions::new(model, lab.region());
+    let learn_options = LearnOptions {
+        seed,
+        epochs: options.epochs.unwrap_or(defaults.epochs),
+        refinement_evaluations: options.evaluations.unwrap_or(defaults.refinement_evaluations),
+        ..defaults
+    };
+    let lessons = Lessons { training, validation };
+    memory::forget_peak();
+    let began = Instant::now();
+    let mut learner = Learner::start(lab.setup(), learn_options, training)?;
+    let mut adam_s = 0.0;
+    while let Some(step) = learner.step(lessons)? {
+        if options.verbose {
+            eprintln!("  {:6.1} s  {step:?}", began.elapsed().as_secs_f64());
+        }
+        if step.stage == LearnStage::Adam {
+            adam_s = began.elapsed().as_secs_f64();
+        }
+    }
+    let (kept, order) = (learner.kept_pairs(training.len()).len(), order(&learner.model()));
+    let total_s = began.elapsed().as_secs_f64();
+    let memory = memory::peak_mb().map_or_else(String::new, |mb| format!("{mb:5.0}"));
+    Ok((learner.model(), format!("{total_s:7.1} {memory}  ({adam_s:.1} s of Adam, order {order}, {kept} pairs)")))
+}
+
+fn order(model: &DisplayModel) -> usize {
+    match &model.kernel {
+        KernelShape::Smooth(field) => field.order,
+        KernelShape::Ideal | KernelShape::Bins(_) => 0,
+    }
+}

@@ -1,0 +1,110 @@
+//! What to draw, what to learn.
+
+use lightpath_optics::learning::LearnModel;
+use std::collections::BTreeMap;
+
+/// Whatever went wrong.
+pub(crate) type Failure = Box<dyn std::error::Error + Send + Sync>;
+
+/// The program's arguments, each `--name value`.
+#[derive(Clone, Debug)]
+pub(crate) struct Options {
+    pub(crate) size_px: (usize, usize),
+    /// 0: six tenths of the distance up to which the size samples the whole band.
+    pub(crate) distance_m: f64,
+    pub(crate) seeds: Vec<u64>,
+    pub(crate) models: Vec<LearnModel>,
+    pub(crate) pairs: usize,
+    pub(crate) validation: usize,
+    pub(crate) test: usize,
+    pub(crate) targets: usize,
+    pub(crate) training_iterations: u32,
+    pub(crate) iterations: u32,
+    pub(crate) strength: f64,
+    pub(crate) camera_noise: f64,
+    pub(crate) misalignment_px: f64,
+    /// Photographs of other holograms than they are filed with, among the training pairs.
+    pub(crate) wrong: usize,
+    /// Part of the training photographs' pixels that is overexposed.
+    pub(crate) saturated: f64,
+    /// By what each training photograph is turned beside the others, at most.
+    pub(crate) rotation_deg: f64,
+    /// And moved.
+    pub(crate) jitter_px: f64,
+    /// Of Adam, and of what follows it; `None`: the model's own.
+    pub(crate) epochs: Option<u32>,
+    pub(crate) evaluations: Option<u32>,
+    pub(crate) threads: usize,
+    pub(crate) verbose: bool,
+}
+
+impl Options {
+    pub(crate) fn parse(mut arguments: impl Iterator<Item = String>) -> Result<Self, Failure> {
+        let mut given = BTreeMap::new();
+        while let Some(name) = arguments.next() {
+            let name = name.strip_prefix("--").ok_or_else(|| format!("{name} is not an option"))?.to_owned();
+            let value = arguments.next().ok_or_else(|| format!("--{name} needs a value"))?;
+            given.insert(name, value);
+        }
+        let mut text = |name: &str, default: &str| given.remove(name).unwrap_or_else(|| default.to_owned());
+        let order = some_number("order", &text("order", "auto"))?;
+        let models = text("models", "smooth,display");
+        let options = Self {
+            size_px: size(&text("size", "320x180"))?,
+            distance_m: number("distance", &text("distance", "0"))?,
+            seeds: text("seeds", "1").split(',').map(|seed| number("seeds", seed)).collect::<Result<_, _>>()?,
+            models: models.split(',').map(|name| model(name, order)).collect::<Result<_, _>>()?,
+            pairs: number("pairs", &text("pairs", "16"))?,
+            validation: number("validation", &text("validation", "2"))?,
+            test: number("test", &text("test", "4"))?,
+            targets: number("targets", &text("targets", "4"))?,
+            training_iterations: number("training-iterations", &text("training-iterations", "60"))?,
+            iterations: number("iterations", &text("iterations", "100"))?,
+            strength: number("strength", &text("strength", "1"))?,
+            camera_noise: number("noise", &text("noise", "0.003"))?,
+            misalignment_px: number("shift", &text("shift", "0.5"))?,
+            wrong: number("wrong", &text("wrong", "0"))?,
+            saturated: number("saturated", &text("saturated", "0"))?,
+            rotation_deg: number("rotation-deg", &text("rotation-deg", "0"))?,
+            jitter_px: number("jitter", &text("jitter", "0"))?,
+            epochs: some_number("epochs", &text("epochs", "auto"))?,
+            evaluations: some_number("evaluations", &text("evaluations", "auto"))?,
+            threads: number("threads", &text("threads", "2"))?,
+            verbose: text("verbose", "no") == "yes",
+        };
+        given.keys().next().map_or(Ok(options), |name| Err(format!("there is no option --{name}").into()))
+    }
+}
+
+/// As tables call it.
+pub(crate) fn name(model: LearnModel) -> &'static str {
+    match model {
+        LearnModel::Paper => "paper",
+        LearnModel::Dense => "dense",
+        LearnModel::Smooth { .. } => "smooth",
+        LearnModel::Display { .. } => "display",
+    }
+}
+
+fn model(name: &str, order: Option<usize>) -> Result<LearnModel, Failure> {
+    Ok(match name {
+        "paper" => LearnModel::Paper,
+        "dense" => LearnModel::Dense,
+        "smooth" => LearnModel::Smooth { order },
+        "display" => LearnModel::Display { order },
+        other => return Err(format!("there is no model {other}").into()),
+    })
+}
+
+fn size(text: &str) -> Result<(usize, usize), Failure> {
+    let (width, height) = text.split_once('x').ok_or("a size looks like 320x180")?;
+    Ok((number("size", width)?, number("size", height)?))
+}
+
+fn number<T: std::str::FromStr>(name: &str, text: &str) -> Result<T, Failure> {
+    text.parse().map_err(|_| format!("--{name}: {text} is no such number").into())
+}
+
+fn some_number<T: std::str::FromStr>(name: &str, text: &str) -> Result<Option<T>, Failure> {
+    if text == "auto" { Ok(None) } else { number(name, text).map(Some) }
+}

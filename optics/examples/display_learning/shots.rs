@@ -1,0 +1,27 @@
+//! Pairs as files hold them: a byte a pixel, decoded when they are needed.
+
+use lightpath_optics::Plane;
+use lightpath_optics::learning::{BoxError, Pair, PairSource};
+use lightpath_optics::phase_response::PhaseResponse;
+
+/// Holograms in grey levels with their photographs.
+#[derive(Clone, Debug)]
+pub(crate) struct Shots {
+    pub(crate) levels: Vec<Plane<u8>>,
+    pub(crate) photos: Vec<Plane<u8>>,
+}
+
+impl PairSource for Shots {
+    fn len(&self) -> usize {
+        self.levels.len()
+    }
+
+    fn pair(&self, index: usize) -> Result<Pair, BoxError> {
+        Ok(Pair { phase: phase(&self.levels[index])?, photo: self.photos[index].map(|level| f32::from(level) / 255.0) })
+    }
+}
+
+/// What the SLM is told to show.
+pub(crate) fn phase(levels: &Plane<u8>) -> Result<Plane<f32>, BoxError> {
+    Ok(PhaseResponse::linear(8)?.dequantize(&levels.map(u16::from))?)
+}

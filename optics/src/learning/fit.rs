@@ -1,0 +1,256 @@
+//! A parametric model in the making: its loss and the gradient of all its parameters, pair by pair.
+
+use super::columns::project;
+use super::layout::{HARMONICS, Layout, SOURCE_ORDER};
+use super::pair::Example;
+use super::smooth_transfer::SmoothTransfer;
+use crate::carrier::Carrier;
+use crate::chebyshev::polynomials;
+use crate::convolution::Transfer;
+use crate::display_model::position;
+use crate::engine::{Engine, Fields, tabulate_source};
+use crate::photometry::Sums;
+use crate::real::Real;
+use crate::slm::{BLOCK, Block, Slm};
+use crate::{Detector, DisplayModel, Error, KernelShape, OpticalSetup};
+use num_complex::{Complex, Complex64};
+use pulp::Arch;
+use std::sync::Arc;
+
+/// A model in the making: set its parameters, then evaluate pairs.
+#[derive(Debug)]
+pub(super) struct Fit<T> {
+    pub(super) setup: OpticalSetup,
+    pub(super) layout: Layout,
+    pub(super) engine: Engine<T>,
+    pub(super) smooth: SmoothTransfer<T>,
+    /// Of the photograph looked at last, as they fit it best.
+    pub(super) gain: f64,
+    pub(super) offset: f64,
+    /// T_i at the x of each pixel.
+    pub(super) polynomials_x: Vec<Vec<T>>,
+    pub(super) out: Fields<T>,
+    back: Vec<Complex<T>>,
+    /// Room for transfer functions of derivatives.
+    pub(super) spare: Transfer<T>,
+}
+
+/// What a row contributes to the gradient of the SLM's parameters.
+#[derive(Clone, Copy, Debug)]
+struct RowSums {
+    /// Σ b* · c · T_i(x)
+    source: [Complex64; SOURCE_ORDER + 1],
+    /// Im Σ b* · a e^{ir} · (sin kφ, cos kφ)
+    response: [[f64; 2]; HARMONICS],
+    /// Σ b* · a
+    zero_order: Complex64,
+}
+
+const NO_SUMS: RowSums = RowSums {
+    source: [Complex64::ZERO; SOURCE_ORDER + 1],
+    response: [[0.0; 2]; HARMONICS],
+    zero_order: Complex64::ZERO,
+};
+
+impl<T: Real> Fit<T> {
+    pub(super) fn new(
+        setup: OpticalSetup,
+        layout: Layout,
+        detector: Detector,
+        carrier: Option<Carrier>,
+    ) -> Result<Self, Error> {
+        let engine = Engine::new(&DisplayModel::ideal(setup), detector, carrier)?;
+        let width_px = setup.grid().width_px();
+        let at_x: Vec<Vec<f64>> =
+            (0..width_px).map(|x| polynomials(layout.source.order(), position(x, width_px))).collect();
+        let out = Fields::new(&engine.convolver);
+        let back = vec![Complex::new(T::zero(), T::zero()); out.spectrum.len()];
+        Ok(Self {
+            setup,
+            layout,
+            smooth: SmoothTransfer::new(&setup, layout.kernel.order()),
+            engine,
+            gain: 1.0,
+            offset: 0.0,
+            polynomials_x: (0..=layout.source.order()).map(|i| at_x.iter().map(|t| T::of(t[i])).collect()).collect(),
+            out,
+            back,
+            spare: Transfer::zeros(setup.grid().height_px(), width_px),
+        })
+    }
+
+    /// Goes over to a kernel of another order.
+    pub(super) fn change(&mut self, layout: Layout) {
+        if layout.kernel != self.layout.kernel {
+            self.smooth.change_order(layout.kernel.order());
+            self.layout = layout;
+        }
+    }
+
+    pub(super) fn set(&mut self, parameters: &[f64]) {
+        let model = self.layout.model(&self.setup, (1.0, 0.0), parameters);
+        if let KernelShape::Smooth(errors) = &model.kernel {
+            self.smooth.apply(errors, Arc::make_mut(&mut self.engine.transfer));
+        }
+        if self.layout.has_slm() {
+            let (height_px, width_px) = (self.engine.height_px(), self.engine.width_px());
+            let slm = Arc::make_mut(&mut self.engine.slm);
+            slm.harmonics = model.response.iter().map(|&[a, b]| [T::of(a), T::of(b)]).collect();
+            slm.zero_order = Complex::new(T::of(model.zero_order.re), T::of(model.zero_order.im));
+            slm.source = Some(tabulate_source(&model.source, height_px, width_px));
+        }
+    }
+
+    /// Sends a hologram, and fits gain and offset to its photograph: both are the exposure's, not the display's. Where the
+    /// light says nothing about the photograph, nothing is learned from it.
+    pub(super) fn expose(&mut self, example: &Example<T>) {
+        let Self { engine, out, .. } = self;
+        engine.send(example.phase.values(), out);
+        let sums = engine.convolver.measure(&out.tiles, &example.comparison(engine, 1.0, 0.0));
+        let (gain, offset) = sums.best_gain_and_offset();
+        (self.gain, self.offset) = if gain > 0.0 { (gain, offset) } else { (0.0, sums.t / sums.w) };
+    }
+
+    /// The loss of one pair at the gain and offset that fit it best, and its gradient with respect to θ: at a minimum over
+    /// gain and offset, theirs is zero, and θ's is that at fixed ones.
+    pub(super) fn evaluate(&mut self, example: &Example<T>) -> (Sums, Vec<f64>) {
+        self.expose(example);
+        let Self { engine, smooth, out, back, .. } = self;
+        let (convolver, transfer) = (&engine.convolver, &engine.transfer);
+        let comparison = example.comparison(engine, self.gain, self.offset);
+        let sums = convolver.compare(&out.tiles, &comparison, back);
+        let one = convolver.half_spectrum_len(1);
+        let columns = convolver.correlate(&out.spectrum[..one], back, transfer, &mut out.tiles[..one], |i, u, g| {
+            let mut h = u.to_vec();
+            transfer.read_column(i, &mut h);
+            smooth.visit(&h, u, g)
+        });
+
+        let (mut gradient, psi) = smooth.gradient(&columns);
+        gradient.extend(psi);
+        if self.layout.has_slm() {
+            self.slm_gradient(example, &mut gradient);
+        }
+        (sums, gradient)
+    }
+
+    fn slm_gradient(&self, example: &Example<T>, gradient: &mut Vec<f64>) {
+        let (height_px, convolver) = (self.engine.height_px(), &self.engine.convolver);
+        let (arch, mut rows) = (Arch::new(), vec![NO_SUMS; height_px]);
+        convolver.inverse_rows(&self.out.tiles[..convolver.half_spectrum_len(1)], &mut rows, |y, b, out| {
+            let phase = example.phase.row(y);
+            out[0] = arch.dispatch(|| row_sums(&self.engine.slm, y, phase, b, &self.polynomials_x));
+        });
+
+        let order = self.layout.source.order();
+        let mut source = vec![[Complex64::ZERO; SOURCE_ORDER + 1]; order + 1];
+        let (mut response, mut zero_order) = ([[0.0; 2]; HARMONICS], Complex64::ZERO);
+        for (y, row) in rows.iter().enumerate() {
+            for (source, t) in source.iter_mut().zip(polynomials(order, position(y, height_px))) {
+                source.iter_mut().zip(&row.source).for_each(|(sum, value)| *sum += value * t);
+            }
+            let flat = response.as_flattened_mut().iter_mut().zip(row.response.as_flattened());
+            flat.for_each(|(sum, value)| *sum += value);
+            zero_order += row.zero_order;
+        }
+        gradient.extend(self.layout.source.degrees().map(|(i, j)| 2.0 * source[j][i].re));
+        gradient.extend(self.layout.source.degrees().map(|(i, j)| -2.0 * source[j][i].im));
+        gradient.extend(response.as_flattened().iter().map(|sum| -2.0 * sum));
+        gradient.extend([2.0 * zero_order.re, -2.0 * zero_order.im]);
+    }
+}
+
+#[inline(always)]
+fn row_sums<T: Real>(slm: &Slm<T>, y: usize, phase: &[T], b: &[Complex<T>], polynomials_x: &[Vec<T>]) -> RowSums {
+    let mut sums = NO_SUMS;
+    // b* · c
+    let mut products = vec![Complex::new(T::zero(), T::zero()); phase.len()];
+    let rows = phase.chunks(BLOCK).zip(b.chunks(BLOCK)).zip(products.chunks_mut(BLOCK));
+    for (i, ((phase, b), products)) in rows.enumerate() {
+        let Block { sign, turn, steered, .. } = slm.respond(y, i * BLOCK, phase);
+        let mut light = slm.lit(y, i * BLOCK, b);
+        for ((re, im), &sign) in light.re.iter_mut().zip(&mut light.im).zip(&sign) {
+            (*re, *im) = (*re * sign, *im * sign);
+        }
+        let turned = light.multiplied(&steered);
+        for (x, product) in products.iter_mut().enumerate() {
+            let undiffracted = Complex::new(light.re[x], light.im[x]) * slm.zero_order;
+            *product = Complex::new(turned.re[x], turned.im[x]) + undiffracted;
+        }
+        let mut power = turn;
+        for [sine, cosine] in &mut sums.response {
+            *sine += dot(&turned.im, &power.im);
+            *cosine += dot(&turned.im, &power.re);
+            power = power.multiplied(&turn);
+        }
+        sums.zero_order += Complex64::new(sum(&light.re), sum(&light.im));
+    }
+    project(|x| products[x], polynomials_x, &mut sums.source);
+    sums
+}
+
+#[inline(always)]
+fn dot<T: Real>(a: &[T; BLOCK], b: &[T; BLOCK]) -> f64 {
+    let mut products = *a;
+    for (product, &b) in products.iter_mut().zip(b) {
+        *product = *product * b;
+    }
+    sum(&products)
+}
+
+/// In a fixed order, many lanes at a time.
+#[inline(always)]
+fn sum<T: Real>(values: &[T; BLOCK]) -> f64 {
+    let mut lanes = [0.0; 8];
+    for chunk in values.chunks_exact(8) {
+        for (lane, value) in lanes.iter_mut().zip(chunk) {
+            *lane += value.wide();
+        }
+    }
+    lanes.iter().sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hologram::initial_phase;
+    use crate::learning::{LearnModel, Pair};
+    use crate::{Grid, Plane, RegionOfInterest};
+
+    #[test]
+    fn the_gradient_of_every_parameter_is_that_of_central_differences() {
+        for (model, order, carrier) in [
+            (LearnModel::Smooth { order: None }, 3, None),
+            (LearnModel::Display { order: None }, 4, None),
+            (LearnModel::Display { order: None }, 2, Some(Carrier::HalfOrderX)),
+        ] {
+            let grid = Grid::try_new(18, 23, 8e-6).unwrap();
+            let setup = OpticalSetup::try_new(grid, 515e-9, 2e-3).unwrap();
+            let layout = Layout::new(model, order);
+            let mut fit = Fit::<f64>::new(setup, layout, Detector::Pixel, carrier).unwrap();
+            let photo = Plane::from_fn(18, 23, |y, x| 0.5 + 0.5 * ((y * 2 + x * 3) as f32).sin());
+            let phase = initial_phase(18, 23, 6.0, 3).unwrap();
+            let example = Example::new(&Pair { phase, photo }, &fit.engine, RegionOfInterest::middle(&grid)).unwrap();
+            let theta: Vec<f64> = (0..fit.layout.len()).map(|i| 0.1 * (i as f64 * 1.3 + 0.5).sin()).collect();
+            fit.set(&theta);
+            let (_, gradient) = fit.evaluate(&example);
+            let scale = gradient.iter().fold(0.0_f64, |largest, g| largest.max(g.abs()));
+            for i in 0..theta.len() {
+                let h = 1e-5;
+                let mut at = |step: f64| {
+                    let mut moved = theta.clone();
+                    moved[i] += step;
+                    fit.set(&moved);
+                    fit.evaluate(&example).0.loss()
+                };
+                let difference = (at(h) - at(-h)) / (2.0 * h);
+                assert!(
+                    (gradient[i] - difference).abs() < 1e-6 * scale,
+                    "{model:?}, parameter {i} of {}: {} against {difference}",
+                    theta.len(),
+                    gradient[i]
+                );
+            }
+        }
+    }
+}

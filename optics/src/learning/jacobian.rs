@@ -1,0 +1,397 @@
+//! The curvature of the loss, from the derivatives of the light itself.
+//!
+//! ```text
+//! e = s p + o − t,   L = Σ w e² / Σ w,   ∂²L/∂θ∂θ′ ≈ 2 Σ w (∂e/∂θ)(∂e/∂θ′) / Σ w        Gauss and Newton
+//! ∂e/∂θ = s · mean over the sub-samples of 2 Re( u* ∂u/∂θ )
+//! ```
+//!
+//! Gain s and offset o follow every change of θ, so that what they can take up of ∂e is no curvature: A − B C⁻¹ Bᵀ, with C the
+//! two's own curvature and B theirs with θ.
+//!
+//! u is analytic in the complex coefficient of each polynomial, so that log amplitude and phase share one ∂u. That of a
+//! kernel's term is F⁻¹[ T_i(fx) T_j(fy) H F c ]: the columns' transforms are those of a j, only the rows' those of a term,
+//! and only some rows are looked at.
+
+use super::fit::Fit;
+use super::pair::Example;
+use crate::chebyshev::polynomials;
+use crate::display_model::position;
+use crate::real::Real;
+use crate::slm::{BLOCK, Block, Slm};
+use num_complex::Complex;
+use pulp::{Arch, Simd, WithSimd};
+use rayon::prelude::*;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// The matrix and the gradient of a loss near a point.
+#[derive(Clone, Debug)]
+pub(super) struct Normal {
+    /// Symmetric, row after row.
+    pub(super) matrix: Vec<f64>,
+    /// Of the rows looked at: the matrix's, not to descend by.
+    pub(super) gradient: Vec<f64>,
+}
+
+/// ∂e/∂θ of some rows of an image.
+struct Jacobian<T> {
+    rows: Vec<usize>,
+    columns: Range<usize>,
+    parameters: usize,
+    samples: usize,
+    /// [row][sub-sample][x]
+    field: Vec<Complex<T>>,
+    /// [row][θ][x]
+    values: Vec<T>,
+}
+
+impl<T: Real> Fit<T> {
+    /// The curvature of a pair's loss at the parameters that are set, from every `stride`-th row from the `first` on.
+    pub(super) fn curvature(&mut self, example: &Example<T>, first: usize, stride: usize) -> Normal {
+        let engine = self.engine.clone();
+        let (convolver, one) = (&engine.convolver, engine.convolver.half_spectrum_len(1));
+        self.expose(example);
+        let mut jacobian = Jacobian::new(self, example, first, stride);
+        jacobian.keep_field(self);
+
+        let (layout, terms) = (self.layout, self.layout.kernel.terms());
+        let polynomials_x = self.smooth.polynomials_x();
+        for j in 0..=layout.kernel.order() {
+            self.smooth.times_polynomial(&engine.transfer, j, &mut self.spare);
+            convolver.propagate(&self.out.spectrum[..one], &self.spare, &mut self.out.tiles);
+            for (slot, (i, _)) in layout.kernel.degrees().enumerate().filter(|(_, degrees)| degrees.1 == j) {
+                jacobian.add(self, Some(&polynomials_x[i]), Some(slot), Some(terms + slot));
+            }
+        }
+        if layout.has_slm() {
+            self.slm_derivatives(example, &mut jacobian);
+        }
+        jacobian.normal(self, example)
+    }
+
+    fn slm_derivatives(&mut self, example: &Example<T>, jacobian: &mut Jacobian<T>) {
+        let (layout, slm) = (self.layout, Arc::clone(&self.engine.slm));
+        let terms = layout.source.terms();
+        let height_px = self.engine.height_px();
+        for (slot, (i, j)) in layout.source.degrees().enumerate() {
+            let along_x = std::mem::take(&mut self.polynomials_x[i]);
+            self.send_rows(|y, row| {
+                slm.field_row(y, example.phase.row(y), row);
+                let at_y = T::of(polynomials(layout.source.order(), position(y, height_px))[j]);
+                row.iter_mut().zip(&along_x).for_each(|(c, &t)| *c = c.scale(t * at_y));
+            });
+            self.polynomials_x[i] = along_x;
+            jacobian.add(self, None, Some(layout.source() + slot), Some(layout.source() + terms + slot));
+        }
+        for k in 0..layout.harmonics {
+            for cosine in [false, true] {
+                self.send_rows(|y, row| turned_row(&slm, y, example.phase.row(y), Some((k, cosine)), row));
+                // ∂c = i e^{ir} times a real number: what stands for a phase.
+                jacobian.add(self, None, None, Some(layout.response() + 2 * k + usize::from(cosine)));
+            }
+        }
+        self.send_rows(|y, row| turned_row(&slm, y, example.phase.row(y), None, row));
+        jacobian.add(self, None, Some(layout.zero_order()), Some(layout.zero_order() + 1));
+    }
+
+    /// Sends a field that is not the SLM's own.
+    fn send_rows(&mut self, fill: impl Fn(usize, &mut [Complex<T>]) + Sync) {
+        let (convolver, one) = (&self.engine.convolver, self.engine.convolver.half_spectrum_len(1));
+        convolver.forward_rows(&mut self.out.spectrum[..one], fill);
+        convolver.propagate(&self.out.spectrum[..one], &self.engine.transfer, &mut self.out.tiles);
+    }
+}
+
+/// a · k · e^{ir} · sin((n + 1)φ), or its cosine; with no harmonic a · k.
+fn turned_row<T: Real>(slm: &Slm<T>, y: usize, phase: &[T], harmonic: Option<(usize, bool)>, row: &mut [Complex<T>]) {
+    for (block, (phase, row)) in phase.chunks(BLOCK).zip(row.chunks_mut(BLOCK)).enumerate() {
+        let Block { sign, turn, steered, .. } = slm.respond(y, block * BLOCK, phase);
+        let mut power = turn;
+        for _ in 0..harmonic.map_or(0, |(n, _)| n) {
+            power = power.multiplied(&turn);
+        }
+        for (x, c) in row.iter_mut().enumerate() {
+            *c = match harmonic {
+                None => Complex::new(sign[x], T::zero()),
+                Some((_, cosine)) => {
+                    let factor = sign[x] * if cosine { power.re[x] } else { power.im[x] };
+                    Complex::new(steered.re[x] * factor, steered.im[x] * factor)
+                }
+            };
+        }
+    }
+    if let Some(source) = &slm.source {
+        row.iter_mut().zip(&source[y * slm.width_px..]).for_each(|(c, &a)| *c = *c * a);
+    }
+}
+
+impl<T: Real> Jacobian<T> {
+    fn new(fit: &Fit<T>, example: &Example<T>, first: usize, stride: usize) -> Self {
+        let in_region = (0..fit.engine.height_px()).filter(|&y| example.region.columns(y).is_some());
+        let rows: Vec<usize> = in_region.skip(first).step_by(stride).collect();
+        let columns = rows.first().and_then(|&y| example.region.columns(y)).unwrap_or_default();
+        // Behind θ, gain and offset.
+        let (parameters, samples) = (fit.layout.len() + 2, fit.engine.detector.samples());
+        let pixels = rows.len() * columns.len();
+        let field = vec![Complex::new(T::zero(), T::zero()); pixels * samples];
+        Self { rows, columns, parameters, samples, field, values: vec![T::zero(); pixels * parameters] }
+    }
+
+    /// Keeps u, which the fit has just sent.
+    fn keep_field(&mut self, fit: &Fit<T>) {
+        let convolver = &fit.engine.convolver;
+        let (width_px, columns, arch) = (convolver.width_px, self.columns.clone(), Arch::new());
+        let per_row = self.samples * columns.len();
+        self.field.par_chunks_mut(per_row).zip(&self.rows).for_each_init(
+            || convolver.scratch.take(),
+            |scratch, (field, &y)| {
+                convolver.sample_row(arch, &fit.out.tiles, y, scratch);
+                let samples = scratch.samples.chunks_exact(width_px);
+                for (kept, row) in field.chunks_exact_mut(columns.len()).zip(samples) {
+                    kept.copy_from_slice(&row[columns.clone()]);
+                }
+            },
+        );
+    }
+
+    /// Writes ∂e for the field that the fit has just sent, its spectrum weighed by columns: in one slot for the field
+    /// itself, in the other for i times it.
+    fn add(&mut self, fit: &Fit<T>, weights: Option<&[T]>, real: Option<usize>, imaginary: Option<usize>) {
+        let convolver = &fit.engine.convolver;
+        let (width_px, columns, arch) = (convolver.width_px, self.columns.clone(), Arch::new());
+        let width = columns.len();
+        let factor = T::of(2.0 * fit.gain / self.samples as f64);
+        let field = self.field.par_chunks(self.samples * width);
+        self.values.par_chunks_mut(self.parameters * width).zip(field).zip(&self.rows).for_each_init(
+            || convolver.scratch.take(),
+            |scratch, ((values, field), &y)| {
+                convolver.sample_weighed_row(arch, &fit.out.tiles, y, weights, scratch);
+                for (u, d) in field.chunks_exact(width).zip(scratch.samples.chunks_exact(width_px)) {
+                    let d = &d[columns.clone()];
+                    if let Some(slot) = real {
+                        let out = &mut values[slot * width..][..width];
+                        for ((out, u), d) in out.iter_mut().zip(u).zip(d) {
+                            *out = *out + factor * (u.re * d.re + u.im * d.im);
+                        }
+                    }
+                    if let Some(slot) = imaginary {
+                        let out = &mut values[slot * width..][..width];
+                        for ((out, u), d) in out.iter_mut().zip(u).zip(d) {
+                            *out = *out + factor * (u.im * d.re - u.re * d.im);
+                        }
+                    }
+                }
+            },
+        );
+    }
+
+    /// 2 Σ w ∂e ∂e′ / Σ w and 2 Σ w e ∂e / Σ w.
+    fn normal(mut self, fit: &Fit<T>, example: &Example<T>) -> Normal {
+        let (parameters, width, arch) = (self.parameters, self.columns.len(), Arch::new());
+        let (gain_slot, gain, offset) = (fit.layout.len(), T::of(fit.gain), T::of(fit.offset));
+        let share = T::of(1.0 / self.samples as f64);
+        let samples = self.samples;
+        let field = self.field.par_chunks(samples * width);
+        let columns = self.columns.clone();
+        let rows =
+            self.values.par_chunks_mut(parameters * width).zip(field).zip(&self.rows).map(|((values, field), &y)| {
+                let (photo, weight) = (&example.photo.row(y)[columns.clone()], &example.weight.row(y)[columns.clone()]);
+                let mut error = vec![T::zero(); width];
+                for x in 0..width {
+                    let light = (0..samples).fold(T::zero(), |sum, s| sum + field[s * width + x].norm_sqr()) * share;
+                    values[gain_slot * width + x] = gain * light;
+                    values[(gain_slot + 1) * width + x] = T::one();
+                    error[x] = gain * light + offset - photo[x];
+                }
+                for row in values.chunks_exact_mut(width) {
+                    row.iter_mut().zip(weight).for_each(|(value, &weight)| *value = *value * weight);
+                }
+                let counted = weight.iter().map(|weight| weight.wide()).sum::<f64>();
+                let (products, gradient) = arch.dispatch(Products { values, error: &error, parameters, width });
+                (counted, products, gradient)
+            });
+        let rows: Vec<_> = rows.collect();
+        let mut normal = Normal { matrix: vec![0.0; parameters * parameters], gradient: vec![0.0; parameters] };
+        let counted: f64 = rows.iter().map(|(counted, ..)| counted).sum();
+        let scale = 2.0 / counted.max(1.0);
+        for (_, products, gradient) in rows {
+            normal.gradient.iter_mut().zip(gradient).for_each(|(sum, value)| *sum += scale * value);
+            let mut products = products.into_iter();
+            for a in 0..parameters {
+                for b in a..parameters {
+                    normal.matrix[a * parameters + b] += scale * products.next().unwrap_or(0.0);
+                }
+            }
+        }
+        for a in 0..parameters {
+            for b in 0..a {
+                normal.matrix[a * parameters + b] = normal.matrix[b * parameters + a];
+            }
+        }
+        normal.without_exposure()
+    }
+}
+
+impl Normal {
+    /// What is left of the curvature when the last two parameters, gain and offset, follow all others.
+    fn without_exposure(self) -> Self {
+        let Self { matrix, gradient } = self;
+        let (all, n) = (gradient.len(), gradient.len() - 2);
+        let at = |a: usize, b: usize| matrix[a * all + b];
+        let (gg, go, oo) = (at(n, n), at(n, n + 1), at(n + 1, n + 1));
+        let determinant = gg * oo - go * go;
+        // C⁻¹; of the offset alone where the light is dark or the same everywhere.
+        let inverse = if determinant > 1e-9 * gg * oo {
+            [oo / determinant, -go / determinant, gg / determinant]
+        } else {
+            [0.0, 0.0, if oo > 0.0 { 1.0 / oo } else { 0.0 }]
+        };
+        let taken = |a: [f64; 2], b: [f64; 2]| {
+            let [i, j, k] = inverse;
+            a[0] * (i * b[0] + j * b[1]) + a[1] * (j * b[0] + k * b[1])
+        };
+        let theirs = |a: usize| [at(a, n), at(a, n + 1)];
+        let own = [gradient[n], gradient[n + 1]];
+        let pairs = (0..n).flat_map(|a| (0..n).map(move |b| (a, b)));
+        Self {
+            matrix: pairs.map(|(a, b)| at(a, b) - taken(theirs(a), theirs(b))).collect(),
+            gradient: (0..n).map(|a| gradient[a] - taken(theirs(a), own)).collect(),
+        }
+    }
+}
+
+/// All products of the derivatives along a row, of each with the ones after it, and with the error.
+struct Products<'a, T> {
+    values: &'a [T],
+    error: &'a [T],
+    parameters: usize,
+    width: usize,
+}
+
+impl<T: Real> WithSimd for Products<'_, T> {
+    type Output = (Vec<f64>, Vec<f64>);
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> Self::Output {
+        let Self { values, error, parameters, width } = self;
+        let row = |a: usize| &values[a * width..][..width];
+        let mut products = Vec::with_capacity(parameters * (parameters + 1) / 2);
+        let mut gradient = Vec::with_capacity(parameters);
+        for a in 0..parameters {
+            gradient.push(dot(row(a), error));
+            products.extend((a..parameters).map(|b| dot(row(a), row(b))));
+        }
+        (products, gradient)
+    }
+}
+
+/// In a fixed order, many lanes at a time.
+#[inline(always)]
+fn dot<T: Real>(a: &[T], b: &[T]) -> f64 {
+    const LANES: usize = 16;
+    let mut lanes = [T::zero(); LANES];
+    let (a_blocks, a_rest) = a.as_chunks::<LANES>();
+    let (b_blocks, b_rest) = b.as_chunks::<LANES>();
+    for (a, b) in a_blocks.iter().zip(b_blocks) {
+        for lane in 0..LANES {
+            lanes[lane] = lanes[lane] + a[lane] * b[lane];
+        }
+    }
+    let rest = a_rest.iter().zip(b_rest).map(|(a, b)| (*a * *b).wide()).sum::<f64>();
+    lanes.iter().map(|lane| lane.wide()).sum::<f64>() + rest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hologram::initial_phase;
+    use crate::learning::layout::Layout;
+    use crate::learning::{LearnModel, Pair};
+    use crate::{Carrier, Detector, Grid, OpticalSetup, Plane, RegionOfInterest};
+
+    /// A fit away from any optimum, its example and its parameters.
+    fn setting(model: LearnModel, order: usize, carrier: Option<Carrier>) -> (Fit<f64>, Example<f64>, Vec<f64>) {
+        let grid = Grid::try_new(18, 23, 8e-6).unwrap();
+        let setup = OpticalSetup::try_new(grid, 515e-9, 2e-3).unwrap();
+        let mut fit = Fit::<f64>::new(setup, Layout::new(model, order), Detector::Pixel, carrier).unwrap();
+        // Some pixels are saturated.
+        let photo = Plane::from_fn(18, 23, |y, x| (0.6 + 0.5 * ((y * 2 + x * 3) as f32).sin()).min(1.0));
+        let pair = Pair { phase: initial_phase(18, 23, 6.0, 3).unwrap(), photo };
+        let example = Example::new(&pair, &fit.engine, RegionOfInterest::middle(&grid)).unwrap();
+        let theta: Vec<f64> = (0..fit.layout.len()).map(|i| 0.1 * (i as f64 * 1.3 + 0.5).sin()).collect();
+        fit.set(&theta);
+        (fit, example, theta)
+    }
+
+    const MODELS: [(LearnModel, usize, Option<Carrier>); 3] = [
+        (LearnModel::Smooth { order: None }, 3, None),
+        (LearnModel::Display { order: None }, 4, None),
+        (LearnModel::Display { order: None }, 2, Some(Carrier::HalfOrderX)),
+    ];
+
+    #[test]
+    fn derivatives_of_light_give_the_gradient_that_propagates_back() {
+        for (model, order, carrier) in MODELS {
+            let (mut fit, example, _) = setting(model, order, carrier);
+            let (_, backward) = fit.evaluate(&example);
+            let forward = fit.curvature(&example, 0, 1).gradient;
+            let scale = backward.iter().fold(0.0_f64, |largest, g| largest.max(g.abs()));
+            for (i, (forward, backward)) in forward.iter().zip(&backward).enumerate() {
+                assert!((forward - backward).abs() < 1e-10 * scale, "{model:?}, {i}: {forward} against {backward}");
+            }
+        }
+    }
+
+    /// Values along the sampled rows: first 1, stride 3.
+    fn sampled(example: &Example<f64>, value: impl Fn(usize, usize) -> f64) -> Vec<f64> {
+        let rows = (0..18).filter_map(|y| example.region.columns(y).map(|columns| (y, columns))).skip(1).step_by(3);
+        rows.flat_map(|(y, columns)| columns.map(move |x| (y, x))).map(|(y, x)| value(y, x)).collect()
+    }
+
+    fn product(a: &[f64], b: &[f64]) -> f64 {
+        a.iter().zip(b).map(|(a, b)| a * b).sum()
+    }
+
+    /// `a` without what it has of `b`.
+    fn without(a: &[f64], b: &[f64]) -> Vec<f64> {
+        let share = product(a, b) / product(b, b);
+        a.iter().zip(b).map(|(a, b)| a - share * b).collect()
+    }
+
+    #[test]
+    fn the_curvature_is_that_of_central_differences() {
+        for (model, order, carrier) in MODELS {
+            let (mut fit, example, theta) = setting(model, order, carrier);
+            let normal = fit.curvature(&example, 1, 3);
+            let (gain, h) = (fit.gain, 1e-5);
+            let mut light = |theta: &[f64]| -> Vec<f64> {
+                fit.set(theta);
+                let light = fit.engine.light(&example.phase).unwrap();
+                sampled(&example, |y, x| gain * light.at(y, x) * example.weight.at(y, x))
+            };
+            let weight = sampled(&example, |y, x| example.weight.at(y, x));
+            let brightness = without(&light(&theta), &weight);
+            let differences: Vec<Vec<f64>> = (0..theta.len())
+                .map(|i| {
+                    let mut at = |step: f64| {
+                        let mut moved = theta.clone();
+                        moved[i] += step;
+                        light(&moved)
+                    };
+                    let (after, before) = (at(h), at(-h));
+                    let slope: Vec<f64> = after.iter().zip(&before).map(|(a, b)| (a - b) / (2.0 * h)).collect();
+                    without(&without(&slope, &weight), &brightness)
+                })
+                .collect();
+            let scale = normal.matrix.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
+            let counted: f64 = weight.iter().sum();
+            for a in 0..theta.len() {
+                for b in 0..theta.len() {
+                    let difference = 2.0 / counted * product(&differences[a], &differences[b]);
+                    let exact = normal.matrix[a * theta.len() + b];
+                    assert!((exact - difference).abs() < 1e-6 * scale, "{model:?}, {a} and {b}: {exact}, {difference}");
+                }
+            }
+        }
+    }
+}

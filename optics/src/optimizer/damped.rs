@@ -1,0 +1,180 @@
+//! Levenberg and Marquardt's method: Newton's step with a curvature that is damped until the loss goes down.
+//!
+//! ```text
+//! ( A + λ diag A ) δ = −g,   ρ = ( L(θ) − L(θ + δ) ) / ( −gᵀδ − δᵀAδ/2 )
+//! ```
+//!
+//! A is Gauss and Newton's matrix, g the gradient. A step that lowers the loss is taken, and λ falls the more, the better the
+//! loss was foretold (ρ near 1); otherwise λ rises. K. Madsen, H. B. Nielsen and O. Tingleff, Methods for Non-Linear Least
+//! Squares Problems, 2004, section 3.2.
+
+/// Damping to begin with.
+const DAMPING: f64 = 1e-2;
+/// Below, damping changes nothing; above, a step does not.
+const DAMPING_MIN: f64 = 1e-7;
+const DAMPING_MAX: f64 = 1e6;
+/// Trials in one step.
+const TRIALS_MAX: u32 = 4;
+/// Part of a largest curvature that is added to each: what the data say nothing about stays where it is.
+const FLOOR: f64 = 1e-10;
+
+/// Everything that the next step depends on.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct DampedState {
+    /// θ
+    pub parameters: Vec<f64>,
+    /// L at them.
+    pub loss: f64,
+    /// Its gradient.
+    pub gradient: Vec<f64>,
+    /// λ
+    pub damping: f64,
+    /// Evaluations so far.
+    pub evaluations: u32,
+}
+
+impl DampedState {
+    /// Evaluates the first point.
+    ///
+    /// # Errors
+    ///
+    /// Those of `evaluate`.
+    pub fn start<E>(
+        parameters: Vec<f64>,
+        mut evaluate: impl FnMut(&[f64]) -> Result<(f64, Vec<f64>), E>,
+    ) -> Result<Self, E> {
+        let (loss, gradient) = evaluate(&parameters)?;
+        Ok(Self { parameters, loss, gradient, damping: DAMPING, evaluations: 1 })
+    }
+
+    /// One step with the curvature A, row after row. False when no better point was found.
+    ///
+    /// # Errors
+    ///
+    /// Those of `evaluate`; the parameters are then as before.
+    pub fn step<E>(
+        &mut self,
+        curvature: &[f64],
+        mut evaluate: impl FnMut(&[f64]) -> Result<(f64, Vec<f64>), E>,
+    ) -> Result<bool, E> {
+        let mut growth = 2.0;
+        for _ in 0..TRIALS_MAX {
+            let Some((step, foretold)) = self.damped_step(curvature) else {
+                self.damping = (self.damping * growth).min(DAMPING_MAX);
+                growth *= 2.0;
+                continue;
+            };
+            let parameters: Vec<f64> = self.parameters.iter().zip(&step).map(|(p, d)| p + d).collect();
+            let (loss, gradient) = evaluate(&parameters)?;
+            self.evaluations += 1;
+            if loss < self.loss {
+                let kept = 1.0 - (2.0 * (self.loss - loss) / foretold - 1.0).powi(3);
+                self.damping = (self.damping * kept.clamp(0.1, 2.0)).max(DAMPING_MIN);
+                (self.parameters, self.loss, self.gradient) = (parameters, loss, gradient);
+                return Ok(true);
+            }
+            self.damping = (self.damping * growth).min(DAMPING_MAX);
+            growth *= 2.0;
+        }
+        Ok(false)
+    }
+
+    /// δ, and by how much it should lower the loss.
+    fn damped_step(&self, curvature: &[f64]) -> Option<(Vec<f64>, f64)> {
+        let n = self.parameters.len();
+        let largest = (0..n).map(|i| curvature[i * n + i]).fold(0.0, f64::max);
+        let mut matrix = curvature.to_vec();
+        for i in 0..n {
+            matrix[i * n + i] += self.damping * curvature[i * n + i] + FLOOR * largest;
+        }
+        let step = solve(matrix, self.gradient.iter().map(|g| -g).collect())?;
+        let slope: f64 = step.iter().zip(&self.gradient).map(|(d, g)| d * g).sum();
+        let bend: f64 = step
+            .iter()
+            .zip(curvature.chunks_exact(n))
+            .map(|(d, row)| d * row.iter().zip(&step).map(|(a, d)| a * d).sum::<f64>())
+            .sum();
+        let foretold = -slope - bend / 2.0;
+        (foretold > 0.0).then_some((step, foretold))
+    }
+}
+
+/// Solves a symmetric positive system by Cholesky's factors; `None` where it is not positive.
+fn solve(mut matrix: Vec<f64>, mut right: Vec<f64>) -> Option<Vec<f64>> {
+    let n = right.len();
+    for j in 0..n {
+        let row_j = &mut matrix[j * n..];
+        let pivot = row_j[j] - row_j[..j].iter().map(|l| l * l).sum::<f64>();
+        if pivot.is_nan() || pivot <= 0.0 {
+            return None;
+        }
+        let root = pivot.sqrt();
+        row_j[j] = root;
+        let (row_j, below) = row_j.split_at_mut(n);
+        for row in below.chunks_exact_mut(n) {
+            let done: f64 = row[..j].iter().zip(&row_j[..j]).map(|(a, b)| a * b).sum();
+            row[j] = (row[j] - done) / root;
+        }
+    }
+    for i in 0..n {
+        let done: f64 = matrix[i * n..][..i].iter().zip(&right).map(|(l, x)| l * x).sum();
+        right[i] = (right[i] - done) / matrix[i * n + i];
+    }
+    for i in (0..n).rev() {
+        let done: f64 = (i + 1..n).map(|k| matrix[k * n + i] * right[k]).sum();
+        right[i] = (right[i] - done) / matrix[i * n + i];
+    }
+    Some(right)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Residuals 10 (y − x²) and 1 − x: Rosenbrock's valley.
+    fn valley(at: &[f64]) -> (f64, Vec<f64>, Vec<f64>) {
+        let (x, y) = (at[0], at[1]);
+        let e = [10.0 * (y - x * x), 1.0 - x];
+        let j = [[-20.0 * x, 10.0], [-1.0, 0.0]];
+        let gradient = (0..2).map(|a| 2.0 * (e[0] * j[0][a] + e[1] * j[1][a])).collect();
+        let product = |a: usize, b: usize| 2.0 * (j[0][a] * j[0][b] + j[1][a] * j[1][b]);
+        (e[0] * e[0] + e[1] * e[1], gradient, vec![product(0, 0), product(0, 1), product(1, 0), product(1, 1)])
+    }
+
+    fn evaluate(at: &[f64]) -> Result<(f64, Vec<f64>), ()> {
+        let (loss, gradient, _) = valley(at);
+        Ok((loss, gradient))
+    }
+
+    #[test]
+    fn finds_the_minimum_of_a_curved_valley_and_never_goes_up() {
+        let mut state = DampedState::start(vec![-1.2, 1.0], evaluate).unwrap();
+        let mut before = state.loss;
+        while state.evaluations < 100 && state.step(&valley(&state.parameters.clone()).2, evaluate).unwrap() {
+            assert!(state.loss < before);
+            before = state.loss;
+        }
+        assert!(state.loss < 1e-16, "{:e} after {} evaluations", state.loss, state.evaluations);
+        assert!(state.evaluations < 50, "{} evaluations", state.evaluations);
+    }
+
+    #[test]
+    fn what_the_data_say_nothing_about_stays() {
+        let parabola = |x: &[f64]| Ok::<_, ()>((x[0] * x[0], vec![2.0 * x[0], 0.0]));
+        let mut state = DampedState::start(vec![3.0, 5.0], parabola).unwrap();
+        for _ in 0..30 {
+            state.step(&[2.0, 0.0, 0.0, 0.0], parabola).unwrap();
+        }
+        assert!(state.parameters[0].abs() < 1e-8 && state.parameters[1] == 5.0, "{:?}", state.parameters);
+    }
+
+    #[test]
+    fn systems_are_solved() {
+        let matrix = vec![4.0, 2.0, 0.4, 2.0, 5.0, 1.0, 0.4, 1.0, 3.0];
+        let x = [1.0, -2.0, 0.5];
+        let right = matrix.chunks_exact(3).map(|row| row.iter().zip(&x).map(|(a, x)| a * x).sum()).collect();
+        let solved = solve(matrix, right).unwrap();
+        assert!(solved.iter().zip(&x).all(|(a, b)| (a - b).abs() < 1e-12), "{solved:?}");
+        assert_eq!(solve(vec![1.0, 2.0, 2.0, 1.0], vec![1.0, 1.0]), None);
+    }
+}
