@@ -10,7 +10,7 @@ use num_complex::Complex64;
 use rayon::ThreadPoolBuilder;
 use std::f64::consts::TAU;
 
-const FAIR: Imperfections = Imperfections { seed: 7, strength: 1.0, camera_noise: 0.003, misalignment_px: 0.3 };
+const FAIR: Imperfections = Imperfections { seed: 7, misalignment_px: 0.3, ..Imperfections::FAIR };
 
 #[test]
 fn the_same_seed_gives_the_same_photograph_on_any_number_of_threads() {
@@ -70,6 +70,43 @@ fn a_carrier_is_undone_by_the_camera_and_steers_the_zero_order_instead() {
         let (a, b) = (plain.light(&phase).unwrap(), steered.light(&carrier.applied_to(&phase)).unwrap());
         assert!(a.values().iter().zip(b.values()).all(|(a, b)| (a - b).abs() < 1e-5));
     }
+}
+
+/// Mean and spread of a photograph's differences to the one by the bench without a flaw of this kind.
+fn changed_by(flaw: Imperfections, hours: f64) -> (f64, f64) {
+    let phase = Plane::from_fn(60, 90, |y, x| ((y * 13 + x * x * 7) % 63) as f32 / 10.0);
+    let light = |imperfections: Imperfections, hours: f64| {
+        let display = SimulatedDisplay::draw(setup(60, 90, 0.03), None, imperfections).unwrap();
+        display.capture_at(&phase, 1, hours).unwrap().map(f64::from)
+    };
+    let (with, without) = (light(flaw, hours), light(Imperfections { seed: flaw.seed, ..FAIR }, 0.0));
+    let differences: Vec<f64> = with.values().iter().zip(without.values()).map(|(a, b)| a - b).collect();
+    let mean = differences.iter().sum::<f64>() / differences.len() as f64;
+    (mean, differences.iter().map(|d| (d - mean).powi(2)).sum::<f64>().sqrt() / (differences.len() as f64).sqrt())
+}
+
+#[test]
+fn every_flaw_shows_in_photographs_and_none_does_unasked() {
+    for (name, flaw, hours) in [
+        ("rotation", Imperfections { rotation_deg: 2.0, ..FAIR }, 0.0),
+        ("blur", Imperfections { blur_px: 1.0, ..FAIR }, 0.0),
+        ("shot noise", Imperfections { full_well_electrons: 500.0, ..FAIR }, 0.0),
+        ("speckle", Imperfections { speckle_contrast: 0.2, ..FAIR }, 0.0),
+        ("cross-talk", Imperfections { crosstalk_px: 0.5, ..FAIR }, 0.0),
+        ("flicker", Imperfections { flicker: 0.1, ..FAIR }, 0.0),
+        ("drift", Imperfections { drift_px_per_hour: 1.0, ..FAIR }, 2.0),
+        ("dimming", Imperfections { dimming_per_hour: 0.1, ..FAIR }, 2.0),
+    ] {
+        let (mean, spread) = changed_by(flaw, hours);
+        // Without the flaw, not one level would differ.
+        assert!(spread > 0.1, "{name}: {mean} ± {spread} levels");
+    }
+    // Time alone changes nothing.
+    assert_eq!(changed_by(FAIR, 5.0), (0.0, 0.0));
+    // 19 % of the light is gone after two hours of losing 10 %.
+    let (dimmed, _) = changed_by(Imperfections { dimming_per_hour: 0.1, ..FAIR }, 2.0);
+    let (dark, _) = changed_by(Imperfections { dimming_per_hour: 1.0, ..FAIR }, 1.0);
+    assert!((dimmed / dark - 0.19).abs() < 0.02, "{dimmed} of {dark} levels");
 }
 
 #[test]

@@ -49,4 +49,49 @@ pub struct SimulatedBench {
     pub camera_noise: f64,
     /// The camera is shifted by up to this, in x and in y \[px\].
     pub misalignment_px: f64,
+    /// The camera is turned by this \[degrees\].
+    #[serde(default)]
+    pub rotation_deg: f64,
+    /// Standard deviation of the camera lens's blur \[px\].
+    #[serde(default)]
+    pub blur_px: f64,
+    /// Electrons of a full camera pixel; 0: not said.
+    #[serde(default)]
+    pub full_well_electrons: f64,
+    /// Contrast of fixed speckle.
+    #[serde(default)]
+    pub speckle_contrast: f64,
+    /// Standard deviation of the modulator's blur \[px\].
+    #[serde(default)]
+    pub crosstalk_px: f64,
+    /// The part by which the modulator's phase swings.
+    #[serde(default)]
+    pub flicker: f64,
+    /// How far the image wanders in an hour \[px\].
+    #[serde(default)]
+    pub drift_px_per_hour: f64,
+    /// The part of its light that the source loses in an hour.
+    #[serde(default)]
+    pub dimming_per_hour: f64,
+}
+
+impl SimulatedBench {
+    /// A bench with no other imperfections than these.
+    #[must_use]
+    pub fn new(seed: u64, strength: f64, camera_noise: f64, misalignment_px: f64) -> Self {
+        Self {
+            seed,
+            strength,
+            camera_noise,
+            misalignment_px,
+            rotation_deg: 0.0,
+            blur_px: 0.0,
+            full_well_electrons: 0.0,
+            speckle_contrast: 0.0,
+            crosstalk_px: 0.0,
+            flicker: 0.0,
+            drift_px_per_hour: 0.0,
+            dimming_per_hour: 0.0,
+        }
+    }
 }

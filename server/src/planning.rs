@@ -1,9 +1,10 @@
 //! From displays to optical setups, and from the planner's reports to ours.
 
-use crate::display::Display;
+use crate::display::{Display, SimulatedBench};
 use crate::propagation::{ImageWindow, PropagationMethod, PropagationWarning, ValidityReport};
 use crate::units::{Distance, Wavelength};
 use lightpath_optics::propagation::{self, Method, assess, assess_regardless};
+use lightpath_optics::simulated_display::Imperfections;
 use lightpath_optics::{Grid, OpticalSetup, Result};
 
 /// A display at a wavelength and distance.
@@ -101,5 +102,23 @@ pub(crate) fn from_optics(method: Method) -> PropagationMethod {
         Method::Scaled => PropagationMethod::Scaled,
         Method::ScaledFresnel => PropagationMethod::ScaledFresnel,
         Method::Fraunhofer => PropagationMethod::Fraunhofer,
+    }
+}
+
+/// A simulated display's bench as the optics draw it.
+pub(crate) fn imperfections(bench: SimulatedBench) -> Imperfections {
+    Imperfections {
+        seed: bench.seed,
+        strength: bench.strength,
+        camera_noise: bench.camera_noise,
+        misalignment_px: bench.misalignment_px,
+        rotation_deg: bench.rotation_deg,
+        blur_px: bench.blur_px,
+        full_well_electrons: bench.full_well_electrons,
+        speckle_contrast: bench.speckle_contrast,
+        crosstalk_px: bench.crosstalk_px,
+        flicker: bench.flicker,
+        drift_px_per_hour: bench.drift_px_per_hour,
+        dimming_per_hour: bench.dimming_per_hour,
     }
 }

@@ -1,5 +1,6 @@
 //! `lightpath display …`
 
+mod bench_file;
 mod plan;
 
 use super::arguments::{Limit, above_zero, pixel_pitch, resolution, wavelength};
@@ -41,7 +42,11 @@ Examples:
 
 A display to play with, that exists only as a simulation (see `lightpath simulate --help`):
   lightpath display create toy --resolution 480x270 --pixel-pitch 8um \\
-      --wavelength 515nm --simulated-seed 1")]
+      --wavelength 515nm --simulated-seed 1
+  lightpath display create bench --resolution 960x540 --pixel-pitch 8um \\
+      --wavelength 515nm --simulated bench.toml
+
+A whole bench.toml, with every property and its default, is docs/bench.toml.")]
 pub(crate) struct Create {
     /// Its id: 1 to 63 characters of a-z, 0-9 and '-', starting with a letter
     id: String,
@@ -75,6 +80,15 @@ pub(crate) struct Create {
     /// Free text, at most 4096 bytes
     #[arg(long, value_name = "TEXT", default_value = "", hide_default_value = true)]
     notes: String,
+
+    /// Make it a simulated display, as a TOML file describes it
+    #[arg(
+        long,
+        value_name = "BENCH.toml",
+        conflicts_with_all = ["simulated_seed", "simulated_strength", "camera_noise", "misalignment"],
+        help_heading = "Simulated bench"
+    )]
+    simulated: Option<PathBuf>,
 
     /// Make it a simulated display, with imperfections drawn from this seed
     #[arg(long, value_name = "N", help_heading = "Simulated bench")]
@@ -163,12 +177,16 @@ impl Create {
             Some(Carrier::HalfOrderX) => v1::Carrier::HalfOrderX,
             Some(Carrier::HalfOrderY) => v1::Carrier::HalfOrderY,
         };
-        let simulated_bench = self.simulated_seed.map(|seed| v1::SimulatedBench {
-            seed,
-            strength: self.simulated_strength,
-            camera_noise: self.camera_noise,
-            misalignment_px: self.misalignment,
-        });
+        let simulated_bench = match &self.simulated {
+            Some(path) => Some(bench_file::read(path)?),
+            None => self.simulated_seed.map(|seed| v1::SimulatedBench {
+                seed,
+                strength: self.simulated_strength,
+                camera_noise: self.camera_noise,
+                misalignment_px: self.misalignment,
+                ..Default::default()
+            }),
+        };
         Ok(Display {
             name: names::display(&self.id),
             width_px: self.resolution.0,
@@ -249,6 +267,9 @@ fn facts(display: &Display) -> String {
         let (seed, strength) = (bench.seed, bench.strength);
         let camera = format!("camera noise {}, misalignment {} px", bench.camera_noise, bench.misalignment_px);
         facts.add("simulated", format!("seed {seed}, strength {strength}, {camera}"));
+        for (name, value) in bench_file::further(bench) {
+            facts.add(name, value.to_string());
+        }
     }
     if !display.notes.is_empty() {
         facts.add("notes", &display.notes);

@@ -12,7 +12,7 @@ use std::path::PathBuf;
 
 /// Photograph a hologram on a simulated display.
 ///
-/// Only for displays that were declared with --simulated-seed. The photograph has the display's imperfections and the
+/// Only for displays that were declared with --simulated or --simulated-seed. The photograph has the display's imperfections and the
 /// camera's noise; it is what a dataset collects.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
@@ -35,6 +35,10 @@ pub(crate) struct Simulate {
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
 
+    /// Hours since the bench was set up, for benches that drift
+    #[arg(long, value_name = "HOURS", default_value_t = 0.0)]
+    after: f64,
+
     #[command(flatten)]
     submission: Submission,
 }
@@ -50,6 +54,7 @@ impl Simulate {
             distance_m: self.optics.distance,
             phase: session.client.upload_file(&self.phase).await?,
             seed: self.seed,
+            elapsed_s: 3600.0 * self.after,
         });
         let job = self.submission.submit(session, kind, None).await?;
         for job in progress::wait_all(session, vec![(name, job)]).await? {

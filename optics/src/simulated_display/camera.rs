@@ -1,11 +1,11 @@
 //! The camera: from light to grey levels.
 //!
 //! ```text
-//! level = round(255 · clamp(b + I + σ √(1 + I) · n, 0, 1))
+//! level = round(255 · clamp(b + I + √(σ² + s I) · n, 0, 1))
 //! ```
 //!
-//! I exposed light (1 is full scale), b black level, n normal noise, σ read noise as a fraction of full scale; the part
-//! of the noise that grows with the light is shot noise.
+//! I exposed light (1 is full scale), b black level, n normal noise, σ read noise as a fraction of full scale; s the shot
+//! noise's variance at full scale, 1/electrons of a full pixel, or σ² where nobody said how many those are.
 
 use super::draws::{Draws, Stream};
 use crate::Plane;
@@ -16,11 +16,13 @@ use rayon::prelude::*;
 pub(super) struct Camera {
     pub(super) black_level: f64,
     noise: f64,
+    shot_variance: f64,
 }
 
 impl Camera {
-    pub(super) fn draw(draws: &mut Draws, noise: f64) -> Self {
-        Self { black_level: draws.about(0.01), noise }
+    pub(super) fn draw(draws: &mut Draws, noise: f64, full_well_electrons: f64) -> Self {
+        let shot_variance = if full_well_electrons > 0.0 { 1.0 / full_well_electrons } else { noise * noise };
+        Self { black_level: draws.about(0.01), noise, shot_variance }
     }
 
     /// A photograph of exposed light.
@@ -31,7 +33,7 @@ impl Camera {
             let mut draws = Draws::of_row(noise_seed, Stream::Noise, y);
             for (level, &light) in row.iter_mut().zip(light.row(y)) {
                 let light = f64::from(light);
-                let noise = self.noise * (1.0 + light).sqrt() * draws.normal();
+                let noise = (self.noise * self.noise + self.shot_variance * light.max(0.0)).sqrt() * draws.normal();
                 *level = (255.0 * (self.black_level + light + noise).clamp(0.0, 1.0)).round() as u8;
             }
         });

@@ -14,6 +14,8 @@ pub(super) enum Stream {
     Modulator = 3,
     Camera = 4,
     Exposure = 5,
+    Speckle = 6,
+    Drift = 7,
     /// The first row of a photograph; the rows below follow.
     Noise = 1 << 20,
 }

@@ -8,39 +8,36 @@
 //! carrier's demodulation: the camera looks along the steered order, so it is the zero order that seems to be steered;
 //! H free space, aberrations, apodization and the camera's shift. Everything is in f64 and comes from a seed; the same
 //! seed draws the same bench for any wavelength and distance, on any number of threads.
+//!
+//! On top of that, where asked for: the modulator's pixels blur into each other and flicker, the camera is turned, its lens
+//! blurs, dust adds speckle that is always the same, and with the hours the image wanders and the light fades.
 
 mod aberration;
+mod blur;
 mod camera;
 mod draws;
 mod exposure;
 mod illumination;
+mod imperfections;
 mod modulator;
 mod pixel_light;
+mod placement;
+mod speckle;
+
+pub use imperfections::Imperfections;
 
 use crate::carrier::Carrier;
 use crate::grid::frequency;
+use crate::phase_response::wrap;
 use crate::propagation::SampledTransfer;
 use crate::transfer_function::phasor;
-use crate::{Error, OpticalSetup, Plane, Result};
+use crate::{OpticalSetup, Plane, Result};
 use aberration::Aberration;
 use camera::Camera;
 use draws::{Draws, Stream};
 use modulator::Modulator;
 use num_complex::Complex64;
 use rayon::prelude::*;
-
-/// What a bench is drawn from.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Imperfections {
-    /// The same seed draws the same bench.
-    pub seed: u64,
-    /// Scales every optical imperfection, 0 to 4; 1 is a display in need of alignment, 0 a perfect one.
-    pub strength: f64,
-    /// Standard deviation of the camera's read noise as a fraction of its full scale, 0 to 0.1.
-    pub camera_noise: f64,
-    /// The camera is shifted by up to this in x and in y \[px\], 0 to 4.
-    pub misalignment_px: f64,
-}
 
 /// A drawn bench: a display, its optics, and a camera in the image plane.
 #[derive(Clone)]
@@ -56,32 +53,21 @@ pub struct SimulatedDisplay {
     exposure: f64,
     /// [`Self::true_transfer`] on the padded grid, one row for each fx.
     transfer_by_column: Plane<Complex64>,
+    imperfections: Imperfections,
+    speckle: Option<Plane<f64>>,
+    /// Where the image wanders.
+    drift_towards: f64,
 }
 
 impl SimulatedDisplay {
-    /// Strongest imperfections: beyond this no image is left.
-    pub const STRENGTH_MAX: f64 = 4.0;
-    /// Noisiest camera: beyond this no image is left.
-    pub const CAMERA_NOISE_MAX: f64 = 0.1;
-    /// Largest shift \[px\]: more would be seen and put right by hand.
-    pub const MISALIGNMENT_PX_MAX: f64 = 4.0;
-
     /// Draws a bench. The camera's exposure is set once, on a speckled image that fills the region of interest.
     ///
     /// # Errors
     ///
     /// [`Error::OutOfRange`] for an imperfection outside its range.
     pub fn draw(setup: OpticalSetup, carrier: Option<Carrier>, imperfections: Imperfections) -> Result<Self> {
-        let Imperfections { seed, strength, camera_noise, misalignment_px } = imperfections;
-        for (name, value, most, allowed) in [
-            ("strength", strength, Self::STRENGTH_MAX, "0 to 4"),
-            ("camera_noise", camera_noise, Self::CAMERA_NOISE_MAX, "0 to 0.1"),
-            ("misalignment_px", misalignment_px, Self::MISALIGNMENT_PX_MAX, "0 to 4 px"),
-        ] {
-            if !(0.0..=most).contains(&value) {
-                return Err(Error::OutOfRange { name, value, allowed });
-            }
-        }
+        imperfections.validate()?;
+        let Imperfections { seed, strength, camera_noise, misalignment_px, full_well_electrons, .. } = imperfections;
         let mut draws = Draws::new(seed, Stream::Camera);
         let mut shift_px = || misalignment_px * draws.between(-1.0, 1.0);
         let mut display = Self {
@@ -92,9 +78,12 @@ impl SimulatedDisplay {
             source: illumination::draw(&setup.grid(), seed, strength),
             modulator: Modulator::draw(seed, strength),
             shift_px: (shift_px(), shift_px()),
-            camera: Camera::draw(&mut draws, camera_noise),
+            camera: Camera::draw(&mut draws, camera_noise, full_well_electrons),
             exposure: 1.0,
             transfer_by_column: Plane::filled(0, 0, Complex64::ZERO),
+            speckle: speckle::draw(&setup.grid(), seed, imperfections.speckle_contrast),
+            drift_towards: Draws::new(seed, Stream::Drift).angle(),
+            imperfections,
         };
         display.transfer_by_column = display.sampled_transfer();
         display.exposure =
@@ -109,9 +98,25 @@ impl SimulatedDisplay {
     ///
     /// # Errors
     ///
-    /// [`Error::SizeMismatch`] or [`Error::NotFinite`] for a phase that does not fit the display.
+    /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) or [`Error::NotFinite`](crate::Error::NotFinite) for a phase that
+    /// does not fit the display.
     pub fn capture(&self, phase_displayed: &Plane<f32>, noise_seed: u64) -> Result<Plane<u8>> {
-        Ok(self.camera.photograph(&self.light(phase_displayed)?, noise_seed))
+        self.capture_at(phase_displayed, noise_seed, 0.0)
+    }
+
+    /// [`Self::capture`] some hours after the bench was set up.
+    ///
+    /// # Errors
+    ///
+    /// As there.
+    pub fn capture_at(&self, phase_displayed: &Plane<f32>, noise_seed: u64, hours: f64) -> Result<Plane<u8>> {
+        Ok(self.expose(&self.light_at(phase_displayed, hours)?, noise_seed))
+    }
+
+    /// A photograph of light in units of the camera's full scale, such as [`Self::light`] gives.
+    #[must_use]
+    pub fn expose(&self, light: &Plane<f32>, noise_seed: u64) -> Plane<u8> {
+        self.camera.photograph(light, noise_seed)
     }
 
     /// The light on each camera pixel, in units of the camera's full scale: free of noise, black level, clipping and
@@ -121,15 +126,46 @@ impl SimulatedDisplay {
     ///
     /// As [`Self::capture`].
     pub fn light(&self, phase_displayed: &Plane<f32>) -> Result<Plane<f32>> {
+        self.light_at(phase_displayed, 0.0)
+    }
+
+    fn light_at(&self, phase_displayed: &Plane<f32>, hours: f64) -> Result<Plane<f32>> {
         let (height_px, width_px) = (self.setup.grid().height_px(), self.setup.grid().width_px());
         phase_displayed.expect_size("phase_displayed", height_px, width_px)?;
         phase_displayed.expect_finite("phase_displayed")?;
-        let field = Plane::from_fn(height_px, width_px, |y, x| {
+        let Imperfections { crosstalk_px, flicker, rotation_deg, blur_px, .. } = self.imperfections;
+        // Neighbours share their fields where those jump, from 2π to 0 as well.
+        let shown = match crosstalk_px {
+            0.0 => phase_displayed.map(f64::from),
+            _ => blur::blurred(&phase_displayed.map(|phase| wrap(f64::from(phase))), crosstalk_px),
+        };
+        let mut light = self.still_light(&shown, 1.0 - flicker);
+        if flicker > 0.0 {
+            // The two ends of the swing, between which the phase spends its time.
+            let other = self.still_light(&shown, 1.0 + flicker);
+            light.values_mut().iter_mut().zip(other.values()).for_each(|(a, b)| *a = (*a + b) / 2.0);
+        }
+        let light = placement::placed(&light, rotation_deg.to_radians(), self.drift_px(hours));
+        let mut light = blur::blurred(&light, blur_px);
+        if let Some(speckle) = &self.speckle {
+            light.values_mut().iter_mut().zip(speckle.values()).for_each(|(light, factor)| *light *= factor);
+        }
+        let power = (1.0 - self.imperfections.dimming_per_hour).powf(hours);
+        Ok(light.map(|value| (power * value) as f32))
+    }
+
+    /// The exposed light of a phase that stands still, `swing` times what it should be.
+    fn still_light(&self, phase: &Plane<f64>, swing: f64) -> Plane<f64> {
+        let field = Plane::from_fn(phase.height_px(), phase.width_px(), |y, x| {
             let lit = self.source.at(y, x) * self.carrier.map_or(1.0, |carrier| carrier.sign(y, x));
-            lit * self.modulator.field(f64::from(phase_displayed.at(y, x)))
+            lit * self.modulator.field(swing * phase.at(y, x))
         });
-        let light = pixel_light::pixel_light(&field, &self.transfer_by_column);
-        Ok(light.map(|value| (self.exposure * value) as f32))
+        pixel_light::pixel_light(&field, &self.transfer_by_column).map(|value| self.exposure * value)
+    }
+
+    fn drift_px(&self, hours: f64) -> (f64, f64) {
+        let way_px = self.imperfections.drift_px_per_hour * hours;
+        (way_px * self.drift_towards.cos(), way_px * self.drift_towards.sin())
     }
 
     /// What the bench was drawn for.
@@ -217,7 +253,8 @@ mod tests {
 
     fn drawn(strength: f64) -> SimulatedDisplay {
         let setup = OpticalSetup::try_new(Grid::try_new(36, 50, 8e-6).unwrap(), 515e-9, 0.02).unwrap();
-        let imperfections = Imperfections { seed: 5, strength, camera_noise: 0.0, misalignment_px: 0.5 };
+        let imperfections =
+            Imperfections { seed: 5, strength, camera_noise: 0.0, misalignment_px: 0.5, ..Imperfections::FAIR };
         SimulatedDisplay::draw(setup, None, imperfections).unwrap()
     }
 
@@ -254,11 +291,19 @@ mod tests {
     #[test]
     fn imperfections_out_of_range_are_refused_by_name() {
         let setup = drawn(0.0).setup();
-        let fair = Imperfections { seed: 1, strength: 1.0, camera_noise: 0.0, misalignment_px: 0.0 };
+        let fair = Imperfections { seed: 1, camera_noise: 0.0, ..Imperfections::FAIR };
         for (bad, name) in [
             (Imperfections { strength: f64::NAN, ..fair }, "strength is NaN"),
             (Imperfections { camera_noise: -0.1, ..fair }, "camera_noise is -0.1"),
             (Imperfections { misalignment_px: 5.0, ..fair }, "misalignment_px is 5"),
+            (Imperfections { rotation_deg: -11.0, ..fair }, "rotation_deg is -11"),
+            (Imperfections { blur_px: 4.5, ..fair }, "blur_px is 4.5"),
+            (Imperfections { full_well_electrons: -1.0, ..fair }, "full_well_electrons is -1"),
+            (Imperfections { speckle_contrast: 0.6, ..fair }, "speckle_contrast is 0.6"),
+            (Imperfections { crosstalk_px: 3.0, ..fair }, "crosstalk_px is 3"),
+            (Imperfections { flicker: 0.7, ..fair }, "flicker is 0.7"),
+            (Imperfections { drift_px_per_hour: -2.0, ..fair }, "drift_px_per_hour is -2"),
+            (Imperfections { dimming_per_hour: 1.5, ..fair }, "dimming_per_hour is 1.5"),
         ] {
             let error = SimulatedDisplay::draw(setup, None, bad).unwrap_err();
             assert!(error.to_string().starts_with(name), "{error}");

@@ -5,6 +5,7 @@ use super::field::Field;
 use super::names;
 use super::time::timestamp;
 use crate::display::{Carrier, Display, SimulatedBench};
+use crate::planning;
 use crate::units::Wavelength;
 use lightpath_proto::v1;
 use std::f64::consts::PI;
@@ -70,6 +71,14 @@ pub(super) fn to_wire(display: Display, create_time_ms: i64) -> v1::Display {
             strength: bench.strength,
             camera_noise: bench.camera_noise,
             misalignment_px: bench.misalignment_px,
+            rotation_deg: bench.rotation_deg,
+            blur_px: bench.blur_px,
+            full_well_electrons: bench.full_well_electrons,
+            speckle_contrast: bench.speckle_contrast,
+            crosstalk_px: bench.crosstalk_px,
+            flicker: bench.flicker,
+            drift_px_per_hour: bench.drift_px_per_hour,
+            dimming_per_hour: bench.dimming_per_hour,
         }),
         create_time: Some(timestamp(create_time_ms)),
     }
@@ -117,12 +126,25 @@ fn phases(field: &Field, phase_rad: Vec<f64>, bit_depth: u32) -> Result<Vec<f64>
 }
 
 fn bench_from_wire(bench: v1::SimulatedBench, field: &Field) -> Result<SimulatedBench, ApiError> {
-    Ok(SimulatedBench {
+    let or = |value: f64, default: f64| if value == 0.0 { default } else { value };
+    let drawn = SimulatedBench {
         seed: bench.seed,
-        strength: field.at("strength").number_or(bench.strength, 1.0, 0.0..=4.0)?,
-        camera_noise: field.at("camera_noise").number_or(bench.camera_noise, 0.003, 0.0..=0.1)?,
-        misalignment_px: field.at("misalignment_px").number(bench.misalignment_px, 0.0..=4.0)?,
-    })
+        strength: or(bench.strength, 1.0),
+        camera_noise: or(bench.camera_noise, 0.003),
+        misalignment_px: bench.misalignment_px,
+        rotation_deg: bench.rotation_deg,
+        blur_px: bench.blur_px,
+        full_well_electrons: bench.full_well_electrons,
+        speckle_contrast: bench.speckle_contrast,
+        crosstalk_px: bench.crosstalk_px,
+        flicker: bench.flicker,
+        drift_px_per_hour: bench.drift_px_per_hour,
+        dimming_per_hour: bench.dimming_per_hour,
+    };
+    for (name, value, least, most, _) in planning::imperfections(drawn).ranges() {
+        field.at(name).number(value, least..=most)?;
+    }
+    Ok(drawn)
 }
 
 #[cfg(test)]

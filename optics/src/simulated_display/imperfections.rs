@@ -1,0 +1,87 @@
+//! What a bench is drawn from.
+
+use crate::{Error, Result};
+
+/// What a bench is drawn from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Imperfections {
+    /// The same seed and properties draw the same bench.
+    pub seed: u64,
+    /// Scales every optical imperfection, 0 to 4; 1 is a display in need of alignment, 0 a perfect one.
+    pub strength: f64,
+    /// Standard deviation of the camera's read noise as a fraction of its full scale, 0 to 0.1.
+    pub camera_noise: f64,
+    /// The camera is shifted by up to this in x and in y \[px\], 0 to 4.
+    pub misalignment_px: f64,
+    /// The camera is turned about the middle of the image by this, −10 to 10 degrees.
+    pub rotation_deg: f64,
+    /// Standard deviation of the blur by the camera's lens \[px\], 0 to 4.
+    pub blur_px: f64,
+    /// Electrons of a camera pixel at full scale, which the shot noise follows from, 0 to 10⁷; 0: the noise of an empty pixel,
+    /// and √2 times that at full scale.
+    pub full_well_electrons: f64,
+    /// Contrast of a fixed speckle pattern that dust and coatings add, 0 to 0.5.
+    pub speckle_contrast: f64,
+    /// Cross-talk of the modulator: standard deviation of the blur of its phase \[px\], 0 to 2.
+    pub crosstalk_px: f64,
+    /// Flicker of the modulator: the part by which its phase swings while the shutter is open, 0 to 0.5.
+    pub flicker: f64,
+    /// How far the image wanders in an hour \[px\], 0 to 100.
+    pub drift_px_per_hour: f64,
+    /// The part of its light that the source loses in an hour, 0 to 1.
+    pub dimming_per_hour: f64,
+}
+
+impl Imperfections {
+    /// A display in need of alignment with a good camera that stands where it should.
+    pub const FAIR: Self = Self {
+        seed: 0,
+        strength: 1.0,
+        camera_noise: 0.003,
+        misalignment_px: 0.0,
+        rotation_deg: 0.0,
+        blur_px: 0.0,
+        full_well_electrons: 0.0,
+        speckle_contrast: 0.0,
+        crosstalk_px: 0.0,
+        flicker: 0.0,
+        drift_px_per_hour: 0.0,
+        dimming_per_hour: 0.0,
+    };
+
+    /// Each property, its value, the least and the most it may be, and both in words.
+    #[must_use]
+    pub fn ranges(&self) -> [(&'static str, f64, f64, f64, &'static str); 11] {
+        [
+            ("strength", self.strength, 0.0, 4.0, "0 to 4"),
+            ("camera_noise", self.camera_noise, 0.0, 0.1, "0 to 0.1"),
+            ("misalignment_px", self.misalignment_px, 0.0, 4.0, "0 to 4 px"),
+            ("rotation_deg", self.rotation_deg, -10.0, 10.0, "-10 to 10 degrees"),
+            ("blur_px", self.blur_px, 0.0, 4.0, "0 to 4 px"),
+            ("full_well_electrons", self.full_well_electrons, 0.0, 1e7, "0 to 10000000"),
+            ("speckle_contrast", self.speckle_contrast, 0.0, 0.5, "0 to 0.5"),
+            ("crosstalk_px", self.crosstalk_px, 0.0, 2.0, "0 to 2 px"),
+            ("flicker", self.flicker, 0.0, 0.5, "0 to 0.5"),
+            ("drift_px_per_hour", self.drift_px_per_hour, 0.0, 100.0, "0 to 100 px"),
+            ("dimming_per_hour", self.dimming_per_hour, 0.0, 1.0, "0 to 1"),
+        ]
+    }
+
+    /// # Errors
+    ///
+    /// [`Error::OutOfRange`] for a property outside its range.
+    pub fn validate(&self) -> Result<()> {
+        for (name, value, least, most, allowed) in self.ranges() {
+            if !(least..=most).contains(&value) {
+                return Err(Error::OutOfRange { name, value, allowed });
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Default for Imperfections {
+    fn default() -> Self {
+        Self::FAIR
+    }
+}

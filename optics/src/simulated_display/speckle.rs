@@ -1,0 +1,34 @@
+//! Speckle that is always the same: light that dust and coatings scatter into the image.
+//!
+//! ```text
+//! factor = 1 + c (e − 1),   e exponential with mean 1, c the contrast
+//! ```
+
+use super::draws::{Draws, Stream};
+use crate::{Grid, Plane};
+
+/// What each camera pixel's light is multiplied by; its mean is 1, its standard deviation the contrast.
+pub(super) fn draw(grid: &Grid, seed: u64, contrast: f64) -> Option<Plane<f64>> {
+    if contrast <= 0.0 {
+        return None;
+    }
+    let mut draws = Draws::new(seed, Stream::Speckle);
+    let mut factor = || 1.0 + contrast * (-(1.0 - draws.between(0.0, 1.0)).ln() - 1.0);
+    Some(Plane::from_fn(grid.height_px(), grid.width_px(), |_, _| factor()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn speckle_has_the_contrast_asked_for() {
+        let grid = Grid::try_new(200, 300, 8e-6).unwrap();
+        let factors = draw(&grid, 3, 0.2).unwrap();
+        let mean = factors.values().iter().sum::<f64>() / 60_000.0;
+        let variance = factors.values().iter().map(|factor| (factor - mean).powi(2)).sum::<f64>() / 60_000.0;
+        // Three standard errors: of the mean 0.2/√60000, of the deviation twice that.
+        assert!((mean - 1.0).abs() < 0.003 && (variance.sqrt() - 0.2).abs() < 0.005, "{mean}, {}", variance.sqrt());
+        assert_eq!(draw(&grid, 3, 0.0), None);
+    }
+}
