@@ -12,7 +12,9 @@ use std::path::PathBuf;
 Examples:
   lightpathd demo
   lightpathd demo --images photos/ --out tour
-  lightpathd demo --models display,smooth,dense,paper --pairs 32")]
+  lightpathd demo --models display,smooth,dense,paper --pairs 32
+  lightpathd demo --paper
+  lightpathd demo --paper --resolution 480x270")]
 pub struct DemoArgs {
     /// Folder for pictures, report and the server's data: a new or empty one, or an earlier demo's
     #[arg(long, value_name = "DIR", default_value = "lightpath-demo")]
@@ -20,9 +22,13 @@ pub struct DemoArgs {
     /// Folder of PNG, JPEG or TIFF pictures to use instead of generated ones; at least 5
     #[arg(long, value_name = "DIR")]
     pub images: Option<PathBuf>,
-    /// Size of the display in pixels, WIDTHxHEIGHT
-    #[arg(long, value_name = "WxH", default_value = "480x270", value_parser = resolution)]
-    pub resolution: (u32, u32),
+    /// Follow the paper that Lightpath starts from: its recipe (the model paper) beside the model display, on a display of
+    /// its size, and a table of train and test errors in its form
+    #[arg(long)]
+    pub paper: bool,
+    /// Size of the display in pixels, WIDTHxHEIGHT [default: 480x270, with --paper 1920x1080]
+    #[arg(long = "resolution", value_name = "WxH", value_parser = resolution)]
+    pub asked_resolution: Option<(u32, u32)>,
     /// From the display to the image; by default 0.6 of the distance up to which its size samples the whole band
     #[arg(long, value_name = "LENGTH", value_parser = |text: &str| length(Length::Distance, text))]
     pub distance: Option<f64>,
@@ -47,8 +53,8 @@ pub struct DemoArgs {
     /// Iterations for each hologram to learn from
     #[arg(long, value_name = "N", default_value_t = 60, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub training_iterations: u32,
-    /// Models to learn: display (always, and first), smooth, dense, paper
-    #[arg(long, value_name = "NAMES", value_delimiter = ',', default_value = "display,smooth", value_parser = model)]
+    /// Models to learn: display (always, and first), smooth, dense, paper [default: display,smooth, with --paper display,paper]
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = model)]
     pub models: Vec<KernelModel>,
 }
 
@@ -56,11 +62,20 @@ pub struct DemoArgs {
 const SIDE_PX_MIN: u32 = 32;
 /// Part of the critical distance that the image is at by default: all of the band is kept, and light spreads far.
 const DISTANCE_SHARE: f64 = 0.6;
+/// Columns and rows \[px\] of the demo's display.
+const SIZE_PX: (u32, u32) = (480, 270);
+/// And of the paper's.
+const PAPER_SIZE_PX: (u32, u32) = (1920, 1080);
 
 impl DemoArgs {
+    /// Columns and rows \[px\].
+    pub(super) fn resolution(&self) -> (u32, u32) {
+        self.asked_resolution.unwrap_or(if self.paper { PAPER_SIZE_PX } else { SIZE_PX })
+    }
+
     /// From the display to the image \[m\].
     pub(super) fn distance_m(&self) -> f64 {
-        let (width_px, height_px) = self.resolution;
+        let (width_px, height_px) = self.resolution();
         let critical_m = 2.0 * f64::from(width_px.min(height_px)) * self.pixel_pitch.powi(2) / self.wavelength;
         self.distance.unwrap_or_else(|| (DISTANCE_SHARE * critical_m * 1e3).ceil() / 1e3)
     }
@@ -68,6 +83,11 @@ impl DemoArgs {
     /// The models to learn, without repetitions, the one that goes into service first.
     pub(super) fn ordered(mut self) -> Self {
         let mut models = vec![FIRST_MODEL];
+        if self.models.is_empty() {
+            self.models = vec![if self.paper { KernelModel::Paper } else { KernelModel::Smooth }];
+        } else if self.paper {
+            models.push(KernelModel::Paper);
+        }
         for model in self.models {
             if !models.contains(&model) {
                 models.push(model);
@@ -132,8 +152,19 @@ mod tests {
 
     #[test]
     fn the_model_for_service_is_learned_first() {
-        let models = parse("--models dense,smooth,dense").unwrap().models;
-        assert_eq!(models, [KernelModel::Display, KernelModel::Dense, KernelModel::Smooth]);
+        let models = |words: &str| parse(words).unwrap().models;
+        let (display, smooth) = (KernelModel::Display, KernelModel::Smooth);
+        assert_eq!(models("--models dense,smooth,dense"), [display, KernelModel::Dense, smooth]);
+        assert_eq!(models(""), [display, smooth]);
+        assert_eq!(models("--paper"), [display, KernelModel::Paper]);
+        assert_eq!(models("--paper --models smooth"), [display, KernelModel::Paper, smooth]);
+    }
+
+    #[test]
+    fn the_paper_has_a_display_of_its_own_size() {
+        assert_eq!(parse("").unwrap().resolution(), (480, 270));
+        assert_eq!(parse("--paper").unwrap().resolution(), (1920, 1080));
+        assert_eq!(parse("--paper --resolution 160x96").unwrap().resolution(), (160, 96));
     }
 
     #[test]

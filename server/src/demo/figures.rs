@@ -22,7 +22,7 @@ pub(super) fn contact_sheet(
     judged: &[Judged],
 ) -> anyhow::Result<()> {
     let (ideal, learned) = (&judged[0], &judged[1]);
-    let (width_px, height_px) = args.resolution;
+    let (width_px, height_px) = args.resolution();
     let subtitle = format!(
         "simulated display, {width_px}×{height_px} px of {}, {}, image at {} · photographs at the target's brightness; light outside the region of interest is left free",
         show_m(args.pixel_pitch),
@@ -131,7 +131,7 @@ pub(super) fn loss(files: &Files, learned: &[Learned], judged: &[Judged]) -> any
         |learned: &Learned| Curve { label: learned.name.to_owned(), values: learned.result.loss_history.clone() };
     let mut curves: Vec<Curve> = learned.iter().map(curve).collect();
     if let Some(floor) = judged.iter().find(|judged| judged.contender.name == single_kernel::NAME) {
-        curves.push(Curve { label: "true single kernel, held-out".to_owned(), values: vec![floor.held_out_loss] });
+        curves.push(Curve { label: "true single kernel, held-out".to_owned(), values: vec![floor.losses.test.region] });
     }
     let curves = Curves {
         title: "Learning the display",

@@ -2,7 +2,7 @@
 
 use super::args::DemoArgs;
 use super::files::Files;
-use super::lab::{Lab, Shot, Wanted, kernel_choice};
+use super::lab::{Lab, Losses, Shot, Wanted, kernel_choice};
 use super::story::Story;
 use super::targets::Picture;
 use super::{DATASET, NARROW_RAD};
@@ -29,8 +29,8 @@ impl Contender {
 /// What a contender reached.
 pub(super) struct Judged {
     pub(super) contender: Contender,
-    /// Mean squared error over the dataset's test photographs, as the server measures it for every kernel alike.
-    pub(super) held_out_loss: f64,
+    /// Over the dataset's photographs, as the server measures them for every kernel alike.
+    pub(super) losses: Losses,
     /// In the order of the held-out targets.
     pub(super) shown: Vec<Shown>,
 }
@@ -72,7 +72,7 @@ pub(super) async fn judge(
     story: &Story,
 ) -> anyhow::Result<Vec<Judged>> {
     let versions = contenders.iter().map(|contender| contender.version);
-    let losses = lab.held_out_losses(DATASET, versions, &mut story.bar("evaluate")).await?;
+    let losses = lab.losses(DATASET, versions, &mut story.bar("evaluate")).await?;
     let all = || contenders.iter().flat_map(|contender| targets.iter().map(move |target| (contender, target)));
     let wanted = all().map(|(contender, target)| Wanted {
         target: &target.file,
@@ -92,9 +92,9 @@ pub(super) async fn judge(
     }
     story.tell(format!("{} holograms of {} iterations", shown.len(), args.iterations))?;
     let mut shown = shown.into_iter();
-    let judged = contenders.iter().zip(losses).map(|(contender, held_out_loss)| Judged {
+    let judged = contenders.iter().zip(losses).map(|(contender, losses)| Judged {
         contender: contender.clone(),
-        held_out_loss,
+        losses,
         shown: shown.by_ref().take(targets.len()).collect(),
     });
     Ok(judged.collect())

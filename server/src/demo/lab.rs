@@ -8,6 +8,7 @@ use anyhow::Context as _;
 use lightpath::v1::{self, Job, KernelModel, job_spec::Kind};
 use lightpath::{Client, JobChange, names};
 use lightpath_optics::{Grid, OpticalSetup};
+use serde::Serialize;
 use std::path::Path;
 
 /// Id of the display.
@@ -38,11 +39,27 @@ pub(super) struct Shot {
     pub(super) seed: u64,
 }
 
+/// Mean squared errors of predicted photographs.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(super) struct Loss {
+    /// In the region of interest.
+    pub(super) region: f64,
+    /// Over the full frame, as the paper reports it.
+    pub(super) full_frame: f64,
+}
+
+/// Of the pairs that were learned from, and of those held out.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(super) struct Losses {
+    pub(super) train: Loss,
+    pub(super) test: Loss,
+}
+
 impl Lab {
     /// Declares the display.
     pub(super) async fn new(url: &str, args: &DemoArgs, bench: SimulatedBench) -> anyhow::Result<Self> {
         let client = Client::connect(url)?;
-        let (width_px, height_px) = args.resolution;
+        let (width_px, height_px) = args.resolution();
         let display = v1::Display {
             name: names::display(DISPLAY),
             width_px,
@@ -56,6 +73,7 @@ impl Lab {
                 strength: bench.strength,
                 camera_noise: bench.camera_noise,
                 misalignment_px: bench.misalignment_px,
+                ..Default::default()
             }),
             ..Default::default()
         };
@@ -66,7 +84,7 @@ impl Lab {
             wavelength_m: args.wavelength,
             distance_m,
             pixel_pitch_m: args.pixel_pitch,
-            size_px: args.resolution,
+            size_px: args.resolution(),
             client,
         })
     }
@@ -165,24 +183,27 @@ impl Lab {
         Ok(lightpath::learn_result(&jobs[0])?.clone())
     }
 
-    /// How well versions (0: the ideal kernel) predict the dataset's test pairs: their mean losses.
-    pub(super) async fn held_out_losses(
+    /// How well versions (0: the ideal kernel) predict the dataset's photographs.
+    pub(super) async fn losses(
         &self,
         dataset: &str,
         versions: impl Iterator<Item = u32>,
         bar: &mut Bar,
-    ) -> anyhow::Result<Vec<f64>> {
+    ) -> anyhow::Result<Vec<Losses>> {
         let spec = |version| {
             let (dataset, kernel) = (names::dataset(dataset), kernel_choice(version));
             Kind::EvaluateKernel(v1::EvaluateKernel { dataset, kernel, ..Default::default() })
         };
         let jobs = self.all_done(versions.map(spec).collect(), bar).await?;
-        let mean = |job: &Job| -> anyhow::Result<f64> {
-            let pairs = &lightpath::evaluate_result(job)?.pairs;
-            let losses: Vec<f64> = pairs.iter().filter(|p| p.split() == v1::Split::Test).map(|p| p.loss).collect();
-            Ok(losses.iter().sum::<f64>() / losses.len() as f64)
+        let mean = |job: &Job, split: v1::Split| -> anyhow::Result<Loss> {
+            let pairs: Vec<_> = lightpath::evaluate_result(job)?.pairs.iter().filter(|p| p.split() == split).collect();
+            let mean = |of: fn(&v1::evaluate_result::PairLoss) -> f64| {
+                pairs.iter().map(|pair| of(pair)).sum::<f64>() / pairs.len() as f64
+            };
+            Ok(Loss { region: mean(|pair| pair.loss), full_frame: mean(|pair| pair.loss_full_frame) })
         };
-        jobs.iter().map(mean).collect()
+        let both = |job| Ok(Losses { train: mean(job, v1::Split::Train)?, test: mean(job, v1::Split::Test)? });
+        jobs.iter().map(both).collect()
     }
 
     pub(super) async fn promote(&self, version: u32) -> anyhow::Result<()> {
@@ -191,6 +212,7 @@ impl Lab {
             version,
             reason: "learned by the demo".to_owned(),
             expected_active_version: Some(0),
+            force: false,
         };
         self.client.promote_kernel(request).await?;
         Ok(())

@@ -70,12 +70,7 @@ async fn learn_and_compare(
     story: &mut Story,
 ) -> anyhow::Result<()> {
     story.step("Declare a display with flaws")?;
-    let bench = SimulatedBench {
-        seed: args.seed,
-        strength: STRENGTH,
-        camera_noise: CAMERA_NOISE,
-        misalignment_px: MISALIGNMENT_PX,
-    };
+    let bench = SimulatedBench::new(args.seed, STRENGTH, CAMERA_NOISE, MISALIGNMENT_PX);
     let lab = Lab::new(server.url(), args, bench).await?;
     story.tell("aberrated, apodized, lit off-centre, with a bent phase response and undiffracted light".to_owned())?;
 
@@ -103,6 +98,9 @@ async fn learn_and_compare(
     figures::loss(files, &learned, &judged)?;
     let report = Report::new(args, targets, &learned, &judged, story.steps());
     files.write("report.json", report.json()?)?;
+    if args.paper {
+        story.show(&report.paper_table())?;
+    }
     story.show(&report.table())
 }
 

@@ -2,6 +2,7 @@
 
 use super::args::DemoArgs;
 use super::held_out::Judged;
+use super::lab::Losses;
 use super::row_of;
 use super::single_kernel;
 use super::targets::Targets;
@@ -46,6 +47,7 @@ struct Model {
     /// 0: the ideal kernel.
     kernel_version: u32,
     held_out_loss: f64,
+    losses: Losses,
     train_loss: Option<f64>,
     learn_s: Option<f64>,
     loss_history: Vec<f64>,
@@ -78,8 +80,8 @@ impl Report {
         Self {
             code_version: env!("CARGO_PKG_VERSION"),
             seed: args.seed,
-            width_px: args.resolution.0,
-            height_px: args.resolution.1,
+            width_px: args.resolution().0,
+            height_px: args.resolution().1,
             pixel_pitch_m: args.pixel_pitch,
             wavelength_m: args.wavelength,
             distance_m: args.distance_m(),
@@ -94,6 +96,25 @@ impl Report {
             total_s: steps.iter().map(|(_, took_s)| took_s).sum(),
             steps: steps.into_iter().map(|(title, took_s)| StepTime { title, took_s }).collect(),
         }
+    }
+
+    /// In the paper's form: how far predicted photographs are from the real ones, through the ideal and through learned
+    /// kernels.
+    pub(super) fn paper_table(&self) -> String {
+        let mut text = format!(
+            "Mean squared error (L2) of predicted photographs\n\n{:<20}{:>12}{:>12}{:>12}{:>12}{:>12}\n{:<20}{:>24}{:>24}\n",
+            "", "train", "test", "train", "test", "learned in", "kernel", "middle 80 %", "full frame"
+        );
+        for model in &self.models {
+            let Losses { train, test } = model.losses;
+            let took = model.learn_s.map_or_else(String::new, |took_s| format!("{took_s:.0} s"));
+            let _ = writeln!(
+                text,
+                "{:<20}{:>12.6}{:>12.6}{:>12.6}{:>12.6}{took:>12}",
+                model.name, train.region, test.region, train.full_frame, test.full_frame
+            );
+        }
+        text
     }
 
     pub(super) fn json(&self) -> serde_json::Result<String> {
@@ -153,7 +174,8 @@ impl Model {
         Self {
             name: judged.contender.name,
             kernel_version: judged.contender.version,
-            held_out_loss: judged.held_out_loss,
+            held_out_loss: judged.losses.test.region,
+            losses: judged.losses,
             train_loss: learned.map(|learned| learned.metrics().train_loss),
             learn_s: learned.map(|learned| learned.seconds),
             loss_history: learned.map(|learned| learned.result.loss_history.clone()).unwrap_or_default(),

@@ -3,7 +3,8 @@
 use crate::display::SimulatedBench;
 use crate::kernel::KernelModel;
 use crate::kernel_file;
-use lightpath_optics::simulated_display::{Imperfections, SimulatedDisplay};
+use crate::planning;
+use lightpath_optics::simulated_display::SimulatedDisplay;
 use lightpath_optics::{DisplayModel, KernelShape, OpticalSetup, Plane};
 use num_complex::Complex32;
 
@@ -12,9 +13,7 @@ pub(super) const NAME: &str = "true single kernel";
 
 /// The demo's bench: the same that the server photographs on.
 pub(super) fn bench(setup: &OpticalSetup, bench: SimulatedBench) -> anyhow::Result<SimulatedDisplay> {
-    let SimulatedBench { seed, strength, camera_noise, misalignment_px } = bench;
-    let imperfections = Imperfections { seed, strength, camera_noise, misalignment_px };
-    Ok(SimulatedDisplay::draw(*setup, None, imperfections)?)
+    Ok(SimulatedDisplay::draw(*setup, None, planning::imperfections(bench))?)
 }
 
 /// Its true transfer function with a flat source, a linear response and no undiffracted light, as a kernel file.

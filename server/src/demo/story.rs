@@ -16,7 +16,7 @@ pub(super) struct Story {
 impl Story {
     /// Says what is about to happen.
     pub(super) fn begin(args: &DemoArgs) -> anyhow::Result<Self> {
-        let (width_px, height_px) = args.resolution;
+        let (width_px, height_px) = args.resolution();
         let mut out = std::io::stdout().lock();
         writeln!(
             out,

@@ -63,7 +63,7 @@ fn from_cards(args: &DemoArgs) -> anyhow::Result<Targets> {
 }
 
 fn card(args: &DemoArgs, card: TestCard, seed: u64, numbered: bool) -> anyhow::Result<Picture> {
-    let (width_px, height_px) = args.resolution;
+    let (width_px, height_px) = args.resolution();
     let light = card.render(height_px as usize, width_px as usize, seed)?;
     let name = if numbered { format!("{}-{}", card.name(), seed % 1_000_000 + 1) } else { card.name().to_owned() };
     picture(args, name, pictures::grey_png_srgb(&light)?)
@@ -71,7 +71,7 @@ fn card(args: &DemoArgs, card: TestCard, seed: u64, numbered: bool) -> anyhow::R
 
 /// What is decoded here is what the server decodes: the same bytes by the same rules.
 fn picture(args: &DemoArgs, name: String, file: Vec<u8>) -> anyhow::Result<Picture> {
-    let (width_px, height_px) = args.resolution;
+    let (width_px, height_px) = args.resolution();
     let intensity = pictures::target_intensity(&file, Encoding::Srgb, FIT, height_px as usize, width_px as usize)
         .with_context(|| format!("cannot use {name}"))?;
     Ok(Picture { name, file, intensity })
@@ -123,7 +123,8 @@ mod tests {
         DemoArgs {
             out: PathBuf::new(),
             images,
-            resolution: (64, 40),
+            asked_resolution: Some((64, 40)),
+            paper: false,
             distance: None,
             wavelength: 515e-9,
             pixel_pitch: 8e-6,
