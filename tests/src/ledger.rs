@@ -71,6 +71,7 @@ impl Ledger {
                     version: if active == 1 { 2 } else { 1 },
                     reason: reason.clone(),
                     expected_active_version: None,
+                    force: false,
                 };
                 active = client.promote_kernel(request).await?.active_version;
                 promotions.push(reason);

@@ -73,6 +73,7 @@ fn job(request_id: &str, phase: &str) -> NewJob {
         distance: Distance { nm: 150_000_000 },
         phase: phase.to_owned(),
         seed: 1,
+        elapsed_s: 0.0,
     };
     let scheduling = Scheduling::default();
     NewJob {
