@@ -119,7 +119,10 @@ mod tests {
     fn engines_share_plans_and_transfer_functions_and_give_the_same_light() {
         let cache = EngineCache::new(1 << 20);
         let mut smooth = model(2e-3);
-        smooth.kernel = KernelShape::Smooth(SmoothField { order: 1, log_amplitude: vec![0.1; 3], phase: vec![0.2; 3] });
+        let mut errors = SmoothField::flat(2);
+        errors.log_amplitude.fill(0.1);
+        errors.phase.fill(0.2);
+        smooth.kernel = KernelShape::Smooth(errors);
         let phase = Plane::from_fn(12, 20, |y, x| (y * 7 + x * 3) as f32 * 0.1);
         for model in [model(2e-3), smooth, model(3e-3)] {
             let first = cache.engine(&model, Detector::Pixel, None).unwrap();

@@ -37,7 +37,7 @@ pub(crate) struct Simulate {
 
     /// Hours since the bench was set up, for benches that drift
     #[arg(long, value_name = "HOURS", default_value_t = 0.0)]
-    after: f64,
+    hours: f64,
 
     #[command(flatten)]
     submission: Submission,
@@ -54,7 +54,7 @@ impl Simulate {
             distance_m: self.optics.distance,
             phase: session.client.upload_file(&self.phase).await?,
             seed: self.seed,
-            elapsed_s: 3600.0 * self.after,
+            elapsed_s: 3600.0 * self.hours,
         });
         let job = self.submission.submit(session, kind, None).await?;
         for job in progress::wait_all(session, vec![(name, job)]).await? {

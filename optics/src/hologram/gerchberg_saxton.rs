@@ -40,15 +40,15 @@ impl<T: Real> GerchbergSaxton<T> {
     /// One round. The evaluation is that of the phase before it.
     pub(super) fn step(&mut self, problem: &mut HologramProblem<T>, phase: &mut [T]) -> Evaluation {
         let evaluation = problem.excess(phase, &mut self.wanted, self.weighted, &mut self.field);
-        let (slm, width_px) = (&problem.engine().slm, problem.engine().width_px());
-        let height_px = problem.engine().height_px();
+        let engine = problem.engine();
+        let (height_px, width_px) = (engine.height_px(), engine.width_px());
         phase.par_chunks_mut(width_px).zip(self.field.par_chunks(width_px)).enumerate().for_each_init(
-            || vec![Complex::new(T::zero(), T::zero()); width_px],
-            |field, (i, (phase, excess))| {
-                let y = i % height_px;
-                slm.field_row(y, phase, field);
+            || engine.convolver.scratch.take(),
+            |scratch, (i, (phase, excess))| {
+                let (y, field) = (i % height_px, &mut scratch.row[..width_px]);
+                engine.slm.field_row(y, phase, field);
                 field.iter_mut().zip(excess).for_each(|(c, &excess)| *c = *c - excess);
-                slm.phase_of_row(y, field, phase);
+                engine.slm.phase_of_row(y, field, phase);
             },
         );
         evaluation
