@@ -1,7 +1,8 @@
 //! How long things take when there are many jobs.
 //!
 //! `LIGHTPATH_SCALE_JOBS=1000000 cargo test --release -p lightpath-server --lib many_jobs -- --nocapture` fills the
-//! database with a million finished jobs and a tenth as many that wait; the default is a hundredth of that.
+//! database with a million finished jobs and a tenth as many that wait, and holds the times to their bounds. Without the
+//! variable a hundredth of that must come out right, in whatever time a busy machine takes.
 
 use super::*;
 use crate::job::JobState;
@@ -65,7 +66,8 @@ async fn fill(path: &std::path::Path, finished: u32) {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn many_jobs_slow_nothing_down() {
-    let finished = std::env::var("LIGHTPATH_SCALE_JOBS").map_or(FINISHED, |jobs| jobs.parse().unwrap());
+    let asked = std::env::var("LIGHTPATH_SCALE_JOBS").ok().map(|jobs| jobs.parse().unwrap());
+    let finished = asked.unwrap_or(FINISHED);
     let (store, folder) = store().await;
     for n in 0..5 {
         store.create_display(&display(&format!("lab-{n}")), 1).await.unwrap();
@@ -105,6 +107,10 @@ async fn many_jobs_slow_nothing_down() {
     list.tell("list");
     let depths = times(async |_| drop(store.queue_depths().await.unwrap())).await;
     depths.tell("queue depths");
-    assert!(claim.p99() < CLAIM_MAX, "{:?}", claim.p99());
-    assert!(list.p99() < LIST_MAX, "{:?}", list.p99());
+    let counts = store.queue_counts().await.unwrap();
+    assert_eq!((counts.succeeded, counts.queued), (u64::from(finished + SAMPLES), u64::from(finished / 10)));
+    if asked.is_some() {
+        assert!(claim.p99() < CLAIM_MAX, "{:?}", claim.p99());
+        assert!(list.p99() < LIST_MAX, "{:?}", list.p99());
+    }
 }
