@@ -25,15 +25,19 @@
 //!   sees of its light; how that compares with a picture.
 //! - [`hologram`], [`learning`], [`optimizer`]: finding phases, and finding displays.
 //! - [`passes`]: an evaluation taken apart, to see where its time goes.
+//! - [`alignment`]: from a camera's pixels to the display's.
+//! - [`diagnostics`]: what a learned transfer function does: aberrations, point spread, what was never lit.
 //! - [`simulated_display`]: an imperfect bench to photograph holograms on.
 //! - [`test_cards`]: target pictures to try all of it on.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+pub mod alignment;
 mod batch_fft;
 pub mod carrier;
 pub mod chebyshev;
 mod convolution;
 pub mod detector;
+pub mod diagnostics;
 pub mod display_model;
 pub mod engine;
 mod engine_cache;
@@ -41,6 +45,7 @@ mod error;
 pub mod grid;
 pub mod hologram;
 pub mod learning;
+mod least_squares;
 mod light;
 pub mod metrics;
 pub mod optimizer;

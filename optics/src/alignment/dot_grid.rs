@@ -1,0 +1,299 @@
+//! A grid of dots to be displayed and photographed, and found again.
+//!
+//! The dots lie on the corners of squares in the middle of the image. Three of them are larger, and form an L whose legs
+//! are one and two squares long: no turn and no mirror takes it to itself, so that it tells which dot is which.
+//!
+//! ```text
+//! · · · · · · ·
+//! · · A · B · ·      A → B two squares towards +x,
+//! · · C · · · ·      A → C one square towards +y
+//! · · · · · · ·
+//! ```
+
+use super::blobs::{self, Blob};
+use super::{AlignmentError, Homography, Point, PointFit, PointPair, lattice};
+use crate::Plane;
+use std::collections::HashMap;
+
+/// The dots of a display of a certain size.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DotGrid {
+    height_px: usize,
+    width_px: usize,
+    columns: usize,
+    rows: usize,
+    /// Side of a square \[px\].
+    spacing_px: f64,
+}
+
+/// A photograph's dots, recognized.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DotGridMatch {
+    /// From the display's pixels to the camera's.
+    pub fit: PointFit,
+    /// Every dot that was recognized.
+    pub dots: Vec<PointPair>,
+}
+
+/// Squares along the shorter side of the display.
+const SQUARES: f64 = 12.0;
+/// Standard deviation of a dot, in squares.
+const DOT_WIDTH: f64 = 0.1;
+/// A large dot's, in dots.
+const LARGE: f64 = 1.7;
+/// A dot with more than this many times the light of its neighbours is a large one; (17/10)² would be 2.9.
+const LARGE_FLUX_MIN: f64 = 1.6;
+/// Dots lie in this part of the image: where holograms are wanted to be right.
+const USED_PART: f64 = 0.8;
+const DOTS_MIN: usize = 16;
+
+impl DotGrid {
+    /// Shortest side of a display that such a grid fits on \[px\].
+    pub const SIDE_PX_MIN: usize = 96;
+
+    /// The grid of a display.
+    ///
+    /// # Errors
+    ///
+    /// [`AlignmentError::DisplayTooSmall`] below [`Self::SIDE_PX_MIN`].
+    pub fn of_display(height_px: usize, width_px: usize) -> Result<Self, AlignmentError> {
+        let side = height_px.min(width_px);
+        if side < Self::SIDE_PX_MIN {
+            return Err(AlignmentError::DisplayTooSmall { width_px, height_px, min_px: Self::SIDE_PX_MIN });
+        }
+        let spacing_px = side as f64 / SQUARES;
+        let count = |side: usize| (USED_PART * side as f64 / spacing_px).floor() as usize;
+        Ok(Self { height_px, width_px, columns: count(width_px), rows: count(height_px), spacing_px })
+    }
+
+    /// Number of dots along x and along y.
+    #[must_use]
+    pub fn size(&self) -> (usize, usize) {
+        (self.columns, self.rows)
+    }
+
+    /// The picture to display: linear light, 1 in the middle of a dot.
+    #[must_use]
+    pub fn target(&self) -> Plane<f32> {
+        let mut target = Plane::filled(self.height_px, self.width_px, 0.0_f32);
+        for (column, row) in self.places() {
+            let [x, y] = self.dot(column, row);
+            let size_px =
+                DOT_WIDTH * self.spacing_px * if self.markers().contains(&(column, row)) { LARGE } else { 1.0 };
+            let reach = 4.0 * size_px;
+            let range = |centre: f64, side: usize| {
+                (centre - reach).max(0.0) as usize..((centre + reach).ceil() as usize + 1).min(side)
+            };
+            for py in range(y, self.height_px) {
+                for px in range(x, self.width_px) {
+                    let squared = ((px as f64 - x).powi(2) + (py as f64 - y).powi(2)) / (size_px * size_px);
+                    let light = &mut target.values_mut()[py * self.width_px + px];
+                    *light = light.max((-0.5 * squared).exp() as f32);
+                }
+            }
+        }
+        target
+    }
+
+    /// Finds the dots in a photograph of the displayed grid: turned, mirrored, in perspective, larger or smaller.
+    ///
+    /// # Errors
+    ///
+    /// [`AlignmentError::DotsNotFound`] and [`AlignmentError::MarkersNotFound`], with what may help.
+    pub fn find(&self, photo: &Plane<f32>) -> Result<DotGridMatch, AlignmentError> {
+        let blobs = blobs::find(photo);
+        let points: Vec<Point> = blobs.iter().map(|blob| blob.centre).collect();
+        let places = lattice::grow(&points);
+        let needed = DOTS_MIN.min(self.columns * self.rows / 2);
+        if places.len() < needed {
+            let hint = match blobs.len() {
+                0 => "the photograph is dark or even; expose it longer",
+                _ => "photograph the displayed calibration hologram as a whole, sharp, without stray light",
+            };
+            return Err(AlignmentError::DotsNotFound { found: places.len(), needed, hint });
+        }
+        let frame = find_markers(&blobs, &places).ok_or(AlignmentError::MarkersNotFound { found: places.len() })?;
+        let (marker_column, marker_row) = self.marker();
+        let mut dots = Vec::new();
+        for (&index, &place) in &places {
+            let (along_x, along_y) = frame.coordinates(place);
+            let (column, row) = (marker_column as i32 + along_x, marker_row as i32 + along_y);
+            let inside = (0..self.columns as i32).contains(&column) && (0..self.rows as i32).contains(&row);
+            if inside {
+                dots.push(PointPair { display: self.dot(column as usize, row as usize), camera: points[index] });
+            }
+        }
+        if dots.len() < needed {
+            let hint = "most dots lie outside the grid that the display shows; was it another display's hologram?";
+            return Err(AlignmentError::DotsNotFound { found: dots.len(), needed, hint });
+        }
+        dots.sort_by(|a, b| a.display[1].total_cmp(&b.display[1]).then(a.display[0].total_cmp(&b.display[0])));
+        Ok(DotGridMatch { fit: Homography::from_points(&dots)?, dots })
+    }
+
+    fn places(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
+        let columns = self.columns;
+        (0..self.rows).flat_map(move |row| (0..columns).map(move |column| (column, row)))
+    }
+
+    /// A dot's centre \[px\].
+    fn dot(&self, column: usize, row: usize) -> Point {
+        let along = |i: usize, count: usize, side: usize| {
+            (side as f64 - 1.0) / 2.0 + (i as f64 - (count as f64 - 1.0) / 2.0) * self.spacing_px
+        };
+        [along(column, self.columns, self.width_px), along(row, self.rows, self.height_px)]
+    }
+
+    /// Column and row of the L's corner.
+    fn marker(&self) -> (usize, usize) {
+        ((self.columns - 1) / 2 - 1, (self.rows - 1) / 2)
+    }
+
+    fn markers(&self) -> [(usize, usize); 3] {
+        let (column, row) = self.marker();
+        [(column, row), (column + 2, row), (column, row + 1)]
+    }
+}
+
+/// Where the L lies among the spots' own coordinates.
+struct Frame {
+    corner: (i32, i32),
+    along_x: (i32, i32),
+    along_y: (i32, i32),
+}
+
+impl Frame {
+    /// Squares from the corner towards the display's +x and +y.
+    fn coordinates(&self, place: (i32, i32)) -> (i32, i32) {
+        let step = (place.0 - self.corner.0, place.1 - self.corner.1);
+        let dot = |axis: (i32, i32)| axis.0 * step.0 + axis.1 * step.1;
+        (dot(self.along_x), dot(self.along_y))
+    }
+}
+
+/// The L whose faintest dot stands out most.
+fn find_markers(blobs: &[Blob], places: &HashMap<usize, (i32, i32)>) -> Option<Frame> {
+    let by_place: HashMap<(i32, i32), usize> = places.iter().map(|(&index, &place)| (place, index)).collect();
+    let ratios: HashMap<(i32, i32), f64> = by_place
+        .iter()
+        .filter_map(|(&place, &index)| Some((place, stands_out(blobs, &by_place, place, index)?)))
+        .collect();
+    let mut corners: Vec<_> = ratios.keys().copied().collect();
+    corners.sort_unstable();
+    let mut best: Option<(f64, Frame)> = None;
+    for corner in corners {
+        for (along_x, along_y) in
+            [(1, 0), (-1, 0), (0, 1), (0, -1)].into_iter().flat_map(|(a, b)| [((a, b), (b, a)), ((a, b), (-b, -a))])
+        {
+            let at = |steps: i32, axis: (i32, i32)| ratios.get(&(corner.0 + steps * axis.0, corner.1 + steps * axis.1));
+            let (Some(far), Some(near)) = (at(2, along_x), at(1, along_y)) else { continue };
+            let faintest = ratios[&corner].min(*far).min(*near);
+            if faintest >= LARGE_FLUX_MIN && best.as_ref().is_none_or(|(most, _)| faintest > *most) {
+                best = Some((faintest, Frame { corner, along_x, along_y }));
+            }
+        }
+    }
+    Some(best?.1)
+}
+
+/// A spot's light, in that of the median of the spots around it.
+fn stands_out(blobs: &[Blob], by_place: &HashMap<(i32, i32), usize>, place: (i32, i32), index: usize) -> Option<f64> {
+    const REACH: i32 = 2;
+    let mut around: Vec<f64> = (-REACH..=REACH)
+        .flat_map(|dy| (-REACH..=REACH).map(move |dx| (dx, dy)))
+        .filter(|step| *step != (0, 0))
+        .filter_map(|(dx, dy)| by_place.get(&(place.0 + dx, place.1 + dy)))
+        .map(|&i| blobs[i].flux)
+        .collect();
+    around.sort_by(f64::total_cmp);
+    let median = *around.get(around.len() / 2)?;
+    (around.len() >= 5).then(|| blobs[index].flux / median)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::homography::distance;
+    use super::*;
+
+    /// What a camera sees of the grid: noise, a black level and light that falls to a half at the rim.
+    fn photograph(grid: &DotGrid, map: &Homography, height_px: usize, width_px: usize) -> Plane<f32> {
+        let (target, back) = (grid.target(), map.inverse());
+        let mut state = 1_u64;
+        let mut noise = move || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 40) as f32 / (1 << 24) as f32 - 0.5
+        };
+        Plane::from_fn(height_px, width_px, |y, x| {
+            let [u, v] = back.apply([x as f64, y as f64]);
+            let inside =
+                u >= 0.0 && v >= 0.0 && u < target.width_px() as f64 - 1.0 && v < target.height_px() as f64 - 1.0;
+            let light = if inside { bilinear(&target, u, v) } else { 0.0 };
+            let r = (x as f32 / width_px as f32 - 0.4).hypot(y as f32 / height_px as f32 - 0.6);
+            (0.05 + 0.7 * light * (1.0 - r * r) + 0.06 * noise()).clamp(0.0, 1.0)
+        })
+    }
+
+    fn bilinear(plane: &Plane<f32>, x: f64, y: f64) -> f32 {
+        let (i, j) = (x as usize, y as usize);
+        let (a, b) = ((x - x.floor()) as f32, (y - y.floor()) as f32);
+        (1.0 - b) * ((1.0 - a) * plane.at(j, i) + a * plane.at(j, i + 1))
+            + b * ((1.0 - a) * plane.at(j + 1, i) + a * plane.at(j + 1, i + 1))
+    }
+
+    #[test]
+    fn the_dots_are_found_to_a_tenth_of_a_pixel_however_the_camera_stands() {
+        let grid = DotGrid::of_display(360, 640).unwrap();
+        let centre = [319.5, 179.5];
+        let shifted = Homography::similarity(centre, 0.0, 1.0, [2.0, -2.0]);
+        let turned = Homography::similarity(centre, 1.0_f64.to_radians(), 1.0, [2.0, 0.0]);
+        let tilted = Homography::try_new([1.5, 0.05, 90.0, -0.03, 1.6, 60.0, 8e-5, -6e-5, 1.0]).unwrap();
+        let mirrored = Homography::try_new([-1.2, 0.0, 820.0, 0.02, 1.2, 30.0, 0.0, 0.0, 1.0]).unwrap();
+        let upside_down = Homography::similarity([450.0, 300.0], 3.1, 1.1, [0.0, 20.0]);
+        let sideways = Homography::similarity(centre, 1.58, 1.0, [60.0, 160.0]);
+        for (name, map, height, width) in [
+            ("shifted", shifted, 360, 640),
+            ("turned", turned, 360, 640),
+            ("tilted", tilted, 700, 1100),
+            ("mirrored", mirrored, 520, 900),
+            ("upside down", upside_down, 700, 900),
+            ("sideways", sideways, 680, 760),
+        ] {
+            let photo = photograph(&grid, &map, height, width);
+            let found = grid.find(&photo).unwrap_or_else(|error| panic!("{name}: {error}"));
+            for point in [[40.0, 30.0], [600.0, 30.0], [319.5, 179.5], [40.0, 330.0], [600.0, 330.0]] {
+                let back = found.fit.homography.inverse().apply(map.apply(point));
+                assert!(distance(back, point) < 0.1, "{name} at {point:?}: {back:?}");
+            }
+            assert!(
+                found.dots.len() > 100 && found.fit.residual_px < 0.2,
+                "{name}: {} {}",
+                found.dots.len(),
+                found.fit.residual_px
+            );
+        }
+    }
+
+    #[test]
+    fn what_shows_no_grid_is_refused() {
+        let grid = DotGrid::of_display(360, 640).unwrap();
+        let dark = Plane::filled(300, 400, 0.0);
+        assert!(matches!(grid.find(&dark), Err(AlignmentError::DotsNotFound { found: 0, .. })));
+        let waves = Plane::from_fn(300, 400, |y, x| (0.5 + 0.5 * ((x * x + 3 * y) as f32 / 900.0).sin()).max(0.0));
+        assert!(grid.find(&waves).is_err());
+        assert!(DotGrid::of_display(64, 640).is_err());
+    }
+
+    #[test]
+    fn without_the_large_dots_nothing_is_guessed() {
+        let grid = DotGrid::of_display(360, 640).unwrap();
+        let mut target = grid.target();
+        let [x, y] = grid.dot(grid.marker().0 + 2, grid.marker().1);
+        for (py, px) in (0..360).flat_map(|y| (0..640).map(move |x| (y, x))) {
+            if distance([px as f64, py as f64], [x, y]) < 12.0 {
+                let squared = distance([px as f64, py as f64], [x, y]).powi(2) / 9.0;
+                target.values_mut()[py * 640 + px] = (-0.5 * squared).exp() as f32;
+            }
+        }
+        assert!(matches!(grid.find(&target), Err(AlignmentError::MarkersNotFound { .. })));
+    }
+}

@@ -1,0 +1,107 @@
+//! Whole-number coordinates for spots that form a grid, seen in perspective.
+//!
+//! From a spot whose neighbours look like a grid's the coordinates spread from neighbour to neighbour; each one is expected
+//! where the last step would lead, so that the step may change over the photograph.
+
+use super::Point;
+use super::homography::distance;
+use std::collections::HashMap;
+
+/// A neighbour is where it is expected to within this part of a step.
+const TOLERANCE: f64 = 0.28;
+/// Places from which a grid is tried to be grown.
+const SEEDS_MAX: usize = 24;
+
+/// Column and row of each spot of the largest grid that is found, by the spot's index.
+pub(super) fn grow(points: &[Point]) -> HashMap<usize, (i32, i32)> {
+    let centre = mean(points);
+    let mut seeds: Vec<usize> = (0..points.len()).collect();
+    seeds.sort_by(|&a, &b| distance(points[a], centre).total_cmp(&distance(points[b], centre)));
+    let grids =
+        seeds.into_iter().take(SEEDS_MAX).filter_map(|seed| Some(grow_from(points, seed, steps_at(points, seed)?)));
+    // The first of the largest: a later one is no better.
+    grids.fold(HashMap::new(), |best, grid| if grid.len() > best.len() { grid } else { best })
+}
+
+/// The steps along columns and rows at a spot: to its nearest neighbour, and to the nearest one that lies about across.
+fn steps_at(points: &[Point], seed: usize) -> Option<[Point; 2]> {
+    let from = points[seed];
+    let mut others: Vec<Point> =
+        points.iter().enumerate().filter(|(i, _)| *i != seed).map(|(_, p)| [p[0] - from[0], p[1] - from[1]]).collect();
+    others.sort_by(|a, b| a[0].hypot(a[1]).total_cmp(&b[0].hypot(b[1])));
+    let first = *others.first()?;
+    let length = first[0].hypot(first[1]);
+    let second = others.iter().copied().take(8).find(|step| {
+        let other = step[0].hypot(step[1]);
+        let cosine = (first[0] * step[0] + first[1] * step[1]) / (length * other);
+        cosine.abs() < 0.4 && other < 1.8 * length
+    })?;
+    Some([first, second])
+}
+
+fn grow_from(points: &[Point], seed: usize, steps: [Point; 2]) -> HashMap<usize, (i32, i32)> {
+    let mut places = HashMap::from([(seed, (0, 0))]);
+    let mut taken = HashMap::from([((0, 0), seed)]);
+    let mut queue = std::collections::VecDeque::from([(seed, steps)]);
+    while let Some((from, steps)) = queue.pop_front() {
+        let (column, row) = places[&from];
+        for (axis, sign) in [(0, 1), (0, -1), (1, 1), (1, -1)] {
+            let place = if axis == 0 { (column + sign, row) } else { (column, row + sign) };
+            if taken.contains_key(&place) {
+                continue;
+            }
+            let step = steps[axis].map(|value| f64::from(sign) * value);
+            let expected = [points[from][0] + step[0], points[from][1] + step[1]];
+            let Some(found) = nearest(points, expected) else { continue };
+            if places.contains_key(&found) || distance(points[found], expected) > TOLERANCE * step[0].hypot(step[1]) {
+                continue;
+            }
+            let mut next = steps;
+            let seen = [points[found][0] - points[from][0], points[found][1] - points[from][1]];
+            // Half of what was seen: one noisy spot must not turn the whole row.
+            next[axis] = std::array::from_fn(|k| 0.5 * (steps[axis][k] + f64::from(sign) * seen[k]));
+            places.insert(found, place);
+            taken.insert(place, found);
+            queue.push_back((found, next));
+        }
+    }
+    places
+}
+
+fn nearest(points: &[Point], to: Point) -> Option<usize> {
+    (0..points.len()).min_by(|&a, &b| distance(points[a], to).total_cmp(&distance(points[b], to)))
+}
+
+fn mean(points: &[Point]) -> Point {
+    let count = points.len().max(1) as f64;
+    points.iter().fold([0.0; 2], |sum, p| [sum[0] + p[0] / count, sum[1] + p[1] / count])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Homography;
+    use super::*;
+
+    #[test]
+    fn a_grid_in_perspective_with_gaps_and_strays_is_numbered() {
+        let tilt = Homography::try_new([1.4, 0.3, 50.0, -0.2, 1.3, 120.0, 4e-4, -2e-4, 1.0]).unwrap();
+        let mut points: Vec<Point> = Vec::new();
+        let mut truth = Vec::new();
+        for (row, column) in (0..9_i32).flat_map(|row| (0..14_i32).map(move |column| (row, column))) {
+            if (row * 14 + column) % 23 == 5 {
+                continue;
+            }
+            points.push(tilt.apply([40.0 * f64::from(column), 40.0 * f64::from(row)]));
+            truth.push((column, row));
+        }
+        points.push([points[30][0] + 19.0, points[30][1] + 17.0]);
+        let places = grow(&points);
+        assert_eq!(places.len(), truth.len(), "all but the stray");
+        // Up to a shift and a turn of the axes, neighbours are neighbours.
+        let (&a, &(ca, ra)) = places.iter().next().unwrap();
+        for (&b, &(cb, rb)) in &places {
+            let steps = (cb - ca).abs() + (rb - ra).abs();
+            assert_eq!(steps, (truth[b].0 - truth[a].0).abs() + (truth[b].1 - truth[a].1).abs());
+        }
+    }
+}

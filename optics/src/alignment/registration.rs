@@ -1,0 +1,353 @@
+//! How far photographs are displaced from what was expected of them, tile by tile.
+//!
+//! ```text
+//! c(d) = F⁻¹ { Σ_pairs  G · P* E / √|P* E| },   P = F[w (photo − mean)],  E = F[w (expected − mean)]
+//! ```
+//!
+//! w a Hann window over the tile, G a Gaussian low-pass; the peak of c lies at minus the displacement. Halfway between a
+//! plain and a phase correlation (C. Kuglin and D. Hines 1975; P. Wernet and A. Pust 1990): the expected image knows nothing
+//! of the display's aberrations, which phase correlation alone would take at their word at every frequency. Adding up pairs before
+//! looking for the peak lets each tile be judged by the pairs that have something to show there.
+
+use super::homography::distance;
+use super::{Homography, Point};
+use crate::least_squares::NormalEquations;
+use crate::reference::{Direction, fft2};
+use crate::{Plane, RegionOfInterest};
+use num_complex::Complex64;
+use rayon::prelude::*;
+use std::f64::consts::{PI, TAU};
+
+/// Tiles of a region, over which correlations are gathered.
+#[derive(Clone, Debug)]
+pub struct Tiles {
+    side_px: usize,
+    /// Left upper corners.
+    corners: Vec<(usize, usize)>,
+    spectra: Vec<Vec<Complex64>>,
+}
+
+/// What the tiles say together.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Registration {
+    /// Takes a point of the display to where its light was found, in pixels of the display: affine.
+    pub correction: Homography,
+    /// Root mean square of the correction's displacement over the region \[px\].
+    pub misalignment_px: f64,
+    /// Root mean square of what a shift cannot undo: turn, scale and shear, over the region \[px\].
+    pub distortion_px: f64,
+    /// Root mean square distance of the tiles from the correction \[px\]: how sure it is, about.
+    pub scatter_px: f64,
+    /// Tiles that counted.
+    pub tiles: usize,
+}
+
+/// Longest side of a tile \[px\]: displacements up to a third of it can be found.
+const SIDE_PX_MAX: usize = 128;
+const SIDE_PX_MIN: usize = 32;
+/// Tiles along an axis, at most.
+const ALONG_MAX: usize = 9;
+/// A peak must rise above this many standard deviations of its surroundings.
+const PEAK_MIN: f64 = 6.0;
+/// Fewest tiles that a correction is fitted to.
+const TILES_MIN: usize = 6;
+/// Deviation of the low-pass, in cycles per pixel.
+const LOW_PASS: f64 = 0.12;
+const HUBER_PX: f64 = 0.3;
+/// Tiles farther off than this from what most say saw something else \[px\].
+const OUTLIER_PX: f64 = 3.0;
+
+impl Tiles {
+    /// Overlapping tiles that cover the region, with nothing gathered; `None` for a region too small to tell.
+    #[must_use]
+    pub fn cover(region: RegionOfInterest) -> Option<Self> {
+        let shorter = region.height_px().min(region.width_px());
+        let side_px = (shorter / 2).min(SIDE_PX_MAX) / 2 * 2;
+        if side_px < SIDE_PX_MIN {
+            return None;
+        }
+        let along = |start: usize, length: usize| -> Vec<usize> {
+            let count = (2 * length / side_px).saturating_sub(1).clamp(2, ALONG_MAX);
+            (0..count).map(|i| start + (length - side_px) * i / (count - 1)).collect()
+        };
+        let (rows, columns) = (along(region.y_px(), region.height_px()), along(region.x_px(), region.width_px()));
+        let corners: Vec<_> = rows.iter().flat_map(|&y| columns.iter().map(move |&x| (y, x))).collect();
+        let spectra = vec![vec![Complex64::ZERO; side_px * side_px]; corners.len()];
+        Some(Self { side_px, corners, spectra })
+    }
+
+    /// Adds a pair of images of the display's size; where the photograph is at or above `left_out` it says nothing.
+    pub fn add(&mut self, expected: &Plane<f32>, photo: &Plane<f32>, left_out: f32) {
+        let side = self.side_px;
+        self.spectra.par_iter_mut().zip(&self.corners).for_each(|(sum, &corner)| {
+            let (Some(e), Some(p)) =
+                (spectrum(expected, corner, side, f32::MAX), spectrum(photo, corner, side, left_out))
+            else {
+                return;
+            };
+            let energy = |plane: &Plane<Complex64>| plane.values().iter().map(Complex64::norm_sqr).sum::<f64>();
+            // Bright pairs must not outvote dark ones.
+            let scale = (energy(&e) * energy(&p)).sqrt();
+            if scale > 0.0 {
+                for (sum, (e, p)) in sum.iter_mut().zip(e.values().iter().zip(p.values())) {
+                    let cross = p.conj() * e / scale;
+                    *sum += cross / (cross.norm().sqrt() + 1e-12);
+                }
+            }
+        });
+    }
+
+    /// The correction that most tiles agree on; `None` where too few of them recognize anything.
+    #[must_use]
+    pub fn register(&self, region: RegionOfInterest) -> Option<Registration> {
+        let half = self.side_px as f64 / 2.0 - 0.5;
+        let seen: Vec<(Point, Point)> = self
+            .spectra
+            .par_iter()
+            .zip(&self.corners)
+            .filter_map(|(spectrum, &(y, x))| {
+                let shift = peak(spectrum, self.side_px)?;
+                Some(([x as f64 + half, y as f64 + half], shift))
+            })
+            .collect();
+        fit(&seen, region)
+    }
+}
+
+/// The windowed tile's spectrum; `None` where nothing is left of it.
+fn spectrum(plane: &Plane<f32>, (top, left): (usize, usize), side: usize, left_out: f32) -> Option<Plane<Complex64>> {
+    let counts = |value: f32| value < left_out && value.is_finite();
+    let (mut sum, mut weight) = (0.0, 0.0);
+    let window: Vec<f64> = (0..side).map(|i| (PI * (i as f64 + 0.5) / side as f64).sin().powi(2)).collect();
+    for (y, along_y) in window.iter().enumerate() {
+        for (&value, along_x) in plane.row(top + y)[left..left + side].iter().zip(&window) {
+            if counts(value) {
+                sum += along_y * along_x * f64::from(value);
+                weight += along_y * along_x;
+            }
+        }
+    }
+    if weight < 0.25 * (side * side) as f64 * 0.25 {
+        return None;
+    }
+    let mean = sum / weight;
+    let tile = Plane::from_fn(side, side, |y, x| {
+        let value = plane.at(top + y, left + x);
+        let rise = if counts(value) { f64::from(value) - mean } else { 0.0 };
+        Complex64::from(window[y] * window[x] * rise)
+    });
+    Some(fft2(&tile, Direction::Forward))
+}
+
+/// Where the photograph's tile lies relative to the expected one \[px\]; `None` without a clear peak.
+fn peak(spectrum: &[Complex64], side: usize) -> Option<Point> {
+    let frequency = |i: usize| (if i < side / 2 { i as f64 } else { i as f64 - side as f64 }) / side as f64;
+    let filtered = Plane::from_fn(side, side, |y, x| {
+        let squared = frequency(y).powi(2) + frequency(x).powi(2);
+        spectrum[y * side + x] * (-0.5 * squared / (LOW_PASS * LOW_PASS)).exp()
+    });
+    let surface = fft2(&filtered, Direction::Inverse);
+    let value = |y: i64, x: i64| surface.at(y.rem_euclid(side as i64) as usize, x.rem_euclid(side as i64) as usize).re;
+    let reach = side as i64 / 3;
+    let inside = (-reach..=reach).flat_map(|y| (-reach..=reach).map(move |x| (y, x)));
+    let (y, x) = inside.max_by(|&(ay, ax), &(by, bx)| value(ay, ax).total_cmp(&value(by, bx)))?;
+    let top = value(y, x);
+    let variance = surface.values().iter().map(|c| c.re * c.re).sum::<f64>() / (side * side) as f64;
+    if top.is_nan() || top <= PEAK_MIN * variance.sqrt() || y.abs() == reach || x.abs() == reach {
+        return None;
+    }
+    let (dy, dx) = refine(&filtered, y as f64, x as f64);
+    // The peak of P*E lies where the expected image is seen from the photograph.
+    Some([-dx, -dy])
+}
+
+/// Newton's method on the correlation, which its spectrum gives everywhere, not only at whole pixels.
+fn refine(spectrum: &Plane<Complex64>, y: f64, x: f64) -> (f64, f64) {
+    let side = spectrum.height_px();
+    let angle = |i: usize| TAU * (if i < side / 2 { i as f64 } else { i as f64 - side as f64 }) / side as f64;
+    let (mut ty, mut tx) = (y, x);
+    for _ in 0..8 {
+        let along_x: Vec<Complex64> = (0..side).map(|i| Complex64::cis(angle(i) * tx)).collect();
+        let (mut g, mut h) = ([0.0; 2], [0.0; 3]);
+        for j in 0..side {
+            let (v, turn) = (angle(j), Complex64::cis(angle(j) * ty));
+            for (i, (c, along)) in spectrum.row(j).iter().zip(&along_x).enumerate() {
+                let (u, c) = (angle(i), c * turn * along);
+                g[0] -= v * c.im;
+                g[1] -= u * c.im;
+                h[0] -= v * v * c.re;
+                h[1] -= u * v * c.re;
+                h[2] -= u * u * c.re;
+            }
+        }
+        let determinant = h[0] * h[2] - h[1] * h[1];
+        // Not a maximum: stay at the last point that was one.
+        if determinant <= 0.0 || h[0] >= 0.0 {
+            break;
+        }
+        let step = [(h[2] * g[0] - h[1] * g[1]) / determinant, (h[0] * g[1] - h[1] * g[0]) / determinant];
+        if step.iter().any(|value| value.abs() > 1.0) {
+            break;
+        }
+        ty -= step[0];
+        tx -= step[1];
+        if step.iter().all(|value| value.abs() < 1e-5) {
+            break;
+        }
+    }
+    if (ty - y).abs() <= 1.5 && (tx - x).abs() <= 1.5 { (ty, tx) } else { (y, x) }
+}
+
+/// An affine displacement by iteratively reweighted least squares.
+fn fit(seen: &[(Point, Point)], region: RegionOfInterest) -> Option<Registration> {
+    if seen.len() < TILES_MIN {
+        return None;
+    }
+    let centre = [
+        region.x_px() as f64 + (region.width_px() as f64 - 1.0) / 2.0,
+        region.y_px() as f64 + (region.height_px() as f64 - 1.0) / 2.0,
+    ];
+    let half = [region.width_px() as f64 / 2.0, region.height_px() as f64 / 2.0];
+    let at = |p: Point| [1.0, (p[0] - centre[0]) / half[0], (p[1] - centre[1]) / half[1]];
+    // Medians are a start that a third of wrong tiles does not move.
+    let mut parameters = [[0.0; 3]; 2];
+    for (axis, parameters) in parameters.iter_mut().enumerate() {
+        let mut shifts: Vec<f64> = seen.iter().map(|(_, shift)| shift[axis]).collect();
+        shifts.sort_by(f64::total_cmp);
+        parameters[0] = shifts[shifts.len() / 2];
+    }
+    let predicted = |parameters: &[[f64; 3]; 2], p: Point| -> Point {
+        parameters.map(|row| row.iter().zip(at(p)).map(|(a, b)| a * b).sum())
+    };
+    let mut outlier_px = f64::INFINITY;
+    for round in 0..30 {
+        let mut equations = [NormalEquations::<3>::new(), NormalEquations::<3>::new()];
+        for &(p, shift) in seen {
+            let off = distance(predicted(&parameters, p), shift);
+            if off > outlier_px {
+                continue;
+            }
+            let weight = if off > HUBER_PX { HUBER_PX / off } else { 1.0 };
+            for (axis, equations) in equations.iter_mut().enumerate() {
+                equations.add(&at(p), shift[axis], weight);
+            }
+        }
+        let [x, y] = equations;
+        parameters = [x.solve()?, y.solve()?];
+        if round == 9 {
+            outlier_px = OUTLIER_PX;
+        }
+    }
+    let mut distances: Vec<f64> = seen.iter().map(|&(p, shift)| distance(predicted(&parameters, p), shift)).collect();
+    distances.retain(|&off| off <= OUTLIER_PX);
+    if distances.len() < TILES_MIN || 2 * distances.len() < seen.len() {
+        return None;
+    }
+    let rms = |values: &[f64]| (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt();
+    let [[x0, xx, xy], [y0, yx, yy]] = parameters;
+    let correction = Homography::try_new([
+        1.0 + xx / half[0],
+        xy / half[1],
+        x0 - xx * centre[0] / half[0] - xy * centre[1] / half[1],
+        yx / half[0],
+        1.0 + yy / half[1],
+        y0 - yx * centre[0] / half[0] - yy * centre[1] / half[1],
+        0.0,
+        0.0,
+        1.0,
+    ])
+    .ok()?;
+    // The mean square of a linear function over [−1, 1] is a third of its square at the end.
+    let distortion_squared = (xx * xx + xy * xy + yx * yx + yy * yy) / 3.0;
+    Some(Registration {
+        correction,
+        misalignment_px: (x0 * x0 + y0 * y0 + distortion_squared).sqrt(),
+        distortion_px: distortion_squared.sqrt(),
+        scatter_px: rms(&distances),
+        tiles: distances.len(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::warp;
+    use super::*;
+    use crate::Grid;
+    use crate::test_cards::TestCard;
+
+    fn region(height_px: usize, width_px: usize) -> RegionOfInterest {
+        RegionOfInterest::middle(&Grid::try_new(height_px, width_px, 8e-6).unwrap())
+    }
+
+    /// A card, and what a camera behind `map` sees of it, unevenly lit and with noise.
+    fn pair(seed: u64, map: &Homography) -> (Plane<f32>, Plane<f32>) {
+        let card = TestCard::ALL[seed as usize % TestCard::ALL.len()].render(360, 640, seed).unwrap();
+        let mut state = seed;
+        let photo = warp(&card, &map.inverse(), 360, 640, 9.0, 0.0);
+        let photo = Plane::from_fn(360, 640, |y, x| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            let noise = (state >> 40) as f32 / (1 << 24) as f32 - 0.5;
+            let r = (x as f32 / 640.0 - 0.4).hypot(y as f32 / 360.0 - 0.5);
+            0.03 + 0.6 * photo.at(y, x) * (1.0 - 0.8 * r * r) + 0.05 * noise
+        });
+        (card, photo)
+    }
+
+    /// Until the correction is nothing, as a caller does.
+    fn aligned(map: &Homography) -> Homography {
+        let region = region(360, 640);
+        let mut found = Homography::IDENTITY;
+        for _ in 0..4 {
+            let mut tiles = Tiles::cover(region).unwrap();
+            for seed in 0..4 {
+                let (card, photo) = pair(seed, map);
+                tiles.add(&card, &warp(&photo, &found, 360, 640, 0.999, 1.0), 0.999);
+            }
+            found = found.after(&tiles.register(region).unwrap().correction);
+        }
+        found
+    }
+
+    #[test]
+    fn shifts_and_turns_are_found_to_a_tenth_of_a_pixel() {
+        for (angle_deg, scale, shift) in
+            [(0.0, 1.0, [2.0, 0.0]), (1.0, 1.0, [1.4, -1.4]), (-0.6, 1.01, [-3.3, 0.7_f64])]
+        {
+            let map = Homography::similarity([319.5, 179.5], f64::to_radians(angle_deg), scale, shift);
+            let found = aligned(&map);
+            for point in [[64.0, 36.0], [575.0, 36.0], [319.5, 179.5], [64.0, 323.0], [575.0, 323.0]] {
+                let error = distance(found.apply(point), map.apply(point));
+                assert!(error < 0.1, "{angle_deg}°, {scale}, {shift:?} at {point:?}: {error} px");
+            }
+        }
+    }
+
+    #[test]
+    fn the_size_of_a_misalignment_is_told_with_what_a_shift_cannot_undo() {
+        let region = region(360, 640);
+        let measure = |map: &Homography| {
+            let mut tiles = Tiles::cover(region).unwrap();
+            (0..4).for_each(|seed| {
+                let (card, photo) = pair(seed, map);
+                tiles.add(&card, &photo, 0.999);
+            });
+            tiles.register(region).unwrap()
+        };
+        let shifted = measure(&Homography::similarity([319.5, 179.5], 0.0, 1.0, [2.0, 0.0]));
+        assert!((shifted.misalignment_px - 2.0).abs() < 0.1 && shifted.distortion_px < 0.1, "{shifted:?}");
+        let turned = measure(&Homography::similarity([319.5, 179.5], 1.0_f64.to_radians(), 1.0, [0.0, 0.0]));
+        let expected = 1.0_f64.to_radians() * (256.0_f64.powi(2) / 3.0 + 144.0_f64.powi(2) / 3.0).sqrt();
+        assert!((turned.distortion_px - expected).abs() < 0.15, "{turned:?}, expected {expected}");
+    }
+
+    #[test]
+    fn photographs_of_something_else_say_nothing() {
+        let region = region(360, 640);
+        let mut tiles = Tiles::cover(region).unwrap();
+        let (card, _) = pair(0, &Homography::IDENTITY);
+        let (_, other) = pair(5, &Homography::IDENTITY);
+        tiles.add(&card, &other, 0.999);
+        assert_eq!(tiles.register(region), None);
+        assert!(Tiles::cover(self::region(48, 64)).is_none());
+    }
+}

@@ -1,0 +1,153 @@
+//! Photographs on the display's grid.
+//!
+//! ```text
+//! out(p) = mean over n × n sub-pixels s of  Σ_q L(q_x − H(p + s)_x) L(q_y − H(p + s)_y) photo(q),   L(t) = sinc(t) sinc(t/3), |t| < 3
+//! ```
+//!
+//! H the homography, n the number of camera pixels along a display pixel, rounded up, so that a fine camera's pixels are
+//! averaged over the area of the display's; L Lanczos's kernel, its weights scaled to sum to 1.
+//! K. Turkowski, Graphics Gems I, 147 (1990).
+
+use super::Homography;
+use crate::Plane;
+use rayon::prelude::*;
+use std::f64::consts::PI;
+
+const REACH: i64 = 3;
+const TAPS: usize = 2 * REACH as usize;
+/// Positions between two pixels that have their weights tabulated: half a step is 1/2048 px.
+const STEPS: usize = 1024;
+/// Most sub-pixels along an axis: a camera sixteen times as fine as the display is sampled, not averaged whole.
+const SUBPIXELS_MAX: usize = 16;
+
+/// The photograph on `height_px` × `width_px` pixels of the display. Where it depends on a saturated pixel, one at or above
+/// `saturated`, or on what lies outside the photograph, the value is `left_out`: sums of such pixels would mean nothing.
+#[must_use]
+pub fn warp(
+    photo: &Plane<f32>,
+    homography: &Homography,
+    height_px: usize,
+    width_px: usize,
+    saturated: f32,
+    left_out: f32,
+) -> Plane<f32> {
+    let centre = [(width_px as f64 - 1.0) / 2.0, (height_px as f64 - 1.0) / 2.0];
+    let subpixels = ((homography.magnification(centre) - 0.05).ceil() as usize).clamp(1, SUBPIXELS_MAX);
+    let offsets: Vec<f64> = (0..subpixels).map(|i| (i as f64 + 0.5) / subpixels as f64 - 0.5).collect();
+    let table = weights();
+    let mut out = Plane::filled(height_px, width_px, left_out);
+    out.values_mut().par_chunks_mut(width_px).enumerate().for_each(|(y, row)| {
+        for (x, value) in row.iter_mut().enumerate() {
+            let mut sum = 0.0;
+            let samples = offsets.iter().flat_map(|dy| offsets.iter().map(move |dx| [x as f64 + dx, y as f64 + dy]));
+            for point in samples {
+                sum += sample(photo, &table, homography.apply(point), saturated);
+            }
+            // A sample that is no number makes the sum none.
+            if sum.is_finite() {
+                *value = sum / (subpixels * subpixels) as f32;
+            }
+        }
+    });
+    out
+}
+
+/// The photograph between its pixels; NaN where a saturated pixel or the outside takes part.
+fn sample(photo: &Plane<f32>, table: &[[f32; TAPS]], [x, y]: [f64; 2], saturated: f32) -> f32 {
+    let (w, h) = (photo.width_px() as f64, photo.height_px() as f64);
+    if !(x >= -0.5 && y >= -0.5 && x <= w - 0.5 && y <= h - 0.5) {
+        return f32::NAN;
+    }
+    let (left, top) = (x.floor(), y.floor());
+    let of = |fraction: f64| &table[(fraction * STEPS as f64).round() as usize];
+    let (along_x, along_y) = (of(x - left), of(y - top));
+    let index =
+        |start: f64, k: usize, side: usize| (start as i64 + k as i64 - REACH + 1).clamp(0, side as i64 - 1) as usize;
+    let mut sum = 0.0;
+    for (j, weight_y) in along_y.iter().enumerate() {
+        let row = photo.row(index(top, j, photo.height_px()));
+        let mut along_row = 0.0;
+        for (i, weight_x) in along_x.iter().enumerate() {
+            let value = row[index(left, i, photo.width_px())];
+            // The inner pixels carry the value; the outer lobes only sharpen it.
+            if value >= saturated && (2..4).contains(&i) && (2..4).contains(&j) && weight_x * weight_y != 0.0 {
+                return f32::NAN;
+            }
+            along_row += weight_x * value;
+        }
+        sum += weight_y * along_row;
+    }
+    sum
+}
+
+/// The weights of the six pixels around each tabulated position between two pixels.
+fn weights() -> Vec<[f32; TAPS]> {
+    let of = |step: usize| {
+        let fraction = step as f64 / STEPS as f64;
+        let raw: [f64; TAPS] = std::array::from_fn(|k| lanczos(k as f64 - (REACH - 1) as f64 - fraction));
+        let sum: f64 = raw.iter().sum();
+        raw.map(|weight| (weight / sum) as f32)
+    };
+    (0..=STEPS).map(of).collect()
+}
+
+fn lanczos(t: f64) -> f64 {
+    let sinc = |t: f64| if t == 0.0 { 1.0 } else { (PI * t).sin() / (PI * t) };
+    // The zeros of the sine are not exact, but they must be: a whole pixel's value stays as it is.
+    match t.abs() {
+        t if t >= REACH as f64 => 0.0,
+        t if t.fract() == 0.0 && t > 0.0 => 0.0,
+        t => sinc(t) * sinc(t / REACH as f64),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Waves of 5 to 20 pixels of the display.
+    fn scene([x, y]: [f64; 2]) -> f64 {
+        0.5 + 0.2 * (1.2 * x + 0.3 * y).sin() * (0.9 * y - 0.2 * x).cos() + 0.1 * (0.35 * x - 0.31 * y).cos()
+    }
+
+    #[test]
+    fn the_identity_changes_nothing() {
+        let photo = Plane::from_fn(20, 30, |y, x| scene([x as f64, y as f64]) as f32);
+        assert_eq!(warp(&photo, &Homography::IDENTITY, 20, 30, 2.0, 1.0), photo);
+    }
+
+    #[test]
+    fn a_turned_and_magnified_photograph_comes_back() {
+        for (scale, bound) in [(1.0, 1e-2), (1.7, 3e-2)] {
+            let map = Homography::similarity([40.0, 30.0], 0.02, scale, [12.3 * scale, 11.6 * scale]);
+            let (back, side) = (map.inverse(), (160.0 * scale) as usize);
+            let photo = Plane::from_fn(side, side, |y, x| scene(back.apply([x as f64, y as f64])) as f32);
+            let seen = warp(&photo, &map, 60, 80, 2.0, 1.0);
+            let mut worst = 0.0_f64;
+            for (y, x) in (8..52).flat_map(|y| (8..72).map(move |x| (y, x))) {
+                worst = worst.max((f64::from(seen.at(y, x)) - scene([x as f64, y as f64])).abs());
+            }
+            assert!(worst < bound, "scale {scale}: {worst}");
+        }
+    }
+
+    #[test]
+    fn a_fine_camera_is_averaged() {
+        // Stripes one camera pixel wide, three to a display pixel.
+        let photo = Plane::from_fn(90, 90, |_, x| (x % 3 == 0) as u8 as f32);
+        let map = Homography::similarity([0.0, 0.0], 0.0, 3.0, [1.0, 1.0]);
+        let seen = warp(&photo, &map, 30, 30, 2.0, 1.0);
+        assert!((seen.at(15, 15) - 1.0 / 3.0).abs() < 1e-3, "{}", seen.at(15, 15));
+    }
+
+    #[test]
+    fn saturated_and_missing_light_is_left_out() {
+        let mut photo = Plane::filled(20, 20, 0.4);
+        photo.values_mut()[10 * 20 + 10] = 1.0;
+        let map = Homography::similarity([0.0, 0.0], 0.0, 1.0, [0.5, 0.0]);
+        let seen = warp(&photo, &map, 20, 25, 0.999, 1.0);
+        assert_eq!((seen.at(10, 9), seen.at(10, 10)), (1.0, 1.0));
+        assert!((seen.at(5, 5) - 0.4).abs() < 1e-6);
+        assert_eq!(seen.at(5, 22), 1.0, "beyond the photograph");
+    }
+}

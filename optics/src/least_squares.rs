@@ -1,0 +1,75 @@
+//! Small systems of linear equations.
+
+/// Normal equations Aᵀ W A x = Aᵀ W b of a few unknowns, gathered row by row.
+#[derive(Clone, Debug)]
+pub(crate) struct NormalEquations<const N: usize> {
+    matrix: [[f64; N]; N],
+    right: [f64; N],
+}
+
+/// A pivot below this part of the largest entry means that the equations fix no single solution.
+const PIVOT_MIN: f64 = 1e-12;
+
+impl<const N: usize> NormalEquations<N> {
+    pub(crate) fn new() -> Self {
+        Self { matrix: [[0.0; N]; N], right: [0.0; N] }
+    }
+
+    /// Adds the equation `row · x = value`.
+    pub(crate) fn add(&mut self, row: &[f64; N], value: f64, weight: f64) {
+        for (i, a) in row.iter().enumerate() {
+            for (j, b) in row.iter().enumerate() {
+                self.matrix[i][j] += weight * a * b;
+            }
+            self.right[i] += weight * a * value;
+        }
+    }
+
+    /// Gaussian elimination with partial pivoting; `None` where the equations fix no single solution.
+    pub(crate) fn solve(mut self) -> Option<[f64; N]> {
+        let largest = self.matrix.as_flattened().iter().fold(0.0_f64, |most, entry| most.max(entry.abs()));
+        for column in 0..N {
+            let pivot =
+                (column..N).max_by(|&a, &b| self.matrix[a][column].abs().total_cmp(&self.matrix[b][column].abs()))?;
+            // A NaN is refused here too.
+            if self.matrix[pivot][column].abs() <= PIVOT_MIN * largest || !largest.is_finite() || largest == 0.0 {
+                return None;
+            }
+            self.matrix.swap(column, pivot);
+            self.right.swap(column, pivot);
+            for row in column + 1..N {
+                let factor = self.matrix[row][column] / self.matrix[column][column];
+                for k in column..N {
+                    self.matrix[row][k] -= factor * self.matrix[column][k];
+                }
+                self.right[row] -= factor * self.right[column];
+            }
+        }
+        let mut solution = [0.0; N];
+        for row in (0..N).rev() {
+            let known: f64 = (row + 1..N).map(|k| self.matrix[row][k] * solution[k]).sum();
+            solution[row] = (self.right[row] - known) / self.matrix[row][row];
+        }
+        solution.iter().all(|value| value.is_finite()).then_some(solution)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_consistent_system_is_solved_and_a_singular_one_refused() {
+        let truth = [1.5, -2.0, 0.25];
+        let rows = [[1.0, 2.0, 3.0], [0.0, 1.0, -1.0], [4.0, 0.5, 0.0], [1.0, 1.0, 1.0]];
+        let mut equations = NormalEquations::new();
+        for row in &rows {
+            equations.add(row, row.iter().zip(truth).map(|(a, x)| a * x).sum(), 0.7);
+        }
+        let solution = equations.solve().unwrap();
+        assert!(solution.iter().zip(truth).all(|(a, b)| (a - b).abs() < 1e-12), "{solution:?}");
+        let mut equations = NormalEquations::new();
+        equations.add(&[1.0, 1.0], 1.0, 1.0);
+        assert_eq!(equations.solve(), None);
+    }
+}
