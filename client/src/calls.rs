@@ -1,6 +1,6 @@
 //! One method for each call of the API. Requests and answers are the messages of [`crate::v1`], documented there.
 
-use crate::client::bounded;
+use crate::client::{bounded, patient};
 use crate::{Client, Result, v1};
 use tonic::Streaming;
 
@@ -42,8 +42,8 @@ calls! {
     datasets.list_datasets(ListDatasetsRequest) -> ListDatasetsResponse;
     /// Adds one (hologram, photograph) pair to an open dataset.
     datasets.add_pair(AddPairRequest) -> Dataset;
-    /// Draws the split and closes a dataset for good.
-    datasets.finalize_dataset(FinalizeDatasetRequest) -> Dataset;
+    /// The picture whose hologram is displayed to find an alignment.
+    datasets.create_calibration_target(CreateCalibrationTargetRequest) -> CalibrationTarget;
 
     /// Submits a job, once. [`Client::submit`] can also try again.
     jobs.submit_job(SubmitJobRequest) -> Job;
@@ -80,7 +80,7 @@ calls! {
     kernels.rollback_kernel(RollbackKernelRequest) -> Kernel;
     /// A page of the moves of `active`, newest first.
     kernels.list_kernel_moves(ListKernelMovesRequest) -> ListKernelMovesResponse;
-    /// Stores an uploaded safetensors file as a kernel's next version.
+    /// Stores an uploaded kernel file as a kernel's next version.
     kernels.import_kernel(ImportKernelRequest) -> KernelVersion;
 
     /// Whether an artifact is stored.
@@ -90,6 +90,36 @@ calls! {
 }
 
 impl Client {
+    /// Makes a kernel version's report. Takes its time where the kernel was learned from large photographs.
+    ///
+    /// # Errors
+    ///
+    /// What the server refused ([`crate::Error::Refused`]), or that it could not be reached.
+    pub async fn create_kernel_report(&self, request: v1::CreateKernelReportRequest) -> Result<v1::KernelReport> {
+        let answer = self.kernels().create_kernel_report(patient(request)).await;
+        Ok(answer.map_err(|status| self.error(status))?.into_inner())
+    }
+
+    /// Finds where the camera sees the display's pixels, and keeps it with the dataset. Takes its time with many pairs.
+    ///
+    /// # Errors
+    ///
+    /// What the server refused ([`crate::Error::Refused`]), or that it could not be reached.
+    pub async fn align_dataset(&self, request: v1::AlignDatasetRequest) -> Result<v1::Dataset> {
+        let answer = self.datasets().align_dataset(patient(request)).await;
+        Ok(answer.map_err(|status| self.error(status))?.into_inner())
+    }
+
+    /// Aligns photographs that need it, draws the split and closes a dataset for good. Takes its time with many pairs.
+    ///
+    /// # Errors
+    ///
+    /// What the server refused ([`crate::Error::Refused`]), or that it could not be reached.
+    pub async fn finalize_dataset(&self, request: v1::FinalizeDatasetRequest) -> Result<v1::Dataset> {
+        let answer = self.datasets().finalize_dataset(patient(request)).await;
+        Ok(answer.map_err(|status| self.error(status))?.into_inner())
+    }
+
     /// The job now, and again whenever it changes, until it has ended. Ends with the connection;
     /// [`Client::wait`] goes on.
     ///

@@ -1,5 +1,11 @@
 //! Datasets: immutable sets of (phase hologram, photograph) pairs.
 
+mod alignment;
+mod checks;
+
+pub use alignment::{Alignment, AlignmentMethod};
+pub use checks::{Finding, FindingKind, PairChecks};
+
 use crate::units::{Distance, Wavelength};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -17,6 +23,10 @@ pub struct Dataset {
     pub distance: Distance,
     /// How the photographs' grey values stand for light.
     pub photo_encoding: Encoding,
+    /// Bits of the camera where they are fewer than the photographs' files have, 8 to 16; 0: the files'.
+    pub photo_bit_depth: u32,
+    /// Where the camera sees the display's pixels; `None`: one camera pixel a pixel of the display.
+    pub alignment: Option<Alignment>,
     /// In the order of their ids.
     pub pairs: Vec<Pair>,
     /// Number of pairs, also where `pairs` was left out.
@@ -45,6 +55,8 @@ impl Dataset {
             wavelength,
             distance,
             photo_encoding,
+            photo_bit_depth: 0,
+            alignment: None,
             pairs: Vec::new(),
             pair_count: 0,
             digest: None,
@@ -65,7 +77,7 @@ pub enum Encoding {
 }
 
 /// One hologram and its photograph, by digest.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Pair {
     /// Unique in the dataset.
     pub id: String,
@@ -73,8 +85,39 @@ pub struct Pair {
     pub phase: String,
     /// Artifact digest of the photograph.
     pub photo: String,
-    /// What the pair is used for; drawn when the dataset is finalized unless given.
+    /// What the pair is used for; drawn when the dataset is finalized unless given. None in a finalized dataset: the pair is
+    /// left out.
     pub split: Option<Split>,
+    /// How the photograph was exposed.
+    pub exposure: Exposure,
+    /// What was noticed about it.
+    pub checks: Option<PairChecks>,
+}
+
+/// How a photograph was exposed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Exposure {
+    /// What the camera counts in the dark, as a part of full scale.
+    pub black_level: f64,
+    /// How long the shutter was open \[s\]; 0: not known.
+    pub exposure_s: f64,
+    /// The camera's amplification, as a factor; 0: not known.
+    pub camera_gain: f64,
+}
+
+impl Exposure {
+    /// What is not known about the exposure of one photograph is not known of any, or it could not be compared with others.
+    #[must_use]
+    pub fn is_known(&self) -> bool {
+        self.exposure_s > 0.0 || self.camera_gain > 0.0
+    }
+
+    /// Brightness of a photograph for the same light, up to a constant: time × amplification.
+    #[must_use]
+    pub fn sensitivity(&self) -> f64 {
+        let or_one = |value: f64| if value > 0.0 { value } else { 1.0 };
+        or_one(self.exposure_s) * or_one(self.camera_gain)
+    }
 }
 
 /// What a pair is used for.
@@ -135,6 +178,13 @@ pub fn digest(dataset: &Dataset) -> String {
         distance_nm: i64,
         photo_encoding: Encoding,
         pairs: Vec<(&'a str, &'a str, &'a str, Option<Split>)>,
+        // What older datasets do not have is left out where it is not set, so that their digests stay what they were.
+        #[serde(skip_serializing_if = "is_zero")]
+        photo_bit_depth: u32,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        alignment: Option<([f64; 9], u32, u32)>,
+        #[serde(skip_serializing_if = "Vec::is_empty")]
+        exposures: Vec<Exposure>,
     }
 
     let mut pairs: Vec<_> = dataset
@@ -143,17 +193,31 @@ pub fn digest(dataset: &Dataset) -> String {
         .map(|pair| (pair.id.as_str(), pair.phase.as_str(), pair.photo.as_str(), pair.split))
         .collect();
     pairs.sort_by_key(|pair| pair.0);
+    let mut exposures: Vec<_> = dataset.pairs.iter().map(|pair| (&pair.id, pair.exposure)).collect();
+    exposures.sort_by_key(|(id, _)| *id);
+    let mut exposures: Vec<Exposure> = exposures.into_iter().map(|(_, exposure)| exposure).collect();
+    if exposures.iter().all(|exposure| *exposure == Exposure::default()) {
+        exposures.clear();
+    }
     let content = Content {
         display: &dataset.display,
         wavelength_pm: dataset.wavelength.pm,
         distance_nm: dataset.distance.nm,
         photo_encoding: dataset.photo_encoding,
         pairs,
+        photo_bit_depth: dataset.photo_bit_depth,
+        alignment: dataset.alignment.as_ref().map(|a| (a.homography, a.photo_height_px, a.photo_width_px)),
+        exposures,
     };
     // A debug rendering would change with the code; JSON of this private struct does not.
     let json = serde_json::to_vec(&content).unwrap_or_default();
     let hash: String = Sha256::digest(&json).iter().map(|byte| format!("{byte:02x}")).collect();
     format!("sha256-{hash}")
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde calls it with a reference")]
+fn is_zero(value: &u32) -> bool {
+    *value == 0
 }
 
 #[cfg(test)]
@@ -162,7 +226,7 @@ mod tests {
 
     fn pairs(count: usize) -> Vec<Pair> {
         (0..count)
-            .map(|n| Pair { id: format!("p{n:02}"), phase: format!("a{n}"), photo: format!("b{n}"), split: None })
+            .map(|n| Pair { id: format!("p{n:02}"), phase: format!("a{n}"), photo: format!("b{n}"), ..Pair::default() })
             .collect()
     }
 
@@ -207,5 +271,28 @@ mod tests {
         assert_eq!(digest(&other), first);
         other.pairs[0].split = Some(Split::Test);
         assert_ne!(digest(&other), first);
+        for change in [
+            (|d: &mut Dataset| d.photo_bit_depth = 12) as fn(&mut Dataset),
+            |d| d.pairs[1].exposure.exposure_s = 0.1,
+            |d| {
+                let homography = [1.0, 0.0, 2.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+                d.alignment = Some(Alignment {
+                    method: AlignmentMethod::Points,
+                    homography,
+                    photo_height_px: 9,
+                    photo_width_px: 9,
+                    points: 4,
+                    residual_px: 0.0,
+                    corrected_px: 0.0,
+                    photo: String::new(),
+                    before: String::new(),
+                    after: String::new(),
+                });
+            },
+        ] {
+            let mut other = dataset.clone();
+            change(&mut other);
+            assert_ne!(digest(&other), first);
+        }
     }
 }

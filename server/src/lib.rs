@@ -6,8 +6,10 @@
 //! - [`units`], [`display`], [`dataset`], [`kernel`], [`job`], [`propagation`]: the domain, plain validated Rust that knows no
 //!   database, no wire type and no clock.
 //! - [`pictures`]: decoding of targets, photographs and holograms, and encoding of results.
-//! - [`kernel_file`]: learned displays as safetensors. `planning`: from displays to optical setups.
+//! - [`captures`]: photographs of holograms, brought to the display's grid and checked.
+//! - [`kernel_file`]: learned displays as safetensors; [`kernel_formats`]: in other forms. `planning`, `slm`: from displays to optical setups and modulators.
 //! - [`figures`]: contact sheets, heat maps and curves for people.
+//! - [`report`]: what a learned kernel is like, as HTML, pictures and arrays.
 //! - [`demo`]: the whole loop on a simulated display, for people to see.
 //! - [`access`]: roles and tokens. `audit`: what was done and refused. [`tls`]: certificates.
 //! - [`artifacts`]: content-addressed files and resumable uploads.
@@ -22,6 +24,7 @@ pub mod access;
 mod api;
 pub mod artifacts;
 mod audit;
+pub mod captures;
 mod causes;
 pub mod config;
 mod connections;
@@ -33,11 +36,14 @@ mod http;
 pub mod job;
 pub mod kernel;
 pub mod kernel_file;
+pub mod kernel_formats;
 pub mod metrics;
 pub mod pictures;
 mod planning;
 pub mod propagation;
+pub mod report;
 pub mod server;
+mod slm;
 pub mod store;
 pub mod tls;
 pub mod units;

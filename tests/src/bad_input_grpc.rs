@@ -185,7 +185,7 @@ async fn datasets_that_cannot_be_learned_from_are_refused() {
         (&String::new(), &photo, Code::InvalidArgument, ["pair.phase is empty", "", ""]),
         (&phase, &String::new(), Code::InvalidArgument, ["pair.photo is empty", "", ""]),
     ] {
-        let pair = v1::Pair { id: "p1".into(), phase: phase.clone(), photo: photo.clone(), split: 0 };
+        let pair = v1::Pair { id: "p1".into(), phase: phase.clone(), photo: photo.clone(), ..Default::default() };
         let answer = datasets.add_pair(v1::AddPairRequest { dataset: names::dataset("bench"), pair: Some(pair) }).await;
         assert_refused(answer, code, &signs);
     }
@@ -212,7 +212,7 @@ async fn kernels_that_are_not_there_are_not_found() {
     let server = start().await;
     let mut kernels = KernelServiceClient::new(server.channel());
     let kernel = names::kernel("lab", 515e-9, DISTANCE_M);
-    let fetch = v1::FetchKernelRequest { kernel: kernel.clone(), version: 3 };
+    let fetch = v1::FetchKernelRequest { kernel: kernel.clone(), version: 3, ..Default::default() };
     assert_refused(kernels.fetch_kernel(fetch).await, Code::NotFound, &[&kernel]);
     let promote = v1::PromoteKernelRequest { kernel: kernel.clone(), version: 3, ..Default::default() };
     assert_refused(kernels.promote_kernel(promote).await, Code::NotFound, &[&kernel]);

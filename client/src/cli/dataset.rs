@@ -1,22 +1,29 @@
 //! `lightpath dataset …`
 
+mod add;
+mod align;
+mod manifest;
+mod show;
+
 use super::arguments::{Encoding, Limit, Optics, above_zero};
-use super::destination::name_of;
 use super::failure::Failure;
+use super::job_text;
 use super::session::{Session, more_hint, pages};
-use super::table::{Facts, Table};
-use super::{job_text, show};
-use clap::{Args, Subcommand, ValueEnum};
+use super::show::time_or_dash;
+use super::table::Table;
+use clap::{Args, Subcommand};
 use lightpath::names;
-use lightpath::v1::{self, Dataset, dataset::State};
-use std::path::PathBuf;
+use lightpath::v1::{self, Dataset};
+use show::{facts, state};
 
 /// What can be done with datasets.
 // Where the help is with the arguments, a comment here would hide all but its first line.
 #[derive(Debug, Subcommand)]
 pub(crate) enum DatasetCommand {
     Create(Create),
-    Add(Add),
+    Add(add::Add),
+    Calibration(align::Calibration),
+    Align(align::Align),
     Finalize(Finalize),
     /// Show a dataset with its pairs
     Show(Name),
@@ -43,47 +50,17 @@ pub(crate) struct Create {
     /// How the photographs' grey values stand for light
     #[arg(long, value_name = "ENCODING", default_value = "linear")]
     photo_encoding: Encoding,
-}
 
-/// Add a hologram and its photograph.
-///
-/// Both must have the display's size; one camera pixel stands for one SLM pixel. The same pair again changes nothing.
-#[derive(Debug, Args)]
-pub(crate) struct Add {
-    /// Name of the dataset
-    name: String,
-
-    /// The hologram as displayed: a grey PNG of levels
-    #[arg(long, value_name = "FILE.png")]
-    phase: PathBuf,
-
-    /// The photograph of it: PNG, TIFF or JPEG
-    #[arg(long, value_name = "FILE")]
-    photo: PathBuf,
-
-    /// Id of the pair in the dataset [default: the hologram's file name without its extension]
-    #[arg(long, value_name = "ID")]
-    id: Option<String>,
-
-    /// What the pair is for [default: drawn when the dataset is finalized]
-    #[arg(long)]
-    split: Option<Split>,
-}
-
-/// What a pair is for.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub(crate) enum Split {
-    /// Learned from.
-    Train,
-    /// Watched while learning.
-    Validation,
-    /// Looked at once, after learning.
-    Test,
+    /// Bits of the camera where its files have more, for example 12 in 16-bit files with values up to 4095; 8 to 16
+    #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
+    photo_bit_depth: u32,
 }
 
 /// Draw the split and close the dataset for good.
 ///
-/// Only then can it be learned from.
+/// Only then can it be learned from. Photographs that lie off what their holograms should show, by more than a learned kernel
+/// would take for its own, are aligned first; pairs that can't be learned from (black, copies, photographs of another hologram)
+/// are left out, and the table says why.
 #[derive(Debug, Args)]
 pub(crate) struct Finalize {
     /// Name of the dataset
@@ -100,6 +77,10 @@ pub(crate) struct Finalize {
     /// Seed of the draw
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
+
+    /// Leave the alignment as it is, however far off the photographs are
+    #[arg(long)]
+    keep_alignment: bool,
 }
 
 /// Which dataset.
@@ -128,12 +109,15 @@ impl DatasetCommand {
                 session.print(&dataset, facts)
             }
             Self::Add(add) => add.run(session).await,
+            Self::Calibration(calibration) => calibration.run(session).await,
+            Self::Align(align) => align.run(session).await,
             Self::Finalize(finalize) => {
                 let request = v1::FinalizeDatasetRequest {
                     name: names::dataset(&finalize.name),
                     validation_fraction: finalize.validation_fraction,
                     test_fraction: finalize.test_fraction,
                     seed: finalize.seed,
+                    keep_alignment: finalize.keep_alignment,
                 };
                 session.print(&session.client.finalize_dataset(request).await?, facts)
             }
@@ -154,32 +138,10 @@ impl Create {
             wavelength_m: self.optics.wavelength_m(),
             distance_m: self.optics.distance,
             photo_encoding: v1::Encoding::from(self.photo_encoding).into(),
+            photo_bit_depth: self.photo_bit_depth,
             ..Default::default()
         };
         v1::CreateDatasetRequest { dataset: Some(dataset) }
-    }
-}
-
-impl Add {
-    async fn run(self, session: &Session) -> Result<(), Failure> {
-        let split = match self.split {
-            None => v1::Split::Unspecified,
-            Some(Split::Train) => v1::Split::Train,
-            Some(Split::Validation) => v1::Split::Validation,
-            Some(Split::Test) => v1::Split::Test,
-        };
-        let pair = v1::Pair {
-            id: self.id.unwrap_or_else(|| name_of(&self.phase)),
-            phase: session.client.upload_file(&self.phase).await?,
-            photo: session.client.upload_file(&self.photo).await?,
-            split: split.into(),
-        };
-        let id = pair.id.clone();
-        let request = v1::AddPairRequest { dataset: names::dataset(&self.name), pair: Some(pair) };
-        let dataset = session.client.add_pair(request).await?;
-        session.print(&dataset, |dataset| {
-            format!("added pair {id} to {}; pairs now: {}", names::id(&dataset.name), dataset.pair_count)
-        })
     }
 }
 
@@ -201,47 +163,10 @@ impl List {
                     job_text::optics(dataset.wavelength_m, dataset.distance_m),
                     state(dataset),
                     dataset.pair_count.to_string(),
-                    show::time_or_dash(dataset.create_time.as_ref()),
+                    time_or_dash(dataset.create_time.as_ref()),
                 ]);
             }
             table.text_or("no datasets; open one: lightpath dataset create --help") + more_hint(&list.next_page_token)
         })
     }
-}
-
-fn state(dataset: &Dataset) -> String {
-    show::word("STATE_", dataset.state().as_str_name())
-}
-
-fn facts(dataset: &Dataset) -> String {
-    let mut facts = Facts::default();
-    facts.add("dataset", names::id(&dataset.name));
-    facts.add("display", names::id(&dataset.display));
-    facts.add("optics", job_text::optics(dataset.wavelength_m, dataset.distance_m));
-    facts.add(
-        "state",
-        match dataset.state() {
-            State::Open => "open: takes pairs".to_owned(),
-            State::Finalized | State::Unspecified => state(dataset),
-        },
-    );
-    facts.add("photographs", show::word("ENCODING_", dataset.photo_encoding().as_str_name()));
-    facts.add("pairs", dataset.pair_count.to_string());
-    facts.add_some("created", dataset.create_time.as_ref().map(show::time));
-    facts.add_some("finalized", dataset.finalize_time.as_ref().map(show::time));
-    if !dataset.digest.is_empty() {
-        facts.add("digest", &dataset.digest);
-    }
-    if dataset.pairs.is_empty() {
-        return facts.text();
-    }
-    let mut table = Table::new(&["pair", "split", "hologram", "photograph"]);
-    for pair in &dataset.pairs {
-        let split = match pair.split() {
-            v1::Split::Unspecified => "–".to_owned(),
-            split => show::word("SPLIT_", split.as_str_name()),
-        };
-        table.row([pair.id.clone(), split, pair.phase.clone(), pair.photo.clone()]);
-    }
-    format!("{}\n{}", facts.text(), table.text())
 }

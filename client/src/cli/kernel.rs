@@ -2,6 +2,7 @@
 
 mod learn;
 mod moves;
+mod report;
 mod show;
 mod transfer;
 
@@ -24,6 +25,7 @@ pub(crate) enum KernelCommand {
     Fetch(transfer::Fetch),
     Export(transfer::Export),
     Import(transfer::Import),
+    Report(report::Report),
 }
 
 impl KernelCommand {
@@ -40,6 +42,7 @@ impl KernelCommand {
             Self::Fetch(fetch) => fetch.run(session).await,
             Self::Export(export) => export.run(session).await,
             Self::Import(import) => import.run(session).await,
+            Self::Report(report) => report.run(session).await,
         }
     }
 }

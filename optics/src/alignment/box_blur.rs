@@ -41,8 +41,8 @@ mod tests {
         let plane = Plane::from_fn(9, 13, |y, x| ((y * 31 + x * 17) % 23) as f32);
         let blurred = box_blur(&plane, 2, 1);
         for (y, x) in [(0, 0), (4, 6), (8, 12), (1, 11)] {
-            let rows = (y as usize).saturating_sub(2)..(y + 3).min(9);
-            let columns = (x as usize).saturating_sub(2)..(x + 3).min(13);
+            let rows = y.saturating_sub(2)..(y + 3).min(9);
+            let columns = x.saturating_sub(2)..(x + 3).min(13);
             let all: Vec<f32> =
                 rows.flat_map(|y| columns.clone().map(move |x| (y, x))).map(|(y, x)| plane.at(y, x)).collect();
             let mean = all.iter().sum::<f32>() / all.len() as f32;

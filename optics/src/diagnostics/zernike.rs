@@ -110,10 +110,10 @@ pub fn polynomials(x: f64, y: f64) -> [f64; TERMS] {
 
 /// Radial and azimuthal order of Noll's index; even indices are cosines.
 fn orders(index: usize) -> (usize, i32) {
-    let n = (0..).find(|n| (n + 1) * (n + 2) / 2 >= index).unwrap_or(0);
+    let n: usize = (0..).find(|n| (n + 1) * (n + 2) / 2 >= index).unwrap_or(0);
     let within = index - n * (n + 1) / 2;
-    let m = if n % 2 == 0 { within / 2 * 2 } else { (within - 1) / 2 * 2 + 1 };
-    let sign = if index % 2 == 0 { 1 } else { -1 };
+    let m = if n.is_multiple_of(2) { within / 2 * 2 } else { (within - 1) / 2 * 2 + 1 };
+    let sign = if index.is_multiple_of(2) { 1 } else { -1 };
     (n, if m == 0 { 0 } else { sign * m as i32 })
 }
 
@@ -121,7 +121,7 @@ fn radial(n: usize, m: usize, rho: f64) -> f64 {
     let factorial = |k: usize| (1..=k).map(|i| i as f64).product::<f64>();
     (0..=(n - m) / 2)
         .map(|k| {
-            let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
+            let sign = if k.is_multiple_of(2) { 1.0 } else { -1.0 };
             let below = factorial(k) * factorial((n + m) / 2 - k) * factorial((n - m) / 2 - k);
             sign * factorial(n - k) / below * rho.powi((n - 2 * k) as i32)
         })

@@ -5,6 +5,7 @@ use super::field::Field;
 use crate::dataset::{Encoding, Split};
 use crate::job::{Detector, Region};
 use crate::kernel::KernelModel;
+use crate::kernel_formats::KernelFormat;
 use lightpath_optics::{Grid, RegionOfInterest};
 use lightpath_proto::v1;
 
@@ -29,6 +30,8 @@ pub(super) fn split(field: &Field, value: i32) -> Result<Option<Split>, ApiError
         v1::Split::Train => Some(Some(Split::Train)),
         v1::Split::Validation => Some(Some(Split::Validation)),
         v1::Split::Test => Some(Some(Split::Test)),
+        // What finalizing finds, nobody asks for.
+        v1::Split::Excluded => None,
     })
 }
 
@@ -55,6 +58,31 @@ pub(super) fn detector_to_wire(detector: Detector) -> i32 {
         Detector::Pixel => v1::Detector::Pixel.into(),
         Detector::Supersampled => v1::Detector::Supersampled.into(),
     }
+}
+
+pub(super) fn kernel_format(field: &Field, value: i32) -> Result<KernelFormat, ApiError> {
+    field.known(value, |value| match v1::KernelFormat::try_from(value).ok()? {
+        v1::KernelFormat::Unspecified | v1::KernelFormat::Safetensors => Some(KernelFormat::Safetensors),
+        v1::KernelFormat::Compact => Some(KernelFormat::Compact),
+        v1::KernelFormat::Pt => Some(KernelFormat::Pt),
+        v1::KernelFormat::Npy => Some(KernelFormat::Npy),
+        v1::KernelFormat::Npz => Some(KernelFormat::Npz),
+        v1::KernelFormat::Complex64 => Some(KernelFormat::Complex64),
+        v1::KernelFormat::F16 => Some(KernelFormat::F16),
+    })
+}
+
+pub(super) fn kernel_format_to_wire(format: KernelFormat) -> i32 {
+    let format = match format {
+        KernelFormat::Safetensors => v1::KernelFormat::Safetensors,
+        KernelFormat::Compact => v1::KernelFormat::Compact,
+        KernelFormat::Pt => v1::KernelFormat::Pt,
+        KernelFormat::Npy => v1::KernelFormat::Npy,
+        KernelFormat::Npz => v1::KernelFormat::Npz,
+        KernelFormat::Complex64 => v1::KernelFormat::Complex64,
+        KernelFormat::F16 => v1::KernelFormat::F16,
+    };
+    format.into()
 }
 
 pub(super) fn model(field: &Field, value: i32) -> Result<KernelModel, ApiError> {

@@ -6,8 +6,8 @@ use super::field::Field;
 use super::time::now_ms;
 use crate::display::Display;
 use crate::kernel::{KernelKey, KernelLineage, KernelMetrics, KernelVersion, NewKernelVersion};
-use crate::kernel_file;
 use crate::units::{Distance, Wavelength};
+use crate::{kernel_file, kernel_formats, planning};
 use lightpath_optics::OpticalSetup;
 use lightpath_proto::v1;
 
@@ -23,16 +23,29 @@ impl Api {
             return Err(field.missing(format!("artifact {digest}"), "upload it first"));
         };
         let bytes = self.artifacts.read_all(&digest).await?;
-        let decoded = tokio::task::spawn_blocking(move || kernel_file::decode(&bytes)).await.map_err(ApiError::Task)?;
-        let (learned, model) = decoded.map_err(|error| field.invalid(format!("({digest}): {error}")))?;
+        let setup = planning::setup(&display, wavelength, distance)
+            .map_err(|error| Field::new("distance_m").invalid(format!("is not possible: {error}")))?;
+        // Where no method is right a kernel can still be kept.
+        let setup = planning::planned(setup, None).map_or(setup, |(planned, _)| planned);
+        let decoded = self.computed(move || kernel_formats::import(&bytes, &setup)).await?;
+        let imported = decoded.map_err(|error| field.invalid(format!("({digest}): {error}")))?;
+        let (learned, model) = (imported.model, imported.kind);
         let key = KernelKey { display: display.id.clone(), wavelength, distance };
         expect_setup(&field, &learned.setup, &display, &key)?;
+        let (digest, size_bytes, parameters_json) = if imported.native {
+            (digest, record.size_bytes, "{}".to_owned())
+        } else {
+            // Stored in the native form, which everything else here reads.
+            let file =
+                kernel_file::encode(&learned, model).map_err(|error| field.invalid(format!("({digest}): {error}")))?;
+            let parameters = serde_json::json!({ "imported_from": imported.form, "artifact": digest });
+            (self.kept(file.clone()).await?, file.len() as u64, parameters.to_string())
+        };
         let lineage = KernelLineage {
-            parameters_json: "{}".to_owned(),
+            parameters_json,
             code_version: env!("CARGO_PKG_VERSION").to_owned(),
             ..KernelLineage::default()
         };
-        let size_bytes = record.size_bytes;
         // Nothing was measured here: an import has no held-out pairs.
         let metrics = KernelMetrics::default();
         let version = NewKernelVersion { model, artifact: digest, size_bytes, metrics, lineage };

@@ -1,18 +1,23 @@
 //! The kernel service.
 
 use super::artifact_service::chunks;
+use super::encodings::{kernel_format, kernel_format_to_wire};
 use super::error::ApiError;
 use super::field::Field;
 use super::pages::Page;
 use super::time::now_ms;
 use super::watch::{self, Watch};
 use super::{Api, kernels, names};
+use crate::artifacts::{CHUNK_BYTES, digest_of};
 use crate::kernel::{Kernel, KernelKey, KernelVersion};
+use crate::kernel_file;
+use crate::kernel_formats::{self, KernelFormat, KernelFormatError};
 use crate::store::Store;
 use futures::stream::{self, BoxStream, StreamExt as _};
 use lightpath_proto::v1;
 use lightpath_proto::v1::fetch_kernel_response::Part;
 use lightpath_proto::v1::kernel_service_server::KernelService;
+use prost::bytes::Bytes;
 use tonic::{Request, Response, Status};
 
 /// Longest reason of a move \[bytes\]: a paragraph.
@@ -72,6 +77,10 @@ impl KernelService for Api {
             number => number,
         };
         let version = self.store.kernel_version(&key, number).await?;
+        let format = kernel_format(&Field::new("format"), request.format)?;
+        if format != KernelFormat::Safetensors {
+            return Ok(Response::new(self.fetch_as(version, format).await?));
+        }
         // Opened, and its hash checked, before the first message: what is damaged fails whole.
         let reader = self.artifacts.read(&version.content.artifact, 0, 0).await?;
         let first = v1::FetchKernelResponse { part: Some(Part::Version(kernels::version_to_wire(version))) };
@@ -139,6 +148,14 @@ impl KernelService for Api {
         let version = self.import(request.into_inner()).await?;
         Ok(Response::new(kernels::version_to_wire(version)))
     }
+
+    async fn create_kernel_report(
+        &self,
+        request: Request<v1::CreateKernelReportRequest>,
+    ) -> Result<Response<v1::KernelReport>, Status> {
+        let (key, version) = names::kernel_version(&Field::new("name"), &request.into_inner().name)?;
+        Ok(Response::new(self.report(&key, version).await?))
+    }
 }
 
 /// A kernel that makes nothing better is a mistake, unless somebody says why it is not.
@@ -156,6 +173,37 @@ fn check_forced(candidate: &KernelVersion, force: bool, reason: &str) -> Result<
 }
 
 impl Api {
+    /// The version's file in another form: made, and its digest known, before the first message.
+    async fn fetch_as(
+        &self,
+        version: KernelVersion,
+        format: KernelFormat,
+    ) -> Result<BoxStream<'static, Result<v1::FetchKernelResponse, Status>>, ApiError> {
+        let bytes = self.artifacts.read_all(&version.content.artifact).await?;
+        let exported = self
+            .computed(move || {
+                let (model, kind) = kernel_file::decode(&bytes)?;
+                kernel_formats::export(&model, kind, format)
+            })
+            .await?;
+        let exported = exported.map_err(|error: KernelFormatError| ApiError::Precondition {
+            reason: "NO_SUCH_FORM",
+            message: format!("format: {error}"),
+        })?;
+        let file = v1::KernelFile {
+            format: kernel_format_to_wire(format),
+            digest: digest_of(&exported.bytes),
+            size_bytes: exported.bytes.len() as u64,
+            relative_error: exported.relative_error,
+        };
+        let head = [Part::Version(kernels::version_to_wire(version)), Part::File(file)];
+        let bytes = Bytes::from(exported.bytes);
+        let rest = (0..bytes.len().div_ceil(CHUNK_BYTES))
+            .map(move |i| Part::Chunk(bytes.slice(i * CHUNK_BYTES..((i + 1) * CHUNK_BYTES).min(bytes.len()))));
+        let message = |part| Ok(v1::FetchKernelResponse { part: Some(part) });
+        Ok(stream::iter(head.into_iter().chain(rest).map(message)).boxed())
+    }
+
     async fn require_active(&self, key: &KernelKey) -> Result<u32, ApiError> {
         self.store.kernel(key).await?.active_version.ok_or_else(|| {
             let message = format!("no version of {key} is active; promote one first, or name a version");

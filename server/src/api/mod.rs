@@ -3,7 +3,8 @@
 //! # Layout
 //!
 //! - `field`, `names`, `pages`: checking fields, resource names and pages. `submit`, `scheduling`, `optimize`, `kernel_choice`,
-//!   `pictures`: checking submitted jobs.
+//!   `pictures`: checking submitted jobs. `captures`: checking and aligning pairs of datasets.
+//!   `import`, `report`: of kernels.
 //! - `displays`, `datasets`, `jobs`, `holograms`, `kernels`, `propagation`, `encodings`, `time`: messages from and to domain
 //!   types.
 //! - `*_service`: one gRPC service each. `watch`: streams that follow something.
@@ -11,6 +12,7 @@
 
 mod artifact_service;
 mod caller;
+mod captures;
 mod dataset_service;
 mod datasets;
 mod display_service;
@@ -30,6 +32,7 @@ mod optimize;
 mod pages;
 mod pictures;
 mod propagation;
+mod report;
 pub(crate) mod rules;
 mod scheduling;
 mod status;
@@ -76,6 +79,7 @@ pub(crate) struct Api {
     queue_limits: QueueLimits,
     decoders: Arc<Semaphore>,
     watchers: Arc<Semaphore>,
+    reconstructor: captures::LastReconstructor,
     stopping: CancellationToken,
 }
 
@@ -89,7 +93,8 @@ impl Api {
     ) -> Self {
         let decoders = Arc::new(Semaphore::new(DECODERS_MAX));
         let watchers = Arc::new(Semaphore::new(WATCHERS_MAX));
-        Self { store, artifacts, queue_limits, decoders, watchers, stopping }
+        let reconstructor = captures::LastReconstructor::default();
+        Self { store, artifacts, queue_limits, decoders, watchers, reconstructor, stopping }
     }
 
     /// All services, with health and reflection, and the means to say that the server stops.

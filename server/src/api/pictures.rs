@@ -91,28 +91,16 @@ impl Api {
         self.decoded(field, digest, decode).await
     }
 
-    /// A photograph must have one camera pixel for each pixel of the display.
-    pub(super) async fn check_photo(
-        &self,
-        field: &Field,
-        digest: &str,
-        encoding: Encoding,
-        display: &Display,
-    ) -> Result<(), ApiError> {
-        let (height_px, width_px) = size_of(display);
-        let decode = move |bytes: &[u8]| {
-            let photo = pictures::photograph(bytes, encoding)?;
-            if (photo.height_px(), photo.width_px()) == (height_px, width_px) {
-                return Ok(());
-            }
-            Err(PictureError::WrongSize {
-                width_px: width_px as u32,
-                height_px: height_px as u32,
-                actual_width_px: photo.width_px() as u32,
-                actual_height_px: photo.height_px() as u32,
-            })
+    /// The bytes of an artifact that must be there and no larger than a picture may be.
+    pub(super) async fn picture_bytes(&self, field: &Field, digest: &str) -> Result<Vec<u8>, ApiError> {
+        let Some(record) = self.store.artifact(digest).await? else {
+            return Err(field.missing(format!("artifact {digest}"), "upload it first"));
         };
-        self.decoded(field, digest, decode).await
+        if record.size_bytes > pictures::FILE_BYTES_MAX as u64 {
+            let error = PictureError::FileTooLarge { bytes: record.size_bytes as usize };
+            return Err(field.invalid(format!("({digest}): {error}")));
+        }
+        Ok(self.artifacts.read_all(digest).await?)
     }
 
     /// What `decode` makes of an artifact, on a thread that may block, few at a time.
@@ -122,15 +110,8 @@ impl Api {
         digest: &str,
         decode: impl FnOnce(&[u8]) -> Result<T, PictureError> + Send + 'static,
     ) -> Result<T, ApiError> {
-        let Some(record) = self.store.artifact(digest).await? else {
-            return Err(field.missing(format!("artifact {digest}"), "upload it first"));
-        };
-        if record.size_bytes > pictures::FILE_BYTES_MAX as u64 {
-            let error = PictureError::FileTooLarge { bytes: record.size_bytes as usize };
-            return Err(field.invalid(format!("({digest}): {error}")));
-        }
+        let bytes = self.picture_bytes(field, digest).await?;
         let _permit = Arc::clone(&self.decoders).acquire_owned().await.map_err(|_| ApiError::Stopping)?;
-        let bytes = self.artifacts.read_all(digest).await?;
         let decoded = tokio::task::spawn_blocking(move || decode(&bytes)).await.map_err(ApiError::Task)?;
         decoded.map_err(|error| field.invalid(format!("({digest}): {error}")))
     }

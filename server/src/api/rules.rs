@@ -53,6 +53,8 @@ const METHODS: &[(&str, Rule)] = &[
     ("DatasetService/GetDataset", rule(LOOK, Effect::Reads)),
     ("DatasetService/ListDatasets", rule(LOOK, Effect::Reads)),
     ("DatasetService/AddPair", rule(WORK, Effect::Takes)),
+    ("DatasetService/CreateCalibrationTarget", rule(WORK, Effect::Takes)),
+    ("DatasetService/AlignDataset", rule(WORK, Effect::Takes)),
     ("DatasetService/FinalizeDataset", rule(WORK, Effect::Steers)),
     ("DisplayService/CreateDisplay", rule(RUN, Effect::Takes)),
     ("DisplayService/GetDisplay", rule(LOOK, Effect::Reads)),
@@ -80,6 +82,7 @@ const METHODS: &[(&str, Rule)] = &[
     ("KernelService/RollbackKernel", rule(DECIDE, Effect::Steers)),
     ("KernelService/ListKernelMoves", rule(LOOK, Effect::Reads)),
     ("KernelService/ImportKernel", rule(DECIDE, Effect::Takes)),
+    ("KernelService/CreateKernelReport", rule(WORK, Effect::Takes)),
 ];
 
 /// Everything else that is served, by its route or its path.

@@ -158,7 +158,13 @@ impl Lab {
         photo: &str,
         split: v1::Split,
     ) -> anyhow::Result<()> {
-        let pair = v1::Pair { id, phase: phase.to_owned(), photo: photo.to_owned(), split: split.into() };
+        let pair = v1::Pair {
+            id,
+            phase: phase.to_owned(),
+            photo: photo.to_owned(),
+            split: split.into(),
+            ..Default::default()
+        };
         let dataset = names::dataset(dataset);
         self.client.add_pair(v1::AddPairRequest { dataset, pair: Some(pair) }).await?;
         Ok(())

@@ -7,6 +7,8 @@ use std::f32::consts::{PI, TAU};
 pub enum ColourMap {
     /// From dark violet through blue-green to bright yellow: lightness grows evenly.
     Sequential,
+    /// From blue through near white to red: how far from nothing, and which way.
+    Diverging,
     /// Once around the hues: the two ends meet, as phases do.
     Cyclic,
 }
@@ -20,6 +22,11 @@ impl ColourMap {
             Self::Sequential => {
                 let hue = 5.25 - 3.45 * t.powf(0.9);
                 (0.24 + 0.68 * t, 0.1 + 0.015 * (PI * t).sin() + 0.06 * t * t, hue)
+            }
+            Self::Diverging => {
+                let side = 2.0 * t - 1.0;
+                let hue = if side < 0.0 { 4.45 } else { 0.55 };
+                (0.95 - 0.5 * side.abs(), 0.16 * side.abs().powf(0.8), hue)
             }
             // Darkest and brightest at opposite phases, so that the direction shows in grey print too.
             Self::Cyclic => (0.62 - 0.13 * (TAU * t).cos(), 0.095, TAU * (t + 0.72)),

@@ -70,7 +70,7 @@ impl Heatmap<'_> {
 
     fn ends(&self) -> (f32, f32) {
         match self.colours {
-            ColourMap::Sequential => self.range,
+            ColourMap::Sequential | ColourMap::Diverging => self.range,
             ColourMap::Cyclic => (-std::f32::consts::PI, std::f32::consts::PI),
         }
     }
@@ -106,7 +106,7 @@ impl Heatmap<'_> {
         canvas.frame(left, TOP_PX, BAR_WIDTH_PX, height_px, GREY);
         let right = left + BAR_WIDTH_PX as i32;
         let ticks = match self.colours {
-            ColourMap::Sequential => ticks::linear(low.into(), high.into(), 5),
+            ColourMap::Sequential | ColourMap::Diverging => ticks::linear(low.into(), high.into(), 5),
             ColourMap::Cyclic => ticks::phase(),
         };
         for (value, label) in ticks {

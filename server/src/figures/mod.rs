@@ -1,9 +1,11 @@
-//! Pictures for people: contact sheets, heat maps and curves, as PNG.
+//! Pictures for people: contact sheets, heat maps, curves and alignments, as PNG.
 //!
 //! Light is shown sRGB-encoded, as every screen expects it; other quantities through colours of even steps with a
 //! labelled bar beside them. The same data give the same bytes.
 
+mod alignment;
 mod canvas;
+mod chart;
 mod colours;
 mod contact_sheet;
 mod curves;
@@ -11,7 +13,9 @@ mod heatmap;
 mod text;
 mod ticks;
 
+pub use alignment::{marked, overlay};
 pub use canvas::Canvas;
+pub use chart::{Chart, Line, escaped};
 pub use colours::ColourMap;
 pub use contact_sheet::{ContactRow, ContactSheet, Shown};
 pub use curves::{Curve, Curves};

@@ -182,7 +182,7 @@ impl Samples {
 }
 
 /// The plane as the camera was held.
-fn oriented(plane: Plane<f32>, orientation: Orientation) -> Plane<f32> {
+pub(super) fn oriented(plane: Plane<f32>, orientation: Orientation) -> Plane<f32> {
     let (h, w) = (plane.height_px(), plane.width_px());
     match orientation {
         Orientation::NoTransforms => plane,

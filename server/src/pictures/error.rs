@@ -108,6 +108,38 @@ pub enum PictureError {
         /// What it is.
         actual: String,
     },
+    /// No photograph.
+    #[error(
+        "a photograph in a .npy file must be float32, float64, uint8 or uint16 with shape [height, width], C order, but \
+         this is {actual}"
+    )]
+    NotAPhotoArray {
+        /// What it is.
+        actual: String,
+    },
+    /// NaN or infinite.
+    #[error("the array holds a value that is not a finite number, at x = {x_px} px, y = {y_px} px")]
+    NotFinite {
+        /// Its column.
+        x_px: usize,
+        /// Its row.
+        y_px: usize,
+    },
+    /// More than the camera can count.
+    #[error(
+        "the value {value} at x = {x_px} px, y = {y_px} px is above what {bit_depth} bits hold; declare the photographs' bits \
+         as they are, values not scaled to the file's range"
+    )]
+    AboveBitDepth {
+        /// The value.
+        value: u32,
+        /// Its column.
+        x_px: usize,
+        /// Its row.
+        y_px: usize,
+        /// The declared bits.
+        bit_depth: u32,
+    },
     /// A picture could not be written.
     #[error("the picture could not be encoded ({0})")]
     Encode(String),

@@ -16,6 +16,7 @@ macro_rules! unreferenced {
              and not exists (select 1 from job_artifact where artifact = artifact.digest) \
              and not exists (select 1 from pair where phase = artifact.digest) \
              and not exists (select 1 from pair where photo = artifact.digest) \
+             and not exists (select 1 from dataset where instr(alignment, artifact.digest) > 0) \
              and not exists (select 1 from kernel_version where artifact = artifact.digest) ",
             $tail
         )

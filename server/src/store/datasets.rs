@@ -1,9 +1,9 @@
 //! Datasets and their pairs.
 
-use super::rows::{from_word, to_word};
+use super::rows::{from_json_option, from_word, to_json, to_word};
 use super::write::Write;
 use super::{Store, StoreError, page};
-use crate::dataset::{Dataset, Encoding, Pair, Split};
+use crate::dataset::{Alignment, Dataset, Encoding, Exposure, Pair, PairChecks, Split};
 use crate::units::{Distance, Wavelength};
 use sqlx::sqlite::SqliteRow;
 use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
@@ -12,8 +12,8 @@ use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
 pub const PAIRS_MAX: u32 = 10_000;
 
 impl Store {
-    /// Creates an open dataset without pairs: of `dataset` the id, display, wavelength, distance and encoding are
-    /// read. The same dataset again returns the existing one.
+    /// Creates an open dataset without pairs: of `dataset` the id, display, wavelength, distance, encoding and bit depth
+    /// are read. The same dataset again returns the existing one.
     ///
     /// # Errors
     ///
@@ -69,8 +69,29 @@ impl Store {
         self.write(move |write| Box::pin(async move { add_pair(write, &id, &pair).await })).await
     }
 
-    /// Closes a dataset for good: stores every pair's split and the digest. Finalizing it again with the same digest
-    /// changes nothing.
+    /// Gives an open dataset an alignment, or takes it away, and returns the dataset with its pairs.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::NotFound`] where the dataset or one of the alignment's pictures is missing;
+    /// [`StoreError::Precondition`] where it is finalized.
+    pub async fn align_dataset(&self, id: &str, alignment: Option<&Alignment>) -> Result<Dataset, StoreError> {
+        let (id, alignment) = (id.to_owned(), alignment.cloned());
+        self.write(move |write| Box::pin(async move { align(write, &id, alignment).await })).await
+    }
+
+    /// Keeps what was measured of pairs of an open dataset; pairs that are gone are passed over.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn keep_checks(&self, id: &str, checks: &[(String, PairChecks)]) -> Result<(), StoreError> {
+        let (id, checks) = (id.to_owned(), checks.to_vec());
+        self.write(move |write| Box::pin(async move { keep_checks(write, &id, checks).await })).await
+    }
+
+    /// Closes a dataset for good: stores every pair's split (none: the pair is left out) and the digest. Finalizing it
+    /// again with the same digest changes nothing.
     ///
     /// # Errors
     ///
@@ -80,7 +101,7 @@ impl Store {
     pub async fn finalize_dataset(
         &self,
         id: &str,
-        splits: &[(String, Split)],
+        splits: &[(String, Option<Split>)],
         digest: &str,
         now_ms: i64,
     ) -> Result<Dataset, StoreError> {
@@ -98,20 +119,21 @@ async fn create(write: &mut Write, dataset: Dataset, now_ms: i64) -> Result<Data
         return Err(StoreError::not_found(format!("displays/{}", dataset.display)));
     }
     sqlx::query(
-        "insert into dataset (id, display, wavelength_pm, distance_nm, photo_encoding, create_time_ms) \
-         values (?, ?, ?, ?, ?, ?) on conflict do nothing",
+        "insert into dataset (id, display, wavelength_pm, distance_nm, photo_encoding, photo_bit_depth, create_time_ms) \
+         values (?, ?, ?, ?, ?, ?, ?) on conflict do nothing",
     )
     .bind(&dataset.id)
     .bind(&dataset.display)
     .bind(dataset.wavelength.pm)
     .bind(dataset.distance.nm)
     .bind(to_word::<Encoding>("dataset.photo_encoding", &dataset.photo_encoding)?)
+    .bind(dataset.photo_bit_depth)
     .bind(now_ms)
     .execute(write.sql())
     .await?;
     let mut stored = find(write.sql(), &dataset.id).await?;
-    let same = (&stored.display, stored.wavelength, stored.distance, stored.photo_encoding)
-        == (&dataset.display, dataset.wavelength, dataset.distance, dataset.photo_encoding);
+    let same = (&stored.display, stored.wavelength, stored.distance, stored.photo_encoding, stored.photo_bit_depth)
+        == (&dataset.display, dataset.wavelength, dataset.distance, dataset.photo_encoding, dataset.photo_bit_depth);
     if !same {
         return Err(StoreError::exists(
             format!("datasets/{}", dataset.id),
@@ -134,7 +156,9 @@ async fn add_pair(write: &mut Write, id: &str, pair: &Pair) -> Result<Dataset, S
     if let [row] = rows.as_slice() {
         let stored = pair_of(row)?;
         let same_split = pair.split.is_none() || pair.split == stored.split;
-        if same_split && (&stored.id, &stored.phase, &stored.photo) == (&pair.id, &pair.phase, &pair.photo) {
+        let same = (&stored.id, &stored.phase, &stored.photo, stored.exposure)
+            == (&pair.id, &pair.phase, &pair.photo, pair.exposure);
+        if same_split && same {
             return Ok(dataset);
         }
     }
@@ -154,12 +178,17 @@ async fn add_pair(write: &mut Write, id: &str, pair: &Pair) -> Result<Dataset, S
     for digest in [&pair.phase, &pair.photo] {
         require_artifact(write.sql(), digest).await?;
     }
-    sqlx::query("insert into pair (dataset, id, phase, photo, split) values (?, ?, ?, ?, ?)")
+    let exposure =
+        (pair.exposure != Exposure::default()).then(|| to_json("pair.exposure", &pair.exposure)).transpose()?;
+    let checks = pair.checks.as_ref().map(|checks| to_json("pair.checks", checks)).transpose()?;
+    sqlx::query("insert into pair (dataset, id, phase, photo, split, exposure, checks) values (?, ?, ?, ?, ?, ?, ?)")
         .bind(id)
         .bind(&pair.id)
         .bind(&pair.phase)
         .bind(&pair.photo)
         .bind(pair.split.map(|split| to_word("pair.split", &split)).transpose()?)
+        .bind(exposure)
+        .bind(checks)
         .execute(write.sql())
         .await?;
     let row = sqlx::query("update dataset set pair_count = pair_count + 1 where id = ? returning *")
@@ -173,7 +202,7 @@ async fn add_pair(write: &mut Write, id: &str, pair: &Pair) -> Result<Dataset, S
 fn conflict(dataset: &str, pair: &Pair, stored: &Pair) -> (String, String) {
     if pair.id == stored.id {
         let what = format!("pair \"{}\" of datasets/{dataset}", pair.id);
-        return (what, "with another hologram, photograph or split".to_owned());
+        return (what, "with another hologram, photograph, exposure or split".to_owned());
     }
     let what = match pair.phase == stored.phase {
         true => format!("hologram {} of datasets/{dataset}", pair.phase),
@@ -182,10 +211,46 @@ fn conflict(dataset: &str, pair: &Pair, stored: &Pair) -> (String, String) {
     (what, format!("in pair \"{}\"", stored.id))
 }
 
+async fn align(write: &mut Write, id: &str, alignment: Option<Alignment>) -> Result<Dataset, StoreError> {
+    let mut dataset = find(write.sql(), id).await?;
+    if dataset.digest.is_some() {
+        let message = format!("datasets/{id} is finalized, and its alignment with it; create another dataset");
+        return Err(StoreError::precondition("DATASET_FINALIZED", message));
+    }
+    for digest in alignment.iter().flat_map(|found| [&found.photo, &found.before, &found.after]) {
+        if !digest.is_empty() {
+            require_artifact(write.sql(), digest).await?;
+        }
+    }
+    sqlx::query("update dataset set alignment = ? where id = ?")
+        .bind(alignment.as_ref().map(|found| to_json("dataset.alignment", found)).transpose()?)
+        .bind(id)
+        .execute(write.sql())
+        .await?;
+    dataset.alignment = alignment;
+    dataset.pairs = pairs(write.sql(), id).await?;
+    Ok(dataset)
+}
+
+async fn keep_checks(write: &mut Write, id: &str, checks: Vec<(String, PairChecks)>) -> Result<(), StoreError> {
+    for (pair, checks) in checks {
+        sqlx::query(
+            "update pair set checks = ? where dataset = ? and id = ? \
+             and exists (select 1 from dataset where dataset.id = pair.dataset and digest is null)",
+        )
+        .bind(to_json("pair.checks", &checks)?)
+        .bind(id)
+        .bind(pair)
+        .execute(write.sql())
+        .await?;
+    }
+    Ok(())
+}
+
 async fn finalize(
     write: &mut Write,
     id: &str,
-    mut splits: Vec<(String, Split)>,
+    mut splits: Vec<(String, Option<Split>)>,
     digest: &str,
     now_ms: i64,
 ) -> Result<Dataset, StoreError> {
@@ -204,15 +269,15 @@ async fn finalize(
         return Err(StoreError::Aborted { reason: "DATASET_CHANGED", message });
     }
     for (needed, word) in [(Split::Train, "training"), (Split::Test, "test")] {
-        if !splits.iter().any(|(_, split)| *split == needed) {
+        if !splits.iter().any(|(_, split)| *split == Some(needed)) {
             let message = format!("datasets/{id} has no {word} pair; add pairs, or give one that split");
             return Err(StoreError::precondition("DATASET_SPLIT_EMPTY", message));
         }
     }
     for (pair, (_, split)) in dataset.pairs.iter_mut().zip(splits) {
-        pair.split = Some(split);
+        pair.split = split;
         sqlx::query("update pair set split = ? where dataset = ? and id = ?")
-            .bind(to_word("pair.split", &split)?)
+            .bind(split.map(|split| to_word("pair.split", &split)).transpose()?)
             .bind(id)
             .bind(&pair.id)
             .execute(write.sql())
@@ -253,6 +318,8 @@ fn dataset_of(row: &SqliteRow) -> Result<Dataset, StoreError> {
         wavelength: Wavelength { pm: row.try_get("wavelength_pm")? },
         distance: Distance { nm: row.try_get("distance_nm")? },
         photo_encoding: from_word("dataset.photo_encoding", row.try_get("photo_encoding")?)?,
+        photo_bit_depth: row.try_get("photo_bit_depth")?,
+        alignment: from_json_option("dataset.alignment", row.try_get("alignment")?)?,
         pairs: Vec::new(),
         pair_count: row.try_get("pair_count")?,
         digest: row.try_get("digest")?,
@@ -268,5 +335,7 @@ fn pair_of(row: &SqliteRow) -> Result<Pair, StoreError> {
         phase: row.try_get("phase")?,
         photo: row.try_get("photo")?,
         split: split.map(|word| from_word("pair.split", word)).transpose()?,
+        exposure: from_json_option("pair.exposure", row.try_get("exposure")?)?.unwrap_or_default(),
+        checks: from_json_option("pair.checks", row.try_get("checks")?)?,
     })
 }

@@ -3,6 +3,7 @@
 use super::setting::{Setting, finite};
 use super::simulate::bench;
 use super::{JobContext, TaskError};
+use crate::captures::Captures;
 use crate::job::Progress;
 use crate::kernel::CapturedQuality;
 use lightpath_optics::hologram::{HologramProblem, ImagePlane, Loss, Method, Options, initial_phase};
@@ -25,6 +26,7 @@ const SEED: u64 = 0xca97;
 pub(super) fn compare(
     context: &JobContext,
     setting: &Setting,
+    captures: &Captures,
     model: &DisplayModel,
     detector: Detector,
     region: RegionOfInterest,
@@ -34,12 +36,12 @@ pub(super) fn compare(
     let ideal = DisplayModel::ideal(setting.setup);
     let mut step = 0;
     let mut mean = |model: &DisplayModel| -> Result<f64, TaskError> {
-        let engine = Engine::of_display(model, detector, setting.carrier)?;
+        let engine = context.engines().engine(model, detector, setting.carrier)?;
         let mut sum = 0.0;
         for card in TARGETS {
             let target = card.render(setting.height_px(), setting.width_px(), SEED)?;
             let phase = hologram(context, &engine, &target, region)?;
-            sum += photographed_db(setting, &bench, &phase, &target, region)? / TARGETS.len() as f64;
+            sum += photographed_db(setting, captures, &bench, &phase, &target, region)? / TARGETS.len() as f64;
             step += 1;
             let stage = "photograph new holograms".to_owned();
             let steps_total = 2 * TARGETS.len() as u32;
@@ -71,12 +73,14 @@ fn hologram(
 
 fn photographed_db(
     setting: &Setting,
+    captures: &Captures,
     bench: &SimulatedDisplay,
     phase: &Plane<f32>,
     target: &Plane<f32>,
     region: RegionOfInterest,
 ) -> Result<f64, TaskError> {
     let displayed = setting.response.dequantize(&setting.levels_of(phase)?)?;
-    let photo = bench.capture(&displayed, SEED)?.map(|level| f32::from(level) / 255.0);
+    // Where the dataset says that the camera sees the pixels, or a learned kernel would be held to another place.
+    let photo = captures.on_grid(bench.capture(&displayed, SEED)?.map(|level| f32::from(level) / 255.0))?;
     Ok(psnr_db(&photo, target, region, Gain::Fitted)?)
 }

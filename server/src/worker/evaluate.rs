@@ -20,7 +20,7 @@ pub(super) fn run(context: &JobContext, spec: &EvaluateKernel) -> Result<TaskOut
         (Split::Validation, "measure on validation pairs"),
         (Split::Test, "measure on test pairs"),
     ] {
-        let source = Pairs::of(context, &setting, &dataset, split);
+        let source = Pairs::of(context, &setting, &dataset, split)?;
         let losses = judge.losses(&source, stage)?;
         pairs.extend(losses.iter().enumerate().map(|(index, loss)| PairLoss {
             pair: source.id(index).to_owned(),

@@ -7,6 +7,7 @@ use super::pairs::Pairs;
 use super::setting::{Setting, detector, finite};
 use super::state_bytes::{learn_state_from_bytes, learn_state_to_bytes};
 use super::{JobContext, TaskError, TaskOutput};
+use crate::captures::Captures;
 use crate::dataset::{Dataset, Split};
 use crate::job::{Job, JobResult, LearnKernel, LearnResult, Progress};
 use crate::kernel::{KernelLineage, KernelMetrics, KernelModel, NewKernelVersion};
@@ -18,11 +19,11 @@ pub(super) fn run(context: &JobContext, job: &Job, spec: &LearnKernel) -> Result
     let (setting, dataset) = read_dataset(context, &spec.dataset)?;
     let region = setting.region(spec.region_of_interest)?;
     for split in [Split::Validation, Split::Test] {
-        check_photographs(context, &Pairs::of(context, &setting, &dataset, split), region)?;
+        check_photographs(context, &Pairs::of(context, &setting, &dataset, split)?, region)?;
     }
-    let training = Pairs::of(context, &setting, &dataset, Split::Train);
+    let training = Pairs::of(context, &setting, &dataset, Split::Train)?;
     check_photographs(context, &training, region)?;
-    let validation = Pairs::of(context, &setting, &dataset, Split::Validation);
+    let validation = Pairs::of(context, &setting, &dataset, Split::Validation)?;
     let learner = learn(context, spec, &setting, region, Lessons { training: &training, validation: &validation })?;
     let (model, loss_history) = (learner.model(), learner.loss_history().to_vec());
     let kept = learner.kept_pairs(training.len());
@@ -33,7 +34,14 @@ pub(super) fn run(context: &JobContext, job: &Job, spec: &LearnKernel) -> Result
     drop((training, validation));
 
     let mut metrics = measure(context, spec, &setting, &dataset, region, &model, &kept)?;
-    metrics.captured = captured::compare(context, &setting, &model, detector(spec.detector), region)?;
+    metrics.captured = captured::compare(
+        context,
+        &setting,
+        &Captures::of(&setting.display, &dataset)?,
+        &model,
+        detector(spec.detector),
+        region,
+    )?;
     let file = kernel_file::encode(&model, spec.model)?;
     let size_bytes = file.len() as u64;
     let version = NewKernelVersion {
@@ -146,10 +154,10 @@ fn measure(
     kept: &[usize],
 ) -> Result<KernelMetrics, TaskError> {
     let detector = detector(spec.detector);
-    let validation = Pairs::of(context, setting, dataset, Split::Validation);
-    let test = Pairs::of(context, setting, dataset, Split::Test);
+    let validation = Pairs::of(context, setting, dataset, Split::Validation)?;
+    let test = Pairs::of(context, setting, dataset, Split::Test)?;
     let learned = Judge::new(context, setting, model, detector, region)?;
-    let training = Pairs::of(context, setting, dataset, Split::Train);
+    let training = Pairs::of(context, setting, dataset, Split::Train)?;
     let train_losses = learned.losses(&training, "measure on training pairs")?;
     let train_loss = mean(&kept.iter().map(|&index| train_losses[index]).collect::<Vec<_>>());
     let validation_loss = mean(&learned.losses(&validation, "measure on validation pairs")?);

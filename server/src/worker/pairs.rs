@@ -4,8 +4,8 @@ use super::setting::Setting;
 use super::stop::{StopFlag, StopReason};
 use super::{JobContext, TaskError};
 use crate::artifacts::Artifacts;
-use crate::dataset::{self, Dataset, Encoding, Split};
-use crate::pictures;
+use crate::captures::Captures;
+use crate::dataset::{self, Dataset, Split};
 use lightpath_optics::learning::{BoxError, Pair, PairSource};
 use std::sync::{Arc, OnceLock};
 use tokio::runtime::Handle;
@@ -17,8 +17,7 @@ const OTHER_BYTES_MAX: usize = 64 << 20;
 
 /// Pairs of one split.
 pub(super) struct Pairs {
-    setting: Setting,
-    encoding: Encoding,
+    captures: Captures,
     pairs: Vec<dataset::Pair>,
     /// The first ones, as many as there is room for.
     kept: Vec<OnceLock<Pair>>,
@@ -29,20 +28,24 @@ pub(super) struct Pairs {
 
 impl Pairs {
     /// The pairs of a dataset that are used for `split`, in the order of their ids.
-    pub(super) fn of(context: &JobContext, setting: &Setting, dataset: &Dataset, split: Split) -> Self {
+    pub(super) fn of(
+        context: &JobContext,
+        setting: &Setting,
+        dataset: &Dataset,
+        split: Split,
+    ) -> Result<Self, TaskError> {
         let pairs: Vec<_> = dataset.pairs.iter().filter(|pair| pair.split == Some(split)).cloned().collect();
         let pair_bytes = 2 * size_of::<f32>() * setting.setup.grid().pixels();
         let bytes_max = if split == Split::Train { TRAINING_BYTES_MAX } else { OTHER_BYTES_MAX };
         let room = (bytes_max / pair_bytes).min(pairs.len());
-        Self {
-            setting: setting.clone(),
-            encoding: dataset.photo_encoding,
+        Ok(Self {
+            captures: Captures::of(&setting.display, dataset)?,
             pairs,
             kept: (0..room).map(|_| OnceLock::new()).collect(),
             artifacts: context.artifacts.clone(),
             runtime: context.runtime.clone(),
             stop: Arc::clone(&context.stop),
-        }
+        })
     }
 
     /// The pair's id.
@@ -53,10 +56,9 @@ impl Pairs {
     fn read(&self, index: usize) -> Result<Pair, TaskError> {
         let pair = &self.pairs[index];
         let read = || -> Result<Pair, TaskError> {
-            let phase = self.setting.displayed_phase(&self.bytes(&pair.phase)?)?;
-            let photo = pictures::photograph(&self.bytes(&pair.photo)?, self.encoding)?;
-            photo.expect_size("photo", self.setting.height_px(), self.setting.width_px())?;
-            Ok(Pair { phase: self.setting.without_carrier(phase), photo })
+            let phase = self.captures.phase(&self.bytes(&pair.phase)?)?;
+            let photo = self.captures.photo(pair, &self.bytes(&pair.photo)?)?;
+            Ok(Pair { phase, photo })
         };
         read().map_err(|error| self.named(index, error))
     }

@@ -1,14 +1,15 @@
 //! What a job is about, read and made ready: a display at a wavelength and distance.
 
 use super::{JobContext, TaskError};
-use crate::display::{self, Display};
+use crate::captures::CaptureError;
+use crate::display::Display;
 use crate::job::{self, Region};
 use crate::kernel::KernelKey;
 use crate::kernel_file::{self, KernelFileError};
 use crate::pictures::{self, PictureError};
-use crate::planning;
 use crate::propagation::{PropagationMethod, ValidityReport};
 use crate::units::{Distance, Wavelength};
+use crate::{planning, slm};
 use lightpath_optics::learning::BoxError;
 use lightpath_optics::phase_response::PhaseResponse;
 use lightpath_optics::{Carrier, Detector, DisplayModel, OpticalSetup, Plane, RegionOfInterest};
@@ -46,14 +47,7 @@ impl Setting {
     ) -> Result<Self, TaskError> {
         let (display, _) = context.wait(context.store().display(display))?;
         let (setup, validity) = planning::planned(planning::setup(&display, wavelength, distance)?, propagation)?;
-        let response = match &display.phase_response_rad {
-            Some(phase_rad) => PhaseResponse::measured(phase_rad.clone())?,
-            None => PhaseResponse::linear(display.bit_depth)?,
-        };
-        let carrier = display.carrier.map(|carrier| match carrier {
-            display::Carrier::HalfOrderX => Carrier::HalfOrderX,
-            display::Carrier::HalfOrderY => Carrier::HalfOrderY,
-        });
+        let (response, carrier) = (slm::response(&display)?, slm::carrier(&display));
         let key = KernelKey { display: display.id.clone(), wavelength, distance };
         Ok(Self { display, key, setup, validity, response, carrier })
     }
@@ -154,6 +148,12 @@ impl From<BoxError> for TaskError {
 
 impl From<PictureError> for TaskError {
     fn from(error: PictureError) -> Self {
+        Self::permanent("INVALID_PICTURE", error)
+    }
+}
+
+impl From<CaptureError> for TaskError {
+    fn from(error: CaptureError) -> Self {
         Self::permanent("INVALID_PICTURE", error)
     }
 }

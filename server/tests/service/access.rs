@@ -36,6 +36,8 @@ const EXPECTED: &[(&str, &str)] = &[
     ("/lightpath.v1.DatasetService/GetDataset", LOOKS),
     ("/lightpath.v1.DatasetService/ListDatasets", LOOKS),
     ("/lightpath.v1.DatasetService/AddPair", WORKS),
+    ("/lightpath.v1.DatasetService/CreateCalibrationTarget", WORKS),
+    ("/lightpath.v1.DatasetService/AlignDataset", WORKS),
     ("/lightpath.v1.DatasetService/FinalizeDataset", WORKS),
     ("/lightpath.v1.DisplayService/CreateDisplay", RUNS),
     ("/lightpath.v1.DisplayService/GetDisplay", LOOKS),
@@ -63,6 +65,7 @@ const EXPECTED: &[(&str, &str)] = &[
     ("/lightpath.v1.KernelService/RollbackKernel", DECIDES),
     ("/lightpath.v1.KernelService/ListKernelMoves", LOOKS),
     ("/lightpath.v1.KernelService/ImportKernel", DECIDES),
+    ("/lightpath.v1.KernelService/CreateKernelReport", WORKS),
     ("/grpc.health.v1.Health/Check", EVERYBODY),
     ("/grpc.health.v1.Health/Watch", EVERYBODY),
     ("/grpc.reflection.v1.ServerReflection/ServerReflectionInfo", LOOKS),
@@ -253,8 +256,11 @@ async fn a_scoped_token_knows_its_own_displays_only() {
     denied(jobs.get_queue(with_token(&scoped, v1::GetQueueRequest {})).await);
 
     // Firmware fetches the kernels of its display, and those of no other.
-    let fetch =
-        |display: &str| v1::FetchKernelRequest { kernel: format!("displays/{display}/kernels/515nm-50mm"), version: 1 };
+    let fetch = |display: &str| v1::FetchKernelRequest {
+        kernel: format!("displays/{display}/kernels/515nm-50mm"),
+        version: 1,
+        ..Default::default()
+    };
     let firmware = &guarded.tokens["firmware"];
     let own = guarded.kernels().fetch_kernel(with_token(firmware, fetch("lab"))).await.map(drop);
     assert_eq!(own.unwrap_err().code(), Code::NotFound, "it may, but there is none");

@@ -1,6 +1,7 @@
 //! Jobs: what is wrong is refused with the field and the fix; what changes is seen.
 
 use crate::serving::{Serving, expect, small_display};
+use lightpath_optics::{Detector, DisplayModel, Engine, Grid, OpticalSetup, Plane};
 use lightpath_proto::v1::dataset_service_client::DatasetServiceClient;
 use lightpath_proto::v1::kernel_service_client::KernelServiceClient;
 use lightpath_proto::v1::{self, job_spec};
@@ -136,15 +137,27 @@ async fn datasets_take_pairs_that_fit() {
     let answer = submit(&serving, job_spec::Kind::LearnKernel(learn.clone()), "").await;
     expect(answer, Code::FailedPrecondition, "spec.learn_kernel.dataset: datasets/first is empty");
 
-    let levels = |height_px, width_px, level| {
-        pictures::levels_png(&lightpath_optics::Plane::filled(height_px, width_px, level), 8).unwrap()
+    // A lens or two, each a bright spot where its light goes.
+    let lens = |height_px: usize, width_px: usize, x0: f64| {
+        Plane::from_fn(height_px, width_px, |y, x| {
+            let squared = ((x as f64 - x0).powi(2) + (y as f64 - 24.0).powi(2)) * 64e-12;
+            (squared / (2.0 * 0.05 * 515e-9) * 256.0).round().rem_euclid(256.0) as u16
+        })
     };
-    let photo = |grey| pictures::grey_png_linear(&lightpath_optics::Plane::filled(48, 64, grey)).unwrap();
-    let (small, phase) = (serving.upload(&levels(48, 63, 1)).await, serving.upload(&levels(48, 64, 2)).await);
-    let good_photo = serving.upload(&photo(0.5)).await;
+    let levels = |plane: &Plane<u16>| pictures::levels_png(plane, 8).unwrap();
+    let photo = |plane: &Plane<u16>| {
+        let grid = Grid::try_new(48, 64, 8e-6).unwrap();
+        let (setup, _) = OpticalSetup::try_new(grid, 515e-9, 0.05).unwrap().planned().unwrap();
+        let engine: Engine = Engine::new(&DisplayModel::ideal(setup), Detector::Pixel, None).unwrap();
+        let light = engine.light(&plane.map(|level| f32::from(level) * std::f32::consts::TAU / 256.0)).unwrap();
+        let brightest = light.values().iter().copied().fold(0.0, f32::max);
+        pictures::grey_png_linear(&light.map(|light| 0.9 * light / brightest)).unwrap()
+    };
+    let (small, first) = (serving.upload(&levels(&lens(48, 63, 32.0))).await, lens(48, 64, 24.0));
+    let (phase, good_photo) = (serving.upload(&levels(&first)).await, serving.upload(&photo(&first)).await);
     let add = |id: &str, phase: &str, photo: &str| v1::AddPairRequest {
         dataset: "datasets/first".into(),
-        pair: Some(v1::Pair { id: id.into(), phase: phase.into(), photo: photo.into(), split: 0 }),
+        pair: Some(v1::Pair { id: id.into(), phase: phase.into(), photo: photo.into(), ..Default::default() }),
     };
     expect(datasets.add_pair(add("a", &small, &good_photo)).await, Code::InvalidArgument, "pair.phase (sha256-");
     expect(datasets.add_pair(add("a", &phase, &small)).await, Code::InvalidArgument, "pair.photo (sha256-");
@@ -156,7 +169,8 @@ async fn datasets_take_pairs_that_fit() {
 
     let finalize = v1::FinalizeDatasetRequest { name: "datasets/first".into(), ..Default::default() };
     expect(datasets.finalize_dataset(finalize.clone()).await, Code::FailedPrecondition, "");
-    let (phase, other_photo) = (serving.upload(&levels(48, 64, 3)).await, serving.upload(&photo(0.25)).await);
+    let second = lens(48, 64, 40.0);
+    let (phase, other_photo) = (serving.upload(&levels(&second)).await, serving.upload(&photo(&second)).await);
     datasets.add_pair(add("b", &phase, &other_photo)).await.unwrap();
     let dataset = datasets.finalize_dataset(finalize).await.unwrap().into_inner();
     assert!(dataset.digest.starts_with("sha256-") && dataset.pairs.len() == 2);

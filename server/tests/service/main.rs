@@ -3,6 +3,7 @@
 
 mod access;
 mod artifacts;
+mod captures;
 mod displays;
 mod http;
 mod jobs;

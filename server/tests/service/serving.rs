@@ -103,6 +103,17 @@ impl Serving {
         self.write(&digest, bytes.len() as u64, 0, bytes).await.unwrap().digest
     }
 
+    /// An artifact's bytes.
+    pub(crate) async fn read(&self, digest: &str) -> Vec<u8> {
+        let request = v1::ReadArtifactRequest { digest: digest.to_owned(), ..Default::default() };
+        let mut stream = self.artifacts().read_artifact(request).await.unwrap().into_inner();
+        let mut bytes = Vec::new();
+        while let Some(message) = stream.message().await.unwrap() {
+            bytes.extend_from_slice(&message.chunk);
+        }
+        bytes
+    }
+
     pub(crate) async fn write(
         &self,
         digest: &str,

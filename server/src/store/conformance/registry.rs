@@ -54,19 +54,20 @@ async fn a_dataset_takes_pairs_until_it_is_finalized() {
     for taken in [same_id, same_phase, same_photo] {
         assert!(matches!(store.add_pair("d", &taken).await, Err(StoreError::AlreadyExists { .. })));
     }
-    let unknown = Pair { id: "y".into(), phase: digest(98), photo: digest(99), split: None };
+    let unknown = Pair { id: "y".into(), phase: digest(98), photo: digest(99), ..Pair::default() };
     assert!(matches!(store.add_pair("d", &unknown).await, Err(StoreError::NotFound { .. })));
 
     let open = store.dataset("d").await.unwrap();
-    let splits = draw_split(&open.pairs, 0.2, 0.2, 1);
+    let drawn = draw_split(&open.pairs, 0.2, 0.2, 1);
+    let splits: Vec<_> = drawn.into_iter().map(|(id, split)| (id, Some(split))).collect();
     let few = &splits[1..];
     assert!(matches!(store.finalize_dataset("d", few, "x", 20).await, Err(StoreError::Aborted { .. })));
-    let all_train: Vec<_> = splits.iter().map(|(id, _)| (id.clone(), Split::Train)).collect();
+    let all_train: Vec<_> = splits.iter().map(|(id, _)| (id.clone(), Some(Split::Train))).collect();
     assert!(matches!(store.finalize_dataset("d", &all_train, "x", 20).await, Err(StoreError::Precondition { .. })));
 
     let mut split = open.clone();
     for (pair, (_, s)) in split.pairs.iter_mut().zip(&splits) {
-        pair.split = Some(*s);
+        pair.split = *s;
     }
     let content = dataset_digest(&split);
     let closed = store.finalize_dataset("d", &splits, &content, 20).await.unwrap();
@@ -75,7 +76,7 @@ async fn a_dataset_takes_pairs_until_it_is_finalized() {
     assert_eq!(closed.pairs, split.pairs);
     assert_eq!(store.finalize_dataset("d", &splits, &content, 30).await.unwrap(), closed);
     assert!(matches!(store.finalize_dataset("d", &splits, "y", 30).await, Err(StoreError::Precondition { .. })));
-    let late = Pair { id: "late".into(), phase: digest(10), photo: digest(11), split: None };
+    let late = Pair { id: "late".into(), phase: digest(10), photo: digest(11), ..Pair::default() };
     assert!(matches!(store.add_pair("d", &late).await, Err(StoreError::Precondition { .. })));
     store.add_pair("d", &pair(0)).await.unwrap();
 

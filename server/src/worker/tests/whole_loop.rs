@@ -96,7 +96,7 @@ impl Lab {
         for n in 0..pairs {
             let ideal = self.hologram(&format!("ideal{n}"), optimize(self.target(n).await, None, 40)).await;
             let photo = self.photograph(&format!("photo{n}"), &ideal.phase).await;
-            photographed.push(Pair { id: format!("p{n}"), phase: ideal.phase, photo, split: None });
+            photographed.push(Pair { id: format!("p{n}"), phase: ideal.phase, photo, ..Pair::default() });
         }
         self.finalized(photographed).await;
     }
@@ -109,7 +109,7 @@ impl Lab {
             let seen = self.bench.artifacts.read_all(&ideal.reconstruction).await.unwrap();
             let clipped = pictures::photograph(&seen, Encoding::Srgb).unwrap().map(|light| (2.0 * light).min(1.0));
             let photo = self.put(pictures::grey_png_linear(&clipped).unwrap()).await;
-            photographed.push(Pair { id: format!("p{n}"), phase: ideal.phase, photo, split: None });
+            photographed.push(Pair { id: format!("p{n}"), phase: ideal.phase, photo, ..Pair::default() });
         }
         photographed
     }
@@ -124,8 +124,9 @@ impl Lab {
             dataset.pairs.push(pair);
         }
         let splits = dataset::draw_split(&dataset.pairs, 0.0, 0.25, 1);
+        let splits: Vec<_> = splits.into_iter().map(|(id, split)| (id, Some(split))).collect();
         for (pair, (_, split)) in dataset.pairs.iter_mut().zip(&splits) {
-            pair.split = Some(*split);
+            pair.split = *split;
         }
         self.bench.store.finalize_dataset("photos", &splits, &dataset::digest(&dataset), 2).await.unwrap();
     }

@@ -1,0 +1,176 @@
+//! `lightpath dataset add`
+
+use super::manifest::{self, Entry};
+use crate::cli::destination::name_of;
+use crate::cli::failure::Failure;
+use crate::cli::session::{Session, say};
+use clap::{Args, ValueEnum};
+use lightpath::{names, v1};
+use serde::Deserialize;
+use std::path::PathBuf;
+
+/// Add holograms and their photographs: one pair, or a folder of them.
+///
+/// Photographs have one camera pixel for each pixel of the display, or any size where the dataset is aligned. Each pair is
+/// checked as it is added. The same pair again changes nothing, so that an interrupted import can just be repeated.
+#[derive(Debug, Args)]
+#[command(after_long_help = "\
+Examples:
+  lightpath dataset add bench-1 --phase p01.png --photo c01.png
+  lightpath dataset add bench-1 --phase p02.png --photo c02.tif \\
+      --black-level 0.012 --exposure 0.02 --gain 1.5 --split test
+
+  Two folders, matched by file name without extension
+    lightpath dataset add bench-1 --phases holograms/ --photos photos/
+
+  A manifest with explicit ids: .toml, .json or .csv; paths are relative to it
+    lightpath dataset add bench-1 --manifest bench-1/pairs.toml
+
+    black_level = 0.012          # of all pairs that do not say otherwise
+    [[pairs]]
+    id = \"p01\"
+    phase = \"holograms/01.png\"
+    photo = \"photos/01.tif\"
+    exposure_s = 0.02            # also: camera_gain, black_level, split
+
+  The same as .csv: a line of names, then a line for each pair
+    id,phase,photo,split,exposure_s
+    p01,holograms/01.png,photos/01.tif,train,0.02")]
+pub(crate) struct Add {
+    /// Name of the dataset
+    name: String,
+
+    /// The hologram as displayed: a grey PNG of levels, or a .npy file of the phase in radians, float32
+    #[arg(long, value_name = "FILE", requires = "photo", required_unless_present_any = ["manifest", "phases"])]
+    phase: Option<PathBuf>,
+
+    /// The photograph of it: PNG, TIFF or JPEG, grey or colour, or .npy
+    #[arg(long, value_name = "FILE", requires = "phase", required_unless_present_any = ["manifest", "phases"])]
+    photo: Option<PathBuf>,
+
+    /// A list of pairs, .toml, .json or .csv
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["phase", "photo", "phases", "photos", "id"])]
+    manifest: Option<PathBuf>,
+
+    /// A folder of holograms, each with a photograph of the same name in --photos
+    #[arg(long, value_name = "FOLDER", requires = "photos", conflicts_with_all = ["phase", "photo", "id"])]
+    phases: Option<PathBuf>,
+
+    /// The folder of photographs
+    #[arg(long, value_name = "FOLDER", requires = "phases")]
+    photos: Option<PathBuf>,
+
+    /// Id of the pair in the dataset [default: the hologram's file name without its extension]
+    #[arg(long, value_name = "ID")]
+    id: Option<String>,
+
+    /// What the pairs are for [default: drawn when the dataset is finalized]
+    #[arg(long)]
+    split: Option<Split>,
+
+    /// What the camera counts in the dark, as a part of full scale, 0 to 0.9 [default: 0]
+    #[arg(long, value_name = "X")]
+    black_level: Option<f64>,
+
+    /// How long the shutter was open, in seconds
+    #[arg(long, value_name = "SECONDS")]
+    exposure: Option<f64>,
+
+    /// The camera's amplification, as a factor
+    #[arg(long, value_name = "FACTOR")]
+    gain: Option<f64>,
+}
+
+/// What a pair is for.
+#[derive(Clone, Copy, Debug, ValueEnum, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum Split {
+    /// Learned from.
+    Train,
+    /// Watched while learning.
+    Validation,
+    /// Looked at once, after learning.
+    Test,
+}
+
+impl Add {
+    pub(super) async fn run(self, session: &Session) -> Result<(), Failure> {
+        let entries = self.entries()?;
+        let count = entries.len();
+        let mut findings = 0;
+        for entry in entries {
+            let entry = self.with_defaults(entry);
+            let id = entry.id.clone();
+            let pair = v1::Pair {
+                id: entry.id,
+                phase: session.client.upload_file(&entry.phase).await?,
+                photo: session.client.upload_file(&entry.photo).await?,
+                split: split_to_wire(entry.split).into(),
+                black_level: entry.black_level.unwrap_or(0.0),
+                exposure_s: entry.exposure_s.unwrap_or(0.0),
+                camera_gain: entry.camera_gain.unwrap_or(0.0),
+                checks: None,
+            };
+            let request = v1::AddPairRequest { dataset: names::dataset(&self.name), pair: Some(pair) };
+            let dataset = session.client.add_pair(request).await.map_err(|error| named(&id, count, error))?;
+            if count == 1 {
+                session.print(&dataset, |dataset| text(&id, dataset))?;
+            } else {
+                session.print_json_line(&dataset)?;
+                session.print_text(&text(&id, &dataset))?;
+            }
+            findings += dataset.findings.len();
+        }
+        if findings > 0 && count > 1 {
+            say(&format!("{findings} findings; all of them: lightpath dataset show {}", self.name));
+        }
+        Ok(())
+    }
+
+    fn entries(&self) -> Result<Vec<Entry>, Failure> {
+        if let Some(path) = &self.manifest {
+            return manifest::read(path);
+        }
+        if let (Some(phases), Some(photos)) = (&self.phases, &self.photos) {
+            return manifest::matched(phases, photos);
+        }
+        let (Some(phase), Some(photo)) = (&self.phase, &self.photo) else {
+            return Err(Failure::Usage("give --phase and --photo, --phases and --photos, or --manifest".to_owned()));
+        };
+        let id = self.id.clone().unwrap_or_else(|| name_of(phase));
+        Ok(vec![Entry::new(id, phase.clone(), photo.clone())])
+    }
+
+    /// What the command line says counts where the entry says nothing.
+    fn with_defaults(&self, entry: Entry) -> Entry {
+        Entry {
+            split: entry.split.or(self.split),
+            black_level: entry.black_level.or(self.black_level),
+            exposure_s: entry.exposure_s.or(self.exposure),
+            camera_gain: entry.camera_gain.or(self.gain),
+            ..entry
+        }
+    }
+}
+
+fn split_to_wire(split: Option<Split>) -> v1::Split {
+    match split {
+        None => v1::Split::Unspecified,
+        Some(Split::Train) => v1::Split::Train,
+        Some(Split::Validation) => v1::Split::Validation,
+        Some(Split::Test) => v1::Split::Test,
+    }
+}
+
+/// Among many pairs it must be told which one was refused.
+fn named(id: &str, count: usize, error: lightpath::Error) -> Failure {
+    if count > 1 {
+        say(&format!("at pair {id}; the pairs before it are in the dataset:"));
+    }
+    error.into()
+}
+
+fn text(id: &str, dataset: &v1::Dataset) -> String {
+    let added = format!("added pair {id} to {}; pairs now: {}", names::id(&dataset.name), dataset.pair_count);
+    dataset.findings.iter().fold(added, |text, finding| format!("{text}\n  it {}", finding.message))
+}

@@ -1,0 +1,200 @@
+//! `lightpath dataset calibration` and `align`
+
+use super::show::facts;
+use crate::cli::destination;
+use crate::cli::failure::Failure;
+use crate::cli::session::Session;
+use crate::cli::submission::Submission;
+use crate::cli::{job_text, progress};
+use clap::Args;
+use lightpath::v1::{self, OptimizeHologram, align_dataset_request::Source, job_spec};
+use lightpath::{hologram_result, names};
+use std::path::{Path, PathBuf};
+
+/// Make the hologram to display for an alignment: a grid of dots.
+///
+/// It is optimized for the dataset's display, wavelength and distance through the ideal kernel. Display it, photograph it with
+/// the camera where it takes the dataset's photographs, and hand the photograph to `lightpath dataset align --dots`.
+#[derive(Debug, Args)]
+#[command(after_long_help = "\
+Example:
+  lightpath dataset calibration bench-1 -o dots.png
+  lightpath dataset align bench-1 --dots photo-of-dots.png \\
+      --before before.png --after after.png")]
+pub(crate) struct Calibration {
+    /// Name of the dataset
+    name: String,
+
+    /// Where the hologram goes, a grey PNG of levels
+    #[arg(short = 'o', value_name = "PHASE.png")]
+    phase: PathBuf,
+
+    /// Steps of the optimization, 1 to 10000
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..))]
+    iterations: u32,
+
+    #[command(flatten)]
+    submission: Submission,
+}
+
+/// Tell where the camera sees the display's pixels.
+///
+/// From the photograph of the displayed dots, from given points, or by correlating the pairs that are there with what their
+/// holograms should show. Photographs are resampled to the display's pixels from then on, and may have any size.
+#[derive(Debug, Args)]
+#[command(after_long_help = "\
+Examples:
+  lightpath dataset align bench-1 --dots photo-of-dots.png --after after.png
+  lightpath dataset align bench-1 --points points.csv --photo-size 4096x3000
+  lightpath dataset align bench-1 --pairs
+
+  points.csv has a line for each point, at least 4, pixel centres at whole
+  numbers, x to the right, y down
+    display_x,display_y,photo_x,photo_y
+    0,0,412.3,288.9")]
+pub(crate) struct Align {
+    /// Name of the dataset
+    name: String,
+
+    #[command(flatten)]
+    source: From,
+
+    /// Size of the photographs, columns x rows, with --points
+    #[arg(long, value_name = "WxH", value_parser = crate::cli::arguments::resolution, requires = "points")]
+    photo_size: Option<(u32, u32)>,
+
+    /// Where a picture of a photograph as it is goes, PNG
+    #[arg(long, value_name = "FILE.png")]
+    before: Option<PathBuf>,
+
+    /// Where a picture of it on the display's pixels goes, PNG
+    #[arg(long, value_name = "FILE.png")]
+    after: Option<PathBuf>,
+}
+
+/// What an alignment is found from.
+#[derive(Debug, Args)]
+#[group(required = true, multiple = false)]
+struct From {
+    /// The photograph of the displayed dots
+    #[arg(long, value_name = "PHOTO")]
+    dots: Option<PathBuf>,
+
+    /// A .csv file of points, with --photo-size
+    #[arg(long, value_name = "FILE.csv", requires = "photo_size")]
+    points: Option<PathBuf>,
+
+    /// The dataset's own pairs: refines the alignment that is there
+    #[arg(long)]
+    pairs: bool,
+
+    /// Back to one camera pixel a pixel of the display
+    #[arg(long)]
+    none: bool,
+}
+
+impl Calibration {
+    pub(super) async fn run(self, session: &Session) -> Result<(), Failure> {
+        let name = [format!("{}-dots", self.name)];
+        let phase = destination::files("-o", &self.phase, &name, "-phase.png")?.remove(0);
+        let request = v1::GetDatasetRequest { name: names::dataset(&self.name) };
+        let dataset = session.client.get_dataset(request).await?;
+        let request = v1::CreateCalibrationTargetRequest { display: dataset.display.clone() };
+        let target = session.client.create_calibration_target(request).await?;
+        let kind = job_spec::Kind::OptimizeHologram(OptimizeHologram {
+            display: dataset.display,
+            wavelength_m: dataset.wavelength_m,
+            distance_m: dataset.distance_m,
+            target: target.target,
+            kernel: "ideal".to_owned(),
+            iterations: self.iterations,
+            seed: 1,
+            ..Default::default()
+        });
+        let job = self.submission.submit(session, kind, None).await?;
+        let [name] = name;
+        for job in progress::wait_all(session, vec![(name, job)]).await? {
+            if let Ok(result) = hologram_result(&job) {
+                session.client.download_to(&result.phase, &phase).await?;
+            }
+            session
+                .print(&job, |_| format!("hologram of {}×{} dots  {}", target.columns, target.rows, phase.display()))?;
+            job_text::check_success(&[job])?;
+        }
+        Ok(())
+    }
+}
+
+impl Align {
+    pub(super) async fn run(self, session: &Session) -> Result<(), Failure> {
+        let source = if let Some(photo) = &self.source.dots {
+            Source::DotsPhoto(session.client.upload_file(photo).await?)
+        } else if let (Some(path), Some(size)) = (&self.source.points, self.photo_size) {
+            Source::Points(read_points(path, size)?)
+        } else if self.source.pairs {
+            Source::Pairs(true)
+        } else {
+            Source::None(true)
+        };
+        let request = v1::AlignDatasetRequest { name: names::dataset(&self.name), source: Some(source) };
+        let dataset = session.client.align_dataset(request).await?;
+        let alignment = dataset.alignment.clone().unwrap_or_default();
+        for (path, digest, option) in
+            [(&self.before, &alignment.before, "--before"), (&self.after, &alignment.after, "--after")]
+        {
+            match path {
+                Some(path) if !digest.is_empty() => session.client.download_to(digest, path).await?,
+                Some(_) => {
+                    return Err(Failure::Usage(format!("{option}: there are no pictures of this kind of alignment")));
+                }
+                None => {}
+            }
+        }
+        session.print(&dataset, |dataset| facts(&v1::Dataset { pairs: Vec::new(), ..dataset.clone() }))
+    }
+}
+
+fn read_points(path: &Path, (photo_width_px, photo_height_px): (u32, u32)) -> Result<v1::AlignmentPoints, Failure> {
+    let text = std::fs::read_to_string(path).map_err(|source| lightpath::Error::File {
+        action: "read",
+        path: path.to_owned(),
+        source,
+    })?;
+    let refused = |number: usize, problem: &str| {
+        Failure::Usage(format!("--points {}: line {}: {problem}", path.display(), number + 1))
+    };
+    let mut points = Vec::new();
+    for (number, line) in text.lines().enumerate() {
+        let fields: Vec<&str> = line.split(',').map(str::trim).collect();
+        // A line of names may stand first.
+        if line.trim().is_empty() || (number == 0 && fields.iter().all(|field| field.parse::<f64>().is_err())) {
+            continue;
+        }
+        let numbers: Option<Vec<f64>> = fields.iter().map(|field| field.parse().ok()).collect();
+        let Some([display_x_px, display_y_px, photo_x_px, photo_y_px]) = numbers.as_deref() else {
+            return Err(refused(number, "it must have four numbers: display_x,display_y,photo_x,photo_y"));
+        };
+        points.push(v1::AlignmentPoint {
+            display_x_px: *display_x_px,
+            display_y_px: *display_y_px,
+            photo_x_px: *photo_x_px,
+            photo_y_px: *photo_y_px,
+        });
+    }
+    Ok(v1::AlignmentPoints { photo_width_px, photo_height_px, points })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_are_read_with_and_without_names() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), "display_x,display_y,photo_x,photo_y\n0, 1,2.5,3\n\n4,5,6,7\n").unwrap();
+        let points = read_points(file.path(), (40, 30)).unwrap();
+        assert_eq!((points.points.len(), points.points[0].photo_x_px, points.photo_width_px), (2, 2.5, 40));
+        std::fs::write(file.path(), "0,1,2,3\n4,5,6\n").unwrap();
+        assert!(matches!(read_points(file.path(), (40, 30)), Err(Failure::Usage(text)) if text.contains("line 2")));
+    }
+}

@@ -1,0 +1,257 @@
+//! Lists of pairs: manifests, and folders matched by file name.
+
+use super::add::Split;
+use crate::cli::destination::name_of;
+use crate::cli::failure::Failure;
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Extensions of holograms and photographs; other files of a folder are passed over.
+const PICTURES: [&str; 6] = ["png", "tif", "tiff", "jpg", "jpeg", "npy"];
+/// Names that are shown in a message.
+const SHOWN_MAX: usize = 5;
+
+/// One pair of a list.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Entry {
+    pub(super) id: String,
+    pub(super) phase: PathBuf,
+    pub(super) photo: PathBuf,
+    pub(super) split: Option<Split>,
+    pub(super) black_level: Option<f64>,
+    pub(super) exposure_s: Option<f64>,
+    pub(super) camera_gain: Option<f64>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Manifest {
+    black_level: Option<f64>,
+    exposure_s: Option<f64>,
+    camera_gain: Option<f64>,
+    pairs: Vec<Entry>,
+}
+
+impl Entry {
+    pub(super) fn new(id: String, phase: PathBuf, photo: PathBuf) -> Self {
+        Self { id, phase, photo, split: None, black_level: None, exposure_s: None, camera_gain: None }
+    }
+}
+
+/// The pairs of a manifest, with paths as they are from here.
+pub(super) fn read(path: &Path) -> Result<Vec<Entry>, Failure> {
+    let text = std::fs::read_to_string(path).map_err(|source| lightpath::Error::File {
+        action: "read",
+        path: path.to_owned(),
+        source,
+    })?;
+    let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    let parsed: Result<Manifest, String> = match extension.as_str() {
+        "toml" => toml::from_str(&text).map_err(|error| error.to_string()),
+        "json" => serde_json::from_str(&text).map_err(|error| error.to_string()),
+        "csv" => table(&text),
+        other => Err(format!("its name ends with \".{other}\", but a manifest is .toml, .json or .csv")),
+    };
+    let manifest = parsed.map_err(|problem| Failure::Usage(format!("--manifest {}: {problem}", path.display())))?;
+    if manifest.pairs.is_empty() {
+        return Err(Failure::Usage(format!("--manifest {}: it lists no pairs", path.display())));
+    }
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let complete = |entry: Entry| Entry {
+        phase: folder.join(&entry.phase),
+        photo: folder.join(&entry.photo),
+        black_level: entry.black_level.or(manifest.black_level),
+        exposure_s: entry.exposure_s.or(manifest.exposure_s),
+        camera_gain: entry.camera_gain.or(manifest.camera_gain),
+        ..entry
+    };
+    Ok(manifest.pairs.into_iter().map(complete).collect())
+}
+
+/// A hologram and a photograph for each name that both folders have; a name that only one of them has is refused.
+pub(super) fn matched(phases: &Path, photos: &Path) -> Result<Vec<Entry>, Failure> {
+    let (mut holograms, mut photographs) = (pictures(phases)?, pictures(photos)?);
+    let entries: Vec<Entry> = holograms
+        .keys()
+        .cloned()
+        .collect::<Vec<_>>()
+        .into_iter()
+        .filter_map(|name| {
+            let photo = photographs.remove(&name)?;
+            Some(Entry::new(name.clone(), holograms.remove(&name)?, photo))
+        })
+        .collect();
+    for (left, here, there) in [(&holograms, phases, photos), (&photographs, photos, phases)] {
+        if !left.is_empty() {
+            let shown: Vec<&str> = left.keys().take(SHOWN_MAX).map(String::as_str).collect();
+            return Err(Failure::Usage(format!(
+                "{} of {} have no partner of the same name in {}: {}{}; rename them, or list the pairs in a --manifest",
+                left.len(),
+                here.display(),
+                there.display(),
+                shown.join(", "),
+                if left.len() > SHOWN_MAX { ", …" } else { "" },
+            )));
+        }
+    }
+    if entries.is_empty() {
+        return Err(Failure::Usage(format!("there are no pictures in {}", phases.display())));
+    }
+    Ok(entries)
+}
+
+/// The pictures of a folder by their names without extension.
+fn pictures(folder: &Path) -> Result<BTreeMap<String, PathBuf>, Failure> {
+    let refused = |source| lightpath::Error::File { action: "read", path: folder.to_owned(), source };
+    let mut found = BTreeMap::new();
+    for entry in std::fs::read_dir(folder).map_err(refused)? {
+        let path = entry.map_err(refused)?.path();
+        let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+        if !PICTURES.contains(&extension.as_str()) {
+            continue;
+        }
+        if let Some(other) = found.insert(name_of(&path), path.clone()) {
+            let (a, b) = (other.display(), path.display());
+            return Err(Failure::Usage(format!("{a} and {b} have the same name; list the pairs in a --manifest")));
+        }
+    }
+    Ok(found)
+}
+
+/// Comma-separated values: a line of names, then a line for each pair. Fields may be quoted, with quotes doubled inside.
+fn table(text: &str) -> Result<Manifest, String> {
+    let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
+    let (_, first) = lines.next().ok_or("it is empty")?;
+    let names = fields(first.trim_start_matches('\u{feff}'));
+    const KNOWN: [&str; 7] = ["id", "phase", "photo", "split", "black_level", "exposure_s", "camera_gain"];
+    if let Some(unknown) = names.iter().find(|name| !KNOWN.contains(&name.as_str())) {
+        return Err(format!("its first line names \"{unknown}\", but columns are {}", KNOWN.join(", ")));
+    }
+    let pairs = lines
+        .map(|(number, line)| entry(&names, &fields(line)).map_err(|error| format!("line {}: {error}", number + 1)));
+    Ok(Manifest { black_level: None, exposure_s: None, camera_gain: None, pairs: pairs.collect::<Result<_, _>>()? })
+}
+
+fn entry(names: &[String], fields: &[String]) -> Result<Entry, String> {
+    if fields.len() != names.len() {
+        return Err(format!("it has {} fields, but the first line has {}", fields.len(), names.len()));
+    }
+    let of = |name: &str| {
+        let value = names.iter().position(|known| known == name).map(|i| fields[i].as_str());
+        value.filter(|value| !value.is_empty())
+    };
+    let required = |name: &str| of(name).map(str::to_owned).ok_or_else(|| format!("it has no {name}"));
+    let number = |name: &str| {
+        let parsed =
+            of(name).map(|text| text.parse::<f64>().map_err(|_| format!("{name} is \"{text}\", but must be a number")));
+        parsed.transpose()
+    };
+    let split = match of("split") {
+        None => None,
+        Some("train") => Some(Split::Train),
+        Some("validation") => Some(Split::Validation),
+        Some("test") => Some(Split::Test),
+        Some(other) => return Err(format!("split is \"{other}\", but must be train, validation or test")),
+    };
+    Ok(Entry {
+        id: required("id")?,
+        phase: required("phase")?.into(),
+        photo: required("photo")?.into(),
+        split,
+        black_level: number("black_level")?,
+        exposure_s: number("exposure_s")?,
+        camera_gain: number("camera_gain")?,
+    })
+}
+
+fn fields(line: &str) -> Vec<String> {
+    let (mut fields, mut field, mut quoted) = (Vec::new(), String::new(), false);
+    let mut characters = line.trim_end_matches('\r').chars().peekable();
+    while let Some(character) = characters.next() {
+        match character {
+            '"' if quoted && characters.peek() == Some(&'"') => {
+                characters.next();
+                field.push('"');
+            }
+            '"' => quoted = !quoted,
+            ',' if !quoted => fields.push(std::mem::take(&mut field).trim().to_owned()),
+            other => field.push(other),
+        }
+    }
+    fields.push(field.trim().to_owned());
+    fields
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn message(result: Result<Vec<Entry>, Failure>) -> String {
+        match result {
+            Err(Failure::Usage(text)) => text,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn all_three_kinds_of_manifest_say_the_same() {
+        let folder = tempfile::tempdir().unwrap();
+        let toml =
+            "exposure_s = 0.02\n[[pairs]]\nid = \"a,1\"\nphase = \"p.png\"\nphoto = \"c.tif\"\nsplit = \"test\"\n";
+        let json =
+            r#"{"exposure_s": 0.02, "pairs": [{"id": "a,1", "phase": "p.png", "photo": "c.tif", "split": "test"}]}"#;
+        let csv = "id,phase,photo,split,exposure_s\r\n\"a,1\", p.png ,c.tif,test,0.02\r\n\r\n";
+        for (name, text) in [("m.toml", toml), ("m.json", json), ("m.csv", csv)] {
+            let path = folder.path().join(name);
+            std::fs::write(&path, text).unwrap();
+            let entries = read(&path).unwrap();
+            assert_eq!(
+                (entries.len(), entries[0].id.as_str(), entries[0].exposure_s),
+                (1, "a,1", Some(0.02)),
+                "{name}"
+            );
+            assert_eq!(entries[0].photo, folder.path().join("c.tif"));
+            assert!(matches!(entries[0].split, Some(Split::Test)));
+        }
+    }
+
+    #[test]
+    fn mistakes_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, text, sign) in [
+            ("a.csv", "id,phase,foto\n", "\"foto\""),
+            ("b.csv", "id,phase,photo\np1,p.png\n", "line 2: it has 2 fields"),
+            ("c.csv", "id,phase,photo,exposure_s\np1,p.png,c.png,fast\n", "exposure_s is \"fast\""),
+            ("d.toml", "[[pairs]]\nid = \"a\"\nphase = \"p.png\"\nfoto = \"c.png\"\n", "foto"),
+            ("e.json", "{\"pairs\": []}", "lists no pairs"),
+            ("f.txt", "", ".txt"),
+        ] {
+            let path = folder.path().join(name);
+            std::fs::write(&path, text).unwrap();
+            let error = message(read(&path));
+            assert!(error.contains(sign) && error.contains(name), "{error}");
+        }
+    }
+
+    #[test]
+    fn folders_are_matched_by_name_and_nothing_is_left_over() {
+        let folder = tempfile::tempdir().unwrap();
+        let (phases, photos) = (folder.path().join("phases"), folder.path().join("photos"));
+        for (folder, names) in [(&phases, ["02.png", "01.png", "notes.txt"]), (&photos, ["01.tif", "02.jpg", "x.md"])] {
+            std::fs::create_dir(folder).unwrap();
+            names.iter().for_each(|name| std::fs::write(folder.join(name), name).unwrap());
+        }
+        let entries = matched(&phases, &photos).unwrap();
+        let seen: Vec<_> =
+            entries.iter().map(|e| (e.id.as_str(), e.photo.file_name().unwrap().to_str().unwrap())).collect();
+        assert_eq!(seen, [("01", "01.tif"), ("02", "02.jpg")]);
+        std::fs::write(photos.join("03.png"), "").unwrap();
+        let error = message(matched(&phases, &photos));
+        assert!(error.contains("03") && error.contains("no partner"), "{error}");
+        std::fs::remove_file(photos.join("03.png")).unwrap();
+        std::fs::write(photos.join("01.png"), "").unwrap();
+        assert!(message(matched(&phases, &photos)).contains("the same name"));
+    }
+}

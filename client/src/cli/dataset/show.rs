@@ -1,0 +1,95 @@
+//! Datasets as text.
+
+use crate::cli::table::{Facts, Table};
+use crate::cli::{job_text, show};
+use lightpath::names;
+use lightpath::v1::{self, Dataset, dataset::State};
+
+pub(super) fn state(dataset: &Dataset) -> String {
+    show::word("STATE_", dataset.state().as_str_name())
+}
+
+/// A dataset with its pairs and what is to be known about them.
+pub(super) fn facts(dataset: &Dataset) -> String {
+    let mut facts = Facts::default();
+    facts.add("dataset", names::id(&dataset.name));
+    facts.add("display", names::id(&dataset.display));
+    facts.add("optics", job_text::optics(dataset.wavelength_m, dataset.distance_m));
+    facts.add(
+        "state",
+        match dataset.state() {
+            State::Open => "open: takes pairs".to_owned(),
+            State::Finalized | State::Unspecified => state(dataset),
+        },
+    );
+    facts.add("photographs", show::word("ENCODING_", dataset.photo_encoding().as_str_name()));
+    facts.add("pairs", dataset.pair_count.to_string());
+    facts.add_some("created", dataset.create_time.as_ref().map(show::time));
+    facts.add_some("finalized", dataset.finalize_time.as_ref().map(show::time));
+    if !dataset.digest.is_empty() {
+        facts.add("digest", &dataset.digest);
+    }
+    if let Some(alignment) = &dataset.alignment {
+        facts.add("alignment", alignment_text(alignment));
+    }
+    let mut text = facts.text();
+    if !dataset.pairs.is_empty() {
+        text = format!("{text}\n{}", pair_table(dataset).text());
+    }
+    if !dataset.findings.is_empty() {
+        text.push_str("\nFindings\n");
+        for finding in &dataset.findings {
+            let pair = if finding.pair.is_empty() { "all".to_owned() } else { format!("pair {}", finding.pair) };
+            let left_out = if finding.excludes { " (left out)" } else { "" };
+            text.push_str(&format!("  {pair}: {}{left_out}\n", finding.message));
+        }
+    }
+    text
+}
+
+fn alignment_text(alignment: &v1::Alignment) -> String {
+    let (found, of) = match alignment.method() {
+        v1::alignment::Method::Dots => ("from a photograph of the dots", "dots"),
+        v1::alignment::Method::Pairs => ("from the pairs", "tiles"),
+        v1::alignment::Method::Points | v1::alignment::Method::Unspecified => ("from points", "points"),
+    };
+    format!(
+        "{found}: corrects {:.2} px, residual {:.3} px over {} {of}; photographs of {}×{} px",
+        alignment.corrected_px,
+        alignment.residual_px,
+        alignment.points,
+        alignment.photo_width_px,
+        alignment.photo_height_px
+    )
+}
+
+fn pair_table(dataset: &Dataset) -> Table {
+    let titles = ["pair", "split", ">saturated", ">black", ">contrast", ">match", ">off", "hologram", "photograph"];
+    let mut table = Table::new(&titles);
+    for pair in &dataset.pairs {
+        let split = match pair.split() {
+            v1::Split::Unspecified => "–".to_owned(),
+            split => show::word("SPLIT_", split.as_str_name()),
+        };
+        let checks = pair.checks.as_ref();
+        let cell = |value: Option<f64>, text: fn(f64) -> String| value.map_or_else(|| "–".to_owned(), text);
+        let percent = |value: f64| format!("{:.1} %", 100.0 * value);
+        table.row([
+            pair.id.clone(),
+            split,
+            cell(checks.map(|checks| checks.saturated), percent),
+            cell(checks.map(|checks| checks.black), percent),
+            cell(checks.map(|checks| checks.contrast), |value| format!("{value:.2}")),
+            cell(checks.and_then(|checks| checks.correlation), |value| format!("{value:.2}")),
+            cell(checks.and_then(|checks| checks.misalignment_px), |value| format!("{value:.2} px")),
+            short(&pair.phase),
+            short(&pair.photo),
+        ]);
+    }
+    table
+}
+
+/// Enough of a digest to tell it from others; `--output json` shows all of it.
+fn short(digest: &str) -> String {
+    digest.strip_prefix("sha256-").map_or_else(|| digest.to_owned(), |hex| hex.chars().take(12).collect())
+}

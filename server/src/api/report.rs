@@ -1,0 +1,159 @@
+//! Reports of kernel versions.
+
+use super::Api;
+use super::error::ApiError;
+use crate::artifacts::Artifacts;
+use crate::captures::{CaptureError, Captures};
+use crate::dataset::{Dataset, Split};
+use crate::display::Display;
+use crate::job::{JobResult, LearnKernel};
+use crate::kernel::{KernelKey, KernelVersion};
+use crate::kernel_file;
+use crate::report::{self, Earlier, Evidence, PAIRS_SHOWN_MAX, Report, ReportError, ReportInput};
+use crate::store::StoreError;
+use lightpath_optics::learning::Pair;
+use lightpath_optics::{Detector, DisplayModel, Engine, RegionOfInterest};
+use lightpath_proto::v1;
+use tokio::runtime::Handle;
+
+/// Other versions that a report compares with, at most: the newest ones.
+const EARLIER_MAX: u32 = 12;
+/// Training pairs whose holograms tell which band is lit: more change little.
+const LIT_BY_MAX: usize = 16;
+
+/// Why a report could not be made.
+#[derive(Debug, thiserror::Error)]
+enum Failure {
+    #[error(transparent)]
+    Capture(#[from] CaptureError),
+    #[error(transparent)]
+    Optics(#[from] lightpath_optics::Error),
+    #[error(transparent)]
+    Artifact(#[from] crate::artifacts::ArtifactError),
+    #[error(transparent)]
+    Report(#[from] ReportError),
+}
+
+impl Api {
+    /// Makes the report of a version and stores its parts.
+    pub(super) async fn report(&self, key: &KernelKey, number: u32) -> Result<v1::KernelReport, ApiError> {
+        let version = self.store.kernel_version(key, number).await?;
+        let model = self.model_of(&version).await?;
+        let dataset = self.dataset_of(&version).await?;
+        let (display, _) = self.store.display(&key.display).await?;
+        let earlier = self.earlier(key, number).await?;
+        let loss_history = self.loss_history(&version).await?;
+        let (artifacts, runtime) = (self.artifacts.clone(), Handle::current());
+        let make = move || -> Result<Report, Failure> {
+            let parameters: Option<LearnKernel> = serde_json::from_str(&version.content.lineage.parameters_json).ok();
+            let evidence = match dataset {
+                None => None,
+                Some(dataset) => Some(gather(&display, &dataset, &model, parameters.as_ref(), &artifacts, &runtime)?),
+            };
+            Ok(report::make(&ReportInput { version, model, loss_history, evidence, earlier })?)
+        };
+        let made = self.computed(make).await?.map_err(|error| match error {
+            Failure::Artifact(error) => error.into(),
+            error => {
+                ApiError::Precondition { reason: "NO_REPORT", message: format!("{key}/versions/{number}: {error}") }
+            }
+        })?;
+        let mut figures = Vec::with_capacity(made.figures.len());
+        for figure in made.figures {
+            let artifact = self.kept(figure.bytes).await?;
+            figures.push(v1::kernel_report::Figure { name: figure.name, title: figure.title, artifact });
+        }
+        Ok(v1::KernelReport {
+            html: self.kept(made.html.into_bytes()).await?,
+            arrays: self.kept(made.arrays).await?,
+            figures,
+        })
+    }
+
+    async fn model_of(&self, version: &KernelVersion) -> Result<DisplayModel, ApiError> {
+        let bytes = self.artifacts.read_all(&version.content.artifact).await?;
+        let (model, _) = kernel_file::decode(&bytes).map_err(|error| ApiError::Precondition {
+            reason: "KERNEL_UNREADABLE",
+            message: format!("{}/versions/{}: {error}", version.key, version.version),
+        })?;
+        Ok(model)
+    }
+
+    /// What the version was learned from; `None` for imports, and where that dataset is gone or another one by now.
+    async fn dataset_of(&self, version: &KernelVersion) -> Result<Option<Dataset>, ApiError> {
+        let lineage = &version.content.lineage;
+        if lineage.dataset.is_empty() {
+            return Ok(None);
+        }
+        match self.store.dataset(&lineage.dataset).await {
+            Ok(dataset) => Ok(Some(dataset).filter(|found| found.digest.as_deref() == Some(&lineage.dataset_digest))),
+            Err(StoreError::NotFound { .. }) => Ok(None),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    async fn earlier(&self, key: &KernelKey, number: u32) -> Result<Vec<Earlier>, ApiError> {
+        let mut earlier = Vec::new();
+        for other in self.store.kernel_versions(key, None, EARLIER_MAX + 1).await? {
+            if other.version != number && earlier.len() < EARLIER_MAX as usize {
+                let metrics = &other.content.metrics;
+                let test_loss = (metrics.test_pairs > 0).then_some(metrics.test_loss);
+                earlier.push(Earlier { version: other.version, test_loss, model: self.model_of(&other).await? });
+            }
+        }
+        Ok(earlier)
+    }
+
+    async fn loss_history(&self, version: &KernelVersion) -> Result<Vec<f64>, ApiError> {
+        let id = &version.content.lineage.job;
+        if id.is_empty() {
+            return Ok(Vec::new());
+        }
+        match self.store.job(id).await {
+            Ok(job) => Ok(match job.result {
+                Some(JobResult::Learn(learned)) => learned.loss_history,
+                _ => Vec::new(),
+            }),
+            Err(StoreError::NotFound { .. }) => Ok(Vec::new()),
+            Err(error) => Err(error.into()),
+        }
+    }
+}
+
+/// Held-out pairs first: what they say was not fitted.
+fn gather(
+    display: &Display,
+    dataset: &Dataset,
+    model: &DisplayModel,
+    parameters: Option<&LearnKernel>,
+    artifacts: &Artifacts,
+    runtime: &Handle,
+) -> Result<Evidence, Failure> {
+    let captures = Captures::of(display, dataset)?;
+    let grid = captures.setup().grid();
+    let region = match parameters.map(|parameters| parameters.region_of_interest) {
+        None => RegionOfInterest::middle(&grid),
+        Some(region) => {
+            let [x, y, width, height] =
+                [region.x_px, region.y_px, region.width_px, region.height_px].map(|px| px as usize);
+            RegionOfInterest::try_new(&grid, x, y, width, height)?
+        }
+    };
+    let detector = parameters.map_or(Detector::Pixel, |parameters| match parameters.detector {
+        crate::job::Detector::Point => Detector::Point,
+        crate::job::Detector::Pixel => Detector::Pixel,
+        crate::job::Detector::Supersampled => Detector::Supersampled,
+    });
+    let engine = Engine::of_display(model, detector, captures.carrier())?;
+    let mut evidence = Evidence::new(region, grid.height_px(), grid.width_px(), grid.pixel_pitch_m());
+    for (split, most) in
+        [(Split::Test, PAIRS_SHOWN_MAX), (Split::Validation, PAIRS_SHOWN_MAX), (Split::Train, LIT_BY_MAX)]
+    {
+        for pair in dataset.pairs.iter().filter(|pair| pair.split == Some(split)).take(most) {
+            let phase = captures.phase(&runtime.block_on(artifacts.read_all(&pair.phase))?)?;
+            let photo = captures.photo(pair, &runtime.block_on(artifacts.read_all(&pair.photo))?)?;
+            evidence.add(&engine, &pair.id, split, &Pair { phase, photo })?;
+        }
+    }
+    Ok(evidence)
+}

@@ -1,0 +1,186 @@
+//! Lines over a linear axis, as SVG: sharp at any size, and small.
+
+use super::ticks;
+use std::fmt::Write;
+
+/// What to draw.
+#[derive(Clone, Debug)]
+pub struct Chart<'a> {
+    /// Above the picture.
+    pub title: &'a str,
+    /// Below the x axis.
+    pub x_label: &'a str,
+    /// Beside the y axis.
+    pub y_label: &'a str,
+    /// The y axis shows powers of ten.
+    pub logarithmic: bool,
+    /// Each in a colour of its own.
+    pub lines: Vec<Line>,
+}
+
+/// One line.
+#[derive(Clone, Debug)]
+pub struct Line {
+    /// For the legend.
+    pub label: String,
+    /// x and y, ascending in x.
+    pub points: Vec<(f64, f64)>,
+    /// Drawn dashed: something to compare with.
+    pub dashed: bool,
+}
+
+const COLOURS: [&str; 6] = ["#1f5fa8", "#d46a0c", "#2b8a5e", "#a82e5b", "#6b55b0", "#555555"];
+const WIDTH: f64 = 640.0;
+const HEIGHT: f64 = 340.0;
+const LEFT: f64 = 76.0;
+const TOP: f64 = 36.0;
+const PLOT_WIDTH: f64 = 400.0;
+const PLOT_HEIGHT: f64 = 248.0;
+
+impl Chart<'_> {
+    /// Draws it.
+    #[must_use]
+    pub fn svg(&self) -> String {
+        let usable = |&&(x, y): &&(f64, f64)| x.is_finite() && y.is_finite() && (!self.logarithmic || y > 0.0);
+        let points = || self.lines.iter().flat_map(|line| &line.points).filter(usable);
+        let range = |of: fn(&(f64, f64)) -> f64| {
+            points().map(of).fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)))
+        };
+        let (x_low, x_high) = widened(range(|point| point.0), 0.0);
+        let (y_low, y_high) = if self.logarithmic {
+            let (low, high) = range(|point| point.1);
+            if low <= high { (low / 1.3, high * 1.3) } else { (0.1, 1.0) }
+        } else {
+            widened(range(|point| point.1), 0.05)
+        };
+        let at_x = |x: f64| LEFT + PLOT_WIDTH * (x - x_low) / (x_high - x_low);
+        let at_y = |y: f64| {
+            let part = if self.logarithmic {
+                (y / y_low).ln() / (y_high / y_low).ln()
+            } else {
+                (y - y_low) / (y_high - y_low)
+            };
+            TOP + PLOT_HEIGHT * (1.0 - part)
+        };
+        let mut svg = format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {HEIGHT}\" width=\"{WIDTH}\" height=\"{HEIGHT}\" \
+             font-family=\"DejaVu Sans, Verdana, sans-serif\" font-size=\"12\" fill=\"#1a1a1a\">\
+             <rect width=\"{WIDTH}\" height=\"{HEIGHT}\" fill=\"#fff\"/>"
+        );
+        let y_ticks =
+            if self.logarithmic { ticks::logarithmic(y_low, y_high) } else { ticks::linear(y_low, y_high, 6) };
+        for (value, label) in y_ticks {
+            let y = at_y(value);
+            let (right, text) = (LEFT + PLOT_WIDTH, LEFT - 8.0);
+            write(
+                &mut svg,
+                format_args!("<line x1=\"{LEFT}\" x2=\"{right}\" y1=\"{y:.1}\" y2=\"{y:.1}\" stroke=\"#e4e4e4\"/>"),
+            );
+            write(&mut svg, format_args!("<text x=\"{text}\" y=\"{:.1}\" text-anchor=\"end\">{label}</text>", y + 4.0));
+        }
+        let bottom = TOP + PLOT_HEIGHT;
+        for (value, label) in ticks::linear(x_low, x_high, 8) {
+            let x = at_x(value);
+            let end = bottom + 4.0;
+            write(
+                &mut svg,
+                format_args!("<line x1=\"{x:.1}\" x2=\"{x:.1}\" y1=\"{bottom}\" y2=\"{end}\" stroke=\"#6b6b6b\"/>"),
+            );
+            write(
+                &mut svg,
+                format_args!("<text x=\"{x:.1}\" y=\"{}\" text-anchor=\"middle\">{label}</text>", bottom + 19.0),
+            );
+        }
+        write(
+            &mut svg,
+            format_args!(
+                "<rect x=\"{LEFT}\" y=\"{TOP}\" width=\"{PLOT_WIDTH}\" height=\"{PLOT_HEIGHT}\" fill=\"none\" stroke=\"#c8c8c8\"/>"
+            ),
+        );
+        for (i, line) in self.lines.iter().enumerate() {
+            let colour = COLOURS[i % COLOURS.len()];
+            let dash = if line.dashed { " stroke-dasharray=\"6 5\"" } else { "" };
+            let path: Vec<String> =
+                line.points.iter().filter(usable).map(|&(x, y)| format!("{:.1},{:.1}", at_x(x), at_y(y))).collect();
+            write(
+                &mut svg,
+                format_args!(
+                    "<polyline points=\"{}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"2\"{dash}/>",
+                    path.join(" ")
+                ),
+            );
+            let (y, x) = (TOP + 12.0 + 20.0 * i as f64, LEFT + PLOT_WIDTH + 14.0);
+            write(
+                &mut svg,
+                format_args!(
+                    "<line x1=\"{x}\" x2=\"{}\" y1=\"{y}\" y2=\"{y}\" stroke=\"{colour}\" stroke-width=\"2\"{dash}/>",
+                    x + 22.0
+                ),
+            );
+            write(&mut svg, format_args!("<text x=\"{}\" y=\"{}\">{}</text>", x + 28.0, y + 4.0, escaped(&line.label)));
+        }
+        let middle = LEFT + PLOT_WIDTH / 2.0;
+        write(
+            &mut svg,
+            format_args!(
+                "<text x=\"{middle}\" y=\"22\" text-anchor=\"middle\" font-size=\"15\">{}</text>",
+                escaped(self.title)
+            ),
+        );
+        write(
+            &mut svg,
+            format_args!(
+                "<text x=\"{middle}\" y=\"{}\" text-anchor=\"middle\">{}</text>",
+                bottom + 42.0,
+                escaped(self.x_label)
+            ),
+        );
+        let y = TOP + PLOT_HEIGHT / 2.0;
+        write(
+            &mut svg,
+            format_args!(
+                "<text x=\"18\" y=\"{y}\" text-anchor=\"middle\" transform=\"rotate(-90 18 {y})\">{}</text>",
+                escaped(self.y_label)
+            ),
+        );
+        svg.push_str("</svg>");
+        svg
+    }
+}
+
+/// Text as it must stand in markup.
+#[must_use]
+pub fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+/// Writing to a string cannot fail.
+fn write(svg: &mut String, part: std::fmt::Arguments<'_>) {
+    let _ = svg.write_fmt(part);
+}
+
+/// A range that has a length, with a margin.
+fn widened((low, high): (f64, f64), margin: f64) -> (f64, f64) {
+    if low > high || !low.is_finite() || !high.is_finite() {
+        return (0.0, 1.0);
+    }
+    let length = if high - low > 1e-12 * high.abs().max(1e-12) { high - low } else { low.abs().max(1.0) };
+    (low - margin * length, low.max(high).max(low + length) + margin * length)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_without_numbers_are_no_reason_to_fail_and_text_is_escaped() {
+        for points in [vec![], vec![(0.0, f64::NAN)], vec![(1.0, 2.0)], vec![(0.0, -1.0), (1.0, 3.0)]] {
+            for logarithmic in [false, true] {
+                let lines = vec![Line { label: "a < b".to_owned(), points: points.clone(), dashed: true }];
+                let svg = Chart { title: "t & u", x_label: "x", y_label: "y", logarithmic, lines }.svg();
+                assert!(svg.ends_with("</svg>") && svg.contains("a &lt; b") && svg.contains("t &amp; u"));
+                assert!(!svg.contains("NaN") && !svg.contains("inf"), "{svg}");
+            }
+        }
+    }
+}

@@ -1,0 +1,330 @@
+//! The part of Python's pickle that a tensor is written in.
+//!
+//! A pickle is a program for a small stack machine, and two of its instructions fetch and call any Python function. This
+//! reader knows the instructions that a tensor needs, and of functions and classes the few names that `torch.save` writes for
+//! one; it calls none of them. Whatever else it meets it refuses. (`pickletools.py` of CPython documents the instructions.)
+
+use super::KernelFormatError;
+use super::array::Kind;
+use std::collections::HashMap;
+
+/// What a pickle says of a tensor.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct PickledTensor {
+    /// Name of the file that holds its numbers.
+    pub(super) storage: String,
+    pub(super) kind: Kind,
+    /// Numbers in the storage.
+    pub(super) numbers: usize,
+    /// The first one of the tensor.
+    pub(super) offset: usize,
+    pub(super) shape: Vec<usize>,
+    pub(super) stride: Vec<usize>,
+}
+
+/// Instructions and values are few in a tensor's pickle.
+const INSTRUCTIONS_MAX: usize = 10_000;
+
+#[derive(Clone, Debug, PartialEq)]
+enum Value {
+    Mark,
+    None,
+    Bool,
+    Int(i64),
+    Text(String),
+    Tuple(Vec<Value>),
+    Dict,
+    Known(Known),
+    Storage(String, Kind, usize),
+    Tensor(Box<PickledTensor>),
+}
+
+/// The names that may occur.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Known {
+    RebuildTensor,
+    RebuildParameter,
+    OrderedDict,
+    Storage(Kind),
+}
+
+/// Reads the pickle of a single tensor or parameter.
+pub(super) fn read(bytes: &[u8]) -> Result<PickledTensor, KernelFormatError> {
+    let mut machine = Machine { bytes, at: 0, stack: Vec::new(), memo: HashMap::new() };
+    for _ in 0..INSTRUCTIONS_MAX {
+        if machine.step()? {
+            return match machine.stack.pop() {
+                Some(Value::Tensor(tensor)) if machine.stack.is_empty() => Ok(*tensor),
+                _ => Err(machine.refused("something else than one tensor")),
+            };
+        }
+    }
+    Err(machine.refused("too many instructions"))
+}
+
+struct Machine<'a> {
+    bytes: &'a [u8],
+    at: usize,
+    stack: Vec<Value>,
+    memo: HashMap<usize, Value>,
+}
+
+impl Machine<'_> {
+    /// One instruction; true at the end.
+    fn step(&mut self) -> Result<bool, KernelFormatError> {
+        let start = self.at;
+        let [instruction] = self.take()?;
+        match instruction {
+            0x80 => self.take::<1>().map(drop)?,
+            0x95 => self.take::<8>().map(drop)?,
+            b'.' => return Ok(true),
+            b'(' => self.stack.push(Value::Mark),
+            b'N' => self.stack.push(Value::None),
+            0x88 | 0x89 => self.stack.push(Value::Bool),
+            b')' => self.stack.push(Value::Tuple(Vec::new())),
+            b'}' => self.stack.push(Value::Dict),
+            b'K' => self.integer::<1>()?,
+            b'M' => self.integer::<2>()?,
+            b'J' => {
+                let number = i32::from_le_bytes(self.take()?);
+                self.stack.push(Value::Int(number.into()));
+            }
+            0x8a => {
+                let [length] = self.take()?;
+                let bytes = self.slice(length.into())?;
+                let number = bytes.iter().rev().fold(0_u64, |number, &byte| number << 8 | u64::from(byte));
+                let number = i64::try_from(number).ok().filter(|_| length < 8);
+                self.stack.push(Value::Int(number.ok_or_else(|| self.refused_at("a huge number", start))?));
+            }
+            b'X' => {
+                let length = u32::from_le_bytes(self.take()?);
+                self.text(length as usize)?;
+            }
+            0x8c => {
+                let [length] = self.take()?;
+                self.text(length.into())?;
+            }
+            b't' => {
+                let mark = self.stack.iter().rposition(|value| *value == Value::Mark);
+                let items =
+                    self.stack.split_off(mark.ok_or_else(|| self.refused_at("a tuple without a start", start))? + 1);
+                self.stack.pop();
+                self.stack.push(Value::Tuple(items));
+            }
+            0x85..=0x87 => {
+                let first = self.stack.len().checked_sub(usize::from(instruction - 0x84));
+                let items = self.stack.split_off(first.ok_or_else(|| self.refused_at("a tuple of too little", start))?);
+                self.stack.push(Value::Tuple(items));
+            }
+            b'q' => self.keep::<1>()?,
+            b'r' => self.keep::<4>()?,
+            0x94 => {
+                let top = self.top()?.clone();
+                self.memo.insert(self.memo.len(), top);
+            }
+            b'h' => self.recall::<1>()?,
+            b'j' => self.recall::<4>()?,
+            b'c' => {
+                let (module, name) = (self.line()?, self.line()?);
+                let known = self.known(&module, &name, start)?;
+                self.stack.push(known);
+            }
+            0x93 => {
+                let (Some(Value::Text(name)), Some(Value::Text(module))) = (self.stack.pop(), self.stack.pop()) else {
+                    return Err(self.refused_at("a name that is no text", start));
+                };
+                let known = self.known(&module, &name, start)?;
+                self.stack.push(known);
+            }
+            b'Q' => {
+                let identity = self.stack.pop();
+                let storage =
+                    storage(identity).ok_or_else(|| self.refused_at("a reference that is no storage", start))?;
+                self.stack.push(storage);
+            }
+            b'R' => {
+                let (arguments, function) = (self.stack.pop(), self.stack.pop());
+                let made = made(function, arguments).ok_or_else(|| self.refused_at("a call of another kind", start))?;
+                self.stack.push(made);
+            }
+            other => return Err(self.refused_at(&format!("instruction 0x{other:02x}"), start)),
+        }
+        Ok(false)
+    }
+
+    fn known(&self, module: &str, name: &str, at: usize) -> Result<Value, KernelFormatError> {
+        let known = match (module, name) {
+            ("torch._utils", "_rebuild_tensor_v2") => Known::RebuildTensor,
+            ("torch._utils", "_rebuild_parameter") => Known::RebuildParameter,
+            ("collections", "OrderedDict") => Known::OrderedDict,
+            ("torch", "HalfStorage") => Known::Storage(Kind::F16),
+            ("torch", "FloatStorage") => Known::Storage(Kind::F32),
+            ("torch", "DoubleStorage") => Known::Storage(Kind::F64),
+            ("torch", "ComplexFloatStorage") => Known::Storage(Kind::C64),
+            ("torch", "ComplexDoubleStorage") => Known::Storage(Kind::C128),
+            _ => return Err(self.refused_at(&format!("the name {}", shown(module, name)), at)),
+        };
+        Ok(Value::Known(known))
+    }
+
+    fn integer<const BYTES: usize>(&mut self) -> Result<(), KernelFormatError> {
+        let number = self.take::<BYTES>()?.iter().rev().fold(0_i64, |number, &byte| number << 8 | i64::from(byte));
+        self.stack.push(Value::Int(number));
+        Ok(())
+    }
+
+    fn text(&mut self, length: usize) -> Result<(), KernelFormatError> {
+        let text = String::from_utf8_lossy(self.slice(length)?).into_owned();
+        self.stack.push(Value::Text(text));
+        Ok(())
+    }
+
+    fn keep<const BYTES: usize>(&mut self) -> Result<(), KernelFormatError> {
+        let key = self.take::<BYTES>()?.iter().rev().fold(0_usize, |key, &byte| key << 8 | usize::from(byte));
+        let top = self.top()?.clone();
+        self.memo.insert(key, top);
+        Ok(())
+    }
+
+    fn recall<const BYTES: usize>(&mut self) -> Result<(), KernelFormatError> {
+        let key = self.take::<BYTES>()?.iter().rev().fold(0_usize, |key, &byte| key << 8 | usize::from(byte));
+        let value = self.memo.get(&key).cloned().ok_or_else(|| self.refused("a value that was never kept"))?;
+        self.stack.push(value);
+        Ok(())
+    }
+
+    fn top(&self) -> Result<&Value, KernelFormatError> {
+        self.stack.last().ok_or_else(|| self.refused("an empty stack"))
+    }
+
+    fn take<const BYTES: usize>(&mut self) -> Result<[u8; BYTES], KernelFormatError> {
+        let chunk = self.bytes.get(self.at..).and_then(|rest| rest.first_chunk()).copied();
+        self.at += BYTES;
+        chunk.ok_or_else(|| KernelFormatError::Archive("its pickle ends early".to_owned()))
+    }
+
+    fn slice(&mut self, length: usize) -> Result<&[u8], KernelFormatError> {
+        let start = self.at;
+        self.at = start.saturating_add(length);
+        self.bytes.get(start..self.at).ok_or_else(|| KernelFormatError::Archive("its pickle ends early".to_owned()))
+    }
+
+    fn line(&mut self) -> Result<String, KernelFormatError> {
+        let rest = self.bytes.get(self.at..).unwrap_or_default();
+        let end = rest.iter().position(|&byte| byte == b'\n');
+        let end = end.ok_or_else(|| KernelFormatError::Archive("its pickle ends early".to_owned()))?;
+        let line = String::from_utf8_lossy(&rest[..end]).into_owned();
+        self.at += end + 1;
+        Ok(line)
+    }
+
+    fn refused(&self, what: &str) -> KernelFormatError {
+        self.refused_at(what, self.at)
+    }
+
+    fn refused_at(&self, what: &str, at: usize) -> KernelFormatError {
+        KernelFormatError::Pickle { what: what.to_owned(), at }
+    }
+}
+
+fn shown(module: &str, name: &str) -> String {
+    let short = |text: &str| text.chars().take(60).collect::<String>();
+    format!("{}.{}", short(module), short(name))
+}
+
+/// `("storage", type, key, device, numbers)`
+fn storage(identity: Option<Value>) -> Option<Value> {
+    let Some(Value::Tuple(parts)) = identity else { return None };
+    let [Value::Text(tag), Value::Known(Known::Storage(kind)), Value::Text(key), Value::Text(_), Value::Int(numbers)] =
+        &parts[..]
+    else {
+        return None;
+    };
+    // A key is a file name, and must not lead anywhere else.
+    let plain = !key.is_empty() && key.bytes().all(|byte| byte.is_ascii_alphanumeric());
+    (tag == "storage" && plain).then(|| Some(Value::Storage(key.clone(), *kind, usize::try_from(*numbers).ok()?)))?
+}
+
+/// What a call of one of the known names would give.
+fn made(function: Option<Value>, arguments: Option<Value>) -> Option<Value> {
+    let (Some(Value::Known(function)), Some(Value::Tuple(arguments))) = (function, arguments) else { return None };
+    match function {
+        Known::OrderedDict if arguments.is_empty() => Some(Value::Dict),
+        Known::RebuildParameter => match arguments.into_iter().next() {
+            Some(tensor @ Value::Tensor(_)) => Some(tensor),
+            _ => None,
+        },
+        Known::RebuildTensor => {
+            let [
+                Value::Storage(storage, kind, numbers),
+                Value::Int(offset),
+                Value::Tuple(shape),
+                Value::Tuple(stride),
+                ..,
+            ] = &arguments[..]
+            else {
+                return None;
+            };
+            let sizes = |values: &[Value]| -> Option<Vec<usize>> {
+                let size =
+                    |value: &Value| if let Value::Int(size) = value { usize::try_from(*size).ok() } else { None };
+                values.iter().map(size).collect()
+            };
+            let (shape, stride) = (sizes(shape)?, sizes(stride)?);
+            (shape.len() == stride.len() && shape.len() <= 8).then_some(())?;
+            Some(Value::Tensor(Box::new(PickledTensor {
+                storage: storage.clone(),
+                kind: *kind,
+                numbers: *numbers,
+                offset: usize::try_from(*offset).ok()?,
+                shape,
+                stride,
+            })))
+        }
+        Known::OrderedDict | Known::Storage(_) => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refusal(pickle: &[u8]) -> String {
+        read(pickle).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn code_is_refused_by_name_and_never_run() {
+        for (pickle, sign) in [
+            (&b"\x80\x02cos\nsystem\nX\x07\x00\x00\x00echo hi\x85R."[..], "the name os.system at byte 2"),
+            (b"\x80\x02cposix\nsystem\nq\x00X\x02\x00\x00\x00id\x85q\x01Rq\x02.", "posix.system"),
+            (b"\x80\x02c__builtin__\neval\nX\x01\x00\x00\x001\x85R.", "__builtin__.eval"),
+            (b"\x80\x04\x8c\x08builtins\x8c\x04exec\x93X\x01\x00\x00\x001\x85R.", "builtins.exec"),
+            (b"(S'id'\nios\nsystem\n.", "instruction 0x53"),
+            (b"\x80\x02ctorch._utils\n_rebuild_tensor_v2\n(K\x01tR.", "a call of another kind"),
+            (b"\x80\x02}.", "something else than one tensor"),
+            (b"\x80\x02\x82\x01.", "instruction 0x82"),
+        ] {
+            let error = refusal(pickle);
+            assert!(error.contains(sign), "{error}");
+        }
+        assert!(refusal(b"\x80\x02").contains("ends early"));
+        assert!(refusal(&b"(".repeat(20_000)).contains("too many"));
+    }
+
+    #[test]
+    fn keys_cannot_lead_elsewhere() {
+        let identity = |key: &str| {
+            let text = |text: &str| Value::Text(text.to_owned());
+            Some(Value::Tuple(vec![
+                text("storage"),
+                Value::Known(Known::Storage(Kind::F32)),
+                text(key),
+                text("cpu"),
+                Value::Int(4),
+            ]))
+        };
+        assert!(storage(identity("0")).is_some());
+        assert!(storage(identity("../../etc/passwd")).is_none());
+    }
+}

@@ -1,0 +1,147 @@
+//! `.pt` files of one tensor, as `torch.save` has written them since PyTorch 1.6.
+//!
+//! A zip archive with a folder of any name: `data.pkl` says what the tensor is ([`super::pickle`]), `data/0` holds its numbers,
+//! `byteorder` and `version` say how. Older files, bare pickles, are refused.
+
+use super::KernelFormatError;
+use super::archive;
+use super::array::Array;
+use super::pickle::{self, PickledTensor};
+
+/// The tensor of a `.pt` archive's files.
+pub(super) fn read(files: &archive::Files) -> Result<Array, KernelFormatError> {
+    let ends_with = |end: &str| files.iter().find(|(name, _)| name.ends_with(end));
+    let Some((pickle_name, pickled)) = ends_with("/data.pkl") else {
+        return Err(KernelFormatError::Archive("it has no data.pkl: it is no .pt file of torch.save".to_owned()));
+    };
+    if let Some((_, order)) = ends_with("/byteorder")
+        && order != b"little"
+    {
+        return Err(KernelFormatError::Archive("its numbers are not little-endian".to_owned()));
+    }
+    let tensor = pickle::read(pickled)?;
+    let folder = pickle_name.trim_end_matches("data.pkl");
+    let storage = format!("{folder}data/{}", tensor.storage);
+    let Some((_, bytes)) = files.iter().find(|(name, _)| *name == storage) else {
+        return Err(KernelFormatError::Archive(format!("it has no {storage}")));
+    };
+    gather(&tensor, bytes)
+}
+
+/// The tensor's numbers in C order, whatever its strides.
+fn gather(tensor: &PickledTensor, bytes: &[u8]) -> Result<Array, KernelFormatError> {
+    let size = tensor.kind.bytes();
+    let beyond = || KernelFormatError::Array {
+        what: "the tensor".to_owned(),
+        actual: format!("of shape {:?} with strides {:?} from {} on", tensor.shape, tensor.stride, tensor.offset),
+        expected: format!("inside its storage of {} bytes", bytes.len()),
+    };
+    let last =
+        tensor.shape.iter().zip(&tensor.stride).try_fold(tensor.offset, |last, (&side, &stride)| {
+            last.checked_add(side.checked_sub(1)?.checked_mul(stride)?)
+        });
+    let available = bytes.len() / size;
+    let count = tensor.shape.iter().try_fold(1_usize, |product, &side| product.checked_mul(side));
+    let (Some(last), Some(count)) = (last, count) else { return Err(beyond()) };
+    // Strides of zero could ask for more numbers than there are.
+    if last >= available || count > available || tensor.numbers > available {
+        return Err(beyond());
+    }
+    let mut contiguous = vec![1; tensor.shape.len()];
+    for i in (0..contiguous.len().saturating_sub(1)).rev() {
+        contiguous[i] = contiguous[i + 1] * tensor.shape[i + 1];
+    }
+    let relevant = |strides: &[usize]| -> Vec<usize> {
+        strides.iter().zip(&tensor.shape).filter(|(_, side)| **side > 1).map(|(stride, _)| *stride).collect()
+    };
+    if relevant(&tensor.stride) == relevant(&contiguous) {
+        return Array::new(
+            "the tensor",
+            tensor.shape.clone(),
+            tensor.kind,
+            &bytes[tensor.offset * size..][..count * size],
+        );
+    }
+    let mut gathered = Vec::with_capacity(count * size);
+    for i in 0..count {
+        let place = |axis: usize| i / contiguous[axis] % tensor.shape[axis] * tensor.stride[axis];
+        let at = tensor.offset + (0..tensor.shape.len()).map(place).sum::<usize>();
+        gathered.extend(&bytes[at * size..][..size]);
+    }
+    Array::new("the tensor", tensor.shape.clone(), tensor.kind, &gathered)
+}
+
+/// A float32 tensor as `torch.load` reads it.
+pub(super) fn write(shape: &[usize], numbers: &[f32]) -> Result<Vec<u8>, KernelFormatError> {
+    let bytes: Vec<u8> = numbers.iter().flat_map(|number| number.to_le_bytes()).collect();
+    archive::write(&[
+        ("kernel/data.pkl", &pickled(shape, numbers.len())),
+        ("kernel/byteorder", b"little"),
+        ("kernel/data/0", &bytes),
+        ("kernel/version", b"3\n"),
+    ])
+}
+
+/// The pickle, protocol 2, of a contiguous float32 tensor.
+fn pickled(shape: &[usize], numbers: usize) -> Vec<u8> {
+    let mut pickle = b"\x80\x02ctorch._utils\n_rebuild_tensor_v2\n((".to_vec();
+    text(&mut pickle, "storage");
+    pickle.extend(b"ctorch\nFloatStorage\n");
+    text(&mut pickle, "0");
+    text(&mut pickle, "cpu");
+    integer(&mut pickle, numbers);
+    // The storage, and an offset of 0 in it.
+    pickle.extend(b"tQK\x00");
+    let strides = (0..shape.len()).map(|i| shape[i + 1..].iter().product());
+    for sizes in [shape.to_vec(), strides.collect()] {
+        pickle.push(b'(');
+        sizes.into_iter().for_each(|size| integer(&mut pickle, size));
+        pickle.push(b't');
+    }
+    // No gradient, no hooks.
+    pickle.extend(b"\x89ccollections\nOrderedDict\n)RtR.");
+    pickle
+}
+
+fn text(pickle: &mut Vec<u8>, text: &str) {
+    pickle.push(b'X');
+    pickle.extend((text.len() as u32).to_le_bytes());
+    pickle.extend(text.as_bytes());
+}
+
+fn integer(pickle: &mut Vec<u8>, number: usize) {
+    pickle.push(b'J');
+    pickle.extend((number as i32).to_le_bytes());
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::array::Kind;
+    use super::*;
+
+    #[test]
+    fn a_tensor_comes_back() {
+        let numbers: Vec<f32> = (0..24).map(|n| n as f32 / 7.0).collect();
+        let files = archive::read(&write(&[1, 2, 3, 4], &numbers).unwrap()).unwrap();
+        let array = read(&files).unwrap();
+        assert_eq!((array.shape, array.numbers, array.complex), (vec![1, 2, 3, 4], numbers, false));
+    }
+
+    #[test]
+    fn strides_are_followed_and_may_not_lead_outside() {
+        let bytes: Vec<u8> = (0..6).flat_map(|n| (n as f32).to_le_bytes()).collect();
+        let mut tensor = PickledTensor {
+            storage: "0".into(),
+            kind: Kind::F32,
+            numbers: 6,
+            offset: 0,
+            shape: vec![3, 2],
+            stride: vec![1, 3],
+        };
+        assert_eq!(gather(&tensor, &bytes).unwrap().numbers, [0.0, 3.0, 1.0, 4.0, 2.0, 5.0]);
+        tensor.offset = 1;
+        assert!(gather(&tensor, &bytes).is_err());
+        let huge = PickledTensor { offset: 0, shape: vec![1 << 40, 1 << 40], stride: vec![0, 0], ..tensor };
+        assert!(gather(&huge, &bytes).is_err());
+    }
+}

@@ -1,0 +1,123 @@
+//! How the kernel came about, and how it differs from those before.
+
+use super::{Chapter, ReportInput};
+use crate::figures::{Chart, Line};
+use lightpath_optics::DisplayModel;
+use num_complex::Complex64;
+use std::fmt::Write as _;
+
+/// Another version of the kernel.
+#[derive(Clone, Debug)]
+pub struct Earlier {
+    /// Its number.
+    pub version: u32,
+    /// Held-out loss; `None` where nothing was held out.
+    pub test_loss: Option<f64>,
+    /// Itself.
+    pub model: DisplayModel,
+}
+
+/// Frequencies along an axis at which versions are compared.
+const SAMPLES: usize = 48;
+
+/// The losses while learning; nothing where they are not known.
+pub(super) fn losses(input: &ReportInput) -> Option<Chapter> {
+    if input.loss_history.is_empty() {
+        return None;
+    }
+    let points = (1..).zip(&input.loss_history).map(|(step, &loss)| (f64::from(step), loss)).collect();
+    let metrics = &input.version.content.metrics;
+    let steps = input.loss_history.len() as f64;
+    let mut lines = vec![Line { label: "training".to_owned(), points, dashed: false }];
+    for (label, level) in
+        [("held out, at the end", metrics.test_loss), ("held out, ideal kernel", metrics.ideal_test_loss)]
+    {
+        if level > 0.0 {
+            lines.push(Line {
+                label: label.to_owned(),
+                points: vec![(1.0, level), (steps.max(2.0), level)],
+                dashed: true,
+            });
+        }
+    }
+    let chart = Chart {
+        title: "Loss while learning",
+        x_label: "epoch, then refinement step",
+        y_label: "mean squared error",
+        logarithmic: true,
+        lines,
+    };
+    let mut chapter = Chapter { title: "Learning", ..Chapter::default() };
+    chapter.svg("losses", "Loss of each epoch and refinement step", chart.svg());
+    chapter.array("loss_history", &[input.loss_history.len()], input.loss_history.iter().copied());
+    Some(chapter)
+}
+
+/// How far other versions are from this one; nothing without any.
+pub(super) fn drift(input: &ReportInput) -> Option<Chapter> {
+    if input.earlier.is_empty() {
+        return None;
+    }
+    let mut body = "<p>How far other versions of this kernel are from it, over the modulator's band, each with the gain and the \
+                    constant phase that suit it best; and how the image is moved between them. Versions learned from the same display \
+                    on other days show its drift.</p><table><tr><th>version</th><th class=n>relative difference</th>\
+                    <th class=n>phase, rms [rad]</th><th class=n>gain of the image</th><th class=n>held-out loss</th></tr>"
+        .to_owned();
+    for earlier in &input.earlier {
+        let (relative, phase_rad, gain) = difference(&input.model, &earlier.model);
+        let loss = earlier.test_loss.map_or_else(|| "–".to_owned(), |loss| format!("{loss:.3e}"));
+        // Writing to a string cannot fail.
+        let _ = write!(
+            body,
+            "<tr><td>{}</td><td class=n>{relative:.4}</td><td class=n>{phase_rad:.3}</td><td class=n>{gain:.3}</td>\
+             <td class=n>{loss}</td></tr>",
+            earlier.version
+        );
+    }
+    body.push_str("</table>");
+    Some(Chapter { title: "Other versions", body, ..Chapter::default() })
+}
+
+/// ‖c H' − H‖/‖H‖ with the best complex c, the amplitude-weighted rms of the phase between both, and |c|².
+fn difference(model: &DisplayModel, other: &DisplayModel) -> (f64, f64, f64) {
+    let nyquist = 0.5 / model.setup.grid().pixel_pitch_m();
+    let along = |i: usize| nyquist * ((2 * i + 1) as f64 / SAMPLES as f64 - 1.0);
+    let (h, g) = (model.sampled(), other.sampled());
+    let values: Vec<(Complex64, Complex64)> = (0..SAMPLES * SAMPLES)
+        .map(|i| (along(i % SAMPLES), along(i / SAMPLES)))
+        .map(|(fx, fy)| (h(fx, fy), g(fx, fy)))
+        .collect();
+    let cross: Complex64 = values.iter().map(|(h, g)| g.conj() * h).sum();
+    let energy: f64 = values.iter().map(|(_, g)| g.norm_sqr()).sum();
+    let own: f64 = values.iter().map(|(h, _)| h.norm_sqr()).sum();
+    if energy <= 0.0 || own <= 0.0 {
+        return (1.0, 0.0, 0.0);
+    }
+    let c = cross / energy;
+    let off: f64 = values.iter().map(|(h, g)| (c * g - h).norm_sqr()).sum();
+    let (phase, weight) = values.iter().fold((0.0, 0.0), |(phase, weight), (h, g)| {
+        let between = (c * g).conj() * h;
+        (phase + between.norm() * between.arg().powi(2), weight + between.norm())
+    });
+    ((off / own).sqrt(), if weight > 0.0 { (phase / weight).sqrt() } else { 0.0 }, c.norm_sqr())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lightpath_optics::{Grid, KernelShape, OpticalSetup, SmoothField};
+
+    #[test]
+    fn a_kernel_does_not_differ_from_itself_and_by_a_phase_as_much_as_it_has() {
+        let setup = OpticalSetup::try_new(Grid::try_new(32, 48, 8e-6).unwrap(), 515e-9, 3e-3).unwrap();
+        let ideal = DisplayModel::ideal(setup);
+        let (relative, phase, gain) = difference(&ideal, &ideal);
+        assert!(relative < 1e-12 && phase < 1e-6 && (gain - 1.0).abs() < 1e-12);
+        let mut errors = SmoothField::flat(1);
+        errors.phase[0] = 0.1;
+        let tilted = DisplayModel { kernel: KernelShape::Smooth(errors), ..ideal.clone() };
+        // A tilt of ±0.1 rad over the band has an rms of 0.1/√3.
+        let (_, phase, _) = difference(&ideal, &tilted);
+        assert!((phase - 0.1 / 3.0_f64.sqrt()).abs() < 1e-3, "{phase}");
+    }
+}
