@@ -40,7 +40,7 @@ mod tests {
     fn it_is_the_mean_over_the_square() {
         let plane = Plane::from_fn(9, 13, |y, x| ((y * 31 + x * 17) % 23) as f32);
         let blurred = box_blur(&plane, 2, 1);
-        for (y, x) in [(0, 0), (4, 6), (8, 12), (1, 11)] {
+        for (y, x) in [(0_usize, 0_usize), (4, 6), (8, 12), (1, 11)] {
             let rows = y.saturating_sub(2)..(y + 3).min(9);
             let columns = x.saturating_sub(2)..(x + 3).min(13);
             let all: Vec<f32> =

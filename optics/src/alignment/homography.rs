@@ -33,7 +33,7 @@ pub struct PointFit {
     pub homography: Homography,
     /// Root mean square distance of the points that count \[display px\].
     pub residual_px: f64,
-    /// Points that count: the others are farther off than [`OUTLIER_DEVIATIONS`] typical ones.
+    /// Points that count: the others are farther off than a few typical ones.
     pub inliers: usize,
 }
 

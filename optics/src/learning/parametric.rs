@@ -2,7 +2,7 @@
 //!
 //! Adam goes over single pairs first, with a kernel of low order, which finds the right valley; Levenberg and Marquardt's
 //! method over all pairs then goes to its floor, and on through kernels of higher orders. Pairs whose photographs are of
-//! something else are [left out](super::screening). Where there are validation pairs, the model that foretells them best is
+//! something else are left out. Where there are validation pairs, the model that foretells them best is
 //! the one that counts, and learning ends when they gain no more.
 
 use super::fit::Fit;

@@ -64,7 +64,7 @@ impl SimulatedDisplay {
     ///
     /// # Errors
     ///
-    /// [`Error::OutOfRange`] for an imperfection outside its range.
+    /// [`Error::OutOfRange`](crate::Error::OutOfRange) for an imperfection outside its range.
     pub fn draw(setup: OpticalSetup, carrier: Option<Carrier>, imperfections: Imperfections) -> Result<Self> {
         imperfections.validate()?;
         let Imperfections { seed, strength, camera_noise, misalignment_px, full_well_electrons, .. } = imperfections;
