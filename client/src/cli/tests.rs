@@ -177,7 +177,7 @@ fn help_teaches_with_examples() {
         ("lightpath hologram optimize --help", "Each target becomes a job of its own"),
         ("lightpath display create --help", "spatial light modulator"),
         ("lightpath dataset add --help", "The same pair again"),
-        ("lightpath simulate --help", "declared with --simulated-seed"),
+        ("lightpath simulate --help", "declared with --simulated or --simulated-seed"),
     ] {
         let error = parse(line).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::DisplayHelp);

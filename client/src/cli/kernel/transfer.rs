@@ -97,7 +97,7 @@ impl Format {
 #[command(after_long_help = "\
 Examples:
   lightpath kernel import --display lab-2 --distance 150mm kernel.safetensors
-  lightpath kernel import --display lab-2 --distance 150mm calibrations/kernel.pt")]
+  lightpath kernel import --display lab-2 --distance 150mm papers/kernel.pt")]
 pub(crate) struct Import {
     #[command(flatten)]
     optics: Optics,
