@@ -39,7 +39,7 @@ pub enum Carrier {
 }
 
 /// What a simulated bench is drawn from.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SimulatedBench {
     /// The same seed and properties give the same bench.
     pub seed: u64,
@@ -79,19 +79,6 @@ impl SimulatedBench {
     /// A bench with no other imperfections than these.
     #[must_use]
     pub fn new(seed: u64, strength: f64, camera_noise: f64, misalignment_px: f64) -> Self {
-        Self {
-            seed,
-            strength,
-            camera_noise,
-            misalignment_px,
-            rotation_deg: 0.0,
-            blur_px: 0.0,
-            full_well_electrons: 0.0,
-            speckle_contrast: 0.0,
-            crosstalk_px: 0.0,
-            flicker: 0.0,
-            drift_px_per_hour: 0.0,
-            dimming_per_hour: 0.0,
-        }
+        Self { seed, strength, camera_noise, misalignment_px, ..Self::default() }
     }
 }
