@@ -1,5 +1,5 @@
-//! Every method on a picture, from a random and from a quadratic initial phase: how good it is after as many steps, and how
-//! long they take.
+//! Every method on a picture, from a random, a quadratic and a constant initial phase: how good it is after as many steps,
+//! and how long they take.
 //!
 //! ```sh
 //! cargo run --release -p lightpath-optics --example methods [-- STEPS [TARGET.npy]]
@@ -35,8 +35,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let ways = [
         ("lbfgs", Method::Lbfgs, &random),
         ("lbfgs", Method::Lbfgs, &quadratic),
+        ("lbfgs", Method::Lbfgs, &constant),
         ("adam", Method::Adam { learning_rate: 0.1 }, &random),
         ("adam", Method::Adam { learning_rate: 0.1 }, &quadratic),
+        ("adam", Method::Adam { learning_rate: 0.1 }, &constant),
         ("gs", Method::GerchbergSaxton, &random),
         ("wgs", Method::WeightedGerchbergSaxton, &random),
         ("dpac", Method::DoublePhase, &constant),

@@ -9,6 +9,10 @@
 //! those first that are near a level anyway; the others make up for what that costs, until none is left. Network weights are
 //! quantized likewise: A. Zhou et al., "Incremental network quantization", ICLR 2017. γ is the inverse of the loss's curvature
 //! along its first gradient, γ = s·y / y·y (J. Barzilai and J. Borwein, IMA J. Numer. Anal. 8, 141, 1988).
+//!
+//! There is a bound to what that wins. A region of ρ of the frame asks ρ values of every pixel's phase. While more than ρ of the
+//! pixels are free they can take back all that settling another one costs, with f < ρ of them free only f/ρ of it; what stays of
+//! the error of plain rounding is ∫₀^ρ (1 − f/ρ) df = ρ/2. For the middle 80 % of each axis, ρ = 0.64, that is −4.9 dB.
 
 use super::problem::HologramProblem;
 use crate::phase_response::PhaseResponse;

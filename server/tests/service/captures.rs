@@ -2,125 +2,15 @@
 //!
 //! The server has threads of its own: it goes on while a test computes.
 
-use crate::serving::{Serving, expect};
-use lightpath_optics::alignment::{Homography, warp};
-use lightpath_optics::hologram::{ImagePlane, Loss, Method, Options, initial_phase};
-use lightpath_optics::simulated_display::{Imperfections, SimulatedDisplay};
-use lightpath_optics::test_cards::TestCard;
-use lightpath_optics::{Detector, DisplayModel, Engine, Grid, OpticalSetup, Optimization, Plane, RegionOfInterest};
+use crate::optics_lab::{CENTRE, Dataset, HEIGHT, Lab, WIDTH, levels};
+use crate::serving::expect;
+use lightpath_optics::Plane;
+use lightpath_optics::alignment::Homography;
 use lightpath_proto::v1;
 use lightpath_proto::v1::align_dataset_request::Source;
-use lightpath_proto::v1::dataset_service_client::DatasetServiceClient;
 use lightpath_proto::v1::finding::Kind;
 use lightpath_server::pictures;
 use tonic::Code;
-use tonic::transport::Channel;
-
-const HEIGHT: usize = 216;
-const WIDTH: usize = 384;
-const DISTANCE_M: f64 = 0.03;
-const CENTRE: [f64; 2] = [(WIDTH as f64 - 1.0) / 2.0, (HEIGHT as f64 - 1.0) / 2.0];
-
-/// A simulated bench, and holograms that were made for the ideal display.
-struct Lab {
-    setup: OpticalSetup,
-    engine: Engine,
-    bench: SimulatedDisplay,
-}
-
-impl Lab {
-    fn new(seed: u64) -> Self {
-        let grid = Grid::try_new(HEIGHT, WIDTH, 8e-6).unwrap();
-        let (setup, _) = OpticalSetup::try_new(grid, 515e-9, DISTANCE_M).unwrap().planned().unwrap();
-        let imperfections = Imperfections {
-            seed,
-            strength: 1.0,
-            camera_noise: 0.003,
-            misalignment_px: 0.0,
-            ..Imperfections::default()
-        };
-        Self {
-            setup,
-            engine: Engine::of_display(&DisplayModel::ideal(setup), Detector::Pixel, None).unwrap(),
-            bench: SimulatedDisplay::draw(setup, None, imperfections).unwrap(),
-        }
-    }
-
-    /// The phase that shows a picture, quantized as a file is.
-    fn phase(&self, target: &Plane<f32>, iterations: u32) -> Plane<f32> {
-        let region = RegionOfInterest::middle(&self.setup.grid());
-        let plane = ImagePlane { engine: self.engine.clone(), target: target.clone(), weight: None, share: 1.0 };
-        let problem = Optimization::problem_of(vec![plane], 1, region, Loss::default()).unwrap();
-        let start = initial_phase(HEIGHT, WIDTH, 1.0, 1).unwrap().into_vec();
-        let mut optimization = Optimization::start(problem, Options::new(Method::Lbfgs, iterations), start).unwrap();
-        while optimization.step().is_some() {}
-        Plane::try_from_vec(HEIGHT, WIDTH, optimization.phases().to_vec()).unwrap()
-    }
-
-    fn hologram(&self, card: usize) -> Plane<f32> {
-        self.phase(&TestCard::ALL[card].render(HEIGHT, WIDTH, card as u64).unwrap(), 40)
-    }
-
-    /// What a camera behind `map` sees, in its own size: linear light.
-    fn photo(&self, phase: &Plane<f32>, seed: u64, map: &Homography, height: usize, width: usize) -> Plane<f32> {
-        let seen =
-            self.bench.capture(&levels(phase).map(|level| f32::from(level) * std::f32::consts::TAU / 256.0), seed);
-        let light = seen.unwrap().map(|level| f32::from(level) / 255.0);
-        warp(&light, &map.inverse(), height, width, 9.0, 0.0)
-    }
-}
-
-fn levels(phase: &Plane<f32>) -> Plane<u16> {
-    phase.map(|phase| (phase / std::f32::consts::TAU * 256.0).round().rem_euclid(256.0) as u16)
-}
-
-struct Dataset {
-    serving: Serving,
-    client: DatasetServiceClient<Channel>,
-}
-
-impl Dataset {
-    async fn open() -> Self {
-        let serving = Serving::start().await;
-        let display = v1::Display {
-            name: "displays/bench".into(),
-            width_px: WIDTH as u32,
-            height_px: HEIGHT as u32,
-            pixel_pitch_m: 8e-6,
-            wavelengths_m: vec![515e-9],
-            ..Default::default()
-        };
-        let request = v1::CreateDisplayRequest { display: Some(display) };
-        serving.displays().create_display(request).await.unwrap();
-        let mut client = DatasetServiceClient::new(serving.channel.clone());
-        let dataset = v1::Dataset {
-            name: "datasets/d".into(),
-            display: "displays/bench".into(),
-            distance_m: DISTANCE_M,
-            ..Default::default()
-        };
-        client.create_dataset(v1::CreateDatasetRequest { dataset: Some(dataset) }).await.unwrap();
-        Self { serving, client }
-    }
-
-    async fn add(&mut self, id: &str, phase: &Plane<f32>, photo: &Plane<f32>) -> v1::Dataset {
-        let phase = self.serving.upload(&pictures::levels_png(&levels(phase), 8).unwrap()).await;
-        let photo = self.serving.upload(&pictures::grey_png_linear(photo).unwrap()).await;
-        let pair = v1::Pair { id: id.into(), phase, photo, ..Default::default() };
-        let request = v1::AddPairRequest { dataset: "datasets/d".into(), pair: Some(pair) };
-        self.client.add_pair(request).await.unwrap().into_inner()
-    }
-
-    async fn finalize(&mut self) -> Result<v1::Dataset, tonic::Status> {
-        let request = v1::FinalizeDatasetRequest { name: "datasets/d".into(), ..Default::default() };
-        Ok(self.client.finalize_dataset(request).await?.into_inner())
-    }
-
-    async fn align(&mut self, source: Source) -> Result<v1::Dataset, tonic::Status> {
-        let request = v1::AlignDatasetRequest { name: "datasets/d".into(), source: Some(source) };
-        Ok(self.client.align_dataset(request).await?.into_inner())
-    }
-}
 
 /// Largest distance between two maps in the region of interest \[px of the display\].
 fn apart(found: &v1::Alignment, truth: &Homography) -> f64 {

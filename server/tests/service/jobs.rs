@@ -25,7 +25,7 @@ fn optimize(target: &str) -> v1::OptimizeHologram {
     }
 }
 
-async fn submit(serving: &Serving, kind: job_spec::Kind, request_id: &str) -> Result<v1::Job, Status> {
+pub(crate) async fn submit(serving: &Serving, kind: job_spec::Kind, request_id: &str) -> Result<v1::Job, Status> {
     let spec = Some(v1::JobSpec { kind: Some(kind) });
     let request = v1::SubmitJobRequest { spec, request_id: request_id.to_owned(), ..Default::default() };
     Ok(serving.jobs().submit_job(request).await?.into_inner())
@@ -220,7 +220,7 @@ async fn a_watcher_sees_the_job_end() {
     expect(serving.jobs().watch_job(nobody).await.map(drop), Code::NotFound, "jobs/none does not exist");
 }
 
-async fn watch_to_end(serving: &Serving, name: &str) -> v1::Job {
+pub(crate) async fn watch_to_end(serving: &Serving, name: &str) -> v1::Job {
     let request = v1::WatchJobRequest { name: name.to_owned() };
     let mut stream = serving.jobs().watch_job(request).await.unwrap().into_inner();
     let mut last = None;

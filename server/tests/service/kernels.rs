@@ -29,7 +29,16 @@ async fn import(serving: &Serving, bytes: &[u8], distance_m: f64) -> Result<v1::
 }
 
 async fn fetch(serving: &Serving, version: u32) -> Result<(v1::KernelVersion, Vec<u8>), Status> {
-    let request = v1::FetchKernelRequest { kernel: KERNEL.into(), version, ..Default::default() };
+    fetch_version(serving, KERNEL, version).await
+}
+
+/// A version of a kernel, and its file.
+pub(crate) async fn fetch_version(
+    serving: &Serving,
+    kernel: &str,
+    version: u32,
+) -> Result<(v1::KernelVersion, Vec<u8>), Status> {
+    let request = v1::FetchKernelRequest { kernel: kernel.into(), version, ..Default::default() };
     let mut stream = client(serving).fetch_kernel(request).await?.into_inner();
     let Some(Part::Version(version)) = stream.message().await?.unwrap().part else { panic!("no version first") };
     let mut bytes = Vec::new();

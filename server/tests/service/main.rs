@@ -9,4 +9,6 @@ mod http;
 mod jobs;
 mod kernels;
 mod lifecycle;
+mod optics_lab;
+mod rough_photographs;
 mod serving;
