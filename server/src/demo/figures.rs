@@ -1,7 +1,7 @@
 //! The demo's pictures.
 
 use super::Learned;
-use super::args::DemoArgs;
+use super::args::{DemoArgs, model_name};
 use super::files::Files;
 use super::held_out::Judged;
 use super::single_kernel;
@@ -9,12 +9,14 @@ use super::targets::Targets;
 use crate::figures::{Axis, Canvas, ColourMap, ContactRow, ContactSheet, Curve, Curves, Heatmap, Shown};
 use crate::kernel_file;
 use lightpath::units::show_m;
+use lightpath::v1::KernelModel;
 use lightpath_optics::simulated_display::SimulatedDisplay;
 use lightpath_optics::{OpticalSetup, Plane};
 use num_complex::Complex64;
 use std::f64::consts::PI;
 
-/// Target, ideal capture and learned capture of every held-out target.
+/// Every held-out target, and its captures through the ideal kernel and the learned one; the paper's between them where it is
+/// followed.
 pub(super) fn contact_sheet(
     args: &DemoArgs,
     files: &Files,
@@ -22,6 +24,11 @@ pub(super) fn contact_sheet(
     judged: &[Judged],
 ) -> anyhow::Result<()> {
     let (ideal, learned) = (&judged[0], &judged[1]);
+    let paper = judged.iter().find(|judged| args.paper && judged.contender.name == model_name(KernelModel::Paper));
+    let mut shown = vec![("through the ideal kernel", ideal), ("through the learned kernel", learned)];
+    if let Some(paper) = paper {
+        shown.insert(1, ("through the paper's recipe", paper));
+    }
     let (width_px, height_px) = args.resolution();
     let subtitle = format!(
         "simulated display, {width_px}×{height_px} px of {}, {}, image at {} · photographs at the target's brightness; light outside the region of interest is left free",
@@ -29,24 +36,23 @@ pub(super) fn contact_sheet(
         show_m(args.wavelength),
         show_m(args.distance_m()),
     );
-    let rows = targets.held_out.iter().zip(ideal.shown.iter().zip(&learned.shown)).map(|(target, (before, after))| {
-        let gain_db = after.captured_psnr_db - before.captured_psnr_db;
-        let captured = |psnr_db: f64| format!("captured {psnr_db:.1} dB");
-        ContactRow {
-            pictures: vec![
-                Shown { intensity: &target.intensity, caption: target.name.clone() },
-                Shown { intensity: &before.capture, caption: captured(before.captured_psnr_db) },
-                Shown {
-                    intensity: &after.capture,
-                    caption: format!("{} · {}", captured(after.captured_psnr_db), signed_db(gain_db)),
-                },
-            ],
-        }
+    let rows = targets.held_out.iter().enumerate().map(|(t, target)| {
+        let captures = shown.iter().map(|(_, judged)| {
+            let capture = &judged.shown[t];
+            let gain_db = capture.captured_psnr_db - ideal.shown[t].captured_psnr_db;
+            let gain =
+                if judged.contender.version == 0 { String::new() } else { format!(" · {}", signed_db(gain_db)) };
+            let caption = format!("captured {:.1} dB{gain}", capture.captured_psnr_db);
+            Shown { intensity: &capture.capture, caption }
+        });
+        let target = Shown { intensity: &target.intensity, caption: target.name.clone() };
+        ContactRow { pictures: [target].into_iter().chain(captures).collect() }
     });
+    let columns: Vec<&str> = ["target"].into_iter().chain(shown.iter().map(|(column, _)| *column)).collect();
     let sheet = ContactSheet {
         title: "What the camera sees of targets that nothing was learned from",
         subtitle: &subtitle,
-        columns: &["target", "through the ideal kernel", "through the learned kernel"],
+        columns: &columns,
         rows: rows.collect(),
     };
     files.write("contact_sheet.png", sheet.draw().png()?)
@@ -135,7 +141,7 @@ pub(super) fn loss(files: &Files, learned: &[Learned], judged: &[Judged]) -> any
     }
     let curves = Curves {
         title: "Learning the display",
-        x_label: "epochs of Adam, then iterations of L-BFGS",
+        x_label: "epochs of Adam, then steps of Levenberg and Marquardt's method",
         y_label: "mean squared error of the photographs",
         curves,
     };
