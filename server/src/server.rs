@@ -5,7 +5,7 @@ use crate::artifacts::{ArtifactError, Artifacts};
 use crate::audit::Audit;
 use crate::config::Config;
 use crate::connections;
-use crate::http::{self, Gate, Rate};
+use crate::http::{self, Gate, Lapses, Rate};
 use crate::metrics;
 use crate::store::{QueueLimits, Store, StoreError};
 use crate::tls::{self, Tls, TlsError};
@@ -28,6 +28,8 @@ const COUNT_INTERVAL: Duration = Duration::from_secs(10);
 const FLUSH_INTERVAL: Duration = Duration::from_secs(1);
 /// How soon a change of health is told.
 const HEALTH_INTERVAL: Duration = Duration::from_secs(2);
+/// How soon a token that was revoked or has expired ends its streams.
+const TOKEN_INTERVAL: Duration = Duration::from_secs(2);
 /// How often what may go is looked for.
 const COLLECT_INTERVAL: Duration = Duration::from_secs(3600);
 
@@ -99,7 +101,11 @@ pub async fn run(
     artifacts.set_stored_bytes(store.artifact_totals().await?.1);
     let stopping = CancellationToken::new();
     let upkeep = tokio::spawn(upkeep_loop(store.clone(), artifacts.clone(), config.retention, stopping.clone()));
-    let limits = QueueLimits { queued: config.queue_limit, queued_per_owner: config.owner_queue_limit };
+    let limits = QueueLimits {
+        queued: config.queue_limit,
+        queued_per_owner: config.owner_queue_limit,
+        stored_bytes_per_owner: config.owner_stored_bytes_max,
+    };
     let api = Api::new(store.clone(), artifacts.clone(), limits, stopping.clone());
     let flushing = tokio::spawn(flush_loop(Arc::clone(&audit), tls.clone(), stopping.clone()));
     let (grpc, health) = api.clone().routes()?;
@@ -107,7 +113,9 @@ pub async fn run(
     let watching = tokio::spawn(health_loop(api.clone(), health.clone(), stopping.clone()));
     let mut workers = start_workers(store, artifacts, &config, stopping.clone());
     let rate = Arc::new(Rate::new(config.calls_per_s_max));
-    let gate = Gate { api, tokens_required, audit: Arc::clone(&audit), rate };
+    let lapses = Lapses::default();
+    let tokens = tokio::spawn(token_loop(api.store().clone(), lapses.clone(), stopping.clone()));
+    let gate = Gate { api, tokens_required, audit: Arc::clone(&audit), rate, lapses };
     let app = http::router(gate, grpc);
     let connections = tokio::spawn(connections::serve(listener, tls, app, stopping.clone(), config.drain_deadline));
 
@@ -136,6 +144,7 @@ pub async fn run(
     upkeep.abort();
     drop(upkeep.await);
     flushing.await?;
+    tokens.await?;
     audit.flush();
     workers_ended??;
     tracing::info!("stopped");
@@ -171,6 +180,20 @@ async fn flush_loop(audit: Arc<Audit>, tls: Option<Arc<Tls>>, stopping: Cancella
         };
         if let Err(error) = done {
             tracing::error!(%error, "flushing failed");
+        }
+    }
+}
+
+/// Looks for tokens that are accepted no more.
+async fn token_loop(store: Store, lapses: Lapses, stopping: CancellationToken) {
+    let mut looks = interval(TOKEN_INTERVAL);
+    loop {
+        tokio::select! {
+            () = stopping.cancelled() => return,
+            _ = looks.tick() => {}
+        }
+        if let Err(error) = lapses.look(&store, Clock::default().now_ms()).await {
+            tracing::error!(error = &error as &dyn std::error::Error, "tokens could not be looked at");
         }
     }
 }

@@ -3,7 +3,7 @@
 use super::error::ApiError;
 use super::field::Field;
 use super::time::{now_ms, timestamp};
-use super::{Api, required};
+use super::{Api, caller, required};
 use crate::artifacts::{ArtifactError, ArtifactReader, UploadWriter};
 use crate::store::ArtifactRecord;
 use futures::stream::{self, BoxStream, Stream, StreamExt as _};
@@ -31,7 +31,7 @@ impl ArtifactService for Api {
         let field = Field::new("digest");
         let digest = field.digest(&request.into_inner().digest)?;
         // Who asks whether it is there goes on to use it.
-        match self.store.use_artifact(&digest, now_ms()).await? {
+        match self.artifact_in_use(&digest).await? {
             Some(record) => Ok(Response::new(to_wire(record))),
             None => Err(field.missing(format!("artifact {digest}"), "upload it first").into()),
         }
@@ -39,7 +39,7 @@ impl ArtifactService for Api {
 
     async fn get_upload(&self, request: Request<v1::GetUploadRequest>) -> Result<Response<v1::Upload>, Status> {
         let digest = Field::new("digest").digest(&request.into_inner().digest)?;
-        let (received_bytes, complete) = match self.store.use_artifact(&digest, now_ms()).await? {
+        let (received_bytes, complete) = match self.artifact_in_use(&digest).await? {
             Some(record) => (record.size_bytes, true),
             None => (self.artifacts.upload_received(&digest).await?, false),
         };
@@ -51,6 +51,7 @@ impl ArtifactService for Api {
         request: Request<Streaming<v1::WriteArtifactRequest>>,
     ) -> Result<Response<v1::Artifact>, Status> {
         let mut parts = request.into_inner();
+        let _permit = self.uploader()?;
         let start = match next_part(&mut parts).await? {
             Some(Part::Start(start)) => start,
             Some(Part::Chunk(_)) | None => {
@@ -69,7 +70,7 @@ impl ArtifactService for Api {
         let v1::ReadArtifactRequest { digest, offset_bytes, limit_bytes } = request.into_inner();
         let field = Field::new("digest");
         let digest = field.digest(&digest)?;
-        if self.store.artifact(&digest).await?.is_none() {
+        if self.artifact_for_caller(&digest).await?.is_none() {
             return Err(field.missing(format!("artifact {digest}"), "take a digest from a job's result").into());
         }
         let reader = self.artifacts.read(&digest, offset_bytes, limit_bytes).await?;
@@ -79,6 +80,23 @@ impl ArtifactService for Api {
 }
 
 impl Api {
+    /// An artifact's record, where it is stored and the caller may read it. To a token that is not for all displays, one of
+    /// others does not exist; brought whole, it is the token's own, too.
+    pub(super) async fn artifact_for_caller(&self, digest: &str) -> Result<Option<ArtifactRecord>, ApiError> {
+        let Some(record) = self.store.artifact(digest).await? else { return Ok(None) };
+        let Some(caller) = caller::scoped() else { return Ok(Some(record)) };
+        let concerns = self.store.artifact_concerns(digest, &caller.name, &caller.displays).await?;
+        Ok(concerns.then_some(record))
+    }
+
+    /// The same for a caller who goes on to use it.
+    async fn artifact_in_use(&self, digest: &str) -> Result<Option<ArtifactRecord>, ApiError> {
+        match self.artifact_for_caller(digest).await? {
+            Some(_) => Ok(self.store.use_artifact(digest, now_ms()).await?),
+            None => Ok(None),
+        }
+    }
+
     async fn receive(
         &self,
         start: v1::WriteArtifactStart,
@@ -105,17 +123,19 @@ impl Api {
         }
         let _publishing = self.artifacts.publishing().await;
         upload.finish().await?;
-        Ok(self.store.record_artifact(&digest, size_bytes, now_ms()).await?)
+        Ok(self.store.record_artifact(&digest, size_bytes, &caller::name(), now_ms()).await?)
     }
 
     /// Waits where somebody uploads the same artifact: soon it is here, or it is our turn.
     async fn turn(&self, digest: &str, size_bytes: u64, offset_bytes: u64) -> Result<Turn, ApiError> {
         let until = Instant::now() + UPLOAD_TURN_MAX;
         loop {
-            if let Some(record) = self.store.use_artifact(digest, now_ms()).await? {
+            if let Some(record) = self.artifact_in_use(digest).await? {
                 return Ok(Turn::Stored(record));
             }
             self.artifacts.admit(size_bytes.saturating_sub(offset_bytes))?;
+            let stored_bytes_max = self.queue_limits.stored_bytes_per_owner;
+            self.store.require_owner_room(&caller::name(), size_bytes, stored_bytes_max).await?;
             match self.artifacts.upload(digest, size_bytes, offset_bytes).await {
                 Err(ArtifactError::UploadBusy { .. }) if Instant::now() < until => sleep(UPLOAD_TURN_POLL).await,
                 upload => return Ok(Turn::Ours(upload?)),

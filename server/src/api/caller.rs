@@ -54,6 +54,16 @@ pub(super) fn may_see(id: &str) -> bool {
     CALLER.try_with(|caller| caller.may_use(id)).unwrap_or(true)
 }
 
+/// The caller's name; empty where nobody has to say who calls.
+pub(super) fn name() -> String {
+    CALLER.try_with(|caller| caller.name.clone()).unwrap_or_default()
+}
+
+/// The caller, where it is not for all displays.
+pub(super) fn scoped() -> Option<Caller> {
+    CALLER.try_with(|caller| (!caller.displays.is_empty()).then(|| caller.clone())).ok().flatten()
+}
+
 /// Whose turn a job takes: the caller's own, unless nobody has to say who calls.
 ///
 /// # Errors

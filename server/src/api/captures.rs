@@ -1,9 +1,9 @@
 //! Reading, checking and aligning a dataset's pairs while somebody waits for the answer.
 
-use super::Api;
 use super::error::ApiError;
 use super::field::Field;
 use super::time::now_ms;
+use super::{Api, caller};
 use crate::captures::{self, CaptureError, Captures, Reconstructor, Solved};
 use crate::dataset::{Alignment, AlignmentMethod, Dataset, Pair, PairChecks};
 use crate::display::Display;
@@ -160,8 +160,9 @@ impl Api {
             return Ok(String::new());
         }
         let size_bytes = bytes.len() as u64;
+        let _publishing = self.artifacts.publishing().await;
         let digest = self.artifacts.put_bytes(bytes).await?;
-        self.store.record_artifact(&digest, size_bytes, now_ms()).await?;
+        self.store.record_artifact(&digest, size_bytes, &caller::name(), now_ms()).await?;
         Ok(digest)
     }
 

@@ -19,7 +19,7 @@ impl Api {
         let distance = Field::new("distance_m").distance(request.distance_m)?;
         let field = Field::new("artifact");
         let digest = field.digest(&request.artifact)?;
-        let Some(record) = self.store.artifact(&digest).await? else {
+        let Some(record) = self.artifact_for_caller(&digest).await? else {
             return Err(field.missing(format!("artifact {digest}"), "upload it first"));
         };
         let bytes = self.artifacts.read_all(&digest).await?;

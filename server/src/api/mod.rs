@@ -65,6 +65,8 @@ const MESSAGE_BYTES_MAX: usize = 4 << 20;
 /// Streams that may follow jobs and kernels at once, all clients together: each costs a little memory and a read
 /// at every change.
 const WATCHERS_MAX: usize = 1000;
+/// Uploads at once, all clients together: each may hold what its connection has received, some 2 MiB.
+const UPLOADS_MAX: usize = 64;
 /// Pictures that are decoded at once for checking: one may take 1 GiB.
 const DECODERS_MAX: usize = 2;
 
@@ -79,6 +81,7 @@ pub(crate) struct Api {
     queue_limits: QueueLimits,
     decoders: Arc<Semaphore>,
     watchers: Arc<Semaphore>,
+    uploaders: Arc<Semaphore>,
     reconstructor: captures::LastReconstructor,
     stopping: CancellationToken,
 }
@@ -93,8 +96,9 @@ impl Api {
     ) -> Self {
         let decoders = Arc::new(Semaphore::new(DECODERS_MAX));
         let watchers = Arc::new(Semaphore::new(WATCHERS_MAX));
+        let uploaders = Arc::new(Semaphore::new(UPLOADS_MAX));
         let reconstructor = captures::LastReconstructor::default();
-        Self { store, artifacts, queue_limits, decoders, watchers, reconstructor, stopping }
+        Self { store, artifacts, queue_limits, decoders, watchers, uploaders, reconstructor, stopping }
     }
 
     /// All services, with health and reflection, and the means to say that the server stops.
@@ -150,6 +154,14 @@ impl Api {
             reason: "TOO_MANY_WATCHERS",
             message: format!("{WATCHERS_MAX} streams follow jobs and kernels already; end one, or try again later"),
             retry_after: Duration::from_secs(5),
+        })
+    }
+
+    fn uploader(&self) -> Result<OwnedSemaphorePermit, ApiError> {
+        Arc::clone(&self.uploaders).try_acquire_owned().map_err(|_| ApiError::Exhausted {
+            reason: "TOO_MANY_UPLOADS",
+            message: format!("{UPLOADS_MAX} uploads are under way already; go on when one of them has ended"),
+            retry_after: Duration::from_secs(1),
         })
     }
 }

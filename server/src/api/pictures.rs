@@ -93,7 +93,7 @@ impl Api {
 
     /// The bytes of an artifact that must be there and no larger than a picture may be.
     pub(super) async fn picture_bytes(&self, field: &Field, digest: &str) -> Result<Vec<u8>, ApiError> {
-        let Some(record) = self.store.artifact(digest).await? else {
+        let Some(record) = self.artifact_for_caller(digest).await? else {
             return Err(field.missing(format!("artifact {digest}"), "upload it first"));
         };
         if record.size_bytes > pictures::FILE_BYTES_MAX as u64 {

@@ -83,6 +83,9 @@ impl From<StoreError> for Status {
             StoreError::OwnerQueueFull { .. } => {
                 Answer::new(Code::ResourceExhausted, "OWNER_QUEUE_FULL", message).retry(QUEUE_RETRY).status()
             }
+            StoreError::OwnerBytes { .. } => {
+                Answer::new(Code::ResourceExhausted, "OWNER_STORED_BYTES", message).retry(DISK_RETRY).status()
+            }
             StoreError::DiskFull => {
                 Answer::new(Code::ResourceExhausted, "DISK_FULL", message).retry(DISK_RETRY).status()
             }

@@ -66,6 +66,10 @@ pub struct Settings {
     /// Jobs of one owner that may wait; 0: as many as all together [default: 0]
     #[arg(long, env = "LIGHTPATH_OWNER_QUEUE_LIMIT", value_name = "COUNT")]
     pub owner_queue_limit: Option<u32>,
+    /// Space that one owner may take, with what that owner's jobs made, in MiB; beyond it, uploads and jobs are refused; 0:
+    /// no limit [default: 0]
+    #[arg(long, env = "LIGHTPATH_OWNER_STORED_MIB_MAX", value_name = "MIB")]
+    pub owner_stored_mib_max: Option<u64>,
     /// Jobs of one owner that run at once; 0: no limit [default: 0]
     #[arg(long, env = "LIGHTPATH_OWNER_RUNNING_LIMIT", value_name = "COUNT")]
     pub owner_running_limit: Option<u32>,
@@ -219,6 +223,12 @@ impl Effective {
                 file.owner_queue_limit,
                 default.owner_queue_limit,
                 OWNER_QUEUE_LIMIT,
+            )?,
+            owner_stored_bytes_max: merge.mib(
+                "owner_stored_mib_max",
+                given.owner_stored_mib_max,
+                file.owner_stored_mib_max,
+                default.owner_stored_bytes_max,
             )?,
             running: ClaimLimits {
                 per_owner: merge.count(

@@ -43,6 +43,8 @@ pub struct Config {
     pub queue_limit: u32,
     /// Jobs of one owner that may wait; 0: as many as all together.
     pub owner_queue_limit: u32,
+    /// Bytes that one owner may have stored, with what jobs of that owner made; 0: no limit.
+    pub owner_stored_bytes_max: u64,
     /// How many jobs of an owner or a display run at once.
     pub running: ClaimLimits,
     /// How long an attempt may take.
@@ -86,6 +88,7 @@ impl Default for Config {
             checkpoint_interval: Duration::from_secs(10),
             queue_limit: 10_000,
             owner_queue_limit: 0,
+            owner_stored_bytes_max: 0,
             running: ClaimLimits::default(),
             timeouts: Timeouts::default(),
             space: SpaceLimits { reserve_bytes: 256 << 20, stored_bytes_max: 0 },

@@ -38,6 +38,7 @@ fn settings(config: &Config) -> Vec<(&'static str, Value, &'static str)> {
         ("checkpoint_interval_s", seconds(config.checkpoint_interval), "how often a running job saves its state [s]"),
         ("queue_limit", count(config.queue_limit as usize), "jobs that may wait"),
         ("owner_queue_limit", count(config.owner_queue_limit as usize), "jobs of one owner that may wait; 0: no limit"),
+        ("owner_stored_mib_max", mib(config.owner_stored_bytes_max), "space of one owner [MiB]; 0: no limit"),
         ("owner_running_limit", count(config.running.per_owner as usize), "jobs of one owner at once; 0: no limit"),
         (
             "display_running_limit",

@@ -1,5 +1,6 @@
 //! In front of every handler: who calls, may they, and what is written down about it.
 
+use super::lapse::{Lapses, ending_with, not_accepted};
 use super::rate::Rate;
 use super::refusal::Refusal;
 use crate::access::{Caller, Secret};
@@ -26,6 +27,8 @@ pub(crate) struct Gate {
     pub(crate) audit: Arc<Audit>,
     /// How often each token, or each address without one, may call.
     pub(crate) rate: Arc<Rate>,
+    /// Which tokens have ended.
+    pub(crate) lapses: Lapses,
 }
 
 /// Lets a request pass to its handler, or refuses it.
@@ -71,7 +74,13 @@ pub(super) async fn pass(
         return refuse(ApiError::from(full).into(), is_grpc);
     }
     let name = caller.name.clone();
-    let response = handle_for(caller, next.run(request)).await;
+    let mut lapse = gate.lapses.of(&name);
+    let response = tokio::select! {
+        response = handle_for(caller, next.run(request)) => {
+            if is_grpc && !name.is_empty() { ending_with(response, lapse) } else { response }
+        }
+        () = &mut lapse => refuse(not_accepted().into(), is_grpc),
+    };
     let code = code_of(&response, is_grpc);
     let mutates = rule.is_some_and(|rule| rule.effect != Effect::Reads);
     if mutates || matches!(code, Code::PermissionDenied | Code::Unauthenticated) {
@@ -137,9 +146,7 @@ fn bearer(headers: &HeaderMap) -> Result<Option<Secret>, ApiError> {
 async fn find(store: &Store, secret: &Secret) -> Result<Caller, ApiError> {
     let record = store.token_by_hash(&secret.hash()).await?;
     let valid = record.filter(|record| record.is_valid(crate::api::now_ms()));
-    valid.map(|record| record.caller).ok_or_else(|| {
-        ApiError::Unauthenticated("the token is not known, has expired or was revoked; ask for another".to_owned())
-    })
+    valid.map(|record| record.caller).ok_or_else(not_accepted)
 }
 
 fn refuse(status: Status, is_grpc: bool) -> Response {

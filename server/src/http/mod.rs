@@ -2,10 +2,12 @@
 //!
 //! # Layout
 //!
-//! - `gate`: who calls, and may they. `rate`: and how often. `jobs`: `/v1/jobs`. `refusal`: errors as JSON. `requests`: deadlines and counting, for gRPC too.
+//! - `gate`: who calls, and may they. `rate`: and how often. `lapse`: and how long. `jobs`: `/v1/jobs`. `refusal`: errors as
+//!   JSON. `requests`: deadlines and counting, for gRPC too.
 
 mod gate;
 mod jobs;
+mod lapse;
 mod rate;
 mod refusal;
 mod requests;
@@ -19,6 +21,7 @@ use axum::middleware;
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 pub(crate) use gate::Gate;
+pub(crate) use lapse::Lapses;
 pub(crate) use rate::Rate;
 use refusal::Refusal;
 use tonic::Status;

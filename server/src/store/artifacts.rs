@@ -1,7 +1,8 @@
-//! Which artifacts are complete and on disk.
+//! Which artifacts are complete and on disk, and whose they are.
 
+use super::rows::to_json;
 use super::{Store, StoreError};
-use sqlx::Row;
+use sqlx::{Row, SqliteConnection};
 
 /// An artifact that is on disk.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -21,7 +22,7 @@ const USE_RESOLUTION_MS: i64 = 3_600_000;
 
 impl Store {
     /// Records that an artifact's file is complete and on disk; call it after that, never before. The same artifact
-    /// again counts as used.
+    /// again counts as used, and as its new owner's, too.
     ///
     /// # Errors
     ///
@@ -30,9 +31,10 @@ impl Store {
         &self,
         digest: &str,
         size_bytes: u64,
+        owner: &str,
         now_ms: i64,
     ) -> Result<ArtifactRecord, StoreError> {
-        let digest = digest.to_owned();
+        let (digest, owner) = (digest.to_owned(), owner.to_owned());
         self.write(move |write| {
             Box::pin(async move {
                 let row = sqlx::query(
@@ -40,11 +42,13 @@ impl Store {
                      on conflict do update set size_bytes = excluded.size_bytes, \
                      use_time_ms = max(use_time_ms, excluded.use_time_ms) returning *",
                 )
-                .bind(digest)
+                .bind(&digest)
                 .bind(size_bytes as i64)
                 .bind(now_ms)
                 .fetch_one(write.sql())
                 .await?;
+                let sql = "insert into artifact_owner values (?, ?) on conflict do nothing";
+                sqlx::query(sql).bind(digest).bind(owner).execute(write.sql()).await?;
                 record_of(&row)
             })
         })
@@ -78,6 +82,39 @@ impl Store {
         }
     }
 
+    /// Whether an artifact is `owner`'s, or something about one of these displays refers to it.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn artifact_concerns(&self, digest: &str, owner: &str, displays: &[String]) -> Result<bool, StoreError> {
+        let sql = "with own as (select value as id from json_each(?3)) select \
+                   exists (select 1 from artifact_owner where artifact = ?1 and owner = ?2) \
+                   or exists (select 1 from job_artifact a join job on job.id = a.job \
+                       where a.artifact = ?1 and job.display in own) \
+                   or exists (select 1 from pair join dataset on dataset.id = pair.dataset \
+                       where ?1 in (pair.phase, pair.photo) and dataset.display in own) \
+                   or exists (select 1 from dataset where instr(alignment, ?1) > 0 and display in own) \
+                   or exists (select 1 from kernel_version v join kernel on kernel.id = v.kernel \
+                       where v.artifact = ?1 and kernel.display in own)";
+        let concerns = sqlx::query_scalar(sql).bind(digest).bind(owner).bind(to_json("display", &displays)?);
+        Ok(concerns.fetch_one(self.readers()).await?)
+    }
+
+    /// `more_bytes` may still be stored for `owner`, who may have `stored_bytes_max` (0: no limit).
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::OwnerBytes`].
+    pub async fn require_owner_room(
+        &self,
+        owner: &str,
+        more_bytes: u64,
+        stored_bytes_max: u64,
+    ) -> Result<(), StoreError> {
+        require_room(&mut *self.readers().acquire().await?, owner, more_bytes, stored_bytes_max).await
+    }
+
     /// An artifact's record, where the artifact is stored.
     ///
     /// # Errors
@@ -88,6 +125,24 @@ impl Store {
             sqlx::query("select * from artifact where digest = ?").bind(digest).fetch_optional(self.readers()).await?;
         row.as_ref().map(record_of).transpose()
     }
+}
+
+/// See [`Store::require_owner_room`].
+pub(super) async fn require_room(
+    sql: &mut SqliteConnection,
+    owner: &str,
+    more_bytes: u64,
+    stored_bytes_max: u64,
+) -> Result<(), StoreError> {
+    if stored_bytes_max == 0 {
+        return Ok(());
+    }
+    let query = sqlx::query_scalar("select bytes from owner_bytes where owner = ?").bind(owner);
+    let stored_bytes = query.fetch_optional(sql).await?.map_or(0, i64::unsigned_abs);
+    if stored_bytes.saturating_add(more_bytes) > stored_bytes_max {
+        return Err(StoreError::OwnerBytes { stored_bytes, stored_bytes_max });
+    }
+    Ok(())
 }
 
 pub(super) fn record_of(row: &sqlx::sqlite::SqliteRow) -> Result<ArtifactRecord, StoreError> {

@@ -48,6 +48,18 @@ pub enum StoreError {
         /// Most jobs of one owner that may wait.
         limit: u32,
     },
+    /// Nobody may have more stored than this.
+    #[error(
+        "you have {} of {} MiB stored, with what your jobs made; more is possible when some of that has been removed",
+        stored_bytes >> 20,
+        stored_bytes_max >> 20
+    )]
+    OwnerBytes {
+        /// What the owner has.
+        stored_bytes: u64,
+        /// What each owner may have.
+        stored_bytes_max: u64,
+    },
     /// No space left for the database.
     #[error("no space is left on the disk of the database")]
     DiskFull,
@@ -108,7 +120,8 @@ impl StoreError {
             | Self::Database(_)
             | Self::Stopping
             | Self::QueueFull { .. }
-            | Self::OwnerQueueFull { .. } => true,
+            | Self::OwnerQueueFull { .. }
+            | Self::OwnerBytes { .. } => true,
             Self::NotFound { .. }
             | Self::AlreadyExists { .. }
             | Self::Precondition { .. }

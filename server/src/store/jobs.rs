@@ -19,18 +19,20 @@ pub enum Submitted {
     Existing,
 }
 
-/// How many jobs may wait.
+/// How many jobs may wait, and who may add to them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct QueueLimits {
     /// All together.
     pub queued: u32,
     /// Of each owner; 0: as many as all together.
     pub queued_per_owner: u32,
+    /// Who has stored as much as this gets no more jobs \[bytes\]; 0: no limit.
+    pub stored_bytes_per_owner: u64,
 }
 
 impl From<u32> for QueueLimits {
     fn from(queued: u32) -> Self {
-        Self { queued, queued_per_owner: 0 }
+        Self { queued, queued_per_owner: 0, stored_bytes_per_owner: 0 }
     }
 }
 
@@ -68,7 +70,8 @@ impl Store {
     ///
     /// [`StoreError::AlreadyExists`] where the request id was used with other content, or a job with the same unique key
     /// waits or runs; [`StoreError::QueueFull`] and [`StoreError::OwnerQueueFull`] where too many jobs wait already,
-    /// [`StoreError::Precondition`] where a job that it comes after has ended without success, [`StoreError::NotFound`] where the display, the dataset or an artifact is gone.
+    /// [`StoreError::OwnerBytes`] where the owner has stored too much, [`StoreError::Precondition`] where a job that it comes
+    /// after has ended without success, [`StoreError::NotFound`] where the display, the dataset or an artifact is gone.
     pub async fn submit(
         &self,
         new: &NewJob,
@@ -237,6 +240,7 @@ async fn require_turn(sql: &mut SqliteConnection, new: &NewJob, limits: QueueLim
     if limits.queued_per_owner > 0 && owned >= i64::from(limits.queued_per_owner) {
         return Err(StoreError::OwnerQueueFull { limit: limits.queued_per_owner });
     }
+    super::artifacts::require_room(sql, &new.scheduling.owner, 1, limits.stored_bytes_per_owner).await?;
     let Some(key) = &new.scheduling.unique_key else { return Ok(()) };
     match active_with_key(sql, key).await? {
         Some(id) => {

@@ -87,7 +87,7 @@ fn job(request_id: &str, phase: &str) -> NewJob {
 
 async fn put(artifacts: &Artifacts, store: &Store, bytes: &[u8]) -> String {
     let digest = artifacts.put_bytes(bytes.to_vec()).await.unwrap();
-    store.record_artifact(&digest, bytes.len() as u64, 1).await.unwrap();
+    store.record_artifact(&digest, bytes.len() as u64, "", 1).await.unwrap();
     digest
 }
 
@@ -197,7 +197,7 @@ async fn what_nothing_refers_to_goes_after_its_time_of_grace_and_nothing_else() 
     let none = Collected::default();
     let (store, files) = (&lab.store, &lab.artifacts);
     // A job that can go on from a saved state may name in it what it has made.
-    store.record_artifact(&nobodys, 8, 4).await.unwrap();
+    store.record_artifact(&nobodys, 8, "", 4).await.unwrap();
     assert_eq!(keep_jobs.preview(store, 2 * day_ms).await.unwrap(), none);
     let (_, lease) = store.claim(day_ms / 2 - 1, 1000, "w").await.unwrap().unwrap();
     store.fail(&lease, no_luck(), None, day_ms / 2).await.unwrap();

@@ -53,6 +53,7 @@ impl Worker {
 
         let context = JobContext {
             lease: lease.clone(),
+            owner: job.scheduling.owner.clone(),
             store: self.store.clone(),
             artifacts: self.artifacts.clone(),
             engines: Arc::clone(&self.engines),

@@ -104,6 +104,8 @@ impl Eta {
 #[derive(Debug)]
 pub struct JobContext {
     pub(super) lease: Lease,
+    /// Whose the job is, and with it what it makes.
+    pub(super) owner: String,
     pub(super) store: Store,
     pub(super) artifacts: Artifacts,
     pub(super) engines: Arc<EngineCache>,
@@ -187,7 +189,7 @@ impl JobContext {
         self.wait(async {
             let _publishing = self.artifacts.publishing().await;
             let digest = self.artifacts.put_bytes(bytes).await?;
-            self.store.record_artifact(&digest, size_bytes, self.clock.now_ms()).await?;
+            self.store.record_artifact(&digest, size_bytes, &self.owner, self.clock.now_ms()).await?;
             Ok(digest)
         })
     }

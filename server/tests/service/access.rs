@@ -82,18 +82,18 @@ const EXPECTED: &[(&str, &str)] = &[
 ];
 
 /// A server that asks for tokens, and a token for every role.
-struct Guarded {
-    serving: Serving,
+pub(crate) struct Guarded {
+    pub(crate) serving: Serving,
     /// `nobody` has none.
-    tokens: BTreeMap<&'static str, String>,
+    pub(crate) tokens: BTreeMap<&'static str, String>,
 }
 
 impl Guarded {
-    async fn start() -> Self {
+    pub(crate) async fn start() -> Self {
         Self::start_with(|_| {}).await
     }
 
-    async fn start_with(change: impl FnOnce(&mut Config)) -> Self {
+    pub(crate) async fn start_with(change: impl FnOnce(&mut Config)) -> Self {
         let mut tokens = BTreeMap::new();
         let prepared = tempfile::tempdir().unwrap();
         let data_dir = prepared.path().join("data");
@@ -108,7 +108,7 @@ impl Guarded {
         Self { serving: serving.await, tokens }
     }
 
-    async fn store(&self) -> Store {
+    pub(crate) async fn store(&self) -> Store {
         open(&self.serving.config.data_dir).await
     }
 
@@ -127,14 +127,14 @@ async fn open(data_dir: &Path) -> Store {
 }
 
 /// A new token; `expire_ms` since 1970.
-async fn make(store: &Store, name: &str, role: Role, displays: &[String], expire_ms: Option<i64>) -> String {
+pub(crate) async fn make(store: &Store, name: &str, role: Role, displays: &[String], expire_ms: Option<i64>) -> String {
     let secret = Secret::generate().unwrap();
     let caller = Caller { name: name.to_owned(), role, displays: displays.to_vec() };
     store.create_token(&caller, &secret.hash(), expire_ms, 1).await.unwrap();
     secret.reveal().to_owned()
 }
 
-fn with_token<T>(token: &str, message: T) -> Request<T> {
+pub(crate) fn with_token<T>(token: &str, message: T) -> Request<T> {
     let mut request = Request::new(message);
     request.metadata_mut().insert("authorization", format!("Bearer {token}").parse().unwrap());
     request

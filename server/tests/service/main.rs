@@ -10,5 +10,6 @@ mod jobs;
 mod kernels;
 mod lifecycle;
 mod optics_lab;
+mod ownership;
 mod rough_photographs;
 mod serving;

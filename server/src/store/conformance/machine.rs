@@ -17,7 +17,7 @@ const COMMANDS: usize = 3000;
 const OWNERS: [&str; 3] = ["", "ada", "bob"];
 const DISPLAYS: [&str; 2] = ["lab", "other"];
 const KEYS: [&str; 2] = ["k", "l"];
-const QUEUE: QueueLimits = QueueLimits { queued: 12, queued_per_owner: 6 };
+const QUEUE: QueueLimits = QueueLimits { queued: 12, queued_per_owner: 6, stored_bytes_per_owner: 0 };
 
 /// Jobs are picked by a number, modulo as many as there are.
 #[derive(Clone, Debug)]

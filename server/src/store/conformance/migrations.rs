@@ -110,7 +110,7 @@ async fn databases_of_every_version_keep_their_data() {
         if steps >= 5 {
             jobs_are_there(&store).await;
         }
-        store.record_artifact(&digest(0), 7, 20).await.unwrap();
+        store.record_artifact(&digest(0), 7, "", 20).await.unwrap();
         submit(&store, "new", 20).await;
         assert!(store.claim(20, LEASE_MS, "w").await.unwrap().is_some());
         store.close().await;

@@ -30,7 +30,7 @@ async fn store() -> (Store, TempDir) {
     let store = Store::open(&folder.path().join("lightpath.db")).await.unwrap();
     store.create_display(&display("lab"), 1).await.unwrap();
     // What `new_job` reads.
-    store.record_artifact(&digest(0), 7, 1).await.unwrap();
+    store.record_artifact(&digest(0), 7, "", 1).await.unwrap();
     (store, folder)
 }
 
@@ -110,6 +110,6 @@ fn new_version(n: u32) -> NewKernelVersion {
 /// Records the artifacts 0 to `count` − 1.
 async fn record(store: &Store, count: u32) {
     for n in 0..count {
-        store.record_artifact(&digest(n), 7, 1).await.unwrap();
+        store.record_artifact(&digest(n), 7, "", 1).await.unwrap();
     }
 }

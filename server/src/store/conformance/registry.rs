@@ -1,5 +1,6 @@
 use super::*;
 use crate::dataset::{Split, digest as dataset_digest, draw_split};
+use crate::store::QueueLimits;
 
 #[tokio::test]
 async fn a_display_is_created_once_and_deleted_when_unused() {
@@ -25,11 +26,47 @@ async fn a_display_is_created_once_and_deleted_when_unused() {
 async fn an_artifact_is_recorded_once() {
     let (store, _folder) = store().await;
     assert_eq!(store.artifact(&digest(1)).await.unwrap(), None);
-    store.record_artifact(&digest(1), 7, 10).await.unwrap();
-    let record = store.record_artifact(&digest(1), 7, 20).await.unwrap();
+    store.record_artifact(&digest(1), 7, "", 10).await.unwrap();
+    let record = store.record_artifact(&digest(1), 7, "", 20).await.unwrap();
     assert_eq!((record.size_bytes, record.create_time_ms), (7, 10));
     assert_eq!(store.artifact(&digest(1)).await.unwrap(), Some(record));
-    assert!(store.record_artifact("sha256-short", 7, 20).await.is_err());
+    assert!(store.record_artifact("sha256-short", 7, "", 20).await.is_err());
+}
+
+#[tokio::test]
+async fn artifacts_count_for_their_owners_and_concern_their_displays() {
+    let (store, _folder) = store().await;
+    for owner in ["ada", "ada", "bob"] {
+        store.record_artifact(&digest(1), 7, owner, 10).await.unwrap();
+    }
+    store.record_artifact(&digest(2), 5, "ada", 10).await.unwrap();
+    store.require_owner_room("ada", 8, 20).await.unwrap();
+    let full = store.require_owner_room("ada", 9, 20).await.unwrap_err();
+    assert!(matches!(full, StoreError::OwnerBytes { stored_bytes: 12, stored_bytes_max: 20 }), "{full}");
+    store.require_owner_room("bob", 13, 20).await.unwrap();
+    assert!(store.require_owner_room("bob", 14, 20).await.is_err());
+    store.require_owner_room("ada", u64::MAX, 0).await.unwrap();
+
+    let limits = QueueLimits { stored_bytes_per_owner: 12, ..QueueLimits::from(QUEUE_LIMIT) };
+    let mut new = new_job("r", 1);
+    new.scheduling.owner = "ada".to_owned();
+    assert!(matches!(store.submit(&new, 1, limits).await, Err(StoreError::OwnerBytes { .. })));
+    assert!(store.forget_artifact(&digest(2), 11).await.unwrap());
+    store.submit(&new, 1, limits).await.unwrap();
+
+    let lab = ["lab".to_owned()];
+    let concerns = |n: u32, owner: &'static str, displays: &'static [&'static str]| {
+        let (store, displays) = (store.clone(), displays.iter().map(|id| (*id).to_owned()).collect::<Vec<_>>());
+        async move { store.artifact_concerns(&digest(n), owner, &displays).await.unwrap() }
+    };
+    assert!(concerns(0, "cyd", &["lab"]).await, "the job reads it");
+    assert!(!concerns(0, "cyd", &["other"]).await);
+    assert!(concerns(1, "bob", &["other"]).await && !concerns(1, "cyd", &["lab"]).await);
+    store.create_dataset(&dataset("d"), 5).await.unwrap();
+    record(&store, 12).await;
+    store.add_pair("d", &pair(4)).await.unwrap();
+    assert!(store.artifact_concerns(&pair(4).photo, "cyd", &lab).await.unwrap());
+    assert!(!store.artifact_concerns(&pair(4).photo, "cyd", &["other".to_owned()]).await.unwrap());
 }
 
 #[tokio::test]

@@ -95,7 +95,7 @@ async fn who_has_fewer_running_comes_first_and_limits_are_kept_by_live_leases() 
 #[tokio::test]
 async fn an_owner_may_fill_only_a_part_of_the_queue() {
     let (store, _folder) = store().await;
-    let limits = QueueLimits { queued: 3, queued_per_owner: 1 };
+    let limits = QueueLimits { queued: 3, queued_per_owner: 1, stored_bytes_per_owner: 0 };
     let submit = |request_id: &str, owner: &str| {
         let mut new = new_job(request_id, 1);
         new.scheduling.owner = owner.to_owned();
