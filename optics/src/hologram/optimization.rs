@@ -4,10 +4,12 @@ use super::adam::AdamState;
 use super::double_phase::double_phase;
 use super::gerchberg_saxton::GerchbergSaxton;
 use super::loss::{ImagePlane, Loss};
+use super::meter::Clock;
 use super::problem::HologramProblem;
 use super::rounded::{Levels, Rounded};
 use crate::optimizer::limited_memory::{LimitedMemory, Workspace};
 use crate::{Error, Evaluation, Plane, RegionOfInterest, Result};
+use std::time::Duration;
 
 /// How a phase is found.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -165,6 +167,20 @@ impl Optimization {
 
     pub(super) fn with(problem: HologramProblem, options: Options, run: Run, iteration: u32) -> Self {
         Self { problem, options, run, iteration, gradient: Vec::new() }
+    }
+
+    /// From now on the time of the passes that take light to the image and back is added up, by `clock`.
+    #[must_use]
+    pub fn timed_by(mut self, clock: Clock) -> Self {
+        self.problem.meter.clock = Some(clock);
+        self
+    }
+
+    /// The time that evaluations of loss and gradient have taken, where a clock was given: Fourier transforms, with what is
+    /// done in the same passes over memory. What is left of a step is the method's own.
+    #[must_use]
+    pub fn transforming(&self) -> Duration {
+        self.problem.meter.spent
     }
 
     /// The next step, or `None` at the end.

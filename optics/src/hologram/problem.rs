@@ -1,6 +1,7 @@
 //! How far a phase is from showing a target, and in which direction it gets nearer.
 
 use super::loss::{ImagePlane, Loss, Wanted, weighted_sums};
+use super::meter::Meter;
 use super::two_passes::Kept;
 use crate::engine::{Engine, Fields};
 use crate::photometry::{Comparison, Quantity, Sums};
@@ -21,6 +22,7 @@ pub struct HologramProblem<T = f32> {
     pub(super) loss: Loss,
     pub(super) fields: Fields<T>,
     pub(super) kept: Kept<T>,
+    pub(super) meter: Meter,
 }
 
 /// What an evaluation found.
@@ -94,7 +96,7 @@ impl<T: Real> HologramProblem<T> {
             return Err(Error::Empty { name: "target_intensity", needed });
         }
         let fields = Fields::new(&first.convolver);
-        Ok(Self { planes, frames, region, loss, fields, kept: Kept::empty() })
+        Ok(Self { planes, frames, region, loss, fields, kept: Kept::empty(), meter: Meter::default() })
     }
 
     /// The display, at the distance of the first plane.
@@ -139,6 +141,7 @@ impl<T: Real> HologramProblem<T> {
         if self.frames > 1 || self.loss.has_roughness() {
             return self.evaluate_in_two(phase, Some(gain), gradient);
         }
+        let begin = self.meter.start();
         let sums = weighted_sums(self.planes.len(), |p| {
             let plane = &self.planes[p];
             let engine = &plane.engine;
@@ -149,6 +152,7 @@ impl<T: Real> HologramProblem<T> {
             send_back(engine, &mut self.fields, phase, &mut Sink::Gradient(gradient), p > 0);
             (sums, plane.share)
         });
+        self.meter.stop(begin);
         Evaluation::new(&sums, 0.0)
     }
 

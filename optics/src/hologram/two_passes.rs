@@ -35,6 +35,7 @@ impl<T> Kept<T> {
 impl<T: Real> HologramProblem<T> {
     /// All of the light first, then the slopes at the gain given or fitted, then the way back.
     pub(super) fn evaluate_in_two(&mut self, phase: &[T], gain: Option<f64>, gradient: &mut [T]) -> Evaluation {
+        let begin = self.meter.start();
         self.light_up(phase);
         let gain = gain.unwrap_or_else(|| self.fitted_gain());
         let mut roughness = 0.0;
@@ -47,6 +48,7 @@ impl<T: Real> HologramProblem<T> {
             self.weigh_and_send_back(p, phase, Sink::Gradient(&mut *gradient));
             (sums, share)
         });
+        self.meter.stop(begin);
         Evaluation::new(&sums, roughness)
     }
 
@@ -66,6 +68,7 @@ impl<T: Real> HologramProblem<T> {
         weighted: bool,
         field: &mut [Complex<T>],
     ) -> Evaluation {
+        let begin = self.meter.start();
         self.light_up(phase);
         let evaluation = Evaluation::new(&weighted_sums(self.planes.len(), |p| self.measure_plane(p, 1.0)), 0.0);
         if weighted {
@@ -86,6 +89,7 @@ impl<T: Real> HologramProblem<T> {
             plane.engine.convolver.slopes(&comparison, &self.kept.lights[p], &mut self.kept.slopes);
             self.weigh_and_send_back(p, phase, Sink::Field(&mut *field));
         }
+        self.meter.stop(begin);
         evaluation
     }
 

@@ -52,7 +52,7 @@ impl JobService for Api {
         let job = self.store.cancel(&id, now_ms()).await?;
         // A running job ends at its worker, and is counted there.
         if job.state.has_ended() {
-            metrics::job_ended(&job.spec, job.state);
+            metrics::job_ended(&job);
         }
         Ok(Response::new(jobs::to_wire(job)))
     }

@@ -12,13 +12,14 @@ use crate::artifacts::{CHUNK_BYTES, digest_of};
 use crate::kernel::{Kernel, KernelKey, KernelVersion};
 use crate::kernel_file;
 use crate::kernel_formats::{self, KernelFormat, KernelFormatError};
+use crate::metrics;
 use crate::store::Store;
 use futures::stream::{self, BoxStream, StreamExt as _};
 use lightpath_proto::v1;
 use lightpath_proto::v1::fetch_kernel_response::Part;
 use lightpath_proto::v1::kernel_service_server::KernelService;
 use prost::bytes::Bytes;
-use tonic::{Request, Response, Status};
+use tonic::{Code, Request, Response, Status};
 
 /// Longest reason of a move \[bytes\]: a paragraph.
 const REASON_BYTES_MAX: usize = 1024;
@@ -64,7 +65,7 @@ impl KernelService for Api {
         Ok(Response::new(v1::ListKernelVersionsResponse { versions, next_page_token }))
     }
 
-    type FetchKernelStream = BoxStream<'static, Result<v1::FetchKernelResponse, Status>>;
+    type FetchKernelStream = Parts;
 
     async fn fetch_kernel(
         &self,
@@ -72,21 +73,13 @@ impl KernelService for Api {
     ) -> Result<Response<Self::FetchKernelStream>, Status> {
         let request = request.into_inner();
         let key = names::kernel_key(&Field::new("kernel"), &request.kernel)?;
-        let number = match request.version {
-            0 => self.require_active(&key).await?,
-            number => number,
-        };
-        let version = self.store.kernel_version(&key, number).await?;
-        let format = kernel_format(&Field::new("format"), request.format)?;
-        if format != KernelFormat::Safetensors {
-            return Ok(Response::new(self.fetch_as(version, format).await?));
+        let answer = self.fetch(&key, request).await.map_err(Status::from);
+        let code = answer.as_ref().map_or_else(Status::code, |_| Code::Ok);
+        // Only displays that there are: clients must not make the metric grow.
+        if answer.is_ok() || self.store.display(&key.display).await.is_ok() {
+            metrics::kernel_fetch(&key.display, format!("{code:?}"));
         }
-        // Opened, and its hash checked, before the first message: what is damaged fails whole.
-        let reader = self.artifacts.read(&version.content.artifact, 0, 0).await?;
-        let first = v1::FetchKernelResponse { part: Some(Part::Version(kernels::version_to_wire(version))) };
-        let rest =
-            chunks(reader).map(|chunk| chunk.map(|chunk| v1::FetchKernelResponse { part: Some(Part::Chunk(chunk)) }));
-        Ok(Response::new(stream::iter([Ok(first)]).chain(rest).boxed()))
+        answer.map(Response::new)
     }
 
     type WatchKernelStream = BoxStream<'static, Result<v1::Kernel, Status>>;
@@ -172,13 +165,30 @@ fn check_forced(candidate: &KernelVersion, force: bool, reason: &str) -> Result<
     Err(ApiError::Precondition { reason: "NO_BETTER_THAN_IDEAL", message })
 }
 
+/// What a fetch answers.
+type Parts = BoxStream<'static, Result<v1::FetchKernelResponse, Status>>;
+
 impl Api {
+    async fn fetch(&self, key: &KernelKey, request: v1::FetchKernelRequest) -> Result<Parts, ApiError> {
+        let number = match request.version {
+            0 => self.require_active(key).await?,
+            number => number,
+        };
+        let version = self.store.kernel_version(key, number).await?;
+        let format = kernel_format(&Field::new("format"), request.format)?;
+        if format != KernelFormat::Safetensors {
+            return self.fetch_as(version, format).await;
+        }
+        // Opened, and its hash checked, before the first message: what is damaged fails whole.
+        let reader = self.artifacts.read(&version.content.artifact, 0, 0).await?;
+        let first = v1::FetchKernelResponse { part: Some(Part::Version(kernels::version_to_wire(version))) };
+        let rest =
+            chunks(reader).map(|chunk| chunk.map(|chunk| v1::FetchKernelResponse { part: Some(Part::Chunk(chunk)) }));
+        Ok(stream::iter([Ok(first)]).chain(rest).boxed())
+    }
+
     /// The version's file in another form: made, and its digest known, before the first message.
-    async fn fetch_as(
-        &self,
-        version: KernelVersion,
-        format: KernelFormat,
-    ) -> Result<BoxStream<'static, Result<v1::FetchKernelResponse, Status>>, ApiError> {
+    async fn fetch_as(&self, version: KernelVersion, format: KernelFormat) -> Result<Parts, ApiError> {
         let bytes = self.artifacts.read_all(&version.content.artifact).await?;
         let exported = self
             .computed(move || {

@@ -170,3 +170,25 @@ impl Api {
 fn required<T>(field: &Field, value: Option<T>) -> Result<T, ApiError> {
     value.ok_or_else(|| field.invalid("is not set, but is required"))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::held_by_another;
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn a_server_serves_only_while_it_can_write_and_is_not_about_to_stop() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("lightpath.db");
+        let (store, artifacts) = (Store::open(&path).await.unwrap(), Artifacts::open(folder.path()).unwrap());
+        let stopping = CancellationToken::new();
+        let api = Api::new(store, artifacts, QueueLimits::from(10), stopping.clone());
+        api.is_serving().await.unwrap();
+        let held = held_by_another(&path).await;
+        assert!(matches!(api.is_serving().await, Err(ApiError::Locked)));
+        drop(held);
+        api.is_serving().await.unwrap();
+        stopping.cancel();
+        assert!(matches!(api.is_serving().await, Err(ApiError::Stopping)));
+    }
+}

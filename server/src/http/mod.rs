@@ -12,7 +12,7 @@ mod rate;
 mod refusal;
 mod requests;
 
-use crate::api::Api;
+use crate::api::{Api, now_ms};
 use crate::metrics;
 use axum::Router;
 use axum::extract::{Request, State};
@@ -53,7 +53,7 @@ async fn health(State(api): State<Api>) -> Response {
 async fn metrics(State(api): State<Api>) -> Result<Response, Refusal> {
     /// The text format's own content type.
     const TEXT_FORMAT: &str = "text/plain; version=0.0.4; charset=utf-8";
-    let text = metrics::render(api.store(), api.artifacts()).await.map_err(Status::from)?;
+    let text = metrics::render(api.store(), api.artifacts(), now_ms()).await.map_err(Status::from)?;
     Ok(([(header::CONTENT_TYPE, TEXT_FORMAT)], text).into_response())
 }
 

@@ -49,6 +49,8 @@ pub use inspect::{Counts, DanglingReference, Inspection, StoredBlob};
 pub use jobs::{JobFilter, QueueCounts, QueueLimits, Submitted};
 pub use leases::{ClaimLimits, Heartbeat};
 pub use open::Store;
+#[cfg(test)]
+pub(crate) use open::held_by_another;
 pub use queue::{BatchProgress, Pause, Turn};
 pub use tokens::TokenRecord;
 pub use totals::QueueDepth;

@@ -5,7 +5,7 @@ use super::{Inspection, StoreError};
 use sqlx::migrate::{MigrateError, Migration, MigrationType, Migrator};
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous};
 use sqlx::{AssertSqlSafe, SqlSafeStr};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -44,6 +44,7 @@ pub(super) struct Inner {
     pub(super) writer: SqlitePool,
     pub(super) readers: SqlitePool,
     pub(super) changes: Changes,
+    pub(super) path: PathBuf,
 }
 
 impl Store {
@@ -59,7 +60,7 @@ impl Store {
         check_version(&writer).await?;
         migrator(MIGRATIONS.len()).run(&writer).await.map_err(migration_error)?;
         let readers = pool(READERS).connect_with(options.create_if_missing(false).pragma("query_only", "on")).await?;
-        Ok(Self { inner: Arc::new(Inner { writer, readers, changes: Changes::default() }) })
+        Ok(Self { inner: Arc::new(Inner { writer, readers, changes: Changes::default(), path: path.to_owned() }) })
     }
 
     /// Opens a database that a server may be at work on: one whose tables are of another version is left alone.
@@ -100,6 +101,15 @@ pub(super) fn connect_options(path: &Path) -> SqliteConnectOptions {
         .synchronous(SqliteSynchronous::Full)
         .foreign_keys(true)
         .busy_timeout(BUSY_TIMEOUT)
+}
+
+/// Holds the database at `path` as another program would, until what this returns is dropped.
+#[cfg(test)]
+pub(crate) async fn held_by_another(path: &Path) -> impl Sized + Send + use<> {
+    use sqlx::{ConnectOptions as _, Executor as _};
+    let mut connection = connect_options(path).connect().await.unwrap();
+    connection.execute("begin immediate").await.unwrap();
+    connection
 }
 
 fn migration_error(error: MigrateError) -> StoreError {

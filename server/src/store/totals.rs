@@ -3,6 +3,9 @@
 use super::rows::from_word;
 use super::{Store, StoreError};
 use crate::job::JobState;
+use std::fs;
+use std::path::Path;
+use std::time::Duration;
 
 /// How many jobs of one kind are in one state.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -43,6 +46,31 @@ impl Store {
             }
         }
         Ok(depths)
+    }
+
+    /// For every kind, how long the first job in turn has been due: it may run, and no worker has taken it.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn oldest_due(&self, now_ms: i64) -> Result<Vec<(&'static str, Duration)>, StoreError> {
+        let mut ages = Vec::new();
+        for kind in KINDS {
+            let sql = "select min(run_time_ms) from job where state = 'queued' and waiting_for = 0 and kind = ?";
+            let due_ms: Option<i64> = sqlx::query_scalar(sql).bind(kind).fetch_one(self.readers()).await?;
+            let age_ms = now_ms.saturating_sub(due_ms.unwrap_or(now_ms)).max(0);
+            ages.push((kind, Duration::from_millis(age_ms.unsigned_abs())));
+        }
+        Ok(ages)
+    }
+
+    /// Sizes of the database and of its write-ahead log \[bytes\]; 0 where the file is not there.
+    #[must_use]
+    pub fn file_bytes(&self) -> (u64, u64) {
+        let size = |path: &Path| fs::metadata(path).map_or(0, |metadata| metadata.len());
+        let mut wal = self.inner.path.clone().into_os_string();
+        wal.push("-wal");
+        (size(&self.inner.path), size(Path::new(&wal)))
     }
 
     /// Number and bytes of all artifacts.

@@ -116,7 +116,7 @@ impl Worker {
         };
         tracing::info!(job = job.id, attempt = lease.attempt, state = job.state.as_str(), "attempt ended");
         if job.state.has_ended() {
-            metrics::job_ended(&job.spec, job.state);
+            metrics::job_ended(&job);
         }
         if job.checkpoint.is_none()
             && let Some(digest) = checkpoint

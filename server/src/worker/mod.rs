@@ -46,6 +46,7 @@ pub use stop::StopReason;
 
 use crate::artifacts::{ArtifactError, Artifacts};
 use crate::job::{Job, JobSpec};
+use crate::metrics::{self, LeaseLoss};
 use crate::store::{ClaimLimits, Store, StoreError};
 use lightpath_optics::EngineCache;
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
@@ -236,6 +237,7 @@ impl Worker {
                 break;
             }
             for job in orphans {
+                metrics::lease_lost(LeaseLoss::ServerDied, &job);
                 tracing::warn!(job = job.id, state = job.state.as_str(), "took the job back from a dead worker");
             }
         }
@@ -316,6 +318,7 @@ impl Worker {
             match self.store.expire_leases(self.clock.now_ms()).await {
                 Ok(jobs) => {
                     for job in jobs {
+                        metrics::lease_lost(LeaseLoss::Expired, &job);
                         tracing::warn!(job = job.id, state = job.state.as_str(), "the job's lease ran out");
                     }
                 }

@@ -14,7 +14,8 @@ use crate::pictures;
 use lightpath_optics::hologram::{self, light_of_frames, quality_of_frames};
 use lightpath_optics::phase_response::wrap_f32;
 use lightpath_optics::{Optimization, Plane};
-use std::time::Instant;
+use std::sync::LazyLock;
+use std::time::{Duration, Instant};
 
 /// Reported for a reconstruction that equals its target \[dB\]: JSON knows no infinity, and f32 no 200 dB.
 const PSNR_DB_MAX: f64 = 200.0;
@@ -36,6 +37,12 @@ pub(super) fn run(context: &JobContext, spec: &OptimizeHologram) -> Result<TaskO
     Ok(TaskOutput { result: JobResult::Hologram(Box::new(hologram)), learned: None })
 }
 
+/// The engine's clock.
+fn since_first_look() -> Duration {
+    static FIRST: LazyLock<Instant> = LazyLock::new(Instant::now);
+    FIRST.elapsed()
+}
+
 /// A job under way.
 struct Work<'a> {
     context: &'a JobContext,
@@ -49,10 +56,10 @@ impl Work<'_> {
     fn begin(&mut self, wanted: &Wanted, index: usize) -> Result<Optimization, TaskError> {
         let (problem, options) = (wanted.problem(self.spec)?, wanted.options(self.spec)?);
         if let Some(state) = self.state.current.take() {
-            return Ok(Optimization::resume(problem, options, state)?);
+            return Ok(Optimization::resume(problem, options, state)?.timed_by(since_first_look));
         }
         let phases = wanted.first_phases(self.context, self.spec, index, &problem)?;
-        Ok(Optimization::start(problem, options, phases)?)
+        Ok(Optimization::start(problem, options, phases)?.timed_by(since_first_look))
     }
 
     /// All iterations that are left of one wavelength's hologram. Returns the last loss.
@@ -67,11 +74,11 @@ impl Work<'_> {
         let stage = if wavelengths == 1 { "optimize".to_owned() } else { format!("optimize {}", wanted.wavelength) };
         let eta = *self.eta.get_or_insert_with(|| Eta::from(before + optimization.iteration()));
         loop {
-            let started = Instant::now();
+            let (started, transformed) = (Instant::now(), optimization.transforming());
             let Some(done) = optimization.step() else { return Ok(self.state.loss) };
             let took = started.elapsed();
             self.state.loss = finite("the loss", done.evaluation.loss)?;
-            metrics::hologram_iteration(took);
+            metrics::hologram_iteration(took, optimization.transforming() - transformed);
             self.state.compute_s += took.as_secs_f64();
             self.state.steps += 1;
             let step = before + done.iteration;

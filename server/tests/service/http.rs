@@ -1,12 +1,13 @@
 //! Plain HTTP on the same port.
 
 use crate::serving::Serving;
+use lightpath_proto::v1::kernel_service_client::KernelServiceClient;
 use serde_json::Value;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::TcpStream;
 
 /// Status and body of a GET over HTTP/1.1.
-async fn get(serving: &Serving, path: &str) -> (u16, String) {
+pub(crate) async fn get(serving: &Serving, path: &str) -> (u16, String) {
     let mut stream = TcpStream::connect(serving.address).await.unwrap();
     let request = format!("GET {path} HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n");
     stream.write_all(request.as_bytes()).await.unwrap();
@@ -30,6 +31,41 @@ async fn health_and_metrics_answer() {
     ] {
         assert!(metrics.contains(line), "{line} in {metrics}");
     }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn metrics_tell_what_became_of_jobs_and_fetches() {
+    let serving = Serving::start().await;
+    let job = crate::jobs::submit_long(&serving).await;
+    let watch = lightpath_proto::v1::WatchJobRequest { name: job.name.clone() };
+    let mut stream = serving.jobs().watch_job(watch).await.unwrap().into_inner();
+    while stream.message().await.unwrap().unwrap().progress.is_none() {}
+    let cancel = lightpath_proto::v1::CancelJobRequest { name: job.name.clone() };
+    serving.jobs().cancel_job(cancel).await.unwrap();
+    while stream.message().await.unwrap().is_some() {}
+    for display in ["lab", "nowhere"] {
+        let kernel = format!("displays/{display}/kernels/515nm-50mm");
+        let request = lightpath_proto::v1::FetchKernelRequest { kernel, version: 1, ..Default::default() };
+        let mut kernels = KernelServiceClient::new(serving.channel.clone());
+        assert!(kernels.fetch_kernel(request).await.is_err());
+    }
+    let (_, metrics) = get(&serving, "/metrics").await;
+    for line in [
+        "lightpath_jobs_ended_total{kind=\"optimize_hologram\",state=\"cancelled\"}",
+        "lightpath_queue_oldest_seconds{kind=\"optimize_hologram\"}",
+        "lightpath_hologram_iteration_seconds_count",
+        "lightpath_hologram_transform_seconds_count",
+        "lightpath_kernel_fetches_total{display=\"lab\",code=\"NotFound\"}",
+        "lightpath_artifact_bytes",
+    ] {
+        assert!(metrics.contains(line), "{line} in {metrics}");
+    }
+    assert!(!metrics.contains("nowhere"), "clients cannot make it grow");
+    let value = |name: &str| -> f64 {
+        let line = metrics.lines().find_map(|line| line.strip_prefix(name)).unwrap();
+        line.trim().parse().unwrap()
+    };
+    assert!(value("lightpath_wal_bytes ") > 0.0 && value("lightpath_database_bytes ") > 0.0);
 }
 
 #[tokio::test]

@@ -1,12 +1,15 @@
 //! Starting and stopping.
 
+use crate::http::get;
 use crate::serving::{Serving, expect};
 use lightpath_proto::v1;
 use lightpath_server::server;
+use std::time::Duration;
 use tokio::net::TcpListener;
-use tonic::Code;
-use tonic_health::pb::HealthCheckRequest;
+use tonic::{Code, Streaming};
+use tonic_health::pb::health_check_response::ServingStatus;
 use tonic_health::pb::health_client::HealthClient;
+use tonic_health::pb::{HealthCheckRequest, HealthCheckResponse};
 use tonic_reflection::pb::v1::ServerReflectionRequest;
 use tonic_reflection::pb::v1::server_reflection_client::ServerReflectionClient;
 use tonic_reflection::pb::v1::server_reflection_request::MessageRequest;
@@ -29,6 +32,37 @@ async fn health_and_reflection_answer() {
         panic!("no list")
     };
     assert!(list.service.iter().any(|service| service.name == "lightpath.v1.KernelService"));
+}
+
+/// Waits until the server says this of itself.
+async fn until_health_is(watch: &mut Streaming<HealthCheckResponse>, wanted: ServingStatus) {
+    let told = async { while watch.message().await.unwrap().unwrap().status() != wanted {} };
+    tokio::time::timeout(Duration::from_secs(30), told).await.expect("health changes");
+}
+
+async fn watch_health(serving: &Serving) -> Streaming<HealthCheckResponse> {
+    let request = HealthCheckRequest::default();
+    HealthClient::new(serving.channel.clone()).watch(request).await.unwrap().into_inner()
+}
+
+#[tokio::test]
+async fn health_says_that_the_disk_is_low() {
+    // A reserve that no disk has.
+    let serving = Serving::start_with(|config| config.space.reserve_bytes = 1 << 60).await;
+    until_health_is(&mut watch_health(&serving).await, ServingStatus::NotServing).await;
+    let (code, text) = get(&serving, "/healthz").await;
+    assert_eq!(code, 503);
+    assert!(text.contains("are kept for work that it has accepted"), "{text}");
+}
+
+#[tokio::test]
+async fn health_says_that_the_server_stops() {
+    let serving = Serving::start_with(|config| config.drain_deadline = Duration::from_secs(2)).await;
+    let mut watch = watch_health(&serving).await;
+    until_health_is(&mut watch, ServingStatus::Serving).await;
+    serving.begin_to_stop();
+    until_health_is(&mut watch, ServingStatus::NotServing).await;
+    serving.stop().await.unwrap();
 }
 
 #[tokio::test]

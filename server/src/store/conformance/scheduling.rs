@@ -112,6 +112,22 @@ async fn an_owner_may_fill_only_a_part_of_the_queue() {
 }
 
 #[tokio::test]
+async fn the_age_of_the_queue_is_that_of_what_is_due() {
+    let (store, _folder) = store().await;
+    let ages = async |now_ms: i64| -> Vec<u128> {
+        store.oldest_due(now_ms).await.unwrap().into_iter().map(|(_, age)| age.as_millis()).collect()
+    };
+    assert_eq!(ages(50).await, [0; 4], "nothing waits");
+    put(&store, "later", |new| new.scheduling.not_before_ms = Some(500)).await.unwrap();
+    let first = put(&store, "first", |_| ()).await.unwrap();
+    let created_ms = first.create_time_ms;
+    assert_eq!(ages(created_ms + 30).await, [0, 0, 30, 0], "simulated captures");
+    assert_eq!(claim(&store, created_ms + 31).await.unwrap().0.id, first.id);
+    assert_eq!(ages(499).await, [0; 4], "what runs does not wait, and what is to start later neither");
+    assert_eq!(ages(510).await, [0, 0, 10, 0]);
+}
+
+#[tokio::test]
 async fn what_is_paused_does_not_start() {
     let (store, _folder) = store().await;
     store.create_display(&display("other"), 1).await.unwrap();
