@@ -9,6 +9,7 @@
 //! Lines are appended as calls end and flushed to disk once a second. It holds no secrets: callers are named, and what
 //! they sent is not.
 
+use crate::fail;
 use serde::Serialize;
 use std::fs::{self, File};
 use std::io::{self, Write as _};
@@ -79,7 +80,7 @@ impl Audit {
             open.is_flushed = true;
             open.file.try_clone()
         };
-        if let Err(error) = file.and_then(|file| file.sync_data()) {
+        if let Err(error) = file.and_then(|file| fail::point("audit.flush").and_then(|()| file.sync_data())) {
             tracing::error!(%error, "the audit log could not be flushed");
         }
     }
@@ -107,6 +108,7 @@ impl Audit {
         };
         for number in (0..FILES_KEPT).rev() {
             if path(number).exists() {
+                fail::point("audit.rename")?;
                 fs::rename(path(number), path(number + 1))?;
             }
         }

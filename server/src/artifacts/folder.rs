@@ -2,6 +2,7 @@
 
 use super::digest::{check_digest, digest_of, name, shard};
 use super::{ArtifactError, CHUNK_BYTES};
+use crate::fail;
 use sha2::{Digest, Sha256};
 use std::fs::{self, File};
 use std::io::{self, Read, Seek, SeekFrom, Write};
@@ -74,11 +75,13 @@ impl Folder {
     pub(super) fn publish(&self, file: &File, path: &Path, digest: &str) -> Result<(), ArtifactError> {
         let shard = self.root.join(shard(digest));
         let publish = || -> io::Result<()> {
+            fail::point("file.flush")?;
             file.sync_all()?;
             if !shard.is_dir() {
                 fs::create_dir_all(&shard)?;
                 flush_folder(&self.root)?;
             }
+            fail::point("file.rename")?;
             fs::rename(path, shard.join(digest))?;
             flush_folder(&shard)
         };
@@ -117,7 +120,8 @@ impl Folder {
     }
 
     pub(super) fn delete(&self, digest: &str) -> Result<(), ArtifactError> {
-        match fs::remove_file(self.path(digest)?) {
+        let path = self.path(digest)?;
+        match fail::point("file.remove").and_then(|()| fs::remove_file(path)) {
             Ok(()) => Ok(()),
             Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
             Err(error) => Err(ArtifactError::io("delete a file", error)),
@@ -183,5 +187,6 @@ pub(super) fn empty(folder: &Path) -> io::Result<()> {
 
 /// A rename is durable only once its folder is.
 pub(super) fn flush_folder(folder: &Path) -> io::Result<()> {
+    fail::point("folder.flush")?;
     File::open(folder)?.sync_all()
 }

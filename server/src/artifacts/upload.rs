@@ -3,6 +3,7 @@
 use super::digest::{check_digest, name};
 use super::folder::hash_rest;
 use super::{ArtifactError, Artifacts, Inner, blocking};
+use crate::fail;
 use sha2::{Digest, Sha256};
 use std::fs::{self, File};
 use std::io::{self, Seek, SeekFrom, Write};
@@ -154,7 +155,8 @@ impl Part {
         }
         let found = name(hasher);
         if found != turn.digest {
-            fs::remove_file(&path).map_err(|error| ArtifactError::io("remove a wrong upload", error))?;
+            let removed = fail::point("file.remove").and_then(|()| fs::remove_file(&path));
+            removed.map_err(|error| ArtifactError::io("remove a wrong upload", error))?;
             return Err(ArtifactError::WrongDigest { digest: turn.digest.clone(), found });
         }
         turn.inner.blobs.publish(&file, &path, &turn.digest)

@@ -2,6 +2,7 @@
 
 use super::changes::Change;
 use super::{Store, StoreError};
+use crate::fail;
 use futures::future::BoxFuture;
 use sqlx::pool::PoolConnection;
 use sqlx::{Sqlite, SqliteConnection};
@@ -33,7 +34,10 @@ impl Write {
     }
 
     async fn commit(&mut self) -> Result<(), StoreError> {
+        fail::point("commit").map_err(sqlx::Error::Io)?;
         sqlx::query("commit").execute(self.sql()).await?;
+        // What is on disk is done, whoever fails to tell.
+        drop(fail::point("committed"));
         Ok(())
     }
 

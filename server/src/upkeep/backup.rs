@@ -6,6 +6,7 @@
 
 use super::{DATABASE, UpkeepError};
 use crate::artifacts::{ArtifactError, BlobKind, Inventory, digest_of_file};
+use crate::fail;
 use crate::store::Inspection;
 use serde::{Deserialize, Serialize};
 use std::fs::{self, File};
@@ -81,7 +82,7 @@ pub async fn backup(data_dir: &Path, destination: &Path) -> Result<Backup, Upkee
     inspection.close().await?;
     Inspection::forget_checkpoints(&copy, &restarting).await?;
 
-    let flushed = File::open(&copy).and_then(|file| file.sync_all());
+    let flushed = fail::point("backup.flush").and_then(|()| File::open(&copy)?.sync_all());
     flushed.map_err(UpkeepError::io("flush", &copy))?;
     to.flush()?;
     let manifest = Manifest {
@@ -130,6 +131,7 @@ fn write_manifest(destination: &Path, manifest: &Manifest) -> Result<(), UpkeepE
         let mut file = File::create_new(&path)?;
         file.write_all(&serde_json::to_vec_pretty(manifest)?)?;
         file.write_all(b"\n")?;
+        fail::point("backup.manifest")?;
         file.sync_all()
     };
     write().map_err(UpkeepError::io("write", &path))

@@ -3,6 +3,7 @@
 use super::backup::{MANIFEST, Manifest, make_empty};
 use super::{DATABASE, Report, UpkeepError, check};
 use crate::artifacts::{ArtifactError, BlobKind, Inventory, digest_of_file};
+use crate::fail;
 use crate::store::Inspection;
 use std::fs::{self, File};
 use std::path::Path;
@@ -36,7 +37,9 @@ pub async fn restore(backup: &Path, data_dir: &Path) -> Result<Report, UpkeepErr
     // The database comes last: without it the folder is taken for no data, and not for half of it.
     let (copy, partial) = (data_dir.join(DATABASE), data_dir.join("lightpath.db.partial"));
     let copied = fs::copy(&database, &partial)
-        .and_then(|_| File::open(&partial)?.sync_all())
+        .and_then(|_| fail::point("restore.flush"))
+        .and_then(|()| File::open(&partial)?.sync_all())
+        .and_then(|()| fail::point("restore.rename"))
         .and_then(|()| fs::rename(&partial, &copy));
     copied.map_err(UpkeepError::io("copy the database to", &copy))?;
     to.flush()?;
