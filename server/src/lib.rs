@@ -14,7 +14,7 @@
 //! - [`access`]: roles and tokens. `audit`: what was done and refused. [`tls`]: certificates.
 //! - [`artifacts`]: content-addressed files and resumable uploads.
 //! - [`store`]: the durable queue and registry; the only place that knows the database.
-//! - `fail`: places where tests make the process die or a call fail.
+//! - [`fuzzing`]: an entry to every decoder. `fail`: places where tests make the process die or a call fail.
 //! - [`upkeep`]: what operators do to a data folder: check, back up, restore.
 //! - [`worker`]: claims jobs and runs them.
 //! - `api`: the gRPC services. `http`: health, metrics and JSON. `connections`: both on one port.
@@ -34,6 +34,7 @@ pub mod demo;
 pub mod display;
 mod fail;
 pub mod figures;
+pub mod fuzzing;
 mod http;
 pub mod job;
 pub mod kernel;

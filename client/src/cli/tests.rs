@@ -1,6 +1,35 @@
 use super::*;
 use clap::error::ErrorKind;
 
+/// How many [`damaged`] gives.
+pub(crate) const DAMAGED: usize = 3000;
+
+/// Texts that were `seed` before some of their characters were replaced, added or lost; the same in every run.
+pub(crate) fn damaged(seed: &str) -> impl Iterator<Item = String> {
+    const STRANGE: [char; 16] =
+        ['"', '\'', '\\', ',', '=', '[', ']', '{', '}', '\n', '\0', '9', '-', 'e', 'é', '\u{feff}'];
+    let seed: Vec<char> = seed.chars().collect();
+    let mut state = 1_u64;
+    // Lehmer's generator, as Park and Miller chose it.
+    let mut below = move |end: usize| {
+        state = state * 48_271 % 0x7fff_ffff;
+        state as usize % end.max(1)
+    };
+    (0..DAMAGED).map(move |_| {
+        let mut text = seed.clone();
+        for _ in 0..=below(6) {
+            let at = below(text.len());
+            match below(4) {
+                0 if at < text.len() => text[at] = STRANGE[below(STRANGE.len())],
+                1 if at < text.len() => drop(text.remove(at)),
+                2 if below(8) == 0 => text.truncate(at),
+                _ => text.insert(at, STRANGE[below(STRANGE.len())]),
+            }
+        }
+        text.into_iter().collect()
+    })
+}
+
 fn parse(line: &str) -> Result<Cli, clap::Error> {
     Cli::try_parse_from(line.split_whitespace())
 }

@@ -4,12 +4,16 @@
 mod access;
 mod artifacts;
 mod captures;
+mod decoders;
 mod displays;
 mod http;
 mod jobs;
 mod kernels;
 mod lifecycle;
+mod malformed;
+mod mutation;
 mod optics_lab;
 mod ownership;
+mod raw;
 mod rough_photographs;
 mod serving;

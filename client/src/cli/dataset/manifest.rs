@@ -48,13 +48,8 @@ pub(super) fn read(path: &Path) -> Result<Vec<Entry>, Failure> {
         source,
     })?;
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-    let parsed: Result<Manifest, String> = match extension.as_str() {
-        "toml" => toml::from_str(&text).map_err(|error| error.to_string()),
-        "json" => serde_json::from_str(&text).map_err(|error| error.to_string()),
-        "csv" => table(&text),
-        other => Err(format!("its name ends with \".{other}\", but a manifest is .toml, .json or .csv")),
-    };
-    let manifest = parsed.map_err(|problem| Failure::Usage(format!("--manifest {}: {problem}", path.display())))?;
+    let manifest = parse(&extension, &text)
+        .map_err(|problem| Failure::Usage(format!("--manifest {}: {problem}", path.display())))?;
     if manifest.pairs.is_empty() {
         return Err(Failure::Usage(format!("--manifest {}: it lists no pairs", path.display())));
     }
@@ -68,6 +63,15 @@ pub(super) fn read(path: &Path) -> Result<Vec<Entry>, Failure> {
         ..entry
     };
     Ok(manifest.pairs.into_iter().map(complete).collect())
+}
+
+fn parse(extension: &str, text: &str) -> Result<Manifest, String> {
+    match extension {
+        "toml" => toml::from_str(text).map_err(|error| error.to_string()),
+        "json" => serde_json::from_str(text).map_err(|error| error.to_string()),
+        "csv" => table(text),
+        other => Err(format!("its name ends with \".{other}\", but a manifest is .toml, .json or .csv")),
+    }
 }
 
 /// A hologram and a photograph for each name that both folders have; a name that only one of them has is refused.
@@ -187,6 +191,7 @@ fn fields(line: &str) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cli::tests::{DAMAGED, damaged};
 
     fn message(result: Result<Vec<Entry>, Failure>) -> String {
         match result {
@@ -214,6 +219,21 @@ mod tests {
             );
             assert_eq!(entries[0].photo, folder.path().join("c.tif"));
             assert!(matches!(entries[0].split, Some(Split::Test)));
+        }
+    }
+
+    #[test]
+    fn damaged_manifests_are_read_or_refused() {
+        for (extension, seed) in [
+            (
+                "toml",
+                "exposure_s = 0.02\n[[pairs]]\nid = \"a\"\nphase = \"p.png\"\nphoto = \"c.tif\"\nsplit = \"test\"\n",
+            ),
+            ("json", r#"{"pairs": [{"id": "a", "phase": "p.png", "photo": "c.tif", "camera_gain": 1e3}]}"#),
+            ("csv", "id,phase,photo,split,exposure_s\r\n\"a,1\", p.png ,c.tif,test,0.02\r\nb,q.png,d.tif,,\r\n"),
+        ] {
+            let read = damaged(seed).filter(|text| parse(extension, text).is_ok()).count();
+            assert!((1..DAMAGED).contains(&read), "{extension}: {read} were read");
         }
     }
 

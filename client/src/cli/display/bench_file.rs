@@ -97,6 +97,7 @@ pub(super) fn further(bench: &SimulatedBench) -> impl Iterator<Item = (&'static 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cli::tests::{DAMAGED, damaged};
 
     const DOCUMENTED: &str = include_str!("../../../../docs/bench.toml");
 
@@ -105,6 +106,12 @@ mod tests {
         let bench = parse(DOCUMENTED).unwrap();
         assert_eq!(further(&bench).count(), 8, "each of them is other than 0");
         assert!(bench.seed > 0 && bench.strength > 0.0 && bench.camera_noise > 0.0 && bench.misalignment_px > 0.0);
+    }
+
+    #[test]
+    fn damaged_files_are_read_or_refused() {
+        let read = damaged(DOCUMENTED).filter(|text| parse(text).is_ok()).count();
+        assert!((1..DAMAGED).contains(&read), "{read} were read");
     }
 
     #[test]

@@ -1,0 +1,7 @@
+#![no_main]
+
+use lightpath_server::fuzzing::Decoder;
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    let _ = Decoder::Settings.reads(bytes);
+});
