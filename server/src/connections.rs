@@ -14,6 +14,7 @@ use std::time::Duration;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::Semaphore;
 use tokio::time::{sleep, timeout};
+use tokio_io_timeout::TimeoutStream;
 use tokio_util::sync::CancellationToken;
 
 /// Connections at once; more wait in the system's backlog. Each takes a file handle, of which processes commonly
@@ -34,6 +35,8 @@ const KEEPALIVE_TIMEOUT: Duration = Duration::from_secs(20);
 /// Pause after the system refused a connection, most likely for want of file handles.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 
+/// A client that does not read what it asked for loses its connection, and frees its place.
+const WRITE_STALL_MAX: Duration = Duration::from_secs(60);
 /// A client that takes longer to agree on keys is none.
 const HANDSHAKE_DEADLINE: Duration = Duration::from_secs(10);
 /// Connections at once from one address: one client cannot take everybody's place. Loopback counts too.
@@ -78,6 +81,9 @@ pub(crate) async fn serve(
         let service = TowerToHyperService::new(app.clone().layer(Extension(Peer(address))));
         tokio::spawn(async move {
             if speaks(&stream, &stop).await {
+                let mut stream = TimeoutStream::new(stream);
+                stream.set_write_timeout(Some(WRITE_STALL_MAX));
+                let stream = Box::pin(stream);
                 let ended = match acceptor {
                     None => watcher.watch(builder.serve_connection(TokioIo::new(stream), service).into_owned()).await,
                     Some(acceptor) => match timeout(HANDSHAKE_DEADLINE, acceptor.accept(stream)).await {

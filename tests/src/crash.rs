@@ -1,6 +1,7 @@
 use crate::ledger::{Ledger, Material, assert_same_bytes, kernel_name};
 use crate::material::{DISTANCE_M, assert_succeeded_once, declare, hologram, kernel_file, request, target};
 use crate::process::{Daemon, lightpathd};
+use crate::random::Random;
 use lightpath::v1::{self, SubmitJobRequest, job::State};
 use lightpath::{Client, JobChange, hologram_result, names};
 use lightpath_server::upkeep::check;
@@ -211,18 +212,5 @@ async fn until_step(client: &Client, job: &str, step: u32) -> u32 {
         if let Some(progress) = job.progress.filter(|progress| progress.step >= step) {
             return progress.step;
         }
-    }
-}
-
-/// SplitMix64 (Steele, Lea, Flood 2014): the same moments in every run.
-struct Random(u64);
-
-impl Random {
-    fn below(&mut self, end: u64) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        (z ^ (z >> 31)) % end
     }
 }

@@ -9,6 +9,8 @@ mod ledger;
 mod material;
 /// The binaries `lightpath` and `lightpathd`, as processes.
 mod process;
+/// The same choices in every run.
+mod random;
 /// A server inside the test's process.
 mod server;
 
@@ -26,11 +28,17 @@ mod crowd;
 mod determinism;
 /// Little room on the disk, and none.
 mod disk;
+/// Slow connections, and those that speak nonsense.
+mod hostile;
 /// Whether each crate and module imports only what it may.
 mod imports;
 /// Cancelling, retrying, watching, repeating.
 mod jobs;
 /// Several planes, wavelengths and frames, every method, through the command line.
 mod planes_and_colours;
+/// Everything at once, for as long as wanted.
+mod soak;
+/// Large uploads, cut and damaged ones.
+mod uploads;
 /// The main job through the command line, from the display to the learned kernel.
 mod whole_loop;

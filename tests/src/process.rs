@@ -109,9 +109,34 @@ impl Daemon {
         Self { client: Client::connect(&url).unwrap(), url, child }
     }
 
+    /// The most memory that it ever had \[KiB\].
+    pub(crate) fn memory_peak_kib(&self) -> u64 {
+        self.status("VmHWM")
+    }
+
+    /// The memory that it has \[KiB\].
+    pub(crate) fn memory_kib(&self) -> u64 {
+        self.status("VmRSS")
+    }
+
+    /// Files and connections that it has open.
+    pub(crate) fn open_files(&self) -> usize {
+        std::fs::read_dir(format!("/proc/{}/fd", self.id())).unwrap().count()
+    }
+
+    fn status(&self, field: &str) -> u64 {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", self.id())).unwrap();
+        let line = status.lines().find_map(|line| line.strip_prefix(field)).expect("the field is there");
+        line.trim_matches(|c: char| !c.is_ascii_digit()).parse().unwrap()
+    }
+
+    fn id(&self) -> u32 {
+        self.child.id().expect("it runs")
+    }
+
     /// Sends it a signal, for example `STOP`.
     pub(crate) fn signal(&self, name: &str) {
-        let id = self.child.id().expect("it runs").to_string();
+        let id = self.id().to_string();
         let sent = std::process::Command::new("kill").args(["-s", name, &id]).status().unwrap();
         assert!(sent.success(), "kill -s {name} {id}");
     }
