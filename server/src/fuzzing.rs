@@ -54,9 +54,10 @@ impl Decoder {
     pub fn reads(self, bytes: &[u8]) -> bool {
         match self {
             Self::Target => {
-                [Fit::Contain, Fit::Cover, Fit::Stretch, Fit::Exact].into_iter().fold(false, |is_any, fit| {
-                    pictures::target_intensity(bytes, Encoding::Srgb, fit, HEIGHT_PX, WIDTH_PX).is_ok() || is_any
-                })
+                let fits = [Fit::Contain, Fit::Cover, Fit::Stretch, Fit::Exact].into_iter();
+                let read =
+                    |fit: &Fit| pictures::target_intensity(bytes, Encoding::Srgb, *fit, HEIGHT_PX, WIDTH_PX).is_ok();
+                fits.filter(read).count() > 0
             }
             Self::Photograph => {
                 let reading = PhotoReading { encoding: Encoding::Linear, bit_depth: 12, black_level: 0.1 };

@@ -15,9 +15,15 @@ const CONNECTIONS_PER_ADDRESS: usize = 300;
 const CALLS: usize = 200;
 /// What a call may take longer than twice its usual time on a machine that does other things, too.
 const JITTER: Duration = Duration::from_millis(20);
-const DRIP: Duration = Duration::from_millis(100);
+const DRIP: Duration = Duration::from_secs(1);
+/// So little that the server's answers soon find no room.
+const UNREAD_BUFFER_BYTES: u32 = 4096;
+const UNREAD_REQUESTS: usize = 24;
 /// When the server must have closed the last of them.
 const PATIENCE_MAX: Duration = Duration::from_secs(300);
+
+/// HTTP/2 begins with it, and an empty SETTINGS frame.
+const PREFACE: &[u8] = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\0\0\0\x04\0\0\0\0\0";
 
 /// How a client keeps a connection without using it.
 #[derive(Clone, Copy, Debug)]
@@ -35,31 +41,38 @@ enum Slowness {
 }
 
 impl Slowness {
-    const ALL: [Self; 5] = [Self::Silent, Self::Headers, Self::Preface, Self::Body, Self::Unread];
+    /// Of the nth connection: a few ask for much, since that costs the server something before it stalls.
+    fn of(n: usize) -> Self {
+        match (n % 4, n % 20) {
+            (_, 19) => Self::Unread,
+            (0, _) => Self::Silent,
+            (1, _) => Self::Headers,
+            (2, _) => Self::Preface,
+            _ => Self::Body,
+        }
+    }
 
-    fn first_bytes(self) -> &'static [u8] {
+    fn first_bytes(self) -> Vec<u8> {
         match self {
-            Self::Silent => b"",
-            Self::Headers => b"GET /v1/jobs HTTP/1.1\r\nhost: x\r\nx-slow: ",
-            // The preface and an empty SETTINGS frame.
-            Self::Preface => b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\0\0\0\x04\0\0\0\0\0",
-            Self::Body => b"POST /v1/jobs HTTP/1.1\r\nhost: x\r\ncontent-length: 1000000\r\n\r\n",
-            Self::Unread => b"GET /metrics HTTP/1.1\r\nhost: x\r\n\r\n",
+            Self::Silent => Vec::new(),
+            Self::Headers => b"GET /v1/jobs HTTP/1.1\r\nhost: x\r\nx-slow: ".to_vec(),
+            Self::Preface => PREFACE.to_vec(),
+            Self::Body => b"POST /v1/jobs HTTP/1.1\r\nhost: x\r\ncontent-length: 1000000\r\n\r\n".to_vec(),
+            Self::Unread => b"GET /metrics HTTP/1.1\r\nhost: x\r\n\r\n".repeat(UNREAD_REQUESTS),
         }
     }
 
     /// Until the server has enough of it.
     async fn keep(self, stream: TcpStream) {
         let (mut from, mut to) = stream.into_split();
-        if to.write_all(self.first_bytes()).await.is_err() {
+        if to.write_all(&self.first_bytes()).await.is_err() {
             return;
         }
         let drip = async {
             loop {
                 tokio::time::sleep(DRIP).await;
                 let sent = match self {
-                    Self::Headers | Self::Body => to.write_all(b"x").await,
-                    Self::Unread => to.write_all(self.first_bytes()).await,
+                    Self::Headers | Self::Body | Self::Unread => to.write_all(b"x").await,
                     Self::Silent | Self::Preface => Ok(()),
                 };
                 if sent.is_err() {
@@ -99,11 +112,14 @@ async fn slow_connections_do_not_slow_a_real_client() {
         let socket = TcpSocket::new_v4().unwrap();
         let from = Ipv4Addr::new(127, 0, 1, 1 + (n / CONNECTIONS_PER_ADDRESS) as u8);
         socket.bind((from, 0).into()).unwrap();
+        if let Slowness::Unread = Slowness::of(n) {
+            socket.set_recv_buffer_size(UNREAD_BUFFER_BYTES).unwrap();
+        }
         // Beyond what the server takes, connections wait in the system's backlog, or find no place there.
         let connected = tokio::time::timeout(Duration::from_secs(1), socket.connect(address)).await;
         let Ok(Ok(stream)) = connected else { continue };
         open += 1;
-        slow.spawn(Slowness::ALL[n % Slowness::ALL.len()].keep(stream));
+        slow.spawn(Slowness::of(n).keep(stream));
     }
     assert!(open >= CONNECTIONS, "only {open} connections were made; is `ulimit -n` too low?");
     let meanwhile = p99(&daemon.client).await;
@@ -141,7 +157,7 @@ async fn a_connection_that_speaks_nonsense_is_closed() {
     let address: SocketAddr = daemon.url.trim_start_matches("http://").parse().unwrap();
     let oversized = [b"GET / HTTP/1.1\r\nx: ".to_vec(), vec![b'x'; 1 << 20]].concat();
     // A HEADERS frame that claims 16 MiB.
-    let frame = [Slowness::Preface.first_bytes(), b"\xff\xff\xff\x01\x04\0\0\0\x01"].concat();
+    let frame = [PREFACE, b"\xff\xff\xff\x01\x04\0\0\0\x01"].concat();
     for nonsense in
         [b"\x16\x03\x01\x02\0\x01\0\x01\xfc\x03\x03".to_vec(), b"\0\0\0\0\r\n\r\n".to_vec(), oversized, frame]
     {
