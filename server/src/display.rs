@@ -73,6 +73,12 @@ pub struct SimulatedBench {
     /// The part of its light that the source loses in an hour.
     #[serde(default)]
     pub dimming_per_hour: f64,
+    /// By this the camera's rail is turned from the axis \[degrees\].
+    #[serde(default)]
+    pub rail_tilt_deg: f64,
+    /// Where the aberrations are as drawn \[m\]; 0: everywhere.
+    #[serde(default)]
+    pub aberrations_at_m: f64,
 }
 
 impl SimulatedBench {

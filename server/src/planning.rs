@@ -120,5 +120,7 @@ pub(crate) fn imperfections(bench: SimulatedBench) -> Imperfections {
         flicker: bench.flicker,
         drift_px_per_hour: bench.drift_px_per_hour,
         dimming_per_hour: bench.dimming_per_hour,
+        rail_tilt_deg: bench.rail_tilt_deg,
+        aberrations_at_m: bench.aberrations_at_m,
     }
 }

@@ -16,6 +16,7 @@ pub(super) enum Stream {
     Exposure = 5,
     Speckle = 6,
     Drift = 7,
+    Rail = 8,
     /// The first row of a photograph; the rows below follow.
     Noise = 1 << 20,
 }

@@ -30,6 +30,11 @@ pub struct Imperfections {
     pub drift_px_per_hour: f64,
     /// The part of its light that the source loses in an hour, 0 to 1.
     pub dimming_per_hour: f64,
+    /// The camera's rail is not parallel to the axis: the image moves sideways by tan of this with the distance, 0 to 5 degrees.
+    pub rail_tilt_deg: f64,
+    /// The distance at which the aberrations are as drawn, 0 to 10 m: elsewhere the light fills their aperture in proportion to the
+    /// distance. 0: they are the same everywhere.
+    pub aberrations_at_m: f64,
 }
 
 impl Imperfections {
@@ -47,11 +52,13 @@ impl Imperfections {
         flicker: 0.0,
         drift_px_per_hour: 0.0,
         dimming_per_hour: 0.0,
+        rail_tilt_deg: 0.0,
+        aberrations_at_m: 0.0,
     };
 
     /// Each property, its value, the least and the most it may be, and both in words.
     #[must_use]
-    pub fn ranges(&self) -> [(&'static str, f64, f64, f64, &'static str); 11] {
+    pub fn ranges(&self) -> [(&'static str, f64, f64, f64, &'static str); 13] {
         [
             ("strength", self.strength, 0.0, 4.0, "0 to 4"),
             ("camera_noise", self.camera_noise, 0.0, 0.1, "0 to 0.1"),
@@ -64,6 +71,8 @@ impl Imperfections {
             ("flicker", self.flicker, 0.0, 0.5, "0 to 0.5"),
             ("drift_px_per_hour", self.drift_px_per_hour, 0.0, 100.0, "0 to 100 px"),
             ("dimming_per_hour", self.dimming_per_hour, 0.0, 1.0, "0 to 1"),
+            ("rail_tilt_deg", self.rail_tilt_deg, 0.0, 5.0, "0 to 5 degrees"),
+            ("aberrations_at_m", self.aberrations_at_m, 0.0, 10.0, "0 to 10 m"),
         ]
     }
 

@@ -10,7 +10,8 @@
 //! seed draws the same bench for any wavelength and distance, on any number of threads.
 //!
 //! On top of that, where asked for: the modulator's pixels blur into each other and flicker, the camera is turned, its lens
-//! blurs, dust adds speckle that is always the same, and with the hours the image wanders and the light fades.
+//! blurs, dust adds speckle that is always the same, and with the hours the image wanders and the light fades. With the distance
+//! the image moves along a tilted rail, and the light fills more of the aperture that has the aberrations.
 
 mod aberration;
 mod blur;
@@ -70,6 +71,10 @@ impl SimulatedDisplay {
         let Imperfections { seed, strength, camera_noise, misalignment_px, full_well_electrons, .. } = imperfections;
         let mut draws = Draws::new(seed, Stream::Camera);
         let mut shift_px = || misalignment_px * draws.between(-1.0, 1.0);
+        let shift_px = (shift_px(), shift_px());
+        let along_rail_px =
+            setup.distance_m() * imperfections.rail_tilt_deg.to_radians().tan() / setup.grid().pixel_pitch_m();
+        let towards = Draws::new(seed, Stream::Rail).angle();
         let mut display = Self {
             setup,
             ideal: setup.sampled(),
@@ -77,7 +82,7 @@ impl SimulatedDisplay {
             aberration: Aberration::draw(seed, strength),
             source: illumination::draw(&setup.grid(), seed, strength),
             modulator: Modulator::draw(seed, strength),
-            shift_px: (shift_px(), shift_px()),
+            shift_px: (shift_px.0 + along_rail_px * towards.cos(), shift_px.1 + along_rail_px * towards.sin()),
             camera: Camera::draw(&mut draws, camera_noise, full_well_electrons),
             exposure: 1.0,
             transfer_by_column: Plane::filled(0, 0, Complex64::ZERO),
@@ -180,7 +185,12 @@ impl SimulatedDisplay {
     pub fn true_transfer(&self, fx: f64, fy: f64) -> Complex64 {
         let pitch_m = self.setup.grid().pixel_pitch_m();
         let shifted = phasor((fx * self.shift_px.0 + fy * self.shift_px.1) * pitch_m);
-        self.ideal.at(fx, fy) * shifted * self.aberration.at(2.0 * pitch_m * fx, 2.0 * pitch_m * fy)
+        let filled = match self.imperfections.aberrations_at_m {
+            0.0 => 1.0,
+            distance_m => (self.setup.distance_m() / distance_m).abs(),
+        };
+        let aperture = 2.0 * pitch_m * filled;
+        self.ideal.at(fx, fy) * shifted * self.aberration.at(aperture * fx, aperture * fy)
     }
 
     /// Amplitude of the light on a pixel of the modulator; the brightest pixel has 1.
@@ -304,6 +314,8 @@ mod tests {
             (Imperfections { flicker: 0.7, ..fair }, "flicker is 0.7"),
             (Imperfections { drift_px_per_hour: -2.0, ..fair }, "drift_px_per_hour is -2"),
             (Imperfections { dimming_per_hour: 1.5, ..fair }, "dimming_per_hour is 1.5"),
+            (Imperfections { rail_tilt_deg: 6.0, ..fair }, "rail_tilt_deg is 6"),
+            (Imperfections { aberrations_at_m: -0.1, ..fair }, "aberrations_at_m is -0.1"),
         ] {
             let error = SimulatedDisplay::draw(setup, None, bad).unwrap_err();
             assert!(error.to_string().starts_with(name), "{error}");

@@ -79,6 +79,8 @@ pub(super) fn to_wire(display: Display, create_time_ms: i64) -> v1::Display {
             flicker: bench.flicker,
             drift_px_per_hour: bench.drift_px_per_hour,
             dimming_per_hour: bench.dimming_per_hour,
+            rail_tilt_deg: bench.rail_tilt_deg,
+            aberrations_at_m: bench.aberrations_at_m,
         }),
         create_time: Some(timestamp(create_time_ms)),
     }
@@ -140,6 +142,8 @@ fn bench_from_wire(bench: v1::SimulatedBench, field: &Field) -> Result<Simulated
         flicker: bench.flicker,
         drift_px_per_hour: bench.drift_px_per_hour,
         dimming_per_hour: bench.dimming_per_hour,
+        rail_tilt_deg: bench.rail_tilt_deg,
+        aberrations_at_m: bench.aberrations_at_m,
     };
     for (name, value, least, most, _) in planning::imperfections(drawn).ranges() {
         field.at(name).number(value, least..=most)?;

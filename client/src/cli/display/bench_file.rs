@@ -15,6 +15,7 @@ struct BenchFile {
     misalignment_px: f64,
     modulator: Modulator,
     camera: Camera,
+    rail: Rail,
     drift: Drift,
 }
 
@@ -37,6 +38,13 @@ struct Camera {
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
+struct Rail {
+    tilt_deg: f64,
+    aberrations_at_m: f64,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 struct Drift {
     shift_px_per_hour: f64,
     dimming_per_hour: f64,
@@ -54,7 +62,7 @@ pub(super) fn read(path: &Path) -> Result<SimulatedBench, Failure> {
 
 fn parse(text: &str) -> Result<SimulatedBench, String> {
     let file: BenchFile = toml::from_str(text).map_err(|error| error.to_string())?;
-    let BenchFile { seed, strength, misalignment_px, modulator, camera, drift } = file;
+    let BenchFile { seed, strength, misalignment_px, modulator, camera, rail, drift } = file;
     for (name, value) in [("strength", strength), ("camera.noise", camera.noise)] {
         if value == Some(0.0) {
             return Err(format!(
@@ -75,6 +83,8 @@ fn parse(text: &str) -> Result<SimulatedBench, String> {
         flicker: modulator.flicker,
         drift_px_per_hour: drift.shift_px_per_hour,
         dimming_per_hour: drift.dimming_per_hour,
+        rail_tilt_deg: rail.tilt_deg,
+        aberrations_at_m: rail.aberrations_at_m,
     })
 }
 
@@ -89,6 +99,8 @@ pub(super) fn further(bench: &SimulatedBench) -> impl Iterator<Item = (&'static 
         ("speckle_contrast", bench.speckle_contrast),
         ("shift_px_per_hour", bench.drift_px_per_hour),
         ("dimming_per_hour", bench.dimming_per_hour),
+        ("tilt_deg", bench.rail_tilt_deg),
+        ("aberrations_at_m", bench.aberrations_at_m),
     ]
     .into_iter()
     .filter(|(_, value)| *value != 0.0)
@@ -104,7 +116,7 @@ mod tests {
     #[test]
     fn the_documented_file_has_every_property() {
         let bench = parse(DOCUMENTED).unwrap();
-        assert_eq!(further(&bench).count(), 8, "each of them is other than 0");
+        assert_eq!(further(&bench).count(), 10, "each of them is other than 0");
         assert!(bench.seed > 0 && bench.strength > 0.0 && bench.camera_noise > 0.0 && bench.misalignment_px > 0.0);
     }
 
