@@ -73,4 +73,23 @@ pub enum Error {
         /// What would be needed, for people.
         needed: &'static str,
     },
+    /// A distance at which nothing is known of a display.
+    #[error(
+        "distance_m is {distance_m}, but the display is known from {nearest_m} to {farthest_m} m only: a kernel can be \
+         interpolated between photographed distances, not beyond them"
+    )]
+    Extrapolation {
+        /// What was asked for \[m\].
+        distance_m: f64,
+        /// The nearest photographed distance \[m\].
+        nearest_m: f64,
+        /// The farthest one \[m\].
+        farthest_m: f64,
+    },
+    /// Models that were not learned together.
+    #[error("the models are not of one fit over several distances: they differ in {what}")]
+    Apart {
+        /// In what, for people.
+        what: &'static str,
+    },
 }

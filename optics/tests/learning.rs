@@ -2,7 +2,9 @@
 #![allow(clippy::unwrap_used)]
 
 use lightpath_optics::hologram::initial_phase;
-use lightpath_optics::learning::{LearnModel, LearnOptions, Learner, Lessons, Pair, compare};
+use lightpath_optics::learning::{
+    BoxError, LearnModel, LearnOptions, Learner, Lessons, Pair, PairSource, compare, interpolated,
+};
 use lightpath_optics::simulated_display::{Imperfections, SimulatedDisplay};
 use lightpath_optics::{Detector, DisplayModel, Engine, Error, Grid, OpticalSetup, RegionOfInterest};
 use rayon::ThreadPoolBuilder;
@@ -11,9 +13,18 @@ const HEIGHT_PX: usize = 72;
 const WIDTH_PX: usize = 96;
 
 fn bench(seed: u64) -> SimulatedDisplay {
+    drawn(6e-3, Imperfections { seed, misalignment_px: 0.5, ..Imperfections::FAIR })
+}
+
+/// Its image moves with the distance by some pixels, and its aberrations grow with it.
+fn bench_on_a_rail(distance_m: f64) -> SimulatedDisplay {
+    let rail = Imperfections { seed: 11, rail_tilt_deg: 0.06, aberrations_at_m: 6e-3, ..Imperfections::FAIR };
+    drawn(distance_m, rail)
+}
+
+fn drawn(distance_m: f64, imperfections: Imperfections) -> SimulatedDisplay {
     let grid = Grid::try_new(HEIGHT_PX, WIDTH_PX, 8e-6).unwrap();
-    let setup = OpticalSetup::try_new(grid, 515e-9, 6e-3).unwrap();
-    let imperfections = Imperfections { seed, misalignment_px: 0.5, ..Imperfections::FAIR };
+    let setup = OpticalSetup::try_new(grid, 515e-9, distance_m).unwrap();
     SimulatedDisplay::draw(setup, None, imperfections).unwrap()
 }
 
@@ -129,4 +140,91 @@ fn learning_is_the_same_on_any_number_of_threads_and_after_a_pause() {
         learner = Learner::resume(bench.setup(), short(), learner.state()).unwrap();
     }
     assert_eq!(one, learner.model());
+}
+
+/// Pairs of several distances.
+struct Rail(Vec<Vec<Pair>>);
+
+impl PairSource for Rail {
+    fn len(&self) -> usize {
+        self.0.iter().map(Vec::len).sum()
+    }
+
+    fn plane(&self, index: usize) -> usize {
+        index / self.0[0].len()
+    }
+
+    fn pair(&self, index: usize) -> Result<Pair, BoxError> {
+        Ok(self.0[self.plane(index)][index % self.0[0].len()].clone())
+    }
+}
+
+const RAIL_M: [f64; 3] = [5e-3, 6e-3, 7e-3];
+
+fn on_the_rail(count: u64, seed: u64) -> Rail {
+    let at = |(plane, &distance_m): (usize, &f64)| pairs(&bench_on_a_rail(distance_m), count, seed + 50 * plane as u64);
+    Rail(RAIL_M.iter().enumerate().map(at).collect())
+}
+
+fn learned_on_the_rail(options: LearnOptions, lessons: Lessons<'_>) -> Vec<DisplayModel> {
+    let setups = RAIL_M.map(|distance_m| bench_on_a_rail(distance_m).setup());
+    let mut learner = Learner::start_joint(&setups, options, lessons.training).unwrap();
+    while learner.step(lessons).unwrap().is_some() {}
+    learner.models()
+}
+
+#[test]
+fn between_photographed_distances_a_display_is_known_nearly_as_well_as_where_it_was_photographed() {
+    let training = on_the_rail(6, 100);
+    let models = learned_on_the_rail(options(&bench_on_a_rail(6e-3), Some(5)), Lessons::only(&training));
+    for distance_m in [5.4e-3, 6.6e-3] {
+        let bench = bench_on_a_rail(distance_m);
+        let there = pairs(&bench, 6, 100);
+        let there = held_out_loss(&bench, &learned(&bench, options(&bench, Some(5)), Lessons::only(&there)).model());
+        let between = held_out_loss(&bench, &interpolated(&models, bench.setup()).unwrap());
+        let ideal = held_out_loss(&bench, &DisplayModel::ideal(bench.setup()));
+        // The kernel of a neighbour, photographed less than half a millimetre away.
+        let nearest = models.iter().min_by(|a, b| {
+            let far = |model: &DisplayModel| (model.setup.distance_m() - distance_m).abs();
+            far(a).total_cmp(&far(b))
+        });
+        let nearest = held_out_loss(&bench, &DisplayModel { setup: bench.setup(), ..nearest.unwrap().clone() });
+        assert!(between < 1.2 * there && between < 0.03 * ideal && between < 0.5 * nearest, "{between}");
+    }
+}
+
+#[test]
+fn several_distances_are_learned_the_same_on_any_number_of_threads_and_after_a_pause() {
+    let (training, validation) = (on_the_rail(3, 100), on_the_rail(1, 400));
+    let lessons = Lessons { training: &training, validation: &validation };
+    let setups = RAIL_M.map(|distance_m| bench_on_a_rail(distance_m).setup());
+    let short = || LearnOptions { refinement_evaluations: 6, epochs: 1, ..options(&bench_on_a_rail(6e-3), None) };
+    let on = |threads: usize| {
+        let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| learned_on_the_rail(short(), lessons))
+    };
+    let one = on(1);
+    assert_eq!(one, on(3));
+    let mut learner = Learner::start_joint(&setups, short(), &training).unwrap();
+    while learner.step(lessons).unwrap().is_some() {
+        learner = Learner::resume_joint(&setups, short(), learner.state()).unwrap();
+    }
+    assert_eq!(one, learner.models());
+}
+
+#[test]
+fn only_what_differs_in_the_distance_alone_is_learned_together() {
+    let training = on_the_rail(1, 100);
+    let [near, middle, far] = RAIL_M.map(|distance_m| bench_on_a_rail(distance_m).setup());
+    let refused = |setups: &[OpticalSetup], model| {
+        let options = LearnOptions { model, ..options(&bench_on_a_rail(6e-3), Some(5)) };
+        Learner::start_joint(setups, options, &training).unwrap_err().to_string()
+    };
+    let display = LearnModel::Display { order: Some(5) };
+    assert!(refused(&[near, middle, near], display).contains("differ in distance: each is needed once"));
+    let red = OpticalSetup::try_new(near.grid(), 640e-9, 8e-3).unwrap();
+    assert!(refused(&[near, middle, red], display).contains("differ in grid or wavelength"));
+    assert!(refused(&[near, middle, far], LearnModel::Dense).contains("needs the model smooth or display"));
+    let more = OpticalSetup::try_new(near.grid(), 515e-9, 8e-3).unwrap();
+    assert!(refused(&[near, middle, far, more], display).contains("pairs is empty"));
 }

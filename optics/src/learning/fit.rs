@@ -17,10 +17,11 @@ use num_complex::{Complex, Complex64};
 use pulp::Arch;
 use std::sync::Arc;
 
-/// A model in the making: set its parameters, then evaluate pairs.
+/// A model in the making, at one plane or several: set a plane's parameters, then evaluate its pairs.
 #[derive(Debug)]
 pub(super) struct Fit<T> {
-    pub(super) setup: OpticalSetup,
+    /// Of each plane; they differ in their distances.
+    pub(super) setups: Vec<OpticalSetup>,
     pub(super) layout: Layout,
     pub(super) engine: Engine<T>,
     pub(super) smooth: SmoothTransfer<T>,
@@ -54,28 +55,28 @@ const NO_SUMS: RowSums = RowSums {
 
 impl<T: Real> Fit<T> {
     pub(super) fn new(
-        setup: OpticalSetup,
+        setups: Vec<OpticalSetup>,
         layout: Layout,
         detector: Detector,
         carrier: Option<Carrier>,
     ) -> Result<Self, Error> {
-        let engine = Engine::new(&DisplayModel::ideal(setup), detector, carrier)?;
-        let width_px = setup.grid().width_px();
+        let engine = Engine::new(&DisplayModel::ideal(setups[0]), detector, carrier)?;
+        let (height_px, width_px) = (engine.height_px(), engine.width_px());
         let at_x: Vec<Vec<f64>> =
             (0..width_px).map(|x| polynomials(layout.source.order(), position(x, width_px))).collect();
         let out = Fields::new(&engine.convolver);
         let back = vec![Complex::new(T::zero(), T::zero()); out.spectrum.len()];
         Ok(Self {
-            setup,
+            smooth: SmoothTransfer::new(&setups, layout.kernel.order()),
+            setups,
             layout,
-            smooth: SmoothTransfer::new(&setup, layout.kernel.order()),
             engine,
             gain: 1.0,
             offset: 0.0,
             polynomials_x: (0..=layout.source.order()).map(|i| at_x.iter().map(|t| T::of(t[i])).collect()).collect(),
             out,
             back,
-            spare: Transfer::zeros(setup.grid().height_px(), width_px),
+            spare: Transfer::zeros(height_px, width_px),
         })
     }
 
@@ -87,10 +88,10 @@ impl<T: Real> Fit<T> {
         }
     }
 
-    pub(super) fn set(&mut self, parameters: &[f64]) {
-        let model = self.layout.model(&self.setup, (1.0, 0.0), parameters);
+    pub(super) fn set(&mut self, plane: usize, parameters: &[f64]) {
+        let model = self.layout.model(&self.setups[plane], (1.0, 0.0), parameters);
         if let KernelShape::Smooth(errors) = &model.kernel {
-            self.smooth.apply(errors, Arc::make_mut(&mut self.engine.transfer));
+            self.smooth.apply(plane, errors, Arc::make_mut(&mut self.engine.transfer));
         }
         if self.layout.has_slm() {
             let (height_px, width_px) = (self.engine.height_px(), self.engine.width_px());
@@ -227,12 +228,12 @@ mod tests {
             let grid = Grid::try_new(18, 23, 8e-6).unwrap();
             let setup = OpticalSetup::try_new(grid, 515e-9, 2e-3).unwrap();
             let layout = Layout::new(model, order);
-            let mut fit = Fit::<f64>::new(setup, layout, Detector::Pixel, carrier).unwrap();
+            let mut fit = Fit::<f64>::new(vec![setup], layout, Detector::Pixel, carrier).unwrap();
             let photo = Plane::from_fn(18, 23, |y, x| 0.5 + 0.5 * ((y * 2 + x * 3) as f32).sin());
             let phase = initial_phase(18, 23, 6.0, 3).unwrap();
             let example = Example::new(&Pair { phase, photo }, &fit.engine, RegionOfInterest::middle(&grid)).unwrap();
             let theta: Vec<f64> = (0..fit.layout.len()).map(|i| 0.1 * (i as f64 * 1.3 + 0.5).sin()).collect();
-            fit.set(&theta);
+            fit.set(0, &theta);
             let (_, gradient) = fit.evaluate(&example);
             let scale = gradient.iter().fold(0.0_f64, |largest, g| largest.max(g.abs()));
             for i in 0..theta.len() {
@@ -240,7 +241,7 @@ mod tests {
                 let mut at = |step: f64| {
                     let mut moved = theta.clone();
                     moved[i] += step;
-                    fit.set(&moved);
+                    fit.set(0, &moved);
                     fit.evaluate(&example).0.loss()
                 };
                 let difference = (at(h) - at(-h)) / (2.0 * h);

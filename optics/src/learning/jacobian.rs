@@ -313,13 +313,13 @@ mod tests {
     fn setting(model: LearnModel, order: usize, carrier: Option<Carrier>) -> (Fit<f64>, Example<f64>, Vec<f64>) {
         let grid = Grid::try_new(18, 23, 8e-6).unwrap();
         let setup = OpticalSetup::try_new(grid, 515e-9, 2e-3).unwrap();
-        let mut fit = Fit::<f64>::new(setup, Layout::new(model, order), Detector::Pixel, carrier).unwrap();
+        let mut fit = Fit::<f64>::new(vec![setup], Layout::new(model, order), Detector::Pixel, carrier).unwrap();
         // Some pixels are saturated.
         let photo = Plane::from_fn(18, 23, |y, x| (0.6 + 0.5 * ((y * 2 + x * 3) as f32).sin()).min(1.0));
         let pair = Pair { phase: initial_phase(18, 23, 6.0, 3).unwrap(), photo };
         let example = Example::new(&pair, &fit.engine, RegionOfInterest::middle(&grid)).unwrap();
         let theta: Vec<f64> = (0..fit.layout.len()).map(|i| 0.1 * (i as f64 * 1.3 + 0.5).sin()).collect();
-        fit.set(&theta);
+        fit.set(0, &theta);
         (fit, example, theta)
     }
 
@@ -365,7 +365,7 @@ mod tests {
             let normal = fit.curvature(&example, 1, 3);
             let (gain, h) = (fit.gain, 1e-5);
             let mut light = |theta: &[f64]| -> Vec<f64> {
-                fit.set(theta);
+                fit.set(0, theta);
                 let light = fit.engine.light(&example.phase).unwrap();
                 sampled(&example, |y, x| gain * light.at(y, x) * example.weight.at(y, x))
             };

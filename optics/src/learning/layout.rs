@@ -22,6 +22,17 @@ pub(super) struct Layout {
     zero_order: usize,
 }
 
+/// What a parameter describes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Part {
+    /// The phase's terms T_1(fx) and T_1(fy): where the image lies.
+    Tilt,
+    /// Any other term of the kernel.
+    Kernel,
+    /// Source, phase response or zero order.
+    Slm,
+}
+
 impl Layout {
     /// Of a model with a kernel up to total degree `order`.
     pub(super) fn new(model: LearnModel, order: usize) -> Self {
@@ -53,6 +64,18 @@ impl Layout {
         self.len() > self.source()
     }
 
+    /// What the parameter at a place of θ describes.
+    pub(super) fn part(&self, place: usize) -> Part {
+        if place >= self.source() {
+            return Part::Slm;
+        }
+        let degrees = place.checked_sub(self.kernel.terms()).and_then(|term| self.kernel.degrees().nth(term));
+        match degrees {
+            Some((0, 1) | (1, 0)) => Part::Tilt,
+            _ => Part::Kernel,
+        }
+    }
+
     /// The display that θ describes.
     pub(super) fn model(&self, setup: &OpticalSetup, (gain, offset): (f64, f64), parameters: &[f64]) -> DisplayModel {
         let smooth = |basis: ChebyshevBasis, start: usize| {
@@ -73,6 +96,16 @@ impl Layout {
             gain,
             offset,
         }
+    }
+
+    /// θ of the same display in a layout that differs in the kernel's order; terms that it lacks are left out.
+    pub(super) fn carried(&self, theta: &[f64], to: &Self) -> Vec<f64> {
+        let (log_amplitude, rest) = theta.split_at(self.kernel.terms());
+        let (phase, slm) = rest.split_at(self.kernel.terms());
+        let mut carried = coefficients(to.kernel, self.kernel, log_amplitude);
+        carried.extend(coefficients(to.kernel, self.kernel, phase));
+        carried.extend(slm);
+        carried
     }
 
     /// θ of a display, as far as this layout can describe it: what it has no place for is left out.

@@ -7,11 +7,14 @@
 //! φ the hologram and photo its photograph, s and o its gain and offset (those of the exposure: every photograph has its own,
 //! but for `paper` and `dense`, which fit them to all photographs after each epoch), w 1 in the region of interest but 0 where the camera saturates, here as in
 //! [`compare`], by which finished models are judged. Two families:
-//! [`parametric`] describes the display by some dozens of numbers, [`bins`] by one for every frequency.
+//! [`parametric`] describes the display by some dozens of numbers, [`bins`] by one for every frequency. A display that was
+//! photographed at several distances can be learned as [one](Learner::start_joint), and its kernel
+//! [interpolated] between them.
 //!
 //! Learning is a sequence of [steps](Learner::step), each of which can be the last of a session: [`Learner::state`] is all
 //! that the next one depends on.
 
+mod along_z;
 pub mod bins;
 mod columns;
 mod fit;
@@ -23,6 +26,7 @@ mod schedule;
 mod screening;
 mod smooth_transfer;
 
+pub use along_z::interpolated;
 pub use pair::{BoxError, Pair, PairSource, compare, unsaturated_px};
 
 use crate::carrier::Carrier;
@@ -96,9 +100,22 @@ impl LearnOptions {
         }
     }
 
-    fn validate(&self, pairs: usize) -> Result<(), Error> {
-        if pairs == 0 {
+    fn validate(&self, setups: &[OpticalSetup], pairs: &dyn PairSource) -> Result<(), Error> {
+        let pairs_of = |plane| (0..pairs.len()).filter(|&index| pairs.plane(index) == plane).count();
+        if pairs.is_empty() || setups.is_empty() || (0..setups.len()).any(|plane| pairs_of(plane) == 0) {
             return Err(Error::Empty { name: "pairs", needed: "at least one training pair is needed" });
+        }
+        let parametric = matches!(self.model, LearnModel::Smooth { .. } | LearnModel::Display { .. });
+        if setups.len() > 1 && !parametric {
+            return Err(Error::Apart { what: "distance, which needs the model smooth or display" });
+        }
+        for (i, setup) in setups.iter().enumerate() {
+            if (setup.grid(), setup.wavelength_m()) != (setups[0].grid(), setups[0].wavelength_m()) {
+                return Err(Error::Apart { what: "grid or wavelength" });
+            }
+            if setups[..i].iter().any(|other| other.distance_m() == setup.distance_m()) {
+                return Err(Error::Apart { what: "distance: each is needed once" });
+            }
         }
         if !(self.learning_rate > 0.0 && self.learning_rate <= 10.0) {
             let allowed = "above 0 and at most 10";
@@ -191,11 +208,26 @@ impl Learner {
     ///
     /// [`Error`] for options out of range, no pairs, or pairs of another size; those of the source.
     pub fn start(setup: OpticalSetup, options: LearnOptions, pairs: &dyn PairSource) -> Result<Self, BoxError> {
-        options.validate(pairs.len())?;
+        Self::start_joint(&[setup], options, pairs)
+    }
+
+    /// Starts to learn one display at several distances together, from pairs of each of them (smooth and display only).
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::start`], and [`Error`] for setups that differ in more than their distances, or not in these.
+    pub fn start_joint(
+        setups: &[OpticalSetup],
+        options: LearnOptions,
+        pairs: &dyn PairSource,
+    ) -> Result<Self, BoxError> {
+        options.validate(setups, pairs)?;
         Ok(Self(match options.model {
-            LearnModel::Paper | LearnModel::Dense => Method::Bins(Box::new(BinsLearner::start(setup, options, pairs)?)),
+            LearnModel::Paper | LearnModel::Dense => {
+                Method::Bins(Box::new(BinsLearner::start(setups[0], options, pairs)?))
+            }
             LearnModel::Smooth { .. } | LearnModel::Display { .. } => {
-                Method::Parametric(Box::new(ParametricLearner::start(setup, options, pairs)?))
+                Method::Parametric(Box::new(ParametricLearner::start(setups, options, pairs)?))
             }
         }))
     }
@@ -206,11 +238,20 @@ impl Learner {
     ///
     /// [`Error`] for a state that does not fit the options.
     pub fn resume(setup: OpticalSetup, options: LearnOptions, state: LearnState) -> Result<Self, Error> {
+        Self::resume_joint(&[setup], options, state)
+    }
+
+    /// Goes on from a state, with the same setups (one at least), options and pairs.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::resume`].
+    pub fn resume_joint(setups: &[OpticalSetup], options: LearnOptions, state: LearnState) -> Result<Self, Error> {
         Ok(Self(match state {
             LearnState::Parametric(state) => {
-                Method::Parametric(Box::new(ParametricLearner::resume(setup, options, state)?))
+                Method::Parametric(Box::new(ParametricLearner::resume(setups, options, state)?))
             }
-            LearnState::Bins(state) => Method::Bins(Box::new(BinsLearner::resume(setup, options, state)?)),
+            LearnState::Bins(state) => Method::Bins(Box::new(BinsLearner::resume(setups[0], options, state)?)),
         }))
     }
 
@@ -244,12 +285,18 @@ impl Learner {
         }
     }
 
-    /// The display as learned so far.
+    /// The display as learned so far; of several distances, at the first.
     #[must_use]
     pub fn model(&self) -> DisplayModel {
+        self.models().swap_remove(0)
+    }
+
+    /// The display as learned so far, at each of the distances.
+    #[must_use]
+    pub fn models(&self) -> Vec<DisplayModel> {
         match &self.0 {
-            Method::Parametric(learner) => learner.model(),
-            Method::Bins(learner) => learner.model(),
+            Method::Parametric(learner) => learner.models(),
+            Method::Bins(learner) => vec![learner.model()],
         }
     }
 

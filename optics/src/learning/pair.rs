@@ -30,6 +30,11 @@ pub trait PairSource: Sync {
         self.len() == 0
     }
 
+    /// At which of the learner's setups the pair `index` was photographed; pairs of one setup come one after the other.
+    fn plane(&self, _index: usize) -> usize {
+        0
+    }
+
     /// The pair `index`.
     ///
     /// # Errors
@@ -104,12 +109,19 @@ pub(super) fn measure_each<T: Real>(
     pairs: &dyn PairSource,
     region: RegionOfInterest,
 ) -> Result<Vec<Sums>, BoxError> {
-    let one = |index| {
-        let example = Example::new(&pairs.pair(index)?, engine, region)?;
-        engine.send(example.phase.values(), fields);
-        Ok(engine.convolver.measure(&fields.tiles, &example.comparison(engine, 1.0, 0.0)))
-    };
-    (0..pairs.len()).map(one).collect()
+    (0..pairs.len()).map(|index| Ok(measure(engine, fields, &pairs.pair(index)?, region)?)).collect()
+}
+
+/// The sums of a pair at gain 1 and offset 0.
+pub(super) fn measure<T: Real>(
+    engine: &Engine<T>,
+    fields: &mut Fields<T>,
+    pair: &Pair,
+    region: RegionOfInterest,
+) -> Result<Sums, Error> {
+    let example = Example::new(pair, engine, region)?;
+    engine.send(example.phase.values(), fields);
+    Ok(engine.convolver.measure(&fields.tiles, &example.comparison(engine, 1.0, 0.0)))
 }
 
 /// Over several pairs: what the gain and offset that fit best follow from.
@@ -127,10 +139,7 @@ pub(super) fn total<'a>(each: impl IntoIterator<Item = &'a Sums>) -> Sums {
 ///
 /// [`Error`] for a pair of another size, with values that are not finite, or without a pixel that counts.
 pub fn compare(engine: &Engine, pair: &Pair, region: RegionOfInterest) -> Result<Sums, Error> {
-    let example = Example::new(pair, engine, region)?;
-    let mut fields = Fields::new(&engine.convolver);
-    engine.send(example.phase.values(), &mut fields);
-    Ok(engine.convolver.measure(&fields.tiles, &example.comparison(engine, 1.0, 0.0)))
+    measure(engine, &mut Fields::new(&engine.convolver), pair, region)
 }
 
 /// Pixels of the region where the photograph is not saturated: those that count in learning and in [`compare`].

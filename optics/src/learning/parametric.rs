@@ -3,23 +3,26 @@
 //! Adam goes over single pairs first, with a kernel of low order, which finds the right valley; Levenberg and Marquardt's
 //! method over all pairs then goes to its floor, and on through kernels of higher orders. Pairs whose photographs are of
 //! something else are left out. Where there are validation pairs, the model that foretells them best is
-//! the one that counts, and learning ends when they gain no more.
+//! the one that counts, and learning ends when they gain no more. Pairs of several distances have one model
+//! [together](super::Learner::start_joint).
 
+use super::along_z::Joint;
 use super::fit::Fit;
 use super::layout::Layout;
-use super::pair::{Example, measure_each, total};
+use super::pair::{Example, measure, total};
 use super::schedule::{one_cycle, shuffled};
 use super::screening::{self, Knowledge};
 use super::{LearnModel, LearnOptions, LearnStage, LearnStep, Lessons, PairSource, pair::BoxError};
 use crate::optimizer::adam::AdamStep;
 use crate::optimizer::damped::DampedState;
+use crate::photometry::Sums;
 use crate::{DisplayModel, Error, KernelShape, OpticalSetup};
 
 /// Orders of the kernel, one after the other, up to the one asked for.
 const LADDER: [usize; 3] = [5, 8, 12];
 /// The order where there is nothing to choose it by.
 const ORDER_DEFAULT: usize = 8;
-/// Pairs whose curvature stands for that of all.
+/// Pairs of a plane whose curvature stands for that of all.
 const CURVATURE_PAIRS: usize = 4;
 /// Pixels of a pair that its curvature is taken from: several hundred for each parameter.
 const CURVATURE_PX: usize = 40_000;
@@ -87,54 +90,73 @@ pub struct Best {
 pub struct ParametricLearner {
     options: LearnOptions,
     rungs: Vec<usize>,
+    joint: Joint,
     fit: Fit<f32>,
     state: ParametricState,
 }
 
 impl ParametricLearner {
-    pub(super) fn start(setup: OpticalSetup, options: LearnOptions, pairs: &dyn PairSource) -> Result<Self, BoxError> {
-        let mut learner = Self::resume(setup, options, ParametricState::default())?;
-        let Self { fit, options, state, .. } = &mut learner;
-        let mut parameters = vec![0.0; fit.layout.len()];
-        if let Some(model) = &options.warm_start {
-            parameters = fit.layout.parameters(model);
-            fit.set(&parameters);
-        }
-        let each = measure_each(&fit.engine, &mut fit.out, pairs, options.region)?;
-        let knowledge = if options.warm_start.is_some() { Knowledge::Rough } else { Knowledge::Ideal };
-        let kept = screening::kept(&each, knowledge)?;
-        (state.gain, state.offset) = total(kept.iter().map(|&index| &each[index])).best_gain_and_offset();
+    pub(super) fn start(
+        setups: &[OpticalSetup],
+        options: LearnOptions,
+        pairs: &dyn PairSource,
+    ) -> Result<Self, BoxError> {
+        let mut learner = Self::resume(setups, options, ParametricState::default())?;
+        let layout = learner.joint.layout;
+        let (own, knowledge) = match &learner.options.warm_start {
+            Some(model) => (layout.parameters(model), Knowledge::Rough),
+            None => (vec![0.0; layout.len()], Knowledge::Ideal),
+        };
+        let parameters = learner.joint.of_all_planes(&own);
+        learner.screen(pairs, &parameters, knowledge)?;
         let zeros = vec![0.0; parameters.len()];
+        let state = &mut learner.state;
         (state.parameters, state.first_moment, state.second_moment) = (parameters, zeros.clone(), zeros);
-        state.kept = kept.into_iter().map(|index| index as u32).collect();
         Ok(learner)
     }
 
-    pub(super) fn resume(setup: OpticalSetup, options: LearnOptions, state: ParametricState) -> Result<Self, Error> {
+    pub(super) fn resume(
+        setups: &[OpticalSetup],
+        options: LearnOptions,
+        state: ParametricState,
+    ) -> Result<Self, Error> {
         let rungs = rungs(&options);
         let order = rungs.get(state.rung as usize).copied().unwrap_or(rungs[rungs.len() - 1]);
         let layout = Layout::new(options.model, order);
+        let distances_m: Vec<f64> = setups.iter().map(OpticalSetup::distance_m).collect();
+        let joint = Joint::new(layout, &distances_m);
         let theta = state.refinement.as_ref().map_or(&state.parameters, |refinement| &refinement.parameters);
-        if !theta.is_empty() && theta.len() != layout.len() {
+        if !theta.is_empty() && theta.len() != joint.len() {
             let value = theta.len() as f64;
             return Err(Error::OutOfRange { name: "state", value, allowed: "as long as the model has parameters" });
         }
-        let fit = Fit::new(setup, layout, options.detector, options.carrier)?;
-        Ok(Self { options, rungs, fit, state })
+        let fit = Fit::new(setups.to_vec(), layout, options.detector, options.carrier)?;
+        Ok(Self { options, rungs, joint, fit, state })
     }
 
     pub(super) fn state(&self) -> &ParametricState {
         &self.state
     }
 
-    pub(super) fn model(&self) -> DisplayModel {
+    /// Of each plane.
+    pub(super) fn models(&self) -> Vec<DisplayModel> {
+        let (joint, theta) = self.best();
+        let exposure = (self.state.gain, self.state.offset);
+        let model = |(plane, setup)| joint.layout.model(setup, exposure, &joint.of_plane(plane, theta));
+        self.fit.setups.iter().enumerate().map(model).collect()
+    }
+
+    /// The θ that counts, and what it means.
+    fn best(&self) -> (Joint, &[f64]) {
         let state = &self.state;
-        let (layout, parameters) = match (&state.best, &state.refinement) {
-            (Some(best), _) => (Layout::new(self.options.model, best.order as usize), &best.parameters),
-            (None, Some(refinement)) => (self.fit.layout, &refinement.parameters),
-            (None, None) => (self.fit.layout, &state.parameters),
-        };
-        layout.model(&self.fit.setup, (state.gain, state.offset), parameters)
+        match (&state.best, &state.refinement) {
+            (Some(best), _) => {
+                let layout = Layout::new(self.options.model, best.order as usize);
+                (self.joint.with_layout(layout), &best.parameters)
+            }
+            (None, Some(refinement)) => (self.joint.clone(), &refinement.parameters),
+            (None, None) => (self.joint.clone(), &state.parameters),
+        }
     }
 
     pub(super) fn step(&mut self, lessons: Lessons<'_>) -> Result<Option<LearnStep>, BoxError> {
@@ -159,9 +181,12 @@ impl ParametricLearner {
         let (count, total) = (self.state.kept.len() as u32, self.adam_steps_total());
         let (epoch, place) = (self.state.adam_steps / count, self.state.adam_steps % count);
         let index = self.state.kept[shuffled(count as usize, epoch, self.options.seed)[place as usize]];
+        let plane = pairs.plane(index as usize);
         let example = Example::new(&pairs.pair(index as usize)?, &self.fit.engine, self.options.region)?;
-        self.fit.set(&self.state.parameters);
-        let (sums, gradient) = self.fit.evaluate(&example);
+        self.fit.set(plane, &self.joint.of_plane(plane, &self.state.parameters));
+        let (sums, own) = self.fit.evaluate(&example);
+        let mut gradient = vec![0.0; self.joint.len()];
+        self.joint.add_gradient(plane, &own, 1.0, &mut gradient);
 
         let rate = one_cycle(self.state.adam_steps, total, self.options.learning_rate);
         self.state.adam_steps += 1;
@@ -178,14 +203,44 @@ impl ParametricLearner {
 
     /// Looks at the pairs again, now that something is known of the display.
     fn rescreen(&mut self, pairs: &dyn PairSource) -> Result<(), BoxError> {
-        let Self { fit, options, state, .. } = self;
-        fit.set(&state.parameters);
-        let each = measure_each(&fit.engine, &mut fit.out, pairs, options.region)?;
-        let kept = screening::kept(&each, Knowledge::Rough)?;
-        (state.gain, state.offset) = total(kept.iter().map(|&index| &each[index])).best_gain_and_offset();
-        state.kept = kept.into_iter().map(|index| index as u32).collect();
-        state.rescreened = true;
+        let theta = self.state.parameters.clone();
+        self.screen(pairs, &theta, Knowledge::Rough)?;
+        self.state.rescreened = true;
         Ok(())
+    }
+
+    /// Finds the pairs that count, beside the others of their plane, and the gain and offset that fit them best together.
+    fn screen(&mut self, pairs: &dyn PairSource, theta: &[f64], knowledge: Knowledge) -> Result<(), BoxError> {
+        let each = self.measure_each(pairs, theta)?;
+        let mut kept = Vec::with_capacity(each.len());
+        for plane in 0..self.joint.planes() {
+            let here: Vec<usize> = (0..each.len()).filter(|&index| pairs.plane(index) == plane).collect();
+            let correlations: Vec<f64> = here.iter().map(|&index| each[index].correlation()).collect();
+            kept.extend(screening::kept(&correlations, knowledge)?.into_iter().map(|place| here[place] as u32));
+        }
+        self.state.kept = kept;
+        self.fit_exposure(&each);
+        Ok(())
+    }
+
+    /// The sums of each pair through the displays that θ describes.
+    fn measure_each(&mut self, pairs: &dyn PairSource, theta: &[f64]) -> Result<Vec<Sums>, BoxError> {
+        let Self { fit, joint, options, .. } = self;
+        let mut set = None;
+        let one = |index| {
+            let plane = pairs.plane(index);
+            if set.replace(plane) != Some(plane) {
+                fit.set(plane, &joint.of_plane(plane, theta));
+            }
+            Ok(measure(&fit.engine, &mut fit.out, &pairs.pair(index)?, options.region)?)
+        };
+        (0..pairs.len()).map(one).collect()
+    }
+
+    /// The gain and offset that fit all photographs that count best together.
+    fn fit_exposure(&mut self, each: &[Sums]) {
+        let kept = self.state.kept.iter().map(|&index| &each[index as usize]);
+        (self.state.gain, self.state.offset) = total(kept).best_gain_and_offset();
     }
 
     /// A step of Levenberg and Marquardt's method, and what follows from it.
@@ -213,7 +268,11 @@ impl ParametricLearner {
             self.climb(exhausted);
         }
         if self.state.converged {
-            self.fit_exposure(lessons.training)?;
+            let (joint, theta) = self.best();
+            let theta = theta.to_vec();
+            self.change(joint);
+            let each = self.measure_each(lessons.training, &theta)?;
+            self.fit_exposure(&each);
         }
         Ok(self.progress(LearnStage::Refinement, loss))
     }
@@ -224,39 +283,49 @@ impl ParametricLearner {
 
     /// The mean loss of the pairs that count, and its gradient.
     fn fit_all(&mut self, pairs: &dyn PairSource, theta: &[f64]) -> Result<(f64, Vec<f64>), BoxError> {
-        self.fit.set(theta);
-        let mut total = (0.0, vec![0.0; theta.len()]);
-        let share = 1.0 / self.state.kept.len() as f64;
-        for &index in &self.state.kept {
-            let example = Example::new(&pairs.pair(index as usize)?, &self.fit.engine, self.options.region)?;
-            let (sums, gradient) = self.fit.evaluate(&example);
-            total.0 += sums.loss() * share;
-            total.1.iter_mut().zip(gradient).for_each(|(total, g)| *total += g * share);
+        let Self { fit, joint, options, state, .. } = self;
+        let (mut loss, mut gradient, mut set) = (0.0, vec![0.0; theta.len()], None);
+        let share = 1.0 / state.kept.len() as f64;
+        for index in state.kept.iter().map(|&index| index as usize) {
+            let plane = pairs.plane(index);
+            if set.replace(plane) != Some(plane) {
+                fit.set(plane, &joint.of_plane(plane, theta));
+            }
+            let example = Example::new(&pairs.pair(index)?, &fit.engine, options.region)?;
+            let (sums, own) = fit.evaluate(&example);
+            loss += sums.loss() * share;
+            joint.add_gradient(plane, &own, share, &mut gradient);
         }
-        Ok(total)
+        Ok((loss, gradient))
     }
 
-    /// The curvature of some pairs, other ones and other rows from step to step.
+    /// The curvature of some pairs of each plane, other ones and other rows from step to step.
     fn curvature(&mut self, pairs: &dyn PairSource, theta: &[f64], round: u32) -> Result<Vec<f64>, BoxError> {
-        self.fit.set(theta);
-        let kept = &self.state.kept;
-        let order = shuffled(kept.len(), 1000 + round, self.options.seed);
-        let stride = (self.options.region.pixels() / CURVATURE_PX).max(1);
+        let Self { fit, joint, options, state, .. } = self;
+        let stride = (options.region.pixels() / CURVATURE_PX).max(1);
         let mut sum = vec![0.0; theta.len() * theta.len()];
-        let chosen = CURVATURE_PAIRS.min(kept.len());
-        for (turn, &place) in order.iter().take(chosen).enumerate() {
-            let pair = pairs.pair(kept[place] as usize)?;
-            let example = Example::new(&pair, &self.fit.engine, self.options.region)?;
-            let first = (round as usize + turn * stride / chosen) % stride;
-            let normal = self.fit.curvature(&example, first, stride);
-            sum.iter_mut().zip(normal.matrix).for_each(|(sum, value)| *sum += value / chosen as f64);
-        }
-        if chosen < kept.len() {
-            // What the pairs of the step before said, said others in part.
-            if self.state.curvature.len() == sum.len() {
-                sum.iter_mut().zip(&self.state.curvature).for_each(|(new, old)| *new = (*new + old) / 2.0);
+        let mut all_chosen = true;
+        for plane in 0..joint.planes() {
+            let kept: Vec<usize> =
+                state.kept.iter().map(|&index| index as usize).filter(|&index| pairs.plane(index) == plane).collect();
+            let order = shuffled(kept.len(), 1000 + round, options.seed);
+            let chosen = CURVATURE_PAIRS.min(kept.len());
+            all_chosen &= chosen == kept.len();
+            let share = kept.len() as f64 / state.kept.len() as f64 / chosen as f64;
+            fit.set(plane, &joint.of_plane(plane, theta));
+            for (turn, &place) in order.iter().take(chosen).enumerate() {
+                let example = Example::new(&pairs.pair(kept[place])?, &fit.engine, options.region)?;
+                let first = (round as usize + turn * stride / chosen) % stride;
+                let normal = fit.curvature(&example, first, stride);
+                joint.add_curvature(plane, &normal.matrix, share, &mut sum);
             }
-            self.state.curvature.clone_from(&sum);
+        }
+        if !all_chosen {
+            // What the pairs of the step before said, said others in part.
+            if state.curvature.len() == sum.len() {
+                sum.iter_mut().zip(&state.curvature).for_each(|(new, old)| *new = (*new + old) / 2.0);
+            }
+            state.curvature.clone_from(&sum);
         }
         Ok(sum)
     }
@@ -266,11 +335,12 @@ impl ParametricLearner {
         if pairs.is_empty() {
             return Ok(true);
         }
-        let Some(refinement) = &self.state.refinement else { return Ok(true) };
-        self.fit.set(&refinement.parameters);
-        let each = measure_each(&self.fit.engine, &mut self.fit.out, pairs, self.options.region)?;
+        let Some(parameters) = self.state.refinement.as_ref().map(|refinement| refinement.parameters.clone()) else {
+            return Ok(true);
+        };
+        let each = self.measure_each(pairs, &parameters)?;
         // The median: a wrong photograph among them has no say.
-        let mut losses: Vec<f64> = each.iter().map(crate::photometry::Sums::fitted_loss).collect();
+        let mut losses: Vec<f64> = each.iter().map(Sums::fitted_loss).collect();
         losses.sort_by(f64::total_cmp);
         let middle = &losses[(losses.len() - 1) / 2..=losses.len() / 2];
         let loss = middle.iter().sum::<f64>() / middle.len() as f64;
@@ -279,22 +349,10 @@ impl ParametricLearner {
         self.state.in_vain = if loss < best * (1.0 - VALIDATION_WORTH) { 0 } else { self.state.in_vain + 1 };
         if loss < best {
             let loss_before = self.state.best.as_ref().map_or(f64::INFINITY, |best| best.loss_before);
-            let (order, parameters) = (self.fit.layout.kernel.order() as u32, refinement.parameters.clone());
+            let order = self.fit.layout.kernel.order() as u32;
             self.state.best = Some(Best { order, parameters, loss, loss_before });
         }
         Ok(self.state.in_vain < PATIENCE)
-    }
-
-    /// The gain and offset that fit all photographs best together.
-    fn fit_exposure(&mut self, pairs: &dyn PairSource) -> Result<(), BoxError> {
-        let model = self.model();
-        let KernelShape::Smooth(kernel) = &model.kernel else { return Ok(()) };
-        self.fit.change(Layout::new(self.options.model, kernel.order));
-        self.fit.set(&self.fit.layout.parameters(&model));
-        let each = measure_each(&self.fit.engine, &mut self.fit.out, pairs, self.options.region)?;
-        let kept = self.state.kept.iter().map(|&index| &each[index as usize]);
-        (self.state.gain, self.state.offset) = total(kept).best_gain_and_offset();
-        Ok(())
     }
 
     /// Goes on to the next order, or ends.
@@ -316,13 +374,17 @@ impl ParametricLearner {
         };
         let (_, spent) = self.refinement();
         let theta = self.state.refinement.take().map_or_else(Vec::new, |refinement| refinement.parameters);
-        let model = self.fit.layout.model(&self.fit.setup, (1.0, 0.0), &theta);
-        let layout = Layout::new(self.options.model, order);
-        self.state.parameters = layout.parameters(&model);
+        let joint = self.joint.with_layout(Layout::new(self.options.model, order));
+        self.state.parameters = self.joint.carried(&theta, &joint);
         self.state.curvature.clear();
         self.state.evaluations += spent;
         (self.state.rung, self.state.in_vain) = (self.state.rung + 1, 0);
-        self.fit.change(layout);
+        self.change(joint);
+    }
+
+    fn change(&mut self, joint: Joint) {
+        self.fit.change(joint.layout);
+        self.joint = joint;
     }
 
     /// Whether validation chooses the order.

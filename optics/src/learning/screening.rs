@@ -1,10 +1,10 @@
 //! Photographs that are not of their holograms.
 //!
 //! Of a photograph of another hologram the light that a model foretells knows nothing: their correlation falls far below that of
-//! the other pairs, whose light is foretold about equally well.
+//! the other pairs, whose light is foretold about equally well. What is looked at is every pixel, through the best model at hand:
+//! this is the last look at pairs, whatever was checked when they were brought together.
 
 use crate::Error;
-use crate::photometry::Sums;
 
 /// With fewer pairs than this, none can be told from the others.
 const PAIRS_MIN: usize = 4;
@@ -36,26 +36,25 @@ impl Knowledge {
     }
 }
 
-/// The pairs that count.
+/// The pairs that count, by the correlations of their photographs with the light that was foretold.
 ///
 /// # Errors
 ///
 /// [`Error::Unrelated`] when most of the photographs are of something else.
-pub(super) fn kept(each: &[Sums], knowledge: Knowledge) -> Result<Vec<usize>, Error> {
-    let correlations: Vec<f64> = each.iter().map(Sums::correlation).collect();
-    let middle = median(correlations.clone());
+pub(super) fn kept(correlations: &[f64], knowledge: Knowledge) -> Result<Vec<usize>, Error> {
+    let middle = median(correlations.to_vec());
     if middle < CORRELATION_MIN {
         return Err(Error::Unrelated { correlation: middle });
     }
-    let all = 0..each.len();
-    if each.len() < PAIRS_MIN {
+    let all = 0..correlations.len();
+    if all.len() < PAIRS_MIN {
         return Ok(all.collect());
     }
     // The median deviation of normal numbers is 0.674 of their standard deviation.
     let deviation = median(correlations.iter().map(|c| (c - middle).abs()).collect()) / 0.674;
     let lowest = (middle - knowledge.tolerated().max(DEVIATIONS * deviation)).min(PART_OF_MEDIAN * middle);
     let mut kept: Vec<usize> = all.clone().filter(|&i| correlations[i] >= lowest).collect();
-    if ((each.len() - kept.len()) as f64) > SHARE_MAX * each.len() as f64 {
+    if ((all.len() - kept.len()) as f64) > SHARE_MAX * all.len() as f64 {
         kept = all.collect();
     }
     Ok(kept)
@@ -75,32 +74,23 @@ fn median(mut values: Vec<f64>) -> f64 {
 mod tests {
     use super::*;
 
-    /// Sums of 100 pixels with a light and a picture of spread 1 and this correlation.
-    fn sums(correlation: f64) -> Sums {
-        Sums { w: 100.0, pp: 100.0, tt: 100.0, tp: 100.0 * correlation, ..Sums::default() }
-    }
-
-    fn kept_of(correlations: &[f64], knowledge: Knowledge) -> Result<Vec<usize>, Error> {
-        kept(&correlations.iter().map(|&c| sums(c)).collect::<Vec<_>>(), knowledge)
-    }
-
     #[test]
     fn a_pair_far_below_the_others_is_left_out() {
-        let found = kept_of(&[0.8, 0.75, 0.1, 0.7, 0.82, 0.78], Knowledge::Ideal).unwrap();
+        let found = kept(&[0.8, 0.75, 0.1, 0.7, 0.82, 0.78], Knowledge::Ideal).unwrap();
         assert_eq!(found, [0, 1, 3, 4, 5]);
     }
 
     #[test]
     fn pairs_that_differ_as_pairs_do_are_all_kept() {
         for correlations in [[0.5, 0.8, 0.6, 0.9], [0.97, 0.99, 0.7, 0.98], [0.3, 0.5, 0.2, 0.4]] {
-            assert_eq!(kept_of(&correlations, Knowledge::Rough).unwrap(), [0, 1, 2, 3], "{correlations:?}");
+            assert_eq!(kept(&correlations, Knowledge::Rough).unwrap(), [0, 1, 2, 3], "{correlations:?}");
         }
-        assert_eq!(kept_of(&[0.9, 0.1], Knowledge::Rough).unwrap(), [0, 1], "of two, nobody knows which");
+        assert_eq!(kept(&[0.9, 0.1], Knowledge::Rough).unwrap(), [0, 1], "of two, nobody knows which");
     }
 
     #[test]
     fn photographs_of_other_holograms_are_refused() {
-        let error = kept_of(&[0.01, -0.02, 0.03, 0.0], Knowledge::Ideal).unwrap_err();
+        let error = kept(&[0.01, -0.02, 0.03, 0.0], Knowledge::Ideal).unwrap_err();
         assert!(error.to_string().contains("other holograms"), "{error}");
     }
 }

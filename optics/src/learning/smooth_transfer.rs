@@ -9,11 +9,11 @@ use pulp::{Arch, Simd, WithSimd};
 
 use super::columns::project;
 
-/// The ideal transfer function and the polynomials along y, sampled once.
+/// The ideal transfer functions of the planes, and the polynomials along y, sampled once.
 #[derive(Debug)]
 pub(super) struct SmoothTransfer<T> {
     basis: ChebyshevBasis,
-    ideal: Transfer<T>,
+    ideal: Vec<Transfer<T>>,
     /// fx of each column, scaled to [−1, 1].
     columns: Vec<f64>,
     /// fy of each bin, likewise.
@@ -26,17 +26,19 @@ pub(super) struct SmoothTransfer<T> {
 pub(super) type ColumnSums = [Complex64; ChebyshevBasis::ORDER_MAX + 1];
 
 impl<T: Real> SmoothTransfer<T> {
-    pub(super) fn new(setup: &OpticalSetup, order: usize) -> Self {
-        let grid = setup.grid();
+    /// Of planes with the same grid.
+    pub(super) fn new(setups: &[OpticalSetup], order: usize) -> Self {
+        let grid = setups[0].grid();
         let pitch_m = grid.pixel_pitch_m();
-        let sampled = setup.sampled();
-        let ideal =
-            Transfer::sample(grid.height_px(), grid.width_px(), |fx, fy| sampled.at(fx / pitch_m, fy / pitch_m));
+        let ideal = |setup: &OpticalSetup| {
+            let sampled = setup.sampled();
+            Transfer::sample(grid.height_px(), grid.width_px(), |fx, fy| sampled.at(fx / pitch_m, fy / pitch_m))
+        };
         let scaled = |side_px: usize| frequencies(side_px).iter().map(|f| 2.0 * f).collect::<Vec<f64>>();
         let rows = scaled(grid.height_px());
         Self {
             basis: ChebyshevBasis::new(order),
-            ideal,
+            ideal: setups.iter().map(ideal).collect(),
             columns: scaled(grid.width_px()),
             polynomials: tabulate(order, &rows),
             rows,
@@ -62,12 +64,12 @@ impl<T: Real> SmoothTransfer<T> {
         });
     }
 
-    /// Writes H for these errors.
-    pub(super) fn apply(&self, errors: &SmoothField, transfer: &mut Transfer<T>) {
+    /// Writes the H of a plane for these errors.
+    pub(super) fn apply(&self, plane: usize, errors: &SmoothField, transfer: &mut Transfer<T>) {
         let arch = Arch::new();
         transfer.write_columns(|i, column| {
             let mut ideal = column.to_vec();
-            self.ideal.read_column(i, &mut ideal);
+            self.ideal[plane].read_column(i, &mut ideal);
             let (mut alpha, mut psi) = (vec![T::zero(); ideal.len()], vec![T::zero(); ideal.len()]);
             let log_amplitude = self.basis.along_y(&errors.log_amplitude, self.columns[i]);
             let phase = self.basis.along_y(&errors.phase, self.columns[i]);

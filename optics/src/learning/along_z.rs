@@ -1,0 +1,340 @@
+//! One display at several distances.
+//!
+//! ```text
+//! H(f; z) = H_ideal(f; z) · exp( Σ_k T_k(t) ( α_k(f) + iψ_k(f) ) ),   k = 0 … degree,   t = (2z − z₁ − z_n) / (z_n − z₁)
+//! ```
+//!
+//! z₁ … z_n the photographed distances, T_k Chebyshev polynomials, degree n − 1 but at most 2. Propagation is exact at each z:
+//! only what the optics add is a polynomial of it. Source, phase response and zero order are the modulator's, the same at
+//! all z. The tilts of ψ, which move the image, are no polynomials: the camera was set up anew at each distance, so that each
+//! has its own, and between two neighbours they follow a line.
+
+use super::layout::{Layout, Part};
+use crate::chebyshev::polynomials;
+use crate::{DisplayModel, Error, KernelShape, OpticalSetup, SmoothField};
+
+/// Highest degree in z. What rails and lenses do over a range that was photographed is a line or a parabola; more would follow
+/// the noise.
+const DEGREE_MAX: usize = 2;
+
+fn degree(planes: usize) -> usize {
+    (planes - 1).min(DEGREE_MAX)
+}
+
+/// Which parameter of several planes' models stands where in the θ of all of them. Of a single plane it is that plane's θ.
+#[derive(Clone, Debug)]
+pub(super) struct Joint {
+    /// Of each plane by itself.
+    pub(super) layout: Layout,
+    distances_m: Vec<f64>,
+    /// Of each parameter: its place in the θ of a plane, and the function of z that it is the factor of.
+    slots: Vec<(usize, usize)>,
+    /// \[plane\]\[parameter\]: that function's value.
+    weights: Vec<Vec<f64>>,
+}
+
+impl Joint {
+    pub(super) fn new(layout: Layout, distances_m: &[f64]) -> Self {
+        let planes = distances_m.len();
+        let functions = |place| match layout.part(place) {
+            Part::Slm => 1,
+            Part::Tilt => planes,
+            Part::Kernel => degree(planes) + 1,
+        };
+        let of_function = |k| (0..layout.len()).filter(move |&place| k < functions(place)).map(move |place| (place, k));
+        let slots: Vec<(usize, usize)> = (0..planes).flat_map(of_function).collect();
+        let (nearest_m, farthest_m) = range(distances_m);
+        let weights = distances_m.iter().enumerate().map(|(plane, z_m)| {
+            let span_m = farthest_m - nearest_m;
+            let t = if span_m > 0.0 { (2.0 * z_m - nearest_m - farthest_m) / span_m } else { 0.0 };
+            let along_z = polynomials(degree(planes), t);
+            let weight = |&(place, k): &(usize, usize)| match layout.part(place) {
+                Part::Slm => 1.0,
+                Part::Tilt => f64::from(u8::from(k == plane)),
+                Part::Kernel => along_z[k],
+            };
+            slots.iter().map(weight).collect()
+        });
+        Self { layout, weights: weights.collect(), distances_m: distances_m.to_vec(), slots }
+    }
+
+    /// The same planes with another layout.
+    pub(super) fn with_layout(&self, layout: Layout) -> Self {
+        Self::new(layout, &self.distances_m)
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.slots.len()
+    }
+
+    pub(super) fn planes(&self) -> usize {
+        self.distances_m.len()
+    }
+
+    /// θ of one plane.
+    pub(super) fn of_plane(&self, plane: usize, theta: &[f64]) -> Vec<f64> {
+        let mut own = vec![0.0; self.layout.len()];
+        for ((&(place, _), weight), value) in self.slots.iter().zip(&self.weights[plane]).zip(theta) {
+            own[place] += weight * value;
+        }
+        own
+    }
+
+    /// θ of a display that is the same at all distances.
+    pub(super) fn of_all_planes(&self, own: &[f64]) -> Vec<f64> {
+        let value = |&(place, k): &(usize, usize)| match self.layout.part(place) {
+            Part::Kernel if k > 0 => 0.0,
+            Part::Slm | Part::Tilt | Part::Kernel => own[place],
+        };
+        self.slots.iter().map(value).collect()
+    }
+
+    /// Adds `share` times the gradient of one plane's loss.
+    pub(super) fn add_gradient(&self, plane: usize, own: &[f64], share: f64, total: &mut [f64]) {
+        for ((&(place, _), weight), total) in self.slots.iter().zip(&self.weights[plane]).zip(total) {
+            *total += weight * (own[place] * share);
+        }
+    }
+
+    /// Adds `share` times the curvature of one plane's loss, row after row.
+    pub(super) fn add_curvature(&self, plane: usize, own: &[f64], share: f64, total: &mut [f64]) {
+        let slots = || self.slots.iter().map(|(place, _)| place).zip(&self.weights[plane]);
+        for ((a, weight_a), total) in slots().zip(total.chunks_exact_mut(self.len())) {
+            let own = &own[a * self.layout.len()..];
+            for ((&b, weight_b), total) in slots().zip(total) {
+                *total += weight_a * weight_b * (own[b] * share);
+            }
+        }
+    }
+
+    /// θ of the same displays in another layout; what that has no place for is left out.
+    pub(super) fn carried(&self, theta: &[f64], to: &Self) -> Vec<f64> {
+        let mut carried = vec![0.0; to.len()];
+        for function in 0..self.planes() {
+            let mut part = vec![0.0; self.layout.len()];
+            for (&(place, k), &value) in self.slots.iter().zip(theta) {
+                if k == function {
+                    part[place] = value;
+                }
+            }
+            let part = self.layout.carried(&part, &to.layout);
+            for (&(place, k), value) in to.slots.iter().zip(&mut carried) {
+                if k == function {
+                    *value = part[place];
+                }
+            }
+        }
+        carried
+    }
+}
+
+/// The nearest and the farthest distance.
+fn range(distances_m: &[f64]) -> (f64, f64) {
+    distances_m.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &z_m| (low.min(z_m), high.max(z_m)))
+}
+
+/// The display at the distance of `setup`, between those of `models`, which were learned
+/// [together](super::Learner::start_joint): at one of their distances it is the model of that. Gain and offset are interpolated
+/// along a line.
+///
+/// # Errors
+///
+/// [`Error::Extrapolation`] for a distance that is not between theirs, [`Error::Apart`] for models that are not of one fit.
+pub fn interpolated(models: &[DisplayModel], setup: OpticalSetup) -> Result<DisplayModel, Error> {
+    let mut models: Vec<&DisplayModel> = models.iter().collect();
+    models.sort_by(|a, b| a.setup.distance_m().total_cmp(&b.setup.distance_m()));
+    let kernels = of_one_fit(&models, &setup)?;
+    let distances_m: Vec<f64> = models.iter().map(|model| model.setup.distance_m()).collect();
+    let (z_m, (nearest_m, farthest_m)) = (setup.distance_m(), range(&distances_m));
+    if !(nearest_m..=farthest_m).contains(&z_m) {
+        return Err(Error::Extrapolation { distance_m: z_m, nearest_m, farthest_m });
+    }
+    // A polynomial of some degree is known from any as many points and one.
+    let mut closest: Vec<usize> = (0..models.len()).collect();
+    closest.sort_by(|&a, &b| (distances_m[a] - z_m).abs().total_cmp(&(distances_m[b] - z_m).abs()));
+    let along_z = lagrange(&distances_m, &closest[..=degree(models.len())], z_m);
+    let above = distances_m.partition_point(|&distance_m| distance_m <= z_m).clamp(1, models.len() - 1);
+    let along_line = lagrange(&distances_m, &[above - 1, above], z_m);
+
+    let mut kernel = SmoothField::flat(kernels[0].order);
+    for (i, degrees) in kernel.basis().degrees().enumerate() {
+        let sum = |weights: &[f64], of: fn(&SmoothField) -> &[f64]| -> f64 {
+            kernels.iter().zip(weights).map(|(kernel, weight)| weight * of(kernel)[i]).sum()
+        };
+        let tilt = matches!(degrees, (0, 1) | (1, 0));
+        kernel.log_amplitude[i] = sum(&along_z, |kernel| &kernel.log_amplitude);
+        kernel.phase[i] = sum(if tilt { &along_line } else { &along_z }, |kernel| &kernel.phase);
+    }
+    let sum =
+        |of: fn(&DisplayModel) -> f64| models.iter().zip(&along_line).map(|(model, weight)| weight * of(model)).sum();
+    let (gain, offset) = (sum(|model| model.gain), sum(|model| model.offset));
+    Ok(DisplayModel { setup, kernel: KernelShape::Smooth(kernel), gain, offset, ..models[0].clone() })
+}
+
+/// The kernels of models that can be of one fit, ascending in distance.
+fn of_one_fit<'a>(models: &[&'a DisplayModel], setup: &OpticalSetup) -> Result<Vec<&'a SmoothField>, Error> {
+    if models.len() < 2 {
+        return Err(Error::Apart { what: "number: two distances are needed at least" });
+    }
+    let kernel = |model: &&'a DisplayModel| match &model.kernel {
+        KernelShape::Smooth(field) => Ok(field),
+        KernelShape::Ideal | KernelShape::Bins(_) => Err(Error::Apart { what: "form: smooth kernels are needed" }),
+    };
+    let kernels = models.iter().map(kernel).collect::<Result<Vec<_>, _>>()?;
+    for (model, before) in models.iter().skip(1).zip(models) {
+        if model.setup.distance_m() == before.setup.distance_m() {
+            return Err(Error::Apart { what: "distance: each is needed once" });
+        }
+        if (&model.source, &model.response, model.zero_order) != (&before.source, &before.response, before.zero_order) {
+            return Err(Error::Apart { what: "modulator: it is the same at all distances" });
+        }
+    }
+    if kernels.iter().any(|kernel| kernel.order != kernels[0].order) {
+        return Err(Error::Apart { what: "order" });
+    }
+    let optics = |setup: &OpticalSetup| (setup.grid(), setup.wavelength_m());
+    match models.iter().all(|model| optics(&model.setup) == optics(setup)) {
+        true => Ok(kernels),
+        false => Err(Error::Apart { what: "grid or wavelength" }),
+    }
+}
+
+/// Lagrange's weights of the values at `nodes`, which are some of the places: the polynomial through them, at `at`.
+fn lagrange(places: &[f64], nodes: &[usize], at: f64) -> Vec<f64> {
+    let mut weights = vec![0.0; places.len()];
+    for &i in nodes {
+        let others = nodes.iter().filter(|&&j| j != i);
+        weights[i] = others.map(|&j| (at - places[j]) / (places[i] - places[j])).product();
+    }
+    weights
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Grid;
+    use crate::learning::LearnModel;
+
+    const DISTANCES_M: [f64; 4] = [4e-3, 5e-3, 7e-3, 8e-3];
+
+    fn setup(distance_m: f64) -> OpticalSetup {
+        OpticalSetup::try_new(Grid::try_new(18, 24, 8e-6).unwrap(), 515e-9, distance_m).unwrap()
+    }
+
+    fn joint(distances_m: &[f64], order: usize) -> Joint {
+        Joint::new(Layout::new(LearnModel::Display { order: None }, order), distances_m)
+    }
+
+    fn wave(len: usize) -> Vec<f64> {
+        (0..len).map(|i| 0.1 * (i as f64 * 1.3 + 0.5).sin()).collect()
+    }
+
+    fn models(joint: &Joint, theta: &[f64]) -> Vec<DisplayModel> {
+        let model = |(plane, &z_m): (usize, &f64)| {
+            joint.layout.model(&setup(z_m), (1.0 + z_m, 0.1), &joint.of_plane(plane, theta))
+        };
+        joint.distances_m.iter().enumerate().map(model).collect()
+    }
+
+    #[test]
+    fn of_a_single_plane_nothing_changes() {
+        let joint = joint(&[5e-3], 4);
+        let theta = wave(joint.len());
+        assert_eq!(joint.len(), joint.layout.len());
+        assert_eq!(joint.of_plane(0, &theta), theta);
+        assert_eq!(joint.of_all_planes(&theta), theta);
+        let mut gradient = vec![0.0; theta.len()];
+        joint.add_gradient(0, &theta, 1.0, &mut gradient);
+        assert_eq!(gradient, theta);
+        let matrix = wave(theta.len() * theta.len());
+        let mut curvature = vec![0.0; matrix.len()];
+        joint.add_curvature(0, &matrix, 1.0, &mut curvature);
+        assert_eq!(curvature, matrix);
+    }
+
+    #[test]
+    fn gradient_and_curvature_follow_the_chain_rule() {
+        let joint = joint(&DISTANCES_M, 2);
+        let (n, own) = (joint.len(), joint.layout.len());
+        for plane in 0..DISTANCES_M.len() {
+            // Columns of ∂(θ of the plane)/∂θ.
+            let unit = |i: usize| (0..n).map(|j| f64::from(u8::from(i == j))).collect::<Vec<f64>>();
+            let columns: Vec<Vec<f64>> = (0..n).map(|i| joint.of_plane(plane, &unit(i))).collect();
+            let (g, a) = (wave(own), wave(own * own));
+            let (mut gradient, mut curvature) = (vec![0.0; n], vec![0.0; n * n]);
+            joint.add_gradient(plane, &g, 0.5, &mut gradient);
+            joint.add_curvature(plane, &a, 0.5, &mut curvature);
+            let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+            for i in 0..n {
+                assert!((gradient[i] - 0.5 * dot(&columns[i], &g)).abs() < 1e-14);
+                let row: Vec<f64> = (0..own).map(|b| (0..own).map(|c| columns[i][c] * a[c * own + b]).sum()).collect();
+                for j in 0..n {
+                    assert!((curvature[i * n + j] - 0.5 * dot(&row, &columns[j])).abs() < 1e-14);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_display_keeps_its_shape_in_a_larger_layout_and_one_for_all_planes_is_the_same_at_each() {
+        let (small, large) = (joint(&DISTANCES_M, 3), joint(&DISTANCES_M, 5));
+        let theta = wave(small.len());
+        let carried = small.carried(&theta, &large);
+        for plane in 0..DISTANCES_M.len() {
+            assert_eq!(
+                large.layout.carried(&large.of_plane(plane, &carried), &small.layout),
+                small.of_plane(plane, &theta)
+            );
+        }
+        let one = wave(small.layout.len());
+        let everywhere = small.of_all_planes(&one);
+        assert!((0..DISTANCES_M.len()).all(|plane| small.of_plane(plane, &everywhere) == one));
+    }
+
+    #[test]
+    fn between_distances_a_kernel_is_the_polynomial_that_was_fitted() {
+        let joint = joint(&DISTANCES_M, 3);
+        let theta = wave(joint.len());
+        let models = models(&joint, &theta);
+        for (model, z_m) in models.iter().zip(DISTANCES_M) {
+            let again = interpolated(&models, setup(z_m)).unwrap();
+            let (KernelShape::Smooth(a), KernelShape::Smooth(b)) = (&model.kernel, &again.kernel) else { panic!() };
+            assert!((a.value(0.4, -0.7) - b.value(0.4, -0.7)).norm() < 1e-12);
+            assert_eq!((&model.source, &model.response), (&again.source, &again.response));
+        }
+        // A plane more, in the same range: its polynomials are the same, and its tilts are given.
+        let with = Joint::new(joint.layout, &[4e-3, 5e-3, 5.5e-3, 7e-3, 8e-3]);
+        let mut more = vec![0.0; with.len()];
+        for (&(place, k), value) in with.slots.iter().zip(&mut more) {
+            let of = |k: usize| joint.slots.iter().position(|&slot| slot == (place, k)).map_or(0.0, |i| theta[i]);
+            *value = match (joint.layout.part(place), k) {
+                (Part::Tilt, 2) => 0.75 * of(1) + 0.25 * of(2),
+                (Part::Tilt, 3 | 4) => of(k - 1),
+                _ => of(k),
+            };
+        }
+        let truth = with.layout.model(&setup(5.5e-3), (1.0055, 0.1), &with.of_plane(2, &more));
+        let found = interpolated(&models, setup(5.5e-3)).unwrap();
+        let (KernelShape::Smooth(a), KernelShape::Smooth(b)) = (&truth.kernel, &found.kernel) else { panic!() };
+        for (a, b) in [(&a.log_amplitude, &b.log_amplitude), (&a.phase, &b.phase)] {
+            assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12), "{a:?}, {b:?}");
+        }
+        assert!((found.gain - truth.gain).abs() < 1e-12);
+    }
+
+    #[test]
+    fn beyond_the_distances_and_from_models_of_different_fits_nothing_is_made() {
+        let joint = joint(&DISTANCES_M, 3);
+        let mut models = models(&joint, &wave(joint.len()));
+        for z_m in [3.9e-3, 8.1e-3, -5e-3] {
+            let error = interpolated(&models, setup(z_m)).unwrap_err();
+            assert_eq!(error, Error::Extrapolation { distance_m: z_m, nearest_m: 4e-3, farthest_m: 8e-3 });
+            assert!(error.to_string().contains("0.004 to 0.008 m"), "{error}");
+        }
+        assert!(matches!(interpolated(&models[..1], setup(4e-3)), Err(Error::Apart { .. })));
+        models[2].response[0][1] += 1e-3;
+        assert!(matches!(interpolated(&models, setup(5e-3)), Err(Error::Apart { .. })));
+        models[2] = DisplayModel::ideal(setup(7e-3));
+        assert!(matches!(interpolated(&models, setup(5e-3)), Err(Error::Apart { .. })));
+    }
+}
