@@ -3,7 +3,7 @@
 
 use lightpath_optics::hologram::initial_phase;
 use lightpath_optics::learning::{
-    BoxError, LearnModel, LearnOptions, Learner, Lessons, Pair, PairSource, compare, interpolated,
+    BoxError, LearnModel, LearnOptions, Learner, Lessons, Pair, PairSource, ResponseUncertainty, compare, interpolated,
 };
 use lightpath_optics::simulated_display::{Imperfections, SimulatedDisplay};
 use lightpath_optics::{Detector, DisplayModel, Engine, Error, Grid, OpticalSetup, RegionOfInterest};
@@ -227,4 +227,37 @@ fn only_what_differs_in_the_distance_alone_is_learned_together() {
     assert!(refused(&[near, middle, far], LearnModel::Dense).contains("needs the model smooth or display"));
     let more = OpticalSetup::try_new(near.grid(), 515e-9, 8e-3).unwrap();
     assert!(refused(&[near, middle, far, more], display).contains("pairs is empty"));
+}
+
+#[test]
+fn a_phase_response_is_as_sure_as_it_says() {
+    let bench = bench(12);
+    let region = RegionOfInterest::middle(&bench.setup().grid());
+    let phases: Vec<f64> = (0..16).map(|i| f64::from(i) * std::f64::consts::TAU / 16.0).collect();
+    let error = |model: &DisplayModel, phase: f64| -> f64 {
+        let harmonic = |(k, [a, b]): (f64, &[f64; 2])| a * (k * phase).sin() + b * (k * phase).cos();
+        [1.0, 2.0, 3.0].into_iter().zip(&model.response).map(harmonic).sum()
+    };
+    // The same display, learned from photographs of different holograms.
+    let (mut curves, mut foretold) = (Vec::new(), Vec::new());
+    for set in 0..5 {
+        let training = pairs(&bench, 8, 1000 * (set + 1));
+        let model = learned(&bench, options(&bench, Some(5)), Lessons::only(&training)).model();
+        let mut uncertainty = ResponseUncertainty::of(&model, Detector::Pixel, None, region).unwrap().unwrap();
+        assert_eq!(uncertainty.covariance(), None, "no pair tells nothing");
+        training.iter().for_each(|pair| uncertainty.add(pair).unwrap());
+        let covariance = uncertainty.covariance().unwrap();
+        foretold.push(phases.iter().map(|&phase| covariance.deviation_rad(phase).powi(2)).sum::<f64>());
+        curves.push(phases.iter().map(|&phase| error(&model, phase)).collect::<Vec<f64>>());
+    }
+    let spread = |i: usize| {
+        let mean = curves.iter().map(|curve| curve[i]).sum::<f64>() / curves.len() as f64;
+        curves.iter().map(|curve| (curve[i] - mean).powi(2)).sum::<f64>() / (curves.len() - 1) as f64
+    };
+    let seen = (0..phases.len()).map(spread).sum::<f64>();
+    let foretold = foretold.iter().sum::<f64>() / foretold.len() as f64;
+    assert!((0.4..2.5).contains(&(foretold / seen).sqrt()), "{foretold} against {seen}");
+    assert!(
+        ResponseUncertainty::of(&DisplayModel::ideal(bench.setup()), Detector::Pixel, None, region).unwrap().is_none()
+    );
 }

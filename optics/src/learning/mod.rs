@@ -25,9 +25,11 @@ pub mod parametric;
 mod schedule;
 mod screening;
 mod smooth_transfer;
+mod uncertainty;
 
 pub use along_z::interpolated;
 pub use pair::{BoxError, Pair, PairSource, compare, unsaturated_px};
+pub use uncertainty::{ResponseCovariance, ResponseUncertainty};
 
 use crate::carrier::Carrier;
 use crate::{Detector, DisplayModel, Error, OpticalSetup, RegionOfInterest};

@@ -23,9 +23,9 @@ const LADDER: [usize; 3] = [5, 8, 12];
 /// The order where there is nothing to choose it by.
 const ORDER_DEFAULT: usize = 8;
 /// Pairs of a plane whose curvature stands for that of all.
-const CURVATURE_PAIRS: usize = 4;
+pub(super) const CURVATURE_PAIRS: usize = 4;
 /// Pixels of a pair that its curvature is taken from: several hundred for each parameter.
-const CURVATURE_PX: usize = 40_000;
+pub(super) const CURVATURE_PX: usize = 40_000;
 /// A step that lowers the loss by less than this part of it is the last of its order.
 const STEP_WORTH: f64 = 1e-2;
 /// A step, or an order, that lowers the loss of the validation pairs by less than this part of it is in vain.

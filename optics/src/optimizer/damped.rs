@@ -16,7 +16,7 @@ const DAMPING_MAX: f64 = 1e6;
 /// Trials in one step.
 const TRIALS_MAX: u32 = 4;
 /// Part of a largest curvature that is added to each: what the data say nothing about stays where it is.
-const FLOOR: f64 = 1e-10;
+pub(crate) const FLOOR: f64 = 1e-10;
 
 /// Everything that the next step depends on.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -100,7 +100,7 @@ impl DampedState {
 }
 
 /// Solves a symmetric positive system by Cholesky's factors; `None` where it is not positive.
-fn solve(mut matrix: Vec<f64>, mut right: Vec<f64>) -> Option<Vec<f64>> {
+pub(crate) fn solve(mut matrix: Vec<f64>, mut right: Vec<f64>) -> Option<Vec<f64>> {
     let n = right.len();
     for j in 0..n {
         let row_j = &mut matrix[j * n..];

@@ -4,14 +4,14 @@ use super::Api;
 use super::error::ApiError;
 use crate::artifacts::Artifacts;
 use crate::captures::{CaptureError, Captures};
-use crate::dataset::{Dataset, Split};
+use crate::dataset::{self, Dataset, Split};
 use crate::display::Display;
-use crate::job::{JobResult, LearnKernel};
+use crate::job::{JobResult, LearnKernel, LearnResult};
 use crate::kernel::{KernelKey, KernelVersion};
 use crate::kernel_file;
 use crate::report::{self, Earlier, Evidence, PAIRS_SHOWN_MAX, Report, ReportError, ReportInput};
 use crate::store::StoreError;
-use lightpath_optics::learning::Pair;
+use lightpath_optics::learning::{Pair, ResponseUncertainty};
 use lightpath_optics::{Detector, DisplayModel, Engine, RegionOfInterest};
 use lightpath_proto::v1;
 use tokio::runtime::Handle;
@@ -42,13 +42,18 @@ impl Api {
         let dataset = self.dataset_of(&version).await?;
         let (display, _) = self.store.display(&key.display).await?;
         let earlier = self.earlier(key, number).await?;
-        let loss_history = self.loss_history(&version).await?;
+        let learned = self.learn_result(&version).await?;
+        let (loss_history, left_out) =
+            learned.map(|learned| (learned.loss_history, learned.left_out_pairs)).unwrap_or_default();
         let (artifacts, runtime) = (self.artifacts.clone(), Handle::current());
         let make = move || -> Result<Report, Failure> {
             let parameters: Option<LearnKernel> = serde_json::from_str(&version.content.lineage.parameters_json).ok();
             let evidence = match dataset {
                 None => None,
-                Some(dataset) => Some(gather(&display, &dataset, &model, parameters.as_ref(), &artifacts, &runtime)?),
+                Some(mut dataset) => {
+                    leave_out(&mut dataset, &left_out);
+                    Some(gather(&display, &dataset, &model, parameters.as_ref(), &artifacts, &runtime)?)
+                }
             };
             Ok(report::make(&ReportInput { version, model, loss_history, evidence, earlier })?)
         };
@@ -104,20 +109,29 @@ impl Api {
         Ok(earlier)
     }
 
-    async fn loss_history(&self, version: &KernelVersion) -> Result<Vec<f64>, ApiError> {
+    /// What the job told that learned the version; `None` for imports, and where that job is gone.
+    async fn learn_result(&self, version: &KernelVersion) -> Result<Option<LearnResult>, ApiError> {
         let id = &version.content.lineage.job;
         if id.is_empty() {
-            return Ok(Vec::new());
+            return Ok(None);
         }
         match self.store.job(id).await {
             Ok(job) => Ok(match job.result {
-                Some(JobResult::Learn(learned)) => learned.loss_history,
-                _ => Vec::new(),
+                Some(JobResult::Learn(learned)) => Some(learned),
+                _ => None,
             }),
-            Err(StoreError::NotFound { .. }) => Ok(Vec::new()),
+            Err(StoreError::NotFound { .. }) => Ok(None),
             Err(error) => Err(error.into()),
         }
     }
+}
+
+/// Takes out the pairs that learning left out.
+fn leave_out(dataset: &mut Dataset, left_out: &[String]) {
+    let id = &dataset.id;
+    let among =
+        |pair: &dataset::Pair| left_out.iter().any(|name| *name == pair.id || *name == format!("{id}/{}", pair.id));
+    dataset.pairs.retain(|pair| !among(pair));
 }
 
 /// Held-out pairs first: what they say was not fitted.
@@ -145,6 +159,7 @@ fn gather(
         crate::job::Detector::Supersampled => Detector::Supersampled,
     });
     let engine = Engine::of_display(model, detector, captures.carrier())?;
+    let mut response = ResponseUncertainty::of(model, detector, captures.carrier(), region)?;
     let mut evidence = Evidence::new(region, grid.height_px(), grid.width_px(), grid.pixel_pitch_m());
     for (split, most) in
         [(Split::Test, PAIRS_SHOWN_MAX), (Split::Validation, PAIRS_SHOWN_MAX), (Split::Train, LIT_BY_MAX)]
@@ -152,8 +167,13 @@ fn gather(
         for pair in dataset.pairs.iter().filter(|pair| pair.split == Some(split)).take(most) {
             let phase = captures.phase(&runtime.block_on(artifacts.read_all(&pair.phase))?)?;
             let photo = captures.photo(pair, &runtime.block_on(artifacts.read_all(&pair.photo))?)?;
-            evidence.add(&engine, &pair.id, split, &Pair { phase, photo })?;
+            let seen = Pair { phase, photo };
+            evidence.add(&engine, &pair.id, split, &seen)?;
+            if let Some(response) = response.as_mut().filter(|_| split == Split::Train) {
+                response.add(&seen)?;
+            }
         }
     }
+    evidence.response = response.and_then(|response| response.covariance());
     Ok(evidence)
 }

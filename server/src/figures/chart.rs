@@ -16,6 +16,8 @@ pub struct Chart<'a> {
     pub logarithmic: bool,
     /// Each in a colour of its own.
     pub lines: Vec<Line>,
+    /// How sure the first line is, where that is known: x, and the range of y.
+    pub band: Vec<(f64, [f64; 2])>,
 }
 
 /// One line.
@@ -42,9 +44,15 @@ impl Chart<'_> {
     #[must_use]
     pub fn svg(&self) -> String {
         let usable = |&&(x, y): &&(f64, f64)| x.is_finite() && y.is_finite() && (!self.logarithmic || y > 0.0);
-        let points = || self.lines.iter().flat_map(|line| &line.points).filter(usable);
+        let edge = |side: usize| self.band.iter().map(move |&(x, edges)| (x, edges[side]));
+        let points = || {
+            let lines = self.lines.iter().flat_map(|line| line.points.iter().copied());
+            lines.chain(edge(0)).chain(edge(1)).filter(|point| usable(&point))
+        };
         let range = |of: fn(&(f64, f64)) -> f64| {
-            points().map(of).fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)))
+            points()
+                .map(|point| of(&point))
+                .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)))
         };
         let (x_low, x_high) = widened(range(|point| point.0), 0.0);
         let (y_low, y_high) = if self.logarithmic {
@@ -97,6 +105,15 @@ impl Chart<'_> {
                 "<rect x=\"{LEFT}\" y=\"{TOP}\" width=\"{PLOT_WIDTH}\" height=\"{PLOT_HEIGHT}\" fill=\"none\" stroke=\"#c8c8c8\"/>"
             ),
         );
+        let outline: Vec<String> = edge(0)
+            .chain(edge(1).collect::<Vec<_>>().into_iter().rev())
+            .filter(|point| usable(&point))
+            .map(|(x, y)| format!("{:.1},{:.1}", at_x(x), at_y(y)))
+            .collect();
+        if !outline.is_empty() {
+            let (points, colour) = (outline.join(" "), COLOURS[0]);
+            write(&mut svg, format_args!("<polygon points=\"{points}\" fill=\"{colour}\" fill-opacity=\"0.2\"/>"));
+        }
         for (i, line) in self.lines.iter().enumerate() {
             let colour = COLOURS[i % COLOURS.len()];
             let dash = if line.dashed { " stroke-dasharray=\"6 5\"" } else { "" };
@@ -177,7 +194,8 @@ mod tests {
         for points in [vec![], vec![(0.0, f64::NAN)], vec![(1.0, 2.0)], vec![(0.0, -1.0), (1.0, 3.0)]] {
             for logarithmic in [false, true] {
                 let lines = vec![Line { label: "a < b".to_owned(), points: points.clone(), dashed: true }];
-                let svg = Chart { title: "t & u", x_label: "x", y_label: "y", logarithmic, lines }.svg();
+                let band = vec![(0.0, [0.1, f64::NAN]), (1.0, [1.0, 2.0])];
+                let svg = Chart { title: "t & u", x_label: "x", y_label: "y", logarithmic, lines, band }.svg();
                 assert!(svg.ends_with("</svg>") && svg.contains("a &lt; b") && svg.contains("t &amp; u"));
                 assert!(!svg.contains("NaN") && !svg.contains("inf"), "{svg}");
             }

@@ -4,7 +4,7 @@ use super::{Chapter, ReportError};
 use crate::dataset::Split;
 use crate::figures::{Axis, Canvas, ColourMap, ContactRow, ContactSheet, Heatmap, Shown, escaped};
 use lightpath_optics::diagnostics::LitBand;
-use lightpath_optics::learning::{Pair, compare};
+use lightpath_optics::learning::{Pair, ResponseCovariance, compare};
 use lightpath_optics::{Engine, Error, Plane, RegionOfInterest};
 use std::fmt::Write as _;
 
@@ -15,6 +15,8 @@ pub struct Evidence {
     pixel_pitch_m: f64,
     pairs: Vec<PairEvidence>,
     lit: LitBand,
+    /// How sure the phase response is, where the training pairs tell.
+    pub response: Option<ResponseCovariance>,
 }
 
 /// One pair, small.
@@ -38,7 +40,7 @@ impl Evidence {
     /// Nothing yet.
     #[must_use]
     pub fn new(region: RegionOfInterest, height_px: usize, width_px: usize, pixel_pitch_m: f64) -> Self {
-        Self { region, pixel_pitch_m, pairs: Vec::new(), lit: LitBand::new(height_px, width_px) }
+        Self { region, pixel_pitch_m, pairs: Vec::new(), lit: LitBand::new(height_px, width_px), response: None }
     }
 
     /// Compares a pair's photograph with what the engine predicts, and keeps pictures of both.

@@ -46,6 +46,7 @@ pub(super) fn losses(input: &ReportInput) -> Option<Chapter> {
         y_label: "mean squared error",
         logarithmic: true,
         lines,
+        band: Vec::new(),
     };
     let mut chapter = Chapter { title: "Learning", ..Chapter::default() };
     chapter.svg("losses", "Loss of each epoch and refinement step", chart.svg());

@@ -109,7 +109,8 @@ impl Chapter {
 pub fn make(input: &ReportInput) -> Result<Report, ReportError> {
     let mut chapters = vec![page::summary(input)];
     chapters.extend(history::losses(input));
-    chapters.extend(optics::chapters(&input.model)?);
+    let certainty = input.evidence.as_ref().and_then(|evidence| evidence.response.as_ref());
+    chapters.extend(optics::chapters(&input.model, certainty)?);
     if let Some(evidence) = &input.evidence {
         chapters.extend(evidence::chapters(evidence)?);
     }

@@ -4,6 +4,7 @@ use super::{Chapter, ReportError};
 use crate::figures::{Axis, Canvas, Chart, ColourMap, Heatmap, Line};
 use lightpath_optics::diagnostics::point_spread::{OVERSAMPLING, WINDOW_PX};
 use lightpath_optics::diagnostics::{PointSpread, ZernikeFit, point_spread};
+use lightpath_optics::learning::ResponseCovariance;
 use lightpath_optics::{DisplayModel, KernelShape, Plane};
 use num_complex::Complex64;
 use std::f64::consts::{PI, TAU};
@@ -13,13 +14,16 @@ use std::fmt::Write as _;
 const SAMPLES: usize = 256;
 
 /// Kernel, aberrations, spot, source and response.
-pub(super) fn chapters(model: &DisplayModel) -> Result<Vec<Chapter>, ReportError> {
+pub(super) fn chapters(
+    model: &DisplayModel,
+    certainty: Option<&ResponseCovariance>,
+) -> Result<Vec<Chapter>, ReportError> {
     let ratio = ratio(model);
     let mut all = vec![transfer(model, &ratio)?, aberrations(model), spot(model, &ratio)?];
     if !model.source.is_flat() {
         all.push(source(model)?);
     }
-    all.push(response(model));
+    all.push(response(model, certainty));
     Ok(all)
 }
 
@@ -188,6 +192,7 @@ fn spot(model: &DisplayModel, ratio: &(impl Fn(f64, f64) -> Complex64 + Sync)) -
             line("along y", &found.mtf[1], false),
             line("free of aberrations", &[1.0, 0.0], true),
         ],
+        band: Vec::new(),
     };
     chapter.svg("mtf", "Contrast that is left to stripes of a spatial frequency", chart.svg());
     let side = found.spot.width_px();
@@ -255,7 +260,7 @@ fn source(model: &DisplayModel) -> Result<Chapter, ReportError> {
     Ok(chapter)
 }
 
-fn response(model: &DisplayModel) -> Chapter {
+fn response(model: &DisplayModel, certainty: Option<&ResponseCovariance>) -> Chapter {
     let zero = model.zero_order.norm();
     let mut body = format!(
         "<p>Undiffracted light: amplitude {:.4} of the modulated light's, phase {:.2} rad; {:.2} % of its intensity.</p>",
@@ -284,9 +289,23 @@ fn response(model: &DisplayModel) -> Chapter {
     let worst = curve.iter().map(|value| (value - mean).abs()).fold(0.0, f64::max);
     let _ = write!(
         body,
-        "<p>The modulator's phase differs from the wanted one by up to {worst:.3} rad around its mean. How sure each point of the curve is \
-         is not told: the fit does not estimate its own uncertainty.</p>"
+        "<p>The modulator's phase differs from the wanted one by up to {worst:.3} rad around its mean.</p>"
     );
+    let deviations: Vec<f64> =
+        certainty.iter().flat_map(|certainty| (0..=STEPS).map(|i| certainty.deviation_rad(wanted(i)))).collect();
+    match deviations.iter().copied().reduce(f64::max) {
+        Some(largest) => {
+            let _ = write!(
+                body,
+                "<p>The band around the curve is one standard deviation, {largest:.4} rad at most: by as much it would differ had other \
+                 photographs been learned from.</p>"
+            );
+            chapter.array("response_deviation_rad", &[STEPS + 1], deviations.iter().copied());
+        }
+        None => body.push_str("<p>How sure the curve is takes three of the training photographs to tell.</p>"),
+    }
+    let around = |(i, deviation): (usize, &f64)| (wanted(i), [curve[i] - deviation, curve[i] + deviation]);
+    let band = deviations.iter().enumerate().map(around).collect();
     let points = curve.iter().enumerate().map(|(i, &value)| (wanted(i), value)).collect();
     let chart = Chart {
         title: "Phase response",
@@ -297,6 +316,7 @@ fn response(model: &DisplayModel) -> Chapter {
             Line { label: "learned".to_owned(), points, dashed: false },
             Line { label: "linear".to_owned(), points: vec![(0.0, 0.0), (TAU, 0.0)], dashed: true },
         ],
+        band,
     };
     chapter.svg("response", "What the modulator shows, against what was wanted", chart.svg());
     chapter.array("response_error_rad", &[STEPS + 1], curve);

@@ -1,0 +1,124 @@
+//! How sure a learned phase response is.
+//!
+//! ```text
+//! C = A⁻¹ [ Σ_p (g_p − ḡ)(g_p − ḡ)ᵀ ] A⁻¹ / (P (P − 1)),   var r(φ) = vᵀ C v,   v = ∂r/∂θ: sin kφ at a_k, cos kφ at b_k, else 0
+//! ```
+//!
+//! g_p the gradient of pair p's loss at the learned θ, ḡ the mean of the P pairs' gradients, A the loss's curvature. This is what
+//! leaving out one photograph after the other would tell, to first order: it knows nothing of the noise, sees what the model
+//! lacks as well, and counts a photograph once, however many pixels it has. H. White, Econometrica 50, 1 (1982).
+
+use super::LearnModel;
+use super::fit::Fit;
+use super::layout::{HARMONICS, Layout, SOURCE_ORDER};
+use super::pair::{Example, Pair};
+use super::parametric::{CURVATURE_PAIRS, CURVATURE_PX};
+use crate::carrier::Carrier;
+use crate::optimizer::damped::{FLOOR, solve};
+use crate::{Detector, DisplayModel, Error, KernelShape, RegionOfInterest};
+
+/// Fewer pairs say nothing about how much pairs differ.
+const PAIRS_MIN: usize = 3;
+
+/// What pairs say about how sure the phase response of a model is; they are added one after the other.
+#[derive(Debug)]
+pub struct ResponseUncertainty {
+    fit: Fit<f32>,
+    region: RegionOfInterest,
+    /// Sum over the first pairs, row after row.
+    curvature: Vec<f64>,
+    /// Of each pair's loss.
+    gradients: Vec<Vec<f64>>,
+}
+
+/// Covariance of the coefficients [a_k, b_k] of a phase response.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ResponseCovariance {
+    /// \[rad²\], row after row.
+    matrix: [[f64; 2 * HARMONICS]; 2 * HARMONICS],
+}
+
+impl ResponseUncertainty {
+    /// For pairs that `model` was learned from; `None` for a model that has no learned response, or one of another shape.
+    ///
+    /// # Errors
+    ///
+    /// What [`DisplayModel::validate`] finds.
+    pub fn of(
+        model: &DisplayModel,
+        detector: Detector,
+        carrier: Option<Carrier>,
+        region: RegionOfInterest,
+    ) -> Result<Option<Self>, Error> {
+        model.validate()?;
+        let KernelShape::Smooth(kernel) = &model.kernel else { return Ok(None) };
+        if (model.source.order, model.response.len()) != (SOURCE_ORDER, HARMONICS) {
+            return Ok(None);
+        }
+        let layout = Layout::new(LearnModel::Display { order: None }, kernel.order);
+        let mut fit = Fit::new(vec![model.setup], layout, detector, carrier)?;
+        fit.set(0, &layout.parameters(model));
+        let curvature = vec![0.0; layout.len() * layout.len()];
+        Ok(Some(Self { fit, region, curvature, gradients: Vec::new() }))
+    }
+
+    /// Looks at a pair.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] for a pair of another size, with values that are not finite, or without a pixel that counts.
+    pub fn add(&mut self, pair: &Pair) -> Result<(), Error> {
+        let example = Example::new(pair, &self.fit.engine, self.region)?;
+        self.gradients.push(self.fit.evaluate(&example).1);
+        let before = self.gradients.len() - 1;
+        if before < CURVATURE_PAIRS {
+            let stride = (self.region.pixels() / CURVATURE_PX).max(1);
+            let normal = self.fit.curvature(&example, before * stride / CURVATURE_PAIRS, stride);
+            self.curvature.iter_mut().zip(normal.matrix).for_each(|(sum, value)| *sum += value);
+        }
+        Ok(())
+    }
+
+    /// What the pairs say; `None` for fewer than three, or where they say nothing about the response.
+    #[must_use]
+    pub fn covariance(&self) -> Option<ResponseCovariance> {
+        let pairs = self.gradients.len();
+        if pairs < PAIRS_MIN {
+            return None;
+        }
+        let (n, first) = (self.fit.layout.len(), self.fit.layout.response());
+        let mut curvature: Vec<f64> =
+            self.curvature.iter().map(|sum| sum / CURVATURE_PAIRS.min(pairs) as f64).collect();
+        let largest = (0..n).map(|i| curvature[i * n + i]).fold(0.0, f64::max);
+        (0..n).for_each(|i| curvature[i * n + i] += FLOOR * largest);
+        let mean: Vec<f64> =
+            (0..n).map(|i| self.gradients.iter().map(|gradient| gradient[i]).sum::<f64>() / pairs as f64).collect();
+
+        // How much each coefficient would move without each pair, times P.
+        let mut moves = Vec::with_capacity(2 * HARMONICS);
+        for coefficient in first..first + 2 * HARMONICS {
+            let unit = (0..n).map(|i| f64::from(u8::from(i == coefficient))).collect();
+            let row = solve(curvature.clone(), unit)?;
+            let along = |gradient: &Vec<f64>| -> f64 {
+                row.iter().zip(gradient.iter().zip(&mean)).map(|(a, (g, mean))| a * (g - mean)).sum()
+            };
+            moves.push(self.gradients.iter().map(along).collect::<Vec<f64>>());
+        }
+        let scale = 1.0 / (pairs * (pairs - 1)) as f64;
+        let product = |a: usize, b: usize| moves[a].iter().zip(&moves[b]).map(|(a, b)| a * b).sum::<f64>() * scale;
+        Some(ResponseCovariance { matrix: std::array::from_fn(|a| std::array::from_fn(|b| product(a, b))) })
+    }
+}
+
+impl ResponseCovariance {
+    /// Standard deviation of r(φ) at a wanted phase \[rad\].
+    #[must_use]
+    pub fn deviation_rad(&self, phase_rad: f64) -> f64 {
+        let slope: [f64; 2 * HARMONICS] = std::array::from_fn(|i| {
+            let (sine, cosine) = ((i / 2 + 1) as f64 * phase_rad).sin_cos();
+            if i % 2 == 0 { sine } else { cosine }
+        });
+        let row = |row: &[f64; 2 * HARMONICS]| row.iter().zip(&slope).map(|(c, v)| c * v).sum::<f64>();
+        self.matrix.iter().zip(&slope).map(|(c, v)| row(c) * v).sum::<f64>().max(0.0).sqrt()
+    }
+}
