@@ -82,6 +82,8 @@ calls! {
     kernels.list_kernel_moves(ListKernelMovesRequest) -> ListKernelMovesResponse;
     /// Stores an uploaded kernel file as a kernel's next version.
     kernels.import_kernel(ImportKernelRequest) -> KernelVersion;
+    /// Stores the kernel of a distance between photographed ones as its kernel's next version.
+    kernels.interpolate_kernel(InterpolateKernelRequest) -> KernelVersion;
 
     /// Whether an artifact is stored.
     artifacts.get_artifact(GetArtifactRequest) -> Artifact;

@@ -19,7 +19,7 @@ pub use hologram::{
     Fit, FrameResult, HologramResult, ImagePlane, InitialPhase, Loss, Method, OptimizeHologram, PlaneResult, Quantity,
     WavelengthResult,
 };
-pub use result::{CaptureResult, EvaluateResult, JobResult, LearnResult, PairLoss, Quality, SeenQuality};
+pub use result::{CaptureResult, EvaluateResult, JobResult, JointResult, LearnResult, PairLoss, Quality, SeenQuality};
 pub use spec::{Detector, EvaluateKernel, JobSpec, LearnKernel, Region, SimulateCapture};
 
 use serde::{Deserialize, Serialize};

@@ -30,6 +30,8 @@ pub struct Kernel {
     pub active_version: Option<u32>,
     /// The newest version; versions count from 1.
     pub latest_version: u32,
+    /// The active version, or the newest where none is active, is [interpolated](KernelLineage::is_interpolated).
+    pub interpolated: bool,
     /// \[ms since 1970\]
     pub create_time_ms: i64,
 }
@@ -113,6 +115,14 @@ pub struct CapturedQuality {
     pub ideal_psnr_db: f64,
 }
 
+impl KernelLineage {
+    /// No photograph of the kernel's distance was learned from.
+    #[must_use]
+    pub fn is_interpolated(&self) -> bool {
+        self.over_distance.as_ref().is_some_and(|over| over.interpolated)
+    }
+}
+
 impl KernelMetrics {
     /// Measured, and not shown to be better than the ideal kernel: neither in predicting held-out photographs, nor, where
     /// that was tried, in photographs of new holograms.
@@ -142,6 +152,22 @@ pub struct KernelLineage {
     pub code_version: String,
     /// The version that learning started from; 0: none.
     pub parent_version: u32,
+    /// Set where one model was learned for several distances.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub over_distance: Option<OverDistance>,
+}
+
+/// One model of a display for several distances.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct OverDistance {
+    /// The photographed distances, ascending.
+    pub distances: Vec<Distance>,
+    /// Ids of their datasets.
+    pub datasets: Vec<String>,
+    /// Digests of the datasets.
+    pub dataset_digests: Vec<String>,
+    /// The kernel is of a distance between them, of which there was no photograph.
+    pub interpolated: bool,
 }
 
 /// One move of the alias `active`.

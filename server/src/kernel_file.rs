@@ -10,6 +10,7 @@
 //! | `height_px`, `width_px`, `pixel_pitch_m`, `wavelength_m`, `distance_m` | what it was learned for |
 //! | `kernel_order`, `source_order` | highest total degrees of the Chebyshev series |
 //! | `propagation` | the method of H_ideal, `band_limited` where it is missing |
+//! | `interpolated_from_m` | photographed distances \[m\], ascending, of a kernel for a distance between them; else missing |
 //!
 //! | tensor | type, shape | meaning |
 //! |---|---|---|
@@ -83,6 +84,8 @@ struct Header {
     /// Files of older servers are of band-limited propagation.
     #[serde(default = "band_limited")]
     propagation: PropagationMethod,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    interpolated_from_m: Vec<f64>,
 }
 
 fn band_limited() -> PropagationMethod {
@@ -95,6 +98,19 @@ fn band_limited() -> PropagationMethod {
 ///
 /// [`KernelFileError::Safetensors`] when the model is too large for the format.
 pub fn encode(model: &DisplayModel, kind: KernelModel) -> Result<Vec<u8>, KernelFileError> {
+    encode_interpolated(model, kind, &[])
+}
+
+/// [`encode`] of a kernel that was interpolated between photographed distances \[m\], which the file tells.
+///
+/// # Errors
+///
+/// As there.
+pub fn encode_interpolated(
+    model: &DisplayModel,
+    kind: KernelModel,
+    from_m: &[f64],
+) -> Result<Vec<u8>, KernelFileError> {
     let grid = model.setup.grid();
     let header = Header {
         format: FORMAT.to_owned(),
@@ -108,6 +124,7 @@ pub fn encode(model: &DisplayModel, kind: KernelModel) -> Result<Vec<u8>, Kernel
         kernel_order: if let KernelShape::Smooth(errors) = &model.kernel { errors.order } else { 0 },
         source_order: model.source.order,
         propagation: planning::from_optics(model.setup.method()),
+        interpolated_from_m: from_m.to_vec(),
     };
     let photometry = [model.gain, model.offset, model.zero_order.re, model.zero_order.im];
     let mut tensors = vec![("photometry", Dtype::F64, vec![4], bytes_f64(&photometry))];
@@ -138,9 +155,7 @@ pub fn encode(model: &DisplayModel, kind: KernelModel) -> Result<Vec<u8>, Kernel
 ///
 /// [`KernelFileError`], naming what is wrong.
 pub fn decode(bytes: &[u8]) -> Result<(DisplayModel, KernelModel), KernelFileError> {
-    let (_, metadata) = SafeTensors::read_metadata(bytes)?;
-    let header = metadata.metadata().as_ref().and_then(|metadata| metadata.get(METADATA_KEY));
-    let header: Header = serde_json::from_str(header.ok_or(KernelFileError::NoHeader)?)?;
+    let header = header(bytes)?;
     if header.format != FORMAT || header.format_version != FORMAT_VERSION {
         return Err(KernelFileError::Format { format: header.format, version: header.format_version });
     }
@@ -173,6 +188,21 @@ pub fn decode(bytes: &[u8]) -> Result<(DisplayModel, KernelModel), KernelFileErr
     };
     model.validate()?;
     Ok((model, header.model))
+}
+
+/// The distances \[m\] that a file's kernel was interpolated from; none where it was learned at its own.
+///
+/// # Errors
+///
+/// [`KernelFileError`] for what is no such file.
+pub fn interpolated_from_m(bytes: &[u8]) -> Result<Vec<f64>, KernelFileError> {
+    Ok(header(bytes)?.interpolated_from_m)
+}
+
+fn header(bytes: &[u8]) -> Result<Header, KernelFileError> {
+    let (_, metadata) = SafeTensors::read_metadata(bytes)?;
+    let header = metadata.metadata().as_ref().and_then(|metadata| metadata.get(METADATA_KEY));
+    Ok(serde_json::from_str(header.ok_or(KernelFileError::NoHeader)?)?)
 }
 
 fn bytes_f64(values: &[f64]) -> Vec<u8> {
@@ -230,6 +260,10 @@ mod tests {
             model.setup = model.setup.planned().unwrap().0;
             let bytes = encode(&model, kind).unwrap();
             assert_eq!(bytes, encode(&model, kind).unwrap());
+            assert!(interpolated_from_m(&bytes).unwrap().is_empty());
+            let interpolated = encode_interpolated(&model, kind, &[0.07, 0.0702]).unwrap();
+            assert_eq!(interpolated_from_m(&interpolated).unwrap(), [0.07, 0.0702]);
+            assert_eq!(decode(&interpolated).unwrap(), (model.clone(), kind));
             assert_eq!(decode(&bytes).unwrap(), (model, kind));
         }
     }

@@ -117,7 +117,8 @@ fn spec_facts(job: &Job, facts: &mut Facts) {
             facts.add("work", format!("{} iterations, {detector} detector, seed {}", spec.iterations, spec.seed));
         }
         Some(job_spec::Kind::LearnKernel(spec)) => {
-            facts.add("dataset", names::id(&spec.dataset));
+            let datasets = std::iter::once(&spec.dataset).chain(&spec.joint_datasets);
+            facts.add("dataset", datasets.map(|name| names::id(name)).collect::<Vec<_>>().join(", "));
             facts.add("model", show::word("KERNEL_MODEL_", spec.model().as_str_name()));
         }
         Some(job_spec::Kind::SimulateCapture(spec)) => {
@@ -148,12 +149,17 @@ fn hologram_facts(result: &v1::HologramResult, facts: &mut Facts) {
 fn learn_facts(result: &v1::LearnResult, facts: &mut Facts) {
     facts.add("kernel", &result.kernel_version);
     if let Some(metrics) = &result.metrics {
-        let (learned, ideal) = (show::loss(metrics.test_loss), show::loss(metrics.ideal_test_loss));
-        facts.add("held-out loss", format!("{learned} (ideal kernel {ideal})"));
+        facts.add("held-out loss", held_out(metrics));
         facts.add("training loss", show::loss(metrics.train_loss));
         let pairs = (metrics.train_pairs, metrics.validation_pairs, metrics.test_pairs);
         facts.add("pairs", format!("{} train, {} validation, {} test", pairs.0, pairs.1, pairs.2));
         quality_text::verdict(metrics, facts);
+    }
+    for other in &result.joint {
+        facts.add("kernel", &other.kernel_version);
+        if let Some(metrics) = &other.metrics {
+            facts.add("held-out loss", held_out(metrics));
+        }
     }
     if !result.left_out_pairs.is_empty() {
         let ids = result.left_out_pairs.join(", ");
@@ -162,6 +168,10 @@ fn learn_facts(result: &v1::LearnResult, facts: &mut Facts) {
     if result.order > 0 {
         facts.add("order", result.order.to_string());
     }
+}
+
+fn held_out(metrics: &v1::KernelMetrics) -> String {
+    format!("{} (ideal kernel {})", show::loss(metrics.test_loss), show::loss(metrics.ideal_test_loss))
 }
 
 fn evaluation(result: &v1::EvaluateResult) -> String {

@@ -1,5 +1,6 @@
 //! `lightpath kernel …`
 
+mod interpolate;
 mod learn;
 mod moves;
 mod report;
@@ -15,6 +16,7 @@ use clap::Subcommand;
 #[derive(Debug, Subcommand)]
 pub(crate) enum KernelCommand {
     Learn(learn::Learn),
+    Interpolate(interpolate::Interpolate),
     Evaluate(learn::Evaluate),
     List(show::List),
     Show(show::Show),
@@ -32,6 +34,7 @@ impl KernelCommand {
     pub(crate) async fn run(self, session: &Session) -> Result<(), Failure> {
         match self {
             Self::Learn(learn) => learn.run(session).await,
+            Self::Interpolate(interpolate) => interpolate.run(session).await,
             Self::Evaluate(evaluate) => evaluate.run(session).await,
             Self::List(list) => list.run(session).await,
             Self::Show(show) => show.run(session).await,

@@ -74,6 +74,8 @@ fn every_command_of_the_design_is_read() {
         "lightpath dataset show bench-1",
         "lightpath dataset list --display lab-2",
         "lightpath kernel learn --dataset bench-1 --model smooth --epochs 3 --wait",
+        "lightpath kernel learn --dataset near --dataset far --wait",
+        "lightpath kernel interpolate --display lab-2 --wavelength 515nm --distance 170mm",
         "lightpath kernel evaluate --dataset bench-1 --kernel ideal --wait",
         "lightpath kernel list --display lab-2 --distance 150mm",
         "lightpath kernel show displays/lab-2/kernels/515nm-150mm --version 2",

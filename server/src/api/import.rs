@@ -5,7 +5,7 @@ use super::error::ApiError;
 use super::field::Field;
 use super::time::now_ms;
 use crate::display::Display;
-use crate::kernel::{KernelKey, KernelLineage, KernelMetrics, KernelVersion, NewKernelVersion};
+use crate::kernel::{KernelKey, KernelLineage, KernelMetrics, KernelVersion, NewKernelVersion, OverDistance};
 use crate::units::{Distance, Wavelength};
 use crate::{kernel_file, kernel_formats, planning};
 use lightpath_optics::OpticalSetup;
@@ -27,6 +27,8 @@ impl Api {
             .map_err(|error| Field::new("distance_m").invalid(format!("is not possible: {error}")))?;
         // Where no method is right a kernel can still be kept.
         let setup = planning::planned(setup, None).map_or(setup, |(planned, _)| planned);
+        // A file in another form tells nothing of that.
+        let interpolated_from_m = kernel_file::interpolated_from_m(&bytes).unwrap_or_default();
         let decoded = self.computed(move || kernel_formats::import(&bytes, &setup)).await?;
         let imported = decoded.map_err(|error| field.invalid(format!("({digest}): {error}")))?;
         let (learned, model) = (imported.model, imported.kind);
@@ -44,6 +46,12 @@ impl Api {
         let lineage = KernelLineage {
             parameters_json,
             code_version: env!("CARGO_PKG_VERSION").to_owned(),
+            over_distance: (!interpolated_from_m.is_empty()).then(|| OverDistance {
+                distances: interpolated_from_m.into_iter().filter_map(Distance::from_m).collect(),
+                datasets: Vec::new(),
+                dataset_digests: Vec::new(),
+                interpolated: true,
+            }),
             ..KernelLineage::default()
         };
         // Nothing was measured here: an import has no held-out pairs.

@@ -6,7 +6,8 @@ use super::kernels::metrics_to_wire;
 use super::propagation::report_to_wire;
 use super::time::timestamp;
 use crate::job::{
-    EvaluateKernel, Job, JobError, JobResult, JobSpec, JobState, LearnKernel, Progress, Quality, SimulateCapture,
+    EvaluateKernel, Job, JobError, JobResult, JobSpec, JobState, JointResult, LearnKernel, Progress, Quality,
+    SimulateCapture,
 };
 use lightpath_proto::v1::{self, job_result, job_spec};
 
@@ -97,6 +98,7 @@ fn learn_to_wire(spec: LearnKernel) -> v1::LearnKernel {
         detector: detector_to_wire(spec.detector),
         region_of_interest: Some(region_to_wire(spec.region_of_interest)),
         start_version: spec.start_version.unwrap_or(0),
+        joint_datasets: spec.joint_datasets.iter().map(|id| format!("datasets/{id}")).collect(),
     }
 }
 
@@ -136,6 +138,7 @@ fn result_to_wire(result: JobResult) -> v1::JobResult {
             loss_history: result.loss_history,
             left_out_pairs: result.left_out_pairs,
             order: result.order,
+            joint: result.joint.into_iter().map(joint_to_wire).collect(),
         }),
         JobResult::Capture(result) => job_result::Kind::Capture(v1::CaptureResult { photo: result.photo }),
         JobResult::Evaluate(result) => {
@@ -149,6 +152,10 @@ fn result_to_wire(result: JobResult) -> v1::JobResult {
         }
     };
     v1::JobResult { kind: Some(kind), propagation }
+}
+
+fn joint_to_wire(JointResult { kernel_version, metrics }: JointResult) -> v1::learn_result::JointResult {
+    v1::learn_result::JointResult { kernel_version, metrics: Some(metrics_to_wire(&metrics)) }
 }
 
 pub(super) fn quality_to_wire(Quality { point, pixel, supersampled }: Quality) -> v1::Quality {

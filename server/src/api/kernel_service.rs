@@ -142,6 +142,14 @@ impl KernelService for Api {
         Ok(Response::new(kernels::version_to_wire(version)))
     }
 
+    async fn interpolate_kernel(
+        &self,
+        request: Request<v1::InterpolateKernelRequest>,
+    ) -> Result<Response<v1::KernelVersion>, Status> {
+        let version = self.interpolate(request.into_inner()).await?;
+        Ok(Response::new(kernels::version_to_wire(version)))
+    }
+
     async fn create_kernel_report(
         &self,
         request: Request<v1::CreateKernelReportRequest>,

@@ -15,6 +15,7 @@ pub(super) fn to_wire(kernel: &Kernel) -> v1::Kernel {
         active_version: kernel.active_version.unwrap_or(0),
         latest_version: kernel.latest_version,
         create_time: Some(timestamp(kernel.create_time_ms)),
+        interpolated: kernel.interpolated,
     }
 }
 
@@ -28,6 +29,7 @@ pub(super) fn version_to_wire(version: KernelVersion) -> v1::KernelVersion {
         artifact: content.artifact,
         size_bytes: content.size_bytes,
         metrics: Some(metrics_to_wire(&content.metrics)),
+        interpolated: content.lineage.is_interpolated(),
         lineage: Some(lineage_to_wire(content.lineage)),
         create_time: Some(timestamp(version.create_time_ms)),
         active: version.active,
@@ -73,5 +75,10 @@ fn lineage_to_wire(lineage: KernelLineage) -> v1::KernelLineage {
         seed: lineage.seed,
         code_version: lineage.code_version,
         parent_version: lineage.parent_version,
+        over_distance: lineage.over_distance.map(|over| v1::OverDistance {
+            distances_m: over.distances.iter().map(|distance| distance.m()).collect(),
+            datasets: over.datasets.into_iter().map(|id| named("datasets", id)).collect(),
+            dataset_digests: over.dataset_digests,
+        }),
     }
 }

@@ -4,7 +4,7 @@
 //!
 //! - `field`, `names`, `pages`: checking fields, resource names and pages. `submit`, `scheduling`, `optimize`, `kernel_choice`,
 //!   `pictures`: checking submitted jobs. `captures`: checking and aligning pairs of datasets.
-//!   `import`, `report`: of kernels.
+//!   `import`, `interpolate`, `report`: of kernels.
 //! - `displays`, `datasets`, `jobs`, `holograms`, `kernels`, `propagation`, `encodings`, `time`: messages from and to domain
 //!   types.
 //! - `*_service`: one gRPC service each. `watch`: streams that follow something.
@@ -22,6 +22,7 @@ mod error;
 mod field;
 mod holograms;
 mod import;
+mod interpolate;
 mod job_service;
 mod jobs;
 mod kernel_choice;

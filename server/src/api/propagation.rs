@@ -89,7 +89,8 @@ fn refusal(field: &Field, error: &Error) -> ApiError {
     field.invalid(format!("can't be met: {error}"))
 }
 
-fn distance_refusal(field: &Field, distance: Distance, error: &Error) -> ApiError {
+/// Refuses a distance at which nothing can be right.
+pub(super) fn distance_refusal(field: &Field, distance: Distance, error: &Error) -> ApiError {
     field.invalid(format!("is {}: {error}", distance.m()))
 }
 

@@ -2,6 +2,7 @@
 
 use super::Api;
 use super::error::ApiError;
+use super::interpolate::VERSIONS_MAX;
 use crate::artifacts::Artifacts;
 use crate::captures::{CaptureError, Captures};
 use crate::dataset::{self, Dataset, Split};
@@ -42,6 +43,7 @@ impl Api {
         let dataset = self.dataset_of(&version).await?;
         let (display, _) = self.store.display(&key.display).await?;
         let earlier = self.earlier(key, number).await?;
+        let over_distance = self.over_distance(&version).await?;
         let learned = self.learn_result(&version).await?;
         let (loss_history, left_out) =
             learned.map(|learned| (learned.loss_history, learned.left_out_pairs)).unwrap_or_default();
@@ -55,7 +57,7 @@ impl Api {
                     Some(gather(&display, &dataset, &model, parameters.as_ref(), &artifacts, &runtime)?)
                 }
             };
-            Ok(report::make(&ReportInput { version, model, loss_history, evidence, earlier })?)
+            Ok(report::make(&ReportInput { version, model, loss_history, evidence, earlier, over_distance })?)
         };
         let made = self.computed(make).await?.map_err(|error| match error {
             Failure::Artifact(error) => error.into(),
@@ -75,7 +77,8 @@ impl Api {
         })
     }
 
-    async fn model_of(&self, version: &KernelVersion) -> Result<DisplayModel, ApiError> {
+    /// A version's file, read.
+    pub(super) async fn model_of(&self, version: &KernelVersion) -> Result<DisplayModel, ApiError> {
         let bytes = self.artifacts.read_all(&version.content.artifact).await?;
         let (model, _) = kernel_file::decode(&bytes).map_err(|error| ApiError::Precondition {
             reason: "KERNEL_UNREADABLE",
@@ -107,6 +110,20 @@ impl Api {
             }
         }
         Ok(earlier)
+    }
+
+    /// The model at each distance of the fit that the version is of; none where it is of one distance alone.
+    async fn over_distance(&self, version: &KernelVersion) -> Result<Vec<DisplayModel>, ApiError> {
+        let KernelVersion { key, content, .. } = version;
+        let mut models = Vec::new();
+        if content.lineage.over_distance.is_some() {
+            for other in self.store.joint_versions(&key.display, key.wavelength, VERSIONS_MAX).await? {
+                if other.content.lineage.job == content.lineage.job {
+                    models.push(self.model_of(&other).await?);
+                }
+            }
+        }
+        Ok(models)
     }
 
     /// What the job told that learned the version; `None` for imports, and where that job is gone.

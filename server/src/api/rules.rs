@@ -82,6 +82,7 @@ const METHODS: &[(&str, Rule)] = &[
     ("KernelService/RollbackKernel", rule(DECIDE, Effect::Steers)),
     ("KernelService/ListKernelMoves", rule(LOOK, Effect::Reads)),
     ("KernelService/ImportKernel", rule(DECIDE, Effect::Takes)),
+    ("KernelService/InterpolateKernel", rule(WORK, Effect::Takes)),
     ("KernelService/CreateKernelReport", rule(WORK, Effect::Takes)),
 ];
 

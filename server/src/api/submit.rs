@@ -26,6 +26,8 @@ const EPOCHS_MAX: u32 = 1000;
 const REFINEMENT_EVALUATIONS_MAX: u32 = 10_000;
 /// Ten years: longer than any bench stands.
 const ELAPSED_S_MAX: f64 = 10.0 * 365.25 * 86_400.0;
+/// Beside the first: at 1080×1920 px the free space of eight distances takes half a gigabyte.
+const JOINT_DATASETS_MAX: usize = 7;
 /// Polynomials beyond this are no smooth errors any more.
 const ORDER_MAX: u32 = 12;
 
@@ -80,6 +82,8 @@ impl Api {
         if detector == Detector::Supersampled {
             return Err(at("detector").invalid("is supersampled, but a camera's pixels measure either point or pixel"));
         }
+        let joint_datasets =
+            self.joint_datasets(&at("joint_datasets"), &message.joint_datasets, refined, &dataset).await?;
         let key = KernelKey { display: display.id.clone(), wavelength: dataset.wavelength, distance: dataset.distance };
         let epochs = at("epochs").integer(message.epochs, 0..=EPOCHS_MAX)?;
         let evaluations = at("refinement_evaluations");
@@ -96,8 +100,46 @@ impl Api {
             detector,
             region_of_interest: region(&at("region_of_interest"), message.region_of_interest, &display)?,
             display: display.id,
+            joint_datasets,
             dataset: dataset.id,
         })
+    }
+
+    /// Datasets that differ from the first in their distances alone.
+    async fn joint_datasets(
+        &self,
+        field: &Field,
+        names: &[String],
+        refined: bool,
+        first: &Dataset,
+    ) -> Result<Vec<String>, ApiError> {
+        if !names.is_empty() && !refined {
+            return Err(field.invalid("is given, but only the models smooth and display are learned over distances"));
+        }
+        if names.len() > JOINT_DATASETS_MAX {
+            return Err(field.invalid(format!("names {}, but must name at most {JOINT_DATASETS_MAX}", names.len())));
+        }
+        let mut distances = vec![first.distance];
+        let mut ids = Vec::with_capacity(names.len());
+        for (i, name) in names.iter().enumerate() {
+            let field = field.index(i);
+            let (dataset, display) = self.finalized_dataset(&field, name).await?;
+            check_distance(&field, &display, dataset.wavelength, dataset.distance)?;
+            if (&dataset.display, dataset.wavelength) != (&first.display, first.wavelength) {
+                return Err(field.invalid(format!(
+                    "is of displays/{} at {}, but must be of displays/{} at {}, as datasets/{} is",
+                    dataset.display, dataset.wavelength, first.display, first.wavelength, first.id
+                )));
+            }
+            if distances.contains(&dataset.distance) {
+                let problem =
+                    format!("is of {}, but another dataset is already: each must have its own", dataset.distance);
+                return Err(field.invalid(problem));
+            }
+            distances.push(dataset.distance);
+            ids.push(dataset.id);
+        }
+        Ok(ids)
     }
 
     /// A version that learning can go on from.

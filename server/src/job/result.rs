@@ -100,6 +100,18 @@ pub struct LearnResult {
     /// The kernel's polynomial degree; 0 for the models paper and dense.
     #[serde(default)]
     pub order: u32,
+    /// The kernels of the other distances that the model was learned for together, in the order of their datasets.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub joint: Vec<JointResult>,
+}
+
+/// The kernel of one more distance.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct JointResult {
+    /// Resource name of the new version; filled in by the store.
+    pub kernel_version: String,
+    /// How good it is there.
+    pub metrics: KernelMetrics,
 }
 
 /// A simulated photograph.

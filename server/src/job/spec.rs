@@ -72,6 +72,9 @@ pub struct Region {
 pub struct LearnKernel {
     /// Id of the dataset.
     pub dataset: String,
+    /// Ids of datasets of the same display and wavelength at other distances, to learn one model of all of them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub joint_datasets: Vec<String>,
     /// Id of the dataset's display.
     pub display: String,
     /// How the kernel is parametrized.

@@ -3,12 +3,14 @@
 //! # Layout
 //!
 //! - `optics`: the kernel, its aberrations, spot and contrast, source and response. `evidence`: residuals per pair and the band
-//!   that the data lit. `history`: losses while learning, and drift against earlier versions.
+//!   that the data lit. `history`: losses while learning, and drift against earlier versions. `over_distance`: aberrations between
+//!   photographed distances.
 //! - `page`: the HTML. `base64`: pictures inside it.
 mod base64;
 mod evidence;
 mod history;
 mod optics;
+mod over_distance;
 mod page;
 
 pub use evidence::{Evidence, PAIRS_SHOWN_MAX, PairEvidence};
@@ -32,6 +34,8 @@ pub struct ReportInput {
     pub evidence: Option<Evidence>,
     /// Other versions of the same kernel, newest first.
     pub earlier: Vec<Earlier>,
+    /// The model at each distance that it was learned for, ascending; empty where that is one alone.
+    pub over_distance: Vec<DisplayModel>,
 }
 
 /// A report.
@@ -111,6 +115,7 @@ pub fn make(input: &ReportInput) -> Result<Report, ReportError> {
     chapters.extend(history::losses(input));
     let certainty = input.evidence.as_ref().and_then(|evidence| evidence.response.as_ref());
     chapters.extend(optics::chapters(&input.model, certainty)?);
+    chapters.extend(over_distance::chapter(input));
     if let Some(evidence) = &input.evidence {
         chapters.extend(evidence::chapters(evidence)?);
     }

@@ -33,6 +33,11 @@ pub(super) fn summary(input: &ReportInput) -> Chapter {
         ),
         ("optics", format!("{} at {}", version.key.wavelength, version.key.distance)),
     ];
+    if let Some(over) = &lineage.over_distance {
+        let distances: Vec<String> = over.distances.iter().map(ToString::to_string).collect();
+        let how = if over.interpolated { "interpolated from photographs at" } else { "learned together for" };
+        rows.push((how, distances.join(", ")));
+    }
     if !lineage.dataset.is_empty() {
         let pairs = format!(
             "{} training, {} validation, {} test",
@@ -98,9 +103,10 @@ fn word(model: KernelModel) -> &'static str {
 /// The whole page.
 pub(super) fn html(input: &ReportInput, chapters: &[Chapter]) -> String {
     let name = escaped(&format!("{}/versions/{}", input.version.key, input.version.version));
+    let how = if input.version.content.lineage.is_interpolated() { "interpolated" } else { "learned" };
     let mut page = format!(
         "<!doctype html><html lang=en><meta charset=utf-8><meta name=viewport content=\"width=device-width,initial-scale=1\">\
-         <title>{name}</title><style>{STYLE}</style><h1>Light transport, as learned</h1><p class=sub>{name}</p><nav>"
+         <title>{name}</title><style>{STYLE}</style><h1>Light transport, as {how}</h1><p class=sub>{name}</p><nav>"
     );
     for (i, chapter) in chapters.iter().enumerate() {
         // Writing to a string cannot fail.

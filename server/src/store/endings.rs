@@ -39,8 +39,8 @@ enum Cause {
 }
 
 impl Store {
-    /// Ends the job with its result. A learned kernel becomes its kernel's next version in the same transaction, and
-    /// the version's name goes into the result: there is never one without the other.
+    /// Ends the job with its result. Learned kernels become their kernels' next versions in the same transaction, and
+    /// the versions' names go into the result: there is never one without the other.
     ///
     /// # Errors
     ///
@@ -49,10 +49,10 @@ impl Store {
         &self,
         lease: &Lease,
         result: JobResult,
-        learned: Option<(KernelKey, NewKernelVersion)>,
+        learned: impl IntoIterator<Item = (KernelKey, NewKernelVersion)>,
         now_ms: i64,
     ) -> Result<Job, StoreError> {
-        let lease = lease.clone();
+        let (lease, learned) = (lease.clone(), learned.into_iter().collect());
         self.write(move |write| Box::pin(async move { finish(write, &lease, result, learned, now_ms).await })).await
     }
 
@@ -169,15 +169,19 @@ async fn finish(
     write: &mut Write,
     lease: &Lease,
     mut result: JobResult,
-    learned: Option<(KernelKey, NewKernelVersion)>,
+    learned: Vec<(KernelKey, NewKernelVersion)>,
     now_ms: i64,
 ) -> Result<Job, StoreError> {
     read(write, lease, now_ms).await?;
-    if let Some((key, version)) = learned {
+    let mut names = Vec::with_capacity(learned.len());
+    for (key, version) in learned {
         let version = append_version(write, &key, version, now_ms).await?;
-        if let JobResult::Learn(learn) = &mut result {
-            learn.kernel_version = format!("{key}/versions/{}", version.version);
-        }
+        names.push(format!("{key}/versions/{}", version.version));
+    }
+    if let JobResult::Learn(learn) = &mut result {
+        let unnamed = std::iter::once(&mut learn.kernel_version)
+            .chain(learn.joint.iter_mut().map(|other| &mut other.kernel_version));
+        unnamed.zip(names).for_each(|(unnamed, name)| *unnamed = name);
     }
     let sql = fenced!(
         "state = 'succeeded', lease_id = null, lease_until_ms = null, worker = null, finish_time_ms = ?4, \

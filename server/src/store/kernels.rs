@@ -10,6 +10,11 @@ use crate::units::{Distance, Wavelength};
 use sqlx::sqlite::SqliteRow;
 use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
 
+/// Kernels, with what is told of the version that counts.
+const KERNELS: &str = "select kernel.*, exists (select 1 from kernel_version v where v.kernel = kernel.id \
+                       and v.version = coalesce(kernel.active_version, kernel.latest_version) \
+                       and v.lineage ->> '$.over_distance.interpolated') as interpolated from kernel";
+
 impl Store {
     /// A kernel.
     ///
@@ -32,7 +37,8 @@ impl Store {
         after: Option<&str>,
         limit: u32,
     ) -> Result<Vec<Kernel>, StoreError> {
-        let mut query = QueryBuilder::<Sqlite>::new("select * from kernel where name > ");
+        let mut query = QueryBuilder::<Sqlite>::new(KERNELS);
+        query.push(" where name > ");
         query.push_bind(after.unwrap_or(""));
         if let Some(display) = display {
             query.push(" and display = ").push_bind(display);
@@ -81,6 +87,36 @@ impl Store {
         .fetch_all(&mut *read)
         .await?;
         rows.iter().map(|row| version_of(key, row)).collect()
+    }
+
+    /// Versions of a display and wavelength that one model of several distances was learned for, newest first, then by
+    /// distance; at most `limit`.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn joint_versions(
+        &self,
+        display: &str,
+        wavelength: Wavelength,
+        limit: u32,
+    ) -> Result<Vec<KernelVersion>, StoreError> {
+        let rows = sqlx::query(
+            "select v.*, v.version is k.active_version as active, k.distance_nm from kernel k \
+             join kernel_version v on v.kernel = k.id where k.display = ? and k.wavelength_pm = ? \
+             and v.lineage ->> '$.over_distance.interpolated' = 0 \
+             order by v.create_time_ms desc, v.lineage ->> '$.job', k.distance_nm limit ?",
+        )
+        .bind(display)
+        .bind(wavelength.pm)
+        .bind(page(limit))
+        .fetch_all(self.readers())
+        .await?;
+        let of_row = |row: &SqliteRow| {
+            let distance = Distance { nm: row.try_get("distance_nm")? };
+            version_of(&KernelKey { display: display.to_owned(), wavelength, distance }, row)
+        };
+        rows.iter().map(of_row).collect()
     }
 
     /// Appends a version to a kernel; the first one creates the kernel. `active` stays where it is.
@@ -155,12 +191,14 @@ async fn create(sql: &mut SqliteConnection, key: &KernelKey, now_ms: i64) -> Res
 
 /// The kernel with its row id.
 pub(super) async fn find(sql: &mut SqliteConnection, key: &KernelKey) -> Result<(i64, Kernel), StoreError> {
-    let row = sqlx::query("select * from kernel where name = ?").bind(key.to_string()).fetch_optional(sql).await?;
+    let mut query = QueryBuilder::<Sqlite>::new(KERNELS);
+    query.push(" where name = ").push_bind(key.to_string());
+    let row = query.build().fetch_optional(sql).await?;
     let row = row.ok_or_else(|| StoreError::not_found(key.to_string()))?;
     Ok((row.try_get("id")?, kernel_of(&row)?))
 }
 
-pub(super) fn kernel_of(row: &SqliteRow) -> Result<Kernel, StoreError> {
+fn kernel_of(row: &SqliteRow) -> Result<Kernel, StoreError> {
     Ok(Kernel {
         key: KernelKey {
             display: row.try_get("display")?,
@@ -169,6 +207,7 @@ pub(super) fn kernel_of(row: &SqliteRow) -> Result<Kernel, StoreError> {
         },
         active_version: row.try_get("active_version")?,
         latest_version: row.try_get("latest_version")?,
+        interpolated: row.try_get("interpolated")?,
         create_time_ms: row.try_get("create_time_ms")?,
     })
 }

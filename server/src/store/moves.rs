@@ -1,7 +1,7 @@
 //! Moves of the alias `active`, and their history.
 
 use super::changes::Change;
-use super::kernels::{find, kernel_of};
+use super::kernels::find;
 use super::write::Write;
 use super::{Store, StoreError, page};
 use crate::kernel::{Kernel, KernelKey, KernelMove};
@@ -140,11 +140,11 @@ async fn apply(write: &mut Write, id: i64, key: &KernelKey, step: Move, now_ms: 
     .bind(step.undoes)
     .execute(write.sql())
     .await?;
-    let row = sqlx::query("update kernel set active_version = ? where id = ? returning *")
+    sqlx::query("update kernel set active_version = ? where id = ?")
         .bind(step.to)
         .bind(id)
-        .fetch_one(write.sql())
+        .execute(write.sql())
         .await?;
     write.announce(Change::Kernel(key.clone()));
-    kernel_of(&row)
+    Ok(find(write.sql(), key).await?.1)
 }

@@ -25,8 +25,8 @@ pub(super) const PANIC: &str = "PANIC";
 pub struct TaskOutput {
     /// For the job.
     pub result: JobResult,
-    /// For the registry, of a learning job.
-    pub learned: Option<(KernelKey, NewKernelVersion)>,
+    /// For the registry, of a learning job: a version for each distance.
+    pub learned: Vec<(KernelKey, NewKernelVersion)>,
 }
 
 /// Why a task ended without output.

@@ -23,7 +23,7 @@ pub(super) fn run(context: &JobContext, spec: &EvaluateKernel) -> Result<TaskOut
         let source = Pairs::of(context, &setting, &dataset, split)?;
         let losses = judge.losses(&source, stage)?;
         pairs.extend(losses.iter().enumerate().map(|(index, loss)| PairLoss {
-            pair: source.id(index).to_owned(),
+            pair: source.name(index).to_owned(),
             split,
             loss: loss.region,
             loss_full_frame: loss.full_frame,
@@ -31,7 +31,7 @@ pub(super) fn run(context: &JobContext, spec: &EvaluateKernel) -> Result<TaskOut
     }
     pairs.sort_by(|a, b| a.pair.cmp(&b.pair));
     let propagation = Some(setting.validity_of(&model));
-    Ok(TaskOutput { result: JobResult::Evaluate(EvaluateResult { pairs, propagation }), learned: None })
+    Ok(TaskOutput { result: JobResult::Evaluate(EvaluateResult { pairs, propagation }), learned: Vec::new() })
 }
 
 /// What the camera's pixels were taken to measure when the version was learned; a pixel's mean where nothing is known.

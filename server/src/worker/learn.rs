@@ -1,68 +1,85 @@
-//! Learning a kernel from a dataset.
+//! Learning a kernel from a dataset, or kernels of several distances from several.
 
 use super::captured;
 use super::context::Eta;
 use super::losses::{Judge, mean};
-use super::pairs::Pairs;
+use super::pairs::{JointPairs, Pairs};
 use super::setting::{Setting, detector, finite};
 use super::state_bytes::{learn_state_from_bytes, learn_state_to_bytes};
 use super::{JobContext, TaskError, TaskOutput};
 use crate::captures::Captures;
 use crate::dataset::{Dataset, Split};
-use crate::job::{Job, JobResult, LearnKernel, LearnResult, Progress};
-use crate::kernel::{KernelLineage, KernelMetrics, KernelModel, NewKernelVersion};
+use crate::job::{Job, JobResult, JointResult, LearnKernel, LearnResult, Progress};
+use crate::kernel::{KernelLineage, KernelMetrics, KernelModel, NewKernelVersion, OverDistance};
 use crate::kernel_file;
 use lightpath_optics::learning::{LearnModel, LearnOptions, LearnStage, Learner, Lessons, PairSource, unsaturated_px};
-use lightpath_optics::{DisplayModel, KernelShape, RegionOfInterest};
+use lightpath_optics::{DisplayModel, KernelShape, OpticalSetup, RegionOfInterest};
 
 pub(super) fn run(context: &JobContext, job: &Job, spec: &LearnKernel) -> Result<TaskOutput, TaskError> {
-    let (setting, dataset) = read_dataset(context, &spec.dataset)?;
-    let region = setting.region(spec.region_of_interest)?;
+    let planes = read_planes(context, spec)?;
+    let region = planes[0].0.region(spec.region_of_interest)?;
     for split in [Split::Validation, Split::Test] {
-        check_photographs(context, &Pairs::of(context, &setting, &dataset, split)?, region)?;
+        check_photographs(context, &JointPairs::of(context, &planes, split)?, region)?;
     }
-    let training = Pairs::of(context, &setting, &dataset, Split::Train)?;
+    let training = JointPairs::of(context, &planes, Split::Train)?;
     check_photographs(context, &training, region)?;
-    let validation = Pairs::of(context, &setting, &dataset, Split::Validation)?;
-    let learner = learn(context, spec, &setting, region, Lessons { training: &training, validation: &validation })?;
-    let (model, loss_history) = (learner.model(), learner.loss_history().to_vec());
-    let kept = learner.kept_pairs(training.len());
-    drop(learner);
-    let left_out_pairs = (0..training.len()).filter(|index| !kept.contains(index));
-    let left_out_pairs = left_out_pairs.map(|index| training.id(index).to_owned()).collect();
-    // What is kept of pairs makes room for those of the next step.
-    drop((training, validation));
-
-    let mut metrics = measure(context, spec, &setting, &dataset, region, &model, &kept)?;
-    metrics.captured = captured::compare(
-        context,
-        &setting,
-        &Captures::of(&setting.display, &dataset)?,
-        &model,
-        detector(spec.detector),
-        region,
-    )?;
-    let file = kernel_file::encode(&model, spec.model)?;
-    let size_bytes = file.len() as u64;
-    let version = NewKernelVersion {
-        model: spec.model,
-        artifact: context.put_artifact(file)?,
-        size_bytes,
-        metrics: metrics.clone(),
-        lineage: lineage(job, spec, &dataset)?,
-    };
+    let validation = JointPairs::of(context, &planes, Split::Validation)?;
+    let learner = learn(context, spec, &planes, region, Lessons { training: &training, validation: &validation })?;
+    let (models, loss_history) = (learner.models(), learner.loss_history().to_vec());
     for loss in &loss_history {
         finite("the loss", *loss)?;
     }
-    // The store fills in the name.
-    let propagation = Some(setting.validity.clone());
-    let order = match &model.kernel {
+    let (kept, left_out_pairs) = kept_pairs(&training, &learner.kept_pairs(training.len()));
+    drop(learner);
+    // What is kept of pairs makes room for those of the next step.
+    drop((training, validation));
+
+    let mut learned = Vec::with_capacity(planes.len());
+    for ((plane, model), kept) in planes.iter().zip(&models).zip(&kept) {
+        let metrics = measure(context, spec, plane, region, model, kept)?;
+        let file = kernel_file::encode(model, spec.model)?;
+        let size_bytes = file.len() as u64;
+        let (artifact, lineage) = (context.put_artifact(file)?, lineage(job, spec, plane, &planes)?);
+        let version = NewKernelVersion { model: spec.model, artifact, size_bytes, metrics, lineage };
+        learned.push((plane.0.key.clone(), version));
+    }
+    let order = match &models[0].kernel {
         KernelShape::Smooth(field) => field.order as u32,
         KernelShape::Ideal | KernelShape::Bins(_) => 0,
     };
-    let kernel_version = String::new();
-    let result = LearnResult { kernel_version, metrics, loss_history, propagation, left_out_pairs, order };
-    Ok(TaskOutput { result: JobResult::Learn(result), learned: Some((setting.key, version)) })
+    // The store fills in the names.
+    let joint = learned
+        .iter()
+        .skip(1)
+        .map(|(_, version)| JointResult { kernel_version: String::new(), metrics: version.metrics.clone() });
+    let result = LearnResult {
+        kernel_version: String::new(),
+        metrics: learned[0].1.metrics.clone(),
+        loss_history,
+        propagation: Some(planes[0].0.validity.clone()),
+        left_out_pairs,
+        order,
+        joint: joint.collect(),
+    };
+    Ok(TaskOutput { result: JobResult::Learn(result), learned })
+}
+
+/// Of each dataset, the places of the pairs that counted, and the names of all others.
+fn kept_pairs(training: &JointPairs, kept: &[usize]) -> (Vec<Vec<usize>>, Vec<String>) {
+    let (mut places, mut left_out) = (vec![Vec::new(); training.parts().len()], Vec::new());
+    for index in 0..training.len() {
+        let (plane, place) = training.place(index);
+        match kept.contains(&index) {
+            true => places[plane].push(place),
+            false => left_out.push(training.parts()[plane].name(place).to_owned()),
+        }
+    }
+    (places, left_out)
+}
+
+/// The datasets, each with the display at its distance.
+fn read_planes(context: &JobContext, spec: &LearnKernel) -> Result<Vec<(Setting, Dataset)>, TaskError> {
+    std::iter::once(&spec.dataset).chain(&spec.joint_datasets).map(|id| read_dataset(context, id)).collect()
 }
 
 /// A finalized dataset and the display that it is about.
@@ -77,11 +94,12 @@ pub(super) fn read_dataset(context: &JobContext, id: &str) -> Result<(Setting, D
 }
 
 /// Refuses photographs that cannot be read or of which nothing counts: better now than after hours of learning.
-fn check_photographs(context: &JobContext, pairs: &Pairs, region: RegionOfInterest) -> Result<(), TaskError> {
+fn check_photographs(context: &JobContext, pairs: &JointPairs, region: RegionOfInterest) -> Result<(), TaskError> {
     let steps_total = pairs.len() as u32;
     for index in 0..pairs.len() {
         if unsaturated_px(&pairs.pair(index)?.photo, region) == 0 {
-            return Err(pairs.named(index, lightpath_optics::Error::Saturated.into()));
+            let (plane, place) = pairs.place(index);
+            return Err(pairs.parts()[plane].named(place, lightpath_optics::Error::Saturated.into()));
         }
         let (stage, step) = ("check the photographs".to_owned(), index as u32 + 1);
         context.report(Progress { stage, step, steps_total, loss: 0.0, eta_s: None })?;
@@ -93,16 +111,18 @@ fn check_photographs(context: &JobContext, pairs: &Pairs, region: RegionOfIntere
 fn learn(
     context: &JobContext,
     spec: &LearnKernel,
-    setting: &Setting,
+    planes: &[(Setting, Dataset)],
     region: RegionOfInterest,
     lessons: Lessons<'_>,
 ) -> Result<Learner, TaskError> {
+    let setting = &planes[0].0;
+    let setups: Vec<OpticalSetup> = planes.iter().map(|(setting, _)| setting.setup).collect();
     let warm_start = spec.start_version.map(|version| setting.model(context, Some(version))).transpose()?;
     let options = LearnOptions { warm_start, ..options(spec, setting, region) };
     let saved = context.take_saved_state().and_then(|bytes| learn_state_from_bytes(&bytes));
     let mut learner = match saved {
-        Some(state) => Learner::resume(setting.setup, options, state)?,
-        None => Learner::start(setting.setup, options, lessons.training)?,
+        Some(state) => Learner::resume_joint(&setups, options, state)?,
+        None => Learner::start_joint(&setups, options, lessons.training)?,
     };
     let mut eta = None;
     while let Some(done) = learner.step(lessons)? {
@@ -143,12 +163,11 @@ fn options(spec: &LearnKernel, setting: &Setting, region: RegionOfInterest) -> L
     }
 }
 
-/// Judges the learned model, and the ideal one on the same test pairs.
+/// Judges the model learned for a distance, and the ideal one on the same test pairs.
 fn measure(
     context: &JobContext,
     spec: &LearnKernel,
-    setting: &Setting,
-    dataset: &Dataset,
+    (setting, dataset): &(Setting, Dataset),
     region: RegionOfInterest,
     model: &DisplayModel,
     kept: &[usize],
@@ -166,6 +185,8 @@ fn measure(
     drop(learned);
     let ideal = Judge::new(context, setting, &DisplayModel::ideal(setting.setup), detector, region)?;
     let ideal_test_loss = mean(&ideal.losses(&test, "measure the ideal kernel")?);
+    drop(ideal);
+    let captures = Captures::of(&setting.display, dataset)?;
     Ok(KernelMetrics {
         train_pairs: kept.len() as u32,
         validation_pairs: validation.len() as u32,
@@ -176,11 +197,16 @@ fn measure(
         ideal_test_loss: ideal_test_loss.region,
         test_loss_full_frame: test_loss.full_frame,
         ideal_test_loss_full_frame: ideal_test_loss.full_frame,
-        captured: None,
+        captured: captured::compare(context, setting, &captures, model, detector, region)?,
     })
 }
 
-fn lineage(job: &Job, spec: &LearnKernel, dataset: &Dataset) -> Result<KernelLineage, TaskError> {
+fn lineage(
+    job: &Job,
+    spec: &LearnKernel,
+    (_, dataset): &(Setting, Dataset),
+    planes: &[(Setting, Dataset)],
+) -> Result<KernelLineage, TaskError> {
     let parameters_json = serde_json::to_string(spec).map_err(|error| TaskError::permanent("LINEAGE", error))?;
     Ok(KernelLineage {
         job: job.id.clone(),
@@ -189,6 +215,18 @@ fn lineage(job: &Job, spec: &LearnKernel, dataset: &Dataset) -> Result<KernelLin
         parameters_json,
         seed: spec.seed,
         code_version: env!("CARGO_PKG_VERSION").to_owned(),
-        parent_version: spec.start_version.unwrap_or(0),
+        parent_version: spec.start_version.filter(|_| dataset.id == spec.dataset).unwrap_or(0),
+        over_distance: (planes.len() > 1).then(|| over_distance(planes)),
     })
+}
+
+fn over_distance(planes: &[(Setting, Dataset)]) -> OverDistance {
+    let mut datasets: Vec<&Dataset> = planes.iter().map(|(_, dataset)| dataset).collect();
+    datasets.sort_by_key(|dataset| dataset.distance);
+    OverDistance {
+        distances: datasets.iter().map(|dataset| dataset.distance).collect(),
+        datasets: datasets.iter().map(|dataset| dataset.id.clone()).collect(),
+        dataset_digests: datasets.iter().map(|dataset| dataset.digest.clone().unwrap_or_default()).collect(),
+        interpolated: false,
+    }
 }

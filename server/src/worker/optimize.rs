@@ -34,7 +34,7 @@ pub(super) fn run(context: &JobContext, spec: &OptimizeHologram) -> Result<TaskO
         work.state.finished.push(finished.store(context, spec)?);
     }
     let hologram = work.result()?;
-    Ok(TaskOutput { result: JobResult::Hologram(Box::new(hologram)), learned: None })
+    Ok(TaskOutput { result: JobResult::Hologram(Box::new(hologram)), learned: Vec::new() })
 }
 
 /// The engine's clock.

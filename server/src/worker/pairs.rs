@@ -19,6 +19,8 @@ const OTHER_BYTES_MAX: usize = 64 << 20;
 pub(super) struct Pairs {
     captures: Captures,
     pairs: Vec<dataset::Pair>,
+    /// What people call them, in the same order.
+    names: Vec<String>,
     /// The first ones, as many as there is room for.
     kept: Vec<OnceLock<Pair>>,
     artifacts: Artifacts,
@@ -34,12 +36,28 @@ impl Pairs {
         dataset: &Dataset,
         split: Split,
     ) -> Result<Self, TaskError> {
+        Self::sharing(1, context, setting, dataset, split)
+    }
+
+    /// The same where that many datasets share what is kept in memory, and ids are told with theirs.
+    fn sharing(
+        datasets: usize,
+        context: &JobContext,
+        setting: &Setting,
+        dataset: &Dataset,
+        split: Split,
+    ) -> Result<Self, TaskError> {
         let pairs: Vec<_> = dataset.pairs.iter().filter(|pair| pair.split == Some(split)).cloned().collect();
         let pair_bytes = 2 * size_of::<f32>() * setting.setup.grid().pixels();
         let bytes_max = if split == Split::Train { TRAINING_BYTES_MAX } else { OTHER_BYTES_MAX };
-        let room = (bytes_max / pair_bytes).min(pairs.len());
+        let room = (bytes_max / datasets / pair_bytes).min(pairs.len());
+        let name = |pair: &dataset::Pair| match datasets {
+            1 => pair.id.clone(),
+            _ => format!("{}/{}", dataset.id, pair.id),
+        };
         Ok(Self {
             captures: Captures::of(&setting.display, dataset)?,
+            names: pairs.iter().map(name).collect(),
             pairs,
             kept: (0..room).map(|_| OnceLock::new()).collect(),
             artifacts: context.artifacts.clone(),
@@ -48,9 +66,9 @@ impl Pairs {
         })
     }
 
-    /// The pair's id.
-    pub(super) fn id(&self, index: usize) -> &str {
-        &self.pairs[index].id
+    /// The pair's id, behind its dataset's where there are several.
+    pub(super) fn name(&self, index: usize) -> &str {
+        &self.names[index]
     }
 
     fn read(&self, index: usize) -> Result<Pair, TaskError> {
@@ -67,7 +85,7 @@ impl Pairs {
     pub(super) fn named(&self, index: usize, error: TaskError) -> TaskError {
         match error {
             TaskError::Failed(mut error) => {
-                error.message = format!("pair \"{}\": {}", self.id(index), error.message);
+                error.message = format!("pair \"{}\": {}", self.name(index), error.message);
                 TaskError::Failed(error)
             }
             TaskError::Stopped => TaskError::Stopped,
@@ -96,5 +114,46 @@ impl PairSource for Pairs {
         }
         let pair = self.read(index)?;
         Ok(kept.get_or_init(|| pair).clone())
+    }
+}
+
+/// Pairs of one split of several datasets of a display, one dataset after the other: each is of a distance of its own.
+pub(super) struct JointPairs(Vec<Pairs>);
+
+impl JointPairs {
+    pub(super) fn of(context: &JobContext, planes: &[(Setting, Dataset)], split: Split) -> Result<Self, TaskError> {
+        let one =
+            |(setting, dataset): &(Setting, Dataset)| Pairs::sharing(planes.len(), context, setting, dataset, split);
+        Ok(Self(planes.iter().map(one).collect::<Result<_, _>>()?))
+    }
+
+    /// Each dataset's.
+    pub(super) fn parts(&self) -> &[Pairs] {
+        &self.0
+    }
+
+    /// Which dataset a pair is of, and its place among that one's.
+    pub(super) fn place(&self, mut index: usize) -> (usize, usize) {
+        let mut plane = 0;
+        while index >= self.0[plane].len() {
+            index -= self.0[plane].len();
+            plane += 1;
+        }
+        (plane, index)
+    }
+}
+
+impl PairSource for JointPairs {
+    fn len(&self) -> usize {
+        self.0.iter().map(Pairs::len).sum()
+    }
+
+    fn plane(&self, index: usize) -> usize {
+        self.place(index).0
+    }
+
+    fn pair(&self, index: usize) -> Result<Pair, BoxError> {
+        let (plane, index) = self.place(index);
+        self.0[plane].pair(index)
     }
 }

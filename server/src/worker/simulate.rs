@@ -22,7 +22,7 @@ pub(super) fn run(context: &JobContext, spec: &SimulateCapture) -> Result<TaskOu
     report(context, 2)?;
     Ok(TaskOutput {
         result: JobResult::Capture(CaptureResult { photo, propagation: Some(setting.validity) }),
-        learned: None,
+        learned: Vec::new(),
     })
 }
 

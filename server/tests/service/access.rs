@@ -65,6 +65,7 @@ const EXPECTED: &[(&str, &str)] = &[
     ("/lightpath.v1.KernelService/RollbackKernel", DECIDES),
     ("/lightpath.v1.KernelService/ListKernelMoves", LOOKS),
     ("/lightpath.v1.KernelService/ImportKernel", DECIDES),
+    ("/lightpath.v1.KernelService/InterpolateKernel", WORKS),
     ("/lightpath.v1.KernelService/CreateKernelReport", WORKS),
     ("/grpc.health.v1.Health/Check", EVERYBODY),
     ("/grpc.health.v1.Health/Watch", EVERYBODY),

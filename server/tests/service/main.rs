@@ -7,6 +7,7 @@ mod captures;
 mod decoders;
 mod displays;
 mod http;
+mod interpolation;
 mod jobs;
 mod kernels;
 mod lifecycle;

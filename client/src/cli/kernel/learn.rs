@@ -11,7 +11,8 @@ use lightpath::v1::{self, EvaluateKernel, KernelModel, LearnKernel, job_spec};
 /// Learn a display's light transport from photographs.
 ///
 /// The result is the next version of the kernel of the dataset's display, wavelength and distance. It is not
-/// used until it is promoted.
+/// used until it is promoted. From datasets of several distances one model is learned: it gives a version for each, and kernels of
+/// distances between them (kernel interpolate).
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Example:
@@ -19,9 +20,9 @@ Example:
   lightpath kernel promote --display lab-2 --distance 150mm --version 1 \\
       --reason \"held-out loss 0.0001\"")]
 pub(crate) struct Learn {
-    /// Name of a finalized dataset
-    #[arg(long, value_name = "NAME")]
-    dataset: String,
+    /// Name of a finalized dataset; several, of one display at different distances, are learned together
+    #[arg(long = "dataset", value_name = "NAME", required = true)]
+    datasets: Vec<String>,
 
     /// How the light transport is written as parameters
     #[arg(long, default_value = "display")]
@@ -111,8 +112,10 @@ impl Learn {
             Model::Smooth => KernelModel::Smooth,
             Model::Display => KernelModel::Display,
         };
+        let mut datasets = self.datasets.iter().map(|name| names::dataset(name));
         let kind = job_spec::Kind::LearnKernel(LearnKernel {
-            dataset: names::dataset(&self.dataset),
+            dataset: datasets.next().unwrap_or_default(),
+            joint_datasets: datasets.collect(),
             model: model.into(),
             epochs: self.epochs.unwrap_or(0),
             refinement_evaluations: self.refinement_evaluations,

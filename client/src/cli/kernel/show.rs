@@ -7,8 +7,8 @@ use crate::cli::session::{Session, more_hint, pages};
 use crate::cli::table::{Facts, Table};
 use crate::cli::{job_text, quality_text, show};
 use clap::Args;
-use lightpath::names;
 use lightpath::v1::{self, Kernel, KernelVersion};
+use lightpath::{names, units};
 
 /// Two distances are the same when they differ by less than the server's unit, a nanometre.
 const SAME_DISTANCE_M: f64 = 0.5e-9;
@@ -65,13 +65,14 @@ impl List {
             kernels.truncate(if self.limit.limit == 0 { usize::MAX } else { self.limit.limit as usize });
         }
         session.print(&v1::ListKernelsResponse { kernels, next_page_token }, |list| {
-            let mut table = Table::new(&["kernel", "optics", ">active", ">latest", "created"]);
+            let mut table = Table::new(&["kernel", "optics", ">active", ">latest", "from", "created"]);
             for kernel in &list.kernels {
                 table.row([
                     kernel.name.clone(),
                     job_text::optics(kernel.wavelength_m, kernel.distance_m),
                     show::version_or_dash(kernel.active_version),
                     show::version_or_dash(kernel.latest_version),
+                    if kernel.interpolated { "interpolated" } else { "" }.to_owned(),
                     show::time_or_dash(kernel.create_time.as_ref()),
                 ]);
             }
@@ -129,6 +130,9 @@ pub(super) fn kernel_facts(kernel: &Kernel) -> String {
         },
     );
     facts.add("latest", show::kernel_version(kernel.latest_version));
+    if kernel.interpolated {
+        facts.add("from", "interpolated between photographed distances");
+    }
     facts.add_some("created", kernel.create_time.as_ref().map(show::time));
     facts.text()
 }
@@ -147,7 +151,11 @@ fn version_table(versions: &[KernelVersion]) -> Table {
             measured(metrics.test_loss),
             measured(metrics.ideal_test_loss),
             show::bytes(version.size_bytes),
-            if dataset.is_empty() { "(imported)".to_owned() } else { dataset.to_owned() },
+            match (version.interpolated, dataset) {
+                (true, _) => "(interpolated)".to_owned(),
+                (false, "") => "(imported)".to_owned(),
+                (false, dataset) => dataset.to_owned(),
+            },
             show::time_or_dash(version.create_time.as_ref()),
         ]);
     }
@@ -165,6 +173,11 @@ pub(super) fn version_facts(version: &KernelVersion) -> String {
     facts.add("model", model(version));
     facts.add("active", if version.active { "yes" } else { "no" });
     facts.add("file", format!("{}, {}", version.artifact, show::bytes(version.size_bytes)));
+    if let Some(over) = version.lineage.as_ref().and_then(|lineage| lineage.over_distance.as_ref()) {
+        let distances: Vec<String> = over.distances_m.iter().map(|&distance_m| units::show_m(distance_m)).collect();
+        let how = if version.interpolated { "interpolated from" } else { "learned together" };
+        facts.add(how, distances.join(", "));
+    }
     if let Some(metrics) = version.metrics.as_ref().filter(|metrics| metrics.train_pairs > 0) {
         let against = |learned, ideal| format!("{} (ideal kernel {})", show::loss(learned), show::loss(ideal));
         facts.add("held-out loss", against(metrics.test_loss, metrics.ideal_test_loss));
@@ -179,7 +192,9 @@ pub(super) fn version_facts(version: &KernelVersion) -> String {
     }
     if let Some(lineage) = version.lineage.as_ref().filter(|lineage| !lineage.job.is_empty()) {
         facts.add("job", names::id(&lineage.job));
-        facts.add("dataset", format!("{} ({})", names::id(&lineage.dataset), lineage.dataset_digest));
+        if !lineage.dataset.is_empty() {
+            facts.add("dataset", format!("{} ({})", names::id(&lineage.dataset), lineage.dataset_digest));
+        }
         facts.add("parameters", &lineage.parameters_json);
         facts.add("seed", lineage.seed.to_string());
         facts.add("server", &lineage.code_version);

@@ -1,5 +1,5 @@
 use super::*;
-use crate::job::{JobState, LearnResult, Lease, Progress};
+use crate::job::{JobState, JointResult, LearnResult, Lease, Progress};
 use crate::store::{JobFilter, QueueCounts, Submitted};
 
 async fn claim(store: &Store, now_ms: i64) -> Option<(String, Lease)> {
@@ -239,14 +239,18 @@ async fn a_learned_kernel_gets_its_number_with_the_end_of_its_job() {
         propagation: None,
         left_out_pairs: Vec::new(),
         order: 0,
+        joint: vec![JointResult::default()],
     };
     let learned = JobResult::Learn(learned);
-    let missing = store.finish(&lease, learned.clone(), Some((key(), new_version(99))), 2).await;
+    let far = KernelKey { distance: Distance { nm: 200_000_000 }, ..key() };
+    let both = |artifact| vec![(key(), new_version(artifact)), (far.clone(), new_version(2))];
+    let missing = store.finish(&lease, learned.clone(), both(99), 2).await;
     assert!(matches!(missing, Err(StoreError::NotFound { .. })));
-    let job = store.finish(&lease, learned.clone(), Some((key(), new_version(1))), 2).await.unwrap();
+    let job = store.finish(&lease, learned.clone(), both(1), 2).await.unwrap();
     let Some(JobResult::Learn(result)) = job.result else { panic!("{:?}", job.result) };
     assert_eq!(result.kernel_version, "displays/lab/kernels/515nm-150mm/versions/1");
-    let again = store.finish(&lease, learned, Some((key(), new_version(2))), 3).await;
+    assert_eq!(result.joint[0].kernel_version, "displays/lab/kernels/515nm-200mm/versions/1");
+    let again = store.finish(&lease, learned, both(2), 3).await;
     assert!(matches!(again, Err(StoreError::LeaseLost)));
     assert_eq!(store.kernel(&key()).await.unwrap().latest_version, 1, "a lost lease leaves no version");
 }

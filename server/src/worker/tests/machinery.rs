@@ -38,7 +38,10 @@ fn progress(step: u8) -> Progress {
 }
 
 fn output(photo: impl Into<String>) -> TaskOutput {
-    TaskOutput { result: JobResult::Capture(CaptureResult { photo: photo.into(), propagation: None }), learned: None }
+    TaskOutput {
+        result: JobResult::Capture(CaptureResult { photo: photo.into(), propagation: None }),
+        learned: Vec::new(),
+    }
 }
 
 /// Counts to [`STEPS`], goes on from a saved state, and tells each step to `each`.

@@ -183,6 +183,7 @@ fn optimize(target: String, kernel_version: Option<u32>, iterations: u32) -> Job
 fn learn(model: KernelModel, epochs: u32, refinement_evaluations: u32) -> JobSpec {
     JobSpec::LearnKernel(LearnKernel {
         dataset: "photos".to_owned(),
+        joint_datasets: Vec::new(),
         display: "lab".to_owned(),
         model,
         epochs: Some(epochs),

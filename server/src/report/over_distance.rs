@@ -1,0 +1,69 @@
+//! The kernel's aberrations as functions of the distance, where one model was learned for several.
+
+use super::{Chapter, ReportInput};
+use crate::figures::{Chart, Line};
+use lightpath_optics::diagnostics::ZernikeFit;
+use lightpath_optics::learning::interpolated;
+use lightpath_optics::{DisplayModel, KernelShape, OpticalSetup};
+
+/// Steps from the nearest distance to the farthest.
+const STEPS: usize = 24;
+/// Aberrations that are drawn: those that change the most.
+const LINES: usize = 5;
+/// Points a side that aberrations are fitted to.
+const SAMPLES: usize = 48;
+/// Piston and tilts, which do nothing to an image but move it.
+const MOVING: usize = 3;
+
+/// Nothing where the version is of one distance alone.
+pub(super) fn chapter(input: &ReportInput) -> Option<Chapter> {
+    let along: Vec<(f64, ZernikeFit)> =
+        (0..=STEPS).map(|step| at(&input.over_distance, step)).collect::<Option<_>>()?;
+    let coefficient = |term: usize, fit: &ZernikeFit| fit.terms[term].coefficient_rad;
+    let swing = |term: usize| {
+        let values = along.iter().map(|(_, fit)| coefficient(term, fit));
+        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+        high - low
+    };
+    let terms = along[0].1.terms.len();
+    let mut changing: Vec<usize> = (MOVING..terms).collect();
+    changing.sort_by(|&a, &b| swing(b).total_cmp(&swing(a)));
+    let line = |term: usize| Line {
+        label: along[0].1.terms[term].name.to_owned(),
+        points: along.iter().map(|(distance_m, fit)| (1e3 * distance_m, coefficient(term, fit))).collect(),
+        dashed: false,
+    };
+    let mut chapter = Chapter {
+        title: "Over the distance",
+        body: "<p>One model describes the display at all distances from the nearest to the farthest that was photographed: what the \
+               optics add to free space is a polynomial of the distance. These are the aberrations that change the most, as \
+               Zernike polynomials (Noll).</p>"
+            .to_owned(),
+        ..Chapter::default()
+    };
+    let chart = Chart {
+        title: "Aberrations over the distance",
+        x_label: "distance [mm]",
+        y_label: "root mean square [rad]",
+        logarithmic: false,
+        lines: changing.iter().take(LINES).map(|&term| line(term)).collect(),
+        band: Vec::new(),
+    };
+    chapter.svg("over-distance", "Aberrations that change the most with the distance", chart.svg());
+    chapter.array("over_distance_m", &[STEPS + 1], along.iter().map(|(distance_m, _)| *distance_m));
+    let all = along.iter().flat_map(|(_, fit)| fit.terms.iter().map(|term| term.coefficient_rad));
+    chapter.array("zernike_noll_over_distance_rad", &[STEPS + 1, terms], all);
+    Some(chapter)
+}
+
+/// The aberrations at a step of the way; `None` where there is no way.
+fn at(models: &[DisplayModel], step: usize) -> Option<(f64, ZernikeFit)> {
+    let (first, last) = (models.first()?, models.last()?);
+    let (near_m, far_m) = (first.setup.distance_m(), last.setup.distance_m());
+    let part = step as f64 / STEPS as f64;
+    let distance_m = ((1.0 - part) * near_m + part * far_m).clamp(near_m, far_m);
+    let setup = OpticalSetup::try_new(first.setup.grid(), first.setup.wavelength_m(), distance_m).ok()?;
+    let KernelShape::Smooth(errors) = interpolated(models, setup).ok()?.kernel else { return None };
+    let basis = errors.basis();
+    Some((distance_m, ZernikeFit::of(|x, y| basis.value(&errors.phase, x, y), SAMPLES)?))
+}
