@@ -117,7 +117,7 @@ fn task(job: &Job, context: &JobContext) -> Result<TaskOutput, TaskError> {
         context.step(progress, || vec![step + 1])?;
     }
     let photo = context.put_artifact(result_of(&job.request_id))?;
-    Ok(TaskOutput { result: JobResult::Capture(CaptureResult { photo, propagation: None }), learned: None })
+    Ok(TaskOutput { result: JobResult::Capture(CaptureResult { photo, propagation: None }), learned: Vec::new() })
 }
 
 /// What the job of this request makes, however often it is interrupted.

@@ -57,7 +57,6 @@ async fn a_display_is_learned_from_turned_overexposed_and_swapped_photographs() 
     for (card, seed) in HELD_OUT.into_iter().zip(100..) {
         let target = card.render(HEIGHT, WIDTH, seed).unwrap();
         let [ideal, learned] = [&lab.engine, &engine].map(|engine| captured_db(engine, &target, seed));
-        println!("{card:?}: {ideal:.1} dB through the ideal display, {learned:.1} dB through the learned one");
         assert!(learned > ideal + 9.0, "{card:?}: {learned} dB after {ideal} dB");
     }
 }

@@ -140,8 +140,6 @@ impl Api {
     }
 }
 
-/// Refuses ways to an image that can't be right, of every wavelength to every plane.
-
 fn optional_digest(field: &Field, value: &str) -> Result<Option<String>, ApiError> {
     if value.is_empty() { Ok(None) } else { field.digest(value).map(Some) }
 }
