@@ -3,7 +3,7 @@
 //! # Layout
 //!
 //! - `field`, `names`, `pages`: checking fields, resource names and pages. `submit`, `scheduling`, `optimize`, `kernel_choice`,
-//!   `pictures`: checking submitted jobs. `captures`: checking and aligning pairs of datasets.
+//!   `pictures`, `lit`: checking submitted jobs. `captures`: checking and aligning pairs of datasets.
 //!   `import`, `interpolate`, `report`: of kernels.
 //! - `displays`, `datasets`, `jobs`, `holograms`, `kernels`, `propagation`, `encodings`, `time`: messages from and to domain
 //!   types.
@@ -28,6 +28,7 @@ mod jobs;
 mod kernel_choice;
 mod kernel_service;
 mod kernels;
+mod lit;
 mod names;
 mod optimize;
 mod pages;
@@ -83,6 +84,7 @@ pub(crate) struct Api {
     decoders: Arc<Semaphore>,
     watchers: Arc<Semaphore>,
     uploaders: Arc<Semaphore>,
+    lit: lit::Lit,
     reconstructor: captures::LastReconstructor,
     stopping: CancellationToken,
 }
@@ -99,7 +101,17 @@ impl Api {
         let watchers = Arc::new(Semaphore::new(WATCHERS_MAX));
         let uploaders = Arc::new(Semaphore::new(UPLOADS_MAX));
         let reconstructor = captures::LastReconstructor::default();
-        Self { store, artifacts, queue_limits, decoders, watchers, uploaders, reconstructor, stopping }
+        Self {
+            store,
+            artifacts,
+            queue_limits,
+            decoders,
+            watchers,
+            uploaders,
+            lit: lit::Lit::default(),
+            reconstructor,
+            stopping,
+        }
     }
 
     /// All services, with health and reflection, and the means to say that the server stops.

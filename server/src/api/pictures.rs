@@ -71,11 +71,16 @@ impl Api {
     ) -> Result<(), ApiError> {
         let (height_px, width_px) = size_of(display);
         let (fit, region) = (spec.target_fit, spec.region_of_interest);
+        let what = format!("{digest} {encoding:?} {fit:?} {width_px}×{height_px} {region:?}");
+        if self.lit.knows(&what) {
+            return self.require_picture(field, digest).await;
+        }
         let decode = move |bytes: &[u8]| {
             let target = pictures::target_intensity(bytes, encoding, fit, height_px, width_px)?;
             Ok(has_light(&target, region))
         };
         if self.decoded(field, digest, decode).await? {
+            self.lit.remember(what);
             return Ok(());
         }
         let problem =
@@ -93,6 +98,11 @@ impl Api {
 
     /// The bytes of an artifact that must be there and no larger than a picture may be.
     pub(super) async fn picture_bytes(&self, field: &Field, digest: &str) -> Result<Vec<u8>, ApiError> {
+        self.require_picture(field, digest).await?;
+        Ok(self.artifacts.read_all(digest).await?)
+    }
+
+    async fn require_picture(&self, field: &Field, digest: &str) -> Result<(), ApiError> {
         let Some(record) = self.artifact_for_caller(digest).await? else {
             return Err(field.missing(format!("artifact {digest}"), "upload it first"));
         };
@@ -100,7 +110,7 @@ impl Api {
             let error = PictureError::FileTooLarge { bytes: record.size_bytes as usize };
             return Err(field.invalid(format!("({digest}): {error}")));
         }
-        Ok(self.artifacts.read_all(digest).await?)
+        Ok(())
     }
 
     /// What `decode` makes of an artifact, on a thread that may block, few at a time.
