@@ -2,7 +2,11 @@
 
 use crate::serving::{Serving, expect};
 use lightpath_proto::v1;
+use lightpath_proto::v1::write_artifact_request::Part;
 use lightpath_server::artifacts::digest_of;
+use std::time::Duration;
+use tokio::sync::mpsc;
+use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Code, Status};
 
 async fn read(serving: &Serving, digest: &str, offset_bytes: u64, limit_bytes: u64) -> Result<Vec<u8>, Status> {
@@ -66,4 +70,30 @@ async fn two_uploads_of_the_same_at_once_both_succeed() {
     let uploads = (0..8).map(|_| serving.upload(&bytes));
     let digests = futures::future::join_all(uploads).await;
     assert!(digests.iter().all(|digest| *digest == digest_of(&bytes)));
+}
+
+#[tokio::test]
+async fn uploads_under_way_are_bounded_and_one_that_ends_lets_another_in() {
+    let serving = Serving::start().await;
+    let mut waiting = Vec::new();
+    // Each waits for its second message; the last one finds no place.
+    let refused = loop {
+        assert!(waiting.len() < 1000, "nothing is refused");
+        let digest = digest_of(waiting.len().to_string().as_bytes());
+        let start = v1::WriteArtifactStart { digest, size_bytes: 9, offset_bytes: 0 };
+        let (parts, sent) = mpsc::channel(1);
+        parts.send(v1::WriteArtifactRequest { part: Some(Part::Start(start)) }).await.unwrap();
+        let mut artifacts = serving.artifacts();
+        let mut upload = tokio::spawn(async move { artifacts.write_artifact(ReceiverStream::new(sent)).await });
+        match tokio::time::timeout(Duration::from_millis(20), &mut upload).await {
+            Ok(ended) => break ended.unwrap().unwrap_err(),
+            Err(_) => waiting.push((parts, upload)),
+        }
+    };
+    expect(Err::<(), _>(refused), Code::ResourceExhausted, "64 uploads are under way already");
+    assert!(waiting.len() >= 64, "{}", waiting.len());
+    let (parts, upload) = waiting.remove(0);
+    drop(parts);
+    expect(upload.await.unwrap(), Code::InvalidArgument, "0 bytes arrived");
+    serving.upload(b"another").await;
 }
