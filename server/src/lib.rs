@@ -6,6 +6,7 @@
 //! - [`units`], [`display`], [`dataset`], [`kernel`], [`job`], [`propagation`]: the domain, plain validated Rust that knows no
 //!   database, no wire type and no clock.
 //! - [`pictures`]: decoding of targets, photographs and holograms, and encoding of results.
+//! - `npy`: the limits of NumPy's files, for [`pictures`] and [`kernel_formats`].
 //! - [`captures`]: photographs of holograms, brought to the display's grid and checked.
 //! - [`kernel_file`]: learned displays as safetensors; [`kernel_formats`]: in other forms. `planning`, `slm`: from displays to optical setups and modulators.
 //! - [`figures`]: contact sheets, heat maps and curves for people.
@@ -41,6 +42,7 @@ pub mod kernel;
 pub mod kernel_file;
 pub mod kernel_formats;
 pub mod metrics;
+mod npy;
 pub mod pictures;
 mod planning;
 pub mod propagation;

@@ -10,6 +10,7 @@
 
 use crate::dataset::{Dataset, Encoding, Pair};
 use crate::display::Display;
+use crate::npy;
 use crate::pictures::{self, PhotoReading, PictureError, SATURATED};
 use crate::{planning, slm};
 use lightpath_optics::alignment::{AlignmentError, Homography, warp};
@@ -139,7 +140,7 @@ impl Captures {
     ///
     /// [`CaptureError`] for another size, or what is no hologram.
     pub fn phase(&self, file: &[u8]) -> Result<Plane<f32>, CaptureError> {
-        if pictures::is_npy(file) {
+        if npy::is_npy(file) {
             return Ok(pictures::phase_npy(file, self.height_px(), self.width_px())?);
         }
         let levels = pictures::levels(file, self.bit_depth, self.height_px(), self.width_px())?;

@@ -1,6 +1,7 @@
 //! Arrays as NumPy and PyTorch store them.
 
 use super::{KernelFormatError, half};
+use crate::npy;
 use npyz::{DType, Order};
 
 /// A dense array in C order, complex or not.
@@ -68,6 +69,7 @@ impl Array {
         let expected = "a .npy file of float16, float32, float64, complex64 or complex128, little-endian, C order";
         let refused =
             |actual: String| KernelFormatError::Array { what: name.to_owned(), actual, expected: expected.to_owned() };
+        npy::require_short_header(bytes).map_err(refused)?;
         let mut rest = bytes;
         let header =
             npyz::NpyHeader::from_reader(&mut rest).map_err(|error| refused(format!("no such file ({error})")))?;
@@ -91,11 +93,6 @@ impl Array {
     pub(super) fn described(&self) -> String {
         format!("{} of shape {:?}", if self.complex { "complex" } else { "real" }, self.shape)
     }
-}
-
-/// Whether a file says that it is an array of NumPy.
-pub(super) fn is_npy(bytes: &[u8]) -> bool {
-    bytes.starts_with(b"\x93NUMPY")
 }
 
 /// A `.npy` file, version 1.0. `descr` is NumPy's name of the type of the bytes, for example `<f4`.

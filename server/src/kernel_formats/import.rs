@@ -3,7 +3,7 @@
 use super::array::{self, Array};
 use super::{KernelFormatError, archive, compact, torch};
 use crate::kernel::KernelModel;
-use crate::kernel_file;
+use crate::{kernel_file, npy};
 use lightpath_optics::{DisplayModel, KernelShape, OpticalSetup, Plane};
 use num_complex::{Complex32, Complex64};
 
@@ -30,7 +30,7 @@ pub fn import(bytes: &[u8], setup: &OpticalSetup) -> Result<Imported, KernelForm
         let (model, kind) = compact::decode(bytes)?;
         return Ok(Imported { model, kind, form: "compact", native: false });
     }
-    if array::is_npy(bytes) {
+    if npy::is_npy(bytes) {
         return of_array(&Array::read_npy("the array", bytes)?, setup, "npy");
     }
     if archive::is_archive(bytes) {

@@ -27,7 +27,7 @@ pub use encode::{colour_png, grey_png_linear, grey_png_srgb, levels_png, npy_f32
 pub use error::PictureError;
 pub use fit::fit;
 pub use levels::levels;
-pub use photograph::{PhotoReading, SATURATED, SATURATION, is_npy, photo_light};
+pub use photograph::{PhotoReading, SATURATED, SATURATION, photo_light};
 pub use srgb::{linear_to_srgb, srgb_to_linear};
 
 /// Longest accepted side of a picture \[px\]: beyond what any SLM or camera has.

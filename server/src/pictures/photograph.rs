@@ -10,6 +10,7 @@
 use super::decode::{self, Samples};
 use super::{FILE_BYTES_MAX, PictureError, srgb_to_linear};
 use crate::dataset::Encoding;
+use crate::npy;
 use image::ImageFormat;
 use image::metadata::Orientation;
 use lightpath_optics::Plane;
@@ -39,7 +40,7 @@ pub struct PhotoReading {
 /// [`PictureError`] for what is no readable picture, is beyond the limits, holds a value that is not a finite number, or one
 /// above the declared bits.
 pub fn photo_light(bytes: &[u8], reading: &PhotoReading) -> Result<Plane<f32>, PictureError> {
-    if is_npy(bytes) {
+    if npy::is_npy(bytes) {
         return array_light(bytes, reading);
     }
     let (format, mut decoder) = decode::open(bytes)?;
@@ -54,12 +55,6 @@ pub fn photo_light(bytes: &[u8], reading: &PhotoReading) -> Result<Plane<f32>, P
     let samples = decode::read_samples(format, decoder)?;
     let light = picture_light(&samples, reading, height_px as usize, width_px as usize)?;
     Ok(decode::oriented(light, orientation))
-}
-
-/// Whether a file says that it is an array of NumPy.
-#[must_use]
-pub fn is_npy(bytes: &[u8]) -> bool {
-    bytes.starts_with(b"\x93NUMPY")
 }
 
 fn picture_light(
@@ -107,6 +102,7 @@ fn array_light(bytes: &[u8], reading: &PhotoReading) -> Result<Plane<f32>, Pictu
         return Err(PictureError::FileTooLarge { bytes: bytes.len() });
     }
     let refused = |actual: String| PictureError::NotAPhotoArray { actual };
+    npy::require_short_header(bytes).map_err(refused)?;
     let file = NpyFile::new(bytes).map_err(|error| refused(format!("no .npy file ({error})")))?;
     let kind = file.dtype().descr();
     let [height_px, width_px] = *file.shape() else {
@@ -115,6 +111,11 @@ fn array_light(bytes: &[u8], reading: &PhotoReading) -> Result<Plane<f32>, Pictu
     let side_max = u64::from(super::SIDE_PX_MAX);
     if file.order() != Order::C || height_px == 0 || width_px == 0 || height_px > side_max || width_px > side_max {
         return Err(refused(format!("{kind} of shape {:?}, {:?} order", file.shape(), file.order())));
+    }
+    // As many values as the file can hold, before there is room for as many as it claims.
+    let pixels = height_px * width_px;
+    if pixels > super::PIXELS_MAX || pixels > bytes.len() as u64 {
+        return Err(refused(format!("{kind} of shape {:?} in a file of {} bytes", file.shape(), bytes.len())));
     }
     let damaged = |error: std::io::Error| refused(format!("a damaged file ({error})"));
     let full_scale = match reading.bit_depth {
