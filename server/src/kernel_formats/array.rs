@@ -69,7 +69,7 @@ impl Array {
         let expected = "a .npy file of float16, float32, float64, complex64 or complex128, little-endian, C order";
         let refused =
             |actual: String| KernelFormatError::Array { what: name.to_owned(), actual, expected: expected.to_owned() };
-        npy::require_short_header(bytes).map_err(refused)?;
+        npy::require_plain_header(bytes).map_err(refused)?;
         let mut rest = bytes;
         let header =
             npyz::NpyHeader::from_reader(&mut rest).map_err(|error| refused(format!("no such file ({error})")))?;

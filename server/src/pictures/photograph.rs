@@ -102,7 +102,7 @@ fn array_light(bytes: &[u8], reading: &PhotoReading) -> Result<Plane<f32>, Pictu
         return Err(PictureError::FileTooLarge { bytes: bytes.len() });
     }
     let refused = |actual: String| PictureError::NotAPhotoArray { actual };
-    npy::require_short_header(bytes).map_err(refused)?;
+    npy::require_plain_header(bytes).map_err(refused)?;
     let file = NpyFile::new(bytes).map_err(|error| refused(format!("no .npy file ({error})")))?;
     let kind = file.dtype().descr();
     let [height_px, width_px] = *file.shape() else {
