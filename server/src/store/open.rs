@@ -30,7 +30,7 @@ pub(super) const MIGRATIONS: &[(&str, &str)] = &[
     ("0007_queue", include_str!("../../../migrations/0007_queue.sql")),
     ("0008_tokens", include_str!("../../../migrations/0008_tokens.sql")),
     ("0009_captures", include_str!("../../../migrations/0009_captures.sql")),
-    ("0011_owners", include_str!("../../../migrations/0011_owners.sql")),
+    ("0010_owners", include_str!("../../../migrations/0010_owners.sql")),
 ];
 
 /// A handle to the database; see the module's documentation.
