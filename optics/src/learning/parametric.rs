@@ -31,7 +31,7 @@ const STEP_WORTH: f64 = 1e-2;
 /// A step, or an order, that lowers the loss of the validation pairs by less than this part of it is in vain.
 const VALIDATION_WORTH: f64 = 1e-2;
 /// Steps in vain after which validation ends an order.
-const PATIENCE: u32 = 3;
+const PATIENCE: u32 = 6;
 
 /// All that the next step depends on.
 #[derive(Clone, Debug, Default, PartialEq)]
