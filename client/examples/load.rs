@@ -2,7 +2,7 @@
 //!
 //! ```sh
 //! lightpathd serve --data-dir /tmp/load --queue-limit 1000000 --calls-per-s-max 0 &
-//! cargo run --release -p lightpath --example load -- --server-pid $!
+//! cargo run --release -p lightpath --example load
 //! ```
 //!
 //! A long job keeps the server's cores busy all the while. Submits many jobs, lists pages of them, follows a thousand jobs at
@@ -37,9 +37,6 @@ struct Options {
     /// PEM file of the authority of the server's certificate
     #[arg(long)]
     ca_file: Option<PathBuf>,
-    /// Process id of the server, for its memory
-    #[arg(long)]
-    server_pid: Option<u32>,
     /// Jobs to submit
     #[arg(long, default_value_t = 3000)]
     submits: usize,
@@ -143,9 +140,8 @@ async fn measure_followers(client: &Client, connect: &impl Fn() -> Client, watch
     println!("| {what} | p99 < 1 s | {} after the answer |", Times::of(delays));
 }
 
-/// Uploads eight large artifacts side by side, and looks at the server's memory meanwhile.
+/// Uploads eight large artifacts side by side.
 async fn measure_uploads(connect: &impl Fn() -> Client, options: &Options, run: u64) {
-    let before_mib = options.server_pid.map(memory_mib);
     let uploads = (0..8_u8).map(|n| {
         let client = connect();
         let bytes: Vec<u8> =
@@ -153,16 +149,12 @@ async fn measure_uploads(connect: &impl Fn() -> Client, options: &Options, run: 
         async move { client.upload_bytes(bytes).await.unwrap() }
     });
     let uploads: Vec<_> = uploads.map(tokio::spawn).collect();
-    let (begin, mut peak_mib) = (Instant::now(), before_mib);
-    while !uploads.iter().all(tokio::task::JoinHandle::is_finished) {
-        tokio::time::sleep(Duration::from_millis(50)).await;
-        peak_mib = options.server_pid.map(memory_mib).max(peak_mib);
+    let begin = Instant::now();
+    for upload in uploads {
+        upload.await.unwrap();
     }
     let rate = 8.0 * options.upload_mb as f64 / begin.elapsed().as_secs_f64();
-    let grown =
-        peak_mib.zip(before_mib).map(|(peak, before)| format!(", the server's memory grew by {} MiB", peak - before));
-    let what = format!("8 uploads of {} MB side by side", options.upload_mb);
-    println!("| {what} | memory grows by < 64 MB | {rate:.0} MB/s{} |", grown.unwrap_or_default());
+    println!("| 8 uploads of {} MB side by side | – | {rate:.0} MB/s |", options.upload_mb);
 }
 
 /// The machine's, as Linux names it.
@@ -201,13 +193,6 @@ async fn submit(client: &Client, target: &str, iterations: u32, priority: i32, r
 async fn until(client: &Client, job: &str, state: State) {
     let mut watch = client.watch_job(v1::WatchJobRequest { name: job.to_owned() }).await.unwrap();
     while watch.message().await.unwrap().is_some_and(|job| job.state() != state) {}
-}
-
-/// Resident memory of a process \[MiB\].
-fn memory_mib(pid: u32) -> u64 {
-    let status = std::fs::read_to_string(format!("/proc/{pid}/status")).unwrap();
-    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).unwrap();
-    line.trim().trim_end_matches(" kB").parse::<u64>().unwrap() / 1024
 }
 
 /// How long the same thing took, often.
