@@ -35,6 +35,8 @@ pub mod demo;
 pub mod display;
 mod fail;
 pub mod figures;
+#[cfg(test)]
+mod fixtures;
 pub mod fuzzing;
 mod http;
 pub mod job;

@@ -1,10 +1,11 @@
 use crate::ledger::{Ledger, Material, assert_same_bytes, kernel_name};
 use crate::material::{DISTANCE_M, assert_succeeded_once, declare, hologram, kernel_file, request, target};
 use crate::process::{Daemon, lightpathd};
-use crate::random::Random;
 use lightpath::v1::{self, SubmitJobRequest, job::State};
 use lightpath::{Client, JobChange, hologram_result, names};
 use lightpath_server::upkeep::check;
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
 use std::io::Write as _;
 use std::path::Path;
 use std::time::Duration;
@@ -26,7 +27,7 @@ const SETTINGS: [&str; 8] =
 async fn killed_at_random_moments_the_server_keeps_every_promise() {
     let data = TempDir::new().unwrap();
     let material = prepare_kernel(data.path()).await;
-    let (cycles, mut random, mut ledger) = (cycles(), Random(2026), Ledger::default());
+    let (cycles, mut random, mut ledger) = (cycles(), ChaCha8Rng::seed_from_u64(2026), Ledger::default());
     for life in 0..cycles {
         for i in 0..JOBS_PER_LIFE {
             ledger.ask(format!("{life}-{i}"));
@@ -34,7 +35,7 @@ async fn killed_at_random_moments_the_server_keeps_every_promise() {
         let daemon = Daemon::start(data.path(), &SETTINGS).await;
         let client = daemon.client.clone();
         ledger.assert_kept(&client, &material).await;
-        let alive = Duration::from_millis(random.below(LIFE_MS_MAX));
+        let alive = Duration::from_millis(random.random_range(0..LIFE_MS_MAX));
         // The moment is what is random here; whatever the server is doing then, it must survive it. Answers that were
         // on their way count.
         let death = async {

@@ -9,8 +9,6 @@ mod ledger;
 mod material;
 /// The binaries `lightpath` and `lightpathd`, as processes.
 mod process;
-/// The same choices in every run.
-mod random;
 /// A server inside the test's process.
 mod server;
 

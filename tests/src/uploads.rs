@@ -1,10 +1,11 @@
 use crate::process::{Daemon, lightpathd};
-use crate::random::Random;
 use futures::stream;
 use lightpath::v1::artifact_service_client::ArtifactServiceClient;
 use lightpath::v1::write_artifact_request::Part;
 use lightpath::v1::{self, WriteArtifactRequest, WriteArtifactStart};
 use lightpath::{Client, digest_of};
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
 use std::io::Write as _;
 use tempfile::TempDir;
 use tonic::transport::Channel;
@@ -28,8 +29,9 @@ fn setting<T: std::str::FromStr>(name: &str, default: T) -> T {
 
 /// Bytes that no compression makes smaller, others for every `seed`.
 fn noise(size: usize, seed: u64) -> Vec<u8> {
-    let mut random = Random(seed);
-    (0..size.div_ceil(8)).flat_map(|_| random.next().to_le_bytes()).take(size).collect()
+    let mut bytes = vec![0; size];
+    ChaCha8Rng::seed_from_u64(seed).fill(&mut bytes[..]);
+    bytes
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -79,11 +81,11 @@ async fn assert_not_published(client: &Client, digest: &str) {
 async fn an_upload_that_is_cut_anywhere_ends_with_the_same_bytes() {
     let data = TempDir::new().unwrap();
     let mut daemon = Daemon::start(data.path(), &[]).await;
-    let (bytes, mut random) = (noise(CUT_SIZE, 1), Random(5));
+    let (bytes, mut random) = (noise(CUT_SIZE, 1), ChaCha8Rng::seed_from_u64(5));
     let (digest, size) = (digest_of(&bytes), CUT_SIZE as u64);
     let mut here = 0;
     for cut in 1..=setting("LIGHTPATH_UPLOAD_CUTS", CUTS) {
-        let end = here as usize + random.below(size - here) as usize;
+        let end = here as usize + random.random_range(0..size - here) as usize;
         let sent = send(&daemon.url, &digest, size, here, &bytes[here as usize..end]).await;
         assert_eq!(sent.unwrap_err().code(), Code::InvalidArgument, "cut {cut}: bytes are missing");
         if cut % DEATH_EVERY == 0 {
@@ -111,13 +113,13 @@ async fn an_upload_that_is_cut_anywhere_ends_with_the_same_bytes() {
 async fn damaged_content_is_never_published() {
     let data = TempDir::new().unwrap();
     let daemon = Daemon::start(data.path(), &[]).await;
-    let (bytes, mut random) = (noise(CUT_SIZE, 2), Random(6));
+    let (bytes, mut random) = (noise(CUT_SIZE, 2), ChaCha8Rng::seed_from_u64(6));
     let (digest, size) = (digest_of(&bytes), CUT_SIZE as u64);
     for round in 0..6 {
         let mut damaged = bytes.clone();
-        damaged[random.below(size) as usize] ^= 1 << random.below(8);
+        damaged[random.random_range(0..size) as usize] ^= 1 << random.random_range(0..8);
         // At once, or after a part that was right.
-        let cut = if round % 2 == 0 { 0 } else { random.below(size) as usize };
+        let cut = if round % 2 == 0 { 0 } else { random.random_range(0..size) as usize };
         if cut > 0 {
             send(&daemon.url, &digest, size, 0, &bytes[..cut]).await.unwrap_err();
             damaged[..cut].copy_from_slice(&bytes[..cut]);

@@ -2,11 +2,10 @@
 
 use crate::artifacts::{Artifacts, digest_of};
 use crate::audit::{Audit, Entry};
-use crate::display::Display;
-use crate::job::{CaptureResult, Job, JobResult, JobSpec, JobState, NewJob, Progress, Scheduling, SimulateCapture};
+use crate::fixtures::{DISTANCE, WAVELENGTH, capture_job, display};
+use crate::job::{CaptureResult, Job, JobResult, JobState, NewJob, Progress, Scheduling};
 use crate::kernel::{KernelKey, KernelLineage, KernelMetrics, KernelModel, NewKernelVersion};
 use crate::store::Store;
-use crate::units::{Distance, Wavelength};
 use crate::upkeep::{DATABASE, Retention, backup, restore};
 use crate::worker::{Backoff, Clock, JobContext, TaskError, TaskOutput, Worker, WorkerConfig};
 use std::error::Error;
@@ -17,8 +16,6 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio_util::sync::CancellationToken;
 
-const WAVELENGTH: Wavelength = Wavelength { pm: 515_000 };
-const DISTANCE: Distance = Distance { nm: 150_000_000 };
 const TARGET: &[u8] = b"what the jobs read";
 const DAY: Duration = Duration::from_secs(24 * 3600);
 /// At which the audit log is put aside.
@@ -130,7 +127,7 @@ pub(super) async fn work(place: &Place) -> Outcome {
     let data = place.data();
     let audit = Audit::open(&data)?;
     let lab = Lab::open(&data).await?;
-    lab.store.create_display(&display(), now_ms()).await?;
+    lab.store.create_display(&display("lab"), now_ms()).await?;
     place.acknowledged("display", "lab");
     let target = digest_of(TARGET);
     lab.upload(TARGET, &target).await?;
@@ -188,37 +185,9 @@ pub(super) fn now_ms() -> i64 {
     Clock::default().now_ms()
 }
 
-fn display() -> Display {
-    Display {
-        id: "lab".to_owned(),
-        width_px: 64,
-        height_px: 48,
-        pixel_pitch_m: 8e-6,
-        bit_depth: 8,
-        wavelengths: vec![WAVELENGTH],
-        phase_response_rad: None,
-        carrier: None,
-        notes: String::new(),
-        simulated_bench: None,
-    }
-}
-
 fn new_job(request_id: &str, phase: &str, not_before_ms: Option<i64>) -> NewJob {
-    let spec = SimulateCapture {
-        display: "lab".to_owned(),
-        wavelength: WAVELENGTH,
-        distance: DISTANCE,
-        phase: phase.to_owned(),
-        seed: 1,
-        elapsed_s: 0.0,
-    };
-    NewJob {
-        spec: JobSpec::SimulateCapture(spec),
-        request_id: request_id.to_owned(),
-        priority: 0,
-        attempts_max: 5,
-        scheduling: Scheduling { owner: "ada".to_owned(), not_before_ms, ..Scheduling::default() },
-    }
+    let scheduling = Scheduling { owner: "ada".to_owned(), not_before_ms, ..Scheduling::default() };
+    NewJob { attempts_max: 5, scheduling, ..capture_job(request_id, phase, 1) }
 }
 
 fn new_version(artifact: &str) -> NewKernelVersion {

@@ -1,15 +1,12 @@
 use super::*;
 use crate::artifacts::Artifacts;
-use crate::display::Display;
-use crate::job::{CaptureResult, JobResult, JobSpec, NewJob, Scheduling, SimulateCapture};
+use crate::fixtures::{capture_job, display};
+use crate::job::{CaptureResult, JobResult};
 use crate::store::Store;
-use crate::units::{Distance, Wavelength};
 use std::fs;
 use std::path::Path;
 use std::time::Duration;
 use tempfile::TempDir;
-
-const WAVELENGTH: Wavelength = Wavelength { pm: 515_000 };
 
 /// A data folder with a display, a job that succeeded, and one that waits with a checkpoint; its server still runs.
 struct Lab {
@@ -26,14 +23,14 @@ impl Lab {
         let folder = tempfile::tempdir().unwrap();
         let artifacts = Artifacts::open(folder.path()).unwrap();
         let store = Store::open(&folder.path().join(DATABASE)).await.unwrap();
-        store.create_display(&display(), 1).await.unwrap();
+        store.create_display(&display("lab"), 1).await.unwrap();
         let phase = put(&artifacts, &store, b"phase").await;
         let photo = put(&artifacts, &store, b"photo").await;
-        store.submit(&job("first", &phase), 1, 10).await.unwrap();
+        store.submit(&capture_job("first", &phase, 1), 1, 10).await.unwrap();
         let (_, lease) = store.claim(1, 1000, "w").await.unwrap().unwrap();
         let result = JobResult::Capture(CaptureResult { photo: photo.clone(), propagation: None });
         store.finish(&lease, result, None, 2).await.unwrap();
-        store.submit(&job("second", &phase), 3, 10).await.unwrap();
+        store.submit(&capture_job("second", &phase, 1), 3, 10).await.unwrap();
         let (waiting, lease) = store.claim(3, 1000, "w").await.unwrap().unwrap();
         let checkpoint = artifacts.put_checkpoint(b"state".to_vec()).await.unwrap();
         store.checkpoint(&lease, &checkpoint, 4).await.unwrap();
@@ -48,40 +45,6 @@ impl Lab {
     async fn problems(&self) -> Vec<(FindingKind, String, String)> {
         let report = check(self.path()).await.unwrap();
         report.problems.into_iter().map(|it| (it.kind, it.what, it.problem)).collect()
-    }
-}
-
-fn display() -> Display {
-    Display {
-        id: "lab".to_owned(),
-        width_px: 64,
-        height_px: 64,
-        pixel_pitch_m: 8e-6,
-        bit_depth: 8,
-        wavelengths: vec![WAVELENGTH],
-        phase_response_rad: None,
-        carrier: None,
-        notes: String::new(),
-        simulated_bench: None,
-    }
-}
-
-fn job(request_id: &str, phase: &str) -> NewJob {
-    let spec = SimulateCapture {
-        display: "lab".to_owned(),
-        wavelength: WAVELENGTH,
-        distance: Distance { nm: 150_000_000 },
-        phase: phase.to_owned(),
-        seed: 1,
-        elapsed_s: 0.0,
-    };
-    let scheduling = Scheduling::default();
-    NewJob {
-        spec: JobSpec::SimulateCapture(spec),
-        request_id: request_id.to_owned(),
-        priority: 0,
-        attempts_max: 3,
-        scheduling,
     }
 }
 
@@ -127,7 +90,7 @@ async fn damaged_and_missing_files_are_found() {
 async fn a_job_that_names_an_unrecorded_artifact_is_found() {
     let lab = Lab::new().await;
     let nothing = crate::artifacts::digest_of(b"nothing");
-    assert!(lab.store.submit(&job("third", &nothing), 9, 10).await.is_err(), "no new job does");
+    assert!(lab.store.submit(&capture_job("third", &nothing, 1), 9, 10).await.is_err(), "no new job does");
     let (job, lease) = lab.store.claim(9, 1000, "w").await.unwrap().unwrap();
     let result = JobResult::Capture(CaptureResult { photo: nothing.clone(), propagation: None });
     lab.store.finish(&lease, result, None, 9).await.unwrap();

@@ -79,7 +79,7 @@ async fn malformed_requests_get_the_right_status() {
     let texts: Vec<Vec<u8>> = seeds.iter().map(|(_, seed)| seed.clone()).collect();
     let (channel, methods, seeds, texts) = (&serving.channel, &methods, &seeds, &texts);
     let answers = stream::iter(0..REQUESTS).map(|n| async move {
-        let mut random = Random(n);
+        let mut random = Random::new(n);
         let (name, seed) = &seeds[random.below(seeds.len())];
         let own = || methods.iter().find(|path| path.ends_with(&format!("/{name}"))).unwrap();
         // Most of them decode, and ask for what cannot be; the others are no messages, or those of another method.

@@ -2,22 +2,20 @@
 
 use prost::bytes::Buf as _;
 use prost::encoding::{decode_varint, encode_varint};
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
 
-/// SplitMix64 (Steele, Lea, Flood 2014): the same changes in every run.
-pub(crate) struct Random(pub(crate) u64);
+/// The same changes in every run.
+pub(crate) struct Random(ChaCha8Rng);
 
 impl Random {
-    pub(crate) fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
+    pub(crate) fn new(seed: u64) -> Self {
+        Self(ChaCha8Rng::seed_from_u64(seed))
     }
 
     /// 0 to `end`, without `end`; 0 where that is 0.
     pub(crate) fn below(&mut self, end: usize) -> usize {
-        if end == 0 { 0 } else { (self.next() % end as u64) as usize }
+        if end == 0 { 0 } else { self.0.random_range(0..end) }
     }
 }
 
@@ -35,7 +33,7 @@ pub(crate) fn mutated(seed: &[u8], others: &[Vec<u8>], random: &mut Random) -> V
         let count = random.below(16).min(bytes.len().saturating_sub(at));
         match random.below(8) {
             0 if at < bytes.len() => bytes[at] ^= 1 << random.below(8),
-            1 if at < bytes.len() => bytes[at] = random.next() as u8,
+            1 if at < bytes.len() => bytes[at] = random.below(256) as u8,
             2 => bytes.truncate(at),
             3 => drop(bytes.drain(at..at + count)),
             4 => {

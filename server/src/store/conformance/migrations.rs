@@ -1,6 +1,7 @@
 //! Databases of every earlier version, with data as that version wrote it, brought up to date.
 
 use super::*;
+use crate::display::Display;
 use crate::job::JobState;
 use crate::store::open::{MIGRATIONS, connect_options, migrator};
 use crate::store::{Inspection, JobFilter};
@@ -93,7 +94,8 @@ async fn databases_of_every_version_keep_their_data() {
         assert_eq!(beside.is_ok(), steps == MIGRATIONS.len(), "another program leaves an older one alone");
         drop(beside);
         let store = Store::open(&path).await.unwrap();
-        assert_eq!(store.display("lab").await.unwrap(), (display("lab"), 1), "after {steps} steps");
+        let square = Display { height_px: 64, ..display("lab") };
+        assert_eq!(store.display("lab").await.unwrap(), (square, 1), "after {steps} steps");
         if steps >= 2 {
             assert_eq!(store.artifact(&digest(3)).await.unwrap().unwrap().size_bytes, 7);
         }

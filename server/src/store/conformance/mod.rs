@@ -13,14 +13,12 @@ mod scheduling;
 
 use super::{Store, StoreError};
 use crate::dataset::{Dataset, Encoding, Pair};
-use crate::display::Display;
-use crate::job::{CaptureResult, JobError, JobResult, JobSpec, NewJob, Scheduling, SimulateCapture};
+use crate::fixtures::{DISTANCE, WAVELENGTH, capture_job, display};
+use crate::job::{CaptureResult, JobError, JobResult, JobSpec, NewJob};
 use crate::kernel::{KernelKey, KernelLineage, KernelMetrics, KernelModel, NewKernelVersion};
-use crate::units::{Distance, Wavelength};
+use crate::units::Distance;
 use tempfile::TempDir;
 
-const WAVELENGTH: Wavelength = Wavelength { pm: 515_000 };
-const DISTANCE: Distance = Distance { nm: 150_000_000 };
 const QUEUE_LIMIT: u32 = 100;
 const LEASE_MS: i64 = 30_000;
 
@@ -34,39 +32,9 @@ async fn store() -> (Store, TempDir) {
     (store, folder)
 }
 
-fn display(id: &str) -> Display {
-    Display {
-        id: id.to_owned(),
-        width_px: 64,
-        height_px: 64,
-        pixel_pitch_m: 8e-6,
-        bit_depth: 8,
-        wavelengths: vec![WAVELENGTH],
-        phase_response_rad: None,
-        carrier: None,
-        notes: String::new(),
-        simulated_bench: None,
-    }
-}
-
 /// The cheapest kind of job; the seed tells jobs apart.
 fn new_job(request_id: &str, seed: u64) -> NewJob {
-    let spec = SimulateCapture {
-        display: "lab".to_owned(),
-        wavelength: WAVELENGTH,
-        distance: DISTANCE,
-        phase: digest(0),
-        seed,
-        elapsed_s: 0.0,
-    };
-    let scheduling = Scheduling::default();
-    NewJob {
-        spec: JobSpec::SimulateCapture(spec),
-        request_id: request_id.to_owned(),
-        priority: 0,
-        attempts_max: 3,
-        scheduling,
-    }
+    capture_job(request_id, &digest(0), seed)
 }
 
 fn result() -> JobResult {

@@ -1,5 +1,6 @@
 use super::*;
 use crate::dataset::{Split, digest as dataset_digest, draw_split};
+use crate::display::Display;
 use crate::store::QueueLimits;
 
 #[tokio::test]

@@ -3,32 +3,15 @@
 use super::super::*;
 use crate::display::Display;
 use crate::job::{JobSpec, NewJob, Scheduling};
-use crate::units::{Distance, Wavelength};
+use crate::units::Distance;
 use tempfile::TempDir;
 use tokio::task::JoinHandle;
 
-pub(super) const WAVELENGTH: Wavelength = Wavelength { pm: 515_000 };
 pub(super) const DISTANCE: Distance = Distance { nm: 4_000_000 };
 
 /// [ms since 1970]
 pub(super) fn now_ms() -> i64 {
     Clock::default().now_ms()
-}
-
-/// A display of 64×48 px without anything special.
-pub(super) fn display() -> Display {
-    Display {
-        id: "lab".to_owned(),
-        width_px: 64,
-        height_px: 48,
-        pixel_pitch_m: 8e-6,
-        bit_depth: 8,
-        wavelengths: vec![WAVELENGTH],
-        phase_response_rad: None,
-        carrier: None,
-        notes: String::new(),
-        simulated_bench: None,
-    }
 }
 
 pub(super) struct Bench {

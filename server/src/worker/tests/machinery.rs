@@ -1,27 +1,20 @@
 //! The machinery, with toy tasks: a task that counts to 20, in all ways in which a job can end.
 
 use super::super::*;
-use super::bench::{Bench, DISTANCE, WAVELENGTH, display, now_ms};
-use crate::job::{CaptureResult, JobResult, JobSpec, JobState, Progress, SimulateCapture};
+use super::bench::{Bench, now_ms};
+use crate::fixtures::{capture_job, display};
+use crate::job::{CaptureResult, JobResult, JobState, Progress};
 use std::sync::atomic::{AtomicU32, Ordering};
 
 const STEPS: u8 = 20;
 
 async fn bench() -> Bench {
-    Bench::new(display()).await
+    Bench::new(display("lab")).await
 }
 
 /// A job for a task that looks at the job's outside alone.
 async fn submit(bench: &Bench, request_id: &str, attempts_max: u32) -> String {
-    let spec = SimulateCapture {
-        display: "lab".to_owned(),
-        wavelength: WAVELENGTH,
-        distance: DISTANCE,
-        phase: String::new(),
-        seed: 1,
-        elapsed_s: 0.0,
-    };
-    bench.submit(request_id, JobSpec::SimulateCapture(spec), attempts_max).await
+    bench.submit(request_id, capture_job(request_id, "", 1).spec, attempts_max).await
 }
 
 fn config() -> WorkerConfig {

@@ -2,9 +2,10 @@
 //! interruptions and threads change no byte of it.
 
 use super::super::*;
-use super::bench::{Bench, DISTANCE, WAVELENGTH, display};
+use super::bench::{Bench, DISTANCE};
 use crate::dataset::{self, Dataset, Encoding, Pair};
 use crate::display::{Carrier, Display, SimulatedBench};
+use crate::fixtures::{WAVELENGTH, display};
 use crate::job::{
     Detector, EvaluateKernel, Fit, HologramResult, InitialPhase, JobResult, JobSpec, JobState, LearnKernel, Loss,
     Method, OptimizeHologram, Region, SimulateCapture,
@@ -25,7 +26,7 @@ impl Lab {
     async fn new() -> Self {
         let simulated_bench = SimulatedBench::new(3, 1.0, 0.002, 0.3);
         let carrier = Some(Carrier::HalfOrderX);
-        let display = Display { carrier, simulated_bench: Some(simulated_bench), ..display() };
+        let display = Display { carrier, simulated_bench: Some(simulated_bench), ..display("lab") };
         let (height_px, width_px) = (display.height_px as usize, display.width_px as usize);
         Self { bench: Bench::new(display).await, height_px, width_px }
     }

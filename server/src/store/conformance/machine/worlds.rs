@@ -1,207 +1,18 @@
-//! Random histories of a whole queue against a model that does everything the slow way: it looks at every job for every
-//! question, keeps no lanes and no counts.
-//!
-//! `LIGHTPATH_MODEL_COMMANDS=100000 cargo test --release -p lightpath-server --lib the_queue_agrees_with_its_model` takes
-//! that many commands; the default is a short run.
+//! A store and its model, to which the same happens.
 
+use super::command::Command;
+use super::model::{Model, ModelJob};
 use super::*;
-use crate::job::{JobState, Lease, Scheduling};
-use crate::store::{ClaimLimits, JobFilter, QueueLimits};
-use proptest::prelude::*;
-use std::collections::BTreeSet;
-
-/// Commands of one history.
-const HISTORY: usize = 250;
-/// Commands in every run of the tests.
-const COMMANDS: usize = 3000;
-const OWNERS: [&str; 3] = ["", "ada", "bob"];
-const DISPLAYS: [&str; 2] = ["lab", "other"];
-const KEYS: [&str; 2] = ["k", "l"];
-const QUEUE: QueueLimits = QueueLimits { queued: 12, queued_per_owner: 6, stored_bytes_per_owner: 0 };
-
-/// Jobs are picked by a number, modulo as many as there are.
-#[derive(Clone, Debug)]
-enum Command {
-    Submit { owner: usize, display: usize, priority: i32, delay_ms: i64, after: Vec<usize>, key: Option<usize> },
-    Claim { per_owner: u32, per_display: u32 },
-    Heartbeat { job: usize, stale: bool },
-    Checkpoint { job: usize, stale: bool },
-    Finish { job: usize, stale: bool },
-    Fail { job: usize, stale: bool, retry_in_ms: Option<i64> },
-    Postpone { job: usize, stale: bool },
-    Release { job: usize, stale: bool },
-    EndCancelled { job: usize, stale: bool },
-    Expire,
-    ServerDies,
-    Cancel { job: usize },
-    Retry { job: usize },
-    Pause { display: Option<usize> },
-    Resume { display: Option<usize> },
-    ShiftClock { by_ms: i64 },
-    Forget,
-    Wait { ms: i64 },
-}
-
-fn command() -> impl Strategy<Value = Command> {
-    let job = || 0..64_usize;
-    let lease = || (job(), prop::bool::weighted(0.2));
-    let after = prop::collection::vec(job(), 0..3);
-    let submit = (0..3_usize, 0..2_usize, -1..=1, prop_oneof![3 => Just(0), 1 => 1..=2 * LEASE_MS], after)
-        .prop_flat_map(|given| (Just(given), prop::option::weighted(0.2, 0..2_usize)));
-    let display = || prop::option::of(0..2_usize);
-    prop_oneof![
-        6 => submit.prop_map(|((owner, display, priority, delay_ms, after), key)| {
-            let after = if after.len() == 2 { after } else { Vec::new() };
-            Command::Submit { owner, display, priority, delay_ms, after, key }
-        }),
-        8 => (0..3_u32, 0..3_u32).prop_map(|(per_owner, per_display)| Command::Claim { per_owner, per_display }),
-        3 => lease().prop_map(|(job, stale)| Command::Heartbeat { job, stale }),
-        2 => lease().prop_map(|(job, stale)| Command::Checkpoint { job, stale }),
-        5 => lease().prop_map(|(job, stale)| Command::Finish { job, stale }),
-        3 => (lease(), prop::option::weighted(0.7, 0..LEASE_MS))
-            .prop_map(|((job, stale), retry_in_ms)| Command::Fail { job, stale, retry_in_ms }),
-        1 => lease().prop_map(|(job, stale)| Command::Postpone { job, stale }),
-        1 => lease().prop_map(|(job, stale)| Command::Release { job, stale }),
-        1 => lease().prop_map(|(job, stale)| Command::EndCancelled { job, stale }),
-        2 => Just(Command::Expire),
-        1 => Just(Command::ServerDies),
-        2 => job().prop_map(|job| Command::Cancel { job }),
-        3 => job().prop_map(|job| Command::Retry { job }),
-        1 => display().prop_map(|display| Command::Pause { display }),
-        2 => display().prop_map(|display| Command::Resume { display }),
-        1 => (-LEASE_MS..LEASE_MS).prop_map(|by_ms| Command::ShiftClock { by_ms }),
-        1 => Just(Command::Forget),
-        4 => (1..LEASE_MS).prop_map(|ms| Command::Wait { ms }),
-    ]
-}
-
-/// One job as the rules say it must be.
-#[derive(Clone, Debug)]
-struct ModelJob {
-    id: String,
-    new: NewJob,
-    state: JobState,
-    attempt: u32,
-    failures: u32,
-    crashes: u32,
-    cancel_requested: bool,
-    run_time_ms: i64,
-    start_time_ms: Option<i64>,
-    finish_time_ms: Option<i64>,
-    until_ms: i64,
-    has_checkpoint: bool,
-    /// Every lease that was ever given, the latest last.
-    leases: Vec<Lease>,
-}
-
-#[derive(Debug, Default)]
-struct Model {
-    jobs: Vec<ModelJob>,
-    paused: BTreeSet<&'static str>,
-    now_ms: i64,
-}
-
-impl Model {
-    fn waiting_for(&self, job: &ModelJob) -> usize {
-        let open = |id: &&String| self.jobs.iter().any(|it| it.id == **id && it.state != JobState::Succeeded);
-        job.new.scheduling.after.iter().filter(open).count()
-    }
-
-    fn running(&self, of: impl Fn(&NewJob) -> bool) -> u32 {
-        self.jobs.iter().filter(|job| job.state == JobState::Running && of(&job.new)).count() as u32
-    }
-
-    fn queued(&self, of: impl Fn(&NewJob) -> bool) -> u32 {
-        self.jobs.iter().filter(|job| job.state == JobState::Queued && of(&job.new)).count() as u32
-    }
-
-    /// The job that must be next.
-    fn next(&self, limits: ClaimLimits) -> Option<usize> {
-        let may = |job: &&ModelJob| {
-            let owner = |new: &NewJob| new.scheduling.owner == job.new.scheduling.owner;
-            let display = |new: &NewJob| new.spec.display() == job.new.spec.display();
-            job.state == JobState::Queued
-                && job.run_time_ms <= self.now_ms
-                && self.waiting_for(job) == 0
-                && !self.paused.contains("")
-                && !self.paused.contains(job.new.spec.display())
-                && (limits.per_owner == 0 || self.running(owner) < limits.per_owner)
-                && (limits.per_display == 0 || self.running(display) < limits.per_display)
-        };
-        let rank = |job: &&ModelJob| {
-            let owner = &job.new.scheduling.owner;
-            let last_start = self.jobs.iter().filter(|it| it.new.scheduling.owner == *owner);
-            let last_start = last_start.filter_map(|it| it.start_time_ms).max();
-            let running = self.running(|new| new.scheduling.owner == *owner);
-            (job.new.priority, running, last_start, job.run_time_ms, job.id.clone())
-        };
-        let best = self.jobs.iter().filter(may).min_by_key(rank)?;
-        self.jobs.iter().position(|job| job.id == best.id)
-    }
-
-    fn active_with_key(&self, key: Option<&String>) -> bool {
-        let active = |job: &ModelJob| !job.state.has_ended() && job.new.scheduling.unique_key.as_ref() == key;
-        key.is_some() && self.jobs.iter().any(active)
-    }
-
-    /// The attempt at a job ends; what waits for it ends with it where it ended badly.
-    fn end(&mut self, index: usize, state: JobState) {
-        let now_ms = self.now_ms;
-        let job = &mut self.jobs[index];
-        job.state = state;
-        if state.has_ended() {
-            job.finish_time_ms = Some(now_ms);
-        }
-        if matches!(state, JobState::Cancelled | JobState::Succeeded) {
-            job.has_checkpoint = false;
-        }
-        let id = job.id.clone();
-        if matches!(state, JobState::Failed | JobState::Cancelled) {
-            for index in 0..self.jobs.len() {
-                let waits = self.jobs[index].new.scheduling.after.contains(&id);
-                if waits && self.jobs[index].state == JobState::Queued {
-                    self.jobs[index].has_checkpoint = false;
-                    self.end(index, JobState::Failed);
-                }
-            }
-        }
-    }
-
-    fn fail(&mut self, index: usize, retry_at_ms: Option<i64>) {
-        let job = &mut self.jobs[index];
-        if job.cancel_requested {
-            return self.end(index, JobState::Cancelled);
-        }
-        job.failures += 1;
-        match retry_at_ms {
-            Some(at_ms) if job.failures + job.crashes < job.new.attempts_max => {
-                job.run_time_ms = at_ms;
-                self.end(index, JobState::Queued);
-            }
-            _ => self.end(index, JobState::Failed),
-        }
-    }
-
-    /// Which job, which of its leases, and whether that one holds.
-    fn lease(&self, job: usize, stale: bool) -> Option<(usize, Lease, bool)> {
-        let index = job % self.jobs.len().max(1);
-        let job = self.jobs.get(index)?;
-        let last = job.leases.len().checked_sub(1)?;
-        let which = if stale { last.saturating_sub(1) } else { last };
-        let holds = which == last && job.state == JobState::Running && self.now_ms < job.until_ms;
-        Some((index, job.leases[which].clone(), holds))
-    }
-}
 
 /// Both worlds.
-struct Worlds {
-    store: Store,
-    model: Model,
-    submitted: usize,
+pub(super) struct Worlds {
+    pub(super) store: Store,
+    pub(super) model: Model,
+    pub(super) submitted: usize,
 }
 
 impl Worlds {
-    async fn take(&mut self, command: Command) {
+    pub(super) async fn take(&mut self, command: Command) {
         match command {
             Command::Submit { owner, display, priority, delay_ms, after, key } => {
                 self.submit(owner, display, priority, delay_ms, &after, key).await;
@@ -452,7 +263,7 @@ impl Worlds {
     }
 
     /// Everything that can be asked is the same in both worlds.
-    async fn compare(&self) {
+    pub(super) async fn compare(&self) {
         let jobs = self.store.jobs(&JobFilter::default(), None, 1000).await.unwrap();
         assert_eq!(jobs.len(), self.model.jobs.len());
         for expected in &self.model.jobs {
@@ -492,33 +303,5 @@ impl Worlds {
                 (u64::from(self.model.queued(own)), u64::from(self.model.running(own)))
             );
         }
-    }
-}
-
-fn histories() -> u32 {
-    let commands = std::env::var("LIGHTPATH_MODEL_COMMANDS").map_or(COMMANDS, |commands| commands.parse().unwrap());
-    commands.div_ceil(HISTORY) as u32
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig { cases: histories(), failure_persistence: None, ..ProptestConfig::default() })]
-
-    #[test]
-    fn the_queue_agrees_with_its_model(commands in prop::collection::vec(command(), HISTORY)) {
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
-        runtime.block_on(async {
-            let (store, folder) = store().await;
-            store.create_display(&display("other"), 1).await.unwrap();
-            let mut worlds = Worlds { store, model: Model { now_ms: 1000, ..Model::default() }, submitted: 0 };
-            for command in commands {
-                worlds.take(command.clone()).await;
-                worlds.compare().await;
-            }
-            worlds.store.close().await;
-            let mut inspection = crate::store::Inspection::open(&folder.path().join("lightpath.db")).await.unwrap();
-            assert_eq!(inspection.damages().await.unwrap(), Vec::<String>::new());
-            assert_eq!(inspection.contradictions().await.unwrap(), Vec::<String>::new());
-            inspection.close().await.unwrap();
-        });
     }
 }

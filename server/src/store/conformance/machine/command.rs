@@ -1,0 +1,59 @@
+//! What can happen to a queue.
+
+use super::*;
+
+/// Jobs are picked by a number, modulo as many as there are.
+#[derive(Clone, Debug)]
+pub(super) enum Command {
+    Submit { owner: usize, display: usize, priority: i32, delay_ms: i64, after: Vec<usize>, key: Option<usize> },
+    Claim { per_owner: u32, per_display: u32 },
+    Heartbeat { job: usize, stale: bool },
+    Checkpoint { job: usize, stale: bool },
+    Finish { job: usize, stale: bool },
+    Fail { job: usize, stale: bool, retry_in_ms: Option<i64> },
+    Postpone { job: usize, stale: bool },
+    Release { job: usize, stale: bool },
+    EndCancelled { job: usize, stale: bool },
+    Expire,
+    ServerDies,
+    Cancel { job: usize },
+    Retry { job: usize },
+    Pause { display: Option<usize> },
+    Resume { display: Option<usize> },
+    ShiftClock { by_ms: i64 },
+    Forget,
+    Wait { ms: i64 },
+}
+
+pub(super) fn command() -> impl Strategy<Value = Command> {
+    let job = || 0..64_usize;
+    let lease = || (job(), prop::bool::weighted(0.2));
+    let after = prop::collection::vec(job(), 0..3);
+    let submit = (0..3_usize, 0..2_usize, -1..=1, prop_oneof![3 => Just(0), 1 => 1..=2 * LEASE_MS], after)
+        .prop_flat_map(|given| (Just(given), prop::option::weighted(0.2, 0..2_usize)));
+    let display = || prop::option::of(0..2_usize);
+    prop_oneof![
+        6 => submit.prop_map(|((owner, display, priority, delay_ms, after), key)| {
+            let after = if after.len() == 2 { after } else { Vec::new() };
+            Command::Submit { owner, display, priority, delay_ms, after, key }
+        }),
+        8 => (0..3_u32, 0..3_u32).prop_map(|(per_owner, per_display)| Command::Claim { per_owner, per_display }),
+        3 => lease().prop_map(|(job, stale)| Command::Heartbeat { job, stale }),
+        2 => lease().prop_map(|(job, stale)| Command::Checkpoint { job, stale }),
+        5 => lease().prop_map(|(job, stale)| Command::Finish { job, stale }),
+        3 => (lease(), prop::option::weighted(0.7, 0..LEASE_MS))
+            .prop_map(|((job, stale), retry_in_ms)| Command::Fail { job, stale, retry_in_ms }),
+        1 => lease().prop_map(|(job, stale)| Command::Postpone { job, stale }),
+        1 => lease().prop_map(|(job, stale)| Command::Release { job, stale }),
+        1 => lease().prop_map(|(job, stale)| Command::EndCancelled { job, stale }),
+        2 => Just(Command::Expire),
+        1 => Just(Command::ServerDies),
+        2 => job().prop_map(|job| Command::Cancel { job }),
+        3 => job().prop_map(|job| Command::Retry { job }),
+        1 => display().prop_map(|display| Command::Pause { display }),
+        2 => display().prop_map(|display| Command::Resume { display }),
+        1 => (-LEASE_MS..LEASE_MS).prop_map(|by_ms| Command::ShiftClock { by_ms }),
+        1 => Just(Command::Forget),
+        4 => (1..LEASE_MS).prop_map(|ms| Command::Wait { ms }),
+    ]
+}

@@ -1,0 +1,121 @@
+//! The queue as the rules say that it must be.
+
+use super::*;
+
+/// One job as the rules say it must be.
+#[derive(Clone, Debug)]
+pub(super) struct ModelJob {
+    pub(super) id: String,
+    pub(super) new: NewJob,
+    pub(super) state: JobState,
+    pub(super) attempt: u32,
+    pub(super) failures: u32,
+    pub(super) crashes: u32,
+    pub(super) cancel_requested: bool,
+    pub(super) run_time_ms: i64,
+    pub(super) start_time_ms: Option<i64>,
+    pub(super) finish_time_ms: Option<i64>,
+    pub(super) until_ms: i64,
+    pub(super) has_checkpoint: bool,
+    /// Every lease that was ever given, the latest last.
+    pub(super) leases: Vec<Lease>,
+}
+
+#[derive(Debug, Default)]
+pub(super) struct Model {
+    pub(super) jobs: Vec<ModelJob>,
+    pub(super) paused: BTreeSet<&'static str>,
+    pub(super) now_ms: i64,
+}
+
+impl Model {
+    pub(super) fn waiting_for(&self, job: &ModelJob) -> usize {
+        let open = |id: &&String| self.jobs.iter().any(|it| it.id == **id && it.state != JobState::Succeeded);
+        job.new.scheduling.after.iter().filter(open).count()
+    }
+
+    pub(super) fn running(&self, of: impl Fn(&NewJob) -> bool) -> u32 {
+        self.jobs.iter().filter(|job| job.state == JobState::Running && of(&job.new)).count() as u32
+    }
+
+    pub(super) fn queued(&self, of: impl Fn(&NewJob) -> bool) -> u32 {
+        self.jobs.iter().filter(|job| job.state == JobState::Queued && of(&job.new)).count() as u32
+    }
+
+    /// The job that must be next.
+    pub(super) fn next(&self, limits: ClaimLimits) -> Option<usize> {
+        let may = |job: &&ModelJob| {
+            let owner = |new: &NewJob| new.scheduling.owner == job.new.scheduling.owner;
+            let display = |new: &NewJob| new.spec.display() == job.new.spec.display();
+            job.state == JobState::Queued
+                && job.run_time_ms <= self.now_ms
+                && self.waiting_for(job) == 0
+                && !self.paused.contains("")
+                && !self.paused.contains(job.new.spec.display())
+                && (limits.per_owner == 0 || self.running(owner) < limits.per_owner)
+                && (limits.per_display == 0 || self.running(display) < limits.per_display)
+        };
+        let rank = |job: &&ModelJob| {
+            let owner = &job.new.scheduling.owner;
+            let last_start = self.jobs.iter().filter(|it| it.new.scheduling.owner == *owner);
+            let last_start = last_start.filter_map(|it| it.start_time_ms).max();
+            let running = self.running(|new| new.scheduling.owner == *owner);
+            (job.new.priority, running, last_start, job.run_time_ms, job.id.clone())
+        };
+        let best = self.jobs.iter().filter(may).min_by_key(rank)?;
+        self.jobs.iter().position(|job| job.id == best.id)
+    }
+
+    pub(super) fn active_with_key(&self, key: Option<&String>) -> bool {
+        let active = |job: &ModelJob| !job.state.has_ended() && job.new.scheduling.unique_key.as_ref() == key;
+        key.is_some() && self.jobs.iter().any(active)
+    }
+
+    /// The attempt at a job ends; what waits for it ends with it where it ended badly.
+    pub(super) fn end(&mut self, index: usize, state: JobState) {
+        let now_ms = self.now_ms;
+        let job = &mut self.jobs[index];
+        job.state = state;
+        if state.has_ended() {
+            job.finish_time_ms = Some(now_ms);
+        }
+        if matches!(state, JobState::Cancelled | JobState::Succeeded) {
+            job.has_checkpoint = false;
+        }
+        let id = job.id.clone();
+        if matches!(state, JobState::Failed | JobState::Cancelled) {
+            for index in 0..self.jobs.len() {
+                let waits = self.jobs[index].new.scheduling.after.contains(&id);
+                if waits && self.jobs[index].state == JobState::Queued {
+                    self.jobs[index].has_checkpoint = false;
+                    self.end(index, JobState::Failed);
+                }
+            }
+        }
+    }
+
+    pub(super) fn fail(&mut self, index: usize, retry_at_ms: Option<i64>) {
+        let job = &mut self.jobs[index];
+        if job.cancel_requested {
+            return self.end(index, JobState::Cancelled);
+        }
+        job.failures += 1;
+        match retry_at_ms {
+            Some(at_ms) if job.failures + job.crashes < job.new.attempts_max => {
+                job.run_time_ms = at_ms;
+                self.end(index, JobState::Queued);
+            }
+            _ => self.end(index, JobState::Failed),
+        }
+    }
+
+    /// Which job, which of its leases, and whether that one holds.
+    pub(super) fn lease(&self, job: usize, stale: bool) -> Option<(usize, Lease, bool)> {
+        let index = job % self.jobs.len().max(1);
+        let job = self.jobs.get(index)?;
+        let last = job.leases.len().checked_sub(1)?;
+        let which = if stale { last.saturating_sub(1) } else { last };
+        let holds = which == last && job.state == JobState::Running && self.now_ms < job.until_ms;
+        Some((index, job.leases[which].clone(), holds))
+    }
+}
