@@ -4,12 +4,13 @@
 //! photograph ≈ gain · D( | H ∗ ( a · ( e^{i r(φ)} + z₀ ) ) |² ) + offset
 //! ```
 //!
-//! H the kernel, a transfer function; a the source profile; r the SLM's phase response; z₀ undiffracted light; D the
+//! H the kernel, a transfer function, which may [change over the SLM](crate::SpatialVariation); a the source profile; r the SLM's phase response; z₀ undiffracted light; D the
 //! [`Detector`](crate::Detector). Smooth parts are [Chebyshev series](crate::chebyshev): of fx and fy over the band
 //! [−1/2Δ, 1/2Δ] for the kernel, of x and y over the SLM for the source.
 
 use crate::chebyshev::ChebyshevBasis;
-use crate::{Error, OpticalSetup, Plane, Result};
+use crate::spatial_variation::local_kernels;
+use crate::{Error, OpticalSetup, Plane, Result, SpatialVariation};
 use num_complex::{Complex32, Complex64};
 
 /// How light travels from the SLM to the image, and what the SLM makes of a phase.
@@ -17,8 +18,10 @@ use num_complex::{Complex32, Complex64};
 pub struct DisplayModel {
     /// Grid, wavelength and distance.
     pub setup: OpticalSetup,
-    /// The transfer function.
+    /// The transfer function; on the axis where it changes over the SLM.
     pub kernel: KernelShape,
+    /// How the transfer function changes over the SLM.
+    pub variation: SpatialVariation,
     /// The light that falls on the SLM.
     pub source: SmoothField,
     /// [a_k, b_k] of r(φ) = φ + Σ_k (a_k sin kφ + b_k cos kφ), k = 1, 2, … \[rad\].
@@ -75,6 +78,31 @@ impl SmoothField {
         Complex64::from_polar(basis.value(&self.log_amplitude, x, y).exp(), basis.value(&self.phase, x, y))
     }
 
+    pub(crate) fn validate(&self) -> Result<()> {
+        let terms = self.basis().terms();
+        if self.order > ChebyshevBasis::ORDER_MAX {
+            return Err(out_of_range("order", self.order as f64, "at most 12"));
+        }
+        for coefficients in [&self.log_amplitude, &self.phase] {
+            if coefficients.len() != terms {
+                let allowed = "as many as the order has terms";
+                return Err(out_of_range("coefficients", coefficients.len() as f64, allowed));
+            }
+            expect_finite("coefficient", coefficients)?;
+        }
+        Ok(())
+    }
+
+    /// Multiplies the field by another one to the power of `factor`, of at most the same order.
+    pub(crate) fn add(&mut self, factor: f64, other: &Self) {
+        for (i, degrees) in self.basis().degrees().enumerate() {
+            if let Some(k) = other.basis().degrees().position(|other| other == degrees) {
+                self.log_amplitude[i] += factor * other.log_amplitude[k];
+                self.phase[i] += factor * other.phase[k];
+            }
+        }
+    }
+
     /// One everywhere, whatever the order.
     #[must_use]
     pub fn is_flat(&self) -> bool {
@@ -92,6 +120,7 @@ impl DisplayModel {
         Self {
             setup,
             kernel: KernelShape::Ideal,
+            variation: SpatialVariation::none(),
             source: SmoothField::flat(0),
             response: Vec::new(),
             zero_order: Complex64::ZERO,
@@ -105,23 +134,11 @@ impl DisplayModel {
     /// [`Error`] for parameters that are not finite, do not match their order, or a kernel of bins that does not fit the
     /// padded spectrum.
     pub fn validate(&self) -> Result<()> {
-        for field in [Some(&self.source), if let KernelShape::Smooth(k) = &self.kernel { Some(k) } else { None }] {
-            let Some(field) = field else { continue };
-            let terms = field.basis().terms();
-            if field.order > ChebyshevBasis::ORDER_MAX {
-                return Err(out_of_range("order", field.order as f64, "at most 12"));
-            }
-            for coefficients in [&field.log_amplitude, &field.phase] {
-                if coefficients.len() != terms {
-                    return Err(out_of_range(
-                        "coefficients",
-                        coefficients.len() as f64,
-                        "as many as the order has terms",
-                    ));
-                }
-                expect_finite("coefficient", coefficients)?;
-            }
+        self.source.validate()?;
+        if let KernelShape::Smooth(kernel) = &self.kernel {
+            kernel.validate()?;
         }
+        self.variation.validate(&self.kernel)?;
         if self.response.len() > Self::HARMONICS_MAX {
             return Err(out_of_range("response harmonics", self.response.len() as f64, "at most 8"));
         }
@@ -145,13 +162,24 @@ impl DisplayModel {
         bins.map(|h| h.re + h.im).expect_finite("kernel")
     }
 
-    /// H at fx, fy [1/m]. Where the setup's method is an impulse response it is a sum over the frame, anew each time.
+    /// Those of a grid of points on the SLM that stand for a kernel that changes over it; `None` where it is the same everywhere.
+    pub(crate) fn local_kernels(&self) -> Option<Vec<Self>> {
+        let KernelShape::Smooth(kernel) = &self.kernel else { return None };
+        let local = |(x, y)| {
+            let kernel = KernelShape::Smooth(self.variation.local_kernel(kernel, x, y));
+            Self { kernel, variation: SpatialVariation::none(), ..self.clone() }
+        };
+        (!self.variation.is_none())
+            .then(|| local_kernels::nodes(local_kernels::per_side(&self.variation)).map(local).collect())
+    }
+
+    /// H at fx, fy [1/m], on the axis. Where the setup's method is an impulse response it is a sum over the frame, anew each time.
     #[must_use]
     pub fn transfer(&self, fx: f64, fy: f64) -> Complex64 {
         self.beside_ideal(fx, fy, |fx, fy| self.setup.transfer(fx, fy))
     }
 
-    /// H, with all that it needs tabulated: for many padded bins.
+    /// [`Self::transfer`], with all that it needs tabulated: for many padded bins.
     pub fn sampled(&self) -> impl Fn(f64, f64) -> Complex64 + Sync + '_ {
         let ideal = self.setup.sampled();
         move |fx, fy| self.beside_ideal(fx, fy, |fx, fy| ideal.at(fx, fy))
@@ -176,7 +204,7 @@ impl DisplayModel {
     }
 }
 
-fn out_of_range(name: &'static str, value: f64, allowed: &'static str) -> Error {
+pub(crate) fn out_of_range(name: &'static str, value: f64, allowed: &'static str) -> Error {
     Error::OutOfRange { name, value, allowed }
 }
 

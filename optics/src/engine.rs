@@ -2,10 +2,11 @@
 
 use crate::carrier::Carrier;
 use crate::chebyshev::polynomials;
-use crate::convolution::{Convolver, Transfer};
+use crate::convolution::{Convolver, Kernels, Transfer};
 use crate::display_model::{KernelShape, SmoothField, position};
 use crate::real::Real;
 use crate::slm::Slm;
+use crate::spatial_variation::local_kernels;
 use crate::{Detector, DisplayModel, Plane, Result};
 use num_complex::{Complex, Complex64};
 use rayon::prelude::*;
@@ -15,7 +16,7 @@ use std::sync::Arc;
 #[derive(Clone, Debug)]
 pub struct Engine<T = f32> {
     pub(crate) convolver: Arc<Convolver<T>>,
-    pub(crate) transfer: Arc<Transfer<T>>,
+    pub(crate) kernels: Arc<Kernels<T>>,
     pub(crate) slm: Arc<Slm<T>>,
     pub(crate) detector: Detector,
 }
@@ -36,13 +37,13 @@ impl<T: Real> Engine<T> {
         let (height_px, width_px) = (model.setup.grid().height_px(), model.setup.grid().width_px());
         Ok(Self {
             convolver: Arc::new(Convolver::new(height_px, width_px, detector.offsets_px())),
-            transfer: Arc::new(sample_transfer(model)),
+            kernels: Arc::new(sample_kernels(model)),
             slm: Arc::new(tabulate_slm(model, carrier)),
             detector,
         })
     }
 
-    /// The same display seen by another detector; the transfer function is shared.
+    /// The same display seen by another detector; the transfer functions are shared.
     #[must_use]
     pub fn with_detector(&self, detector: Detector) -> Self {
         let convolver = Convolver::new(self.convolver.height_px, self.convolver.width_px, detector.offsets_px());
@@ -94,7 +95,7 @@ impl<T: Real> Engine<T> {
     /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for a phase of another size.
     pub fn light(&self, phase: &Plane<T>) -> Result<Plane<T>> {
         phase.expect_size("phase", self.height_px(), self.width_px())?;
-        let mut fields = Fields::for_light(&self.convolver);
+        let mut fields = Fields::for_light(self);
         self.send(phase.values(), &mut fields);
         let mut light = Plane::filled(self.height_px(), self.width_px(), T::zero());
         self.convolver.light(&fields.tiles, light.values_mut());
@@ -104,11 +105,34 @@ impl<T: Real> Engine<T> {
     /// From the phase on the SLM to half-transformed fields in the image plane.
     pub(crate) fn send(&self, phase: &[T], fields: &mut Fields<T>) {
         let width_px = self.width_px();
-        let spectrum = &mut fields.spectrum[..self.convolver.half_spectrum_len(1)];
-        self.convolver.forward_rows(spectrum, |y, row| {
-            self.slm.field_row(y, &phase[y * width_px..][..width_px], row);
-        });
-        self.convolver.propagate(spectrum, &self.transfer, &mut fields.tiles);
+        self.send_rows(fields, |y, row| self.slm.field_row(y, &phase[y * width_px..][..width_px], row));
+    }
+
+    /// From a field on the SLM, row by row, to half-transformed fields in the image plane.
+    pub(crate) fn send_rows(&self, fields: &mut Fields<T>, fill: impl Fn(usize, &mut [Complex<T>]) + Sync) {
+        let Fields { spectrum, tiles } = fields;
+        let spectrum = &mut spectrum[..self.kernels.half_spectrum_len(&self.convolver)];
+        self.convolver.forward_rows(spectrum, &self.kernels.along_x, fill);
+        self.convolver.propagate(spectrum, &self.kernels, &mut tiles[..self.image_len()]);
+    }
+
+    /// From half-transformed fields in the image plane, in the spectrum, back to the SLM: each row is handed to
+    /// `use_row(y, row, out)`.
+    pub(crate) fn return_rows<R: Send>(
+        &self,
+        fields: &mut Fields<T>,
+        results: &mut [R],
+        use_row: impl Fn(usize, &[Complex<T>], &mut [R]) + Sync,
+    ) {
+        let Fields { spectrum, tiles } = fields;
+        let tiles = &mut tiles[..self.kernels.half_spectrum_len(&self.convolver)];
+        self.convolver.propagate_adjoint(&spectrum[..self.image_len()], &self.kernels, tiles);
+        self.convolver.inverse_rows(tiles, &self.kernels.along_x, results, use_row);
+    }
+
+    /// Values of the half-transformed fields in the image plane.
+    pub(crate) fn image_len(&self) -> usize {
+        self.convolver.half_spectrum_len(self.convolver.lanes())
     }
 
     fn propagate_rows(&self, fill: impl Fn(usize, &mut [Complex<T>]) + Sync) -> Plane<Complex<T>> {
@@ -116,12 +140,13 @@ impl<T: Real> Engine<T> {
             Detector::Point => self.clone(),
             Detector::Pixel | Detector::Supersampled => self.with_detector(Detector::Point),
         };
-        let mut fields = Fields::new(&point.convolver);
-        point.convolver.forward_rows(&mut fields.spectrum, fill);
-        point.convolver.propagate(&fields.spectrum, &point.transfer, &mut fields.tiles);
+        let mut fields = Fields::new(&point);
+        point.send_rows(&mut fields, fill);
         let zero = Complex::new(T::zero(), T::zero());
         let mut field = Plane::filled(self.height_px(), self.width_px(), zero);
-        point.convolver.inverse_rows(&fields.tiles, field.values_mut(), |_, row, out| out.copy_from_slice(row));
+        point.convolver.inverse_rows(&fields.tiles[..point.image_len()], &[None], field.values_mut(), |_, row, out| {
+            out.copy_from_slice(row)
+        });
         field
     }
 }
@@ -141,19 +166,32 @@ impl Engine<f32> {
 }
 
 impl<T: Real> Fields<T> {
-    pub(crate) fn new(convolver: &Convolver<T>) -> Self {
-        let zeros = || vec![Complex::new(T::zero(), T::zero()); convolver.half_spectrum_len(convolver.lanes())];
+    pub(crate) fn new(engine: &Engine<T>) -> Self {
+        Self::for_all([engine])
+    }
+
+    /// Enough for each of several engines of one size and detector.
+    pub(crate) fn for_all<'a>(engines: impl IntoIterator<Item = &'a Engine<T>>) -> Self {
+        let len_of = |engine: &Engine<T>| engine.image_len().max(engine.kernels.half_spectrum_len(&engine.convolver));
+        let len = engines.into_iter().map(len_of).max().unwrap_or(0);
+        let zeros = || vec![Complex::new(T::zero(), T::zero()); len];
         Self { spectrum: zeros(), tiles: zeros() }
     }
 
     /// Enough for [`Engine::send`], from which nothing comes back.
-    pub(crate) fn for_light(convolver: &Convolver<T>) -> Self {
-        let zeros = |lanes| vec![Complex::new(T::zero(), T::zero()); convolver.half_spectrum_len(lanes)];
-        Self { spectrum: zeros(1), tiles: zeros(convolver.lanes()) }
+    pub(crate) fn for_light(engine: &Engine<T>) -> Self {
+        let zeros = |len| vec![Complex::new(T::zero(), T::zero()); len];
+        Self { spectrum: zeros(engine.kernels.half_spectrum_len(&engine.convolver)), tiles: zeros(engine.image_len()) }
     }
 }
 
-pub(crate) fn sample_transfer<T: Real>(model: &DisplayModel) -> Transfer<T> {
+/// The kernel, or the grid of kernels that stand for one that changes over the SLM.
+pub(crate) fn sample_kernels<T: Real>(model: &DisplayModel) -> Kernels<T> {
+    let Some(grid) = model.local_kernels() else { return Kernels::single(sample_transfer(model)) };
+    Kernels::grid(local_kernels::per_side(&model.variation), grid.iter().map(sample_transfer).collect())
+}
+
+fn sample_transfer<T: Real>(model: &DisplayModel) -> Transfer<T> {
     let (height_px, width_px) = (model.setup.grid().height_px(), model.setup.grid().width_px());
     let pitch_m = model.setup.grid().pixel_pitch_m();
     match &model.kernel {

@@ -1,10 +1,10 @@
 //! Parts of engines that one job after another needs: plans made and transfer functions sampled once.
 
 use crate::carrier::Carrier;
-use crate::convolution::{Convolver, Transfer};
+use crate::convolution::{Convolver, Kernels};
 use crate::display_model::KernelShape;
-use crate::engine::{sample_transfer, tabulate_slm};
-use crate::{Detector, DisplayModel, Engine, OpticalSetup, Result};
+use crate::engine::{sample_kernels, tabulate_slm};
+use crate::{Detector, DisplayModel, Engine, OpticalSetup, Result, SpatialVariation};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Sizes and detectors whose plans are kept. Plans are small beside a transfer function.
@@ -24,11 +24,20 @@ pub struct EngineCache {
 #[derive(Debug, Default)]
 struct Kept {
     plans: Vec<Arc<Convolver<f32>>>,
-    transfers: Vec<(OpticalSetup, KernelShape, Arc<Transfer<f32>>)>,
+    kernels: Vec<(Sampled, Arc<Kernels<f32>>)>,
+}
+
+/// All that transfer functions follow from.
+#[derive(Debug, PartialEq)]
+struct Sampled {
+    setup: OpticalSetup,
+    kernel: KernelShape,
+    variation: SpatialVariation,
 }
 
 impl EngineCache {
-    /// Keeps transfer functions of at most so many bytes together; one needs 32 bytes for each pixel of its display.
+    /// Keeps transfer functions of at most so many bytes together; one needs 32 bytes for each pixel of its display,
+    /// nine times as many where the kernel changes over the SLM.
     #[must_use]
     pub fn new(transfers_bytes_max: usize) -> Self {
         Self { transfers_bytes_max, kept: Mutex::default() }
@@ -43,7 +52,7 @@ impl EngineCache {
         model.validate()?;
         Ok(Engine {
             convolver: self.plans(model, detector),
-            transfer: self.transfer(model),
+            kernels: self.kernels(model),
             slm: Arc::new(tabulate_slm(model, carrier)),
             detector,
         })
@@ -66,22 +75,23 @@ impl EngineCache {
         plans
     }
 
-    fn transfer(&self, model: &DisplayModel) -> Arc<Transfer<f32>> {
+    fn kernels(&self, model: &DisplayModel) -> Arc<Kernels<f32>> {
         if matches!(model.kernel, KernelShape::Bins(_)) {
-            return Arc::new(sample_transfer(model));
+            return Arc::new(sample_kernels(model));
         }
+        let sampled = Sampled::of(model);
         let mut kept = self.kept();
-        if let Some(at) = kept.transfers.iter().position(|(s, k, _)| (s, k) == (&model.setup, &model.kernel)) {
-            let found = kept.transfers.remove(at);
-            let transfer = Arc::clone(&found.2);
-            kept.transfers.push(found);
-            return transfer;
+        if let Some(at) = kept.kernels.iter().position(|(of, _)| *of == sampled) {
+            let found = kept.kernels.remove(at);
+            let kernels = Arc::clone(&found.1);
+            kept.kernels.push(found);
+            return kernels;
         }
         // Sampling takes a while; two jobs that need the same one at once sample it twice.
         drop(kept);
-        let transfer = Arc::new(sample_transfer(model));
-        self.kept().keep(model, &transfer, self.transfers_bytes_max);
-        transfer
+        let kernels = Arc::new(sample_kernels(model));
+        self.kept().keep(sampled, &kernels, self.transfers_bytes_max);
+        kernels
     }
 
     fn kept(&self) -> MutexGuard<'_, Kept> {
@@ -89,14 +99,20 @@ impl EngineCache {
     }
 }
 
+impl Sampled {
+    fn of(model: &DisplayModel) -> Self {
+        Self { setup: model.setup, kernel: model.kernel.clone(), variation: model.variation.clone() }
+    }
+}
+
 impl Kept {
-    fn keep(&mut self, model: &DisplayModel, transfer: &Arc<Transfer<f32>>, bytes_max: usize) {
-        if transfer.bytes() > bytes_max {
+    fn keep(&mut self, sampled: Sampled, kernels: &Arc<Kernels<f32>>, bytes_max: usize) {
+        if kernels.bytes() > bytes_max {
             return;
         }
-        self.transfers.push((model.setup, model.kernel.clone(), Arc::clone(transfer)));
-        while self.transfers.iter().map(|(_, _, transfer)| transfer.bytes()).sum::<usize>() > bytes_max {
-            self.transfers.remove(0);
+        self.kernels.push((sampled, Arc::clone(kernels)));
+        while self.kernels.iter().map(|(_, kernels)| kernels.bytes()).sum::<usize>() > bytes_max {
+            self.kernels.remove(0);
         }
     }
 }
@@ -111,8 +127,8 @@ mod tests {
         DisplayModel::ideal(setup)
     }
 
-    fn transfer(cache: &EngineCache, model: &DisplayModel) -> Arc<Transfer<f32>> {
-        cache.engine(model, Detector::Pixel, None).unwrap().transfer
+    fn kernels(cache: &EngineCache, model: &DisplayModel) -> Arc<Kernels<f32>> {
+        cache.engine(model, Detector::Pixel, None).unwrap().kernels
     }
 
     #[test]
@@ -127,10 +143,10 @@ mod tests {
         for model in [model(2e-3), smooth, model(3e-3)] {
             let first = cache.engine(&model, Detector::Pixel, None).unwrap();
             let again = cache.engine(&model, Detector::Pixel, Some(Carrier::HalfOrderX)).unwrap();
-            assert!(Arc::ptr_eq(&first.transfer, &again.transfer));
+            assert!(Arc::ptr_eq(&first.kernels, &again.kernels));
             assert!(Arc::ptr_eq(&first.convolver, &again.convolver));
             let other = cache.engine(&model, Detector::Point, None).unwrap();
-            assert!(Arc::ptr_eq(&first.transfer, &other.transfer));
+            assert!(Arc::ptr_eq(&first.kernels, &other.kernels));
             assert!(!Arc::ptr_eq(&first.convolver, &other.convolver));
             let fresh = Engine::new(&model, Detector::Pixel, None).unwrap();
             assert_eq!(first.light(&phase).unwrap().values(), fresh.light(&phase).unwrap().values());
@@ -139,12 +155,12 @@ mod tests {
 
     #[test]
     fn what_was_used_longest_ago_makes_room() {
-        let bytes = transfer(&EngineCache::new(0), &model(1e-3)).bytes();
+        let bytes = kernels(&EngineCache::new(0), &model(1e-3)).bytes();
         let cache = EngineCache::new(2 * bytes);
-        let [a, b] = [1e-3, 2e-3].map(|distance_m| transfer(&cache, &model(distance_m)));
-        assert!(Arc::ptr_eq(&a, &transfer(&cache, &model(1e-3))));
-        transfer(&cache, &model(3e-3));
-        assert!(Arc::ptr_eq(&a, &transfer(&cache, &model(1e-3))), "used last, so it stays");
-        assert!(!Arc::ptr_eq(&b, &transfer(&cache, &model(2e-3))));
+        let [a, b] = [1e-3, 2e-3].map(|distance_m| kernels(&cache, &model(distance_m)));
+        assert!(Arc::ptr_eq(&a, &kernels(&cache, &model(1e-3))));
+        kernels(&cache, &model(3e-3));
+        assert!(Arc::ptr_eq(&a, &kernels(&cache, &model(1e-3))), "used last, so it stays");
+        assert!(!Arc::ptr_eq(&b, &kernels(&cache, &model(2e-3))));
     }
 }

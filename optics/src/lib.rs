@@ -61,6 +61,7 @@ pub mod setup;
 pub mod simulated_display;
 mod slm;
 mod slm_inverse;
+pub mod spatial_variation;
 pub mod test_cards;
 pub mod transfer_function;
 
@@ -77,3 +78,4 @@ pub use propagation::Method;
 pub use real::Real;
 pub use region::RegionOfInterest;
 pub use setup::OpticalSetup;
+pub use spatial_variation::SpatialVariation;

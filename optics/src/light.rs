@@ -18,7 +18,7 @@ impl<T: Real> Engine<T> {
     pub fn samples(&self, phase: &Plane<T>) -> Result<Plane<T>> {
         phase.expect_size("phase", self.height_px(), self.width_px())?;
         let per_side = self.detector().offsets_px().len();
-        let mut fields = Fields::for_light(&self.convolver);
+        let mut fields = Fields::for_light(self);
         self.send(phase.values(), &mut fields);
         let Fields { spectrum, tiles } = fields;
         // Its memory is needed for the samples.

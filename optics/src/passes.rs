@@ -83,7 +83,7 @@ impl Passes {
         let (height_px, width_px) = (engine.height_px(), engine.width_px());
         target.expect_size("target_intensity", height_px, width_px)?;
         phase.expect_size("phase", height_px, width_px)?;
-        let fields = Fields::new(&engine.convolver);
+        let fields = Fields::new(&engine);
         let gradient = Plane::filled(height_px, width_px, 0.0);
         Ok(Self { engine, target, region, phase, fields, gradient })
     }
@@ -93,12 +93,16 @@ impl Passes {
     pub fn run(&mut self, pass: Pass) {
         let Self { engine, target, region, phase, fields: Fields { spectrum, tiles }, gradient } = self;
         let (convolver, width_px) = (&engine.convolver, engine.width_px());
-        let one_lane = convolver.half_spectrum_len(1);
+        let slm_len = engine.kernels.half_spectrum_len(convolver);
         match pass {
-            Pass::ForwardRows => convolver.forward_rows(&mut spectrum[..one_lane], |y, row| {
-                engine.slm.field_row(y, phase.row(y), row);
-            }),
-            Pass::ForwardColumns => convolver.propagate(&spectrum[..one_lane], &engine.transfer, tiles),
+            Pass::ForwardRows => {
+                convolver.forward_rows(&mut spectrum[..slm_len], &engine.kernels.along_x, |y, row| {
+                    engine.slm.field_row(y, phase.row(y), row);
+                });
+            }
+            Pass::ForwardColumns => {
+                convolver.propagate(&spectrum[..slm_len], &engine.kernels, &mut tiles[..engine.image_len()]);
+            }
             Pass::Compare => {
                 let comparison = Comparison {
                     quantity: Quantity::Intensity,
@@ -112,9 +116,13 @@ impl Passes {
                 };
                 convolver.compare(tiles, &comparison, spectrum);
             }
-            Pass::BackwardColumns => convolver.propagate_adjoint(spectrum, &engine.transfer, &mut tiles[..one_lane]),
+            Pass::BackwardColumns => {
+                let spectrum = &spectrum[..engine.image_len()];
+                convolver.propagate_adjoint(spectrum, &engine.kernels, &mut tiles[..slm_len]);
+            }
             Pass::BackwardRows => {
-                convolver.inverse_rows(&tiles[..one_lane], gradient.values_mut(), |y, b, out| {
+                let (tiles, windows) = (&tiles[..slm_len], &engine.kernels.along_x);
+                convolver.inverse_rows(tiles, windows, gradient.values_mut(), |y, b, out| {
                     engine.slm.phase_gradient_row(y, &phase.values()[y * width_px..][..width_px], b, out);
                 });
             }

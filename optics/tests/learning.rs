@@ -106,6 +106,22 @@ fn validation_chooses_the_order_and_says_so() {
 }
 
 #[test]
+fn a_kernel_varies_over_the_modulator_where_validation_gains_by_it() {
+    let fair = Imperfections { seed: 5, ..Imperfections::FAIR };
+    for (field_aberration_rad, varies) in [(6.0, true), (0.0, false)] {
+        let bench = drawn(6e-3, Imperfections { field_aberration_rad, ..fair });
+        let (training, validation) = (pairs(&bench, 8, 100), pairs(&bench, 2, 400));
+        let lessons = Lessons { training: &training, validation: &validation };
+        let display = learned(&bench, options(&bench, Some(5)), lessons).model();
+        let model = LearnModel::Varying { order: Some(5) };
+        let varying = learned(&bench, LearnOptions { model, ..options(&bench, None) }, lessons).model();
+        assert_eq!(!varying.variation.is_none(), varies, "{field_aberration_rad} rad");
+        let (varying, display) = (held_out_loss(&bench, &varying), held_out_loss(&bench, &display));
+        assert!(if varies { varying < 0.6 * display } else { varying == display }, "{varying} against {display}");
+    }
+}
+
+#[test]
 fn learning_goes_on_from_an_earlier_version() {
     let bench = bench(9);
     let training = pairs(&bench, 6, 100);
@@ -126,20 +142,28 @@ fn learning_is_the_same_on_any_number_of_threads_and_after_a_pause() {
     let bench = bench(10);
     let (training, validation) = (pairs(&bench, 5, 100), pairs(&bench, 2, 400));
     let lessons = Lessons { training: &training, validation: &validation };
-    let short = || LearnOptions { refinement_evaluations: 8, epochs: 2, ..options(&bench, None) };
-    let on = |threads: usize| {
-        let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| learned(&bench, short(), lessons).model())
+    let short = |model, refinement_evaluations| LearnOptions {
+        model,
+        refinement_evaluations,
+        epochs: 2,
+        ..options(&bench, None)
     };
-    let one = on(1);
-    assert_eq!(one, on(2));
-    assert_eq!(one, on(8));
+    let display = short(LearnModel::Display { order: None }, 8);
+    for options in [display, short(LearnModel::Varying { order: None }, 4)] {
+        let on = |threads: usize| {
+            let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| learned(&bench, options.clone(), lessons).model())
+        };
+        let one = on(1);
+        assert_eq!(one, on(2));
+        assert_eq!(one, on(8));
 
-    let mut learner = Learner::start(bench.setup(), short(), &training).unwrap();
-    while learner.step(lessons).unwrap().is_some() {
-        learner = Learner::resume(bench.setup(), short(), learner.state()).unwrap();
+        let mut learner = Learner::start(bench.setup(), options.clone(), &training).unwrap();
+        while learner.step(lessons).unwrap().is_some() {
+            learner = Learner::resume(bench.setup(), options.clone(), learner.state()).unwrap();
+        }
+        assert_eq!(one, learner.model());
     }
-    assert_eq!(one, learner.model());
 }
 
 /// Pairs of several distances.

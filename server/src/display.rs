@@ -79,6 +79,9 @@ pub struct SimulatedBench {
     /// Where the aberrations are as drawn \[m\]; 0: everywhere.
     #[serde(default)]
     pub aberrations_at_m: f64,
+    /// Aberrations that depend on the place on the modulator, at most \[rad\].
+    #[serde(default)]
+    pub field_aberration_rad: f64,
 }
 
 impl SimulatedBench {

@@ -48,6 +48,19 @@ pub enum KernelModel {
     Smooth,
     /// Smooth, and source, phase response and zero order.
     Display,
+    /// Display, and a kernel that varies over the SLM.
+    Varying,
+}
+
+impl KernelModel {
+    /// Whether the kernel is smooth: such models are refined, and can be started from.
+    #[must_use]
+    pub fn is_smooth(self) -> bool {
+        match self {
+            Self::Smooth | Self::Display | Self::Varying => true,
+            Self::Paper | Self::Dense => false,
+        }
+    }
 }
 
 /// What a learning job hands to the registry; becomes the kernel's next version.

@@ -6,18 +6,20 @@
 //! | key | meaning |
 //! |---|---|
 //! | `format`, `format_version` | `lightpath-kernel`, 1 |
-//! | `model` | `paper`, `dense`, `smooth` or `display` |
+//! | `model` | `paper`, `dense`, `smooth`, `display` or `varying` |
 //! | `height_px`, `width_px`, `pixel_pitch_m`, `wavelength_m`, `distance_m` | what it was learned for |
 //! | `kernel_order`, `source_order` | highest total degrees of the Chebyshev series |
+//! | `variation_order` | that of what makes the kernel vary over the SLM, 0 where it is missing |
 //! | `propagation` | the method of H_ideal, `band_limited` where it is missing |
 //! | `interpolated_from_m` | photographed distances \[m\], ascending, of a kernel for a distance between them; else missing |
 //!
 //! | tensor | type, shape | meaning |
 //! |---|---|---|
-//! | `kernel.log_amplitude`, `kernel.phase` | f64, \[terms\] | α and ψ of H = H_ideal · exp(α + iψ) (`smooth`, `display`) |
+//! | `kernel.log_amplitude`, `kernel.phase` | f64, \[terms\] | α and ψ of H = H_ideal · exp(α + iψ) (`smooth`, `display`, `varying`) |
+//! | `variation.log_amplitude`, `variation.phase` | f64, \[5, terms\] | α_m and ψ_m, factors of x, y, x², xy and y² (`varying`) |
 //! | `kernel.bins` | f32, \[rows, columns, 2\] | H, real and imaginary, zero frequency in the middle (`paper`, `dense`) |
-//! | `source.log_amplitude`, `source.phase` | f64, \[terms\] | the source profile (`display`) |
-//! | `response` | f64, \[harmonics, 2\] | r(φ) = φ + Σ a_k sin kφ + b_k cos kφ \[rad\] (`display`) |
+//! | `source.log_amplitude`, `source.phase` | f64, \[terms\] | the source profile (`display`, `varying`) |
+//! | `response` | f64, \[harmonics, 2\] | r(φ) = φ + Σ a_k sin kφ + b_k cos kφ \[rad\] (`display`, `varying`) |
 //! | `photometry` | f64, \[4\] | gain, offset, zero order (real, imaginary) |
 //!
 //! Coefficients are in the order of `lightpath_optics::chebyshev::ChebyshevBasis::degrees`.
@@ -25,7 +27,7 @@
 use crate::kernel::KernelModel;
 use crate::planning;
 use crate::propagation::PropagationMethod;
-use lightpath_optics::{DisplayModel, Grid, KernelShape, OpticalSetup, Plane, SmoothField};
+use lightpath_optics::{DisplayModel, Grid, KernelShape, OpticalSetup, Plane, SmoothField, SpatialVariation};
 use num_complex::{Complex32, Complex64};
 use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
@@ -81,11 +83,17 @@ struct Header {
     distance_m: f64,
     kernel_order: usize,
     source_order: usize,
+    #[serde(default, skip_serializing_if = "is_zero")]
+    variation_order: usize,
     /// Files of older servers are of band-limited propagation.
     #[serde(default = "band_limited")]
     propagation: PropagationMethod,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     interpolated_from_m: Vec<f64>,
+}
+
+fn is_zero(order: &usize) -> bool {
+    *order == 0
 }
 
 fn band_limited() -> PropagationMethod {
@@ -123,6 +131,7 @@ pub fn encode_interpolated(
         distance_m: model.setup.distance_m(),
         kernel_order: if let KernelShape::Smooth(errors) = &model.kernel { errors.order } else { 0 },
         source_order: model.source.order,
+        variation_order: model.variation.order(),
         propagation: planning::from_optics(model.setup.method()),
         interpolated_from_m: from_m.to_vec(),
     };
@@ -135,6 +144,15 @@ pub fn encode_interpolated(
     }
     series("source.log_amplitude", &model.source.log_amplitude);
     series("source.phase", &model.source.phase);
+    if !model.variation.is_none() {
+        let mut all = |name, of: fn(&SmoothField) -> &[f64]| {
+            let values: Vec<f64> = model.variation.fields().iter().flat_map(of).copied().collect();
+            let shape = vec![SpatialVariation::POWERS, values.len() / SpatialVariation::POWERS];
+            tensors.push((name, Dtype::F64, shape, bytes_f64(&values)));
+        };
+        all("variation.log_amplitude", |field| &field.log_amplitude);
+        all("variation.phase", |field| &field.phase);
+    }
     let harmonics = vec![model.response.len(), 2];
     tensors.push(("response", Dtype::F64, harmonics, bytes_f64(model.response.as_flattened())));
     if let KernelShape::Bins(bins) = &model.kernel {
@@ -170,12 +188,13 @@ pub fn decode(bytes: &[u8]) -> Result<(DisplayModel, KernelModel), KernelFileErr
         setup,
         kernel: match header.model {
             KernelModel::Paper | KernelModel::Dense => KernelShape::Bins(bins(&tensors)?),
-            KernelModel::Smooth | KernelModel::Display => KernelShape::Smooth(SmoothField {
+            KernelModel::Smooth | KernelModel::Display | KernelModel::Varying => KernelShape::Smooth(SmoothField {
                 order: header.kernel_order,
                 log_amplitude: floats(&tensors, "kernel.log_amplitude")?,
                 phase: floats(&tensors, "kernel.phase")?,
             }),
         },
+        variation: variation(&tensors, header.variation_order)?,
         source: SmoothField {
             order: header.source_order,
             log_amplitude: floats(&tensors, "source.log_amplitude")?,
@@ -188,6 +207,27 @@ pub fn decode(bytes: &[u8]) -> Result<(DisplayModel, KernelModel), KernelFileErr
     };
     model.validate()?;
     Ok((model, header.model))
+}
+
+fn variation(tensors: &SafeTensors<'_>, order: usize) -> Result<SpatialVariation, KernelFileError> {
+    if order == 0 {
+        return Ok(SpatialVariation::none());
+    }
+    let per_power = |name| -> Result<Vec<Vec<f64>>, KernelFileError> {
+        let values = floats(tensors, name)?;
+        let terms = values.len() / SpatialVariation::POWERS;
+        if terms == 0 || values.len() % SpatialVariation::POWERS != 0 {
+            return Err(KernelFileError::Tensor { name, expected: "f64 of shape [5, terms]" });
+        }
+        Ok(values.chunks_exact(terms).map(<[f64]>::to_vec).collect())
+    };
+    let (mut log_amplitudes, mut phases) =
+        (per_power("variation.log_amplitude")?.into_iter(), per_power("variation.phase")?.into_iter());
+    Ok(SpatialVariation::new([(); SpatialVariation::POWERS].map(|()| SmoothField {
+        order,
+        log_amplitude: log_amplitudes.next().unwrap_or_default(),
+        phase: phases.next().unwrap_or_default(),
+    })))
 }
 
 /// The distances \[m\] that a file's kernel was interpolated from; none where it was learned at its own.
@@ -253,10 +293,20 @@ mod tests {
         let mut errors = SmoothField::flat(3);
         errors.phase.iter_mut().enumerate().for_each(|(i, c)| *c = 1.0 / (i as f64 + 3.0));
         let bins = Plane::from_fn(64, 96, |y, x| Complex32::new(y as f32, -(x as f32) / 7.0));
-        for (kernel, kind) in
-            [(KernelShape::Smooth(errors), KernelModel::Display), (KernelShape::Bins(bins), KernelModel::Dense)]
-        {
+        let smooth = KernelShape::Smooth(errors);
+        for (kernel, kind) in [
+            (smooth.clone(), KernelModel::Display),
+            (smooth, KernelModel::Varying),
+            (KernelShape::Bins(bins), KernelModel::Dense),
+        ] {
             let mut model = model(kernel);
+            if kind == KernelModel::Varying {
+                model.variation = SpatialVariation::new([1.0, 2.0, 3.0, 4.0, 5.0].map(|size| {
+                    let mut field = SmoothField::flat(2);
+                    (field.log_amplitude[1], field.phase[3]) = (-0.1 * size, 0.3 * size);
+                    field
+                }));
+            }
             model.setup = model.setup.planned().unwrap().0;
             let bytes = encode(&model, kind).unwrap();
             assert_eq!(bytes, encode(&model, kind).unwrap());

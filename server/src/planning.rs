@@ -122,5 +122,6 @@ pub(crate) fn imperfections(bench: SimulatedBench) -> Imperfections {
         dimming_per_hour: bench.dimming_per_hour,
         rail_tilt_deg: bench.rail_tilt_deg,
         aberrations_at_m: bench.aberrations_at_m,
+        field_aberration_rad: bench.field_aberration_rad,
     }
 }

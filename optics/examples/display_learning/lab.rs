@@ -38,8 +38,9 @@ impl Lab {
         let critical_m = 2.0 * width_px.min(height_px) as f64 * pitch_m * pitch_m / wavelength_m;
         let distance_m = if options.distance_m > 0.0 { options.distance_m } else { 0.6 * critical_m };
         let setup = OpticalSetup::try_new(grid, wavelength_m, distance_m)?.planned()?.0;
-        let Options { strength, camera_noise, misalignment_px, .. } = *options;
-        let imperfections = Imperfections { seed, strength, camera_noise, misalignment_px, ..Imperfections::FAIR };
+        let Options { strength, camera_noise, misalignment_px, field_aberration_rad, .. } = *options;
+        let drawn = Imperfections { seed, strength, camera_noise, ..Imperfections::FAIR };
+        let imperfections = Imperfections { misalignment_px, field_aberration_rad, ..drawn };
         Ok(Self {
             bench: SimulatedDisplay::draw(setup, None, imperfections)?,
             region: RegionOfInterest::middle(&grid),

@@ -4,6 +4,7 @@
 //! ```sh
 //! cargo run --release -p lightpath-optics --example display_learning -- --size 640x360 --seeds 1,2,3,4,5
 //! cargo run --release -p lightpath-optics --example display_learning -- --pairs 4 --models display
+//! cargo run --release -p lightpath-optics --example display_learning -- --field-rad 2 --models display,varying
 //! cargo run --release -p lightpath-optics --example display_learning -- --wrong 1 --saturated 0.02 --rotation-deg 0.02
 //! ```
 //!
@@ -96,7 +97,9 @@ fn learn(
     let (kept, order) = (learner.kept_pairs(training.len()).len(), order(&learner.model()));
     let total_s = began.elapsed().as_secs_f64();
     let memory = memory::peak_mb().map_or_else(String::new, |mb| format!("{mb:5.0}"));
-    Ok((learner.model(), format!("{total_s:7.1} {memory}  ({adam_s:.1} s of Adam, order {order}, {kept} pairs)")))
+    let varies = if learner.model().variation.is_none() { "" } else { ", varies" };
+    let how = format!("({adam_s:.1} s of Adam, order {order}{varies}, {kept} pairs)");
+    Ok((learner.model(), format!("{total_s:7.1} {memory}  {how}")))
 }
 
 fn order(model: &DisplayModel) -> usize {

@@ -23,6 +23,8 @@ pub(crate) struct Options {
     pub(crate) strength: f64,
     pub(crate) camera_noise: f64,
     pub(crate) misalignment_px: f64,
+    /// Aberrations that depend on where on the modulator a pixel lies.
+    pub(crate) field_aberration_rad: f64,
     /// Photographs of other holograms than they are filed with, among the training pairs.
     pub(crate) wrong: usize,
     /// Part of the training photographs' pixels that is overexposed.
@@ -63,6 +65,7 @@ impl Options {
             strength: number("strength", &text("strength", "1"))?,
             camera_noise: number("noise", &text("noise", "0.003"))?,
             misalignment_px: number("shift", &text("shift", "0.5"))?,
+            field_aberration_rad: number("field-rad", &text("field-rad", "0"))?,
             wrong: number("wrong", &text("wrong", "0"))?,
             saturated: number("saturated", &text("saturated", "0"))?,
             rotation_deg: number("rotation-deg", &text("rotation-deg", "0"))?,
@@ -83,6 +86,7 @@ pub(crate) fn name(model: LearnModel) -> &'static str {
         LearnModel::Dense => "dense",
         LearnModel::Smooth { .. } => "smooth",
         LearnModel::Display { .. } => "display",
+        LearnModel::Varying { .. } => "varying",
     }
 }
 
@@ -92,6 +96,7 @@ fn model(name: &str, order: Option<usize>) -> Result<LearnModel, Failure> {
         "dense" => LearnModel::Dense,
         "smooth" => LearnModel::Smooth { order },
         "display" => LearnModel::Display { order },
+        "varying" => LearnModel::Varying { order },
         other => return Err(format!("there is no model {other}").into()),
     })
 }

@@ -1,6 +1,6 @@
 //! Passes along y: a tile of columns at a time.
 
-use super::{Convolver, Transfer};
+use super::{Convolver, Kernels};
 use crate::batch_fft::{ComplexLanes, Factors, Planes};
 use crate::real::Real;
 use num_complex::Complex;
@@ -24,77 +24,102 @@ impl<T: Real> TileScratch<T> {
 }
 
 impl<T: Real> Convolver<T> {
-    /// One half-transformed field in, H applied, one field out for each offset along y.
-    pub(crate) fn propagate(&self, spectrum: &[Complex<T>], transfer: &Transfer<T>, tiles: &mut [Complex<T>]) {
+    /// The half-transformed fields of the windows in, H applied, one field out for each offset along y.
+    pub(crate) fn propagate(&self, spectrum: &[Complex<T>], kernels: &Kernels<T>, tiles: &mut [Complex<T>]) {
         tiles.par_chunks_mut(self.lanes() * self.tile_len()).enumerate().for_each_init(
             || self.scratch.take(),
             |scratch, (tile, out)| {
-                let scratch = &mut scratch.tile;
-                T::pass_over_tile(TilePass {
-                    convolver: self,
-                    transfer,
-                    spectrum,
-                    tile,
-                    scratch,
-                    out,
-                    way: Way::There,
-                });
+                self.pass(kernels, tile, &mut scratch.tile, Way::There(spectrum, out));
             },
         );
     }
 
     /// The adjoint of [`Self::propagate`].
-    pub(crate) fn propagate_adjoint(&self, spectrum: &[Complex<T>], transfer: &Transfer<T>, tiles: &mut [Complex<T>]) {
-        tiles.par_chunks_mut(self.tile_len()).enumerate().for_each_init(
+    pub(crate) fn propagate_adjoint(&self, spectrum: &[Complex<T>], kernels: &Kernels<T>, tiles: &mut [Complex<T>]) {
+        tiles.par_chunks_mut(kernels.lanes() * self.tile_len()).enumerate().for_each_init(
             || self.scratch.take(),
             |scratch, (tile, out)| {
-                let scratch = &mut scratch.tile;
-                T::pass_over_tile(TilePass { convolver: self, transfer, spectrum, tile, scratch, out, way: Way::Back });
+                self.pass(kernels, tile, &mut scratch.tile, Way::Back(spectrum, out));
             },
         );
     }
 
     /// [`Self::propagate_adjoint`], and on the way the correlation of the back-propagated gradient g with the field u that
-    /// went out, from which ∂L/∂H* = u*·g: `visit(column, u, g)` sees the spectra of each column, and its answers come
-    /// back in the order of the columns.
+    /// went out, from which ∂L/∂H* = u*·g: `visit(k, column, u, g)` sees the spectra of each column for each kernel k, and
+    /// the answers come back column after column, in each of them kernel after kernel.
     pub(crate) fn correlate<R: Send>(
         &self,
         field: &[Complex<T>],
         gradient: &[Complex<T>],
-        transfer: &Transfer<T>,
+        kernels: &Kernels<T>,
         tiles: &mut [Complex<T>],
-        visit: impl Fn(usize, &[Complex<T>], &[Complex<T>]) -> R + Sync,
+        visit: impl Fn(usize, usize, &[Complex<T>], &[Complex<T>]) -> R + Sync,
     ) -> Vec<R> {
-        let len = self.tile_len();
+        let (len, count) = (self.tile_len(), kernels.transfers.len());
         let zeros = |len| vec![Complex::new(T::zero(), T::zero()); len];
-        let answers = tiles.par_chunks_mut(len).enumerate().map_init(
+        let answers = tiles.par_chunks_mut(kernels.lanes() * len).enumerate().map_init(
             || {
                 (
                     self.scratch.take(),
-                    [zeros(2 * len), zeros(2 * len)],
+                    vec![zeros(2 * len); count],
+                    zeros(2 * len),
                     [zeros(2 * self.height_px), zeros(2 * self.height_px)],
                 )
             },
-            |(scratch, [u, g], [u_column, g_column]), (tile, out)| {
+            |(scratch, u, g, [u_column, g_column]), (tile, out)| {
                 let scratch = &mut scratch.tile;
-                let mut pass = |spectrum: &[Complex<T>], out: &mut [Complex<T>], way| {
-                    T::pass_over_tile(TilePass { convolver: self, transfer, spectrum, tile, scratch, out, way });
-                };
-                pass(field, u, Way::SpectraThere);
-                pass(gradient, g, Way::SpectraBack);
+                for (k, u) in u.iter_mut().enumerate() {
+                    self.pass(kernels, tile, scratch, Way::SpectraThere(k, field, u));
+                }
+                self.pass(kernels, tile, scratch, Way::SpectraBack(gradient, g));
                 let columns = self.tile_columns.min(2 * self.width_px - tile * self.tile_columns);
-                let answers: Vec<R> = (0..columns)
-                    .map(|k| {
-                        read_column(u, self.tile_columns, k, u_column);
-                        read_column(g, self.tile_columns, k, g_column);
-                        visit(tile * self.tile_columns + k, u_column, g_column)
-                    })
-                    .collect();
-                pass(gradient, out, Way::ReturnSpectra);
+                let mut answers = Vec::with_capacity(columns * count);
+                for column in 0..columns {
+                    read_column(g, self.tile_columns, column, g_column);
+                    for (k, u) in u.iter().enumerate() {
+                        read_column(u, self.tile_columns, column, u_column);
+                        answers.push(visit(k, tile * self.tile_columns + column, u_column, g_column));
+                    }
+                }
+                self.pass(kernels, tile, scratch, Way::ReturnSpectra(out));
                 answers
             },
         );
         answers.collect::<Vec<_>>().into_iter().flatten().collect()
+    }
+
+    /// The spectra of what [`Self::propagate`] makes, each kernel's share times a real number: for each tile, the even and
+    /// the odd bins.
+    pub(crate) fn weigh_spectra(
+        &self,
+        spectrum: &[Complex<T>],
+        kernels: &Kernels<T>,
+        weights: &[T],
+        spectra: &mut [Complex<T>],
+    ) {
+        spectra.par_chunks_mut(2 * self.tile_len()).enumerate().for_each_init(
+            || self.scratch.take(),
+            |scratch, (tile, out)| {
+                self.pass(kernels, tile, &mut scratch.tile, Way::Weigh(spectrum, weights, out));
+            },
+        );
+    }
+
+    /// From [weighed spectra](Self::weigh_spectra), times a real number for each bin along y, to one field for each offset.
+    pub(crate) fn return_weighed(&self, spectra: &[Complex<T>], along_y: &[T], tiles: &mut [Complex<T>]) {
+        let kernels = &Kernels { transfers: Vec::new(), along_x: Vec::new(), along_y: Vec::new() };
+        let lanes = self.lanes() * self.tile_len();
+        let spectra = spectra.par_chunks(2 * self.tile_len());
+        tiles.par_chunks_mut(lanes).zip(spectra).enumerate().for_each_init(
+            || self.scratch.take(),
+            |scratch, (tile, (out, spectra))| {
+                self.pass(kernels, tile, &mut scratch.tile, Way::ReturnWeighed(spectra, along_y, out));
+            },
+        );
+    }
+
+    fn pass(&self, kernels: &Kernels<T>, tile: usize, scratch: &mut TileScratch<T>, way: Way<'_, T>) {
+        T::pass_over_tile(TilePass { convolver: self, kernels, tile, scratch, way });
     }
 
     /// Values of a tile of one half-transformed field.
@@ -109,19 +134,22 @@ fn read_column<T: Copy>(tile: &[T], columns: usize, k: usize, column: &mut [T]) 
     }
 }
 
-/// What a pass over a tile does.
-#[derive(Clone, Copy, Debug)]
-enum Way {
+/// What a pass over a tile does: with what, and where to.
+enum Way<'a, T> {
     /// Transform, multiply by H, transform back for each offset along y.
-    There,
+    There(&'a [Complex<T>], &'a mut [Complex<T>]),
     /// The adjoint of it.
-    Back,
-    /// Stop before H and write the spectra.
-    SpectraThere,
+    Back(&'a [Complex<T>], &'a mut [Complex<T>]),
+    /// Stop before the H of one kernel and write the spectra.
+    SpectraThere(usize, &'a [Complex<T>], &'a mut [Complex<T>]),
     /// The same on the way back.
-    SpectraBack,
+    SpectraBack(&'a [Complex<T>], &'a mut [Complex<T>]),
     /// Go on from the spectra that [`Way::SpectraBack`] left in the scratch.
-    ReturnSpectra,
+    ReturnSpectra(&'a mut [Complex<T>]),
+    /// Stop behind H, each kernel's share times a number.
+    Weigh(&'a [Complex<T>], &'a [T], &'a mut [Complex<T>]),
+    /// Go on from these, times a number for each row.
+    ReturnWeighed(&'a [Complex<T>], &'a [T], &'a mut [Complex<T>]),
 }
 
 /// Passes over tiles as functions of one precision, which are compiled here. A generic function is compiled by every crate
@@ -145,12 +173,10 @@ impl TilePasses for f64 {
 /// A pass over a tile, as an operation that is compiled for the vector instructions of the machine at hand.
 pub(crate) struct TilePass<'a, T> {
     convolver: &'a Convolver<T>,
-    transfer: &'a Transfer<T>,
-    spectrum: &'a [Complex<T>],
+    kernels: &'a Kernels<T>,
     tile: usize,
     scratch: &'a mut TileScratch<T>,
-    out: &'a mut [Complex<T>],
-    way: Way,
+    way: Way<'a, T>,
 }
 
 impl<T: Real> WithSimd for TilePass<'_, T> {
@@ -158,31 +184,38 @@ impl<T: Real> WithSimd for TilePass<'_, T> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { convolver, transfer, spectrum, tile, scratch, out, way } = self;
-        let pass = Pass { simd, convolver, tile };
-        let h = |conjugate| transfer.halves(tile).map(|values| Factors { values, conjugate });
+        let Self { convolver, kernels, tile, scratch, way } = self;
+        let pass = Pass { simd, convolver, kernels, tile };
         match way {
-            Way::There => {
-                pass.transform(spectrum, 1, 0, &mut scratch.spectra, &mut scratch.spare, Some(h(false)));
+            Way::There(spectrum, out) => {
+                pass.blend(spectrum, None, scratch);
                 pass.return_lanes(scratch, out);
             }
-            Way::Back => {
-                pass.sum_lanes(spectrum, scratch, Some(h(true)));
-                pass.return_tile(&mut scratch.spectra, &mut scratch.spare, out);
+            Way::Back(spectrum, out) => {
+                // A single kernel is applied while the transform ends.
+                let factors = (kernels.transfers.len() == 1).then(|| pass.factors(0, true));
+                pass.sum_lanes(spectrum, scratch, factors);
+                match factors {
+                    Some(_) => pass.return_tile(&mut scratch.spectra, &mut scratch.spare, (None, false), out),
+                    None => pass.return_windows(scratch, out),
+                }
             }
-            Way::SpectraThere => {
-                pass.transform(spectrum, 1, 0, &mut scratch.spectra, &mut scratch.spare, None);
+            Way::SpectraThere(k, spectrum, out) => {
+                pass.transform_kernel(spectrum, k, &mut scratch.spectra, &mut scratch.spare, None);
                 pass.write_spectra(&scratch.spectra, out);
             }
-            Way::SpectraBack => {
+            Way::SpectraBack(spectrum, out) => {
                 pass.sum_lanes(spectrum, scratch, None);
                 pass.write_spectra(&scratch.spectra, out);
             }
-            Way::ReturnSpectra => {
-                for (half, factors) in scratch.spectra.iter_mut().zip(h(true)) {
-                    factors.apply(simd, half);
-                }
-                pass.return_tile(&mut scratch.spectra, &mut scratch.spare, out);
+            Way::ReturnSpectra(out) => pass.return_windows(scratch, out),
+            Way::Weigh(spectrum, weights, out) => {
+                pass.blend(spectrum, Some(weights), scratch);
+                pass.write_spectra(&scratch.spectra, out);
+            }
+            Way::ReturnWeighed(spectra, along_y, out) => {
+                pass.read_spectra(spectra, along_y, &mut scratch.spectra);
+                pass.return_lanes(scratch, out);
             }
         }
     }
@@ -191,6 +224,7 @@ impl<T: Real> WithSimd for TilePass<'_, T> {
 struct Pass<'a, T, S> {
     simd: S,
     convolver: &'a Convolver<T>,
+    kernels: &'a Kernels<T>,
     tile: usize,
 }
 
@@ -201,14 +235,71 @@ impl<T: Real, S: Simd> Pass<'_, T, S> {
         self.convolver.tile_columns / T::lanes::<S>()
     }
 
-    /// Reads this tile of one of `lanes` half-transformed fields and leaves its spectra, times `factors`,
-    /// in `halves`.
+    /// H of a kernel, or its conjugate, for the even and the odd bins.
+    #[inline(always)]
+    fn factors(&self, kernel: usize, conjugate: bool) -> [Factors<'_, T>; 2] {
+        self.kernels.transfers[kernel].halves(self.tile).map(|values| Factors { values, conjugate })
+    }
+
+    /// Σ over the kernels of H · F[window · field], each times its weight, in the scratch's spectra.
+    #[inline(always)]
+    fn blend(&self, spectrum: &[Complex<T>], weights: Option<&[T]>, scratch: &mut TileScratch<T>) {
+        let TileScratch { spectra, shifted, spare } = scratch;
+        for kernel in 0..self.kernels.transfers.len() {
+            let factors = Some(self.factors(kernel, false));
+            let weight = weights.map(|weights| weights[kernel]);
+            if kernel == 0 {
+                self.transform_kernel(spectrum, kernel, spectra, spare, factors);
+                if let Some(weight) = weight {
+                    spectra.iter_mut().for_each(|half| self.scale(half, weight));
+                }
+                continue;
+            }
+            self.transform_kernel(spectrum, kernel, shifted, spare, factors);
+            let weight = weight.unwrap_or(T::one());
+            spectra.iter_mut().zip(&*shifted).for_each(|(sum, half)| self.add(half, weight, sum));
+        }
+    }
+
+    /// The spectra of what a kernel's window lets through, times `factors`.
+    #[inline(always)]
+    fn transform_kernel(
+        &self,
+        spectrum: &[Complex<T>],
+        kernel: usize,
+        halves: &mut [Planes<T>; 2],
+        spare: &mut Planes<T>,
+        factors: Option<[Factors<'_, T>; 2]>,
+    ) {
+        let lanes = self.kernels.lanes();
+        let window = self.kernels.along_y[kernel / lanes].as_deref();
+        self.transform(spectrum, (lanes, kernel % lanes), window, halves, spare, factors);
+    }
+
+    /// `half` · `weight`.
+    #[inline(always)]
+    fn scale(&self, half: &mut Planes<T>, weight: T) {
+        for values in [&mut half.re, &mut half.im] {
+            values.iter_mut().for_each(|value| *value = *value * weight);
+        }
+    }
+
+    /// `sum` + `half` · `weight`.
+    #[inline(always)]
+    fn add(&self, half: &Planes<T>, weight: T, sum: &mut Planes<T>) {
+        for (sum, half) in [(&mut sum.re, &half.re), (&mut sum.im, &half.im)] {
+            sum.iter_mut().zip(half).for_each(|(sum, &value)| *sum = *sum + value * weight);
+        }
+    }
+
+    /// Reads this tile of one of several half-transformed fields, times a window along y, and leaves its spectra, times
+    /// `factors`, in `halves`.
     #[inline(always)]
     fn transform(
         &self,
         spectrum: &[Complex<T>],
-        lanes: usize,
-        lane: usize,
+        (lanes, lane): (usize, usize),
+        window: Option<&[T]>,
         halves: &mut [Planes<T>; 2],
         spare: &mut Planes<T>,
         factors: Option<[Factors<'_, T>; 2]>,
@@ -220,11 +311,16 @@ impl<T: Real, S: Simd> Pass<'_, T, S> {
         let mut at = 0;
         for (y, &turn) in self.convolver.along_y.half_bin.iter().enumerate() {
             let turn = ComplexLanes::splat(self.simd, turn);
+            let factor = window.map(|window| ComplexLanes::splat(self.simd, Complex::new(window[y], T::zero())));
             let row = &spectrum[(y * lanes + lane) * row_len + self.tile * columns..][..columns];
             for &pair in T::interleaved::<S>(row) {
                 let [re, im] = T::parts(self.simd, pair);
-                let turned = ComplexLanes::<T, S>::new(self.simd, re, im) * turn;
-                (even_re[at], even_im[at]) = (re, im);
+                let mut value = ComplexLanes::<T, S>::new(self.simd, re, im);
+                if let Some(factor) = factor {
+                    value = value * factor;
+                }
+                let turned = value * turn;
+                (even_re[at], even_im[at]) = (value.re.vector, value.im.vector);
                 (odd_re[at], odd_im[at]) = (turned.re.vector, turned.im.vector);
                 at += 1;
             }
@@ -242,9 +338,9 @@ impl<T: Real, S: Simd> Pass<'_, T, S> {
         let lanes = self.convolver.lanes();
         for (lane, offset) in self.convolver.along_y.offsets.iter().enumerate() {
             let Some(phases) = offset else {
-                return self.transform(spectrum, lanes, lane, spectra, spare, factors);
+                return self.transform(spectrum, (lanes, lane), None, spectra, spare, factors);
             };
-            self.transform(spectrum, lanes, lane, shifted, spare, None);
+            self.transform(spectrum, (lanes, lane), None, shifted, spare, None);
             let last = lane + 1 == lanes;
             let halves = spectra.iter_mut().zip(&*shifted).zip(phases.chunks_exact(self.convolver.height_px));
             for (i, ((sum, half), phases)) in halves.enumerate() {
@@ -297,6 +393,23 @@ impl<T: Real, S: Simd> Pass<'_, T, S> {
         }
     }
 
+    /// Transforms the spectra times conj(H) of each kernel back, and adds up those of each window along x.
+    #[inline(always)]
+    fn return_windows(&self, scratch: &mut TileScratch<T>, out: &mut [Complex<T>]) {
+        let TileScratch { spectra, shifted, spare } = scratch;
+        let lanes = self.kernels.lanes();
+        for kernel in 0..self.kernels.transfers.len() {
+            for ((half, turned), factors) in spectra.iter().zip(&mut *shifted).zip(self.factors(kernel, true)) {
+                turned.re.copy_from_slice(&half.re);
+                turned.im.copy_from_slice(&half.im);
+                factors.apply(self.simd, turned);
+            }
+            let (window, add) = (self.kernels.along_y[kernel / lanes].as_deref(), kernel >= lanes);
+            let out = &mut out[kernel % lanes * self.convolver.tile_len()..][..self.convolver.tile_len()];
+            self.return_tile(shifted, spare, (window, add), out);
+        }
+    }
+
     /// Transforms the spectra back for each offset along y.
     #[inline(always)]
     fn return_lanes(&self, scratch: &mut TileScratch<T>, out: &mut [Complex<T>]) {
@@ -304,20 +417,27 @@ impl<T: Real, S: Simd> Pass<'_, T, S> {
         let outs = out.chunks_exact_mut(self.convolver.tile_len());
         for (offset, out) in self.convolver.along_y.offsets.iter().zip(outs) {
             let Some(phases) = offset else {
-                self.return_tile(spectra, spare, out);
+                self.return_tile(spectra, spare, (None, false), out);
                 continue;
             };
             let halves = spectra.iter().zip(&mut *shifted).zip(phases.chunks_exact(self.convolver.height_px));
             for ((half, shifted), phases) in halves {
                 self.turn(half, phases, shifted);
             }
-            self.return_tile(shifted, spare, out);
+            self.return_tile(shifted, spare, (None, false), out);
         }
     }
 
-    /// Transforms spectra back and writes the first half of the padded columns: even + conj(half_bin) · odd.
+    /// Transforms spectra back and writes the first half of the padded columns, even + conj(half_bin) · odd, times a window,
+    /// or adds it.
     #[inline(always)]
-    fn return_tile(&self, halves: &mut [Planes<T>; 2], spare: &mut Planes<T>, out: &mut [Complex<T>]) {
+    fn return_tile(
+        &self,
+        halves: &mut [Planes<T>; 2],
+        spare: &mut Planes<T>,
+        (window, add): (Option<&[T]>, bool),
+        out: &mut [Complex<T>],
+    ) {
         for half in &mut *halves {
             self.convolver.down_columns.inverse(self.simd, half, spare);
         }
@@ -326,13 +446,40 @@ impl<T: Real, S: Simd> Pass<'_, T, S> {
         let (odd_re, odd_im) = (T::vectors::<S>(&odd.re), T::vectors::<S>(&odd.im));
         let rows = out.chunks_exact_mut(self.convolver.tile_columns);
         let mut at = 0;
-        for (row, &turn) in rows.zip(&self.convolver.along_y.half_bin) {
+        for (y, (row, &turn)) in rows.zip(&self.convolver.along_y.half_bin).enumerate() {
             let turn = ComplexLanes::splat(self.simd, turn).conj();
+            let factor = window.map(|window| ComplexLanes::splat(self.simd, Complex::new(window[y], T::zero())));
             for pair in T::interleaved_mut::<S>(row) {
                 let odd = ComplexLanes::<T, S>::new(self.simd, odd_re[at], odd_im[at]) * turn;
-                let value = ComplexLanes::new(self.simd, even_re[at], even_im[at]) + odd;
+                let mut value = ComplexLanes::new(self.simd, even_re[at], even_im[at]) + odd;
+                if let Some(factor) = factor {
+                    value = value * factor;
+                }
+                if add {
+                    let [re, im] = T::parts(self.simd, *pair);
+                    value = ComplexLanes::new(self.simd, re, im) + value;
+                }
                 *pair = T::pair(self.simd, [value.re.vector, value.im.vector]);
                 at += 1;
+            }
+        }
+    }
+
+    /// Reads spectra as [`Self::write_spectra`] leaves them, times a number for each row.
+    #[inline(always)]
+    fn read_spectra(&self, from: &[Complex<T>], along_y: &[T], spectra: &mut [Planes<T>; 2]) {
+        let (registers, height_px) = (self.registers(), self.convolver.height_px);
+        let halves = from.chunks_exact(self.convolver.tile_len()).zip(along_y.chunks_exact(height_px));
+        for (half, (from, along_y)) in spectra.iter_mut().zip(halves) {
+            let (re, im) = (T::vectors_mut::<S>(&mut half.re), T::vectors_mut::<S>(&mut half.im));
+            let from = T::interleaved::<S>(from);
+            for (y, &factor) in along_y.iter().enumerate() {
+                let factor = ComplexLanes::splat(self.simd, Complex::new(factor, T::zero()));
+                for at in y * registers..(y + 1) * registers {
+                    let [from_re, from_im] = T::parts(self.simd, from[at]);
+                    let value = ComplexLanes::<T, S>::new(self.simd, from_re, from_im) * factor;
+                    (re[at], im[at]) = (value.re.vector, value.im.vector);
+                }
             }
         }
     }

@@ -19,10 +19,12 @@
 //! on the number of threads.
 
 pub(crate) mod columns;
+mod kernels;
 pub(crate) mod rows;
 mod scratch;
 mod transfer;
 
+pub(crate) use kernels::{Kernels, Window};
 pub(crate) use scratch::{Scratch, ScratchPool};
 pub(crate) use transfer::{Transfer, frequencies};
 

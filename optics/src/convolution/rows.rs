@@ -1,50 +1,83 @@
 //! Passes along x.
 
-use super::{Axis, Convolver, scratch::Scratch};
+use super::{Axis, Convolver, Window, scratch::Scratch};
 use crate::real::Real;
 use num_complex::Complex;
 use pulp::Arch;
 use rayon::prelude::*;
 
-/// Rows that are gathered together: a tile is far from the next one in memory, so its rows are read several at a time.
-const ROWS: usize = 8;
+/// Half-transformed rows that are gathered together: a tile is far from the next one in memory, so its rows are read several
+/// at a time.
+pub(super) const ROWS: usize = 8;
 
 impl<T: Real> Convolver<T> {
-    /// Lets `fill(y, row)` write each row of a field, transforms it, and stores it row-major in `spectrum`.
+    /// Lets `fill(y, row)` write each row of a field, and for each window transforms the row times the window and stores it
+    /// row-major in `spectrum`.
     ///
     /// Here and below, a closure that does arithmetic dispatches to the machine's vector instructions itself: only what is
     /// inlined into the dispatched closure is compiled for them.
-    pub(crate) fn forward_rows(&self, spectrum: &mut [Complex<T>], fill: impl Fn(usize, &mut [Complex<T>]) + Sync) {
+    pub(crate) fn forward_rows(
+        &self,
+        spectrum: &mut [Complex<T>],
+        windows: &[Window<T>],
+        fill: impl Fn(usize, &mut [Complex<T>]) + Sync,
+    ) {
         let arch = Arch::new();
-        spectrum.par_chunks_mut(self.row_len()).enumerate().for_each_init(
+        spectrum.par_chunks_mut(windows.len() * self.row_len()).enumerate().for_each_init(
             || self.scratch.take(),
-            |scratch, (y, row)| {
-                let row = &mut row[..2 * self.width_px];
-                fill(y, &mut row[..self.width_px]);
-                self.along_x.transform_row(arch, row, &mut scratch.fft);
+            |scratch, (y, rows)| {
+                let Scratch { row, fft, .. } = &mut **scratch;
+                let field = &mut row[..self.width_px];
+                let (first, others) = rows.split_at_mut(self.row_len());
+                fill(y, &mut first[..self.width_px]);
+                if !others.is_empty() {
+                    field.copy_from_slice(&first[..self.width_px]);
+                }
+                for (window, row) in windows.iter().zip(rows.chunks_exact_mut(self.row_len())) {
+                    let row = &mut row[..2 * self.width_px];
+                    if let Some(window) = window {
+                        arch.dispatch(|| scale(field, window, &mut row[..self.width_px]));
+                    }
+                    self.along_x.transform_row(arch, row, fft);
+                }
             },
         );
     }
 
-    /// Gathers each row from `tiles` (one offset along y), transforms it back and hands it to `use_row(y, row, out)`, where
-    /// `out` is what row `y` owns of `results`, `results.len() / height_px` values.
+    /// Gathers each row from `tiles` (one half-transformed field for each window), transforms it back, adds up what the
+    /// windows let through, and hands it to `use_row(y, row, out)`, where `out` is what row `y` owns of `results`,
+    /// `results.len() / height_px` values.
     pub(crate) fn inverse_rows<R: Send>(
         &self,
         tiles: &[Complex<T>],
+        windows: &[Window<T>],
         results: &mut [R],
         use_row: impl Fn(usize, &[Complex<T>], &mut [R]) + Sync,
     ) {
         let arch = Arch::new();
         let per_row = results.len() / self.height_px;
-        results.par_chunks_mut(ROWS * per_row).enumerate().for_each_init(
+        let at_once = ROWS / windows.len().next_power_of_two();
+        results.par_chunks_mut(at_once * per_row).enumerate().for_each_init(
             || self.scratch.take(),
             |scratch, (block, out)| {
-                let Scratch { rows, samples, fft, .. } = &mut **scratch;
-                self.gather_rows(tiles, 1, block * ROWS, out.len() / per_row, rows);
-                for (i, (half, out)) in rows.chunks_exact_mut(self.row_len()).zip(out.chunks_mut(per_row)).enumerate() {
-                    let half = &mut half[..2 * self.width_px];
-                    self.along_x.transform_row_back(arch, half, &mut samples[..self.width_px], fft);
-                    use_row(block * ROWS + i, &samples[..self.width_px], out);
+                let Scratch { row, rows, samples, fft, .. } = &mut **scratch;
+                self.gather_rows(tiles, windows.len(), block * at_once, out.len() / per_row, rows);
+                let halves = rows.chunks_exact_mut(windows.len() * self.row_len());
+                for (i, (halves, out)) in halves.zip(out.chunks_mut(per_row)).enumerate() {
+                    let sum = &mut samples[..self.width_px];
+                    for (lane, (half, window)) in halves.chunks_exact_mut(self.row_len()).zip(windows).enumerate() {
+                        let half = &mut half[..2 * self.width_px];
+                        let Some(window) = window else {
+                            self.along_x.transform_row_back(arch, half, sum, fft);
+                            continue;
+                        };
+                        let part = &mut row[..self.width_px];
+                        self.along_x.transform_row_back(arch, half, part, fft);
+                        arch.dispatch(
+                            || if lane == 0 { scale(part, window, sum) } else { add_scaled(part, window, sum) },
+                        );
+                    }
+                    use_row(block * at_once + i, sum, out);
                 }
             },
         );
@@ -145,6 +178,20 @@ impl<T: Real> Axis<T> {
         self.inverse.process_with_scratch(half, fft);
         let (even, odd) = half.split_at(self.n);
         arch.dispatch(|| join_halves(even, odd, &self.half_bin, row));
+    }
+}
+
+#[inline(always)]
+fn scale<T: Real>(a: &[Complex<T>], b: &[T], out: &mut [Complex<T>]) {
+    for ((out, &a), &b) in out.iter_mut().zip(a).zip(b) {
+        *out = a.scale(b);
+    }
+}
+
+#[inline(always)]
+fn add_scaled<T: Real>(a: &[Complex<T>], b: &[T], out: &mut [Complex<T>]) {
+    for ((out, &a), &b) in out.iter_mut().zip(a).zip(b) {
+        *out = *out + a.scale(b);
     }
 }
 

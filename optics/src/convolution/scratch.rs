@@ -63,7 +63,7 @@ impl<T: Real> ScratchPool<T> {
         let zeros = |len| vec![Complex::new(T::zero(), T::zero()); len];
         Scratch {
             row: zeros(4 * self.width_px),
-            rows: zeros(8 * super::padded_columns(self.width_px, self.tile_columns)),
+            rows: zeros(super::rows::ROWS * super::padded_columns(self.width_px, self.tile_columns)),
             samples: zeros(self.samples_len),
             reals: [vec![T::zero(); self.width_px], vec![T::zero(); self.samples_len]],
             tile: TileScratch::new(self.height_px * self.tile_columns),

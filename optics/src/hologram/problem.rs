@@ -95,7 +95,7 @@ impl<T: Real> HologramProblem<T> {
             let needed = "some light is needed in the region of interest";
             return Err(Error::Empty { name: "target_intensity", needed });
         }
-        let fields = Fields::new(&first.convolver);
+        let fields = Fields::for_all(planes.iter().map(|plane| &plane.engine));
         Ok(Self { planes, frames, region, loss, fields, kept: Kept::empty(), meter: Meter::default() })
     }
 
@@ -197,11 +197,9 @@ pub(super) fn send_back<T: Real>(
     sink: &mut Sink<'_, T>,
     add: bool,
 ) {
-    let back = &mut fields.tiles[..engine.convolver.half_spectrum_len(1)];
-    engine.convolver.propagate_adjoint(&fields.spectrum, &engine.transfer, back);
     let width_px = engine.width_px();
     match sink {
-        Sink::Gradient(gradient) => engine.convolver.inverse_rows(back, gradient, |y, b, out| {
+        Sink::Gradient(gradient) => engine.return_rows(fields, gradient, |y, b, out| {
             let phase = &phase[y * width_px..][..width_px];
             if add {
                 engine.slm.add_phase_gradient_row(y, phase, b, out);
@@ -209,7 +207,7 @@ pub(super) fn send_back<T: Real>(
                 engine.slm.phase_gradient_row(y, phase, b, out);
             }
         }),
-        Sink::Field(field) => engine.convolver.inverse_rows(back, field, |_, b, out| {
+        Sink::Field(field) => engine.return_rows(fields, field, |_, b, out| {
             if add {
                 out.iter_mut().zip(b).for_each(|(out, &b)| *out = *out + b);
             } else {

@@ -118,9 +118,10 @@ impl<T: Real> HologramProblem<T> {
         let mut field = vec![Complex::new(T::zero(), T::zero()); self.frame_len()];
         for (plane, amplitude) in self.planes.iter().zip(self.target_amplitudes()) {
             let point = plane.engine.with_detector(Detector::Point);
-            let mut fields = Fields::new(&point.convolver);
+            let mut fields = Fields::new(&point);
             let share = T::of(plane.share);
-            point.convolver.forward_rows(&mut fields.spectrum, |y, row| {
+            let spectrum = &mut fields.spectrum[..point.image_len()];
+            point.convolver.forward_rows(spectrum, &[None], |y, row| {
                 for (x, (u, &a)) in row.iter_mut().zip(amplitude.row(y)).enumerate() {
                     let counts = plane.weight.as_ref().map_or(T::one(), |weight| weight.at(y, x));
                     *u = unit(image_phase[y * width_px + x]).scale(a * counts * share);

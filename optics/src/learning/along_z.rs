@@ -185,7 +185,10 @@ fn of_one_fit<'a>(models: &[&'a DisplayModel], setup: &OpticalSetup) -> Result<V
         if model.setup.distance_m() == before.setup.distance_m() {
             return Err(Error::Apart { what: "distance: each is needed once" });
         }
-        if (&model.source, &model.response, model.zero_order) != (&before.source, &before.response, before.zero_order) {
+        let modulator = |model: &DisplayModel| {
+            (model.source.clone(), model.response.clone(), model.zero_order, model.variation.clone())
+        };
+        if modulator(model) != modulator(before) {
             return Err(Error::Apart { what: "modulator: it is the same at all distances" });
         }
     }

@@ -4,7 +4,7 @@
 
 use super::pair::{Example, measure_each, total};
 use super::{LearnModel, LearnOptions, LearnStage, LearnStep, PairSource, pair::BoxError};
-use crate::convolution::{Transfer, split_bin};
+use crate::convolution::{Kernels, Transfer, split_bin};
 use crate::engine::{Engine, Fields};
 use crate::optimizer::adam::AdamStep;
 use crate::{DisplayModel, Error, KernelShape, OpticalSetup, Plane};
@@ -77,8 +77,9 @@ impl BinsLearner {
             return Err(Error::OutOfRange { name: "state", value, allowed: "as long as the model has parameters" });
         }
         let mut engine = Engine::new(&DisplayModel::ideal(setup), options.detector, options.carrier)?;
-        engine.transfer = Arc::new(Transfer::zeros(setup.grid().height_px(), setup.grid().width_px()));
-        let out = Fields::new(&engine.convolver);
+        let zeros = Transfer::zeros(setup.grid().height_px(), setup.grid().width_px());
+        engine.kernels = Arc::new(Kernels::single(zeros));
+        let out = Fields::new(&engine);
         let back = vec![Complex32::ZERO; out.spectrum.len()];
         let mut learner = Self { setup, options, band, engine, out, back, state };
         learner.write_transfer();
@@ -114,7 +115,15 @@ impl BinsLearner {
             self.fit_gain(pairs)?;
         }
         let (step, steps_total) = (self.state.adam_steps, total);
-        Ok(Some(LearnStep { stage: LearnStage::Adam, step, steps_total, loss, validation_loss: None, order: 0 }))
+        Ok(Some(LearnStep {
+            stage: LearnStage::Adam,
+            step,
+            steps_total,
+            loss,
+            validation_loss: None,
+            order: 0,
+            varying: false,
+        }))
     }
 
     fn descend(&mut self, example: &Example<f32>) -> f64 {
@@ -125,7 +134,7 @@ impl BinsLearner {
         let sums = convolver.compare(&out.tiles, &comparison, back);
         let one = convolver.half_spectrum_len(1);
         let field = &out.spectrum[..one];
-        let columns = convolver.correlate(field, back, &engine.transfer, &mut out.tiles[..one], |column, u, g| {
+        let columns = convolver.correlate(field, back, &engine.kernels, &mut out.tiles[..one], |_, column, u, g| {
             band.gradient(column, u, g)
         });
 
@@ -156,7 +165,7 @@ impl BinsLearner {
     }
 
     fn write_transfer(&mut self) {
-        let transfer = Arc::make_mut(&mut self.engine.transfer);
+        let transfer = Arc::make_mut(&mut self.engine.kernels).only_mut();
         let scale = transfer.scale();
         let (band, parameters) = (&self.band, &self.state.parameters);
         transfer.write_columns(|i, column| {

@@ -6,12 +6,13 @@ use super::pair::Example;
 use super::smooth_transfer::SmoothTransfer;
 use crate::carrier::Carrier;
 use crate::chebyshev::polynomials;
-use crate::convolution::Transfer;
+use crate::convolution::{Kernels, Transfer};
 use crate::display_model::position;
 use crate::engine::{Engine, Fields, tabulate_source};
 use crate::photometry::Sums;
 use crate::real::Real;
 use crate::slm::{BLOCK, Block, Slm};
+use crate::spatial_variation::local_kernels;
 use crate::{Detector, DisplayModel, Error, KernelShape, OpticalSetup};
 use num_complex::{Complex, Complex64};
 use pulp::Arch;
@@ -32,8 +33,8 @@ pub(super) struct Fit<T> {
     pub(super) polynomials_x: Vec<Vec<T>>,
     pub(super) out: Fields<T>,
     back: Vec<Complex<T>>,
-    /// Room for transfer functions of derivatives.
-    pub(super) spare: Transfer<T>,
+    /// Room for the spectra of derivatives.
+    pub(super) spectra: Vec<Complex<T>>,
 }
 
 /// What a row contributes to the gradient of the SLM's parameters.
@@ -61,11 +62,12 @@ impl<T: Real> Fit<T> {
         carrier: Option<Carrier>,
     ) -> Result<Self, Error> {
         let engine = Engine::new(&DisplayModel::ideal(setups[0]), detector, carrier)?;
-        let (height_px, width_px) = (engine.height_px(), engine.width_px());
+        let width_px = engine.width_px();
         let at_x: Vec<Vec<f64>> =
             (0..width_px).map(|x| polynomials(layout.source.order(), position(x, width_px))).collect();
-        let out = Fields::new(&engine.convolver);
-        let back = vec![Complex::new(T::zero(), T::zero()); out.spectrum.len()];
+        let out = Fields::new(&engine);
+        let zeros = |len| vec![Complex::new(T::zero(), T::zero()); len];
+        let (back, spectra) = (zeros(engine.image_len()), zeros(engine.convolver.half_spectrum_len(2)));
         Ok(Self {
             smooth: SmoothTransfer::new(&setups, layout.kernel.order()),
             setups,
@@ -76,22 +78,41 @@ impl<T: Real> Fit<T> {
             polynomials_x: (0..=layout.source.order()).map(|i| at_x.iter().map(|t| T::of(t[i])).collect()).collect(),
             out,
             back,
-            spare: Transfer::zeros(height_px, width_px),
+            spectra,
         })
     }
 
-    /// Goes over to a kernel of another order.
+    /// Goes over to a kernel of another order, or one that varies over the SLM.
     pub(super) fn change(&mut self, layout: Layout) {
         if layout.kernel != self.layout.kernel {
             self.smooth.change_order(layout.kernel.order());
-            self.layout = layout;
         }
+        self.layout = layout;
+    }
+
+    /// For a grid of n×n kernels.
+    fn make_room(&mut self, n: usize) {
+        let (height_px, width_px) = (self.engine.height_px(), self.engine.width_px());
+        let zeros = Transfer::zeros(height_px, width_px);
+        self.engine.kernels = Arc::new(match n {
+            1 => Kernels::single(zeros),
+            _ => Kernels::grid(n, vec![zeros; n * n]),
+        });
+        self.out = Fields::new(&self.engine);
     }
 
     pub(super) fn set(&mut self, plane: usize, parameters: &[f64]) {
         let model = self.layout.model(&self.setups[plane], (1.0, 0.0), parameters);
-        if let KernelShape::Smooth(errors) = &model.kernel {
-            self.smooth.apply(plane, errors, Arc::make_mut(&mut self.engine.transfer));
+        let side = if model.variation.is_none() { 1 } else { local_kernels::per_side(&model.variation) };
+        if self.engine.kernels.lanes() != side {
+            self.make_room(side);
+        }
+        let models = model.local_kernels().unwrap_or_else(|| vec![model.clone()]);
+        let transfers = &mut Arc::make_mut(&mut self.engine.kernels).transfers;
+        for (model, transfer) in models.iter().zip(transfers) {
+            if let KernelShape::Smooth(errors) = &model.kernel {
+                self.smooth.apply(plane, errors, transfer);
+            }
         }
         if self.layout.has_slm() {
             let (height_px, width_px) = (self.engine.height_px(), self.engine.width_px());
@@ -117,28 +138,33 @@ impl<T: Real> Fit<T> {
     pub(super) fn evaluate(&mut self, example: &Example<T>) -> (Sums, Vec<f64>) {
         self.expose(example);
         let Self { engine, smooth, out, back, .. } = self;
-        let (convolver, transfer) = (&engine.convolver, &engine.transfer);
+        let (convolver, kernels) = (&engine.convolver, &engine.kernels);
         let comparison = example.comparison(engine, self.gain, self.offset);
         let sums = convolver.compare(&out.tiles, &comparison, back);
-        let one = convolver.half_spectrum_len(1);
-        let columns = convolver.correlate(&out.spectrum[..one], back, transfer, &mut out.tiles[..one], |i, u, g| {
+        let (field, tiles) = (&out.spectrum[..kernels.half_spectrum_len(convolver)], &mut out.tiles);
+        let tiles = &mut tiles[..kernels.half_spectrum_len(convolver)];
+        let columns = convolver.correlate(field, back, kernels, tiles, |kernel, i, u, g| {
             let mut h = u.to_vec();
-            transfer.read_column(i, &mut h);
+            kernels.transfers[kernel].read_column(i, &mut h);
             smooth.visit(&h, u, g)
         });
 
-        let (mut gradient, psi) = smooth.gradient(&columns);
-        gradient.extend(psi);
+        let mut gradient = vec![0.0; self.layout.len()];
+        let count = kernels.transfers.len();
+        let local = (0..count).map(|kernel| smooth.gradient(columns.iter().skip(kernel).step_by(count)));
+        self.layout.add_local_gradients(kernels.lanes(), local, &mut gradient);
         if self.layout.has_slm() {
-            self.slm_gradient(example, &mut gradient);
+            let slm = self.slm_gradient(example);
+            gradient[self.layout.source()..][..slm.len()].copy_from_slice(&slm);
         }
         (sums, gradient)
     }
 
-    fn slm_gradient(&self, example: &Example<T>, gradient: &mut Vec<f64>) {
-        let (height_px, convolver) = (self.engine.height_px(), &self.engine.convolver);
+    fn slm_gradient(&self, example: &Example<T>) -> Vec<f64> {
+        let (height_px, convolver, kernels) = (self.engine.height_px(), &self.engine.convolver, &self.engine.kernels);
         let (arch, mut rows) = (Arch::new(), vec![NO_SUMS; height_px]);
-        convolver.inverse_rows(&self.out.tiles[..convolver.half_spectrum_len(1)], &mut rows, |y, b, out| {
+        let tiles = &self.out.tiles[..kernels.half_spectrum_len(convolver)];
+        convolver.inverse_rows(tiles, &kernels.along_x, &mut rows, |y, b, out| {
             let phase = example.phase.row(y);
             out[0] = arch.dispatch(|| row_sums(&self.engine.slm, y, phase, b, &self.polynomials_x));
         });
@@ -154,10 +180,11 @@ impl<T: Real> Fit<T> {
             flat.for_each(|(sum, value)| *sum += value);
             zero_order += row.zero_order;
         }
-        gradient.extend(self.layout.source.degrees().map(|(i, j)| 2.0 * source[j][i].re));
+        let mut gradient: Vec<f64> = self.layout.source.degrees().map(|(i, j)| 2.0 * source[j][i].re).collect();
         gradient.extend(self.layout.source.degrees().map(|(i, j)| -2.0 * source[j][i].im));
         gradient.extend(response.as_flattened().iter().map(|sum| -2.0 * sum));
         gradient.extend([2.0 * zero_order.re, -2.0 * zero_order.im]);
+        gradient
     }
 }
 
@@ -224,10 +251,11 @@ mod tests {
             (LearnModel::Smooth { order: None }, 3, None),
             (LearnModel::Display { order: None }, 4, None),
             (LearnModel::Display { order: None }, 2, Some(Carrier::HalfOrderX)),
+            (LearnModel::Varying { order: None }, 5, Some(Carrier::HalfOrderX)),
         ] {
             let grid = Grid::try_new(18, 23, 8e-6).unwrap();
             let setup = OpticalSetup::try_new(grid, 515e-9, 2e-3).unwrap();
-            let layout = Layout::new(model, order);
+            let layout = Layout::of(model, order, matches!(model, LearnModel::Varying { .. }));
             let mut fit = Fit::<f64>::new(vec![setup], layout, Detector::Pixel, carrier).unwrap();
             let photo = Plane::from_fn(18, 23, |y, x| 0.5 + 0.5 * ((y * 2 + x * 3) as f32).sin());
             let phase = initial_phase(18, 23, 6.0, 3).unwrap();

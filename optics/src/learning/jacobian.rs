@@ -10,12 +10,15 @@
 //!
 //! u is analytic in the complex coefficient of each polynomial, so that log amplitude and phase share one ∂u. That of a
 //! kernel's term is F⁻¹[ T_i(fx) T_j(fy) H F c ]: the columns' transforms are those of a j, only the rows' those of a term,
-//! and only some rows are looked at.
+//! and only some rows are looked at. That of a term of a kernel's variation over the SLM sums the light of the local kernels,
+//! each times the power of its place.
 
 use super::fit::Fit;
 use super::pair::Example;
-use crate::chebyshev::polynomials;
+use crate::SpatialVariation;
+use crate::chebyshev::{ChebyshevBasis, polynomials};
 use crate::display_model::position;
+use crate::engine::Engine;
 use crate::real::Real;
 use crate::slm::{BLOCK, Block, Slm};
 use num_complex::Complex;
@@ -49,24 +52,42 @@ impl<T: Real> Fit<T> {
     /// The curvature of a pair's loss at the parameters that are set, from every `stride`-th row from the `first` on.
     pub(super) fn curvature(&mut self, example: &Example<T>, first: usize, stride: usize) -> Normal {
         let engine = self.engine.clone();
-        let (convolver, one) = (&engine.convolver, engine.convolver.half_spectrum_len(1));
         self.expose(example);
         let mut jacobian = Jacobian::new(self, example, first, stride);
         jacobian.keep_field(self);
 
-        let (layout, terms) = (self.layout, self.layout.kernel.terms());
-        let polynomials_x = self.smooth.polynomials_x();
-        for j in 0..=layout.kernel.order() {
-            self.smooth.times_polynomial(&engine.transfer, j, &mut self.spare);
-            convolver.propagate(&self.out.spectrum[..one], &self.spare, &mut self.out.tiles);
-            for (slot, (i, _)) in layout.kernel.degrees().enumerate().filter(|(_, degrees)| degrees.1 == j) {
-                jacobian.add(self, Some(&polynomials_x[i]), Some(slot), Some(terms + slot));
+        let layout = self.layout;
+        self.kernel_derivatives(&engine, (None, layout.kernel, 0), &mut jacobian);
+        if layout.varies() {
+            for power in 0..SpatialVariation::POWERS {
+                let series = (Some(power), layout.variation, layout.variation(power));
+                self.kernel_derivatives(&engine, series, &mut jacobian);
             }
         }
         if layout.has_slm() {
             self.slm_derivatives(example, &mut jacobian);
         }
         jacobian.normal(self, example)
+    }
+
+    /// By the terms of a series that begins at `start`: the kernel's, or the one of a power of the place on the SLM.
+    fn kernel_derivatives(
+        &mut self,
+        engine: &Engine<T>,
+        (power, basis, start): (Option<usize>, ChebyshevBasis, usize),
+        jacobian: &mut Jacobian<T>,
+    ) {
+        let (convolver, kernels) = (&engine.convolver, &engine.kernels);
+        let polynomials_x = self.smooth.polynomials_x();
+        let field = &self.out.spectrum[..kernels.half_spectrum_len(convolver)];
+        convolver.weigh_spectra(field, kernels, &self.layout.local_weights(kernels.lanes(), power), &mut self.spectra);
+        for j in 0..=basis.order() {
+            let tiles = &mut self.out.tiles[..engine.image_len()];
+            convolver.return_weighed(&self.spectra, self.smooth.polynomial_y(j), tiles);
+            for (slot, (i, _)) in basis.degrees().enumerate().filter(|(_, degrees)| degrees.1 == j) {
+                jacobian.add(self, Some(&polynomials_x[i]), Some(start + slot), Some(start + basis.terms() + slot));
+            }
+        }
     }
 
     fn slm_derivatives(&mut self, example: &Example<T>, jacobian: &mut Jacobian<T>) {
@@ -96,9 +117,7 @@ impl<T: Real> Fit<T> {
 
     /// Sends a field that is not the SLM's own.
     fn send_rows(&mut self, fill: impl Fn(usize, &mut [Complex<T>]) + Sync) {
-        let (convolver, one) = (&self.engine.convolver, self.engine.convolver.half_spectrum_len(1));
-        convolver.forward_rows(&mut self.out.spectrum[..one], fill);
-        convolver.propagate(&self.out.spectrum[..one], &self.engine.transfer, &mut self.out.tiles);
+        self.engine.send_rows(&mut self.out, fill);
     }
 }
 
@@ -313,7 +332,8 @@ mod tests {
     fn setting(model: LearnModel, order: usize, carrier: Option<Carrier>) -> (Fit<f64>, Example<f64>, Vec<f64>) {
         let grid = Grid::try_new(18, 23, 8e-6).unwrap();
         let setup = OpticalSetup::try_new(grid, 515e-9, 2e-3).unwrap();
-        let mut fit = Fit::<f64>::new(vec![setup], Layout::new(model, order), Detector::Pixel, carrier).unwrap();
+        let layout = Layout::of(model, order, matches!(model, LearnModel::Varying { .. }));
+        let mut fit = Fit::<f64>::new(vec![setup], layout, Detector::Pixel, carrier).unwrap();
         // Some pixels are saturated.
         let photo = Plane::from_fn(18, 23, |y, x| (0.6 + 0.5 * ((y * 2 + x * 3) as f32).sin()).min(1.0));
         let pair = Pair { phase: initial_phase(18, 23, 6.0, 3).unwrap(), photo };
@@ -323,10 +343,11 @@ mod tests {
         (fit, example, theta)
     }
 
-    const MODELS: [(LearnModel, usize, Option<Carrier>); 3] = [
+    const MODELS: [(LearnModel, usize, Option<Carrier>); 4] = [
         (LearnModel::Smooth { order: None }, 3, None),
         (LearnModel::Display { order: None }, 4, None),
         (LearnModel::Display { order: None }, 2, Some(Carrier::HalfOrderX)),
+        (LearnModel::Varying { order: None }, 5, Some(Carrier::HalfOrderX)),
     ];
 
     #[test]

@@ -1,17 +1,21 @@
 //! Which parameter of a model stands where in θ.
 //!
-//! α and ψ of the kernel, log amplitude and phase of the source, [a_k, b_k] of the phase response, and the zero order's two
-//! parts; of `smooth` the kernel alone. Gain and offset are each photograph's own.
+//! α and ψ of the kernel, log amplitude and phase of the source, [a_k, b_k] of the phase response, the zero order's two
+//! parts, and α_m and ψ_m of the kernel's variation over the SLM; of `smooth` the kernel alone. Gain and offset are each photograph's own.
 
 use super::LearnModel;
 use crate::chebyshev::ChebyshevBasis;
-use crate::{DisplayModel, KernelShape, OpticalSetup, SmoothField};
+use crate::real::Real;
+use crate::spatial_variation::local_kernels;
+use crate::{DisplayModel, KernelShape, OpticalSetup, SmoothField, SpatialVariation};
 use num_complex::Complex64;
 
 /// Highest total degree of the source profile.
 pub(super) const SOURCE_ORDER: usize = 4;
 /// Harmonics of the phase response.
 pub(super) const HARMONICS: usize = 3;
+/// Highest total degree of what makes the kernel vary over the SLM: that of third-order aberrations.
+const VARIATION_ORDER: usize = 4;
 
 /// Which parameter stands where in θ.
 #[derive(Clone, Copy, Debug)]
@@ -20,6 +24,8 @@ pub(super) struct Layout {
     pub(super) source: ChebyshevBasis,
     pub(super) harmonics: usize,
     zero_order: usize,
+    /// Of order 0 where the kernel is the same everywhere.
+    pub(super) variation: ChebyshevBasis,
 }
 
 /// What a parameter describes.
@@ -29,7 +35,7 @@ pub(super) enum Part {
     Tilt,
     /// Any other term of the kernel.
     Kernel,
-    /// Source, phase response or zero order.
+    /// Source, phase response, zero order, or variation over the SLM.
     Slm,
 }
 
@@ -38,14 +44,26 @@ impl Layout {
     pub(super) fn new(model: LearnModel, order: usize) -> Self {
         let (source, harmonics, zero_order) = match model {
             LearnModel::Smooth { .. } => (0, 0, 0),
-            LearnModel::Display { .. } => (SOURCE_ORDER, HARMONICS, 2),
+            LearnModel::Display { .. } | LearnModel::Varying { .. } => (SOURCE_ORDER, HARMONICS, 2),
             LearnModel::Paper | LearnModel::Dense => unreachable!("models of bins are learned by their own method"),
         };
-        Self { kernel: ChebyshevBasis::new(order), source: ChebyshevBasis::new(source), harmonics, zero_order }
+        let [kernel, source, variation] = [order, source, 0].map(ChebyshevBasis::new);
+        Self { kernel, source, harmonics, zero_order, variation }
+    }
+
+    /// The same, with a kernel that may vary over the SLM.
+    pub(super) fn of(model: LearnModel, order: usize, varying: bool) -> Self {
+        let variation = ChebyshevBasis::new(if varying { VARIATION_ORDER.min(order) } else { 0 });
+        Self { variation, ..Self::new(model, order) }
+    }
+
+    /// Whether the kernel varies over the SLM.
+    pub(super) fn varies(&self) -> bool {
+        self.variation.order() > 0
     }
 
     pub(super) fn len(&self) -> usize {
-        self.zero_order() + self.zero_order
+        self.variation(SpatialVariation::POWERS)
     }
 
     pub(super) fn source(&self) -> usize {
@@ -58,6 +76,11 @@ impl Layout {
 
     pub(super) fn zero_order(&self) -> usize {
         self.response() + 2 * self.harmonics
+    }
+
+    /// Where the factors of a power of the place on the SLM begin.
+    pub(super) fn variation(&self, power: usize) -> usize {
+        self.zero_order() + self.zero_order + 2 * self.variation.terms() * power
     }
 
     pub(super) fn has_slm(&self) -> bool {
@@ -76,6 +99,49 @@ impl Layout {
         }
     }
 
+    /// Adds what the gradients with respect to the coefficients of α and ψ of each local kernel of a grid are in θ.
+    pub(super) fn add_local_gradients(
+        &self,
+        side: usize,
+        local: impl Iterator<Item = (Vec<f64>, Vec<f64>)>,
+        gradient: &mut [f64],
+    ) {
+        let places: Vec<(usize, usize)> = self.variation_places().collect();
+        for ((alpha, psi), powers) in local.zip(self.local_powers(side)) {
+            let terms = self.kernel.terms();
+            gradient[..terms].iter_mut().zip(&alpha).for_each(|(sum, value)| *sum += value);
+            gradient[terms..2 * terms].iter_mut().zip(&psi).for_each(|(sum, value)| *sum += value);
+            for (power, weight) in powers.into_iter().enumerate() {
+                let start = self.variation(power);
+                for &(slot, term) in &places {
+                    gradient[start + slot] += weight * alpha[term];
+                    gradient[start + self.variation.terms() + slot] += weight * psi[term];
+                }
+            }
+        }
+    }
+
+    /// Powers of the place of each local kernel of a grid; where the kernel is the same everywhere, of one without a place.
+    fn local_powers(&self, side: usize) -> Vec<[f64; SpatialVariation::POWERS]> {
+        match self.varies() {
+            true => local_kernels::nodes(side).map(|(x, y)| SpatialVariation::powers(x, y)).collect(),
+            false => vec![[0.0; SpatialVariation::POWERS]],
+        }
+    }
+
+    /// Each term of the variation's series, with its place among the kernel's.
+    fn variation_places(&self) -> impl Iterator<Item = (usize, usize)> {
+        let kernel = self.kernel;
+        let place = move |degrees| kernel.degrees().position(|of_kernel| of_kernel == degrees);
+        self.variation.degrees().enumerate().filter_map(move |(slot, degrees)| Some((slot, place(degrees)?)))
+    }
+
+    /// How much of each local kernel's light a power of the place on the SLM turns; with no power, all of it.
+    pub(super) fn local_weights<T: Real>(&self, side: usize, power: Option<usize>) -> Vec<T> {
+        let weight = |powers: [f64; SpatialVariation::POWERS]| T::of(power.map_or(1.0, |power| powers[power]));
+        self.local_powers(side).into_iter().map(weight).collect()
+    }
+
     /// The display that θ describes.
     pub(super) fn model(&self, setup: &OpticalSetup, (gain, offset): (f64, f64), parameters: &[f64]) -> DisplayModel {
         let smooth = |basis: ChebyshevBasis, start: usize| {
@@ -86,10 +152,16 @@ impl Layout {
                 phase: rest[..basis.terms()].to_vec(),
             }
         };
-        let zero_order = &parameters[self.zero_order()..self.len()];
+        let zero_order = &parameters[self.zero_order()..self.variation(0)];
+        let along = |power| smooth(self.variation, self.variation(power));
+        let variation = match self.varies() {
+            true => SpatialVariation::new(std::array::from_fn(along)),
+            false => SpatialVariation::none(),
+        };
         DisplayModel {
             setup: *setup,
             kernel: KernelShape::Smooth(smooth(self.kernel, 0)),
+            variation,
             source: smooth(self.source, self.source()),
             response: parameters[self.response()..self.zero_order()].as_chunks().0.to_vec(),
             zero_order: zero_order.first_chunk().map_or(Complex64::ZERO, |&[re, im]| Complex64::new(re, im)),
@@ -98,34 +170,43 @@ impl Layout {
         }
     }
 
-    /// θ of the same display in a layout that differs in the kernel's order; terms that it lacks are left out.
+    /// θ of the same display in a layout that differs in the kernel's order or begins to let it vary; terms that it lacks are
+    /// left out.
     pub(super) fn carried(&self, theta: &[f64], to: &Self) -> Vec<f64> {
         let (log_amplitude, rest) = theta.split_at(self.kernel.terms());
         let (phase, slm) = rest.split_at(self.kernel.terms());
         let mut carried = coefficients(to.kernel, self.kernel, log_amplitude);
         carried.extend(coefficients(to.kernel, self.kernel, phase));
         carried.extend(slm);
+        carried.resize(to.len(), 0.0);
         carried
     }
 
     /// θ of a display, as far as this layout can describe it: what it has no place for is left out.
     pub(super) fn parameters(&self, model: &DisplayModel) -> Vec<f64> {
         let mut parameters = Vec::with_capacity(self.len());
-        let mut push = |basis: ChebyshevBasis, field: Option<&SmoothField>| match field {
-            Some(field) => {
-                parameters.extend(coefficients(basis, field.basis(), &field.log_amplitude));
-                parameters.extend(coefficients(basis, field.basis(), &field.phase));
-            }
-            None => parameters.extend(vec![0.0; 2 * basis.terms()]),
-        };
         let KernelShape::Smooth(kernel) = &model.kernel else { return vec![0.0; self.len()] };
-        push(self.kernel, Some(kernel));
-        push(self.source, Some(&model.source));
+        push_field(&mut parameters, self.kernel, Some(kernel));
+        push_field(&mut parameters, self.source, Some(&model.source));
         for harmonic in 0..self.harmonics {
             parameters.extend(model.response.get(harmonic).copied().unwrap_or_default());
         }
         parameters.extend([model.zero_order.re, model.zero_order.im].iter().take(self.zero_order));
+        for power in 0..SpatialVariation::POWERS {
+            push_field(&mut parameters, self.variation, model.variation.fields().get(power));
+        }
         parameters
+    }
+}
+
+/// The numbers of a field in a basis; of none, zeros.
+fn push_field(parameters: &mut Vec<f64>, basis: ChebyshevBasis, field: Option<&SmoothField>) {
+    match field {
+        Some(field) => {
+            parameters.extend(coefficients(basis, field.basis(), &field.log_amplitude));
+            parameters.extend(coefficients(basis, field.basis(), &field.phase));
+        }
+        None => parameters.extend(vec![0.0; 2 * basis.terms()]),
     }
 }
 

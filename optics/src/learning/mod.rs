@@ -54,6 +54,23 @@ pub enum LearnModel {
         /// As of `Smooth`.
         order: Option<usize>,
     },
+    /// `Display`, and a kernel that [varies over the SLM](crate::SpatialVariation); left out where validation pairs do not gain
+    /// by it.
+    Varying {
+        /// As of `Smooth`.
+        order: Option<usize>,
+    },
+}
+
+impl LearnModel {
+    /// The order of models that have one: the one asked for, if any.
+    #[must_use]
+    pub fn order(self) -> Option<Option<usize>> {
+        match self {
+            Self::Paper | Self::Dense => None,
+            Self::Smooth { order } | Self::Display { order } | Self::Varying { order } => Some(order),
+        }
+    }
 }
 
 /// What to learn, and how.
@@ -65,7 +82,8 @@ pub struct LearnOptions {
     pub epochs: u32,
     /// Adam's step, at its highest where it follows a schedule.
     pub learning_rate: f64,
-    /// Evaluations of all pairs by Levenberg and Marquardt's method afterwards, at most; parametric models only.
+    /// Evaluations of all pairs by Levenberg and Marquardt's method afterwards, at most; parametric models only. As many
+    /// again for a kernel that varies.
     pub refinement_evaluations: u32,
     /// Of the order of the pairs, and of the paper model's start.
     pub seed: u64,
@@ -87,7 +105,7 @@ impl LearnOptions {
         let (epochs, learning_rate, refinement_evaluations) = match model {
             LearnModel::Paper => (30, 0.002, 0),
             LearnModel::Dense => (5, 0.02, 0),
-            LearnModel::Smooth { .. } | LearnModel::Display { .. } => (4, 0.05, 40),
+            LearnModel::Smooth { .. } | LearnModel::Display { .. } | LearnModel::Varying { .. } => (4, 0.05, 40),
         };
         Self {
             model,
@@ -107,8 +125,8 @@ impl LearnOptions {
         if pairs.is_empty() || setups.is_empty() || (0..setups.len()).any(|plane| pairs_of(plane) == 0) {
             return Err(Error::Empty { name: "pairs", needed: "at least one training pair is needed" });
         }
-        let parametric = matches!(self.model, LearnModel::Smooth { .. } | LearnModel::Display { .. });
-        if setups.len() > 1 && !parametric {
+        let joint = matches!(self.model, LearnModel::Smooth { .. } | LearnModel::Display { .. });
+        if setups.len() > 1 && !joint {
             return Err(Error::Apart { what: "distance, which needs the model smooth or display" });
         }
         for (i, setup) in setups.iter().enumerate() {
@@ -123,7 +141,7 @@ impl LearnOptions {
             let allowed = "above 0 and at most 10";
             return Err(Error::OutOfRange { name: "learning_rate", value: self.learning_rate, allowed });
         }
-        if let LearnModel::Smooth { order: Some(order) } | LearnModel::Display { order: Some(order) } = self.model
+        if let Some(Some(order)) = self.model.order()
             && !(1..=12).contains(&order)
         {
             return Err(Error::OutOfRange { name: "order", value: order as f64, allowed: "1 to 12" });
@@ -147,6 +165,8 @@ pub struct LearnStep {
     pub validation_loss: Option<f64>,
     /// The kernel's order; 0 for models of bins.
     pub order: u32,
+    /// The kernel varies over the SLM.
+    pub varying: bool,
 }
 
 /// The pairs to learn from, and those by which learning knows when to end.
@@ -187,8 +207,8 @@ pub enum LearnStage {
 /// All that the next step depends on.
 #[derive(Clone, Debug, PartialEq)]
 pub enum LearnState {
-    /// Of `smooth` and `display`.
-    Parametric(ParametricState),
+    /// Of `smooth`, `display` and `varying`.
+    Parametric(Box<ParametricState>),
     /// Of `paper` and `dense`.
     Bins(BinsState),
 }
@@ -228,7 +248,7 @@ impl Learner {
             LearnModel::Paper | LearnModel::Dense => {
                 Method::Bins(Box::new(BinsLearner::start(setups[0], options, pairs)?))
             }
-            LearnModel::Smooth { .. } | LearnModel::Display { .. } => {
+            LearnModel::Smooth { .. } | LearnModel::Display { .. } | LearnModel::Varying { .. } => {
                 Method::Parametric(Box::new(ParametricLearner::start(setups, options, pairs)?))
             }
         }))
@@ -251,7 +271,7 @@ impl Learner {
     pub fn resume_joint(setups: &[OpticalSetup], options: LearnOptions, state: LearnState) -> Result<Self, Error> {
         Ok(Self(match state {
             LearnState::Parametric(state) => {
-                Method::Parametric(Box::new(ParametricLearner::resume(setups, options, state)?))
+                Method::Parametric(Box::new(ParametricLearner::resume(setups, options, *state)?))
             }
             LearnState::Bins(state) => Method::Bins(Box::new(BinsLearner::resume(setups[0], options, state)?)),
         }))
@@ -282,7 +302,7 @@ impl Learner {
     #[must_use]
     pub fn state(&self) -> LearnState {
         match &self.0 {
-            Method::Parametric(learner) => LearnState::Parametric(learner.state().clone()),
+            Method::Parametric(learner) => LearnState::Parametric(Box::new(learner.state().clone())),
             Method::Bins(learner) => LearnState::Bins(learner.state().clone()),
         }
     }

@@ -139,7 +139,7 @@ pub(super) fn total<'a>(each: impl IntoIterator<Item = &'a Sums>) -> Sums {
 ///
 /// [`Error`] for a pair of another size, with values that are not finite, or without a pixel that counts.
 pub fn compare(engine: &Engine, pair: &Pair, region: RegionOfInterest) -> Result<Sums, Error> {
-    measure(engine, &mut Fields::new(&engine.convolver), pair, region)
+    measure(engine, &mut Fields::new(engine), pair, region)
 }
 
 /// Pixels of the region where the photograph is not saturated: those that count in learning and in [`compare`].

@@ -1,4 +1,4 @@
-//! Models of some dozens of parameters: `smooth` and `display`.
+//! Models of some dozens or hundreds of parameters: `smooth`, `display` and `varying`.
 //!
 //! Adam goes over single pairs first, with a kernel of low order, which finds the right valley; Levenberg and Marquardt's
 //! method over all pairs then goes to its floor, and on through kernels of higher orders. Pairs whose photographs are of
@@ -32,6 +32,9 @@ const STEP_WORTH: f64 = 1e-2;
 const VALIDATION_WORTH: f64 = 1e-2;
 /// Steps in vain after which validation ends an order.
 const PATIENCE: u32 = 6;
+/// A kernel that varies over the SLM and lowers the loss of the validation pairs by less than this part of it is not worth what
+/// every hologram through it costs.
+const VARIATION_WORTH: f64 = 0.1;
 
 /// All that the next step depends on.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -56,14 +59,18 @@ pub struct ParametricState {
     pub rescreened: bool,
     /// Orders of the kernel that are done with.
     pub rung: u32,
+    /// The order under way is the last, and the kernel varies over the SLM.
+    pub varying: bool,
     /// Of the order under way, once Adam has ended.
     pub refinement: Option<DampedState>,
     /// The curvature as known so far, row after row, where the pairs that it is taken from are some of many.
     pub curvature: Vec<f64>,
     /// Full evaluations of the orders before.
     pub evaluations: u32,
-    /// The best on the validation pairs so far.
+    /// The best on the validation pairs so far, of kernels that vary where that is under way.
     pub best: Option<Best>,
+    /// The best before kernels began to vary.
+    pub uniform: Option<Best>,
     /// Steps of this order since validation gained.
     pub in_vain: u32,
     /// Nothing is left to do.
@@ -77,6 +84,8 @@ pub struct ParametricState {
 pub struct Best {
     /// The kernel's order.
     pub order: u32,
+    /// Whether it varies over the SLM.
+    pub varying: bool,
     /// θ
     pub parameters: Vec<f64>,
     /// On the validation pairs.
@@ -122,7 +131,8 @@ impl ParametricLearner {
     ) -> Result<Self, Error> {
         let rungs = rungs(&options);
         let order = rungs.get(state.rung as usize).copied().unwrap_or(rungs[rungs.len() - 1]);
-        let layout = Layout::new(options.model, order);
+        let order = state.uniform.as_ref().map_or(order, |uniform| uniform.order as usize);
+        let layout = Layout::of(options.model, order, state.varying);
         let distances_m: Vec<f64> = setups.iter().map(OpticalSetup::distance_m).collect();
         let joint = Joint::new(layout, &distances_m);
         let theta = state.refinement.as_ref().map_or(&state.parameters, |refinement| &refinement.parameters);
@@ -151,7 +161,7 @@ impl ParametricLearner {
         let state = &self.state;
         match (&state.best, &state.refinement) {
             (Some(best), _) => {
-                let layout = Layout::new(self.options.model, best.order as usize);
+                let layout = Layout::of(self.options.model, best.order as usize, best.varying);
                 (self.joint.with_layout(layout), &best.parameters)
             }
             (None, Some(refinement)) => (self.joint.clone(), &refinement.parameters),
@@ -263,11 +273,13 @@ impl ParametricLearner {
         self.state.loss_history.push(loss);
         let little = before.is_some_and(|before| loss > before * (1.0 - STEP_WORTH));
         let validated = self.validate(lessons.validation)?;
-        let exhausted = self.state.evaluations + spent >= self.options.refinement_evaluations;
+        let stages = 1 + u32::from(self.state.varying);
+        let exhausted = self.state.evaluations + spent >= stages * self.options.refinement_evaluations;
         if !moved || little || exhausted || !validated {
             self.climb(exhausted);
         }
         if self.state.converged {
+            self.choose_variation();
             let (joint, theta) = self.best();
             let theta = theta.to_vec();
             self.change(joint);
@@ -350,7 +362,7 @@ impl ParametricLearner {
         if loss < best {
             let loss_before = self.state.best.as_ref().map_or(f64::INFINITY, |best| best.loss_before);
             let order = self.fit.layout.kernel.order() as u32;
-            self.state.best = Some(Best { order, parameters, loss, loss_before });
+            self.state.best = Some(Best { order, varying: self.state.varying, parameters, loss, loss_before });
         }
         Ok(self.state.in_vain < PATIENCE)
     }
@@ -368,18 +380,47 @@ impl ParametricLearner {
             (None, true) => self.fit.layout.kernel.order() < ORDER_DEFAULT,
             (_, false) => true,
         };
-        let Some(order) = next.filter(|_| gained && !exhausted) else {
+        if self.state.varying {
             self.state.converged = true;
-            return;
-        };
-        let (_, spent) = self.refinement();
-        let theta = self.state.refinement.take().map_or_else(Vec::new, |refinement| refinement.parameters);
-        let joint = self.joint.with_layout(Layout::new(self.options.model, order));
-        self.state.parameters = self.joint.carried(&theta, &joint);
+        } else if let Some(order) = next.filter(|_| gained && !exhausted) {
+            let (_, spent) = self.refinement();
+            let theta = self.state.refinement.take().map_or_else(Vec::new, |refinement| refinement.parameters);
+            self.state.evaluations += spent;
+            self.state.rung += 1;
+            self.begin(Layout::new(self.options.model, order), &self.joint.clone(), &theta);
+        } else if matches!(self.options.model, LearnModel::Varying { .. }) {
+            let (joint, theta) = self.best();
+            let theta = theta.to_vec();
+            self.state.uniform = self.state.best.take();
+            self.state.evaluations = self.options.refinement_evaluations;
+            self.state.refinement = None;
+            self.state.varying = true;
+            self.begin(Layout::of(self.options.model, joint.layout.kernel.order(), true), &joint, &theta);
+        } else {
+            self.state.converged = true;
+        }
+    }
+
+    /// Begins with another layout from the θ of a display in an earlier one.
+    fn begin(&mut self, layout: Layout, from: &Joint, theta: &[f64]) {
+        let joint = from.with_layout(layout);
+        self.state.parameters = from.carried(theta, &joint);
+        if let (true, Some(model)) = (layout.varies(), &self.options.warm_start) {
+            let start = layout.variation(0);
+            self.state.parameters[start..].copy_from_slice(&layout.parameters(model)[start..]);
+        }
         self.state.curvature.clear();
-        self.state.evaluations += spent;
-        (self.state.rung, self.state.in_vain) = (self.state.rung + 1, 0);
+        self.state.in_vain = 0;
         self.change(joint);
+    }
+
+    /// Takes back a variation that is not worth its cost.
+    fn choose_variation(&mut self) {
+        let Some(uniform) = &self.state.uniform else { return };
+        let bound = uniform.loss * (1.0 - VARIATION_WORTH);
+        if self.state.best.as_ref().is_none_or(|varying| varying.loss > bound) {
+            self.state.best = Some(uniform.clone());
+        }
     }
 
     fn change(&mut self, joint: Joint) {
@@ -389,25 +430,26 @@ impl ParametricLearner {
 
     /// Whether validation chooses the order.
     fn chooses(&self) -> bool {
-        matches!(self.options.model, LearnModel::Smooth { order: None } | LearnModel::Display { order: None })
+        self.options.model.order() == Some(None)
     }
 
     fn progress(&self, stage: LearnStage, loss: f64) -> LearnStep {
         let kept = self.state.kept.len() as u32;
         let (_, spent) = self.refinement();
-        let steps_total = self.adam_steps_total() + self.options.refinement_evaluations * kept;
+        let stages = 1 + u32::from(matches!(self.options.model, LearnModel::Varying { .. }));
+        let steps_total = self.adam_steps_total() + stages * self.options.refinement_evaluations * kept;
         let step = (self.state.adam_steps + (self.state.evaluations + spent) * kept).min(steps_total);
         let step = if self.state.converged { steps_total } else { step };
-        let validation_loss = self.state.best.as_ref().map(|best| best.loss);
-        LearnStep { stage, step, steps_total, loss, validation_loss, order: self.fit.layout.kernel.order() as u32 }
+        let bests = self.state.best.iter().chain(&self.state.uniform);
+        let validation_loss = bests.map(|best| best.loss).reduce(f64::min);
+        let (order, varying) = (self.fit.layout.kernel.order() as u32, self.fit.layout.varies());
+        LearnStep { stage, step, steps_total, loss, validation_loss, order, varying }
     }
 }
 
 /// The orders to go through; a warm start begins no lower than what it starts from.
 fn rungs(options: &LearnOptions) -> Vec<usize> {
-    let (LearnModel::Smooth { order } | LearnModel::Display { order }) = options.model else {
-        return vec![ORDER_DEFAULT];
-    };
+    let Some(order) = options.model.order() else { return vec![ORDER_DEFAULT] };
     let lowest = match options.warm_start.as_ref().map(|model| &model.kernel) {
         Some(KernelShape::Smooth(field)) => field.order,
         _ => 0,

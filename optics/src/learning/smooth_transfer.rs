@@ -56,12 +56,9 @@ impl<T: Real> SmoothTransfer<T> {
         tabulate(self.basis.order(), &self.columns)
     }
 
-    /// Writes H · T_j(fy) for the H of `transfer`.
-    pub(super) fn times_polynomial(&self, transfer: &Transfer<T>, j: usize, out: &mut Transfer<T>) {
-        out.write_columns(|i, column| {
-            transfer.read_column(i, column);
-            column.iter_mut().zip(&self.polynomials[j]).for_each(|(h, &t)| *h = h.scale(t));
-        });
+    /// T_j at the fy of each bin.
+    pub(super) fn polynomial_y(&self, j: usize) -> &[T] {
+        &self.polynomials[j]
     }
 
     /// Writes the H of a plane for these errors.
@@ -85,9 +82,9 @@ impl<T: Real> SmoothTransfer<T> {
     }
 
     /// ∂L/∂α and ∂L/∂ψ of each coefficient: 2 Re Σ T and −2 Im Σ T over all columns.
-    pub(super) fn gradient(&self, columns: &[ColumnSums]) -> (Vec<f64>, Vec<f64>) {
+    pub(super) fn gradient<'a>(&self, columns: impl Iterator<Item = &'a ColumnSums>) -> (Vec<f64>, Vec<f64>) {
         let mut totals = vec![[Complex64::ZERO; ChebyshevBasis::ORDER_MAX + 1]; self.basis.order() + 1];
-        for (sums, &fx) in columns.iter().zip(&self.columns) {
+        for (sums, &fx) in columns.zip(&self.columns) {
             for (total, t) in totals.iter_mut().zip(polynomials(self.basis.order(), fx)) {
                 for (total, sum) in total.iter_mut().zip(sums) {
                     *total += sum * t;

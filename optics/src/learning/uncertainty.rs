@@ -55,7 +55,7 @@ impl ResponseUncertainty {
         if (model.source.order, model.response.len()) != (SOURCE_ORDER, HARMONICS) {
             return Ok(None);
         }
-        let layout = Layout::new(LearnModel::Display { order: None }, kernel.order);
+        let layout = Layout::of(LearnModel::Display { order: None }, kernel.order, !model.variation.is_none());
         let mut fit = Fit::new(vec![model.setup], layout, detector, carrier)?;
         fit.set(0, &layout.parameters(model));
         let curvature = vec![0.0; layout.len() * layout.len()];

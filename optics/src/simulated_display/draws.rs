@@ -17,6 +17,7 @@ pub(super) enum Stream {
     Speckle = 6,
     Drift = 7,
     Rail = 8,
+    FieldAberration = 9,
     /// The first row of a photograph; the rows below follow.
     Noise = 1 << 20,
 }

@@ -3,7 +3,7 @@
 //! Set once for a bench, as at a real one: on a speckled image that fills the region of interest, with some headroom.
 
 use super::draws::{Draws, Stream};
-use super::pixel_light::pixel_light;
+use super::pixel_light::{pixel_light, spectrum_by_column};
 use crate::propagation::SampledTransfer;
 use crate::reference::propagate;
 use crate::{Grid, Plane, RegionOfInterest};
@@ -31,7 +31,7 @@ pub(super) fn calibrate(
     let field = Plane::from_fn(grid.height_px(), grid.width_px(), |y, x| {
         source.at(y, x) * Complex64::cis(hologram.at(y, x).arg())
     });
-    let light = pixel_light(&field, transfer_by_column);
+    let light = pixel_light(&spectrum_by_column(&field, transfer_by_column));
     let rows = (0..grid.height_px()).filter_map(|y| region.columns(y).map(|columns| &light.row(y)[columns]));
     let mut values: Vec<f64> = rows.flatten().copied().collect();
     let brightest = values.len() - 1 - values.len() / 1000;

@@ -35,6 +35,9 @@ pub struct Imperfections {
     /// The distance at which the aberrations are as drawn, 0 to 10 m: elsewhere the light fills their aperture in proportion to the
     /// distance. 0: they are the same everywhere.
     pub aberrations_at_m: f64,
+    /// Aberrations that depend on where on the modulator a pixel lies: the most phase that they add to any pixel's light at the
+    /// corner of the band, 0 to 6 rad.
+    pub field_aberration_rad: f64,
 }
 
 impl Imperfections {
@@ -54,11 +57,12 @@ impl Imperfections {
         dimming_per_hour: 0.0,
         rail_tilt_deg: 0.0,
         aberrations_at_m: 0.0,
+        field_aberration_rad: 0.0,
     };
 
     /// Each property, its value, the least and the most it may be, and both in words.
     #[must_use]
-    pub fn ranges(&self) -> [(&'static str, f64, f64, f64, &'static str); 13] {
+    pub fn ranges(&self) -> [(&'static str, f64, f64, f64, &'static str); 14] {
         [
             ("strength", self.strength, 0.0, 4.0, "0 to 4"),
             ("camera_noise", self.camera_noise, 0.0, 0.1, "0 to 0.1"),
@@ -73,6 +77,7 @@ impl Imperfections {
             ("dimming_per_hour", self.dimming_per_hour, 0.0, 1.0, "0 to 1"),
             ("rail_tilt_deg", self.rail_tilt_deg, 0.0, 5.0, "0 to 5 degrees"),
             ("aberrations_at_m", self.aberrations_at_m, 0.0, 10.0, "0 to 10 m"),
+            ("field_aberration_rad", self.field_aberration_rad, 0.0, 6.0, "0 to 6 rad"),
         ]
     }
 

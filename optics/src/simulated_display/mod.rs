@@ -9,7 +9,7 @@
 //! H free space, aberrations, apodization and the camera's shift. Everything is in f64 and comes from a seed; the same
 //! seed draws the same bench for any wavelength and distance, on any number of threads.
 //!
-//! On top of that, where asked for: the modulator's pixels blur into each other and flicker, the camera is turned, its lens
+//! On top of that, where asked for: the aberrations depend on where on the modulator a pixel lies, the modulator's pixels blur into each other and flicker, the camera is turned, its lens
 //! blurs, dust adds speckle that is always the same, and with the hours the image wanders and the light fades. With the distance
 //! the image moves along a tilted rail, and the light fills more of the aperture that has the aberrations.
 
@@ -18,6 +18,7 @@ mod blur;
 mod camera;
 mod draws;
 mod exposure;
+mod field_aberration;
 mod illumination;
 mod imperfections;
 mod modulator;
@@ -36,6 +37,7 @@ use crate::{OpticalSetup, Plane, Result};
 use aberration::Aberration;
 use camera::Camera;
 use draws::{Draws, Stream};
+use field_aberration::FieldAberration;
 use modulator::Modulator;
 use num_complex::Complex64;
 use rayon::prelude::*;
@@ -47,6 +49,7 @@ pub struct SimulatedDisplay {
     ideal: SampledTransfer,
     carrier: Option<Carrier>,
     aberration: Aberration,
+    field_aberration: FieldAberration,
     source: Plane<f64>,
     modulator: Modulator,
     camera: Camera,
@@ -80,6 +83,7 @@ impl SimulatedDisplay {
             ideal: setup.sampled(),
             carrier,
             aberration: Aberration::draw(seed, strength),
+            field_aberration: FieldAberration::draw(seed, imperfections.field_aberration_rad),
             source: illumination::draw(&setup.grid(), seed, strength),
             modulator: Modulator::draw(seed, strength),
             shift_px: (shift_px.0 + along_rail_px * towards.cos(), shift_px.1 + along_rail_px * towards.sin()),
@@ -165,7 +169,12 @@ impl SimulatedDisplay {
             let lit = self.source.at(y, x) * self.carrier.map_or(1.0, |carrier| carrier.sign(y, x));
             lit * self.modulator.field(swing * phase.at(y, x))
         });
-        pixel_light::pixel_light(&field, &self.transfer_by_column).map(|value| self.exposure * value)
+        let transfer = &self.transfer_by_column;
+        let spectrum = match self.field_aberration.is_none() {
+            true => pixel_light::spectrum_by_column(&field, transfer),
+            false => field_aberration::spectrum_by_column(&field, transfer, &self.field_aberration),
+        };
+        pixel_light::pixel_light(&spectrum).map(|value| self.exposure * value)
     }
 
     fn drift_px(&self, hours: f64) -> (f64, f64) {
@@ -179,7 +188,7 @@ impl SimulatedDisplay {
         self.setup
     }
 
-    /// H(fx, fy), frequencies in 1/m: free space, aberrations, apodization, and the camera's shift. Where the setup's method is
+    /// H(fx, fy), frequencies in 1/m: free space, aberrations that all pixels share, apodization, and the camera's shift. Where the setup's method is
     /// an impulse response, free space is that of the nearest padded bin.
     #[must_use]
     pub fn true_transfer(&self, fx: f64, fy: f64) -> Complex64 {
@@ -191,6 +200,13 @@ impl SimulatedDisplay {
         };
         let aperture = 2.0 * pitch_m * filled;
         self.ideal.at(fx, fy) * shifted * self.aberration.at(aperture * fx, aperture * fy)
+    }
+
+    /// What [`Self::true_transfer`] is multiplied by for the light of a place on the modulator, x and y in [−1, 1].
+    #[must_use]
+    pub fn local_factor(&self, x: f64, y: f64, fx: f64, fy: f64) -> Complex64 {
+        let pitch_m = self.setup.grid().pixel_pitch_m();
+        self.field_aberration.exponent((x, y), (2.0 * pitch_m * fx, 2.0 * pitch_m * fy)).exp()
     }
 
     /// Amplitude of the light on a pixel of the modulator; the brightest pixel has 1.
@@ -259,6 +275,7 @@ impl std::fmt::Debug for SimulatedDisplay {
 mod tests {
     use super::*;
     use crate::Grid;
+    use crate::display_model::position;
     use crate::reference::{offset, propagate};
 
     fn drawn(strength: f64) -> SimulatedDisplay {
@@ -291,6 +308,42 @@ mod tests {
     }
 
     #[test]
+    fn aberrations_of_the_field_are_those_of_every_pixel_by_itself() {
+        let setup = OpticalSetup::try_new(Grid::try_new(12, 17, 8e-6).unwrap(), 515e-9, 2e-3).unwrap();
+        let imperfections =
+            Imperfections { seed: 5, camera_noise: 0.0, field_aberration_rad: 3.0, ..Imperfections::FAIR };
+        let display = SimulatedDisplay::draw(setup, None, imperfections).unwrap();
+        let phase = Plane::from_fn(12, 17, |y, x| ((y * 17 + x * x * 5) % 61) as f32 / 10.0);
+        let offsets_px = [-3.0, -1.0, 1.0, 3.0].map(|eighths| eighths / 8.0);
+        let offsets_px: Vec<_> = offsets_px.iter().flat_map(|dy| offsets_px.map(|dx| (*dy, dx))).collect();
+        let mut fields = vec![Plane::filled(12, 17, Complex64::ZERO); offsets_px.len()];
+        for (y, x) in (0..12).flat_map(|y| (0..17).map(move |x| (y, x))) {
+            let shown = Complex64::cis(display.response(f64::from(phase.at(y, x)))) + display.zero_order();
+            let alone =
+                Plane::from_fn(
+                    12,
+                    17,
+                    |v, u| {
+                        if (v, u) == (y, x) { display.source(y, x) * shown } else { Complex64::ZERO }
+                    },
+                );
+            let transfer =
+                |fx, fy| display.true_transfer(fx, fy) * display.local_factor(position(x, 17), position(y, 12), fx, fy);
+            for ((dy, dx), field) in offsets_px.iter().zip(&mut fields) {
+                let seen = propagate(&alone, 8e-6, offset(transfer, dx * 8e-6, dy * 8e-6));
+                field.values_mut().iter_mut().zip(seen.values()).for_each(|(sum, u)| *sum += u);
+            }
+        }
+        let light = display.light(&phase).unwrap();
+        let brightest = light.values().iter().copied().fold(0.0, f32::max);
+        for (at, &fast) in light.values().iter().enumerate() {
+            let plain = fields.iter().map(|field| field.values()[at].norm_sqr()).sum::<f64>() / 16.0;
+            let error = (f64::from(fast) - plain * display.exposure()).abs() / f64::from(brightest);
+            assert!(error < 1e-3, "{error:e} of the brightest pixel");
+        }
+    }
+
+    #[test]
     fn without_imperfections_the_bench_is_ideal() {
         let display = drawn(0.0);
         assert_eq!(display.zero_order(), Complex64::ZERO);
@@ -316,6 +369,7 @@ mod tests {
             (Imperfections { dimming_per_hour: 1.5, ..fair }, "dimming_per_hour is 1.5"),
             (Imperfections { rail_tilt_deg: 6.0, ..fair }, "rail_tilt_deg is 6"),
             (Imperfections { aberrations_at_m: -0.1, ..fair }, "aberrations_at_m is -0.1"),
+            (Imperfections { field_aberration_rad: 7.0, ..fair }, "field_aberration_rad is 7"),
         ] {
             let error = SimulatedDisplay::draw(setup, None, bad).unwrap_err();
             assert!(error.to_string().starts_with(name), "{error}");

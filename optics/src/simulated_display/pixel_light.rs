@@ -18,17 +18,16 @@ use std::sync::Arc;
 
 const OFFSETS_PX: [f64; 4] = [-0.375, -0.125, 0.125, 0.375];
 
-/// Pixel-integrated intensity of `field` behind the transfer function, whose rows are fx and whose columns are fy on
-/// the grid padded twofold: 2·width × 2·height.
-pub(super) fn pixel_light(field: &Plane<Complex64>, transfer_by_column: &Plane<Complex64>) -> Plane<f64> {
-    let (height_px, width_px) = (field.height_px(), field.width_px());
-    let spectrum = spectrum_by_column(field, transfer_by_column);
+/// Pixel-integrated intensity of a field whose spectrum, times the transfer function, has fx as rows and fy as columns on the
+/// grid padded twofold: 2·width × 2·height.
+pub(super) fn pixel_light(spectrum: &Plane<Complex64>) -> Plane<f64> {
+    let (height_px, width_px) = (spectrum.width_px() / 2, spectrum.height_px() / 2);
     let inverse_y = FftPlanner::new().plan_fft_inverse(2 * height_px);
     let inverse_x = FftPlanner::new().plan_fft_inverse(2 * width_px);
     let phases_x = OFFSETS_PX.map(|offset_px| offset_phases(2 * width_px, offset_px));
     let mut light = Plane::filled(height_px, width_px, 0.0);
     for offset_px in OFFSETS_PX {
-        let columns = offset_columns(&spectrum, &offset_phases(2 * height_px, offset_px), &inverse_y);
+        let columns = offset_columns(spectrum, &offset_phases(2 * height_px, offset_px), &inverse_y);
         light.values_mut().par_chunks_mut(width_px).enumerate().for_each(|(y, row)| {
             for phases in &phases_x {
                 let mut line: Vec<_> = phases.iter().enumerate().map(|(u, phase)| phase * columns.at(u, y)).collect();
@@ -43,7 +42,7 @@ pub(super) fn pixel_light(field: &Plane<Complex64>, transfer_by_column: &Plane<C
 }
 
 /// H · F pad u₀, one row for each fx.
-fn spectrum_by_column(field: &Plane<Complex64>, transfer_by_column: &Plane<Complex64>) -> Plane<Complex64> {
+pub(super) fn spectrum_by_column(field: &Plane<Complex64>, transfer_by_column: &Plane<Complex64>) -> Plane<Complex64> {
     let (height_px, width_px) = (field.height_px(), field.width_px());
     let forward_x = FftPlanner::new().plan_fft_forward(2 * width_px);
     let forward_y = FftPlanner::new().plan_fft_forward(2 * height_px);

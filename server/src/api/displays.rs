@@ -81,6 +81,7 @@ pub(super) fn to_wire(display: Display, create_time_ms: i64) -> v1::Display {
             dimming_per_hour: bench.dimming_per_hour,
             rail_tilt_deg: bench.rail_tilt_deg,
             aberrations_at_m: bench.aberrations_at_m,
+            field_aberration_rad: bench.field_aberration_rad,
         }),
         create_time: Some(timestamp(create_time_ms)),
     }
@@ -144,6 +145,7 @@ fn bench_from_wire(bench: v1::SimulatedBench, field: &Field) -> Result<Simulated
         dimming_per_hour: bench.dimming_per_hour,
         rail_tilt_deg: bench.rail_tilt_deg,
         aberrations_at_m: bench.aberrations_at_m,
+        field_aberration_rad: bench.field_aberration_rad,
     };
     for (name, value, least, most, _) in planning::imperfections(drawn).ranges() {
         field.at(name).number(value, least..=most)?;

@@ -91,6 +91,7 @@ pub(super) fn model(field: &Field, value: i32) -> Result<KernelModel, ApiError> 
         v1::KernelModel::Paper => Some(KernelModel::Paper),
         v1::KernelModel::Dense => Some(KernelModel::Dense),
         v1::KernelModel::Smooth => Some(KernelModel::Smooth),
+        v1::KernelModel::Varying => Some(KernelModel::Varying),
     })
 }
 
@@ -100,6 +101,7 @@ pub(super) fn model_to_wire(model: KernelModel) -> i32 {
         KernelModel::Dense => v1::KernelModel::Dense.into(),
         KernelModel::Smooth => v1::KernelModel::Smooth.into(),
         KernelModel::Display => v1::KernelModel::Display.into(),
+        KernelModel::Varying => v1::KernelModel::Varying.into(),
     }
 }
 

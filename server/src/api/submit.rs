@@ -71,19 +71,18 @@ impl Api {
         check_distance(&at("dataset"), &display, dataset.wavelength, dataset.distance)?;
         let model = model(&at("model"), message.model)?;
         let refinement = message.refinement_evaluations;
-        let refined = match model {
-            KernelModel::Smooth | KernelModel::Display => true,
-            KernelModel::Paper | KernelModel::Dense => false,
-        };
+        let refined = model.is_smooth();
         if !refined && refinement.is_some_and(|evaluations| evaluations > 0) {
-            return Err(at("refinement_evaluations").invalid("is given, but only the models smooth and display refine"));
+            return Err(
+                at("refinement_evaluations").invalid("is given, but only smooth, display and varying models refine")
+            );
         }
         let detector = detector(&at("detector"), message.detector)?;
         if detector == Detector::Supersampled {
             return Err(at("detector").invalid("is supersampled, but a camera's pixels measure either point or pixel"));
         }
         let joint_datasets =
-            self.joint_datasets(&at("joint_datasets"), &message.joint_datasets, refined, &dataset).await?;
+            self.joint_datasets(&at("joint_datasets"), &message.joint_datasets, model, &dataset).await?;
         let key = KernelKey { display: display.id.clone(), wavelength: dataset.wavelength, distance: dataset.distance };
         let epochs = at("epochs").integer(message.epochs, 0..=EPOCHS_MAX)?;
         let evaluations = at("refinement_evaluations");
@@ -110,10 +109,10 @@ impl Api {
         &self,
         field: &Field,
         names: &[String],
-        refined: bool,
+        model: KernelModel,
         first: &Dataset,
     ) -> Result<Vec<String>, ApiError> {
-        if !names.is_empty() && !refined {
+        if !names.is_empty() && !matches!(model, KernelModel::Smooth | KernelModel::Display) {
             return Err(field.invalid("is given, but only the models smooth and display are learned over distances"));
         }
         if names.len() > JOINT_DATASETS_MAX {
@@ -154,17 +153,14 @@ impl Api {
             return Ok(None);
         }
         if !refined {
-            return Err(field.invalid("is given, but only the models smooth and display can start from a version"));
+            return Err(field.invalid("is given, but only smooth, display and varying models can start from a version"));
         }
         let start = self.store.kernel_version(key, version).await?;
-        match start.content.model {
-            KernelModel::Smooth | KernelModel::Display => Ok(Some(version)),
-            KernelModel::Paper | KernelModel::Dense => {
-                let problem =
-                    format!("is {version}, but {key}/versions/{version} has no smooth kernel; name one that has");
-                Err(field.invalid(&problem))
-            }
+        if !start.content.model.is_smooth() {
+            let problem = format!("is {version}, but {key}/versions/{version} has no smooth kernel; name one that has");
+            return Err(field.invalid(&problem));
         }
+        Ok(Some(version))
     }
 
     async fn simulate(&self, message: v1::SimulateCapture, field: &Field) -> Result<SimulateCapture, ApiError> {

@@ -53,7 +53,7 @@ pub struct DemoArgs {
     /// Iterations for each hologram to learn from
     #[arg(long, value_name = "N", default_value_t = 60, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub training_iterations: u32,
-    /// Models to learn: display (always, and first), smooth, dense, paper [default: display,smooth, with --paper display,paper]
+    /// Models to learn: display (always, and first), varying, smooth, dense, paper [default: display,smooth, with --paper display,paper]
     #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = model)]
     pub models: Vec<KernelModel>,
 }
@@ -105,13 +105,15 @@ pub(super) fn model_name(model: KernelModel) -> &'static str {
         KernelModel::Dense => "dense",
         KernelModel::Smooth => "smooth",
         KernelModel::Display | KernelModel::Unspecified => "display",
+        KernelModel::Varying => "varying",
     }
 }
 
 fn model(name: &str) -> Result<KernelModel, String> {
-    let models = [KernelModel::Paper, KernelModel::Dense, KernelModel::Smooth, KernelModel::Display];
+    let models =
+        [KernelModel::Paper, KernelModel::Dense, KernelModel::Smooth, KernelModel::Display, KernelModel::Varying];
     let found = models.into_iter().find(|model| model_name(*model) == name);
-    found.ok_or_else(|| "a model is display, smooth, dense or paper".to_owned())
+    found.ok_or_else(|| "a model is display, varying, smooth, dense or paper".to_owned())
 }
 
 fn length(kind: Length, text: &str) -> Result<f64, ParseError> {

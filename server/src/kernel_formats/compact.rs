@@ -5,13 +5,14 @@
 //! | offset | type | meaning |
 //! |---|---|---|
 //! | 0 | 4 bytes | `LPKC` |
-//! | 4 | u8 | version of the layout, 1 |
-//! | 5 | u8 | model: 3 `smooth`, 4 `display` |
+//! | 4 | u8 | version of the layout: 2 where the kernel varies over the SLM, else 1 |
+//! | 5 | u8 | model: 3 `smooth`, 4 `display`, 5 `varying` |
 //! | 6 | u8 | K, highest total degree of the kernel's series, 0 to 12; 0: H = H_ideal |
 //! | 7 | u8 | S, that of the source's, 0 to 12 |
 //! | 8 | u8 | R, harmonics of the phase response, 0 to 8 |
 //! | 9 | u8 | method of H_ideal, below |
-//! | 10 | u16 | 0 |
+//! | 10 | u8 | V, highest total degree of what makes the kernel vary over the SLM, 0 to 8; 0: it does not |
+//! | 11 | u8 | 0 |
 //! | 12 | u32, u32 | rows, columns of the display |
 //! | 20 | f64, f64, f64 | pixel pitch, wavelength, distance \[m\] |
 //! | 44 | f32 × 4 | gain, offset, real and imaginary part of the zero order |
@@ -20,11 +21,13 @@
 //! | | f32 × t(S) | logarithm of the source's amplitude |
 //! | | f32 × t(S) | the source's phase \[rad\] |
 //! | | f32 × 2R | a₁ b₁ a₂ b₂ … of r(φ) = φ + Σ a_k sin kφ + b_k cos kφ \[rad\] |
+//! | | f32 × 5·2t(V) | α₁ ψ₁ α₂ ψ₂ … of x, y, x², xy, y² |
 //! | end − 4 | u32 | CRC-32 (IEEE 802.3) of all bytes before |
 //!
 //! ```text
 //! t(n) = (n + 1)(n + 2)/2 − 1,   s(x, y) = Σ c_ij T_i(x) T_j(y),  1 ≤ i + j ≤ n, ordered by i, then j
 //! H(fx, fy) = H_ideal · exp(α(2Δfx, 2Δfy) + iψ(2Δfx, 2Δfy)),   a(x, y) the same on the SLM, x, y from −1 to 1
+//! H(fx, fy; x, y) = H(fx, fy) · exp( Σ_m P_m(x, y) (α_m + iψ_m) )  for the light of the SLM's place (x, y)
 //! ```
 //!
 //! T_i Chebyshev polynomials, Δ the pixel pitch. Methods: 0 band-limited, 1 angular spectrum, 2 band-extended,
@@ -35,11 +38,14 @@ use super::KernelFormatError;
 use super::archive::crc_of;
 use crate::kernel::KernelModel;
 use lightpath_optics::chebyshev::ChebyshevBasis;
-use lightpath_optics::{DisplayModel, Grid, KernelShape, Method, OpticalSetup, SmoothField};
+use lightpath_optics::{DisplayModel, Grid, KernelShape, Method, OpticalSetup, SmoothField, SpatialVariation};
 use num_complex::Complex64;
 
 const MAGIC: &[u8; 4] = b"LPKC";
 const VERSION: u8 = 1;
+const VERSION_VARYING: u8 = 2;
+/// With higher degrees the largest model would not be compact.
+const VARIATION_ORDER_MAX: usize = 8;
 const HEADER_BYTES: usize = 60;
 /// In the order of their numbers.
 const METHODS: [Method; 6] = [
@@ -72,7 +78,14 @@ pub fn encode(model: &DisplayModel, kind: KernelModel) -> Result<Vec<u8>, Kernel
             return Err(KernelFormatError::NoSuchForm(message.to_owned()));
         }
     };
+    let variation_order = model.variation.order();
+    if variation_order > VARIATION_ORDER_MAX {
+        let message = format!("the kernel varies with degree {variation_order}, the compact form up to 8");
+        return Err(KernelFormatError::NoSuchForm(message));
+    }
+    let version = if model.variation.is_none() { VERSION } else { VERSION_VARYING };
     let code = match kind {
+        KernelModel::Varying => 5,
         KernelModel::Display => 4,
         KernelModel::Smooth | KernelModel::Paper | KernelModel::Dense => 3,
     };
@@ -82,9 +95,9 @@ pub fn encode(model: &DisplayModel, kind: KernelModel) -> Result<Vec<u8>, Kernel
     let grid = model.setup.grid();
     let mut bytes = MAGIC.to_vec();
     let orders = [kernel.order, model.source.order, model.response.len(), method].map(|number| number as u8);
-    bytes.extend([VERSION, code]);
+    bytes.extend([version, code]);
     bytes.extend(orders);
-    bytes.extend([0, 0]);
+    bytes.extend([variation_order as u8, 0]);
     bytes.extend((grid.height_px() as u32).to_le_bytes());
     bytes.extend((grid.width_px() as u32).to_le_bytes());
     for length_m in [grid.pixel_pitch_m(), model.setup.wavelength_m(), model.setup.distance_m()] {
@@ -92,7 +105,9 @@ pub fn encode(model: &DisplayModel, kind: KernelModel) -> Result<Vec<u8>, Kernel
     }
     let photometry = [model.gain, model.offset, model.zero_order.re, model.zero_order.im];
     let series = [&kernel.log_amplitude, &kernel.phase, &model.source.log_amplitude, &model.source.phase];
+    let variation = model.variation.fields().iter().flat_map(|field| [&field.log_amplitude, &field.phase]).flatten();
     let numbers = photometry.iter().chain(series.into_iter().flatten()).chain(model.response.as_flattened());
+    let numbers = numbers.chain(variation);
     bytes.extend(numbers.flat_map(|&number| (number as f32).to_le_bytes()));
     bytes.extend(crc_of(&bytes).to_le_bytes());
     Ok(bytes)
@@ -108,16 +123,22 @@ pub fn decode(bytes: &[u8]) -> Result<(DisplayModel, KernelModel), KernelFormatE
     if !is_compact(bytes) || bytes.len() < HEADER_BYTES + 4 {
         return Err(refused(format!("has {} bytes, or does not start with LPKC", bytes.len())));
     }
-    if bytes[4] != VERSION {
-        return Err(refused(format!("is of version {}; this server reads version {VERSION}", bytes[4])));
+    if !(VERSION..=VERSION_VARYING).contains(&bytes[4]) {
+        return Err(refused(format!("is of version {}; this server reads up to version {VERSION_VARYING}", bytes[4])));
     }
-    let [kernel_order, source_order, harmonics, method] = [6, 7, 8, 9].map(|at| usize::from(bytes[at]));
+    let [kernel_order, source_order, harmonics, method, variation_order] =
+        [6, 7, 8, 9, 10].map(|at| usize::from(bytes[at]));
     if kernel_order > ChebyshevBasis::ORDER_MAX || source_order > ChebyshevBasis::ORDER_MAX {
         return Err(refused(format!("has orders {kernel_order} and {source_order}, but 12 is the highest")));
     }
-    let (kernel_terms, source_terms) =
-        (ChebyshevBasis::new(kernel_order).terms(), ChebyshevBasis::new(source_order).terms());
-    let expected = HEADER_BYTES + 4 * (2 * kernel_terms + 2 * source_terms + 2 * harmonics) + 4;
+    if variation_order > VARIATION_ORDER_MAX || (variation_order > 0) != (bytes[4] == VERSION_VARYING) {
+        return Err(refused(format!("of version {} varies with degree {variation_order}", bytes[4])));
+    }
+    let terms = |order| ChebyshevBasis::new(order).terms();
+    let (kernel_terms, source_terms, variation_terms) =
+        (terms(kernel_order), terms(source_order), terms(variation_order));
+    let pairs = kernel_terms + source_terms + harmonics + SpatialVariation::POWERS * variation_terms;
+    let expected = HEADER_BYTES + 4 * 2 * pairs + 4;
     if bytes.len() != expected {
         return Err(refused(format!("has {} bytes, but its header asks for {expected}", bytes.len())));
     }
@@ -128,7 +149,8 @@ pub fn decode(bytes: &[u8]) -> Result<(DisplayModel, KernelModel), KernelFormatE
     let kind = match bytes[5] {
         3 => KernelModel::Smooth,
         4 => KernelModel::Display,
-        other => return Err(refused(format!("is of model {other}, but must be of 3 or 4"))),
+        5 => KernelModel::Varying,
+        other => return Err(refused(format!("is of model {other}, but must be of 3, 4 or 5"))),
     };
     let method = *METHODS.get(method).ok_or_else(|| refused(format!("is of method {method}, which is none")))?;
     let sides: Vec<usize> =
@@ -137,14 +159,27 @@ pub fn decode(bytes: &[u8]) -> Result<(DisplayModel, KernelModel), KernelFormatE
     let mut numbers = content[44..].as_chunks().0.iter().map(|&chunk| f64::from(f32::from_le_bytes(chunk)));
     let mut take = |count: usize| -> Vec<f64> { numbers.by_ref().take(count).collect() };
     let photometry = take(4);
-    let mut field = |order: usize, terms: usize| SmoothField { order, log_amplitude: take(terms), phase: take(terms) };
-    let (kernel, source) = (field(kernel_order, kernel_terms), field(source_order, source_terms));
+    let mut field = |order| {
+        let terms = terms(order);
+        SmoothField { order, log_amplitude: take(terms), phase: take(terms) }
+    };
+    let (kernel, source) = (field(kernel_order), field(source_order));
+    let response = take(2 * harmonics).as_chunks().0.to_vec();
+    let mut field = |order| {
+        let terms = terms(order);
+        SmoothField { order, log_amplitude: take(terms), phase: take(terms) }
+    };
+    let variation = match variation_order {
+        0 => SpatialVariation::none(),
+        order => SpatialVariation::new([(); SpatialVariation::POWERS].map(|()| field(order))),
+    };
     let grid = Grid::try_new(sides[0], sides[1], lengths[0])?;
     let model = DisplayModel {
         setup: OpticalSetup::try_new(grid, lengths[1], lengths[2])?.with_method_regardless(method)?,
         kernel: KernelShape::Smooth(kernel),
+        variation,
         source,
-        response: take(2 * harmonics).as_chunks().0.to_vec(),
+        response,
         zero_order: Complex64::new(photometry[2], photometry[3]),
         gain: photometry[0],
         offset: photometry[1],
@@ -178,12 +213,17 @@ mod tests {
 
     #[test]
     fn the_largest_model_is_below_4_kib_and_comes_back_to_f32() {
-        for order in [0, 5, ChebyshevBasis::ORDER_MAX] {
-            let model = smooth(order);
-            let bytes = encode(&model, KernelModel::Display).unwrap();
+        for (order, variation_order) in [(0, 0), (5, 0), (5, 4), (ChebyshevBasis::ORDER_MAX, VARIATION_ORDER_MAX)] {
+            let mut model = smooth(order);
+            let model_kind = if variation_order == 0 { KernelModel::Display } else { KernelModel::Varying };
+            if variation_order > 0 {
+                let KernelShape::Smooth(field) = smooth(variation_order).kernel else { panic!() };
+                model.variation = SpatialVariation::new([(); 5].map(|()| field.clone()));
+            }
+            let bytes = encode(&model, model_kind).unwrap();
             assert!(bytes.len() <= 4096, "{}", bytes.len());
             let (back, kind) = decode(&bytes).unwrap();
-            assert_eq!(kind, KernelModel::Display);
+            assert_eq!((kind, back.variation.order()), (model_kind, variation_order));
             assert_eq!(encode(&back, kind).unwrap(), bytes, "a second time nothing is lost");
             let (KernelShape::Smooth(a), KernelShape::Smooth(b)) = (&model.kernel, &back.kernel) else { panic!() };
             // Coefficients of at most 1 in f32.
@@ -239,8 +279,8 @@ mod tests {
             assert!(decode(&damaged).is_err(), "byte {at}");
         }
         let mut later = bytes;
-        later[4] = 2;
-        assert!(decode(&later).unwrap_err().to_string().contains("version 2"));
+        later[4] = 3;
+        assert!(decode(&later).unwrap_err().to_string().contains("version 3"));
     }
 
     #[test]

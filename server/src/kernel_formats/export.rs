@@ -4,6 +4,7 @@ use super::{KernelFormatError, archive, array, compact, half, import, torch};
 use crate::kernel::KernelModel;
 use crate::kernel_file;
 use lightpath_optics::grid::frequency;
+use lightpath_optics::spatial_variation::local_kernels;
 use lightpath_optics::{DisplayModel, KernelShape, Plane};
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
@@ -32,12 +33,15 @@ pub enum KernelFormat {
 pub struct Exported {
     /// The file.
     pub bytes: Vec<u8>,
-    /// ‖H' − H‖/‖H‖ over the band, H' as it is read back from the file; 1 where all of it is lost.
+    /// ‖H' − H‖/‖H‖ over the band, H' as it is read back from the file; 1 where all of it is lost. Of a kernel that varies over
+    /// the SLM, over places on it as well: forms with one transfer function keep that of the axis.
     pub relative_error: f64,
 }
 
 /// Frequencies along each axis at which the error is measured: enough for the smoothest and the roughest kernels.
 const MEASURED: usize = 96;
+/// Places along each side of the SLM at which it is, where the kernel varies over it.
+const PLACES: usize = 3;
 
 /// The model in another form, read back to tell what was lost.
 ///
@@ -142,20 +146,31 @@ fn f32_bytes(numbers: &[f32]) -> Vec<u8> {
 fn difference(model: &DisplayModel, back: &DisplayModel) -> f64 {
     if let (KernelShape::Smooth(a), KernelShape::Smooth(b)) = (&model.kernel, &back.kernel)
         && a == b
+        && model.variation == back.variation
         && model.setup == back.setup
     {
         return 0.0;
     }
+    // Where one varies over the SLM, at places that stand for all.
+    let places = match model.variation.is_none() && back.variation.is_none() {
+        true => vec![(0.0, 0.0)],
+        false => local_kernels::nodes(PLACES).collect(),
+    };
     let bins = [model.setup.padded_height_px(), model.setup.padded_width_px()];
     let pitch_m = model.setup.grid().pixel_pitch_m();
     let (h, other) = (model.sampled(), back.sampled());
     let (count_y, count_x) = (MEASURED.min(bins[0]), MEASURED.min(bins[1]));
     let rows = (0..count_y).into_par_iter().map(|j| {
         let fy = frequency(j * bins[0] / count_y, bins[0], pitch_m);
-        (0..count_x).fold((0.0, 0.0), |(off, all), i| {
+        (0..count_x).fold((0.0, 0.0), |sum, i| {
             let fx = frequency(i * bins[1] / count_x, bins[1], pitch_m);
-            let value = h(fx, fy);
-            (off + (other(fx, fy) - value).norm_sqr(), all + value.norm_sqr())
+            let (value, again) = (h(fx, fy), other(fx, fy));
+            places.iter().fold(sum, |(off, all), &(x, y)| {
+                let local =
+                    |model: &DisplayModel| model.variation.exponent(x, y, 2.0 * pitch_m * fx, 2.0 * pitch_m * fy);
+                let value = value * local(model).exp();
+                (off + (again * local(back).exp() - value).norm_sqr(), all + value.norm_sqr())
+            })
         })
     });
     // Collected first, so that the sum has a fixed order.

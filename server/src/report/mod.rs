@@ -4,13 +4,14 @@
 //!
 //! - `optics`: the kernel, its aberrations, spot and contrast, source and response. `evidence`: residuals per pair and the band
 //!   that the data lit. `history`: losses while learning, and drift against earlier versions. `over_distance`: aberrations between
-//!   photographed distances.
+//!   photographed distances. `over_modulator`: a kernel that varies over the modulator.
 //! - `page`: the HTML. `base64`: pictures inside it.
 mod base64;
 mod evidence;
 mod history;
 mod optics;
 mod over_distance;
+mod over_modulator;
 mod page;
 
 pub use evidence::{Evidence, PAIRS_SHOWN_MAX, PairEvidence};
@@ -115,6 +116,7 @@ pub fn make(input: &ReportInput) -> Result<Report, ReportError> {
     chapters.extend(history::losses(input));
     let certainty = input.evidence.as_ref().and_then(|evidence| evidence.response.as_ref());
     chapters.extend(optics::chapters(&input.model, certainty)?);
+    chapters.extend(over_modulator::chapter(&input.model)?);
     chapters.extend(over_distance::chapter(input));
     if let Some(evidence) = &input.evidence {
         chapters.extend(evidence::chapters(evidence)?);

@@ -28,7 +28,7 @@ pub(super) fn chapters(
 }
 
 /// H / H_ideal at fx, fy [1/m]; 0 where free space itself passes nothing. The constant phase is taken off.
-fn ratio(model: &DisplayModel) -> impl Fn(f64, f64) -> Complex64 + Sync + '_ {
+pub(super) fn ratio(model: &DisplayModel) -> impl Fn(f64, f64) -> Complex64 + Sync + '_ {
     let ideal = model.setup.sampled();
     let learned = model.sampled();
     let raw = move |fx: f64, fy: f64| {
@@ -161,12 +161,11 @@ fn spot(model: &DisplayModel, ratio: &(impl Fn(f64, f64) -> Complex64 + Sync)) -
     let pitch_m = model.setup.grid().pixel_pitch_m();
     let (nyquist, pitch_um) = (0.5 / pitch_m, pitch_m * 1e6);
     let found = point_spread(|x, y| ratio(nyquist * x, nyquist * y));
-    let decibel = found.spot.map(|value| 10.0 * value.max(1e-5).log10());
     let half = WINDOW_PX as f64 * pitch_um;
     let axis = |label| Axis { label, start: -half, end: half };
     let canvas = Heatmap {
         title: "Point spread function",
-        values: &decibel,
+        values: &decibels(&found),
         colours: ColourMap::Sequential,
         range: (-40.0, 0.0),
         unit: "dB",
@@ -199,6 +198,11 @@ fn spot(model: &DisplayModel, ratio: &(impl Fn(f64, f64) -> Complex64 + Sync)) -
     chapter.array("point_spread", &[side, side], found.spot.values().iter().map(|&value| value.into()));
     chapter.array("mtf_x_y", &[2, found.mtf[0].len()], found.mtf.concat());
     Ok(chapter)
+}
+
+/// A spot, in decibels below its peak.
+pub(super) fn decibels(found: &PointSpread) -> Plane<f32> {
+    found.spot.map(|value| 10.0 * value.max(1e-5).log10())
 }
 
 fn figures_of(found: &PointSpread, pitch_um: f64) -> String {

@@ -97,6 +97,7 @@ fn word(model: KernelModel) -> &'static str {
         KernelModel::Dense => "dense",
         KernelModel::Smooth => "smooth",
         KernelModel::Display => "display",
+        KernelModel::Varying => "varying",
     }
 }
 

@@ -31,6 +31,7 @@ pub(super) const MIGRATIONS: &[(&str, &str)] = &[
     ("0008_tokens", include_str!("../../../migrations/0008_tokens.sql")),
     ("0009_captures", include_str!("../../../migrations/0009_captures.sql")),
     ("0010_owners", include_str!("../../../migrations/0010_owners.sql")),
+    ("0011_varying", include_str!("../../../migrations/0011_varying.sql")),
 ];
 
 /// A handle to the database; see the module's documentation.

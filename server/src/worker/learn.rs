@@ -37,10 +37,11 @@ pub(super) fn run(context: &JobContext, job: &Job, spec: &LearnKernel) -> Result
     let mut learned = Vec::with_capacity(planes.len());
     for ((plane, model), kept) in planes.iter().zip(&models).zip(&kept) {
         let metrics = measure(context, spec, plane, region, model, kept)?;
-        let file = kernel_file::encode(model, spec.model)?;
+        let kind = kind(spec.model, model);
+        let file = kernel_file::encode(model, kind)?;
         let size_bytes = file.len() as u64;
         let (artifact, lineage) = (context.put_artifact(file)?, lineage(job, spec, plane, &planes)?);
-        let version = NewKernelVersion { model: spec.model, artifact, size_bytes, metrics, lineage };
+        let version = NewKernelVersion { model: kind, artifact, size_bytes, metrics, lineage };
         learned.push((plane.0.key.clone(), version));
     }
     let order = match &models[0].kernel {
@@ -62,6 +63,14 @@ pub(super) fn run(context: &JobContext, job: &Job, spec: &LearnKernel) -> Result
         joint: joint.collect(),
     };
     Ok(TaskOutput { result: JobResult::Learn(result), learned })
+}
+
+/// What was learned of what was asked for: a kernel that turned out not to vary is a display.
+fn kind(asked: KernelModel, model: &DisplayModel) -> KernelModel {
+    match asked {
+        KernelModel::Varying if model.variation.is_none() => KernelModel::Display,
+        _ => asked,
+    }
 }
 
 /// Of each dataset, the places of the pairs that counted, and the names of all others.
@@ -129,6 +138,7 @@ fn learn(
         let eta = *eta.get_or_insert_with(|| Eta::from(done.step));
         let stage = match done.stage {
             LearnStage::Adam => "learn".to_owned(),
+            LearnStage::Refinement if done.varying => format!("let order {} vary", done.order),
             LearnStage::Refinement => format!("refine to order {}", done.order),
         };
         let progress = Progress {
@@ -150,6 +160,7 @@ fn options(spec: &LearnKernel, setting: &Setting, region: RegionOfInterest) -> L
         KernelModel::Dense => LearnModel::Dense,
         KernelModel::Smooth => LearnModel::Smooth { order },
         KernelModel::Display => LearnModel::Display { order },
+        KernelModel::Varying => LearnModel::Varying { order },
     };
     let defaults = LearnOptions::new(model, region);
     LearnOptions {

@@ -78,7 +78,7 @@ pub(super) fn learn_state_to_bytes(state: &LearnState) -> Vec<u8> {
 pub(super) fn learn_state_from_bytes(bytes: &[u8]) -> Option<LearnState> {
     let mut bytes = Reader(bytes);
     let state = match bytes.u32()? {
-        PARAMETRIC => LearnState::Parametric(read_parametric(&mut bytes)?),
+        PARAMETRIC => LearnState::Parametric(Box::new(read_parametric(&mut bytes)?)),
         BINS => LearnState::Bins(read_bins(&mut bytes)?),
         _ => return None,
     };
@@ -97,10 +97,12 @@ fn write_parametric(bytes: &mut Writer, state: &ParametricState) {
         kept,
         rescreened,
         rung,
+        varying,
         refinement,
         curvature,
         evaluations,
         best,
+        uniform,
         in_vain,
         converged,
         loss_history,
@@ -110,7 +112,9 @@ fn write_parametric(bytes: &mut Writer, state: &ParametricState) {
         .for_each(|values| bytes.f64s(values));
     [*epoch_loss, *gain, *offset].into_iter().for_each(|value| bytes.f64(value));
     [*adam_steps, *rung, *evaluations, *in_vain].into_iter().for_each(|value| bytes.u32(value));
-    [*rescreened, *converged, refinement.is_some(), best.is_some()].into_iter().for_each(|is| bytes.u32(u32::from(is)));
+    [*rescreened, *converged, *varying, refinement.is_some(), best.is_some(), uniform.is_some()]
+        .into_iter()
+        .for_each(|is| bytes.u32(u32::from(is)));
     bytes.u32(kept.len() as u32);
     kept.iter().for_each(|&index| bytes.u32(index));
     if let Some(DampedState { parameters, loss, gradient, damping, evaluations }) = refinement {
@@ -118,8 +122,8 @@ fn write_parametric(bytes: &mut Writer, state: &ParametricState) {
         [*loss, *damping].into_iter().for_each(|value| bytes.f64(value));
         bytes.u32(*evaluations);
     }
-    if let Some(Best { order, parameters, loss, loss_before }) = best {
-        bytes.u32(*order);
+    for Best { order, varying, parameters, loss, loss_before } in best.iter().chain(uniform) {
+        [*order, u32::from(*varying)].into_iter().for_each(|value| bytes.u32(value));
         bytes.f64s(parameters);
         [*loss, *loss_before].into_iter().for_each(|value| bytes.f64(value));
     }
@@ -130,12 +134,14 @@ fn read_parametric(bytes: &mut Reader<'_>) -> Option<ParametricState> {
         [bytes.f64s()?, bytes.f64s()?, bytes.f64s()?, bytes.f64s()?, bytes.f64s()?];
     let (epoch_loss, gain, offset) = (bytes.f64()?, bytes.f64()?, bytes.f64()?);
     let (adam_steps, rung, evaluations, in_vain) = (bytes.u32()?, bytes.u32()?, bytes.u32()?, bytes.u32()?);
-    let [rescreened, converged, refined, has_best] =
-        [bytes.u32()? != 0, bytes.u32()? != 0, bytes.u32()? != 0, bytes.u32()? != 0];
+    let mut flag = || Some(bytes.u32()? != 0);
+    let [rescreened, converged, varying, refined, has_best, had_uniform] =
+        [flag()?, flag()?, flag()?, flag()?, flag()?, flag()?];
     let count = bytes.u32()?;
     let kept = (0..count).map(|_| bytes.u32()).collect::<Option<Vec<_>>>()?;
     let refinement = if refined { Some(read_damped(bytes)?) } else { None };
     let best = if has_best { Some(read_best(bytes)?) } else { None };
+    let uniform = if had_uniform { Some(read_best(bytes)?) } else { None };
     Some(ParametricState {
         parameters,
         first_moment,
@@ -147,10 +153,12 @@ fn read_parametric(bytes: &mut Reader<'_>) -> Option<ParametricState> {
         kept,
         rescreened,
         rung,
+        varying,
         refinement,
         curvature,
         evaluations,
         best,
+        uniform,
         in_vain,
         converged,
         loss_history,
@@ -164,9 +172,9 @@ fn read_damped(bytes: &mut Reader<'_>) -> Option<DampedState> {
 }
 
 fn read_best(bytes: &mut Reader<'_>) -> Option<Best> {
-    let (order, parameters) = (bytes.u32()?, bytes.f64s()?);
+    let (order, varying, parameters) = (bytes.u32()?, bytes.u32()? != 0, bytes.f64s()?);
     let (loss, loss_before) = (bytes.f64()?, bytes.f64()?);
-    Some(Best { order, parameters, loss, loss_before })
+    Some(Best { order, varying, parameters, loss, loss_before })
 }
 
 fn write_bins(bytes: &mut Writer, state: &BinsState) {
@@ -294,11 +302,13 @@ mod tests {
             damping: 1e-3,
             evaluations: 9,
         };
-        let best = Best { order: 8, parameters: vec![0.3], loss: 1e-4, loss_before: f64::INFINITY };
+        let best = |order| Best { order, varying: true, parameters: vec![0.3], loss: 1e-4, loss_before: f64::INFINITY };
         let parametric = ParametricState {
             parameters: vec![0.1],
             refinement: Some(refinement),
-            best: Some(best),
+            best: Some(best(8)),
+            uniform: Some(best(5)),
+            varying: true,
             kept: vec![0, 2, 3],
             curvature: vec![4.0],
             rescreened: true,
@@ -310,7 +320,9 @@ mod tests {
         };
         let bins = BinsState { parameters: vec![0.1, 0.2], adam_steps: 3, offset: 0.01, ..BinsState::default() };
         let plain = ParametricState::default();
-        for state in [LearnState::Parametric(parametric), LearnState::Parametric(plain), LearnState::Bins(bins)] {
+        for state in
+            [LearnState::Parametric(parametric.into()), LearnState::Parametric(plain.into()), LearnState::Bins(bins)]
+        {
             let bytes = learn_state_to_bytes(&state);
             assert_eq!(learn_state_from_bytes(&bytes), Some(state));
             assert_eq!(learn_state_from_bytes(&bytes[..bytes.len() - 1]), None);

@@ -13,6 +13,7 @@ struct BenchFile {
     /// 0 would mean the default.
     strength: Option<f64>,
     misalignment_px: f64,
+    field_aberration_rad: f64,
     modulator: Modulator,
     camera: Camera,
     rail: Rail,
@@ -62,7 +63,7 @@ pub(super) fn read(path: &Path) -> Result<SimulatedBench, Failure> {
 
 fn parse(text: &str) -> Result<SimulatedBench, String> {
     let file: BenchFile = toml::from_str(text).map_err(|error| error.to_string())?;
-    let BenchFile { seed, strength, misalignment_px, modulator, camera, rail, drift } = file;
+    let BenchFile { seed, strength, misalignment_px, field_aberration_rad, modulator, camera, rail, drift } = file;
     for (name, value) in [("strength", strength), ("camera.noise", camera.noise)] {
         if value == Some(0.0) {
             return Err(format!(
@@ -85,6 +86,7 @@ fn parse(text: &str) -> Result<SimulatedBench, String> {
         dimming_per_hour: drift.dimming_per_hour,
         rail_tilt_deg: rail.tilt_deg,
         aberrations_at_m: rail.aberrations_at_m,
+        field_aberration_rad,
     })
 }
 
@@ -101,6 +103,7 @@ pub(super) fn further(bench: &SimulatedBench) -> impl Iterator<Item = (&'static 
         ("dimming_per_hour", bench.dimming_per_hour),
         ("tilt_deg", bench.rail_tilt_deg),
         ("aberrations_at_m", bench.aberrations_at_m),
+        ("field_aberration_rad", bench.field_aberration_rad),
     ]
     .into_iter()
     .filter(|(_, value)| *value != 0.0)
@@ -116,7 +119,7 @@ mod tests {
     #[test]
     fn the_documented_file_has_every_property() {
         let bench = parse(DOCUMENTED).unwrap();
-        assert_eq!(further(&bench).count(), 10, "each of them is other than 0");
+        assert_eq!(further(&bench).count(), 11, "each of them is other than 0");
         assert!(bench.seed > 0 && bench.strength > 0.0 && bench.camera_noise > 0.0 && bench.misalignment_px > 0.0);
     }
 

@@ -60,7 +60,7 @@ struct KernelFile {
 enum Format {
     /// All of the model by name, with its optics in the header
     Safetensors,
-    /// All of a smooth or display model in some hundred bytes, for firmware
+    /// All of a smooth, display or varying model in some hundred bytes, for firmware
     Compact,
     /// A PyTorch tensor as the paper has it: amplitude and phase of the inner half, float32 1 x 2 x rows x columns
     Pt,

@@ -107,7 +107,11 @@ async fn databases_of_every_version_keep_their_data() {
         if steps >= 4 {
             assert_eq!(store.kernel(&key()).await.unwrap().active_version, Some(1));
             assert_eq!(store.kernel_moves(&key(), None, 9).await.unwrap()[0].reason, "good");
-            store.add_kernel_version(&key(), new_version(2), 20).await.unwrap();
+            for model in [KernelModel::Display, KernelModel::Varying] {
+                let content = NewKernelVersion { model, ..new_version(2) };
+                let added = store.add_kernel_version(&key(), content, 20).await.unwrap();
+                assert_eq!(store.kernel_version(&key(), added.version).await.unwrap().content.model, model);
+            }
         }
         if steps >= 5 {
             jobs_are_there(&store).await;

@@ -291,6 +291,7 @@ async fn interruptions_and_threads_change_no_byte() {
     for (name, spec) in [
         ("smooth", learn(KernelModel::Smooth, 2, 6)),
         ("display", learn(KernelModel::Display, 2, 12)),
+        ("varying", learn(KernelModel::Varying, 2, 6)),
         ("dense", learn(KernelModel::Dense, 3, 0)),
         ("paper", learn(KernelModel::Paper, 3, 0)),
     ] {

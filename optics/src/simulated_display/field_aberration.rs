@@ -1,0 +1,107 @@
+//! Aberrations of a relay lens that depend on where in its field a pixel of the modulator lies.
+//!
+//! ```text
+//! ψ(f; r) = A · ( c₁ |f|² (f·r) + c₂ (f·r)² + c₃ |f|² |r|² + c₄ (f·r) |r|² ) / n,   α(f; r) = −A · c₅ (1 + f·r)² / 40
+//! ```
+//!
+//! r the place on the modulator, from its drawn axis, and f, both in units where the middle of an edge is 1: coma, astigmatism,
+//! field curvature and distortion, the third-order ones that depend on the field (W. T. Welford, *Aberrations of Optical Systems*,
+//! 1986), and the shadow of an aperture that the light of one side passes closer by. n makes A the most phase \[rad\] that any
+//! pixel's light has at the corner of the band.
+//!
+//! Every pixel's light has its own transfer function. That is computed by interpolation between a fine grid of places, in
+//! [`spectrum_by_column`], with an error that is far below the camera's noise.
+
+use super::draws::{Draws, Stream};
+use crate::Plane;
+use crate::display_model::position;
+use crate::grid::frequency;
+use crate::spatial_variation::local_kernels::{nodes, window};
+use num_complex::Complex64;
+use rayon::prelude::*;
+use rustfft::FftPlanner;
+
+/// Places along each axis between which transfer functions are interpolated.
+const PLACES: usize = 7;
+
+/// The drawn aberrations of one bench.
+#[derive(Clone, Debug)]
+pub(super) struct FieldAberration {
+    size_rad: f64,
+    /// c₁ to c₄, divided by n.
+    shapes: [f64; 4],
+    shadow: f64,
+    axis: (f64, f64),
+}
+
+impl FieldAberration {
+    pub(super) fn draw(seed: u64, size_rad: f64) -> Self {
+        let mut draws = Draws::new(seed, Stream::FieldAberration);
+        let mut shape = || draws.about(1.0) * draws.angle().cos().signum();
+        let mut drawn =
+            Self { size_rad: 1.0, shapes: [shape(), shape(), shape(), 0.5 * shape()], shadow: 0.0, axis: (0.0, 0.0) };
+        drawn.axis = (draws.between(-0.2, 0.2), draws.between(-0.2, 0.2));
+        drawn.shadow = draws.about(1.0);
+        let corners = [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)];
+        let pairs = corners.into_iter().flat_map(|at| corners.map(|f| (at, f)));
+        let most = pairs.map(|(at, f)| drawn.exponent(at, f).im.abs()).fold(0.0, f64::max);
+        drawn.shapes = drawn.shapes.map(|shape| shape / most);
+        Self { size_rad, ..drawn }
+    }
+
+    pub(super) fn is_none(&self) -> bool {
+        self.size_rad == 0.0
+    }
+
+    /// α + iψ at a place on the modulator and a frequency, all within ±1.
+    pub(super) fn exponent(&self, (x, y): (f64, f64), (fx, fy): (f64, f64)) -> Complex64 {
+        let (x, y) = (x - self.axis.0, y - self.axis.1);
+        let (along, place, f) = (fx * x + fy * y, x * x + y * y, fx * fx + fy * fy);
+        let [coma, astigmatism, curvature, distortion] = self.shapes;
+        let phase = along * (coma * f + astigmatism * along + distortion * place) + curvature * f * place;
+        let shadow = self.shadow * (1.0 + along).powi(2) / 40.0;
+        self.size_rad * Complex64::new(-shadow, phase)
+    }
+}
+
+/// Σ over places of H · e^{α + iψ} · F pad( window · u₀ ), one row for each fx.
+pub(super) fn spectrum_by_column(
+    field: &Plane<Complex64>,
+    transfer_by_column: &Plane<Complex64>,
+    aberration: &FieldAberration,
+) -> Plane<Complex64> {
+    let (height_px, width_px) = (field.height_px(), field.width_px());
+    let forward_x = FftPlanner::new().plan_fft_forward(2 * width_px);
+    let forward_y = FftPlanner::new().plan_fft_forward(2 * height_px);
+    let windows = |side_px: usize| {
+        let along = |i| (0..side_px).map(|px| window(i, PLACES, position(px, side_px))).collect();
+        (0..PLACES).map(along).collect::<Vec<Vec<f64>>>()
+    };
+    let (along_x, along_y) = (windows(width_px), windows(height_px));
+    let rows_through = |window: &Vec<f64>| {
+        let mut rows = Plane::filled(height_px, 2 * width_px, Complex64::ZERO);
+        rows.values_mut().par_chunks_mut(2 * width_px).enumerate().for_each(|(y, row)| {
+            row.iter_mut().zip(field.row(y)).zip(window).for_each(|((value, u), w)| *value = u * w);
+            forward_x.process(row);
+        });
+        rows
+    };
+    let rows: Vec<Plane<Complex64>> = along_x.iter().map(rows_through).collect();
+    let places: Vec<(f64, f64)> = nodes(PLACES).collect();
+    // In units of the Nyquist frequency.
+    let at = |bin, bins| 2.0 * frequency(bin, bins, 1.0);
+    let mut spectrum = Plane::filled(2 * width_px, 2 * height_px, Complex64::ZERO);
+    spectrum.values_mut().par_chunks_mut(2 * height_px).enumerate().for_each(|(u, sum)| {
+        for (k, &place) in places.iter().enumerate() {
+            let (rows, window) = (&rows[k % PLACES], &along_y[k / PLACES]);
+            let mut column = vec![Complex64::ZERO; 2 * height_px];
+            column.iter_mut().zip(window).enumerate().for_each(|(y, (value, w))| *value = rows.at(y, u) * w);
+            forward_y.process(&mut column);
+            for (v, (sum, value)) in sum.iter_mut().zip(&column).enumerate() {
+                *sum += value * aberration.exponent(place, (at(u, 2 * width_px), at(v, 2 * height_px))).exp();
+            }
+        }
+        sum.iter_mut().zip(transfer_by_column.row(u)).for_each(|(value, transfer)| *value *= transfer);
+    });
+    spectrum
+}
