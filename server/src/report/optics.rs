@@ -20,6 +20,9 @@ pub(super) fn chapters(
 ) -> Result<Vec<Chapter>, ReportError> {
     let ratio = ratio(model);
     let mut all = vec![transfer(model, &ratio)?, aberrations(model), spot(model, &ratio)?];
+    if !model.variation.is_none() {
+        all.iter_mut().for_each(|chapter| chapter.body.insert_str(0, "<p>On the axis of the modulator.</p>"));
+    }
     if !model.source.is_flat() {
         all.push(source(model)?);
     }

@@ -6,7 +6,7 @@ use crate::figures::{Axis, Canvas, ColourMap, Heatmap};
 use lightpath_optics::DisplayModel;
 use lightpath_optics::diagnostics::point_spread;
 use lightpath_optics::diagnostics::point_spread::WINDOW_PX;
-use lightpath_optics::spatial_variation::local_kernels::{largest_change, per_side};
+use lightpath_optics::spatial_variation::local_kernels::{change, per_side};
 use std::fmt::Write as _;
 
 /// Places along x and along y, from edge to edge.
@@ -24,11 +24,11 @@ pub(super) fn chapter(model: &DisplayModel) -> Result<Option<Chapter>, ReportErr
     let (nyquist, half_um) = (0.5 / pitch_m, WINDOW_PX as f64 * pitch_m * 1e6);
     let side = per_side(&model.variation);
     let mut body = format!(
-        "<p>The light of each place on the modulator goes through a transfer function of its own. From the axis to a corner \
-         logarithm of amplitude and phase change by up to <b>{:.2} rad</b>; holograms are computed with {side}×{side} kernels that \
-         are blended. Of each place: how far the phase is from that on the axis, root mean square over the band without piston and \
+        "<p>The light of each place on the modulator goes through a transfer function of its own. From the axis to the \
+         corner where they change the most, logarithm of amplitude and phase differ by <b>{:.2} rad</b>, root mean square over the \
+         band; holograms are computed with {side}×{side} kernels that are blended. Of each place: how far the phase is from that on the axis, root mean square over the band without piston and \
          tilts, and the Strehl ratio.</p><table><tr><th></th>",
-        largest_change(&model.variation)
+        change(&model.variation)
     );
     body.extend(PLACES.map(|(name, _)| format!("<th class=n>{name}</th>")));
     body.push_str("</tr>");
@@ -40,9 +40,9 @@ pub(super) fn chapter(model: &DisplayModel) -> Result<Option<Chapter>, ReportErr
         for (column_name, x) in PLACES {
             let local = |fx: f64, fy: f64| model.variation.exponent(x, y, fx, fy);
             let found = point_spread(|fx, fy| on_axis(nyquist * fx, nyquist * fy) * local(fx, fy).exp());
-            let change = rms_rad(|fx, fy| local(fx, fy).im);
+            let turned = rms_rad(|fx, fy| local(fx, fy).im);
             // Writing to a string cannot fail.
-            let _ = write!(body, "<td class=n>{change:.2} rad, {:.3}</td>", found.strehl);
+            let _ = write!(body, "<td class=n>{turned:.2} rad, {:.3}</td>", found.strehl);
             row.push(
                 Heatmap {
                     title: &format!("{row_name}, {column_name}"),
@@ -56,7 +56,7 @@ pub(super) fn chapter(model: &DisplayModel) -> Result<Option<Chapter>, ReportErr
                 .draw(),
             );
             strehls.push(found.strehl);
-            changes.push(change);
+            changes.push(turned);
         }
         body.push_str("</tr>");
         sheet.push(row);
