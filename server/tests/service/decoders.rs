@@ -3,7 +3,7 @@
 //! `LIGHTPATH_FUZZ_SECONDS=600 cargo test --release -p lightpath-server --test service decoders -- --nocapture` feeds each for
 //! ten minutes; `fuzz/` does the same with libFuzzer.
 
-use crate::mutation::{Random, mutated};
+use crate::mutation::{Random, add_to_corpus, mutated};
 use image::{DynamicImage, ImageFormat};
 use lightpath_optics::{DisplayModel, Grid, KernelShape, OpticalSetup, Plane, SmoothField};
 use lightpath_server::config::{Config, Effective, Settings};
@@ -63,6 +63,20 @@ fn seeds(decoder: Decoder) -> Vec<Vec<u8>> {
     }
 }
 
+/// What `fuzz/` calls it.
+fn fuzz_target(decoder: Decoder) -> &'static str {
+    match decoder {
+        Decoder::Target => "target",
+        Decoder::Photograph => "photograph",
+        Decoder::Levels => "levels",
+        Decoder::Phase => "phase",
+        Decoder::Kernel => "kernel",
+        Decoder::StoredKernel => "stored_kernel",
+        Decoder::Settings => "settings",
+        Decoder::BackupManifest => "backup_manifest",
+    }
+}
+
 #[test]
 fn valid_files_are_read() {
     for decoder in Decoder::ALL {
@@ -70,6 +84,7 @@ fn valid_files_are_read() {
         let read = seeds(decoder).iter().filter(|seed| decoder.reads(seed)).count();
         assert!(read > 0 && (decoder == Decoder::Kernel || read == seeds(decoder).len()), "{decoder:?}: {read}");
         assert!(!decoder.reads(b"") || decoder == Decoder::Settings, "{decoder:?}");
+        add_to_corpus(fuzz_target(decoder), &seeds(decoder));
     }
 }
 

@@ -1,6 +1,6 @@
 //! Thousands of malformed requests: each gets the status that it should, and the server goes on.
 
-use crate::mutation::{Random, mutated, rewired};
+use crate::mutation::{Random, add_to_corpus, mutated, rewired};
 use crate::raw::{call, methods};
 use crate::serving::{Serving, small_display};
 use futures::stream::{self, StreamExt as _};
@@ -68,6 +68,12 @@ fn seeds(target: &str) -> Vec<(&'static str, Vec<u8>)> {
     ]
 }
 
+/// As `fuzz/fuzz_targets/requests.rs` reads them: the number of the method in front.
+fn with_method_numbers(seeds: &[(&str, Vec<u8>)], methods: &[String]) -> Vec<Vec<u8>> {
+    let number = |name: &str| methods.iter().position(|path| path.ends_with(&format!("/{name}"))).unwrap() as u8;
+    seeds.iter().map(|(name, seed)| [&[number(name)], &seed[..]].concat()).collect()
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn malformed_requests_get_the_right_status() {
     let serving = Serving::start_with(|config| config.calls_per_s_max = 0).await;
@@ -76,6 +82,7 @@ async fn malformed_requests_get_the_right_status() {
         pictures::grey_png_srgb(&lightpath_optics::Plane::from_fn(48, 64, |y, x| (y + x) as f32 / 120.0)).unwrap();
     let target = serving.upload(&picture).await;
     let (methods, seeds) = (methods(), seeds(&target));
+    add_to_corpus("requests", &with_method_numbers(&seeds, &methods));
     let texts: Vec<Vec<u8>> = seeds.iter().map(|(_, seed)| seed.clone()).collect();
     let (channel, methods, seeds, texts) = (&serving.channel, &methods, &seeds, &texts);
     let answers = stream::iter(0..REQUESTS).map(|n| async move {

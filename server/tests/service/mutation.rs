@@ -4,6 +4,8 @@ use prost::bytes::Buf as _;
 use prost::encoding::{decode_varint, encode_varint};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
+use std::fs;
+use std::path::PathBuf;
 
 /// The same changes in every run.
 pub(crate) struct Random(ChaCha8Rng);
@@ -16,6 +18,17 @@ impl Random {
     /// 0 to `end`, without `end`; 0 where that is 0.
     pub(crate) fn below(&mut self, end: usize) -> usize {
         if end == 0 { 0 } else { self.0.random_range(0..end) }
+    }
+}
+
+/// Gives libFuzzer valid inputs to begin with: files in the folder of a target of `fuzz/`, below `LIGHTPATH_FUZZ_CORPUS`
+/// where that is set.
+pub(crate) fn add_to_corpus(target: &str, inputs: &[Vec<u8>]) {
+    let Some(corpus) = std::env::var_os("LIGHTPATH_FUZZ_CORPUS").map(PathBuf::from) else { return };
+    let folder = corpus.join(target);
+    fs::create_dir_all(&folder).unwrap();
+    for (n, input) in inputs.iter().enumerate() {
+        fs::write(folder.join(format!("valid-{n}")), input).unwrap();
     }
 }
 
