@@ -26,6 +26,8 @@ const STREAMS_MAX: u32 = 256;
 const STREAM_WINDOW_BYTES: u32 = 512 << 10;
 /// Unread streams, such as uploads that wait for their turn, must never use up what the connection's others need.
 const CONNECTION_WINDOW_BYTES: u32 = STREAMS_MAX * STREAM_WINDOW_BYTES;
+/// What an HTTP/1 connection may hold of requests, and of answers: many times the longest header. hyper's own would be 400 KiB.
+const HTTP1_BUFFER_BYTES: usize = 64 << 10;
 /// A connection that says nothing for this long at its beginning, or between HTTP/1 requests, is closed.
 const FIRST_BYTES_DEADLINE: Duration = Duration::from_secs(30);
 /// HTTP/2 peers are asked this often whether they still live ...
@@ -143,7 +145,7 @@ impl Drop for Seat {
 
 fn builder() -> Builder<TokioExecutor> {
     let mut builder = Builder::new(TokioExecutor::new());
-    builder.http1().timer(TokioTimer::new()).header_read_timeout(FIRST_BYTES_DEADLINE);
+    builder.http1().timer(TokioTimer::new()).header_read_timeout(FIRST_BYTES_DEADLINE).max_buf_size(HTTP1_BUFFER_BYTES);
     builder
         .http2()
         .timer(TokioTimer::new())

@@ -5,7 +5,7 @@ use crate::artifacts::{ArtifactError, Artifacts};
 use crate::audit::Audit;
 use crate::config::Config;
 use crate::connections;
-use crate::http::{self, Gate, Lapses, Rate};
+use crate::http::{self, Budget, Gate, Lapses, Rate};
 use crate::metrics;
 use crate::store::{QueueLimits, Store, StoreError};
 use crate::tls::{self, Tls, TlsError};
@@ -116,7 +116,8 @@ pub async fn run(
     let lapses = Lapses::default();
     let tokens = tokio::spawn(token_loop(api.store().clone(), lapses.clone(), stopping.clone()));
     let gate = Gate { api, tokens_required, audit: Arc::clone(&audit), rate, lapses };
-    let app = http::router(gate, grpc);
+    let budget = Arc::new(Budget::new(config.under_way_bytes_max));
+    let app = http::router(gate, budget, grpc);
     let connections = tokio::spawn(connections::serve(listener, tls, app, stopping.clone(), config.drain_deadline));
 
     let early = tokio::select! {

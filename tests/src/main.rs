@@ -26,6 +26,8 @@ mod crowd;
 mod determinism;
 /// Little room on the disk, and none.
 mod disk;
+/// Clients that send much and end nothing, or ask for much and take nothing.
+mod hoards;
 /// Slow connections, and those that speak nonsense.
 mod hostile;
 /// Whether each crate and module imports only what it may.

@@ -63,7 +63,7 @@ use tonic::service::Routes;
 use tonic_health::server::HealthReporter;
 
 /// Largest message that clients may send \[bytes\]: a chunk of an upload, twice over.
-const MESSAGE_BYTES_MAX: usize = 4 << 20;
+pub(crate) const MESSAGE_BYTES_MAX: usize = 4 << 20;
 /// Streams that may follow jobs and kernels at once, all clients together: each costs a little memory and a read
 /// at every change.
 const WATCHERS_MAX: usize = 1000;

@@ -48,6 +48,10 @@ pub struct Settings {
     /// Calls a second that each token, or each address without one, may make; 0: no limit [default: 2000]
     #[arg(long, env = "LIGHTPATH_CALLS_PER_S_MAX", value_name = "COUNT")]
     pub calls_per_s_max: Option<u32>,
+    /// Memory that requests and answers under way may take, all clients together, in MiB; one address may take three
+    /// quarters of it; beyond it, calls are refused; 0: no limit [default: 512]
+    #[arg(long, env = "LIGHTPATH_UNDER_WAY_MIB_MAX", value_name = "MIB")]
+    pub under_way_mib_max: Option<u64>,
     /// Jobs that run at once [default: 1]
     #[arg(long, env = "LIGHTPATH_WORKERS", value_name = "COUNT")]
     pub workers: Option<u32>,
@@ -193,6 +197,12 @@ impl Effective {
                 file.calls_per_s_max,
                 default.calls_per_s_max,
                 CALLS_PER_S,
+            )?,
+            under_way_bytes_max: merge.mib(
+                "under_way_mib_max",
+                given.under_way_mib_max,
+                file.under_way_mib_max,
+                default.under_way_bytes_max,
             )?,
             workers: merge.count("workers", given.workers, file.workers, default.workers, WORKERS)?,
             compute_threads: merge.count(

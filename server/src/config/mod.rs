@@ -31,6 +31,9 @@ pub struct Config {
     pub insecure: bool,
     /// Calls a second that each token, or each address without one, may make; 0: no limit.
     pub calls_per_s_max: u32,
+    /// Bytes that requests and answers under way may hold, all clients together; one address, three quarters of it. 0:
+    /// no limit.
+    pub under_way_bytes_max: u64,
     /// Jobs that run at once.
     pub workers: u32,
     /// Threads that one job computes on.
@@ -82,6 +85,7 @@ impl Default for Config {
             require_tokens: false,
             insecure: false,
             calls_per_s_max: 2000,
+            under_way_bytes_max: 512 << 20,
             workers: 1,
             compute_threads: std::thread::available_parallelism().map_or(1, NonZeroUsize::get),
             lease: Duration::from_secs(30),

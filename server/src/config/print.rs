@@ -65,6 +65,7 @@ fn settings(config: &Config) -> Vec<(&'static str, Value, &'static str)> {
             count(config.calls_per_s_max as usize),
             "calls a second of each token or address; 0: no limit",
         ),
+        ("under_way_mib_max", mib(config.under_way_bytes_max), "memory of requests and answers [MiB]; 0: no limit"),
         ("require_tokens", Value::from(config.require_tokens), "calls from this machine need a token, too"),
         ("insecure", Value::from(config.insecure), "others may connect without TLS and tokens"),
     ];

@@ -2,7 +2,7 @@
 
 use super::lapse::{Lapses, ending_with, not_accepted};
 use super::rate::Rate;
-use super::refusal::Refusal;
+use super::refusal::refuse;
 use crate::access::{Caller, Secret};
 use crate::api::rules::{Access, Effect, Rule, rule_of};
 use crate::api::{Api, ApiError, handle_for};
@@ -13,7 +13,7 @@ use axum::Extension;
 use axum::extract::{MatchedPath, Request, State};
 use axum::http::{HeaderMap, header};
 use axum::middleware::Next;
-use axum::response::{IntoResponse as _, Response};
+use axum::response::Response;
 use std::sync::Arc;
 use std::time::Instant;
 use tonic::{Code, Status};
@@ -147,10 +147,6 @@ async fn find(store: &Store, secret: &Secret) -> Result<Caller, ApiError> {
     let record = store.token_by_hash(&secret.hash()).await?;
     let valid = record.filter(|record| record.is_valid(crate::api::now_ms()));
     valid.map(|record| record.caller).ok_or_else(not_accepted)
-}
-
-fn refuse(status: Status, is_grpc: bool) -> Response {
-    if is_grpc { status.into_http() } else { Refusal::from(status).into_response() }
 }
 
 pub(super) fn is_grpc(headers: &HeaderMap) -> bool {

@@ -2,10 +2,10 @@
 //!
 //! Tokens are revoked beside the server, in its database, so that it has to look; all calls share one look.
 
+use super::refusal::ending;
 use crate::api::ApiError;
 use crate::store::{Store, StoreError};
 use axum::body::Body;
-use axum::http::HeaderMap;
 use axum::response::Response;
 use futures::future::{BoxFuture, FutureExt as _, pending};
 use http_body::{Frame, SizeHint};
@@ -15,7 +15,6 @@ use std::pin::Pin;
 use std::sync::Arc;
 use std::task::{Context, Poll};
 use tokio::sync::watch;
-use tonic::Status;
 
 /// Names of the tokens that are accepted no more, as of the last look. A name is never given twice.
 #[derive(Clone, Debug, Default)]
@@ -76,9 +75,7 @@ impl http_body::Body for Answer {
         }
         if self.lapse.poll_unpin(cx).is_ready() {
             self.is_over = true;
-            let mut trailers = HeaderMap::new();
-            let told = Status::from(not_accepted()).add_header(&mut trailers);
-            return Poll::Ready(Some(told.map(|()| Frame::trailers(trailers)).map_err(axum::Error::new)));
+            return Poll::Ready(Some(ending(not_accepted().into(), true)));
         }
         Pin::new(&mut self.body).poll_frame(cx)
     }

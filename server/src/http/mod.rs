@@ -2,10 +2,12 @@
 //!
 //! # Layout
 //!
-//! - `gate`: who calls, and may they. `rate`: and how often. `lapse`: and how long. `jobs`: `/v1/jobs`. `refusal`: errors as
-//!   JSON. `requests`: deadlines and counting, for gRPC too.
+//! - `gate`: who calls, and may they. `rate`: and how often. `lapse`: and how long. `held`: and with how much in memory,
+//!   out of a `budget`. `jobs`: `/v1/jobs`. `refusal`: errors as answers. `requests`: deadlines and counting, for gRPC too.
 
+mod budget;
 mod gate;
+mod held;
 mod jobs;
 mod lapse;
 mod rate;
@@ -20,14 +22,16 @@ use axum::http::{StatusCode, header};
 use axum::middleware;
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
+pub(crate) use budget::Budget;
 pub(crate) use gate::Gate;
 pub(crate) use lapse::Lapses;
 pub(crate) use rate::Rate;
 use refusal::Refusal;
+use std::sync::Arc;
 use tonic::Status;
 
 /// gRPC and HTTP on one router.
-pub(crate) fn router(gate: Gate, grpc: tonic::service::Routes) -> Router {
+pub(crate) fn router(gate: Gate, budget: Arc<Budget>, grpc: tonic::service::Routes) -> Router {
     let api = gate.api.clone();
     let http = Router::new()
         .route("/healthz", get(health))
@@ -40,6 +44,7 @@ pub(crate) fn router(gate: Gate, grpc: tonic::service::Routes) -> Router {
     let grpc = grpc.into_axum_router().reset_fallback();
     http.merge(grpc)
         .layer(middleware::from_fn_with_state(gate, gate::pass))
+        .layer(middleware::from_fn_with_state(budget, held::counted))
         .layer(middleware::from_fn_with_state(api, requests::watched))
 }
 

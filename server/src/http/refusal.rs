@@ -1,11 +1,28 @@
-//! gRPC statuses as HTTP answers.
+//! gRPC statuses as answers, in either protocol.
 
 use axum::Json;
-use axum::http::{StatusCode, header};
+use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use http_body::Frame;
+use prost::bytes::Bytes;
 use serde_json::{Value, json};
 use tonic::{Code, Status};
 use tonic_types::StatusExt as _;
+
+/// The answer to a call that is refused.
+pub(super) fn refuse(status: Status, is_grpc: bool) -> Response {
+    if is_grpc { status.into_http() } else { Refusal(status).into_response() }
+}
+
+/// The end of an answer that has begun and cannot go on.
+pub(super) fn ending(status: Status, is_grpc: bool) -> Result<Frame<Bytes>, axum::Error> {
+    if !is_grpc {
+        return Err(axum::Error::new(status));
+    }
+    let mut trailers = HeaderMap::new();
+    status.add_header(&mut trailers).map_err(axum::Error::new)?;
+    Ok(Frame::trailers(trailers))
+}
 
 /// An error as `{"error": {"code", "status", "message", "reason", "metadata"}}`.
 #[derive(Debug)]

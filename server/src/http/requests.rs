@@ -1,13 +1,13 @@
 //! Around every request, gRPC and HTTP: a deadline to its answer, and its count.
 
 use super::gate::is_grpc;
-use super::refusal::Refusal;
+use super::refusal::refuse;
 use crate::api::{Api, ApiError};
 use crate::metrics;
 use axum::extract::{MatchedPath, Request, State};
 use axum::http::{HeaderMap, HeaderValue};
 use axum::middleware::Next;
-use axum::response::{IntoResponse as _, Response};
+use axum::response::Response;
 use std::time::{Duration, Instant};
 use tokio::time::timeout;
 use tonic::{Code, Status};
@@ -52,10 +52,6 @@ pub(super) async fn watched(State(api): State<Api>, request: Request, next: Next
         response.headers_mut().insert("x-request-id", id);
     }
     response
-}
-
-fn refuse(status: Status, is_grpc: bool) -> Response {
-    if is_grpc { status.into_http() } else { Refusal::from(status).into_response() }
 }
 
 /// What was called, out of a set that clients cannot make grow.

@@ -8,13 +8,19 @@ use tokio::net::TcpStream;
 
 /// Status and body of a GET over HTTP/1.1.
 pub(crate) async fn get(serving: &Serving, path: &str) -> (u16, String) {
+    let answer = answer(serving, path).await;
+    let (head, body) = answer.split_once("\r\n\r\n").unwrap();
+    (head.split(' ').nth(1).unwrap().parse().unwrap(), body.to_owned())
+}
+
+/// The whole answer to a GET over HTTP/1.1.
+pub(crate) async fn answer(serving: &Serving, path: &str) -> String {
     let mut stream = TcpStream::connect(serving.address).await.unwrap();
     let request = format!("GET {path} HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n");
     stream.write_all(request.as_bytes()).await.unwrap();
     let mut answer = String::new();
     stream.read_to_string(&mut answer).await.unwrap();
-    let (head, body) = answer.split_once("\r\n\r\n").unwrap();
-    (head.split(' ').nth(1).unwrap().parse().unwrap(), body.to_owned())
+    answer
 }
 
 #[tokio::test]

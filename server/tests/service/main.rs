@@ -18,3 +18,4 @@ mod ownership;
 mod raw;
 mod rough_photographs;
 mod serving;
+mod under_way;
