@@ -13,7 +13,7 @@ use tokio::sync::watch;
 use tokio::task::JoinHandle;
 
 /// Of the hostile client.
-const CONNECTIONS: usize = 10;
+const CONNECTIONS: usize = 4;
 /// On each of them, as many as the server takes.
 const STREAMS: u32 = 250;
 /// Setting of the server, so small that the test need not send gigabytes.

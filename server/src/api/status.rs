@@ -89,6 +89,7 @@ impl From<StoreError> for Status {
             StoreError::DiskFull => {
                 Answer::new(Code::ResourceExhausted, "DISK_FULL", message).retry(DISK_RETRY).status()
             }
+            StoreError::Busy => Answer::new(Code::Unavailable, "DATABASE_BUSY", message).retry(QUEUE_RETRY).status(),
             StoreError::Stopping => Answer::new(Code::Unavailable, "STOPPING", message).retry(RESTART_RETRY).status(),
             error @ (StoreError::SqliteTooOld { .. }
             | StoreError::Corrupt { .. }
@@ -196,7 +197,11 @@ mod tests {
         let status = Status::from(StoreError::QueueFull { limit: 3 });
         assert_eq!(status.code(), Code::ResourceExhausted);
         assert_eq!(status.get_error_details().retry_info().unwrap().retry_delay, Some(QUEUE_RETRY));
-        assert_eq!(Status::from(ApiError::Stopping).code(), Code::Unavailable);
+        for later in [ApiError::Stopping, StoreError::Busy.into()] {
+            let status = Status::from(later);
+            assert_eq!(status.code(), Code::Unavailable);
+            assert!(status.get_error_details().retry_info().is_some());
+        }
     }
 
     #[test]

@@ -63,6 +63,9 @@ pub enum StoreError {
     /// No space left for the database.
     #[error("no space is left on the disk of the database")]
     DiskFull,
+    /// So much is asked of the database that nobody had time for this.
+    #[error("the database had no time for this; too much is asked of it")]
+    Busy,
     /// The write did not happen because the process is about to end.
     #[error("the server is stopping")]
     Stopping,
@@ -118,6 +121,7 @@ impl StoreError {
         match self {
             Self::DiskFull
             | Self::Database(_)
+            | Self::Busy
             | Self::Stopping
             | Self::QueueFull { .. }
             | Self::OwnerQueueFull { .. }
@@ -142,6 +146,7 @@ impl From<sqlx::Error> for StoreError {
         const FULL: [&str; 2] = ["13", "4874"];
         match error.as_database_error().and_then(|e| e.code()) {
             Some(code) if FULL.contains(&&*code) => Self::DiskFull,
+            _ if matches!(error, sqlx::Error::PoolTimedOut) => Self::Busy,
             _ => Self::Database(error),
         }
     }
