@@ -1,6 +1,6 @@
 //! The two precisions of the engine: f32 for work, f64 for reference.
 
-use crate::convolution::columns::TilePasses;
+use crate::convolution::tile_pass::TilePasses;
 use num_complex::Complex;
 use pulp::{Simd, bytemuck};
 use rustfft::{FftNum, num_traits::Float};

@@ -1,7 +1,10 @@
 //! The fused passes against the plain padded transform in f64, on odd, prime and non-square sizes.
 
 use crate::engine::Fields;
-use crate::{Detector, DisplayModel, Engine, Grid, OpticalSetup, Plane, Real, reference};
+use crate::{
+    Detector, DisplayModel, Engine, Grid, KernelShape, OpticalSetup, Plane, Real, SmoothField, SpatialVariation,
+    reference,
+};
 use num_complex::{Complex, Complex64};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -57,11 +60,23 @@ fn inner<T: Real>(a: &[Complex<T>], b: &[Complex<T>]) -> Complex64 {
     a.iter().zip(b).map(|(a, b)| wide(a).conj() * wide(b)).sum()
 }
 
+/// Free space, and kernels that vary over the SLM by little and by much.
+fn models(setup: OpticalSetup) -> [DisplayModel; 3] {
+    let varying = |size: f64| {
+        let mut field = SmoothField::flat(2);
+        (field.log_amplitude, field.phase) = (vec![-0.1 * size; 5], vec![size; 5]);
+        let (kernel, variation) =
+            (KernelShape::Smooth(field.clone()), SpatialVariation::new([(); 5].map(|()| field.clone())));
+        DisplayModel { kernel, variation, ..DisplayModel::ideal(setup) }
+    };
+    [DisplayModel::ideal(setup), varying(0.02), varying(0.5)]
+}
+
 /// ⟨A u, v⟩ = ⟨u, Aᴴ v⟩.
 fn check_adjoint<T: Real>(bound: f64) {
-    for (height_px, width_px) in SIZES {
-        let setup = setup(height_px, width_px, 2e-3);
-        let engine = Engine::<T>::new(&DisplayModel::ideal(setup), Detector::Point, None).unwrap();
+    for ((height_px, width_px), i) in SIZES.into_iter().flat_map(|size| (0..3).map(move |i| (size, i))) {
+        let model = &models(setup(height_px, width_px, 2e-3))[i];
+        let engine = Engine::<T>::new(model, Detector::Point, None).unwrap();
         let (u, v) = (random_field(height_px, width_px, 3), random_field(height_px, width_px, 4));
         let (u, v) = (narrowed::<T>(&u), narrowed::<T>(&v));
         let there = inner(engine.propagate(&u).unwrap().values(), v.values());
@@ -73,7 +88,7 @@ fn check_adjoint<T: Real>(bound: f64) {
         let here = inner(u.values(), back.values());
         // Against the lengths of the vectors: the products themselves are small by chance.
         let length = (inner(u.values(), u.values()).re * inner(v.values(), v.values()).re).sqrt();
-        assert!((there - here).norm() < bound * length, "{width_px}×{height_px} px: {there} against {here}");
+        assert!((there - here).norm() < bound * length, "{width_px}×{height_px} px, {i}: {there} against {here}");
     }
 }
 

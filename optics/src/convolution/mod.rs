@@ -18,10 +18,11 @@
 //! Every row and every column is computed by itself and sums are added up in a fixed order, so results do not depend
 //! on the number of threads.
 
-pub(crate) mod columns;
+mod columns;
 mod kernels;
 pub(crate) mod rows;
 mod scratch;
+pub(crate) mod tile_pass;
 mod transfer;
 
 pub(crate) use kernels::{Kernels, Window};

@@ -1,6 +1,6 @@
 //! Working memory of a thread, kept between passes.
 
-use super::{Axis, columns::TileScratch};
+use super::{Axis, tile_pass::TileScratch};
 use crate::real::Real;
 use num_complex::Complex;
 use std::{

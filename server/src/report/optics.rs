@@ -164,18 +164,7 @@ fn spot(model: &DisplayModel, ratio: &(impl Fn(f64, f64) -> Complex64 + Sync)) -
     let pitch_m = model.setup.grid().pixel_pitch_m();
     let (nyquist, pitch_um) = (0.5 / pitch_m, pitch_m * 1e6);
     let found = point_spread(|x, y| ratio(nyquist * x, nyquist * y));
-    let half = WINDOW_PX as f64 * pitch_um;
-    let axis = |label| Axis { label, start: -half, end: half };
-    let canvas = Heatmap {
-        title: "Point spread function",
-        values: &decibels(&found),
-        colours: ColourMap::Sequential,
-        range: (-40.0, 0.0),
-        unit: "dB",
-        x: axis("x [µm]"),
-        y: axis("y [µm]"),
-    }
-    .draw();
+    let canvas = spot_picture("Point spread function", &found, pitch_um);
     let mut chapter = Chapter { title: "Resolution", body: figures_of(&found, pitch_um), ..Chapter::default() };
     chapter.png("point_spread", "Light of a point, in decibels below its peak", &canvas)?;
     let per_mm = 1.0 / (pitch_m * 1000.0);
@@ -204,8 +193,12 @@ fn spot(model: &DisplayModel, ratio: &(impl Fn(f64, f64) -> Complex64 + Sync)) -
 }
 
 /// A spot, in decibels below its peak.
-pub(super) fn decibels(found: &PointSpread) -> Plane<f32> {
-    found.spot.map(|value| 10.0 * value.max(1e-5).log10())
+pub(super) fn spot_picture(title: &str, found: &PointSpread, pitch_um: f64) -> Canvas {
+    let half_um = WINDOW_PX as f64 * pitch_um;
+    let axis = |label| Axis { label, start: -half_um, end: half_um };
+    let values = &found.spot.map(|value| 10.0 * value.max(1e-5).log10());
+    let (x, y) = (axis("x [µm]"), axis("y [µm]"));
+    Heatmap { title, values, colours: ColourMap::Sequential, range: (-40.0, 0.0), unit: "dB", x, y }.draw()
 }
 
 fn figures_of(found: &PointSpread, pitch_um: f64) -> String {

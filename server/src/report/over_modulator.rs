@@ -1,11 +1,10 @@
 //! The kernel at different places of the modulator, where it varies over it.
 
-use super::optics::{decibels, ratio};
+use super::optics::{ratio, spot_picture};
 use super::{Chapter, ReportError};
-use crate::figures::{Axis, Canvas, ColourMap, Heatmap};
+use crate::figures::Canvas;
 use lightpath_optics::DisplayModel;
 use lightpath_optics::diagnostics::point_spread;
-use lightpath_optics::diagnostics::point_spread::WINDOW_PX;
 use lightpath_optics::spatial_variation::local_kernels::{change, per_side};
 use std::fmt::Write as _;
 
@@ -21,7 +20,7 @@ pub(super) fn chapter(model: &DisplayModel) -> Result<Option<Chapter>, ReportErr
         return Ok(None);
     }
     let (pitch_m, on_axis) = (model.setup.grid().pixel_pitch_m(), ratio(model));
-    let (nyquist, half_um) = (0.5 / pitch_m, WINDOW_PX as f64 * pitch_m * 1e6);
+    let nyquist = 0.5 / pitch_m;
     let side = per_side(&model.variation);
     let mut body = format!(
         "<p>The light of each place on the modulator goes through a transfer function of its own. From the axis to the \
@@ -32,7 +31,6 @@ pub(super) fn chapter(model: &DisplayModel) -> Result<Option<Chapter>, ReportErr
     );
     body.extend(PLACES.map(|(name, _)| format!("<th class=n>{name}</th>")));
     body.push_str("</tr>");
-    let axis = |label| Axis { label, start: -half_um, end: half_um };
     let (mut sheet, mut strehls, mut changes) = (Vec::new(), Vec::new(), Vec::new());
     for (row_name, y) in ROWS {
         body.extend(["<tr><td>", row_name, "</td>"]);
@@ -43,18 +41,7 @@ pub(super) fn chapter(model: &DisplayModel) -> Result<Option<Chapter>, ReportErr
             let turned = rms_rad(|fx, fy| local(fx, fy).im);
             // Writing to a string cannot fail.
             let _ = write!(body, "<td class=n>{turned:.2} rad, {:.3}</td>", found.strehl);
-            row.push(
-                Heatmap {
-                    title: &format!("{row_name}, {column_name}"),
-                    values: &decibels(&found),
-                    colours: ColourMap::Sequential,
-                    range: (-40.0, 0.0),
-                    unit: "dB",
-                    x: axis("x [µm]"),
-                    y: axis("y [µm]"),
-                }
-                .draw(),
-            );
+            row.push(spot_picture(&format!("{row_name}, {column_name}"), &found, 1e6 * pitch_m));
             strehls.push(found.strehl);
             changes.push(turned);
         }
