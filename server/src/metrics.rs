@@ -101,6 +101,13 @@ pub(crate) fn install() {
     let _ = handle();
 }
 
+/// Counts what was measured into its buckets. Until then every measurement takes memory of its own, asked for or not.
+pub(crate) fn sum_up() {
+    if let Some(handle) = handle() {
+        handle.run_upkeep();
+    }
+}
+
 /// All metrics in Prometheus' text format.
 pub(crate) async fn render(store: &Store, files: &Artifacts, now_ms: i64) -> Result<String, StoreError> {
     let Some(handle) = handle() else {

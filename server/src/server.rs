@@ -22,7 +22,7 @@ use tokio_util::sync::CancellationToken;
 use tonic_health::ServingStatus;
 use tonic_health::server::HealthReporter;
 
-/// How often the bytes of all artifacts are counted, for their limit.
+/// How often the bytes of all artifacts are counted, for their limit, and measurements summed up.
 const COUNT_INTERVAL: Duration = Duration::from_secs(10);
 /// What the audit log may lose when the power fails.
 const FLUSH_INTERVAL: Duration = Duration::from_secs(1);
@@ -223,7 +223,10 @@ async fn upkeep_loop(store: Store, artifacts: Artifacts, retention: Retention, s
     loop {
         let outcome = tokio::select! {
             () = stopping.cancelled() => return,
-            _ = count.tick() => store.artifact_totals().await.map(|(_, bytes)| artifacts.set_stored_bytes(bytes)).map_err(Into::into),
+            _ = count.tick() => {
+                metrics::sum_up();
+                store.artifact_totals().await.map(|(_, bytes)| artifacts.set_stored_bytes(bytes)).map_err(Into::into)
+            }
             _ = collect.tick() => async {
                 let collected = retention.collect(&store, &artifacts, Clock::default().now_ms()).await?;
                 if collected != Collected::default() {

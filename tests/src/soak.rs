@@ -11,7 +11,7 @@ use tempfile::TempDir;
 const SECONDS: u64 = 8;
 const CLIENTS: u64 = 4;
 /// What the server may grow by between the first quarter and the end: caches fill, logs are kept in memory until written.
-const GROWTH_KIB_MAX: u64 = 64 << 10;
+const GROWTH_KIB_MAX: u64 = 16 << 10;
 /// Open files beyond those of the first quarter.
 const FILES_MAX: usize = 32;
 
