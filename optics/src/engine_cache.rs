@@ -37,7 +37,7 @@ struct Sampled {
 
 impl EngineCache {
     /// Keeps transfer functions of at most so many bytes together; one needs 32 bytes for each pixel of its display,
-    /// nine times as many where the kernel changes over the SLM.
+    /// 9 to 25 times as many where the kernel varies over the SLM.
     #[must_use]
     pub fn new(transfers_bytes_max: usize) -> Self {
         Self { transfers_bytes_max, kept: Mutex::default() }

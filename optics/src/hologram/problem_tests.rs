@@ -2,13 +2,13 @@
 
 use super::*;
 use crate::hologram::initial::random;
-use crate::{Carrier, Detector, DisplayModel, Grid, KernelShape, OpticalSetup, SmoothField};
+use crate::{Carrier, Detector, DisplayModel, Grid, KernelShape, OpticalSetup, SmoothField, SpatialVariation};
 use num_complex::Complex64;
 
 const SIZES: [(usize, usize); 3] = [(16, 24), (17, 13), (11, 30)];
 
-/// A display with every flaw that the model knows.
-fn flawed(setup: OpticalSetup) -> DisplayModel {
+/// A display with every flaw that the model knows; its kernel may vary.
+fn flawed(setup: OpticalSetup, varies: bool) -> DisplayModel {
     let smooth = |order, scale: f64| {
         let mut field = SmoothField::flat(order);
         let both = field.log_amplitude.iter_mut().chain(&mut field.phase);
@@ -17,6 +17,10 @@ fn flawed(setup: OpticalSetup) -> DisplayModel {
     };
     DisplayModel {
         kernel: KernelShape::Smooth(smooth(3, 0.3)),
+        variation: match varies {
+            true => SpatialVariation::new([0.1, -0.1, 0.05, 0.1, -0.05].map(|scale| smooth(2, scale))),
+            false => SpatialVariation::none(),
+        },
         source: smooth(2, 0.1),
         response: vec![[0.15, -0.05], [0.02, 0.04]],
         zero_order: Complex64::new(0.03, -0.02),
@@ -48,7 +52,9 @@ impl Case {
         let grid = Grid::try_new(height_px, width_px, 8e-6).unwrap();
         let plane = |p: usize| {
             let setup = OpticalSetup::try_new(grid, 515e-9, 3e-3 - 2e-3 * p as f64).unwrap();
-            let engine = Engine::new(&flawed(setup), self.detector, self.carrier).unwrap();
+            // Of some sizes, and of the second of two planes.
+            let varies = height_px % 2 == 1 || p == 1;
+            let engine = Engine::new(&flawed(setup, varies), self.detector, self.carrier).unwrap();
             let wave = |y: usize, x: usize| 0.5 + 0.4 * ((3 * y + (5 + p) * x) as f64).sin();
             let weight = |y: usize, x: usize| [1.0, 0.0, 0.4][(y + 2 * x + p) % 3];
             ImagePlane {
