@@ -24,6 +24,8 @@ use tonic::Status;
 
 /// What a call takes beside its messages \[bytes\]: headers, at most 16 KiB, and tasks.
 const CALL_BYTES: usize = 32 << 10;
+/// Answered at once and in a word, whatever others hold: a supervisor must not take a busy server for a dead one.
+const HEALTH: &str = "/healthz";
 /// Pieces of an answer that wait for its client at once: one in the connection, one behind it.
 const PIECES: usize = 2;
 
@@ -34,6 +36,9 @@ pub(super) async fn counted(
     request: Request,
     next: Next,
 ) -> Response {
+    if request.uri().path() == HEALTH {
+        return next.run(request).await;
+    }
     let is_grpc = is_grpc(request.headers());
     let peer = peer.map(|Extension(peer)| peer.ip());
     let shares = budget.take(peer, CALL_BYTES).and_then(|call| Ok((call, budget.take(peer, 0)?)));

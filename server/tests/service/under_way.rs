@@ -47,5 +47,7 @@ async fn without_room_for_a_call_the_refusal_is_json() {
     let refused = answer(&serving, "/v1/jobs").await;
     assert!(refused.starts_with("HTTP/1.1 429 "), "{refused}");
     assert!(refused.contains("retry-after: 1\r\n") && refused.contains("TOO_MUCH_UNDER_WAY"), "{refused}");
+    let healthy = answer(&serving, "/healthz").await;
+    assert!(healthy.starts_with("HTTP/1.1 200 "), "{healthy}");
     serving.stop().await.unwrap();
 }
