@@ -4,9 +4,10 @@
 //! photograph ≈ gain · D( | H ∗ ( a · ( e^{i r(φ)} + z₀ ) ) |² ) + offset
 //! ```
 //!
-//! H the kernel, a transfer function, which may [change over the SLM](crate::SpatialVariation); a the source profile; r the SLM's phase response; z₀ undiffracted light; D the
-//! [`Detector`](crate::Detector). Smooth parts are [Chebyshev series](crate::chebyshev): of fx and fy over the band
-//! [−1/2Δ, 1/2Δ] for the kernel, of x and y over the SLM for the source.
+//! H the kernel, a transfer function, which may [vary over the SLM](crate::SpatialVariation); a the source profile; r the
+//! SLM's phase response; z₀ undiffracted light; D the [`Detector`](crate::Detector). Smooth parts are
+//! [Chebyshev series](crate::chebyshev): of fx and fy over the band [−1/2Δ, 1/2Δ] for the kernel, of x and y over the SLM
+//! for the source.
 
 use crate::chebyshev::ChebyshevBasis;
 use crate::spatial_variation::local_kernels;

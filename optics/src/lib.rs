@@ -21,6 +21,7 @@
 //! - [`metrics`]: how close an image comes to its target, and how much of the light arrives.
 //! - [`reference`](mod@reference): slow and plain f64 twins of what is fast elsewhere.
 //! - [`display_model`], [`chebyshev`]: a display as it is learned: kernel, source, response, zero order.
+//! - [`spatial_variation`]: a kernel that changes over the modulator, and the grid of kernels that stands for it.
 //! - [`engine`], [`detector`], [`photometry`]: that display made ready to run, fused and parallel; what a camera or an eye
 //!   sees of its light; how that compares with a picture.
 //! - [`hologram`], [`learning`], [`optimizer`]: finding phases, and finding displays.

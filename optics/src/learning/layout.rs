@@ -1,7 +1,8 @@
 //! Which parameter of a model stands where in θ.
 //!
 //! α and ψ of the kernel, log amplitude and phase of the source, [a_k, b_k] of the phase response, the zero order's two
-//! parts, and α_m and ψ_m of the kernel's variation over the SLM; of `smooth` the kernel alone. Gain and offset are each photograph's own.
+//! parts, and α_m and ψ_m of the kernel's variation over the SLM; of `smooth` the kernel alone. Gain and offset are each
+//! photograph's own.
 
 use super::LearnModel;
 use crate::chebyshev::ChebyshevBasis;

@@ -9,9 +9,10 @@
 //! H free space, aberrations, apodization and the camera's shift. Everything is in f64 and comes from a seed; the same
 //! seed draws the same bench for any wavelength and distance, on any number of threads.
 //!
-//! On top of that, where asked for: the aberrations depend on where on the modulator a pixel lies, the modulator's pixels blur into each other and flicker, the camera is turned, its lens
-//! blurs, dust adds speckle that is always the same, and with the hours the image wanders and the light fades. With the distance
-//! the image moves along a tilted rail, and the light fills more of the aperture that has the aberrations.
+//! On top of that, where asked for: the aberrations depend on where on the modulator a pixel lies, the modulator's pixels
+//! blur into each other and flicker, the camera is turned, its lens blurs, dust adds speckle that is always the same, and
+//! with the hours the image wanders and the light fades. With the distance the image moves along a tilted rail, and the
+//! light fills more of the aperture that has the aberrations.
 
 mod aberration;
 mod blur;
@@ -188,8 +189,8 @@ impl SimulatedDisplay {
         self.setup
     }
 
-    /// H(fx, fy), frequencies in 1/m: free space, aberrations that all pixels share, apodization, and the camera's shift. Where the setup's method is
-    /// an impulse response, free space is that of the nearest padded bin.
+    /// H(fx, fy), frequencies in 1/m: free space, aberrations that all pixels share, apodization, and the camera's shift.
+    /// Where the setup's method is an impulse response, free space is that of the nearest padded bin.
     #[must_use]
     pub fn true_transfer(&self, fx: f64, fy: f64) -> Complex64 {
         let pitch_m = self.setup.grid().pixel_pitch_m();

@@ -25,8 +25,8 @@ pub(super) fn chapter(model: &DisplayModel) -> Result<Option<Chapter>, ReportErr
     let mut body = format!(
         "<p>The light of each place on the modulator goes through a transfer function of its own. From the axis to the \
          corner where they change the most, logarithm of amplitude and phase differ by <b>{:.2} rad</b>, root mean square over the \
-         band; holograms are computed with {side}×{side} kernels that are blended. Of each place: how far the phase is from that on the axis, root mean square over the band without piston and \
-         tilts, and the Strehl ratio.</p><table><tr><th></th>",
+         band; holograms are computed with {side}×{side} kernels that are blended. Of each place: how far the phase is from that \
+         on the axis, root mean square over the band without piston and tilts, and the Strehl ratio.</p><table><tr><th></th>",
         change(&model.variation)
     );
     body.extend(PLACES.map(|(name, _)| format!("<th class=n>{name}</th>")));
