@@ -183,6 +183,8 @@ fn difference(model: &DisplayModel, back: &DisplayModel) -> f64 {
 mod tests {
     use super::*;
     use lightpath_optics::{Grid, OpticalSetup, SmoothField};
+    use safetensors::Dtype;
+    use safetensors::tensor::TensorView;
 
     fn model() -> DisplayModel {
         let setup = OpticalSetup::try_new(Grid::try_new(32, 48, 8e-6).unwrap(), 515e-9, 3e-3).unwrap();
@@ -196,6 +198,19 @@ mod tests {
             gain: 0.5,
             ..DisplayModel::ideal(setup)
         }
+    }
+
+    #[test]
+    fn safetensors_are_not_taken_for_a_pickle_by_the_length_of_their_header() {
+        let numbers = vec![0; 4 * 2 * 64 * 96];
+        // One of 32 lengths begins as a pickle does.
+        let files = (1..300).map(|letters| {
+            let tensor = TensorView::new(Dtype::F32, vec![64, 96, 2], &numbers).unwrap();
+            safetensors::serialize([("x".repeat(letters), tensor)], None).unwrap()
+        });
+        let alike: Vec<Vec<u8>> = files.filter(|file| file[0] == 0x80).collect();
+        assert!(!alike.is_empty());
+        assert!(alike.iter().all(|file| import(file, &model().setup).unwrap().form == "safetensors"));
     }
 
     #[test]

@@ -40,13 +40,14 @@ pub fn import(bytes: &[u8], setup: &OpticalSetup) -> Result<Imported, KernelForm
         }
         return of_array(&torch::read(&files)?, setup, "pt");
     }
-    if bytes.first() == Some(&0x80) {
+    // Safetensors start with the length of a JSON header, which may have a pickle's first byte.
+    let is_safetensors = bytes.get(8) == Some(&b'{');
+    if bytes.first() == Some(&0x80) && !is_safetensors {
         let message =
             "it is a bare pickle, as PyTorch before 1.6 wrote it; load it there and save it anew with torch.save";
         return Err(KernelFormatError::Archive(message.to_owned()));
     }
-    // Safetensors start with the length of a JSON header.
-    if bytes.get(8) != Some(&b'{') {
+    if !is_safetensors {
         let start = bytes[..bytes.len().min(8)].escape_ascii().to_string();
         return Err(KernelFormatError::Unknown { start });
     }
