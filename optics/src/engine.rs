@@ -6,7 +6,6 @@ use crate::convolution::{Convolver, Kernels, Transfer};
 use crate::display_model::{KernelShape, SmoothField, position};
 use crate::real::Real;
 use crate::slm::Slm;
-use crate::spatial_variation::local_kernels;
 use crate::{Detector, DisplayModel, Plane, Result};
 use num_complex::{Complex, Complex64};
 use rayon::prelude::*;
@@ -188,7 +187,7 @@ impl<T: Real> Fields<T> {
 /// The kernel, or the grid of kernels that stand for one that changes over the SLM.
 pub(crate) fn sample_kernels<T: Real>(model: &DisplayModel) -> Kernels<T> {
     let Some(grid) = model.local_kernels() else { return Kernels::single(sample_transfer(model)) };
-    Kernels::grid(local_kernels::per_side(&model.variation), grid.iter().map(sample_transfer).collect())
+    Kernels::grid(grid.iter().map(sample_transfer).collect())
 }
 
 fn sample_transfer<T: Real>(model: &DisplayModel) -> Transfer<T> {

@@ -30,8 +30,8 @@ impl<T: Real> Kernels<T> {
     }
 
     /// Those of n×n [local kernels](local_kernels).
-    pub(crate) fn grid(n: usize, transfers: Vec<Transfer<T>>) -> Self {
-        let windows = |side_px| local_kernels::windows(n, side_px);
+    pub(crate) fn grid(transfers: Vec<Transfer<T>>) -> Self {
+        let windows = |side_px| local_kernels::windows(transfers.len().isqrt(), side_px);
         let (along_x, along_y) = (windows(transfers[0].width_px), windows(transfers[0].height_px));
         Self { transfers, along_x, along_y }
     }

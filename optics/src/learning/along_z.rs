@@ -185,10 +185,8 @@ fn of_one_fit<'a>(models: &[&'a DisplayModel], setup: &OpticalSetup) -> Result<V
         if model.setup.distance_m() == before.setup.distance_m() {
             return Err(Error::Apart { what: "distance: each is needed once" });
         }
-        let modulator = |model: &DisplayModel| {
-            (model.source.clone(), model.response.clone(), model.zero_order, model.variation.clone())
-        };
-        if modulator(model) != modulator(before) {
+        let theirs = (&model.source, &model.response, model.zero_order, &model.variation);
+        if theirs != (&before.source, &before.response, before.zero_order, &before.variation) {
             return Err(Error::Apart { what: "modulator: it is the same at all distances" });
         }
     }

@@ -12,7 +12,6 @@ use crate::engine::{Engine, Fields, tabulate_source};
 use crate::photometry::Sums;
 use crate::real::Real;
 use crate::slm::{BLOCK, Block, Slm};
-use crate::spatial_variation::local_kernels;
 use crate::{Detector, DisplayModel, Error, KernelShape, OpticalSetup};
 use num_complex::{Complex, Complex64};
 use pulp::Arch;
@@ -90,24 +89,23 @@ impl<T: Real> Fit<T> {
         self.layout = layout;
     }
 
-    /// For a grid of n×n kernels.
-    fn make_room(&mut self, n: usize) {
+    /// For so many kernels.
+    fn make_room(&mut self, count: usize) {
         let (height_px, width_px) = (self.engine.height_px(), self.engine.width_px());
         let zeros = Transfer::zeros(height_px, width_px);
-        self.engine.kernels = Arc::new(match n {
+        self.engine.kernels = Arc::new(match count {
             1 => Kernels::single(zeros),
-            _ => Kernels::grid(n, vec![zeros; n * n]),
+            _ => Kernels::grid(vec![zeros; count]),
         });
         self.out = Fields::new(&self.engine);
     }
 
     pub(super) fn set(&mut self, plane: usize, parameters: &[f64]) {
         let model = self.layout.model(&self.setups[plane], (1.0, 0.0), parameters);
-        let side = if model.variation.is_none() { 1 } else { local_kernels::per_side(&model.variation) };
-        if self.engine.kernels.lanes() != side {
-            self.make_room(side);
-        }
         let models = model.local_kernels().unwrap_or_else(|| vec![model.clone()]);
+        if self.engine.kernels.transfers.len() != models.len() {
+            self.make_room(models.len());
+        }
         let transfers = &mut Arc::make_mut(&mut self.engine.kernels).transfers;
         for (model, transfer) in models.iter().zip(transfers) {
             if let KernelShape::Smooth(errors) = &model.kernel {

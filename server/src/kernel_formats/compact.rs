@@ -157,21 +157,12 @@ pub fn decode(bytes: &[u8]) -> Result<(DisplayModel, KernelModel), KernelFormatE
         content[12..20].as_chunks().0.iter().map(|&chunk| u32::from_le_bytes(chunk) as usize).collect();
     let lengths: Vec<f64> = content[20..44].as_chunks().0.iter().map(|&chunk| f64::from_le_bytes(chunk)).collect();
     let mut numbers = content[44..].as_chunks().0.iter().map(|&chunk| f64::from(f32::from_le_bytes(chunk)));
-    let mut take = |count: usize| -> Vec<f64> { numbers.by_ref().take(count).collect() };
-    let photometry = take(4);
-    let mut field = |order| {
-        let terms = terms(order);
-        SmoothField { order, log_amplitude: take(terms), phase: take(terms) }
-    };
-    let (kernel, source) = (field(kernel_order), field(source_order));
-    let response = take(2 * harmonics).as_chunks().0.to_vec();
-    let mut field = |order| {
-        let terms = terms(order);
-        SmoothField { order, log_amplitude: take(terms), phase: take(terms) }
-    };
+    let photometry = take(&mut numbers, 4);
+    let (kernel, source) = (take_field(&mut numbers, kernel_order), take_field(&mut numbers, source_order));
+    let response = take(&mut numbers, 2 * harmonics).as_chunks().0.to_vec();
     let variation = match variation_order {
         0 => SpatialVariation::none(),
-        order => SpatialVariation::new([(); SpatialVariation::POWERS].map(|()| field(order))),
+        order => SpatialVariation::new([(); SpatialVariation::POWERS].map(|()| take_field(&mut numbers, order))),
     };
     let grid = Grid::try_new(sides[0], sides[1], lengths[0])?;
     let model = DisplayModel {
@@ -186,6 +177,15 @@ pub fn decode(bytes: &[u8]) -> Result<(DisplayModel, KernelModel), KernelFormatE
     };
     model.validate()?;
     Ok((model, kind))
+}
+
+fn take(numbers: &mut impl Iterator<Item = f64>, count: usize) -> Vec<f64> {
+    numbers.take(count).collect()
+}
+
+fn take_field(numbers: &mut impl Iterator<Item = f64>, order: usize) -> SmoothField {
+    let terms = ChebyshevBasis::new(order).terms();
+    SmoothField { order, log_amplitude: take(numbers, terms), phase: take(numbers, terms) }
 }
 
 #[cfg(test)]
