@@ -2,7 +2,7 @@ use crate::material::{assert_succeeded_once, declare, hologram, request, target}
 use crate::server::TestServer;
 use lightpath::v1::{self, SubmitJobRequest, job::State};
 use lightpath::{Client, Error};
-use lightpath_server::artifacts::SpaceLimits;
+use lightpath_artifacts::SpaceLimits;
 use lightpath_server::upkeep::check;
 use std::fs::{self, File};
 use std::io::Write as _;

@@ -3,40 +3,68 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// Dependencies that no pure numerics need.
-const NO_NUMERICS: [&str; 6] = ["tokio", "sqlx", "prost", "tonic", "axum", "object_store"];
-/// Modules of the server that are plain domain.
-const DOMAIN: [&str; 6] = ["units", "display", "dataset", "kernel", "job", "propagation"];
+/// Every crate with those of ours that it may depend on. Cargo enforces the rest.
+const CRATES: [(&str, &[&str]); 14] = [
+    ("optics", &[]),
+    ("proto", &[]),
+    ("client", &["proto"]),
+    ("server/domain", &["optics"]),
+    ("server/fail-points", &[]),
+    ("server/fixtures", &["domain"]),
+    ("server/store", &["domain", "fail-points"]),
+    ("server/artifacts", &["fail-points"]),
+    ("server/media", &["artifacts", "domain", "optics"]),
+    ("server/metrics", &["artifacts", "domain", "store"]),
+    ("server/worker", &["artifacts", "domain", "media", "metrics", "optics", "store"]),
+    ("server/api", &["artifacts", "domain", "fail-points", "media", "metrics", "optics", "proto", "store"]),
+    (
+        "server/daemon",
+        &["", "api", "artifacts", "domain", "fail-points", "media", "metrics", "optics", "proto", "store", "worker"],
+    ),
+    ("tests", &[]),
+];
+/// Dependencies that only some crates may have, each with those crates.
+const KEEPERS: [(&str, &[&str]); 6] = [
+    ("sqlx", &["server/store", "server/fixtures"]),
+    ("tonic", &["proto", "client", "server/api", "server/daemon"]),
+    ("prost", &["proto", "client", "server/api"]),
+    ("axum", &["server/api"]),
+    ("tokio", &["client", "server/artifacts", "server/store", "server/worker", "server/api", "server/daemon"]),
+    ("object_store", &[]),
+];
 
 #[test]
 fn crates_depend_only_on_those_they_may() {
-    for (name, ours) in [
-        ("optics", &[][..]),
-        ("proto", &[]),
-        ("client", &["lightpath-proto"]),
-        ("server", &["lightpath", "lightpath-optics", "lightpath-proto"]),
-    ] {
+    for (name, ours) in CRATES {
         let dependencies = dependencies(name);
-        let unwanted: Vec<_> = dependencies
-            .iter()
-            .filter(|dependency| dependency.starts_with("lightpath") && !ours.contains(&dependency.as_str()))
-            .collect();
-        assert!(unwanted.is_empty(), "{name} depends on {unwanted:?}");
-        if name == "optics" {
-            let unwanted: Vec<_> =
-                NO_NUMERICS.iter().filter(|unwanted| dependencies.iter().any(|d| is_family(d, unwanted))).collect();
-            assert!(unwanted.is_empty(), "optics depends on {unwanted:?}");
+        let allowed: BTreeSet<_> =
+            ours.iter().map(|it| format!("lightpath-{it}").trim_end_matches('-').to_owned()).collect();
+        let used: BTreeSet<_> = dependencies.iter().filter(|it| it.starts_with("lightpath")).cloned().collect();
+        assert!(used.is_subset(&allowed), "{name} depends on {used:?}, but may only on {allowed:?}");
+        for (family, keepers) in KEEPERS {
+            let kept = keepers.contains(&name) || !dependencies.iter().any(|dependency| is_family(dependency, family));
+            assert!(kept, "{name} depends on {family}, which is for {keepers:?}");
         }
     }
 }
 
 #[test]
-fn optics_knows_no_runtime_no_wire_no_files() {
+fn every_crate_has_a_line() {
+    let manifest: toml::Table = std::fs::read_to_string(root().join("Cargo.toml")).unwrap().parse().unwrap();
+    let members = manifest["workspace"]["members"].as_array().unwrap().iter();
+    let members: BTreeSet<_> = members.map(|member| member.as_str().unwrap()).collect();
+    assert_eq!(members, CRATES.iter().map(|(name, _)| *name).collect());
+}
+
+#[test]
+fn optics_and_domain_know_no_files_no_sockets_no_clock() {
     let mut broken = Vec::new();
-    for (path, source) in sources("optics/src") {
-        for unwanted in NO_NUMERICS.into_iter().chain(["std::fs", "std::net", "std::process", "std::env"]) {
-            if mentions(&source, unwanted) {
-                broken.push(format!("{}: {unwanted}", path.display()));
+    for folder in ["optics/src", "server/domain/src"] {
+        for (path, source) in sources(folder) {
+            for unwanted in ["std::fs", "std::net", "std::process", "std::env", "std::time::SystemTime"] {
+                if mentions(&source, unwanted) {
+                    broken.push(format!("{folder}/{}: {unwanted}", path.display()));
+                }
             }
         }
     }
@@ -44,13 +72,13 @@ fn optics_knows_no_runtime_no_wire_no_files() {
 }
 
 #[test]
-fn the_servers_modules_import_only_what_they_may() {
+fn in_the_daemon_only_the_assembly_and_the_demo_speak_the_wire() {
     let mut broken = Vec::new();
-    for (path, source) in sources("server/src") {
-        let module = path.iter().next().unwrap().to_str().unwrap().trim_end_matches(".rs").to_owned();
-        for unwanted in forbidden(&module) {
-            if mentions(&source, unwanted) {
-                broken.push(format!("server/src/{}: {unwanted}", path.display()));
+    for (path, source) in sources("server/daemon/src") {
+        let assembles = path.starts_with("server.rs") || path.starts_with("demo");
+        for unwanted in ["lightpath_proto", "lightpath::v1", "tonic", "lightpath::"] {
+            if !assembles && mentions(&source, unwanted) {
+                broken.push(format!("server/daemon/src/{}: {unwanted}", path.display()));
             }
         }
     }
@@ -85,43 +113,17 @@ fn the_check_finds_what_it_looks_for() {
     assert!(mentions("use tonic_types::StatusExt;", "tonic"), "a crate stands for its family");
 }
 
-/// What a module of the server must not name.
-fn forbidden(module: &str) -> Vec<&'static str> {
-    let mut forbidden = Vec::new();
-    if module != "store" {
-        forbidden.push("sqlx");
-    }
-    // The API, the JSON form of the same answers, and the assembly (`main` only starts it).
-    if !["api", "http", "server", "connections"].contains(&module) {
-        forbidden.push("tonic");
-    }
-    if !["api", "http", "demo", "server"].contains(&module) {
-        forbidden.extend(["lightpath_proto", "lightpath::v1"]);
-    }
-    if module != "demo" {
-        forbidden.push("lightpath::");
-    }
-    if DOMAIN.contains(&module) {
-        forbidden.extend(["crate::store", "crate::api", "crate::http", "crate::worker", "crate::artifacts"]);
-        forbidden.extend(["crate::server", "lightpath_optics", "std::fs", "std::net", "std::time", "jiff", "tokio"]);
-    }
-    if ["store", "artifacts", "pictures", "kernel_file"].contains(&module) {
-        forbidden.extend(["crate::api", "crate::http", "crate::worker", "crate::server", "crate::demo"]);
-    }
-    if module == "worker" {
-        forbidden.extend(["crate::api", "crate::http", "crate::server", "crate::demo"]);
-    }
-    if module == "api" {
-        forbidden.extend(["crate::http", "crate::worker", "crate::server", "crate::demo"]);
-    }
-    forbidden
-}
-
 /// Names in the `[dependencies]` of a crate.
 fn dependencies(name: &str) -> BTreeSet<String> {
     let text = std::fs::read_to_string(root().join(name).join("Cargo.toml")).unwrap();
     let manifest: toml::Table = text.parse().unwrap();
-    manifest["dependencies"].as_table().unwrap().keys().cloned().collect()
+    manifest
+        .get("dependencies")
+        .and_then(toml::Value::as_table)
+        .into_iter()
+        .flat_map(toml::Table::keys)
+        .cloned()
+        .collect()
 }
 
 /// The sources below a folder, without comments and string literals; paths from that folder on.

@@ -3,9 +3,9 @@
 use image::{ExtendedColorType, ImageEncoder as _, codecs::png::PngEncoder};
 use lightpath::v1::{self, Display, OptimizeHologram, SubmitJobRequest, job_spec};
 use lightpath::{Client, names};
+use lightpath_domain::kernel::KernelModel;
+use lightpath_media::kernel_file;
 use lightpath_optics::{DisplayModel, Grid, KernelShape, OpticalSetup, SmoothField};
-use lightpath_server::kernel::KernelModel;
-use lightpath_server::kernel_file;
 
 pub(crate) const WAVELENGTH_M: f64 = 515e-9;
 pub(crate) const DISTANCE_M: f64 = 0.05;

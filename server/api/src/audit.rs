@@ -1,0 +1,168 @@
+//! The audit log: who changed what, and who was refused, one JSON object a line.
+//!
+//! ```text
+//! DATA_DIR/audit.jsonl       {"time_ms": 1795294800000, "caller": "ada", "peer": "10.0.0.7:51234",
+//!                             "call": "/lightpath.v1.KernelService/PromoteKernel", "outcome": "OK"}
+//! DATA_DIR/audit.jsonl.1     the one before, and so on
+//! ```
+//!
+//! Lines are appended as calls end and flushed to disk once a second. It holds no secrets: callers are named, and what
+//! they sent is not.
+
+use lightpath_fail_points as fail;
+use serde::Serialize;
+use std::fs::{self, File};
+use std::io::{self, Write as _};
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// A file is put aside at this size \[bytes\]: some hundred thousand lines.
+const FILE_BYTES_MAX: u64 = 64 << 20;
+/// Files that are kept beside the one that grows; somebody who floods the log with refusals cannot fill the disk.
+const FILES_KEPT: u32 = 9;
+const NAME: &str = "audit.jsonl";
+
+/// What is written down about a call.
+#[derive(Debug, Serialize)]
+pub struct Entry {
+    /// Name of the token; empty: none was asked for, or it is not known.
+    pub caller: String,
+    /// Where the call came from.
+    pub peer: String,
+    /// The method or path.
+    pub call: String,
+    /// `OK`, or how it was refused.
+    pub outcome: String,
+}
+
+#[derive(Serialize)]
+struct Line<'a> {
+    time_ms: u64,
+    #[serde(flatten)]
+    entry: &'a Entry,
+}
+
+/// The log of one data folder.
+#[derive(Debug)]
+pub struct Audit {
+    folder: PathBuf,
+    /// Held for one short append: no call waits for another's flush.
+    file: Mutex<Open>,
+}
+
+#[derive(Debug)]
+struct Open {
+    file: File,
+    bytes: u64,
+    is_flushed: bool,
+}
+
+impl Audit {
+    /// The log in `folder`, which new lines are appended to.
+    ///
+    /// # Errors
+    ///
+    /// Where the file cannot be opened.
+    pub fn open(folder: &Path) -> io::Result<Self> {
+        Ok(Self { folder: folder.to_owned(), file: Mutex::new(Open::append(folder)?) })
+    }
+
+    /// Appends a line. What cannot be written down is told to the log of the server.
+    pub fn write(&self, entry: Entry) {
+        if let Err(error) = self.append(&entry) {
+            tracing::error!(%error, ?entry, "the audit log could not be written");
+        }
+    }
+
+    /// Flushes what was appended since the last time; blocks.
+    pub fn flush(&self) {
+        let file = {
+            let mut open = self.lock();
+            if open.is_flushed {
+                return;
+            }
+            open.is_flushed = true;
+            open.file.try_clone()
+        };
+        if let Err(error) = file.and_then(|file| fail::point("audit.flush").and_then(|()| file.sync_data())) {
+            tracing::error!(%error, "the audit log could not be flushed");
+        }
+    }
+
+    fn append(&self, entry: &Entry) -> io::Result<()> {
+        let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        let mut line = serde_json::to_vec(&Line { time_ms: since.as_millis() as u64, entry })?;
+        line.push(b'\n');
+        let mut open = self.lock();
+        if open.bytes >= FILE_BYTES_MAX {
+            self.put_aside()?;
+            *open = Open::append(&self.folder)?;
+        }
+        open.file.write_all(&line)?;
+        open.bytes += line.len() as u64;
+        open.is_flushed = false;
+        Ok(())
+    }
+
+    /// `audit.jsonl` becomes `.1`, `.1` becomes `.2`, and the oldest goes.
+    fn put_aside(&self) -> io::Result<()> {
+        let path = |number: u32| match number {
+            0 => self.folder.join(NAME),
+            number => self.folder.join(format!("{NAME}.{number}")),
+        };
+        for number in (0..FILES_KEPT).rev() {
+            if path(number).exists() {
+                fail::point("audit.rename")?;
+                fs::rename(path(number), path(number + 1))?;
+            }
+        }
+        Ok(())
+    }
+
+    fn lock(&self) -> std::sync::MutexGuard<'_, Open> {
+        // A line is appended whole or not at all; a panic elsewhere does not change that.
+        self.file.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Open {
+    fn append(folder: &Path) -> io::Result<Self> {
+        let file = File::options().create(true).append(true).open(folder.join(NAME))?;
+        let bytes = file.metadata()?.len();
+        Ok(Self { file, bytes, is_flushed: true })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn entry(outcome: &str) -> Entry {
+        Entry { caller: "ada".into(), peer: "[::1]:7".into(), call: "/x".into(), outcome: outcome.into() }
+    }
+
+    #[test]
+    fn lines_are_appended_over_restarts_and_full_files_put_aside() {
+        let folder = tempfile::tempdir().unwrap();
+        for outcome in ["OK", "PERMISSION_DENIED"] {
+            let audit = Audit::open(folder.path()).unwrap();
+            audit.write(entry(outcome));
+            audit.flush();
+        }
+        let text = fs::read_to_string(folder.path().join(NAME)).unwrap();
+        let lines: Vec<serde_json::Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+        assert_eq!(
+            (lines.len(), &lines[0]["caller"], &lines[1]["outcome"]),
+            (2, &"ada".into(), &"PERMISSION_DENIED".into())
+        );
+
+        let audit = Audit::open(folder.path()).unwrap();
+        for _ in 0..=FILES_KEPT + 1 {
+            audit.lock().bytes = FILE_BYTES_MAX;
+            audit.write(entry("OK"));
+        }
+        let kept = fs::read_dir(folder.path()).unwrap().count();
+        assert_eq!(kept as u32, FILES_KEPT + 1);
+    }
+}

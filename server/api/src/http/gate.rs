@@ -1,0 +1,191 @@
+//! In front of every handler: who calls, may they, and what is written down about it.
+
+use super::lapse::{Lapses, ending_with, not_accepted};
+use super::rate::Rate;
+use super::refusal::refuse;
+use crate::api::rules::{Access, Effect, Rule, rule_of};
+use crate::api::{Api, ApiError, handle_for};
+use crate::audit::{Audit, Entry};
+use crate::connections::Peer;
+use axum::Extension;
+use axum::extract::{MatchedPath, Request, State};
+use axum::http::{HeaderMap, header};
+use axum::middleware::Next;
+use axum::response::Response;
+use lightpath_domain::access::{Caller, Secret};
+use lightpath_store::Store;
+use std::sync::Arc;
+use std::time::Instant;
+use tonic::{Code, Status};
+
+/// What the gate works with.
+#[derive(Clone, Debug)]
+pub struct Gate {
+    /// The services behind the gate.
+    pub api: Api,
+    /// Whether calls need a token.
+    pub tokens_required: bool,
+    /// Where changes and refusals are written down.
+    pub audit: Arc<Audit>,
+    /// How often each token, or each address without one, may call.
+    pub rate: Arc<Rate>,
+    /// Which tokens have ended.
+    pub lapses: Lapses,
+}
+
+/// Lets a request pass to its handler, or refuses it.
+pub(super) async fn pass(
+    State(gate): State<Gate>,
+    peer: Option<Extension<Peer>>,
+    request: Request,
+    next: Next,
+) -> Response {
+    let is_grpc = is_grpc(request.headers());
+    let path = request.uri().path().to_owned();
+    let route = request.extensions().get::<MatchedPath>().map(|route| route.as_str().to_owned());
+    let ip = peer.as_ref().map(|Extension(peer)| peer.ip());
+    let peer = peer.map(|Extension(peer)| peer.to_string()).unwrap_or_default();
+    let entry = |caller: &str, outcome: &str| Entry {
+        caller: caller.to_owned(),
+        peer: peer.clone(),
+        call: path.clone(),
+        outcome: outcome.to_owned(),
+    };
+    let rule = rule_of(&path, route.as_deref());
+    let address = ip.map(|ip| ip.to_string()).unwrap_or_default();
+    let caller = match gate.caller(request.headers(), rule).await {
+        Ok(caller) => caller,
+        Err((name, error)) => {
+            // Guessing costs as much as calling.
+            let error = gate.often(&address).err().unwrap_or(error);
+            let status = Status::from(error);
+            if status.code() != Code::ResourceExhausted {
+                gate.audit.write(entry(&name, code_name(status.code())));
+            }
+            return refuse(status, is_grpc);
+        }
+    };
+    let who = if caller.name.is_empty() { &address } else { &caller.name };
+    if let Err(error) = gate.often(who) {
+        return refuse(error.into(), is_grpc);
+    }
+    if let Some(rule) = rule
+        && rule.effect == Effect::Takes
+        && let Err(full) = gate.api.artifacts().admit(0)
+    {
+        return refuse(ApiError::from(full).into(), is_grpc);
+    }
+    let name = caller.name.clone();
+    let mut lapse = gate.lapses.of(&name);
+    let response = tokio::select! {
+        response = handle_for(caller, next.run(request)) => {
+            if is_grpc && !name.is_empty() { ending_with(response, lapse) } else { response }
+        }
+        () = &mut lapse => refuse(not_accepted().into(), is_grpc),
+    };
+    let code = code_of(&response, is_grpc);
+    let mutates = rule.is_some_and(|rule| rule.effect != Effect::Reads);
+    if mutates || matches!(code, Code::PermissionDenied | Code::Unauthenticated) {
+        gate.audit.write(entry(&name, code_name(code)));
+    }
+    response
+}
+
+impl Gate {
+    fn often(&self, who: &str) -> Result<(), ApiError> {
+        self.rate.admit(who, Instant::now()).map_err(|retry_after| ApiError::Exhausted {
+            reason: "RATE_LIMITED",
+            message: "too many calls; come again when the delay is over".to_owned(),
+            retry_after,
+        })
+    }
+
+    /// Who calls, where they may; else whose name is on the refusal.
+    async fn caller(&self, headers: &HeaderMap, rule: Option<Rule>) -> Result<Caller, (String, ApiError)> {
+        let nobody = |error: ApiError| (String::new(), error);
+        let token = bearer(headers).map_err(nobody)?;
+        let caller = match token {
+            Some(secret) => find(self.api.store(), &secret).await.map_err(nobody)?,
+            None if !self.tokens_required => return Ok(Caller::anybody()),
+            None if rule.is_some_and(|rule| rule.access == Access::Anybody) => return Ok(Caller::anybody()),
+            None => {
+                let message = "this server wants a token: send `authorization: Bearer …`, with the command line \
+                               --token-file FILE";
+                return Err(nobody(ApiError::Unauthenticated(message.to_owned())));
+            }
+        };
+        match rule.map(|rule| rule.access) {
+            Some(Access::Anybody) => Ok(caller),
+            Some(Access::Only(roles)) if roles.contains(&caller.role) => Ok(caller),
+            Some(Access::Only(roles)) => {
+                let roles: Vec<&str> = roles.iter().map(|role| role.as_str()).collect();
+                let (name, role) = (caller.name.clone(), caller.role.as_str());
+                let message =
+                    format!("the token \"{name}\" is a {role}'s, but this needs one of: {}", roles.join(", "));
+                Err((caller.name, ApiError::Denied(message)))
+            }
+            None => {
+                let message = "there is nothing here, or nothing that anybody may do".to_owned();
+                Err((caller.name, ApiError::Denied(message)))
+            }
+        }
+    }
+}
+
+/// The token that the request carries.
+fn bearer(headers: &HeaderMap) -> Result<Option<Secret>, ApiError> {
+    let Some(value) = headers.get(header::AUTHORIZATION) else { return Ok(None) };
+    let text = value.to_str().ok().and_then(|text| text.split_once(' '));
+    match text {
+        Some((scheme, token)) if scheme.eq_ignore_ascii_case("bearer") && !token.trim().is_empty() => {
+            Ok(Some(Secret::sent(token.trim())))
+        }
+        _ => Err(ApiError::Unauthenticated("authorization must be `Bearer` and a token".to_owned())),
+    }
+}
+
+/// The bearer of a token that is accepted now. All that are not look the same from outside.
+async fn find(store: &Store, secret: &Secret) -> Result<Caller, ApiError> {
+    let record = store.token_by_hash(&secret.hash()).await?;
+    let valid = record.filter(|record| record.is_valid(crate::api::now_ms()));
+    valid.map(|record| record.caller).ok_or_else(not_accepted)
+}
+
+pub(super) fn is_grpc(headers: &HeaderMap) -> bool {
+    headers.get(header::CONTENT_TYPE).is_some_and(|it| it.as_bytes().starts_with(b"application/grpc"))
+}
+
+/// The outcome, as far as it is known when the answer begins.
+fn code_of(response: &Response, is_grpc: bool) -> Code {
+    if is_grpc {
+        return response.headers().get("grpc-status").map_or(Code::Ok, |status| Code::from_bytes(status.as_bytes()));
+    }
+    match response.status().as_u16() {
+        200..=399 => Code::Ok,
+        401 => Code::Unauthenticated,
+        403 => Code::PermissionDenied,
+        _ => Code::Unknown,
+    }
+}
+
+fn code_name(code: Code) -> &'static str {
+    match code {
+        Code::Ok => "OK",
+        Code::Unauthenticated => "UNAUTHENTICATED",
+        Code::PermissionDenied => "PERMISSION_DENIED",
+        Code::InvalidArgument => "INVALID_ARGUMENT",
+        Code::NotFound => "NOT_FOUND",
+        Code::AlreadyExists => "ALREADY_EXISTS",
+        Code::ResourceExhausted => "RESOURCE_EXHAUSTED",
+        Code::FailedPrecondition => "FAILED_PRECONDITION",
+        Code::Aborted => "ABORTED",
+        Code::OutOfRange => "OUT_OF_RANGE",
+        Code::Unavailable => "UNAVAILABLE",
+        Code::DeadlineExceeded => "DEADLINE_EXCEEDED",
+        Code::Cancelled => "CANCELLED",
+        Code::Unimplemented => "UNIMPLEMENTED",
+        Code::DataLoss => "DATA_LOSS",
+        Code::Internal => "INTERNAL",
+        Code::Unknown => "UNKNOWN",
+    }
+}

@@ -1,0 +1,74 @@
+//! Plain HTTP beside gRPC: health, metrics, and jobs as protobuf's JSON of the same messages.
+//!
+//! # Layout
+//!
+//! - `gate`: who calls, and may they. `rate`: and how often. `lapse`: and how long. `held`: and with how much in memory,
+//!   out of a `budget`. `jobs`: `/v1/jobs`. `refusal`: errors as answers. `requests`: deadlines and counting, for gRPC too.
+
+mod budget;
+mod gate;
+mod held;
+mod jobs;
+mod lapse;
+mod rate;
+mod refusal;
+mod requests;
+
+use crate::api::{Api, ApiError, now_ms};
+use axum::Router;
+use axum::extract::{Request, State};
+use axum::http::{StatusCode, header};
+use axum::middleware;
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+pub use budget::Budget;
+pub use gate::Gate;
+pub use lapse::Lapses;
+use lightpath_metrics as metrics;
+pub use rate::Rate;
+use refusal::Refusal;
+use std::sync::Arc;
+use tonic::Status;
+
+/// gRPC and HTTP on one router.
+pub fn router(gate: Gate, budget: Arc<Budget>, grpc: tonic::service::Routes) -> Router {
+    let api = gate.api.clone();
+    let http = Router::new()
+        .route("/healthz", get(health))
+        .route("/metrics", get(metrics))
+        .route("/v1/jobs", get(jobs::list))
+        .route("/v1/jobs/{id}", get(jobs::one))
+        .fallback(unknown)
+        .with_state(api.clone());
+    // Both have a fallback, and only one can stay.
+    let grpc = grpc.into_axum_router().reset_fallback();
+    http.merge(grpc)
+        .layer(middleware::from_fn_with_state(gate, gate::pass))
+        .layer(middleware::from_fn_with_state(budget, held::counted))
+        .layer(middleware::from_fn_with_state(api, requests::watched))
+}
+
+async fn health(State(api): State<Api>) -> Response {
+    match api.is_serving().await {
+        Ok(()) => (StatusCode::OK, "serving\n").into_response(),
+        Err(error) => (StatusCode::SERVICE_UNAVAILABLE, format!("{}\n", Status::from(error).message())).into_response(),
+    }
+}
+
+async fn metrics(State(api): State<Api>) -> Result<Response, Refusal> {
+    /// The text format's own content type.
+    const TEXT_FORMAT: &str = "text/plain; version=0.0.4; charset=utf-8";
+    let text =
+        metrics::render(api.store(), api.artifacts(), now_ms()).await.map_err(ApiError::from).map_err(Status::from)?;
+    Ok(([(header::CONTENT_TYPE, TEXT_FORMAT)], text).into_response())
+}
+
+/// Clients of either protocol get an answer in their own.
+async fn unknown(request: Request) -> Response {
+    let content_type = request.headers().get(header::CONTENT_TYPE).map(|value| value.as_bytes());
+    let path = request.uri().path();
+    if content_type.is_some_and(|it| it.starts_with(b"application/grpc")) {
+        return Status::unimplemented(format!("there is no method {path}")).into_http();
+    }
+    Refusal::from(Status::not_found(format!("there is nothing at {path}"))).into_response()
+}

@@ -1,0 +1,83 @@
+//! How often anybody may call: the generic cell rate algorithm (ITU-T I.371), for each token or, without one, each address.
+//!
+//! ```text
+//! a call at time t is let in where  A ≤ t + τ,   and then  A ← max(A, t) + T
+//! ```
+//!
+//! T = 1/rate, the time of a call; τ = burst · T, how far somebody may be ahead; A, the theoretical arrival of the next call.
+
+use std::collections::HashMap;
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Calls that may come at once after a pause, in seconds of the rate.
+const BURST_S: f64 = 2.0;
+/// Callers that are remembered; beyond it, those who have no debt are forgotten.
+const CALLERS_MAX: usize = 10_000;
+
+/// Everybody's debts.
+#[derive(Debug)]
+pub struct Rate {
+    /// T; `None`: no limit.
+    cost: Option<Duration>,
+    tolerance: Duration,
+    /// Held for a look and a sum.
+    arrivals: Mutex<HashMap<String, Instant>>,
+}
+
+impl Rate {
+    /// At most this many calls a second; 0: no limit.
+    pub fn new(calls_per_s: u32) -> Self {
+        let cost = (calls_per_s > 0).then(|| Duration::from_secs(1) / calls_per_s);
+        Self { cost, tolerance: Duration::from_secs_f64(BURST_S), arrivals: Mutex::default() }
+    }
+
+    /// Lets a call in, or says when to come again.
+    pub fn admit(&self, caller: &str, now: Instant) -> Result<(), Duration> {
+        let Some(cost) = self.cost else { return Ok(()) };
+        let mut arrivals = self.arrivals.lock().unwrap_or_else(PoisonError::into_inner);
+        if arrivals.len() >= CALLERS_MAX && !arrivals.contains_key(caller) {
+            arrivals.retain(|_, arrival| *arrival > now);
+        }
+        let arrival = arrivals.get(caller).copied().unwrap_or(now).max(now);
+        let ahead = arrival - now;
+        if ahead > self.tolerance {
+            return Err(ahead - self.tolerance);
+        }
+        // Who cannot be remembered, because ten thousand others are in debt, waits.
+        if arrivals.len() >= CALLERS_MAX && !arrivals.contains_key(caller) {
+            return Err(self.tolerance);
+        }
+        arrivals.insert(caller.to_owned(), arrival + cost);
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bursts_are_let_in_and_floods_are_not() {
+        let (rate, start) = (Rate::new(100), Instant::now());
+        let admitted = (0..1000).filter(|_| rate.admit("ada", start).is_ok()).count();
+        assert!((200..=201).contains(&admitted), "{admitted}");
+        assert!(rate.admit("bob", start).is_ok(), "others are not meant");
+        let pause = rate.admit("ada", start).unwrap_err();
+        assert!(rate.admit("ada", start + pause).is_ok());
+        let later = start + Duration::from_secs(60);
+        let steady = (0..1000).filter(|n| rate.admit("ada", later + Duration::from_millis(11) * *n).is_ok()).count();
+        assert_eq!(steady, 1000, "below the rate nothing is refused");
+        assert!((0..10_000).all(|_| Rate::new(0).admit("ada", start).is_ok()));
+    }
+
+    #[test]
+    fn memory_is_bounded() {
+        let (rate, start) = (Rate::new(1), Instant::now());
+        for n in 0..2 * CALLERS_MAX {
+            let _ = rate.admit(&n.to_string(), start);
+        }
+        assert!(rate.arrivals.lock().unwrap().len() <= CALLERS_MAX);
+        assert!(rate.admit("later", start + Duration::from_secs(60)).is_ok());
+    }
+}

@@ -1,0 +1,143 @@
+//! Around every request, gRPC and HTTP: a deadline to its answer, and its count.
+
+use super::gate::is_grpc;
+use super::refusal::refuse;
+use crate::api::{Api, ApiError};
+use axum::extract::{MatchedPath, Request, State};
+use axum::http::{HeaderMap, HeaderValue};
+use axum::middleware::Next;
+use axum::response::Response;
+use lightpath_metrics as metrics;
+use std::time::{Duration, Instant};
+use tokio::time::timeout;
+use tonic::{Code, Status};
+use tracing::Instrument as _;
+use uuid::Uuid;
+
+/// Time to the answer (a stream: to its beginning). The longest is the checking of a picture of 64 Mpx behind others.
+const ANSWER_DEADLINE: Duration = Duration::from_secs(120);
+/// The answer to an upload comes after its last byte; a deadline of its own bounds each chunk.
+const UPLOAD_DEADLINE: Duration = Duration::from_secs(24 * 3600);
+const UPLOAD: &str = "/lightpath.v1.ArtifactService/WriteArtifact";
+
+/// What is answered even while the server stops, so that somebody can watch it do so.
+const ALWAYS: [&str; 3] = ["/healthz", "/metrics", "/grpc.health.v1.Health/"];
+
+/// Runs the request within its deadline, the client's (`grpc-timeout`) where that is sooner, and counts it. A server
+/// that stops takes no more.
+pub(super) async fn watched(State(api): State<Api>, request: Request, next: Next) -> Response {
+    let begin = Instant::now();
+    let is_grpc = is_grpc(request.headers());
+    let method = method(&request);
+    let limit = if request.uri().path() == UPLOAD { UPLOAD_DEADLINE } else { ANSWER_DEADLINE };
+    let limit = client_limit(request.headers()).map_or(limit, |client| client.min(limit));
+    let id = Uuid::now_v7().to_string();
+    let span = tracing::info_span!("request", id, method);
+    let mut response = if api.is_stopping() && !ALWAYS.iter().any(|path| request.uri().path().starts_with(path)) {
+        refuse(ApiError::Stopping.into(), is_grpc)
+    } else {
+        match timeout(limit, next.run(request).instrument(span)).await {
+            Ok(response) => response,
+            Err(_) => {
+                let message = format!("no answer within {} s", limit.as_secs_f64());
+                refuse(Status::deadline_exceeded(message), is_grpc)
+            }
+        }
+    };
+    let (code, took) = (code(&response, is_grpc), begin.elapsed());
+    tracing::debug!(id, method, code, took_ms = took.as_secs_f64() * 1e3, "answered");
+    metrics::request(method, code, took);
+    // Whoever asks what happened can name the request.
+    if let Ok(id) = HeaderValue::from_str(&id) {
+        response.headers_mut().insert("x-request-id", id);
+    }
+    response
+}
+
+/// What was called, out of a set that clients cannot make grow.
+fn method(request: &Request) -> String {
+    let route = request.extensions().get::<MatchedPath>().map(MatchedPath::as_str);
+    match route {
+        None => "unknown".to_owned(),
+        Some(route) if route.ends_with("{*rest}") => {
+            let path = request.uri().path();
+            if is_method(path) { path.to_owned() } else { "unknown".to_owned() }
+        }
+        Some(route) => route.to_owned(),
+    }
+}
+
+/// Whether the descriptors know a method by this path.
+fn is_method(path: &str) -> bool {
+    use std::collections::HashSet;
+    use std::sync::LazyLock;
+    static METHODS: LazyLock<HashSet<String>> = LazyLock::new(methods);
+    METHODS.contains(path)
+}
+
+fn methods() -> std::collections::HashSet<String> {
+    use prost::Message as _;
+    let sets = [lightpath_proto::DESCRIPTORS, tonic_health::pb::FILE_DESCRIPTOR_SET];
+    let files =
+        sets.iter().filter_map(|set| prost_types::FileDescriptorSet::decode(*set).ok()).flat_map(|set| set.file);
+    let paths = files.flat_map(|file| {
+        let package = file.package().to_owned();
+        file.service.into_iter().flat_map(move |service| {
+            let name = format!("/{package}.{}/", service.name());
+            service.method.into_iter().map(move |method| format!("{name}{}", method.name()))
+        })
+    });
+    paths.collect()
+}
+
+/// gRPC's code where it comes with the headers (errors do; what is still to come counts as OK), else HTTP's.
+fn code(response: &Response, is_grpc: bool) -> String {
+    if !is_grpc {
+        return response.status().as_str().to_owned();
+    }
+    let code = response.headers().get("grpc-status").map_or(Code::Ok, |status| Code::from_bytes(status.as_bytes()));
+    format!("{code:?}")
+}
+
+/// The client's own deadline: up to eight digits and a unit.
+fn client_limit(headers: &HeaderMap) -> Option<Duration> {
+    let text = headers.get("grpc-timeout")?.to_str().ok()?;
+    let (digits, unit) = text.split_at_checked(text.len().checked_sub(1)?)?;
+    if digits.len() > 8 {
+        return None;
+    }
+    let count: u64 = digits.parse().ok()?;
+    match unit {
+        "H" => Some(Duration::from_secs(count * 3600)),
+        "M" => Some(Duration::from_secs(count * 60)),
+        "S" => Some(Duration::from_secs(count)),
+        "m" => Some(Duration::from_millis(count)),
+        "u" => Some(Duration::from_micros(count)),
+        "n" => Some(Duration::from_nanos(count)),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn client_deadlines_are_read_as_grpc_writes_them() {
+        let limit = |text: &str| {
+            client_limit(&HeaderMap::from_iter([("grpc-timeout".parse().unwrap(), text.parse().unwrap())]))
+        };
+        assert_eq!(limit("5S"), Some(Duration::from_secs(5)));
+        assert_eq!(limit("250m"), Some(Duration::from_millis(250)));
+        assert_eq!(limit("1H"), Some(Duration::from_secs(3600)));
+        for bad in ["", "S", "5", "5s", "123456789S", "-1S"] {
+            assert_eq!(limit(bad), None, "{bad}");
+        }
+    }
+
+    #[test]
+    fn methods_are_known_and_others_are_not() {
+        assert!(is_method("/lightpath.v1.JobService/SubmitJob") && is_method("/grpc.health.v1.Health/Check"));
+        assert!(!is_method("/lightpath.v1.JobService/Other"));
+    }
+}

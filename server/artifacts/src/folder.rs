@@ -1,0 +1,192 @@
+//! Blobs of one folder, spread over 256 subfolders. Everything here blocks.
+
+use super::digest::{check_digest, digest_of, name, shard};
+use super::{ArtifactError, CHUNK_BYTES};
+use lightpath_fail_points as fail;
+use sha2::{Digest, Sha256};
+use std::fs::{self, File};
+use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use uuid::Uuid;
+
+#[derive(Debug)]
+pub(super) struct Folder {
+    root: PathBuf,
+    temporary: PathBuf,
+}
+
+impl Folder {
+    /// Blobs below `root`, written by way of `temporary`, a folder of the same file system.
+    pub(super) fn new(root: PathBuf, temporary: PathBuf) -> Self {
+        Self { root, temporary }
+    }
+
+    /// Stores bytes, on disk when this returns.
+    pub(super) fn put(&self, bytes: &[u8]) -> Result<String, ArtifactError> {
+        let digest = digest_of(bytes);
+        let temporary = self.temporary.join(Uuid::now_v7().to_string());
+        let written = self.put_by_way_of(&temporary, bytes, &digest);
+        if written.is_err() {
+            // The error that matters is the first one; a leftover goes at the next start.
+            let _ = fs::remove_file(&temporary);
+        }
+        written.map(|()| digest)
+    }
+
+    fn put_by_way_of(&self, temporary: &Path, bytes: &[u8], digest: &str) -> Result<(), ArtifactError> {
+        let write = || -> io::Result<File> {
+            let mut file = File::options().write(true).create_new(true).open(temporary)?;
+            file.write_all(bytes)?;
+            Ok(file)
+        };
+        let file = write().map_err(|error| ArtifactError::io("write a file", error))?;
+        self.publish(&file, temporary, digest)
+    }
+
+    /// Stores what `from` holds, where that is what the digest promises; its size \[bytes\].
+    pub(super) fn receive(&self, from: &mut File, digest: &str) -> Result<u64, ArtifactError> {
+        check_digest(digest)?;
+        let temporary = self.temporary.join(Uuid::now_v7().to_string());
+        let copied = self.copy_by_way_of(&temporary, from, digest);
+        if copied.is_err() {
+            let _ = fs::remove_file(&temporary);
+        }
+        copied
+    }
+
+    fn copy_by_way_of(&self, temporary: &Path, from: &mut File, digest: &str) -> Result<u64, ArtifactError> {
+        let mut copy = || -> io::Result<(File, u64, String)> {
+            let mut file = File::options().read(true).write(true).create_new(true).open(temporary)?;
+            let size_bytes = io::copy(from, &mut file)?;
+            // What counts is what the copy holds, not what was read for it.
+            file.seek(SeekFrom::Start(0))?;
+            let found = name(hash_rest(&mut file)?);
+            Ok((file, size_bytes, found))
+        };
+        let (file, size_bytes, found) = copy().map_err(|error| ArtifactError::io("copy a file", error))?;
+        if found != digest {
+            return Err(ArtifactError::DataLoss { digest: digest.to_owned() });
+        }
+        self.publish(&file, temporary, digest)?;
+        Ok(size_bytes)
+    }
+
+    /// Flushes a complete file to disk and gives it the name of its digest, which the caller has checked.
+    pub(super) fn publish(&self, file: &File, path: &Path, digest: &str) -> Result<(), ArtifactError> {
+        let shard = self.root.join(shard(digest));
+        let publish = || -> io::Result<()> {
+            fail::point("file.flush")?;
+            file.sync_all()?;
+            if !shard.is_dir() {
+                fs::create_dir_all(&shard)?;
+                flush_folder(&self.root)?;
+            }
+            fail::point("file.rename")?;
+            fs::rename(path, shard.join(digest))?;
+            flush_folder(&shard)
+        };
+        publish().map_err(|error| ArtifactError::io("store a file", error))
+    }
+
+    /// A whole blob, checked.
+    pub(super) fn read(&self, digest: &str) -> Result<Vec<u8>, ArtifactError> {
+        let (mut file, size_bytes) = self.open(digest)?;
+        let mut bytes = Vec::with_capacity(usize::try_from(size_bytes).unwrap_or(0));
+        file.read_to_end(&mut bytes).map_err(|error| ArtifactError::io("read a file", error))?;
+        if digest_of(&bytes) != digest {
+            return Err(ArtifactError::DataLoss { digest: digest.to_owned() });
+        }
+        Ok(bytes)
+    }
+
+    /// The file of a blob and its size, once the content was checked; at its start.
+    pub(super) fn open_verified(&self, digest: &str) -> Result<(File, u64), ArtifactError> {
+        let (mut file, size_bytes) = self.open(digest)?;
+        let found = hash_rest(&mut file)
+            .and_then(|hasher| file.seek(SeekFrom::Start(0)).map(|_| name(hasher)))
+            .map_err(|error| ArtifactError::io("read a file", error))?;
+        if found != digest {
+            return Err(ArtifactError::DataLoss { digest: digest.to_owned() });
+        }
+        Ok((file, size_bytes))
+    }
+
+    pub(super) fn size(&self, digest: &str) -> Result<Option<u64>, ArtifactError> {
+        match fs::metadata(self.path(digest)?) {
+            Ok(metadata) => Ok(Some(metadata.len())),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+            Err(error) => Err(ArtifactError::io("look at a file", error)),
+        }
+    }
+
+    pub(super) fn delete(&self, digest: &str) -> Result<(), ArtifactError> {
+        let path = self.path(digest)?;
+        match fail::point("file.remove").and_then(|()| fs::remove_file(path)) {
+            Ok(()) => Ok(()),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
+            Err(error) => Err(ArtifactError::io("delete a file", error)),
+        }
+    }
+
+    /// Digests of all blobs.
+    pub(super) fn list(&self) -> Result<Vec<String>, ArtifactError> {
+        let list = || -> io::Result<Vec<String>> {
+            let mut digests = Vec::new();
+            for shard in fs::read_dir(&self.root)? {
+                let shard = shard?;
+                if shard.file_type()?.is_dir() {
+                    for file in fs::read_dir(shard.path())? {
+                        digests.extend(file?.file_name().into_string());
+                    }
+                }
+            }
+            Ok(digests)
+        };
+        let mut digests = list().map_err(|error| ArtifactError::io("list files", error))?;
+        digests.retain(|digest| check_digest(digest).is_ok());
+        Ok(digests)
+    }
+
+    pub(super) fn open(&self, digest: &str) -> Result<(File, u64), ArtifactError> {
+        let open = || -> Result<io::Result<(File, u64)>, ArtifactError> {
+            let path = self.path(digest)?;
+            Ok(File::open(path).and_then(|file| file.metadata().map(|metadata| (file, metadata.len()))))
+        };
+        open()?.map_err(|error| match error.kind() {
+            io::ErrorKind::NotFound => ArtifactError::NotFound { digest: digest.to_owned() },
+            _ => ArtifactError::io("open a file", error),
+        })
+    }
+
+    /// Where a blob is. The check keeps every path inside the folder.
+    fn path(&self, digest: &str) -> Result<PathBuf, ArtifactError> {
+        check_digest(digest)?;
+        Ok(self.root.join(shard(digest)).join(digest))
+    }
+}
+
+/// Hashes a file from where it stands to its end.
+pub(super) fn hash_rest(file: &mut File) -> io::Result<Sha256> {
+    let mut hasher = Sha256::new();
+    let mut chunk = vec![0; CHUNK_BYTES];
+    loop {
+        match file.read(&mut chunk)? {
+            0 => return Ok(hasher),
+            count => hasher.update(&chunk[..count]),
+        }
+    }
+}
+
+/// Removes every file of a folder.
+pub(super) fn empty(folder: &Path) -> io::Result<()> {
+    for file in fs::read_dir(folder)? {
+        fs::remove_file(file?.path())?;
+    }
+    Ok(())
+}
+
+/// A rename is durable only once its folder is.
+pub(super) fn flush_folder(folder: &Path) -> io::Result<()> {
+    fail::point("folder.flush")?;
+    File::open(folder)?.sync_all()
+}

@@ -1,0 +1,199 @@
+//! Resumable uploads: what arrived before a break is kept, and a later call goes on from it.
+
+use super::digest::{check_digest, name};
+use super::folder::hash_rest;
+use super::{ArtifactError, Artifacts, Inner, blocking};
+use lightpath_fail_points as fail;
+use sha2::{Digest, Sha256};
+use std::fs::{self, File};
+use std::io::{self, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, PoisonError};
+use std::time::Duration;
+
+/// An interrupted upload that nobody went on with for this long is removed at the next start.
+pub const UPLOAD_AGE_MAX: Duration = Duration::from_secs(7 * 24 * 3600);
+
+/// One upload under way. Dropped before [`UploadWriter::finish`], it keeps what has arrived for a later call.
+#[derive(Debug)]
+pub struct UploadWriter {
+    /// Taken while a blocking thread works on it.
+    part: Option<Part>,
+    received_bytes: u64,
+}
+
+#[derive(Debug)]
+struct Part {
+    file: File,
+    path: PathBuf,
+    hasher: Sha256,
+    received_bytes: u64,
+    size_bytes: u64,
+    turn: Turn,
+}
+
+/// The right to upload a digest; given back on drop.
+#[derive(Debug)]
+struct Turn {
+    inner: Arc<Inner>,
+    digest: String,
+}
+
+impl Artifacts {
+    /// Bytes of an interrupted upload that are here: the offset to go on from.
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError::BadDigest`], [`ArtifactError::Io`].
+    pub async fn upload_received(&self, digest: &str) -> Result<u64, ArtifactError> {
+        check_digest(digest)?;
+        let digest = digest.to_owned();
+        self.blocking(move |inner| match fs::metadata(inner.part(&digest)) {
+            Ok(metadata) => Ok(metadata.len()),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(0),
+            Err(error) => Err(ArtifactError::io("look at an upload", error)),
+        })
+        .await
+    }
+
+    /// Starts an upload of `size_bytes` in all (`offset_bytes` 0), or goes on with one (`offset_bytes` as
+    /// [`Self::upload_received`] says).
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError::BadDigest`]; [`ArtifactError::UploadBusy`] while another call uploads the same digest;
+    /// [`ArtifactError::WrongOffset`]; [`ArtifactError::WrongSize`] where more is here than `size_bytes`.
+    pub async fn upload(
+        &self,
+        digest: &str,
+        size_bytes: u64,
+        offset_bytes: u64,
+    ) -> Result<UploadWriter, ArtifactError> {
+        check_digest(digest)?;
+        let turn = Turn::take(&self.inner, digest)?;
+        let part = blocking(move || Part::open(turn, size_bytes, offset_bytes)).await?;
+        Ok(UploadWriter { received_bytes: part.received_bytes, part: Some(part) })
+    }
+}
+
+impl UploadWriter {
+    /// Bytes that are here, those of earlier calls included.
+    #[must_use]
+    pub fn received_bytes(&self) -> u64 {
+        self.received_bytes
+    }
+
+    /// Appends a chunk.
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError::WrongSize`] for more than was announced, [`ArtifactError::DiskFull`], [`ArtifactError::Io`].
+    pub async fn write(&mut self, chunk: Vec<u8>) -> Result<(), ArtifactError> {
+        let mut part = self.take()?;
+        let part = blocking(move || part.append(&chunk).map(|()| part)).await?;
+        self.received_bytes = part.received_bytes;
+        self.part = Some(part);
+        Ok(())
+    }
+
+    /// Checks size and hash, and publishes the blob. When this returns it is on disk; record it in the store next.
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError::WrongSize`] where bytes are missing: they can still be sent by a later call.
+    /// [`ArtifactError::WrongDigest`]: nothing of the upload is kept.
+    pub async fn finish(mut self) -> Result<(), ArtifactError> {
+        let part = self.take()?;
+        blocking(move || part.publish()).await
+    }
+
+    fn take(&mut self) -> Result<Part, ArtifactError> {
+        let gone = || ArtifactError::io("go on with an upload", io::Error::other("an earlier write failed"));
+        self.part.take().ok_or_else(gone)
+    }
+}
+
+impl Part {
+    fn open(turn: Turn, size_bytes: u64, offset_bytes: u64) -> Result<Self, ArtifactError> {
+        let path = turn.inner.part(&turn.digest);
+        let open = || -> io::Result<(File, u64)> {
+            let file = File::options().read(true).write(true).create(true).truncate(false).open(&path)?;
+            let here = file.metadata()?.len();
+            Ok((file, here))
+        };
+        let (mut file, here) = open().map_err(|error| ArtifactError::io("open an upload", error))?;
+        if offset_bytes != 0 && offset_bytes != here {
+            return Err(ArtifactError::WrongOffset { offset_bytes, received_bytes: here });
+        }
+        if offset_bytes > size_bytes {
+            return Err(ArtifactError::WrongSize { received_bytes: offset_bytes, size_bytes });
+        }
+        let mut resume = || -> io::Result<Sha256> {
+            file.set_len(offset_bytes)?;
+            file.seek(SeekFrom::Start(0))?;
+            hash_rest(&mut file)
+        };
+        let hasher = resume().map_err(|error| ArtifactError::io("go on with an upload", error))?;
+        Ok(Self { file, path, hasher, received_bytes: offset_bytes, size_bytes, turn })
+    }
+
+    fn append(&mut self, chunk: &[u8]) -> Result<(), ArtifactError> {
+        let received_bytes = self.received_bytes + chunk.len() as u64;
+        if received_bytes > self.size_bytes {
+            return Err(ArtifactError::WrongSize { received_bytes, size_bytes: self.size_bytes });
+        }
+        self.file.write_all(chunk).map_err(|error| ArtifactError::io("write an upload", error))?;
+        self.hasher.update(chunk);
+        self.received_bytes = received_bytes;
+        Ok(())
+    }
+
+    fn publish(self) -> Result<(), ArtifactError> {
+        let Self { file, path, hasher, received_bytes, size_bytes, turn } = self;
+        if received_bytes != size_bytes {
+            return Err(ArtifactError::WrongSize { received_bytes, size_bytes });
+        }
+        let found = name(hasher);
+        if found != turn.digest {
+            let removed = fail::point("file.remove").and_then(|()| fs::remove_file(&path));
+            removed.map_err(|error| ArtifactError::io("remove a wrong upload", error))?;
+            return Err(ArtifactError::WrongDigest { digest: turn.digest.clone(), found });
+        }
+        turn.inner.blobs.publish(&file, &path, &turn.digest)
+    }
+}
+
+impl Turn {
+    fn take(inner: &Arc<Inner>, digest: &str) -> Result<Self, ArtifactError> {
+        // The set is whole after any panic: inserting and removing are its only uses.
+        let mut uploading = inner.uploading.lock().unwrap_or_else(PoisonError::into_inner);
+        if !uploading.insert(digest.to_owned()) {
+            return Err(ArtifactError::UploadBusy { digest: digest.to_owned() });
+        }
+        Ok(Self { inner: Arc::clone(inner), digest: digest.to_owned() })
+    }
+}
+
+impl Drop for Turn {
+    fn drop(&mut self) {
+        self.inner.uploading.lock().unwrap_or_else(PoisonError::into_inner).remove(&self.digest);
+    }
+}
+
+impl Inner {
+    fn part(&self, digest: &str) -> PathBuf {
+        self.uploads.join(format!("{digest}.part"))
+    }
+}
+
+/// Removes uploads that nobody goes on with.
+pub(super) fn remove_stale(uploads: &Path) -> io::Result<()> {
+    for file in fs::read_dir(uploads)? {
+        let file = file?;
+        let age = file.metadata()?.modified()?.elapsed().unwrap_or(Duration::ZERO);
+        if age > UPLOAD_AGE_MAX {
+            fs::remove_file(file.path())?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,178 @@
+//! The demo's arguments.
+
+use super::FIRST_MODEL;
+use lightpath::units::{Length, ParseError};
+use lightpath::v1::KernelModel;
+use lightpath_media::pictures::SIDE_PX_MAX;
+use std::path::PathBuf;
+
+/// Show the whole loop on a simulated display: holograms, photographs, learning, better holograms.
+#[derive(Clone, Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  lightpathd demo
+  lightpathd demo --images photos/ --out tour
+  lightpathd demo --models display,smooth,dense,paper --pairs 32
+  lightpathd demo --paper
+  lightpathd demo --paper --resolution 480x270")]
+pub struct DemoArgs {
+    /// Folder for pictures, report and the server's data: a new or empty one, or an earlier demo's
+    #[arg(long, value_name = "DIR", default_value = "lightpath-demo")]
+    pub out: PathBuf,
+    /// Folder of PNG, JPEG or TIFF pictures to use instead of generated ones; at least 5
+    #[arg(long, value_name = "DIR")]
+    pub images: Option<PathBuf>,
+    /// Follow the paper that Lightpath starts from: its recipe (the model paper) beside the model display, on a display of
+    /// its size, and a table of train and test errors in its form
+    #[arg(long)]
+    pub paper: bool,
+    /// Size of the display in pixels, WIDTHxHEIGHT [default: 480x270, with --paper 1920x1080]
+    #[arg(long = "resolution", value_name = "WxH", value_parser = resolution)]
+    pub asked_resolution: Option<(u32, u32)>,
+    /// From the display to the image; by default 0.6 of the distance up to which its size samples the whole band
+    #[arg(long, value_name = "LENGTH", value_parser = |text: &str| length(Length::Distance, text))]
+    pub distance: Option<f64>,
+    /// Wavelength of the light
+    #[arg(long, value_name = "LENGTH", default_value = "515nm", value_parser = |text: &str| length(Length::Wavelength, text))]
+    pub wavelength: f64,
+    /// Distance between the display's pixels
+    #[arg(long, value_name = "LENGTH", default_value = "8um", value_parser = |text: &str| length(Length::PixelPitch, text))]
+    pub pixel_pitch: f64,
+    /// Draws the display's flaws, the pictures and the noise
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// Photographs to learn from; a quarter more is held out
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(2..=500))]
+    pub pairs: u32,
+    /// Targets to show through each kernel
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=20))]
+    pub held_out: u32,
+    /// Iterations for each hologram of a held-out target
+    #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub iterations: u32,
+    /// Iterations for each hologram to learn from
+    #[arg(long, value_name = "N", default_value_t = 60, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub training_iterations: u32,
+    /// Models to learn: display (always, and first), varying, smooth, dense, paper [default: display,smooth, with --paper display,paper]
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = model)]
+    pub models: Vec<KernelModel>,
+}
+
+/// Smallest side of the demo's display \[px\]: below, pictures show nothing.
+const SIDE_PX_MIN: u32 = 32;
+/// Part of the critical distance that the image is at by default: all of the band is kept, and light spreads far.
+const DISTANCE_SHARE: f64 = 0.6;
+/// Columns and rows \[px\] of the demo's display.
+const SIZE_PX: (u32, u32) = (480, 270);
+/// And of the paper's.
+const PAPER_SIZE_PX: (u32, u32) = (1920, 1080);
+
+impl DemoArgs {
+    /// Columns and rows \[px\].
+    pub(super) fn resolution(&self) -> (u32, u32) {
+        self.asked_resolution.unwrap_or(if self.paper { PAPER_SIZE_PX } else { SIZE_PX })
+    }
+
+    /// From the display to the image \[m\].
+    pub(super) fn distance_m(&self) -> f64 {
+        let (width_px, height_px) = self.resolution();
+        let critical_m = 2.0 * f64::from(width_px.min(height_px)) * self.pixel_pitch.powi(2) / self.wavelength;
+        self.distance.unwrap_or_else(|| (DISTANCE_SHARE * critical_m * 1e3).ceil() / 1e3)
+    }
+
+    /// The models to learn, without repetitions, the one that goes into service first.
+    pub(super) fn ordered(mut self) -> Self {
+        let mut models = vec![FIRST_MODEL];
+        if self.models.is_empty() {
+            self.models = vec![if self.paper { KernelModel::Paper } else { KernelModel::Smooth }];
+        } else if self.paper {
+            models.push(KernelModel::Paper);
+        }
+        for model in self.models {
+            if !models.contains(&model) {
+                models.push(model);
+            }
+        }
+        self.models = models;
+        self
+    }
+}
+
+/// As the command line writes it.
+pub(super) fn model_name(model: KernelModel) -> &'static str {
+    match model {
+        KernelModel::Paper => "paper",
+        KernelModel::Dense => "dense",
+        KernelModel::Smooth => "smooth",
+        KernelModel::Display | KernelModel::Unspecified => "display",
+        KernelModel::Varying => "varying",
+    }
+}
+
+fn model(name: &str) -> Result<KernelModel, String> {
+    let models =
+        [KernelModel::Paper, KernelModel::Dense, KernelModel::Smooth, KernelModel::Display, KernelModel::Varying];
+    let found = models.into_iter().find(|model| model_name(*model) == name);
+    found.ok_or_else(|| "a model is display, varying, smooth, dense or paper".to_owned())
+}
+
+fn length(kind: Length, text: &str) -> Result<f64, ParseError> {
+    kind.parse_m(text)
+}
+
+fn resolution(text: &str) -> Result<(u32, u32), String> {
+    let sides = text.split_once('x').and_then(|(width, height)| Some((width.parse().ok()?, height.parse().ok()?)));
+    let allowed = SIDE_PX_MIN..=SIDE_PX_MAX / 2;
+    match sides {
+        Some((width, height)) if allowed.contains(&width) && allowed.contains(&height) => Ok((width, height)),
+        Some(_) => Err(format!("each side must be {SIDE_PX_MIN} to {} px", SIDE_PX_MAX / 2)),
+        None => Err("must look like 480x270".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Cli {
+        #[command(flatten)]
+        args: DemoArgs,
+    }
+
+    fn parse(words: &str) -> Result<DemoArgs, clap::Error> {
+        Cli::try_parse_from(["demo"].into_iter().chain(words.split_whitespace())).map(|cli| cli.args.ordered())
+    }
+
+    #[test]
+    fn the_distance_follows_from_the_size_unless_given() {
+        assert_eq!(parse("").unwrap().distance_m(), 0.041);
+        assert_eq!(parse("--resolution 160x96").unwrap().distance_m(), 0.015);
+        assert_eq!(parse("--distance 12.5mm").unwrap().distance_m(), 0.0125);
+    }
+
+    #[test]
+    fn the_model_for_service_is_learned_first() {
+        let models = |words: &str| parse(words).unwrap().models;
+        let (display, smooth) = (KernelModel::Display, KernelModel::Smooth);
+        assert_eq!(models("--models dense,smooth,dense"), [display, KernelModel::Dense, smooth]);
+        assert_eq!(models(""), [display, smooth]);
+        assert_eq!(models("--paper"), [display, KernelModel::Paper]);
+        assert_eq!(models("--paper --models smooth"), [display, KernelModel::Paper, smooth]);
+    }
+
+    #[test]
+    fn the_paper_has_a_display_of_its_own_size() {
+        assert_eq!(parse("").unwrap().resolution(), (480, 270));
+        assert_eq!(parse("--paper").unwrap().resolution(), (1920, 1080));
+        assert_eq!(parse("--paper --resolution 160x96").unwrap().resolution(), (160, 96));
+    }
+
+    #[test]
+    fn what_cannot_be_shown_is_refused() {
+        for bad in ["--resolution 480", "--resolution 8x8", "--resolution 0x-5", "--pairs 1", "--models best"] {
+            assert!(parse(bad).is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,275 @@
+//! The demo's display on the demo's server, through the client library.
+
+use super::args::DemoArgs;
+use super::story::Bar;
+use anyhow::Context as _;
+use lightpath::v1::{self, Job, KernelModel, job_spec::Kind};
+use lightpath::{Client, JobChange, names};
+use lightpath_domain::display::SimulatedBench;
+use lightpath_domain::units::{Distance, Wavelength};
+use lightpath_optics::{Grid, OpticalSetup};
+use serde::Serialize;
+use std::path::Path;
+
+/// Id of the display.
+pub(super) const DISPLAY: &str = "demo";
+
+/// A display and a client of its server.
+pub(super) struct Lab {
+    client: Client,
+    kernel: String,
+    wavelength_m: f64,
+    distance_m: f64,
+    pixel_pitch_m: f64,
+    size_px: (u32, u32),
+}
+
+/// A hologram to be made.
+pub(super) struct Wanted<'a> {
+    pub(super) target: &'a [u8],
+    pub(super) kernel: String,
+    pub(super) iterations: u32,
+    pub(super) seed: u64,
+    pub(super) initial_phase_range_rad: f64,
+}
+
+/// A photograph to be taken.
+pub(super) struct Shot {
+    pub(super) phase: String,
+    pub(super) seed: u64,
+}
+
+/// Mean squared errors of predicted photographs.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(super) struct Loss {
+    /// In the region of interest.
+    pub(super) region: f64,
+    /// Over the full frame, as the paper reports it.
+    pub(super) full_frame: f64,
+}
+
+/// Of the pairs that were learned from, and of those held out.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(super) struct Losses {
+    pub(super) train: Loss,
+    pub(super) test: Loss,
+}
+
+impl Lab {
+    /// Declares the display.
+    pub(super) async fn new(url: &str, args: &DemoArgs, bench: SimulatedBench) -> anyhow::Result<Self> {
+        let client = Client::connect(url)?;
+        let (width_px, height_px) = args.resolution();
+        let display = v1::Display {
+            name: names::display(DISPLAY),
+            width_px,
+            height_px,
+            pixel_pitch_m: args.pixel_pitch,
+            bit_depth: 8,
+            wavelengths_m: vec![args.wavelength],
+            notes: "A simulated display with flaws, made by lightpathd demo.".to_owned(),
+            simulated_bench: Some(v1::SimulatedBench {
+                seed: bench.seed,
+                strength: bench.strength,
+                camera_noise: bench.camera_noise,
+                misalignment_px: bench.misalignment_px,
+                ..Default::default()
+            }),
+            ..Default::default()
+        };
+        client.create_display(v1::CreateDisplayRequest { display: Some(display) }).await?;
+        let distance_m = args.distance_m();
+        Ok(Self {
+            kernel: names::kernel(DISPLAY, args.wavelength, distance_m),
+            wavelength_m: args.wavelength,
+            distance_m,
+            pixel_pitch_m: args.pixel_pitch,
+            size_px: args.resolution(),
+            client,
+        })
+    }
+
+    /// Grid, wavelength, distance and propagation, as the server takes them.
+    pub(super) fn setup(&self) -> anyhow::Result<OpticalSetup> {
+        let grid = Grid::try_new(self.size_px.1 as usize, self.size_px.0 as usize, self.pixel_pitch_m)?;
+        let wavelength = Wavelength::from_m(self.wavelength_m).context("no possible wavelength")?;
+        let distance = Distance::from_m(self.distance_m).context("no possible distance")?;
+        Ok(OpticalSetup::try_new(grid, wavelength.m(), distance.m())?.planned()?.0)
+    }
+
+    /// Holograms, in the order in which they were wanted.
+    pub(super) async fn holograms(
+        &self,
+        wanted: Vec<Wanted<'_>>,
+        bar: &mut Bar,
+    ) -> anyhow::Result<Vec<v1::HologramResult>> {
+        let mut specs = Vec::new();
+        for wanted in wanted {
+            specs.push(Kind::OptimizeHologram(v1::OptimizeHologram {
+                display: names::display(DISPLAY),
+                distance_m: self.distance_m,
+                target: self.client.upload_bytes(wanted.target).await?,
+                target_fit: v1::optimize_hologram::Fit::Cover.into(),
+                kernel: wanted.kernel,
+                // What the figures in README were made with.
+                method: v1::optimize_hologram::Method::Adam.into(),
+                iterations: wanted.iterations,
+                seed: wanted.seed,
+                initial_phase_range_rad: Some(wanted.initial_phase_range_rad),
+                ..Default::default()
+            }));
+        }
+        let jobs = self.all_done(specs, bar).await?;
+        jobs.iter().map(|job| Ok(lightpath::hologram_result(job)?.clone())).collect()
+    }
+
+    /// Digests of photographs, in the order of the shots.
+    pub(super) async fn photographs(&self, shots: Vec<Shot>, bar: &mut Bar) -> anyhow::Result<Vec<String>> {
+        let spec = |shot: Shot| {
+            Kind::SimulateCapture(v1::SimulateCapture {
+                display: names::display(DISPLAY),
+                distance_m: self.distance_m,
+                phase: shot.phase,
+                seed: shot.seed,
+                ..Default::default()
+            })
+        };
+        let jobs = self.all_done(shots.into_iter().map(spec).collect(), bar).await?;
+        jobs.iter().map(|job| Ok(lightpath::capture_result(job)?.photo.clone())).collect()
+    }
+
+    pub(super) async fn create_dataset(&self, id: &str) -> anyhow::Result<()> {
+        let dataset = v1::Dataset {
+            name: names::dataset(id),
+            display: names::display(DISPLAY),
+            distance_m: self.distance_m,
+            photo_encoding: v1::Encoding::Linear.into(),
+            ..Default::default()
+        };
+        self.client.create_dataset(v1::CreateDatasetRequest { dataset: Some(dataset) }).await?;
+        Ok(())
+    }
+
+    pub(super) async fn add_pair(
+        &self,
+        dataset: &str,
+        id: String,
+        phase: &str,
+        photo: &str,
+        split: v1::Split,
+    ) -> anyhow::Result<()> {
+        let pair = v1::Pair {
+            id,
+            phase: phase.to_owned(),
+            photo: photo.to_owned(),
+            split: split.into(),
+            ..Default::default()
+        };
+        let dataset = names::dataset(dataset);
+        self.client.add_pair(v1::AddPairRequest { dataset, pair: Some(pair) }).await?;
+        Ok(())
+    }
+
+    /// Closes the dataset and returns its digest.
+    pub(super) async fn finalize(&self, dataset: &str) -> anyhow::Result<String> {
+        let request = v1::FinalizeDatasetRequest { name: names::dataset(dataset), ..Default::default() };
+        Ok(self.client.finalize_dataset(request).await?.digest)
+    }
+
+    pub(super) async fn learn(
+        &self,
+        dataset: &str,
+        model: KernelModel,
+        seed: u64,
+        bar: &mut Bar,
+    ) -> anyhow::Result<v1::LearnResult> {
+        let dataset = names::dataset(dataset);
+        let spec = v1::LearnKernel { dataset, model: model.into(), seed, ..Default::default() };
+        let jobs = self.all_done(vec![Kind::LearnKernel(spec)], bar).await?;
+        Ok(lightpath::learn_result(&jobs[0])?.clone())
+    }
+
+    /// How well versions (0: the ideal kernel) predict the dataset's photographs.
+    pub(super) async fn losses(
+        &self,
+        dataset: &str,
+        versions: impl Iterator<Item = u32>,
+        bar: &mut Bar,
+    ) -> anyhow::Result<Vec<Losses>> {
+        let spec = |version| {
+            let (dataset, kernel) = (names::dataset(dataset), kernel_choice(version));
+            Kind::EvaluateKernel(v1::EvaluateKernel { dataset, kernel, ..Default::default() })
+        };
+        let jobs = self.all_done(versions.map(spec).collect(), bar).await?;
+        let mean = |job: &Job, split: v1::Split| -> anyhow::Result<Loss> {
+            let pairs: Vec<_> = lightpath::evaluate_result(job)?.pairs.iter().filter(|p| p.split() == split).collect();
+            let mean = |of: fn(&v1::evaluate_result::PairLoss) -> f64| {
+                pairs.iter().map(|pair| of(pair)).sum::<f64>() / pairs.len() as f64
+            };
+            Ok(Loss { region: mean(|pair| pair.loss), full_frame: mean(|pair| pair.loss_full_frame) })
+        };
+        let both = |job| Ok(Losses { train: mean(job, v1::Split::Train)?, test: mean(job, v1::Split::Test)? });
+        jobs.iter().map(both).collect()
+    }
+
+    pub(super) async fn promote(&self, version: u32) -> anyhow::Result<()> {
+        let request = v1::PromoteKernelRequest {
+            kernel: self.kernel.clone(),
+            version,
+            reason: "learned by the demo".to_owned(),
+            expected_active_version: Some(0),
+            force: false,
+        };
+        self.client.promote_kernel(request).await?;
+        Ok(())
+    }
+
+    /// The active kernel, saved and read.
+    pub(super) async fn fetch_kernel(&self, path: &Path) -> anyhow::Result<(v1::KernelVersion, Vec<u8>)> {
+        let version = self.client.fetch_kernel_to(&self.kernel, 0, path).await?;
+        let bytes = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
+        Ok((version, bytes))
+    }
+
+    /// Stores a kernel file as the next version, and returns its number.
+    pub(super) async fn import(&self, file: Vec<u8>) -> anyhow::Result<u32> {
+        let request = v1::ImportKernelRequest {
+            display: names::display(DISPLAY),
+            wavelength_m: self.wavelength_m,
+            distance_m: self.distance_m,
+            artifact: self.client.upload_bytes(file).await?,
+        };
+        Ok(self.client.import_kernel(request).await?.version)
+    }
+
+    pub(super) async fn download(&self, digest: &str) -> anyhow::Result<Vec<u8>> {
+        Ok(self.client.download(digest).await?)
+    }
+
+    /// Queues all of the work at once, and waits until all is done.
+    async fn all_done(&self, specs: Vec<Kind>, bar: &mut Bar) -> anyhow::Result<Vec<Job>> {
+        let count = specs.len();
+        let mut submitted = Vec::with_capacity(count);
+        for kind in specs {
+            let request = v1::SubmitJobRequest { spec: Some(lightpath::job_spec(kind)), ..Default::default() };
+            submitted.push(self.client.submit(request).await?);
+        }
+        let mut done = Vec::with_capacity(count);
+        for job in submitted {
+            let show = |change: JobChange<'_>| {
+                if let JobChange::Job(Job { progress: Some(progress), .. }) = change {
+                    let share = f64::from(progress.step) / f64::from(progress.steps_total.max(1));
+                    bar.set(done.len(), count, share);
+                }
+            };
+            let job = self.client.wait(&job.name, show).await?;
+            done.push(job);
+        }
+        Ok(done)
+    }
+}
+
+/// As requests name a version; 0 is the ideal kernel.
+pub(super) fn kernel_choice(version: u32) -> String {
+    if version == 0 { "ideal".to_owned() } else { version.to_string() }
+}

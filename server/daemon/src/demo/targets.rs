@@ -1,0 +1,169 @@
+//! The pictures: generated test cards, or the user's own.
+
+use super::args::DemoArgs;
+use anyhow::{Context as _, bail};
+use lightpath_domain::dataset::Encoding;
+use lightpath_domain::job::Fit;
+use lightpath_media::pictures;
+use lightpath_optics::Plane;
+use lightpath_optics::test_cards::TestCard;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// A picture as the server gets it, and what it asks for.
+#[derive(Clone)]
+pub(super) struct Picture {
+    /// Fit for a file name.
+    pub(super) name: String,
+    /// PNG, JPEG or TIFF, sRGB.
+    pub(super) file: Vec<u8>,
+    /// Linear light at the display's size.
+    pub(super) intensity: Plane<f32>,
+}
+
+/// The pictures of one demo.
+pub(super) struct Targets {
+    /// Of the photographs to learn from.
+    pub(super) training: Vec<Picture>,
+    /// Of the photographs that kernels are judged on.
+    pub(super) test: Vec<Picture>,
+    /// To be shown through each kernel; none of them is among the training pictures.
+    pub(super) held_out: Vec<Picture>,
+}
+
+/// How pictures of other sizes are brought to the display's: no black borders.
+pub(super) const FIT: Fit = Fit::Cover;
+
+/// Cards that are only ever held out.
+const HELD_OUT: [TestCard; 3] = [TestCard::Portrait, TestCard::Planet, TestCard::Leaf];
+
+pub(super) fn gather(args: &DemoArgs) -> anyhow::Result<Targets> {
+    match &args.images {
+        Some(folder) => from_folder(args, folder),
+        None => from_cards(args),
+    }
+}
+
+fn test_pairs(args: &DemoArgs) -> usize {
+    (args.pairs as usize).div_ceil(4).max(2)
+}
+
+fn from_cards(args: &DemoArgs) -> anyhow::Result<Targets> {
+    let to_learn: Vec<TestCard> = TestCard::ALL.into_iter().filter(|card| !HELD_OUT.contains(card)).collect();
+    let many = |cards: &[TestCard], count: usize, stream: u64| -> anyhow::Result<Vec<Picture>> {
+        // Streams of seeds: no picture is in two of the sets.
+        let seed = |i: usize| args.seed.wrapping_mul(3).wrapping_add(stream) * 1_000_000 + (i / cards.len()) as u64;
+        (0..count).map(|i| card(args, cards[i % cards.len()], seed(i), i >= cards.len())).collect()
+    };
+    Ok(Targets {
+        training: many(&to_learn, args.pairs as usize, 0)?,
+        test: many(&HELD_OUT, test_pairs(args), 1)?,
+        held_out: many(&HELD_OUT, args.held_out as usize, 2)?,
+    })
+}
+
+fn card(args: &DemoArgs, card: TestCard, seed: u64, numbered: bool) -> anyhow::Result<Picture> {
+    let (width_px, height_px) = args.resolution();
+    let light = card.render(height_px as usize, width_px as usize, seed)?;
+    let name = if numbered { format!("{}-{}", card.name(), seed % 1_000_000 + 1) } else { card.name().to_owned() };
+    picture(args, name, pictures::grey_png_srgb(&light)?)
+}
+
+/// What is decoded here is what the server decodes: the same bytes by the same rules.
+fn picture(args: &DemoArgs, name: String, file: Vec<u8>) -> anyhow::Result<Picture> {
+    let (width_px, height_px) = args.resolution();
+    let intensity = pictures::target_intensity(&file, Encoding::Srgb, FIT, height_px as usize, width_px as usize)
+        .with_context(|| format!("cannot use {name}"))?;
+    Ok(Picture { name, file, intensity })
+}
+
+/// The first pictures, by name, are held out; the others are learned from, over and over where there are few.
+fn from_folder(args: &DemoArgs, folder: &Path) -> anyhow::Result<Targets> {
+    let mut paths: Vec<PathBuf> = fs::read_dir(folder)
+        .with_context(|| format!("cannot read {}", folder.display()))?
+        .filter_map(|entry| Some(entry.ok()?.path()))
+        .filter(|path| is_picture(path))
+        .collect();
+    paths.sort();
+    let held_out = args.held_out as usize;
+    if paths.len() < held_out + 2 {
+        let (found, needed) = (paths.len(), held_out + 2);
+        bail!("{} has {found} PNG, JPEG or TIFF pictures, but {needed} are needed", folder.display());
+    }
+    let used = held_out + args.pairs as usize;
+    let pictures: Vec<Picture> = paths.iter().take(used).map(|path| read(args, path)).collect::<Result<_, _>>()?;
+    let (shown, learned) = pictures.split_at(held_out);
+    Ok(Targets {
+        training: learned.iter().cycle().take(args.pairs as usize).cloned().collect(),
+        test: shown.iter().cycle().take(test_pairs(args)).cloned().collect(),
+        held_out: shown.to_vec(),
+    })
+}
+
+fn is_picture(path: &Path) -> bool {
+    let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    path.is_file() && ["png", "jpg", "jpeg", "tif", "tiff"].contains(&ending.as_str())
+}
+
+fn read(args: &DemoArgs, path: &Path) -> anyhow::Result<Picture> {
+    let bytes = fs::metadata(path).map(|file| file.len()).with_context(|| format!("cannot read {}", path.display()))?;
+    if bytes > pictures::FILE_BYTES_MAX as u64 {
+        bail!("{} has {bytes} bytes, but at most {} are read", path.display(), pictures::FILE_BYTES_MAX);
+    }
+    let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    picture(args, name, fs::read(path).with_context(|| format!("cannot read {}", path.display()))?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::HashSet;
+
+    fn args(images: Option<PathBuf>) -> DemoArgs {
+        DemoArgs {
+            out: PathBuf::new(),
+            images,
+            asked_resolution: Some((64, 40)),
+            paper: false,
+            distance: None,
+            wavelength: 515e-9,
+            pixel_pitch: 8e-6,
+            seed: 1,
+            pairs: 14,
+            held_out: 4,
+            iterations: 1,
+            training_iterations: 1,
+            models: Vec::new(),
+        }
+    }
+
+    fn files(pictures: &[Picture]) -> HashSet<&[u8]> {
+        pictures.iter().map(|picture| picture.file.as_slice()).collect()
+    }
+
+    #[test]
+    fn no_generated_picture_is_in_two_sets() {
+        let targets = gather(&args(None)).unwrap();
+        let (training, test, held_out) = (files(&targets.training), files(&targets.test), files(&targets.held_out));
+        assert_eq!((training.len(), test.len(), held_out.len()), (14, 4, 4));
+        assert!(training.is_disjoint(&test) && training.is_disjoint(&held_out) && test.is_disjoint(&held_out));
+        let names: HashSet<_> = targets.held_out.iter().map(|picture| &picture.name).collect();
+        assert_eq!(names.len(), 4);
+    }
+
+    #[test]
+    fn nothing_is_learned_from_a_held_out_picture_of_the_user() {
+        let folder = tempfile::tempdir().unwrap();
+        let few = gather(&args(Some(folder.path().to_owned()))).err().unwrap().to_string();
+        assert!(few.contains("6 are needed"), "{few}");
+        for seed in 0..7 {
+            let picture = TestCard::Clouds.render(50, 70, seed).unwrap();
+            fs::write(folder.path().join(format!("{seed}.PNG")), pictures::grey_png_srgb(&picture).unwrap()).unwrap();
+        }
+        fs::write(folder.path().join("notes.txt"), "no picture").unwrap();
+        let targets = gather(&args(Some(folder.path().to_owned()))).unwrap();
+        assert_eq!((targets.training.len(), targets.held_out.len()), (14, 4));
+        assert!(files(&targets.training).is_disjoint(&files(&targets.held_out)));
+        assert_eq!(targets.training[0].intensity.width_px(), 64);
+    }
+}

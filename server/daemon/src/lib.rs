@@ -1,0 +1,16 @@
+//! The Lightpath server: a durable job queue, workers on the optics engine, and a registry of learned kernels, behind one
+//! gRPC and HTTP port.
+//!
+//! # Layout
+//!
+//! - [`config`], [`server`]: settings, and the assembly of store, workers and API.
+//! - [`upkeep`]: what operators do to a data folder: check, back up, restore, collect.
+//! - [`demo`]: the whole loop on a simulated display, for people to see.
+//! - [`fuzzing`]: an entry to every decoder.
+#![cfg_attr(test, allow(clippy::unwrap_used))]
+
+pub mod config;
+pub mod demo;
+pub mod fuzzing;
+pub mod server;
+pub mod upkeep;

@@ -1,0 +1,143 @@
+//! `lightpathd`: the Lightpath server.
+
+use anyhow::Context as _;
+use clap::{ArgMatches, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
+use lightpath_server::config::{Config, Effective, LogFormat, Settings};
+use lightpath_server::demo::{self, DemoArgs};
+use lightpath_server::server;
+use lightpath_server::upkeep::{BackupArgs, CheckArgs, CollectArgs, RestoreArgs, TokenCommand};
+use std::future::Future;
+use std::io::{IsTerminal as _, Write as _};
+use std::path::PathBuf;
+use std::process::ExitCode;
+use tokio::net::TcpListener;
+use tokio::signal::unix::{SignalKind, signal};
+use tracing_subscriber::EnvFilter;
+
+/// Computer-generated holography as a service: a queue of hologram and learning jobs, and a registry of learned
+/// kernels, behind one gRPC and HTTP port.
+#[derive(Debug, Parser)]
+#[command(name = "lightpathd", version, max_term_width = 100, arg_required_else_help = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Serve(Serve),
+    Check(CheckArgs),
+    Backup(BackupArgs),
+    Restore(RestoreArgs),
+    Collect(CollectArgs),
+    /// Make, list and revoke the tokens that calls need
+    #[command(subcommand)]
+    Token(TokenCommand),
+    Demo(DemoArgs),
+}
+
+/// Run the server until SIGTERM or ctrl-c, then finish cleanly: running jobs save their state and go back to the queue.
+#[derive(Debug, clap::Args)]
+#[command(after_help = SERVE_HELP)]
+struct Serve {
+    /// TOML file of settings, named like the flags with underscores
+    #[arg(long, env = "LIGHTPATH_CONFIG", value_name = "FILE")]
+    config: Option<PathBuf>,
+    #[command(flatten)]
+    settings: Settings,
+    /// Print the settings in effect, and where each came from, instead of serving
+    #[arg(long)]
+    print_config: bool,
+}
+
+const SERVE_HELP: &str = "\
+Flags win over environment variables, those over the file, and that over the defaults.
+
+Examples:
+  lightpathd serve
+  lightpathd token create ada --role admin > ada.token
+  lightpathd serve --data-dir /srv/lightpath --listen 0.0.0.0:7070 \\
+      --tls-cert cert.pem --tls-key key.pem
+  lightpathd serve --config lightpath.toml --log-level debug
+  lightpathd serve --print-config > lightpath.toml
+
+The address that it listens on goes to stdout, the log to stderr. Health is at /healthz, metrics are at /metrics.";
+
+fn main() -> ExitCode {
+    let matches = Cli::command().get_matches();
+    let outcome = Cli::from_arg_matches(&matches).map_err(Into::into).and_then(|cli| match cli.command {
+        Command::Serve(serve) => serve.run(matches.subcommand_matches("serve")).map(|()| ExitCode::SUCCESS),
+        Command::Check(args) => Ok(args.run()),
+        Command::Backup(args) => Ok(args.run()),
+        Command::Restore(args) => Ok(args.run()),
+        Command::Collect(args) => Ok(args.run()),
+        Command::Token(command) => Ok(command.run()),
+        Command::Demo(args) => demo::run(args).map(|()| ExitCode::SUCCESS),
+    });
+    match outcome {
+        Ok(code) => code,
+        Err(error) => {
+            let _ = writeln!(std::io::stderr().lock(), "lightpathd: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+impl Serve {
+    fn run(self, matches: Option<&ArgMatches>) -> anyhow::Result<()> {
+        let file = self.config.as_deref().map(Settings::read).transpose()?.unwrap_or_default();
+        let effective = Effective::merge(self.settings, matches, file)?;
+        if self.print_config {
+            write!(std::io::stdout().lock(), "{effective}")?;
+            return Ok(());
+        }
+        start_log(&effective.config)?;
+        let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
+        let outcome = runtime.block_on(serve(effective.config));
+        // What still runs on blocking threads belongs to requests that were cut; the process need not wait for it.
+        runtime.shutdown_background();
+        outcome
+    }
+}
+
+async fn serve(config: Config) -> anyhow::Result<()> {
+    let stop = stop_signal()?;
+    let wanted = config.listen;
+    let listener = TcpListener::bind(wanted).await.with_context(|| {
+        format!("cannot listen on {wanted}; is another server running there? --listen names another")
+    })?;
+    let address = listener.local_addr()?;
+    tracing::info!(%address, data_dir = %config.data_dir.display(), "starting");
+    // Whoever connects from here on waits in the backlog until the server has put its queue in order.
+    let scheme = if config.tls.is_some() { "https" } else { "http" };
+    writeln!(std::io::stdout().lock(), "listening on {scheme}://{address}")?;
+    server::run(listener, config, stop).await?;
+    Ok(())
+}
+
+/// Done at the first SIGTERM or ctrl-c.
+fn stop_signal() -> anyhow::Result<impl Future<Output = ()> + Send> {
+    let (mut terminate, mut interrupt) = (signal(SignalKind::terminate())?, signal(SignalKind::interrupt())?);
+    Ok(async move {
+        tokio::select! {
+            _ = terminate.recv() => {}
+            _ = interrupt.recv() => {}
+        }
+    })
+}
+
+fn start_log(config: &Config) -> anyhow::Result<()> {
+    let filter = EnvFilter::try_new(&config.log_level).with_context(|| {
+        format!("log_level is {:?}, but must be such as info or lightpath_api=debug", config.log_level)
+    })?;
+    let log = tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal());
+    match config.log_format {
+        LogFormat::Auto if std::io::stderr().is_terminal() => log.init(),
+        LogFormat::Text => log.init(),
+        LogFormat::Auto | LogFormat::Json => log.json().init(),
+    }
+    Ok(())
+}

@@ -1,0 +1,56 @@
+//! A data folder from a backup.
+
+use super::backup::{MANIFEST, Manifest, make_empty};
+use super::{DATABASE, Report, UpkeepError, check};
+use lightpath_artifacts::{ArtifactError, BlobKind, Inventory, digest_of_file};
+use lightpath_fail_points as fail;
+use lightpath_store::Inspection;
+use std::fs::{self, File};
+use std::path::Path;
+
+/// Copies a backup to `data_dir`, a folder that is empty or does not exist, and checks the copy. The backup stays as
+/// it is. When this returns the data is on disk, and a server can be started on it.
+///
+/// # Errors
+///
+/// [`UpkeepError::NoBackup`], [`UpkeepError::NotEmpty`]; [`UpkeepError::Damaged`] where a blob of the backup is missing
+/// or has other bytes than it should.
+pub async fn restore(backup: &Path, data_dir: &Path) -> Result<Report, UpkeepError> {
+    let manifest = read_manifest(backup)?;
+    let database = backup.join(DATABASE);
+    let found = digest_of_file(&database)?;
+    if found != manifest.database {
+        let problem = format!("{DATABASE} hashes to {found}, but {MANIFEST} says {}", manifest.database);
+        return Err(UpkeepError::NoBackup { path: backup.to_owned(), problem });
+    }
+    make_empty(data_dir)?;
+    let (from, to) = (Inventory::of(backup), Inventory::create(data_dir)?);
+    let damaged = |source| UpkeepError::Damaged { path: backup.to_owned(), source };
+    for kind in [BlobKind::Artifact, BlobKind::Checkpoint] {
+        for digest in from.list(kind)? {
+            from.copy(kind, &digest, &to).map_err(|error| match error {
+                error @ (ArtifactError::NotFound { .. } | ArtifactError::DataLoss { .. }) => damaged(error),
+                other => other.into(),
+            })?;
+        }
+    }
+    // The database comes last: without it the folder is taken for no data, and not for half of it.
+    let (copy, partial) = (data_dir.join(DATABASE), data_dir.join("lightpath.db.partial"));
+    let copied = fs::copy(&database, &partial)
+        .and_then(|_| fail::point("restore.flush"))
+        .and_then(|()| File::open(&partial)?.sync_all())
+        .and_then(|()| fail::point("restore.rename"))
+        .and_then(|()| fs::rename(&partial, &copy));
+    copied.map_err(UpkeepError::io("copy the database to", &copy))?;
+    to.flush()?;
+    // Read once, so that a newer program's database is refused here and not when the server starts.
+    Inspection::open(&copy).await?.close().await?;
+    check(data_dir).await
+}
+
+fn read_manifest(backup: &Path) -> Result<Manifest, UpkeepError> {
+    let no_backup = |problem: String| UpkeepError::NoBackup { path: backup.to_owned(), problem };
+    let text = fs::read_to_string(backup.join(MANIFEST))
+        .map_err(|error| no_backup(format!("{MANIFEST} cannot be read ({error}); it is written last")))?;
+    serde_json::from_str(&text).map_err(|error| no_backup(format!("{MANIFEST} is wrong ({error})")))
+}

@@ -1,0 +1,201 @@
+//! All that a server acknowledges, one thing after the other, written down as it is acknowledged.
+
+use lightpath_api::audit::{Audit, Entry};
+use lightpath_artifacts::{Artifacts, digest_of};
+use lightpath_domain::job::{CaptureResult, Job, JobResult, JobState, NewJob, Progress, Scheduling};
+use lightpath_domain::kernel::{KernelKey, KernelLineage, KernelMetrics, KernelModel, NewKernelVersion};
+use lightpath_fixtures::{DISTANCE, WAVELENGTH, capture_job, display};
+use lightpath_server::upkeep::{DATABASE, Retention, backup, restore};
+use lightpath_store::Store;
+use lightpath_worker::{Backoff, Clock, JobContext, TaskError, TaskOutput, Worker, WorkerConfig};
+use std::error::Error;
+use std::fs::File;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+use tokio_util::sync::CancellationToken;
+
+const TARGET: &[u8] = b"what the jobs read";
+const DAY: Duration = Duration::from_secs(24 * 3600);
+/// At which the audit log is put aside.
+const AUDIT_BYTES: u64 = 64 << 20;
+/// Longer than any of the jobs takes on a busy machine.
+const JOBS_END_WITHIN: Duration = Duration::from_secs(60);
+
+/// Whatever went wrong; the point that fails may be anywhere.
+type Outcome<T = ()> = Result<T, Box<dyn Error + Send + Sync>>;
+
+/// Where everything lies.
+pub(super) struct Place(pub(super) PathBuf);
+
+impl Place {
+    pub(super) fn data(&self) -> PathBuf {
+        self.0.join("data")
+    }
+
+    pub(super) fn backup(&self) -> PathBuf {
+        self.0.join("backup")
+    }
+
+    /// Appends to what was acknowledged.
+    fn acknowledged(&self, what: &str, which: &str) {
+        let mut file = File::options().create(true).append(true).open(self.0.join("acknowledged")).unwrap();
+        writeln!(file, "{what} {which}").unwrap();
+    }
+
+    /// What was acknowledged, in order.
+    pub(super) fn promises(&self) -> Vec<(String, String)> {
+        let text = std::fs::read_to_string(self.0.join("acknowledged")).unwrap_or_default();
+        text.lines().filter_map(|line| line.split_once(' ')).map(|(what, which)| (what.into(), which.into())).collect()
+    }
+}
+
+/// A data folder that is worked in.
+pub(super) struct Lab {
+    pub(super) store: Store,
+    pub(super) artifacts: Artifacts,
+}
+
+impl Lab {
+    pub(super) async fn open(data: &Path) -> Outcome<Self> {
+        let artifacts = Artifacts::open(data)?;
+        Ok(Self { store: Store::open(&data.join(DATABASE)).await?, artifacts })
+    }
+
+    /// Stores bytes as an upload of two halves does.
+    async fn upload(&self, bytes: &[u8], digest: &str) -> Outcome {
+        let _publishing = self.artifacts.publishing().await;
+        let (first, second) = bytes.split_at(bytes.len() / 2);
+        let mut upload = self.artifacts.upload(digest, bytes.len() as u64, 0).await?;
+        upload.write(first.to_vec()).await?;
+        upload.write(second.to_vec()).await?;
+        upload.finish().await?;
+        self.store.record_artifact(digest, bytes.len() as u64, "ada", now_ms()).await?;
+        Ok(())
+    }
+
+    /// Runs what waits and is due, until nothing does.
+    pub(super) async fn run_jobs(&self) -> Outcome {
+        let config = WorkerConfig {
+            compute_threads: 1,
+            checkpoint_interval: Duration::ZERO,
+            backoff: Backoff::uniform(Duration::from_millis(1), Duration::from_millis(2)),
+            ..WorkerConfig::default()
+        };
+        let drain = CancellationToken::new();
+        let worker = Worker::new(self.store.clone(), self.artifacts.clone(), config, Arc::new(task));
+        let working = tokio::spawn(worker.run(drain.clone()));
+        let mut changes = self.store.subscribe_job_changes();
+        let ended = async {
+            // What is cancelled or delayed is not waited for.
+            while self.store.jobs(&Default::default(), None, 100).await?.iter().any(is_due) {
+                drop(changes.recv().await);
+            }
+            Outcome::Ok(())
+        };
+        let ended = tokio::time::timeout(JOBS_END_WITHIN, ended).await;
+        drain.cancel();
+        working.await??;
+        ended?
+    }
+}
+
+fn is_due(job: &Job) -> bool {
+    !job.state.has_ended() && job.scheduling.not_before_ms.is_none()
+}
+
+/// Three steps with a saved state after each, and an artifact.
+fn task(job: &Job, context: &JobContext) -> Result<TaskOutput, TaskError> {
+    let first = context.take_saved_state().map_or(0, |state| state[0]);
+    for step in first..3 {
+        let progress =
+            Progress { stage: "count".to_owned(), step: u32::from(step), steps_total: 3, loss: 0.0, eta_s: None };
+        context.step(progress, || vec![step + 1])?;
+    }
+    let photo = context.put_artifact(result_of(&job.request_id))?;
+    Ok(TaskOutput { result: JobResult::Capture(CaptureResult { photo, propagation: None }), learned: Vec::new() })
+}
+
+/// What the job of this request makes, however often it is interrupted.
+pub(super) fn result_of(request_id: &str) -> Vec<u8> {
+    format!("the result of {request_id}").into_bytes()
+}
+
+/// Does everything, and stops at the first thing that fails.
+pub(super) async fn work(place: &Place) -> Outcome {
+    let data = place.data();
+    let audit = Audit::open(&data)?;
+    let lab = Lab::open(&data).await?;
+    lab.store.create_display(&display("lab"), now_ms()).await?;
+    place.acknowledged("display", "lab");
+    let target = digest_of(TARGET);
+    lab.upload(TARGET, &target).await?;
+    place.acknowledged("artifact", &target);
+    // Refused, and nothing of it is kept.
+    let wrong = lab.upload(b"other bytes", &digest_of(b"than promised")).await;
+    assert!(wrong.is_err());
+
+    for request in ["one", "two", "later"] {
+        let not_before_ms = (request == "later").then(|| now_ms() + DAY.as_millis() as i64);
+        let (job, _) = lab.store.submit(&new_job(request, &target, not_before_ms), now_ms(), 10).await?;
+        place.acknowledged("job", &job.id);
+        if not_before_ms.is_some() {
+            lab.store.cancel(&job.id, now_ms()).await?;
+            place.acknowledged("cancelled", &job.id);
+        }
+    }
+    lab.run_jobs().await?;
+    for job in lab.store.jobs(&Default::default(), None, 10).await? {
+        if job.state == JobState::Succeeded {
+            place.acknowledged("succeeded", &job.id);
+        }
+    }
+
+    for number in ["1", "2"] {
+        let version = lab.store.add_kernel_version(&kernel(), new_version(&target), now_ms()).await?;
+        assert_eq!(version.version.to_string(), number);
+        place.acknowledged("version", number);
+        lab.store.promote(&kernel(), version.version, None, "better", now_ms()).await?;
+        place.acknowledged("active", number);
+    }
+
+    // Nobody refers to it, so that it may go.
+    lab.upload(b"nobody's", &digest_of(b"nobody's")).await?;
+    Retention { artifacts: Some(DAY), jobs: None }
+        .collect(&lab.store, &lab.artifacts, now_ms() + 2 * DAY.as_millis() as i64)
+        .await?;
+    backup(&data, &place.backup()).await?;
+    place.acknowledged("backup", "made");
+    restore(&place.backup(), &place.0.join("restored")).await?;
+    place.acknowledged("restored", "whole");
+    File::options().write(true).open(data.join("audit.jsonl"))?.set_len(AUDIT_BYTES)?;
+    drop(audit);
+    let audit = Audit::open(&data)?;
+    audit.write(Entry { caller: "ada".into(), peer: String::new(), call: "/x".into(), outcome: "OK".into() });
+    audit.flush();
+    Ok(())
+}
+
+pub(super) fn kernel() -> KernelKey {
+    KernelKey { display: "lab".to_owned(), wavelength: WAVELENGTH, distance: DISTANCE }
+}
+
+pub(super) fn now_ms() -> i64 {
+    Clock::default().now_ms()
+}
+
+fn new_job(request_id: &str, phase: &str, not_before_ms: Option<i64>) -> NewJob {
+    let scheduling = Scheduling { owner: "ada".to_owned(), not_before_ms, ..Scheduling::default() };
+    NewJob { attempts_max: 5, scheduling, ..capture_job(request_id, phase, 1) }
+}
+
+fn new_version(artifact: &str) -> NewKernelVersion {
+    NewKernelVersion {
+        model: KernelModel::Dense,
+        artifact: artifact.to_owned(),
+        size_bytes: TARGET.len() as u64,
+        metrics: KernelMetrics::default(),
+        lineage: KernelLineage::default(),
+    }
+}

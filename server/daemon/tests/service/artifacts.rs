@@ -1,0 +1,99 @@
+//! Artifacts: uploaded once, resumed, verified, read in ranges.
+
+use crate::serving::{Serving, expect};
+use lightpath_artifacts::digest_of;
+use lightpath_proto::v1;
+use lightpath_proto::v1::write_artifact_request::Part;
+use std::time::Duration;
+use tokio::sync::mpsc;
+use tokio_stream::wrappers::ReceiverStream;
+use tonic::{Code, Status};
+
+async fn read(serving: &Serving, digest: &str, offset_bytes: u64, limit_bytes: u64) -> Result<Vec<u8>, Status> {
+    let request = v1::ReadArtifactRequest { digest: digest.to_owned(), offset_bytes, limit_bytes };
+    let mut stream = serving.artifacts().read_artifact(request).await?.into_inner();
+    let mut bytes = Vec::new();
+    while let Some(message) = stream.message().await? {
+        bytes.extend_from_slice(&message.chunk);
+    }
+    Ok(bytes)
+}
+
+#[tokio::test]
+async fn what_was_uploaded_comes_back() {
+    let serving = Serving::start().await;
+    let bytes: Vec<u8> = (0..3_000_000_u32).map(|i| (i.wrapping_mul(7919) >> 8) as u8).collect();
+    let digest = serving.upload(&bytes).await;
+    assert_eq!(serving.upload(&bytes).await, digest, "a stored artifact is answered at once");
+    assert_eq!(read(&serving, &digest, 0, 0).await.unwrap(), bytes);
+    assert_eq!(read(&serving, &digest, 2_999_990, 5).await.unwrap(), bytes[2_999_990..2_999_995]);
+    expect(read(&serving, &digest, 3_000_001, 0).await, Code::OutOfRange, "offset_bytes is 3000001");
+    let missing = digest_of(b"missing");
+    expect(read(&serving, &missing, 0, 0).await, Code::NotFound, "digest: artifact sha256-");
+    expect(read(&serving, "../../etc/passwd", 0, 0).await, Code::InvalidArgument, "digest is \"../../etc/passwd\"");
+}
+
+#[tokio::test]
+async fn an_interrupted_upload_goes_on() {
+    let serving = Serving::start().await;
+    let bytes = b"holography is photography without a lens".repeat(1000);
+    let (digest, size) = (digest_of(&bytes), bytes.len() as u64);
+    let cut = serving.write(&digest, size, 0, &bytes[..1000]).await;
+    expect(cut, Code::InvalidArgument, "1000 bytes arrived");
+    let request = v1::GetUploadRequest { digest: digest.clone() };
+    let upload = serving.artifacts().get_upload(request.clone()).await.unwrap().into_inner();
+    assert_eq!((upload.received_bytes, upload.complete), (1000, false));
+    expect(serving.write(&digest, size, 999, &bytes[999..]).await, Code::Aborted, "offset_bytes is 999");
+    serving.write(&digest, size, 1000, &bytes[1000..]).await.unwrap();
+    assert!(serving.artifacts().get_upload(request).await.unwrap().into_inner().complete);
+    assert_eq!(read(&serving, &digest, 0, 0).await.unwrap(), bytes);
+}
+
+#[tokio::test]
+async fn wrong_content_is_not_kept() {
+    let serving = Serving::start().await;
+    let digest = digest_of(b"right");
+    expect(serving.write(&digest, 5, 0, b"wrong").await, Code::InvalidArgument, "the content hashes to sha256-");
+    let request = v1::GetArtifactRequest { digest: digest.clone() };
+    expect(serving.artifacts().get_artifact(request).await, Code::NotFound, "digest: artifact");
+    let size = (1 << 30) + 1;
+    expect(serving.write(&digest, size, 0, b"x").await, Code::InvalidArgument, "start.size_bytes is 1073741825");
+    expect(serving.write(&digest, 2, 0, b"too long").await, Code::InvalidArgument, "8 bytes arrived");
+    let none = serving.artifacts().write_artifact(tokio_stream::iter([])).await;
+    expect(none, Code::InvalidArgument, "start is missing");
+}
+
+#[tokio::test]
+async fn two_uploads_of_the_same_at_once_both_succeed() {
+    let serving = Serving::start().await;
+    let bytes = vec![7; 1 << 20];
+    let uploads = (0..8).map(|_| serving.upload(&bytes));
+    let digests = futures::future::join_all(uploads).await;
+    assert!(digests.iter().all(|digest| *digest == digest_of(&bytes)));
+}
+
+#[tokio::test]
+async fn uploads_under_way_are_bounded_and_one_that_ends_lets_another_in() {
+    let serving = Serving::start().await;
+    let mut waiting = Vec::new();
+    // Each waits for its second message; the last one finds no place.
+    let refused = loop {
+        assert!(waiting.len() < 1000, "nothing is refused");
+        let digest = digest_of(waiting.len().to_string().as_bytes());
+        let start = v1::WriteArtifactStart { digest, size_bytes: 9, offset_bytes: 0 };
+        let (parts, sent) = mpsc::channel(1);
+        parts.send(v1::WriteArtifactRequest { part: Some(Part::Start(start)) }).await.unwrap();
+        let mut artifacts = serving.artifacts();
+        let mut upload = tokio::spawn(async move { artifacts.write_artifact(ReceiverStream::new(sent)).await });
+        match tokio::time::timeout(Duration::from_millis(20), &mut upload).await {
+            Ok(ended) => break ended.unwrap().unwrap_err(),
+            Err(_) => waiting.push((parts, upload)),
+        }
+    };
+    expect(Err::<(), _>(refused), Code::ResourceExhausted, "64 uploads are under way already");
+    assert!(waiting.len() >= 64, "{}", waiting.len());
+    let (parts, upload) = waiting.remove(0);
+    drop(parts);
+    expect(upload.await.unwrap(), Code::InvalidArgument, "0 bytes arrived");
+    serving.upload(b"another").await;
+}

@@ -1,0 +1,196 @@
+//! Datasets as a lab makes them: photographs that are turned, shifted, black, copied or of something else.
+//!
+//! The server has threads of its own: it goes on while a test computes.
+
+use crate::optics_lab::{CENTRE, Dataset, HEIGHT, Lab, WIDTH, levels};
+use crate::serving::expect;
+use lightpath_media::pictures;
+use lightpath_optics::Plane;
+use lightpath_optics::alignment::Homography;
+use lightpath_proto::v1;
+use lightpath_proto::v1::align_dataset_request::Source;
+use lightpath_proto::v1::finding::Kind;
+use tonic::Code;
+
+/// Largest distance between two maps in the region of interest \[px of the display\].
+fn apart(found: &v1::Alignment, truth: &Homography) -> f64 {
+    let found = Homography::try_new(found.homography.clone().try_into().unwrap()).unwrap();
+    let back = truth.inverse();
+    [[40.0, 22.0], [344.0, 22.0], CENTRE, [40.0, 194.0], [344.0, 194.0]]
+        .map(|point| {
+            let there = back.apply(found.apply(point));
+            (there[0] - point[0]).hypot(there[1] - point[1])
+        })
+        .into_iter()
+        .fold(0.0, f64::max)
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn turned_and_shifted_photographs_are_aligned_and_a_wrong_one_is_left_out() {
+    let (lab, mut dataset) = (Lab::new(3), Dataset::open().await);
+    let map = Homography::similarity(CENTRE, 1.0_f64.to_radians(), 1.0, [2.0, 0.0]);
+    let phases: Vec<_> = (0..6).map(|card| lab.hologram(card)).collect();
+    for (n, phase) in phases.iter().enumerate() {
+        let shown = if n == 4 { &lab.hologram(7) } else { phase };
+        dataset.add(&format!("p{n}"), phase, &lab.photo(shown, n as u64, &map, HEIGHT, WIDTH)).await;
+    }
+    let closed = dataset.finalize().await.unwrap();
+    let alignment = closed.alignment.as_ref().expect("an alignment");
+    assert_eq!(alignment.method(), v1::alignment::Method::Pairs);
+    // The display's own aberrations displace the image by some tenths of a pixel, and who learns it must not care.
+    let error = apart(alignment, &map);
+    assert!(error < 0.6, "{error} px off");
+    assert!((1.9..3.5).contains(&alignment.corrected_px), "{}", alignment.corrected_px);
+    for picture in [&alignment.before, &alignment.after] {
+        let request = v1::GetArtifactRequest { digest: picture.clone() };
+        assert!(dataset.serving.artifacts().get_artifact(request).await.unwrap().into_inner().size_bytes > 1000);
+    }
+    let wrong: Vec<_> = closed.findings.iter().filter(|finding| finding.kind() == Kind::WrongHologram).collect();
+    assert_eq!(wrong.iter().map(|finding| finding.pair.as_str()).collect::<Vec<_>>(), ["p4"], "{wrong:?}");
+    let splits: Vec<_> = closed.pairs.iter().map(v1::Pair::split).collect();
+    assert_eq!(splits.iter().filter(|split| **split == v1::Split::Excluded).count(), 1);
+    assert_eq!(closed.pairs[4].split(), v1::Split::Excluded);
+    let good = closed.pairs.iter().filter(|pair| pair.id != "p4");
+    let left: Vec<_> = good.map(|pair| pair.checks.unwrap().misalignment_px).collect();
+    assert!(left.iter().flatten().all(|px| *px < 0.7) && left.iter().flatten().count() >= 4, "{left:?}");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_photograph_of_the_dots_aligns_photographs_of_any_size() {
+    let (lab, mut dataset) = (Lab::new(5), Dataset::open().await);
+    let request = v1::CreateCalibrationTargetRequest { display: "displays/bench".into() };
+    let target = dataset.client.create_calibration_target(request).await.unwrap().into_inner();
+    assert!(target.columns >= 14 && target.rows >= 8, "{target:?}");
+    let dots = lightpath_optics::alignment::DotGrid::of_display(HEIGHT, WIDTH).unwrap().target();
+    let map = Homography::try_new([1.3, 0.05, 40.0, -0.04, 1.35, 30.0, 6e-5, -4e-5, 1.0]).unwrap();
+    let (height, width) = (380, 600);
+    let photo = lab.photo(&lab.phase(&dots, 60), 1, &map, height, width);
+    let digest = dataset.serving.upload(&pictures::grey_png_linear(&photo).unwrap()).await;
+    let aligned = dataset.align(Source::DotsPhoto(digest)).await.unwrap();
+    let alignment = aligned.alignment.unwrap();
+    assert_eq!((alignment.method(), alignment.photo_width_px), (v1::alignment::Method::Dots, 600));
+    let error = apart(&alignment, &map);
+    assert!(error < 0.6, "{error} px off, {alignment:?}");
+
+    let phase = lab.hologram(0);
+    let added = dataset.add("p0", &phase, &lab.photo(&phase, 2, &map, height, width)).await;
+    assert!(added.findings.iter().all(|finding| !finding.excludes), "{:?}", added.findings);
+    // Photographs of the display's size no longer fit.
+    let other = dataset.serving.upload(&pictures::grey_png_linear(&Plane::filled(HEIGHT, WIDTH, 0.5)).unwrap()).await;
+    let hologram = dataset.serving.upload(&pictures::levels_png(&levels(&lab.hologram(1)), 8).unwrap()).await;
+    let pair = v1::Pair { id: "p1".into(), phase: hologram, photo: other, ..Default::default() };
+    let request = v1::AddPairRequest { dataset: "datasets/d".into(), pair: Some(pair) };
+    let answer = dataset.client.add_pair(request).await;
+    assert!(answer.as_ref().unwrap_err().message().contains("600×380"), "{answer:?}");
+    expect(answer, Code::InvalidArgument, "pair.photo (sha256-");
+    let answer = dataset.align(Source::None(true)).await;
+    expect(answer, Code::FailedPrecondition, "pair \"p0\" has a photograph of 600×380 px");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn given_points_align_and_bad_ones_are_refused() {
+    let mut dataset = Dataset::open().await;
+    let corners = [[0.0, 0.0], [383.0, 0.0], [0.0, 215.0], [383.0, 215.0]];
+    let points = |count: usize, on_a_line: bool| {
+        let point = |[x, y]: [f64; 2]| v1::AlignmentPoint {
+            display_x_px: x,
+            display_y_px: if on_a_line { x } else { y },
+            photo_x_px: 2.0 * x + 10.0,
+            photo_y_px: 2.0 * y + 7.0,
+        };
+        Source::Points(v1::AlignmentPoints {
+            photo_width_px: 800,
+            photo_height_px: 460,
+            points: corners.iter().take(count).map(|corner| point(*corner)).collect(),
+        })
+    };
+    expect(
+        dataset.align(points(3, false)).await,
+        Code::InvalidArgument,
+        "points.points fix no alignment: there are 3 points",
+    );
+    expect(
+        dataset.align(points(4, true)).await,
+        Code::InvalidArgument,
+        "points.points fix no alignment: the points lie on a line",
+    );
+    let aligned = dataset.align(points(4, false)).await.unwrap();
+    let truth = Homography::try_new([2.0, 0.0, 10.0, 0.0, 2.0, 7.0, 0.0, 0.0, 1.0]).unwrap();
+    assert!(apart(&aligned.alignment.unwrap(), &truth) < 1e-6);
+    let plain = dataset.align(Source::None(true)).await.unwrap();
+    assert!(plain.alignment.is_none());
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn what_cannot_be_learned_from_is_refused_with_the_reason() {
+    let lab = Lab::new(1);
+    let phases: Vec<_> = (0..5).map(|card| lab.hologram(card)).collect();
+    let seen = |phase: &Plane<f32>, n: u64| lab.photo(phase, n, &Homography::IDENTITY, HEIGHT, WIDTH);
+
+    let mut dataset = Dataset::open().await;
+    expect(dataset.finalize().await, Code::FailedPrecondition, "datasets/d has no pairs");
+    // Two levels of 255 in a corner: no two photographs are the same, and all are black.
+    let dark = |n: usize| Plane::from_fn(HEIGHT, WIDTH, |y, x| if (y, x) == (0, n) { 0.008 } else { 0.0 });
+    for (n, phase) in phases.iter().enumerate() {
+        let added = dataset.add(&format!("p{n}"), phase, &dark(n)).await;
+        assert_eq!(added.findings[0].kind(), Kind::Black);
+    }
+    expect(dataset.finalize().await, Code::FailedPrecondition, "5 of 5 photographs of datasets/d are black");
+
+    let mut dataset = Dataset::open().await;
+    for (n, phase) in phases.iter().enumerate() {
+        dataset.add(&format!("p{n}"), phase, &seen(&phases[(n + 1) % phases.len()], n as u64)).await;
+    }
+    let answer = dataset.finalize().await;
+    let message = answer.as_ref().unwrap_err().message().to_owned();
+    assert!(message.contains("photographs of datasets/d show other holograms than theirs"), "{message}");
+    expect(answer, Code::FailedPrecondition, "");
+
+    // One black and one copied photograph are left out, and what is left can be learned from.
+    let mut dataset = Dataset::open().await;
+    for (n, phase) in phases.iter().enumerate() {
+        let photo = if n == 1 { dark(n) } else { seen(phase, n as u64) };
+        dataset.add(&format!("p{n}"), phase, &photo).await;
+    }
+    let closed = dataset.finalize().await.unwrap();
+    assert_eq!(closed.pairs[1].split(), v1::Split::Excluded);
+    let excluded = closed.pairs.iter().filter(|pair| pair.split() == v1::Split::Excluded).count();
+    assert_eq!(excluded, 1, "{:?}", closed.findings);
+    assert!(closed.alignment.is_none(), "what is aligned is left as it is: {:?}", closed.alignment);
+    let again = dataset.finalize().await.unwrap();
+    assert_eq!(again.digest, closed.digest);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn arrays_with_holes_and_photographs_of_other_sizes_are_refused_at_once() {
+    let mut dataset = Dataset::open().await;
+    let phase = Plane::from_fn(HEIGHT, WIDTH, |y, x| (y * x % 7) as f32);
+    let hologram = dataset.serving.upload(&pictures::levels_png(&levels(&phase), 8).unwrap()).await;
+    let mut broken = Plane::filled(HEIGHT, WIDTH, 0.5_f32);
+    broken.values_mut()[WIDTH + 3] = f32::NAN;
+    let cases = [
+        (pictures::npy_f32(&broken).unwrap(), "not a finite number, at x = 3 px, y = 1 px"),
+        (pictures::npy_f32(&Plane::filled(HEIGHT, WIDTH - 1, 0.5)).unwrap(), "383×216 px, but must have 384×216 px"),
+    ];
+    for (file, sign) in cases {
+        let photo = dataset.serving.upload(&file).await;
+        let pair = v1::Pair { id: "p".into(), phase: hologram.clone(), photo, ..Default::default() };
+        let request = v1::AddPairRequest { dataset: "datasets/d".into(), pair: Some(pair) };
+        let answer = dataset.client.add_pair(request).await;
+        assert!(answer.as_ref().unwrap_err().message().contains(sign), "{answer:?}");
+        expect(answer, Code::InvalidArgument, "pair.photo (sha256-");
+    }
+    // A hologram as radians is one too; one with holes is not.
+    let photo = dataset.serving.upload(&pictures::npy_f32(&Plane::filled(HEIGHT, WIDTH, 0.5)).unwrap()).await;
+    for (plane, good) in [(&broken, false), (&phase, true)] {
+        let hologram = dataset.serving.upload(&pictures::npy_f32(plane).unwrap()).await;
+        let pair = v1::Pair { id: "p".into(), phase: hologram, photo: photo.clone(), ..Default::default() };
+        let request = v1::AddPairRequest { dataset: "datasets/d".into(), pair: Some(pair) };
+        let answer = dataset.client.add_pair(request).await;
+        if good {
+            answer.unwrap();
+        } else {
+            expect(answer, Code::InvalidArgument, "pair.phase (sha256-");
+        }
+    }
+}

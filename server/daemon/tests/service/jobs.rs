@@ -1,0 +1,337 @@
+//! Jobs: what is wrong is refused with the field and the fix; what changes is seen.
+
+use crate::serving::{Serving, expect, small_display};
+use lightpath_artifacts::digest_of;
+use lightpath_media::pictures;
+use lightpath_optics::{Detector, DisplayModel, Engine, Grid, OpticalSetup, Plane};
+use lightpath_proto::v1::dataset_service_client::DatasetServiceClient;
+use lightpath_proto::v1::kernel_service_client::KernelServiceClient;
+use lightpath_proto::v1::{self, job_spec};
+use tonic::{Code, Status};
+use tonic_types::StatusExt as _;
+
+fn picture() -> Vec<u8> {
+    let plane = lightpath_optics::Plane::from_fn(40, 30, |y, x| (y + x) as f32 / 70.0);
+    pictures::grey_png_srgb(&plane).unwrap()
+}
+
+fn optimize(target: &str) -> v1::OptimizeHologram {
+    v1::OptimizeHologram {
+        display: "displays/lab".into(),
+        distance_m: 0.05,
+        target: target.to_owned(),
+        iterations: 10_000,
+        ..Default::default()
+    }
+}
+
+pub(crate) async fn submit(serving: &Serving, kind: job_spec::Kind, request_id: &str) -> Result<v1::Job, Status> {
+    let spec = Some(v1::JobSpec { kind: Some(kind) });
+    let request = v1::SubmitJobRequest { spec, request_id: request_id.to_owned(), ..Default::default() };
+    Ok(serving.jobs().submit_job(request).await?.into_inner())
+}
+
+/// A job of `displays/lab` that takes long enough to be seen at work.
+pub(crate) async fn submit_long(serving: &Serving) -> v1::Job {
+    serving.display("lab").await;
+    let target = serving.upload(&picture()).await;
+    submit(serving, job_spec::Kind::OptimizeHologram(optimize(&target)), "").await.unwrap()
+}
+
+#[tokio::test]
+async fn defaults_are_filled_in_and_repeats_are_harmless() {
+    let serving = Serving::start().await;
+    serving.display("lab").await;
+    let target = serving.upload(&picture()).await;
+    let kind = || job_spec::Kind::OptimizeHologram(optimize(&target));
+    let job = submit(&serving, kind(), "mine-1").await.unwrap();
+    let Some(job_spec::Kind::OptimizeHologram(spec)) = job.spec.clone().unwrap().kind else { panic!("{job:?}") };
+    assert_eq!((spec.kernel.as_str(), spec.wavelength_m), ("ideal", 515e-9));
+    assert_eq!((spec.method(), spec.frames, spec.learning_rate), (v1::optimize_hologram::Method::Lbfgs, 1, 0.0));
+    assert_eq!(spec.region_of_interest, Some(v1::RegionOfInterest { x_px: 6, y_px: 5, width_px: 52, height_px: 38 }));
+    assert_eq!((job.attempts_max, job.request_id.as_str()), (3, "mine-1"));
+    assert_eq!(submit(&serving, kind(), "mine-1").await.unwrap().name, job.name);
+    let other = job_spec::Kind::OptimizeHologram(v1::OptimizeHologram { seed: 1, ..optimize(&target) });
+    expect(submit(&serving, other, "mine-1").await, Code::AlreadyExists, "");
+}
+
+#[tokio::test]
+async fn bad_requests_name_the_field_and_the_fix() {
+    let serving = Serving::start().await;
+    serving.display("lab").await;
+    let whole = picture();
+    let target = serving.upload(&whole).await;
+    let truncated = serving.upload(&whole[..whole.len() / 2]).await;
+    let text = serving.upload(b"this is no picture").await;
+    let black = pictures::grey_png_srgb(&lightpath_optics::Plane::filled(48, 64, 0.0)).unwrap();
+    let black = serving.upload(&black).await;
+    let dot = pictures::grey_png_srgb(&lightpath_optics::Plane::filled(1, 1, 1.0)).unwrap();
+    let dot = serving.upload(&dot).await;
+    let missing = digest_of(b"missing");
+    type Change<'a> = Box<dyn Fn(&mut v1::OptimizeHologram) + 'a>;
+    let cases: Vec<(Change<'_>, Code, &str)> = vec![
+        (Box::new(|s| s.distance_m = f64::NAN), Code::InvalidArgument, "distance_m is NaN, but must be within ±10 m"),
+        (Box::new(|s| s.distance_m = 0.0), Code::InvalidArgument, "distance_m is 0"),
+        (Box::new(|s| s.distance_m = 5.0), Code::InvalidArgument, "distance_m is 5: the Rayleigh–Sommerfeld impulse"),
+        (
+            Box::new(|s| s.propagation = 1),
+            Code::InvalidArgument,
+            "propagation can't be met: the angular spectrum is not",
+        ),
+        (Box::new(|s| s.propagation = 8), Code::InvalidArgument, "propagation is the scaled angular spectrum, but"),
+        (Box::new(|s| s.propagation = 77), Code::InvalidArgument, "propagation is 77"),
+        (Box::new(|s| s.display = "displays/none".into()), Code::NotFound, "display: displays/none does not exist"),
+        (Box::new(|s| s.display = "none".into()), Code::InvalidArgument, "display is \"none\""),
+        (
+            Box::new(|s| s.wavelength_m = 639e-9),
+            Code::InvalidArgument,
+            "wavelength_m is 639nm, but must be one of 515nm",
+        ),
+        (Box::new(|s| s.target = missing.clone()), Code::NotFound, "target: artifact sha256-"),
+        (Box::new(|s| s.target.clear()), Code::InvalidArgument, "target is empty"),
+        (Box::new(|s| s.target = truncated.clone()), Code::InvalidArgument, "target (sha256-"),
+        (Box::new(|s| s.target = text.clone()), Code::InvalidArgument, "target (sha256-"),
+        (Box::new(|s| s.target = black.clone()), Code::InvalidArgument, "target (sha256-"),
+        (Box::new(|s| s.target = dot.clone()), Code::InvalidArgument, "target (sha256-"),
+        (Box::new(|s| s.target_fit = 4), Code::InvalidArgument, "target (sha256-"),
+        (Box::new(|s| s.target_fit = 9), Code::InvalidArgument, "target_fit is 9"),
+        (Box::new(|s| s.kernel = "7".into()), Code::NotFound, "kernel: displays/lab/kernels/515nm-50mm/versions/7"),
+        (Box::new(|s| s.kernel = "best".into()), Code::InvalidArgument, "kernel is \"best\""),
+        (Box::new(|s| s.kernel = "active".into()), Code::FailedPrecondition, "kernel: no version of"),
+        (Box::new(|s| s.iterations = 10_001), Code::InvalidArgument, "iterations is 10001, but must be 1 to 10000"),
+        (Box::new(|s| s.learning_rate = -1.0), Code::InvalidArgument, "learning_rate is -1"),
+        (Box::new(|s| s.initial_phase_range_rad = Some(7.0)), Code::InvalidArgument, "initial_phase_range_rad is 7"),
+        (
+            Box::new(|s| {
+                s.region_of_interest = Some(v1::RegionOfInterest { x_px: 60, width_px: 5, height_px: 1, y_px: 0 })
+            }),
+            Code::InvalidArgument,
+            "region_of_interest is 5×1 px at (60, 0)",
+        ),
+    ];
+    for (change, code, start) in cases {
+        let mut spec = optimize(&target);
+        change(&mut spec);
+        let answer = submit(&serving, job_spec::Kind::OptimizeHologram(spec), "").await;
+        expect(answer, code, &format!("spec.optimize_hologram.{start}"));
+    }
+    let listed = serving.jobs().list_jobs(v1::ListJobsRequest::default()).await.unwrap().into_inner();
+    assert_eq!(listed.jobs, [], "nothing half-written is left");
+    let answer = serving.jobs().submit_job(v1::SubmitJobRequest::default()).await;
+    expect(answer, Code::InvalidArgument, "spec is not set");
+}
+
+#[tokio::test]
+async fn datasets_take_pairs_that_fit() {
+    let serving = Serving::start().await;
+    serving.display("lab").await;
+    let mut datasets = DatasetServiceClient::new(serving.channel.clone());
+    let dataset = v1::Dataset {
+        name: "datasets/first".into(),
+        display: "displays/lab".into(),
+        distance_m: 0.05,
+        ..Default::default()
+    };
+    datasets.create_dataset(v1::CreateDatasetRequest { dataset: Some(dataset) }).await.unwrap();
+    let learn = v1::LearnKernel { dataset: "datasets/first".into(), ..Default::default() };
+    let answer = submit(&serving, job_spec::Kind::LearnKernel(learn.clone()), "").await;
+    expect(answer, Code::FailedPrecondition, "spec.learn_kernel.dataset: datasets/first is empty");
+
+    // A lens or two, each a bright spot where its light goes.
+    let lens = |height_px: usize, width_px: usize, x0: f64| {
+        Plane::from_fn(height_px, width_px, |y, x| {
+            let squared = ((x as f64 - x0).powi(2) + (y as f64 - 24.0).powi(2)) * 64e-12;
+            (squared / (2.0 * 0.05 * 515e-9) * 256.0).round().rem_euclid(256.0) as u16
+        })
+    };
+    let levels = |plane: &Plane<u16>| pictures::levels_png(plane, 8).unwrap();
+    let photo = |plane: &Plane<u16>| {
+        let grid = Grid::try_new(48, 64, 8e-6).unwrap();
+        let (setup, _) = OpticalSetup::try_new(grid, 515e-9, 0.05).unwrap().planned().unwrap();
+        let engine: Engine = Engine::new(&DisplayModel::ideal(setup), Detector::Pixel, None).unwrap();
+        let light = engine.light(&plane.map(|level| f32::from(level) * std::f32::consts::TAU / 256.0)).unwrap();
+        let brightest = light.values().iter().copied().fold(0.0, f32::max);
+        pictures::grey_png_linear(&light.map(|light| 0.9 * light / brightest)).unwrap()
+    };
+    let (small, first) = (serving.upload(&levels(&lens(48, 63, 32.0))).await, lens(48, 64, 24.0));
+    let (phase, good_photo) = (serving.upload(&levels(&first)).await, serving.upload(&photo(&first)).await);
+    let add = |id: &str, phase: &str, photo: &str| v1::AddPairRequest {
+        dataset: "datasets/first".into(),
+        pair: Some(v1::Pair { id: id.into(), phase: phase.into(), photo: photo.into(), ..Default::default() }),
+    };
+    expect(datasets.add_pair(add("a", &small, &good_photo)).await, Code::InvalidArgument, "pair.phase (sha256-");
+    expect(datasets.add_pair(add("a", &phase, &small)).await, Code::InvalidArgument, "pair.photo (sha256-");
+    expect(datasets.add_pair(add("a", "", &good_photo)).await, Code::InvalidArgument, "pair.phase is empty");
+    expect(datasets.add_pair(add("a/b", &phase, &good_photo)).await, Code::InvalidArgument, "pair.id is");
+    datasets.add_pair(add("a", &phase, &good_photo)).await.unwrap();
+    let answer = submit(&serving, job_spec::Kind::LearnKernel(learn.clone()), "").await;
+    expect(answer, Code::FailedPrecondition, "spec.learn_kernel.dataset: datasets/first still takes pairs");
+
+    let finalize = v1::FinalizeDatasetRequest { name: "datasets/first".into(), ..Default::default() };
+    expect(datasets.finalize_dataset(finalize.clone()).await, Code::FailedPrecondition, "");
+    let second = lens(48, 64, 40.0);
+    let (phase, other_photo) = (serving.upload(&levels(&second)).await, serving.upload(&photo(&second)).await);
+    datasets.add_pair(add("b", &phase, &other_photo)).await.unwrap();
+    let dataset = datasets.finalize_dataset(finalize).await.unwrap().into_inner();
+    assert!(dataset.digest.starts_with("sha256-") && dataset.pairs.len() == 2);
+
+    let bad = v1::LearnKernel { detector: v1::Detector::Supersampled.into(), ..learn.clone() };
+    let answer = submit(&serving, job_spec::Kind::LearnKernel(bad), "").await;
+    expect(answer, Code::InvalidArgument, "spec.learn_kernel.detector is supersampled");
+    let bad = v1::LearnKernel { learning_rate: f64::INFINITY, ..learn };
+    let answer = submit(&serving, job_spec::Kind::LearnKernel(bad), "").await;
+    expect(answer, Code::InvalidArgument, "spec.learn_kernel.learning_rate is inf");
+    let evaluate = v1::EvaluateKernel { dataset: "datasets/first".into(), ..Default::default() };
+    let answer = submit(&serving, job_spec::Kind::EvaluateKernel(evaluate), "").await;
+    expect(answer, Code::FailedPrecondition, "spec.evaluate_kernel.kernel: no version of");
+    let simulate = v1::SimulateCapture {
+        display: "displays/lab".into(),
+        distance_m: 0.05,
+        phase: phase.clone(),
+        ..Default::default()
+    };
+    let answer = submit(&serving, job_spec::Kind::SimulateCapture(simulate), "").await;
+    expect(answer, Code::FailedPrecondition, "spec.simulate_capture.display: displays/lab has no simulated bench");
+    let mut kernels = KernelServiceClient::new(serving.channel.clone());
+    let name = "displays/lab/kernels/515nm-50mm".to_owned();
+    expect(kernels.get_kernel(v1::GetKernelRequest { name }).await, Code::NotFound, "displays/lab/kernels/515nm-50mm");
+}
+
+#[tokio::test]
+async fn a_watcher_sees_the_job_end() {
+    let serving = Serving::start().await;
+    let job = submit_long(&serving).await;
+    let request = v1::WatchJobRequest { name: job.name.clone() };
+    let mut stream = serving.jobs().watch_job(request).await.unwrap().into_inner();
+    let first = stream.message().await.unwrap().unwrap();
+    assert_eq!(first.name, job.name);
+    serving.jobs().cancel_job(v1::CancelJobRequest { name: job.name.clone() }).await.unwrap();
+    let mut last = first;
+    while let Some(job) = stream.message().await.unwrap() {
+        assert!(job.revision > last.revision);
+        last = job;
+    }
+    assert_eq!(last.state(), v1::job::State::Cancelled);
+    let again = serving.jobs().cancel_job(v1::CancelJobRequest { name: job.name.clone() }).await;
+    expect(again, Code::FailedPrecondition, "");
+    let events = v1::ListJobEventsRequest { name: job.name, ..Default::default() };
+    assert!(!serving.jobs().list_job_events(events).await.unwrap().into_inner().events.is_empty());
+    let nobody = v1::WatchJobRequest { name: "jobs/none".into() };
+    expect(serving.jobs().watch_job(nobody).await.map(drop), Code::NotFound, "jobs/none does not exist");
+}
+
+pub(crate) async fn watch_to_end(serving: &Serving, name: &str) -> v1::Job {
+    let request = v1::WatchJobRequest { name: name.to_owned() };
+    let mut stream = serving.jobs().watch_job(request).await.unwrap().into_inner();
+    let mut last = None;
+    while let Some(job) = stream.message().await.unwrap() {
+        last = Some(job);
+    }
+    last.unwrap()
+}
+
+fn hologram(job: &v1::Job) -> &v1::HologramResult {
+    match job.result.as_ref().and_then(|result| result.kind.as_ref()) {
+        Some(v1::job_result::Kind::Hologram(result)) => result,
+        _ => panic!("{job:?}"),
+    }
+}
+
+#[tokio::test]
+async fn a_hologram_is_optimized_and_its_files_are_there() {
+    let serving = Serving::start().await;
+    serving.display("lab").await;
+    let target = serving.upload(&picture()).await;
+    let spec = v1::OptimizeHologram { iterations: 30, ..optimize(&target) };
+    let job = submit(&serving, job_spec::Kind::OptimizeHologram(spec), "").await.unwrap();
+    let job = watch_to_end(&serving, &job.name).await;
+    assert_eq!(job.state(), v1::job::State::Succeeded, "{job:?}");
+    let result = hologram(&job);
+    assert_eq!(result.iterations, 30);
+    let quality = result.quality.as_ref().unwrap();
+    assert!(quality.psnr_pixel_db > 10.0, "{quality:?}");
+    assert!(quality.ssim_pixel.unwrap() > 0.5, "{quality:?}");
+    // The region is too small for five scales.
+    assert_eq!(quality.ms_ssim_pixel, None);
+    let (inside, all) = (quality.diffraction_efficiency_pixel.unwrap(), quality.frame_efficiency_pixel.unwrap());
+    assert!(0.0 < inside && inside < all && all <= 1.0 + 1e-6, "{quality:?}");
+    assert_eq!(quality.diffraction_efficiency_supersampled, Some(inside));
+    for digest in [&result.phase, &result.phase_npy, &result.reconstruction] {
+        let request = v1::GetArtifactRequest { digest: digest.clone() };
+        assert!(serving.artifacts().get_artifact(request).await.unwrap().into_inner().size_bytes > 0);
+    }
+}
+
+#[tokio::test]
+async fn a_restart_does_not_change_the_result() {
+    let serving = Serving::start().await;
+    serving.display("lab").await;
+    let target = serving.upload(&picture()).await;
+    let kind = || job_spec::Kind::OptimizeHologram(v1::OptimizeHologram { iterations: 500, ..optimize(&target) });
+    let job = submit(&serving, kind(), "").await.unwrap();
+    let request = v1::WatchJobRequest { name: job.name.clone() };
+    let mut stream = serving.jobs().watch_job(request).await.unwrap().into_inner();
+    let at_work = loop {
+        let job = stream.message().await.unwrap().unwrap();
+        if job.progress.as_ref().is_some_and(|progress| progress.step > 0) {
+            break job;
+        }
+    };
+    drop(stream);
+    assert_eq!(at_work.state(), v1::job::State::Running);
+    let serving = serving.restart().await;
+    let resumed = watch_to_end(&serving, &job.name).await;
+    assert_eq!((resumed.state(), resumed.attempt), (v1::job::State::Succeeded, 2));
+    let whole = submit(&serving, kind(), "").await.unwrap();
+    let whole = watch_to_end(&serving, &whole.name).await;
+    assert_eq!(hologram(&whole).phase_npy, hologram(&resumed).phase_npy);
+}
+
+#[tokio::test]
+async fn a_restart_between_two_wavelengths_does_not_change_the_result() {
+    let serving = Serving::start().await;
+    let wavelengths_m = vec![638e-9, 515e-9];
+    let display = Some(v1::Display { wavelengths_m: wavelengths_m.clone(), ..small_display("two") });
+    serving.displays().create_display(v1::CreateDisplayRequest { display }).await.unwrap();
+    let target = serving.upload(&picture()).await;
+    let plane = |distance_m| v1::optimize_hologram::ImagePlane { distance_m, target: target.clone(), weight: 0.0 };
+    let spec = v1::OptimizeHologram {
+        display: "displays/two".into(),
+        wavelengths_m,
+        planes: vec![plane(0.05), plane(0.07)],
+        iterations: 1500,
+        quantization_aware: true,
+        ..Default::default()
+    };
+    let kind = || job_spec::Kind::OptimizeHologram(spec.clone());
+    let job = submit(&serving, kind(), "").await.unwrap();
+    let request = v1::WatchJobRequest { name: job.name.clone() };
+    let mut stream = serving.jobs().watch_job(request).await.unwrap().into_inner();
+    // The second wavelength is under way.
+    while stream.message().await.unwrap().unwrap().progress.is_none_or(|progress| progress.step <= 1600) {}
+    drop(stream);
+    let serving = serving.restart().await;
+    let resumed = watch_to_end(&serving, &job.name).await;
+    assert_eq!((resumed.state(), resumed.attempt), (v1::job::State::Succeeded, 2));
+    let whole = submit(&serving, kind(), "").await.unwrap();
+    let whole = watch_to_end(&serving, &whole.name).await;
+    assert_eq!(hologram(&whole).wavelengths, hologram(&resumed).wavelengths);
+    assert_eq!(hologram(&whole).wavelengths.len(), 2);
+}
+
+#[tokio::test]
+async fn a_full_queue_says_when_to_come_back() {
+    let serving = Serving::start_with(|config| config.queue_limit = 1).await;
+    serving.display("lab").await;
+    let target = serving.upload(&picture()).await;
+    let kind = || job_spec::Kind::OptimizeHologram(optimize(&target));
+    // One runs, one waits; which is refused depends on how soon the first one starts.
+    let refused = loop {
+        match submit(&serving, kind(), "").await {
+            Ok(_) => {}
+            Err(status) => break status,
+        }
+    };
+    assert_eq!(refused.code(), Code::ResourceExhausted);
+    assert!(refused.get_error_details().retry_info().unwrap().retry_delay.is_some());
+}

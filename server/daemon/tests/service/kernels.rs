@@ -1,0 +1,224 @@
+//! Kernels: imported, fetched, promoted, rolled back, watched.
+
+use crate::serving::{Serving, expect};
+use lightpath_artifacts::digest_of;
+use lightpath_domain::kernel::KernelModel;
+use lightpath_media::kernel_file;
+use lightpath_optics::{DisplayModel, Grid, KernelShape, OpticalSetup, SmoothField};
+use lightpath_proto::v1;
+use lightpath_proto::v1::fetch_kernel_response::Part;
+use lightpath_proto::v1::kernel_service_client::KernelServiceClient;
+use tonic::transport::Channel;
+use tonic::{Code, Status};
+
+const KERNEL: &str = "displays/lab/kernels/515nm-50mm";
+
+fn kernel(width_px: usize, phase: f64) -> Vec<u8> {
+    let setup = OpticalSetup::try_new(Grid::try_new(48, width_px, 8e-6).unwrap(), 515e-9, 0.05).unwrap();
+    let mut errors = SmoothField::flat(3);
+    errors.phase[1] = phase;
+    let model = DisplayModel { kernel: KernelShape::Smooth(errors), ..DisplayModel::ideal(setup) };
+    kernel_file::encode(&model, KernelModel::Smooth).unwrap()
+}
+
+async fn import(serving: &Serving, bytes: &[u8], distance_m: f64) -> Result<v1::KernelVersion, Status> {
+    let artifact = serving.upload(bytes).await;
+    let request =
+        v1::ImportKernelRequest { display: "displays/lab".into(), distance_m, artifact, ..Default::default() };
+    Ok(client(serving).import_kernel(request).await?.into_inner())
+}
+
+async fn fetch(serving: &Serving, version: u32) -> Result<(v1::KernelVersion, Vec<u8>), Status> {
+    fetch_version(serving, KERNEL, version).await
+}
+
+/// A version of a kernel, and its file.
+pub(crate) async fn fetch_version(
+    serving: &Serving,
+    kernel: &str,
+    version: u32,
+) -> Result<(v1::KernelVersion, Vec<u8>), Status> {
+    let request = v1::FetchKernelRequest { kernel: kernel.into(), version, ..Default::default() };
+    let mut stream = client(serving).fetch_kernel(request).await?.into_inner();
+    let Some(Part::Version(version)) = stream.message().await?.unwrap().part else { panic!("no version first") };
+    let mut bytes = Vec::new();
+    while let Some(message) = stream.message().await? {
+        let Some(Part::Chunk(chunk)) = message.part else { panic!("no chunk") };
+        bytes.extend_from_slice(&chunk);
+    }
+    Ok((version, bytes))
+}
+
+async fn promote(serving: &Serving, version: u32, expected: Option<u32>) -> Result<v1::Kernel, Status> {
+    let request = v1::PromoteKernelRequest {
+        kernel: KERNEL.into(),
+        version,
+        reason: "looks better".into(),
+        expected_active_version: expected,
+        force: false,
+    };
+    Ok(client(serving).promote_kernel(request).await?.into_inner())
+}
+
+fn client(serving: &Serving) -> KernelServiceClient<Channel> {
+    KernelServiceClient::new(serving.channel.clone())
+}
+
+#[tokio::test]
+async fn versions_are_imported_promoted_fetched_and_rolled_back() {
+    let serving = Serving::start().await;
+    serving.display("lab").await;
+    let files = [kernel(64, 0.1), kernel(64, 0.2)];
+    for (file, number) in files.iter().zip(1..) {
+        let version = import(&serving, file, 0.05).await.unwrap();
+        assert_eq!(version.name, format!("{KERNEL}/versions/{number}"));
+        assert_eq!((version.version, version.size_bytes), (number, file.len() as u64));
+    }
+    let request = v1::WatchKernelRequest { name: KERNEL.into() };
+    let mut watched = client(&serving).watch_kernel(request).await.unwrap().into_inner();
+    assert_eq!(watched.message().await.unwrap().unwrap().active_version, 0);
+    expect(
+        fetch(&serving, 0).await,
+        Code::FailedPrecondition,
+        "no version of displays/lab/kernels/515nm-50mm is active",
+    );
+
+    assert_eq!(promote(&serving, 1, Some(0)).await.unwrap().active_version, 1);
+    assert_eq!(watched.message().await.unwrap().unwrap().active_version, 1);
+    expect(promote(&serving, 2, Some(0)).await, Code::Aborted, "");
+    expect(promote(&serving, 3, None).await, Code::NotFound, "");
+    assert_eq!(promote(&serving, 2, Some(1)).await.unwrap().active_version, 2);
+    let (version, bytes) = fetch(&serving, 0).await.unwrap();
+    assert_eq!((version.version, version.active, &bytes), (2, true, &files[1]));
+    assert_eq!(fetch(&serving, 1).await.unwrap().1, files[0]);
+
+    let request = v1::RollbackKernelRequest { kernel: KERNEL.into(), reason: "worse".into() };
+    assert_eq!(client(&serving).rollback_kernel(request).await.unwrap().into_inner().active_version, 1);
+    let request = v1::ListKernelMovesRequest { kernel: KERNEL.into(), page_size: 2, ..Default::default() };
+    let page = client(&serving).list_kernel_moves(request.clone()).await.unwrap().into_inner();
+    let moves: Vec<_> = page.moves.iter().map(|it| (it.from_version, it.to_version, it.rollback)).collect();
+    assert_eq!(moves, [(2, 1, true), (1, 2, false)]);
+    let request = v1::ListKernelMovesRequest { page_token: page.next_page_token, ..request };
+    assert_eq!(client(&serving).list_kernel_moves(request).await.unwrap().into_inner().moves.len(), 1);
+    let versions = v1::ListKernelVersionsRequest { kernel: KERNEL.into(), ..Default::default() };
+    let versions = client(&serving).list_kernel_versions(versions).await.unwrap().into_inner().versions;
+    assert_eq!(versions.iter().map(|it| (it.version, it.active)).collect::<Vec<_>>(), [(2, false), (1, true)]);
+}
+
+#[tokio::test]
+async fn only_kernels_of_just_this_display_are_imported() {
+    let serving = Serving::start().await;
+    serving.display("lab").await;
+    let good = kernel(64, 0.1);
+    expect(import(&serving, &good, 0.051).await, Code::InvalidArgument, "artifact is a kernel for 64×48 px");
+    expect(import(&serving, &kernel(63, 0.1), 0.05).await, Code::InvalidArgument, "artifact is a kernel for 63×48 px");
+    expect(import(&serving, &good[..good.len() - 1], 0.05).await, Code::InvalidArgument, "artifact (sha256-");
+    expect(import(&serving, b"text", 0.05).await, Code::InvalidArgument, "artifact (sha256-");
+    let listed = client(&serving).list_kernels(v1::ListKernelsRequest::default()).await.unwrap().into_inner();
+    assert_eq!(listed.kernels, []);
+}
+
+async fn fetch_as(
+    serving: &Serving,
+    version: u32,
+    format: v1::KernelFormat,
+) -> Result<(v1::KernelFile, Vec<u8>), Status> {
+    let request = v1::FetchKernelRequest { kernel: KERNEL.into(), version, format: format.into() };
+    let mut stream = client(serving).fetch_kernel(request).await?.into_inner();
+    let Some(Part::Version(_)) = stream.message().await?.unwrap().part else { panic!("no version first") };
+    let Some(Part::File(file)) = stream.message().await?.unwrap().part else { panic!("no file second") };
+    let mut bytes = Vec::new();
+    while let Some(message) = stream.message().await? {
+        let Some(Part::Chunk(chunk)) = message.part else { panic!("no chunk") };
+        bytes.extend_from_slice(&chunk);
+    }
+    assert_eq!((&digest_of(&bytes), bytes.len() as u64), (&file.digest, file.size_bytes));
+    Ok((file, bytes))
+}
+
+#[tokio::test]
+async fn every_form_is_fetched_and_imported_again() {
+    let serving = Serving::start().await;
+    serving.display("lab").await;
+    import(&serving, &kernel(64, 0.3), 0.05).await.unwrap();
+    for (format, size, error) in [
+        (v1::KernelFormat::Compact, 60 + 4 * 18 + 4, 1e-6),
+        (v1::KernelFormat::Complex64, 128 + 8 * 96 * 128, 1e-6),
+        (v1::KernelFormat::F16, 128 + 4 * 96 * 128, 1e-3),
+        (v1::KernelFormat::Npy, 128 + 8 * 48 * 64, 1.0),
+        (v1::KernelFormat::Pt, 0, 1.0),
+        (v1::KernelFormat::Npz, 0, 1e-6),
+    ] {
+        let (file, bytes) = fetch_as(&serving, 1, format).await.unwrap();
+        assert!(size == 0 || bytes.len() == size, "{format:?}: {} bytes", bytes.len());
+        assert!(file.relative_error <= error, "{format:?}: {}", file.relative_error);
+        let imported = import(&serving, &bytes, 0.05).await.unwrap();
+        let form = imported.lineage.unwrap().parameters_json;
+        assert!(form.contains("imported_from") && form.contains(&file.digest), "{form}");
+        // What is kept is the native form: it can be fetched and read.
+        let (_, native) = fetch(&serving, imported.version).await.unwrap();
+        kernel_file::decode(&native).unwrap();
+    }
+    // A kernel with a value for each frequency, as the last ones are, has no compact form.
+    expect(
+        fetch_as(&serving, 4, v1::KernelFormat::Compact).await,
+        Code::FailedPrecondition,
+        "format: a kernel with a value",
+    );
+}
+
+#[tokio::test]
+async fn code_in_a_tensor_file_is_refused_and_never_run() {
+    let serving = Serving::start().await;
+    serving.display("lab").await;
+    import(&serving, &kernel(64, 0.3), 0.05).await.unwrap();
+    let (_, good) = fetch_as(&serving, 1, v1::KernelFormat::Pt).await.unwrap();
+    let name = b"ctorch._utils\n_rebuild_tensor_v2\n";
+    let at = good.windows(name.len()).position(|window| window == name).unwrap();
+    // The same archive, but the pickle calls something else. The checksum is made to match.
+    let mut evil = good.clone();
+    let call = b"cposix\nsystem\n(X\x05\x00\x00\x00touchtR.";
+    evil[at..at + call.len()].copy_from_slice(call);
+    let start = at - 2;
+    let length = u32::from_le_bytes(good[18..22].try_into().unwrap()) as usize;
+    let crc = crc32(&evil[start..start + length]).to_le_bytes();
+    evil[14..18].copy_from_slice(&crc);
+    let central = good.windows(4).position(|window| window == b"PK\x01\x02").unwrap();
+    evil[central + 16..central + 20].copy_from_slice(&crc);
+    let answer = import(&serving, &evil, 0.05).await;
+    let message = answer.as_ref().unwrap_err().message().to_owned();
+    assert!(message.contains("posix.system") && message.contains("nothing of it was executed"), "{message}");
+    expect(answer, Code::InvalidArgument, "artifact (sha256-");
+}
+
+/// As zip has it.
+fn crc32(bytes: &[u8]) -> u32 {
+    !bytes.iter().fold(u32::MAX, |crc, &byte| {
+        (0..8).fold(crc ^ u32::from(byte), |crc, _| if crc & 1 == 1 { crc >> 1 ^ 0xedb8_8320 } else { crc >> 1 })
+    })
+}
+
+#[tokio::test]
+async fn a_report_is_one_file_with_its_pictures_in_it() {
+    let serving = Serving::start().await;
+    serving.display("lab").await;
+    for phase in [0.3, 0.5] {
+        import(&serving, &kernel(64, phase), 0.05).await.unwrap();
+    }
+    let request = v1::CreateKernelReportRequest { name: format!("{KERNEL}/versions/2") };
+    let report = client(&serving).create_kernel_report(request.clone()).await.unwrap().into_inner();
+    assert_eq!(client(&serving).create_kernel_report(request).await.unwrap().into_inner(), report, "the same bytes");
+    let html = serving.read(&report.html).await;
+    let html = String::from_utf8(html).unwrap();
+    for sign in ["astigmatism", "Strehl", "Modulation transfer function", "data:image/png;base64,", "versions/2"] {
+        assert!(html.contains(sign), "{sign}");
+    }
+    // Nothing is fetched from anywhere.
+    for sign in ["src=\"http", "href=\"http", "url(", ">NaN", "\"NaN", ",NaN"] {
+        assert!(!html.contains(sign), "{sign}");
+    }
+    assert!(report.figures.iter().any(|figure| figure.name == "mtf.svg"));
+    assert!(serving.read(&report.arrays).await.starts_with(b"PK"));
+    let missing = v1::CreateKernelReportRequest { name: format!("{KERNEL}/versions/9") };
+    expect(client(&serving).create_kernel_report(missing).await, Code::NotFound, "");
+}

@@ -1,0 +1,111 @@
+//! Thousands of malformed requests: each gets the status that it should, and the server goes on.
+
+use crate::mutation::{Random, add_to_corpus, mutated, rewired};
+use crate::raw::{call, methods};
+use crate::serving::{Serving, small_display};
+use futures::stream::{self, StreamExt as _};
+use lightpath_media::pictures;
+use lightpath_proto::v1::{self, job_spec};
+use prost::Message as _;
+use std::collections::BTreeMap;
+use std::io::Write as _;
+use tonic::{Code, Status};
+
+const REQUESTS: u64 = 10_000;
+const AT_ONCE: usize = 32;
+
+/// What the server may say to a message that is wrong, or that damage has left right.
+fn is_right(answer: &Result<(), Status>) -> bool {
+    match answer.as_ref().map_err(Status::code) {
+        Ok(()) => true,
+        Err(
+            Code::InvalidArgument
+            | Code::NotFound
+            | Code::AlreadyExists
+            | Code::FailedPrecondition
+            | Code::Aborted
+            | Code::OutOfRange
+            | Code::ResourceExhausted,
+        ) => true,
+        // What gRPC wants for bytes that are no message.
+        Err(Code::Internal) => answer.as_ref().is_err_and(|status| status.message().contains("failed to decode")),
+        Err(_) => false,
+    }
+}
+
+/// Valid messages for those methods that look deep into theirs.
+fn seeds(target: &str) -> Vec<(&'static str, Vec<u8>)> {
+    let display =
+        || Some(v1::Display { simulated_bench: Some(v1::SimulatedBench::default()), ..small_display("other") });
+    let spec = v1::OptimizeHologram {
+        display: "displays/lab".into(),
+        distance_m: 0.05,
+        target: target.to_owned(),
+        iterations: 1,
+        ..Default::default()
+    };
+    let spec = Some(v1::JobSpec { kind: Some(job_spec::Kind::OptimizeHologram(spec)) });
+    let dataset = v1::Dataset {
+        name: "datasets/bench".into(),
+        display: "displays/lab".into(),
+        distance_m: 0.05,
+        ..Default::default()
+    };
+    let pair = v1::Pair { id: "p".into(), phase: target.to_owned(), photo: target.to_owned(), ..Default::default() };
+    let plan = v1::PlanPropagationRequest { display: "displays/lab".into(), distance_m: 0.05, ..Default::default() };
+    let fetch = v1::FetchKernelRequest { kernel: "displays/lab/kernels/515nm-50mm".into(), ..Default::default() };
+    let read = v1::ReadArtifactRequest { digest: target.to_owned(), offset_bytes: 1, limit_bytes: 5 };
+    let list = v1::ListJobsRequest { page_size: 7, display: "displays/lab".into(), ..Default::default() };
+    vec![
+        ("CreateDisplay", v1::CreateDisplayRequest { display: display() }.encode_to_vec()),
+        ("SubmitJob", v1::SubmitJobRequest { spec, batch: "night".into(), ..Default::default() }.encode_to_vec()),
+        ("CreateDataset", v1::CreateDatasetRequest { dataset: Some(dataset) }.encode_to_vec()),
+        ("AddPair", v1::AddPairRequest { dataset: "datasets/bench".into(), pair: Some(pair) }.encode_to_vec()),
+        ("PlanPropagation", plan.encode_to_vec()),
+        ("FetchKernel", fetch.encode_to_vec()),
+        ("ReadArtifact", read.encode_to_vec()),
+        ("ListJobs", list.encode_to_vec()),
+    ]
+}
+
+/// As `fuzz/fuzz_targets/requests.rs` reads them: the number of the method in front.
+fn with_method_numbers(seeds: &[(&str, Vec<u8>)], methods: &[String]) -> Vec<Vec<u8>> {
+    let number = |name: &str| methods.iter().position(|path| path.ends_with(&format!("/{name}"))).unwrap() as u8;
+    seeds.iter().map(|(name, seed)| [&[number(name)], &seed[..]].concat()).collect()
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn malformed_requests_get_the_right_status() {
+    let serving = Serving::start_with(|config| config.calls_per_s_max = 0).await;
+    serving.display("lab").await;
+    let picture =
+        pictures::grey_png_srgb(&lightpath_optics::Plane::from_fn(48, 64, |y, x| (y + x) as f32 / 120.0)).unwrap();
+    let target = serving.upload(&picture).await;
+    let (methods, seeds) = (methods(), seeds(&target));
+    add_to_corpus("requests", &with_method_numbers(&seeds, &methods));
+    let texts: Vec<Vec<u8>> = seeds.iter().map(|(_, seed)| seed.clone()).collect();
+    let (channel, methods, seeds, texts) = (&serving.channel, &methods, &seeds, &texts);
+    let answers = stream::iter(0..REQUESTS).map(|n| async move {
+        let mut random = Random::new(n);
+        let (name, seed) = &seeds[random.below(seeds.len())];
+        let own = || methods.iter().find(|path| path.ends_with(&format!("/{name}"))).unwrap();
+        // Most of them decode, and ask for what cannot be; the others are no messages, or those of another method.
+        let (path, message) = match n % 4 {
+            0 | 1 => (own(), rewired(seed, &mut random)),
+            2 => (own(), mutated(seed, texts, &mut random)),
+            _ => (&methods[random.below(methods.len())], rewired(seed, &mut random)),
+        };
+        let answer = call(channel, path, message.clone()).await;
+        assert!(is_right(&answer), "{path} with {message:02x?}: {answer:?}");
+        answer.err().map_or(Code::Ok, |status| status.code())
+    });
+    let answers: Vec<Code> = answers.buffer_unordered(AT_ONCE).collect().await;
+    let mut counts = BTreeMap::<String, u32>::new();
+    for code in answers {
+        *counts.entry(format!("{code:?}")).or_default() += 1;
+    }
+    writeln!(std::io::stderr(), "{REQUESTS} malformed requests: {counts:?}").unwrap();
+    assert!(counts["InvalidArgument"] > 2000 && counts["Internal"] > 500, "{counts:?}");
+    assert_eq!(serving.read(&target).await, picture, "the server goes on");
+    serving.stop().await.unwrap();
+}

@@ -1,0 +1,150 @@
+//! A simulated bench beside the server, and a dataset of its photographs.
+
+use crate::serving::Serving;
+use lightpath_media::pictures;
+use lightpath_optics::alignment::{Homography, warp};
+use lightpath_optics::hologram::{ImagePlane, Loss, Method, Options, initial_phase};
+use lightpath_optics::simulated_display::{Imperfections, SimulatedDisplay};
+use lightpath_optics::test_cards::TestCard;
+use lightpath_optics::{Detector, DisplayModel, Engine, Grid, OpticalSetup, Optimization, Plane, RegionOfInterest};
+use lightpath_proto::v1;
+use lightpath_proto::v1::align_dataset_request::Source;
+use lightpath_proto::v1::dataset_service_client::DatasetServiceClient;
+use tonic::transport::Channel;
+
+pub(crate) const HEIGHT: usize = 216;
+pub(crate) const WIDTH: usize = 384;
+const DISTANCE_M: f64 = 0.03;
+pub(crate) const CENTRE: [f64; 2] = [(WIDTH as f64 - 1.0) / 2.0, (HEIGHT as f64 - 1.0) / 2.0];
+
+/// A simulated bench, and holograms that were made for the ideal display.
+pub(crate) struct Lab {
+    pub(crate) setup: OpticalSetup,
+    pub(crate) engine: Engine,
+    bench: SimulatedDisplay,
+}
+
+impl Lab {
+    pub(crate) fn new(seed: u64) -> Self {
+        let grid = Grid::try_new(HEIGHT, WIDTH, 8e-6).unwrap();
+        let (setup, _) = OpticalSetup::try_new(grid, 515e-9, DISTANCE_M).unwrap().planned().unwrap();
+        let imperfections = Imperfections {
+            seed,
+            strength: 1.0,
+            camera_noise: 0.003,
+            misalignment_px: 0.0,
+            ..Imperfections::default()
+        };
+        Self {
+            setup,
+            engine: Engine::of_display(&DisplayModel::ideal(setup), Detector::Pixel, None).unwrap(),
+            bench: SimulatedDisplay::draw(setup, None, imperfections).unwrap(),
+        }
+    }
+
+    /// The phase that shows a picture, if the display were ideal.
+    pub(crate) fn phase(&self, target: &Plane<f32>, iterations: u32) -> Plane<f32> {
+        self.phase_through(&self.engine, target, iterations)
+    }
+
+    /// The phase that shows a picture on the display that the engine is for.
+    pub(crate) fn phase_through(&self, engine: &Engine, target: &Plane<f32>, iterations: u32) -> Plane<f32> {
+        let plane = ImagePlane { engine: engine.clone(), target: target.clone(), weight: None, share: 1.0 };
+        let problem = Optimization::problem_of(vec![plane], 1, self.region(), Loss::default()).unwrap();
+        let start = initial_phase(HEIGHT, WIDTH, 1.0, 1).unwrap().into_vec();
+        let mut optimization = Optimization::start(problem, Options::new(Method::Lbfgs, iterations), start).unwrap();
+        while optimization.step().is_some() {}
+        Plane::try_from_vec(HEIGHT, WIDTH, optimization.phases().to_vec()).unwrap()
+    }
+
+    pub(crate) fn region(&self) -> RegionOfInterest {
+        RegionOfInterest::middle(&self.setup.grid())
+    }
+
+    pub(crate) fn hologram(&self, card: usize) -> Plane<f32> {
+        self.phase(&TestCard::ALL[card].render(HEIGHT, WIDTH, card as u64).unwrap(), 40)
+    }
+
+    /// What a camera behind `map` sees, in its own size: linear light.
+    pub(crate) fn photo(
+        &self,
+        phase: &Plane<f32>,
+        seed: u64,
+        map: &Homography,
+        height: usize,
+        width: usize,
+    ) -> Plane<f32> {
+        self.expose(&self.light(phase), seed, map, height, width)
+    }
+
+    /// The light of what the display shows for a phase, in units of the camera's full scale.
+    pub(crate) fn light(&self, phase: &Plane<f32>) -> Plane<f32> {
+        self.bench.light(&levels(phase).map(|level| f32::from(level) * std::f32::consts::TAU / 256.0)).unwrap()
+    }
+
+    /// A photograph of light through `map`.
+    pub(crate) fn expose(
+        &self,
+        light: &Plane<f32>,
+        seed: u64,
+        map: &Homography,
+        height: usize,
+        width: usize,
+    ) -> Plane<f32> {
+        let seen = self.bench.expose(&warp(light, &map.inverse(), height, width, 9.0, 0.0), seed);
+        seen.map(|level| f32::from(level) / 255.0)
+    }
+}
+
+pub(crate) fn levels(phase: &Plane<f32>) -> Plane<u16> {
+    phase.map(|phase| (phase / std::f32::consts::TAU * 256.0).round().rem_euclid(256.0) as u16)
+}
+
+/// A dataset that takes pairs, on a server of its own.
+pub(crate) struct Dataset {
+    pub(crate) serving: Serving,
+    pub(crate) client: DatasetServiceClient<Channel>,
+}
+
+impl Dataset {
+    pub(crate) async fn open() -> Self {
+        let serving = Serving::start().await;
+        let display = v1::Display {
+            name: "displays/bench".into(),
+            width_px: WIDTH as u32,
+            height_px: HEIGHT as u32,
+            pixel_pitch_m: 8e-6,
+            wavelengths_m: vec![515e-9],
+            ..Default::default()
+        };
+        let request = v1::CreateDisplayRequest { display: Some(display) };
+        serving.displays().create_display(request).await.unwrap();
+        let mut client = DatasetServiceClient::new(serving.channel.clone());
+        let dataset = v1::Dataset {
+            name: "datasets/d".into(),
+            display: "displays/bench".into(),
+            distance_m: DISTANCE_M,
+            ..Default::default()
+        };
+        client.create_dataset(v1::CreateDatasetRequest { dataset: Some(dataset) }).await.unwrap();
+        Self { serving, client }
+    }
+
+    pub(crate) async fn add(&mut self, id: &str, phase: &Plane<f32>, photo: &Plane<f32>) -> v1::Dataset {
+        let phase = self.serving.upload(&pictures::levels_png(&levels(phase), 8).unwrap()).await;
+        let photo = self.serving.upload(&pictures::grey_png_linear(photo).unwrap()).await;
+        let pair = v1::Pair { id: id.into(), phase, photo, ..Default::default() };
+        let request = v1::AddPairRequest { dataset: "datasets/d".into(), pair: Some(pair) };
+        self.client.add_pair(request).await.unwrap().into_inner()
+    }
+
+    pub(crate) async fn finalize(&mut self) -> Result<v1::Dataset, tonic::Status> {
+        let request = v1::FinalizeDatasetRequest { name: "datasets/d".into(), ..Default::default() };
+        Ok(self.client.finalize_dataset(request).await?.into_inner())
+    }
+
+    pub(crate) async fn align(&mut self, source: Source) -> Result<v1::Dataset, tonic::Status> {
+        let request = v1::AlignDatasetRequest { name: "datasets/d".into(), source: Some(source) };
+        Ok(self.client.align_dataset(request).await?.into_inner())
+    }
+}

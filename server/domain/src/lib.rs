@@ -1,0 +1,19 @@
+//! What Lightpath is about, as plain validated Rust: it knows no database, no wire type, no file and no clock.
+//!
+//! # Layout
+//!
+//! - [`units`]: exact wavelengths and distances. [`display`], [`dataset`], [`kernel`], [`job`]: the things of the service.
+//! - [`propagation`], [`planning`], [`slm`]: a display as the optics engine sees it.
+//! - [`access`]: roles and tokens. [`causes`]: errors in one line.
+#![cfg_attr(test, allow(clippy::unwrap_used))]
+
+pub mod access;
+pub mod causes;
+pub mod dataset;
+pub mod display;
+pub mod job;
+pub mod kernel;
+pub mod planning;
+pub mod propagation;
+pub mod slm;
+pub mod units;

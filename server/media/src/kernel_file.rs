@@ -1,0 +1,334 @@
+//! A learned display model as a safetensors file, the native form of a kernel.
+//!
+//! The file's metadata has one entry, `lightpath`, whose value is a JSON object (one entry, because safetensors keeps
+//! metadata in no particular order and equal kernels must have equal bytes):
+//!
+//! | key | meaning |
+//! |---|---|
+//! | `format`, `format_version` | `lightpath-kernel`, 1 |
+//! | `model` | `paper`, `dense`, `smooth`, `display` or `varying` |
+//! | `height_px`, `width_px`, `pixel_pitch_m`, `wavelength_m`, `distance_m` | what it was learned for |
+//! | `kernel_order`, `source_order` | highest total degrees of the Chebyshev series |
+//! | `variation_order` | that of what makes the kernel vary over the SLM, 0 where it is missing |
+//! | `propagation` | the method of H_ideal, `band_limited` where it is missing |
+//! | `interpolated_from_m` | photographed distances \[m\], ascending, of a kernel for a distance between them; else missing |
+//!
+//! | tensor | type, shape | meaning |
+//! |---|---|---|
+//! | `kernel.log_amplitude`, `kernel.phase` | f64, \[terms\] | α and ψ of H = H_ideal · exp(α + iψ) (`smooth`, `display`, `varying`) |
+//! | `variation.log_amplitude`, `variation.phase` | f64, \[5, terms\] | α_m and ψ_m, factors of x, y, x², xy and y² (`varying`) |
+//! | `kernel.bins` | f32, \[rows, columns, 2\] | H, real and imaginary, zero frequency in the middle (`paper`, `dense`) |
+//! | `source.log_amplitude`, `source.phase` | f64, \[terms\] | the source profile (`display`, `varying`) |
+//! | `response` | f64, \[harmonics, 2\] | r(φ) = φ + Σ a_k sin kφ + b_k cos kφ \[rad\] (`display`, `varying`) |
+//! | `photometry` | f64, \[4\] | gain, offset, zero order (real, imaginary) |
+//!
+//! Coefficients are in the order of `lightpath_optics::chebyshev::ChebyshevBasis::degrees`.
+
+use lightpath_domain::kernel::KernelModel;
+use lightpath_domain::planning;
+use lightpath_domain::propagation::PropagationMethod;
+use lightpath_optics::{DisplayModel, Grid, KernelShape, OpticalSetup, Plane, SmoothField, SpatialVariation};
+use num_complex::{Complex32, Complex64};
+use safetensors::tensor::TensorView;
+use safetensors::{Dtype, SafeTensorError, SafeTensors};
+use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
+
+const METADATA_KEY: &str = "lightpath";
+const FORMAT: &str = "lightpath-kernel";
+const FORMAT_VERSION: u32 = 1;
+
+/// What is wrong with a kernel file.
+#[derive(Debug, thiserror::Error)]
+pub enum KernelFileError {
+    /// Not safetensors, or cut short.
+    #[error("the file is not whole safetensors: {0}")]
+    Safetensors(#[from] SafeTensorError),
+    /// Safetensors, but not ours.
+    #[error("the file has no metadata entry `lightpath`: it is safetensors, but not a Lightpath kernel")]
+    NoHeader,
+    /// Our header does not parse.
+    #[error("the metadata entry `lightpath` is not what it should be: {0}")]
+    Header(#[from] serde_json::Error),
+    /// From the future, or of another kind.
+    #[error("the file is {format} version {version}; this server reads {FORMAT} version {FORMAT_VERSION}")]
+    Format {
+        /// What the header says.
+        format: String,
+        /// What the header says.
+        version: u32,
+    },
+    /// A tensor has another type or shape.
+    #[error("tensor `{name}` must be {expected}")]
+    Tensor {
+        /// Its name.
+        name: &'static str,
+        /// What would be right.
+        expected: &'static str,
+    },
+    /// The numbers make no display.
+    #[error("the kernel is not possible: {0}")]
+    Model(#[from] lightpath_optics::Error),
+}
+
+#[derive(Serialize, Deserialize)]
+struct Header {
+    format: String,
+    format_version: u32,
+    model: KernelModel,
+    height_px: usize,
+    width_px: usize,
+    pixel_pitch_m: f64,
+    wavelength_m: f64,
+    distance_m: f64,
+    kernel_order: usize,
+    source_order: usize,
+    #[serde(default, skip_serializing_if = "is_zero")]
+    variation_order: usize,
+    /// Files of older servers are of band-limited propagation.
+    #[serde(default = "band_limited")]
+    propagation: PropagationMethod,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    interpolated_from_m: Vec<f64>,
+}
+
+fn is_zero(order: &usize) -> bool {
+    *order == 0
+}
+
+fn band_limited() -> PropagationMethod {
+    PropagationMethod::BandLimited
+}
+
+/// The file's bytes; the same model gives the same bytes.
+///
+/// # Errors
+///
+/// [`KernelFileError::Safetensors`] when the model is too large for the format.
+pub fn encode(model: &DisplayModel, kind: KernelModel) -> Result<Vec<u8>, KernelFileError> {
+    encode_interpolated(model, kind, &[])
+}
+
+/// [`encode`] of a kernel that was interpolated between photographed distances \[m\], which the file tells.
+///
+/// # Errors
+///
+/// As there.
+pub fn encode_interpolated(
+    model: &DisplayModel,
+    kind: KernelModel,
+    from_m: &[f64],
+) -> Result<Vec<u8>, KernelFileError> {
+    let grid = model.setup.grid();
+    let header = Header {
+        format: FORMAT.to_owned(),
+        format_version: FORMAT_VERSION,
+        model: kind,
+        height_px: grid.height_px(),
+        width_px: grid.width_px(),
+        pixel_pitch_m: grid.pixel_pitch_m(),
+        wavelength_m: model.setup.wavelength_m(),
+        distance_m: model.setup.distance_m(),
+        kernel_order: if let KernelShape::Smooth(errors) = &model.kernel { errors.order } else { 0 },
+        source_order: model.source.order,
+        variation_order: model.variation.order(),
+        propagation: planning::from_optics(model.setup.method()),
+        interpolated_from_m: from_m.to_vec(),
+    };
+    let photometry = [model.gain, model.offset, model.zero_order.re, model.zero_order.im];
+    let mut tensors = vec![("photometry", Dtype::F64, vec![4], bytes_f64(&photometry))];
+    let mut series = |name, values: &[f64]| tensors.push((name, Dtype::F64, vec![values.len()], bytes_f64(values)));
+    if let KernelShape::Smooth(errors) = &model.kernel {
+        series("kernel.log_amplitude", &errors.log_amplitude);
+        series("kernel.phase", &errors.phase);
+    }
+    series("source.log_amplitude", &model.source.log_amplitude);
+    series("source.phase", &model.source.phase);
+    if !model.variation.is_none() {
+        let mut all = |name, of: fn(&SmoothField) -> &[f64]| {
+            let values: Vec<f64> = model.variation.fields().iter().flat_map(of).copied().collect();
+            let shape = vec![SpatialVariation::POWERS, values.len() / SpatialVariation::POWERS];
+            tensors.push((name, Dtype::F64, shape, bytes_f64(&values)));
+        };
+        all("variation.log_amplitude", |field| &field.log_amplitude);
+        all("variation.phase", |field| &field.phase);
+    }
+    let harmonics = vec![model.response.len(), 2];
+    tensors.push(("response", Dtype::F64, harmonics, bytes_f64(model.response.as_flattened())));
+    if let KernelShape::Bins(bins) = &model.kernel {
+        let bytes = bins.values().iter().flat_map(|h| [h.re, h.im]).flat_map(f32::to_le_bytes).collect();
+        tensors.push(("kernel.bins", Dtype::F32, vec![bins.height_px(), bins.width_px(), 2], bytes));
+    }
+    let metadata = HashMap::from([(METADATA_KEY.to_owned(), serde_json::to_string(&header)?)]);
+    let views = tensors
+        .iter()
+        .map(|(name, dtype, shape, bytes)| Ok((*name, TensorView::new(*dtype, shape.clone(), bytes)?)))
+        .collect::<Result<Vec<_>, SafeTensorError>>()?;
+    Ok(safetensors::serialize(views, Some(metadata))?)
+}
+
+/// Reads a file, checks that it makes a display, and says how it is parametrized.
+///
+/// # Errors
+///
+/// [`KernelFileError`], naming what is wrong.
+pub fn decode(bytes: &[u8]) -> Result<(DisplayModel, KernelModel), KernelFileError> {
+    let header = header(bytes)?;
+    if header.format != FORMAT || header.format_version != FORMAT_VERSION {
+        return Err(KernelFileError::Format { format: header.format, version: header.format_version });
+    }
+    let tensors = SafeTensors::deserialize(bytes)?;
+    let grid = Grid::try_new(header.height_px, header.width_px, header.pixel_pitch_m)?;
+    let setup = OpticalSetup::try_new(grid, header.wavelength_m, header.distance_m)?;
+    let setup = setup.with_method_regardless(planning::to_optics(header.propagation))?;
+    let [gain, offset, re, im] = floats(&tensors, "photometry")?[..] else {
+        return Err(KernelFileError::Tensor { name: "photometry", expected: "four f64" });
+    };
+    let model = DisplayModel {
+        setup,
+        kernel: match header.model {
+            KernelModel::Paper | KernelModel::Dense => KernelShape::Bins(bins(&tensors)?),
+            KernelModel::Smooth | KernelModel::Display | KernelModel::Varying => KernelShape::Smooth(SmoothField {
+                order: header.kernel_order,
+                log_amplitude: floats(&tensors, "kernel.log_amplitude")?,
+                phase: floats(&tensors, "kernel.phase")?,
+            }),
+        },
+        variation: variation(&tensors, header.variation_order)?,
+        source: SmoothField {
+            order: header.source_order,
+            log_amplitude: floats(&tensors, "source.log_amplitude")?,
+            phase: floats(&tensors, "source.phase")?,
+        },
+        response: floats(&tensors, "response")?.as_chunks().0.to_vec(),
+        zero_order: Complex64::new(re, im),
+        gain,
+        offset,
+    };
+    model.validate()?;
+    Ok((model, header.model))
+}
+
+fn variation(tensors: &SafeTensors<'_>, order: usize) -> Result<SpatialVariation, KernelFileError> {
+    if order == 0 {
+        return Ok(SpatialVariation::none());
+    }
+    let per_power = |name| -> Result<Vec<Vec<f64>>, KernelFileError> {
+        let values = floats(tensors, name)?;
+        let terms = values.len() / SpatialVariation::POWERS;
+        if terms == 0 || values.len() % SpatialVariation::POWERS != 0 {
+            return Err(KernelFileError::Tensor { name, expected: "f64 of shape [5, terms]" });
+        }
+        Ok(values.chunks_exact(terms).map(<[f64]>::to_vec).collect())
+    };
+    let (mut log_amplitudes, mut phases) =
+        (per_power("variation.log_amplitude")?.into_iter(), per_power("variation.phase")?.into_iter());
+    Ok(SpatialVariation::new([(); SpatialVariation::POWERS].map(|()| SmoothField {
+        order,
+        log_amplitude: log_amplitudes.next().unwrap_or_default(),
+        phase: phases.next().unwrap_or_default(),
+    })))
+}
+
+/// The distances \[m\] that a file's kernel was interpolated from; none where it was learned at its own.
+///
+/// # Errors
+///
+/// [`KernelFileError`] for what is no such file.
+pub fn interpolated_from_m(bytes: &[u8]) -> Result<Vec<f64>, KernelFileError> {
+    Ok(header(bytes)?.interpolated_from_m)
+}
+
+fn header(bytes: &[u8]) -> Result<Header, KernelFileError> {
+    let (_, metadata) = SafeTensors::read_metadata(bytes)?;
+    let header = metadata.metadata().as_ref().and_then(|metadata| metadata.get(METADATA_KEY));
+    Ok(serde_json::from_str(header.ok_or(KernelFileError::NoHeader)?)?)
+}
+
+fn bytes_f64(values: &[f64]) -> Vec<u8> {
+    values.iter().flat_map(|value| value.to_le_bytes()).collect()
+}
+
+fn floats(tensors: &SafeTensors<'_>, name: &'static str) -> Result<Vec<f64>, KernelFileError> {
+    let tensor = tensors.tensor(name)?;
+    if tensor.dtype() != Dtype::F64 {
+        return Err(KernelFileError::Tensor { name, expected: "f64" });
+    }
+    Ok(tensor.data().as_chunks().0.iter().map(|&bytes| f64::from_le_bytes(bytes)).collect())
+}
+
+fn bins(tensors: &SafeTensors<'_>) -> Result<Plane<Complex32>, KernelFileError> {
+    let expected = "f32 of shape [rows, columns, 2]";
+    let tensor = tensors.tensor("kernel.bins")?;
+    let (Dtype::F32, &[height_px, width_px, 2]) = (tensor.dtype(), tensor.shape()) else {
+        return Err(KernelFileError::Tensor { name: "kernel.bins", expected });
+    };
+    let numbers: Vec<f32> = tensor.data().as_chunks().0.iter().map(|&bytes| f32::from_le_bytes(bytes)).collect();
+    let values = numbers.as_chunks().0.iter().map(|&[re, im]| Complex32::new(re, im)).collect();
+    Ok(Plane::try_from_vec(height_px, width_px, values)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn model(kernel: KernelShape) -> DisplayModel {
+        let grid = Grid::try_new(32, 48, 8e-6).unwrap();
+        let setup = OpticalSetup::try_new(grid, 632.8e-9, 0.0701).unwrap();
+        let mut source = SmoothField::flat(2);
+        source.log_amplitude[1] = -0.1;
+        DisplayModel {
+            kernel,
+            source,
+            response: vec![[0.1, -0.2], [1e-9, 0.3]],
+            zero_order: Complex64::new(0.03, -0.01),
+            gain: 0.1 + 0.2,
+            offset: 0.01,
+            ..DisplayModel::ideal(setup)
+        }
+    }
+
+    #[test]
+    fn a_kernel_comes_back_exactly_and_in_the_same_bytes() {
+        let mut errors = SmoothField::flat(3);
+        errors.phase.iter_mut().enumerate().for_each(|(i, c)| *c = 1.0 / (i as f64 + 3.0));
+        let bins = Plane::from_fn(64, 96, |y, x| Complex32::new(y as f32, -(x as f32) / 7.0));
+        let smooth = KernelShape::Smooth(errors);
+        for (kernel, kind) in [
+            (smooth.clone(), KernelModel::Display),
+            (smooth, KernelModel::Varying),
+            (KernelShape::Bins(bins), KernelModel::Dense),
+        ] {
+            let mut model = model(kernel);
+            if kind == KernelModel::Varying {
+                model.variation = SpatialVariation::new([1.0, 2.0, 3.0, 4.0, 5.0].map(|size| {
+                    let mut field = SmoothField::flat(2);
+                    (field.log_amplitude[1], field.phase[3]) = (-0.1 * size, 0.3 * size);
+                    field
+                }));
+            }
+            model.setup = model.setup.planned().unwrap().0;
+            let bytes = encode(&model, kind).unwrap();
+            assert_eq!(bytes, encode(&model, kind).unwrap());
+            assert!(interpolated_from_m(&bytes).unwrap().is_empty());
+            let interpolated = encode_interpolated(&model, kind, &[0.07, 0.0702]).unwrap();
+            assert_eq!(interpolated_from_m(&interpolated).unwrap(), [0.07, 0.0702]);
+            assert_eq!(decode(&interpolated).unwrap(), (model.clone(), kind));
+            assert_eq!(decode(&bytes).unwrap(), (model, kind));
+        }
+    }
+
+    #[test]
+    fn what_is_no_kernel_is_refused() {
+        let bytes = encode(&model(KernelShape::Smooth(SmoothField::flat(3))), KernelModel::Smooth).unwrap();
+        for end in [0, 7, 100, bytes.len() - 1] {
+            assert!(decode(&bytes[..end]).is_err(), "cut at {end}");
+        }
+        let mut broken = model(KernelShape::Smooth(SmoothField::flat(3)));
+        broken.gain = f64::NAN;
+        let broken = encode(&broken, KernelModel::Smooth).unwrap();
+        assert!(matches!(decode(&broken), Err(KernelFileError::Model(_))));
+        let foreign = safetensors::serialize(Vec::<(&str, TensorView<'_>)>::new(), None).unwrap();
+        assert!(matches!(decode(&foreign), Err(KernelFileError::NoHeader)));
+    }
+}

@@ -1,0 +1,292 @@
+//! The compact form of a smooth kernel: all of a display model in some hundred bytes.
+//!
+//! Little-endian, without gaps:
+//!
+//! | offset | type | meaning |
+//! |---|---|---|
+//! | 0 | 4 bytes | `LPKC` |
+//! | 4 | u8 | version of the layout: 2 where the kernel varies over the SLM, else 1 |
+//! | 5 | u8 | model: 3 `smooth`, 4 `display`, 5 `varying` |
+//! | 6 | u8 | K, highest total degree of the kernel's series, 0 to 12; 0: H = H_ideal |
+//! | 7 | u8 | S, that of the source's, 0 to 12 |
+//! | 8 | u8 | R, harmonics of the phase response, 0 to 8 |
+//! | 9 | u8 | method of H_ideal, below |
+//! | 10 | u8 | V, highest total degree of what makes the kernel vary over the SLM, 0 to 8; 0: it does not |
+//! | 11 | u8 | 0 |
+//! | 12 | u32, u32 | rows, columns of the display |
+//! | 20 | f64, f64, f64 | pixel pitch, wavelength, distance \[m\] |
+//! | 44 | f32 × 4 | gain, offset, real and imaginary part of the zero order |
+//! | 60 | f32 × t(K) | α: logarithm of the kernel's amplitude |
+//! | | f32 × t(K) | ψ: the kernel's phase \[rad\] |
+//! | | f32 × t(S) | logarithm of the source's amplitude |
+//! | | f32 × t(S) | the source's phase \[rad\] |
+//! | | f32 × 2R | a₁ b₁ a₂ b₂ … of r(φ) = φ + Σ a_k sin kφ + b_k cos kφ \[rad\] |
+//! | | f32 × 5·2t(V) | α₁ ψ₁ α₂ ψ₂ … of x, y, x², xy, y² |
+//! | end − 4 | u32 | CRC-32 (IEEE 802.3) of all bytes before |
+//!
+//! ```text
+//! t(n) = (n + 1)(n + 2)/2 − 1,   s(x, y) = Σ c_ij T_i(x) T_j(y),  1 ≤ i + j ≤ n, ordered by i, then j
+//! H(fx, fy) = H_ideal · exp(α(2Δfx, 2Δfy) + iψ(2Δfx, 2Δfy)),   a(x, y) the same on the SLM, x, y from −1 to 1
+//! H(fx, fy; x, y) = H(fx, fy) · exp( Σ_m P_m(x, y) (α_m + iψ_m) )  for the light of the SLM's place (x, y)
+//! ```
+//!
+//! T_i Chebyshev polynomials, Δ the pixel pitch. Methods: 0 band-limited, 1 angular spectrum, 2 band-extended,
+//! 3 Rayleigh–Sommerfeld, 4 Fresnel transfer function, 5 Fresnel impulse response. `docs/compact-kernel.md` tells the
+//! same to those who write a decoder of their own; [`decode`] is the reference.
+
+use super::KernelFormatError;
+use super::archive::crc_of;
+use lightpath_domain::kernel::KernelModel;
+use lightpath_optics::chebyshev::ChebyshevBasis;
+use lightpath_optics::{DisplayModel, Grid, KernelShape, Method, OpticalSetup, SmoothField, SpatialVariation};
+use num_complex::Complex64;
+
+const MAGIC: &[u8; 4] = b"LPKC";
+const VERSION: u8 = 1;
+const VERSION_VARYING: u8 = 2;
+/// With higher degrees the largest model would not be compact.
+const VARIATION_ORDER_MAX: usize = 8;
+const HEADER_BYTES: usize = 60;
+/// In the order of their numbers.
+const METHODS: [Method; 6] = [
+    Method::BandLimited,
+    Method::AngularSpectrum,
+    Method::BandExtended,
+    Method::RayleighSommerfeld,
+    Method::FresnelTransferFunction,
+    Method::FresnelImpulseResponse,
+];
+
+/// Whether a file says that it is a compact kernel.
+#[must_use]
+pub fn is_compact(bytes: &[u8]) -> bool {
+    bytes.starts_with(MAGIC)
+}
+
+/// The compact form of a smooth model.
+///
+/// # Errors
+///
+/// [`KernelFormatError::NoSuchForm`] for kernels of free bins, which nothing compact describes.
+pub fn encode(model: &DisplayModel, kind: KernelModel) -> Result<Vec<u8>, KernelFormatError> {
+    let flat = SmoothField::flat(0);
+    let kernel = match &model.kernel {
+        KernelShape::Ideal => &flat,
+        KernelShape::Smooth(errors) => errors,
+        KernelShape::Bins(_) => {
+            let message = "a kernel with a value for each frequency has no compact form; learn it as smooth or display";
+            return Err(KernelFormatError::NoSuchForm(message.to_owned()));
+        }
+    };
+    let variation_order = model.variation.order();
+    if variation_order > VARIATION_ORDER_MAX {
+        let message = format!("the kernel varies with degree {variation_order}, the compact form up to 8");
+        return Err(KernelFormatError::NoSuchForm(message));
+    }
+    let version = if model.variation.is_none() { VERSION } else { VERSION_VARYING };
+    let code = match kind {
+        KernelModel::Varying => 5,
+        KernelModel::Display => 4,
+        KernelModel::Smooth | KernelModel::Paper | KernelModel::Dense => 3,
+    };
+    let method = METHODS.iter().position(|&method| method == model.setup.method()).ok_or_else(|| {
+        KernelFormatError::NoSuchForm(format!("the {} has no number in the compact form", model.setup.method()))
+    })?;
+    let grid = model.setup.grid();
+    let mut bytes = MAGIC.to_vec();
+    let orders = [kernel.order, model.source.order, model.response.len(), method].map(|number| number as u8);
+    bytes.extend([version, code]);
+    bytes.extend(orders);
+    bytes.extend([variation_order as u8, 0]);
+    bytes.extend((grid.height_px() as u32).to_le_bytes());
+    bytes.extend((grid.width_px() as u32).to_le_bytes());
+    for length_m in [grid.pixel_pitch_m(), model.setup.wavelength_m(), model.setup.distance_m()] {
+        bytes.extend(length_m.to_le_bytes());
+    }
+    let photometry = [model.gain, model.offset, model.zero_order.re, model.zero_order.im];
+    let series = [&kernel.log_amplitude, &kernel.phase, &model.source.log_amplitude, &model.source.phase];
+    let variation = model.variation.fields().iter().flat_map(|field| [&field.log_amplitude, &field.phase]).flatten();
+    let numbers = photometry.iter().chain(series.into_iter().flatten()).chain(model.response.as_flattened());
+    let numbers = numbers.chain(variation);
+    bytes.extend(numbers.flat_map(|&number| (number as f32).to_le_bytes()));
+    bytes.extend(crc_of(&bytes).to_le_bytes());
+    Ok(bytes)
+}
+
+/// The model that a compact kernel stands for.
+///
+/// # Errors
+///
+/// [`KernelFormatError::Compact`] for what is cut, damaged, from a later version, or makes no display.
+pub fn decode(bytes: &[u8]) -> Result<(DisplayModel, KernelModel), KernelFormatError> {
+    let refused = |problem: String| KernelFormatError::Compact(problem);
+    if !is_compact(bytes) || bytes.len() < HEADER_BYTES + 4 {
+        return Err(refused(format!("has {} bytes, or does not start with LPKC", bytes.len())));
+    }
+    if !(VERSION..=VERSION_VARYING).contains(&bytes[4]) {
+        return Err(refused(format!("is of version {}; this server reads up to version {VERSION_VARYING}", bytes[4])));
+    }
+    let [kernel_order, source_order, harmonics, method, variation_order] =
+        [6, 7, 8, 9, 10].map(|at| usize::from(bytes[at]));
+    if kernel_order > ChebyshevBasis::ORDER_MAX || source_order > ChebyshevBasis::ORDER_MAX {
+        return Err(refused(format!("has orders {kernel_order} and {source_order}, but 12 is the highest")));
+    }
+    if variation_order > VARIATION_ORDER_MAX || (variation_order > 0) != (bytes[4] == VERSION_VARYING) {
+        return Err(refused(format!("of version {} varies with degree {variation_order}", bytes[4])));
+    }
+    let terms = |order| ChebyshevBasis::new(order).terms();
+    let (kernel_terms, source_terms, variation_terms) =
+        (terms(kernel_order), terms(source_order), terms(variation_order));
+    let pairs = kernel_terms + source_terms + harmonics + SpatialVariation::POWERS * variation_terms;
+    let expected = HEADER_BYTES + 4 * 2 * pairs + 4;
+    if bytes.len() != expected {
+        return Err(refused(format!("has {} bytes, but its header asks for {expected}", bytes.len())));
+    }
+    let (content, crc) = bytes.split_at(expected - 4);
+    if crc != crc_of(content).to_le_bytes() {
+        return Err(refused("does not match its checksum: it was damaged on its way".to_owned()));
+    }
+    let kind = match bytes[5] {
+        3 => KernelModel::Smooth,
+        4 => KernelModel::Display,
+        5 => KernelModel::Varying,
+        other => return Err(refused(format!("is of model {other}, but must be of 3, 4 or 5"))),
+    };
+    let method = *METHODS.get(method).ok_or_else(|| refused(format!("is of method {method}, which is none")))?;
+    let sides: Vec<usize> =
+        content[12..20].as_chunks().0.iter().map(|&chunk| u32::from_le_bytes(chunk) as usize).collect();
+    let lengths: Vec<f64> = content[20..44].as_chunks().0.iter().map(|&chunk| f64::from_le_bytes(chunk)).collect();
+    let mut numbers = content[44..].as_chunks().0.iter().map(|&chunk| f64::from(f32::from_le_bytes(chunk)));
+    let photometry = take(&mut numbers, 4);
+    let (kernel, source) = (take_field(&mut numbers, kernel_order), take_field(&mut numbers, source_order));
+    let response = take(&mut numbers, 2 * harmonics).as_chunks().0.to_vec();
+    let variation = match variation_order {
+        0 => SpatialVariation::none(),
+        order => SpatialVariation::new([(); SpatialVariation::POWERS].map(|()| take_field(&mut numbers, order))),
+    };
+    let grid = Grid::try_new(sides[0], sides[1], lengths[0])?;
+    let model = DisplayModel {
+        setup: OpticalSetup::try_new(grid, lengths[1], lengths[2])?.with_method_regardless(method)?,
+        kernel: KernelShape::Smooth(kernel),
+        variation,
+        source,
+        response,
+        zero_order: Complex64::new(photometry[2], photometry[3]),
+        gain: photometry[0],
+        offset: photometry[1],
+    };
+    model.validate()?;
+    Ok((model, kind))
+}
+
+fn take(numbers: &mut impl Iterator<Item = f64>, count: usize) -> Vec<f64> {
+    numbers.take(count).collect()
+}
+
+fn take_field(numbers: &mut impl Iterator<Item = f64>, order: usize) -> SmoothField {
+    let terms = ChebyshevBasis::new(order).terms();
+    SmoothField { order, log_amplitude: take(numbers, terms), phase: take(numbers, terms) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    pub(crate) fn smooth(order: usize) -> DisplayModel {
+        let setup = OpticalSetup::try_new(Grid::try_new(32, 48, 8e-6).unwrap(), 515e-9, 0.07).unwrap();
+        let mut kernel = SmoothField::flat(order);
+        let mut source = SmoothField::flat(order);
+        for (i, c) in kernel.phase.iter_mut().chain(&mut kernel.log_amplitude).enumerate() {
+            *c = (i as f64 * 1.7).sin();
+        }
+        source.log_amplitude.iter_mut().enumerate().for_each(|(i, c)| *c = 0.1 * (i as f64).cos());
+        DisplayModel {
+            kernel: KernelShape::Smooth(kernel),
+            source,
+            response: vec![[0.15, -0.02]; DisplayModel::HARMONICS_MAX],
+            zero_order: Complex64::new(0.03, 0.01),
+            gain: 0.7,
+            offset: 0.01,
+            ..DisplayModel::ideal(setup)
+        }
+    }
+
+    #[test]
+    fn the_largest_model_is_below_4_kib_and_comes_back_to_f32() {
+        for (order, variation_order) in [(0, 0), (5, 0), (5, 4), (ChebyshevBasis::ORDER_MAX, VARIATION_ORDER_MAX)] {
+            let mut model = smooth(order);
+            let model_kind = if variation_order == 0 { KernelModel::Display } else { KernelModel::Varying };
+            if variation_order > 0 {
+                let KernelShape::Smooth(field) = smooth(variation_order).kernel else { panic!() };
+                model.variation = SpatialVariation::new([(); 5].map(|()| field.clone()));
+            }
+            let bytes = encode(&model, model_kind).unwrap();
+            assert!(bytes.len() <= 4096, "{}", bytes.len());
+            let (back, kind) = decode(&bytes).unwrap();
+            assert_eq!((kind, back.variation.order()), (model_kind, variation_order));
+            assert_eq!(encode(&back, kind).unwrap(), bytes, "a second time nothing is lost");
+            let (KernelShape::Smooth(a), KernelShape::Smooth(b)) = (&model.kernel, &back.kernel) else { panic!() };
+            // Coefficients of at most 1 in f32.
+            assert!(a.phase.iter().zip(&b.phase).all(|(a, b)| (a - b).abs() <= 2.0_f64.powi(-25)));
+            assert_eq!(back.setup, model.setup);
+        }
+    }
+
+    /// PSNR of what the display shows of a hologram that was made through `through`, gain fitted.
+    fn captured_psnr_db(display: &DisplayModel, through: &DisplayModel) -> f64 {
+        use lightpath_optics::hologram::initial_phase;
+        use lightpath_optics::metrics::fitted_intensity_scale;
+        use lightpath_optics::test_cards::TestCard;
+        use lightpath_optics::{Adam, Detector, Engine, HologramProblem, Plane, RegionOfInterest};
+        let grid = display.setup.grid();
+        let (height, width) = (grid.height_px(), grid.width_px());
+        let (target, region) = (TestCard::Portrait.render(height, width, 1).unwrap(), RegionOfInterest::middle(&grid));
+        let engine = |model: &DisplayModel| Engine::<f32>::new(model, Detector::Pixel, None).unwrap();
+        let problem = HologramProblem::new(engine(through), target.clone(), region).unwrap();
+        let mut adam = Adam::start(problem, 0.2, initial_phase(height, width, 1.0, 1).unwrap()).unwrap();
+        for _ in 0..60 {
+            adam.step();
+        }
+        let phase = Plane::try_from_vec(height, width, adam.into_state().phase).unwrap();
+        let seen = engine(display).light(&phase).unwrap();
+        let gain = fitted_intensity_scale(&seen, &target, region).unwrap();
+        let (mut sum, mut count) = (0.0, 0.0);
+        for (y, x) in (0..height).flat_map(|y| region.columns(y).unwrap_or_default().map(move |x| (y, x))) {
+            sum += (gain * f64::from(seen.at(y, x)) - f64::from(target.at(y, x))).powi(2);
+            count += 1.0;
+        }
+        -10.0 * (sum / count).log10()
+    }
+
+    #[test]
+    fn holograms_made_through_it_are_as_good() {
+        let mut display = smooth(5);
+        display.setup = OpticalSetup::try_new(Grid::try_new(96, 160, 8e-6).unwrap(), 515e-9, 5e-3).unwrap();
+        let (compact, _) = decode(&encode(&display, KernelModel::Display).unwrap()).unwrap();
+        let (full_db, compact_db) = (captured_psnr_db(&display, &display), captured_psnr_db(&display, &compact));
+        assert!(full_db > 15.0 && (full_db - compact_db).abs() < 0.2, "{full_db} dB, {compact_db} dB");
+    }
+
+    #[test]
+    fn damage_is_told_from_other_versions() {
+        let bytes = encode(&smooth(5), KernelModel::Smooth).unwrap();
+        for end in [0, 4, 59, 63, bytes.len() - 1] {
+            assert!(decode(&bytes[..end]).is_err(), "cut at {end}");
+        }
+        for at in 0..bytes.len() {
+            let mut damaged = bytes.clone();
+            damaged[at] ^= 0x10;
+            assert!(decode(&damaged).is_err(), "byte {at}");
+        }
+        let mut later = bytes;
+        later[4] = 3;
+        assert!(decode(&later).unwrap_err().to_string().contains("version 3"));
+    }
+
+    #[test]
+    fn free_bins_have_no_compact_form() {
+        let mut model = smooth(2);
+        model.kernel = KernelShape::Bins(lightpath_optics::Plane::filled(64, 96, num_complex::Complex32::ONE));
+        assert!(encode(&model, KernelModel::Dense).unwrap_err().to_string().contains("learn it as smooth"));
+    }
+}

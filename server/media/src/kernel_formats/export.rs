@@ -1,0 +1,273 @@
+//! From a model to any form, with what that costs.
+
+use super::{KernelFormatError, archive, array, compact, half, import, torch};
+use crate::kernel_file;
+use lightpath_domain::kernel::KernelModel;
+use lightpath_optics::grid::frequency;
+use lightpath_optics::spatial_variation::local_kernels;
+use lightpath_optics::{DisplayModel, KernelShape, Plane};
+use num_complex::{Complex32, Complex64};
+use rayon::prelude::*;
+
+/// A form of a kernel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum KernelFormat {
+    /// The native one.
+    Safetensors,
+    /// All of a smooth model in some hundred bytes.
+    Compact,
+    /// The paper's tensor.
+    Pt,
+    /// The paper's array.
+    Npy,
+    /// All arrays.
+    Npz,
+    /// H as complex64.
+    Complex64,
+    /// H as float16.
+    F16,
+}
+
+/// A kernel in another form.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Exported {
+    /// The file.
+    pub bytes: Vec<u8>,
+    /// ‖H' − H‖/‖H‖ over the band, H' as it is read back from the file; 1 where all of it is lost. Of a kernel that varies over
+    /// the SLM, over places on it as well: forms with one transfer function keep that of the axis.
+    pub relative_error: f64,
+}
+
+/// Frequencies along each axis at which the error is measured: enough for the smoothest and the roughest kernels.
+const MEASURED: usize = 96;
+/// Places along each side of the SLM at which it is, where the kernel varies over it.
+const PLACES: usize = 3;
+
+/// The model in another form, read back to tell what was lost.
+///
+/// # Errors
+///
+/// [`KernelFormatError::NoSuchForm`] where there is none.
+pub fn export(model: &DisplayModel, kind: KernelModel, format: KernelFormat) -> Result<Exported, KernelFormatError> {
+    let bytes = match format {
+        KernelFormat::Safetensors => kernel_file::encode(model, kind)?,
+        KernelFormat::Compact => compact::encode(model, kind)?,
+        KernelFormat::Pt => {
+            let (shape, numbers) = as_published(model);
+            torch::write(&shape, &numbers)?
+        }
+        KernelFormat::Npy => {
+            let (shape, numbers) = as_published(model);
+            array::npy("<f4", &shape, &f32_bytes(&numbers))
+        }
+        KernelFormat::Complex64 => {
+            let transfer = padded(model);
+            array::npy("<c8", &[transfer.height_px(), transfer.width_px()], &f32_bytes(&parts(&transfer)))
+        }
+        KernelFormat::F16 => {
+            let transfer = padded(model);
+            let numbers = parts(&transfer);
+            let bytes: Vec<u8> = numbers.iter().flat_map(|&number| half::from_f32(number).to_le_bytes()).collect();
+            array::npy("<f2", &[transfer.height_px(), transfer.width_px(), 2], &bytes)
+        }
+        KernelFormat::Npz => npz(model)?,
+    };
+    let back = import(&bytes, &model.setup)?;
+    Ok(Exported { bytes, relative_error: difference(model, &back.model) })
+}
+
+/// Amplitude and phase of the inner half of the spectrum, as the paper's code pads it: \[1, 2, rows, columns\].
+fn as_published(model: &DisplayModel) -> (Vec<usize>, Vec<f32>) {
+    let grid = model.setup.grid();
+    let inner = sampled(model, grid.height_px(), grid.width_px());
+    let amplitude = inner.values().iter().map(|h| h.norm());
+    let phase = inner.values().iter().map(|h| h.arg());
+    (vec![1, 2, grid.height_px(), grid.width_px()], amplitude.chain(phase).collect())
+}
+
+/// H at every bin of the padded spectrum, zero frequency in the middle.
+fn padded(model: &DisplayModel) -> Plane<Complex32> {
+    sampled(model, model.setup.padded_height_px(), model.setup.padded_width_px())
+}
+
+/// H at the middle `rows` × `columns` bins of the padded spectrum, zero frequency in the middle.
+fn sampled(model: &DisplayModel, rows: usize, columns: usize) -> Plane<Complex32> {
+    let bins = [model.setup.padded_height_px(), model.setup.padded_width_px()];
+    let transfer = model.sampled();
+    let pitch_m = model.setup.grid().pixel_pitch_m();
+    let at = |i: usize, side: usize, bins: usize| frequency((i + bins - side / 2) % bins, bins, pitch_m);
+    let mut out = Plane::filled(rows, columns, Complex32::ZERO);
+    out.values_mut().par_chunks_mut(columns).enumerate().for_each(|(y, row)| {
+        let fy = at(y, rows, bins[0]);
+        for (x, value) in row.iter_mut().enumerate() {
+            let h = transfer(at(x, columns, bins[1]), fy);
+            *value = Complex32::new(h.re as f32, h.im as f32);
+        }
+    });
+    out
+}
+
+fn npz(model: &DisplayModel) -> Result<Vec<u8>, KernelFormatError> {
+    let (transfer, grid) = (padded(model), model.setup.grid());
+    let mut source = Plane::filled(grid.height_px(), grid.width_px(), Complex32::ZERO);
+    let (height, width) = (grid.height_px(), grid.width_px());
+    source.values_mut().par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+        let position = |i: usize, n: usize| (2 * i + 1) as f64 / n as f64 - 1.0;
+        for (x, value) in row.iter_mut().enumerate() {
+            let Complex64 { re, im } = model.source.value(position(x, width), position(y, height));
+            *value = Complex32::new(re as f32, im as f32);
+        }
+    });
+    let f64_bytes = |values: &[f64]| values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>();
+    let photometry = [model.gain, model.offset, model.zero_order.re, model.zero_order.im];
+    let optics = [grid.pixel_pitch_m(), model.setup.wavelength_m(), model.setup.distance_m()];
+    let harmonics = model.response.as_flattened();
+    archive::write(&[
+        (
+            "transfer.npy",
+            &array::npy("<c8", &[transfer.height_px(), transfer.width_px()], &f32_bytes(&parts(&transfer))),
+        ),
+        ("source.npy", &array::npy("<c8", &[height, width], &f32_bytes(&parts(&source)))),
+        ("response_harmonics.npy", &array::npy("<f8", &[model.response.len(), 2], &f64_bytes(harmonics))),
+        ("photometry.npy", &array::npy("<f8", &[4], &f64_bytes(&photometry))),
+        ("pitch_wavelength_distance_m.npy", &array::npy("<f8", &[3], &f64_bytes(&optics))),
+    ])
+}
+
+fn parts(plane: &Plane<Complex32>) -> Vec<f32> {
+    plane.values().iter().flat_map(|value| [value.re, value.im]).collect()
+}
+
+fn f32_bytes(numbers: &[f32]) -> Vec<u8> {
+    numbers.iter().flat_map(|number| number.to_le_bytes()).collect()
+}
+
+/// ‖H' − H‖/‖H‖ over frequencies spread evenly over the band, on bins of the padded spectrum.
+fn difference(model: &DisplayModel, back: &DisplayModel) -> f64 {
+    if let (KernelShape::Smooth(a), KernelShape::Smooth(b)) = (&model.kernel, &back.kernel)
+        && a == b
+        && model.variation == back.variation
+        && model.setup == back.setup
+    {
+        return 0.0;
+    }
+    // Where one varies over the SLM, at places that stand for all.
+    let places = match model.variation.is_none() && back.variation.is_none() {
+        true => vec![(0.0, 0.0)],
+        false => local_kernels::nodes(PLACES).collect(),
+    };
+    let bins = [model.setup.padded_height_px(), model.setup.padded_width_px()];
+    let pitch_m = model.setup.grid().pixel_pitch_m();
+    let (h, other) = (model.sampled(), back.sampled());
+    let (count_y, count_x) = (MEASURED.min(bins[0]), MEASURED.min(bins[1]));
+    let rows = (0..count_y).into_par_iter().map(|j| {
+        let fy = frequency(j * bins[0] / count_y, bins[0], pitch_m);
+        (0..count_x).fold((0.0, 0.0), |sum, i| {
+            let fx = frequency(i * bins[1] / count_x, bins[1], pitch_m);
+            let (value, again) = (h(fx, fy), other(fx, fy));
+            places.iter().fold(sum, |(off, all), &(x, y)| {
+                let local =
+                    |model: &DisplayModel| model.variation.exponent(x, y, 2.0 * pitch_m * fx, 2.0 * pitch_m * fy);
+                let value = value * local(model).exp();
+                (off + (again * local(back).exp() - value).norm_sqr(), all + value.norm_sqr())
+            })
+        })
+    });
+    // Collected first, so that the sum has a fixed order.
+    let rows: Vec<(f64, f64)> = rows.collect();
+    let (off, all) = rows.iter().fold((0.0, 0.0), |sum, row| (sum.0 + row.0, sum.1 + row.1));
+    if all > 0.0 { (off / all).sqrt() } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lightpath_optics::{Grid, OpticalSetup, SmoothField};
+    use safetensors::Dtype;
+    use safetensors::tensor::TensorView;
+
+    fn model() -> DisplayModel {
+        let setup = OpticalSetup::try_new(Grid::try_new(32, 48, 8e-6).unwrap(), 515e-9, 3e-3).unwrap();
+        let mut errors = SmoothField::flat(3);
+        errors.phase.iter_mut().enumerate().for_each(|(i, c)| *c = (i as f64).sin());
+        errors.log_amplitude[2] = -0.3;
+        DisplayModel {
+            kernel: KernelShape::Smooth(errors),
+            response: vec![[0.1, -0.05]],
+            zero_order: Complex64::new(0.03, 0.01),
+            gain: 0.5,
+            ..DisplayModel::ideal(setup)
+        }
+    }
+
+    #[test]
+    fn safetensors_are_not_taken_for_a_pickle_by_the_length_of_their_header() {
+        let numbers = vec![0; 4 * 2 * 64 * 96];
+        // One of 32 lengths begins as a pickle does.
+        let files = (1..300).map(|letters| {
+            let tensor = TensorView::new(Dtype::F32, vec![64, 96, 2], &numbers).unwrap();
+            safetensors::serialize([("x".repeat(letters), tensor)], None).unwrap()
+        });
+        let alike: Vec<Vec<u8>> = files.filter(|file| file[0] == 0x80).collect();
+        assert!(!alike.is_empty());
+        assert!(alike.iter().all(|file| import(file, &model().setup).unwrap().form == "safetensors"));
+    }
+
+    #[test]
+    fn every_form_is_read_back_as_exactly_as_it_promises() {
+        let model = model();
+        let all = [
+            (KernelFormat::Safetensors, 0.0),
+            // 24 bits of phases up to a few radians.
+            (KernelFormat::Compact, 1e-6),
+            (KernelFormat::Complex64, 1e-7),
+            (KernelFormat::Npz, 1e-7),
+            // 11 bits.
+            (KernelFormat::F16, 5e-4),
+        ];
+        for (format, bound) in all {
+            let exported = export(&model, KernelModel::Display, format).unwrap();
+            assert!(exported.relative_error <= bound, "{format:?}: {}", exported.relative_error);
+        }
+    }
+
+    #[test]
+    fn the_published_forms_keep_the_inner_half() {
+        let model = model();
+        let inner = |dense: &DisplayModel| sampled(dense, 32, 48);
+        for format in [KernelFormat::Pt, KernelFormat::Npy] {
+            let exported = export(&model, KernelModel::Smooth, format).unwrap();
+            let back = import(&exported.bytes, &model.setup).unwrap();
+            assert_eq!(back.kind, KernelModel::Paper);
+            let off = inner(&back.model)
+                .values()
+                .iter()
+                .zip(inner(&model).values())
+                .map(|(a, b)| (a - b).norm())
+                .fold(0.0, f32::max);
+            assert!(off < 1e-6, "{format:?}: {off}");
+            // Three quarters of the spectrum are lost, and said to be.
+            assert!((0.6..1.0).contains(&exported.relative_error), "{}", exported.relative_error);
+        }
+    }
+
+    #[test]
+    fn npz_keeps_response_and_photometry() {
+        let back =
+            import(&export(&model(), KernelModel::Display, KernelFormat::Npz).unwrap().bytes, &model().setup).unwrap();
+        assert_eq!(back.form, "npz");
+        assert!((back.model.response[0][0] - 0.1).abs() < 1e-7 && (back.model.zero_order.re - 0.03).abs() < 1e-7);
+        assert_eq!(back.model.gain, 0.5);
+    }
+
+    #[test]
+    fn the_size_must_be_the_displays() {
+        let file = array::npy("<c8", &[30, 48], &[0; 30 * 48 * 8]);
+        let error = import(&file, &model().setup).unwrap_err().to_string();
+        assert!(error.contains("30×48") && error.contains("32×48") && error.contains("64×96"), "{error}");
+        let error = import(b"no kernel at all", &model().setup).unwrap_err().to_string();
+        assert!(error.contains("no kernel that can be read"), "{error}");
+        let error = import(b"\x80\x02}q\x00.", &model().setup).unwrap_err().to_string();
+        assert!(error.contains("before 1.6"), "{error}");
+    }
+}

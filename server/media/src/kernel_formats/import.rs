@@ -1,0 +1,172 @@
+//! From any form to a model.
+
+use super::array::{self, Array};
+use super::{KernelFormatError, archive, compact, torch};
+use crate::kernel_file;
+use crate::npy;
+use lightpath_domain::kernel::KernelModel;
+use lightpath_optics::{DisplayModel, KernelShape, OpticalSetup, Plane};
+use num_complex::{Complex32, Complex64};
+
+/// A kernel that was read.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Imported {
+    /// The display.
+    pub model: DisplayModel,
+    /// How it is parametrized.
+    pub kind: KernelModel,
+    /// What it was read from, for people and the lineage.
+    pub form: &'static str,
+    /// The file is in the native form already.
+    pub native: bool,
+}
+
+/// Reads a kernel in any form. Forms that don't say what optics they are for are taken to be for `setup`.
+///
+/// # Errors
+///
+/// [`KernelFormatError`], naming what is wrong.
+pub fn import(bytes: &[u8], setup: &OpticalSetup) -> Result<Imported, KernelFormatError> {
+    if compact::is_compact(bytes) {
+        let (model, kind) = compact::decode(bytes)?;
+        return Ok(Imported { model, kind, form: "compact", native: false });
+    }
+    if npy::is_npy(bytes) {
+        return of_array(&Array::read_npy("the array", bytes)?, setup, "npy");
+    }
+    if archive::is_archive(bytes) {
+        let files = archive::read(bytes)?;
+        if files.iter().any(|(name, _)| name.ends_with(".npy")) {
+            return of_npz(&files, setup);
+        }
+        return of_array(&torch::read(&files)?, setup, "pt");
+    }
+    // Safetensors start with the length of a JSON header, which may have a pickle's first byte.
+    let is_safetensors = bytes.get(8) == Some(&b'{');
+    if bytes.first() == Some(&0x80) && !is_safetensors {
+        let message =
+            "it is a bare pickle, as PyTorch before 1.6 wrote it; load it there and save it anew with torch.save";
+        return Err(KernelFormatError::Archive(message.to_owned()));
+    }
+    if !is_safetensors {
+        let start = bytes[..bytes.len().min(8)].escape_ascii().to_string();
+        return Err(KernelFormatError::Unknown { start });
+    }
+    match kernel_file::decode(bytes) {
+        Ok((model, kind)) => Ok(Imported { model, kind, form: "safetensors", native: true }),
+        Err(kernel_file::KernelFileError::NoHeader) => of_foreign_safetensors(bytes, setup),
+        Err(error) => Err(error.into()),
+    }
+}
+
+/// Safetensors with one tensor, which is the kernel.
+fn of_foreign_safetensors(bytes: &[u8], setup: &OpticalSetup) -> Result<Imported, KernelFormatError> {
+    let damaged = |error: safetensors::SafeTensorError| KernelFormatError::Native(error.into());
+    let tensors = safetensors::SafeTensors::deserialize(bytes).map_err(damaged)?;
+    let names = tensors.names();
+    let [name] = names[..] else {
+        return Err(KernelFormatError::Array {
+            what: "the file".to_owned(),
+            actual: format!("of {} tensors, none of them Lightpath's", names.len()),
+            expected: "a Lightpath kernel, or one tensor that is the kernel".to_owned(),
+        });
+    };
+    let tensor = tensors.tensor(name).map_err(damaged)?;
+    let kind = match tensor.dtype() {
+        safetensors::Dtype::F16 => array::Kind::F16,
+        safetensors::Dtype::F32 => array::Kind::F32,
+        safetensors::Dtype::F64 => array::Kind::F64,
+        safetensors::Dtype::C64 => array::Kind::C64,
+        other => {
+            return Err(KernelFormatError::Array {
+                what: format!("tensor `{name}`"),
+                actual: format!("{other:?}"),
+                expected: "F16, F32, F64 or C64".to_owned(),
+            });
+        }
+    };
+    of_array(
+        &Array::new(&format!("tensor `{name}`"), tensor.shape().to_vec(), kind, tensor.data())?,
+        setup,
+        "safetensors",
+    )
+}
+
+/// Arrays by name: `kernel` or `transfer`, or the only one.
+fn of_npz(files: &archive::Files, setup: &OpticalSetup) -> Result<Imported, KernelFormatError> {
+    let named = |wanted: &str| files.iter().find(|(name, _)| name.trim_end_matches(".npy") == wanted);
+    let only = if let [only] = &files[..] { Some(only) } else { None };
+    let Some((name, bytes)) = named("kernel").or_else(|| named("transfer")).or(only) else {
+        let names: Vec<&str> = files.iter().map(|(name, _)| name.trim_end_matches(".npy")).take(10).collect();
+        return Err(KernelFormatError::Array {
+            what: "the archive".to_owned(),
+            actual: format!("of {}", names.join(", ")),
+            expected: "one with an array `kernel` or `transfer`, or with one array alone".to_owned(),
+        });
+    };
+    let mut imported = of_array(&Array::read_npy(name, bytes)?, setup, "npz")?;
+    // What our own export holds beside H.
+    if let Some((name, bytes)) = named("response_harmonics") {
+        let harmonics = Array::read_npy(name, bytes)?;
+        imported.model.response = harmonics.numbers.as_chunks::<2>().0.iter().map(|pair| pair.map(f64::from)).collect();
+    }
+    if let Some((name, bytes)) = named("photometry")
+        && let [gain, offset, re, im] = Array::read_npy(name, bytes)?.numbers[..]
+    {
+        imported.model.gain = gain.into();
+        imported.model.offset = offset.into();
+        imported.model.zero_order = Complex64::new(re.into(), im.into());
+    }
+    imported.model.validate()?;
+    Ok(imported)
+}
+
+/// H from an array: complex \[rows, columns\], real and imaginary parts \[rows, columns, 2\], or the paper's amplitude and phase
+/// \[1, 2, rows, columns\] or \[2, rows, columns\].
+fn of_array(array: &Array, setup: &OpticalSetup, form: &'static str) -> Result<Imported, KernelFormatError> {
+    let numbers = &array.numbers;
+    let (rows, columns, values): (usize, usize, Vec<Complex32>) = match (array.complex, &array.shape[..]) {
+        (true, &[rows, columns]) => (rows, columns, parts(numbers)),
+        (false, &[rows, columns, 2]) => (rows, columns, parts(numbers)),
+        (false, &[1, 2, rows, columns] | &[2, rows, columns]) => {
+            let (amplitude, phase) = numbers.split_at(rows * columns);
+            let polar = |(&a, &p): (&f32, &f32)| {
+                let (sine, cosine) = f64::from(p).sin_cos();
+                Complex32::new((f64::from(a) * cosine) as f32, (f64::from(a) * sine) as f32)
+            };
+            (rows, columns, amplitude.iter().zip(phase).map(polar).collect())
+        }
+        _ => {
+            return Err(KernelFormatError::Array {
+                what: array.name.clone(),
+                actual: array.described(),
+                expected: "real of shape [1, 2, rows, columns] (amplitude and phase), real of shape [rows, columns, 2], or complex \
+                           of shape [rows, columns]"
+                    .to_owned(),
+            });
+        }
+    };
+    let grid = setup.grid();
+    let is = |factor: usize| (rows, columns) == (factor * grid.height_px(), factor * grid.width_px());
+    if !is(1) && !is(2) {
+        let (height, width) = (grid.height_px(), grid.width_px());
+        return Err(KernelFormatError::Array {
+            what: array.name.clone(),
+            actual: format!("{rows}×{columns} (rows × columns)"),
+            expected: format!(
+                "{height}×{width}, the display's, or {}×{}, the padded spectrum's",
+                2 * height,
+                2 * width
+            ),
+        });
+    }
+    let kind = if is(1) { KernelModel::Paper } else { KernelModel::Dense };
+    let kernel = KernelShape::Bins(Plane::try_from_vec(rows, columns, values)?);
+    let model = DisplayModel { kernel, ..DisplayModel::ideal(*setup) };
+    model.validate()?;
+    Ok(Imported { model, kind, form, native: false })
+}
+
+fn parts(numbers: &[f32]) -> Vec<Complex32> {
+    numbers.as_chunks().0.iter().map(|&[re, im]| Complex32::new(re, im)).collect()
+}

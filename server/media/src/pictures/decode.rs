@@ -1,0 +1,219 @@
+//! From files to linear light.
+
+use super::{FILE_BYTES_MAX, PIXELS_MAX, PictureError, SIDE_PX_MAX, fit, jpeg_end, srgb_to_linear};
+use image::codecs::{jpeg::JpegDecoder, png::PngDecoder, tiff::TiffDecoder};
+use image::metadata::Orientation;
+use image::{ColorType, ImageDecoder, ImageError, ImageFormat, ImageResult, Limits};
+use lightpath_domain::dataset::Encoding;
+use lightpath_domain::job::Fit;
+use lightpath_optics::Plane;
+use std::io::{self, Cursor};
+
+/// Fewest pixels a side of a target: below that there is no picture to speak of.
+pub const SIDE_PX_MIN: u32 = 8;
+
+/// Decoders may use this much beside the pixels themselves \[bytes\]; the picture's own size is checked before.
+const DECODER_BYTES_MAX: u64 = 1 << 30;
+
+/// Which of a picture's colours its light is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Channel {
+    /// The mean of all.
+    Mean,
+    /// Red, 0; green, 1; blue, 2. A grey picture has its grey in each.
+    Colour(usize),
+}
+
+/// The linear light, in [0, 1], that a target asks for on a display of `height_px` × `width_px`.
+///
+/// # Errors
+///
+/// [`PictureError`] for what is no readable picture, is beyond the limits or below [`SIDE_PX_MIN`], or, with
+/// [`Fit::Exact`], has another size.
+pub fn target_intensity(
+    bytes: &[u8],
+    encoding: Encoding,
+    fit: Fit,
+    height_px: usize,
+    width_px: usize,
+) -> Result<Plane<f32>, PictureError> {
+    target_channel(bytes, encoding, Channel::Mean, fit, height_px, width_px)
+}
+
+/// [`target_intensity`] of one of the picture's colours.
+///
+/// # Errors
+///
+/// As there.
+pub fn target_channel(
+    bytes: &[u8],
+    encoding: Encoding,
+    channel: Channel,
+    fit: Fit,
+    height_px: usize,
+    width_px: usize,
+) -> Result<Plane<f32>, PictureError> {
+    let target = linear_light(bytes, encoding, channel, SIDE_PX_MIN)?;
+    fit::fit(target, fit, height_px, width_px)
+}
+
+/// The linear light, in [0, 1], of a photograph, in its own size.
+///
+/// # Errors
+///
+/// [`PictureError`] for what is no readable picture or is beyond the limits.
+pub fn photograph(bytes: &[u8], encoding: Encoding) -> Result<Plane<f32>, PictureError> {
+    linear_light(bytes, encoding, Channel::Mean, 1)
+}
+
+/// Columns and rows \[px\] as the header tells them, before any orientation; reads no pixel.
+///
+/// # Errors
+///
+/// [`PictureError`] for what is no readable picture or is beyond the limits.
+pub fn picture_size(bytes: &[u8]) -> Result<(u32, u32), PictureError> {
+    let (_, decoder) = open(bytes)?;
+    Ok(decoder.dimensions())
+}
+
+fn linear_light(
+    bytes: &[u8],
+    encoding: Encoding,
+    channel: Channel,
+    side_px_min: u32,
+) -> Result<Plane<f32>, PictureError> {
+    let (format, mut decoder) = open(bytes)?;
+    let (width_px, height_px) = decoder.dimensions();
+    if width_px < side_px_min || height_px < side_px_min {
+        return Err(PictureError::TooSmall { width_px, height_px, min_px: side_px_min });
+    }
+    if format == ImageFormat::Jpeg && !jpeg_end::has_end_of_image(bytes) {
+        return Err(PictureError::Truncated { format: name(format) });
+    }
+    let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
+    let samples = read_samples(format, decoder)?;
+    let light = samples.light(encoding, channel, height_px as usize, width_px as usize);
+    Ok(oriented(light, orientation))
+}
+
+/// Recognizes the format, reads the header and checks the size.
+pub(super) fn open(bytes: &[u8]) -> Result<(ImageFormat, Box<dyn ImageDecoder + '_>), PictureError> {
+    if bytes.is_empty() {
+        return Err(PictureError::Empty);
+    }
+    if bytes.len() > FILE_BYTES_MAX {
+        return Err(PictureError::FileTooLarge { bytes: bytes.len() });
+    }
+    let not_a_picture = || PictureError::NotAPicture { start: bytes[..bytes.len().min(8)].escape_ascii().to_string() };
+    let format = image::guess_format(bytes).map_err(|_| not_a_picture())?;
+    let decoder = match format {
+        ImageFormat::Png => boxed(PngDecoder::with_limits(Cursor::new(bytes), limits())),
+        ImageFormat::Jpeg => boxed(JpegDecoder::new(Cursor::new(bytes))),
+        ImageFormat::Tiff => boxed(TiffDecoder::new(Cursor::new(bytes))),
+        _ => return Err(not_a_picture()),
+    };
+    let mut decoder = decoder.map_err(|error| refusal(format, &error))?;
+    let (width_px, height_px) = decoder.dimensions();
+    let too_many = u64::from(width_px) * u64::from(height_px) > PIXELS_MAX;
+    if too_many || width_px > SIDE_PX_MAX || height_px > SIDE_PX_MAX {
+        return Err(PictureError::TooLarge { width_px, height_px });
+    }
+    decoder.set_limits(limits()).map_err(|error| refusal(format, &error))?;
+    Ok((format, decoder))
+}
+
+fn boxed<'a>(decoder: ImageResult<impl ImageDecoder + 'a>) -> ImageResult<Box<dyn ImageDecoder + 'a>> {
+    Ok(Box::new(decoder?))
+}
+
+fn limits() -> Limits {
+    let mut limits = Limits::default();
+    limits.max_alloc = Some(DECODER_BYTES_MAX);
+    limits
+}
+
+/// Interleaved samples as the decoder gives them: 16-bit ones in the machine's byte order.
+pub(super) struct Samples {
+    pub(super) bytes: Vec<u8>,
+    pub(super) colour: ColorType,
+}
+
+pub(super) fn read_samples(format: ImageFormat, decoder: Box<dyn ImageDecoder + '_>) -> Result<Samples, PictureError> {
+    let colour = decoder.color_type();
+    match colour {
+        ColorType::L8 | ColorType::La8 | ColorType::Rgb8 | ColorType::Rgba8 => {}
+        ColorType::L16 | ColorType::La16 | ColorType::Rgb16 | ColorType::Rgba16 => {}
+        other => return Err(PictureError::Unsupported { format: name(format), detail: format!("{other:?}") }),
+    }
+    let mut bytes = vec![0; decoder.total_bytes() as usize];
+    decoder.read_image_boxed(&mut bytes).map_err(|error| refusal(format, &error))?;
+    Ok(Samples { bytes, colour })
+}
+
+impl Samples {
+    fn light(&self, encoding: Encoding, channel: Channel, height_px: usize, width_px: usize) -> Plane<f32> {
+        let wide = self.colour.bytes_per_pixel() / self.colour.channel_count() == 2;
+        let full_scale = if wide { f32::from(u16::MAX) } else { f32::from(u8::MAX) };
+        let decode: Vec<f32> = (0..=full_scale as u32)
+            .map(|value| value as f32 / full_scale)
+            .map(|value| if encoding == Encoding::Srgb { srgb_to_linear(value) } else { value })
+            .collect();
+        let channels = usize::from(self.colour.channel_count());
+        let colours = channels - usize::from(self.colour.has_alpha());
+        let sample = |i: usize| {
+            if wide { usize::from(self.sample_16(i)) } else { usize::from(self.bytes[i]) }
+        };
+        Plane::from_fn(height_px, width_px, |y, x| {
+            let first = (y * width_px + x) * channels;
+            let value = match channel {
+                Channel::Colour(colour) if colours == 3 => decode[sample(first + colour.min(2))],
+                Channel::Colour(_) | Channel::Mean => {
+                    (first..first + colours).map(|i| decode[sample(i)]).sum::<f32>() / colours as f32
+                }
+            };
+            let opaque = if colours < channels { sample(first + colours) as f32 / full_scale } else { 1.0 };
+            value * opaque
+        })
+    }
+
+    pub(super) fn sample_16(&self, i: usize) -> u16 {
+        u16::from_ne_bytes([self.bytes[2 * i], self.bytes[2 * i + 1]])
+    }
+}
+
+/// The plane as the camera was held.
+pub(super) fn oriented(plane: Plane<f32>, orientation: Orientation) -> Plane<f32> {
+    let (h, w) = (plane.height_px(), plane.width_px());
+    match orientation {
+        Orientation::NoTransforms => plane,
+        Orientation::FlipHorizontal => Plane::from_fn(h, w, |y, x| plane.at(y, w - 1 - x)),
+        Orientation::FlipVertical => Plane::from_fn(h, w, |y, x| plane.at(h - 1 - y, x)),
+        Orientation::Rotate180 => Plane::from_fn(h, w, |y, x| plane.at(h - 1 - y, w - 1 - x)),
+        Orientation::Rotate90 => Plane::from_fn(w, h, |y, x| plane.at(h - 1 - x, y)),
+        Orientation::Rotate270 => Plane::from_fn(w, h, |y, x| plane.at(x, w - 1 - y)),
+        Orientation::Rotate90FlipH => Plane::from_fn(w, h, |y, x| plane.at(x, y)),
+        Orientation::Rotate270FlipH => Plane::from_fn(w, h, |y, x| plane.at(h - 1 - x, w - 1 - y)),
+    }
+}
+
+fn name(format: ImageFormat) -> &'static str {
+    match format {
+        ImageFormat::Jpeg => "JPEG",
+        ImageFormat::Tiff => "TIFF",
+        _ => "PNG",
+    }
+}
+
+fn refusal(format: ImageFormat, error: &ImageError) -> PictureError {
+    let (format, detail) = (name(format), error.to_string());
+    let ends_early = |error: &io::Error| error.kind() == io::ErrorKind::UnexpectedEof;
+    match error {
+        ImageError::IoError(error) if ends_early(error) => PictureError::Truncated { format },
+        ImageError::Unsupported(_) => PictureError::Unsupported { format, detail },
+        // Some decoders wrap the end of the file in an error of their own.
+        _ if detail.contains("end of file") || detail.contains("fill whole buffer") => {
+            PictureError::Truncated { format }
+        }
+        _ => PictureError::Damaged { format, detail },
+    }
+}

@@ -1,0 +1,192 @@
+//! Bringing a picture of any size to a display's.
+//!
+//! Each axis is resampled by itself, in linear light, with the Catmull-Rom kernel, which is widened when the picture
+//! shrinks so that every source pixel counts:
+//!
+//! ```text
+//! out(i) = Σ_j k((j + ½ − c_i)/s) in(j) / Σ_j k((j + ½ − c_i)/s),   c_i = start + (i + ½) · length / outputs
+//! ```
+//!
+//! s = max(1, length/outputs), k the cubic kernel of Keys (1981) with a = −½. Its overshoot is clipped to [0, 1].
+
+use super::PictureError;
+use lightpath_domain::job::Fit;
+use lightpath_optics::Plane;
+use rayon::prelude::*;
+
+/// The picture on `height_px` × `width_px` pixels.
+///
+/// - [`Fit::Contain`]: scaled to fit inside, centred, the rest black;
+/// - [`Fit::Cover`]: scaled to cover, the overhang cropped evenly;
+/// - [`Fit::Stretch`]: each axis scaled by itself;
+/// - [`Fit::Exact`]: as it is.
+///
+/// A picture that has the size already stays as it is, to the last bit.
+///
+/// # Errors
+///
+/// [`PictureError::WrongSize`] for [`Fit::Exact`] and another size.
+pub fn fit(picture: Plane<f32>, fit: Fit, height_px: usize, width_px: usize) -> Result<Plane<f32>, PictureError> {
+    let (h, w) = (picture.height_px(), picture.width_px());
+    if (h, w) == (height_px, width_px) {
+        return Ok(picture);
+    }
+    let (scale_y, scale_x) = (height_px as f64 / h as f64, width_px as f64 / w as f64);
+    match fit {
+        Fit::Exact => Err(PictureError::WrongSize {
+            width_px: width_px as u32,
+            height_px: height_px as u32,
+            actual_width_px: w as u32,
+            actual_height_px: h as u32,
+        }),
+        Fit::Stretch => Ok(resample(&picture, Span::whole(h, height_px), Span::whole(w, width_px))),
+        Fit::Cover => {
+            let scale = scale_y.max(scale_x);
+            Ok(resample(&picture, Span::middle(h, height_px, scale), Span::middle(w, width_px, scale)))
+        }
+        Fit::Contain => {
+            let scale = scale_y.min(scale_x);
+            let inside = |side: usize, most: usize| ((side as f64 * scale).round() as usize).clamp(1, most);
+            let (inner_h, inner_w) = (inside(h, height_px), inside(w, width_px));
+            let inner = resample(&picture, Span::whole(h, inner_h), Span::whole(w, inner_w));
+            Ok(bordered(&inner, height_px, width_px))
+        }
+    }
+}
+
+fn bordered(inner: &Plane<f32>, height_px: usize, width_px: usize) -> Plane<f32> {
+    let (top, left) = ((height_px - inner.height_px()) / 2, (width_px - inner.width_px()) / 2);
+    let mut out = Plane::filled(height_px, width_px, 0.0);
+    for y in 0..inner.height_px() {
+        out.values_mut()[(top + y) * width_px + left..][..inner.width_px()].copy_from_slice(inner.row(y));
+    }
+    out
+}
+
+/// The part of an axis that is resampled, and to how many pixels.
+#[derive(Clone, Copy)]
+struct Span {
+    inputs: usize,
+    start: f64,
+    length: f64,
+    outputs: usize,
+}
+
+impl Span {
+    fn whole(inputs: usize, outputs: usize) -> Self {
+        Self { inputs, start: 0.0, length: inputs as f64, outputs }
+    }
+
+    fn middle(inputs: usize, outputs: usize, scale: f64) -> Self {
+        let length = outputs as f64 / scale;
+        Self { inputs, start: (inputs as f64 - length) / 2.0, length, outputs }
+    }
+
+    /// For every output pixel the first input pixel and the weights from there on, which sum to 1.
+    fn weights(self) -> Vec<(usize, Vec<f32>)> {
+        let widening = (self.length / self.outputs as f64).max(1.0);
+        let reach = 2.0 * widening;
+        let of_output = |i: usize| {
+            let centre = self.start + (i as f64 + 0.5) * self.length / self.outputs as f64;
+            let first = ((centre - reach).floor().max(0.0) as usize).min(self.inputs - 1);
+            let end = ((centre + reach).ceil() as usize).clamp(first + 1, self.inputs);
+            let raw: Vec<f64> = (first..end).map(|j| catmull_rom((j as f64 + 0.5 - centre) / widening)).collect();
+            let sum: f64 = raw.iter().sum();
+            (first, raw.iter().map(|weight| (weight / sum) as f32).collect())
+        };
+        (0..self.outputs).map(of_output).collect()
+    }
+}
+
+fn catmull_rom(x: f64) -> f64 {
+    match x.abs() {
+        x if x < 1.0 => (1.5 * x - 2.5) * x * x + 1.0,
+        x if x < 2.0 => ((-0.5 * x + 2.5) * x - 4.0) * x + 2.0,
+        _ => 0.0,
+    }
+}
+
+fn resample(picture: &Plane<f32>, rows: Span, columns: Span) -> Plane<f32> {
+    let narrow = resample_rows(picture, &columns.weights());
+    let row_weights = rows.weights();
+    let mut out = Plane::filled(rows.outputs, columns.outputs, 0.0);
+    out.values_mut().par_chunks_mut(columns.outputs).zip(&row_weights).for_each(|(out_row, (first, weights))| {
+        for (i, weight) in weights.iter().enumerate() {
+            for (value, input) in out_row.iter_mut().zip(narrow.row(first + i)) {
+                *value += weight * input;
+            }
+        }
+        out_row.iter_mut().for_each(|value| *value = value.clamp(0.0, 1.0));
+    });
+    out
+}
+
+fn resample_rows(picture: &Plane<f32>, weights: &[(usize, Vec<f32>)]) -> Plane<f32> {
+    let mut out = Plane::filled(picture.height_px(), weights.len(), 0.0);
+    out.values_mut().par_chunks_mut(weights.len()).enumerate().for_each(|(y, out_row)| {
+        let row = picture.row(y);
+        for (value, (first, weights)) in out_row.iter_mut().zip(weights) {
+            *value = weights.iter().zip(&row[*first..]).map(|(weight, input)| weight * input).sum();
+        }
+    });
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ramp(height_px: usize, width_px: usize) -> Plane<f32> {
+        Plane::from_fn(height_px, width_px, |y, x| (y + 2 * x) as f32 / (height_px + 2 * width_px) as f32)
+    }
+
+    #[test]
+    fn the_same_size_stays_as_it_is() {
+        for policy in [Fit::Contain, Fit::Cover, Fit::Stretch, Fit::Exact] {
+            assert_eq!(fit(ramp(9, 17), policy, 9, 17).unwrap(), ramp(9, 17));
+        }
+        assert!(matches!(fit(ramp(9, 17), Fit::Exact, 9, 18), Err(PictureError::WrongSize { .. })));
+    }
+
+    #[test]
+    fn flat_pictures_stay_flat_at_every_scale() {
+        for (h, w) in [(8, 8), (3, 200), (333, 127)] {
+            let out = fit(Plane::filled(h, w, 0.3), Fit::Stretch, 40, 31).unwrap();
+            assert!(out.values().iter().all(|value| (value - 0.3).abs() < 1e-6));
+            let out = fit(Plane::filled(h, w, 0.3), Fit::Cover, 40, 31).unwrap();
+            assert!(out.values().iter().all(|value| (value - 0.3).abs() < 1e-6));
+        }
+    }
+
+    #[test]
+    fn contain_centres_between_black_borders() {
+        let out = fit(Plane::filled(10, 20, 1.0), Fit::Contain, 40, 40).unwrap();
+        let light = |y: usize| out.row(y).iter().sum::<f32>();
+        assert_eq!((light(9), light(30)), (0.0, 0.0));
+        assert!((light(10) - 40.0).abs() < 1e-3 && (light(29) - 40.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn cover_crops_both_ends_evenly() {
+        let striped = Plane::from_fn(16, 48, |_, x| if (16..32).contains(&x) { 1.0 } else { 0.0 });
+        let out = fit(striped, Fit::Cover, 16, 16).unwrap();
+        assert!(out.values().iter().all(|&value| value > 0.99), "only the middle third is left");
+    }
+
+    #[test]
+    fn shrinking_averages_instead_of_skipping() {
+        let fine_stripes = Plane::from_fn(64, 64, |_, x| (x % 2) as f32);
+        let out = fit(fine_stripes, Fit::Stretch, 8, 8).unwrap();
+        assert!(out.values().iter().all(|value| (value - 0.5).abs() < 0.05), "{:?}", out.values());
+    }
+
+    #[test]
+    fn a_ramp_stays_a_ramp_and_in_place() {
+        let (source, out) = (ramp(40, 60), fit(ramp(40, 60), Fit::Stretch, 20, 30).unwrap());
+        for (y, x) in [(5, 7), (10, 15), (14, 22)] {
+            let under: f32 =
+                [(0, 0), (0, 1), (1, 0), (1, 1)].map(|(dy, dx)| source.at(2 * y + dy, 2 * x + dx)).iter().sum();
+            assert!((out.at(y, x) - under / 4.0).abs() < 1e-4);
+        }
+    }
+}

@@ -1,0 +1,226 @@
+//! Photographs as a camera made them.
+//!
+//! ```text
+//! light = (v / full scale − black level) / (1 − black level)
+//! ```
+//!
+//! v the value, after sRGB was decoded where it was declared. A pixel of which any colour is at full scale is saturated
+//! and has a light of exactly 1, whatever the mean of its colours: a laser may fill one channel alone.
+
+use super::decode::{self, Samples};
+use super::{FILE_BYTES_MAX, PictureError, srgb_to_linear};
+use crate::npy;
+use image::ImageFormat;
+use image::metadata::Orientation;
+use lightpath_domain::dataset::Encoding;
+use lightpath_optics::Plane;
+use npyz::{NpyFile, Order};
+
+/// The light of saturated pixels.
+pub const SATURATED: f32 = 1.0;
+/// Values at or above this part of full scale are taken to be saturated: 255, less a quarter, of 255.
+pub const SATURATION: f32 = 254.75 / 255.0;
+
+/// How a photograph's values stand for light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PhotoReading {
+    /// Linear, or sRGB.
+    pub encoding: Encoding,
+    /// Bits of the camera, 8 to 16, where they are fewer than the file's; 0: the file's.
+    pub bit_depth: u32,
+    /// What the camera counts in the dark, as a part of full scale.
+    pub black_level: f64,
+}
+
+/// The light in a photograph, in its own size; 1 is the camera's full scale. PNG, TIFF and JPEG, or `.npy` of float32, float64,
+/// uint8 or uint16.
+///
+/// # Errors
+///
+/// [`PictureError`] for what is no readable picture, is beyond the limits, holds a value that is not a finite number, or one
+/// above the declared bits.
+pub fn photo_light(bytes: &[u8], reading: &PhotoReading) -> Result<Plane<f32>, PictureError> {
+    if npy::is_npy(bytes) {
+        return array_light(bytes, reading);
+    }
+    let (format, mut decoder) = decode::open(bytes)?;
+    let (width_px, height_px) = decoder.dimensions();
+    if width_px == 0 || height_px == 0 {
+        return Err(PictureError::TooSmall { width_px, height_px, min_px: 1 });
+    }
+    if format == ImageFormat::Jpeg && !super::jpeg_end::has_end_of_image(bytes) {
+        return Err(PictureError::Truncated { format: "JPEG" });
+    }
+    let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
+    let samples = decode::read_samples(format, decoder)?;
+    let light = picture_light(&samples, reading, height_px as usize, width_px as usize)?;
+    Ok(decode::oriented(light, orientation))
+}
+
+fn picture_light(
+    samples: &Samples,
+    reading: &PhotoReading,
+    height_px: usize,
+    width_px: usize,
+) -> Result<Plane<f32>, PictureError> {
+    let channels = usize::from(samples.colour.channel_count());
+    let colours = channels - usize::from(samples.colour.has_alpha());
+    let wide = usize::from(samples.colour.bytes_per_pixel()) / channels == 2;
+    let file_scale = if wide { u32::from(u16::MAX) } else { u32::from(u8::MAX) };
+    let full_scale = match reading.bit_depth {
+        0 => file_scale,
+        bits => ((1_u32 << bits.min(16)) - 1).min(file_scale),
+    };
+    let table: Vec<f32> = (0..=file_scale).map(|value| light_of(value as f32 / full_scale as f32, reading)).collect();
+    let mut above = None;
+    let mut light = Plane::filled(height_px, width_px, 0.0_f32);
+    for (i, out) in light.values_mut().iter_mut().enumerate() {
+        let (mut sum, mut saturated) = (0.0, false);
+        for k in i * channels..i * channels + colours {
+            let value = if wide { u32::from(samples.sample_16(k)) } else { u32::from(samples.bytes[k]) };
+            if value > full_scale && above.is_none() {
+                above = Some((value, i));
+            }
+            saturated |= value as f32 >= SATURATION * full_scale as f32;
+            sum += table[value as usize];
+        }
+        *out = if saturated { SATURATED } else { sum / colours as f32 };
+    }
+    match above {
+        None => Ok(light),
+        Some((value, i)) => Err(PictureError::AboveBitDepth {
+            value,
+            x_px: i % width_px,
+            y_px: i / width_px,
+            bit_depth: reading.bit_depth,
+        }),
+    }
+}
+
+fn array_light(bytes: &[u8], reading: &PhotoReading) -> Result<Plane<f32>, PictureError> {
+    if bytes.len() > FILE_BYTES_MAX {
+        return Err(PictureError::FileTooLarge { bytes: bytes.len() });
+    }
+    let refused = |actual: String| PictureError::NotAPhotoArray { actual };
+    npy::require_plain_header(bytes).map_err(refused)?;
+    let file = NpyFile::new(bytes).map_err(|error| refused(format!("no .npy file ({error})")))?;
+    let kind = file.dtype().descr();
+    let [height_px, width_px] = *file.shape() else {
+        return Err(refused(format!("{kind} of shape {:?}", file.shape())));
+    };
+    let side_max = u64::from(super::SIDE_PX_MAX);
+    if file.order() != Order::C || height_px == 0 || width_px == 0 || height_px > side_max || width_px > side_max {
+        return Err(refused(format!("{kind} of shape {:?}, {:?} order", file.shape(), file.order())));
+    }
+    // As many values as the file can hold, before there is room for as many as it claims.
+    let pixels = height_px * width_px;
+    if pixels > super::PIXELS_MAX || pixels > bytes.len() as u64 {
+        return Err(refused(format!("{kind} of shape {:?} in a file of {} bytes", file.shape(), bytes.len())));
+    }
+    let damaged = |error: std::io::Error| refused(format!("a damaged file ({error})"));
+    let full_scale = match reading.bit_depth {
+        0 => f32::from(u16::MAX),
+        bits => ((1_u32 << bits.min(16)) - 1) as f32,
+    };
+    let values: Vec<f32> = match kind.trim_matches(['\'', '"']).trim_start_matches(['<', '|', '=']) {
+        "f4" => file.into_vec::<f32>().map_err(damaged)?,
+        "f8" => file.into_vec::<f64>().map_err(damaged)?.into_iter().map(|value| value as f32).collect(),
+        "u1" => file.into_vec::<u8>().map_err(damaged)?.into_iter().map(|value| f32::from(value) / 255.0).collect(),
+        "u2" => {
+            file.into_vec::<u16>().map_err(damaged)?.into_iter().map(|value| f32::from(value) / full_scale).collect()
+        }
+        _ => return Err(refused(format!("{kind} of shape [{height_px}, {width_px}]"))),
+    };
+    let width = width_px as usize;
+    if let Some(i) = values.iter().position(|value| !value.is_finite()) {
+        return Err(PictureError::NotFinite { x_px: i % width, y_px: i / width });
+    }
+    let light = |value: f32| if value >= SATURATION { SATURATED } else { light_of(value, reading) };
+    let values = values.into_iter().map(light).collect();
+    Plane::try_from_vec(height_px as usize, width, values).map_err(|error| refused(error.to_string()))
+}
+
+fn light_of(value: f32, reading: &PhotoReading) -> f32 {
+    let linear = match reading.encoding {
+        Encoding::Linear => value,
+        Encoding::Srgb => srgb_to_linear(value),
+    };
+    ((f64::from(linear) - reading.black_level) / (1.0 - reading.black_level)) as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::codecs::png::PngEncoder;
+    use image::codecs::tiff::TiffEncoder;
+    use image::{ExtendedColorType, ImageEncoder as _};
+    use npyz::WriterBuilder as _;
+    use std::io::Cursor;
+
+    const LINEAR: PhotoReading = PhotoReading { encoding: Encoding::Linear, bit_depth: 0, black_level: 0.0 };
+
+    fn png(bytes: &[u8], colour: ExtendedColorType) -> Vec<u8> {
+        let mut file = Vec::new();
+        PngEncoder::new(&mut file).write_image(bytes, 2, 1, colour).unwrap();
+        file
+    }
+
+    fn values(file: &[u8], reading: &PhotoReading) -> Vec<f32> {
+        photo_light(file, reading).unwrap().into_vec()
+    }
+
+    fn wide(values: [u16; 2]) -> Vec<u8> {
+        values.iter().flat_map(|value| value.to_ne_bytes()).collect()
+    }
+
+    #[test]
+    fn every_depth_and_colour_gives_the_same_light() {
+        let eight = values(&png(&[51, 255], ExtendedColorType::L8), &LINEAR);
+        assert_eq!(eight, [0.2, 1.0]);
+        assert_eq!(values(&png(&wide([13107, 65535]), ExtendedColorType::L16), &LINEAR), eight);
+        let twelve = PhotoReading { bit_depth: 12, ..LINEAR };
+        assert_eq!(values(&png(&wide([819, 4095]), ExtendedColorType::L16), &twelve), eight);
+        let mut tiff = Cursor::new(Vec::new());
+        TiffEncoder::new(&mut tiff).write_image(&wide([819, 4095]), 2, 1, ExtendedColorType::L16).unwrap();
+        assert_eq!(values(tiff.get_ref(), &twelve), eight);
+        // One full channel saturates the pixel; the mean of the others' colours would hide it.
+        assert_eq!(values(&png(&[51, 51, 51, 0, 255, 9], ExtendedColorType::Rgb8), &LINEAR), eight);
+        let srgb = PhotoReading { encoding: Encoding::Srgb, ..LINEAR };
+        assert!((values(&png(&[124, 255], ExtendedColorType::L8), &srgb)[0] - 0.2).abs() < 2e-3);
+    }
+
+    #[test]
+    fn the_black_level_is_taken_off_and_full_scale_stays() {
+        let dark = PhotoReading { black_level: 0.2, ..LINEAR };
+        let light = values(&png(&[51, 255], ExtendedColorType::L8), &dark);
+        assert!(light[0].abs() < 1e-6 && light[1] == 1.0, "{light:?}");
+        let light = values(&png(&[153, 0], ExtendedColorType::L8), &dark);
+        assert!((light[0] - 0.5).abs() < 1e-6 && (light[1] + 0.25).abs() < 1e-6, "{light:?}");
+    }
+
+    #[test]
+    fn values_above_the_declared_bits_are_refused() {
+        let twelve = PhotoReading { bit_depth: 12, ..LINEAR };
+        let error = photo_light(&png(&wide([7, 4096]), ExtendedColorType::L16), &twelve).unwrap_err().to_string();
+        assert!(error.contains("4096") && error.contains("x = 1 px") && error.contains("12 bits"), "{error}");
+    }
+
+    fn npy<T: npyz::AutoSerialize + Copy>(values: &[T], shape: &[u64]) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        let mut writer = npyz::WriteOptions::new().default_dtype().shape(shape).writer(&mut bytes).begin_nd().unwrap();
+        writer.extend(values.iter().copied()).unwrap();
+        writer.finish().unwrap();
+        bytes
+    }
+
+    #[test]
+    fn arrays_are_read_and_what_is_not_finite_is_named() {
+        assert_eq!(values(&npy(&[0.2_f32, 1.0], &[1, 2]), &LINEAR), [0.2, 1.0]);
+        assert_eq!(values(&npy(&[0.2_f64, 1.0], &[1, 2]), &LINEAR), [0.2, 1.0]);
+        assert_eq!(values(&npy(&[13107_u16, 65535], &[1, 2]), &LINEAR), [0.2, 1.0]);
+        let error = photo_light(&npy(&[0.2, f32::NAN], &[1, 2]), &LINEAR).unwrap_err().to_string();
+        assert!(error.contains("not a finite number") && error.contains("x = 1 px"), "{error}");
+        assert!(photo_light(&npy(&[0.2_f32, 0.3], &[2]), &LINEAR).is_err());
+        assert!(photo_light(&npy(&[1_i32, 2], &[1, 2]), &LINEAR).is_err());
+    }
+}

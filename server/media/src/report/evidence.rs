@@ -1,0 +1,211 @@
+//! What the photographs say: residuals pair by pair, and the band that their holograms lit.
+
+use super::{Chapter, ReportError};
+use crate::figures::{Axis, Canvas, ColourMap, ContactRow, ContactSheet, Heatmap, Shown, escaped};
+use lightpath_domain::dataset::Split;
+use lightpath_optics::diagnostics::LitBand;
+use lightpath_optics::learning::{Pair, ResponseCovariance, compare};
+use lightpath_optics::{Engine, Error, Plane, RegionOfInterest};
+use std::fmt::Write as _;
+
+/// What the dataset's pairs say about the kernel.
+#[derive(Clone, Debug)]
+pub struct Evidence {
+    region: RegionOfInterest,
+    pixel_pitch_m: f64,
+    pairs: Vec<PairEvidence>,
+    lit: LitBand,
+    /// How sure the phase response is, where the training pairs tell.
+    pub response: Option<ResponseCovariance>,
+}
+
+/// One pair, small.
+#[derive(Clone, Debug)]
+pub struct PairEvidence {
+    id: String,
+    split: Split,
+    photo: Plane<f32>,
+    predicted: Plane<f32>,
+    residual: Plane<f32>,
+    /// Mean squared error in the region of interest.
+    loss: f64,
+}
+
+/// Pairs with pictures, at most: held-out ones come first.
+pub const PAIRS_SHOWN_MAX: usize = 8;
+/// Pictures are no wider than this \[px\].
+const WIDTH_PX_MAX: usize = 320;
+
+impl Evidence {
+    /// Nothing yet.
+    #[must_use]
+    pub fn new(region: RegionOfInterest, height_px: usize, width_px: usize, pixel_pitch_m: f64) -> Self {
+        Self { region, pixel_pitch_m, pairs: Vec::new(), lit: LitBand::new(height_px, width_px), response: None }
+    }
+
+    /// Compares a pair's photograph with what the engine predicts, and keeps pictures of both.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] for a pair of another size, or with no pixel that counts.
+    pub fn add(&mut self, engine: &Engine, id: &str, split: Split, pair: &Pair) -> Result<(), Error> {
+        if split == Split::Train {
+            self.lit.add(&pair.phase)?;
+        }
+        if self.pairs.len() >= PAIRS_SHOWN_MAX {
+            return Ok(());
+        }
+        let sums = compare(engine, pair, self.region)?;
+        let (gain, offset) = sums.best_gain_and_offset();
+        let predicted = engine.light(&pair.phase)?.map(|light| (gain * f64::from(light) + offset) as f32);
+        let saturated = crate::pictures::SATURATION;
+        let (height, width) = (pair.photo.height_px(), pair.photo.width_px());
+        let residual = Plane::from_fn(height, width, |y, x| {
+            let photo = pair.photo.at(y, x);
+            let counts = photo < saturated && self.region.columns(y).is_some_and(|columns| columns.contains(&x));
+            if counts { predicted.at(y, x) - photo } else { 0.0 }
+        });
+        self.pairs.push(PairEvidence {
+            id: id.to_owned(),
+            split,
+            loss: squares(&residual, &pair.photo, self.region),
+            photo: shrunk(&pair.photo),
+            predicted: shrunk(&predicted),
+            residual: shrunk(&residual),
+        });
+        Ok(())
+    }
+}
+
+fn squares(residual: &Plane<f32>, photo: &Plane<f32>, region: RegionOfInterest) -> f64 {
+    let saturated = crate::pictures::SATURATION;
+    let (mut sum, mut count) = (0.0, 0_u32);
+    for y in 0..photo.height_px() {
+        for x in region.columns(y).unwrap_or_default() {
+            if photo.at(y, x) < saturated {
+                sum += f64::from(residual.at(y, x)).powi(2);
+                count += 1;
+            }
+        }
+    }
+    sum / f64::from(count.max(1))
+}
+
+/// Means over blocks, no wider than a picture of the report.
+fn shrunk(plane: &Plane<f32>) -> Plane<f32> {
+    let block = plane.width_px().div_ceil(WIDTH_PX_MAX);
+    let (rows, columns) = (plane.height_px() / block, plane.width_px() / block);
+    Plane::from_fn(rows.max(1), columns.max(1), |y, x| {
+        let mut sum = 0.0;
+        let (mut count, height, width) = (0_u16, plane.height_px(), plane.width_px());
+        for py in y * block..((y + 1) * block).min(height) {
+            for px in x * block..((x + 1) * block).min(width) {
+                sum += plane.at(py, px);
+                count += 1;
+            }
+        }
+        sum / f32::from(count.max(1))
+    })
+}
+
+/// Residuals and identifiability.
+pub(super) fn chapters(evidence: &Evidence) -> Result<Vec<Chapter>, ReportError> {
+    Ok(vec![residuals(evidence)?, identifiability(evidence)?])
+}
+
+fn residuals(evidence: &Evidence) -> Result<Chapter, ReportError> {
+    let mut chapter = Chapter {
+        title: "Photographs and predictions",
+        body: "<p>What the camera saw, what the model predicts of it with the photograph's own gain and black level, and the difference, \
+               which would be noise if the model were complete. It counts in the region of interest, where the camera is not \
+               saturated.</p>"
+            .to_owned(),
+        ..Chapter::default()
+    };
+    let mut body = "<table><tr><th>pair</th><th>used for</th><th class=n>mean squared error</th></tr>".to_owned();
+    for pair in &evidence.pairs {
+        // Writing to a string cannot fail.
+        let _ = write!(
+            body,
+            "<tr><td>{}</td><td>{}</td><td class=n>{:.3e}</td></tr>",
+            escaped(&pair.id),
+            word(pair.split),
+            pair.loss
+        );
+        let scaled = |plane: &Plane<f32>, brightest: f32| plane.map(|light| light / brightest);
+        let brightest = pair.photo.values().iter().copied().fold(1e-6, f32::max);
+        let (photo, predicted) = (scaled(&pair.photo, brightest), scaled(&pair.predicted, brightest));
+        let sheet = ContactSheet {
+            title: &format!("pair {} ({})", pair.id, word(pair.split)),
+            subtitle: &format!("mean squared error {:.3e}", pair.loss),
+            columns: &["photograph", "prediction"],
+            rows: vec![ContactRow {
+                pictures: vec![
+                    Shown { intensity: &photo, caption: String::new() },
+                    Shown { intensity: &predicted, caption: String::new() },
+                ],
+            }],
+        };
+        let deviation = pair.loss.sqrt().max(1e-6) as f32;
+        let axis = |label, px: usize| Axis { label, start: 0.0, end: px as f64 };
+        let map = Heatmap {
+            title: "prediction − photograph",
+            values: &pair.residual,
+            colours: ColourMap::Diverging,
+            range: (-3.0 * deviation, 3.0 * deviation),
+            unit: "",
+            x: axis("x", pair.residual.width_px()),
+            y: axis("y", pair.residual.height_px()),
+        };
+        let canvas = Canvas::grid(&[vec![sheet.draw(), map.draw()]]);
+        chapter.png(&format!("residual-{}", pair.id), &format!("Pair {}, {}", pair.id, word(pair.split)), &canvas)?;
+        let shape = [pair.residual.height_px(), pair.residual.width_px()];
+        chapter.array(
+            &format!("residual_{}", pair.id),
+            &shape,
+            pair.residual.values().iter().map(|&value| value.into()),
+        );
+    }
+    chapter.body.push_str(&body);
+    chapter.body.push_str("</table>");
+    Ok(chapter)
+}
+
+fn identifiability(evidence: &Evidence) -> Result<Chapter, ReportError> {
+    let power = evidence.lit.power();
+    let decibel = power.map(|power| 10.0 * power.max(1e-6).log10());
+    let half = 0.5 / evidence.pixel_pitch_m / 1000.0;
+    let axis = |label| Axis { label, start: -half, end: half };
+    let map = Heatmap {
+        title: "light of the training holograms by frequency",
+        values: &decibel,
+        colours: ColourMap::Sequential,
+        range: (-40.0, 20.0),
+        unit: "dB",
+        x: axis("fx [1/mm]"),
+        y: axis("fy [1/mm]"),
+    };
+    let dark = 100.0 * evidence.lit.dark_part();
+    let mut chapter = Chapter {
+        title: "What the data can tell",
+        body: format!(
+            "<p>The training holograms sent less than {:.0} % of the mean light to <b>{dark:.1} %</b> of the band. There the photographs \
+             tell nothing of the kernel: a smooth model continues what it learned around it, and a kernel with a value for each \
+             frequency keeps what it started with. Holograms with a wide range of initial phases (--phase-range 6.28) light all of the \
+             band.</p>",
+            100.0 * LitBand::DARK
+        ),
+        ..Chapter::default()
+    };
+    chapter.png("lit-band", "Light by frequency, in decibels of the mean", &map.draw())?;
+    chapter.array("lit_band", &[power.height_px(), power.width_px()], power.values().iter().map(|&value| value.into()));
+    Ok(chapter)
+}
+
+fn word(split: Split) -> &'static str {
+    match split {
+        Split::Train => "training",
+        Split::Validation => "validation",
+        Split::Test => "test",
+    }
+}

@@ -1,0 +1,133 @@
+//! The report as one page of HTML.
+
+use super::{Chapter, Figure, ReportInput, base64};
+use crate::figures::escaped;
+use lightpath_domain::kernel::KernelModel;
+use std::fmt::Write as _;
+
+const STYLE: &str = "\
+body{font:15px/1.5 system-ui,'DejaVu Sans',sans-serif;color:#1a1a1a;max-width:66rem;margin:2rem auto;padding:0 1.5rem}\
+h1{font-size:1.6rem;margin-bottom:.2rem}h2{font-size:1.2rem;margin-top:2.4rem;border-bottom:1px solid #ddd;padding-bottom:.2rem}\
+table{border-collapse:collapse;margin:1rem 0}td,th{padding:.2rem .8rem .2rem 0;text-align:left;vertical-align:top}\
+th{color:#6b6b6b;font-weight:normal;border-bottom:1px solid #ddd}.n{text-align:right;font-variant-numeric:tabular-nums}\
+figure{margin:1.2rem 0}figure img,figure svg{max-width:100%;height:auto}figcaption{color:#6b6b6b;font-size:.9rem}\
+.bar{display:inline-block;height:.7em}code{font-size:.85rem;overflow-wrap:anywhere}.sub{color:#6b6b6b;margin-top:0}\
+nav a{margin-right:1.1rem}";
+
+/// The chapter that says what the kernel is and how good.
+pub(super) fn summary(input: &ReportInput) -> Chapter {
+    let (version, content) = (&input.version, &input.version.content);
+    let (metrics, lineage) = (&content.metrics, &content.lineage);
+    let grid = input.model.setup.grid();
+    let mut rows: Vec<(&str, String)> = vec![
+        ("model", word(content.model).to_owned()),
+        (
+            "display",
+            format!(
+                "{}, {}×{} px of {:.2} µm",
+                version.key.display,
+                grid.width_px(),
+                grid.height_px(),
+                grid.pixel_pitch_m() * 1e6
+            ),
+        ),
+        ("optics", format!("{} at {}", version.key.wavelength, version.key.distance)),
+    ];
+    if let Some(over) = &lineage.over_distance {
+        let distances: Vec<String> = over.distances.iter().map(ToString::to_string).collect();
+        let how = if over.interpolated { "interpolated from photographs at" } else { "learned together for" };
+        rows.push((how, distances.join(", ")));
+    }
+    if !lineage.dataset.is_empty() {
+        let pairs = format!(
+            "{} training, {} validation, {} test",
+            metrics.train_pairs, metrics.validation_pairs, metrics.test_pairs
+        );
+        rows.push(("dataset", format!("{} ({pairs})", lineage.dataset)));
+        rows.push(("its digest", lineage.dataset_digest.clone()));
+    }
+    if !lineage.job.is_empty() {
+        rows.push(("job", lineage.job.clone()));
+        rows.push(("parameters", lineage.parameters_json.clone()));
+        rows.push(("seed", lineage.seed.to_string()));
+    }
+    rows.push(("file", format!("{}, {} bytes", content.artifact, content.size_bytes)));
+    rows.push(("Lightpath", lineage.code_version.clone()));
+    let mut body = String::from("<table>");
+    for (name, value) in rows {
+        // Writing to a string cannot fail.
+        let _ = write!(body, "<tr><td>{name}</td><td><code>{}</code></td></tr>", escaped(&value));
+    }
+    body.push_str("</table>");
+    if metrics.test_pairs > 0 {
+        let _ = write!(
+            body,
+            "<table><tr><th>mean squared error</th><th class=n>learned</th><th class=n>ideal kernel</th><th class=n>ratio</th></tr>{}{}\
+             <tr><td>training pairs</td><td class=n>{:.3e}</td><td></td><td></td></tr>{}</table>",
+            losses("held-out pairs, region of interest", metrics.test_loss, metrics.ideal_test_loss),
+            losses("held-out pairs, full frame", metrics.test_loss_full_frame, metrics.ideal_test_loss_full_frame),
+            metrics.train_loss,
+            if metrics.validation_pairs > 0 {
+                format!(
+                    "<tr><td>validation pairs</td><td class=n>{:.3e}</td><td></td><td></td></tr>",
+                    metrics.validation_loss
+                )
+            } else {
+                String::new()
+            }
+        );
+    }
+    Chapter { title: "Summary", body, ..Chapter::default() }
+}
+
+fn losses(name: &str, learned: f64, ideal: f64) -> String {
+    let ratio = if learned > 0.0 {
+        format!("{:.1} dB", 10.0 * (ideal / learned).log10()).replace('-', "−")
+    } else {
+        "–".to_owned()
+    };
+    format!(
+        "<tr><td>{name}</td><td class=n>{learned:.3e}</td><td class=n>{ideal:.3e}</td><td class=n>{ratio}</td></tr>"
+    )
+}
+
+fn word(model: KernelModel) -> &'static str {
+    match model {
+        KernelModel::Paper => "paper",
+        KernelModel::Dense => "dense",
+        KernelModel::Smooth => "smooth",
+        KernelModel::Display => "display",
+        KernelModel::Varying => "varying",
+    }
+}
+
+/// The whole page.
+pub(super) fn html(input: &ReportInput, chapters: &[Chapter]) -> String {
+    let name = escaped(&format!("{}/versions/{}", input.version.key, input.version.version));
+    let how = if input.version.content.lineage.is_interpolated() { "interpolated" } else { "learned" };
+    let mut page = format!(
+        "<!doctype html><html lang=en><meta charset=utf-8><meta name=viewport content=\"width=device-width,initial-scale=1\">\
+         <title>{name}</title><style>{STYLE}</style><h1>Light transport, as {how}</h1><p class=sub>{name}</p><nav>"
+    );
+    for (i, chapter) in chapters.iter().enumerate() {
+        // Writing to a string cannot fail.
+        let _ = write!(page, "<a href=\"#c{i}\">{}</a>", chapter.title);
+    }
+    page.push_str("</nav>");
+    for (i, chapter) in chapters.iter().enumerate() {
+        let _ = write!(page, "<h2 id=c{i}>{}</h2>{}", chapter.title, chapter.body);
+        for figure in &chapter.figures {
+            let _ =
+                write!(page, "<figure>{}<figcaption>{}</figcaption></figure>", picture(figure), escaped(&figure.title));
+        }
+    }
+    page.push_str("</html>\n");
+    page
+}
+
+fn picture(figure: &Figure) -> String {
+    if figure.name.ends_with(".svg") {
+        return String::from_utf8_lossy(&figure.bytes).into_owned();
+    }
+    format!("<img alt=\"{}\" src=\"data:image/png;base64,{}\">", escaped(&figure.title), base64::encode(&figure.bytes))
+}

@@ -1,0 +1,214 @@
+//! What the server tells Prometheus.
+//!
+//! Counters and histograms are kept where things happen; gauges that only the database knows are read when somebody
+//! asks.
+#![cfg_attr(test, allow(clippy::unwrap_used))]
+
+use lightpath_artifacts::Artifacts;
+use lightpath_domain::job::{Job, JobSpec, JobState};
+use lightpath_store::{Store, StoreError};
+use metrics::{Unit, counter, describe_counter, describe_gauge, describe_histogram, gauge, histogram};
+use metrics_exporter_prometheus::{Matcher, PrometheusBuilder, PrometheusHandle};
+use std::sync::OnceLock;
+use std::time::Duration;
+
+const QUEUE_DEPTH: &str = "lightpath_queue_depth";
+const QUEUE_OLDEST: &str = "lightpath_queue_oldest_seconds";
+const JOBS_ENDED: &str = "lightpath_jobs_ended_total";
+const JOB: &str = "lightpath_job_seconds";
+const LEASES_LOST: &str = "lightpath_leases_lost_total";
+const ITERATION: &str = "lightpath_hologram_iteration_seconds";
+const TRANSFORM: &str = "lightpath_hologram_transform_seconds";
+const FETCHES: &str = "lightpath_kernel_fetches_total";
+const REQUESTS: &str = "lightpath_requests_total";
+const REQUEST: &str = "lightpath_request_seconds";
+const ARTIFACTS: &str = "lightpath_artifacts";
+const ARTIFACT_BYTES: &str = "lightpath_artifact_bytes";
+const COLLECTED_JOBS: &str = "lightpath_collected_jobs_total";
+const COLLECTED_ARTIFACTS: &str = "lightpath_collected_artifacts_total";
+const COLLECTED_BYTES: &str = "lightpath_collected_bytes_total";
+const DATABASE_BYTES: &str = "lightpath_database_bytes";
+const WAL_BYTES: &str = "lightpath_wal_bytes";
+const DISK_FREE: &str = "lightpath_disk_free_bytes";
+const DISK_RESERVE: &str = "lightpath_disk_reserve_bytes";
+const BUILD_INFO: &str = "lightpath_build_info";
+
+/// From a small hologram on a fast machine to a large one on a slow machine \[s\].
+const ITERATION_BUCKETS_S: [f64; 12] = [0.0005, 0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 5.0];
+/// From a thumbnail to a display learned overnight \[s\].
+const JOB_BUCKETS_S: [f64; 10] = [0.1, 0.5, 1.0, 5.0, 15.0, 60.0, 300.0, 1200.0, 3600.0, 14_400.0];
+/// From a read of one row to the checking of a large picture \[s\].
+const REQUEST_BUCKETS_S: [f64; 10] = [0.001, 0.0025, 0.005, 0.01, 0.025, 0.1, 0.25, 1.0, 5.0, 30.0];
+
+/// Why a job lost its lease.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LeaseLoss {
+    /// Its worker was not heard of for too long.
+    Expired,
+    /// Its server ended without a word, and the next one found it.
+    ServerDied,
+}
+
+/// A job has ended. How long its last attempt took is told where it ran to its end.
+pub fn job_ended(job: &Job) {
+    let (kind, state) = (kind(&job.spec), job.state.as_str());
+    counter!(JOBS_ENDED, "kind" => kind, "state" => state).increment(1);
+    if let (JobState::Succeeded | JobState::Failed, Some(start_ms), Some(finish_ms)) =
+        (job.state, job.start_time_ms, job.finish_time_ms)
+    {
+        let took = Duration::from_millis(finish_ms.saturating_sub(start_ms).max(0).unsigned_abs());
+        histogram!(JOB, "kind" => kind, "state" => state).record(took.as_secs_f64());
+    }
+}
+
+/// A job was taken from its worker.
+pub fn lease_lost(cause: LeaseLoss, job: &Job) {
+    let cause = match cause {
+        LeaseLoss::Expired => "expired",
+        LeaseLoss::ServerDied => "server_died",
+    };
+    counter!(LEASES_LOST, "cause" => cause).increment(1);
+    if job.state.has_ended() {
+        job_ended(job);
+    }
+}
+
+/// Somebody asked for a kernel's file of a display that there is; a stream counts as OK once it has begun.
+pub fn kernel_fetch(display: &str, code: String) {
+    counter!(FETCHES, "display" => display.to_owned(), "code" => code).increment(1);
+}
+
+/// A hologram's optimizer has done an iteration, of which `transforming` went into the passes of Fourier transforms.
+pub fn hologram_iteration(time: Duration, transforming: Duration) {
+    histogram!(ITERATION).record(time.as_secs_f64());
+    histogram!(TRANSFORM).record(transforming.as_secs_f64());
+}
+
+/// A request was answered (a stream: begun).
+pub fn request(method: String, code: String, time: Duration) {
+    counter!(REQUESTS, "method" => method.clone(), "code" => code).increment(1);
+    histogram!(REQUEST, "method" => method).record(time.as_secs_f64());
+}
+
+/// A collection has removed this much.
+pub fn collected(jobs: u64, artifacts: u64, bytes: u64) {
+    counter!(COLLECTED_JOBS).increment(jobs);
+    counter!(COLLECTED_ARTIFACTS).increment(artifacts);
+    counter!(COLLECTED_BYTES).increment(bytes);
+}
+
+/// Starts to record; everything recorded earlier is lost. The recorder is the process's: all servers in one share it.
+pub fn install() {
+    let _ = handle();
+}
+
+/// Counts what was measured into its buckets. Until then every measurement takes memory of its own, asked for or not.
+pub fn sum_up() {
+    if let Some(handle) = handle() {
+        handle.run_upkeep();
+    }
+}
+
+/// All metrics in Prometheus' text format.
+pub async fn render(store: &Store, files: &Artifacts, now_ms: i64) -> Result<String, StoreError> {
+    let Some(handle) = handle() else {
+        return Ok(String::new());
+    };
+    for depth in store.queue_depths().await? {
+        gauge!(QUEUE_DEPTH, "kind" => depth.kind, "state" => depth.state.as_str()).set(depth.jobs as f64);
+    }
+    for (kind, age) in store.oldest_due(now_ms).await? {
+        gauge!(QUEUE_OLDEST, "kind" => kind).set(age.as_secs_f64());
+    }
+    let (database, wal) = store.file_bytes();
+    gauge!(DATABASE_BYTES).set(database as f64);
+    gauge!(WAL_BYTES).set(wal as f64);
+    let (artifacts, bytes) = store.artifact_totals().await?;
+    gauge!(ARTIFACTS).set(artifacts as f64);
+    gauge!(ARTIFACT_BYTES).set(bytes as f64);
+    if let Ok(free) = files.free_bytes() {
+        gauge!(DISK_FREE).set(free as f64);
+    }
+    gauge!(DISK_RESERVE).set(files.space_limits().reserve_bytes as f64);
+    gauge!(BUILD_INFO, "version" => env!("CARGO_PKG_VERSION")).set(1.0);
+    handle.run_upkeep();
+    Ok(handle.render())
+}
+
+fn handle() -> Option<&'static PrometheusHandle> {
+    static HANDLE: OnceLock<Option<PrometheusHandle>> = OnceLock::new();
+    // `None` where the program that embeds the server has a recorder of its own.
+    let install = || {
+        let builder = PrometheusBuilder::new()
+            .set_buckets_for_metric(Matcher::Full(ITERATION.to_owned()), &ITERATION_BUCKETS_S)
+            .and_then(|it| it.set_buckets_for_metric(Matcher::Full(TRANSFORM.to_owned()), &ITERATION_BUCKETS_S))
+            .and_then(|it| it.set_buckets_for_metric(Matcher::Full(JOB.to_owned()), &JOB_BUCKETS_S))
+            .and_then(|it| it.set_buckets_for_metric(Matcher::Full(REQUEST.to_owned()), &REQUEST_BUCKETS_S));
+        let handle = builder.and_then(PrometheusBuilder::install_recorder).ok()?;
+        describe();
+        Some(handle)
+    };
+    HANDLE.get_or_init(install).as_ref()
+}
+
+fn describe() {
+    describe_gauge!(QUEUE_DEPTH, "Jobs that wait or run, by kind and state");
+    describe_gauge!(QUEUE_OLDEST, Unit::Seconds, "How long the first job in turn has been due, by kind");
+    describe_counter!(JOBS_ENDED, "Jobs that ended, by kind and state");
+    describe_histogram!(JOB, Unit::Seconds, "Time of the last attempt of jobs that succeeded or failed");
+    describe_counter!(LEASES_LOST, "Jobs that were taken from a worker that was silent or dead, by cause");
+    describe_counter!(FETCHES, "Fetches of kernels, by display and status code");
+    describe_histogram!(ITERATION, Unit::Seconds, "Time of one iteration of a hologram's optimizer");
+    describe_histogram!(TRANSFORM, Unit::Seconds, "Time of its Fourier transforms, with what the same passes do");
+    describe_counter!(REQUESTS, "Requests, by method and status code");
+    describe_histogram!(REQUEST, Unit::Seconds, "Time to the answer, by method");
+    describe_gauge!(ARTIFACTS, "Stored artifacts");
+    describe_gauge!(ARTIFACT_BYTES, Unit::Bytes, "Bytes of all stored artifacts");
+    describe_counter!(COLLECTED_JOBS, "Ended jobs that were removed because of their age");
+    describe_counter!(COLLECTED_ARTIFACTS, "Unreferenced artifacts that were removed because of their age");
+    describe_counter!(COLLECTED_BYTES, Unit::Bytes, "Bytes of those artifacts");
+    describe_gauge!(DATABASE_BYTES, Unit::Bytes, "Size of the database file");
+    describe_gauge!(WAL_BYTES, Unit::Bytes, "Size of the database's write-ahead log");
+    describe_gauge!(DISK_FREE, Unit::Bytes, "Free space on the disk of the data folder");
+    describe_gauge!(DISK_RESERVE, Unit::Bytes, "Free space below which new jobs and uploads are refused");
+    describe_gauge!(BUILD_INFO, "The server's version");
+}
+
+fn kind(spec: &JobSpec) -> &'static str {
+    match spec {
+        JobSpec::OptimizeHologram(_) => "optimize_hologram",
+        JobSpec::LearnKernel(_) => "learn_kernel",
+        JobSpec::SimulateCapture(_) => "simulate_capture",
+        JobSpec::EvaluateKernel(_) => "evaluate_kernel",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    /// The names of metrics in a text, without what Prometheus adds to those of histograms.
+    fn names(text: &str) -> BTreeSet<String> {
+        let is_part = |c: char| c.is_ascii_lowercase() || c == '_';
+        let starts = text.match_indices("lightpath_").map(|(start, _)| &text[start..]);
+        let ends = |rest: &str| rest.find(|c| !is_part(c)).unwrap_or(rest.len());
+        let whole = starts.map(|rest| rest[..ends(rest)].to_owned());
+        let suffixes = ["_bucket", "_sum", "_count"];
+        whole.map(|name| suffixes.iter().find_map(|it| name.strip_suffix(it)).unwrap_or(&name).to_owned()).collect()
+    }
+
+    #[test]
+    fn the_page_and_the_dashboard_name_what_there_is() {
+        let constants: String = include_str!("lib.rs").lines().filter(|line| line.starts_with("const ")).collect();
+        let here = names(&constants);
+        let page = names(include_str!("../../../docs/operating.md"));
+        let dashboard = names(include_str!("../../../docs/operating/grafana.json"));
+        // The crate's name, for the log.
+        let crate_name = env!("CARGO_CRATE_NAME");
+        let named = page.union(&dashboard).filter(|name| *name != crate_name);
+        let unknown: Vec<_> = named.filter(|name| !here.contains(*name)).collect();
+        assert_eq!(unknown, Vec::<&String>::new(), "no such metric");
+        let untold: Vec<_> = here.difference(&page).collect();
+        assert_eq!(untold, Vec::<&String>::new(), "docs/operating.md says nothing of it");
+    }
+}

@@ -1,0 +1,102 @@
+//! What people may do to a job: cancel it, queue it again.
+
+use super::changes::Change;
+use super::events::happened;
+use super::jobs::{active_with_key, job_of};
+use super::write::Write;
+use super::{Store, StoreError, dependencies};
+use lightpath_domain::job::{Job, JobState};
+
+impl Store {
+    /// Cancels a queued job at once; of a running one it records the wish, and the worker ends it.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::NotFound`]; [`StoreError::Precondition`] where the job has ended.
+    pub async fn cancel(&self, id: &str, now_ms: i64) -> Result<Job, StoreError> {
+        let id = id.to_owned();
+        self.write(move |write| Box::pin(async move { cancel(write, &id, now_ms).await })).await
+    }
+
+    /// Queues a failed or cancelled job again, with fresh attempts.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::NotFound`]; [`StoreError::Precondition`] where the job waits, runs or has succeeded.
+    pub async fn retry(&self, id: &str, now_ms: i64) -> Result<Job, StoreError> {
+        let id = id.to_owned();
+        self.write(move |write| Box::pin(async move { retry(write, &id, now_ms).await })).await
+    }
+}
+
+async fn cancel(write: &mut Write, id: &str, now_ms: i64) -> Result<Job, StoreError> {
+    let job = read(write, id).await?;
+    match job.state {
+        JobState::Queued => {
+            let row = sqlx::query(
+                "update job set state = 'cancelled', finish_time_ms = ?2, cancel_requested = 1, checkpoint = null, \
+                 revision = revision + 1 where id = ?1 returning *",
+            )
+            .bind(id)
+            .bind(now_ms)
+            .fetch_one(write.sql())
+            .await?;
+            let job = job_of(&row)?;
+            happened(write, &job, now_ms, "cancelled").await?;
+            dependencies::failed(write, &job, now_ms).await?;
+            Ok(job)
+        }
+        JobState::Running if job.cancel_requested => Ok(job),
+        JobState::Running => {
+            let row =
+                sqlx::query("update job set cancel_requested = 1, revision = revision + 1 where id = ?1 returning *")
+                    .bind(id)
+                    .fetch_one(write.sql())
+                    .await?;
+            let job = job_of(&row)?;
+            happened(write, &job, now_ms, "cancel requested").await?;
+            write.announce(Change::Cancel(job.id.clone()));
+            Ok(job)
+        }
+        JobState::Succeeded | JobState::Failed | JobState::Cancelled => {
+            let message = format!("jobs/{id} has ended ({}) and cannot be cancelled", job.state.as_str());
+            Err(StoreError::precondition("JOB_ENDED", message))
+        }
+    }
+}
+
+async fn retry(write: &mut Write, id: &str, now_ms: i64) -> Result<Job, StoreError> {
+    let job = read(write, id).await?;
+    if !matches!(job.state, JobState::Failed | JobState::Cancelled) {
+        let message = format!(
+            "the state of jobs/{id} is {}; only a failed or cancelled job can be queued again",
+            job.state.as_str()
+        );
+        return Err(StoreError::precondition("JOB_NOT_RETRYABLE", message));
+    }
+    if let Some(key) = &job.scheduling.unique_key
+        && let Some(other) = active_with_key(write.sql(), key).await?
+    {
+        let message = format!("jobs/{other} has the same unique_key \"{key}\" and has not ended");
+        return Err(StoreError::precondition("NOT_UNIQUE", message));
+    }
+    let waiting_for = dependencies::open_ones(write, &job.scheduling.after).await?;
+    let row = sqlx::query(
+        "update job set state = 'queued', failures = 0, crashes = 0, cancel_requested = 0, error = null, progress = null, \
+         finish_time_ms = null, run_time_ms = ?2, waiting_for = ?3, revision = revision + 1 where id = ?1 returning *",
+    )
+    .bind(id)
+    .bind(now_ms)
+    .bind(waiting_for)
+    .fetch_one(write.sql())
+    .await?;
+    let job = job_of(&row)?;
+    happened(write, &job, now_ms, "queued again by hand").await?;
+    write.announce(Change::Claimable);
+    Ok(job)
+}
+
+async fn read(write: &mut Write, id: &str) -> Result<Job, StoreError> {
+    let row = sqlx::query("select * from job where id = ?").bind(id).fetch_optional(write.sql()).await?;
+    job_of(&row.ok_or_else(|| StoreError::not_found(format!("jobs/{id}")))?)
+}

@@ -1,0 +1,55 @@
+//! Random histories of a whole queue against a model that does everything the slow way: it looks at every job for every
+//! question, keeps no lanes and no counts.
+//!
+//! `LIGHTPATH_MODEL_COMMANDS=100000 cargo test --release -p lightpath-store --lib the_queue_agrees_with_its_model` takes
+//! that many commands; the default is a short run.
+
+mod command;
+mod model;
+mod worlds;
+
+use self::command::command;
+use self::model::Model;
+use self::worlds::Worlds;
+use super::*;
+use crate::{ClaimLimits, JobFilter, QueueLimits};
+use lightpath_domain::job::{JobState, Lease, Scheduling};
+use proptest::prelude::*;
+use std::collections::BTreeSet;
+
+/// Commands of one history.
+const HISTORY: usize = 250;
+/// Commands in every run of the tests.
+const COMMANDS: usize = 3000;
+const OWNERS: [&str; 3] = ["", "ada", "bob"];
+const DISPLAYS: [&str; 2] = ["lab", "other"];
+const KEYS: [&str; 2] = ["k", "l"];
+const QUEUE: QueueLimits = QueueLimits { queued: 12, queued_per_owner: 6, stored_bytes_per_owner: 0 };
+
+fn histories() -> u32 {
+    let commands = std::env::var("LIGHTPATH_MODEL_COMMANDS").map_or(COMMANDS, |commands| commands.parse().unwrap());
+    commands.div_ceil(HISTORY) as u32
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: histories(), failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn the_queue_agrees_with_its_model(commands in prop::collection::vec(command(), HISTORY)) {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+        runtime.block_on(async {
+            let (store, folder) = store().await;
+            store.create_display(&display("other"), 1).await.unwrap();
+            let mut worlds = Worlds { store, model: Model { now_ms: 1000, ..Model::default() }, submitted: 0 };
+            for command in commands {
+                worlds.take(command.clone()).await;
+                worlds.compare().await;
+            }
+            worlds.store.close().await;
+            let mut inspection = crate::Inspection::open(&folder.path().join("lightpath.db")).await.unwrap();
+            assert_eq!(inspection.damages().await.unwrap(), Vec::<String>::new());
+            assert_eq!(inspection.contradictions().await.unwrap(), Vec::<String>::new());
+            inspection.close().await.unwrap();
+        });
+    }
+}

@@ -1,0 +1,164 @@
+//! Databases of every earlier version, with data as that version wrote it, brought up to date.
+
+use super::*;
+use crate::open::{MIGRATIONS, connect_options, migrator};
+use crate::{Inspection, JobFilter};
+use lightpath_domain::display::Display;
+use lightpath_domain::job::JobState;
+use sqlx::{ConnectOptions as _, Connection as _, Row};
+use std::path::Path;
+
+/// Rows as the step with this number leaves them, each step's tables with at least one row of every state.
+const ROWS: &[(usize, &str)] = &[
+    (
+        1,
+        r#"insert into display values ('lab', '{"id":"lab","width_px":64,"height_px":64,"pixel_pitch_m":8e-6,
+        "bit_depth":8,"wavelengths":[{"pm":515000}],"phase_response_rad":null,"carrier":null,"notes":"",
+        "simulated_bench":null}', 1)"#,
+    ),
+    (
+        2,
+        "insert into artifact (digest, size_bytes, create_time_ms)
+        select 'sha256-' || printf('%064x', value), 7, 1 from json_each('[0, 1, 2, 3]')",
+    ),
+    (
+        3,
+        "insert into dataset (id, display, wavelength_pm, distance_nm, photo_encoding, create_time_ms)
+        values ('d', 'lab', 515000, 150000000, 'linear', 5), ('open', 'lab', 515000, 150000000, 'srgb', 6);
+        insert into pair select 'd', 'p0', 'sha256-' || printf('%064x', 0), 'sha256-' || printf('%064x', 1), 'train';
+        insert into pair select 'd', 'p1', 'sha256-' || printf('%064x', 2), 'sha256-' || printf('%064x', 3), 'test';
+        update dataset set pair_count = 2, digest = 'sha256-d', finalize_time_ms = 7 where id = 'd'",
+    ),
+    (
+        4,
+        r#"insert into kernel (id, name, display, wavelength_pm, distance_nm, latest_version, create_time_ms)
+        values (1, 'displays/lab/kernels/515nm-150mm', 'lab', 515000, 150000000, 1, 8);
+        insert into kernel_version select 1, 1, 'display', 'sha256-' || printf('%064x', 1), 7,
+        '{"train_pairs":1,"validation_pairs":0,"test_pairs":1,"train_loss":0.1,"validation_loss":0.0,"test_loss":0.2,
+        "ideal_test_loss":0.3,"test_loss_full_frame":0.2,"ideal_test_loss_full_frame":0.3}',
+        '{"job":"","dataset":"","dataset_digest":"","parameters_json":"{}","seed":1,"code_version":"0.1.0",
+        "parent_version":0}', 9;
+        update kernel set active_version = 1;
+        insert into kernel_move (kernel, time_ms, from_version, to_version, reason) values (1, 10, null, 1, 'good')"#,
+    ),
+    (
+        5,
+        r#"insert into job (id, request_id, display, spec, state, priority, attempt, attempts_max, create_time_ms,
+        run_time_ms, start_time_ms, finish_time_ms, lease_id, lease_until_ms, worker, progress, error, result, checkpoint)
+        select column1, 'request-' || column1, 'lab', '{"kind":"simulate_capture","display":"lab",
+        "wavelength":{"pm":515000},"distance":{"nm":150000000},"phase":"sha256-' || printf('%064x', 0) || '","seed":1}',
+        column2, 0, column3, 3, 11, 11, column4, column5, column6, column7, column8, null, column9, column10, column11
+        from (values
+        ('a', 'queued', 0, null, null, null, null, null, null, null, null),
+        ('b', 'running', 1, 12, null, 'lease', 99, 'w', null, null, 'sha256-c'),
+        ('c', 'succeeded', 1, 12, 13, null, null, null, null,
+            '{"kind":"capture","photo":"sha256-' || printf('%064x', 1) || '"}', null),
+        ('d', 'failed', 3, 12, 13, null, null, null, '{"reason":"IO","message":"no","retryable":false}', null, null),
+        ('e', 'cancelled', 1, 12, 13, null, null, null, null, null, null));
+        insert into job_event (job, time_ms, attempt, message)
+        select id, 11, 0, 'queued' from job union all select 'c', 13, 1, 'succeeded'"#,
+    ),
+];
+
+/// A database as the version with this many steps left it.
+async fn database_of(path: &Path, steps: usize) {
+    let mut connection = connect_options(path).connect().await.unwrap();
+    for step in 1..=steps {
+        migrator(step).run(&mut connection).await.unwrap();
+        for (_, rows) in ROWS.iter().filter(|(after, _)| *after == step) {
+            sqlx::raw_sql(*rows).execute(&mut connection).await.unwrap();
+        }
+    }
+    connection.close().await.unwrap();
+}
+
+/// Every table, index and trigger, without the spaces in which texts differ.
+async fn schema(path: &Path) -> Vec<(String, String)> {
+    let mut connection = connect_options(path).connect().await.unwrap();
+    let sql = "select type || ' ' || name as name, coalesce(sql, '') as sql from sqlite_master order by 1";
+    let rows = sqlx::query(sql).fetch_all(&mut connection).await.unwrap();
+    connection.close().await.unwrap();
+    rows.iter().map(|row| (row.get("name"), row.get("sql"))).collect()
+}
+
+#[tokio::test]
+async fn databases_of_every_version_keep_their_data() {
+    let folder = tempfile::tempdir().unwrap();
+    let fresh = folder.path().join("fresh.db");
+    Store::open(&fresh).await.unwrap().close().await;
+    let expected = schema(&fresh).await;
+    for steps in 1..=MIGRATIONS.len() {
+        let path = folder.path().join(format!("{steps}.db"));
+        database_of(&path, steps).await;
+        let beside = Store::open_beside(&path).await;
+        assert_eq!(beside.is_ok(), steps == MIGRATIONS.len(), "another program leaves an older one alone");
+        drop(beside);
+        let store = Store::open(&path).await.unwrap();
+        let square = Display { height_px: 64, ..display("lab") };
+        assert_eq!(store.display("lab").await.unwrap(), (square, 1), "after {steps} steps");
+        if steps >= 2 {
+            assert_eq!(store.artifact(&digest(3)).await.unwrap().unwrap().size_bytes, 7);
+        }
+        if steps >= 3 {
+            let dataset = store.dataset("d").await.unwrap();
+            assert_eq!((dataset.pairs.len(), dataset.digest.as_deref()), (2, Some("sha256-d")));
+            store.add_pair("open", &pair(0)).await.unwrap();
+        }
+        if steps >= 4 {
+            assert_eq!(store.kernel(&key()).await.unwrap().active_version, Some(1));
+            assert_eq!(store.kernel_moves(&key(), None, 9).await.unwrap()[0].reason, "good");
+            for model in [KernelModel::Display, KernelModel::Varying] {
+                let content = NewKernelVersion { model, ..new_version(2) };
+                let added = store.add_kernel_version(&key(), content, 20).await.unwrap();
+                assert_eq!(store.kernel_version(&key(), added.version).await.unwrap().content.model, model);
+            }
+        }
+        if steps >= 5 {
+            jobs_are_there(&store).await;
+        }
+        store.record_artifact(&digest(0), 7, "", 20).await.unwrap();
+        submit(&store, "new", 20).await;
+        assert!(store.claim(20, LEASE_MS, "w").await.unwrap().is_some());
+        store.close().await;
+        assert_eq!(schema(&path).await, expected, "after {steps} steps");
+        let mut inspection = Inspection::open(&path).await.unwrap();
+        assert_eq!(inspection.damages().await.unwrap(), Vec::<String>::new(), "after {steps} steps");
+        assert_eq!(inspection.contradictions().await.unwrap(), Vec::<String>::new());
+        inspection.close().await.unwrap();
+    }
+}
+
+async fn jobs_are_there(store: &Store) {
+    use JobState::{Cancelled, Failed, Queued, Running, Succeeded};
+    let jobs = store.jobs(&JobFilter::default(), None, 9).await.unwrap();
+    let states: Vec<_> = jobs.iter().rev().map(|job| (job.id.as_str(), job.state)).collect();
+    assert_eq!(states, [("a", Queued), ("b", Running), ("c", Succeeded), ("d", Failed), ("e", Cancelled)]);
+    assert_eq!(jobs[2].result, Some(result()));
+    assert_eq!(jobs[0].spec, new_job("", 1).spec);
+    store.recover_orphans(14).await.unwrap();
+    let job = store.job("b").await.unwrap();
+    assert_eq!((job.state, job.checkpoint.as_deref()), (Queued, Some("sha256-c")));
+    assert_eq!(store.retry("d", 15).await.unwrap().state, Queued);
+    for _ in ["a", "b", "d"] {
+        let (_, lease) = store.claim(16, LEASE_MS, "w").await.unwrap().unwrap();
+        store.finish(&lease, result(), None, 17).await.unwrap();
+    }
+}
+
+#[tokio::test]
+async fn a_database_of_a_newer_version_is_left_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("lightpath.db");
+    Store::open(&path).await.unwrap().close().await;
+    let mut connection = connect_options(&path).connect().await.unwrap();
+    let newer = MIGRATIONS.len() as i64 + 1;
+    sqlx::query("insert into _sqlx_migrations values (?, 'from the future', 0, true, x'00', 1)")
+        .bind(newer)
+        .execute(&mut connection)
+        .await
+        .unwrap();
+    connection.close().await.unwrap();
+    for refused in [Store::open(&path).await.map(drop), Inspection::open(&path).await.map(drop)] {
+        assert!(matches!(refused, Err(StoreError::NewerDatabase { step }) if step == newer), "{refused:?}");
+    }
+}

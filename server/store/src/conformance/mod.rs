@@ -1,0 +1,83 @@
+//! What every store must do, on a real database in a temporary folder.
+//!
+//! `queue`: the life of jobs. `scheduling`: when and for whom they run. `registry`: displays, artifacts, datasets,
+//! kernels. `model`: random histories of a job against a model of a few lines; `machine`: of a whole queue. `migrations`:
+//! databases of earlier versions. `scale`: many jobs.
+mod machine;
+mod migrations;
+mod model;
+mod queue;
+mod registry;
+mod scale;
+mod scheduling;
+
+use super::{Store, StoreError};
+use lightpath_domain::dataset::{Dataset, Encoding, Pair};
+use lightpath_domain::job::{CaptureResult, JobError, JobResult, JobSpec, NewJob};
+use lightpath_domain::kernel::{KernelKey, KernelLineage, KernelMetrics, KernelModel, NewKernelVersion};
+use lightpath_domain::units::Distance;
+use lightpath_fixtures::{DISTANCE, WAVELENGTH, capture_job, display};
+use tempfile::TempDir;
+
+const QUEUE_LIMIT: u32 = 100;
+const LEASE_MS: i64 = 30_000;
+
+/// A store with the display `lab`, and the folder that it lives in.
+async fn store() -> (Store, TempDir) {
+    let folder = tempfile::tempdir().unwrap();
+    let store = Store::open(&folder.path().join("lightpath.db")).await.unwrap();
+    store.create_display(&display("lab"), 1).await.unwrap();
+    // What `new_job` reads.
+    store.record_artifact(&digest(0), 7, "", 1).await.unwrap();
+    (store, folder)
+}
+
+/// The cheapest kind of job; the seed tells jobs apart.
+fn new_job(request_id: &str, seed: u64) -> NewJob {
+    capture_job(request_id, &digest(0), seed)
+}
+
+fn result() -> JobResult {
+    JobResult::Capture(CaptureResult { photo: digest(1), propagation: None })
+}
+
+fn trouble() -> JobError {
+    JobError { reason: "IO".to_owned(), message: "the disk sighed".to_owned(), retryable: true }
+}
+
+fn digest(n: u32) -> String {
+    format!("sha256-{n:064x}")
+}
+
+async fn submit(store: &Store, request_id: &str, now_ms: i64) -> String {
+    store.submit(&new_job(request_id, 1), now_ms, QUEUE_LIMIT).await.unwrap().0.id
+}
+
+fn dataset(id: &str) -> Dataset {
+    Dataset::empty(id.to_owned(), "lab".to_owned(), WAVELENGTH, DISTANCE, Encoding::Linear)
+}
+
+fn pair(n: u32) -> Pair {
+    Pair { id: format!("p{n}"), phase: digest(2 * n), photo: digest(2 * n + 1), ..Pair::default() }
+}
+
+fn key() -> KernelKey {
+    KernelKey { display: "lab".to_owned(), wavelength: WAVELENGTH, distance: DISTANCE }
+}
+
+fn new_version(n: u32) -> NewKernelVersion {
+    NewKernelVersion {
+        model: KernelModel::Display,
+        artifact: digest(n),
+        size_bytes: 7,
+        metrics: KernelMetrics { test_loss: 0.001, ..KernelMetrics::default() },
+        lineage: KernelLineage { seed: u64::MAX, ..KernelLineage::default() },
+    }
+}
+
+/// Records the artifacts 0 to `count` − 1.
+async fn record(store: &Store, count: u32) {
+    for n in 0..count {
+        store.record_artifact(&digest(n), 7, "", 1).await.unwrap();
+    }
+}

@@ -1,0 +1,173 @@
+//! Random histories against a model: one job's state, attempts, failures and lease, as the rules say.
+
+use super::*;
+use lightpath_domain::job::{JobState, Lease};
+use proptest::prelude::*;
+
+#[derive(Clone, Copy, Debug)]
+enum Step {
+    Claim,
+    Heartbeat,
+    Checkpoint,
+    Finish,
+    FailForNow,
+    FailForGood,
+    Release,
+    Expire,
+    Cancel,
+    Retry,
+    Wait(i64),
+}
+
+/// What the rules say about the only job.
+#[derive(Debug)]
+struct Model {
+    state: JobState,
+    attempt: u32,
+    failures: u32,
+    cancel_requested: bool,
+    until_ms: i64,
+}
+
+fn steps() -> impl Strategy<Value = Vec<Step>> {
+    let step = prop_oneof![
+        4 => Just(Step::Claim),
+        2 => Just(Step::Heartbeat),
+        1 => Just(Step::Checkpoint),
+        1 => Just(Step::Finish),
+        3 => Just(Step::FailForNow),
+        1 => Just(Step::FailForGood),
+        1 => Just(Step::Release),
+        2 => Just(Step::Expire),
+        1 => Just(Step::Cancel),
+        2 => Just(Step::Retry),
+        3 => (1..=2 * LEASE_MS).prop_map(Step::Wait),
+    ];
+    prop::collection::vec(step, 1..40)
+}
+
+impl Model {
+    fn held(&self, now_ms: i64) -> bool {
+        self.state == JobState::Running && now_ms < self.until_ms
+    }
+
+    fn fail(&mut self, again: bool) {
+        self.state = match (self.cancel_requested, again && self.failures + 1 < 3) {
+            (true, _) => JobState::Cancelled,
+            (false, true) => JobState::Queued,
+            (false, false) => JobState::Failed,
+        };
+        if !self.cancel_requested {
+            self.failures += 1;
+        }
+    }
+
+    fn end(&mut self, state: JobState) {
+        self.state = if self.cancel_requested { JobState::Cancelled } else { state };
+    }
+}
+
+/// Takes one step in both worlds; `leases` are all leases ever given, the latest is used.
+async fn take(step: Step, store: &Store, id: &str, model: &mut Model, lease: &mut Option<Lease>, now: &mut i64) {
+    let held = model.held(*now);
+    let no_lease = Lease { job: id.to_owned(), attempt: 0, lease_id: String::new(), until_ms: 0 };
+    let used = lease.clone().unwrap_or(no_lease);
+    let allowed = match step {
+        Step::Claim => {
+            let claimed = store.claim(*now, LEASE_MS, "w").await.unwrap();
+            assert_eq!(claimed.is_some(), model.state == JobState::Queued);
+            if let Some((_, given)) = claimed {
+                *lease = Some(given);
+                model.state = JobState::Running;
+                model.attempt += 1;
+                model.until_ms = *now + LEASE_MS;
+            }
+            return;
+        }
+        Step::Heartbeat => {
+            let beat = store.heartbeat(&used, *now, LEASE_MS).await;
+            if held {
+                model.until_ms = *now + LEASE_MS;
+            }
+            beat.is_ok()
+        }
+        Step::Checkpoint => {
+            if held {
+                model.failures = 0;
+            }
+            store.checkpoint(&used, &digest(*now as u32), *now).await.is_ok()
+        }
+        Step::Finish => {
+            if held {
+                model.state = JobState::Succeeded;
+            }
+            store.finish(&used, result(), None, *now).await.is_ok()
+        }
+        Step::FailForNow | Step::FailForGood => {
+            let again = matches!(step, Step::FailForNow);
+            if held {
+                model.fail(again);
+            }
+            store.fail(&used, trouble(), again.then_some(*now), *now).await.is_ok()
+        }
+        Step::Release => {
+            if held {
+                model.end(JobState::Queued);
+            }
+            store.release(&used, *now).await.is_ok()
+        }
+        Step::Expire => {
+            let expired = store.expire_leases(*now).await.unwrap();
+            assert_eq!(expired.len(), usize::from(model.state == JobState::Running && !held));
+            if !expired.is_empty() {
+                model.fail(true);
+            }
+            return;
+        }
+        Step::Cancel => {
+            let cancelled = store.cancel(id, *now).await.is_ok();
+            assert_eq!(cancelled, !model.state.has_ended());
+            match model.state {
+                JobState::Queued => (model.state, model.cancel_requested) = (JobState::Cancelled, true),
+                JobState::Running => model.cancel_requested = true,
+                _ => {}
+            }
+            return;
+        }
+        Step::Retry => {
+            let retried = store.retry(id, *now).await.is_ok();
+            assert_eq!(retried, matches!(model.state, JobState::Failed | JobState::Cancelled));
+            if retried {
+                (model.state, model.failures, model.cancel_requested) = (JobState::Queued, 0, false);
+            }
+            return;
+        }
+        Step::Wait(ms) => {
+            *now += ms;
+            return;
+        }
+    };
+    assert_eq!(allowed, held, "a worker may do what its lease allows");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 48, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn the_queue_does_what_the_rules_say(steps in steps()) {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+        runtime.block_on(async {
+            let (store, _folder) = store().await;
+            let id = submit(&store, "r", 1).await;
+            let mut model =
+                Model { state: JobState::Queued, attempt: 0, failures: 0, cancel_requested: false, until_ms: 0 };
+            let (mut lease, mut now) = (None, 1);
+            for step in steps {
+                take(step, &store, &id, &mut model, &mut lease, &mut now).await;
+                let job = store.job(&id).await.unwrap();
+                assert_eq!((job.state, job.attempt), (model.state, model.attempt), "after {step:?}");
+            }
+            store.close().await;
+        });
+    }
+}

@@ -1,0 +1,363 @@
+use super::*;
+use crate::{JobFilter, QueueCounts, Submitted};
+use lightpath_domain::job::{JobState, JointResult, LearnResult, Lease, Progress};
+
+async fn claim(store: &Store, now_ms: i64) -> Option<(String, Lease)> {
+    store.claim(now_ms, LEASE_MS, "w").await.unwrap().map(|(job, lease)| (job.id, lease))
+}
+
+#[tokio::test]
+async fn the_same_request_is_the_same_job() {
+    let (store, _folder) = store().await;
+    let (job, made) = store.submit(&new_job("r", 1), 10, QUEUE_LIMIT).await.unwrap();
+    assert_eq!((made, job.state, job.revision), (Submitted::New, JobState::Queued, 1));
+    let (again, made) = store.submit(&new_job("r", 1), 20, QUEUE_LIMIT).await.unwrap();
+    assert_eq!((made, &again), (Submitted::Existing, &job));
+    assert!(matches!(store.submit(&new_job("r", 2), 20, QUEUE_LIMIT).await, Err(StoreError::AlreadyExists { .. })));
+    let urgent = NewJob { priority: -1, ..new_job("r", 1) };
+    assert!(matches!(store.submit(&urgent, 20, QUEUE_LIMIT).await, Err(StoreError::AlreadyExists { .. })));
+    assert_eq!(store.job_by_request("r").await.unwrap(), Some(job.clone()));
+    assert_eq!(store.job(&job.id).await.unwrap(), job);
+    assert!(matches!(store.job("nothing").await, Err(StoreError::NotFound { .. })));
+}
+
+#[tokio::test]
+async fn a_full_queue_takes_no_job_but_knows_those_it_has() {
+    let (store, _folder) = store().await;
+    store.submit(&new_job("a", 1), 1, 2).await.unwrap();
+    store.submit(&new_job("b", 1), 1, 2).await.unwrap();
+    assert!(matches!(store.submit(&new_job("c", 1), 1, 2).await, Err(StoreError::QueueFull { limit: 2 })));
+    assert_eq!(store.submit(&new_job("b", 1), 1, 2).await.unwrap().1, Submitted::Existing);
+    claim(&store, 2).await.unwrap();
+    store.submit(&new_job("c", 1), 3, 2).await.unwrap();
+    let mut lost = new_job("d", 1);
+    if let JobSpec::SimulateCapture(spec) = &mut lost.spec {
+        spec.display = "nowhere".to_owned();
+    }
+    assert!(matches!(store.submit(&lost, 3, QUEUE_LIMIT).await, Err(StoreError::NotFound { .. })));
+}
+
+#[tokio::test]
+async fn claims_go_by_priority_then_time_then_age() {
+    let (store, _folder) = store().await;
+    let first = submit(&store, "first", 10).await;
+    let second = submit(&store, "second", 10).await;
+    let earlier = submit(&store, "earlier", 5).await;
+    let urgent = NewJob { priority: -5, ..new_job("urgent", 1) };
+    let urgent = store.submit(&urgent, 20, QUEUE_LIMIT).await.unwrap().0.id;
+    assert_eq!(store.next_run_time(4).await.unwrap(), Some(5));
+    assert_eq!(claim(&store, 4).await, None, "nothing is due yet");
+    for expected in [urgent, earlier, first, second] {
+        assert_eq!(claim(&store, 20).await.unwrap().0, expected);
+    }
+    assert_eq!(claim(&store, 20).await, None);
+    assert_eq!(store.next_run_time(4).await.unwrap(), None);
+}
+
+#[tokio::test]
+async fn an_interrupted_job_keeps_its_place() {
+    let (store, _folder) = store().await;
+    let first = submit(&store, "first", 10).await;
+    submit(&store, "second", 11).await;
+    let (job, lease) = claim(&store, 20).await.unwrap();
+    assert_eq!(job, first);
+    store.release(&lease, 21).await.unwrap();
+    assert_eq!(claim(&store, 22).await.unwrap().0, first, "after a drain");
+    store.recover_orphans(23).await.unwrap();
+    assert_eq!(claim(&store, 24).await.unwrap().0, first, "after a death of the server");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn two_stores_claim_every_job_once() {
+    let (store, folder) = store().await;
+    for n in 0..40 {
+        submit(&store, &format!("r{n}"), 1).await;
+    }
+    let other = Store::open(&folder.path().join("lightpath.db")).await.unwrap();
+    let run = |store: Store| {
+        tokio::spawn(async move {
+            let mut claimed = Vec::new();
+            while let Some((id, lease)) = claim(&store, 2).await {
+                store.finish(&lease, result(), None, 3).await.unwrap();
+                claimed.push(id);
+            }
+            claimed
+        })
+    };
+    let (a, b, c) = tokio::join!(run(store.clone()), run(other.clone()), run(store.clone()));
+    let mut claimed = [a.unwrap(), b.unwrap(), c.unwrap()].concat();
+    claimed.sort();
+    claimed.dedup();
+    assert_eq!(claimed.len(), 40);
+    assert_eq!(other.queue_counts().await.unwrap(), QueueCounts { succeeded: 40, ..QueueCounts::default() });
+}
+
+#[tokio::test]
+async fn a_lost_lease_changes_nothing() {
+    let (store, _folder) = store().await;
+    let id = submit(&store, "r", 1).await;
+    let (_, stale) = claim(&store, 10).await.unwrap();
+    let late = 10 + LEASE_MS;
+    assert!(matches!(store.heartbeat(&stale, late, LEASE_MS).await, Err(StoreError::LeaseLost)), "expired");
+    assert_eq!(store.expire_leases(late - 1).await.unwrap(), []);
+    assert_eq!(store.expire_leases(late).await.unwrap().len(), 1);
+    let (_, fresh) = claim(&store, late).await.unwrap();
+    assert_eq!(fresh.attempt, 2);
+
+    let forged = Lease { lease_id: stale.lease_id.clone(), ..fresh.clone() };
+    for bad in [&stale, &forged] {
+        let now = late + 1;
+        let progress = Progress { stage: "x".into(), step: 1, steps_total: 2, loss: 0.5, eta_s: None };
+        assert!(matches!(store.heartbeat(bad, now, LEASE_MS).await, Err(StoreError::LeaseLost)));
+        assert!(matches!(store.progress(bad, &progress, now).await, Err(StoreError::LeaseLost)));
+        assert!(matches!(store.checkpoint(bad, &digest(5), now).await, Err(StoreError::LeaseLost)));
+        assert!(matches!(store.finish(bad, result(), None, now).await, Err(StoreError::LeaseLost)));
+        assert!(matches!(store.fail(bad, trouble(), None, now).await, Err(StoreError::LeaseLost)));
+        assert!(matches!(store.release(bad, now).await, Err(StoreError::LeaseLost)));
+        assert!(matches!(store.end_cancelled(bad, now).await, Err(StoreError::LeaseLost)));
+    }
+    let job = store.job(&id).await.unwrap();
+    assert_eq!((job.state, job.attempt, job.progress, job.checkpoint), (JobState::Running, 2, None, None));
+
+    let done = store.finish(&fresh, result(), None, late + 2).await.unwrap();
+    assert_eq!((done.state, done.result), (JobState::Succeeded, Some(result())));
+    assert!(matches!(store.finish(&fresh, result(), None, late + 3).await, Err(StoreError::LeaseLost)), "once");
+}
+
+#[tokio::test]
+async fn heartbeats_keep_a_lease() {
+    let (store, _folder) = store().await;
+    submit(&store, "r", 1).await;
+    let (_, lease) = claim(&store, 1).await.unwrap();
+    let mut now = 1;
+    for _ in 0..5 {
+        now += LEASE_MS - 1;
+        let beat = store.heartbeat(&lease, now, LEASE_MS).await.unwrap();
+        assert_eq!((beat.until_ms, beat.cancel_requested), (now + LEASE_MS, false));
+        assert_eq!(store.expire_leases(now).await.unwrap(), []);
+    }
+    store.finish(&lease, result(), None, now).await.unwrap();
+}
+
+#[tokio::test]
+async fn attempts_are_spent_by_failures_and_deaths_but_not_by_drains_or_after_headway() {
+    let (store, _folder) = store().await;
+    let id = submit(&store, "r", 1).await;
+    for drain in 1..=5 {
+        let (_, lease) = claim(&store, drain).await.unwrap();
+        let job = store.release(&lease, drain).await.unwrap();
+        assert_eq!((job.state, job.error), (JobState::Queued, None));
+    }
+    let (_, lease) = claim(&store, 10).await.unwrap();
+    let job = store.fail(&lease, trouble(), Some(50), 10).await.unwrap();
+    assert_eq!((job.state, job.run_time_ms), (JobState::Queued, 50));
+    assert!(job.error.unwrap().retryable);
+    assert_eq!(claim(&store, 49).await, None);
+    let (_, lease) = claim(&store, 50).await.unwrap();
+    assert_eq!(store.checkpoint(&lease, &digest(1), 51).await.unwrap(), None);
+    assert_eq!(store.checkpoint(&lease, &digest(2), 51).await.unwrap(), Some(digest(1)));
+    assert_eq!(store.checkpoint(&lease, &digest(2), 51).await.unwrap(), None);
+    let orphans = store.recover_orphans(52).await.unwrap();
+    assert_eq!((orphans.len(), orphans[0].state, &orphans[0].error), (1, JobState::Queued, &None));
+
+    for state in [JobState::Queued, JobState::Failed] {
+        let (_, lease) = claim(&store, 60).await.unwrap();
+        let job = store.fail(&lease, trouble(), Some(60), 60).await.unwrap();
+        assert_eq!(job.state, state, "a death and two failures since the checkpoint");
+    }
+    let job = store.job(&id).await.unwrap();
+    assert_eq!((job.attempt, job.finish_time_ms), (9, Some(60)));
+    assert!(!job.error.unwrap().retryable);
+    assert_eq!(job.checkpoint, Some(digest(2)), "a retry by hand goes on from here");
+
+    let job = store.retry(&id, 70).await.unwrap();
+    assert_eq!((job.state, job.error, job.finish_time_ms), (JobState::Queued, None, None));
+    let (_, lease) = claim(&store, 70).await.unwrap();
+    assert_eq!(store.fail(&lease, trouble(), None, 71).await.unwrap().state, JobState::Failed, "permanent");
+}
+
+#[tokio::test]
+async fn a_job_that_is_always_there_when_the_server_dies_fails_in_the_end() {
+    let (store, _folder) = store().await;
+    let id = submit(&store, "r", 1).await;
+    let mut deaths = 0;
+    while claim(&store, 10).await.is_some() {
+        store.recover_orphans(10).await.unwrap();
+        deaths += 1;
+    }
+    assert_eq!(deaths, 3);
+    let job = store.job(&id).await.unwrap();
+    assert_eq!((job.state, job.error.unwrap().reason.as_str()), (JobState::Failed, "SERVER_DIED"));
+    assert_eq!(store.retry(&id, 20).await.unwrap().state, JobState::Queued);
+}
+
+#[tokio::test]
+async fn cancelling_ends_a_waiting_job_and_asks_a_running_one() {
+    let (store, _folder) = store().await;
+    let waiting = submit(&store, "waiting", 1).await;
+    let job = store.cancel(&waiting, 2).await.unwrap();
+    assert_eq!((job.state, job.finish_time_ms), (JobState::Cancelled, Some(2)));
+    assert!(matches!(store.cancel(&waiting, 3).await, Err(StoreError::Precondition { .. })));
+
+    let mut cancels = store.subscribe_cancels();
+    let running = submit(&store, "running", 1).await;
+    let (_, lease) = claim(&store, 5).await.unwrap();
+    assert!(matches!(store.retry(&running, 6).await, Err(StoreError::Precondition { .. })));
+    let job = store.cancel(&running, 6).await.unwrap();
+    assert_eq!((job.state, job.cancel_requested), (JobState::Running, true));
+    assert_eq!(cancels.try_recv().unwrap(), running);
+    assert_eq!(store.cancel(&running, 7).await.unwrap().revision, job.revision, "once is enough");
+    assert!(store.heartbeat(&lease, 8, LEASE_MS).await.unwrap().cancel_requested);
+    assert_eq!(store.end_cancelled(&lease, 9).await.unwrap().state, JobState::Cancelled);
+
+    // However the attempt of a cancelled job ends without a result, the job is cancelled.
+    for (request, how) in [("fail", 0), ("drain", 1), ("crash", 2)] {
+        let id = submit(&store, request, 10).await;
+        let (_, lease) = claim(&store, 10).await.unwrap();
+        store.cancel(&id, 11).await.unwrap();
+        match how {
+            0 => drop(store.fail(&lease, trouble(), Some(12), 12).await.unwrap()),
+            1 => drop(store.release(&lease, 12).await.unwrap()),
+            _ => drop(store.recover_orphans(12).await.unwrap()),
+        }
+        assert_eq!(store.job(&id).await.unwrap().state, JobState::Cancelled, "{request}");
+    }
+    let job = store.retry(&running, 20).await.unwrap();
+    assert_eq!((job.state, job.cancel_requested), (JobState::Queued, false));
+}
+
+#[tokio::test]
+async fn a_learned_kernel_gets_its_number_with_the_end_of_its_job() {
+    let (store, _folder) = store().await;
+    record(&store, 3).await;
+    submit(&store, "r", 1).await;
+    let (_, lease) = claim(&store, 1).await.unwrap();
+    let learned = LearnResult {
+        kernel_version: String::new(),
+        metrics: Default::default(),
+        loss_history: vec![0.5],
+        propagation: None,
+        left_out_pairs: Vec::new(),
+        order: 0,
+        joint: vec![JointResult::default()],
+    };
+    let learned = JobResult::Learn(learned);
+    let far = KernelKey { distance: Distance { nm: 200_000_000 }, ..key() };
+    let both = |artifact| vec![(key(), new_version(artifact)), (far.clone(), new_version(2))];
+    let missing = store.finish(&lease, learned.clone(), both(99), 2).await;
+    assert!(matches!(missing, Err(StoreError::NotFound { .. })));
+    let job = store.finish(&lease, learned.clone(), both(1), 2).await.unwrap();
+    let Some(JobResult::Learn(result)) = job.result else { panic!("{:?}", job.result) };
+    assert_eq!(result.kernel_version, "displays/lab/kernels/515nm-150mm/versions/1");
+    assert_eq!(result.joint[0].kernel_version, "displays/lab/kernels/515nm-200mm/versions/1");
+    let again = store.finish(&lease, learned, both(2), 3).await;
+    assert!(matches!(again, Err(StoreError::LeaseLost)));
+    assert_eq!(store.kernel(&key()).await.unwrap().latest_version, 1, "a lost lease leaves no version");
+}
+
+#[tokio::test]
+async fn lists_are_filtered_and_paged_newest_first() {
+    let (store, _folder) = store().await;
+    let mut ids = Vec::new();
+    for n in 0..5 {
+        ids.push(submit(&store, &format!("r{n}"), 1).await);
+    }
+    ids.reverse();
+    let list = |filter: JobFilter, after: Option<String>, limit| {
+        let store = store.clone();
+        async move {
+            let jobs = store.jobs(&filter, after.as_deref(), limit).await.unwrap();
+            jobs.into_iter().map(|job| job.id).collect::<Vec<_>>()
+        }
+    };
+    assert_eq!(list(JobFilter::default(), None, 50).await, ids);
+    assert_eq!(list(JobFilter::default(), Some(ids[1].clone()), 2).await, ids[2..4]);
+    let (running, _) = claim(&store, 2).await.unwrap();
+    let running_only = JobFilter { state: Some(JobState::Running), display: Some("lab".into()), batch: None };
+    assert_eq!(list(running_only, None, 50).await, [running]);
+    let elsewhere = JobFilter { display: Some("elsewhere".into()), ..JobFilter::default() };
+    assert!(list(elsewhere, None, 50).await.is_empty());
+    let counts = store.queue_counts().await.unwrap();
+    assert_eq!((counts.queued, counts.running), (4, 1));
+}
+
+#[tokio::test]
+async fn what_happens_is_told_and_announced() {
+    let (store, _folder) = store().await;
+    let mut changes = store.subscribe_job_changes();
+    let claimable = store.claimable();
+    let id = submit(&store, "r", 1).await;
+    claimable.notified().await;
+    let (_, lease) = claim(&store, 2).await.unwrap();
+    let progress = Progress { stage: "optimize".into(), step: 3, steps_total: 9, loss: 0.25, eta_s: Some(1.5) };
+    store.progress(&lease, &progress, 3).await.unwrap();
+    assert_eq!(store.job(&id).await.unwrap().progress, Some(progress));
+    store.fail(&lease, trouble(), Some(5), 4).await.unwrap();
+    claimable.notified().await;
+    let mut heard = 0;
+    while let Ok(heard_id) = changes.try_recv() {
+        assert_eq!(heard_id, id);
+        heard += 1;
+    }
+    assert_eq!(heard, 4);
+    let events = store.events(&id, None, 50).await.unwrap();
+    let told: Vec<_> = events.iter().map(|event| (event.time_ms, event.attempt, event.message.as_str())).collect();
+    assert_eq!(told, [(1, 0, "queued"), (2, 1, "attempt 1 started by w"), (4, 1, "IO: the disk sighed; queued again")]);
+    assert_eq!(store.events(&id, Some(events[0].sequence), 1).await.unwrap(), events[1..2]);
+    assert!(matches!(store.events("nothing", None, 50).await, Err(StoreError::NotFound { .. })));
+}
+
+#[tokio::test]
+async fn a_caller_that_goes_away_leaves_nothing_half_done() {
+    let (store, _folder) = store().await;
+    for n in 0..20 {
+        let new = new_job(&format!("r{n}"), 1);
+        let mut submit = std::pin::pin!(store.submit(&new, 1, QUEUE_LIMIT));
+        // Polled once, then dropped, as a server drops the call of a client that hung up.
+        let _ = futures::poll!(submit.as_mut());
+    }
+    let (last, _) = store.submit(&new_job("last", 1), 1, QUEUE_LIMIT).await.unwrap();
+    let jobs = store.jobs(&JobFilter::default(), None, 50).await.unwrap();
+    assert!(jobs.contains(&last));
+    for job in jobs {
+        assert_eq!(store.events(&job.id, None, 50).await.unwrap().len(), 1, "each job with its event");
+    }
+}
+
+/// Workers that come back after their jobs were given to others: 50, or as many as `LIGHTPATH_ZOMBIES` says.
+#[tokio::test]
+async fn zombies_write_nothing() {
+    let zombies = std::env::var("LIGHTPATH_ZOMBIES").map_or(50, |zombies| zombies.parse().unwrap());
+    let (store, folder) = store().await;
+    let elsewhere = Store::open(&folder.path().join("lightpath.db")).await.unwrap();
+    let mut rejected = 0;
+    for n in 0..zombies {
+        let now = 10 + i64::from(n) * 3 * LEASE_MS;
+        let id = submit(&store, &format!("r{n}"), now).await;
+        let (_, zombie) = claim(&elsewhere, now).await.unwrap();
+        let late = now + LEASE_MS;
+        assert_eq!(store.expire_leases(late).await.unwrap().len(), 1);
+        let (rescued, fresh) = claim(&store, late).await.unwrap();
+        assert_eq!((&rescued, fresh.attempt), (&id, 2));
+        let saved = store.checkpoint(&fresh, &digest(n), late).await.unwrap();
+        let before = store.job(&id).await.unwrap();
+        let progress = Progress { stage: "x".into(), step: 1, steps_total: 2, loss: 0.5, eta_s: None };
+        let writes = [
+            elsewhere.heartbeat(&zombie, late, LEASE_MS).await.map(drop),
+            elsewhere.progress(&zombie, &progress, late).await,
+            elsewhere.checkpoint(&zombie, &digest(1_000_000), late).await.map(drop),
+            elsewhere.finish(&zombie, result(), None, late).await.map(drop),
+            elsewhere.fail(&zombie, trouble(), None, late).await.map(drop),
+            elsewhere.postpone(&zombie, trouble(), late, late).await.map(drop),
+            elsewhere.release(&zombie, late).await.map(drop),
+            elsewhere.end_cancelled(&zombie, late).await.map(drop),
+        ];
+        for write in writes {
+            assert!(matches!(write, Err(StoreError::LeaseLost)), "{write:?}");
+            rejected += 1;
+        }
+        assert_eq!((saved, store.job(&id).await.unwrap()), (None, before), "nothing has changed");
+        store.finish(&fresh, result(), None, late + 1).await.unwrap();
+    }
+    assert_eq!(rejected, 8 * zombies);
+}

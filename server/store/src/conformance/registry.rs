@@ -1,0 +1,186 @@
+use super::*;
+use crate::QueueLimits;
+use lightpath_domain::dataset::{Split, digest as dataset_digest, draw_split};
+use lightpath_domain::display::Display;
+
+#[tokio::test]
+async fn a_display_is_created_once_and_deleted_when_unused() {
+    let (store, _folder) = store().await;
+    let (stored, time) = store.create_display(&display("lab"), 99).await.unwrap();
+    assert_eq!((stored, time), (display("lab"), 1));
+    let other = Display { bit_depth: 10, ..display("lab") };
+    assert!(matches!(store.create_display(&other, 2).await, Err(StoreError::AlreadyExists { .. })));
+    store.create_display(&display("a-first"), 2).await.unwrap();
+    let ids = |page: Vec<(Display, i64)>| page.into_iter().map(|(display, _)| display.id).collect::<Vec<_>>();
+    assert_eq!(ids(store.displays(None, 50).await.unwrap()), ["a-first", "lab"]);
+    assert_eq!(ids(store.displays(None, 1).await.unwrap()), ["a-first"]);
+    assert_eq!(ids(store.displays(Some("a-first"), 50).await.unwrap()), ["lab"]);
+
+    submit(&store, "r", 5).await;
+    assert!(matches!(store.delete_display("lab").await, Err(StoreError::Precondition { .. })));
+    store.delete_display("a-first").await.unwrap();
+    assert!(matches!(store.delete_display("a-first").await, Err(StoreError::NotFound { .. })));
+    assert!(matches!(store.display("a-first").await, Err(StoreError::NotFound { .. })));
+}
+
+#[tokio::test]
+async fn an_artifact_is_recorded_once() {
+    let (store, _folder) = store().await;
+    assert_eq!(store.artifact(&digest(1)).await.unwrap(), None);
+    store.record_artifact(&digest(1), 7, "", 10).await.unwrap();
+    let record = store.record_artifact(&digest(1), 7, "", 20).await.unwrap();
+    assert_eq!((record.size_bytes, record.create_time_ms), (7, 10));
+    assert_eq!(store.artifact(&digest(1)).await.unwrap(), Some(record));
+    assert!(store.record_artifact("sha256-short", 7, "", 20).await.is_err());
+}
+
+#[tokio::test]
+async fn artifacts_count_for_their_owners_and_concern_their_displays() {
+    let (store, _folder) = store().await;
+    for owner in ["ada", "ada", "bob"] {
+        store.record_artifact(&digest(1), 7, owner, 10).await.unwrap();
+    }
+    store.record_artifact(&digest(2), 5, "ada", 10).await.unwrap();
+    store.require_owner_room("ada", 8, 20).await.unwrap();
+    let full = store.require_owner_room("ada", 9, 20).await.unwrap_err();
+    assert!(matches!(full, StoreError::OwnerBytes { stored_bytes: 12, stored_bytes_max: 20 }), "{full}");
+    store.require_owner_room("bob", 13, 20).await.unwrap();
+    assert!(store.require_owner_room("bob", 14, 20).await.is_err());
+    store.require_owner_room("ada", u64::MAX, 0).await.unwrap();
+
+    let limits = QueueLimits { stored_bytes_per_owner: 12, ..QueueLimits::from(QUEUE_LIMIT) };
+    let mut new = new_job("r", 1);
+    new.scheduling.owner = "ada".to_owned();
+    assert!(matches!(store.submit(&new, 1, limits).await, Err(StoreError::OwnerBytes { .. })));
+    assert!(store.forget_artifact(&digest(2), 11).await.unwrap());
+    store.submit(&new, 1, limits).await.unwrap();
+
+    let lab = ["lab".to_owned()];
+    let concerns = |n: u32, owner: &'static str, displays: &'static [&'static str]| {
+        let (store, displays) = (store.clone(), displays.iter().map(|id| (*id).to_owned()).collect::<Vec<_>>());
+        async move { store.artifact_concerns(&digest(n), owner, &displays).await.unwrap() }
+    };
+    assert!(concerns(0, "cyd", &["lab"]).await, "the job reads it");
+    assert!(!concerns(0, "cyd", &["other"]).await);
+    assert!(concerns(1, "bob", &["other"]).await && !concerns(1, "cyd", &["lab"]).await);
+    store.create_dataset(&dataset("d"), 5).await.unwrap();
+    record(&store, 12).await;
+    store.add_pair("d", &pair(4)).await.unwrap();
+    assert!(store.artifact_concerns(&pair(4).photo, "cyd", &lab).await.unwrap());
+    assert!(!store.artifact_concerns(&pair(4).photo, "cyd", &["other".to_owned()]).await.unwrap());
+}
+
+#[tokio::test]
+async fn a_dataset_takes_pairs_until_it_is_finalized() {
+    let (store, _folder) = store().await;
+    record(&store, 12).await;
+    store.create_dataset(&dataset("d"), 5).await.unwrap();
+    let again = store.create_dataset(&dataset("d"), 9).await.unwrap();
+    assert_eq!(again.create_time_ms, 5);
+    let other = Dataset { distance: Distance { nm: 1 }, ..dataset("d") };
+    assert!(matches!(store.create_dataset(&other, 9).await, Err(StoreError::AlreadyExists { .. })));
+    let lost = Dataset { display: "nowhere".into(), ..dataset("e") };
+    assert!(matches!(store.create_dataset(&lost, 9).await, Err(StoreError::NotFound { .. })));
+
+    for n in 0..5 {
+        store.add_pair("d", &pair(n)).await.unwrap();
+    }
+    assert_eq!(store.add_pair("d", &pair(4)).await.unwrap().pair_count, 5, "the same pair again changes nothing");
+    let same_id = Pair { photo: digest(11), ..pair(4) };
+    let same_phase = Pair { id: "x".into(), photo: digest(11), ..pair(4) };
+    let same_photo = Pair { id: "x".into(), phase: digest(11), ..pair(4) };
+    for taken in [same_id, same_phase, same_photo] {
+        assert!(matches!(store.add_pair("d", &taken).await, Err(StoreError::AlreadyExists { .. })));
+    }
+    let unknown = Pair { id: "y".into(), phase: digest(98), photo: digest(99), ..Pair::default() };
+    assert!(matches!(store.add_pair("d", &unknown).await, Err(StoreError::NotFound { .. })));
+
+    let open = store.dataset("d").await.unwrap();
+    let drawn = draw_split(&open.pairs, 0.2, 0.2, 1);
+    let splits: Vec<_> = drawn.into_iter().map(|(id, split)| (id, Some(split))).collect();
+    let few = &splits[1..];
+    assert!(matches!(store.finalize_dataset("d", few, "x", 20).await, Err(StoreError::Aborted { .. })));
+    let all_train: Vec<_> = splits.iter().map(|(id, _)| (id.clone(), Some(Split::Train))).collect();
+    assert!(matches!(store.finalize_dataset("d", &all_train, "x", 20).await, Err(StoreError::Precondition { .. })));
+
+    let mut split = open.clone();
+    for (pair, (_, s)) in split.pairs.iter_mut().zip(&splits) {
+        pair.split = *s;
+    }
+    let content = dataset_digest(&split);
+    let closed = store.finalize_dataset("d", &splits, &content, 20).await.unwrap();
+    assert_eq!((closed.digest.as_deref(), closed.finalize_time_ms), (Some(content.as_str()), Some(20)));
+    assert_eq!(store.dataset("d").await.unwrap(), closed);
+    assert_eq!(closed.pairs, split.pairs);
+    assert_eq!(store.finalize_dataset("d", &splits, &content, 30).await.unwrap(), closed);
+    assert!(matches!(store.finalize_dataset("d", &splits, "y", 30).await, Err(StoreError::Precondition { .. })));
+    let late = Pair { id: "late".into(), phase: digest(10), photo: digest(11), ..Pair::default() };
+    assert!(matches!(store.add_pair("d", &late).await, Err(StoreError::Precondition { .. })));
+    store.add_pair("d", &pair(0)).await.unwrap();
+
+    store.create_dataset(&dataset("e"), 5).await.unwrap();
+    let ids: Vec<String> =
+        store.datasets(Some("lab"), Some("d"), 50).await.unwrap().into_iter().map(|d| d.id).collect();
+    assert_eq!(ids, ["e"]);
+    assert!(store.datasets(Some("elsewhere"), None, 50).await.unwrap().is_empty());
+}
+
+#[tokio::test]
+async fn versions_are_numbered_and_active_moves_like_a_stack() {
+    let (store, _folder) = store().await;
+    record(&store, 10).await;
+    let mut changes = store.subscribe_kernel_changes();
+    assert!(matches!(store.kernel(&key()).await, Err(StoreError::NotFound { .. })));
+    assert!(matches!(store.add_kernel_version(&key(), new_version(77), 1).await, Err(StoreError::NotFound { .. })));
+    assert!(matches!(store.kernel(&key()).await, Err(StoreError::NotFound { .. })), "nothing half-made is left");
+    for n in 1..=4 {
+        assert_eq!(store.add_kernel_version(&key(), new_version(n), i64::from(n)).await.unwrap().version, n);
+    }
+    assert_eq!(changes.try_recv().unwrap(), key());
+    assert_eq!(store.kernel(&key()).await.unwrap().active_version, None);
+    assert!(matches!(store.rollback(&key(), "", 1).await, Err(StoreError::Precondition { .. })));
+    assert!(matches!(store.promote(&key(), 5, None, "", 1).await, Err(StoreError::NotFound { .. })));
+
+    let promote = |version, expected| {
+        let store = store.clone();
+        async move { store.promote(&key(), version, expected, "better", 9).await }
+    };
+    promote(1, Some(None)).await.unwrap();
+    promote(2, Some(Some(1))).await.unwrap();
+    assert!(matches!(promote(3, Some(Some(1))).await, Err(StoreError::Aborted { .. })));
+    assert!(matches!(promote(3, Some(None)).await, Err(StoreError::Aborted { .. })));
+    promote(3, None).await.unwrap();
+    promote(3, None).await.unwrap();
+    assert_eq!(store.rollback(&key(), "worse", 10).await.unwrap().active_version, Some(2));
+    assert_eq!(store.rollback(&key(), "worse", 11).await.unwrap().active_version, Some(1));
+    assert!(matches!(store.rollback(&key(), "worse", 12).await, Err(StoreError::Precondition { .. })));
+    promote(4, None).await.unwrap();
+    assert_eq!(store.rollback(&key(), "worse", 13).await.unwrap().active_version, Some(1));
+
+    let moves = store.kernel_moves(&key(), None, 50).await.unwrap();
+    let told: Vec<_> = moves.iter().map(|m| (m.from_version, m.to_version, m.rollback)).collect();
+    assert_eq!(
+        told,
+        [
+            (Some(4), 1, true),
+            (Some(1), 4, false),
+            (Some(2), 1, true),
+            (Some(3), 2, true),
+            (Some(2), 3, false),
+            (Some(1), 2, false),
+            (None, 1, false),
+        ]
+    );
+    let page = store.kernel_moves(&key(), Some(moves[1].sequence), 2).await.unwrap();
+    assert_eq!(page, moves[2..4]);
+
+    let versions = store.kernel_versions(&key(), Some(4), 2).await.unwrap();
+    assert_eq!(versions.iter().map(|v| (v.version, v.active)).collect::<Vec<_>>(), [(3, false), (2, false)]);
+    let first = store.kernel_version(&key(), 1).await.unwrap();
+    assert_eq!((first.active, first.content), (true, new_version(1)));
+    assert!(matches!(store.kernel_version(&key(), 5).await, Err(StoreError::NotFound { .. })));
+    let kernels = store.kernels(Some("lab"), None, 50).await.unwrap();
+    assert_eq!(kernels.len(), 1);
+    assert_eq!((kernels[0].active_version, kernels[0].latest_version), (Some(1), 4));
+    assert!(store.kernels(None, Some(&key().to_string()), 50).await.unwrap().is_empty());
+}

@@ -1,0 +1,116 @@
+//! How long things take when there are many jobs.
+//!
+//! `LIGHTPATH_SCALE_JOBS=1000000 cargo test --release -p lightpath-store --lib many_jobs -- --nocapture` fills the
+//! database with a million finished jobs and a tenth as many that wait, and holds the times to their bounds. Without the
+//! variable a hundredth of that must come out right, in whatever time a busy machine takes.
+
+use super::*;
+use crate::open::connect_options;
+use crate::{ClaimLimits, JobFilter};
+use lightpath_domain::job::JobState;
+use sqlx::{ConnectOptions as _, Connection as _};
+use std::io::Write as _;
+use std::time::{Duration, Instant};
+
+const FINISHED: u32 = 10_000;
+const SAMPLES: u32 = 300;
+const CLAIM_MAX: Duration = Duration::from_millis(20);
+const LIST_MAX: Duration = Duration::from_millis(50);
+
+/// Sorted times of the same thing, done often.
+struct Times(Vec<Duration>);
+
+impl Times {
+    fn p99(&self) -> Duration {
+        self.0[self.0.len() * 99 / 100]
+    }
+
+    fn tell(&self, what: &str) {
+        let median = self.0[self.0.len() / 2];
+        writeln!(std::io::stderr(), "{what}: median {median:.2?}, p99 {:.2?}", self.p99()).unwrap();
+    }
+}
+
+async fn times<F: Future<Output = ()>>(mut work: impl FnMut(u32) -> F) -> Times {
+    let mut times = Vec::new();
+    for n in 0..SAMPLES {
+        let started = Instant::now();
+        work(n).await;
+        times.push(started.elapsed());
+    }
+    times.sort();
+    Times(times)
+}
+
+/// Jobs as they would be there after months: 20 owners, 5 displays and 3 priorities wait.
+async fn fill(path: &std::path::Path, finished: u32) {
+    let mut connection = connect_options(path).connect().await.unwrap();
+    let spec = serde_json::to_string(&new_job("", 1).spec).unwrap();
+    let result = serde_json::to_string(&result()).unwrap();
+    let sql = "with recursive n(i) as (select 0 union all select i + 1 from n where i + 1 < ?1) \
+        insert into job (id, request_id, display, spec, state, priority, attempt, attempts_max, create_time_ms, run_time_ms, \
+        start_time_ms, finish_time_ms, result, owner) \
+        select printf('%s%012d', ?2, i), printf('%s%d', ?2, i), 'lab-' || (i % 5), ?3, ?4, i % 3, 1, 3, i, i, \
+        iif(?4 = 'queued', null, i), iif(?4 = 'queued', null, i + 1), ?5, 'owner ' || (i % 20) from n";
+    for (count, prefix, state, result) in
+        [(finished, "a", "succeeded", Some(&result)), (finished / 10, "b", "queued", None)]
+    {
+        let insert = sqlx::query(sql).bind(count).bind(prefix).bind(&spec).bind(state).bind(result);
+        insert.execute(&mut connection).await.unwrap();
+    }
+    let events = "insert into job_event (job, time_ms, attempt, message) select id, 1, 0, 'queued' from job \
+                  union all select id, 2, 1, 'succeeded' from job where state = 'succeeded'";
+    sqlx::query(events).execute(&mut connection).await.unwrap();
+    connection.close().await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn many_jobs_slow_nothing_down() {
+    let asked = std::env::var("LIGHTPATH_SCALE_JOBS").ok().map(|jobs| jobs.parse().unwrap());
+    let finished = asked.unwrap_or(FINISHED);
+    let (store, folder) = store().await;
+    for n in 0..5 {
+        store.create_display(&display(&format!("lab-{n}")), 1).await.unwrap();
+    }
+    fill(&folder.path().join("lightpath.db"), finished).await;
+    let store = &store;
+    let counts = store.queue_counts().await.unwrap();
+    assert_eq!((counts.succeeded, counts.queued), (u64::from(finished), u64::from(finished / 10)));
+
+    let limits = ClaimLimits { per_owner: 50, per_display: 0 };
+    let claim = times(async |_| {
+        let (_, lease) = store.claim_within(limits, i64::MAX / 4, LEASE_MS, "w").await.unwrap().unwrap();
+        store.finish(&lease, result(), None, i64::MAX / 4 + 1).await.unwrap();
+    })
+    .await;
+    claim.tell("claim and finish");
+    let submit = times(async |n| {
+        let mut new = new_job(&format!("new {n}"), 1);
+        new.scheduling.owner = format!("owner {}", n % 20);
+        store.submit(&new, 1, u32::MAX).await.unwrap();
+    })
+    .await;
+    submit.tell("submit");
+    let filters = [
+        JobFilter::default(),
+        JobFilter { state: Some(JobState::Succeeded), ..JobFilter::default() },
+        JobFilter { state: Some(JobState::Running), display: Some("lab-1".to_owned()), batch: None },
+        JobFilter { state: Some(JobState::Succeeded), display: Some("lab-1".to_owned()), batch: None },
+    ];
+    let filters = &filters;
+    let list = times(async |n| {
+        // Anywhere between the first page and the last.
+        let after = format!("a{:012}", u64::from(n) * u64::from(finished) / u64::from(SAMPLES));
+        store.jobs(&filters[n as usize % filters.len()], Some(&after), 51).await.unwrap();
+    })
+    .await;
+    list.tell("list");
+    let depths = times(async |_| drop(store.queue_depths().await.unwrap())).await;
+    depths.tell("queue depths");
+    let counts = store.queue_counts().await.unwrap();
+    assert_eq!((counts.succeeded, counts.queued), (u64::from(finished + SAMPLES), u64::from(finished / 10)));
+    if asked.is_some() {
+        assert!(claim.p99() < CLAIM_MAX, "{:?}", claim.p99());
+        assert!(list.p99() < LIST_MAX, "{:?}", list.p99());
+    }
+}

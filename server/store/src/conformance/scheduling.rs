@@ -1,0 +1,246 @@
+//! When and for whom jobs run.
+
+use super::*;
+use crate::{BatchProgress, ClaimLimits, JobFilter, Pause, QueueLimits, Turn};
+use lightpath_domain::job::{Job, JobState, Lease, Progress};
+
+async fn put(store: &Store, request_id: &str, change: impl FnOnce(&mut NewJob)) -> Result<Job, StoreError> {
+    let mut new = new_job(request_id, 1);
+    change(&mut new);
+    Ok(store.submit(&new, 10, QUEUE_LIMIT).await?.0)
+}
+
+async fn put_for(store: &Store, owner: &str, request_id: &str) -> String {
+    put(store, request_id, |new| new.scheduling.owner = owner.to_owned()).await.unwrap().id
+}
+
+async fn put_after(store: &Store, request_id: &str, after: &[&str]) -> Result<Job, StoreError> {
+    put(store, request_id, |new| new.scheduling.after = after.iter().map(ToString::to_string).collect()).await
+}
+
+async fn claim(store: &Store, now_ms: i64) -> Option<(Job, Lease)> {
+    store.claim(now_ms, LEASE_MS, "w").await.unwrap()
+}
+
+async fn claimed_owner(store: &Store, limits: ClaimLimits, now_ms: i64) -> Option<(String, Lease)> {
+    let claimed = store.claim_within(limits, now_ms, LEASE_MS, "w").await.unwrap();
+    claimed.map(|(job, lease)| (job.scheduling.owner, lease))
+}
+
+#[tokio::test]
+async fn a_delayed_job_waits_for_its_time_and_holds_nobody_up() {
+    let (store, _folder) = store().await;
+    let late = put(&store, "late", |new| {
+        new.priority = -9;
+        new.scheduling.not_before_ms = Some(500);
+    });
+    let late = late.await.unwrap();
+    assert_eq!(late.run_time_ms, 500);
+    let now = put(&store, "now", |_| ()).await.unwrap();
+    assert_eq!(claim(&store, 20).await.unwrap().0.id, now.id);
+    assert_eq!((claim(&store, 499).await, store.next_run_time(499).await.unwrap()), (None, Some(500)));
+    assert_eq!(claim(&store, 500).await.unwrap().0.id, late.id);
+    let past = put(&store, "past", |new| new.scheduling.not_before_ms = Some(3)).await.unwrap();
+    assert_eq!(past.run_time_ms, 10, "a time that has gone by is now");
+}
+
+#[tokio::test]
+async fn everybody_gets_a_turn() {
+    let (store, _folder) = store().await;
+    for n in 0..4 {
+        put_for(&store, "ada", &format!("ada{n}")).await;
+    }
+    for n in 0..2 {
+        put_for(&store, "bob", &format!("bob{n}")).await;
+    }
+    put_for(&store, "cyd", "cyd0").await;
+    let mut order = Vec::new();
+    for now in 20..27 {
+        let (owner, lease) = claimed_owner(&store, ClaimLimits::default(), now).await.unwrap();
+        store.finish(&lease, result(), None, now).await.unwrap();
+        order.push(owner);
+    }
+    assert_eq!(order, ["ada", "bob", "cyd", "ada", "bob", "ada", "ada"]);
+}
+
+#[tokio::test]
+async fn who_has_fewer_running_comes_first_and_limits_are_kept_by_live_leases() {
+    let (store, _folder) = store().await;
+    for n in 0..3 {
+        put_for(&store, "ada", &format!("ada{n}")).await;
+    }
+    let (_, first) = claimed_owner(&store, ClaimLimits::default(), 20).await.unwrap();
+    claimed_owner(&store, ClaimLimits::default(), 21).await.unwrap();
+    put_for(&store, "bob", "bob0").await;
+    put_for(&store, "bob", "bob1").await;
+    let two = ClaimLimits { per_owner: 2, per_display: 0 };
+    assert_eq!(claimed_owner(&store, two, 22).await.unwrap().0, "bob");
+    assert_eq!(claimed_owner(&store, two, 23).await.unwrap().0, "bob");
+    assert!(claimed_owner(&store, two, 24).await.is_none(), "both have two");
+    store.finish(&first, result(), None, 25).await.unwrap();
+    assert_eq!(claimed_owner(&store, two, 26).await.unwrap().0, "ada");
+
+    put(&store, "more", |_| ()).await.unwrap();
+    let four_on_a_display = ClaimLimits { per_owner: 0, per_display: 4 };
+    assert!(claimed_owner(&store, four_on_a_display, 27).await.is_none());
+    // Leases that have run out are no leases: what died holds nobody up for good.
+    store.expire_leases(22 + LEASE_MS).await.unwrap();
+    assert!(claimed_owner(&store, four_on_a_display, 23 + LEASE_MS).await.is_some());
+    assert_eq!(
+        store.turns().await.unwrap().iter().map(|turn| turn.running).sum::<u64>(),
+        store.queue_counts().await.unwrap().running
+    );
+}
+
+#[tokio::test]
+async fn an_owner_may_fill_only_a_part_of_the_queue() {
+    let (store, _folder) = store().await;
+    let limits = QueueLimits { queued: 3, queued_per_owner: 1, stored_bytes_per_owner: 0 };
+    let submit = |request_id: &str, owner: &str| {
+        let mut new = new_job(request_id, 1);
+        new.scheduling.owner = owner.to_owned();
+        let store = store.clone();
+        async move { store.submit(&new, 1, limits).await.map(|(job, _)| job.id) }
+    };
+    submit("a", "ada").await.unwrap();
+    assert!(matches!(submit("b", "ada").await, Err(StoreError::OwnerQueueFull { limit: 1 })));
+    submit("c", "bob").await.unwrap();
+    submit("d", "").await.unwrap();
+    assert!(matches!(submit("e", "cyd").await, Err(StoreError::QueueFull { limit: 3 })));
+    let turn = |owner: &str| Turn { owner: owner.to_owned(), queued: 1, running: 0 };
+    assert_eq!(store.turns().await.unwrap(), [turn(""), turn("ada"), turn("bob")]);
+}
+
+#[tokio::test]
+async fn the_age_of_the_queue_is_that_of_what_is_due() {
+    let (store, _folder) = store().await;
+    let ages = async |now_ms: i64| -> Vec<u128> {
+        store.oldest_due(now_ms).await.unwrap().into_iter().map(|(_, age)| age.as_millis()).collect()
+    };
+    assert_eq!(ages(50).await, [0; 4], "nothing waits");
+    put(&store, "later", |new| new.scheduling.not_before_ms = Some(500)).await.unwrap();
+    let first = put(&store, "first", |_| ()).await.unwrap();
+    let created_ms = first.create_time_ms;
+    assert_eq!(ages(created_ms + 30).await, [0, 0, 30, 0], "simulated captures");
+    assert_eq!(claim(&store, created_ms + 31).await.unwrap().0.id, first.id);
+    assert_eq!(ages(499).await, [0; 4], "what runs does not wait, and what is to start later neither");
+    assert_eq!(ages(510).await, [0, 0, 10, 0]);
+}
+
+#[tokio::test]
+async fn what_is_paused_does_not_start() {
+    let (store, _folder) = store().await;
+    store.create_display(&display("other"), 1).await.unwrap();
+    put(&store, "lab", |_| ()).await.unwrap();
+    let other = put(&store, "other", |new| {
+        if let JobSpec::SimulateCapture(spec) = &mut new.spec {
+            spec.display = "other".to_owned();
+        }
+    });
+    let other = other.await.unwrap();
+    store.pause(Some("lab"), "a lamp is out", 12).await.unwrap();
+    store.pause(Some("lab"), "a lamp is in the post", 13).await.unwrap();
+    let pause = Pause { display: Some("lab".to_owned()), time_ms: 12, reason: "a lamp is in the post".to_owned() };
+    assert_eq!(store.pauses().await.unwrap(), [pause]);
+    let (job, lease) = claim(&store, 20).await.unwrap();
+    assert_eq!((job.id, claim(&store, 21).await), (other.id, None));
+    store.release(&lease, 22).await.unwrap();
+    store.pause(None, "", 23).await.unwrap();
+    assert_eq!(claim(&store, 24).await, None);
+    let claimable = store.claimable();
+    store.resume(None).await.unwrap();
+    claimable.notified().await;
+    assert!(claim(&store, 25).await.is_some());
+    store.resume(Some("lab")).await.unwrap();
+    assert!(claim(&store, 26).await.is_some());
+    assert!(matches!(store.resume(Some("lab")).await, Err(StoreError::Precondition { reason: "NOT_PAUSED", .. })));
+    assert!(matches!(store.pause(Some("nowhere"), "", 1).await, Err(StoreError::NotFound { .. })));
+}
+
+#[tokio::test]
+async fn at_most_one_job_with_a_unique_key_is_active() {
+    let (store, _folder) = store().await;
+    let key = |new: &mut NewJob| new.scheduling.unique_key = Some("calibrate".to_owned());
+    let first = put(&store, "first", key).await.unwrap();
+    assert!(matches!(put(&store, "second", key).await, Err(StoreError::AlreadyExists { .. })));
+    assert_eq!(put(&store, "first", key).await.unwrap().id, first.id, "the same request is no second job");
+    let (_, lease) = claim(&store, 20).await.unwrap();
+    assert!(matches!(put(&store, "second", key).await, Err(StoreError::AlreadyExists { .. })));
+    store.fail(&lease, trouble(), None, 21).await.unwrap();
+    let second = put(&store, "second", key).await.unwrap();
+    assert!(matches!(store.retry(&first.id, 22).await, Err(StoreError::Precondition { reason: "NOT_UNIQUE", .. })));
+    store.cancel(&second.id, 23).await.unwrap();
+    assert_eq!(store.retry(&first.id, 24).await.unwrap().state, JobState::Queued);
+}
+
+#[tokio::test]
+async fn jobs_run_after_what_they_wait_for() {
+    let (store, _folder) = store().await;
+    let [a, b] = [submit(&store, "a", 1).await, submit(&store, "b", 2).await];
+    let c = put_after(&store, "c", &[&a, &b]).await.unwrap();
+    let d = put_after(&store, "d", &[&c.id]).await.unwrap();
+    assert_eq!((c.waiting_for, d.waiting_for), (2, 1));
+    assert!(matches!(put_after(&store, "e", &["nothing"]).await, Err(StoreError::NotFound { .. })));
+    assert_eq!(put_after(&store, "c", &[&a, &b]).await.unwrap().id, c.id);
+    assert!(matches!(put_after(&store, "c", &[&a]).await, Err(StoreError::AlreadyExists { .. })));
+    let (_, first) = claim(&store, 20).await.unwrap();
+    let (_, second) = claim(&store, 20).await.unwrap();
+    assert_eq!(claim(&store, 20).await, None);
+    store.finish(&second, result(), None, 21).await.unwrap();
+    assert_eq!((store.job(&c.id).await.unwrap().waiting_for, claim(&store, 21).await), (1, None));
+    store.finish(&first, result(), None, 22).await.unwrap();
+    for expected in [&c.id, &d.id] {
+        let (job, lease) = claim(&store, 23).await.unwrap();
+        assert_eq!((&job.id, job.waiting_for), (expected, 0));
+        assert_eq!(claim(&store, 23).await, None);
+        store.finish(&lease, result(), None, 24).await.unwrap();
+    }
+    let late = put_after(&store, "late", &[&a]).await.unwrap();
+    assert_eq!(late.waiting_for, 0, "it has succeeded already");
+}
+
+#[tokio::test]
+async fn what_waits_for_a_failed_job_fails_and_can_be_retried_in_order() {
+    let (store, _folder) = store().await;
+    let a = submit(&store, "a", 1).await;
+    let b = put_after(&store, "b", &[&a]).await.unwrap().id;
+    let c = put_after(&store, "c", &[&b]).await.unwrap().id;
+    let (_, lease) = claim(&store, 20).await.unwrap();
+    store.fail(&lease, trouble(), None, 21).await.unwrap();
+    for id in [&b, &c] {
+        let job = store.job(id).await.unwrap();
+        assert_eq!((job.state, job.error.unwrap().reason.as_str()), (JobState::Failed, "DEPENDENCY_FAILED"));
+    }
+    assert!(matches!(put_after(&store, "d", &[&a]).await, Err(StoreError::Precondition { .. })));
+    assert!(matches!(store.retry(&b, 22).await, Err(StoreError::Precondition { reason: "DEPENDENCY_ENDED", .. })));
+    store.retry(&a, 23).await.unwrap();
+    assert_eq!(store.retry(&b, 24).await.unwrap().waiting_for, 1);
+    let (job, lease) = claim(&store, 25).await.unwrap();
+    assert_eq!(job.id, a);
+    store.finish(&lease, result(), None, 26).await.unwrap();
+    assert_eq!(claim(&store, 27).await.unwrap().0.id, b);
+    // Cancelling a job that waits has the same consequence.
+    store.retry(&c, 28).await.unwrap();
+    let d = put_after(&store, "d", &[&c]).await.unwrap().id;
+    store.cancel(&c, 29).await.unwrap();
+    assert_eq!(store.job(&d).await.unwrap().state, JobState::Failed);
+}
+
+#[tokio::test]
+async fn a_batch_has_one_progress() {
+    let (store, _folder) = store().await;
+    for n in 0..4 {
+        put(&store, &format!("r{n}"), |new| new.scheduling.batch = Some("night".to_owned())).await.unwrap();
+    }
+    put(&store, "alone", |_| ()).await.unwrap();
+    let (_, lease) = claim(&store, 20).await.unwrap();
+    store.finish(&lease, result(), None, 21).await.unwrap();
+    let (_, lease) = claim(&store, 22).await.unwrap();
+    let progress = Progress { stage: "x".into(), step: 5, steps_total: 10, loss: 0.5, eta_s: None };
+    store.progress(&lease, &progress, 23).await.unwrap();
+    let expected = BatchProgress { queued: 2, running: 1, succeeded: 1, done: 1.5 / 4.0, ..BatchProgress::default() };
+    assert_eq!(store.batch("night").await.unwrap(), expected);
+    assert!(matches!(store.batch("day").await, Err(StoreError::NotFound { .. })));
+    let filter = JobFilter { batch: Some("night".to_owned()), ..JobFilter::default() };
+    assert_eq!(store.jobs(&filter, None, 50).await.unwrap().len(), 4);
+}

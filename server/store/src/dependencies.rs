@@ -1,0 +1,74 @@
+//! Jobs that wait for others.
+
+use super::StoreError;
+use super::changes::Change;
+use super::events::happened;
+use super::jobs::job_of;
+use super::rows::to_json;
+use super::write::Write;
+use lightpath_domain::job::{Job, JobError, JobState};
+use sqlx::Row;
+use std::collections::VecDeque;
+
+/// Writes down what a new job waits for.
+pub(super) async fn wait_for(write: &mut Write, job: &str, after: &[String]) -> Result<(), StoreError> {
+    for other in after {
+        let sql = "insert into job_dependency values (?, ?) on conflict do nothing";
+        sqlx::query(sql).bind(job).bind(other).execute(write.sql()).await?;
+    }
+    Ok(())
+}
+
+/// How many of these jobs have not succeeded yet.
+///
+/// # Errors
+///
+/// [`StoreError::NotFound`]; [`StoreError::Precondition`] where one has ended without success.
+pub(super) async fn open_ones(write: &mut Write, after: &[String]) -> Result<i64, StoreError> {
+    let mut open = 0;
+    for id in after {
+        let row = sqlx::query("select state from job where id = ?").bind(id).fetch_optional(write.sql()).await?;
+        let row = row.ok_or_else(|| StoreError::not_found(format!("jobs/{id}")))?;
+        match super::rows::from_word("job.state", row.try_get("state")?)? {
+            JobState::Queued | JobState::Running => open += 1,
+            JobState::Succeeded => {}
+            state @ (JobState::Failed | JobState::Cancelled) => {
+                let message = format!("jobs/{id} must succeed first, but is {}; retry it first", state.as_str());
+                return Err(StoreError::precondition("DEPENDENCY_ENDED", message));
+            }
+        }
+    }
+    Ok(open)
+}
+
+/// The job has succeeded: those that waited for it alone may run.
+pub(super) async fn succeeded(write: &mut Write, job: &Job) -> Result<(), StoreError> {
+    let sql = "update job set waiting_for = waiting_for - 1, revision = revision + 1 \
+               where id in (select job from job_dependency where after = ?) and state = 'queued' returning id";
+    let waiting: Vec<String> = sqlx::query_scalar(sql).bind(&job.id).fetch_all(write.sql()).await?;
+    for id in waiting {
+        write.announce(Change::Job(id));
+        write.announce(Change::Claimable);
+    }
+    Ok(())
+}
+
+/// The job has ended without success: those that waited for it, and those that waited for them, fail.
+pub(super) async fn failed(write: &mut Write, job: &Job, now_ms: i64) -> Result<(), StoreError> {
+    let mut ended = VecDeque::from([(job.id.clone(), job.state)]);
+    while let Some((id, state)) = ended.pop_front() {
+        let message = format!("jobs/{id}, which this job was to come after, is {}", state.as_str());
+        let error = JobError { reason: "DEPENDENCY_FAILED".to_owned(), message: message.clone(), retryable: false };
+        let sql = "update job set state = 'failed', error = ?2, finish_time_ms = ?3, checkpoint = null, \
+                   revision = revision + 1 \
+                   where id in (select job from job_dependency where after = ?1) and state = 'queued' returning *";
+        let rows =
+            sqlx::query(sql).bind(&id).bind(to_json("job.error", &error)?).bind(now_ms).fetch_all(write.sql()).await?;
+        for row in rows {
+            let waiting = job_of(&row)?;
+            happened(write, &waiting, now_ms, format!("failed: DEPENDENCY_FAILED: {message}")).await?;
+            ended.push_back((waiting.id, waiting.state));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,99 @@
+//! Displays.
+
+use super::rows::{from_json, to_json};
+use super::{Store, StoreError, page};
+use lightpath_domain::display::Display;
+use sqlx::Row;
+use sqlx::sqlite::SqliteRow;
+
+impl Store {
+    /// Stores a display and returns it with its creation time [ms since 1970]. The same display again changes nothing.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::AlreadyExists`] where the id is taken by a display with other properties.
+    pub async fn create_display(&self, display: &Display, now_ms: i64) -> Result<(Display, i64), StoreError> {
+        let (id, content) = (display.id.clone(), to_json("display.content", display)?);
+        self.write(move |write| {
+            Box::pin(async move {
+                sqlx::query(
+                    "insert into display (id, content, create_time_ms) values (?, ?, ?) on conflict do nothing",
+                )
+                .bind(&id)
+                .bind(&content)
+                .bind(now_ms)
+                .execute(write.sql())
+                .await?;
+                let row = sqlx::query("select * from display where id = ?").bind(&id).fetch_one(write.sql()).await?;
+                if row.try_get::<String, _>("content")? != content {
+                    return Err(StoreError::exists(
+                        format!("displays/{id}"),
+                        "with other properties; choose another id",
+                    ));
+                }
+                display_of(&row)
+            })
+        })
+        .await
+    }
+
+    /// A display with its creation time [ms since 1970].
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::NotFound`].
+    pub async fn display(&self, id: &str) -> Result<(Display, i64), StoreError> {
+        let row = sqlx::query("select * from display where id = ?").bind(id).fetch_optional(self.readers()).await?;
+        display_of(&row.ok_or_else(|| StoreError::not_found(format!("displays/{id}")))?)
+    }
+
+    /// At most `limit` displays with their creation times, in the order of their ids, behind `after`.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn displays(&self, after: Option<&str>, limit: u32) -> Result<Vec<(Display, i64)>, StoreError> {
+        let rows = sqlx::query("select * from display where id > ? order by id limit ?")
+            .bind(after.unwrap_or(""))
+            .bind(page(limit))
+            .fetch_all(self.readers())
+            .await?;
+        rows.iter().map(display_of).collect()
+    }
+
+    /// Deletes a display that nothing refers to.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::NotFound`]; [`StoreError::Precondition`] while it has datasets, kernels or jobs.
+    pub async fn delete_display(&self, id: &str) -> Result<(), StoreError> {
+        let id = id.to_owned();
+        self.write(move |write| {
+            Box::pin(async move {
+                let users: Option<String> = sqlx::query_scalar(
+                    "select 'dataset' from dataset where display = ?1 union all \
+                     select 'kernel' from kernel where display = ?1 union all \
+                     select 'job' from job where display = ?1 limit 1",
+                )
+                .bind(&id)
+                .fetch_optional(write.sql())
+                .await?;
+                if let Some(user) = users {
+                    let message = format!("displays/{id} cannot be deleted while a {user} refers to it");
+                    return Err(StoreError::precondition("DISPLAY_IN_USE", message));
+                }
+                let deleted = sqlx::query("delete from display where id = ?").bind(&id).execute(write.sql()).await?;
+                match deleted.rows_affected() {
+                    0 => Err(StoreError::not_found(format!("displays/{id}"))),
+                    _ => Ok(()),
+                }
+            })
+        })
+        .await
+    }
+}
+
+fn display_of(row: &SqliteRow) -> Result<(Display, i64), StoreError> {
+    let content: String = row.try_get("content")?;
+    Ok((from_json("display.content", &content)?, row.try_get("create_time_ms")?))
+}

@@ -1,0 +1,294 @@
+//! How attempts end: with a result, an error, a wish, a drain, or the death of their worker.
+
+use super::changes::Change;
+use super::events::happened;
+use super::jobs::job_of;
+use super::kernels::append_version;
+use super::leases::{fenced, held, read, under_lease};
+use super::rows::to_json;
+use super::write::Write;
+use super::{Store, StoreError, dependencies};
+use lightpath_domain::job::{Job, JobError, JobResult, Lease};
+use lightpath_domain::kernel::{KernelKey, NewKernelVersion};
+use sqlx::Row;
+use sqlx::sqlite::SqliteRow;
+
+/// Leases that one call expires; the next call takes the rest.
+const EXPIRED_MAX: i64 = 1000;
+
+/// How an attempt ends without a result.
+enum Ending {
+    /// An interrupted job keeps its `run_time_ms`, and with it its place before those that waited behind it.
+    Requeued {
+        run_time_ms: i64,
+        failures: i64,
+        cause: Cause,
+    },
+    Failed {
+        failures: i64,
+        error: JobError,
+    },
+    Cancelled,
+}
+
+/// Why a job goes back to the queue.
+enum Cause {
+    Error(JobError),
+    Drain,
+    ServerDied,
+}
+
+impl Store {
+    /// Ends the job with its result. Learned kernels become their kernels' next versions in the same transaction, and
+    /// the versions' names go into the result: there is never one without the other.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::LeaseLost`]; [`StoreError::NotFound`] where the kernel's artifact is not recorded.
+    pub async fn finish(
+        &self,
+        lease: &Lease,
+        result: JobResult,
+        learned: impl IntoIterator<Item = (KernelKey, NewKernelVersion)>,
+        now_ms: i64,
+    ) -> Result<Job, StoreError> {
+        let (lease, learned) = (lease.clone(), learned.into_iter().collect());
+        self.write(move |write| Box::pin(async move { finish(write, &lease, result, learned, now_ms).await })).await
+    }
+
+    /// Ends the attempt with an error. With `retry_at_ms` the job goes back to the queue until then, unless its
+    /// attempts are spent; without, it fails for good. A job that somebody asked to end is cancelled instead.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::LeaseLost`].
+    pub async fn fail(
+        &self,
+        lease: &Lease,
+        error: JobError,
+        retry_at_ms: Option<i64>,
+        now_ms: i64,
+    ) -> Result<Job, StoreError> {
+        let lease = lease.clone();
+        self.write(move |write| {
+            Box::pin(async move {
+                let (job, failures, crashes) = read(write, &lease, now_ms).await?;
+                let ending = after_failure(&job, failures, crashes, error, retry_at_ms);
+                end(write, &job.id, ending, now_ms).await
+            })
+        })
+        .await
+    }
+
+    /// Puts the job back into the queue until `retry_at_ms` for something that is no fault of the job's: the attempt does
+    /// not count as failed.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::LeaseLost`].
+    pub async fn postpone(
+        &self,
+        lease: &Lease,
+        error: JobError,
+        retry_at_ms: i64,
+        now_ms: i64,
+    ) -> Result<Job, StoreError> {
+        let lease = lease.clone();
+        self.write(move |write| {
+            Box::pin(async move {
+                let (job, failures, _) = read(write, &lease, now_ms).await?;
+                let error = JobError { retryable: true, ..error };
+                let ending = match job.cancel_requested {
+                    true => Ending::Cancelled,
+                    false => Ending::Requeued { run_time_ms: retry_at_ms, failures, cause: Cause::Error(error) },
+                };
+                end(write, &job.id, ending, now_ms).await
+            })
+        })
+        .await
+    }
+
+    /// Ends the job because somebody asked for it.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::LeaseLost`].
+    pub async fn end_cancelled(&self, lease: &Lease, now_ms: i64) -> Result<Job, StoreError> {
+        let lease = lease.clone();
+        self.write(move |write| {
+            Box::pin(async move {
+                let (job, ..) = read(write, &lease, now_ms).await?;
+                end(write, &job.id, Ending::Cancelled, now_ms).await
+            })
+        })
+        .await
+    }
+
+    /// Puts the job back into the queue because the worker stops. The attempt does not count as failed.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::LeaseLost`].
+    pub async fn release(&self, lease: &Lease, now_ms: i64) -> Result<Job, StoreError> {
+        let lease = lease.clone();
+        self.write(move |write| {
+            Box::pin(async move {
+                let (job, failures, _) = read(write, &lease, now_ms).await?;
+                let ending = match job.cancel_requested {
+                    true => Ending::Cancelled,
+                    false => Ending::Requeued { run_time_ms: job.run_time_ms, failures, cause: Cause::Drain },
+                };
+                end(write, &job.id, ending, now_ms).await
+            })
+        })
+        .await
+    }
+
+    /// Takes jobs from workers whose leases have run out: back to the queue, or failed where the attempts are spent.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`], [`StoreError::DiskFull`].
+    pub async fn expire_leases(&self, now_ms: i64) -> Result<Vec<Job>, StoreError> {
+        self.write(move |write| Box::pin(expire(write, now_ms))).await
+    }
+
+    /// Takes every running job from its worker. For the start of the only process that works on this database: whoever
+    /// held a lease is dead, so nobody has to wait until it runs out. Such an end counts as an attempt, until the job gets
+    /// ahead: one that kills its server ends when its attempts are spent, and others run again.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`], [`StoreError::DiskFull`].
+    pub async fn recover_orphans(&self, now_ms: i64) -> Result<Vec<Job>, StoreError> {
+        self.write(move |write| Box::pin(recover_orphans(write, now_ms))).await
+    }
+}
+
+async fn finish(
+    write: &mut Write,
+    lease: &Lease,
+    mut result: JobResult,
+    learned: Vec<(KernelKey, NewKernelVersion)>,
+    now_ms: i64,
+) -> Result<Job, StoreError> {
+    read(write, lease, now_ms).await?;
+    let mut names = Vec::with_capacity(learned.len());
+    for (key, version) in learned {
+        let version = append_version(write, &key, version, now_ms).await?;
+        names.push(format!("{key}/versions/{}", version.version));
+    }
+    if let JobResult::Learn(learn) = &mut result {
+        let unnamed = std::iter::once(&mut learn.kernel_version)
+            .chain(learn.joint.iter_mut().map(|other| &mut other.kernel_version));
+        unnamed.zip(names).for_each(|(unnamed, name)| *unnamed = name);
+    }
+    let sql = fenced!(
+        "state = 'succeeded', lease_id = null, lease_until_ms = null, worker = null, finish_time_ms = ?4, \
+         error = null, checkpoint = null, result = ?5"
+    );
+    let query = under_lease(sql, lease, now_ms).bind(to_json("job.result", &result)?);
+    let job = held(query.fetch_optional(write.sql()).await?)?;
+    happened(write, &job, now_ms, "succeeded").await?;
+    dependencies::succeeded(write, &job).await?;
+    Ok(job)
+}
+
+async fn expire(write: &mut Write, now_ms: i64) -> Result<Vec<Job>, StoreError> {
+    let mut jobs = Vec::new();
+    for row in running(write, now_ms).await? {
+        let job = job_of(&row)?;
+        let message = format!("{} was not heard of for too long", row.try_get::<String, _>("worker")?);
+        let error = JobError { reason: "LEASE_EXPIRED".to_owned(), message, retryable: true };
+        let ending = after_failure(&job, row.try_get("failures")?, row.try_get("crashes")?, error, Some(now_ms));
+        jobs.push(end(write, &job.id, ending, now_ms).await?);
+    }
+    Ok(jobs)
+}
+
+async fn recover_orphans(write: &mut Write, now_ms: i64) -> Result<Vec<Job>, StoreError> {
+    let mut jobs = Vec::new();
+    for row in running(write, i64::MAX).await? {
+        let (job, failures, crashes) = (job_of(&row)?, row.try_get("failures")?, row.try_get::<i64, _>("crashes")? + 1);
+        let spent = failures + crashes >= i64::from(job.attempts_max);
+        let ending = match (job.cancel_requested, spent) {
+            (true, _) => Ending::Cancelled,
+            (false, false) => Ending::Requeued { run_time_ms: job.run_time_ms, failures, cause: Cause::ServerDied },
+            (false, true) => {
+                let message = format!("the server died {crashes} times while it ran this job, which had not got ahead");
+                let error = JobError { reason: "SERVER_DIED".to_owned(), message, retryable: false };
+                Ending::Failed { failures, error }
+            }
+        };
+        sqlx::query("update job set crashes = ? where id = ?").bind(crashes).bind(&job.id).execute(write.sql()).await?;
+        jobs.push(end(write, &job.id, ending, now_ms).await?);
+    }
+    Ok(jobs)
+}
+
+/// Running jobs whose leases end by `until_ms`.
+async fn running(write: &mut Write, until_ms: i64) -> Result<Vec<SqliteRow>, StoreError> {
+    let sql = "select * from job where state = 'running' and lease_until_ms <= ? order by lease_until_ms limit ?";
+    Ok(sqlx::query(sql).bind(until_ms).bind(EXPIRED_MAX).fetch_all(write.sql()).await?)
+}
+
+/// Where a failed attempt leads.
+fn after_failure(job: &Job, failures: i64, crashes: i64, mut error: JobError, retry_at_ms: Option<i64>) -> Ending {
+    let failures = failures + 1;
+    if job.cancel_requested {
+        return Ending::Cancelled;
+    }
+    match retry_at_ms {
+        Some(run_time_ms) if failures + crashes < i64::from(job.attempts_max) => {
+            error.retryable = true;
+            Ending::Requeued { run_time_ms, failures, cause: Cause::Error(error) }
+        }
+        _ => {
+            error.retryable = false;
+            Ending::Failed { failures, error }
+        }
+    }
+}
+
+/// Ends the attempt of a running job whose lease has been checked, or has run out, in this transaction.
+async fn end(write: &mut Write, id: &str, ending: Ending, now_ms: i64) -> Result<Job, StoreError> {
+    let sql = "update job set state = ?2, lease_id = null, lease_until_ms = null, worker = null, \
+               run_time_ms = coalesce(?3, run_time_ms), finish_time_ms = ?4, failures = coalesce(?5, failures), \
+               error = ?6, cancel_requested = ?2 = 'cancelled', \
+               checkpoint = case ?2 when 'cancelled' then null else checkpoint end, revision = revision + 1 \
+               where id = ?1 and state = 'running' returning *";
+    let (state, run_time, finish_time, failures, error, message) = match ending {
+        Ending::Requeued { run_time_ms, failures, cause } => {
+            let (error, message) = match cause {
+                Cause::Error(error) => {
+                    let message = format!("{}: {}; queued again", error.reason, error.message);
+                    (Some(error), message)
+                }
+                Cause::Drain => (None, "the server stopped; queued again".to_owned()),
+                Cause::ServerDied => (None, "the server died; queued again".to_owned()),
+            };
+            ("queued", Some(run_time_ms), None, Some(failures), error, message)
+        }
+        Ending::Failed { failures, error } => {
+            let message = format!("failed: {}: {}", error.reason, error.message);
+            ("failed", None, Some(now_ms), Some(failures), Some(error), message)
+        }
+        Ending::Cancelled => ("cancelled", None, Some(now_ms), None, None, "cancelled".to_owned()),
+    };
+    let row = sqlx::query(sql)
+        .bind(id)
+        .bind(state)
+        .bind(run_time)
+        .bind(finish_time)
+        .bind(failures)
+        .bind(error.map(|error| to_json("job.error", &error)).transpose()?)
+        .fetch_one(write.sql())
+        .await?;
+    let job = job_of(&row)?;
+    happened(write, &job, now_ms, message).await?;
+    match job.state.has_ended() {
+        true => dependencies::failed(write, &job, now_ms).await?,
+        false => write.announce(Change::Claimable),
+    }
+    Ok(job)
+}

@@ -1,0 +1,52 @@
+//! What happened to a job, for people.
+
+use super::changes::Change;
+use super::write::Write;
+use super::{Store, StoreError, page};
+use lightpath_domain::job::{Job, JobEvent};
+use sqlx::Row;
+
+impl Store {
+    /// At most `limit` events of a job, oldest first, behind the event `after`.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::NotFound`] where there is no such job.
+    pub async fn events(&self, job: &str, after: Option<i64>, limit: u32) -> Result<Vec<JobEvent>, StoreError> {
+        self.job(job).await?;
+        let rows = sqlx::query("select * from job_event where job = ? and sequence > ? order by sequence limit ?")
+            .bind(job)
+            .bind(after.unwrap_or(0))
+            .bind(page(limit))
+            .fetch_all(self.readers())
+            .await?;
+        rows.iter()
+            .map(|row| {
+                Ok(JobEvent {
+                    sequence: row.try_get("sequence")?,
+                    time_ms: row.try_get("time_ms")?,
+                    attempt: row.try_get("attempt")?,
+                    message: row.try_get("message")?,
+                })
+            })
+            .collect()
+    }
+}
+
+/// Appends an event in the transaction that made it happen, and announces the job's change.
+pub(super) async fn happened(
+    write: &mut Write,
+    job: &Job,
+    now_ms: i64,
+    message: impl Into<String>,
+) -> Result<(), StoreError> {
+    sqlx::query("insert into job_event (job, time_ms, attempt, message) values (?, ?, ?, ?)")
+        .bind(&job.id)
+        .bind(now_ms)
+        .bind(job.attempt)
+        .bind(message.into())
+        .execute(write.sql())
+        .await?;
+    write.announce(Change::Job(job.id.clone()));
+    Ok(())
+}

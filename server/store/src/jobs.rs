@@ -1,0 +1,319 @@
+//! Jobs: submitting, reading, counting.
+
+use super::changes::Change;
+use super::events::happened;
+use super::rows::{from_json, from_json_option, from_word, to_json, to_word};
+use super::write::Write;
+use super::{Store, StoreError, dependencies, page};
+use lightpath_domain::job::{Job, JobState, NewJob, Scheduling};
+use sqlx::sqlite::SqliteRow;
+use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
+use uuid::Uuid;
+
+/// Whether a submit made a job.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Submitted {
+    /// It did.
+    New,
+    /// The same request had made it before.
+    Existing,
+}
+
+/// How many jobs may wait, and who may add to them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct QueueLimits {
+    /// All together.
+    pub queued: u32,
+    /// Of each owner; 0: as many as all together.
+    pub queued_per_owner: u32,
+    /// Who has stored as much as this gets no more jobs \[bytes\]; 0: no limit.
+    pub stored_bytes_per_owner: u64,
+}
+
+impl From<u32> for QueueLimits {
+    fn from(queued: u32) -> Self {
+        Self { queued, queued_per_owner: 0, stored_bytes_per_owner: 0 }
+    }
+}
+
+/// Which jobs to list.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct JobFilter {
+    /// Only jobs in this state.
+    pub state: Option<JobState>,
+    /// Only jobs about the display with this id.
+    pub display: Option<String>,
+    /// Only jobs of this batch.
+    pub batch: Option<String>,
+}
+
+/// How many jobs are in each state.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct QueueCounts {
+    /// Waiting.
+    pub queued: u64,
+    /// At a worker.
+    pub running: u64,
+    /// Ended with a result.
+    pub succeeded: u64,
+    /// Ended without.
+    pub failed: u64,
+    /// Ended on request.
+    pub cancelled: u64,
+}
+
+impl Store {
+    /// Queues a job. When this returns, the job is on disk. The same request (id and content) again returns the job
+    /// that it made.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::AlreadyExists`] where the request id was used with other content, or a job with the same unique key
+    /// waits or runs; [`StoreError::QueueFull`] and [`StoreError::OwnerQueueFull`] where too many jobs wait already,
+    /// [`StoreError::OwnerBytes`] where the owner has stored too much, [`StoreError::Precondition`] where a job that it comes
+    /// after has ended without success, [`StoreError::NotFound`] where the display, the dataset or an artifact is gone.
+    pub async fn submit(
+        &self,
+        new: &NewJob,
+        now_ms: i64,
+        limits: impl Into<QueueLimits>,
+    ) -> Result<(Job, Submitted), StoreError> {
+        let (new, limits) = (new.clone(), limits.into());
+        self.write(move |write| Box::pin(submit(write, new, now_ms, limits))).await
+    }
+
+    /// A job.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::NotFound`].
+    pub async fn job(&self, id: &str) -> Result<Job, StoreError> {
+        let row = sqlx::query("select * from job where id = ?").bind(id).fetch_optional(self.readers()).await?;
+        job_of(&row.ok_or_else(|| StoreError::not_found(format!("jobs/{id}")))?)
+    }
+
+    /// The job that a request made, where it made one. A repeated submit that says "the active kernel" must mean the
+    /// version that was active the first time: ask here before resolving it.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn job_by_request(&self, request_id: &str) -> Result<Option<Job>, StoreError> {
+        let row = sqlx::query("select * from job where request_id = ?")
+            .bind(request_id)
+            .fetch_optional(self.readers())
+            .await?;
+        row.as_ref().map(job_of).transpose()
+    }
+
+    /// At most `limit` jobs, newest first, older than the job `after`.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn jobs(&self, filter: &JobFilter, after: Option<&str>, limit: u32) -> Result<Vec<Job>, StoreError> {
+        let mut query = QueryBuilder::<Sqlite>::new("select * from job where true");
+        if let Some(state) = filter.state {
+            query.push(" and state = ").push_bind(to_word("job.state", &state)?);
+        }
+        if let Some(display) = &filter.display {
+            query.push(" and display = ").push_bind(display);
+        }
+        if let Some(batch) = &filter.batch {
+            query.push(" and batch = ").push_bind(batch);
+        }
+        if let Some(after) = after {
+            query.push(" and id < ").push_bind(after);
+        }
+        query.push(" order by id desc limit ").push_bind(page(limit));
+        let rows = query.build().fetch_all(self.readers()).await?;
+        rows.iter().map(job_of).collect()
+    }
+
+    /// Digests of the checkpoints that some job may go on from.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn live_checkpoints(&self) -> Result<Vec<String>, StoreError> {
+        let digests = sqlx::query_scalar("select checkpoint from job where checkpoint is not null");
+        Ok(digests.fetch_all(self.readers()).await?)
+    }
+
+    /// How many jobs are in each state.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn queue_counts(&self) -> Result<QueueCounts, StoreError> {
+        let rows: Vec<(String, i64)> =
+            sqlx::query_as("select state, sum(jobs) from job_count group by state").fetch_all(self.readers()).await?;
+        let mut counts = QueueCounts::default();
+        for (state, count) in rows {
+            let slot = match from_word("job.state", state)? {
+                JobState::Queued => &mut counts.queued,
+                JobState::Running => &mut counts.running,
+                JobState::Succeeded => &mut counts.succeeded,
+                JobState::Failed => &mut counts.failed,
+                JobState::Cancelled => &mut counts.cancelled,
+            };
+            *slot = count.unsigned_abs();
+        }
+        Ok(counts)
+    }
+}
+
+async fn submit(
+    write: &mut Write,
+    new: NewJob,
+    now_ms: i64,
+    limits: QueueLimits,
+) -> Result<(Job, Submitted), StoreError> {
+    let spec = to_json("job.spec", &new.spec)?;
+    if let Some(job) = existing(write.sql(), &new, &spec).await? {
+        return Ok((job, Submitted::Existing));
+    }
+    require(write.sql(), &new).await?;
+    require_turn(write.sql(), &new, limits).await?;
+    let Scheduling { owner, batch, unique_key, not_before_ms, timeout_ms, after } = &new.scheduling;
+    let waiting_for = dependencies::open_ones(write, after).await?;
+    let row = sqlx::query(
+        "insert into job (id, request_id, display, dataset, spec, state, priority, attempts_max, create_time_ms, \
+         run_time_ms, owner, batch, unique_key, not_before_ms, timeout_ms, after, waiting_for) \
+         values (?1, ?2, ?3, ?4, ?5, 'queued', ?6, ?7, ?8, max(?8, coalesce(?12, ?8)), ?9, ?10, ?11, ?12, ?13, ?14, ?15) \
+         returning *",
+    )
+    .bind(Uuid::now_v7().to_string())
+    .bind(&new.request_id)
+    .bind(new.spec.display())
+    .bind(new.spec.dataset())
+    .bind(&spec)
+    .bind(new.priority)
+    .bind(new.attempts_max)
+    .bind(now_ms)
+    .bind(owner)
+    .bind(batch)
+    .bind(unique_key)
+    .bind(not_before_ms)
+    .bind(timeout_ms)
+    .bind(to_json("job.after", after)?)
+    .bind(waiting_for)
+    .fetch_one(write.sql())
+    .await?;
+    let job = job_of(&row)?;
+    dependencies::wait_for(write, &job.id, after).await?;
+    require_artifacts(write.sql(), &job.id).await?;
+    happened(write, &job, now_ms, "queued").await?;
+    write.announce(Change::Claimable);
+    Ok((job, Submitted::New))
+}
+
+/// The job that the same request made.
+async fn existing(sql: &mut SqliteConnection, new: &NewJob, spec: &str) -> Result<Option<Job>, StoreError> {
+    let row = sqlx::query("select * from job where request_id = ?").bind(&new.request_id).fetch_optional(sql).await?;
+    let Some(row) = row else { return Ok(None) };
+    let job = job_of(&row)?;
+    // Text, not values: a number that was rounded on its way would make the same request another one.
+    let same = row.try_get::<String, _>("spec")? == spec
+        && job.priority == new.priority
+        && job.attempts_max == new.attempts_max
+        && job.scheduling == new.scheduling;
+    if !same {
+        let detail = format!("as jobs/{} with other content", job.id);
+        return Err(StoreError::exists(format!("request_id \"{}\"", new.request_id), detail));
+    }
+    Ok(Some(job))
+}
+
+/// There is room in the queue for a job of this owner, and no other with its unique key.
+async fn require_turn(sql: &mut SqliteConnection, new: &NewJob, limits: QueueLimits) -> Result<(), StoreError> {
+    let (queued, owned): (i64, i64) = sqlx::query_as(
+        "select coalesce(sum(jobs), 0), coalesce(sum(jobs) filter (where owner = ?), 0) \
+         from job_count where state = 'queued'",
+    )
+    .bind(&new.scheduling.owner)
+    .fetch_one(&mut *sql)
+    .await?;
+    if queued >= i64::from(limits.queued) {
+        return Err(StoreError::QueueFull { limit: limits.queued });
+    }
+    if limits.queued_per_owner > 0 && owned >= i64::from(limits.queued_per_owner) {
+        return Err(StoreError::OwnerQueueFull { limit: limits.queued_per_owner });
+    }
+    super::artifacts::require_room(sql, &new.scheduling.owner, 1, limits.stored_bytes_per_owner).await?;
+    let Some(key) = &new.scheduling.unique_key else { return Ok(()) };
+    match active_with_key(sql, key).await? {
+        Some(id) => {
+            Err(StoreError::exists(format!("unique_key \"{key}\""), format!("at jobs/{id}, which has not ended")))
+        }
+        None => Ok(()),
+    }
+}
+
+/// The job with this unique key that waits or runs.
+pub(super) async fn active_with_key(sql: &mut SqliteConnection, key: &str) -> Result<Option<String>, StoreError> {
+    let query = sqlx::query_scalar("select id from job where unique_key = ? and state in ('queued', 'running')");
+    Ok(query.bind(key).fetch_optional(sql).await?)
+}
+
+/// What the job refers to is there.
+async fn require(sql: &mut SqliteConnection, new: &NewJob) -> Result<(), StoreError> {
+    let (has_display, has_dataset): (bool, bool) = sqlx::query_as(
+        "select exists (select 1 from display where id = ?1), \
+         ?2 is null or exists (select 1 from dataset where id = ?2)",
+    )
+    .bind(new.spec.display())
+    .bind(new.spec.dataset())
+    .fetch_one(sql)
+    .await?;
+    if !has_display {
+        return Err(StoreError::not_found(format!("displays/{}", new.spec.display())));
+    }
+    if !has_dataset {
+        return Err(StoreError::not_found(format!("datasets/{}", new.spec.dataset().unwrap_or_default())));
+    }
+    Ok(())
+}
+
+/// What the new job reads is still there: artifacts that nothing refers to go after a while.
+async fn require_artifacts(sql: &mut SqliteConnection, id: &str) -> Result<(), StoreError> {
+    let missing: Option<String> = sqlx::query_scalar(
+        "select artifact from job_artifact where job = ? \
+         and not exists (select 1 from artifact a where a.digest = job_artifact.artifact) limit 1",
+    )
+    .bind(id)
+    .fetch_optional(sql)
+    .await?;
+    missing.map_or(Ok(()), |digest| Err(StoreError::not_found(format!("artifact {digest}"))))
+}
+
+pub(super) fn job_of(row: &SqliteRow) -> Result<Job, StoreError> {
+    Ok(Job {
+        id: row.try_get("id")?,
+        request_id: row.try_get("request_id")?,
+        spec: from_json("job.spec", &row.try_get::<String, _>("spec")?)?,
+        state: from_word("job.state", row.try_get("state")?)?,
+        priority: row.try_get("priority")?,
+        attempt: row.try_get("attempt")?,
+        attempts_max: row.try_get("attempts_max")?,
+        create_time_ms: row.try_get("create_time_ms")?,
+        start_time_ms: row.try_get("start_time_ms")?,
+        finish_time_ms: row.try_get("finish_time_ms")?,
+        run_time_ms: row.try_get("run_time_ms")?,
+        progress: from_json_option("job.progress", row.try_get("progress")?)?,
+        error: from_json_option("job.error", row.try_get("error")?)?,
+        result: from_json_option("job.result", row.try_get("result")?)?,
+        cancel_requested: row.try_get("cancel_requested")?,
+        checkpoint: row.try_get("checkpoint")?,
+        revision: row.try_get::<i64, _>("revision")?.unsigned_abs(),
+        scheduling: Scheduling {
+            owner: row.try_get("owner")?,
+            batch: row.try_get("batch")?,
+            unique_key: row.try_get("unique_key")?,
+            not_before_ms: row.try_get("not_before_ms")?,
+            timeout_ms: row.try_get("timeout_ms")?,
+            after: from_json("job.after", &row.try_get::<String, _>("after")?)?,
+        },
+        waiting_for: row.try_get("waiting_for")?,
+    })
+}

@@ -1,0 +1,238 @@
+//! Kernels and their versions.
+
+use super::changes::Change;
+use super::datasets::require_artifact;
+use super::rows::{from_json, from_word, to_json, to_word};
+use super::write::Write;
+use super::{Store, StoreError, page};
+use lightpath_domain::kernel::{Kernel, KernelKey, KernelModel, KernelVersion, NewKernelVersion};
+use lightpath_domain::units::{Distance, Wavelength};
+use sqlx::sqlite::SqliteRow;
+use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
+
+/// Kernels, with what is told of the version that counts.
+const KERNELS: &str = "select kernel.*, exists (select 1 from kernel_version v where v.kernel = kernel.id \
+                       and v.version = coalesce(kernel.active_version, kernel.latest_version) \
+                       and v.lineage ->> '$.over_distance.interpolated') as interpolated from kernel";
+
+impl Store {
+    /// A kernel.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::NotFound`].
+    pub async fn kernel(&self, key: &KernelKey) -> Result<Kernel, StoreError> {
+        let mut read = self.readers().acquire().await?;
+        Ok(find(&mut read, key).await?.1)
+    }
+
+    /// At most `limit` kernels in the order of their names (as `KernelKey` shows them), behind the name `after`.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn kernels(
+        &self,
+        display: Option<&str>,
+        after: Option<&str>,
+        limit: u32,
+    ) -> Result<Vec<Kernel>, StoreError> {
+        let mut query = QueryBuilder::<Sqlite>::new(KERNELS);
+        query.push(" where name > ");
+        query.push_bind(after.unwrap_or(""));
+        if let Some(display) = display {
+            query.push(" and display = ").push_bind(display);
+        }
+        query.push(" order by name limit ").push_bind(page(limit));
+        query.build().fetch_all(self.readers()).await?.iter().map(kernel_of).collect()
+    }
+
+    /// A version of a kernel.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::NotFound`].
+    pub async fn kernel_version(&self, key: &KernelKey, version: u32) -> Result<KernelVersion, StoreError> {
+        let row = sqlx::query(
+            "select v.*, v.version is k.active_version as active from kernel k \
+             join kernel_version v on v.kernel = k.id where k.name = ? and v.version = ?",
+        )
+        .bind(key.to_string())
+        .bind(version)
+        .fetch_optional(self.readers())
+        .await?;
+        version_of(key, &row.ok_or_else(|| StoreError::not_found(format!("{key}/versions/{version}")))?)
+    }
+
+    /// At most `limit` versions of a kernel, newest first, older than `before`.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::NotFound`] where there is no such kernel.
+    pub async fn kernel_versions(
+        &self,
+        key: &KernelKey,
+        before: Option<u32>,
+        limit: u32,
+    ) -> Result<Vec<KernelVersion>, StoreError> {
+        let mut read = self.readers().begin().await?;
+        let (id, _) = find(&mut read, key).await?;
+        let rows = sqlx::query(
+            "select v.*, v.version is k.active_version as active from kernel_version v \
+             join kernel k on k.id = v.kernel where v.kernel = ? and v.version < ? order by v.version desc limit ?",
+        )
+        .bind(id)
+        .bind(before.map_or(i64::MAX, i64::from))
+        .bind(page(limit))
+        .fetch_all(&mut *read)
+        .await?;
+        rows.iter().map(|row| version_of(key, row)).collect()
+    }
+
+    /// Versions of a display and wavelength that one model of several distances was learned for, newest first, then by
+    /// distance; at most `limit`.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn joint_versions(
+        &self,
+        display: &str,
+        wavelength: Wavelength,
+        limit: u32,
+    ) -> Result<Vec<KernelVersion>, StoreError> {
+        let rows = sqlx::query(
+            "select v.*, v.version is k.active_version as active, k.distance_nm from kernel k \
+             join kernel_version v on v.kernel = k.id where k.display = ? and k.wavelength_pm = ? \
+             and v.lineage ->> '$.over_distance.interpolated' = 0 \
+             order by v.create_time_ms desc, v.lineage ->> '$.job', k.distance_nm limit ?",
+        )
+        .bind(display)
+        .bind(wavelength.pm)
+        .bind(page(limit))
+        .fetch_all(self.readers())
+        .await?;
+        let of_row = |row: &SqliteRow| {
+            let distance = Distance { nm: row.try_get("distance_nm")? };
+            version_of(&KernelKey { display: display.to_owned(), wavelength, distance }, row)
+        };
+        rows.iter().map(of_row).collect()
+    }
+
+    /// Appends a version to a kernel; the first one creates the kernel. `active` stays where it is.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::NotFound`] where the display or the artifact is missing.
+    pub async fn add_kernel_version(
+        &self,
+        key: &KernelKey,
+        version: NewKernelVersion,
+        now_ms: i64,
+    ) -> Result<KernelVersion, StoreError> {
+        let key = key.clone();
+        self.write(move |write| Box::pin(async move { append_version(write, &key, version, now_ms).await })).await
+    }
+}
+
+/// Appends a version in the transaction of somebody else.
+pub(super) async fn append_version(
+    write: &mut Write,
+    key: &KernelKey,
+    content: NewKernelVersion,
+    now_ms: i64,
+) -> Result<KernelVersion, StoreError> {
+    require_artifact(write.sql(), &content.artifact).await?;
+    let id = create(write.sql(), key, now_ms).await?;
+    // A varying kernel is a display that varies.
+    let base = if content.model == KernelModel::Varying { KernelModel::Display } else { content.model };
+    let version: u32 = sqlx::query_scalar(
+        "insert into kernel_version \
+         (kernel, version, model, varies, artifact, size_bytes, metrics, lineage, create_time_ms) \
+         select id, latest_version + 1, ?2, ?3, ?4, ?5, ?6, ?7, ?8 from kernel where id = ?1 returning version",
+    )
+    .bind(id)
+    .bind(to_word("kernel_version.model", &base)?)
+    .bind(content.model != base)
+    .bind(&content.artifact)
+    .bind(content.size_bytes as i64)
+    .bind(to_json("kernel_version.metrics", &content.metrics)?)
+    .bind(to_json("kernel_version.lineage", &content.lineage)?)
+    .bind(now_ms)
+    .fetch_one(write.sql())
+    .await?;
+    sqlx::query("update kernel set latest_version = ?2 where id = ?1")
+        .bind(id)
+        .bind(version)
+        .execute(write.sql())
+        .await?;
+    write.announce(Change::Kernel(key.clone()));
+    Ok(KernelVersion { key: key.clone(), version, content, create_time_ms: now_ms, active: false })
+}
+
+/// The kernel's row id; makes the row where there is none.
+async fn create(sql: &mut SqliteConnection, key: &KernelKey, now_ms: i64) -> Result<i64, StoreError> {
+    let known: bool = sqlx::query_scalar("select exists (select 1 from display where id = ?)")
+        .bind(&key.display)
+        .fetch_one(&mut *sql)
+        .await?;
+    if !known {
+        return Err(StoreError::not_found(format!("displays/{}", key.display)));
+    }
+    sqlx::query(
+        "insert into kernel (name, display, wavelength_pm, distance_nm, create_time_ms) values (?, ?, ?, ?, ?) \
+         on conflict do nothing",
+    )
+    .bind(key.to_string())
+    .bind(&key.display)
+    .bind(key.wavelength.pm)
+    .bind(key.distance.nm)
+    .bind(now_ms)
+    .execute(&mut *sql)
+    .await?;
+    Ok(find(sql, key).await?.0)
+}
+
+/// The kernel with its row id.
+pub(super) async fn find(sql: &mut SqliteConnection, key: &KernelKey) -> Result<(i64, Kernel), StoreError> {
+    let mut query = QueryBuilder::<Sqlite>::new(KERNELS);
+    query.push(" where name = ").push_bind(key.to_string());
+    let row = query.build().fetch_optional(sql).await?;
+    let row = row.ok_or_else(|| StoreError::not_found(key.to_string()))?;
+    Ok((row.try_get("id")?, kernel_of(&row)?))
+}
+
+fn kernel_of(row: &SqliteRow) -> Result<Kernel, StoreError> {
+    Ok(Kernel {
+        key: KernelKey {
+            display: row.try_get("display")?,
+            wavelength: Wavelength { pm: row.try_get("wavelength_pm")? },
+            distance: Distance { nm: row.try_get("distance_nm")? },
+        },
+        active_version: row.try_get("active_version")?,
+        latest_version: row.try_get("latest_version")?,
+        interpolated: row.try_get("interpolated")?,
+        create_time_ms: row.try_get("create_time_ms")?,
+    })
+}
+
+fn version_of(key: &KernelKey, row: &SqliteRow) -> Result<KernelVersion, StoreError> {
+    let metrics: String = row.try_get("metrics")?;
+    let lineage: String = row.try_get("lineage")?;
+    Ok(KernelVersion {
+        key: key.clone(),
+        version: row.try_get("version")?,
+        content: NewKernelVersion {
+            model: match row.try_get("varies")? {
+                true => KernelModel::Varying,
+                false => from_word("kernel_version.model", row.try_get("model")?)?,
+            },
+            artifact: row.try_get("artifact")?,
+            size_bytes: row.try_get::<i64, _>("size_bytes")?.unsigned_abs(),
+            metrics: from_json("kernel_version.metrics", &metrics)?,
+            lineage: from_json("kernel_version.lineage", &lineage)?,
+        },
+        create_time_ms: row.try_get("create_time_ms")?,
+        active: row.try_get("active")?,
+    })
+}

@@ -1,0 +1,225 @@
+//! A worker's side of the queue: claims, and what a lease allows while the job runs.
+//!
+//! Every write names job, attempt and lease, and holds only while the lease does. A worker that lost its job, however
+//! late it notices, changes nothing.
+
+use super::changes::Change;
+use super::events::happened;
+use super::jobs::job_of;
+use super::rows::to_json;
+use super::write::Write;
+use super::{Store, StoreError};
+use lightpath_domain::job::{Job, Lease, Progress};
+use sqlx::sqlite::{SqliteArguments, SqliteRow};
+use sqlx::{Row, Sqlite};
+use uuid::Uuid;
+
+/// What a heartbeat brings back.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Heartbeat {
+    /// The lease now holds until then [ms since 1970].
+    pub until_ms: i64,
+    /// Somebody asked for the end of the job.
+    pub cancel_requested: bool,
+}
+
+/// How many jobs may run at once; counted by their leases. 0: no limit.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ClaimLimits {
+    /// Of each owner.
+    pub per_owner: u32,
+    /// On each display.
+    pub per_display: u32,
+}
+
+/// An update that happens only while the lease `(?1 job, ?2 attempt, ?3 lease_id)` holds at `?4`.
+macro_rules! fenced {
+    ($set:literal) => {
+        concat!(
+            "update job set revision = revision + 1, ",
+            $set,
+            " where id = ?1 and state = 'running' and attempt = ?2 and lease_id = ?3 and lease_until_ms > ?4 returning *"
+        )
+    };
+}
+pub(super) use fenced;
+
+impl Store {
+    /// Gives the next job that may run to `worker`, with a lease of `lease_ms`: the lowest priority first; then of the
+    /// owner who has the fewest jobs running, and of those, who has not had a turn for the longest time; then the longest
+    /// due, then the oldest.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`], [`StoreError::DiskFull`].
+    pub async fn claim(&self, now_ms: i64, lease_ms: i64, worker: &str) -> Result<Option<(Job, Lease)>, StoreError> {
+        self.claim_within(ClaimLimits::default(), now_ms, lease_ms, worker).await
+    }
+
+    /// [`Self::claim`], where at most so many jobs of an owner or a display run at once.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::claim`].
+    pub async fn claim_within(
+        &self,
+        limits: ClaimLimits,
+        now_ms: i64,
+        lease_ms: i64,
+        worker: &str,
+    ) -> Result<Option<(Job, Lease)>, StoreError> {
+        let worker = worker.to_owned();
+        self.write(move |write| Box::pin(async move { claim(write, limits, now_ms, lease_ms, &worker).await })).await
+    }
+
+    /// When the next job gets due that is not yet due at `now_ms` [ms since 1970], where one waits for its time.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn next_run_time(&self, now_ms: i64) -> Result<Option<i64>, StoreError> {
+        let time = sqlx::query_scalar(
+            "select min((select min(run_time_ms) from job where state = 'queued' and waiting_for = 0 \
+             and priority = lane.priority and owner = lane.owner and display = lane.display and run_time_ms > ?)) \
+             from lane",
+        );
+        Ok(time.bind(now_ms).fetch_one(self.readers()).await?)
+    }
+
+    /// Extends the lease.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::LeaseLost`].
+    pub async fn heartbeat(&self, lease: &Lease, now_ms: i64, lease_ms: i64) -> Result<Heartbeat, StoreError> {
+        let lease = lease.clone();
+        self.write(move |write| {
+            Box::pin(async move {
+                // A heartbeat is no news: it leaves the revision alone.
+                let sql = "update job set lease_until_ms = max(lease_until_ms, ?5) where id = ?1 and state = 'running' and attempt = ?2 \
+                           and lease_id = ?3 and lease_until_ms > ?4 returning *";
+                let row = under_lease(sql, &lease, now_ms).bind(now_ms + lease_ms).fetch_optional(write.sql()).await?;
+                let job = held(row)?;
+                Ok(Heartbeat { until_ms: now_ms + lease_ms, cancel_requested: job.cancel_requested })
+            })
+        })
+        .await
+    }
+
+    /// Moves all leases by `by_ms`, because the clock that they are told in was set.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`], [`StoreError::DiskFull`].
+    pub async fn shift_leases(&self, by_ms: i64) -> Result<(), StoreError> {
+        self.write(move |write| {
+            Box::pin(async move {
+                let sql = "update job set lease_until_ms = lease_until_ms + ? where state = 'running'";
+                sqlx::query(sql).bind(by_ms).execute(write.sql()).await?;
+                Ok(())
+            })
+        })
+        .await
+    }
+
+    /// Records how far the job is.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::LeaseLost`].
+    pub async fn progress(&self, lease: &Lease, progress: &Progress, now_ms: i64) -> Result<(), StoreError> {
+        let (lease, progress) = (lease.clone(), to_json("job.progress", progress)?);
+        self.write(move |write| {
+            Box::pin(async move {
+                let query = under_lease(fenced!("progress = ?5"), &lease, now_ms).bind(progress);
+                held(query.fetch_optional(write.sql()).await?)?;
+                write.announce(Change::Job(lease.job));
+                Ok(())
+            })
+        })
+        .await
+    }
+
+    /// Records a checkpoint that is on disk, and returns the one that it replaces. The job got ahead: its failures so
+    /// far no longer count.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::LeaseLost`].
+    pub async fn checkpoint(&self, lease: &Lease, digest: &str, now_ms: i64) -> Result<Option<String>, StoreError> {
+        let (lease, digest) = (lease.clone(), digest.to_owned());
+        self.write(move |write| {
+            Box::pin(async move {
+                let before = read(write, &lease, now_ms).await?.0.checkpoint;
+                let query =
+                    under_lease(fenced!("checkpoint = ?5, failures = 0, crashes = 0"), &lease, now_ms).bind(&digest);
+                held(query.fetch_optional(write.sql()).await?)?;
+                write.announce(Change::Job(lease.job));
+                Ok(before.filter(|before| *before != digest))
+            })
+        })
+        .await
+    }
+}
+
+async fn claim(
+    write: &mut Write,
+    limits: ClaimLimits,
+    now_ms: i64,
+    lease_ms: i64,
+    worker: &str,
+) -> Result<Option<(Job, Lease)>, StoreError> {
+    let lease_id = Uuid::now_v7().to_string();
+    let row = sqlx::query(
+        "update job set state = 'running', attempt = attempt + 1, lease_id = ?1, lease_until_ms = ?2, worker = ?3, \
+         start_time_ms = ?4, progress = null, error = null, revision = revision + 1 \
+         where id = ( \
+            select next.id from lane \
+            join job next on next.id = (select id from job where state = 'queued' and waiting_for = 0 \
+                and priority = lane.priority and owner = lane.owner and display = lane.display and run_time_ms <= ?4 \
+                order by run_time_ms, id limit 1) \
+            left join (select owner, count(*) as running from job where state = 'running' group by owner) o \
+                on o.owner = lane.owner \
+            left join (select display, count(*) as running from job where state = 'running' group by display) d \
+                on d.display = lane.display \
+            where not exists (select 1 from pause where pause.display in ('', lane.display)) \
+                and (?5 = 0 or coalesce(o.running, 0) < ?5) and (?6 = 0 or coalesce(d.running, 0) < ?6) \
+            order by lane.priority, coalesce(o.running, 0), \
+                (select max(start_time_ms) from job where owner = lane.owner and start_time_ms is not null), \
+                next.run_time_ms, next.id limit 1) \
+         returning *",
+    )
+    .bind(&lease_id)
+    .bind(now_ms + lease_ms)
+    .bind(worker)
+    .bind(now_ms)
+    .bind(limits.per_owner)
+    .bind(limits.per_display)
+    .fetch_optional(write.sql())
+    .await?;
+    let Some(row) = row else { return Ok(None) };
+    let job = job_of(&row)?;
+    happened(write, &job, now_ms, format!("attempt {} started by {worker}", job.attempt)).await?;
+    let lease = Lease { job: job.id.clone(), attempt: job.attempt, lease_id, until_ms: now_ms + lease_ms };
+    Ok(Some((job, lease)))
+}
+
+/// The job that the lease holds, its failures and the deaths of its server.
+pub(super) async fn read(write: &mut Write, lease: &Lease, now_ms: i64) -> Result<(Job, i64, i64), StoreError> {
+    let sql = "select * from job where id = ?1 and state = 'running' and attempt = ?2 and lease_id = ?3 \
+               and lease_until_ms > ?4";
+    let row = under_lease(sql, lease, now_ms).fetch_optional(write.sql()).await?.ok_or(StoreError::LeaseLost)?;
+    Ok((job_of(&row)?, row.try_get("failures")?, row.try_get("crashes")?))
+}
+
+pub(super) fn under_lease<'q>(
+    sql: &'static str,
+    lease: &Lease,
+    now_ms: i64,
+) -> sqlx::query::Query<'q, Sqlite, SqliteArguments> {
+    sqlx::query(sql).bind(lease.job.clone()).bind(lease.attempt).bind(lease.lease_id.clone()).bind(now_ms)
+}
+
+pub(super) fn held(row: Option<SqliteRow>) -> Result<Job, StoreError> {
+    job_of(&row.ok_or(StoreError::LeaseLost)?)
+}

@@ -1,0 +1,150 @@
+//! Moves of the alias `active`, and their history.
+
+use super::changes::Change;
+use super::kernels::find;
+use super::write::Write;
+use super::{Store, StoreError, page};
+use lightpath_domain::kernel::{Kernel, KernelKey, KernelMove};
+use sqlx::Row;
+
+/// A promotion, or the undoing of one.
+struct Move {
+    from: Option<u32>,
+    to: u32,
+    reason: String,
+    undoes: Option<i64>,
+}
+
+impl Store {
+    /// Points `active` to a version; `expected` says from where (`Some(None)`: from nowhere), where it matters.
+    /// Promoting the active version changes nothing.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::NotFound`] where there is no such version; [`StoreError::Aborted`] where another version than
+    /// `expected` is active.
+    pub async fn promote(
+        &self,
+        key: &KernelKey,
+        version: u32,
+        expected: Option<Option<u32>>,
+        reason: &str,
+        now_ms: i64,
+    ) -> Result<Kernel, StoreError> {
+        let (key, reason) = (key.clone(), reason.to_owned());
+        self.write(move |write| Box::pin(async move { promote(write, &key, version, expected, reason, now_ms).await }))
+            .await
+    }
+
+    /// Undoes the latest promotion that is not undone yet: a second rollback goes one further back.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::NotFound`]; [`StoreError::Precondition`] where there is nothing to go back to.
+    pub async fn rollback(&self, key: &KernelKey, reason: &str, now_ms: i64) -> Result<Kernel, StoreError> {
+        let (key, reason) = (key.clone(), reason.to_owned());
+        self.write(move |write| Box::pin(async move { rollback(write, &key, reason, now_ms).await })).await
+    }
+
+    /// At most `limit` moves of a kernel, newest first, older than the move `before`.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::NotFound`] where there is no such kernel.
+    pub async fn kernel_moves(
+        &self,
+        key: &KernelKey,
+        before: Option<i64>,
+        limit: u32,
+    ) -> Result<Vec<KernelMove>, StoreError> {
+        let mut read = self.readers().begin().await?;
+        let (id, _) = find(&mut read, key).await?;
+        let rows =
+            sqlx::query("select * from kernel_move where kernel = ? and sequence < ? order by sequence desc limit ?")
+                .bind(id)
+                .bind(before.unwrap_or(i64::MAX))
+                .bind(page(limit))
+                .fetch_all(&mut *read)
+                .await?;
+        rows.iter()
+            .map(|row| {
+                Ok(KernelMove {
+                    sequence: row.try_get("sequence")?,
+                    time_ms: row.try_get("time_ms")?,
+                    from_version: row.try_get("from_version")?,
+                    to_version: row.try_get("to_version")?,
+                    reason: row.try_get("reason")?,
+                    rollback: row.try_get::<Option<i64>, _>("undoes")?.is_some(),
+                })
+            })
+            .collect()
+    }
+}
+
+async fn promote(
+    write: &mut Write,
+    key: &KernelKey,
+    version: u32,
+    expected: Option<Option<u32>>,
+    reason: String,
+    now_ms: i64,
+) -> Result<Kernel, StoreError> {
+    let (id, kernel) = find(write.sql(), key).await?;
+    if version == 0 || version > kernel.latest_version {
+        return Err(StoreError::not_found(format!("{key}/versions/{version}")));
+    }
+    if expected.is_some_and(|expected| expected != kernel.active_version) {
+        let message = match kernel.active_version {
+            Some(active) => format!("version {active} of {key} is active now; read the kernel again"),
+            None => format!("no version of {key} is active now; read the kernel again"),
+        };
+        return Err(StoreError::Aborted { reason: "ACTIVE_VERSION_CHANGED", message });
+    }
+    if kernel.active_version == Some(version) {
+        return Ok(kernel);
+    }
+    let step = Move { from: kernel.active_version, to: version, reason, undoes: None };
+    apply(write, id, key, step, now_ms).await
+}
+
+async fn rollback(write: &mut Write, key: &KernelKey, reason: String, now_ms: i64) -> Result<Kernel, StoreError> {
+    let (id, kernel) = find(write.sql(), key).await?;
+    let last = sqlx::query(
+        "select sequence, from_version from kernel_move m where kernel = ? and undoes is null \
+         and not exists (select 1 from kernel_move u where u.undoes = m.sequence) order by sequence desc limit 1",
+    )
+    .bind(id)
+    .fetch_optional(write.sql())
+    .await?;
+    let last: Option<(i64, Option<u32>)> = match last {
+        Some(row) => Some((row.try_get("sequence")?, row.try_get("from_version")?)),
+        None => None,
+    };
+    let Some((undone, Some(to))) = last else {
+        let message = format!("{key} has no earlier active version to go back to");
+        return Err(StoreError::precondition("NO_EARLIER_VERSION", message));
+    };
+    let step = Move { from: kernel.active_version, to, reason, undoes: Some(undone) };
+    apply(write, id, key, step, now_ms).await
+}
+
+async fn apply(write: &mut Write, id: i64, key: &KernelKey, step: Move, now_ms: i64) -> Result<Kernel, StoreError> {
+    sqlx::query(
+        "insert into kernel_move (kernel, time_ms, from_version, to_version, reason, undoes) values (?, ?, ?, ?, ?, ?)",
+    )
+    .bind(id)
+    .bind(now_ms)
+    .bind(step.from)
+    .bind(step.to)
+    .bind(step.reason)
+    .bind(step.undoes)
+    .execute(write.sql())
+    .await?;
+    sqlx::query("update kernel set active_version = ? where id = ?")
+        .bind(step.to)
+        .bind(id)
+        .execute(write.sql())
+        .await?;
+    write.announce(Change::Kernel(key.clone()));
+    Ok(find(write.sql(), key).await?.1)
+}

@@ -1,0 +1,113 @@
+//! API tokens.
+
+use super::rows::{from_json, from_word, to_json};
+use super::{Store, StoreError};
+use lightpath_domain::access::{Caller, Role};
+use sqlx::Row;
+use sqlx::sqlite::SqliteRow;
+
+/// A token, without the secret that only its bearer has.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TokenRecord {
+    /// Whom it speaks for.
+    pub caller: Caller,
+    /// [ms since 1970]
+    pub create_time_ms: i64,
+    /// Not accepted from then on [ms since 1970]; `None`: until it is revoked.
+    pub expire_time_ms: Option<i64>,
+    /// When it was revoked [ms since 1970].
+    pub revoke_time_ms: Option<i64>,
+}
+
+impl TokenRecord {
+    /// Whether it is accepted.
+    #[must_use]
+    pub fn is_valid(&self, now_ms: i64) -> bool {
+        self.revoke_time_ms.is_none() && self.expire_time_ms.is_none_or(|expire_ms| now_ms < expire_ms)
+    }
+}
+
+impl Store {
+    /// Keeps a new token by its hash.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::AlreadyExists`] where the name is taken; names of revoked tokens stay taken, so that the audit log
+    /// means one token by one name.
+    pub async fn create_token(
+        &self,
+        caller: &Caller,
+        hash: &str,
+        expire_time_ms: Option<i64>,
+        now_ms: i64,
+    ) -> Result<TokenRecord, StoreError> {
+        let (caller, hash) = (caller.clone(), hash.to_owned());
+        self.write(move |write| {
+            Box::pin(async move {
+                let row = sqlx::query(
+                    "insert into token (name, hash, role, displays, create_time_ms, expire_time_ms) \
+                     values (?, ?, ?, ?, ?, ?) on conflict (name) do nothing returning *",
+                )
+                .bind(&caller.name)
+                .bind(hash)
+                .bind(caller.role.as_str())
+                .bind(to_json("token.displays", &caller.displays)?)
+                .bind(now_ms)
+                .bind(expire_time_ms)
+                .fetch_optional(write.sql())
+                .await?;
+                let taken = || StoreError::exists(format!("token \"{}\"", caller.name), "; choose another name");
+                token_of(&row.ok_or_else(taken)?)
+            })
+        })
+        .await
+    }
+
+    /// The token with this hash.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn token_by_hash(&self, hash: &str) -> Result<Option<TokenRecord>, StoreError> {
+        let row = sqlx::query("select * from token where hash = ?").bind(hash).fetch_optional(self.readers()).await?;
+        row.as_ref().map(token_of).transpose()
+    }
+
+    /// All tokens in the order of their names.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn tokens(&self) -> Result<Vec<TokenRecord>, StoreError> {
+        let rows = sqlx::query("select * from token order by name").fetch_all(self.readers()).await?;
+        rows.iter().map(token_of).collect()
+    }
+
+    /// Ends a token for good.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::NotFound`].
+    pub async fn revoke_token(&self, name: &str, now_ms: i64) -> Result<TokenRecord, StoreError> {
+        let name = name.to_owned();
+        self.write(move |write| {
+            Box::pin(async move {
+                let sql = "update token set revoke_time_ms = coalesce(revoke_time_ms, ?2) where name = ?1 returning *";
+                let row = sqlx::query(sql).bind(&name).bind(now_ms).fetch_optional(write.sql()).await?;
+                token_of(&row.ok_or_else(|| StoreError::not_found(format!("token \"{name}\"")))?)
+            })
+        })
+        .await
+    }
+}
+
+fn token_of(row: &SqliteRow) -> Result<TokenRecord, StoreError> {
+    let role: Role = from_word("token.role", row.try_get("role")?)?;
+    let displays = from_json("token.displays", &row.try_get::<String, _>("displays")?)?;
+    Ok(TokenRecord {
+        caller: Caller { name: row.try_get("name")?, role, displays },
+        create_time_ms: row.try_get("create_time_ms")?,
+        expire_time_ms: row.try_get("expire_time_ms")?,
+        revoke_time_ms: row.try_get("revoke_time_ms")?,
+    })
+}

@@ -1,0 +1,87 @@
+//! Totals for metrics.
+
+use super::rows::from_word;
+use super::{Store, StoreError};
+use lightpath_domain::job::JobState;
+use std::fs;
+use std::path::Path;
+use std::time::Duration;
+
+/// How many jobs of one kind are in one state.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct QueueDepth {
+    /// As in a job's stored specification, for example `optimize_hologram`.
+    pub kind: String,
+    /// Queued or running.
+    pub state: JobState,
+    /// Number of jobs.
+    pub jobs: u64,
+}
+
+/// Every kind of job, so that an empty queue shows as 0 and not as nothing.
+const KINDS: [&str; 4] = ["optimize_hologram", "learn_kernel", "simulate_capture", "evaluate_kernel"];
+
+impl Store {
+    /// Jobs that wait or run, for every kind.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn queue_depths(&self) -> Result<Vec<QueueDepth>, StoreError> {
+        let rows: Vec<(String, String, i64)> = sqlx::query_as(
+            "select kind, state, sum(jobs) from job_count where state in ('queued', 'running') group by 1, 2",
+        )
+        .fetch_all(self.readers())
+        .await?;
+        let mut depths = Vec::new();
+        for kind in KINDS {
+            for state in [JobState::Queued, JobState::Running] {
+                depths.push(QueueDepth { kind: kind.to_owned(), state, jobs: 0 });
+            }
+        }
+        for (kind, state, count) in rows {
+            let state: JobState = from_word("job.state", state)?;
+            if let Some(depth) = depths.iter_mut().find(|depth| depth.kind == kind && depth.state == state) {
+                depth.jobs = count.unsigned_abs();
+            }
+        }
+        Ok(depths)
+    }
+
+    /// For every kind, how long the first job in turn has been due: it may run, and no worker has taken it.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn oldest_due(&self, now_ms: i64) -> Result<Vec<(&'static str, Duration)>, StoreError> {
+        let mut ages = Vec::new();
+        for kind in KINDS {
+            let sql = "select min(run_time_ms) from job where state = 'queued' and waiting_for = 0 and kind = ?";
+            let due_ms: Option<i64> = sqlx::query_scalar(sql).bind(kind).fetch_one(self.readers()).await?;
+            let age_ms = now_ms.saturating_sub(due_ms.unwrap_or(now_ms)).max(0);
+            ages.push((kind, Duration::from_millis(age_ms.unsigned_abs())));
+        }
+        Ok(ages)
+    }
+
+    /// Sizes of the database and of its write-ahead log \[bytes\]; 0 where the file is not there.
+    #[must_use]
+    pub fn file_bytes(&self) -> (u64, u64) {
+        let size = |path: &Path| fs::metadata(path).map_or(0, |metadata| metadata.len());
+        let mut wal = self.inner.path.clone().into_os_string();
+        wal.push("-wal");
+        (size(&self.inner.path), size(Path::new(&wal)))
+    }
+
+    /// Number and bytes of all artifacts.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn artifact_totals(&self) -> Result<(u64, u64), StoreError> {
+        let (count, bytes): (i64, i64) = sqlx::query_as("select count(*), coalesce(sum(size_bytes), 0) from artifact")
+            .fetch_one(self.readers())
+            .await?;
+        Ok((count.unsigned_abs(), bytes.unsigned_abs()))
+    }
+}

@@ -1,0 +1,214 @@
+//! One attempt at a job, from claim to end.
+
+use super::context::{DISK_FULL, PANIC, saved_state};
+use super::stop::{StopFlag, StopReason};
+use super::{Clock, JobContext, Task, TaskError, TaskOutput, Worker};
+use lightpath_domain::job::{Job, JobError, Lease, Progress};
+use lightpath_metrics as metrics;
+use lightpath_store::{Store, StoreError};
+use rayon::ThreadPool;
+use std::any::Any;
+use std::cell::{Cell, RefCell};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use tokio::runtime::Handle;
+use tokio::sync::broadcast::Receiver;
+use tokio::sync::broadcast::error::RecvError;
+use tokio::sync::{oneshot, watch};
+use tokio::task::JoinSet;
+use tokio::time::{interval, sleep};
+use tokio_util::sync::CancellationToken;
+
+/// Shortest time between two progress reports of a job: lively for people, no load for the store.
+const PROGRESS_INTERVAL: Duration = Duration::from_millis(200);
+
+/// Heartbeats in a lease: two may fail before the third one is too late.
+const HEARTBEATS_PER_LEASE: u32 = 3;
+
+type Outcome = Result<TaskOutput, TaskError>;
+
+impl Worker {
+    /// Runs a claimed job until it ends, one way or another.
+    pub(super) async fn attempt(&self, job: Job, lease: Lease, pool: &Arc<ThreadPool>, drain: &CancellationToken) {
+        tracing::info!(job = job.id, attempt = lease.attempt, "attempt started");
+        let stop = Arc::new(StopFlag::default());
+        let (progress, reports) = watch::channel(None);
+        // Aborted when dropped, that is when the attempt has ended.
+        let mut attendants = JoinSet::new();
+        // Listen first: a cancel before this is seen by the first heartbeat, any later one is heard.
+        let cancels = self.store.subscribe_cancels();
+        attendants.spawn(listen(cancels, lease.job.clone(), drain.clone(), Arc::clone(&stop)));
+        let (store, clock) = (self.store.clone(), self.clock.clone());
+        attendants.spawn(beat(store.clone(), clock.clone(), lease.clone(), self.config.lease, Arc::clone(&stop)));
+        attendants.spawn(tell(store, clock, lease.clone(), reports.clone()));
+        let timeout = self.config.timeouts.of(&job);
+        if let Some(timeout) = timeout {
+            let stop = Arc::clone(&stop);
+            attendants.spawn(async move {
+                sleep(timeout).await;
+                stop.raise(StopReason::Timeout);
+            });
+        }
+
+        let context = JobContext {
+            lease: lease.clone(),
+            owner: job.scheduling.owner.clone(),
+            store: self.store.clone(),
+            artifacts: self.artifacts.clone(),
+            engines: Arc::clone(&self.engines),
+            clock: self.clock.clone(),
+            runtime: Handle::current(),
+            stop: Arc::clone(&stop),
+            progress,
+            checkpoint_interval: self.config.checkpoint_interval,
+            last_checkpoint: Cell::new(Instant::now()),
+            saved: RefCell::new(saved_state(&self.artifacts, &job).await),
+        };
+        let outcome = compute(Arc::clone(&self.task), job, context, Arc::clone(pool)).await;
+        let last_report = reports.borrow().clone();
+        if let Err(error) = self.end(&lease, outcome, stop.reason(), last_report).await {
+            // The lease runs out, and the job goes back to the queue.
+            tracing::error!(job = lease.job, error = &error as &dyn std::error::Error, "the attempt could not end");
+        }
+    }
+
+    /// Tells the store how the attempt ended.
+    async fn end(
+        &self,
+        lease: &Lease,
+        outcome: Outcome,
+        stop: Option<StopReason>,
+        last_report: Option<Progress>,
+    ) -> Result<(), StoreError> {
+        let checkpoint = self.store.job(&lease.job).await?.checkpoint;
+        let job = match (outcome, stop) {
+            (Ok(output), _) => {
+                if let Some(progress) = last_report {
+                    self.store.progress(lease, &progress, self.clock.now_ms()).await?;
+                }
+                self.store.finish(lease, output.result, output.learned, self.clock.now_ms()).await?
+            }
+            (Err(TaskError::Stopped), Some(StopReason::Cancel)) => {
+                self.store.end_cancelled(lease, self.clock.now_ms()).await?
+            }
+            (Err(TaskError::Stopped), Some(StopReason::Drain)) => {
+                self.store.release(lease, self.clock.now_ms()).await?
+            }
+            (Err(TaskError::Stopped), Some(StopReason::Timeout)) => {
+                let message = "the attempt took longer than it may; raise the job's timeout".to_owned();
+                let error = JobError { reason: "TIMEOUT".to_owned(), message, retryable: false };
+                self.store.fail(lease, error, None, self.clock.now_ms()).await?
+            }
+            (Err(TaskError::Stopped), Some(StopReason::LeaseLost) | None) => return Err(StoreError::LeaseLost),
+            (Err(TaskError::Failed(error)), _) => {
+                tracing::warn!(job = lease.job, reason = error.reason, message = error.message, "attempt failed");
+                let now_ms = self.clock.now_ms();
+                let delay = self.config.backoff.delay(&error.reason, lease.attempt).as_millis() as i64;
+                if error.reason == DISK_FULL {
+                    // No fault of the job's.
+                    self.store.postpone(lease, error, now_ms + delay, now_ms).await?
+                } else {
+                    let retry_at_ms = error.retryable.then_some(now_ms + delay);
+                    self.store.fail(lease, error, retry_at_ms, now_ms).await?
+                }
+            }
+        };
+        tracing::info!(job = job.id, attempt = lease.attempt, state = job.state.as_str(), "attempt ended");
+        if job.state.has_ended() {
+            metrics::job_ended(&job);
+        }
+        if job.checkpoint.is_none()
+            && let Some(digest) = checkpoint
+            && let Err(error) = self.artifacts.delete_checkpoint(&digest).await
+        {
+            // No harm: nothing names the file, and the next start removes it.
+            tracing::warn!(error = &error as &dyn std::error::Error, "a checkpoint could not be removed");
+        }
+        Ok(())
+    }
+}
+
+/// Runs the task on a thread of its own.
+async fn compute(task: Arc<dyn Task>, job: Job, context: JobContext, pool: Arc<ThreadPool>) -> Outcome {
+    let (done, outcome) = oneshot::channel();
+    let run = move || {
+        let outcome = catch_unwind(AssertUnwindSafe(|| run_inside(&pool, task.as_ref(), &job, context)));
+        // The attempt waits for this; where it does not, the process is about to end.
+        drop(done.send(outcome.unwrap_or_else(|panic| Err(panicked(panic.as_ref())))));
+    };
+    if let Err(error) = std::thread::Builder::new().name("compute".to_owned()).spawn(run) {
+        return Err(TaskError::transient("THREAD", format!("no compute thread could be started: {error}")));
+    }
+    outcome.await.unwrap_or_else(|_| Err(TaskError::transient("THREAD", "the compute thread is gone")))
+}
+
+/// The context moves into the pool: its cells belong to one thread at a time.
+fn run_inside(pool: &ThreadPool, task: &dyn Task, job: &Job, context: JobContext) -> Outcome {
+    pool.install(move || task.run(job, &context))
+}
+
+fn panicked(panic: &(dyn Any + Send)) -> TaskError {
+    let message = match (panic.downcast_ref::<&str>(), panic.downcast_ref::<String>()) {
+        (Some(text), _) => (*text).to_owned(),
+        (None, Some(text)) => text.clone(),
+        (None, None) => "no message".to_owned(),
+    };
+    TaskError::Failed(JobError { reason: PANIC.to_owned(), message, retryable: true })
+}
+
+/// Keeps the lease; raises the flag where it is lost or the job is to be cancelled.
+async fn beat(store: Store, clock: Clock, lease: Lease, duration: Duration, stop: Arc<StopFlag>) {
+    let lease_ms = i64::try_from(duration.as_millis()).unwrap_or(i64::MAX / 2);
+    let mut until_ms = lease.until_ms;
+    let mut ticks = interval(duration / HEARTBEATS_PER_LEASE);
+    loop {
+        ticks.tick().await;
+        match store.heartbeat(&lease, clock.now_ms(), lease_ms).await {
+            Ok(beat) => {
+                until_ms = beat.until_ms;
+                if beat.cancel_requested {
+                    stop.raise(StopReason::Cancel);
+                }
+            }
+            Err(StoreError::LeaseLost) => return stop.raise(StopReason::LeaseLost),
+            Err(error) => {
+                tracing::error!(job = lease.job, error = &error as &dyn std::error::Error, "a heartbeat failed");
+                if clock.now_ms() >= until_ms {
+                    return stop.raise(StopReason::LeaseLost);
+                }
+            }
+        }
+    }
+}
+
+/// Raises the flag when the server drains or somebody cancels the job; the heartbeats see what this misses.
+async fn listen(mut cancels: Receiver<String>, job: String, drain: CancellationToken, stop: Arc<StopFlag>) {
+    let mut draining = false;
+    loop {
+        tokio::select! {
+            () = drain.cancelled(), if !draining => {
+                draining = true;
+                stop.raise(StopReason::Drain);
+            }
+            cancelled = cancels.recv() => match cancelled {
+                Ok(id) if id == job => return stop.raise(StopReason::Cancel),
+                Ok(_) | Err(RecvError::Lagged(_)) => {}
+                Err(RecvError::Closed) => return,
+            }
+        }
+    }
+}
+
+/// Passes progress on, a few times a second at most.
+async fn tell(store: Store, clock: Clock, lease: Lease, mut reports: watch::Receiver<Option<Progress>>) {
+    while reports.changed().await.is_ok() {
+        let report = reports.borrow_and_update().clone();
+        if let Some(progress) = report
+            && let Err(error) = store.progress(&lease, &progress, clock.now_ms()).await
+        {
+            tracing::debug!(job = lease.job, error = &error as &dyn std::error::Error, "progress was not recorded");
+        }
+        sleep(PROGRESS_INTERVAL).await;
+    }
+}

@@ -1,0 +1,86 @@
+//! What a kernel is for: photographs of new holograms made through it, where the display can be photographed at will.
+
+use super::setting::{Setting, finite};
+use super::simulate::bench;
+use super::{JobContext, TaskError};
+use lightpath_domain::job::Progress;
+use lightpath_domain::kernel::CapturedQuality;
+use lightpath_media::captures::Captures;
+use lightpath_optics::hologram::{HologramProblem, ImagePlane, Loss, Method, Options, initial_phase};
+use lightpath_optics::metrics::{Gain, psnr_db};
+use lightpath_optics::simulated_display::SimulatedDisplay;
+use lightpath_optics::test_cards::TestCard;
+use lightpath_optics::{Detector, DisplayModel, Engine, Optimization, Plane, RegionOfInterest};
+
+/// Two pictures of different kinds: enough to tell better from worse.
+const TARGETS: [TestCard; 2] = [TestCard::Portrait, TestCard::Leaf];
+/// Evaluations by L-BFGS for each hologram: within a decibel or two of the end.
+const ITERATIONS: u32 = 40;
+/// Narrow: what holograms for pictures start from.
+const INITIAL_PHASE_RAD: f64 = 1.0;
+/// Of the pictures, the first phases and the noise; far from those of datasets made by hand.
+const SEED: u64 = 0xca97;
+
+/// PSNR of photographs of new holograms through the kernel and through the ideal one; `None` for displays that are not
+/// simulated, or too small for pictures.
+pub(super) fn compare(
+    context: &JobContext,
+    setting: &Setting,
+    captures: &Captures,
+    model: &DisplayModel,
+    detector: Detector,
+    region: RegionOfInterest,
+) -> Result<Option<CapturedQuality>, TaskError> {
+    let smallest = setting.height_px().min(setting.width_px());
+    let Some(bench) = bench(setting)?.filter(|_| smallest >= TestCard::SIDE_PX_MIN) else { return Ok(None) };
+    let ideal = DisplayModel::ideal(setting.setup);
+    let mut step = 0;
+    let mut mean = |model: &DisplayModel| -> Result<f64, TaskError> {
+        let engine = context.engines().engine(model, detector, setting.carrier)?;
+        let mut sum = 0.0;
+        for card in TARGETS {
+            let target = card.render(setting.height_px(), setting.width_px(), SEED)?;
+            let phase = hologram(context, &engine, &target, region)?;
+            sum += photographed_db(setting, captures, &bench, &phase, &target, region)? / TARGETS.len() as f64;
+            step += 1;
+            let stage = "photograph new holograms".to_owned();
+            let steps_total = 2 * TARGETS.len() as u32;
+            context.report(Progress { stage, step, steps_total, loss: 0.0, eta_s: None })?;
+        }
+        finite("the PSNR of photographs", sum)
+    };
+    Ok(Some(CapturedQuality { psnr_db: mean(model)?, ideal_psnr_db: mean(&ideal)? }))
+}
+
+fn hologram(
+    context: &JobContext,
+    engine: &Engine,
+    target: &Plane<f32>,
+    region: RegionOfInterest,
+) -> Result<Plane<f32>, TaskError> {
+    let (height_px, width_px) = (target.height_px(), target.width_px());
+    let plane = ImagePlane { engine: engine.clone(), target: target.clone(), weight: None, share: 1.0 };
+    let problem: HologramProblem = Optimization::problem_of(vec![plane], 1, region, Loss::default())?;
+    let start = initial_phase(height_px, width_px, INITIAL_PHASE_RAD, SEED)?.into_vec();
+    let mut optimization = Optimization::start(problem, Options::new(Method::Lbfgs, ITERATIONS), start)?;
+    while optimization.step().is_some() {
+        if context.should_stop().is_some() {
+            return Err(TaskError::Stopped);
+        }
+    }
+    Ok(Plane::try_from_vec(height_px, width_px, optimization.phases().to_vec())?)
+}
+
+fn photographed_db(
+    setting: &Setting,
+    captures: &Captures,
+    bench: &SimulatedDisplay,
+    phase: &Plane<f32>,
+    target: &Plane<f32>,
+    region: RegionOfInterest,
+) -> Result<f64, TaskError> {
+    let displayed = setting.response.dequantize(&setting.levels_of(phase)?)?;
+    // Where the dataset says that the camera sees the pixels, or a learned kernel would be held to another place.
+    let photo = captures.on_grid(bench.capture(&displayed, SEED)?.map(|level| f32::from(level) / 255.0))?;
+    Ok(psnr_db(&photo, target, region, Gain::Fitted)?)
+}

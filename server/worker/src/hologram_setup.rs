@@ -1,0 +1,224 @@
+//! From a specification to the problems that its holograms solve: pictures, kernels, weights and first phases.
+
+use super::setting::{Setting, detector};
+use super::{JobContext, TaskError};
+use lightpath_domain::dataset::Encoding;
+use lightpath_domain::job::{self, ImagePlane, OptimizeHologram};
+use lightpath_domain::propagation::ValidityReport;
+use lightpath_domain::units::Wavelength;
+use lightpath_media::pictures::{self, Channel};
+use lightpath_optics::hologram::{self, HologramProblem, InitialPhase, Levels, Loss, Method, Options};
+use lightpath_optics::photometry::Quantity;
+use lightpath_optics::{Engine, Optimization, Plane, RegionOfInterest};
+
+/// What one wavelength's hologram is to show.
+pub(super) struct Wanted {
+    pub(super) wavelength: Wavelength,
+    pub(super) setting: Setting,
+    pub(super) region: RegionOfInterest,
+    pub(super) planes: Vec<Shown>,
+}
+
+/// A picture in its plane.
+pub(super) struct Shown {
+    pub(super) plane: ImagePlane,
+    pub(super) engine: Engine,
+    pub(super) target: Plane<f32>,
+    weight: Option<Plane<f32>>,
+    share: f64,
+    pub(super) validity: ValidityReport,
+}
+
+impl Wanted {
+    /// Reads all that the `index`-th wavelength's hologram needs.
+    pub(super) fn read(context: &JobContext, spec: &OptimizeHologram, index: usize) -> Result<Self, TaskError> {
+        let wavelengths = spec.wavelengths();
+        let (wavelength, channel) = (wavelengths[index], channel_of(&wavelengths, index));
+        let setting = Setting::read(context, &spec.display, wavelength, spec.distance)?;
+        let region = setting.region(spec.region_of_interest)?;
+        let mask = match &spec.weight_mask {
+            Some(mask) => Some(fitted(context, &setting, spec, mask, Encoding::Linear, Channel::Mean)?),
+            None => None,
+        };
+        let planes = spec.planes();
+        let depths = match &spec.depth_map {
+            Some(map) => {
+                let depth = fitted(context, &setting, spec, map, Encoding::Linear, Channel::Mean)?;
+                Some(nearest_planes(&depth, &planes))
+            }
+            None => None,
+        };
+        let mut shown = Vec::new();
+        for (p, plane) in planes.into_iter().enumerate() {
+            let here = Setting::read_with(context, &spec.display, wavelength, plane.distance, spec.propagation)?;
+            let model = here.model(context, spec.kernel_of(index, p))?;
+            let engine = context.engines().engine(&model, detector(spec.detector), here.carrier)?;
+            let target = fitted(context, &setting, spec, &plane.target, spec.target_encoding, channel)?;
+            let (weight, share) = weight_of(p, mask.as_ref(), depths.as_ref(), region);
+            let share = share * plane.weight;
+            let validity = here.validity_of(&model);
+            shown.push(Shown { plane, engine, target, weight, share, validity });
+        }
+        Ok(Self { wavelength, setting, region, planes: shown })
+    }
+
+    /// The problem; planes of a depth map in which nothing counts have no part in it.
+    pub(super) fn problem(&self, spec: &OptimizeHologram) -> Result<HologramProblem, TaskError> {
+        let counting = self.planes.iter().filter(|shown| shown.share > 0.0);
+        let planes = counting.map(|shown| hologram::ImagePlane {
+            engine: shown.engine.clone(),
+            target: shown.target.clone(),
+            weight: shown.weight.clone(),
+            share: shown.share,
+        });
+        let loss = Loss {
+            quantity: match spec.loss.quantity {
+                job::Quantity::Intensity => Quantity::Intensity,
+                job::Quantity::Amplitude => Quantity::Amplitude,
+            },
+            total_variation: spec.loss.total_variation,
+            speckle: spec.loss.speckle,
+            speckle_block_px: spec.loss.speckle_block_px as usize,
+        };
+        Ok(Optimization::problem_of(planes.collect(), spec.frames as usize, self.region, loss)?)
+    }
+
+    pub(super) fn options(&self, spec: &OptimizeHologram) -> Result<Options, TaskError> {
+        let method = match spec.method {
+            job::Method::Adam => Method::Adam { learning_rate: spec.learning_rate },
+            job::Method::Lbfgs => Method::Lbfgs,
+            job::Method::GerchbergSaxton => Method::GerchbergSaxton,
+            job::Method::WeightedGerchbergSaxton => Method::WeightedGerchbergSaxton,
+            job::Method::DoublePhase => Method::DoublePhase,
+        };
+        let mut options = Options::new(method, spec.iterations);
+        if spec.quantization_aware {
+            options.levels = Some(Levels::new(self.setting.response.clone(), self.setting.carrier)?);
+        }
+        Ok(options)
+    }
+
+    /// The phases that the `index`-th wavelength's hologram starts from.
+    pub(super) fn first_phases(
+        &self,
+        context: &JobContext,
+        spec: &OptimizeHologram,
+        index: usize,
+        problem: &HologramProblem,
+    ) -> Result<Vec<f32>, TaskError> {
+        let range_rad = spec.initial_phase_range_rad;
+        let initial = match &spec.initial_phase {
+            job::InitialPhase::Random => InitialPhase::Random { range_rad },
+            job::InitialPhase::BackPropagated => InitialPhase::BackPropagated { range_rad },
+            job::InitialPhase::Quadratic { focal_length_m } => {
+                InitialPhase::Quadratic { focal_length_m: *focal_length_m }
+            }
+            job::InitialPhase::Constant { phase_rad } => InitialPhase::Constant { phase_rad: *phase_rad },
+            job::InitialPhase::Given(files) => {
+                let file = files.get(index).ok_or_else(|| {
+                    TaskError::permanent("INVALID_INPUT", "there is no initial phase for each wavelength")
+                })?;
+                let rows = spec.frames as usize * self.setting.height_px();
+                let bytes = context.read_artifact(file)?;
+                InitialPhase::Given(pictures::phase_npy(&bytes, rows, self.setting.width_px())?)
+            }
+        };
+        Ok(initial.phases(problem, &self.setting.setup, spec.seed)?)
+    }
+}
+
+/// Of three wavelengths the longest shows red, the middle one green, the shortest blue; of any other number each shows
+/// the mean.
+fn channel_of(wavelengths: &[Wavelength], index: usize) -> Channel {
+    if wavelengths.len() != 3 {
+        return Channel::Mean;
+    }
+    Channel::Colour(wavelengths.iter().filter(|other| **other > wavelengths[index]).count())
+}
+
+/// The places of the red, green and blue among three wavelengths.
+pub(super) fn colours(wavelengths: &[Wavelength]) -> Option<[usize; 3]> {
+    if wavelengths.len() != 3 {
+        return None;
+    }
+    let mut places = [0, 1, 2];
+    places.sort_by_key(|place| std::cmp::Reverse(wavelengths[*place]));
+    Some(places)
+}
+
+fn fitted(
+    context: &JobContext,
+    setting: &Setting,
+    spec: &OptimizeHologram,
+    digest: &str,
+    encoding: Encoding,
+    channel: Channel,
+) -> Result<Plane<f32>, TaskError> {
+    let bytes = context.read_artifact(digest)?;
+    let (height_px, width_px) = (setting.height_px(), setting.width_px());
+    Ok(pictures::target_channel(&bytes, encoding, channel, spec.target_fit, height_px, width_px)?)
+}
+
+/// For each pixel the plane whose distance is nearest to its depth: white is the first plane's distance, black the last's.
+fn nearest_planes(depth: &Plane<f32>, planes: &[ImagePlane]) -> Plane<u8> {
+    let distance = |p: usize| planes[p].distance.m();
+    let (white, black) = (distance(0), distance(planes.len() - 1));
+    depth.map(|value| {
+        let z = black + f64::from(value) * (white - black);
+        let off = |p: &usize| (distance(*p) - z).abs();
+        (0..planes.len()).min_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or(0) as u8
+    })
+}
+
+/// How much each pixel counts in plane `p`, and the plane's part of the region's pixels.
+fn weight_of(
+    p: usize,
+    mask: Option<&Plane<f32>>,
+    depths: Option<&Plane<u8>>,
+    region: RegionOfInterest,
+) -> (Option<Plane<f32>>, f64) {
+    let Some(depths) = depths else { return (mask.cloned(), 1.0) };
+    let weight = Plane::from_fn(depths.height_px(), depths.width_px(), |y, x| {
+        let counts = mask.map_or(1.0, |mask| mask.at(y, x));
+        if usize::from(depths.at(y, x)) == p { counts } else { 0.0 }
+    });
+    let in_row = |y: usize| region.columns(y).map_or(0.0, |columns| weight.row(y)[columns].iter().sum::<f32>());
+    let sum: f64 = (0..weight.height_px()).map(|y| f64::from(in_row(y))).sum();
+    (Some(weight), sum / region.pixels() as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lightpath_domain::units::Distance;
+
+    fn wavelengths(nm: &[f64]) -> Vec<Wavelength> {
+        nm.iter().map(|nm| Wavelength::from_m(nm * 1e-9).unwrap()).collect()
+    }
+
+    #[test]
+    fn three_wavelengths_show_the_colours_in_the_order_of_their_lengths() {
+        let three = wavelengths(&[515.0, 638.0, 450.0]);
+        let channels: Vec<_> = (0..3).map(|i| channel_of(&three, i)).collect();
+        assert_eq!(channels, [Channel::Colour(1), Channel::Colour(0), Channel::Colour(2)]);
+        assert_eq!(colours(&three), Some([1, 0, 2]));
+        assert_eq!(channel_of(&wavelengths(&[515.0]), 0), Channel::Mean);
+        assert_eq!((channel_of(&wavelengths(&[515.0, 638.0]), 1), colours(&three[..2])), (Channel::Mean, None));
+    }
+
+    #[test]
+    fn every_pixel_belongs_to_the_plane_nearest_to_its_depth() {
+        let plane =
+            |mm: f64| ImagePlane { distance: Distance::from_m(mm * 1e-3).unwrap(), target: String::new(), weight: 1.0 };
+        let depth = Plane::try_from_vec(1, 5, vec![1.0, 0.8, 0.5, 0.2, 0.0]).unwrap();
+        let found = nearest_planes(&depth, &[plane(100.0), plane(150.0), plane(200.0)]);
+        assert_eq!(found.values(), [0, 0, 1, 2, 2]);
+        let away = nearest_planes(&depth, &[plane(200.0), plane(100.0)]);
+        assert_eq!(away.values(), [0, 0, 0, 1, 1]);
+        let region = RegionOfInterest::full(&lightpath_optics::Grid::try_new(1, 5, 8e-6).unwrap());
+        let mask = Plane::filled(1, 5, 0.5);
+        let (weight, share) = weight_of(2, Some(&mask), Some(&found), region);
+        assert_eq!(weight.unwrap().values(), [0.0, 0.0, 0.0, 0.5, 0.5]);
+        assert!((share - 0.2).abs() < 1e-12);
+    }
+}

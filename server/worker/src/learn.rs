@@ -1,0 +1,243 @@
+//! Learning a kernel from a dataset, or kernels of several distances from several.
+
+use super::captured;
+use super::context::Eta;
+use super::losses::{Judge, mean};
+use super::pairs::{JointPairs, Pairs};
+use super::setting::{Setting, detector, finite};
+use super::state_bytes::{learn_state_from_bytes, learn_state_to_bytes};
+use super::{JobContext, TaskError, TaskOutput};
+use lightpath_domain::dataset::{Dataset, Split};
+use lightpath_domain::job::{Job, JobResult, JointResult, LearnKernel, LearnResult, Progress};
+use lightpath_domain::kernel::{KernelLineage, KernelMetrics, KernelModel, NewKernelVersion, OverDistance};
+use lightpath_media::captures::Captures;
+use lightpath_media::kernel_file;
+use lightpath_optics::learning::{LearnModel, LearnOptions, LearnStage, Learner, Lessons, PairSource, unsaturated_px};
+use lightpath_optics::{DisplayModel, KernelShape, OpticalSetup, RegionOfInterest};
+
+pub(super) fn run(context: &JobContext, job: &Job, spec: &LearnKernel) -> Result<TaskOutput, TaskError> {
+    let planes = read_planes(context, spec)?;
+    let region = planes[0].0.region(spec.region_of_interest)?;
+    for split in [Split::Validation, Split::Test] {
+        check_photographs(context, &JointPairs::of(context, &planes, split)?, region)?;
+    }
+    let training = JointPairs::of(context, &planes, Split::Train)?;
+    check_photographs(context, &training, region)?;
+    let validation = JointPairs::of(context, &planes, Split::Validation)?;
+    let learner = learn(context, spec, &planes, region, Lessons { training: &training, validation: &validation })?;
+    let (models, loss_history) = (learner.models(), learner.loss_history().to_vec());
+    for loss in &loss_history {
+        finite("the loss", *loss)?;
+    }
+    let (kept, left_out_pairs) = kept_pairs(&training, &learner.kept_pairs(training.len()));
+    drop(learner);
+    // What is kept of pairs makes room for those of the next step.
+    drop((training, validation));
+
+    let mut learned = Vec::with_capacity(planes.len());
+    for ((plane, model), kept) in planes.iter().zip(&models).zip(&kept) {
+        let metrics = measure(context, spec, plane, region, model, kept)?;
+        let kind = kind(spec.model, model);
+        let file = kernel_file::encode(model, kind)?;
+        let size_bytes = file.len() as u64;
+        let (artifact, lineage) = (context.put_artifact(file)?, lineage(job, spec, plane, &planes)?);
+        let version = NewKernelVersion { model: kind, artifact, size_bytes, metrics, lineage };
+        learned.push((plane.0.key.clone(), version));
+    }
+    let order = match &models[0].kernel {
+        KernelShape::Smooth(field) => field.order as u32,
+        KernelShape::Ideal | KernelShape::Bins(_) => 0,
+    };
+    // The store fills in the names.
+    let joint = learned
+        .iter()
+        .skip(1)
+        .map(|(_, version)| JointResult { kernel_version: String::new(), metrics: version.metrics.clone() });
+    let result = LearnResult {
+        kernel_version: String::new(),
+        metrics: learned[0].1.metrics.clone(),
+        loss_history,
+        propagation: Some(planes[0].0.validity.clone()),
+        left_out_pairs,
+        order,
+        joint: joint.collect(),
+    };
+    Ok(TaskOutput { result: JobResult::Learn(result), learned })
+}
+
+/// What was learned of what was asked for: a kernel that turned out not to vary is a display.
+fn kind(asked: KernelModel, model: &DisplayModel) -> KernelModel {
+    match asked {
+        KernelModel::Varying if model.variation.is_none() => KernelModel::Display,
+        _ => asked,
+    }
+}
+
+/// Of each dataset, the places of the pairs that counted, and the names of all others.
+fn kept_pairs(training: &JointPairs, kept: &[usize]) -> (Vec<Vec<usize>>, Vec<String>) {
+    let (mut places, mut left_out) = (vec![Vec::new(); training.parts().len()], Vec::new());
+    for index in 0..training.len() {
+        let (plane, place) = training.place(index);
+        match kept.contains(&index) {
+            true => places[plane].push(place),
+            false => left_out.push(training.parts()[plane].name(place).to_owned()),
+        }
+    }
+    (places, left_out)
+}
+
+/// The datasets, each with the display at its distance.
+fn read_planes(context: &JobContext, spec: &LearnKernel) -> Result<Vec<(Setting, Dataset)>, TaskError> {
+    std::iter::once(&spec.dataset).chain(&spec.joint_datasets).map(|id| read_dataset(context, id)).collect()
+}
+
+/// A finalized dataset and the display that it is about.
+pub(super) fn read_dataset(context: &JobContext, id: &str) -> Result<(Setting, Dataset), TaskError> {
+    let dataset = context.wait(context.store().dataset(id))?;
+    if dataset.digest.is_none() {
+        let message = format!("datasets/{id} is still open; finalize it first");
+        return Err(TaskError::permanent("DATASET_OPEN", message));
+    }
+    let setting = Setting::read(context, &dataset.display, dataset.wavelength, dataset.distance)?;
+    Ok((setting, dataset))
+}
+
+/// Refuses photographs that cannot be read or of which nothing counts: better now than after hours of learning.
+fn check_photographs(context: &JobContext, pairs: &JointPairs, region: RegionOfInterest) -> Result<(), TaskError> {
+    let steps_total = pairs.len() as u32;
+    for index in 0..pairs.len() {
+        if unsaturated_px(&pairs.pair(index)?.photo, region) == 0 {
+            let (plane, place) = pairs.place(index);
+            return Err(pairs.parts()[plane].named(place, lightpath_optics::Error::Saturated.into()));
+        }
+        let (stage, step) = ("check the photographs".to_owned(), index as u32 + 1);
+        context.report(Progress { stage, step, steps_total, loss: 0.0, eta_s: None })?;
+    }
+    Ok(())
+}
+
+/// All steps that are left.
+fn learn(
+    context: &JobContext,
+    spec: &LearnKernel,
+    planes: &[(Setting, Dataset)],
+    region: RegionOfInterest,
+    lessons: Lessons<'_>,
+) -> Result<Learner, TaskError> {
+    let setting = &planes[0].0;
+    let setups: Vec<OpticalSetup> = planes.iter().map(|(setting, _)| setting.setup).collect();
+    let warm_start = spec.start_version.map(|version| setting.model(context, Some(version))).transpose()?;
+    let options = LearnOptions { warm_start, ..options(spec, setting, region) };
+    let saved = context.take_saved_state().and_then(|bytes| learn_state_from_bytes(&bytes));
+    let mut learner = match saved {
+        Some(state) => Learner::resume_joint(&setups, options, state)?,
+        None => Learner::start_joint(&setups, options, lessons.training)?,
+    };
+    let mut eta = None;
+    while let Some(done) = learner.step(lessons)? {
+        let eta = *eta.get_or_insert_with(|| Eta::from(done.step));
+        let stage = match done.stage {
+            LearnStage::Adam => "learn".to_owned(),
+            LearnStage::Refinement if done.varying => format!("let order {} vary", done.order),
+            LearnStage::Refinement => format!("refine to order {}", done.order),
+        };
+        let progress = Progress {
+            stage,
+            step: done.step,
+            steps_total: done.steps_total,
+            loss: finite("the loss", done.loss)?,
+            eta_s: eta.left_s(done.step, done.steps_total),
+        };
+        context.step(progress, || learn_state_to_bytes(&learner.state()))?;
+    }
+    Ok(learner)
+}
+
+fn options(spec: &LearnKernel, setting: &Setting, region: RegionOfInterest) -> LearnOptions {
+    let order = spec.order.map(|order| order as usize);
+    let model = match spec.model {
+        KernelModel::Paper => LearnModel::Paper,
+        KernelModel::Dense => LearnModel::Dense,
+        KernelModel::Smooth => LearnModel::Smooth { order },
+        KernelModel::Display => LearnModel::Display { order },
+        KernelModel::Varying => LearnModel::Varying { order },
+    };
+    let defaults = LearnOptions::new(model, region);
+    LearnOptions {
+        epochs: spec.epochs.unwrap_or(defaults.epochs),
+        learning_rate: spec.learning_rate.unwrap_or(defaults.learning_rate),
+        refinement_evaluations: spec.refinement_evaluations.unwrap_or(defaults.refinement_evaluations),
+        seed: spec.seed,
+        detector: detector(spec.detector),
+        carrier: setting.carrier,
+        ..defaults
+    }
+}
+
+/// Judges the model learned for a distance, and the ideal one on the same test pairs.
+fn measure(
+    context: &JobContext,
+    spec: &LearnKernel,
+    (setting, dataset): &(Setting, Dataset),
+    region: RegionOfInterest,
+    model: &DisplayModel,
+    kept: &[usize],
+) -> Result<KernelMetrics, TaskError> {
+    let detector = detector(spec.detector);
+    let validation = Pairs::of(context, setting, dataset, Split::Validation)?;
+    let test = Pairs::of(context, setting, dataset, Split::Test)?;
+    let learned = Judge::new(context, setting, model, detector, region)?;
+    let training = Pairs::of(context, setting, dataset, Split::Train)?;
+    let train_losses = learned.losses(&training, "measure on training pairs")?;
+    let train_loss = mean(&kept.iter().map(|&index| train_losses[index]).collect::<Vec<_>>());
+    let validation_loss = mean(&learned.losses(&validation, "measure on validation pairs")?);
+    let test_loss = mean(&learned.losses(&test, "measure on test pairs")?);
+    // Two transfer functions of a large display need not be in memory at once.
+    drop(learned);
+    let ideal = Judge::new(context, setting, &DisplayModel::ideal(setting.setup), detector, region)?;
+    let ideal_test_loss = mean(&ideal.losses(&test, "measure the ideal kernel")?);
+    drop(ideal);
+    let captures = Captures::of(&setting.display, dataset)?;
+    Ok(KernelMetrics {
+        train_pairs: kept.len() as u32,
+        validation_pairs: validation.len() as u32,
+        test_pairs: test.len() as u32,
+        train_loss: train_loss.region,
+        validation_loss: validation_loss.region,
+        test_loss: test_loss.region,
+        ideal_test_loss: ideal_test_loss.region,
+        test_loss_full_frame: test_loss.full_frame,
+        ideal_test_loss_full_frame: ideal_test_loss.full_frame,
+        captured: captured::compare(context, setting, &captures, model, detector, region)?,
+    })
+}
+
+fn lineage(
+    job: &Job,
+    spec: &LearnKernel,
+    (_, dataset): &(Setting, Dataset),
+    planes: &[(Setting, Dataset)],
+) -> Result<KernelLineage, TaskError> {
+    let parameters_json = serde_json::to_string(spec).map_err(|error| TaskError::permanent("LINEAGE", error))?;
+    Ok(KernelLineage {
+        job: job.id.clone(),
+        dataset: dataset.id.clone(),
+        dataset_digest: dataset.digest.clone().unwrap_or_default(),
+        parameters_json,
+        seed: spec.seed,
+        code_version: env!("CARGO_PKG_VERSION").to_owned(),
+        parent_version: spec.start_version.filter(|_| dataset.id == spec.dataset).unwrap_or(0),
+        over_distance: (planes.len() > 1).then(|| over_distance(planes)),
+    })
+}
+
+fn over_distance(planes: &[(Setting, Dataset)]) -> OverDistance {
+    let mut datasets: Vec<&Dataset> = planes.iter().map(|(_, dataset)| dataset).collect();
+    datasets.sort_by_key(|dataset| dataset.distance);
+    OverDistance {
+        distances: datasets.iter().map(|dataset| dataset.distance).collect(),
+        datasets: datasets.iter().map(|dataset| dataset.id.clone()).collect(),
+        dataset_digests: datasets.iter().map(|dataset| dataset.digest.clone().unwrap_or_default()).collect(),
+        interpolated: false,
+    }
+}

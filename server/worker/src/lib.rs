@@ -1,0 +1,352 @@
+//! Workers: they claim jobs, run them on the optics engine, and tell the store.
+//!
+//! ```text
+//!  async runtime                                    compute thread (one an attempt)
+//!  claim loop ── claim ──> attempt ── starts ─────> Task::run, inside a rayon pool of its own
+//!                            ├ heartbeats            │ once an iteration: JobContext::step
+//!                            ├ progress  <── watch ──┤   reports progress,
+//!                            ├ cancels   ── flag ──> │   stops on cancel, drain or a lost lease,
+//!                            ├ drain     ── flag ──> │   saves a checkpoint when one is due
+//!                            └ finish, fail, release <── outcome
+//! ```
+//!
+//! Heartbeats never wait for compute, and compute never runs on the runtime's threads.
+//!
+//! # Layout
+//!
+//! - `attempt`: one job from claim to end. `context`: what a task sees of the outside. `stop`: the shared flag.
+//! - `checkpoint`: the envelope of saved states. `backoff`: when to try again. `clock`.
+//! - `optics_task`: which function runs which kind of job: `optimize`, `learn`, `simulate`, `evaluate`. They share
+//!   `setting` (the display made ready), `pairs`, `losses` and `state_bytes`; `hologram_setup` reads what `optimize` needs.
+#![cfg_attr(test, allow(clippy::unwrap_used))]
+
+mod attempt;
+mod backoff;
+mod captured;
+mod checkpoint;
+mod clock;
+mod context;
+mod evaluate;
+mod hologram_setup;
+mod learn;
+mod losses;
+mod optics_task;
+mod optimize;
+mod pairs;
+mod setting;
+mod simulate;
+mod state_bytes;
+mod stop;
+#[cfg(test)]
+mod tests;
+
+pub use backoff::Backoff;
+pub use clock::Clock;
+pub use context::{JobContext, TaskError, TaskOutput};
+pub use optics_task::OpticsTask;
+pub use stop::StopReason;
+
+use lightpath_artifacts::{ArtifactError, Artifacts};
+use lightpath_domain::job::{Job, JobSpec};
+use lightpath_metrics::{self as metrics, LeaseLoss};
+use lightpath_optics::EngineCache;
+use lightpath_store::{ClaimLimits, Store, StoreError};
+use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
+use std::collections::HashSet;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::task::JoinSet;
+use tokio::time::{MissedTickBehavior, sleep};
+use tokio_util::sync::CancellationToken;
+
+/// Transfer functions that are kept from job to job: those of some four planes of 1920×1080 px.
+const TRANSFERS_BYTES_MAX: usize = 256 << 20;
+
+/// How long a claim loop waits after the store failed it, and at most between two looks at the queue.
+const PAUSE: Duration = Duration::from_secs(1);
+const LOOK_INTERVAL_MAX: Duration = Duration::from_secs(60);
+
+/// What a job does. Runs on a compute thread, inside a rayon pool.
+pub trait Task: Send + Sync + 'static {
+    /// Does the job's work and returns what it gave. Calls [`JobContext::step`] once an iteration.
+    ///
+    /// # Errors
+    ///
+    /// [`TaskError::Stopped`] as soon as the context says so; [`TaskError::Failed`].
+    fn run(&self, job: &Job, context: &JobContext) -> Result<TaskOutput, TaskError>;
+}
+
+impl<F> Task for F
+where
+    F: Fn(&Job, &JobContext) -> Result<TaskOutput, TaskError> + Send + Sync + 'static,
+{
+    fn run(&self, job: &Job, context: &JobContext) -> Result<TaskOutput, TaskError> {
+        self(job, context)
+    }
+}
+
+/// How workers work.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WorkerConfig {
+    /// Jobs that run at once.
+    pub workers: usize,
+    /// Threads that one job computes on; 0: as many as there are cores.
+    pub compute_threads: usize,
+    /// A job whose worker was not heard of for this long goes to another.
+    pub lease: Duration,
+    /// Time between two checkpoints of a job.
+    pub checkpoint_interval: Duration,
+    /// When a failed attempt is repeated.
+    pub backoff: Backoff,
+    /// How many jobs of an owner or a display run at once.
+    pub limits: ClaimLimits,
+    /// How long an attempt may take, where the job does not say.
+    pub timeouts: Timeouts,
+    /// What the workers call themselves in a job's events.
+    pub name: String,
+}
+
+impl Default for WorkerConfig {
+    fn default() -> Self {
+        Self {
+            workers: 1,
+            compute_threads: 0,
+            lease: Duration::from_secs(30),
+            checkpoint_interval: Duration::from_secs(10),
+            backoff: Backoff::default(),
+            limits: ClaimLimits::default(),
+            timeouts: Timeouts::default(),
+            name: "worker".to_owned(),
+        }
+    }
+}
+
+/// How long an attempt at each kind of job may take; `None`: as long as it takes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Timeouts {
+    /// Finding holograms.
+    pub optimize: Option<Duration>,
+    /// Learning kernels.
+    pub learn: Option<Duration>,
+    /// Simulating captures.
+    pub simulate: Option<Duration>,
+    /// Evaluating kernels.
+    pub evaluate: Option<Duration>,
+}
+
+impl Timeouts {
+    /// Of an attempt at this job.
+    #[must_use]
+    pub fn of(&self, job: &Job) -> Option<Duration> {
+        let asked = job.scheduling.timeout_ms.map(|ms| Duration::from_millis(ms.unsigned_abs()));
+        asked.or(match job.spec {
+            JobSpec::OptimizeHologram(_) => self.optimize,
+            JobSpec::LearnKernel(_) => self.learn,
+            JobSpec::SimulateCapture(_) => self.simulate,
+            JobSpec::EvaluateKernel(_) => self.evaluate,
+        })
+    }
+}
+
+/// Why the workers could not start.
+#[derive(Debug, thiserror::Error)]
+pub enum WorkerError {
+    /// The compute threads could not be started.
+    #[error("the compute threads could not be started")]
+    Threads(#[from] ThreadPoolBuildError),
+    /// The queue could not be put in order.
+    #[error("the queue could not be put in order")]
+    Store(#[from] StoreError),
+    /// Old checkpoints could not be removed.
+    #[error("old checkpoints could not be removed")]
+    Artifacts(#[from] ArtifactError),
+}
+
+/// Workers on one store and one folder of artifacts.
+pub struct Worker {
+    store: Store,
+    artifacts: Artifacts,
+    engines: Arc<EngineCache>,
+    config: WorkerConfig,
+    task: Arc<dyn Task>,
+    clock: Clock,
+}
+
+impl std::fmt::Debug for Worker {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Worker").field("config", &self.config).finish_non_exhaustive()
+    }
+}
+
+impl Worker {
+    /// Workers that run `task`, for all kinds of jobs.
+    #[must_use]
+    pub fn new(store: Store, artifacts: Artifacts, config: WorkerConfig, task: Arc<dyn Task>) -> Self {
+        let engines = Arc::new(EngineCache::new(TRANSFERS_BYTES_MAX));
+        Self { store, artifacts, engines, config, task, clock: Clock::default() }
+    }
+
+    /// The clock that leases are told in.
+    #[must_use]
+    pub fn clock(&self) -> Clock {
+        self.clock.clone()
+    }
+
+    /// Puts the queue in order after an earlier process, then works until `drain` is cancelled: running jobs then
+    /// save their state and go back to the queue, and this returns.
+    ///
+    /// Only for the one process that holds the data folder: jobs that are running when this starts are taken for
+    /// orphans.
+    ///
+    /// # Errors
+    ///
+    /// [`WorkerError`], before any job is claimed.
+    pub async fn run(self, drain: CancellationToken) -> Result<(), WorkerError> {
+        self.recover().await?;
+        self.work(drain).await
+    }
+
+    async fn work(self, drain: CancellationToken) -> Result<(), WorkerError> {
+        let pools: Vec<ThreadPool> = (0..self.config.workers.max(1)).map(|_| self.pool()).collect::<Result<_, _>>()?;
+        let worker = Arc::new(self);
+        let mut loops = JoinSet::new();
+        for (index, pool) in pools.into_iter().enumerate() {
+            let (worker, drain) = (Arc::clone(&worker), drain.clone());
+            loops.spawn(async move { worker.claim_loop(index, Arc::new(pool), drain).await });
+        }
+        loops.spawn({
+            let (worker, drain) = (Arc::clone(&worker), drain.clone());
+            async move { worker.expire_loop(drain).await }
+        });
+        loops.join_all().await;
+        Ok(())
+    }
+
+    /// A pool for each claim loop: in a shared one, a thread that waits for its own job's pieces may pick up a whole
+    /// other job and not come back until that has ended.
+    fn pool(&self) -> Result<ThreadPool, ThreadPoolBuildError> {
+        ThreadPoolBuilder::new()
+            .num_threads(self.config.compute_threads)
+            .thread_name(|index| format!("compute-{index}"))
+            .build()
+    }
+
+    /// Takes jobs back from the dead and removes checkpoints that nobody will go on from.
+    async fn recover(&self) -> Result<(), WorkerError> {
+        loop {
+            let orphans = self.store.recover_orphans(self.clock.now_ms()).await?;
+            if orphans.is_empty() {
+                break;
+            }
+            for job in orphans {
+                metrics::lease_lost(LeaseLoss::ServerDied, &job);
+                tracing::warn!(job = job.id, state = job.state.as_str(), "took the job back from a dead worker");
+            }
+        }
+        let live: HashSet<String> = self.store.live_checkpoints().await?.into_iter().collect();
+        for digest in self.artifacts.checkpoints().await? {
+            if !live.contains(&digest) {
+                self.artifacts.delete_checkpoint(&digest).await?;
+            }
+        }
+        Ok(())
+    }
+
+    async fn claim_loop(&self, index: usize, pool: Arc<ThreadPool>, drain: CancellationToken) {
+        let name = format!("{}-{index}", self.config.name);
+        let claimable = self.store.claimable();
+        while !drain.is_cancelled() {
+            if self.artifacts.room_to_start().is_err() {
+                tokio::select! {
+                    () = sleep(PAUSE) => {}
+                    () = drain.cancelled() => {}
+                }
+                continue;
+            }
+            let now_ms = self.clock.now_ms();
+            match self.store.claim_within(self.config.limits, now_ms, self.lease_ms(), &name).await {
+                Ok(Some((job, lease))) => {
+                    // There may be more where this came from: let an idle neighbour look.
+                    claimable.notify_one();
+                    self.attempt(job, lease, &pool, &drain).await;
+                }
+                Ok(None) => {
+                    let wait = self.until_next_job(now_ms).await;
+                    tokio::select! {
+                        () = claimable.notified() => {}
+                        () = sleep(wait) => {}
+                        () = drain.cancelled() => {}
+                    }
+                }
+                Err(error) => {
+                    tracing::error!(error = &error as &dyn std::error::Error, "no job could be claimed");
+                    tokio::select! {
+                        () = sleep(PAUSE) => {}
+                        () = drain.cancelled() => {}
+                    }
+                }
+            }
+        }
+    }
+
+    /// Until a job is due that was not yet due when nothing could be claimed.
+    async fn until_next_job(&self, claimed_ms: i64) -> Duration {
+        match self.store.next_run_time(claimed_ms).await {
+            Ok(Some(due_ms)) => {
+                let wait_ms = due_ms.saturating_sub(self.clock.now_ms()).max(1).unsigned_abs();
+                Duration::from_millis(wait_ms).min(LOOK_INTERVAL_MAX)
+            }
+            Ok(None) => LOOK_INTERVAL_MAX,
+            Err(error) => {
+                tracing::error!(error = &error as &dyn std::error::Error, "the queue could not be read");
+                PAUSE
+            }
+        }
+    }
+
+    /// Takes jobs from workers that lost their leases without ending, for example while the disk was full.
+    async fn expire_loop(&self, drain: CancellationToken) {
+        let mut ticks = tokio::time::interval(self.config.lease / 2);
+        ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        loop {
+            tokio::select! {
+                _ = ticks.tick() => {}
+                () = drain.cancelled() => return,
+            }
+            if let Err(error) = self.follow_system_clock().await {
+                tracing::error!(error = &error as &dyn std::error::Error, "leases could not follow the clock");
+                continue;
+            }
+            match self.store.expire_leases(self.clock.now_ms()).await {
+                Ok(jobs) => {
+                    for job in jobs {
+                        metrics::lease_lost(LeaseLoss::Expired, &job);
+                        tracing::warn!(job = job.id, state = job.state.as_str(), "the job's lease ran out");
+                    }
+                }
+                Err(error) => {
+                    tracing::error!(error = &error as &dyn std::error::Error, "leases could not be checked");
+                }
+            }
+        }
+    }
+
+    /// When the system's clock was set, leases move along: none gets lost, and none lives longer than it should.
+    async fn follow_system_clock(&self) -> Result<(), StoreError> {
+        let Some(ahead_ms) = self.clock.jump() else { return Ok(()) };
+        tracing::warn!(ahead_s = ahead_ms as f64 / 1e3, "the system's clock was set");
+        // In this order no lease looks lost in between; a heartbeat never shortens one.
+        if ahead_ms > 0 {
+            self.store.shift_leases(ahead_ms).await?;
+            self.clock.adjust(ahead_ms);
+        } else {
+            self.clock.adjust(ahead_ms);
+            self.store.shift_leases(ahead_ms).await?;
+        }
+        Ok(())
+    }
+
+    fn lease_ms(&self) -> i64 {
+        i64::try_from(self.config.lease.as_millis()).unwrap_or(i64::MAX / 2)
+    }
+}

@@ -1,0 +1,64 @@
+//! How well a model predicts photographs.
+
+use super::pairs::Pairs;
+use super::setting::{Setting, finite};
+use super::{JobContext, TaskError};
+use lightpath_domain::job::Progress;
+use lightpath_optics::learning::{PairSource, compare};
+use lightpath_optics::{Detector, DisplayModel, Engine, RegionOfInterest};
+
+/// Mean squared errors of one pair over the pixels that count in learning too, those where the photograph is not
+/// saturated; gain and black level fitted: all three are the exposure's, not the display's.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Loss {
+    /// In the region of interest.
+    pub(super) region: f64,
+    /// Over the full frame.
+    pub(super) full_frame: f64,
+}
+
+/// A model ready to be judged.
+pub(super) struct Judge<'a> {
+    context: &'a JobContext,
+    engine: Engine,
+    regions: [RegionOfInterest; 2],
+}
+
+impl<'a> Judge<'a> {
+    pub(super) fn new(
+        context: &'a JobContext,
+        setting: &Setting,
+        model: &DisplayModel,
+        detector: Detector,
+        region: RegionOfInterest,
+    ) -> Result<Self, TaskError> {
+        let engine = context.engines().engine(model, detector, setting.carrier)?;
+        let regions = [region, RegionOfInterest::full(&setting.setup.grid())];
+        Ok(Self { context, engine, regions })
+    }
+
+    /// The losses of all pairs. Reports progress as `stage`.
+    pub(super) fn losses(&self, pairs: &Pairs, stage: &str) -> Result<Vec<Loss>, TaskError> {
+        let steps_total = pairs.len() as u32;
+        let one = |index: usize| {
+            let pair = pairs.pair(index)?;
+            let [region, full_frame] = self.regions.map(|region| {
+                let sums = compare(&self.engine, &pair, region).map_err(|error| pairs.named(index, error.into()))?;
+                finite("the loss", sums.fitted_loss())
+            });
+            let loss = Loss { region: region?, full_frame: full_frame? };
+            let step = index as u32 + 1;
+            let stage = stage.to_owned();
+            self.context.report(Progress { stage, step, steps_total, loss: loss.region, eta_s: None })?;
+            Ok(loss)
+        };
+        (0..pairs.len()).map(one).collect()
+    }
+}
+
+/// The mean over pairs; 0 without any.
+pub(super) fn mean(losses: &[Loss]) -> Loss {
+    let count = losses.len().max(1) as f64;
+    let sum = |of: fn(&Loss) -> f64| losses.iter().map(of).sum::<f64>() / count;
+    Loss { region: sum(|loss| loss.region), full_frame: sum(|loss| loss.full_frame) }
+}

@@ -1,0 +1,19 @@
+//! Which function runs which kind of job.
+
+use super::{JobContext, Task, TaskError, TaskOutput, evaluate, learn, optimize, simulate};
+use lightpath_domain::job::{Job, JobSpec};
+
+/// Runs jobs on the optics engine.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct OpticsTask;
+
+impl Task for OpticsTask {
+    fn run(&self, job: &Job, context: &JobContext) -> Result<TaskOutput, TaskError> {
+        match &job.spec {
+            JobSpec::OptimizeHologram(spec) => optimize::run(context, spec),
+            JobSpec::LearnKernel(spec) => learn::run(context, job, spec),
+            JobSpec::SimulateCapture(spec) => simulate::run(context, spec),
+            JobSpec::EvaluateKernel(spec) => evaluate::run(context, spec),
+        }
+    }
+}

@@ -1,0 +1,159 @@
+//! A dataset's pairs, read when they are needed.
+
+use super::setting::Setting;
+use super::stop::{StopFlag, StopReason};
+use super::{JobContext, TaskError};
+use lightpath_artifacts::Artifacts;
+use lightpath_domain::dataset::{self, Dataset, Split};
+use lightpath_media::captures::Captures;
+use lightpath_optics::learning::{BoxError, Pair, PairSource};
+use std::sync::{Arc, OnceLock};
+use tokio::runtime::Handle;
+
+/// Decoded pairs are kept up to this size \[bytes\]: reading a pair again takes about as long as learning from it, but
+/// a large dataset must not fill the machine's memory. Of pairs that are seen less often, fewer.
+const TRAINING_BYTES_MAX: usize = 256 << 20;
+const OTHER_BYTES_MAX: usize = 64 << 20;
+
+/// Pairs of one split.
+pub(super) struct Pairs {
+    captures: Captures,
+    pairs: Vec<dataset::Pair>,
+    /// What people call them, in the same order.
+    names: Vec<String>,
+    /// The first ones, as many as there is room for.
+    kept: Vec<OnceLock<Pair>>,
+    artifacts: Artifacts,
+    runtime: Handle,
+    stop: Arc<StopFlag>,
+}
+
+impl Pairs {
+    /// The pairs of a dataset that are used for `split`, in the order of their ids.
+    pub(super) fn of(
+        context: &JobContext,
+        setting: &Setting,
+        dataset: &Dataset,
+        split: Split,
+    ) -> Result<Self, TaskError> {
+        Self::sharing(1, context, setting, dataset, split)
+    }
+
+    /// The same where that many datasets share what is kept in memory, and ids are told with theirs.
+    fn sharing(
+        datasets: usize,
+        context: &JobContext,
+        setting: &Setting,
+        dataset: &Dataset,
+        split: Split,
+    ) -> Result<Self, TaskError> {
+        let pairs: Vec<_> = dataset.pairs.iter().filter(|pair| pair.split == Some(split)).cloned().collect();
+        let pair_bytes = 2 * size_of::<f32>() * setting.setup.grid().pixels();
+        let bytes_max = if split == Split::Train { TRAINING_BYTES_MAX } else { OTHER_BYTES_MAX };
+        let room = (bytes_max / datasets / pair_bytes).min(pairs.len());
+        let name = |pair: &dataset::Pair| match datasets {
+            1 => pair.id.clone(),
+            _ => format!("{}/{}", dataset.id, pair.id),
+        };
+        Ok(Self {
+            captures: Captures::of(&setting.display, dataset)?,
+            names: pairs.iter().map(name).collect(),
+            pairs,
+            kept: (0..room).map(|_| OnceLock::new()).collect(),
+            artifacts: context.artifacts.clone(),
+            runtime: context.runtime.clone(),
+            stop: Arc::clone(&context.stop),
+        })
+    }
+
+    /// The pair's id, behind its dataset's where there are several.
+    pub(super) fn name(&self, index: usize) -> &str {
+        &self.names[index]
+    }
+
+    fn read(&self, index: usize) -> Result<Pair, TaskError> {
+        let pair = &self.pairs[index];
+        let read = || -> Result<Pair, TaskError> {
+            let phase = self.captures.phase(&self.bytes(&pair.phase)?)?;
+            let photo = self.captures.photo(pair, &self.bytes(&pair.photo)?)?;
+            Ok(Pair { phase, photo })
+        };
+        read().map_err(|error| self.named(index, error))
+    }
+
+    /// What failed, with the pair that it failed at.
+    pub(super) fn named(&self, index: usize, error: TaskError) -> TaskError {
+        match error {
+            TaskError::Failed(mut error) => {
+                error.message = format!("pair \"{}\": {}", self.name(index), error.message);
+                TaskError::Failed(error)
+            }
+            TaskError::Stopped => TaskError::Stopped,
+        }
+    }
+
+    fn bytes(&self, digest: &str) -> Result<Vec<u8>, TaskError> {
+        Ok(self.runtime.block_on(self.artifacts.read_all(digest))?)
+    }
+}
+
+impl PairSource for Pairs {
+    fn len(&self) -> usize {
+        self.pairs.len()
+    }
+
+    /// Stops here too when nothing of the attempt will count: a line search goes over all pairs several times. A
+    /// drain waits for the step's end, where the state is whole.
+    fn pair(&self, index: usize) -> Result<Pair, BoxError> {
+        if self.stop.reason() > Some(StopReason::Drain) {
+            return Err(TaskError::Stopped.into());
+        }
+        let Some(kept) = self.kept.get(index) else { return Ok(self.read(index)?) };
+        if let Some(pair) = kept.get() {
+            return Ok(pair.clone());
+        }
+        let pair = self.read(index)?;
+        Ok(kept.get_or_init(|| pair).clone())
+    }
+}
+
+/// Pairs of one split of several datasets of a display, one dataset after the other: each is of a distance of its own.
+pub(super) struct JointPairs(Vec<Pairs>);
+
+impl JointPairs {
+    pub(super) fn of(context: &JobContext, planes: &[(Setting, Dataset)], split: Split) -> Result<Self, TaskError> {
+        let one =
+            |(setting, dataset): &(Setting, Dataset)| Pairs::sharing(planes.len(), context, setting, dataset, split);
+        Ok(Self(planes.iter().map(one).collect::<Result<_, _>>()?))
+    }
+
+    /// Each dataset's.
+    pub(super) fn parts(&self) -> &[Pairs] {
+        &self.0
+    }
+
+    /// Which dataset a pair is of, and its place among that one's.
+    pub(super) fn place(&self, mut index: usize) -> (usize, usize) {
+        let mut plane = 0;
+        while index >= self.0[plane].len() {
+            index -= self.0[plane].len();
+            plane += 1;
+        }
+        (plane, index)
+    }
+}
+
+impl PairSource for JointPairs {
+    fn len(&self) -> usize {
+        self.0.iter().map(Pairs::len).sum()
+    }
+
+    fn plane(&self, index: usize) -> usize {
+        self.place(index).0
+    }
+
+    fn pair(&self, index: usize) -> Result<Pair, BoxError> {
+        let (plane, index) = self.place(index);
+        self.0[plane].pair(index)
+    }
+}

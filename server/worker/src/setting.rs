@@ -1,0 +1,166 @@
+//! What a job is about, read and made ready: a display at a wavelength and distance.
+
+use super::{JobContext, TaskError};
+use lightpath_domain::display::Display;
+use lightpath_domain::job::{self, Region};
+use lightpath_domain::kernel::KernelKey;
+use lightpath_domain::planning;
+use lightpath_domain::propagation::{PropagationMethod, ValidityReport};
+use lightpath_domain::slm;
+use lightpath_domain::units::{Distance, Wavelength};
+use lightpath_media::captures::CaptureError;
+use lightpath_media::kernel_file::{self, KernelFileError};
+use lightpath_media::pictures::{self, PictureError};
+use lightpath_optics::learning::BoxError;
+use lightpath_optics::phase_response::PhaseResponse;
+use lightpath_optics::{Carrier, Detector, DisplayModel, OpticalSetup, Plane, RegionOfInterest};
+
+/// A display at a wavelength and distance.
+#[derive(Clone, Debug)]
+pub(super) struct Setting {
+    pub(super) display: Display,
+    pub(super) key: KernelKey,
+    pub(super) setup: OpticalSetup,
+    /// Of the setup.
+    pub(super) validity: ValidityReport,
+    pub(super) response: PhaseResponse,
+    pub(super) carrier: Option<Carrier>,
+}
+
+impl Setting {
+    /// With the planner's choice of a propagation.
+    pub(super) fn read(
+        context: &JobContext,
+        display: &str,
+        wavelength: Wavelength,
+        distance: Distance,
+    ) -> Result<Self, TaskError> {
+        Self::read_with(context, display, wavelength, distance, None)
+    }
+
+    /// With the propagation asked for, or the planner's choice.
+    pub(super) fn read_with(
+        context: &JobContext,
+        display: &str,
+        wavelength: Wavelength,
+        distance: Distance,
+        propagation: Option<PropagationMethod>,
+    ) -> Result<Self, TaskError> {
+        let (display, _) = context.wait(context.store().display(display))?;
+        let (setup, validity) = planning::planned(planning::setup(&display, wavelength, distance)?, propagation)?;
+        let (response, carrier) = (slm::response(&display)?, slm::carrier(&display));
+        let key = KernelKey { display: display.id.clone(), wavelength, distance };
+        Ok(Self { display, key, setup, validity, response, carrier })
+    }
+
+    /// Rows \[px\].
+    pub(super) fn height_px(&self) -> usize {
+        self.setup.grid().height_px()
+    }
+
+    /// Columns \[px\].
+    pub(super) fn width_px(&self) -> usize {
+        self.setup.grid().width_px()
+    }
+
+    /// The model of a kernel version; `None`: the ideal display.
+    pub(super) fn model(&self, context: &JobContext, version: Option<u32>) -> Result<DisplayModel, TaskError> {
+        let Some(version) = version else { return Ok(DisplayModel::ideal(self.setup)) };
+        let version = context.wait(context.store().kernel_version(&self.key, version))?;
+        let (model, _) = kernel_file::decode(&context.read_artifact(&version.content.artifact)?)?;
+        let of = |setup: &OpticalSetup| (setup.grid(), setup.wavelength_m(), setup.distance_m());
+        if of(&model.setup) != of(&self.setup) {
+            let message = format!("{}/versions/{} was learned for another setup", self.key, version.version);
+            return Err(TaskError::permanent("KERNEL_MISMATCH", message));
+        }
+        Ok(model)
+    }
+
+    /// How good the propagation of a model is: the setup's own, or the one that a kernel was learned with.
+    pub(super) fn validity_of(&self, model: &DisplayModel) -> ValidityReport {
+        if model.setup.method() == self.setup.method() {
+            return self.validity.clone();
+        }
+        planning::assessed(&model.setup, "the kernel was learned with it")
+    }
+
+    pub(super) fn region(&self, region: Region) -> Result<RegionOfInterest, TaskError> {
+        let [x, y, width, height] = [region.x_px, region.y_px, region.width_px, region.height_px].map(|px| px as usize);
+        Ok(RegionOfInterest::try_new(&self.setup.grid(), x, y, width, height)?)
+    }
+
+    /// Grey levels that show `phase` \[rad\], carrier added.
+    pub(super) fn levels_of(&self, phase: &Plane<f32>) -> Result<Plane<u16>, TaskError> {
+        let steered = self.carrier.map(|carrier| carrier.applied_to(phase));
+        Ok(self.response.quantize(steered.as_ref().unwrap_or(phase))?)
+    }
+
+    /// The phase \[rad\] that a hologram file's levels stand for, carrier included.
+    pub(super) fn displayed_phase(&self, file: &[u8]) -> Result<Plane<f32>, TaskError> {
+        let levels = pictures::levels(file, self.display.bit_depth, self.height_px(), self.width_px())?;
+        Ok(self.response.dequantize(&levels)?)
+    }
+
+    /// A displayed phase \[rad\] without the carrier: what engines start from.
+    pub(super) fn without_carrier(&self, displayed: Plane<f32>) -> Plane<f32> {
+        match self.carrier {
+            // Adding half a turn twice takes it away.
+            Some(carrier) => carrier.applied_to(&displayed),
+            None => displayed,
+        }
+    }
+}
+
+pub(super) fn detector(detector: job::Detector) -> Detector {
+    match detector {
+        job::Detector::Point => Detector::Point,
+        job::Detector::Pixel => Detector::Pixel,
+        job::Detector::Supersampled => Detector::Supersampled,
+    }
+}
+
+/// A number that may be stored: JSON knows no NaN and no infinity.
+pub(super) fn finite(what: &str, value: f64) -> Result<f64, TaskError> {
+    if value.is_finite() {
+        return Ok(value);
+    }
+    Err(TaskError::permanent("DIVERGED", format!("{what} became {value}; a smaller learning_rate may help")))
+}
+
+impl From<lightpath_optics::Error> for TaskError {
+    fn from(error: lightpath_optics::Error) -> Self {
+        Self::permanent("INVALID_INPUT", error)
+    }
+}
+
+/// From learning: what the source of pairs said, or the engine.
+impl From<BoxError> for TaskError {
+    fn from(error: BoxError) -> Self {
+        let error = match error.downcast::<Self>() {
+            Ok(own) => return *own,
+            Err(error) => error,
+        };
+        match error.downcast::<lightpath_optics::Error>() {
+            Ok(error) => (*error).into(),
+            Err(error) => Self::permanent("LEARNING", error),
+        }
+    }
+}
+
+impl From<PictureError> for TaskError {
+    fn from(error: PictureError) -> Self {
+        Self::permanent("INVALID_PICTURE", error)
+    }
+}
+
+impl From<CaptureError> for TaskError {
+    fn from(error: CaptureError) -> Self {
+        Self::permanent("INVALID_PICTURE", error)
+    }
+}
+
+impl From<KernelFileError> for TaskError {
+    fn from(error: KernelFileError) -> Self {
+        Self::permanent("INVALID_KERNEL", error)
+    }
+}

@@ -1,0 +1,290 @@
+//! The machinery, with toy tasks: a task that counts to 20, in all ways in which a job can end.
+
+use super::super::*;
+use super::bench::{Bench, now_ms};
+use lightpath_domain::job::{CaptureResult, JobResult, JobState, Progress};
+use lightpath_fixtures::{capture_job, display};
+use std::sync::atomic::{AtomicU32, Ordering};
+
+const STEPS: u8 = 20;
+
+async fn bench() -> Bench {
+    Bench::new(display("lab")).await
+}
+
+/// A job for a task that looks at the job's outside alone.
+async fn submit(bench: &Bench, request_id: &str, attempts_max: u32) -> String {
+    bench.submit(request_id, capture_job(request_id, "", 1).spec, attempts_max).await
+}
+
+fn config() -> WorkerConfig {
+    WorkerConfig {
+        compute_threads: 2,
+        backoff: Backoff::uniform(Duration::from_millis(2), Duration::from_millis(10)),
+        ..WorkerConfig::default()
+    }
+}
+
+fn progress(step: u8) -> Progress {
+    let (step, steps_total) = (u32::from(step), u32::from(STEPS));
+    Progress { stage: "count".to_owned(), step, steps_total, loss: 0.5, eta_s: None }
+}
+
+fn output(photo: impl Into<String>) -> TaskOutput {
+    TaskOutput {
+        result: JobResult::Capture(CaptureResult { photo: photo.into(), propagation: None }),
+        learned: Vec::new(),
+    }
+}
+
+/// Counts to [`STEPS`], goes on from a saved state, and tells each step to `each`.
+fn count(context: &JobContext, each: impl Fn(u8)) -> Result<TaskOutput, TaskError> {
+    let first = context.take_saved_state().map_or(0, |state| state[0]);
+    for step in first..STEPS {
+        each(step);
+        context.step(progress(step + 1), || vec![step + 1])?;
+    }
+    Ok(output(format!("from {first}")))
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn jobs_run_once_each_and_a_drained_worker_stops() {
+    let bench = bench().await;
+    let runs = Arc::new(AtomicU32::new(0));
+    let counted = Arc::clone(&runs);
+    let task = move |_: &Job, context: &JobContext| {
+        counted.fetch_add(1, Ordering::Relaxed);
+        assert_eq!(rayon::current_num_threads(), 2);
+        count(context, |_| {})
+    };
+    let mut ids = Vec::new();
+    for n in 0..5 {
+        ids.push(submit(&bench, &format!("early{n}"), 3).await);
+    }
+    let working = bench.start(WorkerConfig { workers: 2, ..config() }, task);
+    for n in 0..25 {
+        ids.push(submit(&bench, &format!("late{n}"), 3).await);
+    }
+    for id in ids {
+        let job = bench.ended(&id).await;
+        assert_eq!((job.state, job.attempt), (JobState::Succeeded, 1));
+        assert_eq!(job.progress, Some(progress(STEPS)));
+    }
+    working.stop().await;
+    assert_eq!(runs.load(Ordering::Relaxed), 30);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_panic_is_a_failed_attempt() {
+    let bench = bench().await;
+    let id = submit(&bench, "r", 2).await;
+    let working = bench.start(config(), |_: &Job, _: &JobContext| panic!("a bug"));
+    let job = bench.ended(&id).await;
+    let error = job.error.unwrap();
+    assert_eq!((job.state, job.attempt), (JobState::Failed, 2));
+    assert_eq!((error.reason.as_str(), error.message.as_str(), error.retryable), ("PANIC", "a bug", false));
+    working.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn trouble_that_passes_is_retried_and_bad_input_is_not() {
+    let bench = bench().await;
+    let passing = submit(&bench, "passing", 3).await;
+    let bad = submit(&bench, "bad", 3).await;
+    let task = |job: &Job, context: &JobContext| match (job.request_id.as_str(), job.attempt) {
+        ("passing", 1) => Err(TaskError::transient("IO", "the disk sighed")),
+        ("passing", _) => count(context, |_| {}),
+        _ => Err(TaskError::permanent("BAD_PICTURE", "that is no picture")),
+    };
+    let working = bench.start(config(), task);
+    let job = bench.ended(&passing).await;
+    assert_eq!((job.state, job.attempt, job.error), (JobState::Succeeded, 2, None));
+    let job = bench.ended(&bad).await;
+    assert_eq!((job.state, job.attempt), (JobState::Failed, 1));
+    assert_eq!(job.error.unwrap().reason, "BAD_PICTURE");
+    working.stop().await;
+}
+
+/// Counts to 7, then waits until it is told to stop.
+fn count_to_7(_: &Job, context: &JobContext) -> Result<TaskOutput, TaskError> {
+    count(context, |step| {
+        while step == 7 && context.should_stop().is_none() {
+            std::thread::yield_now();
+        }
+    })
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_cancelled_job_ends_at_its_next_step_and_leaves_no_checkpoint() {
+    let bench = bench().await;
+    let id = submit(&bench, "r", 3).await;
+    let every_step = WorkerConfig { checkpoint_interval: Duration::ZERO, ..config() };
+    let working = bench.start(every_step, count_to_7);
+    bench.until(&id, |job| job.checkpoint.is_some()).await;
+    bench.store.cancel(&id, now_ms()).await.unwrap();
+    let job = bench.ended(&id).await;
+    assert_eq!((job.state, job.checkpoint), (JobState::Cancelled, None));
+    working.stop().await;
+    assert!(bench.artifacts.checkpoints().await.unwrap().is_empty());
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_drained_job_goes_on_where_it_was() {
+    let bench = bench().await;
+    let id = submit(&bench, "r", 1).await;
+    let working = bench.start(config(), count_to_7);
+    bench.until(&id, |job| job.progress == Some(progress(7))).await;
+    working.stop().await;
+    let job = bench.store.job(&id).await.unwrap();
+    assert_eq!((job.state, job.error), (JobState::Queued, None));
+    assert!(job.checkpoint.is_some());
+    assert_eq!(bench.artifacts.checkpoints().await.unwrap().len(), 1);
+
+    let working = bench.start(config(), |_: &Job, context: &JobContext| count(context, |_| {}));
+    let job = bench.ended(&id).await;
+    assert_eq!((job.attempt, job.result), (2, Some(output("from 8").result)));
+    working.stop().await;
+    assert!(bench.artifacts.checkpoints().await.unwrap().is_empty());
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_worker_that_lost_its_lease_stops_and_the_job_runs_again() {
+    let bench = bench().await;
+    let id = submit(&bench, "r", 3).await;
+    let lease = Duration::from_millis(300);
+    let task = |job: &Job, context: &JobContext| {
+        if job.attempt == 1 {
+            // Until the heartbeat notices that the lease is gone.
+            while context.should_stop().is_none() {
+                std::thread::yield_now();
+            }
+            assert_eq!(context.should_stop(), Some(StopReason::LeaseLost));
+            // Work that must not count.
+            return Ok(output("stale"));
+        }
+        Ok(output("fresh"))
+    };
+    let working = bench.start(WorkerConfig { lease, ..config() }, task);
+    bench.until(&id, |job| job.state == JobState::Running).await;
+    bench.store.recover_orphans(now_ms()).await.unwrap();
+    let job = bench.ended(&id).await;
+    assert_eq!((job.state, job.attempt, job.result), (JobState::Succeeded, 2, Some(output("fresh").result)));
+    working.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn heartbeats_do_not_wait_for_compute() {
+    let bench = bench().await;
+    let id = submit(&bench, "r", 3).await;
+    let lease = Duration::from_millis(300);
+    // One step that takes four leases: the passing of time is what is tested.
+    let task = move |_: &Job, context: &JobContext| {
+        std::thread::sleep(4 * lease);
+        count(context, |_| {})
+    };
+    let working = bench.start(WorkerConfig { lease, ..config() }, task);
+    let job = bench.ended(&id).await;
+    assert_eq!((job.state, job.attempt), (JobState::Succeeded, 1));
+    working.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_dead_worker_job_is_taken_back_at_the_next_start() {
+    let bench = bench().await;
+    let id = submit(&bench, "r", 3).await;
+    let orphan = bench.store.claim(now_ms(), 3_600_000, "dead").await.unwrap().unwrap().1;
+    let state = checkpoint::seal(&orphan, vec![15]).unwrap();
+    let saved = bench.artifacts.put_checkpoint(state).await.unwrap();
+    bench.store.checkpoint(&orphan, &saved, now_ms()).await.unwrap();
+    bench.artifacts.put_checkpoint(b"nobody's".to_vec()).await.unwrap();
+
+    let working = bench.start(config(), |_: &Job, context: &JobContext| count(context, |_| {}));
+    let job = bench.ended(&id).await;
+    assert_eq!(
+        job.result,
+        Some(output("from 15").result),
+        "goes on from the checkpoint, without waiting for the lease"
+    );
+    working.stop().await;
+    assert!(bench.artifacts.checkpoints().await.unwrap().is_empty());
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn an_attempt_that_takes_too_long_fails() {
+    let bench = bench().await;
+    let id = submit(&bench, "r", 3).await;
+    let timeouts = Timeouts { simulate: Some(Duration::from_millis(50)), ..Timeouts::default() };
+    let working = bench.start(WorkerConfig { timeouts, ..config() }, count_to_7);
+    let job = bench.ended(&id).await;
+    assert_eq!((job.state, job.attempt, job.error.unwrap().reason.as_str()), (JobState::Failed, 1, "TIMEOUT"));
+    working.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_clock_that_is_set_costs_no_lease() {
+    let bench = bench().await;
+    let id = submit(&bench, "r", 1).await;
+    let lease = Duration::from_millis(400);
+    let worker = Worker::new(
+        bench.store.clone(),
+        bench.artifacts.clone(),
+        WorkerConfig { lease, ..config() },
+        Arc::new(move |_: &Job, context: &JobContext| {
+            // Eight leases: in that time the clock is set four times.
+            std::thread::sleep(8 * lease);
+            count(context, |_| {})
+        }),
+    );
+    let clock = worker.clock();
+    let working = bench.start_worker(worker);
+    bench.until(&id, |job| job.state == JobState::Running).await;
+    let day_ms = 24 * 3600 * 1000;
+    for by_ms in [day_ms, -2 * day_ms, 5000, day_ms] {
+        clock.set_system_clock(by_ms);
+        tokio::time::sleep(lease).await;
+        assert_eq!(clock.jump(), None, "the clock has followed");
+    }
+    let job = bench.ended(&id).await;
+    assert_eq!((job.state, job.attempt), (JobState::Succeeded, 1), "{job:?}");
+    working.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_dead_worker_job_is_rescued_within_two_leases() {
+    let bench = bench().await;
+    let id = submit(&bench, "r", 2).await;
+    let lease = Duration::from_millis(500);
+    // Claimed by somebody who dies at once; the server that looks after the queue lives.
+    bench.store.claim(now_ms(), 500, "dead").await.unwrap().unwrap();
+    let started = std::time::Instant::now();
+    let working =
+        bench.start_unrecovered(WorkerConfig { lease, ..config() }, move |job: &Job, context: &JobContext| {
+            assert_eq!(job.attempt, 2);
+            count(context, |_| {})
+        });
+    bench.until(&id, |job| job.attempt == 2).await;
+    assert!(started.elapsed() < 2 * lease, "{:?}", started.elapsed());
+    assert_eq!(bench.ended(&id).await.state, JobState::Succeeded);
+    working.stop().await;
+}
+
+#[tokio::test]
+async fn a_job_that_kills_its_server_ends_after_exactly_its_attempts() {
+    for attempts_max in [1, 3, 7] {
+        let bench = bench().await;
+        let id = submit(&bench, "killer", attempts_max).await;
+        let after = submit(&bench, "after", 3).await;
+        let mut deaths = 0;
+        // Each claim is a start of the job that the server does not survive; each start of a server puts the queue in order.
+        while bench.store.job(&id).await.unwrap().state == JobState::Queued {
+            bench.store.claim(now_ms(), 30_000, "w").await.unwrap().unwrap();
+            bench.store.recover_orphans(now_ms()).await.unwrap();
+            deaths += 1;
+        }
+        let job = bench.store.job(&id).await.unwrap();
+        assert_eq!((deaths, job.attempt, job.state), (attempts_max, attempts_max, JobState::Failed));
+        assert_eq!(job.error.unwrap().reason, "SERVER_DIED");
+        let next = bench.store.claim(now_ms(), 30_000, "w").await.unwrap().unwrap().0;
+        assert_eq!(next.id, after, "others run again");
+    }
+}

@@ -1,0 +1,308 @@
+//! The whole loop on a small simulated display: ideal holograms, photographs, learning, better holograms; and that
+//! interruptions and threads change no byte of it.
+
+use super::super::*;
+use super::bench::{Bench, DISTANCE};
+use lightpath_domain::dataset::{self, Dataset, Encoding, Pair};
+use lightpath_domain::display::{Carrier, Display, SimulatedBench};
+use lightpath_domain::job::{
+    Detector, EvaluateKernel, Fit, HologramResult, InitialPhase, JobResult, JobSpec, JobState, LearnKernel, Loss,
+    Method, OptimizeHologram, Region, SimulateCapture,
+};
+use lightpath_domain::kernel::{KernelKey, KernelModel};
+use lightpath_fixtures::{WAVELENGTH, display};
+use lightpath_media::pictures;
+use lightpath_optics::Plane;
+
+const REGION: Region = Region { x_px: 6, y_px: 5, width_px: 52, height_px: 38 };
+
+struct Lab {
+    bench: Bench,
+    height_px: usize,
+    width_px: usize,
+}
+
+impl Lab {
+    async fn new() -> Self {
+        let simulated_bench = SimulatedBench::new(3, 1.0, 0.002, 0.3);
+        let carrier = Some(Carrier::HalfOrderX);
+        let display = Display { carrier, simulated_bench: Some(simulated_bench), ..display("lab") };
+        let (height_px, width_px) = (display.height_px as usize, display.width_px as usize);
+        Self { bench: Bench::new(display).await, height_px, width_px }
+    }
+
+    async fn put(&self, bytes: Vec<u8>) -> String {
+        let size_bytes = bytes.len() as u64;
+        let digest = self.bench.artifacts.put_bytes(bytes).await.unwrap();
+        self.bench.store.record_artifact(&digest, size_bytes, "", 1).await.unwrap();
+        digest
+    }
+
+    /// A picture of bars and a blob; the number makes it another one.
+    async fn target(&self, n: usize) -> String {
+        let picture = Plane::from_fn(self.height_px, self.width_px, |y, x| {
+            let bars = ((x / (4 + n % 5) + y / (6 + n % 3)) % 2) as f32;
+            let (dy, dx) = (y as f32 - 20.0 - n as f32, x as f32 - 30.0 + 2.0 * n as f32);
+            0.15 + 0.35 * bars + 0.5 * (-(dy * dy + dx * dx) / 150.0).exp()
+        });
+        self.put(pictures::grey_png_srgb(&picture).unwrap()).await
+    }
+
+    /// Works until the condition holds for the job.
+    async fn work(&self, config: WorkerConfig, id: &str, condition: impl Fn(&Job) -> bool) -> Job {
+        let working = self.bench.start(config, OpticsTask);
+        self.bench.until(id, condition).await;
+        working.stop().await;
+        self.bench.store.job(id).await.unwrap()
+    }
+
+    async fn done(&self, request_id: &str, spec: JobSpec) -> JobResult {
+        let id = self.bench.submit(request_id, spec, 1).await;
+        let job = self.work(threads(2), &id, |job| job.state.has_ended()).await;
+        assert_eq!(job.state, JobState::Succeeded, "{:?}", job.error);
+        job.result.unwrap()
+    }
+
+    /// Interrupts the job after its first checkpoint, then lets it end.
+    async fn interrupted(&self, request_id: &str, spec: JobSpec) -> JobResult {
+        let id = self.bench.submit(request_id, spec, 1).await;
+        let every_step = WorkerConfig { checkpoint_interval: Duration::ZERO, ..threads(2) };
+        let job = self.work(every_step, &id, |job| job.checkpoint.is_some()).await;
+        assert_eq!((job.state, job.attempt), (JobState::Queued, 1));
+        let job = self.work(threads(1), &id, |job| job.state.has_ended()).await;
+        assert_eq!((job.state, job.attempt), (JobState::Succeeded, 2), "{:?}", job.error);
+        job.result.unwrap()
+    }
+
+    async fn hologram(&self, request_id: &str, spec: JobSpec) -> HologramResult {
+        match self.done(request_id, spec).await {
+            JobResult::Hologram(result) => *result,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    async fn photograph(&self, request_id: &str, phase: &str) -> String {
+        let (display, phase) = ("lab".to_owned(), phase.to_owned());
+        let spec =
+            SimulateCapture { display, wavelength: WAVELENGTH, distance: DISTANCE, phase, seed: 1, elapsed_s: 0.0 };
+        match self.done(request_id, JobSpec::SimulateCapture(spec)).await {
+            JobResult::Capture(result) => result.photo,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    /// Ideal holograms and their photographs on the simulated bench.
+    async fn dataset(&self, pairs: usize) {
+        let mut photographed = Vec::new();
+        for n in 0..pairs {
+            let ideal = self.hologram(&format!("ideal{n}"), optimize(self.target(n).await, None, 40)).await;
+            let photo = self.photograph(&format!("photo{n}"), &ideal.phase).await;
+            photographed.push(Pair { id: format!("p{n}"), phase: ideal.phase, photo, ..Pair::default() });
+        }
+        self.finalized(photographed).await;
+    }
+
+    /// Ideal holograms and what an ideal display's camera sees of them that clips at half the target's peak.
+    async fn overexposed(&self, pairs: usize) -> Vec<Pair> {
+        let mut photographed = Vec::new();
+        for n in 0..pairs {
+            let ideal = self.hologram(&format!("ideal{n}"), optimize(self.target(n).await, None, 40)).await;
+            let seen = self.bench.artifacts.read_all(&ideal.reconstruction).await.unwrap();
+            let clipped = pictures::photograph(&seen, Encoding::Srgb).unwrap().map(|light| (2.0 * light).min(1.0));
+            let photo = self.put(pictures::grey_png_linear(&clipped).unwrap()).await;
+            photographed.push(Pair { id: format!("p{n}"), phase: ideal.phase, photo, ..Pair::default() });
+        }
+        photographed
+    }
+
+    /// A dataset of these pairs, a quarter of them held out.
+    async fn finalized(&self, pairs: Vec<Pair>) {
+        let (id, display) = ("photos".to_owned(), "lab".to_owned());
+        let mut dataset = Dataset::empty(id, display, WAVELENGTH, DISTANCE, Encoding::Linear);
+        self.bench.store.create_dataset(&dataset, 1).await.unwrap();
+        for pair in pairs {
+            self.bench.store.add_pair("photos", &pair).await.unwrap();
+            dataset.pairs.push(pair);
+        }
+        let splits = dataset::draw_split(&dataset.pairs, 0.0, 0.25, 1);
+        let splits: Vec<_> = splits.into_iter().map(|(id, split)| (id, Some(split))).collect();
+        for (pair, (_, split)) in dataset.pairs.iter_mut().zip(&splits) {
+            pair.split = *split;
+        }
+        self.bench.store.finalize_dataset("photos", &splits, &dataset::digest(&dataset), 2).await.unwrap();
+    }
+
+    /// Mean squared error of a photograph of the hologram against its target, gain fitted.
+    async fn seen(&self, request_id: &str, hologram: &HologramResult, target: &str) -> f64 {
+        let photo = self.photograph(request_id, &hologram.phase).await;
+        let photo =
+            pictures::photograph(&self.bench.artifacts.read_all(&photo).await.unwrap(), Encoding::Linear).unwrap();
+        let target = self.bench.artifacts.read_all(target).await.unwrap();
+        let target =
+            pictures::target_intensity(&target, Encoding::Srgb, Fit::Exact, self.height_px, self.width_px).unwrap();
+        let grid = lightpath_optics::Grid::try_new(self.height_px, self.width_px, 8e-6).unwrap();
+        let region = lightpath_optics::RegionOfInterest::middle(&grid);
+        let gain = lightpath_optics::metrics::Gain::Fitted;
+        lightpath_optics::metrics::mse(&photo, &target, region, gain).unwrap()
+    }
+}
+
+fn threads(compute_threads: usize) -> WorkerConfig {
+    WorkerConfig { compute_threads, ..WorkerConfig::default() }
+}
+
+fn optimize(target: String, kernel_version: Option<u32>, iterations: u32) -> JobSpec {
+    JobSpec::OptimizeHologram(Box::new(OptimizeHologram {
+        display: "lab".to_owned(),
+        wavelength: WAVELENGTH,
+        distance: DISTANCE,
+        target,
+        target_encoding: Encoding::Srgb,
+        target_fit: Fit::Contain,
+        kernel_version,
+        detector: Detector::Pixel,
+        iterations,
+        learning_rate: 0.1,
+        seed: 7,
+        initial_phase_range_rad: 1.0,
+        region_of_interest: REGION,
+        method: Method::Lbfgs,
+        more_wavelengths: Vec::new(),
+        more_planes: Vec::new(),
+        plane_weight: 1.0,
+        depth_map: None,
+        kernel_versions: Vec::new(),
+        frames: 1,
+        initial_phase: InitialPhase::Random,
+        loss: Loss::default(),
+        weight_mask: None,
+        quantization_aware: false,
+        propagation: None,
+    }))
+}
+
+fn learn(model: KernelModel, epochs: u32, refinement_evaluations: u32) -> JobSpec {
+    JobSpec::LearnKernel(LearnKernel {
+        dataset: "photos".to_owned(),
+        joint_datasets: Vec::new(),
+        display: "lab".to_owned(),
+        model,
+        epochs: Some(epochs),
+        refinement_evaluations: Some(refinement_evaluations),
+        learning_rate: None,
+        seed: 1,
+        order: Some(4),
+        start_version: None,
+        detector: Detector::Pixel,
+        region_of_interest: REGION,
+    })
+}
+
+fn evaluate(kernel_version: Option<u32>) -> JobSpec {
+    JobSpec::EvaluateKernel(EvaluateKernel {
+        dataset: "photos".to_owned(),
+        display: "lab".to_owned(),
+        kernel_version,
+        region_of_interest: REGION,
+    })
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_learned_kernel_makes_better_holograms() {
+    let lab = Lab::new().await;
+    lab.dataset(8).await;
+    let JobResult::Learn(learned) = lab.done("learn", learn(KernelModel::Display, 3, 60)).await else { panic!() };
+    assert_eq!(learned.kernel_version, "displays/lab/kernels/515nm-4mm/versions/1");
+    assert_eq!((learned.metrics.train_pairs, learned.metrics.test_pairs), (6, 2));
+    assert!(learned.metrics.test_loss < 0.3 * learned.metrics.ideal_test_loss, "{:?}", learned.metrics);
+    let captured = learned.metrics.captured.unwrap();
+    assert!(captured.psnr_db > captured.ideal_psnr_db + 3.0, "{captured:?}");
+    assert!(!learned.metrics.no_better_than_ideal());
+    assert_eq!((learned.order, learned.left_out_pairs.as_slice()), (4, [].as_slice()));
+
+    for (request_id, version, expected) in
+        [("learned", Some(1), learned.metrics.test_loss), ("ideal", None, learned.metrics.ideal_test_loss)]
+    {
+        let JobResult::Evaluate(found) = lab.done(request_id, evaluate(version)).await else { panic!() };
+        let test: Vec<f64> =
+            found.pairs.iter().filter(|pair| pair.split == dataset::Split::Test).map(|pair| pair.loss).collect();
+        assert_eq!((found.pairs.len(), test.len()), (8, 2));
+        assert!((test.iter().sum::<f64>() / 2.0 - expected).abs() < 1e-12, "{request_id}");
+    }
+
+    let target = lab.target(20).await;
+    let ideal = lab.hologram("new ideal", optimize(target.clone(), None, 100)).await;
+    let better = lab.hologram("new learned", optimize(target.clone(), Some(1), 100)).await;
+    assert!(ideal.quality.pixel.psnr_db > 20.0, "{:?}", ideal.quality);
+    let (before, after) =
+        (lab.seen("see ideal", &ideal, &target).await, lab.seen("see learned", &better, &target).await);
+    assert!(after < 0.5 * before, "captured error {before} through the ideal kernel, {after} through the learned one");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn saturated_pixels_are_no_error_of_a_kernel() {
+    let lab = Lab::new().await;
+    lab.finalized(lab.overexposed(4).await).await;
+    // The photographs are what the ideal kernel predicts, rounded to 8-bit sRGB and doubled: (2 · 2.3 / 255)² / 12.
+    let rounding = 3e-5;
+    let JobResult::Evaluate(found) = lab.done("evaluate", evaluate(None)).await else { panic!() };
+    assert_eq!(found.pairs.len(), 4);
+    for pair in &found.pairs {
+        assert!(pair.loss < rounding && pair.loss_full_frame < rounding, "{pair:?}");
+    }
+    let JobResult::Learn(learned) = lab.done("learn", learn(KernelModel::Smooth, 1, 2)).await else { panic!() };
+    let metrics = learned.metrics;
+    for loss in [metrics.ideal_test_loss, metrics.ideal_test_loss_full_frame] {
+        assert!(loss > 0.0 && loss < rounding, "{metrics:?}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_photograph_of_which_nothing_counts_is_named_before_anything_is_learned() {
+    let lab = Lab::new().await;
+    let mut pairs = lab.overexposed(3).await;
+    let white = Plane::filled(lab.height_px, lab.width_px, 1.0);
+    pairs[1].photo = lab.put(pictures::grey_png_linear(&white).unwrap()).await;
+    pairs[1].split = Some(dataset::Split::Test);
+    lab.finalized(pairs).await;
+    for (request_id, spec) in [("learn", learn(KernelModel::Smooth, 1, 2)), ("evaluate", evaluate(None))] {
+        let id = lab.bench.submit(request_id, spec, 1).await;
+        let job = lab.work(threads(2), &id, |job| job.state.has_ended()).await;
+        let error = job.error.unwrap();
+        assert_eq!((job.state, error.reason.as_str()), (JobState::Failed, "INVALID_INPUT"));
+        assert!(error.message.starts_with("pair \"p1\": photo is saturated at every pixel"), "{}", error.message);
+        let stage = job.progress.map(|progress| progress.stage).unwrap_or_default();
+        assert!(!["learn", "refine"].contains(&stage.as_str()), "{stage}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn interruptions_and_threads_change_no_byte() {
+    let lab = Lab::new().await;
+    let spec = optimize(lab.target(1).await, None, 60);
+    let whole = lab.hologram("whole", spec.clone()).await;
+    let JobResult::Hologram(resumed) = lab.interrupted("interrupted", spec).await else { panic!() };
+    // How long it took is all that may differ.
+    assert_eq!(HologramResult { iteration_ms: whole.iteration_ms, ..*resumed }, whole);
+
+    lab.dataset(4).await;
+    let key = KernelKey { display: "lab".to_owned(), wavelength: WAVELENGTH, distance: DISTANCE };
+    let mut version = 0;
+    for (name, spec) in [
+        ("smooth", learn(KernelModel::Smooth, 2, 6)),
+        ("display", learn(KernelModel::Display, 2, 12)),
+        ("varying", learn(KernelModel::Varying, 2, 6)),
+        ("dense", learn(KernelModel::Dense, 3, 0)),
+        ("paper", learn(KernelModel::Paper, 3, 0)),
+    ] {
+        let JobResult::Learn(whole) = lab.done(name, spec.clone()).await else { panic!() };
+        let JobResult::Learn(resumed) = lab.interrupted(&format!("{name} interrupted"), spec).await else { panic!() };
+        assert_eq!((&whole.metrics, &whole.loss_history), (&resumed.metrics, &resumed.loss_history), "{name}");
+        version += 2;
+        let [first, second] = [
+            lab.bench.store.kernel_version(&key, version - 1).await.unwrap().content,
+            lab.bench.store.kernel_version(&key, version).await.unwrap().content,
+        ];
+        assert_eq!(first.artifact, second.artifact, "{name}");
+    }
+}
