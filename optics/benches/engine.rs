@@ -14,7 +14,7 @@
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use lightpath_optics::hologram::{initial_phase, quality};
-use lightpath_optics::learning::{LearnModel, LearnOptions, Learner, Lessons, Pair};
+use lightpath_optics::learning::{KernelModel, LearnOptions, Learner, Lessons, Pair};
 use lightpath_optics::passes::{Pass, Passes};
 use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{
@@ -118,8 +118,8 @@ fn learning(criterion: &mut Criterion) {
         let pairs = vec![Pair { phase: job.phase.clone(), photo }];
         let mut group = criterion.benchmark_group("learn");
         group.throughput(Throughput::Elements(job.phase.values().len() as u64));
-        for (name, model) in [("display", LearnModel::Display { order: Some(5) }), ("dense", LearnModel::Dense)] {
-            let options = LearnOptions { epochs: 1_000_000, ..LearnOptions::new(model, job.region) };
+        for (name, model) in [("display", KernelModel::Display), ("dense", KernelModel::Dense)] {
+            let options = LearnOptions { epochs: 1_000_000, order: Some(5), ..LearnOptions::new(model, job.region) };
             let mut learner = Learner::start(job.setup, options, &pairs).unwrap();
             group.bench_function(BenchmarkId::new(name, size), |bencher| {
                 bencher.iter(|| learner.step(Lessons::only(&pairs)).unwrap().unwrap());

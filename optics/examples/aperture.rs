@@ -5,7 +5,7 @@
 //! ```
 #![allow(clippy::print_stdout)] // it is a program
 
-use lightpath_optics::propagation::{Method, Propagator};
+use lightpath_optics::propagation::{PropagationMethod, Propagator};
 use lightpath_optics::reference::rayleigh_sommerfeld_onto;
 use lightpath_optics::{Grid, OpticalSetup, Plane, Result};
 use num_complex::Complex64;
@@ -19,7 +19,7 @@ fn main() -> Result<()> {
     for distance_m in [6e-3, 12e-3, 50e-3, 1.0] {
         let setup = OpticalSetup::try_new(grid, 515e-9, distance_m)?;
         println!("\n{} mm; critical distance {:.1} mm", 1e3 * distance_m, 1e3 * setup.critical_distance_x_m());
-        for method in Method::ALL {
+        for method in PropagationMethod::ALL {
             let propagator = match Propagator::<f64>::new(&setup, method) {
                 Ok(propagator) => propagator,
                 Err(refusal) => {

@@ -10,9 +10,9 @@
 
 use lightpath_optics::hologram::initial_phase;
 use lightpath_optics::learning::{
-    BoxError, LearnModel, LearnOptions, Learner, Lessons, Pair, PairSource, compare, interpolated,
+    BoxError, KernelModel, LearnOptions, Learner, Lessons, Pair, PairSource, compare, interpolated,
 };
-use lightpath_optics::simulated_display::{Imperfections, SimulatedDisplay};
+use lightpath_optics::simulated_display::{SimulatedBench, SimulatedDisplay};
 use lightpath_optics::{Detector, DisplayModel, Engine, Grid, OpticalSetup, RegionOfInterest};
 use std::time::Instant;
 
@@ -68,12 +68,12 @@ fn main() -> Result<(), BoxError> {
 
 fn bench(seed: u64, distance_m: f64) -> Result<SimulatedDisplay, BoxError> {
     let setup = OpticalSetup::try_new(Grid::try_new(180, 320, 8e-6)?, 515e-9, distance_m)?;
-    let rail = Imperfections {
+    let rail = SimulatedBench {
         seed,
         misalignment_px: 0.5,
         rail_tilt_deg: 0.01,
         aberrations_at_m: 40e-3,
-        ..Imperfections::FAIR
+        ..SimulatedBench::FAIR
     };
     Ok(SimulatedDisplay::draw(setup.planned()?.0, None, rail)?)
 }
@@ -97,7 +97,7 @@ fn learned(seed: u64, distances_m: &[f64]) -> Result<Vec<DisplayModel>, BoxError
     let training = Photographs(pairs.collect::<Result<_, _>>()?);
     let setups: Vec<OpticalSetup> = benches.iter().map(SimulatedDisplay::setup).collect();
     let region = RegionOfInterest::middle(&setups[0].grid());
-    let options = LearnOptions::new(LearnModel::Display { order: Some(8) }, region);
+    let options = LearnOptions { order: Some(8), ..LearnOptions::new(KernelModel::Display, region) };
     let mut learner = Learner::start_joint(&setups, options, &training)?;
     while learner.step(Lessons::only(&training))?.is_some() {}
     Ok(learner.models())

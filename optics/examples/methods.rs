@@ -8,7 +8,7 @@
 //! `TARGET.npy` holds intensities in linear light, float32, \[y\]\[x\]; without it, a generated card of 540×960 px is the
 //! target.
 
-use lightpath_optics::hologram::{InitialPhase, Method, Options, quality};
+use lightpath_optics::hologram::{HologramMethod, InitialPhase, Options, quality};
 use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{
     Detector, DisplayModel, Engine, Grid, HologramProblem, OpticalSetup, Optimization, Plane, RegionOfInterest,
@@ -33,15 +33,15 @@ fn main() -> Result<(), Box<dyn Error>> {
     let quadratic = InitialPhase::Quadratic { focal_length_m: None };
     let constant = InitialPhase::Constant { phase_rad: 0.0 };
     let ways = [
-        ("lbfgs", Method::Lbfgs, &random),
-        ("lbfgs", Method::Lbfgs, &quadratic),
-        ("lbfgs", Method::Lbfgs, &constant),
-        ("adam", Method::Adam { learning_rate: 0.1 }, &random),
-        ("adam", Method::Adam { learning_rate: 0.1 }, &quadratic),
-        ("adam", Method::Adam { learning_rate: 0.1 }, &constant),
-        ("gs", Method::GerchbergSaxton, &random),
-        ("wgs", Method::WeightedGerchbergSaxton, &random),
-        ("dpac", Method::DoublePhase, &constant),
+        ("lbfgs", HologramMethod::Lbfgs, &random),
+        ("lbfgs", HologramMethod::Lbfgs, &quadratic),
+        ("lbfgs", HologramMethod::Lbfgs, &constant),
+        ("adam", HologramMethod::Adam { learning_rate: 0.1 }, &random),
+        ("adam", HologramMethod::Adam { learning_rate: 0.1 }, &quadratic),
+        ("adam", HologramMethod::Adam { learning_rate: 0.1 }, &constant),
+        ("gs", HologramMethod::GerchbergSaxton, &random),
+        ("wgs", HologramMethod::WeightedGerchbergSaxton, &random),
+        ("dpac", HologramMethod::DoublePhase, &constant),
     ];
     let mut out = std::io::stdout().lock();
     // A closed pipe ends the table early, and nothing else.

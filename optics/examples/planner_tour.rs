@@ -5,7 +5,7 @@
 //! ```
 #![allow(clippy::print_stdout)] // it is a program
 
-use lightpath_optics::propagation::{ImageWindow, Method, assess, plan, plan_onto};
+use lightpath_optics::propagation::{ImageWindow, PropagationMethod, assess, plan, plan_onto};
 use lightpath_optics::{Grid, OpticalSetup, Result};
 
 fn main() -> Result<()> {
@@ -23,7 +23,7 @@ fn main() -> Result<()> {
     println!("{}\n", plan(&at(0.15)?.with_centre(2e-3, 0.0)?)?);
 
     println!("what is refused at 0.5 m");
-    for method in Method::ALL {
+    for method in PropagationMethod::ALL {
         if let Err(refusal) = assess(&at(0.5)?, method) {
             println!("- {refusal}");
         }

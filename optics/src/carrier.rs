@@ -9,10 +9,12 @@
 
 use crate::phase_response::wrap_f32;
 use crate::{OpticalSetup, Plane};
+use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
 /// A binary grating of half the diffraction order, added to a hologram after its optimization.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Carrier {
     /// π on every odd column.
     HalfOrderX,

@@ -4,12 +4,16 @@
 //! say little about the light between them. A detector therefore looks at *sub-samples*: the same band-limited
 //! field, shifted by fractions of a pixel through a linear phase on its spectrum.
 
+use serde::{Deserialize, Serialize};
+
 /// What counts as the light of a pixel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Detector {
     /// \|u\|² at the sample point alone.
     Point,
     /// The mean of \|u\|² over the four sub-samples at (±1/4, ±1/4) px: what a camera of the same pitch integrates.
+    #[default]
     Pixel,
     /// \|u\|² at each of the four sub-samples by itself, nothing left free between them: what an eye sees.
     Supersampled,

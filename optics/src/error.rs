@@ -1,6 +1,6 @@
 //! What can be wrong with what a caller hands in.
 
-use crate::propagation::Method;
+use crate::propagation::{PropagationMethod, RefusalCode};
 
 /// Shorthand for this crate's results.
 pub type Result<T> = std::result::Result<T, Error>;
@@ -59,9 +59,9 @@ pub enum Error {
     #[error("the {method} is not possible here: {reason}")]
     Unsuitable {
         /// Which method.
-        method: Method,
-        /// In capitals, stable, for programs.
-        code: &'static str,
+        method: PropagationMethod,
+        /// Why, for programs.
+        code: RefusalCode,
         /// The numbers, and what would be right, for people.
         reason: String,
     },

@@ -1,9 +1,10 @@
 //! The part of an image that counts.
 
 use crate::{Error, Grid, Result};
+use serde::{Deserialize, Serialize};
 
 /// A rectangle of pixels in the image plane.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RegionOfInterest {
     x_px: usize,
     y_px: usize,
@@ -26,6 +27,15 @@ impl RegionOfInterest {
             }
         }
         Ok(Self { x_px, y_px, width_px, height_px })
+    }
+
+    /// The same region, where it lies inside a grid: to check one that comes from elsewhere, such as a file.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::try_new`].
+    pub fn inside(self, grid: &Grid) -> Result<Self> {
+        Self::try_new(grid, self.x_px, self.y_px, self.width_px, self.height_px)
     }
 
     /// The middle 80 % of each axis, from 10 % to 90 %, at least one pixel.

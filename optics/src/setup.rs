@@ -1,21 +1,21 @@
 //! What a propagation goes through: a grid, a wavelength and a distance, and the method that computes it.
 
 use crate::propagation::{
-    ImageWindow, Method, SampledTransfer, ValidityReport, check_convolution, fresnel_impulse_spectrum,
-    fresnel_transfer_function, impulse_spectrum, landing_m, plan, shifted_angular_spectrum,
+    ConvolutionMethod, ImageWindow, SampledTransfer, ValidityReport, check_convolution, fresnel_impulse_spectrum,
+    fresnel_transfer_function, impulse_spectrum, landing_m, plan_convolution, shifted_angular_spectrum,
 };
 use crate::transfer_function::{angular_spectrum, band_limit};
 use crate::{Error, Grid, Result};
 use num_complex::Complex64;
 
 /// A plane of pixels, the light's wavelength, how far away the image is, and by which convolution it is computed: by the
-/// [band-limited angular spectrum](Method::BandLimited) unless another [`Method`] is asked for.
+/// [band-limited angular spectrum](ConvolutionMethod::BandLimited) unless another [`ConvolutionMethod`] is asked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OpticalSetup {
     grid: Grid,
     wavelength_m: f64,
     distance_m: f64,
-    method: Method,
+    method: ConvolutionMethod,
     centre_x_m: f64,
     centre_y_m: f64,
 }
@@ -41,17 +41,23 @@ impl OpticalSetup {
             let allowed = "between -10 and 10 m, and not 0";
             return Err(Error::OutOfRange { name: "distance_m", value: distance_m, allowed });
         }
-        Ok(Self { grid, wavelength_m, distance_m, method: Method::BandLimited, centre_x_m: 0.0, centre_y_m: 0.0 })
+        Ok(Self {
+            grid,
+            wavelength_m,
+            distance_m,
+            method: ConvolutionMethod::BandLimited,
+            centre_x_m: 0.0,
+            centre_y_m: 0.0,
+        })
     }
 
     /// The same setup, computed by another convolution.
     ///
     /// # Errors
     ///
-    /// [`Error::Unsuitable`] for a method that can't be right here, with the numbers, and for one that is no
-    /// [convolution](Method::is_convolution).
-    pub fn with_method(self, method: Method) -> Result<Self> {
-        let setup = self.with_method_regardless(method)?;
+    /// [`Error::Unsuitable`] for a method that can't be right here, with the numbers.
+    pub fn with_method(self, method: ConvolutionMethod) -> Result<Self> {
+        let setup = self.with_method_regardless(method);
         check_convolution(&setup)?;
         Ok(setup)
     }
@@ -62,35 +68,28 @@ impl OpticalSetup {
     ///
     /// [`Error::Unsuitable`] where no image can be right, with the numbers.
     pub fn planned(self) -> Result<(Self, ValidityReport)> {
-        let report = plan(&self)?;
-        Ok((self.with_method(report.method)?, report))
+        let (method, report) = plan_convolution(&self)?;
+        Ok((self.with_method(method)?, report))
     }
 
     /// The same setup, computed by another convolution, right or wrong: to see by how much.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Unsuitable`] for a method that is no [convolution](Method::is_convolution).
-    pub fn with_method_regardless(self, method: Method) -> Result<Self> {
-        if !method.is_convolution() {
-            let reason = "it is no convolution on the padded grid, but only those run in an engine".to_owned();
-            return Err(Error::Unsuitable { method, code: "NO_CONVOLUTION", reason });
-        }
+    #[must_use]
+    pub fn with_method_regardless(self, method: ConvolutionMethod) -> Self {
         match method {
-            Method::Shifted => Ok(Self { method, ..self }),
-            _ => Ok(Self { method, centre_x_m: 0.0, centre_y_m: 0.0, ..self }),
+            ConvolutionMethod::Shifted => Self { method, ..self },
+            _ => Self { method, centre_x_m: 0.0, centre_y_m: 0.0, ..self },
         }
     }
 
     /// The same setup with the image's middle at (`centre_x_m`, `centre_y_m`) \[m\] from the axis, computed by the
-    /// [shifted](Method::Shifted) angular spectrum.
+    /// [shifted](ConvolutionMethod::Shifted) angular spectrum.
     ///
     /// # Errors
     ///
     /// [`Error::OutOfRange`] for a middle that is more than [`ImageWindow::CENTRE_M_MAX`] away.
     pub fn with_centre(self, centre_x_m: f64, centre_y_m: f64) -> Result<Self> {
         ImageWindow::of(&self.grid).centred_at(centre_x_m, centre_y_m)?;
-        Ok(Self { method: Method::Shifted, centre_x_m, centre_y_m, ..self })
+        Ok(Self { method: ConvolutionMethod::Shifted, centre_x_m, centre_y_m, ..self })
     }
 
     /// The sampled plane, the same at the display and at the image.
@@ -111,13 +110,13 @@ impl OpticalSetup {
         self.distance_m
     }
 
-    /// How the propagation is computed: one of the [convolutions](Method::is_convolution).
+    /// How the propagation is computed.
     #[must_use]
-    pub fn method(&self) -> Method {
+    pub fn method(&self) -> ConvolutionMethod {
         self.method
     }
 
-    /// The image's pixels: the display's, around another middle where the method is [`Method::Shifted`].
+    /// The image's pixels: the display's, around another middle where the method is [`ConvolutionMethod::Shifted`].
     #[must_use]
     pub fn window(&self) -> ImageWindow {
         let window = ImageWindow::of(&self.grid).centred_at(self.centre_x_m, self.centre_y_m);
@@ -143,25 +142,20 @@ impl OpticalSetup {
     pub fn transfer(&self, fx: f64, fy: f64) -> Complex64 {
         let Self { wavelength_m, distance_m, centre_x_m, centre_y_m, .. } = *self;
         match self.method {
-            Method::BandLimited if self.keeps(fx, fy) => angular_spectrum(fx, fy, wavelength_m, distance_m),
-            Method::Shifted if self.keeps(fx, fy) => {
+            ConvolutionMethod::BandLimited if self.keeps(fx, fy) => angular_spectrum(fx, fy, wavelength_m, distance_m),
+            ConvolutionMethod::Shifted if self.keeps(fx, fy) => {
                 shifted_angular_spectrum(fx, fy, wavelength_m, distance_m, centre_x_m, centre_y_m)
             }
-            Method::BandLimited | Method::Shifted => Complex64::ZERO,
-            Method::FresnelTransferFunction => fresnel_transfer_function(fx, fy, wavelength_m, distance_m),
-            Method::FresnelImpulseResponse => {
+            ConvolutionMethod::BandLimited | ConvolutionMethod::Shifted => Complex64::ZERO,
+            ConvolutionMethod::FresnelTransferFunction => fresnel_transfer_function(fx, fy, wavelength_m, distance_m),
+            ConvolutionMethod::FresnelImpulseResponse => {
                 let along = |f, samples| {
                     fresnel_impulse_spectrum(f, samples, self.grid.pixel_pitch_m(), wavelength_m, distance_m)
                 };
                 along(fx, self.grid.width_px()) * along(fy, self.grid.height_px())
             }
-            Method::RayleighSommerfeld => impulse_spectrum(self, fx, fy),
-            // The rest are no convolutions, and no setup has them.
-            Method::AngularSpectrum
-            | Method::BandExtended
-            | Method::Scaled
-            | Method::ScaledFresnel
-            | Method::Fraunhofer => angular_spectrum(fx, fy, wavelength_m, distance_m),
+            ConvolutionMethod::RayleighSommerfeld => impulse_spectrum(self, fx, fy),
+            ConvolutionMethod::AngularSpectrum => angular_spectrum(fx, fy, wavelength_m, distance_m),
         }
     }
 
@@ -178,7 +172,7 @@ impl OpticalSetup {
         let pitch_m = self.grid.pixel_pitch_m();
         let (extent_x_m, extent_y_m) =
             (self.padded_width_px() as f64 * pitch_m, self.padded_height_px() as f64 * pitch_m);
-        if self.method != Method::Shifted {
+        if self.method != ConvolutionMethod::Shifted {
             return band_limit(fx, fy, self.wavelength_m, self.distance_m, extent_x_m, extent_y_m);
         }
         landing_m(fx, fy, self.wavelength_m, self.distance_m).is_some_and(|(x_m, y_m)| {

@@ -3,7 +3,7 @@
 //! In a test binary of its own: whatever else runs in the process would be counted too.
 #![allow(clippy::unwrap_used)]
 
-use lightpath_optics::hologram::{ImagePlane, InitialPhase, Loss, Method, Options};
+use lightpath_optics::hologram::{HologramMethod, ImagePlane, InitialPhase, Loss, Options};
 use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{Detector, DisplayModel, Engine, Grid, OpticalSetup, Optimization, RegionOfInterest};
 use rayon::ThreadPoolBuilder;
@@ -17,7 +17,7 @@ const WIDTH_PX: usize = 128;
 const FIRST_STEPS: usize = 16;
 const STEPS: usize = 8;
 
-fn optimization(method: Method, detector: Detector, planes: usize) -> Optimization {
+fn optimization(method: HologramMethod, detector: Detector, planes: usize) -> Optimization {
     let grid = Grid::try_new(HEIGHT_PX, WIDTH_PX, 8e-6).unwrap();
     let setup = |p: usize| OpticalSetup::try_new(grid, 515e-9, 0.01 * (p + 1) as f64).unwrap();
     let wanted = (0..planes).map(|p| {
@@ -36,7 +36,9 @@ fn iterations_allocate_nothing() {
     // A second thread would ask for its share when it first has work to do, which may be at any time.
     let pool = ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     pool.install(|| {
-        for method in [Method::Adam { learning_rate: 0.1 }, Method::Lbfgs, Method::GerchbergSaxton] {
+        for method in
+            [HologramMethod::Adam { learning_rate: 0.1 }, HologramMethod::Lbfgs, HologramMethod::GerchbergSaxton]
+        {
             for (detector, planes) in [(Detector::Point, 1), (Detector::Pixel, 2), (Detector::Supersampled, 1)] {
                 let mut optimization = optimization(method, detector, planes);
                 (0..FIRST_STEPS).for_each(|_| assert!(optimization.step().is_some()));

@@ -3,9 +3,9 @@
 
 use lightpath_optics::hologram::initial_phase;
 use lightpath_optics::learning::{
-    BoxError, LearnModel, LearnOptions, Learner, Lessons, Pair, PairSource, ResponseUncertainty, compare, interpolated,
+    BoxError, KernelModel, LearnOptions, Learner, Lessons, Pair, PairSource, ResponseUncertainty, compare, interpolated,
 };
-use lightpath_optics::simulated_display::{Imperfections, SimulatedDisplay};
+use lightpath_optics::simulated_display::{SimulatedBench, SimulatedDisplay};
 use lightpath_optics::{Detector, DisplayModel, Engine, Error, Grid, OpticalSetup, RegionOfInterest};
 use rayon::ThreadPoolBuilder;
 
@@ -13,16 +13,16 @@ const HEIGHT_PX: usize = 72;
 const WIDTH_PX: usize = 96;
 
 fn bench(seed: u64) -> SimulatedDisplay {
-    drawn(6e-3, Imperfections { seed, misalignment_px: 0.5, ..Imperfections::FAIR })
+    drawn(6e-3, SimulatedBench { seed, misalignment_px: 0.5, ..SimulatedBench::FAIR })
 }
 
 /// Its image moves with the distance by some pixels, and its aberrations grow with it.
 fn bench_on_a_rail(distance_m: f64) -> SimulatedDisplay {
-    let rail = Imperfections { seed: 11, rail_tilt_deg: 0.06, aberrations_at_m: 6e-3, ..Imperfections::FAIR };
+    let rail = SimulatedBench { seed: 11, rail_tilt_deg: 0.06, aberrations_at_m: 6e-3, ..SimulatedBench::FAIR };
     drawn(distance_m, rail)
 }
 
-fn drawn(distance_m: f64, imperfections: Imperfections) -> SimulatedDisplay {
+fn drawn(distance_m: f64, imperfections: SimulatedBench) -> SimulatedDisplay {
     let grid = Grid::try_new(HEIGHT_PX, WIDTH_PX, 8e-6).unwrap();
     let setup = OpticalSetup::try_new(grid, 515e-9, distance_m).unwrap();
     SimulatedDisplay::draw(setup, None, imperfections).unwrap()
@@ -41,7 +41,7 @@ fn pairs(bench: &SimulatedDisplay, count: u64, seed: u64) -> Vec<Pair> {
 
 fn options(bench: &SimulatedDisplay, order: Option<usize>) -> LearnOptions {
     let region = RegionOfInterest::middle(&bench.setup().grid());
-    LearnOptions { seed: 3, ..LearnOptions::new(LearnModel::Display { order }, region) }
+    LearnOptions { seed: 3, order, ..LearnOptions::new(KernelModel::Display, region) }
 }
 
 fn learned(bench: &SimulatedDisplay, options: LearnOptions, lessons: Lessons<'_>) -> Learner {
@@ -107,14 +107,14 @@ fn validation_chooses_the_order_and_says_so() {
 
 #[test]
 fn a_kernel_varies_over_the_modulator_where_validation_gains_by_it() {
-    let fair = Imperfections { seed: 5, ..Imperfections::FAIR };
+    let fair = SimulatedBench { seed: 5, ..SimulatedBench::FAIR };
     for (field_aberration_rad, varies) in [(6.0, true), (0.0, false)] {
-        let bench = drawn(6e-3, Imperfections { field_aberration_rad, ..fair });
+        let bench = drawn(6e-3, SimulatedBench { field_aberration_rad, ..fair });
         let (training, validation) = (pairs(&bench, 8, 100), pairs(&bench, 2, 400));
         let lessons = Lessons { training: &training, validation: &validation };
         let display = learned(&bench, options(&bench, Some(5)), lessons).model();
-        let model = LearnModel::Varying { order: Some(5) };
-        let varying = learned(&bench, LearnOptions { model, ..options(&bench, None) }, lessons).model();
+        let model = KernelModel::Varying;
+        let varying = learned(&bench, LearnOptions { model, ..options(&bench, Some(5)) }, lessons).model();
         assert_eq!(!varying.variation.is_none(), varies, "{field_aberration_rad} rad");
         let (varying, display) = (held_out_loss(&bench, &varying), held_out_loss(&bench, &display));
         assert!(if varies { varying < 0.6 * display } else { varying == display }, "{varying} against {display}");
@@ -148,8 +148,8 @@ fn learning_is_the_same_on_any_number_of_threads_and_after_a_pause() {
         epochs: 2,
         ..options(&bench, None)
     };
-    let display = short(LearnModel::Display { order: None }, 8);
-    for options in [display, short(LearnModel::Varying { order: None }, 4)] {
+    let display = short(KernelModel::Display, 8);
+    for options in [display, short(KernelModel::Varying, 4)] {
         let on = |threads: usize| {
             let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| learned(&bench, options.clone(), lessons).model())
@@ -244,11 +244,11 @@ fn only_what_differs_in_the_distance_alone_is_learned_together() {
         let options = LearnOptions { model, ..options(&bench_on_a_rail(6e-3), Some(5)) };
         Learner::start_joint(setups, options, &training).unwrap_err().to_string()
     };
-    let display = LearnModel::Display { order: Some(5) };
+    let display = KernelModel::Display;
     assert!(refused(&[near, middle, near], display).contains("differ in distance: each is needed once"));
     let red = OpticalSetup::try_new(near.grid(), 640e-9, 8e-3).unwrap();
     assert!(refused(&[near, middle, red], display).contains("differ in grid or wavelength"));
-    assert!(refused(&[near, middle, far], LearnModel::Dense).contains("needs the model smooth or display"));
+    assert!(refused(&[near, middle, far], KernelModel::Dense).contains("needs the model smooth or display"));
     let more = OpticalSetup::try_new(near.grid(), 515e-9, 8e-3).unwrap();
     assert!(refused(&[near, middle, far, more], display).contains("pairs is empty"));
 }

@@ -4,13 +4,13 @@
 use lightpath_optics::carrier::Carrier;
 use lightpath_optics::metrics::{Gain, psnr_db};
 use lightpath_optics::reference::propagate;
-use lightpath_optics::simulated_display::{Imperfections, SimulatedDisplay};
+use lightpath_optics::simulated_display::{SimulatedBench, SimulatedDisplay};
 use lightpath_optics::{Grid, OpticalSetup, Plane, RegionOfInterest};
 use num_complex::Complex64;
 use rayon::ThreadPoolBuilder;
 use std::f64::consts::TAU;
 
-const FAIR: Imperfections = Imperfections { seed: 7, misalignment_px: 0.3, ..Imperfections::FAIR };
+const FAIR: SimulatedBench = SimulatedBench { seed: 7, misalignment_px: 0.3, ..SimulatedBench::FAIR };
 
 #[test]
 fn the_same_seed_gives_the_same_photograph_on_any_number_of_threads() {
@@ -18,7 +18,7 @@ fn the_same_seed_gives_the_same_photograph_on_any_number_of_threads() {
     let photograph = |threads: usize, seed: u64, noise_seed: u64| {
         let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
-            let bench = Imperfections { seed, ..FAIR };
+            let bench = SimulatedBench { seed, ..FAIR };
             SimulatedDisplay::draw(setup(60, 90, 0.03), None, bench).unwrap().capture(&phase, noise_seed).unwrap()
         })
     };
@@ -32,7 +32,7 @@ fn the_same_seed_gives_the_same_photograph_on_any_number_of_threads() {
 #[test]
 fn the_bench_is_drawn_as_strong_as_asked() {
     for seed in 0..8 {
-        let display = SimulatedDisplay::draw(setup(60, 90, 0.01), None, Imperfections { seed, ..FAIR }).unwrap();
+        let display = SimulatedDisplay::draw(setup(60, 90, 0.01), None, SimulatedBench { seed, ..FAIR }).unwrap();
         assert!((0.02..0.04).contains(&display.zero_order().norm()));
         assert!(display.shift_px().0.abs() <= 0.3 && display.shift_px().1.abs() <= 0.3);
         let bend = (0..64).map(|i| f64::from(i) / 64.0 * TAU).map(|phase| (display.response(phase) - phase).abs());
@@ -63,7 +63,7 @@ fn the_exposure_suits_images() {
 #[test]
 fn a_carrier_is_undone_by_the_camera_and_steers_the_zero_order_instead() {
     let phase = Plane::from_fn(60, 90, |y, x| ((y * 13 + x * x * 7) % 63) as f32 / 10.0);
-    let ideal = Imperfections { strength: 0.0, ..FAIR };
+    let ideal = SimulatedBench { strength: 0.0, ..FAIR };
     for carrier in [Carrier::HalfOrderX, Carrier::HalfOrderY] {
         let plain = SimulatedDisplay::draw(setup(60, 90, 0.03), None, ideal).unwrap();
         let steered = SimulatedDisplay::draw(setup(60, 90, 0.03), Some(carrier), ideal).unwrap();
@@ -73,13 +73,13 @@ fn a_carrier_is_undone_by_the_camera_and_steers_the_zero_order_instead() {
 }
 
 /// Mean and spread of a photograph's differences to the one by the bench without a flaw of this kind.
-fn changed_by(flaw: Imperfections, hours: f64) -> (f64, f64) {
+fn changed_by(flaw: SimulatedBench, hours: f64) -> (f64, f64) {
     let phase = Plane::from_fn(60, 90, |y, x| ((y * 13 + x * x * 7) % 63) as f32 / 10.0);
-    let light = |imperfections: Imperfections, hours: f64| {
+    let light = |imperfections: SimulatedBench, hours: f64| {
         let display = SimulatedDisplay::draw(setup(60, 90, 0.03), None, imperfections).unwrap();
         display.capture_at(&phase, 1, hours).unwrap().map(f64::from)
     };
-    let (with, without) = (light(flaw, hours), light(Imperfections { seed: flaw.seed, ..FAIR }, 0.0));
+    let (with, without) = (light(flaw, hours), light(SimulatedBench { seed: flaw.seed, ..FAIR }, 0.0));
     let differences: Vec<f64> = with.values().iter().zip(without.values()).map(|(a, b)| a - b).collect();
     let mean = differences.iter().sum::<f64>() / differences.len() as f64;
     (mean, differences.iter().map(|d| (d - mean).powi(2)).sum::<f64>().sqrt() / (differences.len() as f64).sqrt())
@@ -88,14 +88,14 @@ fn changed_by(flaw: Imperfections, hours: f64) -> (f64, f64) {
 #[test]
 fn every_flaw_shows_in_photographs_and_none_does_unasked() {
     for (name, flaw, hours) in [
-        ("rotation", Imperfections { rotation_deg: 2.0, ..FAIR }, 0.0),
-        ("blur", Imperfections { blur_px: 1.0, ..FAIR }, 0.0),
-        ("shot noise", Imperfections { full_well_electrons: 500.0, ..FAIR }, 0.0),
-        ("speckle", Imperfections { speckle_contrast: 0.2, ..FAIR }, 0.0),
-        ("cross-talk", Imperfections { crosstalk_px: 0.5, ..FAIR }, 0.0),
-        ("flicker", Imperfections { flicker: 0.1, ..FAIR }, 0.0),
-        ("drift", Imperfections { drift_px_per_hour: 1.0, ..FAIR }, 2.0),
-        ("dimming", Imperfections { dimming_per_hour: 0.1, ..FAIR }, 2.0),
+        ("rotation", SimulatedBench { rotation_deg: 2.0, ..FAIR }, 0.0),
+        ("blur", SimulatedBench { blur_px: 1.0, ..FAIR }, 0.0),
+        ("shot noise", SimulatedBench { full_well_electrons: 500.0, ..FAIR }, 0.0),
+        ("speckle", SimulatedBench { speckle_contrast: 0.2, ..FAIR }, 0.0),
+        ("cross-talk", SimulatedBench { crosstalk_px: 0.5, ..FAIR }, 0.0),
+        ("flicker", SimulatedBench { flicker: 0.1, ..FAIR }, 0.0),
+        ("drift", SimulatedBench { drift_px_per_hour: 1.0, ..FAIR }, 2.0),
+        ("dimming", SimulatedBench { dimming_per_hour: 0.1, ..FAIR }, 2.0),
     ] {
         let (mean, spread) = changed_by(flaw, hours);
         // Without the flaw, not one level would differ.
@@ -104,8 +104,8 @@ fn every_flaw_shows_in_photographs_and_none_does_unasked() {
     // Time alone changes nothing.
     assert_eq!(changed_by(FAIR, 5.0), (0.0, 0.0));
     // 19 % of the light is gone after two hours of losing 10 %.
-    let (dimmed, _) = changed_by(Imperfections { dimming_per_hour: 0.1, ..FAIR }, 2.0);
-    let (dark, _) = changed_by(Imperfections { dimming_per_hour: 1.0, ..FAIR }, 1.0);
+    let (dimmed, _) = changed_by(SimulatedBench { dimming_per_hour: 0.1, ..FAIR }, 2.0);
+    let (dark, _) = changed_by(SimulatedBench { dimming_per_hour: 1.0, ..FAIR }, 1.0);
     assert!((dimmed / dark - 0.19).abs() < 0.02, "{dimmed} of {dark} levels");
 }
 

@@ -3,9 +3,9 @@
 use super::options::{Failure, Options};
 use super::shots::{Shots, phase};
 use super::slip::{overexposed, turned};
-use lightpath_optics::hologram::{Method, Options as MethodOptions, initial_phase};
+use lightpath_optics::hologram::{HologramMethod, Options as MethodOptions, initial_phase};
 use lightpath_optics::phase_response::PhaseResponse;
-use lightpath_optics::simulated_display::{Imperfections, SimulatedDisplay};
+use lightpath_optics::simulated_display::{SimulatedBench, SimulatedDisplay};
 use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{
     Detector, DisplayModel, Engine, Grid, HologramProblem, KernelShape, OpticalSetup, Optimization, Plane,
@@ -39,8 +39,8 @@ impl Lab {
         let distance_m = if options.distance_m > 0.0 { options.distance_m } else { 0.6 * critical_m };
         let setup = OpticalSetup::try_new(grid, wavelength_m, distance_m)?.planned()?.0;
         let Options { strength, camera_noise, misalignment_px, field_aberration_rad, .. } = *options;
-        let drawn = Imperfections { seed, strength, camera_noise, ..Imperfections::FAIR };
-        let imperfections = Imperfections { misalignment_px, field_aberration_rad, ..drawn };
+        let drawn = SimulatedBench { seed, strength, camera_noise, ..SimulatedBench::FAIR };
+        let imperfections = SimulatedBench { misalignment_px, field_aberration_rad, ..drawn };
         Ok(Self {
             bench: SimulatedDisplay::draw(setup, None, imperfections)?,
             region: RegionOfInterest::middle(&grid),
@@ -125,7 +125,7 @@ impl Lab {
         let (height_px, width_px) = (target.height_px(), target.width_px());
         let problem = HologramProblem::new(engine.clone(), target.clone(), self.region)?;
         let start = initial_phase(height_px, width_px, range_rad, seed)?;
-        let options = MethodOptions::new(Method::Lbfgs, iterations);
+        let options = MethodOptions::new(HologramMethod::Lbfgs, iterations);
         let mut optimization = Optimization::start(problem, options, start.into_vec())?;
         while optimization.step().is_some() {}
         let phase = Plane::try_from_vec(height_px, width_px, optimization.phases().to_vec())?;

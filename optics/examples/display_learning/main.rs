@@ -21,7 +21,7 @@ mod slip;
 
 use judge::{Judge, Verdict};
 use lab::Lab;
-use lightpath_optics::learning::{LearnModel, LearnOptions, LearnStage, Learner, Lessons, PairSource as _};
+use lightpath_optics::learning::{KernelModel, LearnOptions, LearnStage, Learner, Lessons, PairSource as _};
 use lightpath_optics::{DisplayModel, KernelShape};
 use options::{Failure, Options};
 use shots::Shots;
@@ -69,7 +69,7 @@ fn show_display(options: &Options, seed: u64) -> Result<(), Failure> {
 fn learn(
     options: &Options,
     lab: &Lab,
-    model: LearnModel,
+    model: KernelModel,
     seed: u64,
     training: &Shots,
     validation: &Shots,
@@ -77,6 +77,7 @@ fn learn(
     let defaults = LearnOptions::new(model, lab.region());
     let learn_options = LearnOptions {
         seed,
+        order: options.order,
         epochs: options.epochs.unwrap_or(defaults.epochs),
         refinement_evaluations: options.evaluations.unwrap_or(defaults.refinement_evaluations),
         ..defaults

@@ -1,6 +1,6 @@
 //! What to draw, what to learn.
 
-use lightpath_optics::learning::LearnModel;
+use lightpath_optics::learning::KernelModel;
 use std::collections::BTreeMap;
 
 /// Whatever went wrong.
@@ -13,7 +13,9 @@ pub(crate) struct Options {
     /// 0: six tenths of the distance up to which the size samples the whole band.
     pub(crate) distance_m: f64,
     pub(crate) seeds: Vec<u64>,
-    pub(crate) models: Vec<LearnModel>,
+    pub(crate) models: Vec<KernelModel>,
+    /// Of the kernels; `None`: as the validation pairs choose.
+    pub(crate) order: Option<usize>,
     pub(crate) pairs: usize,
     pub(crate) validation: usize,
     pub(crate) test: usize,
@@ -49,13 +51,13 @@ impl Options {
             given.insert(name, value);
         }
         let mut text = |name: &str, default: &str| given.remove(name).unwrap_or_else(|| default.to_owned());
-        let order = some_number("order", &text("order", "auto"))?;
         let models = text("models", "smooth,display");
         let options = Self {
             size_px: size(&text("size", "320x180"))?,
             distance_m: number("distance", &text("distance", "0"))?,
             seeds: text("seeds", "1").split(',').map(|seed| number("seeds", seed)).collect::<Result<_, _>>()?,
-            models: models.split(',').map(|name| model(name, order)).collect::<Result<_, _>>()?,
+            models: models.split(',').map(model).collect::<Result<_, _>>()?,
+            order: some_number("order", &text("order", "auto"))?,
             pairs: number("pairs", &text("pairs", "16"))?,
             validation: number("validation", &text("validation", "2"))?,
             test: number("test", &text("test", "4"))?,
@@ -80,23 +82,23 @@ impl Options {
 }
 
 /// As tables call it.
-pub(crate) fn name(model: LearnModel) -> &'static str {
+pub(crate) fn name(model: KernelModel) -> &'static str {
     match model {
-        LearnModel::Paper => "paper",
-        LearnModel::Dense => "dense",
-        LearnModel::Smooth { .. } => "smooth",
-        LearnModel::Display { .. } => "display",
-        LearnModel::Varying { .. } => "varying",
+        KernelModel::Paper => "paper",
+        KernelModel::Dense => "dense",
+        KernelModel::Smooth => "smooth",
+        KernelModel::Display => "display",
+        KernelModel::Varying => "varying",
     }
 }
 
-fn model(name: &str, order: Option<usize>) -> Result<LearnModel, Failure> {
+fn model(name: &str) -> Result<KernelModel, Failure> {
     Ok(match name {
-        "paper" => LearnModel::Paper,
-        "dense" => LearnModel::Dense,
-        "smooth" => LearnModel::Smooth { order },
-        "display" => LearnModel::Display { order },
-        "varying" => LearnModel::Varying { order },
+        "paper" => KernelModel::Paper,
+        "dense" => KernelModel::Dense,
+        "smooth" => KernelModel::Smooth,
+        "display" => KernelModel::Display,
+        "varying" => KernelModel::Varying,
         other => return Err(format!("there is no model {other}").into()),
     })
 }

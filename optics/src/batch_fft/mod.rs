@@ -32,10 +32,11 @@ const RADICES: [usize; 9] = [12, 10, 9, 8, 6, 5, 4, 3, 2];
 /// A plan for tiles of so many columns.
 pub(crate) struct BatchFft<T> {
     columns: usize,
-    method: Method<T>,
+    plan: Plan<T>,
 }
 
-enum Method<T> {
+/// How the columns of a tile are transformed.
+enum Plan<T> {
     Stages(Vec<Stage<T>>),
     ColumnByColumn(Arc<dyn Fft<T>>),
 }
@@ -72,11 +73,11 @@ impl<T: Real> Planes<T> {
 impl<T: Real> BatchFft<T> {
     /// For columns of `n` samples. `columns` must be a multiple of 16, the most numbers that a register holds.
     pub(crate) fn new(n: usize, columns: usize) -> Self {
-        let method = match factors(n) {
-            Some(radices) => Method::Stages(stages(n, &radices)),
-            None => Method::ColumnByColumn(FftPlanner::new().plan_fft_forward(n)),
+        let plan = match factors(n) {
+            Some(radices) => Plan::Stages(stages(n, &radices)),
+            None => Plan::ColumnByColumn(FftPlanner::new().plan_fft_forward(n)),
         };
-        Self { columns, method }
+        Self { columns, plan }
     }
 
     /// Transforms `tile`, without scaling, and multiplies it by `factors` where there are some; `spare` is overwritten.
@@ -89,8 +90,8 @@ impl<T: Real> BatchFft<T> {
         factors: Option<Factors<'_, T>>,
     ) {
         let registers = self.columns / T::lanes::<S>();
-        match &self.method {
-            Method::Stages(stages) if !stages.is_empty() => {
+        match &self.plan {
+            Plan::Stages(stages) if !stages.is_empty() => {
                 let (last, stages) = stages.split_last().expect("just asked");
                 for stage in stages {
                     simd.vectorize(Run { stage, registers, from: tile, to: spare });
@@ -104,8 +105,8 @@ impl<T: Real> BatchFft<T> {
                 }
                 std::mem::swap(tile, spare);
             }
-            Method::Stages(_) => factors.into_iter().for_each(|factors| factors.apply(simd, tile)),
-            Method::ColumnByColumn(fft) => {
+            Plan::Stages(_) => factors.into_iter().for_each(|factors| factors.apply(simd, tile)),
+            Plan::ColumnByColumn(fft) => {
                 column_by_column(&**fft, self.columns, tile);
                 factors.into_iter().for_each(|factors| factors.apply(simd, tile));
             }

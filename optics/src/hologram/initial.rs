@@ -5,11 +5,16 @@ use crate::real::Real;
 use crate::{Error, OpticalSetup, Plane, Result};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
 
 /// The phase that an optimization starts from.
-#[derive(Clone, Debug, PartialEq)]
-pub enum InitialPhase {
+///
+/// `Given` is what stands for phases that are given: the phases themselves for an optimization, or the names of files that
+/// hold them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum InitialPhase<Given = Plane<f32>> {
     /// Uniform in [0, `range_rad`), drawn row by row from the seed.
     ///
     /// A wide range (2π) spreads the image's light over all angles and gives speckle; a narrow one keeps it smooth and
@@ -34,8 +39,8 @@ pub enum InitialPhase {
         /// 0 to 2π
         range_rad: f64,
     },
-    /// Given \[rad\], frame after frame: `frames · height_px` rows.
-    Given(Plane<f32>),
+    /// Phases \[rad\] that are given, frame after frame: `frames · height_px` rows.
+    Given(Given),
 }
 
 /// f = 2 N Δ² / λ \[m\] for the longer side's N pixels of pitch Δ: the edges steer by half of the band.
@@ -43,6 +48,26 @@ pub enum InitialPhase {
 pub fn default_focal_length_m(setup: &OpticalSetup) -> f64 {
     let side_px = setup.grid().height_px().max(setup.grid().width_px()) as f64;
     2.0 * side_px * setup.grid().pixel_pitch_m().powi(2) / setup.wavelength_m()
+}
+
+impl<Given> InitialPhase<Given> {
+    /// The same, with phases that are given read by `read`.
+    ///
+    /// # Errors
+    ///
+    /// Those of `read`.
+    pub fn try_map_given<Read, E>(
+        &self,
+        read: impl FnOnce(&Given) -> std::result::Result<Read, E>,
+    ) -> std::result::Result<InitialPhase<Read>, E> {
+        Ok(match self {
+            Self::Random { range_rad } => InitialPhase::Random { range_rad: *range_rad },
+            Self::Constant { phase_rad } => InitialPhase::Constant { phase_rad: *phase_rad },
+            Self::Quadratic { focal_length_m } => InitialPhase::Quadratic { focal_length_m: *focal_length_m },
+            Self::BackPropagated { range_rad } => InitialPhase::BackPropagated { range_rad: *range_rad },
+            Self::Given(given) => InitialPhase::Given(read(given)?),
+        })
+    }
 }
 
 impl InitialPhase {

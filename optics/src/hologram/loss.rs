@@ -4,6 +4,7 @@ use super::roughness::{Extent, SpeckleBlocks};
 use crate::photometry::{Quantity, Sums};
 use crate::real::Real;
 use crate::{Engine, Error, Plane, RegionOfInterest, Result};
+use serde::{Deserialize, Serialize};
 
 /// What is minimized: the mean over the planes of
 ///
@@ -13,7 +14,8 @@ use crate::{Engine, Error, Plane, RegionOfInterest, Result};
 ///
 /// with q the light or its square root ([`Quantity`]), t the target likewise, s the gain, and V and S the roughness of the
 /// light relative to its own mean.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct Loss {
     /// What is compared with the target.
     pub quantity: Quantity,

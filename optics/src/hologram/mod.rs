@@ -18,7 +18,7 @@ pub use adam::{Adam, AdamState};
 pub use initial::{InitialPhase, default_focal_length_m, initial_phase};
 pub use loss::{ImagePlane, Loss};
 pub use meter::Clock;
-pub use optimization::{Method, Optimization, Options, Step};
+pub use optimization::{HologramMethod, Optimization, Options, Step};
 pub use problem::{Evaluation, HologramProblem};
 pub use quality::{Quality, SeenQuality, light_of_frames, quality, quality_of_frames};
 pub use rounded::Levels;

@@ -9,11 +9,13 @@ use super::problem::HologramProblem;
 use super::rounded::{Levels, Rounded};
 use crate::optimizer::limited_memory::{LimitedMemory, Workspace};
 use crate::{Error, Evaluation, Plane, RegionOfInterest, Result};
+use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
 /// How a phase is found.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Method {
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum HologramMethod {
     /// Adam: a step along the gradient, scaled for each pixel by its history. The gain lags by one step.
     Adam {
         /// \[rad\], above 0, at most 10.
@@ -21,6 +23,7 @@ pub enum Method {
     },
     /// L-BFGS: the curvature of the loss from its last gradients, with the gain fitted at every evaluation. A step is an
     /// evaluation.
+    #[default]
     Lbfgs,
     /// Gerchberg–Saxton with the phase-only constraint.
     GerchbergSaxton,
@@ -30,7 +33,7 @@ pub enum Method {
     DoublePhase,
 }
 
-impl Method {
+impl HologramMethod {
     /// Whether the method follows the gradient of the whole [loss](super::Loss), and can go on through a display's levels.
     #[must_use]
     pub fn follows_gradient(self) -> bool {
@@ -45,36 +48,36 @@ impl Method {
 #[derive(Clone, Debug)]
 pub struct Options {
     /// How a phase is found.
-    pub method: Method,
-    /// Steps in all, at least 1; [`Method::DoublePhase`] takes one.
+    pub method: HologramMethod,
+    /// Steps in all, at least 1; [`HologramMethod::DoublePhase`] takes one.
     pub iterations: u32,
     /// The last third of the steps goes on through these levels, and the phases found are ones that the display shows.
-    /// Only where [`Method::follows_gradient`].
+    /// Only where [`HologramMethod::follows_gradient`].
     pub levels: Option<Levels>,
 }
 
 impl Options {
     /// Any number of levels.
     #[must_use]
-    pub fn new(method: Method, iterations: u32) -> Self {
+    pub fn new(method: HologramMethod, iterations: u32) -> Self {
         Self { method, iterations, levels: None }
     }
 
     /// Steps with phases that are not rounded.
     pub(super) fn free_iterations(&self) -> u32 {
-        let steps = if self.method == Method::DoublePhase { 1 } else { self.iterations };
+        let steps = if self.method == HologramMethod::DoublePhase { 1 } else { self.iterations };
         if self.levels.is_some() { steps - steps.div_ceil(3) } else { steps }
     }
 
     fn all_iterations(&self) -> u32 {
-        if self.method == Method::DoublePhase { 1 } else { self.iterations }
+        if self.method == HologramMethod::DoublePhase { 1 } else { self.iterations }
     }
 
     pub(super) fn validate(&self) -> Result<()> {
         if self.iterations == 0 {
             return Err(Error::OutOfRange { name: "iterations", value: 0.0, allowed: "at least 1" });
         }
-        if let Method::Adam { learning_rate } = self.method
+        if let HologramMethod::Adam { learning_rate } = self.method
             && !(learning_rate > 0.0 && learning_rate <= 10.0)
         {
             let allowed = "above 0 and at most 10 rad";
@@ -120,7 +123,7 @@ pub struct Step {
 }
 
 impl Optimization {
-    /// Starts from `phases`, the frames' rows one after the other; [`Method::DoublePhase`] takes them for the phases of the
+    /// Starts from `phases`, the frames' rows one after the other; [`HologramMethod::DoublePhase`] takes them for the phases of the
     /// light in the image.
     ///
     /// # Errors
@@ -133,15 +136,15 @@ impl Optimization {
         phase.expect_finite("initial_phase")?;
         let phase = phase.into_vec();
         let run = match options.method {
-            Method::Adam { .. } => Run::Adam(AdamState::new(&mut problem, phase)),
-            Method::Lbfgs => {
+            HologramMethod::Adam { .. } => Run::Adam(AdamState::new(&mut problem, phase)),
+            HologramMethod::Lbfgs => {
                 Run::Lbfgs { state: Box::new(LimitedMemory::new(phase)), workspace: Workspace::default(), gain: 0.0 }
             }
-            Method::GerchbergSaxton | Method::WeightedGerchbergSaxton => {
-                let weighted = options.method == Method::WeightedGerchbergSaxton;
+            HologramMethod::GerchbergSaxton | HologramMethod::WeightedGerchbergSaxton => {
+                let weighted = options.method == HologramMethod::WeightedGerchbergSaxton;
                 Run::GerchbergSaxton { rounds: GerchbergSaxton::new(&problem, weighted, None), phase }
             }
-            Method::DoublePhase => {
+            HologramMethod::DoublePhase => {
                 let (phase, largest_amplitude) = double_phase(&problem, &phase);
                 Run::DoublePhase { phase, largest_amplitude }
             }
@@ -196,7 +199,9 @@ impl Optimization {
         let Self { problem, options, run, gradient, .. } = self;
         let evaluation = match run {
             Run::Adam(state) => {
-                let Method::Adam { learning_rate } = options.method else { unreachable!("the state is the method's") };
+                let HologramMethod::Adam { learning_rate } = options.method else {
+                    unreachable!("the state is the method's")
+                };
                 gradient.resize(state.phase.len(), 0.0);
                 state.step(problem, learning_rate, gradient)
             }
@@ -255,7 +260,7 @@ impl Optimization {
         }
     }
 
-    /// What the field was divided by to fit the modulator, for [`Method::DoublePhase`]: with the leftovers of the encoding
+    /// What the field was divided by to fit the modulator, for [`HologramMethod::DoublePhase`]: with the leftovers of the encoding
     /// filtered away, the light is 1/this² of the target's.
     #[must_use]
     pub fn largest_amplitude(&self) -> Option<f64> {

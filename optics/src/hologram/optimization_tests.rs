@@ -44,13 +44,18 @@ fn finished(mut optimization: Optimization) -> (f64, Optimization) {
     (optimization.measure(&phases).unwrap().best_loss, optimization)
 }
 
-fn psnr_db(method: Method, detector: Detector, iterations: u32) -> f64 {
+fn psnr_db(method: HologramMethod, detector: Detector, iterations: u32) -> f64 {
     -10.0 * finished(start(problem(detector, 1, 1), Options::new(method, iterations))).0.log10()
 }
 
-const ADAM: Method = Method::Adam { learning_rate: 0.1 };
-const ALL: [Method; 5] =
-    [ADAM, Method::Lbfgs, Method::GerchbergSaxton, Method::WeightedGerchbergSaxton, Method::DoublePhase];
+const ADAM: HologramMethod = HologramMethod::Adam { learning_rate: 0.1 };
+const ALL: [HologramMethod; 5] = [
+    ADAM,
+    HologramMethod::Lbfgs,
+    HologramMethod::GerchbergSaxton,
+    HologramMethod::WeightedGerchbergSaxton,
+    HologramMethod::DoublePhase,
+];
 
 /// Three levels' worth of bits: coarse, so that rounding matters.
 fn coarse(bit_depth: u32) -> Levels {
@@ -60,8 +65,9 @@ fn coarse(bit_depth: u32) -> Levels {
 #[test]
 fn methods_are_as_good_as_they_should_be() {
     let one_step = psnr_db(ADAM, Detector::Point, 1);
-    let [adam, lbfgs, gs, wgs] = [ADAM, Method::Lbfgs, Method::GerchbergSaxton, Method::WeightedGerchbergSaxton]
-        .map(|method| psnr_db(method, Detector::Point, 60));
+    let [adam, lbfgs, gs, wgs] =
+        [ADAM, HologramMethod::Lbfgs, HologramMethod::GerchbergSaxton, HologramMethod::WeightedGerchbergSaxton]
+            .map(|method| psnr_db(method, Detector::Point, 60));
     assert!(gs > 14.0 && gs > one_step + 5.0, "gs {gs} dB, after one step {one_step} dB");
     assert!(wgs > gs, "wgs {wgs} dB, gs {gs} dB");
     assert!(adam > gs && lbfgs > adam + 3.0, "adam {adam} dB, lbfgs {lbfgs} dB");
@@ -70,7 +76,7 @@ fn methods_are_as_good_as_they_should_be() {
 #[test]
 fn lbfgs_beats_adam_with_every_detector() {
     for detector in Detector::ALL {
-        let (adam, lbfgs) = (psnr_db(ADAM, detector, 60), psnr_db(Method::Lbfgs, detector, 60));
+        let (adam, lbfgs) = (psnr_db(ADAM, detector, 60), psnr_db(HologramMethod::Lbfgs, detector, 60));
         assert!(lbfgs > adam, "{detector:?}: adam {adam} dB, lbfgs {lbfgs} dB");
     }
 }
@@ -79,7 +85,7 @@ fn lbfgs_beats_adam_with_every_detector() {
 fn the_bits_do_not_depend_on_threads_or_interruptions() {
     let runs = ALL.iter().map(|&method| Options::new(method, 9));
     let with_levels =
-        [ADAM, Method::Lbfgs].map(|method| Options { levels: Some(coarse(5)), ..Options::new(method, 9) });
+        [ADAM, HologramMethod::Lbfgs].map(|method| Options { levels: Some(coarse(5)), ..Options::new(method, 9) });
     for options in runs.chain(with_levels) {
         for (planes, frames) in [(1, 1), (2, 2)] {
             let run = |threads: usize, stops: &[u32]| {
@@ -110,7 +116,9 @@ fn a_state_of_something_else_is_refused() {
     let mut adam = start(problem(Detector::Point, 1, 1), Options::new(ADAM, 3));
     adam.step();
     let state = adam.state().into_owned();
-    for options in [Method::Lbfgs, Method::GerchbergSaxton, Method::DoublePhase].map(|method| Options::new(method, 3)) {
+    for options in [HologramMethod::Lbfgs, HologramMethod::GerchbergSaxton, HologramMethod::DoublePhase]
+        .map(|method| Options::new(method, 3))
+    {
         let refused = Optimization::resume(problem(Detector::Point, 1, 1), options, state.clone());
         assert!(refused.unwrap_err().to_string().starts_with("state is"));
     }
@@ -122,9 +130,9 @@ fn a_state_of_something_else_is_refused() {
 
 #[test]
 fn a_hologram_of_several_planes_shows_each_of_them() {
-    let mut both = start(problem(Detector::Pixel, 2, 1), Options::new(Method::Lbfgs, 60));
+    let mut both = start(problem(Detector::Pixel, 2, 1), Options::new(HologramMethod::Lbfgs, 60));
     while both.step().is_some() {}
-    let mut first = start(problem(Detector::Pixel, 1, 1), Options::new(Method::Lbfgs, 60));
+    let mut first = start(problem(Detector::Pixel, 1, 1), Options::new(HologramMethod::Lbfgs, 60));
     while first.step().is_some() {}
     let far = plane(20e-3, Detector::Pixel, TestCard::Spheres);
     let psnr_db = |phases: &[f32]| {
@@ -140,7 +148,7 @@ fn frames_average_their_light() {
     let run = |frames| {
         let problem = problem(Detector::Supersampled, 1, frames);
         let phases = InitialPhase::Random { range_rad: 6.0 }.phases(&problem, &setup(12e-3), 1).unwrap();
-        finished(Optimization::start(problem, Options::new(Method::Lbfgs, 40), phases).unwrap())
+        finished(Optimization::start(problem, Options::new(HologramMethod::Lbfgs, 40), phases).unwrap())
     };
     let ((one, _), (four, optimization)) = (run(1), run(4));
     assert!(four < one / 2.0, "{four} with four frames, {one} with one");
@@ -156,7 +164,7 @@ fn frames_average_their_light() {
 
 #[test]
 fn going_on_through_the_levels_costs_less_than_rounding() {
-    let options = Options::new(Method::Lbfgs, 90);
+    let options = Options::new(HologramMethod::Lbfgs, 90);
     let (free, plain) = finished(start(problem(Detector::Point, 1, 1), options.clone()));
     let rounded = |levels: &Levels, phases: &[f32]| {
         let mut shown = vec![0.0; phases.len()];
@@ -219,10 +227,10 @@ fn what_a_method_cannot_do_is_refused() {
         let phases = vec![0.0; problem.parameters()];
         Optimization::start(problem, options, phases).unwrap_err().to_string()
     };
-    assert!(refused(Options::new(Method::Lbfgs, 0)).starts_with("iterations is 0"));
-    assert!(refused(Options::new(Method::Adam { learning_rate: 0.0 }, 1)).starts_with("learning_rate is 0"));
+    assert!(refused(Options::new(HologramMethod::Lbfgs, 0)).starts_with("iterations is 0"));
+    assert!(refused(Options::new(HologramMethod::Adam { learning_rate: 0.0 }, 1)).starts_with("learning_rate is 0"));
     let levels = Some(coarse(8));
-    assert!(refused(Options { levels, ..Options::new(Method::DoublePhase, 1) }).contains("adam and lbfgs"));
+    assert!(refused(Options { levels, ..Options::new(HologramMethod::DoublePhase, 1) }).contains("adam and lbfgs"));
     let short = Optimization::start(problem(Detector::Point, 1, 1), Options::new(ADAM, 1), vec![0.0; 5]);
     assert!(short.is_err());
 }

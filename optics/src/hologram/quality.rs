@@ -4,9 +4,10 @@ use crate::metrics::{Gain, ImagePair, diffraction_efficiency, frame_efficiency, 
 use crate::real::Real;
 use crate::{Detector, Engine, Error, Plane, RegionOfInterest, Result};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 /// A hologram's quality in the eyes of each detector.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Quality {
     /// At the sample points.
     pub point: SeenQuality,
@@ -19,9 +20,9 @@ pub struct Quality {
 /// What the light of a hologram is worth in the region of interest; definitions and sources in [`metrics`](crate::metrics).
 ///
 /// PSNR, SSIM and MS-SSIM are those at the gain with the smallest squared error.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SeenQuality {
-    /// [`psnr_db`](crate::metrics::psnr_db)
+    /// [`psnr_db`](crate::metrics::psnr_db), at most [`Self::PSNR_DB_MAX`].
     pub psnr_db: f64,
     /// [`ssim`](crate::metrics::ssim()); `None` in a region of less than 11 samples a side.
     pub ssim: Option<f64>,
@@ -104,7 +105,26 @@ fn mean_of(phases: &[Plane<f32>], light: impl Fn(&Plane<f32>) -> Result<Plane<f3
     Ok(sum)
 }
 
+impl SeenQuality {
+    /// The PSNR of a reconstruction that equals its target \[dB\]: f32 knows no 200 dB, and JSON no infinity.
+    pub const PSNR_DB_MAX: f64 = 200.0;
+
+    /// Whether every metric is a finite number, as it is for light that is.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        let Self { psnr_db, ssim, ms_ssim, diffraction_efficiency, frame_efficiency, speckle_contrast } = *self;
+        [psnr_db, diffraction_efficiency, frame_efficiency].iter().all(|value| value.is_finite())
+            && [ssim, ms_ssim, speckle_contrast].iter().flatten().all(|value| value.is_finite())
+    }
+}
+
 impl Quality {
+    /// Whether every metric is a finite number, as it is for light that is.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        [self.point, self.pixel, self.supersampled].iter().all(SeenQuality::is_finite)
+    }
+
     /// Of light that is already there, such as the mean over several frames: `at_points` and `samples` as
     /// [`Engine::samples`] gives them with the detectors [`Detector::Point`] and [`Detector::Supersampled`], and
     /// `light_sent` as [`Engine::light_sent`].
@@ -140,8 +160,9 @@ fn seen_quality(
 ) -> Result<SeenQuality> {
     let pair = ImagePair::new(light, target, region, Gain::Fitted)?;
     let (ssim, ms_ssim) = ssim_at_all_scales(&pair);
+    let psnr_db = -10.0 * pair.mse().log10();
     Ok(SeenQuality {
-        psnr_db: -10.0 * pair.mse().log10(),
+        psnr_db: if psnr_db > SeenQuality::PSNR_DB_MAX { SeenQuality::PSNR_DB_MAX } else { psnr_db },
         ssim,
         ms_ssim,
         diffraction_efficiency,

@@ -2,7 +2,7 @@
 
 use super::adam::AdamState;
 use super::gerchberg_saxton::GerchbergSaxton;
-use super::optimization::{Method, Optimization, Options, Run};
+use super::optimization::{HologramMethod, Optimization, Options, Run};
 use super::problem::HologramProblem;
 use super::rounded::Rounded;
 use crate::optimizer::limited_memory::{Counts, LimitedMemory, Search, Workspace};
@@ -77,14 +77,14 @@ impl Optimization {
         let count = vectors.len();
         let run = match (*kind, options.method, rest) {
             _ if !fits => None,
-            (ADAM, Method::Adam { .. }, &[steps, gain]) => {
+            (ADAM, HologramMethod::Adam { .. }, &[steps, gain]) => {
                 three(vectors).map(|[phase, first_moment, second_moment]| {
                     Run::Adam(AdamState { phase, first_moment, second_moment, iteration: steps as u32, gain })
                 })
             }
-            (LBFGS, Method::Lbfgs, &[gain, ref numbers @ ..]) => LimitedMemory::from_numbers(vectors, numbers)
+            (LBFGS, HologramMethod::Lbfgs, &[gain, ref numbers @ ..]) => LimitedMemory::from_numbers(vectors, numbers)
                 .map(|state| Run::Lbfgs { state: Box::new(state), workspace: Workspace::default(), gain }),
-            (GERCHBERG_SAXTON, Method::GerchbergSaxton | Method::WeightedGerchbergSaxton, &[])
+            (GERCHBERG_SAXTON, HologramMethod::GerchbergSaxton | HologramMethod::WeightedGerchbergSaxton, &[])
                 if count == problem.planes() + 1 =>
             {
                 let mut vectors = vectors.into_iter();
@@ -92,11 +92,11 @@ impl Optimization {
                 let (height_px, width_px) = (problem.engine().height_px(), problem.engine().width_px());
                 let wanted = vectors.map(|values| Plane::try_from_vec(height_px, width_px, values));
                 let wanted = wanted.collect::<Result<Vec<_>>>()?;
-                let weighted = options.method == Method::WeightedGerchbergSaxton;
+                let weighted = options.method == HologramMethod::WeightedGerchbergSaxton;
                 let rounds = GerchbergSaxton::new(&problem, weighted, Some(wanted));
                 Some(Run::GerchbergSaxton { rounds, phase })
             }
-            (DOUBLE_PHASE, Method::DoublePhase, &[largest_amplitude]) => {
+            (DOUBLE_PHASE, HologramMethod::DoublePhase, &[largest_amplitude]) => {
                 vectors.into_iter().next().map(|phase| Run::DoublePhase { phase, largest_amplitude })
             }
             (ROUNDED, _, &[steps, gain, rate]) if options.levels.is_some() && count == 2 => {

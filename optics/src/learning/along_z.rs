@@ -214,7 +214,7 @@ fn lagrange(places: &[f64], nodes: &[usize], at: f64) -> Vec<f64> {
 mod tests {
     use super::*;
     use crate::Grid;
-    use crate::learning::LearnModel;
+    use crate::learning::KernelModel;
 
     const DISTANCES_M: [f64; 4] = [4e-3, 5e-3, 7e-3, 8e-3];
 
@@ -223,7 +223,7 @@ mod tests {
     }
 
     fn joint(distances_m: &[f64], order: usize) -> Joint {
-        Joint::new(Layout::new(LearnModel::Display { order: None }, order), distances_m)
+        Joint::new(Layout::new(KernelModel::Display, order), distances_m)
     }
 
     fn wave(len: usize) -> Vec<f64> {

@@ -3,7 +3,7 @@
 //! Adam with a constant step, one pair at a time in their own order, as the paper has it.
 
 use super::pair::{Example, measure_each, total};
-use super::{LearnModel, LearnOptions, LearnStage, LearnStep, PairSource, pair::BoxError};
+use super::{KernelModel, LearnOptions, LearnStage, LearnStep, PairSource, pair::BoxError};
 use crate::convolution::{Kernels, Transfer, split_bin};
 use crate::engine::{Engine, Fields};
 use crate::optimizer::adam::AdamStep;
@@ -51,7 +51,7 @@ impl BinsLearner {
     pub(super) fn start(setup: OpticalSetup, options: LearnOptions, pairs: &dyn PairSource) -> Result<Self, BoxError> {
         let band = Band::new(&setup, options.model);
         let parameters = match options.model {
-            LearnModel::Paper => {
+            KernelModel::Paper => {
                 let mut random = ChaCha8Rng::seed_from_u64(options.seed);
                 (0..band.parameters()).map(|_| random.random()).collect()
             }
@@ -192,8 +192,8 @@ struct Band {
 }
 
 impl Band {
-    fn new(setup: &OpticalSetup, model: LearnModel) -> Self {
-        let polar = model == LearnModel::Paper;
+    fn new(setup: &OpticalSetup, model: KernelModel) -> Self {
+        let polar = model == KernelModel::Paper;
         let along = |n: usize| {
             // `paper` has as many bins as the display has pixels (one less where that is odd), `dense` all of them.
             let side = if polar { n / 2 * 2 } else { 2 * n };

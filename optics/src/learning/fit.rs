@@ -240,20 +240,20 @@ fn sum<T: Real>(values: &[T; BLOCK]) -> f64 {
 mod tests {
     use super::*;
     use crate::hologram::initial_phase;
-    use crate::learning::{LearnModel, Pair};
+    use crate::learning::{KernelModel, Pair};
     use crate::{Grid, Plane, RegionOfInterest};
 
     #[test]
     fn the_gradient_of_every_parameter_is_that_of_central_differences() {
         for (model, order, carrier) in [
-            (LearnModel::Smooth { order: None }, 3, None),
-            (LearnModel::Display { order: None }, 4, None),
-            (LearnModel::Display { order: None }, 2, Some(Carrier::HalfOrderX)),
-            (LearnModel::Varying { order: None }, 5, Some(Carrier::HalfOrderX)),
+            (KernelModel::Smooth, 3, None),
+            (KernelModel::Display, 4, None),
+            (KernelModel::Display, 2, Some(Carrier::HalfOrderX)),
+            (KernelModel::Varying, 5, Some(Carrier::HalfOrderX)),
         ] {
             let grid = Grid::try_new(18, 23, 8e-6).unwrap();
             let setup = OpticalSetup::try_new(grid, 515e-9, 2e-3).unwrap();
-            let layout = Layout::of(model, order, matches!(model, LearnModel::Varying { .. }));
+            let layout = Layout::of(model, order, model == KernelModel::Varying);
             let mut fit = Fit::<f64>::new(vec![setup], layout, Detector::Pixel, carrier).unwrap();
             let photo = Plane::from_fn(18, 23, |y, x| 0.5 + 0.5 * ((y * 2 + x * 3) as f32).sin());
             let phase = initial_phase(18, 23, 6.0, 3).unwrap();

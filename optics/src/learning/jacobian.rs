@@ -325,14 +325,14 @@ mod tests {
     use super::*;
     use crate::hologram::initial_phase;
     use crate::learning::layout::Layout;
-    use crate::learning::{LearnModel, Pair};
+    use crate::learning::{KernelModel, Pair};
     use crate::{Carrier, Detector, Grid, OpticalSetup, Plane, RegionOfInterest};
 
     /// A fit away from any optimum, its example and its parameters.
-    fn setting(model: LearnModel, order: usize, carrier: Option<Carrier>) -> (Fit<f64>, Example<f64>, Vec<f64>) {
+    fn setting(model: KernelModel, order: usize, carrier: Option<Carrier>) -> (Fit<f64>, Example<f64>, Vec<f64>) {
         let grid = Grid::try_new(18, 23, 8e-6).unwrap();
         let setup = OpticalSetup::try_new(grid, 515e-9, 2e-3).unwrap();
-        let layout = Layout::of(model, order, matches!(model, LearnModel::Varying { .. }));
+        let layout = Layout::of(model, order, model == KernelModel::Varying);
         let mut fit = Fit::<f64>::new(vec![setup], layout, Detector::Pixel, carrier).unwrap();
         // Some pixels are saturated.
         let photo = Plane::from_fn(18, 23, |y, x| (0.6 + 0.5 * ((y * 2 + x * 3) as f32).sin()).min(1.0));
@@ -343,11 +343,11 @@ mod tests {
         (fit, example, theta)
     }
 
-    const MODELS: [(LearnModel, usize, Option<Carrier>); 4] = [
-        (LearnModel::Smooth { order: None }, 3, None),
-        (LearnModel::Display { order: None }, 4, None),
-        (LearnModel::Display { order: None }, 2, Some(Carrier::HalfOrderX)),
-        (LearnModel::Varying { order: None }, 5, Some(Carrier::HalfOrderX)),
+    const MODELS: [(KernelModel, usize, Option<Carrier>); 4] = [
+        (KernelModel::Smooth, 3, None),
+        (KernelModel::Display, 4, None),
+        (KernelModel::Display, 2, Some(Carrier::HalfOrderX)),
+        (KernelModel::Varying, 5, Some(Carrier::HalfOrderX)),
     ];
 
     #[test]

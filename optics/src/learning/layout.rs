@@ -4,7 +4,7 @@
 //! parts, and α_m and ψ_m of the kernel's variation over the SLM; of `smooth` the kernel alone. Gain and offset are each
 //! photograph's own.
 
-use super::LearnModel;
+use super::KernelModel;
 use crate::chebyshev::ChebyshevBasis;
 use crate::real::Real;
 use crate::spatial_variation::local_kernels;
@@ -42,18 +42,18 @@ pub(super) enum Part {
 
 impl Layout {
     /// Of a model with a kernel up to total degree `order`.
-    pub(super) fn new(model: LearnModel, order: usize) -> Self {
+    pub(super) fn new(model: KernelModel, order: usize) -> Self {
         let (source, harmonics, zero_order) = match model {
-            LearnModel::Smooth { .. } => (0, 0, 0),
-            LearnModel::Display { .. } | LearnModel::Varying { .. } => (SOURCE_ORDER, HARMONICS, 2),
-            LearnModel::Paper | LearnModel::Dense => unreachable!("models of bins are learned by their own method"),
+            KernelModel::Smooth => (0, 0, 0),
+            KernelModel::Display | KernelModel::Varying => (SOURCE_ORDER, HARMONICS, 2),
+            KernelModel::Paper | KernelModel::Dense => unreachable!("models of bins are learned by their own method"),
         };
         let [kernel, source, variation] = [order, source, 0].map(ChebyshevBasis::new);
         Self { kernel, source, harmonics, zero_order, variation }
     }
 
     /// The same, with a kernel that may vary over the SLM.
-    pub(super) fn of(model: LearnModel, order: usize, varying: bool) -> Self {
+    pub(super) fn of(model: KernelModel, order: usize, varying: bool) -> Self {
         let variation = ChebyshevBasis::new(if varying { VARIATION_ORDER.min(order) } else { 0 });
         Self { variation, ..Self::new(model, order) }
     }
@@ -225,10 +225,10 @@ mod tests {
     #[test]
     fn a_display_keeps_its_shape_in_a_larger_basis() {
         let setup = OpticalSetup::try_new(Grid::try_new(18, 23, 8e-6).unwrap(), 515e-9, 2e-3).unwrap();
-        let small = Layout::new(LearnModel::Display { order: None }, 3);
+        let small = Layout::new(KernelModel::Display, 3);
         let theta: Vec<f64> = (0..small.len()).map(|i| (i as f64 * 1.3 + 0.5).sin()).collect();
         let model = small.model(&setup, (0.7, 0.1), &theta);
-        let large = Layout::new(LearnModel::Display { order: None }, 8);
+        let large = Layout::new(KernelModel::Display, 8);
         let again = large.model(&setup, (model.gain, model.offset), &large.parameters(&model));
         let (KernelShape::Smooth(before), KernelShape::Smooth(after)) = (&model.kernel, &again.kernel) else {
             panic!()

@@ -35,40 +35,38 @@ use crate::carrier::Carrier;
 use crate::{Detector, DisplayModel, Error, OpticalSetup, RegionOfInterest};
 use bins::{BinsLearner, BinsState};
 use parametric::{ParametricLearner, ParametricState};
+use serde::{Deserialize, Serialize};
 
-/// How a display is described.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LearnModel {
+/// The ways to describe a display's kernel, and what else of the display.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum KernelModel {
     /// Amplitude and phase of H, uniform random in [0, 1) at first, where |f| < 1/4Δ; zero elsewhere. K. Kavaklı,
     /// H. Ürey and K. Akşit, Applied Optics 61, B50 (2022).
     Paper,
     /// H free at every bin of the padded spectrum, starting from free space.
     Dense,
     /// H = H_ideal · exp(α + iψ), smooth α and ψ.
-    Smooth {
-        /// Highest total degree of α and ψ, 1 to 12; `None`: 5, 8 or 12, as validation pairs choose; 8 without any.
-        order: Option<usize>,
-    },
+    Smooth,
     /// `Smooth`, and the source, the phase response and the zero order.
-    Display {
-        /// As of `Smooth`.
-        order: Option<usize>,
-    },
+    #[default]
+    Display,
     /// `Display`, and a kernel that [varies over the SLM](crate::SpatialVariation); left out where validation pairs do not gain
     /// by it.
-    Varying {
-        /// As of `Smooth`.
-        order: Option<usize>,
-    },
+    Varying,
 }
 
-impl LearnModel {
-    /// The order of models that have one: the one asked for, if any.
+impl KernelModel {
+    /// Every model.
+    pub const ALL: [Self; 5] = [Self::Paper, Self::Dense, Self::Smooth, Self::Display, Self::Varying];
+
+    /// Whether the kernel is smooth, some dozens or hundreds of numbers: such models have an order, are refined, and can be
+    /// started from.
     #[must_use]
-    pub fn order(self) -> Option<Option<usize>> {
+    pub fn is_smooth(self) -> bool {
         match self {
-            Self::Paper | Self::Dense => None,
-            Self::Smooth { order } | Self::Display { order } | Self::Varying { order } => Some(order),
+            Self::Smooth | Self::Display | Self::Varying => true,
+            Self::Paper | Self::Dense => false,
         }
     }
 }
@@ -77,7 +75,10 @@ impl LearnModel {
 #[derive(Clone, Debug, PartialEq)]
 pub struct LearnOptions {
     /// How the display is described.
-    pub model: LearnModel,
+    pub model: KernelModel,
+    /// Highest total degree of α and ψ, 1 to 12; `None`: 5, 8 or 12, as validation pairs choose; 8 without any. Only of
+    /// [smooth](KernelModel::is_smooth) models.
+    pub order: Option<usize>,
     /// Passes over the pairs with Adam, one pair a step.
     pub epochs: u32,
     /// Adam's step, at its highest where it follows a schedule.
@@ -101,14 +102,15 @@ pub struct LearnOptions {
 impl LearnOptions {
     /// What works for each model: `paper` as published, the others as measured on simulated displays.
     #[must_use]
-    pub fn new(model: LearnModel, region: RegionOfInterest) -> Self {
+    pub fn new(model: KernelModel, region: RegionOfInterest) -> Self {
         let (epochs, learning_rate, refinement_evaluations) = match model {
-            LearnModel::Paper => (30, 0.002, 0),
-            LearnModel::Dense => (5, 0.02, 0),
-            LearnModel::Smooth { .. } | LearnModel::Display { .. } | LearnModel::Varying { .. } => (4, 0.05, 40),
+            KernelModel::Paper => (30, 0.002, 0),
+            KernelModel::Dense => (5, 0.02, 0),
+            KernelModel::Smooth | KernelModel::Display | KernelModel::Varying => (4, 0.05, 40),
         };
         Self {
             model,
+            order: None,
             epochs,
             learning_rate,
             refinement_evaluations,
@@ -125,7 +127,7 @@ impl LearnOptions {
         if pairs.is_empty() || setups.is_empty() || (0..setups.len()).any(|plane| pairs_of(plane) == 0) {
             return Err(Error::Empty { name: "pairs", needed: "at least one training pair is needed" });
         }
-        let joint = matches!(self.model, LearnModel::Smooth { .. } | LearnModel::Display { .. });
+        let joint = matches!(self.model, KernelModel::Smooth | KernelModel::Display);
         if setups.len() > 1 && !joint {
             return Err(Error::Apart { what: "distance, which needs the model smooth or display" });
         }
@@ -141,7 +143,7 @@ impl LearnOptions {
             let allowed = "above 0 and at most 10";
             return Err(Error::OutOfRange { name: "learning_rate", value: self.learning_rate, allowed });
         }
-        if let Some(Some(order)) = self.model.order()
+        if let Some(order) = self.order
             && !(1..=12).contains(&order)
         {
             return Err(Error::OutOfRange { name: "order", value: order as f64, allowed: "1 to 12" });
@@ -215,10 +217,10 @@ pub enum LearnState {
 
 /// Learning under way.
 #[derive(Debug)]
-pub struct Learner(Method);
+pub struct Learner(Family);
 
 #[derive(Debug)]
-enum Method {
+enum Family {
     Parametric(Box<ParametricLearner>),
     Bins(Box<BinsLearner>),
 }
@@ -245,11 +247,11 @@ impl Learner {
     ) -> Result<Self, BoxError> {
         options.validate(setups, pairs)?;
         Ok(Self(match options.model {
-            LearnModel::Paper | LearnModel::Dense => {
-                Method::Bins(Box::new(BinsLearner::start(setups[0], options, pairs)?))
+            KernelModel::Paper | KernelModel::Dense => {
+                Family::Bins(Box::new(BinsLearner::start(setups[0], options, pairs)?))
             }
-            LearnModel::Smooth { .. } | LearnModel::Display { .. } | LearnModel::Varying { .. } => {
-                Method::Parametric(Box::new(ParametricLearner::start(setups, options, pairs)?))
+            KernelModel::Smooth | KernelModel::Display | KernelModel::Varying => {
+                Family::Parametric(Box::new(ParametricLearner::start(setups, options, pairs)?))
             }
         }))
     }
@@ -271,9 +273,9 @@ impl Learner {
     pub fn resume_joint(setups: &[OpticalSetup], options: LearnOptions, state: LearnState) -> Result<Self, Error> {
         Ok(Self(match state {
             LearnState::Parametric(state) => {
-                Method::Parametric(Box::new(ParametricLearner::resume(setups, options, *state)?))
+                Family::Parametric(Box::new(ParametricLearner::resume(setups, options, *state)?))
             }
-            LearnState::Bins(state) => Method::Bins(Box::new(BinsLearner::resume(setups[0], options, state)?)),
+            LearnState::Bins(state) => Family::Bins(Box::new(BinsLearner::resume(setups[0], options, state)?)),
         }))
     }
 
@@ -284,8 +286,8 @@ impl Learner {
     /// Those of the source, and [`Error`] for a pair of another size.
     pub fn step(&mut self, lessons: Lessons<'_>) -> Result<Option<LearnStep>, BoxError> {
         match &mut self.0 {
-            Method::Parametric(learner) => learner.step(lessons),
-            Method::Bins(learner) => learner.step(lessons.training),
+            Family::Parametric(learner) => learner.step(lessons),
+            Family::Bins(learner) => learner.step(lessons.training),
         }
     }
 
@@ -293,8 +295,8 @@ impl Learner {
     #[must_use]
     pub fn kept_pairs(&self, pairs: usize) -> Vec<usize> {
         match &self.0 {
-            Method::Parametric(learner) => learner.state().kept.iter().map(|&index| index as usize).collect(),
-            Method::Bins(_) => (0..pairs).collect(),
+            Family::Parametric(learner) => learner.state().kept.iter().map(|&index| index as usize).collect(),
+            Family::Bins(_) => (0..pairs).collect(),
         }
     }
 
@@ -302,8 +304,8 @@ impl Learner {
     #[must_use]
     pub fn state(&self) -> LearnState {
         match &self.0 {
-            Method::Parametric(learner) => LearnState::Parametric(Box::new(learner.state().clone())),
-            Method::Bins(learner) => LearnState::Bins(learner.state().clone()),
+            Family::Parametric(learner) => LearnState::Parametric(Box::new(learner.state().clone())),
+            Family::Bins(learner) => LearnState::Bins(learner.state().clone()),
         }
     }
 
@@ -317,8 +319,8 @@ impl Learner {
     #[must_use]
     pub fn models(&self) -> Vec<DisplayModel> {
         match &self.0 {
-            Method::Parametric(learner) => learner.models(),
-            Method::Bins(learner) => vec![learner.model()],
+            Family::Parametric(learner) => learner.models(),
+            Family::Bins(learner) => vec![learner.model()],
         }
     }
 
@@ -326,8 +328,8 @@ impl Learner {
     #[must_use]
     pub fn loss_history(&self) -> &[f64] {
         match &self.0 {
-            Method::Parametric(learner) => &learner.state().loss_history,
-            Method::Bins(learner) => &learner.state().loss_history,
+            Family::Parametric(learner) => &learner.state().loss_history,
+            Family::Bins(learner) => &learner.state().loss_history,
         }
     }
 }

@@ -12,7 +12,7 @@ use super::layout::Layout;
 use super::pair::{Example, measure, total};
 use super::schedule::{one_cycle, shuffled};
 use super::screening::{self, Knowledge};
-use super::{LearnModel, LearnOptions, LearnStage, LearnStep, Lessons, PairSource, pair::BoxError};
+use super::{KernelModel, LearnOptions, LearnStage, LearnStep, Lessons, PairSource, pair::BoxError};
 use crate::optimizer::adam::AdamStep;
 use crate::optimizer::damped::DampedState;
 use crate::photometry::Sums;
@@ -388,7 +388,7 @@ impl ParametricLearner {
             self.state.evaluations += spent;
             self.state.rung += 1;
             self.begin(Layout::new(self.options.model, order), &self.joint.clone(), &theta);
-        } else if matches!(self.options.model, LearnModel::Varying { .. }) {
+        } else if self.options.model == KernelModel::Varying {
             let (joint, theta) = self.best();
             let theta = theta.to_vec();
             self.state.uniform = self.state.best.take();
@@ -430,13 +430,13 @@ impl ParametricLearner {
 
     /// Whether validation chooses the order.
     fn chooses(&self) -> bool {
-        self.options.model.order() == Some(None)
+        self.options.order.is_none()
     }
 
     fn progress(&self, stage: LearnStage, loss: f64) -> LearnStep {
         let kept = self.state.kept.len() as u32;
         let (_, spent) = self.refinement();
-        let stages = 1 + u32::from(matches!(self.options.model, LearnModel::Varying { .. }));
+        let stages = 1 + u32::from(self.options.model == KernelModel::Varying);
         let steps_total = self.adam_steps_total() + stages * self.options.refinement_evaluations * kept;
         let step = (self.state.adam_steps + (self.state.evaluations + spent) * kept).min(steps_total);
         let step = if self.state.converged { steps_total } else { step };
@@ -449,13 +449,12 @@ impl ParametricLearner {
 
 /// The orders to go through; a warm start begins no lower than what it starts from.
 fn rungs(options: &LearnOptions) -> Vec<usize> {
-    let Some(order) = options.model.order() else { return vec![ORDER_DEFAULT] };
     let lowest = match options.warm_start.as_ref().map(|model| &model.kernel) {
         Some(KernelShape::Smooth(field)) => field.order,
         _ => 0,
     };
     let ladder = LADDER.into_iter().filter(|&rung| rung >= lowest.min(LADDER[2]));
-    match order {
+    match options.order {
         None => ladder.collect(),
         Some(order) => ladder.filter(|&rung| rung < order.min(LADDER[1])).chain([order]).collect(),
     }

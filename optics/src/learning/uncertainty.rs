@@ -8,7 +8,7 @@
 //! leaving out one photograph after the other would tell, to first order: it knows nothing of the noise, sees what the model
 //! lacks as well, and counts a photograph once, however many pixels it has. H. White, Econometrica 50, 1 (1982).
 
-use super::LearnModel;
+use super::KernelModel;
 use super::fit::Fit;
 use super::layout::{HARMONICS, Layout, SOURCE_ORDER};
 use super::pair::{Example, Pair};
@@ -55,7 +55,7 @@ impl ResponseUncertainty {
         if (model.source.order, model.response.len()) != (SOURCE_ORDER, HARMONICS) {
             return Ok(None);
         }
-        let layout = Layout::of(LearnModel::Display { order: None }, kernel.order, !model.variation.is_none());
+        let layout = Layout::of(KernelModel::Display, kernel.order, !model.variation.is_none());
         let mut fit = Fit::new(vec![model.setup], layout, detector, carrier)?;
         fit.set(0, &layout.parameters(model));
         let curvature = vec![0.0; layout.len() * layout.len()];

@@ -9,11 +9,14 @@
 
 use super::ImagePair;
 use crate::{Plane, RegionOfInterest, Result};
+use serde::{Deserialize, Serialize};
 
 /// What the reconstruction is multiplied by before it is compared.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Gain {
     /// The gain with the smallest error.
+    #[default]
     Fitted,
     /// This gain.
     Given(f64),

@@ -18,9 +18,11 @@ pub(crate) mod lights;
 use crate::detector::Detector;
 use crate::plane::Plane;
 use crate::region::RegionOfInterest;
+use serde::{Deserialize, Serialize};
 
 /// What is compared.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Quantity {
     /// The light itself.
     #[default]

@@ -11,7 +11,7 @@
 use super::chirp_z::{ChirpZ, Sign, Span};
 use super::impulse_response::fading;
 use super::rows::{transform_rows, transposed};
-use super::{ImageWindow, Method, shifted::landing_m, shifted_angular_spectrum};
+use super::{ImageWindow, PropagationMethod, RefusalCode, shifted::landing_m, shifted_angular_spectrum};
 use crate::real::Real;
 use crate::{Error, OpticalSetup, Plane, Result};
 use num_complex::{Complex, Complex64};
@@ -65,18 +65,22 @@ impl FrequencyAxis {
 pub(super) const FREQUENCIES_MAX: usize = 1 << 26;
 
 /// Refuses axes that hold no frequency, or too many.
-pub(super) fn check_frequencies(method: Method, along_x: &FrequencyAxis, along_y: &FrequencyAxis) -> Result<()> {
+pub(super) fn check_frequencies(
+    method: PropagationMethod,
+    along_x: &FrequencyAxis,
+    along_y: &FrequencyAxis,
+) -> Result<()> {
     let (columns, rows) = (along_x.count, along_y.count);
     if columns == 0 || rows == 0 {
         let reason = "no light of the display's pixels lands in the window".to_owned();
-        return Err(Error::Unsuitable { method, code: "WINDOW_UNREACHABLE", reason });
+        return Err(Error::Unsuitable { method, code: RefusalCode::WindowUnreachable, reason });
     }
     if columns.saturating_mul(rows) > FREQUENCIES_MAX {
         let reason = format!(
             "it takes {columns}×{rows} frequencies, more than the {FREQUENCIES_MAX} that are accepted; a smaller or nearer \
              window takes fewer"
         );
-        return Err(Error::Unsuitable { method, code: "TOO_MANY_FREQUENCIES", reason });
+        return Err(Error::Unsuitable { method, code: RefusalCode::TooManyFrequencies, reason });
     }
     Ok(())
 }
@@ -194,10 +198,11 @@ mod tests {
     #[test]
     fn empty_and_endless_axes_are_refused() {
         let axis = |count| FrequencyAxis { count, ..FrequencyAxis::between(0.0, 1.0, 1.0) };
-        assert!(check_frequencies(Method::Scaled, &axis(10), &axis(10)).is_ok());
-        let none = check_frequencies(Method::Scaled, &axis(0), &axis(10)).unwrap_err().to_string();
+        assert!(check_frequencies(PropagationMethod::Scaled, &axis(10), &axis(10)).is_ok());
+        let none = check_frequencies(PropagationMethod::Scaled, &axis(0), &axis(10)).unwrap_err().to_string();
         assert!(none.contains("no light"), "{none}");
-        let many = check_frequencies(Method::Scaled, &axis(1 << 20), &axis(1 << 20)).unwrap_err().to_string();
+        let many =
+            check_frequencies(PropagationMethod::Scaled, &axis(1 << 20), &axis(1 << 20)).unwrap_err().to_string();
         assert!(many.contains("1048576×1048576"), "{many}");
     }
 }

@@ -6,8 +6,9 @@ use super::quantity::{digits, length, percent};
 use super::report::{Band, neglected_phase_rad};
 use super::scaled::{scaled_axes, spread_m};
 use super::scaled_fresnel::farthest_m;
-use super::{ImageWindow, Method};
+use super::{ImageWindow, PropagationMethod};
 use crate::{Error, OpticalSetup, Result};
+use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// A window that resolves fewer points along a side holds no picture, only a part of one speckle.
@@ -22,51 +23,81 @@ const NEGLECTED_PHASE_RAD_MAX: f64 = PI;
 /// The same for the far field, whose error is all over the image: four times the usual λ/8 criterion z = 2D²/λ.
 const FAR_FIELD_PHASE_RAD_MAX: f64 = FRAC_PI_2;
 
+/// Why a method can't be right for what it was asked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "SCREAMING_SNAKE_CASE")]
+pub enum RefusalCode {
+    /// The method is no convolution on the padded grid, and an engine was asked to run it.
+    NoConvolution,
+    /// The method has a window of its own, and another one was asked for.
+    OtherWindow,
+    /// No light lands in the window.
+    WindowUnreachable,
+    /// Too little of the band lands in the window to hold a picture.
+    BandLost,
+    /// The padded frame samples the transfer function too coarsely, so that light comes back on the other side.
+    Aliased,
+    /// The pixels sample the impulse response, or the integral's phase, too coarsely.
+    Undersampled,
+    /// The window would take more frequencies than are computed.
+    TooManyFrequencies,
+    /// The display is too large for the far field.
+    NotFar,
+    /// The light is too steep for a paraxial method.
+    NotParaxial,
+}
+
 /// # Errors
 ///
 /// [`Error::Unsuitable`] where `method` can't be right.
-pub(super) fn check(setup: &OpticalSetup, method: Method, window: &ImageWindow) -> Result<()> {
+pub(super) fn check(setup: &OpticalSetup, method: PropagationMethod, window: &ImageWindow) -> Result<()> {
     check_window(setup, method, window)?;
     check_light(setup, method, window)?;
     match method {
-        Method::AngularSpectrum | Method::FresnelTransferFunction => check_whole_band(setup, method)?,
-        Method::BandLimited | Method::Shifted => check_sharp_band(setup, method, window)?,
-        Method::RayleighSommerfeld => check_impulse_response(setup, method, IMPULSE_RESPONSE_REACH_MIN)?,
-        Method::FresnelImpulseResponse => check_impulse_response(setup, method, 1.0)?,
-        Method::BandExtended => {
+        PropagationMethod::AngularSpectrum | PropagationMethod::FresnelTransferFunction => {
+            check_whole_band(setup, method)?
+        }
+        PropagationMethod::BandLimited | PropagationMethod::Shifted => check_sharp_band(setup, method, window)?,
+        PropagationMethod::RayleighSommerfeld => check_impulse_response(setup, method, IMPULSE_RESPONSE_REACH_MIN)?,
+        PropagationMethod::FresnelImpulseResponse => check_impulse_response(setup, method, 1.0)?,
+        PropagationMethod::BandExtended => {
             let axes = band_extended_axes(setup);
             check_frequencies(method, &axes[0], &axes[1])?;
         }
-        Method::Scaled => {
+        PropagationMethod::Scaled => {
             let axes = scaled_axes(setup, window);
             check_frequencies(method, &axes[0], &axes[1])?;
         }
-        Method::ScaledFresnel => check_reached_window(setup, method, window)?,
-        Method::Fraunhofer => {}
+        PropagationMethod::ScaledFresnel => check_reached_window(setup, method, window)?,
+        PropagationMethod::Fraunhofer => {}
     }
     check_neglected_phase(setup, method, window)
 }
 
-fn refusal(method: Method, code: &'static str, reason: String) -> Error {
+fn refusal(method: PropagationMethod, code: RefusalCode, reason: String) -> Error {
     Error::Unsuitable { method, code, reason }
 }
 
 /// Only some methods choose where the image lies.
-fn check_window(setup: &OpticalSetup, method: Method, window: &ImageWindow) -> Result<()> {
+fn check_window(setup: &OpticalSetup, method: PropagationMethod, window: &ImageWindow) -> Result<()> {
     let own = ImageWindow::of(&setup.grid());
     let (fits, needed) = match method {
-        Method::Scaled | Method::ScaledFresnel => return Ok(()),
-        Method::Shifted => (window.has_pixels_of(&setup.grid()), "as many pixels of the same pitch as the display"),
-        Method::Fraunhofer => (*window == super::fraunhofer_window(setup), "pixels of λz over the display's sides"),
+        PropagationMethod::Scaled | PropagationMethod::ScaledFresnel => return Ok(()),
+        PropagationMethod::Shifted => {
+            (window.has_pixels_of(&setup.grid()), "as many pixels of the same pitch as the display")
+        }
+        PropagationMethod::Fraunhofer => {
+            (*window == super::fraunhofer_window(setup), "pixels of λz over the display's sides")
+        }
         _ => (*window == own, "the display's own pixels, opposite to it"),
     };
     if fits {
         return Ok(());
     }
-    Err(refusal(method, "OTHER_WINDOW", format!("its window has {needed}, and another one was asked for")))
+    Err(refusal(method, RefusalCode::OtherWindow, format!("its window has {needed}, and another one was asked for")))
 }
 
-fn check_light(setup: &OpticalSetup, method: Method, window: &ImageWindow) -> Result<()> {
+fn check_light(setup: &OpticalSetup, method: PropagationMethod, window: &ImageWindow) -> Result<()> {
     let band = Band::new(setup, window);
     for (axis, kept) in [("x", band.kept_x), ("y", band.kept_y)] {
         if kept <= 0.0 {
@@ -74,7 +105,7 @@ fn check_light(setup: &OpticalSetup, method: Method, window: &ImageWindow) -> Re
             let [z, spread] = [setup.distance_m().abs(), spread].map(length);
             let reason =
                 format!("at {z} no light lands in the window along {axis}: it moves at most {spread} to a side");
-            return Err(refusal(method, "WINDOW_UNREACHABLE", reason));
+            return Err(refusal(method, RefusalCode::WindowUnreachable, reason));
         }
     }
     Ok(())
@@ -83,7 +114,7 @@ fn check_light(setup: &OpticalSetup, method: Method, window: &ImageWindow) -> Re
 /// # Errors
 ///
 /// [`Error::Unsuitable`] where a window, opposite to the display, can't hold a picture.
-pub(super) fn check_picture(setup: &OpticalSetup, method: Method, window: &ImageWindow) -> Result<()> {
+pub(super) fn check_picture(setup: &OpticalSetup, method: PropagationMethod, window: &ImageWindow) -> Result<()> {
     let (grid, band) = (setup.grid(), Band::new(setup, window));
     for (axis, kept, side_px, window_px, window_pitch_m) in [
         ("x", band.kept_x, grid.width_px(), window.width_px(), window.pitch_x_m()),
@@ -99,7 +130,7 @@ pub(super) fn check_picture(setup: &OpticalSetup, method: Method, window: &Image
                 percent(kept),
                 digits(points)
             );
-            return Err(refusal(method, "BAND_LOST", reason));
+            return Err(refusal(method, RefusalCode::BandLost, reason));
         }
     }
     Ok(())
@@ -110,7 +141,7 @@ fn critical_distances(setup: &OpticalSetup) -> [(&'static str, f64); 2] {
     [("x", setup.critical_distance_x_m()), ("y", setup.critical_distance_y_m())]
 }
 
-fn check_whole_band(setup: &OpticalSetup, method: Method) -> Result<()> {
+fn check_whole_band(setup: &OpticalSetup, method: PropagationMethod) -> Result<()> {
     let z = setup.distance_m().abs();
     for (axis, critical_m) in critical_distances(setup) {
         if z > critical_m {
@@ -120,13 +151,13 @@ fn check_whole_band(setup: &OpticalSetup, method: Method) -> Result<()> {
                 length(critical_m),
                 length(z)
             );
-            return Err(refusal(method, "ALIASED", reason));
+            return Err(refusal(method, RefusalCode::Aliased, reason));
         }
     }
     Ok(())
 }
 
-fn check_sharp_band(setup: &OpticalSetup, method: Method, window: &ImageWindow) -> Result<()> {
+fn check_sharp_band(setup: &OpticalSetup, method: PropagationMethod, window: &ImageWindow) -> Result<()> {
     let band = Band::new(setup, window);
     for (axis, kept) in [("x", band.kept_x), ("y", band.kept_y)] {
         if kept < SHARP_BAND_MIN {
@@ -137,13 +168,13 @@ fn check_sharp_band(setup: &OpticalSetup, method: Method, window: &ImageWindow) 
                 percent(kept),
                 percent(SHARP_BAND_MIN)
             );
-            return Err(refusal(method, "BAND_LOST", reason));
+            return Err(refusal(method, RefusalCode::BandLost, reason));
         }
     }
     Ok(())
 }
 
-fn check_impulse_response(setup: &OpticalSetup, method: Method, reach_min: f64) -> Result<()> {
+fn check_impulse_response(setup: &OpticalSetup, method: PropagationMethod, reach_min: f64) -> Result<()> {
     let z = setup.distance_m().abs();
     for (axis, critical_m) in critical_distances(setup) {
         if z < reach_min * critical_m {
@@ -154,13 +185,13 @@ fn check_impulse_response(setup: &OpticalSetup, method: Method, reach_min: f64) 
                 digits(0.5 * critical_m / z),
                 length(reach_min * critical_m)
             );
-            return Err(refusal(method, "UNDERSAMPLED", reason));
+            return Err(refusal(method, RefusalCode::Undersampled, reason));
         }
     }
     Ok(())
 }
 
-fn check_reached_window(setup: &OpticalSetup, method: Method, window: &ImageWindow) -> Result<()> {
+fn check_reached_window(setup: &OpticalSetup, method: PropagationMethod, window: &ImageWindow) -> Result<()> {
     let reach_m = 0.5 * setup.wavelength_m() * setup.distance_m().abs() / setup.grid().pixel_pitch_m();
     let (x_m, y_m) = farthest_m(setup, window);
     for (axis, farthest_m) in [("x", x_m), ("y", y_m)] {
@@ -171,19 +202,23 @@ fn check_reached_window(setup: &OpticalSetup, method: Method, window: &ImageWind
                 length(setup.distance_m().abs()),
                 length(reach_m)
             );
-            return Err(refusal(method, "UNDERSAMPLED", reason));
+            return Err(refusal(method, RefusalCode::Undersampled, reason));
         }
     }
     Ok(())
 }
 
-fn check_neglected_phase(setup: &OpticalSetup, method: Method, window: &ImageWindow) -> Result<()> {
+fn check_neglected_phase(setup: &OpticalSetup, method: PropagationMethod, window: &ImageWindow) -> Result<()> {
     let off_rad = neglected_phase_rad(setup, method, window);
     let (most_rad, code, what) = match method {
-        Method::Fraunhofer => {
-            (FAR_FIELD_PHASE_RAD_MAX, "NOT_FAR", "the display is too large for the far field, whose phase")
+        PropagationMethod::Fraunhofer => {
+            (FAR_FIELD_PHASE_RAD_MAX, RefusalCode::NotFar, "the display is too large for the far field, whose phase")
         }
-        _ => (NEGLECTED_PHASE_RAD_MAX, "NOT_PARAXIAL", "the light is too steep for a paraxial method, whose phase"),
+        _ => (
+            NEGLECTED_PHASE_RAD_MAX,
+            RefusalCode::NotParaxial,
+            "the light is too steep for a paraxial method, whose phase",
+        ),
     };
     if off_rad <= most_rad {
         return Ok(());

@@ -1,14 +1,18 @@
 //! The names of the methods.
 
+use crate::propagation::RefusalCode;
+use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// A way to compute the field at a distance. [`propagation`](super) says which is right where.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum Method {
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PropagationMethod {
     /// The angular spectrum with all of its band, evanescent waves included.
     AngularSpectrum,
     /// The angular spectrum without the frequencies whose light would land beyond the padded frame: right at every
-    /// distance, and where nothing lands beyond the frame the same as [`Method::AngularSpectrum`].
+    /// distance, and where nothing lands beyond the frame the same as [`PropagationMethod::AngularSpectrum`].
     #[default]
     BandLimited,
     /// The band-limited angular spectrum on a window beside the axis, with one-sided limits.
@@ -29,7 +33,7 @@ pub enum Method {
     Fraunhofer,
 }
 
-impl Method {
+impl PropagationMethod {
     /// Every method, simple ones first.
     pub const ALL: [Self; 10] = [
         Self::AngularSpectrum,
@@ -61,21 +65,6 @@ impl Method {
         }
     }
 
-    /// Whether it is a convolution with a transfer function on the padded grid, so that an [`Engine`](crate::Engine) can
-    /// run it and holograms can be optimized through it.
-    #[must_use]
-    pub fn is_convolution(self) -> bool {
-        match self {
-            Self::AngularSpectrum
-            | Self::BandLimited
-            | Self::Shifted
-            | Self::RayleighSommerfeld
-            | Self::FresnelTransferFunction
-            | Self::FresnelImpulseResponse => true,
-            Self::BandExtended | Self::Scaled | Self::ScaledFresnel | Self::Fraunhofer => false,
-        }
-    }
-
     /// Whether it takes the wave fronts for paraboloids, and sines of angles for their tangents.
     #[must_use]
     pub fn is_paraxial(self) -> bool {
@@ -93,8 +82,100 @@ impl Method {
     }
 }
 
-impl fmt::Display for Method {
+impl fmt::Display for PropagationMethod {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name())
+    }
+}
+
+/// The methods that are convolutions with a transfer function on the padded grid. An [`Engine`](crate::Engine) runs them,
+/// and holograms are optimized through them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ConvolutionMethod {
+    /// See [`PropagationMethod::AngularSpectrum`].
+    AngularSpectrum,
+    /// See [`PropagationMethod::BandLimited`].
+    #[default]
+    BandLimited,
+    /// See [`PropagationMethod::Shifted`].
+    Shifted,
+    /// See [`PropagationMethod::RayleighSommerfeld`].
+    RayleighSommerfeld,
+    /// See [`PropagationMethod::FresnelTransferFunction`].
+    FresnelTransferFunction,
+    /// See [`PropagationMethod::FresnelImpulseResponse`].
+    FresnelImpulseResponse,
+}
+
+impl ConvolutionMethod {
+    /// Every convolution, simple ones first.
+    pub const ALL: [Self; 6] = [
+        Self::AngularSpectrum,
+        Self::BandLimited,
+        Self::RayleighSommerfeld,
+        Self::FresnelTransferFunction,
+        Self::FresnelImpulseResponse,
+        Self::Shifted,
+    ];
+}
+
+impl From<ConvolutionMethod> for PropagationMethod {
+    fn from(method: ConvolutionMethod) -> Self {
+        match method {
+            ConvolutionMethod::AngularSpectrum => Self::AngularSpectrum,
+            ConvolutionMethod::BandLimited => Self::BandLimited,
+            ConvolutionMethod::Shifted => Self::Shifted,
+            ConvolutionMethod::RayleighSommerfeld => Self::RayleighSommerfeld,
+            ConvolutionMethod::FresnelTransferFunction => Self::FresnelTransferFunction,
+            ConvolutionMethod::FresnelImpulseResponse => Self::FresnelImpulseResponse,
+        }
+    }
+}
+
+/// # Errors
+///
+/// [`Error::Unsuitable`] for a method that is not a convolution on the padded grid.
+impl TryFrom<PropagationMethod> for ConvolutionMethod {
+    type Error = Error;
+
+    fn try_from(method: PropagationMethod) -> Result<Self> {
+        match method {
+            PropagationMethod::AngularSpectrum => Ok(Self::AngularSpectrum),
+            PropagationMethod::BandLimited => Ok(Self::BandLimited),
+            PropagationMethod::Shifted => Ok(Self::Shifted),
+            PropagationMethod::RayleighSommerfeld => Ok(Self::RayleighSommerfeld),
+            PropagationMethod::FresnelTransferFunction => Ok(Self::FresnelTransferFunction),
+            PropagationMethod::FresnelImpulseResponse => Ok(Self::FresnelImpulseResponse),
+            PropagationMethod::BandExtended
+            | PropagationMethod::Scaled
+            | PropagationMethod::ScaledFresnel
+            | PropagationMethod::Fraunhofer => {
+                let reason = "it is no convolution on the padded grid, but only those run in an engine".to_owned();
+                Err(Error::Unsuitable { method, code: RefusalCode::NoConvolution, reason })
+            }
+        }
+    }
+}
+
+impl fmt::Display for ConvolutionMethod {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        PropagationMethod::from(*self).fmt(f)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_convolution_is_the_method_of_its_name_and_the_others_are_refused() {
+        for method in ConvolutionMethod::ALL {
+            let named = PropagationMethod::from(method);
+            assert_eq!((ConvolutionMethod::try_from(named), method.to_string()), (Ok(method), named.to_string()));
+        }
+        let convolutions =
+            PropagationMethod::ALL.into_iter().filter(|&method| ConvolutionMethod::try_from(method).is_ok());
+        assert_eq!(convolutions.count(), ConvolutionMethod::ALL.len());
     }
 }

@@ -6,19 +6,19 @@
 //!
 //! | method | what it computes | right where |
 //! |---|---|---|
-//! | [angular spectrum](Method::AngularSpectrum) | H = e^{i2πz√(1/λ² − f²)} on the padded grid | z ≤ z_c |
-//! | [band-limited](Method::BandLimited) | the same for light that lands in the padded frame | all z, ringing beyond z_c |
-//! | [Rayleigh–Sommerfeld](Method::RayleighSommerfeld) | convolution with the sampled impulse response | z ≥ z_c |
-//! | [shifted](Method::Shifted) | band-limited, one-sided, to a window beside the axis | as band-limited |
-//! | [Fresnel transfer function](Method::FresnelTransferFunction) | H = e^{−iπλz f²} | z ≤ z_c, paraxial |
-//! | [Fresnel impulse response](Method::FresnelImpulseResponse) | convolution with e^{iπ(x² + y²)/λz}/(iλz), sampled | z ≥ z_c, paraxial |
-//! | [band-extended](Method::BandExtended) | angular spectrum at frequencies squeezed to \|f\| ≤ ½√(N/λz) | all z, some ringing beyond z_c |
-//! | [scaled](Method::Scaled) | angular spectrum onto a window of any pitch, size and place | all z |
-//! | [scaled Fresnel](Method::ScaledFresnel) | the Fresnel integral onto such a window | windows that all pixels reach, paraxial |
-//! | [Fraunhofer](Method::Fraunhofer) | one Fourier transform and a quadratic phase | z ≫ D²/λ |
+//! | [angular spectrum](PropagationMethod::AngularSpectrum) | H = e^{i2πz√(1/λ² − f²)} on the padded grid | z ≤ z_c |
+//! | [band-limited](PropagationMethod::BandLimited) | the same for light that lands in the padded frame | all z, ringing beyond z_c |
+//! | [Rayleigh–Sommerfeld](PropagationMethod::RayleighSommerfeld) | convolution with the sampled impulse response | z ≥ z_c |
+//! | [shifted](PropagationMethod::Shifted) | band-limited, one-sided, to a window beside the axis | as band-limited |
+//! | [Fresnel transfer function](PropagationMethod::FresnelTransferFunction) | H = e^{−iπλz f²} | z ≤ z_c, paraxial |
+//! | [Fresnel impulse response](PropagationMethod::FresnelImpulseResponse) | convolution with e^{iπ(x² + y²)/λz}/(iλz), sampled | z ≥ z_c, paraxial |
+//! | [band-extended](PropagationMethod::BandExtended) | angular spectrum at frequencies squeezed to \|f\| ≤ ½√(N/λz) | all z, some ringing beyond z_c |
+//! | [scaled](PropagationMethod::Scaled) | angular spectrum onto a window of any pitch, size and place | all z |
+//! | [scaled Fresnel](PropagationMethod::ScaledFresnel) | the Fresnel integral onto such a window | windows that all pixels reach, paraxial |
+//! | [Fraunhofer](PropagationMethod::Fraunhofer) | one Fourier transform and a quadratic phase | z ≫ D²/λ |
 //!
 //! λ wavelength \[m\], z distance \[m\], f spatial frequency \[1/m\], N padded pixels along an axis, Δ pixel pitch \[m\], D the display's
-//! diagonal \[m\], and z_c = N·Δ²/λ the critical distance of each axis. The first six are convolutions on the grid padded twofold: an
+//! diagonal \[m\], and z_c = N·Δ²/λ the critical distance of each axis. The first six are [convolutions](ConvolutionMethod) on the grid padded twofold: an
 //! [`Engine`](crate::Engine) runs them, and holograms are optimized through them, when the setup is told to by
 //! [`OpticalSetup::with_method`]. [`Propagator`] runs all of them, and their adjoints. [`plan`] and [`plan_onto`] choose one, say why, and
 //! report how good it is there; what can't be right is refused, with the numbers. The direct sum that all are tested against is
@@ -48,20 +48,22 @@ pub use fraunhofer::fraunhofer_window;
 pub use fresnel_impulse_response::fresnel_impulse_response;
 pub use fresnel_transfer_function::fresnel_transfer_function;
 pub use impulse_response::impulse_response;
-pub use method::Method;
+pub use limits::RefusalCode;
+pub use method::{ConvolutionMethod, PropagationMethod};
 pub use planner::{assess, assess_regardless, plan, plan_onto};
 pub use propagator::Propagator;
-pub use report::{ValidityReport, Warning, WarningCode};
+pub use report::{PropagationWarning, ValidityReport, WarningCode};
 pub use transfer::SampledTransfer;
 pub use window::ImageWindow;
 
 pub(crate) use fresnel_impulse_response::fresnel_impulse_spectrum;
 pub(crate) use impulse_response::impulse_spectrum;
+pub(crate) use planner::plan_convolution;
 pub(crate) use shifted::{landing_m, shifted_angular_spectrum};
 
 use crate::{OpticalSetup, Result};
 
 /// Refuses a setup whose own method can't be right.
 pub(crate) fn check_convolution(setup: &OpticalSetup) -> Result<()> {
-    limits::check(setup, setup.method(), &setup.window())
+    limits::check(setup, setup.method().into(), &setup.window())
 }

@@ -29,7 +29,7 @@
 
 use super::quantity::{digits, length};
 use super::report::{ValidityReport, neglected_phase_rad};
-use super::{ImageWindow, Method, limits};
+use super::{ConvolutionMethod, ImageWindow, PropagationMethod, limits};
 use crate::{OpticalSetup, Result};
 
 /// From this part of the critical distances' geometric mean on, the impulse response is better than the band limit.
@@ -40,14 +40,14 @@ const PARAXIAL_PHASE_RAD_MAX: f64 = 1e-3;
 /// The best convolution for the setup's own window, whatever method the setup has: for an [`Engine`](crate::Engine).
 ///
 /// ```
-/// use lightpath_optics::propagation::{Method, plan};
+/// use lightpath_optics::propagation::{PropagationMethod, plan};
 /// use lightpath_optics::{Grid, OpticalSetup};
 ///
 /// let grid = Grid::try_new(1080, 1920, 8e-6)?;
 /// let near = plan(&OpticalSetup::try_new(grid, 515e-9, 0.15)?)?;
-/// assert_eq!((near.method, near.warnings.len()), (Method::AngularSpectrum, 0));
+/// assert_eq!((near.method, near.warnings.len()), (PropagationMethod::AngularSpectrum, 0));
 /// let far = plan(&OpticalSetup::try_new(grid, 515e-9, 0.5)?)?;
-/// assert_eq!(far.method, Method::RayleighSommerfeld);
+/// assert_eq!(far.method, PropagationMethod::RayleighSommerfeld);
 /// assert!((far.band_kept_y - 0.537).abs() < 1e-3, "{far}");
 /// let farther = OpticalSetup::try_new(Grid::try_new(64, 64, 8e-6)?, 515e-9, 5.0)?;
 /// println!("{}", plan(&farther).unwrap_err());
@@ -58,6 +58,11 @@ const PARAXIAL_PHASE_RAD_MAX: f64 = 1e-3;
 ///
 /// [`Error::Unsuitable`](crate::Error::Unsuitable), with the numbers, where no image can be right.
 pub fn plan(setup: &OpticalSetup) -> Result<ValidityReport> {
+    Ok(plan_convolution(setup)?.1)
+}
+
+/// [`plan`], and the method by the name that a setup takes.
+pub(crate) fn plan_convolution(setup: &OpticalSetup) -> Result<(ConvolutionMethod, ValidityReport)> {
     let window = setup.window();
     let z = setup.distance_m().abs();
     let (x_m, y_m) = (setup.critical_distance_x_m(), setup.critical_distance_y_m());
@@ -65,16 +70,16 @@ pub fn plan(setup: &OpticalSetup) -> Result<ValidityReport> {
         (length(z), format!("the critical distances, {} along x and {} along y", length(x_m), length(y_m)));
     let (method, explanation) = if window != ImageWindow::of(&setup.grid()) {
         let (x, y) = (length(window.centre_x_m()), length(window.centre_y_m()));
-        (Method::Shifted, format!("the image's middle is off the axis, {x} along x and {y} along y"))
+        (ConvolutionMethod::Shifted, format!("the image's middle is off the axis, {x} along x and {y} along y"))
     } else if z <= x_m.min(y_m) {
-        (Method::AngularSpectrum, format!("{at} is within {critical}, where it is exact"))
+        (ConvolutionMethod::AngularSpectrum, format!("{at} is within {critical}, where it is exact"))
     } else if z >= IMPULSE_RESPONSE_FROM * (x_m * y_m).sqrt() {
-        (Method::RayleighSommerfeld, format!("{at} is beyond {critical}, where its samples are exact"))
+        (ConvolutionMethod::RayleighSommerfeld, format!("{at} is beyond {critical}, where its samples are exact"))
     } else {
-        (Method::BandLimited, format!("{at} is just beyond one of {critical}"))
+        (ConvolutionMethod::BandLimited, format!("{at} is just beyond one of {critical}"))
     };
-    limits::check_picture(setup, method, &window)?;
-    report(setup, method, &window, explanation)
+    limits::check_picture(setup, method.into(), &window)?;
+    Ok((method, report(setup, method.into(), &window, explanation)?))
 }
 
 /// The best method onto any window.
@@ -87,7 +92,7 @@ pub fn plan_onto(setup: &OpticalSetup, window: &ImageWindow) -> Result<ValidityR
         return plan(setup);
     }
     let method = method_onto(setup, window);
-    let explanation = if method == Method::ScaledFresnel {
+    let explanation = if method == PropagationMethod::ScaledFresnel {
         let off = digits(neglected_phase_rad(setup, method, window));
         format!("all pixels reach all of the window, and its phase is off by no more than {off} rad")
     } else {
@@ -101,7 +106,7 @@ pub fn plan_onto(setup: &OpticalSetup, window: &ImageWindow) -> Result<ValidityR
 /// # Errors
 ///
 /// [`Error::Unsuitable`](crate::Error::Unsuitable), with the numbers, where the method can't be right.
-pub fn assess(setup: &OpticalSetup, method: Method) -> Result<ValidityReport> {
+pub fn assess(setup: &OpticalSetup, method: PropagationMethod) -> Result<ValidityReport> {
     let window = own_window(setup, method);
     limits::check_picture(setup, method, &window)?;
     report(setup, method, &window, "asked for".to_owned())
@@ -109,27 +114,36 @@ pub fn assess(setup: &OpticalSetup, method: Method) -> Result<ValidityReport> {
 
 /// The numbers of a method, right or wrong.
 #[must_use]
-pub fn assess_regardless(setup: &OpticalSetup, method: Method) -> ValidityReport {
+pub fn assess_regardless(setup: &OpticalSetup, method: PropagationMethod) -> ValidityReport {
     ValidityReport::new(setup, method, own_window(setup, method), "asked for".to_owned())
 }
 
 /// The window that a method computes of itself.
-pub(super) fn own_window(setup: &OpticalSetup, method: Method) -> ImageWindow {
+pub(super) fn own_window(setup: &OpticalSetup, method: PropagationMethod) -> ImageWindow {
     match method {
-        Method::Fraunhofer => super::fraunhofer_window(setup),
+        PropagationMethod::Fraunhofer => super::fraunhofer_window(setup),
         _ => setup.window(),
     }
 }
 
 /// The better one of the two methods that compute any window.
-pub(super) fn method_onto(setup: &OpticalSetup, window: &ImageWindow) -> Method {
-    let fresnel_is_right = limits::check(setup, Method::ScaledFresnel, window).is_ok();
-    let as_good = neglected_phase_rad(setup, Method::ScaledFresnel, window) < PARAXIAL_PHASE_RAD_MAX;
-    let other_is_right = limits::check(setup, Method::Scaled, window).is_ok();
-    if fresnel_is_right && (as_good || !other_is_right) { Method::ScaledFresnel } else { Method::Scaled }
+pub(super) fn method_onto(setup: &OpticalSetup, window: &ImageWindow) -> PropagationMethod {
+    let fresnel_is_right = limits::check(setup, PropagationMethod::ScaledFresnel, window).is_ok();
+    let as_good = neglected_phase_rad(setup, PropagationMethod::ScaledFresnel, window) < PARAXIAL_PHASE_RAD_MAX;
+    let other_is_right = limits::check(setup, PropagationMethod::Scaled, window).is_ok();
+    if fresnel_is_right && (as_good || !other_is_right) {
+        PropagationMethod::ScaledFresnel
+    } else {
+        PropagationMethod::Scaled
+    }
 }
 
-fn report(setup: &OpticalSetup, method: Method, window: &ImageWindow, explanation: String) -> Result<ValidityReport> {
+fn report(
+    setup: &OpticalSetup,
+    method: PropagationMethod,
+    window: &ImageWindow,
+    explanation: String,
+) -> Result<ValidityReport> {
     limits::check(setup, method, window)?;
     Ok(ValidityReport::new(setup, method, *window, explanation))
 }

@@ -7,17 +7,17 @@ use super::limits;
 use super::planner::{method_onto, own_window};
 use super::scaled::scaled_axes;
 use super::scaled_fresnel::ScaledFresnel;
-use super::{ImageWindow, Method};
+use super::{ConvolutionMethod, ImageWindow, PropagationMethod};
 use crate::real::Real;
 use crate::{Detector, DisplayModel, Engine, OpticalSetup, Plane, Result};
 use num_complex::Complex;
 
 /// A planned propagation from the display to a window of the image plane, and back by its adjoint.
 ///
-/// A method that is a [convolution](Method::is_convolution) runs on the [`Engine`]; the others have passes of their own.
+/// A method that is a [convolution](ConvolutionMethod) runs on the [`Engine`]; the others have passes of their own.
 ///
 /// ```
-/// use lightpath_optics::propagation::{ImageWindow, Method, Propagator};
+/// use lightpath_optics::propagation::{ImageWindow, PropagationMethod, Propagator};
 /// use lightpath_optics::{Grid, OpticalSetup, Plane};
 /// use num_complex::Complex32;
 ///
@@ -33,7 +33,7 @@ use num_complex::Complex;
 #[derive(Debug)]
 pub struct Propagator<T = f32> {
     setup: OpticalSetup,
-    method: Method,
+    method: PropagationMethod,
     window: ImageWindow,
     passes: Passes<T>,
 }
@@ -57,12 +57,12 @@ impl<T: Real> Propagator<T> {
     /// # Errors
     ///
     /// [`Error::Unsuitable`](crate::Error::Unsuitable) where the method can't be right, with the numbers.
-    pub fn new(setup: &OpticalSetup, method: Method) -> Result<Self> {
+    pub fn new(setup: &OpticalSetup, method: PropagationMethod) -> Result<Self> {
         limits::check(setup, method, &own_window(setup, method))?;
         Self::regardless(setup, method)
     }
 
-    /// Onto any window, by [`Method::Scaled`] or [`Method::ScaledFresnel`], whichever is right there.
+    /// Onto any window, by [`PropagationMethod::Scaled`] or [`PropagationMethod::ScaledFresnel`], whichever is right there.
     ///
     /// # Errors
     ///
@@ -74,12 +74,12 @@ impl<T: Real> Propagator<T> {
         Self::onto_regardless(setup, method, window)
     }
 
-    fn onto_regardless(setup: &OpticalSetup, method: Method, window: &ImageWindow) -> Result<Self> {
+    fn onto_regardless(setup: &OpticalSetup, method: PropagationMethod, window: &ImageWindow) -> Result<Self> {
         let passes = match method {
-            Method::ScaledFresnel => Passes::ScaledFresnel(Box::new(ScaledFresnel::new(setup, window))),
+            PropagationMethod::ScaledFresnel => Passes::ScaledFresnel(Box::new(ScaledFresnel::new(setup, window))),
             _ => {
                 let axes = scaled_axes(setup, window);
-                check_frequencies(Method::Scaled, &axes[0], &axes[1])?;
+                check_frequencies(PropagationMethod::Scaled, &axes[0], &axes[1])?;
                 Passes::Frequencies(Box::new(FrequencyWindow::new(setup, window, &axes)))
             }
         };
@@ -91,26 +91,26 @@ impl<T: Real> Propagator<T> {
     /// # Errors
     ///
     /// [`Error::Unsuitable`](crate::Error::Unsuitable) where the method has nothing to compute, or too much.
-    pub fn regardless(setup: &OpticalSetup, method: Method) -> Result<Self> {
-        let window = match method {
-            Method::Scaled | Method::ScaledFresnel => return Self::onto_regardless(setup, method, &setup.window()),
-            Method::Fraunhofer => fraunhofer_window(setup),
-            Method::Shifted => setup.window(),
-            _ => ImageWindow::of(&setup.grid()),
-        };
-        let passes = match method {
-            Method::Scaled | Method::ScaledFresnel | Method::BandExtended => {
-                let axes = band_extended_axes(setup);
-                check_frequencies(method, &axes[0], &axes[1])?;
-                Passes::Frequencies(Box::new(FrequencyWindow::new(setup, &window, &axes)))
+    pub fn regardless(setup: &OpticalSetup, method: PropagationMethod) -> Result<Self> {
+        let (window, passes) = match method {
+            PropagationMethod::Scaled | PropagationMethod::ScaledFresnel => {
+                return Self::onto_regardless(setup, method, &setup.window());
             }
-            Method::Fraunhofer => Passes::Fraunhofer(Fraunhofer::new(setup)),
-            Method::AngularSpectrum
-            | Method::BandLimited
-            | Method::Shifted
-            | Method::RayleighSommerfeld
-            | Method::FresnelTransferFunction
-            | Method::FresnelImpulseResponse => Self::convolution(&setup.with_method_regardless(method)?)?,
+            PropagationMethod::BandExtended => {
+                let (window, axes) = (ImageWindow::of(&setup.grid()), band_extended_axes(setup));
+                check_frequencies(method, &axes[0], &axes[1])?;
+                (window, Passes::Frequencies(Box::new(FrequencyWindow::new(setup, &window, &axes))))
+            }
+            PropagationMethod::Fraunhofer => (fraunhofer_window(setup), Passes::Fraunhofer(Fraunhofer::new(setup))),
+            PropagationMethod::AngularSpectrum
+            | PropagationMethod::BandLimited
+            | PropagationMethod::Shifted
+            | PropagationMethod::RayleighSommerfeld
+            | PropagationMethod::FresnelTransferFunction
+            | PropagationMethod::FresnelImpulseResponse => {
+                let setup = setup.with_method_regardless(ConvolutionMethod::try_from(method)?);
+                (setup.window(), Self::convolution(&setup)?)
+            }
         };
         Ok(Self { setup: *setup, method, window, passes })
     }
@@ -123,7 +123,7 @@ impl<T: Real> Propagator<T> {
 
     /// The method.
     #[must_use]
-    pub fn method(&self) -> Method {
+    pub fn method(&self) -> PropagationMethod {
         self.method
     }
 
@@ -168,7 +168,7 @@ impl<T: Real> Propagator<T> {
         let engine = Box::new(Engine::new(&DisplayModel::ideal(*setup), Detector::Point, None)?);
         // Only a window beside the axis tells left from right.
         let mirrored = match setup.method() {
-            Method::Shifted => {
+            ConvolutionMethod::Shifted => {
                 let mirrored = setup.with_centre(-setup.window().centre_x_m(), -setup.window().centre_y_m())?;
                 Box::new(Engine::new(&DisplayModel::ideal(mirrored), Detector::Point, None)?)
             }

@@ -4,15 +4,16 @@ use super::quantity::{digits, length, percent};
 use super::scaled::spread_m;
 use super::scaled_fresnel::farthest_m;
 use super::shifted::{frequency_landing_at, landing_m};
-use super::{ImageWindow, Method, fraunhofer, fresnel_transfer_function};
+use super::{ImageWindow, PropagationMethod, fraunhofer, fresnel_transfer_function};
 use crate::OpticalSetup;
+use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// A method for a setup, how good it is there, and what to beware of.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ValidityReport {
     /// The method.
-    pub method: Method,
+    pub method: PropagationMethod,
     /// Why this one, for people.
     pub explanation: String,
     /// Where the samples of the image lie.
@@ -31,8 +32,8 @@ pub struct ValidityReport {
     pub fresnel_number: f64,
     /// The steepest angle at which the pixels send light \[rad\]: sin θ = λ/2Δ; π/2 for pixels finer than λ/2.
     pub diffraction_angle_rad: f64,
-    /// How far to one side the steepest light moves on its way: |z| tan θ \[m\]; infinite at θ = π/2.
-    pub spread_m: f64,
+    /// How far to one side the steepest light moves on its way: |z| tan θ \[m\]; `None` at θ = π/2, without bound.
+    pub spread_m: Option<f64>,
     /// Sides of the middle of the image in which each point gets light at every angle that the pixels send; 0: no
     /// point does \[m\].
     pub full_cone_x_m: f64,
@@ -41,12 +42,12 @@ pub struct ValidityReport {
     /// Largest error of the phase that a paraxial method makes \[rad\]; 0 for the others.
     pub neglected_phase_rad: f64,
     /// What to beware of.
-    pub warnings: Vec<Warning>,
+    pub warnings: Vec<PropagationWarning>,
 }
 
 /// Something to beware of.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Warning {
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PropagationWarning {
     /// For programs.
     pub code: WarningCode,
     /// For people, with the numbers.
@@ -54,7 +55,8 @@ pub struct Warning {
 }
 
 /// What there is to beware of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "SCREAMING_SNAKE_CASE")]
 pub enum WarningCode {
     /// Part of the light misses the window, and with it the finest detail.
     BandLimited,
@@ -106,7 +108,12 @@ const FEW_POINTS: f64 = 32.0;
 
 impl ValidityReport {
     /// The numbers of `method`, and what there is to warn of.
-    pub(super) fn new(setup: &OpticalSetup, method: Method, window: ImageWindow, explanation: String) -> Self {
+    pub(super) fn new(
+        setup: &OpticalSetup,
+        method: PropagationMethod,
+        window: ImageWindow,
+        explanation: String,
+    ) -> Self {
         let (grid, wavelength_m, z) = (setup.grid(), setup.wavelength_m(), setup.distance_m().abs());
         let pitch_m = grid.pixel_pitch_m();
         let [side_x_m, side_y_m] = [grid.width_px(), grid.height_px()].map(|px| px as f64 * pitch_m);
@@ -123,7 +130,7 @@ impl ValidityReport {
             band_kept_area: band.kept_area(setup),
             fresnel_number: (0.5 * side_x_m.max(side_y_m)).powi(2) / (wavelength_m * z),
             diffraction_angle_rad: (0.5 * wavelength_m / pitch_m).min(1.0).asin(),
-            spread_m,
+            spread_m: spread_m.is_finite().then_some(spread_m),
             full_cone_x_m: (side_x_m - 2.0 * spread_m).max(0.0),
             full_cone_y_m: (side_y_m - 2.0 * spread_m).max(0.0),
             neglected_phase_rad: neglected_phase_rad(setup, method, &window),
@@ -150,7 +157,7 @@ impl ValidityReport {
     fn warn(&mut self, setup: &OpticalSetup) {
         let pitch_m = setup.grid().pixel_pitch_m();
         let (kept_x, kept_y) = (self.band_kept_x, self.band_kept_y);
-        let mut warn = |code, text| self.warnings.push(Warning { code, text });
+        let mut warn = |code, text| self.warnings.push(PropagationWarning { code, text });
         if kept_x.min(kept_y) < 0.999 {
             let [detail_x, detail_y] = [kept_x, kept_y].map(|kept| length(pitch_m / kept));
             warn(
@@ -162,7 +169,7 @@ impl ValidityReport {
                     percent(kept_y)
                 ),
             );
-            if matches!(self.method, Method::BandLimited | Method::Shifted) {
+            if matches!(self.method, PropagationMethod::BandLimited | PropagationMethod::Shifted) {
                 let text = "the band limit cuts sharply through light that lands at the sides of the image, and rings \
                             there; the Rayleigh–Sommerfeld impulse response or a scaled plane does not"
                     .to_owned();
@@ -170,11 +177,11 @@ impl ValidityReport {
             }
         }
         let farther_m = self.critical_distance_x_m.max(self.critical_distance_y_m);
-        if self.method == Method::RayleighSommerfeld && setup.distance_m().abs() < farther_m {
+        if self.method == PropagationMethod::RayleighSommerfeld && setup.distance_m().abs() < farther_m {
             let text = format!(
                 "from {} on the impulse response would alias, so it fades out beyond {} to a side",
                 length(farther_m),
-                length(self.spread_m)
+                length(self.spread_m.unwrap_or(f64::INFINITY))
             );
             warn(WarningCode::ShortImpulseResponse, text);
         }
@@ -196,7 +203,7 @@ impl ValidityReport {
             || points_y < FEW_POINTS.min(self.window.height_px() as f64)
         {
             let text = format!("the window resolves about {}×{} points", digits(points_x), digits(points_y));
-            self.warnings.push(Warning { code: WarningCode::FewPoints, text });
+            self.warnings.push(PropagationWarning { code: WarningCode::FewPoints, text });
         }
     }
 }
@@ -248,7 +255,7 @@ impl Band {
 }
 
 /// Largest error of the phase \[rad\] for light that lands in the window.
-pub(super) fn neglected_phase_rad(setup: &OpticalSetup, method: Method, window: &ImageWindow) -> f64 {
+pub(super) fn neglected_phase_rad(setup: &OpticalSetup, method: PropagationMethod, window: &ImageWindow) -> f64 {
     let (wavelength_m, z) = (setup.wavelength_m(), setup.distance_m().abs());
     // 2π(√(ρ² + z²) − z − ρ²/2z)/λ, at the window's point farthest from a pixel.
     let of_paraboloid = || {
@@ -260,19 +267,19 @@ pub(super) fn neglected_phase_rad(setup: &OpticalSetup, method: Method, window: 
         std::f64::consts::TAU / wavelength_m * squared * (sum - 2.0 * z) / (2.0 * z * sum)
     };
     match method {
-        Method::FresnelTransferFunction => {
+        PropagationMethod::FresnelTransferFunction => {
             let nyquist = 0.5 / setup.grid().pixel_pitch_m();
             let band = Band::new(setup, window);
             let steepest = (nyquist * band.kept_x).hypot(nyquist * band.kept_y);
             fresnel_transfer_function::neglected_phase_rad(steepest, wavelength_m, z)
         }
-        Method::FresnelImpulseResponse | Method::ScaledFresnel => of_paraboloid(),
-        Method::Fraunhofer => fraunhofer::neglected_phase_rad(setup),
-        Method::AngularSpectrum
-        | Method::BandLimited
-        | Method::Shifted
-        | Method::RayleighSommerfeld
-        | Method::BandExtended
-        | Method::Scaled => 0.0,
+        PropagationMethod::FresnelImpulseResponse | PropagationMethod::ScaledFresnel => of_paraboloid(),
+        PropagationMethod::Fraunhofer => fraunhofer::neglected_phase_rad(setup),
+        PropagationMethod::AngularSpectrum
+        | PropagationMethod::BandLimited
+        | PropagationMethod::Shifted
+        | PropagationMethod::RayleighSommerfeld
+        | PropagationMethod::BandExtended
+        | PropagationMethod::Scaled => 0.0,
     }
 }

@@ -1,6 +1,6 @@
 //! The transfer functions of the methods that are convolutions.
 
-use super::Method;
+use super::ConvolutionMethod;
 use super::fresnel_impulse_response::spectrum_along_axis;
 use super::impulse_response::EvenSpectrum;
 use crate::OpticalSetup;
@@ -31,10 +31,10 @@ impl SampledTransfer {
         let spectrum =
             |samples| spectrum_along_axis(samples, grid.pixel_pitch_m(), setup.wavelength_m(), setup.distance_m());
         let tables = match setup.method() {
-            Method::FresnelImpulseResponse => {
+            ConvolutionMethod::FresnelImpulseResponse => {
                 Tables::Separable([spectrum(grid.width_px()), spectrum(grid.height_px())])
             }
-            Method::RayleighSommerfeld => Tables::Even(EvenSpectrum::new(&setup)),
+            ConvolutionMethod::RayleighSommerfeld => Tables::Even(EvenSpectrum::new(&setup)),
             _ => Tables::Formula,
         };
         Self { setup, tables }

@@ -1,12 +1,13 @@
 //! Where in the image plane the field is wanted.
 
 use crate::{Error, Grid, Result};
+use serde::{Deserialize, Serialize};
 
 /// A sampled part of the image plane, its samples as far apart and its middle as far from the axis as one likes.
 ///
 /// Row `y`, column `x` lies at (centre_x_m + (x − (width_px − 1)/2) · pitch_x_m, and likewise along y), where (0, 0) is
 /// opposite the middle of the display, between its pixels if their number is even.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ImageWindow {
     height_px: usize,
     width_px: usize,

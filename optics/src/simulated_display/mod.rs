@@ -15,19 +15,19 @@
 //! light fills more of the aperture that has the aberrations.
 
 mod aberration;
+mod bench;
 mod blur;
 mod camera;
 mod draws;
 mod exposure;
 mod field_aberration;
 mod illumination;
-mod imperfections;
 mod modulator;
 mod pixel_light;
 mod placement;
 mod speckle;
 
-pub use imperfections::Imperfections;
+pub use bench::SimulatedBench;
 
 use crate::carrier::Carrier;
 use crate::grid::frequency;
@@ -58,7 +58,7 @@ pub struct SimulatedDisplay {
     exposure: f64,
     /// [`Self::true_transfer`] on the padded grid, one row for each fx.
     transfer_by_column: Plane<Complex64>,
-    imperfections: Imperfections,
+    bench: SimulatedBench,
     speckle: Option<Plane<f64>>,
     /// Where the image wanders.
     drift_towards: f64,
@@ -70,30 +70,29 @@ impl SimulatedDisplay {
     /// # Errors
     ///
     /// [`Error::OutOfRange`](crate::Error::OutOfRange) for an imperfection outside its range.
-    pub fn draw(setup: OpticalSetup, carrier: Option<Carrier>, imperfections: Imperfections) -> Result<Self> {
-        imperfections.validate()?;
-        let Imperfections { seed, strength, camera_noise, misalignment_px, full_well_electrons, .. } = imperfections;
+    pub fn draw(setup: OpticalSetup, carrier: Option<Carrier>, bench: SimulatedBench) -> Result<Self> {
+        bench.validate()?;
+        let SimulatedBench { seed, strength, camera_noise, misalignment_px, full_well_electrons, .. } = bench;
         let mut draws = Draws::new(seed, Stream::Camera);
         let mut shift_px = || misalignment_px * draws.between(-1.0, 1.0);
         let shift_px = (shift_px(), shift_px());
-        let along_rail_px =
-            setup.distance_m() * imperfections.rail_tilt_deg.to_radians().tan() / setup.grid().pixel_pitch_m();
+        let along_rail_px = setup.distance_m() * bench.rail_tilt_deg.to_radians().tan() / setup.grid().pixel_pitch_m();
         let towards = Draws::new(seed, Stream::Rail).angle();
         let mut display = Self {
             setup,
             ideal: setup.sampled(),
             carrier,
             aberration: Aberration::draw(seed, strength),
-            field_aberration: FieldAberration::draw(seed, imperfections.field_aberration_rad),
+            field_aberration: FieldAberration::draw(seed, bench.field_aberration_rad),
             source: illumination::draw(&setup.grid(), seed, strength),
             modulator: Modulator::draw(seed, strength),
             shift_px: (shift_px.0 + along_rail_px * towards.cos(), shift_px.1 + along_rail_px * towards.sin()),
             camera: Camera::draw(&mut draws, camera_noise, full_well_electrons),
             exposure: 1.0,
             transfer_by_column: Plane::filled(0, 0, Complex64::ZERO),
-            speckle: speckle::draw(&setup.grid(), seed, imperfections.speckle_contrast),
+            speckle: speckle::draw(&setup.grid(), seed, bench.speckle_contrast),
             drift_towards: Draws::new(seed, Stream::Drift).angle(),
-            imperfections,
+            bench,
         };
         display.transfer_by_column = display.sampled_transfer();
         display.exposure =
@@ -143,7 +142,7 @@ impl SimulatedDisplay {
         let (height_px, width_px) = (self.setup.grid().height_px(), self.setup.grid().width_px());
         phase_displayed.expect_size("phase_displayed", height_px, width_px)?;
         phase_displayed.expect_finite("phase_displayed")?;
-        let Imperfections { crosstalk_px, flicker, rotation_deg, blur_px, .. } = self.imperfections;
+        let SimulatedBench { crosstalk_px, flicker, rotation_deg, blur_px, .. } = self.bench;
         // Neighbours share their fields where those jump, from 2π to 0 as well.
         let shown = match crosstalk_px {
             0.0 => phase_displayed.map(f64::from),
@@ -160,7 +159,7 @@ impl SimulatedDisplay {
         if let Some(speckle) = &self.speckle {
             light.values_mut().iter_mut().zip(speckle.values()).for_each(|(light, factor)| *light *= factor);
         }
-        let power = (1.0 - self.imperfections.dimming_per_hour).powf(hours);
+        let power = (1.0 - self.bench.dimming_per_hour).powf(hours);
         Ok(light.map(|value| (power * value) as f32))
     }
 
@@ -179,7 +178,7 @@ impl SimulatedDisplay {
     }
 
     fn drift_px(&self, hours: f64) -> (f64, f64) {
-        let way_px = self.imperfections.drift_px_per_hour * hours;
+        let way_px = self.bench.drift_px_per_hour * hours;
         (way_px * self.drift_towards.cos(), way_px * self.drift_towards.sin())
     }
 
@@ -195,7 +194,7 @@ impl SimulatedDisplay {
     pub fn true_transfer(&self, fx: f64, fy: f64) -> Complex64 {
         let pitch_m = self.setup.grid().pixel_pitch_m();
         let shifted = phasor((fx * self.shift_px.0 + fy * self.shift_px.1) * pitch_m);
-        let filled = match self.imperfections.aberrations_at_m {
+        let filled = match self.bench.aberrations_at_m {
             0.0 => 1.0,
             distance_m => (self.setup.distance_m() / distance_m).abs(),
         };
@@ -281,9 +280,9 @@ mod tests {
 
     fn drawn(strength: f64) -> SimulatedDisplay {
         let setup = OpticalSetup::try_new(Grid::try_new(36, 50, 8e-6).unwrap(), 515e-9, 0.02).unwrap();
-        let imperfections =
-            Imperfections { seed: 5, strength, camera_noise: 0.0, misalignment_px: 0.5, ..Imperfections::FAIR };
-        SimulatedDisplay::draw(setup, None, imperfections).unwrap()
+        let bench =
+            SimulatedBench { seed: 5, strength, camera_noise: 0.0, misalignment_px: 0.5, ..SimulatedBench::FAIR };
+        SimulatedDisplay::draw(setup, None, bench).unwrap()
     }
 
     #[test]
@@ -311,9 +310,8 @@ mod tests {
     #[test]
     fn aberrations_of_the_field_are_those_of_every_pixel_by_itself() {
         let setup = OpticalSetup::try_new(Grid::try_new(12, 17, 8e-6).unwrap(), 515e-9, 2e-3).unwrap();
-        let imperfections =
-            Imperfections { seed: 5, camera_noise: 0.0, field_aberration_rad: 3.0, ..Imperfections::FAIR };
-        let display = SimulatedDisplay::draw(setup, None, imperfections).unwrap();
+        let bench = SimulatedBench { seed: 5, camera_noise: 0.0, field_aberration_rad: 3.0, ..SimulatedBench::FAIR };
+        let display = SimulatedDisplay::draw(setup, None, bench).unwrap();
         let phase = Plane::from_fn(12, 17, |y, x| ((y * 17 + x * x * 5) % 61) as f32 / 10.0);
         let offsets_px = [-3.0, -1.0, 1.0, 3.0].map(|eighths| eighths / 8.0);
         let offsets_px: Vec<_> = offsets_px.iter().flat_map(|dy| offsets_px.map(|dx| (*dy, dx))).collect();
@@ -355,22 +353,22 @@ mod tests {
     #[test]
     fn imperfections_out_of_range_are_refused_by_name() {
         let setup = drawn(0.0).setup();
-        let fair = Imperfections { seed: 1, camera_noise: 0.0, ..Imperfections::FAIR };
+        let fair = SimulatedBench { seed: 1, camera_noise: 0.0, ..SimulatedBench::FAIR };
         for (bad, name) in [
-            (Imperfections { strength: f64::NAN, ..fair }, "strength is NaN"),
-            (Imperfections { camera_noise: -0.1, ..fair }, "camera_noise is -0.1"),
-            (Imperfections { misalignment_px: 5.0, ..fair }, "misalignment_px is 5"),
-            (Imperfections { rotation_deg: -11.0, ..fair }, "rotation_deg is -11"),
-            (Imperfections { blur_px: 4.5, ..fair }, "blur_px is 4.5"),
-            (Imperfections { full_well_electrons: -1.0, ..fair }, "full_well_electrons is -1"),
-            (Imperfections { speckle_contrast: 0.6, ..fair }, "speckle_contrast is 0.6"),
-            (Imperfections { crosstalk_px: 3.0, ..fair }, "crosstalk_px is 3"),
-            (Imperfections { flicker: 0.7, ..fair }, "flicker is 0.7"),
-            (Imperfections { drift_px_per_hour: -2.0, ..fair }, "drift_px_per_hour is -2"),
-            (Imperfections { dimming_per_hour: 1.5, ..fair }, "dimming_per_hour is 1.5"),
-            (Imperfections { rail_tilt_deg: 6.0, ..fair }, "rail_tilt_deg is 6"),
-            (Imperfections { aberrations_at_m: -0.1, ..fair }, "aberrations_at_m is -0.1"),
-            (Imperfections { field_aberration_rad: 7.0, ..fair }, "field_aberration_rad is 7"),
+            (SimulatedBench { strength: f64::NAN, ..fair }, "strength is NaN"),
+            (SimulatedBench { camera_noise: -0.1, ..fair }, "camera_noise is -0.1"),
+            (SimulatedBench { misalignment_px: 5.0, ..fair }, "misalignment_px is 5"),
+            (SimulatedBench { rotation_deg: -11.0, ..fair }, "rotation_deg is -11"),
+            (SimulatedBench { blur_px: 4.5, ..fair }, "blur_px is 4.5"),
+            (SimulatedBench { full_well_electrons: -1.0, ..fair }, "full_well_electrons is -1"),
+            (SimulatedBench { speckle_contrast: 0.6, ..fair }, "speckle_contrast is 0.6"),
+            (SimulatedBench { crosstalk_px: 3.0, ..fair }, "crosstalk_px is 3"),
+            (SimulatedBench { flicker: 0.7, ..fair }, "flicker is 0.7"),
+            (SimulatedBench { drift_px_per_hour: -2.0, ..fair }, "drift_px_per_hour is -2"),
+            (SimulatedBench { dimming_per_hour: 1.5, ..fair }, "dimming_per_hour is 1.5"),
+            (SimulatedBench { rail_tilt_deg: 6.0, ..fair }, "rail_tilt_deg is 6"),
+            (SimulatedBench { aberrations_at_m: -0.1, ..fair }, "aberrations_at_m is -0.1"),
+            (SimulatedBench { field_aberration_rad: 7.0, ..fair }, "field_aberration_rad is 7"),
         ] {
             let error = SimulatedDisplay::draw(setup, None, bad).unwrap_err();
             assert!(error.to_string().starts_with(name), "{error}");

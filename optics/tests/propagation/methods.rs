@@ -3,7 +3,7 @@
 use crate::fields::{
     PITCH_M, WAVELENGTH_M, energy, half_band_spots, inner_product, noise, relative_l2, setup, spots_over_the_band,
 };
-use lightpath_optics::propagation::{ImageWindow, Method, Propagator};
+use lightpath_optics::propagation::{ImageWindow, PropagationMethod, Propagator};
 use lightpath_optics::reference::{gaussian_beam, rayleigh_sommerfeld, rayleigh_sommerfeld_onto};
 use lightpath_optics::{Grid, OpticalSetup, Plane, Real};
 use num_complex::{Complex, Complex64};
@@ -27,18 +27,18 @@ fn propagators<T: Real>(height_px: usize, width_px: usize) -> Vec<Propagator<T>>
     let (near_m, far_m) = (0.4 * critical_m(&at(1.0)), 2.0 * critical_m(&at(1.0)));
     let mut all = Vec::new();
     for (method, distances_m) in [
-        (Method::AngularSpectrum, [near_m, -near_m]),
-        (Method::BandLimited, [far_m, -near_m]),
-        (Method::RayleighSommerfeld, [far_m, -far_m]),
-        (Method::FresnelTransferFunction, [near_m, -near_m]),
-        (Method::FresnelImpulseResponse, [far_m, -far_m]),
-        (Method::BandExtended, [far_m, -near_m]),
+        (PropagationMethod::AngularSpectrum, [near_m, -near_m]),
+        (PropagationMethod::BandLimited, [far_m, -near_m]),
+        (PropagationMethod::RayleighSommerfeld, [far_m, -far_m]),
+        (PropagationMethod::FresnelTransferFunction, [near_m, -near_m]),
+        (PropagationMethod::FresnelImpulseResponse, [far_m, -far_m]),
+        (PropagationMethod::BandExtended, [far_m, -near_m]),
     ] {
         all.extend(distances_m.map(|z| Propagator::regardless(&at(z), method).unwrap()));
     }
     let beside = |z: f64| at(z).with_centre(0.2 * far_m * WAVELENGTH_M / PITCH_M, -1e-5).unwrap();
-    all.extend([far_m, -far_m].map(|z| Propagator::regardless(&beside(z), Method::Shifted).unwrap()));
-    all.extend([3.0, -3.0].map(|z| Propagator::regardless(&at(z), Method::Fraunhofer).unwrap()));
+    all.extend([far_m, -far_m].map(|z| Propagator::regardless(&beside(z), PropagationMethod::Shifted).unwrap()));
+    all.extend([3.0, -3.0].map(|z| Propagator::regardless(&at(z), PropagationMethod::Fraunhofer).unwrap()));
     for (rows, columns, pitch_m, z) in [(20, 33, 2e-6, near_m), (17, 12, 11e-6, -far_m), (24, 9, 1e-6, 8.0 * far_m)] {
         let window = ImageWindow::try_new(rows, columns, pitch_m).unwrap().centred_at(3e-5, -2e-5).unwrap();
         all.push(Propagator::onto(&at(z), &window).unwrap());
@@ -59,8 +59,8 @@ where
 
 #[test]
 fn every_method_is_there() {
-    let listed: Vec<Method> = propagators::<f32>(24, 31).iter().map(Propagator::method).collect();
-    for method in Method::ALL {
+    let listed: Vec<PropagationMethod> = propagators::<f32>(24, 31).iter().map(Propagator::method).collect();
+    for method in PropagationMethod::ALL {
         assert!(listed.contains(&method), "{method}");
     }
 }
@@ -127,12 +127,12 @@ fn a_gaussian_beam_spreads_as_it_should() {
         let setup = setup(height_px, width_px, z);
         let is_near = z.abs() < 20e-3;
         for (method, bound, is_right) in [
-            (Method::AngularSpectrum, exact, is_near),
-            (Method::BandLimited, exact, true),
-            (Method::BandExtended, exact, true),
-            (Method::FresnelTransferFunction, paraxial, is_near),
-            (Method::RayleighSommerfeld, exact, !is_near),
-            (Method::FresnelImpulseResponse, paraxial, !is_near),
+            (PropagationMethod::AngularSpectrum, exact, is_near),
+            (PropagationMethod::BandLimited, exact, true),
+            (PropagationMethod::BandExtended, exact, true),
+            (PropagationMethod::FresnelTransferFunction, paraxial, is_near),
+            (PropagationMethod::RayleighSommerfeld, exact, !is_near),
+            (PropagationMethod::FresnelImpulseResponse, paraxial, !is_near),
         ] {
             if is_right {
                 check(Propagator::new(&setup, method).unwrap(), bound);
@@ -143,9 +143,9 @@ fn a_gaussian_beam_spreads_as_it_should() {
         for window in [zoom, reduced, own.centred_at(1e-4, -5e-5).unwrap()] {
             check(Propagator::onto(&setup, &window).unwrap(), exact);
         }
-        check(Propagator::new(&setup.with_centre(1e-4, -5e-5).unwrap(), Method::Shifted).unwrap(), exact);
+        check(Propagator::new(&setup.with_centre(1e-4, -5e-5).unwrap(), PropagationMethod::Shifted).unwrap(), exact);
         if !is_near {
-            check(Propagator::regardless(&setup, Method::ScaledFresnel).unwrap(), paraxial);
+            check(Propagator::regardless(&setup, PropagationMethod::ScaledFresnel).unwrap(), paraxial);
         }
     }
 }
@@ -158,8 +158,8 @@ fn the_impulse_response_is_the_direct_sum() {
             let field = noise(height_px, width_px, 7);
             let expected = rayleigh_sommerfeld(&setup, &field).unwrap();
             for (found, bound) in [
-                (sent(&Propagator::<f64>::new(&setup, Method::RayleighSommerfeld).unwrap(), &field), 1e-12),
-                (sent(&Propagator::<f32>::new(&setup, Method::RayleighSommerfeld).unwrap(), &field), 1e-5),
+                (sent(&Propagator::<f64>::new(&setup, PropagationMethod::RayleighSommerfeld).unwrap(), &field), 1e-12),
+                (sent(&Propagator::<f32>::new(&setup, PropagationMethod::RayleighSommerfeld).unwrap(), &field), 1e-5),
             ] {
                 let error = relative_l2(&found, &expected);
                 assert!(error < bound, "{height_px}×{width_px} {times} z_c: {error:e}");
@@ -188,7 +188,7 @@ fn windows_anywhere_see_what_the_direct_sum_sees() {
             check(Propagator::onto(&setup, &window).unwrap());
         }
         if z.abs() < 0.02 {
-            check(Propagator::new(&setup.with_centre(3e-5, -2e-5).unwrap(), Method::Shifted).unwrap());
+            check(Propagator::new(&setup.with_centre(3e-5, -2e-5).unwrap(), PropagationMethod::Shifted).unwrap());
         }
     }
 }
@@ -212,12 +212,15 @@ fn extending_the_band_changes_nothing_up_to_the_critical_distance_and_helps_beyo
     let (near, far) = (setup(40, 40, 5e-3), setup(40, 40, 0.08));
     let field = noise(40, 40, 8);
     let by = |setup: &OpticalSetup, method, field| sent(&Propagator::<f64>::new(setup, method).unwrap(), field);
-    let same = relative_l2(&by(&near, Method::BandExtended, &field), &by(&near, Method::AngularSpectrum, &field));
+    let same = relative_l2(
+        &by(&near, PropagationMethod::BandExtended, &field),
+        &by(&near, PropagationMethod::AngularSpectrum, &field),
+    );
     assert!(same < 1e-11, "{same:e}");
     let field = spots_over_the_band(40, 40, 1);
-    let exact = by(&far, Method::RayleighSommerfeld, &field);
+    let exact = by(&far, PropagationMethod::RayleighSommerfeld, &field);
     let error = |method| relative_l2(&sent(&Propagator::<f64>::regardless(&far, method).unwrap(), &field), &exact);
-    let (limited, extended) = (error(Method::BandLimited), error(Method::BandExtended));
+    let (limited, extended) = (error(PropagationMethod::BandLimited), error(PropagationMethod::BandExtended));
     assert!(extended < 0.5 * limited, "{extended} {limited}");
 }
 
@@ -225,7 +228,8 @@ fn extending_the_band_changes_nothing_up_to_the_critical_distance_and_helps_beyo
 fn the_far_field_of_a_rectangle_is_the_dirichlet_kernel() {
     let (height_px, width_px, (rows, columns)) = (50, 61, (10, 7));
     for z in [4.0, -4.0] {
-        let propagator = Propagator::<f64>::regardless(&setup(height_px, width_px, z), Method::Fraunhofer).unwrap();
+        let propagator =
+            Propagator::<f64>::regardless(&setup(height_px, width_px, z), PropagationMethod::Fraunhofer).unwrap();
         let hole = |i: usize, side_px: usize, hole_px: usize| {
             2 * i.abs_diff((side_px - hole_px) / 2) < 4 * hole_px
                 && i >= (side_px - hole_px) / 2
@@ -261,7 +265,7 @@ fn the_far_field_of_a_rectangle_is_the_dirichlet_kernel() {
 #[test]
 fn the_far_field_is_what_the_exact_integral_becomes() {
     let setup = setup(12, 16, 0.5);
-    let propagator = Propagator::<f64>::new(&setup, Method::Fraunhofer).unwrap();
+    let propagator = Propagator::<f64>::new(&setup, PropagationMethod::Fraunhofer).unwrap();
     let field = noise(12, 16, 10);
     let expected = rayleigh_sommerfeld_onto(&setup, &field, propagator.window()).unwrap();
     // π·ρ²/λz at the display's corners, the phase that is neglected.

@@ -3,9 +3,8 @@
 use crate::display::{Display, SimulatedBench};
 use crate::propagation::{ImageWindow, PropagationMethod, PropagationWarning, ValidityReport};
 use crate::units::{Distance, Wavelength};
-use lightpath_optics::propagation::{self, Method, assess, assess_regardless};
-use lightpath_optics::simulated_display::Imperfections;
-use lightpath_optics::{Grid, OpticalSetup, Result};
+use lightpath_optics::propagation::{self, ConvolutionMethod, PropagationMethod as Method, assess, assess_regardless};
+use lightpath_optics::{Grid, OpticalSetup, Result, SimulatedBench as Imperfections};
 
 /// A display at a wavelength and distance.
 ///
@@ -25,21 +24,21 @@ pub fn setup(display: &Display, wavelength: Wavelength, distance: Distance) -> R
 pub fn planned(setup: OpticalSetup, method: Option<PropagationMethod>) -> Result<(OpticalSetup, ValidityReport)> {
     let (setup, found) = match method.map(to_optics) {
         None => setup.planned()?,
-        Some(method) => (setup.with_method(method)?, assess(&setup, method)?),
+        Some(method) => (setup.with_method(ConvolutionMethod::try_from(method)?)?, assess(&setup, method)?),
     };
     Ok((setup, report(&found)))
 }
 
 /// How good the setup's own method is, right or wrong.
 pub fn assessed(setup: &OpticalSetup, explanation: &str) -> ValidityReport {
-    let found = assess_regardless(setup, setup.method());
+    let found = assess_regardless(setup, setup.method().into());
     ValidityReport { explanation: explanation.to_owned(), ..report(&found) }
 }
 
 /// The planner's report as ours.
 pub fn report(report: &propagation::ValidityReport) -> ValidityReport {
     let window = &report.window;
-    let warning = |warning: &propagation::Warning| PropagationWarning {
+    let warning = |warning: &propagation::PropagationWarning| PropagationWarning {
         code: warning.code.as_str().to_owned(),
         text: warning.text.clone(),
     };
@@ -61,8 +60,7 @@ pub fn report(report: &propagation::ValidityReport) -> ValidityReport {
         band_kept_area: report.band_kept_area,
         fresnel_number: report.fresnel_number,
         diffraction_angle_rad: report.diffraction_angle_rad,
-        // JSON knows no infinity.
-        spread_m: report.spread_m.is_finite().then_some(report.spread_m),
+        spread_m: report.spread_m,
         full_cone_x_m: report.full_cone_x_m,
         full_cone_y_m: report.full_cone_y_m,
         neglected_phase_rad: report.neglected_phase_rad,

@@ -27,7 +27,9 @@
 use lightpath_domain::kernel::KernelModel;
 use lightpath_domain::planning;
 use lightpath_domain::propagation::PropagationMethod;
-use lightpath_optics::{DisplayModel, Grid, KernelShape, OpticalSetup, Plane, SmoothField, SpatialVariation};
+use lightpath_optics::{
+    ConvolutionMethod, DisplayModel, Grid, KernelShape, OpticalSetup, Plane, SmoothField, SpatialVariation,
+};
 use num_complex::{Complex32, Complex64};
 use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
@@ -132,7 +134,7 @@ pub fn encode_interpolated(
         kernel_order: if let KernelShape::Smooth(errors) = &model.kernel { errors.order } else { 0 },
         source_order: model.source.order,
         variation_order: model.variation.order(),
-        propagation: planning::from_optics(model.setup.method()),
+        propagation: planning::from_optics(model.setup.method().into()),
         interpolated_from_m: from_m.to_vec(),
     };
     let photometry = [model.gain, model.offset, model.zero_order.re, model.zero_order.im];
@@ -180,7 +182,8 @@ pub fn decode(bytes: &[u8]) -> Result<(DisplayModel, KernelModel), KernelFileErr
     let tensors = SafeTensors::deserialize(bytes)?;
     let grid = Grid::try_new(header.height_px, header.width_px, header.pixel_pitch_m)?;
     let setup = OpticalSetup::try_new(grid, header.wavelength_m, header.distance_m)?;
-    let setup = setup.with_method_regardless(planning::to_optics(header.propagation))?;
+    let method = ConvolutionMethod::try_from(planning::to_optics(header.propagation))?;
+    let setup = setup.with_method_regardless(method);
     let [gain, offset, re, im] = floats(&tensors, "photometry")?[..] else {
         return Err(KernelFileError::Tensor { name: "photometry", expected: "four f64" });
     };

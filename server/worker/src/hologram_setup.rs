@@ -7,7 +7,7 @@ use lightpath_domain::job::{self, ImagePlane, OptimizeHologram};
 use lightpath_domain::propagation::ValidityReport;
 use lightpath_domain::units::Wavelength;
 use lightpath_media::pictures::{self, Channel};
-use lightpath_optics::hologram::{self, HologramProblem, InitialPhase, Levels, Loss, Method, Options};
+use lightpath_optics::hologram::{self, HologramMethod, HologramProblem, InitialPhase, Levels, Loss, Options};
 use lightpath_optics::photometry::Quantity;
 use lightpath_optics::{Engine, Optimization, Plane, RegionOfInterest};
 
@@ -85,11 +85,11 @@ impl Wanted {
 
     pub(super) fn options(&self, spec: &OptimizeHologram) -> Result<Options, TaskError> {
         let method = match spec.method {
-            job::Method::Adam => Method::Adam { learning_rate: spec.learning_rate },
-            job::Method::Lbfgs => Method::Lbfgs,
-            job::Method::GerchbergSaxton => Method::GerchbergSaxton,
-            job::Method::WeightedGerchbergSaxton => Method::WeightedGerchbergSaxton,
-            job::Method::DoublePhase => Method::DoublePhase,
+            job::Method::Adam => HologramMethod::Adam { learning_rate: spec.learning_rate },
+            job::Method::Lbfgs => HologramMethod::Lbfgs,
+            job::Method::GerchbergSaxton => HologramMethod::GerchbergSaxton,
+            job::Method::WeightedGerchbergSaxton => HologramMethod::WeightedGerchbergSaxton,
+            job::Method::DoublePhase => HologramMethod::DoublePhase,
         };
         let mut options = Options::new(method, spec.iterations);
         if spec.quantization_aware {

@@ -12,7 +12,7 @@ use lightpath_domain::job::{Job, JobResult, JointResult, LearnKernel, LearnResul
 use lightpath_domain::kernel::{KernelLineage, KernelMetrics, KernelModel, NewKernelVersion, OverDistance};
 use lightpath_media::captures::Captures;
 use lightpath_media::kernel_file;
-use lightpath_optics::learning::{LearnModel, LearnOptions, LearnStage, Learner, Lessons, PairSource, unsaturated_px};
+use lightpath_optics::learning::{self, LearnOptions, LearnStage, Learner, Lessons, PairSource, unsaturated_px};
 use lightpath_optics::{DisplayModel, KernelShape, OpticalSetup, RegionOfInterest};
 
 pub(super) fn run(context: &JobContext, job: &Job, spec: &LearnKernel) -> Result<TaskOutput, TaskError> {
@@ -154,16 +154,16 @@ fn learn(
 }
 
 fn options(spec: &LearnKernel, setting: &Setting, region: RegionOfInterest) -> LearnOptions {
-    let order = spec.order.map(|order| order as usize);
     let model = match spec.model {
-        KernelModel::Paper => LearnModel::Paper,
-        KernelModel::Dense => LearnModel::Dense,
-        KernelModel::Smooth => LearnModel::Smooth { order },
-        KernelModel::Display => LearnModel::Display { order },
-        KernelModel::Varying => LearnModel::Varying { order },
+        KernelModel::Paper => learning::KernelModel::Paper,
+        KernelModel::Dense => learning::KernelModel::Dense,
+        KernelModel::Smooth => learning::KernelModel::Smooth,
+        KernelModel::Display => learning::KernelModel::Display,
+        KernelModel::Varying => learning::KernelModel::Varying,
     };
     let defaults = LearnOptions::new(model, region);
     LearnOptions {
+        order: spec.order.map(|order| order as usize),
         epochs: spec.epochs.unwrap_or(defaults.epochs),
         learning_rate: spec.learning_rate.unwrap_or(defaults.learning_rate),
         refinement_evaluations: spec.refinement_evaluations.unwrap_or(defaults.refinement_evaluations),

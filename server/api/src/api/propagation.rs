@@ -7,7 +7,7 @@ use lightpath_domain::display::Display;
 use lightpath_domain::planning;
 use lightpath_domain::propagation::{ImageWindow, PropagationMethod, PropagationWarning, ValidityReport};
 use lightpath_domain::units::{Distance, Wavelength};
-use lightpath_optics::propagation::{self, Method, assess, plan_onto};
+use lightpath_optics::propagation::{self, ConvolutionMethod, PropagationMethod as Method, assess, plan_onto};
 use lightpath_optics::{Error, OpticalSetup};
 use lightpath_proto::v1;
 
@@ -75,8 +75,7 @@ pub(super) fn check_method(
 pub(super) fn convolution(field: &Field, value: i32) -> Result<Option<PropagationMethod>, ApiError> {
     let method = method(field, value)?;
     match method.map(planning::to_optics) {
-        // A window beside the axis is none of the job's fields.
-        Some(method) if !method.is_convolution() || method == Method::Shifted => {
+        Some(method) if !is_optimizable(method) => {
             let rest = "but holograms are optimized through the angular spectrum, band-limited or not, and through impulse \
                         responses and the Fresnel transfer function";
             Err(field.invalid(format!("is the {method}, {rest}")))
@@ -103,9 +102,14 @@ fn alternative(setup: &OpticalSetup, method: Method) -> v1::PropagationAlternati
         Err(Error::Unsuitable { reason, .. }) => (false, reason),
         Err(other) => (false, other.to_string()),
     };
-    let optimizable = possible && method.is_convolution() && method != Method::Shifted;
+    let optimizable = possible && is_optimizable(method);
     let method = method_to_wire(planning::from_optics(method)).into();
     v1::PropagationAlternative { method, possible, optimizable, text }
+}
+
+/// A window beside the axis is none of a job's fields, which leaves the shifted angular spectrum nothing to do.
+fn is_optimizable(method: Method) -> bool {
+    ConvolutionMethod::try_from(method).is_ok_and(|method| method != ConvolutionMethod::Shifted)
 }
 
 fn window_from_wire(window: v1::ImageWindow, field: &Field) -> Result<propagation::ImageWindow, ApiError> {

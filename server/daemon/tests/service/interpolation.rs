@@ -4,7 +4,7 @@ use crate::serving::{Serving, expect, small_display};
 use lightpath_media::{kernel_file, pictures};
 use lightpath_optics::hologram::initial_phase;
 use lightpath_optics::learning::{Pair, compare};
-use lightpath_optics::simulated_display::{Imperfections, SimulatedDisplay};
+use lightpath_optics::simulated_display::{SimulatedBench, SimulatedDisplay};
 use lightpath_optics::{Detector, DisplayModel, Engine, Grid, OpticalSetup, Plane, RegionOfInterest};
 use lightpath_proto::v1;
 use lightpath_proto::v1::dataset_service_client::DatasetServiceClient;
@@ -20,7 +20,7 @@ fn bench(distance_m: f64) -> SimulatedDisplay {
     let grid = Grid::try_new(48, 64, 8e-6).unwrap();
     let (setup, _) = OpticalSetup::try_new(grid, 515e-9, distance_m).unwrap().planned().unwrap();
     let rail =
-        Imperfections { seed: 2, strength: 0.6, rail_tilt_deg: 0.1, aberrations_at_m: 5e-3, ..Imperfections::FAIR };
+        SimulatedBench { seed: 2, strength: 0.6, rail_tilt_deg: 0.1, aberrations_at_m: 5e-3, ..SimulatedBench::FAIR };
     SimulatedDisplay::draw(setup, None, rail).unwrap()
 }
 

@@ -3,8 +3,8 @@
 use crate::serving::Serving;
 use lightpath_media::pictures;
 use lightpath_optics::alignment::{Homography, warp};
-use lightpath_optics::hologram::{ImagePlane, Loss, Method, Options, initial_phase};
-use lightpath_optics::simulated_display::{Imperfections, SimulatedDisplay};
+use lightpath_optics::hologram::{HologramMethod, ImagePlane, Loss, Options, initial_phase};
+use lightpath_optics::simulated_display::{SimulatedBench, SimulatedDisplay};
 use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{Detector, DisplayModel, Engine, Grid, OpticalSetup, Optimization, Plane, RegionOfInterest};
 use lightpath_proto::v1;
@@ -28,12 +28,12 @@ impl Lab {
     pub(crate) fn new(seed: u64) -> Self {
         let grid = Grid::try_new(HEIGHT, WIDTH, 8e-6).unwrap();
         let (setup, _) = OpticalSetup::try_new(grid, 515e-9, DISTANCE_M).unwrap().planned().unwrap();
-        let imperfections = Imperfections {
+        let imperfections = SimulatedBench {
             seed,
             strength: 1.0,
             camera_noise: 0.003,
             misalignment_px: 0.0,
-            ..Imperfections::default()
+            ..SimulatedBench::default()
         };
         Self {
             setup,
@@ -52,7 +52,8 @@ impl Lab {
         let plane = ImagePlane { engine: engine.clone(), target: target.clone(), weight: None, share: 1.0 };
         let problem = Optimization::problem_of(vec![plane], 1, self.region(), Loss::default()).unwrap();
         let start = initial_phase(HEIGHT, WIDTH, 1.0, 1).unwrap().into_vec();
-        let mut optimization = Optimization::start(problem, Options::new(Method::Lbfgs, iterations), start).unwrap();
+        let mut optimization =
+            Optimization::start(problem, Options::new(HologramMethod::Lbfgs, iterations), start).unwrap();
         while optimization.step().is_some() {}
         Plane::try_from_vec(HEIGHT, WIDTH, optimization.phases().to_vec()).unwrap()
     }

@@ -30,7 +30,7 @@
 //! H(fx, fy; x, y) = H(fx, fy) · exp( Σ_m P_m(x, y) (α_m + iψ_m) )  for the light of the SLM's place (x, y)
 //! ```
 //!
-//! T_i Chebyshev polynomials, Δ the pixel pitch. Methods: 0 band-limited, 1 angular spectrum, 2 band-extended,
+//! T_i Chebyshev polynomials, Δ the pixel pitch. Methods: 0 band-limited, 1 angular spectrum,
 //! 3 Rayleigh–Sommerfeld, 4 Fresnel transfer function, 5 Fresnel impulse response. `docs/compact-kernel.md` tells the
 //! same to those who write a decoder of their own; [`decode`] is the reference.
 
@@ -38,7 +38,9 @@ use super::KernelFormatError;
 use super::archive::crc_of;
 use lightpath_domain::kernel::KernelModel;
 use lightpath_optics::chebyshev::ChebyshevBasis;
-use lightpath_optics::{DisplayModel, Grid, KernelShape, Method, OpticalSetup, SmoothField, SpatialVariation};
+use lightpath_optics::{
+    ConvolutionMethod, DisplayModel, Grid, KernelShape, OpticalSetup, SmoothField, SpatialVariation,
+};
 use num_complex::Complex64;
 
 const MAGIC: &[u8; 4] = b"LPKC";
@@ -47,14 +49,13 @@ const VERSION_VARYING: u8 = 2;
 /// With higher degrees the largest model would not be compact.
 const VARIATION_ORDER_MAX: usize = 8;
 const HEADER_BYTES: usize = 60;
-/// In the order of their numbers.
-const METHODS: [Method; 6] = [
-    Method::BandLimited,
-    Method::AngularSpectrum,
-    Method::BandExtended,
-    Method::RayleighSommerfeld,
-    Method::FresnelTransferFunction,
-    Method::FresnelImpulseResponse,
+/// The methods by their numbers; the shifted angular spectrum has none.
+const METHODS: [(usize, ConvolutionMethod); 5] = [
+    (0, ConvolutionMethod::BandLimited),
+    (1, ConvolutionMethod::AngularSpectrum),
+    (3, ConvolutionMethod::RayleighSommerfeld),
+    (4, ConvolutionMethod::FresnelTransferFunction),
+    (5, ConvolutionMethod::FresnelImpulseResponse),
 ];
 
 /// Whether a file says that it is a compact kernel.
@@ -89,7 +90,7 @@ pub fn encode(model: &DisplayModel, kind: KernelModel) -> Result<Vec<u8>, Kernel
         KernelModel::Display => 4,
         KernelModel::Smooth | KernelModel::Paper | KernelModel::Dense => 3,
     };
-    let method = METHODS.iter().position(|&method| method == model.setup.method()).ok_or_else(|| {
+    let (method, _) = METHODS.into_iter().find(|&(_, method)| method == model.setup.method()).ok_or_else(|| {
         KernelFormatError::NoSuchForm(format!("the {} has no number in the compact form", model.setup.method()))
     })?;
     let grid = model.setup.grid();
@@ -152,7 +153,8 @@ pub fn decode(bytes: &[u8]) -> Result<(DisplayModel, KernelModel), KernelFormatE
         5 => KernelModel::Varying,
         other => return Err(refused(format!("is of model {other}, but must be of 3, 4 or 5"))),
     };
-    let method = *METHODS.get(method).ok_or_else(|| refused(format!("is of method {method}, which is none")))?;
+    let (_, method) = (METHODS.into_iter().find(|&(number, _)| number == method))
+        .ok_or_else(|| refused(format!("is of method {method}, which is none")))?;
     let sides: Vec<usize> =
         content[12..20].as_chunks().0.iter().map(|&chunk| u32::from_le_bytes(chunk) as usize).collect();
     let lengths: Vec<f64> = content[20..44].as_chunks().0.iter().map(|&chunk| f64::from_le_bytes(chunk)).collect();
@@ -166,7 +168,7 @@ pub fn decode(bytes: &[u8]) -> Result<(DisplayModel, KernelModel), KernelFormatE
     };
     let grid = Grid::try_new(sides[0], sides[1], lengths[0])?;
     let model = DisplayModel {
-        setup: OpticalSetup::try_new(grid, lengths[1], lengths[2])?.with_method_regardless(method)?,
+        setup: OpticalSetup::try_new(grid, lengths[1], lengths[2])?.with_method_regardless(method),
         kernel: KernelShape::Smooth(kernel),
         variation,
         source,

@@ -1,10 +1,12 @@
-//! What a bench is drawn from.
+//! The properties of a simulated bench.
 
 use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
 
-/// What a bench is drawn from.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Imperfections {
+/// The properties from which a simulated bench is drawn. A property that is not said is that of [`Self::FAIR`].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SimulatedBench {
     /// The same seed and properties draw the same bench.
     pub seed: u64,
     /// Scales every optical imperfection, 0 to 4; 1 is a display in need of alignment, 0 a perfect one.
@@ -40,7 +42,7 @@ pub struct Imperfections {
     pub field_aberration_rad: f64,
 }
 
-impl Imperfections {
+impl SimulatedBench {
     /// A display in need of alignment with a good camera that stands where it should.
     pub const FAIR: Self = Self {
         seed: 0,
@@ -94,7 +96,7 @@ impl Imperfections {
     }
 }
 
-impl Default for Imperfections {
+impl Default for SimulatedBench {
     fn default() -> Self {
         Self::FAIR
     }

@@ -1,0 +1,125 @@
+//! The words in which specifications and results are stored: what JSON they are, and that they come back from it.
+
+use lightpath_optics::hologram::{HologramMethod, InitialPhase, Loss, Quality, SeenQuality};
+use lightpath_optics::learning::KernelModel;
+use lightpath_optics::metrics::Gain;
+use lightpath_optics::photometry::Quantity;
+use lightpath_optics::propagation::{ConvolutionMethod, PropagationMethod, RefusalCode, WarningCode, plan};
+use lightpath_optics::{Carrier, Detector, Grid, OpticalSetup, RegionOfInterest, SimulatedBench, ValidityReport};
+use serde::{Serialize, de::DeserializeOwned};
+use serde_json::{json, to_value};
+use std::fmt::Debug;
+
+fn stored<T: Serialize + DeserializeOwned + PartialEq + Debug>(value: T, json: serde_json::Value) {
+    assert_eq!(to_value(&value).unwrap(), json);
+    assert_eq!(serde_json::from_value::<T>(json).unwrap(), value);
+}
+
+/// Every value of an enumeration in the order of the words.
+fn words<T: Serialize + DeserializeOwned + PartialEq + Debug>(values: impl IntoIterator<Item = T>, words: &str) {
+    let words: Vec<&str> = words.split_whitespace().collect();
+    let values: Vec<T> = values.into_iter().collect();
+    assert_eq!(values.len(), words.len());
+    values.into_iter().zip(words).for_each(|(value, word)| stored(value, json!(word)));
+}
+
+#[test]
+fn enumerations_are_words() {
+    words(
+        PropagationMethod::ALL,
+        "angular_spectrum band_limited band_extended rayleigh_sommerfeld fresnel_transfer_function \
+         fresnel_impulse_response shifted scaled scaled_fresnel fraunhofer",
+    );
+    words(
+        ConvolutionMethod::ALL,
+        "angular_spectrum band_limited rayleigh_sommerfeld fresnel_transfer_function fresnel_impulse_response shifted",
+    );
+    words(Detector::ALL, "point pixel supersampled");
+    words(KernelModel::ALL, "paper dense smooth display varying");
+    words([Carrier::HalfOrderX, Carrier::HalfOrderY], "half_order_x half_order_y");
+    words([Quantity::Intensity, Quantity::Amplitude], "intensity amplitude");
+    words(
+        [HologramMethod::Lbfgs, HologramMethod::GerchbergSaxton, HologramMethod::WeightedGerchbergSaxton],
+        "lbfgs gerchberg_saxton weighted_gerchberg_saxton",
+    );
+    words([HologramMethod::DoublePhase], "double_phase");
+    stored(HologramMethod::Adam { learning_rate: 0.1 }, json!({"adam": {"learning_rate": 0.1}}));
+    stored(Gain::Fitted, json!("fitted"));
+    stored(Gain::Given(0.5), json!({"given": 0.5}));
+    stored(RefusalCode::NotParaxial, json!("NOT_PARAXIAL"));
+    for code in [
+        WarningCode::BandLimited,
+        WarningCode::SharpBandLimit,
+        WarningCode::ShortImpulseResponse,
+        WarningCode::FewPoints,
+        WarningCode::Paraxial,
+        WarningCode::Evanescent,
+    ] {
+        stored(code, json!(code.as_str()));
+    }
+}
+
+#[test]
+fn structures_have_their_fields_names() {
+    stored::<InitialPhase<String>>(InitialPhase::Random { range_rad: 1.5 }, json!({"random": {"range_rad": 1.5}}));
+    stored::<InitialPhase<String>>(
+        InitialPhase::Quadratic { focal_length_m: None },
+        json!({"quadratic": {"focal_length_m": null}}),
+    );
+    stored::<InitialPhase<String>>(InitialPhase::Given("file".into()), json!({"given": "file"}));
+    stored(
+        Loss::default(),
+        json!({"quantity": "intensity", "total_variation": 0.0, "speckle": 0.0, "speckle_block_px": 8}),
+    );
+    let region = RegionOfInterest::middle(&Grid::try_new(20, 30, 8e-6).unwrap());
+    stored(region, json!({"x_px": 3, "y_px": 2, "width_px": 24, "height_px": 16}));
+    let seen = SeenQuality {
+        psnr_db: 30.5,
+        ssim: Some(0.75),
+        ms_ssim: None,
+        diffraction_efficiency: 0.5,
+        frame_efficiency: 0.625,
+        speckle_contrast: None,
+    };
+    let json = json!({
+        "psnr_db": 30.5, "ssim": 0.75, "ms_ssim": null, "diffraction_efficiency": 0.5, "frame_efficiency": 0.625,
+        "speckle_contrast": null,
+    });
+    stored(
+        Quality { point: seen, pixel: seen, supersampled: seen },
+        json!({"point": json, "pixel": json, "supersampled": json}),
+    );
+}
+
+#[test]
+fn a_bench_is_fair_where_nothing_is_said() {
+    stored(
+        SimulatedBench { seed: 7, ..SimulatedBench::FAIR },
+        json!({
+            "seed": 7, "strength": 1.0, "camera_noise": 0.003, "misalignment_px": 0.0, "rotation_deg": 0.0,
+            "blur_px": 0.0, "full_well_electrons": 0.0, "speckle_contrast": 0.0, "crosstalk_px": 0.0, "flicker": 0.0,
+            "drift_px_per_hour": 0.0, "dimming_per_hour": 0.0, "rail_tilt_deg": 0.0, "aberrations_at_m": 0.0,
+            "field_aberration_rad": 0.0,
+        }),
+    );
+    let drawn: SimulatedBench = serde_json::from_value(json!({"seed": 3, "blur_px": 0.5})).unwrap();
+    assert_eq!(drawn, SimulatedBench { seed: 3, blur_px: 0.5, ..SimulatedBench::FAIR });
+    assert!(serde_json::from_value::<SimulatedBench>(json!({"blur": 0.5})).is_err());
+}
+
+#[test]
+fn reports_come_back_whole() {
+    let grid = Grid::try_new(64, 96, 8e-6).unwrap();
+    for (pitch_m, distance_m) in [(8e-6, 0.05), (0.2e-6, 1e-5)] {
+        let grid = Grid::try_new(grid.height_px(), grid.width_px(), pitch_m).unwrap();
+        let report = plan(&OpticalSetup::try_new(grid, 515e-9, distance_m).unwrap()).unwrap();
+        assert_eq!(report.spread_m.is_none(), pitch_m < 0.25e-6);
+        assert!(!report.warnings.is_empty());
+        let json = serde_json::to_string(&report).unwrap();
+        assert_eq!(serde_json::from_str::<ValidityReport>(&json).unwrap(), report);
+    }
+    let json = to_value(plan(&OpticalSetup::try_new(grid, 515e-9, 0.005).unwrap()).unwrap()).unwrap();
+    assert_eq!(json["method"], "angular_spectrum");
+    assert_eq!(json["window"]["width_px"], 96);
+    assert_eq!(json["window"]["centre_y_m"], 0.0);
+}
