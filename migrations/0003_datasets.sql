@@ -5,6 +5,10 @@ create table dataset (
     wavelength_pm    integer not null check (wavelength_pm > 0),
     distance_nm      integer not null check (distance_nm <> 0),
     photo_encoding   text    not null check (photo_encoding in ('linear', 'srgb')),
+    -- bits of the camera where they are fewer than the files'; 0: the files'
+    photo_bit_depth  integer not null default 0 check (photo_bit_depth between 0 and 16),
+    -- where the camera sees the display's pixels; null: one camera pixel a pixel of the display
+    alignment        text    check (json_valid(alignment)),
     pair_count       integer not null default 0 check (pair_count >= 0),
     digest           text,
     create_time_ms   integer not null,
@@ -14,13 +18,22 @@ create table dataset (
 
 create index dataset_by_display on dataset (display, id);
 
+create trigger alignment_of_finalized_dataset_stays before update of alignment, photo_bit_depth on dataset
+when old.digest is not null
+begin select raise(abort, 'the dataset is finalized'); end;
+
 -- A hologram and a photograph are in a dataset at most once: a second partner would be a mistake.
 create table pair (
-    dataset text not null references dataset (id),
-    id      text not null check (length(id) between 1 and 63),
-    phase   text not null references artifact (digest),
-    photo   text not null references artifact (digest),
-    split   text check (split in ('train', 'validation', 'test')),
+    dataset  text not null references dataset (id),
+    id       text not null check (length(id) between 1 and 63),
+    phase    text not null references artifact (digest),
+    photo    text not null references artifact (digest),
+    -- null in a finalized dataset: the pair is left out
+    split    text check (split in ('train', 'validation', 'test')),
+    -- black level, exposure time and amplification; null where nothing is known
+    exposure text check (json_valid(exposure)),
+    -- what was measured of the pair with the dataset's alignment; null where nothing was yet
+    checks   text check (json_valid(checks)),
     primary key (dataset, id),
     unique (dataset, phase),
     unique (dataset, photo)

@@ -16,7 +16,7 @@ create table kernel (
 create table kernel_version (
     kernel         integer not null references kernel (id),
     version        integer not null check (version >= 1),
-    model          text    not null check (model in ('paper', 'dense', 'smooth', 'display')),
+    model          text    not null check (model in ('paper', 'dense', 'smooth', 'display', 'varying')),
     artifact       text    not null references artifact (digest),
     size_bytes     integer not null check (size_bytes >= 0),
     metrics        text    not null check (json_valid(metrics)),

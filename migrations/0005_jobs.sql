@@ -12,27 +12,45 @@ create table job (
     display          text    not null references display (id),
     dataset          text    references dataset (id),
     spec             text    not null check (json_valid(spec)),
+    kind             text    generated always as (spec ->> '$.kind') virtual,
     state            text    not null check (state in ('queued', 'running', 'succeeded', 'failed', 'cancelled')),
-    -- lower runs first
+
+    -- when and for whom it runs: lower priorities first
     priority         integer not null,
+    -- whose turn the job takes; empty: nobody said
+    owner            text    not null default '' check (length(owner) <= 128),
+    -- jobs that are looked at together
+    batch            text    check (length(batch) between 1 and 128),
+    -- at most one job with the same key waits or runs
+    unique_key       text    check (length(unique_key) between 1 and 128),
+    -- asked for: an earliest start, and a longest attempt
+    not_before_ms    integer,
+    timeout_ms       integer check (timeout_ms > 0),
+    -- ids of the jobs that must have succeeded first, as JSON, and how many of them have not
+    after            text    not null default '[]' check (json_valid(after)),
+    waiting_for      integer not null default 0 check (waiting_for >= 0),
+
     -- claims so far; part of the fence
     attempt          integer not null default 0 check (attempt >= 0),
+    attempts_max     integer not null check (attempts_max >= 1),
     -- failed attempts since the job last got ahead
     failures         integer not null default 0 check (failures >= 0),
     -- deaths of the server during an attempt, since the job last got ahead
     crashes          integer not null default 0 check (crashes >= 0),
-    attempts_max     integer not null check (attempts_max >= 1),
-    create_time_ms   integer not null,
-    run_time_ms      integer not null,
-    start_time_ms    integer,
-    finish_time_ms   integer,
     lease_id         text,
     lease_until_ms   integer,
     worker           text,
     cancel_requested integer not null default 0 check (cancel_requested in (0, 1)),
-    progress         text check (json_valid(progress)),
-    error            text check (json_valid(error)),
-    result           text check (json_valid(result)),
+
+    create_time_ms   integer not null,
+    -- a queued job does not start before this: asked for, or the end of the wait after a failed attempt
+    run_time_ms      integer not null,
+    start_time_ms    integer,
+    finish_time_ms   integer,
+
+    progress         text    check (json_valid(progress)),
+    error            text    check (json_valid(error)),
+    result           text    check (json_valid(result)),
     -- digest of the latest checkpoint
     checkpoint       text,
     revision         integer not null default 1 check (revision >= 1),
@@ -48,13 +66,18 @@ create table job (
     check (checkpoint is null or state in ('queued', 'running', 'failed'))
 ) strict, without rowid;
 
--- What a claim takes from, in the order in which it takes.
-create index job_to_claim on job (priority, run_time_ms, id) where state = 'queued';
-create index job_leased on job (lease_until_ms) where state = 'running';
 create index job_by_state on job (state, id);
 create index job_by_display on job (display, id);
-create index job_with_checkpoint on job (checkpoint) where checkpoint is not null;
+create index job_by_display_state on job (display, state, id);
 create index job_by_dataset on job (dataset) where dataset is not null;
+create index job_by_batch on job (batch, id) where batch is not null;
+create index job_by_owner_start on job (owner, start_time_ms) where start_time_ms is not null;
+create index job_by_finish on job (finish_time_ms) where finish_time_ms is not null;
+create index job_leased on job (lease_until_ms) where state = 'running';
+create index job_with_checkpoint on job (checkpoint) where checkpoint is not null;
+create unique index job_unique on job (unique_key) where unique_key is not null and state in ('queued', 'running');
+-- how long the first job in turn of each kind has waited
+create index job_due_by_kind on job (kind, run_time_ms) where state = 'queued' and waiting_for = 0;
 
 -- Ended means ended, except that a failed or cancelled job can be queued again.
 create trigger succeeded_job_stays before update on job
@@ -71,3 +94,112 @@ create table job_event (
 ) strict;
 
 create index job_event_by_job on job_event (job, sequence);
+
+-- What a job must wait for.
+create table job_dependency (
+    job   text not null references job (id),
+    after text not null references job (id),
+    primary key (job, after)
+) strict, without rowid;
+
+create index job_dependency_by_after on job_dependency (after);
+
+-- What jobs read and made, so that an artifact that nobody refers to is found without reading every job. There is no
+-- foreign key to artifact: the triggers below read whatever looks like a digest, and a submit refuses what is not stored.
+create table job_artifact (
+    job      text not null references job (id),
+    artifact text not null,
+    primary key (job, artifact)
+) strict, without rowid;
+
+create index job_artifact_by_artifact on job_artifact (artifact);
+
+create trigger job_names_what_it_reads after insert on job
+begin
+    insert or ignore into job_artifact
+    select new.id, value from json_tree(new.spec)
+    where type = 'text' and value glob 'sha256-*' and length(value) = 71;
+end;
+
+create trigger job_names_what_it_made after update of result on job
+when new.result is not null
+begin
+    insert or ignore into job_artifact
+    select new.id, value from json_tree(new.result)
+    where type = 'text' and value glob 'sha256-*' and length(value) = 71;
+end;
+
+-- A lane is a priority, an owner and a display. Within a lane the longest due job runs first, so that a claim looks at
+-- one job of every lane, however many wait.
+create index job_to_claim on job (priority, owner, display, run_time_ms, id) where state = 'queued' and waiting_for = 0;
+
+create table lane (
+    priority integer not null,
+    owner    text    not null,
+    display  text    not null,
+    ready    integer not null check (ready >= 0),
+    primary key (priority, owner, display)
+) strict, without rowid;
+
+create trigger job_enters_its_lane after insert on job
+when new.state = 'queued' and new.waiting_for = 0
+begin
+    insert into lane values (new.priority, new.owner, new.display, 1)
+    on conflict do update set ready = ready + 1;
+end;
+
+create trigger job_gets_ready after update of state, waiting_for on job
+when new.state = 'queued' and new.waiting_for = 0 and (old.state <> 'queued' or old.waiting_for > 0)
+begin
+    insert into lane values (new.priority, new.owner, new.display, 1)
+    on conflict do update set ready = ready + 1;
+end;
+
+create trigger job_leaves_its_lane after update of state, waiting_for on job
+when old.state = 'queued' and old.waiting_for = 0 and (new.state <> 'queued' or new.waiting_for > 0)
+begin
+    update lane set ready = ready - 1 where priority = old.priority and owner = old.owner and display = old.display;
+    delete from lane where priority = old.priority and owner = old.owner and display = old.display and ready = 0;
+end;
+
+create trigger job_leaves_its_lane_for_good after delete on job
+when old.state = 'queued' and old.waiting_for = 0
+begin
+    update lane set ready = ready - 1 where priority = old.priority and owner = old.owner and display = old.display;
+    delete from lane where priority = old.priority and owner = old.owner and display = old.display and ready = 0;
+end;
+
+-- How many jobs there are, so that nobody has to count them.
+create table job_count (
+    state text    not null,
+    kind  text    not null,
+    owner text    not null,
+    jobs  integer not null check (jobs >= 0),
+    primary key (state, kind, owner)
+) strict, without rowid;
+
+create trigger job_is_counted after insert on job
+begin
+    insert into job_count values (new.state, new.kind, new.owner, 1)
+    on conflict do update set jobs = jobs + 1;
+end;
+
+create trigger job_is_counted_elsewhere after update of state on job
+when old.state <> new.state
+begin
+    update job_count set jobs = jobs - 1 where state = old.state and kind = old.kind and owner = old.owner;
+    insert into job_count values (new.state, new.kind, new.owner, 1)
+    on conflict do update set jobs = jobs + 1;
+end;
+
+create trigger job_is_counted_no_more after delete on job
+begin
+    update job_count set jobs = jobs - 1 where state = old.state and kind = old.kind and owner = old.owner;
+end;
+
+-- Nothing starts for this display; for an empty one, nothing at all.
+create table pause (
+    display text    not null primary key,
+    time_ms integer not null,
+    reason  text    not null
+) strict, without rowid;

@@ -5,7 +5,7 @@ use super::datasets::require_artifact;
 use super::rows::{from_json, from_word, to_json, to_word};
 use super::write::Write;
 use super::{Store, StoreError, page};
-use lightpath_domain::kernel::{Kernel, KernelKey, KernelModel, KernelVersion, NewKernelVersion};
+use lightpath_domain::kernel::{Kernel, KernelKey, KernelVersion, NewKernelVersion};
 use lightpath_domain::units::{Distance, Wavelength};
 use sqlx::sqlite::SqliteRow;
 use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
@@ -144,16 +144,13 @@ pub(super) async fn append_version(
 ) -> Result<KernelVersion, StoreError> {
     require_artifact(write.sql(), &content.artifact).await?;
     let id = create(write.sql(), key, now_ms).await?;
-    // A varying kernel is a display that varies.
-    let base = if content.model == KernelModel::Varying { KernelModel::Display } else { content.model };
     let version: u32 = sqlx::query_scalar(
         "insert into kernel_version \
-         (kernel, version, model, varies, artifact, size_bytes, metrics, lineage, create_time_ms) \
-         select id, latest_version + 1, ?2, ?3, ?4, ?5, ?6, ?7, ?8 from kernel where id = ?1 returning version",
+         (kernel, version, model, artifact, size_bytes, metrics, lineage, create_time_ms) \
+         select id, latest_version + 1, ?2, ?3, ?4, ?5, ?6, ?7 from kernel where id = ?1 returning version",
     )
     .bind(id)
-    .bind(to_word("kernel_version.model", &base)?)
-    .bind(content.model != base)
+    .bind(to_word("kernel_version.model", &content.model)?)
     .bind(&content.artifact)
     .bind(content.size_bytes as i64)
     .bind(to_json("kernel_version.metrics", &content.metrics)?)
@@ -223,10 +220,7 @@ fn version_of(key: &KernelKey, row: &SqliteRow) -> Result<KernelVersion, StoreEr
         key: key.clone(),
         version: row.try_get("version")?,
         content: NewKernelVersion {
-            model: match row.try_get("varies")? {
-                true => KernelModel::Varying,
-                false => from_word("kernel_version.model", row.try_get("model")?)?,
-            },
+            model: from_word("kernel_version.model", row.try_get("model")?)?,
             artifact: row.try_get("artifact")?,
             size_bytes: row.try_get::<i64, _>("size_bytes")?.unsigned_abs(),
             metrics: from_json("kernel_version.metrics", &metrics)?,

@@ -1,64 +1,62 @@
-//! Databases of every earlier version, with data as that version wrote it, brought up to date.
+//! Databases of every version since 0.1.0, with data as that version wrote it, brought up to date.
 
 use super::*;
-use crate::open::{MIGRATIONS, connect_options, migrator};
+use crate::open::{MIGRATIONS, STEPS_OF_0_1_0, connect_options, migrator};
 use crate::{Inspection, JobFilter};
 use lightpath_domain::display::Display;
 use lightpath_domain::job::JobState;
 use sqlx::{ConnectOptions as _, Connection as _, Row};
 use std::path::Path;
 
-/// Rows as the step with this number leaves them, each step's tables with at least one row of every state.
-const ROWS: &[(usize, &str)] = &[
-    (
-        1,
-        r#"insert into display values ('lab', '{"id":"lab","width_px":64,"height_px":64,"pixel_pitch_m":8e-6,
-        "bit_depth":8,"wavelengths":[{"pm":515000}],"phase_response_rad":null,"carrier":null,"notes":"",
-        "simulated_bench":null}', 1)"#,
-    ),
-    (
-        2,
-        "insert into artifact (digest, size_bytes, create_time_ms)
-        select 'sha256-' || printf('%064x', value), 7, 1 from json_each('[0, 1, 2, 3]')",
-    ),
-    (
-        3,
-        "insert into dataset (id, display, wavelength_pm, distance_nm, photo_encoding, create_time_ms)
-        values ('d', 'lab', 515000, 150000000, 'linear', 5), ('open', 'lab', 515000, 150000000, 'srgb', 6);
-        insert into pair select 'd', 'p0', 'sha256-' || printf('%064x', 0), 'sha256-' || printf('%064x', 1), 'train';
-        insert into pair select 'd', 'p1', 'sha256-' || printf('%064x', 2), 'sha256-' || printf('%064x', 3), 'test';
-        update dataset set pair_count = 2, digest = 'sha256-d', finalize_time_ms = 7 where id = 'd'",
-    ),
-    (
-        4,
-        r#"insert into kernel (id, name, display, wavelength_pm, distance_nm, latest_version, create_time_ms)
-        values (1, 'displays/lab/kernels/515nm-150mm', 'lab', 515000, 150000000, 1, 8);
-        insert into kernel_version select 1, 1, 'display', 'sha256-' || printf('%064x', 1), 7,
-        '{"train_pairs":1,"validation_pairs":0,"test_pairs":1,"train_loss":0.1,"validation_loss":0.0,"test_loss":0.2,
-        "ideal_test_loss":0.3,"test_loss_full_frame":0.2,"ideal_test_loss_full_frame":0.3}',
-        '{"job":"","dataset":"","dataset_digest":"","parameters_json":"{}","seed":1,"code_version":"0.1.0",
-        "parent_version":0}', 9;
-        update kernel set active_version = 1;
-        insert into kernel_move (kernel, time_ms, from_version, to_version, reason) values (1, 10, null, 1, 'good')"#,
-    ),
-    (
-        5,
-        r#"insert into job (id, request_id, display, spec, state, priority, attempt, attempts_max, create_time_ms,
-        run_time_ms, start_time_ms, finish_time_ms, lease_id, lease_until_ms, worker, progress, error, result, checkpoint)
-        select column1, 'request-' || column1, 'lab', '{"kind":"simulate_capture","display":"lab",
-        "wavelength":{"pm":515000},"distance":{"nm":150000000},"phase":"sha256-' || printf('%064x', 0) || '","seed":1}',
-        column2, 0, column3, 3, 11, 11, column4, column5, column6, column7, column8, null, column9, column10, column11
-        from (values
-        ('a', 'queued', 0, null, null, null, null, null, null, null, null),
-        ('b', 'running', 1, 12, null, 'lease', 99, 'w', null, null, 'sha256-c'),
-        ('c', 'succeeded', 1, 12, 13, null, null, null, null,
-            '{"kind":"capture","photo":"sha256-' || printf('%064x', 1) || '"}', null),
-        ('d', 'failed', 3, 12, 13, null, null, null, '{"reason":"IO","message":"no","retryable":false}', null, null),
-        ('e', 'cancelled', 1, 12, 13, null, null, null, null, null, null));
-        insert into job_event (job, time_ms, attempt, message)
-        select id, 11, 0, 'queued' from job union all select 'c', 13, 1, 'succeeded'"#,
-    ),
-];
+/// Rows as the version whose last step has this number writes them: every table has some, and every state of a job one.
+const ROWS: &[(usize, &str)] = &[(
+    STEPS_OF_0_1_0,
+    r#"
+    insert into display values ('lab', '{"id":"lab","width_px":64,"height_px":64,"pixel_pitch_m":8e-6,
+    "bit_depth":8,"wavelengths":[{"pm":515000}],"phase_response_rad":null,"carrier":null,"notes":"",
+    "simulated_bench":null}', 1);
+
+    insert into artifact (digest, size_bytes, create_time_ms, use_time_ms)
+    select 'sha256-' || printf('%064x', value), 7, 1, 1 from json_each('[0, 1, 2, 3]');
+    insert into artifact_owner select digest, 'ada' from artifact;
+
+    insert into dataset (id, display, wavelength_pm, distance_nm, photo_encoding, create_time_ms)
+    values ('d', 'lab', 515000, 150000000, 'linear', 5), ('open', 'lab', 515000, 150000000, 'srgb', 6);
+    insert into pair (dataset, id, phase, photo, split)
+    values ('d', 'p0', 'sha256-' || printf('%064x', 0), 'sha256-' || printf('%064x', 1), 'train'),
+    ('d', 'p1', 'sha256-' || printf('%064x', 2), 'sha256-' || printf('%064x', 3), 'test');
+    update dataset set pair_count = 2, digest = 'sha256-d', finalize_time_ms = 7 where id = 'd';
+
+    insert into kernel (id, name, display, wavelength_pm, distance_nm, latest_version, create_time_ms)
+    values (1, 'displays/lab/kernels/515nm-150mm', 'lab', 515000, 150000000, 1, 8);
+    insert into kernel_version (kernel, version, model, artifact, size_bytes, metrics, lineage, create_time_ms)
+    select 1, 1, 'display', 'sha256-' || printf('%064x', 1), 7,
+    '{"train_pairs":1,"validation_pairs":0,"test_pairs":1,"train_loss":0.1,"validation_loss":0.0,"test_loss":0.2,
+    "ideal_test_loss":0.3,"test_loss_full_frame":0.2,"ideal_test_loss_full_frame":0.3,"captured":null}',
+    '{"job":"","dataset":"","dataset_digest":"","parameters_json":"{}","seed":1,"code_version":"0.1.0",
+    "parent_version":0}', 9;
+    update kernel set active_version = 1;
+    insert into kernel_move (kernel, time_ms, from_version, to_version, reason) values (1, 10, null, 1, 'good');
+
+    insert into job (id, request_id, display, spec, state, attempt, start_time_ms, finish_time_ms, lease_id,
+    lease_until_ms, worker, error, result, checkpoint, owner, priority, attempts_max, create_time_ms, run_time_ms)
+    select column1, 'request-' || column1, 'lab', '{"kind":"simulate_capture","display":"lab",
+    "wavelength":{"pm":515000},"distance":{"nm":150000000},"phase":"sha256-' || printf('%064x', 0) || '","seed":1,
+    "elapsed_s":0.0}', column2, column3, column4, column5, column6, column7, column8, column9, column10, column11,
+    'ada', 0, 3, 11, 11
+    from (values
+    ('a', 'queued', 0, null, null, null, null, null, null, null, null),
+    ('b', 'running', 1, 12, null, 'lease', 99, 'w', null, null, 'sha256-c'),
+    ('c', 'succeeded', 1, 12, 13, null, null, null, null,
+        '{"kind":"capture","photo":"sha256-' || printf('%064x', 1) || '","propagation":null}', null),
+    ('d', 'failed', 3, 12, 13, null, null, null, '{"reason":"IO","message":"no","retryable":false}', null, null),
+    ('e', 'cancelled', 1, 12, 13, null, null, null, null, null, null));
+    insert into job_event (job, time_ms, attempt, message)
+    select id, 11, 0, 'queued' from job union all select 'c', 13, 1, 'succeeded';
+
+    insert into pause values ('', 14, 'the laser is off');
+    insert into token values ('ada', printf('%064x', 1), 'submitter', '[]', 1, null, null)"#,
+)];
 
 /// A database as the version with this many steps left it.
 async fn database_of(path: &Path, steps: usize) {
@@ -81,41 +79,30 @@ async fn schema(path: &Path) -> Vec<(String, String)> {
     rows.iter().map(|row| (row.get("name"), row.get("sql"))).collect()
 }
 
+/// What a database is like that this program makes.
+async fn schema_of_today(folder: &Path) -> Vec<(String, String)> {
+    let fresh = folder.join("fresh.db");
+    Store::open(&fresh).await.unwrap().close().await;
+    schema(&fresh).await
+}
+
 #[tokio::test]
 async fn databases_of_every_version_keep_their_data() {
     let folder = tempfile::tempdir().unwrap();
-    let fresh = folder.path().join("fresh.db");
-    Store::open(&fresh).await.unwrap().close().await;
-    let expected = schema(&fresh).await;
-    for steps in 1..=MIGRATIONS.len() {
+    let expected = schema_of_today(folder.path()).await;
+    for steps in STEPS_OF_0_1_0..=MIGRATIONS.len() {
         let path = folder.path().join(format!("{steps}.db"));
         database_of(&path, steps).await;
-        let beside = Store::open_beside(&path).await;
-        assert_eq!(beside.is_ok(), steps == MIGRATIONS.len(), "another program leaves an older one alone");
-        drop(beside);
         let store = Store::open(&path).await.unwrap();
         let square = Display { height_px: 64, ..display("lab") };
         assert_eq!(store.display("lab").await.unwrap(), (square, 1), "after {steps} steps");
-        if steps >= 2 {
-            assert_eq!(store.artifact(&digest(3)).await.unwrap().unwrap().size_bytes, 7);
-        }
-        if steps >= 3 {
-            let dataset = store.dataset("d").await.unwrap();
-            assert_eq!((dataset.pairs.len(), dataset.digest.as_deref()), (2, Some("sha256-d")));
-            store.add_pair("open", &pair(0)).await.unwrap();
-        }
-        if steps >= 4 {
-            assert_eq!(store.kernel(&key()).await.unwrap().active_version, Some(1));
-            assert_eq!(store.kernel_moves(&key(), None, 9).await.unwrap()[0].reason, "good");
-            for model in [KernelModel::Display, KernelModel::Varying] {
-                let content = NewKernelVersion { model, ..new_version(2) };
-                let added = store.add_kernel_version(&key(), content, 20).await.unwrap();
-                assert_eq!(store.kernel_version(&key(), added.version).await.unwrap().content.model, model);
-            }
-        }
-        if steps >= 5 {
-            jobs_are_there(&store).await;
-        }
+        assert_eq!(store.artifact(&digest(3)).await.unwrap().unwrap().size_bytes, 7);
+        let dataset = store.dataset("d").await.unwrap();
+        assert_eq!((dataset.pairs.len(), dataset.digest.as_deref()), (2, Some("sha256-d")));
+        store.add_pair("open", &pair(0)).await.unwrap();
+        kernels_are_there(&store).await;
+        assert_eq!(store.tokens().await.unwrap().len(), 1);
+        jobs_are_there(&store).await;
         store.record_artifact(&digest(0), 7, "", 20).await.unwrap();
         submit(&store, "new", 20).await;
         assert!(store.claim(20, LEASE_MS, "w").await.unwrap().is_some());
@@ -125,6 +112,32 @@ async fn databases_of_every_version_keep_their_data() {
         assert_eq!(inspection.damages().await.unwrap(), Vec::<String>::new(), "after {steps} steps");
         assert_eq!(inspection.contradictions().await.unwrap(), Vec::<String>::new());
         inspection.close().await.unwrap();
+    }
+}
+
+/// Each step is a transaction of its own: a program that died between two left some of them done.
+#[tokio::test]
+async fn an_interrupted_step_is_caught_up_by_the_server_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let expected = schema_of_today(folder.path()).await;
+    for steps in 1..MIGRATIONS.len() {
+        let path = folder.path().join(format!("{steps}.db"));
+        database_of(&path, steps).await;
+        let beside = Store::open_beside(&path).await.map(drop);
+        assert!(matches!(beside, Err(StoreError::OlderDatabase)), "after {steps} steps: {beside:?}");
+        Store::open(&path).await.unwrap().close().await;
+        assert_eq!(schema(&path).await, expected, "after {steps} steps");
+        Store::open_beside(&path).await.unwrap().close().await;
+    }
+}
+
+async fn kernels_are_there(store: &Store) {
+    assert_eq!(store.kernel(&key()).await.unwrap().active_version, Some(1));
+    assert_eq!(store.kernel_moves(&key(), None, 9).await.unwrap()[0].reason, "good");
+    for model in [KernelModel::Display, KernelModel::Varying] {
+        let content = NewKernelVersion { model, ..new_version(2) };
+        let added = store.add_kernel_version(&key(), content, 20).await.unwrap();
+        assert_eq!(store.kernel_version(&key(), added.version).await.unwrap().content.model, model);
     }
 }
 
@@ -139,6 +152,8 @@ async fn jobs_are_there(store: &Store) {
     let job = store.job("b").await.unwrap();
     assert_eq!((job.state, job.checkpoint.as_deref()), (Queued, Some("sha256-c")));
     assert_eq!(store.retry("d", 15).await.unwrap().state, Queued);
+    assert!(store.claim(16, LEASE_MS, "w").await.unwrap().is_none(), "the queue is paused");
+    store.resume(None).await.unwrap();
     for _ in ["a", "b", "d"] {
         let (_, lease) = store.claim(16, LEASE_MS, "w").await.unwrap().unwrap();
         store.finish(&lease, result(), None, 17).await.unwrap();
@@ -161,4 +176,19 @@ async fn a_database_of_a_newer_version_is_left_alone() {
     for refused in [Store::open(&path).await.map(drop), Inspection::open(&path).await.map(drop)] {
         assert!(matches!(refused, Err(StoreError::NewerDatabase { step }) if step == newer), "{refused:?}");
     }
+}
+
+#[tokio::test]
+async fn a_database_that_other_files_made_is_left_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("lightpath.db");
+    Store::open(&path).await.unwrap().close().await;
+    let mut connection = connect_options(&path).connect().await.unwrap();
+    sqlx::query("update _sqlx_migrations set checksum = x'00' where version = 3")
+        .execute(&mut connection)
+        .await
+        .unwrap();
+    connection.close().await.unwrap();
+    let refused = Store::open(&path).await.map(drop);
+    assert!(matches!(refused, Err(StoreError::Migration(_))), "{refused:?}");
 }

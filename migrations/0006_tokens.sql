@@ -8,7 +8,7 @@ create table token (
     create_time_ms integer not null,
     expire_time_ms integer,
     revoke_time_ms integer,
-    -- firmware is always somebody's
+    -- a firmware token is for one display or several, never for all
     check (role <> 'firmware' or json_array_length(displays) > 0)
 ) strict, without rowid;
 
