@@ -2,10 +2,10 @@
 
 use crate::config::Config;
 use crate::upkeep::{Collected, DATABASE, Retention, UpkeepError};
-use lightpath_api::api::Api;
+use lightpath_api::Api;
 use lightpath_api::audit::Audit;
 use lightpath_api::connections;
-use lightpath_api::http::{self, Budget, Gate, Lapses, Rate};
+use lightpath_api::http::{self, EndedTokens, Gate, MemoryBudget, Rate};
 use lightpath_api::tls::{self, Tls, TlsError};
 use lightpath_artifacts::{ArtifactError, Artifacts};
 use lightpath_metrics as metrics;
@@ -113,10 +113,10 @@ pub async fn run(
     let watching = tokio::spawn(health_loop(api.clone(), health.clone(), stopping.clone()));
     let mut workers = start_workers(store, artifacts, &config, stopping.clone());
     let rate = Arc::new(Rate::new(config.calls_per_s_max));
-    let lapses = Lapses::default();
-    let tokens = tokio::spawn(token_loop(api.store().clone(), lapses.clone(), stopping.clone()));
-    let gate = Gate { api, tokens_required, audit: Arc::clone(&audit), rate, lapses };
-    let budget = Arc::new(Budget::new(config.under_way_bytes_max));
+    let ended_tokens = EndedTokens::default();
+    let tokens = tokio::spawn(token_loop(api.store().clone(), ended_tokens.clone(), stopping.clone()));
+    let gate = Gate { api, tokens_required, audit: Arc::clone(&audit), rate, ended_tokens };
+    let budget = Arc::new(MemoryBudget::new(config.under_way_bytes_max));
     let app = http::router(gate, budget, grpc);
     let connections = tokio::spawn(connections::serve(listener, tls, app, stopping.clone(), config.drain_deadline));
 
@@ -186,14 +186,14 @@ async fn flush_loop(audit: Arc<Audit>, tls: Option<Arc<Tls>>, stopping: Cancella
 }
 
 /// Looks for tokens that are accepted no more.
-async fn token_loop(store: Store, lapses: Lapses, stopping: CancellationToken) {
+async fn token_loop(store: Store, ended_tokens: EndedTokens, stopping: CancellationToken) {
     let mut looks = interval(TOKEN_INTERVAL);
     loop {
         tokio::select! {
             () = stopping.cancelled() => return,
             _ = looks.tick() => {}
         }
-        if let Err(error) = lapses.look(&store, Clock::default().now_ms()).await {
+        if let Err(error) = ended_tokens.look(&store, Clock::default().now_ms()).await {
             tracing::error!(error = &error as &dyn std::error::Error, "tokens could not be looked at");
         }
     }

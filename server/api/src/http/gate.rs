@@ -1,12 +1,14 @@
 //! In front of every handler: who calls, may they, and what is written down about it.
 
-use super::lapse::{Lapses, ending_with, not_accepted};
 use super::rate::Rate;
 use super::refusal::refuse;
-use crate::api::rules::{Access, Effect, Rule, rule_of};
-use crate::api::{Api, ApiError, handle_for};
+use super::token_expiry::{EndedTokens, ending_with, not_accepted};
+use crate::api::Api;
 use crate::audit::{Audit, Entry};
 use crate::connections::Peer;
+use crate::error::ApiError;
+use crate::rules::{Access, Effect, Rule, rule_of};
+use crate::time::now_ms;
 use axum::Extension;
 use axum::extract::{MatchedPath, Request, State};
 use axum::http::{HeaderMap, header};
@@ -30,14 +32,14 @@ pub struct Gate {
     /// How often each token, or each address without one, may call.
     pub rate: Arc<Rate>,
     /// Which tokens have ended.
-    pub lapses: Lapses,
+    pub ended_tokens: EndedTokens,
 }
 
 /// Lets a request pass to its handler, or refuses it.
 pub(super) async fn pass(
     State(gate): State<Gate>,
     peer: Option<Extension<Peer>>,
-    request: Request,
+    mut request: Request,
     next: Next,
 ) -> Response {
     let is_grpc = is_grpc(request.headers());
@@ -71,17 +73,18 @@ pub(super) async fn pass(
     }
     if let Some(rule) = rule
         && rule.effect == Effect::Takes
-        && let Err(full) = gate.api.artifacts().admit(0)
+        && let Err(full) = gate.api.artifacts.admit(0)
     {
         return refuse(ApiError::from(full).into(), is_grpc);
     }
     let name = caller.name.clone();
-    let mut lapse = gate.lapses.of(&name);
+    request.extensions_mut().insert(caller);
+    let mut expiry = gate.ended_tokens.of(&name);
     let response = tokio::select! {
-        response = handle_for(caller, next.run(request)) => {
-            if is_grpc && !name.is_empty() { ending_with(response, lapse) } else { response }
+        response = next.run(request) => {
+            if is_grpc && !name.is_empty() { ending_with(response, expiry) } else { response }
         }
-        () = &mut lapse => refuse(not_accepted().into(), is_grpc),
+        () = &mut expiry => refuse(not_accepted().into(), is_grpc),
     };
     let code = code_of(&response, is_grpc);
     let mutates = rule.is_some_and(|rule| rule.effect != Effect::Reads);
@@ -105,7 +108,7 @@ impl Gate {
         let nobody = |error: ApiError| (String::new(), error);
         let token = bearer(headers).map_err(nobody)?;
         let caller = match token {
-            Some(secret) => find(self.api.store(), &secret).await.map_err(nobody)?,
+            Some(secret) => find(&self.api.store, &secret).await.map_err(nobody)?,
             None if !self.tokens_required => return Ok(Caller::anybody()),
             None if rule.is_some_and(|rule| rule.access == Access::Anybody) => return Ok(Caller::anybody()),
             None => {
@@ -147,7 +150,7 @@ fn bearer(headers: &HeaderMap) -> Result<Option<Secret>, ApiError> {
 /// The bearer of a token that is accepted now. All that are not look the same from outside.
 async fn find(store: &Store, secret: &Secret) -> Result<Caller, ApiError> {
     let record = store.token_by_hash(&secret.hash()).await?;
-    let valid = record.filter(|record| record.is_valid(crate::api::now_ms()));
+    let valid = record.filter(|record| record.is_valid(now_ms()));
     valid.map(|record| record.caller).ok_or_else(not_accepted)
 }
 

@@ -2,49 +2,52 @@
 //!
 //! # Layout
 //!
-//! - `gate`: who calls, and may they. `rate`: and how often. `lapse`: and how long. `held`: and with how much in memory,
-//!   out of a `budget`. `jobs`: `/v1/jobs`. `refusal`: errors as answers. `requests`: deadlines and counting, for gRPC too.
+//! - `gate`: who makes a call, and whether they may. `rate`: how often. `token_expiry`: until when.
+//! - `memory_use`: how much memory a call holds, out of a `memory_budget`.
+//! - `requests`: deadlines and counting, for gRPC too. `jobs_json`: `/v1/jobs`. `refusal`: errors as answers.
 
-mod budget;
 mod gate;
-mod held;
-mod jobs;
-mod lapse;
+mod jobs_json;
+mod memory_budget;
+mod memory_use;
 mod rate;
 mod refusal;
 mod requests;
+mod token_expiry;
 
-use crate::api::{Api, ApiError, now_ms};
+use crate::api::Api;
+use crate::error::ApiError;
+use crate::time::now_ms;
 use axum::Router;
 use axum::extract::{Request, State};
 use axum::http::{StatusCode, header};
 use axum::middleware;
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
-pub use budget::Budget;
 pub use gate::Gate;
-pub use lapse::Lapses;
 use lightpath_metrics as metrics;
+pub use memory_budget::MemoryBudget;
 pub use rate::Rate;
 use refusal::Refusal;
 use std::sync::Arc;
+pub use token_expiry::EndedTokens;
 use tonic::Status;
 
 /// gRPC and HTTP on one router.
-pub fn router(gate: Gate, budget: Arc<Budget>, grpc: tonic::service::Routes) -> Router {
+pub fn router(gate: Gate, budget: Arc<MemoryBudget>, grpc: tonic::service::Routes) -> Router {
     let api = gate.api.clone();
     let http = Router::new()
         .route("/healthz", get(health))
         .route("/metrics", get(metrics))
-        .route("/v1/jobs", get(jobs::list))
-        .route("/v1/jobs/{id}", get(jobs::one))
+        .route("/v1/jobs", get(jobs_json::list))
+        .route("/v1/jobs/{id}", get(jobs_json::one))
         .fallback(unknown)
         .with_state(api.clone());
     // Both have a fallback, and only one can stay.
     let grpc = grpc.into_axum_router().reset_fallback();
     http.merge(grpc)
         .layer(middleware::from_fn_with_state(gate, gate::pass))
-        .layer(middleware::from_fn_with_state(budget, held::counted))
+        .layer(middleware::from_fn_with_state(budget, memory_use::counted))
         .layer(middleware::from_fn_with_state(api, requests::watched))
 }
 
@@ -59,7 +62,7 @@ async fn metrics(State(api): State<Api>) -> Result<Response, Refusal> {
     /// The text format's own content type.
     const TEXT_FORMAT: &str = "text/plain; version=0.0.4; charset=utf-8";
     let text =
-        metrics::render(api.store(), api.artifacts(), now_ms()).await.map_err(ApiError::from).map_err(Status::from)?;
+        metrics::render(&api.store, &api.artifacts, now_ms()).await.map_err(ApiError::from).map_err(Status::from)?;
     Ok(([(header::CONTENT_TYPE, TEXT_FORMAT)], text).into_response())
 }
 

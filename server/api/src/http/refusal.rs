@@ -1,5 +1,6 @@
 //! gRPC statuses as answers, in either protocol.
 
+use crate::error::ApiError;
 use axum::Json;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -34,8 +35,8 @@ impl From<Status> for Refusal {
     }
 }
 
-impl From<crate::api::ApiError> for Refusal {
-    fn from(error: crate::api::ApiError) -> Self {
+impl From<ApiError> for Refusal {
+    fn from(error: ApiError) -> Self {
         Self(error.into())
     }
 }

@@ -2,7 +2,8 @@
 
 use super::gate::is_grpc;
 use super::refusal::refuse;
-use crate::api::{Api, ApiError};
+use crate::api::Api;
+use crate::error::ApiError;
 use axum::extract::{MatchedPath, Request, State};
 use axum::http::{HeaderMap, HeaderValue};
 use axum::middleware::Next;

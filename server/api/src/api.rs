@@ -1,0 +1,123 @@
+//! What all services share, and the routes of all of them.
+
+use crate::checked_targets::CheckedTargets;
+use crate::decoding::{Decoding, LastReconstructor};
+use crate::error::ApiError;
+use crate::stream_limits::StreamLimits;
+use lightpath_artifacts::Artifacts;
+use lightpath_proto::v1::artifact_service_server::ArtifactServiceServer;
+use lightpath_proto::v1::dataset_service_server::DatasetServiceServer;
+use lightpath_proto::v1::display_service_server::DisplayServiceServer;
+use lightpath_proto::v1::job_service_server::JobServiceServer;
+use lightpath_proto::v1::kernel_service_server::KernelServiceServer;
+use lightpath_store::{QueueLimits, Store};
+use std::time::Duration;
+use tokio::time::timeout;
+use tokio_util::sync::CancellationToken;
+use tonic::service::Routes;
+use tonic_health::server::HealthReporter;
+
+/// Largest message that clients may send \[bytes\]: a chunk of an upload, twice over.
+pub(crate) const MESSAGE_BYTES_MAX: usize = 4 << 20;
+/// A server whose database lets nobody write for this long is not well.
+const WRITE_TURN_MAX: Duration = Duration::from_secs(5);
+
+/// What all services share; cheap to clone.
+#[derive(Clone, Debug)]
+pub struct Api {
+    pub(crate) store: Store,
+    pub(crate) artifacts: Artifacts,
+    pub(crate) queue_limits: QueueLimits,
+    pub(crate) stream_limits: StreamLimits,
+    pub(crate) decoding: Decoding,
+    pub(crate) checked_targets: CheckedTargets,
+    pub(crate) last_reconstructor: LastReconstructor,
+    pub(crate) stopping: CancellationToken,
+}
+
+impl Api {
+    /// `stopping` ends the streams when the server stops.
+    pub fn new(store: Store, artifacts: Artifacts, queue_limits: QueueLimits, stopping: CancellationToken) -> Self {
+        Self {
+            store,
+            artifacts,
+            queue_limits,
+            stream_limits: StreamLimits::default(),
+            decoding: Decoding::default(),
+            checked_targets: CheckedTargets::default(),
+            last_reconstructor: LastReconstructor::default(),
+            stopping,
+        }
+    }
+
+    /// All services, with health and reflection, and the means to say that the server stops.
+    pub fn routes(self) -> Result<(Routes, HealthReporter), tonic_reflection::server::Error> {
+        let (health, health_service) = tonic_health::server::health_reporter();
+        let reflection = || {
+            tonic_reflection::server::Builder::configure()
+                .register_encoded_file_descriptor_set(lightpath_proto::DESCRIPTORS)
+                .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
+        };
+        let limit = MESSAGE_BYTES_MAX;
+        let routes = Routes::default()
+            .add_service(DisplayServiceServer::new(self.clone()).max_decoding_message_size(limit))
+            .add_service(DatasetServiceServer::new(self.clone()).max_decoding_message_size(limit))
+            .add_service(JobServiceServer::new(self.clone()).max_decoding_message_size(limit))
+            .add_service(KernelServiceServer::new(self.clone()).max_decoding_message_size(limit))
+            .add_service(ArtifactServiceServer::new(self).max_decoding_message_size(limit))
+            .add_service(health_service)
+            .add_service(reflection().build_v1()?)
+            .add_service(reflection().build_v1alpha()?);
+        Ok((routes, health))
+    }
+
+    /// Whether requests can be answered and jobs run: the server is not stopping, its database reads and writes, and its
+    /// disk has room.
+    pub async fn is_serving(&self) -> Result<(), ApiError> {
+        if self.is_stopping() {
+            return Err(ApiError::Stopping);
+        }
+        self.artifacts.room_to_start()?;
+        self.store.queue_counts().await?;
+        timeout(WRITE_TURN_MAX, self.store.take_turn()).await.map_err(|_| ApiError::Locked)??;
+        Ok(())
+    }
+
+    /// Whether the server takes no more requests.
+    pub(crate) fn is_stopping(&self) -> bool {
+        self.stopping.is_cancelled()
+    }
+
+    /// Where everything is kept.
+    pub fn store(&self) -> &Store {
+        &self.store
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use lightpath_fixtures::held_by_another;
+    use std::path::Path;
+
+    const DATABASE: &str = "lightpath.db";
+
+    /// The services on an empty database in `folder`.
+    pub(crate) async fn api_in(folder: &Path) -> Api {
+        let store = Store::open(&folder.join(DATABASE)).await.unwrap();
+        Api::new(store, Artifacts::open(folder).unwrap(), QueueLimits::from(10), CancellationToken::new())
+    }
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn a_server_serves_only_while_it_can_write_and_is_not_about_to_stop() {
+        let folder = tempfile::tempdir().unwrap();
+        let api = api_in(folder.path()).await;
+        api.is_serving().await.unwrap();
+        let held = held_by_another(&folder.path().join(DATABASE)).await;
+        assert!(matches!(api.is_serving().await, Err(ApiError::Locked)));
+        drop(held);
+        api.is_serving().await.unwrap();
+        api.stopping.cancel();
+        assert!(matches!(api.is_serving().await, Err(ApiError::Stopping)));
+    }
+}

@@ -1,0 +1,14 @@
+//! Artifacts as messages.
+
+use crate::time::timestamp;
+use lightpath_proto::v1;
+use lightpath_store::ArtifactRecord;
+
+/// The artifact as clients see it.
+pub(crate) fn artifact(record: ArtifactRecord) -> v1::Artifact {
+    v1::Artifact {
+        digest: record.digest,
+        size_bytes: record.size_bytes,
+        create_time: Some(timestamp(record.create_time_ms)),
+    }
+}

@@ -1,0 +1,118 @@
+//! Uploads of artifacts, which can go on after a broken connection.
+
+use super::to_wire;
+use crate::api::Api;
+use crate::error::ApiError;
+use crate::field::Field;
+use crate::time::now_ms;
+use lightpath_artifacts::{ArtifactError, UploadWriter};
+use lightpath_domain::access::Caller;
+use lightpath_proto::v1;
+use lightpath_proto::v1::write_artifact_request::Part;
+use lightpath_store::ArtifactRecord;
+use std::time::Duration;
+use tokio::time::{Instant, sleep, timeout};
+use tonic::Streaming;
+
+/// Largest artifact \[bytes\]: a dense kernel of an 8K display, twice over.
+const ARTIFACT_BYTES_MAX: u64 = 1 << 30;
+/// Largest chunk of an upload \[bytes\]: half a message, so that the rest of the message surely fits.
+const CHUNK_BYTES_MAX: usize = 2 << 20;
+/// An upload that brings nothing for this long has lost its client; what arrived is kept.
+const UPLOAD_IDLE_MAX: Duration = Duration::from_secs(60);
+/// How long an upload waits for another one of the same artifact, which makes it needless.
+const UPLOAD_TURN_MAX: Duration = Duration::from_secs(60);
+const UPLOAD_TURN_POLL: Duration = Duration::from_millis(50);
+
+impl Api {
+    pub(crate) async fn get_upload(
+        &self,
+        caller: &Caller,
+        request: v1::GetUploadRequest,
+    ) -> Result<v1::Upload, ApiError> {
+        let digest = Field::new("digest").digest(&request.digest)?;
+        let (received_bytes, complete) = match self.artifact_in_use(caller, &digest).await? {
+            Some(record) => (record.size_bytes, true),
+            None => (self.artifacts.upload_received(&digest).await?, false),
+        };
+        Ok(v1::Upload { digest, received_bytes, complete })
+    }
+
+    pub(crate) async fn write_artifact(
+        &self,
+        caller: &Caller,
+        mut parts: Streaming<v1::WriteArtifactRequest>,
+    ) -> Result<v1::Artifact, ApiError> {
+        let _permit = self.stream_limits.upload()?;
+        let start = match next_part(&mut parts).await? {
+            Some(Part::Start(start)) => start,
+            Some(Part::Chunk(_)) | None => {
+                return Err(Field::new("start").invalid("is missing, but must come in the first message"));
+            }
+        };
+        Ok(to_wire::artifact(self.receive(caller, start, parts).await?))
+    }
+
+    async fn receive(
+        &self,
+        caller: &Caller,
+        start: v1::WriteArtifactStart,
+        mut parts: Streaming<v1::WriteArtifactRequest>,
+    ) -> Result<ArtifactRecord, ApiError> {
+        let digest = Field::new("start.digest").digest(&start.digest)?;
+        let size_bytes = Field::new("start.size_bytes").integer(start.size_bytes, 0..=ARTIFACT_BYTES_MAX)?;
+        let mut upload = match self.turn(caller, &digest, size_bytes, start.offset_bytes).await? {
+            Turn::Stored(record) => return Ok(record),
+            Turn::Ours(upload) => upload,
+        };
+        while upload.received_bytes() < size_bytes {
+            match next_part(&mut parts).await? {
+                Some(Part::Chunk(chunk)) if chunk.len() <= CHUNK_BYTES_MAX => upload.write(chunk.into()).await?,
+                Some(Part::Chunk(chunk)) => {
+                    let problem = format!("has {} bytes, but at most {CHUNK_BYTES_MAX} are accepted", chunk.len());
+                    return Err(Field::new("chunk").invalid(problem));
+                }
+                Some(Part::Start(_)) => {
+                    return Err(Field::new("start").invalid("comes twice, but must come in the first message only"));
+                }
+                None => break,
+            }
+        }
+        let _publishing = self.artifacts.publishing().await;
+        upload.finish().await?;
+        Ok(self.store.record_artifact(&digest, size_bytes, &caller.name, now_ms()).await?)
+    }
+
+    /// Waits where somebody uploads the same artifact: soon it is here, or it is our turn.
+    async fn turn(&self, caller: &Caller, digest: &str, size_bytes: u64, offset_bytes: u64) -> Result<Turn, ApiError> {
+        let until = Instant::now() + UPLOAD_TURN_MAX;
+        loop {
+            if let Some(record) = self.artifact_in_use(caller, digest).await? {
+                return Ok(Turn::Stored(record));
+            }
+            self.artifacts.admit(size_bytes.saturating_sub(offset_bytes))?;
+            let stored_bytes_max = self.queue_limits.stored_bytes_per_owner;
+            self.store.require_owner_room(&caller.name, size_bytes, stored_bytes_max).await?;
+            match self.artifacts.upload(digest, size_bytes, offset_bytes).await {
+                Err(ArtifactError::UploadBusy { .. }) if Instant::now() < until => sleep(UPLOAD_TURN_POLL).await,
+                upload => return Ok(Turn::Ours(upload?)),
+            }
+        }
+    }
+}
+
+/// How waiting for an upload ended.
+enum Turn {
+    /// The artifact is stored.
+    Stored(ArtifactRecord),
+    /// Nobody else uploads it.
+    Ours(UploadWriter),
+}
+
+async fn next_part(parts: &mut Streaming<v1::WriteArtifactRequest>) -> Result<Option<Part>, ApiError> {
+    let message = timeout(UPLOAD_IDLE_MAX, parts.message()).await.map_err(|_| ApiError::Idle(UPLOAD_IDLE_MAX))?;
+    match message.map_err(|status| ApiError::Stream(Box::new(status)))? {
+        None => Ok(None),
+        Some(message) => Ok(Some(Field::new("part").required(message.part)?)),
+    }
+}

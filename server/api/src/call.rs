@@ -1,0 +1,90 @@
+//! From a gRPC request to the method that handles it, and from its result to the answer.
+//!
+//! The gate puts the [`Caller`] into the request's extensions. A request that reaches a service without one has not passed
+//! the gate, and is refused.
+
+use crate::api::Api;
+use crate::error::ApiError;
+use futures::StreamExt as _;
+use futures::stream::BoxStream;
+use lightpath_domain::access::Caller;
+use tonic::{Request, Response, Status};
+
+/// What a method with a stream of answers gives.
+pub(crate) type Answers<A> = BoxStream<'static, Result<A, ApiError>>;
+
+/// The same stream for tonic.
+pub(crate) type StatusStream<A> = BoxStream<'static, Result<A, Status>>;
+
+impl Api {
+    /// Handles a request with one answer.
+    ///
+    /// # Errors
+    ///
+    /// The status of the [`ApiError`] of `handle`; UNAUTHENTICATED where the request has no caller.
+    pub(crate) async fn answer<Q, A>(
+        &self,
+        mut request: Request<Q>,
+        handle: impl AsyncFnOnce(&Self, &Caller, Q) -> Result<A, ApiError>,
+    ) -> Result<Response<A>, Status> {
+        let caller = request.extensions_mut().remove::<Caller>().ok_or(ApiError::NoCaller)?;
+        Ok(Response::new(handle(self, &caller, request.into_inner()).await?))
+    }
+
+    /// Handles a request with a stream of answers.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::answer`]; an error later in the stream ends it with its status.
+    pub(crate) async fn answer_with_stream<Q, A: 'static>(
+        &self,
+        request: Request<Q>,
+        handle: impl AsyncFnOnce(&Self, &Caller, Q) -> Result<Answers<A>, ApiError>,
+    ) -> Result<Response<StatusStream<A>>, Status> {
+        let answer = self.answer(request, handle).await?;
+        Ok(answer.map(|answers| answers.map(|answer| answer.map_err(Status::from)).boxed()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::api::tests::api_in;
+    use crate::rules::METHODS;
+    use axum::body::Body;
+    use tonic::Code;
+    use tonic::codegen::{Service as _, http};
+
+    /// How every method answers an empty message.
+    async fn codes(api: Api, caller: Option<Caller>) -> Vec<(&'static str, Code)> {
+        let mut routes = api.routes().unwrap().0.into_axum_router();
+        let mut codes = Vec::new();
+        for (method, _) in METHODS {
+            let request = http::Request::post(format!("/lightpath.v1.{method}"))
+                .header("content-type", "application/grpc")
+                // Not compressed, and of no bytes.
+                .body(Body::from(vec![0_u8; 5]));
+            let mut request = request.unwrap();
+            caller.clone().map(|caller| request.extensions_mut().insert(caller));
+            let answer = routes.call(request).await.unwrap();
+            let status = answer.headers().get("grpc-status");
+            codes.push((*method, status.map_or(Code::Ok, |status| Code::from_bytes(status.as_bytes()))));
+        }
+        codes
+    }
+
+    #[tokio::test]
+    async fn no_method_answers_a_call_without_a_caller() {
+        let folder = tempfile::tempdir().unwrap();
+        let api = api_in(folder.path()).await;
+        for (method, code) in codes(api.clone(), None).await {
+            assert_eq!(code, Code::Unauthenticated, "{method}");
+        }
+        for (method, code) in codes(api, Some(Caller::anybody())).await {
+            assert!(
+                !matches!(code, Code::Unauthenticated | Code::Unimplemented | Code::Internal),
+                "{method}: {code:?}"
+            );
+        }
+    }
+}

@@ -1,0 +1,101 @@
+//! The dataset service.
+
+use super::from_wire::encoding;
+use super::to_wire;
+use crate::api::Api;
+use crate::error::ApiError;
+use crate::field::Field;
+use crate::names;
+use crate::pages::Page;
+use crate::permissions::require_display;
+use crate::time::now_ms;
+use lightpath_domain::access::Caller;
+use lightpath_domain::dataset::{Dataset, Encoding};
+use lightpath_proto::v1;
+use lightpath_proto::v1::dataset_service_server::DatasetService;
+use tonic::{Request, Response, Status};
+
+#[tonic::async_trait]
+impl DatasetService for Api {
+    async fn create_dataset(
+        &self,
+        request: Request<v1::CreateDatasetRequest>,
+    ) -> Result<Response<v1::Dataset>, Status> {
+        self.answer(request, Self::create_dataset).await
+    }
+
+    async fn get_dataset(&self, request: Request<v1::GetDatasetRequest>) -> Result<Response<v1::Dataset>, Status> {
+        self.answer(request, Self::get_dataset).await
+    }
+
+    async fn list_datasets(
+        &self,
+        request: Request<v1::ListDatasetsRequest>,
+    ) -> Result<Response<v1::ListDatasetsResponse>, Status> {
+        self.answer(request, Self::list_datasets).await
+    }
+
+    async fn add_pair(&self, request: Request<v1::AddPairRequest>) -> Result<Response<v1::Dataset>, Status> {
+        self.answer(request, Self::add_pair).await
+    }
+
+    async fn create_calibration_target(
+        &self,
+        request: Request<v1::CreateCalibrationTargetRequest>,
+    ) -> Result<Response<v1::CalibrationTarget>, Status> {
+        self.answer(request, Self::create_calibration_target).await
+    }
+
+    async fn align_dataset(&self, request: Request<v1::AlignDatasetRequest>) -> Result<Response<v1::Dataset>, Status> {
+        self.answer(request, Self::align_dataset).await
+    }
+
+    async fn finalize_dataset(
+        &self,
+        request: Request<v1::FinalizeDatasetRequest>,
+    ) -> Result<Response<v1::Dataset>, Status> {
+        self.answer(request, Self::finalize_dataset).await
+    }
+}
+
+impl Api {
+    async fn create_dataset(
+        &self,
+        caller: &Caller,
+        request: v1::CreateDatasetRequest,
+    ) -> Result<v1::Dataset, ApiError> {
+        let field = Field::new("dataset");
+        let message = field.required(request.dataset)?;
+        let dataset = self.new_dataset(caller, &message, &field).await?;
+        Ok(to_wire::dataset(self.store.create_dataset(&dataset, now_ms()).await?))
+    }
+
+    async fn get_dataset(&self, caller: &Caller, request: v1::GetDatasetRequest) -> Result<v1::Dataset, ApiError> {
+        let id = names::dataset_id(&Field::new("name"), &request.name)?;
+        let dataset = self.store.dataset(&id).await?;
+        require_display(caller, &dataset.display)?;
+        Ok(to_wire::dataset(dataset))
+    }
+
+    async fn list_datasets(
+        &self,
+        caller: &Caller,
+        request: v1::ListDatasetsRequest,
+    ) -> Result<v1::ListDatasetsResponse, ApiError> {
+        let display = names::display_filter(caller, &Field::new("display"), &request.display)?;
+        let page = Page::new(&["datasets", &request.display], request.page_size, &request.page_token)?;
+        let datasets = self.store.datasets(display.as_deref(), page.after.as_deref(), page.limit()).await?;
+        let (datasets, next_page_token) = page.fill(datasets, |dataset| dataset.id.clone(), to_wire::dataset);
+        Ok(v1::ListDatasetsResponse { datasets, next_page_token })
+    }
+
+    async fn new_dataset(&self, caller: &Caller, message: &v1::Dataset, field: &Field) -> Result<Dataset, ApiError> {
+        let id = names::dataset_id(&field.at("name"), &message.name)?;
+        let display = self.display_named(caller, &field.at("display"), &message.display).await?;
+        let wavelength = field.at("wavelength_m").wavelength_of(message.wavelength_m, &display)?;
+        let distance = field.at("distance_m").distance(message.distance_m)?;
+        let encoding = encoding(&field.at("photo_encoding"), message.photo_encoding, Encoding::Linear)?;
+        let photo_bit_depth = field.at("photo_bit_depth").integer_or(message.photo_bit_depth, 0, 8..=16)?;
+        Ok(Dataset { photo_bit_depth, ..Dataset::empty(id, display.id, wavelength, distance, encoding) })
+    }
+}

@@ -1,0 +1,188 @@
+//! Checking the displays that clients declare.
+
+use crate::error::ApiError;
+use crate::field::Field;
+use crate::names;
+use lightpath_domain::access::Caller;
+use lightpath_domain::display::{Carrier, Display, SimulatedBench};
+use lightpath_domain::planning;
+use lightpath_domain::units::Wavelength;
+use lightpath_proto::v1;
+use std::f64::consts::PI;
+use std::ops::RangeInclusive;
+
+/// Sides of an SLM \[px\]: below, there is nothing to diffract; above, no SLM exists and a padded field would not fit
+/// into memory.
+const SIDE_PX: RangeInclusive<u32> = 16..=8192;
+/// Pixel pitches of SLMs, with room on either end \[m\].
+const PIXEL_PITCH_M: RangeInclusive<f64> = 1e-7..=1e-3;
+/// What the levels' 16-bit PNGs can hold.
+const BIT_DEPTH: RangeInclusive<u32> = 1..=16;
+/// Most wavelengths that one display is lit with: more than any multi-colour projector has.
+const WAVELENGTHS_MAX: usize = 16;
+/// Largest phase \[rad\] in a response: some 160 wavelengths of modulation; f32 keeps a thousandth of it exactly.
+const PHASE_RAD_MAX: f64 = 1000.0;
+/// Longest notes \[bytes\]: a page of text.
+const NOTES_BYTES_MAX: usize = 4096;
+
+/// The display that a client declares.
+pub(crate) fn display(caller: &Caller, message: v1::Display, field: &Field) -> Result<Display, ApiError> {
+    let at = |name| field.at(name);
+    let bit_depth = at("bit_depth").integer_or(message.bit_depth, 8, BIT_DEPTH)?;
+    let bench = message.simulated_bench;
+    let response = message.phase_response;
+    Ok(Display {
+        id: names::display_id(caller, &at("name"), &message.name)?,
+        width_px: at("width_px").integer(message.width_px, SIDE_PX)?,
+        height_px: at("height_px").integer(message.height_px, SIDE_PX)?,
+        pixel_pitch_m: pixel_pitch(&at("pixel_pitch_m"), message.pixel_pitch_m)?,
+        bit_depth,
+        wavelengths: wavelengths(&at("wavelengths_m"), &message.wavelengths_m)?,
+        phase_response_rad: response.map(|it| phases(&at("phase_response"), it.phase_rad, bit_depth)).transpose()?,
+        carrier: at("carrier").known(message.carrier, |value| match v1::Carrier::try_from(value).ok()? {
+            v1::Carrier::Unspecified => Some(None),
+            v1::Carrier::HalfOrderX => Some(Some(Carrier::HalfOrderX)),
+            v1::Carrier::HalfOrderY => Some(Some(Carrier::HalfOrderY)),
+        })?,
+        notes: at("notes").text(message.notes, NOTES_BYTES_MAX)?,
+        simulated_bench: bench.map(|it| simulated_bench(it, &at("simulated_bench"))).transpose()?,
+    })
+}
+
+fn pixel_pitch(field: &Field, value: f64) -> Result<f64, ApiError> {
+    if PIXEL_PITCH_M.contains(&value) {
+        return Ok(value);
+    }
+    Err(field.invalid(format!("is {value}, but must be 1e-7 to 1e-3 m (8 µm is 8e-6)")))
+}
+
+fn wavelengths(field: &Field, values: &[f64]) -> Result<Vec<Wavelength>, ApiError> {
+    if values.is_empty() {
+        return Err(field.invalid("is empty, but a display needs at least one wavelength"));
+    }
+    if values.len() > WAVELENGTHS_MAX {
+        return Err(field.invalid(format!("has {} values, but at most {WAVELENGTHS_MAX} are accepted", values.len())));
+    }
+    let one = |(i, &value)| field.index(i).wavelength(value);
+    let mut wavelengths: Vec<_> = values.iter().enumerate().map(one).collect::<Result<_, _>>()?;
+    wavelengths.sort_unstable();
+    match wavelengths.windows(2).find(|pair| pair[0] == pair[1]) {
+        Some(pair) => Err(field.invalid(format!("names {} twice, but each wavelength counts once", pair[0]))),
+        None => Ok(wavelengths),
+    }
+}
+
+fn phases(field: &Field, phase_rad: Vec<f64>, bit_depth: u32) -> Result<Vec<f64>, ApiError> {
+    let field = field.at("phase_rad");
+    let levels = 1_usize << bit_depth;
+    if phase_rad.len() != levels {
+        let count = phase_rad.len();
+        return Err(field.invalid(format!("has {count} values, but must have one for each of the {levels} levels")));
+    }
+    for (i, &phase) in phase_rad.iter().enumerate() {
+        field.index(i).number(phase, -PHASE_RAD_MAX..=PHASE_RAD_MAX)?;
+    }
+    let least = phase_rad.iter().copied().fold(f64::INFINITY, f64::min);
+    let most = phase_rad.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    if most - least < PI {
+        return Err(field.invalid(format!("spans {} rad, but must span at least π", most - least)));
+    }
+    Ok(phase_rad)
+}
+
+fn simulated_bench(bench: v1::SimulatedBench, field: &Field) -> Result<SimulatedBench, ApiError> {
+    let or = |value: f64, default: f64| if value == 0.0 { default } else { value };
+    let drawn = SimulatedBench {
+        seed: bench.seed,
+        strength: or(bench.strength, 1.0),
+        camera_noise: or(bench.camera_noise, 0.003),
+        misalignment_px: bench.misalignment_px,
+        rotation_deg: bench.rotation_deg,
+        blur_px: bench.blur_px,
+        full_well_electrons: bench.full_well_electrons,
+        speckle_contrast: bench.speckle_contrast,
+        crosstalk_px: bench.crosstalk_px,
+        flicker: bench.flicker,
+        drift_px_per_hour: bench.drift_px_per_hour,
+        dimming_per_hour: bench.dimming_per_hour,
+        rail_tilt_deg: bench.rail_tilt_deg,
+        aberrations_at_m: bench.aberrations_at_m,
+        field_aberration_rad: bench.field_aberration_rad,
+    };
+    for (name, value, least, most, _) in planning::imperfections(drawn).ranges() {
+        field.at(name).number(value, least..=most)?;
+    }
+    Ok(drawn)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::displays::to_wire;
+
+    fn message() -> v1::Display {
+        v1::Display {
+            name: "displays/lab-2".into(),
+            width_px: 1920,
+            height_px: 1080,
+            pixel_pitch_m: 8e-6,
+            bit_depth: 2,
+            wavelengths_m: vec![639e-9, 515e-9],
+            phase_response: Some(v1::PhaseResponse { phase_rad: vec![0.0, 1.0, 2.0, 4.0] }),
+            carrier: v1::Carrier::HalfOrderY.into(),
+            notes: "bench 2".into(),
+            simulated_bench: Some(v1::SimulatedBench { seed: 7, ..Default::default() }),
+            create_time: None,
+        }
+    }
+
+    fn refusal(change: impl Fn(&mut v1::Display)) -> String {
+        let mut message = message();
+        change(&mut message);
+        display(&Caller::anybody(), message, &Field::new("display")).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn displays_come_back_with_defaults_filled_in() {
+        let domain = display(&Caller::anybody(), message(), &Field::new("display")).unwrap();
+        let back = to_wire::display(domain.clone(), 1_500);
+        assert_eq!(back.wavelengths_m, [515e-9, 639e-9]);
+        assert_eq!(back.simulated_bench.as_ref().unwrap().strength, 1.0);
+        assert_eq!(back.create_time.unwrap().nanos, 500_000_000);
+        assert_eq!(display(&Caller::anybody(), back, &Field::new("display")).unwrap(), domain);
+    }
+
+    #[test]
+    fn every_field_is_checked() {
+        for (refusal, start) in [
+            (refusal(|d| d.pixel_pitch_m = 0.0), "display.pixel_pitch_m is 0, but"),
+            (refusal(|d| d.pixel_pitch_m = -8e-6), "display.pixel_pitch_m is -0.000008, but"),
+            (refusal(|d| d.pixel_pitch_m = f64::NAN), "display.pixel_pitch_m is NaN, but"),
+            (refusal(|d| d.width_px = 15), "display.width_px is 15, but must be 16 to 8192"),
+            (refusal(|d| d.height_px = 8193), "display.height_px is 8193"),
+            (refusal(|d| d.bit_depth = 17), "display.bit_depth is 17"),
+            (refusal(|d| d.bit_depth = 8), "display.phase_response.phase_rad has 4 values, but"),
+            (refusal(|d| d.wavelengths_m.clear()), "display.wavelengths_m is empty"),
+            (refusal(|d| d.wavelengths_m[1] = f64::INFINITY), "display.wavelengths_m[1] is inf"),
+            (refusal(|d| d.wavelengths_m[1] = 639.000_000_1e-9), "display.wavelengths_m names 639nm twice"),
+            (refusal(|d| d.wavelengths_m = vec![5e-7; 17]), "display.wavelengths_m has 17 values"),
+            (refusal(|d| d.carrier = 9), "display.carrier is 9, which is no value"),
+            (refusal(|d| d.notes = "x".repeat(4097)), "display.notes has 4097 bytes"),
+            (refusal(|d| d.name = "lab".into()), "display.name is \"lab\", but must be displays/{id}"),
+            (
+                refusal(|d| d.simulated_bench.as_mut().unwrap().strength = -1.0),
+                "display.simulated_bench.strength is -1",
+            ),
+            (
+                refusal(|d| d.phase_response.as_mut().unwrap().phase_rad[3] = 1.5),
+                "display.phase_response.phase_rad spans 2",
+            ),
+            (
+                refusal(|d| d.phase_response.as_mut().unwrap().phase_rad[0] = f64::NAN),
+                "display.phase_response.phase_rad[0] is NaN",
+            ),
+        ] {
+            assert!(refusal.starts_with(start), "{refusal}");
+        }
+    }
+}

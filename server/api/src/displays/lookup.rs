@@ -1,0 +1,20 @@
+//! Finding the display that a field names.
+
+use crate::api::Api;
+use crate::error::ApiError;
+use crate::field::Field;
+use crate::names;
+use lightpath_domain::access::Caller;
+use lightpath_domain::display::Display;
+use lightpath_store::StoreError;
+
+impl Api {
+    /// The display that a field names.
+    pub(crate) async fn display_named(&self, caller: &Caller, field: &Field, name: &str) -> Result<Display, ApiError> {
+        let id = names::display_id(caller, field, name)?;
+        match self.store.display(&id).await {
+            Err(StoreError::NotFound { what }) => Err(field.missing(what, "create it first")),
+            other => Ok(other?.0),
+        }
+    }
+}

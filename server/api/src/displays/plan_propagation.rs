@@ -1,0 +1,75 @@
+//! Planning how light gets from a display to its image.
+
+use crate::api::Api;
+use crate::error::ApiError;
+use crate::field::Field;
+use crate::optics::from_wire::propagation_method;
+use crate::optics::propagation_checks::{distance_refusal, is_optimizable, method_refusal};
+use crate::optics::to_wire;
+use lightpath_domain::access::Caller;
+use lightpath_domain::planning;
+use lightpath_optics::propagation::{self, PropagationMethod, assess, plan_onto};
+use lightpath_optics::{Error, OpticalSetup};
+use lightpath_proto::v1;
+
+impl Api {
+    /// Plans how light gets from a display to a distance or a window, and says which other methods could.
+    pub(crate) async fn plan_propagation(
+        &self,
+        caller: &Caller,
+        request: v1::PlanPropagationRequest,
+    ) -> Result<v1::PlanPropagationResponse, ApiError> {
+        let display = self.display_named(caller, &Field::new("display"), &request.display).await?;
+        let wavelength = Field::new("wavelength_m").wavelength_of(request.wavelength_m, &display)?;
+        let field = Field::new("distance_m");
+        let distance = field.distance(request.distance_m)?;
+        let setup = planning::setup(&display, wavelength, distance).map_err(|error| field.invalid(error))?;
+        let method = propagation_method(&Field::new("method"), request.method)?;
+        let report = match (request.window, method) {
+            (Some(_), Some(_)) => {
+                return Err(
+                    Field::new("method").invalid("is given beside a window, but the planner chooses for windows")
+                );
+            }
+            (Some(window), None) => {
+                let window = image_window(window, &Field::new("window"))?;
+                let found =
+                    plan_onto(&setup, &window).map_err(|error| method_refusal(&Field::new("window"), &error))?;
+                planning::report(&found)
+            }
+            (None, Some(method)) => {
+                let found = assess(&setup, planning::to_optics(method));
+                planning::report(&found.map_err(|error| method_refusal(&Field::new("method"), &error))?)
+            }
+            (None, None) => {
+                planning::planned(setup, None).map_err(|error| distance_refusal(&field, distance, &error))?.1
+            }
+        };
+        let alternatives = PropagationMethod::ALL.into_iter().map(|method| alternative(&setup, method)).collect();
+        Ok(v1::PlanPropagationResponse { report: Some(to_wire::validity_report(report)), alternatives })
+    }
+}
+
+fn alternative(setup: &OpticalSetup, method: PropagationMethod) -> v1::PropagationAlternative {
+    let (possible, text) = match assess(setup, method) {
+        Ok(report) => {
+            let texts: Vec<String> = report.warnings.into_iter().map(|warning| warning.text).collect();
+            (true, texts.join("; "))
+        }
+        Err(Error::Unsuitable { reason, .. }) => (false, reason),
+        Err(other) => (false, other.to_string()),
+    };
+    let optimizable = possible && is_optimizable(method);
+    let method = to_wire::propagation_method(planning::from_optics(method)).into();
+    v1::PropagationAlternative { method, possible, optimizable, text }
+}
+
+fn image_window(window: v1::ImageWindow, field: &Field) -> Result<propagation::ImageWindow, ApiError> {
+    let v1::ImageWindow { width_px, height_px, pitch_x_m, pitch_y_m, centre_x_m, centre_y_m } = window;
+    if pitch_y_m != 0.0 && pitch_y_m != pitch_x_m {
+        return Err(field.at("pitch_y_m").invalid(format!("is {pitch_y_m}, but must be pitch_x_m, {pitch_x_m}, or 0")));
+    }
+    let size = propagation::ImageWindow::try_new(height_px as usize, width_px as usize, pitch_x_m);
+    let placed = size.and_then(|window| window.centred_at(centre_x_m, centre_y_m));
+    placed.map_err(|error| field.invalid(format!("is not possible: {error}")))
+}

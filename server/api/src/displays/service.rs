@@ -1,0 +1,90 @@
+//! The display service.
+
+use super::{from_wire, to_wire};
+use crate::api::Api;
+use crate::error::ApiError;
+use crate::field::Field;
+use crate::names;
+use crate::pages::Page;
+use crate::time::now_ms;
+use lightpath_domain::access::Caller;
+use lightpath_proto::v1;
+use lightpath_proto::v1::display_service_server::DisplayService;
+use tonic::{Request, Response, Status};
+
+#[tonic::async_trait]
+impl DisplayService for Api {
+    async fn create_display(
+        &self,
+        request: Request<v1::CreateDisplayRequest>,
+    ) -> Result<Response<v1::Display>, Status> {
+        self.answer(request, Self::create_display).await
+    }
+
+    async fn get_display(&self, request: Request<v1::GetDisplayRequest>) -> Result<Response<v1::Display>, Status> {
+        self.answer(request, Self::get_display).await
+    }
+
+    async fn list_displays(
+        &self,
+        request: Request<v1::ListDisplaysRequest>,
+    ) -> Result<Response<v1::ListDisplaysResponse>, Status> {
+        self.answer(request, Self::list_displays).await
+    }
+
+    async fn plan_propagation(
+        &self,
+        request: Request<v1::PlanPropagationRequest>,
+    ) -> Result<Response<v1::PlanPropagationResponse>, Status> {
+        self.answer(request, Self::plan_propagation).await
+    }
+
+    async fn delete_display(
+        &self,
+        request: Request<v1::DeleteDisplayRequest>,
+    ) -> Result<Response<v1::DeleteDisplayResponse>, Status> {
+        self.answer(request, Self::delete_display).await
+    }
+}
+
+impl Api {
+    async fn create_display(
+        &self,
+        caller: &Caller,
+        request: v1::CreateDisplayRequest,
+    ) -> Result<v1::Display, ApiError> {
+        let field = Field::new("display");
+        let display = from_wire::display(caller, field.required(request.display)?, &field)?;
+        let (display, create_time_ms) = self.store.create_display(&display, now_ms()).await?;
+        Ok(to_wire::display(display, create_time_ms))
+    }
+
+    async fn get_display(&self, caller: &Caller, request: v1::GetDisplayRequest) -> Result<v1::Display, ApiError> {
+        let id = names::display_id(caller, &Field::new("name"), &request.name)?;
+        let (display, create_time_ms) = self.store.display(&id).await?;
+        Ok(to_wire::display(display, create_time_ms))
+    }
+
+    async fn list_displays(
+        &self,
+        caller: &Caller,
+        request: v1::ListDisplaysRequest,
+    ) -> Result<v1::ListDisplaysResponse, ApiError> {
+        let page = Page::new(&["displays"], request.page_size, &request.page_token)?;
+        let displays = self.store.displays(page.after.as_deref(), page.limit()).await?;
+        let to_wire = |(display, time_ms)| to_wire::display(display, time_ms);
+        let (mut displays, next_page_token) = page.fill(displays, |(display, _)| display.id.clone(), to_wire);
+        displays.retain(|display| display.name.strip_prefix("displays/").is_some_and(|id| caller.may_use(id)));
+        Ok(v1::ListDisplaysResponse { displays, next_page_token })
+    }
+
+    async fn delete_display(
+        &self,
+        caller: &Caller,
+        request: v1::DeleteDisplayRequest,
+    ) -> Result<v1::DeleteDisplayResponse, ApiError> {
+        let id = names::display_id(caller, &Field::new("name"), &request.name)?;
+        self.store.delete_display(&id).await?;
+        Ok(v1::DeleteDisplayResponse {})
+    }
+}

@@ -1,0 +1,170 @@
+//! Checking what clients send, field by field: every refusal names the field's path and what would be right.
+
+use crate::error::ApiError;
+use lightpath_domain::units::{Distance, Wavelength};
+use std::fmt::{self, Display};
+use std::ops::RangeInclusive;
+
+/// The path of a field in a request, for example `spec.optimize_hologram.distance_m`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Field(String);
+
+impl Display for Field {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl Field {
+    pub(crate) fn new(name: &str) -> Self {
+        Self(name.to_owned())
+    }
+
+    /// A field of this message.
+    pub(crate) fn at(&self, name: &str) -> Self {
+        Self(format!("{}.{name}", self.0))
+    }
+
+    /// An element of this list.
+    pub(crate) fn index(&self, i: usize) -> Self {
+        Self(format!("{}[{i}]", self.0))
+    }
+
+    /// "`distance_m` is NaN, but must be …": `problem` goes on from the field's name.
+    pub(crate) fn invalid(&self, problem: impl Display) -> ApiError {
+        ApiError::Invalid { field: self.0.clone(), problem: problem.to_string() }
+    }
+
+    /// What this field names is not there; `fix` says what to do.
+    pub(crate) fn missing(&self, what: impl Into<String>, fix: &'static str) -> ApiError {
+        ApiError::Missing { field: self.0.clone(), what: what.into(), fix }
+    }
+
+    /// The value of a field that must be set.
+    pub(crate) fn required<T>(&self, value: Option<T>) -> Result<T, ApiError> {
+        value.ok_or_else(|| self.invalid("is not set, but is required"))
+    }
+
+    pub(crate) fn number(&self, value: f64, allowed: RangeInclusive<f64>) -> Result<f64, ApiError> {
+        if allowed.contains(&value) {
+            return Ok(value);
+        }
+        Err(self.invalid(format!("is {value}, but must be {} to {}", allowed.start(), allowed.end())))
+    }
+
+    /// `default` where the value is 0.
+    pub(crate) fn number_or(&self, value: f64, default: f64, allowed: RangeInclusive<f64>) -> Result<f64, ApiError> {
+        if value == 0.0 { Ok(default) } else { self.number(value, allowed) }
+    }
+
+    pub(crate) fn integer<T: PartialOrd + Display>(&self, value: T, allowed: RangeInclusive<T>) -> Result<T, ApiError> {
+        if allowed.contains(&value) {
+            return Ok(value);
+        }
+        Err(self.invalid(format!("is {value}, but must be {} to {}", allowed.start(), allowed.end())))
+    }
+
+    /// `default` where the value is 0.
+    pub(crate) fn integer_or(&self, value: u32, default: u32, allowed: RangeInclusive<u32>) -> Result<u32, ApiError> {
+        if value == 0 { Ok(default) } else { self.integer(value, allowed) }
+    }
+
+    pub(crate) fn text(&self, value: String, bytes_max: usize) -> Result<String, ApiError> {
+        if value.len() > bytes_max {
+            return Err(self.invalid(format!("has {} bytes, but at most {bytes_max} are accepted", value.len())));
+        }
+        Ok(value)
+    }
+
+    /// A value of an enumeration; `from` tells the known numbers.
+    pub(crate) fn known<T>(&self, value: i32, from: impl Fn(i32) -> Option<T>) -> Result<T, ApiError> {
+        from(value).ok_or_else(|| self.invalid(format!("is {value}, which is no value of that enumeration")))
+    }
+
+    pub(crate) fn distance(&self, value: f64) -> Result<Distance, ApiError> {
+        let allowed = format!("within ±{} m and not 0", Distance::MAX_M);
+        Distance::from_m(value).ok_or_else(|| self.invalid(format!("is {value}, but must be {allowed}")))
+    }
+
+    pub(crate) fn wavelength(&self, value: f64) -> Result<Wavelength, ApiError> {
+        let allowed = format!("{:e} to {:e} m", Wavelength::MIN_M, Wavelength::MAX_M);
+        Wavelength::from_m(value).ok_or_else(|| self.invalid(format!("is {value}, but must be {allowed}")))
+    }
+
+    /// One of the display's wavelengths; 0 means its only one.
+    pub(crate) fn wavelength_of(
+        &self,
+        value: f64,
+        display: &lightpath_domain::display::Display,
+    ) -> Result<Wavelength, ApiError> {
+        let list = || display.wavelengths.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
+        let name = format!("displays/{}", display.id);
+        if value == 0.0 {
+            let [only] = display.wavelengths[..] else {
+                return Err(self.invalid(format!("is not given, but {name} has several: name one of {}", list())));
+            };
+            return Ok(only);
+        }
+        let wavelength = self.wavelength(value)?;
+        if !display.wavelengths.contains(&wavelength) {
+            let problem = format!("is {wavelength}, but must be one of {}, those of {name}", list());
+            return Err(self.invalid(problem));
+        }
+        Ok(wavelength)
+    }
+
+    /// An artifact's name: `sha256-` and 64 hexadecimal digits.
+    pub(crate) fn digest(&self, value: &str) -> Result<String, ApiError> {
+        let is_digest = value.strip_prefix("sha256-").is_some_and(|hex| {
+            hex.len() == 64 && hex.bytes().all(|byte| byte.is_ascii_digit() || (b'a'..=b'f').contains(&byte))
+        });
+        if is_digest {
+            return Ok(value.to_owned());
+        }
+        let shown = if value.is_empty() { "empty".to_owned() } else { format!("{:?}", shortened(value)) };
+        Err(self.invalid(format!("is {shown}, but must be an artifact, sha256- and 64 lower-case hexadecimal digits")))
+    }
+}
+
+/// Enough of a text to recognize it in a message.
+pub(crate) fn shortened(text: &str) -> &str {
+    const CHARACTERS_MAX: usize = 80;
+    text.char_indices().nth(CHARACTERS_MAX).map_or(text, |(end, _)| &text[..end])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn refusals_name_the_field_and_the_fix() {
+        let spec = Field::new("spec").at("optimize_hologram");
+        let message = spec.at("distance_m").distance(f64::NAN).unwrap_err().to_string();
+        assert_eq!(message, "spec.optimize_hologram.distance_m is NaN, but must be within ±10 m and not 0");
+        let message = Field::new("display").at("pixel_pitch_m").number(-1.0, 1e-7..=1e-3).unwrap_err().to_string();
+        assert_eq!(message, "display.pixel_pitch_m is -1, but must be 0.0000001 to 0.001");
+        let message = Field::new("pair").at("phase").digest("").unwrap_err().to_string();
+        assert!(message.starts_with("pair.phase is empty, but must be an artifact"), "{message}");
+    }
+
+    #[test]
+    fn digests_are_exact() {
+        let field = Field::new("digest");
+        let good = format!("sha256-{}", "0a".repeat(32));
+        assert_eq!(field.digest(&good).unwrap(), good);
+        for bad in [good.to_uppercase(), good[..70].to_owned(), format!("{good}0"), good.replace("sha256-", "")] {
+            assert!(field.digest(&bad).is_err(), "{bad}");
+        }
+        assert!(field.digest("sha256-../../../../../../../../../../../etc/passwd-------------------").is_err());
+    }
+
+    #[test]
+    fn numbers_that_are_none_are_in_no_range() {
+        let field = Field::new("x");
+        for bad in [f64::NAN, f64::INFINITY, -0.1, 1.1] {
+            assert!(field.number(bad, 0.0..=1.0).is_err());
+        }
+        assert_eq!(field.number_or(0.0, 0.3, 0.1..=1.0).unwrap(), 0.3);
+        assert!(field.number_or(f64::NAN, 0.3, 0.1..=1.0).is_err());
+    }
+}

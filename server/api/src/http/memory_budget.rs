@@ -1,0 +1,113 @@
+//! How many bytes calls under way may hold: those of each address, and all together.
+
+use crate::error::ApiError;
+use std::collections::HashMap;
+use std::mem;
+use std::net::IpAddr;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+/// Quarters of the budget that one address may take, so that there is room for others.
+const PEER_QUARTERS: usize = 3;
+/// When to try again: messages come and go within this, unless their clients are slow.
+const RETRY: Duration = Duration::from_secs(1);
+
+/// The bytes that are held, and their limit.
+#[derive(Debug)]
+pub struct MemoryBudget {
+    bytes_max: usize,
+    /// Held for a look and a sum.
+    held: Mutex<Held>,
+}
+
+#[derive(Debug, Default)]
+struct Held {
+    all: usize,
+    /// Only of those who hold any, so that it is no longer than there are calls.
+    of: HashMap<Option<IpAddr>, usize>,
+}
+
+/// Bytes of the budget; given back on drop.
+#[derive(Debug)]
+pub(super) struct Share {
+    budget: Arc<MemoryBudget>,
+    peer: Option<IpAddr>,
+    bytes: usize,
+}
+
+impl MemoryBudget {
+    /// At most this many bytes; 0: no limit.
+    pub fn new(bytes_max: u64) -> Self {
+        let bytes_max = if bytes_max == 0 { usize::MAX } else { usize::try_from(bytes_max).unwrap_or(usize::MAX) };
+        Self { bytes_max, held: Mutex::default() }
+    }
+
+    /// Takes `bytes` for a call from `peer`, or says when to come again.
+    pub(super) fn take(self: &Arc<Self>, peer: Option<IpAddr>, bytes: usize) -> Result<Share, ApiError> {
+        let mut held = self.held.lock().unwrap_or_else(PoisonError::into_inner);
+        let own = held.of.get(&peer).copied().unwrap_or_default();
+        if own + bytes > self.bytes_max / 4 * PEER_QUARTERS {
+            return Err(exhausted("calls from your address hold as many bytes as one address may have under way"));
+        }
+        if held.all + bytes > self.bytes_max {
+            return Err(exhausted("calls hold as many bytes as all together may have under way"));
+        }
+        held.all += bytes;
+        held.of.insert(peer, own + bytes);
+        Ok(Share { budget: Arc::clone(self), peer, bytes })
+    }
+}
+
+fn exhausted(message: &str) -> ApiError {
+    let message = format!("{message}; come again when some of them have ended");
+    ApiError::Exhausted { reason: "TOO_MUCH_UNDER_WAY", message, retry_after: RETRY }
+}
+
+impl Share {
+    /// Takes more.
+    pub(super) fn grow(&mut self, bytes: usize) -> Result<(), ApiError> {
+        let mut more = self.budget.take(self.peer, bytes)?;
+        self.bytes += mem::take(&mut more.bytes);
+        Ok(())
+    }
+}
+
+impl Drop for Share {
+    fn drop(&mut self) {
+        let mut held = self.budget.held.lock().unwrap_or_else(PoisonError::into_inner);
+        held.all -= self.bytes;
+        if let Some(own) = held.of.get_mut(&self.peer) {
+            *own -= self.bytes;
+            if *own == 0 {
+                held.of.remove(&self.peer);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::net::Ipv4Addr;
+
+    #[test]
+    fn one_address_leaves_room_for_others_and_all_together_stay_below_the_limit() {
+        let budget = Arc::new(MemoryBudget::new(400));
+        let peer = |n| Some(IpAddr::from(Ipv4Addr::new(10, 0, 0, n)));
+        let mut first = budget.take(peer(1), 200).unwrap();
+        first.grow(100).unwrap();
+        assert!(first.grow(1).is_err() && budget.take(peer(1), 1).is_err());
+        let second = budget.take(peer(2), 100).unwrap();
+        assert!(budget.take(peer(3), 1).is_err());
+        drop(first);
+        let third = budget.take(peer(3), 300).unwrap();
+        drop((second, third));
+        let held = budget.held.lock().unwrap();
+        assert!(held.all == 0 && held.of.is_empty(), "{held:?}");
+    }
+
+    #[test]
+    fn without_a_limit_nothing_is_refused() {
+        assert!(Arc::new(MemoryBudget::new(0)).take(None, 1 << 50).is_ok());
+    }
+}

@@ -1,0 +1,156 @@
+//! Counting what calls under way hold in memory.
+//!
+//! Messages, streams and connections have limits of their own, but one client could multiply them: 400 connections with
+//! 256 streams of 4 MiB are 400 GiB. So each call takes from a budget: for itself, for what has come of its request until
+//! it is answered, and for those pieces of its answer that its client has not taken yet. What a handler computes with has
+//! its limits there.
+
+use super::gate::is_grpc;
+use super::memory_budget::{MemoryBudget, Share};
+use super::refusal::{ending, refuse};
+use crate::api::MESSAGE_BYTES_MAX;
+use crate::connections::Peer;
+use crate::error::ApiError;
+use axum::Extension;
+use axum::body::Body;
+use axum::extract::{Request, State};
+use axum::middleware::Next;
+use axum::response::Response;
+use http_body::{Frame, SizeHint};
+use prost::bytes::Bytes;
+use std::pin::Pin;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::task::{Context, Poll, ready};
+use tonic::Status;
+
+/// What a call takes beside its messages \[bytes\]: headers, at most 16 KiB, and tasks.
+const CALL_BYTES: usize = 32 << 10;
+/// Answered at once and in a word, whatever others hold: a supervisor must not take a busy server for a dead one.
+const HEALTH: &str = "/healthz";
+/// Pieces of an answer that wait for its client at once: one in the connection, one behind it.
+const PIECES: usize = 2;
+
+/// Counts what the call holds, and refuses it where that is too much.
+pub(super) async fn counted(
+    State(budget): State<Arc<MemoryBudget>>,
+    peer: Option<Extension<Peer>>,
+    request: Request,
+    next: Next,
+) -> Response {
+    if request.uri().path() == HEALTH {
+        return next.run(request).await;
+    }
+    let is_grpc = is_grpc(request.headers());
+    let peer = peer.map(|Extension(peer)| peer.ip());
+    let shares = budget.take(peer, CALL_BYTES).and_then(|call| Ok((call, budget.take(peer, 0)?)));
+    let (call, message) = match shares {
+        Ok((call, message)) => (Holding::new(call), Holding::new(message)),
+        Err(error) => return refuse(error.into(), is_grpc),
+    };
+    // Kept here, too: a message that has been read is still worked with.
+    let kept = message.clone();
+    let request = request.map(|body| Body::new(Received { body, message, counted_bytes: 0 }));
+    let response = next.run(request).await;
+    drop(kept);
+    response.map(|body| Body::new(Answer { body, call, piece_bytes: 0, is_grpc, is_over: false }))
+}
+
+/// A share that several keep; given back by the last.
+#[derive(Clone, Debug)]
+struct Holding(Arc<Mutex<Share>>);
+
+impl Holding {
+    fn new(share: Share) -> Self {
+        Self(Arc::new(Mutex::new(share)))
+    }
+
+    fn grow(&self, bytes: usize) -> Result<(), ApiError> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).grow(bytes)
+    }
+}
+
+/// The body of a request. No more than a message of it is kept at once, however long the stream.
+struct Received {
+    body: Body,
+    message: Holding,
+    counted_bytes: usize,
+}
+
+impl http_body::Body for Received {
+    type Data = Bytes;
+    type Error = axum::Error;
+
+    fn poll_frame(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<Option<Result<Frame<Bytes>, axum::Error>>> {
+        let frame = ready!(Pin::new(&mut self.body).poll_frame(cx));
+        let here = frame.as_ref().and_then(|frame| frame.as_ref().ok()).and_then(Frame::data_ref).map_or(0, Bytes::len);
+        let more = here.min(MESSAGE_BYTES_MAX - self.counted_bytes);
+        if more > 0 {
+            self.message.grow(more).map_err(|error| axum::Error::new(Status::from(error)))?;
+            self.counted_bytes += more;
+        }
+        Poll::Ready(frame)
+    }
+
+    fn is_end_stream(&self) -> bool {
+        self.body.is_end_stream()
+    }
+
+    fn size_hint(&self) -> SizeHint {
+        self.body.size_hint()
+    }
+}
+
+/// The body of an answer. Room is taken for its largest pieces, and kept to its end, so that a download that has begun
+/// is not refused later.
+struct Answer {
+    body: Body,
+    call: Holding,
+    piece_bytes: usize,
+    is_grpc: bool,
+    is_over: bool,
+}
+
+impl http_body::Body for Answer {
+    type Data = Bytes;
+    type Error = axum::Error;
+
+    fn poll_frame(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<Option<Result<Frame<Bytes>, axum::Error>>> {
+        if self.is_over {
+            return Poll::Ready(None);
+        }
+        let Some(frame) = ready!(Pin::new(&mut self.body).poll_frame(cx)?) else { return Poll::Ready(None) };
+        let piece = match frame.into_data() {
+            Ok(piece) => piece,
+            Err(trailers) => return Poll::Ready(Some(Ok(trailers))),
+        };
+        let more = piece.len().saturating_sub(self.piece_bytes);
+        if let Err(error) = self.call.grow(PIECES * more) {
+            self.is_over = true;
+            return Poll::Ready(Some(ending(error.into(), self.is_grpc)));
+        }
+        self.piece_bytes += more;
+        // The connection keeps it until the client takes it, maybe for longer than this body.
+        let piece = Bytes::from_owner(Piece { bytes: piece, _call: self.call.clone() });
+        Poll::Ready(Some(Ok(Frame::data(piece))))
+    }
+
+    fn is_end_stream(&self) -> bool {
+        self.is_over || self.body.is_end_stream()
+    }
+
+    fn size_hint(&self) -> SizeHint {
+        self.body.size_hint()
+    }
+}
+
+/// A piece of an answer with what it takes of the budget.
+struct Piece {
+    bytes: Bytes,
+    _call: Holding,
+}
+
+impl AsRef<[u8]> for Piece {
+    fn as_ref(&self) -> &[u8] {
+        &self.bytes
+    }
+}

@@ -1,0 +1,90 @@
+//! Ending the calls of tokens that are accepted no more: uploads, downloads, and streams that follow something.
+//!
+//! Tokens are revoked beside the server, in its database, so that it has to look; all calls share one look.
+
+use super::refusal::ending;
+use crate::error::ApiError;
+use axum::body::Body;
+use axum::response::Response;
+use futures::future::{BoxFuture, FutureExt as _, pending};
+use http_body::{Frame, SizeHint};
+use lightpath_store::{Store, StoreError};
+use prost::bytes::Bytes;
+use std::collections::HashSet;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::task::{Context, Poll};
+use tokio::sync::watch;
+
+/// Names of the tokens that are accepted no more, as of the last look. A name is never given twice.
+#[derive(Clone, Debug, Default)]
+pub struct EndedTokens(Arc<watch::Sender<HashSet<String>>>);
+
+impl EndedTokens {
+    /// Looks which tokens have been revoked or have expired by now.
+    pub async fn look(&self, store: &Store, now_ms: i64) -> Result<(), StoreError> {
+        let tokens = store.tokens().await?.into_iter().filter(|token| !token.is_valid(now_ms));
+        let names: HashSet<String> = tokens.map(|token| token.caller.name).collect();
+        self.0.send_if_modified(|known| {
+            let is_news = *known != names;
+            *known = names;
+            is_news
+        });
+        Ok(())
+    }
+
+    /// Done once the token of this name is accepted no more; never for nobody's.
+    pub(super) fn of(&self, name: &str) -> BoxFuture<'static, ()> {
+        if name.is_empty() {
+            return pending().boxed();
+        }
+        let (mut names, name) = (self.0.subscribe(), name.to_owned());
+        async move {
+            // Nobody is left to look only when the server is gone, too.
+            if names.wait_for(|ended| ended.contains(&name)).await.is_err() {
+                pending().await
+            }
+        }
+        .boxed()
+    }
+}
+
+/// Why the call of a token that is not accepted is refused, or ends. All reasons look the same from outside.
+pub(super) fn not_accepted() -> ApiError {
+    ApiError::Unauthenticated("the token is not known, has expired or was revoked; ask for another".to_owned())
+}
+
+/// The answer to a gRPC call, which ends with UNAUTHENTICATED where `expiry` comes first.
+pub(super) fn ending_with(response: Response, expiry: BoxFuture<'static, ()>) -> Response {
+    response.map(|body| Body::new(Answer { body, expiry, is_over: false }))
+}
+
+struct Answer {
+    body: Body,
+    expiry: BoxFuture<'static, ()>,
+    is_over: bool,
+}
+
+impl http_body::Body for Answer {
+    type Data = Bytes;
+    type Error = axum::Error;
+
+    fn poll_frame(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<Option<Result<Frame<Bytes>, axum::Error>>> {
+        if self.is_over {
+            return Poll::Ready(None);
+        }
+        if self.expiry.poll_unpin(cx).is_ready() {
+            self.is_over = true;
+            return Poll::Ready(Some(ending(not_accepted().into(), true)));
+        }
+        Pin::new(&mut self.body).poll_frame(cx)
+    }
+
+    fn is_end_stream(&self) -> bool {
+        self.is_over || self.body.is_end_stream()
+    }
+
+    fn size_hint(&self) -> SizeHint {
+        self.body.size_hint()
+    }
+}

@@ -1,0 +1,31 @@
+//! Checking requests to evaluate a kernel.
+
+use crate::api::Api;
+use crate::error::ApiError;
+use crate::field::Field;
+use crate::optics::from_wire::region;
+use crate::optics::propagation_checks::check_distance;
+use lightpath_domain::access::Caller;
+use lightpath_domain::job::{EvaluateKernel, Job};
+use lightpath_domain::kernel::KernelKey;
+use lightpath_proto::v1;
+
+impl Api {
+    /// The job that a request asks for: every field checked, every default filled in, every name found. `before` is the
+    /// job that the same request made earlier.
+    pub(crate) async fn evaluate_kernel_spec(
+        &self,
+        caller: &Caller,
+        message: v1::EvaluateKernel,
+        field: &Field,
+        before: Option<&Job>,
+    ) -> Result<EvaluateKernel, ApiError> {
+        let at = |name| field.at(name);
+        let (dataset, display) = self.finalized_dataset(caller, &at("dataset"), &message.dataset).await?;
+        check_distance(&at("dataset"), &display, dataset.wavelength, dataset.distance)?;
+        let region_of_interest = region(&at("region_of_interest"), message.region_of_interest, &display)?;
+        let key = KernelKey { display: display.id, wavelength: dataset.wavelength, distance: dataset.distance };
+        let kernel_version = self.kernel_version_for(&at("kernel"), &message.kernel, &key, before, true).await?;
+        Ok(EvaluateKernel { dataset: dataset.id, display: key.display, kernel_version, region_of_interest })
+    }
+}

@@ -1,0 +1,4 @@
+//! Jobs that learn a kernel.
+
+mod from_wire;
+pub(crate) mod to_wire;

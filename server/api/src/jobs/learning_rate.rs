@@ -1,0 +1,18 @@
+//! The learning rate of jobs that optimize with Adam.
+
+use crate::error::ApiError;
+use crate::field::Field;
+
+/// Beyond this an optimizer's step only throws its parameters about.
+const LEARNING_RATE_MAX: f64 = 10.0;
+
+/// A learning rate above 0; `None` for 0, the default.
+pub(crate) fn learning_rate(field: &Field, value: f64) -> Result<Option<f64>, ApiError> {
+    if value == 0.0 {
+        return Ok(None);
+    }
+    if value > 0.0 && value <= LEARNING_RATE_MAX {
+        return Ok(Some(value));
+    }
+    Err(field.invalid(format!("is {value}, but must be above 0 and at most {LEARNING_RATE_MAX}, or 0 for the default")))
+}

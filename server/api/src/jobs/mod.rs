@@ -1,0 +1,15 @@
+//! Jobs: submitting, listing, following and ending them. Each kind of job has a folder.
+
+mod evaluate_kernel;
+mod from_wire;
+mod kernel_choice;
+mod learn_kernel;
+mod learning_rate;
+mod lookup;
+mod optimize_hologram;
+pub(crate) mod scheduling;
+mod service;
+mod simulate_capture;
+mod submit;
+mod to_wire;
+mod watch_job;

@@ -1,0 +1,70 @@
+//! Refusing fields of a request that are right each by itself, but not together.
+
+use crate::error::ApiError;
+use crate::field::Field;
+use crate::optics::propagation_checks::{check_distance, check_method};
+use lightpath_domain::display::Display;
+use lightpath_domain::job::{Loss, Method, OptimizeHologram};
+
+/// All frames' pixels: L-BFGS keeps some 60 bytes for each.
+const FRAME_PIXELS_MAX: u64 = 100_000_000;
+/// All planes' pixels: a transfer function takes 32 bytes for each.
+const PLANE_PIXELS_MAX: u64 = 100_000_000;
+
+/// Refuses ways to an image that can't be right, of every wavelength to every plane.
+pub(super) fn propagation(field: &Field, spec: &OptimizeHologram, display: &Display) -> Result<(), ApiError> {
+    let (wavelengths, planes) = (spec.wavelengths(), spec.planes());
+    for (w, &wavelength) in wavelengths.iter().enumerate() {
+        for (p, plane) in planes.iter().enumerate() {
+            let Some(method) = spec.propagation else {
+                let at = match (&spec.depth_map, planes.len()) {
+                    (_, 1) => field.at("distance_m"),
+                    (Some(_), _) => field.at("depth_map").at("distances_m").index(p),
+                    (None, _) => field.at("planes").index(p).at("distance_m"),
+                };
+                check_distance(&at, display, wavelength, plane.distance)?;
+                continue;
+            };
+            let at = field.at("propagation");
+            if let Some(version) = spec.kernel_of(w, p) {
+                let fix = "leave it unspecified, or optimize through the kernel `ideal`";
+                let problem = format!("is given, but version {version} brings what it was learned with; {fix}");
+                return Err(at.invalid(problem));
+            }
+            check_method(&at, display, wavelength, plane.distance, method)?;
+        }
+    }
+    Ok(())
+}
+
+/// What only methods that follow a gradient can do.
+pub(super) fn method(field: &Field, spec: &OptimizeHologram) -> Result<(), ApiError> {
+    match spec.method {
+        Method::Adam | Method::Lbfgs => return Ok(()),
+        Method::GerchbergSaxton | Method::WeightedGerchbergSaxton | Method::DoublePhase => {}
+    }
+    let fix = "is given, but only the methods adam and lbfgs can follow it";
+    if spec.loss != (Loss { speckle_block_px: spec.loss.speckle_block_px, ..Loss::default() }) {
+        return Err(field.at("loss").invalid(fix));
+    }
+    if spec.quantization_aware {
+        return Err(field.at("quantization_aware").invalid(fix));
+    }
+    Ok(())
+}
+
+/// What all frames and planes together may take of the machine's memory.
+pub(super) fn size(field: &Field, spec: &OptimizeHologram, display: &Display) -> Result<(), ApiError> {
+    let pixels = u64::from(display.width_px) * u64::from(display.height_px);
+    let planes = spec.planes().len() as u64;
+    for (name, count, most) in
+        [("frames", u64::from(spec.frames), FRAME_PIXELS_MAX), ("planes", planes, PLANE_PIXELS_MAX)]
+    {
+        if count > 1 && count * pixels > most {
+            let (display, fits) = (&spec.display, (most / pixels).max(1));
+            let problem = format!("are {count}, but on displays/{display} at most {fits} fit into memory");
+            return Err(field.at(name).invalid(problem));
+        }
+    }
+    Ok(())
+}

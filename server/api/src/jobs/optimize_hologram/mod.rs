@@ -1,0 +1,8 @@
+//! Jobs that optimize holograms.
+
+mod checks;
+mod from_wire;
+mod pictures;
+mod planes;
+mod search;
+pub(crate) mod to_wire;

@@ -1,0 +1,90 @@
+//! Checking the pictures of a request for holograms while its sender still listens.
+
+use crate::api::Api;
+use crate::error::ApiError;
+use crate::field::Field;
+use lightpath_domain::access::Caller;
+use lightpath_domain::dataset::Encoding;
+use lightpath_domain::display::Display;
+use lightpath_domain::job::{InitialPhase, OptimizeHologram, Region};
+use lightpath_media::pictures;
+use lightpath_optics::Plane;
+
+/// Whose pictures are checked, and for what.
+#[derive(Debug)]
+pub(super) struct PictureChecks<'a> {
+    pub(super) api: &'a Api,
+    pub(super) caller: &'a Caller,
+    pub(super) spec: &'a OptimizeHologram,
+    pub(super) display: &'a Display,
+}
+
+impl PictureChecks<'_> {
+    /// Decodes every picture once, so that what is wrong with one is said now. `field` is the request's.
+    pub(super) async fn check(&self, field: &Field) -> Result<(), ApiError> {
+        let planes = self.spec.planes();
+        let one = planes.len() == 1 || self.spec.depth_map.is_some();
+        for (p, plane) in planes.iter().enumerate().take(if one { 1 } else { planes.len() }) {
+            let field = if one { field.at("target") } else { field.at("planes").index(p).at("target") };
+            self.check_light(&field, &plane.target, self.spec.target_encoding, "black").await?;
+        }
+        if let Some(map) = &self.spec.depth_map {
+            self.check_depth_map(&field.at("depth_map").at("map"), map).await?;
+        }
+        if let Some(mask) = &self.spec.weight_mask {
+            self.check_light(&field.at("weight_mask"), mask, Encoding::Linear, "a black mask").await?;
+        }
+        if let InitialPhase::Given(phases) = &self.spec.initial_phase {
+            for (i, phase) in phases.iter().enumerate() {
+                self.check_phase(&field.at("initial_phase").at("phases").index(i), phase).await?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Refuses a picture that is black everywhere in the region of interest; `dark` is what the refusal calls it.
+    async fn check_light(&self, field: &Field, digest: &str, encoding: Encoding, dark: &str) -> Result<(), ApiError> {
+        let (height_px, width_px) = self.size_px();
+        let (fit, region) = (self.spec.target_fit, self.spec.region_of_interest);
+        let what = format!("{digest} {encoding:?} {fit:?} {width_px}×{height_px} {region:?}");
+        if self.api.checked_targets.knows(&what) {
+            return self.api.require_picture(self.caller, field, digest).await;
+        }
+        let decode = move |bytes: &[u8]| {
+            let target = pictures::target_intensity(bytes, encoding, fit, height_px, width_px)?;
+            Ok(has_light(&target, region))
+        };
+        if self.api.decoded(self.caller, field, digest, decode).await? {
+            self.api.checked_targets.remember(what);
+            return Ok(());
+        }
+        let problem =
+            format!("({digest}): the picture is {dark} everywhere in the region of interest, but must have light");
+        Err(field.invalid(problem))
+    }
+
+    /// A depth map may be any picture.
+    async fn check_depth_map(&self, field: &Field, digest: &str) -> Result<(), ApiError> {
+        let ((height_px, width_px), fit) = (self.size_px(), self.spec.target_fit);
+        let decode =
+            move |bytes: &[u8]| pictures::target_intensity(bytes, Encoding::Linear, fit, height_px, width_px).map(drop);
+        self.api.decoded(self.caller, field, digest, decode).await
+    }
+
+    /// An initial phase must be an array of the display's size, frame after frame.
+    async fn check_phase(&self, field: &Field, digest: &str) -> Result<(), ApiError> {
+        let ((height_px, width_px), frames) = (self.size_px(), self.spec.frames as usize);
+        let decode = move |bytes: &[u8]| pictures::phase_npy(bytes, frames * height_px, width_px).map(drop);
+        self.api.decoded(self.caller, field, digest, decode).await
+    }
+
+    /// The display's height and width.
+    fn size_px(&self) -> (usize, usize) {
+        (self.display.height_px as usize, self.display.width_px as usize)
+    }
+}
+
+fn has_light(target: &Plane<f32>, region: Region) -> bool {
+    let rows = region.y_px as usize..(region.y_px + region.height_px) as usize;
+    rows.into_iter().any(|y| target.row(y)[region.x_px as usize..][..region.width_px as usize].iter().any(|&v| v > 0.0))
+}

@@ -1,0 +1,134 @@
+//! The job service.
+
+use super::scheduling::label;
+use super::{from_wire, to_wire};
+use crate::api::Api;
+use crate::call::StatusStream;
+use crate::error::ApiError;
+use crate::field::Field;
+use crate::names;
+use crate::pages::Page;
+use crate::permissions::require_all_displays;
+use crate::time::now_ms;
+use lightpath_domain::access::Caller;
+use lightpath_metrics as metrics;
+use lightpath_proto::v1;
+use lightpath_proto::v1::job_service_server::JobService;
+use lightpath_store::{BatchProgress, JobFilter};
+use tonic::{Request, Response, Status};
+
+#[tonic::async_trait]
+impl JobService for Api {
+    async fn submit_job(&self, request: Request<v1::SubmitJobRequest>) -> Result<Response<v1::Job>, Status> {
+        self.answer(request, Self::submit_job).await
+    }
+
+    async fn get_job(&self, request: Request<v1::GetJobRequest>) -> Result<Response<v1::Job>, Status> {
+        self.answer(request, Self::get_job).await
+    }
+
+    async fn list_jobs(&self, request: Request<v1::ListJobsRequest>) -> Result<Response<v1::ListJobsResponse>, Status> {
+        self.answer(request, Self::list_jobs).await
+    }
+
+    type WatchJobStream = StatusStream<v1::Job>;
+
+    async fn watch_job(&self, request: Request<v1::WatchJobRequest>) -> Result<Response<Self::WatchJobStream>, Status> {
+        self.answer_with_stream(request, Self::watch_job).await
+    }
+
+    async fn cancel_job(&self, request: Request<v1::CancelJobRequest>) -> Result<Response<v1::Job>, Status> {
+        self.answer(request, Self::cancel_job).await
+    }
+
+    async fn retry_job(&self, request: Request<v1::RetryJobRequest>) -> Result<Response<v1::Job>, Status> {
+        self.answer(request, Self::retry_job).await
+    }
+
+    async fn list_job_events(
+        &self,
+        request: Request<v1::ListJobEventsRequest>,
+    ) -> Result<Response<v1::ListJobEventsResponse>, Status> {
+        self.answer(request, Self::list_job_events).await
+    }
+
+    async fn get_batch(&self, request: Request<v1::GetBatchRequest>) -> Result<Response<v1::Batch>, Status> {
+        self.answer(request, Self::get_batch).await
+    }
+
+    async fn get_queue(&self, request: Request<v1::GetQueueRequest>) -> Result<Response<v1::Queue>, Status> {
+        self.answer(request, Self::get_queue).await
+    }
+
+    async fn pause_queue(&self, request: Request<v1::PauseQueueRequest>) -> Result<Response<v1::Queue>, Status> {
+        self.answer(request, Self::pause_queue).await
+    }
+
+    async fn resume_queue(&self, request: Request<v1::ResumeQueueRequest>) -> Result<Response<v1::Queue>, Status> {
+        self.answer(request, Self::resume_queue).await
+    }
+}
+
+impl Api {
+    /// The job that the request names, as clients see it.
+    pub(crate) async fn get_job(&self, caller: &Caller, request: v1::GetJobRequest) -> Result<v1::Job, ApiError> {
+        let id = names::job_id(&Field::new("name"), &request.name)?;
+        Ok(to_wire::job(self.visible_job(caller, &id).await?))
+    }
+
+    /// A page of jobs, as clients see them.
+    pub(crate) async fn list_jobs(
+        &self,
+        caller: &Caller,
+        request: v1::ListJobsRequest,
+    ) -> Result<v1::ListJobsResponse, ApiError> {
+        let state = Field::new("state").known(request.state, from_wire::state)?;
+        let display = names::display_filter(caller, &Field::new("display"), &request.display)?;
+        let batch = label(&Field::new("batch"), request.batch)?;
+        let list = ["jobs", &request.state.to_string(), &request.display, batch.as_deref().unwrap_or_default()];
+        let page = Page::new(&list, request.page_size, &request.page_token)?;
+        let filter = JobFilter { state, display, batch };
+        let jobs = self.store.jobs(&filter, page.after.as_deref(), page.limit()).await?;
+        let (jobs, next_page_token) = page.fill(jobs, |job| job.id.clone(), to_wire::job);
+        Ok(v1::ListJobsResponse { jobs, next_page_token })
+    }
+
+    async fn cancel_job(&self, caller: &Caller, request: v1::CancelJobRequest) -> Result<v1::Job, ApiError> {
+        let id = names::job_id(&Field::new("name"), &request.name)?;
+        self.visible_job(caller, &id).await?;
+        let job = self.store.cancel(&id, now_ms()).await?;
+        // A running job ends at its worker, and is counted there.
+        if job.state.has_ended() {
+            metrics::job_ended(&job);
+        }
+        Ok(to_wire::job(job))
+    }
+
+    async fn retry_job(&self, caller: &Caller, request: v1::RetryJobRequest) -> Result<v1::Job, ApiError> {
+        let id = names::job_id(&Field::new("name"), &request.name)?;
+        self.visible_job(caller, &id).await?;
+        Ok(to_wire::job(self.store.retry(&id, now_ms()).await?))
+    }
+
+    async fn list_job_events(
+        &self,
+        caller: &Caller,
+        request: v1::ListJobEventsRequest,
+    ) -> Result<v1::ListJobEventsResponse, ApiError> {
+        let id = names::job_id(&Field::new("name"), &request.name)?;
+        self.visible_job(caller, &id).await?;
+        let page = Page::new(&["events", &id], request.page_size, &request.page_token)?;
+        let events = self.store.events(&id, page.after_number()?, page.limit()).await?;
+        let (events, next_page_token) = page.fill(events, |event| event.sequence.to_string(), to_wire::event);
+        Ok(v1::ListJobEventsResponse { events, next_page_token })
+    }
+
+    async fn get_batch(&self, caller: &Caller, request: v1::GetBatchRequest) -> Result<v1::Batch, ApiError> {
+        let batch = label(&Field::new("batch"), request.batch)?;
+        let batch = batch.ok_or_else(|| Field::new("batch").invalid("is empty, but must name a batch"))?;
+        // Its jobs may be about any display.
+        require_all_displays(caller, "display in ListJobs")?;
+        let BatchProgress { queued, running, succeeded, failed, cancelled, done } = self.store.batch(&batch).await?;
+        Ok(v1::Batch { batch, queued, running, succeeded, failed, cancelled, done })
+    }
+}

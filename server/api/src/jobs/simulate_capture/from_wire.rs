@@ -1,0 +1,57 @@
+//! Checking requests to simulate a photograph.
+
+use crate::api::Api;
+use crate::error::ApiError;
+use crate::field::Field;
+use crate::optics::propagation_checks::check_distance;
+use lightpath_domain::access::Caller;
+use lightpath_domain::display::Display;
+use lightpath_domain::job::SimulateCapture;
+use lightpath_media::pictures;
+use lightpath_proto::v1;
+
+/// Ten years: longer than any bench stands.
+const ELAPSED_S_MAX: f64 = 10.0 * 365.25 * 86_400.0;
+
+impl Api {
+    /// The job that a request asks for: every field checked, every default filled in, every name found.
+    pub(crate) async fn simulate_capture_spec(
+        &self,
+        caller: &Caller,
+        message: v1::SimulateCapture,
+        field: &Field,
+    ) -> Result<SimulateCapture, ApiError> {
+        let at = |name| field.at(name);
+        let display = self.display_named(caller, &at("display"), &message.display).await?;
+        if display.simulated_bench.is_none() {
+            let fix = "but only a display that was created with a simulated_bench can be photographed by the server";
+            let message = format!("{}: displays/{} has no simulated bench, {fix}", at("display"), display.id);
+            return Err(ApiError::Precondition { reason: "NOT_SIMULATED", message });
+        }
+        let spec = SimulateCapture {
+            wavelength: at("wavelength_m").wavelength_of(message.wavelength_m, &display)?,
+            distance: at("distance_m").distance(message.distance_m)?,
+            phase: at("phase").digest(&message.phase)?,
+            seed: message.seed,
+            elapsed_s: at("elapsed_s").number(message.elapsed_s, 0.0..=ELAPSED_S_MAX)?,
+            display: display.id.clone(),
+        };
+        check_distance(&at("distance_m"), &display, spec.wavelength, spec.distance)?;
+        self.check_levels(caller, &at("phase"), &spec.phase, &display).await?;
+        Ok(spec)
+    }
+
+    /// A hologram must be levels of the display, in its size.
+    async fn check_levels(
+        &self,
+        caller: &Caller,
+        field: &Field,
+        digest: &str,
+        display: &Display,
+    ) -> Result<(), ApiError> {
+        let (height_px, width_px) = (display.height_px as usize, display.width_px as usize);
+        let bit_depth = display.bit_depth;
+        let decode = move |bytes: &[u8]| pictures::levels(bytes, bit_depth, height_px, width_px).map(drop);
+        self.decoded(caller, field, digest, decode).await
+    }
+}

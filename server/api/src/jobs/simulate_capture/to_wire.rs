@@ -1,0 +1,21 @@
+//! Jobs that simulate photographs, and their results, as messages.
+
+use lightpath_domain::job::{CaptureResult, SimulateCapture};
+use lightpath_proto::v1;
+
+/// What was asked for, with its defaults.
+pub(crate) fn spec(spec: SimulateCapture) -> v1::SimulateCapture {
+    v1::SimulateCapture {
+        display: format!("displays/{}", spec.display),
+        wavelength_m: spec.wavelength.m(),
+        distance_m: spec.distance.m(),
+        phase: spec.phase,
+        seed: spec.seed,
+        elapsed_s: spec.elapsed_s,
+    }
+}
+
+/// What was photographed.
+pub(crate) fn result(result: CaptureResult) -> v1::CaptureResult {
+    v1::CaptureResult { photo: result.photo }
+}

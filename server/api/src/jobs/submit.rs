@@ -1,0 +1,72 @@
+//! Submitting: from a request to a job, every field checked, every default filled in, every name found.
+
+use super::{scheduling, to_wire};
+use crate::api::Api;
+use crate::error::ApiError;
+use crate::field::Field;
+use crate::time::now_ms;
+use lightpath_domain::access::Caller;
+use lightpath_domain::job::{JobSpec, NewJob};
+use lightpath_proto::v1::{self, job_spec};
+use uuid::Uuid;
+
+/// Longest request id \[bytes\]: room for a UUID and a few words.
+const REQUEST_ID_BYTES_MAX: usize = 128;
+/// Beyond this, a failure is not a matter of chance.
+const ATTEMPTS_MAX: u32 = 20;
+const ATTEMPTS_DEFAULT: u32 = 3;
+const PRIORITY_MAX: i32 = 100;
+
+impl Api {
+    pub(crate) async fn submit_job(&self, caller: &Caller, request: v1::SubmitJobRequest) -> Result<v1::Job, ApiError> {
+        let new = self.new_job(caller, request).await?;
+        let (job, _) = self.store.submit(&new, now_ms(), self.queue_limits).await?;
+        Ok(to_wire::job(job))
+    }
+
+    /// The job that a request asks for. What it names is found, and its pictures are decoded once, so that what can be
+    /// known to be wrong is refused now and not by a worker an hour later.
+    async fn new_job(&self, caller: &Caller, request: v1::SubmitJobRequest) -> Result<NewJob, ApiError> {
+        let field = Field::new("spec");
+        let scheduling = scheduling::scheduling(caller, &request)?;
+        for id in &scheduling.after {
+            self.visible_job(caller, id).await?;
+        }
+        let kind = request.spec.and_then(|spec| spec.kind);
+        let attempts_max =
+            Field::new("attempts_max").integer_or(request.attempts_max, ATTEMPTS_DEFAULT, 1..=ATTEMPTS_MAX)?;
+        let priority = Field::new("priority").integer(request.priority, -PRIORITY_MAX..=PRIORITY_MAX)?;
+        let request_id = request_id(request.request_id)?;
+        let before = self.store.job_by_request(&request_id).await?;
+        let spec = match field.required(kind)? {
+            job_spec::Kind::OptimizeHologram(message) => {
+                let field = field.at("optimize_hologram");
+                JobSpec::OptimizeHologram(Box::new(
+                    self.optimize_hologram_spec(caller, message, &field, before.as_ref()).await?,
+                ))
+            }
+            job_spec::Kind::LearnKernel(message) => {
+                JobSpec::LearnKernel(self.learn_kernel_spec(caller, message, &field.at("learn_kernel")).await?)
+            }
+            job_spec::Kind::SimulateCapture(message) => JobSpec::SimulateCapture(
+                self.simulate_capture_spec(caller, message, &field.at("simulate_capture")).await?,
+            ),
+            job_spec::Kind::EvaluateKernel(message) => {
+                let field = field.at("evaluate_kernel");
+                JobSpec::EvaluateKernel(self.evaluate_kernel_spec(caller, message, &field, before.as_ref()).await?)
+            }
+        };
+        Ok(NewJob { spec, request_id, priority, attempts_max, scheduling })
+    }
+}
+
+fn request_id(given: String) -> Result<String, ApiError> {
+    let field = Field::new("request_id");
+    if given.is_empty() {
+        return Ok(Uuid::now_v7().to_string());
+    }
+    if given.chars().any(char::is_control) {
+        return Err(field.invalid("holds control characters, but must be plain text"));
+    }
+    field.text(given, REQUEST_ID_BYTES_MAX)
+}

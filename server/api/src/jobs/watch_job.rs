@@ -1,0 +1,57 @@
+//! Streams that follow a job.
+
+use super::to_wire;
+use crate::api::Api;
+use crate::call::Answers;
+use crate::error::ApiError;
+use crate::field::Field;
+use crate::names;
+use crate::watch::{self, Watch};
+use lightpath_domain::access::Caller;
+use lightpath_domain::job::Job;
+use lightpath_proto::v1;
+use lightpath_store::Store;
+
+impl Api {
+    pub(crate) async fn watch_job(
+        &self,
+        caller: &Caller,
+        request: v1::WatchJobRequest,
+    ) -> Result<Answers<v1::Job>, ApiError> {
+        let id = names::job_id(&Field::new("name"), &request.name)?;
+        let permit = self.stream_limits.watcher()?;
+        // Subscribed before the first read, so that no change falls in between.
+        let changes = self.store.subscribe_job_changes();
+        let first = self.visible_job(caller, &id).await?;
+        let source = JobSource { store: self.store.clone(), id };
+        Ok(watch::stream(source, first, changes, self.stopping.clone(), permit))
+    }
+}
+
+/// The job that a stream follows.
+struct JobSource {
+    store: Store,
+    id: String,
+}
+
+impl Watch for JobSource {
+    type Item = Job;
+    type Change = String;
+    type Message = v1::Job;
+
+    async fn read(&self) -> Result<Job, ApiError> {
+        Ok(self.store.job(&self.id).await?)
+    }
+
+    fn concerns(&self, change: &String) -> bool {
+        *change == self.id
+    }
+
+    fn is_last(&self, job: &Job) -> bool {
+        job.state.has_ended()
+    }
+
+    fn message(&self, job: &Job) -> v1::Job {
+        to_wire::job(job.clone())
+    }
+}

@@ -1,0 +1,106 @@
+//! Kernels for distances between photographed ones.
+
+use super::to_wire;
+use crate::api::Api;
+use crate::error::ApiError;
+use crate::field::Field;
+use crate::optics::propagation_checks::distance_refusal;
+use crate::time::now_ms;
+use lightpath_domain::access::Caller;
+use lightpath_domain::kernel::{
+    KernelKey, KernelLineage, KernelMetrics, KernelVersion, NewKernelVersion, OverDistance,
+};
+use lightpath_domain::planning;
+use lightpath_media::kernel_file;
+use lightpath_optics::learning::interpolated;
+use lightpath_proto::v1;
+
+/// Versions that are looked through for a fit, at most: the newest ones.
+pub(crate) const VERSIONS_MAX: u32 = 1000;
+
+impl Api {
+    /// Stores the kernel of a distance between those of a joint fit as the next version.
+    pub(crate) async fn interpolate_kernel(
+        &self,
+        caller: &Caller,
+        request: v1::InterpolateKernelRequest,
+    ) -> Result<v1::KernelVersion, ApiError> {
+        let display = self.display_named(caller, &Field::new("display"), &request.display).await?;
+        let wavelength = Field::new("wavelength_m").wavelength_of(request.wavelength_m, &display)?;
+        let field = Field::new("distance_m");
+        let distance = field.distance(request.distance_m)?;
+        let planned = planning::setup(&display, wavelength, distance).and_then(|setup| planning::planned(setup, None));
+        let (setup, _) = planned.map_err(|error| distance_refusal(&field, distance, &error))?;
+        let key = KernelKey { display: display.id, wavelength, distance };
+
+        let versions = self.store.joint_versions(&key.display, wavelength, VERSIONS_MAX).await?;
+        let fit = fit_around(&field, &key, &versions)?;
+        let mut models = Vec::with_capacity(fit.versions.len());
+        for version in fit.versions {
+            models.push(self.model_of(version).await?);
+        }
+        let model = interpolated(&models, setup).map_err(|error| field.invalid(format!("is {distance}: {error}")))?;
+        let from_m: Vec<f64> = fit.over.distances.iter().map(|distance| distance.m()).collect();
+        let content = &fit.versions[0].content;
+        let file = kernel_file::encode_interpolated(&model, content.model, &from_m)
+            .map_err(|error| field.invalid(format!("is {distance}: {error}")))?;
+        let version = NewKernelVersion {
+            model: content.model,
+            size_bytes: file.len() as u64,
+            artifact: self.keep(caller, file).await?,
+            // Nothing was measured here: there are no photographs.
+            metrics: KernelMetrics::default(),
+            lineage: KernelLineage {
+                dataset: String::new(),
+                dataset_digest: String::new(),
+                code_version: env!("CARGO_PKG_VERSION").to_owned(),
+                parent_version: 0,
+                over_distance: Some(OverDistance { interpolated: true, ..fit.over.clone() }),
+                ..content.lineage.clone()
+            },
+        };
+        Ok(to_wire::version(self.store.add_kernel_version(&key, version, now_ms()).await?))
+    }
+}
+
+/// One model of several distances.
+#[derive(Clone, Copy)]
+struct Fit<'a> {
+    /// Of each distance, ascending.
+    versions: &'a [KernelVersion],
+    over: &'a OverDistance,
+}
+
+/// The newest fit with photographs on both sides of the kernel's distance.
+fn fit_around<'a>(field: &Field, key: &KernelKey, versions: &'a [KernelVersion]) -> Result<Fit<'a>, ApiError> {
+    let same_job = |a: &KernelVersion, b: &KernelVersion| a.content.lineage.job == b.content.lineage.job;
+    let fits: Vec<Fit<'_>> = versions
+        .chunk_by(same_job)
+        .filter_map(|versions| Some(Fit { versions, over: versions[0].content.lineage.over_distance.as_ref()? }))
+        .filter(|fit| fit.versions.len() == fit.over.distances.len())
+        .collect();
+    let (display, wavelength, distance) = (&key.display, key.wavelength, key.distance);
+    if fits.is_empty() {
+        let message = format!(
+            "{field}: no kernels of displays/{display} at {wavelength} were learned together for several distances; do so \
+             first: lightpath kernel learn --dataset NEAR --dataset FAR"
+        );
+        return Err(ApiError::Precondition { reason: "NO_JOINT_FIT", message });
+    }
+    let range = |fit: &Fit<'_>| fit.over.distances.first().copied().zip(fit.over.distances.last().copied());
+    let around = |fit: &&Fit<'_>| range(fit).is_some_and(|(near, far)| (near..=far).contains(&distance));
+    let Some(fit) = fits.iter().find(around) else {
+        let ranges: Vec<String> = fits.iter().filter_map(range).map(|(near, far)| format!("{near} to {far}")).collect();
+        return Err(field.invalid(format!(
+            "is {distance}, but displays/{display} was photographed at {wavelength} from {} only: a kernel is interpolated \
+             between photographed distances, never beyond them",
+            ranges.join(", or from ")
+        )));
+    };
+    match fit.versions.iter().find(|version| version.key.distance == distance) {
+        Some(KernelVersion { version, .. }) => {
+            Err(field.invalid(format!("is {distance}, which was photographed: use {key}/versions/{version}")))
+        }
+        None => Ok(*fit),
+    }
+}

@@ -1,0 +1,12 @@
+//! Kernels and their versions: listing, fetching, promoting, importing, interpolating, reporting.
+
+mod fetch;
+pub(crate) mod from_wire;
+mod import;
+mod interpolate;
+mod model_file;
+mod promotion;
+mod report;
+mod service;
+pub(crate) mod to_wire;
+mod watch_kernel;

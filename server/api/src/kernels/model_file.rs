@@ -1,0 +1,19 @@
+//! Reading the file of a kernel version.
+
+use crate::api::Api;
+use crate::error::ApiError;
+use lightpath_domain::kernel::KernelVersion;
+use lightpath_media::kernel_file;
+use lightpath_optics::DisplayModel;
+
+impl Api {
+    /// The model in a version's file.
+    pub(crate) async fn model_of(&self, version: &KernelVersion) -> Result<DisplayModel, ApiError> {
+        let bytes = self.artifacts.read_all(&version.content.artifact).await?;
+        let (model, _) = kernel_file::decode(&bytes).map_err(|error| ApiError::Precondition {
+            reason: "KERNEL_UNREADABLE",
+            message: format!("{}/versions/{}: {error}", version.key, version.version),
+        })?;
+        Ok(model)
+    }
+}

@@ -1,0 +1,94 @@
+//! Choosing the version that is active: promoting, rolling back, and the history of both.
+
+use super::to_wire;
+use crate::api::Api;
+use crate::error::ApiError;
+use crate::field::Field;
+use crate::names;
+use crate::pages::Page;
+use crate::time::now_ms;
+use lightpath_domain::access::Caller;
+use lightpath_domain::kernel::KernelVersion;
+use lightpath_proto::v1;
+
+/// Longest reason of a move \[bytes\]: a paragraph.
+const REASON_BYTES_MAX: usize = 1024;
+
+impl Api {
+    pub(crate) async fn promote_kernel(
+        &self,
+        caller: &Caller,
+        request: v1::PromoteKernelRequest,
+    ) -> Result<v1::Kernel, ApiError> {
+        let key = names::kernel_key(caller, &Field::new("kernel"), &request.kernel)?;
+        let version = Field::new("version").integer(request.version, 1..=u32::MAX)?;
+        let reason = Field::new("reason").text(request.reason, REASON_BYTES_MAX)?;
+        let expected = request.expected_active_version.map(|version| (version > 0).then_some(version));
+        // Versions never change, so what is read here still holds when the alias moves.
+        let candidate = self.store.kernel_version(&key, version).await?;
+        if candidate.content.metrics.no_better_than_ideal() {
+            check_forced(&candidate, request.force, &reason)?;
+        }
+        let kernel = self.store.promote(&key, version, expected, &reason, now_ms()).await?;
+        Ok(to_wire::kernel(&kernel))
+    }
+
+    pub(crate) async fn rollback_kernel(
+        &self,
+        caller: &Caller,
+        request: v1::RollbackKernelRequest,
+    ) -> Result<v1::Kernel, ApiError> {
+        let key = names::kernel_key(caller, &Field::new("kernel"), &request.kernel)?;
+        let reason = Field::new("reason").text(request.reason, REASON_BYTES_MAX)?;
+        Ok(to_wire::kernel(&self.store.rollback(&key, &reason, now_ms()).await?))
+    }
+
+    pub(crate) async fn list_kernel_moves(
+        &self,
+        caller: &Caller,
+        request: v1::ListKernelMovesRequest,
+    ) -> Result<v1::ListKernelMovesResponse, ApiError> {
+        let key = names::kernel_key(caller, &Field::new("kernel"), &request.kernel)?;
+        let page = Page::new(&["moves", &request.kernel], request.page_size, &request.page_token)?;
+        let moves = self.store.kernel_moves(&key, page.after_number()?, page.limit()).await?;
+        let (moves, next_page_token) = page.fill(moves, |moved| moved.sequence.to_string(), to_wire::kernel_move);
+        Ok(v1::ListKernelMovesResponse { moves, next_page_token })
+    }
+}
+
+/// A kernel that makes nothing better is a mistake, unless somebody says why it is not.
+fn check_forced(candidate: &KernelVersion, force: bool, reason: &str) -> Result<(), ApiError> {
+    if force && !reason.trim().is_empty() {
+        return Ok(());
+    }
+    let KernelVersion { key, version, content, .. } = candidate;
+    let losses = format!("{:.6} against {:.6}", content.metrics.test_loss, content.metrics.ideal_test_loss);
+    let message = format!(
+        "{key}/versions/{version} was measured to be no better than the ideal kernel (held-out loss {losses}); \
+         to promote it all the same, set force and give a reason"
+    );
+    Err(ApiError::Precondition { reason: "NO_BETTER_THAN_IDEAL", message })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lightpath_domain::kernel::{KernelKey, KernelLineage, KernelMetrics, KernelModel, NewKernelVersion};
+    use lightpath_domain::units::{Distance, Wavelength};
+
+    #[test]
+    fn a_kernel_that_makes_nothing_better_is_promoted_only_by_force_and_with_a_reason() {
+        let wavelength = Wavelength::from_m(515e-9).unwrap();
+        let key = KernelKey { display: "lab".to_owned(), wavelength, distance: Distance::from_m(0.15).unwrap() };
+        let metrics =
+            KernelMetrics { test_pairs: 2, test_loss: 0.02, ideal_test_loss: 0.01, ..KernelMetrics::default() };
+        let (model, lineage) = (KernelModel::Dense, KernelLineage::default());
+        let content = NewKernelVersion { model, artifact: String::new(), size_bytes: 1, metrics, lineage };
+        let version = KernelVersion { key, version: 3, content, create_time_ms: 0, active: false };
+        for (force, reason) in [(false, ""), (false, "because"), (true, ""), (true, " ")] {
+            let refused = check_forced(&version, force, reason).unwrap_err().to_string();
+            assert!(refused.contains("versions/3") && refused.contains("0.020000 against 0.010000"), "{refused}");
+        }
+        assert!(check_forced(&version, true, "to compare on the bench").is_ok());
+    }
+}

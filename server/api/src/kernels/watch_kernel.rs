@@ -1,0 +1,57 @@
+//! Streams that follow a kernel.
+
+use super::to_wire;
+use crate::api::Api;
+use crate::call::Answers;
+use crate::error::ApiError;
+use crate::field::Field;
+use crate::names;
+use crate::watch::{self, Watch};
+use lightpath_domain::access::Caller;
+use lightpath_domain::kernel::{Kernel, KernelKey};
+use lightpath_proto::v1;
+use lightpath_store::Store;
+
+impl Api {
+    pub(crate) async fn watch_kernel(
+        &self,
+        caller: &Caller,
+        request: v1::WatchKernelRequest,
+    ) -> Result<Answers<v1::Kernel>, ApiError> {
+        let key = names::kernel_key(caller, &Field::new("name"), &request.name)?;
+        let permit = self.stream_limits.watcher()?;
+        // Subscribed before the first read, so that no change falls in between.
+        let changes = self.store.subscribe_kernel_changes();
+        let first = self.store.kernel(&key).await?;
+        let source = KernelSource { store: self.store.clone(), key };
+        Ok(watch::stream(source, first, changes, self.stopping.clone(), permit))
+    }
+}
+
+/// The kernel that a stream follows.
+struct KernelSource {
+    store: Store,
+    key: KernelKey,
+}
+
+impl Watch for KernelSource {
+    type Item = Kernel;
+    type Change = KernelKey;
+    type Message = v1::Kernel;
+
+    async fn read(&self) -> Result<Kernel, ApiError> {
+        Ok(self.store.kernel(&self.key).await?)
+    }
+
+    fn concerns(&self, change: &KernelKey) -> bool {
+        *change == self.key
+    }
+
+    fn is_last(&self, _: &Kernel) -> bool {
+        false
+    }
+
+    fn message(&self, kernel: &Kernel) -> v1::Kernel {
+        to_wire::kernel(kernel)
+    }
+}

@@ -1,0 +1,137 @@
+//! Resource names: `displays/{id}`, `datasets/{id}`, `jobs/{id}`, `displays/{id}/kernels/{k}/versions/{n}`.
+
+use crate::error::ApiError;
+use crate::field::{Field, shortened};
+use crate::permissions::{require_all_displays, require_display};
+use lightpath_domain::access::Caller;
+use lightpath_domain::kernel::KernelKey;
+use lightpath_domain::units::{Distance, Wavelength};
+
+/// Longest id \[bytes\]: a DNS label, so that ids can become host and folder names.
+const ID_BYTES_MAX: usize = 63;
+
+/// The id in `displays/{id}`, a display that the caller may use.
+pub(crate) fn display_id(caller: &Caller, field: &Field, name: &str) -> Result<String, ApiError> {
+    let id = chosen_id(field, name, "displays")?;
+    require_display(caller, &id)?;
+    Ok(id)
+}
+
+/// The id in `datasets/{id}`.
+pub(crate) fn dataset_id(field: &Field, name: &str) -> Result<String, ApiError> {
+    chosen_id(field, name, "datasets")
+}
+
+/// The id in `jobs/{id}`, whatever it is: whether there is such a job the store knows.
+pub(crate) fn job_id(field: &Field, name: &str) -> Result<String, ApiError> {
+    match name.strip_prefix("jobs/") {
+        Some(id) if !id.is_empty() && id.len() <= ID_BYTES_MAX && !id.contains('/') => Ok(id.to_owned()),
+        _ => Err(field.invalid(format!("is {:?}, but must have the form jobs/{{id}}", shortened(name)))),
+    }
+}
+
+/// A display's id where the filter is given; it must be, for callers who may not look at all displays.
+pub(crate) fn display_filter(caller: &Caller, field: &Field, name: &str) -> Result<Option<String>, ApiError> {
+    if name.is_empty() {
+        require_all_displays(caller, &field.to_string())?;
+        return Ok(None);
+    }
+    display_id(caller, field, name).map(Some)
+}
+
+/// The key in `displays/{id}/kernels/{wavelength}-{distance}`.
+pub(crate) fn kernel_key(caller: &Caller, field: &Field, name: &str) -> Result<KernelKey, ApiError> {
+    let refusal = || {
+        let form = "displays/{id}/kernels/{wavelength}-{distance}, for example displays/lab-2/kernels/515nm-150mm";
+        field.invalid(format!("is {:?}, but must have the form {form}", shortened(name)))
+    };
+    let (display, kernel) = name.split_once("/kernels/").ok_or_else(refusal)?;
+    let (wavelength, distance) = kernel.split_once('-').ok_or_else(refusal)?;
+    let key = KernelKey {
+        display: display_id(caller, field, display)?,
+        wavelength: Wavelength::parse(wavelength).ok_or_else(refusal)?,
+        distance: Distance::parse(distance).ok_or_else(refusal)?,
+    };
+    // One kernel has one name: `515.0nm-150mm` is none.
+    if key.to_string() == name { Ok(key) } else { Err(refusal()) }
+}
+
+/// Key and number in `displays/{id}/kernels/{k}/versions/{n}`.
+pub(crate) fn kernel_version(caller: &Caller, field: &Field, name: &str) -> Result<(KernelKey, u32), ApiError> {
+    let refusal = || {
+        let form = "displays/{id}/kernels/{k}/versions/{n}";
+        field.invalid(format!("is {:?}, but must have the form {form}", shortened(name)))
+    };
+    let (kernel, version) = name.split_once("/versions/").ok_or_else(refusal)?;
+    let version: u32 = version.parse().map_err(|_| refusal())?;
+    Ok((kernel_key(caller, field, kernel)?, version))
+}
+
+/// A pair's id: 1 to 63 characters of a-z, A-Z, 0-9, '.', '_' and '-'.
+pub(crate) fn pair_id(field: &Field, id: &str) -> Result<String, ApiError> {
+    let allowed = |byte: u8| byte.is_ascii_alphanumeric() || b"._-".contains(&byte);
+    if (1..=ID_BYTES_MAX).contains(&id.len()) && id.bytes().all(allowed) {
+        return Ok(id.to_owned());
+    }
+    let rule = "1 to 63 characters of a-z, A-Z, 0-9, '.', '_' and '-'";
+    Err(field.invalid(format!("is {:?}, but must be {rule}", shortened(id))))
+}
+
+fn chosen_id(field: &Field, name: &str, collection: &str) -> Result<String, ApiError> {
+    let id = name.strip_prefix(collection).and_then(|rest| rest.strip_prefix('/'));
+    let allowed = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'-';
+    let right = |id: &&str| {
+        (1..=ID_BYTES_MAX).contains(&id.len()) && id.as_bytes()[0].is_ascii_lowercase() && id.bytes().all(allowed)
+    };
+    id.filter(right).map(ToOwned::to_owned).ok_or_else(|| {
+        let rule = "with an id of 1 to 63 characters of a-z, 0-9 and '-', starting with a letter";
+        field.invalid(format!("is {:?}, but must be {collection}/{{id}} {rule}", shortened(name)))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn kernel_names_come_back() {
+        let (anybody, field) = (Caller::anybody(), Field::new("name"));
+        for name in [
+            "displays/lab-2/kernels/515nm-150mm",
+            "displays/a/kernels/632.8nm--12.5mm",
+            "displays/a/kernels/1064nm-0.000001mm",
+        ] {
+            assert_eq!(kernel_key(&anybody, &field, name).unwrap().to_string(), name);
+        }
+        for bad in [
+            "",
+            "displays/lab-2",
+            "displays/lab-2/kernels/515nm",
+            "displays/lab-2/kernels/515.0nm-150mm",
+            "displays/lab-2/kernels/515nm-150mm/versions/3",
+            "displays/lab-2/kernels/515nm-99999mm",
+            "displays/Lab/kernels/515nm-150mm",
+            "displays/lab-2/kernels/-515nm-150mm",
+            "displays/lab-2/kernels/nannm-150mm",
+        ] {
+            assert!(kernel_key(&anybody, &field, bad).is_err(), "{bad}");
+        }
+        let (key, version) = kernel_version(&anybody, &field, "displays/lab-2/kernels/515nm-150mm/versions/3").unwrap();
+        assert_eq!((key.display.as_str(), version), ("lab-2", 3));
+    }
+
+    #[test]
+    fn ids_follow_the_rule() {
+        let (anybody, field) = (Caller::anybody(), Field::new("name"));
+        assert_eq!(display_id(&anybody, &field, "displays/pluto-2").unwrap(), "pluto-2");
+        for bad in ["pluto", "displays/", "displays/2pluto", "displays/a/b", "displays/../x", "datasets/pluto"] {
+            assert!(display_id(&anybody, &field, bad).is_err(), "{bad}");
+        }
+        assert!(display_id(&anybody, &field, &format!("displays/{}", "a".repeat(64))).is_err());
+        assert!(
+            pair_id(&field, "IMG_0001.png").is_ok() && pair_id(&field, "a/b").is_err() && pair_id(&field, "").is_err()
+        );
+        assert!(job_id(&field, "jobs/").is_err() && job_id(&field, "0195").is_err());
+        assert_eq!(job_id(&field, "jobs/0195").unwrap(), "0195");
+    }
+}

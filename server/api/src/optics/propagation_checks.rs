@@ -1,0 +1,50 @@
+//! Refusing propagation that cannot give a right image.
+
+use crate::error::ApiError;
+use crate::field::Field;
+use lightpath_domain::display::Display;
+use lightpath_domain::planning;
+use lightpath_domain::propagation::PropagationMethod;
+use lightpath_domain::units::{Distance, Wavelength};
+use lightpath_optics::Error;
+use lightpath_optics::propagation::{self as engine, ConvolutionMethod};
+
+/// Refuses a distance at which no image of the display can be right.
+pub(crate) fn check_distance(
+    field: &Field,
+    display: &Display,
+    wavelength: Wavelength,
+    distance: Distance,
+) -> Result<(), ApiError> {
+    let planned = planning::setup(display, wavelength, distance).and_then(|setup| planning::planned(setup, None));
+    planned.map(|_| ()).map_err(|error| distance_refusal(field, distance, &error))
+}
+
+/// Refuses a method that can't be right.
+pub(crate) fn check_method(
+    field: &Field,
+    display: &Display,
+    wavelength: Wavelength,
+    distance: Distance,
+    method: PropagationMethod,
+) -> Result<(), ApiError> {
+    let setup = planning::setup(display, wavelength, distance);
+    let planned = setup.and_then(|setup| planning::planned(setup, Some(method)));
+    planned.map(|_| ()).map_err(|error| method_refusal(field, &error))
+}
+
+/// Refuses a method, or a window, that cannot be met.
+pub(crate) fn method_refusal(field: &Field, error: &Error) -> ApiError {
+    field.invalid(format!("can't be met: {error}"))
+}
+
+/// Refuses a distance at which nothing can be right.
+pub(crate) fn distance_refusal(field: &Field, distance: Distance, error: &Error) -> ApiError {
+    field.invalid(format!("is {}: {error}", distance.m()))
+}
+
+/// Whether holograms can be optimized through the method. The shifted angular spectrum needs a window beside the axis, and
+/// a job has no field for one.
+pub(crate) fn is_optimizable(method: engine::PropagationMethod) -> bool {
+    ConvolutionMethod::try_from(method).is_ok_and(|method| method != ConvolutionMethod::Shifted)
+}

@@ -1,0 +1,87 @@
+//! Which displays a caller may use, and whose turns a job of a caller may take.
+//!
+//! The gate has checked the caller's role. Which display a call is about is known only to its handler, which passes the
+//! caller to these functions.
+
+use crate::error::ApiError;
+use lightpath_domain::access::{Caller, Role};
+
+/// Refuses a caller whose token is for other displays than this one.
+///
+/// # Errors
+///
+/// [`ApiError::Denied`].
+pub(crate) fn require_display(caller: &Caller, id: &str) -> Result<(), ApiError> {
+    if caller.may_use(id) {
+        return Ok(());
+    }
+    Err(ApiError::Denied(format!(
+        "the token \"{}\" is for other displays than displays/{id}; ask for one that names it",
+        caller.name
+    )))
+}
+
+/// Refuses a caller whose token is for some displays only, where a call is about all of them; `field` is the field that
+/// narrows it to one.
+///
+/// # Errors
+///
+/// [`ApiError::Denied`].
+pub(crate) fn require_all_displays(caller: &Caller, field: &str) -> Result<(), ApiError> {
+    match caller.displays.first() {
+        None => Ok(()),
+        Some(own) => Err(ApiError::Denied(format!(
+            "the token \"{}\" is not for all displays; set {field} to one of its own, such as displays/{own}",
+            caller.name
+        ))),
+    }
+}
+
+/// The owner of a job: `given`, or the caller's name where that is empty. Without tokens nobody has a name, and `given`
+/// counts.
+///
+/// # Errors
+///
+/// [`ApiError::Denied`] where the name is not the caller's own, unless the caller is an admin.
+pub(crate) fn owner_of_job(caller: &Caller, given: String) -> Result<String, ApiError> {
+    match (caller.name.as_str(), caller.role) {
+        ("", _) => Ok(given),
+        (name, _) if given.is_empty() => Ok(name.to_owned()),
+        (name, role) if given == name || role == Role::Admin => Ok(given),
+        (name, _) => Err(ApiError::Denied(format!(
+            "owner is {given:?}, but the token \"{name}\" takes turns of its own only; leave owner empty"
+        ))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ada(role: Role) -> Caller {
+        Caller { name: "ada".to_owned(), role, displays: vec!["lab".to_owned()] }
+    }
+
+    #[test]
+    fn a_token_is_for_its_displays_only() {
+        assert!(require_display(&ada(Role::Submitter), "lab").is_ok());
+        assert!(matches!(require_display(&ada(Role::Submitter), "other"), Err(ApiError::Denied(_))));
+        assert!(require_display(&Caller::anybody(), "other").is_ok());
+        let refusal = require_all_displays(&ada(Role::Submitter), "display").unwrap_err().to_string();
+        assert!(refusal.contains("set display to one of its own, such as displays/lab"), "{refusal}");
+        assert!(require_all_displays(&Caller::anybody(), "display").is_ok());
+    }
+
+    #[test]
+    fn only_admins_submit_for_others() {
+        for (role, given, owner) in [
+            (Role::Submitter, "", Some("ada")),
+            (Role::Submitter, "ada", Some("ada")),
+            (Role::Submitter, "bob", None),
+            (Role::Admin, "bob", Some("bob")),
+        ] {
+            assert_eq!(owner_of_job(&ada(role), given.to_owned()).ok().as_deref(), owner, "{given}");
+        }
+        assert_eq!(owner_of_job(&Caller::anybody(), "bob".to_owned()).unwrap(), "bob");
+    }
+}

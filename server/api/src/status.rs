@@ -1,0 +1,206 @@
+//! The one map from errors to gRPC statuses.
+//!
+//! Every status carries an `ErrorInfo`: a stable reason for programs, the domain `lightpath`, and what it is about.
+//! What went wrong inside the server is logged under an id, and only the id is sent.
+
+use crate::error::ApiError;
+use lightpath_artifacts::ArtifactError;
+use lightpath_domain::causes::with_causes;
+use lightpath_store::StoreError;
+use std::collections::HashMap;
+use std::time::Duration;
+use tonic::{Code, Status};
+use tonic_types::{ErrorDetails, StatusExt as _};
+use uuid::Uuid;
+
+/// Whose reasons these are.
+const DOMAIN: &str = "lightpath";
+/// When to submit again to a full queue.
+const QUEUE_RETRY: Duration = Duration::from_secs(5);
+/// When to try again on a full disk: somebody has to make room first.
+const DISK_RETRY: Duration = Duration::from_secs(60);
+/// When to try again while another upload of the same artifact runs.
+const UPLOAD_RETRY: Duration = Duration::from_secs(1);
+/// When a server that stops is likely back.
+const RESTART_RETRY: Duration = Duration::from_secs(1);
+
+/// What a status is made of.
+struct Answer {
+    code: Code,
+    reason: &'static str,
+    /// What it is about: (`field`, path), (`resource`, name) or (`error_id`, id in the log).
+    about: Option<(&'static str, String)>,
+    /// What is wrong with the field that it is about, where the error is of a field's value.
+    problem: Option<String>,
+    retry_after: Option<Duration>,
+}
+
+impl From<ApiError> for Status {
+    fn from(error: ApiError) -> Self {
+        if let ApiError::Artifact(ArtifactError::DataLoss { digest }) = &error {
+            tracing::error!(digest, "a stored artifact no longer matches its digest");
+        }
+        match error {
+            ApiError::Stream(status) => *status,
+            error => answer(&error).map_or_else(|| internal(&error), |answer| answer.status(error.to_string())),
+        }
+    }
+}
+
+impl ApiError {
+    /// The code of the error's status.
+    pub(crate) fn code(&self) -> Code {
+        match self {
+            Self::Stream(status) => status.code(),
+            error => answer(error).map_or(Code::Internal, |answer| answer.code),
+        }
+    }
+}
+
+/// What clients are told about an error; `None` for errors inside the server.
+fn answer(error: &ApiError) -> Option<Answer> {
+    Some(match error {
+        ApiError::Invalid { field, problem } => {
+            let answer = Answer::new(Code::InvalidArgument, "INVALID_FIELD").about("field", field);
+            Answer { problem: Some(problem.clone()), ..answer }
+        }
+        ApiError::Missing { what, .. } => Answer::new(Code::NotFound, "NOT_FOUND").about("resource", what),
+        ApiError::Precondition { reason, .. } => Answer::new(Code::FailedPrecondition, reason),
+        ApiError::Exhausted { reason, retry_after, .. } => {
+            Answer::new(Code::ResourceExhausted, reason).retry(*retry_after)
+        }
+        ApiError::Unauthenticated(_) => Answer::new(Code::Unauthenticated, "UNAUTHENTICATED"),
+        ApiError::NoCaller => Answer::new(Code::Unauthenticated, "NO_CALLER"),
+        ApiError::Denied(_) => Answer::new(Code::PermissionDenied, "PERMISSION_DENIED"),
+        ApiError::Locked => Answer::new(Code::Unavailable, "DATABASE_LOCKED").retry(QUEUE_RETRY),
+        ApiError::Stopping => Answer::new(Code::Unavailable, "STOPPING").retry(RESTART_RETRY),
+        ApiError::Idle(_) => Answer::new(Code::DeadlineExceeded, "IDLE"),
+        ApiError::Stream(_) | ApiError::Task(_) => return None,
+        ApiError::Store(error) => return store_answer(error),
+        ApiError::Artifact(error) => return artifact_answer(error),
+    })
+}
+
+fn store_answer(error: &StoreError) -> Option<Answer> {
+    Some(match error {
+        StoreError::NotFound { what } => Answer::new(Code::NotFound, "NOT_FOUND").about("resource", what),
+        StoreError::AlreadyExists { what, .. } => {
+            Answer::new(Code::AlreadyExists, "ALREADY_EXISTS").about("resource", what)
+        }
+        StoreError::Precondition { reason, .. } => Answer::new(Code::FailedPrecondition, reason),
+        StoreError::Aborted { reason, .. } => Answer::new(Code::Aborted, reason),
+        StoreError::LeaseLost => Answer::new(Code::Aborted, "LEASE_LOST"),
+        StoreError::QueueFull { .. } => Answer::new(Code::ResourceExhausted, "QUEUE_FULL").retry(QUEUE_RETRY),
+        StoreError::OwnerQueueFull { .. } => {
+            Answer::new(Code::ResourceExhausted, "OWNER_QUEUE_FULL").retry(QUEUE_RETRY)
+        }
+        StoreError::OwnerBytes { .. } => Answer::new(Code::ResourceExhausted, "OWNER_STORED_BYTES").retry(DISK_RETRY),
+        StoreError::DiskFull => Answer::new(Code::ResourceExhausted, "DISK_FULL").retry(DISK_RETRY),
+        StoreError::Busy => Answer::new(Code::Unavailable, "DATABASE_BUSY").retry(QUEUE_RETRY),
+        StoreError::Stopping => Answer::new(Code::Unavailable, "STOPPING").retry(RESTART_RETRY),
+        StoreError::SqliteTooOld { .. }
+        | StoreError::Corrupt { .. }
+        | StoreError::NewerDatabase { .. }
+        | StoreError::OlderDatabase
+        | StoreError::Migration(_)
+        | StoreError::Database(_) => return None,
+    })
+}
+
+fn artifact_answer(error: &ArtifactError) -> Option<Answer> {
+    Some(match error {
+        ArtifactError::BadDigest { .. } => Answer::new(Code::InvalidArgument, "INVALID_FIELD").about("field", "digest"),
+        ArtifactError::NotFound { digest } => Answer::new(Code::NotFound, "NOT_FOUND").about("resource", digest),
+        ArtifactError::DataLoss { digest } => Answer::new(Code::DataLoss, "DATA_LOSS").about("resource", digest),
+        ArtifactError::OutOfRange { .. } => {
+            Answer::new(Code::OutOfRange, "OUT_OF_RANGE").about("field", "offset_bytes")
+        }
+        ArtifactError::WrongOffset { .. } => {
+            Answer::new(Code::Aborted, "WRONG_OFFSET").about("field", "start.offset_bytes")
+        }
+        ArtifactError::UploadBusy { digest } => {
+            Answer::new(Code::Aborted, "UPLOAD_BUSY").about("resource", digest).retry(UPLOAD_RETRY)
+        }
+        ArtifactError::WrongSize { .. } => {
+            Answer::new(Code::InvalidArgument, "WRONG_SIZE").about("field", "start.size_bytes")
+        }
+        ArtifactError::WrongDigest { .. } => {
+            Answer::new(Code::InvalidArgument, "WRONG_DIGEST").about("field", "start.digest")
+        }
+        ArtifactError::DiskFull => Answer::new(Code::ResourceExhausted, "DISK_FULL").retry(DISK_RETRY),
+        ArtifactError::DiskLow { .. } => Answer::new(Code::ResourceExhausted, "DISK_LOW").retry(DISK_RETRY),
+        ArtifactError::QuotaSpent { .. } => Answer::new(Code::ResourceExhausted, "STORED_BYTES").retry(DISK_RETRY),
+        ArtifactError::Locked { .. } | ArtifactError::Io { .. } => return None,
+    })
+}
+
+impl Answer {
+    fn new(code: Code, reason: &'static str) -> Self {
+        Self { code, reason, about: None, problem: None, retry_after: None }
+    }
+
+    fn about(mut self, kind: &'static str, what: &str) -> Self {
+        self.about = Some((kind, what.to_owned()));
+        self
+    }
+
+    fn retry(mut self, after: Duration) -> Self {
+        self.retry_after = Some(after);
+        self
+    }
+
+    fn status(self, message: String) -> Status {
+        let metadata: HashMap<_, _> = self.about.into_iter().map(|(kind, what)| (kind.to_owned(), what)).collect();
+        let mut details = ErrorDetails::new();
+        if let (Some(problem), Some(field)) = (self.problem, metadata.get("field")) {
+            details.add_bad_request_violation(field, problem);
+        }
+        details.set_error_info(self.reason, DOMAIN, metadata);
+        if self.retry_after.is_some() {
+            details.set_retry_info(self.retry_after);
+        }
+        Status::with_error_details(self.code, message, details)
+    }
+}
+
+/// Logs the error with its sources, and tells the client where to look for it.
+fn internal(error: &ApiError) -> Status {
+    let id = Uuid::now_v7().to_string();
+    tracing::error!(id, causes = with_causes(error), "internal error");
+    let message = format!("internal error {id}; the server's log tells what happened");
+    Answer::new(Code::Internal, "INTERNAL").about("error_id", &id).status(message)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn statuses_name_the_reason_the_field_and_when_to_retry() {
+        let refused = ApiError::Invalid { field: "spec.distance_m".into(), problem: "is NaN, but must be …".into() };
+        let status = Status::from(refused);
+        assert_eq!((status.code(), status.message()), (Code::InvalidArgument, "spec.distance_m is NaN, but must be …"));
+        let details = status.get_error_details();
+        assert_eq!(details.bad_request().unwrap().field_violations[0].field, "spec.distance_m");
+        let info = details.error_info().unwrap();
+        assert_eq!((info.reason.as_str(), info.domain.as_str()), ("INVALID_FIELD", "lightpath"));
+        assert_eq!(info.metadata["field"], "spec.distance_m");
+
+        let status = Status::from(ApiError::from(StoreError::QueueFull { limit: 3 }));
+        assert_eq!(status.code(), Code::ResourceExhausted);
+        assert_eq!(status.get_error_details().retry_info().unwrap().retry_delay, Some(QUEUE_RETRY));
+        for later in [ApiError::Stopping, StoreError::Busy.into()] {
+            let status = Status::from(later);
+            assert_eq!(status.code(), Code::Unavailable);
+            assert!(status.get_error_details().retry_info().is_some());
+        }
+    }
+
+    #[test]
+    fn internal_errors_stay_inside() {
+        let source = std::io::Error::other("/secret/path");
+        let status = Status::from(ApiError::from(ArtifactError::Io { action: "read a file", source }));
+        assert_eq!(status.code(), Code::Internal);
+        assert!(!status.message().contains("secret") && status.message().starts_with("internal error"));
+    }
+}

@@ -1,0 +1,44 @@
+//! How many streams there may be at once, all clients together.
+
+use crate::error::ApiError;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+
+/// Streams that may follow jobs and kernels at once: each costs a little memory and a read at every change.
+const WATCHERS_MAX: usize = 1000;
+/// Uploads at once: each may hold what its connection has received, some 2 MiB.
+const UPLOADS_MAX: usize = 64;
+
+/// Counts the streams that are open; clones count together.
+#[derive(Clone, Debug)]
+pub(crate) struct StreamLimits {
+    watchers: Arc<Semaphore>,
+    uploads: Arc<Semaphore>,
+}
+
+impl Default for StreamLimits {
+    fn default() -> Self {
+        Self { watchers: Arc::new(Semaphore::new(WATCHERS_MAX)), uploads: Arc::new(Semaphore::new(UPLOADS_MAX)) }
+    }
+}
+
+impl StreamLimits {
+    /// Counts a stream that follows something, until the permit is dropped.
+    pub(crate) fn watcher(&self) -> Result<OwnedSemaphorePermit, ApiError> {
+        Arc::clone(&self.watchers).try_acquire_owned().map_err(|_| ApiError::Exhausted {
+            reason: "TOO_MANY_WATCHERS",
+            message: format!("{WATCHERS_MAX} streams follow jobs and kernels already; end one, or try again later"),
+            retry_after: Duration::from_secs(5),
+        })
+    }
+
+    /// Counts an upload, until the permit is dropped.
+    pub(crate) fn upload(&self) -> Result<OwnedSemaphorePermit, ApiError> {
+        Arc::clone(&self.uploads).try_acquire_owned().map_err(|_| ApiError::Exhausted {
+            reason: "TOO_MANY_UPLOADS",
+            message: format!("{UPLOADS_MAX} uploads are under way already; go on when one of them has ended"),
+            retry_after: Duration::from_secs(1),
+        })
+    }
+}
