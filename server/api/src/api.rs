@@ -19,7 +19,7 @@ use tonic_health::server::HealthReporter;
 
 /// Largest message that clients may send \[bytes\]: a chunk of an upload, twice over.
 pub(crate) const MESSAGE_BYTES_MAX: usize = 4 << 20;
-/// A server whose database lets nobody write for this long is not well.
+/// A server that cannot write to its database for this long is not serving.
 const WRITE_TURN_MAX: Duration = Duration::from_secs(5);
 
 /// What all services share; cheap to clone.

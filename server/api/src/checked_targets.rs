@@ -1,5 +1,5 @@
-//! Targets that were found to have light where it counts. Artifacts never change, so that this stays true, and a hundred jobs
-//! with the same target decode it once.
+//! Remembering which targets have light in the region of interest. Artifacts never change, so a target that was checked
+//! once is right for all later jobs, and is decoded only once.
 
 use std::collections::{HashSet, VecDeque};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -19,7 +19,7 @@ struct Findings {
 }
 
 impl CheckedTargets {
-    /// Whether this was found; `what` names the picture and all that its light was looked for with.
+    /// Whether a target was found to have light; `what` names the picture and all that the check depends on.
     pub(crate) fn knows(&self, what: &str) -> bool {
         self.findings().known.contains(what)
     }

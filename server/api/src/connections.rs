@@ -26,7 +26,7 @@ const STREAMS_MAX: u32 = 256;
 const STREAM_WINDOW_BYTES: u32 = 512 << 10;
 /// Unread streams, such as uploads that wait for their turn, must never use up what the connection's others need.
 const CONNECTION_WINDOW_BYTES: u32 = STREAMS_MAX * STREAM_WINDOW_BYTES;
-/// What an HTTP/1 connection may hold of requests, and of answers: many times the longest header. hyper's own would be 400 KiB.
+/// Buffers of an HTTP/1 connection: many times the longest header. hyper's default would be 400 KiB.
 const HTTP1_BUFFER_BYTES: usize = 64 << 10;
 /// A connection that says nothing for this long at its beginning, or between HTTP/1 requests, is closed.
 const FIRST_BYTES_DEADLINE: Duration = Duration::from_secs(30);
@@ -39,7 +39,7 @@ const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 
 /// A client that does not read what it asked for loses its connection, and frees its place.
 const WRITE_STALL_MAX: Duration = Duration::from_secs(60);
-/// A client that takes longer to agree on keys is none.
+/// Time for the TLS handshake.
 const HANDSHAKE_DEADLINE: Duration = Duration::from_secs(10);
 /// Connections at once from one address: one client cannot take everybody's place. Loopback counts too.
 const CONNECTIONS_PER_PEER_MAX: usize = 400;
@@ -72,10 +72,10 @@ pub async fn serve(
 ) {
     let builder = Arc::new(builder());
     let places = Arc::new(Semaphore::new(CONNECTIONS_MAX));
-    let peers = Arc::new(Peers::default());
+    let peers = Arc::new(ConnectionCounts::default());
     let graceful = GracefulShutdown::new();
     while let Some((stream, address, place)) = next(&listener, &places, &stop).await {
-        let Some(seat) = Peers::sit(&peers, address.ip()) else {
+        let Some(counted) = ConnectionCounts::take_place(&peers, address.ip()) else {
             tracing::debug!(%address, "refused a connection: its address has too many");
             continue;
         };
@@ -84,7 +84,7 @@ pub async fn serve(
         let acceptor = tls.as_ref().map(|tls| tls.acceptor());
         let service = TowerToHyperService::new(app.clone().layer(Extension(Peer(address))));
         tokio::spawn(async move {
-            if speaks(&stream, &stop).await {
+            if sends_first_bytes(&stream, &stop).await {
                 let mut stream = TimeoutStream::new(stream);
                 stream.set_write_timeout(Some(WRITE_STALL_MAX));
                 let stream = Box::pin(stream);
@@ -102,7 +102,7 @@ pub async fn serve(
                     tracing::debug!(%error, "a connection ended early");
                 }
             }
-            drop((place, seat));
+            drop((place, counted));
         });
     }
     drop(listener);
@@ -113,27 +113,27 @@ pub async fn serve(
 
 /// How many connections each address has.
 #[derive(Debug, Default)]
-struct Peers(Mutex<HashMap<IpAddr, usize>>);
+struct ConnectionCounts(Mutex<HashMap<IpAddr, usize>>);
 
 /// One connection's place among those of its address; given back on drop.
-struct Seat {
-    peers: Arc<Peers>,
+struct CountedConnection {
+    peers: Arc<ConnectionCounts>,
     address: IpAddr,
 }
 
-impl Peers {
-    fn sit(peers: &Arc<Self>, address: IpAddr) -> Option<Seat> {
+impl ConnectionCounts {
+    fn take_place(peers: &Arc<Self>, address: IpAddr) -> Option<CountedConnection> {
         let mut counts = peers.0.lock().unwrap_or_else(PoisonError::into_inner);
         let count = counts.entry(address).or_default();
         if *count >= CONNECTIONS_PER_PEER_MAX {
             return None;
         }
         *count += 1;
-        Some(Seat { peers: Arc::clone(peers), address })
+        Some(CountedConnection { peers: Arc::clone(peers), address })
     }
 }
 
-impl Drop for Seat {
+impl Drop for CountedConnection {
     fn drop(&mut self) {
         let mut counts = self.peers.0.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(count) = counts.get_mut(&self.address) {
@@ -160,7 +160,7 @@ fn builder() -> Builder<TokioExecutor> {
 }
 
 /// Waits for a connection's first bytes; `false` where none come, or the server stops before.
-async fn speaks(stream: &TcpStream, stop: &CancellationToken) -> bool {
+async fn sends_first_bytes(stream: &TcpStream, stop: &CancellationToken) -> bool {
     let mut byte = [0];
     tokio::select! {
         peeked = timeout(FIRST_BYTES_DEADLINE, stream.peek(&mut byte)) => peeked.is_ok_and(|peeked| peeked.is_ok()),

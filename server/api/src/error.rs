@@ -49,7 +49,7 @@ pub enum ApiError {
     /// The call did not pass the gate, so that nobody knows who makes it.
     #[error("it is not known who makes this call, and it is not answered")]
     NoCaller,
-    /// Not for this caller.
+    /// The caller may not do this.
     #[error("{0}")]
     Denied(String),
     /// Somebody else holds the database.

@@ -22,7 +22,7 @@ pub(crate) fn dataset_id(field: &Field, name: &str) -> Result<String, ApiError> 
     chosen_id(field, name, "datasets")
 }
 
-/// The id in `jobs/{id}`, whatever it is: whether there is such a job the store knows.
+/// The id in `jobs/{id}`. Whether there is such a job, the store says.
 pub(crate) fn job_id(field: &Field, name: &str) -> Result<String, ApiError> {
     match name.strip_prefix("jobs/") {
         Some(id) if !id.is_empty() && id.len() <= ID_BYTES_MAX && !id.contains('/') => Ok(id.to_owned()),
@@ -30,7 +30,7 @@ pub(crate) fn job_id(field: &Field, name: &str) -> Result<String, ApiError> {
     }
 }
 
-/// A display's id where the filter is given; it must be, for callers who may not look at all displays.
+/// The display's id where the filter is given. Callers who may not use all displays must give it.
 pub(crate) fn display_filter(caller: &Caller, field: &Field, name: &str) -> Result<Option<String>, ApiError> {
     if name.is_empty() {
         require_all_displays(caller, &field.to_string())?;
@@ -52,7 +52,7 @@ pub(crate) fn kernel_key(caller: &Caller, field: &Field, name: &str) -> Result<K
         wavelength: Wavelength::parse(wavelength).ok_or_else(refusal)?,
         distance: Distance::parse(distance).ok_or_else(refusal)?,
     };
-    // One kernel has one name: `515.0nm-150mm` is none.
+    // Each kernel has exactly one name: `515.0nm-150mm` does not name one.
     if key.to_string() == name { Ok(key) } else { Err(refusal()) }
 }
 

@@ -8,8 +8,8 @@ use lightpath_domain::access::Role;
 pub(crate) enum Effect {
     /// Nothing.
     Reads,
-    /// Little, for something that is there already: answered as long as the disk has any room. Uploads look for
-    /// themselves whether there is room for as much as they bring.
+    /// It writes little, about something that exists: it is answered as long as the disk has any room. Uploads check by
+    /// themselves whether there is room for their bytes.
     Steers,
     /// It brings new work, which must leave the disk's reserve alone.
     Takes,
@@ -18,7 +18,7 @@ pub(crate) enum Effect {
 /// Who may make a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Access {
-    /// Whoever can connect: what tells nothing but that the server is up.
+    /// Everybody who can connect: such calls tell only that the server is up.
     Anybody,
     /// Bearers of these roles.
     Only(&'static [Role]),

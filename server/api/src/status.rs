@@ -13,7 +13,7 @@ use tonic::{Code, Status};
 use tonic_types::{ErrorDetails, StatusExt as _};
 use uuid::Uuid;
 
-/// Whose reasons these are.
+/// The domain of all reasons.
 const DOMAIN: &str = "lightpath";
 /// When to submit again to a full queue.
 const QUEUE_RETRY: Duration = Duration::from_secs(5);

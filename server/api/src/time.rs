@@ -13,7 +13,7 @@ pub(crate) fn timestamp(time_ms: i64) -> Timestamp {
     Timestamp { seconds: time_ms.div_euclid(1000), nanos: (time_ms.rem_euclid(1000) * 1_000_000) as i32 }
 }
 
-/// \[ms since 1970\]; `None` where it is no time.
+/// Milliseconds since 1970; `None` where the message is not a valid time.
 pub(crate) fn ms(time: &Timestamp) -> Option<i64> {
     let nanos = (0..1_000_000_000).contains(&time.nanos).then_some(i64::from(time.nanos))?;
     time.seconds.checked_mul(1000)?.checked_add(nanos / 1_000_000)

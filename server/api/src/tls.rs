@@ -60,7 +60,7 @@ pub enum TlsError {
 #[derive(Debug)]
 pub struct Tls {
     files: TlsFiles,
-    /// Held to copy a pointer.
+    /// Locked only to copy a pointer.
     current: RwLock<(Arc<ServerConfig>, Stamp)>,
 }
 
@@ -75,7 +75,7 @@ impl Tls {
         Ok(Self { files, current: RwLock::new((config, stamp)) })
     }
 
-    /// For the next connection.
+    /// What accepts the next connection.
     pub fn acceptor(&self) -> TlsAcceptor {
         let current = self.current.read().unwrap_or_else(PoisonError::into_inner);
         TlsAcceptor::from(Arc::clone(&current.0))

@@ -95,7 +95,7 @@ impl<W: Watch> Follower<W> {
             };
             match change {
                 Ok(change) if !self.source.concerns(&change) => {}
-                // Having missed some announcements, this one's may have been among them.
+                // Among the announcements that were missed may have been one of this.
                 Ok(_) | Err(RecvError::Lagged(_)) => break,
                 Err(RecvError::Closed) => return Err(ApiError::Stopping),
             }

@@ -18,7 +18,7 @@ use tonic::Streaming;
 const ARTIFACT_BYTES_MAX: u64 = 1 << 30;
 /// Largest chunk of an upload \[bytes\]: half a message, so that the rest of the message surely fits.
 const CHUNK_BYTES_MAX: usize = 2 << 20;
-/// An upload that brings nothing for this long has lost its client; what arrived is kept.
+/// An upload that receives nothing for this long is ended; what arrived is kept.
 const UPLOAD_IDLE_MAX: Duration = Duration::from_secs(60);
 /// How long an upload waits for another one of the same artifact, which makes it needless.
 const UPLOAD_TURN_MAX: Duration = Duration::from_secs(60);
@@ -83,7 +83,7 @@ impl Api {
         Ok(self.store.record_artifact(&digest, size_bytes, &caller.name, now_ms()).await?)
     }
 
-    /// Waits where somebody uploads the same artifact: soon it is here, or it is our turn.
+    /// Waits while another client uploads the same artifact: until it is stored, or the other upload has ended.
     async fn turn(&self, caller: &Caller, digest: &str, size_bytes: u64, offset_bytes: u64) -> Result<Turn, ApiError> {
         let until = Instant::now() + UPLOAD_TURN_MAX;
         loop {

@@ -1,8 +1,8 @@
-//! In front of every handler: who calls, may they, and what is written down about it.
+//! The gate in front of every handler: it finds out who calls, refuses who may not, and writes the audit log.
 
 use super::rate::Rate;
 use super::refusal::refuse;
-use super::token_expiry::{EndedTokens, ending_with, not_accepted};
+use super::token_expiry::{EndedTokens, ending_at_expiry, not_accepted};
 use crate::api::Api;
 use crate::audit::{Audit, Entry};
 use crate::connections::Peer;
@@ -55,11 +55,9 @@ pub(super) async fn pass(
     };
     let rule = rule_of(&path, route.as_deref());
     let address = ip.map(|ip| ip.to_string()).unwrap_or_default();
-    let caller = match gate.caller(request.headers(), rule).await {
+    let caller = match gate.admit(request.headers(), rule, &address).await {
         Ok(caller) => caller,
         Err((name, error)) => {
-            // Guessing costs as much as calling.
-            let error = gate.often(&address).err().unwrap_or(error);
             let status = Status::from(error);
             if status.code() != Code::ResourceExhausted {
                 gate.audit.write(entry(&name, code_name(status.code())));
@@ -67,22 +65,12 @@ pub(super) async fn pass(
             return refuse(status, is_grpc);
         }
     };
-    let who = if caller.name.is_empty() { &address } else { &caller.name };
-    if let Err(error) = gate.often(who) {
-        return refuse(error.into(), is_grpc);
-    }
-    if let Some(rule) = rule
-        && rule.effect == Effect::Takes
-        && let Err(full) = gate.api.artifacts.admit(0)
-    {
-        return refuse(ApiError::from(full).into(), is_grpc);
-    }
     let name = caller.name.clone();
     request.extensions_mut().insert(caller);
-    let mut expiry = gate.ended_tokens.of(&name);
+    let mut expiry = gate.ended_tokens.when_ended(&name);
     let response = tokio::select! {
         response = next.run(request) => {
-            if is_grpc && !name.is_empty() { ending_with(response, expiry) } else { response }
+            if is_grpc && !name.is_empty() { ending_at_expiry(response, expiry) } else { response }
         }
         () = &mut expiry => refuse(not_accepted().into(), is_grpc),
     };
@@ -95,7 +83,27 @@ pub(super) async fn pass(
 }
 
 impl Gate {
-    fn often(&self, who: &str) -> Result<(), ApiError> {
+    /// Who calls, where they may, not too often, and there is room for what they bring; else whose name is on the refusal.
+    async fn admit(
+        &self,
+        headers: &HeaderMap,
+        rule: Option<Rule>,
+        address: &str,
+    ) -> Result<Caller, (String, ApiError)> {
+        let caller = self.caller(headers, rule).await.map_err(|(name, error)| {
+            // Wrong tokens count as calls, so that nobody can guess many.
+            (name, self.limit_rate(address).err().unwrap_or(error))
+        })?;
+        let who = if caller.name.is_empty() { address } else { &caller.name };
+        let admitted = self.limit_rate(who).and_then(|()| match rule {
+            Some(Rule { effect: Effect::Takes, .. }) => Ok(self.api.artifacts.admit(0)?),
+            _ => Ok(()),
+        });
+        admitted.map_err(|error| (caller.name.clone(), error))?;
+        Ok(caller)
+    }
+
+    fn limit_rate(&self, who: &str) -> Result<(), ApiError> {
         self.rate.admit(who, Instant::now()).map_err(|retry_after| ApiError::Exhausted {
             reason: "RATE_LIMITED",
             message: "too many calls; come again when the delay is over".to_owned(),
@@ -147,7 +155,7 @@ fn bearer(headers: &HeaderMap) -> Result<Option<Secret>, ApiError> {
     }
 }
 
-/// The bearer of a token that is accepted now. All that are not look the same from outside.
+/// The caller whose token this is, where it is accepted now. All refusals are the same, so that they tell nothing.
 async fn find(store: &Store, secret: &Secret) -> Result<Caller, ApiError> {
     let record = store.token_by_hash(&secret.hash()).await?;
     let valid = record.filter(|record| record.is_valid(now_ms()));

@@ -16,14 +16,14 @@ const RETRY: Duration = Duration::from_secs(1);
 #[derive(Debug)]
 pub struct MemoryBudget {
     bytes_max: usize,
-    /// Held for a look and a sum.
+    /// Locked for a look-up and a sum only.
     held: Mutex<Held>,
 }
 
 #[derive(Debug, Default)]
 struct Held {
     all: usize,
-    /// Only of those who hold any, so that it is no longer than there are calls.
+    /// Only addresses that hold any bytes have an entry, so that there are no more entries than calls.
     of: HashMap<Option<IpAddr>, usize>,
 }
 

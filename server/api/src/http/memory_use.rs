@@ -7,7 +7,7 @@
 
 use super::gate::is_grpc;
 use super::memory_budget::{MemoryBudget, Share};
-use super::refusal::{ending, refuse};
+use super::refusal::{closing_frame, refuse};
 use crate::api::MESSAGE_BYTES_MAX;
 use crate::connections::Peer;
 use crate::error::ApiError;
@@ -25,7 +25,7 @@ use tonic::Status;
 
 /// What a call takes beside its messages \[bytes\]: headers, at most 16 KiB, and tasks.
 const CALL_BYTES: usize = 32 << 10;
-/// Answered at once and in a word, whatever others hold: a supervisor must not take a busy server for a dead one.
+/// The path of the health check. It is not counted: a supervisor must not mistake a busy server for a dead one.
 const HEALTH: &str = "/healthz";
 /// Pieces of an answer that wait for its client at once: one in the connection, one behind it.
 const PIECES: usize = 2;
@@ -126,7 +126,7 @@ impl http_body::Body for Answer {
         let more = piece.len().saturating_sub(self.piece_bytes);
         if let Err(error) = self.call.grow(PIECES * more) {
             self.is_over = true;
-            return Poll::Ready(Some(ending(error.into(), self.is_grpc)));
+            return Poll::Ready(Some(closing_frame(error.into(), self.is_grpc)));
         }
         self.piece_bytes += more;
         // The connection keeps it until the client takes it, maybe for longer than this body.

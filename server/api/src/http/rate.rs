@@ -21,7 +21,7 @@ pub struct Rate {
     /// T; `None`: no limit.
     cost: Option<Duration>,
     tolerance: Duration,
-    /// Held for a look and a sum.
+    /// Locked for a look-up and a sum only.
     arrivals: Mutex<HashMap<String, Instant>>,
 }
 

@@ -16,7 +16,7 @@ pub(super) fn refuse(status: Status, is_grpc: bool) -> Response {
 }
 
 /// The end of an answer that has begun and cannot go on.
-pub(super) fn ending(status: Status, is_grpc: bool) -> Result<Frame<Bytes>, axum::Error> {
+pub(super) fn closing_frame(status: Status, is_grpc: bool) -> Result<Frame<Bytes>, axum::Error> {
     if !is_grpc {
         return Err(axum::Error::new(status));
     }

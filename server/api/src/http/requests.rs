@@ -1,4 +1,4 @@
-//! Around every request, gRPC and HTTP: a deadline to its answer, and its count.
+//! Giving every request, gRPC and HTTP, a deadline, and counting it.
 
 use super::gate::is_grpc;
 use super::refusal::refuse;
@@ -21,7 +21,7 @@ const ANSWER_DEADLINE: Duration = Duration::from_secs(120);
 const UPLOAD_DEADLINE: Duration = Duration::from_secs(24 * 3600);
 const UPLOAD: &str = "/lightpath.v1.ArtifactService/WriteArtifact";
 
-/// What is answered even while the server stops, so that somebody can watch it do so.
+/// Paths that are answered even while the server stops, so that operators can watch it stop.
 const ALWAYS: [&str; 3] = ["/healthz", "/metrics", "/grpc.health.v1.Health/"];
 
 /// Runs the request within its deadline, the client's (`grpc-timeout`) where that is sooner, and counts it. A server
@@ -48,14 +48,14 @@ pub(super) async fn watched(State(api): State<Api>, request: Request, next: Next
     let (code, took) = (code(&response, is_grpc), begin.elapsed());
     tracing::debug!(id, method, code, took_ms = took.as_secs_f64() * 1e3, "answered");
     metrics::request(method, code, took);
-    // Whoever asks what happened can name the request.
+    // With the id, users can ask what happened to a request.
     if let Ok(id) = HeaderValue::from_str(&id) {
         response.headers_mut().insert("x-request-id", id);
     }
     response
 }
 
-/// What was called, out of a set that clients cannot make grow.
+/// What was called, for the metrics: one of a fixed set, which clients cannot make grow.
 fn method(request: &Request) -> String {
     let route = request.extensions().get::<MatchedPath>().map(MatchedPath::as_str);
     match route {

@@ -2,7 +2,7 @@
 //!
 //! Tokens are revoked beside the server, in its database, so that it has to look; all calls share one look.
 
-use super::refusal::ending;
+use super::refusal::closing_frame;
 use crate::error::ApiError;
 use axum::body::Body;
 use axum::response::Response;
@@ -34,7 +34,7 @@ impl EndedTokens {
     }
 
     /// Done once the token of this name is accepted no more; never for nobody's.
-    pub(super) fn of(&self, name: &str) -> BoxFuture<'static, ()> {
+    pub(super) fn when_ended(&self, name: &str) -> BoxFuture<'static, ()> {
         if name.is_empty() {
             return pending().boxed();
         }
@@ -55,7 +55,7 @@ pub(super) fn not_accepted() -> ApiError {
 }
 
 /// The answer to a gRPC call, which ends with UNAUTHENTICATED where `expiry` comes first.
-pub(super) fn ending_with(response: Response, expiry: BoxFuture<'static, ()>) -> Response {
+pub(super) fn ending_at_expiry(response: Response, expiry: BoxFuture<'static, ()>) -> Response {
     response.map(|body| Body::new(Answer { body, expiry, is_over: false }))
 }
 
@@ -75,7 +75,7 @@ impl http_body::Body for Answer {
         }
         if self.expiry.poll_unpin(cx).is_ready() {
             self.is_over = true;
-            return Poll::Ready(Some(ending(not_accepted().into(), true)));
+            return Poll::Ready(Some(closing_frame(not_accepted().into(), true)));
         }
         Pin::new(&mut self.body).poll_frame(cx)
     }

@@ -52,7 +52,7 @@ impl Api {
     async fn active_version(&self, key: &KernelKey) -> Result<Option<u32>, ApiError> {
         match self.store.kernel(key).await {
             Ok(kernel) => Ok(kernel.active_version),
-            // A kernel is there from its first version on.
+            // A kernel exists once it has a version.
             Err(StoreError::NotFound { .. }) => Ok(None),
             Err(error) => Err(error.into()),
         }

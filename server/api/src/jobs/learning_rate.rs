@@ -3,7 +3,7 @@
 use crate::error::ApiError;
 use crate::field::Field;
 
-/// Beyond this an optimizer's step only throws its parameters about.
+/// Largest learning rate: with larger ones the optimizer does not converge.
 const LEARNING_RATE_MAX: f64 = 10.0;
 
 /// A learning rate above 0; `None` for 0, the default.

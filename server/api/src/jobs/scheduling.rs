@@ -11,12 +11,12 @@ use lightpath_proto::v1;
 
 /// Longest owner, batch or unique key \[bytes\]: as request ids.
 const LABEL_BYTES_MAX: usize = 128;
-/// A start further ahead is a mistake in the unit \[ms\].
+/// Longest wait for the start of a job \[ms\]: longer ones are mistakes in the unit.
 const DELAY_MS_MAX: i64 = 366 * 24 * 3600 * 1000;
 const TIMEOUT_S_MAX: f64 = 30.0 * 24.0 * 3600.0;
-/// Shorter than any attempt takes to begin.
+/// Shortest time limit: shorter ones end before any attempt begins.
 const TIMEOUT_S_MIN: f64 = 0.001;
-/// What one job may come after: more is a batch of its own.
+/// Most jobs that one job may wait for.
 const AFTER_MAX: usize = 1000;
 
 /// What a request says about it, checked.

@@ -12,7 +12,7 @@ use uuid::Uuid;
 
 /// Longest request id \[bytes\]: room for a UUID and a few words.
 const REQUEST_ID_BYTES_MAX: usize = 128;
-/// Beyond this, a failure is not a matter of chance.
+/// Most attempts: a job that failed as often as this fails for a lasting reason.
 const ATTEMPTS_MAX: u32 = 20;
 const ATTEMPTS_DEFAULT: u32 = 3;
 const PRIORITY_MAX: i32 = 100;

@@ -13,12 +13,12 @@ use lightpath_domain::job::{Detector, LearnKernel};
 use lightpath_domain::kernel::{KernelKey, KernelModel};
 use lightpath_proto::v1;
 
-/// Thirty times the paper's.
+/// Epochs that a request may ask for: thirty times as many as the paper uses.
 const EPOCHS_MAX: u32 = 1000;
 const REFINEMENT_EVALUATIONS_MAX: u32 = 10_000;
-/// Beside the first: at 1080×1920 px the free space of eight distances takes half a gigabyte.
+/// Joint datasets beside the first: at 1080×1920 px the transfer functions of eight distances take half a gigabyte.
 const JOINT_DATASETS_MAX: usize = 7;
-/// Polynomials beyond this are no smooth errors any more.
+/// Highest order of the polynomials: those of higher orders do not describe smooth errors.
 const ORDER_MAX: u32 = 12;
 
 impl Api {
@@ -67,7 +67,7 @@ impl Api {
         })
     }
 
-    /// Datasets that differ from the first in their distances alone.
+    /// The ids of the joint datasets, which may differ from the first dataset in distance only.
     async fn joint_datasets(
         &self,
         caller: &Caller,
@@ -105,7 +105,7 @@ impl Api {
         Ok(ids)
     }
 
-    /// A version that learning can go on from.
+    /// The version that learning starts from; `None` where the request names none.
     async fn start_version(
         &self,
         field: &Field,

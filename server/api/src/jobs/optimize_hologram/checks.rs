@@ -11,7 +11,7 @@ const FRAME_PIXELS_MAX: u64 = 100_000_000;
 /// All planes' pixels: a transfer function takes 32 bytes for each.
 const PLANE_PIXELS_MAX: u64 = 100_000_000;
 
-/// Refuses ways to an image that can't be right, of every wavelength to every plane.
+/// Refuses propagation of any wavelength to any plane that cannot give a right image.
 pub(super) fn propagation(field: &Field, spec: &OptimizeHologram, display: &Display) -> Result<(), ApiError> {
     let (wavelengths, planes) = (spec.wavelengths(), spec.planes());
     for (w, &wavelength) in wavelengths.iter().enumerate() {
@@ -37,7 +37,7 @@ pub(super) fn propagation(field: &Field, spec: &OptimizeHologram, display: &Disp
     Ok(())
 }
 
-/// What only methods that follow a gradient can do.
+/// Refuses fields that only methods with a gradient follow.
 pub(super) fn method(field: &Field, spec: &OptimizeHologram) -> Result<(), ApiError> {
     match spec.method {
         Method::Adam | Method::Lbfgs => return Ok(()),
@@ -53,7 +53,7 @@ pub(super) fn method(field: &Field, spec: &OptimizeHologram) -> Result<(), ApiEr
     Ok(())
 }
 
-/// What all frames and planes together may take of the machine's memory.
+/// Refuses more frames or planes than fit into memory.
 pub(super) fn size(field: &Field, spec: &OptimizeHologram, display: &Display) -> Result<(), ApiError> {
     let pixels = u64::from(display.width_px) * u64::from(display.height_px);
     let planes = spec.planes().len() as u64;

@@ -16,7 +16,7 @@ use lightpath_proto::v1;
 /// Fifty times what a good hologram takes; bounds how long one job can hold a worker.
 const ITERATIONS_MAX: u32 = 10_000;
 const ITERATIONS_DEFAULT: u32 = 200;
-/// A second of the fastest phase modulators at the rate of the eye.
+/// Most frames that are shown in turn: the fastest phase modulators show no more within the eye's integration time.
 const FRAMES_MAX: u32 = 24;
 
 impl Api {

@@ -7,9 +7,9 @@ use lightpath_domain::job::ImagePlane;
 use lightpath_domain::units::{Distance, Wavelength};
 use lightpath_proto::v1::{self, optimize_hologram};
 
-/// Focal stacks beyond this do not fit the light of one hologram.
+/// Most planes: the light of one hologram does not suffice for more.
 const PLANES_MAX: usize = 16;
-/// No display is lit with more.
+/// Most wavelengths: displays are lit with fewer.
 const WAVELENGTHS_MAX: usize = 8;
 const PLANE_WEIGHT_MAX: f64 = 1000.0;
 

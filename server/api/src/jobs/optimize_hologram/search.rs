@@ -10,13 +10,13 @@ use lightpath_proto::v1::{
 };
 use std::f64::consts::TAU;
 
-/// Adam's step, the paper's \[rad\].
+/// Adam's learning rate \[rad\]: the paper's.
 const LEARNING_RATE_DEFAULT: f64 = 0.1;
-/// Initial phases within one radian speckle little.
+/// Range of random initial phases: within one radian there is little speckle.
 pub(super) const INITIAL_PHASE_RANGE_DEFAULT_RAD: f64 = 1.0;
-/// A term beyond this leaves nothing of the picture.
+/// Largest factor of a loss term: with larger ones the target counts for nothing.
 const FACTOR_MAX: f64 = 1000.0;
-/// Larger blocks hold more picture than speckle \[px\].
+/// Largest block that speckle is measured in \[px\]: larger blocks show the picture's own structure.
 const SPECKLE_BLOCK_PX_MAX: u32 = 256;
 const SPECKLE_BLOCK_PX_DEFAULT: u32 = 8;
 
@@ -48,7 +48,7 @@ pub(super) fn learning_rate_of_adam(field: &Field, value: f64, method: Method) -
 }
 
 pub(super) fn phase_range(field: &Field, value: f64) -> Result<f64, ApiError> {
-    /// 2π, as people and other programs round it.
+    /// Values this far above 2π are rounded values of 2π.
     const ROUNDING: f64 = 1e-6;
     if (0.0..=TAU + ROUNDING).contains(&value) {
         return Ok(value.min(TAU));
@@ -68,8 +68,8 @@ impl PhaseDefaults {
     /// The initial phase where the request gives none.
     fn initial_phase(self, message: &v1::OptimizeHologram) -> InitialPhase {
         let follows_gradient = matches!(self.method, Method::Adam | Method::Lbfgs);
-        // What vortices a random phase has between the pixels stay; without any, L-BFGS ends some 4 dB higher. Several
-        // frames have to differ, and a range is asked for to be used.
+        // A random phase has vortices between the pixels, and they stay; without them L-BFGS ends some 4 dB higher. But
+        // several frames must differ, and a range is given in order to be used.
         let smooth = self.detector == Detector::Supersampled
             && follows_gradient
             && message.frames <= 1

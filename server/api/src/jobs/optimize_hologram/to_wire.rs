@@ -25,7 +25,7 @@ pub(crate) fn spec(spec: OptimizeHologram) -> v1::OptimizeHologram {
         target: spec.target,
         target_encoding: encoding(spec.target_encoding),
         target_fit: fit(spec.target_fit).into(),
-        // Each of several kernels was resolved by itself.
+        // Several kernels have no common choice: the versions tell.
         kernel: if several { String::new() } else { kernel_named(spec.kernel_version) },
         kernel_version: spec.kernel_version.unwrap_or(0),
         method: method(spec.method).into(),

@@ -10,7 +10,7 @@ use lightpath_domain::job::SimulateCapture;
 use lightpath_media::pictures;
 use lightpath_proto::v1;
 
-/// Ten years: longer than any bench stands.
+/// Longest time since the bench was set up: ten years.
 const ELAPSED_S_MAX: f64 = 10.0 * 365.25 * 86_400.0;
 
 impl Api {
