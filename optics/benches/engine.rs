@@ -13,12 +13,12 @@
 #![allow(clippy::unwrap_used)]
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use lightpath_optics::hologram::{initial_phase, quality};
+use lightpath_optics::hologram::{HologramMethod, HologramOptions, initial_phase, quality};
 use lightpath_optics::learning::{KernelModel, LearnOptions, Learner, Lessons, Pair};
 use lightpath_optics::passes::{Pass, Passes};
 use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{
-    Adam, Detector, DisplayModel, Engine, Grid, HologramProblem, OpticalSetup, Plane, RegionOfInterest,
+    Detector, DisplayModel, Engine, Grid, HologramProblem, OpticalSetup, Optimization, Plane, RegionOfInterest,
 };
 use std::time::Duration;
 
@@ -94,7 +94,8 @@ fn whole_iterations(criterion: &mut Criterion, size: &str, job: &Job, detector: 
     group.finish();
     let mut group = criterion.benchmark_group("adam");
     group.throughput(pixels);
-    let mut adam = Adam::start(problem, 0.1, job.phase.clone()).unwrap();
+    let options = HologramOptions::new(HologramMethod::Adam { learning_rate: 0.1 }, u32::MAX);
+    let mut adam = Optimization::start(problem, options, job.phase.values().to_vec()).unwrap();
     group.bench_function(BenchmarkId::new(name(detector), size), |bencher| bencher.iter(|| adam.step()));
     group.finish();
 }

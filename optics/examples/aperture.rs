@@ -5,7 +5,8 @@
 //! ```
 #![allow(clippy::print_stdout)] // it is a program
 
-use lightpath_optics::propagation::{PropagationMethod, Propagator};
+use lightpath_optics::propagation::PropagationMethod;
+use lightpath_optics::reference::PropagatorCore;
 use lightpath_optics::reference::rayleigh_sommerfeld_onto;
 use lightpath_optics::{Grid, OpticalSetup, Plane, Result};
 use num_complex::Complex64;
@@ -20,7 +21,7 @@ fn main() -> Result<()> {
         let setup = OpticalSetup::try_new(grid, 515e-9, distance_m)?;
         println!("\n{} mm; critical distance {:.1} mm", 1e3 * distance_m, 1e3 * setup.critical_distance_x_m());
         for method in PropagationMethod::ALL {
-            let propagator = match Propagator::<f64>::new(&setup, method) {
+            let propagator = match PropagatorCore::<f64>::new(&setup, method) {
                 Ok(propagator) => propagator,
                 Err(refusal) => {
                     println!("  {method:37} refused: {refusal}");

@@ -7,10 +7,11 @@
 //!
 //! Prints one line of JSON. Targets are intensities in linear light, phases are in radians; both are float32 `.npy` files.
 
-use lightpath_optics::hologram::initial_phase;
+use lightpath_optics::hologram::{HologramMethod, HologramOptions, Step, initial_phase};
 use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{
-    Adam, Detector, DisplayModel, Engine, Evaluation, Grid, HologramProblem, OpticalSetup, Plane, RegionOfInterest,
+    Detector, DisplayModel, Engine, Evaluation, Grid, HologramProblem, OpticalSetup, Optimization, Plane,
+    RegionOfInterest,
 };
 use npyz::WriterBuilder as _;
 use std::collections::BTreeMap;
@@ -88,17 +89,17 @@ fn run_job(options: &Options) -> Result<(), Box<dyn Error>> {
     };
     let phase = initial_phase(height_px, width_px, options.number("phase-range", 1.0)?, options.number("seed", 1)?)?;
     let problem = HologramProblem::new(Engine::new(&DisplayModel::ideal(setup), detector, None)?, target, region)?;
-    let mut adam = Adam::start(problem, options.number("learning-rate", 0.1)?, phase)?;
+    let method = HologramMethod::Adam { learning_rate: options.number("learning-rate", 0.1)? };
+    let mut adam = Optimization::start(problem, HologramOptions::new(method, iterations), phase.into_vec())?;
     let (mut time_s, mut loss) = (Vec::new(), Vec::new());
-    while adam.state().iteration < iterations {
-        let Evaluation { best_loss, .. } = adam.step();
+    while let Some(Step { evaluation: Evaluation { best_loss, .. }, .. }) = adam.step() {
         time_s.push(started.elapsed().as_secs_f64());
         loss.push(best_loss);
         if -10.0 * best_loss.log10() >= until_db {
             break;
         }
     }
-    let phase = Plane::try_from_vec(height_px, width_px, adam.into_state().phase)?;
+    let phase = Plane::try_from_vec(height_px, width_px, adam.phases().to_vec())?;
     let total_s = started.elapsed().as_secs_f64();
     write_npy(options.word("out")?, &phase)?;
     let memory = memory_peak_bytes().map_or_else(|| "null".to_owned(), |bytes| bytes.to_string());

@@ -104,7 +104,7 @@ fn learned(seed: u64, distances_m: &[f64]) -> Result<Vec<DisplayModel>, BoxError
 }
 
 fn held_out_loss(bench: &SimulatedDisplay, model: &DisplayModel) -> Result<f64, BoxError> {
-    let engine = Engine::<f32>::new(model, Detector::Pixel, None)?;
+    let engine = Engine::new(model, Detector::Pixel, None)?;
     let region = RegionOfInterest::middle(&bench.setup().grid());
     let test = photographs(bench, 4, 90_000)?;
     let losses = test.iter().map(|pair| Ok(compare(&engine, pair, region)?.fitted_loss()));

@@ -7,9 +7,11 @@
 //!
 //! The sizes take turns, so that whatever else the machine does meets all of them; each time is the median of its steps.
 
-use lightpath_optics::hologram::initial_phase;
+use lightpath_optics::hologram::{HologramMethod, HologramOptions, initial_phase};
 use lightpath_optics::test_cards::TestCard;
-use lightpath_optics::{Adam, Detector, DisplayModel, Engine, Grid, HologramProblem, OpticalSetup, RegionOfInterest};
+use lightpath_optics::{
+    Detector, DisplayModel, Engine, Grid, HologramProblem, OpticalSetup, Optimization, RegionOfInterest,
+};
 use std::error::Error;
 use std::io::Write as _;
 use std::time::Instant;
@@ -49,12 +51,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-fn start(height_px: usize, width_px: usize, detector: Detector) -> Result<Adam, Box<dyn Error>> {
+fn start(height_px: usize, width_px: usize, detector: Detector) -> Result<Optimization, Box<dyn Error>> {
     let grid = Grid::try_new(height_px, width_px, 8e-6)?;
     let model = DisplayModel::ideal(OpticalSetup::try_new(grid, 515e-9, 0.15)?);
     let target = TestCard::Portrait.render(height_px, width_px, 1)?;
     let problem = HologramProblem::new(Engine::new(&model, detector, None)?, target, RegionOfInterest::middle(&grid))?;
-    let mut adam = Adam::start(problem, 0.1, initial_phase(height_px, width_px, 1.0, 1)?)?;
+    let options = HologramOptions::new(HologramMethod::Adam { learning_rate: 0.1 }, u32::MAX);
+    let mut adam = Optimization::start(problem, options, initial_phase(height_px, width_px, 1.0, 1)?.into_vec())?;
     // Not counted: the first step makes the threads' working memory.
     adam.step();
     Ok(adam)

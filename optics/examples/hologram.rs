@@ -7,11 +7,7 @@
 //! Writes `phase.pgm` and `seen.pgm` into the folder, by default the current one.
 #![allow(clippy::print_stdout)] // it is a program
 
-use lightpath_optics::hologram::initial_phase;
-use lightpath_optics::metrics::fitted_intensity_scale;
-use lightpath_optics::{
-    Adam, Detector, DisplayModel, Engine, Grid, HologramProblem, OpticalSetup, Plane, RegionOfInterest,
-};
+use lightpath_optics::{Grid, OpticalSetup, Plane, optimize};
 use std::f32::consts::TAU;
 use std::path::{Path, PathBuf};
 
@@ -22,27 +18,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
 fn make(folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
     let (height_px, width_px) = (180, 240);
-    let grid = Grid::try_new(height_px, width_px, 8e-6)?;
-    let (setup, report) = OpticalSetup::try_new(grid, 515e-9, 0.03)?.planned()?;
-    println!("{report}\n");
-
-    let target = rings(height_px, width_px);
-    let region = RegionOfInterest::middle(&grid);
-    let engine = Engine::<f32>::new(&DisplayModel::ideal(setup), Detector::Pixel, None)?;
-    let problem = HologramProblem::new(engine.clone(), target.clone(), region)?;
-    let mut adam = Adam::start(problem, 0.1, initial_phase(height_px, width_px, 1.0, 1)?)?;
-    for iteration in 1..=100 {
-        let loss = adam.step().loss;
-        if iteration % 20 == 0 {
-            println!("iteration {iteration:3}: {:.1} dB", -10.0 * loss.log10());
-        }
-    }
-
-    let phase = Plane::try_from_vec(height_px, width_px, adam.into_state().phase)?;
-    let light = engine.light(&phase)?;
-    let gain = fitted_intensity_scale(&light, &target, region)? as f32;
-    write_pgm(&folder.join("phase.pgm"), &phase.map(|phase| phase.rem_euclid(TAU) / TAU))?;
-    write_pgm(&folder.join("seen.pgm"), &light.map(|light| (gain * light).clamp(0.0, 1.0)))?;
+    let setup = OpticalSetup::try_new(Grid::try_new(height_px, width_px, 8e-6)?, 515e-9, 0.03)?;
+    let hologram = optimize(&rings(height_px, width_px), &setup)?;
+    println!("{}\n", hologram.validity);
+    println!("{:.1} dB at a camera's pixels", hologram.quality.pixel.psnr_db);
+    write_pgm(&folder.join("phase.pgm"), &hologram.phase.map(|phase| phase / TAU))?;
+    write_pgm(&folder.join("seen.pgm"), &hologram.reconstruction.map(|light| light.clamp(0.0, 1.0)))?;
     println!("\nwrote phase.pgm and seen.pgm into {}", folder.display());
     Ok(())
 }

@@ -8,7 +8,7 @@
 //! `TARGET.npy` holds intensities in linear light, float32, \[y\]\[x\]; without it, a generated card of 540×960 px is the
 //! target.
 
-use lightpath_optics::hologram::{HologramMethod, InitialPhase, Options, quality};
+use lightpath_optics::hologram::{HologramMethod, HologramOptions, InitialPhase, quality};
 use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{
     Detector, DisplayModel, Engine, Grid, HologramProblem, OpticalSetup, Optimization, Plane, RegionOfInterest,
@@ -47,11 +47,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     // A closed pipe ends the table early, and nothing else.
     drop(writeln!(out, "method  from       detector         point      pixel  supersampled  ms a step"));
     for detector in Detector::ALL {
-        let engine = Engine::of_display(&DisplayModel::ideal(setup), detector, None)?;
+        let engine = Engine::new(&DisplayModel::ideal(setup), detector, None)?;
         for (name, method, initial) in ways {
             let problem = HologramProblem::new(engine.clone(), target.clone(), region)?;
             let phases = initial.phases(&problem, &setup, 1)?;
-            let mut optimization = Optimization::start(problem, Options::new(method, steps), phases)?;
+            let mut optimization = Optimization::start(problem, HologramOptions::new(method, steps), phases)?;
             let started = Instant::now();
             let mut taken = 0;
             while optimization.step().is_some() {

@@ -1,9 +1,28 @@
 //! Fourier optics for phase-only holographic displays: propagation, hologram optimization, and learning a
 //! display's own light transport from photographs.
 //!
+//! ```
+//! use lightpath_optics::{Grid, OpticalSetup, optimize, propagate, test_cards::TestCard};
+//!
+//! // 160×90 pixels of 8 µm, green light, and an image 20 mm away.
+//! let setup = OpticalSetup::try_new(Grid::try_new(90, 160, 8e-6)?, 515e-9, 0.02)?;
+//! let target = TestCard::Portrait.render(90, 160, 1)?;
+//! let hologram = optimize(&target, &setup)?;
+//! println!("{}\n{:.1} dB at a camera's pixels", hologram.validity, hologram.quality.pixel.psnr_db);
+//! let image = propagate(&hologram.field(), &setup)?;
+//! assert_eq!(image.intensity().width_px(), target.width_px());
+//! # assert!(hologram.quality.pixel.psnr_db > 25.0);
+//! # Ok::<(), lightpath_optics::Error>(())
+//! ```
+//!
+//! [`propagate()`] takes a field through free space by the method that is right there, [`optimize()`] finds the phase that shows
+//! a target. Beyond their defaults, [`Propagator`] has every method and window, and [`Optimization`] every method to find
+//! phases, several planes and frames, and learned displays.
+//!
 //! # Conventions
 //!
 //! - Planes are row-major, `[y][x]`; sizes are `height_px` and `width_px`; public names carry SI units.
+//! - Light is linear, with 1 as the brightest value of targets and photographs.
 //! - Time convention e^{−iωt}: a wave travelling towards +z gains e^{+ikz}.
 //! - Forward Fourier transform with e^{−i2π(fx·x + fy·y)}, unscaled; the inverse is scaled by 1/(number of samples).
 //!   Zero frequency is at `[0][0]`.
@@ -11,25 +30,24 @@
 //! - Phases of transfer functions are computed in f64 without their piston and reduced modulo 2π before they are
 //!   narrowed to f32.
 //! - Fields are zero-padded twofold along each axis, so that the convolution is linear, and cropped afterwards.
+//! - Work is done in f32. Results are the same on any number of threads.
 //!
-//! # Layout
+//! # Map
 //!
-//! - [`grid`], [`plane`], [`region`]: sizes, arrays, and the part of an image that counts.
-//! - [`setup`], [`transfer_function`]: what light goes through, and what that does to it.
-//! - [`propagation`]: the methods by which it is computed, and a planner that chooses one and says how good it is.
-//! - [`phase_response`], [`carrier`]: from phases to what a modulator shows.
-//! - [`metrics`]: how close an image comes to its target, and how much of the light arrives.
-//! - [`reference`](mod@reference): slow and plain f64 twins of what is fast elsewhere.
-//! - [`display_model`], [`chebyshev`]: a display as it is learned: kernel, source, response, zero order.
-//! - [`spatial_variation`]: a kernel that changes over the modulator, and the grid of kernels that stands for it.
-//! - [`engine`], [`detector`], [`photometry`]: that display made ready to run, fused and parallel; what a camera or an eye
-//!   sees of its light; how that compares with a picture.
-//! - [`hologram`], [`learning`], [`optimizer`]: finding phases, and finding displays.
-//! - [`passes`]: an evaluation taken apart, to see where its time goes.
-//! - [`alignment`]: from a camera's pixels to the display's.
-//! - [`diagnostics`]: what a learned transfer function does: aberrations, point spread, what was never lit.
-//! - [`simulated_display`]: an imperfect bench to photograph holograms on.
-//! - [`test_cards`]: target pictures to try all of it on.
+//! | to | see |
+//! |---|---|
+//! | say what light goes through | [`OpticalSetup`], [`Grid`], [`RegionOfInterest`], [`Plane`] |
+//! | take a field to another plane | [`propagate()`], [`Propagator`]; [`plan`] and [`propagation`] say which method is right where |
+//! | find a phase | [`optimize()`], [`Optimization`], [`hologram`]; [`optimizer`] has the methods themselves |
+//! | say what a camera or an eye sees | [`Detector`], [`photometry`] |
+//! | judge a picture | [`metrics`], [`hologram::quality`] |
+//! | say what a modulator shows | [`phase_response`], [`Carrier`] |
+//! | describe a display | [`DisplayModel`], [`chebyshev`], [`spatial_variation`] |
+//! | run a display | [`Engine`], [`EngineCache`] |
+//! | learn a display from photographs | [`learning`]; [`alignment`] brings a camera's pixels to the display's |
+//! | look at a learned display | [`diagnostics`]: aberrations, point spread, what was never lit |
+//! | try without a display | [`simulated_display`], an imperfect bench, and [`test_cards`], pictures |
+//! | check all of it | [`reference`](mod@reference): slow and plain f64 twins of what is fast elsewhere |
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 pub mod alignment;
@@ -40,21 +58,21 @@ mod convolution;
 pub mod detector;
 pub mod diagnostics;
 pub mod display_model;
-pub mod engine;
-mod engine_cache;
+mod engine;
 mod error;
 pub mod grid;
 pub mod hologram;
 pub mod learning;
 mod least_squares;
-mod light;
 pub mod metrics;
 pub mod optimizer;
+#[doc(hidden)]
 pub mod passes;
 pub mod phase_response;
 pub mod photometry;
 pub mod plane;
 pub mod propagation;
+mod propagator;
 mod real;
 pub mod reference;
 pub mod region;
@@ -69,15 +87,14 @@ pub mod transfer_function;
 pub use carrier::Carrier;
 pub use detector::Detector;
 pub use display_model::{DisplayModel, KernelShape, SmoothField};
-pub use engine::Engine;
-pub use engine_cache::EngineCache;
+pub use engine::{Engine, EngineCache};
 pub use error::{Error, Result};
 pub use grid::Grid;
-pub use hologram::{Adam, AdamState, Evaluation, HologramMethod, HologramProblem, InitialPhase, Optimization};
+pub use hologram::{Evaluation, Hologram, HologramMethod, HologramProblem, InitialPhase, Optimization, optimize};
 pub use learning::KernelModel;
 pub use plane::Plane;
-pub use propagation::{ConvolutionMethod, PropagationMethod, Propagator, ValidityReport, plan, plan_onto};
-pub use real::Real;
+pub use propagation::{ConvolutionMethod, PropagationMethod, ValidityReport, plan, plan_onto};
+pub use propagator::{Propagated, Propagator, propagate};
 pub use region::RegionOfInterest;
 pub use setup::OpticalSetup;
 pub use simulated_display::SimulatedBench;

@@ -83,7 +83,7 @@ impl Passes {
         let (height_px, width_px) = (engine.height_px(), engine.width_px());
         target.expect_size("target_intensity", height_px, width_px)?;
         phase.expect_size("phase", height_px, width_px)?;
-        let fields = Fields::new(&engine);
+        let fields = Fields::new(&engine.core);
         let gradient = Plane::filled(height_px, width_px, 0.0);
         Ok(Self { engine, target, region, phase, fields, gradient })
     }
@@ -92,6 +92,7 @@ impl Passes {
     /// [`Pass::BackwardColumns`] overwrites the light that [`Pass::Compare`] reads.
     pub fn run(&mut self, pass: Pass) {
         let Self { engine, target, region, phase, fields: Fields { spectrum, tiles }, gradient } = self;
+        let engine = &engine.core;
         let (convolver, width_px) = (&engine.convolver, engine.width_px());
         let slm_len = engine.kernels.half_spectrum_len(convolver);
         match pass {

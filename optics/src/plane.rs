@@ -1,13 +1,31 @@
 //! Two-dimensional arrays.
 
 use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
 
 /// A row-major array, `values[y · width_px + x]`.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Unchecked<T>", bound(deserialize = "T: Copy + Deserialize<'de>"))]
 pub struct Plane<T> {
     height_px: usize,
     width_px: usize,
     values: Vec<T>,
+}
+
+/// A plane as it is stored: the number of its values may be wrong.
+#[derive(Deserialize)]
+struct Unchecked<T> {
+    height_px: usize,
+    width_px: usize,
+    values: Vec<T>,
+}
+
+impl<T: Copy> TryFrom<Unchecked<T>> for Plane<T> {
+    type Error = Error;
+
+    fn try_from(stored: Unchecked<T>) -> Result<Self> {
+        Self::try_from_vec(stored.height_px, stored.width_px, stored.values)
+    }
 }
 
 impl<T: Copy> Plane<T> {
@@ -30,7 +48,7 @@ impl<T: Copy> Plane<T> {
     ///
     /// [`Error::SizeMismatch`] when there are not `height_px · width_px` values.
     pub fn try_from_vec(height_px: usize, width_px: usize, values: Vec<T>) -> Result<Self> {
-        if values.len() != height_px * width_px {
+        if Some(values.len()) != height_px.checked_mul(width_px) {
             return Err(Error::SizeMismatch {
                 name: "values",
                 width_px,

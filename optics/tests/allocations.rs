@@ -3,9 +3,11 @@
 //! In a test binary of its own: whatever else runs in the process would be counted too.
 #![allow(clippy::unwrap_used)]
 
-use lightpath_optics::hologram::{HologramMethod, ImagePlane, InitialPhase, Loss, Options};
+use lightpath_optics::hologram::{HologramMethod, HologramOptions, ImagePlane, InitialPhase, Loss};
 use lightpath_optics::test_cards::TestCard;
-use lightpath_optics::{Detector, DisplayModel, Engine, Grid, OpticalSetup, Optimization, RegionOfInterest};
+use lightpath_optics::{
+    Detector, DisplayModel, Engine, Grid, HologramProblem, OpticalSetup, Optimization, RegionOfInterest,
+};
 use rayon::ThreadPoolBuilder;
 
 #[global_allocator]
@@ -21,13 +23,13 @@ fn optimization(method: HologramMethod, detector: Detector, planes: usize) -> Op
     let grid = Grid::try_new(HEIGHT_PX, WIDTH_PX, 8e-6).unwrap();
     let setup = |p: usize| OpticalSetup::try_new(grid, 515e-9, 0.01 * (p + 1) as f64).unwrap();
     let wanted = (0..planes).map(|p| {
-        let engine = Engine::of_display(&DisplayModel::ideal(setup(p)), detector, None).unwrap();
+        let engine = Engine::new(&DisplayModel::ideal(setup(p)), detector, None).unwrap();
         ImagePlane::new(engine, TestCard::Portrait.render(HEIGHT_PX, WIDTH_PX, p as u64).unwrap())
     });
     let region = RegionOfInterest::middle(&grid);
-    let problem = Optimization::problem_of(wanted.collect(), 1, region, Loss::default()).unwrap();
+    let problem = HologramProblem::with_planes(wanted.collect(), 1, region, Loss::default()).unwrap();
     let phases = InitialPhase::Random { range_rad: 1.0 }.phases(&problem, &setup(0), 1).unwrap();
-    Optimization::start(problem, Options::new(method, 100), phases).unwrap()
+    Optimization::start(problem, HologramOptions::new(method, 100), phases).unwrap()
 }
 
 #[test]

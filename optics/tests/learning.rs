@@ -51,7 +51,7 @@ fn learned(bench: &SimulatedDisplay, options: LearnOptions, lessons: Lessons<'_>
 }
 
 fn held_out_loss(bench: &SimulatedDisplay, model: &DisplayModel) -> f64 {
-    let engine = Engine::<f32>::new(model, Detector::Pixel, None).unwrap();
+    let engine = Engine::new(model, Detector::Pixel, None).unwrap();
     let region = RegionOfInterest::middle(&bench.setup().grid());
     let test = pairs(bench, 3, 900);
     test.iter().map(|pair| compare(&engine, pair, region).unwrap().fitted_loss()).sum::<f64>() / test.len() as f64
@@ -160,7 +160,7 @@ fn learning_is_the_same_on_any_number_of_threads_and_after_a_pause() {
 
         let mut learner = Learner::start(bench.setup(), options.clone(), &training).unwrap();
         while learner.step(lessons).unwrap().is_some() {
-            learner = Learner::resume(bench.setup(), options.clone(), learner.state()).unwrap();
+            learner = Learner::resume(bench.setup(), options.clone(), learner.state().into_owned()).unwrap();
         }
         assert_eq!(one, learner.model());
     }
@@ -231,7 +231,7 @@ fn several_distances_are_learned_the_same_on_any_number_of_threads_and_after_a_p
     assert_eq!(one, on(3));
     let mut learner = Learner::start_joint(&setups, short(), &training).unwrap();
     while learner.step(lessons).unwrap().is_some() {
-        learner = Learner::resume_joint(&setups, short(), learner.state()).unwrap();
+        learner = Learner::resume_joint(&setups, short(), learner.state().into_owned()).unwrap();
     }
     assert_eq!(one, learner.models());
 }

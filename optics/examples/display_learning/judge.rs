@@ -30,7 +30,7 @@ impl<'a> Judge<'a> {
     }
 
     pub(crate) fn verdict(&self, model: &DisplayModel) -> Result<Verdict, Failure> {
-        let engine = Engine::<f32>::new(model, Detector::Pixel, None)?;
+        let engine = Engine::new(model, Detector::Pixel, None)?;
         let mut test_loss = 0.0;
         for index in 0..self.test.len() {
             test_loss += compare(&engine, &self.test.pair(index)?, self.lab.region())?.fitted_loss();

@@ -3,7 +3,7 @@
 use super::options::{Failure, Options};
 use super::shots::{Shots, phase};
 use super::slip::{overexposed, turned};
-use lightpath_optics::hologram::{HologramMethod, Options as MethodOptions, initial_phase};
+use lightpath_optics::hologram::{HologramMethod, HologramOptions, initial_phase};
 use lightpath_optics::phase_response::PhaseResponse;
 use lightpath_optics::simulated_display::{SimulatedBench, SimulatedDisplay};
 use lightpath_optics::test_cards::TestCard;
@@ -86,7 +86,7 @@ impl Lab {
     /// Holograms through the ideal kernel, half of them from random phase and half from narrow, and their photographs.
     pub(crate) fn photograph(&self, pairs: usize, set: u64) -> Result<Shots, Failure> {
         let cards: Vec<TestCard> = TestCard::ALL.into_iter().filter(|card| !HELD_OUT.contains(card)).collect();
-        let engine = Engine::<f32>::new(&DisplayModel::ideal(self.setup()), Detector::Pixel, None)?;
+        let engine = Engine::new(&DisplayModel::ideal(self.setup()), Detector::Pixel, None)?;
         let mut shots = Shots { levels: Vec::new(), photos: Vec::new() };
         for i in 0..pairs {
             let seed = (self.seed * 16 + set) * 1000 + i as u64;
@@ -125,7 +125,7 @@ impl Lab {
         let (height_px, width_px) = (target.height_px(), target.width_px());
         let problem = HologramProblem::new(engine.clone(), target.clone(), self.region)?;
         let start = initial_phase(height_px, width_px, range_rad, seed)?;
-        let options = MethodOptions::new(HologramMethod::Lbfgs, iterations);
+        let options = HologramOptions::new(HologramMethod::Lbfgs, iterations);
         let mut optimization = Optimization::start(problem, options, start.into_vec())?;
         while optimization.step().is_some() {}
         let phase = Plane::try_from_vec(height_px, width_px, optimization.phases().to_vec())?;

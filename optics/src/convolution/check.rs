@@ -1,10 +1,8 @@
 //! The fused passes against the plain padded transform in f64, on odd, prime and non-square sizes.
 
-use crate::engine::Fields;
-use crate::{
-    Detector, DisplayModel, Engine, Grid, KernelShape, OpticalSetup, Plane, Real, SmoothField, SpatialVariation,
-    reference,
-};
+use crate::engine::{EngineCore, Fields};
+use crate::real::Real;
+use crate::{Detector, DisplayModel, Grid, KernelShape, OpticalSetup, Plane, SmoothField, SpatialVariation, reference};
 use num_complex::{Complex, Complex64};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -35,7 +33,7 @@ fn check_against_reference<T: Real>(bound: f64) {
     for (height_px, width_px) in SIZES {
         for distance_m in [2e-3, -0.05] {
             let setup = setup(height_px, width_px, distance_m);
-            let engine = Engine::<T>::new(&DisplayModel::ideal(setup), Detector::Point, None).unwrap();
+            let engine = EngineCore::<T>::new(&DisplayModel::ideal(setup), Detector::Point, None).unwrap();
             let field = random_field(height_px, width_px, 7);
             let expected = reference::propagate(&field, 8e-6, |fx, fy| setup.transfer(fx, fy));
             let error = relative_l2(&engine.propagate(&narrowed(&field)).unwrap(), &expected);
@@ -76,7 +74,7 @@ fn models(setup: OpticalSetup) -> [DisplayModel; 3] {
 fn check_adjoint<T: Real>(bound: f64) {
     for ((height_px, width_px), i) in SIZES.into_iter().flat_map(|size| (0..3).map(move |i| (size, i))) {
         let model = &models(setup(height_px, width_px, 2e-3))[i];
-        let engine = Engine::<T>::new(model, Detector::Point, None).unwrap();
+        let engine = EngineCore::<T>::new(model, Detector::Point, None).unwrap();
         let (u, v) = (random_field(height_px, width_px, 3), random_field(height_px, width_px, 4));
         let (u, v) = (narrowed::<T>(&u), narrowed::<T>(&v));
         let there = inner(engine.propagate(&u).unwrap().values(), v.values());

@@ -9,7 +9,7 @@
 //! No iterations. C.-K. Hsueh and A. Sawchuk, Applied Optics 17, 3874 (1978); A. Maimone, A. Georgiou and J. Kollin, ACM
 //! Transactions on Graphics 36, 85 (2017).
 
-use super::problem::HologramProblem;
+use super::problem::ProblemCore;
 use crate::real::Real;
 use num_complex::Complex;
 use rayon::prelude::*;
@@ -19,7 +19,7 @@ use std::f64::consts::PI;
 const REACH: usize = 8;
 
 /// The phases of all frames, and the largest amplitude max |c|: the light is 1 / max² of the target's.
-pub(super) fn double_phase<T: Real>(problem: &HologramProblem<T>, image_phase: &[T]) -> (Vec<T>, f64) {
+pub(super) fn double_phase<T: Real>(problem: &ProblemCore<T>, image_phase: &[T]) -> (Vec<T>, f64) {
     let (engine, frame_len) = (problem.engine(), problem.engine().height_px() * problem.engine().width_px());
     let (width_px, height_px) = (engine.width_px(), engine.height_px());
     let mut phases = vec![T::zero(); problem.parameters()];
@@ -76,9 +76,11 @@ fn low_pass<T: Real>(field: &mut [Complex<T>], height_px: usize, width_px: usize
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::engine::EngineCore;
+    use crate::hologram::loss::{Asked, Loss};
     use crate::metrics::{Gain, fitted_intensity_scale, psnr_db};
     use crate::test_cards::TestCard;
-    use crate::{Detector, DisplayModel, Engine, Grid, OpticalSetup, Plane, RegionOfInterest};
+    use crate::{Detector, DisplayModel, Grid, OpticalSetup, Plane, RegionOfInterest};
     use num_complex::Complex64;
 
     #[test]
@@ -87,9 +89,10 @@ mod tests {
         let grid = Grid::try_new(height_px, width_px, 8e-6).unwrap();
         let setup = OpticalSetup::try_new(grid, 515e-9, 8e-3).unwrap();
         let region = RegionOfInterest::middle(&grid);
-        let engine = Engine::<f64>::new(&DisplayModel::ideal(setup), Detector::Point, None).unwrap();
+        let engine = EngineCore::<f64>::new(&DisplayModel::ideal(setup), Detector::Point, None).unwrap();
         let target = TestCard::Portrait.render(height_px, width_px, 2).unwrap();
-        let problem = HologramProblem::new(engine.clone(), target.map(f64::from), region).unwrap();
+        let asked = Asked { engine: engine.clone(), target: target.map(f64::from), weight: None, share: 1.0 };
+        let problem = ProblemCore::with_planes(vec![asked], 1, region, Loss::default()).unwrap();
         let (phase, largest) = double_phase(&problem, &vec![0.0; height_px * width_px]);
         let mut field: Vec<Complex64> = phase.iter().map(|&phi| Complex64::cis(phi)).collect();
         low_pass(&mut field, height_px, width_px);

@@ -12,45 +12,32 @@
 //! averaged. The weights raise the target where light is missing: R. Di Leonardo, F. Ianni and G. Ruocco, Optics Express
 //! 15, 1913 (2007).
 
-use super::problem::HologramProblem;
-use crate::real::Real;
+use super::problem::ProblemCore;
 use crate::{Evaluation, Plane};
-use num_complex::Complex;
+use num_complex::Complex32;
 use rayon::prelude::*;
 
-/// Fields on the SLM on their way.
-#[derive(Debug)]
-pub(super) struct GerchbergSaxton<T> {
-    /// W√t of each plane.
-    pub(super) wanted: Vec<Plane<T>>,
+/// One round: `phase` becomes the next one, and `wanted`, W√t of each plane, its weights where the rounds are `weighted`. The
+/// evaluation is that of the phase before it. `field` holds nothing from round to round.
+pub(super) fn round(
+    problem: &mut ProblemCore<f32>,
     weighted: bool,
-    field: Vec<Complex<T>>,
-}
-
-impl<T: Real> GerchbergSaxton<T> {
-    /// Goes on from `wanted`, or begins with the targets themselves.
-    pub(super) fn new(problem: &HologramProblem<T>, weighted: bool, wanted: Option<Vec<Plane<T>>>) -> Self {
-        Self {
-            wanted: wanted.unwrap_or_else(|| problem.target_amplitudes()),
-            weighted,
-            field: vec![Complex::new(T::zero(), T::zero()); problem.parameters()],
-        }
-    }
-
-    /// One round. The evaluation is that of the phase before it.
-    pub(super) fn step(&mut self, problem: &mut HologramProblem<T>, phase: &mut [T]) -> Evaluation {
-        let evaluation = problem.excess(phase, &mut self.wanted, self.weighted, &mut self.field);
-        let engine = problem.engine();
-        let (height_px, width_px) = (engine.height_px(), engine.width_px());
-        phase.par_chunks_mut(width_px).zip(self.field.par_chunks(width_px)).enumerate().for_each_init(
-            || engine.convolver.scratch.take(),
-            |scratch, (i, (phase, excess))| {
-                let (y, field) = (i % height_px, &mut scratch.row[..width_px]);
-                engine.slm.field_row(y, phase, field);
-                field.iter_mut().zip(excess).for_each(|(c, &excess)| *c = *c - excess);
-                engine.slm.phase_of_row(y, field, phase);
-            },
-        );
-        evaluation
-    }
+    wanted: &mut [Plane<f32>],
+    phase: &mut [f32],
+    field: &mut Vec<Complex32>,
+) -> Evaluation {
+    field.resize(problem.parameters(), Complex32::ZERO);
+    let evaluation = problem.excess(phase, wanted, weighted, field);
+    let engine = problem.engine();
+    let (height_px, width_px) = (engine.height_px(), engine.width_px());
+    phase.par_chunks_mut(width_px).zip(field.par_chunks(width_px)).enumerate().for_each_init(
+        || engine.convolver.scratch.take(),
+        |scratch, (i, (phase, excess))| {
+            let (y, field) = (i % height_px, &mut scratch.row[..width_px]);
+            engine.slm.field_row(y, phase, field);
+            field.iter_mut().zip(excess).for_each(|(c, &excess)| *c -= excess);
+            engine.slm.phase_of_row(y, field, phase);
+        },
+    );
+    evaluation
 }

@@ -1,6 +1,6 @@
 //! Where an optimization starts.
 
-use super::problem::HologramProblem;
+use super::problem::{HologramProblem, ProblemCore};
 use crate::real::Real;
 use crate::{Error, OpticalSetup, Plane, Result};
 use rand::{RngExt, SeedableRng};
@@ -78,8 +78,9 @@ impl InitialPhase {
     /// [`Error::OutOfRange`] for a range that is not between 0 and 2π, a focal length of 0, or numbers that are not finite;
     /// [`Error::SizeMismatch`] and [`Error::NotFinite`] for a given phase.
     pub fn phases(&self, problem: &HologramProblem, setup: &OpticalSetup, seed: u64) -> Result<Vec<f32>> {
+        let problem = &problem.core;
         let (height_px, width_px) = (problem.engine().height_px(), problem.engine().width_px());
-        let frames = problem.frames();
+        let frames = problem.frames;
         match self {
             Self::Random { range_rad } => random(frames, height_px * width_px, *range_rad, seed),
             Self::Constant { phase_rad } => {
@@ -148,7 +149,7 @@ fn finite(name: &'static str, value: f64) -> Result<f64> {
     if value.is_finite() { Ok(value) } else { Err(Error::OutOfRange { name, value, allowed: "finite" }) }
 }
 
-impl<T: Real> HologramProblem<T> {
+impl<T: Real> ProblemCore<T> {
     /// The phases whose light has the phase of [`Self::back_propagated`].
     fn phase_of_targets(&self, image_phase: &[T]) -> Vec<T> {
         let engine = self.engine();

@@ -1,6 +1,7 @@
 //! What an optimization minimizes.
 
 use super::roughness::{Extent, SpeckleBlocks};
+use crate::engine::EngineCore;
 use crate::photometry::{Quantity, Sums};
 use crate::real::Real;
 use crate::{Engine, Error, Plane, RegionOfInterest, Result};
@@ -65,29 +66,44 @@ impl Loss {
 
 /// One picture that a hologram is to show.
 #[derive(Clone, Debug)]
-pub struct ImagePlane<T = f32> {
+pub struct ImagePlane {
     /// The display, at the picture's distance.
-    pub engine: Engine<T>,
+    pub engine: Engine,
     /// Intensity in linear light, of the engine's size.
-    pub target: Plane<T>,
+    pub target: Plane<f32>,
     /// How much each pixel counts, 0 or above; `None`: all the same.
-    pub weight: Option<Plane<T>>,
+    pub weight: Option<Plane<f32>>,
     /// How much this plane counts among several, above 0.
     pub share: f64,
 }
 
-impl<T: Real> ImagePlane<T> {
+impl ImagePlane {
     /// A plane that counts everywhere.
     #[must_use]
-    pub fn new(engine: Engine<T>, target: Plane<T>) -> Self {
+    pub fn new(engine: Engine, target: Plane<f32>) -> Self {
         Self { engine, target, weight: None, share: 1.0 }
+    }
+}
+
+/// An [`ImagePlane`] in the precision of an engine.
+#[derive(Debug)]
+pub(super) struct Asked<T> {
+    pub(super) engine: EngineCore<T>,
+    pub(super) target: Plane<T>,
+    pub(super) weight: Option<Plane<T>>,
+    pub(super) share: f64,
+}
+
+impl From<ImagePlane> for Asked<f32> {
+    fn from(ImagePlane { engine, target, weight, share }: ImagePlane) -> Self {
+        Self { engine: engine.core, target, weight, share }
     }
 }
 
 /// An image plane, checked, with what its loss needs.
 #[derive(Debug)]
 pub(super) struct Wanted<T> {
-    pub(super) engine: Engine<T>,
+    pub(super) engine: EngineCore<T>,
     /// What q is compared with: t or √t.
     pub(super) picture: Plane<T>,
     pub(super) weight: Option<Plane<T>>,
@@ -101,8 +117,8 @@ pub(super) struct Wanted<T> {
 }
 
 impl<T: Real> Wanted<T> {
-    pub(super) fn new(plane: ImagePlane<T>, region: RegionOfInterest, loss: &Loss, shares: f64) -> Result<Self> {
-        let ImagePlane { engine, target, weight, share } = plane;
+    pub(super) fn new(plane: Asked<T>, region: RegionOfInterest, loss: &Loss, shares: f64) -> Result<Self> {
+        let Asked { engine, target, weight, share } = plane;
         expect_light("target_intensity", &target, &engine)?;
         if let Some(weight) = &weight {
             expect_light("weight", weight, &engine)?;
@@ -148,7 +164,7 @@ impl<T: Real> Wanted<T> {
 }
 
 /// A plane of the engine's size, finite, nowhere negative.
-fn expect_light<T: Real>(name: &'static str, plane: &Plane<T>, engine: &Engine<T>) -> Result<()> {
+fn expect_light<T: Real>(name: &'static str, plane: &Plane<T>, engine: &EngineCore<T>) -> Result<()> {
     plane.expect_size(name, engine.height_px(), engine.width_px())?;
     plane.map(|t| t.wide() as f32).expect_finite(name)?;
     match plane.values().iter().find(|value| **value < T::zero()) {

@@ -2,13 +2,14 @@
 
 use super::adam::AdamState;
 use super::double_phase::double_phase;
-use super::gerchberg_saxton::GerchbergSaxton;
-use super::loss::{ImagePlane, Loss};
+use super::gerchberg_saxton;
 use super::meter::Clock;
 use super::problem::HologramProblem;
-use super::rounded::{Levels, Rounded};
+use super::rounded::Levels;
+use super::state::{OptimizationState, Run};
 use crate::optimizer::limited_memory::{LimitedMemory, Workspace};
-use crate::{Error, Evaluation, Plane, RegionOfInterest, Result};
+use crate::{Error, Evaluation, Plane, Result};
+use num_complex::Complex32;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
@@ -46,7 +47,7 @@ impl HologramMethod {
 
 /// How long, and for what levels.
 #[derive(Clone, Debug)]
-pub struct Options {
+pub struct HologramOptions {
     /// How a phase is found.
     pub method: HologramMethod,
     /// Steps in all, at least 1; [`HologramMethod::DoublePhase`] takes one.
@@ -56,7 +57,7 @@ pub struct Options {
     pub levels: Option<Levels>,
 }
 
-impl Options {
+impl HologramOptions {
     /// Any number of levels.
     #[must_use]
     pub fn new(method: HologramMethod, iterations: u32) -> Self {
@@ -94,21 +95,20 @@ impl Options {
 /// An optimization under way.
 #[derive(Debug)]
 pub struct Optimization {
-    pub(super) problem: HologramProblem,
-    pub(super) options: Options,
-    pub(super) run: Run,
-    pub(super) iteration: u32,
-    pub(super) gradient: Vec<f32>,
+    problem: HologramProblem,
+    options: HologramOptions,
+    state: OptimizationState,
+    scratch: Scratch,
 }
 
-/// The method that has its turn.
-#[derive(Debug)]
-pub(super) enum Run {
-    Adam(AdamState),
-    Lbfgs { state: Box<LimitedMemory>, workspace: Workspace, gain: f64 },
-    GerchbergSaxton { rounds: GerchbergSaxton<f32>, phase: Vec<f32> },
-    DoublePhase { phase: Vec<f32>, largest_amplitude: f64 },
-    Rounded(Rounded),
+/// Memory that holds nothing from one step to the next; empty until a method needs it.
+#[derive(Debug, Default)]
+struct Scratch {
+    gradient: Vec<f32>,
+    /// Of L-BFGS.
+    workspace: Workspace,
+    /// Of Gerchberg–Saxton.
+    field: Vec<Complex32>,
 }
 
 /// What a step did.
@@ -129,53 +129,48 @@ impl Optimization {
     /// # Errors
     ///
     /// [`Error`] for phases of another size or options out of range.
-    pub fn start(mut problem: HologramProblem, options: Options, phases: Vec<f32>) -> Result<Self> {
+    pub fn start(mut problem: HologramProblem, options: HologramOptions, phases: Vec<f32>) -> Result<Self> {
         options.validate()?;
-        let (rows, width_px) = (problem.frames() * problem.engine().height_px(), problem.engine().width_px());
+        let core = &mut problem.core;
+        let (rows, width_px) = (core.frames * core.engine().height_px(), core.engine().width_px());
         let phase = Plane::try_from_vec(rows, width_px, phases)?;
         phase.expect_finite("initial_phase")?;
         let phase = phase.into_vec();
         let run = match options.method {
-            HologramMethod::Adam { .. } => Run::Adam(AdamState::new(&mut problem, phase)),
-            HologramMethod::Lbfgs => {
-                Run::Lbfgs { state: Box::new(LimitedMemory::new(phase)), workspace: Workspace::default(), gain: 0.0 }
-            }
+            HologramMethod::Adam { .. } => Run::Adam(AdamState::new(core, phase)),
+            HologramMethod::Lbfgs => Run::Lbfgs { memory: Box::new(LimitedMemory::new(phase)), gain: 0.0 },
             HologramMethod::GerchbergSaxton | HologramMethod::WeightedGerchbergSaxton => {
-                let weighted = options.method == HologramMethod::WeightedGerchbergSaxton;
-                Run::GerchbergSaxton { rounds: GerchbergSaxton::new(&problem, weighted, None), phase }
+                Run::GerchbergSaxton { wanted: core.target_amplitudes(), phase }
             }
             HologramMethod::DoublePhase => {
-                let (phase, largest_amplitude) = double_phase(&problem, &phase);
+                let (phase, largest_amplitude) = double_phase(core, &phase);
                 Run::DoublePhase { phase, largest_amplitude }
             }
         };
-        Ok(Self::with(problem, options, run, 0))
+        Ok(Self { problem, options, state: OptimizationState { iteration: 0, run }, scratch: Scratch::default() })
     }
 
-    /// [`HologramProblem::with_planes`], compiled in this crate: generic code is compiled by its caller, which in a
-    /// development build is not optimized.
+    /// Everything that the next step depends on.
+    #[must_use]
+    pub fn state(&self) -> &OptimizationState {
+        &self.state
+    }
+
+    /// Goes on from where [`Self::state`] was taken, with the same problem and options.
     ///
     /// # Errors
     ///
-    /// As there.
-    #[inline(never)]
-    pub fn problem_of(
-        planes: Vec<ImagePlane>,
-        frames: usize,
-        region: RegionOfInterest,
-        loss: Loss,
-    ) -> Result<HologramProblem> {
-        HologramProblem::with_planes(planes, frames, region, loss)
-    }
-
-    pub(super) fn with(problem: HologramProblem, options: Options, run: Run, iteration: u32) -> Self {
-        Self { problem, options, run, iteration, gradient: Vec::new() }
+    /// [`Error`] for options out of range, or a state that is not of this problem and these options.
+    pub fn resume(problem: HologramProblem, options: HologramOptions, state: OptimizationState) -> Result<Self> {
+        options.validate()?;
+        state.check(&problem.core, &options)?;
+        Ok(Self { problem, options, state, scratch: Scratch::default() })
     }
 
     /// From now on the time of the passes that take light to the image and back is added up, by `clock`.
     #[must_use]
     pub fn timed_by(mut self, clock: Clock) -> Self {
-        self.problem.meter.clock = Some(clock);
+        self.problem.core.meter.clock = Some(clock);
         self
     }
 
@@ -183,21 +178,34 @@ impl Optimization {
     /// done in the same passes over memory. What is left of a step is the method's own.
     #[must_use]
     pub fn transforming(&self) -> Duration {
-        self.problem.meter.spent
+        self.problem.core.meter.spent
     }
 
     /// The next step, or `None` at the end.
     pub fn step(&mut self) -> Option<Step> {
-        let iterations = self.options.all_iterations();
-        if self.iteration >= iterations {
+        let (iterations, free_iterations) = (self.options.all_iterations(), self.options.free_iterations());
+        if self.state.iteration >= iterations {
             return None;
         }
-        if self.iteration >= self.options.free_iterations() {
-            self.round();
+        if self.state.iteration >= free_iterations {
+            self.state.run.round();
         }
-        let free_iterations = self.options.free_iterations();
-        let Self { problem, options, run, gradient, .. } = self;
-        let evaluation = match run {
+        let evaluation = self.advance();
+        self.state.iteration += 1;
+        if let Run::Lbfgs { memory, .. } = &self.state.run
+            && memory.counts.converged
+        {
+            // No better point is to be found: what is left of the free steps would find none either.
+            self.state.iteration = self.state.iteration.max(free_iterations);
+        }
+        Some(Step { iteration: self.state.iteration, iterations, evaluation })
+    }
+
+    /// One step of the method that has its turn.
+    fn advance(&mut self) -> Evaluation {
+        let Self { problem, options, state, scratch: Scratch { gradient, workspace, field } } = self;
+        let problem = &mut problem.core;
+        match &mut state.run {
             Run::Adam(state) => {
                 let HologramMethod::Adam { learning_rate } = options.method else {
                     unreachable!("the state is the method's")
@@ -205,9 +213,9 @@ impl Optimization {
                 gradient.resize(state.phase.len(), 0.0);
                 state.step(problem, learning_rate, gradient)
             }
-            Run::Lbfgs { state, workspace, gain } => {
+            Run::Lbfgs { memory, gain } => {
                 let mut found = None;
-                state.advance(workspace, |phase, gradient| {
+                memory.advance(workspace, |phase, gradient| {
                     let evaluation = problem.evaluate_fitted(phase, gradient);
                     found = Some(evaluation);
                     evaluation.loss
@@ -216,55 +224,30 @@ impl Optimization {
                 *gain = evaluation.best_gain;
                 evaluation
             }
-            Run::GerchbergSaxton { rounds, phase } => rounds.step(problem, phase),
+            Run::GerchbergSaxton { phase, wanted } => {
+                let weighted = options.method == HologramMethod::WeightedGerchbergSaxton;
+                gerchberg_saxton::round(problem, weighted, wanted, phase, field)
+            }
             Run::DoublePhase { phase, .. } => problem.measure(phase, 1.0),
             Run::Rounded(state) => {
                 gradient.resize(state.phase.len(), 0.0);
                 let levels = options.levels.as_ref().expect("rounded for the levels given");
-                state.step(problem, levels, iterations - free_iterations, gradient)
+                state.step(problem, levels, options.all_iterations() - options.free_iterations(), gradient)
             }
-        };
-        self.iteration += 1;
-        if let Run::Lbfgs { state, .. } = &self.run
-            && state.counts.converged
-        {
-            // No better point is to be found: what is left of the free steps would find none either.
-            self.iteration = self.iteration.max(free_iterations);
         }
-        Some(Step { iteration: self.iteration, iterations, evaluation })
-    }
-
-    /// Goes over to the levels.
-    fn round(&mut self) {
-        let gain = match &self.run {
-            Run::Adam(state) => state.gain,
-            Run::Lbfgs { gain, .. } => *gain,
-            Run::GerchbergSaxton { .. } | Run::DoublePhase { .. } | Run::Rounded(_) => return,
-        };
-        let phase = match &mut self.run {
-            Run::Adam(state) => std::mem::take(&mut state.phase),
-            Run::Lbfgs { state, .. } => std::mem::take(&mut state.point),
-            Run::GerchbergSaxton { .. } | Run::DoublePhase { .. } | Run::Rounded(_) => return,
-        };
-        self.run = Run::Rounded(Rounded::new(phase, gain));
     }
 
     /// φ \[rad\], not wrapped, of all frames, one after the other: the best found so far.
     #[must_use]
     pub fn phases(&self) -> &[f32] {
-        match &self.run {
-            Run::Adam(state) => &state.phase,
-            Run::Lbfgs { state, .. } => &state.point,
-            Run::GerchbergSaxton { phase, .. } | Run::DoublePhase { phase, .. } => phase,
-            Run::Rounded(state) => &state.phase,
-        }
+        self.state.phases()
     }
 
     /// What the field was divided by to fit the modulator, for [`HologramMethod::DoublePhase`]: with the leftovers of the encoding
     /// filtered away, the light is 1/this² of the target's.
     #[must_use]
     pub fn largest_amplitude(&self) -> Option<f64> {
-        match &self.run {
+        match &self.state.run {
             Run::DoublePhase { largest_amplitude, .. } => Some(*largest_amplitude),
             _ => None,
         }
@@ -277,7 +260,7 @@ impl Optimization {
     /// [`Error::SizeMismatch`] for phases of another size.
     pub fn measure(&mut self, phases: &[f32]) -> Result<Evaluation> {
         let (rows, width_px) =
-            (self.problem.frames() * self.problem.engine().height_px(), self.problem.engine().width_px());
+            (self.problem.frames() * self.problem.core.engine().height_px(), self.problem.core.engine().width_px());
         Plane::try_from_vec(rows, width_px, phases.to_vec())?;
         Ok(self.problem.measure(phases, 1.0))
     }
@@ -291,7 +274,7 @@ impl Optimization {
     /// Steps done.
     #[must_use]
     pub fn iteration(&self) -> u32 {
-        self.iteration
+        self.state.iteration
     }
 }
 

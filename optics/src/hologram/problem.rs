@@ -1,9 +1,9 @@
 //! How far a phase is from showing a target, and in which direction it gets nearer.
 
-use super::loss::{ImagePlane, Loss, Wanted, weighted_sums};
+use super::loss::{Asked, ImagePlane, Loss, Wanted, weighted_sums};
 use super::meter::Meter;
 use super::two_passes::Kept;
-use crate::engine::{Engine, Fields};
+use crate::engine::{Engine, EngineCore, Fields};
 use crate::photometry::{Comparison, Quantity, Sums};
 use crate::real::Real;
 use crate::{Error, Plane, RegionOfInterest, Result};
@@ -15,7 +15,13 @@ use num_complex::Complex;
 /// Phases and gradients are the frames' rows, one frame after the other: `frames · height_px · width_px` values. All
 /// planes share one gain, as one exposure would show them.
 #[derive(Debug)]
-pub struct HologramProblem<T = f32> {
+pub struct HologramProblem {
+    pub(super) core: ProblemCore<f32>,
+}
+
+/// A [`HologramProblem`] in the precision of `T`: f32 for work, f64 for tests of its gradients.
+#[derive(Debug)]
+pub(super) struct ProblemCore<T> {
     pub(super) planes: Vec<Wanted<T>>,
     pub(super) frames: usize,
     pub(super) region: RegionOfInterest,
@@ -51,13 +57,13 @@ pub(super) enum Sink<'a, T> {
     Field(&'a mut [Complex<T>]),
 }
 
-impl<T: Real> HologramProblem<T> {
+impl HologramProblem {
     /// One picture and one frame, compared by intensity. `target`: intensity in linear light, of the engine's size.
     ///
     /// # Errors
     ///
     /// As [`Self::with_planes`].
-    pub fn new(engine: Engine<T>, target: Plane<T>, region: RegionOfInterest) -> Result<Self> {
+    pub fn new(engine: Engine, target: Plane<f32>, region: RegionOfInterest) -> Result<Self> {
         Self::with_planes(vec![ImagePlane::new(engine, target)], 1, region, Loss::default())
     }
 
@@ -68,8 +74,64 @@ impl<T: Real> HologramProblem<T> {
     /// [`Error`] for no planes or frames, engines of different sizes or detectors, a target or weight of another size,
     /// with values that are negative or not finite, a plane where nothing counts, targets that are all black where they
     /// count, or a loss out of range.
-    pub fn with_planes(
-        planes: Vec<ImagePlane<T>>,
+    pub fn with_planes(planes: Vec<ImagePlane>, frames: usize, region: RegionOfInterest, loss: Loss) -> Result<Self> {
+        let planes = planes.into_iter().map(Asked::from).collect();
+        Ok(Self { core: ProblemCore::with_planes(planes, frames, region, loss)? })
+    }
+
+    /// The display, at the distance of the first plane.
+    #[must_use]
+    pub fn engine(&self) -> Engine {
+        Engine { core: self.core.engine().clone() }
+    }
+
+    /// Phases that share the work.
+    #[must_use]
+    pub fn frames(&self) -> usize {
+        self.core.frames
+    }
+
+    /// Pictures to show.
+    #[must_use]
+    pub fn planes(&self) -> usize {
+        self.core.planes.len()
+    }
+
+    /// What is minimized.
+    #[must_use]
+    pub fn loss(&self) -> &Loss {
+        &self.core.loss
+    }
+
+    /// Values in a phase or a gradient, `frames · height_px · width_px`.
+    #[must_use]
+    pub fn parameters(&self) -> usize {
+        self.core.parameters()
+    }
+
+    /// The loss at `gain` and its gradient ∂L/∂φ, written to `gradient`.
+    ///
+    /// With the gain fitted in closed form the same gradient is exact at [`Evaluation::best_gain`], since there the loss
+    /// does not change with the gain.
+    pub fn evaluate(&mut self, phase: &[f32], gain: f64, gradient: &mut [f32]) -> Evaluation {
+        self.core.evaluate(phase, gain, gradient)
+    }
+
+    /// The loss at the gain that fits best and its gradient: those of min over s of the [loss](Loss).
+    pub fn evaluate_fitted(&mut self, phase: &[f32], gradient: &mut [f32]) -> Evaluation {
+        self.core.evaluate_fitted(phase, gradient)
+    }
+
+    /// The loss at `gain` alone, without the way back that its gradient takes.
+    pub fn measure(&mut self, phase: &[f32], gain: f64) -> Evaluation {
+        self.core.measure(phase, gain)
+    }
+}
+
+impl<T: Real> ProblemCore<T> {
+    /// See [`HologramProblem::with_planes`].
+    pub(super) fn with_planes(
+        planes: Vec<Asked<T>>,
         frames: usize,
         region: RegionOfInterest,
         loss: Loss,
@@ -99,33 +161,11 @@ impl<T: Real> HologramProblem<T> {
         Ok(Self { planes, frames, region, loss, fields, kept: Kept::empty(), meter: Meter::default() })
     }
 
-    /// The display, at the distance of the first plane.
-    #[must_use]
-    pub fn engine(&self) -> &Engine<T> {
+    pub(super) fn engine(&self) -> &EngineCore<T> {
         &self.planes[0].engine
     }
 
-    /// Phases that share the work.
-    #[must_use]
-    pub fn frames(&self) -> usize {
-        self.frames
-    }
-
-    /// Pictures to show.
-    #[must_use]
-    pub fn planes(&self) -> usize {
-        self.planes.len()
-    }
-
-    /// What is minimized.
-    #[must_use]
-    pub fn loss(&self) -> &Loss {
-        &self.loss
-    }
-
-    /// Values in a phase or a gradient, `frames · height_px · width_px`.
-    #[must_use]
-    pub fn parameters(&self) -> usize {
+    pub(super) fn parameters(&self) -> usize {
         self.frames * self.frame_len()
     }
 
@@ -133,11 +173,8 @@ impl<T: Real> HologramProblem<T> {
         self.engine().height_px() * self.engine().width_px()
     }
 
-    /// The loss at `gain` and its gradient ∂L/∂φ, written to `gradient`.
-    ///
-    /// With the gain fitted in closed form the same gradient is exact at [`Evaluation::best_gain`], since there the loss
-    /// does not change with the gain.
-    pub fn evaluate(&mut self, phase: &[T], gain: f64, gradient: &mut [T]) -> Evaluation {
+    /// See [`HologramProblem::evaluate`].
+    pub(super) fn evaluate(&mut self, phase: &[T], gain: f64, gradient: &mut [T]) -> Evaluation {
         if self.frames > 1 || self.loss.has_roughness() {
             return self.evaluate_in_two(phase, Some(gain), gradient);
         }
@@ -156,13 +193,13 @@ impl<T: Real> HologramProblem<T> {
         Evaluation::new(&sums, 0.0)
     }
 
-    /// The loss at the gain that fits best and its gradient: those of min over s of the [loss](Loss).
-    pub fn evaluate_fitted(&mut self, phase: &[T], gradient: &mut [T]) -> Evaluation {
+    /// See [`HologramProblem::evaluate_fitted`].
+    pub(super) fn evaluate_fitted(&mut self, phase: &[T], gradient: &mut [T]) -> Evaluation {
         self.evaluate_in_two(phase, None, gradient)
     }
 
-    /// The loss at `gain` alone, without the way back that its gradient takes.
-    pub fn measure(&mut self, phase: &[T], gain: f64) -> Evaluation {
+    /// See [`HologramProblem::measure`].
+    pub(super) fn measure(&mut self, phase: &[T], gain: f64) -> Evaluation {
         if self.frames > 1 || self.loss.has_roughness() {
             self.light_up(phase);
             let sums = weighted_sums(self.planes.len(), |p| self.measure_plane(p, gain));
@@ -191,7 +228,7 @@ impl<T> Sink<'_, T> {
 
 /// From the half-transformed gradient in the spectrum to the sink, where it is written or, where asked, added.
 pub(super) fn send_back<T: Real>(
-    engine: &Engine<T>,
+    engine: &EngineCore<T>,
     fields: &mut Fields<T>,
     phase: &[T],
     sink: &mut Sink<'_, T>,

@@ -47,17 +47,17 @@ impl Case {
         Self { height_px, width_px, detector, carrier: None, planes: 1, frames: 1, masked: false, loss }
     }
 
-    fn problem(&self) -> HologramProblem<f64> {
+    fn problem(&self) -> ProblemCore<f64> {
         let (height_px, width_px) = (self.height_px, self.width_px);
         let grid = Grid::try_new(height_px, width_px, 8e-6).unwrap();
         let plane = |p: usize| {
             let setup = OpticalSetup::try_new(grid, 515e-9, 3e-3 - 2e-3 * p as f64).unwrap();
             // Of some sizes, and of the second of two planes.
             let varies = height_px % 2 == 1 || p == 1;
-            let engine = Engine::new(&flawed(setup, varies), self.detector, self.carrier).unwrap();
+            let engine = EngineCore::new(&flawed(setup, varies), self.detector, self.carrier).unwrap();
             let wave = |y: usize, x: usize| 0.5 + 0.4 * ((3 * y + (5 + p) * x) as f64).sin();
             let weight = |y: usize, x: usize| [1.0, 0.0, 0.4][(y + 2 * x + p) % 3];
-            ImagePlane {
+            Asked {
                 engine,
                 target: Plane::from_fn(height_px, width_px, wave),
                 weight: self.masked.then(|| Plane::from_fn(height_px, width_px, weight)),
@@ -65,7 +65,7 @@ impl Case {
             }
         };
         let planes = (0..self.planes).map(plane).collect();
-        HologramProblem::with_planes(planes, self.frames, RegionOfInterest::middle(&grid), self.loss).unwrap()
+        ProblemCore::with_planes(planes, self.frames, RegionOfInterest::middle(&grid), self.loss).unwrap()
     }
 
     fn phase(&self) -> Vec<f64> {
@@ -171,24 +171,26 @@ fn one_pass_and_two_passes_agree() {
 fn what_cannot_be_shown_is_refused_by_name() {
     let grid = Grid::try_new(16, 16, 8e-6).unwrap();
     let setup = OpticalSetup::try_new(grid, 515e-9, 3e-3).unwrap();
-    let engine = Engine::<f64>::new(&DisplayModel::ideal(setup), Detector::Pixel, None).unwrap();
+    let engine = EngineCore::<f64>::new(&DisplayModel::ideal(setup), Detector::Pixel, None).unwrap();
     let region = RegionOfInterest::middle(&grid);
-    let plane = || ImagePlane::new(engine.clone(), Plane::filled(16, 16, 0.5));
+    let asked =
+        |engine: EngineCore<f64>| Asked { engine, target: Plane::filled(16, 16, 0.5), weight: None, share: 1.0 };
+    let plane = || asked(engine.clone());
     let refusal =
-        |planes, frames, loss| HologramProblem::with_planes(planes, frames, region, loss).unwrap_err().to_string();
+        |planes, frames, loss| ProblemCore::with_planes(planes, frames, region, loss).unwrap_err().to_string();
     let plain = Loss::default();
     assert!(refusal(vec![], 1, plain).starts_with("planes is empty"));
     assert!(refusal(vec![plane()], 0, plain).starts_with("frames is 0"));
-    let black = ImagePlane { target: Plane::filled(16, 16, 0.0), ..plane() };
+    let black = Asked { target: Plane::filled(16, 16, 0.0), ..plane() };
     assert!(refusal(vec![black], 1, plain).starts_with("target_intensity is empty"));
-    let blind = ImagePlane { weight: Some(Plane::filled(16, 16, 0.0)), ..plane() };
+    let blind = Asked { weight: Some(Plane::filled(16, 16, 0.0)), ..plane() };
     assert!(refusal(vec![plane(), blind], 1, plain).starts_with("weight is empty"));
-    assert!(refusal(vec![ImagePlane { share: 0.0, ..plane() }], 1, plain).starts_with("share is 0"));
-    let negative = ImagePlane { weight: Some(Plane::filled(16, 16, -0.1)), ..plane() };
+    assert!(refusal(vec![Asked { share: 0.0, ..plane() }], 1, plain).starts_with("share is 0"));
+    let negative = Asked { weight: Some(Plane::filled(16, 16, -0.1)), ..plane() };
     assert!(refusal(vec![negative], 1, plain).starts_with("weight is -0.1"));
     assert!(refusal(vec![plane()], 1, Loss { speckle: -1.0, ..plain }).starts_with("speckle is -1"));
     let large = Loss { speckle: 1.0, speckle_block_px: 13, ..plain };
     assert!(refusal(vec![plane()], 1, large).starts_with("speckle_block_px is 13"));
-    let other = ImagePlane::new(engine.with_detector(Detector::Point), Plane::filled(16, 16, 0.5));
+    let other = asked(engine.with_detector(Detector::Point));
     assert!(refusal(vec![plane(), other], 1, plain).contains("same detector"));
 }

@@ -1,5 +1,6 @@
 //! How good a hologram is, as each detector sees it.
 
+use crate::engine::EngineCore;
 use crate::metrics::{Gain, ImagePair, diffraction_efficiency, frame_efficiency, speckle_contrast, ssim_at_all_scales};
 use crate::real::Real;
 use crate::{Detector, Engine, Error, Plane, RegionOfInterest, Result};
@@ -46,8 +47,12 @@ pub struct SeenQuality {
 ///
 /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for a phase or a target of another size than the engine's;
 /// [`Error::OutOfRange`](crate::Error::OutOfRange) when the region leaves the image.
-pub fn quality<T: Real>(
-    engine: &Engine<T>,
+pub fn quality(engine: &Engine, phase: &Plane<f32>, target: &Plane<f32>, region: RegionOfInterest) -> Result<Quality> {
+    quality_in(&engine.core, phase, target, region)
+}
+
+fn quality_in<T: Real>(
+    engine: &EngineCore<T>,
     phase: &Plane<T>,
     target: &Plane<T>,
     region: RegionOfInterest,
@@ -194,8 +199,9 @@ fn integrated(samples: &Plane<f32>, height_px: usize, width_px: usize) -> Plane<
 mod tests {
     use super::*;
     use crate::hologram::initial_phase;
+    use crate::hologram::{HologramMethod, HologramOptions, Optimization};
     use crate::metrics::{ms_ssim, psnr_db, ssim};
-    use crate::{Adam, DisplayModel, Grid, HologramProblem, OpticalSetup};
+    use crate::{DisplayModel, Grid, HologramProblem, OpticalSetup};
 
     fn setup(height_px: usize, width_px: usize, distance_m: f64) -> OpticalSetup {
         OpticalSetup::try_new(Grid::try_new(height_px, width_px, 8e-6).unwrap(), 515e-9, distance_m).unwrap()
@@ -208,7 +214,7 @@ mod tests {
     #[test]
     fn each_detector_has_the_metrics_of_its_light() {
         let setup = setup(60, 75, 5e-3);
-        let engine = Engine::<f32>::new(&DisplayModel::ideal(setup), Detector::Pixel, None).unwrap();
+        let engine = Engine::new(&DisplayModel::ideal(setup), Detector::Pixel, None).unwrap();
         let (phase, target) = (initial_phase(60, 75, 6.0, 4).unwrap(), target(60, 75));
         let region = RegionOfInterest::middle(&setup.grid());
         let found = quality(&engine, &phase, &target, region).unwrap();
@@ -236,14 +242,18 @@ mod tests {
         let setup = setup(224, 240, 5e-3);
         let target = target(224, 240);
         let region = RegionOfInterest::middle(&setup.grid());
-        let narrow = Engine::<f32>::new(&DisplayModel::ideal(setup), Detector::Point, None).unwrap();
+        let narrow = Engine::new(&DisplayModel::ideal(setup), Detector::Point, None).unwrap();
         let problem = HologramProblem::new(narrow.clone(), target.clone(), region).unwrap();
-        let mut adam = Adam::start(problem, 0.1, initial_phase(224, 240, 1.0, 4).unwrap()).unwrap();
-        (0..20).for_each(|_| _ = adam.step());
-        let phase = Plane::try_from_vec(224, 240, adam.into_state().phase).unwrap();
-        let wide = Engine::<f64>::new(&DisplayModel::ideal(setup), Detector::Point, None).unwrap();
+        let (options, start) = (
+            HologramOptions::new(HologramMethod::Adam { learning_rate: 0.1 }, 20),
+            initial_phase(224, 240, 1.0, 4).unwrap(),
+        );
+        let mut adam = Optimization::start(problem, options, start.into_vec()).unwrap();
+        while adam.step().is_some() {}
+        let phase = Plane::try_from_vec(224, 240, adam.phases().to_vec()).unwrap();
+        let wide = EngineCore::<f64>::new(&DisplayModel::ideal(setup), Detector::Point, None).unwrap();
         let narrow = quality(&narrow, &phase, &target, region).unwrap();
-        let wide = quality(&wide, &phase.map(f64::from), &target.map(f64::from), region).unwrap();
+        let wide = quality_in(&wide, &phase.map(f64::from), &target.map(f64::from), region).unwrap();
         for (a, b) in [(narrow.point, wide.point), (narrow.pixel, wide.pixel), (narrow.supersampled, wide.supersampled)]
         {
             // The field is good to 1e-6 of its length in f32, and every metric is smooth in it.
@@ -262,7 +272,7 @@ mod tests {
         assert!(wide.point.psnr_db > wide.supersampled.psnr_db + 1.0, "{wide:?}");
         assert!(wide.point.ms_ssim > wide.supersampled.ms_ssim, "{wide:?}");
         assert!(wide.point.speckle_contrast < wide.supersampled.speckle_contrast, "{wide:?}");
-        let samples = Engine::<f32>::new(&DisplayModel::ideal(setup), Detector::Supersampled, None).unwrap();
+        let samples = Engine::new(&DisplayModel::ideal(setup), Detector::Supersampled, None).unwrap();
         let expected = ms_ssim(&samples.samples(&phase).unwrap(), &target, region, Gain::Fitted).unwrap();
         assert!((narrow.supersampled.ms_ssim.unwrap() - expected).abs() < 1e-9);
     }
@@ -272,7 +282,7 @@ mod tests {
         // Half a millimetre of aperture through a lens of its distance: nearly all light meets in a spot.
         let (side_px, distance_m) = (64, 20e-3);
         let setup = setup(side_px, side_px, distance_m);
-        let engine = Engine::<f64>::new(&DisplayModel::ideal(setup), Detector::Point, None).unwrap();
+        let engine = EngineCore::<f64>::new(&DisplayModel::ideal(setup), Detector::Point, None).unwrap();
         let across_m = |i: usize| (i as f64 - 31.5) * 8e-6;
         let lens = Plane::from_fn(side_px, side_px, |y, x| {
             -std::f64::consts::PI * (across_m(y).powi(2) + across_m(x).powi(2)) / (515e-9 * distance_m)
@@ -280,8 +290,8 @@ mod tests {
         let flat = Plane::filled(side_px, side_px, 0.0);
         let region = RegionOfInterest::try_new(&setup.grid(), 26, 26, 12, 12).unwrap();
         let target = Plane::filled(side_px, side_px, 0.5);
-        let focused = quality(&engine, &lens, &target, region).unwrap();
-        let spread = quality(&engine, &flat, &target, region).unwrap();
+        let focused = quality_in(&engine, &lens, &target, region).unwrap();
+        let spread = quality_in(&engine, &flat, &target, region).unwrap();
         // sinc² beside the main lobe: λz/L = 20 µm to each side is 2.5 px; ±6 px hold 96 % along an axis, its square in both.
         for seen in [focused.point, focused.pixel, focused.supersampled] {
             assert!((0.88..1.0).contains(&seen.diffraction_efficiency), "{seen:?}");
@@ -294,7 +304,7 @@ mod tests {
     #[test]
     fn what_does_not_fit_is_refused() {
         let setup = setup(30, 40, 5e-3);
-        let engine = Engine::<f32>::new(&DisplayModel::ideal(setup), Detector::Pixel, None).unwrap();
+        let engine = Engine::new(&DisplayModel::ideal(setup), Detector::Pixel, None).unwrap();
         let region = RegionOfInterest::full(&setup.grid());
         let (good, bad) = (Plane::filled(30, 40, 0.5), Plane::filled(30, 41, 0.5));
         assert!(quality(&engine, &bad, &good, region).is_err());

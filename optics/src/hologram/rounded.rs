@@ -14,10 +14,11 @@
 //! pixels are free they can take back all that settling another one costs, with f < ρ of them free only f/ρ of it; what stays of
 //! the error of plain rounding is ∫₀^ρ (1 − f/ρ) df = ρ/2. For the middle 80 % of each axis, ρ = 0.64, that is −4.9 dB.
 
-use super::problem::HologramProblem;
+use super::problem::ProblemCore;
 use crate::phase_response::PhaseResponse;
 use crate::{Carrier, Evaluation, Result};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
 
 /// μ
@@ -91,7 +92,7 @@ impl Levels {
 }
 
 /// Everything that a step depends on.
-#[derive(Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Rounded {
     /// φ: a level's where it is settled.
     pub(super) phase: Vec<f32>,
@@ -114,7 +115,7 @@ impl Rounded {
     /// before it.
     pub(super) fn step(
         &mut self,
-        problem: &mut HologramProblem,
+        problem: &mut ProblemCore<f32>,
         levels: &Levels,
         iterations: u32,
         gradient: &mut [f32],

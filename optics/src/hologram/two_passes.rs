@@ -2,7 +2,7 @@
 //! roughness, and for projections.
 
 use super::loss::{Wanted, weighted_sums};
-use super::problem::{Evaluation, HologramProblem, Sink, compare_with, send_back};
+use super::problem::{Evaluation, ProblemCore, Sink, compare_with, send_back};
 use super::roughness::{LightPlane, total_variation};
 use crate::engine::Fields;
 use crate::photometry::{Comparison, Quantity, Sums};
@@ -32,7 +32,7 @@ impl<T> Kept<T> {
     }
 }
 
-impl<T: Real> HologramProblem<T> {
+impl<T: Real> ProblemCore<T> {
     /// All of the light first, then the slopes at the gain given or fitted, then the way back.
     pub(super) fn evaluate_in_two(&mut self, phase: &[T], gain: Option<f64>, gradient: &mut [T]) -> Evaluation {
         let begin = self.meter.start();

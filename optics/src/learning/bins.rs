@@ -5,17 +5,18 @@
 use super::pair::{Example, measure_each, total};
 use super::{KernelModel, LearnOptions, LearnStage, LearnStep, PairSource, pair::BoxError};
 use crate::convolution::{Kernels, Transfer, split_bin};
-use crate::engine::{Engine, Fields};
+use crate::engine::{EngineCore, Fields};
 use crate::optimizer::adam::AdamStep;
 use crate::{DisplayModel, Error, KernelShape, OpticalSetup, Plane};
 use num_complex::Complex32;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// All that the next step depends on.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct BinsState {
     /// Two numbers a bin, column after column: amplitude and phase (`paper`), or real and imaginary part (`dense`).
     pub parameters: Vec<f32>,
@@ -41,7 +42,7 @@ pub struct BinsLearner {
     setup: OpticalSetup,
     options: LearnOptions,
     band: Band,
-    engine: Engine<f32>,
+    engine: EngineCore<f32>,
     out: Fields<f32>,
     back: Vec<Complex32>,
     state: BinsState,
@@ -76,7 +77,7 @@ impl BinsLearner {
             let value = state.parameters.len() as f64;
             return Err(Error::OutOfRange { name: "state", value, allowed: "as long as the model has parameters" });
         }
-        let mut engine = Engine::new(&DisplayModel::ideal(setup), options.detector, options.carrier)?;
+        let mut engine = EngineCore::new(&DisplayModel::ideal(setup), options.detector, options.carrier)?;
         let zeros = Transfer::zeros(setup.grid().height_px(), setup.grid().width_px());
         engine.kernels = Arc::new(Kernels::single(zeros));
         let out = Fields::new(&engine);

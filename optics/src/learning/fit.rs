@@ -8,7 +8,7 @@ use crate::carrier::Carrier;
 use crate::chebyshev::polynomials;
 use crate::convolution::{Kernels, Transfer};
 use crate::display_model::position;
-use crate::engine::{Engine, Fields, tabulate_source};
+use crate::engine::{EngineCore, Fields, tabulate_source};
 use crate::photometry::Sums;
 use crate::real::Real;
 use crate::slm::{BLOCK, Block, Slm};
@@ -23,7 +23,7 @@ pub(super) struct Fit<T> {
     /// Of each plane; they differ in their distances.
     pub(super) setups: Vec<OpticalSetup>,
     pub(super) layout: Layout,
-    pub(super) engine: Engine<T>,
+    pub(super) engine: EngineCore<T>,
     pub(super) smooth: SmoothTransfer<T>,
     /// Of the photograph looked at last, as they fit it best.
     pub(super) gain: f64,
@@ -60,7 +60,7 @@ impl<T: Real> Fit<T> {
         detector: Detector,
         carrier: Option<Carrier>,
     ) -> Result<Self, Error> {
-        let engine = Engine::new(&DisplayModel::ideal(setups[0]), detector, carrier)?;
+        let engine = EngineCore::new(&DisplayModel::ideal(setups[0]), detector, carrier)?;
         let width_px = engine.width_px();
         let at_x: Vec<Vec<f64>> =
             (0..width_px).map(|x| polynomials(layout.source.order(), position(x, width_px))).collect();

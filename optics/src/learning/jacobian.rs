@@ -18,7 +18,7 @@ use super::pair::Example;
 use crate::SpatialVariation;
 use crate::chebyshev::{ChebyshevBasis, polynomials};
 use crate::display_model::position;
-use crate::engine::Engine;
+use crate::engine::EngineCore;
 use crate::real::Real;
 use crate::slm::{BLOCK, Block, Slm};
 use num_complex::Complex;
@@ -73,7 +73,7 @@ impl<T: Real> Fit<T> {
     /// By the terms of a series that begins at `start`: the kernel's, or the one of a power of the place on the SLM.
     fn kernel_derivatives(
         &mut self,
-        engine: &Engine<T>,
+        engine: &EngineCore<T>,
         (power, basis, start): (Option<usize>, ChebyshevBasis, usize),
         jacobian: &mut Jacobian<T>,
     ) {

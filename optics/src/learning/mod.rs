@@ -206,13 +206,24 @@ pub enum LearnStage {
     Refinement,
 }
 
-/// All that the next step depends on.
-#[derive(Clone, Debug, PartialEq)]
-pub enum LearnState {
+/// All that the next step depends on: owned, or where it lies, as [`Learner::state`] gives it. Both are stored alike.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum LearnState<P = Box<ParametricState>, B = BinsState> {
     /// Of `smooth`, `display` and `varying`.
-    Parametric(Box<ParametricState>),
+    Parametric(P),
     /// Of `paper` and `dense`.
-    Bins(BinsState),
+    Bins(B),
+}
+
+impl LearnState<&ParametricState, &BinsState> {
+    /// A copy of what is borrowed.
+    #[must_use]
+    pub fn into_owned(self) -> LearnState {
+        match self {
+            Self::Parametric(state) => LearnState::Parametric(Box::new(state.clone())),
+            Self::Bins(state) => LearnState::Bins(state.clone()),
+        }
+    }
 }
 
 /// Learning under way.
@@ -300,12 +311,12 @@ impl Learner {
         }
     }
 
-    /// All that the next step depends on.
+    /// All that the next step depends on, where it lies.
     #[must_use]
-    pub fn state(&self) -> LearnState {
+    pub fn state(&self) -> LearnState<&ParametricState, &BinsState> {
         match &self.0 {
-            Family::Parametric(learner) => LearnState::Parametric(Box::new(learner.state().clone())),
-            Family::Bins(learner) => LearnState::Bins(learner.state().clone()),
+            Family::Parametric(learner) => LearnState::Parametric(learner.state()),
+            Family::Bins(learner) => LearnState::Bins(learner.state()),
         }
     }
 

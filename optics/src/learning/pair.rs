@@ -1,6 +1,6 @@
 //! Holograms and their photographs.
 
-use crate::engine::{Engine, Fields};
+use crate::engine::{Engine, EngineCore, Fields};
 use crate::photometry::{Comparison, Quantity, Sums};
 use crate::real::Real;
 use crate::{Error, Plane, RegionOfInterest};
@@ -74,7 +74,7 @@ pub(super) struct Example<T> {
 }
 
 impl<T: Real> Example<T> {
-    pub(super) fn new(pair: &Pair, engine: &Engine<T>, region: RegionOfInterest) -> Result<Self, Error> {
+    pub(super) fn new(pair: &Pair, engine: &EngineCore<T>, region: RegionOfInterest) -> Result<Self, Error> {
         for (name, plane) in [("phase", &pair.phase), ("photo", &pair.photo)] {
             plane.expect_size(name, engine.height_px(), engine.width_px())?;
             plane.expect_finite(name)?;
@@ -88,7 +88,7 @@ impl<T: Real> Example<T> {
         Ok(Self { phase: widen(&pair.phase), photo: widen(&pair.photo), weight, weight_sum, region })
     }
 
-    pub(super) fn comparison(&self, engine: &Engine<T>, gain: f64, offset: f64) -> Comparison<'_, T> {
+    pub(super) fn comparison(&self, engine: &EngineCore<T>, gain: f64, offset: f64) -> Comparison<'_, T> {
         Comparison {
             quantity: Quantity::Intensity,
             picture: &self.photo,
@@ -104,7 +104,7 @@ impl<T: Real> Example<T> {
 
 /// The sums of each pair at gain 1 and offset 0.
 pub(super) fn measure_each<T: Real>(
-    engine: &Engine<T>,
+    engine: &EngineCore<T>,
     fields: &mut Fields<T>,
     pairs: &dyn PairSource,
     region: RegionOfInterest,
@@ -114,7 +114,7 @@ pub(super) fn measure_each<T: Real>(
 
 /// The sums of a pair at gain 1 and offset 0.
 pub(super) fn measure<T: Real>(
-    engine: &Engine<T>,
+    engine: &EngineCore<T>,
     fields: &mut Fields<T>,
     pair: &Pair,
     region: RegionOfInterest,
@@ -139,7 +139,7 @@ pub(super) fn total<'a>(each: impl IntoIterator<Item = &'a Sums>) -> Sums {
 ///
 /// [`Error`] for a pair of another size, with values that are not finite, or without a pixel that counts.
 pub fn compare(engine: &Engine, pair: &Pair, region: RegionOfInterest) -> Result<Sums, Error> {
-    measure(engine, &mut Fields::new(engine), pair, region)
+    measure(&engine.core, &mut Fields::new(&engine.core), pair, region)
 }
 
 /// Pixels of the region where the photograph is not saturated: those that count in learning and in [`compare`].

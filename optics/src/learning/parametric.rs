@@ -17,6 +17,7 @@ use crate::optimizer::adam::AdamStep;
 use crate::optimizer::damped::DampedState;
 use crate::photometry::Sums;
 use crate::{DisplayModel, Error, KernelShape, OpticalSetup};
+use serde::{Deserialize, Serialize};
 
 /// Orders of the kernel, one after the other, up to the one asked for.
 const LADDER: [usize; 3] = [5, 8, 12];
@@ -37,7 +38,7 @@ const PATIENCE: u32 = 6;
 const VARIATION_WORTH: f64 = 0.1;
 
 /// All that the next step depends on.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ParametricState {
     /// θ, in an order of its own.
     pub parameters: Vec<f64>,
@@ -80,7 +81,7 @@ pub struct ParametricState {
 }
 
 /// A model that was better on the validation pairs than all before.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Best {
     /// The kernel's order.
     pub order: u32,

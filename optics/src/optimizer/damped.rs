@@ -8,6 +8,8 @@
 //! loss was foretold (ρ near 1); otherwise λ rises. K. Madsen, H. B. Nielsen and O. Tingleff, Methods for Non-Linear Least
 //! Squares Problems, 2004, section 3.2.
 
+use serde::{Deserialize, Serialize};
+
 /// Damping to begin with.
 const DAMPING: f64 = 1e-2;
 /// Below, damping changes nothing; above, a step does not.
@@ -19,7 +21,7 @@ const TRIALS_MAX: u32 = 4;
 pub(crate) const FLOOR: f64 = 1e-10;
 
 /// Everything that the next step depends on.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct DampedState {
     /// θ
     pub parameters: Vec<f64>,

@@ -13,6 +13,7 @@
 //! Vectors are f32, sums f64 in a fixed order. [`LimitedMemory::advance`] is one evaluation.
 
 use super::vectors::{combine, gram_rows, move_along, product};
+use serde::{Deserialize, Serialize};
 
 /// Steps remembered. More gain little and take time: a step reads all of them twice.
 pub(crate) const HISTORY: usize = 6;
@@ -26,7 +27,7 @@ const FIRST_CHANGE: f64 = 0.5;
 const SEARCH_MAX: u32 = 12;
 
 /// Everything that the next evaluation depends on.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct LimitedMemory {
     /// The best point so far.
     pub(crate) point: Vec<f32>,
@@ -44,7 +45,7 @@ pub(crate) struct LimitedMemory {
 }
 
 /// How far it is.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Counts {
     pub(crate) evaluations: u32,
     /// Steps in the history.
@@ -56,7 +57,7 @@ pub(crate) struct Counts {
 }
 
 /// A line search under way.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Search {
     /// t of the next evaluation.
     pub(crate) step: f64,
@@ -94,10 +95,14 @@ impl LimitedMemory {
         }
     }
 
-    /// Whether its parts belong together.
-    pub(crate) fn is_whole(&self) -> bool {
+    /// Whether its parts belong together, for so many parameters.
+    pub(crate) fn is_whole(&self, parameters: usize) -> bool {
         let places = self.steps.len();
-        self.products.len() == BASIS * BASIS
+        let vectors = [&self.point, &self.gradient, &self.direction];
+        let mut vectors = vectors.into_iter().chain(&self.steps).chain(&self.changes);
+        vectors.all(|vector| vector.len() == parameters)
+            && self.changes.len() == places
+            && self.products.len() == BASIS * BASIS
             && places <= HISTORY
             && self.counts.filled as usize <= places
             && (self.counts.next as usize) < HISTORY

@@ -14,7 +14,7 @@ use super::frequency_window::FrequencyAxis;
 use crate::OpticalSetup;
 
 /// The frequencies along x and y.
-pub(super) fn band_extended_axes(setup: &OpticalSetup) -> [FrequencyAxis; 2] {
+pub(crate) fn band_extended_axes(setup: &OpticalSetup) -> [FrequencyAxis; 2] {
     let axis = |padded_px: usize| {
         let samples = padded_px as f64;
         let nyquist = 0.5 / setup.grid().pixel_pitch_m();

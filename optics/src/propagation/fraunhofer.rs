@@ -38,7 +38,7 @@ pub(super) fn neglected_phase_rad(setup: &OpticalSetup) -> f64 {
 
 /// Far-field propagation, planned.
 #[derive(Debug)]
-pub(super) struct Fraunhofer<T> {
+pub(crate) struct Fraunhofer<T> {
     along_x: Axis<T>,
     along_y: Axis<T>,
     backwards: bool,
@@ -61,18 +61,18 @@ impl<T> fmt::Debug for Axis<T> {
 }
 
 impl<T: Real> Fraunhofer<T> {
-    pub(super) fn new(setup: &OpticalSetup) -> Self {
+    pub(crate) fn new(setup: &OpticalSetup) -> Self {
         let (grid, mut planner) = (setup.grid(), FftPlanner::new());
         let area_m2 = setup.wavelength_m() * setup.distance_m().abs();
         let mut axis = |samples| Axis::new(&mut planner, samples, grid.pixel_pitch_m(), area_m2);
         Self { along_x: axis(grid.width_px()), along_y: axis(grid.height_px()), backwards: setup.distance_m() < 0.0 }
     }
 
-    pub(super) fn forward(&self, field: &Plane<Complex<T>>) -> Plane<Complex<T>> {
+    pub(crate) fn forward(&self, field: &Plane<Complex<T>>) -> Plane<Complex<T>> {
         self.turned(field, |field| self.along_both(field, Axis::forward))
     }
 
-    pub(super) fn adjoint(&self, field: &Plane<Complex<T>>) -> Plane<Complex<T>> {
+    pub(crate) fn adjoint(&self, field: &Plane<Complex<T>>) -> Plane<Complex<T>> {
         self.turned(field, |field| self.along_both(field, Axis::adjoint))
     }
 

@@ -20,7 +20,7 @@ use rustfft::FftPlanner;
 
 /// The frequencies f_k = k·`spacing_per_m` along one axis, k = `first` … `first` + `count` − 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct FrequencyAxis {
+pub(crate) struct FrequencyAxis {
     pub(super) first: f64,
     pub(super) count: usize,
     /// δf \[1/m\]
@@ -65,7 +65,7 @@ impl FrequencyAxis {
 pub(super) const FREQUENCIES_MAX: usize = 1 << 26;
 
 /// Refuses axes that hold no frequency, or too many.
-pub(super) fn check_frequencies(
+pub(crate) fn check_frequencies(
     method: PropagationMethod,
     along_x: &FrequencyAxis,
     along_y: &FrequencyAxis,
@@ -87,7 +87,7 @@ pub(super) fn check_frequencies(
 
 /// Propagation over chosen frequencies, planned.
 #[derive(Debug)]
-pub(super) struct FrequencyWindow<T> {
+pub(crate) struct FrequencyWindow<T> {
     /// (along x, along y) of each step.
     to_frequencies: [ChirpZ<T>; 2],
     to_window: [ChirpZ<T>; 2],
@@ -99,7 +99,7 @@ pub(super) struct FrequencyWindow<T> {
 }
 
 impl<T: Real> FrequencyWindow<T> {
-    pub(super) fn new(setup: &OpticalSetup, window: &ImageWindow, axes: &[FrequencyAxis; 2]) -> Self {
+    pub(crate) fn new(setup: &OpticalSetup, window: &ImageWindow, axes: &[FrequencyAxis; 2]) -> Self {
         let (grid, mut planner) = (setup.grid(), FftPlanner::new());
         let sides = [(grid.width_px(), window.width_px()), (grid.height_px(), window.height_px())];
         let pitches = [window.pitch_x_m(), window.pitch_y_m()];
@@ -119,11 +119,11 @@ impl<T: Real> FrequencyWindow<T> {
         }
     }
 
-    pub(super) fn forward(&self, field: &Plane<Complex<T>>) -> Plane<Complex<T>> {
+    pub(crate) fn forward(&self, field: &Plane<Complex<T>>) -> Plane<Complex<T>> {
         self.through(field, &self.to_frequencies, |u, h| u * h, &self.to_window)
     }
 
-    pub(super) fn adjoint(&self, field: &Plane<Complex<T>>) -> Plane<Complex<T>> {
+    pub(crate) fn adjoint(&self, field: &Plane<Complex<T>>) -> Plane<Complex<T>> {
         self.through(field, &self.from_window, |u, h| u * h.conj(), &self.from_frequencies)
     }
 

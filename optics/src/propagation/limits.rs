@@ -50,7 +50,7 @@ pub enum RefusalCode {
 /// # Errors
 ///
 /// [`Error::Unsuitable`] where `method` can't be right.
-pub(super) fn check(setup: &OpticalSetup, method: PropagationMethod, window: &ImageWindow) -> Result<()> {
+pub(crate) fn check(setup: &OpticalSetup, method: PropagationMethod, window: &ImageWindow) -> Result<()> {
     check_window(setup, method, window)?;
     check_light(setup, method, window)?;
     match method {

@@ -20,7 +20,7 @@
 //! λ wavelength \[m\], z distance \[m\], f spatial frequency \[1/m\], N padded pixels along an axis, Δ pixel pitch \[m\], D the display's
 //! diagonal \[m\], and z_c = N·Δ²/λ the critical distance of each axis. The first six are [convolutions](ConvolutionMethod) on the grid padded twofold: an
 //! [`Engine`](crate::Engine) runs them, and holograms are optimized through them, when the setup is told to by
-//! [`OpticalSetup::with_method`]. [`Propagator`] runs all of them, and their adjoints. [`plan`] and [`plan_onto`] choose one, say why, and
+//! [`OpticalSetup::with_method`]. [`Propagator`](crate::Propagator) runs all of them, and their adjoints. [`plan`] and [`plan_onto`] choose one, say why, and
 //! report how good it is there; what can't be right is refused, with the numbers. The direct sum that all are tested against is
 //! [`reference::rayleigh_sommerfeld`](crate::reference::rayleigh_sommerfeld).
 
@@ -34,7 +34,6 @@ mod impulse_response;
 mod limits;
 mod method;
 pub mod planner;
-mod propagator;
 mod quantity;
 mod report;
 mod rows;
@@ -51,7 +50,6 @@ pub use impulse_response::impulse_response;
 pub use limits::RefusalCode;
 pub use method::{ConvolutionMethod, PropagationMethod};
 pub use planner::{assess, assess_regardless, plan, plan_onto};
-pub use propagator::Propagator;
 pub use report::{PropagationWarning, ValidityReport, WarningCode};
 pub use transfer::SampledTransfer;
 pub use window::ImageWindow;
@@ -60,6 +58,17 @@ pub(crate) use fresnel_impulse_response::fresnel_impulse_spectrum;
 pub(crate) use impulse_response::impulse_spectrum;
 pub(crate) use planner::plan_convolution;
 pub(crate) use shifted::{landing_m, shifted_angular_spectrum};
+
+/// What a [`Propagator`](crate::Propagator) is made of.
+pub(crate) mod passes {
+    pub(crate) use super::band_extended::band_extended_axes;
+    pub(crate) use super::fraunhofer::Fraunhofer;
+    pub(crate) use super::frequency_window::{FrequencyWindow, check_frequencies};
+    pub(crate) use super::limits::check;
+    pub(crate) use super::planner::{method_onto, own_window};
+    pub(crate) use super::scaled::scaled_axes;
+    pub(crate) use super::scaled_fresnel::ScaledFresnel;
+}
 
 use crate::{OpticalSetup, Result};
 

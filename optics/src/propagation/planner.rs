@@ -119,7 +119,7 @@ pub fn assess_regardless(setup: &OpticalSetup, method: PropagationMethod) -> Val
 }
 
 /// The window that a method computes of itself.
-pub(super) fn own_window(setup: &OpticalSetup, method: PropagationMethod) -> ImageWindow {
+pub(crate) fn own_window(setup: &OpticalSetup, method: PropagationMethod) -> ImageWindow {
     match method {
         PropagationMethod::Fraunhofer => super::fraunhofer_window(setup),
         _ => setup.window(),
@@ -127,7 +127,7 @@ pub(super) fn own_window(setup: &OpticalSetup, method: PropagationMethod) -> Ima
 }
 
 /// The better one of the two methods that compute any window.
-pub(super) fn method_onto(setup: &OpticalSetup, window: &ImageWindow) -> PropagationMethod {
+pub(crate) fn method_onto(setup: &OpticalSetup, window: &ImageWindow) -> PropagationMethod {
     let fresnel_is_right = limits::check(setup, PropagationMethod::ScaledFresnel, window).is_ok();
     let as_good = neglected_phase_rad(setup, PropagationMethod::ScaledFresnel, window) < PARAXIAL_PHASE_RAD_MAX;
     let other_is_right = limits::check(setup, PropagationMethod::Scaled, window).is_ok();

@@ -18,7 +18,7 @@ use super::shifted::frequency_landing_at;
 use crate::OpticalSetup;
 
 /// The frequencies along x and y.
-pub(super) fn scaled_axes(setup: &OpticalSetup, window: &ImageWindow) -> [FrequencyAxis; 2] {
+pub(crate) fn scaled_axes(setup: &OpticalSetup, window: &ImageWindow) -> [FrequencyAxis; 2] {
     let grid = setup.grid();
     let axis = |side_px: usize, window_px: usize, window_pitch_m: f64, centre_m: f64| {
         let (pitch_m, wavelength_m, z) = (grid.pixel_pitch_m(), setup.wavelength_m(), setup.distance_m());

@@ -31,7 +31,7 @@ pub(super) fn farthest_m(setup: &OpticalSetup, window: &ImageWindow) -> (f64, f6
 
 /// Single-step Fresnel propagation, planned.
 #[derive(Debug)]
-pub(super) struct ScaledFresnel<T> {
+pub(crate) struct ScaledFresnel<T> {
     along_x: Axis<T>,
     along_y: Axis<T>,
     backwards: bool,
@@ -48,7 +48,7 @@ struct Axis<T> {
 }
 
 impl<T: Real> ScaledFresnel<T> {
-    pub(super) fn new(setup: &OpticalSetup, window: &ImageWindow) -> Self {
+    pub(crate) fn new(setup: &OpticalSetup, window: &ImageWindow) -> Self {
         let (grid, mut planner) = (setup.grid(), FftPlanner::new());
         let area_m2 = setup.wavelength_m() * setup.distance_m().abs();
         let mut axis = |side_px: usize, window_px: usize, window_pitch_m: f64, centre_m: f64| {
@@ -79,7 +79,7 @@ impl<T: Real> ScaledFresnel<T> {
         }
     }
 
-    pub(super) fn forward(&self, field: &Plane<Complex<T>>) -> Plane<Complex<T>> {
+    pub(crate) fn forward(&self, field: &Plane<Complex<T>>) -> Plane<Complex<T>> {
         self.turned(field, |field| {
             let rows = self.along_x.forward(field.values());
             let columns = self.along_y.forward(&transposed(&rows, self.along_x.after.len()));
@@ -87,7 +87,7 @@ impl<T: Real> ScaledFresnel<T> {
         })
     }
 
-    pub(super) fn adjoint(&self, field: &Plane<Complex<T>>) -> Plane<Complex<T>> {
+    pub(crate) fn adjoint(&self, field: &Plane<Complex<T>>) -> Plane<Complex<T>> {
         self.turned(field, |field| {
             let rows = self.along_x.adjoint(field.values());
             let columns = self.along_y.adjoint(&transposed(&rows, self.along_x.before.len()));

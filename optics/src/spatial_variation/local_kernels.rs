@@ -64,9 +64,10 @@ pub(crate) fn windows<T: Real>(n: usize, side_px: usize) -> Vec<Window<T>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::engine::EngineCore;
     use crate::hologram::initial_phase;
     use crate::spatial_variation::SpatialVariation;
-    use crate::{Detector, DisplayModel, Engine, Grid, KernelShape, OpticalSetup, Plane, SmoothField, reference};
+    use crate::{Detector, DisplayModel, Grid, KernelShape, OpticalSetup, Plane, SmoothField, reference};
     use num_complex::Complex64;
 
     const SIZE: (usize, usize) = (14, 19);
@@ -123,11 +124,11 @@ mod tests {
             let model = varying(change);
             assert_eq!(per_side(&model.variation), side);
             let expected = pixel_by_pixel(&model, &field);
-            let engine = Engine::<f64>::new(&model, Detector::Point, None).unwrap();
+            let engine = EngineCore::<f64>::new(&model, Detector::Point, None).unwrap();
             let error = relative_l2(&engine.propagate(&field).unwrap(), &expected);
             assert!(error < 6e-3, "{change}: {error:e}");
             let uniform = DisplayModel { variation: SpatialVariation::none(), ..model };
-            let engine = Engine::<f64>::new(&uniform, Detector::Point, None).unwrap();
+            let engine = EngineCore::<f64>::new(&uniform, Detector::Point, None).unwrap();
             let without = relative_l2(&engine.propagate(&field).unwrap(), &expected);
             assert!(without > 5.0 * error, "{change}: {without:e} with one kernel");
         }
@@ -138,9 +139,9 @@ mod tests {
         let field = sent(SIZE.0, SIZE.1);
         let mut model = varying(1.0);
         model.variation = SpatialVariation::new([(); 5].map(|()| SmoothField::flat(1)));
-        let grid = Engine::<f64>::new(&model, Detector::Point, None).unwrap().propagate(&field).unwrap();
+        let grid = EngineCore::<f64>::new(&model, Detector::Point, None).unwrap().propagate(&field).unwrap();
         model.variation = SpatialVariation::none();
-        let single = Engine::<f64>::new(&model, Detector::Point, None).unwrap().propagate(&field).unwrap();
+        let single = EngineCore::<f64>::new(&model, Detector::Point, None).unwrap().propagate(&field).unwrap();
         assert!(relative_l2(&grid, &single) < 1e-13);
     }
 

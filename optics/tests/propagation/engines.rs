@@ -7,10 +7,10 @@ use crate::fields::{
     relative_l2, setup, sinc,
 };
 use lightpath_optics::reference::{
-    filter, gaussian_beam, propagate, propagate_uncropped, rayleigh_sommerfeld, square_aperture,
+    Real, filter, gaussian_beam, propagate, propagate_uncropped, rayleigh_sommerfeld, square_aperture,
 };
 use lightpath_optics::transfer_function::angular_spectrum;
-use lightpath_optics::{Detector, DisplayModel, KernelShape, OpticalSetup, Plane, Real};
+use lightpath_optics::{Detector, DisplayModel, KernelShape, OpticalSetup, Plane};
 use num_complex::{Complex, Complex32, Complex64};
 use std::f64::consts::TAU;
 
@@ -54,7 +54,7 @@ fn fused_filter<T: Real>(setup: &OpticalSetup, transfer: Transfer<'_>, field: &P
 }
 
 fn fused<T: Real>(model: &DisplayModel, field: &Plane<Complex64>) -> Plane<Complex64> {
-    let engine = lightpath_optics::Engine::<T>::new(model, Detector::Point, None).unwrap();
+    let engine = lightpath_optics::reference::EngineCore::<T>::new(model, Detector::Point, None).unwrap();
     let narrowed = field.map(|value| Complex::new(T::of(value.re), T::of(value.im)));
     engine.propagate(&narrowed).unwrap().map(|value| Complex64::new(value.re.wide(), value.im.wide()))
 }

@@ -1,9 +1,7 @@
 //! Nothing that is allowed makes anything panic, and what comes out is a number.
 
-use lightpath_optics::propagation::{
-    ConvolutionMethod, ImageWindow, PropagationMethod, Propagator, assess, plan, plan_onto,
-};
-use lightpath_optics::{Detector, DisplayModel, Engine, Grid, OpticalSetup, Plane};
+use lightpath_optics::propagation::{ConvolutionMethod, ImageWindow, PropagationMethod, assess, plan, plan_onto};
+use lightpath_optics::{Detector, DisplayModel, Engine, Grid, OpticalSetup, Plane, Propagator};
 use num_complex::Complex32;
 use proptest::prelude::*;
 
@@ -53,16 +51,16 @@ proptest! {
                 prop_assert!((0.0..=1.0).contains(&report.band_kept_x) && (0.0..=1.0).contains(&report.band_kept_area));
                 prop_assert!(!report.to_string().contains("NaN"), "{report}");
             }
-            if let Ok(propagator) = Propagator::<f32>::regardless(&setup, method) {
+            if let Ok(propagator) = Propagator::regardless(&setup, method) {
                 prop_assert!(there_and_back(&propagator, &field), "{method} {setup:?}");
             }
         }
         match plan(&setup) {
-            Ok(report) => prop_assert!(Propagator::<f32>::new(&setup, report.method).is_ok()),
+            Ok(report) => prop_assert!(Propagator::new(&setup, report.method).is_ok()),
             Err(refusal) => prop_assert!(!refusal.to_string().contains("NaN"), "{refusal}"),
         }
         let beside = setup.with_centre(beside.0, beside.1).unwrap();
-        prop_assert!(there_and_back(&Propagator::<f32>::regardless(&beside, PropagationMethod::Shifted).unwrap(), &field));
+        prop_assert!(there_and_back(&Propagator::regardless(&beside, PropagationMethod::Shifted).unwrap(), &field));
     }
 
     #[test]
@@ -71,7 +69,7 @@ proptest! {
         let Ok(window) = ImageWindow::try_new(rows, columns, ratio * grid.pixel_pitch_m()) else { return Ok(()) };
         let side_m = |side_px: usize| side_px as f64 * grid.pixel_pitch_m();
         let window = window.centred_at(x * side_m(grid.width_px()), y * side_m(grid.height_px())).unwrap();
-        if let (Ok(report), Ok(propagator)) = (plan_onto(&setup, &window), Propagator::<f32>::onto(&setup, &window)) {
+        if let (Ok(report), Ok(propagator)) = (plan_onto(&setup, &window), Propagator::onto(&setup, &window)) {
             prop_assert_eq!(report.method, propagator.method());
             prop_assert!(there_and_back(&propagator, &field(&setup)), "{setup:?} {window:?}");
         }
@@ -83,7 +81,7 @@ proptest! {
         for method in ConvolutionMethod::ALL {
             let setup = setup.with_method_regardless(method);
             for detector in Detector::ALL {
-                let light = Engine::<f32>::new(&DisplayModel::ideal(setup), detector, None).unwrap().light(&phase).unwrap();
+                let light = Engine::new(&DisplayModel::ideal(setup), detector, None).unwrap().light(&phase).unwrap();
                 prop_assert!(light.values().iter().all(|light| light.is_finite()), "{method} {setup:?}");
             }
         }

@@ -3,13 +3,13 @@
 use crate::fields::{
     PITCH_M, WAVELENGTH_M, energy, half_band_spots, inner_product, noise, relative_l2, setup, spots_over_the_band,
 };
-use lightpath_optics::propagation::{ImageWindow, PropagationMethod, Propagator};
-use lightpath_optics::reference::{gaussian_beam, rayleigh_sommerfeld, rayleigh_sommerfeld_onto};
-use lightpath_optics::{Grid, OpticalSetup, Plane, Real};
+use lightpath_optics::propagation::{ImageWindow, PropagationMethod};
+use lightpath_optics::reference::{PropagatorCore, Real, gaussian_beam, rayleigh_sommerfeld, rayleigh_sommerfeld_onto};
+use lightpath_optics::{Grid, OpticalSetup, Plane};
 use num_complex::{Complex, Complex64};
 use std::f64::consts::{PI, TAU};
 
-fn sent<T: Real>(propagator: &Propagator<T>, field: &Plane<Complex64>) -> Plane<Complex64> {
+fn sent<T: Real>(propagator: &PropagatorCore<T>, field: &Plane<Complex64>) -> Plane<Complex64> {
     wide(&propagator.forward(&narrow(field)).unwrap())
 }
 
@@ -22,7 +22,7 @@ fn wide<T: Real>(field: &Plane<Complex<T>>) -> Plane<Complex64> {
 }
 
 /// Every method that has a window of its own, at distances where it can be right, and three windows of our own.
-fn propagators<T: Real>(height_px: usize, width_px: usize) -> Vec<Propagator<T>> {
+fn propagators<T: Real>(height_px: usize, width_px: usize) -> Vec<PropagatorCore<T>> {
     let at = |distance_m: f64| setup(height_px, width_px, distance_m);
     let (near_m, far_m) = (0.4 * critical_m(&at(1.0)), 2.0 * critical_m(&at(1.0)));
     let mut all = Vec::new();
@@ -34,14 +34,14 @@ fn propagators<T: Real>(height_px: usize, width_px: usize) -> Vec<Propagator<T>>
         (PropagationMethod::FresnelImpulseResponse, [far_m, -far_m]),
         (PropagationMethod::BandExtended, [far_m, -near_m]),
     ] {
-        all.extend(distances_m.map(|z| Propagator::regardless(&at(z), method).unwrap()));
+        all.extend(distances_m.map(|z| PropagatorCore::regardless(&at(z), method).unwrap()));
     }
     let beside = |z: f64| at(z).with_centre(0.2 * far_m * WAVELENGTH_M / PITCH_M, -1e-5).unwrap();
-    all.extend([far_m, -far_m].map(|z| Propagator::regardless(&beside(z), PropagationMethod::Shifted).unwrap()));
-    all.extend([3.0, -3.0].map(|z| Propagator::regardless(&at(z), PropagationMethod::Fraunhofer).unwrap()));
+    all.extend([far_m, -far_m].map(|z| PropagatorCore::regardless(&beside(z), PropagationMethod::Shifted).unwrap()));
+    all.extend([3.0, -3.0].map(|z| PropagatorCore::regardless(&at(z), PropagationMethod::Fraunhofer).unwrap()));
     for (rows, columns, pitch_m, z) in [(20, 33, 2e-6, near_m), (17, 12, 11e-6, -far_m), (24, 9, 1e-6, 8.0 * far_m)] {
         let window = ImageWindow::try_new(rows, columns, pitch_m).unwrap().centred_at(3e-5, -2e-5).unwrap();
-        all.push(Propagator::onto(&at(z), &window).unwrap());
+        all.push(PropagatorCore::onto(&at(z), &window).unwrap());
     }
     all
 }
@@ -50,7 +50,7 @@ fn critical_m(setup: &OpticalSetup) -> f64 {
     setup.critical_distance_x_m().max(setup.critical_distance_y_m())
 }
 
-fn label<T>(propagator: &Propagator<T>) -> String
+fn label<T>(propagator: &PropagatorCore<T>) -> String
 where
     T: Real,
 {
@@ -59,7 +59,7 @@ where
 
 #[test]
 fn every_method_is_there() {
-    let listed: Vec<PropagationMethod> = propagators::<f32>(24, 31).iter().map(Propagator::method).collect();
+    let listed: Vec<PropagationMethod> = propagators::<f32>(24, 31).iter().map(PropagatorCore::method).collect();
     for method in PropagationMethod::ALL {
         assert!(listed.contains(&method), "{method}");
     }
@@ -116,7 +116,7 @@ fn a_gaussian_beam_spreads_as_it_should() {
         })
     };
     let own = setup(height_px, width_px, 1.0).window();
-    let check = |propagator: Propagator<f64>, bound: f64| {
+    let check = |propagator: PropagatorCore<f64>, bound: f64| {
         let z = propagator.setup().distance_m();
         let error = relative_l2(&sent(&propagator, &beam(&own, 0.0)), &beam(propagator.window(), z));
         assert!(error < bound, "{}: {error:e}", label(&propagator));
@@ -135,17 +135,20 @@ fn a_gaussian_beam_spreads_as_it_should() {
             (PropagationMethod::FresnelImpulseResponse, paraxial, !is_near),
         ] {
             if is_right {
-                check(Propagator::new(&setup, method).unwrap(), bound);
+                check(PropagatorCore::new(&setup, method).unwrap(), bound);
             }
         }
         let zoom = ImageWindow::try_new(50, 71, 3e-6).unwrap().centred_at(40e-6, -10e-6).unwrap();
         let reduced = ImageWindow::try_new(30, 33, 20e-6).unwrap();
         for window in [zoom, reduced, own.centred_at(1e-4, -5e-5).unwrap()] {
-            check(Propagator::onto(&setup, &window).unwrap(), exact);
+            check(PropagatorCore::onto(&setup, &window).unwrap(), exact);
         }
-        check(Propagator::new(&setup.with_centre(1e-4, -5e-5).unwrap(), PropagationMethod::Shifted).unwrap(), exact);
+        check(
+            PropagatorCore::new(&setup.with_centre(1e-4, -5e-5).unwrap(), PropagationMethod::Shifted).unwrap(),
+            exact,
+        );
         if !is_near {
-            check(Propagator::regardless(&setup, PropagationMethod::ScaledFresnel).unwrap(), paraxial);
+            check(PropagatorCore::regardless(&setup, PropagationMethod::ScaledFresnel).unwrap(), paraxial);
         }
     }
 }
@@ -158,8 +161,14 @@ fn the_impulse_response_is_the_direct_sum() {
             let field = noise(height_px, width_px, 7);
             let expected = rayleigh_sommerfeld(&setup, &field).unwrap();
             for (found, bound) in [
-                (sent(&Propagator::<f64>::new(&setup, PropagationMethod::RayleighSommerfeld).unwrap(), &field), 1e-12),
-                (sent(&Propagator::<f32>::new(&setup, PropagationMethod::RayleighSommerfeld).unwrap(), &field), 1e-5),
+                (
+                    sent(&PropagatorCore::<f64>::new(&setup, PropagationMethod::RayleighSommerfeld).unwrap(), &field),
+                    1e-12,
+                ),
+                (
+                    sent(&PropagatorCore::<f32>::new(&setup, PropagationMethod::RayleighSommerfeld).unwrap(), &field),
+                    1e-5,
+                ),
             ] {
                 let error = relative_l2(&found, &expected);
                 assert!(error < bound, "{height_px}×{width_px} {times} z_c: {error:e}");
@@ -176,7 +185,7 @@ fn windows_anywhere_see_what_the_direct_sum_sees() {
     for z in [5e-3, 0.012, -0.012, 0.04] {
         let (setup, fine_setup) =
             (setup(height_px, width_px, z), OpticalSetup::try_new(grid, WAVELENGTH_M, z).unwrap());
-        let check = |propagator: Propagator<f64>| {
+        let check = |propagator: PropagatorCore<f64>| {
             let expected = rayleigh_sommerfeld_onto(&fine_setup, &fine, propagator.window()).unwrap();
             let error = relative_l2(&sent(&propagator, &field), &expected);
             assert!(error < 1e-3, "{}: {error:e}", label(&propagator));
@@ -185,10 +194,10 @@ fn windows_anywhere_see_what_the_direct_sum_sees() {
             [(16, 16, 3e-6, 0.0, 0.0), (20, 13, 9e-6, 4e-5, -3e-5), (12, 30, 16e-6, 0.0, 2e-5)]
         {
             let window = ImageWindow::try_new(rows, columns, pitch_m).unwrap().centred_at(x_m, y_m).unwrap();
-            check(Propagator::onto(&setup, &window).unwrap());
+            check(PropagatorCore::onto(&setup, &window).unwrap());
         }
         if z.abs() < 0.02 {
-            check(Propagator::new(&setup.with_centre(3e-5, -2e-5).unwrap(), PropagationMethod::Shifted).unwrap());
+            check(PropagatorCore::new(&setup.with_centre(3e-5, -2e-5).unwrap(), PropagationMethod::Shifted).unwrap());
         }
     }
 }
@@ -211,7 +220,7 @@ fn spots_resampled(height_px: usize, width_px: usize, finer: usize) -> Plane<Com
 fn extending_the_band_changes_nothing_up_to_the_critical_distance_and_helps_beyond() {
     let (near, far) = (setup(40, 40, 5e-3), setup(40, 40, 0.08));
     let field = noise(40, 40, 8);
-    let by = |setup: &OpticalSetup, method, field| sent(&Propagator::<f64>::new(setup, method).unwrap(), field);
+    let by = |setup: &OpticalSetup, method, field| sent(&PropagatorCore::<f64>::new(setup, method).unwrap(), field);
     let same = relative_l2(
         &by(&near, PropagationMethod::BandExtended, &field),
         &by(&near, PropagationMethod::AngularSpectrum, &field),
@@ -219,7 +228,7 @@ fn extending_the_band_changes_nothing_up_to_the_critical_distance_and_helps_beyo
     assert!(same < 1e-11, "{same:e}");
     let field = spots_over_the_band(40, 40, 1);
     let exact = by(&far, PropagationMethod::RayleighSommerfeld, &field);
-    let error = |method| relative_l2(&sent(&Propagator::<f64>::regardless(&far, method).unwrap(), &field), &exact);
+    let error = |method| relative_l2(&sent(&PropagatorCore::<f64>::regardless(&far, method).unwrap(), &field), &exact);
     let (limited, extended) = (error(PropagationMethod::BandLimited), error(PropagationMethod::BandExtended));
     assert!(extended < 0.5 * limited, "{extended} {limited}");
 }
@@ -229,7 +238,7 @@ fn the_far_field_of_a_rectangle_is_the_dirichlet_kernel() {
     let (height_px, width_px, (rows, columns)) = (50, 61, (10, 7));
     for z in [4.0, -4.0] {
         let propagator =
-            Propagator::<f64>::regardless(&setup(height_px, width_px, z), PropagationMethod::Fraunhofer).unwrap();
+            PropagatorCore::<f64>::regardless(&setup(height_px, width_px, z), PropagationMethod::Fraunhofer).unwrap();
         let hole = |i: usize, side_px: usize, hole_px: usize| {
             2 * i.abs_diff((side_px - hole_px) / 2) < 4 * hole_px
                 && i >= (side_px - hole_px) / 2
@@ -265,7 +274,7 @@ fn the_far_field_of_a_rectangle_is_the_dirichlet_kernel() {
 #[test]
 fn the_far_field_is_what_the_exact_integral_becomes() {
     let setup = setup(12, 16, 0.5);
-    let propagator = Propagator::<f64>::new(&setup, PropagationMethod::Fraunhofer).unwrap();
+    let propagator = PropagatorCore::<f64>::new(&setup, PropagationMethod::Fraunhofer).unwrap();
     let field = noise(12, 16, 10);
     let expected = rayleigh_sommerfeld_onto(&setup, &field, propagator.window()).unwrap();
     // π·ρ²/λz at the display's corners, the phase that is neglected.

@@ -1,13 +1,13 @@
 //! The planner's choices against the alternatives, and what is refused.
 
 use crate::fields::{PITCH_M, WAVELENGTH_M, relative_l2, setup, spots_over_the_band};
-use lightpath_optics::hologram::initial_phase;
+use lightpath_optics::hologram::{HologramMethod, HologramOptions, initial_phase};
 use lightpath_optics::propagation::{
-    ConvolutionMethod, ImageWindow, PropagationMethod, Propagator, RefusalCode, WarningCode, assess, plan, plan_onto,
+    ConvolutionMethod, ImageWindow, PropagationMethod, RefusalCode, WarningCode, assess, plan, plan_onto,
 };
-use lightpath_optics::reference::rayleigh_sommerfeld_onto;
+use lightpath_optics::reference::{PropagatorCore, rayleigh_sommerfeld_onto};
 use lightpath_optics::{
-    Adam, Detector, DisplayModel, Engine, Error, Grid, HologramProblem, OpticalSetup, Plane, RegionOfInterest,
+    Detector, DisplayModel, Engine, Error, Grid, HologramProblem, OpticalSetup, Optimization, Plane, RegionOfInterest,
 };
 
 #[test]
@@ -23,7 +23,7 @@ fn the_chosen_method_is_about_as_good_as_the_best() {
                 (setup(height_px, width_px, z), OpticalSetup::try_new(fine_grid, WAVELENGTH_M, z).unwrap());
             let expected = rayleigh_sommerfeld_onto(&fine, &fine_field, &setup.window()).unwrap();
             let error = |method| {
-                let propagator = Propagator::<f64>::regardless(&setup, method).unwrap();
+                let propagator = PropagatorCore::<f64>::regardless(&setup, method).unwrap();
                 relative_l2(&propagator.forward(&field).unwrap(), &expected)
             };
             let convolutions = ConvolutionMethod::ALL.into_iter().map(PropagationMethod::from);
@@ -146,6 +146,11 @@ fn what_cannot_be_right_is_refused_with_the_numbers() {
     );
 }
 
+fn adam(problem: HologramProblem, phase: Plane<f32>) -> Optimization {
+    let options = HologramOptions::new(HologramMethod::Adam { learning_rate: 0.1 }, 60);
+    Optimization::start(problem, options, phase.into_vec()).unwrap()
+}
+
 #[test]
 fn holograms_do_not_depend_on_the_number_of_threads() {
     let setup = setup(61, 45, 0.02).planned().unwrap().0;
@@ -153,12 +158,12 @@ fn holograms_do_not_depend_on_the_number_of_threads() {
     for detector in Detector::ALL {
         let on = |threads: usize| {
             rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| {
-                let engine = Engine::<f32>::new(&DisplayModel::ideal(setup), detector, None).unwrap();
+                let engine = Engine::new(&DisplayModel::ideal(setup), detector, None).unwrap();
                 let region = RegionOfInterest::middle(&setup.grid());
                 let problem = HologramProblem::new(engine, target.clone(), region).unwrap();
-                let mut adam = Adam::start(problem, 0.1, initial_phase(61, 45, 1.0, 1).unwrap()).unwrap();
-                let losses: Vec<u64> = (0..5).map(|_| adam.step().loss.to_bits()).collect();
-                (losses, adam.into_state().phase)
+                let mut adam = adam(problem, initial_phase(61, 45, 1.0, 1).unwrap());
+                let losses: Vec<u64> = (0..5).map(|_| adam.step().unwrap().evaluation.loss.to_bits()).collect();
+                (losses, adam.phases().to_vec())
             })
         };
         let one = on(1);
@@ -179,10 +184,10 @@ fn holograms_can_be_optimized_through_every_convolution() {
         (ConvolutionMethod::RayleighSommerfeld, 0.012),
     ] {
         let setup = OpticalSetup::try_new(grid, WAVELENGTH_M, distance_m).unwrap().with_method(method).unwrap();
-        let engine = Engine::<f32>::new(&DisplayModel::ideal(setup), Detector::Pixel, None).unwrap();
+        let engine = Engine::new(&DisplayModel::ideal(setup), Detector::Pixel, None).unwrap();
         let problem = HologramProblem::new(engine, target.clone(), RegionOfInterest::middle(&grid)).unwrap();
-        let mut adam = Adam::start(problem, 0.1, initial_phase(40, 36, 1.0, 1).unwrap()).unwrap();
-        let losses: Vec<f64> = (0..60).map(|_| adam.step().loss).collect();
+        let mut adam = adam(problem, initial_phase(40, 36, 1.0, 1).unwrap());
+        let losses: Vec<f64> = (0..60).map(|_| adam.step().unwrap().evaluation.loss).collect();
         assert!(losses[59] < 0.1 * losses[1], "{method}: {} to {}", losses[1], losses[59]);
     }
 }

@@ -6,7 +6,7 @@ use super::{JobContext, TaskError};
 use lightpath_domain::job::Progress;
 use lightpath_domain::kernel::CapturedQuality;
 use lightpath_media::captures::Captures;
-use lightpath_optics::hologram::{HologramMethod, HologramProblem, ImagePlane, Loss, Options, initial_phase};
+use lightpath_optics::hologram::{HologramMethod, HologramOptions, HologramProblem, ImagePlane, Loss, initial_phase};
 use lightpath_optics::metrics::{Gain, psnr_db};
 use lightpath_optics::simulated_display::SimulatedDisplay;
 use lightpath_optics::test_cards::TestCard;
@@ -60,9 +60,10 @@ fn hologram(
 ) -> Result<Plane<f32>, TaskError> {
     let (height_px, width_px) = (target.height_px(), target.width_px());
     let plane = ImagePlane { engine: engine.clone(), target: target.clone(), weight: None, share: 1.0 };
-    let problem: HologramProblem = Optimization::problem_of(vec![plane], 1, region, Loss::default())?;
+    let problem = HologramProblem::with_planes(vec![plane], 1, region, Loss::default())?;
     let start = initial_phase(height_px, width_px, INITIAL_PHASE_RAD, SEED)?.into_vec();
-    let mut optimization = Optimization::start(problem, Options::new(HologramMethod::Lbfgs, ITERATIONS), start)?;
+    let mut optimization =
+        Optimization::start(problem, HologramOptions::new(HologramMethod::Lbfgs, ITERATIONS), start)?;
     while optimization.step().is_some() {
         if context.should_stop().is_some() {
             return Err(TaskError::Stopped);

@@ -7,7 +7,7 @@ use lightpath_domain::job::{self, ImagePlane, OptimizeHologram};
 use lightpath_domain::propagation::ValidityReport;
 use lightpath_domain::units::Wavelength;
 use lightpath_media::pictures::{self, Channel};
-use lightpath_optics::hologram::{self, HologramMethod, HologramProblem, InitialPhase, Levels, Loss, Options};
+use lightpath_optics::hologram::{self, HologramMethod, HologramOptions, HologramProblem, InitialPhase, Levels, Loss};
 use lightpath_optics::photometry::Quantity;
 use lightpath_optics::{Engine, Optimization, Plane, RegionOfInterest};
 
@@ -80,10 +80,10 @@ impl Wanted {
             speckle: spec.loss.speckle,
             speckle_block_px: spec.loss.speckle_block_px as usize,
         };
-        Ok(Optimization::problem_of(planes.collect(), spec.frames as usize, self.region, loss)?)
+        Ok(HologramProblem::with_planes(planes.collect(), spec.frames as usize, self.region, loss)?)
     }
 
-    pub(super) fn options(&self, spec: &OptimizeHologram) -> Result<Options, TaskError> {
+    pub(super) fn options(&self, spec: &OptimizeHologram) -> Result<HologramOptions, TaskError> {
         let method = match spec.method {
             job::Method::Adam => HologramMethod::Adam { learning_rate: spec.learning_rate },
             job::Method::Lbfgs => HologramMethod::Lbfgs,
@@ -91,7 +91,7 @@ impl Wanted {
             job::Method::WeightedGerchbergSaxton => HologramMethod::WeightedGerchbergSaxton,
             job::Method::DoublePhase => HologramMethod::DoublePhase,
         };
-        let mut options = Options::new(method, spec.iterations);
+        let mut options = HologramOptions::new(method, spec.iterations);
         if spec.quantization_aware {
             options.levels = Some(Levels::new(self.setting.response.clone(), self.setting.carrier)?);
         }

@@ -5,7 +5,7 @@ use super::context::Eta;
 use super::losses::{Judge, mean};
 use super::pairs::{JointPairs, Pairs};
 use super::setting::{Setting, detector, finite};
-use super::state_bytes::{learn_state_from_bytes, learn_state_to_bytes};
+use super::state_bytes::{from_bytes, to_bytes};
 use super::{JobContext, TaskError, TaskOutput};
 use lightpath_domain::dataset::{Dataset, Split};
 use lightpath_domain::job::{Job, JobResult, JointResult, LearnKernel, LearnResult, Progress};
@@ -128,7 +128,7 @@ fn learn(
     let setups: Vec<OpticalSetup> = planes.iter().map(|(setting, _)| setting.setup).collect();
     let warm_start = spec.start_version.map(|version| setting.model(context, Some(version))).transpose()?;
     let options = LearnOptions { warm_start, ..options(spec, setting, region) };
-    let saved = context.take_saved_state().and_then(|bytes| learn_state_from_bytes(&bytes));
+    let saved = context.take_saved_state().and_then(|bytes| from_bytes(&bytes));
     let mut learner = match saved {
         Some(state) => Learner::resume_joint(&setups, options, state)?,
         None => Learner::start_joint(&setups, options, lessons.training)?,
@@ -148,7 +148,7 @@ fn learn(
             loss: finite("the loss", done.loss)?,
             eta_s: eta.left_s(done.step, done.steps_total),
         };
-        context.step(progress, || learn_state_to_bytes(&learner.state()))?;
+        context.step(progress, || to_bytes(&learner.state()))?;
     }
     Ok(learner)
 }

@@ -3,7 +3,7 @@
 use super::context::Eta;
 use super::hologram_setup::{Wanted, colours};
 use super::setting::finite;
-use super::state_bytes::HologramState;
+use super::state_bytes::{HologramState, from_bytes, to_bytes};
 use super::{JobContext, TaskError, TaskOutput};
 use lightpath_domain::job::{
     FrameResult, HologramResult, JobResult, Method, OptimizeHologram, PlaneResult, Progress, Quality, Quantity,
@@ -11,7 +11,7 @@ use lightpath_domain::job::{
 };
 use lightpath_media::pictures;
 use lightpath_metrics as metrics;
-use lightpath_optics::hologram::{self, light_of_frames, quality_of_frames};
+use lightpath_optics::hologram::{self, OptimizationState, light_of_frames, quality_of_frames};
 use lightpath_optics::phase_response::wrap_f32;
 use lightpath_optics::{Optimization, Plane};
 use std::sync::LazyLock;
@@ -22,9 +22,9 @@ const PSNR_DB_MAX: f64 = 200.0;
 
 pub(super) fn run(context: &JobContext, spec: &OptimizeHologram) -> Result<TaskOutput, TaskError> {
     let wavelengths = spec.wavelengths();
-    let mut work = Work { context, spec, state: HologramState::default(), eta: None };
-    if let Some(state) = context.take_saved_state().and_then(|bytes| HologramState::from_bytes(&bytes)) {
-        work.state = state;
+    let mut work = Work { context, spec, state: HologramState::default(), current: None, eta: None };
+    if let Some((state, current)) = context.take_saved_state().and_then(|bytes| from_bytes(&bytes)) {
+        (work.state, work.current) = (state, Some(current));
     }
     for index in work.state.finished.len()..wavelengths.len() {
         let wanted = Wanted::read(context, spec, index)?;
@@ -48,6 +48,8 @@ struct Work<'a> {
     context: &'a JobContext,
     spec: &'a OptimizeHologram,
     state: HologramState,
+    /// The optimization that an earlier attempt was at.
+    current: Option<OptimizationState>,
     eta: Option<Eta>,
 }
 
@@ -55,7 +57,7 @@ impl Work<'_> {
     /// Goes on where an earlier attempt was, or starts.
     fn begin(&mut self, wanted: &Wanted, index: usize) -> Result<Optimization, TaskError> {
         let (problem, options) = (wanted.problem(self.spec)?, wanted.options(self.spec)?);
-        if let Some(state) = self.state.current.take() {
+        if let Some(state) = self.current.take() {
             return Ok(Optimization::resume(problem, options, state)?.timed_by(since_first_look));
         }
         let phases = wanted.first_phases(self.context, self.spec, index, &problem)?;
@@ -84,7 +86,7 @@ impl Work<'_> {
             let step = before + done.iteration;
             let (loss, eta_s) = (self.state.loss, eta.left_s(step, steps_total));
             let progress = Progress { stage: stage.clone(), step, steps_total, loss, eta_s };
-            self.context.step(progress, || self.state.to_bytes(Some(&optimization.state())))?;
+            self.context.step(progress, || to_bytes(&(&self.state, optimization.state())))?;
         }
     }
 

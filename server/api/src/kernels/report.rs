@@ -172,7 +172,7 @@ fn gather(
         lightpath_domain::job::Detector::Pixel => Detector::Pixel,
         lightpath_domain::job::Detector::Supersampled => Detector::Supersampled,
     });
-    let engine = Engine::of_display(model, detector, captures.carrier())?;
+    let engine = Engine::new(model, detector, captures.carrier())?;
     let mut response = ResponseUncertainty::of(model, detector, captures.carrier(), region)?;
     let mut evidence = Evidence::new(region, grid.height_px(), grid.width_px(), grid.pixel_pitch_m());
     for (split, most) in

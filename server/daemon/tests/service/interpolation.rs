@@ -95,7 +95,7 @@ async fn reported(serving: &Serving, name: String) -> String {
 }
 
 fn loss(bench: &SimulatedDisplay, model: &DisplayModel) -> f64 {
-    let engine = Engine::of_display(model, Detector::Pixel, None).unwrap();
+    let engine = Engine::new(model, Detector::Pixel, None).unwrap();
     let region = RegionOfInterest::middle(&bench.setup().grid());
     let one = |seed| {
         let (levels, photo) = shot(bench, seed);

@@ -3,10 +3,12 @@
 use crate::serving::Serving;
 use lightpath_media::pictures;
 use lightpath_optics::alignment::{Homography, warp};
-use lightpath_optics::hologram::{HologramMethod, ImagePlane, Loss, Options, initial_phase};
+use lightpath_optics::hologram::{HologramMethod, HologramOptions, ImagePlane, Loss, initial_phase};
 use lightpath_optics::simulated_display::{SimulatedBench, SimulatedDisplay};
 use lightpath_optics::test_cards::TestCard;
-use lightpath_optics::{Detector, DisplayModel, Engine, Grid, OpticalSetup, Optimization, Plane, RegionOfInterest};
+use lightpath_optics::{
+    Detector, DisplayModel, Engine, Grid, HologramProblem, OpticalSetup, Optimization, Plane, RegionOfInterest,
+};
 use lightpath_proto::v1;
 use lightpath_proto::v1::align_dataset_request::Source;
 use lightpath_proto::v1::dataset_service_client::DatasetServiceClient;
@@ -37,7 +39,7 @@ impl Lab {
         };
         Self {
             setup,
-            engine: Engine::of_display(&DisplayModel::ideal(setup), Detector::Pixel, None).unwrap(),
+            engine: Engine::new(&DisplayModel::ideal(setup), Detector::Pixel, None).unwrap(),
             bench: SimulatedDisplay::draw(setup, None, imperfections).unwrap(),
         }
     }
@@ -50,10 +52,10 @@ impl Lab {
     /// The phase that shows a picture on the display that the engine is for.
     pub(crate) fn phase_through(&self, engine: &Engine, target: &Plane<f32>, iterations: u32) -> Plane<f32> {
         let plane = ImagePlane { engine: engine.clone(), target: target.clone(), weight: None, share: 1.0 };
-        let problem = Optimization::problem_of(vec![plane], 1, self.region(), Loss::default()).unwrap();
+        let problem = HologramProblem::with_planes(vec![plane], 1, self.region(), Loss::default()).unwrap();
         let start = initial_phase(HEIGHT, WIDTH, 1.0, 1).unwrap().into_vec();
         let mut optimization =
-            Optimization::start(problem, Options::new(HologramMethod::Lbfgs, iterations), start).unwrap();
+            Optimization::start(problem, HologramOptions::new(HologramMethod::Lbfgs, iterations), start).unwrap();
         while optimization.step().is_some() {}
         Plane::try_from_vec(HEIGHT, WIDTH, optimization.phases().to_vec()).unwrap()
     }

@@ -46,7 +46,7 @@ async fn a_display_is_learned_from_turned_overexposed_and_swapped_photographs() 
     };
     let (kernel, version) = learned.kernel_version.split_once("/versions/").unwrap();
     let (_, file) = fetch_version(&dataset.serving, kernel, version.parse().unwrap()).await.unwrap();
-    let engine = Engine::of_display(&kernel_file::decode(&file).unwrap().0, Detector::Pixel, None).unwrap();
+    let engine = Engine::new(&kernel_file::decode(&file).unwrap().0, Detector::Pixel, None).unwrap();
 
     // Photographs of new holograms by the same camera, brought to the display's pixels as those of the dataset were.
     let found = Homography::try_new(alignment.homography.clone().try_into().unwrap()).unwrap();

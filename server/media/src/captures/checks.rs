@@ -22,7 +22,7 @@ impl Reconstructor {
     /// [`CaptureError::Optics`] at a distance at which no image can be computed.
     pub fn of(captures: &Captures) -> Result<Self, CaptureError> {
         let (setup, _) = captures.setup().planned()?;
-        let engine = Engine::of_display(&DisplayModel::ideal(setup), Detector::Pixel, captures.carrier())?;
+        let engine = Engine::new(&DisplayModel::ideal(setup), Detector::Pixel, captures.carrier())?;
         Ok(Self { engine })
     }
 

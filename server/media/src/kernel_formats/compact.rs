@@ -236,20 +236,20 @@ mod tests {
 
     /// PSNR of what the display shows of a hologram that was made through `through`, gain fitted.
     fn captured_psnr_db(display: &DisplayModel, through: &DisplayModel) -> f64 {
-        use lightpath_optics::hologram::initial_phase;
+        use lightpath_optics::hologram::{HologramMethod, HologramOptions, initial_phase};
         use lightpath_optics::metrics::fitted_intensity_scale;
         use lightpath_optics::test_cards::TestCard;
-        use lightpath_optics::{Adam, Detector, Engine, HologramProblem, Plane, RegionOfInterest};
+        use lightpath_optics::{Detector, Engine, HologramProblem, Optimization, Plane, RegionOfInterest};
         let grid = display.setup.grid();
         let (height, width) = (grid.height_px(), grid.width_px());
         let (target, region) = (TestCard::Portrait.render(height, width, 1).unwrap(), RegionOfInterest::middle(&grid));
-        let engine = |model: &DisplayModel| Engine::<f32>::new(model, Detector::Pixel, None).unwrap();
+        let engine = |model: &DisplayModel| Engine::new(model, Detector::Pixel, None).unwrap();
         let problem = HologramProblem::new(engine(through), target.clone(), region).unwrap();
-        let mut adam = Adam::start(problem, 0.2, initial_phase(height, width, 1.0, 1).unwrap()).unwrap();
-        for _ in 0..60 {
-            adam.step();
-        }
-        let phase = Plane::try_from_vec(height, width, adam.into_state().phase).unwrap();
+        let options = HologramOptions::new(HologramMethod::Adam { learning_rate: 0.2 }, 60);
+        let start = initial_phase(height, width, 1.0, 1).unwrap().into_vec();
+        let mut adam = Optimization::start(problem, options, start).unwrap();
+        while adam.step().is_some() {}
+        let phase = Plane::try_from_vec(height, width, adam.phases().to_vec()).unwrap();
         let seen = engine(display).light(&phase).unwrap();
         let gain = fitted_intensity_scale(&seen, &target, region).unwrap();
         let (mut sum, mut count) = (0.0, 0.0);

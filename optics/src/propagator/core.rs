@@ -1,37 +1,18 @@
-//! A field in, a field out, by any method.
+//! What a propagator computes, in either precision.
 
-use super::band_extended::band_extended_axes;
-use super::fraunhofer::{Fraunhofer, fraunhofer_window};
-use super::frequency_window::{FrequencyWindow, check_frequencies};
-use super::limits;
-use super::planner::{method_onto, own_window};
-use super::scaled::scaled_axes;
-use super::scaled_fresnel::ScaledFresnel;
-use super::{ConvolutionMethod, ImageWindow, PropagationMethod};
+use crate::engine::EngineCore;
+use crate::propagation::passes::{
+    Fraunhofer, FrequencyWindow, ScaledFresnel, band_extended_axes, check, check_frequencies, method_onto, own_window,
+    scaled_axes,
+};
+use crate::propagation::{ConvolutionMethod, ImageWindow, PropagationMethod, fraunhofer_window};
 use crate::real::Real;
-use crate::{Detector, DisplayModel, Engine, OpticalSetup, Plane, Result};
+use crate::{Detector, DisplayModel, OpticalSetup, Plane, Result};
 use num_complex::Complex;
 
-/// A planned propagation from the display to a window of the image plane, and back by its adjoint.
-///
-/// A method that is a [convolution](ConvolutionMethod) runs on the [`Engine`]; the others have passes of their own.
-///
-/// ```
-/// use lightpath_optics::propagation::{ImageWindow, PropagationMethod, Propagator};
-/// use lightpath_optics::{Grid, OpticalSetup, Plane};
-/// use num_complex::Complex32;
-///
-/// let grid = Grid::try_new(32, 32, 8e-6)?;
-/// let setup = OpticalSetup::try_new(grid, 515e-9, 0.05)?;
-/// // The middle of the image, four times as fine.
-/// let window = ImageWindow::try_new(32, 32, 2e-6)?;
-/// let propagator = Propagator::<f32>::onto(&setup, &window)?;
-/// let image = propagator.forward(&Plane::filled(32, 32, Complex32::ONE))?;
-/// assert_eq!((image.height_px(), propagator.window().pitch_x_m()), (32, 2e-6));
-/// # Ok::<(), lightpath_optics::Error>(())
-/// ```
+/// A [`Propagator`](crate::Propagator) in the precision of `T`: f32 for work, f64 for reference.
 #[derive(Debug)]
-pub struct Propagator<T = f32> {
+pub struct PropagatorCore<T> {
     setup: OpticalSetup,
     method: PropagationMethod,
     window: ImageWindow,
@@ -42,15 +23,15 @@ pub struct Propagator<T = f32> {
 enum Passes<T> {
     /// The engine, and the one whose transfer function is H(−fx, −fy).
     Convolution {
-        engine: Box<Engine<T>>,
-        mirrored: Box<Engine<T>>,
+        engine: Box<EngineCore<T>>,
+        mirrored: Box<EngineCore<T>>,
     },
     Frequencies(Box<FrequencyWindow<T>>),
     ScaledFresnel(Box<ScaledFresnel<T>>),
     Fraunhofer(Fraunhofer<T>),
 }
 
-impl<T: Real> Propagator<T> {
+impl<T: Real> PropagatorCore<T> {
     /// By `method`, onto the window that the method has of itself: [`OpticalSetup::window`], or for the far field
     /// [`fraunhofer_window`].
     ///
@@ -58,7 +39,7 @@ impl<T: Real> Propagator<T> {
     ///
     /// [`Error::Unsuitable`](crate::Error::Unsuitable) where the method can't be right, with the numbers.
     pub fn new(setup: &OpticalSetup, method: PropagationMethod) -> Result<Self> {
-        limits::check(setup, method, &own_window(setup, method))?;
+        check(setup, method, &own_window(setup, method))?;
         Self::regardless(setup, method)
     }
 
@@ -70,7 +51,7 @@ impl<T: Real> Propagator<T> {
     /// frequencies.
     pub fn onto(setup: &OpticalSetup, window: &ImageWindow) -> Result<Self> {
         let method = method_onto(setup, window);
-        limits::check(setup, method, window)?;
+        check(setup, method, window)?;
         Self::onto_regardless(setup, method, window)
     }
 
@@ -165,12 +146,12 @@ impl<T: Real> Propagator<T> {
     }
 
     fn convolution(setup: &OpticalSetup) -> Result<Passes<T>> {
-        let engine = Box::new(Engine::new(&DisplayModel::ideal(*setup), Detector::Point, None)?);
+        let engine = Box::new(EngineCore::new(&DisplayModel::ideal(*setup), Detector::Point, None)?);
         // Only a window beside the axis tells left from right.
         let mirrored = match setup.method() {
             ConvolutionMethod::Shifted => {
                 let mirrored = setup.with_centre(-setup.window().centre_x_m(), -setup.window().centre_y_m())?;
-                Box::new(Engine::new(&DisplayModel::ideal(mirrored), Detector::Point, None)?)
+                Box::new(EngineCore::new(&DisplayModel::ideal(mirrored), Detector::Point, None)?)
             }
             _ => engine.clone(),
         };

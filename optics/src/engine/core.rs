@@ -1,4 +1,4 @@
-//! A [`DisplayModel`] made ready to run: its transfer function sampled, its SLM tabulated, its transforms planned.
+//! What an engine computes, in either precision.
 
 use crate::carrier::Carrier;
 use crate::chebyshev::polynomials;
@@ -11,9 +11,9 @@ use num_complex::{Complex, Complex64};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// A display model in the precision of `T` (f32 for work, f64 for reference), for one detector.
+/// An [`Engine`](crate::Engine) in the precision of `T`: f32 for work, f64 for reference.
 #[derive(Clone, Debug)]
-pub struct Engine<T = f32> {
+pub struct EngineCore<T> {
     pub(crate) convolver: Arc<Convolver<T>>,
     pub(crate) kernels: Arc<Kernels<T>>,
     pub(crate) slm: Arc<Slm<T>>,
@@ -27,10 +27,12 @@ pub(crate) struct Fields<T> {
     pub(crate) tiles: Vec<Complex<T>>,
 }
 
-impl<T: Real> Engine<T> {
+impl<T: Real> EngineCore<T> {
+    /// As [`Engine::new`](crate::Engine::new).
+    ///
     /// # Errors
     ///
-    /// What [`DisplayModel::validate`] finds.
+    /// As there.
     pub fn new(model: &DisplayModel, detector: Detector, carrier: Option<Carrier>) -> Result<Self> {
         model.validate()?;
         let (height_px, width_px) = (model.setup.grid().height_px(), model.setup.grid().width_px());
@@ -150,35 +152,22 @@ impl<T: Real> Engine<T> {
     }
 }
 
-/// Entry points that are not generic. Generic code is compiled by its caller, which in a development build is not
-/// optimized; what is called here is compiled in this crate.
-impl Engine<f32> {
-    /// [`Engine::new`] in single precision.
-    ///
-    /// # Errors
-    ///
-    /// As there.
-    #[inline(never)]
-    pub fn of_display(model: &DisplayModel, detector: Detector, carrier: Option<Carrier>) -> Result<Self> {
-        Self::new(model, detector, carrier)
-    }
-}
-
 impl<T: Real> Fields<T> {
-    pub(crate) fn new(engine: &Engine<T>) -> Self {
+    pub(crate) fn new(engine: &EngineCore<T>) -> Self {
         Self::for_all([engine])
     }
 
     /// Enough for each of several engines of one size and detector.
-    pub(crate) fn for_all<'a>(engines: impl IntoIterator<Item = &'a Engine<T>>) -> Self {
-        let len_of = |engine: &Engine<T>| engine.image_len().max(engine.kernels.half_spectrum_len(&engine.convolver));
+    pub(crate) fn for_all<'a>(engines: impl IntoIterator<Item = &'a EngineCore<T>>) -> Self {
+        let len_of =
+            |engine: &EngineCore<T>| engine.image_len().max(engine.kernels.half_spectrum_len(&engine.convolver));
         let len = engines.into_iter().map(len_of).max().unwrap_or(0);
         let zeros = || vec![Complex::new(T::zero(), T::zero()); len];
         Self { spectrum: zeros(), tiles: zeros() }
     }
 
     /// Enough for [`Engine::send`], from which nothing comes back.
-    pub(crate) fn for_light(engine: &Engine<T>) -> Self {
+    pub(crate) fn for_light(engine: &EngineCore<T>) -> Self {
         let zeros = |len| vec![Complex::new(T::zero(), T::zero()); len];
         Self { spectrum: zeros(engine.kernels.half_spectrum_len(&engine.convolver)), tiles: zeros(engine.image_len()) }
     }

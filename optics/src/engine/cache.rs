@@ -1,9 +1,9 @@
 //! Parts of engines that one job after another needs: plans made and transfer functions sampled once.
 
+use super::core::{EngineCore, sample_kernels, tabulate_slm};
 use crate::carrier::Carrier;
 use crate::convolution::{Convolver, Kernels};
 use crate::display_model::KernelShape;
-use crate::engine::{sample_kernels, tabulate_slm};
 use crate::{Detector, DisplayModel, Engine, OpticalSetup, Result, SpatialVariation};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -50,12 +50,13 @@ impl EngineCache {
     /// As there.
     pub fn engine(&self, model: &DisplayModel, detector: Detector, carrier: Option<Carrier>) -> Result<Engine> {
         model.validate()?;
-        Ok(Engine {
+        let core = EngineCore {
             convolver: self.plans(model, detector),
             kernels: self.kernels(model),
             slm: Arc::new(tabulate_slm(model, carrier)),
             detector,
-        })
+        };
+        Ok(Engine { core })
     }
 
     fn plans(&self, model: &DisplayModel, detector: Detector) -> Arc<Convolver<f32>> {
@@ -128,7 +129,7 @@ mod tests {
     }
 
     fn kernels(cache: &EngineCache, model: &DisplayModel) -> Arc<Kernels<f32>> {
-        cache.engine(model, Detector::Pixel, None).unwrap().kernels
+        cache.engine(model, Detector::Pixel, None).unwrap().core.kernels
     }
 
     #[test]
@@ -143,11 +144,11 @@ mod tests {
         for model in [model(2e-3), smooth, model(3e-3)] {
             let first = cache.engine(&model, Detector::Pixel, None).unwrap();
             let again = cache.engine(&model, Detector::Pixel, Some(Carrier::HalfOrderX)).unwrap();
-            assert!(Arc::ptr_eq(&first.kernels, &again.kernels));
-            assert!(Arc::ptr_eq(&first.convolver, &again.convolver));
+            assert!(Arc::ptr_eq(&first.core.kernels, &again.core.kernels));
+            assert!(Arc::ptr_eq(&first.core.convolver, &again.core.convolver));
             let other = cache.engine(&model, Detector::Point, None).unwrap();
-            assert!(Arc::ptr_eq(&first.kernels, &other.kernels));
-            assert!(!Arc::ptr_eq(&first.convolver, &other.convolver));
+            assert!(Arc::ptr_eq(&first.core.kernels, &other.core.kernels));
+            assert!(!Arc::ptr_eq(&first.core.convolver, &other.core.convolver));
             let fresh = Engine::new(&model, Detector::Pixel, None).unwrap();
             assert_eq!(first.light(&phase).unwrap().values(), fresh.light(&phase).unwrap().values());
         }

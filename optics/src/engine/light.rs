@@ -1,13 +1,13 @@
 //! The light that a hologram sends out, and what arrives of it between the pixels' centres.
 
-use crate::engine::{Engine, Fields};
+use super::core::{EngineCore, Fields};
 use crate::real::Real;
 use crate::{Plane, Result};
 use num_complex::Complex;
 use pulp::Arch;
 use rayon::prelude::*;
 
-impl<T: Real> Engine<T> {
+impl<T: Real> EngineCore<T> {
     /// |u|² at every sub-sample of the detector, where it is in the image: k·`height_px` × k·`width_px` values, k = 1 for
     /// [`Detector::Point`](crate::Detector::Point) and 2 for the others, whose mean over k×k samples is
     /// [`Self::light`] where the detector is [`Detector::Pixel`](crate::Detector::Pixel).
@@ -79,8 +79,8 @@ mod tests {
         OpticalSetup::try_new(Grid::try_new(18, 25, PITCH_M).unwrap(), 515e-9, 3e-3).unwrap()
     }
 
-    fn engine(detector: Detector) -> Engine<f64> {
-        Engine::new(&DisplayModel::ideal(setup()), detector, None).unwrap()
+    fn engine(detector: Detector) -> EngineCore<f64> {
+        EngineCore::new(&DisplayModel::ideal(setup()), detector, None).unwrap()
     }
 
     #[test]

@@ -1,0 +1,110 @@
+//! From a target to a hologram in one call.
+
+use super::{HologramMethod, HologramOptions, HologramProblem, InitialPhase, Optimization, Quality, quality};
+use crate::phase_response::wrap_f32;
+use crate::propagation::ValidityReport;
+use crate::{Detector, DisplayModel, Engine, OpticalSetup, Plane, RegionOfInterest, Result};
+use num_complex::Complex32;
+
+/// Steps of L-BFGS: beyond, pictures gain a few dB that no camera sees.
+const ITERATIONS: u32 = 100;
+/// Range of the random phase to begin with \[rad\]: a narrow one, which speckles least.
+const RANGE_RAD: f64 = 1.0;
+/// Of the random phase.
+const SEED: u64 = 0;
+
+/// A hologram that [`optimize`] found, and what it shows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Hologram {
+    /// φ \[rad\] on the modulator, in [0, 2π).
+    pub phase: Plane<f32>,
+    /// What a camera of the display's pixels sees, linear light, as bright as the target.
+    pub reconstruction: Plane<f32>,
+    /// How near that comes to the target in the middle 80 % of each axis, as each detector sees it.
+    pub quality: Quality,
+    /// What the light was multiplied by to be as bright as the target.
+    pub intensity_scale: f64,
+    /// By which method the light's way was computed, and how good that is.
+    pub validity: ValidityReport,
+}
+
+impl Hologram {
+    /// The field e^{iφ} that leaves an ideal modulator, for [`propagate`](crate::propagate()).
+    #[must_use]
+    pub fn field(&self) -> Plane<Complex32> {
+        self.phase.map(|phase| Complex32::from_polar(1.0, phase))
+    }
+}
+
+/// Finds the phase with which an ideal display shows `target`, intensity in linear light of the setup's size.
+///
+/// The light's way is computed by the method that the [planner](crate::plan) chooses. L-BFGS takes 100 steps from a random phase
+/// of 1 rad, always the same one, and compares what a camera's pixels integrate in the middle 80 % of each axis. For other
+/// methods, detectors, regions, several planes, and learned displays see [`Optimization`].
+///
+/// # Errors
+///
+/// [`Error::SizeMismatch`](crate::Error::SizeMismatch), [`Error::NotFinite`](crate::Error::NotFinite),
+/// [`Error::OutOfRange`](crate::Error::OutOfRange) and [`Error::Empty`](crate::Error::Empty) for a target of another size, with
+/// values that are not finite, with negative ones, or that is black; [`Error::Unsuitable`](crate::Error::Unsuitable), with the
+/// numbers, where no image can be right.
+pub fn optimize(target: &Plane<f32>, setup: &OpticalSetup) -> Result<Hologram> {
+    let (setup, validity) = setup.planned()?;
+    let region = RegionOfInterest::middle(&setup.grid());
+    let engine = Engine::new(&DisplayModel::ideal(setup), Detector::Pixel, None)?;
+    let problem = HologramProblem::new(engine.clone(), target.clone(), region)?;
+    let start = InitialPhase::Random { range_rad: RANGE_RAD }.phases(&problem, &setup, SEED)?;
+    let mut optimization =
+        Optimization::start(problem, HologramOptions::new(HologramMethod::Lbfgs, ITERATIONS), start)?;
+    while optimization.step().is_some() {}
+    let wrapped = optimization.phases().iter().map(|&phase| wrap_f32(f64::from(phase))).collect();
+    let phase = Plane::try_from_vec(target.height_px(), target.width_px(), wrapped)?;
+    let intensity_scale = optimization.measure(phase.values())?.best_gain;
+    drop(optimization);
+    let reconstruction = engine.light(&phase)?.map(|light| (intensity_scale * f64::from(light)) as f32);
+    let quality = quality(&engine, &phase, target, region)?;
+    Ok(Hologram { phase, reconstruction, quality, intensity_scale, validity })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::metrics::{Gain, psnr_db};
+    use crate::propagation::PropagationMethod;
+    use crate::test_cards::TestCard;
+    use crate::{Error, Grid, propagate};
+
+    #[test]
+    fn near_and_far_a_hologram_shows_its_target_and_propagates_to_its_light() {
+        for (distance_m, method) in
+            [(5e-3, PropagationMethod::AngularSpectrum), (30e-3, PropagationMethod::RayleighSommerfeld)]
+        {
+            let setup = OpticalSetup::try_new(Grid::try_new(90, 128, 8e-6).unwrap(), 515e-9, distance_m).unwrap();
+            let target = TestCard::Portrait.render(90, 128, 3).unwrap();
+            let hologram = optimize(&target, &setup).unwrap();
+            assert_eq!(hologram.validity.method, method);
+            let region = RegionOfInterest::middle(&setup.grid());
+            let seen_db = psnr_db(&hologram.reconstruction, &target, region, Gain::Given(1.0)).unwrap();
+            assert!(seen_db > 25.0 && (seen_db - hologram.quality.pixel.psnr_db).abs() < 1e-3, "{seen_db} dB");
+            let image = propagate(&hologram.field(), &setup).unwrap();
+            assert_eq!(image.validity, hologram.validity);
+            let at_points = psnr_db(&image.intensity(), &target, region, Gain::Fitted).unwrap();
+            assert!((at_points - hologram.quality.point.psnr_db).abs() < 1e-2, "{at_points} dB");
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_shown_is_refused() {
+        let setup = OpticalSetup::try_new(Grid::try_new(16, 16, 8e-6).unwrap(), 515e-9, 2e-3).unwrap();
+        for (target, error) in [
+            (Plane::filled(16, 17, 0.5), "target_intensity is 17×16 px"),
+            (Plane::filled(16, 16, 0.0), "target_intensity is empty"),
+            (Plane::filled(16, 16, -0.5), "target_intensity is -0.5"),
+            (Plane::filled(16, 16, f32::NAN), "target_intensity holds a value"),
+        ] {
+            assert!(optimize(&target, &setup).unwrap_err().to_string().starts_with(error));
+        }
+        let far = OpticalSetup::try_new(setup.grid(), 515e-9, 5.0).unwrap();
+        assert!(matches!(optimize(&Plane::filled(16, 16, 0.5), &far), Err(Error::Unsuitable { .. })));
+    }
+}
