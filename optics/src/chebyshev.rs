@@ -69,6 +69,11 @@ pub fn polynomials(order: usize, x: f64) -> Vec<f64> {
     t
 }
 
+/// Position of pixel `i` of `n` on [−1, 1], pixel centres.
+pub(crate) fn position(i: usize, n: usize) -> f64 {
+    (2 * i + 1) as f64 / n as f64 - 1.0
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

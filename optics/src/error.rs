@@ -1,6 +1,6 @@
 //! What can be wrong with what a caller hands in.
 
-use crate::propagation::{PropagationMethod, RefusalCode};
+use crate::propagation_method::{PropagationMethod, RefusalCode};
 
 /// Shorthand for this crate's results.
 pub type Result<T> = std::result::Result<T, Error>;

@@ -1,13 +1,12 @@
 //! The two precisions of the engine: f32 for work, f64 for reference.
 
-use crate::convolution::tile_pass::TilePasses;
 use num_complex::Complex;
 use pulp::{Simd, bytemuck};
 use rustfft::{FftNum, num_traits::Float};
 
 /// A precision: f32 or f64.
 #[allow(private_bounds)] // how the engine computes is its own affair
-pub trait Real: FftNum + Float + Vectors + TilePasses {
+pub trait Number: FftNum + Float + Vectors {
     /// The nearest number of this precision.
     fn of(value: f64) -> Self;
 
@@ -24,7 +23,7 @@ pub trait Real: FftNum + Float + Vectors + TilePasses {
     fn exponential(self) -> Self;
 }
 
-impl Real for f64 {
+impl Number for f64 {
     #[inline(always)]
     fn of(value: f64) -> Self {
         value
@@ -46,7 +45,7 @@ impl Real for f64 {
     }
 }
 
-impl Real for f32 {
+impl Number for f32 {
     #[inline(always)]
     fn of(value: f64) -> Self {
         value as f32
@@ -251,13 +250,13 @@ impl Vectors for f64 {
 
 /// e^{ix}.
 #[inline(always)]
-pub(crate) fn unit<T: Real>(x: T) -> Complex<T> {
+pub(crate) fn unit<T: Number>(x: T) -> Complex<T> {
     let (sine, cosine) = x.sine_cosine();
     Complex::new(cosine, sine)
 }
 
 /// e^{ix}, rounded once from f64.
-pub(crate) fn unit_of<T: Real>(x: f64) -> Complex<T> {
+pub(crate) fn unit_of<T: Number>(x: f64) -> Complex<T> {
     Complex::new(T::of(x.cos()), T::of(x.sin()))
 }
 

@@ -1,12 +1,8 @@
 //! What a propagation goes through: a grid, a wavelength and a distance, and the method that computes it.
 
-use crate::propagation::{
-    ConvolutionMethod, ImageWindow, SampledTransfer, ValidityReport, check_convolution, fresnel_impulse_spectrum,
-    fresnel_transfer_function, impulse_spectrum, landing_m, plan_convolution, shifted_angular_spectrum,
-};
-use crate::transfer_function::{angular_spectrum, band_limit};
+use crate::image_window::ImageWindow;
+use crate::propagation_method::ConvolutionMethod;
 use crate::{Error, Grid, Result};
-use num_complex::Complex64;
 
 /// A plane of pixels, the light's wavelength, how far away the image is, and by which convolution it is computed: by the
 /// [band-limited angular spectrum](ConvolutionMethod::BandLimited) unless another [`ConvolutionMethod`] is asked for.
@@ -49,27 +45,6 @@ impl OpticalSetup {
             centre_x_m: 0.0,
             centre_y_m: 0.0,
         })
-    }
-
-    /// The same setup, computed by another convolution.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Unsuitable`] for a method that can't be right here, with the numbers.
-    pub fn with_method(self, method: ConvolutionMethod) -> Result<Self> {
-        let setup = self.with_method_regardless(method);
-        check_convolution(&setup)?;
-        Ok(setup)
-    }
-
-    /// The same setup, computed by the convolution that [`plan`] chooses, and how good that is.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Unsuitable`] where no image can be right, with the numbers.
-    pub fn planned(self) -> Result<(Self, ValidityReport)> {
-        let (method, report) = plan_convolution(&self)?;
-        Ok((self.with_method(method)?, report))
     }
 
     /// The same setup, computed by another convolution, right or wrong: to see by how much.
@@ -133,51 +108,6 @@ impl OpticalSetup {
     #[must_use]
     pub fn padded_width_px(&self) -> usize {
         2 * self.grid.width_px()
-    }
-
-    /// The transfer function at fx, fy \[1/m\], without its piston; [`propagation`](crate::propagation) has the formulas.
-    ///
-    /// Of an impulse response it is a sum over the frame: to sample many bins use [`Self::sampled`].
-    #[must_use]
-    pub fn transfer(&self, fx: f64, fy: f64) -> Complex64 {
-        let Self { wavelength_m, distance_m, centre_x_m, centre_y_m, .. } = *self;
-        match self.method {
-            ConvolutionMethod::BandLimited if self.keeps(fx, fy) => angular_spectrum(fx, fy, wavelength_m, distance_m),
-            ConvolutionMethod::Shifted if self.keeps(fx, fy) => {
-                shifted_angular_spectrum(fx, fy, wavelength_m, distance_m, centre_x_m, centre_y_m)
-            }
-            ConvolutionMethod::BandLimited | ConvolutionMethod::Shifted => Complex64::ZERO,
-            ConvolutionMethod::FresnelTransferFunction => fresnel_transfer_function(fx, fy, wavelength_m, distance_m),
-            ConvolutionMethod::FresnelImpulseResponse => {
-                let along = |f, samples| {
-                    fresnel_impulse_spectrum(f, samples, self.grid.pixel_pitch_m(), wavelength_m, distance_m)
-                };
-                along(fx, self.grid.width_px()) * along(fy, self.grid.height_px())
-            }
-            ConvolutionMethod::RayleighSommerfeld => impulse_spectrum(self, fx, fy),
-            ConvolutionMethod::AngularSpectrum => angular_spectrum(fx, fy, wavelength_m, distance_m),
-        }
-    }
-
-    /// The transfer function, with all that it needs tabulated.
-    #[must_use]
-    pub fn sampled(&self) -> SampledTransfer {
-        SampledTransfer::new(*self)
-    }
-
-    /// Whether the light of fx, fy \[1/m\] lands within the padded frame, so that its samples are free of aliasing: the
-    /// [band limit](band_limit) and its one-sided form.
-    #[must_use]
-    pub fn keeps(&self, fx: f64, fy: f64) -> bool {
-        let pitch_m = self.grid.pixel_pitch_m();
-        let (extent_x_m, extent_y_m) =
-            (self.padded_width_px() as f64 * pitch_m, self.padded_height_px() as f64 * pitch_m);
-        if self.method != ConvolutionMethod::Shifted {
-            return band_limit(fx, fy, self.wavelength_m, self.distance_m, extent_x_m, extent_y_m);
-        }
-        landing_m(fx, fy, self.wavelength_m, self.distance_m).is_some_and(|(x_m, y_m)| {
-            (x_m - self.centre_x_m).abs() <= extent_x_m / 2.0 && (y_m - self.centre_y_m).abs() <= extent_y_m / 2.0
-        })
     }
 
     /// Distance z_c = N_x·Δ²/λ up to which the padded columns sample the whole band \[m\].

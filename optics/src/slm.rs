@@ -8,7 +8,7 @@
 //! φ includes its grating, and k = ±1 follows it, so that c is described in the direction in which the image leaves.
 
 use crate::carrier::Carrier;
-use crate::real::Real;
+use crate::real::Number;
 use num_complex::Complex;
 use pulp::{Arch, Simd, WithSimd};
 use std::f64::consts::PI;
@@ -25,7 +25,7 @@ pub(crate) struct Slm<T> {
     pub(crate) carrier: Option<Carrier>,
 }
 
-impl<T: Real> Slm<T> {
+impl<T: Number> Slm<T> {
     /// An SLM that does just what it is told.
     pub(crate) fn ideal(width_px: usize, carrier: Option<Carrier>) -> Self {
         let zero_order = Complex::new(T::zero(), T::zero());
@@ -150,7 +150,7 @@ pub(crate) struct Block<T> {
     pub(crate) steered: Parts<T>,
 }
 
-impl<T: Real> Parts<T> {
+impl<T: Number> Parts<T> {
     /// e^{iφ}
     #[inline(always)]
     fn unit(phase: &[T; BLOCK]) -> Self {
@@ -181,7 +181,7 @@ struct FieldRow<'a, T> {
     field: &'a mut [Complex<T>],
 }
 
-impl<T: Real> WithSimd for FieldRow<'_, T> {
+impl<T: Number> WithSimd for FieldRow<'_, T> {
     type Output = ();
 
     #[inline(always)]
@@ -199,7 +199,7 @@ struct PhaseGradientRow<'a, T, const ADD: bool> {
     gradient: &'a mut [T],
 }
 
-impl<T: Real, const ADD: bool> WithSimd for PhaseGradientRow<'_, T, ADD> {
+impl<T: Number, const ADD: bool> WithSimd for PhaseGradientRow<'_, T, ADD> {
     type Output = ();
 
     #[inline(always)]

@@ -1,11 +1,11 @@
 //! From a wanted field back to the phase that shows it: what [`Slm`] does, the other way round.
 
-use crate::real::{Real, unit};
+use crate::real::{Number, unit};
 use crate::slm::Slm;
 use num_complex::Complex;
 use std::f64::consts::PI;
 
-impl<T: Real> Slm<T> {
+impl<T: Number> Slm<T> {
     /// The phase along row `y` that comes nearest to giving the light the phase of a `wanted` field: r(φ) = arg(k c/a − z₀).
     pub(crate) fn phase_of_row(&self, y: usize, wanted: &[Complex<T>], phase: &mut [T]) {
         for (x, (phase, &wanted)) in phase.iter_mut().zip(wanted).enumerate() {

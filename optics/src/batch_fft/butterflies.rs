@@ -8,13 +8,13 @@
 //! the others are Cooley and Tukey's (Math. Comput. 19, 297 (1965)).
 
 use super::lanes::ComplexLanes;
-use crate::real::Real;
+use crate::real::Number;
 use pulp::Simd;
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
 /// A transform of `R` numbers. A type and not a function: a function that is passed along is not inlined.
 pub(super) trait Butterfly<const R: usize> {
-    fn transform<T: Real, S: Simd>(x: [ComplexLanes<T, S>; R]) -> [ComplexLanes<T, S>; R];
+    fn transform<T: Number, S: Simd>(x: [ComplexLanes<T, S>; R]) -> [ComplexLanes<T, S>; R];
 }
 
 pub(super) struct Butterfly2;
@@ -29,14 +29,14 @@ pub(super) struct Butterfly12;
 
 impl Butterfly<2> for Butterfly2 {
     #[inline(always)]
-    fn transform<T: Real, S: Simd>([a, b]: [ComplexLanes<T, S>; 2]) -> [ComplexLanes<T, S>; 2] {
+    fn transform<T: Number, S: Simd>([a, b]: [ComplexLanes<T, S>; 2]) -> [ComplexLanes<T, S>; 2] {
         [a + b, a - b]
     }
 }
 
 impl Butterfly<3> for Butterfly3 {
     #[inline(always)]
-    fn transform<T: Real, S: Simd>([a, b, c]: [ComplexLanes<T, S>; 3]) -> [ComplexLanes<T, S>; 3] {
+    fn transform<T: Number, S: Simd>([a, b, c]: [ComplexLanes<T, S>; 3]) -> [ComplexLanes<T, S>; 3] {
         let sine = (TAU / 3.0).sin();
         let (sum, difference) = (b + c, (b - c).turned());
         let middle = sum.scaled_plus(-0.5, a);
@@ -46,7 +46,7 @@ impl Butterfly<3> for Butterfly3 {
 
 impl Butterfly<4> for Butterfly4 {
     #[inline(always)]
-    fn transform<T: Real, S: Simd>([a, b, c, d]: [ComplexLanes<T, S>; 4]) -> [ComplexLanes<T, S>; 4] {
+    fn transform<T: Number, S: Simd>([a, b, c, d]: [ComplexLanes<T, S>; 4]) -> [ComplexLanes<T, S>; 4] {
         let (even, odd) = ((a + c, a - c), (b + d, (b - d).turned()));
         [even.0 + odd.0, even.1 + odd.1, even.0 - odd.0, even.1 - odd.1]
     }
@@ -54,7 +54,7 @@ impl Butterfly<4> for Butterfly4 {
 
 impl Butterfly<5> for Butterfly5 {
     #[inline(always)]
-    fn transform<T: Real, S: Simd>([a, b, c, d, e]: [ComplexLanes<T, S>; 5]) -> [ComplexLanes<T, S>; 5] {
+    fn transform<T: Number, S: Simd>([a, b, c, d, e]: [ComplexLanes<T, S>; 5]) -> [ComplexLanes<T, S>; 5] {
         let ((sine_1, cosine_1), (sine_2, cosine_2)) = ((TAU / 5.0).sin_cos(), (2.0 * TAU / 5.0).sin_cos());
         let (near, far) = ((b + e, (b - e).turned()), (c + d, (c - d).turned()));
         let first = far.0.scaled_plus(cosine_2, near.0.scaled_plus(cosine_1, a));
@@ -67,7 +67,7 @@ impl Butterfly<5> for Butterfly5 {
 
 impl Butterfly<8> for Butterfly8 {
     #[inline(always)]
-    fn transform<T: Real, S: Simd>(x: [ComplexLanes<T, S>; 8]) -> [ComplexLanes<T, S>; 8] {
+    fn transform<T: Number, S: Simd>(x: [ComplexLanes<T, S>; 8]) -> [ComplexLanes<T, S>; 8] {
         let even = Butterfly4::transform([x[0], x[2], x[4], x[6]]);
         let odd = Butterfly4::transform([x[1], x[3], x[5], x[7]]);
         // e^{−iπ/4} and e^{−i3π/4} without multiplications of their own.
@@ -89,7 +89,7 @@ impl Butterfly<8> for Butterfly8 {
 
 impl Butterfly<9> for Butterfly9 {
     #[inline(always)]
-    fn transform<T: Real, S: Simd>(x: [ComplexLanes<T, S>; 9]) -> [ComplexLanes<T, S>; 9] {
+    fn transform<T: Number, S: Simd>(x: [ComplexLanes<T, S>; 9]) -> [ComplexLanes<T, S>; 9] {
         let a = Butterfly3::transform([x[0], x[3], x[6]]);
         let b = Butterfly3::transform([x[1], x[4], x[7]]);
         let c = Butterfly3::transform([x[2], x[5], x[8]]);
@@ -105,7 +105,7 @@ macro_rules! coprime {
     ($name:ident, $size:literal = $a:literal ($of_a:ident, $e1:literal) * $b:literal ($of_b:ident, $e2:literal)) => {
         impl Butterfly<$size> for $name {
             #[inline(always)]
-            fn transform<T: Real, S: Simd>(x: [ComplexLanes<T, S>; $size]) -> [ComplexLanes<T, S>; $size] {
+            fn transform<T: Number, S: Simd>(x: [ComplexLanes<T, S>; $size]) -> [ComplexLanes<T, S>; $size] {
                 let mut rows = [[x[0]; $b]; $a];
                 for (n1, row) in rows.iter_mut().enumerate() {
                     let mut along = [x[0]; $b];

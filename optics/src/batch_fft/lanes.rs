@@ -3,7 +3,7 @@
 //! pulp's operations name their precision; these do not, so that what is built on them is written once. Everything is
 //! inlined into the operation that pulp dispatches, or it would not be compiled for the machine's vector instructions.
 
-use crate::real::{Real, Vectors};
+use crate::real::{Number, Vectors};
 use num_complex::Complex;
 use pulp::Simd;
 use std::ops::{Add, Mul, Neg, Sub};
@@ -100,7 +100,7 @@ impl<T: Vectors, S: Simd> ComplexLanes<T, S> {
     }
 }
 
-impl<T: Real, S: Simd> ComplexLanes<T, S> {
+impl<T: Number, S: Simd> ComplexLanes<T, S> {
     #[inline(always)]
     pub(super) fn scaled(self, by: f64) -> Self {
         let by = Lanes::splat(self.re.simd, T::of(by));

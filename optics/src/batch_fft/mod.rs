@@ -16,7 +16,7 @@ mod lanes;
 
 pub(crate) use lanes::ComplexLanes;
 
-use crate::real::{Real, unit_of};
+use crate::real::{Number, unit_of};
 use butterflies::{
     Butterfly, Butterfly2, Butterfly3, Butterfly4, Butterfly5, Butterfly6, Butterfly8, Butterfly9, Butterfly10,
     Butterfly12,
@@ -52,14 +52,14 @@ struct Stage<T> {
     twiddles: Vec<Complex<T>>,
 }
 
-/// Real and imaginary parts of a tile, `n · columns` values each.
+/// Number and imaginary parts of a tile, `n · columns` values each.
 #[derive(Debug)]
 pub(crate) struct Planes<T> {
     pub(crate) re: Vec<T>,
     pub(crate) im: Vec<T>,
 }
 
-impl<T: Real> Planes<T> {
+impl<T: Number> Planes<T> {
     pub(crate) fn zeros(len: usize) -> Self {
         Self { re: vec![T::zero(); len], im: vec![T::zero(); len] }
     }
@@ -70,7 +70,7 @@ impl<T: Real> Planes<T> {
     }
 }
 
-impl<T: Real> BatchFft<T> {
+impl<T: Number> BatchFft<T> {
     /// For columns of `n` samples. `columns` must be a multiple of 16, the most numbers that a register holds.
     pub(crate) fn new(n: usize, columns: usize) -> Self {
         let plan = match factors(n) {
@@ -130,7 +130,7 @@ pub(crate) struct Factors<'a, T> {
     pub(crate) conjugate: bool,
 }
 
-impl<T: Real> Factors<'_, T> {
+impl<T: Number> Factors<'_, T> {
     /// The factors of register `at` of the tile.
     #[inline(always)]
     pub(crate) fn factor<S: Simd>(self, simd: S, at: usize) -> ComplexLanes<T, S> {
@@ -157,7 +157,7 @@ struct Run<'a, T> {
     to: &'a mut Planes<T>,
 }
 
-impl<T: Real> WithSimd for Run<'_, T> {
+impl<T: Number> WithSimd for Run<'_, T> {
     type Output = ();
 
     #[inline(always)]
@@ -187,7 +187,7 @@ struct RunLast<'a, T> {
     factors: Factors<'a, T>,
 }
 
-impl<T: Real> WithSimd for RunLast<'_, T> {
+impl<T: Number> WithSimd for RunLast<'_, T> {
     type Output = ();
 
     #[inline(always)]
@@ -208,7 +208,7 @@ impl<T: Real> WithSimd for RunLast<'_, T> {
     }
 }
 
-impl<T: Real> Stage<T> {
+impl<T: Number> Stage<T> {
     #[inline(always)]
     fn run<S: Simd, B: Butterfly<R>, const R: usize>(
         &self,
@@ -259,7 +259,7 @@ impl<T: Real> Stage<T> {
 
 /// The inputs of a butterfly: `first`, and on in steps.
 #[inline(always)]
-fn gather<T: Real, S: Simd, const R: usize>(
+fn gather<T: Number, S: Simd, const R: usize>(
     simd: S,
     re: &[T::Vector<S>],
     im: &[T::Vector<S>],
@@ -273,7 +273,7 @@ fn gather<T: Real, S: Simd, const R: usize>(
     x
 }
 
-fn column_by_column<T: Real>(fft: &dyn Fft<T>, columns: usize, tile: &mut Planes<T>) {
+fn column_by_column<T: Number>(fft: &dyn Fft<T>, columns: usize, tile: &mut Planes<T>) {
     let mut column = vec![Complex::new(T::zero(), T::zero()); fft.len()];
     for k in 0..columns {
         let parts = tile.re[k..].iter().step_by(columns).zip(tile.im[k..].iter().step_by(columns));
@@ -298,7 +298,7 @@ fn factors(n: usize) -> Option<Vec<usize>> {
     (left == 1).then_some(found)
 }
 
-fn stages<T: Real>(n: usize, radices: &[usize]) -> Vec<Stage<T>> {
+fn stages<T: Number>(n: usize, radices: &[usize]) -> Vec<Stage<T>> {
     let (mut length, mut s) = (n, 1);
     let mut stages = Vec::new();
     for &radix in radices {
@@ -326,7 +326,7 @@ mod tests {
         inverse: bool,
     }
 
-    impl<T: Real> WithSimd for Both<'_, T> {
+    impl<T: Number> WithSimd for Both<'_, T> {
         type Output = ();
 
         #[inline(always)]
@@ -336,7 +336,7 @@ mod tests {
         }
     }
 
-    fn check<T: Real>(n: usize, bound: f64) {
+    fn check<T: Number>(n: usize, bound: f64) {
         let fft = BatchFft::<T>::new(n, COLUMNS);
         let noise = |i: usize, by: usize| T::of(((i * by) % 1009) as f64 / 504.5 - 1.0);
         let dirt = vec![T::of(f64::NAN); n * COLUMNS];

@@ -1,7 +1,7 @@
 //! The fused passes against the plain padded transform in f64, on odd, prime and non-square sizes.
 
+use crate::convolution::Real;
 use crate::engine::{EngineCore, Fields};
-use crate::real::Real;
 use crate::{Detector, DisplayModel, Grid, KernelShape, OpticalSetup, Plane, SmoothField, SpatialVariation, reference};
 use num_complex::{Complex, Complex64};
 use rand::{RngExt, SeedableRng};

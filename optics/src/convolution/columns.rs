@@ -1,8 +1,8 @@
 //! Passes along y: a tile of columns at a time.
 
+use super::Real;
 use super::tile_pass::{TilePass, TileScratch, Way};
 use super::{Convolver, Kernels};
-use crate::real::Real;
 use num_complex::Complex;
 use rayon::prelude::*;
 

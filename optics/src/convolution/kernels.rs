@@ -7,9 +7,8 @@
 //! The windows ℓ of each axis add up to one everywhere. ℓ_i is applied before a row is transformed and ℓ_j as a column is
 //! read, so that a grid of n×n costs n row transforms and n² column transforms each way.
 
+use super::Real;
 use super::{Convolver, Transfer};
-use crate::real::Real;
-use crate::spatial_variation::local_kernels;
 
 /// A real factor for each pixel along an axis; `None`: 1 everywhere.
 pub(crate) type Window<T> = Option<Vec<T>>;
@@ -29,11 +28,10 @@ impl<T: Real> Kernels<T> {
         Self { transfers: vec![transfer], along_x: vec![None], along_y: vec![None] }
     }
 
-    /// Those of n×n [local kernels](local_kernels).
-    pub(crate) fn grid(transfers: Vec<Transfer<T>>) -> Self {
-        let windows = |side_px| local_kernels::windows(transfers.len().isqrt(), side_px);
-        let (along_x, along_y) = (windows(transfers[0].width_px), windows(transfers[0].height_px));
-        Self { transfers, along_x, along_y }
+    /// Those of a grid, row after row, with their windows along x and y.
+    pub(crate) fn grid(transfers: Vec<Transfer<T>>, along_x: Vec<Vec<T>>, along_y: Vec<Vec<T>>) -> Self {
+        let some = |windows: Vec<Vec<T>>| windows.into_iter().map(Some).collect();
+        Self { transfers, along_x: some(along_x), along_y: some(along_y) }
     }
 
     /// The transfer function where there is one alone.

@@ -22,7 +22,7 @@ mod columns;
 mod kernels;
 pub(crate) mod rows;
 mod scratch;
-pub(crate) mod tile_pass;
+mod tile_pass;
 mod transfer;
 
 pub(crate) use kernels::{Kernels, Window};
@@ -30,10 +30,18 @@ pub(crate) use scratch::{Scratch, ScratchPool};
 pub(crate) use transfer::{Transfer, frequencies};
 
 use crate::batch_fft::BatchFft;
-use crate::real::{Real, unit_of};
+use crate::real::{Number, unit_of};
 use num_complex::Complex;
 use rustfft::{Fft, FftPlanner};
 use std::{f64::consts::PI, fmt, sync::Arc};
+use tile_pass::TilePasses;
+
+/// A precision that convolutions are computed in: f32 or f64.
+#[allow(private_bounds)] // how the engine computes is its own affair
+pub trait Real: Number + TilePasses {}
+
+impl Real for f32 {}
+impl Real for f64 {}
 
 /// Plans and tables for one size and one set of sub-sample offsets.
 pub(crate) struct Convolver<T> {

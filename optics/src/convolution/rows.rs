@@ -1,7 +1,7 @@
 //! Passes along x.
 
+use super::Real;
 use super::{Axis, Convolver, Window, scratch::Scratch};
-use crate::real::Real;
 use num_complex::Complex;
 use pulp::Arch;
 use rayon::prelude::*;

@@ -1,7 +1,7 @@
 //! Working memory of a thread, kept between passes.
 
+use super::Real;
 use super::{Axis, tile_pass::TileScratch};
-use crate::real::Real;
 use num_complex::Complex;
 use std::{
     fmt,

@@ -1,8 +1,8 @@
 //! What is done to one tile of columns, from the half-transformed fields to the half-transformed fields.
 
+use super::Real;
 use super::{Convolver, Kernels};
 use crate::batch_fft::{ComplexLanes, Factors, Planes};
-use crate::real::Real;
 use num_complex::Complex;
 use pulp::{Arch, Simd, WithSimd};
 

@@ -1,7 +1,7 @@
 //! A transfer function in the order in which the column pass reads it.
 
+use super::Real;
 use super::{frequency_per_px, padded_columns, split_bin, tile_columns};
-use crate::real::Real;
 use num_complex::{Complex, Complex64};
 use rayon::prelude::*;
 

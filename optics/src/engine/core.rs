@@ -2,10 +2,13 @@
 
 use crate::carrier::Carrier;
 use crate::chebyshev::polynomials;
+use crate::chebyshev::position;
+use crate::convolution::Real;
 use crate::convolution::{Convolver, Kernels, Transfer};
-use crate::display_model::{KernelShape, SmoothField, position};
-use crate::real::Real;
+use crate::display_model::KernelShape;
 use crate::slm::Slm;
+use crate::smooth_field::SmoothField;
+use crate::spatial_variation::local_kernels;
 use crate::{Detector, DisplayModel, Plane, Result};
 use num_complex::{Complex, Complex64};
 use rayon::prelude::*;
@@ -176,7 +179,10 @@ impl<T: Real> Fields<T> {
 /// The kernel, or the grid of kernels that stand for one that changes over the SLM.
 pub(crate) fn sample_kernels<T: Real>(model: &DisplayModel) -> Kernels<T> {
     let Some(grid) = model.local_kernels() else { return Kernels::single(sample_transfer(model)) };
-    Kernels::grid(grid.iter().map(sample_transfer).collect())
+    let windows = |side_px| local_kernels::windows(grid.len().isqrt(), side_px);
+    let size = model.setup.grid();
+    let transfers = grid.iter().map(sample_transfer).collect();
+    Kernels::grid(transfers, windows(size.width_px()), windows(size.height_px()))
 }
 
 fn sample_transfer<T: Real>(model: &DisplayModel) -> Transfer<T> {

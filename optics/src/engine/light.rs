@@ -1,7 +1,7 @@
 //! The light that a hologram sends out, and what arrives of it between the pixels' centres.
 
 use super::core::{EngineCore, Fields};
-use crate::real::Real;
+use crate::convolution::Real;
 use crate::{Plane, Result};
 use num_complex::Complex;
 use pulp::Arch;

@@ -10,7 +10,7 @@
 //! Transactions on Graphics 36, 85 (2017).
 
 use super::problem::ProblemCore;
-use crate::real::Real;
+use crate::convolution::Real;
 use num_complex::Complex;
 use rayon::prelude::*;
 use std::f64::consts::PI;

@@ -1,7 +1,7 @@
 //! Where an optimization starts.
 
 use super::problem::{HologramProblem, ProblemCore};
-use crate::real::Real;
+use crate::convolution::Real;
 use crate::{Error, OpticalSetup, Plane, Result};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -1,9 +1,9 @@
 //! What an optimization minimizes.
 
 use super::roughness::{Extent, SpeckleBlocks};
+use crate::convolution::Real;
 use crate::engine::EngineCore;
 use crate::photometry::{Quantity, Sums};
-use crate::real::Real;
 use crate::{Engine, Error, Plane, RegionOfInterest, Result};
 use serde::{Deserialize, Serialize};
 

@@ -3,9 +3,9 @@
 use super::loss::{Asked, ImagePlane, Loss, Wanted, weighted_sums};
 use super::meter::Meter;
 use super::two_passes::Kept;
+use crate::convolution::Real;
 use crate::engine::{Engine, EngineCore, Fields};
 use crate::photometry::{Comparison, Quantity, Sums};
-use crate::real::Real;
 use crate::{Error, Plane, RegionOfInterest, Result};
 use num_complex::Complex;
 

@@ -1,8 +1,8 @@
 //! How good a hologram is, as each detector sees it.
 
+use crate::convolution::Real;
 use crate::engine::EngineCore;
 use crate::metrics::{Gain, ImagePair, diffraction_efficiency, frame_efficiency, speckle_contrast, ssim_at_all_scales};
-use crate::real::Real;
 use crate::{Detector, Engine, Error, Plane, RegionOfInterest, Result};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};

@@ -11,8 +11,8 @@
 //! Total variation: L. Rudin, S. Osher and E. Fatemi, Physica D 60, 259 (1992). Speckle contrast σ/m: J. Goodman, Speckle
 //! Phenomena in Optics (2007).
 
+use crate::convolution::Real;
 use crate::plane::Plane;
-use crate::real::Real;
 use crate::region::RegionOfInterest;
 use rayon::prelude::*;
 

@@ -4,9 +4,10 @@
 use super::loss::{Wanted, weighted_sums};
 use super::problem::{Evaluation, ProblemCore, Sink, compare_with, send_back};
 use super::roughness::{LightPlane, total_variation};
+use crate::convolution::Real;
 use crate::engine::Fields;
 use crate::photometry::{Comparison, Quantity, Sums};
-use crate::real::{Real, unit};
+use crate::real::unit;
 use crate::{Detector, Plane};
 use num_complex::Complex;
 use rayon::prelude::*;

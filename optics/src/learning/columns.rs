@@ -1,6 +1,6 @@
 //! Sums of a complex sequence against real polynomials.
 
-use crate::real::Real;
+use crate::convolution::Real;
 use num_complex::{Complex, Complex64};
 
 /// Values taken together before their sums are widened to f64.

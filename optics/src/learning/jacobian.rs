@@ -16,10 +16,10 @@
 use super::fit::Fit;
 use super::pair::Example;
 use crate::SpatialVariation;
+use crate::chebyshev::position;
 use crate::chebyshev::{ChebyshevBasis, polynomials};
-use crate::display_model::position;
+use crate::convolution::Real;
 use crate::engine::EngineCore;
-use crate::real::Real;
 use crate::slm::{BLOCK, Block, Slm};
 use num_complex::Complex;
 use pulp::{Arch, Simd, WithSimd};

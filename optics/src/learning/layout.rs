@@ -6,7 +6,7 @@
 
 use super::KernelModel;
 use crate::chebyshev::ChebyshevBasis;
-use crate::real::Real;
+use crate::convolution::Real;
 use crate::spatial_variation::local_kernels;
 use crate::{DisplayModel, KernelShape, OpticalSetup, SmoothField, SpatialVariation};
 use num_complex::Complex64;

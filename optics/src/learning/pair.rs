@@ -1,8 +1,8 @@
 //! Holograms and their photographs.
 
+use crate::convolution::Real;
 use crate::engine::{Engine, EngineCore, Fields};
 use crate::photometry::{Comparison, Quantity, Sums};
-use crate::real::Real;
 use crate::{Error, Plane, RegionOfInterest};
 
 /// Photographs at or above this are taken to be saturated: the camera's highest level of 255, less a quarter.

@@ -1,8 +1,9 @@
 //! H = H_ideal · exp(α + iψ) again and again for new α and ψ, and the gradient of a loss with respect to them.
 
 use crate::chebyshev::{ChebyshevBasis, polynomials};
+use crate::convolution::Real;
 use crate::convolution::{Transfer, frequencies};
-use crate::real::{Real, unit};
+use crate::real::unit;
 use crate::{OpticalSetup, SmoothField};
 use num_complex::{Complex, Complex64};
 use pulp::{Arch, Simd, WithSimd};

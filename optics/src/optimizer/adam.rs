@@ -6,7 +6,7 @@
 //!
 //! g the gradient, m̂ = m/(1−β₁ⁿ), v̂ = v/(1−β₂ⁿ), β₁ = 0.9, β₂ = 0.999, ε = 1e−8. D. Kingma and J. Ba, ICLR 2015.
 
-use crate::real::Real;
+use crate::real::Number;
 
 const BETA_1: f64 = 0.9;
 const BETA_2: f64 = 0.999;
@@ -23,7 +23,7 @@ pub(crate) struct AdamStep<T> {
     epsilon: T,
 }
 
-impl<T: Real> AdamStep<T> {
+impl<T: Number> AdamStep<T> {
     /// The `iteration`-th step, from 1; gradients are multiplied by `gradient_scale` first.
     pub(crate) fn new(learning_rate: f64, iteration: u32, gradient_scale: f64) -> Self {
         let n = iteration as i32;

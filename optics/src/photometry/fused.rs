@@ -1,9 +1,9 @@
 //! Light, its comparison and the gradient in one pass.
 
 use super::{Comparison, Quantity, Sums};
+use crate::convolution::Real;
 use crate::convolution::{Convolver, Scratch};
 use crate::detector::Detector;
-use crate::real::Real;
 use num_complex::Complex;
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;

@@ -8,9 +8,9 @@
 
 use super::fused::{BLOCKS, mean_light, total};
 use super::{Comparison, Sums};
+use crate::convolution::Real;
 use crate::convolution::{Convolver, Scratch};
 use crate::detector::Detector;
-use crate::real::Real;
 use num_complex::Complex;
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;

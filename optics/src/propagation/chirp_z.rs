@@ -10,7 +10,7 @@
 //! least N + M − 1. L. Bluestein, IEEE Trans. Audio Electroacoust. 18, 451 (1970); L. Rabiner, R. Schafer and C. Rader,
 //! ibid. 17, 86 (1969). p and q are counted from the middle, which keeps the chirps' phases small.
 
-use crate::real::Real;
+use crate::real::Number;
 use crate::transfer_function::phasor;
 use num_complex::{Complex, Complex64};
 use rustfft::{Fft, FftPlanner};
@@ -71,7 +71,7 @@ pub(super) fn middle(count: usize) -> f64 {
     (count as f64 - 1.0) / 2.0
 }
 
-impl<T: Real> ChirpZ<T> {
+impl<T: Number> ChirpZ<T> {
     /// From `samples` to `results`, at `spacing` cycles.
     pub(super) fn new(
         planner: &mut FftPlanner<T>,
@@ -160,7 +160,7 @@ mod tests {
     use super::*;
     use std::f64::consts::TAU;
 
-    fn check<T: Real>(bound: f64) {
+    fn check<T: Number>(bound: f64) {
         for (samples, results, origin, spacing) in
             [(1, 1, 0.0, 0.3), (8, 8, 3.5, 0.125), (7, 13, 20.3, 0.011), (31, 5, -4.0, 0.9), (64, 200, 99.5, 1.7e-3)]
         {

@@ -11,8 +11,8 @@
 
 use super::ImageWindow;
 use super::rows::{transform_rows, transposed};
-use super::window::from_middle;
-use crate::real::Real;
+use crate::image_window::from_middle;
+use crate::real::Number;
 use crate::transfer_function::phasor;
 use crate::{OpticalSetup, Plane};
 use num_complex::{Complex, Complex64};
@@ -60,7 +60,7 @@ impl<T> fmt::Debug for Axis<T> {
     }
 }
 
-impl<T: Real> Fraunhofer<T> {
+impl<T: Number> Fraunhofer<T> {
     pub(crate) fn new(setup: &OpticalSetup) -> Self {
         let (grid, mut planner) = (setup.grid(), FftPlanner::new());
         let area_m2 = setup.wavelength_m() * setup.distance_m().abs();
@@ -99,7 +99,7 @@ impl<T: Real> Fraunhofer<T> {
     }
 }
 
-impl<T: Real> Axis<T> {
+impl<T: Number> Axis<T> {
     fn new(planner: &mut FftPlanner<T>, samples: usize, pixel_pitch_m: f64, area_m2: f64) -> Self {
         let narrow = |value: Complex64| Complex::new(T::of(value.re), T::of(value.im));
         let n = samples as f64;

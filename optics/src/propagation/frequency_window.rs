@@ -12,7 +12,7 @@ use super::chirp_z::{ChirpZ, Sign, Span};
 use super::impulse_response::fading;
 use super::rows::{transform_rows, transposed};
 use super::{ImageWindow, PropagationMethod, RefusalCode, shifted::landing_m, shifted_angular_spectrum};
-use crate::real::Real;
+use crate::real::Number;
 use crate::{Error, OpticalSetup, Plane, Result};
 use num_complex::{Complex, Complex64};
 use rayon::prelude::*;
@@ -98,7 +98,7 @@ pub(crate) struct FrequencyWindow<T> {
     transfer: Vec<Complex<T>>,
 }
 
-impl<T: Real> FrequencyWindow<T> {
+impl<T: Number> FrequencyWindow<T> {
     pub(crate) fn new(setup: &OpticalSetup, window: &ImageWindow, axes: &[FrequencyAxis; 2]) -> Self {
         let (grid, mut planner) = (setup.grid(), FftPlanner::new());
         let sides = [(grid.width_px(), window.width_px()), (grid.height_px(), window.height_px())];
@@ -143,7 +143,7 @@ impl<T: Real> FrequencyWindow<T> {
     }
 }
 
-fn chirp_rows<T: Real>(input: &[Complex<T>], chirp_z: &ChirpZ<T>) -> Vec<Complex<T>> {
+fn chirp_rows<T: Number>(input: &[Complex<T>], chirp_z: &ChirpZ<T>) -> Vec<Complex<T>> {
     transform_rows(
         input,
         chirp_z.samples(),
@@ -153,7 +153,7 @@ fn chirp_rows<T: Real>(input: &[Complex<T>], chirp_z: &ChirpZ<T>) -> Vec<Complex
     )
 }
 
-fn sample_transfer<T: Real>(
+fn sample_transfer<T: Number>(
     setup: &OpticalSetup,
     window: &ImageWindow,
     [along_x, along_y]: &[FrequencyAxis; 2],

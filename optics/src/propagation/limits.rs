@@ -6,9 +6,8 @@ use super::quantity::{digits, length, percent};
 use super::report::{Band, neglected_phase_rad};
 use super::scaled::{scaled_axes, spread_m};
 use super::scaled_fresnel::farthest_m;
-use super::{ImageWindow, PropagationMethod};
+use super::{ConvolutionMethod, ImageWindow, PropagationMethod, RefusalCode};
 use crate::{Error, OpticalSetup, Result};
-use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// A window that resolves fewer points along a side holds no picture, only a part of one speckle.
@@ -22,30 +21,6 @@ const IMPULSE_RESPONSE_REACH_MIN: f64 = 0.5;
 const NEGLECTED_PHASE_RAD_MAX: f64 = PI;
 /// The same for the far field, whose error is all over the image: four times the usual λ/8 criterion z = 2D²/λ.
 const FAR_FIELD_PHASE_RAD_MAX: f64 = FRAC_PI_2;
-
-/// Why a method can't be right for what it was asked.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "SCREAMING_SNAKE_CASE")]
-pub enum RefusalCode {
-    /// The method is no convolution on the padded grid, and an engine was asked to run it.
-    NoConvolution,
-    /// The method has a window of its own, and another one was asked for.
-    OtherWindow,
-    /// No light lands in the window.
-    WindowUnreachable,
-    /// Too little of the band lands in the window to hold a picture.
-    BandLost,
-    /// The padded frame samples the transfer function too coarsely, so that light comes back on the other side.
-    Aliased,
-    /// The pixels sample the impulse response, or the integral's phase, too coarsely.
-    Undersampled,
-    /// The window would take more frequencies than are computed.
-    TooManyFrequencies,
-    /// The display is too large for the far field.
-    NotFar,
-    /// The light is too steep for a paraxial method.
-    NotParaxial,
-}
 
 /// # Errors
 ///
@@ -72,6 +47,31 @@ pub(crate) fn check(setup: &OpticalSetup, method: PropagationMethod, window: &Im
         PropagationMethod::Fraunhofer => {}
     }
     check_neglected_phase(setup, method, window)
+}
+
+/// # Errors
+///
+/// [`Error::Unsuitable`] for a method that is not a convolution on the padded grid.
+impl TryFrom<PropagationMethod> for ConvolutionMethod {
+    type Error = Error;
+
+    fn try_from(method: PropagationMethod) -> Result<Self> {
+        match method {
+            PropagationMethod::AngularSpectrum => Ok(Self::AngularSpectrum),
+            PropagationMethod::BandLimited => Ok(Self::BandLimited),
+            PropagationMethod::Shifted => Ok(Self::Shifted),
+            PropagationMethod::RayleighSommerfeld => Ok(Self::RayleighSommerfeld),
+            PropagationMethod::FresnelTransferFunction => Ok(Self::FresnelTransferFunction),
+            PropagationMethod::FresnelImpulseResponse => Ok(Self::FresnelImpulseResponse),
+            PropagationMethod::BandExtended
+            | PropagationMethod::Scaled
+            | PropagationMethod::ScaledFresnel
+            | PropagationMethod::Fraunhofer => {
+                let reason = "it is no convolution on the padded grid, but only those run in an engine".to_owned();
+                Err(Error::Unsuitable { method, code: RefusalCode::NoConvolution, reason })
+            }
+        }
+    }
 }
 
 fn refusal(method: PropagationMethod, code: RefusalCode, reason: String) -> Error {
@@ -226,4 +226,20 @@ fn check_neglected_phase(setup: &OpticalSetup, method: PropagationMethod, window
     let [off, most] = [off_rad, most_rad].map(digits);
     let z = length(setup.distance_m().abs());
     Err(refusal(method, code, format!("at {z} {what} is off by {off} rad, and more than {most} rad is wrong")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_convolution_is_the_method_of_its_name_and_the_others_are_refused() {
+        for method in ConvolutionMethod::ALL {
+            let named = PropagationMethod::from(method);
+            assert_eq!((ConvolutionMethod::try_from(named), method.to_string()), (Ok(method), named.to_string()));
+        }
+        let convolutions =
+            PropagationMethod::ALL.into_iter().filter(|&method| ConvolutionMethod::try_from(method).is_ok());
+        assert_eq!(convolutions.count(), ConvolutionMethod::ALL.len());
+    }
 }

@@ -32,7 +32,6 @@ mod fresnel_impulse_response;
 mod fresnel_transfer_function;
 mod impulse_response;
 mod limits;
-mod method;
 pub mod planner;
 mod quantity;
 mod report;
@@ -41,22 +40,17 @@ mod scaled;
 mod scaled_fresnel;
 mod shifted;
 mod transfer;
-mod window;
 
+pub use crate::image_window::ImageWindow;
+pub use crate::propagation_method::{ConvolutionMethod, PropagationMethod, RefusalCode};
 pub use fraunhofer::fraunhofer_window;
 pub use fresnel_impulse_response::fresnel_impulse_response;
 pub use fresnel_transfer_function::fresnel_transfer_function;
 pub use impulse_response::impulse_response;
-pub use limits::RefusalCode;
-pub use method::{ConvolutionMethod, PropagationMethod};
 pub use planner::{assess, assess_regardless, plan, plan_onto};
 pub use report::{PropagationWarning, ValidityReport, WarningCode};
 pub use transfer::SampledTransfer;
-pub use window::ImageWindow;
 
-pub(crate) use fresnel_impulse_response::fresnel_impulse_spectrum;
-pub(crate) use impulse_response::impulse_spectrum;
-pub(crate) use planner::plan_convolution;
 pub(crate) use shifted::{landing_m, shifted_angular_spectrum};
 
 /// What a [`Propagator`](crate::Propagator) is made of.
@@ -68,11 +62,4 @@ pub(crate) mod passes {
     pub(crate) use super::planner::{method_onto, own_window};
     pub(crate) use super::scaled::scaled_axes;
     pub(crate) use super::scaled_fresnel::ScaledFresnel;
-}
-
-use crate::{OpticalSetup, Result};
-
-/// Refuses a setup whose own method can't be right.
-pub(crate) fn check_convolution(setup: &OpticalSetup) -> Result<()> {
-    limits::check(setup, setup.method().into(), &setup.window())
 }

@@ -1,11 +1,11 @@
 //! Doing the same to every row, and turning rows into columns.
 
-use crate::real::Real;
+use crate::real::Number;
 use num_complex::Complex;
 use rayon::prelude::*;
 
 /// Every row of `input_len` values becomes one of `output_len` values by `each(row, out, scratch)`.
-pub(super) fn transform_rows<T: Real, S>(
+pub(super) fn transform_rows<T: Number, S>(
     input: &[Complex<T>],
     input_len: usize,
     output_len: usize,
@@ -19,7 +19,7 @@ pub(super) fn transform_rows<T: Real, S>(
 }
 
 /// The columns of `width` values a row, as rows.
-pub(super) fn transposed<T: Real>(input: &[Complex<T>], width: usize) -> Vec<Complex<T>> {
+pub(super) fn transposed<T: Number>(input: &[Complex<T>], width: usize) -> Vec<Complex<T>> {
     let height = input.len() / width;
     let mut output = vec![Complex::new(T::zero(), T::zero()); input.len()];
     output.par_chunks_exact_mut(height).enumerate().for_each(|(x, column)| {

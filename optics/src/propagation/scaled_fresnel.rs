@@ -12,8 +12,8 @@
 use super::ImageWindow;
 use super::chirp_z::{ChirpZ, Sign, Span};
 use super::rows::{transform_rows, transposed};
-use super::window::from_middle;
-use crate::real::Real;
+use crate::image_window::from_middle;
+use crate::real::Number;
 use crate::transfer_function::phasor;
 use crate::{OpticalSetup, Plane};
 use num_complex::{Complex, Complex64};
@@ -47,7 +47,7 @@ struct Axis<T> {
     after: Vec<Complex<T>>,
 }
 
-impl<T: Real> ScaledFresnel<T> {
+impl<T: Number> ScaledFresnel<T> {
     pub(crate) fn new(setup: &OpticalSetup, window: &ImageWindow) -> Self {
         let (grid, mut planner) = (setup.grid(), FftPlanner::new());
         let area_m2 = setup.wavelength_m() * setup.distance_m().abs();
@@ -107,7 +107,7 @@ impl<T: Real> ScaledFresnel<T> {
     }
 }
 
-impl<T: Real> Axis<T> {
+impl<T: Number> Axis<T> {
     fn forward(&self, rows: &[Complex<T>]) -> Vec<Complex<T>> {
         self.each_row(rows, &self.before, |u, by| u * by, &self.there, &self.after)
     }

@@ -1,10 +1,84 @@
 //! The transfer functions of the methods that are convolutions.
 
-use super::ConvolutionMethod;
-use super::fresnel_impulse_response::spectrum_along_axis;
-use super::impulse_response::EvenSpectrum;
-use crate::OpticalSetup;
+use super::fresnel_impulse_response::{fresnel_impulse_spectrum, spectrum_along_axis};
+use super::impulse_response::{EvenSpectrum, impulse_spectrum};
+use super::planner::plan_convolution;
+use super::shifted::{landing_m, shifted_angular_spectrum};
+use super::{ConvolutionMethod, ValidityReport, fresnel_transfer_function, limits};
+use crate::transfer_function::{angular_spectrum, band_limit};
+use crate::{OpticalSetup, Result};
 use num_complex::Complex64;
+
+/// What a setup's method makes of light.
+impl OpticalSetup {
+    /// The same setup, computed by another convolution.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Unsuitable`] for a method that can't be right here, with the numbers.
+    pub fn with_method(self, method: ConvolutionMethod) -> Result<Self> {
+        let setup = self.with_method_regardless(method);
+        limits::check(&setup, setup.method().into(), &setup.window())?;
+        Ok(setup)
+    }
+
+    /// The same setup, computed by the convolution that [`plan`] chooses, and how good that is.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Unsuitable`] where no image can be right, with the numbers.
+    pub fn planned(self) -> Result<(Self, ValidityReport)> {
+        let (method, report) = plan_convolution(&self)?;
+        Ok((self.with_method(method)?, report))
+    }
+
+    /// The transfer function at fx, fy \[1/m\], without its piston; [`propagation`](super) has the formulas.
+    ///
+    /// Of an impulse response it is a sum over the frame: to sample many bins use [`Self::sampled`].
+    #[must_use]
+    pub fn transfer(&self, fx: f64, fy: f64) -> Complex64 {
+        let (wavelength_m, distance_m, grid) = (self.wavelength_m(), self.distance_m(), self.grid());
+        match self.method() {
+            ConvolutionMethod::BandLimited if self.keeps(fx, fy) => angular_spectrum(fx, fy, wavelength_m, distance_m),
+            ConvolutionMethod::Shifted if self.keeps(fx, fy) => {
+                let window = self.window();
+                shifted_angular_spectrum(fx, fy, wavelength_m, distance_m, window.centre_x_m(), window.centre_y_m())
+            }
+            ConvolutionMethod::BandLimited | ConvolutionMethod::Shifted => Complex64::ZERO,
+            ConvolutionMethod::FresnelTransferFunction => fresnel_transfer_function(fx, fy, wavelength_m, distance_m),
+            ConvolutionMethod::FresnelImpulseResponse => {
+                let along =
+                    |f, samples| fresnel_impulse_spectrum(f, samples, grid.pixel_pitch_m(), wavelength_m, distance_m);
+                along(fx, grid.width_px()) * along(fy, grid.height_px())
+            }
+            ConvolutionMethod::RayleighSommerfeld => impulse_spectrum(self, fx, fy),
+            ConvolutionMethod::AngularSpectrum => angular_spectrum(fx, fy, wavelength_m, distance_m),
+        }
+    }
+
+    /// The transfer function, with all that it needs tabulated.
+    #[must_use]
+    pub fn sampled(&self) -> SampledTransfer {
+        SampledTransfer::new(*self)
+    }
+
+    /// Whether the light of fx, fy \[1/m\] lands within the padded frame, so that its samples are free of aliasing: the
+    /// [band limit](band_limit) and its one-sided form.
+    #[must_use]
+    pub fn keeps(&self, fx: f64, fy: f64) -> bool {
+        let pitch_m = self.grid().pixel_pitch_m();
+        let (extent_x_m, extent_y_m) =
+            (self.padded_width_px() as f64 * pitch_m, self.padded_height_px() as f64 * pitch_m);
+        if self.method() != ConvolutionMethod::Shifted {
+            return band_limit(fx, fy, self.wavelength_m(), self.distance_m(), extent_x_m, extent_y_m);
+        }
+        let window = self.window();
+        landing_m(fx, fy, self.wavelength_m(), self.distance_m()).is_some_and(|(x_m, y_m)| {
+            (x_m - window.centre_x_m()).abs() <= extent_x_m / 2.0
+                && (y_m - window.centre_y_m()).abs() <= extent_y_m / 2.0
+        })
+    }
+}
 
 /// The transfer function of a setup by the setup's method, ready to be asked at many padded bins.
 ///

@@ -1,12 +1,12 @@
 //! What a propagator computes, in either precision.
 
+use crate::convolution::Real;
 use crate::engine::EngineCore;
 use crate::propagation::passes::{
     Fraunhofer, FrequencyWindow, ScaledFresnel, band_extended_axes, check, check_frequencies, method_onto, own_window,
     scaled_axes,
 };
 use crate::propagation::{ConvolutionMethod, ImageWindow, PropagationMethod, fraunhofer_window};
-use crate::real::Real;
 use crate::{Detector, DisplayModel, OpticalSetup, Plane, Result};
 use num_complex::Complex;
 

@@ -16,9 +16,9 @@ mod fourier;
 mod propagation;
 mod rayleigh_sommerfeld;
 
+pub use crate::convolution::Real;
 pub use crate::engine::EngineCore;
 pub use crate::propagator::PropagatorCore;
-pub use crate::real::Real;
 pub use closed_forms::{fresnel_integral, gaussian_beam, square_aperture};
 pub use fourier::{Direction, dft2, fft2};
 pub use propagation::{filter, offset, propagate, propagate_uncropped};

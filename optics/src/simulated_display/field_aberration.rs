@@ -14,7 +14,7 @@
 
 use super::draws::{Draws, Stream};
 use crate::Plane;
-use crate::display_model::position;
+use crate::chebyshev::position;
 use crate::grid::frequency;
 use crate::spatial_variation::local_kernels::{nodes, window};
 use num_complex::Complex64;

@@ -275,7 +275,7 @@ impl std::fmt::Debug for SimulatedDisplay {
 mod tests {
     use super::*;
     use crate::Grid;
-    use crate::display_model::position;
+    use crate::chebyshev::position;
     use crate::reference::{offset, propagate};
 
     fn drawn(strength: f64) -> SimulatedDisplay {

@@ -9,9 +9,8 @@
 //! and Approximation Practice*, 2013): the more it changes, the larger the grid. A convolution costs n² kernels and their memory.
 
 use super::SpatialVariation;
-use crate::convolution::Window;
-use crate::display_model::position;
-use crate::real::Real;
+use crate::chebyshev::position;
+use crate::real::Number;
 use std::f64::consts::PI;
 
 /// Sides of grids, each with how much a kernel may [change](change) so that at most about 0.5 % of the field is lost.
@@ -56,9 +55,9 @@ pub fn window(i: usize, n: usize, at: f64) -> f64 {
 }
 
 /// The windows of an axis of so many pixels.
-pub(crate) fn windows<T: Real>(n: usize, side_px: usize) -> Vec<Window<T>> {
+pub(crate) fn windows<T: Number>(n: usize, side_px: usize) -> Vec<Vec<T>> {
     let along = |i| (0..side_px).map(|px| T::of(window(i, n, position(px, side_px)))).collect();
-    (0..n).map(|i| Some(along(i))).collect()
+    (0..n).map(along).collect()
 }
 
 #[cfg(test)]

@@ -14,8 +14,8 @@
 
 pub mod local_kernels;
 
-use crate::display_model::out_of_range;
-use crate::{KernelShape, Result, SmoothField};
+use crate::Result;
+use crate::smooth_field::{SmoothField, out_of_range};
 use num_complex::Complex64;
 
 /// How a kernel changes over the SLM: factors of x, y, x², xy and y², or none where it is the same everywhere.
@@ -89,15 +89,11 @@ impl SpatialVariation {
 
     /// # Errors
     ///
-    /// [`Error`](crate::Error) for another number of fields than the powers have, or of different orders, coefficients that are
-    /// not finite, and beside a kernel that is not smooth.
-    pub(crate) fn validate(&self, kernel: &KernelShape) -> Result<()> {
+    /// [`Error`](crate::Error) for another number of fields than the powers have, or of different orders, and for coefficients
+    /// that are not finite.
+    pub(crate) fn validate(&self) -> Result<()> {
         if self.is_none() {
             return Ok(());
-        }
-        if !matches!(kernel, KernelShape::Smooth(_)) {
-            let allowed = "0 beside a kernel that is not smooth";
-            return Err(out_of_range("fields of spatial variation", self.fields.len() as f64, allowed));
         }
         if self.fields.len() != Self::POWERS || self.fields.iter().any(|field| field.order != self.order()) {
             let allowed = "0, or 5 of one order";

@@ -1,11 +1,9 @@
-//! The names of the methods.
+//! The methods of propagation by their names, and why one of them may be refused.
 
-use crate::propagation::RefusalCode;
-use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// A way to compute the field at a distance. [`propagation`](super) says which is right where.
+/// A way to compute the field at a distance. [`propagation`](crate::propagation) says which is right where.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PropagationMethod {
@@ -133,49 +131,32 @@ impl From<ConvolutionMethod> for PropagationMethod {
     }
 }
 
-/// # Errors
-///
-/// [`Error::Unsuitable`] for a method that is not a convolution on the padded grid.
-impl TryFrom<PropagationMethod> for ConvolutionMethod {
-    type Error = Error;
-
-    fn try_from(method: PropagationMethod) -> Result<Self> {
-        match method {
-            PropagationMethod::AngularSpectrum => Ok(Self::AngularSpectrum),
-            PropagationMethod::BandLimited => Ok(Self::BandLimited),
-            PropagationMethod::Shifted => Ok(Self::Shifted),
-            PropagationMethod::RayleighSommerfeld => Ok(Self::RayleighSommerfeld),
-            PropagationMethod::FresnelTransferFunction => Ok(Self::FresnelTransferFunction),
-            PropagationMethod::FresnelImpulseResponse => Ok(Self::FresnelImpulseResponse),
-            PropagationMethod::BandExtended
-            | PropagationMethod::Scaled
-            | PropagationMethod::ScaledFresnel
-            | PropagationMethod::Fraunhofer => {
-                let reason = "it is no convolution on the padded grid, but only those run in an engine".to_owned();
-                Err(Error::Unsuitable { method, code: RefusalCode::NoConvolution, reason })
-            }
-        }
-    }
-}
-
 impl fmt::Display for ConvolutionMethod {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         PropagationMethod::from(*self).fmt(f)
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_convolution_is_the_method_of_its_name_and_the_others_are_refused() {
-        for method in ConvolutionMethod::ALL {
-            let named = PropagationMethod::from(method);
-            assert_eq!((ConvolutionMethod::try_from(named), method.to_string()), (Ok(method), named.to_string()));
-        }
-        let convolutions =
-            PropagationMethod::ALL.into_iter().filter(|&method| ConvolutionMethod::try_from(method).is_ok());
-        assert_eq!(convolutions.count(), ConvolutionMethod::ALL.len());
-    }
+/// Why a method can't be right for what it was asked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "SCREAMING_SNAKE_CASE")]
+pub enum RefusalCode {
+    /// The method is no convolution on the padded grid, and an engine was asked to run it.
+    NoConvolution,
+    /// The method has a window of its own, and another one was asked for.
+    OtherWindow,
+    /// No light lands in the window.
+    WindowUnreachable,
+    /// Too little of the band lands in the window to hold a picture.
+    BandLost,
+    /// The padded frame samples the transfer function too coarsely, so that light comes back on the other side.
+    Aliased,
+    /// The pixels sample the impulse response, or the integral's phase, too coarsely.
+    Undersampled,
+    /// The window would take more frequencies than are computed.
+    TooManyFrequencies,
+    /// The display is too large for the far field.
+    NotFar,
+    /// The light is too steep for a paraxial method.
+    NotParaxial,
 }

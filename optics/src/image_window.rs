@@ -52,7 +52,7 @@ impl ImageWindow {
     }
 
     /// For methods that choose the pitch themselves.
-    pub(super) fn with_pitches(grid: &Grid, pitch_x_m: f64, pitch_y_m: f64) -> Self {
+    pub(crate) fn with_pitches(grid: &Grid, pitch_x_m: f64, pitch_y_m: f64) -> Self {
         Self { pitch_x_m, pitch_y_m, ..Self::of(grid) }
     }
 
@@ -112,7 +112,7 @@ impl ImageWindow {
 }
 
 /// Steps from the middle of `count` samples to sample `i`.
-pub(super) fn from_middle(i: usize, count: usize) -> f64 {
+pub(crate) fn from_middle(i: usize, count: usize) -> f64 {
     i as f64 - (count as f64 - 1.0) / 2.0
 }
 
