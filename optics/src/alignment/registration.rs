@@ -203,48 +203,17 @@ fn fit(seen: &[(Point, Point)], region: RegionOfInterest) -> Option<Registration
     if seen.len() < TILES_MIN {
         return None;
     }
-    let centre = [
-        region.x_px() as f64 + (region.width_px() as f64 - 1.0) / 2.0,
-        region.y_px() as f64 + (region.height_px() as f64 - 1.0) / 2.0,
-    ];
-    let half = [region.width_px() as f64 / 2.0, region.height_px() as f64 / 2.0];
-    let at = |p: Point| [1.0, (p[0] - centre[0]) / half[0], (p[1] - centre[1]) / half[1]];
-    // Medians are a start that a third of wrong tiles does not move.
-    let mut parameters = [[0.0; 3]; 2];
-    for (axis, parameters) in parameters.iter_mut().enumerate() {
-        let mut shifts: Vec<f64> = seen.iter().map(|(_, shift)| shift[axis]).collect();
-        shifts.sort_by(f64::total_cmp);
-        parameters[0] = shifts[shifts.len() / 2];
-    }
-    let predicted = |parameters: &[[f64; 3]; 2], p: Point| -> Point {
-        parameters.map(|row| row.iter().zip(at(p)).map(|(a, b)| a * b).sum())
-    };
-    let mut outlier_px = f64::INFINITY;
-    for round in 0..30 {
-        let mut equations = [NormalEquations::<3>::new(), NormalEquations::<3>::new()];
-        for &(p, shift) in seen {
-            let off = distance(predicted(&parameters, p), shift);
-            if off > outlier_px {
-                continue;
-            }
-            let weight = if off > HUBER_PX { HUBER_PX / off } else { 1.0 };
-            for (axis, equations) in equations.iter_mut().enumerate() {
-                equations.add(&at(p), shift[axis], weight);
-            }
-        }
-        let [x, y] = equations;
-        parameters = [x.solve()?, y.solve()?];
-        if round == 9 {
-            outlier_px = OUTLIER_PX;
-        }
-    }
-    let mut distances: Vec<f64> = seen.iter().map(|&(p, shift)| distance(predicted(&parameters, p), shift)).collect();
+    let frame = Frame::of(region);
+    let parameters = frame.parameters(seen)?;
+    let mut distances: Vec<f64> =
+        seen.iter().map(|&(p, shift)| distance(frame.predicted(&parameters, p), shift)).collect();
     distances.retain(|&off| off <= OUTLIER_PX);
     if distances.len() < TILES_MIN || 2 * distances.len() < seen.len() {
         return None;
     }
     let rms = |values: &[f64]| (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt();
     let [[x0, xx, xy], [y0, yx, yy]] = parameters;
+    let Frame { centre, half } = frame;
     let correction = Homography::try_new([
         1.0 + xx / half[0],
         xy / half[1],
@@ -266,6 +235,63 @@ fn fit(seen: &[(Point, Point)], region: RegionOfInterest) -> Option<Registration
         scatter_px: rms(&distances),
         tiles: distances.len(),
     })
+}
+
+/// A region's middle, and half of its sides: shifts are linear in the place relative to them.
+struct Frame {
+    centre: Point,
+    half: Point,
+}
+
+impl Frame {
+    fn of(region: RegionOfInterest) -> Self {
+        Self {
+            centre: [
+                region.x_px() as f64 + (region.width_px() as f64 - 1.0) / 2.0,
+                region.y_px() as f64 + (region.height_px() as f64 - 1.0) / 2.0,
+            ],
+            half: [region.width_px() as f64 / 2.0, region.height_px() as f64 / 2.0],
+        }
+    }
+
+    fn at(&self, p: Point) -> [f64; 3] {
+        [1.0, (p[0] - self.centre[0]) / self.half[0], (p[1] - self.centre[1]) / self.half[1]]
+    }
+
+    fn predicted(&self, parameters: &[[f64; 3]; 2], p: Point) -> Point {
+        parameters.map(|row| row.iter().zip(self.at(p)).map(|(a, b)| a * b).sum())
+    }
+
+    /// The linear functions that fit the shifts, x and y, of most places.
+    fn parameters(&self, seen: &[(Point, Point)]) -> Option<[[f64; 3]; 2]> {
+        // Medians are a start that a third of wrong tiles does not move.
+        let mut parameters = [[0.0; 3]; 2];
+        for (axis, parameters) in parameters.iter_mut().enumerate() {
+            let mut shifts: Vec<f64> = seen.iter().map(|(_, shift)| shift[axis]).collect();
+            shifts.sort_by(f64::total_cmp);
+            parameters[0] = shifts[shifts.len() / 2];
+        }
+        let mut outlier_px = f64::INFINITY;
+        for round in 0..30 {
+            let mut equations = [NormalEquations::<3>::new(), NormalEquations::<3>::new()];
+            for &(p, shift) in seen {
+                let off = distance(self.predicted(&parameters, p), shift);
+                if off > outlier_px {
+                    continue;
+                }
+                let weight = if off > HUBER_PX { HUBER_PX / off } else { 1.0 };
+                for (axis, equations) in equations.iter_mut().enumerate() {
+                    equations.add(&self.at(p), shift[axis], weight);
+                }
+            }
+            let [x, y] = equations;
+            parameters = [x.solve()?, y.solve()?];
+            if round == 9 {
+                outlier_px = OUTLIER_PX;
+            }
+        }
+        Some(parameters)
+    }
 }
 
 #[cfg(test)]

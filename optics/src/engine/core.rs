@@ -178,11 +178,17 @@ impl<T: Real> Fields<T> {
 
 /// The kernel, or the grid of kernels that stand for one that changes over the SLM.
 pub(crate) fn sample_kernels<T: Real>(model: &DisplayModel) -> Kernels<T> {
-    let Some(grid) = model.local_kernels() else { return Kernels::single(sample_transfer(model)) };
-    let windows = |side_px| local_kernels::windows(grid.len().isqrt(), side_px);
-    let size = model.setup.grid();
-    let transfers = grid.iter().map(sample_transfer).collect();
-    Kernels::grid(transfers, windows(size.width_px()), windows(size.height_px()))
+    match model.local_kernels() {
+        Some(grid) => kernel_grid(grid.iter().map(sample_transfer).collect()),
+        None => Kernels::single(sample_transfer(model)),
+    }
+}
+
+/// Kernels that stand for one that changes over the SLM, with their windows.
+pub(crate) fn kernel_grid<T: Real>(transfers: Vec<Transfer<T>>) -> Kernels<T> {
+    let windows = |side_px| local_kernels::windows(transfers.len().isqrt(), side_px);
+    let (along_x, along_y) = (windows(transfers[0].width_px), windows(transfers[0].height_px));
+    Kernels::grid(transfers, along_x, along_y)
 }
 
 fn sample_transfer<T: Real>(model: &DisplayModel) -> Transfer<T> {

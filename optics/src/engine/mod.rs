@@ -9,7 +9,7 @@ mod light;
 
 pub use cache::EngineCache;
 pub use core::EngineCore;
-pub(crate) use core::{Fields, tabulate_source};
+pub(crate) use core::{Fields, kernel_grid, tabulate_source};
 
 use crate::carrier::Carrier;
 use crate::{Detector, DisplayModel, Plane, Result};

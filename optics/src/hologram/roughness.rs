@@ -195,36 +195,12 @@ impl SpeckleBlocks {
                 }
                 let excess = block.contrast() - wanted;
                 value += share * excess * excess;
-                self.add_slopes(extent, plane, lights, i, block, 2.0 * scale * share * excess, slopes);
+                let slope = BlockSlope::new(block, 2.0 * scale * share * excess);
+                slope.add(extent, plane, lights, (self.corner(extent, i), self.side_px), slopes);
             }
             value
         });
         values.collect::<Vec<_>>().iter().sum()
-    }
-
-    /// Adds `scale` · ∂C/∂p of block `i` to the slopes of its band of rows.
-    #[allow(clippy::too_many_arguments)] // a leaf: everything it touches comes from the pass above
-    fn add_slopes<T: Real>(
-        &self,
-        extent: &Extent<'_, T>,
-        plane: LightPlane,
-        lights: &[T],
-        i: usize,
-        block: Block,
-        scale: f64,
-        slopes: &mut [T],
-    ) {
-        let (y0, x0) = self.corner(extent, i);
-        let scale = scale / (block.contrast() * block.weight * block.mean * block.mean);
-        let (mean, drop) = (block.mean, block.variance / block.mean);
-        for (k, row) in slopes.chunks_exact_mut(plane.count * plane.width_px).enumerate() {
-            let light = plane.row(lights, y0 + k);
-            let row = &mut plane.row_in(row)[x0..x0 + self.side_px];
-            for (x, slope) in (x0..).zip(row) {
-                let w = extent.weight_at(y0 + k, x).wide();
-                *slope = *slope + T::of(scale * w * (light[x].wide() - mean - drop));
-            }
-        }
     }
 
     fn corner<T>(&self, extent: &Extent<'_, T>, i: usize) -> (usize, usize) {
@@ -243,6 +219,41 @@ impl SpeckleBlocks {
         let mean = sum / weight;
         let variance = pixels().map(at).map(|(w, p)| w * (p - mean) * (p - mean)).sum::<f64>() / weight;
         Block { weight, mean, variance }
+    }
+}
+
+/// `scale` · w · (p − mean − drop), the slope of a block's contrast.
+#[derive(Clone, Copy)]
+struct BlockSlope {
+    scale: f64,
+    mean: f64,
+    drop: f64,
+}
+
+impl BlockSlope {
+    /// `scale` · ∂C/∂p
+    fn new(block: Block, scale: f64) -> Self {
+        let scale = scale / (block.contrast() * block.weight * block.mean * block.mean);
+        Self { scale, mean: block.mean, drop: block.variance / block.mean }
+    }
+
+    /// Adds it to the slopes of the band of rows that the block, of a corner and a side, lies in.
+    fn add<T: Real>(
+        self,
+        extent: &Extent<'_, T>,
+        plane: LightPlane,
+        lights: &[T],
+        ((y0, x0), side_px): ((usize, usize), usize),
+        slopes: &mut [T],
+    ) {
+        for (k, row) in slopes.chunks_exact_mut(plane.count * plane.width_px).enumerate() {
+            let light = plane.row(lights, y0 + k);
+            let row = &mut plane.row_in(row)[x0..x0 + side_px];
+            for (x, slope) in (x0..).zip(row) {
+                let w = extent.weight_at(y0 + k, x).wide();
+                *slope = *slope + T::of(self.scale * w * (light[x].wide() - self.mean - self.drop));
+            }
+        }
     }
 }
 

@@ -9,7 +9,7 @@ use crate::chebyshev::polynomials;
 use crate::chebyshev::position;
 use crate::convolution::Real;
 use crate::convolution::{Kernels, Transfer};
-use crate::engine::{EngineCore, Fields, tabulate_source};
+use crate::engine::{EngineCore, Fields, kernel_grid, tabulate_source};
 use crate::photometry::Sums;
 use crate::slm::{BLOCK, Block, Slm};
 use crate::{Detector, DisplayModel, Error, KernelShape, OpticalSetup};
@@ -95,7 +95,7 @@ impl<T: Real> Fit<T> {
         let zeros = Transfer::zeros(height_px, width_px);
         self.engine.kernels = Arc::new(match count {
             1 => Kernels::single(zeros),
-            _ => Kernels::grid(vec![zeros; count]),
+            _ => kernel_grid(vec![zeros; count]),
         });
         self.out = Fields::new(&self.engine);
     }

@@ -51,7 +51,7 @@ pub use planner::{assess, assess_regardless, plan, plan_onto};
 pub use report::{PropagationWarning, ValidityReport, WarningCode};
 pub use transfer::SampledTransfer;
 
-pub(crate) use shifted::{landing_m, shifted_angular_spectrum};
+use shifted::shifted_angular_spectrum;
 
 /// What a [`Propagator`](crate::Propagator) is made of.
 pub(crate) mod passes {
