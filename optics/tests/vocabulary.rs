@@ -1,4 +1,5 @@
 //! The words in which specifications and results are stored: what JSON they are, and that they come back from it.
+#![allow(clippy::unwrap_used)] // tests may
 
 use lightpath_optics::hologram::{HologramMethod, InitialPhase, Loss, Quality, SeenQuality};
 use lightpath_optics::learning::KernelModel;

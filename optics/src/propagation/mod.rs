@@ -20,7 +20,7 @@
 //! λ wavelength \[m\], z distance \[m\], f spatial frequency \[1/m\], N padded pixels along an axis, Δ pixel pitch \[m\], D the display's
 //! diagonal \[m\], and z_c = N·Δ²/λ the critical distance of each axis. The first six are [convolutions](ConvolutionMethod) on the grid padded twofold: an
 //! [`Engine`](crate::Engine) runs them, and holograms are optimized through them, when the setup is told to by
-//! [`OpticalSetup::with_method`]. [`Propagator`](crate::Propagator) runs all of them, and their adjoints. [`plan`] and [`plan_onto`] choose one, say why, and
+//! [`OpticalSetup::with_method`](crate::OpticalSetup::with_method). [`Propagator`](crate::Propagator) runs all of them, and their adjoints. [`plan`] and [`plan_onto`] choose one, say why, and
 //! report how good it is there; what can't be right is refused, with the numbers. The direct sum that all are tested against is
 //! [`reference::rayleigh_sommerfeld`](crate::reference::rayleigh_sommerfeld).
 

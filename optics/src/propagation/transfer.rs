@@ -15,18 +15,18 @@ impl OpticalSetup {
     ///
     /// # Errors
     ///
-    /// [`Error::Unsuitable`] for a method that can't be right here, with the numbers.
+    /// [`Error::Unsuitable`](crate::Error::Unsuitable) for a method that can't be right here, with the numbers.
     pub fn with_method(self, method: ConvolutionMethod) -> Result<Self> {
         let setup = self.with_method_regardless(method);
         limits::check(&setup, setup.method().into(), &setup.window())?;
         Ok(setup)
     }
 
-    /// The same setup, computed by the convolution that [`plan`] chooses, and how good that is.
+    /// The same setup, computed by the convolution that [`plan`](super::plan) chooses, and how good that is.
     ///
     /// # Errors
     ///
-    /// [`Error::Unsuitable`] where no image can be right, with the numbers.
+    /// [`Error::Unsuitable`](crate::Error::Unsuitable) where no image can be right, with the numbers.
     pub fn planned(self) -> Result<(Self, ValidityReport)> {
         let (method, report) = plan_convolution(&self)?;
         Ok((self.with_method(method)?, report))

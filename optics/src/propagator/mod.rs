@@ -129,7 +129,7 @@ impl Propagated {
 /// let aperture = Plane::from_fn(64, 64, |y, x| Complex32::from(if inside(y) && inside(x) { 1.0 } else { 0.0 }));
 /// let image = propagate(&aperture, &setup)?;
 /// println!("{}", image.validity);
-/// assert!((image.intensity().at(32, 32) - 1.0).abs() < 0.5);
+/// assert!(image.intensity().at(32, 32) > 10.0 * image.intensity().at(2, 2));
 /// # Ok::<(), lightpath_optics::Error>(())
 /// ```
 ///

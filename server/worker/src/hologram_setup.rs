@@ -9,7 +9,7 @@ use lightpath_domain::units::Wavelength;
 use lightpath_media::pictures::{self, Channel};
 use lightpath_optics::hologram::{self, HologramMethod, HologramOptions, HologramProblem, InitialPhase, Levels, Loss};
 use lightpath_optics::photometry::Quantity;
-use lightpath_optics::{Engine, Optimization, Plane, RegionOfInterest};
+use lightpath_optics::{Engine, Plane, RegionOfInterest};
 
 /// What one wavelength's hologram is to show.
 pub(super) struct Wanted {
