@@ -62,7 +62,8 @@ impl Drop for Filler {
 async fn serve(data_dir: &Path, limits: SpaceLimits) -> TestServer {
     TestServer::with(|config| {
         config.data_dir = data_dir.to_owned();
-        config.space = limits;
+        config.disk_reserve_mib = limits.reserve_bytes as f64 / f64::from(1 << 20);
+        config.stored_mib_max = limits.stored_bytes_max as f64 / f64::from(1 << 20);
     })
     .await
 }

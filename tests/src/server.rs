@@ -3,7 +3,6 @@
 use lightpath::{Client, v1};
 use lightpath_server::config::Config;
 use lightpath_server::server;
-use std::time::Duration;
 use tempfile::TempDir;
 use tokio::net::TcpListener;
 use tokio::sync::oneshot;
@@ -33,8 +32,8 @@ impl TestServer {
             data_dir: data.path().to_owned(),
             listen: address,
             compute_threads: 1,
-            checkpoint_interval: Duration::from_millis(50),
-            drain_deadline: Duration::from_secs(5),
+            checkpoint_interval_s: 0.05,
+            drain_deadline_s: 5.0,
             ..Config::default()
         };
         change(&mut config);

@@ -75,8 +75,8 @@ impl Decoder {
             }
             Self::StoredKernel => kernel_file::decode(bytes).is_ok(),
             Self::Settings => std::str::from_utf8(bytes).is_ok_and(|text| {
-                let file: Result<Settings, _> = toml::from_str(text);
-                file.is_ok_and(|file| Effective::merge(Settings::default(), None, file).is_ok())
+                let file = Settings::from_toml(text);
+                file.is_ok_and(|file| Effective::merge(Settings::default(), file).is_ok())
             }),
             Self::BackupManifest => serde_json::from_slice::<Manifest>(bytes).is_ok(),
         }

@@ -1,7 +1,7 @@
 //! `lightpathd`: the Lightpath server.
 
 use anyhow::Context as _;
-use clap::{ArgMatches, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
+use clap::{Parser, Subcommand};
 use lightpath_server::config::{Config, Effective, LogFormat, Settings};
 use lightpath_server::demo::{self, DemoArgs};
 use lightpath_server::server;
@@ -64,16 +64,15 @@ Examples:
 The address that it listens on goes to stdout, the log to stderr. Health is at /healthz, metrics are at /metrics.";
 
 fn main() -> ExitCode {
-    let matches = Cli::command().get_matches();
-    let outcome = Cli::from_arg_matches(&matches).map_err(Into::into).and_then(|cli| match cli.command {
-        Command::Serve(serve) => serve.run(matches.subcommand_matches("serve")).map(|()| ExitCode::SUCCESS),
+    let outcome = match Cli::parse().command {
+        Command::Serve(serve) => serve.run().map(|()| ExitCode::SUCCESS),
         Command::Check(args) => Ok(args.run()),
         Command::Backup(args) => Ok(args.run()),
         Command::Restore(args) => Ok(args.run()),
         Command::Collect(args) => Ok(args.run()),
         Command::Token(command) => Ok(command.run()),
         Command::Demo(args) => demo::run(args).map(|()| ExitCode::SUCCESS),
-    });
+    };
     match outcome {
         Ok(code) => code,
         Err(error) => {
@@ -84,9 +83,9 @@ fn main() -> ExitCode {
 }
 
 impl Serve {
-    fn run(self, matches: Option<&ArgMatches>) -> anyhow::Result<()> {
+    fn run(self) -> anyhow::Result<()> {
         let file = self.config.as_deref().map(Settings::read).transpose()?.unwrap_or_default();
-        let effective = Effective::merge(self.settings, matches, file)?;
+        let effective = Effective::merge(self.settings, file)?;
         if self.print_config {
             write!(std::io::stdout().lock(), "{effective}")?;
             return Ok(());
@@ -109,7 +108,7 @@ async fn serve(config: Config) -> anyhow::Result<()> {
     let address = listener.local_addr()?;
     tracing::info!(%address, data_dir = %config.data_dir.display(), "starting");
     // Whoever connects from here on waits in the backlog until the server has put its queue in order.
-    let scheme = if config.tls.is_some() { "https" } else { "http" };
+    let scheme = if config.tls_cert.is_some() { "https" } else { "http" };
     writeln!(std::io::stdout().lock(), "listening on {scheme}://{address}")?;
     server::run(listener, config, stop).await?;
     Ok(())

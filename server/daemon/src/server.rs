@@ -1,6 +1,6 @@
 //! The server, assembled: store, artifacts, workers, gRPC and HTTP.
 
-use crate::config::Config;
+use crate::config::{Config, ConfigError};
 use crate::upkeep::{Collected, DATABASE, Retention, UpkeepError};
 use lightpath_api::Api;
 use lightpath_api::audit::Audit;
@@ -9,8 +9,8 @@ use lightpath_api::http::{self, EndedTokens, Gate, MemoryBudget, Rate};
 use lightpath_api::tls::{self, Tls, TlsError};
 use lightpath_artifacts::{ArtifactError, Artifacts};
 use lightpath_metrics as metrics;
-use lightpath_store::{QueueLimits, Store, StoreError};
-use lightpath_worker::{Clock, OpticsTask, Worker, WorkerConfig, WorkerError};
+use lightpath_store::{Store, StoreError};
+use lightpath_worker::{Clock, OpticsTask, Worker, WorkerError};
 use std::io;
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -54,6 +54,9 @@ pub enum ServeError {
     /// The audit log cannot be opened.
     #[error("the audit log cannot be opened")]
     Audit(#[source] io::Error),
+    /// One half of a pair of settings is missing.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
     /// Certificates cannot be used.
     #[error(transparent)]
     Tls(#[from] TlsError),
@@ -79,7 +82,7 @@ pub enum ServeError {
 
 /// Serves on `listener` until `shutdown` is done, then drains: no new connections, health says NOT_SERVING, streams
 /// end with UNAVAILABLE, running jobs save their state and go back to the queue. Returns after that, at most
-/// `config.drain_deadline` later.
+/// `config.drain_deadline_s` later.
 ///
 /// # Errors
 ///
@@ -91,22 +94,17 @@ pub async fn run(
 ) -> Result<(), ServeError> {
     metrics::install();
     let data_dir = config.data_dir.clone();
-    let space = config.space;
+    let (space, tls, retention) = (config.space(), config.tls()?, config.retention());
     let artifacts = tokio::task::spawn_blocking(move || Artifacts::open_within(&data_dir, space)).await??;
     let store = Store::open(&config.data_dir.join(DATABASE)).await?;
     let address = listener.local_addr().map_err(ServeError::Listener)?;
     let tokens_required = guard(&store, &config, address).await?;
-    let tls = config.tls.clone().map(Tls::open).transpose()?.map(Arc::new);
+    let tls = tls.map(Tls::open).transpose()?.map(Arc::new);
     let audit = Arc::new(Audit::open(&config.data_dir).map_err(ServeError::Audit)?);
     artifacts.set_stored_bytes(store.artifact_totals().await?.1);
     let stopping = CancellationToken::new();
-    let upkeep = tokio::spawn(upkeep_loop(store.clone(), artifacts.clone(), config.retention, stopping.clone()));
-    let limits = QueueLimits {
-        queued: config.queue_limit,
-        queued_per_owner: config.owner_queue_limit,
-        stored_bytes_per_owner: config.owner_stored_bytes_max,
-    };
-    let api = Api::new(store.clone(), artifacts.clone(), limits, stopping.clone());
+    let upkeep = tokio::spawn(upkeep_loop(store.clone(), artifacts.clone(), retention, stopping.clone()));
+    let api = Api::new(store.clone(), artifacts.clone(), config.queue_limits(), stopping.clone());
     let flushing = tokio::spawn(flush_loop(Arc::clone(&audit), tls.clone(), stopping.clone()));
     let (grpc, health) = api.clone().routes()?;
     set_health(&health, ServingStatus::Serving).await;
@@ -116,9 +114,9 @@ pub async fn run(
     let ended_tokens = EndedTokens::default();
     let tokens = tokio::spawn(token_loop(api.store().clone(), ended_tokens.clone(), stopping.clone()));
     let gate = Gate { api, tokens_required, audit: Arc::clone(&audit), rate, ended_tokens };
-    let budget = Arc::new(MemoryBudget::new(config.under_way_bytes_max));
+    let budget = Arc::new(MemoryBudget::new(config.under_way_bytes_max()));
     let app = http::router(gate, budget, grpc);
-    let connections = tokio::spawn(connections::serve(listener, tls, app, stopping.clone(), config.drain_deadline));
+    let connections = tokio::spawn(connections::serve(listener, tls, app, stopping.clone(), config.drain_deadline()));
 
     let early = tokio::select! {
         () = shutdown => None,
@@ -131,7 +129,7 @@ pub async fn run(
     set_health(&health, ServingStatus::NotServing).await;
     let workers_ended = match early {
         Some(ended) => ended,
-        None => match timeout(config.drain_deadline, &mut workers).await {
+        None => match timeout(config.drain_deadline(), &mut workers).await {
             Ok(ended) => ended,
             Err(_) => {
                 tracing::warn!("some jobs did not stop in time; their leases run out, and they start again");
@@ -155,7 +153,7 @@ pub async fn run(
 /// Whether calls need a token; a server that others could abuse does not start.
 async fn guard(store: &Store, config: &Config, address: SocketAddr) -> Result<bool, ServeError> {
     let is_local = address.ip().is_loopback();
-    if !is_local && config.tls.is_none() && !config.insecure {
+    if !is_local && config.tls_cert.is_none() && !config.insecure {
         return Err(ServeError::NoTls { address });
     }
     let tokens_required = config.require_tokens || !(is_local || config.insecure);
@@ -205,16 +203,7 @@ fn start_workers(
     config: &Config,
     stopping: CancellationToken,
 ) -> JoinHandle<Result<(), WorkerError>> {
-    let config = WorkerConfig {
-        workers: config.workers as usize,
-        compute_threads: config.compute_threads,
-        lease: config.lease,
-        checkpoint_interval: config.checkpoint_interval,
-        limits: config.running,
-        timeouts: config.timeouts,
-        ..WorkerConfig::default()
-    };
-    tokio::spawn(Worker::new(store, artifacts, config, Arc::new(OpticsTask)).run(stopping))
+    tokio::spawn(Worker::new(store, artifacts, config.workers(), Arc::new(OpticsTask)).run(stopping))
 }
 
 /// Counts what is stored, and removes what may go.

@@ -1,71 +1,104 @@
 //! Settings of the server: built-in defaults, overridden by a file, overridden by the environment, overridden by flags.
+//!
+//! # Layout
+//!
+//! - this file: every setting, declared once. `setting`: what a declaration gives: the flag, the environment variable, the
+//!   check. `layers`: what each source sets, merged and printed. `uses`: settings in the types of those that use them.
 
 mod layers;
-mod print;
+mod setting;
+mod uses;
 
 pub use layers::{Effective, Origin, Settings};
+pub use setting::Allowed;
 
-use crate::upkeep::Retention;
-use lightpath_api::tls::TlsFiles;
-use lightpath_artifacts::SpaceLimits;
-use lightpath_store::ClaimLimits;
-use lightpath_worker::Timeouts;
+use serde::{Deserialize, Serialize};
+use setting::{Setting, settings};
 use std::net::{Ipv4Addr, SocketAddr};
 use std::num::NonZeroUsize;
-use std::ops::RangeInclusive;
 use std::path::PathBuf;
-use std::time::Duration;
 
-/// Everything that can be set.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Config {
-    /// Folder of database and artifacts; made where missing.
-    pub data_dir: PathBuf,
-    /// Address and port of gRPC and HTTP.
-    pub listen: SocketAddr,
-    /// Certificates; `None`: no TLS.
-    pub tls: Option<TlsFiles>,
-    /// Whether calls need a token even from this machine. From others they always do.
-    pub require_tokens: bool,
-    /// Others may connect without TLS and tokens.
-    pub insecure: bool,
-    /// Calls a second that each token, or each address without one, may make; 0: no limit.
-    pub calls_per_s_max: u32,
-    /// Bytes that requests and answers under way may hold, all clients together; one address, three quarters of it. 0:
-    /// no limit.
-    pub under_way_bytes_max: u64,
-    /// Jobs that run at once.
-    pub workers: u32,
-    /// Threads that one job computes on.
-    pub compute_threads: usize,
-    /// A worker that is silent for this long has lost its job to the queue; it tells three times as often that it lives.
-    pub lease: Duration,
-    /// How often a running job saves its state.
-    pub checkpoint_interval: Duration,
-    /// Jobs that may wait; more are refused.
-    pub queue_limit: u32,
-    /// Jobs of one owner that may wait; 0: as many as all together.
-    pub owner_queue_limit: u32,
-    /// Bytes that one owner may have stored, with what jobs of that owner made; 0: no limit.
-    pub owner_stored_bytes_max: u64,
-    /// How many jobs of an owner or a display run at once.
-    pub running: ClaimLimits,
-    /// How long an attempt may take.
-    pub timeouts: Timeouts,
-    /// What new work must leave free on the disk, and all artifacts together may have.
-    pub space: SpaceLimits,
-    /// What goes by itself, and when.
-    pub retention: Retention,
-    /// Time that running jobs and open requests get to end when the server stops.
-    pub drain_deadline: Duration,
-    /// Form of the log on stderr.
-    pub log_format: LogFormat,
-    /// What is logged, such as `info` or `lightpath_api=debug,warn`.
-    pub log_level: String,
+/// Largest space \[MiB\], 16 TiB: more is a mistake in the unit.
+const SPACE_MIB: Allowed = Allowed::Numbers(0.0, 16_777_216.0);
+/// Longest attempt \[s\]: thirty days.
+const TIMEOUT_S: Allowed = Allowed::Numbers(0.0, 2_592_000.0);
+/// Jobs that run at once: each holds its fields in memory, and more of them only wait for the same cores.
+const RUNNING: Allowed = Allowed::Numbers(0.0, 64.0);
+/// Less than an hour is less than some jobs take between storing what they make and naming it.
+const AGE_DAYS: Allowed = Allowed::ZeroOrNumbers(1.0 / 24.0, 36_500.0);
+const FILE: Allowed = Allowed::Text("the path of a file");
+const SWITCH: Allowed = Allowed::Text("true or false");
+
+// A declaration: what it means, name and type = default, what the help calls the value, what is allowed.
+settings! {
+    /// Folder of database and artifacts, made where missing
+    data_dir: PathBuf = "./lightpath-data".into(), "DIR", Allowed::Text("the path of a folder");
+    /// Address and port of gRPC and HTTP; port 0 takes a free one
+    listen: SocketAddr = (Ipv4Addr::LOCALHOST, 7070).into(), "ADDRESS:PORT",
+        Allowed::Text("an IP address and a port, such as 127.0.0.1:7070 or 0.0.0.0:7070");
+    /// PEM file of the server's certificate, with those that lead to its authority; read again when it changes
+    tls_cert: Option<PathBuf> = None, "FILE", FILE;
+    /// PEM file of the certificate's private key
+    tls_key: Option<PathBuf> = None, "FILE", FILE;
+    /// PEM file of authorities: whoever connects must show a certificate of one of them
+    tls_client_ca: Option<PathBuf> = None, "FILE", FILE;
+    /// Ask for a token even on 127.0.0.1; other addresses always do
+    require_tokens: bool = false, "BOOL", SWITCH;
+    /// Let others connect without TLS and tokens: only where whoever can connect may do everything
+    insecure: bool = false, "BOOL", SWITCH;
+    /// Calls a second that each token, or each address without one, may make; 0: no limit
+    calls_per_s_max: u32 = 2000, "COUNT", Allowed::Numbers(0.0, 1e6);
+    /// Memory that requests and answers under way may take, all clients together, in MiB; one address may take three
+    /// quarters of it; beyond it, calls are refused; 0: no limit
+    under_way_mib_max: f64 = 512.0, "MIB", SPACE_MIB;
+    /// Jobs that run at once
+    workers: u32 = 1, "COUNT", Allowed::Numbers(1.0, 64.0);
+    /// Threads that one job computes on; unless set, one for each core
+    compute_threads: usize = std::thread::available_parallelism().map_or(1, NonZeroUsize::get), "COUNT",
+        Allowed::Numbers(1.0, 1024.0);
+    // Shorter leases are lost to a pause of the disk; longer ones leave a dead worker's job lying.
+    /// A worker that is silent for this long loses its job to the queue
+    lease_s: f64 = 30.0, "SECONDS", Allowed::Numbers(0.1, 3600.0);
+    /// How often a running job saves its state
+    checkpoint_interval_s: f64 = 10.0, "SECONDS", Allowed::Numbers(0.01, 3600.0);
+    // A row of the queue takes about a kilobyte.
+    /// Jobs that may wait; more are refused
+    queue_limit: u32 = 10_000, "COUNT", Allowed::Numbers(1.0, 1e6);
+    /// Jobs of one owner that may wait; 0: as many as all together
+    owner_queue_limit: u32 = 0, "COUNT", Allowed::Numbers(0.0, 1e6);
+    /// Space that one owner may take, with what that owner's jobs made, in MiB; beyond it, uploads and jobs are refused;
+    /// 0: no limit
+    owner_stored_mib_max: f64 = 0.0, "MIB", SPACE_MIB;
+    /// Jobs of one owner that run at once; 0: no limit
+    owner_running_limit: u32 = 0, "COUNT", RUNNING;
+    /// Jobs on one display that run at once; 0: no limit
+    display_running_limit: u32 = 0, "COUNT", RUNNING;
+    /// Longest attempt at finding a hologram; 0: no limit
+    optimize_timeout_s: f64 = 0.0, "SECONDS", TIMEOUT_S;
+    /// Longest attempt at learning a kernel; 0: no limit
+    learn_timeout_s: f64 = 0.0, "SECONDS", TIMEOUT_S;
+    /// Longest attempt at simulating a capture; 0: no limit
+    simulate_timeout_s: f64 = 0.0, "SECONDS", TIMEOUT_S;
+    /// Longest attempt at evaluating a kernel; 0: no limit
+    evaluate_timeout_s: f64 = 0.0, "SECONDS", TIMEOUT_S;
+    /// Space on the disk that only accepted work may use, in MiB; below it, new jobs and uploads are refused
+    disk_reserve_mib: f64 = 256.0, "MIB", SPACE_MIB;
+    /// Space that all artifacts together may take, in MiB; 0: all there is
+    stored_mib_max: f64 = 0.0, "MIB", SPACE_MIB;
+    /// Days after which an artifact that nothing refers to is removed; 0: never
+    collect_artifacts_after_days: f64 = 7.0, "DAYS", AGE_DAYS;
+    /// Days after which a job that has ended is removed, with its events; 0: never
+    collect_jobs_after_days: f64 = 0.0, "DAYS", AGE_DAYS;
+    /// Time that jobs and requests get to end when the server stops
+    drain_deadline_s: f64 = 20.0, "SECONDS", Allowed::Numbers(0.0, 3600.0);
+    /// Form of the log on stderr; auto: text on a terminal, JSON elsewhere
+    log_format: LogFormat = LogFormat::Auto, "FORM", Allowed::Text("auto, text or json");
+    /// What is logged: error, warn, info, debug, or by module, lightpath_api=debug,warn
+    log_level: String = "info".into(), "FILTER", Allowed::Text("a filter, such as info or lightpath_api=debug,warn");
 }
 
 /// Form of the log.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum LogFormat {
     /// Text on a terminal, JSON elsewhere.
@@ -75,53 +108,6 @@ pub enum LogFormat {
     /// One JSON object a line, for log collectors.
     Json,
 }
-
-impl Default for Config {
-    fn default() -> Self {
-        Self {
-            data_dir: PathBuf::from("./lightpath-data"),
-            listen: SocketAddr::from((Ipv4Addr::LOCALHOST, 7070)),
-            tls: None,
-            require_tokens: false,
-            insecure: false,
-            calls_per_s_max: 2000,
-            under_way_bytes_max: 512 << 20,
-            workers: 1,
-            compute_threads: std::thread::available_parallelism().map_or(1, NonZeroUsize::get),
-            lease: Duration::from_secs(30),
-            checkpoint_interval: Duration::from_secs(10),
-            queue_limit: 10_000,
-            owner_queue_limit: 0,
-            owner_stored_bytes_max: 0,
-            running: ClaimLimits::default(),
-            timeouts: Timeouts::default(),
-            space: SpaceLimits { reserve_bytes: 256 << 20, stored_bytes_max: 0 },
-            retention: Retention { artifacts: Some(Duration::from_secs(7 * 24 * 3600)), jobs: None },
-            drain_deadline: Duration::from_secs(20),
-            log_format: LogFormat::Auto,
-            log_level: "info".to_owned(),
-        }
-    }
-}
-
-/// Each running job holds its fields in memory; more of them only wait for the same cores.
-const WORKERS: RangeInclusive<u32> = 1..=64;
-const COMPUTE_THREADS: RangeInclusive<usize> = 1..=1024;
-/// Shorter leases are lost to a pause of the disk; longer ones leave a dead worker's job lying.
-const LEASE_S: RangeInclusive<f64> = 0.1..=3600.0;
-const CHECKPOINT_INTERVAL_S: RangeInclusive<f64> = 0.01..=3600.0;
-/// A row of the queue takes about a kilobyte.
-const QUEUE_LIMIT: RangeInclusive<u32> = 1..=1_000_000;
-const CALLS_PER_S: RangeInclusive<u32> = 0..=1_000_000;
-/// 0: no limit.
-const RUNNING_LIMIT: RangeInclusive<u32> = 0..=64;
-const OWNER_QUEUE_LIMIT: RangeInclusive<u32> = 0..=1_000_000;
-const TIMEOUT_S: RangeInclusive<f64> = 0.0..=2_592_000.0;
-/// 16 TiB: more is a mistake in the unit.
-const MIB_MAX: RangeInclusive<u64> = 0..=1 << 24;
-/// Less than an hour is less than some jobs take between storing what they make and naming it.
-const COLLECT_AFTER_DAYS: RangeInclusive<f64> = 1.0 / 24.0..=36_500.0;
-const DRAIN_DEADLINE_S: RangeInclusive<f64> = 0.0..=3600.0;
 
 /// Why settings cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -151,13 +137,15 @@ pub enum ConfigError {
         missing: &'static str,
     },
     /// A value is out of range.
-    #[error("{key} is {value}, but must be {allowed}")]
+    #[error("{key} is {value}, but must be {allowed} ({origin})")]
     Value {
         /// The setting.
         key: &'static str,
         /// What was given.
-        value: String,
+        value: f64,
         /// What would be right.
-        allowed: String,
+        allowed: Allowed,
+        /// Where the value came from.
+        origin: Origin,
     },
 }

@@ -1,7 +1,7 @@
 //! `lightpathd check`, `backup`, `restore` and `collect`.
 
 use super::{Collected, DATABASE, Report, UpkeepError, backup, check, restore};
-use crate::config::{Config, Effective, Settings};
+use crate::config::{Effective, Settings};
 use lightpath_artifacts::Artifacts;
 use lightpath_store::Store;
 use lightpath_worker::Clock;
@@ -99,8 +99,11 @@ const EXIT_NOT_DONE: u8 = 2;
 
 impl DataDir {
     pub(super) fn path(&self) -> anyhow::Result<PathBuf> {
+        if let Some(data_dir) = &self.data_dir {
+            return Ok(data_dir.clone());
+        }
         let file = self.config.as_deref().map(Settings::read).transpose()?.unwrap_or_default();
-        Ok(self.data_dir.clone().or(file.data_dir).unwrap_or(Config::default().data_dir))
+        Ok(Effective::merge(Settings::default(), file)?.config.data_dir)
     }
 
     pub(super) fn print<T: Serialize>(&self, value: &T, text: impl FnOnce(&T) -> String) -> anyhow::Result<()> {
@@ -180,13 +183,13 @@ impl CollectArgs {
 
     fn collect(self) -> anyhow::Result<bool> {
         let file = self.config.as_deref().map(Settings::read).transpose()?.unwrap_or_default();
-        let config = Effective::merge(self.settings, None, file)?.config;
+        let config = Effective::merge(self.settings, file)?.config;
         let database = config.data_dir.join(DATABASE);
         if !database.is_file() {
             return Err(UpkeepError::NoData { path: config.data_dir }.into());
         }
         let now_ms = Clock::default().now_ms();
-        let retention = config.retention;
+        let retention = config.retention();
         let collected = runtime()?.block_on(async {
             if self.dry_run {
                 return retention.preview(&Store::open_beside(&database).await?, now_ms).await;

@@ -298,20 +298,31 @@ async fn others_get_in_only_with_tls_and_tokens() {
         server::run(listener, config, std::future::ready(())).await
     };
     assert!(matches!(start(config.clone()).await, Err(ServeError::NoTls { .. })));
-    let tls = Some(certificate(folder.path(), "localhost"));
-    assert!(matches!(start(Config { tls: tls.clone(), ..config.clone() }).await, Err(ServeError::NoTokens)));
+    let files = certificate(folder.path(), "localhost");
+    assert!(matches!(start(with_tls(&config, &files)).await, Err(ServeError::NoTokens)));
+    let half = Config { tls_key: None, ..with_tls(&config, &files) };
+    assert!(matches!(start(half).await, Err(ServeError::Config(_))));
     start(Config { insecure: true, ..config.clone() }).await.unwrap();
     let store = open(&config.data_dir).await;
     make(&store, "ada", Role::Viewer, &[], None).await;
     store.close().await;
-    start(Config { tls, ..config.clone() }).await.unwrap();
+    start(with_tls(&config, &files)).await.unwrap();
     let missing = TlsFiles {
         certificate: folder.path().join("none.pem"),
         key: folder.path().join("key.pem"),
         client_authority: None,
     };
-    let refused = start(Config { tls: Some(missing), ..config }).await.unwrap_err().to_string();
+    let refused = start(with_tls(&config, &missing)).await.unwrap_err().to_string();
     assert!(refused.contains("none.pem"), "{refused}");
+}
+
+fn with_tls(config: &Config, files: &TlsFiles) -> Config {
+    Config {
+        tls_cert: Some(files.certificate.clone()),
+        tls_key: Some(files.key.clone()),
+        tls_client_ca: files.client_authority.clone(),
+        ..config.clone()
+    }
 }
 
 /// A self-signed certificate and its key, as files.
@@ -348,7 +359,7 @@ async fn certificates_are_checked_and_read_again_when_they_change() {
     let files = certificate(folder.path(), "first.lab");
     let old = folder.path().join("old.pem");
     fs::copy(&files.certificate, &old).unwrap();
-    let serving = Serving::start_secured(|config| config.tls = Some(files.clone())).await;
+    let serving = Serving::start_secured(|config| *config = with_tls(config, &files)).await;
     connect(&serving, "first.lab", &old, None).await.unwrap();
     assert!(connect(&serving, "second.lab", &old, None).await.is_err(), "another name");
     let plain = Channel::from_shared(format!("http://{}", serving.address)).unwrap().connect().await;
@@ -374,7 +385,7 @@ async fn client_certificates_are_wanted_where_an_authority_is_set() {
     let own = certificate(clients.path(), "bench");
     let authority = Some(own.certificate.clone());
     let files = TlsFiles { client_authority: authority, ..certificate(folder.path(), "lab") };
-    let serving = Serving::start_secured(|config| config.tls = Some(files.clone())).await;
+    let serving = Serving::start_secured(|config| *config = with_tls(config, &files)).await;
     assert!(connect(&serving, "lab", &files.certificate, None).await.is_err(), "without a certificate");
     let identity = Identity::from_pem(fs::read(&own.certificate).unwrap(), fs::read(&own.key).unwrap());
     connect(&serving, "lab", &files.certificate, Some(identity)).await.unwrap();

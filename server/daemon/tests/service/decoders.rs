@@ -52,7 +52,7 @@ fn seeds(decoder: Decoder) -> Vec<Vec<u8>> {
         }
         Decoder::StoredKernel => vec![kernel(KernelFormat::Safetensors)],
         Decoder::Settings => {
-            let effective = Effective::merge(Settings::default(), None, Settings::default()).unwrap();
+            let effective = Effective::merge(Settings::default(), Settings::default()).unwrap();
             assert_eq!(effective.config, Config::default());
             vec![effective.to_string().into_bytes()]
         }

@@ -48,7 +48,7 @@ async fn watch_health(serving: &Serving) -> Streaming<HealthCheckResponse> {
 #[tokio::test]
 async fn health_says_that_the_disk_is_low() {
     // A reserve that no disk has.
-    let serving = Serving::start_with(|config| config.space.reserve_bytes = 1 << 60).await;
+    let serving = Serving::start_with(|config| config.disk_reserve_mib = 1e12).await;
     until_health_is(&mut watch_health(&serving).await, ServingStatus::NotServing).await;
     let (code, text) = get(&serving, "/healthz").await;
     assert_eq!(code, 503);
@@ -57,7 +57,7 @@ async fn health_says_that_the_disk_is_low() {
 
 #[tokio::test]
 async fn health_says_that_the_server_stops() {
-    let serving = Serving::start_with(|config| config.drain_deadline = Duration::from_secs(2)).await;
+    let serving = Serving::start_with(|config| config.drain_deadline_s = 2.0).await;
     let mut watch = watch_health(&serving).await;
     until_health_is(&mut watch, ServingStatus::Serving).await;
     serving.begin_to_stop();

@@ -129,7 +129,7 @@ async fn a_scoped_token_reads_and_uses_the_artifacts_of_its_own_displays_only() 
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn who_has_stored_enough_brings_nothing_more() {
-    let guarded = Guarded::start_with(|config| config.owner_stored_bytes_max = 1 << 20).await;
+    let guarded = Guarded::start_with(|config| config.owner_stored_mib_max = 1.0).await;
     As { guarded: &guarded, token: guarded.tokens["admin"].clone() }.display("lab").await;
     let submitter = As { guarded: &guarded, token: guarded.tokens["submitter"].clone() };
     let target = submitter.upload(&picture(1)).await.unwrap();

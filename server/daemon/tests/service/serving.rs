@@ -54,7 +54,7 @@ impl Serving {
         let stop = shutdown.clone();
         let running = tokio::spawn(server::run(listener, config.clone(), async move { stop.cancelled().await }));
         let endpoint = Channel::from_shared(format!("http://{address}")).unwrap();
-        let channel = match config.tls {
+        let channel = match config.tls_cert {
             None => endpoint.connect().await.unwrap(),
             Some(_) => endpoint.connect_lazy(),
         };

@@ -17,7 +17,7 @@ fn assert_refused(status: &Status) {
 #[tokio::test]
 async fn a_message_without_room_is_refused_and_others_are_not() {
     // For three calls, or one and a message of 64 KiB.
-    let serving = Serving::start_with(|config| config.under_way_bytes_max = 128 << 10).await;
+    let serving = Serving::start_with(|config| config.under_way_mib_max = 0.125).await;
     serving.display("lab").await;
     for _ in 0..3 {
         let display = v1::Display { notes: "x".repeat(100_000), ..small_display("large") };
@@ -30,7 +30,7 @@ async fn a_message_without_room_is_refused_and_others_are_not() {
 
 #[tokio::test]
 async fn an_answer_without_room_is_refused_before_it_begins() {
-    let serving = Serving::start_with(|config| config.under_way_bytes_max = 1 << 20).await;
+    let serving = Serving::start_with(|config| config.under_way_mib_max = 1.0).await;
     let digest = serving.upload(&[7; 500_000]).await;
     let request = v1::ReadArtifactRequest { digest: digest.clone(), ..Default::default() };
     let mut stream = serving.artifacts().read_artifact(request).await.unwrap().into_inner();
@@ -43,7 +43,7 @@ async fn an_answer_without_room_is_refused_before_it_begins() {
 
 #[tokio::test]
 async fn without_room_for_a_call_the_refusal_is_json() {
-    let serving = Serving::start_with(|config| config.under_way_bytes_max = 1).await;
+    let serving = Serving::start_with(|config| config.under_way_mib_max = 1e-6).await;
     let refused = answer(&serving, "/v1/jobs").await;
     assert!(refused.starts_with("HTTP/1.1 429 "), "{refused}");
     assert!(refused.contains("retry-after: 1\r\n") && refused.contains("TOO_MUCH_UNDER_WAY"), "{refused}");

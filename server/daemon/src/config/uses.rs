@@ -1,0 +1,97 @@
+//! Settings in the types of those that use them.
+
+use super::{Config, ConfigError};
+use crate::upkeep::Retention;
+use lightpath_api::tls::TlsFiles;
+use lightpath_artifacts::SpaceLimits;
+use lightpath_store::{ClaimLimits, QueueLimits};
+use lightpath_worker::{Timeouts, WorkerConfig};
+use std::time::Duration;
+
+const MIB: f64 = 1_048_576.0;
+const DAY_S: f64 = 24.0 * 3600.0;
+
+impl Config {
+    /// Certificates; `None`: no TLS.
+    ///
+    /// # Errors
+    ///
+    /// [`ConfigError::Half`] for a certificate without a key, a key without a certificate, or authorities without both.
+    pub fn tls(&self) -> Result<Option<TlsFiles>, ConfigError> {
+        let client_authority = self.tls_client_ca.clone();
+        match (self.tls_cert.clone(), self.tls_key.clone()) {
+            (Some(certificate), Some(key)) => Ok(Some(TlsFiles { certificate, key, client_authority })),
+            (Some(_), None) => Err(ConfigError::Half { given: "tls_cert", missing: "tls_key" }),
+            (None, Some(_)) => Err(ConfigError::Half { given: "tls_key", missing: "tls_cert" }),
+            (None, None) if client_authority.is_some() => {
+                Err(ConfigError::Half { given: "tls_client_ca", missing: "tls_cert" })
+            }
+            (None, None) => Ok(None),
+        }
+    }
+
+    /// Bytes that requests and answers under way may hold; 0: no limit.
+    #[must_use]
+    pub fn under_way_bytes_max(&self) -> u64 {
+        bytes(self.under_way_mib_max)
+    }
+
+    /// What new work must leave free on the disk, and all artifacts together may have.
+    #[must_use]
+    pub fn space(&self) -> SpaceLimits {
+        SpaceLimits { reserve_bytes: bytes(self.disk_reserve_mib), stored_bytes_max: bytes(self.stored_mib_max) }
+    }
+
+    /// What may wait in the queue, and how much an owner may have stored.
+    #[must_use]
+    pub fn queue_limits(&self) -> QueueLimits {
+        QueueLimits {
+            queued: self.queue_limit,
+            queued_per_owner: self.owner_queue_limit,
+            stored_bytes_per_owner: bytes(self.owner_stored_mib_max),
+        }
+    }
+
+    /// When artifacts and jobs are removed.
+    #[must_use]
+    pub fn retention(&self) -> Retention {
+        Retention {
+            artifacts: limit(self.collect_artifacts_after_days * DAY_S),
+            jobs: limit(self.collect_jobs_after_days * DAY_S),
+        }
+    }
+
+    /// Time that running jobs and open requests get to end when the server stops.
+    #[must_use]
+    pub fn drain_deadline(&self) -> Duration {
+        Duration::from_secs_f64(self.drain_deadline_s)
+    }
+
+    /// How the workers work.
+    #[must_use]
+    pub fn workers(&self) -> WorkerConfig {
+        WorkerConfig {
+            workers: self.workers as usize,
+            compute_threads: self.compute_threads,
+            lease: Duration::from_secs_f64(self.lease_s),
+            checkpoint_interval: Duration::from_secs_f64(self.checkpoint_interval_s),
+            limits: ClaimLimits { per_owner: self.owner_running_limit, per_display: self.display_running_limit },
+            timeouts: Timeouts {
+                optimize: limit(self.optimize_timeout_s),
+                learn: limit(self.learn_timeout_s),
+                simulate: limit(self.simulate_timeout_s),
+                evaluate: limit(self.evaluate_timeout_s),
+            },
+            ..WorkerConfig::default()
+        }
+    }
+}
+
+fn bytes(mib: f64) -> u64 {
+    (mib * MIB) as u64
+}
+
+/// `None` for 0: no limit.
+fn limit(seconds: f64) -> Option<Duration> {
+    (seconds != 0.0).then(|| Duration::from_secs_f64(seconds))
+}
