@@ -38,130 +38,158 @@ const LEFT: f64 = 76.0;
 const TOP: f64 = 36.0;
 const PLOT_WIDTH: f64 = 400.0;
 const PLOT_HEIGHT: f64 = 248.0;
+const BOTTOM: f64 = TOP + PLOT_HEIGHT;
+
+/// Where values lie in the picture.
+struct Axes {
+    x: (f64, f64),
+    y: (f64, f64),
+    logarithmic: bool,
+}
+
+impl Axes {
+    fn x(&self, x: f64) -> f64 {
+        LEFT + PLOT_WIDTH * (x - self.x.0) / (self.x.1 - self.x.0)
+    }
+
+    fn y(&self, y: f64) -> f64 {
+        let (low, high) = self.y;
+        let part = if self.logarithmic { (y / low).ln() / (high / low).ln() } else { (y - low) / (high - low) };
+        TOP + PLOT_HEIGHT * (1.0 - part)
+    }
+
+    /// The points, as the attribute of a line or polygon wants them.
+    fn path(&self, points: impl Iterator<Item = (f64, f64)>) -> String {
+        points.map(|(x, y)| format!("{:.1},{:.1}", self.x(x), self.y(y))).collect::<Vec<_>>().join(" ")
+    }
+
+    fn draw_y_ticks(&self, svg: &mut String) {
+        let (low, high) = self.y;
+        let y_ticks = if self.logarithmic { ticks::logarithmic(low, high) } else { ticks::linear(low, high, 6) };
+        for (value, label) in y_ticks {
+            let y = self.y(value);
+            let (right, text) = (LEFT + PLOT_WIDTH, LEFT - 8.0);
+            write(
+                svg,
+                format_args!("<line x1=\"{LEFT}\" x2=\"{right}\" y1=\"{y:.1}\" y2=\"{y:.1}\" stroke=\"#e4e4e4\"/>"),
+            );
+            write(svg, format_args!("<text x=\"{text}\" y=\"{:.1}\" text-anchor=\"end\">{label}</text>", y + 4.0));
+        }
+    }
+
+    fn draw_x_ticks(&self, svg: &mut String) {
+        for (value, label) in ticks::linear(self.x.0, self.x.1, 8) {
+            let x = self.x(value);
+            let end = BOTTOM + 4.0;
+            write(
+                svg,
+                format_args!("<line x1=\"{x:.1}\" x2=\"{x:.1}\" y1=\"{BOTTOM}\" y2=\"{end}\" stroke=\"#6b6b6b\"/>"),
+            );
+            write(
+                svg,
+                format_args!("<text x=\"{x:.1}\" y=\"{}\" text-anchor=\"middle\">{label}</text>", BOTTOM + 19.0),
+            );
+        }
+    }
+}
 
 impl Chart<'_> {
     /// Draws it.
     #[must_use]
     pub fn svg(&self) -> String {
-        let usable = |&&(x, y): &&(f64, f64)| x.is_finite() && y.is_finite() && (!self.logarithmic || y > 0.0);
-        let edge = |side: usize| self.band.iter().map(move |&(x, edges)| (x, edges[side]));
-        let points = || {
-            let lines = self.lines.iter().flat_map(|line| line.points.iter().copied());
-            lines.chain(edge(0)).chain(edge(1)).filter(|point| usable(&point))
-        };
-        let range = |of: fn(&(f64, f64)) -> f64| {
-            points()
-                .map(|point| of(&point))
-                .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)))
-        };
-        let (x_low, x_high) = widened(range(|point| point.0), 0.0);
-        let (y_low, y_high) = if self.logarithmic {
-            let (low, high) = range(|point| point.1);
-            if low <= high { (low / 1.3, high * 1.3) } else { (0.1, 1.0) }
-        } else {
-            widened(range(|point| point.1), 0.05)
-        };
-        let at_x = |x: f64| LEFT + PLOT_WIDTH * (x - x_low) / (x_high - x_low);
-        let at_y = |y: f64| {
-            let part = if self.logarithmic {
-                (y / y_low).ln() / (y_high / y_low).ln()
-            } else {
-                (y - y_low) / (y_high - y_low)
-            };
-            TOP + PLOT_HEIGHT * (1.0 - part)
-        };
+        let axes = self.axes();
         let mut svg = format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {HEIGHT}\" width=\"{WIDTH}\" height=\"{HEIGHT}\" \
              font-family=\"DejaVu Sans, Verdana, sans-serif\" font-size=\"12\" fill=\"#1a1a1a\">\
              <rect width=\"{WIDTH}\" height=\"{HEIGHT}\" fill=\"#fff\"/>"
         );
-        let y_ticks =
-            if self.logarithmic { ticks::logarithmic(y_low, y_high) } else { ticks::linear(y_low, y_high, 6) };
-        for (value, label) in y_ticks {
-            let y = at_y(value);
-            let (right, text) = (LEFT + PLOT_WIDTH, LEFT - 8.0);
-            write(
-                &mut svg,
-                format_args!("<line x1=\"{LEFT}\" x2=\"{right}\" y1=\"{y:.1}\" y2=\"{y:.1}\" stroke=\"#e4e4e4\"/>"),
-            );
-            write(&mut svg, format_args!("<text x=\"{text}\" y=\"{:.1}\" text-anchor=\"end\">{label}</text>", y + 4.0));
-        }
-        let bottom = TOP + PLOT_HEIGHT;
-        for (value, label) in ticks::linear(x_low, x_high, 8) {
-            let x = at_x(value);
-            let end = bottom + 4.0;
-            write(
-                &mut svg,
-                format_args!("<line x1=\"{x:.1}\" x2=\"{x:.1}\" y1=\"{bottom}\" y2=\"{end}\" stroke=\"#6b6b6b\"/>"),
-            );
-            write(
-                &mut svg,
-                format_args!("<text x=\"{x:.1}\" y=\"{}\" text-anchor=\"middle\">{label}</text>", bottom + 19.0),
-            );
-        }
+        axes.draw_y_ticks(&mut svg);
+        axes.draw_x_ticks(&mut svg);
         write(
             &mut svg,
             format_args!(
                 "<rect x=\"{LEFT}\" y=\"{TOP}\" width=\"{PLOT_WIDTH}\" height=\"{PLOT_HEIGHT}\" fill=\"none\" stroke=\"#c8c8c8\"/>"
             ),
         );
-        let outline: Vec<String> = edge(0)
-            .chain(edge(1).collect::<Vec<_>>().into_iter().rev())
-            .filter(|point| usable(&point))
-            .map(|(x, y)| format!("{:.1},{:.1}", at_x(x), at_y(y)))
-            .collect();
-        if !outline.is_empty() {
-            let (points, colour) = (outline.join(" "), COLOURS[0]);
-            write(&mut svg, format_args!("<polygon points=\"{points}\" fill=\"{colour}\" fill-opacity=\"0.2\"/>"));
-        }
+        self.draw_band(&mut svg, &axes);
         for (i, line) in self.lines.iter().enumerate() {
-            let colour = COLOURS[i % COLOURS.len()];
-            let dash = if line.dashed { " stroke-dasharray=\"6 5\"" } else { "" };
-            let path: Vec<String> =
-                line.points.iter().filter(usable).map(|&(x, y)| format!("{:.1},{:.1}", at_x(x), at_y(y))).collect();
-            write(
-                &mut svg,
-                format_args!(
-                    "<polyline points=\"{}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"2\"{dash}/>",
-                    path.join(" ")
-                ),
-            );
-            let (y, x) = (TOP + 12.0 + 20.0 * i as f64, LEFT + PLOT_WIDTH + 14.0);
-            write(
-                &mut svg,
-                format_args!(
-                    "<line x1=\"{x}\" x2=\"{}\" y1=\"{y}\" y2=\"{y}\" stroke=\"{colour}\" stroke-width=\"2\"{dash}/>",
-                    x + 22.0
-                ),
-            );
-            write(&mut svg, format_args!("<text x=\"{}\" y=\"{}\">{}</text>", x + 28.0, y + 4.0, escaped(&line.label)));
+            self.draw_line(&mut svg, &axes, i, line);
         }
-        let middle = LEFT + PLOT_WIDTH / 2.0;
-        write(
-            &mut svg,
-            format_args!(
-                "<text x=\"{middle}\" y=\"22\" text-anchor=\"middle\" font-size=\"15\">{}</text>",
-                escaped(self.title)
-            ),
-        );
-        write(
-            &mut svg,
-            format_args!(
-                "<text x=\"{middle}\" y=\"{}\" text-anchor=\"middle\">{}</text>",
-                bottom + 42.0,
-                escaped(self.x_label)
-            ),
-        );
-        let y = TOP + PLOT_HEIGHT / 2.0;
-        write(
-            &mut svg,
-            format_args!(
-                "<text x=\"18\" y=\"{y}\" text-anchor=\"middle\" transform=\"rotate(-90 18 {y})\">{}</text>",
-                escaped(self.y_label)
-            ),
-        );
+        self.draw_titles(&mut svg);
         svg.push_str("</svg>");
         svg
+    }
+
+    fn usable(&self, (x, y): (f64, f64)) -> bool {
+        x.is_finite() && y.is_finite() && (!self.logarithmic || y > 0.0)
+    }
+
+    /// One edge of the band: 0 the lower, 1 the upper.
+    fn edge(&self, side: usize) -> impl DoubleEndedIterator<Item = (f64, f64)> {
+        self.band.iter().map(move |&(x, edges)| (x, edges[side])).filter(|&point| self.usable(point))
+    }
+
+    fn axes(&self) -> Axes {
+        let lines = self.lines.iter().flat_map(|line| line.points.iter().copied());
+        let points: Vec<(f64, f64)> =
+            lines.filter(|&point| self.usable(point)).chain(self.edge(0)).chain(self.edge(1)).collect();
+        let range = |of: fn(&(f64, f64)) -> f64| {
+            let empty = (f64::INFINITY, f64::NEG_INFINITY);
+            points.iter().map(of).fold(empty, |(low, high), v| (low.min(v), high.max(v)))
+        };
+        let (low, high) = range(|point| point.1);
+        let y = match self.logarithmic {
+            true if low <= high => (low / 1.3, high * 1.3),
+            true => (0.1, 1.0),
+            false => widened((low, high), 0.05),
+        };
+        Axes { x: widened(range(|point| point.0), 0.0), y, logarithmic: self.logarithmic }
+    }
+
+    fn draw_band(&self, svg: &mut String, axes: &Axes) {
+        let points = axes.path(self.edge(0).chain(self.edge(1).rev()));
+        if !points.is_empty() {
+            let colour = COLOURS[0];
+            write(svg, format_args!("<polygon points=\"{points}\" fill=\"{colour}\" fill-opacity=\"0.2\"/>"));
+        }
+    }
+
+    /// Line number `i`, and its place in the legend.
+    fn draw_line(&self, svg: &mut String, axes: &Axes, i: usize, line: &Line) {
+        let colour = COLOURS[i % COLOURS.len()];
+        let dash = if line.dashed { " stroke-dasharray=\"6 5\"" } else { "" };
+        let path = axes.path(line.points.iter().copied().filter(|&point| self.usable(point)));
+        write(
+            svg,
+            format_args!("<polyline points=\"{path}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"2\"{dash}/>"),
+        );
+        let (y, x) = (TOP + 12.0 + 20.0 * i as f64, LEFT + PLOT_WIDTH + 14.0);
+        write(
+            svg,
+            format_args!(
+                "<line x1=\"{x}\" x2=\"{}\" y1=\"{y}\" y2=\"{y}\" stroke=\"{colour}\" stroke-width=\"2\"{dash}/>",
+                x + 22.0
+            ),
+        );
+        write(svg, format_args!("<text x=\"{}\" y=\"{}\">{}</text>", x + 28.0, y + 4.0, escaped(&line.label)));
+    }
+
+    fn draw_titles(&self, svg: &mut String) {
+        let middle = LEFT + PLOT_WIDTH / 2.0;
+        let (title, x_label, y_label) = (escaped(self.title), escaped(self.x_label), escaped(self.y_label));
+        write(
+            svg,
+            format_args!("<text x=\"{middle}\" y=\"22\" text-anchor=\"middle\" font-size=\"15\">{title}</text>"),
+        );
+        let y = BOTTOM + 42.0;
+        write(svg, format_args!("<text x=\"{middle}\" y=\"{y}\" text-anchor=\"middle\">{x_label}</text>"));
+        let y = TOP + PLOT_HEIGHT / 2.0;
+        write(
+            svg,
+            format_args!(
+                "<text x=\"18\" y=\"{y}\" text-anchor=\"middle\" transform=\"rotate(-90 18 {y})\">{y_label}</text>"
+            ),
+        );
     }
 }
 

@@ -85,17 +85,8 @@ impl Machine<'_> {
             b'}' => self.stack.push(Value::Dict),
             b'K' => self.integer::<1>()?,
             b'M' => self.integer::<2>()?,
-            b'J' => {
-                let number = i32::from_le_bytes(self.take()?);
-                self.stack.push(Value::Int(number.into()));
-            }
-            0x8a => {
-                let [length] = self.take()?;
-                let bytes = self.slice(length.into())?;
-                let number = bytes.iter().rev().fold(0_u64, |number, &byte| number << 8 | u64::from(byte));
-                let number = i64::try_from(number).ok().filter(|_| length < 8);
-                self.stack.push(Value::Int(number.ok_or_else(|| self.refused_at("a huge number", start))?));
-            }
+            b'J' => self.word()?,
+            0x8a => self.long_integer(start)?,
             b'X' => {
                 let length = u32::from_le_bytes(self.take()?);
                 self.text(length as usize)?;
@@ -104,18 +95,8 @@ impl Machine<'_> {
                 let [length] = self.take()?;
                 self.text(length.into())?;
             }
-            b't' => {
-                let mark = self.stack.iter().rposition(|value| *value == Value::Mark);
-                let items =
-                    self.stack.split_off(mark.ok_or_else(|| self.refused_at("a tuple without a start", start))? + 1);
-                self.stack.pop();
-                self.stack.push(Value::Tuple(items));
-            }
-            0x85..=0x87 => {
-                let first = self.stack.len().checked_sub(usize::from(instruction - 0x84));
-                let items = self.stack.split_off(first.ok_or_else(|| self.refused_at("a tuple of too little", start))?);
-                self.stack.push(Value::Tuple(items));
-            }
+            b't' => self.tuple_from_mark(start)?,
+            0x85..=0x87 => self.tuple(instruction - 0x84, start)?,
             b'q' => self.keep::<1>()?,
             b'r' => self.keep::<4>()?,
             0x94 => {
@@ -124,32 +105,81 @@ impl Machine<'_> {
             }
             b'h' => self.recall::<1>()?,
             b'j' => self.recall::<4>()?,
-            b'c' => {
-                let (module, name) = (self.line()?, self.line()?);
-                let known = self.known(&module, &name, start)?;
-                self.stack.push(known);
-            }
-            0x93 => {
-                let (Some(Value::Text(name)), Some(Value::Text(module))) = (self.stack.pop(), self.stack.pop()) else {
-                    return Err(self.refused_at("a name that is no text", start));
-                };
-                let known = self.known(&module, &name, start)?;
-                self.stack.push(known);
-            }
-            b'Q' => {
-                let identity = self.stack.pop();
-                let storage =
-                    storage(identity).ok_or_else(|| self.refused_at("a reference that is no storage", start))?;
-                self.stack.push(storage);
-            }
-            b'R' => {
-                let (arguments, function) = (self.stack.pop(), self.stack.pop());
-                let made = made(function, arguments).ok_or_else(|| self.refused_at("a call of another kind", start))?;
-                self.stack.push(made);
-            }
+            b'c' => self.name_in_lines(start)?,
+            0x93 => self.name_on_stack(start)?,
+            b'Q' => self.reference(start)?,
+            b'R' => self.call(start)?,
             other => return Err(self.refused_at(&format!("instruction 0x{other:02x}"), start)),
         }
         Ok(false)
+    }
+
+    /// An integer of four bytes, with a sign.
+    fn word(&mut self) -> Result<(), KernelFormatError> {
+        let number = i32::from_le_bytes(self.take()?);
+        self.stack.push(Value::Int(number.into()));
+        Ok(())
+    }
+
+    /// An integer of as many bytes as the first one says.
+    fn long_integer(&mut self, start: usize) -> Result<(), KernelFormatError> {
+        let [length] = self.take()?;
+        let bytes = self.slice(length.into())?;
+        let number = bytes.iter().rev().fold(0_u64, |number, &byte| number << 8 | u64::from(byte));
+        let number = i64::try_from(number).ok().filter(|_| length < 8);
+        self.stack.push(Value::Int(number.ok_or_else(|| self.refused_at("a huge number", start))?));
+        Ok(())
+    }
+
+    /// Everything since the latest mark becomes a tuple.
+    fn tuple_from_mark(&mut self, start: usize) -> Result<(), KernelFormatError> {
+        let mark = self.stack.iter().rposition(|value| *value == Value::Mark);
+        let items = self.stack.split_off(mark.ok_or_else(|| self.refused_at("a tuple without a start", start))? + 1);
+        self.stack.pop();
+        self.stack.push(Value::Tuple(items));
+        Ok(())
+    }
+
+    /// The latest `items` values become a tuple.
+    fn tuple(&mut self, items: u8, start: usize) -> Result<(), KernelFormatError> {
+        let first = self.stack.len().checked_sub(items.into());
+        let taken = self.stack.split_off(first.ok_or_else(|| self.refused_at("a tuple of too little", start))?);
+        self.stack.push(Value::Tuple(taken));
+        Ok(())
+    }
+
+    /// A name that stands in two lines: module, name.
+    fn name_in_lines(&mut self, start: usize) -> Result<(), KernelFormatError> {
+        let (module, name) = (self.line()?, self.line()?);
+        let known = self.known(&module, &name, start)?;
+        self.stack.push(known);
+        Ok(())
+    }
+
+    /// A name whose two parts are the latest values.
+    fn name_on_stack(&mut self, start: usize) -> Result<(), KernelFormatError> {
+        let (Some(Value::Text(name)), Some(Value::Text(module))) = (self.stack.pop(), self.stack.pop()) else {
+            return Err(self.refused_at("a name that is no text", start));
+        };
+        let known = self.known(&module, &name, start)?;
+        self.stack.push(known);
+        Ok(())
+    }
+
+    /// A reference to a storage that is a file of the archive.
+    fn reference(&mut self, start: usize) -> Result<(), KernelFormatError> {
+        let identity = self.stack.pop();
+        let storage = storage(identity).ok_or_else(|| self.refused_at("a reference that is no storage", start))?;
+        self.stack.push(storage);
+        Ok(())
+    }
+
+    /// A function is called with arguments.
+    fn call(&mut self, start: usize) -> Result<(), KernelFormatError> {
+        let (arguments, function) = (self.stack.pop(), self.stack.pop());
+        let made = made(function, arguments).ok_or_else(|| self.refused_at("a call of another kind", start))?;
+        self.stack.push(made);
+        Ok(())
     }
 
     fn known(&self, module: &str, name: &str, at: usize) -> Result<Value, KernelFormatError> {

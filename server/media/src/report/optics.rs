@@ -276,15 +276,8 @@ fn response(model: &DisplayModel, certainty: Option<&ResponseCovariance>) -> Cha
         chapter.body = body;
         return chapter;
     }
-    const STEPS: usize = 128;
     let wanted = |i: usize| TAU * i as f64 / STEPS as f64;
-    let error = |phi: f64| -> f64 {
-        (1..)
-            .zip(&model.response)
-            .map(|(k, [a, b])| a * (f64::from(k) * phi).sin() + b * (f64::from(k) * phi).cos())
-            .sum()
-    };
-    let curve: Vec<f64> = (0..=STEPS).map(|i| error(wanted(i))).collect();
+    let curve: Vec<f64> = (0..=STEPS).map(|i| response_error_rad(model, wanted(i))).collect();
     let mean = curve.iter().take(STEPS).sum::<f64>() / STEPS as f64;
     let worst = curve.iter().map(|value| (value - mean).abs()).fold(0.0, f64::max);
     let _ = write!(
@@ -304,10 +297,29 @@ fn response(model: &DisplayModel, certainty: Option<&ResponseCovariance>) -> Cha
         }
         None => body.push_str("<p>How sure the curve is takes three of the training photographs to tell.</p>"),
     }
+    let chart = response_chart(&curve, &deviations);
+    chapter.svg("response", "What the modulator shows, against what was wanted", chart.svg());
+    chapter.array("response_error_rad", &[STEPS + 1], curve);
+    chapter.body = body;
+    chapter
+}
+
+/// Places of the curve of the phase response.
+const STEPS: usize = 128;
+
+/// What the modulator shows too much \[rad\] where the phase `wanted_rad` is asked for.
+fn response_error_rad(model: &DisplayModel, wanted_rad: f64) -> f64 {
+    let harmonic =
+        |(k, [a, b]): (u32, &[f64; 2])| a * (f64::from(k) * wanted_rad).sin() + b * (f64::from(k) * wanted_rad).cos();
+    (1..).zip(&model.response).map(harmonic).sum()
+}
+
+fn response_chart(curve: &[f64], deviations: &[f64]) -> Chart<'static> {
+    let wanted = |i: usize| TAU * i as f64 / STEPS as f64;
     let around = |(i, deviation): (usize, &f64)| (wanted(i), [curve[i] - deviation, curve[i] + deviation]);
     let band = deviations.iter().enumerate().map(around).collect();
     let points = curve.iter().enumerate().map(|(i, &value)| (wanted(i), value)).collect();
-    let chart = Chart {
+    Chart {
         title: "Phase response",
         x_label: "wanted phase [rad]",
         y_label: "shown − wanted [rad]",
@@ -317,9 +329,5 @@ fn response(model: &DisplayModel, certainty: Option<&ResponseCovariance>) -> Cha
             Line { label: "linear".to_owned(), points: vec![(0.0, 0.0), (TAU, 0.0)], dashed: true },
         ],
         band,
-    };
-    chapter.svg("response", "What the modulator shows, against what was wanted", chart.svg());
-    chapter.array("response_error_rad", &[STEPS + 1], curve);
-    chapter.body = body;
-    chapter
+    }
 }

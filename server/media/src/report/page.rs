@@ -2,7 +2,7 @@
 
 use super::{Chapter, Figure, ReportInput, base64};
 use crate::figures::escaped;
-use lightpath_domain::kernel::KernelModel;
+use lightpath_domain::kernel::{KernelMetrics, KernelModel};
 use std::fmt::Write as _;
 
 const STYLE: &str = "\
@@ -16,10 +16,22 @@ nav a{margin-right:1.1rem}";
 
 /// The chapter that says what the kernel is and how good.
 pub(super) fn summary(input: &ReportInput) -> Chapter {
+    let mut body = String::from("<table>");
+    for (name, value) in origin(input) {
+        // Writing to a string cannot fail.
+        let _ = write!(body, "<tr><td>{name}</td><td><code>{}</code></td></tr>", escaped(&value));
+    }
+    body.push_str("</table>");
+    body.push_str(&mean_losses(&input.version.content.metrics));
+    Chapter { title: "Summary", body, ..Chapter::default() }
+}
+
+/// What the kernel is for, and what it was made of.
+fn origin(input: &ReportInput) -> Vec<(&'static str, String)> {
     let (version, content) = (&input.version, &input.version.content);
     let (metrics, lineage) = (&content.metrics, &content.lineage);
     let grid = input.model.setup.grid();
-    let mut rows: Vec<(&str, String)> = vec![
+    let mut rows = vec![
         ("model", word(content.model).to_owned()),
         (
             "display",
@@ -53,31 +65,26 @@ pub(super) fn summary(input: &ReportInput) -> Chapter {
     }
     rows.push(("file", format!("{}, {} bytes", content.artifact, content.size_bytes)));
     rows.push(("Lightpath", lineage.code_version.clone()));
-    let mut body = String::from("<table>");
-    for (name, value) in rows {
-        // Writing to a string cannot fail.
-        let _ = write!(body, "<tr><td>{name}</td><td><code>{}</code></td></tr>", escaped(&value));
+    rows
+}
+
+/// How good the kernel is, as a table; empty where no pair was held out.
+fn mean_losses(metrics: &KernelMetrics) -> String {
+    if metrics.test_pairs == 0 {
+        return String::new();
     }
-    body.push_str("</table>");
-    if metrics.test_pairs > 0 {
-        let _ = write!(
-            body,
-            "<table><tr><th>mean squared error</th><th class=n>learned</th><th class=n>ideal kernel</th><th class=n>ratio</th></tr>{}{}\
-             <tr><td>training pairs</td><td class=n>{:.3e}</td><td></td><td></td></tr>{}</table>",
-            losses("held-out pairs, region of interest", metrics.test_loss, metrics.ideal_test_loss),
-            losses("held-out pairs, full frame", metrics.test_loss_full_frame, metrics.ideal_test_loss_full_frame),
-            metrics.train_loss,
-            if metrics.validation_pairs > 0 {
-                format!(
-                    "<tr><td>validation pairs</td><td class=n>{:.3e}</td><td></td><td></td></tr>",
-                    metrics.validation_loss
-                )
-            } else {
-                String::new()
-            }
-        );
-    }
-    Chapter { title: "Summary", body, ..Chapter::default() }
+    let row = |name: &str, loss: f64| format!("<tr><td>{name}</td><td class=n>{loss:.3e}</td><td></td><td></td></tr>");
+    let validation = match metrics.validation_pairs {
+        0 => String::new(),
+        _ => row("validation pairs", metrics.validation_loss),
+    };
+    format!(
+        "<table><tr><th>mean squared error</th><th class=n>learned</th><th class=n>ideal kernel</th><th class=n>ratio</th></tr>\
+         {}{}{}{validation}</table>",
+        losses("held-out pairs, region of interest", metrics.test_loss, metrics.ideal_test_loss),
+        losses("held-out pairs, full frame", metrics.test_loss_full_frame, metrics.ideal_test_loss_full_frame),
+        row("training pairs", metrics.train_loss),
+    )
 }
 
 fn losses(name: &str, learned: f64, ideal: f64) -> String {
