@@ -69,10 +69,7 @@ impl Model {
 
 /// Takes one step in both worlds; `leases` are all leases ever given, the latest is used.
 async fn take(step: Step, store: &Store, id: &str, model: &mut Model, lease: &mut Option<Lease>, now: &mut i64) {
-    let held = model.held(*now);
-    let no_lease = Lease { job: id.to_owned(), attempt: 0, lease_id: String::new(), until_ms: 0 };
-    let used = lease.clone().unwrap_or(no_lease);
-    let allowed = match step {
+    match step {
         Step::Claim => {
             let claimed = store.claim(*now, LEASE_MS, "w").await.unwrap();
             assert_eq!(claimed.is_some(), model.state == JobState::Queued);
@@ -82,47 +79,19 @@ async fn take(step: Step, store: &Store, id: &str, model: &mut Model, lease: &mu
                 model.attempt += 1;
                 model.until_ms = *now + LEASE_MS;
             }
-            return;
         }
-        Step::Heartbeat => {
-            let beat = store.heartbeat(&used, *now, LEASE_MS).await;
-            if held {
-                model.until_ms = *now + LEASE_MS;
-            }
-            beat.is_ok()
-        }
-        Step::Checkpoint => {
-            if held {
-                model.failures = 0;
-            }
-            store.checkpoint(&used, &digest(*now as u32), *now).await.is_ok()
-        }
-        Step::Finish => {
-            if held {
-                model.state = JobState::Succeeded;
-            }
-            store.finish(&used, result(), None, *now).await.is_ok()
-        }
-        Step::FailForNow | Step::FailForGood => {
-            let again = matches!(step, Step::FailForNow);
-            if held {
-                model.fail(again);
-            }
-            store.fail(&used, trouble(), again.then_some(*now), *now).await.is_ok()
-        }
-        Step::Release => {
-            if held {
-                model.end(JobState::Queued);
-            }
-            store.release(&used, *now).await.is_ok()
+        Step::Heartbeat | Step::Checkpoint | Step::Finish | Step::FailForNow | Step::FailForGood | Step::Release => {
+            let no_lease = Lease { job: id.to_owned(), attempt: 0, lease_id: String::new(), until_ms: 0 };
+            let held = model.held(*now);
+            let allowed = work(step, store, lease.as_ref().unwrap_or(&no_lease), model, *now).await;
+            assert_eq!(allowed, held, "a worker may do what its lease allows");
         }
         Step::Expire => {
             let expired = store.expire_leases(*now).await.unwrap();
-            assert_eq!(expired.len(), usize::from(model.state == JobState::Running && !held));
+            assert_eq!(expired.len(), usize::from(model.state == JobState::Running && !model.held(*now)));
             if !expired.is_empty() {
                 model.fail(true);
             }
-            return;
         }
         Step::Cancel => {
             let cancelled = store.cancel(id, *now).await.is_ok();
@@ -132,7 +101,6 @@ async fn take(step: Step, store: &Store, id: &str, model: &mut Model, lease: &mu
                 JobState::Running => model.cancel_requested = true,
                 _ => {}
             }
-            return;
         }
         Step::Retry => {
             let retried = store.retry(id, *now).await.is_ok();
@@ -140,14 +108,36 @@ async fn take(step: Step, store: &Store, id: &str, model: &mut Model, lease: &mu
             if retried {
                 (model.state, model.failures, model.cancel_requested) = (JobState::Queued, 0, false);
             }
-            return;
         }
-        Step::Wait(ms) => {
-            *now += ms;
-            return;
+        Step::Wait(ms) => *now += ms,
+    }
+}
+
+/// Takes one step of a worker in both worlds; whether the store allowed it.
+async fn work(step: Step, store: &Store, lease: &Lease, model: &mut Model, now: i64) -> bool {
+    let held = model.held(now);
+    let allowed = match step {
+        Step::Heartbeat => store.heartbeat(lease, now, LEASE_MS).await.is_ok(),
+        Step::Checkpoint => store.checkpoint(lease, &digest(now as u32), now).await.is_ok(),
+        Step::Finish => store.finish(lease, result(), None, now).await.is_ok(),
+        Step::FailForNow => store.fail(lease, trouble(), Some(now), now).await.is_ok(),
+        Step::FailForGood => store.fail(lease, trouble(), None, now).await.is_ok(),
+        Step::Release => store.release(lease, now).await.is_ok(),
+        Step::Claim | Step::Expire | Step::Cancel | Step::Retry | Step::Wait(_) => {
+            unreachable!("{step:?} needs no lease")
         }
     };
-    assert_eq!(allowed, held, "a worker may do what its lease allows");
+    match step {
+        _ if !held => {}
+        Step::Heartbeat => model.until_ms = now + LEASE_MS,
+        Step::Checkpoint => model.failures = 0,
+        Step::Finish => model.state = JobState::Succeeded,
+        Step::FailForNow => model.fail(true),
+        Step::FailForGood => model.fail(false),
+        Step::Release => model.end(JobState::Queued),
+        Step::Claim | Step::Expire | Step::Cancel | Step::Retry | Step::Wait(_) => {}
+    }
+    allowed
 }
 
 proptest! {

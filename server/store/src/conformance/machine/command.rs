@@ -5,7 +5,7 @@ use super::*;
 /// Jobs are picked by a number, modulo as many as there are.
 #[derive(Clone, Debug)]
 pub(super) enum Command {
-    Submit { owner: usize, display: usize, priority: i32, delay_ms: i64, after: Vec<usize>, key: Option<usize> },
+    Submit(Submission),
     Claim { per_owner: u32, per_display: u32 },
     Heartbeat { job: usize, stale: bool },
     Checkpoint { job: usize, stale: bool },
@@ -25,6 +25,19 @@ pub(super) enum Command {
     Wait { ms: i64 },
 }
 
+/// A job to submit.
+#[derive(Clone, Debug)]
+pub(super) struct Submission {
+    pub(super) owner: usize,
+    pub(super) display: usize,
+    pub(super) priority: i32,
+    pub(super) delay_ms: i64,
+    /// The jobs that it comes after.
+    pub(super) after: Vec<usize>,
+    /// Its unique key.
+    pub(super) key: Option<usize>,
+}
+
 pub(super) fn command() -> impl Strategy<Value = Command> {
     let job = || 0..64_usize;
     let lease = || (job(), prop::bool::weighted(0.2));
@@ -35,7 +48,7 @@ pub(super) fn command() -> impl Strategy<Value = Command> {
     prop_oneof![
         6 => submit.prop_map(|((owner, display, priority, delay_ms, after), key)| {
             let after = if after.len() == 2 { after } else { Vec::new() };
-            Command::Submit { owner, display, priority, delay_ms, after, key }
+            Command::Submit(Submission { owner, display, priority, delay_ms, after, key })
         }),
         8 => (0..3_u32, 0..3_u32).prop_map(|(per_owner, per_display)| Command::Claim { per_owner, per_display }),
         3 => lease().prop_map(|(job, stale)| Command::Heartbeat { job, stale }),

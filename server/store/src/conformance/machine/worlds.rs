@@ -1,6 +1,6 @@
 //! A store and its model, to which the same happens.
 
-use super::command::Command;
+use super::command::{Command, Submission};
 use super::model::{Model, ModelJob};
 use super::*;
 
@@ -14,101 +14,18 @@ pub(super) struct Worlds {
 impl Worlds {
     pub(super) async fn take(&mut self, command: Command) {
         match command {
-            Command::Submit { owner, display, priority, delay_ms, after, key } => {
-                self.submit(owner, display, priority, delay_ms, &after, key).await;
-            }
+            Command::Submit(submission) => self.submit(submission).await,
             Command::Claim { per_owner, per_display } => self.claim(ClaimLimits { per_owner, per_display }).await,
-            Command::Heartbeat { job, stale } => {
-                let Some((index, lease, holds)) = self.model.lease(job, stale) else { return };
-                let beat = self.store.heartbeat(&lease, self.model.now_ms, LEASE_MS).await;
-                assert_eq!(beat.is_ok(), holds);
-                if holds {
-                    let job = &mut self.model.jobs[index];
-                    job.until_ms = job.until_ms.max(self.model.now_ms + LEASE_MS);
-                    assert_eq!(beat.unwrap().cancel_requested, job.cancel_requested);
-                }
-            }
-            Command::Checkpoint { job, stale } => {
-                let Some((index, lease, holds)) = self.model.lease(job, stale) else { return };
-                let saved = digest(self.model.now_ms as u32);
-                assert_eq!(self.store.checkpoint(&lease, &saved, self.model.now_ms).await.is_ok(), holds);
-                if holds {
-                    let job = &mut self.model.jobs[index];
-                    (job.failures, job.crashes, job.has_checkpoint) = (0, 0, true);
-                }
-            }
-            Command::Finish { job, stale } => {
-                let Some((index, lease, holds)) = self.model.lease(job, stale) else { return };
-                let ended = self.store.finish(&lease, result(), None, self.model.now_ms).await;
-                assert_eq!(ended.is_ok(), holds);
-                if holds {
-                    self.model.end(index, JobState::Succeeded);
-                }
-            }
-            Command::Fail { job, stale, retry_in_ms } => {
-                let Some((index, lease, holds)) = self.model.lease(job, stale) else { return };
-                let retry_at_ms = retry_in_ms.map(|delay_ms| self.model.now_ms + delay_ms);
-                let ended = self.store.fail(&lease, trouble(), retry_at_ms, self.model.now_ms).await;
-                assert_eq!(ended.is_ok(), holds);
-                if holds {
-                    self.model.fail(index, retry_at_ms);
-                }
-            }
-            Command::Postpone { job, stale } => {
-                let Some((index, lease, holds)) = self.model.lease(job, stale) else { return };
-                let at_ms = self.model.now_ms + 5;
-                assert_eq!(self.store.postpone(&lease, trouble(), at_ms, self.model.now_ms).await.is_ok(), holds);
-                if holds && self.model.jobs[index].cancel_requested {
-                    self.model.end(index, JobState::Cancelled);
-                } else if holds {
-                    self.model.jobs[index].run_time_ms = at_ms;
-                    self.model.end(index, JobState::Queued);
-                }
-            }
-            Command::Release { job, stale } => {
-                let Some((index, lease, holds)) = self.model.lease(job, stale) else { return };
-                assert_eq!(self.store.release(&lease, self.model.now_ms).await.is_ok(), holds);
-                if holds {
-                    let wished = self.model.jobs[index].cancel_requested;
-                    self.model.end(index, if wished { JobState::Cancelled } else { JobState::Queued });
-                }
-            }
-            Command::EndCancelled { job, stale } => {
-                let Some((index, lease, holds)) = self.model.lease(job, stale) else { return };
-                // A worker ends a job so only when somebody asked for it.
-                if !self.model.jobs[index].cancel_requested {
-                    return;
-                }
-                assert_eq!(self.store.end_cancelled(&lease, self.model.now_ms).await.is_ok(), holds);
-                if holds {
-                    self.model.end(index, JobState::Cancelled);
-                }
-            }
-            Command::Expire => {
-                let expired = self.store.expire_leases(self.model.now_ms).await.unwrap();
-                let now_ms = self.model.now_ms;
-                let late: Vec<usize> = (0..self.model.jobs.len())
-                    .filter(|&i| self.model.jobs[i].state == JobState::Running && self.model.jobs[i].until_ms <= now_ms)
-                    .collect();
-                assert_eq!(expired.len(), late.len());
-                for index in late {
-                    self.model.fail(index, Some(now_ms));
-                }
-            }
+            Command::Heartbeat { job, stale } => self.heartbeat(job, stale).await,
+            Command::Checkpoint { job, stale } => self.checkpoint(job, stale).await,
+            Command::Finish { job, stale } => self.finish(job, stale).await,
+            Command::Fail { job, stale, retry_in_ms } => self.fail(job, stale, retry_in_ms).await,
+            Command::Postpone { job, stale } => self.postpone(job, stale).await,
+            Command::Release { job, stale } => self.release(job, stale).await,
+            Command::EndCancelled { job, stale } => self.end_cancelled(job, stale).await,
+            Command::Expire => self.expire().await,
             Command::ServerDies => self.server_dies().await,
-            Command::Cancel { job } => {
-                let Some(index) = self.pick(job) else { return };
-                let cancelled = self.store.cancel(&self.model.jobs[index].id, self.model.now_ms).await;
-                assert_eq!(cancelled.is_ok(), !self.model.jobs[index].state.has_ended());
-                match self.model.jobs[index].state {
-                    JobState::Queued => {
-                        self.model.jobs[index].cancel_requested = true;
-                        self.model.end(index, JobState::Cancelled);
-                    }
-                    JobState::Running => self.model.jobs[index].cancel_requested = true,
-                    _ => {}
-                }
-            }
+            Command::Cancel { job } => self.cancel(job).await,
             Command::Retry { job } => self.retry(job).await,
             Command::Pause { display } => {
                 let display = display.map(|display| DISPLAYS[display]);
@@ -126,32 +43,126 @@ impl Worlds {
                 let running = self.model.jobs.iter_mut().filter(|job| job.state == JobState::Running);
                 running.for_each(|job| job.until_ms += by_ms);
             }
-            Command::Forget => {
-                let before_ms = self.model.now_ms - 3 * LEASE_MS;
-                let ids = self.store.jobs_ended_before(before_ms, 100).await.unwrap();
-                let old = |job: &ModelJob| job.finish_time_ms.is_some_and(|time_ms| time_ms < before_ms);
-                let expected = self.model.jobs.iter().filter(|job| old(job)).count();
-                let deleted = self.store.delete_jobs(ids, before_ms, self.model.now_ms).await.unwrap();
-                assert_eq!(deleted.jobs as usize, expected);
-                self.model.jobs.retain(|job| !old(job));
-            }
+            Command::Forget => self.forget().await,
             Command::Wait { ms } => self.model.now_ms += ms,
         }
+    }
+
+    async fn heartbeat(&mut self, job: usize, stale: bool) {
+        let Some((index, lease, holds)) = self.model.lease(job, stale) else { return };
+        let beat = self.store.heartbeat(&lease, self.model.now_ms, LEASE_MS).await;
+        assert_eq!(beat.is_ok(), holds);
+        if holds {
+            let job = &mut self.model.jobs[index];
+            job.until_ms = job.until_ms.max(self.model.now_ms + LEASE_MS);
+            assert_eq!(beat.unwrap().cancel_requested, job.cancel_requested);
+        }
+    }
+
+    async fn checkpoint(&mut self, job: usize, stale: bool) {
+        let Some((index, lease, holds)) = self.model.lease(job, stale) else { return };
+        let saved = digest(self.model.now_ms as u32);
+        assert_eq!(self.store.checkpoint(&lease, &saved, self.model.now_ms).await.is_ok(), holds);
+        if holds {
+            let job = &mut self.model.jobs[index];
+            (job.failures, job.crashes, job.has_checkpoint) = (0, 0, true);
+        }
+    }
+
+    async fn finish(&mut self, job: usize, stale: bool) {
+        let Some((index, lease, holds)) = self.model.lease(job, stale) else { return };
+        let ended = self.store.finish(&lease, result(), None, self.model.now_ms).await;
+        assert_eq!(ended.is_ok(), holds);
+        if holds {
+            self.model.end(index, JobState::Succeeded);
+        }
+    }
+
+    async fn postpone(&mut self, job: usize, stale: bool) {
+        let Some((index, lease, holds)) = self.model.lease(job, stale) else { return };
+        let at_ms = self.model.now_ms + 5;
+        assert_eq!(self.store.postpone(&lease, trouble(), at_ms, self.model.now_ms).await.is_ok(), holds);
+        if holds && self.model.jobs[index].cancel_requested {
+            self.model.end(index, JobState::Cancelled);
+        } else if holds {
+            self.model.jobs[index].run_time_ms = at_ms;
+            self.model.end(index, JobState::Queued);
+        }
+    }
+
+    async fn release(&mut self, job: usize, stale: bool) {
+        let Some((index, lease, holds)) = self.model.lease(job, stale) else { return };
+        assert_eq!(self.store.release(&lease, self.model.now_ms).await.is_ok(), holds);
+        if holds {
+            let wished = self.model.jobs[index].cancel_requested;
+            self.model.end(index, if wished { JobState::Cancelled } else { JobState::Queued });
+        }
+    }
+
+    async fn end_cancelled(&mut self, job: usize, stale: bool) {
+        let Some((index, lease, holds)) = self.model.lease(job, stale) else { return };
+        // A worker ends a job so only when somebody asked for it.
+        if !self.model.jobs[index].cancel_requested {
+            return;
+        }
+        assert_eq!(self.store.end_cancelled(&lease, self.model.now_ms).await.is_ok(), holds);
+        if holds {
+            self.model.end(index, JobState::Cancelled);
+        }
+    }
+
+    async fn fail(&mut self, job: usize, stale: bool, retry_in_ms: Option<i64>) {
+        let Some((index, lease, holds)) = self.model.lease(job, stale) else { return };
+        let retry_at_ms = retry_in_ms.map(|delay_ms| self.model.now_ms + delay_ms);
+        let ended = self.store.fail(&lease, trouble(), retry_at_ms, self.model.now_ms).await;
+        assert_eq!(ended.is_ok(), holds);
+        if holds {
+            self.model.fail(index, retry_at_ms);
+        }
+    }
+
+    async fn expire(&mut self) {
+        let expired = self.store.expire_leases(self.model.now_ms).await.unwrap();
+        let now_ms = self.model.now_ms;
+        let late: Vec<usize> = (0..self.model.jobs.len())
+            .filter(|&i| self.model.jobs[i].state == JobState::Running && self.model.jobs[i].until_ms <= now_ms)
+            .collect();
+        assert_eq!(expired.len(), late.len());
+        for index in late {
+            self.model.fail(index, Some(now_ms));
+        }
+    }
+
+    async fn cancel(&mut self, job: usize) {
+        let Some(index) = self.pick(job) else { return };
+        let cancelled = self.store.cancel(&self.model.jobs[index].id, self.model.now_ms).await;
+        assert_eq!(cancelled.is_ok(), !self.model.jobs[index].state.has_ended());
+        match self.model.jobs[index].state {
+            JobState::Queued => {
+                self.model.jobs[index].cancel_requested = true;
+                self.model.end(index, JobState::Cancelled);
+            }
+            JobState::Running => self.model.jobs[index].cancel_requested = true,
+            _ => {}
+        }
+    }
+
+    async fn forget(&mut self) {
+        let before_ms = self.model.now_ms - 3 * LEASE_MS;
+        let ids = self.store.jobs_ended_before(before_ms, 100).await.unwrap();
+        let old = |job: &ModelJob| job.finish_time_ms.is_some_and(|time_ms| time_ms < before_ms);
+        let expected = self.model.jobs.iter().filter(|job| old(job)).count();
+        let deleted = self.store.delete_jobs(ids, before_ms, self.model.now_ms).await.unwrap();
+        assert_eq!(deleted.jobs as usize, expected);
+        self.model.jobs.retain(|job| !old(job));
     }
 
     fn pick(&self, job: usize) -> Option<usize> {
         (!self.model.jobs.is_empty()).then(|| job % self.model.jobs.len())
     }
 
-    async fn submit(
-        &mut self,
-        owner: usize,
-        display: usize,
-        priority: i32,
-        delay_ms: i64,
-        after: &[usize],
-        key: Option<usize>,
-    ) {
+    async fn submit(&mut self, submission: Submission) {
+        let Submission { owner, display, priority, delay_ms, after, key } = submission;
         let now_ms = self.model.now_ms;
         let mut new = new_job(&format!("r{}", self.submitted), 1);
         if let JobSpec::SimulateCapture(spec) = &mut new.spec {
