@@ -87,8 +87,8 @@ fn store_answer(error: &StoreError) -> Option<Answer> {
         StoreError::AlreadyExists { what, .. } => {
             Answer::new(Code::AlreadyExists, "ALREADY_EXISTS").about("resource", what)
         }
-        StoreError::Precondition { reason, .. } => Answer::new(Code::FailedPrecondition, reason),
-        StoreError::Aborted { reason, .. } => Answer::new(Code::Aborted, reason),
+        StoreError::Precondition { reason, .. } => Answer::new(Code::FailedPrecondition, reason.as_str()),
+        StoreError::Aborted { reason, .. } => Answer::new(Code::Aborted, reason.as_str()),
         StoreError::LeaseLost => Answer::new(Code::Aborted, "LEASE_LOST"),
         StoreError::QueueFull { .. } => Answer::new(Code::ResourceExhausted, "QUEUE_FULL").retry(QUEUE_RETRY),
         StoreError::OwnerQueueFull { .. } => {

@@ -10,11 +10,14 @@
 //! ```
 //!
 //! `spec`: what jobs are asked to do, validated. `result`: what they gave. `hologram`: both, of holograms.
+//! `failure`: why attempts at them fail.
 
+mod failure;
 mod hologram;
 mod result;
 mod spec;
 
+pub use failure::{FailureReason, JobError};
 pub use hologram::{
     Fit, FrameResult, HologramResult, ImagePlane, InitialPhase, Loss, Method, OptimizeHologram, PlaneResult, Quantity,
     WavelengthResult,
@@ -151,17 +154,6 @@ pub struct Progress {
     pub loss: f64,
     /// Time left \[s\].
     pub eta_s: Option<f64>,
-}
-
-/// Why an attempt ended without success.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct JobError {
-    /// In capitals, stable, for programs.
-    pub reason: String,
-    /// For people.
-    pub message: String,
-    /// The job will be tried again by itself.
-    pub retryable: bool,
 }
 
 /// Something that happened to a job.

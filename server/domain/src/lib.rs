@@ -5,6 +5,7 @@
 //! - [`units`]: exact wavelengths and distances. [`display`], [`dataset`], [`kernel`], [`job`]: the things of the service.
 //! - [`propagation`], [`planning`], [`slm`]: a display as the optics engine sees it.
 //! - [`access`]: roles and tokens. [`causes`]: errors in one line.
+//! - [`reason`]: why something failed or was refused, for programs.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 pub mod access;
@@ -15,5 +16,6 @@ pub mod job;
 pub mod kernel;
 pub mod planning;
 pub mod propagation;
+pub mod reason;
 pub mod slm;
 pub mod units;

@@ -4,7 +4,7 @@ use super::changes::Change;
 use super::events::happened;
 use super::jobs::{active_with_key, job_of};
 use super::write::Write;
-use super::{Store, StoreError, dependencies};
+use super::{PreconditionReason, Store, StoreError, dependencies};
 use lightpath_domain::job::{Job, JobState};
 
 impl Store {
@@ -60,7 +60,7 @@ async fn cancel(write: &mut Write, id: &str, now_ms: i64) -> Result<Job, StoreEr
         }
         JobState::Succeeded | JobState::Failed | JobState::Cancelled => {
             let message = format!("jobs/{id} has ended ({}) and cannot be cancelled", job.state.as_str());
-            Err(StoreError::precondition("JOB_ENDED", message))
+            Err(StoreError::precondition(PreconditionReason::JobEnded, message))
         }
     }
 }
@@ -72,13 +72,13 @@ async fn retry(write: &mut Write, id: &str, now_ms: i64) -> Result<Job, StoreErr
             "the state of jobs/{id} is {}; only a failed or cancelled job can be queued again",
             job.state.as_str()
         );
-        return Err(StoreError::precondition("JOB_NOT_RETRYABLE", message));
+        return Err(StoreError::precondition(PreconditionReason::JobNotRetryable, message));
     }
     if let Some(key) = &job.scheduling.unique_key
         && let Some(other) = active_with_key(write.sql(), key).await?
     {
         let message = format!("jobs/{other} has the same unique_key \"{key}\" and has not ended");
-        return Err(StoreError::precondition("NOT_UNIQUE", message));
+        return Err(StoreError::precondition(PreconditionReason::NotUnique, message));
     }
     let waiting_for = dependencies::open_ones(write, &job.scheduling.after).await?;
     let row = sqlx::query(

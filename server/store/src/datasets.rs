@@ -2,7 +2,7 @@
 
 use super::rows::{from_json_option, from_word, to_json, to_word};
 use super::write::Write;
-use super::{Store, StoreError, page};
+use super::{AbortReason, PreconditionReason, Store, StoreError, page};
 use lightpath_domain::dataset::{Alignment, Dataset, Encoding, Exposure, Pair, PairChecks, Split};
 use lightpath_domain::units::{Distance, Wavelength};
 use sqlx::sqlite::SqliteRow;
@@ -169,11 +169,11 @@ async fn add_pair(write: &mut Write, id: &str, pair: &Pair) -> Result<Dataset, S
     }
     if dataset.digest.is_some() {
         let message = format!("datasets/{id} is finalized and takes no more pairs; create another dataset");
-        return Err(StoreError::precondition("DATASET_FINALIZED", message));
+        return Err(StoreError::precondition(PreconditionReason::DatasetFinalized, message));
     }
     if dataset.pair_count >= PAIRS_MAX {
         let message = format!("datasets/{id} has {PAIRS_MAX} pairs, and takes no more");
-        return Err(StoreError::precondition("DATASET_FULL", message));
+        return Err(StoreError::precondition(PreconditionReason::DatasetFull, message));
     }
     for digest in [&pair.phase, &pair.photo] {
         require_artifact(write.sql(), digest).await?;
@@ -215,7 +215,7 @@ async fn align(write: &mut Write, id: &str, alignment: Option<Alignment>) -> Res
     let mut dataset = find(write.sql(), id).await?;
     if dataset.digest.is_some() {
         let message = format!("datasets/{id} is finalized, and its alignment with it; create another dataset");
-        return Err(StoreError::precondition("DATASET_FINALIZED", message));
+        return Err(StoreError::precondition(PreconditionReason::DatasetFinalized, message));
     }
     for digest in alignment.iter().flat_map(|found| [&found.photo, &found.before, &found.after]) {
         if !digest.is_empty() {
@@ -261,17 +261,17 @@ async fn finalize(
             return Ok(dataset);
         }
         let message = format!("datasets/{id} is finalized already, with another split");
-        return Err(StoreError::precondition("DATASET_FINALIZED", message));
+        return Err(StoreError::precondition(PreconditionReason::DatasetFinalized, message));
     }
     splits.sort_by(|a, b| a.0.cmp(&b.0));
     if !splits.iter().map(|(id, _)| id).eq(dataset.pairs.iter().map(|pair| &pair.id)) {
         let message = format!("the pairs of datasets/{id} have changed meanwhile; finalize it again");
-        return Err(StoreError::Aborted { reason: "DATASET_CHANGED", message });
+        return Err(StoreError::Aborted { reason: AbortReason::DatasetChanged, message });
     }
     for (needed, word) in [(Split::Train, "training"), (Split::Test, "test")] {
         if !splits.iter().any(|(_, split)| *split == Some(needed)) {
             let message = format!("datasets/{id} has no {word} pair; add pairs, or give one that split");
-            return Err(StoreError::precondition("DATASET_SPLIT_EMPTY", message));
+            return Err(StoreError::precondition(PreconditionReason::DatasetSplitEmpty, message));
         }
     }
     for (pair, (_, split)) in dataset.pairs.iter_mut().zip(splits) {

@@ -1,12 +1,12 @@
 //! Jobs that wait for others.
 
-use super::StoreError;
 use super::changes::Change;
 use super::events::happened;
 use super::jobs::job_of;
 use super::rows::to_json;
 use super::write::Write;
-use lightpath_domain::job::{Job, JobError, JobState};
+use super::{PreconditionReason, StoreError};
+use lightpath_domain::job::{FailureReason, Job, JobError, JobState};
 use sqlx::Row;
 use std::collections::VecDeque;
 
@@ -34,7 +34,7 @@ pub(super) async fn open_ones(write: &mut Write, after: &[String]) -> Result<i64
             JobState::Succeeded => {}
             state @ (JobState::Failed | JobState::Cancelled) => {
                 let message = format!("jobs/{id} must succeed first, but is {}; retry it first", state.as_str());
-                return Err(StoreError::precondition("DEPENDENCY_ENDED", message));
+                return Err(StoreError::precondition(PreconditionReason::DependencyEnded, message));
             }
         }
     }
@@ -58,7 +58,7 @@ pub(super) async fn failed(write: &mut Write, job: &Job, now_ms: i64) -> Result<
     let mut ended = VecDeque::from([(job.id.clone(), job.state)]);
     while let Some((id, state)) = ended.pop_front() {
         let message = format!("jobs/{id}, which this job was to come after, is {}", state.as_str());
-        let error = JobError { reason: "DEPENDENCY_FAILED".to_owned(), message: message.clone(), retryable: false };
+        let error = JobError { reason: FailureReason::DependencyFailed, message: message.clone(), retryable: false };
         let sql = "update job set state = 'failed', error = ?2, finish_time_ms = ?3, checkpoint = null, \
                    revision = revision + 1 \
                    where id in (select job from job_dependency where after = ?1) and state = 'queued' returning *";

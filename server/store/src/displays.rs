@@ -1,7 +1,7 @@
 //! Displays.
 
 use super::rows::{from_json, to_json};
-use super::{Store, StoreError, page};
+use super::{PreconditionReason, Store, StoreError, page};
 use lightpath_domain::display::Display;
 use sqlx::Row;
 use sqlx::sqlite::SqliteRow;
@@ -80,7 +80,7 @@ impl Store {
                 .await?;
                 if let Some(user) = users {
                     let message = format!("displays/{id} cannot be deleted while a {user} refers to it");
-                    return Err(StoreError::precondition("DISPLAY_IN_USE", message));
+                    return Err(StoreError::precondition(PreconditionReason::DisplayInUse, message));
                 }
                 let deleted = sqlx::query("delete from display where id = ?").bind(&id).execute(write.sql()).await?;
                 match deleted.rows_affected() {

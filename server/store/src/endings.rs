@@ -8,7 +8,7 @@ use super::leases::{fenced, held, read, under_lease};
 use super::rows::to_json;
 use super::write::Write;
 use super::{Store, StoreError, dependencies};
-use lightpath_domain::job::{Job, JobError, JobResult, Lease};
+use lightpath_domain::job::{FailureReason, Job, JobError, JobResult, Lease};
 use lightpath_domain::kernel::{KernelKey, NewKernelVersion};
 use sqlx::Row;
 use sqlx::sqlite::SqliteRow;
@@ -199,7 +199,7 @@ async fn expire(write: &mut Write, now_ms: i64) -> Result<Vec<Job>, StoreError> 
     for row in running(write, now_ms).await? {
         let job = job_of(&row)?;
         let message = format!("{} was not heard of for too long", row.try_get::<String, _>("worker")?);
-        let error = JobError { reason: "LEASE_EXPIRED".to_owned(), message, retryable: true };
+        let error = JobError { reason: FailureReason::LeaseExpired, message, retryable: true };
         let ending = after_failure(&job, row.try_get("failures")?, row.try_get("crashes")?, error, Some(now_ms));
         jobs.push(end(write, &job.id, ending, now_ms).await?);
     }
@@ -216,7 +216,7 @@ async fn recover_orphans(write: &mut Write, now_ms: i64) -> Result<Vec<Job>, Sto
             (false, false) => Ending::Requeued { run_time_ms: job.run_time_ms, failures, cause: Cause::ServerDied },
             (false, true) => {
                 let message = format!("the server died {crashes} times while it ran this job, which had not got ahead");
-                let error = JobError { reason: "SERVER_DIED".to_owned(), message, retryable: false };
+                let error = JobError { reason: FailureReason::ServerDied, message, retryable: false };
                 Ending::Failed { failures, error }
             }
         };

@@ -1,5 +1,41 @@
 //! What can go wrong in the store.
 
+lightpath_domain::reasons! {
+    /// Why something is not possible in the state of things, for programs.
+    pub enum PreconditionReason {
+        /// The dataset is finalized, and does not change any more.
+        DatasetFinalized = "DATASET_FINALIZED",
+        /// The dataset has as many pairs as it may have.
+        DatasetFull = "DATASET_FULL",
+        /// A part of the dataset's split has no pairs.
+        DatasetSplitEmpty = "DATASET_SPLIT_EMPTY",
+        /// A job that this one comes after has failed or was cancelled.
+        DependencyEnded = "DEPENDENCY_ENDED",
+        /// Jobs, datasets or kernels belong to the display.
+        DisplayInUse = "DISPLAY_IN_USE",
+        /// The job has ended.
+        JobEnded = "JOB_ENDED",
+        /// The job did not fail and was not cancelled.
+        JobNotRetryable = "JOB_NOT_RETRYABLE",
+        /// The kernel has no active version before the present one.
+        NoEarlierVersion = "NO_EARLIER_VERSION",
+        /// The queue is not paused.
+        NotPaused = "NOT_PAUSED",
+        /// Another job does the same work.
+        NotUnique = "NOT_UNIQUE",
+    }
+}
+
+lightpath_domain::reasons! {
+    /// What changed in between, for programs.
+    pub enum AbortReason {
+        /// Another version of the kernel was made active.
+        ActiveVersionChanged = "ACTIVE_VERSION_CHANGED",
+        /// The dataset's pairs or alignment.
+        DatasetChanged = "DATASET_CHANGED",
+    }
+}
+
 /// Why the store refused or failed. Everything but the last variants is about the request, not about the store.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
@@ -20,16 +56,16 @@ pub enum StoreError {
     /// Not possible in this state.
     #[error("{message}")]
     Precondition {
-        /// In capitals, stable, for programs.
-        reason: &'static str,
+        /// For programs.
+        reason: PreconditionReason,
         /// For people.
         message: String,
     },
     /// Something changed in between: read again and retry.
     #[error("{message}")]
     Aborted {
-        /// In capitals, stable, for programs.
-        reason: &'static str,
+        /// For programs.
+        reason: AbortReason,
         /// For people.
         message: String,
     },
@@ -111,7 +147,7 @@ impl StoreError {
         Self::AlreadyExists { what: what.into(), detail: detail.into() }
     }
 
-    pub(super) fn precondition(reason: &'static str, message: impl Into<String>) -> Self {
+    pub(super) fn precondition(reason: PreconditionReason, message: impl Into<String>) -> Self {
         Self::Precondition { reason, message: message.into() }
     }
 

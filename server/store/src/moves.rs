@@ -3,7 +3,7 @@
 use super::changes::Change;
 use super::kernels::find;
 use super::write::Write;
-use super::{Store, StoreError, page};
+use super::{AbortReason, PreconditionReason, Store, StoreError, page};
 use lightpath_domain::kernel::{Kernel, KernelKey, KernelMove};
 use sqlx::Row;
 
@@ -98,7 +98,7 @@ async fn promote(
             Some(active) => format!("version {active} of {key} is active now; read the kernel again"),
             None => format!("no version of {key} is active now; read the kernel again"),
         };
-        return Err(StoreError::Aborted { reason: "ACTIVE_VERSION_CHANGED", message });
+        return Err(StoreError::Aborted { reason: AbortReason::ActiveVersionChanged, message });
     }
     if kernel.active_version == Some(version) {
         return Ok(kernel);
@@ -122,7 +122,7 @@ async fn rollback(write: &mut Write, key: &KernelKey, reason: String, now_ms: i6
     };
     let Some((undone, Some(to))) = last else {
         let message = format!("{key} has no earlier active version to go back to");
-        return Err(StoreError::precondition("NO_EARLIER_VERSION", message));
+        return Err(StoreError::precondition(PreconditionReason::NoEarlierVersion, message));
     };
     let step = Move { from: kernel.active_version, to, reason, undoes: Some(undone) };
     apply(write, id, key, step, now_ms).await

@@ -1,7 +1,7 @@
 //! The queue as a whole: pausing it, and how it stands.
 
 use super::changes::Change;
-use super::{Store, StoreError};
+use super::{PreconditionReason, Store, StoreError};
 use sqlx::Row;
 
 /// Why nothing starts, and for whom.
@@ -79,7 +79,10 @@ impl Store {
                 let gone = sqlx::query("delete from pause where display = ?").bind(&display).execute(write.sql());
                 if gone.await?.rows_affected() == 0 {
                     let what = if display.is_empty() { "the queue".to_owned() } else { format!("displays/{display}") };
-                    return Err(StoreError::precondition("NOT_PAUSED", format!("{what} is not paused")));
+                    return Err(StoreError::precondition(
+                        PreconditionReason::NotPaused,
+                        format!("{what} is not paused"),
+                    ));
                 }
                 write.announce(Change::Claimable);
                 Ok(())

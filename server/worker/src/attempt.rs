@@ -1,9 +1,9 @@
 //! One attempt at a job, from claim to end.
 
-use super::context::{DISK_FULL, PANIC, saved_state};
+use super::context::saved_state;
 use super::stop::{StopFlag, StopReason};
 use super::{Clock, JobContext, Task, TaskError, TaskOutput, Worker};
-use lightpath_domain::job::{Job, JobError, Lease, Progress};
+use lightpath_domain::job::{FailureReason, Job, JobError, Lease, Progress};
 use lightpath_metrics as metrics;
 use lightpath_store::{Store, StoreError};
 use rayon::ThreadPool;
@@ -97,15 +97,20 @@ impl Worker {
             }
             (Err(TaskError::Stopped), Some(StopReason::Timeout)) => {
                 let message = "the attempt took longer than it may; raise the job's timeout".to_owned();
-                let error = JobError { reason: "TIMEOUT".to_owned(), message, retryable: false };
+                let error = JobError { reason: FailureReason::Timeout, message, retryable: false };
                 self.store.fail(lease, error, None, self.clock.now_ms()).await?
             }
             (Err(TaskError::Stopped), Some(StopReason::LeaseLost) | None) => return Err(StoreError::LeaseLost),
             (Err(TaskError::Failed(error)), _) => {
-                tracing::warn!(job = lease.job, reason = error.reason, message = error.message, "attempt failed");
+                tracing::warn!(
+                    job = lease.job,
+                    reason = error.reason.as_str(),
+                    message = error.message,
+                    "attempt failed"
+                );
                 let now_ms = self.clock.now_ms();
-                let delay = self.config.backoff.delay(&error.reason, lease.attempt).as_millis() as i64;
-                if error.reason == DISK_FULL {
+                let delay = self.config.backoff.delay(error.reason, lease.attempt).as_millis() as i64;
+                if error.reason == FailureReason::DiskFull {
                     // No fault of the job's.
                     self.store.postpone(lease, error, now_ms + delay, now_ms).await?
                 } else {
@@ -138,9 +143,12 @@ async fn compute(task: Arc<dyn Task>, job: Job, context: JobContext, pool: Arc<T
         drop(done.send(outcome.unwrap_or_else(|panic| Err(panicked(panic.as_ref())))));
     };
     if let Err(error) = std::thread::Builder::new().name("compute".to_owned()).spawn(run) {
-        return Err(TaskError::transient("THREAD", format!("no compute thread could be started: {error}")));
+        return Err(TaskError::transient(
+            FailureReason::Thread,
+            format!("no compute thread could be started: {error}"),
+        ));
     }
-    outcome.await.unwrap_or_else(|_| Err(TaskError::transient("THREAD", "the compute thread is gone")))
+    outcome.await.unwrap_or_else(|_| Err(TaskError::transient(FailureReason::Thread, "the compute thread is gone")))
 }
 
 /// The context moves into the pool: its cells belong to one thread at a time.
@@ -154,7 +162,7 @@ fn panicked(panic: &(dyn Any + Send)) -> TaskError {
         (None, Some(text)) => text.clone(),
         (None, None) => "no message".to_owned(),
     };
-    TaskError::Failed(JobError { reason: PANIC.to_owned(), message, retryable: true })
+    TaskError::Failed(JobError { reason: FailureReason::Panic, message, retryable: true })
 }
 
 /// Keeps the lease; raises the flag where it is lost or the job is to be cancelled.

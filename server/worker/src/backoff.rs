@@ -7,7 +7,7 @@
 //! `first` depends on what went wrong: a full disk needs somebody to make room, a panic is most likely a bug that comes
 //! again, and anything else may pass soon. Jobs that failed together (on a full disk, say) come back apart from each other.
 
-use super::context::{DISK_FULL, PANIC};
+use lightpath_domain::job::FailureReason;
 use std::time::Duration;
 use uuid::Uuid;
 
@@ -44,11 +44,11 @@ impl Backoff {
 
     /// The pause after attempt number `attempt` (from 1), which failed for `reason`.
     #[must_use]
-    pub fn delay(&self, reason: &str, attempt: u32) -> Duration {
+    pub fn delay(&self, reason: FailureReason, attempt: u32) -> Duration {
         let doublings = attempt.saturating_sub(1).min(31);
         let first = match reason {
-            DISK_FULL => self.first_disk_full,
-            PANIC => self.first_panic,
+            FailureReason::DiskFull => self.first_disk_full,
+            FailureReason::Panic => self.first_panic,
             _ => self.first,
         };
         let full = first.saturating_mul(1 << doublings).min(self.max);
@@ -67,11 +67,11 @@ mod tests {
         let backoff = Backoff { max: Duration::from_secs(60), ..Backoff::default() };
         for (attempt, full_s) in [(1, 2.0), (2, 4.0), (3, 8.0), (6, 60.0), (1000, 60.0)] {
             for _ in 0..20 {
-                let delay_s = backoff.delay("IO", attempt).as_secs_f64();
+                let delay_s = backoff.delay(FailureReason::Io, attempt).as_secs_f64();
                 assert!((full_s / 2.0..=full_s).contains(&delay_s), "attempt {attempt}: {delay_s} s");
             }
         }
-        assert!(backoff.delay(DISK_FULL, 1) >= Duration::from_millis(7500), "somebody has to make room");
-        assert!(backoff.delay(PANIC, 1) >= Duration::from_secs(5));
+        assert!(backoff.delay(FailureReason::DiskFull, 1) >= Duration::from_millis(7500), "somebody has to make room");
+        assert!(backoff.delay(FailureReason::Panic, 1) >= Duration::from_secs(5));
     }
 }

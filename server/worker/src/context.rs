@@ -4,7 +4,7 @@ use super::stop::{StopFlag, StopReason};
 use super::{Clock, checkpoint};
 use lightpath_artifacts::{ArtifactError, Artifacts};
 use lightpath_domain::causes::with_causes;
-use lightpath_domain::job::{Job, JobError, JobResult, Lease, Progress};
+use lightpath_domain::job::{FailureReason, Job, JobError, JobResult, Lease, Progress};
 use lightpath_domain::kernel::{KernelKey, NewKernelVersion};
 use lightpath_optics::EngineCache;
 use lightpath_store::{Store, StoreError};
@@ -14,11 +14,6 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::runtime::Handle;
 use tokio::sync::watch;
-
-/// Why an attempt fails that found no room on the disk.
-pub(super) const DISK_FULL: &str = "DISK_FULL";
-/// Why an attempt fails whose task panicked.
-pub(super) const PANIC: &str = "PANIC";
 
 /// What a job gave.
 #[derive(Clone, Debug, PartialEq)]
@@ -43,27 +38,27 @@ pub enum TaskError {
 impl TaskError {
     /// A failure that another attempt would only repeat.
     #[must_use]
-    pub fn permanent(reason: &str, message: impl std::fmt::Display) -> Self {
-        Self::Failed(JobError { reason: reason.to_owned(), message: message.to_string(), retryable: false })
+    pub fn permanent(reason: FailureReason, message: impl std::fmt::Display) -> Self {
+        Self::Failed(JobError { reason, message: message.to_string(), retryable: false })
     }
 
     /// A failure that may pass.
     #[must_use]
-    pub fn transient(reason: &str, message: impl std::fmt::Display) -> Self {
-        Self::Failed(JobError { reason: reason.to_owned(), message: message.to_string(), retryable: true })
+    pub fn transient(reason: FailureReason, message: impl std::fmt::Display) -> Self {
+        Self::Failed(JobError { reason, message: message.to_string(), retryable: true })
     }
 }
 
 impl From<ArtifactError> for TaskError {
     fn from(error: ArtifactError) -> Self {
         let reason = match &error {
-            ArtifactError::DiskFull => DISK_FULL,
-            ArtifactError::NotFound { .. } => "ARTIFACT_NOT_FOUND",
-            ArtifactError::DataLoss { .. } => "DATA_LOSS",
-            _ => "IO",
+            ArtifactError::DiskFull => FailureReason::DiskFull,
+            ArtifactError::NotFound { .. } => FailureReason::ArtifactNotFound,
+            ArtifactError::DataLoss { .. } => FailureReason::DataLoss,
+            _ => FailureReason::Io,
         };
         let retryable = error.is_transient();
-        Self::Failed(JobError { reason: reason.to_owned(), message: with_causes(&error), retryable })
+        Self::Failed(JobError { reason, message: with_causes(&error), retryable })
     }
 }
 
@@ -71,12 +66,12 @@ impl From<StoreError> for TaskError {
     fn from(error: StoreError) -> Self {
         let reason = match &error {
             StoreError::LeaseLost => return Self::Stopped,
-            StoreError::DiskFull => DISK_FULL,
-            StoreError::NotFound { .. } => "NOT_FOUND",
-            _ => "STORE",
+            StoreError::DiskFull => FailureReason::DiskFull,
+            StoreError::NotFound { .. } => FailureReason::NotFound,
+            _ => FailureReason::Store,
         };
         let retryable = error.is_transient();
-        Self::Failed(JobError { reason: reason.to_owned(), message: with_causes(&error), retryable })
+        Self::Failed(JobError { reason, message: with_causes(&error), retryable })
     }
 }
 
@@ -209,7 +204,7 @@ impl JobContext {
     /// and tries again later.
     fn save_in_passing(&self, state: Vec<u8>) -> Result<(), TaskError> {
         match self.save(state) {
-            Err(TaskError::Failed(error)) if error.reason == DISK_FULL => {
+            Err(TaskError::Failed(error)) if error.reason == FailureReason::DiskFull => {
                 tracing::warn!(job = self.lease.job, "the disk is full: no checkpoint; the job goes on");
                 self.last_checkpoint.set(Instant::now());
                 Ok(())
@@ -220,7 +215,8 @@ impl JobContext {
 
     /// Saves the state: file first, then the row that names it, then the file before goes.
     fn save(&self, state: Vec<u8>) -> Result<(), TaskError> {
-        let sealed = checkpoint::seal(&self.lease, state).map_err(|error| TaskError::permanent("CHECKPOINT", error))?;
+        let sealed = checkpoint::seal(&self.lease, state)
+            .map_err(|error| TaskError::permanent(FailureReason::Checkpoint, error))?;
         self.wait(self.save_sealed(sealed))?;
         self.last_checkpoint.set(Instant::now());
         Ok(())

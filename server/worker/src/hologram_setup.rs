@@ -3,7 +3,7 @@
 use super::setting::{Setting, detector};
 use super::{JobContext, TaskError};
 use lightpath_domain::dataset::Encoding;
-use lightpath_domain::job::{self, ImagePlane, OptimizeHologram};
+use lightpath_domain::job::{self, FailureReason, ImagePlane, OptimizeHologram};
 use lightpath_domain::propagation::ValidityReport;
 use lightpath_domain::units::Wavelength;
 use lightpath_media::pictures::{self, Channel};
@@ -116,7 +116,7 @@ impl Wanted {
             job::InitialPhase::Constant { phase_rad } => InitialPhase::Constant { phase_rad: *phase_rad },
             job::InitialPhase::Given(files) => {
                 let file = files.get(index).ok_or_else(|| {
-                    TaskError::permanent("INVALID_INPUT", "there is no initial phase for each wavelength")
+                    TaskError::permanent(FailureReason::InvalidInput, "there is no initial phase for each wavelength")
                 })?;
                 let rows = spec.frames as usize * self.setting.height_px();
                 let bytes = context.read_artifact(file)?;

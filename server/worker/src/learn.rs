@@ -8,7 +8,7 @@ use super::setting::{Setting, detector, finite};
 use super::state_bytes::{from_bytes, to_bytes};
 use super::{JobContext, TaskError, TaskOutput};
 use lightpath_domain::dataset::{Dataset, Split};
-use lightpath_domain::job::{Job, JobResult, JointResult, LearnKernel, LearnResult, Progress};
+use lightpath_domain::job::{FailureReason, Job, JobResult, JointResult, LearnKernel, LearnResult, Progress};
 use lightpath_domain::kernel::{KernelLineage, KernelMetrics, KernelModel, NewKernelVersion, OverDistance};
 use lightpath_media::captures::Captures;
 use lightpath_media::kernel_file;
@@ -96,7 +96,7 @@ pub(super) fn read_dataset(context: &JobContext, id: &str) -> Result<(Setting, D
     let dataset = context.wait(context.store().dataset(id))?;
     if dataset.digest.is_none() {
         let message = format!("datasets/{id} is still open; finalize it first");
-        return Err(TaskError::permanent("DATASET_OPEN", message));
+        return Err(TaskError::permanent(FailureReason::DatasetOpen, message));
     }
     let setting = Setting::read(context, &dataset.display, dataset.wavelength, dataset.distance)?;
     Ok((setting, dataset))
@@ -218,7 +218,8 @@ fn lineage(
     (_, dataset): &(Setting, Dataset),
     planes: &[(Setting, Dataset)],
 ) -> Result<KernelLineage, TaskError> {
-    let parameters_json = serde_json::to_string(spec).map_err(|error| TaskError::permanent("LINEAGE", error))?;
+    let parameters_json =
+        serde_json::to_string(spec).map_err(|error| TaskError::permanent(FailureReason::Lineage, error))?;
     Ok(KernelLineage {
         job: job.id.clone(),
         dataset: dataset.id.clone(),

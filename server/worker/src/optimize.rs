@@ -6,8 +6,8 @@ use super::setting::finite;
 use super::state_bytes::{HologramState, from_bytes, to_bytes};
 use super::{JobContext, TaskError, TaskOutput};
 use lightpath_domain::job::{
-    FrameResult, HologramResult, JobResult, Method, OptimizeHologram, PlaneResult, Progress, Quality, Quantity,
-    SeenQuality, WavelengthResult,
+    FailureReason, FrameResult, HologramResult, JobResult, Method, OptimizeHologram, PlaneResult, Progress, Quality,
+    Quantity, SeenQuality, WavelengthResult,
 };
 use lightpath_media::pictures;
 use lightpath_metrics as metrics;
@@ -95,7 +95,7 @@ impl Work<'_> {
         let HologramState { finished, compute_s, steps, .. } = self.state;
         let first = finished.first().and_then(|first| Some((first, first.frames.first()?, first.planes.first()?)));
         let Some((first, frame, plane)) = first else {
-            return Err(TaskError::permanent("INVALID_INPUT", "the job has no wavelength, frame or plane"));
+            return Err(TaskError::permanent(FailureReason::InvalidInput, "the job has no wavelength, frame or plane"));
         };
         Ok(HologramResult {
             phase: frame.phase.clone(),

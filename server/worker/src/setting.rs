@@ -2,7 +2,7 @@
 
 use super::{JobContext, TaskError};
 use lightpath_domain::display::Display;
-use lightpath_domain::job::{self, Region};
+use lightpath_domain::job::{self, FailureReason, Region};
 use lightpath_domain::kernel::KernelKey;
 use lightpath_domain::planning;
 use lightpath_domain::propagation::{PropagationMethod, ValidityReport};
@@ -71,7 +71,7 @@ impl Setting {
         let of = |setup: &OpticalSetup| (setup.grid(), setup.wavelength_m(), setup.distance_m());
         if of(&model.setup) != of(&self.setup) {
             let message = format!("{}/versions/{} was learned for another setup", self.key, version.version);
-            return Err(TaskError::permanent("KERNEL_MISMATCH", message));
+            return Err(TaskError::permanent(FailureReason::KernelMismatch, message));
         }
         Ok(model)
     }
@@ -124,12 +124,15 @@ pub(super) fn finite(what: &str, value: f64) -> Result<f64, TaskError> {
     if value.is_finite() {
         return Ok(value);
     }
-    Err(TaskError::permanent("DIVERGED", format!("{what} became {value}; a smaller learning_rate may help")))
+    Err(TaskError::permanent(
+        FailureReason::Diverged,
+        format!("{what} became {value}; a smaller learning_rate may help"),
+    ))
 }
 
 impl From<lightpath_optics::Error> for TaskError {
     fn from(error: lightpath_optics::Error) -> Self {
-        Self::permanent("INVALID_INPUT", error)
+        Self::permanent(FailureReason::InvalidInput, error)
     }
 }
 
@@ -142,25 +145,25 @@ impl From<BoxError> for TaskError {
         };
         match error.downcast::<lightpath_optics::Error>() {
             Ok(error) => (*error).into(),
-            Err(error) => Self::permanent("LEARNING", error),
+            Err(error) => Self::permanent(FailureReason::Learning, error),
         }
     }
 }
 
 impl From<PictureError> for TaskError {
     fn from(error: PictureError) -> Self {
-        Self::permanent("INVALID_PICTURE", error)
+        Self::permanent(FailureReason::InvalidPicture, error)
     }
 }
 
 impl From<CaptureError> for TaskError {
     fn from(error: CaptureError) -> Self {
-        Self::permanent("INVALID_PICTURE", error)
+        Self::permanent(FailureReason::InvalidPicture, error)
     }
 }
 
 impl From<KernelFileError> for TaskError {
     fn from(error: KernelFileError) -> Self {
-        Self::permanent("INVALID_KERNEL", error)
+        Self::permanent(FailureReason::InvalidKernel, error)
     }
 }

@@ -2,7 +2,7 @@
 
 use super::setting::Setting;
 use super::{JobContext, TaskError, TaskOutput};
-use lightpath_domain::job::{CaptureResult, JobResult, Progress, SimulateCapture};
+use lightpath_domain::job::{CaptureResult, FailureReason, JobResult, Progress, SimulateCapture};
 use lightpath_domain::planning;
 use lightpath_media::pictures;
 use lightpath_optics::simulated_display::SimulatedDisplay;
@@ -13,7 +13,7 @@ pub(super) fn run(context: &JobContext, spec: &SimulateCapture) -> Result<TaskOu
     report(context, 0)?;
     let Some(display) = bench(&setting)? else {
         let message = format!("displays/{} has no simulated bench", spec.display);
-        return Err(TaskError::permanent("NOT_SIMULATED", message));
+        return Err(TaskError::permanent(FailureReason::NotSimulated, message));
     };
     report(context, 1)?;
     let photo = display.capture_at(&displayed, spec.seed, spec.elapsed_s / 3600.0)?;

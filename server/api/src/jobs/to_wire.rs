@@ -56,7 +56,7 @@ fn progress(progress: Progress) -> v1::Progress {
 
 fn error(error: JobError) -> v1::JobError {
     let JobError { reason, message, retryable } = error;
-    v1::JobError { reason, message, retryable }
+    v1::JobError { reason: reason.to_string(), message, retryable }
 }
 
 fn spec(spec: JobSpec) -> v1::JobSpec {

@@ -197,7 +197,11 @@ async fn what_nothing_refers_to_goes_after_its_time_of_grace_and_nothing_else() 
 }
 
 fn no_luck() -> lightpath_domain::job::JobError {
-    lightpath_domain::job::JobError { reason: "IO".to_owned(), message: "no luck".to_owned(), retryable: false }
+    lightpath_domain::job::JobError {
+        reason: lightpath_domain::job::FailureReason::Io,
+        message: "no luck".to_owned(),
+        retryable: false,
+    }
 }
 
 #[tokio::test]

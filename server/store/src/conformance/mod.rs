@@ -13,7 +13,7 @@ mod scheduling;
 
 use super::{Store, StoreError};
 use lightpath_domain::dataset::{Dataset, Encoding, Pair};
-use lightpath_domain::job::{CaptureResult, JobError, JobResult, JobSpec, NewJob};
+use lightpath_domain::job::{CaptureResult, FailureReason, JobError, JobResult, JobSpec, NewJob};
 use lightpath_domain::kernel::{KernelKey, KernelLineage, KernelMetrics, KernelModel, NewKernelVersion};
 use lightpath_domain::units::Distance;
 use lightpath_fixtures::{DISTANCE, WAVELENGTH, capture_job, display};
@@ -42,7 +42,7 @@ fn result() -> JobResult {
 }
 
 fn trouble() -> JobError {
-    JobError { reason: "IO".to_owned(), message: "the disk sighed".to_owned(), retryable: true }
+    JobError { reason: FailureReason::Io, message: "the disk sighed".to_owned(), retryable: true }
 }
 
 fn digest(n: u32) -> String {

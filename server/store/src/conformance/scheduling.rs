@@ -1,7 +1,7 @@
 //! When and for whom jobs run.
 
 use super::*;
-use crate::{BatchProgress, ClaimLimits, JobFilter, Pause, QueueLimits, Turn};
+use crate::{BatchProgress, ClaimLimits, JobFilter, Pause, PreconditionReason, QueueLimits, Turn};
 use lightpath_domain::job::{Job, JobState, Lease, Progress};
 
 async fn put(store: &Store, request_id: &str, change: impl FnOnce(&mut NewJob)) -> Result<Job, StoreError> {
@@ -153,7 +153,10 @@ async fn what_is_paused_does_not_start() {
     assert!(claim(&store, 25).await.is_some());
     store.resume(Some("lab")).await.unwrap();
     assert!(claim(&store, 26).await.is_some());
-    assert!(matches!(store.resume(Some("lab")).await, Err(StoreError::Precondition { reason: "NOT_PAUSED", .. })));
+    assert!(matches!(
+        store.resume(Some("lab")).await,
+        Err(StoreError::Precondition { reason: PreconditionReason::NotPaused, .. })
+    ));
     assert!(matches!(store.pause(Some("nowhere"), "", 1).await, Err(StoreError::NotFound { .. })));
 }
 
@@ -168,7 +171,10 @@ async fn at_most_one_job_with_a_unique_key_is_active() {
     assert!(matches!(put(&store, "second", key).await, Err(StoreError::AlreadyExists { .. })));
     store.fail(&lease, trouble(), None, 21).await.unwrap();
     let second = put(&store, "second", key).await.unwrap();
-    assert!(matches!(store.retry(&first.id, 22).await, Err(StoreError::Precondition { reason: "NOT_UNIQUE", .. })));
+    assert!(matches!(
+        store.retry(&first.id, 22).await,
+        Err(StoreError::Precondition { reason: PreconditionReason::NotUnique, .. })
+    ));
     store.cancel(&second.id, 23).await.unwrap();
     assert_eq!(store.retry(&first.id, 24).await.unwrap().state, JobState::Queued);
 }
@@ -212,7 +218,10 @@ async fn what_waits_for_a_failed_job_fails_and_can_be_retried_in_order() {
         assert_eq!((job.state, job.error.unwrap().reason.as_str()), (JobState::Failed, "DEPENDENCY_FAILED"));
     }
     assert!(matches!(put_after(&store, "d", &[&a]).await, Err(StoreError::Precondition { .. })));
-    assert!(matches!(store.retry(&b, 22).await, Err(StoreError::Precondition { reason: "DEPENDENCY_ENDED", .. })));
+    assert!(matches!(
+        store.retry(&b, 22).await,
+        Err(StoreError::Precondition { reason: PreconditionReason::DependencyEnded, .. })
+    ));
     store.retry(&a, 23).await.unwrap();
     assert_eq!(store.retry(&b, 24).await.unwrap().waiting_for, 1);
     let (job, lease) = claim(&store, 25).await.unwrap();

@@ -2,7 +2,7 @@
 
 use super::super::*;
 use super::bench::{Bench, now_ms};
-use lightpath_domain::job::{CaptureResult, JobResult, JobState, Progress};
+use lightpath_domain::job::{CaptureResult, FailureReason, JobResult, JobState, Progress};
 use lightpath_fixtures::{capture_job, display};
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -92,16 +92,16 @@ async fn trouble_that_passes_is_retried_and_bad_input_is_not() {
     let passing = submit(&bench, "passing", 3).await;
     let bad = submit(&bench, "bad", 3).await;
     let task = |job: &Job, context: &JobContext| match (job.request_id.as_str(), job.attempt) {
-        ("passing", 1) => Err(TaskError::transient("IO", "the disk sighed")),
+        ("passing", 1) => Err(TaskError::transient(FailureReason::Io, "the disk sighed")),
         ("passing", _) => count(context, |_| {}),
-        _ => Err(TaskError::permanent("BAD_PICTURE", "that is no picture")),
+        _ => Err(TaskError::permanent(FailureReason::InvalidPicture, "that is no picture")),
     };
     let working = bench.start(config(), task);
     let job = bench.ended(&passing).await;
     assert_eq!((job.state, job.attempt, job.error), (JobState::Succeeded, 2, None));
     let job = bench.ended(&bad).await;
     assert_eq!((job.state, job.attempt), (JobState::Failed, 1));
-    assert_eq!(job.error.unwrap().reason, "BAD_PICTURE");
+    assert_eq!(job.error.unwrap().reason, FailureReason::InvalidPicture);
     working.stop().await;
 }
 
@@ -283,7 +283,7 @@ async fn a_job_that_kills_its_server_ends_after_exactly_its_attempts() {
         }
         let job = bench.store.job(&id).await.unwrap();
         assert_eq!((deaths, job.attempt, job.state), (attempts_max, attempts_max, JobState::Failed));
-        assert_eq!(job.error.unwrap().reason, "SERVER_DIED");
+        assert_eq!(job.error.unwrap().reason, FailureReason::ServerDied);
         let next = bench.store.claim(now_ms(), 30_000, "w").await.unwrap().unwrap().0;
         assert_eq!(next.id, after, "others run again");
     }
