@@ -13,11 +13,11 @@ use super::submission::{Submission, watch_hint};
 use super::table::Table;
 use clap::{Args, Subcommand};
 use futures::{StreamExt as _, TryStreamExt as _};
-use lightpath::v1::{self, Job, job_spec};
+use lightpath::v1::{self, job_spec};
 use lightpath::{hologram_result, names};
 use outputs::{Files, Outputs};
 use pictures::Pictures;
-use results::{kernel_version, results};
+use results::{Item, kernel_version, results};
 use std::collections::BTreeSet;
 use std::fs::File;
 use std::path::PathBuf;
@@ -119,13 +119,6 @@ pub(crate) struct Save {
 
     #[command(flatten)]
     outputs: Outputs,
-}
-
-/// A target on its way: its name, its job and where its files go.
-struct Item {
-    name: String,
-    job: Job,
-    files: Files,
 }
 
 impl HologramCommand {

@@ -2,7 +2,8 @@
 
 use super::changes::Change;
 use super::events::happened;
-use super::jobs::{active_with_key, job_of};
+use super::job_rows::job_of;
+use super::jobs::active_with_key;
 use super::write::Write;
 use super::{PreconditionReason, Store, StoreError, dependencies};
 use lightpath_domain::job::{Job, JobState};

@@ -2,7 +2,7 @@
 
 use super::changes::Change;
 use super::events::happened;
-use super::jobs::job_of;
+use super::job_rows::job_of;
 use super::rows::to_json;
 use super::write::Write;
 use super::{PreconditionReason, StoreError};

@@ -1,7 +1,7 @@
 //! A database as it lies there, whoever serves it: for checks and backups.
 
-use super::StoreError;
 use super::open::{MIGRATIONS, connect_options};
+use super::{Store, StoreError};
 use sqlx::sqlite::SqliteConnection;
 use sqlx::{ConnectOptions as _, Connection as _, Row};
 use std::path::Path;
@@ -44,6 +44,25 @@ pub struct DanglingReference {
     pub by: String,
     /// What it names.
     pub digest: String,
+}
+
+impl Store {
+    /// Opens a database that a server may be at work on: one whose tables are of another version is left alone.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::open`]; [`StoreError::OlderDatabase`].
+    pub async fn open_beside(path: &Path) -> Result<Self, StoreError> {
+        if path.exists() {
+            let mut inspection = Inspection::open(path).await?;
+            let steps = inspection.steps().await?.len();
+            inspection.close().await?;
+            if steps < MIGRATIONS.len() {
+                return Err(StoreError::OlderDatabase);
+            }
+        }
+        Self::open(path).await
+    }
 }
 
 impl Inspection {

@@ -2,11 +2,11 @@
 
 use super::changes::Change;
 use super::events::happened;
-use super::rows::{from_json, from_json_option, from_word, to_json, to_word};
+use super::job_rows::job_of;
+use super::rows::{from_word, to_json, to_word};
 use super::write::Write;
 use super::{Store, StoreError, dependencies, page};
 use lightpath_domain::job::{Job, JobState, NewJob, Scheduling};
-use sqlx::sqlite::SqliteRow;
 use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
 use uuid::Uuid;
 
@@ -285,35 +285,4 @@ async fn require_artifacts(sql: &mut SqliteConnection, id: &str) -> Result<(), S
     .fetch_optional(sql)
     .await?;
     missing.map_or(Ok(()), |digest| Err(StoreError::not_found(format!("artifact {digest}"))))
-}
-
-pub(super) fn job_of(row: &SqliteRow) -> Result<Job, StoreError> {
-    Ok(Job {
-        id: row.try_get("id")?,
-        request_id: row.try_get("request_id")?,
-        spec: from_json("job.spec", &row.try_get::<String, _>("spec")?)?,
-        state: from_word("job.state", row.try_get("state")?)?,
-        priority: row.try_get("priority")?,
-        attempt: row.try_get("attempt")?,
-        attempts_max: row.try_get("attempts_max")?,
-        create_time_ms: row.try_get("create_time_ms")?,
-        start_time_ms: row.try_get("start_time_ms")?,
-        finish_time_ms: row.try_get("finish_time_ms")?,
-        run_time_ms: row.try_get("run_time_ms")?,
-        progress: from_json_option("job.progress", row.try_get("progress")?)?,
-        error: from_json_option("job.error", row.try_get("error")?)?,
-        result: from_json_option("job.result", row.try_get("result")?)?,
-        cancel_requested: row.try_get("cancel_requested")?,
-        checkpoint: row.try_get("checkpoint")?,
-        revision: row.try_get::<i64, _>("revision")?.unsigned_abs(),
-        scheduling: Scheduling {
-            owner: row.try_get("owner")?,
-            batch: row.try_get("batch")?,
-            unique_key: row.try_get("unique_key")?,
-            not_before_ms: row.try_get("not_before_ms")?,
-            timeout_ms: row.try_get("timeout_ms")?,
-            after: from_json("job.after", &row.try_get::<String, _>("after")?)?,
-        },
-        waiting_for: row.try_get("waiting_for")?,
-    })
 }

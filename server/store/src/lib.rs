@@ -14,7 +14,8 @@
 //!
 //! - `tokens`: who may call. `queue`: pausing, and how it stands. `dependencies`: jobs that wait for others.
 //! - `collection`: what goes by itself. `inspect`: a database as it lies there, for checks and backups.
-//! - `open`: files, pragmas, migrations. `write`: write transactions. `changes`: announcements. `rows`: text and JSON.
+//! - `open`: files, pragmas, migrations. `write`: write transactions. `changes`: announcements. `subscriptions`: listening to
+//!   them. `rows`: text and JSON. `job_rows`: jobs as rows.
 //! - `displays`, `artifacts`, `datasets`, `jobs`, `leases`, `endings`, `cancels`, `events`, `kernels`, `moves`, `totals`: a table or a
 //!   part of its life each, every one an `impl Store`.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
@@ -32,6 +33,7 @@ mod endings;
 mod error;
 mod events;
 mod inspect;
+mod job_rows;
 mod jobs;
 mod kernels;
 mod leases;
@@ -39,6 +41,7 @@ mod moves;
 mod open;
 mod queue;
 mod rows;
+mod subscriptions;
 mod tokens;
 mod totals;
 mod write;

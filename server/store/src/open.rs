@@ -1,7 +1,7 @@
 //! Opening the database: files, pragmas, migrations.
 
+use super::StoreError;
 use super::changes::Changes;
-use super::{Inspection, StoreError};
 use sqlx::migrate::{MigrateError, Migration, MigrationType, Migrator};
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous};
 use sqlx::{AssertSqlSafe, SqlSafeStr};
@@ -62,23 +62,6 @@ impl Store {
         migrator(MIGRATIONS.len()).run(&writer).await.map_err(migration_error)?;
         let readers = pool(READERS).connect_with(options.create_if_missing(false).pragma("query_only", "on")).await?;
         Ok(Self { inner: Arc::new(Inner { writer, readers, changes: Changes::default(), path: path.to_owned() }) })
-    }
-
-    /// Opens a database that a server may be at work on: one whose tables are of another version is left alone.
-    ///
-    /// # Errors
-    ///
-    /// As [`Self::open`]; [`StoreError::OlderDatabase`].
-    pub async fn open_beside(path: &Path) -> Result<Self, StoreError> {
-        if path.exists() {
-            let mut inspection = Inspection::open(path).await?;
-            let steps = inspection.steps().await?.len();
-            inspection.close().await?;
-            if steps < MIGRATIONS.len() {
-                return Err(StoreError::OlderDatabase);
-            }
-        }
-        Self::open(path).await
     }
 
     /// Waits for what is under way and closes the files. Later calls fail.

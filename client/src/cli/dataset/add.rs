@@ -1,12 +1,11 @@
 //! `lightpath dataset add`
 
-use super::manifest::{self, Entry};
+use super::manifest::{self, Entry, Split};
 use crate::cli::destination::name_of;
 use crate::cli::failure::Failure;
 use crate::cli::session::{Session, say};
-use clap::{Args, ValueEnum};
+use clap::Args;
 use lightpath::{names, v1};
-use serde::Deserialize;
 use std::path::PathBuf;
 
 /// Add holograms and their photographs: one pair, or a folder of them.
@@ -79,18 +78,6 @@ pub(crate) struct Add {
     /// The camera's amplification, as a factor
     #[arg(long, value_name = "FACTOR")]
     gain: Option<f64>,
-}
-
-/// What a pair is for.
-#[derive(Clone, Copy, Debug, ValueEnum, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub(crate) enum Split {
-    /// Learned from.
-    Train,
-    /// Watched while learning.
-    Validation,
-    /// Looked at once, after learning.
-    Test,
 }
 
 impl Add {

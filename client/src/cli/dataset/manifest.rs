@@ -1,8 +1,8 @@
 //! Lists of pairs: manifests, and folders matched by file name.
 
-use super::add::Split;
 use crate::cli::destination::name_of;
 use crate::cli::failure::Failure;
+use clap::ValueEnum;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -23,6 +23,18 @@ pub(super) struct Entry {
     pub(super) black_level: Option<f64>,
     pub(super) exposure_s: Option<f64>,
     pub(super) camera_gain: Option<f64>,
+}
+
+/// What a pair is for.
+#[derive(Clone, Copy, Debug, ValueEnum, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum Split {
+    /// Learned from.
+    Train,
+    /// Watched while learning.
+    Validation,
+    /// Looked at once, after learning.
+    Test,
 }
 
 #[derive(Debug, Deserialize)]

@@ -1,10 +1,17 @@
 //! How good the holograms are, in words.
 
-use super::Item;
+use super::outputs::Files;
 use crate::cli::table::{Facts, Table};
 use crate::cli::{job_text, propagation_text, quality_text, show};
 use lightpath::v1::{self, Job, job_spec};
 use lightpath::{hologram_result, names, units};
+
+/// A target on its way: its name, its job and where its files go.
+pub(super) struct Item {
+    pub(super) name: String,
+    pub(super) job: Job,
+    pub(super) files: Files,
+}
 
 /// One result in full, or a table of several. The jobs that did not succeed are told as errors.
 pub(super) fn results(items: &[Item]) -> String {

@@ -1,10 +1,16 @@
 //! The demo's arguments.
 
-use super::FIRST_MODEL;
 use lightpath::units::{Length, ParseError};
 use lightpath::v1::KernelModel;
 use lightpath_media::pictures::SIDE_PX_MAX;
 use std::path::PathBuf;
+
+/// Name of the display on the demo's server.
+pub(super) const DISPLAY: &str = "demo";
+/// Name of the dataset on the demo's server.
+pub(super) const DATASET: &str = "demo-photographs";
+/// The model that the demo puts into service.
+const FIRST_MODEL: KernelModel = KernelModel::Display;
 
 /// Show the whole loop on a simulated display: holograms, photographs, learning, better holograms.
 #[derive(Clone, Debug, clap::Args)]

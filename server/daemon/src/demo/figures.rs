@@ -1,9 +1,9 @@
 //! The demo's pictures.
 
-use super::Learned;
 use super::args::{DemoArgs, model_name};
 use super::files::Files;
 use super::held_out::Judged;
+use super::learned::Learned;
 use super::single_kernel;
 use super::targets::Targets;
 use lightpath::units::show_m;

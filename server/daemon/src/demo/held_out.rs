@@ -1,11 +1,10 @@
 //! Held-out targets through each kernel, photographed and measured.
 
-use super::args::DemoArgs;
+use super::args::{DATASET, DemoArgs};
 use super::files::Files;
-use super::lab::{Lab, Losses, Shot, Wanted, kernel_choice};
+use super::lab::{Lab, Losses, NARROW_RAD, Shot, Wanted, kernel_choice};
 use super::story::Story;
 use super::targets::Picture;
-use super::{DATASET, NARROW_RAD};
 use lightpath::v1;
 use lightpath_domain::dataset::Encoding;
 use lightpath_media::pictures;

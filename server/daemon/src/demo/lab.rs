@@ -1,6 +1,6 @@
 //! The demo's display on the demo's server, through the client library.
 
-use super::args::DemoArgs;
+use super::args::{DISPLAY, DemoArgs};
 use super::story::Bar;
 use anyhow::Context as _;
 use lightpath::v1::{self, Job, KernelModel, job_spec::Kind};
@@ -11,8 +11,8 @@ use lightpath_optics::{Grid, OpticalSetup};
 use serde::Serialize;
 use std::path::Path;
 
-/// Id of the display.
-pub(super) const DISPLAY: &str = "demo";
+/// Range of the initial phase \[rad\] of held-out holograms: narrow ones speckle least.
+pub(super) const NARROW_RAD: f64 = 1.0;
 
 /// A display and a client of its server.
 pub(super) struct Lab {

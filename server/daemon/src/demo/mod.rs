@@ -9,6 +9,7 @@ mod figures;
 mod files;
 mod held_out;
 mod lab;
+mod learned;
 mod local_server;
 mod report;
 mod single_kernel;
@@ -17,14 +18,15 @@ mod targets;
 
 pub use args::DemoArgs;
 
-use anyhow::Context as _;
+use args::DATASET;
 use files::Files;
-use held_out::{Contender, Judged};
-use lab::{Lab, Shot, Wanted};
-use lightpath::v1::{self, KernelModel};
+use held_out::Contender;
+use lab::{Lab, NARROW_RAD, Shot, Wanted};
+use learned::learn;
+use lightpath::v1;
 use lightpath_domain::display::SimulatedBench;
 use local_server::LocalServer;
-use report::{ModelRow, Report};
+use report::Report;
 use std::f64::consts::TAU;
 use story::Story;
 use targets::{Picture, Targets};
@@ -33,9 +35,6 @@ use targets::{Picture, Targets};
 const STRENGTH: f64 = 1.0;
 const CAMERA_NOISE: f64 = 0.003;
 const MISALIGNMENT_PX: f64 = 0.5;
-/// Range of the initial phase \[rad\] of held-out holograms: narrow ones speckle least.
-const NARROW_RAD: f64 = 1.0;
-const DATASET: &str = "demo-photographs";
 
 /// Runs the demo and leaves its pictures in the output folder.
 ///
@@ -143,45 +142,3 @@ async fn photograph_holograms(
     let digest = lab.finalize(DATASET).await?;
     story.tell(format!("dataset {DATASET}, {}…", digest.get(..15).unwrap_or(&digest)))
 }
-
-/// A kernel that was learned.
-pub(crate) struct Learned {
-    name: &'static str,
-    version: u32,
-    result: v1::LearnResult,
-    seconds: f64,
-}
-
-/// The display model first: it becomes version 1.
-async fn learn(args: &DemoArgs, lab: &Lab, story: &mut Story) -> anyhow::Result<Vec<Learned>> {
-    let mut learned = Vec::new();
-    for &model in &args.models {
-        let name = args::model_name(model);
-        story.step(&format!("Learn the display from its photographs: model {name}"))?;
-        let started = std::time::Instant::now();
-        let result = lab.learn(DATASET, model, args.seed, &mut story.bar("learn")).await?;
-        let metrics = result.metrics.context("the server left out the kernel's metrics")?;
-        let version = result.kernel_version.rsplit('/').next().and_then(|number| number.parse().ok());
-        let version = version.with_context(|| format!("{:?} is no kernel version", result.kernel_version))?;
-        story.tell(format!(
-            "version {version} · training loss {:.6} · held-out loss {:.6}, through the ideal kernel {:.6}",
-            metrics.train_loss, metrics.test_loss, metrics.ideal_test_loss
-        ))?;
-        learned.push(Learned { name, version, result, seconds: started.elapsed().as_secs_f64() });
-    }
-    Ok(learned)
-}
-
-impl Learned {
-    fn metrics(&self) -> v1::KernelMetrics {
-        self.result.metrics.unwrap_or_default()
-    }
-}
-
-/// What learning reports of a contender, where it was learned.
-fn row_of<'a>(judged: &'a Judged, learned: &'a [Learned]) -> ModelRow<'a> {
-    ModelRow { judged, learned: learned.iter().find(|learned| learned.version == judged.contender.version) }
-}
-
-/// The model that the demo puts into service.
-const FIRST_MODEL: KernelModel = KernelModel::Display;

@@ -1,12 +1,12 @@
 //! What the demo measured: a table for people, JSON for programs.
 
 use super::args::DemoArgs;
+use super::figures;
 use super::held_out::Judged;
 use super::lab::Losses;
-use super::row_of;
+use super::learned::Learned;
 use super::single_kernel;
 use super::targets::Targets;
-use super::{Learned, figures};
 use serde::Serialize;
 use std::fmt::Write as _;
 
@@ -187,4 +187,9 @@ impl Model {
             mean_gain_db: judged.mean_captured_psnr_db() - ideal.mean_captured_psnr_db(),
         }
     }
+}
+
+/// What learning reports of a contender, where it was learned.
+fn row_of<'a>(judged: &'a Judged, learned: &'a [Learned]) -> ModelRow<'a> {
+    ModelRow { judged, learned: learned.iter().find(|learned| learned.version == judged.contender.version) }
 }

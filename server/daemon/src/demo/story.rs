@@ -1,6 +1,6 @@
 //! What the demo tells in the terminal: numbered steps on stdout, progress bars on stderr.
 
-use super::args::DemoArgs;
+use super::args::{DISPLAY, DemoArgs};
 use super::files::Files;
 use indicatif::{ProgressBar, ProgressStyle};
 use lightpath::units::show_m;
@@ -90,8 +90,8 @@ Go on     {serve} serve --data-dir {}
 Done in {:.0} s.",
             data.display(),
             target.display(),
-            super::lab::DISPLAY,
-            super::lab::DISPLAY,
+            DISPLAY,
+            DISPLAY,
             self.begun.elapsed().as_secs_f64()
         )?;
         Ok(())
