@@ -1,6 +1,6 @@
 //! What a kernel is for: photographs of new holograms made through it, where the display can be photographed at will.
 
-use super::setting::{Setting, finite};
+use super::display_setup::{DisplaySetup, finite};
 use super::simulate::bench;
 use super::{JobContext, TaskError};
 use lightpath_domain::job::Progress;
@@ -25,23 +25,23 @@ const SEED: u64 = 0xca97;
 /// simulated, or too small for pictures.
 pub(super) fn compare(
     context: &JobContext,
-    setting: &Setting,
+    display: &DisplaySetup,
     captures: &Captures,
     model: &DisplayModel,
     detector: Detector,
     region: RegionOfInterest,
 ) -> Result<Option<CapturedQuality>, TaskError> {
-    let smallest = setting.height_px().min(setting.width_px());
-    let Some(bench) = bench(setting)?.filter(|_| smallest >= TestCard::SIDE_PX_MIN) else { return Ok(None) };
-    let ideal = DisplayModel::ideal(setting.setup);
+    let smallest = display.height_px().min(display.width_px());
+    let Some(bench) = bench(display)?.filter(|_| smallest >= TestCard::SIDE_PX_MIN) else { return Ok(None) };
+    let ideal = DisplayModel::ideal(display.setup);
     let mut step = 0;
     let mut mean = |model: &DisplayModel| -> Result<f64, TaskError> {
-        let engine = context.engines().engine(model, detector, setting.carrier)?;
+        let engine = context.engines().engine(model, detector, display.carrier)?;
         let mut sum = 0.0;
         for card in TARGETS {
-            let target = card.render(setting.height_px(), setting.width_px(), SEED)?;
+            let target = card.render(display.height_px(), display.width_px(), SEED)?;
             let phase = hologram(context, &engine, &target, region)?;
-            sum += photographed_db(setting, captures, &bench, &phase, &target, region)? / TARGETS.len() as f64;
+            sum += photographed_db(display, captures, &bench, &phase, &target, region)? / TARGETS.len() as f64;
             step += 1;
             let stage = "photograph new holograms".to_owned();
             let steps_total = 2 * TARGETS.len() as u32;
@@ -73,14 +73,14 @@ fn hologram(
 }
 
 fn photographed_db(
-    setting: &Setting,
+    display: &DisplaySetup,
     captures: &Captures,
     bench: &SimulatedDisplay,
     phase: &Plane<f32>,
     target: &Plane<f32>,
     region: RegionOfInterest,
 ) -> Result<f64, TaskError> {
-    let displayed = setting.response.dequantize(&setting.levels_of(phase)?)?;
+    let displayed = display.response.dequantize(&display.levels_of(phase)?)?;
     // Where the dataset says that the camera sees the pixels, or a learned kernel would be held to another place.
     let photo = captures.on_grid(bench.capture(&displayed, SEED)?.map(|level| f32::from(level) / 255.0))?;
     Ok(psnr_db(&photo, target, region, Gain::Fitted)?)

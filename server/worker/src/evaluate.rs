@@ -1,26 +1,26 @@
 //! Measuring a kernel on a dataset.
 
+use super::display_setup::{DisplaySetup, detector};
 use super::learn::read_dataset;
 use super::losses::Judge;
 use super::pairs::Pairs;
-use super::setting::{Setting, detector};
 use super::{JobContext, TaskError, TaskOutput};
 use lightpath_domain::dataset::Split;
 use lightpath_domain::job::{self, EvaluateKernel, EvaluateResult, JobResult, LearnKernel, PairLoss};
 
 pub(super) fn run(context: &JobContext, spec: &EvaluateKernel) -> Result<TaskOutput, TaskError> {
-    let (setting, dataset) = read_dataset(context, &spec.dataset)?;
-    let region = setting.region(spec.region_of_interest)?;
-    let model = setting.model(context, spec.kernel_version)?;
-    let camera = detector(learned_with(context, &setting, spec.kernel_version)?);
-    let judge = Judge::new(context, &setting, &model, camera, region)?;
+    let (display, dataset) = read_dataset(context, &spec.dataset)?;
+    let region = display.region(spec.region_of_interest)?;
+    let model = display.model(context, spec.kernel_version)?;
+    let camera = detector(learned_with(context, &display, spec.kernel_version)?);
+    let judge = Judge::new(context, &display, &model, camera, region)?;
     let mut pairs = Vec::new();
     for (split, stage) in [
         (Split::Train, "measure on training pairs"),
         (Split::Validation, "measure on validation pairs"),
         (Split::Test, "measure on test pairs"),
     ] {
-        let source = Pairs::of(context, &setting, &dataset, split)?;
+        let source = Pairs::of(context, &display, &dataset, split)?;
         let losses = judge.losses(&source, stage)?;
         pairs.extend(losses.iter().enumerate().map(|(index, loss)| PairLoss {
             pair: source.name(index).to_owned(),
@@ -30,14 +30,18 @@ pub(super) fn run(context: &JobContext, spec: &EvaluateKernel) -> Result<TaskOut
         }));
     }
     pairs.sort_by(|a, b| a.pair.cmp(&b.pair));
-    let propagation = Some(setting.validity_of(&model));
+    let propagation = Some(display.validity_of(&model));
     Ok(TaskOutput { result: JobResult::Evaluate(EvaluateResult { pairs, propagation }), learned: Vec::new() })
 }
 
 /// What the camera's pixels were taken to measure when the version was learned; a pixel's mean where nothing is known.
-fn learned_with(context: &JobContext, setting: &Setting, version: Option<u32>) -> Result<job::Detector, TaskError> {
+fn learned_with(
+    context: &JobContext,
+    display: &DisplaySetup,
+    version: Option<u32>,
+) -> Result<job::Detector, TaskError> {
     let Some(version) = version else { return Ok(job::Detector::Pixel) };
-    let version = context.wait(context.store().kernel_version(&setting.key, version))?;
+    let version = context.wait(context.store().kernel_version(&display.key, version))?;
     let parameters: Option<LearnKernel> = serde_json::from_str(&version.content.lineage.parameters_json).ok();
     Ok(parameters.map_or(job::Detector::Pixel, |parameters| parameters.detector))
 }

@@ -1,6 +1,6 @@
 //! From a specification to the problems that its holograms solve: pictures, kernels, weights and first phases.
 
-use super::setting::{Setting, detector};
+use super::display_setup::{DisplaySetup, detector};
 use super::{JobContext, TaskError};
 use lightpath_domain::dataset::Encoding;
 use lightpath_domain::job::{self, FailureReason, ImagePlane, OptimizeHologram};
@@ -14,7 +14,7 @@ use lightpath_optics::{Engine, Plane, RegionOfInterest};
 /// What one wavelength's hologram is to show.
 pub(super) struct Wanted {
     pub(super) wavelength: Wavelength,
-    pub(super) setting: Setting,
+    pub(super) display: DisplaySetup,
     pub(super) region: RegionOfInterest,
     pub(super) planes: Vec<Shown>,
 }
@@ -34,32 +34,32 @@ impl Wanted {
     pub(super) fn read(context: &JobContext, spec: &OptimizeHologram, index: usize) -> Result<Self, TaskError> {
         let wavelengths = spec.wavelengths();
         let (wavelength, channel) = (wavelengths[index], channel_of(&wavelengths, index));
-        let setting = Setting::read(context, &spec.display, wavelength, spec.distance)?;
-        let region = setting.region(spec.region_of_interest)?;
+        let display = DisplaySetup::read(context, &spec.display, wavelength, spec.distance)?;
+        let region = display.region(spec.region_of_interest)?;
         let mask = match &spec.weight_mask {
-            Some(mask) => Some(fitted(context, &setting, spec, mask, Encoding::Linear, Channel::Mean)?),
+            Some(mask) => Some(fitted(context, &display, spec, mask, Encoding::Linear, Channel::Mean)?),
             None => None,
         };
         let planes = spec.planes();
         let depths = match &spec.depth_map {
             Some(map) => {
-                let depth = fitted(context, &setting, spec, map, Encoding::Linear, Channel::Mean)?;
+                let depth = fitted(context, &display, spec, map, Encoding::Linear, Channel::Mean)?;
                 Some(nearest_planes(&depth, &planes))
             }
             None => None,
         };
         let mut shown = Vec::new();
         for (p, plane) in planes.into_iter().enumerate() {
-            let here = Setting::read_with(context, &spec.display, wavelength, plane.distance, spec.propagation)?;
+            let here = DisplaySetup::read_with(context, &spec.display, wavelength, plane.distance, spec.propagation)?;
             let model = here.model(context, spec.kernel_of(index, p))?;
             let engine = context.engines().engine(&model, detector(spec.detector), here.carrier)?;
-            let target = fitted(context, &setting, spec, &plane.target, spec.target_encoding, channel)?;
+            let target = fitted(context, &display, spec, &plane.target, spec.target_encoding, channel)?;
             let (weight, share) = weight_of(p, mask.as_ref(), depths.as_ref(), region);
             let share = share * plane.weight;
             let validity = here.validity_of(&model);
             shown.push(Shown { plane, engine, target, weight, share, validity });
         }
-        Ok(Self { wavelength, setting, region, planes: shown })
+        Ok(Self { wavelength, display, region, planes: shown })
     }
 
     /// The problem; planes of a depth map in which nothing counts have no part in it.
@@ -93,7 +93,7 @@ impl Wanted {
         };
         let mut options = HologramOptions::new(method, spec.iterations);
         if spec.quantization_aware {
-            options.levels = Some(Levels::new(self.setting.response.clone(), self.setting.carrier)?);
+            options.levels = Some(Levels::new(self.display.response.clone(), self.display.carrier)?);
         }
         Ok(options)
     }
@@ -118,12 +118,12 @@ impl Wanted {
                 let file = files.get(index).ok_or_else(|| {
                     TaskError::permanent(FailureReason::InvalidInput, "there is no initial phase for each wavelength")
                 })?;
-                let rows = spec.frames as usize * self.setting.height_px();
+                let rows = spec.frames as usize * self.display.height_px();
                 let bytes = context.read_artifact(file)?;
-                InitialPhase::Given(pictures::phase_npy(&bytes, rows, self.setting.width_px())?)
+                InitialPhase::Given(pictures::phase_npy(&bytes, rows, self.display.width_px())?)
             }
         };
-        Ok(initial.phases(problem, &self.setting.setup, spec.seed)?)
+        Ok(initial.phases(problem, &self.display.setup, spec.seed)?)
     }
 }
 
@@ -148,14 +148,14 @@ pub(super) fn colours(wavelengths: &[Wavelength]) -> Option<[usize; 3]> {
 
 fn fitted(
     context: &JobContext,
-    setting: &Setting,
+    display: &DisplaySetup,
     spec: &OptimizeHologram,
     digest: &str,
     encoding: Encoding,
     channel: Channel,
 ) -> Result<Plane<f32>, TaskError> {
     let bytes = context.read_artifact(digest)?;
-    let (height_px, width_px) = (setting.height_px(), setting.width_px());
+    let (height_px, width_px) = (display.height_px(), display.width_px());
     Ok(pictures::target_channel(&bytes, encoding, channel, spec.target_fit, height_px, width_px)?)
 }
 

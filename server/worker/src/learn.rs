@@ -2,9 +2,9 @@
 
 use super::captured;
 use super::context::Eta;
+use super::display_setup::{DisplaySetup, detector, finite};
 use super::losses::{Judge, mean};
 use super::pairs::{JointPairs, Pairs};
-use super::setting::{Setting, detector, finite};
 use super::state_bytes::{from_bytes, to_bytes};
 use super::{JobContext, TaskError, TaskOutput};
 use lightpath_domain::dataset::{Dataset, Split};
@@ -87,19 +87,19 @@ fn kept_pairs(training: &JointPairs, kept: &[usize]) -> (Vec<Vec<usize>>, Vec<St
 }
 
 /// The datasets, each with the display at its distance.
-fn read_planes(context: &JobContext, spec: &LearnKernel) -> Result<Vec<(Setting, Dataset)>, TaskError> {
+fn read_planes(context: &JobContext, spec: &LearnKernel) -> Result<Vec<(DisplaySetup, Dataset)>, TaskError> {
     std::iter::once(&spec.dataset).chain(&spec.joint_datasets).map(|id| read_dataset(context, id)).collect()
 }
 
 /// A finalized dataset and the display that it is about.
-pub(super) fn read_dataset(context: &JobContext, id: &str) -> Result<(Setting, Dataset), TaskError> {
+pub(super) fn read_dataset(context: &JobContext, id: &str) -> Result<(DisplaySetup, Dataset), TaskError> {
     let dataset = context.wait(context.store().dataset(id))?;
     if dataset.digest.is_none() {
         let message = format!("datasets/{id} is still open; finalize it first");
         return Err(TaskError::permanent(FailureReason::DatasetOpen, message));
     }
-    let setting = Setting::read(context, &dataset.display, dataset.wavelength, dataset.distance)?;
-    Ok((setting, dataset))
+    let display = DisplaySetup::read(context, &dataset.display, dataset.wavelength, dataset.distance)?;
+    Ok((display, dataset))
 }
 
 /// Refuses photographs that cannot be read or of which nothing counts: better now than after hours of learning.
@@ -120,14 +120,14 @@ fn check_photographs(context: &JobContext, pairs: &JointPairs, region: RegionOfI
 fn learn(
     context: &JobContext,
     spec: &LearnKernel,
-    planes: &[(Setting, Dataset)],
+    planes: &[(DisplaySetup, Dataset)],
     region: RegionOfInterest,
     lessons: Lessons<'_>,
 ) -> Result<Learner, TaskError> {
-    let setting = &planes[0].0;
-    let setups: Vec<OpticalSetup> = planes.iter().map(|(setting, _)| setting.setup).collect();
-    let warm_start = spec.start_version.map(|version| setting.model(context, Some(version))).transpose()?;
-    let options = LearnOptions { warm_start, ..options(spec, setting, region) };
+    let display = &planes[0].0;
+    let setups: Vec<OpticalSetup> = planes.iter().map(|(display, _)| display.setup).collect();
+    let warm_start = spec.start_version.map(|version| display.model(context, Some(version))).transpose()?;
+    let options = LearnOptions { warm_start, ..options(spec, display, region) };
     let saved = context.take_saved_state().and_then(|bytes| from_bytes(&bytes));
     let mut learner = match saved {
         Some(state) => Learner::resume_joint(&setups, options, state)?,
@@ -153,7 +153,7 @@ fn learn(
     Ok(learner)
 }
 
-fn options(spec: &LearnKernel, setting: &Setting, region: RegionOfInterest) -> LearnOptions {
+fn options(spec: &LearnKernel, display: &DisplaySetup, region: RegionOfInterest) -> LearnOptions {
     let model = match spec.model {
         KernelModel::Paper => learning::KernelModel::Paper,
         KernelModel::Dense => learning::KernelModel::Dense,
@@ -169,7 +169,7 @@ fn options(spec: &LearnKernel, setting: &Setting, region: RegionOfInterest) -> L
         refinement_evaluations: spec.refinement_evaluations.unwrap_or(defaults.refinement_evaluations),
         seed: spec.seed,
         detector: detector(spec.detector),
-        carrier: setting.carrier,
+        carrier: display.carrier,
         ..defaults
     }
 }
@@ -178,26 +178,26 @@ fn options(spec: &LearnKernel, setting: &Setting, region: RegionOfInterest) -> L
 fn measure(
     context: &JobContext,
     spec: &LearnKernel,
-    (setting, dataset): &(Setting, Dataset),
+    (display, dataset): &(DisplaySetup, Dataset),
     region: RegionOfInterest,
     model: &DisplayModel,
     kept: &[usize],
 ) -> Result<KernelMetrics, TaskError> {
     let detector = detector(spec.detector);
-    let validation = Pairs::of(context, setting, dataset, Split::Validation)?;
-    let test = Pairs::of(context, setting, dataset, Split::Test)?;
-    let learned = Judge::new(context, setting, model, detector, region)?;
-    let training = Pairs::of(context, setting, dataset, Split::Train)?;
+    let validation = Pairs::of(context, display, dataset, Split::Validation)?;
+    let test = Pairs::of(context, display, dataset, Split::Test)?;
+    let learned = Judge::new(context, display, model, detector, region)?;
+    let training = Pairs::of(context, display, dataset, Split::Train)?;
     let train_losses = learned.losses(&training, "measure on training pairs")?;
     let train_loss = mean(&kept.iter().map(|&index| train_losses[index]).collect::<Vec<_>>());
     let validation_loss = mean(&learned.losses(&validation, "measure on validation pairs")?);
     let test_loss = mean(&learned.losses(&test, "measure on test pairs")?);
     // Two transfer functions of a large display need not be in memory at once.
     drop(learned);
-    let ideal = Judge::new(context, setting, &DisplayModel::ideal(setting.setup), detector, region)?;
+    let ideal = Judge::new(context, display, &DisplayModel::ideal(display.setup), detector, region)?;
     let ideal_test_loss = mean(&ideal.losses(&test, "measure the ideal kernel")?);
     drop(ideal);
-    let captures = Captures::of(&setting.display, dataset)?;
+    let captures = Captures::of(&display.declared, dataset)?;
     Ok(KernelMetrics {
         train_pairs: kept.len() as u32,
         validation_pairs: validation.len() as u32,
@@ -208,15 +208,15 @@ fn measure(
         ideal_test_loss: ideal_test_loss.region,
         test_loss_full_frame: test_loss.full_frame,
         ideal_test_loss_full_frame: ideal_test_loss.full_frame,
-        captured: captured::compare(context, setting, &captures, model, detector, region)?,
+        captured: captured::compare(context, display, &captures, model, detector, region)?,
     })
 }
 
 fn lineage(
     job: &Job,
     spec: &LearnKernel,
-    (_, dataset): &(Setting, Dataset),
-    planes: &[(Setting, Dataset)],
+    (_, dataset): &(DisplaySetup, Dataset),
+    planes: &[(DisplaySetup, Dataset)],
 ) -> Result<KernelLineage, TaskError> {
     let parameters_json =
         serde_json::to_string(spec).map_err(|error| TaskError::permanent(FailureReason::Lineage, error))?;
@@ -232,7 +232,7 @@ fn lineage(
     })
 }
 
-fn over_distance(planes: &[(Setting, Dataset)]) -> OverDistance {
+fn over_distance(planes: &[(DisplaySetup, Dataset)]) -> OverDistance {
     let mut datasets: Vec<&Dataset> = planes.iter().map(|(_, dataset)| dataset).collect();
     datasets.sort_by_key(|dataset| dataset.distance);
     OverDistance {

@@ -17,7 +17,7 @@
 //! - `attempt`: one job from claim to end. `context`: what a task sees of the outside. `stop`: the shared flag.
 //! - `checkpoint`: the envelope of saved states. `backoff`: when to try again. `clock`.
 //! - `optics_task`: which function runs which kind of job: `optimize`, `learn`, `simulate`, `evaluate`. They share
-//!   `setting` (the display made ready), `pairs`, `losses` and `state_bytes`; `hologram_setup` reads what `optimize` needs.
+//!   `display_setup` (a display at a wavelength and distance), `pairs`, `losses` and `state_bytes`; `hologram_setup` reads what `optimize` needs.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod attempt;
@@ -26,6 +26,7 @@ mod captured;
 mod checkpoint;
 mod clock;
 mod context;
+mod display_setup;
 mod evaluate;
 mod hologram_setup;
 mod learn;
@@ -33,7 +34,6 @@ mod losses;
 mod optics_task;
 mod optimize;
 mod pairs;
-mod setting;
 mod simulate;
 mod state_bytes;
 mod stop;

@@ -1,7 +1,7 @@
 //! How well a model predicts photographs.
 
+use super::display_setup::{DisplaySetup, finite};
 use super::pairs::Pairs;
-use super::setting::{Setting, finite};
 use super::{JobContext, TaskError};
 use lightpath_domain::job::Progress;
 use lightpath_optics::learning::{PairSource, compare};
@@ -27,13 +27,13 @@ pub(super) struct Judge<'a> {
 impl<'a> Judge<'a> {
     pub(super) fn new(
         context: &'a JobContext,
-        setting: &Setting,
+        display: &DisplaySetup,
         model: &DisplayModel,
         detector: Detector,
         region: RegionOfInterest,
     ) -> Result<Self, TaskError> {
-        let engine = context.engines().engine(model, detector, setting.carrier)?;
-        let regions = [region, RegionOfInterest::full(&setting.setup.grid())];
+        let engine = context.engines().engine(model, detector, display.carrier)?;
+        let regions = [region, RegionOfInterest::full(&display.setup.grid())];
         Ok(Self { context, engine, regions })
     }
 

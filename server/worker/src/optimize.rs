@@ -1,8 +1,8 @@
 //! Finding the phases that show pictures.
 
 use super::context::Eta;
+use super::display_setup::finite;
 use super::hologram_setup::{Wanted, colours};
-use super::setting::finite;
 use super::state_bytes::{HologramState, from_bytes, to_bytes};
 use super::{JobContext, TaskError, TaskOutput};
 use lightpath_domain::job::{
@@ -137,18 +137,18 @@ struct Finished<'a> {
 
 impl Finished<'_> {
     fn store(mut self, context: &JobContext, spec: &OptimizeHologram) -> Result<WavelengthResult, TaskError> {
-        let setting = &self.wanted.setting;
-        let (height_px, width_px) = (setting.height_px(), setting.width_px());
+        let display = &self.wanted.display;
+        let (height_px, width_px) = (display.height_px(), display.width_px());
         let (mut frames, mut phases, mut displayed) = (Vec::new(), Vec::new(), Vec::new());
         for frame in self.optimization.phases().chunks_exact(height_px * width_px) {
             let wrapped = frame.iter().map(|&phi| wrap_f32(f64::from(phi))).collect();
             let phase = Plane::try_from_vec(height_px, width_px, wrapped)?;
-            let levels = setting.levels_of(&phase)?;
+            let levels = display.levels_of(&phase)?;
             frames.push(FrameResult {
-                phase: context.put_artifact(pictures::levels_png(&levels, setting.display.bit_depth)?)?,
+                phase: context.put_artifact(pictures::levels_png(&levels, display.declared.bit_depth)?)?,
                 phase_npy: context.put_artifact(pictures::npy_f32(&phase)?)?,
             });
-            displayed.push(setting.without_carrier(setting.response.dequantize(&levels)?));
+            displayed.push(display.without_carrier(display.response.dequantize(&levels)?));
             phases.push(phase);
         }
         let all: Vec<f32> = displayed.iter().flat_map(|phase| phase.values()).copied().collect();

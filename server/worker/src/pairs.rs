@@ -1,6 +1,6 @@
 //! A dataset's pairs, read when they are needed.
 
-use super::setting::Setting;
+use super::display_setup::DisplaySetup;
 use super::stop::{StopFlag, StopReason};
 use super::{JobContext, TaskError};
 use lightpath_artifacts::Artifacts;
@@ -32,23 +32,23 @@ impl Pairs {
     /// The pairs of a dataset that are used for `split`, in the order of their ids.
     pub(super) fn of(
         context: &JobContext,
-        setting: &Setting,
+        display: &DisplaySetup,
         dataset: &Dataset,
         split: Split,
     ) -> Result<Self, TaskError> {
-        Self::sharing(1, context, setting, dataset, split)
+        Self::sharing(1, context, display, dataset, split)
     }
 
     /// The same where that many datasets share what is kept in memory, and ids are told with theirs.
     fn sharing(
         datasets: usize,
         context: &JobContext,
-        setting: &Setting,
+        display: &DisplaySetup,
         dataset: &Dataset,
         split: Split,
     ) -> Result<Self, TaskError> {
         let pairs: Vec<_> = dataset.pairs.iter().filter(|pair| pair.split == Some(split)).cloned().collect();
-        let pair_bytes = 2 * size_of::<f32>() * setting.setup.grid().pixels();
+        let pair_bytes = 2 * size_of::<f32>() * display.setup.grid().pixels();
         let bytes_max = if split == Split::Train { TRAINING_BYTES_MAX } else { OTHER_BYTES_MAX };
         let room = (bytes_max / datasets / pair_bytes).min(pairs.len());
         let name = |pair: &dataset::Pair| match datasets {
@@ -56,7 +56,7 @@ impl Pairs {
             _ => format!("{}/{}", dataset.id, pair.id),
         };
         Ok(Self {
-            captures: Captures::of(&setting.display, dataset)?,
+            captures: Captures::of(&display.declared, dataset)?,
             names: pairs.iter().map(name).collect(),
             pairs,
             kept: (0..room).map(|_| OnceLock::new()).collect(),
@@ -121,9 +121,14 @@ impl PairSource for Pairs {
 pub(super) struct JointPairs(Vec<Pairs>);
 
 impl JointPairs {
-    pub(super) fn of(context: &JobContext, planes: &[(Setting, Dataset)], split: Split) -> Result<Self, TaskError> {
-        let one =
-            |(setting, dataset): &(Setting, Dataset)| Pairs::sharing(planes.len(), context, setting, dataset, split);
+    pub(super) fn of(
+        context: &JobContext,
+        planes: &[(DisplaySetup, Dataset)],
+        split: Split,
+    ) -> Result<Self, TaskError> {
+        let one = |(display, dataset): &(DisplaySetup, Dataset)| {
+            Pairs::sharing(planes.len(), context, display, dataset, split)
+        };
         Ok(Self(planes.iter().map(one).collect::<Result<_, _>>()?))
     }
 

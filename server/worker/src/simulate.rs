@@ -1,6 +1,6 @@
 //! Photographing a hologram on a simulated display.
 
-use super::setting::Setting;
+use super::display_setup::DisplaySetup;
 use super::{JobContext, TaskError, TaskOutput};
 use lightpath_domain::job::{CaptureResult, FailureReason, JobResult, Progress, SimulateCapture};
 use lightpath_domain::planning;
@@ -8,30 +8,30 @@ use lightpath_media::pictures;
 use lightpath_optics::simulated_display::SimulatedDisplay;
 
 pub(super) fn run(context: &JobContext, spec: &SimulateCapture) -> Result<TaskOutput, TaskError> {
-    let setting = Setting::read(context, &spec.display, spec.wavelength, spec.distance)?;
-    let displayed = setting.displayed_phase(&context.read_artifact(&spec.phase)?)?;
+    let display = DisplaySetup::read(context, &spec.display, spec.wavelength, spec.distance)?;
+    let displayed = display.displayed_phase(&context.read_artifact(&spec.phase)?)?;
     report(context, 0)?;
-    let Some(display) = bench(&setting)? else {
+    let Some(simulated) = bench(&display)? else {
         let message = format!("displays/{} has no simulated bench", spec.display);
         return Err(TaskError::permanent(FailureReason::NotSimulated, message));
     };
     report(context, 1)?;
-    let photo = display.capture_at(&displayed, spec.seed, spec.elapsed_s / 3600.0)?;
+    let photo = simulated.capture_at(&displayed, spec.seed, spec.elapsed_s / 3600.0)?;
     // Back to the same 256 values: a capture is a file of what the camera counted.
     let photo = pictures::grey_png_linear(&photo.map(|level| f32::from(level) / 255.0))?;
     let photo = context.put_artifact(photo)?;
     report(context, 2)?;
     Ok(TaskOutput {
-        result: JobResult::Capture(CaptureResult { photo, propagation: Some(setting.validity) }),
+        result: JobResult::Capture(CaptureResult { photo, propagation: Some(display.validity) }),
         learned: Vec::new(),
     })
 }
 
 /// The display's bench, where it is a simulated one.
-pub(super) fn bench(setting: &Setting) -> Result<Option<SimulatedDisplay>, TaskError> {
-    let Some(bench) = setting.display.simulated_bench else { return Ok(None) };
+pub(super) fn bench(display: &DisplaySetup) -> Result<Option<SimulatedDisplay>, TaskError> {
+    let Some(bench) = display.declared.simulated_bench else { return Ok(None) };
     let imperfections = planning::imperfections(bench);
-    Ok(Some(SimulatedDisplay::draw(setting.setup, setting.carrier, imperfections)?))
+    Ok(Some(SimulatedDisplay::draw(display.setup, display.carrier, imperfections)?))
 }
 
 fn report(context: &JobContext, step: u32) -> Result<(), TaskError> {

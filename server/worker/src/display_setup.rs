@@ -1,4 +1,4 @@
-//! What a job is about, read and made ready: a display at a wavelength and distance.
+//! A display at a wavelength and distance, read from the store and made ready for the engine.
 
 use super::{JobContext, TaskError};
 use lightpath_domain::display::Display;
@@ -15,10 +15,11 @@ use lightpath_optics::learning::BoxError;
 use lightpath_optics::phase_response::PhaseResponse;
 use lightpath_optics::{Carrier, Detector, DisplayModel, OpticalSetup, Plane, RegionOfInterest};
 
-/// A display at a wavelength and distance.
+/// A display at a wavelength and distance, as the engine needs it.
 #[derive(Clone, Debug)]
-pub(super) struct Setting {
-    pub(super) display: Display,
+pub(super) struct DisplaySetup {
+    /// As it was declared.
+    pub(super) declared: Display,
     pub(super) key: KernelKey,
     pub(super) setup: OpticalSetup,
     /// Of the setup.
@@ -27,7 +28,7 @@ pub(super) struct Setting {
     pub(super) carrier: Option<Carrier>,
 }
 
-impl Setting {
+impl DisplaySetup {
     /// With the planner's choice of a propagation.
     pub(super) fn read(
         context: &JobContext,
@@ -50,7 +51,7 @@ impl Setting {
         let (setup, validity) = planning::planned(planning::setup(&display, wavelength, distance)?, propagation)?;
         let (response, carrier) = (slm::response(&display)?, slm::carrier(&display));
         let key = KernelKey { display: display.id.clone(), wavelength, distance };
-        Ok(Self { display, key, setup, validity, response, carrier })
+        Ok(Self { declared: display, key, setup, validity, response, carrier })
     }
 
     /// Rows \[px\].
@@ -97,7 +98,7 @@ impl Setting {
 
     /// The phase \[rad\] that a hologram file's levels stand for, carrier included.
     pub(super) fn displayed_phase(&self, file: &[u8]) -> Result<Plane<f32>, TaskError> {
-        let levels = pictures::levels(file, self.display.bit_depth, self.height_px(), self.width_px())?;
+        let levels = pictures::levels(file, self.declared.bit_depth, self.height_px(), self.width_px())?;
         Ok(self.response.dequantize(&levels)?)
     }
 
