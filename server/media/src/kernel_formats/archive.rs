@@ -2,7 +2,7 @@
 //!
 //! PKWARE APPNOTE 6.3; little-endian throughout.
 
-use super::KernelFormatError;
+use super::error::KernelFormatError;
 use flate2::read::DeflateDecoder;
 use std::io::Read;
 

@@ -1,6 +1,7 @@
 //! Arrays as NumPy and PyTorch store them.
 
-use super::{KernelFormatError, half};
+use super::error::KernelFormatError;
+use super::half;
 use crate::npy;
 use npyz::{DType, Order};
 

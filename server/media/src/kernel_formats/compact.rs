@@ -34,8 +34,8 @@
 //! 3 Rayleigh–Sommerfeld, 4 Fresnel transfer function, 5 Fresnel impulse response. `docs/compact-kernel.md` tells the
 //! same to those who write a decoder of their own; [`decode`] is the reference.
 
-use super::KernelFormatError;
 use super::archive::crc_of;
+use super::error::KernelFormatError;
 use lightpath_domain::kernel::KernelModel;
 use lightpath_optics::chebyshev::ChebyshevBasis;
 use lightpath_optics::{

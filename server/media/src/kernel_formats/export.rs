@@ -1,6 +1,7 @@
 //! From a model to any form, with what that costs.
 
-use super::{KernelFormatError, archive, array, compact, half, import, torch};
+use super::error::KernelFormatError;
+use super::{archive, array, compact, half, import, torch};
 use crate::kernel_file;
 use lightpath_domain::kernel::KernelModel;
 use lightpath_optics::grid::frequency;

@@ -1,7 +1,8 @@
 //! From any form to a model.
 
 use super::array::{self, Array};
-use super::{KernelFormatError, archive, compact, torch};
+use super::error::KernelFormatError;
+use super::{archive, compact, torch};
 use crate::kernel_file;
 use crate::npy;
 use lightpath_domain::kernel::KernelModel;

@@ -4,8 +4,8 @@
 //! reader knows the instructions that a tensor needs, and of functions and classes the few names that `torch.save` writes for
 //! one; it calls none of them. Whatever else it meets it refuses. (`pickletools.py` of CPython documents the instructions.)
 
-use super::KernelFormatError;
 use super::array::Kind;
+use super::error::KernelFormatError;
 use std::collections::HashMap;
 
 /// What a pickle says of a tensor.

@@ -3,9 +3,9 @@
 //! A zip archive with a folder of any name: `data.pkl` says what the tensor is ([`super::pickle`]), `data/0` holds its numbers,
 //! `byteorder` and `version` say how. Older files, bare pickles, are refused.
 
-use super::KernelFormatError;
 use super::archive;
 use super::array::Array;
+use super::error::KernelFormatError;
 use super::pickle::{self, PickledTensor};
 
 /// The tensor of a `.pt` archive's files.

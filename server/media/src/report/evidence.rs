@@ -1,6 +1,6 @@
 //! What the photographs say: residuals pair by pair, and the band that their holograms lit.
 
-use super::{Chapter, ReportError};
+use super::chapter::{Chapter, ReportError};
 use crate::figures::{Axis, Canvas, ColourMap, ContactRow, ContactSheet, Heatmap, Shown, escaped};
 use lightpath_domain::dataset::Split;
 use lightpath_optics::diagnostics::LitBand;

@@ -1,21 +1,11 @@
 //! How the kernel came about, and how it differs from those before.
 
-use super::{Chapter, ReportInput};
+use super::chapter::Chapter;
+use super::input::ReportInput;
 use crate::figures::{Chart, Line};
 use lightpath_optics::DisplayModel;
 use num_complex::Complex64;
 use std::fmt::Write as _;
-
-/// Another version of the kernel.
-#[derive(Clone, Debug)]
-pub struct Earlier {
-    /// Its number.
-    pub version: u32,
-    /// Held-out loss; `None` where nothing was held out.
-    pub test_loss: Option<f64>,
-    /// Itself.
-    pub model: DisplayModel,
-}
 
 /// Frequencies along an axis at which versions are compared.
 const SAMPLES: usize = 48;

@@ -1,6 +1,6 @@
 //! The kernel itself.
 
-use super::{Chapter, ReportError};
+use super::chapter::{Chapter, ReportError};
 use crate::figures::{Axis, Canvas, Chart, ColourMap, Heatmap, Line};
 use lightpath_optics::diagnostics::point_spread::{OVERSAMPLING, WINDOW_PX};
 use lightpath_optics::diagnostics::{PointSpread, ZernikeFit, point_spread};

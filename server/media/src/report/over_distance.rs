@@ -1,6 +1,7 @@
 //! The kernel's aberrations as functions of the distance, where one model was learned for several.
 
-use super::{Chapter, ReportInput};
+use super::chapter::Chapter;
+use super::input::ReportInput;
 use crate::figures::{Chart, Line};
 use lightpath_optics::diagnostics::ZernikeFit;
 use lightpath_optics::learning::interpolated;

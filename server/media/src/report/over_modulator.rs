@@ -1,7 +1,7 @@
 //! The kernel at different places of the modulator, where it varies over it.
 
+use super::chapter::{Chapter, ReportError};
 use super::optics::{ratio, spot_picture};
-use super::{Chapter, ReportError};
 use crate::figures::Canvas;
 use lightpath_optics::DisplayModel;
 use lightpath_optics::diagnostics::point_spread;

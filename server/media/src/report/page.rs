@@ -1,6 +1,8 @@
 //! The report as one page of HTML.
 
-use super::{Chapter, Figure, ReportInput, base64};
+use super::base64;
+use super::chapter::{Chapter, Figure};
+use super::input::ReportInput;
 use crate::figures::escaped;
 use lightpath_domain::kernel::{KernelMetrics, KernelModel};
 use std::fmt::Write as _;
