@@ -61,8 +61,7 @@ async fn health(State(api): State<Api>) -> Response {
 async fn metrics(State(api): State<Api>) -> Result<Response, Refusal> {
     /// The text format's own content type.
     const TEXT_FORMAT: &str = "text/plain; version=0.0.4; charset=utf-8";
-    let text =
-        metrics::render(&api.store, &api.artifacts, now_ms()).await.map_err(ApiError::from).map_err(Status::from)?;
+    let text = metrics::render(&api.store, &api.artifacts, now_ms()).await.map_err(ApiError::from)?;
     Ok(([(header::CONTENT_TYPE, TEXT_FORMAT)], text).into_response())
 }
 
