@@ -1,7 +1,10 @@
 //! Compiles `lightpath/v1/*.proto` without a protoc: protox parses, prost and tonic generate, pbjson adds
-//! protobuf's JSON form.
+//! protobuf's JSON form, and the values of every enumeration are listed with their comments.
 
 use prost::Message as _;
+use prost_types::source_code_info::Location;
+use prost_types::{DescriptorProto, EnumDescriptorProto, FileDescriptorProto};
+use std::fmt::Write as _;
 use std::{env, error::Error, fs, path::PathBuf};
 
 const PROTOS: [&str; 6] = [
@@ -13,12 +16,20 @@ const PROTOS: [&str; 6] = [
     "lightpath/v1/propagation.proto",
 ];
 
+/// Numbers of fields in descriptors, of which the paths of comments are made.
+const MESSAGE_IN_FILE: i32 = 4;
+const ENUM_IN_FILE: i32 = 5;
+const MESSAGE_IN_MESSAGE: i32 = 3;
+const ENUM_IN_MESSAGE: i32 = 4;
+const VALUE_IN_ENUM: i32 = 2;
+
 fn main() -> Result<(), Box<dyn Error>> {
     println!("cargo:rerun-if-changed=lightpath");
     let descriptors = protox::compile(PROTOS, ["."])?;
     let out_dir = PathBuf::from(env::var("OUT_DIR")?);
     let encoded = descriptors.encode_to_vec();
     fs::write(out_dir.join("descriptors.bin"), &encoded)?;
+    fs::write(out_dir.join("words.rs"), words(&descriptors.file)?)?;
 
     tonic_prost_build::configure()
         .bytes(".")
@@ -27,4 +38,71 @@ fn main() -> Result<(), Box<dyn Error>> {
         .compile_fds(descriptors)?;
     pbjson_build::Builder::new().register_descriptors(&encoded)?.emit_fields().build(&[".lightpath.v1"])?;
     Ok(())
+}
+
+/// An implementation of `Words` for every enumeration of the API.
+fn words(files: &[FileDescriptorProto]) -> Result<String, Box<dyn Error>> {
+    let mut code = String::new();
+    for file in files.iter().filter(|file| file.package() == "lightpath.v1") {
+        let comments = file.source_code_info.as_ref().map_or(&[][..], |info| &info.location);
+        for (i, one) in (0..).zip(&file.enum_type) {
+            write_words(&mut code, "", one, comments, &[ENUM_IN_FILE, i])?;
+        }
+        for (i, message) in (0..).zip(&file.message_type) {
+            words_of_message(&mut code, "", message, comments, &[MESSAGE_IN_FILE, i])?;
+        }
+    }
+    Ok(code)
+}
+
+/// Those of a message and of the messages in it; `path` leads to its comment.
+fn words_of_message(
+    code: &mut String,
+    module: &str,
+    message: &DescriptorProto,
+    comments: &[Location],
+    path: &[i32],
+) -> Result<(), Box<dyn Error>> {
+    let module = format!("{module}{}::", snake_case(message.name()));
+    for (i, one) in (0..).zip(&message.enum_type) {
+        write_words(code, &module, one, comments, &[path, &[ENUM_IN_MESSAGE, i]].concat())?;
+    }
+    for (i, nested) in (0..).zip(&message.nested_type) {
+        words_of_message(code, &module, nested, comments, &[path, &[MESSAGE_IN_MESSAGE, i]].concat())?;
+    }
+    Ok(())
+}
+
+fn write_words(
+    code: &mut String,
+    module: &str,
+    one: &EnumDescriptorProto,
+    comments: &[Location],
+    path: &[i32],
+) -> Result<(), Box<dyn Error>> {
+    let prefix = format!("{}_", snake_case(one.name()).to_uppercase());
+    writeln!(code, "impl Words for v1::{module}{} {{\n    const WORDS: &'static [Word] = &[", one.name())?;
+    for (i, value) in (0..).zip(&one.value) {
+        let word = value.name().strip_prefix(&prefix).ok_or_else(|| format!("{} lacks {prefix}", value.name()))?;
+        let word = word.to_lowercase().replace('_', "-");
+        let of_value = [path, &[VALUE_IN_ENUM, i]].concat();
+        let comment = comments.iter().find(|comment| comment.path == of_value);
+        let help = comment.map_or("", |comment| comment.leading_comments());
+        let help = help.lines().map(str::trim).collect::<Vec<_>>().join(" ");
+        writeln!(code, "        Word {{ number: {}, word: {word:?}, help: {:?} }},", value.number(), help.trim())?;
+    }
+    writeln!(code, "    ];\n}}")?;
+    Ok(())
+}
+
+/// `optimize_hologram` from `OptimizeHologram`.
+fn snake_case(name: &str) -> String {
+    let mut snake = String::new();
+    for character in name.chars() {
+        if character.is_uppercase() && !snake.is_empty() {
+            snake.push('_');
+        }
+        snake.extend(character.to_lowercase());
+    }
+    snake
 }

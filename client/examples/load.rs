@@ -15,7 +15,7 @@
 use clap::Parser;
 use futures::stream::{self, StreamExt as _};
 use image_of_noise::png;
-use lightpath::v1::{self, OptimizeHologram, SubmitJobRequest, job::State, job_spec};
+use lightpath::v1::{self, OptimizeHologram, SubmitJobRequest, job::State, job_spec, optimize_hologram::ImagePlane};
 use lightpath::{Client, Credentials, job_spec as spec_of, names};
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -180,8 +180,7 @@ async fn prepare(client: &Client) -> String {
 async fn submit(client: &Client, target: &str, iterations: u32, priority: i32, request_id: &str) -> String {
     let spec = OptimizeHologram {
         display: names::display("load"),
-        distance_m: 0.05,
-        target: target.to_owned(),
+        planes: vec![ImagePlane { distance_m: 0.05, target: target.to_owned(), weight: 0.0 }],
         iterations,
         ..Default::default()
     };

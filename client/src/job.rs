@@ -169,8 +169,7 @@ mod tests {
         assert_eq!(capture_result(&job).unwrap_err().to_string(), "jobs/1 was cancelled");
         job.state = State::Succeeded.into();
         job.result = Some(v1::JobResult {
-            kind: Some(v1::job_result::Kind::Capture(v1::CaptureResult { photo: "p".into() })),
-            ..Default::default()
+            kind: Some(v1::job_result::Kind::Capture(v1::CaptureResult { photo: "p".into(), propagation: None })),
         });
         assert_eq!(capture_result(&job).unwrap().photo, "p");
         assert!(matches!(learn_result(&job), Err(Error::Protocol { .. })));

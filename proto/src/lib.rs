@@ -1,7 +1,11 @@
 //! Lightpath's API as Rust types: messages, clients and servers of package `lightpath.v1`.
 //!
 //! The `.proto` files are the documentation: every field has its unit, range and default there.
-//! Every message also implements serde's traits in protobuf's JSON form.
+//! Every message also implements serde's traits in protobuf's JSON form, and every enumeration [`Words`].
+
+mod words;
+
+pub use words::{Word, Words};
 
 /// Package `lightpath.v1`.
 pub mod v1 {

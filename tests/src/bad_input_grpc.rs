@@ -1,6 +1,10 @@
 use crate::material::{DISTANCE_M, declare, display, hologram, png, png_header, request, target};
 use crate::server::TestServer;
 use lightpath::v1::display_service_client::DisplayServiceClient;
+use lightpath::v1::optimize_hologram::{
+    ImagePlane, InitialPhase,
+    initial_phase::{Kind, Random},
+};
 use lightpath::v1::{self, OptimizeHologram, job_service_client::JobServiceClient};
 use lightpath::v1::{dataset_service_client::DatasetServiceClient, kernel_service_client::KernelServiceClient};
 use lightpath::{digest_of, names};
@@ -54,13 +58,17 @@ async fn targets_that_are_no_pictures_are_refused() {
     ] {
         let digest = server.client.upload_bytes(bytes).await.unwrap();
         let answer = jobs.submit_job(request(hologram("lab", &digest, 5, 1), "")).await;
-        assert_refused(answer, Code::InvalidArgument, &[&["spec.optimize_hologram.target"], &signs[..]].concat());
+        assert_refused(
+            answer,
+            Code::InvalidArgument,
+            &[&["spec.optimize_hologram.planes[0].target"], &signs[..]].concat(),
+        );
     }
     let absent = digest_of(b"never uploaded");
     let answer = jobs.submit_job(request(hologram("lab", &absent, 5, 1), "")).await;
-    assert_refused(answer, Code::NotFound, &["spec.optimize_hologram.target", "upload it first"]);
+    assert_refused(answer, Code::NotFound, &["spec.optimize_hologram.planes[0].target", "upload it first"]);
     let answer = jobs.submit_job(request(hologram("lab", "../../etc/passwd", 5, 1), "")).await;
-    assert_refused(answer, Code::InvalidArgument, &["spec.optimize_hologram.target", "sha256-"]);
+    assert_refused(answer, Code::InvalidArgument, &["spec.optimize_hologram.planes[0].target", "sha256-"]);
     assert_unharmed(&server).await;
     server.stop().await;
 }
@@ -71,20 +79,29 @@ async fn specs_that_make_no_sense_are_refused() {
     let mut jobs = JobServiceClient::new(server.channel());
     let picture = server.client.upload_bytes(target(64, 48, 0)).await.unwrap();
     let good = || hologram("lab", &picture, 5, 1);
+    let at = |distance_m| {
+        let plane = ImagePlane { distance_m, ..good().planes[0].clone() };
+        OptimizeHologram { planes: vec![plane], ..good() }
+    };
+    let range = Random { range_rad: Some(-1.0) };
     let region = |x_px, width_px| v1::RegionOfInterest { x_px, y_px: 0, width_px, height_px: 48 };
     let cases: [(OptimizeHologram, Code, &[&str]); 14] = [
-        (OptimizeHologram { distance_m: f64::NAN, ..good() }, Code::InvalidArgument, &["distance_m", "NaN"]),
-        (OptimizeHologram { distance_m: f64::INFINITY, ..good() }, Code::InvalidArgument, &["distance_m", "inf"]),
-        (OptimizeHologram { distance_m: 0.0, ..good() }, Code::InvalidArgument, &["distance_m is 0"]),
-        (OptimizeHologram { distance_m: 150.0, ..good() }, Code::InvalidArgument, &["distance_m is 150", "±10 m"]),
-        (OptimizeHologram { wavelength_m: 633e-9, ..good() }, Code::InvalidArgument, &["wavelength_m", "515nm"]),
+        (at(f64::NAN), Code::InvalidArgument, &["distance_m", "NaN"]),
+        (at(f64::INFINITY), Code::InvalidArgument, &["distance_m", "inf"]),
+        (at(0.0), Code::InvalidArgument, &["distance_m is 0"]),
+        (at(150.0), Code::InvalidArgument, &["distance_m is 150", "±10 m"]),
+        (
+            OptimizeHologram { wavelengths_m: vec![633e-9], ..good() },
+            Code::InvalidArgument,
+            &["wavelengths_m", "515nm"],
+        ),
         (OptimizeHologram { learning_rate: f64::NAN, ..good() }, Code::InvalidArgument, &["learning_rate"]),
         (OptimizeHologram { learning_rate: -1.0, ..good() }, Code::InvalidArgument, &["learning_rate"]),
         (OptimizeHologram { iterations: 1_000_000, ..good() }, Code::InvalidArgument, &["iterations", "10000"]),
         (
-            OptimizeHologram { initial_phase_range_rad: Some(-1.0), ..good() },
+            OptimizeHologram { initial_phase: Some(InitialPhase { kind: Some(Kind::Random(range)) }), ..good() },
             Code::InvalidArgument,
-            &["initial_phase_range_rad"],
+            &["initial_phase.random.range_rad"],
         ),
         (
             OptimizeHologram { region_of_interest: Some(region(u32::MAX, 2)), ..good() },
@@ -196,7 +213,7 @@ async fn datasets_that_cannot_be_learned_from_are_refused() {
     assert_refused(answer, Code::InvalidArgument, &["test_fraction"]);
 
     for (name, code) in [("bench", Code::FailedPrecondition), ("nowhere", Code::NotFound)] {
-        let learn = v1::LearnKernel { dataset: names::dataset(name), ..Default::default() };
+        let learn = v1::LearnKernel { datasets: vec![names::dataset(name)], ..Default::default() };
         let spec = Some(lightpath::job_spec(v1::job_spec::Kind::LearnKernel(learn)));
         let answer = jobs.submit_job(v1::SubmitJobRequest { spec, ..Default::default() }).await;
         assert_refused(answer, code, &[&format!("datasets/{name}")]);

@@ -1,7 +1,7 @@
 //! Displays, pictures and job specs, all small.
 
 use image::{ExtendedColorType, ImageEncoder as _, codecs::png::PngEncoder};
-use lightpath::v1::{self, Display, OptimizeHologram, SubmitJobRequest, job_spec};
+use lightpath::v1::{self, Display, OptimizeHologram, SubmitJobRequest, job_spec, optimize_hologram::ImagePlane};
 use lightpath::{Client, names};
 use lightpath_domain::kernel::KernelModel;
 use lightpath_media::kernel_file;
@@ -80,8 +80,7 @@ pub(crate) fn kernel_file(width_px: usize, height_px: usize, tilt: f64) -> Vec<u
 pub(crate) fn hologram(display: &str, target: &str, iterations: u32, seed: u64) -> OptimizeHologram {
     OptimizeHologram {
         display: names::display(display),
-        distance_m: DISTANCE_M,
-        target: target.to_owned(),
+        planes: vec![ImagePlane { distance_m: DISTANCE_M, target: target.to_owned(), weight: 0.0 }],
         iterations,
         seed,
         ..Default::default()

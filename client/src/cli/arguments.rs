@@ -1,6 +1,7 @@
 //! Arguments that several commands take.
 
-use clap::{Args, ValueEnum};
+use super::words::WordParser;
+use clap::Args;
 use lightpath::units::{Length, ParseError};
 use lightpath::v1;
 
@@ -35,73 +36,10 @@ pub(crate) struct Limit {
     pub(crate) limit: u32,
 }
 
-/// What counts as the light of a pixel.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub(crate) enum Detector {
-    /// The intensity at the sample point alone, as most published figures take it.
-    Point,
-    /// The mean over the pixel: what a camera of the same pitch integrates.
-    Pixel,
-    /// Every sub-sample by itself: nothing left free between the points, what an eye sees.
-    Supersampled,
-}
-
-impl From<Detector> for v1::Detector {
-    fn from(detector: Detector) -> Self {
-        match detector {
-            Detector::Point => Self::Point,
-            Detector::Pixel => Self::Pixel,
-            Detector::Supersampled => Self::Supersampled,
-        }
-    }
-}
-
-/// How grey values stand for light.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub(crate) enum Encoding {
-    /// Value / full scale is the intensity, as cameras measure it.
-    Linear,
-    /// As pictures for screens are stored; decoded to linear light first.
-    Srgb,
-}
-
-impl From<Encoding> for v1::Encoding {
-    fn from(encoding: Encoding) -> Self {
-        match encoding {
-            Encoding::Linear => Self::Linear,
-            Encoding::Srgb => Self::Srgb,
-        }
-    }
-}
-
 /// How light's way from the SLM to the image is computed.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub(crate) enum Propagation {
-    /// The planner's choice; through a learned kernel, what that was learned with.
-    Auto,
-    /// The angular spectrum with all of its band: exact up to the critical distance.
-    AngularSpectrum,
-    /// The same without the light that lands beyond the padded frame.
-    BandLimited,
-    /// The Rayleigh–Sommerfeld impulse response: exact from the critical distance on.
-    RayleighSommerfeld,
-    /// The paraxial transfer function: up to the critical distance.
-    FresnelTransferFunction,
-    /// The paraxial impulse response: from the critical distance on.
-    FresnelImpulseResponse,
-}
-
-impl From<Propagation> for v1::PropagationMethod {
-    fn from(propagation: Propagation) -> Self {
-        match propagation {
-            Propagation::Auto => Self::Unspecified,
-            Propagation::AngularSpectrum => Self::AngularSpectrum,
-            Propagation::BandLimited => Self::BandLimited,
-            Propagation::RayleighSommerfeld => Self::RayleighSommerfeld,
-            Propagation::FresnelTransferFunction => Self::FresnelTransferFunction,
-            Propagation::FresnelImpulseResponse => Self::FresnelImpulseResponse,
-        }
-    }
+pub(crate) fn propagation() -> WordParser<v1::PropagationMethod> {
+    WordParser::new()
+        .or_unspecified_as("auto", "The planner's choice; through a learned kernel, what that was learned with.")
 }
 
 /// `150mm`.

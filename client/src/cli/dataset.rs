@@ -5,12 +5,13 @@ mod align;
 mod manifest;
 mod show;
 
-use super::arguments::{Encoding, Limit, Optics, above_zero};
+use super::arguments::{Limit, Optics, above_zero};
 use super::failure::Failure;
 use super::job_text;
 use super::session::{Session, more_hint, pages};
 use super::show::time_or_dash;
 use super::table::Table;
+use super::words::WordParser;
 use clap::{Args, Subcommand};
 use lightpath::names;
 use lightpath::v1::{self, Dataset};
@@ -48,8 +49,8 @@ pub(crate) struct Create {
     optics: Optics,
 
     /// How the photographs' grey values stand for light
-    #[arg(long, value_name = "ENCODING", default_value = "linear")]
-    photo_encoding: Encoding,
+    #[arg(long, default_value = "linear", value_parser = WordParser::<v1::Encoding>::new())]
+    photo_encoding: v1::Encoding,
 
     /// Bits of the camera where its files have more, for example 12 in 16-bit files with values up to 4095; 8 to 16
     #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
@@ -137,7 +138,7 @@ impl Create {
             display: names::display(&self.optics.display),
             wavelength_m: self.optics.wavelength_m(),
             distance_m: self.optics.distance,
-            photo_encoding: v1::Encoding::from(self.photo_encoding).into(),
+            photo_encoding: self.photo_encoding.into(),
             photo_bit_depth: self.photo_bit_depth,
             ..Default::default()
         };

@@ -8,9 +8,10 @@ use super::failure::Failure;
 use super::session::{Session, more_hint, pages, say};
 use super::show;
 use super::table::{Facts, Table};
-use clap::{Args, Subcommand, ValueEnum};
+use super::words::WordParser;
+use clap::{Args, Subcommand};
 use lightpath::v1::{self, Display};
-use lightpath::{names, units};
+use lightpath::{Words, names, units};
 use std::path::{Path, PathBuf};
 
 /// What can be done with displays.
@@ -74,8 +75,8 @@ pub(crate) struct Create {
     phase_response: Option<PathBuf>,
 
     /// Grating that is added to every hologram, to steer the image away from the undiffracted light
-    #[arg(long)]
-    carrier: Option<Carrier>,
+    #[arg(long, value_parser = WordParser::<v1::Carrier>::new())]
+    carrier: Option<v1::Carrier>,
 
     /// Free text, at most 4096 bytes
     #[arg(long, value_name = "TEXT", default_value = "", hide_default_value = true)]
@@ -127,15 +128,6 @@ pub(crate) struct Create {
     misalignment: f64,
 }
 
-/// Half-order gratings.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Carrier {
-    /// π on every other column.
-    HalfOrderX,
-    /// π on every other row.
-    HalfOrderY,
-}
-
 /// Which display.
 #[derive(Debug, Args)]
 pub(crate) struct Id {
@@ -172,11 +164,6 @@ impl DisplayCommand {
 
 impl Create {
     fn display(&self) -> Result<Display, Failure> {
-        let carrier = match self.carrier {
-            None => v1::Carrier::Unspecified,
-            Some(Carrier::HalfOrderX) => v1::Carrier::HalfOrderX,
-            Some(Carrier::HalfOrderY) => v1::Carrier::HalfOrderY,
-        };
         let simulated_bench = match &self.simulated {
             Some(path) => Some(bench_file::read(path)?),
             None => self.simulated_seed.map(|seed| v1::SimulatedBench {
@@ -195,7 +182,7 @@ impl Create {
             bit_depth: self.bit_depth,
             wavelengths_m: self.wavelengths.clone(),
             phase_response: self.phase_response.as_deref().map(phase_response).transpose()?,
-            carrier: carrier.into(),
+            carrier: self.carrier.unwrap_or_default().into(),
             notes: self.notes.clone(),
             simulated_bench,
             create_time: None,
@@ -255,20 +242,12 @@ fn facts(display: &Display) -> String {
     facts.add("bit depth", display.bit_depth.to_string());
     let response = display.phase_response.as_ref().map_or("linear, 0 to 2π", |_| "measured");
     facts.add("phase response", response);
-    facts.add(
-        "carrier",
-        match display.carrier() {
-            v1::Carrier::Unspecified => "none",
-            v1::Carrier::HalfOrderX => "half order in x",
-            v1::Carrier::HalfOrderY => "half order in y",
-        },
-    );
+    let carrier = Some(display.carrier()).filter(|carrier| *carrier != v1::Carrier::Unspecified);
+    facts.add("carrier", carrier.map_or("none", Words::word));
     if let Some(bench) = &display.simulated_bench {
-        let (seed, strength) = (bench.seed, bench.strength);
-        let camera = format!("camera noise {}, misalignment {} px", bench.camera_noise, bench.misalignment_px);
-        facts.add("simulated", format!("seed {seed}, strength {strength}, {camera}"));
-        for (name, value) in bench_file::further(bench) {
-            facts.add(name, value.to_string());
+        facts.add("simulated", format!("seed {}", bench.seed));
+        for (name, value) in bench_file::properties(bench) {
+            facts.add(&name, value.to_string());
         }
     }
     if !display.notes.is_empty() {

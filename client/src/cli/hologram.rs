@@ -9,6 +9,7 @@ use super::failure::{Failure, TargetFailure};
 use super::job_text;
 use super::progress::{Progress, WATCHES_MAX, goes_on, or_interrupted};
 use super::session::{Session, say};
+use super::show;
 use super::submission::{Submission, watch_hint};
 use super::table::Table;
 use clap::{Args, Subcommand};
@@ -17,7 +18,7 @@ use lightpath::v1::{self, job_spec};
 use lightpath::{hologram_result, names};
 use outputs::{Files, Outputs};
 use pictures::Pictures;
-use results::{Item, kernel_version, results};
+use results::{Item, results};
 use std::collections::BTreeSet;
 use std::fs::File;
 use std::path::PathBuf;
@@ -72,11 +73,12 @@ Methods:
   lbfgs  follows the gradient and its curvature: by far the best picture for
          the time; every option works with it
   adam   follows the gradient, as most published holograms do
-  gs     Gerchberg-Saxton: replaces amplitudes on either side in turn; a quick
-         draft
-  wgs    gs with weights that raise what is too dark
-  dpac   double phase: no iterations, one pass; needs optics that filter away
-         its chequerboard
+  gerchberg-saxton, gs
+         replaces amplitudes on either side in turn; a quick draft
+  weighted-gerchberg-saxton, wgs
+         the same with weights that raise what is too dark
+  double-phase, dpac
+         no iterations, one pass; needs optics that filter away its chequerboard
 
 Output files: one file where there is one target; a folder (made where it is missing and ends with /), which \
 then gets NAME-phase.png, NAME-phase.npy and NAME-reconstruction.png; or a pattern, where {name} stands for \
@@ -234,7 +236,12 @@ fn print_submitted(session: &Session, items: &[Item]) -> Result<(), Failure> {
     for item in items {
         session.print_json_line(&item.job)?;
         let id = names::id(&item.job.name).to_owned();
-        table.row([item.name.clone(), id, kernel_version(&item.job), job_text::state(&item.job)]);
+        table.row([
+            item.name.clone(),
+            id,
+            show::kernel_versions(&item.job.kernel_versions),
+            job_text::state(&item.job),
+        ]);
     }
     session.print_text(&table.text())?;
     if let [item] = items {

@@ -5,8 +5,9 @@ use super::failure::Failure;
 use super::progress::{Progress, or_interrupted};
 use super::session::{Session, more_hint, pages, say};
 use super::table::Table;
+use super::words::WordParser;
 use super::{job_text, show};
-use clap::{Args, Subcommand, ValueEnum};
+use clap::{Args, Subcommand};
 use futures::{StreamExt as _, TryStreamExt as _};
 use lightpath::names;
 use lightpath::v1::{self, Job, job};
@@ -40,8 +41,8 @@ pub(crate) enum JobCommand {
 #[derive(Debug, Args)]
 pub(crate) struct List {
     /// Only jobs in this state
-    #[arg(long)]
-    state: Option<State>,
+    #[arg(long, value_parser = WordParser::<job::State>::new())]
+    state: Option<job::State>,
 
     /// Only this display's
     #[arg(long, value_name = "ID")]
@@ -60,21 +61,6 @@ pub(crate) struct List {
 pub(crate) struct Batch {
     /// Its name, as given with --batch
     name: String,
-}
-
-/// A job's state.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum State {
-    /// Waits for a worker or for its time.
-    Queued,
-    /// A worker is at it.
-    Running,
-    /// Ended with a result.
-    Succeeded,
-    /// Ended without; can be queued again with `job retry`.
-    Failed,
-    /// Ended because somebody asked for it.
-    Cancelled,
 }
 
 /// Which job.
@@ -127,18 +113,11 @@ impl Id {
 impl List {
     async fn run(self, session: &Session) -> Result<(), Failure> {
         let display = self.display.as_deref().map(names::display).unwrap_or_default();
-        let state = match self.state {
-            None => job::State::Unspecified,
-            Some(State::Queued) => job::State::Queued,
-            Some(State::Running) => job::State::Running,
-            Some(State::Succeeded) => job::State::Succeeded,
-            Some(State::Failed) => job::State::Failed,
-            Some(State::Cancelled) => job::State::Cancelled,
-        };
         let (jobs, next_page_token) = pages(self.limit.limit, async |page_size, page_token| {
             let display = display.clone();
             let batch = self.batch.clone();
-            let request = v1::ListJobsRequest { page_size, page_token, state: state.into(), display, batch };
+            let state = self.state.unwrap_or_default().into();
+            let request = v1::ListJobsRequest { page_size, page_token, state, display, batch };
             let answer = session.client.list_jobs(request).await?;
             Ok((answer.jobs, answer.next_page_token))
         })

@@ -4,7 +4,8 @@ use super::failure::Failure;
 use super::table::{Facts, Table};
 use super::{propagation_text, quality_text, show};
 use lightpath::v1::{self, Job, job::State, job_result, job_spec};
-use lightpath::{names, units};
+use lightpath::{Words as _, names, units};
+use std::collections::BTreeSet;
 
 /// `optimize hologram`.
 pub(crate) fn kind(job: &Job) -> &'static str {
@@ -21,7 +22,7 @@ pub(crate) fn kind(job: &Job) -> &'static str {
 pub(crate) fn subject(job: &Job) -> &str {
     match spec(job) {
         Some(job_spec::Kind::OptimizeHologram(spec)) => names::id(&spec.display),
-        Some(job_spec::Kind::LearnKernel(spec)) => names::id(&spec.dataset),
+        Some(job_spec::Kind::LearnKernel(spec)) => spec.datasets.first().map_or("–", |name| names::id(name)),
         Some(job_spec::Kind::SimulateCapture(spec)) => names::id(&spec.display),
         Some(job_spec::Kind::EvaluateKernel(spec)) => names::id(&spec.dataset),
         None => "–",
@@ -35,7 +36,7 @@ pub(crate) fn label(job: &Job) -> String {
 
 /// `running`.
 pub(crate) fn state(job: &Job) -> String {
-    show::word("STATE_", job.state().as_str_name())
+    job.state().word().to_owned()
 }
 
 /// State and what matters about it.
@@ -76,26 +77,24 @@ pub(crate) fn facts(job: &Job) -> String {
     facts.add_some("created", job.create_time.as_ref().map(show::time));
     facts.add_some("started", job.start_time.as_ref().map(show::time));
     facts.add_some("ended", job.finish_time.as_ref().map(show::time));
-    if let Some(report) = propagation(job) {
-        propagation_text::add(report, &mut facts);
-    }
     let mut text = String::new();
     match job.result.as_ref().and_then(|result| result.kind.as_ref()) {
         Some(job_result::Kind::Hologram(result)) => {
-            hologram_facts(result, &mut facts);
-            text = format!("\n{}", quality_text::table(result));
+            facts.add("speed", format!("{:.1} ms an iteration, {} iterations", result.iteration_ms, result.iterations));
+            text = holograms(result);
         }
         Some(job_result::Kind::Learn(result)) => learn_facts(result, &mut facts),
-        Some(job_result::Kind::Capture(result)) => facts.add("photograph", &result.photo),
-        Some(job_result::Kind::Evaluate(result)) => text = format!("\n{}", evaluation(result)),
+        Some(job_result::Kind::Capture(result)) => {
+            propagation_facts(result.propagation.as_ref(), &mut facts);
+            facts.add("photograph", &result.photo);
+        }
+        Some(job_result::Kind::Evaluate(result)) => {
+            propagation_facts(result.propagation.as_ref(), &mut facts);
+            text = format!("\n{}", evaluation(result));
+        }
         None => {}
     }
     facts.text() + &text
-}
-
-/// How light's way was computed, of a job that succeeded.
-pub(crate) fn propagation(job: &Job) -> Option<&v1::ValidityReport> {
-    job.result.as_ref()?.propagation.as_ref()
 }
 
 fn spec(job: &Job) -> Option<&job_spec::Kind> {
@@ -110,16 +109,18 @@ fn spec_facts(job: &Job, facts: &mut Facts) {
     match spec(job) {
         Some(job_spec::Kind::OptimizeHologram(spec)) => {
             facts.add("display", names::id(&spec.display));
-            facts.add("optics", optics(spec.wavelength_m, spec.distance_m));
-            facts.add("kernel", show::kernel_version(spec.kernel_version));
-            facts.add("target", &spec.target);
-            let detector = show::word("DETECTOR_", spec.detector().as_str_name());
+            facts.add("wavelength", lengths(spec.wavelengths_m.iter().copied()));
+            facts.add("distance", lengths(spec.planes.iter().map(|plane| plane.distance_m)));
+            facts.add("kernel", show::kernel_versions(&job.kernel_versions));
+            let targets: BTreeSet<&str> = spec.planes.iter().map(|plane| plane.target.as_str()).collect();
+            targets.into_iter().for_each(|target| facts.add("target", target));
+            let detector = spec.detector().word();
             facts.add("work", format!("{} iterations, {detector} detector, seed {}", spec.iterations, spec.seed));
         }
         Some(job_spec::Kind::LearnKernel(spec)) => {
-            let datasets = std::iter::once(&spec.dataset).chain(&spec.joint_datasets);
-            facts.add("dataset", datasets.map(|name| names::id(name)).collect::<Vec<_>>().join(", "));
-            facts.add("model", show::word("KERNEL_MODEL_", spec.model().as_str_name()));
+            let datasets: Vec<&str> = spec.datasets.iter().map(|name| names::id(name)).collect();
+            facts.add("dataset", datasets.join(", "));
+            facts.add("model", spec.model().word());
         }
         Some(job_spec::Kind::SimulateCapture(spec)) => {
             facts.add("display", names::id(&spec.display));
@@ -128,7 +129,7 @@ fn spec_facts(job: &Job, facts: &mut Facts) {
         }
         Some(job_spec::Kind::EvaluateKernel(spec)) => {
             facts.add("dataset", names::id(&spec.dataset));
-            facts.add("kernel", show::kernel_version(spec.kernel_version));
+            facts.add("kernel", show::kernel_versions(&job.kernel_versions));
         }
         None => {}
     }
@@ -139,31 +140,54 @@ pub(crate) fn optics(wavelength_m: f64, distance_m: f64) -> String {
     format!("{}, {}", units::show_m(wavelength_m), units::show_m(distance_m))
 }
 
-fn hologram_facts(result: &v1::HologramResult, facts: &mut Facts) {
-    facts.add("speed", format!("{:.1} ms an iteration, {} iterations", result.iteration_ms, result.iterations));
-    facts.add("phase", &result.phase);
-    facts.add("phase npy", &result.phase_npy);
-    facts.add("reconstruction", &result.reconstruction);
+/// `450 nm, 520 nm`.
+fn lengths(metres: impl Iterator<Item = f64>) -> String {
+    metres.map(units::show_m).collect::<Vec<_>>().join(", ")
+}
+
+fn propagation_facts(report: Option<&v1::ValidityReport>, facts: &mut Facts) {
+    if let Some(report) = report {
+        propagation_text::add(report, facts);
+    }
+}
+
+/// The files and the quality of each hologram, plane by plane.
+fn holograms(result: &v1::HologramResult) -> String {
+    let mut text = String::new();
+    for wavelength in &result.wavelengths {
+        let mut facts = Facts::default();
+        facts.add("wavelength", units::show_m(wavelength.wavelength_m));
+        for frame in &wavelength.frames {
+            facts.add("phase", &frame.phase);
+            facts.add("phase npy", &frame.phase_npy);
+        }
+        text += &format!("\n{}", facts.text());
+        for plane in &wavelength.planes {
+            let mut facts = Facts::default();
+            facts.add("distance", units::show_m(plane.distance_m));
+            propagation_facts(plane.propagation.as_ref(), &mut facts);
+            facts.add("reconstruction", &plane.reconstruction);
+            text += &format!("\n{}\n{}", facts.text(), quality_text::table(plane));
+        }
+    }
+    text
 }
 
 fn learn_facts(result: &v1::LearnResult, facts: &mut Facts) {
-    facts.add("kernel", &result.kernel_version);
-    if let Some(metrics) = &result.metrics {
-        facts.add("held-out loss", held_out(metrics));
-        facts.add("training loss", show::loss(metrics.train_loss));
-        let pairs = (metrics.train_pairs, metrics.validation_pairs, metrics.test_pairs);
-        facts.add("pairs", format!("{} train, {} validation, {} test", pairs.0, pairs.1, pairs.2));
-        quality_text::verdict(metrics, facts);
-    }
-    for other in &result.joint {
-        facts.add("kernel", &other.kernel_version);
-        if let Some(metrics) = &other.metrics {
+    for kernel in &result.kernels {
+        facts.add("kernel", &kernel.kernel_version);
+        propagation_facts(kernel.propagation.as_ref(), facts);
+        if let Some(metrics) = &kernel.metrics {
             facts.add("held-out loss", held_out(metrics));
+            facts.add("training loss", show::loss(metrics.train_loss));
+            let pairs = (metrics.train_pairs, metrics.validation_pairs, metrics.test_pairs);
+            facts.add("pairs", format!("{} train, {} validation, {} test", pairs.0, pairs.1, pairs.2));
+            quality_text::verdict(metrics, facts);
         }
-    }
-    if !result.left_out_pairs.is_empty() {
-        let ids = result.left_out_pairs.join(", ");
-        facts.add("left out", format!("{ids}: the photographs are not of their holograms"));
+        if !kernel.left_out_pairs.is_empty() {
+            let ids = kernel.left_out_pairs.join(", ");
+            facts.add("left out", format!("{ids}: the photographs are not of their holograms"));
+        }
     }
     if result.order > 0 {
         facts.add("order", result.order.to_string());
@@ -177,8 +201,8 @@ fn held_out(metrics: &v1::KernelMetrics) -> String {
 fn evaluation(result: &v1::EvaluateResult) -> String {
     let mut table = Table::new(&["pair", "split", ">loss", ">full frame"]);
     for pair in &result.pairs {
-        let split = show::word("SPLIT_", pair.split().as_str_name());
-        table.row([pair.pair.clone(), split, show::loss(pair.loss), show::loss(pair.loss_full_frame)]);
+        let split = pair.split().word();
+        table.row([pair.pair.clone(), split.to_owned(), show::loss(pair.loss), show::loss(pair.loss_full_frame)]);
     }
     table.text()
 }

@@ -1,6 +1,6 @@
 //! The commands, one file each, over what they share:
 //!
-//! - `arguments`, `submission`, `kernel_choice`: arguments that several commands take.
+//! - `arguments`, `words`, `submission`, `kernel_choice`: arguments that several commands take.
 //! - `session`: the connection and the two forms of output; `failure`: exit codes.
 //! - `table`, `show`, `job_text`, `quality_text`, `propagation_text`: how things look to people; `progress`: bars and waiting; `destination`: files to write.
 
@@ -23,6 +23,7 @@ mod show;
 mod simulate;
 mod submission;
 mod table;
+mod words;
 
 use clap::{CommandFactory as _, Parser, Subcommand};
 use failure::Failure;

@@ -1,18 +1,13 @@
 //! How light's way to an image is computed, in words.
 
-use super::show;
 use super::table::{Facts, Table};
+use lightpath::Words as _;
 use lightpath::units::show_m;
-use lightpath::v1::{PlanPropagationResponse, PropagationMethod, ValidityReport};
-
-/// `angular-spectrum`.
-pub(crate) fn method(method: PropagationMethod) -> String {
-    show::word("PROPAGATION_METHOD_", method.as_str_name())
-}
+use lightpath::v1::{PlanPropagationResponse, ValidityReport};
 
 /// The method, why, and what to beware of.
 pub(crate) fn add(report: &ValidityReport, facts: &mut Facts) {
-    facts.add("propagation", format!("{}: {}", method(report.method()), report.explanation));
+    facts.add("propagation", format!("{}: {}", report.method().word(), report.explanation));
     for warning in &report.warnings {
         facts.add("warning", format!("{}: {}", warning.code, warning.text));
     }
@@ -28,7 +23,8 @@ pub(crate) fn plan(plan: &PlanPropagationResponse) -> String {
     let mut table = Table::new(&["method", "possible", "for jobs", "because"]);
     let yes_no = |yes: bool| if yes { "yes" } else { "no" }.to_owned();
     for other in &plan.alternatives {
-        table.row([method(other.method()), yes_no(other.possible), yes_no(other.optimizable), other.text.clone()]);
+        let method = other.method().word().to_owned();
+        table.row([method, yes_no(other.possible), yes_no(other.optimizable), other.text.clone()]);
     }
     format!("{}\n{}", facts.text(), table.text())
 }
@@ -69,7 +65,7 @@ fn millimetres(value_m: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use lightpath::v1::{PropagationAlternative, PropagationWarning};
+    use lightpath::v1::{PropagationAlternative, PropagationMethod, PropagationWarning};
 
     #[test]
     fn a_plan_has_its_reason_its_numbers_and_its_alternatives() {

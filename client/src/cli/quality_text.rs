@@ -2,10 +2,10 @@
 
 use super::show;
 use super::table::{Facts, Table};
-use lightpath::v1::{HologramResult, KernelMetrics, Quality};
+use lightpath::v1::{KernelMetrics, Quality, hologram_result::PlaneResult};
 
 /// Every metric in the eyes of each detector, of the phase as optimized and as the display shows it.
-pub(crate) fn table(result: &HologramResult) -> String {
+pub(crate) fn table(plane: &PlaneResult) -> String {
     let mut table = Table::new(&[
         "detector",
         "phase",
@@ -16,9 +16,9 @@ pub(crate) fn table(result: &HologramResult) -> String {
         ">in frame",
         ">speckle contrast",
     ]);
-    let phases = [("as optimized", &result.quality), ("quantized", &result.quantized_quality)];
-    let phases =
-        phases.iter().filter_map(|(phase, quality)| Some((*phase, seen(quality.as_ref()?)))).collect::<Vec<_>>();
+    let seen = |quality: Quality| [quality.point, quality.pixel, quality.supersampled].map(Option::unwrap_or_default);
+    let phases = [("as optimized", plane.quality), ("quantized", plane.quantized_quality)];
+    let phases: Vec<_> = phases.into_iter().filter_map(|(phase, quality)| Some((phase, seen(quality?)))).collect();
     for (i, detector) in ["point", "pixel", "supersampled"].into_iter().enumerate() {
         for (phase, seen) in &phases {
             let seen = &seen[i];
@@ -37,10 +37,20 @@ pub(crate) fn table(result: &HologramResult) -> String {
     if phases.is_empty() { String::new() } else { table.text() }
 }
 
+/// PSNR as each detector sees the phase as optimized; then PSNR, SSIM and efficiency of the quantized one over the pixels.
+pub(crate) fn in_short(plane: PlaneResult) -> [String; 6] {
+    let Quality { point, pixel, supersampled } = plane.quality.unwrap_or_default();
+    let quantized = plane.quantized_quality.and_then(|quality| quality.pixel).unwrap_or_default();
+    let [point, pixel, supersampled] =
+        [point, pixel, supersampled].map(|seen| show::decibel(seen.unwrap_or_default().psnr_db));
+    let (psnr, efficiency) = (show::decibel(quantized.psnr_db), percent(quantized.diffraction_efficiency));
+    [point, pixel, supersampled, psnr, similarity(quantized.ssim), efficiency]
+}
+
 /// What new holograms through a kernel look like, and whether it is good for anything.
 pub(crate) fn verdict(metrics: &KernelMetrics, facts: &mut Facts) {
-    if let (Some(learned), Some(ideal)) = (metrics.captured_psnr_db, metrics.ideal_captured_psnr_db) {
-        let (learned, ideal) = (show::decibel(learned), show::decibel(ideal));
+    if let Some(captured) = metrics.captured {
+        let (learned, ideal) = (show::decibel(captured.psnr_db), show::decibel(captured.ideal_psnr_db));
         facts.add("captured", format!("{learned} (ideal kernel {ideal}), new holograms"));
     }
     if metrics.no_better_than_ideal {
@@ -49,84 +59,44 @@ pub(crate) fn verdict(metrics: &KernelMetrics, facts: &mut Facts) {
 }
 
 /// `0.9876`, or `–`.
-pub(crate) fn similarity(value: Option<f64>) -> String {
+fn similarity(value: Option<f64>) -> String {
     or_dash(value, |value| format!("{value:.4}"))
 }
 
-/// `12.3 %`, or `–`.
-pub(crate) fn percent(value: Option<f64>) -> String {
-    or_dash(value, |value| format!("{:.1} %", 100.0 * value))
+/// `12.3 %`.
+fn percent(value: f64) -> String {
+    format!("{:.1} %", 100.0 * value)
 }
 
 fn or_dash(value: Option<f64>, show: impl Fn(f64) -> String) -> String {
     value.map_or_else(|| "–".to_owned(), show)
 }
 
-/// What one detector sees.
-struct Seen {
-    psnr_db: f64,
-    ssim: Option<f64>,
-    ms_ssim: Option<f64>,
-    diffraction_efficiency: Option<f64>,
-    frame_efficiency: Option<f64>,
-    speckle_contrast: Option<f64>,
-}
-
-/// Point, pixel, supersampled.
-fn seen(quality: &Quality) -> [Seen; 3] {
-    [
-        Seen {
-            psnr_db: quality.psnr_point_db,
-            ssim: quality.ssim_point,
-            ms_ssim: quality.ms_ssim_point,
-            diffraction_efficiency: quality.diffraction_efficiency_point,
-            frame_efficiency: quality.frame_efficiency_point,
-            speckle_contrast: quality.speckle_contrast_point,
-        },
-        Seen {
-            psnr_db: quality.psnr_pixel_db,
-            ssim: quality.ssim_pixel,
-            ms_ssim: quality.ms_ssim_pixel,
-            diffraction_efficiency: quality.diffraction_efficiency_pixel,
-            frame_efficiency: quality.frame_efficiency_pixel,
-            speckle_contrast: quality.speckle_contrast_pixel,
-        },
-        Seen {
-            psnr_db: quality.psnr_supersampled_db,
-            ssim: quality.ssim_supersampled,
-            ms_ssim: quality.ms_ssim_supersampled,
-            diffraction_efficiency: quality.diffraction_efficiency_supersampled,
-            frame_efficiency: quality.frame_efficiency_supersampled,
-            speckle_contrast: quality.speckle_contrast_supersampled,
-        },
-    ]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use lightpath::v1::SeenQuality;
 
     #[test]
     fn the_table_has_every_detector_and_dashes_for_what_is_unknown() {
-        let quality = Quality {
-            psnr_point_db: 46.31,
-            psnr_pixel_db: 27.7,
-            ssim_pixel: Some(0.912_34),
-            ms_ssim_pixel: Some(0.987_65),
-            diffraction_efficiency_pixel: Some(0.712_3),
-            frame_efficiency_pixel: Some(0.95),
-            speckle_contrast_pixel: Some(0.0314),
-            ..Quality::default()
+        let point = SeenQuality { psnr_db: 46.31, ..SeenQuality::default() };
+        let pixel = SeenQuality {
+            psnr_db: 27.7,
+            ssim: Some(0.912_34),
+            ms_ssim: Some(0.987_65),
+            diffraction_efficiency: 0.712_3,
+            frame_efficiency: 0.95,
+            speckle_contrast: Some(0.0314),
         };
-        let result = HologramResult { quality: Some(quality), ..HologramResult::default() };
-        let text = table(&result);
+        let quality = Quality { point: Some(point), pixel: Some(pixel), supersampled: None };
+        let plane = PlaneResult { quality: Some(quality), ..PlaneResult::default() };
+        let text = table(&plane);
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(lines.len(), 4, "{text}");
-        assert_eq!(lines[1].split_whitespace().collect::<Vec<_>>().join(" "), "point as optimized 46.3 dB – – – – –");
-        assert_eq!(
-            lines[2].split_whitespace().collect::<Vec<_>>().join(" "),
-            "pixel as optimized 27.7 dB 0.9123 0.9877 71.2 % 95.0 % 0.031"
-        );
-        assert_eq!(table(&HologramResult::default()), "");
+        let words = |line: &str| line.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert_eq!(words(lines[1]), "point as optimized 46.3 dB – – 0.0 % 0.0 % –");
+        assert_eq!(words(lines[2]), "pixel as optimized 27.7 dB 0.9123 0.9877 71.2 % 95.0 % 0.031");
+        assert_eq!(table(&PlaneResult::default()), "");
+        assert_eq!(in_short(plane), ["46.3 dB", "27.7 dB", "0.0 dB", "0.0 dB", "–", "0.0 %"]);
     }
 }

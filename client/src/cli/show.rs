@@ -60,14 +60,18 @@ pub(crate) fn kernel_version(version: u32) -> String {
     if version == 0 { "ideal".to_owned() } else { format!("version {version}") }
 }
 
+/// [`kernel_version`] where all are the same, else each of them: `version 3, ideal, version 1`; `–` for none.
+pub(crate) fn kernel_versions(versions: &[u32]) -> String {
+    match versions {
+        [] => "–".to_owned(),
+        [first, others @ ..] if others.iter().all(|other| other == first) => kernel_version(*first),
+        several => several.iter().copied().map(kernel_version).collect::<Vec<_>>().join(", "),
+    }
+}
+
 /// `3`, or `–` for 0, which stands for none.
 pub(crate) fn version_or_dash(version: u32) -> String {
     if version == 0 { "–".to_owned() } else { version.to_string() }
-}
-
-/// The unprefixed lower-case word of an enum value: `STATE_RUNNING` is `running`.
-pub(crate) fn word(prefix: &str, name: &str) -> String {
-    name.strip_prefix(prefix).unwrap_or(name).to_lowercase().replace('_', "-")
 }
 
 fn clock(seconds: i64) -> String {
@@ -117,7 +121,8 @@ mod tests {
         assert_eq!(duration(0.42), "0.4 s");
         assert_eq!(loss(0.00139), "0.00139");
         assert_eq!(loss(0.0001), "1.00e-4");
-        assert_eq!(kernel_version(0), "ideal");
-        assert_eq!(word("STATE_", "STATE_RUNNING"), "running");
+        assert_eq!(kernel_versions(&[0]), "ideal");
+        assert_eq!((kernel_versions(&[3, 3]), kernel_versions(&[])), ("version 3".into(), "–".into()));
+        assert_eq!(kernel_versions(&[3, 0]), "version 3, ideal");
     }
 }

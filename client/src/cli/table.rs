@@ -43,16 +43,16 @@ impl Table {
 /// Lines of a name and a value, aligned.
 #[derive(Debug, Default)]
 pub(crate) struct Facts {
-    facts: Vec<(&'static str, String)>,
+    facts: Vec<(String, String)>,
 }
 
 impl Facts {
-    pub(crate) fn add(&mut self, name: &'static str, value: impl Into<String>) {
-        self.facts.push((name, value.into()));
+    pub(crate) fn add(&mut self, name: &str, value: impl Into<String>) {
+        self.facts.push((name.to_owned(), value.into()));
     }
 
     /// Adds a fact that may be unknown.
-    pub(crate) fn add_some(&mut self, name: &'static str, value: Option<String>) {
+    pub(crate) fn add_some(&mut self, name: &str, value: Option<String>) {
         if let Some(value) = value {
             self.add(name, value);
         }
@@ -60,7 +60,7 @@ impl Facts {
 
     pub(crate) fn text(&self) -> String {
         let width = self.facts.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0);
-        let line = |(name, value): &(&str, String)| format!("{name:<width$}  {value}\n");
+        let line = |(name, value): &(String, String)| format!("{name:<width$}  {value}\n");
         self.facts.iter().map(line).collect()
     }
 }

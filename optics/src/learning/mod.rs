@@ -60,6 +60,18 @@ impl KernelModel {
     /// Every model.
     pub const ALL: [Self; 5] = [Self::Paper, Self::Dense, Self::Smooth, Self::Display, Self::Varying];
 
+    /// Its name in lower case, as it is stored.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Paper => "paper",
+            Self::Dense => "dense",
+            Self::Smooth => "smooth",
+            Self::Display => "display",
+            Self::Varying => "varying",
+        }
+    }
+
     /// Whether the kernel is smooth, some dozens or hundreds of numbers: such models have an order, are refined, and can be
     /// started from.
     #[must_use]

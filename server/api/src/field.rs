@@ -76,11 +76,6 @@ impl Field {
         Ok(value)
     }
 
-    /// A value of an enumeration; `from` tells the known numbers.
-    pub(crate) fn known<T>(&self, value: i32, from: impl Fn(i32) -> Option<T>) -> Result<T, ApiError> {
-        from(value).ok_or_else(|| self.invalid(format!("is {value}, which is no value of that enumeration")))
-    }
-
     pub(crate) fn distance(&self, value: f64) -> Result<Distance, ApiError> {
         let allowed = format!("within ±{} m and not 0", Distance::MAX_M);
         Distance::from_m(value).ok_or_else(|| self.invalid(format!("is {value}, but must be {allowed}")))

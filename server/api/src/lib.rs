@@ -7,7 +7,8 @@
 //! - `optics`: messages of the optics engine that several resources use, such as propagation methods and regions.
 //! - `api`: what all services share. `call`: from a gRPC request with its caller to an answer.
 //! - `rules`: which roles may make which call. `permissions`: which displays a caller may use.
-//! - `field`, `names`, `pages`, `time`: checking fields, resource names, pages of lists, and times.
+//! - `field`, `names`, `pages`, `time`: checking fields, resource names, pages of lists, and times. `enumerations`: those of
+//!   messages and those of the domain, value by value.
 //! - `watch`: streams that follow something. `stream_limits`: how many streams there may be.
 //! - `decoding`: work that takes a processor for long. `checked_targets`: which targets were found to have light.
 //! - `error`: why a request is refused. `status`: the one map from errors to gRPC statuses.
@@ -24,6 +25,7 @@ pub mod connections;
 mod datasets;
 mod decoding;
 mod displays;
+mod enumerations;
 mod error;
 mod field;
 pub mod http;

@@ -18,12 +18,9 @@ mod result;
 mod spec;
 
 pub use failure::{FailureReason, JobError};
-pub use hologram::{
-    Fit, FrameResult, HologramResult, ImagePlane, InitialPhase, Loss, Method, OptimizeHologram, PlaneResult, Quantity,
-    WavelengthResult,
-};
-pub use result::{CaptureResult, EvaluateResult, JobResult, JointResult, LearnResult, PairLoss, Quality, SeenQuality};
-pub use spec::{Detector, EvaluateKernel, JobSpec, LearnKernel, Region, SimulateCapture};
+pub use hologram::{Fit, FrameResult, HologramResult, ImagePlane, OptimizeHologram, PlaneResult, WavelengthResult};
+pub use result::{CaptureResult, EvaluateResult, JobResult, LearnResult, LearnedKernel, PairLoss};
+pub use spec::{EvaluateKernel, JobSpec, LearnKernel, SimulateCapture};
 
 use serde::{Deserialize, Serialize};
 

@@ -1,5 +1,7 @@
 //! Kernels: learned light transport, versioned per display, wavelength and distance.
 
+pub use lightpath_optics::KernelModel;
+
 use crate::units::{Distance, Wavelength};
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -30,37 +32,10 @@ pub struct Kernel {
     pub active_version: Option<u32>,
     /// The newest version; versions count from 1.
     pub latest_version: u32,
-    /// The active version, or the newest where none is active, is [interpolated](KernelLineage::is_interpolated).
+    /// The active version, or the newest where none is active, was [interpolated](KernelLineage::interpolated).
     pub interpolated: bool,
     /// \[ms since 1970\]
     pub create_time_ms: i64,
-}
-
-/// How a kernel is parametrized.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum KernelModel {
-    /// Kavaklı, Ürey, Akşit 2022.
-    Paper,
-    /// Every frequency bin free.
-    Dense,
-    /// Smooth amplitude and phase errors.
-    Smooth,
-    /// Smooth, and source, phase response and zero order.
-    Display,
-    /// Display, and a kernel that varies over the SLM.
-    Varying,
-}
-
-impl KernelModel {
-    /// Whether the kernel is smooth: such models are refined, and can be started from.
-    #[must_use]
-    pub fn is_smooth(self) -> bool {
-        match self {
-            Self::Smooth | Self::Display | Self::Varying => true,
-            Self::Paper | Self::Dense => false,
-        }
-    }
 }
 
 /// What a learning job hands to the registry; becomes the kernel's next version.
@@ -115,7 +90,6 @@ pub struct KernelMetrics {
     /// Over the full frame, through the ideal kernel.
     pub ideal_test_loss_full_frame: f64,
     /// Of new holograms; only of simulated displays.
-    #[serde(default)]
     pub captured: Option<CapturedQuality>,
 }
 
@@ -126,14 +100,6 @@ pub struct CapturedQuality {
     pub psnr_db: f64,
     /// PSNR through the ideal kernel.
     pub ideal_psnr_db: f64,
-}
-
-impl KernelLineage {
-    /// No photograph of the kernel's distance was learned from.
-    #[must_use]
-    pub fn is_interpolated(&self) -> bool {
-        self.over_distance.as_ref().is_some_and(|over| over.interpolated)
-    }
 }
 
 impl KernelMetrics {
@@ -153,34 +119,49 @@ impl KernelMetrics {
 pub struct KernelLineage {
     /// Id of the job; empty for an import.
     pub job: String,
-    /// Id of the dataset; empty for an import.
-    pub dataset: String,
-    /// Digest of the dataset.
-    pub dataset_digest: String,
+    /// What the version was learned from: at its own distance, then, where one model was learned for several distances, at the
+    /// others, ascending. Of an interpolated version all of them, ascending. Empty for other imports.
+    pub datasets: Vec<LearnedDataset>,
+    /// No photograph of the kernel's distance was learned from: it lies between those of `datasets`.
+    pub interpolated: bool,
+    /// The version that learning started from; `None`: the ideal kernel.
+    pub parent_version: Option<u32>,
     /// The learning parameters as JSON.
     pub parameters_json: String,
     /// Seed of the learning.
     pub seed: u64,
     /// The server's version.
     pub code_version: String,
-    /// The version that learning started from; 0: none.
-    pub parent_version: u32,
-    /// Set where one model was learned for several distances.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub over_distance: Option<OverDistance>,
 }
 
-/// One model of a display for several distances.
+impl KernelLineage {
+    /// What was learned from at the version's own distance; `None` for imports, and where there was no photograph.
+    #[must_use]
+    pub fn own_dataset(&self) -> Option<&LearnedDataset> {
+        self.datasets.first().filter(|_| !self.interpolated)
+    }
+
+    /// The distances that one model was learned for, ascending, where they are several.
+    #[must_use]
+    pub fn joint_distances(&self) -> Option<Vec<Distance>> {
+        let is_joint = self.interpolated || self.datasets.len() > 1;
+        is_joint.then(|| {
+            let mut distances: Vec<Distance> = self.datasets.iter().map(|dataset| dataset.distance).collect();
+            distances.sort_unstable();
+            distances
+        })
+    }
+}
+
+/// A dataset that a version was learned from.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct OverDistance {
-    /// The photographed distances, ascending.
-    pub distances: Vec<Distance>,
-    /// Ids of their datasets.
-    pub datasets: Vec<String>,
-    /// Digests of the datasets.
-    pub dataset_digests: Vec<String>,
-    /// The kernel is of a distance between them, of which there was no photograph.
-    pub interpolated: bool,
+pub struct LearnedDataset {
+    /// From the SLM to the camera's plane.
+    pub distance: Distance,
+    /// Id of the dataset; empty for an import.
+    pub id: String,
+    /// Its digest; empty for an import.
+    pub digest: String,
 }
 
 /// One move of the alias `active`.

@@ -3,7 +3,8 @@
 //! # Layout
 //!
 //! - [`units`]: exact wavelengths and distances. [`display`], [`dataset`], [`kernel`], [`job`]: the things of the service.
-//! - [`propagation`], [`planning`], [`slm`]: a display as the optics engine sees it.
+//! - [`planning`], [`slm`]: a display as the optics engine sees it. Words of optics, such as detectors, methods and qualities,
+//!   are the engine's own types.
 //! - [`access`]: roles and tokens. [`causes`]: errors in one line.
 //! - [`reason`]: why something failed or was refused, for programs.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
@@ -15,7 +16,6 @@ pub mod display;
 pub mod job;
 pub mod kernel;
 pub mod planning;
-pub mod propagation;
 pub mod reason;
 pub mod slm;
 pub mod units;

@@ -1,8 +1,8 @@
 //! A display's modulator, as the optics know it.
 
-use crate::display::{self, Display};
+use crate::display::Display;
+use lightpath_optics::Result;
 use lightpath_optics::phase_response::PhaseResponse;
-use lightpath_optics::{Carrier, Result};
 
 /// What the grey levels do to the phase.
 ///
@@ -14,12 +14,4 @@ pub fn response(display: &Display) -> Result<PhaseResponse> {
         Some(phase_rad) => PhaseResponse::measured(phase_rad.clone()),
         None => PhaseResponse::linear(display.bit_depth),
     }
-}
-
-/// The grating that is added after optimization.
-pub fn carrier(display: &Display) -> Option<Carrier> {
-    display.carrier.map(|carrier| match carrier {
-        display::Carrier::HalfOrderX => Carrier::HalfOrderX,
-        display::Carrier::HalfOrderY => Carrier::HalfOrderY,
-    })
 }

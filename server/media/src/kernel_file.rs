@@ -10,7 +10,7 @@
 //! | `height_px`, `width_px`, `pixel_pitch_m`, `wavelength_m`, `distance_m` | what it was learned for |
 //! | `kernel_order`, `source_order` | highest total degrees of the Chebyshev series |
 //! | `variation_order` | that of what makes the kernel vary over the SLM, 0 where it is missing |
-//! | `propagation` | the method of H_ideal, `band_limited` where it is missing |
+//! | `propagation` | the method of H_ideal, such as `band_limited` |
 //! | `interpolated_from_m` | photographed distances \[m\], ascending, of a kernel for a distance between them; else missing |
 //!
 //! | tensor | type, shape | meaning |
@@ -24,9 +24,7 @@
 //!
 //! Coefficients are in the order of `lightpath_optics::chebyshev::ChebyshevBasis::degrees`.
 
-use lightpath_domain::kernel::KernelModel;
-use lightpath_domain::planning;
-use lightpath_domain::propagation::PropagationMethod;
+use lightpath_optics::KernelModel;
 use lightpath_optics::{
     ConvolutionMethod, DisplayModel, Grid, KernelShape, OpticalSetup, Plane, SmoothField, SpatialVariation,
 };
@@ -87,19 +85,13 @@ struct Header {
     source_order: usize,
     #[serde(default, skip_serializing_if = "is_zero")]
     variation_order: usize,
-    /// Files of older servers are of band-limited propagation.
-    #[serde(default = "band_limited")]
-    propagation: PropagationMethod,
+    propagation: ConvolutionMethod,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     interpolated_from_m: Vec<f64>,
 }
 
 fn is_zero(order: &usize) -> bool {
     *order == 0
-}
-
-fn band_limited() -> PropagationMethod {
-    PropagationMethod::BandLimited
 }
 
 /// The file's bytes; the same model gives the same bytes.
@@ -134,7 +126,7 @@ pub fn encode_interpolated(
         kernel_order: if let KernelShape::Smooth(errors) = &model.kernel { errors.order } else { 0 },
         source_order: model.source.order,
         variation_order: model.variation.order(),
-        propagation: planning::from_optics(model.setup.method().into()),
+        propagation: model.setup.method(),
         interpolated_from_m: from_m.to_vec(),
     };
     let photometry = [model.gain, model.offset, model.zero_order.re, model.zero_order.im];
@@ -182,8 +174,7 @@ pub fn decode(bytes: &[u8]) -> Result<(DisplayModel, KernelModel), KernelFileErr
     let tensors = SafeTensors::deserialize(bytes)?;
     let grid = Grid::try_new(header.height_px, header.width_px, header.pixel_pitch_m)?;
     let setup = OpticalSetup::try_new(grid, header.wavelength_m, header.distance_m)?;
-    let method = ConvolutionMethod::try_from(planning::to_optics(header.propagation))?;
-    let setup = setup.with_method_regardless(method);
+    let setup = setup.with_method_regardless(header.propagation);
     let [gain, offset, re, im] = floats(&tensors, "photometry")?[..] else {
         return Err(KernelFileError::Tensor { name: "photometry", expected: "four f64" });
     };

@@ -179,9 +179,7 @@ async fn finish(
         names.push(format!("{key}/versions/{}", version.version));
     }
     if let JobResult::Learn(learn) = &mut result {
-        let unnamed = std::iter::once(&mut learn.kernel_version)
-            .chain(learn.joint.iter_mut().map(|other| &mut other.kernel_version));
-        unnamed.zip(names).for_each(|(unnamed, name)| *unnamed = name);
+        learn.kernels.iter_mut().zip(names).for_each(|(kernel, name)| kernel.kernel_version = name);
     }
     let sql = fenced!(
         "state = 'succeeded', lease_id = null, lease_until_ms = null, worker = null, finish_time_ms = ?4, \

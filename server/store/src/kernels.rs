@@ -13,7 +13,7 @@ use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
 /// Kernels, with what is told of the version that counts.
 const KERNELS: &str = "select kernel.*, exists (select 1 from kernel_version v where v.kernel = kernel.id \
                        and v.version = coalesce(kernel.active_version, kernel.latest_version) \
-                       and v.lineage ->> '$.over_distance.interpolated') as interpolated from kernel";
+                       and v.lineage ->> '$.interpolated') as interpolated from kernel";
 
 impl Store {
     /// A kernel.
@@ -104,7 +104,7 @@ impl Store {
         let rows = sqlx::query(
             "select v.*, v.version is k.active_version as active, k.distance_nm from kernel k \
              join kernel_version v on v.kernel = k.id where k.display = ? and k.wavelength_pm = ? \
-             and v.lineage ->> '$.over_distance.interpolated' = 0 \
+             and v.lineage ->> '$.interpolated' = 0 and json_array_length(v.lineage, '$.datasets') > 1 \
              order by v.create_time_ms desc, v.lineage ->> '$.job', k.distance_nm limit ?",
         )
         .bind(display)

@@ -2,10 +2,9 @@
 
 use super::{JobContext, TaskError};
 use lightpath_domain::display::Display;
-use lightpath_domain::job::{self, FailureReason, Region};
+use lightpath_domain::job::FailureReason;
 use lightpath_domain::kernel::KernelKey;
 use lightpath_domain::planning;
-use lightpath_domain::propagation::{PropagationMethod, ValidityReport};
 use lightpath_domain::slm;
 use lightpath_domain::units::{Distance, Wavelength};
 use lightpath_media::captures::CaptureError;
@@ -13,7 +12,9 @@ use lightpath_media::kernel_file::{self, KernelFileError};
 use lightpath_media::pictures::{self, PictureError};
 use lightpath_optics::learning::BoxError;
 use lightpath_optics::phase_response::PhaseResponse;
-use lightpath_optics::{Carrier, Detector, DisplayModel, OpticalSetup, Plane, RegionOfInterest};
+use lightpath_optics::{
+    Carrier, ConvolutionMethod, DisplayModel, OpticalSetup, Plane, RegionOfInterest, ValidityReport,
+};
 
 /// A display at a wavelength and distance, as the engine needs it.
 #[derive(Clone, Debug)]
@@ -45,11 +46,11 @@ impl DisplaySetup {
         display: &str,
         wavelength: Wavelength,
         distance: Distance,
-        propagation: Option<PropagationMethod>,
+        propagation: Option<ConvolutionMethod>,
     ) -> Result<Self, TaskError> {
         let (display, _) = context.wait(context.store().display(display))?;
         let (setup, validity) = planning::planned(planning::setup(&display, wavelength, distance)?, propagation)?;
-        let (response, carrier) = (slm::response(&display)?, slm::carrier(&display));
+        let (response, carrier) = (slm::response(&display)?, display.carrier);
         let key = KernelKey { display: display.id.clone(), wavelength, distance };
         Ok(Self { declared: display, key, setup, validity, response, carrier })
     }
@@ -85,9 +86,9 @@ impl DisplaySetup {
         planning::assessed(&model.setup, "the kernel was learned with it")
     }
 
-    pub(super) fn region(&self, region: Region) -> Result<RegionOfInterest, TaskError> {
-        let [x, y, width, height] = [region.x_px, region.y_px, region.width_px, region.height_px].map(|px| px as usize);
-        Ok(RegionOfInterest::try_new(&self.setup.grid(), x, y, width, height)?)
+    /// A stored region, which must lie inside the image.
+    pub(super) fn region(&self, region: RegionOfInterest) -> Result<RegionOfInterest, TaskError> {
+        Ok(region.inside(&self.setup.grid())?)
     }
 
     /// Grey levels that show `phase` \[rad\], carrier added.
@@ -109,14 +110,6 @@ impl DisplaySetup {
             Some(carrier) => carrier.applied_to(&displayed),
             None => displayed,
         }
-    }
-}
-
-pub(super) fn detector(detector: job::Detector) -> Detector {
-    match detector {
-        job::Detector::Point => Detector::Point,
-        job::Detector::Pixel => Detector::Pixel,
-        job::Detector::Supersampled => Detector::Supersampled,
     }
 }
 

@@ -1,18 +1,19 @@
 //! Measuring a kernel on a dataset.
 
-use super::display_setup::{DisplaySetup, detector};
+use super::display_setup::DisplaySetup;
 use super::learn::read_dataset;
 use super::losses::Judge;
 use super::pairs::Pairs;
 use super::{JobContext, TaskError, TaskOutput};
 use lightpath_domain::dataset::Split;
-use lightpath_domain::job::{self, EvaluateKernel, EvaluateResult, JobResult, LearnKernel, PairLoss};
+use lightpath_domain::job::{EvaluateKernel, EvaluateResult, JobResult, LearnKernel, PairLoss};
+use lightpath_optics::Detector;
 
 pub(super) fn run(context: &JobContext, spec: &EvaluateKernel) -> Result<TaskOutput, TaskError> {
     let (display, dataset) = read_dataset(context, &spec.dataset)?;
     let region = display.region(spec.region_of_interest)?;
     let model = display.model(context, spec.kernel_version)?;
-    let camera = detector(learned_with(context, &display, spec.kernel_version)?);
+    let camera = learned_with(context, &display, spec.kernel_version)?;
     let judge = Judge::new(context, &display, &model, camera, region)?;
     let mut pairs = Vec::new();
     for (split, stage) in [
@@ -30,18 +31,14 @@ pub(super) fn run(context: &JobContext, spec: &EvaluateKernel) -> Result<TaskOut
         }));
     }
     pairs.sort_by(|a, b| a.pair.cmp(&b.pair));
-    let propagation = Some(display.validity_of(&model));
+    let propagation = display.validity_of(&model);
     Ok(TaskOutput { result: JobResult::Evaluate(EvaluateResult { pairs, propagation }), learned: Vec::new() })
 }
 
 /// What the camera's pixels were taken to measure when the version was learned; a pixel's mean where nothing is known.
-fn learned_with(
-    context: &JobContext,
-    display: &DisplaySetup,
-    version: Option<u32>,
-) -> Result<job::Detector, TaskError> {
-    let Some(version) = version else { return Ok(job::Detector::Pixel) };
+fn learned_with(context: &JobContext, display: &DisplaySetup, version: Option<u32>) -> Result<Detector, TaskError> {
+    let Some(version) = version else { return Ok(Detector::Pixel) };
     let version = context.wait(context.store().kernel_version(&display.key, version))?;
     let parameters: Option<LearnKernel> = serde_json::from_str(&version.content.lineage.parameters_json).ok();
-    Ok(parameters.map_or(job::Detector::Pixel, |parameters| parameters.detector))
+    Ok(parameters.map_or(Detector::Pixel, |parameters| parameters.detector))
 }

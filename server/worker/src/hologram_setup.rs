@@ -1,15 +1,13 @@
 //! From a specification to the problems that its holograms solve: pictures, kernels, weights and first phases.
 
-use super::display_setup::{DisplaySetup, detector};
+use super::display_setup::DisplaySetup;
 use super::{JobContext, TaskError};
 use lightpath_domain::dataset::Encoding;
-use lightpath_domain::job::{self, FailureReason, ImagePlane, OptimizeHologram};
-use lightpath_domain::propagation::ValidityReport;
+use lightpath_domain::job::{FailureReason, ImagePlane, OptimizeHologram};
 use lightpath_domain::units::Wavelength;
 use lightpath_media::pictures::{self, Channel};
-use lightpath_optics::hologram::{self, HologramMethod, HologramOptions, HologramProblem, InitialPhase, Levels, Loss};
-use lightpath_optics::photometry::Quantity;
-use lightpath_optics::{Engine, Plane, RegionOfInterest};
+use lightpath_optics::hologram::{self, HologramOptions, HologramProblem, Levels};
+use lightpath_optics::{Engine, Plane, RegionOfInterest, ValidityReport};
 
 /// What one wavelength's hologram is to show.
 pub(super) struct Wanted {
@@ -32,27 +30,25 @@ pub(super) struct Shown {
 impl Wanted {
     /// Reads all that the `index`-th wavelength's hologram needs.
     pub(super) fn read(context: &JobContext, spec: &OptimizeHologram, index: usize) -> Result<Self, TaskError> {
-        let wavelengths = spec.wavelengths();
-        let (wavelength, channel) = (wavelengths[index], channel_of(&wavelengths, index));
-        let display = DisplaySetup::read(context, &spec.display, wavelength, spec.distance)?;
+        let (wavelength, channel) = (spec.wavelengths[index], channel_of(&spec.wavelengths, index));
+        let display = DisplaySetup::read(context, &spec.display, wavelength, spec.planes[0].distance)?;
         let region = display.region(spec.region_of_interest)?;
         let mask = match &spec.weight_mask {
             Some(mask) => Some(fitted(context, &display, spec, mask, Encoding::Linear, Channel::Mean)?),
             None => None,
         };
-        let planes = spec.planes();
         let depths = match &spec.depth_map {
             Some(map) => {
                 let depth = fitted(context, &display, spec, map, Encoding::Linear, Channel::Mean)?;
-                Some(nearest_planes(&depth, &planes))
+                Some(nearest_planes(&depth, &spec.planes))
             }
             None => None,
         };
         let mut shown = Vec::new();
-        for (p, plane) in planes.into_iter().enumerate() {
+        for (p, plane) in spec.planes.iter().cloned().enumerate() {
             let here = DisplaySetup::read_with(context, &spec.display, wavelength, plane.distance, spec.propagation)?;
-            let model = here.model(context, spec.kernel_of(index, p))?;
-            let engine = context.engines().engine(&model, detector(spec.detector), here.carrier)?;
+            let model = here.model(context, spec.kernel_versions[index][p])?;
+            let engine = context.engines().engine(&model, spec.detector, here.carrier)?;
             let target = fitted(context, &display, spec, &plane.target, spec.target_encoding, channel)?;
             let (weight, share) = weight_of(p, mask.as_ref(), depths.as_ref(), region);
             let share = share * plane.weight;
@@ -71,27 +67,11 @@ impl Wanted {
             weight: shown.weight.clone(),
             share: shown.share,
         });
-        let loss = Loss {
-            quantity: match spec.loss.quantity {
-                job::Quantity::Intensity => Quantity::Intensity,
-                job::Quantity::Amplitude => Quantity::Amplitude,
-            },
-            total_variation: spec.loss.total_variation,
-            speckle: spec.loss.speckle,
-            speckle_block_px: spec.loss.speckle_block_px as usize,
-        };
-        Ok(HologramProblem::with_planes(planes.collect(), spec.frames as usize, self.region, loss)?)
+        Ok(HologramProblem::with_planes(planes.collect(), spec.frames as usize, self.region, spec.loss)?)
     }
 
     pub(super) fn options(&self, spec: &OptimizeHologram) -> Result<HologramOptions, TaskError> {
-        let method = match spec.method {
-            job::Method::Adam => HologramMethod::Adam { learning_rate: spec.learning_rate },
-            job::Method::Lbfgs => HologramMethod::Lbfgs,
-            job::Method::GerchbergSaxton => HologramMethod::GerchbergSaxton,
-            job::Method::WeightedGerchbergSaxton => HologramMethod::WeightedGerchbergSaxton,
-            job::Method::DoublePhase => HologramMethod::DoublePhase,
-        };
-        let mut options = HologramOptions::new(method, spec.iterations);
+        let mut options = HologramOptions::new(spec.method, spec.iterations);
         if spec.quantization_aware {
             options.levels = Some(Levels::new(self.display.response.clone(), self.display.carrier)?);
         }
@@ -106,23 +86,14 @@ impl Wanted {
         index: usize,
         problem: &HologramProblem,
     ) -> Result<Vec<f32>, TaskError> {
-        let range_rad = spec.initial_phase_range_rad;
-        let initial = match &spec.initial_phase {
-            job::InitialPhase::Random => InitialPhase::Random { range_rad },
-            job::InitialPhase::BackPropagated => InitialPhase::BackPropagated { range_rad },
-            job::InitialPhase::Quadratic { focal_length_m } => {
-                InitialPhase::Quadratic { focal_length_m: *focal_length_m }
-            }
-            job::InitialPhase::Constant { phase_rad } => InitialPhase::Constant { phase_rad: *phase_rad },
-            job::InitialPhase::Given(files) => {
-                let file = files.get(index).ok_or_else(|| {
-                    TaskError::permanent(FailureReason::InvalidInput, "there is no initial phase for each wavelength")
-                })?;
-                let rows = spec.frames as usize * self.display.height_px();
-                let bytes = context.read_artifact(file)?;
-                InitialPhase::Given(pictures::phase_npy(&bytes, rows, self.display.width_px())?)
-            }
-        };
+        let initial = spec.initial_phase.try_map_given(|files| {
+            let file = files.get(index).ok_or_else(|| {
+                TaskError::permanent(FailureReason::InvalidInput, "there is no initial phase for each wavelength")
+            })?;
+            let rows = spec.frames as usize * self.display.height_px();
+            let bytes = context.read_artifact(file)?;
+            Ok::<_, TaskError>(pictures::phase_npy(&bytes, rows, self.display.width_px())?)
+        })?;
         Ok(initial.phases(problem, &self.display.setup, spec.seed)?)
     }
 }

@@ -2,18 +2,18 @@
 
 use super::captured;
 use super::context::Eta;
-use super::display_setup::{DisplaySetup, detector, finite};
+use super::display_setup::{DisplaySetup, finite};
 use super::losses::{Judge, mean};
 use super::pairs::{JointPairs, Pairs};
 use super::state_bytes::{from_bytes, to_bytes};
 use super::{JobContext, TaskError, TaskOutput};
 use lightpath_domain::dataset::{Dataset, Split};
-use lightpath_domain::job::{FailureReason, Job, JobResult, JointResult, LearnKernel, LearnResult, Progress};
-use lightpath_domain::kernel::{KernelLineage, KernelMetrics, KernelModel, NewKernelVersion, OverDistance};
+use lightpath_domain::job::{FailureReason, Job, JobResult, LearnKernel, LearnResult, LearnedKernel, Progress};
+use lightpath_domain::kernel::{KernelLineage, KernelMetrics, LearnedDataset, NewKernelVersion};
 use lightpath_media::captures::Captures;
 use lightpath_media::kernel_file;
-use lightpath_optics::learning::{self, LearnOptions, LearnStage, Learner, Lessons, PairSource, unsaturated_px};
-use lightpath_optics::{DisplayModel, KernelShape, OpticalSetup, RegionOfInterest};
+use lightpath_optics::learning::{LearnOptions, LearnStage, Learner, Lessons, PairSource, unsaturated_px};
+use lightpath_optics::{DisplayModel, KernelModel, KernelShape, OpticalSetup, RegionOfInterest};
 
 pub(super) fn run(context: &JobContext, job: &Job, spec: &LearnKernel) -> Result<TaskOutput, TaskError> {
     let planes = read_planes(context, spec)?;
@@ -29,14 +29,22 @@ pub(super) fn run(context: &JobContext, job: &Job, spec: &LearnKernel) -> Result
     for loss in &loss_history {
         finite("the loss", *loss)?;
     }
-    let (kept, left_out_pairs) = kept_pairs(&training, &learner.kept_pairs(training.len()));
+    let kept = kept_pairs(&training, &learner.kept_pairs(training.len()));
     drop(learner);
     // What is kept of pairs makes room for those of the next step.
     drop((training, validation));
 
-    let mut learned = Vec::with_capacity(planes.len());
-    for ((plane, model), kept) in planes.iter().zip(&models).zip(&kept) {
-        let metrics = measure(context, spec, plane, region, model, kept)?;
+    let (mut kernels, mut learned) = (Vec::with_capacity(planes.len()), Vec::with_capacity(planes.len()));
+    for ((plane, model), kept) in planes.iter().zip(&models).zip(kept) {
+        let metrics = measure(context, spec, plane, region, model, &kept.places)?;
+        kernels.push(LearnedKernel {
+            // The store fills in the name.
+            kernel_version: String::new(),
+            dataset: plane.1.id.clone(),
+            metrics: metrics.clone(),
+            left_out_pairs: kept.left_out,
+            propagation: plane.0.validity.clone(),
+        });
         let kind = kind(spec.model, model);
         let file = kernel_file::encode(model, kind)?;
         let size_bytes = file.len() as u64;
@@ -48,21 +56,7 @@ pub(super) fn run(context: &JobContext, job: &Job, spec: &LearnKernel) -> Result
         KernelShape::Smooth(field) => field.order as u32,
         KernelShape::Ideal | KernelShape::Bins(_) => 0,
     };
-    // The store fills in the names.
-    let joint = learned
-        .iter()
-        .skip(1)
-        .map(|(_, version)| JointResult { kernel_version: String::new(), metrics: version.metrics.clone() });
-    let result = LearnResult {
-        kernel_version: String::new(),
-        metrics: learned[0].1.metrics.clone(),
-        loss_history,
-        propagation: Some(planes[0].0.validity.clone()),
-        left_out_pairs,
-        order,
-        joint: joint.collect(),
-    };
-    Ok(TaskOutput { result: JobResult::Learn(result), learned })
+    Ok(TaskOutput { result: JobResult::Learn(LearnResult { kernels, loss_history, order }), learned })
 }
 
 /// What was learned of what was asked for: a kernel that turned out not to vary is a display.
@@ -73,22 +67,31 @@ fn kind(asked: KernelModel, model: &DisplayModel) -> KernelModel {
     }
 }
 
-/// Of each dataset, the places of the pairs that counted, and the names of all others.
-fn kept_pairs(training: &JointPairs, kept: &[usize]) -> (Vec<Vec<usize>>, Vec<String>) {
-    let (mut places, mut left_out) = (vec![Vec::new(); training.parts().len()], Vec::new());
+/// What became of a dataset's training pairs.
+#[derive(Clone, Default)]
+struct KeptPairs {
+    /// The places of those that counted.
+    places: Vec<usize>,
+    /// The ids of all others.
+    left_out: Vec<String>,
+}
+
+/// What became of the training pairs of each dataset, `kept` being the places of all that counted.
+fn kept_pairs(training: &JointPairs, kept: &[usize]) -> Vec<KeptPairs> {
+    let mut of_datasets = vec![KeptPairs::default(); training.parts().len()];
     for index in 0..training.len() {
         let (plane, place) = training.place(index);
         match kept.contains(&index) {
-            true => places[plane].push(place),
-            false => left_out.push(training.parts()[plane].name(place).to_owned()),
+            true => of_datasets[plane].places.push(place),
+            false => of_datasets[plane].left_out.push(training.parts()[plane].id(place).to_owned()),
         }
     }
-    (places, left_out)
+    of_datasets
 }
 
 /// The datasets, each with the display at its distance.
 fn read_planes(context: &JobContext, spec: &LearnKernel) -> Result<Vec<(DisplaySetup, Dataset)>, TaskError> {
-    std::iter::once(&spec.dataset).chain(&spec.joint_datasets).map(|id| read_dataset(context, id)).collect()
+    spec.datasets.iter().map(|id| read_dataset(context, id)).collect()
 }
 
 /// A finalized dataset and the display that it is about.
@@ -154,21 +157,14 @@ fn learn(
 }
 
 fn options(spec: &LearnKernel, display: &DisplaySetup, region: RegionOfInterest) -> LearnOptions {
-    let model = match spec.model {
-        KernelModel::Paper => learning::KernelModel::Paper,
-        KernelModel::Dense => learning::KernelModel::Dense,
-        KernelModel::Smooth => learning::KernelModel::Smooth,
-        KernelModel::Display => learning::KernelModel::Display,
-        KernelModel::Varying => learning::KernelModel::Varying,
-    };
-    let defaults = LearnOptions::new(model, region);
+    let defaults = LearnOptions::new(spec.model, region);
     LearnOptions {
         order: spec.order.map(|order| order as usize),
         epochs: spec.epochs.unwrap_or(defaults.epochs),
         learning_rate: spec.learning_rate.unwrap_or(defaults.learning_rate),
         refinement_evaluations: spec.refinement_evaluations.unwrap_or(defaults.refinement_evaluations),
         seed: spec.seed,
-        detector: detector(spec.detector),
+        detector: spec.detector,
         carrier: display.carrier,
         ..defaults
     }
@@ -183,7 +179,7 @@ fn measure(
     model: &DisplayModel,
     kept: &[usize],
 ) -> Result<KernelMetrics, TaskError> {
-    let detector = detector(spec.detector);
+    let detector = spec.detector;
     let validation = Pairs::of(context, display, dataset, Split::Validation)?;
     let test = Pairs::of(context, display, dataset, Split::Test)?;
     let learned = Judge::new(context, display, model, detector, region)?;
@@ -220,25 +216,20 @@ fn lineage(
 ) -> Result<KernelLineage, TaskError> {
     let parameters_json =
         serde_json::to_string(spec).map_err(|error| TaskError::permanent(FailureReason::Lineage, error))?;
+    let mut datasets: Vec<LearnedDataset> = planes.iter().map(|(_, dataset)| learned_dataset(dataset)).collect();
+    datasets.sort_by_key(|other| (other.distance != dataset.distance, other.distance));
     Ok(KernelLineage {
         job: job.id.clone(),
-        dataset: dataset.id.clone(),
-        dataset_digest: dataset.digest.clone().unwrap_or_default(),
+        datasets,
+        interpolated: false,
+        parent_version: spec.start_version.filter(|_| spec.datasets.first() == Some(&dataset.id)),
         parameters_json,
         seed: spec.seed,
         code_version: env!("CARGO_PKG_VERSION").to_owned(),
-        parent_version: spec.start_version.filter(|_| dataset.id == spec.dataset).unwrap_or(0),
-        over_distance: (planes.len() > 1).then(|| over_distance(planes)),
     })
 }
 
-fn over_distance(planes: &[(DisplaySetup, Dataset)]) -> OverDistance {
-    let mut datasets: Vec<&Dataset> = planes.iter().map(|(_, dataset)| dataset).collect();
-    datasets.sort_by_key(|dataset| dataset.distance);
-    OverDistance {
-        distances: datasets.iter().map(|dataset| dataset.distance).collect(),
-        datasets: datasets.iter().map(|dataset| dataset.id.clone()).collect(),
-        dataset_digests: datasets.iter().map(|dataset| dataset.digest.clone().unwrap_or_default()).collect(),
-        interpolated: false,
-    }
+fn learned_dataset(dataset: &Dataset) -> LearnedDataset {
+    let digest = dataset.digest.clone().unwrap_or_default();
+    LearnedDataset { distance: dataset.distance, id: dataset.id.clone(), digest }
 }

@@ -6,30 +6,27 @@ use super::hologram_setup::{Wanted, colours};
 use super::state_bytes::{HologramState, from_bytes, to_bytes};
 use super::{JobContext, TaskError, TaskOutput};
 use lightpath_domain::job::{
-    FailureReason, FrameResult, HologramResult, JobResult, Method, OptimizeHologram, PlaneResult, Progress, Quality,
-    Quantity, SeenQuality, WavelengthResult,
+    FrameResult, HologramResult, JobResult, OptimizeHologram, PlaneResult, Progress, WavelengthResult,
 };
 use lightpath_media::pictures;
 use lightpath_metrics as metrics;
-use lightpath_optics::hologram::{self, OptimizationState, light_of_frames, quality_of_frames};
+use lightpath_optics::hologram::{HologramMethod, OptimizationState, Quality, light_of_frames, quality_of_frames};
 use lightpath_optics::phase_response::wrap_f32;
+use lightpath_optics::photometry::Quantity;
 use lightpath_optics::{Optimization, Plane};
 use std::sync::LazyLock;
 use std::time::{Duration, Instant};
 
-/// Reported for a reconstruction that equals its target \[dB\]: JSON knows no infinity, and f32 no 200 dB.
-const PSNR_DB_MAX: f64 = 200.0;
-
 pub(super) fn run(context: &JobContext, spec: &OptimizeHologram) -> Result<TaskOutput, TaskError> {
-    let wavelengths = spec.wavelengths();
+    let wavelengths = spec.wavelengths.len();
     let mut work = Work { context, spec, state: HologramState::default(), current: None, eta: None };
     if let Some((state, current)) = context.take_saved_state().and_then(|bytes| from_bytes(&bytes)) {
         (work.state, work.current) = (state, Some(current));
     }
-    for index in work.state.finished.len()..wavelengths.len() {
+    for index in work.state.finished.len()..wavelengths {
         let wanted = Wanted::read(context, spec, index)?;
         let mut optimization = work.begin(&wanted, index)?;
-        let loss = work.descend(&mut optimization, wavelengths.len(), &wanted)?;
+        let loss = work.descend(&mut optimization, wavelengths, &wanted)?;
         let finished = Finished { wanted: &wanted, optimization, loss };
         work.state.finished.push(finished.store(context, spec)?);
     }
@@ -71,7 +68,7 @@ impl Work<'_> {
         wavelengths: usize,
         wanted: &Wanted,
     ) -> Result<f64, TaskError> {
-        let steps_each = if self.spec.method == Method::DoublePhase { 1 } else { self.spec.iterations };
+        let steps_each = steps(self.spec);
         let (before, steps_total) = (self.state.finished.len() as u32 * steps_each, steps_each * wavelengths as u32);
         let stage = if wavelengths == 1 { "optimize".to_owned() } else { format!("optimize {}", wanted.wavelength) };
         let eta = *self.eta.get_or_insert_with(|| Eta::from(before + optimization.iteration()));
@@ -92,31 +89,16 @@ impl Work<'_> {
 
     fn result(self) -> Result<HologramResult, TaskError> {
         let colour_reconstructions = self.colour_reconstructions()?;
-        let HologramState { finished, compute_s, steps, .. } = self.state;
-        let first = finished.first().and_then(|first| Some((first, first.frames.first()?, first.planes.first()?)));
-        let Some((first, frame, plane)) = first else {
-            return Err(TaskError::permanent(FailureReason::InvalidInput, "the job has no wavelength, frame or plane"));
-        };
-        Ok(HologramResult {
-            phase: frame.phase.clone(),
-            phase_npy: frame.phase_npy.clone(),
-            reconstruction: plane.reconstruction.clone(),
-            quality: plane.quality,
-            quantized_quality: plane.quantized_quality,
-            intensity_scale: first.intensity_scale,
-            loss: first.loss,
-            iterations: if self.spec.method == Method::DoublePhase { 1 } else { self.spec.iterations },
-            iteration_ms: 1e3 * compute_s / f64::from(steps.max(1)),
-            region_of_interest: self.spec.region_of_interest,
-            colour_reconstructions,
-            wavelengths: finished,
-        })
+        let HologramState { finished, compute_s, steps: done, .. } = self.state;
+        let iteration_ms = 1e3 * compute_s / f64::from(done.max(1));
+        let iterations = steps(self.spec);
+        Ok(HologramResult { wavelengths: finished, colour_reconstructions, iterations, iteration_ms })
     }
 
     /// For each plane, three wavelengths as one picture.
     fn colour_reconstructions(&self) -> Result<Vec<String>, TaskError> {
         let finished = &self.state.finished;
-        let Some(places) = colours(&self.spec.wavelengths()) else { return Ok(Vec::new()) };
+        let Some(places) = colours(&self.spec.wavelengths) else { return Ok(Vec::new()) };
         let planes = finished.first().map_or(0, |first| first.planes.len());
         let of_plane = |plane: usize| -> Result<String, TaskError> {
             let [red, green, blue] =
@@ -168,19 +150,14 @@ impl Finished<'_> {
             let light = light_of_frames(&shown.engine, &displayed)?;
             let reconstruction = light.map(|light| (intensity_scale * f64::from(light)) as f32);
             let quality = |phases: &[Plane<f32>]| -> Result<Quality, TaskError> {
-                let found = quality_of_frames(&shown.engine, phases, &shown.target, self.wanted.region)?;
-                Ok(Quality {
-                    point: seen(found.point)?,
-                    pixel: seen(found.pixel)?,
-                    supersampled: seen(found.supersampled)?,
-                })
+                all_finite(quality_of_frames(&shown.engine, phases, &shown.target, self.wanted.region)?)
             };
             planes.push(PlaneResult {
                 distance: shown.plane.distance,
                 reconstruction: context.put_artifact(pictures::grey_png_srgb(&reconstruction)?)?,
                 quality: quality(&phases)?,
                 quantized_quality: quality(&displayed)?,
-                propagation: Some(shown.validity.clone()),
+                propagation: shown.validity.clone(),
             });
         }
         let (wavelength, loss) = (self.wanted.wavelength, self.loss);
@@ -188,15 +165,19 @@ impl Finished<'_> {
     }
 }
 
-fn seen(found: hologram::SeenQuality) -> Result<SeenQuality, TaskError> {
-    let number = |value| finite("the quality", value);
-    let some = |value: Option<f64>| value.map(number).transpose();
-    Ok(SeenQuality {
-        psnr_db: number(found.psnr_db.min(PSNR_DB_MAX))?,
-        ssim: some(found.ssim)?,
-        ms_ssim: some(found.ms_ssim)?,
-        diffraction_efficiency: Some(number(found.diffraction_efficiency)?),
-        frame_efficiency: Some(number(found.frame_efficiency)?),
-        speckle_contrast: some(found.speckle_contrast)?,
-    })
+/// Steps of each hologram.
+fn steps(spec: &OptimizeHologram) -> u32 {
+    if spec.method == HologramMethod::DoublePhase { 1 } else { spec.iterations }
+}
+
+/// A quality that may be stored: JSON knows no NaN and no infinity.
+fn all_finite(quality: Quality) -> Result<Quality, TaskError> {
+    for seen in [quality.point, quality.pixel, quality.supersampled] {
+        let always = [seen.psnr_db, seen.diffraction_efficiency, seen.frame_efficiency];
+        let sometimes = [seen.ssim, seen.ms_ssim, seen.speckle_contrast];
+        for value in always.into_iter().chain(sometimes.into_iter().flatten()) {
+            finite("the quality", value)?;
+        }
+    }
+    Ok(quality)
 }

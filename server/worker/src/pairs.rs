@@ -66,6 +66,11 @@ impl Pairs {
         })
     }
 
+    /// The pair's id.
+    pub(super) fn id(&self, index: usize) -> &str {
+        &self.pairs[index].id
+    }
+
     /// The pair's id, behind its dataset's where there are several.
     pub(super) fn name(&self, index: usize) -> &str {
         &self.names[index]

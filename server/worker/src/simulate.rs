@@ -3,7 +3,6 @@
 use super::display_setup::DisplaySetup;
 use super::{JobContext, TaskError, TaskOutput};
 use lightpath_domain::job::{CaptureResult, FailureReason, JobResult, Progress, SimulateCapture};
-use lightpath_domain::planning;
 use lightpath_media::pictures;
 use lightpath_optics::simulated_display::SimulatedDisplay;
 
@@ -21,17 +20,14 @@ pub(super) fn run(context: &JobContext, spec: &SimulateCapture) -> Result<TaskOu
     let photo = pictures::grey_png_linear(&photo.map(|level| f32::from(level) / 255.0))?;
     let photo = context.put_artifact(photo)?;
     report(context, 2)?;
-    Ok(TaskOutput {
-        result: JobResult::Capture(CaptureResult { photo, propagation: Some(display.validity) }),
-        learned: Vec::new(),
-    })
+    let result = CaptureResult { photo, propagation: display.validity };
+    Ok(TaskOutput { result: JobResult::Capture(result), learned: Vec::new() })
 }
 
 /// The display's bench, where it is a simulated one.
 pub(super) fn bench(display: &DisplaySetup) -> Result<Option<SimulatedDisplay>, TaskError> {
     let Some(bench) = display.declared.simulated_bench else { return Ok(None) };
-    let imperfections = planning::imperfections(bench);
-    Ok(Some(SimulatedDisplay::draw(display.setup, display.carrier, imperfections)?))
+    Ok(Some(SimulatedDisplay::draw(display.setup, display.carrier, bench)?))
 }
 
 fn report(context: &JobContext, step: u32) -> Result<(), TaskError> {

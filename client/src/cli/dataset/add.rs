@@ -1,9 +1,10 @@
 //! `lightpath dataset add`
 
-use super::manifest::{self, Entry, Split};
+use super::manifest::{self, Entry};
 use crate::cli::destination::name_of;
 use crate::cli::failure::Failure;
 use crate::cli::session::{Session, say};
+use crate::cli::words::WordParser;
 use clap::Args;
 use lightpath::{names, v1};
 use std::path::PathBuf;
@@ -64,8 +65,8 @@ pub(crate) struct Add {
     id: Option<String>,
 
     /// What the pairs are for [default: drawn when the dataset is finalized]
-    #[arg(long)]
-    split: Option<Split>,
+    #[arg(long, value_parser = WordParser::<v1::Split>::new().without("excluded"))]
+    split: Option<v1::Split>,
 
     /// What the camera counts in the dark, as a part of full scale, 0 to 0.9 [default: 0]
     #[arg(long, value_name = "X")]
@@ -92,7 +93,7 @@ impl Add {
                 id: entry.id,
                 phase: session.client.upload_file(&entry.phase).await?,
                 photo: session.client.upload_file(&entry.photo).await?,
-                split: split_to_wire(entry.split).into(),
+                split: entry.split.unwrap_or_default().into(),
                 black_level: entry.black_level.unwrap_or(0.0),
                 exposure_s: entry.exposure_s.unwrap_or(0.0),
                 camera_gain: entry.camera_gain.unwrap_or(0.0),
@@ -137,15 +138,6 @@ impl Add {
             camera_gain: entry.camera_gain.or(self.gain),
             ..entry
         }
-    }
-}
-
-fn split_to_wire(split: Option<Split>) -> v1::Split {
-    match split {
-        None => v1::Split::Unspecified,
-        Some(Split::Train) => v1::Split::Train,
-        Some(Split::Validation) => v1::Split::Validation,
-        Some(Split::Test) => v1::Split::Test,
     }
 }
 

@@ -7,7 +7,7 @@ use crate::cli::session::Session;
 use crate::cli::submission::Submission;
 use crate::cli::{job_text, progress};
 use clap::Args;
-use lightpath::v1::{self, OptimizeHologram, align_dataset_request::Source, job_spec};
+use lightpath::v1::{self, OptimizeHologram, align_dataset_request::Source, job_spec, optimize_hologram::ImagePlane};
 use lightpath::{hologram_result, names};
 use std::path::{Path, PathBuf};
 
@@ -103,9 +103,8 @@ impl Calibration {
         let target = session.client.create_calibration_target(request).await?;
         let kind = job_spec::Kind::OptimizeHologram(OptimizeHologram {
             display: dataset.display,
-            wavelength_m: dataset.wavelength_m,
-            distance_m: dataset.distance_m,
-            target: target.target,
+            wavelengths_m: vec![dataset.wavelength_m],
+            planes: vec![ImagePlane { distance_m: dataset.distance_m, target: target.target, weight: 0.0 }],
             kernel: "ideal".to_owned(),
             iterations: self.iterations,
             seed: 1,
@@ -115,7 +114,9 @@ impl Calibration {
         let [name] = name;
         for job in progress::wait_all(session, vec![(name, job)]).await? {
             if let Ok(result) = hologram_result(&job) {
-                session.client.download_to(&result.phase, &phase).await?;
+                for frame in result.wavelengths.iter().flat_map(|hologram| &hologram.frames) {
+                    session.client.download_to(&frame.phase, &phase).await?;
+                }
             }
             session
                 .print(&job, |_| format!("hologram of {}×{} dots  {}", target.columns, target.rows, phase.display()))?;

@@ -2,8 +2,9 @@
 
 use crate::cli::destination::name_of;
 use crate::cli::failure::Failure;
-use clap::ValueEnum;
-use serde::Deserialize;
+use lightpath::Words as _;
+use lightpath::v1::Split;
+use serde::{Deserialize, Deserializer, de};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -19,22 +20,11 @@ pub(super) struct Entry {
     pub(super) id: String,
     pub(super) phase: PathBuf,
     pub(super) photo: PathBuf,
+    #[serde(default, deserialize_with = "split_or_none")]
     pub(super) split: Option<Split>,
     pub(super) black_level: Option<f64>,
     pub(super) exposure_s: Option<f64>,
     pub(super) camera_gain: Option<f64>,
-}
-
-/// What a pair is for.
-#[derive(Clone, Copy, Debug, ValueEnum, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub(crate) enum Split {
-    /// Learned from.
-    Train,
-    /// Watched while learning.
-    Validation,
-    /// Looked at once, after learning.
-    Test,
 }
 
 #[derive(Debug, Deserialize)]
@@ -50,6 +40,17 @@ impl Entry {
     pub(super) fn new(id: String, phase: PathBuf, photo: PathBuf) -> Self {
         Self { id, phase, photo, split: None, black_level: None, exposure_s: None, camera_gain: None }
     }
+}
+
+/// What a pair is for, by its word.
+fn split(word: &str) -> Result<Split, String> {
+    let given = Split::from_word(word).filter(|split| matches!(split, Split::Train | Split::Validation | Split::Test));
+    given.ok_or_else(|| format!("split is \"{word}\", but must be train, validation or test"))
+}
+
+fn split_or_none<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Split>, D::Error> {
+    let word = Option::<String>::deserialize(deserializer)?;
+    word.map(|word| split(&word).map_err(de::Error::custom)).transpose()
 }
 
 /// The pairs of a manifest, with paths as they are from here.
@@ -164,13 +165,7 @@ fn entry(names: &[String], fields: &[String]) -> Result<Entry, String> {
             of(name).map(|text| text.parse::<f64>().map_err(|_| format!("{name} is \"{text}\", but must be a number")));
         parsed.transpose()
     };
-    let split = match of("split") {
-        None => None,
-        Some("train") => Some(Split::Train),
-        Some("validation") => Some(Split::Validation),
-        Some("test") => Some(Split::Test),
-        Some(other) => return Err(format!("split is \"{other}\", but must be train, validation or test")),
-    };
+    let split = of("split").map(split).transpose()?;
     Ok(Entry {
         id: required("id")?,
         phase: required("phase")?.into(),

@@ -2,11 +2,11 @@
 
 use crate::cli::table::{Facts, Table};
 use crate::cli::{job_text, show};
-use lightpath::names;
 use lightpath::v1::{self, Dataset, dataset::State};
+use lightpath::{Words as _, names};
 
 pub(super) fn state(dataset: &Dataset) -> String {
-    show::word("STATE_", dataset.state().as_str_name())
+    dataset.state().word().to_owned()
 }
 
 /// A dataset with its pairs and what is to be known about them.
@@ -22,7 +22,7 @@ pub(super) fn facts(dataset: &Dataset) -> String {
             State::Finalized | State::Unspecified => state(dataset),
         },
     );
-    facts.add("photographs", show::word("ENCODING_", dataset.photo_encoding().as_str_name()));
+    facts.add("photographs", dataset.photo_encoding().word());
     facts.add("pairs", dataset.pair_count.to_string());
     facts.add_some("created", dataset.create_time.as_ref().map(show::time));
     facts.add_some("finalized", dataset.finalize_time.as_ref().map(show::time));
@@ -69,7 +69,7 @@ fn pair_table(dataset: &Dataset) -> Table {
     for pair in &dataset.pairs {
         let split = match pair.split() {
             v1::Split::Unspecified => "–".to_owned(),
-            split => show::word("SPLIT_", split.as_str_name()),
+            split => split.word().to_owned(),
         };
         let checks = pair.checks.as_ref();
         let cell = |value: Option<f64>, text: fn(f64) -> String| value.map_or_else(|| "–".to_owned(), text);

@@ -1,57 +1,10 @@
-//! A simulated bench from a TOML file.
+//! A simulated bench from a TOML file: the properties of the API's message, by their names.
 
 use crate::cli::failure::Failure;
 use lightpath::v1::SimulatedBench;
-use serde::Deserialize;
 use std::path::Path;
 
-/// The file: everything may be left out.
-#[derive(Debug, Default, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-struct BenchFile {
-    seed: u64,
-    /// 0 would mean the default.
-    strength: Option<f64>,
-    misalignment_px: f64,
-    field_aberration_rad: f64,
-    modulator: Modulator,
-    camera: Camera,
-    rail: Rail,
-    drift: Drift,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-struct Modulator {
-    crosstalk_px: f64,
-    flicker: f64,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-struct Camera {
-    noise: Option<f64>,
-    full_well_electrons: f64,
-    rotation_deg: f64,
-    blur_px: f64,
-    speckle_contrast: f64,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-struct Rail {
-    tilt_deg: f64,
-    aberrations_at_m: f64,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-struct Drift {
-    shift_px_per_hour: f64,
-    dimming_per_hour: f64,
-}
-
-/// The bench that a file describes.
+/// The bench that a file describes. Everything may be left out.
 pub(super) fn read(path: &Path) -> Result<SimulatedBench, Failure> {
     let text = std::fs::read_to_string(path).map_err(|source| lightpath::Error::File {
         action: "read",
@@ -62,51 +15,47 @@ pub(super) fn read(path: &Path) -> Result<SimulatedBench, Failure> {
 }
 
 fn parse(text: &str) -> Result<SimulatedBench, String> {
-    let file: BenchFile = toml::from_str(text).map_err(|error| error.to_string())?;
-    let BenchFile { seed, strength, misalignment_px, field_aberration_rad, modulator, camera, rail, drift } = file;
-    for (name, value) in [("strength", strength), ("camera.noise", camera.noise)] {
-        if value == Some(0.0) {
-            return Err(format!(
-                "{name} is 0, which would mean its default; give a small number, such as 1e-6, instead"
-            ));
-        }
+    let table: toml::Table = text.parse().map_err(|error: toml::de::Error| error.to_string())?;
+    let zeros = [toml::Value::Float(0.0), toml::Value::Integer(0)];
+    let is_zero = |name: &str| table.get(name).is_some_and(|value| zeros.contains(value));
+    // The message has no other way to say that they are left out.
+    if let Some(name) = ["strength", "camera_noise"].into_iter().find(|name| is_zero(name)) {
+        return Err(format!("{name} is 0, which would mean its default; give a small number, such as 1e-6, instead"));
     }
-    Ok(SimulatedBench {
-        seed,
-        strength: strength.unwrap_or(0.0),
-        camera_noise: camera.noise.unwrap_or(0.0),
-        misalignment_px,
-        rotation_deg: camera.rotation_deg,
-        blur_px: camera.blur_px,
-        full_well_electrons: camera.full_well_electrons,
-        speckle_contrast: camera.speckle_contrast,
-        crosstalk_px: modulator.crosstalk_px,
-        flicker: modulator.flicker,
-        drift_px_per_hour: drift.shift_px_per_hour,
-        dimming_per_hour: drift.dimming_per_hour,
-        rail_tilt_deg: rail.tilt_deg,
-        aberrations_at_m: rail.aberrations_at_m,
-        field_aberration_rad,
-    })
+    if let Some(name) = table.keys().find(|name| !names().contains(name)) {
+        return Err(format!("there is no property {name}, but: {}", names().join(", ")));
+    }
+    toml::from_str(text).map_err(|error| error.to_string())
 }
 
-/// What a bench has beside the properties that every one has, as the file names it.
-pub(super) fn further(bench: &SimulatedBench) -> impl Iterator<Item = (&'static str, f64)> {
-    [
-        ("crosstalk_px", bench.crosstalk_px),
-        ("flicker", bench.flicker),
-        ("full_well_electrons", bench.full_well_electrons),
-        ("rotation_deg", bench.rotation_deg),
-        ("blur_px", bench.blur_px),
-        ("speckle_contrast", bench.speckle_contrast),
-        ("shift_px_per_hour", bench.drift_px_per_hour),
-        ("dimming_per_hour", bench.dimming_per_hour),
-        ("tilt_deg", bench.rail_tilt_deg),
-        ("aberrations_at_m", bench.aberrations_at_m),
-        ("field_aberration_rad", bench.field_aberration_rad),
-    ]
-    .into_iter()
-    .filter(|(_, value)| *value != 0.0)
+/// Every property that is not 0, as the file names it.
+pub(super) fn properties(bench: &SimulatedBench) -> Vec<(String, f64)> {
+    let value =
+        |(name, value): (String, serde_json::Value)| Some((name, value.as_f64().filter(|value| *value != 0.0)?));
+    values(bench).into_iter().filter_map(value).collect()
+}
+
+/// The names of all properties.
+fn names() -> Vec<String> {
+    values(&SimulatedBench::default()).into_iter().map(|(name, _)| name).collect()
+}
+
+/// Every property with its value; the seed is a text.
+fn values(bench: &SimulatedBench) -> Vec<(String, serde_json::Value)> {
+    let Ok(serde_json::Value::Object(values)) = serde_json::to_value(bench) else { return Vec::new() };
+    values.into_iter().map(|(name, value)| (snake_case(&name), value)).collect()
+}
+
+/// `blur_px` from `blurPx`, as protobuf's JSON form has it.
+fn snake_case(name: &str) -> String {
+    let mut snake = String::new();
+    for character in name.chars() {
+        if character.is_ascii_uppercase() {
+            snake.push('_');
+        }
+        snake.push(character.to_ascii_lowercase());
+    }
+    snake
 }
 
 #[cfg(test)]
@@ -119,8 +68,8 @@ mod tests {
     #[test]
     fn the_documented_file_has_every_property() {
         let bench = parse(DOCUMENTED).unwrap();
-        assert_eq!(further(&bench).count(), 11, "each of them is other than 0");
-        assert!(bench.seed > 0 && bench.strength > 0.0 && bench.camera_noise > 0.0 && bench.misalignment_px > 0.0);
+        assert_eq!(bench.seed, 7);
+        assert_eq!(properties(&bench).len() + 1, names().len(), "each of them is other than 0");
     }
 
     #[test]
@@ -132,14 +81,15 @@ mod tests {
     #[test]
     fn everything_may_be_left_out() {
         assert_eq!(parse("").unwrap(), SimulatedBench::default());
-        let bench = parse("seed = 7\n[camera]\nblur_px = 0.5").unwrap();
+        let bench = parse("seed = 7\nblur_px = 0.5").unwrap();
         assert_eq!(bench, SimulatedBench { seed: 7, blur_px: 0.5, ..Default::default() });
+        assert_eq!(properties(&bench), [("blur_px".to_owned(), 0.5)]);
     }
 
     #[test]
     fn misspelt_properties_are_refused_with_those_there_are() {
-        let error = parse("[camera]\nblurr_px = 1.0").unwrap_err();
-        assert!(error.contains("blurr_px") && error.contains("blur_px"), "{error}");
+        let error = parse("blurr_px = 1.0").unwrap_err();
+        assert!(error.contains("no property blurr_px") && error.contains("blur_px, "), "{error}");
         assert!(parse("strength = 0.0").unwrap_err().contains("strength is 0"));
         assert!(parse("strength = \"much\"").is_err());
     }

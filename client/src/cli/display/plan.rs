@@ -1,6 +1,6 @@
 //! `lightpath display plan`
 
-use crate::cli::arguments::{Propagation, distance, pixel_pitch, resolution, wavelength};
+use crate::cli::arguments::{distance, pixel_pitch, propagation, resolution, wavelength};
 use crate::cli::failure::Failure;
 use crate::cli::propagation_text;
 use crate::cli::session::Session;
@@ -29,8 +29,8 @@ pub(crate) struct Plan {
     wavelength: Option<f64>,
 
     /// Judge this method instead of the planner's choice
-    #[arg(long, default_value = "auto", conflicts_with = "window")]
-    method: Propagation,
+    #[arg(long, default_value = "auto", conflicts_with = "window", value_parser = propagation())]
+    method: v1::PropagationMethod,
 
     /// Columns x rows of another window of the image than the SLM's own pixels
     #[arg(long, value_name = "WxH", value_parser = resolution, requires = "window_pitch", help_heading = "Window")]
@@ -77,7 +77,7 @@ impl Plan {
             display: names::display(&self.id),
             wavelength_m: self.wavelength.unwrap_or(0.0),
             distance_m: self.distance,
-            method: v1::PropagationMethod::from(self.method).into(),
+            method: self.method.into(),
             window,
         };
         session.print(&session.client.plan_propagation(request).await?, propagation_text::plan)

@@ -75,14 +75,6 @@ impl Files {
     fn parts<'a>(&self, result: &'a v1::HologramResult) -> Vec<(&'a str, PathBuf)> {
         let is_npy = |path: &Path| path.extension().is_some_and(|extension| extension == "npy");
         let mut parts = Vec::new();
-        if result.wavelengths.is_empty() {
-            // From a server that knew but one of each.
-            let first = [(&self.phase, &result.phase), (&self.npy, &result.phase_npy)];
-            for (path, digest) in first.into_iter().chain([(&self.reconstruction, &result.reconstruction)]) {
-                let path = path.as_ref().map(|path| (if is_npy(path) { &result.phase_npy } else { digest }, path));
-                parts.extend(path.map(|(digest, path)| (digest.as_str(), path.clone())));
-            }
-        }
         let several_wavelengths = result.wavelengths.len() > 1;
         for wavelength in &result.wavelengths {
             let colour = several_wavelengths.then(|| compact(wavelength.wavelength_m));

@@ -6,7 +6,7 @@ use crate::cli::failure::Failure;
 use crate::cli::session::Session;
 use clap::Args;
 use lightpath::names;
-use lightpath::v1::{OptimizeHologram, optimize_hologram};
+use lightpath::v1::{OptimizeHologram, optimize_hologram::ImagePlane};
 use std::path::PathBuf;
 
 /// Pictures, and where they are to be.
@@ -107,28 +107,21 @@ impl Pictures {
         mut spec: OptimizeHologram,
     ) -> Result<OptimizeHologram, Failure> {
         spec.display = names::display(&self.display);
-        match self.wavelengths.as_slice() {
-            [] => {}
-            [one] => spec.wavelength_m = *one,
-            several => spec.wavelengths_m = several.to_vec(),
+        spec.wavelengths_m.clone_from(&self.wavelengths);
+        for plane in &self.planes {
+            spec.planes.push(ImagePlane {
+                distance_m: plane.distance_m,
+                target: session.client.upload_file(&plane.file).await?,
+                weight: plane.weight,
+            });
         }
-        if !self.planes.is_empty() {
-            for plane in &self.planes {
-                spec.planes.push(optimize_hologram::ImagePlane {
-                    distance_m: plane.distance_m,
-                    target: session.client.upload_file(&plane.file).await?,
-                    weight: plane.weight,
-                });
-            }
-            return Ok(spec);
+        if let Some(target) = self.targets.get(index) {
+            let target = session.client.upload_file(target).await?;
+            let plane = |&distance_m: &f64| ImagePlane { distance_m, target: target.clone(), weight: 0.0 };
+            spec.planes.extend(self.distances.iter().map(plane));
         }
-        spec.target = session.client.upload_file(&self.targets[index]).await?;
-        match (&self.depth_map, self.distances.as_slice()) {
-            (Some(map), distances) => {
-                let map = session.client.upload_file(map).await?;
-                spec.depth_map = Some(optimize_hologram::DepthMap { map, distances_m: distances.to_vec() });
-            }
-            (None, distances) => spec.distance_m = distances.first().copied().unwrap_or_default(),
+        if let Some(map) = &self.depth_map {
+            spec.depth_map = session.client.upload_file(map).await?;
         }
         Ok(spec)
     }

@@ -2,8 +2,8 @@
 
 use super::outputs::Files;
 use crate::cli::table::{Facts, Table};
-use crate::cli::{job_text, propagation_text, quality_text, show};
-use lightpath::v1::{self, Job, job_spec};
+use crate::cli::{propagation_text, quality_text, show};
+use lightpath::v1::{self, Job};
 use lightpath::{hologram_result, names, units};
 
 /// A target on its way: its name, its job and where its files go.
@@ -31,16 +31,17 @@ pub(super) fn results(items: &[Item]) -> String {
         "job",
     ]);
     for (item, result) in succeeded {
-        let of = |quality: Option<v1::Quality>| quality.unwrap_or_default();
-        let (quality, quantized) = (of(result.quality), of(result.quantized_quality));
+        let first = result.wavelengths.first().and_then(|wavelength| wavelength.planes.first());
+        let [point, pixel, supersampled, quantized, similarity, _] =
+            quality_text::in_short(first.cloned().unwrap_or_default());
         table.row([
             item.name.clone(),
-            kernel_version(&item.job),
-            show::decibel(quality.psnr_point_db),
-            show::decibel(quality.psnr_pixel_db),
-            show::decibel(quality.psnr_supersampled_db),
-            show::decibel(quantized.psnr_pixel_db),
-            quality_text::similarity(quantized.ssim_pixel),
+            show::kernel_versions(&item.job.kernel_versions),
+            point,
+            pixel,
+            supersampled,
+            quantized,
+            similarity,
             format!("{:.1}", result.iteration_ms),
             names::id(&item.job.name).to_owned(),
         ]);
@@ -52,14 +53,18 @@ fn result_facts(item: &Item, result: &v1::HologramResult) -> String {
     let mut facts = Facts::default();
     facts.add("target", &item.name);
     facts.add("job", names::id(&item.job.name));
-    facts.add("kernel", kernel_version(&item.job));
+    facts.add("kernel", show::kernel_versions(&item.job.kernel_versions));
     facts.add("speed", format!("{:.1} ms an iteration, {} iterations", result.iteration_ms, result.iterations));
-    if let Some(report) = job_text::propagation(&item.job) {
+    let mut planes = result.wavelengths.iter().flat_map(|wavelength| &wavelength.planes);
+    let (first, others) = (planes.next(), planes.next());
+    if let Some(report) = first.and_then(|plane| plane.propagation.as_ref()) {
         propagation_text::add(report, &mut facts);
     }
     facts.add_some("saved", item.files.text(result));
-    let parts: usize = result.wavelengths.iter().map(|wavelength| wavelength.planes.len()).sum();
-    let quality = if parts > 1 { parts_table(result) } else { quality_text::table(result) };
+    let quality = match (first, others) {
+        (Some(plane), None) => quality_text::table(plane),
+        _ => parts_table(result),
+    };
     format!("{}\n{quality}", facts.text())
 }
 
@@ -77,25 +82,10 @@ fn parts_table(result: &v1::HologramResult) -> String {
     ]);
     for wavelength in &result.wavelengths {
         for plane in &wavelength.planes {
-            let (quality, quantized) = (plane.quality.unwrap_or_default(), plane.quantized_quality.unwrap_or_default());
-            table.row([
-                units::show_m(wavelength.wavelength_m),
-                units::show_m(plane.distance_m),
-                show::decibel(quality.psnr_point_db),
-                show::decibel(quality.psnr_pixel_db),
-                show::decibel(quality.psnr_supersampled_db),
-                show::decibel(quantized.psnr_pixel_db),
-                quality_text::similarity(quantized.ssim_pixel),
-                quality_text::percent(quantized.diffraction_efficiency_pixel),
-            ]);
+            let [point, pixel, supersampled, quantized, similarity, efficiency] = quality_text::in_short(plane.clone());
+            let (wavelength, distance) = (units::show_m(wavelength.wavelength_m), units::show_m(plane.distance_m));
+            table.row([wavelength, distance, point, pixel, supersampled, quantized, similarity, efficiency]);
         }
     }
     table.text()
-}
-
-pub(super) fn kernel_version(job: &Job) -> String {
-    match job.spec.as_ref().and_then(|spec| spec.kind.as_ref()) {
-        Some(job_spec::Kind::OptimizeHologram(spec)) => show::kernel_version(spec.kernel_version),
-        _ => "–".to_owned(),
-    }
 }

@@ -1,13 +1,18 @@
 //! How phases are found.
 
-use crate::cli::arguments::{Detector, Encoding, Propagation, above_zero, region};
+use crate::cli::arguments::{above_zero, propagation, region};
 use crate::cli::failure::Failure;
 use crate::cli::session::Session;
-use clap::{Args, ValueEnum};
+use crate::cli::words::WordParser;
+use clap::Args;
 use lightpath::units::Length;
 use lightpath::v1::{
-    self, OptimizeHologram,
-    optimize_hologram::{self, initial_phase::Kind, loss},
+    self, HologramMethod, OptimizeHologram,
+    optimize_hologram::{
+        self, Fit, InitialPhase,
+        initial_phase::{Constant, Given, Kind, Lens, Random},
+        loss::Quantity,
+    },
 };
 use std::path::PathBuf;
 
@@ -16,10 +21,10 @@ use std::path::PathBuf;
 #[command(next_help_heading = "Optimization")]
 pub(super) struct Work {
     /// How the phases are found
-    #[arg(long, default_value = "lbfgs")]
-    method: Method,
+    #[arg(long, default_value = "lbfgs", value_parser = method())]
+    method: HologramMethod,
 
-    /// Steps of the optimization, 1 to 10000; dpac takes one
+    /// Steps of the optimization, 1 to 10000; double-phase takes one
     #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..))]
     iterations: u32,
 
@@ -28,12 +33,12 @@ pub(super) struct Work {
     learning_rate: Option<f64>,
 
     /// How light's way to the image is computed; `lightpath display plan` tells what suits
-    #[arg(long, default_value = "auto")]
-    propagation: Propagation,
+    #[arg(long, default_value = "auto", value_parser = propagation())]
+    propagation: v1::PropagationMethod,
 
     /// What counts as the light of a pixel while optimizing
-    #[arg(long, default_value = "pixel")]
-    detector: Detector,
+    #[arg(long, default_value = "pixel", value_parser = WordParser::<v1::Detector>::new())]
+    detector: v1::Detector,
 
     /// Phases of each hologram, 1 to 24, shown so fast that the eye sees the mean of their light
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -41,8 +46,8 @@ pub(super) struct Work {
 
     /// Where the search begins: random; back-propagated (the targets sent back to the SLM); quadratic, or quadratic:200mm
     /// with a focal length; constant, or constant:1.5 in radians; or a .npy file of radians, float32, one for each
-    /// wavelength, separated by commas [default: random; dpac, and --detector supersampled without --frames or --phase-range:
-    /// constant]
+    /// wavelength, separated by commas [default: random; without --phase-range constant for double-phase, and for --detector
+    /// supersampled without --frames]
     #[arg(long, value_name = "KIND", value_parser = initial_phase, allow_hyphen_values = true)]
     initial_phase: Option<Start>,
 
@@ -56,7 +61,7 @@ pub(super) struct Work {
     seed: u64,
 
     /// What is compared with the target
-    #[arg(long, default_value = "intensity")]
+    #[arg(long, default_value = "intensity", value_parser = WordParser::<Quantity>::new())]
     loss: Quantity,
 
     /// Factor of the total variation of the light, relative to its mean: smooths. 0 to 1000; begin with 0.001
@@ -85,49 +90,17 @@ pub(super) struct Work {
     quantization_aware: bool,
 
     /// How the target's values stand for light
-    #[arg(long, value_name = "ENCODING", default_value = "srgb")]
-    target_encoding: Encoding,
+    #[arg(long, value_name = "ENCODING", default_value = "srgb", value_parser = WordParser::<v1::Encoding>::new())]
+    target_encoding: v1::Encoding,
 
     /// How a target of another size is brought to the display's
-    #[arg(long, default_value = "contain")]
+    #[arg(long, default_value = "contain", value_parser = WordParser::<Fit>::new())]
     fit: Fit,
 }
 
-/// How the phases are found.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Method {
-    /// L-BFGS on the phase, gain fitted at every evaluation
-    Lbfgs,
-    /// Adam on the phase, gain fitted
-    Adam,
-    /// Gerchberg-Saxton
-    Gs,
-    /// Weighted Gerchberg-Saxton
-    Wgs,
-    /// Double phase, without iterations
-    Dpac,
-}
-
-/// What is compared with the target.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Quantity {
-    /// Linear light
-    Intensity,
-    /// Its square root: dark parts count more
-    Amplitude,
-}
-
-/// How a target of another size is brought to the display's.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Fit {
-    /// Scale to fit inside, keep the aspect ratio, black borders.
-    Contain,
-    /// Scale to cover, keep the aspect ratio, crop the overhang evenly.
-    Cover,
-    /// Scale each axis by itself.
-    Stretch,
-    /// Refuse any other size.
-    Exact,
+fn method() -> WordParser<HologramMethod> {
+    let names = [("gerchberg-saxton", "gs"), ("weighted-gerchberg-saxton", "wgs"), ("double-phase", "dpac")];
+    names.into_iter().fold(WordParser::new(), |parser, (word, alias)| parser.alias(word, alias))
 }
 
 /// Where the search begins.
@@ -179,25 +152,8 @@ impl Work {
 
     /// Says how, with the files that it takes uploaded.
     pub(super) async fn fill(&self, session: &Session, spec: OptimizeHologram) -> Result<OptimizeHologram, Failure> {
-        let fit = match self.fit {
-            Fit::Contain => optimize_hologram::Fit::Contain,
-            Fit::Cover => optimize_hologram::Fit::Cover,
-            Fit::Stretch => optimize_hologram::Fit::Stretch,
-            Fit::Exact => optimize_hologram::Fit::Exact,
-        };
-        let method = match self.method {
-            Method::Lbfgs => optimize_hologram::Method::Lbfgs,
-            Method::Adam => optimize_hologram::Method::Adam,
-            Method::Gs => optimize_hologram::Method::GerchbergSaxton,
-            Method::Wgs => optimize_hologram::Method::WeightedGerchbergSaxton,
-            Method::Dpac => optimize_hologram::Method::DoublePhase,
-        };
-        let quantity = match self.loss {
-            Quantity::Intensity => loss::Quantity::Intensity,
-            Quantity::Amplitude => loss::Quantity::Amplitude,
-        };
         let loss = optimize_hologram::Loss {
-            quantity: quantity.into(),
+            quantity: self.loss.into(),
             total_variation: self.total_variation,
             speckle: self.speckle,
             speckle_block_px: self.speckle_block,
@@ -207,45 +163,41 @@ impl Work {
             None => String::new(),
         };
         Ok(OptimizeHologram {
-            target_encoding: v1::Encoding::from(self.target_encoding).into(),
-            target_fit: fit.into(),
-            method: method.into(),
-            detector: v1::Detector::from(self.detector).into(),
+            target_encoding: self.target_encoding.into(),
+            target_fit: self.fit.into(),
+            propagation: self.propagation.into(),
+            method: self.method.into(),
             iterations: self.iterations,
             learning_rate: self.learning_rate.unwrap_or(0.0),
-            seed: self.seed,
-            initial_phase_range_rad: self.phase_range,
-            region_of_interest: self.roi,
             frames: self.frames,
             initial_phase: self.start(session).await?,
+            seed: self.seed,
             loss: Some(loss),
+            detector: self.detector.into(),
+            region_of_interest: self.roi,
             weight_mask,
             quantization_aware: self.quantization_aware,
-            propagation: v1::PropagationMethod::from(self.propagation).into(),
             ..spec
         })
     }
 
-    async fn start(&self, session: &Session) -> Result<Option<optimize_hologram::InitialPhase>, Failure> {
-        let of_kind = |kind: Kind| optimize_hologram::InitialPhase { kind: kind.into(), ..Default::default() };
-        Ok(Some(match &self.initial_phase {
-            None => return Ok(None),
-            Some(Start::Random) => of_kind(Kind::Random),
-            Some(Start::BackPropagated) => of_kind(Kind::BackPropagated),
-            Some(Start::Quadratic(focal_length_m)) => {
-                optimize_hologram::InitialPhase { focal_length_m: *focal_length_m, ..of_kind(Kind::Quadratic) }
-            }
-            Some(Start::Constant(phase_rad)) => {
-                optimize_hologram::InitialPhase { constant_rad: *phase_rad, ..of_kind(Kind::Constant) }
-            }
+    async fn start(&self, session: &Session) -> Result<Option<InitialPhase>, Failure> {
+        let random = Random { range_rad: self.phase_range };
+        let kind = match &self.initial_phase {
+            None if self.phase_range.is_none() => return Ok(None),
+            None | Some(Start::Random) => Kind::Random(random),
+            Some(Start::BackPropagated) => Kind::BackPropagated(random),
+            Some(Start::Quadratic(focal_length_m)) => Kind::Quadratic(Lens { focal_length_m: *focal_length_m }),
+            Some(Start::Constant(phase_rad)) => Kind::Constant(Constant { phase_rad: *phase_rad }),
             Some(Start::Given(files)) => {
-                let mut start = of_kind(Kind::Given);
+                let mut given = Given::default();
                 for file in files {
-                    start.phases.push(session.client.upload_file(file).await?);
+                    given.phases.push(session.client.upload_file(file).await?);
                 }
-                start
+                Kind::Given(given)
             }
-        }))
+        };
+        Ok(Some(InitialPhase { kind: Some(kind) }))
     }
 }
 

@@ -1,10 +1,11 @@
 //! `lightpath kernel learn` and `evaluate`.
 
-use crate::cli::arguments::{Detector, above_zero, region};
+use crate::cli::arguments::{above_zero, region};
 use crate::cli::failure::Failure;
 use crate::cli::session::Session;
 use crate::cli::submission::Submission;
-use clap::{Args, ValueEnum};
+use crate::cli::words::WordParser;
+use clap::Args;
 use lightpath::names;
 use lightpath::v1::{self, EvaluateKernel, KernelModel, LearnKernel, job_spec};
 
@@ -25,8 +26,8 @@ pub(crate) struct Learn {
     datasets: Vec<String>,
 
     /// How the light transport is written as parameters
-    #[arg(long, default_value = "display")]
-    model: Model,
+    #[arg(long, default_value = "display", value_parser = WordParser::<KernelModel>::new())]
+    model: KernelModel,
 
     /// Passes over the training pairs with Adam, 1 to 1000 [default: the model's]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
@@ -53,8 +54,8 @@ pub(crate) struct Learn {
     start_version: Option<u32>,
 
     /// What the camera's pixels measure (supersampled is no camera)
-    #[arg(long, default_value = "pixel")]
-    detector: Detector,
+    #[arg(long, default_value = "pixel", value_parser = WordParser::<v1::Detector>::new())]
+    detector: v1::Detector,
 
     /// Where the photographs count, in pixels: x,y,width,height [default: the middle 80 % of each axis]
     #[arg(long, value_name = "X,Y,W,H", value_parser = region)]
@@ -66,21 +67,6 @@ pub(crate) struct Learn {
 
     #[command(flatten)]
     submission: Submission,
-}
-
-/// How a kernel is parametrized.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Model {
-    /// Amplitude and phase, random at first, in the inner half of the spectrum (Kavaklı, Ürey, Akşit 2022).
-    Paper,
-    /// Every frequency bin free, starting from the ideal kernel.
-    Dense,
-    /// Smooth amplitude and phase errors over the band.
-    Smooth,
-    /// Smooth, and the source profile, the SLM's phase response and the undiffracted light.
-    Display,
-    /// Display, and a kernel that varies over the SLM; display where the validation pairs gain less than a tenth by it.
-    Varying,
 }
 
 /// Measure how well a kernel predicts a dataset's photographs.
@@ -108,26 +94,17 @@ pub(crate) struct Evaluate {
 
 impl Learn {
     pub(super) async fn run(self, session: &Session) -> Result<(), Failure> {
-        let model = match self.model {
-            Model::Paper => KernelModel::Paper,
-            Model::Dense => KernelModel::Dense,
-            Model::Smooth => KernelModel::Smooth,
-            Model::Display => KernelModel::Display,
-            Model::Varying => KernelModel::Varying,
-        };
-        let mut datasets = self.datasets.iter().map(|name| names::dataset(name));
         let kind = job_spec::Kind::LearnKernel(LearnKernel {
-            dataset: datasets.next().unwrap_or_default(),
-            joint_datasets: datasets.collect(),
-            model: model.into(),
-            epochs: self.epochs.unwrap_or(0),
-            refinement_evaluations: self.refinement_evaluations,
-            learning_rate: self.learning_rate.unwrap_or(0.0),
-            seed: self.seed,
+            datasets: self.datasets.iter().map(|name| names::dataset(name)).collect(),
+            model: self.model.into(),
             order: self.order,
-            detector: v1::Detector::from(self.detector).into(),
-            region_of_interest: self.roi,
             start_version: self.start_version.unwrap_or(0),
+            epochs: self.epochs.unwrap_or(0),
+            learning_rate: self.learning_rate.unwrap_or(0.0),
+            refinement_evaluations: self.refinement_evaluations,
+            seed: self.seed,
+            detector: self.detector.into(),
+            region_of_interest: self.roi,
         });
         self.submission.submit_and_print(session, kind, self.wait).await
     }
@@ -147,7 +124,6 @@ impl Evaluate {
         let kind = job_spec::Kind::EvaluateKernel(EvaluateKernel {
             dataset: names::dataset(&self.dataset),
             kernel: self.kernel,
-            kernel_version: 0,
             region_of_interest: self.roi,
         });
         self.submission.submit_and_print(session, kind, self.wait).await

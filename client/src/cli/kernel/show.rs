@@ -8,7 +8,7 @@ use crate::cli::table::{Facts, Table};
 use crate::cli::{job_text, quality_text, show};
 use clap::Args;
 use lightpath::v1::{self, Kernel, KernelVersion};
-use lightpath::{names, units};
+use lightpath::{Words as _, names, units};
 
 /// Two distances are the same when they differ by less than the server's unit, a nanometre.
 const SAME_DISTANCE_M: f64 = 0.5e-9;
@@ -142,7 +142,8 @@ fn version_table(versions: &[KernelVersion]) -> Table {
     let mut table = Table::new(&titles);
     for version in versions {
         let metrics = version.metrics.unwrap_or_default();
-        let dataset = version.lineage.as_ref().map(|lineage| names::id(&lineage.dataset)).unwrap_or_default();
+        let lineage = version.lineage.clone().unwrap_or_default();
+        let dataset = lineage.datasets.first().map(|dataset| names::id(&dataset.name)).unwrap_or_default();
         let measured = |loss| if metrics.test_pairs == 0 { "–".to_owned() } else { show::loss(loss) };
         table.row([
             version.version.to_string(),
@@ -151,7 +152,7 @@ fn version_table(versions: &[KernelVersion]) -> Table {
             measured(metrics.test_loss),
             measured(metrics.ideal_test_loss),
             show::bytes(version.size_bytes),
-            match (version.interpolated, dataset) {
+            match (lineage.interpolated, dataset) {
                 (true, _) => "(interpolated)".to_owned(),
                 (false, "") => "(imported)".to_owned(),
                 (false, dataset) => dataset.to_owned(),
@@ -163,7 +164,7 @@ fn version_table(versions: &[KernelVersion]) -> Table {
 }
 
 fn model(version: &KernelVersion) -> String {
-    show::word("KERNEL_MODEL_", version.model().as_str_name())
+    version.model().word().to_owned()
 }
 
 /// One version in full.
@@ -173,10 +174,12 @@ pub(super) fn version_facts(version: &KernelVersion) -> String {
     facts.add("model", model(version));
     facts.add("active", if version.active { "yes" } else { "no" });
     facts.add("file", format!("{}, {}", version.artifact, show::bytes(version.size_bytes)));
-    if let Some(over) = version.lineage.as_ref().and_then(|lineage| lineage.over_distance.as_ref()) {
-        let distances: Vec<String> = over.distances_m.iter().map(|&distance_m| units::show_m(distance_m)).collect();
-        let how = if version.interpolated { "interpolated from" } else { "learned together" };
-        facts.add(how, distances.join(", "));
+    let lineage = version.lineage.clone().unwrap_or_default();
+    if lineage.interpolated || lineage.datasets.len() > 1 {
+        let mut distances_m: Vec<f64> = lineage.datasets.iter().map(|dataset| dataset.distance_m).collect();
+        distances_m.sort_by(f64::total_cmp);
+        let how = if lineage.interpolated { "interpolated from" } else { "learned together" };
+        facts.add(how, distances_m.into_iter().map(units::show_m).collect::<Vec<_>>().join(", "));
     }
     if let Some(metrics) = version.metrics.as_ref().filter(|metrics| metrics.train_pairs > 0) {
         let against = |learned, ideal| format!("{} (ideal kernel {})", show::loss(learned), show::loss(ideal));
@@ -190,10 +193,10 @@ pub(super) fn version_facts(version: &KernelVersion) -> String {
         let pairs = (metrics.train_pairs, metrics.validation_pairs, metrics.test_pairs);
         facts.add("pairs", format!("{} train, {} validation, {} test", pairs.0, pairs.1, pairs.2));
     }
-    if let Some(lineage) = version.lineage.as_ref().filter(|lineage| !lineage.job.is_empty()) {
+    if !lineage.job.is_empty() {
         facts.add("job", names::id(&lineage.job));
-        if !lineage.dataset.is_empty() {
-            facts.add("dataset", format!("{} ({})", names::id(&lineage.dataset), lineage.dataset_digest));
+        if let Some(dataset) = lineage.datasets.first().filter(|_| !lineage.interpolated) {
+            facts.add("dataset", format!("{} ({})", names::id(&dataset.name), dataset.digest));
         }
         facts.add("parameters", &lineage.parameters_json);
         facts.add("seed", lineage.seed.to_string());

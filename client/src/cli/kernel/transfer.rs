@@ -6,7 +6,8 @@ use crate::cli::failure::Failure;
 use crate::cli::kernel_choice::KernelChoice;
 use crate::cli::session::Session;
 use crate::cli::show;
-use clap::{Args, ValueEnum};
+use crate::cli::words::WordParser;
+use clap::Args;
 use lightpath::{names, v1};
 use std::path::{Path, PathBuf};
 
@@ -47,45 +48,12 @@ pub(crate) struct Export {
 #[derive(Debug, Args)]
 struct KernelFile {
     /// The form of the file
-    #[arg(long, default_value = "safetensors")]
-    format: Format,
+    #[arg(long, default_value = "safetensors", value_parser = WordParser::<v1::KernelFormat>::new())]
+    format: v1::KernelFormat,
 
     /// The file to write
     #[arg(short = 'o', value_name = "FILE")]
     path: PathBuf,
-}
-
-/// The form of a kernel's file.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Format {
-    /// All of the model by name, with its optics in the header
-    Safetensors,
-    /// All of a smooth, display or varying model in some hundred bytes, for firmware
-    Compact,
-    /// A PyTorch tensor as the paper has it: amplitude and phase of the inner half, float32 1 x 2 x rows x columns
-    Pt,
-    /// The same as a NumPy array
-    Npy,
-    /// Every array of the model: transfer function, source, response, photometry
-    Npz,
-    /// The transfer function alone as a NumPy array, complex64, on the padded spectrum, zero frequency in the middle
-    Complex64,
-    /// The same as real and imaginary parts in float16
-    F16,
-}
-
-impl Format {
-    fn wire(self) -> v1::KernelFormat {
-        match self {
-            Self::Safetensors => v1::KernelFormat::Safetensors,
-            Self::Compact => v1::KernelFormat::Compact,
-            Self::Pt => v1::KernelFormat::Pt,
-            Self::Npy => v1::KernelFormat::Npy,
-            Self::Npz => v1::KernelFormat::Npz,
-            Self::Complex64 => v1::KernelFormat::Complex64,
-            Self::F16 => v1::KernelFormat::F16,
-        }
-    }
 }
 
 /// Store a file as a kernel's next version.
@@ -134,7 +102,7 @@ impl Import {
 async fn write(session: &Session, kernel: &KernelChoice, version: u32, file: &KernelFile) -> Result<(), Failure> {
     let path: &Path = &file.path;
     let name = kernel.name(session).await?;
-    let format = file.format.wire();
+    let format = file.format;
     let (version, made) = session.client.fetch_kernel_to_as(&name, version, format, path).await?;
     session.print(&version, |version| {
         let size = show::bytes(made.as_ref().map_or(version.size_bytes, |made| made.size_bytes));

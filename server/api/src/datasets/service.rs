@@ -1,6 +1,5 @@
 //! The dataset service.
 
-use super::from_wire::encoding;
 use super::to_wire;
 use crate::api::Api;
 use crate::error::ApiError;
@@ -94,7 +93,7 @@ impl Api {
         let display = self.display_named(caller, &field.at("display"), &message.display).await?;
         let wavelength = field.at("wavelength_m").wavelength_of(message.wavelength_m, &display)?;
         let distance = field.at("distance_m").distance(message.distance_m)?;
-        let encoding = encoding(&field.at("photo_encoding"), message.photo_encoding, Encoding::Linear)?;
+        let encoding = field.at("photo_encoding").one_of(message.photo_encoding)?.unwrap_or(Encoding::Linear);
         let photo_bit_depth = field.at("photo_bit_depth").integer_or(message.photo_bit_depth, 0, 8..=16)?;
         Ok(Dataset { photo_bit_depth, ..Dataset::empty(id, display.id, wavelength, distance, encoding) })
     }

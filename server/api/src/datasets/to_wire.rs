@@ -1,9 +1,8 @@
 //! Datasets as messages.
 
+use crate::enumerations::OnWire;
 use crate::time::timestamp;
-use lightpath_domain::dataset::{
-    Alignment, AlignmentMethod, Dataset, Encoding, Finding, FindingKind, Pair, PairChecks, Split,
-};
+use lightpath_domain::dataset::{Alignment, Dataset, Finding, Pair, PairChecks};
 use lightpath_media::captures;
 use lightpath_proto::v1;
 
@@ -17,7 +16,7 @@ pub(crate) fn dataset(dataset: Dataset) -> v1::Dataset {
         display: format!("displays/{}", dataset.display),
         wavelength_m: dataset.wavelength.m(),
         distance_m: dataset.distance.m(),
-        photo_encoding: encoding(dataset.photo_encoding),
+        photo_encoding: dataset.photo_encoding.to_wire(),
         state: state.into(),
         pairs: dataset.pairs.into_iter().map(|found| pair(found, finalized)).collect(),
         digest: dataset.digest.unwrap_or_default(),
@@ -36,7 +35,7 @@ fn pair(pair: Pair, finalized: bool) -> v1::Pair {
         id: pair.id,
         phase: pair.phase,
         photo: pair.photo,
-        split: if excluded { v1::Split::Excluded.into() } else { split(pair.split) },
+        split: if excluded { v1::Split::Excluded.into() } else { pair.split.map_or(0, OnWire::to_wire) },
         black_level: pair.exposure.black_level,
         exposure_s: pair.exposure.exposure_s,
         camera_gain: pair.exposure.camera_gain,
@@ -60,28 +59,17 @@ fn checks(checks: PairChecks) -> v1::PairChecks {
 }
 
 pub(crate) fn finding(finding: Finding) -> v1::Finding {
-    let kind = match finding.kind {
-        FindingKind::Black => v1::finding::Kind::Black,
-        FindingKind::Saturated => v1::finding::Kind::Saturated,
-        FindingKind::BlackClipped => v1::finding::Kind::BlackClipped,
-        FindingKind::LowContrast => v1::finding::Kind::LowContrast,
-        FindingKind::Duplicate => v1::finding::Kind::Duplicate,
-        FindingKind::WrongHologram => v1::finding::Kind::WrongHologram,
-        FindingKind::Misaligned => v1::finding::Kind::Misaligned,
-        FindingKind::Vignetting => v1::finding::Kind::Vignetting,
-        FindingKind::ExposureUnknown => v1::finding::Kind::ExposureUnknown,
-    };
-    v1::Finding { pair: finding.pair, kind: kind.into(), excludes: finding.excludes, message: finding.message }
+    v1::Finding {
+        pair: finding.pair,
+        kind: finding.kind.to_wire(),
+        excludes: finding.excludes,
+        message: finding.message,
+    }
 }
 
 fn alignment(alignment: Alignment) -> v1::Alignment {
-    let method = match alignment.method {
-        AlignmentMethod::Points => v1::alignment::Method::Points,
-        AlignmentMethod::Dots => v1::alignment::Method::Dots,
-        AlignmentMethod::Pairs => v1::alignment::Method::Pairs,
-    };
     v1::Alignment {
-        method: method.into(),
+        method: alignment.method.to_wire(),
         homography: alignment.homography.to_vec(),
         photo_width_px: alignment.photo_width_px,
         photo_height_px: alignment.photo_height_px,
@@ -91,21 +79,5 @@ fn alignment(alignment: Alignment) -> v1::Alignment {
         photo: alignment.photo,
         before: alignment.before,
         after: alignment.after,
-    }
-}
-
-pub(crate) fn encoding(encoding: Encoding) -> i32 {
-    match encoding {
-        Encoding::Linear => v1::Encoding::Linear.into(),
-        Encoding::Srgb => v1::Encoding::Srgb.into(),
-    }
-}
-
-pub(crate) fn split(split: Option<Split>) -> i32 {
-    match split {
-        None => v1::Split::Unspecified.into(),
-        Some(Split::Train) => v1::Split::Train.into(),
-        Some(Split::Validation) => v1::Split::Validation.into(),
-        Some(Split::Test) => v1::Split::Test.into(),
     }
 }

@@ -1,11 +1,11 @@
 //! Checking the displays that clients declare.
 
+use super::simulated_bench;
 use crate::error::ApiError;
 use crate::field::Field;
 use crate::names;
 use lightpath_domain::access::Caller;
-use lightpath_domain::display::{Carrier, Display, SimulatedBench};
-use lightpath_domain::planning;
+use lightpath_domain::display::Display;
 use lightpath_domain::units::Wavelength;
 use lightpath_proto::v1;
 use std::f64::consts::PI;
@@ -39,13 +39,9 @@ pub(crate) fn display(caller: &Caller, message: v1::Display, field: &Field) -> R
         bit_depth,
         wavelengths: wavelengths(&at("wavelengths_m"), &message.wavelengths_m)?,
         phase_response_rad: response.map(|it| phases(&at("phase_response"), it.phase_rad, bit_depth)).transpose()?,
-        carrier: at("carrier").known(message.carrier, |value| match v1::Carrier::try_from(value).ok()? {
-            v1::Carrier::Unspecified => Some(None),
-            v1::Carrier::HalfOrderX => Some(Some(Carrier::HalfOrderX)),
-            v1::Carrier::HalfOrderY => Some(Some(Carrier::HalfOrderY)),
-        })?,
+        carrier: at("carrier").one_of(message.carrier)?,
         notes: at("notes").text(message.notes, NOTES_BYTES_MAX)?,
-        simulated_bench: bench.map(|it| simulated_bench(it, &at("simulated_bench"))).transpose()?,
+        simulated_bench: bench.map(|it| simulated_bench::from_wire(it, &at("simulated_bench"))).transpose()?,
     })
 }
 
@@ -88,31 +84,6 @@ fn phases(field: &Field, phase_rad: Vec<f64>, bit_depth: u32) -> Result<Vec<f64>
         return Err(field.invalid(format!("spans {} rad, but must span at least π", most - least)));
     }
     Ok(phase_rad)
-}
-
-fn simulated_bench(bench: v1::SimulatedBench, field: &Field) -> Result<SimulatedBench, ApiError> {
-    let or = |value: f64, default: f64| if value == 0.0 { default } else { value };
-    let drawn = SimulatedBench {
-        seed: bench.seed,
-        strength: or(bench.strength, 1.0),
-        camera_noise: or(bench.camera_noise, 0.003),
-        misalignment_px: bench.misalignment_px,
-        rotation_deg: bench.rotation_deg,
-        blur_px: bench.blur_px,
-        full_well_electrons: bench.full_well_electrons,
-        speckle_contrast: bench.speckle_contrast,
-        crosstalk_px: bench.crosstalk_px,
-        flicker: bench.flicker,
-        drift_px_per_hour: bench.drift_px_per_hour,
-        dimming_per_hour: bench.dimming_per_hour,
-        rail_tilt_deg: bench.rail_tilt_deg,
-        aberrations_at_m: bench.aberrations_at_m,
-        field_aberration_rad: bench.field_aberration_rad,
-    };
-    for (name, value, least, most, _) in planning::imperfections(drawn).ranges() {
-        field.at(name).number(value, least..=most)?;
-    }
-    Ok(drawn)
 }
 
 #[cfg(test)]

@@ -4,4 +4,5 @@ mod from_wire;
 pub(crate) mod lookup;
 mod plan_propagation;
 mod service;
+mod simulated_bench;
 mod to_wire;

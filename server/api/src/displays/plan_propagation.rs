@@ -1,15 +1,15 @@
 //! Planning how light gets from a display to its image.
 
 use crate::api::Api;
+use crate::enumerations::OnWire as _;
 use crate::error::ApiError;
 use crate::field::Field;
-use crate::optics::from_wire::propagation_method;
-use crate::optics::propagation_checks::{distance_refusal, is_optimizable, method_refusal};
+use crate::optics::propagation_checks::{distance_refusal, method_refusal, optimizable};
 use crate::optics::to_wire;
 use lightpath_domain::access::Caller;
 use lightpath_domain::planning;
-use lightpath_optics::propagation::{self, PropagationMethod, assess, plan_onto};
-use lightpath_optics::{Error, OpticalSetup};
+use lightpath_optics::propagation::{self, assess, plan_onto};
+use lightpath_optics::{Error, OpticalSetup, PropagationMethod};
 use lightpath_proto::v1;
 
 impl Api {
@@ -24,7 +24,7 @@ impl Api {
         let field = Field::new("distance_m");
         let distance = field.distance(request.distance_m)?;
         let setup = planning::setup(&display, wavelength, distance).map_err(|error| field.invalid(error))?;
-        let method = propagation_method(&Field::new("method"), request.method)?;
+        let method = Field::new("method").one_of::<PropagationMethod>(request.method)?;
         let report = match (request.window, method) {
             (Some(_), Some(_)) => {
                 return Err(
@@ -33,13 +33,10 @@ impl Api {
             }
             (Some(window), None) => {
                 let window = image_window(window, &Field::new("window"))?;
-                let found =
-                    plan_onto(&setup, &window).map_err(|error| method_refusal(&Field::new("window"), &error))?;
-                planning::report(&found)
+                plan_onto(&setup, &window).map_err(|error| method_refusal(&Field::new("window"), &error))?
             }
             (None, Some(method)) => {
-                let found = assess(&setup, planning::to_optics(method));
-                planning::report(&found.map_err(|error| method_refusal(&Field::new("method"), &error))?)
+                assess(&setup, method).map_err(|error| method_refusal(&Field::new("method"), &error))?
             }
             (None, None) => {
                 planning::planned(setup, None).map_err(|error| distance_refusal(&field, distance, &error))?.1
@@ -59,9 +56,8 @@ fn alternative(setup: &OpticalSetup, method: PropagationMethod) -> v1::Propagati
         Err(Error::Unsuitable { reason, .. }) => (false, reason),
         Err(other) => (false, other.to_string()),
     };
-    let optimizable = possible && is_optimizable(method);
-    let method = to_wire::propagation_method(planning::from_optics(method)).into();
-    v1::PropagationAlternative { method, possible, optimizable, text }
+    let optimizable = possible && optimizable(method).is_some();
+    v1::PropagationAlternative { method: method.to_wire(), possible, optimizable, text }
 }
 
 fn image_window(window: v1::ImageWindow, field: &Field) -> Result<propagation::ImageWindow, ApiError> {

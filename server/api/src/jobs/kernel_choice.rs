@@ -3,30 +3,22 @@
 use crate::api::Api;
 use crate::error::ApiError;
 use crate::field::{Field, shortened};
-use lightpath_domain::job::{Job, JobSpec};
 use lightpath_domain::kernel::KernelKey;
 use lightpath_store::StoreError;
 
 impl Api {
     /// `None`: the ideal kernel. Empty means the active kernel and, unless it is `required`, the ideal one where none
     /// is active.
-    ///
-    /// A repeated submit means what it meant the first time, even if `active` has moved: `before` is the job that
-    /// the request made then.
     pub(crate) async fn kernel_version_for(
         &self,
         field: &Field,
         kernel: &str,
         key: &KernelKey,
-        before: Option<&Job>,
         required: bool,
     ) -> Result<Option<u32>, ApiError> {
         match kernel {
             "ideal" => Ok(None),
             "" | "active" => {
-                if let Some(version) = before.and_then(|job| resolved(&job.spec)) {
-                    return Ok(version);
-                }
                 let active = self.active_version(key).await?;
                 if active.is_none() && (required || kernel == "active") {
                     let fix = "promote a version first, or name a version or `ideal`";
@@ -62,12 +54,4 @@ impl Api {
 /// What a job's `kernel` was resolved to, in the form that a request may name it.
 pub(crate) fn kernel_named(version: Option<u32>) -> String {
     version.map_or_else(|| "ideal".to_owned(), |version| version.to_string())
-}
-
-fn resolved(spec: &JobSpec) -> Option<Option<u32>> {
-    match spec {
-        JobSpec::OptimizeHologram(spec) => Some(spec.kernel_version),
-        JobSpec::EvaluateKernel(spec) => Some(spec.kernel_version),
-        JobSpec::LearnKernel(_) | JobSpec::SimulateCapture(_) => None,
-    }
 }

@@ -1,7 +1,6 @@
 //! Jobs: submitting, listing, following and ending them. Each kind of job has a folder.
 
 mod evaluate_kernel;
-mod from_wire;
 mod kernel_choice;
 mod learn_kernel;
 mod learning_rate;

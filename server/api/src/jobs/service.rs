@@ -1,7 +1,7 @@
 //! The job service.
 
 use super::scheduling::label;
-use super::{from_wire, to_wire};
+use super::to_wire;
 use crate::api::Api;
 use crate::call::StatusStream;
 use crate::error::ApiError;
@@ -82,7 +82,7 @@ impl Api {
         caller: &Caller,
         request: v1::ListJobsRequest,
     ) -> Result<v1::ListJobsResponse, ApiError> {
-        let state = Field::new("state").known(request.state, from_wire::state)?;
+        let state = Field::new("state").one_of(request.state)?;
         let display = names::display_filter(caller, &Field::new("display"), &request.display)?;
         let batch = label(&Field::new("batch"), request.batch)?;
         let list = ["jobs", &request.state.to_string(), &request.display, batch.as_deref().unwrap_or_default()];

@@ -1,52 +1,44 @@
 //! Jobs as messages.
 
 use super::{evaluate_kernel, learn_kernel, optimize_hologram, simulate_capture};
-use crate::optics::to_wire::validity_report;
+use crate::enumerations::OnWire as _;
 use crate::time::timestamp;
-use lightpath_domain::job::{Job, JobError, JobEvent, JobResult, JobSpec, JobState, Progress};
+use lightpath_domain::job::{Job, JobError, JobEvent, JobResult, JobSpec, Progress};
 use lightpath_proto::v1::{self, job_result, job_spec};
 
 /// The job as clients see it.
 pub(crate) fn job(job: Job) -> v1::Job {
+    let scheduling = job.scheduling;
     v1::Job {
         name: format!("jobs/{}", job.id),
         request_id: job.request_id,
+        kernel_versions: job.spec.kernel_versions().into_iter().map(|version| version.unwrap_or(0)).collect(),
         spec: Some(spec(job.spec)),
-        state: state(job.state).into(),
+        owner: scheduling.owner,
+        batch: scheduling.batch.unwrap_or_default(),
+        unique_key: scheduling.unique_key.unwrap_or_default(),
         priority: job.priority,
+        timeout_s: scheduling.timeout_ms.map_or(0.0, |ms| ms as f64 / 1e3),
+        after: scheduling.after.iter().map(|id| format!("jobs/{id}")).collect(),
+        waiting_for: job.waiting_for,
+        state: job.state.to_wire(),
+        cancel_requested: job.cancel_requested,
         attempt: job.attempt,
         attempts_max: job.attempts_max,
         create_time: Some(timestamp(job.create_time_ms)),
+        run_time: Some(timestamp(job.run_time_ms)),
         start_time: job.start_time_ms.map(timestamp),
         finish_time: job.finish_time_ms.map(timestamp),
-        run_time: Some(timestamp(job.run_time_ms)),
         progress: job.progress.map(progress),
         error: job.error.map(error),
         result: job.result.map(result),
-        cancel_requested: job.cancel_requested,
         revision: job.revision,
-        owner: job.scheduling.owner,
-        batch: job.scheduling.batch.unwrap_or_default(),
-        unique_key: job.scheduling.unique_key.unwrap_or_default(),
-        timeout_s: job.scheduling.timeout_ms.map_or(0.0, |ms| ms as f64 / 1e3),
-        after: job.scheduling.after.iter().map(|id| format!("jobs/{id}")).collect(),
-        waiting_for: job.waiting_for,
     }
 }
 
 /// The event as clients see it.
 pub(crate) fn event(event: JobEvent) -> v1::JobEvent {
     v1::JobEvent { time: Some(timestamp(event.time_ms)), attempt: event.attempt, message: event.message }
-}
-
-fn state(state: JobState) -> v1::job::State {
-    match state {
-        JobState::Queued => v1::job::State::Queued,
-        JobState::Running => v1::job::State::Running,
-        JobState::Succeeded => v1::job::State::Succeeded,
-        JobState::Failed => v1::job::State::Failed,
-        JobState::Cancelled => v1::job::State::Cancelled,
-    }
 }
 
 fn progress(progress: Progress) -> v1::Progress {
@@ -70,18 +62,11 @@ fn spec(spec: JobSpec) -> v1::JobSpec {
 }
 
 fn result(result: JobResult) -> v1::JobResult {
-    let propagation = match &result {
-        JobResult::Hologram(result) => result.propagation(),
-        JobResult::Learn(result) => result.propagation.as_ref(),
-        JobResult::Capture(result) => result.propagation.as_ref(),
-        JobResult::Evaluate(result) => result.propagation.as_ref(),
-    };
-    let propagation = propagation.cloned().map(validity_report);
     let kind = match result {
         JobResult::Hologram(result) => job_result::Kind::Hologram(optimize_hologram::to_wire::result(*result)),
         JobResult::Learn(result) => job_result::Kind::Learn(learn_kernel::to_wire::result(result)),
         JobResult::Capture(result) => job_result::Kind::Capture(simulate_capture::to_wire::result(result)),
         JobResult::Evaluate(result) => job_result::Kind::Evaluate(evaluate_kernel::to_wire::result(result)),
     };
-    v1::JobResult { kind: Some(kind), propagation }
+    v1::JobResult { kind: Some(kind) }
 }

@@ -1,10 +1,10 @@
 //! Fetching a kernel's file, in the form that is asked for.
 
-use super::from_wire::kernel_format;
 use super::to_wire;
 use crate::api::Api;
 use crate::artifacts::download::chunks;
 use crate::call::Answers;
+use crate::enumerations::OnWire as _;
 use crate::error::ApiError;
 use crate::field::Field;
 use crate::names;
@@ -46,7 +46,7 @@ impl Api {
             number => number,
         };
         let version = self.store.kernel_version(key, number).await?;
-        let format = kernel_format(&Field::new("format"), request.format)?;
+        let format = Field::new("format").one_of(request.format)?.unwrap_or(KernelFormat::Safetensors);
         if format != KernelFormat::Safetensors {
             return self.fetch_as(version, format).await;
         }
@@ -77,7 +77,7 @@ impl Api {
             message: format!("format: {error}"),
         })?;
         let file = v1::KernelFile {
-            format: to_wire::kernel_format(format),
+            format: format.to_wire(),
             digest: digest_of(&exported.bytes),
             size_bytes: exported.bytes.len() as u64,
             relative_error: exported.relative_error,

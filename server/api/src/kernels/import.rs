@@ -7,7 +7,7 @@ use crate::field::Field;
 use crate::time::now_ms;
 use lightpath_domain::access::Caller;
 use lightpath_domain::display::Display;
-use lightpath_domain::kernel::{KernelKey, KernelLineage, KernelMetrics, NewKernelVersion, OverDistance};
+use lightpath_domain::kernel::{KernelKey, KernelLineage, KernelMetrics, LearnedDataset, NewKernelVersion};
 use lightpath_domain::planning;
 use lightpath_domain::units::{Distance, Wavelength};
 use lightpath_media::kernel_file;
@@ -54,12 +54,8 @@ impl Api {
         let lineage = KernelLineage {
             parameters_json,
             code_version: env!("CARGO_PKG_VERSION").to_owned(),
-            over_distance: (!interpolated_from_m.is_empty()).then(|| OverDistance {
-                distances: interpolated_from_m.into_iter().filter_map(Distance::from_m).collect(),
-                datasets: Vec::new(),
-                dataset_digests: Vec::new(),
-                interpolated: true,
-            }),
+            interpolated: !interpolated_from_m.is_empty(),
+            datasets: interpolated_from_m.into_iter().filter_map(imported_dataset).collect(),
             ..KernelLineage::default()
         };
         // Nothing was measured here: an import has no held-out pairs.
@@ -67,6 +63,12 @@ impl Api {
         let version = NewKernelVersion { model, artifact: digest, size_bytes, metrics, lineage };
         Ok(to_wire::version(self.store.add_kernel_version(&key, version, now_ms()).await?))
     }
+}
+
+/// Where a file tells only from which distance a kernel was interpolated.
+fn imported_dataset(distance_m: f64) -> Option<LearnedDataset> {
+    let distance = Distance::from_m(distance_m)?;
+    Some(LearnedDataset { distance, id: String::new(), digest: String::new() })
 }
 
 fn expect_setup(field: &Field, setup: &OpticalSetup, display: &Display, key: &KernelKey) -> Result<(), ApiError> {

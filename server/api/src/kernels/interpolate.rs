@@ -8,9 +8,10 @@ use crate::optics::propagation_checks::distance_refusal;
 use crate::time::now_ms;
 use lightpath_domain::access::Caller;
 use lightpath_domain::kernel::{
-    KernelKey, KernelLineage, KernelMetrics, KernelVersion, NewKernelVersion, OverDistance,
+    KernelKey, KernelLineage, KernelMetrics, KernelVersion, LearnedDataset, NewKernelVersion,
 };
 use lightpath_domain::planning;
+use lightpath_domain::units::Distance;
 use lightpath_media::kernel_file;
 use lightpath_optics::learning::interpolated;
 use lightpath_proto::v1;
@@ -40,7 +41,7 @@ impl Api {
             models.push(self.model_of(version).await?);
         }
         let model = interpolated(&models, setup).map_err(|error| field.invalid(format!("is {distance}: {error}")))?;
-        let from_m: Vec<f64> = fit.over.distances.iter().map(|distance| distance.m()).collect();
+        let from_m: Vec<f64> = fit.distances.iter().map(|distance| distance.m()).collect();
         let content = &fit.versions[0].content;
         let file = kernel_file::encode_interpolated(&model, content.model, &from_m)
             .map_err(|error| field.invalid(format!("is {distance}: {error}")))?;
@@ -51,11 +52,10 @@ impl Api {
             // Nothing was measured here: there are no photographs.
             metrics: KernelMetrics::default(),
             lineage: KernelLineage {
-                dataset: String::new(),
-                dataset_digest: String::new(),
+                datasets: fit.versions.iter().filter_map(own_dataset).collect(),
+                interpolated: true,
+                parent_version: None,
                 code_version: env!("CARGO_PKG_VERSION").to_owned(),
-                parent_version: 0,
-                over_distance: Some(OverDistance { interpolated: true, ..fit.over.clone() }),
                 ..content.lineage.clone()
             },
         };
@@ -63,12 +63,16 @@ impl Api {
     }
 }
 
+fn own_dataset(version: &KernelVersion) -> Option<LearnedDataset> {
+    version.content.lineage.own_dataset().cloned()
+}
+
 /// One model of several distances.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 struct Fit<'a> {
     /// Of each distance, ascending.
     versions: &'a [KernelVersion],
-    over: &'a OverDistance,
+    distances: Vec<Distance>,
 }
 
 /// The newest fit with photographs on both sides of the kernel's distance.
@@ -76,8 +80,8 @@ fn fit_around<'a>(field: &Field, key: &KernelKey, versions: &'a [KernelVersion])
     let same_job = |a: &KernelVersion, b: &KernelVersion| a.content.lineage.job == b.content.lineage.job;
     let fits: Vec<Fit<'_>> = versions
         .chunk_by(same_job)
-        .filter_map(|versions| Some(Fit { versions, over: versions[0].content.lineage.over_distance.as_ref()? }))
-        .filter(|fit| fit.versions.len() == fit.over.distances.len())
+        .filter_map(|versions| Some(Fit { versions, distances: versions[0].content.lineage.joint_distances()? }))
+        .filter(|fit| fit.versions.len() == fit.distances.len())
         .collect();
     let (display, wavelength, distance) = (&key.display, key.wavelength, key.distance);
     if fits.is_empty() {
@@ -87,7 +91,7 @@ fn fit_around<'a>(field: &Field, key: &KernelKey, versions: &'a [KernelVersion])
         );
         return Err(ApiError::Precondition { reason: "NO_JOINT_FIT", message });
     }
-    let range = |fit: &Fit<'_>| fit.over.distances.first().copied().zip(fit.over.distances.last().copied());
+    let range = |fit: &Fit<'_>| fit.distances.first().copied().zip(fit.distances.last().copied());
     let around = |fit: &&Fit<'_>| range(fit).is_some_and(|(near, far)| (near..=far).contains(&distance));
     let Some(fit) = fits.iter().find(around) else {
         let ranges: Vec<String> = fits.iter().filter_map(range).map(|(near, far)| format!("{near} to {far}")).collect();
@@ -101,6 +105,6 @@ fn fit_around<'a>(field: &Field, key: &KernelKey, versions: &'a [KernelVersion])
         Some(KernelVersion { version, .. }) => {
             Err(field.invalid(format!("is {distance}, which was photographed: use {key}/versions/{version}")))
         }
-        None => Ok(*fit),
+        None => Ok(fit.clone()),
     }
 }

@@ -1,8 +1,7 @@
 //! Kernels and their versions: listing, fetching, promoting, importing, interpolating, reporting.
 
 mod fetch;
-pub(crate) mod from_wire;
-mod import;
+pub(crate) mod import;
 mod interpolate;
 mod model_file;
 mod promotion;

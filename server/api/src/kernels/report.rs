@@ -7,9 +7,9 @@ use crate::field::Field;
 use crate::names;
 use lightpath_artifacts::Artifacts;
 use lightpath_domain::access::Caller;
-use lightpath_domain::dataset::{self, Dataset, Split};
+use lightpath_domain::dataset::{Dataset, Split};
 use lightpath_domain::display::Display;
-use lightpath_domain::job::{JobResult, LearnKernel, LearnResult};
+use lightpath_domain::job::{JobResult, LearnKernel, LearnResult, LearnedKernel};
 use lightpath_domain::kernel::{KernelKey, KernelVersion};
 use lightpath_media::captures::{CaptureError, Captures};
 use lightpath_media::report::{self, Earlier, Evidence, PAIRS_SHOWN_MAX, Report, ReportError, ReportInput};
@@ -51,16 +51,17 @@ impl Api {
         let (display, _) = self.store.display(&key.display).await?;
         let earlier = self.earlier(&key, number).await?;
         let over_distance = self.over_distance(&version).await?;
-        let learned = self.learn_result(&version).await?;
-        let (loss_history, left_out) =
-            learned.map(|learned| (learned.loss_history, learned.left_out_pairs)).unwrap_or_default();
+        let (loss_history, left_out) = match self.learn_result(&version).await? {
+            Some(learned) => (learned.loss_history, left_out_of(learned.kernels, dataset.as_ref())),
+            None => Default::default(),
+        };
         let (artifacts, runtime) = (self.artifacts.clone(), Handle::current());
         let make = move || -> Result<Report, Failure> {
             let parameters: Option<LearnKernel> = serde_json::from_str(&version.content.lineage.parameters_json).ok();
             let evidence = match dataset {
                 None => None,
                 Some(mut dataset) => {
-                    leave_out(&mut dataset, &left_out);
+                    dataset.pairs.retain(|pair| !left_out.contains(&pair.id));
                     Some(gather(&display, &dataset, &model, parameters.as_ref(), &artifacts, &runtime)?)
                 }
             };
@@ -86,12 +87,9 @@ impl Api {
 
     /// What the version was learned from; `None` for imports, and where that dataset is gone or another one by now.
     async fn dataset_of(&self, version: &KernelVersion) -> Result<Option<Dataset>, ApiError> {
-        let lineage = &version.content.lineage;
-        if lineage.dataset.is_empty() {
-            return Ok(None);
-        }
-        match self.store.dataset(&lineage.dataset).await {
-            Ok(dataset) => Ok(Some(dataset).filter(|found| found.digest.as_deref() == Some(&lineage.dataset_digest))),
+        let Some(learned) = version.content.lineage.own_dataset() else { return Ok(None) };
+        match self.store.dataset(&learned.id).await {
+            Ok(dataset) => Ok(Some(dataset).filter(|found| found.digest.as_deref() == Some(&learned.digest))),
             Err(StoreError::NotFound { .. }) => Ok(None),
             Err(error) => Err(error.into()),
         }
@@ -113,7 +111,7 @@ impl Api {
     async fn over_distance(&self, version: &KernelVersion) -> Result<Vec<DisplayModel>, ApiError> {
         let KernelVersion { key, content, .. } = version;
         let mut models = Vec::new();
-        if content.lineage.over_distance.is_some() {
+        if content.lineage.joint_distances().is_some() {
             for other in self.store.joint_versions(&key.display, key.wavelength, VERSIONS_MAX).await? {
                 if other.content.lineage.job == content.lineage.job {
                     models.push(self.model_of(&other).await?);
@@ -140,12 +138,10 @@ impl Api {
     }
 }
 
-/// Takes out the pairs that learning left out.
-fn leave_out(dataset: &mut Dataset, left_out: &[String]) {
-    let id = &dataset.id;
-    let among =
-        |pair: &dataset::Pair| left_out.iter().any(|name| *name == pair.id || *name == format!("{id}/{}", pair.id));
-    dataset.pairs.retain(|pair| !among(pair));
+/// Ids of the dataset's pairs that learning left out.
+fn left_out_of(kernels: Vec<LearnedKernel>, dataset: Option<&Dataset>) -> Vec<String> {
+    let of_dataset = kernels.into_iter().find(|kernel| dataset.is_some_and(|dataset| kernel.dataset == dataset.id));
+    of_dataset.map(|kernel| kernel.left_out_pairs).unwrap_or_default()
 }
 
 /// Held-out pairs first: what they say was not fitted.
@@ -161,17 +157,9 @@ fn gather(
     let grid = captures.setup().grid();
     let region = match parameters.map(|parameters| parameters.region_of_interest) {
         None => RegionOfInterest::middle(&grid),
-        Some(region) => {
-            let [x, y, width, height] =
-                [region.x_px, region.y_px, region.width_px, region.height_px].map(|px| px as usize);
-            RegionOfInterest::try_new(&grid, x, y, width, height)?
-        }
+        Some(region) => region.inside(&grid)?,
     };
-    let detector = parameters.map_or(Detector::Pixel, |parameters| match parameters.detector {
-        lightpath_domain::job::Detector::Point => Detector::Point,
-        lightpath_domain::job::Detector::Pixel => Detector::Pixel,
-        lightpath_domain::job::Detector::Supersampled => Detector::Supersampled,
-    });
+    let detector = parameters.map_or(Detector::Pixel, |parameters| parameters.detector);
     let engine = Engine::new(model, detector, captures.carrier())?;
     let mut response = ResponseUncertainty::of(model, detector, captures.carrier(), region)?;
     let mut evidence = Evidence::new(region, grid.height_px(), grid.width_px(), grid.pixel_pitch_m());

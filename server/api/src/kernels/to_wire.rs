@@ -1,8 +1,10 @@
 //! Kernels as messages.
 
+use crate::enumerations::OnWire as _;
 use crate::time::timestamp;
-use lightpath_domain::kernel::{Kernel, KernelLineage, KernelMetrics, KernelModel, KernelMove, KernelVersion};
-use lightpath_media::kernel_formats::KernelFormat;
+use lightpath_domain::kernel::{
+    CapturedQuality, Kernel, KernelLineage, KernelMetrics, KernelMove, KernelVersion, LearnedDataset,
+};
 use lightpath_proto::v1;
 
 /// The kernel as clients see it.
@@ -25,11 +27,10 @@ pub(crate) fn version(version: KernelVersion) -> v1::KernelVersion {
     v1::KernelVersion {
         name: format!("{}/versions/{}", version.key, version.version),
         version: version.version,
-        model: model(content.model),
+        model: content.model.to_wire(),
         artifact: content.artifact,
         size_bytes: content.size_bytes,
         metrics: Some(metrics(&content.metrics)),
-        interpolated: content.lineage.is_interpolated(),
         lineage: Some(lineage(content.lineage)),
         create_time: Some(timestamp(version.create_time_ms)),
         active: version.active,
@@ -48,8 +49,9 @@ pub(crate) fn metrics(metrics: &KernelMetrics) -> v1::KernelMetrics {
         ideal_test_loss: metrics.ideal_test_loss,
         test_loss_full_frame: metrics.test_loss_full_frame,
         ideal_test_loss_full_frame: metrics.ideal_test_loss_full_frame,
-        captured_psnr_db: metrics.captured.map(|captured| captured.psnr_db),
-        ideal_captured_psnr_db: metrics.captured.map(|captured| captured.ideal_psnr_db),
+        captured: metrics
+            .captured
+            .map(|CapturedQuality { psnr_db, ideal_psnr_db }| v1::CapturedQuality { psnr_db, ideal_psnr_db }),
         no_better_than_ideal: metrics.no_better_than_ideal(),
     }
 }
@@ -67,41 +69,18 @@ pub(crate) fn kernel_move(moved: KernelMove) -> v1::KernelMove {
 
 fn lineage(lineage: KernelLineage) -> v1::KernelLineage {
     let named = |collection: &str, id: String| if id.is_empty() { id } else { format!("{collection}/{id}") };
+    let dataset = |dataset: LearnedDataset| v1::kernel_lineage::LearnedDataset {
+        distance_m: dataset.distance.m(),
+        name: named("datasets", dataset.id),
+        digest: dataset.digest,
+    };
     v1::KernelLineage {
         job: named("jobs", lineage.job),
-        dataset: named("datasets", lineage.dataset),
-        dataset_digest: lineage.dataset_digest,
+        datasets: lineage.datasets.into_iter().map(dataset).collect(),
+        interpolated: lineage.interpolated,
+        parent_version: lineage.parent_version.unwrap_or(0),
         parameters_json: lineage.parameters_json,
         seed: lineage.seed,
         code_version: lineage.code_version,
-        parent_version: lineage.parent_version,
-        over_distance: lineage.over_distance.map(|over| v1::OverDistance {
-            distances_m: over.distances.iter().map(|distance| distance.m()).collect(),
-            datasets: over.datasets.into_iter().map(|id| named("datasets", id)).collect(),
-            dataset_digests: over.dataset_digests,
-        }),
     }
-}
-
-pub(crate) fn model(model: KernelModel) -> i32 {
-    match model {
-        KernelModel::Paper => v1::KernelModel::Paper.into(),
-        KernelModel::Dense => v1::KernelModel::Dense.into(),
-        KernelModel::Smooth => v1::KernelModel::Smooth.into(),
-        KernelModel::Display => v1::KernelModel::Display.into(),
-        KernelModel::Varying => v1::KernelModel::Varying.into(),
-    }
-}
-
-pub(crate) fn kernel_format(format: KernelFormat) -> i32 {
-    let format = match format {
-        KernelFormat::Safetensors => v1::KernelFormat::Safetensors,
-        KernelFormat::Compact => v1::KernelFormat::Compact,
-        KernelFormat::Pt => v1::KernelFormat::Pt,
-        KernelFormat::Npy => v1::KernelFormat::Npy,
-        KernelFormat::Npz => v1::KernelFormat::Npz,
-        KernelFormat::Complex64 => v1::KernelFormat::Complex64,
-        KernelFormat::F16 => v1::KernelFormat::F16,
-    };
-    format.into()
 }

@@ -4,10 +4,8 @@ use crate::error::ApiError;
 use crate::field::Field;
 use lightpath_domain::display::Display;
 use lightpath_domain::planning;
-use lightpath_domain::propagation::PropagationMethod;
 use lightpath_domain::units::{Distance, Wavelength};
-use lightpath_optics::Error;
-use lightpath_optics::propagation::{self as engine, ConvolutionMethod};
+use lightpath_optics::{ConvolutionMethod, Error, PropagationMethod};
 
 /// Refuses a distance at which no image of the display can be right.
 pub(crate) fn check_distance(
@@ -26,7 +24,7 @@ pub(crate) fn check_method(
     display: &Display,
     wavelength: Wavelength,
     distance: Distance,
-    method: PropagationMethod,
+    method: ConvolutionMethod,
 ) -> Result<(), ApiError> {
     let setup = planning::setup(display, wavelength, distance);
     let planned = setup.and_then(|setup| planning::planned(setup, Some(method)));
@@ -43,8 +41,8 @@ pub(crate) fn distance_refusal(field: &Field, distance: Distance, error: &Error)
     field.invalid(format!("is {}: {error}", distance.m()))
 }
 
-/// Whether holograms can be optimized through the method. The shifted angular spectrum needs a window beside the axis, and
-/// a job has no field for one.
-pub(crate) fn is_optimizable(method: engine::PropagationMethod) -> bool {
-    ConvolutionMethod::try_from(method).is_ok_and(|method| method != ConvolutionMethod::Shifted)
+/// The method as one that holograms can be optimized through, where it is one. The shifted angular spectrum needs a window
+/// beside the axis, and a job has no field for one.
+pub(crate) fn optimizable(method: PropagationMethod) -> Option<ConvolutionMethod> {
+    ConvolutionMethod::try_from(method).ok().filter(|method| *method != ConvolutionMethod::Shifted)
 }

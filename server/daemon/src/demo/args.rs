@@ -1,5 +1,6 @@
 //! The demo's arguments.
 
+use lightpath::Words as _;
 use lightpath::units::{Length, ParseError};
 use lightpath::v1::KernelModel;
 use lightpath_media::pictures::SIDE_PX_MAX;
@@ -104,21 +105,8 @@ impl DemoArgs {
     }
 }
 
-/// As the command line writes it.
-pub(super) fn model_name(model: KernelModel) -> &'static str {
-    match model {
-        KernelModel::Paper => "paper",
-        KernelModel::Dense => "dense",
-        KernelModel::Smooth => "smooth",
-        KernelModel::Display | KernelModel::Unspecified => "display",
-        KernelModel::Varying => "varying",
-    }
-}
-
 fn model(name: &str) -> Result<KernelModel, String> {
-    let models =
-        [KernelModel::Paper, KernelModel::Dense, KernelModel::Smooth, KernelModel::Display, KernelModel::Varying];
-    let found = models.into_iter().find(|model| model_name(*model) == name);
+    let found = KernelModel::from_word(name).filter(|model| *model != KernelModel::Unspecified);
     found.ok_or_else(|| "a model is display, varying, smooth, dense or paper".to_owned())
 }
 

@@ -1,11 +1,12 @@
 //! The demo's pictures.
 
-use super::args::{DemoArgs, model_name};
+use super::args::DemoArgs;
 use super::files::Files;
 use super::held_out::Judged;
 use super::learned::Learned;
 use super::single_kernel;
 use super::targets::Targets;
+use lightpath::Words as _;
 use lightpath::units::show_m;
 use lightpath::v1::KernelModel;
 use lightpath_media::figures::{Axis, Canvas, ColourMap, ContactRow, ContactSheet, Curve, Curves, Heatmap, Shown};
@@ -24,7 +25,7 @@ pub(super) fn contact_sheet(
     judged: &[Judged],
 ) -> anyhow::Result<()> {
     let (ideal, learned) = (&judged[0], &judged[1]);
-    let paper = judged.iter().find(|judged| args.paper && judged.contender.name == model_name(KernelModel::Paper));
+    let paper = judged.iter().find(|judged| args.paper && judged.contender.name == KernelModel::Paper.word());
     let mut shown = vec![("through the ideal kernel", ideal), ("through the learned kernel", learned)];
     if let Some(paper) = paper {
         shown.insert(1, ("through the paper's recipe", paper));
@@ -133,8 +134,7 @@ fn draw(title: &str, values: &Plane<f32>, colours: ColourMap, range: (f32, f32),
 
 /// Training losses of the learned models, and the mark for models of a kernel alone.
 pub(super) fn loss(files: &Files, learned: &[Learned], judged: &[Judged]) -> anyhow::Result<()> {
-    let curve =
-        |learned: &Learned| Curve { label: learned.name.to_owned(), values: learned.result.loss_history.clone() };
+    let curve = |learned: &Learned| Curve { label: learned.name.to_owned(), values: learned.loss_history.clone() };
     let mut curves: Vec<Curve> = learned.iter().map(curve).collect();
     if let Some(floor) = judged.iter().find(|judged| judged.contender.name == single_kernel::NAME) {
         curves.push(Curve { label: "true single kernel, held-out".to_owned(), values: vec![floor.losses.test.region] });

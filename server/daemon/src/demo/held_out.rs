@@ -2,10 +2,9 @@
 
 use super::args::{DATASET, DemoArgs};
 use super::files::Files;
-use super::lab::{Lab, Losses, NARROW_RAD, Shot, Wanted, kernel_choice};
+use super::lab::{Hologram, Lab, Losses, NARROW_RAD, Shot, Wanted, kernel_choice};
 use super::story::Story;
 use super::targets::Picture;
-use lightpath::v1;
 use lightpath_domain::dataset::Encoding;
 use lightpath_media::pictures;
 use lightpath_optics::metrics::{Gain, fitted_intensity_scale, psnr_db};
@@ -99,14 +98,14 @@ pub(super) async fn judge(
     Ok(judged.collect())
 }
 
-async fn measured(lab: &Lab, target: &Picture, hologram: &v1::HologramResult, photo: &str) -> anyhow::Result<Shown> {
+async fn measured(lab: &Lab, target: &Picture, hologram: &Hologram, photo: &str) -> anyhow::Result<Shown> {
     let (photo, phase) = (lab.download(photo).await?, lab.download(&hologram.phase).await?);
     let light = pictures::photograph(&photo, Encoding::Linear)?;
     let grid = Grid::try_new(light.height_px(), light.width_px(), lab.setup()?.grid().pixel_pitch_m())?;
     let region = RegionOfInterest::middle(&grid);
     let scale = fitted_intensity_scale(&light, &target.intensity, region)?;
     Ok(Shown {
-        simulated_psnr_db: hologram.quantized_quality.map_or(f64::NAN, |quality| quality.psnr_pixel_db),
+        simulated_psnr_db: hologram.psnr_db,
         captured_psnr_db: psnr_db(&light, &target.intensity, region, Gain::Fitted)?,
         capture: light.map(|value| value * scale as f32),
         photo,

@@ -3,11 +3,14 @@
 use super::args::{DISPLAY, DemoArgs};
 use super::story::Bar;
 use anyhow::Context as _;
-use lightpath::v1::{self, Job, KernelModel, job_spec::Kind};
+use lightpath::v1::{
+    self, Job, KernelModel,
+    job_spec::Kind,
+    optimize_hologram::{Fit, ImagePlane, InitialPhase, initial_phase},
+};
 use lightpath::{Client, JobChange, names};
-use lightpath_domain::display::SimulatedBench;
 use lightpath_domain::units::{Distance, Wavelength};
-use lightpath_optics::{Grid, OpticalSetup};
+use lightpath_optics::{Grid, OpticalSetup, SimulatedBench};
 use serde::Serialize;
 use std::path::Path;
 
@@ -31,6 +34,14 @@ pub(super) struct Wanted<'a> {
     pub(super) iterations: u32,
     pub(super) seed: u64,
     pub(super) initial_phase_range_rad: f64,
+}
+
+/// A hologram that was made, of one wavelength, frame and plane.
+pub(super) struct Hologram {
+    /// Digest of its levels.
+    pub(super) phase: String,
+    /// As a camera sees it, quantized \[dB\].
+    pub(super) psnr_db: f64,
 }
 
 /// A photograph to be taken.
@@ -98,29 +109,32 @@ impl Lab {
     }
 
     /// Holograms, in the order in which they were wanted.
-    pub(super) async fn holograms(
-        &self,
-        wanted: Vec<Wanted<'_>>,
-        bar: &mut Bar,
-    ) -> anyhow::Result<Vec<v1::HologramResult>> {
+    pub(super) async fn holograms(&self, wanted: Vec<Wanted<'_>>, bar: &mut Bar) -> anyhow::Result<Vec<Hologram>> {
         let mut specs = Vec::new();
         for wanted in wanted {
             specs.push(Kind::OptimizeHologram(v1::OptimizeHologram {
                 display: names::display(DISPLAY),
-                distance_m: self.distance_m,
-                target: self.client.upload_bytes(wanted.target).await?,
-                target_fit: v1::optimize_hologram::Fit::Cover.into(),
+                planes: vec![ImagePlane {
+                    distance_m: self.distance_m,
+                    target: self.client.upload_bytes(wanted.target).await?,
+                    weight: 0.0,
+                }],
+                target_fit: Fit::Cover.into(),
                 kernel: wanted.kernel,
                 // What the figures in README were made with.
-                method: v1::optimize_hologram::Method::Adam.into(),
+                method: v1::HologramMethod::Adam.into(),
                 iterations: wanted.iterations,
                 seed: wanted.seed,
-                initial_phase_range_rad: Some(wanted.initial_phase_range_rad),
+                initial_phase: Some(InitialPhase {
+                    kind: Some(initial_phase::Kind::Random(initial_phase::Random {
+                        range_rad: Some(wanted.initial_phase_range_rad),
+                    })),
+                }),
                 ..Default::default()
             }));
         }
         let jobs = self.all_done(specs, bar).await?;
-        jobs.iter().map(|job| Ok(lightpath::hologram_result(job)?.clone())).collect()
+        jobs.iter().map(hologram_of).collect()
     }
 
     /// Digests of photographs, in the order of the shots.
@@ -183,8 +197,8 @@ impl Lab {
         seed: u64,
         bar: &mut Bar,
     ) -> anyhow::Result<v1::LearnResult> {
-        let dataset = names::dataset(dataset);
-        let spec = v1::LearnKernel { dataset, model: model.into(), seed, ..Default::default() };
+        let datasets = vec![names::dataset(dataset)];
+        let spec = v1::LearnKernel { datasets, model: model.into(), seed, ..Default::default() };
         let jobs = self.all_done(vec![Kind::LearnKernel(spec)], bar).await?;
         Ok(lightpath::learn_result(&jobs[0])?.clone())
     }
@@ -267,6 +281,14 @@ impl Lab {
         }
         Ok(done)
     }
+}
+
+fn hologram_of(job: &Job) -> anyhow::Result<Hologram> {
+    let result = lightpath::hologram_result(job)?;
+    let parts = result.wavelengths.first().and_then(|made| made.frames.first().zip(made.planes.first()));
+    let (frame, plane) = parts.context("the server left out the hologram")?;
+    let seen = plane.quantized_quality.and_then(|quality| quality.pixel);
+    Ok(Hologram { phase: frame.phase.clone(), psnr_db: seen.map_or(f64::NAN, |seen| seen.psnr_db) })
 }
 
 /// As requests name a version; 0 is the ideal kernel.

@@ -1,16 +1,18 @@
 //! Kernels that the demo learns.
 
-use super::args::{DATASET, DemoArgs, model_name};
+use super::args::{DATASET, DemoArgs};
 use super::lab::Lab;
 use super::story::Story;
 use anyhow::Context as _;
+use lightpath::Words as _;
 use lightpath::v1;
 
 /// A kernel that was learned.
 pub(super) struct Learned {
     pub(super) name: &'static str,
     pub(super) version: u32,
-    pub(super) result: v1::LearnResult,
+    pub(super) metrics: v1::KernelMetrics,
+    pub(super) loss_history: Vec<f64>,
     pub(super) seconds: f64,
 }
 
@@ -18,24 +20,20 @@ pub(super) struct Learned {
 pub(super) async fn learn(args: &DemoArgs, lab: &Lab, story: &mut Story) -> anyhow::Result<Vec<Learned>> {
     let mut learned = Vec::new();
     for &model in &args.models {
-        let name = model_name(model);
+        let name = model.word();
         story.step(&format!("Learn the display from its photographs: model {name}"))?;
         let started = std::time::Instant::now();
         let result = lab.learn(DATASET, model, args.seed, &mut story.bar("learn")).await?;
-        let metrics = result.metrics.context("the server left out the kernel's metrics")?;
-        let version = result.kernel_version.rsplit('/').next().and_then(|number| number.parse().ok());
-        let version = version.with_context(|| format!("{:?} is no kernel version", result.kernel_version))?;
+        let kernel = result.kernels.first().context("the server left out the kernel")?;
+        let metrics = kernel.metrics.context("the server left out the kernel's metrics")?;
+        let version = kernel.kernel_version.rsplit('/').next().and_then(|number| number.parse().ok());
+        let version = version.with_context(|| format!("{:?} is no kernel version", kernel.kernel_version))?;
         story.tell(format!(
             "version {version} · training loss {:.6} · held-out loss {:.6}, through the ideal kernel {:.6}",
             metrics.train_loss, metrics.test_loss, metrics.ideal_test_loss
         ))?;
-        learned.push(Learned { name, version, result, seconds: started.elapsed().as_secs_f64() });
+        let (loss_history, seconds) = (result.loss_history, started.elapsed().as_secs_f64());
+        learned.push(Learned { name, version, metrics, loss_history, seconds });
     }
     Ok(learned)
-}
-
-impl Learned {
-    pub(super) fn metrics(&self) -> v1::KernelMetrics {
-        self.result.metrics.unwrap_or_default()
-    }
 }

@@ -24,7 +24,7 @@ use held_out::Contender;
 use lab::{Lab, NARROW_RAD, Shot, Wanted};
 use learned::learn;
 use lightpath::v1;
-use lightpath_domain::display::SimulatedBench;
+use lightpath_optics::SimulatedBench;
 use local_server::LocalServer;
 use report::Report;
 use std::f64::consts::TAU;
@@ -69,7 +69,13 @@ async fn learn_and_compare(
     story: &mut Story,
 ) -> anyhow::Result<()> {
     story.step("Declare a display with flaws")?;
-    let bench = SimulatedBench::new(args.seed, STRENGTH, CAMERA_NOISE, MISALIGNMENT_PX);
+    let bench = SimulatedBench {
+        seed: args.seed,
+        strength: STRENGTH,
+        camera_noise: CAMERA_NOISE,
+        misalignment_px: MISALIGNMENT_PX,
+        ..SimulatedBench::FAIR
+    };
     let lab = Lab::new(server.url(), args, bench).await?;
     story.tell("aberrated, apodized, lit off-centre, with a bent phase response and undiffracted light".to_owned())?;
 

@@ -1,11 +1,8 @@
 //! The mark for models of a kernel alone: the display's true transfer function, and nothing else of it.
 
-use lightpath_domain::display::SimulatedBench;
-use lightpath_domain::kernel::KernelModel;
-use lightpath_domain::planning;
 use lightpath_media::kernel_file;
 use lightpath_optics::simulated_display::SimulatedDisplay;
-use lightpath_optics::{DisplayModel, KernelShape, OpticalSetup, Plane};
+use lightpath_optics::{DisplayModel, KernelModel, KernelShape, OpticalSetup, Plane, SimulatedBench};
 use num_complex::Complex32;
 
 /// What tables call it.
@@ -13,7 +10,7 @@ pub(super) const NAME: &str = "true single kernel";
 
 /// The demo's bench: the same that the server photographs on.
 pub(super) fn bench(setup: &OpticalSetup, bench: SimulatedBench) -> anyhow::Result<SimulatedDisplay> {
-    Ok(SimulatedDisplay::draw(*setup, None, planning::imperfections(bench))?)
+    Ok(SimulatedDisplay::draw(*setup, None, bench)?)
 }
 
 /// Its true transfer function with a flat source, a linear response and no undiffracted light, as a kernel file.

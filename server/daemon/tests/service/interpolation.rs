@@ -66,12 +66,7 @@ async fn photographed(serving: &Serving, mm: u32) -> String {
 }
 
 async fn learned_together(serving: &Serving, datasets: &[String]) -> Result<v1::Job, Status> {
-    let learn = v1::LearnKernel {
-        dataset: datasets[0].clone(),
-        joint_datasets: datasets[1..].to_vec(),
-        order: 4,
-        ..Default::default()
-    };
+    let learn = v1::LearnKernel { datasets: datasets.to_vec(), order: 4, ..Default::default() };
     let spec = Some(v1::JobSpec { kind: Some(v1::job_spec::Kind::LearnKernel(learn)) });
     let request = v1::SubmitJobRequest { spec, ..Default::default() };
     let mut job = serving.jobs().submit_job(request).await?.into_inner();
@@ -115,25 +110,26 @@ async fn a_kernel_of_a_distance_that_was_never_photographed_foretells_photograph
     }
     expect(interpolated(&serving, 4.6e-3).await, Code::FailedPrecondition, "distance_m: no kernels of displays/lab");
     let twice = [datasets[0].clone(), datasets[0].clone()];
-    let refusal = "spec.learn_kernel.joint_datasets[0] is of 4mm, but another dataset is already";
+    let refusal = "spec.learn_kernel.datasets[1] is of 4mm, but another dataset is already";
     expect(learned_together(&serving, &twice).await, Code::InvalidArgument, refusal);
 
     let job = learned_together(&serving, &datasets).await.unwrap();
     let Some(v1::job_result::Kind::Learn(result)) = job.result.and_then(|result| result.kind) else {
         panic!("{:?}", job.error);
     };
-    assert_eq!(result.kernel_version, "displays/lab/kernels/515nm-4mm/versions/1");
-    let others: Vec<&str> = result.joint.iter().map(|other| other.kernel_version.as_str()).collect();
-    assert_eq!(others, [5, 6].map(|mm| format!("displays/lab/kernels/515nm-{mm}mm/versions/1")));
-    for metrics in result.joint.iter().map(|other| other.metrics.unwrap()).chain(result.metrics) {
+    let learned: Vec<&str> = result.kernels.iter().map(|kernel| kernel.kernel_version.as_str()).collect();
+    assert_eq!(learned, [4, 5, 6].map(|mm| format!("displays/lab/kernels/515nm-{mm}mm/versions/1")));
+    assert!(result.kernels.iter().map(|kernel| &kernel.dataset).eq(&datasets));
+    for metrics in result.kernels.iter().map(|kernel| kernel.metrics.unwrap()) {
         assert!(metrics.test_pairs > 0 && metrics.test_loss < 0.2 * metrics.ideal_test_loss, "{metrics:?}");
     }
 
     let version = interpolated(&serving, 4.6e-3).await.unwrap();
     assert_eq!(version.name, "displays/lab/kernels/515nm-4.6mm/versions/1");
-    assert!(version.interpolated);
-    let over = version.lineage.unwrap().over_distance.unwrap();
-    assert_eq!((over.distances_m.as_slice(), &over.datasets), ([4e-3, 5e-3, 6e-3].as_slice(), &datasets));
+    let lineage = version.lineage.unwrap();
+    assert!(lineage.interpolated);
+    assert!(lineage.datasets.iter().map(|dataset| dataset.distance_m).eq([4e-3, 5e-3, 6e-3]));
+    assert!(lineage.datasets.iter().map(|dataset| &dataset.name).eq(&datasets));
     let listed = kernels(&serving).list_kernels(v1::ListKernelsRequest::default()).await.unwrap().into_inner().kernels;
     let marked: Vec<_> = listed.iter().map(|kernel| (kernel.name.as_str(), kernel.interpolated)).collect();
     assert_eq!(marked.len(), 4);
@@ -149,7 +145,7 @@ async fn a_kernel_of_a_distance_that_was_never_photographed_foretells_photograph
     let html = reported(&serving, version.name).await;
     assert!(html.contains("as interpolated") && html.contains("4mm, 5mm, 6mm"));
     assert!(html.contains("Aberrations over the distance") && !html.contains("one standard deviation"));
-    let html = reported(&serving, result.kernel_version).await;
+    let html = reported(&serving, result.kernels[0].kernel_version.clone()).await;
     assert!(html.contains("as learned") && html.contains("Aberrations over the distance"));
     assert!(html.contains("one standard deviation") && html.contains("<polygon"), "the response's band");
 

@@ -18,11 +18,18 @@ fn picture() -> Vec<u8> {
 fn optimize(target: &str) -> v1::OptimizeHologram {
     v1::OptimizeHologram {
         display: "displays/lab".into(),
-        distance_m: 0.05,
-        target: target.to_owned(),
+        planes: vec![v1::optimize_hologram::ImagePlane { distance_m: 0.05, target: target.to_owned(), weight: 0.0 }],
         iterations: 10_000,
         ..Default::default()
     }
+}
+
+fn random_phase(range_rad: f64) -> v1::optimize_hologram::InitialPhase {
+    use v1::optimize_hologram::{
+        InitialPhase,
+        initial_phase::{Kind, Random},
+    };
+    InitialPhase { kind: Some(Kind::Random(Random { range_rad: Some(range_rad) })) }
 }
 
 pub(crate) async fn submit(serving: &Serving, kind: job_spec::Kind, request_id: &str) -> Result<v1::Job, Status> {
@@ -46,8 +53,9 @@ async fn defaults_are_filled_in_and_repeats_are_harmless() {
     let kind = || job_spec::Kind::OptimizeHologram(optimize(&target));
     let job = submit(&serving, kind(), "mine-1").await.unwrap();
     let Some(job_spec::Kind::OptimizeHologram(spec)) = job.spec.clone().unwrap().kind else { panic!("{job:?}") };
-    assert_eq!((spec.kernel.as_str(), spec.wavelength_m), ("ideal", 515e-9));
-    assert_eq!((spec.method(), spec.frames, spec.learning_rate), (v1::optimize_hologram::Method::Lbfgs, 1, 0.0));
+    assert_eq!((spec.kernel.as_str(), spec.wavelengths_m.as_slice()), ("ideal", [515e-9].as_slice()));
+    assert_eq!(job.kernel_versions, [0]);
+    assert_eq!((spec.method(), spec.frames, spec.learning_rate), (v1::HologramMethod::Lbfgs, 1, 0.0));
     assert_eq!(spec.region_of_interest, Some(v1::RegionOfInterest { x_px: 6, y_px: 5, width_px: 52, height_px: 38 }));
     assert_eq!((job.attempts_max, job.request_id.as_str()), (3, "mine-1"));
     assert_eq!(submit(&serving, kind(), "mine-1").await.unwrap().name, job.name);
@@ -70,9 +78,17 @@ async fn bad_requests_name_the_field_and_the_fix() {
     let missing = digest_of(b"missing");
     type Change<'a> = Box<dyn Fn(&mut v1::OptimizeHologram) + 'a>;
     let cases: Vec<(Change<'_>, Code, &str)> = vec![
-        (Box::new(|s| s.distance_m = f64::NAN), Code::InvalidArgument, "distance_m is NaN, but must be within ±10 m"),
-        (Box::new(|s| s.distance_m = 0.0), Code::InvalidArgument, "distance_m is 0"),
-        (Box::new(|s| s.distance_m = 5.0), Code::InvalidArgument, "distance_m is 5: the Rayleigh–Sommerfeld impulse"),
+        (
+            Box::new(|s| s.planes[0].distance_m = f64::NAN),
+            Code::InvalidArgument,
+            "planes[0].distance_m is NaN, but must be within ±10 m",
+        ),
+        (Box::new(|s| s.planes[0].distance_m = 0.0), Code::InvalidArgument, "planes[0].distance_m is 0"),
+        (
+            Box::new(|s| s.planes[0].distance_m = 5.0),
+            Code::InvalidArgument,
+            "planes[0].distance_m is 5: the Rayleigh–Sommerfeld impulse",
+        ),
         (
             Box::new(|s| s.propagation = 1),
             Code::InvalidArgument,
@@ -83,24 +99,35 @@ async fn bad_requests_name_the_field_and_the_fix() {
         (Box::new(|s| s.display = "displays/none".into()), Code::NotFound, "display: displays/none does not exist"),
         (Box::new(|s| s.display = "none".into()), Code::InvalidArgument, "display is \"none\""),
         (
-            Box::new(|s| s.wavelength_m = 639e-9),
+            Box::new(|s| s.wavelengths_m = vec![639e-9]),
             Code::InvalidArgument,
-            "wavelength_m is 639nm, but must be one of 515nm",
+            "wavelengths_m[0] is 639nm, but must be one of 515nm",
         ),
-        (Box::new(|s| s.target = missing.clone()), Code::NotFound, "target: artifact sha256-"),
-        (Box::new(|s| s.target.clear()), Code::InvalidArgument, "target is empty"),
-        (Box::new(|s| s.target = truncated.clone()), Code::InvalidArgument, "target (sha256-"),
-        (Box::new(|s| s.target = text.clone()), Code::InvalidArgument, "target (sha256-"),
-        (Box::new(|s| s.target = black.clone()), Code::InvalidArgument, "target (sha256-"),
-        (Box::new(|s| s.target = dot.clone()), Code::InvalidArgument, "target (sha256-"),
-        (Box::new(|s| s.target_fit = 4), Code::InvalidArgument, "target (sha256-"),
+        (Box::new(|s| s.planes[0].target = missing.clone()), Code::NotFound, "planes[0].target: artifact sha256-"),
+        (Box::new(|s| s.planes[0].target.clear()), Code::InvalidArgument, "planes[0].target is empty"),
+        (Box::new(|s| s.planes[0].target = truncated.clone()), Code::InvalidArgument, "planes[0].target (sha256-"),
+        (Box::new(|s| s.planes[0].target = text.clone()), Code::InvalidArgument, "planes[0].target (sha256-"),
+        (Box::new(|s| s.planes[0].target = black.clone()), Code::InvalidArgument, "planes[0].target (sha256-"),
+        (Box::new(|s| s.planes[0].target = dot.clone()), Code::InvalidArgument, "planes[0].target (sha256-"),
+        (Box::new(|s| s.target_fit = 4), Code::InvalidArgument, "planes[0].target (sha256-"),
         (Box::new(|s| s.target_fit = 9), Code::InvalidArgument, "target_fit is 9"),
         (Box::new(|s| s.kernel = "7".into()), Code::NotFound, "kernel: displays/lab/kernels/515nm-50mm/versions/7"),
         (Box::new(|s| s.kernel = "best".into()), Code::InvalidArgument, "kernel is \"best\""),
         (Box::new(|s| s.kernel = "active".into()), Code::FailedPrecondition, "kernel: no version of"),
         (Box::new(|s| s.iterations = 10_001), Code::InvalidArgument, "iterations is 10001, but must be 1 to 10000"),
         (Box::new(|s| s.learning_rate = -1.0), Code::InvalidArgument, "learning_rate is -1"),
-        (Box::new(|s| s.initial_phase_range_rad = Some(7.0)), Code::InvalidArgument, "initial_phase_range_rad is 7"),
+        (
+            Box::new(|s| s.initial_phase = Some(random_phase(7.0))),
+            Code::InvalidArgument,
+            "initial_phase.random.range_rad is 7",
+        ),
+        (Box::new(|s| s.planes.clear()), Code::InvalidArgument, "planes is empty"),
+        (Box::new(|s| s.planes.push(s.planes[0].clone())), Code::InvalidArgument, "planes[1].distance_m is 50mm again"),
+        (
+            Box::new(|s| s.depth_map = target.clone()),
+            Code::InvalidArgument,
+            "depth_map is given, but there is one plane",
+        ),
         (
             Box::new(|s| {
                 s.region_of_interest = Some(v1::RegionOfInterest { x_px: 60, width_px: 5, height_px: 1, y_px: 0 })
@@ -133,9 +160,9 @@ async fn datasets_take_pairs_that_fit() {
         ..Default::default()
     };
     datasets.create_dataset(v1::CreateDatasetRequest { dataset: Some(dataset) }).await.unwrap();
-    let learn = v1::LearnKernel { dataset: "datasets/first".into(), ..Default::default() };
+    let learn = v1::LearnKernel { datasets: vec!["datasets/first".into()], ..Default::default() };
     let answer = submit(&serving, job_spec::Kind::LearnKernel(learn.clone()), "").await;
-    expect(answer, Code::FailedPrecondition, "spec.learn_kernel.dataset: datasets/first is empty");
+    expect(answer, Code::FailedPrecondition, "spec.learn_kernel.datasets[0]: datasets/first is empty");
 
     // A lens or two, each a bright spot where its light goes.
     let lens = |height_px: usize, width_px: usize, x0: f64| {
@@ -165,7 +192,7 @@ async fn datasets_take_pairs_that_fit() {
     expect(datasets.add_pair(add("a/b", &phase, &good_photo)).await, Code::InvalidArgument, "pair.id is");
     datasets.add_pair(add("a", &phase, &good_photo)).await.unwrap();
     let answer = submit(&serving, job_spec::Kind::LearnKernel(learn.clone()), "").await;
-    expect(answer, Code::FailedPrecondition, "spec.learn_kernel.dataset: datasets/first still takes pairs");
+    expect(answer, Code::FailedPrecondition, "spec.learn_kernel.datasets[0]: datasets/first still takes pairs");
 
     let finalize = v1::FinalizeDatasetRequest { name: "datasets/first".into(), ..Default::default() };
     expect(datasets.finalize_dataset(finalize.clone()).await, Code::FailedPrecondition, "");
@@ -248,15 +275,17 @@ async fn a_hologram_is_optimized_and_its_files_are_there() {
     assert_eq!(job.state(), v1::job::State::Succeeded, "{job:?}");
     let result = hologram(&job);
     assert_eq!(result.iterations, 30);
-    let quality = result.quality.as_ref().unwrap();
-    assert!(quality.psnr_pixel_db > 10.0, "{quality:?}");
-    assert!(quality.ssim_pixel.unwrap() > 0.5, "{quality:?}");
+    let [hologram] = &result.wavelengths[..] else { panic!("{result:?}") };
+    let ([frame], [plane]) = (&hologram.frames[..], &hologram.planes[..]) else { panic!("{hologram:?}") };
+    let quality = plane.quality.unwrap();
+    let pixel = quality.pixel.unwrap();
+    assert!(pixel.psnr_db > 10.0 && pixel.ssim.unwrap() > 0.5, "{quality:?}");
     // The region is too small for five scales.
-    assert_eq!(quality.ms_ssim_pixel, None);
-    let (inside, all) = (quality.diffraction_efficiency_pixel.unwrap(), quality.frame_efficiency_pixel.unwrap());
+    assert_eq!(pixel.ms_ssim, None);
+    let (inside, all) = (pixel.diffraction_efficiency, pixel.frame_efficiency);
     assert!(0.0 < inside && inside < all && all <= 1.0 + 1e-6, "{quality:?}");
-    assert_eq!(quality.diffraction_efficiency_supersampled, Some(inside));
-    for digest in [&result.phase, &result.phase_npy, &result.reconstruction] {
+    assert_eq!(quality.supersampled.unwrap().diffraction_efficiency, inside);
+    for digest in [&frame.phase, &frame.phase_npy, &plane.reconstruction] {
         let request = v1::GetArtifactRequest { digest: digest.clone() };
         assert!(serving.artifacts().get_artifact(request).await.unwrap().into_inner().size_bytes > 0);
     }
@@ -284,7 +313,7 @@ async fn a_restart_does_not_change_the_result() {
     assert_eq!((resumed.state(), resumed.attempt), (v1::job::State::Succeeded, 2));
     let whole = submit(&serving, kind(), "").await.unwrap();
     let whole = watch_to_end(&serving, &whole.name).await;
-    assert_eq!(hologram(&whole).phase_npy, hologram(&resumed).phase_npy);
+    assert_eq!(hologram(&whole).wavelengths, hologram(&resumed).wavelengths);
 }
 
 #[tokio::test]

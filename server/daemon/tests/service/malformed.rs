@@ -39,8 +39,7 @@ fn seeds(target: &str) -> Vec<(&'static str, Vec<u8>)> {
         || Some(v1::Display { simulated_bench: Some(v1::SimulatedBench::default()), ..small_display("other") });
     let spec = v1::OptimizeHologram {
         display: "displays/lab".into(),
-        distance_m: 0.05,
-        target: target.to_owned(),
+        planes: vec![v1::optimize_hologram::ImagePlane { distance_m: 0.05, target: target.to_owned(), weight: 0.0 }],
         iterations: 1,
         ..Default::default()
     };

@@ -62,8 +62,11 @@ impl As<'_> {
     async fn submit(&self, display: &str, target: &str) -> Result<v1::Job, Status> {
         let spec = v1::OptimizeHologram {
             display: format!("displays/{display}"),
-            distance_m: 0.05,
-            target: target.to_owned(),
+            planes: vec![v1::optimize_hologram::ImagePlane {
+                distance_m: 0.05,
+                target: target.to_owned(),
+                weight: 0.0,
+            }],
             iterations: 3,
             ..Default::default()
         };
@@ -82,7 +85,7 @@ impl As<'_> {
         }
         let result = last.unwrap().result.unwrap().kind.unwrap();
         let v1::job_result::Kind::Hologram(hologram) = result else { panic!("{result:?}") };
-        hologram.phase
+        hologram.wavelengths[0].frames[0].phase.clone()
     }
 }
 

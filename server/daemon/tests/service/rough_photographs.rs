@@ -38,13 +38,13 @@ async fn a_display_is_learned_from_turned_overexposed_and_swapped_photographs() 
     assert!(reported(Kind::Saturated).count() >= PAIRS - 1, "{:?}", closed.findings);
     let alignment = closed.alignment.as_ref().expect("the photographs are turned");
 
-    let learn = v1::LearnKernel { dataset: "datasets/d".into(), ..Default::default() };
+    let learn = v1::LearnKernel { datasets: vec!["datasets/d".into()], ..Default::default() };
     let job = submit(&dataset.serving, job_spec::Kind::LearnKernel(learn), "").await.unwrap();
     let job = watch_to_end(&dataset.serving, &job.name).await;
     let Some(v1::job_result::Kind::Learn(learned)) = job.result.clone().and_then(|result| result.kind) else {
         panic!("{job:?}")
     };
-    let (kernel, version) = learned.kernel_version.split_once("/versions/").unwrap();
+    let (kernel, version) = learned.kernels[0].kernel_version.split_once("/versions/").unwrap();
     let (_, file) = fetch_version(&dataset.serving, kernel, version.parse().unwrap()).await.unwrap();
     let engine = Engine::new(&kernel_file::decode(&file).unwrap().0, Detector::Pixel, None).unwrap();
 

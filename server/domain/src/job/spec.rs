@@ -1,8 +1,9 @@
 //! What jobs are asked to do.
 
 use super::OptimizeHologram;
-use crate::kernel::KernelModel;
 use crate::units::{Distance, Wavelength};
+use lightpath_optics::learning::KernelModel;
+use lightpath_optics::{Detector, RegionOfInterest};
 use serde::{Deserialize, Serialize};
 
 /// What to do.
@@ -31,71 +32,53 @@ impl JobSpec {
         }
     }
 
-    /// Id of the dataset that the job reads.
+    /// Id of the dataset that the job reads, the first of several.
     #[must_use]
     pub fn dataset(&self) -> Option<&str> {
         match self {
-            Self::LearnKernel(spec) => Some(&spec.dataset),
+            Self::LearnKernel(spec) => spec.datasets.first().map(String::as_str),
             Self::EvaluateKernel(spec) => Some(&spec.dataset),
             Self::OptimizeHologram(_) | Self::SimulateCapture(_) => None,
         }
     }
+
+    /// The kernel versions that the job computes with, `None` for ideal kernels: of a hologram one for each wavelength and
+    /// plane, all planes of the first wavelength first.
+    #[must_use]
+    pub fn kernel_versions(&self) -> Vec<Option<u32>> {
+        match self {
+            Self::OptimizeHologram(spec) => spec.kernel_versions.concat(),
+            Self::EvaluateKernel(spec) => vec![spec.kernel_version],
+            Self::LearnKernel(_) | Self::SimulateCapture(_) => Vec::new(),
+        }
+    }
 }
 
-/// What counts as a pixel's light.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Detector {
-    /// The intensity at the sample point.
-    Point,
-    /// The mean over the pixel.
-    Pixel,
-    /// Every sub-sample by itself.
-    Supersampled,
-}
-
-/// A rectangle in the image plane.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Region {
-    /// \[px\]
-    pub x_px: u32,
-    /// \[px\]
-    pub y_px: u32,
-    /// \[px\]
-    pub width_px: u32,
-    /// \[px\]
-    pub height_px: u32,
-}
-
-/// Learn a kernel from a dataset.
+/// Learn a kernel from a dataset, or one model of several distances from several.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LearnKernel {
-    /// Id of the dataset.
-    pub dataset: String,
-    /// Ids of datasets of the same display and wavelength at other distances, to learn one model of all of them.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub joint_datasets: Vec<String>,
-    /// Id of the dataset's display.
+    /// Ids of the datasets, at least one, of one display and wavelength, no two of one distance.
+    pub datasets: Vec<String>,
+    /// Id of the datasets' display.
     pub display: String,
     /// How the kernel is parametrized.
     pub model: KernelModel,
-    /// Passes over the training pairs; `None`: the model's default.
-    pub epochs: Option<u32>,
-    /// Evaluations of all pairs afterwards; `None`: the model's default.
-    pub refinement_evaluations: Option<u32>,
-    /// Adam's step; `None`: the model's default.
-    pub learning_rate: Option<f64>,
-    /// Of the order of the pairs, and of the paper model's start.
-    pub seed: u64,
     /// Highest polynomial degree of the smooth errors; `None`: as the validation pairs choose.
     pub order: Option<u32>,
-    /// The version to start from; `None`: the ideal kernel.
-    #[serde(default)]
+    /// The version of the first dataset's kernel to start from; `None`: the ideal kernel.
     pub start_version: Option<u32>,
+    /// Passes over the training pairs; `None`: the model's default.
+    pub epochs: Option<u32>,
+    /// Adam's step; `None`: the model's default.
+    pub learning_rate: Option<f64>,
+    /// Evaluations of all pairs afterwards; `None`: the model's default.
+    pub refinement_evaluations: Option<u32>,
+    /// Of the order of the pairs, and of the paper model's start.
+    pub seed: u64,
     /// What the camera's pixels measure.
     pub detector: Detector,
     /// Where the photographs count.
-    pub region_of_interest: Region,
+    pub region_of_interest: RegionOfInterest,
 }
 
 /// Photograph a hologram on a simulated display.
@@ -112,7 +95,6 @@ pub struct SimulateCapture {
     /// Of the camera's noise.
     pub seed: u64,
     /// Since the bench was set up \[s\].
-    #[serde(default)]
     pub elapsed_s: f64,
 }
 
@@ -126,5 +108,5 @@ pub struct EvaluateKernel {
     /// `None`: the ideal kernel.
     pub kernel_version: Option<u32>,
     /// Where the photographs count.
-    pub region_of_interest: Region,
+    pub region_of_interest: RegionOfInterest,
 }

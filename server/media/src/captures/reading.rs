@@ -89,7 +89,7 @@ impl Captures {
         Ok(Self {
             setup: planning::setup(display, dataset.wavelength, dataset.distance)?,
             response: slm::response(display)?,
-            carrier: slm::carrier(display),
+            carrier: display.carrier,
             bit_depth: display.bit_depth,
             encoding: dataset.photo_encoding,
             photo_bit_depth: dataset.photo_bit_depth,

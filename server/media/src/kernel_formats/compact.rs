@@ -36,7 +36,7 @@
 
 use super::archive::crc_of;
 use super::error::KernelFormatError;
-use lightpath_domain::kernel::KernelModel;
+use lightpath_optics::KernelModel;
 use lightpath_optics::chebyshev::ChebyshevBasis;
 use lightpath_optics::{
     ConvolutionMethod, DisplayModel, Grid, KernelShape, OpticalSetup, SmoothField, SpatialVariation,

@@ -3,7 +3,7 @@
 use super::error::KernelFormatError;
 use super::{archive, array, compact, half, import, torch};
 use crate::kernel_file;
-use lightpath_domain::kernel::KernelModel;
+use lightpath_optics::KernelModel;
 use lightpath_optics::grid::frequency;
 use lightpath_optics::spatial_variation::local_kernels;
 use lightpath_optics::{DisplayModel, KernelShape, Plane};

@@ -5,7 +5,7 @@ use super::error::KernelFormatError;
 use super::{archive, compact, torch};
 use crate::kernel_file;
 use crate::npy;
-use lightpath_domain::kernel::KernelModel;
+use lightpath_optics::KernelModel;
 use lightpath_optics::{DisplayModel, KernelShape, OpticalSetup, Plane};
 use num_complex::{Complex32, Complex64};
 

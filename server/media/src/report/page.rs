@@ -4,7 +4,7 @@ use super::base64;
 use super::chapter::{Chapter, Figure};
 use super::input::ReportInput;
 use crate::figures::escaped;
-use lightpath_domain::kernel::{KernelMetrics, KernelModel};
+use lightpath_domain::kernel::KernelMetrics;
 use std::fmt::Write as _;
 
 const STYLE: &str = "\
@@ -34,7 +34,7 @@ fn origin(input: &ReportInput) -> Vec<(&'static str, String)> {
     let (metrics, lineage) = (&content.metrics, &content.lineage);
     let grid = input.model.setup.grid();
     let mut rows = vec![
-        ("model", word(content.model).to_owned()),
+        ("model", content.model.name().to_owned()),
         (
             "display",
             format!(
@@ -47,18 +47,18 @@ fn origin(input: &ReportInput) -> Vec<(&'static str, String)> {
         ),
         ("optics", format!("{} at {}", version.key.wavelength, version.key.distance)),
     ];
-    if let Some(over) = &lineage.over_distance {
-        let distances: Vec<String> = over.distances.iter().map(ToString::to_string).collect();
-        let how = if over.interpolated { "interpolated from photographs at" } else { "learned together for" };
+    if let Some(distances) = lineage.joint_distances() {
+        let distances: Vec<String> = distances.iter().map(ToString::to_string).collect();
+        let how = if lineage.interpolated { "interpolated from photographs at" } else { "learned together for" };
         rows.push((how, distances.join(", ")));
     }
-    if !lineage.dataset.is_empty() {
+    if let Some(dataset) = lineage.own_dataset() {
         let pairs = format!(
             "{} training, {} validation, {} test",
             metrics.train_pairs, metrics.validation_pairs, metrics.test_pairs
         );
-        rows.push(("dataset", format!("{} ({pairs})", lineage.dataset)));
-        rows.push(("its digest", lineage.dataset_digest.clone()));
+        rows.push(("dataset", format!("{} ({pairs})", dataset.id)));
+        rows.push(("its digest", dataset.digest.clone()));
     }
     if !lineage.job.is_empty() {
         rows.push(("job", lineage.job.clone()));
@@ -100,20 +100,10 @@ fn losses(name: &str, learned: f64, ideal: f64) -> String {
     )
 }
 
-fn word(model: KernelModel) -> &'static str {
-    match model {
-        KernelModel::Paper => "paper",
-        KernelModel::Dense => "dense",
-        KernelModel::Smooth => "smooth",
-        KernelModel::Display => "display",
-        KernelModel::Varying => "varying",
-    }
-}
-
 /// The whole page.
 pub(super) fn html(input: &ReportInput, chapters: &[Chapter]) -> String {
     let name = escaped(&format!("{}/versions/{}", input.version.key, input.version.version));
-    let how = if input.version.content.lineage.is_interpolated() { "interpolated" } else { "learned" };
+    let how = if input.version.content.lineage.interpolated { "interpolated" } else { "learned" };
     let mut page = format!(
         "<!doctype html><html lang=en><meta charset=utf-8><meta name=viewport content=\"width=device-width,initial-scale=1\">\
          <title>{name}</title><style>{STYLE}</style><h1>Light transport, as {how}</h1><p class=sub>{name}</p><nav>"

@@ -33,8 +33,8 @@ const ROWS: &[(usize, &str)] = &[(
     select 1, 1, 'display', 'sha256-' || printf('%064x', 1), 7,
     '{"train_pairs":1,"validation_pairs":0,"test_pairs":1,"train_loss":0.1,"validation_loss":0.0,"test_loss":0.2,
     "ideal_test_loss":0.3,"test_loss_full_frame":0.2,"ideal_test_loss_full_frame":0.3,"captured":null}',
-    '{"job":"","dataset":"","dataset_digest":"","parameters_json":"{}","seed":1,"code_version":"0.1.0",
-    "parent_version":0}', 9;
+    '{"job":"","datasets":[],"interpolated":false,"parent_version":null,"parameters_json":"{}","seed":1,
+    "code_version":"0.1.0"}', 9;
     update kernel set active_version = 1;
     insert into kernel_move (kernel, time_ms, from_version, to_version, reason) values (1, 10, null, 1, 'good');
 
@@ -48,7 +48,11 @@ const ROWS: &[(usize, &str)] = &[(
     ('a', 'queued', 0, null, null, null, null, null, null, null, null),
     ('b', 'running', 1, 12, null, 'lease', 99, 'w', null, null, 'sha256-c'),
     ('c', 'succeeded', 1, 12, 13, null, null, null, null,
-        '{"kind":"capture","photo":"sha256-' || printf('%064x', 1) || '","propagation":null}', null),
+        '{"kind":"capture","photo":"sha256-' || printf('%064x', 1) || '","propagation":{"method":"band_limited",
+        "explanation":"","window":{"height_px":64,"width_px":64,"pitch_x_m":8e-6,"pitch_y_m":8e-6,"centre_x_m":0.0,
+        "centre_y_m":0.0},"critical_distance_x_m":0.016,"critical_distance_y_m":0.016,"band_kept_x":1.0,"band_kept_y":1.0,
+        "band_kept_area":1.0,"fresnel_number":0.8,"diffraction_angle_rad":0.03,"spread_m":null,"full_cone_x_m":0.0,
+        "full_cone_y_m":0.0,"neglected_phase_rad":0.0,"warnings":[]}}', null),
     ('d', 'failed', 3, 12, 13, null, null, null, '{"reason":"IO","message":"no","retryable":false}', null, null),
     ('e', 'cancelled', 1, 12, 13, null, null, null, null, null, null));
     insert into job_event (job, time_ms, attempt, message)
@@ -146,7 +150,7 @@ async fn jobs_are_there(store: &Store) {
     let jobs = store.jobs(&JobFilter::default(), None, 9).await.unwrap();
     let states: Vec<_> = jobs.iter().rev().map(|job| (job.id.as_str(), job.state)).collect();
     assert_eq!(states, [("a", Queued), ("b", Running), ("c", Succeeded), ("d", Failed), ("e", Cancelled)]);
-    assert_eq!(jobs[2].result, Some(result()));
+    assert!(matches!(&jobs[2].result, Some(JobResult::Capture(capture)) if capture.photo == digest(1)));
     assert_eq!(jobs[0].spec, new_job("", 1).spec);
     store.recover_orphans(14).await.unwrap();
     let job = store.job("b").await.unwrap();

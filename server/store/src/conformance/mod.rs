@@ -13,10 +13,10 @@ mod scheduling;
 
 use super::{Store, StoreError};
 use lightpath_domain::dataset::{Dataset, Encoding, Pair};
-use lightpath_domain::job::{CaptureResult, FailureReason, JobError, JobResult, JobSpec, NewJob};
+use lightpath_domain::job::{FailureReason, JobError, JobResult, JobSpec, NewJob};
 use lightpath_domain::kernel::{KernelKey, KernelLineage, KernelMetrics, KernelModel, NewKernelVersion};
 use lightpath_domain::units::Distance;
-use lightpath_fixtures::{DISTANCE, WAVELENGTH, capture_job, display};
+use lightpath_fixtures::{DISTANCE, WAVELENGTH, capture_job, capture_result, display};
 use tempfile::TempDir;
 
 const QUEUE_LIMIT: u32 = 100;
@@ -38,7 +38,7 @@ fn new_job(request_id: &str, seed: u64) -> NewJob {
 }
 
 fn result() -> JobResult {
-    JobResult::Capture(CaptureResult { photo: digest(1), propagation: None })
+    capture_result(&digest(1))
 }
 
 fn trouble() -> JobError {

@@ -1,6 +1,6 @@
 use super::*;
 use crate::{JobFilter, QueueCounts, Submitted};
-use lightpath_domain::job::{JobState, JointResult, LearnResult, Lease, Progress};
+use lightpath_domain::job::{CaptureResult, JobState, LearnResult, LearnedKernel, Lease, Progress};
 
 async fn claim(store: &Store, now_ms: i64) -> Option<(String, Lease)> {
     store.claim(now_ms, LEASE_MS, "w").await.unwrap().map(|(job, lease)| (job.id, lease))
@@ -232,15 +232,15 @@ async fn a_learned_kernel_gets_its_number_with_the_end_of_its_job() {
     record(&store, 3).await;
     submit(&store, "r", 1).await;
     let (_, lease) = claim(&store, 1).await.unwrap();
-    let learned = LearnResult {
+    let JobResult::Capture(CaptureResult { propagation, .. }) = result() else { panic!("another kind") };
+    let kernel = LearnedKernel {
         kernel_version: String::new(),
+        dataset: "d".to_owned(),
         metrics: Default::default(),
-        loss_history: vec![0.5],
-        propagation: None,
         left_out_pairs: Vec::new(),
-        order: 0,
-        joint: vec![JointResult::default()],
+        propagation,
     };
+    let learned = LearnResult { kernels: vec![kernel.clone(), kernel], loss_history: vec![0.5], order: 0 };
     let learned = JobResult::Learn(learned);
     let far = KernelKey { distance: Distance { nm: 200_000_000 }, ..key() };
     let both = |artifact| vec![(key(), new_version(artifact)), (far.clone(), new_version(2))];
@@ -248,8 +248,8 @@ async fn a_learned_kernel_gets_its_number_with_the_end_of_its_job() {
     assert!(matches!(missing, Err(StoreError::NotFound { .. })));
     let job = store.finish(&lease, learned.clone(), both(1), 2).await.unwrap();
     let Some(JobResult::Learn(result)) = job.result else { panic!("{:?}", job.result) };
-    assert_eq!(result.kernel_version, "displays/lab/kernels/515nm-150mm/versions/1");
-    assert_eq!(result.joint[0].kernel_version, "displays/lab/kernels/515nm-200mm/versions/1");
+    assert_eq!(result.kernels[0].kernel_version, "displays/lab/kernels/515nm-150mm/versions/1");
+    assert_eq!(result.kernels[1].kernel_version, "displays/lab/kernels/515nm-200mm/versions/1");
     let again = store.finish(&lease, learned, both(2), 3).await;
     assert!(matches!(again, Err(StoreError::LeaseLost)));
     assert_eq!(store.kernel(&key()).await.unwrap().latest_version, 1, "a lost lease leaves no version");

@@ -2,8 +2,8 @@
 
 use super::super::*;
 use super::bench::{Bench, now_ms};
-use lightpath_domain::job::{CaptureResult, FailureReason, JobResult, JobState, Progress};
-use lightpath_fixtures::{capture_job, display};
+use lightpath_domain::job::{FailureReason, JobState, Progress};
+use lightpath_fixtures::{capture_job, capture_result, display};
 use std::sync::atomic::{AtomicU32, Ordering};
 
 const STEPS: u8 = 20;
@@ -30,11 +30,8 @@ fn progress(step: u8) -> Progress {
     Progress { stage: "count".to_owned(), step, steps_total, loss: 0.5, eta_s: None }
 }
 
-fn output(photo: impl Into<String>) -> TaskOutput {
-    TaskOutput {
-        result: JobResult::Capture(CaptureResult { photo: photo.into(), propagation: None }),
-        learned: Vec::new(),
-    }
+fn output(photo: impl AsRef<str>) -> TaskOutput {
+    TaskOutput { result: capture_result(photo.as_ref()), learned: Vec::new() }
 }
 
 /// Counts to [`STEPS`], goes on from a saved state, and tells each step to `each`.

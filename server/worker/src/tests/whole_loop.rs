@@ -4,17 +4,18 @@
 use super::super::*;
 use super::bench::{Bench, DISTANCE};
 use lightpath_domain::dataset::{self, Dataset, Encoding, Pair};
-use lightpath_domain::display::{Carrier, Display, SimulatedBench};
+use lightpath_domain::display::Display;
 use lightpath_domain::job::{
-    Detector, EvaluateKernel, Fit, HologramResult, InitialPhase, JobResult, JobSpec, JobState, LearnKernel, Loss,
-    Method, OptimizeHologram, Region, SimulateCapture,
+    EvaluateKernel, Fit, HologramResult, ImagePlane, JobResult, JobSpec, JobState, LearnKernel, OptimizeHologram,
+    PlaneResult, SimulateCapture,
 };
 use lightpath_domain::kernel::{KernelKey, KernelModel};
 use lightpath_fixtures::{WAVELENGTH, display};
 use lightpath_media::pictures;
-use lightpath_optics::Plane;
-
-const REGION: Region = Region { x_px: 6, y_px: 5, width_px: 52, height_px: 38 };
+use lightpath_optics::hologram::Loss;
+use lightpath_optics::{
+    Carrier, Detector, Grid, HologramMethod, InitialPhase, Plane, RegionOfInterest, SimulatedBench,
+};
 
 struct Lab {
     bench: Bench,
@@ -24,7 +25,8 @@ struct Lab {
 
 impl Lab {
     async fn new() -> Self {
-        let simulated_bench = SimulatedBench::new(3, 1.0, 0.002, 0.3);
+        let simulated_bench =
+            SimulatedBench { seed: 3, camera_noise: 0.002, misalignment_px: 0.3, ..SimulatedBench::FAIR };
         let carrier = Some(Carrier::HalfOrderX);
         let display = Display { carrier, simulated_bench: Some(simulated_bench), ..display("lab") };
         let (height_px, width_px) = (display.height_px as usize, display.width_px as usize);
@@ -96,8 +98,9 @@ impl Lab {
         let mut photographed = Vec::new();
         for n in 0..pairs {
             let ideal = self.hologram(&format!("ideal{n}"), optimize(self.target(n).await, None, 40)).await;
-            let photo = self.photograph(&format!("photo{n}"), &ideal.phase).await;
-            photographed.push(Pair { id: format!("p{n}"), phase: ideal.phase, photo, ..Pair::default() });
+            let photo = self.photograph(&format!("photo{n}"), phase(&ideal)).await;
+            let phase = phase(&ideal).to_owned();
+            photographed.push(Pair { id: format!("p{n}"), phase, photo, ..Pair::default() });
         }
         self.finalized(photographed).await;
     }
@@ -107,10 +110,11 @@ impl Lab {
         let mut photographed = Vec::new();
         for n in 0..pairs {
             let ideal = self.hologram(&format!("ideal{n}"), optimize(self.target(n).await, None, 40)).await;
-            let seen = self.bench.artifacts.read_all(&ideal.reconstruction).await.unwrap();
+            let seen = self.bench.artifacts.read_all(&plane(&ideal).reconstruction).await.unwrap();
             let clipped = pictures::photograph(&seen, Encoding::Srgb).unwrap().map(|light| (2.0 * light).min(1.0));
             let photo = self.put(pictures::grey_png_linear(&clipped).unwrap()).await;
-            photographed.push(Pair { id: format!("p{n}"), phase: ideal.phase, photo, ..Pair::default() });
+            let phase = phase(&ideal).to_owned();
+            photographed.push(Pair { id: format!("p{n}"), phase, photo, ..Pair::default() });
         }
         photographed
     }
@@ -134,17 +138,30 @@ impl Lab {
 
     /// Mean squared error of a photograph of the hologram against its target, gain fitted.
     async fn seen(&self, request_id: &str, hologram: &HologramResult, target: &str) -> f64 {
-        let photo = self.photograph(request_id, &hologram.phase).await;
+        let photo = self.photograph(request_id, phase(hologram)).await;
         let photo =
             pictures::photograph(&self.bench.artifacts.read_all(&photo).await.unwrap(), Encoding::Linear).unwrap();
         let target = self.bench.artifacts.read_all(target).await.unwrap();
         let target =
             pictures::target_intensity(&target, Encoding::Srgb, Fit::Exact, self.height_px, self.width_px).unwrap();
-        let grid = lightpath_optics::Grid::try_new(self.height_px, self.width_px, 8e-6).unwrap();
-        let region = lightpath_optics::RegionOfInterest::middle(&grid);
+        let region = RegionOfInterest::middle(&Grid::try_new(self.height_px, self.width_px, 8e-6).unwrap());
         let gain = lightpath_optics::metrics::Gain::Fitted;
         lightpath_optics::metrics::mse(&photo, &target, region, gain).unwrap()
     }
+}
+
+/// The first frame of the hologram.
+fn phase(hologram: &HologramResult) -> &str {
+    &hologram.wavelengths[0].frames[0].phase
+}
+
+/// The first picture that the hologram shows.
+fn plane(hologram: &HologramResult) -> &PlaneResult {
+    &hologram.wavelengths[0].planes[0]
+}
+
+fn region() -> RegionOfInterest {
+    RegionOfInterest::try_new(&Grid::try_new(48, 64, 8e-6).unwrap(), 6, 5, 52, 38).unwrap()
 }
 
 fn threads(compute_threads: usize) -> WorkerConfig {
@@ -154,37 +171,29 @@ fn threads(compute_threads: usize) -> WorkerConfig {
 fn optimize(target: String, kernel_version: Option<u32>, iterations: u32) -> JobSpec {
     JobSpec::OptimizeHologram(Box::new(OptimizeHologram {
         display: "lab".to_owned(),
-        wavelength: WAVELENGTH,
-        distance: DISTANCE,
-        target,
+        wavelengths: vec![WAVELENGTH],
+        planes: vec![ImagePlane { distance: DISTANCE, target, weight: 1.0 }],
+        depth_map: None,
         target_encoding: Encoding::Srgb,
         target_fit: Fit::Contain,
-        kernel_version,
-        detector: Detector::Pixel,
+        kernel_versions: vec![vec![kernel_version]],
+        propagation: None,
+        method: HologramMethod::Lbfgs,
         iterations,
-        learning_rate: 0.1,
-        seed: 7,
-        initial_phase_range_rad: 1.0,
-        region_of_interest: REGION,
-        method: Method::Lbfgs,
-        more_wavelengths: Vec::new(),
-        more_planes: Vec::new(),
-        plane_weight: 1.0,
-        depth_map: None,
-        kernel_versions: Vec::new(),
         frames: 1,
-        initial_phase: InitialPhase::Random,
+        initial_phase: InitialPhase::Random { range_rad: 1.0 },
+        seed: 7,
         loss: Loss::default(),
+        detector: Detector::Pixel,
+        region_of_interest: region(),
         weight_mask: None,
         quantization_aware: false,
-        propagation: None,
     }))
 }
 
 fn learn(model: KernelModel, epochs: u32, refinement_evaluations: u32) -> JobSpec {
     JobSpec::LearnKernel(LearnKernel {
-        dataset: "photos".to_owned(),
-        joint_datasets: Vec::new(),
+        datasets: vec!["photos".to_owned()],
         display: "lab".to_owned(),
         model,
         epochs: Some(epochs),
@@ -194,7 +203,7 @@ fn learn(model: KernelModel, epochs: u32, refinement_evaluations: u32) -> JobSpe
         order: Some(4),
         start_version: None,
         detector: Detector::Pixel,
-        region_of_interest: REGION,
+        region_of_interest: region(),
     })
 }
 
@@ -203,7 +212,7 @@ fn evaluate(kernel_version: Option<u32>) -> JobSpec {
         dataset: "photos".to_owned(),
         display: "lab".to_owned(),
         kernel_version,
-        region_of_interest: REGION,
+        region_of_interest: region(),
     })
 }
 
@@ -212,16 +221,18 @@ async fn a_learned_kernel_makes_better_holograms() {
     let lab = Lab::new().await;
     lab.dataset(8).await;
     let JobResult::Learn(learned) = lab.done("learn", learn(KernelModel::Display, 3, 60)).await else { panic!() };
-    assert_eq!(learned.kernel_version, "displays/lab/kernels/515nm-4mm/versions/1");
-    assert_eq!((learned.metrics.train_pairs, learned.metrics.test_pairs), (6, 2));
-    assert!(learned.metrics.test_loss < 0.3 * learned.metrics.ideal_test_loss, "{:?}", learned.metrics);
-    let captured = learned.metrics.captured.unwrap();
+    let [kernel] = &learned.kernels[..] else { panic!("{learned:?}") };
+    assert_eq!(kernel.kernel_version, "displays/lab/kernels/515nm-4mm/versions/1");
+    let metrics = &kernel.metrics;
+    assert_eq!((metrics.train_pairs, metrics.test_pairs), (6, 2));
+    assert!(metrics.test_loss < 0.3 * metrics.ideal_test_loss, "{metrics:?}");
+    let captured = metrics.captured.unwrap();
     assert!(captured.psnr_db > captured.ideal_psnr_db + 3.0, "{captured:?}");
-    assert!(!learned.metrics.no_better_than_ideal());
-    assert_eq!((learned.order, learned.left_out_pairs.as_slice()), (4, [].as_slice()));
+    assert!(!metrics.no_better_than_ideal());
+    assert_eq!((learned.order, kernel.left_out_pairs.as_slice()), (4, [].as_slice()));
 
     for (request_id, version, expected) in
-        [("learned", Some(1), learned.metrics.test_loss), ("ideal", None, learned.metrics.ideal_test_loss)]
+        [("learned", Some(1), metrics.test_loss), ("ideal", None, metrics.ideal_test_loss)]
     {
         let JobResult::Evaluate(found) = lab.done(request_id, evaluate(version)).await else { panic!() };
         let test: Vec<f64> =
@@ -233,7 +244,7 @@ async fn a_learned_kernel_makes_better_holograms() {
     let target = lab.target(20).await;
     let ideal = lab.hologram("new ideal", optimize(target.clone(), None, 100)).await;
     let better = lab.hologram("new learned", optimize(target.clone(), Some(1), 100)).await;
-    assert!(ideal.quality.pixel.psnr_db > 20.0, "{:?}", ideal.quality);
+    assert!(plane(&ideal).quality.pixel.psnr_db > 20.0, "{ideal:?}");
     let (before, after) =
         (lab.seen("see ideal", &ideal, &target).await, lab.seen("see learned", &better, &target).await);
     assert!(after < 0.5 * before, "captured error {before} through the ideal kernel, {after} through the learned one");
@@ -251,7 +262,7 @@ async fn saturated_pixels_are_no_error_of_a_kernel() {
         assert!(pair.loss < rounding && pair.loss_full_frame < rounding, "{pair:?}");
     }
     let JobResult::Learn(learned) = lab.done("learn", learn(KernelModel::Smooth, 1, 2)).await else { panic!() };
-    let metrics = learned.metrics;
+    let metrics = &learned.kernels[0].metrics;
     for loss in [metrics.ideal_test_loss, metrics.ideal_test_loss_full_frame] {
         assert!(loss > 0.0 && loss < rounding, "{metrics:?}");
     }
@@ -297,7 +308,8 @@ async fn interruptions_and_threads_change_no_byte() {
     ] {
         let JobResult::Learn(whole) = lab.done(name, spec.clone()).await else { panic!() };
         let JobResult::Learn(resumed) = lab.interrupted(&format!("{name} interrupted"), spec).await else { panic!() };
-        assert_eq!((&whole.metrics, &whole.loss_history), (&resumed.metrics, &resumed.loss_history), "{name}");
+        assert_eq!(whole.loss_history, resumed.loss_history, "{name}");
+        assert_eq!(whole.kernels[0].metrics, resumed.kernels[0].metrics, "{name}");
         version += 2;
         let [first, second] = [
             lab.bench.store.kernel_version(&key, version - 1).await.unwrap().content,

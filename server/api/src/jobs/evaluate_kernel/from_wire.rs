@@ -6,7 +6,7 @@ use crate::field::Field;
 use crate::optics::from_wire::region;
 use crate::optics::propagation_checks::check_distance;
 use lightpath_domain::access::Caller;
-use lightpath_domain::job::{EvaluateKernel, Job};
+use lightpath_domain::job::{EvaluateKernel, Job, JobSpec};
 use lightpath_domain::kernel::KernelKey;
 use lightpath_proto::v1;
 
@@ -25,7 +25,13 @@ impl Api {
         check_distance(&at("dataset"), &display, dataset.wavelength, dataset.distance)?;
         let region_of_interest = region(&at("region_of_interest"), message.region_of_interest, &display)?;
         let key = KernelKey { display: display.id, wavelength: dataset.wavelength, distance: dataset.distance };
-        let kernel_version = self.kernel_version_for(&at("kernel"), &message.kernel, &key, before, true).await?;
+        let kernel_version = match before.map(|job| &job.spec) {
+            // A repeated submit means what it meant the first time, even if `active` has moved.
+            Some(JobSpec::EvaluateKernel(job)) if ["", "active"].contains(&message.kernel.as_str()) => {
+                job.kernel_version
+            }
+            _ => self.kernel_version_for(&at("kernel"), &message.kernel, &key, true).await?,
+        };
         Ok(EvaluateKernel { dataset: dataset.id, display: key.display, kernel_version, region_of_interest })
     }
 }

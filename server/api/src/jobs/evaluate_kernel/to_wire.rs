@@ -1,8 +1,8 @@
 //! Jobs that evaluate kernels, and their results, as messages.
 
-use crate::datasets::to_wire::split;
+use crate::enumerations::OnWire as _;
 use crate::jobs::kernel_choice::kernel_named;
-use crate::optics::to_wire::region;
+use crate::optics::to_wire::{region, validity_report};
 use lightpath_domain::job::{EvaluateKernel, EvaluateResult};
 use lightpath_proto::v1;
 
@@ -11,7 +11,6 @@ pub(crate) fn spec(spec: EvaluateKernel) -> v1::EvaluateKernel {
     v1::EvaluateKernel {
         dataset: format!("datasets/{}", spec.dataset),
         kernel: kernel_named(spec.kernel_version),
-        kernel_version: spec.kernel_version.unwrap_or(0),
         region_of_interest: Some(region(spec.region_of_interest)),
     }
 }
@@ -20,9 +19,9 @@ pub(crate) fn spec(spec: EvaluateKernel) -> v1::EvaluateKernel {
 pub(crate) fn result(result: EvaluateResult) -> v1::EvaluateResult {
     let pairs = result.pairs.into_iter().map(|pair| v1::evaluate_result::PairLoss {
         pair: pair.pair,
-        split: split(Some(pair.split)),
+        split: pair.split.to_wire(),
         loss: pair.loss,
         loss_full_frame: pair.loss_full_frame,
     });
-    v1::EvaluateResult { pairs: pairs.collect() }
+    v1::EvaluateResult { pairs: pairs.collect(), propagation: Some(validity_report(result.propagation)) }
 }

@@ -4,20 +4,21 @@ use crate::api::Api;
 use crate::error::ApiError;
 use crate::field::Field;
 use crate::jobs::learning_rate::learning_rate;
-use crate::kernels::from_wire::model as kernel_model;
-use crate::optics::from_wire::{detector, region};
+use crate::optics::from_wire::region;
 use crate::optics::propagation_checks::check_distance;
 use lightpath_domain::access::Caller;
 use lightpath_domain::dataset::Dataset;
-use lightpath_domain::job::{Detector, LearnKernel};
-use lightpath_domain::kernel::{KernelKey, KernelModel};
+use lightpath_domain::display::Display;
+use lightpath_domain::job::LearnKernel;
+use lightpath_domain::kernel::KernelKey;
+use lightpath_optics::{Detector, KernelModel};
 use lightpath_proto::v1;
 
 /// Epochs that a request may ask for: thirty times as many as the paper uses.
 const EPOCHS_MAX: u32 = 1000;
 const REFINEMENT_EVALUATIONS_MAX: u32 = 10_000;
-/// Joint datasets beside the first: at 1080×1920 px the transfer functions of eight distances take half a gigabyte.
-const JOINT_DATASETS_MAX: usize = 7;
+/// Datasets that are learned together: at 1080×1920 px the transfer functions of eight distances take half a gigabyte.
+const DATASETS_MAX: usize = 8;
 /// Highest order of the polynomials: those of higher orders do not describe smooth errors.
 const ORDER_MAX: u32 = 12;
 
@@ -30,9 +31,8 @@ impl Api {
         field: &Field,
     ) -> Result<LearnKernel, ApiError> {
         let at = |name| field.at(name);
-        let (dataset, display) = self.finalized_dataset(caller, &at("dataset"), &message.dataset).await?;
-        check_distance(&at("dataset"), &display, dataset.wavelength, dataset.distance)?;
-        let model = kernel_model(&at("model"), message.model)?;
+        let model = at("model").one_of::<KernelModel>(message.model)?.unwrap_or_default();
+        let (datasets, display) = self.datasets_to_learn(caller, &at("datasets"), &message.datasets, model).await?;
         let refinement = message.refinement_evaluations;
         let refined = model.is_smooth();
         if !refined && refinement.is_some_and(|evaluations| evaluations > 0) {
@@ -40,13 +40,12 @@ impl Api {
                 at("refinement_evaluations").invalid("is given, but only smooth, display and varying models refine")
             );
         }
-        let detector = detector(&at("detector"), message.detector)?;
+        let detector = at("detector").one_of::<Detector>(message.detector)?.unwrap_or_default();
         if detector == Detector::Supersampled {
             return Err(at("detector").invalid("is supersampled, but a camera's pixels measure either point or pixel"));
         }
-        let joint_datasets =
-            self.joint_datasets(caller, &at("joint_datasets"), &message.joint_datasets, model, &dataset).await?;
-        let key = KernelKey { display: display.id.clone(), wavelength: dataset.wavelength, distance: dataset.distance };
+        let (wavelength, distance) = (datasets[0].wavelength, datasets[0].distance);
+        let key = KernelKey { display: display.id.clone(), wavelength, distance };
         let epochs = at("epochs").integer(message.epochs, 0..=EPOCHS_MAX)?;
         let evaluations = at("refinement_evaluations");
         Ok(LearnKernel {
@@ -62,47 +61,50 @@ impl Api {
             detector,
             region_of_interest: region(&at("region_of_interest"), message.region_of_interest, &display)?,
             display: display.id,
-            joint_datasets,
-            dataset: dataset.id,
+            datasets: datasets.into_iter().map(|dataset| dataset.id).collect(),
         })
     }
 
-    /// The ids of the joint datasets, which may differ from the first dataset in distance only.
-    async fn joint_datasets(
+    /// The datasets, which may differ in their distances only, and their display.
+    async fn datasets_to_learn(
         &self,
         caller: &Caller,
         field: &Field,
         names: &[String],
         model: KernelModel,
-        first: &Dataset,
-    ) -> Result<Vec<String>, ApiError> {
-        if !names.is_empty() && !matches!(model, KernelModel::Smooth | KernelModel::Display) {
-            return Err(field.invalid("is given, but only the models smooth and display are learned over distances"));
+    ) -> Result<(Vec<Dataset>, Display), ApiError> {
+        if names.len() > 1 && !matches!(model, KernelModel::Smooth | KernelModel::Display) {
+            return Err(field.invalid("are several, but only the models smooth and display are learned over distances"));
         }
-        if names.len() > JOINT_DATASETS_MAX {
-            return Err(field.invalid(format!("names {}, but must name at most {JOINT_DATASETS_MAX}", names.len())));
+        if names.len() > DATASETS_MAX {
+            return Err(field.invalid(format!("has {} entries, but at most {DATASETS_MAX} are accepted", names.len())));
         }
-        let mut distances = vec![first.distance];
-        let mut ids = Vec::with_capacity(names.len());
+        let mut datasets: Vec<Dataset> = Vec::with_capacity(names.len());
+        let mut of_display = None;
         for (i, name) in names.iter().enumerate() {
             let field = field.index(i);
             let (dataset, display) = self.finalized_dataset(caller, &field, name).await?;
             check_distance(&field, &display, dataset.wavelength, dataset.distance)?;
-            if (&dataset.display, dataset.wavelength) != (&first.display, first.wavelength) {
+            if let Some(first) = datasets.first()
+                && (&dataset.display, dataset.wavelength) != (&first.display, first.wavelength)
+            {
                 return Err(field.invalid(format!(
                     "is of displays/{} at {}, but must be of displays/{} at {}, as datasets/{} is",
                     dataset.display, dataset.wavelength, first.display, first.wavelength, first.id
                 )));
             }
-            if distances.contains(&dataset.distance) {
+            if datasets.iter().any(|other| other.distance == dataset.distance) {
                 let problem =
                     format!("is of {}, but another dataset is already: each must have its own", dataset.distance);
                 return Err(field.invalid(problem));
             }
-            distances.push(dataset.distance);
-            ids.push(dataset.id);
+            datasets.push(dataset);
+            of_display = Some(display);
         }
-        Ok(ids)
+        match of_display {
+            Some(display) => Ok((datasets, display)),
+            None => Err(field.invalid("is empty, but must name a finalized dataset")),
+        }
     }
 
     /// The version that learning starts from; `None` where the request names none.

@@ -1,39 +1,42 @@
 //! Jobs that learn kernels, and their results, as messages.
 
-use crate::kernels::to_wire::{metrics, model};
-use crate::optics::to_wire::{detector, region};
-use lightpath_domain::job::{JointResult, LearnKernel, LearnResult};
+use crate::enumerations::OnWire as _;
+use crate::kernels::to_wire::metrics;
+use crate::optics::to_wire::{region, validity_report};
+use lightpath_domain::job::{LearnKernel, LearnResult, LearnedKernel};
 use lightpath_proto::v1;
 
 /// What was asked for, with its defaults.
 pub(crate) fn spec(spec: LearnKernel) -> v1::LearnKernel {
     v1::LearnKernel {
-        dataset: format!("datasets/{}", spec.dataset),
-        model: model(spec.model),
-        epochs: spec.epochs.unwrap_or(0),
-        refinement_evaluations: spec.refinement_evaluations,
-        learning_rate: spec.learning_rate.unwrap_or(0.0),
-        seed: spec.seed,
+        datasets: spec.datasets.iter().map(|id| format!("datasets/{id}")).collect(),
+        model: spec.model.to_wire(),
         order: spec.order.unwrap_or(0),
-        detector: detector(spec.detector),
-        region_of_interest: Some(region(spec.region_of_interest)),
         start_version: spec.start_version.unwrap_or(0),
-        joint_datasets: spec.joint_datasets.iter().map(|id| format!("datasets/{id}")).collect(),
+        epochs: spec.epochs.unwrap_or(0),
+        learning_rate: spec.learning_rate.unwrap_or(0.0),
+        refinement_evaluations: spec.refinement_evaluations,
+        seed: spec.seed,
+        detector: spec.detector.to_wire(),
+        region_of_interest: Some(region(spec.region_of_interest)),
     }
 }
 
 /// What was learned.
 pub(crate) fn result(result: LearnResult) -> v1::LearnResult {
     v1::LearnResult {
-        kernel_version: result.kernel_version,
-        metrics: Some(metrics(&result.metrics)),
+        kernels: result.kernels.into_iter().map(kernel).collect(),
         loss_history: result.loss_history,
-        left_out_pairs: result.left_out_pairs,
         order: result.order,
-        joint: result.joint.into_iter().map(joint_result).collect(),
     }
 }
 
-fn joint_result(joint: JointResult) -> v1::learn_result::JointResult {
-    v1::learn_result::JointResult { kernel_version: joint.kernel_version, metrics: Some(metrics(&joint.metrics)) }
+fn kernel(kernel: LearnedKernel) -> v1::learn_result::LearnedKernel {
+    v1::learn_result::LearnedKernel {
+        kernel_version: kernel.kernel_version,
+        dataset: format!("datasets/{}", kernel.dataset),
+        metrics: Some(metrics(&kernel.metrics)),
+        left_out_pairs: kernel.left_out_pairs,
+        propagation: Some(validity_report(kernel.propagation)),
+    }
 }

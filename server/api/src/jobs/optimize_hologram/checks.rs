@@ -4,7 +4,8 @@ use crate::error::ApiError;
 use crate::field::Field;
 use crate::optics::propagation_checks::{check_distance, check_method};
 use lightpath_domain::display::Display;
-use lightpath_domain::job::{Loss, Method, OptimizeHologram};
+use lightpath_domain::job::OptimizeHologram;
+use lightpath_optics::hologram::Loss;
 
 /// All frames' pixels: L-BFGS keeps some 60 bytes for each.
 const FRAME_PIXELS_MAX: u64 = 100_000_000;
@@ -13,20 +14,15 @@ const PLANE_PIXELS_MAX: u64 = 100_000_000;
 
 /// Refuses propagation of any wavelength to any plane that cannot give a right image.
 pub(super) fn propagation(field: &Field, spec: &OptimizeHologram, display: &Display) -> Result<(), ApiError> {
-    let (wavelengths, planes) = (spec.wavelengths(), spec.planes());
-    for (w, &wavelength) in wavelengths.iter().enumerate() {
-        for (p, plane) in planes.iter().enumerate() {
+    for (&wavelength, versions) in spec.wavelengths.iter().zip(&spec.kernel_versions) {
+        for (p, (plane, version)) in spec.planes.iter().zip(versions).enumerate() {
             let Some(method) = spec.propagation else {
-                let at = match (&spec.depth_map, planes.len()) {
-                    (_, 1) => field.at("distance_m"),
-                    (Some(_), _) => field.at("depth_map").at("distances_m").index(p),
-                    (None, _) => field.at("planes").index(p).at("distance_m"),
-                };
+                let at = field.at("planes").index(p).at("distance_m");
                 check_distance(&at, display, wavelength, plane.distance)?;
                 continue;
             };
             let at = field.at("propagation");
-            if let Some(version) = spec.kernel_of(w, p) {
+            if let Some(version) = version {
                 let fix = "leave it unspecified, or optimize through the kernel `ideal`";
                 let problem = format!("is given, but version {version} brings what it was learned with; {fix}");
                 return Err(at.invalid(problem));
@@ -39,9 +35,8 @@ pub(super) fn propagation(field: &Field, spec: &OptimizeHologram, display: &Disp
 
 /// Refuses fields that only methods with a gradient follow.
 pub(super) fn method(field: &Field, spec: &OptimizeHologram) -> Result<(), ApiError> {
-    match spec.method {
-        Method::Adam | Method::Lbfgs => return Ok(()),
-        Method::GerchbergSaxton | Method::WeightedGerchbergSaxton | Method::DoublePhase => {}
+    if spec.method.follows_gradient() {
+        return Ok(());
     }
     let fix = "is given, but only the methods adam and lbfgs can follow it";
     if spec.loss != (Loss { speckle_block_px: spec.loss.speckle_block_px, ..Loss::default() }) {
@@ -56,7 +51,7 @@ pub(super) fn method(field: &Field, spec: &OptimizeHologram) -> Result<(), ApiEr
 /// Refuses more frames or planes than fit into memory.
 pub(super) fn size(field: &Field, spec: &OptimizeHologram, display: &Display) -> Result<(), ApiError> {
     let pixels = u64::from(display.width_px) * u64::from(display.height_px);
-    let planes = spec.planes().len() as u64;
+    let planes = spec.planes.len() as u64;
     for (name, count, most) in
         [("frames", u64::from(spec.frames), FRAME_PIXELS_MAX), ("planes", planes, PLANE_PIXELS_MAX)]
     {

@@ -6,9 +6,9 @@ use crate::field::Field;
 use lightpath_domain::access::Caller;
 use lightpath_domain::dataset::Encoding;
 use lightpath_domain::display::Display;
-use lightpath_domain::job::{InitialPhase, OptimizeHologram, Region};
+use lightpath_domain::job::OptimizeHologram;
 use lightpath_media::pictures;
-use lightpath_optics::Plane;
+use lightpath_optics::{InitialPhase, Plane, RegionOfInterest};
 
 /// Whose pictures are checked, and for what.
 #[derive(Debug)]
@@ -22,21 +22,22 @@ pub(super) struct PictureChecks<'a> {
 impl PictureChecks<'_> {
     /// Decodes every picture once, so that what is wrong with one is said now. `field` is the request's.
     pub(super) async fn check(&self, field: &Field) -> Result<(), ApiError> {
-        let planes = self.spec.planes();
-        let one = planes.len() == 1 || self.spec.depth_map.is_some();
-        for (p, plane) in planes.iter().enumerate().take(if one { 1 } else { planes.len() }) {
-            let field = if one { field.at("target") } else { field.at("planes").index(p).at("target") };
-            self.check_light(&field, &plane.target, self.spec.target_encoding, "black").await?;
+        for (p, plane) in self.spec.planes.iter().enumerate() {
+            // The planes of a depth map have mostly the same target.
+            if !self.spec.planes[..p].iter().any(|before| before.target == plane.target) {
+                let field = field.at("planes").index(p).at("target");
+                self.check_light(&field, &plane.target, self.spec.target_encoding, "black").await?;
+            }
         }
         if let Some(map) = &self.spec.depth_map {
-            self.check_depth_map(&field.at("depth_map").at("map"), map).await?;
+            self.check_depth_map(&field.at("depth_map"), map).await?;
         }
         if let Some(mask) = &self.spec.weight_mask {
             self.check_light(&field.at("weight_mask"), mask, Encoding::Linear, "a black mask").await?;
         }
         if let InitialPhase::Given(phases) = &self.spec.initial_phase {
             for (i, phase) in phases.iter().enumerate() {
-                self.check_phase(&field.at("initial_phase").at("phases").index(i), phase).await?;
+                self.check_phase(&field.at("initial_phase").at("given").at("phases").index(i), phase).await?;
             }
         }
         Ok(())
@@ -84,7 +85,7 @@ impl PictureChecks<'_> {
     }
 }
 
-fn has_light(target: &Plane<f32>, region: Region) -> bool {
-    let rows = region.y_px as usize..(region.y_px + region.height_px) as usize;
-    rows.into_iter().any(|y| target.row(y)[region.x_px as usize..][..region.width_px as usize].iter().any(|&v| v > 0.0))
+fn has_light(target: &Plane<f32>, region: RegionOfInterest) -> bool {
+    let mut rows = 0..target.height_px();
+    rows.any(|y| region.columns(y).is_some_and(|columns| target.row(y)[columns].iter().any(|&v| v > 0.0)))
 }

@@ -4,7 +4,7 @@ use crate::error::ApiError;
 use crate::field::Field;
 use lightpath_domain::display::Display;
 use lightpath_domain::job::ImagePlane;
-use lightpath_domain::units::{Distance, Wavelength};
+use lightpath_domain::units::Wavelength;
 use lightpath_proto::v1::{self, optimize_hologram};
 
 /// Most planes: the light of one hologram does not suffice for more.
@@ -20,10 +20,7 @@ pub(super) fn wavelengths(
 ) -> Result<Vec<Wavelength>, ApiError> {
     let list = field.at("wavelengths_m");
     if message.wavelengths_m.is_empty() {
-        return Ok(vec![field.at("wavelength_m").wavelength_of(message.wavelength_m, display)?]);
-    }
-    if message.wavelength_m != 0.0 {
-        return Err(field.at("wavelength_m").invalid("is given beside wavelengths_m; give one of them"));
+        return Ok(vec![list.wavelength_of(0.0, display)?]);
     }
     at_most(&list, message.wavelengths_m.len(), WAVELENGTHS_MAX)?;
     let mut found = Vec::new();
@@ -41,68 +38,38 @@ pub(super) fn wavelengths(
     Ok(found)
 }
 
-/// The planes, and the depth map that cuts them out of one picture.
-pub(super) fn planes(
-    field: &Field,
-    message: &v1::OptimizeHologram,
-) -> Result<(Vec<ImagePlane>, Option<String>), ApiError> {
-    let at = |name| field.at(name);
-    match (&message.depth_map, message.planes.as_slice()) {
-        (Some(_), [_, ..]) => Err(at("depth_map").invalid("is given beside planes; give one of them")),
-        (None, []) => {
-            let distance = at("distance_m").distance(message.distance_m)?;
-            let target = at("target").digest(&message.target)?;
-            Ok((vec![ImagePlane { distance, target, weight: 1.0 }], None))
-        }
-        (Some(map), []) => {
-            no_distance(field, message, "depth_map")?;
-            let list = at("depth_map").at("distances_m");
-            if map.distances_m.len() < 2 {
-                return Err(list.invalid(format!("has {} distances, but must have 2 or more", map.distances_m.len())));
-            }
-            let target = at("target").digest(&message.target)?;
-            let distances = distances(&list, map.distances_m.iter().enumerate().map(|(i, &z)| (list.index(i), z)))?;
-            let plane = |distance| ImagePlane { distance, target: target.clone(), weight: 1.0 };
-            let digest = at("depth_map").at("map").digest(&map.map)?;
-            Ok((distances.into_iter().map(plane).collect(), Some(digest)))
-        }
-        (None, planes) => {
-            no_distance(field, message, "planes")?;
-            if !message.target.is_empty() {
-                return Err(at("target").invalid("is given beside planes, which have targets of their own"));
-            }
-            let list = at("planes");
-            let given = planes.iter().enumerate().map(|(i, plane)| (list.index(i).at("distance_m"), plane.distance_m));
-            let distances = distances(&list, given)?;
-            let plane = |(i, (plane, distance)): (usize, (&optimize_hologram::ImagePlane, Distance))| {
-                let field = list.index(i);
-                let target = field.at("target").digest(&plane.target)?;
-                let weight = field.at("weight").number_or(plane.weight, 1.0, f64::MIN_POSITIVE..=PLANE_WEIGHT_MAX)?;
-                Ok(ImagePlane { distance, target, weight })
-            };
-            Ok((planes.iter().zip(distances).enumerate().map(plane).collect::<Result<_, ApiError>>()?, None))
-        }
+/// The planes, no two at one distance.
+pub(super) fn planes(field: &Field, planes: &[optimize_hologram::ImagePlane]) -> Result<Vec<ImagePlane>, ApiError> {
+    if planes.is_empty() {
+        return Err(field.invalid("is empty, but must have a plane with a distance and a target"));
     }
-}
-
-fn no_distance(field: &Field, message: &v1::OptimizeHologram, beside: &str) -> Result<(), ApiError> {
-    if message.distance_m == 0.0 {
-        return Ok(());
-    }
-    Err(field.at("distance_m").invalid(format!("is given beside {beside}, which has distances of its own")))
-}
-
-fn distances(list: &Field, given: impl ExactSizeIterator<Item = (Field, f64)>) -> Result<Vec<Distance>, ApiError> {
-    at_most(list, given.len(), PLANES_MAX)?;
-    let mut found = Vec::new();
-    for (field, value) in given {
-        let distance = field.distance(value)?;
-        if found.contains(&distance) {
-            return Err(field.invalid(format!("is {distance} again; no two planes may be at one distance")));
+    at_most(field, planes.len(), PLANES_MAX)?;
+    let mut found: Vec<ImagePlane> = Vec::new();
+    for (i, plane) in planes.iter().enumerate() {
+        let field = field.index(i);
+        let distance = field.at("distance_m").distance(plane.distance_m)?;
+        if found.iter().any(|other| other.distance == distance) {
+            let problem = format!("is {distance} again; no two planes may be at one distance");
+            return Err(field.at("distance_m").invalid(problem));
         }
-        found.push(distance);
+        let target = field.at("target").digest(&plane.target)?;
+        let weight = field.at("weight").number_or(plane.weight, 1.0, f64::MIN_POSITIVE..=PLANE_WEIGHT_MAX)?;
+        found.push(ImagePlane { distance, target, weight });
     }
     Ok(found)
+}
+
+/// What cuts the planes out of their targets.
+pub(super) fn depth_map(field: &Field, digest: &str, planes: &[ImagePlane]) -> Result<Option<String>, ApiError> {
+    match (optional_digest(field, digest)?, planes) {
+        (Some(_), [_]) => Err(field.invalid("is given, but there is one plane; it tells two or more apart")),
+        (map, _) => Ok(map),
+    }
+}
+
+/// A picture that may be left out.
+pub(super) fn optional_digest(field: &Field, digest: &str) -> Result<Option<String>, ApiError> {
+    if digest.is_empty() { Ok(None) } else { field.digest(digest).map(Some) }
 }
 
 fn at_most(list: &Field, count: usize, most: usize) -> Result<(), ApiError> {

@@ -1,5 +1,6 @@
 //! Jobs that simulate photographs, and their results, as messages.
 
+use crate::optics::to_wire::validity_report;
 use lightpath_domain::job::{CaptureResult, SimulateCapture};
 use lightpath_proto::v1;
 
@@ -17,5 +18,5 @@ pub(crate) fn spec(spec: SimulateCapture) -> v1::SimulateCapture {
 
 /// What was photographed.
 pub(crate) fn result(result: CaptureResult) -> v1::CaptureResult {
-    v1::CaptureResult { photo: result.photo }
+    v1::CaptureResult { photo: result.photo, propagation: Some(validity_report(result.propagation)) }
 }

@@ -1,0 +1,52 @@
+//! Simulated benches from and to messages.
+
+use crate::error::ApiError;
+use crate::field::Field;
+use lightpath_optics::SimulatedBench;
+use lightpath_proto::v1;
+
+/// A bench of another type with every property of this one: the engine's bench and the message have the same.
+macro_rules! with_every_property {
+    ($bench:expr, $other:path) => {{
+        let bench = $bench;
+        $other {
+            seed: bench.seed,
+            strength: bench.strength,
+            camera_noise: bench.camera_noise,
+            misalignment_px: bench.misalignment_px,
+            rotation_deg: bench.rotation_deg,
+            blur_px: bench.blur_px,
+            full_well_electrons: bench.full_well_electrons,
+            speckle_contrast: bench.speckle_contrast,
+            crosstalk_px: bench.crosstalk_px,
+            flicker: bench.flicker,
+            drift_px_per_hour: bench.drift_px_per_hour,
+            dimming_per_hour: bench.dimming_per_hour,
+            rail_tilt_deg: bench.rail_tilt_deg,
+            aberrations_at_m: bench.aberrations_at_m,
+            field_aberration_rad: bench.field_aberration_rad,
+        }
+    }};
+}
+
+/// The bench that a client describes, checked; a strength or a camera noise of 0 is the default.
+pub(super) fn from_wire(message: v1::SimulatedBench, field: &Field) -> Result<SimulatedBench, ApiError> {
+    let mut bench = with_every_property!(message, SimulatedBench);
+    for (value, default) in [
+        (&mut bench.strength, SimulatedBench::FAIR.strength),
+        (&mut bench.camera_noise, SimulatedBench::FAIR.camera_noise),
+    ] {
+        if *value == 0.0 {
+            *value = default;
+        }
+    }
+    for (name, value, least, most, _) in bench.ranges() {
+        field.at(name).number(value, least..=most)?;
+    }
+    Ok(bench)
+}
+
+/// The bench as clients see it.
+pub(super) fn to_wire(bench: SimulatedBench) -> v1::SimulatedBench {
+    with_every_property!(bench, v1::SimulatedBench)
+}

@@ -1,0 +1,234 @@
+//! What the database holds as JSON, word for word: jobs, their results, displays, metrics and lineages of kernels. A change of
+//! these files is a change of stored data, which takes a migration once a version is released.
+#![allow(clippy::unwrap_used)]
+
+use lightpath_domain::dataset::{Encoding, Split};
+use lightpath_domain::display::Display;
+use lightpath_domain::job::{
+    CaptureResult, EvaluateKernel, EvaluateResult, FailureReason, Fit, FrameResult, HologramResult, ImagePlane,
+    JobError, JobResult, JobSpec, LearnKernel, LearnResult, LearnedKernel, OptimizeHologram, PairLoss, PlaneResult,
+    Progress, SimulateCapture, WavelengthResult,
+};
+use lightpath_domain::kernel::{CapturedQuality, KernelLineage, KernelMetrics, LearnedDataset};
+use lightpath_domain::planning;
+use lightpath_domain::units::{Distance, Wavelength};
+use lightpath_optics::hologram::{Loss, Quality, SeenQuality};
+use lightpath_optics::photometry::Quantity;
+use lightpath_optics::{
+    Carrier, ConvolutionMethod, Detector, Grid, HologramMethod, InitialPhase, KernelModel, RegionOfInterest,
+    SimulatedBench, ValidityReport,
+};
+use serde::{Serialize, de::DeserializeOwned};
+use std::fmt::Debug;
+use std::path::Path;
+
+const GREEN: Wavelength = Wavelength { pm: 515_000 };
+const NEAR: Distance = Distance { nm: 4_000_000 };
+const FAR: Distance = Distance { nm: 5_000_000 };
+
+/// The value is written as the file says, and comes back from it.
+fn stored<T: Serialize + DeserializeOwned + PartialEq + Debug>(name: &str, value: &T) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/stored").join(format!("{name}.json"));
+    let written = serde_json::to_string_pretty(value).unwrap() + "\n";
+    let pinned = std::fs::read_to_string(&path).unwrap_or_default();
+    assert_eq!(written, pinned, "{name}.json should be\n{written}");
+    assert_eq!(&serde_json::from_str::<T>(&pinned).unwrap(), value);
+}
+
+fn digest(n: u32) -> String {
+    format!("sha256-{n:064x}")
+}
+
+fn display() -> Display {
+    Display {
+        id: "lab".to_owned(),
+        width_px: 64,
+        height_px: 48,
+        pixel_pitch_m: 8e-6,
+        bit_depth: 1,
+        wavelengths: vec![GREEN, Wavelength { pm: 632_816 }],
+        phase_response_rad: Some(vec![0.0, 3.5]),
+        carrier: Some(Carrier::HalfOrderX),
+        notes: "by the window".to_owned(),
+        simulated_bench: Some(SimulatedBench { seed: u64::MAX, blur_px: 0.2, ..SimulatedBench::FAIR }),
+    }
+}
+
+fn region() -> RegionOfInterest {
+    RegionOfInterest::middle(&Grid::try_new(48, 64, 8e-6).unwrap())
+}
+
+fn propagation() -> ValidityReport {
+    let setup = planning::setup(&display(), GREEN, NEAR).unwrap();
+    // The numbers are the engine's matter: here they are few and round.
+    ValidityReport {
+        explanation: "4 mm is within the critical distance".to_owned(),
+        critical_distance_x_m: 0.0625,
+        critical_distance_y_m: 0.03125,
+        band_kept_x: 1.0,
+        band_kept_y: 0.5,
+        band_kept_area: 0.5,
+        fresnel_number: 32.0,
+        diffraction_angle_rad: 0.03125,
+        spread_m: None,
+        full_cone_x_m: 0.25,
+        full_cone_y_m: 0.125,
+        ..planning::assessed(&setup, "")
+    }
+}
+
+#[test]
+fn displays() {
+    stored("display", &display());
+}
+
+#[test]
+fn hologram_jobs() {
+    let plane = |distance, weight| ImagePlane { distance, target: digest(1), weight };
+    let mut spec = OptimizeHologram {
+        display: "lab".to_owned(),
+        wavelengths: vec![GREEN, Wavelength { pm: 632_816 }],
+        planes: vec![plane(NEAR, 1.0), plane(FAR, 2.5)],
+        depth_map: Some(digest(2)),
+        target_encoding: Encoding::Srgb,
+        target_fit: Fit::Contain,
+        kernel_versions: vec![vec![None, Some(3)], vec![None, None]],
+        propagation: Some(ConvolutionMethod::BandLimited),
+        method: HologramMethod::Adam { learning_rate: 0.1 },
+        iterations: 200,
+        frames: 1,
+        initial_phase: InitialPhase::Given(vec![digest(3), digest(4)]),
+        seed: 7,
+        loss: Loss { quantity: Quantity::Amplitude, speckle: 0.01, ..Loss::default() },
+        detector: Detector::Supersampled,
+        region_of_interest: region(),
+        weight_mask: Some(digest(5)),
+        quantization_aware: true,
+    };
+    stored("optimize_hologram_full", &JobSpec::OptimizeHologram(Box::new(spec.clone())));
+    spec.wavelengths.truncate(1);
+    spec.planes.truncate(1);
+    spec.kernel_versions = vec![vec![None]];
+    spec.method = HologramMethod::Lbfgs;
+    spec.initial_phase = InitialPhase::Random { range_rad: 1.0 };
+    spec.loss = Loss::default();
+    (spec.depth_map, spec.propagation, spec.weight_mask, spec.quantization_aware) = (None, None, None, false);
+    stored("optimize_hologram", &JobSpec::OptimizeHologram(Box::new(spec)));
+}
+
+#[test]
+fn other_jobs() {
+    let (display, kernel_version) = ("lab".to_owned(), Some(3));
+    let learn = LearnKernel {
+        datasets: vec!["near".to_owned(), "far".to_owned()],
+        display: display.clone(),
+        model: KernelModel::Varying,
+        order: Some(8),
+        start_version: None,
+        epochs: Some(4),
+        learning_rate: Some(0.05),
+        refinement_evaluations: None,
+        seed: 1,
+        detector: Detector::Pixel,
+        region_of_interest: region(),
+    };
+    stored("learn_kernel", &JobSpec::LearnKernel(learn));
+    let (phase, dataset) = (digest(1), "near".to_owned());
+    let capture = SimulateCapture {
+        display: display.clone(),
+        wavelength: GREEN,
+        distance: Distance { nm: -12_500_000 },
+        phase,
+        seed: 1,
+        elapsed_s: 3600.0,
+    };
+    stored("simulate_capture", &JobSpec::SimulateCapture(capture));
+    let evaluate = EvaluateKernel { dataset, display, kernel_version, region_of_interest: region() };
+    stored("evaluate_kernel", &JobSpec::EvaluateKernel(evaluate));
+}
+
+#[test]
+fn results() {
+    let seen = SeenQuality {
+        psnr_db: 30.5,
+        ssim: Some(0.75),
+        ms_ssim: None,
+        diffraction_efficiency: 0.5,
+        frame_efficiency: 0.625,
+        speckle_contrast: Some(0.25),
+    };
+    let quality = Quality { point: seen, pixel: seen, supersampled: seen };
+    let plane = PlaneResult {
+        distance: NEAR,
+        reconstruction: digest(3),
+        quality,
+        quantized_quality: quality,
+        propagation: propagation(),
+    };
+    let hologram = WavelengthResult {
+        wavelength: GREEN,
+        frames: vec![FrameResult { phase: digest(1), phase_npy: digest(2) }],
+        planes: vec![plane],
+        intensity_scale: 1.5,
+        loss: 0.125,
+        largest_amplitude: None,
+    };
+    let holograms = HologramResult {
+        wavelengths: vec![hologram],
+        colour_reconstructions: Vec::new(),
+        iterations: 200,
+        iteration_ms: 2.5,
+    };
+    stored("hologram_result", &JobResult::Hologram(Box::new(holograms)));
+    let kernel = LearnedKernel {
+        kernel_version: "displays/lab/kernels/515nm-4mm/versions/1".to_owned(),
+        dataset: "near".to_owned(),
+        metrics: metrics(),
+        left_out_pairs: vec!["p01".to_owned()],
+        propagation: propagation(),
+    };
+    stored("learn_result", &JobResult::Learn(LearnResult { kernels: vec![kernel], loss_history: vec![0.5], order: 8 }));
+    stored("capture_result", &JobResult::Capture(CaptureResult { photo: digest(1), propagation: propagation() }));
+    let pair = PairLoss { pair: "p01".to_owned(), split: Split::Test, loss: 0.5, loss_full_frame: 0.25 };
+    stored("evaluate_result", &JobResult::Evaluate(EvaluateResult { pairs: vec![pair], propagation: propagation() }));
+}
+
+#[test]
+fn what_happens_to_jobs() {
+    let stage = "optimize".to_owned();
+    stored("progress", &Progress { stage, step: 3, steps_total: 200, loss: 0.5, eta_s: Some(1.5) });
+    let error =
+        JobError { reason: FailureReason::Diverged, message: "the loss became NaN".to_owned(), retryable: false };
+    stored("job_error", &error);
+}
+
+fn metrics() -> KernelMetrics {
+    KernelMetrics {
+        train_pairs: 6,
+        validation_pairs: 1,
+        test_pairs: 2,
+        train_loss: 0.125,
+        validation_loss: 0.25,
+        test_loss: 0.25,
+        ideal_test_loss: 0.5,
+        test_loss_full_frame: 0.25,
+        ideal_test_loss_full_frame: 0.5,
+        captured: Some(CapturedQuality { psnr_db: 25.5, ideal_psnr_db: 20.5 }),
+    }
+}
+
+#[test]
+fn kernels() {
+    stored("kernel_metrics", &metrics());
+    let dataset = |distance, id: &str, n| LearnedDataset { distance, id: id.to_owned(), digest: digest(n) };
+    let lineage = KernelLineage {
+        job: "0193".to_owned(),
+        datasets: vec![dataset(NEAR, "near", 1), dataset(FAR, "far", 2)],
+        interpolated: false,
+        parent_version: Some(2),
+        parameters_json: "{}".to_owned(),
+        seed: u64::MAX,
+        code_version: "0.1.0".to_owned(),
+    };
+    stored("kernel_lineage", &lineage);
+}
