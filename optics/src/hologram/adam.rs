@@ -1,7 +1,8 @@
-//! [Adam](crate::optimizer::adam) on the phase, with the gain fitted.
+//! Hologram optimization with [Adam](crate::optimizer::adam): updates the phases and fits the gain.
 //!
-//! The loss is a mean over the region of interest, so its gradient shrinks with the number of pixels; it is scaled by
-//! that number, which leaves Adam's steps as they are but keeps its ε small.
+//! The loss is a mean over the region of interest, so its gradient shrinks as the number of pixels grows. The gradient
+//! is therefore multiplied by the number of phases. This does not change Adam's steps, but it keeps Adam's ε small
+//! beside the gradient.
 
 use super::problem::ProblemCore;
 use crate::Evaluation;
@@ -10,31 +11,31 @@ use pulp::Arch;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// Everything that a step depends on.
+/// State of Adam between two steps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct AdamState {
     /// φ \[rad\], not wrapped; row-major.
     pub(super) phase: Vec<f32>,
-    /// m
+    /// First moment m of the gradient.
     pub(super) first_moment: Vec<f32>,
-    /// v
+    /// Second moment v of the gradient.
     pub(super) second_moment: Vec<f32>,
     /// Steps done.
     pub(super) iteration: u32,
-    /// The gain that the next step compares with.
+    /// Gain at which the next step compares the light with the target.
     pub(super) gain: f64,
 }
 
 impl AdamState {
-    /// At the start, at the gain that fits best.
+    /// Initial state for `phase`, with the gain that fits best.
     pub(super) fn new(problem: &mut ProblemCore<f32>, phase: Vec<f32>) -> Self {
         let gain = problem.measure(&phase, 1.0).best_gain;
         let zeros = vec![0.0; phase.len()];
         Self { phase, first_moment: zeros.clone(), second_moment: zeros, iteration: 0, gain }
     }
 
-    /// One step. The evaluation is that of the phase before it. The gain is the best fit of the step before, which costs no
-    /// pass of its own.
+    /// Takes one step and returns the evaluation of the phase before it. The gain is the best fit of the previous
+    /// evaluation, so it costs no extra pass.
     pub(super) fn step(
         &mut self,
         problem: &mut ProblemCore<f32>,

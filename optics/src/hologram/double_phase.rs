@@ -1,13 +1,13 @@
-//! Double phase: a complex field as two phases on neighbouring pixels.
+//! Double-phase encoding: a complex field becomes two phases on neighbouring pixels.
 //!
 //! ```text
 //! a e^{iθ} = ½ ( e^{i(θ+δ)} + e^{i(θ−δ)} ),   δ = arccos a,   a = |c| / max |c|
 //! ```
 //!
-//! c the field on the SLM that would show the target. The pixels take θ+δ and θ−δ like the squares of a chequerboard,
-//! which puts what is left over around the corners of the band; so c is limited to the inner half of the band first.
-//! No iterations. C.-K. Hsueh and A. Sawchuk, Applied Optics 17, 3874 (1978); A. Maimone, A. Georgiou and J. Kollin, ACM
-//! Transactions on Graphics 36, 85 (2017).
+//! c is the field on the SLM that would show the target. The pixels take θ+δ and θ−δ like the squares of a
+//! chequerboard. The error of this encoding lies around the corners of the band, so c is first limited to the inner
+//! half of the band. The method does not iterate. C.-K. Hsueh and A. Sawchuk, Applied Optics 17, 3874 (1978); A.
+//! Maimone, A. Georgiou and J. Kollin, ACM Transactions on Graphics 36, 85 (2017).
 
 use super::problem::ProblemCore;
 use crate::convolution::Real;
@@ -15,10 +15,11 @@ use num_complex::Complex;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
-/// Taps on either side of the low-pass filter.
+/// Taps of the low-pass filter on either side of its middle.
 const REACH: usize = 8;
 
-/// The phases of all frames, and the largest amplitude max |c|: the light is 1 / max² of the target's.
+/// Returns the phases of all frames \[rad\] and the largest amplitude max |c|. The light is the target's divided by
+/// max².
 pub(super) fn double_phase<T: Real>(problem: &ProblemCore<T>, image_phase: &[T]) -> (Vec<T>, f64) {
     let (engine, frame_len) = (problem.engine(), problem.engine().height_px() * problem.engine().width_px());
     let (width_px, height_px) = (engine.width_px(), engine.height_px());
@@ -34,7 +35,7 @@ pub(super) fn double_phase<T: Real>(problem: &ProblemCore<T>, image_phase: &[T])
         phase.par_chunks_mut(width_px).zip(field.par_chunks(width_px)).enumerate().for_each(|(y, (phase, row))| {
             for (x, (phase, c)) in phase.iter_mut().zip(row).enumerate() {
                 let c = c.scale(norm) - engine.slm.zero_order.scale(engine.slm.sign(y, x));
-                // Rounding, and the zero order, may leave it a little above one.
+                // Rounding and the zero order may raise |c| slightly above one.
                 let half_angle = c.norm().min(T::one()).acos();
                 let angle = c.im.atan2(c.re);
                 *phase = if (y + x) % 2 == 0 { angle + half_angle } else { angle - half_angle };
@@ -46,7 +47,7 @@ pub(super) fn double_phase<T: Real>(problem: &ProblemCore<T>, image_phase: &[T])
     (phases, scale)
 }
 
-/// Keeps the inner half of the band along both axes: a sinc of two pixels under a Lanczos window.
+/// Filters the field to the inner half of the band along both axes, with a sinc of two pixels under a Lanczos window.
 fn low_pass<T: Real>(field: &mut [Complex<T>], height_px: usize, width_px: usize) {
     let sinc = |x: f64| if x == 0.0 { 1.0 } else { (PI * x).sin() / (PI * x) };
     let raw: Vec<f64> =

@@ -1,24 +1,25 @@
-//! Gerchberg–Saxton with a phase-only modulator, and its weighted variant.
+//! Gerchberg–Saxton for a phase-only modulator, and its weighted variant.
 //!
 //! ```text
 //! u = A c,   c′ = c − Aᴴ[ w ( 1 − W√t / (s√p) ) u ],   φ ← phase that shows arg c′
 //! weighted:  W ← W · √t / (s√p)
 //! ```
 //!
-//! c the field on the SLM, A the propagation, p the detector's light, t the target, s the gain that fits the amplitudes best,
-//! w the weights, W 1 at first. In the picture the amplitude becomes the target's and the phase stays; outside, where w = 0,
-//! the light stays as it is. For a unitary A this is the round trip of R. Gerchberg and W. Saxton, Optik 35, 237 (1972);
-//! written as a difference it also serves a cropped A, several sub-samples, planes and frames, whose corrections are
-//! averaged. The weights raise the target where light is missing: R. Di Leonardo, F. Ianni and G. Ruocco, Optics Express
-//! 15, 1913 (2007).
+//! c is the field on the SLM, A the propagation, p the detector's light, t the target, s the gain that fits the
+//! amplitudes best, w the weights, and W starts at 1. In the picture the target's amplitude replaces the light's
+//! amplitude, and the phase stays. Outside the picture, where w = 0, the light stays as it is. For a unitary A this is
+//! the round trip of R. Gerchberg and W. Saxton, Optik 35, 237 (1972). Written as a difference, it also serves a
+//! cropped A and several sub-samples, planes and frames, whose corrections are averaged. The factors W raise the target
+//! where light is missing: R. Di Leonardo, F. Ianni and G. Ruocco, Optics Express 15, 1913 (2007).
 
 use super::problem::ProblemCore;
 use crate::{Evaluation, Plane};
 use num_complex::Complex32;
 use rayon::prelude::*;
 
-/// One round: `phase` becomes the next one, and `wanted`, W√t of each plane, its weights where the rounds are `weighted`. The
-/// evaluation is that of the phase before it. `field` holds nothing from round to round.
+/// Runs one round and returns the evaluation of the phase before it. `phase` is replaced by the next phase. `wanted`
+/// holds W√t of each plane; W is updated only if `weighted` is true. `field` is scratch memory whose contents do not
+/// matter between rounds.
 pub(super) fn round(
     problem: &mut ProblemCore<f32>,
     weighted: bool,

@@ -1,4 +1,4 @@
-//! Where an optimization starts.
+//! Initial phases of an optimization.
 
 use super::problem::{HologramProblem, ProblemCore};
 use crate::convolution::Real;
@@ -10,40 +10,42 @@ use std::f64::consts::{PI, TAU};
 
 /// The phase that an optimization starts from.
 ///
-/// `Given` is what stands for phases that are given: the phases themselves for an optimization, or the names of files that
-/// hold them.
+/// The type parameter `Given` is the form in which the caller gives phases: the phases themselves for an optimization,
+/// or the names of files that hold them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum InitialPhase<Given = Plane<f32>> {
-    /// Uniform in [0, `range_rad`), drawn row by row from the seed.
+    /// Random phase, uniform in [0, `range_rad`) and drawn row by row from the seed.
     ///
-    /// A wide range (2π) spreads the image's light over all angles and gives speckle; a narrow one keeps it smooth and
-    /// converges to a better picture, with less light outside the picture's own band.
+    /// A wide range (2π) spreads the image's light over all angles and gives speckle. A narrow range keeps the light
+    /// smooth and converges to a better picture, with less light outside the picture's own band.
     Random {
-        /// 0 to 2π
+        /// Width of the range \[rad\], 0 to 2π.
         range_rad: f64,
     },
-    /// The same everywhere.
+    /// The same phase at all pixels.
     Constant {
-        /// \[rad\]
+        /// The phase \[rad\].
         phase_rad: f64,
     },
-    /// A lens, −π r² / (λ f), that brings light from all of the SLM to every part of the picture.
+    /// Phase of a lens, −π r² / (λ f), which sends light from all of the SLM to every part of the picture.
     Quadratic {
-        /// f; `None`: the focal length at which the SLM's edges steer by half of its band, [`default_focal_length_m`].
+        /// Focal length f \[m\]. `None`: [`default_focal_length_m`], with which the SLM's edges steer light by half of
+        /// the band.
         focal_length_m: Option<f64>,
     },
-    /// That of the field that the targets' amplitudes send back to the SLM, with an image phase uniform in
-    /// [0, `range_rad`).
+    /// Phase of the field on the SLM that results from propagating the targets' amplitudes backwards, with an image
+    /// phase uniform in [0, `range_rad`).
     BackPropagated {
-        /// 0 to 2π
+        /// Width of the range \[rad\], 0 to 2π.
         range_rad: f64,
     },
-    /// Phases \[rad\] that are given, frame after frame: `frames · height_px` rows.
+    /// Phases \[rad\] given by the caller, frame after frame: `frames · height_px` rows.
     Given(Given),
 }
 
-/// f = 2 N Δ² / λ \[m\] for the longer side's N pixels of pitch Δ: the edges steer by half of the band.
+/// Default focal length of [`InitialPhase::Quadratic`]: f = 2 N Δ² / λ \[m\] for the longer side's N pixels of pitch Δ.
+/// The SLM's edges then steer light by half of the band.
 #[must_use]
 pub fn default_focal_length_m(setup: &OpticalSetup) -> f64 {
     let side_px = setup.grid().height_px().max(setup.grid().width_px()) as f64;
@@ -51,11 +53,11 @@ pub fn default_focal_length_m(setup: &OpticalSetup) -> f64 {
 }
 
 impl<Given> InitialPhase<Given> {
-    /// The same, with phases that are given read by `read`.
+    /// Converts the value of [`InitialPhase::Given`] with `read`; other initial phases stay unchanged.
     ///
     /// # Errors
     ///
-    /// Those of `read`.
+    /// The errors of `read`.
     pub fn try_map_given<Read, E>(
         &self,
         read: impl FnOnce(&Given) -> std::result::Result<Read, E>,
@@ -71,12 +73,13 @@ impl<Given> InitialPhase<Given> {
 }
 
 impl InitialPhase {
-    /// The phases of all frames \[rad\]; what is random differs from frame to frame.
+    /// Returns the phases of all frames \[rad\]. Random phases differ from frame to frame.
     ///
     /// # Errors
     ///
-    /// [`Error::OutOfRange`] for a range that is not between 0 and 2π, a focal length of 0, or numbers that are not finite;
-    /// [`Error::SizeMismatch`] and [`Error::NotFinite`] for a given phase.
+    /// [`Error::OutOfRange`] for a range that is not between 0 and 2π, a focal length of 0, or numbers that are not
+    /// finite; [`Error::SizeMismatch`] for a given phase of another size; [`Error::NotFinite`] for a given phase with
+    /// values that are not finite.
     pub fn phases(&self, problem: &HologramProblem, setup: &OpticalSetup, seed: u64) -> Result<Vec<f32>> {
         let problem = &problem.core;
         let (height_px, width_px) = (problem.engine().height_px(), problem.engine().width_px());
@@ -109,7 +112,8 @@ impl InitialPhase {
     }
 }
 
-/// A phase uniform in [0, `range_rad`), drawn row by row from `seed`: [`InitialPhase::Random`] of one frame.
+/// Random phase of one frame, uniform in [0, `range_rad`) and drawn row by row from `seed`, as by
+/// [`InitialPhase::Random`].
 ///
 /// # Errors
 ///
@@ -118,9 +122,9 @@ pub fn initial_phase(height_px: usize, width_px: usize, range_rad: f64, seed: u6
     Plane::try_from_vec(height_px, width_px, random(1, height_px * width_px, range_rad, seed)?)
 }
 
-/// Each frame has a stream of its own.
+/// Random phases of several frames \[rad\]. Each frame uses its own stream of the generator.
 pub(super) fn random(frames: usize, frame_len: usize, range_rad: f64, seed: u64) -> Result<Vec<f32>> {
-    // A little beyond 2π, so that a 2π that went through f32 is still one.
+    // The limit is slightly above 2π, so that 2π rounded to f32 is still allowed.
     if !(0.0..=TAU + 1e-6).contains(&range_rad) {
         let allowed = "between 0 and 2π";
         return Err(Error::OutOfRange { name: "initial_phase_range_rad", value: range_rad, allowed });
@@ -150,14 +154,15 @@ fn finite(name: &'static str, value: f64) -> Result<f64> {
 }
 
 impl<T: Real> ProblemCore<T> {
-    /// The phases whose light has the phase of [`Self::back_propagated`].
+    /// Phases that show the phase of [`Self::back_propagated`].
     fn phase_of_targets(&self, image_phase: &[T]) -> Vec<T> {
         let engine = self.engine();
         let frame_len = engine.height_px() * engine.width_px();
         let mut phases = vec![T::zero(); self.parameters()];
         for (phase, image_phase) in phases.chunks_exact_mut(frame_len).zip(image_phase.chunks_exact(frame_len)) {
             let mut field = self.back_propagated(image_phase);
-            // A field of the modulator's own strength, so that its zero order is taken away in proportion.
+            // The field gets a mean power of 1, as on the modulator, so that the zero order is subtracted in
+            // proportion.
             let power: f64 = field.iter().map(|c| c.norm_sqr().wide()).sum::<f64>() / frame_len as f64;
             let norm = T::of(1.0 / power.sqrt().max(f64::MIN_POSITIVE));
             field.iter_mut().for_each(|c| *c = c.scale(norm));

@@ -1,4 +1,4 @@
-//! What an optimization minimizes.
+//! Loss functions of hologram optimization and the image planes they compare.
 
 use super::roughness::{Extent, SpeckleBlocks};
 use crate::convolution::Real;
@@ -7,24 +7,24 @@ use crate::photometry::{Quantity, Sums};
 use crate::{Engine, Error, Plane, RegionOfInterest, Result};
 use serde::{Deserialize, Serialize};
 
-/// What is minimized: the mean over the planes of
+/// Loss function of an optimization: the weighted mean over the planes of
 ///
 /// ```text
 /// Σ w (s q − t)² / Σ w  +  total_variation · V  +  speckle · S
 /// ```
 ///
-/// with q the light or its square root ([`Quantity`]), t the target likewise, s the gain, and V and S the roughness of the
-/// light relative to its own mean.
+/// with q the light or its square root ([`Quantity`]), t the target or its square root, w the weights, s the gain, V
+/// the total variation and S the speckle of the light relative to its own mean.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Loss {
-    /// What is compared with the target.
+    /// Quantity that is compared with the target: intensity (default) or amplitude.
     pub quantity: Quantity,
-    /// Factor of the total variation; 0 leaves it out.
+    /// Factor of the total variation; 0 (default) omits the term.
     pub total_variation: f64,
-    /// Factor of the speckle; 0 leaves it out.
+    /// Factor of the speckle; 0 (default) omits the term.
     pub speckle: f64,
-    /// Side of the blocks in which speckle is measured \[px\].
+    /// Side of the square blocks in which speckle is measured \[px\]; 8 by default.
     pub speckle_block_px: usize,
 }
 
@@ -35,11 +35,13 @@ impl Default for Loss {
 }
 
 impl Loss {
-    /// Largest factor of a term: beyond it the picture would not count.
+    /// Largest factor of a term. With a larger factor the picture itself would not matter.
     pub const FACTOR_MAX: f64 = 1e3;
-    /// Smallest side of a speckle block \[px\]: fewer pixels have no contrast to speak of.
+    /// Smallest side of a speckle block \[px\]. A smaller block has no meaningful contrast.
     pub const SPECKLE_BLOCK_PX_MIN: usize = 2;
 
+    /// Checks the factors and, when the speckle term is used, the block size.
+    ///
     /// # Errors
     ///
     /// [`Error::OutOfRange`] for a factor that is not between 0 and [`Self::FACTOR_MAX`], or blocks that are smaller
@@ -58,34 +60,34 @@ impl Loss {
         Ok(())
     }
 
-    /// Whether neighbouring pixels are looked at.
+    /// Whether the loss contains a term that compares neighbouring pixels.
     pub(super) fn has_roughness(&self) -> bool {
         self.total_variation > 0.0 || self.speckle > 0.0
     }
 }
 
-/// One picture that a hologram is to show.
+/// Target picture of a hologram at one distance.
 #[derive(Clone, Debug)]
 pub struct ImagePlane {
-    /// The display, at the picture's distance.
+    /// Engine that models the display at the picture's distance.
     pub engine: Engine,
-    /// Intensity in linear light, of the engine's size.
+    /// Target intensity in linear light, of the engine's size.
     pub target: Plane<f32>,
-    /// How much each pixel counts, 0 or above; `None`: all the same.
+    /// Weight of each pixel in the loss, 0 or above; `None`: all pixels have the same weight.
     pub weight: Option<Plane<f32>>,
-    /// How much this plane counts among several, above 0.
+    /// Weight of this plane among several planes, above 0.
     pub share: f64,
 }
 
 impl ImagePlane {
-    /// A plane that counts everywhere.
+    /// Image plane in which all pixels have the same weight, with a share of 1.
     #[must_use]
     pub fn new(engine: Engine, target: Plane<f32>) -> Self {
         Self { engine, target, weight: None, share: 1.0 }
     }
 }
 
-/// An [`ImagePlane`] in the precision of an engine.
+/// An [`ImagePlane`] in the precision `T` of an engine, not checked yet.
 #[derive(Debug)]
 pub(super) struct Asked<T> {
     pub(super) engine: EngineCore<T>,
@@ -100,18 +102,18 @@ impl From<ImagePlane> for Asked<f32> {
     }
 }
 
-/// An image plane, checked, with what its loss needs.
+/// A checked image plane with the data that its loss needs.
 #[derive(Debug)]
 pub(super) struct Wanted<T> {
     pub(super) engine: EngineCore<T>,
-    /// What q is compared with: t or √t.
+    /// Target of q: t or √t.
     pub(super) picture: Plane<T>,
     pub(super) weight: Option<Plane<T>>,
-    /// The picture holds √t.
+    /// Whether the picture holds √t.
     pub(super) compares_amplitudes: bool,
     /// Σ w
     pub(super) weight_sum: f64,
-    /// The plane's part of the loss; all of them sum to 1.
+    /// Share of the plane in the loss; the shares of all planes sum to 1.
     pub(super) share: f64,
     pub(super) blocks: Option<SpeckleBlocks>,
 }
@@ -150,7 +152,7 @@ impl<T: Real> Wanted<T> {
         Ok(Self { engine, picture, weight, compares_amplitudes, weight_sum, share: share / shares, blocks })
     }
 
-    /// Whether there is light that counts.
+    /// Whether the target has a bright pixel with a positive weight in the region.
     pub(super) fn is_lit(&self, region: RegionOfInterest) -> bool {
         let lit = |y: usize, x: usize| {
             self.picture.at(y, x) > T::zero() && self.weight.as_ref().is_none_or(|weight| weight.at(y, x) > T::zero())
@@ -163,7 +165,7 @@ impl<T: Real> Wanted<T> {
     }
 }
 
-/// A plane of the engine's size, finite, nowhere negative.
+/// Checks that a plane has the engine's size and that its values are finite and not negative.
 fn expect_light<T: Real>(name: &'static str, plane: &Plane<T>, engine: &EngineCore<T>) -> Result<()> {
     plane.expect_size(name, engine.height_px(), engine.width_px())?;
     plane.map(|t| t.wide() as f32).expect_finite(name)?;
@@ -173,12 +175,12 @@ fn expect_light<T: Real>(name: &'static str, plane: &Plane<T>, engine: &EngineCo
     }
 }
 
-/// The sums of several planes as one: each counts by its share of the loss.
+/// Adds the sums of several planes, each weighted by its share of the loss.
 pub(super) fn weighted_sums(planes: usize, mut sums_of: impl FnMut(usize) -> (Sums, f64)) -> Sums {
     let mut all = Sums::default();
     for p in 0..planes {
         let (mut sums, share) = sums_of(p);
-        // One plane's sums stay as they are, to the last bit.
+        // The sums of a single plane are not divided, so that they keep their exact bits.
         if planes > 1 {
             sums.divide(sums.w / share);
         }

@@ -1,11 +1,12 @@
-//! How long the passes of evaluations take, by the clock of whoever wants to know: nothing here looks at one by itself.
+//! Time spent in evaluations of loss and gradient, measured with a clock that the caller gives. This crate reads no
+//! clock of its own.
 
 use std::time::Duration;
 
-/// A clock that goes evenly: the time since any one moment.
+/// Monotonic clock: returns the time since a fixed moment.
 pub type Clock = fn() -> Duration;
 
-/// What is measured of an optimization; nothing without a clock.
+/// Adds up the time between starts and stops; measures nothing without a clock.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Meter {
     pub(super) clock: Option<Clock>,

@@ -1,4 +1,4 @@
-//! Finding the phases that show targets.
+//! Optimization of holograms: finds phases with which a display shows target pictures.
 
 mod adam;
 mod double_phase;

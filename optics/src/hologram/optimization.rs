@@ -1,4 +1,4 @@
-//! One way to run every method: start, step, save, resume.
+//! Common interface of all optimization methods: start, step, save and resume.
 
 use super::adam::AdamState;
 use super::double_phase::double_phase;
@@ -13,29 +13,30 @@ use num_complex::Complex32;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
-/// How a phase is found.
+/// Method that finds a hologram's phases.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum HologramMethod {
-    /// Adam: a step along the gradient, scaled for each pixel by its history. The gain lags by one step.
+    /// Adam: steps along the gradient, scaled for each pixel by the history of its gradient. The gain lags by one step.
     Adam {
-        /// \[rad\], above 0, at most 10.
+        /// Learning rate \[rad\], above 0, at most 10.
         learning_rate: f64,
     },
-    /// L-BFGS: the curvature of the loss from its last gradients, with the gain fitted at every evaluation. A step is an
-    /// evaluation.
+    /// L-BFGS: estimates the curvature of the loss from the last gradients and fits the gain at every evaluation. Each
+    /// step is one evaluation.
     #[default]
     Lbfgs,
     /// Gerchberg–Saxton with the phase-only constraint.
     GerchbergSaxton,
-    /// Gerchberg–Saxton with weights that raise the target where light is missing.
+    /// Weighted Gerchberg–Saxton: weights raise the target where light is missing.
     WeightedGerchbergSaxton,
-    /// Double phase: no iterations.
+    /// Double-phase encoding of the field on the SLM, without iterations.
     DoublePhase,
 }
 
 impl HologramMethod {
-    /// Whether the method follows the gradient of the whole [loss](super::Loss), and can go on through a display's levels.
+    /// Whether the method follows the gradient of the whole [loss](super::Loss). Only such methods can optimize through
+    /// a display's levels.
     #[must_use]
     pub fn follows_gradient(self) -> bool {
         match self {
@@ -45,26 +46,26 @@ impl HologramMethod {
     }
 }
 
-/// How long, and for what levels.
+/// Options of an optimization: method, number of steps and, if wanted, the display's levels.
 #[derive(Clone, Debug)]
 pub struct HologramOptions {
-    /// How a phase is found.
+    /// Method that finds the phases.
     pub method: HologramMethod,
-    /// Steps in all, at least 1; [`HologramMethod::DoublePhase`] takes one.
+    /// Total number of steps, at least 1; [`HologramMethod::DoublePhase`] always takes one.
     pub iterations: u32,
-    /// The last third of the steps goes on through these levels, and the phases found are ones that the display shows.
-    /// Only where [`HologramMethod::follows_gradient`].
+    /// Levels of the display. If given, the last third of the steps moves the phases to these levels, so that the
+    /// display can show them exactly. Allowed only if [`HologramMethod::follows_gradient`] is true.
     pub levels: Option<Levels>,
 }
 
 impl HologramOptions {
-    /// Any number of levels.
+    /// Options without a display's levels: phases are not rounded.
     #[must_use]
     pub fn new(method: HologramMethod, iterations: u32) -> Self {
         Self { method, iterations, levels: None }
     }
 
-    /// Steps with phases that are not rounded.
+    /// Number of steps with phases that are not rounded.
     pub(super) fn free_iterations(&self) -> u32 {
         let steps = if self.method == HologramMethod::DoublePhase { 1 } else { self.iterations };
         if self.levels.is_some() { steps - steps.div_ceil(3) } else { steps }
@@ -92,7 +93,7 @@ impl HologramOptions {
     }
 }
 
-/// An optimization under way.
+/// A running optimization of the phases of a [`HologramProblem`].
 #[derive(Debug)]
 pub struct Optimization {
     problem: HologramProblem,
@@ -101,34 +102,34 @@ pub struct Optimization {
     scratch: Scratch,
 }
 
-/// Memory that holds nothing from one step to the next; empty until a method needs it.
+/// Scratch memory whose contents do not matter between steps; empty until a method needs it.
 #[derive(Debug, Default)]
 struct Scratch {
     gradient: Vec<f32>,
-    /// Of L-BFGS.
+    /// Scratch memory of L-BFGS.
     workspace: Workspace,
-    /// Of Gerchberg–Saxton.
+    /// Scratch field of Gerchberg–Saxton.
     field: Vec<Complex32>,
 }
 
-/// What a step did.
+/// Progress and evaluation of one optimization step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Step {
-    /// Steps done.
+    /// Number of steps done.
     pub iteration: u32,
-    /// Steps at the end.
+    /// Total number of steps.
     pub iterations: u32,
-    /// Of the phase that this step looked at.
+    /// Evaluation of the phase that this step evaluated, before the phase was changed.
     pub evaluation: Evaluation,
 }
 
 impl Optimization {
-    /// Starts from `phases`, the frames' rows one after the other; [`HologramMethod::DoublePhase`] takes them for the phases of the
-    /// light in the image.
+    /// Starts an optimization from `phases` \[rad\], which hold the rows of one frame after the other.
+    /// [`HologramMethod::DoublePhase`] takes them as the phases of the light in the image.
     ///
     /// # Errors
     ///
-    /// [`Error`] for phases of another size or options out of range.
+    /// [`Error`] for phases of another size, phases that are not finite, or options out of range.
     pub fn start(mut problem: HologramProblem, options: HologramOptions, phases: Vec<f32>) -> Result<Self> {
         options.validate()?;
         let core = &mut problem.core;
@@ -150,38 +151,39 @@ impl Optimization {
         Ok(Self { problem, options, state: OptimizationState { iteration: 0, run }, scratch: Scratch::default() })
     }
 
-    /// Everything that the next step depends on.
+    /// State that the next step depends on; [`Self::resume`] continues from a copy of it.
     #[must_use]
     pub fn state(&self) -> &OptimizationState {
         &self.state
     }
 
-    /// Goes on from where [`Self::state`] was taken, with the same problem and options.
+    /// Continues an optimization from a copy of [`Self::state`], with the same problem and options.
     ///
     /// # Errors
     ///
-    /// [`Error`] for options out of range, or a state that is not of this problem and these options.
+    /// [`Error`] for options out of range, or a state that does not belong to this problem and these options.
     pub fn resume(problem: HologramProblem, options: HologramOptions, state: OptimizationState) -> Result<Self> {
         options.validate()?;
         state.check(&problem.core, &options)?;
         Ok(Self { problem, options, state, scratch: Scratch::default() })
     }
 
-    /// From now on the time of the passes that take light to the image and back is added up, by `clock`.
+    /// Measures the time of later evaluations with `clock`; see [`Self::transforming`].
     #[must_use]
     pub fn timed_by(mut self, clock: Clock) -> Self {
         self.problem.core.meter.clock = Some(clock);
         self
     }
 
-    /// The time that evaluations of loss and gradient have taken, where a clock was given: Fourier transforms, with what is
-    /// done in the same passes over memory. What is left of a step is the method's own.
+    /// Total time of the evaluations of loss and gradient since [`Self::timed_by`] set a clock; zero without a clock.
+    /// It covers the Fourier transforms and the work done in the same passes over memory. The rest of a step's time is
+    /// spent in the method itself.
     #[must_use]
     pub fn transforming(&self) -> Duration {
         self.problem.core.meter.spent
     }
 
-    /// The next step, or `None` at the end.
+    /// Takes the next step; `None` once all steps are done.
     pub fn step(&mut self) -> Option<Step> {
         let (iterations, free_iterations) = (self.options.all_iterations(), self.options.free_iterations());
         if self.state.iteration >= iterations {
@@ -195,13 +197,13 @@ impl Optimization {
         if let Run::Lbfgs { memory, .. } = &self.state.run
             && memory.counts.converged
         {
-            // No better point is to be found: what is left of the free steps would find none either.
+            // L-BFGS cannot find a better point, so the remaining steps without rounding are skipped.
             self.state.iteration = self.state.iteration.max(free_iterations);
         }
         Some(Step { iteration: self.state.iteration, iterations, evaluation })
     }
 
-    /// One step of the method that has its turn.
+    /// Takes one step of the current method: the chosen one, or rounding to levels.
     fn advance(&mut self) -> Evaluation {
         let Self { problem, options, state, scratch: Scratch { gradient, workspace, field } } = self;
         let problem = &mut problem.core;
@@ -237,14 +239,15 @@ impl Optimization {
         }
     }
 
-    /// φ \[rad\], not wrapped, of all frames, one after the other: the best found so far.
+    /// The best phases φ \[rad\] found so far, not wrapped, one frame after the other.
     #[must_use]
     pub fn phases(&self) -> &[f32] {
         self.state.phases()
     }
 
-    /// What the field was divided by to fit the modulator, for [`HologramMethod::DoublePhase`]: with the leftovers of the encoding
-    /// filtered away, the light is 1/this² of the target's.
+    /// Largest amplitude of the field, by which [`HologramMethod::DoublePhase`] divides it to fit the modulator; `None`
+    /// for other methods. After the errors of the encoding are filtered away, the light is the target's divided by this
+    /// number squared.
     #[must_use]
     pub fn largest_amplitude(&self) -> Option<f64> {
         match &self.state.run {
@@ -253,7 +256,7 @@ impl Optimization {
         }
     }
 
-    /// The loss of any phases, such as those that a display shows instead of the ones found.
+    /// Evaluates the loss of any phases \[rad\], such as those that a display shows after rounding.
     ///
     /// # Errors
     ///
@@ -265,13 +268,13 @@ impl Optimization {
         Ok(self.problem.measure(phases, 1.0))
     }
 
-    /// The problem that is solved.
+    /// The problem that this optimization solves.
     #[must_use]
     pub fn problem(&self) -> &HologramProblem {
         &self.problem
     }
 
-    /// Steps done.
+    /// Number of steps done.
     #[must_use]
     pub fn iteration(&self) -> u32 {
         self.state.iteration

@@ -1,5 +1,5 @@
-//! What every method promises: it gets nearer to its targets, to the same bits on any number of threads and after any
-//! interruption.
+//! Tests of all optimization methods: each approaches its targets, and the results have the same bits on any number of
+//! threads and after any interruption.
 
 use super::*;
 use crate::hologram::{ImagePlane, InitialPhase, Loss, light_of_frames, quality};
@@ -36,7 +36,7 @@ fn start(problem: HologramProblem, options: HologramOptions) -> Optimization {
     Optimization::start(problem, options, phases).unwrap()
 }
 
-/// Runs to the end; the best loss of the phases found.
+/// Runs all steps and returns the loss of the phases at the best gain, with the optimization.
 fn finished(mut optimization: Optimization) -> (f64, Optimization) {
     while optimization.step().is_some() {}
     let phases = optimization.phases().to_vec();
@@ -56,7 +56,7 @@ const ALL: [HologramMethod; 5] = [
     HologramMethod::DoublePhase,
 ];
 
-/// Three levels' worth of bits: coarse, so that rounding matters.
+/// Levels of a display with `bit_depth` bits. Tests choose few bits, so that rounding matters.
 fn coarse(bit_depth: u32) -> Levels {
     Levels::new(PhaseResponse::linear(bit_depth).unwrap(), Some(Carrier::HalfOrderX)).unwrap()
 }
@@ -153,7 +153,7 @@ fn frames_average_their_light() {
     };
     let ((one, _), (four, optimization)) = (run(1), run(4));
     assert!(four < one / 2.0, "{four} with four frames, {one} with one");
-    // The light of the frames found, measured by itself.
+    // The mean light of the frames is compared with a sum over single frames.
     let shown = plane(12e-3, Detector::Pixel, TestCard::Portrait);
     let frames = optimization.phases().chunks_exact(HEIGHT_PX * WIDTH_PX);
     let frames: Vec<_> =
@@ -180,7 +180,7 @@ fn going_on_through_the_levels_costs_less_than_rounding() {
         let aware = HologramOptions { levels: Some(levels.clone()), ..options.clone() };
         let (aware, found) = finished(start(problem(Detector::Point, 1, 1), aware));
         assert!(aware < 0.8 * naive, "{bit_depth} bits: {aware} against {naive}, free {free}");
-        // What was found is what the display shows of it.
+        // Rounding the phases to the display's levels again does not change them.
         let again = rounded(&levels, found.phases());
         assert!(found.phases().iter().zip(&again).all(|(a, b)| (a - b).abs() < 1e-4));
     }
@@ -201,7 +201,7 @@ fn every_initial_phase_is_what_it_says() {
     let expected = -std::f64::consts::PI * (8e-6_f64).powi(2) * (1.5_f64.powi(2) - 0.5_f64.powi(2)) / (515e-9 * 0.01);
     let found = at(45, 65) - at(45, 64);
     assert!((found - expected).sin().abs() < 1e-5, "{found} {expected}");
-    // The field that comes back from the target shows it better than chance does.
+    // Back-propagating the target gives a lower loss than random phases.
     let loss = |initial: Vec<f32>| {
         let mut problem = self::problem(Detector::Point, 1, 2);
         problem.measure(&initial, 1.0).best_loss

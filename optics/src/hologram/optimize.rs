@@ -1,4 +1,4 @@
-//! From a target to a hologram in one call.
+//! Optimization of a hologram for one target in one call.
 
 use super::{HologramMethod, HologramOptions, HologramProblem, InitialPhase, Optimization, Quality, quality};
 use crate::phase_response::wrap_f32;
@@ -6,25 +6,26 @@ use crate::propagation::ValidityReport;
 use crate::{Detector, DisplayModel, Engine, OpticalSetup, Plane, RegionOfInterest, Result};
 use num_complex::Complex32;
 
-/// Steps of L-BFGS: beyond, pictures gain a few dB that no camera sees.
+/// Number of L-BFGS steps. More steps gain a few dB that no camera sees.
 const ITERATIONS: u32 = 100;
-/// Range of the random phase to begin with \[rad\]: a narrow one, which speckles least.
+/// Range of the random initial phase \[rad\]. A narrow range gives the least speckle.
 const RANGE_RAD: f64 = 1.0;
-/// Of the random phase.
+/// Seed of the random initial phase.
 const SEED: u64 = 0;
 
-/// A hologram that [`optimize`] found, and what it shows.
+/// Hologram found by [`optimize`], with its simulated picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Hologram {
     /// φ \[rad\] on the modulator, in [0, 2π).
     pub phase: Plane<f32>,
-    /// What a camera of the display's pixels sees, linear light, as bright as the target.
+    /// Simulated picture, integrated over the display's pixels: intensity in linear light, scaled to the target's
+    /// brightness.
     pub reconstruction: Plane<f32>,
-    /// How near that comes to the target in the middle 80 % of each axis, as each detector sees it.
+    /// Quality of the picture in the middle 80 % of each axis, for each detector.
     pub quality: Quality,
-    /// What the light was multiplied by to be as bright as the target.
+    /// Factor that scales the light to the target's brightness.
     pub intensity_scale: f64,
-    /// By which method the light's way was computed, and how good that is.
+    /// Propagation method that was used, and its accuracy.
     pub validity: ValidityReport,
 }
 
@@ -36,18 +37,18 @@ impl Hologram {
     }
 }
 
-/// Finds the phase with which an ideal display shows `target`, intensity in linear light of the setup's size.
+/// Finds the phase with which an ideal display shows `target`: intensity in linear light, of the setup's size.
 ///
-/// The light's way is computed by the method that the [planner](crate::plan) chooses. L-BFGS takes 100 steps from a random phase
-/// of 1 rad, always the same one, and compares what a camera's pixels integrate in the middle 80 % of each axis. For other
-/// methods, detectors, regions, several planes, and learned displays see [`Optimization`].
+/// The [planner](crate::plan) chooses the propagation method. L-BFGS takes 100 steps from a random phase in [0, 1) rad
+/// that is the same in every call. The loss compares the light integrated over each pixel in the middle 80 % of each
+/// axis. For other methods, detectors, regions, several planes, and learned displays see [`Optimization`].
 ///
 /// # Errors
 ///
 /// [`Error::SizeMismatch`](crate::Error::SizeMismatch), [`Error::NotFinite`](crate::Error::NotFinite),
-/// [`Error::OutOfRange`](crate::Error::OutOfRange) and [`Error::Empty`](crate::Error::Empty) for a target of another size, with
-/// values that are not finite, with negative ones, or that is black; [`Error::Unsuitable`](crate::Error::Unsuitable), with the
-/// numbers, where no image can be right.
+/// [`Error::OutOfRange`](crate::Error::OutOfRange) and [`Error::Empty`](crate::Error::Empty) for a target of another
+/// size, with values that are not finite, with negative values, or that is black;
+/// [`Error::Unsuitable`](crate::Error::Unsuitable), with figures, if no propagation method gives an accurate image.
 pub fn optimize(target: &Plane<f32>, setup: &OpticalSetup) -> Result<Hologram> {
     let (setup, validity) = setup.planned()?;
     let region = RegionOfInterest::middle(&setup.grid());

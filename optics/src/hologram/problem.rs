@@ -1,4 +1,4 @@
-//! How far a phase is from showing a target, and in which direction it gets nearer.
+//! Loss of a hologram's phases and its gradient.
 
 use super::loss::{Asked, ImagePlane, Loss, Wanted, weighted_sums};
 use super::meter::Meter;
@@ -9,17 +9,17 @@ use crate::photometry::{Comparison, Quantity, Sums};
 use crate::{Error, Plane, RegionOfInterest, Result};
 use num_complex::Complex;
 
-/// What a hologram is to show, and the display that is to show it: one picture, or several at different distances; one
-/// phase, or several *frames* that are shown so fast that the eye sees the mean of their light.
+/// Target pictures of a hologram and the display that shows them: one picture, or several at different distances. The
+/// hologram is one phase, or several *frames* that are shown so fast that the eye sees the mean of their light.
 ///
-/// Phases and gradients are the frames' rows, one frame after the other: `frames · height_px · width_px` values. All
-/// planes share one gain, as one exposure would show them.
+/// Phases and gradients hold the rows of one frame after the other: `frames · height_px · width_px` values. All planes
+/// share one gain, as in a single exposure.
 #[derive(Debug)]
 pub struct HologramProblem {
     pub(super) core: ProblemCore<f32>,
 }
 
-/// A [`HologramProblem`] in the precision of `T`: f32 for work, f64 for tests of its gradients.
+/// A [`HologramProblem`] in the precision `T`: f32 in production, f64 in tests of its gradients.
 #[derive(Debug)]
 pub(super) struct ProblemCore<T> {
     pub(super) planes: Vec<Wanted<T>>,
@@ -31,14 +31,14 @@ pub(super) struct ProblemCore<T> {
     pub(super) meter: Meter,
 }
 
-/// What an evaluation found.
+/// Loss and best gain of a phase.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Evaluation {
-    /// The [loss](Loss) at the gain s that was asked for, or at the one that fits best.
+    /// The [loss](Loss) at the gain s that the caller gave, or at the best gain if none was given.
     pub loss: f64,
-    /// The gain that fits best: the next evaluation's, where the gain may lag by one.
+    /// Gain that fits best. Methods whose gain lags by one step use it in their next evaluation.
     pub best_gain: f64,
-    /// The loss at that gain.
+    /// The loss at [`Self::best_gain`].
     pub best_loss: f64,
 }
 
@@ -49,80 +49,82 @@ impl Evaluation {
     }
 }
 
-/// What comes back from the image planes.
+/// Destination of what propagates back from the image planes.
 pub(super) enum Sink<'a, T> {
-    /// ∂L/∂φ
+    /// Gradient ∂L/∂φ.
     Gradient(&'a mut [T]),
     /// Aᴴg, a field on the SLM.
     Field(&'a mut [Complex<T>]),
 }
 
 impl HologramProblem {
-    /// One picture and one frame, compared by intensity. `target`: intensity in linear light, of the engine's size.
+    /// Problem with one picture and one frame, compared by intensity. `target` is intensity in linear light, of the
+    /// engine's size.
     ///
     /// # Errors
     ///
-    /// As [`Self::with_planes`].
+    /// The errors of [`Self::with_planes`].
     pub fn new(engine: Engine, target: Plane<f32>, region: RegionOfInterest) -> Result<Self> {
         Self::with_planes(vec![ImagePlane::new(engine, target)], 1, region, Loss::default())
     }
 
-    /// Several pictures, several frames, any loss.
+    /// Problem with any number of pictures and frames and any loss.
     ///
     /// # Errors
     ///
-    /// [`Error`] for no planes or frames, engines of different sizes or detectors, a target or weight of another size,
-    /// with values that are negative or not finite, a plane where nothing counts, targets that are all black where they
-    /// count, or a loss out of range.
+    /// [`Error`] for no planes or frames, engines of different sizes or detectors, a target or weight of another size
+    /// or with values that are negative or not finite, a plane in which all weights are 0, targets that are black
+    /// wherever the weight is positive, or a loss out of range.
     pub fn with_planes(planes: Vec<ImagePlane>, frames: usize, region: RegionOfInterest, loss: Loss) -> Result<Self> {
         let planes = planes.into_iter().map(Asked::from).collect();
         Ok(Self { core: ProblemCore::with_planes(planes, frames, region, loss)? })
     }
 
-    /// The display, at the distance of the first plane.
+    /// Engine of the first plane, which models the display at that plane's distance.
     #[must_use]
     pub fn engine(&self) -> Engine {
         Engine { core: self.core.engine().clone() }
     }
 
-    /// Phases that share the work.
+    /// Number of frames.
     #[must_use]
     pub fn frames(&self) -> usize {
         self.core.frames
     }
 
-    /// Pictures to show.
+    /// Number of target pictures.
     #[must_use]
     pub fn planes(&self) -> usize {
         self.core.planes.len()
     }
 
-    /// What is minimized.
+    /// Loss function of the problem.
     #[must_use]
     pub fn loss(&self) -> &Loss {
         &self.core.loss
     }
 
-    /// Values in a phase or a gradient, `frames · height_px · width_px`.
+    /// Number of values in a phase or a gradient, `frames · height_px · width_px`.
     #[must_use]
     pub fn parameters(&self) -> usize {
         self.core.parameters()
     }
 
-    /// The loss at `gain` and its gradient ∂L/∂φ, written to `gradient`.
+    /// Evaluates the loss at `gain` and writes its gradient ∂L/∂φ to `gradient`.
     ///
-    /// With the gain fitted in closed form the same gradient is exact at [`Evaluation::best_gain`], since there the loss
-    /// does not change with the gain.
+    /// At [`Evaluation::best_gain`] this gradient equals that of the loss with fitted gain, because the derivative of
+    /// the loss by the gain is 0 there.
     pub fn evaluate(&mut self, phase: &[f32], gain: f64, gradient: &mut [f32]) -> Evaluation {
         self.core.evaluate(phase, gain, gradient)
     }
 
-    /// The loss at the gain that fits best and its gradient: those of min over s of the [loss](Loss).
+    /// Evaluates the loss at the gain that fits best, min over s of the [loss](Loss), and writes its gradient to
+    /// `gradient`.
     pub fn evaluate_fitted(&mut self, phase: &[f32], gradient: &mut [f32]) -> Evaluation {
         self.core.evaluate_fitted(phase, gradient)
     }
 
-    /// The loss at `gain` alone, without the way back that its gradient takes.
+    /// Evaluates the loss at `gain` without its gradient, which saves the propagation back.
     pub fn measure(&mut self, phase: &[f32], gain: f64) -> Evaluation {
         self.core.measure(phase, gain)
     }
@@ -226,7 +228,8 @@ impl<T> Sink<'_, T> {
     }
 }
 
-/// From the half-transformed gradient in the spectrum to the sink, where it is written or, where asked, added.
+/// Propagates the half-transformed gradient in the spectrum back to the SLM. Adds the result to the sink if `add` is
+/// true, otherwise overwrites the sink.
 pub(super) fn send_back<T: Real>(
     engine: &EngineCore<T>,
     fields: &mut Fields<T>,

@@ -1,4 +1,5 @@
-//! Gradients of every loss, detector, number of frames and planes, against central differences in f64.
+//! Tests of the gradients against central differences in f64, for all losses and detectors and several numbers of
+//! frames and planes.
 
 use super::*;
 use crate::hologram::initial::random;
@@ -7,7 +8,7 @@ use num_complex::Complex64;
 
 const SIZES: [(usize, usize); 3] = [(16, 24), (17, 13), (11, 30)];
 
-/// A display with every flaw that the model knows; its kernel may vary.
+/// Display with all flaws of the display model. Its kernel varies across the image if `varies` is true.
 fn flawed(setup: OpticalSetup, varies: bool) -> DisplayModel {
     let smooth = |order, scale: f64| {
         let mut field = SmoothField::flat(order);
@@ -28,7 +29,7 @@ fn flawed(setup: OpticalSetup, varies: bool) -> DisplayModel {
     }
 }
 
-/// What a test's problem consists of.
+/// Parameters of a test problem.
 #[derive(Clone, Copy, Debug)]
 struct Case {
     height_px: usize,
@@ -52,7 +53,7 @@ impl Case {
         let grid = Grid::try_new(height_px, width_px, 8e-6).unwrap();
         let plane = |p: usize| {
             let setup = OpticalSetup::try_new(grid, 515e-9, 3e-3 - 2e-3 * p as f64).unwrap();
-            // Of some sizes, and of the second of two planes.
+            // The kernel varies for odd heights, and in the second plane.
             let varies = height_px % 2 == 1 || p == 1;
             let engine = EngineCore::new(&flawed(setup, varies), self.detector, self.carrier).unwrap();
             let wave = |y: usize, x: usize| 0.5 + 0.4 * ((3 * y + (5 + p) * x) as f64).sin();
@@ -73,7 +74,8 @@ impl Case {
         phase.into_iter().map(f64::from).collect()
     }
 
-    /// The gradient along a direction against the difference of the loss, at a gain that is held or fitted.
+    /// Compares the gradient along one direction with the central difference of the loss, at a fixed gain or the fitted
+    /// gain.
     fn check(&self, gain: Option<f64>) {
         let (mut problem, phase) = (self.problem(), self.phase());
         let direction: Vec<f64> = (0..phase.len()).map(|i| (i as f64 * 2.3).cos()).collect();

@@ -1,4 +1,4 @@
-//! How good a hologram is, as each detector sees it.
+//! Quality of a hologram's picture, measured for each detector.
 
 use crate::convolution::Real;
 use crate::engine::EngineCore;
@@ -7,41 +7,46 @@ use crate::{Detector, Engine, Error, Plane, RegionOfInterest, Result};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// A hologram's quality in the eyes of each detector.
+/// Quality of a hologram's picture for each detector.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Quality {
-    /// At the sample points.
+    /// Quality of the light at the sample points.
     pub point: SeenQuality,
-    /// Integrated over the pixels.
+    /// Quality of the light integrated over the pixels.
     pub pixel: SeenQuality,
-    /// Of every sub-sample, against the target of its pixel.
+    /// Quality of the light at every sub-sample, compared with the target at its pixel.
     pub supersampled: SeenQuality,
 }
 
-/// What the light of a hologram is worth in the region of interest; definitions and sources in [`metrics`](crate::metrics).
+/// Metrics of a hologram's light in the region of interest, for one detector. Definitions and sources are in
+/// [`metrics`](crate::metrics).
 ///
-/// PSNR, SSIM and MS-SSIM are those at the gain with the smallest squared error.
+/// PSNR, SSIM and MS-SSIM are measured at the gain with the smallest squared error.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SeenQuality {
-    /// [`psnr_db`](crate::metrics::psnr_db), at most [`Self::PSNR_DB_MAX`].
+    /// Peak signal-to-noise ratio \[dB\] by [`psnr_db`](crate::metrics::psnr_db), at most [`Self::PSNR_DB_MAX`].
     pub psnr_db: f64,
-    /// [`ssim`](crate::metrics::ssim()); `None` in a region of less than 11 samples a side.
+    /// Structural similarity by [`ssim`](crate::metrics::ssim()); `None` in a region with a side shorter than 11
+    /// samples.
     pub ssim: Option<f64>,
-    /// [`ms_ssim`](crate::metrics::ms_ssim()); `None` in a region of less than 176 samples a side.
+    /// Multi-scale structural similarity by [`ms_ssim`](crate::metrics::ms_ssim()); `None` in a region with a side
+    /// shorter than 176 samples.
     pub ms_ssim: Option<f64>,
-    /// Light in the region as a part of the light that leaves the modulator
+    /// Light in the region divided by the light that leaves the modulator
     /// ([`diffraction_efficiency`](crate::metrics::diffraction_efficiency())).
     pub diffraction_efficiency: f64,
-    /// Light in the whole frame as a part of the light that leaves the modulator.
+    /// Light in the whole frame divided by the light that leaves the modulator.
     pub frame_efficiency: f64,
-    /// [`speckle_contrast`](crate::metrics::speckle_contrast()); `None` where the target is flat almost nowhere.
+    /// Speckle contrast by [`speckle_contrast`](crate::metrics::speckle_contrast()); `None` if too little of the target
+    /// is flat.
     pub speckle_contrast: Option<f64>,
 }
 
-/// How well `phase` shows `target` (intensity, linear light) on the engine's display, in all three detectors.
+/// Measures how well `phase` shows `target` (intensity, linear light) on the engine's display, for all three detectors.
 ///
-/// Two propagations: to the sample points, and to the sub-samples, over which a pixel integrates. The engine's own detector
-/// does not matter. Takes less memory than an evaluation of the pixel detector, since nothing goes back.
+/// The light is propagated twice: to the sample points, and to the sub-samples, over which a pixel integrates. The
+/// engine's own detector does not matter. Measuring takes less memory than an evaluation with the pixel detector, since
+/// nothing is propagated back.
 ///
 /// # Errors
 ///
@@ -64,11 +69,12 @@ fn quality_in<T: Real>(
     Quality::of_light(&at_points, &samples, &narrowed(target), region, light_sent)
 }
 
-/// How well several `phases`, shown one after the other, show `target`: [`quality`] of the mean of their light.
+/// Measures how well several `phases`, shown one after the other, show `target`: the [`quality`] of the mean of their
+/// light.
 ///
 /// # Errors
 ///
-/// As there, and [`Error::Empty`] for no phase.
+/// The errors of [`quality`], and [`Error::Empty`] if `phases` is empty.
 pub fn quality_of_frames(
     engine: &Engine,
     phases: &[Plane<f32>],
@@ -86,16 +92,16 @@ pub fn quality_of_frames(
     Quality::of_light(&at_points, &samples, target, region, sent)
 }
 
-/// The mean of the light that the engine's detector sees of several phases.
+/// Mean over several phases of the light that the engine's detector measures.
 ///
 /// # Errors
 ///
-/// [`Error::SizeMismatch`] for a phase of another size than the engine's, [`Error::Empty`] for no phase.
+/// [`Error::SizeMismatch`] for a phase of another size than the engine's, [`Error::Empty`] if `phases` is empty.
 pub fn light_of_frames(engine: &Engine, phases: &[Plane<f32>]) -> Result<Plane<f32>> {
     mean_of(phases, |phase| engine.light(phase))
 }
 
-/// In the order of the frames.
+/// Mean of the light over the frames, summed in their order.
 fn mean_of(phases: &[Plane<f32>], light: impl Fn(&Plane<f32>) -> Result<Plane<f32>>) -> Result<Plane<f32>> {
     let [first, rest @ ..] = phases else {
         return Err(Error::Empty { name: "phases", needed: "at least one frame is needed" });
@@ -111,10 +117,11 @@ fn mean_of(phases: &[Plane<f32>], light: impl Fn(&Plane<f32>) -> Result<Plane<f3
 }
 
 impl SeenQuality {
-    /// The PSNR of a reconstruction that equals its target \[dB\]: f32 knows no 200 dB, and JSON no infinity.
+    /// Largest PSNR reported \[dB\], used for a reconstruction that equals its target. Rounding in f32 keeps other
+    /// reconstructions below 200 dB, and JSON has no number for infinity.
     pub const PSNR_DB_MAX: f64 = 200.0;
 
-    /// Whether every metric is a finite number, as it is for light that is.
+    /// Whether every metric is a finite number. This holds if the light is finite.
     #[must_use]
     pub fn is_finite(&self) -> bool {
         let Self { psnr_db, ssim, ms_ssim, diffraction_efficiency, frame_efficiency, speckle_contrast } = *self;
@@ -124,20 +131,20 @@ impl SeenQuality {
 }
 
 impl Quality {
-    /// Whether every metric is a finite number, as it is for light that is.
+    /// Whether every metric of every detector is a finite number. This holds if the light is finite.
     #[must_use]
     pub fn is_finite(&self) -> bool {
         [self.point, self.pixel, self.supersampled].iter().all(SeenQuality::is_finite)
     }
 
-    /// Of light that is already there, such as the mean over several frames: `at_points` and `samples` as
-    /// [`Engine::samples`] gives them with the detectors [`Detector::Point`] and [`Detector::Supersampled`], and
-    /// `light_sent` as [`Engine::light_sent`].
+    /// Measures the quality of light that is already computed, such as the mean over several frames.
+    /// [`Engine::samples`] gives `at_points` with the detector [`Detector::Point`] and `samples` with
+    /// [`Detector::Supersampled`]; [`Engine::light_sent`] gives `light_sent`.
     ///
     /// # Errors
     ///
-    /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) when the lights are not of the target's size, or a whole multiple
-    /// of it; [`Error::OutOfRange`](crate::Error::OutOfRange) when the region leaves the image.
+    /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) if the size of `at_points` or `samples` is not the target's
+    /// size or a whole multiple of it; [`Error::OutOfRange`](crate::Error::OutOfRange) if the region leaves the image.
     pub fn of_light(
         at_points: &Plane<f32>,
         samples: &Plane<f32>,
@@ -149,7 +156,7 @@ impl Quality {
             [diffraction_efficiency(light, region, light_sent), frame_efficiency(light, light_sent)]
         };
         let point = seen_quality(at_points, target, region, efficiency(at_points))?;
-        // The same light, counted in smaller portions.
+        // The sub-samples hold the same light as the pixels, so both have the same efficiency.
         let integrated = integrated(samples, target.height_px(), target.width_px());
         let efficiency = efficiency(&integrated);
         let pixel = seen_quality(&integrated, target, region, efficiency)?;
@@ -180,7 +187,7 @@ fn narrowed<T: Real>(plane: &Plane<T>) -> Plane<f32> {
     plane.map(|value| value.wide() as f32)
 }
 
-/// The mean over each pixel's samples.
+/// Light integrated over each pixel: the mean over the pixel's samples.
 fn integrated(samples: &Plane<f32>, height_px: usize, width_px: usize) -> Plane<f32> {
     let per_side = samples.height_px() / height_px;
     let share = 1.0 / (per_side * per_side) as f32;
@@ -256,7 +263,7 @@ mod tests {
         let wide = quality_in(&wide, &phase.map(f64::from), &target.map(f64::from), region).unwrap();
         for (a, b) in [(narrow.point, wide.point), (narrow.pixel, wide.pixel), (narrow.supersampled, wide.supersampled)]
         {
-            // The field is good to 1e-6 of its length in f32, and every metric is smooth in it.
+            // In f32 the relative error of the field is 1e-6, and every metric changes smoothly with the field.
             for (a, b) in [
                 (a.psnr_db, b.psnr_db),
                 (a.ssim.unwrap(), b.ssim.unwrap()),
@@ -268,7 +275,7 @@ mod tests {
                 assert!((a - b).abs() < 1e-4 * b.abs(), "{a} {b}");
             }
         }
-        // What was optimized is better than what was not.
+        // The detector used in the optimization has better metrics than the detector that was not used.
         assert!(wide.point.psnr_db > wide.supersampled.psnr_db + 1.0, "{wide:?}");
         assert!(wide.point.ms_ssim > wide.supersampled.ms_ssim, "{wide:?}");
         assert!(wide.point.speckle_contrast < wide.supersampled.speckle_contrast, "{wide:?}");
@@ -279,7 +286,8 @@ mod tests {
 
     #[test]
     fn a_lens_brings_the_light_into_the_region() {
-        // Half a millimetre of aperture through a lens of its distance: nearly all light meets in a spot.
+        // The aperture is half a millimetre wide and the focal length equals the distance: nearly all light meets in
+        // one spot.
         let (side_px, distance_m) = (64, 20e-3);
         let setup = setup(side_px, side_px, distance_m);
         let engine = EngineCore::<f64>::new(&DisplayModel::ideal(setup), Detector::Point, None).unwrap();
@@ -292,7 +300,8 @@ mod tests {
         let target = Plane::filled(side_px, side_px, 0.5);
         let focused = quality_in(&engine, &lens, &target, region).unwrap();
         let spread = quality_in(&engine, &flat, &target, region).unwrap();
-        // sinc² beside the main lobe: λz/L = 20 µm to each side is 2.5 px; ±6 px hold 96 % along an axis, its square in both.
+        // The spot is a sinc² whose main lobe ends at λz/L = 20 µm = 2.5 px to each side. ±6 px hold 96 % of the light
+        // along one axis, and 0.96² in both axes.
         for seen in [focused.point, focused.pixel, focused.supersampled] {
             assert!((0.88..1.0).contains(&seen.diffraction_efficiency), "{seen:?}");
             assert!((0.97..1.0 + 1e-9).contains(&seen.frame_efficiency), "{seen:?}");

@@ -1,4 +1,4 @@
-//! Total variation and speckle: how rough the light is, whatever its brightness.
+//! Total variation and speckle: measures of the light's roughness that do not depend on its brightness.
 //!
 //! ```text
 //! q = p / μ,  μ = Σ w p / Σ w
@@ -6,8 +6,9 @@
 //! speckle:          S = Σ_b ω_b ( C_b(p) − C_b(t) )²,  C_b = √(σ_b²/m_b² + ε²)
 //! ```
 //!
-//! p the light, w the weights in the region of interest, m_b and σ_b² mean and variance over a block b, t the target, ω_b the
-//! block's share of the target's light. Both are the same for p and any multiple of it, so neither depends on the gain.
+//! p is the light, w the weights in the region of interest, m_b and σ_b² the mean and variance over a block b, t the
+//! target, and ω_b the block's share of the target's light. V and S are the same for p and any multiple of p, so they
+//! do not depend on the gain.
 //! Total variation: L. Rudin, S. Osher and E. Fatemi, Physica D 60, 259 (1992). Speckle contrast σ/m: J. Goodman, Speckle
 //! Phenomena in Optics (2007).
 
@@ -16,15 +17,15 @@ use crate::plane::Plane;
 use crate::region::RegionOfInterest;
 use rayon::prelude::*;
 
-/// ε of both terms, relative to the mean light: below this, differences are taken for noise.
+/// ε of both terms, relative to the mean light. Smaller differences count as noise.
 const EPSILON: f64 = 1e-2;
 
-/// Where the light counts.
+/// Region and weights in which the loss measures the light.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Extent<'a, T> {
     pub(crate) region: RegionOfInterest,
     pub(crate) weight: Option<&'a Plane<T>>,
-    /// Σ w
+    /// Σ w over the region.
     pub(crate) weight_sum: f64,
 }
 
@@ -35,7 +36,7 @@ impl<T: Real> Extent<'_, T> {
     }
 }
 
-/// One of the light planes that a detector looks at.
+/// Position of one light plane among the light planes of a detector.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LightPlane {
     pub(crate) index: usize,
@@ -54,7 +55,7 @@ impl LightPlane {
     }
 }
 
-/// V of one light plane; adds `scale` · ∂V/∂p to `slopes`.
+/// Returns V of one light plane and adds `scale` · ∂V/∂p to `slopes`.
 pub(crate) fn total_variation<T: Real>(
     extent: &Extent<'_, T>,
     plane: LightPlane,
@@ -72,7 +73,7 @@ pub(crate) fn total_variation<T: Real>(
     // V and Σ q ∂V/∂q, row by row.
     let parts = per_row(region, |y| field.row_parts(y));
     let (value, along) = parts.iter().fold((0.0, 0.0), |sum, part| (sum.0 + part.0, sum.1 + part.1));
-    // q = p/μ: what raises μ lowers every q.
+    // q = p/μ, so a pixel that raises μ lowers every q.
     let (scale, pull) = (scale / (mean * extent.weight_sum), T::of(along / extent.weight_sum));
     let (scale, columns) = (T::of(scale), region.x_px()..region.x_px() + region.width_px());
     slopes.par_chunks_mut(plane.count * plane.width_px).enumerate().for_each(|(y, row)| {
@@ -95,7 +96,7 @@ fn per_row<R: Send>(region: RegionOfInterest, of: impl Fn(usize) -> R + Sync + S
     (region.y_px()..region.y_px() + region.height_px()).into_par_iter().map(of).collect()
 }
 
-/// The light's forward differences.
+/// Forward differences of q = p/μ in one light plane.
 struct Gradient<'a, T> {
     extent: &'a Extent<'a, T>,
     plane: LightPlane,
@@ -104,7 +105,7 @@ struct Gradient<'a, T> {
 }
 
 impl<T: Real> Gradient<'_, T> {
-    /// q's forward differences along x and y, and the root of their squares.
+    /// Forward differences of q along x and y, and √(|∇q|² + ε²).
     #[inline(always)]
     fn at(&self, y: usize, x: usize) -> (T, T, T) {
         let region = self.extent.region;
@@ -129,7 +130,7 @@ impl<T: Real> Gradient<'_, T> {
         sums
     }
 
-    /// ∂(Σ w √…)/∂q at a pixel: its own term and those of its left and upper neighbours.
+    /// ∂(Σ w √…)/∂q at a pixel: the sum of its own term and the terms of its left and upper neighbours.
     #[inline(always)]
     fn slope(&self, y: usize, x: usize) -> T {
         let (dx, dy, root) = self.at(y, x);
@@ -146,18 +147,18 @@ impl<T: Real> Gradient<'_, T> {
     }
 }
 
-/// The blocks in which speckle is looked at, with what the target wants of them.
+/// Blocks in which speckle is measured, with the target's contrast in each block.
 #[derive(Clone, Debug)]
 pub(crate) struct SpeckleBlocks {
     side_px: usize,
     columns: usize,
-    /// C_b(t) and ω_b, row after row.
+    /// C_b(t) and ω_b of each block, row by row.
     wanted: Vec<[f64; 2]>,
 }
 
 impl SpeckleBlocks {
-    /// Blocks of `side_px` from the region's corner on; an overhang at its right and lower border is left out.
-    /// `target` is intensity.
+    /// Divides the region into blocks of `side_px` from its upper left corner. Incomplete blocks at its right and lower
+    /// border are omitted. `target` is intensity.
     pub(crate) fn new<T: Real>(extent: &Extent<'_, T>, target: &Plane<T>, side_px: usize) -> Self {
         let (rows, columns) = (extent.region.height_px() / side_px, extent.region.width_px() / side_px);
         let mut blocks = Self { side_px, columns, wanted: vec![[0.0; 2]; rows * columns] };
@@ -173,7 +174,7 @@ impl SpeckleBlocks {
         blocks
     }
 
-    /// S of one light plane; adds `scale` · ∂S/∂p to `slopes`.
+    /// Returns S of one light plane and adds `scale` · ∂S/∂p to `slopes`.
     pub(crate) fn evaluate<T: Real>(
         &self,
         extent: &Extent<'_, T>,
@@ -222,7 +223,7 @@ impl SpeckleBlocks {
     }
 }
 
-/// `scale` · w · (p − mean − drop), the slope of a block's contrast.
+/// Derivative of a block's contrast by the light of a pixel: `scale` · w · (p − mean − drop).
 #[derive(Clone, Copy)]
 struct BlockSlope {
     scale: f64,
@@ -231,13 +232,14 @@ struct BlockSlope {
 }
 
 impl BlockSlope {
-    /// `scale` · ∂C/∂p
+    /// Derivative `scale` · ∂C/∂p for one block.
     fn new(block: Block, scale: f64) -> Self {
         let scale = scale / (block.contrast() * block.weight * block.mean * block.mean);
         Self { scale, mean: block.mean, drop: block.variance / block.mean }
     }
 
-    /// Adds it to the slopes of the band of rows that the block, of a corner and a side, lies in.
+    /// Adds the derivative to `slopes`, which hold the band of rows in which the block lies. The block is given by its
+    /// upper left corner and its side.
     fn add<T: Real>(
         self,
         extent: &Extent<'_, T>,
@@ -257,7 +259,7 @@ impl BlockSlope {
     }
 }
 
-/// What a block's light amounts to.
+/// Weight, mean and variance of the light in a block.
 #[derive(Clone, Copy)]
 struct Block {
     weight: f64,

@@ -1,18 +1,20 @@
-//! Optimizing through the grey levels of a display.
+//! Optimization of phases that a display with few grey levels can show.
 //!
 //! ```text
 //! v ← μ v − γ ∂L/∂φ,   φ ← φ + v                 where φ is free
 //! φ ← Q(φ)                                       where |Q(φ) − φ| is among the smallest: settled from then on
 //! ```
 //!
-//! Q the phase that the display shows for the nearest of its levels. From step to step a larger part of the pixels is settled,
-//! those first that are near a level anyway; the others make up for what that costs, until none is left. Network weights are
-//! quantized likewise: A. Zhou et al., "Incremental network quantization", ICLR 2017. γ is the inverse of the loss's curvature
-//! along its first gradient, γ = s·y / y·y (J. Barzilai and J. Borwein, IMA J. Numer. Anal. 8, 141, 1988).
+//! Q(φ) is the phase that the display shows for the level nearest to φ. A settled pixel keeps the phase of its level.
+//! In each step more pixels settle, those nearest to a level first. The free pixels compensate for the error that this
+//! causes, until all pixels are settled. The same method quantizes the weights of neural networks: A. Zhou et al.,
+//! "Incremental network quantization", ICLR 2017. γ is proportional to the inverse of the loss's curvature along its
+//! first gradient, s·y / y·y (J. Barzilai and J. Borwein, IMA J. Numer. Anal. 8, 141, 1988).
 //!
-//! There is a bound to what that wins. A region of ρ of the frame asks ρ values of every pixel's phase. While more than ρ of the
-//! pixels are free they can take back all that settling another one costs, with f < ρ of them free only f/ρ of it; what stays of
-//! the error of plain rounding is ∫₀^ρ (1 − f/ρ) df = ρ/2. For the middle 80 % of each axis, ρ = 0.64, that is −4.9 dB.
+//! The gain over plain rounding has a limit. A region that covers a part ρ of the frame constrains ρ values per pixel's
+//! phase. While a part f > ρ of the pixels is free, they can compensate for the whole error of settling one more pixel.
+//! When f < ρ, they can compensate for f/ρ of it. The error that remains, relative to plain rounding, is ∫₀^ρ (1 − f/ρ)
+//! df = ρ/2. For the middle 80 % of each axis, ρ = 0.64, this is −4.9 dB.
 
 use super::problem::ProblemCore;
 use crate::phase_response::PhaseResponse;
@@ -21,42 +23,42 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
 
-/// μ
+/// Momentum μ.
 const MOMENTUM: f32 = 0.8;
-/// γ in units of the inverse curvature.
+/// Learning rate γ in units of the inverse curvature.
 const RATE: f64 = 2.0;
-/// The part that is settled after a part τ of the steps is 1 − (1 − τ)^this.
+/// Exponent h of the schedule: after a part τ of the steps a part 1 − (1 − τ)^h of the pixels is settled.
 const HASTE: f64 = 1.5;
-/// Largest change of a phase in the first step, from which γ is found \[rad\].
+/// Largest change of a phase in the first step \[rad\]. γ follows from the change of the gradient along this step.
 const PROBE_RAD: f32 = 0.01;
-/// Classes in which distances from levels are counted.
+/// Number of classes of the histogram of distances from the nearest level.
 const CLASSES: usize = 4096;
-/// Values whose sums are taken together.
+/// Number of values that are summed as one block.
 const CHUNK: usize = 1 << 14;
 
-/// A display's levels.
+/// Grey levels of a display and the phases that they show.
 #[derive(Clone, Debug)]
 pub struct Levels {
     response: PhaseResponse,
     carrier: Option<Carrier>,
-    /// φ_shown at phases spread evenly over a turn.
+    /// Table of the difference between the shown phase and the phase \[rad\], at phases spread evenly over 2π.
     shown: Vec<f32>,
 }
 
 impl Levels {
-    /// Places in the table: a sixteenth of the finest level.
+    /// Number of entries in the table: 16 for each level of a 12-bit display.
     const PLACES: usize = 1 << 16;
 
-    /// Of a display with this response, on which the carrier is added to each hologram.
+    /// Levels of a display with this response, which adds the carrier to each hologram.
     ///
     /// # Errors
     ///
-    /// None for a response that [`PhaseResponse`] made.
+    /// The errors of `PhaseResponse::phase_rad`; a valid response causes none.
     pub fn new(response: PhaseResponse, carrier: Option<Carrier>) -> Result<Self> {
         let of_place = |i: usize| {
             let phase_rad = (i as f64 + 0.5) / Self::PLACES as f64 * TAU;
             let level = response.nearest_level(phase_rad);
-            // Next to the phase that asks for it, so that rounding moves a phase no farther than it must.
+            // The shown phase is taken modulo 2π so that it lies nearest to the phase that is rounded.
             let shown = response.phase_rad(level)?;
             Ok((shown - ((shown - phase_rad) / TAU).round() * TAU - phase_rad) as f32)
         };
@@ -69,39 +71,39 @@ impl Levels {
         TAU / self.response.levels() as f64
     }
 
-    /// Which class a distance from the nearest level belongs to.
+    /// Class of a distance from the nearest level.
     fn class(&self, distance_rad: f32) -> usize {
         let of_half = distance_rad.abs() * (2.0 / self.spacing_rad()) as f32;
         ((of_half * CLASSES as f32) as usize).min(CLASSES - 1)
     }
 
-    /// Q of a row, the carrier added before and taken away after.
+    /// Writes Q of a row's phases to `shown`. The carrier is added before rounding and subtracted afterwards.
     pub(super) fn show_row(&self, y: usize, phase: &[f32], shown: &mut [f32]) {
         const TURN: f32 = std::f32::consts::TAU;
         for (x, (shown, &phase)) in shown.iter_mut().zip(phase).enumerate() {
             let grating = if self.carrier.is_some_and(|carrier| carrier.is_odd(y, x)) { PI as f32 } else { 0.0 };
             let displayed = phase + grating;
             let turns = displayed / TURN;
-            // A hair below a whole turn rounds up to one.
+            // A phase slightly below a multiple of 2π may round up to it in f32.
             let place = (((turns - turns.floor()) * Self::PLACES as f32) as usize).min(Self::PLACES - 1);
-            // To the middle of the place, and from there to the level.
+            // The table holds the difference between the shown phase and the phase in the middle of each entry.
             let middle = (turns.floor() + (place as f32 + 0.5) / Self::PLACES as f32) * TURN;
             *shown = middle + self.shown[place] - grating;
         }
     }
 }
 
-/// Everything that a step depends on.
+/// State of the optimization through levels between two steps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Rounded {
-    /// φ: a level's where it is settled.
+    /// Phases φ; a settled pixel has the phase of its level.
     pub(super) phase: Vec<f32>,
-    /// v; NaN where φ is settled.
+    /// Velocities v; NaN where φ is settled.
     pub(super) velocity: Vec<f32>,
     /// Steps done.
     pub(super) iteration: u32,
     pub(super) gain: f64,
-    /// What the first step divided its gradient by, then γ.
+    /// Factor of the gradient in the first step, later γ.
     pub(super) rate: f64,
 }
 
@@ -111,8 +113,8 @@ impl Rounded {
         Self { phase, velocity, iteration: 0, gain, rate: 0.0 }
     }
 
-    /// The next of `iterations` steps, after the last of which everything is settled. The evaluation is that of the phase
-    /// before it.
+    /// Takes the next of `iterations` steps and returns the evaluation of the phase before it. After the last step all
+    /// pixels are settled.
     pub(super) fn step(
         &mut self,
         problem: &mut ProblemCore<f32>,
@@ -143,7 +145,7 @@ impl Rounded {
         evaluation
     }
 
-    /// A small step down the gradient, kept in v for [`Self::find_rate`].
+    /// Takes a small step down the gradient and keeps it in v for [`Self::find_rate`].
     fn probe(&mut self, gradient: &[f32]) {
         let largest = gradient.par_iter().map(|g| g.abs()).reduce(|| 0.0, f32::max);
         let scale = PROBE_RAD / largest.max(f32::MIN_POSITIVE);
@@ -154,18 +156,18 @@ impl Rounded {
         });
     }
 
-    /// γ from the change of the gradient along the first step.
+    /// Sets γ from the change of the gradient along the first step.
     fn find_rate(&mut self, gradient: &[f32]) {
         let scale = self.rate as f32;
         let sums = self.velocity.par_chunks(CHUNK).zip(gradient.par_chunks(CHUNK)).map(|(v, gradient)| {
             v.iter().zip(gradient).fold([0.0_f64; 2], |[sy, yy], (&v, &g)| {
-                // The gradient before was −v / scale.
+                // The gradient before the step was −v / scale.
                 let y = f64::from(g + v / scale);
                 [sy + f64::from(v) * y, yy + y * y]
             })
         });
         let [sy, yy] = sums.collect::<Vec<_>>().iter().fold([0.0; 2], |sum, part| [sum[0] + part[0], sum[1] + part[1]]);
-        // A loss that curves the other way has no scale to offer: what is left is rounding.
+        // Without positive curvature no rate can be found, so the gradient is ignored and the phases are only rounded.
         self.rate = if sy > 0.0 { RATE * sy / yy } else { 0.0 };
         self.velocity.fill(0.0);
     }
@@ -180,10 +182,10 @@ impl Rounded {
         });
     }
 
-    /// How many of the classes of distances, nearest first, hold `wanted` pixels together with those that are settled.
+    /// Number of classes of distances, nearest first, that together with the settled pixels hold `wanted` pixels.
     fn classes_below(&self, levels: &Levels, height_px: usize, width_px: usize, wanted: u64) -> usize {
         let rows = (self.phase.par_chunks(width_px), self.velocity.par_chunks(width_px)).into_par_iter().enumerate();
-        // Whole numbers add up to the same in any order.
+        // Sums of integers do not depend on the order of threads.
         let counts = rows
             .fold(
                 || (vec![0_u64; CLASSES + 1], vec![0.0; width_px]),
@@ -213,7 +215,7 @@ impl Rounded {
         enough.unwrap_or(CLASSES)
     }
 
-    /// Brings the pixels of the nearest `classes` to their levels for good.
+    /// Settles all pixels in the nearest `classes`: they take the phase of their level and do not change again.
     fn settle(&mut self, levels: &Levels, height_px: usize, width_px: usize, classes: usize) {
         let rows = (self.phase.par_chunks_mut(width_px), self.velocity.par_chunks_mut(width_px));
         rows.into_par_iter().enumerate().for_each_init(

@@ -1,4 +1,4 @@
-//! What is saved of an optimization: restored, it goes on to the same bits.
+//! State of an optimization that is saved and restored. A restored optimization continues with the same bits.
 
 use super::adam::AdamState;
 use super::optimization::{HologramMethod, HologramOptions};
@@ -8,29 +8,29 @@ use crate::optimizer::limited_memory::LimitedMemory;
 use crate::{Error, Plane, Result};
 use serde::{Deserialize, Serialize};
 
-/// Everything that the next step depends on, beside the problem and its options.
+/// State that the next step depends on, in addition to the problem and the options.
 ///
-/// Phases may hold NaN, and line searches an infinite bound: a form that is stored must keep both.
+/// State may hold NaN, and line searches an infinite bound. A storage format must preserve both.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct OptimizationState {
-    /// Steps done.
+    /// Number of steps done.
     pub(super) iteration: u32,
     pub(super) run: Run,
 }
 
-/// What a method remembers from step to step.
+/// State of the current method between two steps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) enum Run {
     Adam(AdamState),
     Lbfgs {
         memory: Box<LimitedMemory>,
-        /// The gain that fitted best in the last evaluation.
+        /// Gain that fitted best in the last evaluation.
         gain: f64,
     },
     GerchbergSaxton {
-        /// φ of all frames.
+        /// Phases φ of all frames \[rad\].
         phase: Vec<f32>,
-        /// W√t of each plane.
+        /// Weighted target amplitudes W√t of each plane.
         wanted: Vec<Plane<f32>>,
     },
     DoublePhase {
@@ -41,7 +41,7 @@ pub(super) enum Run {
 }
 
 impl OptimizationState {
-    /// φ \[rad\], not wrapped, of all frames, one after the other: the best found so far.
+    /// The best phases φ \[rad\] found so far, not wrapped, one frame after the other.
     pub(super) fn phases(&self) -> &[f32] {
         match &self.run {
             Run::Adam(state) => &state.phase,
@@ -51,6 +51,8 @@ impl OptimizationState {
         }
     }
 
+    /// Checks that the state belongs to this problem and these options.
+    ///
     /// # Errors
     ///
     /// [`Error::OutOfRange`] for a state of another problem or method.
@@ -85,7 +87,7 @@ impl OptimizationState {
 }
 
 impl Run {
-    /// Goes over to phases that settle on a display's levels.
+    /// Switches to the optimization through a display's levels, if the method supports it and has not switched yet.
     pub(super) fn round(&mut self) {
         let (phase, gain) = match self {
             Self::Adam(state) => (std::mem::take(&mut state.phase), state.gain),

@@ -1,5 +1,5 @@
-//! Evaluations that need all of the light before any of its gradient: for the gain that fits best, for several frames, for
-//! roughness, and for projections.
+//! Evaluations in two passes: the first computes all of the light, the second its gradient. They serve the gain that
+//! fits best, several frames, roughness, and the projections of Gerchberg–Saxton.
 
 use super::loss::{Wanted, weighted_sums};
 use super::problem::{Evaluation, ProblemCore, Sink, compare_with, send_back};
@@ -12,19 +12,20 @@ use crate::{Detector, Plane};
 use num_complex::Complex;
 use rayon::prelude::*;
 
-/// Light and samples between the two passes of an evaluation; empty until one needs them.
+/// Light and samples kept between the two passes of an evaluation; empty until an evaluation needs them.
 #[derive(Debug)]
 pub(super) struct Kept<T> {
-    /// Of each plane and frame, where there is room; `fields` serve where there is but one.
+    /// Samples of each plane and frame, if they fit into `SAMPLES_BYTES_MAX`. With one plane and one frame the
+    /// samples are kept in the problem's `fields` instead.
     samples: Vec<Vec<Complex<T>>>,
-    /// The light planes of each plane.
+    /// Light planes of each image plane.
     lights: Vec<Vec<T>>,
-    /// ∂L/∂p of one plane.
+    /// Slopes ∂L/∂p of one image plane.
     slopes: Vec<T>,
 }
 
-/// Samples of several planes and frames are kept up to this size \[bytes\], and taken anew beyond: three planes of
-/// 1080×1920 px with a pixel detector fit.
+/// Largest size of the kept samples of several planes and frames \[bytes\]. Above this size the samples are computed
+/// again in the second pass. Three planes of 1080×1920 px with a pixel detector fit.
 const SAMPLES_BYTES_MAX: usize = 256 << 20;
 
 impl<T> Kept<T> {
@@ -34,7 +35,8 @@ impl<T> Kept<T> {
 }
 
 impl<T: Real> ProblemCore<T> {
-    /// All of the light first, then the slopes at the gain given or fitted, then the way back.
+    /// Evaluates the loss and its gradient in two passes: computes all of the light, then the slopes at the given or
+    /// fitted gain, and propagates them back.
     pub(super) fn evaluate_in_two(&mut self, phase: &[T], gain: Option<f64>, gradient: &mut [T]) -> Evaluation {
         let begin = self.meter.start();
         self.light_up(phase);
@@ -53,15 +55,15 @@ impl<T: Real> ProblemCore<T> {
         Evaluation::new(&sums, roughness)
     }
 
-    /// One step of all planes towards their targets: in `field` what the field on the SLM has too much, the mean over the
-    /// planes of
+    /// Computes the correction of Gerchberg–Saxton: writes to `field` the excess of the field on the SLM, the mean over
+    /// the planes of
     ///
     /// ```text
     /// Aᴴ[ w · ( 1 − W√t / (s√p) ) · u ]
     /// ```
     ///
-    /// which is what a projection of the image's amplitude to its target's changes. `wanted` stands for each plane's W√t;
-    /// `weighted` updates it first.
+    /// This is the change when each image amplitude is replaced by its target amplitude. `wanted` holds W√t of each
+    /// plane. If `weighted` is true, W is updated first.
     pub(super) fn excess(
         &mut self,
         phase: &[T],
@@ -83,7 +85,7 @@ impl<T: Real> ProblemCore<T> {
             let plane = &self.planes[p];
             let comparison = Comparison {
                 picture: wanted,
-                // slope = w e / (s √p), the relative excess of the amplitude, in every frame
+                // slope = w e / (s √p), the relative excess of the amplitude in every frame
                 weight_sum: gain * gain / (plane.share * self.frames as f64),
                 ..compare_with(plane, Quantity::Amplitude, self.region, gain)
             };
@@ -104,7 +106,7 @@ impl<T: Real> ProblemCore<T> {
         sums.best_gain()
     }
 
-    /// √t of each plane.
+    /// Target amplitudes √t of each plane.
     pub(super) fn target_amplitudes(&self) -> Vec<Plane<T>> {
         let amplitude = |plane: &Wanted<T>| match self.loss.quantity {
             Quantity::Intensity => plane.picture.map(T::sqrt),
@@ -113,7 +115,8 @@ impl<T: Real> ProblemCore<T> {
         self.planes.iter().map(amplitude).collect()
     }
 
-    /// The field on the SLM that the targets' amplitudes come back as, with a phase of `image_phase` in all of their planes.
+    /// Field on the SLM that results from propagating the targets' amplitudes backwards, with the phase `image_phase`
+    /// in all planes.
     pub(super) fn back_propagated(&self, image_phase: &[T]) -> Vec<Complex<T>> {
         let width_px = self.engine().width_px();
         let mut field = vec![Complex::new(T::zero(), T::zero()); self.frame_len()];
@@ -133,7 +136,7 @@ impl<T: Real> ProblemCore<T> {
         field
     }
 
-    /// The light of all planes, the mean over the frames.
+    /// Computes the light of all planes as the mean over the frames.
     pub(super) fn light_up(&mut self, phase: &[T]) {
         self.make_room();
         let (frame_len, share) = (self.frame_len(), 1.0 / self.frames as f64);
@@ -175,7 +178,7 @@ impl<T: Real> ProblemCore<T> {
         weighted_sums(self.planes.len(), |p| self.measure_plane(p, 1.0)).best_gain()
     }
 
-    /// The roughness of a plane's light, as much as it counts; adds its slopes.
+    /// Returns the weighted roughness of a plane's light and adds its derivative to the slopes.
     pub(super) fn roughness(&mut self, p: usize) -> f64 {
         let (plane, Kept { lights, slopes, .. }) = (&self.planes[p], &mut self.kept);
         let (extent, count) = (plane.extent(self.region), plane.engine.detector().light_planes());
@@ -194,7 +197,7 @@ impl<T: Real> ProblemCore<T> {
         sum / count as f64
     }
 
-    /// From a plane's slopes back to the SLM, frame by frame.
+    /// Multiplies a plane's samples by the slopes and propagates them back to the SLM, frame by frame.
     fn weigh_and_send_back(&mut self, p: usize, phase: &[T], mut sink: Sink<'_, T>) {
         let (plane, frame_len) = (&self.planes[p], self.frame_len());
         let engine = &plane.engine;
@@ -217,7 +220,7 @@ impl<T: Real> ProblemCore<T> {
     }
 }
 
-/// W ← W · √t / (s√p), within bounds: a dark spot must not draw all of the light.
+/// Updates W ← W · √t / (s√p), with W limited so that a dark spot does not draw all of the light.
 fn raise<T: Real>(plane: &Wanted<T>, lights: &[T], gain: f64, wanted: &mut Plane<T>) {
     /// Largest W.
     const RAISE_MAX: f64 = 3.0;
