@@ -1,10 +1,11 @@
-//! Adam.
+//! Adam, a gradient method with a step size for each parameter.
 //!
 //! ```text
 //! m ← β₁m + (1−β₁)g,  v ← β₂v + (1−β₂)g²,  θ ← θ − η · m̂ / (√v̂ + ε)
 //! ```
 //!
-//! g the gradient, m̂ = m/(1−β₁ⁿ), v̂ = v/(1−β₂ⁿ), β₁ = 0.9, β₂ = 0.999, ε = 1e−8. D. Kingma and J. Ba, ICLR 2015.
+//! θ are the parameters, g is the gradient, η the learning rate, n the number of the step, m̂ = m/(1−β₁ⁿ), v̂ =
+//! v/(1−β₂ⁿ), β₁ = 0.9, β₂ = 0.999, ε = 1e−8. D. Kingma and J. Ba, ICLR 2015.
 
 use crate::real::Number;
 
@@ -12,7 +13,7 @@ const BETA_1: f64 = 0.9;
 const BETA_2: f64 = 0.999;
 const EPSILON: f64 = 1e-8;
 
-/// The numbers of one step.
+/// Coefficients of one step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct AdamStep<T> {
     scale: T,
@@ -24,7 +25,7 @@ pub(crate) struct AdamStep<T> {
 }
 
 impl<T: Number> AdamStep<T> {
-    /// The `iteration`-th step, from 1; gradients are multiplied by `gradient_scale` first.
+    /// Coefficients of step number `iteration`, which starts at 1. Gradients are first multiplied by `gradient_scale`.
     pub(crate) fn new(learning_rate: f64, iteration: u32, gradient_scale: f64) -> Self {
         let n = iteration as i32;
         Self {

@@ -1,46 +1,49 @@
-//! Levenberg and Marquardt's method: Newton's step with a curvature that is damped until the loss goes down.
+//! Levenberg–Marquardt method: Gauss–Newton steps, damped until the loss decreases.
 //!
 //! ```text
 //! ( A + λ diag A ) δ = −g,   ρ = ( L(θ) − L(θ + δ) ) / ( −gᵀδ − δᵀAδ/2 )
 //! ```
 //!
-//! A is Gauss and Newton's matrix, g the gradient. A step that lowers the loss is taken, and λ falls the more, the better the
-//! loss was foretold (ρ near 1); otherwise λ rises. K. Madsen, H. B. Nielsen and O. Tingleff, Methods for Non-Linear Least
-//! Squares Problems, 2004, section 3.2.
+//! A is the Gauss–Newton matrix, g the gradient, δ the step, λ the damping, and ρ the ratio of the actual to the
+//! predicted decrease of the loss L. A step that lowers the loss is accepted, and λ falls further if the prediction was
+//! good (ρ near 1). Otherwise the step is rejected and λ rises. K. Madsen, H. B. Nielsen and O. Tingleff, Methods for
+//! Non-Linear Least Squares Problems, 2004, section 3.2.
 
 use serde::{Deserialize, Serialize};
 
-/// Damping to begin with.
+/// Initial damping λ.
 const DAMPING: f64 = 1e-2;
-/// Below, damping changes nothing; above, a step does not.
+/// Smallest damping λ. A smaller value would not change the step.
 const DAMPING_MIN: f64 = 1e-7;
+/// Largest damping λ. With a larger value a step would not change the parameters.
 const DAMPING_MAX: f64 = 1e6;
-/// Trials in one step.
+/// Largest number of trials in one step.
 const TRIALS_MAX: u32 = 4;
-/// Part of a largest curvature that is added to each: what the data say nothing about stays where it is.
+/// Part of the largest curvature that is added to every curvature. Parameters that the data do not determine then keep
+/// their values.
 pub(crate) const FLOOR: f64 = 1e-10;
 
-/// Everything that the next step depends on.
+/// State of the optimization between two steps.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct DampedState {
-    /// θ
+    /// Parameters θ.
     pub parameters: Vec<f64>,
-    /// L at them.
+    /// Loss L at the parameters.
     pub loss: f64,
-    /// Its gradient.
+    /// Gradient of the loss at the parameters.
     pub gradient: Vec<f64>,
-    /// λ
+    /// Damping λ.
     pub damping: f64,
-    /// Evaluations so far.
+    /// Number of evaluations so far.
     pub evaluations: u32,
 }
 
 impl DampedState {
-    /// Evaluates the first point.
+    /// Starts at `parameters` and evaluates them.
     ///
     /// # Errors
     ///
-    /// Those of `evaluate`.
+    /// The errors of `evaluate`.
     pub fn start<E>(
         parameters: Vec<f64>,
         mut evaluate: impl FnMut(&[f64]) -> Result<(f64, Vec<f64>), E>,
@@ -49,11 +52,11 @@ impl DampedState {
         Ok(Self { parameters, loss, gradient, damping: DAMPING, evaluations: 1 })
     }
 
-    /// One step with the curvature A, row after row. False when no better point was found.
+    /// Takes one step with the curvature matrix A, given row by row. Returns false if no better point was found.
     ///
     /// # Errors
     ///
-    /// Those of `evaluate`; the parameters are then as before.
+    /// The errors of `evaluate`; the parameters then stay unchanged.
     pub fn step<E>(
         &mut self,
         curvature: &[f64],
@@ -81,7 +84,8 @@ impl DampedState {
         Ok(false)
     }
 
-    /// δ, and by how much it should lower the loss.
+    /// Step δ and the predicted decrease of the loss; `None` if the damped matrix is not positive definite or no
+    /// decrease is predicted.
     fn damped_step(&self, curvature: &[f64]) -> Option<(Vec<f64>, f64)> {
         let n = self.parameters.len();
         let largest = (0..n).map(|i| curvature[i * n + i]).fold(0.0, f64::max);
@@ -101,7 +105,7 @@ impl DampedState {
     }
 }
 
-/// Solves a symmetric positive system by Cholesky's factors; `None` where it is not positive.
+/// Solves a symmetric positive definite system by Cholesky factorization; `None` if it is not positive definite.
 pub(crate) fn solve(mut matrix: Vec<f64>, mut right: Vec<f64>) -> Option<Vec<f64>> {
     let n = right.len();
     for j in 0..n {
@@ -133,7 +137,7 @@ pub(crate) fn solve(mut matrix: Vec<f64>, mut right: Vec<f64>) -> Option<Vec<f64
 mod tests {
     use super::*;
 
-    /// Residuals 10 (y − x²) and 1 − x: Rosenbrock's valley.
+    /// Loss, gradient and curvature of Rosenbrock's function, with the residuals 10 (y − x²) and 1 − x.
     fn valley(at: &[f64]) -> (f64, Vec<f64>, Vec<f64>) {
         let (x, y) = (at[0], at[1]);
         let e = [10.0 * (y - x * x), 1.0 - x];

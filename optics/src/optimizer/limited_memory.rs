@@ -1,76 +1,79 @@
-//! L-BFGS for as many parameters as a hologram has pixels.
+//! L-BFGS for millions of parameters, such as the pixels of a hologram.
 //!
 //! ```text
 //! d = −H g,   H from the last m steps s_i and gradient changes y_i by the two-loop recursion
 //! accept x + t d  where  f(t) ≤ f(0) + c₁ t f′(0)  and  f′(t) ≥ c₂ f′(0)        (weak Wolfe)
 //! ```
 //!
-//! Both loops only ever combine the s_i, y_i and g, so they run on the inner products of these (W. Chen, Z. Wang and
-//! J. Zhou, NIPS 2014): one pass over memory gives the products, another the direction, instead of 4m passes. J. Nocedal and
-//! S. Wright, Numerical Optimization, 2nd ed., algorithm 7.4. Line search: A. Lewis and M. Overton, Math. Program. 141, 135
-//! (2013).
+//! Both loops form linear combinations of the s_i, y_i and g, so they need only the inner products of these vectors (W.
+//! Chen, Z. Wang and J. Zhou, NIPS 2014). One pass over memory computes the products and another the direction, instead
+//! of 4m passes. J. Nocedal and S. Wright, Numerical Optimization, 2nd ed., algorithm 7.4. Line search: A. Lewis and M.
+//! Overton, Math. Program. 141, 135 (2013).
 //!
-//! Vectors are f32, sums f64 in a fixed order. [`LimitedMemory::advance`] is one evaluation.
+//! Vectors are f32, sums are f64 in a fixed order. Each call of [`LimitedMemory::advance`] is one evaluation.
 
 use super::vectors::{combine, gram_rows, move_along, product};
 use serde::{Deserialize, Serialize};
 
-/// Steps remembered. More gain little and take time: a step reads all of them twice.
+/// Number of steps in the history, m. A longer history improves the result little and takes time, since each step reads
+/// the history twice.
 pub(crate) const HISTORY: usize = 6;
-/// Sufficient decrease, c₁.
+/// Factor c₁ of the condition of sufficient decrease.
 const DECREASE: f64 = 1e-4;
-/// Curvature, c₂.
+/// Factor c₂ of the curvature condition.
 const CURVATURE: f64 = 0.9;
-/// Largest change of a parameter in a first step, before there is a scale to judge by \[rad\].
+/// Largest change of a parameter in a step without a history \[rad\], when the scale of the loss is not known.
 const FIRST_CHANGE: f64 = 0.5;
-/// Evaluations along one line, after which the history is forgotten, or, without one, the end is reached.
+/// Largest number of evaluations along one line. After a failed search the history is cleared; without a history the
+/// optimization ends.
 const SEARCH_MAX: u32 = 12;
 
-/// Everything that the next evaluation depends on.
+/// State of L-BFGS between two evaluations.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct LimitedMemory {
-    /// The best point so far.
+    /// Best point so far.
     pub(crate) point: Vec<f32>,
     pub(crate) loss: f64,
     pub(crate) gradient: Vec<f32>,
-    /// d
+    /// Search direction d.
     pub(crate) direction: Vec<f32>,
-    /// s_i and y_i, in places that are filled in turn.
+    /// Steps s_i, in slots that are overwritten in turn.
     pub(crate) steps: Vec<Vec<f32>>,
+    /// Changes y_i of the gradient, in the same slots as the steps.
     pub(crate) changes: Vec<Vec<f32>>,
     pub(crate) counts: Counts,
     pub(crate) search: Search,
-    /// Inner products of s_1 … s_m, y_1 … y_m, g, row after row.
+    /// Inner products of s_1 … s_m, y_1 … y_m, g, row by row.
     pub(crate) products: Vec<f64>,
 }
 
-/// How far it is.
+/// Progress of the optimization.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Counts {
     pub(crate) evaluations: u32,
-    /// Steps in the history.
+    /// Number of steps in the history.
     pub(crate) filled: u32,
-    /// Where the next one goes.
+    /// Slot of the next step in the history.
     pub(crate) next: u32,
-    /// No better point is to be found.
+    /// Whether the optimization has ended because no better point can be found.
     pub(crate) converged: bool,
 }
 
-/// A line search under way.
+/// State of a running line search.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Search {
-    /// t of the next evaluation.
+    /// Step length t of the next evaluation.
     pub(crate) step: f64,
-    /// A good t lies above this …
+    /// Lower bound of an acceptable t.
     pub(crate) low: f64,
-    /// … and below this; infinite at first.
+    /// Upper bound of an acceptable t; infinite at first.
     pub(crate) high: f64,
-    /// f′(0)
+    /// Slope f′(0) along the direction.
     pub(crate) slope: f64,
     pub(crate) evaluations: u32,
 }
 
-/// Vectors that hold nothing from one evaluation to the next.
+/// Scratch vectors whose contents do not matter between evaluations.
 #[derive(Debug, Default)]
 pub(crate) struct Workspace {
     point: Vec<f32>,
@@ -79,7 +82,7 @@ pub(crate) struct Workspace {
 }
 
 impl LimitedMemory {
-    /// Starts at a point; the first [`Self::advance`] evaluates it.
+    /// Starts at `point`, which the first call of [`Self::advance`] evaluates.
     pub(crate) fn new(point: Vec<f32>) -> Self {
         let zeros = vec![0.0; point.len()];
         Self {
@@ -95,7 +98,7 @@ impl LimitedMemory {
         }
     }
 
-    /// Whether its parts belong together, for so many parameters.
+    /// Whether all parts are consistent with each other and with this number of parameters.
     pub(crate) fn is_whole(&self, parameters: usize) -> bool {
         let places = self.steps.len();
         let vectors = [&self.point, &self.gradient, &self.direction];
@@ -109,7 +112,8 @@ impl LimitedMemory {
             && self.counts.next as usize <= places
     }
 
-    /// One evaluation, by `evaluate(point, gradient)`: of the start, or of the next point along the line. Returns its loss.
+    /// Evaluates one point with `evaluate(point, gradient)`: the start, or the next point along the line. Returns the
+    /// loss there.
     pub(crate) fn advance(
         &mut self,
         workspace: &mut Workspace,
@@ -131,7 +135,7 @@ impl LimitedMemory {
         let slope = product(&self.direction, gradient, sums);
         self.search.evaluations += 1;
         let Search { step, low, high, slope: slope_0, .. } = self.search;
-        // A comparison that is false for NaN: a point where the loss is none is too far.
+        // This comparison is false for NaN, so a point with a loss of NaN counts as too far.
         let decreases = loss <= self.loss + DECREASE * step * slope_0;
         if decreases && slope >= CURVATURE * slope_0 {
             self.accept(workspace, loss);
@@ -146,7 +150,7 @@ impl LimitedMemory {
             self.search.step = if high.is_finite() { (step + high) / 2.0 } else { 2.0 * step };
         } else {
             self.search.high = step;
-            // The minimum of the parabola through f(0), f′(0) and f(t), kept off the ends.
+            // The minimum of the parabola through f(0), f′(0) and f(t), kept away from the ends of the interval.
             let parabola = -slope_0 * step * step / (2.0 * (loss - self.loss - slope_0 * step));
             let (near, far) = (low + 0.1 * (step - low), low + 0.5 * (step - low));
             self.search.step = if parabola.is_finite() { parabola.clamp(near, far) } else { near };
@@ -154,7 +158,7 @@ impl LimitedMemory {
         loss
     }
 
-    /// Moves to the point that was evaluated last, remembers the step, and chooses the next direction.
+    /// Moves to the point that was evaluated last, adds the step to the history, and chooses the next direction.
     fn accept(&mut self, workspace: &mut Workspace, loss: f64) {
         let Workspace { point, gradient, sums } = workspace;
         let slot = self.counts.next as usize;
@@ -180,13 +184,13 @@ impl LimitedMemory {
             self.counts.next = ((slot + 1) % HISTORY) as u32;
             self.counts.filled = (self.counts.filled + 1).min(HISTORY as u32);
         } else if self.counts.filled == HISTORY as u32 {
-            // The oldest step gave its place to one that is of no use.
+            // The rejected step has overwritten the oldest step of the history.
             self.counts.filled -= 1;
         }
         self.descend();
     }
 
-    /// Begins anew with the steepest descent; where that has just failed, the end is reached.
+    /// Clears the history and continues with steepest descent. If the history was already empty, the optimization ends.
     fn forget(&mut self) {
         self.counts.converged = self.counts.filled == 0;
         self.counts.filled = 0;
@@ -194,7 +198,7 @@ impl LimitedMemory {
         self.descend();
     }
 
-    /// Sets out in a new direction.
+    /// Chooses a new direction and starts a line search.
     fn descend(&mut self) {
         let mut weights = self.two_loops();
         let mut slope = self.along(&weights);
@@ -216,7 +220,7 @@ impl LimitedMemory {
         self.search = Search { step, low: 0.0, high: f64::INFINITY, slope, evaluations: 0 };
     }
 
-    /// The direction's weights on s_1 … s_m, y_1 … y_m, g.
+    /// Weights of s_1 … s_m, y_1 … y_m, g in the direction, by the two-loop recursion.
     fn two_loops(&self) -> [f64; BASIS] {
         let mut weights = [0.0; BASIS];
         weights[G] = -1.0;
@@ -244,12 +248,12 @@ impl LimitedMemory {
         self.products[a * BASIS + b]
     }
 
-    /// The inner product of a combination with basis vector `b`.
+    /// Inner product of a linear combination of the basis vectors with basis vector `b`.
     fn times(&self, weights: &[f64; BASIS], b: usize) -> f64 {
         weights.iter().enumerate().map(|(a, weight)| weight * self.at(a, b)).sum()
     }
 
-    /// The inner product of a combination with g.
+    /// Inner product of a linear combination of the basis vectors with g.
     fn along(&self, weights: &[f64; BASIS]) -> f64 {
         self.times(weights, G)
     }
@@ -264,16 +268,16 @@ impl LimitedMemory {
     }
 }
 
-/// Vectors that a direction is made of: s_1 … s_m, y_1 … y_m, g.
+/// Number of basis vectors of a direction: s_1 … s_m, y_1 … y_m, g.
 pub(crate) const BASIS: usize = 2 * HISTORY + 1;
-/// g among them.
+/// Index of g among the basis vectors.
 const G: usize = 2 * HISTORY;
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// A curved valley along every pair of parameters, with scales that differ.
+    /// Sum of Rosenbrock-like functions, one for each pair of parameters, with different scales.
     fn valleys(x: &[f32], gradient: &mut [f32]) -> f64 {
         let mut loss = 0.0;
         for (i, (x, g)) in x.chunks_exact(2).zip(gradient.chunks_exact_mut(2)).enumerate() {
@@ -318,7 +322,7 @@ mod tests {
 
     #[test]
     fn a_loss_that_is_no_number_is_stepped_back_from() {
-        // 2x² − ln(1 − x): no number from 1 on.
+        // 2x² − ln(1 − x) is not finite for x ≥ 1.
         let cliff = |x: &[f32], g: &mut [f32]| {
             g[0] = 4.0 * x[0] + 1.0 / (1.0 - x[0]);
             2.0 * f64::from(x[0]).powi(2) - (1.0 - f64::from(x[0])).ln()

@@ -1,4 +1,4 @@
-//! Descent methods that know nothing of optics: from a loss and its gradient to the next parameters.
+//! General optimization methods: they compute the next parameters from a loss and its gradient.
 
 pub(crate) mod adam;
 pub mod damped;

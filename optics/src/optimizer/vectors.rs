@@ -1,17 +1,18 @@
-//! Long f32 vectors: sums in f64 and in a fixed order, in as few passes over memory as possible.
+//! Operations on long f32 vectors, in as few passes over memory as possible. Sums have a fixed order.
 //!
-//! Inside a chunk, sums are taken in f32 over independent lanes; chunks are then added up in order, whoever computed them.
+//! Within a chunk, values are added in f32 in independent lanes. The sums of the chunks are then added in f64 in order,
+//! so that the result does not depend on the number of threads.
 
 use super::limited_memory::{BASIS, HISTORY};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-/// Values that one thread works on at a time: a few of these fit into a core's first cache.
+/// Number of values in a chunk, which one thread processes at a time. A few chunks fit into a core's first-level cache.
 const CHUNK: usize = 4096;
-/// Independent sums side by side.
+/// Number of independent partial sums.
 const LANES: usize = 32;
 
-/// Σ a b
+/// Inner product Σ a b.
 pub(crate) fn product(a: &[f32], b: &[f32], sums: &mut Vec<f64>) -> f64 {
     let arch = Arch::new();
     sums.resize(a.len().div_ceil(CHUNK), 0.0);
@@ -35,8 +36,8 @@ pub(crate) fn move_along(from: &[f32], direction: &[f32], step: f32, to: &mut [f
     );
 }
 
-/// Writes the step and the gradient's change to place `slot`, and returns the inner products of the new s, y and g
-/// with s_1 … s_m, y_1 … y_m, g.
+/// Writes the new step and the change of the gradient to slot `slot` of the history. Returns the inner products of the
+/// new s, y and g with s_1 … s_m, y_1 … y_m, g.
 pub(crate) fn gram_rows(
     points: [&[f32]; 2],
     gradients: [&[f32]; 2],
@@ -48,7 +49,7 @@ pub(crate) fn gram_rows(
     let len = points[0].len();
     let (steps, changes) = history;
     let (mut new_step, mut new_change) = (std::mem::take(&mut steps[slot]), std::mem::take(&mut changes[slot]));
-    // Places that hold no vector yet have no products: they stay 0.
+    // Products with slots that hold no vector yet stay 0.
     sums.clear();
     sums.resize(len.div_ceil(CHUNK) * 3 * BASIS, 0.0);
     let chunks = (new_step.par_chunks_mut(CHUNK), new_change.par_chunks_mut(CHUNK), sums.par_chunks_mut(3 * BASIS));
@@ -82,7 +83,7 @@ pub(crate) fn gram_rows(
     rows
 }
 
-/// `to` = Σ weights · (s_1 … s_m, y_1 … y_m, g); what has no weight is not read.
+/// `to` = Σ weights · (s_1 … s_m, y_1 … y_m, g). Vectors s and y with weight 0 are not read.
 pub(crate) fn combine(
     steps: &[Vec<f32>],
     changes: &[Vec<f32>],
@@ -130,7 +131,7 @@ impl WithSimd for Dot<'_> {
     }
 }
 
-/// Three vectors against one, which is read once.
+/// Inner products of three vectors with one vector, which is read from memory once.
 struct ThreeDots<'a> {
     a: [&'a [f32]; 3],
     b: &'a [f32],
@@ -141,7 +142,7 @@ impl WithSimd for ThreeDots<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> [f64; 3] {
-        // The chunk stays in the first cache from one product to the next.
+        // The chunk stays in the first-level cache between the products.
         self.a.map(|a| Dot { a, b: self.b }.with_simd(simd))
     }
 }

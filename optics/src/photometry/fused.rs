@@ -1,4 +1,4 @@
-//! Light, its comparison and the gradient in one pass.
+//! Computes the light, its comparison with a picture, and the gradient in one pass over the field.
 
 use super::{Comparison, Quantity, Sums};
 use crate::convolution::Real;
@@ -9,11 +9,13 @@ use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Rows are summed up in so many blocks: few enough for the stack, and enough for any number of threads.
+/// Number of blocks of rows whose sums are added separately. The sums of all blocks fit on the stack, and there are
+/// enough blocks for the usual numbers of threads.
 pub(super) const BLOCKS: usize = 64;
 
 impl<T: Real> Convolver<T> {
-    /// Compares the light in `tiles` with a picture and writes the half-transformed gradient to `spectrum` (all offsets).
+    /// Compares the light in `tiles` with a picture and writes the half-transformed gradient of all offsets to
+    /// `spectrum`.
     pub(crate) fn compare(
         &self,
         tiles: &[Complex<T>],
@@ -42,7 +44,7 @@ impl<T: Real> Convolver<T> {
         total(&sums)
     }
 
-    /// The sums of [`Self::compare`] alone.
+    /// Returns the sums of [`Self::compare`] without computing the gradient.
     pub(crate) fn measure(&self, tiles: &[Complex<T>], comparison: &Comparison<'_, T>) -> Sums {
         let arch = Arch::new();
         let rows = self.rows_in_block();
@@ -61,12 +63,12 @@ impl<T: Real> Convolver<T> {
         total(&sums)
     }
 
-    /// Rows whose sums are one of [`BLOCKS`].
+    /// Number of rows in each of the [`BLOCKS`].
     pub(super) fn rows_in_block(&self) -> usize {
         self.height_px.div_ceil(BLOCKS)
     }
 
-    /// The light at each pixel, the mean over the sub-samples.
+    /// Computes the light at each pixel, the mean over the sub-samples.
     pub(crate) fn light(&self, tiles: &[Complex<T>], light: &mut [T]) {
         let arch = Arch::new();
         light.par_chunks_mut(self.width_px).enumerate().for_each_init(
@@ -79,7 +81,7 @@ impl<T: Real> Convolver<T> {
     }
 }
 
-/// [`Comparison::gradient_row`] as an operation that is compiled for the vector instructions of the machine at hand.
+/// [`Comparison::gradient_row`] as an operation that is compiled for the vector instructions of the machine.
 struct GradientRow<'a, 'b, T> {
     comparison: &'a Comparison<'b, T>,
     y: usize,
@@ -98,7 +100,7 @@ impl<T: Real> WithSimd for GradientRow<'_, '_, T> {
     }
 }
 
-/// In the order of the blocks, whoever computed them.
+/// Sum over all blocks, in their order, so that it does not depend on the number of threads.
 pub(super) fn total(blocks: &[Sums; BLOCKS]) -> Sums {
     blocks.iter().fold(Sums::default(), |mut sum, row| {
         sum.add(row);
@@ -107,7 +109,8 @@ pub(super) fn total(blocks: &[Sums; BLOCKS]) -> Sums {
 }
 
 impl<T: Real> Comparison<'_, T> {
-    /// Turns the sub-samples of row `y` into their gradient; zero outside `columns`.
+    /// Replaces the sub-samples of row `y` by their gradient, which is zero outside `columns`, and returns the row's
+    /// sums.
     #[inline(always)]
     fn gradient_row(
         &self,
@@ -144,7 +147,7 @@ impl<T: Real> Comparison<'_, T> {
         sums
     }
 
-    /// What the gradient of L by light is, per [`Self::errors`].
+    /// Ratio of the derivative of L by the light to the values that [`Self::errors`] writes.
     pub(super) fn slope_factor(&self) -> f64 {
         match self.quantity {
             Quantity::Intensity => 2.0 * self.gain / self.weight_sum,
@@ -152,7 +155,8 @@ impl<T: Real> Comparison<'_, T> {
         }
     }
 
-    /// Writes w·e along the columns, for amplitudes w·e/√p, and sums up. Leaves `light` as what is compared.
+    /// Writes w·e along the columns, or w·e/√p for amplitudes, and returns the row's sums. Replaces `light` by its
+    /// square root if amplitudes are compared.
     #[inline(always)]
     pub(super) fn errors(&self, y: usize, columns: Range<usize>, light: &mut [T], error: &mut [T]) -> Sums {
         if self.quantity == Quantity::Intensity {
@@ -186,7 +190,7 @@ impl<T: Real> Comparison<'_, T> {
     }
 }
 
-/// Independent sums side by side, so that the additions become vector instructions in an order that is fixed.
+/// Number of independent partial sums, so that the additions become vector instructions in a fixed order.
 const LANES: usize = 8;
 
 #[inline(always)]

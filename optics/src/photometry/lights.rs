@@ -1,10 +1,11 @@
-//! Light that is kept between two passes.
+//! Comparison of light with a picture in two passes, with the light kept between them.
 //!
-//! The first pass samples the field and adds up its light over frames; the second multiplies the samples by the slope
-//! ∂L/∂p of the loss at each of them, and sends them back. Between the passes anything may be computed from all of the light.
+//! The first pass samples the field and adds up its light over frames. The second pass multiplies each sample by the
+//! slope ∂L/∂p of the loss and transforms the products along x, the first step of the propagation back. Between the
+//! passes all of the light is available.
 //!
-//! Light is kept as *light planes*, one for the detectors `Point` and `Pixel` and one for each sub-sample with
-//! `Supersampled`: `[y][plane][x]`.
+//! Light is kept as *light planes* in the order `[y][plane][x]`: one plane for the detectors `Point` and `Pixel`, and
+//! one for each sub-sample with `Supersampled`.
 
 use super::fused::{BLOCKS, mean_light, total};
 use super::{Comparison, Sums};
@@ -16,7 +17,7 @@ use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 impl Detector {
-    /// Light planes that a comparison looks at.
+    /// Number of light planes that a comparison uses.
     pub(crate) fn light_planes(self) -> usize {
         match self {
             Self::Point | Self::Pixel => 1,
@@ -26,8 +27,9 @@ impl Detector {
 }
 
 impl<T: Real> Convolver<T> {
-    /// Samples the field in `tiles` and adds `share` of its light to `lights`, or writes it there for the `first` of
-    /// several fields. Keeps the samples in `kept`, a half-transformed field's worth, where there is one.
+    /// Samples the field in `tiles` and adds its light times `share` to `lights`. For the `first` of several fields the
+    /// light is written instead of added. Copies the samples to `kept` if it is given; it has the length of a
+    /// half-transformed field.
     pub(crate) fn add_light(
         &self,
         tiles: &[Complex<T>],
@@ -52,7 +54,7 @@ impl<T: Real> Convolver<T> {
                     || self.scratch.take(),
                     |scratch, ((y, light), kept)| {
                         light_of(y, light, scratch);
-                        // Two offsets an axis: four sub-samples fill the row's four half spectra.
+                        // With two offsets along each axis, the four sub-samples fill the row's four half spectra.
                         kept[..scratch.samples.len()].copy_from_slice(&scratch.samples);
                     },
                 );
@@ -61,7 +63,7 @@ impl<T: Real> Convolver<T> {
     }
 
     /// Multiplies the samples that [`Self::add_light`] kept by `factor` and the slope of their light plane, and
-    /// transforms them along x: the half-transformed gradient takes their place.
+    /// transforms them along x. The half-transformed gradient replaces the samples.
     pub(crate) fn weigh_kept(&self, kept: &mut [Complex<T>], slopes: &[T], factor: f64) {
         let arch = Arch::new();
         let slope_len = slopes.len() / self.height_px;
@@ -72,14 +74,14 @@ impl<T: Real> Convolver<T> {
                 scratch.samples.copy_from_slice(&kept[..len]);
                 arch.dispatch(WeighRow { samples: &mut scratch.samples, slopes, factor: T::of(factor) });
                 self.sample_row_adjoint(arch, scratch, kept);
-                // Samples lay across what rows are padded with, too.
+                // The kept samples also overwrote the padding of the rows, which must be zero.
                 let zero = Complex::new(T::zero(), T::zero());
                 kept.chunks_exact_mut(self.row_len()).for_each(|row| row[2 * self.width_px..].fill(zero));
             },
         );
     }
 
-    /// As [`Self::weigh_kept`], with samples taken again from `tiles`.
+    /// Computes the half-transformed gradient like [`Self::weigh_kept`], but samples the field in `tiles` again.
     pub(crate) fn weigh_tiles(&self, tiles: &[Complex<T>], slopes: &[T], factor: f64, spectrum: &mut [Complex<T>]) {
         let arch = Arch::new();
         let slope_len = slopes.len() / self.height_px;
@@ -96,8 +98,8 @@ impl<T: Real> Convolver<T> {
 }
 
 impl<T: Real> Convolver<T> {
-    /// The sums over light planes, and in `slopes` ∂L/∂p at this gain. The slopes of several light planes are those
-    /// of the mean of their losses, times their number.
+    /// Returns the mean sums of the light planes and writes ∂L/∂p at the comparison's gain to `slopes`. With several
+    /// light planes L is the sum of their losses, so the slopes are those of the mean loss times the number of planes.
     pub(crate) fn slopes(&self, comparison: &Comparison<'_, T>, lights: &[T], slopes: &mut [T]) -> Sums {
         let arch = Arch::new();
         let planes = comparison.detector.light_planes();
@@ -117,7 +119,7 @@ impl<T: Real> Convolver<T> {
         mean_over(planes, &sums)
     }
 
-    /// The sums of [`Self::slopes`] alone.
+    /// Returns the sums of [`Self::slopes`] without keeping the slopes.
     pub(crate) fn measure_lights(&self, comparison: &Comparison<'_, T>, lights: &[T]) -> Sums {
         let arch = Arch::new();
         let planes = comparison.detector.light_planes();
@@ -143,7 +145,7 @@ fn mean_over(planes: usize, sums: &[Sums; BLOCKS]) -> Sums {
     sums
 }
 
-/// Adds a row's light.
+/// Adds the light of one row, as an operation that is compiled for the machine's vector instructions.
 struct LightRow<'a, T> {
     samples: &'a [Complex<T>],
     share: T,
@@ -171,7 +173,8 @@ impl<T: Real> WithSimd for LightRow<'_, T> {
     }
 }
 
-/// Multiplies a row's samples by their slopes.
+/// Multiplies the samples of one row by their slopes, as an operation that is compiled for the machine's vector
+/// instructions.
 struct WeighRow<'a, T> {
     samples: &'a mut [Complex<T>],
     slopes: &'a [T],
@@ -193,7 +196,8 @@ impl<T: Real> WithSimd for WeighRow<'_, T> {
     }
 }
 
-/// Each of the samples' rows with its slopes: all the same row where there is one light plane, one each otherwise.
+/// Pairs the rows of samples with their slopes. With one light plane all rows of samples share one row of slopes;
+/// otherwise each has its own.
 #[inline(always)]
 fn chunks<'a, T: Real>(
     samples: &'a mut [Complex<T>],
@@ -201,11 +205,11 @@ fn chunks<'a, T: Real>(
     repeats: usize,
 ) -> impl Iterator<Item = (&'a mut [Complex<T>], &'a [T])> {
     let len = slopes.len();
-    // With one slope a sample the whole row is one chunk.
+    // With one slope per sample the whole row is one chunk.
     samples.chunks_exact_mut(len).zip(std::iter::repeat_n(slopes, repeats))
 }
 
-/// The errors of a row's light planes.
+/// Computes sums and slopes of one row, as an operation that is compiled for the machine's vector instructions.
 struct SlopeRow<'a, 'b, T> {
     comparison: &'a Comparison<'b, T>,
     y: usize,

@@ -1,16 +1,17 @@
-//! Comparing light with a wanted or photographed picture.
+//! Comparison of light with a target or a photographed picture.
 //!
 //! ```text
 //! intensity:  e = s·p + o − t,    L = Σ w e² / Σ w,   g = ∂L/∂u* = 2 w s e u / (n Σ w)
 //! amplitude:  e = s·√p − √t,      L = Σ w e² / Σ w,   g = ∂L/∂u* = w s e u / (n √p Σ w),   0 where p = 0
 //! ```
 //!
-//! p the detector's light, t the picture, s gain, o offset, w 1 in the region of interest (0 at masked pixels), u the field
-//! at each of the n sub-samples. With the detector `Supersampled` every sub-sample has its own p and e.
+//! p is the detector's light, t the picture, s the gain, o the offset, w the weight (1 in the region of interest, 0 at
+//! masked pixels), and u the field at each of the n sub-samples. With the detector `Supersampled` every sub-sample has
+//! its own p and e.
 //!
-//! `fused` compares on the way: one pass over the field gives the sums at a gain that is known beforehand and the
-//! gradient at it. `lights` keeps the light between two passes, for what needs all of it first: the gain that fits
-//! best, the mean over frames, neighbouring pixels.
+//! The module `fused` needs one pass over the field for the sums and the gradient, but the gain must be known
+//! beforehand. The module `lights` keeps the light between two passes, for results that need all of the light first:
+//! the gain that fits best, the mean over frames, and terms over neighbouring pixels.
 
 mod fused;
 pub(crate) mod lights;
@@ -20,19 +21,19 @@ use crate::plane::Plane;
 use crate::region::RegionOfInterest;
 use serde::{Deserialize, Serialize};
 
-/// What is compared.
+/// Quantity in which light and picture are compared.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Quantity {
-    /// The light itself.
+    /// Intensity of the light.
     #[default]
     Intensity,
-    /// Its square root: dark parts count more.
+    /// Amplitude, the square root of the intensity. Dark parts have more weight than with intensity.
     Amplitude,
 }
 
-/// Weighted sums over pixels, in f64, from which loss, gain and offset follow. p and t stand for what is
-/// [compared](Quantity).
+/// Weighted sums over pixels, in f64, from which loss, gain and offset follow. p and t are the light and the picture in
+/// the [quantity](Quantity) that is compared.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sums {
     /// Σ w
@@ -56,25 +57,25 @@ pub struct Sums {
 }
 
 impl Sums {
-    /// L at the gain and offset that the light was compared with.
+    /// Loss L at the gain and offset of the comparison.
     #[must_use]
     pub fn loss(&self) -> f64 {
         self.ee / self.w
     }
 
-    /// The gain that fits best, without an offset: Σ t p / Σ p². 0 where there is no light.
+    /// Gain that fits best without an offset: Σ w t p / Σ w p². 0 if there is no light.
     #[must_use]
     pub fn best_gain(&self) -> f64 {
         if self.pp > 0.0 { self.tp / self.pp } else { 0.0 }
     }
 
-    /// L at [`Self::best_gain`].
+    /// Loss L at [`Self::best_gain`] without an offset.
     #[must_use]
     pub fn best_loss(&self) -> f64 {
         ((self.tt - self.best_gain() * self.tp) / self.w).max(0.0)
     }
 
-    /// The gain and offset that fit best together.
+    /// Gain and offset that together fit best.
     #[must_use]
     pub fn best_gain_and_offset(&self) -> (f64, f64) {
         let spread = self.pp - self.p * self.p / self.w;
@@ -85,8 +86,7 @@ impl Sums {
         (gain, (self.t - gain * self.p) / self.w)
     }
 
-    /// How much of what varies in the picture varies in the light as well: the correlation of the two, −1 to 1; 0 where
-    /// one of them is the same everywhere.
+    /// Correlation of the light and the picture, −1 to 1; 0 if one of them is constant.
     #[must_use]
     pub fn correlation(&self) -> f64 {
         let spread = |square: f64, sum: f64| (square - sum * sum / self.w).max(0.0);
@@ -97,7 +97,7 @@ impl Sums {
         (self.tp - self.t * self.p / self.w) / (light * picture).sqrt()
     }
 
-    /// L at [`Self::best_gain_and_offset`].
+    /// Loss L at [`Self::best_gain_and_offset`].
     ///
     /// ```text
     /// Σ w (s p + o − t)² / Σ w
@@ -109,7 +109,7 @@ impl Sums {
         ((s * s * pp + o * o * w + tt + 2.0 * (s * o * p - s * tp - o * t)) / w).max(0.0)
     }
 
-    /// Adds another's sums.
+    /// Adds the sums of `other`.
     pub fn add(&mut self, other: &Self) {
         self.w += other.w;
         self.p += other.p;
@@ -123,19 +123,19 @@ impl Sums {
     }
 }
 
-/// The picture that light is compared with.
+/// Parameters of a comparison of light with a picture.
 #[derive(Clone, Debug)]
 pub(crate) struct Comparison<'a, T> {
     pub(crate) quantity: Quantity,
-    /// t, or √t where amplitudes are compared.
+    /// t, or √t if amplitudes are compared.
     pub(crate) picture: &'a Plane<T>,
-    /// 1 or 0 for each pixel; `None`: all count.
+    /// Weight w of each pixel; `None`: 1 everywhere.
     pub(crate) weight: Option<&'a Plane<T>>,
     pub(crate) region: RegionOfInterest,
     pub(crate) detector: Detector,
     pub(crate) gain: f64,
     pub(crate) offset: f64,
-    /// What the gradient is divided by: the Σ w that the loss will be divided by.
+    /// Divisor of the gradient: the Σ w by which the loss is divided.
     pub(crate) weight_sum: f64,
 }
 
