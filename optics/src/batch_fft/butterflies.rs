@@ -1,18 +1,18 @@
-//! Discrete Fourier transforms of a few numbers, written out.
+//! Discrete Fourier transforms of small fixed sizes, written out.
 //!
 //! ```text
 //! X_k = Σ_n x_n e^{−i2πnk/R}
 //! ```
 //!
-//! Composite sizes with coprime factors need no twiddles between them (I. J. Good, J. R. Stat. Soc. B 20, 361 (1958));
-//! the others are Cooley and Tukey's (Math. Comput. 19, 297 (1965)).
+//! Sizes with coprime factors use the algorithm of I. J. Good (J. R. Stat. Soc. B 20, 361 (1958)), which needs no
+//! twiddle factors. Other composite sizes use that of J. Cooley and J. Tukey (Math. Comput. 19, 297 (1965)).
 
 use super::lanes::ComplexLanes;
 use crate::real::Number;
 use pulp::Simd;
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
-/// A transform of `R` numbers. A type and not a function: a function that is passed along is not inlined.
+/// A transform of `R` numbers. It is a type because a function passed as an argument would not be inlined.
 pub(super) trait Butterfly<const R: usize> {
     fn transform<T: Number, S: Simd>(x: [ComplexLanes<T, S>; R]) -> [ComplexLanes<T, S>; R];
 }
@@ -70,7 +70,7 @@ impl Butterfly<8> for Butterfly8 {
     fn transform<T: Number, S: Simd>(x: [ComplexLanes<T, S>; 8]) -> [ComplexLanes<T, S>; 8] {
         let even = Butterfly4::transform([x[0], x[2], x[4], x[6]]);
         let odd = Butterfly4::transform([x[1], x[3], x[5], x[7]]);
-        // e^{−iπ/4} and e^{−i3π/4} without multiplications of their own.
+        // The products with e^{−iπ/4} and e^{−i3π/4} need no complex multiplication.
         let eighth = ComplexLanes { re: odd[1].re + odd[1].im, im: odd[1].im - odd[1].re }.scaled(FRAC_1_SQRT_2);
         let three = ComplexLanes { re: odd[3].im - odd[3].re, im: -(odd[3].im + odd[3].re) }.scaled(FRAC_1_SQRT_2);
         let quarter = odd[2].turned();
@@ -100,7 +100,8 @@ impl Butterfly<9> for Butterfly9 {
     }
 }
 
-/// A size a·b of coprime factors: n = b·n₁ + a·n₂ and k ≡ k₁ (mod a), k ≡ k₂ (mod b), that is k = e₁k₁ + e₂k₂ (mod a·b).
+/// Implements the transform of a size a·b with coprime factors a and b. Inputs are indexed by n = b·n₁ + a·n₂, outputs
+/// by k ≡ k₁ (mod a) and k ≡ k₂ (mod b), that is k = e₁k₁ + e₂k₂ (mod a·b).
 macro_rules! coprime {
     ($name:ident, $size:literal = $a:literal ($of_a:ident, $e1:literal) * $b:literal ($of_b:ident, $e2:literal)) => {
         impl Butterfly<$size> for $name {

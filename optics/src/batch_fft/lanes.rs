@@ -1,14 +1,15 @@
-//! Numbers in vector registers, in the precision and the width of the machine at hand.
+//! Real and complex numbers in vector registers, generic over the precision and the width of the registers.
 //!
-//! pulp's operations name their precision; these do not, so that what is built on them is written once. Everything is
-//! inlined into the operation that pulp dispatches, or it would not be compiled for the machine's vector instructions.
+//! The crate pulp has separate operations for each precision. The generic types of this module allow code to be written
+//! once for both. All functions are inlined into the operation that pulp dispatches; otherwise they would not be
+//! compiled for the machine's vector instructions.
 
 use crate::real::{Number, Vectors};
 use num_complex::Complex;
 use pulp::Simd;
 use std::ops::{Add, Mul, Neg, Sub};
 
-/// As many numbers as a register holds.
+/// One register of real numbers.
 #[derive(Clone, Copy)]
 pub(crate) struct Lanes<T: Vectors, S: Simd> {
     simd: S,
@@ -26,7 +27,7 @@ impl<T: Vectors, S: Simd> Lanes<T, S> {
         Self { simd, vector: T::splat(simd, value) }
     }
 
-    /// self · by + plus, rounded once where the machine can.
+    /// self · by + plus, rounded only once if the machine supports it.
     #[inline(always)]
     fn mul_add(self, by: Self, plus: Self) -> Self {
         Self { simd: self.simd, vector: T::mul_add(self.simd, self.vector, by.vector, plus.vector) }
@@ -69,7 +70,7 @@ impl<T: Vectors, S: Simd> Neg for Lanes<T, S> {
     }
 }
 
-/// As many complex numbers, real and imaginary parts in registers of their own.
+/// Complex numbers in two registers, one for the real parts and one for the imaginary parts.
 #[derive(Clone, Copy)]
 pub(crate) struct ComplexLanes<T: Vectors, S: Simd> {
     pub(crate) re: Lanes<T, S>,
@@ -82,7 +83,7 @@ impl<T: Vectors, S: Simd> ComplexLanes<T, S> {
         Self { re: Lanes::new(simd, re), im: Lanes::new(simd, im) }
     }
 
-    /// The same number in every lane.
+    /// Registers with the same number in every lane.
     #[inline(always)]
     pub(crate) fn splat(simd: S, value: Complex<T>) -> Self {
         Self { re: Lanes::splat(simd, value.re), im: Lanes::splat(simd, value.im) }
@@ -93,7 +94,7 @@ impl<T: Vectors, S: Simd> ComplexLanes<T, S> {
         Self { re: self.re, im: -self.im }
     }
 
-    /// −i · self
+    /// Returns −i · self.
     #[inline(always)]
     pub(super) fn turned(self) -> Self {
         Self { re: self.im, im: -self.re }
@@ -107,14 +108,14 @@ impl<T: Number, S: Simd> ComplexLanes<T, S> {
         Self { re: self.re * by, im: self.im * by }
     }
 
-    /// by · self + plus
+    /// Returns by · self + plus.
     #[inline(always)]
     pub(super) fn scaled_plus(self, by: f64, plus: Self) -> Self {
         let by = Lanes::splat(self.re.simd, T::of(by));
         Self { re: self.re.mul_add(by, plus.re), im: self.im.mul_add(by, plus.im) }
     }
 
-    /// e^{−i2π·cycles} · self
+    /// Returns e^{−i2π·cycles} · self.
     #[inline(always)]
     pub(super) fn turned_by(self, cycles: f64) -> Self {
         let (sine, cosine) = (-std::f64::consts::TAU * cycles).sin_cos();

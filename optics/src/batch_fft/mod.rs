@@ -1,15 +1,15 @@
-//! Fourier transforms of many columns at once.
+//! Discrete Fourier transforms of many columns at once.
 //!
 //! ```text
 //! X_k = Σ_n x_n e^{−i2πnk/N},   N = R₁·R₂·…
 //! ```
 //!
-//! A tile holds `columns` neighbours, row after row, real and imaginary parts in planes of their own. Every register
-//! works on as many columns, so that no number ever has to change its lane: there are no transposes, and no shuffles.
-//! Each stage is Stockham's, in natural order from one buffer into another. The inverse transform is the same one with
-//! the planes exchanged.
+//! A tile holds `columns` neighbouring columns row by row, with the real and the imaginary parts in separate planes.
+//! Each lane of a register belongs to one column, so numbers never move between lanes and no transposes or shuffles are
+//! needed. Each stage is one of Stockham's algorithm, which reads one buffer and writes another in natural order. The
+//! inverse transform is the forward transform with the two planes exchanged.
 //!
-//! Lengths with factors other than 2, 3 and 5 go through rustfft, a column at a time.
+//! Lengths with prime factors other than 2, 3 and 5 are transformed by the crate rustfft, one column at a time.
 
 mod butterflies;
 mod lanes;
@@ -26,33 +26,34 @@ use pulp::{Simd, WithSimd};
 use rustfft::{Fft, FftPlanner};
 use std::{f64::consts::TAU, sync::Arc};
 
-/// Stages are made of these, the largest that divides first.
+/// Radices of the stages. The largest radix that divides the remaining length is chosen first.
 const RADICES: [usize; 9] = [12, 10, 9, 8, 6, 5, 4, 3, 2];
 
-/// A plan for tiles of so many columns.
+/// FFT plan for tiles of a fixed number of columns.
 pub(crate) struct BatchFft<T> {
     columns: usize,
     plan: Plan<T>,
 }
 
-/// How the columns of a tile are transformed.
+/// Algorithm that transforms the columns of a tile.
 enum Plan<T> {
     Stages(Vec<Stage<T>>),
     ColumnByColumn(Arc<dyn Fft<T>>),
 }
 
-/// Row (r·m + p)·s + q of the source goes to row (p·R + k)·s + q.
+/// Stage of Stockham's algorithm with radix R. Rows (r·m + p)·s + q of the source, r = 0 … R−1, are transformed to rows
+/// (p·R + k)·s + q, k = 0 … R−1.
 struct Stage<T> {
     radix: usize,
-    /// What is left to transform after this stage.
+    /// Length that remains to be transformed after this stage.
     m: usize,
-    /// What has been transformed before it.
+    /// Product of the radices of the previous stages.
     s: usize,
-    /// e^{−i2πpk/(R·m)}, `radix` of them for each p.
+    /// Twiddle factors e^{−i2πpk/(R·m)}, R of them for each p.
     twiddles: Vec<Complex<T>>,
 }
 
-/// Number and imaginary parts of a tile, `n · columns` values each.
+/// Real and imaginary parts of a tile, `n · columns` values each.
 #[derive(Debug)]
 pub(crate) struct Planes<T> {
     pub(crate) re: Vec<T>,
@@ -64,14 +65,15 @@ impl<T: Number> Planes<T> {
         Self { re: vec![T::zero(); len], im: vec![T::zero(); len] }
     }
 
-    /// i · conj of every value: before and after a transform, it makes the inverse of it.
+    /// Replaces every value by i · conj(value). Applied before and after a transform, this gives the inverse transform.
     fn exchange(&mut self) {
         std::mem::swap(&mut self.re, &mut self.im);
     }
 }
 
 impl<T: Number> BatchFft<T> {
-    /// For columns of `n` samples. `columns` must be a multiple of 16, the most numbers that a register holds.
+    /// Plans transforms of columns of `n` samples. `columns` must be a multiple of 16, the largest number of lanes of a
+    /// register.
     pub(crate) fn new(n: usize, columns: usize) -> Self {
         let plan = match factors(n) {
             Some(radices) => Plan::Stages(stages(n, &radices)),
@@ -80,7 +82,7 @@ impl<T: Number> BatchFft<T> {
         Self { columns, plan }
     }
 
-    /// Transforms `tile`, without scaling, and multiplies it by `factors` where there are some; `spare` is overwritten.
+    /// Transforms `tile` without scaling and multiplies it by `factors` if they are given; overwrites `spare`.
     #[inline(always)]
     pub(crate) fn forward<S: Simd>(
         &self,
@@ -113,7 +115,7 @@ impl<T: Number> BatchFft<T> {
         }
     }
 
-    /// The inverse of [`Self::forward`] times n.
+    /// Applies the inverse of [`Self::forward`], times n; overwrites `spare`.
     #[inline(always)]
     pub(crate) fn inverse<S: Simd>(&self, simd: S, tile: &mut Planes<T>, spare: &mut Planes<T>) {
         tile.exchange();
@@ -122,16 +124,16 @@ impl<T: Number> BatchFft<T> {
     }
 }
 
-/// What a tile is multiplied by, in its order.
+/// Factors of the values of a tile, in the order of the tile.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Factors<'a, T> {
     pub(crate) values: &'a [Complex<T>],
-    /// Multiply by the complex conjugates instead.
+    /// Whether to multiply by the complex conjugates instead.
     pub(crate) conjugate: bool,
 }
 
 impl<T: Number> Factors<'_, T> {
-    /// The factors of register `at` of the tile.
+    /// Factors for register `at` of the tile.
     #[inline(always)]
     pub(crate) fn factor<S: Simd>(self, simd: S, at: usize) -> ComplexLanes<T, S> {
         let [re, im] = T::parts(simd, T::interleaved::<S>(self.values)[at]);
@@ -149,7 +151,7 @@ impl<T: Number> Factors<'_, T> {
     }
 }
 
-/// A stage as a function of its own, so that its many butterflies are compiled once.
+/// Runs a stage in a separate function, so that the butterflies are compiled only once.
 struct Run<'a, T> {
     stage: &'a Stage<T>,
     registers: usize,
@@ -178,7 +180,7 @@ impl<T: Number> WithSimd for Run<'_, T> {
     }
 }
 
-/// The last stage, and a multiplication on its way out.
+/// Runs the last stage and multiplies its results by `factors`.
 struct RunLast<'a, T> {
     stage: &'a Stage<T>,
     registers: usize,
@@ -257,7 +259,7 @@ impl<T: Number> Stage<T> {
     }
 }
 
-/// The inputs of a butterfly: `first`, and on in steps.
+/// Inputs of a butterfly: the registers `first`, `first + step`, and so on.
 #[inline(always)]
 fn gather<T: Number, S: Simd, const R: usize>(
     simd: S,
@@ -288,7 +290,7 @@ fn column_by_column<T: Number>(fft: &dyn Fft<T>, columns: usize, tile: &mut Plan
     }
 }
 
-/// n as a product of [`RADICES`], the largest first; `None` where it has other factors.
+/// Factors of n among [`RADICES`], the largest first; `None` if n has other prime factors.
 fn factors(n: usize) -> Option<Vec<usize>> {
     let (mut left, mut found) = (n, Vec::new());
     while let Some(&radix) = RADICES.iter().find(|&radix| left % radix == 0) {
@@ -365,7 +367,7 @@ mod tests {
         }
     }
 
-    // Every radix, every pair of radices, and lengths that are left to rustfft.
+    // The lengths cover every radix, every pair of radices, and lengths that rustfft transforms.
     #[test]
     fn agrees_with_the_sum_of_its_definition() {
         for n in (1..=60).chain([64, 72, 81, 96, 100, 108, 120, 125, 131, 144, 270, 360, 540]) {

@@ -1,4 +1,4 @@
-//! The fused passes against the plain padded transform in f64, on odd, prime and non-square sizes.
+//! Tests of the fused passes against the plain padded transform in f64, on odd, prime and non-square sizes.
 
 use crate::convolution::Real;
 use crate::engine::{EngineCore, Fields};
@@ -47,7 +47,7 @@ fn f64_passes_match_the_plain_transform() {
     check_against_reference::<f64>(1e-12);
 }
 
-// Rounding: ε·log₂N for the transforms, and as much again for the tables.
+// The bound covers rounding: ε·log₂N for the transforms, and the same amount for the tables.
 #[test]
 fn f32_passes_match_the_plain_transform() {
     check_against_reference::<f32>(1e-6);
@@ -58,7 +58,7 @@ fn inner<T: Real>(a: &[Complex<T>], b: &[Complex<T>]) -> Complex64 {
     a.iter().zip(b).map(|(a, b)| wide(a).conj() * wide(b)).sum()
 }
 
-/// Free space, and kernels that vary over the SLM by little and by much.
+/// Models of free space, and of kernels that vary a little and a lot over the SLM.
 fn models(setup: OpticalSetup) -> [DisplayModel; 3] {
     let varying = |size: f64| {
         let mut field = SmoothField::flat(2);
@@ -70,7 +70,7 @@ fn models(setup: OpticalSetup) -> [DisplayModel; 3] {
     [DisplayModel::ideal(setup), varying(0.02), varying(0.5)]
 }
 
-/// ⟨A u, v⟩ = ⟨u, Aᴴ v⟩.
+/// Checks that ⟨A u, v⟩ = ⟨u, Aᴴ v⟩ within `bound`.
 fn check_adjoint<T: Real>(bound: f64) {
     for ((height_px, width_px), i) in SIZES.into_iter().flat_map(|size| (0..3).map(move |i| (size, i))) {
         let model = &models(setup(height_px, width_px, 2e-3))[i];
@@ -84,7 +84,7 @@ fn check_adjoint<T: Real>(bound: f64) {
         engine.convolver.forward_rows(spectrum, &[None], |y, row| row.copy_from_slice(v.row(y)));
         engine.return_rows(&mut fields, back.values_mut(), |_, row, out| out.copy_from_slice(row));
         let here = inner(u.values(), back.values());
-        // Against the lengths of the vectors: the products themselves are small by chance.
+        // The error is compared with the lengths of the vectors, because the products themselves are small by chance.
         let length = (inner(u.values(), u.values()).re * inner(v.values(), v.values()).re).sqrt();
         assert!((there - here).norm() < bound * length, "{width_px}×{height_px} px, {i}: {there} against {here}");
     }

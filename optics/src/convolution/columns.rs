@@ -1,4 +1,4 @@
-//! Passes along y: a tile of columns at a time.
+//! Passes along y, one tile of columns at a time.
 
 use super::Real;
 use super::tile_pass::{TilePass, TileScratch, Way};
@@ -7,7 +7,8 @@ use num_complex::Complex;
 use rayon::prelude::*;
 
 impl<T: Real> Convolver<T> {
-    /// The half-transformed fields of the windows in, H applied, one field out for each offset along y.
+    /// Propagates the half-transformed fields of all windows in `spectrum`: applies H and writes one half-transformed
+    /// field for each offset along y to `tiles`.
     pub(crate) fn propagate(&self, spectrum: &[Complex<T>], kernels: &Kernels<T>, tiles: &mut [Complex<T>]) {
         tiles.par_chunks_mut(self.lanes() * self.tile_len()).enumerate().for_each_init(
             || self.scratch.take(),
@@ -17,7 +18,7 @@ impl<T: Real> Convolver<T> {
         );
     }
 
-    /// The adjoint of [`Self::propagate`].
+    /// Applies the adjoint of [`Self::propagate`].
     pub(crate) fn propagate_adjoint(&self, spectrum: &[Complex<T>], kernels: &Kernels<T>, tiles: &mut [Complex<T>]) {
         tiles.par_chunks_mut(kernels.lanes() * self.tile_len()).enumerate().for_each_init(
             || self.scratch.take(),
@@ -27,9 +28,9 @@ impl<T: Real> Convolver<T> {
         );
     }
 
-    /// [`Self::propagate_adjoint`], and on the way the correlation of the back-propagated gradient g with the field u that
-    /// went out, from which ∂L/∂H* = u*·g: `visit(k, column, u, g)` sees the spectra of each column for each kernel k, and
-    /// the answers come back column after column, in each of them kernel after kernel.
+    /// Applies [`Self::propagate_adjoint`] and visits the spectra of the outgoing field u and the back-propagated
+    /// gradient g, from which ∂L/∂H* = u*·g follows. `visit(k, column, u, g)` receives the spectra of each column for
+    /// each kernel k. The results are ordered by column, then by kernel.
     pub(crate) fn correlate<R: Send>(
         &self,
         field: &[Complex<T>],
@@ -71,8 +72,8 @@ impl<T: Real> Convolver<T> {
         answers.collect::<Vec<_>>().into_iter().flatten().collect()
     }
 
-    /// The spectra of what [`Self::propagate`] makes, each kernel's share times a real number: for each tile, the even and
-    /// the odd bins.
+    /// Computes the spectra of the field that [`Self::propagate`] computes, with each kernel's contribution multiplied
+    /// by a real weight. For each tile, `spectra` receives the even and the odd bins.
     pub(crate) fn weigh_spectra(
         &self,
         spectrum: &[Complex<T>],
@@ -88,7 +89,8 @@ impl<T: Real> Convolver<T> {
         );
     }
 
-    /// From [weighed spectra](Self::weigh_spectra), times a real number for each bin along y, to one field for each offset.
+    /// Multiplies [weighted spectra](Self::weigh_spectra) by a real number for each bin along y and transforms them
+    /// back to one half-transformed field for each offset along y.
     pub(crate) fn return_weighed(&self, spectra: &[Complex<T>], along_y: &[T], tiles: &mut [Complex<T>]) {
         let kernels = &Kernels { transfers: Vec::new(), along_x: Vec::new(), along_y: Vec::new() };
         let lanes = self.lanes() * self.tile_len();
@@ -105,7 +107,7 @@ impl<T: Real> Convolver<T> {
         T::pass_over_tile(TilePass { convolver: self, kernels, tile, scratch, way });
     }
 
-    /// Values of a tile of one half-transformed field.
+    /// Number of values in a tile of one half-transformed field.
     pub(super) fn tile_len(&self) -> usize {
         self.height_px * self.tile_columns
     }

@@ -1,22 +1,23 @@
-//! Linear convolution of a field with a transfer function, in fused passes.
+//! Linear convolution of a field with a transfer function, in three fused passes.
 //!
 //! ```text
 //! u = crop F⁻¹[ H · F[ pad c ] ]        pad: h×w → 2h×2w
 //! ```
 //!
-//! The padded transform is never formed. A DFT of length 2n of a signal whose second half is zero is two DFTs of
-//! length n, one of the signal (the even bins) and one of the signal times e^{−iπj/n} (the odd bins); the first half of
-//! the inverse is the sum of the two inverses, the odd one times e^{+iπj/n}. So every transform has the length of the
-//! unpadded side, nothing is computed that is cropped afterwards, and any side is allowed.
+//! The padded field is never stored. A DFT of length 2n of a signal whose second half is zero equals two DFTs of length
+//! n: one of the signal (the even bins) and one of the signal times e^{−iπj/n} (the odd bins). The first half of the
+//! inverse is the sum of the two inverse DFTs, the odd one times e^{+iπj/n}. So every transform has the length of the
+//! unpadded side, no cropped values are computed, and sides of any length are allowed.
 //!
-//! A convolution is three passes over memory, each parallel and each writing whole contiguous pieces:
+//! A convolution takes three passes over memory. Each pass is parallel and writes contiguous blocks:
 //!
-//! 1. [rows](rows): make or read a row, transform it along x, write row-major;
-//! 2. [columns](columns): a tile of columns at a time, transform along y, multiply, transform back, write tile-major;
-//! 3. rows again: gather a row, transform back, use it.
+//! 1. [rows](rows): compute or read a row, transform it along x, write it row-major;
+//! 2. [columns](columns): transform a tile of columns along y, multiply it by H, transform it back, write it
+//! tile-major;
+//! 3. rows again: gather a row, transform it back along x, use it.
 //!
-//! Every row and every column is computed by itself and sums are added up in a fixed order, so results do not depend
-//! on the number of threads.
+//! Rows and columns are computed independently, and sums are added in a fixed order, so results do not depend on the
+//! number of threads.
 
 mod columns;
 mod kernels;
@@ -36,19 +37,20 @@ use rustfft::{Fft, FftPlanner};
 use std::{f64::consts::PI, fmt, sync::Arc};
 use tile_pass::TilePasses;
 
-/// A precision that convolutions are computed in: f32 or f64.
+/// Floating-point type in which convolutions are computed: f32 or f64.
 #[allow(private_bounds)] // how the engine computes is its own affair
 pub trait Real: Number + TilePasses {}
 
 impl Real for f32 {}
 impl Real for f64 {}
 
-/// Plans and tables for one size and one set of sub-sample offsets.
+/// FFT plans and tables for one size and one set of sub-sample offsets.
 pub(crate) struct Convolver<T> {
     pub(crate) height_px: usize,
     pub(crate) width_px: usize,
-    /// Columns that are transformed together.
+    /// Offsets along each axis at which the field is detected, from the pixels' centres \[px\].
     offsets_px: Vec<f64>,
+    /// Number of columns in a tile, which are transformed together.
     pub(crate) tile_columns: usize,
     pub(crate) down_columns: BatchFft<T>,
     pub(crate) along_x: Axis<T>,
@@ -62,19 +64,21 @@ impl<T> fmt::Debug for Convolver<T> {
     }
 }
 
-/// Transforms and tables along one axis of n samples.
+/// FFT plans and tables along one axis of n samples.
 pub(crate) struct Axis<T> {
     pub(crate) n: usize,
     pub(crate) forward: Arc<dyn Fft<T>>,
     pub(crate) inverse: Arc<dyn Fft<T>>,
-    /// e^{−iπj/n}: turns the transform of length n into the odd bins of the one of length 2n.
+    /// Factors e^{−iπj/n}. A transform of length n of the signal times these factors gives the odd bins of the
+    /// transform of length 2n.
     pub(crate) half_bin: Vec<Complex<T>>,
-    /// For each offset, e^{i2πf·offset} at all 2n bins in split order; `None` for no offset.
+    /// Factors e^{i2πf·offset} for each offset, at all 2n bins in split order; `None` for an offset of 0.
     pub(crate) offsets: Vec<Option<Vec<Complex<T>>>>,
 }
 
 impl<T: Real> Convolver<T> {
-    /// For fields of `height_px` × `width_px`, detected at the given offsets \[px\] along each axis.
+    /// Prepares convolutions of fields of `height_px` × `width_px`, detected at the given offsets \[px\] along each
+    /// axis.
     pub(crate) fn new(height_px: usize, width_px: usize, offsets_px: &[f64]) -> Self {
         let mut planner = FftPlanner::new();
         let along_x = Axis::new(&mut planner, width_px, offsets_px);
@@ -94,22 +98,22 @@ impl<T: Real> Convolver<T> {
         }
     }
 
-    /// Where the field is detected along each axis, from the pixels' centres.
+    /// Offsets along each axis at which the field is detected, from the pixels' centres \[px\].
     pub(crate) fn offsets_px(&self) -> &[f64] {
         &self.offsets_px
     }
 
-    /// Offsets along each axis.
+    /// Number of offsets along each axis.
     pub(crate) fn lanes(&self) -> usize {
         self.along_y.offsets.len()
     }
 
-    /// Values in a buffer of half-transformed fields, one for each of `lanes` offsets along y.
+    /// Number of values in a buffer of `lanes` half-transformed fields.
     pub(crate) fn half_spectrum_len(&self, lanes: usize) -> usize {
         lanes * self.height_px * self.row_len()
     }
 
-    /// Values in a half-transformed row: both halves, and zeros up to whole tiles.
+    /// Number of values in a half-transformed row: both halves, padded with zeros to whole tiles.
     pub(crate) fn row_len(&self) -> usize {
         padded_columns(self.width_px, self.tile_columns)
     }
@@ -130,23 +134,23 @@ impl<T: Real> Axis<T> {
     }
 }
 
-/// Columns in a tile: so many that a row of a tile is whole cache lines and fills whole registers, and so few that a
-/// tile's spectra stay in a core's second-level cache.
+/// Number of columns in a tile. A row of a tile fills whole cache lines and whole registers, and a tile's spectra fit
+/// into a core's second-level cache.
 pub(crate) fn tile_columns<T>(height_px: usize) -> usize {
     if height_px * size_of::<T>() <= 1280 * size_of::<f32>() { 32 } else { 16 }
 }
 
-/// The columns of a padded spectrum, rounded up to whole tiles.
+/// Number of columns of a padded spectrum, rounded up to whole tiles.
 pub(crate) fn padded_columns(width_px: usize, tile_columns: usize) -> usize {
     (2 * width_px).next_multiple_of(tile_columns)
 }
 
-/// The padded bin, 0 … 2n−1, at index `i` of the split order: first the even bins, then the odd ones.
+/// Padded bin, 0 … 2n−1, at index `i` of the split order, which lists the even bins first and then the odd bins.
 pub(crate) fn split_bin(i: usize, n: usize) -> usize {
     if i < n { 2 * i } else { 2 * (i - n) + 1 }
 }
 
-/// Frequency [cycles/px] of padded bin `bin`, 0 … 2n−1.
+/// Frequency \[cycles/px\] of the padded bin `bin`, 0 … 2n−1.
 pub(crate) fn frequency_per_px(bin: usize, n: usize) -> f64 {
     crate::grid::frequency(bin, 2 * n, 1.0)
 }

@@ -1,4 +1,4 @@
-//! Passes along x.
+//! Passes along x, one row at a time.
 
 use super::Real;
 use super::{Axis, Convolver, Window, scratch::Scratch};
@@ -6,16 +6,16 @@ use num_complex::Complex;
 use pulp::Arch;
 use rayon::prelude::*;
 
-/// Half-transformed rows that are gathered together: a tile is far from the next one in memory, so its rows are read several
-/// at a time.
+/// Number of half-transformed rows that are gathered together. Tiles are far apart in memory, so several rows are read
+/// from each tile at a time.
 pub(super) const ROWS: usize = 8;
 
 impl<T: Real> Convolver<T> {
-    /// Lets `fill(y, row)` write each row of a field, and for each window transforms the row times the window and stores it
-    /// row-major in `spectrum`.
+    /// Calls `fill(y, row)` to write each row of a field. For each window, multiplies the row by the window, transforms
+    /// it and stores it row-major in `spectrum`.
     ///
-    /// Here and below, a closure that does arithmetic dispatches to the machine's vector instructions itself: only what is
-    /// inlined into the dispatched closure is compiled for them.
+    /// In this module, closures that compute must dispatch to the machine's vector instructions themselves, because
+    /// only code that is inlined into the dispatched closure is compiled for these instructions.
     pub(crate) fn forward_rows(
         &self,
         spectrum: &mut [Complex<T>],
@@ -44,9 +44,9 @@ impl<T: Real> Convolver<T> {
         );
     }
 
-    /// Gathers each row from `tiles` (one half-transformed field for each window), transforms it back, adds up what the
-    /// windows let through, and hands it to `use_row(y, row, out)`, where `out` is what row `y` owns of `results`,
-    /// `results.len() / height_px` values.
+    /// Gathers each row from `tiles` (one half-transformed field for each window), transforms it back, multiplies it by
+    /// its window and adds up the windows. Calls `use_row(y, row, out)` with the sum, where `out` is the part of
+    /// `results` for row `y`, `results.len() / height_px` values.
     pub(crate) fn inverse_rows<R: Send>(
         &self,
         tiles: &[Complex<T>],
@@ -83,13 +83,13 @@ impl<T: Real> Convolver<T> {
         );
     }
 
-    /// Gathers every sub-sample of row `y` from `tiles` (all offsets along y): for each offset along y, for each along x,
-    /// the row's `width_px` values.
+    /// Computes all sub-samples of row `y` from `tiles` (all offsets along y). Writes the row's `width_px` values for
+    /// each offset along y and, within it, each offset along x to the scratch's `samples`.
     pub(crate) fn sample_row(&self, arch: Arch, tiles: &[Complex<T>], y: usize, scratch: &mut Scratch<T>) {
         self.sample_weighed_row(arch, tiles, y, None, scratch);
     }
 
-    /// [`Self::sample_row`] of the field whose spectrum is multiplied by a real number for each column.
+    /// Computes [`Self::sample_row`] with the field's spectrum multiplied by a real number for each column.
     pub(crate) fn sample_weighed_row(
         &self,
         arch: Arch,
@@ -109,7 +109,7 @@ impl<T: Real> Convolver<T> {
             for offset in &self.along_x.offsets {
                 let out = samples.next().expect("a slot for every sub-sample");
                 let Some(phases) = offset else {
-                    // No other offset needs the half-transformed row.
+                    // The transform destroys the half-transformed row, which no other offset needs.
                     self.along_x.transform_row_back(arch, half, out, fft);
                     continue;
                 };
@@ -119,8 +119,8 @@ impl<T: Real> Convolver<T> {
         }
     }
 
-    /// The adjoint of [`Self::sample_row`]: transforms the sub-samples and sums them up for each offset along y in `out`,
-    /// `lanes · 2 · width_px` values.
+    /// Applies the adjoint of [`Self::sample_row`]: transforms the sub-samples and adds them up for each offset along
+    /// y. Writes `2 · width_px` values for each offset along y to `out`.
     pub(crate) fn sample_row_adjoint(&self, arch: Arch, scratch: &mut Scratch<T>, out: &mut [Complex<T>]) {
         let Scratch { row, samples, fft, .. } = scratch;
         let half = &mut row[..2 * self.width_px];
@@ -153,7 +153,7 @@ impl<T: Real> Convolver<T> {
         }
     }
 
-    /// Copies `count` rows of all `lanes` from `tiles`.
+    /// Copies `count` rows from row `first` on, of all `lanes`, from `tiles` to `rows`.
     fn gather_rows(&self, tiles: &[Complex<T>], lanes: usize, first: usize, count: usize, rows: &mut [Complex<T>]) {
         let (columns, row_len) = (self.tile_columns, self.row_len());
         for (tile, parts) in tiles.chunks_exact(self.height_px * columns).enumerate() {
@@ -166,14 +166,15 @@ impl<T: Real> Convolver<T> {
 }
 
 impl<T: Real> Axis<T> {
-    /// `row` holds n samples in its first half; both halves become the even and the odd bins.
+    /// Transforms a row of n samples, given in the first half of `row`, to the even bins in the first half and the odd
+    /// bins in the second half.
     fn transform_row(&self, arch: Arch, row: &mut [Complex<T>], fft: &mut [Complex<T>]) {
         let (even, odd) = row.split_at_mut(self.n);
         arch.dispatch(|| multiply(even, &self.half_bin, odd));
         self.forward.process_with_scratch(row, fft);
     }
 
-    /// The inverse without its scaling; destroys `half`.
+    /// Applies the inverse of `transform_row` without its scaling; destroys `half`.
     fn transform_row_back(&self, arch: Arch, half: &mut [Complex<T>], row: &mut [Complex<T>], fft: &mut [Complex<T>]) {
         self.inverse.process_with_scratch(half, fft);
         let (even, odd) = half.split_at(self.n);
@@ -216,7 +217,7 @@ fn add_multiply_conj<T: Real>(a: &[Complex<T>], b: &[Complex<T>], out: &mut [Com
     }
 }
 
-/// even + conj(half_bin) · odd.
+/// `out` = even + conj(half_bin) · odd.
 #[inline(always)]
 fn join_halves<T: Real>(even: &[Complex<T>], odd: &[Complex<T>], half_bin: &[Complex<T>], out: &mut [Complex<T>]) {
     for (((out, &even), &odd), &turn) in out.iter_mut().zip(even).zip(odd).zip(half_bin) {

@@ -1,4 +1,4 @@
-//! Working memory of a thread, kept between passes.
+//! Scratch memory of threads, reused between passes.
 
 use super::Real;
 use super::{Axis, tile_pass::TileScratch};
@@ -9,23 +9,23 @@ use std::{
     sync::{Mutex, PoisonError},
 };
 
-/// Working memory of one thread.
+/// Scratch memory of one thread.
 pub(crate) struct Scratch<T> {
-    /// Two half-transformed rows' worth.
+    /// Room for two half-transformed rows.
     pub(crate) row: Vec<Complex<T>>,
-    /// Several half-transformed rows.
+    /// Room for several half-transformed rows.
     pub(crate) rows: Vec<Complex<T>>,
-    /// The sub-samples of a row, one after the other.
+    /// Sub-samples of a row, one offset after the other.
     pub(crate) samples: Vec<Complex<T>>,
-    /// Real numbers: of a row, and of a row of all sub-samples.
+    /// Real numbers: one for each pixel of a row, and one for each sub-sample of a row.
     pub(crate) reals: [Vec<T>; 2],
-    /// A tile's spectra, and room to transform them in.
+    /// Spectra of a tile, with room for their transforms.
     pub(crate) tile: TileScratch<T>,
-    /// What the transforms ask for.
+    /// Scratch memory that the FFTs along x need.
     pub(crate) fft: Vec<Complex<T>>,
 }
 
-/// Scratch that is lent to a thread and comes back when it is done.
+/// Pool of scratch memory: lends it to threads, which return it when they are done.
 pub(crate) struct ScratchPool<T> {
     idle: Mutex<Vec<Scratch<T>>>,
     samples_len: usize,
@@ -72,7 +72,7 @@ impl<T: Real> ScratchPool<T> {
     }
 }
 
-/// Scratch on loan.
+/// Scratch memory on loan from a pool; dropping it returns it to the pool.
 pub(crate) struct Lent<'a, T> {
     pool: &'a ScratchPool<T>,
     scratch: Option<Scratch<T>>,

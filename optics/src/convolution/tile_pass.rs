@@ -1,4 +1,4 @@
-//! What is done to one tile of columns, from the half-transformed fields to the half-transformed fields.
+//! Operations on one tile of columns: transforms along y and multiplications by transfer functions.
 
 use super::Real;
 use super::{Convolver, Kernels};
@@ -6,11 +6,11 @@ use crate::batch_fft::{ComplexLanes, Factors, Planes};
 use num_complex::Complex;
 use pulp::{Arch, Simd, WithSimd};
 
-/// A tile's spectra, and room to transform them in.
+/// Spectra of a tile, with room for their transforms.
 pub(crate) struct TileScratch<T> {
-    /// The even and the odd bins.
+    /// Even and odd bins of the spectra.
     spectra: [Planes<T>; 2],
-    /// Those of one offset.
+    /// Even and odd bins for one offset or one kernel.
     shifted: [Planes<T>; 2],
     spare: Planes<T>,
 }
@@ -22,26 +22,27 @@ impl<T: Real> TileScratch<T> {
     }
 }
 
-/// What a pass over a tile does: with what, and where to.
+/// Operation of a pass over a tile, with its inputs and its output.
 pub(super) enum Way<'a, T> {
-    /// Transform, multiply by H, transform back for each offset along y.
+    /// Transforms, multiplies by H and transforms back for each offset along y.
     There(&'a [Complex<T>], &'a mut [Complex<T>]),
-    /// The adjoint of it.
+    /// Applies the adjoint of [`Way::There`].
     Back(&'a [Complex<T>], &'a mut [Complex<T>]),
-    /// Stop before the H of one kernel and write the spectra.
+    /// Transforms the field of one kernel's window and writes its spectra before H is applied.
     SpectraThere(usize, &'a [Complex<T>], &'a mut [Complex<T>]),
-    /// The same on the way back.
+    /// Transforms the gradient and writes its spectra before conj(H) is applied; the scratch keeps them.
     SpectraBack(&'a [Complex<T>], &'a mut [Complex<T>]),
-    /// Go on from the spectra that [`Way::SpectraBack`] left in the scratch.
+    /// Applies conj(H) to the spectra that [`Way::SpectraBack`] left in the scratch and transforms them back.
     ReturnSpectra(&'a mut [Complex<T>]),
-    /// Stop behind H, each kernel's share times a number.
+    /// Transforms, multiplies by H and by a weight for each kernel, and writes the sum of the spectra.
     Weigh(&'a [Complex<T>], &'a [T], &'a mut [Complex<T>]),
-    /// Go on from these, times a number for each row.
+    /// Multiplies the spectra that [`Way::Weigh`] wrote by a number for each row and transforms them back for each
+    /// offset along y.
     ReturnWeighed(&'a [Complex<T>], &'a [T], &'a mut [Complex<T>]),
 }
 
-/// Passes over tiles as functions of one precision, which are compiled here. A generic function is compiled by every crate
-/// that calls it, and these hold the butterflies of all radices for all vector instructions.
+/// Passes over tiles, compiled in this crate for each precision. A generic function would be compiled again by every
+/// crate that calls it, and these passes contain the butterflies of all radices for all vector instructions.
 pub(crate) trait TilePasses: Sized {
     fn pass_over_tile(pass: TilePass<'_, Self>);
 }
@@ -58,7 +59,7 @@ impl TilePasses for f64 {
     }
 }
 
-/// A pass over a tile, as an operation that is compiled for the vector instructions of the machine at hand.
+/// A pass over a tile, as an operation that is compiled for the vector instructions of the machine.
 pub(crate) struct TilePass<'a, T> {
     pub(super) convolver: &'a Convolver<T>,
     pub(super) kernels: &'a Kernels<T>,
@@ -80,7 +81,7 @@ impl<T: Real> WithSimd for TilePass<'_, T> {
                 pass.return_lanes(scratch, out);
             }
             Way::Back(spectrum, out) => {
-                // A single kernel is applied while the transform ends.
+                // A single kernel is applied in the last stage of the transform.
                 let factors = (kernels.transfers.len() == 1).then(|| pass.factors(0, true));
                 pass.sum_lanes(spectrum, scratch, factors);
                 match factors {
@@ -117,19 +118,19 @@ struct Pass<'a, T, S> {
 }
 
 impl<T: Real, S: Simd> Pass<'_, T, S> {
-    /// Registers in a row of a tile.
+    /// Number of registers in a row of a tile.
     #[inline(always)]
     fn registers(&self) -> usize {
         self.convolver.tile_columns / T::lanes::<S>()
     }
 
-    /// H of a kernel, or its conjugate, for the even and the odd bins.
+    /// Values of H of a kernel, or their conjugates, for the even and the odd bins.
     #[inline(always)]
     fn factors(&self, kernel: usize, conjugate: bool) -> [Factors<'_, T>; 2] {
         self.kernels.transfers[kernel].halves(self.tile).map(|values| Factors { values, conjugate })
     }
 
-    /// Σ over the kernels of H · F[window · field], each times its weight, in the scratch's spectra.
+    /// Computes Σ over the kernels of weight · H · F[window · field] in the scratch's `spectra`.
     #[inline(always)]
     fn blend(&self, spectrum: &[Complex<T>], weights: Option<&[T]>, scratch: &mut TileScratch<T>) {
         let TileScratch { spectra, shifted, spare } = scratch;
@@ -149,7 +150,7 @@ impl<T: Real, S: Simd> Pass<'_, T, S> {
         }
     }
 
-    /// The spectra of what a kernel's window lets through, times `factors`.
+    /// Computes the spectra of the field times a kernel's window, multiplied by `factors`.
     #[inline(always)]
     fn transform_kernel(
         &self,
@@ -164,7 +165,7 @@ impl<T: Real, S: Simd> Pass<'_, T, S> {
         self.transform(spectrum, (lanes, kernel % lanes), window, halves, spare, factors);
     }
 
-    /// `half` · `weight`.
+    /// `half` = `half` · `weight`.
     #[inline(always)]
     fn scale(&self, half: &mut Planes<T>, weight: T) {
         for values in [&mut half.re, &mut half.im] {
@@ -172,7 +173,7 @@ impl<T: Real, S: Simd> Pass<'_, T, S> {
         }
     }
 
-    /// `sum` + `half` · `weight`.
+    /// `sum` = `sum` + `half` · `weight`.
     #[inline(always)]
     fn add(&self, half: &Planes<T>, weight: T, sum: &mut Planes<T>) {
         for (sum, half) in [(&mut sum.re, &half.re), (&mut sum.im, &half.im)] {
@@ -180,8 +181,8 @@ impl<T: Real, S: Simd> Pass<'_, T, S> {
         }
     }
 
-    /// Reads this tile of one of several half-transformed fields, times a window along y, and leaves its spectra, times
-    /// `factors`, in `halves`.
+    /// Reads this tile of one of several half-transformed fields, multiplies it by a window along y, and writes its
+    /// spectra times `factors` to `halves`.
     #[inline(always)]
     fn transform(
         &self,
@@ -219,7 +220,8 @@ impl<T: Real, S: Simd> Pass<'_, T, S> {
         }
     }
 
-    /// The spectra of the sub-sampled field's adjoint: each offset's columns with its phase undone, summed.
+    /// Computes the spectra of the adjoint of sub-sampling: the columns of each offset are multiplied by the conjugate
+    /// of the offset's phase and summed.
     #[inline(always)]
     fn sum_lanes(&self, spectrum: &[Complex<T>], scratch: &mut TileScratch<T>, factors: Option<[Factors<'_, T>; 2]>) {
         let TileScratch { spectra, shifted, spare } = scratch;
@@ -238,7 +240,7 @@ impl<T: Real, S: Simd> Pass<'_, T, S> {
         }
     }
 
-    /// `sum` = (`sum` +) `half` · conj of its row's phase, and that times `factors`.
+    /// `sum` = `half` · conj(phase of its row), plus the previous `sum` if `add` is true; then multiplied by `factors`.
     #[inline(always)]
     fn add_turned_back(
         &self,
@@ -266,7 +268,7 @@ impl<T: Real, S: Simd> Pass<'_, T, S> {
         }
     }
 
-    /// `to` = `half` · its row's phase.
+    /// `to` = `half` · phase of its row.
     #[inline(always)]
     fn turn(&self, half: &Planes<T>, phases: &[Complex<T>], to: &mut Planes<T>) {
         let registers = self.registers();
@@ -281,7 +283,8 @@ impl<T: Real, S: Simd> Pass<'_, T, S> {
         }
     }
 
-    /// Transforms the spectra times conj(H) of each kernel back, and adds up those of each window along x.
+    /// Multiplies the spectra by conj(H) of each kernel, transforms them back, and adds up the kernels of each window
+    /// along x.
     #[inline(always)]
     fn return_windows(&self, scratch: &mut TileScratch<T>, out: &mut [Complex<T>]) {
         let TileScratch { spectra, shifted, spare } = scratch;
@@ -316,8 +319,8 @@ impl<T: Real, S: Simd> Pass<'_, T, S> {
         }
     }
 
-    /// Transforms spectra back and writes the first half of the padded columns, even + conj(half_bin) · odd, times a window,
-    /// or adds it.
+    /// Transforms spectra back and multiplies the first half of the padded columns, even + conj(half_bin) · odd, by a
+    /// window. Adds the result to `out` if `add` is true, otherwise overwrites `out`.
     #[inline(always)]
     fn return_tile(
         &self,
@@ -353,7 +356,7 @@ impl<T: Real, S: Simd> Pass<'_, T, S> {
         }
     }
 
-    /// Reads spectra as [`Self::write_spectra`] leaves them, times a number for each row.
+    /// Reads spectra that [`Self::write_spectra`] wrote and multiplies them by a number for each row.
     #[inline(always)]
     fn read_spectra(&self, from: &[Complex<T>], along_y: &[T], spectra: &mut [Planes<T>; 2]) {
         let (registers, height_px) = (self.registers(), self.convolver.height_px);
@@ -372,7 +375,7 @@ impl<T: Real, S: Simd> Pass<'_, T, S> {
         }
     }
 
-    /// Writes the spectra row after row, in split order.
+    /// Writes the spectra row by row, in split order.
     #[inline(always)]
     fn write_spectra(&self, spectra: &[Planes<T>; 2], out: &mut [Complex<T>]) {
         for (half, out) in spectra.iter().zip(out.chunks_exact_mut(self.convolver.tile_len())) {

@@ -1,13 +1,13 @@
-//! A transfer function in the order in which the column pass reads it.
+//! Sampled transfer function, in the order in which the column pass reads it.
 
 use super::Real;
 use super::{frequency_per_px, padded_columns, split_bin, tile_columns};
 use num_complex::{Complex, Complex64};
 use rayon::prelude::*;
 
-/// H at every bin of the padded spectrum, divided by the number of bins so that the inverse transform needs no scaling
-/// of its own: tile after tile of columns in split order, in a tile row after row in split order. Columns beyond the last
-/// are zero.
+/// Transfer function H at every bin of the padded spectrum, divided by the number of bins so that the inverse transform
+/// needs no scaling. The values are ordered tile by tile, with columns in split order, and within a tile row by row in
+/// split order. The columns that pad the last tile are zero.
 #[derive(Clone, Debug)]
 pub(crate) struct Transfer<T> {
     pub(crate) height_px: usize,
@@ -17,7 +17,7 @@ pub(crate) struct Transfer<T> {
 }
 
 impl<T: Real> Transfer<T> {
-    /// From H(fx, fy), frequencies in cycles/px.
+    /// Samples H(fx, fy), with frequencies in cycles/px.
     pub(crate) fn sample(height_px: usize, width_px: usize, h: impl Fn(f64, f64) -> Complex64 + Sync) -> Self {
         let mut transfer = Self::zeros(height_px, width_px);
         transfer.fill_columns(|fx, fys, column| {
@@ -35,7 +35,8 @@ impl<T: Real> Transfer<T> {
         Self { height_px, width_px, tile_columns, values: vec![Complex::new(T::zero(), T::zero()); len] }
     }
 
-    /// Lets `fill(fx, fys, column)` write each column, unscaled, in parallel; frequencies in cycles/px.
+    /// Calls `fill(fx, fys, column)` in parallel to write each column without scaling, and then scales it. Frequencies
+    /// are in cycles/px.
     pub(crate) fn fill_columns(&mut self, fill: impl Fn(f64, &[f64], &mut [Complex<T>]) + Sync) {
         let (height_px, width_px) = (self.height_px, self.width_px);
         let fys = frequencies(height_px);
@@ -48,7 +49,8 @@ impl<T: Real> Transfer<T> {
         });
     }
 
-    /// Lets `write(i, column)` write each column, scaled, in parallel.
+    /// Calls `write(i, column)` in parallel to write each column. The written values must already be scaled by
+    /// [`Self::scale`].
     pub(crate) fn write_columns(&mut self, write: impl Fn(usize, &mut [Complex<T>]) + Sync) {
         let (rows, columns, count) = (2 * self.height_px, self.tile_columns, 2 * self.width_px);
         self.values.par_chunks_mut(rows * columns).enumerate().for_each_init(
@@ -64,7 +66,7 @@ impl<T: Real> Transfer<T> {
         );
     }
 
-    /// Copies column `i`.
+    /// Copies column `i` to `column`.
     pub(crate) fn read_column(&self, i: usize, column: &mut [Complex<T>]) {
         let (tile, k) = (self.tile(i / self.tile_columns), i % self.tile_columns);
         for (value, row) in column.iter_mut().zip(tile.chunks_exact(self.tile_columns)) {
@@ -72,7 +74,7 @@ impl<T: Real> Transfer<T> {
         }
     }
 
-    /// The even and the odd rows of a tile.
+    /// Even and odd rows of a tile.
     pub(crate) fn halves(&self, tile: usize) -> [&[Complex<T>]; 2] {
         let (even, odd) = self.tile(tile).split_at(self.height_px * self.tile_columns);
         [even, odd]
@@ -87,13 +89,13 @@ impl<T: Real> Transfer<T> {
         &self.values[tile * len..][..len]
     }
 
-    /// What every value is divided by the inverse of: the number of bins.
+    /// Factor of every value: 1 divided by the number of bins.
     pub(crate) fn scale(&self) -> T {
         T::of(1.0 / (4 * self.height_px * self.width_px) as f64)
     }
 }
 
-/// Frequencies [cycles/px] of the 2n padded bins in split order.
+/// Frequencies \[cycles/px\] of the 2n padded bins in split order.
 pub(crate) fn frequencies(n: usize) -> Vec<f64> {
     (0..2 * n).map(|i| frequency_per_px(split_bin(i, n), n)).collect()
 }

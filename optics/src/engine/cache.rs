@@ -1,4 +1,4 @@
-//! Parts of engines that one job after another needs: plans made and transfer functions sampled once.
+//! Cache of FFT plans and sampled transfer functions, which engines of several jobs share.
 
 use super::core::{EngineCore, sample_kernels, tabulate_slm};
 use crate::carrier::Carrier;
@@ -7,27 +7,29 @@ use crate::display_model::KernelShape;
 use crate::{Detector, DisplayModel, Engine, OpticalSetup, Result, SpatialVariation};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Sizes and detectors whose plans are kept. Plans are small beside a transfer function.
+/// Largest number of FFT plans in the cache, one for each size and detector. A plan is much smaller than a transfer
+/// function.
 const PLANS_MAX: usize = 8;
 
-/// Engines that share what they can: plans with all engines of their size and detector, transfer functions with all engines
-/// of their setup and kernel. What was used longest ago goes first.
+/// Creates engines from cached parts. Engines of one size and detector share FFT plans; engines of one setup and kernel
+/// share transfer functions. The cache removes the least recently used parts first.
 ///
-/// A kernel that was learned bin by bin is as large as its transfer function and quickly made into it; it is not kept.
+/// Transfer functions of kernels that were learned bin by bin are not cached: such a kernel is as large as its transfer
+/// function and is quickly converted to it.
 #[derive(Debug)]
 pub struct EngineCache {
     transfers_bytes_max: usize,
     kept: Mutex<Kept>,
 }
 
-/// The last used at the end.
+/// Cached parts, ordered from the least to the most recently used.
 #[derive(Debug, Default)]
 struct Kept {
     plans: Vec<Arc<Convolver<f32>>>,
     kernels: Vec<(Sampled, Arc<Kernels<f32>>)>,
 }
 
-/// All that transfer functions follow from.
+/// Parameters that determine sampled transfer functions.
 #[derive(Debug, PartialEq)]
 struct Sampled {
     setup: OpticalSetup,
@@ -36,18 +38,18 @@ struct Sampled {
 }
 
 impl EngineCache {
-    /// Keeps transfer functions of at most so many bytes together; one needs 32 bytes for each pixel of its display,
-    /// 9 to 25 times as many where the kernel varies over the SLM.
+    /// Cache that keeps transfer functions of at most `transfers_bytes_max` in total \[bytes\]. A transfer function
+    /// takes 32 bytes for each pixel of its display, 9 to 25 times as much if the kernel varies over the SLM.
     #[must_use]
     pub fn new(transfers_bytes_max: usize) -> Self {
         Self { transfers_bytes_max, kept: Mutex::default() }
     }
 
-    /// The same as [`Engine::new`].
+    /// Creates the same engine as [`Engine::new`], from cached parts where possible.
     ///
     /// # Errors
     ///
-    /// As there.
+    /// The errors of [`Engine::new`].
     pub fn engine(&self, model: &DisplayModel, detector: Detector, carrier: Option<Carrier>) -> Result<Engine> {
         model.validate()?;
         let core = EngineCore {
@@ -88,7 +90,8 @@ impl EngineCache {
             kept.kernels.push(found);
             return kernels;
         }
-        // Sampling takes a while; two jobs that need the same one at once sample it twice.
+        // The lock is released while sampling, which is slow. Two jobs that need the same transfer function at once
+        // both sample it.
         drop(kept);
         let kernels = Arc::new(sample_kernels(model));
         self.kept().keep(sampled, &kernels, self.transfers_bytes_max);

@@ -1,4 +1,4 @@
-//! What an engine computes, in either precision.
+//! Computations of an engine, in f32 or f64.
 
 use crate::carrier::Carrier;
 use crate::chebyshev::polynomials;
@@ -14,7 +14,7 @@ use num_complex::{Complex, Complex64};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// An [`Engine`](crate::Engine) in the precision of `T`: f32 for work, f64 for reference.
+/// An [`Engine`](crate::Engine) in the precision `T`: f32 in production, f64 as a reference.
 #[derive(Clone, Debug)]
 pub struct EngineCore<T> {
     pub(crate) convolver: Arc<Convolver<T>>,
@@ -23,7 +23,7 @@ pub struct EngineCore<T> {
     pub(crate) detector: Detector,
 }
 
-/// Half-transformed fields on their way: row-major spectra and tiles of columns. Kept from call to call.
+/// Buffers of half-transformed fields: row-major spectra and tiles of columns. They are reused between calls.
 #[derive(Debug)]
 pub(crate) struct Fields<T> {
     pub(crate) spectrum: Vec<Complex<T>>,
@@ -31,11 +31,11 @@ pub(crate) struct Fields<T> {
 }
 
 impl<T: Real> EngineCore<T> {
-    /// As [`Engine::new`](crate::Engine::new).
+    /// Creates the engine of a display, seen by a detector, with an optional carrier grating on its modulator.
     ///
     /// # Errors
     ///
-    /// As there.
+    /// The errors of [`DisplayModel::validate`].
     pub fn new(model: &DisplayModel, detector: Detector, carrier: Option<Carrier>) -> Result<Self> {
         model.validate()?;
         let (height_px, width_px) = (model.setup.grid().height_px(), model.setup.grid().width_px());
@@ -47,32 +47,32 @@ impl<T: Real> EngineCore<T> {
         })
     }
 
-    /// The same display seen by another detector; the transfer functions are shared.
+    /// Engine of the same display with another detector. Both engines share the transfer functions.
     #[must_use]
     pub fn with_detector(&self, detector: Detector) -> Self {
         let convolver = Convolver::new(self.convolver.height_px, self.convolver.width_px, detector.offsets_px());
         Self { convolver: Arc::new(convolver), detector, ..self.clone() }
     }
 
-    /// What counts as the light of a pixel.
+    /// Detector that measures the light of a pixel.
     #[must_use]
     pub fn detector(&self) -> Detector {
         self.detector
     }
 
-    /// Rows \[px\].
+    /// Number of rows \[px\].
     #[must_use]
     pub fn height_px(&self) -> usize {
         self.convolver.height_px
     }
 
-    /// Columns \[px\].
+    /// Number of columns \[px\].
     #[must_use]
     pub fn width_px(&self) -> usize {
         self.convolver.width_px
     }
 
-    /// The complex field in the image plane at the pixels' centres, for a `phase` \[rad\] on the SLM.
+    /// Complex field in the image plane at the pixels' centres, for a `phase` \[rad\] on the SLM.
     ///
     /// # Errors
     ///
@@ -82,7 +82,7 @@ impl<T: Real> EngineCore<T> {
         Ok(self.propagate_rows(|y, row| self.slm.field_row(y, phase.row(y), row)))
     }
 
-    /// The complex field in the image plane that a given `field` at the SLM becomes; the SLM's model is not used.
+    /// Propagates a complex `field` at the SLM to the image plane. The model of the SLM is not used.
     ///
     /// # Errors
     ///
@@ -92,7 +92,8 @@ impl<T: Real> EngineCore<T> {
         Ok(self.propagate_rows(|y, row| row.copy_from_slice(field.row(y))))
     }
 
-    /// The light that the detector sees at each pixel (of the supersampled detector, the mean over the sub-samples).
+    /// Light that the detector measures at each pixel. With the supersampled detector this is the mean over the
+    /// sub-samples.
     ///
     /// # Errors
     ///
@@ -106,13 +107,13 @@ impl<T: Real> EngineCore<T> {
         Ok(light)
     }
 
-    /// From the phase on the SLM to half-transformed fields in the image plane.
+    /// Propagates the phase on the SLM to half-transformed fields in the image plane.
     pub(crate) fn send(&self, phase: &[T], fields: &mut Fields<T>) {
         let width_px = self.width_px();
         self.send_rows(fields, |y, row| self.slm.field_row(y, &phase[y * width_px..][..width_px], row));
     }
 
-    /// From a field on the SLM, row by row, to half-transformed fields in the image plane.
+    /// Propagates a field on the SLM, which `fill` writes row by row, to half-transformed fields in the image plane.
     pub(crate) fn send_rows(&self, fields: &mut Fields<T>, fill: impl Fn(usize, &mut [Complex<T>]) + Sync) {
         let Fields { spectrum, tiles } = fields;
         let spectrum = &mut spectrum[..self.kernels.half_spectrum_len(&self.convolver)];
@@ -120,8 +121,8 @@ impl<T: Real> EngineCore<T> {
         self.convolver.propagate(spectrum, &self.kernels, &mut tiles[..self.image_len()]);
     }
 
-    /// From half-transformed fields in the image plane, in the spectrum, back to the SLM: each row is handed to
-    /// `use_row(y, row, out)`.
+    /// Propagates half-transformed fields in the image plane, given in the spectrum, back to the SLM, and calls
+    /// `use_row(y, row, out)` with each row.
     pub(crate) fn return_rows<R: Send>(
         &self,
         fields: &mut Fields<T>,
@@ -134,7 +135,7 @@ impl<T: Real> EngineCore<T> {
         self.convolver.inverse_rows(tiles, &self.kernels.along_x, results, use_row);
     }
 
-    /// Values of the half-transformed fields in the image plane.
+    /// Number of values in the half-transformed fields in the image plane.
     pub(crate) fn image_len(&self) -> usize {
         self.convolver.half_spectrum_len(self.convolver.lanes())
     }
@@ -160,7 +161,7 @@ impl<T: Real> Fields<T> {
         Self::for_all([engine])
     }
 
-    /// Enough for each of several engines of one size and detector.
+    /// Buffers that are large enough for each of several engines of one size and detector.
     pub(crate) fn for_all<'a>(engines: impl IntoIterator<Item = &'a EngineCore<T>>) -> Self {
         let len_of =
             |engine: &EngineCore<T>| engine.image_len().max(engine.kernels.half_spectrum_len(&engine.convolver));
@@ -169,14 +170,14 @@ impl<T: Real> Fields<T> {
         Self { spectrum: zeros(), tiles: zeros() }
     }
 
-    /// Enough for [`Engine::send`], from which nothing comes back.
+    /// Buffers that are large enough for `EngineCore::send`, without propagation back.
     pub(crate) fn for_light(engine: &EngineCore<T>) -> Self {
         let zeros = |len| vec![Complex::new(T::zero(), T::zero()); len];
         Self { spectrum: zeros(engine.kernels.half_spectrum_len(&engine.convolver)), tiles: zeros(engine.image_len()) }
     }
 }
 
-/// The kernel, or the grid of kernels that stand for one that changes over the SLM.
+/// Samples the kernel of a display, or the grid of kernels that approximates a kernel that varies over the SLM.
 pub(crate) fn sample_kernels<T: Real>(model: &DisplayModel) -> Kernels<T> {
     match model.local_kernels() {
         Some(grid) => kernel_grid(grid.iter().map(sample_transfer).collect()),
@@ -184,7 +185,7 @@ pub(crate) fn sample_kernels<T: Real>(model: &DisplayModel) -> Kernels<T> {
     }
 }
 
-/// Kernels that stand for one that changes over the SLM, with their windows.
+/// Grid of kernels, with their windows, that approximates a kernel that varies over the SLM.
 pub(crate) fn kernel_grid<T: Real>(transfers: Vec<Transfer<T>>) -> Kernels<T> {
     let windows = |side_px| local_kernels::windows(transfers.len().isqrt(), side_px);
     let (along_x, along_y) = (windows(transfers[0].width_px), windows(transfers[0].height_px));
@@ -214,7 +215,7 @@ fn sample_transfer<T: Real>(model: &DisplayModel) -> Transfer<T> {
     }
 }
 
-/// A smooth field along y at one x.
+/// Chebyshev series of a smooth field along y at one x.
 struct SeriesAlongY {
     log_amplitude: Vec<f64>,
     phase: Vec<f64>,
@@ -249,9 +250,9 @@ pub(crate) fn tabulate_slm<T: Real>(model: &DisplayModel, carrier: Option<Carrie
     slm
 }
 
-/// The source at every pixel.
+/// Complex amplitude of the source at every pixel.
 pub(crate) fn tabulate_source<T: Real>(source: &SmoothField, height_px: usize, width_px: usize) -> Vec<Complex<T>> {
-    // Swapped arguments: a row has one y, so the series runs along x.
+    // A row has one y, so the series runs along x, with x and y exchanged.
     let basis = source.basis();
     let along_x = |coefficients: &[f64], y: f64| {
         let (at_y, mut along) = (polynomials(source.order, y), vec![0.0; source.order + 1]);

@@ -1,4 +1,4 @@
-//! The light that a hologram sends out, and what arrives of it between the pixels' centres.
+//! Light that a hologram sends, and intensities at the sub-samples of the image.
 
 use super::core::{EngineCore, Fields};
 use crate::convolution::Real;
@@ -8,9 +8,9 @@ use pulp::Arch;
 use rayon::prelude::*;
 
 impl<T: Real> EngineCore<T> {
-    /// |u|² at every sub-sample of the detector, where it is in the image: k·`height_px` × k·`width_px` values, k = 1 for
-    /// [`Detector::Point`](crate::Detector::Point) and 2 for the others, whose mean over k×k samples is
-    /// [`Self::light`] where the detector is [`Detector::Pixel`](crate::Detector::Pixel).
+    /// Intensities |u|² at every sub-sample of the detector, at its place in the image: k·`height_px` × k·`width_px`
+    /// values with k = 1 for [`Detector::Point`](crate::Detector::Point) and k = 2 for the other detectors. With
+    /// [`Detector::Pixel`](crate::Detector::Pixel) the mean over k×k samples is [`Self::light`].
     ///
     /// # Errors
     ///
@@ -21,7 +21,7 @@ impl<T: Real> EngineCore<T> {
         let mut fields = Fields::for_light(self);
         self.send(phase.values(), &mut fields);
         let Fields { spectrum, tiles } = fields;
-        // Its memory is needed for the samples.
+        // Frees memory before the samples are allocated.
         drop(spectrum);
         let mut samples = Plane::filled(per_side * self.height_px(), per_side * self.width_px(), T::zero());
         let (arch, width_px) = (Arch::new(), self.width_px());
@@ -38,7 +38,8 @@ impl<T: Real> EngineCore<T> {
         Ok(samples)
     }
 
-    /// Σ |c|² over the pixels, c the field that leaves the modulator: with an ideal one, the number of pixels.
+    /// Light that leaves the modulator: Σ |c|² over the pixels, with c the field behind the modulator. For an ideal
+    /// modulator this is the number of pixels.
     ///
     /// # Errors
     ///
@@ -56,7 +57,7 @@ impl<T: Real> EngineCore<T> {
     }
 }
 
-/// Intensities in the order of their places, from the fields of one offset along x after the other.
+/// Writes intensities in the order of their places in the image, from fields ordered by offset along x.
 #[inline(always)]
 fn interleave<T: Real>(fields: &[Complex<T>], per_side: usize, out: &mut [T]) {
     for (offset, fields) in fields.chunks_exact(out.len() / per_side).enumerate() {

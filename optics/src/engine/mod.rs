@@ -1,7 +1,7 @@
-//! A [`DisplayModel`] made ready to run: its transfer function sampled, its SLM tabulated, its transforms planned.
+//! Engines: display models prepared for computation, with sampled transfer functions, tables of the SLM, and FFT plans.
 //!
-//! [`Engine`] runs in f32. `core` is what computes, in f32 or f64: the f64 one is a
-//! [reference](crate::reference::EngineCore).
+//! [`Engine`] computes in f32. The module `core` contains the computations for f32 and f64; the engine in f64 serves as
+//! a [reference](crate::reference::EngineCore).
 
 mod cache;
 mod core;
@@ -15,47 +15,47 @@ use crate::carrier::Carrier;
 use crate::{Detector, DisplayModel, Plane, Result};
 use num_complex::Complex32;
 
-/// A display model made ready to run, for one detector. A clone shares all that is large.
+/// A [`DisplayModel`] prepared for computation with one detector. Clones share all large data.
 #[derive(Clone, Debug)]
 pub struct Engine {
     pub(crate) core: EngineCore<f32>,
 }
 
 impl Engine {
-    /// A display, seen by a detector, with a grating on its modulator.
+    /// Creates the engine of a display, seen by a detector, with an optional carrier grating on its modulator.
     ///
     /// # Errors
     ///
-    /// What [`DisplayModel::validate`] finds.
+    /// The errors of [`DisplayModel::validate`].
     pub fn new(model: &DisplayModel, detector: Detector, carrier: Option<Carrier>) -> Result<Self> {
         Ok(Self { core: EngineCore::new(model, detector, carrier)? })
     }
 
-    /// The same display seen by another detector; the transfer functions are shared.
+    /// Engine of the same display with another detector. Both engines share the transfer functions.
     #[must_use]
     pub fn with_detector(&self, detector: Detector) -> Self {
         Self { core: self.core.with_detector(detector) }
     }
 
-    /// What counts as the light of a pixel.
+    /// Detector that measures the light of a pixel.
     #[must_use]
     pub fn detector(&self) -> Detector {
         self.core.detector()
     }
 
-    /// Rows \[px\].
+    /// Number of rows \[px\].
     #[must_use]
     pub fn height_px(&self) -> usize {
         self.core.height_px()
     }
 
-    /// Columns \[px\].
+    /// Number of columns \[px\].
     #[must_use]
     pub fn width_px(&self) -> usize {
         self.core.width_px()
     }
 
-    /// The complex field in the image plane at the pixels' centres, for a `phase` \[rad\] on the SLM.
+    /// Complex field in the image plane at the pixels' centres, for a `phase` \[rad\] on the SLM.
     ///
     /// # Errors
     ///
@@ -64,7 +64,7 @@ impl Engine {
         self.core.field(phase)
     }
 
-    /// The complex field in the image plane that a given `field` at the SLM becomes; the SLM's model is not used.
+    /// Propagates a complex `field` at the SLM to the image plane. The model of the SLM is not used.
     ///
     /// # Errors
     ///
@@ -73,7 +73,8 @@ impl Engine {
         self.core.propagate(field)
     }
 
-    /// The light that the detector sees at each pixel (of the supersampled detector, the mean over the sub-samples).
+    /// Light that the detector measures at each pixel. With the supersampled detector this is the mean over the
+    /// sub-samples.
     ///
     /// # Errors
     ///
@@ -82,9 +83,9 @@ impl Engine {
         self.core.light(phase)
     }
 
-    /// |u|² at every sub-sample of the detector, where it is in the image: k·`height_px` × k·`width_px` values, k = 1 for
-    /// [`Detector::Point`] and 2 for the others, whose mean over k×k samples is [`Self::light`] where the detector is
-    /// [`Detector::Pixel`].
+    /// Intensities |u|² at every sub-sample of the detector, at its place in the image: k·`height_px` × k·`width_px`
+    /// values with k = 1 for [`Detector::Point`] and k = 2 for the other detectors. With [`Detector::Pixel`] the mean
+    /// over k×k samples is [`Self::light`].
     ///
     /// # Errors
     ///
@@ -93,7 +94,8 @@ impl Engine {
         self.core.samples(phase)
     }
 
-    /// Σ |c|² over the pixels, c the field that leaves the modulator: with an ideal one, the number of pixels.
+    /// Light that leaves the modulator: Σ |c|² over the pixels, with c the field behind the modulator. For an ideal
+    /// modulator this is the number of pixels.
     ///
     /// # Errors
     ///
