@@ -1,29 +1,31 @@
-//! The grating that steers an image away from the undiffracted light.
+//! Carrier grating, which steers the image away from the undiffracted light.
 //!
 //! ```text
 //! φ'(y, x) = φ(y, x) + π · (x mod 2)   [or y mod 2],   sin θ = λ / (2Δ)
 //! ```
 //!
-//! π on alternate columns is a frequency of half a cycle a pixel: it moves the image by half the diffraction order, to
-//! the angle θ, while light that the modulator does not touch goes straight on. λ wavelength \[m\], Δ pixel pitch \[m\].
+//! A phase of π on alternate columns is a grating of half a cycle per pixel. It moves the image by half the diffraction
+//! order, to the angle θ. Light that the modulator does not modulate keeps its direction. λ is the wavelength \[m\], Δ
+//! the pixel pitch \[m\].
 
 use crate::phase_response::wrap_f32;
 use crate::{OpticalSetup, Plane};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
-/// A binary grating of half the diffraction order, added to a hologram after its optimization.
+/// Binary grating that is added to a hologram after its optimization and steers the image by half the diffraction
+/// order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Carrier {
-    /// π on every odd column.
+    /// Adds π on every odd column.
     HalfOrderX,
-    /// π on every odd row.
+    /// Adds π on every odd row.
     HalfOrderY,
 }
 
 impl Carrier {
-    /// What the grating multiplies the field by at (y, x): 1 or −1.
+    /// Factor by which the grating multiplies the field at (y, x): 1 or −1.
     #[must_use]
     pub fn sign(self, y: usize, x: usize) -> f64 {
         if self.is_odd(y, x) { -1.0 } else { 1.0 }
@@ -39,7 +41,8 @@ impl Carrier {
         along % 2 == 1
     }
 
-    /// The hologram with the grating on it, phases \[rad\] in [0, 2π). Applied twice, it cancels.
+    /// Returns the hologram with the grating added, as phases \[rad\] in [0, 2π). Adding the grating twice restores the
+    /// hologram.
     #[must_use]
     pub fn applied_to(self, phase: &Plane<f32>) -> Plane<f32> {
         Plane::from_fn(phase.height_px(), phase.width_px(), |y, x| {
@@ -48,8 +51,8 @@ impl Carrier {
         })
     }
 
-    /// Angle θ \[rad\] between the steered image and the undiffracted light, asin(λ/2Δ); `None` where λ > 2Δ and no
-    /// such order exists.
+    /// Angle θ \[rad\] between the steered image and the undiffracted light, asin(λ/2Δ); `None` if λ > 2Δ, since the
+    /// order then does not exist.
     ///
     /// ```
     /// use lightpath_optics::{Grid, OpticalSetup, carrier::Carrier};

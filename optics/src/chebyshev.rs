@@ -1,28 +1,29 @@
-//! Smooth functions of two variables: Chebyshev polynomials up to a total degree.
+//! Smooth functions of two variables, as series of Chebyshev polynomials up to a total degree.
 //!
 //! ```text
 //! s(x, y) = Σ_{1 ≤ i+j ≤ order} c_ij · T_i(x) · T_j(y),   x, y in [−1, 1]
 //! ```
 //!
-//! The constant is left out: the gain and the global phase stand for it.
+//! The series has no constant term, because the gain and the global phase represent it.
 
-/// The polynomials T_i(x)·T_j(y) with 1 ≤ i + j ≤ order, by i, then j.
+/// Basis of polynomials T_i(x)·T_j(y) with 1 ≤ i + j ≤ order, ordered by i, then by j.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ChebyshevBasis {
     order: usize,
 }
 
 impl ChebyshevBasis {
-    /// Highest order: beyond it a smooth model would follow noise.
+    /// Largest order. A model of higher order would fit noise.
     pub const ORDER_MAX: usize = 12;
 
-    /// All polynomials up to total degree `order`, none for 0; at most [`Self::ORDER_MAX`].
+    /// Basis of all polynomials up to total degree `order`, which is limited to [`Self::ORDER_MAX`]. The basis of order
+    /// 0 is empty.
     #[must_use]
     pub fn new(order: usize) -> Self {
         Self { order: order.min(Self::ORDER_MAX) }
     }
 
-    /// Highest total degree.
+    /// Highest total degree of the polynomials.
     #[must_use]
     pub fn order(&self) -> usize {
         self.order
@@ -34,13 +35,13 @@ impl ChebyshevBasis {
         (self.order + 1) * (self.order + 2) / 2 - 1
     }
 
-    /// The degrees (i, j) of each polynomial, in the order of the coefficients.
+    /// Degrees (i, j) of each polynomial, in the order of the coefficients.
     pub fn degrees(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
         let order = self.order;
         (0..=order).flat_map(move |i| (0..=order - i).map(move |j| (i, j))).skip(1)
     }
 
-    /// The coefficients of T_j(y), j = 0 … order, of the function along y at this `x`.
+    /// Coefficients of T_j(y), j = 0 … order, of the series along y at this `x`.
     #[must_use]
     pub fn along_y(&self, coefficients: &[f64], x: f64) -> Vec<f64> {
         let at_x = polynomials(self.order, x);
@@ -51,14 +52,14 @@ impl ChebyshevBasis {
         along_y
     }
 
-    /// The function's value.
+    /// Value of the series at (`x`, `y`).
     #[must_use]
     pub fn value(&self, coefficients: &[f64], x: f64, y: f64) -> f64 {
         self.along_y(coefficients, x).iter().zip(polynomials(self.order, y)).map(|(c, t)| c * t).sum()
     }
 }
 
-/// T_0(x) … T_order(x).
+/// Values of the Chebyshev polynomials T_0(x) … T_order(x).
 #[must_use]
 pub fn polynomials(order: usize, x: f64) -> Vec<f64> {
     let mut t = vec![1.0, x];
@@ -69,7 +70,7 @@ pub fn polynomials(order: usize, x: f64) -> Vec<f64> {
     t
 }
 
-/// Position of pixel `i` of `n` on [−1, 1], pixel centres.
+/// Position of the centre of pixel `i` of `n` on [−1, 1].
 pub(crate) fn position(i: usize, n: usize) -> f64 {
     (2 * i + 1) as f64 / n as f64 - 1.0
 }

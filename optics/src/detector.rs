@@ -1,29 +1,30 @@
-//! What counts as the light of a pixel.
+//! Detectors: rules that define the light of a pixel.
 //!
-//! A field sampled at the pixel pitch has an intensity of twice its bandwidth, so its values at the sample points
-//! say little about the light between them. A detector therefore looks at *sub-samples*: the same band-limited
-//! field, shifted by fractions of a pixel through a linear phase on its spectrum.
+//! The intensity of a field has twice the bandwidth of the field. If the field is sampled at the pixel pitch, its
+//! values at the sample points therefore say little about the light between them. A detector uses *sub-samples*: values
+//! of the same band-limited field, shifted by fractions of a pixel through a linear phase on its spectrum.
 
 use serde::{Deserialize, Serialize};
 
-/// What counts as the light of a pixel.
+/// Rule that defines the light of a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Detector {
-    /// \|u\|² at the sample point alone.
+    /// \|u\|² at the sample point only.
     Point,
-    /// The mean of \|u\|² over the four sub-samples at (±1/4, ±1/4) px: what a camera of the same pitch integrates.
+    /// Mean of \|u\|² over the four sub-samples at (±1/4, ±1/4) px, as a camera of the same pitch integrates the light.
     #[default]
     Pixel,
-    /// \|u\|² at each of the four sub-samples by itself, nothing left free between them: what an eye sees.
+    /// \|u\|² at each of the four sub-samples separately, which constrains the light within each pixel, as an eye sees
+    /// it.
     Supersampled,
 }
 
 impl Detector {
-    /// Every detector.
+    /// All detectors.
     pub const ALL: [Self; 3] = [Self::Point, Self::Pixel, Self::Supersampled];
 
-    /// Offsets of the sub-samples from the pixel's centre along one axis \[px\]; both axes have the same.
+    /// Offsets of the sub-samples from the pixel's centre along one axis \[px\]. Both axes have the same offsets.
     #[must_use]
     pub fn offsets_px(self) -> &'static [f64] {
         match self {
@@ -32,7 +33,7 @@ impl Detector {
         }
     }
 
-    /// Sub-samples per pixel.
+    /// Number of sub-samples per pixel.
     #[must_use]
     pub fn samples(self) -> usize {
         self.offsets_px().len().pow(2)

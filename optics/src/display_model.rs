@@ -1,57 +1,58 @@
-//! A display as learning describes it.
+//! Display model: the parameters of a display's light transport, which are learned from photographs.
 //!
 //! ```text
 //! photograph ≈ gain · D( | H ∗ ( a · ( e^{i r(φ)} + z₀ ) ) |² ) + offset
 //! ```
 //!
-//! H the kernel, a transfer function, which may [vary over the SLM](crate::SpatialVariation); a the source profile; r the
-//! SLM's phase response; z₀ undiffracted light; D the [`Detector`](crate::Detector). Smooth parts are
-//! [Chebyshev series](crate::chebyshev): of fx and fy over the band [−1/2Δ, 1/2Δ] for the kernel, of x and y over the SLM
-//! for the source.
+//! H is the kernel, a transfer function that may [vary over the SLM](crate::SpatialVariation); a is the source profile,
+//! r the SLM's phase response, z₀ undiffracted light, and D the [`Detector`](crate::Detector). Smooth parts are
+//! [Chebyshev series](crate::chebyshev): of fx and fy over the band [−1/2Δ, 1/2Δ] for the kernel, of x and y over the
+//! SLM for the source.
 
 use crate::smooth_field::{SmoothField, expect_finite, out_of_range};
 use crate::spatial_variation::local_kernels;
 use crate::{OpticalSetup, Plane, Result, SpatialVariation};
 use num_complex::{Complex32, Complex64};
 
-/// How light travels from the SLM to the image, and what the SLM makes of a phase.
+/// Model of a display: the response of the SLM, the propagation of light from the SLM to the image, and the camera's
+/// gain and offset.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DisplayModel {
-    /// Grid, wavelength and distance.
+    /// Grid, wavelength, distance and propagation method.
     pub setup: OpticalSetup,
-    /// The transfer function; on the axis where it changes over the SLM.
+    /// Transfer function. If it varies over the SLM, this is its value on the axis.
     pub kernel: KernelShape,
-    /// How the transfer function changes over the SLM.
+    /// Variation of the transfer function over the SLM.
     pub variation: SpatialVariation,
-    /// The light that falls on the SLM.
+    /// Complex amplitude of the light that falls on the SLM.
     pub source: SmoothField,
-    /// [a_k, b_k] of r(φ) = φ + Σ_k (a_k sin kφ + b_k cos kφ), k = 1, 2, … \[rad\].
+    /// Harmonics [a_k, b_k] of the phase response r(φ) = φ + Σ_k (a_k sin kφ + b_k cos kφ), k = 1, 2, … \[rad\].
     pub response: Vec<[f64; 2]>,
-    /// z₀, relative to the modulated light.
+    /// Undiffracted light z₀, as a complex amplitude relative to the modulated light.
     pub zero_order: Complex64,
-    /// Photograph per unit of light.
+    /// Value of the photograph per unit of light.
     pub gain: f64,
-    /// The photograph's black level.
+    /// Black level of the photograph.
     pub offset: f64,
 }
 
-/// A transfer function, as parameters.
+/// Parameters of a transfer function.
 #[derive(Clone, Debug, PartialEq)]
 pub enum KernelShape {
-    /// H = H_ideal: free space.
+    /// Free space, H = H_ideal.
     Ideal,
-    /// H = H_ideal · exp(α + iψ) with smooth α and ψ.
+    /// Free space with smooth errors, H = H_ideal · exp(α + iψ) with smooth α and ψ.
     Smooth(SmoothField),
-    /// H itself at the inner bins of the padded spectrum, zero outside: the plane is centred, zero frequency at
-    /// `[height_px / 2][width_px / 2]`; both sides even and at most the padded ones.
+    /// Values of H at the inner bins of the padded spectrum; H is zero outside. The zero frequency is at `[height_px /
+    /// 2][width_px / 2]`. Both sides must be even and at most as long as the padded sides.
     Bins(Plane<Complex32>),
 }
 
 impl DisplayModel {
-    /// Most harmonics of the phase response.
+    /// Largest number of harmonics of the phase response.
     pub const HARMONICS_MAX: usize = 8;
 
-    /// A display without flaws.
+    /// Model of a display without errors.
     #[must_use]
     pub fn ideal(setup: OpticalSetup) -> Self {
         Self {
@@ -66,10 +67,13 @@ impl DisplayModel {
         }
     }
 
+    /// Checks that all parameters are valid and consistent.
+    ///
     /// # Errors
     ///
-    /// [`Error`](crate::Error) for parameters that are not finite, do not match their order, or a kernel of bins that does not fit the
-    /// padded spectrum.
+    /// [`Error`](crate::Error) for parameters that are not finite, numbers of coefficients that do not match their
+    /// order, too many harmonics, a variation over the SLM of a kernel that is not smooth, or a kernel of bins that
+    /// does not fit the padded spectrum.
     pub fn validate(&self) -> Result<()> {
         self.source.validate()?;
         if let KernelShape::Smooth(kernel) = &self.kernel {
@@ -103,7 +107,8 @@ impl DisplayModel {
         bins.map(|h| h.re + h.im).expect_finite("kernel")
     }
 
-    /// Those of a grid of points on the SLM that stand for a kernel that changes over it; `None` where it is the same everywhere.
+    /// Models at a grid of points on the SLM, whose kernels approximate a kernel that varies over the SLM; `None` if
+    /// the kernel does not vary.
     pub(crate) fn local_kernels(&self) -> Option<Vec<Self>> {
         let KernelShape::Smooth(kernel) = &self.kernel else { return None };
         let local = |(x, y)| {
@@ -114,13 +119,14 @@ impl DisplayModel {
             .then(|| local_kernels::nodes(local_kernels::per_side(&self.variation)).map(local).collect())
     }
 
-    /// H at fx, fy [1/m], on the axis. Where the setup's method is an impulse response it is a sum over the frame, anew each time.
+    /// Transfer function H at the frequency fx, fy \[1/m\], on the axis. If the setup's method is an impulse response,
+    /// each call computes a sum over the frame.
     #[must_use]
     pub fn transfer(&self, fx: f64, fy: f64) -> Complex64 {
         self.beside_ideal(fx, fy, |fx, fy| self.setup.transfer(fx, fy))
     }
 
-    /// [`Self::transfer`], with all that it needs tabulated: for many padded bins.
+    /// Returns a function that computes [`Self::transfer`] at padded bins from tables, for many bins.
     pub fn sampled(&self) -> impl Fn(f64, f64) -> Complex64 + Sync + '_ {
         let ideal = self.setup.sampled();
         move |fx, fy| self.beside_ideal(fx, fy, |fx, fy| ideal.at(fx, fy))

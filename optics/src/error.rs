@@ -1,95 +1,95 @@
-//! What can be wrong with what a caller hands in.
+//! Errors that this crate returns for invalid input.
 
 use crate::propagation_method::{PropagationMethod, RefusalCode};
 
-/// Shorthand for this crate's results.
+/// Result with this crate's [`Error`].
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// Everything that this crate refuses.
+/// Reason why this crate refuses an input.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A number lies outside what is possible or allowed.
+    /// A number lies outside its allowed range.
     #[error("{name} is {value}, but must be {allowed}")]
     OutOfRange {
-        /// The parameter's name, with its unit.
+        /// Name of the parameter, with its unit.
         name: &'static str,
-        /// What was given.
+        /// Value that was given.
         value: f64,
-        /// What would be right, for people.
+        /// Description of the allowed values, for people.
         allowed: &'static str,
     },
-    /// An array does not have the size that its partner has.
+    /// An array does not have the required size.
     #[error("{name} is {actual_width_px}×{actual_height_px} px, but must be {width_px}×{height_px} px")]
     SizeMismatch {
-        /// Which array.
+        /// Name of the array.
         name: &'static str,
-        /// Columns it should have.
+        /// Required number of columns.
         width_px: usize,
-        /// Rows it should have.
+        /// Required number of rows.
         height_px: usize,
-        /// Columns it has.
+        /// Actual number of columns.
         actual_width_px: usize,
-        /// Rows it has.
+        /// Actual number of rows.
         actual_height_px: usize,
     },
-    /// An array holds NaN or an infinity.
+    /// An array contains NaN or an infinity.
     #[error("{name} holds a value that is not a finite number, at x = {x_px} px, y = {y_px} px")]
     NotFinite {
-        /// Which array.
+        /// Name of the array.
         name: &'static str,
-        /// Column of the first such value.
+        /// Column of the first such value \[px\].
         x_px: usize,
-        /// Row of the first such value.
+        /// Row of the first such value \[px\].
         y_px: usize,
     },
-    /// A photograph of which nothing counts.
+    /// A photograph is saturated at every pixel of the region of interest.
     #[error("photo is saturated at every pixel of the region of interest; expose the camera less, or move the region")]
     Saturated,
-    /// Photographs that have nothing to do with their holograms.
+    /// Photographs do not correlate with the light of their holograms.
     #[error(
         "the photographs seem to be of other holograms, or mirrored, turned or far out of place: what an ideal display would \
          show correlates with them by {correlation:.3} only; check which photo belongs to which phase, and the alignment"
     )]
     Unrelated {
-        /// Of light and photograph, the median over the pairs.
+        /// Correlation of light and photograph, the median over the pairs.
         correlation: f64,
     },
-    /// A method of propagation can't be right for what it was asked.
+    /// A propagation method cannot compute the requested propagation correctly.
     #[error("the {method} is not possible here: {reason}")]
     Unsuitable {
-        /// Which method.
+        /// Method that was refused.
         method: PropagationMethod,
-        /// Why, for programs.
+        /// Reason of the refusal, for programs.
         code: RefusalCode,
-        /// The numbers, and what would be right, for people.
+        /// Reason of the refusal, with figures and allowed values, for people.
         reason: String,
     },
-    /// Nothing to work on.
+    /// An input is empty.
     #[error("{name} is empty, but {needed}")]
     Empty {
-        /// What is empty.
+        /// Name of the empty input.
         name: &'static str,
-        /// What would be needed, for people.
+        /// Description of what is needed, for people.
         needed: &'static str,
     },
-    /// A distance at which nothing is known of a display.
+    /// A distance lies outside the range in which the display was photographed.
     #[error(
         "distance_m is {distance_m}, but the display is known from {nearest_m} to {farthest_m} m only: a kernel can be \
          interpolated between photographed distances, not beyond them"
     )]
     Extrapolation {
-        /// What was asked for \[m\].
+        /// Requested distance \[m\].
         distance_m: f64,
-        /// The nearest photographed distance \[m\].
+        /// Nearest photographed distance \[m\].
         nearest_m: f64,
-        /// The farthest one \[m\].
+        /// Farthest photographed distance \[m\].
         farthest_m: f64,
     },
-    /// Models that were not learned together.
+    /// Models were not learned together in one fit.
     #[error("the models are not of one fit over several distances: they differ in {what}")]
     Apart {
-        /// In what, for people.
+        /// Property in which the models differ, for people.
         what: &'static str,
     },
 }

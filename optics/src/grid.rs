@@ -1,8 +1,8 @@
-//! Sampling grids and their exact frequencies.
+//! Sampling grids and the exact frequencies of their Fourier transforms.
 
 use crate::{Error, Result};
 
-/// A sampled plane: its size and the distance between its samples.
+/// Grid of samples on a plane: its size and the distance between samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grid {
     height_px: usize,
@@ -11,9 +11,11 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// Most pixels along one axis.
+    /// Largest number of pixels along one axis.
     pub const SIDE_PX_MAX: usize = 16_384;
 
+    /// Creates a grid of `height_px` × `width_px` samples with a distance of `pixel_pitch_m` \[m\] between neighbours.
+    ///
     /// # Errors
     ///
     /// [`Error::OutOfRange`] for a side of 0 or beyond [`Self::SIDE_PX_MAX`], or a pitch that is not between
@@ -30,13 +32,13 @@ impl Grid {
         Ok(Self { height_px, width_px, pixel_pitch_m })
     }
 
-    /// Rows \[px\].
+    /// Number of rows \[px\].
     #[must_use]
     pub fn height_px(&self) -> usize {
         self.height_px
     }
 
-    /// Columns \[px\].
+    /// Number of columns \[px\].
     #[must_use]
     pub fn width_px(&self) -> usize {
         self.width_px
@@ -55,8 +57,8 @@ impl Grid {
     }
 }
 
-/// Frequency [1/m] of DFT bin `bin` of `bins`, at a sample distance of `pixel_pitch_m`:
-/// bin/(bins·Δ), the upper half wrapped to negative frequencies.
+/// Frequency \[1/m\] of bin `bin` of a DFT of `bins` samples at a distance of Δ = `pixel_pitch_m`: bin/(bins·Δ), with
+/// the upper half of the bins wrapped to negative frequencies.
 ///
 /// ```
 /// use lightpath_optics::grid::frequency;

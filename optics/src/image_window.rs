@@ -1,12 +1,12 @@
-//! Where in the image plane the field is wanted.
+//! Windows: sampled rectangles of the image plane in which a field is computed.
 
 use crate::{Error, Grid, Result};
 use serde::{Deserialize, Serialize};
 
-/// A sampled part of the image plane, its samples as far apart and its middle as far from the axis as one likes.
+/// Sampled rectangle of the image plane, with any distance between samples and any centre.
 ///
-/// Row `y`, column `x` lies at (centre_x_m + (x − (width_px − 1)/2) · pitch_x_m, and likewise along y), where (0, 0) is
-/// opposite the middle of the display, between its pixels if their number is even.
+/// Column `x` lies at centre_x_m + (x − (width_px − 1)/2) · pitch_x_m, row `y` at centre_y_m + (y − (height_px − 1)/2)
+/// · pitch_y_m. The origin is opposite the middle of the display, which lies between pixels if their number is even.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ImageWindow {
     height_px: usize,
@@ -18,30 +18,31 @@ pub struct ImageWindow {
 }
 
 impl ImageWindow {
-    /// Farthest that a window's middle may lie from the axis, along x or y \[m\]: the farthest image's distance.
+    /// Largest distance of a window's centre from the axis, along x or y \[m\]. It equals the largest distance of an
+    /// image.
     pub const CENTRE_M_MAX: f64 = 10.0;
 
-    /// A window around the axis with square pixels.
+    /// Window with square pixels, centred on the axis.
     ///
     /// # Errors
     ///
-    /// As [`Grid::try_new`].
+    /// The errors of [`Grid::try_new`].
     pub fn try_new(height_px: usize, width_px: usize, pixel_pitch_m: f64) -> Result<Self> {
         Ok(Self::of(&Grid::try_new(height_px, width_px, pixel_pitch_m)?))
     }
 
-    /// The display's own pixels, seen in the image plane.
+    /// Window with the size and pitch of the display's pixels, centred on the axis.
     #[must_use]
     pub fn of(grid: &Grid) -> Self {
         let (pitch_m, height_px, width_px) = (grid.pixel_pitch_m(), grid.height_px(), grid.width_px());
         Self { height_px, width_px, pitch_x_m: pitch_m, pitch_y_m: pitch_m, centre_x_m: 0.0, centre_y_m: 0.0 }
     }
 
-    /// The same window, its middle at (`centre_x_m`, `centre_y_m`).
+    /// Moves the window's centre to (`centre_x_m`, `centre_y_m`) \[m\] from the axis.
     ///
     /// # Errors
     ///
-    /// [`Error::OutOfRange`] for a middle farther away than [`Self::CENTRE_M_MAX`].
+    /// [`Error::OutOfRange`] for a centre farther away than [`Self::CENTRE_M_MAX`].
     pub fn centred_at(self, centre_x_m: f64, centre_y_m: f64) -> Result<Self> {
         for (name, value) in [("centre_x_m", centre_x_m), ("centre_y_m", centre_y_m)] {
             if !(-Self::CENTRE_M_MAX..=Self::CENTRE_M_MAX).contains(&value) {
@@ -51,18 +52,18 @@ impl ImageWindow {
         Ok(Self { centre_x_m, centre_y_m, ..self })
     }
 
-    /// For methods that choose the pitch themselves.
+    /// Window with the grid's number of pixels and other pitches, for methods that determine the pitch.
     pub(crate) fn with_pitches(grid: &Grid, pitch_x_m: f64, pitch_y_m: f64) -> Self {
         Self { pitch_x_m, pitch_y_m, ..Self::of(grid) }
     }
 
-    /// Rows \[px\].
+    /// Number of rows \[px\].
     #[must_use]
     pub fn height_px(&self) -> usize {
         self.height_px
     }
 
-    /// Columns \[px\].
+    /// Number of columns \[px\].
     #[must_use]
     pub fn width_px(&self) -> usize {
         self.width_px
@@ -80,38 +81,38 @@ impl ImageWindow {
         self.pitch_y_m
     }
 
-    /// Its middle along x, from the axis \[m\].
+    /// Position of the window's centre along x, from the axis \[m\].
     #[must_use]
     pub fn centre_x_m(&self) -> f64 {
         self.centre_x_m
     }
 
-    /// Its middle along y, from the axis \[m\].
+    /// Position of the window's centre along y, from the axis \[m\].
     #[must_use]
     pub fn centre_y_m(&self) -> f64 {
         self.centre_y_m
     }
 
-    /// Where column `x` lies, from the axis \[m\].
+    /// Position of column `x` from the axis \[m\].
     #[must_use]
     pub fn x_m(&self, x: usize) -> f64 {
         self.centre_x_m + from_middle(x, self.width_px) * self.pitch_x_m
     }
 
-    /// Where row `y` lies, from the axis \[m\].
+    /// Position of row `y` from the axis \[m\].
     #[must_use]
     pub fn y_m(&self, y: usize) -> f64 {
         self.centre_y_m + from_middle(y, self.height_px) * self.pitch_y_m
     }
 
-    /// Whether it has the display's pixels: their number and pitch, wherever its middle is.
+    /// Whether the window has the number and pitch of the display's pixels, at any centre.
     #[must_use]
     pub fn has_pixels_of(&self, grid: &Grid) -> bool {
         *self == Self { centre_x_m: self.centre_x_m, centre_y_m: self.centre_y_m, ..Self::of(grid) }
     }
 }
 
-/// Steps from the middle of `count` samples to sample `i`.
+/// Number of steps from the middle of `count` samples to sample `i`.
 pub(crate) fn from_middle(i: usize, count: usize) -> f64 {
     i as f64 - (count as f64 - 1.0) / 2.0
 }

@@ -1,13 +1,13 @@
-//! Small systems of linear equations.
+//! Linear least squares with a few unknowns.
 
-/// Normal equations Aᵀ W A x = Aᵀ W b of a few unknowns, gathered row by row.
+/// Normal equations Aᵀ W A x = Aᵀ W b of a few unknowns, built from rows of A.
 #[derive(Clone, Debug)]
 pub(crate) struct NormalEquations<const N: usize> {
     matrix: [[f64; N]; N],
     right: [f64; N],
 }
 
-/// A pivot below this part of the largest entry means that the equations fix no single solution.
+/// Smallest pivot relative to the largest entry. With a smaller pivot the equations have no unique solution.
 const PIVOT_MIN: f64 = 1e-12;
 
 impl<const N: usize> NormalEquations<N> {
@@ -15,7 +15,7 @@ impl<const N: usize> NormalEquations<N> {
         Self { matrix: [[0.0; N]; N], right: [0.0; N] }
     }
 
-    /// Adds the equation `row · x = value`.
+    /// Adds the equation `row · x = value` with a weight.
     pub(crate) fn add(&mut self, row: &[f64; N], value: f64, weight: f64) {
         for (i, a) in row.iter().enumerate() {
             for (j, b) in row.iter().enumerate() {
@@ -25,13 +25,13 @@ impl<const N: usize> NormalEquations<N> {
         }
     }
 
-    /// Gaussian elimination with partial pivoting; `None` where the equations fix no single solution.
+    /// Solves the equations by Gaussian elimination with partial pivoting; `None` if they have no unique solution.
     pub(crate) fn solve(mut self) -> Option<[f64; N]> {
         let largest = self.matrix.as_flattened().iter().fold(0.0_f64, |most, entry| most.max(entry.abs()));
         for column in 0..N {
             let pivot =
                 (column..N).max_by(|&a, &b| self.matrix[a][column].abs().total_cmp(&self.matrix[b][column].abs()))?;
-            // A NaN is refused here too.
+            // This also refuses NaN.
             if self.matrix[pivot][column].abs() <= PIVOT_MIN * largest || !largest.is_finite() || largest == 0.0 {
                 return None;
             }

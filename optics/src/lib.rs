@@ -15,39 +15,39 @@
 //! # Ok::<(), lightpath_optics::Error>(())
 //! ```
 //!
-//! [`propagate()`] takes a field through free space by the method that is right there, [`optimize()`] finds the phase that shows
-//! a target. Beyond their defaults, [`Propagator`] has every method and window, and [`Optimization`] every method to find
-//! phases, several planes and frames, and learned displays.
+//! [`propagate()`] propagates a field through free space and chooses a method that is accurate there. [`optimize()`]
+//! finds the phase that shows a target. For full control, [`Propagator`] offers every propagation method and window,
+//! and [`Optimization`] every optimization method, several planes and frames, and learned displays.
 //!
 //! # Conventions
 //!
 //! - Planes are row-major, `[y][x]`; sizes are `height_px` and `width_px`; public names carry SI units.
-//! - Light is linear, with 1 as the brightest value of targets and photographs.
+//! - Light is linear; the brightest value of targets and photographs is 1.
 //! - Time convention e^{−iωt}: a wave travelling towards +z gains e^{+ikz}.
-//! - Forward Fourier transform with e^{−i2π(fx·x + fy·y)}, unscaled; the inverse is scaled by 1/(number of samples).
-//!   Zero frequency is at `[0][0]`.
+//! - The forward Fourier transform uses e^{−i2π(fx·x + fy·y)} and is unscaled; the inverse is scaled by
+//!   1/(number of samples). The zero frequency is at `[0][0]`.
 //! - Frequencies are the exact bins n/(N·Δ) for n = 0 … N/2−1, −N/2 … −1.
 //! - Phases of transfer functions are computed in f64 without their piston and reduced modulo 2π before they are
-//!   narrowed to f32.
+//!   rounded to f32.
 //! - Fields are zero-padded twofold along each axis, so that the convolution is linear, and cropped afterwards.
-//! - Work is done in f32. Results are the same on any number of threads.
+//! - Computations use f32. Results are the same on any number of threads.
 //!
 //! # Map
 //!
-//! | to | see |
+//! | task | see |
 //! |---|---|
-//! | say what light goes through | [`OpticalSetup`], [`Grid`], [`RegionOfInterest`], [`Plane`] |
-//! | take a field to another plane | [`propagate()`], [`Propagator`]; [`plan`] and [`propagation`] say which method is right where |
-//! | find a phase | [`optimize()`], [`Optimization`], [`hologram`]; [`optimizer`] has the methods themselves |
-//! | say what a camera or an eye sees | [`Detector`], [`photometry`] |
-//! | judge a picture | [`metrics`], [`hologram::quality`] |
-//! | say what a modulator shows | [`phase_response`], [`Carrier`] |
+//! | describe the optical setup | [`OpticalSetup`], [`Grid`], [`RegionOfInterest`], [`Plane`] |
+//! | propagate a field | [`propagate()`], [`Propagator`]; [`plan`] and [`propagation`]: the range of each method |
+//! | find a phase | [`optimize()`], [`Optimization`], [`hologram`]; [`optimizer`] for the methods themselves |
+//! | choose how light is detected | [`Detector`], [`photometry`] |
+//! | measure the quality of a picture | [`metrics`], [`hologram::quality`] |
+//! | convert phases to grey levels | [`phase_response`], [`Carrier`] |
 //! | describe a display | [`DisplayModel`], [`chebyshev`], [`spatial_variation`] |
-//! | run a display | [`Engine`], [`EngineCache`] |
-//! | learn a display from photographs | [`learning`]; [`alignment`] brings a camera's pixels to the display's |
-//! | look at a learned display | [`diagnostics`]: aberrations, point spread, what was never lit |
-//! | try without a display | [`simulated_display`], an imperfect bench, and [`test_cards`], pictures |
-//! | check all of it | [`reference`](mod@reference): slow and plain f64 twins of what is fast elsewhere |
+//! | simulate a display | [`Engine`], [`EngineCache`] |
+//! | learn a display from photographs | [`learning`]; [`alignment`] maps a camera's pixels to the display's |
+//! | inspect a learned display | [`diagnostics`]: aberrations, point spread, parts of the band without light |
+//! | work without a display | [`simulated_display`]: an imperfect bench; [`test_cards`]: target pictures |
+//! | check results | [`reference`](mod@reference): slow and plain f64 versions of the fast algorithms |
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 pub mod alignment;

@@ -1,14 +1,14 @@
-//! An evaluation taken apart, to see where its time goes on a machine.
+//! Single passes of an evaluation, to measure the time of each pass.
 //!
-//! [`HologramProblem::evaluate`](crate::HologramProblem::evaluate) is five passes over memory, each on all threads:
+//! [`HologramProblem::evaluate`](crate::HologramProblem::evaluate) takes five passes over memory, each on all threads:
 //!
-//! | pass | does |
+//! | pass | operation |
 //! |---|---|
-//! | [`Pass::ForwardRows`] | the modulator's field from the phase, transformed along x |
-//! | [`Pass::ForwardColumns`] | along y, times H, and back along y, for each offset of the detector along y |
-//! | [`Pass::Compare`] | back along x to every sub-sample, the loss and its gradient there, and along x again |
-//! | [`Pass::BackwardColumns`] | along y, times H*, and back along y |
-//! | [`Pass::BackwardRows`] | back along x, and the gradient of the phase |
+//! | [`Pass::ForwardRows`] | computes the modulator's field from the phase and transforms it along x |
+//! | [`Pass::ForwardColumns`] | transforms along y, multiplies by H, transforms back for each offset along y |
+//! | [`Pass::Compare`] | transforms back along x, computes loss and gradient, transforms along x |
+//! | [`Pass::BackwardColumns`] | transforms along y, multiplies by H*, transforms back along y |
+//! | [`Pass::BackwardRows`] | transforms back along x and computes the gradient of the phase |
 //!
 //! ```
 //! use lightpath_optics::passes::{Pass, Passes};
@@ -29,27 +29,27 @@ use crate::engine::Fields;
 use crate::photometry::{Comparison, Quantity};
 use crate::{Engine, Plane, RegionOfInterest, Result};
 
-/// A part of an evaluation that goes through memory once.
+/// Part of an evaluation that passes over memory once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Pass {
-    /// From the phase to spectra of rows.
+    /// Computes the spectra of rows from the phase.
     ForwardRows,
-    /// From the spectra of rows to the image plane, but for the way back along x.
+    /// Propagates the spectra of rows to the image plane, without the inverse transform along x.
     ForwardColumns,
-    /// To the light, to the loss's gradient, and to spectra of rows.
+    /// Computes the light and the gradient of the loss, and the spectra of the gradient's rows.
     Compare,
-    /// The adjoint of [`Self::ForwardColumns`].
+    /// Applies the adjoint of [`Self::ForwardColumns`].
     BackwardColumns,
-    /// To the gradient of the phase.
+    /// Computes the gradient of the phase.
     BackwardRows,
 }
 
 impl Pass {
-    /// In the order in which an evaluation makes them.
+    /// All passes, in the order of an evaluation.
     pub const ALL: [Self; 5] =
         [Self::ForwardRows, Self::ForwardColumns, Self::Compare, Self::BackwardColumns, Self::BackwardRows];
 
-    /// In lower case.
+    /// Name of the pass in lower case.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -62,7 +62,7 @@ impl Pass {
     }
 }
 
-/// An evaluation at one phase, in single precision.
+/// Evaluation at one phase, in f32, whose passes run one at a time.
 #[derive(Debug)]
 pub struct Passes {
     engine: Engine,
@@ -74,11 +74,11 @@ pub struct Passes {
 }
 
 impl Passes {
-    /// For a `target` (intensity, linear light) and a `phase` \[rad\] of the engine's size.
+    /// Prepares an evaluation for a `target` (intensity, linear light) and a `phase` \[rad\] of the engine's size.
     ///
     /// # Errors
     ///
-    /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for another size.
+    /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for a target or phase of another size.
     pub fn new(engine: Engine, target: Plane<f32>, region: RegionOfInterest, phase: Plane<f32>) -> Result<Self> {
         let (height_px, width_px) = (engine.height_px(), engine.width_px());
         target.expect_size("target_intensity", height_px, width_px)?;
@@ -88,8 +88,8 @@ impl Passes {
         Ok(Self { engine, target, region, phase, fields, gradient })
     }
 
-    /// Makes one pass over what the last one left. Any order is allowed, but only [`Pass::ALL`] ends with a gradient;
-    /// [`Pass::BackwardColumns`] overwrites the light that [`Pass::Compare`] reads.
+    /// Runs one pass on the result of the previous pass. Passes may run in any order, but only the order of
+    /// [`Pass::ALL`] gives the gradient. [`Pass::BackwardColumns`] overwrites the field that [`Pass::Compare`] reads.
     pub fn run(&mut self, pass: Pass) {
         let Self { engine, target, region, phase, fields: Fields { spectrum, tiles }, gradient } = self;
         let engine = &engine.core;
@@ -130,7 +130,7 @@ impl Passes {
         }
     }
 
-    /// ∂L/∂φ at a gain of 1, after all passes in their order.
+    /// Gradient ∂L/∂φ at a gain of 1, after all passes have run in the order of [`Pass::ALL`].
     #[must_use]
     pub fn gradient(&self) -> &Plane<f32> {
         &self.gradient

@@ -1,4 +1,4 @@
-//! Grey levels and the phases that a spatial light modulator makes of them.
+//! Phase response of a spatial light modulator: the relation between grey levels and phases.
 //!
 //! ```text
 //! linear:   phase(level) = level · 2π / 2^b,   level(φ) = round(φ / 2π · 2^b) mod 2^b
@@ -9,7 +9,7 @@ use crate::{Error, Plane, Result};
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
-/// What a display's grey levels do to the phase.
+/// Phase response of a display: the phase of each grey level.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PhaseResponse {
     bit_depth: u32,
@@ -21,18 +21,18 @@ enum Curve {
     Linear,
     Measured {
         phase_rad: Vec<f64>,
-        /// Phases wrapped to [0, 2π) with their levels, ascending, no phase twice.
+        /// Phases wrapped to [0, 2π) with their levels, in ascending order without duplicate phases.
         ascending: Vec<(f64, u16)>,
     },
 }
 
 impl PhaseResponse {
-    /// Most bits a grey level has: it must fit a 16-bit image.
+    /// Largest number of bits of a grey level, so that levels fit into a 16-bit image.
     pub const BIT_DEPTH_MAX: u32 = 16;
-    /// A modulator that spans less than this \[rad\] cannot make holograms.
+    /// Smallest span of a measured phase response \[rad\]. A modulator with a smaller span cannot show holograms.
     pub const SPAN_RAD_MIN: f64 = PI;
 
-    /// Every level a step of 2π / 2^`bit_depth`.
+    /// Linear response with steps of 2π / 2^`bit_depth`.
     ///
     /// # Errors
     ///
@@ -44,7 +44,7 @@ impl PhaseResponse {
         Ok(Self { bit_depth, curve: Curve::Linear })
     }
 
-    /// The measured phase \[rad\] of each level, 2^b values for b bits.
+    /// Measured response, with the phase \[rad\] of each level: 2^b values for b bits.
     ///
     /// # Errors
     ///
@@ -69,7 +69,7 @@ impl PhaseResponse {
         Ok(Self { bit_depth: count.ilog2(), curve: Curve::Measured { phase_rad, ascending } })
     }
 
-    /// Levels are 0 to 2^bit_depth − 1.
+    /// Number of bits of a level. Levels are 0 to 2^bit_depth − 1.
     #[must_use]
     pub fn bit_depth(&self) -> u32 {
         self.bit_depth
@@ -81,11 +81,11 @@ impl PhaseResponse {
         1 << self.bit_depth
     }
 
-    /// Phase \[rad\] of `level`: in [0, 2π) where linear, as measured otherwise.
+    /// Phase \[rad\] of `level`: in [0, 2π) for a linear response, otherwise as measured.
     ///
     /// # Errors
     ///
-    /// [`Error::OutOfRange`] for a level beyond the last.
+    /// [`Error::OutOfRange`] for a level above the highest level.
     pub fn phase_rad(&self, level: u16) -> Result<f64> {
         if usize::from(level) >= self.levels() {
             return Err(Error::OutOfRange { name: "level", value: f64::from(level), allowed: "below 2^bit_depth" });
@@ -96,8 +96,8 @@ impl PhaseResponse {
         })
     }
 
-    /// The level nearest to a finite phase \[rad\], modulo 2π. Halfway between two levels it is the upper one where
-    /// linear, and the one with the smaller number where measured.
+    /// Level whose phase is nearest to a finite phase \[rad\], modulo 2π. Halfway between two levels, a linear response
+    /// gives the upper level, and a measured response the level with the smaller number.
     #[must_use]
     pub fn nearest_level(&self, phase_rad: f64) -> u16 {
         match &self.curve {
@@ -109,29 +109,29 @@ impl PhaseResponse {
         }
     }
 
-    /// The nearest level of every phase \[rad\].
+    /// Converts every phase \[rad\] to its nearest level.
     ///
     /// # Errors
     ///
-    /// [`Error::NotFinite`] at the first phase that is no number.
+    /// [`Error::NotFinite`] for the first phase that is not finite.
     pub fn quantize(&self, phase: &Plane<f32>) -> Result<Plane<u16>> {
         phase.expect_finite("phase")?;
         let levels = phase.values().par_iter().map(|&phase| self.nearest_level(f64::from(phase))).collect();
         Plane::try_from_vec(phase.height_px(), phase.width_px(), levels)
     }
 
-    /// The phase \[rad\] of every level.
+    /// Converts every level to its phase \[rad\].
     ///
     /// # Errors
     ///
-    /// [`Error::OutOfRange`] at the first level beyond the last.
+    /// [`Error::OutOfRange`] for the first value above the highest level.
     pub fn dequantize(&self, levels: &Plane<u16>) -> Result<Plane<f32>> {
         let phases = levels.values().iter().map(|&level| self.phase_rad(level).map(|phase| phase as f32));
         Plane::try_from_vec(levels.height_px(), levels.width_px(), phases.collect::<Result<_>>()?)
     }
 }
 
-/// A finite phase \[rad\] brought to [0, 2π).
+/// Wraps a finite phase \[rad\] to [0, 2π).
 ///
 /// ```
 /// use lightpath_optics::phase_response::wrap;
@@ -142,11 +142,12 @@ impl PhaseResponse {
 #[must_use]
 pub fn wrap(phase_rad: f64) -> f64 {
     let wrapped = phase_rad.rem_euclid(TAU);
-    // A tiny negative phase rounds up to 2π itself.
+    // For a tiny negative phase the remainder rounds up to 2π.
     if wrapped < TAU { wrapped } else { 0.0 }
 }
 
-/// As [`wrap`], for the precision that holograms are kept in: below the largest f32 that is less than 2π.
+/// Wraps a finite phase \[rad\] to [0, 2π) like [`wrap`] and rounds it to f32, the precision of holograms. The rounded
+/// phase is also less than 2π.
 #[must_use]
 pub fn wrap_f32(phase_rad: f64) -> f32 {
     let wrapped = wrap(phase_rad) as f32;
@@ -171,7 +172,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Distance of two phases modulo 2π.
+    /// Distance between two phases modulo 2π.
     fn apart(a: f64, b: f64) -> f64 {
         let difference = wrap(a - b);
         difference.min(TAU - difference)

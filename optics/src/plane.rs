@@ -1,9 +1,9 @@
-//! Two-dimensional arrays.
+//! Two-dimensional arrays of values.
 
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-/// A row-major array, `values[y · width_px + x]`.
+/// Two-dimensional array in row-major order, `values[y · width_px + x]`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Unchecked<T>", bound(deserialize = "T: Copy + Deserialize<'de>"))]
 pub struct Plane<T> {
@@ -12,7 +12,7 @@ pub struct Plane<T> {
     values: Vec<T>,
 }
 
-/// A plane as it is stored: the number of its values may be wrong.
+/// Stored form of a plane, in which the number of values may be wrong.
 #[derive(Deserialize)]
 struct Unchecked<T> {
     height_px: usize,
@@ -29,24 +29,24 @@ impl<T: Copy> TryFrom<Unchecked<T>> for Plane<T> {
 }
 
 impl<T: Copy> Plane<T> {
-    /// A plane with the same value everywhere.
+    /// Plane with the same value at every pixel.
     #[must_use]
     pub fn filled(height_px: usize, width_px: usize, value: T) -> Self {
         Self { height_px, width_px, values: vec![value; height_px * width_px] }
     }
 
-    /// The value of `f(y, x)` at every pixel.
+    /// Plane with the value `f(y, x)` at every pixel.
     #[must_use]
     pub fn from_fn(height_px: usize, width_px: usize, mut f: impl FnMut(usize, usize) -> T) -> Self {
         let values = (0..height_px * width_px).map(|i| f(i / width_px, i % width_px)).collect();
         Self { height_px, width_px, values }
     }
 
-    /// Takes over `values`.
+    /// Plane of `values`, given row by row.
     ///
     /// # Errors
     ///
-    /// [`Error::SizeMismatch`] when there are not `height_px · width_px` values.
+    /// [`Error::SizeMismatch`] if the number of values is not `height_px · width_px`.
     pub fn try_from_vec(height_px: usize, width_px: usize, values: Vec<T>) -> Result<Self> {
         if Some(values.len()) != height_px.checked_mul(width_px) {
             return Err(Error::SizeMismatch {
@@ -60,48 +60,48 @@ impl<T: Copy> Plane<T> {
         Ok(Self { height_px, width_px, values })
     }
 
-    /// Rows.
+    /// Number of rows \[px\].
     #[must_use]
     pub fn height_px(&self) -> usize {
         self.height_px
     }
 
-    /// Columns.
+    /// Number of columns \[px\].
     #[must_use]
     pub fn width_px(&self) -> usize {
         self.width_px
     }
 
-    /// All values, row after row.
+    /// All values, row by row.
     #[must_use]
     pub fn values(&self) -> &[T] {
         &self.values
     }
 
-    /// All values, row after row.
+    /// All values, row by row, for writing.
     pub fn values_mut(&mut self) -> &mut [T] {
         &mut self.values
     }
 
-    /// Gives up the array.
+    /// Converts the plane to its values, row by row.
     #[must_use]
     pub fn into_vec(self) -> Vec<T> {
         self.values
     }
 
-    /// One row.
+    /// Values of row `y`.
     #[must_use]
     pub fn row(&self, y: usize) -> &[T] {
         &self.values[y * self.width_px..][..self.width_px]
     }
 
-    /// One value.
+    /// Value at row `y` and column `x`.
     #[must_use]
     pub fn at(&self, y: usize, x: usize) -> T {
         self.values[y * self.width_px + x]
     }
 
-    /// The same plane with `f` applied to every value.
+    /// Plane of the same size with `f` applied to every value.
     #[must_use]
     pub fn map<U: Copy>(&self, f: impl FnMut(T) -> U) -> Plane<U> {
         Plane {
@@ -111,9 +111,11 @@ impl<T: Copy> Plane<T> {
         }
     }
 
+    /// Checks that the plane has `height_px` × `width_px` values.
+    ///
     /// # Errors
     ///
-    /// [`Error::SizeMismatch`], naming this plane `name`, when it is not `height_px` × `width_px`.
+    /// [`Error::SizeMismatch`] for another size; the error calls this plane `name`.
     pub fn expect_size(&self, name: &'static str, height_px: usize, width_px: usize) -> Result<()> {
         if (self.height_px, self.width_px) == (height_px, width_px) {
             return Ok(());
@@ -129,9 +131,11 @@ impl<T: Copy> Plane<T> {
 }
 
 impl Plane<f32> {
+    /// Checks that all values are finite.
+    ///
     /// # Errors
     ///
-    /// [`Error::NotFinite`], naming this plane `name`, at the first NaN or infinity.
+    /// [`Error::NotFinite`] for the first NaN or infinity; the error calls this plane `name`.
     pub fn expect_finite(&self, name: &'static str) -> Result<()> {
         match self.values.iter().position(|value| !value.is_finite()) {
             None => Ok(()),

@@ -1,38 +1,41 @@
-//! The methods of propagation by their names, and why one of them may be refused.
+//! Names of the propagation methods, and reasons to refuse a method.
 
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// A way to compute the field at a distance. [`propagation`](crate::propagation) says which is right where.
+/// Method that computes the field at a distance. The module [`propagation`](crate::propagation) describes where each
+/// method is accurate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PropagationMethod {
-    /// The angular spectrum with all of its band, evanescent waves included.
+    /// Angular spectrum with its full band, including evanescent waves.
     AngularSpectrum,
-    /// The angular spectrum without the frequencies whose light would land beyond the padded frame: right at every
-    /// distance, and where nothing lands beyond the frame the same as [`PropagationMethod::AngularSpectrum`].
+    /// Angular spectrum without the frequencies whose light would land beyond the padded frame. It is accurate at every
+    /// distance. If no light lands beyond the frame, it equals [`PropagationMethod::AngularSpectrum`].
     #[default]
     BandLimited,
-    /// The band-limited angular spectrum on a window beside the axis, with one-sided limits.
+    /// Band-limited angular spectrum on a window away from the axis, with one-sided limits.
     Shifted,
-    /// The Rayleigh–Sommerfeld integral by its impulse response, sampled in space: right from the critical distance on.
+    /// Rayleigh–Sommerfeld integral with its impulse response sampled in space. It is accurate from the critical
+    /// distance on.
     RayleighSommerfeld,
-    /// The angular spectrum on a finer, narrower set of frequencies, for distances beyond the critical one.
+    /// Angular spectrum on a finer, narrower set of frequencies, for distances beyond the critical distance.
     BandExtended,
-    /// The angular spectrum onto a window of any pitch, size and place.
+    /// Angular spectrum onto a window of any pitch, size and position.
     Scaled,
-    /// The paraxial integral onto a window of any pitch, size and place: right for windows that all pixels reach.
+    /// Paraxial integral onto a window of any pitch, size and position. It is accurate for windows that the light of
+    /// all pixels reaches.
     ScaledFresnel,
-    /// The paraxial transfer function.
+    /// Paraxial transfer function.
     FresnelTransferFunction,
-    /// The paraxial impulse response, sampled in space.
+    /// Paraxial impulse response, sampled in space.
     FresnelImpulseResponse,
-    /// The far field.
+    /// Fraunhofer diffraction, for the far field.
     Fraunhofer,
 }
 
 impl PropagationMethod {
-    /// Every method, simple ones first.
+    /// All methods, the simplest first.
     pub const ALL: [Self; 10] = [
         Self::AngularSpectrum,
         Self::BandLimited,
@@ -46,7 +49,7 @@ impl PropagationMethod {
         Self::Fraunhofer,
     ];
 
-    /// Its name in lower case, as in "the band-limited angular spectrum".
+    /// Name of the method for use in a sentence, such as "band-limited angular spectrum".
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -63,7 +66,7 @@ impl PropagationMethod {
         }
     }
 
-    /// Whether it takes the wave fronts for paraboloids, and sines of angles for their tangents.
+    /// Whether the method is paraxial: it approximates wave fronts by paraboloids, and sines of angles by tangents.
     #[must_use]
     pub fn is_paraxial(self) -> bool {
         match self {
@@ -86,28 +89,28 @@ impl fmt::Display for PropagationMethod {
     }
 }
 
-/// The methods that are convolutions with a transfer function on the padded grid. An [`Engine`](crate::Engine) runs them,
-/// and holograms are optimized through them.
+/// Propagation method that is a convolution with a transfer function on the padded grid. An [`Engine`](crate::Engine)
+/// and the optimization of holograms use these methods.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ConvolutionMethod {
-    /// See [`PropagationMethod::AngularSpectrum`].
+    /// Angular spectrum with its full band, see [`PropagationMethod::AngularSpectrum`].
     AngularSpectrum,
-    /// See [`PropagationMethod::BandLimited`].
+    /// Band-limited angular spectrum, see [`PropagationMethod::BandLimited`].
     #[default]
     BandLimited,
-    /// See [`PropagationMethod::Shifted`].
+    /// Band-limited angular spectrum on a window away from the axis, see [`PropagationMethod::Shifted`].
     Shifted,
-    /// See [`PropagationMethod::RayleighSommerfeld`].
+    /// Rayleigh–Sommerfeld impulse response, see [`PropagationMethod::RayleighSommerfeld`].
     RayleighSommerfeld,
-    /// See [`PropagationMethod::FresnelTransferFunction`].
+    /// Paraxial transfer function, see [`PropagationMethod::FresnelTransferFunction`].
     FresnelTransferFunction,
-    /// See [`PropagationMethod::FresnelImpulseResponse`].
+    /// Paraxial impulse response, see [`PropagationMethod::FresnelImpulseResponse`].
     FresnelImpulseResponse,
 }
 
 impl ConvolutionMethod {
-    /// Every convolution, simple ones first.
+    /// All convolution methods, the simplest first.
     pub const ALL: [Self; 6] = [
         Self::AngularSpectrum,
         Self::BandLimited,
@@ -137,26 +140,26 @@ impl fmt::Display for ConvolutionMethod {
     }
 }
 
-/// Why a method can't be right for what it was asked.
+/// Reason why a method cannot compute the requested propagation correctly.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "SCREAMING_SNAKE_CASE")]
 pub enum RefusalCode {
-    /// The method is no convolution on the padded grid, and an engine was asked to run it.
+    /// The method is not a convolution on the padded grid, so an engine cannot run it.
     NoConvolution,
-    /// The method has a window of its own, and another one was asked for.
+    /// The method has a fixed window, and another window was requested.
     OtherWindow,
     /// No light lands in the window.
     WindowUnreachable,
-    /// Too little of the band lands in the window to hold a picture.
+    /// Too little of the band lands in the window for a picture.
     BandLost,
-    /// The padded frame samples the transfer function too coarsely, so that light comes back on the other side.
+    /// The padded frame samples the transfer function too coarsely, so that light reappears on the opposite side.
     Aliased,
-    /// The pixels sample the impulse response, or the integral's phase, too coarsely.
+    /// The pixels sample the impulse response or the phase of the integral too coarsely.
     Undersampled,
-    /// The window would take more frequencies than are computed.
+    /// The window needs more frequencies than the limit.
     TooManyFrequencies,
     /// The display is too large for the far field.
     NotFar,
-    /// The light is too steep for a paraxial method.
+    /// The angles of the light are too large for a paraxial method.
     NotParaxial,
 }

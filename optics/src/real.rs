@@ -1,25 +1,26 @@
-//! The two precisions of the engine: f32 for work, f64 for reference.
+//! The two precisions of the engine: f32 in production, f64 as a reference.
 
 use num_complex::Complex;
 use pulp::{Simd, bytemuck};
 use rustfft::{FftNum, num_traits::Float};
 
-/// A precision: f32 or f64.
+/// Floating-point type of a computation: f32 or f64.
 #[allow(private_bounds)] // how the engine computes is its own affair
 pub trait Number: FftNum + Float + Vectors {
-    /// The nearest number of this precision.
+    /// Nearest number of this precision to `value`.
     fn of(value: f64) -> Self;
 
-    /// The same number in f64.
+    /// This number in f64.
     fn wide(self) -> f64;
 
-    /// Sine and cosine.
+    /// Sine and cosine of this number.
     ///
-    /// For f32 the error is at most 2e-7 where |x| ≤ 1e4; larger arguments lose accuracy in proportion. The code has
-    /// no branches, so that a loop over it becomes vector instructions.
+    /// For f32 the error is at most 2e-7 for |x| ≤ 1e4; for larger arguments it grows in proportion. The code has no
+    /// branches, so that loops over it become vector instructions.
     fn sine_cosine(self) -> (Self, Self);
 
-    /// e^x. For f32 the relative error is at most 2e-7; arguments are clamped to ±80. Without branches, as above.
+    /// Exponential e^x of this number x. For f32 the relative error is at most 2e-7, and arguments are clamped to ±80.
+    /// The code has no branches, so that loops over it become vector instructions.
     fn exponential(self) -> Self;
 }
 
@@ -56,11 +57,11 @@ impl Number for f32 {
         f64::from(self)
     }
 
-    // Reduction to [−π/4, π/4] by a three-part π/2, then the Taylor-like minimax polynomials.
+    // The argument is reduced to [−π/4, π/4] with π/2 in three parts. Minimax polynomials then give sine and cosine.
     #[inline(always)]
     fn sine_cosine(self) -> (Self, Self) {
         const HALF_PI: [f32; 3] = [1.570_312_5, 4.837_513e-4, 7.549_79e-8];
-        // Adding 1.5·2²³ rounds to a whole number, and leaves that number in the lowest bits.
+        // Adding 1.5·2²³ rounds to an integer and leaves that integer in the lowest bits.
         const ROUND: f32 = 12_582_912.0;
         let shifted = self * std::f32::consts::FRAC_2_PI + ROUND;
         let (quadrant, quarter_turns) = (shifted.to_bits(), shifted - ROUND);
@@ -73,7 +74,7 @@ impl Number for f32 {
         (signed(s, quadrant), signed(c, quadrant.wrapping_add(1)))
     }
 
-    // e^x = 2^n · e^r with |r| ≤ ln 2 / 2, and a Taylor series for e^r.
+    // e^x = 2^n · e^r with |r| ≤ ln 2 / 2, where a Taylor series gives e^r.
     #[inline(always)]
     fn exponential(self) -> Self {
         const LN_2: [f32; 2] = [0.693_359_4, -2.121_944_4e-4];
@@ -86,7 +87,7 @@ impl Number for f32 {
     }
 }
 
-/// Numbers of this precision in the registers of a machine, see [`batch_fft`](crate::batch_fft).
+/// Operations on vector registers of numbers of this precision, used by [`batch_fft`](crate::batch_fft).
 pub(crate) trait Vectors: Copy {
     type Vector<S: Simd>: Copy;
 
@@ -95,16 +96,18 @@ pub(crate) trait Vectors: Copy {
     fn add<S: Simd>(simd: S, a: Self::Vector<S>, b: Self::Vector<S>) -> Self::Vector<S>;
     fn sub<S: Simd>(simd: S, a: Self::Vector<S>, b: Self::Vector<S>) -> Self::Vector<S>;
     fn mul<S: Simd>(simd: S, a: Self::Vector<S>, b: Self::Vector<S>) -> Self::Vector<S>;
-    /// a·b + c
+    /// Computes a·b + c.
     fn mul_add<S: Simd>(simd: S, a: Self::Vector<S>, b: Self::Vector<S>, c: Self::Vector<S>) -> Self::Vector<S>;
     fn neg<S: Simd>(simd: S, a: Self::Vector<S>) -> Self::Vector<S>;
-    /// Whole registers' worth; what is left over at the end is left out.
+    /// Views a slice as registers. Values at the end that do not fill a register are omitted.
     fn vectors<S: Simd>(values: &[Self]) -> &[Self::Vector<S>];
     fn vectors_mut<S: Simd>(values: &mut [Self]) -> &mut [Self::Vector<S>];
-    /// Pairs of registers that hold complex numbers as they lie in memory.
+    /// Views a slice of complex numbers as pairs of registers, in the order of the memory. Values at the end that do
+    /// not fill a pair are omitted.
     fn interleaved<S: Simd>(values: &[Complex<Self>]) -> &[[Self::Vector<S>; 2]];
     fn interleaved_mut<S: Simd>(values: &mut [Complex<Self>]) -> &mut [[Self::Vector<S>; 2]];
-    /// From such a pair to real and imaginary parts, lanes in an order of the machine's own.
+    /// Separates a pair of registers of complex numbers into real and imaginary parts. The order of the lanes depends
+    /// on the machine.
     fn parts<S: Simd>(simd: S, pair: [Self::Vector<S>; 2]) -> [Self::Vector<S>; 2];
     /// The inverse of [`Self::parts`].
     fn pair<S: Simd>(simd: S, parts: [Self::Vector<S>; 2]) -> [Self::Vector<S>; 2];
@@ -248,14 +251,14 @@ impl Vectors for f64 {
     }
 }
 
-/// e^{ix}.
+/// Computes e^{ix} in the precision of `x`.
 #[inline(always)]
 pub(crate) fn unit<T: Number>(x: T) -> Complex<T> {
     let (sine, cosine) = x.sine_cosine();
     Complex::new(cosine, sine)
 }
 
-/// e^{ix}, rounded once from f64.
+/// Computes e^{ix} in f64 and rounds it to the precision `T`.
 pub(crate) fn unit_of<T: Number>(x: f64) -> Complex<T> {
     Complex::new(T::of(x.cos()), T::of(x.sin()))
 }

@@ -1,9 +1,9 @@
-//! The part of an image that counts.
+//! Region of interest: the part of an image that losses and metrics evaluate.
 
 use crate::{Error, Grid, Result};
 use serde::{Deserialize, Serialize};
 
-/// A rectangle of pixels in the image plane.
+/// Rectangle of pixels in the image plane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RegionOfInterest {
     x_px: usize,
@@ -13,9 +13,11 @@ pub struct RegionOfInterest {
 }
 
 impl RegionOfInterest {
+    /// Region with its first pixel at (`x_px`, `y_px`), `width_px` columns and `height_px` rows.
+    ///
     /// # Errors
     ///
-    /// [`Error::OutOfRange`] when the rectangle is empty or leaves the grid.
+    /// [`Error::OutOfRange`] if the rectangle is empty or leaves the grid.
     pub fn try_new(grid: &Grid, x_px: usize, y_px: usize, width_px: usize, height_px: usize) -> Result<Self> {
         for (name, start, length, side) in [
             ("region_of_interest.width_px", x_px, width_px, grid.width_px()),
@@ -29,16 +31,16 @@ impl RegionOfInterest {
         Ok(Self { x_px, y_px, width_px, height_px })
     }
 
-    /// The same region, where it lies inside a grid: to check one that comes from elsewhere, such as a file.
+    /// Checks that the region lies inside a grid and returns it. Use it for a region from outside, such as from a file.
     ///
     /// # Errors
     ///
-    /// As [`Self::try_new`].
+    /// The errors of [`Self::try_new`].
     pub fn inside(self, grid: &Grid) -> Result<Self> {
         Self::try_new(grid, self.x_px, self.y_px, self.width_px, self.height_px)
     }
 
-    /// The middle 80 % of each axis, from 10 % to 90 %, at least one pixel.
+    /// Region in the middle 80 % of each axis, from 10 % to 90 %, with at least one pixel along each axis.
     #[must_use]
     pub fn middle(grid: &Grid) -> Self {
         let span = |side: usize| {
@@ -49,7 +51,7 @@ impl RegionOfInterest {
         Self { x_px, y_px, width_px, height_px }
     }
 
-    /// All of the image.
+    /// Region that covers the whole image.
     #[must_use]
     pub fn full(grid: &Grid) -> Self {
         Self { x_px: 0, y_px: 0, width_px: grid.width_px(), height_px: grid.height_px() }
@@ -67,13 +69,13 @@ impl RegionOfInterest {
         self.y_px
     }
 
-    /// Columns \[px\].
+    /// Number of columns \[px\].
     #[must_use]
     pub fn width_px(&self) -> usize {
         self.width_px
     }
 
-    /// Rows \[px\].
+    /// Number of rows \[px\].
     #[must_use]
     pub fn height_px(&self) -> usize {
         self.height_px
@@ -85,7 +87,7 @@ impl RegionOfInterest {
         self.width_px * self.height_px
     }
 
-    /// The region's columns in row `y`, or `None` where the row lies outside.
+    /// Columns of the region in row `y`, or `None` if the row lies outside the region.
     #[must_use]
     pub fn columns(&self, y: usize) -> Option<std::ops::Range<usize>> {
         (self.y_px..self.y_px + self.height_px).contains(&y).then(|| self.x_px..self.x_px + self.width_px)

@@ -1,11 +1,11 @@
-//! What a propagation goes through: a grid, a wavelength and a distance, and the method that computes it.
+//! Optical setup of a propagation: grid, wavelength, distance, and the method that computes the propagation.
 
 use crate::image_window::ImageWindow;
 use crate::propagation_method::ConvolutionMethod;
 use crate::{Error, Grid, Result};
 
-/// A plane of pixels, the light's wavelength, how far away the image is, and by which convolution it is computed: by the
-/// [band-limited angular spectrum](ConvolutionMethod::BandLimited) unless another [`ConvolutionMethod`] is asked for.
+/// Optical setup: the grid of pixels, the wavelength, the distance of the image, and the convolution that computes the
+/// propagation. The default method is the [band-limited angular spectrum](ConvolutionMethod::BandLimited).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OpticalSetup {
     grid: Grid,
@@ -17,13 +17,16 @@ pub struct OpticalSetup {
 }
 
 impl OpticalSetup {
-    /// Shortest wavelength \[m\]: no display works below the ultraviolet.
+    /// Shortest wavelength \[m\]. No display works below the ultraviolet.
     pub const WAVELENGTH_M_MIN: f64 = 100e-9;
-    /// Longest wavelength \[m\]: no display works beyond the thermal infrared.
+    /// Longest wavelength \[m\]. No display works beyond the thermal infrared.
     pub const WAVELENGTH_M_MAX: f64 = 10e-6;
-    /// Farthest image, either way \[m\]: beyond it hardly any band is left at any size.
+    /// Largest distance of an image, in both directions \[m\]. At larger distances hardly any of the band remains for
+    /// any size.
     pub const DISTANCE_M_MAX: f64 = 10.0;
 
+    /// Creates a setup that uses the band-limited angular spectrum.
+    ///
     /// # Errors
     ///
     /// [`Error::OutOfRange`] for a wavelength that is not between [`Self::WAVELENGTH_M_MIN`] and
@@ -47,7 +50,8 @@ impl OpticalSetup {
         })
     }
 
-    /// The same setup, computed by another convolution, right or wrong: to see by how much.
+    /// Returns this setup with another method, without checking that the method is accurate. Use it to measure the
+    /// error of a method.
     #[must_use]
     pub fn with_method_regardless(self, method: ConvolutionMethod) -> Self {
         match method {
@@ -56,67 +60,68 @@ impl OpticalSetup {
         }
     }
 
-    /// The same setup with the image's middle at (`centre_x_m`, `centre_y_m`) \[m\] from the axis, computed by the
+    /// Returns this setup with the image's centre at (`centre_x_m`, `centre_y_m`) \[m\] from the axis, computed by the
     /// [shifted](ConvolutionMethod::Shifted) angular spectrum.
     ///
     /// # Errors
     ///
-    /// [`Error::OutOfRange`] for a middle that is more than [`ImageWindow::CENTRE_M_MAX`] away.
+    /// [`Error::OutOfRange`] for a centre that is more than [`ImageWindow::CENTRE_M_MAX`] away from the axis.
     pub fn with_centre(self, centre_x_m: f64, centre_y_m: f64) -> Result<Self> {
         ImageWindow::of(&self.grid).centred_at(centre_x_m, centre_y_m)?;
         Ok(Self { method: ConvolutionMethod::Shifted, centre_x_m, centre_y_m, ..self })
     }
 
-    /// The sampled plane, the same at the display and at the image.
+    /// Grid of pixels, which is the same at the display and at the image.
     #[must_use]
     pub fn grid(&self) -> Grid {
         self.grid
     }
 
-    /// λ, in vacuum \[m\].
+    /// Wavelength λ in vacuum \[m\].
     #[must_use]
     pub fn wavelength_m(&self) -> f64 {
         self.wavelength_m
     }
 
-    /// z, from the display to the image \[m\]; negative behind the display.
+    /// Distance z from the display to the image \[m\]; negative for an image behind the display.
     #[must_use]
     pub fn distance_m(&self) -> f64 {
         self.distance_m
     }
 
-    /// How the propagation is computed.
+    /// Method that computes the propagation.
     #[must_use]
     pub fn method(&self) -> ConvolutionMethod {
         self.method
     }
 
-    /// The image's pixels: the display's, around another middle where the method is [`ConvolutionMethod::Shifted`].
+    /// Window of the image. It has the display's pixels; with [`ConvolutionMethod::Shifted`] its centre may lie away
+    /// from the axis.
     #[must_use]
     pub fn window(&self) -> ImageWindow {
         let window = ImageWindow::of(&self.grid).centred_at(self.centre_x_m, self.centre_y_m);
         window.expect("the middle was checked when it was set")
     }
 
-    /// Rows after zero padding, twice the grid's \[px\].
+    /// Number of rows after zero padding, twice the grid's \[px\].
     #[must_use]
     pub fn padded_height_px(&self) -> usize {
         2 * self.grid.height_px()
     }
 
-    /// Columns after zero padding, twice the grid's \[px\].
+    /// Number of columns after zero padding, twice the grid's \[px\].
     #[must_use]
     pub fn padded_width_px(&self) -> usize {
         2 * self.grid.width_px()
     }
 
-    /// Distance z_c = N_x·Δ²/λ up to which the padded columns sample the whole band \[m\].
+    /// Critical distance z_c = N_x·Δ²/λ \[m\], up to which the N_x padded columns sample the whole band.
     #[must_use]
     pub fn critical_distance_x_m(&self) -> f64 {
         self.padded_width_px() as f64 * self.grid.pixel_pitch_m().powi(2) / self.wavelength_m
     }
 
-    /// Distance z_c = N_y·Δ²/λ up to which the padded rows sample the whole band \[m\].
+    /// Critical distance z_c = N_y·Δ²/λ \[m\], up to which the N_y padded rows sample the whole band.
     #[must_use]
     pub fn critical_distance_y_m(&self) -> f64 {
         self.padded_height_px() as f64 * self.grid.pixel_pitch_m().powi(2) / self.wavelength_m
@@ -131,7 +136,7 @@ mod tests {
         OpticalSetup::try_new(Grid::try_new(1080, 1920, 8e-6).unwrap(), 515e-9, distance_m).unwrap()
     }
 
-    /// Part of the line through zero frequency that the band limit keeps, (x, y).
+    /// Parts of the lines through zero frequency along x and y that the band limit keeps.
     fn kept_fraction(setup: &OpticalSetup) -> (f64, f64) {
         let (samples, nyquist) = (10_000, 1.0 / (2.0 * setup.grid().pixel_pitch_m()));
         let kept = |along: &dyn Fn(f64) -> bool| {

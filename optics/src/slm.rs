@@ -1,11 +1,12 @@
-//! The light that leaves the SLM.
+//! Model of the SLM: computes the field that leaves it, and the gradient of the phase.
 //!
 //! ```text
 //! c(x, y) = k(x, y) · a(x, y) · ( e^{i r(φ)} + z₀ ),   r(φ) = φ + Σ_k ( a_k sin kφ + b_k cos kφ )
 //! ```
 //!
-//! φ displayed phase \[rad\], a source profile (complex), r the SLM's phase response, z₀ undiffracted light. With a carrier
-//! φ includes its grating, and k = ±1 follows it, so that c is described in the direction in which the image leaves.
+//! φ is the displayed phase \[rad\], a the complex source profile, r the SLM's phase response, and z₀ undiffracted
+//! light. With a carrier φ includes its grating, and k = ±1 is the grating's sign, so that c is the field relative to
+//! the direction in which the image leaves.
 
 use crate::carrier::Carrier;
 use crate::real::Number;
@@ -13,36 +14,36 @@ use num_complex::Complex;
 use pulp::{Arch, Simd, WithSimd};
 use std::f64::consts::PI;
 
-/// What an SLM does, in the precision of an engine.
+/// Parameters of an SLM, in the precision `T` of an engine.
 #[derive(Clone, Debug)]
 pub(crate) struct Slm<T> {
     pub(crate) width_px: usize,
-    /// `None`: one everywhere.
+    /// Complex source profile a at each pixel; `None`: 1 everywhere.
     pub(crate) source: Option<Vec<Complex<T>>>,
-    /// [a_k, b_k] for k = 1, 2, …
+    /// Harmonics [a_k, b_k] of the phase response for k = 1, 2, …
     pub(crate) harmonics: Vec<[T; 2]>,
     pub(crate) zero_order: Complex<T>,
     pub(crate) carrier: Option<Carrier>,
 }
 
 impl<T: Number> Slm<T> {
-    /// An SLM that does just what it is told.
+    /// SLM without errors, which shows exactly the displayed phase.
     pub(crate) fn ideal(width_px: usize, carrier: Option<Carrier>) -> Self {
         let zero_order = Complex::new(T::zero(), T::zero());
         Self { width_px, source: None, harmonics: Vec::new(), zero_order, carrier }
     }
 
-    /// c along row `y`, for the phase before the carrier is added.
+    /// Computes the field c along row `y`, for the phase before the carrier is added.
     pub(crate) fn field_row(&self, y: usize, phase: &[T], field: &mut [Complex<T>]) {
         Arch::new().dispatch(FieldRow { slm: self, y, phase, field });
     }
 
-    /// ∂L/∂φ along row `y` from b = ∂L/∂c*: 2 Re( b* · dc/dφ ).
+    /// Computes the gradient ∂L/∂φ = 2 Re( b* · dc/dφ ) along row `y` from b = ∂L/∂c*.
     pub(crate) fn phase_gradient_row(&self, y: usize, phase: &[T], b: &[Complex<T>], gradient: &mut [T]) {
         Arch::new().dispatch(PhaseGradientRow::<_, false> { slm: self, y, phase, b, gradient });
     }
 
-    /// Adds what [`Self::phase_gradient_row`] writes.
+    /// Adds the gradient of [`Self::phase_gradient_row`] to `gradient`.
     pub(crate) fn add_phase_gradient_row(&self, y: usize, phase: &[T], b: &[Complex<T>], gradient: &mut [T]) {
         Arch::new().dispatch(PhaseGradientRow::<_, true> { slm: self, y, phase, b, gradient });
     }
@@ -77,7 +78,7 @@ impl<T: Number> Slm<T> {
         }
     }
 
-    /// b* · a, zero beyond the row's end.
+    /// Computes b* · a for a block of pixels; zero beyond the row's end.
     #[inline(always)]
     pub(crate) fn lit(&self, y: usize, x: usize, b: &[Complex<T>]) -> Parts<T> {
         let mut light = Parts { re: [T::zero(); BLOCK], im: [T::zero(); BLOCK] };
@@ -96,7 +97,7 @@ impl<T: Number> Slm<T> {
         light
     }
 
-    /// What becomes of at most [`BLOCK`] phases from (y, x) on.
+    /// Computes the response of the SLM to at most [`BLOCK`] phases, the first at (y, x).
     #[inline(always)]
     pub(crate) fn respond(&self, y: usize, x: usize, phase: &[T]) -> Block<T> {
         let (zero, one) = ([T::zero(); BLOCK], [T::one(); BLOCK]);
@@ -127,31 +128,32 @@ impl<T: Number> Slm<T> {
     }
 }
 
-/// Neighbours that are worked on together: every step is a loop over plain arrays, which becomes vector instructions.
+/// Number of neighbouring pixels that are processed together. Each operation is a loop over plain arrays, which becomes
+/// vector instructions.
 pub(crate) const BLOCK: usize = 32;
 
-/// The real and the imaginary parts of neighbours.
+/// Real and imaginary parts of the values of neighbouring pixels.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Parts<T> {
     pub(crate) re: [T; BLOCK],
     pub(crate) im: [T; BLOCK],
 }
 
-/// What the SLM makes of neighbouring phases.
+/// Response of the SLM to the phases of neighbouring pixels.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Block<T> {
-    /// k: −1 where the carrier adds π.
+    /// Sign k of the grating: −1 where the carrier adds π, otherwise 1.
     pub(crate) sign: [T; BLOCK],
-    /// r′(φ)
+    /// Slope r′(φ) of the phase response.
     pub(crate) slope: [T; BLOCK],
-    /// e^{iφ}
+    /// Phasor e^{iφ} of the displayed phase.
     pub(crate) turn: Parts<T>,
-    /// e^{i r(φ)}
+    /// Phasor e^{i r(φ)} of the phase after the response.
     pub(crate) steered: Parts<T>,
 }
 
 impl<T: Number> Parts<T> {
-    /// e^{iφ}
+    /// Computes e^{iφ}.
     #[inline(always)]
     fn unit(phase: &[T; BLOCK]) -> Self {
         let mut parts = Self { re: [T::zero(); BLOCK], im: [T::zero(); BLOCK] };
@@ -172,8 +174,8 @@ impl<T: Number> Parts<T> {
     }
 }
 
-/// [`Slm::field_row`] as an operation that is compiled for the vector instructions of the machine at hand. A closure of
-/// this size may be called instead of inlined, and is then compiled for the oldest machine.
+/// [`Slm::field_row`] as an operation that is compiled for the vector instructions of the machine. A closure of this
+/// size might be called instead of inlined. It would then be compiled for the oldest supported machine.
 struct FieldRow<'a, T> {
     slm: &'a Slm<T>,
     y: usize,
@@ -190,7 +192,7 @@ impl<T: Number> WithSimd for FieldRow<'_, T> {
     }
 }
 
-/// [`Slm::phase_gradient_row`], likewise.
+/// [`Slm::phase_gradient_row`] as an operation that is compiled for the vector instructions of the machine.
 struct PhaseGradientRow<'a, T, const ADD: bool> {
     slm: &'a Slm<T>,
     y: usize,

@@ -1,4 +1,4 @@
-//! From a wanted field back to the phase that shows it: what [`Slm`] does, the other way round.
+//! Inverse of the model of the SLM ([`Slm`]): finds the phase that shows a wanted field.
 
 use crate::real::{Number, unit};
 use crate::slm::Slm;
@@ -6,13 +6,14 @@ use num_complex::Complex;
 use std::f64::consts::PI;
 
 impl<T: Number> Slm<T> {
-    /// The phase along row `y` that comes nearest to giving the light the phase of a `wanted` field: r(φ) = arg(k c/a − z₀).
+    /// Computes the phases along row `y` with which the phase of the light is nearest to that of the `wanted` field c:
+    /// r(φ) = arg(k c/a − z₀).
     pub(crate) fn phase_of_row(&self, y: usize, wanted: &[Complex<T>], phase: &mut [T]) {
         for (x, (phase, &wanted)) in phase.iter_mut().zip(wanted).enumerate() {
             let wanted = wanted.scale(self.sign(y, x));
             let steered = match &self.source {
                 None => wanted - self.zero_order,
-                // ·|a|²: arg(c/a − z₀) without dividing by a dark source.
+                // Multiplying by |a|² gives arg(c/a − z₀) without a division by a dark source.
                 Some(source) => {
                     let a = source[y * self.width_px + x];
                     wanted * a.conj() - self.zero_order.scale(a.norm_sqr())
@@ -22,7 +23,7 @@ impl<T: Number> Slm<T> {
         }
     }
 
-    /// The phases that give the light the phases in `row`, where only the modulated light counts.
+    /// Replaces the wanted phases of the light in `row` by the phases to display. The zero order is ignored.
     pub(crate) fn shown_by_row(&self, y: usize, row: &mut [T]) {
         for (x, phase) in row.iter_mut().enumerate() {
             let grating = self.grating(y, x);
@@ -30,9 +31,9 @@ impl<T: Number> Slm<T> {
         }
     }
 
-    /// What the modulator itself has to make of a field: c / a, 0 where no light falls.
+    /// Replaces a field c by c / a, the field relative to the source; 0 where no light falls on the SLM.
     pub(crate) fn divide_by_source(&self, field: &mut [Complex<T>]) {
-        /// Less light than this, in the source's own unit, is none.
+        /// Smallest amplitude of the source, in its own unit. Pixels with less light count as dark.
         const SOURCE_MIN: f64 = 1e-3;
         let Some(source) = &self.source else { return };
         for (c, &a) in field.iter_mut().zip(source) {
@@ -41,21 +42,22 @@ impl<T: Number> Slm<T> {
         }
     }
 
-    /// k at a pixel: −1 where the carrier adds π.
+    /// Sign k of the grating at a pixel: −1 where the carrier adds π, otherwise 1.
     pub(crate) fn sign(&self, y: usize, x: usize) -> T {
         if self.carrier.is_some_and(|carrier| carrier.is_odd(y, x)) { -T::one() } else { T::one() }
     }
 
-    /// What the carrier adds to a phase.
+    /// Phase that the carrier adds at a pixel \[rad\].
     fn grating(&self, y: usize, x: usize) -> T {
         if self.carrier.is_some_and(|carrier| carrier.is_odd(y, x)) { T::of(PI) } else { T::zero() }
     }
 
-    /// φ with r(φ) = `wanted` modulo 2π, by Newton's method.
+    /// Finds φ with r(φ) = `wanted` modulo 2π, by Newton's method.
     fn inverse_response(&self, wanted: T) -> T {
-        /// Responses are nearly linear: each step squares an error that begins at some tenths.
+        /// Number of Newton steps. Responses are nearly linear: the error starts at a few tenths, and each step squares
+        /// it.
         const STEPS: usize = 6;
-        /// Where the response is flatter than this the step would overshoot.
+        /// Smallest slope that a step divides by. With a smaller slope the step would overshoot.
         const SLOPE_MIN: f64 = 0.25;
         let mut phase = wanted;
         if self.harmonics.is_empty() {
@@ -69,7 +71,7 @@ impl<T: Number> Slm<T> {
         phase
     }
 
-    /// r′(φ) and e^{i r(φ)}.
+    /// Computes r′(φ) and e^{i r(φ)}.
     fn response(&self, phase: T) -> (T, Complex<T>) {
         let turn = unit(phase);
         let (mut response, mut slope, mut power) = (phase, T::one(), turn);
@@ -116,7 +118,7 @@ mod tests {
             let (mut phase, mut field) = (wanted.clone(), vec![Complex64::ZERO; 16]);
             slm.shown_by_row(y, &mut phase);
             slm.field_row(y, &phase, &mut field);
-            // The light leaves with the grating's sign taken along: φ + π is shown as −1 · −e^{iφ}.
+            // The field includes the grating's sign: φ + π is shown as −1 · −e^{iφ}.
             for (wanted, c) in wanted.iter().zip(&field) {
                 assert!((Complex64::cis(*wanted) - c).norm() < 1e-9, "row {y}: {wanted} {c}");
             }

@@ -1,35 +1,35 @@
-//! Smooth complex fields, as short series.
+//! Smooth complex fields, as short Chebyshev series.
 
 use crate::chebyshev::ChebyshevBasis;
 use crate::{Error, Result};
 use num_complex::Complex64;
 
-/// exp(log_amplitude + i·phase), both Chebyshev series.
+/// Smooth complex field exp(log_amplitude + i·phase), where both terms are Chebyshev series.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SmoothField {
-    /// Highest total degree.
+    /// Highest total degree of the polynomials.
     pub order: usize,
     /// Coefficients of the logarithm of the amplitude, in the order of [`ChebyshevBasis::degrees`].
     pub log_amplitude: Vec<f64>,
-    /// Coefficients of the phase \[rad\], in the same order.
+    /// Coefficients of the phase \[rad\], in the order of [`ChebyshevBasis::degrees`].
     pub phase: Vec<f64>,
 }
 
 impl SmoothField {
-    /// One everywhere.
+    /// Field that is 1 everywhere, with coefficients for `order`.
     #[must_use]
     pub fn flat(order: usize) -> Self {
         let terms = ChebyshevBasis::new(order).terms();
         Self { order, log_amplitude: vec![0.0; terms], phase: vec![0.0; terms] }
     }
 
-    /// Its polynomials.
+    /// Polynomials of the series.
     #[must_use]
     pub fn basis(&self) -> ChebyshevBasis {
         ChebyshevBasis::new(self.order)
     }
 
-    /// The field's value, x and y in [−1, 1].
+    /// Value of the field at x and y in [−1, 1].
     #[must_use]
     pub fn value(&self, x: f64, y: f64) -> Complex64 {
         let basis = self.basis();
@@ -51,7 +51,8 @@ impl SmoothField {
         Ok(())
     }
 
-    /// Multiplies the field by another one to the power of `factor`, of at most the same order.
+    /// Multiplies the field by `other` to the power of `factor`. The order of `other` must not be higher than that of
+    /// this field.
     pub(crate) fn add(&mut self, factor: f64, other: &Self) {
         for (i, degrees) in self.basis().degrees().enumerate() {
             if let Some(k) = other.basis().degrees().position(|other| other == degrees) {
@@ -61,7 +62,7 @@ impl SmoothField {
         }
     }
 
-    /// One everywhere, whatever the order.
+    /// Whether the field is 1 everywhere.
     #[must_use]
     pub fn is_flat(&self) -> bool {
         self.log_amplitude.iter().chain(&self.phase).all(|&c| c == 0.0)

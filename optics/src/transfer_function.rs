@@ -1,20 +1,20 @@
-//! Free space as a filter: the angular spectrum method and its band limit.
+//! Transfer function of free space: the angular spectrum method and its band limit.
 //!
 //! ```text
 //! H(fx, fy) = exp(i 2π z (√(1/λ² − f²) − 1/λ)) = exp(−i 2π z λ f² / (1 + √(1 − λ² f²))),   f² = fx² + fy²
 //! ```
 //!
-//! λ wavelength \[m\], z distance \[m\], fx, fy spatial frequency \[1/m\]. The piston e^{ikz} is left out: it moves no light,
-//! and without it the phase stays small enough to be exact. The second form has no cancellation at small f.
-//! Band limit: K. Matsushima and T. Shimobaba, Optics Express 17, 19662 (2009).
+//! λ is the wavelength \[m\], z the distance \[m\], fx and fy the spatial frequency \[1/m\]. The piston e^{ikz} is
+//! omitted: it does not change the intensity, and without it the phase stays small enough to be exact. The second form
+//! has no cancellation at small f. Band limit: K. Matsushima and T. Shimobaba, Optics Express 17, 19662 (2009).
 
 use num_complex::Complex64;
 use std::f64::consts::TAU;
 
-/// The ideal angular spectrum transfer function, without its piston.
+/// Transfer function of the ideal angular spectrum, without its piston.
 ///
-/// Evanescent waves (λ²f² > 1) decay towards positive `distance_m`; towards negative distances they are removed, since
-/// they would grow without bound.
+/// Evanescent waves (λ²f² > 1) decay for positive `distance_m`. For negative distances they are removed, since they
+/// would grow without bound.
 ///
 /// ```
 /// use lightpath_optics::transfer_function::angular_spectrum;
@@ -38,7 +38,7 @@ pub fn angular_spectrum(fx: f64, fy: f64, wavelength_m: f64, distance_m: f64) ->
 
 /// Whether the sampled transfer function is free of aliasing at this frequency.
 ///
-/// Both of Matsushima's inequalities, in their exact form:
+/// Evaluates both of Matsushima's inequalities, in their exact form:
 ///
 /// ```text
 /// (fx/fx_lim)² + (λ fy)² ≤ 1  and  (fy/fy_lim)² + (λ fx)² ≤ 1,   fx_lim = 1 / (λ √((2z/(N_x Δ))² + 1))
@@ -61,7 +61,7 @@ pub fn band_limit(
         && sine_y * sine_y * inverse_limit_squared(padded_extent_y_m) + sine_x * sine_x <= 1.0
 }
 
-/// e^{i2π·cycles}, whole cycles taken away first.
+/// Computes e^{i2π·cycles} after subtracting whole cycles.
 pub(crate) fn phasor(cycles: f64) -> Complex64 {
     Complex64::cis(TAU * (cycles - cycles.round()))
 }
@@ -88,7 +88,7 @@ mod tests {
         let expected = (-TAU * distance_m * (fx * fx - WAVELENGTH_M.powi(-2)).sqrt()).exp();
         assert!((angular_spectrum(fx, 0.0, WAVELENGTH_M, distance_m).norm() - expected).abs() < 1e-12);
         assert_eq!(angular_spectrum(fx, 0.0, WAVELENGTH_M, -distance_m), Complex64::ZERO);
-        // No jump where waves turn evanescent.
+        // The transfer function is continuous where waves become evanescent.
         let edge = 1.0 / WAVELENGTH_M;
         let (inside, outside) = (edge * (1.0 - 1e-13), edge * (1.0 + 1e-13));
         let jump = angular_spectrum(inside, 0.0, WAVELENGTH_M, distance_m)

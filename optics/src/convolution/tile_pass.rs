@@ -26,7 +26,7 @@ impl<T: Real> TileScratch<T> {
 pub(super) enum Way<'a, T> {
     /// Transforms, multiplies by H and transforms back for each offset along y.
     There(&'a [Complex<T>], &'a mut [Complex<T>]),
-    /// Applies the adjoint of [`Way::There`].
+    /// Applies the adjoint of `Way::There`.
     Back(&'a [Complex<T>], &'a mut [Complex<T>]),
     /// Transforms the field of one kernel's window and writes its spectra before H is applied.
     SpectraThere(usize, &'a [Complex<T>], &'a mut [Complex<T>]),
@@ -36,7 +36,7 @@ pub(super) enum Way<'a, T> {
     ReturnSpectra(&'a mut [Complex<T>]),
     /// Transforms, multiplies by H and by a weight for each kernel, and writes the sum of the spectra.
     Weigh(&'a [Complex<T>], &'a [T], &'a mut [Complex<T>]),
-    /// Multiplies the spectra that [`Way::Weigh`] wrote by a number for each row and transforms them back for each
+    /// Multiplies the spectra that `Way::Weigh` wrote by a number for each row and transforms them back for each
     /// offset along y.
     ReturnWeighed(&'a [Complex<T>], &'a [T], &'a mut [Complex<T>]),
 }

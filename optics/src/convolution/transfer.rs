@@ -50,7 +50,7 @@ impl<T: Real> Transfer<T> {
     }
 
     /// Calls `write(i, column)` in parallel to write each column. The written values must already be scaled by
-    /// [`Self::scale`].
+    /// `Self::scale`.
     pub(crate) fn write_columns(&mut self, write: impl Fn(usize, &mut [Complex<T>]) + Sync) {
         let (rows, columns, count) = (2 * self.height_px, self.tile_columns, 2 * self.width_px);
         self.values.par_chunks_mut(rows * columns).enumerate().for_each_init(

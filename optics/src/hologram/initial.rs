@@ -44,7 +44,7 @@ pub enum InitialPhase<Given = Plane<f32>> {
     Given(Given),
 }
 
-/// Default focal length of [`InitialPhase::Quadratic`]: f = 2 N Δ² / λ \[m\] for the longer side's N pixels of pitch Δ.
+/// Default focal length of `InitialPhase::Quadratic`: f = 2 N Δ² / λ \[m\] for the longer side's N pixels of pitch Δ.
 /// The SLM's edges then steer light by half of the band.
 #[must_use]
 pub fn default_focal_length_m(setup: &OpticalSetup) -> f64 {
@@ -53,7 +53,7 @@ pub fn default_focal_length_m(setup: &OpticalSetup) -> f64 {
 }
 
 impl<Given> InitialPhase<Given> {
-    /// Converts the value of [`InitialPhase::Given`] with `read`; other initial phases stay unchanged.
+    /// Converts the value of `InitialPhase::Given` with `read`; other initial phases stay unchanged.
     ///
     /// # Errors
     ///

@@ -151,7 +151,7 @@ impl Optimization {
         Ok(Self { problem, options, state: OptimizationState { iteration: 0, run }, scratch: Scratch::default() })
     }
 
-    /// State that the next step depends on; [`Self::resume`] continues from a copy of it.
+    /// State that the next step depends on; `Self::resume` continues from a copy of it.
     #[must_use]
     pub fn state(&self) -> &OptimizationState {
         &self.state
@@ -168,14 +168,14 @@ impl Optimization {
         Ok(Self { problem, options, state, scratch: Scratch::default() })
     }
 
-    /// Measures the time of later evaluations with `clock`; see [`Self::transforming`].
+    /// Measures the time of later evaluations with `clock`; see `Self::transforming`.
     #[must_use]
     pub fn timed_by(mut self, clock: Clock) -> Self {
         self.problem.core.meter.clock = Some(clock);
         self
     }
 
-    /// Total time of the evaluations of loss and gradient since [`Self::timed_by`] set a clock; zero without a clock.
+    /// Total time of the evaluations of loss and gradient since `Self::timed_by` set a clock; zero without a clock.
     /// It covers the Fourier transforms and the work done in the same passes over memory. The rest of a step's time is
     /// spent in the method itself.
     #[must_use]
