@@ -109,7 +109,7 @@ pub(crate) trait Vectors: Copy {
     /// Separates a pair of registers of complex numbers into real and imaginary parts. The order of the lanes depends
     /// on the machine.
     fn parts<S: Simd>(simd: S, pair: [Self::Vector<S>; 2]) -> [Self::Vector<S>; 2];
-    /// The inverse of [`Self::parts`].
+    /// Applies the inverse of [`Self::parts`].
     fn pair<S: Simd>(simd: S, parts: [Self::Vector<S>; 2]) -> [Self::Vector<S>; 2];
 }
 

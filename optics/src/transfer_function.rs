@@ -44,8 +44,8 @@ pub fn angular_spectrum(fx: f64, fy: f64, wavelength_m: f64, distance_m: f64) ->
 /// (fx/fx_lim)² + (λ fy)² ≤ 1  and  (fy/fy_lim)² + (λ fx)² ≤ 1,   fx_lim = 1 / (λ √((2z/(N_x Δ))² + 1))
 /// ```
 ///
-/// `padded_extent_x_m` and `padded_extent_y_m` are the padded sides N_x·Δ and N_y·Δ \[m\]. Evanescent waves are never
-/// kept.
+/// `padded_extent_x_m` and `padded_extent_y_m` are the padded sides N_x·Δ and N_y·Δ \[m\]. Evanescent waves always fail
+/// the check.
 #[must_use]
 pub fn band_limit(
     fx: f64,

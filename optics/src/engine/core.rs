@@ -232,7 +232,7 @@ impl SeriesAlongY {
     }
 }
 
-/// Σ_j c_j T_j(y), by Clenshaw's recurrence.
+/// Sum of the Chebyshev series Σ_j c_j T_j(y), by Clenshaw's recurrence.
 fn clenshaw(coefficients: &[f64], y: f64) -> f64 {
     let (mut next, mut after) = (0.0, 0.0);
     for &c in coefficients.iter().skip(1).rev() {

@@ -14,13 +14,13 @@ use serde::{Deserialize, Serialize};
 /// State of Adam between two steps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct AdamState {
-    /// φ \[rad\], not wrapped; row-major.
+    /// Phases φ \[rad\], not wrapped, in row-major order.
     pub(super) phase: Vec<f32>,
     /// First moment m of the gradient.
     pub(super) first_moment: Vec<f32>,
     /// Second moment v of the gradient.
     pub(super) second_moment: Vec<f32>,
-    /// Steps done.
+    /// Number of steps done.
     pub(super) iteration: u32,
     /// Gain at which the next step compares the light with the target.
     pub(super) gain: f64,

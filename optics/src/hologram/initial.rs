@@ -8,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
 
-/// The phase that an optimization starts from.
+/// Initial phase of an optimization.
 ///
 /// The type parameter `Given` is the form in which the caller gives phases: the phases themselves for an optimization,
 /// or the names of files that hold them.

@@ -111,7 +111,7 @@ pub(super) struct Wanted<T> {
     pub(super) weight: Option<Plane<T>>,
     /// Whether the picture holds √t.
     pub(super) compares_amplitudes: bool,
-    /// Σ w
+    /// Sum of the weights over the region, Σ w.
     pub(super) weight_sum: f64,
     /// Share of the plane in the loss; the shares of all planes sum to 1.
     pub(super) share: f64,

@@ -197,7 +197,7 @@ fn every_initial_phase_is_what_it_says() {
     assert!(phases(InitialPhase::Constant { phase_rad: 1.5 }).iter().all(|&phase| phase == 1.5));
     let lens = phases(InitialPhase::Quadratic { focal_length_m: Some(0.01) });
     let at = |y: usize, x: usize| f64::from(lens[y * WIDTH_PX + x]);
-    // −π (r₁² − r₀²) / (λ f) between neighbours, half a pixel and one and a half from the middle.
+    // Expected difference −π (r₁² − r₀²) / (λ f) between neighbours at 0.5 px and 1.5 px from the middle.
     let expected = -std::f64::consts::PI * (8e-6_f64).powi(2) * (1.5_f64.powi(2) - 0.5_f64.powi(2)) / (515e-9 * 0.01);
     let found = at(45, 65) - at(45, 64);
     assert!((found - expected).sin().abs() < 1e-5, "{found} {expected}");

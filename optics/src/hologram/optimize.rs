@@ -16,7 +16,7 @@ const SEED: u64 = 0;
 /// Hologram found by [`optimize`], with its simulated picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Hologram {
-    /// φ \[rad\] on the modulator, in [0, 2π).
+    /// Phase φ \[rad\] on the modulator, in [0, 2π).
     pub phase: Plane<f32>,
     /// Simulated picture, integrated over the display's pixels: intensity in linear light, scaled to the target's
     /// brightness.
@@ -30,7 +30,7 @@ pub struct Hologram {
 }
 
 impl Hologram {
-    /// The field e^{iφ} that leaves an ideal modulator, for [`propagate`](crate::propagate()).
+    /// Field e^{iφ} that leaves an ideal modulator, as input of [`propagate`](crate::propagate()).
     #[must_use]
     pub fn field(&self) -> Plane<Complex32> {
         self.phase.map(|phase| Complex32::from_polar(1.0, phase))

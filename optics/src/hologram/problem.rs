@@ -53,7 +53,7 @@ impl Evaluation {
 pub(super) enum Sink<'a, T> {
     /// Gradient ∂L/∂φ.
     Gradient(&'a mut [T]),
-    /// Aᴴg, a field on the SLM.
+    /// Field on the SLM, Aᴴg.
     Field(&'a mut [Complex<T>]),
 }
 
@@ -131,7 +131,7 @@ impl HologramProblem {
 }
 
 impl<T: Real> ProblemCore<T> {
-    /// See [`HologramProblem::with_planes`].
+    /// Creates and checks a problem, see [`HologramProblem::with_planes`].
     pub(super) fn with_planes(
         planes: Vec<Asked<T>>,
         frames: usize,
@@ -175,7 +175,7 @@ impl<T: Real> ProblemCore<T> {
         self.engine().height_px() * self.engine().width_px()
     }
 
-    /// See [`HologramProblem::evaluate`].
+    /// Evaluates the loss at `gain` and its gradient, see [`HologramProblem::evaluate`].
     pub(super) fn evaluate(&mut self, phase: &[T], gain: f64, gradient: &mut [T]) -> Evaluation {
         if self.frames > 1 || self.loss.has_roughness() {
             return self.evaluate_in_two(phase, Some(gain), gradient);
@@ -195,12 +195,12 @@ impl<T: Real> ProblemCore<T> {
         Evaluation::new(&sums, 0.0)
     }
 
-    /// See [`HologramProblem::evaluate_fitted`].
+    /// Evaluates the loss at the best gain and its gradient, see [`HologramProblem::evaluate_fitted`].
     pub(super) fn evaluate_fitted(&mut self, phase: &[T], gradient: &mut [T]) -> Evaluation {
         self.evaluate_in_two(phase, None, gradient)
     }
 
-    /// See [`HologramProblem::measure`].
+    /// Evaluates the loss at `gain` without its gradient, see [`HologramProblem::measure`].
     pub(super) fn measure(&mut self, phase: &[T], gain: f64) -> Evaluation {
         if self.frames > 1 || self.loss.has_roughness() {
             self.light_up(phase);

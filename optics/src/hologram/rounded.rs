@@ -13,8 +13,8 @@
 //!
 //! The gain over plain rounding has a limit. A region that covers a part ρ of the frame constrains ρ values per pixel's
 //! phase. While a part f > ρ of the pixels is free, they can compensate for the whole error of settling one more pixel.
-//! When f < ρ, they can compensate for f/ρ of it. The error that remains, relative to plain rounding, is ∫₀^ρ (1 − f/ρ)
-//! df = ρ/2. For the middle 80 % of each axis, ρ = 0.64, this is −4.9 dB.
+//! When f < ρ, they can compensate for f/ρ of it. The error that remains, relative to plain rounding, is
+//! ∫₀^ρ (1 − f/ρ) df = ρ/2. For the middle 80 % of each axis, ρ = 0.64, this is −4.9 dB.
 
 use super::problem::ProblemCore;
 use crate::phase_response::PhaseResponse;
@@ -66,7 +66,7 @@ impl Levels {
         Ok(Self { response, carrier, shown })
     }
 
-    /// Mean distance of neighbouring levels \[rad\].
+    /// Mean distance between the phases of neighbouring levels \[rad\].
     fn spacing_rad(&self) -> f64 {
         TAU / self.response.levels() as f64
     }
@@ -100,7 +100,7 @@ pub(super) struct Rounded {
     pub(super) phase: Vec<f32>,
     /// Velocities v; NaN where φ is settled.
     pub(super) velocity: Vec<f32>,
-    /// Steps done.
+    /// Number of steps done.
     pub(super) iteration: u32,
     pub(super) gain: f64,
     /// Factor of the gradient in the first step, later γ.

@@ -222,7 +222,7 @@ impl<T: Real> ProblemCore<T> {
 
 /// Updates W ← W · √t / (s√p), with W limited so that a dark spot does not draw all of the light.
 fn raise<T: Real>(plane: &Wanted<T>, lights: &[T], gain: f64, wanted: &mut Plane<T>) {
-    /// Largest W.
+    /// Largest W; the smallest is its inverse.
     const RAISE_MAX: f64 = 3.0;
     let (width_px, planes) = (plane.picture.width_px(), plane.engine.detector().light_planes());
     let is_amplitude = plane.compares_amplitudes;
