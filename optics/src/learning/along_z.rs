@@ -1,35 +1,38 @@
-//! One display at several distances.
+//! Models of one display at several distances.
 //!
 //! ```text
 //! H(f; z) = H_ideal(f; z) · exp( Σ_k T_k(t) ( α_k(f) + iψ_k(f) ) ),   k = 0 … degree,   t = (2z − z₁ − z_n) / (z_n − z₁)
 //! ```
 //!
-//! z₁ … z_n the photographed distances, T_k Chebyshev polynomials, degree n − 1 but at most 2. Propagation is exact at each z:
-//! only what the optics add is a polynomial of it. Source, phase response and zero order are the modulator's, the same at
-//! all z. The tilts of ψ, which move the image, are no polynomials: the camera was set up anew at each distance, so that each
-//! has its own, and between two neighbours they follow a line.
+//! z₁ is the nearest and z_n the farthest of the n photographed distances, T_k are Chebyshev polynomials; the degree is
+//! n − 1, but at most two. Propagation is exact at each z: only the errors of the optics are polynomials of z. Source, phase response and
+//! zero order belong to the modulator and are the same at all z. The tilts of ψ, which move the image, are not
+//! polynomials: the camera was set up anew at each distance, so each distance has its own tilts. Between neighbouring
+//! distances the tilts are interpolated linearly.
 
 use super::layout::{Layout, Part};
 use crate::chebyshev::polynomials;
 use crate::{DisplayModel, Error, KernelShape, OpticalSetup, SmoothField};
 
-/// Highest degree in z. What rails and lenses do over a range that was photographed is a line or a parabola; more would follow
-/// the noise.
+/// Highest degree in z. Over a photographed range, rails and lenses change along a line or a parabola; a higher degree
+/// would follow the noise.
 const DEGREE_MAX: usize = 2;
 
 fn degree(planes: usize) -> usize {
     (planes - 1).min(DEGREE_MAX)
 }
 
-/// Which parameter of several planes' models stands where in the θ of all of them. Of a single plane it is that plane's θ.
+/// Positions of the parameters of several planes' models in a joint θ. With a single plane, the joint θ is that plane's
+/// θ.
 #[derive(Clone, Debug)]
 pub(super) struct Joint {
-    /// Of each plane by itself.
+    /// Layout of the θ of each plane.
     pub(super) layout: Layout,
     distances_m: Vec<f64>,
-    /// Of each parameter: its place in the θ of a plane, and the function of z that it is the factor of.
+    /// For each joint parameter: its position in the θ of a plane, and the index of the function of z that it
+    /// multiplies.
     slots: Vec<(usize, usize)>,
-    /// \[plane\]\[parameter\]: that function's value.
+    /// Value of that function, indexed \[plane\]\[parameter\].
     weights: Vec<Vec<f64>>,
 }
 
@@ -58,7 +61,7 @@ impl Joint {
         Self { layout, weights: weights.collect(), distances_m: distances_m.to_vec(), slots }
     }
 
-    /// The same planes with another layout.
+    /// The joint layout of the same planes for another layout of a plane.
     pub(super) fn with_layout(&self, layout: Layout) -> Self {
         Self::new(layout, &self.distances_m)
     }
@@ -71,7 +74,7 @@ impl Joint {
         self.distances_m.len()
     }
 
-    /// θ of one plane.
+    /// Computes the θ of one plane from the joint θ.
     pub(super) fn of_plane(&self, plane: usize, theta: &[f64]) -> Vec<f64> {
         let mut own = vec![0.0; self.layout.len()];
         for ((&(place, _), weight), value) in self.slots.iter().zip(&self.weights[plane]).zip(theta) {
@@ -80,7 +83,7 @@ impl Joint {
         own
     }
 
-    /// θ of a display that is the same at all distances.
+    /// Computes the joint θ of a display that has the θ `own` at all distances.
     pub(super) fn of_all_planes(&self, own: &[f64]) -> Vec<f64> {
         let value = |&(place, k): &(usize, usize)| match self.layout.part(place) {
             Part::Kernel if k > 0 => 0.0,
@@ -89,14 +92,14 @@ impl Joint {
         self.slots.iter().map(value).collect()
     }
 
-    /// Adds `share` times the gradient of one plane's loss.
+    /// Adds `share` times the gradient of one plane's loss to the joint gradient.
     pub(super) fn add_gradient(&self, plane: usize, own: &[f64], share: f64, total: &mut [f64]) {
         for ((&(place, _), weight), total) in self.slots.iter().zip(&self.weights[plane]).zip(total) {
             *total += weight * (own[place] * share);
         }
     }
 
-    /// Adds `share` times the curvature of one plane's loss, row after row.
+    /// Adds `share` times the curvature of one plane's loss to the joint curvature, both stored row after row.
     pub(super) fn add_curvature(&self, plane: usize, own: &[f64], share: f64, total: &mut [f64]) {
         let slots = || self.slots.iter().map(|(place, _)| place).zip(&self.weights[plane]);
         for ((a, weight_a), total) in slots().zip(total.chunks_exact_mut(self.len())) {
@@ -107,7 +110,7 @@ impl Joint {
         }
     }
 
-    /// θ of the same displays in another layout; what that has no place for is left out.
+    /// Converts θ to another joint layout of the same planes. Parameters that the other layout lacks are left out.
     pub(super) fn carried(&self, theta: &[f64], to: &Self) -> Vec<f64> {
         let mut carried = vec![0.0; to.len()];
         for function in 0..self.planes() {
@@ -128,18 +131,19 @@ impl Joint {
     }
 }
 
-/// The nearest and the farthest distance.
+/// The smallest and the largest distance.
 fn range(distances_m: &[f64]) -> (f64, f64) {
     distances_m.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &z_m| (low.min(z_m), high.max(z_m)))
 }
 
-/// The display at the distance of `setup`, between those of `models`, which were learned
-/// [together](super::Learner::start_joint): at one of their distances it is the model of that. Gain and offset are interpolated
-/// along a line.
+/// The display at the distance of `setup`, interpolated between `models` that were learned
+/// [together](super::Learner::start_joint). At the distance of one of the models the result is that model. Gain and
+/// offset are interpolated linearly.
 ///
 /// # Errors
 ///
-/// [`Error::Extrapolation`] for a distance that is not between theirs, [`Error::Apart`] for models that are not of one fit.
+/// [`Error::Extrapolation`] for a distance outside the range of the models' distances; [`Error::Apart`] for fewer than
+/// two models, or models that are not from one joint fit.
 pub fn interpolated(models: &[DisplayModel], setup: OpticalSetup) -> Result<DisplayModel, Error> {
     let mut models: Vec<&DisplayModel> = models.iter().collect();
     models.sort_by(|a, b| a.setup.distance_m().total_cmp(&b.setup.distance_m()));
@@ -149,7 +153,7 @@ pub fn interpolated(models: &[DisplayModel], setup: OpticalSetup) -> Result<Disp
     if !(nearest_m..=farthest_m).contains(&z_m) {
         return Err(Error::Extrapolation { distance_m: z_m, nearest_m, farthest_m });
     }
-    // A polynomial of some degree is known from any as many points and one.
+    // A polynomial of degree d is determined by any d + 1 points; the closest ones are used.
     let mut closest: Vec<usize> = (0..models.len()).collect();
     closest.sort_by(|&a, &b| (distances_m[a] - z_m).abs().total_cmp(&(distances_m[b] - z_m).abs()));
     let along_z = lagrange(&distances_m, &closest[..=degree(models.len())], z_m);
@@ -171,7 +175,7 @@ pub fn interpolated(models: &[DisplayModel], setup: OpticalSetup) -> Result<Disp
     Ok(DisplayModel { setup, kernel: KernelShape::Smooth(kernel), gain, offset, ..models[0].clone() })
 }
 
-/// The kernels of models that can be of one fit, ascending in distance.
+/// The kernels of `models`, which are sorted by distance, after a check that they can come from one joint fit.
 fn of_one_fit<'a>(models: &[&'a DisplayModel], setup: &OpticalSetup) -> Result<Vec<&'a SmoothField>, Error> {
     if models.len() < 2 {
         return Err(Error::Apart { what: "number: two distances are needed at least" });
@@ -200,7 +204,8 @@ fn of_one_fit<'a>(models: &[&'a DisplayModel], setup: &OpticalSetup) -> Result<V
     }
 }
 
-/// Lagrange's weights of the values at `nodes`, which are some of the places: the polynomial through them, at `at`.
+/// Weights of the values at `places` for the polynomial through those at `nodes`, evaluated at `at` (Lagrange). Places
+/// that are not nodes have weight 0.
 fn lagrange(places: &[f64], nodes: &[usize], at: f64) -> Vec<f64> {
     let mut weights = vec![0.0; places.len()];
     for &i in nodes {
@@ -303,7 +308,8 @@ mod tests {
             assert!((a.value(0.4, -0.7) - b.value(0.4, -0.7)).norm() < 1e-12);
             assert_eq!((&model.source, &model.response), (&again.source, &again.response));
         }
-        // A plane more, in the same range: its polynomials are the same, and its tilts are given.
+        // One more plane in the same range: the polynomials stay the same, and its tilts are set to the interpolated
+        // ones.
         let with = Joint::new(joint.layout, &[4e-3, 5e-3, 5.5e-3, 7e-3, 8e-3]);
         let mut more = vec![0.0; with.len()];
         for (&(place, k), value) in with.slots.iter().zip(&mut more) {

@@ -1,6 +1,7 @@
-//! Models with numbers for every frequency: `paper` and `dense`.
+//! Models with two numbers for each frequency: `paper` and `dense`.
 //!
-//! Adam with a constant step, one pair at a time in their own order, as the paper has it.
+//! They are fitted by Adam with a constant learning rate, one pair at a time in the order of the pair source, as in the
+//! paper.
 
 use super::pair::{Example, measure_each, total};
 use super::{KernelModel, LearnOptions, LearnStage, LearnStep, PairSource, pair::BoxError};
@@ -18,25 +19,26 @@ use std::sync::Arc;
 /// All that the next step depends on.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct BinsState {
-    /// Two numbers a bin, column after column: amplitude and phase (`paper`), or real and imaginary part (`dense`).
+    /// Two numbers for each bin, column after column: amplitude and phase (`paper`), or real and imaginary part
+    /// (`dense`).
     pub parameters: Vec<f32>,
-    /// Adam's m.
+    /// First moments of Adam.
     pub first_moment: Vec<f32>,
-    /// Adam's v.
+    /// Second moments of Adam.
     pub second_moment: Vec<f32>,
-    /// Steps done.
+    /// Steps of Adam so far.
     pub adam_steps: u32,
-    /// Sum of the losses of the epoch under way.
+    /// Sum of the losses of the current epoch.
     pub epoch_loss: f64,
-    /// The photograph's gain and offset, fitted at the start and after each epoch.
+    /// Gain of the photographs, fitted at the start and after each epoch.
     pub gain: f64,
-    /// See `gain`.
+    /// Offset of the photographs, fitted together with the gain.
     pub offset: f64,
     /// Mean training loss of each epoch.
     pub loss_history: Vec<f64>,
 }
 
-/// Learning a model of bins.
+/// Fit of a model of bins.
 #[derive(Debug)]
 pub struct BinsLearner {
     setup: OpticalSetup,
@@ -140,7 +142,7 @@ impl BinsLearner {
         });
 
         state.adam_steps += 1;
-        // The scale keeps Adam's ε small beside gradients of a mean over pixels.
+        // The loss is a mean over pixels, so its gradients are small; the scale keeps Adam's ε small beside them.
         let step = AdamStep::new(self.options.learning_rate, state.adam_steps, example.photo.values().len() as f64);
         let len = 2 * band.rows.len();
         let gradients: Vec<&Vec<Complex32>> = band.columns.iter().map(|&column| &columns[column]).collect();
@@ -180,14 +182,14 @@ impl BinsLearner {
     }
 }
 
-/// Which bins are learned, and what their two numbers mean.
+/// The bins that are learned, and the meaning of their two numbers.
 #[derive(Debug)]
 struct Band {
     polar: bool,
-    /// Columns of the transfer function, ascending, and their places in the centred plane.
+    /// Learned columns of the transfer function, ascending; `columns_centred` has their columns in the centred plane.
     columns: Vec<usize>,
     columns_centred: Vec<usize>,
-    /// Bins of a column, ascending, and their places in the centred plane.
+    /// Learned bins of a column, ascending; `rows_centred` has their rows in the centred plane.
     rows: Vec<usize>,
     rows_centred: Vec<usize>,
 }
@@ -196,7 +198,8 @@ impl Band {
     fn new(setup: &OpticalSetup, model: KernelModel) -> Self {
         let polar = model == KernelModel::Paper;
         let along = |n: usize| {
-            // `paper` has as many bins as the display has pixels (one less where that is odd), `dense` all of them.
+            // `paper` has as many bins as the display has pixels (one less for an odd number), `dense` has all padded
+            // bins.
             let side = if polar { n / 2 * 2 } else { 2 * n };
             let centred = |i: usize| {
                 let bin = split_bin(i, n) as isize;
@@ -235,7 +238,7 @@ impl Band {
         if self.polar { Complex32::from_polar(a, b) } else { Complex32::new(a, b) }
     }
 
-    /// ∂L/∂H* = u*·g at the learned bins of a column, up to the transfer function's scale.
+    /// ∂L/∂H* = u*·g at the learned bins of a column, without the scale of the transfer function.
     fn gradient(&self, column: usize, u: &[Complex32], g: &[Complex32]) -> Vec<Complex32> {
         if self.columns.binary_search(&column).is_err() {
             return Vec::new();
@@ -243,7 +246,7 @@ impl Band {
         self.rows.iter().map(|&row| u[row].conj() * g[row]).collect()
     }
 
-    /// From ∂L/∂H* to the gradient of the two numbers of each bin.
+    /// Turns ∂L/∂H* into the gradient with respect to the two numbers of each bin.
     fn chain(&self, parameters: &[f32], gradient: &[Complex32]) -> Vec<f32> {
         let chain = |(&[_, phase], &d): (&[f32; 2], &Complex32), amplitude: f32| {
             let turned = d.conj() * Complex32::cis(phase);

@@ -1,9 +1,9 @@
-//! Sums of a complex sequence against real polynomials.
+//! Projections of a complex sequence onto real polynomials.
 
 use crate::convolution::Real;
 use num_complex::{Complex, Complex64};
 
-/// Values taken together before their sums are widened to f64.
+/// Number of values that are summed in T before the sum is widened to f64.
 const BLOCK: usize = 32;
 
 /// Σ_k value(k) · polynomials[j][k] for each j.

@@ -1,4 +1,4 @@
-//! A parametric model in the making: its loss and the gradient of all its parameters, pair by pair.
+//! A parametric model during the fit: its loss for one pair, and the gradient with respect to all its parameters.
 
 use super::columns::project;
 use super::layout::{HARMONICS, Layout, SOURCE_ORDER};
@@ -17,26 +17,26 @@ use num_complex::{Complex, Complex64};
 use pulp::Arch;
 use std::sync::Arc;
 
-/// A model in the making, at one plane or several: set a plane's parameters, then evaluate its pairs.
+/// A parametric model at one or several planes. Set a plane's parameters first, then evaluate pairs of that plane.
 #[derive(Debug)]
 pub(super) struct Fit<T> {
-    /// Of each plane; they differ in their distances.
+    /// Setup of each plane; the setups differ in their distances only.
     pub(super) setups: Vec<OpticalSetup>,
     pub(super) layout: Layout,
     pub(super) engine: EngineCore<T>,
     pub(super) smooth: SmoothTransfer<T>,
-    /// Of the photograph looked at last, as they fit it best.
+    /// Gain and offset that fit the latest photograph best.
     pub(super) gain: f64,
     pub(super) offset: f64,
     /// T_i at the x of each pixel.
     pub(super) polynomials_x: Vec<Vec<T>>,
     pub(super) out: Fields<T>,
     back: Vec<Complex<T>>,
-    /// Room for the spectra of derivatives.
+    /// Buffer for the spectra of derivatives.
     pub(super) spectra: Vec<Complex<T>>,
 }
 
-/// What a row contributes to the gradient of the SLM's parameters.
+/// Contribution of one row to the gradient of the SLM's parameters.
 #[derive(Clone, Copy, Debug)]
 struct RowSums {
     /// Σ b* · c · T_i(x)
@@ -81,7 +81,7 @@ impl<T: Real> Fit<T> {
         })
     }
 
-    /// Goes over to a kernel of another order, or one that varies over the SLM.
+    /// Changes the order of the kernel, or whether it varies over the SLM.
     pub(super) fn change(&mut self, layout: Layout) {
         if layout.kernel != self.layout.kernel {
             self.smooth.change_order(layout.kernel.order());
@@ -89,7 +89,7 @@ impl<T: Real> Fit<T> {
         self.layout = layout;
     }
 
-    /// For so many kernels.
+    /// Allocates `count` transfer functions and the fields for them.
     fn make_room(&mut self, count: usize) {
         let (height_px, width_px) = (self.engine.height_px(), self.engine.width_px());
         let zeros = Transfer::zeros(height_px, width_px);
@@ -121,8 +121,9 @@ impl<T: Real> Fit<T> {
         }
     }
 
-    /// Sends a hologram, and fits gain and offset to its photograph: both are the exposure's, not the display's. Where the
-    /// light says nothing about the photograph, nothing is learned from it.
+    /// Propagates a hologram, then fits gain and offset to its photograph: they belong to the exposure, not to the
+    /// display. If the light does not correlate with the photograph, the gain is 0 and nothing is learned from the
+    /// pair.
     pub(super) fn expose(&mut self, example: &Example<T>) {
         let Self { engine, out, .. } = self;
         engine.send(example.phase.values(), out);
@@ -131,8 +132,8 @@ impl<T: Real> Fit<T> {
         (self.gain, self.offset) = if gain > 0.0 { (gain, offset) } else { (0.0, sums.t / sums.w) };
     }
 
-    /// The loss of one pair at the gain and offset that fit it best, and its gradient with respect to θ: at a minimum over
-    /// gain and offset, theirs is zero, and θ's is that at fixed ones.
+    /// The loss of one pair at its best gain and offset, and the gradient with respect to θ. The derivatives with
+    /// respect to gain and offset are zero at their optimum, so the gradient is the one at fixed gain and offset.
     pub(super) fn evaluate(&mut self, example: &Example<T>) -> (Sums, Vec<f64>) {
         self.expose(example);
         let Self { engine, smooth, out, back, .. } = self;
@@ -224,7 +225,7 @@ fn dot<T: Real>(a: &[T; BLOCK], b: &[T; BLOCK]) -> f64 {
     sum(&products)
 }
 
-/// In a fixed order, many lanes at a time.
+/// Sum of the values in a fixed order, in lanes that vector instructions can add.
 #[inline(always)]
 fn sum<T: Real>(values: &[T; BLOCK]) -> f64 {
     let mut lanes = [0.0; 8];

@@ -1,17 +1,17 @@
-//! The curvature of the loss, from the derivatives of the light itself.
+//! The curvature of the loss, from the derivatives of the light.
 //!
 //! ```text
 //! e = s p + o − t,   L = Σ w e² / Σ w,   ∂²L/∂θ∂θ′ ≈ 2 Σ w (∂e/∂θ)(∂e/∂θ′) / Σ w        Gauss and Newton
 //! ∂e/∂θ = s · mean over the sub-samples of 2 Re( u* ∂u/∂θ )
 //! ```
 //!
-//! Gain s and offset o follow every change of θ, so that what they can take up of ∂e is no curvature: A − B C⁻¹ Bᵀ, with C the
-//! two's own curvature and B theirs with θ.
+//! Gain s and offset o follow every change of θ, so the part of ∂e that they can compensate does not count as
+//! curvature. What remains is A − B C⁻¹ Bᵀ: A the curvature in θ, C that in s and o, B the mixed one.
 //!
-//! u is analytic in the complex coefficient of each polynomial, so that log amplitude and phase share one ∂u. That of a
-//! kernel's term is F⁻¹[ T_i(fx) T_j(fy) H F c ]: the columns' transforms are those of a j, only the rows' those of a term,
-//! and only some rows are looked at. That of a term of a kernel's variation over the SLM sums the light of the local kernels,
-//! each times the power of its place.
+//! u is analytic in the complex coefficient of each polynomial, so log amplitude and phase share one ∂u. For a term of
+//! the kernel, ∂u = F⁻¹[ T_i(fx) T_j(fy) H F c ]: the transforms along columns are done once for each j, those along
+//! rows for each term, and for some rows only. For a term of the kernel's variation over the SLM, ∂u is the sum of the
+//! light of the local kernels, each multiplied by the power of its position.
 
 use super::fit::Fit;
 use super::pair::Example;
@@ -27,12 +27,12 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// The matrix and the gradient of a loss near a point.
+/// The curvature matrix and the gradient of a loss at a point.
 #[derive(Clone, Debug)]
 pub(super) struct Normal {
-    /// Symmetric, row after row.
+    /// Symmetric curvature matrix, row after row.
     pub(super) matrix: Vec<f64>,
-    /// Of the rows looked at: the matrix's, not to descend by.
+    /// Gradient over the sampled rows only. It is consistent with the matrix, but too coarse for descent.
     pub(super) gradient: Vec<f64>,
 }
 
@@ -42,14 +42,14 @@ struct Jacobian<T> {
     columns: Range<usize>,
     parameters: usize,
     samples: usize,
-    /// [row][sub-sample][x]
+    /// The field u, indexed \[row\]\[sub-sample\]\[x\].
     field: Vec<Complex<T>>,
-    /// [row][θ][x]
+    /// The derivatives ∂e/∂θ, indexed \[row\]\[θ\]\[x\].
     values: Vec<T>,
 }
 
 impl<T: Real> Fit<T> {
-    /// The curvature of a pair's loss at the parameters that are set, from every `stride`-th row from the `first` on.
+    /// The curvature of a pair's loss at the current parameters, from every `stride`-th row starting at row `first`.
     pub(super) fn curvature(&mut self, example: &Example<T>, first: usize, stride: usize) -> Normal {
         let engine = self.engine.clone();
         self.expose(example);
@@ -70,7 +70,8 @@ impl<T: Real> Fit<T> {
         jacobian.normal(self, example)
     }
 
-    /// By the terms of a series that begins at `start`: the kernel's, or the one of a power of the place on the SLM.
+    /// Adds the derivatives by the terms of a series that begins at `start` in θ: the kernel's series, or that of one
+    /// power of the position on the SLM.
     fn kernel_derivatives(
         &mut self,
         engine: &EngineCore<T>,
@@ -107,7 +108,7 @@ impl<T: Real> Fit<T> {
         for k in 0..layout.harmonics {
             for cosine in [false, true] {
                 self.send_rows(|y, row| turned_row(&slm, y, example.phase.row(y), Some((k, cosine)), row));
-                // ∂c = i e^{ir} times a real number: what stands for a phase.
+                // ∂c is i e^{ir} times a real number, so the derivative is the one of a phase.
                 jacobian.add(self, None, None, Some(layout.response() + 2 * k + usize::from(cosine)));
             }
         }
@@ -115,13 +116,13 @@ impl<T: Real> Fit<T> {
         jacobian.add(self, None, Some(layout.zero_order()), Some(layout.zero_order() + 1));
     }
 
-    /// Sends a field that is not the SLM's own.
+    /// Propagates a field with the given rows instead of the SLM's field.
     fn send_rows(&mut self, fill: impl Fn(usize, &mut [Complex<T>]) + Sync) {
         self.engine.send_rows(&mut self.out, fill);
     }
 }
 
-/// a · k · e^{ir} · sin((n + 1)φ), or its cosine; with no harmonic a · k.
+/// Row of a · k · e^{ir} · sin((n + 1)φ), or of the same with the cosine; without a harmonic, of a · k.
 fn turned_row<T: Real>(slm: &Slm<T>, y: usize, phase: &[T], harmonic: Option<(usize, bool)>, row: &mut [Complex<T>]) {
     for (block, (phase, row)) in phase.chunks(BLOCK).zip(row.chunks_mut(BLOCK)).enumerate() {
         let Block { sign, turn, steered, .. } = slm.respond(y, block * BLOCK, phase);
@@ -149,14 +150,14 @@ impl<T: Real> Jacobian<T> {
         let in_region = (0..fit.engine.height_px()).filter(|&y| example.region.columns(y).is_some());
         let rows: Vec<usize> = in_region.skip(first).step_by(stride).collect();
         let columns = rows.first().and_then(|&y| example.region.columns(y)).unwrap_or_default();
-        // Behind θ, gain and offset.
+        // Gain and offset follow after θ.
         let (parameters, samples) = (fit.layout.len() + 2, fit.engine.detector.samples());
         let pixels = rows.len() * columns.len();
         let field = vec![Complex::new(T::zero(), T::zero()); pixels * samples];
         Self { rows, columns, parameters, samples, field, values: vec![T::zero(); pixels * parameters] }
     }
 
-    /// Keeps u, which the fit has just sent.
+    /// Stores u, the field that the fit has just propagated.
     fn keep_field(&mut self, fit: &Fit<T>) {
         let convolver = &fit.engine.convolver;
         let (width_px, columns, arch) = (convolver.width_px, self.columns.clone(), Arch::new());
@@ -173,8 +174,8 @@ impl<T: Real> Jacobian<T> {
         );
     }
 
-    /// Writes ∂e for the field that the fit has just sent, its spectrum weighed by columns: in one slot for the field
-    /// itself, in the other for i times it.
+    /// Writes ∂e for the field that the fit has just propagated, with its spectrum weighted by columns: to the slot
+    /// `real` for the field itself, and to the slot `imaginary` for i times the field.
     fn add(&mut self, fit: &Fit<T>, weights: Option<&[T]>, real: Option<usize>, imaginary: Option<usize>) {
         let convolver = &fit.engine.convolver;
         let (width_px, columns, arch) = (convolver.width_px, self.columns.clone(), Arch::new());
@@ -204,7 +205,7 @@ impl<T: Real> Jacobian<T> {
         );
     }
 
-    /// 2 Σ w ∂e ∂e′ / Σ w and 2 Σ w e ∂e / Σ w.
+    /// Computes the matrix 2 Σ w ∂e ∂e′ / Σ w and the gradient 2 Σ w e ∂e / Σ w.
     fn normal(mut self, fit: &Fit<T>, example: &Example<T>) -> Normal {
         let (parameters, width, arch) = (self.parameters, self.columns.len(), Arch::new());
         let (gain_slot, gain, offset) = (fit.layout.len(), T::of(fit.gain), T::of(fit.offset));
@@ -252,14 +253,14 @@ impl<T: Real> Jacobian<T> {
 }
 
 impl Normal {
-    /// What is left of the curvature when the last two parameters, gain and offset, follow all others.
+    /// Eliminates the last two parameters, gain and offset, which follow all others.
     fn without_exposure(self) -> Self {
         let Self { matrix, gradient } = self;
         let (all, n) = (gradient.len(), gradient.len() - 2);
         let at = |a: usize, b: usize| matrix[a * all + b];
         let (gg, go, oo) = (at(n, n), at(n, n + 1), at(n + 1, n + 1));
         let determinant = gg * oo - go * go;
-        // C⁻¹; of the offset alone where the light is dark or the same everywhere.
+        // C⁻¹; only for the offset when the light is dark or uniform.
         let inverse = if determinant > 1e-9 * gg * oo {
             [oo / determinant, -go / determinant, gg / determinant]
         } else {
@@ -279,7 +280,7 @@ impl Normal {
     }
 }
 
-/// All products of the derivatives along a row, of each with the ones after it, and with the error.
+/// All products of the derivatives along a row: of each with itself and the later ones, and of each with the error.
 struct Products<'a, T> {
     values: &'a [T],
     error: &'a [T],
@@ -304,7 +305,7 @@ impl<T: Real> WithSimd for Products<'_, T> {
     }
 }
 
-/// In a fixed order, many lanes at a time.
+/// Dot product in a fixed order, in lanes that vector instructions can add.
 #[inline(always)]
 fn dot<T: Real>(a: &[T], b: &[T]) -> f64 {
     const LANES: usize = 16;
@@ -373,7 +374,7 @@ mod tests {
         a.iter().zip(b).map(|(a, b)| a * b).sum()
     }
 
-    /// `a` without what it has of `b`.
+    /// `a` minus its projection onto `b`.
     fn without(a: &[f64], b: &[f64]) -> Vec<f64> {
         let share = product(a, b) / product(b, b);
         a.iter().zip(b).map(|(a, b)| a - share * b).collect()

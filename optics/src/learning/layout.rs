@@ -1,8 +1,8 @@
-//! Which parameter of a model stands where in θ.
+//! Positions of a model's parameters in θ.
 //!
-//! α and ψ of the kernel, log amplitude and phase of the source, [a_k, b_k] of the phase response, the zero order's two
-//! parts, and α_m and ψ_m of the kernel's variation over the SLM; of `smooth` the kernel alone. Gain and offset are each
-//! photograph's own.
+//! θ holds, in this order: α and ψ of the kernel, log amplitude and phase of the source, [a_k, b_k] of the phase
+//! response, the zero order's real and imaginary part, and α_m and ψ_m of the kernel's variation over the SLM. The
+//! model `smooth` has the kernel only. Gain and offset are not in θ: each photograph has its own.
 
 use super::KernelModel;
 use crate::chebyshev::ChebyshevBasis;
@@ -15,24 +15,24 @@ use num_complex::Complex64;
 pub(super) const SOURCE_ORDER: usize = 4;
 /// Harmonics of the phase response.
 pub(super) const HARMONICS: usize = 3;
-/// Highest total degree of what makes the kernel vary over the SLM: that of third-order aberrations.
+/// Highest total degree of the kernel's variation over the SLM: that of third-order aberrations.
 const VARIATION_ORDER: usize = 4;
 
-/// Which parameter stands where in θ.
+/// Positions of the parameters in θ.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Layout {
     pub(super) kernel: ChebyshevBasis,
     pub(super) source: ChebyshevBasis,
     pub(super) harmonics: usize,
     zero_order: usize,
-    /// Of order 0 where the kernel is the same everywhere.
+    /// Basis of the variation over the SLM; of order 0 when the kernel is the same everywhere.
     pub(super) variation: ChebyshevBasis,
 }
 
-/// What a parameter describes.
+/// The part of the display that a parameter describes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Part {
-    /// The phase's terms T_1(fx) and T_1(fy): where the image lies.
+    /// The terms T_1(fx) and T_1(fy) of the kernel's phase, which move the image.
     Tilt,
     /// Any other term of the kernel.
     Kernel,
@@ -41,7 +41,7 @@ pub(super) enum Part {
 }
 
 impl Layout {
-    /// Of a model with a kernel up to total degree `order`.
+    /// Layout of a model with a uniform kernel of total degree up to `order`.
     pub(super) fn new(model: KernelModel, order: usize) -> Self {
         let (source, harmonics, zero_order) = match model {
             KernelModel::Smooth => (0, 0, 0),
@@ -52,7 +52,7 @@ impl Layout {
         Self { kernel, source, harmonics, zero_order, variation }
     }
 
-    /// The same, with a kernel that may vary over the SLM.
+    /// Layout of a model whose kernel varies over the SLM if `varying`.
     pub(super) fn of(model: KernelModel, order: usize, varying: bool) -> Self {
         let variation = ChebyshevBasis::new(if varying { VARIATION_ORDER.min(order) } else { 0 });
         Self { variation, ..Self::new(model, order) }
@@ -79,7 +79,7 @@ impl Layout {
         self.response() + 2 * self.harmonics
     }
 
-    /// Where the factors of a power of the place on the SLM begin.
+    /// Start of the coefficients of one power of the position on the SLM.
     pub(super) fn variation(&self, power: usize) -> usize {
         self.zero_order() + self.zero_order + 2 * self.variation.terms() * power
     }
@@ -88,7 +88,7 @@ impl Layout {
         self.len() > self.source()
     }
 
-    /// What the parameter at a place of θ describes.
+    /// The part of the display that the parameter at a position of θ describes.
     pub(super) fn part(&self, place: usize) -> Part {
         if place >= self.source() {
             return Part::Slm;
@@ -100,7 +100,8 @@ impl Layout {
         }
     }
 
-    /// Adds what the gradients with respect to the coefficients of α and ψ of each local kernel of a grid are in θ.
+    /// Adds to the gradient of θ the contributions of all local kernels of a grid, given the gradients with respect to
+    /// their α and ψ.
     pub(super) fn add_local_gradients(
         &self,
         side: usize,
@@ -122,7 +123,7 @@ impl Layout {
         }
     }
 
-    /// Powers of the place of each local kernel of a grid; where the kernel is the same everywhere, of one without a place.
+    /// Powers of the position of each local kernel of a grid. A uniform kernel has one entry of zeros.
     fn local_powers(&self, side: usize) -> Vec<[f64; SpatialVariation::POWERS]> {
         match self.varies() {
             true => local_kernels::nodes(side).map(|(x, y)| SpatialVariation::powers(x, y)).collect(),
@@ -130,14 +131,15 @@ impl Layout {
         }
     }
 
-    /// Each term of the variation's series, with its place among the kernel's.
+    /// For each term of the variation's series: its index, and the index of the same term in the kernel's series.
     fn variation_places(&self) -> impl Iterator<Item = (usize, usize)> {
         let kernel = self.kernel;
         let place = move |degrees| kernel.degrees().position(|of_kernel| of_kernel == degrees);
         self.variation.degrees().enumerate().filter_map(move |(slot, degrees)| Some((slot, place(degrees)?)))
     }
 
-    /// How much of each local kernel's light a power of the place on the SLM turns; with no power, all of it.
+    /// Weight of each local kernel's light in the derivative by a power of the position on the SLM. With no power all
+    /// are 1.
     pub(super) fn local_weights<T: Real>(&self, side: usize, power: Option<usize>) -> Vec<T> {
         let weight = |powers: [f64; SpatialVariation::POWERS]| T::of(power.map_or(1.0, |power| powers[power]));
         self.local_powers(side).into_iter().map(weight).collect()
@@ -171,8 +173,8 @@ impl Layout {
         }
     }
 
-    /// θ of the same display in a layout that differs in the kernel's order or begins to let it vary; terms that it lacks are
-    /// left out.
+    /// Converts θ to a layout with another order of the kernel, or with a kernel that varies over the SLM. Terms that
+    /// the other layout lacks are left out.
     pub(super) fn carried(&self, theta: &[f64], to: &Self) -> Vec<f64> {
         let (log_amplitude, rest) = theta.split_at(self.kernel.terms());
         let (phase, slm) = rest.split_at(self.kernel.terms());
@@ -183,7 +185,7 @@ impl Layout {
         carried
     }
 
-    /// θ of a display, as far as this layout can describe it: what it has no place for is left out.
+    /// θ of a display. Parts of the display that this layout cannot describe are left out.
     pub(super) fn parameters(&self, model: &DisplayModel) -> Vec<f64> {
         let mut parameters = Vec::with_capacity(self.len());
         let KernelShape::Smooth(kernel) = &model.kernel else { return vec![0.0; self.len()] };
@@ -200,7 +202,7 @@ impl Layout {
     }
 }
 
-/// The numbers of a field in a basis; of none, zeros.
+/// Appends the coefficients of a field in a basis; zeros for `None`.
 fn push_field(parameters: &mut Vec<f64>, basis: ChebyshevBasis, field: Option<&SmoothField>) {
     match field {
         Some(field) => {
@@ -211,7 +213,7 @@ fn push_field(parameters: &mut Vec<f64>, basis: ChebyshevBasis, field: Option<&S
     }
 }
 
-/// The same series in another basis, without the terms that it lacks.
+/// Converts a series to another basis. Terms that the other basis lacks are left out.
 fn coefficients(to: ChebyshevBasis, from: ChebyshevBasis, values: &[f64]) -> Vec<f64> {
     let value = |degree: (usize, usize)| from.degrees().zip(values).find(|(at, _)| *at == degree).map(|(_, v)| *v);
     to.degrees().map(|degree| value(degree).unwrap_or(0.0)).collect()

@@ -4,15 +4,16 @@
 //! min over θ of  mean over pairs of  min over s, o of  Σ w ( s · D(|H ∗ c(φ)|²) + o − photo )² / Σ w
 //! ```
 //!
-//! φ the hologram and photo its photograph, s and o its gain and offset (those of the exposure: every photograph has its own,
-//! but for `paper` and `dense`, which fit them to all photographs after each epoch), w 1 in the region of interest but 0 where the camera saturates, here as in
-//! [`compare`], by which finished models are judged. Two families:
-//! [`parametric`] describes the display by some dozens of numbers, [`bins`] by one for every frequency. A display that was
-//! photographed at several distances can be learned as [one](Learner::start_joint), and its kernel
-//! [interpolated] between them.
+//! φ is the hologram, photo its photograph. w is 1 in the region of interest and 0 where the camera saturates, as in
+//! [`compare`], which judges finished models. s and o are gain and offset of the exposure: each photograph has its own.
+//! Only `paper` and `dense` share one pair of s and o among all photographs and fit it after each epoch. There are two
+//! families of models:
+//! [`parametric`] models describe the display by some dozens or hundreds of numbers, [`bins`] models by two numbers for
+//! each frequency. A display that was photographed at several distances can be learned as [one](Learner::start_joint),
+//! and its kernel can be [interpolated] between the distances.
 //!
-//! Learning is a sequence of [steps](Learner::step), each of which can be the last of a session: [`Learner::state`] is all
-//! that the next one depends on.
+//! Learning is a sequence of [steps](Learner::step). It can stop after any step and go on later: [`Learner::state`] is
+//! all that the next step depends on.
 
 mod along_z;
 pub mod bins;
@@ -37,27 +38,27 @@ use bins::{BinsLearner, BinsState};
 use parametric::{ParametricLearner, ParametricState};
 use serde::{Deserialize, Serialize};
 
-/// The ways to describe a display's kernel, and what else of the display.
+/// The models of a display: how they describe the kernel, and what else they describe.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum KernelModel {
-    /// Amplitude and phase of H, uniform random in [0, 1) at first, where |f| < 1/4Δ; zero elsewhere. K. Kavaklı,
-    /// H. Ürey and K. Akşit, Applied Optics 61, B50 (2022).
+    /// Amplitude and phase of H at each bin where |f| < 1/4Δ, zero elsewhere; they start as uniform random numbers in
+    /// [0, 1). K. Kavaklı, H. Ürey and K. Akşit, Applied Optics 61, B50 (2022).
     Paper,
     /// H free at every bin of the padded spectrum, starting from free space.
     Dense,
-    /// H = H_ideal · exp(α + iψ), smooth α and ψ.
+    /// H = H_ideal · exp(α + iψ) with smooth α and ψ.
     Smooth,
-    /// `Smooth`, and the source, the phase response and the zero order.
+    /// `Smooth`, and in addition the source profile, the phase response and the zero order.
     #[default]
     Display,
-    /// `Display`, and a kernel that [varies over the SLM](crate::SpatialVariation); left out where validation pairs do not gain
-    /// by it.
+    /// `Display` with a kernel that [varies over the SLM](crate::SpatialVariation). The variation is left out when it
+    /// does not lower the loss of the validation pairs enough.
     Varying,
 }
 
 impl KernelModel {
-    /// Every model.
+    /// All models.
     pub const ALL: [Self; 5] = [Self::Paper, Self::Dense, Self::Smooth, Self::Display, Self::Varying];
 
     /// Its name in lower case, as it is stored.
@@ -83,36 +84,36 @@ impl KernelModel {
     }
 }
 
-/// What to learn, and how.
+/// The model to learn, and the settings of the fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LearnOptions {
-    /// How the display is described.
+    /// Model of the display.
     pub model: KernelModel,
-    /// Highest total degree of α and ψ, 1 to 12; `None`: 5, 8 or 12, as validation pairs choose; 8 without any. Only of
-    /// [smooth](KernelModel::is_smooth) models.
+    /// Highest total degree of α and ψ, 1 to 12; [smooth](KernelModel::is_smooth) models only. `None`: the validation
+    /// pairs choose among 5, 8 and 12, and without validation pairs it is 8.
     pub order: Option<usize>,
-    /// Passes over the pairs with Adam, one pair a step.
+    /// Passes of Adam over the pairs. Each step of Adam uses one pair.
     pub epochs: u32,
-    /// Adam's step, at its highest where it follows a schedule.
+    /// Learning rate of Adam, above 0 and at most 10. The rate of parametric models follows a schedule; this is its peak.
     pub learning_rate: f64,
-    /// Evaluations of all pairs by Levenberg and Marquardt's method afterwards, at most; parametric models only. As many
-    /// again for a kernel that varies.
+    /// Most evaluations of all pairs by Levenberg and Marquardt's method after Adam; parametric models only. A kernel
+    /// that varies over the SLM gets the same number once more.
     pub refinement_evaluations: u32,
-    /// Of the order of the pairs, and of the paper model's start.
+    /// Seed of the order in which pairs are used, and of the random start of the `paper` model.
     pub seed: u64,
-    /// Where the photographs count.
+    /// Region of the photographs that is compared.
     pub region: RegionOfInterest,
     /// What the camera's pixels measure.
     pub detector: Detector,
-    /// The display's grating.
+    /// The display's carrier, if it has one.
     pub carrier: Option<Carrier>,
-    /// A display to start from instead of an ideal one, such as an earlier version of the kernel; parametric models only, which
-    /// then go without Adam.
+    /// Display to start from instead of the ideal one, such as an earlier version of the kernel; parametric models
+    /// only. Adam is skipped then.
     pub warm_start: Option<DisplayModel>,
 }
 
 impl LearnOptions {
-    /// What works for each model: `paper` as published, the others as measured on simulated displays.
+    /// The recommended settings of a model: for `paper` as published, for the others as measured on simulated displays.
     #[must_use]
     pub fn new(model: KernelModel, region: RegionOfInterest) -> Self {
         let (epochs, learning_rate, refinement_evaluations) = match model {
@@ -164,31 +165,31 @@ impl LearnOptions {
     }
 }
 
-/// What a step did.
+/// Progress after one step of learning.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LearnStep {
-    /// Adam over single pairs, or the refinement over all of them.
+    /// Stage of learning that the step belongs to.
     pub stage: LearnStage,
-    /// Pair evaluations done.
+    /// Pair evaluations so far.
     pub step: u32,
-    /// Pair evaluations at the end, at most.
+    /// Most pair evaluations that learning can take.
     pub steps_total: u32,
-    /// Of this step: one pair's with Adam, the mean over all in the refinement.
+    /// Loss of this step: in Adam that of one pair, in the refinement the mean over all pairs.
     pub loss: f64,
-    /// The best on the validation pairs so far, where there are some and they have been looked at.
+    /// Lowest loss on the validation pairs so far. `None` without validation pairs, or before their first evaluation.
     pub validation_loss: Option<f64>,
-    /// The kernel's order; 0 for models of bins.
+    /// Order of the kernel; 0 for models of bins.
     pub order: u32,
-    /// The kernel varies over the SLM.
+    /// Whether the kernel varies over the SLM.
     pub varying: bool,
 }
 
-/// The pairs to learn from, and those by which learning knows when to end.
+/// The training pairs and the validation pairs.
 #[derive(Clone, Copy)]
 pub struct Lessons<'a> {
-    /// What is learned from.
+    /// Pairs that the model is fitted to.
     pub training: &'a dyn PairSource,
-    /// By which orders are chosen and learning ends; may be empty. Only parametric models look at them.
+    /// Pairs that choose the order and decide when learning ends; may be empty. Only parametric models use them.
     pub validation: &'a dyn PairSource,
 }
 
@@ -199,17 +200,17 @@ impl std::fmt::Debug for Lessons<'_> {
 }
 
 impl<'a> Lessons<'a> {
-    /// Pairs to learn from alone.
+    /// Training pairs without validation pairs.
     #[must_use]
     pub fn only(training: &'a dyn PairSource) -> Self {
         Self { training, validation: &NO_PAIRS }
     }
 }
 
-/// No pairs at all.
+/// An empty set of pairs.
 static NO_PAIRS: Vec<Pair> = Vec::new();
 
-/// What kind of step it was.
+/// Stage of learning.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LearnStage {
     /// Adam over single pairs.
@@ -218,17 +219,18 @@ pub enum LearnStage {
     Refinement,
 }
 
-/// All that the next step depends on: owned, or where it lies, as [`Learner::state`] gives it. Both are stored alike.
+/// All that the next step depends on. It owns its data, or borrows them as [`Learner::state`] gives it; both forms are
+/// serialized alike.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum LearnState<P = Box<ParametricState>, B = BinsState> {
-    /// Of `smooth`, `display` and `varying`.
+    /// State of the models `smooth`, `display` and `varying`.
     Parametric(P),
-    /// Of `paper` and `dense`.
+    /// State of the models `paper` and `dense`.
     Bins(B),
 }
 
 impl LearnState<&ParametricState, &BinsState> {
-    /// A copy of what is borrowed.
+    /// Copies the borrowed state.
     #[must_use]
     pub fn into_owned(self) -> LearnState {
         match self {
@@ -238,7 +240,7 @@ impl LearnState<&ParametricState, &BinsState> {
     }
 }
 
-/// Learning under way.
+/// A fit in progress.
 #[derive(Debug)]
 pub struct Learner(Family);
 
@@ -249,20 +251,22 @@ enum Family {
 }
 
 impl Learner {
-    /// Starts from the ideal display (`paper`: from random numbers).
+    /// Starts a fit from the ideal display, or, for `paper`, from random numbers.
     ///
     /// # Errors
     ///
-    /// [`Error`] for options out of range, no pairs, or pairs of another size; those of the source.
+    /// [`Error`] for options out of range, no pairs, or pairs of another size; errors of the pair source.
     pub fn start(setup: OpticalSetup, options: LearnOptions, pairs: &dyn PairSource) -> Result<Self, BoxError> {
         Self::start_joint(&[setup], options, pairs)
     }
 
-    /// Starts to learn one display at several distances together, from pairs of each of them (smooth and display only).
+    /// Starts to learn one display at several distances together, from pairs of each distance; `smooth` and `display`
+    /// only.
     ///
     /// # Errors
     ///
-    /// As [`Self::start`], and [`Error`] for setups that differ in more than their distances, or not in these.
+    /// The errors of [`Self::start`], and [`Error`] for setups whose grids or wavelengths differ or whose distances
+    /// repeat.
     pub fn start_joint(
         setups: &[OpticalSetup],
         options: LearnOptions,
@@ -279,7 +283,7 @@ impl Learner {
         }))
     }
 
-    /// Goes on from a state, with the same setup, options and pairs.
+    /// Resumes a fit from its state, with the same setup, options and pairs.
     ///
     /// # Errors
     ///
@@ -288,11 +292,11 @@ impl Learner {
         Self::resume_joint(&[setup], options, state)
     }
 
-    /// Goes on from a state, with the same setups (one at least), options and pairs.
+    /// Resumes a joint fit from its state, with the same setups (at least one), options and pairs.
     ///
     /// # Errors
     ///
-    /// As [`Self::resume`].
+    /// The errors of [`Self::resume`].
     pub fn resume_joint(setups: &[OpticalSetup], options: LearnOptions, state: LearnState) -> Result<Self, Error> {
         Ok(Self(match state {
             LearnState::Parametric(state) => {
@@ -302,11 +306,11 @@ impl Learner {
         }))
     }
 
-    /// The next step, or `None` at the end.
+    /// Takes the next step. `None` when learning has ended.
     ///
     /// # Errors
     ///
-    /// Those of the source, and [`Error`] for a pair of another size.
+    /// Errors of the pair source, and [`Error`] for a pair of another size.
     pub fn step(&mut self, lessons: Lessons<'_>) -> Result<Option<LearnStep>, BoxError> {
         match &mut self.0 {
             Family::Parametric(learner) => learner.step(lessons),
@@ -314,7 +318,7 @@ impl Learner {
         }
     }
 
-    /// Places of the training pairs that count: without those whose photographs are of something else.
+    /// Indices of the training pairs in use. Pairs whose photographs do not show their holograms are left out.
     #[must_use]
     pub fn kept_pairs(&self, pairs: usize) -> Vec<usize> {
         match &self.0 {
@@ -323,7 +327,7 @@ impl Learner {
         }
     }
 
-    /// All that the next step depends on, where it lies.
+    /// All that the next step depends on, borrowed from the learner.
     #[must_use]
     pub fn state(&self) -> LearnState<&ParametricState, &BinsState> {
         match &self.0 {
@@ -332,13 +336,13 @@ impl Learner {
         }
     }
 
-    /// The display as learned so far; of several distances, at the first.
+    /// The display as learned so far; in a joint fit, at the first distance.
     #[must_use]
     pub fn model(&self) -> DisplayModel {
         self.models().swap_remove(0)
     }
 
-    /// The display as learned so far, at each of the distances.
+    /// The display as learned so far at each distance.
     #[must_use]
     pub fn models(&self) -> Vec<DisplayModel> {
         match &self.0 {

@@ -1,11 +1,12 @@
-//! Holograms and their photographs.
+//! Pairs of a hologram and its photograph.
 
 use crate::convolution::Real;
 use crate::engine::{Engine, EngineCore, Fields};
 use crate::photometry::{Comparison, Quantity, Sums};
 use crate::{Error, Plane, RegionOfInterest};
 
-/// Photographs at or above this are taken to be saturated: the camera's highest level of 255, less a quarter.
+/// Values of a photograph from which on a pixel counts as saturated: the camera's highest level 255, less a quarter
+/// level.
 const SATURATION: f32 = 254.75 / 255.0;
 
 /// A hologram and its photograph.
@@ -13,24 +14,25 @@ const SATURATION: f32 = 254.75 / 255.0;
 pub struct Pair {
     /// The hologram's phase \[rad\], before the carrier.
     pub phase: Plane<f32>,
-    /// The photograph, intensity in linear light, 1 at the camera's full scale.
+    /// The photograph: intensity in linear light, 1 at the camera's full scale.
     pub photo: Plane<f32>,
 }
 
-/// Whatever goes wrong while pairs are read, or learned from: one of this crate's errors, or the source's own.
+/// Any error while pairs are read or learned from: an error of this crate or of the pair source.
 pub type BoxError = Box<dyn std::error::Error + Send + Sync>;
 
-/// Where pairs come from: memory, or files that are read when they are needed.
+/// A source of pairs: memory, or files that are read on demand.
 pub trait PairSource: Sync {
     /// Number of pairs.
     fn len(&self) -> usize;
 
-    /// Whether there are none.
+    /// Whether the source has no pairs.
     fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// At which of the learner's setups the pair `index` was photographed; pairs of one setup come one after the other.
+    /// Index of the learner's setup with which the pair `index` was photographed. Pairs of one setup must be
+    /// consecutive.
     fn plane(&self, _index: usize) -> usize {
         0
     }
@@ -39,7 +41,7 @@ pub trait PairSource: Sync {
     ///
     /// # Errors
     ///
-    /// When it cannot be read.
+    /// When the pair cannot be read.
     fn pair(&self, index: usize) -> Result<Pair, BoxError>;
 }
 
@@ -63,7 +65,7 @@ impl PairSource for Vec<Pair> {
     }
 }
 
-/// A pair in the precision of an engine, with what counts of it.
+/// A pair in the precision of an engine, with the weights of its pixels.
 #[derive(Debug)]
 pub(super) struct Example<T> {
     pub(super) phase: Plane<T>,
@@ -102,7 +104,7 @@ impl<T: Real> Example<T> {
     }
 }
 
-/// The sums of each pair at gain 1 and offset 0.
+/// Photometric sums of each pair at gain 1 and offset 0.
 pub(super) fn measure_each<T: Real>(
     engine: &EngineCore<T>,
     fields: &mut Fields<T>,
@@ -112,7 +114,7 @@ pub(super) fn measure_each<T: Real>(
     (0..pairs.len()).map(|index| Ok(measure(engine, fields, &pairs.pair(index)?, region)?)).collect()
 }
 
-/// The sums of a pair at gain 1 and offset 0.
+/// Photometric sums of one pair at gain 1 and offset 0.
 pub(super) fn measure<T: Real>(
     engine: &EngineCore<T>,
     fields: &mut Fields<T>,
@@ -124,7 +126,7 @@ pub(super) fn measure<T: Real>(
     Ok(engine.convolver.measure(&fields.tiles, &example.comparison(engine, 1.0, 0.0)))
 }
 
-/// Over several pairs: what the gain and offset that fit best follow from.
+/// Adds up the sums of several pairs; the result gives the gain and offset that fit all of them best.
 pub(super) fn total<'a>(each: impl IntoIterator<Item = &'a Sums>) -> Sums {
     each.into_iter().fold(Sums::default(), |mut total, sums| {
         total.add(sums);
@@ -132,17 +134,19 @@ pub(super) fn total<'a>(each: impl IntoIterator<Item = &'a Sums>) -> Sums {
     })
 }
 
-/// Compares what an engine predicts for a pair with its photograph at gain 1 and offset 0, by the rule of learning: over
-/// the pixels of the region where the photograph is not saturated.
+/// Compares the light that an engine predicts for a pair with its photograph, at gain 1 and offset 0. As in learning,
+/// only pixels of the region where the photograph is not saturated count.
 ///
 /// # Errors
 ///
-/// [`Error`] for a pair of another size, with values that are not finite, or without a pixel that counts.
+/// [`Error`] for a pair of another size, with values that are not finite, or without an unsaturated pixel in the
+/// region.
 pub fn compare(engine: &Engine, pair: &Pair, region: RegionOfInterest) -> Result<Sums, Error> {
     measure(&engine.core, &mut Fields::new(&engine.core), pair, region)
 }
 
-/// Pixels of the region where the photograph is not saturated: those that count in learning and in [`compare`].
+/// Number of pixels of the region where the photograph is not saturated. Only these count in learning and in
+/// [`compare`].
 #[must_use]
 pub fn unsaturated_px(photo: &Plane<f32>, region: RegionOfInterest) -> usize {
     let in_row = |y: usize| {
@@ -167,7 +171,7 @@ mod tests {
         Engine::new(&DisplayModel::ideal(setup), Detector::Pixel, None).unwrap()
     }
 
-    /// The photograph by a camera that clips at 1, with light up to `peak`.
+    /// A hologram and the photograph of its light by a camera that clips at 1, with the brightest light at `peak`.
     fn clipped(engine: &Engine, peak: f32) -> Pair {
         let phase = initial_phase(40, 56, 6.0, 5).unwrap();
         let light = engine.light(&phase).unwrap();
@@ -184,7 +188,7 @@ mod tests {
         let saturated = region.pixels() - unsaturated_px(&pair.photo, region);
         assert!(saturated > 10, "{saturated} of {} pixels are saturated", region.pixels());
         assert_eq!(sums.w, (region.pixels() - saturated) as f64);
-        // What is left is rounding: f32 light and photographs of at most 1.
+        // Only rounding errors remain: f32 light and photographs of at most 1.
         assert!(sums.best_loss() < 1e-12, "{}", sums.best_loss());
     }
 

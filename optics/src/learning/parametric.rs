@@ -1,10 +1,9 @@
 //! Models of some dozens or hundreds of parameters: `smooth`, `display` and `varying`.
 //!
-//! Adam goes over single pairs first, with a kernel of low order, which finds the right valley; Levenberg and Marquardt's
-//! method over all pairs then goes to its floor, and on through kernels of higher orders. Pairs whose photographs are of
-//! something else are left out. Where there are validation pairs, the model that foretells them best is
-//! the one that counts, and learning ends when they gain no more. Pairs of several distances have one model
-//! [together](super::Learner::start_joint).
+//! Adam first takes single pairs and a kernel of low order, and comes close to the optimum. Levenberg and Marquardt's
+//! method then refines the result on all pairs, with kernels of increasing order. Pairs whose photographs do not show
+//! their holograms are left out. With validation pairs, the result is the model with the lowest validation loss, and
+//! learning ends when that loss no longer falls. Pairs of several distances are fitted by one model
 
 use super::along_z::Joint;
 use super::fit::Fit;
@@ -19,83 +18,83 @@ use crate::photometry::Sums;
 use crate::{DisplayModel, Error, KernelShape, OpticalSetup};
 use serde::{Deserialize, Serialize};
 
-/// Orders of the kernel, one after the other, up to the one asked for.
+/// Orders that the kernel goes through, up to the order asked for.
 const LADDER: [usize; 3] = [5, 8, 12];
-/// The order where there is nothing to choose it by.
+/// Order of the kernel when neither the options nor validation pairs choose it.
 const ORDER_DEFAULT: usize = 8;
-/// Pairs of a plane whose curvature stands for that of all.
+/// Number of pairs of a plane from which the curvature of all its pairs is estimated.
 pub(super) const CURVATURE_PAIRS: usize = 4;
-/// Pixels of a pair that its curvature is taken from: several hundred for each parameter.
+/// Number of pixels of a pair from which its curvature is estimated: several hundred for each parameter.
 pub(super) const CURVATURE_PX: usize = 40_000;
-/// A step that lowers the loss by less than this part of it is the last of its order.
+/// Least relative decrease of the training loss. A smaller one ends the refinement of the current order.
 const STEP_WORTH: f64 = 1e-2;
-/// A step, or an order, that lowers the loss of the validation pairs by less than this part of it is in vain.
+/// Least relative decrease of the validation loss by which a step or an order counts as a gain.
 const VALIDATION_WORTH: f64 = 1e-2;
-/// Steps in vain after which validation ends an order.
+/// Consecutive steps without a validation gain that end an order.
 const PATIENCE: u32 = 6;
-/// A kernel that varies over the SLM and lowers the loss of the validation pairs by less than this part of it is not worth what
-/// every hologram through it costs.
+/// Least relative decrease of the validation loss by a kernel that varies over the SLM. With a smaller one the uniform
+/// kernel is kept, because a varying kernel makes every hologram more expensive.
 const VARIATION_WORTH: f64 = 0.1;
 
 /// All that the next step depends on.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ParametricState {
-    /// θ, in an order of its own.
+    /// θ, in the order of the internal layout.
     pub parameters: Vec<f64>,
-    /// Adam's m.
+    /// First moments of Adam.
     pub first_moment: Vec<f64>,
-    /// Adam's v.
+    /// Second moments of Adam.
     pub second_moment: Vec<f64>,
-    /// Adam's steps done.
+    /// Steps of Adam so far.
     pub adam_steps: u32,
-    /// Sum of the losses of the epoch under way.
+    /// Sum of the losses of the current epoch.
     pub epoch_loss: f64,
-    /// The photographs' gain and offset, as fitted at the start and at the end to all of them.
+    /// Gain that fits all photographs best, fitted at the start and at the end.
     pub gain: f64,
-    /// See `gain`.
+    /// Offset that fits all photographs best, fitted together with the gain.
     pub offset: f64,
-    /// Places of the pairs that count.
+    /// Indices of the training pairs in use.
     pub kept: Vec<u32>,
-    /// The pairs have been looked at again since Adam ended.
+    /// Whether the pairs have been screened again after Adam.
     pub rescreened: bool,
-    /// Orders of the kernel that are done with.
+    /// Number of finished orders of the kernel.
     pub rung: u32,
-    /// The order under way is the last, and the kernel varies over the SLM.
+    /// Whether the last order is being fitted with a kernel that varies over the SLM.
     pub varying: bool,
-    /// Of the order under way, once Adam has ended.
+    /// Refinement of the current order; `None` before Adam has ended.
     pub refinement: Option<DampedState>,
-    /// The curvature as known so far, row after row, where the pairs that it is taken from are some of many.
+    /// Running mean of the curvature, row after row; empty when the curvature is computed from all pairs.
     pub curvature: Vec<f64>,
-    /// Full evaluations of the orders before.
+    /// Evaluations of all pairs that previous orders have taken.
     pub evaluations: u32,
-    /// The best on the validation pairs so far, of kernels that vary where that is under way.
+    /// Best model so far on the validation pairs; while varying kernels are fitted, the best of these.
     pub best: Option<Best>,
-    /// The best before kernels began to vary.
+    /// Best model on the validation pairs before kernels began to vary.
     pub uniform: Option<Best>,
-    /// Steps of this order since validation gained.
+    /// Steps of the current order since the last validation gain.
     pub in_vain: u32,
-    /// Nothing is left to do.
+    /// Whether learning has ended.
     pub converged: bool,
     /// Mean training loss of each epoch, then of each refinement step.
     pub loss_history: Vec<f64>,
 }
 
-/// A model that was better on the validation pairs than all before.
+/// A model with a lower validation loss than all models before it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Best {
-    /// The kernel's order.
+    /// Order of the kernel.
     pub order: u32,
-    /// Whether it varies over the SLM.
+    /// Whether the kernel varies over the SLM.
     pub varying: bool,
-    /// θ
+    /// θ of the model.
     pub parameters: Vec<f64>,
-    /// On the validation pairs.
+    /// Loss on the validation pairs.
     pub loss: f64,
-    /// At the end of the order before.
+    /// Best validation loss at the end of the previous order.
     pub loss_before: f64,
 }
 
-/// Learning a parametric model.
+/// Fit of a parametric model.
 #[derive(Debug)]
 pub struct ParametricLearner {
     options: LearnOptions,
@@ -149,7 +148,7 @@ impl ParametricLearner {
         &self.state
     }
 
-    /// Of each plane.
+    /// The display model of each plane.
     pub(super) fn models(&self) -> Vec<DisplayModel> {
         let (joint, theta) = self.best();
         let exposure = (self.state.gain, self.state.offset);
@@ -157,7 +156,7 @@ impl ParametricLearner {
         self.fit.setups.iter().enumerate().map(model).collect()
     }
 
-    /// The θ that counts, and what it means.
+    /// The best θ so far, and its layout.
     fn best(&self) -> (Joint, &[f64]) {
         let state = &self.state;
         match (&state.best, &state.refinement) {
@@ -212,7 +211,7 @@ impl ParametricLearner {
         Ok(self.progress(LearnStage::Adam, sums.loss()))
     }
 
-    /// Looks at the pairs again, now that something is known of the display.
+    /// Screens the pairs again with the model that Adam found.
     fn rescreen(&mut self, pairs: &dyn PairSource) -> Result<(), BoxError> {
         let theta = self.state.parameters.clone();
         self.screen(pairs, &theta, Knowledge::Rough)?;
@@ -220,7 +219,8 @@ impl ParametricLearner {
         Ok(())
     }
 
-    /// Finds the pairs that count, beside the others of their plane, and the gain and offset that fit them best together.
+    /// Selects the pairs to keep by comparing those of each plane with one another, and fits one gain and offset to
+    /// them.
     fn screen(&mut self, pairs: &dyn PairSource, theta: &[f64], knowledge: Knowledge) -> Result<(), BoxError> {
         let each = self.measure_each(pairs, theta)?;
         let mut kept = Vec::with_capacity(each.len());
@@ -234,7 +234,7 @@ impl ParametricLearner {
         Ok(())
     }
 
-    /// The sums of each pair through the displays that θ describes.
+    /// Photometric sums of each pair for the displays that θ describes.
     fn measure_each(&mut self, pairs: &dyn PairSource, theta: &[f64]) -> Result<Vec<Sums>, BoxError> {
         let Self { fit, joint, options, .. } = self;
         let mut set = None;
@@ -248,13 +248,14 @@ impl ParametricLearner {
         (0..pairs.len()).map(one).collect()
     }
 
-    /// The gain and offset that fit all photographs that count best together.
+    /// Fits one gain and offset to all photographs in use.
     fn fit_exposure(&mut self, each: &[Sums]) {
         let kept = self.state.kept.iter().map(|&index| &each[index as usize]);
         (self.state.gain, self.state.offset) = total(kept).best_gain_and_offset();
     }
 
-    /// A step of Levenberg and Marquardt's method, and what follows from it.
+    /// Takes a step of Levenberg and Marquardt's method, validates the result, and changes the order when the step was
+    /// the last.
     fn refine(&mut self, lessons: Lessons<'_>) -> Result<LearnStep, BoxError> {
         let before = self.state.refinement.as_ref().map(|refinement| refinement.loss);
         let moved = match self.state.refinement.take() {
@@ -294,7 +295,7 @@ impl ParametricLearner {
         self.state.refinement.as_ref().map_or((f64::NAN, 0), |refinement| (refinement.loss, refinement.evaluations))
     }
 
-    /// The mean loss of the pairs that count, and its gradient.
+    /// The mean loss of the pairs in use, and its gradient.
     fn fit_all(&mut self, pairs: &dyn PairSource, theta: &[f64]) -> Result<(f64, Vec<f64>), BoxError> {
         let Self { fit, joint, options, state, .. } = self;
         let (mut loss, mut gradient, mut set) = (0.0, vec![0.0; theta.len()], None);
@@ -312,7 +313,7 @@ impl ParametricLearner {
         Ok((loss, gradient))
     }
 
-    /// The curvature of some pairs of each plane, other ones and other rows from step to step.
+    /// The curvature of some pairs and rows of each plane; each round takes other pairs and rows.
     fn curvature(&mut self, pairs: &dyn PairSource, theta: &[f64], round: u32) -> Result<Vec<f64>, BoxError> {
         let Self { fit, joint, options, state, .. } = self;
         let stride = (options.region.pixels() / CURVATURE_PX).max(1);
@@ -334,7 +335,7 @@ impl ParametricLearner {
             }
         }
         if !all_chosen {
-            // What the pairs of the step before said, said others in part.
+            // Averaged with the curvature of the previous steps, which came in part from other pairs.
             if state.curvature.len() == sum.len() {
                 sum.iter_mut().zip(&state.curvature).for_each(|(new, old)| *new = (*new + old) / 2.0);
             }
@@ -343,7 +344,7 @@ impl ParametricLearner {
         Ok(sum)
     }
 
-    /// Whether the validation pairs, if there are any, still gain.
+    /// Evaluates the validation pairs. False when their loss has stopped falling.
     fn validate(&mut self, pairs: &dyn PairSource) -> Result<bool, BoxError> {
         if pairs.is_empty() {
             return Ok(true);
@@ -352,7 +353,7 @@ impl ParametricLearner {
             return Ok(true);
         };
         let each = self.measure_each(pairs, &parameters)?;
-        // The median: a wrong photograph among them has no say.
+        // The median is robust against a wrong photograph among the validation pairs.
         let mut losses: Vec<f64> = each.iter().map(Sums::fitted_loss).collect();
         losses.sort_by(f64::total_cmp);
         let middle = &losses[(losses.len() - 1) / 2..=losses.len() / 2];
@@ -368,7 +369,7 @@ impl ParametricLearner {
         Ok(self.state.in_vain < PATIENCE)
     }
 
-    /// Goes on to the next order, or ends.
+    /// Goes on to the next order, then to a varying kernel, or ends learning.
     fn climb(&mut self, exhausted: bool) {
         let next = self.rungs.get(self.state.rung as usize + 1).copied();
         let chooses = self.chooses();
@@ -402,7 +403,7 @@ impl ParametricLearner {
         }
     }
 
-    /// Begins with another layout from the θ of a display in an earlier one.
+    /// Starts another layout from the θ of the previous one.
     fn begin(&mut self, layout: Layout, from: &Joint, theta: &[f64]) {
         let joint = from.with_layout(layout);
         self.state.parameters = from.carried(theta, &joint);
@@ -415,7 +416,7 @@ impl ParametricLearner {
         self.change(joint);
     }
 
-    /// Takes back a variation that is not worth its cost.
+    /// Returns to the uniform kernel if the varying one lowers the validation loss too little.
     fn choose_variation(&mut self) {
         let Some(uniform) = &self.state.uniform else { return };
         let bound = uniform.loss * (1.0 - VARIATION_WORTH);
@@ -429,7 +430,7 @@ impl ParametricLearner {
         self.joint = joint;
     }
 
-    /// Whether validation chooses the order.
+    /// Whether the validation pairs choose the order.
     fn chooses(&self) -> bool {
         self.options.order.is_none()
     }
@@ -448,7 +449,7 @@ impl ParametricLearner {
     }
 }
 
-/// The orders to go through; a warm start begins no lower than what it starts from.
+/// The orders to go through. A warm start begins no lower than the order of the display that it starts from, up to 12.
 fn rungs(options: &LearnOptions) -> Vec<usize> {
     let lowest = match options.warm_start.as_ref().map(|model| &model.kernel) {
         Some(KernelShape::Smooth(field)) => field.order,

@@ -1,10 +1,10 @@
-//! In which order pairs are seen, and with what step.
+//! Order of the pairs, and schedule of the learning rate.
 
 use rand::{SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
 use std::f64::consts::PI;
 
-/// The order of the pairs in an epoch, drawn from the seed.
+/// The order of the pairs in an epoch, drawn at random from the seed.
 pub(super) fn shuffled(pairs: usize, epoch: u32, seed: u64) -> Vec<usize> {
     let mut order: Vec<usize> = (0..pairs).collect();
     let mut random = ChaCha8Rng::seed_from_u64(seed);
@@ -13,8 +13,9 @@ pub(super) fn shuffled(pairs: usize, epoch: u32, seed: u64) -> Vec<usize> {
     order
 }
 
-/// One cycle: the step rises to `peak` over the first third and falls to a hundredth of it at the end, both along half a
-/// cosine. A constant step was seen to diverge once the model was nearly right.
+/// Learning rate of a one-cycle schedule: it rises to `peak` over the first third of the steps and falls to a hundredth
+/// of it at the end, both along half a cosine. A constant learning rate was seen to diverge once the model was nearly
+/// right.
 pub(super) fn one_cycle(step: u32, steps: u32, peak: f64) -> f64 {
     let (low, progress) = (peak / 100.0, f64::from(step) / f64::from(steps.max(1)));
     let height = if progress < 1.0 / 3.0 { progress * 3.0 } else { (1.0 - progress) * 1.5 };

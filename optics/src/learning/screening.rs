@@ -1,33 +1,34 @@
-//! Photographs that are not of their holograms.
+//! Leaves out pairs whose photographs do not show their holograms.
 //!
-//! Of a photograph of another hologram the light that a model foretells knows nothing: their correlation falls far below that of
-//! the other pairs, whose light is foretold about equally well. What is looked at is every pixel, through the best model at hand:
-//! this is the last look at pairs, whatever was checked when they were brought together.
+//! If a photograph shows another hologram, it hardly correlates with the light that a model predicts: its correlation
+//! is far below that of the other pairs, which are predicted about equally well. Every pixel is compared, with the best
+//! model available. This is the last check of the pairs, after any checks made when they were collected.
 
 use crate::Error;
 
-/// With fewer pairs than this, none can be told from the others.
+/// Fewest pairs among which an outlier can be recognized; fewer pairs are all kept.
 const PAIRS_MIN: usize = 4;
-/// Largest share of the pairs that is left out: with more of them wrong, nobody knows which ones.
+/// Largest share of the pairs that is left out. With a larger share of outliers it is unclear which pairs are wrong,
+/// and all are kept.
 const SHARE_MAX: f64 = 0.34;
-/// Below this, the light that the ideal display would show has nothing to do with the photographs.
+/// Least median correlation. Below it, the photographs have nothing to do with the predicted light.
 const CORRELATION_MIN: f64 = 0.05;
-/// A pair whose correlation is this part of the median is hard to foretell, but not of something else.
+/// A pair whose correlation is at least this part of the median is always kept: it is hard to predict, but not wrong.
 const PART_OF_MEDIAN: f64 = 0.6;
-/// Deviations from the median beyond which a pair stands apart: of normal ones, one in 50 000.
+/// Standard deviations below the median beyond which a pair is an outlier; of normally distributed ones, one in 10⁹ is.
 const DEVIATIONS: f64 = 6.0;
 
-/// What is known of the display.
+/// What is known about the display when pairs are screened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Knowledge {
-    /// Nothing yet: light is foretold for an ideal one.
+    /// Nothing yet: light is predicted for an ideal display.
     Ideal,
-    /// What the first part of learning found.
+    /// A rough model: the result of Adam, or the display to start from.
     Rough,
 }
 
 impl Knowledge {
-    /// How far below the median a correlation may be, whatever the others do.
+    /// Deviation below the median that a correlation may always have, however little the others scatter.
     fn tolerated(self) -> f64 {
         match self {
             Self::Ideal => 0.3,
@@ -36,11 +37,11 @@ impl Knowledge {
     }
 }
 
-/// The pairs that count, by the correlations of their photographs with the light that was foretold.
+/// Indices of the pairs to keep, given the correlation of each photograph with the predicted light.
 ///
 /// # Errors
 ///
-/// [`Error::Unrelated`] when most of the photographs are of something else.
+/// [`Error::Unrelated`] when the median correlation is too low: most photographs do not show their holograms.
 pub(super) fn kept(correlations: &[f64], knowledge: Knowledge) -> Result<Vec<usize>, Error> {
     let middle = median(correlations.to_vec());
     if middle < CORRELATION_MIN {
@@ -50,7 +51,7 @@ pub(super) fn kept(correlations: &[f64], knowledge: Knowledge) -> Result<Vec<usi
     if all.len() < PAIRS_MIN {
         return Ok(all.collect());
     }
-    // The median deviation of normal numbers is 0.674 of their standard deviation.
+    // The median absolute deviation of normally distributed numbers is 0.674 of their standard deviation.
     let deviation = median(correlations.iter().map(|c| (c - middle).abs()).collect()) / 0.674;
     let lowest = (middle - knowledge.tolerated().max(DEVIATIONS * deviation)).min(PART_OF_MEDIAN * middle);
     let mut kept: Vec<usize> = all.clone().filter(|&i| correlations[i] >= lowest).collect();

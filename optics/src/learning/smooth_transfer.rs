@@ -1,4 +1,4 @@
-//! H = H_ideal · exp(α + iψ) again and again for new α and ψ, and the gradient of a loss with respect to them.
+//! Evaluation of H = H_ideal · exp(α + iψ) for changing α and ψ, and the gradient of a loss with respect to them.
 
 use crate::chebyshev::{ChebyshevBasis, polynomials};
 use crate::convolution::Real;
@@ -10,14 +10,14 @@ use pulp::{Arch, Simd, WithSimd};
 
 use super::columns::project;
 
-/// The ideal transfer functions of the planes, and the polynomials along y, sampled once.
+/// The ideal transfer functions of the planes and the polynomials along y, sampled once and then reused.
 #[derive(Debug)]
 pub(super) struct SmoothTransfer<T> {
     basis: ChebyshevBasis,
     ideal: Vec<Transfer<T>>,
     /// fx of each column, scaled to [−1, 1].
     columns: Vec<f64>,
-    /// fy of each bin, likewise.
+    /// fy of each bin, scaled to [−1, 1].
     rows: Vec<f64>,
     /// T_j at the fy of each bin.
     polynomials: Vec<Vec<T>>,
@@ -27,7 +27,7 @@ pub(super) struct SmoothTransfer<T> {
 pub(super) type ColumnSums = [Complex64; ChebyshevBasis::ORDER_MAX + 1];
 
 impl<T: Real> SmoothTransfer<T> {
-    /// Of planes with the same grid.
+    /// Samples the ideal transfer functions of planes that share a grid.
     pub(super) fn new(setups: &[OpticalSetup], order: usize) -> Self {
         let grid = setups[0].grid();
         let pitch_m = grid.pixel_pitch_m();
@@ -46,7 +46,7 @@ impl<T: Real> SmoothTransfer<T> {
         }
     }
 
-    /// Goes over to another order.
+    /// Changes the order of α and ψ.
     pub(super) fn change_order(&mut self, order: usize) {
         self.basis = ChebyshevBasis::new(order);
         self.polynomials = tabulate(order, &self.rows);
@@ -62,7 +62,7 @@ impl<T: Real> SmoothTransfer<T> {
         &self.polynomials[j]
     }
 
-    /// Writes the H of a plane for these errors.
+    /// Writes H of a plane with the given α and ψ.
     pub(super) fn apply(&self, plane: usize, errors: &SmoothField, transfer: &mut Transfer<T>) {
         let arch = Arch::new();
         transfer.write_columns(|i, column| {
@@ -77,7 +77,7 @@ impl<T: Real> SmoothTransfer<T> {
         });
     }
 
-    /// What a column of spectra contributes to the gradient.
+    /// Contribution of one column of the spectra to the gradient.
     pub(super) fn visit(&self, h: &[Complex<T>], u: &[Complex<T>], g: &[Complex<T>]) -> ColumnSums {
         Arch::new().dispatch(VisitColumn { smooth: self, h, u, g })
     }
@@ -113,7 +113,7 @@ fn tabulate<T: Real>(order: usize, points: &[f64]) -> Vec<Vec<T>> {
     (0..=order).map(|j| at.iter().map(|t| T::of(t[j])).collect()).collect()
 }
 
-/// [`SmoothTransfer::visit`] as an operation that is compiled for the vector instructions of the machine at hand.
+/// [`SmoothTransfer::visit`] as an operation that is compiled for the vector instructions of the current machine.
 struct VisitColumn<'a, T> {
     smooth: &'a SmoothTransfer<T>,
     h: &'a [Complex<T>],
@@ -133,7 +133,7 @@ impl<T: Real> WithSimd for VisitColumn<'_, T> {
     }
 }
 
-/// ideal · exp(α + iψ), likewise.
+/// ideal · exp(α + iψ) as an operation that is compiled for the vector instructions of the current machine.
 struct Exponential<'a, T> {
     ideal: &'a [Complex<T>],
     alpha: &'a [T],

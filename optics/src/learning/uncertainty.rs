@@ -1,12 +1,13 @@
-//! How sure a learned phase response is.
+//! Uncertainty of a learned phase response.
 //!
 //! ```text
 //! C = A⁻¹ [ Σ_p (g_p − ḡ)(g_p − ḡ)ᵀ ] A⁻¹ / (P (P − 1)),   var r(φ) = vᵀ C v,   v = ∂r/∂θ: sin kφ at a_k, cos kφ at b_k, else 0
 //! ```
 //!
-//! g_p the gradient of pair p's loss at the learned θ, ḡ the mean of the P pairs' gradients, A the loss's curvature. This is what
-//! leaving out one photograph after the other would tell, to first order: it knows nothing of the noise, sees what the model
-//! lacks as well, and counts a photograph once, however many pixels it has. H. White, Econometrica 50, 1 (1982).
+//! g_p is the gradient of pair p's loss at the learned θ, ḡ the mean over the P pairs, A the curvature of the loss. To
+//! first order, this is the scatter of the fits that leave out one photograph each. It needs no model of the noise,
+//! includes what the model cannot describe, and counts each photograph once, whatever its number of pixels. H. White,
+//! Econometrica 50, 1 (1982).
 
 use super::KernelModel;
 use super::fit::Fit;
@@ -17,17 +18,17 @@ use crate::carrier::Carrier;
 use crate::optimizer::damped::{FLOOR, solve};
 use crate::{Detector, DisplayModel, Error, KernelShape, RegionOfInterest};
 
-/// Fewer pairs say nothing about how much pairs differ.
+/// Fewest pairs from which the scatter between pairs can be estimated.
 const PAIRS_MIN: usize = 3;
 
-/// What pairs say about how sure the phase response of a model is; they are added one after the other.
+/// Estimator of the uncertainty of a model's phase response. Pairs are added one after the other.
 #[derive(Debug)]
 pub struct ResponseUncertainty {
     fit: Fit<f32>,
     region: RegionOfInterest,
-    /// Sum over the first pairs, row after row.
+    /// Sum of the curvatures of the first pairs, row after row.
     curvature: Vec<f64>,
-    /// Of each pair's loss.
+    /// Gradient of each pair's loss.
     gradients: Vec<Vec<f64>>,
 }
 
@@ -39,11 +40,12 @@ pub struct ResponseCovariance {
 }
 
 impl ResponseUncertainty {
-    /// For pairs that `model` was learned from; `None` for a model that has no learned response, or one of another shape.
+    /// An estimator for pairs that `model` was learned from. `None` for a model without a learned response, or of
+    /// another shape.
     ///
     /// # Errors
     ///
-    /// What [`DisplayModel::validate`] finds.
+    /// The errors of [`DisplayModel::validate`].
     pub fn of(
         model: &DisplayModel,
         detector: Detector,
@@ -62,11 +64,12 @@ impl ResponseUncertainty {
         Ok(Some(Self { fit, region, curvature, gradients: Vec::new() }))
     }
 
-    /// Looks at a pair.
+    /// Adds a pair.
     ///
     /// # Errors
     ///
-    /// [`Error`] for a pair of another size, with values that are not finite, or without a pixel that counts.
+    /// [`Error`] for a pair of another size, with values that are not finite, or without an unsaturated pixel in the
+    /// region.
     pub fn add(&mut self, pair: &Pair) -> Result<(), Error> {
         let example = Example::new(pair, &self.fit.engine, self.region)?;
         self.gradients.push(self.fit.evaluate(&example).1);
@@ -79,7 +82,8 @@ impl ResponseUncertainty {
         Ok(())
     }
 
-    /// What the pairs say; `None` for fewer than three, or where they say nothing about the response.
+    /// The covariance estimated from the pairs. `None` for fewer than three pairs, or pairs that do not determine the
+    /// response.
     #[must_use]
     pub fn covariance(&self) -> Option<ResponseCovariance> {
         let pairs = self.gradients.len();
@@ -94,7 +98,7 @@ impl ResponseUncertainty {
         let mean: Vec<f64> =
             (0..n).map(|i| self.gradients.iter().map(|gradient| gradient[i]).sum::<f64>() / pairs as f64).collect();
 
-        // How much each coefficient would move without each pair, times P.
+        // First-order change of each coefficient when a pair is left out, times P.
         let mut moves = Vec::with_capacity(2 * HARMONICS);
         for coefficient in first..first + 2 * HARMONICS {
             let unit = (0..n).map(|i| f64::from(u8::from(i == coefficient))).collect();
