@@ -1,4 +1,4 @@
-//! Bright spots of a photograph, whatever its exposure and however unevenly it is lit.
+//! Detection of bright spots in a photograph, at any exposure and under uneven light.
 
 use super::Point;
 use super::box_blur::box_blur;
@@ -7,25 +7,26 @@ use crate::Plane;
 /// A bright spot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Blob {
-    /// Its centre of light \[px\].
+    /// Centre of the spot's light \[px\].
     pub(super) centre: Point,
-    /// Its light above the background, where the neighbourhood's brightness is 1.
+    /// Light of the spot above the background, relative to the brightness of its neighbourhood.
     pub(super) flux: f64,
-    /// Its pixels.
+    /// Number of pixels of the spot.
     pub(super) area_px: usize,
 }
 
-/// The background is the mean over about this part of the photograph's shorter side.
+/// The side of the square over which the background is averaged is the photograph's shorter side divided by this.
 const BACKGROUND_PART: usize = 10;
-/// A spot rises above this part of the brightest nearby.
+/// Threshold of a spot, as a part of the brightest light nearby.
 const THRESHOLD: f32 = 0.4;
-/// What is below this part of the brightest light of all is dark, not a spot.
+/// Least brightness by which a neighbourhood is scaled, as a part of the brightest light in the photograph. It keeps
+/// the noise of dark areas from becoming spots.
 const DARK: f32 = 0.04;
 const AREA_PX_MIN: usize = 4;
-/// A spot with less than this part of the typical one's pixels is noise.
+/// Least number of a spot's pixels, as a part of a typical spot's. Smaller spots are noise.
 const AREA_PART_MIN: f64 = 0.2;
 
-/// The spots, brightest neighbourhoods brought to the same level.
+/// Finds the spots, after all neighbourhoods are scaled to the same brightness.
 pub(super) fn find(photo: &Plane<f32>) -> Vec<Blob> {
     let side = photo.height_px().min(photo.width_px());
     let smooth = box_blur(photo, (side / 700).max(1), 2);
@@ -42,13 +43,13 @@ pub(super) fn find(photo: &Plane<f32>) -> Vec<Blob> {
     let mut blobs = components(&level);
     let mut areas: Vec<usize> = blobs.iter().map(|blob| blob.area_px).collect();
     areas.sort_unstable();
-    // Among much noise the median is noise: judge by the larger spots.
+    // With much noise the median spot is noise itself, so the upper quartile is taken as typical.
     let typical = areas.get(areas.len() * 3 / 4).copied().unwrap_or(0) as f64;
     blobs.retain(|blob| blob.area_px >= AREA_PX_MIN && blob.area_px as f64 >= AREA_PART_MIN * typical);
     blobs
 }
 
-/// The largest value within `radius_px` along both axes, to about that radius: of blocks and their neighbours.
+/// The largest value within about `radius_px` along both axes: the maximum over a pixel's block and its neighbours.
 fn maximum(plane: &Plane<f32>, radius_px: usize) -> Plane<f32> {
     let (rows, columns) = (plane.height_px().div_ceil(radius_px), plane.width_px().div_ceil(radius_px));
     let mut blocks = Plane::filled(rows, columns, 0.0_f32);
@@ -67,7 +68,7 @@ fn maximum(plane: &Plane<f32>, radius_px: usize) -> Plane<f32> {
     Plane::from_fn(plane.height_px(), plane.width_px(), |y, x| around.at(y / radius_px, x / radius_px))
 }
 
-/// Connected pixels above the threshold.
+/// Finds connected sets of pixels above the threshold.
 fn components(level: &Plane<f32>) -> Vec<Blob> {
     let (height, width) = (level.height_px(), level.width_px());
     let mut seen = vec![false; height * width];
@@ -101,7 +102,7 @@ fn blob(level: &Plane<f32>, pixels: &[usize]) -> Blob {
     let width = level.width_px();
     let (mut flux, mut sum) = (0.0, [0.0; 2]);
     for &i in pixels {
-        // From the threshold up: a pixel that comes or goes at the rim then moves the centre by nothing.
+        // Weights are counted from the threshold, so a pixel that comes or goes at the rim hardly moves the centre.
         let light = f64::from(level.values()[i] - THRESHOLD) + 1e-6;
         flux += light;
         sum[0] += light * (i % width) as f64;

@@ -1,9 +1,9 @@
-//! Means over squares, by running sums: their cost does not depend on their size.
+//! Blur by means over squares. Running sums make the cost independent of the radius.
 
 use crate::Plane;
 
-/// The mean over the (2·radius + 1)² square around every pixel, as much of it as lies inside, `passes` times: three passes come
-/// near a Gaussian.
+/// Replaces each pixel by the mean over the (2·radius + 1)² square around it, as far as that lies inside the plane, and
+/// repeats that `passes` times. Three passes come near a Gaussian.
 pub(super) fn box_blur(plane: &Plane<f32>, radius_px: usize, passes: usize) -> Plane<f32> {
     let mut blurred = plane.clone();
     if radius_px == 0 {
@@ -15,7 +15,7 @@ pub(super) fn box_blur(plane: &Plane<f32>, radius_px: usize, passes: usize) -> P
     blurred
 }
 
-/// Rows averaged, then rows and columns exchanged.
+/// Averages along the rows, then transposes.
 fn transposed_rows(plane: &Plane<f32>, radius_px: usize) -> Plane<f32> {
     let (height_px, width_px) = (plane.height_px(), plane.width_px());
     let mut out = Plane::filled(width_px, height_px, 0.0_f32);

@@ -1,7 +1,7 @@
-//! A grid of dots to be displayed and photographed, and found again.
+//! A grid of dots that is displayed, photographed, and found in the photograph.
 //!
-//! The dots lie on the corners of squares in the middle of the image. Three of them are larger, and form an L whose legs
-//! are one and two squares long: no turn and no mirror takes it to itself, so that it tells which dot is which.
+//! The dots lie on the corners of squares in the middle of the image. Three of them are larger and form an L with legs
+//! of one and two squares. No turn and no mirror image of the L coincides with it, so it identifies every dot.
 //!
 //! ```text
 //! · · · · · · ·
@@ -15,7 +15,7 @@ use super::{AlignmentError, Homography, Point, PointFit, PointPair, lattice};
 use crate::Plane;
 use std::collections::HashMap;
 
-/// The dots of a display of a certain size.
+/// The grid of dots for a display of a given size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DotGrid {
     height_px: usize,
@@ -26,36 +26,36 @@ pub struct DotGrid {
     spacing_px: f64,
 }
 
-/// A photograph's dots, recognized.
+/// The dots found in a photograph.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DotGridMatch {
-    /// From the display's pixels to the camera's.
+    /// Map from the display's pixels to the camera's, fitted to the dots.
     pub fit: PointFit,
-    /// Every dot that was recognized.
+    /// All dots that were recognized.
     pub dots: Vec<PointPair>,
 }
 
-/// Squares along the shorter side of the display.
+/// Number of squares along the shorter side of the display.
 const SQUARES: f64 = 12.0;
-/// Standard deviation of a dot, in squares.
+/// Standard deviation of a dot's Gaussian profile, in squares.
 const DOT_WIDTH: f64 = 0.1;
-/// A large dot's, in dots.
+/// Size of a large dot relative to the other dots.
 const LARGE: f64 = 1.7;
-/// A dot with more than this many times the light of its neighbours is a large one; (17/10)² would be 2.9.
+/// Least light of a large dot relative to the dots around it. The expected ratio is 1.7² = 2.9.
 const LARGE_FLUX_MIN: f64 = 1.6;
-/// Dots lie in this part of the image: where holograms are wanted to be right.
+/// Part of each side of the image that the dots cover: the part where holograms need to be accurate.
 const USED_PART: f64 = 0.8;
 const DOTS_MIN: usize = 16;
 
 impl DotGrid {
-    /// Shortest side of a display that such a grid fits on \[px\].
+    /// Shortest allowed side of a display \[px\].
     pub const SIDE_PX_MIN: usize = 96;
 
-    /// The grid of a display.
+    /// The grid of dots for a display of the given size.
     ///
     /// # Errors
     ///
-    /// [`AlignmentError::DisplayTooSmall`] below [`Self::SIDE_PX_MIN`].
+    /// [`AlignmentError::DisplayTooSmall`] for a side below [`Self::SIDE_PX_MIN`].
     pub fn of_display(height_px: usize, width_px: usize) -> Result<Self, AlignmentError> {
         let side = height_px.min(width_px);
         if side < Self::SIDE_PX_MIN {
@@ -72,7 +72,7 @@ impl DotGrid {
         (self.columns, self.rows)
     }
 
-    /// The picture to display: linear light, 1 in the middle of a dot.
+    /// The target image to display: linear light, 1 in the middle of a dot.
     #[must_use]
     pub fn target(&self) -> Plane<f32> {
         let mut target = Plane::filled(self.height_px, self.width_px, 0.0_f32);
@@ -95,11 +95,13 @@ impl DotGrid {
         target
     }
 
-    /// Finds the dots in a photograph of the displayed grid: turned, mirrored, in perspective, larger or smaller.
+    /// Finds the dots in a photograph of the displayed grid. The photograph may be turned, mirrored, in perspective,
+    /// and of any scale.
     ///
     /// # Errors
     ///
-    /// [`AlignmentError::DotsNotFound`] and [`AlignmentError::MarkersNotFound`], with what may help.
+    /// [`AlignmentError::DotsNotFound`] for too few dots, [`AlignmentError::MarkersNotFound`] without the three large
+    /// dots, and the errors of the fit of a homography to the dots.
     pub fn find(&self, photo: &Plane<f32>) -> Result<DotGridMatch, AlignmentError> {
         let blobs = blobs::find(photo);
         let points: Vec<Point> = blobs.iter().map(|blob| blob.centre).collect();
@@ -136,7 +138,7 @@ impl DotGrid {
         (0..self.rows).flat_map(move |row| (0..columns).map(move |column| (column, row)))
     }
 
-    /// A dot's centre \[px\].
+    /// Centre of a dot \[px\].
     fn dot(&self, column: usize, row: usize) -> Point {
         let along = |i: usize, count: usize, side: usize| {
             (side as f64 - 1.0) / 2.0 + (i as f64 - (count as f64 - 1.0) / 2.0) * self.spacing_px
@@ -144,7 +146,7 @@ impl DotGrid {
         [along(column, self.columns, self.width_px), along(row, self.rows, self.height_px)]
     }
 
-    /// Column and row of the L's corner.
+    /// Column and row of the dot at the corner of the L.
     fn marker(&self) -> (usize, usize) {
         ((self.columns - 1) / 2 - 1, (self.rows - 1) / 2)
     }
@@ -155,7 +157,7 @@ impl DotGrid {
     }
 }
 
-/// Where the L lies among the spots' own coordinates.
+/// Position and orientation of the L in the coordinates that were assigned to the spots.
 struct Frame {
     corner: (i32, i32),
     along_x: (i32, i32),
@@ -163,7 +165,7 @@ struct Frame {
 }
 
 impl Frame {
-    /// Squares from the corner towards the display's +x and +y.
+    /// Number of squares from the corner of the L towards the display's +x and +y.
     fn coordinates(&self, place: (i32, i32)) -> (i32, i32) {
         let step = (place.0 - self.corner.0, place.1 - self.corner.1);
         let dot = |axis: (i32, i32)| axis.0 * step.0 + axis.1 * step.1;
@@ -171,7 +173,7 @@ impl Frame {
     }
 }
 
-/// The L whose faintest dot stands out most.
+/// Finds the L whose faintest dot exceeds its surroundings most.
 fn find_markers(blobs: &[Blob], places: &HashMap<usize, (i32, i32)>) -> Option<Frame> {
     let by_place: HashMap<(i32, i32), usize> = places.iter().map(|(&index, &place)| (place, index)).collect();
     let ratios: HashMap<(i32, i32), f64> = by_place
@@ -196,7 +198,7 @@ fn find_markers(blobs: &[Blob], places: &HashMap<usize, (i32, i32)>) -> Option<F
     Some(best?.1)
 }
 
-/// A spot's light, in that of the median of the spots around it.
+/// Light of a spot relative to the median of the spots around it.
 fn stands_out(blobs: &[Blob], by_place: &HashMap<(i32, i32), usize>, place: (i32, i32), index: usize) -> Option<f64> {
     const REACH: i32 = 2;
     let mut around: Vec<f64> = (-REACH..=REACH)
@@ -215,7 +217,7 @@ mod tests {
     use super::super::homography::distance;
     use super::*;
 
-    /// What a camera sees of the grid: noise, a black level and light that falls to a half at the rim.
+    /// Simulates a photograph of the grid with noise, a black level, and light that falls off towards the rim.
     fn photograph(grid: &DotGrid, map: &Homography, height_px: usize, width_px: usize) -> Plane<f32> {
         let (target, back) = (grid.target(), map.inverse());
         let mut state = 1_u64;

@@ -1,24 +1,24 @@
-//! Plane to plane, as a camera maps them.
+//! Homographies: projective maps from plane to plane, as a camera makes them.
 //!
 //! ```text
 //! (x', y') = ( (h₀x + h₁y + h₂) / w, (h₃x + h₄y + h₅) / w ),   w = h₆x + h₇y + h₈
 //! ```
 //!
-//! From points: the direct linear transform on normalized coordinates (R. Hartley, IEEE TPAMI 19, 580 (1997)) gives a start, and
-//! Gauss–Newton on the distances in the camera's plane, with Huber's weights against wrong points, the end.
+//! A fit to points starts with the direct linear transform on normalized coordinates (R. Hartley, IEEE TPAMI 19, 580
+//! (1997)). Gauss–Newton then minimizes the distances in the camera's plane, with Huber's weights against wrong points.
 
 use super::AlignmentError;
 use crate::least_squares::NormalEquations;
 
-/// x and y \[px\].
+/// A point: x and y \[px\].
 pub type Point = [f64; 2];
 
-/// A point of the image plane \[display px\] and where the camera sees it \[camera px\].
+/// A point of the image plane \[display px\] and its position in the photograph \[camera px\].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointPair {
-    /// In pixels of the display.
+    /// Position in pixels of the display.
     pub display: Point,
-    /// In pixels of the camera.
+    /// Position in pixels of the camera.
     pub camera: Point,
 }
 
@@ -26,32 +26,32 @@ pub struct PointPair {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Homography([f64; 9]);
 
-/// A homography from points, and how well it meets them.
+/// A homography that was fitted to points, and the quality of the fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PointFit {
-    /// The map.
+    /// The fitted map.
     pub homography: Homography,
-    /// Root mean square distance of the points that count \[display px\].
+    /// Root mean square distance of the inliers from the map \[display px\].
     pub residual_px: f64,
-    /// Points that count: the others are farther off than a few typical ones.
+    /// Number of inliers: points at a distance of at most four typical ones.
     pub inliers: usize,
 }
 
-/// Distances beyond this many typical ones count with a weight that falls as 1/distance.
+/// Distance, in typical distances, beyond which Huber's weight of a point falls as 1/distance.
 const HUBER_DEVIATIONS: f64 = 1.5;
-/// Points farther off than this many typical distances are left out of the residual.
+/// Largest distance of an inlier, in typical distances. Points beyond it are left out of the residual.
 const OUTLIER_DEVIATIONS: f64 = 4.0;
 const ITERATIONS_MAX: usize = 60;
 
 impl Homography {
-    /// Every point stays where it is.
+    /// The identity, which maps each point to itself.
     pub const IDENTITY: Self = Self([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
 
-    /// Nine entries, row by row.
+    /// Creates a homography from its nine entries h₀ … h₈, row by row.
     ///
     /// # Errors
     ///
-    /// [`AlignmentError::Impossible`] for entries that are not finite, or a map that cannot be undone.
+    /// [`AlignmentError::Impossible`] for entries that are not finite, or a map that has no inverse.
     pub fn try_new(entries: [f64; 9]) -> Result<Self, AlignmentError> {
         if entries.iter().any(|entry| !entry.is_finite()) {
             return Err(AlignmentError::Impossible("a homography's entries must be finite numbers".to_owned()));
@@ -63,7 +63,7 @@ impl Homography {
         }
     }
 
-    /// A rotation by `angle_rad` (from x towards y) and a scaling about `centre`, then a shift.
+    /// Creates a rotation by `angle_rad` (from x towards y) and scaling about `centre`, followed by a shift.
     #[must_use]
     pub fn similarity(centre: Point, angle_rad: f64, scale: f64, shift: Point) -> Self {
         let (sine, cosine) = angle_rad.sin_cos();
@@ -72,13 +72,13 @@ impl Homography {
         Self([a, -b, x - a * x + b * y + shift[0], b, a, y - b * x - a * y + shift[1], 0.0, 0.0, 1.0])
     }
 
-    /// The entries, row by row; the last is 1 unless the map sends the origin to infinity.
+    /// The nine entries, row by row. The last is 1 unless the map sends the origin to infinity.
     #[must_use]
     pub fn entries(&self) -> [f64; 9] {
         self.0
     }
 
-    /// Where a point goes.
+    /// Maps a point.
     #[must_use]
     pub fn apply(&self, [x, y]: Point) -> Point {
         let h = &self.0;
@@ -86,14 +86,14 @@ impl Homography {
         [(h[0] * x + h[1] * y + h[2]) / w, (h[3] * x + h[4] * y + h[5]) / w]
     }
 
-    /// First `first`, then this.
+    /// The composition that applies `first`, then this map.
     #[must_use]
     pub fn after(&self, first: &Self) -> Self {
         let (a, b) = (&self.0, &first.0);
         Self(std::array::from_fn(|i| (0..3).map(|k| a[i / 3 * 3 + k] * b[k * 3 + i % 3]).sum())).normalized()
     }
 
-    /// The way back.
+    /// The inverse map.
     #[must_use]
     pub fn inverse(&self) -> Self {
         let [a, b, c, d, e, f, g, h, i] = self.0;
@@ -111,7 +111,8 @@ impl Homography {
         Self(adjugate).normalized()
     }
 
-    /// Camera pixels that one pixel of the display covers along each axis, at `point`: the square root of the area.
+    /// Number of camera pixels along the side of one display pixel at `point`: the square root of its area in camera
+    /// pixels.
     #[must_use]
     pub fn magnification(&self, point: Point) -> f64 {
         let [x, y] = self.apply(point);
@@ -123,11 +124,11 @@ impl Homography {
         (u[0] * v[1] - u[1] * v[0]).abs().sqrt()
     }
 
-    /// The map that takes the points' display side to their camera side, as nearly as possible in the camera's plane.
+    /// Fits the map from the points' display side to their camera side, by the distances in the camera's plane.
     ///
     /// # Errors
     ///
-    /// [`AlignmentError::TooFewPoints`] below 4, [`AlignmentError::Degenerate`] for points on a line, and
+    /// [`AlignmentError::TooFewPoints`] for fewer than 4 points, [`AlignmentError::Degenerate`] for points on a line,
     /// [`AlignmentError::Impossible`] for coordinates that are not finite.
     pub fn from_points(pairs: &[PointPair]) -> Result<PointFit, AlignmentError> {
         if pairs.len() < 4 {
@@ -178,7 +179,7 @@ impl Homography {
     }
 }
 
-/// Shift and scale that bring points around the origin, at a mean distance of √2.
+/// Shift and scale that centre points on the origin, at a mean distance of √2.
 struct Normalization {
     centre: Point,
     scale: f64,
@@ -203,7 +204,7 @@ impl Normalization {
     }
 }
 
-/// h₈ = 1: the middle of the points is not at infinity.
+/// Solves for h₀ … h₇ with h₈ = 1, which is allowed because the centre of the points is not mapped to infinity.
 fn direct_linear_transform(points: &[(Point, Point)]) -> Option<[f64; 8]> {
     let mut equations = NormalEquations::<8>::new();
     for &([x, y], [u, v]) in points {
@@ -230,7 +231,7 @@ fn gauss_newton_step(parameters: &[f64; 8], points: &[(Point, Point)]) -> Option
     equations.solve()
 }
 
-/// The standard deviation along an axis that normal errors with this median distance would have.
+/// The standard deviation along one axis of normally distributed errors with this median distance.
 fn typical(sorted: &[f64]) -> f64 {
     const MEDIAN_OF_RAYLEIGH: f64 = 1.177_41;
     sorted[sorted.len() / 2] / MEDIAN_OF_RAYLEIGH

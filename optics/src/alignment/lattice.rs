@@ -1,29 +1,29 @@
-//! Whole-number coordinates for spots that form a grid, seen in perspective.
+//! Assigns whole-number coordinates to spots that form a grid, seen in perspective.
 //!
-//! From a spot whose neighbours look like a grid's the coordinates spread from neighbour to neighbour; each one is expected
-//! where the last step would lead, so that the step may change over the photograph.
+//! The coordinates spread from neighbour to neighbour, starting at a spot with two nearest neighbours at about a right
+//! angle. Each neighbour is expected one step further, so the step can change gradually over the photograph.
 
 use super::Point;
 use super::homography::distance;
 use std::collections::HashMap;
 
-/// A neighbour is where it is expected to within this part of a step.
+/// Largest distance of a neighbour from its expected position, as a part of a step.
 const TOLERANCE: f64 = 0.28;
-/// Places from which a grid is tried to be grown.
+/// Number of spots from which the growth of a grid is tried.
 const SEEDS_MAX: usize = 24;
 
-/// Column and row of each spot of the largest grid that is found, by the spot's index.
+/// Column and row of each spot of the largest grid found, by the spot's index.
 pub(super) fn grow(points: &[Point]) -> HashMap<usize, (i32, i32)> {
     let centre = mean(points);
     let mut seeds: Vec<usize> = (0..points.len()).collect();
     seeds.sort_by(|&a, &b| distance(points[a], centre).total_cmp(&distance(points[b], centre)));
     let grids =
         seeds.into_iter().take(SEEDS_MAX).filter_map(|seed| Some(grow_from(points, seed, steps_at(points, seed)?)));
-    // The first of the largest: a later one is no better.
+    // Of grids of the same size, the first is kept.
     grids.fold(HashMap::new(), |best, grid| if grid.len() > best.len() { grid } else { best })
 }
 
-/// The steps along columns and rows at a spot: to its nearest neighbour, and to the nearest one that lies about across.
+/// The steps of the grid at a spot: to its nearest neighbour, and to the nearest one at about a right angle to that.
 fn steps_at(points: &[Point], seed: usize) -> Option<[Point; 2]> {
     let from = points[seed];
     let mut others: Vec<Point> =
@@ -58,7 +58,7 @@ fn grow_from(points: &[Point], seed: usize, steps: [Point; 2]) -> HashMap<usize,
             }
             let mut next = steps;
             let seen = [points[found][0] - points[from][0], points[found][1] - points[from][1]];
-            // Half of what was seen: one noisy spot must not turn the whole row.
+            // Mean of the old and the new step, so that one noisy spot does not turn the whole row.
             next[axis] = std::array::from_fn(|k| 0.5 * (steps[axis][k] + f64::from(sign) * seen[k]));
             places.insert(found, place);
             taken.insert(place, found);
@@ -97,7 +97,7 @@ mod tests {
         points.push([points[30][0] + 19.0, points[30][1] + 17.0]);
         let places = grow(&points);
         assert_eq!(places.len(), truth.len(), "all but the stray");
-        // Up to a shift and a turn of the axes, neighbours are neighbours.
+        // Coordinates are unique up to a shift and a turn of the axes, so distances between neighbours are compared.
         let (&a, &(ca, ra)) = places.iter().next().unwrap();
         for (&b, &(cb, rb)) in &places {
             let steps = (cb - ca).abs() + (rb - ra).abs();

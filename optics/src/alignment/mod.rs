@@ -1,9 +1,9 @@
-//! Where the camera sees each pixel of the image: from photographs as they were taken to photographs on the display's grid.
+//! Alignment of photographs: the map from the display's pixels to the camera's, and resampling on the display's grid.
 //!
-//! A [`Homography`] takes a point of the image plane, in pixels of the display, to the camera's pixels. It comes from given
-//! points, from the photograph of a displayed [`DotGrid`], or from pairs of simulated and photographed images
-//! ([`registration`]), and [`warp`](fn@warp) resamples photographs by it. In all of it x goes right, y down, and pixel centres
-//! lie at whole numbers.
+//! A [`Homography`] maps a point of the image plane, in pixels of the display, to the camera's pixels. It is fitted to
+//! given points, to the photograph of a displayed [`DotGrid`], or to pairs of simulated and photographed images
+//! ([`registration`]). [`warp`](fn@warp) resamples photographs with it. In all coordinates x points right, y points
+//! down, and pixel centres lie at whole numbers.
 
 mod blobs;
 mod box_blur;
@@ -18,46 +18,46 @@ pub use homography::{Homography, Point, PointFit, PointPair};
 pub use registration::{Registration, Tiles};
 pub use warp::warp;
 
-/// Why a photograph could not be brought to the display's grid.
+/// Reasons why a photograph cannot be aligned with the display's grid.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum AlignmentError {
-    /// Four points are the least that a homography follows from.
+    /// Fewer than the four points that a homography needs.
     #[error("there are {0} points, but a homography needs at least 4")]
     TooFewPoints(usize),
-    /// The points do not fix a homography.
+    /// The points do not determine a homography.
     #[error("the points lie on a line, or nearly so; spread them over the image")]
     Degenerate,
     /// A coordinate or an entry is NaN or infinite, or the homography cannot be inverted.
     #[error("{0}")]
     Impossible(String),
-    /// A display too small for a grid of dots.
+    /// The display is too small for a grid of dots.
     #[error("a display of {width_px}×{height_px} px is too small for a grid of dots: both sides need {min_px} px")]
     DisplayTooSmall {
-        /// Columns.
+        /// Columns of the display.
         width_px: usize,
-        /// Rows.
+        /// Rows of the display.
         height_px: usize,
-        /// Least side.
+        /// Shortest side that is allowed \[px\].
         min_px: usize,
     },
-    /// The photograph does not show the grid.
+    /// The photograph does not show the grid of dots.
     #[error("{found} dots of the grid were found, but at least {needed} are needed: {hint}")]
     DotsNotFound {
-        /// Dots that form a grid.
+        /// Number of dots that form a grid.
         found: usize,
-        /// Least number.
+        /// Least number of dots.
         needed: usize,
-        /// What may help.
+        /// Advice on how to take a better photograph.
         hint: &'static str,
     },
-    /// Dots, but not the three large ones that say which is which.
+    /// The photograph shows dots, but not the three large ones that mark the grid's orientation.
     #[error(
         "{found} dots form a grid, but the three large ones in its middle, which tell which way up it is, were not found; \
          is the photograph sharp and not saturated?"
     )]
     MarkersNotFound {
-        /// Dots that form a grid.
+        /// Number of dots that form a grid.
         found: usize,
     },
 }

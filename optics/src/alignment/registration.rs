@@ -1,13 +1,14 @@
-//! How far photographs are displaced from what was expected of them, tile by tile.
+//! Displacement of photographs from the expected images, measured tile by tile.
 //!
 //! ```text
 //! c(d) = F⁻¹ { Σ_pairs  G · P* E / √|P* E| },   P = F[w (photo − mean)],  E = F[w (expected − mean)]
 //! ```
 //!
-//! w a Hann window over the tile, G a Gaussian low-pass; the peak of c lies at minus the displacement. Halfway between a
-//! plain and a phase correlation (C. Kuglin and D. Hines 1975; P. Wernet and A. Pust 1990): the expected image knows nothing
-//! of the display's aberrations, which phase correlation alone would take at their word at every frequency. Adding up pairs before
-//! looking for the peak lets each tile be judged by the pairs that have something to show there.
+//! w is a Hann window over the tile, G a Gaussian low-pass; the peak of c lies at minus the displacement. c is midway
+//! between a plain and a phase correlation (C. Kuglin and D. Hines 1975; P. Wernet and A. Pust 1990). The expected
+//! image lacks the display's aberrations, and a pure phase correlation would give their phase errors full weight at
+//! every frequency. The correlations of all pairs are added before the search for the peak, so that each tile is judged
+//! by the pairs that have detail there.
 
 use super::homography::distance;
 use super::{Homography, Point};
@@ -18,47 +19,48 @@ use num_complex::Complex64;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
-/// Tiles of a region, over which correlations are gathered.
+/// Tiles of a region, with the correlations summed so far.
 #[derive(Clone, Debug)]
 pub struct Tiles {
     side_px: usize,
-    /// Left upper corners.
+    /// Row and column of each tile's upper left corner.
     corners: Vec<(usize, usize)>,
     spectra: Vec<Vec<Complex64>>,
 }
 
-/// What the tiles say together.
+/// Result of the registration: an affine correction and its quality.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Registration {
-    /// Takes a point of the display to where its light was found, in pixels of the display: affine.
+    /// Affine map from a point of the display to the place where its light was found, both in pixels of the display.
     pub correction: Homography,
     /// Root mean square of the correction's displacement over the region \[px\].
     pub misalignment_px: f64,
-    /// Root mean square of what a shift cannot undo: turn, scale and shear, over the region \[px\].
+    /// Root mean square, over the region, of the displacement that a shift cannot undo: turn, scale and shear \[px\].
     pub distortion_px: f64,
-    /// Root mean square distance of the tiles from the correction \[px\]: how sure it is, about.
+    /// Root mean square distance of the tiles' displacements from the correction \[px\]: a rough measure of its
+    /// uncertainty.
     pub scatter_px: f64,
-    /// Tiles that counted.
+    /// Number of tiles used.
     pub tiles: usize,
 }
 
-/// Longest side of a tile \[px\]: displacements up to a third of it can be found.
+/// Longest side of a tile \[px\]. Displacements up to a third of the side can be found.
 const SIDE_PX_MAX: usize = 128;
 const SIDE_PX_MIN: usize = 32;
-/// Tiles along an axis, at most.
+/// Most tiles along an axis.
 const ALONG_MAX: usize = 9;
-/// A peak must rise above this many standard deviations of its surroundings.
+/// Least height of a peak, in standard deviations of the correlation.
 const PEAK_MIN: f64 = 6.0;
 /// Fewest tiles that a correction is fitted to.
 const TILES_MIN: usize = 6;
-/// Deviation of the low-pass, in cycles per pixel.
+/// Standard deviation of the low-pass \[cycles/px\].
 const LOW_PASS: f64 = 0.12;
 const HUBER_PX: f64 = 0.3;
-/// Tiles farther off than this from what most say saw something else \[px\].
+/// Largest distance of a tile's displacement from the fit \[px\]. Tiles beyond it are outliers.
 const OUTLIER_PX: f64 = 3.0;
 
 impl Tiles {
-    /// Overlapping tiles that cover the region, with nothing gathered; `None` for a region too small to tell.
+    /// Creates overlapping tiles that cover the region, with no pairs added. `None` for a region that is too small.
     #[must_use]
     pub fn cover(region: RegionOfInterest) -> Option<Self> {
         let shorter = region.height_px().min(region.width_px());
@@ -76,7 +78,7 @@ impl Tiles {
         Some(Self { side_px, corners, spectra })
     }
 
-    /// Adds a pair of images of the display's size; where the photograph is at or above `left_out` it says nothing.
+    /// Adds a pair of images of the display's size. Pixels of the photograph at or above `left_out` are ignored.
     pub fn add(&mut self, expected: &Plane<f32>, photo: &Plane<f32>, left_out: f32) {
         let side = self.side_px;
         self.spectra.par_iter_mut().zip(&self.corners).for_each(|(sum, &corner)| {
@@ -86,7 +88,7 @@ impl Tiles {
                 return;
             };
             let energy = |plane: &Plane<Complex64>| plane.values().iter().map(Complex64::norm_sqr).sum::<f64>();
-            // Bright pairs must not outvote dark ones.
+            // Normalized, so that bright pairs do not outweigh dark ones.
             let scale = (energy(&e) * energy(&p)).sqrt();
             if scale > 0.0 {
                 for (sum, (e, p)) in sum.iter_mut().zip(e.values().iter().zip(p.values())) {
@@ -97,7 +99,7 @@ impl Tiles {
         });
     }
 
-    /// The correction that most tiles agree on; `None` where too few of them recognize anything.
+    /// The correction that most tiles agree on. `None` when too few tiles have a clear peak.
     #[must_use]
     pub fn register(&self, region: RegionOfInterest) -> Option<Registration> {
         let half = self.side_px as f64 / 2.0 - 0.5;
@@ -114,7 +116,7 @@ impl Tiles {
     }
 }
 
-/// The windowed tile's spectrum; `None` where nothing is left of it.
+/// The spectrum of the windowed tile. `None` when too few pixels are usable.
 fn spectrum(plane: &Plane<f32>, (top, left): (usize, usize), side: usize, left_out: f32) -> Option<Plane<Complex64>> {
     let counts = |value: f32| value < left_out && value.is_finite();
     let (mut sum, mut weight) = (0.0, 0.0);
@@ -139,7 +141,7 @@ fn spectrum(plane: &Plane<f32>, (top, left): (usize, usize), side: usize, left_o
     Some(fft2(&tile, Direction::Forward))
 }
 
-/// Where the photograph's tile lies relative to the expected one \[px\]; `None` without a clear peak.
+/// Displacement of the photograph's tile from the expected one \[px\]. `None` without a clear peak.
 fn peak(spectrum: &[Complex64], side: usize) -> Option<Point> {
     let frequency = |i: usize| (if i < side / 2 { i as f64 } else { i as f64 - side as f64 }) / side as f64;
     let filtered = Plane::from_fn(side, side, |y, x| {
@@ -157,11 +159,11 @@ fn peak(spectrum: &[Complex64], side: usize) -> Option<Point> {
         return None;
     }
     let (dy, dx) = refine(&filtered, y as f64, x as f64);
-    // The peak of P*E lies where the expected image is seen from the photograph.
+    // The peak of P*E lies at the displacement of the expected image from the photograph.
     Some([-dx, -dy])
 }
 
-/// Newton's method on the correlation, which its spectrum gives everywhere, not only at whole pixels.
+/// Refines a peak by Newton's method. The spectrum gives the correlation also between whole pixels.
 fn refine(spectrum: &Plane<Complex64>, y: f64, x: f64) -> (f64, f64) {
     let side = spectrum.height_px();
     let angle = |i: usize| TAU * (if i < side / 2 { i as f64 } else { i as f64 - side as f64 }) / side as f64;
@@ -181,7 +183,7 @@ fn refine(spectrum: &Plane<Complex64>, y: f64, x: f64) -> (f64, f64) {
             }
         }
         let determinant = h[0] * h[2] - h[1] * h[1];
-        // Not a maximum: stay at the last point that was one.
+        // Not near a maximum: keep the current point.
         if determinant <= 0.0 || h[0] >= 0.0 {
             break;
         }
@@ -198,7 +200,7 @@ fn refine(spectrum: &Plane<Complex64>, y: f64, x: f64) -> (f64, f64) {
     if (ty - y).abs() <= 1.5 && (tx - x).abs() <= 1.5 { (ty, tx) } else { (y, x) }
 }
 
-/// An affine displacement by iteratively reweighted least squares.
+/// Fits an affine displacement by iteratively reweighted least squares.
 fn fit(seen: &[(Point, Point)], region: RegionOfInterest) -> Option<Registration> {
     if seen.len() < TILES_MIN {
         return None;
@@ -226,7 +228,7 @@ fn fit(seen: &[(Point, Point)], region: RegionOfInterest) -> Option<Registration
         1.0,
     ])
     .ok()?;
-    // The mean square of a linear function over [−1, 1] is a third of its square at the end.
+    // The mean square of a linear function over [−1, 1] is a third of the square of its value at the end.
     let distortion_squared = (xx * xx + xy * xy + yx * yx + yy * yy) / 3.0;
     Some(Registration {
         correction,
@@ -237,7 +239,7 @@ fn fit(seen: &[(Point, Point)], region: RegionOfInterest) -> Option<Registration
     })
 }
 
-/// A region's middle, and half of its sides: shifts are linear in the place relative to them.
+/// Centre and half sides of a region. Displacements are linear in the position relative to them.
 struct Frame {
     centre: Point,
     half: Point,
@@ -262,9 +264,9 @@ impl Frame {
         parameters.map(|row| row.iter().zip(self.at(p)).map(|(a, b)| a * b).sum())
     }
 
-    /// The linear functions that fit the shifts, x and y, of most places.
+    /// The linear functions that fit the displacements in x and y of most tiles.
     fn parameters(&self, seen: &[(Point, Point)]) -> Option<[[f64; 3]; 2]> {
-        // Medians are a start that a third of wrong tiles does not move.
+        // A start at the medians is robust even when a third of the tiles are wrong.
         let mut parameters = [[0.0; 3]; 2];
         for (axis, parameters) in parameters.iter_mut().enumerate() {
             let mut shifts: Vec<f64> = seen.iter().map(|(_, shift)| shift[axis]).collect();
@@ -305,7 +307,7 @@ mod tests {
         RegionOfInterest::middle(&Grid::try_new(height_px, width_px, 8e-6).unwrap())
     }
 
-    /// A card, and what a camera behind `map` sees of it, unevenly lit and with noise.
+    /// A card, and its photograph by a camera at `map`, unevenly lit and with noise.
     fn pair(seed: u64, map: &Homography) -> (Plane<f32>, Plane<f32>) {
         let card = TestCard::ALL[seed as usize % TestCard::ALL.len()].render(360, 640, seed).unwrap();
         let mut state = seed;
@@ -319,7 +321,7 @@ mod tests {
         (card, photo)
     }
 
-    /// Until the correction is nothing, as a caller does.
+    /// Repeats the registration as a caller does, until the correction vanishes.
     fn aligned(map: &Homography) -> Homography {
         let region = region(360, 640);
         let mut found = Homography::IDENTITY;

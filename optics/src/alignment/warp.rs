@@ -1,11 +1,11 @@
-//! Photographs on the display's grid.
+//! Resampling of photographs on the display's grid.
 //!
 //! ```text
 //! out(p) = mean over n × n sub-pixels s of  Σ_q L(q_x − H(p + s)_x) L(q_y − H(p + s)_y) photo(q),   L(t) = sinc(t) sinc(t/3), |t| < 3
 //! ```
 //!
-//! H the homography, n the number of camera pixels along a display pixel, rounded up, so that a fine camera's pixels are
-//! averaged over the area of the display's; L Lanczos's kernel, its weights scaled to sum to 1.
+//! H is the homography. n is the number of camera pixels along a display pixel, rounded up, so that the pixels of a
+//! fine camera are averaged over the area of a display pixel. L is Lanczos's kernel, with weights scaled to the sum 1.
 //! K. Turkowski, Graphics Gems I, 147 (1990).
 
 use super::Homography;
@@ -15,13 +15,15 @@ use std::f64::consts::PI;
 
 const REACH: i64 = 3;
 const TAPS: usize = 2 * REACH as usize;
-/// Positions between two pixels that have their weights tabulated: half a step is 1/2048 px.
+/// Number of positions between two pixels with tabulated weights. Half a step is 1/2048 px.
 const STEPS: usize = 1024;
-/// Most sub-pixels along an axis: a camera sixteen times as fine as the display is sampled, not averaged whole.
+/// Most sub-pixels along an axis. A camera more than sixteen times as fine as the display is sampled, not fully
+/// averaged.
 const SUBPIXELS_MAX: usize = 16;
 
-/// The photograph on `height_px` × `width_px` pixels of the display. Where it depends on a saturated pixel, one at or above
-/// `saturated`, or on what lies outside the photograph, the value is `left_out`: sums of such pixels would mean nothing.
+/// Resamples the photograph on `height_px` × `width_px` pixels of the display. A pixel gets the value `left_out` where
+/// it depends on a saturated camera pixel (at or above `saturated`) or on the outside of the photograph: its light is
+/// unknown.
 #[must_use]
 pub fn warp(
     photo: &Plane<f32>,
@@ -43,7 +45,7 @@ pub fn warp(
             for point in samples {
                 sum += sample(photo, &table, homography.apply(point), saturated);
             }
-            // A sample that is no number makes the sum none.
+            // One NaN among the samples makes the sum NaN.
             if sum.is_finite() {
                 *value = sum / (subpixels * subpixels) as f32;
             }
@@ -52,7 +54,7 @@ pub fn warp(
     out
 }
 
-/// The photograph between its pixels; NaN where a saturated pixel or the outside takes part.
+/// The photograph interpolated between its pixels. NaN where a saturated pixel or the outside contributes.
 fn sample(photo: &Plane<f32>, table: &[[f32; TAPS]], [x, y]: [f64; 2], saturated: f32) -> f32 {
     let (w, h) = (photo.width_px() as f64, photo.height_px() as f64);
     if !(x >= -0.5 && y >= -0.5 && x <= w - 0.5 && y <= h - 0.5) {
@@ -69,7 +71,7 @@ fn sample(photo: &Plane<f32>, table: &[[f32; TAPS]], [x, y]: [f64; 2], saturated
         let mut along_row = 0.0;
         for (i, weight_x) in along_x.iter().enumerate() {
             let value = row[index(left, i, photo.width_px())];
-            // The inner pixels carry the value; the outer lobes only sharpen it.
+            // Only the four inner pixels are checked: they carry the value, and the outer lobes only sharpen it.
             if value >= saturated && (2..4).contains(&i) && (2..4).contains(&j) && weight_x * weight_y != 0.0 {
                 return f32::NAN;
             }
@@ -80,7 +82,7 @@ fn sample(photo: &Plane<f32>, table: &[[f32; TAPS]], [x, y]: [f64; 2], saturated
     sum
 }
 
-/// The weights of the six pixels around each tabulated position between two pixels.
+/// Weights of the six pixels around each tabulated position.
 fn weights() -> Vec<[f32; TAPS]> {
     let of = |step: usize| {
         let fraction = step as f64 / STEPS as f64;
@@ -93,7 +95,8 @@ fn weights() -> Vec<[f32; TAPS]> {
 
 fn lanczos(t: f64) -> f64 {
     let sinc = |t: f64| if t == 0.0 { 1.0 } else { (PI * t).sin() / (PI * t) };
-    // The zeros of the sine are not exact, but they must be: a whole pixel's value stays as it is.
+    // The computed sine is not exactly zero at whole numbers. The weight must be, so that a position on a pixel keeps
+    // its value.
     match t.abs() {
         t if t >= REACH as f64 => 0.0,
         t if t.fract() == 0.0 && t > 0.0 => 0.0,
@@ -105,7 +108,7 @@ fn lanczos(t: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Waves of 5 to 20 pixels of the display.
+    /// A scene of waves with periods of 5 to 20 pixels of the display.
     fn scene([x, y]: [f64; 2]) -> f64 {
         0.5 + 0.2 * (1.2 * x + 0.3 * y).sin() * (0.9 * y - 0.2 * x).cos() + 0.1 * (0.35 * x - 0.31 * y).cos()
     }
@@ -133,7 +136,7 @@ mod tests {
 
     #[test]
     fn a_fine_camera_is_averaged() {
-        // Stripes one camera pixel wide, three to a display pixel.
+        // Stripes one camera pixel wide, one in each display pixel of three camera pixels.
         let photo = Plane::from_fn(90, 90, |_, x| (x % 3 == 0) as u8 as f32);
         let map = Homography::similarity([0.0, 0.0], 0.0, 3.0, [1.0, 1.0]);
         let seen = warp(&photo, &map, 30, 30, 2.0, 1.0);

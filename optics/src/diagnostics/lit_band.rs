@@ -1,31 +1,31 @@
-//! Which frequencies holograms send light to.
+//! The frequencies that a set of holograms sends light to.
 //!
 //! ```text
 //! S(f) = mean over holograms of |F{e^{iφ}}(f)|² / mean over f
 //! ```
 //!
-//! A photograph tells nothing of the kernel at a frequency without light: what a model says there is what its shape makes of the
+//! A photograph has no information on the kernel at a frequency without light. There, a model interpolates from the
 //! frequencies around.
 
 use crate::reference::{Direction, fft2};
 use crate::{Error, Plane, Result};
 use num_complex::Complex64;
 
-/// Mean spectral power of holograms, in cells of the band.
+/// Mean spectral power of a set of holograms, in cells of the frequency band.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LitBand {
     power: Plane<f64>,
     holograms: usize,
 }
 
-/// Cells along an axis, at most.
+/// Most cells along an axis.
 const CELLS_MAX: usize = 128;
 
 impl LitBand {
-    /// Cells with less than this part of the mean power are dark.
+    /// Limit of the dark: a cell with less than this part of the mean power is dark.
     pub const DARK: f64 = 0.01;
 
-    /// Nothing yet, for holograms of this size.
+    /// Creates an empty measurement for holograms of this size.
     #[must_use]
     pub fn new(height_px: usize, width_px: usize) -> Self {
         Self { power: Plane::filled(height_px.clamp(1, CELLS_MAX), width_px.clamp(1, CELLS_MAX), 0.0), holograms: 0 }
@@ -35,7 +35,7 @@ impl LitBand {
     ///
     /// # Errors
     ///
-    /// [`Error::NotFinite`].
+    /// [`Error::NotFinite`] for a phase that is not finite; a size mismatch for a phase with fewer pixels than cells.
     pub fn add(&mut self, phase: &Plane<f32>) -> Result<()> {
         phase.expect_finite("phase")?;
         let (height, width) = (phase.height_px(), phase.width_px());
@@ -50,7 +50,7 @@ impl LitBand {
             });
         }
         let spectrum = fft2(&phase.map(|phase| Complex64::cis(phase.into())), Direction::Forward);
-        // Zero frequency goes to the middle.
+        // Moves zero frequency to the middle.
         let cell = |bin: usize, bins: usize, cells: usize| (bin + bins / 2) % bins * cells / bins;
         let mut sums = Plane::filled(rows, columns, (0.0, 0_u32));
         for y in 0..height {
@@ -61,7 +61,7 @@ impl LitBand {
                 *count += 1;
             }
         }
-        // Parseval: the mean over all bins is the number of pixels.
+        // By Parseval's theorem, the mean power over all bins is the number of pixels.
         let mean = (height * width) as f64;
         for (power, (sum, count)) in self.power.values_mut().iter_mut().zip(sums.values()) {
             *power += sum / f64::from((*count).max(1)) / mean;
@@ -70,14 +70,14 @@ impl LitBand {
         Ok(())
     }
 
-    /// Power in each cell, 1 on average, zero frequency in the middle; 0 without holograms.
+    /// Power in each cell, 1 on average, with zero frequency in the middle. 0 everywhere without holograms.
     #[must_use]
     pub fn power(&self) -> Plane<f32> {
         let scale = 1.0 / self.holograms.max(1) as f64;
         self.power.map(|power| (power * scale) as f32)
     }
 
-    /// Part of the cells that are dark.
+    /// Part of the cells that are dark, 0 to 1.
     #[must_use]
     pub fn dark_part(&self) -> f64 {
         let power = self.power();

@@ -1,8 +1,8 @@
-//! What a learned transfer function does to light, in the words of people who build optics.
+//! Optical diagnostics of a learned transfer function, in terms of classical optics.
 //!
-//! - [`zernike`]: its phase as classical aberrations.
-//! - [`mod@point_spread`]: the spot that it makes of a point, and the contrast that it leaves to fine patterns.
-//! - [`lit_band`]: which frequencies a set of holograms ever sent light to, and so can tell anything about.
+//! - [`zernike`]: the phase as classical aberrations.
+//! - [`mod@point_spread`]: the image of a point, and the contrast that remains for fine patterns.
+//! - [`lit_band`]: the frequencies that a set of holograms sent light to. Photographs carry information on these only.
 pub mod lit_band;
 pub mod point_spread;
 pub mod zernike;

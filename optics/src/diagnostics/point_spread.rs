@@ -1,37 +1,37 @@
-//! The spot that an aberrated transfer function makes of a point, and the contrast that it leaves.
+//! Point spread function of an aberrated transfer function, and its modulation transfer function.
 //!
 //! ```text
 //! PSF(x, y) = | F⁻¹ { P } |²,   P(fx, fy) = H / H_ideal on |fx|, |fy| < 1/2Δ
 //! MTF(f) = | F { PSF }(f) | / F { PSF }(0)
 //! ```
 //!
-//! Free of aberrations P = 1: a sinc² spot, FWHM 0.886 Δ, and MTF = 1 − |f|Δ along the axes. Light that is coherent over the
-//! image adds fields, not intensities: the MTF then tells about contrast on average over phases.
+//! Without aberrations P = 1: a sinc² spot with an FWHM of 0.886 Δ, and MTF = 1 − |f|Δ along the axes. Light that is
+//! coherent over the image adds fields, not intensities; the MTF then gives the contrast averaged over phases.
 
 use crate::Plane;
 use crate::reference::{Direction, fft2};
 use num_complex::Complex64;
 
-/// Samples of the band along an axis.
+/// Number of samples of the band along an axis.
 const BAND: usize = 256;
-/// Samples of the spot to a pixel of the display.
+/// Number of samples of the spot per pixel of the display.
 pub const OVERSAMPLING: usize = 4;
 const SIDE: usize = BAND * OVERSAMPLING;
-/// Half the side of the window that is handed out \[px of the display\].
+/// Half the side of the window around the spot that is returned \[px of the display\].
 pub const WINDOW_PX: usize = 16;
 
-/// The spot, and figures of it.
+/// The spot that a point becomes, and its measures.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PointSpread {
-    /// Intensity around its peak, 1 there, `OVERSAMPLING` samples to a pixel, ±`WINDOW_PX` pixels.
+    /// Intensity within ±`WINDOW_PX` pixels around the peak, 1 at the peak, with `OVERSAMPLING` samples per pixel.
     pub spot: Plane<f32>,
-    /// Peak against that of an ideal spot of the same energy.
+    /// Strehl ratio: the peak relative to that of an ideal spot of the same energy.
     pub strehl: f64,
     /// Full widths at half maximum through the peak, along x and y \[px\].
     pub fwhm_px: [f64; 2],
-    /// Radius around the centre of light that half of the light falls into \[px\].
+    /// Radius of the circle around the centre of light that holds half of the light \[px\].
     pub radius_50_px: f64,
-    /// The same for four fifths.
+    /// Radius of the circle around the centre of light that holds four fifths of the light \[px\].
     pub radius_80_px: f64,
     /// Displacement of the peak \[px\], x and y.
     pub shift_px: [f64; 2],
@@ -39,17 +39,17 @@ pub struct PointSpread {
     pub mtf: [Vec<f64>; 2],
     /// Lowest frequency along x and y at which half of the contrast is left \[cycles/px\].
     pub mtf_50: [f64; 2],
-    /// The same for a tenth.
+    /// Lowest frequency along x and y at which a tenth of the contrast is left \[cycles/px\].
     pub mtf_10: [f64; 2],
 }
 
-/// The spot of a pupil function, given on \[−1, 1\]² in units of the Nyquist frequency.
+/// Computes the spot of a pupil function, which is given on \[−1, 1\]² in units of the Nyquist frequency.
 #[must_use]
 pub fn point_spread(pupil: impl Fn(f64, f64) -> Complex64) -> PointSpread {
     let signed = |i: usize| if i < SIDE / 2 { i as isize } else { i as isize - SIDE as isize };
     let half = (BAND / 2) as isize;
     let mut energy = 0.0;
-    // Half a bin off the centre, so that the band is even: the spot's phase alone knows of it.
+    // Samples lie half a bin off the centre, so that the band is symmetric. Only the phase of the spot changes by that.
     let place = |k: isize| (k as f64 + 0.5) / half as f64;
     let spectrum = Plane::from_fn(SIDE, SIDE, |y, x| {
         let (v, u) = (signed(y), signed(x));
@@ -65,7 +65,7 @@ pub fn point_spread(pupil: impl Fn(f64, f64) -> Complex64) -> PointSpread {
     let peak = (0..SIDE * SIDE).max_by(|&a, &b| intensity.values()[a].total_cmp(&intensity.values()[b])).unwrap_or(0);
     let (peak_y, peak_x) = (peak / SIDE, peak % SIDE);
     let top = intensity.values()[peak];
-    // Of an ideal pupil with this energy: |√(energy/n) · n / SIDE²|², n = BAND² bins.
+    // Peak of an ideal pupil with this energy: |√(energy/n) · n / SIDE²|², n = BAND² bins.
     let ideal_top = energy * (BAND * BAND) as f64 / (SIDE as f64).powi(4);
     let at = |y: isize, x: isize| {
         let wrap = |i: usize, step: isize| (i as isize + step).rem_euclid(SIDE as isize) as usize;
@@ -78,7 +78,7 @@ pub fn point_spread(pupil: impl Fn(f64, f64) -> Complex64) -> PointSpread {
     let px = |samples: f64| samples / OVERSAMPLING as f64;
     let transfer = fft2(&intensity.map(Complex64::from), Direction::Forward);
     let zero = transfer.at(0, 0).norm().max(f64::MIN_POSITIVE);
-    // A bin is 1/SIDE of the spot's sampling frequency, which is OVERSAMPLING a pixel.
+    // A bin is 1/SIDE of the sampling frequency of the spot, which is OVERSAMPLING samples per pixel.
     let mtf = [
         (0..=BAND).map(|i| transfer.at(0, i).norm() / zero).collect::<Vec<f64>>(),
         (0..=BAND).map(|i| transfer.at(i, 0).norm() / zero).collect(),
@@ -98,7 +98,7 @@ pub fn point_spread(pupil: impl Fn(f64, f64) -> Complex64) -> PointSpread {
     }
 }
 
-/// Where a curve first falls below a level, between its samples.
+/// Position where a curve first falls below a level, interpolated between its samples.
 fn first_below(curve: &[f64], level: f64) -> f64 {
     match curve.iter().position(|value| *value < level) {
         None => (curve.len() - 1) as f64,
@@ -107,7 +107,7 @@ fn first_below(curve: &[f64], level: f64) -> f64 {
     }
 }
 
-/// Full width at half maximum through the peak, between samples.
+/// Full width at half maximum through the peak, interpolated between samples.
 fn width(at: impl Fn(isize) -> f64) -> f64 {
     let half = at(0) / 2.0;
     let side = |sign: isize| {
@@ -121,9 +121,9 @@ fn width(at: impl Fn(isize) -> f64) -> f64 {
     side(1) + side(-1)
 }
 
-/// Radii around the centre of light that hold these parts of it, in samples.
+/// Radii of the circles around the centre of light that hold the given parts of the light \[samples\].
 fn encircled(intensity: &Plane<f64>, parts: [f64; 2]) -> [f64; 2] {
-    // The centre on a circle, as the spot may lie across the edge.
+    // The centre is a mean on a circle, because the spot may extend across the edge.
     let (mut along_x, mut along_y, mut total) = (Complex64::ZERO, Complex64::ZERO, 0.0);
     let turn = |i: usize| Complex64::cis(std::f64::consts::TAU * i as f64 / SIDE as f64);
     for y in 0..SIDE {

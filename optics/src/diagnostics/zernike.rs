@@ -1,37 +1,38 @@
-//! Wavefront errors as Zernike polynomials.
+//! Fit of wavefront errors with Zernike polynomials.
 //!
 //! ```text
 //! ψ(ρ, θ) ≈ Σ_j a_j Z_j,   Z_j = √(n+1) R_n^|m|(ρ) · { 1 (m = 0), √2 cos mθ (m > 0), √2 sin |m|θ (m < 0) }
 //! R_n^m(ρ) = Σ_k (−1)^k (n−k)! / ( k! ((n+m)/2 − k)! ((n−m)/2 − k)! ) ρ^{n−2k}
 //! ```
 //!
-//! ρ, θ polar coordinates of the frequency, ρ = 1 at the edge of the band along an axis. Indices and normalization of
-//! R. Noll, J. Opt. Soc. Am. 66, 207 (1976): each a_j is the root mean square that its term alone has over the disc.
+//! ρ and θ are the polar coordinates of the frequency, with ρ = 1 at the edge of the band along an axis. Indices and
+//! normalization follow R. Noll, J. Opt. Soc. Am. 66, 207 (1976): a_j is the root mean square of its term over the
+//! disc.
 
 use crate::least_squares::NormalEquations;
 
-/// Terms that are fitted: up to the fifth radial order, piston included.
+/// Number of fitted terms: those up to the fifth radial order, piston included.
 pub const TERMS: usize = 21;
 
-/// A fitted term.
+/// A fitted Zernike term.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Aberration {
     /// Noll's index, from 1.
     pub index: usize,
-    /// What opticians call it.
+    /// Name of the aberration in optics.
     pub name: &'static str,
-    /// Root mean square over the disc, signed \[rad\].
+    /// Coefficient, whose magnitude is the root mean square of the term over the disc \[rad\].
     pub coefficient_rad: f64,
 }
 
-/// A fit, and what it leaves.
+/// Zernike terms of a phase, and the residual of the fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ZernikeFit {
-    /// In the order of their indices.
+    /// Fitted terms in the order of their indices.
     pub terms: Vec<Aberration>,
-    /// Root mean square over the disc of everything but piston and tilts \[rad\].
+    /// Root mean square of the phase over the disc without piston and tilts \[rad\].
     pub rms_rad: f64,
-    /// Root mean square of what the terms do not describe \[rad\].
+    /// Root mean square over the disc of the phase that the terms do not describe \[rad\].
     pub residual_rad: f64,
 }
 
@@ -60,8 +61,8 @@ const NAMES: [&str; TERMS] = [
 ];
 
 impl ZernikeFit {
-    /// The least-squares fit to a smooth phase \[rad\], given on \[−1, 1\]² and read inside the disc on a grid of `samples`
-    /// points a side; `None` below some dozens of samples.
+    /// Fits a smooth phase \[rad\] by least squares. The phase is given on \[−1, 1\]² and is read inside the unit disc,
+    /// on a grid of `samples` points along each side. `None` when fewer than some dozens of points lie inside the disc.
     #[must_use]
     pub fn of(phase_rad: impl Fn(f64, f64) -> f64, samples: usize) -> Option<Self> {
         let along = |i: usize| (2 * i + 1) as f64 / samples as f64 - 1.0;
@@ -91,7 +92,7 @@ impl ZernikeFit {
     }
 }
 
-/// Z_1 … Z_21 at a point of the unit disc.
+/// Values of Z_1 … Z_21 at a point of the unit disc.
 #[must_use]
 pub fn polynomials(x: f64, y: f64) -> [f64; TERMS] {
     let (rho, theta) = (x.hypot(y), y.atan2(x));
@@ -108,7 +109,7 @@ pub fn polynomials(x: f64, y: f64) -> [f64; TERMS] {
     })
 }
 
-/// Radial and azimuthal order of Noll's index; even indices are cosines.
+/// Radial and azimuthal order of Noll's index. A positive azimuthal order, of an even index, means a cosine.
 fn orders(index: usize) -> (usize, i32) {
     let n: usize = (0..).find(|n| (n + 1) * (n + 2) / 2 >= index).unwrap_or(0);
     let within = index - n * (n + 1) / 2;

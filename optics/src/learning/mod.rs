@@ -94,7 +94,7 @@ pub struct LearnOptions {
     pub order: Option<usize>,
     /// Passes of Adam over the pairs. Each step of Adam uses one pair.
     pub epochs: u32,
-    /// Learning rate of Adam, above 0 and at most 10. The rate of parametric models follows a schedule; this is its peak.
+    /// Learning rate of Adam, above 0 and at most 10. Parametric models follow a schedule, of which it is the peak.
     pub learning_rate: f64,
     /// Most evaluations of all pairs by Levenberg and Marquardt's method after Adam; parametric models only. A kernel
     /// that varies over the SLM gets the same number once more.

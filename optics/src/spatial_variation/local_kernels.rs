@@ -1,32 +1,35 @@
-//! A grid of kernels that stand for one that changes over the SLM.
+//! Approximation of a kernel that varies over the SLM by a grid of local kernels.
 //!
 //! ```text
 //! H(f; x, y) ≈ Σ_ij ℓ_i(x) ℓ_j(y) H(f; x_i, y_j),   ℓ_i(x) = Π_{k ≠ i} (x − x_k) / (x_i − x_k)
 //! ```
 //!
-//! x_i the n Chebyshev nodes −cos(π(2i + 1)/2n) of each axis. The windows ℓ add up to one everywhere, a kernel that does not
-//! change comes out as it is, and what is lost of one that does gets small quickly with n (L. N. Trefethen, *Approximation Theory
-//! and Approximation Practice*, 2013): the more it changes, the larger the grid. A convolution costs n² kernels and their memory.
+//! x_i are the n Chebyshev nodes −cos(π(2i + 1)/2n) of each axis. The windows ℓ add up to one everywhere, so a kernel
+//! that does not vary is reproduced exactly. For a kernel that varies, the error falls quickly with n (L. N. Trefethen,
+//! *Approximation Theory and Approximation Practice*, 2013), so a larger variation needs a larger grid. A convolution
+//! takes n² kernels and their memory.
 
 use super::SpatialVariation;
 use crate::chebyshev::position;
 use crate::real::Number;
 use std::f64::consts::PI;
 
-/// Sides of grids, each with how much a kernel may [change](change) so that at most about 0.5 % of the field is lost.
+/// Sides of grids, each with the largest [change](change) of a kernel for which at most about 0.5 % of the field is
+/// lost.
 const SIDES: [(usize, f64); 3] = [(3, 0.45), (4, 0.75), (5, f64::INFINITY)];
 
-/// Frequencies at which a change is looked for, along each axis of the band.
+/// Number of frequencies along each axis of the band at which a change is sampled.
 const LOOKS: usize = 9;
 
-/// Side of the grid that stands for a variation.
+/// Side of the grid that approximates a variation.
 #[must_use]
 pub fn per_side(variation: &SpatialVariation) -> usize {
     let change = change(variation);
     SIDES.into_iter().find(|&(_, bound)| change <= bound).map_or(SIDES[0].0, |(side, _)| side)
 }
 
-/// How much the kernel changes from the middle to the corner where it changes the most: |α + iψ|, root mean square over the band.
+/// Change of the kernel from the middle to the corner where it changes most: root mean square of |α + iψ| over the
+/// band.
 #[must_use]
 pub fn change(variation: &SpatialVariation) -> f64 {
     let look = |i: usize| (2 * i + 1) as f64 / LOOKS as f64 - 1.0;
@@ -37,24 +40,24 @@ pub fn change(variation: &SpatialVariation) -> f64 {
     [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)].map(at_corner).into_iter().fold(0.0, f64::max)
 }
 
-/// Node `i` of `n` of an axis, from −1 to 1.
+/// Position of node `i` of the `n` nodes of an axis, between −1 and 1.
 fn node(i: usize, n: usize) -> f64 {
     -(PI * (2 * i + 1) as f64 / (2 * n) as f64).cos()
 }
 
-/// The n×n nodes (x, y), row after row.
+/// Positions (x, y) of the n×n nodes, row after row.
 pub fn nodes(n: usize) -> impl Iterator<Item = (f64, f64)> {
     (0..n * n).map(move |k| (node(k % n, n), node(k / n, n)))
 }
 
-/// The window of node `i` of `n` at a place on its axis.
+/// Value of the window of node `i` of `n` at a position on its axis.
 #[must_use]
 pub fn window(i: usize, n: usize, at: f64) -> f64 {
     let others = (0..n).filter(|&k| k != i);
     others.map(|k| (at - node(k, n)) / (node(i, n) - node(k, n))).product()
 }
 
-/// The windows of an axis of so many pixels.
+/// Values of the `n` windows at each pixel of an axis with `side_px` pixels.
 pub(crate) fn windows<T: Number>(n: usize, side_px: usize) -> Vec<Vec<T>> {
     let along = |i| (0..side_px).map(|px| T::of(window(i, n, position(px, side_px)))).collect();
     (0..n).map(along).collect()
@@ -71,7 +74,7 @@ mod tests {
 
     const SIZE: (usize, usize) = (14, 19);
 
-    /// A display whose kernel changes by so much.
+    /// A display whose kernel has the given change.
     fn varying(change: f64) -> DisplayModel {
         let grid = Grid::try_new(SIZE.0, SIZE.1, 8e-6).unwrap();
         let mut model = DisplayModel::ideal(OpticalSetup::try_new(grid, 515e-9, 2e-3).unwrap());
@@ -92,7 +95,7 @@ mod tests {
         model
     }
 
-    /// Every pixel of the SLM by itself, each through the kernel of its place.
+    /// Sum over the pixels of the SLM, each propagated alone through the kernel of its position.
     fn pixel_by_pixel(model: &DisplayModel, field: &Plane<Complex64>) -> Plane<Complex64> {
         let KernelShape::Smooth(kernel) = &model.kernel else { panic!("smooth by construction") };
         let mut sum = Plane::filled(SIZE.0, SIZE.1, Complex64::ZERO);
