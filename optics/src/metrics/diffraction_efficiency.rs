@@ -4,16 +4,17 @@
 //! η = Σ_ROI p / Σ |c|²
 //! ```
 //!
-//! p light at the image's pixels, c the field that leaves the modulator ([`Engine::light_sent`](crate::Engine::light_sent)).
-//! Propagation loses only what is evanescent or beyond a band limit, so that the rest of the light is elsewhere in the image
-//! plane. Over the full frame the same ratio says which part of the light falls on the image at all.
+//! p is the light at the image's pixels, c the field that leaves the modulator
+//! ([`Engine::light_sent`](crate::Engine::light_sent)). Propagation loses only evanescent light and light beyond a band
+//! limit; the rest of the light falls elsewhere in the image plane. Over the full frame, the same ratio is the part of
+//! the light that falls on the image.
 
 use crate::{Plane, RegionOfInterest};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// The light inside the region as a part of `light_sent`, the light that leaves the modulator; both in the same unit, per
-/// pixel. 0 for a dark modulator. Of the part of the region that lies inside of `light`.
+/// The light inside the region as a part of `light_sent`, the light that leaves the modulator; both in the same unit,
+/// per pixel. 0 for a dark modulator. Parts of the region outside of `light` are ignored.
 ///
 /// ```
 /// use lightpath_optics::{Grid, Plane, RegionOfInterest, metrics::diffraction_efficiency};
@@ -35,7 +36,8 @@ pub fn diffraction_efficiency(light: &Plane<f32>, roi: RegionOfInterest, light_s
     inside / light_sent
 }
 
-/// All of `light` as a part of `light_sent`, as [`diffraction_efficiency`]: what falls on the frame at all.
+/// The whole of `light` as a part of `light_sent`, in the same unit: the part of the light that falls on the frame. 0
+/// for a dark modulator.
 #[must_use]
 pub fn frame_efficiency(light: &Plane<f32>, light_sent: f64) -> f64 {
     if light_sent == 0.0 {

@@ -1,20 +1,21 @@
-//! How close a reconstruction comes to its target, and how much of the light arrives.
+//! Image quality metrics: the agreement of a reconstruction with its target, and the part of the light that arrives.
 //!
-//! | metric | says | source |
+//! | metric | measures | source |
 //! |---|---|---|
-//! | [`psnr_db`], [`mse`] | how far the light is off, pixel by pixel | |
-//! | [`ssim()`] | how well local brightness, contrast and structure agree, 1 at best | Wang et al. 2004 |
-//! | [`ms_ssim()`] | the same from fine to coarse, for an eye farther away | Wang et al. 2003 |
-//! | [`diffraction_efficiency()`], [`frame_efficiency`] | which part of the light arrives where it is wanted | |
-//! | [`speckle_contrast()`] | how grainy evenly lit areas are, 0 at best | Goodman 2007 |
+//! | [`psnr_db`], [`mse`] | the error of the light, pixel by pixel | |
+//! | [`ssim()`] | the agreement of local brightness, contrast and structure, 1 at best | Wang et al. 2004 |
+//! | [`ms_ssim()`] | the agreement of contrast and structure over five scales, 1 at best | Wang et al. 2003 |
+//! | [`diffraction_efficiency()`], [`frame_efficiency`] | the part of the light that arrives where it is wanted | |
+//! | [`speckle_contrast()`] | the graininess of evenly lit areas, 0 at best | Goodman 2007 |
 //!
-//! Reconstructions and targets are linear light with peak 1, and are compared in a region of interest. Nothing is clipped:
-//! light beyond the peak counts as the error that it is. A reconstruction has the size of its target, or a whole multiple
-//! of it where every pixel has several sub-samples a side ([`Engine::samples`](crate::Engine::samples)); each of them is
-//! compared with its pixel's target, and the region, in the target's pixels, holds all of its pixels' sub-samples.
+//! Reconstructions and targets are linear light with peak 1 and are compared in a region of interest. Light is not
+//! clipped: light above the peak counts as an error. A reconstruction has the size of its target, or a whole multiple
+//! of it when each pixel has several sub-samples along a side ([`Engine::samples`](crate::Engine::samples)). Each
+//! sub-sample is compared with the target of its pixel. The region is given in the target's pixels and holds all
+//! sub-samples of its pixels.
 //!
-//! Sums are in f64 and in the order of the rows, so that they are the same on any number of threads.
-//! [`quality`](crate::hologram::quality) gives all of them for a hologram, as each detector sees it.
+//! Sums are computed in f64 and in the order of the rows, so results do not depend on the number of threads.
+//! [`quality`](crate::hologram::quality) computes all metrics of a hologram, as each detector measures it.
 
 mod diffraction_efficiency;
 mod ms_ssim;
@@ -32,12 +33,12 @@ pub use ssim::{SSIM_SIDE_MIN, ssim};
 pub(crate) use ms_ssim::ssim_at_all_scales;
 pub(crate) use pair::ImagePair;
 
-/// Pictures that a few lines of any language can make again, every value exact in f32.
+/// Test images that a few lines of any language can reproduce, with values that are exact in f32.
 #[cfg(test)]
 mod test_images {
     use crate::Plane;
 
-    /// The mean of four triangle waves, of 64, 128, 256 and 32 px.
+    /// The mean of four triangle waves with periods of 64, 128, 256 and 32 px.
     pub(super) fn card(height_px: usize, width_px: usize) -> Plane<f32> {
         let triangle = |v: usize, half: usize| ((v % (2 * half)) as f32 - half as f32).abs() / half as f32;
         Plane::from_fn(height_px, width_px, |y, x| {
@@ -45,7 +46,7 @@ mod test_images {
         })
     }
 
-    /// [`card`] and a noise of up to 1/8.
+    /// [`card`] with noise of up to 1/8 added.
     pub(super) fn spoiled(height_px: usize, width_px: usize) -> Plane<f32> {
         let card = card(height_px, width_px);
         Plane::from_fn(height_px, width_px, |y, x| {

@@ -4,13 +4,13 @@
 //! MS-SSIM = SSIM₅^w₅ · Π_{j=1…4} CS_j^w_j,   w = 0.0448, 0.2856, 0.3001, 0.2363, 0.1333
 //! ```
 //!
-//! SSIM_j and CS_j are the means of l · cs and of cs (see [`ssim`](super::ssim())) at scale j: scale 1 is the image as it is,
-//! each further one the means of 2×2 samples of the one before, where an odd last row or column is left out. A negative
-//! mean counts as 0. Z. Wang, E. P. Simoncelli, A. C. Bovik: Multiscale structural similarity for image quality
-//! assessment, Asilomar Conference on Signals, Systems and Computers (2003).
+//! SSIM_j and CS_j are the means of l · cs and of cs (see [`ssim`](super::ssim())) at scale j. Scale 1 is the image
+//! itself. Each further scale has the means of 2×2 samples of the previous one; an odd last row or column is left out.
+//! A negative mean counts as 0. Z. Wang, E. P. Simoncelli, A. C. Bovik: Multiscale structural similarity for image
+//! quality assessment, Asilomar Conference on Signals, Systems and Computers (2003).
 //!
-//! The weights were measured for five scales, so there is no value for an image that has less: with fewer scales the number
-//! would be of another kind and not comparable.
+//! The weights were measured for five scales. Images too small for five scales have no value, because a value from
+//! fewer scales would not be comparable.
 
 use super::ssim::{SSIM_SIDE_MIN, Similarity, similarity};
 use super::{Gain, ImagePair};
@@ -19,10 +19,10 @@ use rayon::prelude::*;
 
 const WEIGHTS: [f64; 5] = [0.0448, 0.2856, 0.3001, 0.2363, 0.1333];
 
-/// The least samples along a side of a region of interest: a window at the coarsest of five scales, 11 · 2⁴.
+/// Fewest samples along a side of a region of interest: an SSIM window at the coarsest of five scales, 11 · 2⁴.
 pub const MS_SSIM_SIDE_MIN: usize = SSIM_SIDE_MIN << (WEIGHTS.len() - 1);
 
-/// Multi-scale structural similarity in the region of interest: 1 where the two are equal after the gain, 0 at worst.
+/// Multi-scale structural similarity in the region of interest: 1 when the two are equal after the gain, 0 at worst.
 ///
 /// # Errors
 ///
@@ -37,7 +37,8 @@ pub fn ms_ssim(reconstruction: &Plane<f32>, target: &Plane<f32>, roi: RegionOfIn
     })
 }
 
-/// SSIM and MS-SSIM, which share the finest scale; `None` where the region is too small.
+/// Computes SSIM and MS-SSIM, which share the finest scale. `None` for a metric whose window does not fit into the
+/// region.
 pub(crate) fn ssim_at_all_scales(pair: &ImagePair<'_>) -> (Option<f64>, Option<f64>) {
     let side = pair.height().min(pair.width());
     if side < SSIM_SIDE_MIN {
@@ -102,8 +103,9 @@ mod tests {
         RegionOfInterest::full(&Grid::try_new(plane.height_px(), plane.width_px(), 8e-6).unwrap())
     }
 
-    /// From pytorch-msssim 1.0.0 on float64 tensors of the same arrays: `ms_ssim(gain * p, t, data_range=1.0)`. Its window
-    /// is in float32, which its own values keep to about 1e-7. Sides stay even at every scale, since it pads odd ones.
+    /// Expected values are from pytorch-msssim 1.0.0 on float64 tensors of the same arrays:
+    /// `ms_ssim(gain * p, t, data_range=1.0)`. Its window is in float32, which limits its values to about 1e-7. The
+    /// sides are even at every scale, because it pads odd ones.
     #[test]
     fn it_is_that_of_pytorch_msssim() {
         let (p, t) = (spoiled(192, 224), card(192, 224));
@@ -113,7 +115,7 @@ mod tests {
         }
     }
 
-    /// The definition, on planes made by hand, with odd sides on the way.
+    /// Compares with the definition on planes that are halved separately, with odd sides on the way.
     #[test]
     fn it_is_the_product_over_the_scales() {
         let (p, t) = (spoiled(181, 203), card(181, 203));
@@ -141,12 +143,12 @@ mod tests {
     fn closed_forms() {
         let t = card(176, 190);
         assert!((ms_ssim(&t, &t, whole(&t), Gain::Given(1.0)).unwrap() - 1.0).abs() < 1e-12);
-        // Even greys have no structure to lose: only the coarsest scale looks at their brightness.
+        // Uniform greys have no structure that could differ, so only the brightness at the coarsest scale counts.
         let (a, b) = (0.25, 0.75);
         let found = ms_ssim(&t.map(|_| a as f32), &t.map(|_| b as f32), whole(&t), Gain::Given(1.0)).unwrap();
         let brightness: f64 = (2.0 * a * b + 1e-4) / (a * a + b * b + 1e-4);
         assert!((found - brightness.powf(0.1333)).abs() < 1e-12, "{found}");
-        // What is opposite at some scale has nothing in common.
+        // Images that are opposite at some scale have MS-SSIM 0.
         let noise = |sign: f32| Plane::from_fn(176, 190, |y, x| 0.5 + sign * 0.25 * (1.0 - 2.0 * ((y + x) % 2) as f32));
         assert_eq!(ms_ssim(&noise(1.0), &noise(-1.0), whole(&t), Gain::Given(1.0)).unwrap(), 0.0);
     }

@@ -1,16 +1,16 @@
-//! A reconstruction beside its target.
+//! A reconstruction together with its target.
 
 use super::Gain;
 use crate::{Error, Plane, RegionOfInterest, Result};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// The region of interest of a reconstruction, after a gain, and of its target, sample by sample.
+/// Samples of a reconstruction in a region of interest, after a gain, together with the target's values.
 #[derive(Clone, Debug)]
 pub(crate) struct ImagePair<'a> {
     light: &'a Plane<f32>,
     target: &'a Plane<f32>,
-    /// Of the target's pixels.
+    /// Rows of the region; these and `columns` count the target's pixels.
     rows: Range<usize>,
     columns: Range<usize>,
     /// Sub-samples along each side of a target's pixel.
@@ -50,23 +50,23 @@ impl<'a> ImagePair<'a> {
         Ok(Self { gain, ..pair })
     }
 
-    /// All of two planes of one size, without a gain.
+    /// Compares two whole planes of the same size with gain 1.
     pub(super) fn whole(light: &'a Plane<f32>, target: &'a Plane<f32>) -> Self {
         let (rows, columns) = (0..target.height_px(), 0..target.width_px());
         Self { light, target, rows, columns, samples_per_px: 1, gain: 1.0 }
     }
 
-    /// Rows of samples.
+    /// Number of rows of samples.
     pub(super) fn height(&self) -> usize {
         self.samples_per_px * self.rows.len()
     }
 
-    /// Samples of a row.
+    /// Number of samples in a row.
     pub(super) fn width(&self) -> usize {
         self.samples_per_px * self.columns.len()
     }
 
-    /// What the light is multiplied by.
+    /// Gain that the light is multiplied by.
     pub(super) fn gain(&self) -> f64 {
         self.gain
     }
@@ -106,7 +106,7 @@ impl<'a> ImagePair<'a> {
         self.sum(|p, t| (p - t).powi(2)) / (self.height() * self.width()) as f64
     }
 
-    /// What the light has to be multiplied by to come closest to the target; 0 without light.
+    /// Gain that brings the light closest to the target; 0 without light.
     pub(super) fn best_gain(&self) -> f64 {
         let energy = self.sum(|p, _| p * p);
         if energy == 0.0 { 0.0 } else { self.sum(|p, t| p * t) / energy }

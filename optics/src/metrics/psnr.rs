@@ -4,28 +4,28 @@
 //! MSE = Σ (s p − t)² / n,   PSNR = −10 log₁₀ MSE,   s = Σ t p / Σ p²  where the gain is fitted
 //! ```
 //!
-//! p reconstruction, t target, both linear light with peak 1; sums over the n samples of a region of interest. s is the
-//! gain with the smallest MSE: how bright a display shines is a matter of exposure.
+//! p is the reconstruction, t the target, both linear light with peak 1; sums run over the n samples of a region of
+//! interest. s is the gain with the smallest MSE, because the brightness of a display is a matter of exposure.
 
 use super::ImagePair;
 use crate::{Plane, RegionOfInterest, Result};
 use serde::{Deserialize, Serialize};
 
-/// What the reconstruction is multiplied by before it is compared.
+/// Gain that a reconstruction is multiplied by before the comparison.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Gain {
-    /// The gain with the smallest error.
+    /// The gain with the smallest mean squared error.
     #[default]
     Fitted,
-    /// This gain.
+    /// A given gain.
     Given(f64),
 }
 
 /// Peak signal to noise ratio \[dB\] over the region of interest, for a peak of 1.
 ///
-/// Infinite where the two are equal after the gain; that includes a fitted gain of 0 against a black target. A black
-/// reconstruction gives −10 log₁₀ of the target's mean square. Values that are not finite give NaN.
+/// It is infinite when the two are equal after the gain. That includes a fitted gain of 0 against a black target. For a
+/// black reconstruction it is −10 log₁₀ of the target's mean square. Values that are not finite give NaN.
 ///
 /// # Errors
 ///
@@ -39,16 +39,16 @@ pub fn psnr_db(reconstruction: &Plane<f32>, target: &Plane<f32>, roi: RegionOfIn
 ///
 /// # Errors
 ///
-/// As [`psnr_db`].
+/// The errors of [`psnr_db`].
 pub fn mse(reconstruction: &Plane<f32>, target: &Plane<f32>, roi: RegionOfInterest, gain: Gain) -> Result<f64> {
     Ok(ImagePair::new(reconstruction, target, roi, gain)?.mse())
 }
 
-/// The gain s that brings s · reconstruction closest to the target; 0 for a black reconstruction.
+/// The gain s for which s · reconstruction is closest to the target; 0 for a black reconstruction.
 ///
 /// # Errors
 ///
-/// As [`psnr_db`].
+/// The errors of [`psnr_db`].
 pub fn fitted_intensity_scale(reconstruction: &Plane<f32>, target: &Plane<f32>, roi: RegionOfInterest) -> Result<f64> {
     Ok(ImagePair::new(reconstruction, target, roi, Gain::Fitted)?.gain())
 }

@@ -4,28 +4,30 @@
 //! C = σ(r) / ⟨r⟩,   r = p / t over the samples where the target is flat
 //! ```
 //!
-//! p light, t target. Speckle is the grain of areas that should be evenly lit; of fully developed speckle the intensity has
-//! C = 1, of an even area 0. J. W. Goodman: Speckle Phenomena in Optics (2007), sect. 3.2.
+//! p is the light, t the target. Speckle is the graininess of areas that should be evenly lit. Fully developed speckle
+//! has C = 1, an evenly lit area C = 0. J. W. Goodman: Speckle Phenomena in Optics (2007), sect. 3.2.
 //!
-//! A pixel is flat where the target, over the 5×5 pixels around it that lie in the region of interest, stays within
-//! 10 % of the largest value there, and is no darker than a tenth of the brightest pixel of the region. The ratio r takes
-//! out what slope is left. It needs no gain, and neither brightness nor exposure changes it.
+//! A pixel is flat if two conditions hold. In the 5×5 pixels around it, as far as they lie in the region of interest,
+//! the target varies by at most 10 % of its largest value there. And the target at the pixel is at least a tenth of the
+//! brightest in the region. The ratio r removes the remaining slope. C needs no gain: brightness and exposure do not
+//! change it.
 
 use super::{Gain, ImagePair};
 use crate::{Plane, RegionOfInterest, Result};
 use rayon::prelude::*;
 
-/// A contrast of fewer flat pixels than these would say little: of n independent samples it is known to about 1/√2n, 7 %.
+/// Fewest flat pixels for a contrast. The relative uncertainty from n independent samples is about 1/√2n, here 7 %.
 pub const FLAT_PIXELS_MIN: usize = 100;
-/// Pixels around one that must be alike, to each side.
+/// Number of pixels to each side of a pixel that must be alike.
 const NEIGHBOURS: usize = 2;
-/// By how much they may differ, as a part of the largest.
+/// Largest difference between the target's values around a flat pixel, as a part of the largest of them.
 const TOLERANCE: f32 = 0.1;
-/// Of the region's brightest pixel: what is darker is background, whose grain nobody sees.
+/// Least value of a flat pixel, as a part of the region's brightest pixel. Darker pixels are background, whose speckle
+/// is invisible.
 const DARKEST: f32 = 0.1;
 
-/// Standard deviation over mean of the light where the target is flat; `None` where less than [`FLAT_PIXELS_MIN`] of the
-/// region's pixels are, or no light falls on them.
+/// Speckle contrast: standard deviation over mean of the light relative to the target where the target is flat. `None`
+/// when fewer than [`FLAT_PIXELS_MIN`] of the region's pixels are flat, or when no light falls on them.
 ///
 /// # Errors
 ///
@@ -66,7 +68,7 @@ fn sum_over_flat(
     rows.collect::<Vec<_>>().iter().sum()
 }
 
-/// Which of the region's pixels are flat, row after row.
+/// For each pixel of the region, row after row: whether it is flat.
 fn flat_pixels(target: &Plane<f32>, roi: RegionOfInterest) -> Vec<bool> {
     let row = |y: usize| &target.row(roi.y_px() + y)[roi.x_px()..][..roi.width_px()];
     let brightest = (0..roi.height_px()).flat_map(row).fold(0.0, |most: f32, &t| most.max(t));
@@ -103,20 +105,20 @@ mod tests {
         Grid::try_new(height_px, width_px, 8e-6).unwrap()
     }
 
-    /// Dark, a step up, and a gentle slope.
+    /// A target with a dark part, a step up, and a gentle slope.
     fn target() -> Plane<f32> {
         Plane::from_fn(40, 60, |_, x| if x < 20 { 0.01 } else { 0.4 + 0.005 * x as f32 })
     }
 
     #[test]
     fn fully_developed_speckle_has_contrast_one() {
-        // The intensity of a sum of many waves is exponential; n = 160 000 samples give C to 1/√n.
+        // The intensity of a sum of many waves is exponentially distributed; n = 160 000 samples give C to within 1/√n.
         let mut random = ChaCha8Rng::seed_from_u64(1);
         let light = Plane::from_fn(400, 400, |_, _| -(1.0 - random.random::<f64>()).ln() as f32);
         let even = Plane::filled(400, 400, 0.3);
         let found = speckle_contrast(&light, &even, RegionOfInterest::full(&grid(400, 400))).unwrap().unwrap();
         assert!((found - 1.0).abs() < 0.01, "{found}");
-        // The mean of four such: 1/√4.
+        // The mean of four independent intensities has C = 1/√4.
         let pixels = Plane::from_fn(200, 200, |y, x| {
             [(0, 0), (0, 1), (1, 0), (1, 1)].iter().map(|(dy, dx)| light.at(2 * y + dy, 2 * x + dx)).sum::<f32>() / 4.0
         });
@@ -124,7 +126,7 @@ mod tests {
         let roi = RegionOfInterest::full(&grid(200, 200));
         let found = speckle_contrast(&pixels, &even, roi).unwrap().unwrap();
         assert!((found - 0.5).abs() < 0.01, "{found}");
-        // Seen sample by sample it is all there.
+        // Compared sample by sample, the light has the full contrast.
         let found = speckle_contrast(&light, &even, roi).unwrap().unwrap();
         assert!((found - 1.0).abs() < 0.01, "{found}");
     }
@@ -132,7 +134,7 @@ mod tests {
     #[test]
     fn neither_brightness_nor_slopes_nor_what_is_dark_are_speckle() {
         let (t, roi) = (target(), RegionOfInterest::full(&grid(40, 60)));
-        // Wrong by far in the dark and at the step, where nothing is flat.
+        // The light is far off in the dark part and at the step, where no pixel is flat.
         let light = Plane::from_fn(40, 60, |y, x| if x < 22 { (x + y) as f32 } else { 7.0 * t.at(y, x) });
         assert!(speckle_contrast(&light, &t, roi).unwrap().unwrap() < 1e-6);
     }
@@ -144,7 +146,7 @@ mod tests {
         assert!((speckle_contrast(&light, &t, roi).unwrap().unwrap() - 0.25).abs() < 1e-6);
     }
 
-    /// The definition, pixel by pixel.
+    /// Compares with the definition of flat pixels, evaluated pixel by pixel.
     #[test]
     fn flat_pixels_are_those_of_the_definition() {
         let mut random = ChaCha8Rng::seed_from_u64(5);

@@ -5,13 +5,13 @@
 //! l = (2 μp μt + C₁) / (μp² + μt² + C₁),   cs = (2 σpt + C₂) / (σp² + σt² + C₂)
 //! ```
 //!
-//! μ, σ² and σpt are means, variances and the covariance of reconstruction p and target t in a window of 11×11 samples with
-//! Gaussian weights, σ = 1.5 samples, that sum to 1; C₁ = 0.01², C₂ = 0.03² for a data range of 1. Only windows that lie in
-//! the region of interest count. Z. Wang, A. C. Bovik, H. R. Sheikh, E. P. Simoncelli: Image quality assessment: from
-//! error visibility to structural similarity, IEEE Trans. Image Processing 13, 600 (2004).
+//! μ, σ² and σpt are the means, variances and covariance of reconstruction p and target t in a window of 11×11 samples.
+//! The window has Gaussian weights with σ = 1.5 samples and the sum 1; C₁ = 0.01² and C₂ = 0.03² for a data range of 1.
+//! Only windows inside the region of interest count. Z. Wang, A. C. Bovik, H. R. Sheikh, E. P. Simoncelli: Image
+//! quality assessment: from error visibility to structural similarity, IEEE Trans. Image Processing 13, 600 (2004).
 //!
-//! The window is separable: rows are filtered along x as they are read, and a block of them along y. Only the sum of the two
-//! variances is needed, so four filtered images do for five moments.
+//! The window is separable: rows are filtered along x as they are read, then a block of rows is filtered along y. Only
+//! the sum of the two variances is needed, so four filtered images are enough.
 
 use super::{Gain, ImagePair};
 use crate::{Error, Plane, RegionOfInterest, Result};
@@ -19,20 +19,21 @@ use pulp::Arch;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Samples along a side of the window, and the least along a side of a region of interest.
+/// Samples along a side of the window, which are also the fewest along a side of a region of interest.
 pub const SSIM_SIDE_MIN: usize = 11;
 /// Standard deviation of the window's weights, in samples.
 const SIGMA: f64 = 1.5;
 const C1: f64 = 0.01 * 0.01;
 const C2: f64 = 0.03 * 0.03;
 
-/// Rows of windows that are worked on together: few enough that their memory stays small, many enough that reading the
-/// ten rows that a block shares with the next one is a small part of the work.
+/// Number of rows of windows that are computed together: few, to need little memory, but enough that the ten rows that
+/// a block shares with the next one are a small part of the work.
 const BLOCK: usize = 32;
 
-/// Mean structural similarity in the region of interest: 1 where the two are equal after the gain, and never above.
+/// Mean structural similarity in the region of interest. It is at most 1, for two that are equal after the gain.
 ///
-/// The window measures samples: with several sub-samples a pixel it covers less of the image.
+/// The window has a fixed number of samples, so with several sub-samples per pixel it covers a smaller part of the
+/// image.
 ///
 /// # Errors
 ///
@@ -49,16 +50,16 @@ pub fn ssim(reconstruction: &Plane<f32>, target: &Plane<f32>, roi: RegionOfInter
     Ok(similarity(&pair).ssim)
 }
 
-/// Means over all windows.
+/// Means of the similarity and its factors over all windows.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Similarity {
-    /// Of l · cs.
+    /// Mean of l · cs.
     pub(super) ssim: f64,
-    /// Of cs.
+    /// Mean of cs.
     pub(super) contrast_structure: f64,
 }
 
-/// Of a pair with at least one window.
+/// Computes the similarity of a pair that has at least one window.
 pub(super) fn similarity(pair: &ImagePair<'_>) -> Similarity {
     let (arch, weights) = (Arch::new(), weights());
     let rows = pair.height() + 1 - SSIM_SIDE_MIN;
@@ -69,13 +70,13 @@ pub(super) fn similarity(pair: &ImagePair<'_>) -> Similarity {
             arch.dispatch(|| block.similarity(pair, &weights, i * BLOCK..end))
         },
     );
-    // Collected first, so that the sum has the order of the blocks, whoever computed them.
+    // Collected first, so that the sum is in the order of the blocks and does not depend on the threads.
     let sum = blocks.collect::<Vec<_>>().iter().fold([0.0; 2], |sum, block| [sum[0] + block[0], sum[1] + block[1]]);
     let windows = (rows * (pair.width() + 1 - SSIM_SIDE_MIN)) as f64;
     Similarity { ssim: sum[0] / windows, contrast_structure: sum[1] / windows }
 }
 
-/// e^{−x²/2σ²} at the window's samples, with the sum 1.
+/// Weights e^{−x²/2σ²} at the window's samples, scaled to the sum 1.
 fn weights() -> [f64; SSIM_SIDE_MIN] {
     let middle = (SSIM_SIDE_MIN / 2) as f64;
     let bell = std::array::from_fn::<f64, SSIM_SIDE_MIN, _>(|i| (-((i as f64 - middle) / SIGMA).powi(2) / 2.0).exp());
@@ -83,15 +84,15 @@ fn weights() -> [f64; SSIM_SIDE_MIN] {
     bell.map(|weight| weight / sum)
 }
 
-/// Working memory for a block of rows. In the arrays of four: p, t, p² + t², pt.
+/// Working memory for a block of rows. Arrays of four hold p, t, p² + t² and pt.
 struct Block {
-    /// Windows of a row.
+    /// Number of windows in a row.
     windows: usize,
-    /// A row of samples.
+    /// One row of samples.
     row: [Vec<f64>; 4],
-    /// The block's rows and those that its last windows reach down to, filtered along x.
+    /// Rows that the windows of the block cover, filtered along x.
     filtered: [Vec<f64>; 4],
-    /// A row of windows.
+    /// Moments of one row of windows.
     moments: [Vec<f64>; 4],
 }
 
@@ -103,7 +104,7 @@ impl Block {
         Self { windows, row: zeros(width), filtered: zeros(rows * windows), moments: zeros(windows) }
     }
 
-    /// Sums of l · cs and of cs over the windows that begin in `rows`.
+    /// Computes the sums of l · cs and of cs over the windows that begin in `rows`.
     #[inline(always)]
     fn similarity(&mut self, pair: &ImagePair<'_>, weights: &[f64; SSIM_SIDE_MIN], rows: Range<usize>) -> [f64; 2] {
         let Self { windows, row, filtered, moments } = self;
@@ -146,7 +147,8 @@ fn filter_along_y(rows: &[f64], weights: &[f64; SSIM_SIDE_MIN], out: &mut [f64])
     }
 }
 
-/// Independent sums side by side, so that the additions become vector instructions in an order that is fixed.
+/// Number of independent partial sums. They let the compiler use vector instructions and keep the order of additions
+/// fixed.
 const LANES: usize = 8;
 
 #[inline(always)]
@@ -182,7 +184,7 @@ mod tests {
         RegionOfInterest::full(&Grid::try_new(plane.height_px(), plane.width_px(), 8e-6).unwrap())
     }
 
-    /// The definition, window by window.
+    /// The definition of SSIM, evaluated window by window.
     fn plain(p: &Plane<f32>, t: &Plane<f32>, gain: f64) -> Similarity {
         let weights = weights();
         let (rows, columns) = (p.height_px() + 1 - SSIM_SIDE_MIN, p.width_px() + 1 - SSIM_SIDE_MIN);
@@ -209,19 +211,20 @@ mod tests {
 
     #[test]
     fn it_is_the_definition() {
-        // More rows than a block, less than a window's worth of lanes, odd and even sides.
+        // Sizes with more rows than a block, with fewer windows than lanes, and with odd and even sides.
         for (height_px, width_px, gain) in [(11, 11, 1.0), (12, 14, 0.7), (45, 23, 1.3), (76, 20, 1.0)] {
             let (p, t) = (spoiled(height_px, width_px), card(height_px, width_px));
             let expected = plain(&p, &t, gain);
             let pair = ImagePair::new(&p, &t, whole(&t), Gain::Given(gain)).unwrap();
             let found = similarity(&pair);
-            // Second moments minus squared means: a few ε of numbers up to 1, over C₂ = 9e-4.
+            // Variances are second moments minus squared means: their error is a few ε of numbers up to 1, divided by
+            // C₂ = 9e-4.
             assert!((found.ssim - expected.ssim).abs() < 1e-11, "{height_px}×{width_px}: {found:?} {expected:?}");
             assert!((found.contrast_structure - expected.contrast_structure).abs() < 1e-11);
         }
     }
 
-    /// From scikit-image 0.26.0, with the same arrays in float64 and `gain` times `p`:
+    /// Expected values are from scikit-image 0.26.0, with the same arrays in float64 and `gain` times `p`:
     /// `structural_similarity(t, gain * p, gaussian_weights=True, sigma=1.5, use_sample_covariance=False, data_range=1.0)`.
     #[test]
     fn it_is_that_of_scikit_image() {
@@ -242,11 +245,11 @@ mod tests {
         let t = card(30, 40);
         assert!((ssim(&t, &t, whole(&t), Gain::Given(1.0)).unwrap() - 1.0).abs() < 1e-12);
         assert!((ssim(&t.map(|t| 3.0 * t), &t, whole(&t), Gain::Fitted).unwrap() - 1.0).abs() < 1e-6);
-        // Two even greys differ in brightness alone.
+        // Two uniform greys differ in brightness only.
         let (a, b) = (0.25, 0.75);
         let found = ssim(&t.map(|_| a as f32), &t.map(|_| b as f32), whole(&t), Gain::Given(1.0)).unwrap();
         assert!((found - (2.0 * a * b + C1) / (a * a + b * b + C1)).abs() < 1e-12);
-        // A negative of an even grey's noise is as unlike as can be.
+        // Noise on a uniform grey and its negative have an SSIM near −1.
         let noise = |sign: f32| Plane::from_fn(30, 40, |y, x| 0.5 + sign * 0.25 * (1.0 - 2.0 * ((y + x) % 2) as f32));
         assert!(ssim(&noise(1.0), &noise(-1.0), whole(&t), Gain::Given(1.0)).unwrap() < -0.95);
     }

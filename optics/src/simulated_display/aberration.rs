@@ -1,18 +1,19 @@
-//! What the optics do to each spatial frequency, beside free space.
+//! Aberrations and apodization of the optics, which act on each spatial frequency in addition to free space.
 //!
 //! ```text
 //! H = H_ideal · e^{α + iψ},   ψ = s Σ c_j R_j(ρ) cos(m_j (θ − θ_j)),   α = −s |A(f − f₀)|² + s · ε cos(2π k·f + δ)
 //! ```
 //!
-//! s strength; ρ, θ polar coordinates of (fx, fy) with ρ = 1 at the corner of the band; f in units of the Nyquist
-//! frequency. The shapes are those of a misaligned relay lens: defocus, astigmatism, coma, trefoil, spherical
-//! aberration and a little of the next order, an aperture that is soft and off centre, and an interference ripple.
+//! s is the strength; ρ, θ are polar coordinates of (fx, fy) with ρ = 1 at the corner of the band; f is in units of the
+//! Nyquist frequency. The shapes are those of a misaligned relay lens: defocus, astigmatism, coma, trefoil, spherical
+//! aberration, and a little of the next order. The aperture is soft and off centre, and there is an interference
+//! ripple.
 
 use super::draws::{Draws, Stream};
 use num_complex::Complex64;
 use std::f64::consts::{SQRT_2, TAU};
 
-/// The drawn aberrations of one bench.
+/// The aberrations of one bench, with drawn properties.
 #[derive(Clone, Debug)]
 pub(super) struct Aberration {
     strength: f64,
@@ -26,12 +27,12 @@ pub(super) struct Aberration {
 struct Shape {
     /// Typical size \[rad\].
     size_rad: f64,
-    /// Periods around the axis.
+    /// Number of periods around the axis.
     fold: i32,
     radial: fn(f64) -> f64,
 }
 
-/// Typical sizes at strength 1, in radians at the corner of the band.
+/// The shapes with their typical sizes at strength 1, in radians at the corner of the band.
 const SHAPES: [Shape; 8] = [
     Shape { size_rad: 0.8, fold: 0, radial: |r| r * r },
     Shape { size_rad: 2.2, fold: 2, radial: |r| r * r },
@@ -69,11 +70,11 @@ impl Aberration {
         Self { strength, waves, aperture, ripple }
     }
 
-    /// e^{α + iψ} at a frequency in units of the Nyquist frequency, so within ±1.
+    /// e^{α + iψ} at a frequency in units of the Nyquist frequency, each component within ±1.
     pub(super) fn at(&self, x: f64, y: f64) -> Complex64 {
         let (radius, angle) = ((x * x + y * y).sqrt() / SQRT_2, y.atan2(x));
         let wave = |&(shape, size_rad, turned): &(Shape, f64, f64)| {
-            // A shape without folds has a sign instead of a direction.
+            // A shape without folds has no direction, so the angle draws its sign instead.
             let around =
                 if shape.fold == 0 { turned.cos().signum() } else { (f64::from(shape.fold) * (angle - turned)).cos() };
             size_rad * (shape.radial)(radius) * around

@@ -1,49 +1,50 @@
-//! The properties of a simulated bench.
+//! Properties of a simulated bench.
 
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-/// The properties from which a simulated bench is drawn. A property that is not said is that of [`Self::FAIR`].
+/// Properties of a simulated bench. A property that is left out has the value of [`Self::FAIR`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SimulatedBench {
-    /// The same seed and properties draw the same bench.
+    /// Seed of the random numbers. The same seed and properties give the same bench.
     pub seed: u64,
-    /// Scales every optical imperfection, 0 to 4; 1 is a display in need of alignment, 0 a perfect one.
+    /// Scale of every optical imperfection, 0 to 4. 1 is a display in need of alignment, 0 a perfect one.
     pub strength: f64,
-    /// Standard deviation of the camera's read noise as a fraction of its full scale, 0 to 0.1.
+    /// Standard deviation of the camera's read noise, as a part of its full scale, 0 to 0.1.
     pub camera_noise: f64,
-    /// The camera is shifted by up to this in x and in y \[px\], 0 to 4.
+    /// Largest shift of the camera in x and in y \[px\], 0 to 4.
     pub misalignment_px: f64,
-    /// The camera is turned about the middle of the image by this, −10 to 10 degrees.
+    /// Rotation of the camera about the middle of the image, −10 to 10 degrees.
     pub rotation_deg: f64,
     /// Standard deviation of the blur by the camera's lens \[px\], 0 to 4.
     pub blur_px: f64,
-    /// Electrons of a camera pixel at full scale, which the shot noise follows from, 0 to 10⁷; 0: the noise of an empty pixel,
-    /// and √2 times that at full scale.
+    /// Number of electrons of a camera pixel at full scale, which determines the shot noise, 0 to 10⁷. With 0 the shot
+    /// noise at full scale equals the read noise, so the total noise there is √2 times that of a dark pixel.
     pub full_well_electrons: f64,
-    /// Contrast of a fixed speckle pattern that dust and coatings add, 0 to 0.5.
+    /// Contrast of a fixed speckle pattern from dust and coatings, 0 to 0.5.
     pub speckle_contrast: f64,
     /// Cross-talk of the modulator: standard deviation of the blur of its phase \[px\], 0 to 2.
     pub crosstalk_px: f64,
-    /// Flicker of the modulator: the part by which its phase swings while the shutter is open, 0 to 0.5.
+    /// Flicker of the modulator: relative amplitude by which its phase swings while the shutter is open, 0 to 0.5.
     pub flicker: f64,
-    /// How far the image wanders in an hour \[px\], 0 to 100.
+    /// Drift of the image in an hour \[px\], 0 to 100.
     pub drift_px_per_hour: f64,
-    /// The part of its light that the source loses in an hour, 0 to 1.
+    /// Part of its light that the source loses in an hour, 0 to 1.
     pub dimming_per_hour: f64,
-    /// The camera's rail is not parallel to the axis: the image moves sideways by tan of this with the distance, 0 to 5 degrees.
+    /// Angle between the camera's rail and the optical axis, 0 to 5 degrees. The image moves sideways by tan of the
+    /// angle times the distance.
     pub rail_tilt_deg: f64,
-    /// The distance at which the aberrations are as drawn, 0 to 10 m: elsewhere the light fills their aperture in proportion to the
-    /// distance. 0: they are the same everywhere.
+    /// Distance for which the aberrations are drawn, 0 to 10 m. At other distances, the part of their aperture that the
+    /// light fills is proportional to the distance. With 0 the aberrations are the same at all distances.
     pub aberrations_at_m: f64,
-    /// Aberrations that depend on where on the modulator a pixel lies: the most phase that they add to any pixel's light at the
-    /// corner of the band, 0 to 6 rad.
+    /// Size of the aberrations that depend on the position on the modulator: the largest phase that they add to any
+    /// pixel's light at the corner of the band, 0 to 6 rad.
     pub field_aberration_rad: f64,
 }
 
 impl SimulatedBench {
-    /// A display in need of alignment with a good camera that stands where it should.
+    /// A display in need of alignment, with a good camera in the right place.
     pub const FAIR: Self = Self {
         seed: 0,
         strength: 1.0,
@@ -62,7 +63,7 @@ impl SimulatedBench {
         field_aberration_rad: 0.0,
     };
 
-    /// Each property, its value, the least and the most it may be, and both in words.
+    /// For each property: its name, its value, its least and largest allowed value, and the allowed range in words.
     #[must_use]
     pub fn ranges(&self) -> [(&'static str, f64, f64, f64, &'static str); 14] {
         [

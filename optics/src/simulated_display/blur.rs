@@ -1,4 +1,4 @@
-//! Gaussian blur: of the light by the camera's lens, of the phase by the fields that neighbouring pixels share.
+//! Gaussian blur, of the light by the camera's lens and of the phase by cross-talk between neighbouring pixels.
 //!
 //! ```text
 //! b(y, x) = Σ_k Σ_l g_k g_l v(y + k, x + l),   g_k ∝ e^{−k²/2σ²}
@@ -7,7 +7,7 @@
 use crate::Plane;
 use rayon::prelude::*;
 
-/// Blurs with standard deviation `sigma_px`; the edge goes on outside.
+/// Blurs with standard deviation `sigma_px`. Beyond the edge, the values of the edge continue.
 pub(super) fn blurred(values: &Plane<f64>, sigma_px: f64) -> Plane<f64> {
     if sigma_px <= 0.0 {
         return values.clone();
@@ -33,7 +33,7 @@ pub(super) fn blurred(values: &Plane<f64>, sigma_px: f64) -> Plane<f64> {
     blurred
 }
 
-/// g, out to four standard deviations, with sum 1.
+/// The weights g up to four standard deviations, scaled to the sum 1.
 fn weights(sigma_px: f64) -> Vec<f64> {
     let half = (4.0 * sigma_px).ceil() as i32;
     let weights: Vec<f64> = (-half..=half).map(|k| (-0.5 * (f64::from(k) / sigma_px).powi(2)).exp()).collect();
@@ -53,7 +53,7 @@ mod tests {
         let spread: f64 = (0..41)
             .flat_map(|y| (0..51).map(move |x| (y, x)))
             .fold(0.0, |sum, (y, x)| sum + blurred.at(y, x) * (x as f64 - 25.0).powi(2));
-        // Cut off at four standard deviations, a thousandth of the variance is missing.
+        // The cut at four standard deviations removes a thousandth of the variance.
         assert!((sum - 1.0).abs() < 1e-12 && (spread - 2.25).abs() < 0.005, "{sum}, {spread}");
         assert_eq!(super::blurred(&point, 0.0), point);
     }

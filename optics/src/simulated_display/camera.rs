@@ -4,14 +4,15 @@
 //! level = round(255 · clamp(b + I + √(σ² + s I) · n, 0, 1))
 //! ```
 //!
-//! I exposed light (1 is full scale), b black level, n normal noise, σ read noise as a fraction of full scale; s the shot
-//! noise's variance at full scale, 1/electrons of a full pixel, or σ² where nobody said how many those are.
+//! I is the exposed light (1 is full scale), b the black level, n normal noise, σ the read noise as a part of full
+//! scale. s is the variance of the shot noise at full scale: 1/electrons of a full pixel, or σ² when that number is not
+//! given.
 
 use super::draws::{Draws, Stream};
 use crate::Plane;
 use rayon::prelude::*;
 
-/// The drawn camera of one bench.
+/// The camera of one bench, with drawn properties.
 #[derive(Clone, Debug)]
 pub(super) struct Camera {
     pub(super) black_level: f64,
@@ -25,7 +26,7 @@ impl Camera {
         Self { black_level: draws.about(0.01), noise, shot_variance }
     }
 
-    /// A photograph of exposed light.
+    /// Takes a photograph of exposed light.
     pub(super) fn photograph(&self, light: &Plane<f32>, noise_seed: u64) -> Plane<u8> {
         let width_px = light.width_px();
         let mut photograph = Plane::filled(light.height_px(), width_px, 0);

@@ -1,6 +1,7 @@
-//! How long the camera's shutter stays open.
+//! Exposure of the camera.
 //!
-//! Set once for a bench, as at a real one: on a speckled image that fills the region of interest, with some headroom.
+//! It is set once for a bench, as on a real one: for a speckled image that fills the region of interest, with some
+//! headroom.
 
 use super::draws::{Draws, Stream};
 use super::pixel_light::{pixel_light, spectrum_by_column};
@@ -9,11 +10,11 @@ use crate::reference::propagate;
 use crate::{Grid, Plane, RegionOfInterest};
 use num_complex::Complex64;
 
-/// Part of the camera's full scale that all but a thousandth of a speckled image stays below.
+/// Level that all but a thousandth of the pixels of a speckled image stay below, as a part of full scale.
 const EXPOSED_TO: f64 = 0.9;
 
-/// The gain from intensity to full scales of the camera that brings the brightest thousandth of a speckled image to
-/// [`EXPOSED_TO`].
+/// Computes the gain from intensity to full scales of the camera at which the brightest thousandth of a speckled image
+/// reaches [`EXPOSED_TO`].
 pub(super) fn calibrate(
     ideal: &SampledTransfer,
     grid: Grid,

@@ -1,16 +1,15 @@
-//! Aberrations of a relay lens that depend on where in its field a pixel of the modulator lies.
+//! Aberrations of a relay lens that depend on the position of the modulator's pixel in its field.
 //!
 //! ```text
 //! ψ(f; r) = A · ( c₁ |f|² (f·r) + c₂ (f·r)² + c₃ |f|² |r|² + c₄ (f·r) |r|² ) / n,   α(f; r) = −A · c₅ (1 + f·r)² / 40
 //! ```
 //!
-//! r the place on the modulator, from its drawn axis, and f, both in units where the middle of an edge is 1: coma, astigmatism,
-//! field curvature and distortion, the third-order ones that depend on the field (W. T. Welford, *Aberrations of Optical Systems*,
-//! 1986), and the shadow of an aperture that the light of one side passes closer by. n makes A the most phase \[rad\] that any
-//! pixel's light has at the corner of the band.
-//!
-//! Every pixel's light has its own transfer function. That is computed by interpolation between a fine grid of places, in
-//! [`spectrum_by_column`], with an error that is far below the camera's noise.
+//! r is the position on the modulator relative to the drawn axis, f the frequency, both in units in which the middle of
+//! an edge is 1. ψ has coma, astigmatism, field curvature and distortion, the third-order aberrations that depend on
+//! the field (W. T. Welford, *Aberrations of Optical Systems*, 1986). α is the shadow of an aperture, which the light
+//! of one side passes more closely. n makes A the largest phase \[rad\] of any pixel's light at the corner of the band.
+//! Every pixel's light has its own transfer function. [`spectrum_by_column`] interpolates between a fine grid of
+//! positions; its error is far below the camera's noise.
 
 use super::draws::{Draws, Stream};
 use crate::Plane;
@@ -21,10 +20,10 @@ use num_complex::Complex64;
 use rayon::prelude::*;
 use rustfft::FftPlanner;
 
-/// Places along each axis between which transfer functions are interpolated.
+/// Number of positions along each axis between which transfer functions are interpolated.
 const PLACES: usize = 7;
 
-/// The drawn aberrations of one bench.
+/// The aberrations of one bench, with drawn properties.
 #[derive(Clone, Debug)]
 pub(super) struct FieldAberration {
     size_rad: f64,
@@ -53,7 +52,7 @@ impl FieldAberration {
         self.size_rad == 0.0
     }
 
-    /// α + iψ at a place on the modulator and a frequency, all within ±1.
+    /// α + iψ at a position on the modulator and a frequency, both within ±1.
     pub(super) fn exponent(&self, (x, y): (f64, f64), (fx, fy): (f64, f64)) -> Complex64 {
         let (x, y) = (x - self.axis.0, y - self.axis.1);
         let (along, place, f) = (fx * x + fy * y, x * x + y * y, fx * fx + fy * fy);
@@ -64,7 +63,7 @@ impl FieldAberration {
     }
 }
 
-/// Σ over places of H · e^{α + iψ} · F pad( window · u₀ ), one row for each fx.
+/// Computes Σ over positions of H · e^{α + iψ} · F pad( window · u₀ ), with one row for each fx.
 pub(super) fn spectrum_by_column(
     field: &Plane<Complex64>,
     transfer_by_column: &Plane<Complex64>,
@@ -88,7 +87,7 @@ pub(super) fn spectrum_by_column(
     };
     let rows: Vec<Plane<Complex64>> = along_x.iter().map(rows_through).collect();
     let places: Vec<(f64, f64)> = nodes(PLACES).collect();
-    // In units of the Nyquist frequency.
+    // The frequency in units of the Nyquist frequency.
     let at = |bin, bins| 2.0 * frequency(bin, bins, 1.0);
     let mut spectrum = Plane::filled(2 * width_px, 2 * height_px, Complex64::ZERO);
     spectrum.values_mut().par_chunks_mut(2 * height_px).enumerate().for_each(|(u, sum)| {

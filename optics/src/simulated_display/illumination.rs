@@ -4,14 +4,14 @@
 //! a_src(y, x) = e^{s (−|A R (p − p₀)|² + ε cos(2π k·p + δ))} / max
 //! ```
 //!
-//! s strength; p = (x, y) with ±1 at the sides: an elliptical Gaussian beam, turned by R and off centre, with a slow
-//! ripple, its brightest pixel 1.
+//! s is the strength; p = (x, y) is ±1 at the sides. The profile is an elliptical Gaussian beam, turned by R and off
+//! centre, with a slow ripple. Its brightest pixel is 1.
 
 use super::draws::{Draws, Stream};
 use crate::{Grid, Plane};
 use std::f64::consts::TAU;
 
-/// The amplitude of the light on each pixel of the modulator, at most 1.
+/// Draws the amplitude of the light on each pixel of the modulator, at most 1.
 pub(super) fn draw(grid: &Grid, seed: u64, strength: f64) -> Plane<f64> {
     let mut draws = Draws::new(seed, Stream::Illumination);
     let (towards, away) = (draws.angle(), draws.about(0.25));

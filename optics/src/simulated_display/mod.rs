@@ -1,18 +1,19 @@
-//! An imperfect optical bench that exists only as a simulation.
+//! Simulation of an imperfect optical bench.
 //!
 //! ```text
 //! light = exposure · mean over the camera's pixel of | F⁻¹ { H · F [ c · a_src · (e^{i r(φ)} + z₀) ] } |²
 //! ```
 //!
-//! φ displayed phase \[rad\]; r the modulator's response, z₀ the zero order; a_src the source's profile; c = ±1 the
-//! carrier's demodulation: the camera looks along the steered order, so it is the zero order that seems to be steered;
-//! H free space, aberrations, apodization and the camera's shift. Everything is in f64 and comes from a seed; the same
-//! seed draws the same bench for any wavelength and distance, on any number of threads.
+//! φ is the displayed phase \[rad\], r the modulator's response, z₀ the zero order, a_src the source's profile. c = ±1
+//! is the demodulation of the carrier: the camera looks along the steered order, so in its image the zero order is
+//! steered instead. H contains free space, aberrations, apodization and the camera's shift. All computations are in
+//! f64. All properties come from a seed: the same seed gives the same bench for any wavelength and distance, on any
+//! number of threads.
 //!
-//! On top of that, where asked for: the aberrations depend on where on the modulator a pixel lies, the modulator's pixels
-//! blur into each other and flicker, the camera is turned, its lens blurs, dust adds speckle that is always the same, and
-//! with the hours the image wanders and the light fades. With the distance the image moves along a tilted rail, and the
-//! light fills more of the aperture that has the aberrations.
+//! Optional properties: aberrations that depend on the position on the modulator, cross-talk between the modulator's
+//! pixels and flicker, a turned camera, blur by its lens, a fixed speckle pattern by dust, and drift of the image and
+//! dimming of the source with time. With the distance, the image moves along a tilted rail, and the light fills more of
+//! the aperture that has the aberrations.
 
 mod aberration;
 mod bench;
@@ -43,7 +44,7 @@ use modulator::Modulator;
 use num_complex::Complex64;
 use rayon::prelude::*;
 
-/// A drawn bench: a display, its optics, and a camera in the image plane.
+/// A bench with drawn properties: a display, its optics, and a camera in the image plane.
 #[derive(Clone)]
 pub struct SimulatedDisplay {
     setup: OpticalSetup,
@@ -56,16 +57,16 @@ pub struct SimulatedDisplay {
     camera: Camera,
     shift_px: (f64, f64),
     exposure: f64,
-    /// [`Self::true_transfer`] on the padded grid, one row for each fx.
+    /// [`Self::true_transfer`] on the padded grid, with one row for each fx.
     transfer_by_column: Plane<Complex64>,
     bench: SimulatedBench,
     speckle: Option<Plane<f64>>,
-    /// Where the image wanders.
+    /// Direction in which the image drifts \[rad\].
     drift_towards: f64,
 }
 
 impl SimulatedDisplay {
-    /// Draws a bench. The camera's exposure is set once, on a speckled image that fills the region of interest.
+    /// Draws a bench. The camera's exposure is set once, for a speckled image that fills the region of interest.
     ///
     /// # Errors
     ///
@@ -100,10 +101,10 @@ impl SimulatedDisplay {
         Ok(display)
     }
 
-    /// A photograph of what a displayed phase \[rad\] makes of the light: with the same `noise_seed`, the same bytes.
-    ///
-    /// `phase_displayed` is the phase that the grey levels stand for, carrier included, before the modulator's own
-    /// response.
+    /// Takes a photograph of the light that a displayed phase \[rad\] produces. The same `noise_seed` gives the same
+    /// bytes.
+    /// `phase_displayed` is the phase that the grey levels stand for, carrier included, before the response of the
+    /// modulator.
     ///
     /// # Errors
     ///
@@ -117,23 +118,23 @@ impl SimulatedDisplay {
     ///
     /// # Errors
     ///
-    /// As there.
+    /// The errors of [`Self::capture`].
     pub fn capture_at(&self, phase_displayed: &Plane<f32>, noise_seed: u64, hours: f64) -> Result<Plane<u8>> {
         Ok(self.expose(&self.light_at(phase_displayed, hours)?, noise_seed))
     }
 
-    /// A photograph of light in units of the camera's full scale, such as [`Self::light`] gives.
+    /// Takes a photograph of light in units of the camera's full scale, such as that of [`Self::light`].
     #[must_use]
     pub fn expose(&self, light: &Plane<f32>, noise_seed: u64) -> Plane<u8> {
         self.camera.photograph(light, noise_seed)
     }
 
-    /// The light on each camera pixel, in units of the camera's full scale: free of noise, black level, clipping and
+    /// The light on each camera pixel, in units of the camera's full scale, without noise, black level, clipping and
     /// quantization.
     ///
     /// # Errors
     ///
-    /// As [`Self::capture`].
+    /// The errors of [`Self::capture`].
     pub fn light(&self, phase_displayed: &Plane<f32>) -> Result<Plane<f32>> {
         self.light_at(phase_displayed, 0.0)
     }
@@ -143,14 +144,14 @@ impl SimulatedDisplay {
         phase_displayed.expect_size("phase_displayed", height_px, width_px)?;
         phase_displayed.expect_finite("phase_displayed")?;
         let SimulatedBench { crosstalk_px, flicker, rotation_deg, blur_px, .. } = self.bench;
-        // Neighbours share their fields where those jump, from 2π to 0 as well.
+        // Cross-talk blurs the wrapped phase, so it also blurs the jumps from 2π to 0.
         let shown = match crosstalk_px {
             0.0 => phase_displayed.map(f64::from),
             _ => blur::blurred(&phase_displayed.map(|phase| wrap(f64::from(phase))), crosstalk_px),
         };
         let mut light = self.still_light(&shown, 1.0 - flicker);
         if flicker > 0.0 {
-            // The two ends of the swing, between which the phase spends its time.
+            // The light is the mean of the two ends of the swing, where the phase spends most of the time.
             let other = self.still_light(&shown, 1.0 + flicker);
             light.values_mut().iter_mut().zip(other.values()).for_each(|(a, b)| *a = (*a + b) / 2.0);
         }
@@ -163,7 +164,7 @@ impl SimulatedDisplay {
         Ok(light.map(|value| (power * value) as f32))
     }
 
-    /// The exposed light of a phase that stands still, `swing` times what it should be.
+    /// The exposed light of the constant phase `swing` · `phase`.
     fn still_light(&self, phase: &Plane<f64>, swing: f64) -> Plane<f64> {
         let field = Plane::from_fn(phase.height_px(), phase.width_px(), |y, x| {
             let lit = self.source.at(y, x) * self.carrier.map_or(1.0, |carrier| carrier.sign(y, x));
@@ -182,14 +183,15 @@ impl SimulatedDisplay {
         (way_px * self.drift_towards.cos(), way_px * self.drift_towards.sin())
     }
 
-    /// What the bench was drawn for.
+    /// The setup that the bench was drawn for.
     #[must_use]
     pub fn setup(&self) -> OpticalSetup {
         self.setup
     }
 
-    /// H(fx, fy), frequencies in 1/m: free space, aberrations that all pixels share, apodization, and the camera's shift.
-    /// Where the setup's method is an impulse response, free space is that of the nearest padded bin.
+    /// H(fx, fy) with frequencies in 1/m: free space, the aberrations that all pixels share, apodization, and the
+    /// camera's shift. If the setup's propagation method is an impulse response, free space has the value of the
+    /// nearest padded bin.
     #[must_use]
     pub fn true_transfer(&self, fx: f64, fy: f64) -> Complex64 {
         let pitch_m = self.setup.grid().pixel_pitch_m();
@@ -202,14 +204,15 @@ impl SimulatedDisplay {
         self.ideal.at(fx, fy) * shifted * self.aberration.at(aperture * fx, aperture * fy)
     }
 
-    /// What [`Self::true_transfer`] is multiplied by for the light of a place on the modulator, x and y in [−1, 1].
+    /// Factor of [`Self::true_transfer`] for the light of a position on the modulator, x and y in [−1, 1], fx and fy in
+    /// 1/m.
     #[must_use]
     pub fn local_factor(&self, x: f64, y: f64, fx: f64, fy: f64) -> Complex64 {
         let pitch_m = self.setup.grid().pixel_pitch_m();
         self.field_aberration.exponent((x, y), (2.0 * pitch_m * fx, 2.0 * pitch_m * fy)).exp()
     }
 
-    /// Amplitude of the light on a pixel of the modulator; the brightest pixel has 1.
+    /// Amplitude of the light on a pixel of the modulator, relative to the brightest pixel.
     #[must_use]
     pub fn source(&self, y: usize, x: usize) -> f64 {
         self.source.at(y, x)
@@ -221,25 +224,25 @@ impl SimulatedDisplay {
         self.modulator.response(phase_rad)
     }
 
-    /// Light that the modulator does not touch, beside a modulated amplitude of 1.
+    /// Field of the light that the modulator leaves unmodulated, relative to a modulated amplitude of 1.
     #[must_use]
     pub fn zero_order(&self) -> Complex64 {
         self.modulator.zero_order
     }
 
-    /// Where the camera samples, beside the ideal positions, (x, y) \[px\].
+    /// Shift (x, y) of the camera's samples from their ideal positions \[px\].
     #[must_use]
     pub fn shift_px(&self) -> (f64, f64) {
         self.shift_px
     }
 
-    /// Full scales of the camera for an intensity of 1.
+    /// Exposure: the camera's signal for an intensity of 1, in full scales.
     #[must_use]
     pub fn exposure(&self) -> f64 {
         self.exposure
     }
 
-    /// What the camera shows in the dark, as a fraction of full scale.
+    /// Signal of the camera in the dark, as a part of full scale.
     #[must_use]
     pub fn black_level(&self) -> f64 {
         self.camera.black_level

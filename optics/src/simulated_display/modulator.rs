@@ -1,4 +1,4 @@
-//! The spatial light modulator: what it makes of a nominal phase, and what it leaves untouched.
+//! The spatial light modulator: its phase response and its zero order.
 //!
 //! ```text
 //! r(φ) = φ + s Σ_{n = 1, 2} (a_n sin nφ + b_n cos nφ),   light on a pixel: e^{i r(φ)} + z₀
@@ -7,10 +7,10 @@
 use super::draws::{Draws, Stream};
 use num_complex::Complex64;
 
-/// The drawn modulator of one bench.
+/// The modulator of one bench, with drawn properties.
 #[derive(Clone, Debug)]
 pub(super) struct Modulator {
-    /// Sine and cosine parts of the first and second harmonic \[rad\].
+    /// Sine and cosine coefficients of the first and second harmonic \[rad\].
     harmonics: [(f64, f64); 2],
     pub(super) zero_order: Complex64,
 }
@@ -25,7 +25,7 @@ impl Modulator {
         Self { harmonics, zero_order: Complex64::from_polar(strength * draws.about(0.03), draws.angle()) }
     }
 
-    /// The phase \[rad\] shown for a nominal phase \[rad\].
+    /// The phase \[rad\] that the modulator shows for a nominal phase \[rad\].
     pub(super) fn response(&self, phase_rad: f64) -> f64 {
         let [(sine_1, cosine_1), (sine_2, cosine_2)] = self.harmonics;
         let (sine, cosine) = phase_rad.sin_cos();
@@ -33,7 +33,7 @@ impl Modulator {
         phase_rad + sine_1 * sine + cosine_1 * cosine + sine_2 * sine_double + cosine_2 * cosine_double
     }
 
-    /// The field behind a pixel that is lit with amplitude 1.
+    /// The field that leaves a pixel lit with amplitude 1, for a nominal phase \[rad\].
     pub(super) fn field(&self, phase_rad: f64) -> Complex64 {
         Complex64::cis(self.response(phase_rad)) + self.zero_order
     }

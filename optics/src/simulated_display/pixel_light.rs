@@ -1,12 +1,12 @@
-//! The light that falls on each camera pixel.
+//! The light on each camera pixel.
 //!
 //! ```text
 //! I(y, x) = 1/16 Σ_{i, j} |u(y + d_i, x + d_j)|²,   u = F⁻¹ { H · e^{i2π(fx d_j + fy d_i)} · F pad u₀ },   d = ±1/8, ±3/8 px
 //! ```
 //!
-//! The midpoint rule over a whole pixel: |u|² has twice the bandwidth of u, so samples at the pixel pitch alone would
-//! miss what lies between them. The offsets along y and x are separate phases, so that four column transforms and
-//! sixteen row transforms do for sixteen images.
+//! This is the midpoint rule over a whole pixel: |u|² has twice the bandwidth of u, so samples at the pixel pitch alone
+//! would miss detail between them. The offsets along y and x are separate phase factors, so four column transforms and
+//! sixteen row transforms are enough for sixteen images.
 
 use crate::Plane;
 use crate::grid::frequency;
@@ -18,8 +18,8 @@ use std::sync::Arc;
 
 const OFFSETS_PX: [f64; 4] = [-0.375, -0.125, 0.125, 0.375];
 
-/// Pixel-integrated intensity of a field whose spectrum, times the transfer function, has fx as rows and fy as columns on the
-/// grid padded twofold: 2·width × 2·height.
+/// Pixel-integrated intensity of a field. `spectrum` is its spectrum times the transfer function, on the grid padded
+/// twofold (2·width × 2·height), with one row for each fx and one column for each fy.
 pub(super) fn pixel_light(spectrum: &Plane<Complex64>) -> Plane<f64> {
     let (height_px, width_px) = (spectrum.width_px() / 2, spectrum.height_px() / 2);
     let inverse_y = FftPlanner::new().plan_fft_inverse(2 * height_px);
@@ -36,12 +36,12 @@ pub(super) fn pixel_light(spectrum: &Plane<Complex64>) -> Plane<f64> {
             }
         });
     }
-    // Amplitudes are scaled by 1/(number of padded samples), the inverse transform's share.
+    // The inverse transform needs amplitudes scaled by 1/(number of padded samples).
     let scale = 1.0 / ((4 * height_px * width_px) as f64).powi(2) / (OFFSETS_PX.len() as f64).powi(2);
     light.map(|value| value * scale)
 }
 
-/// H · F pad u₀, one row for each fx.
+/// Computes H · F pad u₀, with one row for each fx.
 pub(super) fn spectrum_by_column(field: &Plane<Complex64>, transfer_by_column: &Plane<Complex64>) -> Plane<Complex64> {
     let (height_px, width_px) = (field.height_px(), field.width_px());
     let forward_x = FftPlanner::new().plan_fft_forward(2 * width_px);
@@ -60,7 +60,8 @@ pub(super) fn spectrum_by_column(field: &Plane<Complex64>, transfer_by_column: &
     spectrum
 }
 
-/// The columns back in space, moved by an offset, cropped to the field's rows; one row for each fx.
+/// Transforms the columns back to space, shifted by an offset and cropped to the field's rows, with one row for each
+/// fx.
 fn offset_columns(spectrum: &Plane<Complex64>, phases: &[Complex64], inverse: &Arc<dyn Fft<f64>>) -> Plane<Complex64> {
     let height_px = spectrum.width_px() / 2;
     let mut columns = Plane::filled(spectrum.height_px(), height_px, Complex64::ZERO);

@@ -1,16 +1,16 @@
-//! A camera that is turned, and an image that has wandered.
+//! Rotation of the camera and drift of the image.
 //!
 //! ```text
-//! seen(p) = light( m + R (p − m) + d ),   R a rotation about the middle m, d the way that the image has wandered
+//! seen(p) = light( m + R (p − m) + d ),   R a rotation about the middle m, d the drift of the image
 //! ```
 //!
-//! Between pixels the light is Catmull and Rom's cubic: what an image loses of its finest detail by that is a blur that a turned
-//! camera's pixels would cause as well.
+//! Light between pixels is interpolated by Catmull and Rom's cubic. It blurs the finest detail of the image, but the
+//! pixels of a turned camera would blur that as well.
 
 use crate::Plane;
 use rayon::prelude::*;
 
-/// The light as a camera sees it that is turned about the middle and moved.
+/// The light that a camera sees when it is turned about the middle and the image has drifted.
 pub(super) fn placed(light: &Plane<f64>, rotation_rad: f64, (dx_px, dy_px): (f64, f64)) -> Plane<f64> {
     if rotation_rad == 0.0 && dx_px == 0.0 && dy_px == 0.0 {
         return light.clone();
@@ -29,7 +29,7 @@ pub(super) fn placed(light: &Plane<f64>, rotation_rad: f64, (dx_px, dy_px): (f64
     seen
 }
 
-/// The light between pixels; the edge goes on outside.
+/// Interpolates the light between pixels. Beyond the edge, the values of the edge continue.
 fn cubic(light: &Plane<f64>, y: f64, x: f64) -> f64 {
     let weights = |t: f64| {
         let (t2, t3) = (t * t, t * t * t);

@@ -1,13 +1,14 @@
-//! Speckle that is always the same: light that dust and coatings scatter into the image.
+//! A fixed speckle pattern: light that dust and coatings scatter into the image.
 //!
 //! ```text
-//! factor = 1 + c (e − 1),   e exponential with mean 1, c the contrast
+//! factor = 1 + c (e − 1),   e exponentially distributed with mean 1, c the contrast
 //! ```
 
 use super::draws::{Draws, Stream};
 use crate::{Grid, Plane};
 
-/// What each camera pixel's light is multiplied by; its mean is 1, its standard deviation the contrast.
+/// Draws the factor of each camera pixel's light, with mean 1 and the contrast as standard deviation. `None` without
+/// contrast.
 pub(super) fn draw(grid: &Grid, seed: u64, contrast: f64) -> Option<Plane<f64>> {
     if contrast <= 0.0 {
         return None;
@@ -27,7 +28,7 @@ mod tests {
         let factors = draw(&grid, 3, 0.2).unwrap();
         let mean = factors.values().iter().sum::<f64>() / 60_000.0;
         let variance = factors.values().iter().map(|factor| (factor - mean).powi(2)).sum::<f64>() / 60_000.0;
-        // Three standard errors: of the mean 0.2/√60000, of the deviation twice that.
+        // Tolerances are three standard errors: 0.2/√60000 for the mean, twice that for the deviation.
         assert!((mean - 1.0).abs() < 0.003 && (variance.sqrt() - 0.2).abs() < 0.005, "{mean}, {}", variance.sqrt());
         assert_eq!(draw(&grid, 3, 0.0), None);
     }
