@@ -165,7 +165,7 @@ mod tests {
         assert!((ideal.strehl - 1.0).abs() < 1e-9, "{}", ideal.strehl);
         assert_eq!(ideal.shift_px, [0.0, 0.0]);
         for axis in 0..2 {
-            // sinc² has half its height at ±0.443 px; straight lines between samples cost a little.
+            // sinc² has half its height at ±0.443 px; linear interpolation between samples adds a small error.
             assert!((ideal.fwhm_px[axis] - 0.886).abs() < 0.03, "{}", ideal.fwhm_px[axis]);
             for (i, value) in ideal.mtf[axis].iter().enumerate() {
                 assert!((value - (1.0 - i as f64 / BAND as f64)).abs() < 1e-9, "{i}: {value}");

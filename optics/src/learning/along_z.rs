@@ -5,10 +5,10 @@
 //! ```
 //!
 //! z₁ is the nearest and z_n the farthest of the n photographed distances, T_k are Chebyshev polynomials; the degree is
-//! n − 1, but at most two. Propagation is exact at each z: only the errors of the optics are polynomials of z. Source, phase response and
-//! zero order belong to the modulator and are the same at all z. The tilts of ψ, which move the image, are not
-//! polynomials: the camera was set up anew at each distance, so each distance has its own tilts. Between neighbouring
-//! distances the tilts are interpolated linearly.
+//! n − 1, but at most two. Propagation is exact at each z: only the errors of the optics are polynomials of z. Source,
+//! phase response and zero order belong to the modulator and are the same at all z. The tilts of ψ, which move the
+//! image, are not polynomials: the camera was set up anew at each distance, so each distance has its own tilts. Between
+//! neighbouring distances the tilts are interpolated linearly.
 
 use super::layout::{Layout, Part};
 use crate::chebyshev::polynomials;

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// All that the next step depends on.
+/// State of the fit of a model of bins: all that the next step depends on.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct BinsState {
     /// Two numbers for each bin, column after column: amplitude and phase (`paper`), or real and imaginary part

@@ -13,7 +13,7 @@ use num_complex::Complex64;
 
 /// Highest total degree of the source profile.
 pub(super) const SOURCE_ORDER: usize = 4;
-/// Harmonics of the phase response.
+/// Number of harmonics of the phase response.
 pub(super) const HARMONICS: usize = 3;
 /// Highest total degree of the kernel's variation over the SLM: that of third-order aberrations.
 const VARIATION_ORDER: usize = 4;
@@ -34,9 +34,9 @@ pub(super) struct Layout {
 pub(super) enum Part {
     /// The terms T_1(fx) and T_1(fy) of the kernel's phase, which move the image.
     Tilt,
-    /// Any other term of the kernel.
+    /// A term of the kernel other than these tilts.
     Kernel,
-    /// Source, phase response, zero order, or variation over the SLM.
+    /// A parameter of the source, the phase response, the zero order, or the variation over the SLM.
     Slm,
 }
 

@@ -6,11 +6,10 @@
 //!
 //! φ is the hologram, photo its photograph. w is 1 in the region of interest and 0 where the camera saturates, as in
 //! [`compare`], which judges finished models. s and o are gain and offset of the exposure: each photograph has its own.
-//! Only `paper` and `dense` share one pair of s and o among all photographs and fit it after each epoch. There are two
-//! families of models:
-//! [`parametric`] models describe the display by some dozens or hundreds of numbers, [`bins`] models by two numbers for
-//! each frequency. A display that was photographed at several distances can be learned as [one](Learner::start_joint),
-//! and its kernel can be [interpolated] between the distances.
+//! Only `paper` and `dense` share one pair of s and o among all photographs and fit it after each epoch. [`parametric`]
+//! models describe the display by some dozens or hundreds of numbers, [`bins`] models by two numbers for each
+//! frequency. A display that was photographed at several distances can be learned as [one](Learner::start_joint), and
+//! its kernel can be [interpolated] between the distances.
 //!
 //! Learning is a sequence of [steps](Learner::step). It can stop after any step and go on later: [`Learner::state`] is
 //! all that the next step depends on.
@@ -45,7 +44,7 @@ pub enum KernelModel {
     /// Amplitude and phase of H at each bin where |f| < 1/4Δ, zero elsewhere; they start as uniform random numbers in
     /// [0, 1). K. Kavaklı, H. Ürey and K. Akşit, Applied Optics 61, B50 (2022).
     Paper,
-    /// H free at every bin of the padded spectrum, starting from free space.
+    /// H as a free parameter at every bin of the padded spectrum, starting from free space.
     Dense,
     /// H = H_ideal · exp(α + iψ) with smooth α and ψ.
     Smooth,
@@ -103,7 +102,7 @@ pub struct LearnOptions {
     pub seed: u64,
     /// Region of the photographs that is compared.
     pub region: RegionOfInterest,
-    /// What the camera's pixels measure.
+    /// Model of how a camera pixel measures light.
     pub detector: Detector,
     /// The display's carrier, if it has one.
     pub carrier: Option<Carrier>,

@@ -36,7 +36,7 @@ const PATIENCE: u32 = 6;
 /// kernel is kept, because a varying kernel makes every hologram more expensive.
 const VARIATION_WORTH: f64 = 0.1;
 
-/// All that the next step depends on.
+/// State of the fit of a parametric model: all that the next step depends on.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ParametricState {
     /// θ, in the order of the internal layout.

@@ -35,7 +35,7 @@ pub struct ResponseUncertainty {
 /// Covariance of the coefficients [a_k, b_k] of a phase response.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ResponseCovariance {
-    /// \[rad²\], row after row.
+    /// Covariance matrix \[rad²\], row after row.
     matrix: [[f64; 2 * HARMONICS]; 2 * HARMONICS],
 }
 
@@ -115,7 +115,7 @@ impl ResponseUncertainty {
 }
 
 impl ResponseCovariance {
-    /// Standard deviation of r(φ) at a wanted phase \[rad\].
+    /// Standard deviation of r(φ) \[rad\] for a wanted phase φ \[rad\].
     #[must_use]
     pub fn deviation_rad(&self, phase_rad: f64) -> f64 {
         let slope: [f64; 2 * HARMONICS] = std::array::from_fn(|i| {
