@@ -7,13 +7,13 @@ use std::fmt::Write;
 const PREFIX: &str = "sha256-";
 const HEX_DIGITS: usize = 64;
 
-/// The digest of `bytes`.
+/// Returns the digest of `bytes`.
 #[must_use]
 pub fn digest_of(bytes: &[u8]) -> String {
     name(Sha256::new_with_prefix(bytes))
 }
 
-/// Whether `digest` is one. What passes is a plain file name: no separator, no dot.
+/// Checks that `digest` is well formed. A well-formed digest is a plain file name: it has no separator and no dot.
 ///
 /// # Errors
 ///
@@ -25,7 +25,7 @@ pub fn check_digest(digest: &str) -> Result<(), ArtifactError> {
     if good { Ok(()) } else { Err(ArtifactError::BadDigest { digest: digest.chars().take(100).collect() }) }
 }
 
-/// The digest of everything that was hashed.
+/// Returns the digest of all bytes that `hasher` has seen.
 pub(super) fn name(hasher: Sha256) -> String {
     let mut name = String::with_capacity(PREFIX.len() + HEX_DIGITS);
     name.push_str(PREFIX);
@@ -36,7 +36,7 @@ pub(super) fn name(hasher: Sha256) -> String {
     name
 }
 
-/// The subfolder of a checked digest: its first two hexadecimal digits.
+/// The subfolder of a blob: the first two hexadecimal digits of its digest, which the caller has checked.
 pub(super) fn shard(digest: &str) -> &str {
     &digest[PREFIX.len()..PREFIX.len() + 2]
 }

@@ -1,4 +1,4 @@
-//! What can go wrong with artifacts.
+//! Errors of the artifact folder.
 
 use std::io;
 use std::path::PathBuf;
@@ -6,97 +6,97 @@ use std::path::PathBuf;
 /// Why an artifact could not be written or read.
 #[derive(Debug, thiserror::Error)]
 pub enum ArtifactError {
-    /// Not a digest.
+    /// The digest is malformed.
     #[error("digest \"{digest}\" is malformed, but must be `sha256-` and 64 lower-case hexadecimal digits")]
     BadDigest {
-        /// What was given.
+        /// Digest in the request.
         digest: String,
     },
-    /// Not on disk.
+    /// No artifact with this digest is on disk.
     #[error("artifact {digest} does not exist")]
     NotFound {
-        /// The blob's digest.
+        /// Digest of the artifact.
         digest: String,
     },
-    /// The file no longer has the content that its name promises.
+    /// The file's content no longer matches its digest.
     #[error("the stored bytes of artifact {digest} no longer match its digest; upload it again")]
     DataLoss {
-        /// The blob's digest.
+        /// Digest of the artifact.
         digest: String,
     },
-    /// A read past the end.
+    /// A read starts past the end of the artifact.
     #[error("offset_bytes is {offset_bytes}, but must be at most the artifact's size of {size_bytes}")]
     OutOfRange {
-        /// First byte wanted.
+        /// First byte of the read.
         offset_bytes: u64,
-        /// Size of the blob.
+        /// Size of the artifact \[bytes\].
         size_bytes: u64,
     },
-    /// An upload does not go on where it stopped.
+    /// A chunk of an upload does not start where the stored part ends.
     #[error("offset_bytes is {offset_bytes}, but must be 0 or the {received_bytes} bytes received so far")]
     WrongOffset {
-        /// Where the first chunk was said to belong.
+        /// Offset in the request \[bytes\].
         offset_bytes: u64,
-        /// What is here.
+        /// Bytes of the upload that are stored.
         received_bytes: u64,
     },
-    /// Somebody uploads the same artifact right now.
+    /// Another call is uploading the same artifact.
     #[error("artifact {digest} is being uploaded by another call; retry when that has ended")]
     UploadBusy {
-        /// The blob's digest.
+        /// Digest of the artifact.
         digest: String,
     },
-    /// More or fewer bytes than announced.
+    /// The upload has more or fewer bytes than announced.
     #[error("{received_bytes} bytes arrived, but size_bytes is {size_bytes}")]
     WrongSize {
-        /// What arrived.
+        /// Bytes that arrived.
         received_bytes: u64,
-        /// What was announced.
+        /// Bytes that were announced.
         size_bytes: u64,
     },
-    /// The bytes do not hash to the digest.
+    /// The uploaded bytes do not match the announced digest.
     #[error("the content hashes to {found}, but digest is {digest}; upload it again from the start")]
     WrongDigest {
-        /// What was announced.
+        /// Digest that was announced.
         digest: String,
-        /// What arrived.
+        /// Digest of the bytes that arrived.
         found: String,
     },
-    /// No space left.
+    /// The disk is full.
     #[error("no space is left on the disk of the artifacts")]
     DiskFull,
-    /// Little space left: what there is belongs to work that was accepted before.
+    /// The rest of the disk is reserved for jobs and uploads that the server has already accepted.
     #[error(
         "the server's disk has {} MiB left, and {} of them are kept for work that it has accepted; make room there",
         free_bytes >> 20,
         reserve_bytes >> 20
     )]
     DiskLow {
-        /// What is free.
+        /// Free space on the disk \[bytes\].
         free_bytes: u64,
-        /// What new work must leave free.
+        /// Space that new work must leave free \[bytes\].
         reserve_bytes: u64,
     },
-    /// All artifacts together have as many bytes as they may.
+    /// All artifacts together have reached their limit.
     #[error("artifacts have {} of {} MiB that they may have; delete old jobs, or raise stored_mib_max", stored_bytes >> 20, stored_bytes_max >> 20)]
     QuotaSpent {
-        /// What they have.
+        /// Size of all artifacts \[bytes\].
         stored_bytes: u64,
-        /// What they may have.
+        /// Limit on the size of all artifacts \[bytes\].
         stored_bytes_max: u64,
     },
-    /// Another process works in the data folder.
+    /// Another process uses the data folder.
     #[error("{} is held by another process; stop it, or name another data folder (--data-dir)", path.display())]
     Locked {
-        /// The lock file.
+        /// Path of the lock file.
         path: PathBuf,
     },
-    /// Anything else from the file system.
+    /// Any other error of the file system.
     #[error("could not {action}")]
     Io {
-        /// What was tried.
+        /// The operation that failed.
         action: &'static str,
-        /// What the system said.
+        /// Error of the operating system.
         source: io::Error,
     },
 }
@@ -109,7 +109,7 @@ impl ArtifactError {
         }
     }
 
-    /// The same call may succeed later without anybody doing anything but making room.
+    /// Whether the same call may succeed later, if necessary after an operator has made room on the disk.
     #[must_use]
     pub fn is_transient(&self) -> bool {
         match self {

@@ -1,4 +1,4 @@
-//! Blobs of one folder, spread over 256 subfolders. Everything here blocks.
+//! Blobs of one folder, spread over 256 subfolders. All functions block.
 
 use super::digest::{check_digest, digest_of, name, shard};
 use super::{ArtifactError, CHUNK_BYTES};
@@ -16,18 +16,18 @@ pub(super) struct Folder {
 }
 
 impl Folder {
-    /// Blobs below `root`, written by way of `temporary`, a folder of the same file system.
+    /// Blobs below `root`. `temporary` holds files that are being written and must be on the same file system.
     pub(super) fn new(root: PathBuf, temporary: PathBuf) -> Self {
         Self { root, temporary }
     }
 
-    /// Stores bytes, on disk when this returns.
+    /// Stores bytes and returns their digest. The bytes are on disk when this returns.
     pub(super) fn put(&self, bytes: &[u8]) -> Result<String, ArtifactError> {
         let digest = digest_of(bytes);
         let temporary = self.temporary.join(Uuid::now_v7().to_string());
         let written = self.put_by_way_of(&temporary, bytes, &digest);
         if written.is_err() {
-            // The error that matters is the first one; a leftover goes at the next start.
+            // The first error is reported. The next start removes a temporary file that remains.
             let _ = fs::remove_file(&temporary);
         }
         written.map(|()| digest)
@@ -43,7 +43,7 @@ impl Folder {
         self.publish(&file, temporary, digest)
     }
 
-    /// Stores what `from` holds, where that is what the digest promises; its size \[bytes\].
+    /// Stores the content of `from` if it matches `digest`, and returns its size \[bytes\].
     pub(super) fn receive(&self, from: &mut File, digest: &str) -> Result<u64, ArtifactError> {
         check_digest(digest)?;
         let temporary = self.temporary.join(Uuid::now_v7().to_string());
@@ -58,7 +58,7 @@ impl Folder {
         let mut copy = || -> io::Result<(File, u64, String)> {
             let mut file = File::options().read(true).write(true).create_new(true).open(temporary)?;
             let size_bytes = io::copy(from, &mut file)?;
-            // What counts is what the copy holds, not what was read for it.
+            // Hash the bytes of the copy, not the bytes that were read for it.
             file.seek(SeekFrom::Start(0))?;
             let found = name(hash_rest(&mut file)?);
             Ok((file, size_bytes, found))
@@ -71,7 +71,7 @@ impl Folder {
         Ok(size_bytes)
     }
 
-    /// Flushes a complete file to disk and gives it the name of its digest, which the caller has checked.
+    /// Flushes a complete file to disk and renames it to its digest, which the caller has checked.
     pub(super) fn publish(&self, file: &File, path: &Path, digest: &str) -> Result<(), ArtifactError> {
         let shard = self.root.join(shard(digest));
         let publish = || -> io::Result<()> {
@@ -88,7 +88,7 @@ impl Folder {
         publish().map_err(|error| ArtifactError::io("store a file", error))
     }
 
-    /// A whole blob, checked.
+    /// Reads a whole blob and checks it against its digest.
     pub(super) fn read(&self, digest: &str) -> Result<Vec<u8>, ArtifactError> {
         let (mut file, size_bytes) = self.open(digest)?;
         let mut bytes = Vec::with_capacity(usize::try_from(size_bytes).unwrap_or(0));
@@ -99,7 +99,7 @@ impl Folder {
         Ok(bytes)
     }
 
-    /// The file of a blob and its size, once the content was checked; at its start.
+    /// Opens a blob, checks its content, and returns the file, positioned at its start, and its size \[bytes\].
     pub(super) fn open_verified(&self, digest: &str) -> Result<(File, u64), ArtifactError> {
         let (mut file, size_bytes) = self.open(digest)?;
         let found = hash_rest(&mut file)
@@ -128,7 +128,7 @@ impl Folder {
         }
     }
 
-    /// Digests of all blobs.
+    /// Digests of all blobs in the folder.
     pub(super) fn list(&self) -> Result<Vec<String>, ArtifactError> {
         let list = || -> io::Result<Vec<String>> {
             let mut digests = Vec::new();
@@ -158,14 +158,14 @@ impl Folder {
         })
     }
 
-    /// Where a blob is. The check keeps every path inside the folder.
+    /// Path of a blob. The check of the digest keeps every path inside the folder.
     fn path(&self, digest: &str) -> Result<PathBuf, ArtifactError> {
         check_digest(digest)?;
         Ok(self.root.join(shard(digest)).join(digest))
     }
 }
 
-/// Hashes a file from where it stands to its end.
+/// Hashes a file from its current position to its end.
 pub(super) fn hash_rest(file: &mut File) -> io::Result<Sha256> {
     let mut hasher = Sha256::new();
     let mut chunk = vec![0; CHUNK_BYTES];
@@ -185,7 +185,7 @@ pub(super) fn empty(folder: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// A rename is durable only once its folder is.
+/// Flushes a folder to disk: a rename is durable only after this.
 pub(super) fn flush_folder(folder: &Path) -> io::Result<()> {
     fail::point("folder.flush")?;
     File::open(folder)?.sync_all()

@@ -1,5 +1,5 @@
-//! The files of a data folder as they lie there, without working in it: for checks and backups, beside a server that
-//! runs. Everything here blocks.
+//! Read access to the files of a data folder, for checks and backups while a server may be running. All functions
+//! block.
 
 use super::digest::check_digest;
 use super::folder::{Folder, flush_folder};
@@ -8,19 +8,19 @@ use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Held shared while somebody copies the folder; the server removes no artifact meanwhile.
+/// Lock file that a backup holds shared while it copies the folder. The server removes no artifact meanwhile.
 pub(super) const KEEP_LOCK: &str = "keep.lock";
 
-/// Which of the two kinds of blobs.
+/// Kind of a blob.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BlobKind {
-    /// What clients see.
+    /// A file that clients can upload or download.
     Artifact,
     /// The saved state of a job.
     Checkpoint,
 }
 
-/// The blobs below one folder.
+/// The blobs of one data folder.
 #[derive(Debug)]
 pub struct Inventory {
     data_dir: PathBuf,
@@ -29,14 +29,14 @@ pub struct Inventory {
 }
 
 impl Inventory {
-    /// The blobs below `data_dir`, which need not exist.
+    /// The blobs below `data_dir`. The folder may be missing.
     #[must_use]
     pub fn of(data_dir: &Path) -> Self {
         let folder = |name| Folder::new(data_dir.join(name), data_dir.join("tmp"));
         Self { data_dir: data_dir.to_owned(), artifacts: folder("artifacts"), checkpoints: folder("checkpoints") }
     }
 
-    /// Makes the folders, for a place that blobs are copied to.
+    /// Creates the folders of a copy below `data_dir`.
     ///
     /// # Errors
     ///
@@ -48,7 +48,7 @@ impl Inventory {
         Ok(Self::of(data_dir))
     }
 
-    /// While the returned lock lives, a server that works here removes no artifact.
+    /// Locks the folder: while the returned lock lives, the server removes no artifact.
     ///
     /// # Errors
     ///
@@ -57,26 +57,28 @@ impl Inventory {
         lock_shared(&self.data_dir.join(KEEP_LOCK))
     }
 
-    /// Reads a blob whole and compares it with its digest; its size \[bytes\].
+    /// Reads a whole blob, compares it with its digest, and returns its size \[bytes\].
     ///
     /// # Errors
     ///
-    /// [`ArtifactError::NotFound`]; [`ArtifactError::DataLoss`] where the bytes are others; [`ArtifactError::BadDigest`].
+    /// [`ArtifactError::NotFound`]; [`ArtifactError::DataLoss`] if the content does not match the digest;
+    /// [`ArtifactError::BadDigest`].
     pub fn verify(&self, kind: BlobKind, digest: &str) -> Result<u64, ArtifactError> {
         Ok(self.folder(kind).open_verified(digest)?.1)
     }
 
-    /// Copies a blob to another folder; the copy is checked and on disk when this returns. Its size \[bytes\].
+    /// Copies a blob to another folder and returns its size \[bytes\]. The copy is checked and on disk when this
+    /// returns.
     ///
     /// # Errors
     ///
-    /// As [`Self::verify`]; [`ArtifactError::DiskFull`] of the other disk.
+    /// The errors of [`Self::verify`]; [`ArtifactError::DiskFull`] if the other disk is full.
     pub fn copy(&self, kind: BlobKind, digest: &str, to: &Self) -> Result<u64, ArtifactError> {
         let (mut from, _) = self.folder(kind).open(digest)?;
         to.folder(kind).receive(&mut from, digest)
     }
 
-    /// Digests of all files of a kind.
+    /// Digests of all blobs of a kind.
     ///
     /// # Errors
     ///
@@ -85,7 +87,7 @@ impl Inventory {
         self.folder(kind).list()
     }
 
-    /// Files that are being written, or that a dead server left half written.
+    /// Counts the files that are being written or were left half written when a server died.
     ///
     /// # Errors
     ///
@@ -98,7 +100,7 @@ impl Inventory {
         }
     }
 
-    /// Flushes the folders themselves: after this, what was copied survives a power failure.
+    /// Flushes the folders: after this, the copied blobs survive a power failure.
     ///
     /// # Errors
     ///
@@ -117,7 +119,7 @@ impl Inventory {
     }
 }
 
-/// Hashes a file of any name; how backups prove that their database is the one that was written.
+/// Hashes a file of any name. Backups compare the digest with that of the database they wrote.
 ///
 /// # Errors
 ///

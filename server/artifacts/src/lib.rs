@@ -1,25 +1,27 @@
 //! Content-addressed files: targets, phases, photographs, reconstructions, kernels, and the checkpoints of jobs.
 //!
-//! A blob is named by its digest and written once: a temporary file of the same file system, hashed while it is
-//! written, is flushed to disk, renamed to its name, and the folder is flushed too. Only then may the caller record
-//! it in the store. So a recorded blob is complete, whenever the power fails, and a half-written one has no name.
+//! The name of a blob is its digest, and a blob is written only once. A temporary file on the same file system is
+//! hashed while it is written, flushed to disk, and renamed to the digest; then the folder is flushed. Only after that
+//! may the caller record the blob in the store. So every recorded blob is complete even after a power failure, and a
+//! half-written file never has the name of a blob.
 //!
 //! ```text
 //! DATA_DIR/artifacts/ab/sha256-ab…     blobs
-//! DATA_DIR/checkpoints/ab/sha256-ab…   resumable state of running jobs; no artifacts, nobody can download them
-//! DATA_DIR/uploads/sha256-….part       what has arrived of interrupted uploads
+//! DATA_DIR/checkpoints/ab/sha256-ab…   resumable states of running jobs; clients cannot download them
+//! DATA_DIR/uploads/sha256-….part       stored parts of interrupted uploads
 //! DATA_DIR/tmp/                        files being written; emptied at start
-//! DATA_DIR/lock                        held by the only process that works here
-//! DATA_DIR/keep.lock                   held by backups: no artifact is removed meanwhile
+//! DATA_DIR/lock                        held by the one process that uses the folder
+//! DATA_DIR/keep.lock                   held by backups: the server removes no artifact meanwhile
 //! ```
 //!
-//! These are plain files and not the `object_store` crate's local backend, because that one neither flushes to disk
-//! unless told nor resumes an upload. File access runs on blocking threads, never on the async runtime's.
+//! The crate writes plain files and does not use the local backend of the `object_store` crate: that backend does not
+//! flush to disk by default and cannot resume an upload. File access runs on blocking threads, never on the threads of
+//! the async runtime.
 //!
 //! # Layout
 //!
-//! - `digest`: names. `folder`: blobs of one folder. `upload`: resumable uploads. `read`: streaming. `error`.
-//! - `space`: room on the disk. `inventory`: the files as they lie, for checks and backups beside a server that runs.
+//! - `digest`: names of blobs. `folder`: blobs of one folder. `upload`: resumable uploads. `read`: streaming. `error`.
+//! - `space`: free space on the disk. `inventory`: read access for checks and backups while a server may be running.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod digest;
@@ -61,31 +63,31 @@ struct Inner {
     uploads: PathBuf,
     data_dir: PathBuf,
     space: Space,
-    /// Shared from before a blob gets its name until the store has recorded it; a collection takes it alone, so that it
-    /// never removes a file that is about to be recorded again.
+    /// A writer holds this lock shared from before a blob gets its name until the store has recorded the blob. A
+    /// collection of artifacts holds it alone, so that it never removes a file that is about to be recorded again.
     publishing: Arc<RwLock<()>>,
-    /// Digests that somebody is uploading right now.
+    /// Digests of artifacts that are being uploaded.
     uploading: Mutex<HashSet<String>>,
-    /// Unlocked by the system when the process ends, however it ends.
+    /// Lock of the data folder. The operating system releases it when the process ends, even after a crash.
     _lock: File,
 }
 
 impl Artifacts {
-    /// Opens, and makes where missing, the folders below `data_dir`; removes what an earlier process left half
-    /// written and uploads that nobody went on with for [`UPLOAD_AGE_MAX`].
+    /// Opens the folders below `data_dir` and creates those that are missing. Removes files that an earlier process
+    /// left half written, and uploads that have not grown for [`UPLOAD_AGE_MAX`].
     ///
     /// # Errors
     ///
-    /// [`ArtifactError::Locked`] where another process works in this folder; [`ArtifactError::Io`].
+    /// [`ArtifactError::Locked`] if another process uses this folder; [`ArtifactError::Io`].
     pub fn open(data_dir: &Path) -> Result<Self, ArtifactError> {
         Self::open_within(data_dir, SpaceLimits::default())
     }
 
-    /// [`Self::open`], with limits on what new work may use.
+    /// Does the same as [`Self::open`], with limits on the space that new work may use.
     ///
     /// # Errors
     ///
-    /// As [`Self::open`].
+    /// The errors of [`Self::open`].
     pub fn open_within(data_dir: &Path, limits: SpaceLimits) -> Result<Self, ArtifactError> {
         let make = |name: &str| -> Result<PathBuf, ArtifactError> {
             let path = data_dir.join(name);
@@ -112,12 +114,13 @@ impl Artifacts {
         })
     }
 
-    /// To be held from before a blob is stored until the store has recorded it.
+    /// Returns a lock that prevents a collection of artifacts. The caller takes it before it stores a blob and drops it
+    /// after the store has recorded the blob.
     pub async fn publishing(&self) -> OwnedRwLockReadGuard<()> {
         Arc::clone(&self.inner.publishing).read_owned().await
     }
 
-    /// To be held while artifacts are collected; `None` while somebody copies the folder.
+    /// Returns a lock to hold while unused artifacts are removed; `None` while a backup copies the folder.
     ///
     /// # Errors
     ///
@@ -138,22 +141,22 @@ impl Artifacts {
         self.blocking(move |inner| inner.blobs.put(&bytes)).await
     }
 
-    /// A whole blob, checked against its digest.
+    /// Reads a whole blob and checks it against its digest.
     ///
     /// # Errors
     ///
-    /// [`ArtifactError::NotFound`]; [`ArtifactError::DataLoss`] where the file does not match the digest.
+    /// [`ArtifactError::NotFound`]; [`ArtifactError::DataLoss`] if the file does not match the digest.
     pub async fn read_all(&self, digest: &str) -> Result<Vec<u8>, ArtifactError> {
         let digest = digest.to_owned();
         self.blocking(move |inner| inner.blobs.read(&digest)).await
     }
 
-    /// Checks a blob against its digest, then hands out its bytes from `offset_bytes` on, at most `limit_bytes`
-    /// of them (0: to the end).
+    /// Checks a blob against its digest, then returns a reader of its bytes from `offset_bytes` on. The reader returns
+    /// at most `limit_bytes` (0: to the end).
     ///
     /// # Errors
     ///
-    /// As [`Self::read_all`]; [`ArtifactError::OutOfRange`] where the offset is past the end.
+    /// The errors of [`Self::read_all`]; [`ArtifactError::OutOfRange`] if the offset is past the end.
     pub async fn read(
         &self,
         digest: &str,
@@ -168,7 +171,7 @@ impl Artifacts {
         .await
     }
 
-    /// Size of a blob, where it is on disk \[bytes\]. The bytes are not checked.
+    /// Size of a blob \[bytes\]; `None` if it is not on disk. The content is not checked.
     ///
     /// # Errors
     ///
@@ -178,7 +181,7 @@ impl Artifacts {
         self.blocking(move |inner| inner.blobs.size(&digest)).await
     }
 
-    /// Removes a blob; that it is gone already is fine.
+    /// Removes a blob. A missing blob is no error.
     ///
     /// # Errors
     ///
@@ -197,17 +200,17 @@ impl Artifacts {
         self.blocking(move |inner| inner.checkpoints.put(&bytes)).await
     }
 
-    /// A checkpoint, checked against its digest.
+    /// Reads a checkpoint and checks it against its digest.
     ///
     /// # Errors
     ///
-    /// As [`Self::read_all`].
+    /// The errors of [`Self::read_all`].
     pub async fn read_checkpoint(&self, digest: &str) -> Result<Vec<u8>, ArtifactError> {
         let digest = digest.to_owned();
         self.blocking(move |inner| inner.checkpoints.read(&digest)).await
     }
 
-    /// Removes a checkpoint; that it is gone already is fine.
+    /// Removes a checkpoint. A missing checkpoint is no error.
     ///
     /// # Errors
     ///
@@ -226,7 +229,7 @@ impl Artifacts {
         self.blocking(|inner| inner.checkpoints.list()).await
     }
 
-    /// Runs file access where it may block. It runs to its end even where the caller goes away.
+    /// Runs file access on a thread that may block. The work runs to its end even if the caller drops the future.
     async fn blocking<T, F>(&self, work: F) -> Result<T, ArtifactError>
     where
         T: Send + 'static,
@@ -251,7 +254,7 @@ where
     }
 }
 
-/// The right to remove artifacts; nobody publishes one and nobody copies them while it lives.
+/// Permission to remove artifacts: while it lives, no artifact is published and no backup copies the folder.
 #[derive(Debug)]
 pub struct Collecting {
     _alone: OwnedRwLockWriteGuard<()>,
@@ -262,7 +265,7 @@ fn lock(path: &Path) -> Result<File, ArtifactError> {
     try_lock(path)?.ok_or_else(|| ArtifactError::Locked { path: path.to_owned() })
 }
 
-/// The lock, where nobody holds it.
+/// Locks the file; `None` if it is locked already.
 fn try_lock(path: &Path) -> Result<Option<File>, ArtifactError> {
     let options = File::options().create(true).truncate(false).write(true).open(path);
     let file = options.map_err(|error| ArtifactError::io("open a lock file", error))?;
@@ -273,7 +276,7 @@ fn try_lock(path: &Path) -> Result<Option<File>, ArtifactError> {
     }
 }
 
-/// Waits for the lock, and shares it with others who share.
+/// Waits for a shared lock on the file.
 fn lock_shared(path: &Path) -> Result<File, ArtifactError> {
     let options = File::options().create(true).truncate(false).write(true).open(path);
     let file = options.map_err(|error| ArtifactError::io("open a lock file", error))?;

@@ -4,11 +4,11 @@ use super::{ArtifactError, blocking};
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 
-/// Size of the pieces that blobs are read and hashed in \[bytes\]: large enough that a call costs nothing beside its
-/// bytes, small enough for a message.
+/// Size of the pieces in which blobs are read and hashed \[bytes\]: large enough to make the cost of a call negligible,
+/// small enough for a gRPC message.
 pub const CHUNK_BYTES: usize = 1 << 20;
 
-/// The bytes of a range of a blob.
+/// Reader of a range of a blob.
 #[derive(Debug)]
 pub struct ArtifactReader {
     file: Option<File>,
@@ -38,13 +38,13 @@ impl ArtifactReader {
         self.size_bytes
     }
 
-    /// Bytes of the range that are still to come.
+    /// Bytes of the range that have not been read yet.
     #[must_use]
     pub fn left_bytes(&self) -> u64 {
         self.left_bytes
     }
 
-    /// The next piece, at most [`CHUNK_BYTES`] long; `None` at the end of the range.
+    /// Returns the next piece, at most [`CHUNK_BYTES`] long; `None` at the end of the range.
     ///
     /// # Errors
     ///

@@ -1,16 +1,16 @@
-//! Room on the disk: a reserve that no new work may use, so that what was accepted can end, and a limit on all artifacts.
+//! Limits on disk space: a reserve that only accepted work may use, and a limit on the size of all artifacts.
 
 use super::{ArtifactError, Artifacts};
 use rustix::fs::statvfs;
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// What new uploads and jobs must leave free.
+/// Limits on the space that new uploads and jobs may use.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SpaceLimits {
-    /// Bytes of the disk that only accepted work may use.
+    /// Free space that only accepted work may use \[bytes\].
     pub reserve_bytes: u64,
-    /// Most bytes of all artifacts together; 0: no limit but the disk.
+    /// Limit on the size of all artifacts together \[bytes\]; 0: no limit.
     pub stored_bytes_max: u64,
 }
 
@@ -27,7 +27,7 @@ impl Space {
 }
 
 impl Artifacts {
-    /// Bytes that are free on the disk of the data folder.
+    /// Free space on the disk of the data folder \[bytes\].
     ///
     /// # Errors
     ///
@@ -36,18 +36,18 @@ impl Artifacts {
         free_bytes(&self.inner.data_dir)
     }
 
-    /// What new work must leave free.
+    /// The limits on the space that new work may use.
     #[must_use]
     pub fn space_limits(&self) -> SpaceLimits {
         self.inner.space.limits
     }
 
-    /// Tells how many bytes all recorded artifacts have; the store knows.
+    /// Sets the size of all recorded artifacts \[bytes\], which only the store knows.
     pub fn set_stored_bytes(&self, bytes: u64) {
         self.inner.space.stored_bytes.store(bytes, Ordering::Relaxed);
     }
 
-    /// Whether a job that starts now may hope to end: half of the reserve is left for those that run.
+    /// Checks that a job may start. Half of the reserve must be free; the other half is left to the running jobs.
     ///
     /// # Errors
     ///
@@ -63,12 +63,12 @@ impl Artifacts {
         }
     }
 
-    /// Whether `more_bytes` of new work may be taken.
+    /// Checks that `more_bytes` of new work may be accepted.
     ///
     /// # Errors
     ///
-    /// [`ArtifactError::DiskLow`] where the reserve would be used; [`ArtifactError::QuotaSpent`] where all artifacts
-    /// together would have too many bytes.
+    /// [`ArtifactError::DiskLow`] if the work would use the reserve; [`ArtifactError::QuotaSpent`] if the size of all
+    /// artifacts would exceed its limit.
     pub fn admit(&self, more_bytes: u64) -> Result<(), ArtifactError> {
         let SpaceLimits { reserve_bytes, stored_bytes_max } = self.inner.space.limits;
         if reserve_bytes > 0 {
@@ -87,6 +87,6 @@ impl Artifacts {
 
 fn free_bytes(path: &Path) -> Result<u64, ArtifactError> {
     let disk = statvfs(path).map_err(|error| ArtifactError::io("ask for the free space of", error.into()))?;
-    // What this user may use, not what only the administrator may.
+    // Blocks that this user may use, without those reserved for the administrator.
     Ok(disk.f_bavail.saturating_mul(disk.f_frsize))
 }

@@ -1,4 +1,4 @@
-//! Resumable uploads: what arrived before a break is kept, and a later call goes on from it.
+//! Resumable uploads: the received part of an interrupted upload is kept, and a later call continues it.
 
 use super::digest::{check_digest, name};
 use super::folder::hash_rest;
@@ -11,13 +11,14 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, PoisonError};
 use std::time::Duration;
 
-/// An interrupted upload that nobody went on with for this long is removed at the next start.
+/// Time after which an interrupted upload that has not grown is removed at the next start.
 pub const UPLOAD_AGE_MAX: Duration = Duration::from_secs(7 * 24 * 3600);
 
-/// One upload under way. Dropped before [`UploadWriter::finish`], it keeps what has arrived for a later call.
+/// An upload in progress. If it is dropped before [`UploadWriter::finish`], the received bytes are kept for a later
+/// call.
 #[derive(Debug)]
 pub struct UploadWriter {
-    /// Taken while a blocking thread works on it.
+    /// `None` while a blocking thread works on the file.
     part: Option<Part>,
     received_bytes: u64,
 }
@@ -32,7 +33,7 @@ struct Part {
     turn: Turn,
 }
 
-/// The right to upload a digest; given back on drop.
+/// The right to upload the artifact with this digest; released on drop.
 #[derive(Debug)]
 struct Turn {
     inner: Arc<Inner>,
@@ -40,7 +41,7 @@ struct Turn {
 }
 
 impl Artifacts {
-    /// Bytes of an interrupted upload that are here: the offset to go on from.
+    /// Bytes of an interrupted upload that are stored: the offset at which to continue.
     ///
     /// # Errors
     ///
@@ -56,13 +57,13 @@ impl Artifacts {
         .await
     }
 
-    /// Starts an upload of `size_bytes` in all (`offset_bytes` 0), or goes on with one (`offset_bytes` as
-    /// [`Self::upload_received`] says).
+    /// Starts an upload of `size_bytes` in total (`offset_bytes` 0), or continues one (`offset_bytes` as returned by
+    /// [`Self::upload_received`]).
     ///
     /// # Errors
     ///
-    /// [`ArtifactError::BadDigest`]; [`ArtifactError::UploadBusy`] while another call uploads the same digest;
-    /// [`ArtifactError::WrongOffset`]; [`ArtifactError::WrongSize`] where more is here than `size_bytes`.
+    /// [`ArtifactError::BadDigest`]; [`ArtifactError::UploadBusy`] while another call uploads the same artifact;
+    /// [`ArtifactError::WrongOffset`]; [`ArtifactError::WrongSize`] if more than `size_bytes` are stored.
     pub async fn upload(
         &self,
         digest: &str,
@@ -77,7 +78,7 @@ impl Artifacts {
 }
 
 impl UploadWriter {
-    /// Bytes that are here, those of earlier calls included.
+    /// Bytes received so far, including those of earlier calls.
     #[must_use]
     pub fn received_bytes(&self) -> u64 {
         self.received_bytes
@@ -87,7 +88,8 @@ impl UploadWriter {
     ///
     /// # Errors
     ///
-    /// [`ArtifactError::WrongSize`] for more than was announced, [`ArtifactError::DiskFull`], [`ArtifactError::Io`].
+    /// [`ArtifactError::WrongSize`] if more bytes arrive than were announced, [`ArtifactError::DiskFull`],
+    /// [`ArtifactError::Io`].
     pub async fn write(&mut self, chunk: Vec<u8>) -> Result<(), ArtifactError> {
         let mut part = self.take()?;
         let part = blocking(move || part.append(&chunk).map(|()| part)).await?;
@@ -96,12 +98,13 @@ impl UploadWriter {
         Ok(())
     }
 
-    /// Checks size and hash, and publishes the blob. When this returns it is on disk; record it in the store next.
+    /// Checks size and digest, and publishes the blob. When this returns, the blob is on disk and must be recorded in
+    /// the store.
     ///
     /// # Errors
     ///
-    /// [`ArtifactError::WrongSize`] where bytes are missing: they can still be sent by a later call.
-    /// [`ArtifactError::WrongDigest`]: nothing of the upload is kept.
+    /// [`ArtifactError::WrongSize`] if bytes are missing: a later call can send them. [`ArtifactError::WrongDigest`]:
+    /// the upload is discarded.
     pub async fn finish(mut self) -> Result<(), ArtifactError> {
         let part = self.take()?;
         blocking(move || part.publish()).await
@@ -165,7 +168,7 @@ impl Part {
 
 impl Turn {
     fn take(inner: &Arc<Inner>, digest: &str) -> Result<Self, ArtifactError> {
-        // The set is whole after any panic: inserting and removing are its only uses.
+        // The set is consistent even after a panic: the only operations on it are inserting and removing one entry.
         let mut uploading = inner.uploading.lock().unwrap_or_else(PoisonError::into_inner);
         if !uploading.insert(digest.to_owned()) {
             return Err(ArtifactError::UploadBusy { digest: digest.to_owned() });
@@ -186,7 +189,7 @@ impl Inner {
     }
 }
 
-/// Removes uploads that nobody goes on with.
+/// Removes uploads that have not grown for [`UPLOAD_AGE_MAX`].
 pub(super) fn remove_stale(uploads: &Path) -> io::Result<()> {
     for file in fs::read_dir(uploads)? {
         let file = file?;
