@@ -1,4 +1,4 @@
-//! Which artifacts are complete and on disk, and whose they are.
+//! Records of the artifacts that are complete and on disk, and of their owners.
 
 use super::rows::to_json;
 use super::{Store, StoreError};
@@ -7,26 +7,26 @@ use sqlx::{Row, SqliteConnection};
 /// An artifact that is on disk.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ArtifactRecord {
-    /// `sha256-…`.
+    /// Digest of the content: `sha256-…`.
     pub digest: String,
-    /// Size of the content.
+    /// Size of the content \[bytes\].
     pub size_bytes: u64,
-    /// [ms since 1970]
+    /// Time when the artifact was first recorded \[ms since 1970\].
     pub create_time_ms: i64,
-    /// When somebody last stored it, or was told that it need not be stored [ms since 1970].
+    /// Time of the last upload, or of the last request that found the artifact already stored \[ms since 1970\].
     pub use_time_ms: i64,
 }
 
-/// A use within this time of the last one need not be noted: reads stay reads.
+/// A use is recorded only if the last recorded use is at least this old \[ms\], so that most reads write nothing.
 const USE_RESOLUTION_MS: i64 = 3_600_000;
 
 impl Store {
-    /// Records that an artifact's file is complete and on disk; call it after that, never before. The same artifact
-    /// again counts as used, and as its new owner's, too.
+    /// Records an artifact whose file is complete and on disk. Recording it again updates its time of use and adds
+    /// `owner` to its owners.
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`], also for a malformed digest.
+    /// [`StoreError::Database`], also if the digest is malformed.
     pub async fn record_artifact(
         &self,
         digest: &str,
@@ -55,12 +55,12 @@ impl Store {
         .await
     }
 
-    /// An artifact's record, where the artifact is stored, for somebody who goes on to use it: it is not collected for
-    /// as long as if it had been stored now.
+    /// The record of an artifact that the caller is about to use; `None` if it is not recorded. The time of use is
+    /// updated, so that the artifact is kept as long as one that is stored now.
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`]. That its use could not be noted for want of space is no error.
+    /// [`StoreError::Database`]. A full disk, which prevents the update of the time of use, is no error.
     pub async fn use_artifact(&self, digest: &str, now_ms: i64) -> Result<Option<ArtifactRecord>, StoreError> {
         let Some(record) = self.artifact(digest).await? else { return Ok(None) };
         if now_ms - record.use_time_ms < USE_RESOLUTION_MS {
@@ -82,7 +82,7 @@ impl Store {
         }
     }
 
-    /// Whether an artifact is `owner`'s, or something about one of these displays refers to it.
+    /// Whether an artifact belongs to `owner`, or a record about one of these displays refers to it.
     ///
     /// # Errors
     ///
@@ -101,7 +101,7 @@ impl Store {
         Ok(concerns.fetch_one(self.readers()).await?)
     }
 
-    /// `more_bytes` may still be stored for `owner`, who may have `stored_bytes_max` (0: no limit).
+    /// Checks that `owner` may store `more_bytes`. `stored_bytes_max` is the limit of each owner (0: no limit).
     ///
     /// # Errors
     ///
@@ -115,7 +115,7 @@ impl Store {
         require_room(&mut *self.readers().acquire().await?, owner, more_bytes, stored_bytes_max).await
     }
 
-    /// An artifact's record, where the artifact is stored.
+    /// The record of an artifact; `None` if it is not recorded.
     ///
     /// # Errors
     ///
@@ -127,7 +127,7 @@ impl Store {
     }
 }
 
-/// See [`Store::require_owner_room`].
+/// Does the work of [`Store::require_owner_room`].
 pub(super) async fn require_room(
     sql: &mut SqliteConnection,
     owner: &str,

@@ -1,4 +1,4 @@
-//! What people may do to a job: cancel it, queue it again.
+//! Requests of users about a job: cancelling it and retrying it.
 
 use super::changes::Change;
 use super::events::happened;
@@ -9,21 +9,21 @@ use super::{PreconditionReason, Store, StoreError, dependencies};
 use lightpath_domain::job::{Job, JobState};
 
 impl Store {
-    /// Cancels a queued job at once; of a running one it records the wish, and the worker ends it.
+    /// Cancels a queued job at once. For a running job it records the request, and the worker ends the job.
     ///
     /// # Errors
     ///
-    /// [`StoreError::NotFound`]; [`StoreError::Precondition`] where the job has ended.
+    /// [`StoreError::NotFound`]; [`StoreError::Precondition`] if the job has ended.
     pub async fn cancel(&self, id: &str, now_ms: i64) -> Result<Job, StoreError> {
         let id = id.to_owned();
         self.write(move |write| Box::pin(async move { cancel(write, &id, now_ms).await })).await
     }
 
-    /// Queues a failed or cancelled job again, with fresh attempts.
+    /// Queues a failed or cancelled job again, with all its attempts.
     ///
     /// # Errors
     ///
-    /// [`StoreError::NotFound`]; [`StoreError::Precondition`] where the job waits, runs or has succeeded.
+    /// [`StoreError::NotFound`]; [`StoreError::Precondition`] if the job waits, runs or has succeeded.
     pub async fn retry(&self, id: &str, now_ms: i64) -> Result<Job, StoreError> {
         let id = id.to_owned();
         self.write(move |write| Box::pin(async move { retry(write, &id, now_ms).await })).await

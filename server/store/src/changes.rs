@@ -1,23 +1,23 @@
-//! Announcements of what has changed, so that nobody needs to poll.
+//! Announcements of changes, so that no listener needs to poll.
 
 use lightpath_domain::kernel::KernelKey;
 use std::sync::Arc;
 use tokio::sync::{Notify, broadcast};
 
-/// Announcements kept for a slow listener. A job tells of itself about five times a second; one that misses some
-/// (`RecvError::Lagged`) reads the present state and goes on.
+/// Announcements kept for a slow listener. A job announces about five changes a second. A listener that misses some
+/// (`RecvError::Lagged`) reads the present state and continues.
 const BACKLOG: usize = 1024;
 
-/// What a transaction announces.
+/// A change that a transaction announces after its commit.
 #[derive(Clone, Debug)]
 pub(super) enum Change {
     /// The job with this id has a new revision.
     Job(String),
-    /// Somebody asked for the end of the running job with this id.
+    /// A user requested the cancellation of the running job with this id.
     Cancel(String),
-    /// The kernel has a new version, or `active` moved.
+    /// The kernel has a new version, or another version became `active`.
     Kernel(KernelKey),
-    /// A job may be there to claim.
+    /// A job may have become ready to claim.
     Claimable,
 }
 
@@ -43,7 +43,7 @@ impl Default for Changes {
 impl Changes {
     pub(super) fn publish(&self, changes: Vec<Change>) {
         for change in changes {
-            // A send fails only where nobody listens, and then nobody misses it.
+            // A send fails only if there is no listener, which is no error.
             match change {
                 Change::Job(id) => drop(self.jobs.send(id)),
                 Change::Cancel(id) => drop(self.cancels.send(id)),

@@ -1,12 +1,13 @@
-//! What goes by itself: artifacts that nothing refers to, and jobs that ended long ago.
+//! Automatic removal of artifacts that no record refers to and of jobs that ended long ago.
 
 use super::artifacts::record_of;
 use super::write::Write;
 use super::{ArtifactRecord, Store, StoreError, page};
 use sqlx::Row;
 
-/// An artifact that nobody refers to, last used before `?1`. A job that can still go on may have put into its saved state
-/// what it names only when it ends: whatever is younger than such a job stays.
+/// Selects the artifacts last used before `?1` that no record refers to. The saved state of a job may name artifacts
+/// that the job will refer to only at its end. Therefore artifacts used since the creation of the oldest job with a
+/// saved state are kept.
 macro_rules! unreferenced {
     ($head:literal, $tail:literal) => {
         concat!(
@@ -24,7 +25,8 @@ macro_rules! unreferenced {
 }
 
 impl Store {
-    /// At most `limit` artifacts that nothing refers to and that nobody used since `before_ms`, behind `after`.
+    /// At most `limit` artifacts, in the order of their digests and behind `after`, that no record refers to and that
+    /// were last used before `before_ms`.
     ///
     /// # Errors
     ///
@@ -40,7 +42,8 @@ impl Store {
         query.fetch_all(self.readers()).await?.iter().map(record_of).collect()
     }
 
-    /// Forgets an artifact, where still nothing refers to it; whether it did. Its file goes next.
+    /// Deletes the record of an artifact if still no record refers to it. Returns whether it was deleted; then the
+    /// caller removes the file.
     ///
     /// # Errors
     ///
@@ -57,8 +60,8 @@ impl Store {
         .await
     }
 
-    /// Forgets the saved states of jobs that failed before `before_ms`: queued again by hand, they start over. Digests of
-    /// the states, whose files go next.
+    /// Forgets the saved states of jobs that failed before `before_ms`: such a job starts from the beginning if it is
+    /// retried. Returns the digests of the states, whose files the caller removes.
     ///
     /// # Errors
     ///
@@ -78,7 +81,7 @@ impl Store {
         .await
     }
 
-    /// At most `limit` jobs that ended before `before_ms`, the oldest first.
+    /// Ids of at most `limit` jobs that ended before `before_ms`, the oldest first.
     ///
     /// # Errors
     ///
@@ -88,7 +91,7 @@ impl Store {
         Ok(sqlx::query_scalar(sql).bind(before_ms).bind(page(limit)).fetch_all(self.readers()).await?)
     }
 
-    /// How many jobs ended before `before_ms`.
+    /// Number of jobs that ended before `before_ms`.
     ///
     /// # Errors
     ///
@@ -99,8 +102,9 @@ impl Store {
         Ok(count.unsigned_abs())
     }
 
-    /// Deletes those of the jobs that ended before `before_ms`, with their events; digests of their checkpoints, whose
-    /// files go next. What they made stays as long as anything refers to it, and its time of grace after that.
+    /// Deletes the jobs among `ids` that ended before `before_ms`, with their events. Returns the digests of their
+    /// checkpoints, whose files the caller removes. The artifacts that the jobs made stay while another record refers
+    /// to them, and for the time of grace after that.
     ///
     /// # Errors
     ///
@@ -110,25 +114,25 @@ impl Store {
     }
 }
 
-/// Jobs that are gone.
+/// Result of deleting jobs.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Deleted {
-    /// How many.
+    /// Number of deleted jobs.
     pub jobs: u64,
-    /// Of failed jobs that could have gone on.
+    /// Digests of the saved states of the deleted jobs.
     pub checkpoints: Vec<String>,
 }
 
 async fn delete_jobs(write: &mut Write, ids: Vec<String>, before_ms: i64, now_ms: i64) -> Result<Deleted, StoreError> {
     let mut deleted = Deleted::default();
     for id in ids {
-        // Queued again by hand meanwhile, it stays.
+        // A job that was retried in the meantime is kept.
         let sql = "select checkpoint from job where id = ? and finish_time_ms < ?";
         let row = sqlx::query(sql).bind(&id).bind(before_ms).fetch_optional(write.sql()).await?;
         let Some(row) = row else { continue };
         deleted.checkpoints.extend(row.try_get::<Option<String>, _>("checkpoint")?);
         for sql in [
-            // Somebody may be downloading, or be about to use, what the job made.
+            // Clients may be downloading the job's results or be about to use them.
             "update artifact set use_time_ms = max(use_time_ms, ?2) \
              where digest in (select artifact from job_artifact where job = ?1)",
             "delete from job_artifact where job = ?1",

@@ -8,17 +8,17 @@ use lightpath_domain::units::{Distance, Wavelength};
 use sqlx::sqlite::SqliteRow;
 use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
 
-/// Most pairs of a dataset: they are read as a whole, and learning holds them in memory.
+/// Limit on the pairs of a dataset: they are read as a whole, and learning holds them in memory.
 pub const PAIRS_MAX: u32 = 10_000;
 
 impl Store {
-    /// Creates an open dataset without pairs: of `dataset` the id, display, wavelength, distance, encoding and bit depth
-    /// are read. The same dataset again returns the existing one.
+    /// Creates an open dataset without pairs. The id, display, wavelength, distance, encoding and bit depth of
+    /// `dataset` are used. Creating the same dataset again returns the existing one.
     ///
     /// # Errors
     ///
-    /// [`StoreError::AlreadyExists`] where the id is taken by a dataset with other properties,
-    /// [`StoreError::NotFound`] where the display is missing.
+    /// [`StoreError::AlreadyExists`] if a dataset with other properties has this id; [`StoreError::NotFound`] if the
+    /// display is missing.
     pub async fn create_dataset(&self, dataset: &Dataset, now_ms: i64) -> Result<Dataset, StoreError> {
         let dataset = dataset.clone();
         self.write(move |write| Box::pin(create(write, dataset, now_ms))).await
@@ -30,14 +30,14 @@ impl Store {
     ///
     /// [`StoreError::NotFound`].
     pub async fn dataset(&self, id: &str) -> Result<Dataset, StoreError> {
-        // One transaction: pairs and count must be of the same moment.
+        // One transaction, so that the pairs agree with their count.
         let mut read = self.readers().begin().await?;
         let mut dataset = find(&mut read, id).await?;
         dataset.pairs = pairs(&mut read, id).await?;
         Ok(dataset)
     }
 
-    /// At most `limit` datasets, without their pairs, in the order of their ids, behind `after`.
+    /// At most `limit` datasets, without their pairs, in the order of their ids and behind `after`.
     ///
     /// # Errors
     ///
@@ -57,30 +57,30 @@ impl Store {
         query.build().fetch_all(self.readers()).await?.iter().map(dataset_of).collect()
     }
 
-    /// Adds a pair to an open dataset and returns the dataset without its pairs. The same pair again changes nothing.
+    /// Adds a pair to an open dataset and returns the dataset without its pairs. Adding the same pair again changes
+    /// nothing.
     ///
     /// # Errors
     ///
-    /// [`StoreError::NotFound`] where the dataset or an artifact is missing; [`StoreError::AlreadyExists`] where the
-    /// id, hologram or photograph has another partner; [`StoreError::Precondition`] where the dataset is finalized or
-    /// full.
+    /// [`StoreError::NotFound`] if the dataset or an artifact is missing; [`StoreError::AlreadyExists`] if another pair
+    /// has this id, hologram or photograph; [`StoreError::Precondition`] if the dataset is finalized or full.
     pub async fn add_pair(&self, dataset_id: &str, pair: &Pair) -> Result<Dataset, StoreError> {
         let (id, pair) = (dataset_id.to_owned(), pair.clone());
         self.write(move |write| Box::pin(async move { add_pair(write, &id, &pair).await })).await
     }
 
-    /// Gives an open dataset an alignment, or takes it away, and returns the dataset with its pairs.
+    /// Sets or removes the alignment of an open dataset and returns the dataset with its pairs.
     ///
     /// # Errors
     ///
-    /// [`StoreError::NotFound`] where the dataset or one of the alignment's pictures is missing;
-    /// [`StoreError::Precondition`] where it is finalized.
+    /// [`StoreError::NotFound`] if the dataset or a picture of the alignment is missing; [`StoreError::Precondition`]
+    /// if the dataset is finalized.
     pub async fn align_dataset(&self, id: &str, alignment: Option<&Alignment>) -> Result<Dataset, StoreError> {
         let (id, alignment) = (id.to_owned(), alignment.cloned());
         self.write(move |write| Box::pin(async move { align(write, &id, alignment).await })).await
     }
 
-    /// Keeps what was measured of pairs of an open dataset; pairs that are gone are passed over.
+    /// Stores the measurements of pairs of an open dataset. Pairs that no longer exist are skipped.
     ///
     /// # Errors
     ///
@@ -90,14 +90,14 @@ impl Store {
         self.write(move |write| Box::pin(async move { keep_checks(write, &id, checks).await })).await
     }
 
-    /// Closes a dataset for good: stores every pair's split (none: the pair is left out) and the digest. Finalizing it
-    /// again with the same digest changes nothing.
+    /// Finalizes a dataset: stores the split of every pair (`None`: the pair is not used) and the digest. A finalized
+    /// dataset never changes. Finalizing it again with the same digest has no effect.
     ///
     /// # Errors
     ///
-    /// [`StoreError::NotFound`]; [`StoreError::Precondition`] without a training and a test pair, or where it was
-    /// finalized otherwise; [`StoreError::Aborted`] where `splits` does not name exactly the dataset's pairs, since
-    /// one was added meanwhile.
+    /// [`StoreError::NotFound`]; [`StoreError::Precondition`] if a training or a test pair is missing, or if the
+    /// dataset was finalized with another digest; [`StoreError::Aborted`] if `splits` does not name exactly the pairs
+    /// of the dataset, because a pair was added in the meantime.
     pub async fn finalize_dataset(
         &self,
         id: &str,
@@ -198,7 +198,7 @@ async fn add_pair(write: &mut Write, id: &str, pair: &Pair) -> Result<Dataset, S
     dataset_of(&row)
 }
 
-/// What of `pair` is taken by `stored`, and how.
+/// Describes which part of `pair` the stored pair already uses, and what differs.
 fn conflict(dataset: &str, pair: &Pair, stored: &Pair) -> (String, String) {
     if pair.id == stored.id {
         let what = format!("pair \"{}\" of datasets/{dataset}", pair.id);
@@ -302,7 +302,7 @@ async fn pairs(sql: &mut SqliteConnection, id: &str) -> Result<Vec<Pair>, StoreE
     rows.iter().map(pair_of).collect()
 }
 
-/// The artifact is on disk.
+/// Checks that the artifact is recorded.
 pub(super) async fn require_artifact(sql: &mut SqliteConnection, digest: &str) -> Result<(), StoreError> {
     let known: bool = sqlx::query_scalar("select exists (select 1 from artifact where digest = ?)")
         .bind(digest)

@@ -1,4 +1,4 @@
-//! Jobs that wait for others.
+//! Jobs that wait for other jobs.
 
 use super::changes::Change;
 use super::events::happened;
@@ -10,7 +10,7 @@ use lightpath_domain::job::{FailureReason, Job, JobError, JobState};
 use sqlx::Row;
 use std::collections::VecDeque;
 
-/// Writes down what a new job waits for.
+/// Stores the jobs that a new job waits for.
 pub(super) async fn wait_for(write: &mut Write, job: &str, after: &[String]) -> Result<(), StoreError> {
     for other in after {
         let sql = "insert into job_dependency values (?, ?) on conflict do nothing";
@@ -19,11 +19,11 @@ pub(super) async fn wait_for(write: &mut Write, job: &str, after: &[String]) -> 
     Ok(())
 }
 
-/// How many of these jobs have not succeeded yet.
+/// Number of these jobs that have not succeeded yet.
 ///
 /// # Errors
 ///
-/// [`StoreError::NotFound`]; [`StoreError::Precondition`] where one has ended without success.
+/// [`StoreError::NotFound`]; [`StoreError::Precondition`] if one of the jobs has failed or was cancelled.
 pub(super) async fn open_ones(write: &mut Write, after: &[String]) -> Result<i64, StoreError> {
     let mut open = 0;
     for id in after {
@@ -41,7 +41,7 @@ pub(super) async fn open_ones(write: &mut Write, after: &[String]) -> Result<i64
     Ok(open)
 }
 
-/// The job has succeeded: those that waited for it alone may run.
+/// Releases the jobs that waited only for `job`, which has succeeded.
 pub(super) async fn succeeded(write: &mut Write, job: &Job) -> Result<(), StoreError> {
     let sql = "update job set waiting_for = waiting_for - 1, revision = revision + 1 \
                where id in (select job from job_dependency where after = ?) and state = 'queued' returning id";
@@ -53,7 +53,7 @@ pub(super) async fn succeeded(write: &mut Write, job: &Job) -> Result<(), StoreE
     Ok(())
 }
 
-/// The job has ended without success: those that waited for it, and those that waited for them, fail.
+/// Fails the jobs that waited for `job`, directly or through other jobs, because `job` failed or was cancelled.
 pub(super) async fn failed(write: &mut Write, job: &Job, now_ms: i64) -> Result<(), StoreError> {
     let mut ended = VecDeque::from([(job.id.clone(), job.state)]);
     while let Some((id, state)) = ended.pop_front() {

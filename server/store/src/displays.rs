@@ -1,4 +1,4 @@
-//! Displays.
+//! Stored displays.
 
 use super::rows::{from_json, to_json};
 use super::{PreconditionReason, Store, StoreError, page};
@@ -7,11 +7,12 @@ use sqlx::Row;
 use sqlx::sqlite::SqliteRow;
 
 impl Store {
-    /// Stores a display and returns it with its creation time [ms since 1970]. The same display again changes nothing.
+    /// Stores a display and returns it with its creation time \[ms since 1970\]. Storing the same display again changes
+    /// nothing.
     ///
     /// # Errors
     ///
-    /// [`StoreError::AlreadyExists`] where the id is taken by a display with other properties.
+    /// [`StoreError::AlreadyExists`] if a display with other properties has this id.
     pub async fn create_display(&self, display: &Display, now_ms: i64) -> Result<(Display, i64), StoreError> {
         let (id, content) = (display.id.clone(), to_json("display.content", display)?);
         self.write(move |write| {
@@ -37,7 +38,7 @@ impl Store {
         .await
     }
 
-    /// A display with its creation time [ms since 1970].
+    /// A display and its creation time \[ms since 1970\].
     ///
     /// # Errors
     ///
@@ -47,7 +48,8 @@ impl Store {
         display_of(&row.ok_or_else(|| StoreError::not_found(format!("displays/{id}")))?)
     }
 
-    /// At most `limit` displays with their creation times, in the order of their ids, behind `after`.
+    /// At most `limit` displays with their creation times \[ms since 1970\], in the order of their ids and behind
+    /// `after`.
     ///
     /// # Errors
     ///
@@ -61,7 +63,7 @@ impl Store {
         rows.iter().map(display_of).collect()
     }
 
-    /// Deletes a display that nothing refers to.
+    /// Deletes a display that no dataset, kernel or job refers to.
     ///
     /// # Errors
     ///

@@ -1,4 +1,4 @@
-//! How attempts end: with a result, an error, a wish, a drain, or the death of their worker.
+//! Ends of attempts: with a result, an error, a cancellation, a drain, or the death of the worker.
 
 use super::changes::Change;
 use super::events::happened;
@@ -13,12 +13,12 @@ use lightpath_domain::kernel::{KernelKey, NewKernelVersion};
 use sqlx::Row;
 use sqlx::sqlite::SqliteRow;
 
-/// Leases that one call expires; the next call takes the rest.
+/// Limit on the leases that one call expires. The next call expires the remaining ones.
 const EXPIRED_MAX: i64 = 1000;
 
-/// How an attempt ends without a result.
+/// End of an attempt without a result.
 enum Ending {
-    /// An interrupted job keeps its `run_time_ms`, and with it its place before those that waited behind it.
+    /// An interrupted job keeps its `run_time_ms`, so it runs before jobs that became due after it.
     Requeued {
         run_time_ms: i64,
         failures: i64,
@@ -31,7 +31,7 @@ enum Ending {
     Cancelled,
 }
 
-/// Why a job goes back to the queue.
+/// Reason why a job returns to the queue.
 enum Cause {
     Error(JobError),
     Drain,
@@ -39,12 +39,12 @@ enum Cause {
 }
 
 impl Store {
-    /// Ends the job with its result. Learned kernels become their kernels' next versions in the same transaction, and
-    /// the versions' names go into the result: there is never one without the other.
+    /// Ends the job with its result. Learned kernels become new versions of their kernels in the same transaction, and
+    /// the result contains the names of these versions.
     ///
     /// # Errors
     ///
-    /// [`StoreError::LeaseLost`]; [`StoreError::NotFound`] where the kernel's artifact is not recorded.
+    /// [`StoreError::LeaseLost`]; [`StoreError::NotFound`] if the artifact of a kernel is not recorded.
     pub async fn finish(
         &self,
         lease: &Lease,
@@ -56,8 +56,9 @@ impl Store {
         self.write(move |write| Box::pin(async move { finish(write, &lease, result, learned, now_ms).await })).await
     }
 
-    /// Ends the attempt with an error. With `retry_at_ms` the job goes back to the queue until then, unless its
-    /// attempts are spent; without, it fails for good. A job that somebody asked to end is cancelled instead.
+    /// Ends the attempt with an error. With `retry_at_ms`, the job returns to the queue and runs again at that time,
+    /// unless it has no attempts left. Without it, the job fails. A job whose cancellation was requested is cancelled
+    /// instead.
     ///
     /// # Errors
     ///
@@ -80,8 +81,8 @@ impl Store {
         .await
     }
 
-    /// Puts the job back into the queue until `retry_at_ms` for something that is no fault of the job's: the attempt does
-    /// not count as failed.
+    /// Returns the job to the queue until `retry_at_ms` because of an error that the job did not cause. The attempt
+    /// does not count as failed.
     ///
     /// # Errors
     ///
@@ -108,7 +109,7 @@ impl Store {
         .await
     }
 
-    /// Ends the job because somebody asked for it.
+    /// Ends the job as cancelled, because a user requested it.
     ///
     /// # Errors
     ///
@@ -124,7 +125,7 @@ impl Store {
         .await
     }
 
-    /// Puts the job back into the queue because the worker stops. The attempt does not count as failed.
+    /// Returns the job to the queue because the worker stops. The attempt does not count as failed.
     ///
     /// # Errors
     ///
@@ -144,7 +145,8 @@ impl Store {
         .await
     }
 
-    /// Takes jobs from workers whose leases have run out: back to the queue, or failed where the attempts are spent.
+    /// Takes jobs from workers whose leases have expired. Each job returns to the queue, or fails if it has no attempts
+    /// left.
     ///
     /// # Errors
     ///
@@ -153,9 +155,9 @@ impl Store {
         self.write(move |write| Box::pin(expire(write, now_ms))).await
     }
 
-    /// Takes every running job from its worker. For the start of the only process that works on this database: whoever
-    /// held a lease is dead, so nobody has to wait until it runs out. Such an end counts as an attempt, until the job gets
-    /// ahead: one that kills its server ends when its attempts are spent, and others run again.
+    /// Takes every running job from its worker. Only for the start of the one process that works on this database: the
+    /// workers that held the leases are dead. Such an end counts as an attempt until the job saves progress. So a job
+    /// that kills its server fails when its attempts are spent, and other jobs can run again.
     ///
     /// # Errors
     ///
@@ -224,13 +226,13 @@ async fn recover_orphans(write: &mut Write, now_ms: i64) -> Result<Vec<Job>, Sto
     Ok(jobs)
 }
 
-/// Running jobs whose leases end by `until_ms`.
+/// At most [`EXPIRED_MAX`] running jobs whose leases end by `until_ms`.
 async fn running(write: &mut Write, until_ms: i64) -> Result<Vec<SqliteRow>, StoreError> {
     let sql = "select * from job where state = 'running' and lease_until_ms <= ? order by lease_until_ms limit ?";
     Ok(sqlx::query(sql).bind(until_ms).bind(EXPIRED_MAX).fetch_all(write.sql()).await?)
 }
 
-/// Where a failed attempt leads.
+/// How a failed attempt ends: requeued, failed or cancelled.
 fn after_failure(job: &Job, failures: i64, crashes: i64, mut error: JobError, retry_at_ms: Option<i64>) -> Ending {
     let failures = failures + 1;
     if job.cancel_requested {
@@ -248,7 +250,8 @@ fn after_failure(job: &Job, failures: i64, crashes: i64, mut error: JobError, re
     }
 }
 
-/// Ends the attempt of a running job whose lease has been checked, or has run out, in this transaction.
+/// Ends the attempt of a running job. The caller has checked in this transaction that the lease is valid or has
+/// expired.
 async fn end(write: &mut Write, id: &str, ending: Ending, now_ms: i64) -> Result<Job, StoreError> {
     let sql = "update job set state = ?2, lease_id = null, lease_until_ms = null, worker = null, \
                run_time_ms = coalesce(?3, run_time_ms), finish_time_ms = ?4, failures = coalesce(?5, failures), \

@@ -1,139 +1,140 @@
-//! What can go wrong in the store.
+//! Errors of the store.
 
 lightpath_domain::reasons! {
-    /// Why something is not possible in the state of things, for programs.
+    /// Why the present state does not allow a request, as a code for programs.
     pub enum PreconditionReason {
-        /// The dataset is finalized, and does not change any more.
+        /// The dataset is finalized and can no longer change.
         DatasetFinalized = "DATASET_FINALIZED",
-        /// The dataset has as many pairs as it may have.
+        /// The dataset has reached its limit of pairs.
         DatasetFull = "DATASET_FULL",
-        /// A part of the dataset's split has no pairs.
+        /// The training or test part of the dataset has no pairs.
         DatasetSplitEmpty = "DATASET_SPLIT_EMPTY",
-        /// A job that this one comes after has failed or was cancelled.
+        /// A job that this job waits for has failed or was cancelled.
         DependencyEnded = "DEPENDENCY_ENDED",
-        /// Jobs, datasets or kernels belong to the display.
+        /// Jobs, datasets or kernels refer to the display.
         DisplayInUse = "DISPLAY_IN_USE",
         /// The job has ended.
         JobEnded = "JOB_ENDED",
-        /// The job did not fail and was not cancelled.
+        /// The job has neither failed nor been cancelled.
         JobNotRetryable = "JOB_NOT_RETRYABLE",
-        /// The kernel has no active version before the present one.
+        /// The kernel has no earlier active version.
         NoEarlierVersion = "NO_EARLIER_VERSION",
         /// The queue is not paused.
         NotPaused = "NOT_PAUSED",
-        /// Another job does the same work.
+        /// A waiting or running job has the same unique key.
         NotUnique = "NOT_UNIQUE",
     }
 }
 
 lightpath_domain::reasons! {
-    /// What changed in between, for programs.
+    /// What changed during a request, as a code for programs.
     pub enum AbortReason {
         /// Another version of the kernel was made active.
         ActiveVersionChanged = "ACTIVE_VERSION_CHANGED",
-        /// The dataset's pairs or alignment.
+        /// The pairs or the alignment of the dataset changed.
         DatasetChanged = "DATASET_CHANGED",
     }
 }
 
-/// Why the store refused or failed. Everything but the last variants is about the request, not about the store.
+/// Why the store refused a request or failed. All variants except the last ones are caused by the request.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
-    /// What was named is not there.
+    /// The named resource does not exist.
     #[error("{what} does not exist")]
     NotFound {
-        /// For example `displays/lab-2`.
+        /// Name of the resource, for example `displays/lab-2`.
         what: String,
     },
-    /// The name is taken by something with other content.
+    /// A resource with this name and other content exists.
     #[error("{what} already exists {detail}")]
     AlreadyExists {
-        /// For example `displays/lab-2`.
+        /// Name of the resource, for example `displays/lab-2`.
         what: String,
-        /// What differs, for example `with other properties`.
+        /// The difference, for example `with other properties`.
         detail: String,
     },
-    /// Not possible in this state.
+    /// The present state does not allow the request.
     #[error("{message}")]
     Precondition {
-        /// For programs.
+        /// Code for programs.
         reason: PreconditionReason,
-        /// For people.
+        /// Text for people.
         message: String,
     },
-    /// Something changed in between: read again and retry.
+    /// A record changed during the request. The caller must read it again and retry.
     #[error("{message}")]
     Aborted {
-        /// For programs.
+        /// Code for programs.
         reason: AbortReason,
-        /// For people.
+        /// Text for people.
         message: String,
     },
-    /// The worker no longer holds the job: it was given to another, ended, or the lease ran out.
+    /// The worker no longer holds the job: the lease expired, the job ended, or another worker has it.
     #[error("the lease on the job is lost")]
     LeaseLost,
-    /// No more jobs may wait.
+    /// The queue is full.
     #[error("the queue is full: {limit} jobs wait already; submit again when some have run")]
     QueueFull {
-        /// Most jobs that may wait.
+        /// Limit on the waiting jobs.
         limit: u32,
     },
-    /// Nobody may have more jobs waiting than this.
+    /// The owner has reached the limit on waiting jobs.
     #[error("{limit} of your jobs wait already, which is as many as may; submit again when some have run")]
     OwnerQueueFull {
-        /// Most jobs of one owner that may wait.
+        /// Limit on the waiting jobs of one owner.
         limit: u32,
     },
-    /// Nobody may have more stored than this.
+    /// The owner has reached the limit on stored bytes.
     #[error(
         "you have {} of {} MiB stored, with what your jobs made; more is possible when some of that has been removed",
         stored_bytes >> 20,
         stored_bytes_max >> 20
     )]
     OwnerBytes {
-        /// What the owner has.
+        /// Bytes that the owner has stored.
         stored_bytes: u64,
-        /// What each owner may have.
+        /// Limit on the stored bytes of one owner.
         stored_bytes_max: u64,
     },
-    /// No space left for the database.
+    /// The disk of the database is full.
     #[error("no space is left on the disk of the database")]
     DiskFull,
-    /// So much is asked of the database that nobody had time for this.
+    /// The database is too busy to answer in time.
     #[error("the database had no time for this; too much is asked of it")]
     Busy,
-    /// The write did not happen because the process is about to end.
+    /// The write did not happen because the process is stopping.
     #[error("the server is stopping")]
     Stopping,
-    /// The linked SQLite has known bugs.
+    /// The linked version of SQLite has known bugs.
     #[error("SQLite {found} is too old, but must be at least {required}")]
     SqliteTooOld {
-        /// The linked version.
+        /// Linked version of SQLite.
         found: String,
-        /// The oldest version without the bugs.
+        /// Oldest version of SQLite without the bugs.
         required: &'static str,
     },
-    /// A stored text could not be understood.
+    /// A stored text cannot be parsed.
     #[error("{column} of a row cannot be read")]
     Corrupt {
-        /// The column's name.
+        /// Name of the column.
         column: &'static str,
-        /// What is wrong with it.
+        /// The error in the text.
         source: serde_json::Error,
     },
-    /// A newer program has been at work here.
+    /// The database was changed by a newer version of the program.
     #[error("the database was written by a newer version of this program (step {step}); use that version")]
     NewerDatabase {
-        /// The first migration that this program does not know.
+        /// The first migration that this version does not know.
         step: i64,
     },
-    /// Its server has not been started with this version of the program yet.
+    /// The database still has the tables of an older version: the server of this version has not been started on it
+    /// yet.
     #[error("the database is of an older version; start the server of this version first")]
     OlderDatabase,
-    /// The database could not be brought to this version's tables.
+    /// A migration of the tables failed.
     #[error("the database cannot be migrated")]
     Migration(#[source] sqlx::migrate::MigrateError),
-    /// Anything else from the database.
+    /// Any other error of the database.
     #[error("the database failed")]
     Database(#[source] sqlx::Error),
 }
@@ -151,7 +152,7 @@ impl StoreError {
         Self::Precondition { reason, message: message.into() }
     }
 
-    /// The same call may succeed later without anybody doing anything but making room.
+    /// Whether the same call may succeed later, if necessary after an operator has made room on the disk.
     #[must_use]
     pub fn is_transient(&self) -> bool {
         match self {
@@ -178,7 +179,7 @@ impl StoreError {
 
 impl From<sqlx::Error> for StoreError {
     fn from(error: sqlx::Error) -> Self {
-        /// SQLITE_FULL, and SQLITE_IOERR_SHMSIZE: no room for the log's index.
+        /// Codes of a full disk: `SQLITE_FULL` and `SQLITE_IOERR_SHMSIZE` (no room for the index of the log).
         const FULL: [&str; 2] = ["13", "4874"];
         match error.as_database_error().and_then(|e| e.code()) {
             Some(code) if FULL.contains(&&*code) => Self::DiskFull,

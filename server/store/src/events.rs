@@ -1,4 +1,4 @@
-//! What happened to a job, for people.
+//! The events of a job, for people.
 
 use super::changes::Change;
 use super::write::Write;
@@ -11,7 +11,7 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::NotFound`] where there is no such job.
+    /// [`StoreError::NotFound`] if the job does not exist.
     pub async fn events(&self, job: &str, after: Option<i64>, limit: u32) -> Result<Vec<JobEvent>, StoreError> {
         self.job(job).await?;
         let rows = sqlx::query("select * from job_event where job = ? and sequence > ? order by sequence limit ?")
@@ -33,7 +33,7 @@ impl Store {
     }
 }
 
-/// Appends an event in the transaction that made it happen, and announces the job's change.
+/// Appends an event in the transaction that caused it, and announces the change of the job.
 pub(super) async fn happened(
     write: &mut Write,
     job: &Job,

@@ -1,4 +1,4 @@
-//! A database as it lies there, whoever serves it: for checks and backups.
+//! Read access to a database that a server may be using, for checks and backups.
 
 use super::open::{MIGRATIONS, connect_options};
 use super::{Store, StoreError};
@@ -9,20 +9,20 @@ use std::path::Path;
 /// Rows of one page of artifacts.
 const PAGE: i64 = 1000;
 
-/// A connection that only reads.
+/// A read-only connection to a database.
 #[derive(Debug)]
 pub struct Inspection {
     connection: SqliteConnection,
 }
 
-/// How much is stored.
+/// Numbers of stored records.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
     /// Jobs in all states.
     pub jobs: u64,
     /// Recorded artifacts.
     pub artifacts: u64,
-    /// Their bytes.
+    /// Size of all recorded artifacts \[bytes\].
     pub artifact_bytes: u64,
     /// Versions of all kernels.
     pub kernel_versions: u64,
@@ -31,27 +31,27 @@ pub struct Counts {
 /// A recorded artifact.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StoredBlob {
-    /// `sha256-…`.
+    /// Digest of the content: `sha256-…`.
     pub digest: String,
-    /// \[bytes\]
+    /// Size of the content \[bytes\].
     pub size_bytes: u64,
 }
 
-/// A row that names a blob that is not recorded.
+/// A row that refers to an artifact that is not recorded.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DanglingReference {
-    /// The row, for example `jobs/0193…`.
+    /// Name of the row, for example `jobs/0193…`.
     pub by: String,
-    /// What it names.
+    /// Digest of the artifact.
     pub digest: String,
 }
 
 impl Store {
-    /// Opens a database that a server may be at work on: one whose tables are of another version is left alone.
+    /// Opens a database that a server may be using. A database whose tables have another version is refused.
     ///
     /// # Errors
     ///
-    /// As [`Self::open`]; [`StoreError::OlderDatabase`].
+    /// The errors of [`Self::open`]; [`StoreError::OlderDatabase`].
     pub async fn open_beside(path: &Path) -> Result<Self, StoreError> {
         if path.exists() {
             let mut inspection = Inspection::open(path).await?;
@@ -66,11 +66,11 @@ impl Store {
 }
 
 impl Inspection {
-    /// Opens the database at `path` for reading; nothing is created and no table changed.
+    /// Opens the database at `path` for reading. It creates no file and changes no table.
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`] where it cannot be opened; [`StoreError::NewerDatabase`].
+    /// [`StoreError::Database`] if the file cannot be opened; [`StoreError::NewerDatabase`].
     pub async fn open(path: &Path) -> Result<Self, StoreError> {
         let options = connect_options(path).create_if_missing(false).pragma("query_only", "on");
         let mut inspection = Self { connection: options.connect().await? };
@@ -78,8 +78,8 @@ impl Inspection {
         Ok(inspection)
     }
 
-    /// Copies the database as it is at this moment to `to`, which must not exist; the server goes on meanwhile. The copy
-    /// is complete, but not yet flushed to disk.
+    /// Copies the present state of the database to `to`, which must not exist. A server can work on the database
+    /// meanwhile. The copy is complete but not yet flushed to disk.
     ///
     /// # Errors
     ///
@@ -92,11 +92,11 @@ impl Inspection {
         Ok(())
     }
 
-    /// Names of the migrations that the database has been through, in order.
+    /// Names of the migrations that have been applied to the database, in order.
     ///
     /// # Errors
     ///
-    /// [`StoreError::NewerDatabase`] where this program does not know one of them.
+    /// [`StoreError::NewerDatabase`] if this version does not know one of the migrations.
     pub async fn steps(&mut self) -> Result<Vec<&'static str>, StoreError> {
         let applied: Vec<i64> =
             sqlx::query_scalar("select version from _sqlx_migrations where success order by version")
@@ -111,7 +111,7 @@ impl Inspection {
             .collect()
     }
 
-    /// What SQLite finds wrong with pages, indexes, constraints and references between rows.
+    /// Errors that SQLite finds in pages, indexes, constraints and references between rows.
     ///
     /// # Errors
     ///
@@ -127,7 +127,7 @@ impl Inspection {
         Ok(damages)
     }
 
-    /// Jobs whose history contradicts their state.
+    /// Descriptions of the jobs whose events contradict their state.
     ///
     /// # Errors
     ///
@@ -144,7 +144,7 @@ impl Inspection {
             .collect()
     }
 
-    /// How much is stored.
+    /// Counts the stored records.
     ///
     /// # Errors
     ///
@@ -193,7 +193,7 @@ impl Inspection {
         Ok(known.fetch_one(&mut self.connection).await?)
     }
 
-    /// Ids of jobs with the digest of the checkpoint that each would go on from.
+    /// Ids of the jobs that have a checkpoint, each with the checkpoint's digest.
     ///
     /// # Errors
     ///
@@ -203,7 +203,7 @@ impl Inspection {
         Ok(rows.fetch_all(&mut self.connection).await?)
     }
 
-    /// The checkpoint that a job would go on from now.
+    /// Digest of the job's checkpoint.
     ///
     /// # Errors
     ///
@@ -213,8 +213,8 @@ impl Inspection {
         Ok(digest.fetch_optional(&mut self.connection).await?.flatten())
     }
 
-    /// Artifacts that jobs were asked to read, or said that they made, and that are not recorded. (Pairs and kernel
-    /// versions refer to theirs by foreign keys.)
+    /// References of jobs to artifacts that are not recorded, as inputs or as results. Pairs and kernel versions refer
+    /// to artifacts by foreign keys and need no check.
     ///
     /// # Errors
     ///
@@ -233,7 +233,8 @@ impl Inspection {
         Ok(rows.into_iter().map(|(by, digest)| DanglingReference { by, digest }).collect())
     }
 
-    /// Forgets the checkpoints of these jobs in a snapshot that nobody serves; they start over.
+    /// Removes the checkpoints of these jobs from a snapshot that no server uses. The jobs will start from the
+    /// beginning.
     ///
     /// # Errors
     ///
@@ -244,13 +245,13 @@ impl Inspection {
             let forget = sqlx::query("update job set checkpoint = null where id = ?").bind(job);
             forget.execute(&mut connection).await?;
         }
-        // One plain file again, without a log beside it.
+        // This mode leaves a single file without a log beside it.
         sqlx::query("pragma journal_mode = delete").execute(&mut connection).await?;
         connection.close().await?;
         Ok(())
     }
 
-    /// Ends the connection.
+    /// Closes the connection.
     ///
     /// # Errors
     ///

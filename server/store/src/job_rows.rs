@@ -1,4 +1,4 @@
-//! Jobs as rows of the database.
+//! Conversion of rows of the database into jobs.
 
 use super::StoreError;
 use super::rows::{from_json, from_json_option, from_word};
@@ -6,7 +6,7 @@ use lightpath_domain::job::{Job, Scheduling};
 use sqlx::Row;
 use sqlx::sqlite::SqliteRow;
 
-/// The job that a row of the table `job` holds.
+/// Converts a row of the table `job` into a job.
 pub(super) fn job_of(row: &SqliteRow) -> Result<Job, StoreError> {
     Ok(Job {
         id: row.try_get("id")?,

@@ -1,4 +1,4 @@
-//! Jobs: submitting, reading, counting.
+//! Submitting, reading and counting jobs.
 
 use super::changes::Change;
 use super::events::happened;
@@ -10,23 +10,23 @@ use lightpath_domain::job::{Job, JobState, NewJob, Scheduling};
 use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
 use uuid::Uuid;
 
-/// Whether a submit made a job.
+/// Whether a submit created a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Submitted {
-    /// It did.
+    /// The submit created the job.
     New,
-    /// The same request had made it before.
+    /// An earlier submit of the same request had created the job.
     Existing,
 }
 
-/// How many jobs may wait, and who may add to them.
+/// Limits on the queue and on its owners.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct QueueLimits {
-    /// All together.
+    /// Limit on all waiting jobs.
     pub queued: u32,
-    /// Of each owner; 0: as many as all together.
+    /// Limit on the waiting jobs of one owner; 0: only the limit on all waiting jobs applies.
     pub queued_per_owner: u32,
-    /// Who has stored as much as this gets no more jobs \[bytes\]; 0: no limit.
+    /// An owner who has stored this many bytes can submit no more jobs; 0: no limit.
     pub stored_bytes_per_owner: u64,
 }
 
@@ -36,42 +36,43 @@ impl From<u32> for QueueLimits {
     }
 }
 
-/// Which jobs to list.
+/// Selection of jobs in a list.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct JobFilter {
-    /// Only jobs in this state.
+    /// Only jobs in this state; `None`: all states.
     pub state: Option<JobState>,
-    /// Only jobs about the display with this id.
+    /// Only jobs for the display with this id; `None`: all displays.
     pub display: Option<String>,
-    /// Only jobs of this batch.
+    /// Only jobs of this batch; `None`: all jobs.
     pub batch: Option<String>,
 }
 
-/// How many jobs are in each state.
+/// Numbers of jobs in each state.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct QueueCounts {
-    /// Waiting.
+    /// Jobs that wait.
     pub queued: u64,
-    /// At a worker.
+    /// Jobs that a worker runs.
     pub running: u64,
-    /// Ended with a result.
+    /// Jobs that ended with a result.
     pub succeeded: u64,
-    /// Ended without.
+    /// Jobs that ended with an error.
     pub failed: u64,
-    /// Ended on request.
+    /// Jobs that were cancelled.
     pub cancelled: u64,
 }
 
 impl Store {
-    /// Queues a job. When this returns, the job is on disk. The same request (id and content) again returns the job
-    /// that it made.
+    /// Queues a job, which is on disk when this returns. Submitting the same request (id and content) again returns the
+    /// job of the first submit.
     ///
     /// # Errors
     ///
-    /// [`StoreError::AlreadyExists`] where the request id was used with other content, or a job with the same unique key
-    /// waits or runs; [`StoreError::QueueFull`] and [`StoreError::OwnerQueueFull`] where too many jobs wait already,
-    /// [`StoreError::OwnerBytes`] where the owner has stored too much, [`StoreError::Precondition`] where a job that it comes
-    /// after has ended without success, [`StoreError::NotFound`] where the display, the dataset or an artifact is gone.
+    /// [`StoreError::AlreadyExists`] if the request id was used with other content, or a waiting or running job has the
+    /// same unique key; [`StoreError::QueueFull`] and [`StoreError::OwnerQueueFull`] if too many jobs wait already;
+    /// [`StoreError::OwnerBytes`] if the owner has stored too much; [`StoreError::Precondition`] if a job that this job
+    /// waits for has failed or was cancelled; [`StoreError::NotFound`] if the display, the dataset or an artifact does
+    /// not exist.
     pub async fn submit(
         &self,
         new: &NewJob,
@@ -82,7 +83,7 @@ impl Store {
         self.write(move |write| Box::pin(submit(write, new, now_ms, limits))).await
     }
 
-    /// A job.
+    /// Reads a job.
     ///
     /// # Errors
     ///
@@ -92,8 +93,8 @@ impl Store {
         job_of(&row.ok_or_else(|| StoreError::not_found(format!("jobs/{id}")))?)
     }
 
-    /// The job that a request made, where it made one. A repeated submit that says "the active kernel" must mean the
-    /// version that was active the first time: ask here before resolving it.
+    /// The job that the request with this id created, if any. A repeated submit that names "the active kernel" must
+    /// mean the version that was active at the first submit, so callers look here before they resolve that name.
     ///
     /// # Errors
     ///
@@ -106,7 +107,7 @@ impl Store {
         row.as_ref().map(job_of).transpose()
     }
 
-    /// At most `limit` jobs, newest first, older than the job `after`.
+    /// At most `limit` jobs that match the filter, newest first and older than the job `after`.
     ///
     /// # Errors
     ///
@@ -130,7 +131,7 @@ impl Store {
         rows.iter().map(job_of).collect()
     }
 
-    /// Digests of the checkpoints that some job may go on from.
+    /// Digests of the checkpoints of all jobs.
     ///
     /// # Errors
     ///
@@ -140,7 +141,7 @@ impl Store {
         Ok(digests.fetch_all(self.readers()).await?)
     }
 
-    /// How many jobs are in each state.
+    /// Numbers of jobs in each state.
     ///
     /// # Errors
     ///
@@ -208,12 +209,13 @@ async fn submit(
     Ok((job, Submitted::New))
 }
 
-/// The job that the same request made.
+/// The job that an earlier submit of the same request created.
 async fn existing(sql: &mut SqliteConnection, new: &NewJob, spec: &str) -> Result<Option<Job>, StoreError> {
     let row = sqlx::query("select * from job where request_id = ?").bind(&new.request_id).fetch_optional(sql).await?;
     let Some(row) = row else { return Ok(None) };
     let job = job_of(&row)?;
-    // Text, not values: a number that was rounded on its way would make the same request another one.
+    // The texts are compared, not the values: a number that was rounded when stored would make the same request look
+    // different.
     let same = row.try_get::<String, _>("spec")? == spec
         && job.priority == new.priority
         && job.attempts_max == new.attempts_max
@@ -225,7 +227,7 @@ async fn existing(sql: &mut SqliteConnection, new: &NewJob, spec: &str) -> Resul
     Ok(Some(job))
 }
 
-/// There is room in the queue for a job of this owner, and no other with its unique key.
+/// Checks that the queue has room for a job of this owner and that no waiting or running job has its unique key.
 async fn require_turn(sql: &mut SqliteConnection, new: &NewJob, limits: QueueLimits) -> Result<(), StoreError> {
     let (queued, owned): (i64, i64) = sqlx::query_as(
         "select coalesce(sum(jobs), 0), coalesce(sum(jobs) filter (where owner = ?), 0) \
@@ -250,13 +252,13 @@ async fn require_turn(sql: &mut SqliteConnection, new: &NewJob, limits: QueueLim
     }
 }
 
-/// The job with this unique key that waits or runs.
+/// Id of the waiting or running job with this unique key.
 pub(super) async fn active_with_key(sql: &mut SqliteConnection, key: &str) -> Result<Option<String>, StoreError> {
     let query = sqlx::query_scalar("select id from job where unique_key = ? and state in ('queued', 'running')");
     Ok(query.bind(key).fetch_optional(sql).await?)
 }
 
-/// What the job refers to is there.
+/// Checks that the records exist to which the job refers.
 async fn require(sql: &mut SqliteConnection, new: &NewJob) -> Result<(), StoreError> {
     let (has_display, has_dataset): (bool, bool) = sqlx::query_as(
         "select exists (select 1 from display where id = ?1), \
@@ -275,7 +277,7 @@ async fn require(sql: &mut SqliteConnection, new: &NewJob) -> Result<(), StoreEr
     Ok(())
 }
 
-/// What the new job reads is still there: artifacts that nothing refers to go after a while.
+/// Checks that the artifacts still exist which the new job reads: unused artifacts are removed after a while.
 async fn require_artifacts(sql: &mut SqliteConnection, id: &str) -> Result<(), StoreError> {
     let missing: Option<String> = sqlx::query_scalar(
         "select artifact from job_artifact where job = ? \

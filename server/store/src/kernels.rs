@@ -10,13 +10,13 @@ use lightpath_domain::units::{Distance, Wavelength};
 use sqlx::sqlite::SqliteRow;
 use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
 
-/// Kernels, with what is told of the version that counts.
+/// Selects kernels. `interpolated` describes the active version, or the latest one if no version is active.
 const KERNELS: &str = "select kernel.*, exists (select 1 from kernel_version v where v.kernel = kernel.id \
                        and v.version = coalesce(kernel.active_version, kernel.latest_version) \
                        and v.lineage ->> '$.interpolated') as interpolated from kernel";
 
 impl Store {
-    /// A kernel.
+    /// Reads a kernel.
     ///
     /// # Errors
     ///
@@ -26,7 +26,7 @@ impl Store {
         Ok(find(&mut read, key).await?.1)
     }
 
-    /// At most `limit` kernels in the order of their names (as `KernelKey` shows them), behind the name `after`.
+    /// At most `limit` kernels in the order of their names (as `KernelKey` displays them), behind the name `after`.
     ///
     /// # Errors
     ///
@@ -47,7 +47,7 @@ impl Store {
         query.build().fetch_all(self.readers()).await?.iter().map(kernel_of).collect()
     }
 
-    /// A version of a kernel.
+    /// Reads a version of a kernel.
     ///
     /// # Errors
     ///
@@ -64,11 +64,11 @@ impl Store {
         version_of(key, &row.ok_or_else(|| StoreError::not_found(format!("{key}/versions/{version}")))?)
     }
 
-    /// At most `limit` versions of a kernel, newest first, older than `before`.
+    /// At most `limit` versions of a kernel, newest first and older than `before`.
     ///
     /// # Errors
     ///
-    /// [`StoreError::NotFound`] where there is no such kernel.
+    /// [`StoreError::NotFound`] if the kernel does not exist.
     pub async fn kernel_versions(
         &self,
         key: &KernelKey,
@@ -89,8 +89,8 @@ impl Store {
         rows.iter().map(|row| version_of(key, row)).collect()
     }
 
-    /// Versions of a display and wavelength that one model of several distances was learned for, newest first, then by
-    /// distance; at most `limit`.
+    /// At most `limit` kernel versions of a display and wavelength that were learned together as one model of several
+    /// distances, newest first, then by distance.
     ///
     /// # Errors
     ///
@@ -119,11 +119,11 @@ impl Store {
         rows.iter().map(of_row).collect()
     }
 
-    /// Appends a version to a kernel; the first one creates the kernel. `active` stays where it is.
+    /// Appends a version to a kernel and creates the kernel for its first version. The active version stays the same.
     ///
     /// # Errors
     ///
-    /// [`StoreError::NotFound`] where the display or the artifact is missing.
+    /// [`StoreError::NotFound`] if the display or the artifact does not exist.
     pub async fn add_kernel_version(
         &self,
         key: &KernelKey,
@@ -135,7 +135,7 @@ impl Store {
     }
 }
 
-/// Appends a version in the transaction of somebody else.
+/// Appends a version within the caller's transaction.
 pub(super) async fn append_version(
     write: &mut Write,
     key: &KernelKey,
@@ -167,7 +167,7 @@ pub(super) async fn append_version(
     Ok(KernelVersion { key: key.clone(), version, content, create_time_ms: now_ms, active: false })
 }
 
-/// The kernel's row id; makes the row where there is none.
+/// Row id of the kernel, which is created if it does not exist.
 async fn create(sql: &mut SqliteConnection, key: &KernelKey, now_ms: i64) -> Result<i64, StoreError> {
     let known: bool = sqlx::query_scalar("select exists (select 1 from display where id = ?)")
         .bind(&key.display)
@@ -190,7 +190,7 @@ async fn create(sql: &mut SqliteConnection, key: &KernelKey, now_ms: i64) -> Res
     Ok(find(sql, key).await?.0)
 }
 
-/// The kernel with its row id.
+/// The kernel and its row id.
 pub(super) async fn find(sql: &mut SqliteConnection, key: &KernelKey) -> Result<(i64, Kernel), StoreError> {
     let mut query = QueryBuilder::<Sqlite>::new(KERNELS);
     query.push(" where name = ").push_bind(key.to_string());

@@ -1,7 +1,7 @@
-//! A worker's side of the queue: claims, and what a lease allows while the job runs.
+//! The queue as a worker uses it: claims, and writes that need a lease.
 //!
-//! Every write names job, attempt and lease, and holds only while the lease does. A worker that lost its job, however
-//! late it notices, changes nothing.
+//! Every write names the job, the attempt and the lease, and takes effect only while the lease is valid. A worker that
+//! lost its job changes nothing, even if it notices late.
 
 use super::changes::Change;
 use super::events::happened;
@@ -14,25 +14,25 @@ use sqlx::sqlite::{SqliteArguments, SqliteRow};
 use sqlx::{Row, Sqlite};
 use uuid::Uuid;
 
-/// What a heartbeat brings back.
+/// Answer to a heartbeat.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Heartbeat {
-    /// The lease now holds until then [ms since 1970].
+    /// New end of the lease \[ms since 1970\].
     pub until_ms: i64,
-    /// Somebody asked for the end of the job.
+    /// Whether a user requested the cancellation of the job.
     pub cancel_requested: bool,
 }
 
-/// How many jobs may run at once; counted by their leases. 0: no limit.
+/// Limits on running jobs, which are counted by their leases. 0: no limit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ClaimLimits {
-    /// Of each owner.
+    /// Limit on the running jobs of one owner.
     pub per_owner: u32,
-    /// On each display.
+    /// Limit on the running jobs for one display.
     pub per_display: u32,
 }
 
-/// An update that happens only while the lease `(?1 job, ?2 attempt, ?3 lease_id)` holds at `?4`.
+/// SQL of an update that takes effect only while the lease `(?1 job, ?2 attempt, ?3 lease_id)` is valid at time `?4`.
 macro_rules! fenced {
     ($set:literal) => {
         concat!(
@@ -45,9 +45,8 @@ macro_rules! fenced {
 pub(super) use fenced;
 
 impl Store {
-    /// Gives the next job that may run to `worker`, with a lease of `lease_ms`: the lowest priority first; then of the
-    /// owner who has the fewest jobs running, and of those, who has not had a turn for the longest time; then the longest
-    /// due, then the oldest.
+    /// Gives the next job to `worker`, with a lease of `lease_ms`. Jobs are ordered by: lowest `priority`; owner with
+    /// the fewest running jobs; owner whose last start is longest ago; earliest due; oldest.
     ///
     /// # Errors
     ///
@@ -56,11 +55,11 @@ impl Store {
         self.claim_within(ClaimLimits::default(), now_ms, lease_ms, worker).await
     }
 
-    /// [`Self::claim`], where at most so many jobs of an owner or a display run at once.
+    /// Does the same as [`Self::claim`], with limits on the running jobs of an owner and for a display.
     ///
     /// # Errors
     ///
-    /// As [`Self::claim`].
+    /// The errors of [`Self::claim`].
     pub async fn claim_within(
         &self,
         limits: ClaimLimits,
@@ -72,7 +71,7 @@ impl Store {
         self.write(move |write| Box::pin(async move { claim(write, limits, now_ms, lease_ms, &worker).await })).await
     }
 
-    /// When the next job gets due that is not yet due at `now_ms` [ms since 1970], where one waits for its time.
+    /// Earliest time after `now_ms` when a waiting job becomes due \[ms since 1970\]; `None` if there is no such job.
     ///
     /// # Errors
     ///
@@ -95,7 +94,7 @@ impl Store {
         let lease = lease.clone();
         self.write(move |write| {
             Box::pin(async move {
-                // A heartbeat is no news: it leaves the revision alone.
+                // A heartbeat does not count as a change, so the revision stays the same.
                 let sql = "update job set lease_until_ms = max(lease_until_ms, ?5) where id = ?1 and state = 'running' and attempt = ?2 \
                            and lease_id = ?3 and lease_until_ms > ?4 returning *";
                 let row = under_lease(sql, &lease, now_ms).bind(now_ms + lease_ms).fetch_optional(write.sql()).await?;
@@ -106,7 +105,7 @@ impl Store {
         .await
     }
 
-    /// Moves all leases by `by_ms`, because the clock that they are told in was set.
+    /// Moves the ends of all leases by `by_ms`, because the system's clock was set.
     ///
     /// # Errors
     ///
@@ -122,7 +121,7 @@ impl Store {
         .await
     }
 
-    /// Records how far the job is.
+    /// Records the progress of the job.
     ///
     /// # Errors
     ///
@@ -140,8 +139,8 @@ impl Store {
         .await
     }
 
-    /// Records a checkpoint that is on disk, and returns the one that it replaces. The job got ahead: its failures so
-    /// far no longer count.
+    /// Records a checkpoint that is on disk, and returns the digest of the one it replaces. Earlier failures of the job
+    /// no longer count, because the job has made progress.
     ///
     /// # Errors
     ///
@@ -204,7 +203,7 @@ async fn claim(
     Ok(Some((job, lease)))
 }
 
-/// The job that the lease holds, its failures and the deaths of its server.
+/// The job of a valid lease, with the numbers of its failed attempts and of the server's deaths while it ran.
 pub(super) async fn read(write: &mut Write, lease: &Lease, now_ms: i64) -> Result<(Job, i64, i64), StoreError> {
     let sql = "select * from job where id = ?1 and state = 'running' and attempt = ?2 and lease_id = ?3 \
                and lease_until_ms > ?4";

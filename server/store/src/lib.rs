@@ -1,23 +1,25 @@
 //! The durable store: displays, datasets, kernels and the job queue in one SQLite database.
 //!
-//! [`Store`] speaks only domain types, and time is always passed in. It is a cheap handle: clone it freely.
+//! [`Store`] uses only domain types, and callers pass the time in. A [`Store`] is a handle that is cheap to clone.
 //!
-//! # How it keeps its promises
+//! # Durability and consistency
 //!
 //! - One connection writes, in short transactions that begin `immediate`: a transaction that reads first and writes
-//!   later would fail with BUSY however long it waits. A small pool of read-only connections answers everything else;
-//!   write-ahead logging lets them read while the writer writes.
-//! - A write runs in a task of its own. A caller that goes away (a dropped gRPC handler) cannot leave it half done.
-//! - What a transaction changed is announced after its commit, see [`Store::subscribe_job_changes`] and its siblings.
+//!   later   would fail with BUSY however long it waits. A small pool of read-only connections does all reads.
+//!   Write-ahead logging   lets them read while the writer writes.
+//! - A write runs in a task of its own, so a caller that drops the future (a cancelled gRPC call) cannot leave it half
+//!   done.
+//! - The changes of a transaction are announced after its commit, see [`Store::subscribe_job_changes`] and the similar
+//!   functions.
 //!
 //! # Layout
 //!
-//! - `tokens`: who may call. `queue`: pausing, and how it stands. `dependencies`: jobs that wait for others.
-//! - `collection`: what goes by itself. `inspect`: a database as it lies there, for checks and backups.
-//! - `open`: files, pragmas, migrations. `write`: write transactions. `changes`: announcements. `subscriptions`: listening to
-//!   them. `rows`: text and JSON. `job_rows`: jobs as rows.
-//! - `displays`, `artifacts`, `datasets`, `jobs`, `leases`, `endings`, `cancels`, `events`, `kernels`, `moves`, `totals`: a table or a
-//!   part of its life each, every one an `impl Store`.
+//! - `tokens`: API tokens. `queue`: pauses and the state of the queue. `dependencies`: jobs that wait for other jobs.
+//! - `collection`: automatic removal of old records. `inspect`: read access for checks and backups.
+//! - `open`: files, pragmas, migrations. `write`: write transactions. `changes`: announcements. `subscriptions`:
+//!   receiving   announcements. `rows`: text and JSON. `job_rows`: jobs as rows.
+//! - `displays`, `artifacts`, `datasets`, `jobs`, `leases`, `endings`, `cancels`, `events`, `kernels`, `moves`,
+//!   `totals`:   each an `impl Store` for one table or for one part of a record's life.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod artifacts;
@@ -58,10 +60,11 @@ pub use queue::{BatchProgress, Pause, Turn};
 pub use tokens::TokenRecord;
 pub use totals::QueueDepth;
 
-/// Most rows that one call returns, whatever limit it names: a page of the largest list fits well into a message.
+/// Limit on the rows that one call returns, whatever limit it asks for: a page of the largest records fits into a
+/// message.
 pub const LIMIT_MAX: u32 = 1001;
 
-/// What one call returns at most, as SQLite wants it.
+/// Limits the number of rows of one call to [`LIMIT_MAX`], as an integer for SQLite.
 fn page(limit: u32) -> i64 {
     i64::from(limit.min(LIMIT_MAX))
 }

@@ -1,4 +1,4 @@
-//! Moves of the alias `active`, and their history.
+//! Changes of the active version of a kernel, and their history.
 
 use super::changes::Change;
 use super::kernels::find;
@@ -7,7 +7,7 @@ use super::{AbortReason, PreconditionReason, Store, StoreError, page};
 use lightpath_domain::kernel::{Kernel, KernelKey, KernelMove};
 use sqlx::Row;
 
-/// A promotion, or the undoing of one.
+/// A promotion or a rollback.
 struct Move {
     from: Option<u32>,
     to: u32,
@@ -16,12 +16,12 @@ struct Move {
 }
 
 impl Store {
-    /// Points `active` to a version; `expected` says from where (`Some(None)`: from nowhere), where it matters.
-    /// Promoting the active version changes nothing.
+    /// Makes a version active. If `expected` is given, the active version must be that one before (`Some(None)`: no
+    /// version). Promoting the active version changes nothing.
     ///
     /// # Errors
     ///
-    /// [`StoreError::NotFound`] where there is no such version; [`StoreError::Aborted`] where another version than
+    /// [`StoreError::NotFound`] if the version does not exist; [`StoreError::Aborted`] if a version other than
     /// `expected` is active.
     pub async fn promote(
         &self,
@@ -36,21 +36,21 @@ impl Store {
             .await
     }
 
-    /// Undoes the latest promotion that is not undone yet: a second rollback goes one further back.
+    /// Undoes the latest promotion that has not been undone. A second rollback undoes the promotion before it.
     ///
     /// # Errors
     ///
-    /// [`StoreError::NotFound`]; [`StoreError::Precondition`] where there is nothing to go back to.
+    /// [`StoreError::NotFound`]; [`StoreError::Precondition`] if there is no promotion to undo.
     pub async fn rollback(&self, key: &KernelKey, reason: &str, now_ms: i64) -> Result<Kernel, StoreError> {
         let (key, reason) = (key.clone(), reason.to_owned());
         self.write(move |write| Box::pin(async move { rollback(write, &key, reason, now_ms).await })).await
     }
 
-    /// At most `limit` moves of a kernel, newest first, older than the move `before`.
+    /// At most `limit` moves of a kernel, newest first and older than the move `before`.
     ///
     /// # Errors
     ///
-    /// [`StoreError::NotFound`] where there is no such kernel.
+    /// [`StoreError::NotFound`] if the kernel does not exist.
     pub async fn kernel_moves(
         &self,
         key: &KernelKey,

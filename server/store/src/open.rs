@@ -9,18 +9,19 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Connections that read. Reads are short; more of them would only wait for the same two disks and cores.
+/// Number of read connections. Reads are short, and more connections would only wait for the same disk and cores.
 const READERS: u32 = 4;
 
-/// How long a statement waits for a lock before it fails with BUSY. Only another process can hold one.
+/// How long a statement waits for a lock before it fails with BUSY. Only another process can hold such a lock.
 const BUSY_TIMEOUT: Duration = Duration::from_secs(10);
 
-/// Older versions can lose committed transactions when a checkpoint resets the log while another connection reads it.
+/// Oldest accepted version of SQLite. Older versions can lose committed transactions when a checkpoint resets the log
+/// while another connection reads it.
 const SQLITE_MIN: (u32, u32, u32) = (3, 51, 3);
 const SQLITE_MIN_TEXT: &str = "3.51.3";
 
-/// One file a step, in order. The first [`STEPS_OF_0_1_0`] make a database of version 0.1.0, each of them all of a subject;
-/// what later versions change, they change in files of their own. Steps that have been released never change.
+/// Migrations in order, one file each. The first [`STEPS_OF_0_1_0`] make a database of version 0.1.0, each for one
+/// subject. Changes of later versions are in files of their own. A released migration never changes.
 pub(super) const MIGRATIONS: &[(&str, &str)] = &[
     ("0001_displays", include_str!("../../../migrations/0001_displays.sql")),
     ("0002_artifacts", include_str!("../../../migrations/0002_artifacts.sql")),
@@ -30,11 +31,11 @@ pub(super) const MIGRATIONS: &[(&str, &str)] = &[
     ("0006_tokens", include_str!("../../../migrations/0006_tokens.sql")),
 ];
 
-/// Steps of the oldest version whose databases are brought up to date.
+/// Number of migrations of the oldest version whose databases can be migrated.
 #[cfg(test)]
 pub(super) const STEPS_OF_0_1_0: usize = 6;
 
-/// A handle to the database; see the module's documentation.
+/// A handle to the database; see the documentation of the crate.
 #[derive(Clone, Debug)]
 pub struct Store {
     pub(super) inner: Arc<Inner>,
@@ -49,12 +50,12 @@ pub(super) struct Inner {
 }
 
 impl Store {
-    /// Opens the database at `path`, creates it where there is none, and brings its tables up to date.
+    /// Opens the database at `path`, creates it if it is missing, and brings its tables up to date.
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`] where the file can't be opened, [`StoreError::Migration`] where its tables are those
-    /// of a newer version, [`StoreError::SqliteTooOld`].
+    /// [`StoreError::Database`] if the file cannot be opened; [`StoreError::Migration`] if its tables have a newer
+    /// version; [`StoreError::SqliteTooOld`].
     pub async fn open(path: &Path) -> Result<Self, StoreError> {
         let options = connect_options(path);
         let writer = pool(1).connect_with(options.clone()).await?;
@@ -64,7 +65,7 @@ impl Store {
         Ok(Self { inner: Arc::new(Inner { writer, readers, changes: Changes::default(), path: path.to_owned() }) })
     }
 
-    /// Waits for what is under way and closes the files. Later calls fail.
+    /// Waits for operations in progress and closes the files. Later calls fail.
     pub async fn close(&self) {
         self.inner.readers.close().await;
         self.inner.writer.close().await;
@@ -75,9 +76,9 @@ impl Store {
     }
 }
 
-/// How every connection is made.
+/// Options of every connection.
 pub(super) fn connect_options(path: &Path) -> SqliteConnectOptions {
-    // Durability is the point of the queue: with FULL an accepted job is on disk, not only in the page cache.
+    // Accepted jobs must survive a power failure: with FULL, a commit is on disk and not only in the page cache.
     SqliteConnectOptions::new()
         .filename(path)
         .create_if_missing(true)
@@ -108,10 +109,10 @@ async fn check_version(pool: &SqlitePool) -> Result<(), StoreError> {
     Ok(())
 }
 
-/// The first `steps` migrations.
+/// Returns the first `steps` migrations.
 pub(super) fn migrator(steps: usize) -> Migrator {
     let migrations = MIGRATIONS.iter().take(steps).zip(1..).map(|((name, sql), version)| {
-        // The text is compiled in: nothing from outside can reach it.
+        // The text is compiled into the program and contains no outside input.
         let sql = AssertSqlSafe(*sql).into_sql_str();
         Migration::new(version, (*name).into(), MigrationType::Simple, sql, false)
     });

@@ -1,55 +1,55 @@
-//! The queue as a whole: pausing it, and how it stands.
+//! The queue as a whole: its pauses and its state.
 
 use super::changes::Change;
 use super::{PreconditionReason, Store, StoreError};
 use sqlx::Row;
 
-/// Why nothing starts, and for whom.
+/// A pause of the queue or of one display.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Pause {
     /// Id of the display; `None`: the whole queue.
     pub display: Option<String>,
-    /// Since when \[ms since 1970\].
+    /// Time when the pause began \[ms since 1970\].
     pub time_ms: i64,
-    /// For people.
+    /// Reason of the pause, a text for people.
     pub reason: String,
 }
 
-/// How many jobs somebody has in the queue.
+/// Number of jobs that an owner has in the queue.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Turn {
-    /// Empty: jobs that nobody's name is on.
+    /// Name of the owner; empty: jobs without an owner.
     pub owner: String,
-    /// Waiting.
+    /// Jobs that wait.
     pub queued: u64,
-    /// At a worker.
+    /// Jobs that a worker runs.
     pub running: u64,
 }
 
-/// How the jobs of a batch stand.
+/// Progress of the jobs of a batch.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BatchProgress {
-    /// Waiting.
+    /// Jobs that wait.
     pub queued: u64,
-    /// At a worker.
+    /// Jobs that a worker runs.
     pub running: u64,
-    /// Ended with a result.
+    /// Jobs that ended with a result.
     pub succeeded: u64,
-    /// Ended without.
+    /// Jobs that ended with an error.
     pub failed: u64,
-    /// Ended on request.
+    /// Jobs that were cancelled.
     pub cancelled: u64,
-    /// 0 to 1: the mean over all jobs, of which those that ended count as done.
+    /// Mean progress of all jobs, from 0 to 1. A job that has ended counts as 1.
     pub done: f64,
 }
 
 impl Store {
-    /// From now on nothing starts for the display (`None`: at all); what runs goes on. Paused already, the reason is
-    /// replaced.
+    /// Pauses a display (`None`: the whole queue): no more jobs start, and running jobs continue. A pause that exists
+    /// gets the new reason.
     ///
     /// # Errors
     ///
-    /// [`StoreError::NotFound`] where there is no such display.
+    /// [`StoreError::NotFound`] if the display does not exist.
     pub async fn pause(&self, display: Option<&str>, reason: &str, now_ms: i64) -> Result<(), StoreError> {
         let (display, reason) = (display.unwrap_or_default().to_owned(), reason.to_owned());
         self.write(move |write| {
@@ -67,11 +67,12 @@ impl Store {
         .await
     }
 
-    /// Jobs start again for the display (`None`: for all that are not paused themselves).
+    /// Ends the pause of a display, or of the whole queue (`None`). Pauses of single displays outlast that of the
+    /// queue.
     ///
     /// # Errors
     ///
-    /// [`StoreError::Precondition`] where nothing is paused.
+    /// [`StoreError::Precondition`] if the display or queue is not paused.
     pub async fn resume(&self, display: Option<&str>) -> Result<(), StoreError> {
         let display = display.unwrap_or_default().to_owned();
         self.write(move |write| {
@@ -91,7 +92,7 @@ impl Store {
         .await
     }
 
-    /// All pauses.
+    /// Lists all pauses.
     ///
     /// # Errors
     ///
@@ -110,7 +111,7 @@ impl Store {
             .collect()
     }
 
-    /// Everybody who has a job in the queue.
+    /// Numbers of waiting and running jobs of each owner who has any.
     ///
     /// # Errors
     ///
@@ -130,11 +131,11 @@ impl Store {
         Ok(rows.into_iter().map(turn).collect())
     }
 
-    /// How the jobs of a batch stand.
+    /// Progress of the jobs of a batch.
     ///
     /// # Errors
     ///
-    /// [`StoreError::NotFound`] where it has none.
+    /// [`StoreError::NotFound`] if the batch has no jobs.
     pub async fn batch(&self, name: &str) -> Result<BatchProgress, StoreError> {
         let rows: Vec<(String, i64, f64)> = sqlx::query_as(
             "select state, count(*), total(case state when 'queued' then 0.0 when 'running' then \

@@ -1,21 +1,21 @@
-//! Between columns and domain values: words and JSON.
+//! Conversion between columns and domain values: words and JSON.
 
 use super::StoreError;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
-/// A value as JSON text.
+/// Writes a value as JSON text.
 pub(super) fn to_json<T: Serialize>(column: &'static str, value: &T) -> Result<String, StoreError> {
     serde_json::to_string(value).map_err(|source| StoreError::Corrupt { column, source })
 }
 
-/// JSON text as a value.
+/// Parses JSON text.
 pub(super) fn from_json<T: DeserializeOwned>(column: &'static str, text: &str) -> Result<T, StoreError> {
     serde_json::from_str(text).map_err(|source| StoreError::Corrupt { column, source })
 }
 
-/// JSON text, where there is one, as a value.
+/// Parses JSON text, if there is any.
 pub(super) fn from_json_option<T: DeserializeOwned>(
     column: &'static str,
     text: Option<String>,
@@ -23,7 +23,7 @@ pub(super) fn from_json_option<T: DeserializeOwned>(
     text.map(|text| from_json(column, &text)).transpose()
 }
 
-/// A unit variant as its word, `Encoding::Srgb` as `srgb`.
+/// Writes a unit variant as a word, for example `Encoding::Srgb` as `srgb`.
 pub(super) fn to_word<T: Serialize>(column: &'static str, value: &T) -> Result<String, StoreError> {
     match serde_json::to_value(value).map_err(|source| StoreError::Corrupt { column, source })? {
         Value::String(word) => Ok(word),
@@ -31,7 +31,7 @@ pub(super) fn to_word<T: Serialize>(column: &'static str, value: &T) -> Result<S
     }
 }
 
-/// A word as a unit variant.
+/// Parses a word as a unit variant.
 pub(super) fn from_word<T: DeserializeOwned>(column: &'static str, word: String) -> Result<T, StoreError> {
     serde_json::from_value(Value::String(word)).map_err(|source| StoreError::Corrupt { column, source })
 }

@@ -1,4 +1,4 @@
-//! Listening to what changes in the store.
+//! Receiving announcements of changes in the store.
 
 use super::Store;
 use lightpath_domain::kernel::KernelKey;
@@ -6,26 +6,27 @@ use std::sync::Arc;
 use tokio::sync::{Notify, broadcast};
 
 impl Store {
-    /// Ids of jobs, each after a change of the job is on disk. Subscribe first, then read, and nothing is missed.
+    /// Receives the id of each changed job, after the change is on disk. A caller that subscribes first and reads then
+    /// misses no change.
     #[must_use]
     pub fn subscribe_job_changes(&self) -> broadcast::Receiver<String> {
         self.inner.changes.jobs.subscribe()
     }
 
-    /// Ids of running jobs whose end somebody asked for.
+    /// Receives the ids of running jobs whose cancellation a user requested.
     #[must_use]
     pub fn subscribe_cancels(&self) -> broadcast::Receiver<String> {
         self.inner.changes.cancels.subscribe()
     }
 
-    /// Kernels that got a version or whose `active` moved, each after it is on disk.
+    /// Receives the keys of kernels that got a version or another active version, after the change is on disk.
     #[must_use]
     pub fn subscribe_kernel_changes(&self) -> broadcast::Receiver<KernelKey> {
         self.inner.changes.kernels.subscribe()
     }
 
-    /// Notified when a job may be there to claim. One permit is kept, so a worker that claims in a loop until there
-    /// is nothing left, and only then waits, misses none.
+    /// Notified when a job may be ready to claim. One permit is kept. So a worker misses no job if it claims until the
+    /// queue has none left and waits only then.
     #[must_use]
     pub fn claimable(&self) -> Arc<Notify> {
         Arc::clone(&self.inner.changes.claimable)

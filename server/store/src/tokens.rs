@@ -6,21 +6,21 @@ use lightpath_domain::access::{Caller, Role};
 use sqlx::Row;
 use sqlx::sqlite::SqliteRow;
 
-/// A token, without the secret that only its bearer has.
+/// An API token, without the secret that only its bearer has.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TokenRecord {
-    /// Whom it speaks for.
+    /// Caller whom the token identifies.
     pub caller: Caller,
-    /// [ms since 1970]
+    /// Time when the token was created \[ms since 1970\].
     pub create_time_ms: i64,
-    /// Not accepted from then on [ms since 1970]; `None`: until it is revoked.
+    /// Time from which the token is refused \[ms since 1970\]; `None`: it does not expire.
     pub expire_time_ms: Option<i64>,
-    /// When it was revoked [ms since 1970].
+    /// Time when the token was revoked \[ms since 1970\].
     pub revoke_time_ms: Option<i64>,
 }
 
 impl TokenRecord {
-    /// Whether it is accepted.
+    /// Whether the token is accepted at the time `now_ms`.
     #[must_use]
     pub fn is_valid(&self, now_ms: i64) -> bool {
         self.revoke_time_ms.is_none() && self.expire_time_ms.is_none_or(|expire_ms| now_ms < expire_ms)
@@ -28,12 +28,12 @@ impl TokenRecord {
 }
 
 impl Store {
-    /// Keeps a new token by its hash.
+    /// Stores a new token with the hash of its secret.
     ///
     /// # Errors
     ///
-    /// [`StoreError::AlreadyExists`] where the name is taken; names of revoked tokens stay taken, so that the audit log
-    /// means one token by one name.
+    /// [`StoreError::AlreadyExists`] if the name is taken. Names of revoked tokens stay taken, so that a name in the
+    /// audit log always means the same token.
     pub async fn create_token(
         &self,
         caller: &Caller,
@@ -63,7 +63,7 @@ impl Store {
         .await
     }
 
-    /// The token with this hash.
+    /// The token whose secret has this hash.
     ///
     /// # Errors
     ///
@@ -73,7 +73,7 @@ impl Store {
         row.as_ref().map(token_of).transpose()
     }
 
-    /// All tokens in the order of their names.
+    /// Lists all tokens in the order of their names.
     ///
     /// # Errors
     ///
@@ -83,7 +83,7 @@ impl Store {
         rows.iter().map(token_of).collect()
     }
 
-    /// Ends a token for good.
+    /// Revokes a token for ever.
     ///
     /// # Errors
     ///

@@ -7,22 +7,22 @@ use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
-/// How many jobs of one kind are in one state.
+/// Number of jobs of one kind in one state.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct QueueDepth {
-    /// As in a job's stored specification, for example `optimize_hologram`.
+    /// Kind of the jobs as in their stored specifications, for example `optimize_hologram`.
     pub kind: String,
-    /// Queued or running.
+    /// State of the jobs: queued or running.
     pub state: JobState,
     /// Number of jobs.
     pub jobs: u64,
 }
 
-/// Every kind of job, so that an empty queue shows as 0 and not as nothing.
+/// All kinds of jobs. Metrics show 0 for a kind without jobs.
 const KINDS: [&str; 4] = ["optimize_hologram", "learn_kernel", "simulate_capture", "evaluate_kernel"];
 
 impl Store {
-    /// Jobs that wait or run, for every kind.
+    /// Numbers of waiting and running jobs, for every kind.
     ///
     /// # Errors
     ///
@@ -48,7 +48,7 @@ impl Store {
         Ok(depths)
     }
 
-    /// For every kind, how long the first job in turn has been due: it may run, and no worker has taken it.
+    /// For every kind, how long its earliest due job has been ready to run without being claimed.
     ///
     /// # Errors
     ///
@@ -64,7 +64,7 @@ impl Store {
         Ok(ages)
     }
 
-    /// Sizes of the database and of its write-ahead log \[bytes\]; 0 where the file is not there.
+    /// Sizes of the database and of its write-ahead log \[bytes\]; 0 for a missing file.
     #[must_use]
     pub fn file_bytes(&self) -> (u64, u64) {
         let size = |path: &Path| fs::metadata(path).map_or(0, |metadata| metadata.len());
@@ -73,7 +73,7 @@ impl Store {
         (size(&self.inner.path), size(Path::new(&wal)))
     }
 
-    /// Number and bytes of all artifacts.
+    /// Number of all artifacts and their total size \[bytes\].
     ///
     /// # Errors
     ///

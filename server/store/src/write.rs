@@ -7,10 +7,10 @@ use lightpath_fail_points as fail;
 use sqlx::pool::PoolConnection;
 use sqlx::{Sqlite, SqliteConnection};
 
-/// A transaction that reads first and writes later fails with BUSY however long it waits, unless it begins so.
+/// A transaction that reads first and writes later fails with BUSY however long it waits, unless it begins `immediate`.
 const BEGIN: &str = "begin immediate";
 
-/// A write transaction, and what it will announce once it is on disk.
+/// A write transaction, with the changes to announce after its commit.
 #[derive(Debug)]
 pub(super) struct Write {
     connection: PoolConnection<Sqlite>,
@@ -22,11 +22,12 @@ impl Write {
         &mut self.connection
     }
 
-    /// Begins. SQLite ends some transactions that fail by itself (on a full disk, say) and leaves others open, so both are
-    /// expected here; sqlx's own transactions fail the next one for it.
+    /// Begins a transaction. After an error (for example a full disk), SQLite ends some transactions by itself and
+    /// leaves others open. This function accepts both; a transaction of sqlx would make the next one fail.
     async fn begin(mut connection: PoolConnection<Sqlite>) -> Result<Self, StoreError> {
         if sqlx::query(BEGIN).execute(&mut *connection).await.is_err() {
-            // A panic has left one open, or somebody else holds the database: then this tells.
+            // Either a panic left a transaction open, or another process holds the database. The second attempt shows
+            // which.
             drop(sqlx::query("rollback").execute(&mut *connection).await);
             sqlx::query(BEGIN).execute(&mut *connection).await?;
         }
@@ -36,13 +37,13 @@ impl Write {
     async fn commit(&mut self) -> Result<(), StoreError> {
         fail::point("commit").map_err(sqlx::Error::Io)?;
         sqlx::query("commit").execute(self.sql()).await?;
-        // What is on disk is done, whoever fails to tell.
+        // The commit is on disk, so a failure after it is not an error.
         drop(fail::point("committed"));
         Ok(())
     }
 
     async fn undo(&mut self) {
-        // What fails here has been undone already.
+        // If the rollback fails, SQLite has already ended the transaction.
         drop(sqlx::query("rollback").execute(self.sql()).await);
     }
 
@@ -52,16 +53,17 @@ impl Write {
 }
 
 impl Store {
-    /// Waits until nobody writes, and writes nothing.
+    /// Waits for the running write to end, and writes nothing itself.
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`] where somebody else holds the database for too long.
+    /// [`StoreError::Database`] if another process holds the database for too long.
     pub async fn take_turn(&self) -> Result<(), StoreError> {
         self.write(|_| Box::pin(async { Ok(()) })).await
     }
 
-    /// Runs `work` in a transaction of its own task: whole or not at all, even where the caller goes away.
+    /// Runs `work` in a transaction and a task of its own. It is done wholly or not at all, even if the caller drops
+    /// the future.
     pub(super) async fn write<T, W>(&self, work: W) -> Result<T, StoreError>
     where
         T: Send + 'static,

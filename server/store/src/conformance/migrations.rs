@@ -1,4 +1,4 @@
-//! Databases of every version since 0.1.0, with data as that version wrote it, brought up to date.
+//! Migrations of databases of every version since 0.1.0, with data as that version wrote it.
 
 use super::*;
 use crate::open::{MIGRATIONS, STEPS_OF_0_1_0, connect_options, migrator};
@@ -8,7 +8,8 @@ use lightpath_domain::job::JobState;
 use sqlx::{ConnectOptions as _, Connection as _, Row};
 use std::path::Path;
 
-/// Rows as the version whose last step has this number writes them: every table has some, and every state of a job one.
+/// Rows as the version whose last migration has this number wrote them. Every table has rows, and every state of a job
+/// occurs.
 const ROWS: &[(usize, &str)] = &[(
     STEPS_OF_0_1_0,
     r#"
@@ -62,7 +63,7 @@ const ROWS: &[(usize, &str)] = &[(
     insert into token values ('ada', printf('%064x', 1), 'submitter', '[]', 1, null, null)"#,
 )];
 
-/// A database as the version with this many steps left it.
+/// Creates a database as the version with this number of migrations left it.
 async fn database_of(path: &Path, steps: usize) {
     let mut connection = connect_options(path).connect().await.unwrap();
     for step in 1..=steps {
@@ -74,7 +75,7 @@ async fn database_of(path: &Path, steps: usize) {
     connection.close().await.unwrap();
 }
 
-/// Every table, index and trigger, without the spaces in which texts differ.
+/// SQL text of every table, index and trigger, without white space.
 async fn schema(path: &Path) -> Vec<(String, String)> {
     let mut connection = connect_options(path).connect().await.unwrap();
     let sql = "select type || ' ' || name as name, coalesce(sql, '') as sql from sqlite_master order by 1";
@@ -83,7 +84,7 @@ async fn schema(path: &Path) -> Vec<(String, String)> {
     rows.iter().map(|row| (row.get("name"), row.get("sql"))).collect()
 }
 
-/// What a database is like that this program makes.
+/// The schema of a database that the present program creates.
 async fn schema_of_today(folder: &Path) -> Vec<(String, String)> {
     let fresh = folder.join("fresh.db");
     Store::open(&fresh).await.unwrap().close().await;
@@ -119,7 +120,8 @@ async fn databases_of_every_version_keep_their_data() {
     }
 }
 
-/// Each step is a transaction of its own: a program that died between two left some of them done.
+/// Every migration is a transaction of its own, so a program that dies between two migrations leaves only some of them
+/// done.
 #[tokio::test]
 async fn an_interrupted_step_is_caught_up_by_the_server_alone() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,8 +1,8 @@
-//! What every store must do, on a real database in a temporary folder.
+//! Tests of the store on a real database in a temporary folder.
 //!
-//! `queue`: the life of jobs. `scheduling`: when and for whom they run. `registry`: displays, artifacts, datasets,
-//! kernels. `model`: random histories of a job against a model of a few lines; `machine`: of a whole queue. `migrations`:
-//! databases of earlier versions. `scale`: many jobs.
+//! `queue`: the life of jobs. `scheduling`: when and for which owner jobs run. `registry`: displays, artifacts,
+//! datasets, kernels. `model`: random histories of one job, compared with a small model. `machine`: random histories of
+//! a whole queue. `migrations`: databases of earlier versions. `scale`: many jobs.
 mod machine;
 mod migrations;
 mod model;
@@ -22,17 +22,17 @@ use tempfile::TempDir;
 const QUEUE_LIMIT: u32 = 100;
 const LEASE_MS: i64 = 30_000;
 
-/// A store with the display `lab`, and the folder that it lives in.
+/// A store with the display `lab`, and its temporary folder.
 async fn store() -> (Store, TempDir) {
     let folder = tempfile::tempdir().unwrap();
     let store = Store::open(&folder.path().join("lightpath.db")).await.unwrap();
     store.create_display(&display("lab"), 1).await.unwrap();
-    // What `new_job` reads.
+    // The artifact that `new_job` refers to.
     store.record_artifact(&digest(0), 7, "", 1).await.unwrap();
     (store, folder)
 }
 
-/// The cheapest kind of job; the seed tells jobs apart.
+/// A job of the cheapest kind. The seed makes jobs differ.
 fn new_job(request_id: &str, seed: u64) -> NewJob {
     capture_job(request_id, &digest(0), seed)
 }

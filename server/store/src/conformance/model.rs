@@ -1,4 +1,4 @@
-//! Random histories against a model: one job's state, attempts, failures and lease, as the rules say.
+//! Random histories of one job, compared with a model of its state, attempts, failures and lease.
 
 use super::*;
 use lightpath_domain::job::{JobState, Lease};
@@ -19,7 +19,7 @@ enum Step {
     Wait(i64),
 }
 
-/// What the rules say about the only job.
+/// Model of the only job.
 #[derive(Debug)]
 struct Model {
     state: JobState,
@@ -67,7 +67,7 @@ impl Model {
     }
 }
 
-/// Takes one step in both worlds; `leases` are all leases ever given, the latest is used.
+/// Applies one step to the store and the model. `leases` holds all leases ever given; the latest is used.
 async fn take(step: Step, store: &Store, id: &str, model: &mut Model, lease: &mut Option<Lease>, now: &mut i64) {
     match step {
         Step::Claim => {
@@ -113,7 +113,7 @@ async fn take(step: Step, store: &Store, id: &str, model: &mut Model, lease: &mu
     }
 }
 
-/// Takes one step of a worker in both worlds; whether the store allowed it.
+/// Applies one step of a worker to the store and the model. Returns whether the store allowed it.
 async fn work(step: Step, store: &Store, lease: &Lease, model: &mut Model, now: i64) -> bool {
     let held = model.held(now);
     let allowed = match step {

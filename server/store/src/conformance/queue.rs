@@ -210,7 +210,8 @@ async fn cancelling_ends_a_waiting_job_and_asks_a_running_one() {
     assert!(store.heartbeat(&lease, 8, LEASE_MS).await.unwrap().cancel_requested);
     assert_eq!(store.end_cancelled(&lease, 9).await.unwrap().state, JobState::Cancelled);
 
-    // However the attempt of a cancelled job ends without a result, the job is cancelled.
+    // A cancelled job whose attempt ends without a result is cancelled, whether the attempt fails, is drained or
+    // crashes.
     for (request, how) in [("fail", 0), ("drain", 1), ("crash", 2)] {
         let id = submit(&store, request, 10).await;
         let (_, lease) = claim(&store, 10).await.unwrap();
@@ -313,7 +314,7 @@ async fn a_caller_that_goes_away_leaves_nothing_half_done() {
     for n in 0..20 {
         let new = new_job(&format!("r{n}"), 1);
         let mut submit = std::pin::pin!(store.submit(&new, 1, QUEUE_LIMIT));
-        // Polled once, then dropped, as a server drops the call of a client that hung up.
+        // The future is polled once and then dropped, as a server drops the call of a client that disconnected.
         let _ = futures::poll!(submit.as_mut());
     }
     let (last, _) = store.submit(&new_job("last", 1), 1, QUEUE_LIMIT).await.unwrap();
@@ -324,7 +325,7 @@ async fn a_caller_that_goes_away_leaves_nothing_half_done() {
     }
 }
 
-/// Workers that come back after their jobs were given to others: 50, or as many as `LIGHTPATH_ZOMBIES` says.
+/// Workers that return after their jobs were given to others: 50, or the number in `LIGHTPATH_ZOMBIES`.
 #[tokio::test]
 async fn zombies_write_nothing() {
     let zombies = std::env::var("LIGHTPATH_ZOMBIES").map_or(50, |zombies| zombies.parse().unwrap());

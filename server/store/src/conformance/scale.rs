@@ -1,8 +1,9 @@
-//! How long things take when there are many jobs.
+//! Measures how long queries take when there are many jobs.
 //!
 //! `LIGHTPATH_SCALE_JOBS=1000000 cargo test --release -p lightpath-store --lib many_jobs -- --nocapture` fills the
-//! database with a million finished jobs and a tenth as many that wait, and holds the times to their bounds. Without the
-//! variable a hundredth of that must come out right, in whatever time a busy machine takes.
+//! database with a million finished jobs and a tenth as many waiting ones, and compares the times with their limits.
+//! Without the variable, the test uses a hundredth of these jobs and checks only the results, since the machine may be
+//! busy.
 
 use super::*;
 use crate::open::connect_options;
@@ -17,7 +18,7 @@ const SAMPLES: u32 = 300;
 const CLAIM_MAX: Duration = Duration::from_millis(20);
 const LIST_MAX: Duration = Duration::from_millis(50);
 
-/// Sorted times of the same thing, done often.
+/// Sorted durations of an operation that was repeated.
 struct Times(Vec<Duration>);
 
 impl Times {
@@ -42,7 +43,7 @@ async fn times<F: Future<Output = ()>>(mut work: impl FnMut(u32) -> F) -> Times 
     Times(times)
 }
 
-/// Jobs as they would be there after months: 20 owners, 5 displays and 3 priorities wait.
+/// Fills the database with jobs as after months of use: the waiting jobs have 20 owners, 5 displays and 3 priorities.
 async fn fill(path: &std::path::Path, finished: u32) {
     let mut connection = connect_options(path).connect().await.unwrap();
     let spec = serde_json::to_string(&new_job("", 1).spec).unwrap();
@@ -99,7 +100,7 @@ async fn many_jobs_slow_nothing_down() {
     ];
     let filters = &filters;
     let list = times(async |n| {
-        // Anywhere between the first page and the last.
+        // A place anywhere between the first page and the last.
         let after = format!("a{:012}", u64::from(n) * u64::from(finished) / u64::from(SAMPLES));
         store.jobs(&filters[n as usize % filters.len()], Some(&after), 51).await.unwrap();
     })

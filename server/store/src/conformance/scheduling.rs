@@ -1,4 +1,4 @@
-//! When and for whom jobs run.
+//! Tests of when and for which owner jobs run.
 
 use super::*;
 use crate::{BatchProgress, ClaimLimits, JobFilter, Pause, PreconditionReason, QueueLimits, Turn};
@@ -83,7 +83,7 @@ async fn who_has_fewer_running_comes_first_and_limits_are_kept_by_live_leases() 
     put(&store, "more", |_| ()).await.unwrap();
     let four_on_a_display = ClaimLimits { per_owner: 0, per_display: 4 };
     assert!(claimed_owner(&store, four_on_a_display, 27).await.is_none());
-    // Leases that have run out are no leases: what died holds nobody up for good.
+    // Expired leases no longer count towards the limits: a dead worker does not block others for ever.
     store.expire_leases(22 + LEASE_MS).await.unwrap();
     assert!(claimed_owner(&store, four_on_a_display, 23 + LEASE_MS).await.is_some());
     assert_eq!(
@@ -228,7 +228,7 @@ async fn what_waits_for_a_failed_job_fails_and_can_be_retried_in_order() {
     assert_eq!(job.id, a);
     store.finish(&lease, result(), None, 26).await.unwrap();
     assert_eq!(claim(&store, 27).await.unwrap().0.id, b);
-    // Cancelling a job that waits has the same consequence.
+    // Cancelling a waiting job has the same effect.
     store.retry(&c, 28).await.unwrap();
     let d = put_after(&store, "d", &[&c]).await.unwrap().id;
     store.cancel(&c, 29).await.unwrap();

@@ -1,8 +1,8 @@
-//! What can happen to a queue.
+//! Commands to a queue, for random histories.
 
 use super::*;
 
-/// Jobs are picked by a number, modulo as many as there are.
+/// A command to the queue. Jobs are chosen by a number modulo the number of jobs.
 #[derive(Clone, Debug)]
 pub(super) enum Command {
     Submit(Submission),
@@ -32,9 +32,9 @@ pub(super) struct Submission {
     pub(super) display: usize,
     pub(super) priority: i32,
     pub(super) delay_ms: i64,
-    /// The jobs that it comes after.
+    /// Numbers of the jobs that must succeed before this one runs.
     pub(super) after: Vec<usize>,
-    /// Its unique key.
+    /// Unique key of the job.
     pub(super) key: Option<usize>,
 }
 

@@ -1,8 +1,8 @@
-//! Random histories of a whole queue against a model that does everything the slow way: it looks at every job for every
-//! question, keeps no lanes and no counts.
+//! Random histories of a whole queue, compared with a simple model. The model examines every job for every question and
+//! keeps neither lanes nor counts.
 //!
-//! `LIGHTPATH_MODEL_COMMANDS=100000 cargo test --release -p lightpath-store --lib the_queue_agrees_with_its_model` takes
-//! that many commands; the default is a short run.
+//! `LIGHTPATH_MODEL_COMMANDS=100000 cargo test --release -p lightpath-store --lib the_queue_agrees_with_its_model` runs
+//! that many commands; by default the test is short.
 
 mod command;
 mod model;
@@ -19,7 +19,7 @@ use std::collections::BTreeSet;
 
 /// Commands of one history.
 const HISTORY: usize = 250;
-/// Commands in every run of the tests.
+/// Commands in a normal test run.
 const COMMANDS: usize = 3000;
 const OWNERS: [&str; 3] = ["", "ada", "bob"];
 const DISPLAYS: [&str; 2] = ["lab", "other"];

@@ -1,8 +1,8 @@
-//! The queue as the rules say that it must be.
+//! A simple model of the queue that follows its rules literally.
 
 use super::*;
 
-/// One job as the rules say it must be.
+/// A job of the model.
 #[derive(Clone, Debug)]
 pub(super) struct ModelJob {
     pub(super) id: String,
@@ -17,7 +17,7 @@ pub(super) struct ModelJob {
     pub(super) finish_time_ms: Option<i64>,
     pub(super) until_ms: i64,
     pub(super) has_checkpoint: bool,
-    /// Every lease that was ever given, the latest last.
+    /// All leases of the job, the latest last.
     pub(super) leases: Vec<Lease>,
 }
 
@@ -42,7 +42,7 @@ impl Model {
         self.jobs.iter().filter(|job| job.state == JobState::Queued && of(&job.new)).count() as u32
     }
 
-    /// The job that must be next.
+    /// Index of the job that must be claimed next.
     pub(super) fn next(&self, limits: ClaimLimits) -> Option<usize> {
         let may = |job: &&ModelJob| {
             let owner = |new: &NewJob| new.scheduling.owner == job.new.scheduling.owner;
@@ -71,7 +71,7 @@ impl Model {
         key.is_some() && self.jobs.iter().any(active)
     }
 
-    /// The attempt at a job ends; what waits for it ends with it where it ended badly.
+    /// Ends an attempt with the state `state`. If the job fails or is cancelled, the jobs that wait for it fail.
     pub(super) fn end(&mut self, index: usize, state: JobState) {
         let now_ms = self.now_ms;
         let job = &mut self.jobs[index];
@@ -109,7 +109,7 @@ impl Model {
         }
     }
 
-    /// Which job, which of its leases, and whether that one holds.
+    /// Index of a job, one of its leases (the last, or with `stale` the one before), and whether that lease is valid.
     pub(super) fn lease(&self, job: usize, stale: bool) -> Option<(usize, Lease, bool)> {
         let index = job % self.jobs.len().max(1);
         let job = self.jobs.get(index)?;

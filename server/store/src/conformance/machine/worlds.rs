@@ -1,10 +1,10 @@
-//! A store and its model, to which the same happens.
+//! A store and its model, which receive the same commands.
 
 use super::command::{Command, Submission};
 use super::model::{Model, ModelJob};
 use super::*;
 
-/// Both worlds.
+/// The store and its model.
 pub(super) struct Worlds {
     pub(super) store: Store,
     pub(super) model: Model,
@@ -101,7 +101,7 @@ impl Worlds {
 
     async fn end_cancelled(&mut self, job: usize, stale: bool) {
         let Some((index, lease, holds)) = self.model.lease(job, stale) else { return };
-        // A worker ends a job so only when somebody asked for it.
+        // A worker ends a job as cancelled only if a user requested the cancellation.
         if !self.model.jobs[index].cancel_requested {
             return;
         }
@@ -258,7 +258,7 @@ impl Worlds {
             let state = self.model.jobs.iter().find(|it| it.id == *id).map(|it| it.state);
             matches!(state, Some(JobState::Failed | JobState::Cancelled))
         };
-        // What was forgotten cannot be waited for any more.
+        // A new job cannot wait for a job that was deleted.
         let gone = |id: &String| !self.model.jobs.iter().any(|it| it.id == *id);
         let allowed = matches!(job.state, JobState::Failed | JobState::Cancelled)
             && !self.model.active_with_key(job.new.scheduling.unique_key.as_ref())
@@ -273,7 +273,7 @@ impl Worlds {
         }
     }
 
-    /// Everything that can be asked is the same in both worlds.
+    /// Asserts that the store and the model give the same answers to all questions.
     pub(super) async fn compare(&self) {
         let jobs = self.store.jobs(&JobFilter::default(), None, 1000).await.unwrap();
         assert_eq!(jobs.len(), self.model.jobs.len());
