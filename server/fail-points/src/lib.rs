@@ -1,35 +1,37 @@
-//! Named places before every flush, rename, removal and commit, at which a test can make the process die or the call fail.
+//! Named points before every flush, rename, removal and commit. At each point a test can make the process die or the
+//! call fail.
 //!
-//! Nothing happens at a point until [`arm_by_environment`] is called, which only tests do, in a process that they
-//! start for this.
+//! A point has no effect until [`arm_by_environment`] is called. Only tests call it, in a process that they start for
+//! this.
 
 use std::collections::HashMap;
 use std::fs::File;
 use std::io::{self, Write as _};
 use std::sync::{Mutex, OnceLock, PoisonError};
 
-/// Environment variable that says what breaks: `NAME:COUNT:die` or `NAME:COUNT:fail`, at the COUNTth time that the point is passed.
+/// Environment variable that selects the failure: `NAME:COUNT:die` or `NAME:COUNT:fail`. The process dies or the call
+/// fails when the point `NAME` is passed for the `COUNT`-th time.
 pub const POINT: &str = "LIGHTPATH_FAIL_POINT";
-/// Environment variable with the path of a file that gets a line for each point that is passed.
+/// Environment variable with the path of a file. A line is appended to the file for each point that is passed.
 pub const PASSED: &str = "LIGHTPATH_FAIL_PASSED";
 
 static ARMED: OnceLock<Armed> = OnceLock::new();
 
-/// A place at which it matters what is on disk.
+/// A point of the program at which the state of the disk matters. It fails only if a test has armed the process.
 ///
 /// # Errors
 ///
-/// Never, unless a test has armed the process.
+/// The error that a test has requested for this point.
 #[inline]
 pub fn point(name: &'static str) -> io::Result<()> {
     ARMED.get().map_or(Ok(()), |armed| armed.pass(name))
 }
 
-/// From now on points break as [`POINT`] says, and are written down where [`PASSED`] says.
+/// Reads the environment: from now on points fail as [`POINT`] says, and are logged to the file in [`PASSED`].
 ///
 /// # Errors
 ///
-/// [`PASSED`] names a file that cannot be opened, or [`POINT`] has another form.
+/// An error if [`PASSED`] names a file that cannot be opened, or [`POINT`] is malformed.
 pub fn arm_by_environment() -> io::Result<()> {
     let open = |path| File::options().create(true).append(true).open(path);
     let passed = std::env::var_os(PASSED).map(open).transpose()?;
@@ -38,14 +40,14 @@ pub fn arm_by_environment() -> io::Result<()> {
     Ok(())
 }
 
-/// How a point breaks.
+/// How the process fails at a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum How {
     Die,
     Fail,
 }
 
-/// Which passage of which point breaks, and how.
+/// A failure to be caused: the point, the passage and the kind.
 #[derive(Debug)]
 struct Breakage {
     point: String,

@@ -1,7 +1,7 @@
-//! What the server tells Prometheus.
+//! Metrics of the server for Prometheus.
 //!
-//! Counters and histograms are kept where things happen; gauges that only the database knows are read when somebody
-//! asks.
+//! Counters and histograms are updated when events happen. Gauges with values from the database are read at each
+//! request for the metrics.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 use lightpath_artifacts::Artifacts;
@@ -33,23 +33,24 @@ const DISK_FREE: &str = "lightpath_disk_free_bytes";
 const DISK_RESERVE: &str = "lightpath_disk_reserve_bytes";
 const BUILD_INFO: &str = "lightpath_build_info";
 
-/// From a small hologram on a fast machine to a large one on a slow machine \[s\].
+/// Buckets for the time of an iteration \[s\]: from a small hologram on a fast machine to a large one on a slow
+/// machine.
 const ITERATION_BUCKETS_S: [f64; 12] = [0.0005, 0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 5.0];
-/// From a thumbnail to a display learned overnight \[s\].
+/// Buckets for the time of a job \[s\]: from a very small picture to a kernel that is learned overnight.
 const JOB_BUCKETS_S: [f64; 10] = [0.1, 0.5, 1.0, 5.0, 15.0, 60.0, 300.0, 1200.0, 3600.0, 14_400.0];
-/// From a read of one row to the checking of a large picture \[s\].
+/// Buckets for the time of a request \[s\]: from a read of one row to the check of a large picture.
 const REQUEST_BUCKETS_S: [f64; 10] = [0.001, 0.0025, 0.005, 0.01, 0.025, 0.1, 0.25, 1.0, 5.0, 30.0];
 
 /// Why a job lost its lease.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LeaseLoss {
-    /// Its worker was not heard of for too long.
+    /// The lease expired without a heartbeat.
     Expired,
-    /// Its server ended without a word, and the next one found it.
+    /// The server died, and the next one found the job.
     ServerDied,
 }
 
-/// A job has ended. How long its last attempt took is told where it ran to its end.
+/// Records the end of a job, and the time of its last attempt if that ran to its end.
 pub fn job_ended(job: &Job) {
     let (kind, state) = (kind(&job.spec), job.state.as_str());
     counter!(JOBS_ENDED, "kind" => kind, "state" => state).increment(1);
@@ -61,7 +62,7 @@ pub fn job_ended(job: &Job) {
     }
 }
 
-/// A job was taken from its worker.
+/// Records that a job was taken from its worker.
 pub fn lease_lost(cause: LeaseLoss, job: &Job) {
     let cause = match cause {
         LeaseLoss::Expired => "expired",
@@ -73,43 +74,44 @@ pub fn lease_lost(cause: LeaseLoss, job: &Job) {
     }
 }
 
-/// Somebody asked for a kernel's file of a display that there is; a stream counts as OK once it has begun.
+/// Records a request for a kernel file of an existing display. A stream counts as OK once it has started.
 pub fn kernel_fetch(display: &str, code: String) {
     counter!(FETCHES, "display" => display.to_owned(), "code" => code).increment(1);
 }
 
-/// A hologram's optimizer has done an iteration, of which `transforming` went into the passes of Fourier transforms.
+/// Records one iteration of a hologram optimization, with `transforming`: the part of its time for Fourier transforms.
 pub fn hologram_iteration(time: Duration, transforming: Duration) {
     histogram!(ITERATION).record(time.as_secs_f64());
     histogram!(TRANSFORM).record(transforming.as_secs_f64());
 }
 
-/// A request was answered (a stream: begun).
+/// Records an answered request. A stream counts as answered once it has started.
 pub fn request(method: String, code: String, time: Duration) {
     counter!(REQUESTS, "method" => method.clone(), "code" => code).increment(1);
     histogram!(REQUEST, "method" => method).record(time.as_secs_f64());
 }
 
-/// A collection has removed this much.
+/// Records what a collection has removed.
 pub fn collected(jobs: u64, artifacts: u64, bytes: u64) {
     counter!(COLLECTED_JOBS).increment(jobs);
     counter!(COLLECTED_ARTIFACTS).increment(artifacts);
     counter!(COLLECTED_BYTES).increment(bytes);
 }
 
-/// Starts to record; everything recorded earlier is lost. The recorder is the process's: all servers in one share it.
+/// Starts recording; earlier measurements are lost. The recorder belongs to the process: all its servers share it.
 pub fn install() {
     let _ = handle();
 }
 
-/// Counts what was measured into its buckets. Until then every measurement takes memory of its own, asked for or not.
+/// Moves measurements into their buckets. Until then every measurement needs memory, even if the metrics are never
+/// read.
 pub fn sum_up() {
     if let Some(handle) = handle() {
         handle.run_upkeep();
     }
 }
 
-/// All metrics in Prometheus' text format.
+/// All metrics in the text format of Prometheus.
 pub async fn render(store: &Store, files: &Artifacts, now_ms: i64) -> Result<String, StoreError> {
     let Some(handle) = handle() else {
         return Ok(String::new());
@@ -137,7 +139,7 @@ pub async fn render(store: &Store, files: &Artifacts, now_ms: i64) -> Result<Str
 
 fn handle() -> Option<&'static PrometheusHandle> {
     static HANDLE: OnceLock<Option<PrometheusHandle>> = OnceLock::new();
-    // `None` where the program that embeds the server has a recorder of its own.
+    // `None` if the program that embeds the server has installed its own recorder.
     let install = || {
         let builder = PrometheusBuilder::new()
             .set_buckets_for_metric(Matcher::Full(ITERATION.to_owned()), &ITERATION_BUCKETS_S)
@@ -187,7 +189,7 @@ fn kind(spec: &JobSpec) -> &'static str {
 mod tests {
     use std::collections::BTreeSet;
 
-    /// The names of metrics in a text, without what Prometheus adds to those of histograms.
+    /// Names of the metrics in a text, without the suffixes that Prometheus adds for histograms.
     fn names(text: &str) -> BTreeSet<String> {
         let is_part = |c: char| c.is_ascii_lowercase() || c == '_';
         let starts = text.match_indices("lightpath_").map(|(start, _)| &text[start..]);
@@ -203,7 +205,7 @@ mod tests {
         let here = names(&constants);
         let page = names(include_str!("../../../docs/operating.md"));
         let dashboard = names(include_str!("../../../docs/operating/grafana.json"));
-        // The page names this crate, too: its log tells of every request.
+        // The page also names this crate, because its log lists every request.
         let named = page.union(&dashboard).filter(|name| *name != "lightpath_api");
         let unknown: Vec<_> = named.filter(|name| !here.contains(*name)).collect();
         assert_eq!(unknown, Vec::<&String>::new(), "no such metric");

@@ -20,23 +20,23 @@ use tokio::task::JoinSet;
 use tokio::time::{interval, sleep};
 use tokio_util::sync::CancellationToken;
 
-/// Shortest time between two progress reports of a job: lively for people, no load for the store.
+/// Shortest time between two progress reports of a job: short enough for people, long enough to spare the store.
 const PROGRESS_INTERVAL: Duration = Duration::from_millis(200);
 
-/// Heartbeats in a lease: two may fail before the third one is too late.
+/// Heartbeats in the time of one lease. Two may fail before the lease expires.
 const HEARTBEATS_PER_LEASE: u32 = 3;
 
 type Outcome = Result<TaskOutput, TaskError>;
 
 impl Worker {
-    /// Runs a claimed job until it ends, one way or another.
+    /// Runs a claimed job until its attempt ends.
     pub(super) async fn attempt(&self, job: Job, lease: Lease, pool: &Arc<ThreadPool>, drain: &CancellationToken) {
         tracing::info!(job = job.id, attempt = lease.attempt, "attempt started");
         let stop = Arc::new(StopFlag::default());
         let (progress, reports) = watch::channel(None);
-        // Aborted when dropped, that is when the attempt has ended.
+        // The tasks are aborted when this set is dropped at the end of the attempt.
         let mut attendants = JoinSet::new();
-        // Listen first: a cancel before this is seen by the first heartbeat, any later one is heard.
+        // Subscribe first: the first heartbeat sees an earlier cancellation, and this channel receives a later one.
         let cancels = self.store.subscribe_cancels();
         attendants.spawn(listen(cancels, lease.job.clone(), drain.clone(), Arc::clone(&stop)));
         let (store, clock) = (self.store.clone(), self.clock.clone());
@@ -68,12 +68,12 @@ impl Worker {
         let outcome = compute(Arc::clone(&self.task), job, context, Arc::clone(pool)).await;
         let last_report = reports.borrow().clone();
         if let Err(error) = self.end(&lease, outcome, stop.reason(), last_report).await {
-            // The lease runs out, and the job goes back to the queue.
+            // The lease will expire, and the job then returns to the queue.
             tracing::error!(job = lease.job, error = &error as &dyn std::error::Error, "the attempt could not end");
         }
     }
 
-    /// Tells the store how the attempt ended.
+    /// Records in the store how the attempt ended.
     async fn end(
         &self,
         lease: &Lease,
@@ -111,7 +111,7 @@ impl Worker {
                 let now_ms = self.clock.now_ms();
                 let delay = self.config.backoff.delay(error.reason, lease.attempt).as_millis() as i64;
                 if error.reason == FailureReason::DiskFull {
-                    // No fault of the job's.
+                    // The job did not cause this error.
                     self.store.postpone(lease, error, now_ms + delay, now_ms).await?
                 } else {
                     let retry_at_ms = error.retryable.then_some(now_ms + delay);
@@ -127,7 +127,7 @@ impl Worker {
             && let Some(digest) = checkpoint
             && let Err(error) = self.artifacts.delete_checkpoint(&digest).await
         {
-            // No harm: nothing names the file, and the next start removes it.
+            // The file does no harm: no job refers to it, and the next start removes it.
             tracing::warn!(error = &error as &dyn std::error::Error, "a checkpoint could not be removed");
         }
         Ok(())
@@ -139,7 +139,7 @@ async fn compute(task: Arc<dyn Task>, job: Job, context: JobContext, pool: Arc<T
     let (done, outcome) = oneshot::channel();
     let run = move || {
         let outcome = catch_unwind(AssertUnwindSafe(|| run_inside(&pool, task.as_ref(), &job, context)));
-        // The attempt waits for this; where it does not, the process is about to end.
+        // The attempt waits for this value. The send fails only when the process is ending.
         drop(done.send(outcome.unwrap_or_else(|panic| Err(panicked(panic.as_ref())))));
     };
     if let Err(error) = std::thread::Builder::new().name("compute".to_owned()).spawn(run) {
@@ -151,7 +151,7 @@ async fn compute(task: Arc<dyn Task>, job: Job, context: JobContext, pool: Arc<T
     outcome.await.unwrap_or_else(|_| Err(TaskError::transient(FailureReason::Thread, "the compute thread is gone")))
 }
 
-/// The context moves into the pool: its cells belong to one thread at a time.
+/// Runs the task in the thread pool. The context moves there because only one thread at a time may use its cells.
 fn run_inside(pool: &ThreadPool, task: &dyn Task, job: &Job, context: JobContext) -> Outcome {
     pool.install(move || task.run(job, &context))
 }
@@ -165,7 +165,7 @@ fn panicked(panic: &(dyn Any + Send)) -> TaskError {
     TaskError::Failed(JobError { reason: FailureReason::Panic, message, retryable: true })
 }
 
-/// Keeps the lease; raises the flag where it is lost or the job is to be cancelled.
+/// Extends the lease. Raises the stop flag if the lease is lost or the job must be cancelled.
 async fn beat(store: Store, clock: Clock, lease: Lease, duration: Duration, stop: Arc<StopFlag>) {
     let lease_ms = i64::try_from(duration.as_millis()).unwrap_or(i64::MAX / 2);
     let mut until_ms = lease.until_ms;
@@ -190,7 +190,8 @@ async fn beat(store: Store, clock: Clock, lease: Lease, duration: Duration, stop
     }
 }
 
-/// Raises the flag when the server drains or somebody cancels the job; the heartbeats see what this misses.
+/// Raises the stop flag when the server drains or a user cancels the job. Heartbeats see cancellations that this
+/// misses.
 async fn listen(mut cancels: Receiver<String>, job: String, drain: CancellationToken, stop: Arc<StopFlag>) {
     let mut draining = false;
     loop {
@@ -208,7 +209,7 @@ async fn listen(mut cancels: Receiver<String>, job: String, drain: CancellationT
     }
 }
 
-/// Passes progress on, a few times a second at most.
+/// Stores progress reports, at most a few a second.
 async fn tell(store: Store, clock: Clock, lease: Lease, mut reports: watch::Receiver<Option<Progress>>) {
     while reports.changed().await.is_ok() {
         let report = reports.borrow_and_update().clone();

@@ -1,26 +1,27 @@
-//! When to repeat a failed attempt.
+//! Pauses before a failed attempt is repeated.
 //!
 //! ```text
 //! delay = min(first · 2^(attempt − 1), max) · u,    u uniform in [½, 1)
 //! ```
 //!
-//! `first` depends on what went wrong: a full disk needs somebody to make room, a panic is most likely a bug that comes
-//! again, and anything else may pass soon. Jobs that failed together (on a full disk, say) come back apart from each other.
+//! `first` depends on the error: a full disk needs an operator to make room, a panic is most likely a bug that happens
+//! again, and other errors may pass soon. The random factor spreads the retries of jobs that failed together (on a full
+//! disk, for example).
 
 use lightpath_domain::job::FailureReason;
 use std::time::Duration;
 use uuid::Uuid;
 
-/// Exponential, with jitter.
+/// Exponential backoff with jitter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Backoff {
-    /// After the first attempt.
+    /// Pause after the first attempt, for most errors.
     pub first: Duration,
-    /// After the first attempt that found the disk full.
+    /// Pause after the first attempt that found the disk full.
     pub first_disk_full: Duration,
-    /// After the first attempt that panicked.
+    /// Pause after the first attempt that panicked.
     pub first_panic: Duration,
-    /// At most.
+    /// Longest pause.
     pub max: Duration,
 }
 
@@ -36,7 +37,7 @@ impl Default for Backoff {
 }
 
 impl Backoff {
-    /// The same pauses whatever went wrong.
+    /// Backoff with the same pauses for all errors.
     #[must_use]
     pub fn uniform(first: Duration, max: Duration) -> Self {
         Self { first, first_disk_full: first, first_panic: first, max }
@@ -52,7 +53,7 @@ impl Backoff {
             _ => self.first,
         };
         let full = first.saturating_mul(1 << doublings).min(self.max);
-        // The last bits of a UUID v7 are random: enough for jitter, without a generator of its own.
+        // The last bits of a UUID v7 are random, which is enough for jitter and avoids another random generator.
         let random = (Uuid::now_v7().as_u128() & 0xffff_ffff) as f64 / f64::from(u32::MAX);
         full.mul_f64(0.5 + 0.5 * random)
     }

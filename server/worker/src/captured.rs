@@ -1,4 +1,4 @@
-//! What a kernel is for: photographs of new holograms made through it, where the display can be photographed at will.
+//! Measures a kernel on photographs of new holograms. Only simulated displays can be photographed for this.
 
 use super::display_setup::{DisplaySetup, finite};
 use super::simulate::bench;
@@ -12,17 +12,17 @@ use lightpath_optics::simulated_display::SimulatedDisplay;
 use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{Detector, DisplayModel, Engine, Optimization, Plane, RegionOfInterest};
 
-/// Two pictures of different kinds: enough to tell better from worse.
+/// Two different pictures, which are enough to tell a better kernel from a worse one.
 const TARGETS: [TestCard; 2] = [TestCard::Portrait, TestCard::Leaf];
-/// Evaluations by L-BFGS for each hologram: within a decibel or two of the end.
+/// L-BFGS evaluations for each hologram. The result is within one or two decibels of convergence.
 const ITERATIONS: u32 = 40;
-/// Narrow: what holograms for pictures start from.
+/// Range of the random initial phases \[rad\]: a narrow range suits holograms of pictures.
 const INITIAL_PHASE_RAD: f64 = 1.0;
-/// Of the pictures, the first phases and the noise; far from those of datasets made by hand.
+/// Seed of the pictures, the initial phases and the noise. It differs from the seeds that users choose for datasets.
 const SEED: u64 = 0xca97;
 
-/// PSNR of photographs of new holograms through the kernel and through the ideal one; `None` for displays that are not
-/// simulated, or too small for pictures.
+/// PSNR of photographs of new holograms, computed with the kernel and with the ideal kernel. `None` for displays that
+/// are not simulated or are too small for pictures.
 pub(super) fn compare(
     context: &JobContext,
     display: &DisplaySetup,
@@ -81,7 +81,7 @@ fn photographed_db(
     region: RegionOfInterest,
 ) -> Result<f64, TaskError> {
     let displayed = display.response.dequantize(&display.levels_of(phase)?)?;
-    // Where the dataset says that the camera sees the pixels, or a learned kernel would be held to another place.
+    // Uses the alignment of the dataset. Without it, photographs would be compared with a displaced target.
     let photo = captures.on_grid(bench.capture(&displayed, SEED)?.map(|level| f32::from(level) / 255.0))?;
     Ok(psnr_db(&photo, target, region, Gain::Fitted)?)
 }

@@ -1,8 +1,8 @@
-//! The envelope of a saved state: the task's own bytes, then one line of JSON, so that neither sealing nor unsealing has to
-//! move them.
+//! The envelope of a saved state: the bytes of the task, followed by one line of JSON. In this order, neither sealing
+//! nor unsealing moves the bytes of the task.
 //!
-//! The job and the attempt make its content unique. Two jobs that do the same thing save the same state, and each
-//! deletes its own; without the envelope both would name, and delete, the same file.
+//! The line names the job and the attempt, which makes the content unique. Two jobs that do the same work save the same
+//! state, and each job deletes its own. Without the envelope both would refer to the same file and delete it.
 
 use lightpath_domain::job::{Job, Lease};
 use serde::{Deserialize, Serialize};
@@ -14,7 +14,7 @@ struct Envelope {
     code_version: String,
 }
 
-/// `state` in its envelope.
+/// Puts `state` into its envelope.
 pub(super) fn seal(lease: &Lease, mut state: Vec<u8>) -> Result<Vec<u8>, serde_json::Error> {
     let envelope =
         Envelope { job: lease.job.clone(), attempt: lease.attempt, code_version: env!("CARGO_PKG_VERSION").to_owned() };
@@ -23,8 +23,8 @@ pub(super) fn seal(lease: &Lease, mut state: Vec<u8>) -> Result<Vec<u8>, serde_j
     Ok(state)
 }
 
-/// The state that `bytes` hold, where this version of the code saved them for `job`: another version may compute
-/// other bytes, and has to start over.
+/// Returns the state in `bytes` if this version of the code saved it for `job`. Another version may compute other
+/// bytes, so its state is not used and the job starts from the beginning.
 pub(super) fn unseal(job: &Job, mut bytes: Vec<u8>) -> Option<Vec<u8>> {
     let end = bytes.iter().rposition(|byte| *byte == b'\n')?;
     let envelope: Envelope = serde_json::from_slice(&bytes[end + 1..]).ok()?;

@@ -1,4 +1,4 @@
-//! What a task sees of the outside.
+//! The interface between a task and the rest of the server.
 
 use super::stop::{StopFlag, StopReason};
 use super::{Clock, checkpoint};
@@ -15,34 +15,34 @@ use std::time::{Duration, Instant};
 use tokio::runtime::Handle;
 use tokio::sync::watch;
 
-/// What a job gave.
+/// The output of a task.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TaskOutput {
-    /// For the job.
+    /// Result of the job.
     pub result: JobResult,
-    /// For the registry, of a learning job: a version for each distance.
+    /// New kernel versions of a learning job, one for each distance.
     pub learned: Vec<(KernelKey, NewKernelVersion)>,
 }
 
 /// Why a task ended without output.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum TaskError {
-    /// It was told to.
+    /// The task was told to stop.
     #[error("the task was told to stop")]
     Stopped,
-    /// It failed; `retryable` in the error says whether another attempt may help.
+    /// The task failed. `retryable` in the error says whether another attempt may succeed.
     #[error("{}: {}", .0.reason, .0.message)]
     Failed(JobError),
 }
 
 impl TaskError {
-    /// A failure that another attempt would only repeat.
+    /// An error that another attempt would repeat.
     #[must_use]
     pub fn permanent(reason: FailureReason, message: impl std::fmt::Display) -> Self {
         Self::Failed(JobError { reason, message: message.to_string(), retryable: false })
     }
 
-    /// A failure that may pass.
+    /// An error that may not occur in another attempt.
     #[must_use]
     pub fn transient(reason: FailureReason, message: impl std::fmt::Display) -> Self {
         Self::Failed(JobError { reason, message: message.to_string(), retryable: true })
@@ -75,7 +75,7 @@ impl From<StoreError> for TaskError {
     }
 }
 
-/// How long is left, judged by the steps of this attempt alone.
+/// Estimate of the remaining time, from the steps of this attempt alone.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Eta {
     first_step: u32,
@@ -83,12 +83,12 @@ pub(super) struct Eta {
 }
 
 impl Eta {
-    /// Starts the clock at `step`.
+    /// Starts the measurement at `step`.
     pub(super) fn from(step: u32) -> Self {
         Self { first_step: step, started: Instant::now() }
     }
 
-    /// \[s\]; `None` until there is a step to judge by.
+    /// Remaining time \[s\]; `None` before the first step has ended.
     pub(super) fn left_s(self, step: u32, steps_total: u32) -> Option<f64> {
         let done = step.checked_sub(self.first_step).filter(|done| *done > 0)?;
         Some(self.started.elapsed().as_secs_f64() / f64::from(done) * f64::from(steps_total.saturating_sub(step)))
@@ -99,7 +99,7 @@ impl Eta {
 #[derive(Debug)]
 pub struct JobContext {
     pub(super) lease: Lease,
-    /// Whose the job is, and with it what it makes.
+    /// Owner of the job and of the artifacts it makes.
     pub(super) owner: String,
     pub(super) store: Store,
     pub(super) artifacts: Artifacts,
@@ -115,13 +115,13 @@ pub struct JobContext {
 }
 
 impl JobContext {
-    /// To be called once an iteration, with how far the task is and, should it be wanted, its state: everything that
-    /// a later attempt needs to end with the same bytes. Reports the progress, saves the state when that is due, and
-    /// says whether to go on.
+    /// Call this once an iteration, with the progress and a function that returns the state. The state is everything
+    /// that a later attempt needs to produce the same bytes. Reports the progress, saves the state when a checkpoint is
+    /// due, and checks whether the task must stop.
     ///
     /// # Errors
     ///
-    /// [`TaskError::Stopped`]: return it at once. [`TaskError::Failed`] where the state could not be saved.
+    /// [`TaskError::Stopped`]: the task must return it at once. [`TaskError::Failed`] if the state could not be saved.
     pub fn step(&self, progress: Progress, state: impl FnOnce() -> Vec<u8>) -> Result<(), TaskError> {
         self.progress.send_replace(Some(progress));
         match self.stop.reason() {
@@ -135,11 +135,11 @@ impl JobContext {
         }
     }
 
-    /// Reports progress where there is no state worth saving.
+    /// Reports progress of a part that has no state to save.
     ///
     /// # Errors
     ///
-    /// [`TaskError::Stopped`]: return it at once.
+    /// [`TaskError::Stopped`]: the task must return it at once.
     pub fn report(&self, progress: Progress) -> Result<(), TaskError> {
         self.progress.send_replace(Some(progress));
         match self.should_stop() {
@@ -148,24 +148,24 @@ impl JobContext {
         }
     }
 
-    /// Whether, and why, the task has to stop.
+    /// The reason why the task must stop; `None`: continue.
     #[must_use]
     pub fn should_stop(&self) -> Option<StopReason> {
         self.stop.reason()
     }
 
-    /// The state that an earlier attempt saved, once.
+    /// Returns the state that an earlier attempt saved. Only the first call returns it.
     #[must_use]
     pub fn take_saved_state(&self) -> Option<Vec<u8>> {
         self.saved.borrow_mut().take()
     }
 
-    /// Engines, with the parts that this server's jobs have in common made once.
+    /// Cache of engines and of the parts that the jobs of this server share.
     pub(super) fn engines(&self) -> &EngineCache {
         &self.engines
     }
 
-    /// An artifact's bytes, checked.
+    /// Reads an artifact and checks it against its digest.
     ///
     /// # Errors
     ///
@@ -189,19 +189,18 @@ impl JobContext {
         })
     }
 
-    /// The store, for reading what the job is about.
+    /// The store, for reading the records to which the job refers.
     #[must_use]
     pub fn store(&self) -> &Store {
         &self.store
     }
 
-    /// Waits, on the compute thread, for something asynchronous.
+    /// Waits on the compute thread for an asynchronous operation.
     pub fn wait<F: Future>(&self, future: F) -> F::Output {
         self.runtime.block_on(future)
     }
 
-    /// Saves the state because it is time to. Nothing is lost without it but time: where the disk is full, the job goes on
-    /// and tries again later.
+    /// Saves the state at a regular interval. If the disk is full, the job continues and tries again later.
     fn save_in_passing(&self, state: Vec<u8>) -> Result<(), TaskError> {
         match self.save(state) {
             Err(TaskError::Failed(error)) if error.reason == FailureReason::DiskFull => {
@@ -213,7 +212,7 @@ impl JobContext {
         }
     }
 
-    /// Saves the state: file first, then the row that names it, then the file before goes.
+    /// Saves the state: writes the file, records it in the job's row, and removes the previous file.
     fn save(&self, state: Vec<u8>) -> Result<(), TaskError> {
         let sealed = checkpoint::seal(&self.lease, state)
             .map_err(|error| TaskError::permanent(FailureReason::Checkpoint, error))?;
@@ -227,7 +226,7 @@ impl JobContext {
         let before = match self.store.checkpoint(&self.lease, &digest, self.clock.now_ms()).await {
             Ok(before) => before,
             Err(error) => {
-                // Nothing names the file. Where this fails too, the next start removes it.
+                // No job refers to the file. If its removal fails too, the next start removes it.
                 drop(self.artifacts.delete_checkpoint(&digest).await);
                 return Err(error.into());
             }
@@ -239,7 +238,7 @@ impl JobContext {
     }
 }
 
-/// The state that an earlier attempt of the job saved; none where it is gone or of another version.
+/// The state that an earlier attempt of the job saved; `None` if it is missing or was saved by another version.
 pub(super) async fn saved_state(artifacts: &Artifacts, job: &Job) -> Option<Vec<u8>> {
     let digest = job.checkpoint.as_deref()?;
     match artifacts.read_checkpoint(digest).await {

@@ -1,4 +1,4 @@
-//! A display at a wavelength and distance, read from the store and made ready for the engine.
+//! A display at a wavelength and distance, read from the store and prepared for the engine.
 
 use super::{JobContext, TaskError};
 use lightpath_domain::display::Display;
@@ -16,21 +16,21 @@ use lightpath_optics::{
     Carrier, ConvolutionMethod, DisplayModel, OpticalSetup, Plane, RegionOfInterest, ValidityReport,
 };
 
-/// A display at a wavelength and distance, as the engine needs it.
+/// A display at a wavelength and distance, prepared for the engine.
 #[derive(Clone, Debug)]
 pub(super) struct DisplaySetup {
-    /// As it was declared.
+    /// The display as the user declared it.
     pub(super) declared: Display,
     pub(super) key: KernelKey,
     pub(super) setup: OpticalSetup,
-    /// Of the setup.
+    /// Validity of the propagation that the setup uses.
     pub(super) validity: ValidityReport,
     pub(super) response: PhaseResponse,
     pub(super) carrier: Option<Carrier>,
 }
 
 impl DisplaySetup {
-    /// With the planner's choice of a propagation.
+    /// Reads a display. The planner chooses the propagation.
     pub(super) fn read(
         context: &JobContext,
         display: &str,
@@ -40,7 +40,7 @@ impl DisplaySetup {
         Self::read_with(context, display, wavelength, distance, None)
     }
 
-    /// With the propagation asked for, or the planner's choice.
+    /// Reads a display, with the given propagation or the planner's choice.
     pub(super) fn read_with(
         context: &JobContext,
         display: &str,
@@ -65,7 +65,7 @@ impl DisplaySetup {
         self.setup.grid().width_px()
     }
 
-    /// The model of a kernel version; `None`: the ideal display.
+    /// The model of a kernel version; `None`: the model of the ideal display.
     pub(super) fn model(&self, context: &JobContext, version: Option<u32>) -> Result<DisplayModel, TaskError> {
         let Some(version) = version else { return Ok(DisplayModel::ideal(self.setup)) };
         let version = context.wait(context.store().kernel_version(&self.key, version))?;
@@ -78,7 +78,7 @@ impl DisplaySetup {
         Ok(model)
     }
 
-    /// How good the propagation of a model is: the setup's own, or the one that a kernel was learned with.
+    /// Validity of a model's propagation: the one in the setup, or the one with which a kernel was learned.
     pub(super) fn validity_of(&self, model: &DisplayModel) -> ValidityReport {
         if model.setup.method() == self.setup.method() {
             return self.validity.clone();
@@ -91,22 +91,22 @@ impl DisplaySetup {
         Ok(region.inside(&self.setup.grid())?)
     }
 
-    /// Grey levels that show `phase` \[rad\], carrier added.
+    /// Grey levels for `phase` \[rad\] plus the carrier.
     pub(super) fn levels_of(&self, phase: &Plane<f32>) -> Result<Plane<u16>, TaskError> {
         let steered = self.carrier.map(|carrier| carrier.applied_to(phase));
         Ok(self.response.quantize(steered.as_ref().unwrap_or(phase))?)
     }
 
-    /// The phase \[rad\] that a hologram file's levels stand for, carrier included.
+    /// The phase \[rad\], including the carrier, that the levels of a hologram file represent.
     pub(super) fn displayed_phase(&self, file: &[u8]) -> Result<Plane<f32>, TaskError> {
         let levels = pictures::levels(file, self.declared.bit_depth, self.height_px(), self.width_px())?;
         Ok(self.response.dequantize(&levels)?)
     }
 
-    /// A displayed phase \[rad\] without the carrier: what engines start from.
+    /// Removes the carrier from a displayed phase \[rad\], so that an engine can start from it.
     pub(super) fn without_carrier(&self, displayed: Plane<f32>) -> Plane<f32> {
         match self.carrier {
-            // Adding half a turn twice takes it away.
+            // The carrier is half a turn, so adding it a second time removes it.
             Some(carrier) => carrier.applied_to(&displayed),
             None => displayed,
         }
@@ -130,7 +130,7 @@ impl From<lightpath_optics::Error> for TaskError {
     }
 }
 
-/// From learning: what the source of pairs said, or the engine.
+/// Converts an error of learning, which comes from the source of pairs or from the engine.
 impl From<BoxError> for TaskError {
     fn from(error: BoxError) -> Self {
         let error = match error.downcast::<Self>() {

@@ -1,4 +1,4 @@
-//! From a specification to the problems that its holograms solve: pictures, kernels, weights and first phases.
+//! From a job's specification to the problems for the optimizer: pictures, kernels, weights and initial phases.
 
 use super::display_setup::DisplaySetup;
 use super::{JobContext, TaskError};
@@ -9,7 +9,7 @@ use lightpath_media::pictures::{self, Channel};
 use lightpath_optics::hologram::{self, HologramOptions, HologramProblem, Levels};
 use lightpath_optics::{Engine, Plane, RegionOfInterest, ValidityReport};
 
-/// What one wavelength's hologram is to show.
+/// The pictures that the hologram of one wavelength must show.
 pub(super) struct Wanted {
     pub(super) wavelength: Wavelength,
     pub(super) display: DisplaySetup,
@@ -17,7 +17,7 @@ pub(super) struct Wanted {
     pub(super) planes: Vec<Shown>,
 }
 
-/// A picture in its plane.
+/// A picture and its image plane.
 pub(super) struct Shown {
     pub(super) plane: ImagePlane,
     pub(super) engine: Engine,
@@ -28,7 +28,7 @@ pub(super) struct Shown {
 }
 
 impl Wanted {
-    /// Reads all that the `index`-th wavelength's hologram needs.
+    /// Reads everything that the hologram of the `index`-th wavelength needs.
     pub(super) fn read(context: &JobContext, spec: &OptimizeHologram, index: usize) -> Result<Self, TaskError> {
         let (wavelength, channel) = (spec.wavelengths[index], channel_of(&spec.wavelengths, index));
         let display = DisplaySetup::read(context, &spec.display, wavelength, spec.planes[0].distance)?;
@@ -58,7 +58,7 @@ impl Wanted {
         Ok(Self { wavelength, display, region, planes: shown })
     }
 
-    /// The problem; planes of a depth map in which nothing counts have no part in it.
+    /// Builds the optimization problem. Planes of a depth map without any weight are left out.
     pub(super) fn problem(&self, spec: &OptimizeHologram) -> Result<HologramProblem, TaskError> {
         let counting = self.planes.iter().filter(|shown| shown.share > 0.0);
         let planes = counting.map(|shown| hologram::ImagePlane {
@@ -78,7 +78,7 @@ impl Wanted {
         Ok(options)
     }
 
-    /// The phases that the `index`-th wavelength's hologram starts from.
+    /// Initial phases of the hologram of the `index`-th wavelength.
     pub(super) fn first_phases(
         &self,
         context: &JobContext,
@@ -98,8 +98,8 @@ impl Wanted {
     }
 }
 
-/// Of three wavelengths the longest shows red, the middle one green, the shortest blue; of any other number each shows
-/// the mean.
+/// Colour channel of a wavelength. Of three wavelengths the longest shows red, the middle one green and the shortest
+/// blue. Any other number of wavelengths shows the mean of the channels.
 fn channel_of(wavelengths: &[Wavelength], index: usize) -> Channel {
     if wavelengths.len() != 3 {
         return Channel::Mean;
@@ -107,7 +107,7 @@ fn channel_of(wavelengths: &[Wavelength], index: usize) -> Channel {
     Channel::Colour(wavelengths.iter().filter(|other| **other > wavelengths[index]).count())
 }
 
-/// The places of the red, green and blue among three wavelengths.
+/// Indices of red, green and blue among three wavelengths; `None` for another number of wavelengths.
 pub(super) fn colours(wavelengths: &[Wavelength]) -> Option<[usize; 3]> {
     if wavelengths.len() != 3 {
         return None;
@@ -130,7 +130,8 @@ fn fitted(
     Ok(pictures::target_channel(&bytes, encoding, channel, spec.target_fit, height_px, width_px)?)
 }
 
-/// For each pixel the plane whose distance is nearest to its depth: white is the first plane's distance, black the last's.
+/// Index of the plane nearest to each pixel's depth. White is at the distance of the first plane, black at that of the
+/// last.
 fn nearest_planes(depth: &Plane<f32>, planes: &[ImagePlane]) -> Plane<u8> {
     let distance = |p: usize| planes[p].distance.m();
     let (white, black) = (distance(0), distance(planes.len() - 1));
@@ -141,7 +142,7 @@ fn nearest_planes(depth: &Plane<f32>, planes: &[ImagePlane]) -> Plane<u8> {
     })
 }
 
-/// How much each pixel counts in plane `p`, and the plane's part of the region's pixels.
+/// Weight of each pixel in plane `p`, and the share of the region's pixels that belong to the plane.
 fn weight_of(
     p: usize,
     mask: Option<&Plane<f32>>,

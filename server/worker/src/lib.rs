@@ -1,4 +1,4 @@
-//! Workers: they claim jobs, run them on the optics engine, and tell the store.
+//! Workers claim jobs, run them on the optics engine, and record the results in the store.
 //!
 //! ```text
 //!  async runtime                                    compute thread (one an attempt)
@@ -10,14 +10,15 @@
 //!                            └ finish, fail, release <── outcome
 //! ```
 //!
-//! Heartbeats never wait for compute, and compute never runs on the runtime's threads.
+//! Heartbeats never wait for computations, and computations never run on the threads of the async runtime.
 //!
 //! # Layout
 //!
-//! - `attempt`: one job from claim to end. `context`: what a task sees of the outside. `stop`: the shared flag.
-//! - `checkpoint`: the envelope of saved states. `backoff`: when to try again. `clock`.
+//! - `attempt`: one job from claim to end. `context`: interface of a task to the server. `stop`: the shared stop flag.
+//! - `checkpoint`: the envelope of saved states. `backoff`: pauses before retries. `clock`: the time of day.
 //! - `optics_task`: which function runs which kind of job: `optimize`, `learn`, `simulate`, `evaluate`. They share
-//!   `display_setup` (a display at a wavelength and distance), `pairs`, `losses` and `state_bytes`; `hologram_setup` reads what `optimize` needs.
+//!   `display_setup` (a display at a wavelength and distance), `pairs`, `losses` and `state_bytes`; `hologram_setup`
+//!   reads   what `optimize` needs.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod attempt;
@@ -59,20 +60,20 @@ use tokio::task::JoinSet;
 use tokio::time::{MissedTickBehavior, sleep};
 use tokio_util::sync::CancellationToken;
 
-/// Transfer functions that are kept from job to job: those of some four planes of 1920×1080 px.
+/// Memory for transfer functions kept from job to job \[bytes\]: about four planes of 1920×1080 px.
 const TRANSFERS_BYTES_MAX: usize = 256 << 20;
 
-/// How long a claim loop waits after the store failed it, and at most between two looks at the queue.
+/// Pause of a claim loop after an error of the store, and longest time between two looks at the queue.
 const PAUSE: Duration = Duration::from_secs(1);
 const LOOK_INTERVAL_MAX: Duration = Duration::from_secs(60);
 
-/// What a job does. Runs on a compute thread, inside a rayon pool.
+/// The work of a job. It runs on a compute thread, inside a rayon pool.
 pub trait Task: Send + Sync + 'static {
-    /// Does the job's work and returns what it gave. Calls [`JobContext::step`] once an iteration.
+    /// Does the job's work and returns its output. Calls [`JobContext::step`] once an iteration.
     ///
     /// # Errors
     ///
-    /// [`TaskError::Stopped`] as soon as the context says so; [`TaskError::Failed`].
+    /// [`TaskError::Stopped`] as soon as the context returns it; [`TaskError::Failed`].
     fn run(&self, job: &Job, context: &JobContext) -> Result<TaskOutput, TaskError>;
 }
 
@@ -85,24 +86,24 @@ where
     }
 }
 
-/// How workers work.
+/// Settings of the workers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WorkerConfig {
-    /// Jobs that run at once.
+    /// Number of jobs that run at once.
     pub workers: usize,
-    /// Threads that one job computes on; 0: as many as there are cores.
+    /// Compute threads for each job; 0: as many as there are cores.
     pub compute_threads: usize,
-    /// A job whose worker was not heard of for this long goes to another.
+    /// Time without a heartbeat after which a job goes to another worker.
     pub lease: Duration,
     /// Time between two checkpoints of a job.
     pub checkpoint_interval: Duration,
-    /// When a failed attempt is repeated.
+    /// Pauses before failed attempts are repeated.
     pub backoff: Backoff,
-    /// How many jobs of an owner or a display run at once.
+    /// Limits on the running jobs of an owner or for a display.
     pub limits: ClaimLimits,
-    /// How long an attempt may take, where the job does not say.
+    /// Time limits of attempts, for jobs that do not set one.
     pub timeouts: Timeouts,
-    /// What the workers call themselves in a job's events.
+    /// Name of the workers in the events of jobs.
     pub name: String,
 }
 
@@ -121,21 +122,21 @@ impl Default for WorkerConfig {
     }
 }
 
-/// How long an attempt at each kind of job may take; `None`: as long as it takes.
+/// Time limits of attempts for each kind of job; `None`: no limit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Timeouts {
-    /// Finding holograms.
+    /// Time limit for optimizing holograms.
     pub optimize: Option<Duration>,
-    /// Learning kernels.
+    /// Time limit for learning kernels.
     pub learn: Option<Duration>,
-    /// Simulating captures.
+    /// Time limit for simulating captures.
     pub simulate: Option<Duration>,
-    /// Evaluating kernels.
+    /// Time limit for evaluating kernels.
     pub evaluate: Option<Duration>,
 }
 
 impl Timeouts {
-    /// Of an attempt at this job.
+    /// Time limit of an attempt at this job.
     #[must_use]
     pub fn of(&self, job: &Job) -> Option<Duration> {
         let asked = job.scheduling.timeout_ms.map(|ms| Duration::from_millis(ms.unsigned_abs()));
@@ -154,7 +155,7 @@ pub enum WorkerError {
     /// The compute threads could not be started.
     #[error("the compute threads could not be started")]
     Threads(#[from] ThreadPoolBuildError),
-    /// The queue could not be put in order.
+    /// The recovery of the queue failed.
     #[error("the queue could not be put in order")]
     Store(#[from] StoreError),
     /// Old checkpoints could not be removed.
@@ -162,7 +163,7 @@ pub enum WorkerError {
     Artifacts(#[from] ArtifactError),
 }
 
-/// Workers on one store and one folder of artifacts.
+/// Workers that share one store and one folder of artifacts.
 pub struct Worker {
     store: Store,
     artifacts: Artifacts,
@@ -179,28 +180,27 @@ impl std::fmt::Debug for Worker {
 }
 
 impl Worker {
-    /// Workers that run `task`, for all kinds of jobs.
+    /// Creates workers that run `task` for jobs of all kinds.
     #[must_use]
     pub fn new(store: Store, artifacts: Artifacts, config: WorkerConfig, task: Arc<dyn Task>) -> Self {
         let engines = Arc::new(EngineCache::new(TRANSFERS_BYTES_MAX));
         Self { store, artifacts, engines, config, task, clock: Clock::default() }
     }
 
-    /// The clock that leases are told in.
+    /// The clock in whose time leases end.
     #[must_use]
     pub fn clock(&self) -> Clock {
         self.clock.clone()
     }
 
-    /// Puts the queue in order after an earlier process, then works until `drain` is cancelled: running jobs then
-    /// save their state and go back to the queue, and this returns.
+    /// Recovers the queue after an earlier process, then works until `drain` is cancelled. At the end, running jobs
+    /// save their state and return to the queue.
     ///
-    /// Only for the one process that holds the data folder: jobs that are running when this starts are taken for
-    /// orphans.
+    /// Only for the one process that holds the data folder: jobs that run at the start are treated as orphans.
     ///
     /// # Errors
     ///
-    /// [`WorkerError`], before any job is claimed.
+    /// [`WorkerError`] if the recovery fails, before any job is claimed.
     pub async fn run(self, drain: CancellationToken) -> Result<(), WorkerError> {
         self.recover().await?;
         self.work(drain).await
@@ -222,8 +222,8 @@ impl Worker {
         Ok(())
     }
 
-    /// A pool for each claim loop: in a shared one, a thread that waits for its own job's pieces may pick up a whole
-    /// other job and not come back until that has ended.
+    /// A thread pool for one claim loop. In a shared pool, a thread that waits for a part of its own job could pick up
+    /// another whole job and return only after that has ended.
     fn pool(&self) -> Result<ThreadPool, ThreadPoolBuildError> {
         ThreadPoolBuilder::new()
             .num_threads(self.config.compute_threads)
@@ -231,7 +231,7 @@ impl Worker {
             .build()
     }
 
-    /// Takes jobs back from the dead and removes checkpoints that nobody will go on from.
+    /// Requeues the jobs of dead workers and removes checkpoints to which no job refers.
     async fn recover(&self) -> Result<(), WorkerError> {
         loop {
             let orphans = self.store.recover_orphans(self.clock.now_ms()).await?;
@@ -266,7 +266,7 @@ impl Worker {
             let now_ms = self.clock.now_ms();
             match self.store.claim_within(self.config.limits, now_ms, self.lease_ms(), &name).await {
                 Ok(Some((job, lease))) => {
-                    // There may be more where this came from: let an idle neighbour look.
+                    // More jobs may be ready: wake another idle worker.
                     claimable.notify_one();
                     self.attempt(job, lease, &pool, &drain).await;
                 }
@@ -289,7 +289,7 @@ impl Worker {
         }
     }
 
-    /// Until a job is due that was not yet due when nothing could be claimed.
+    /// Time until a job becomes due that was not yet due when the last claim found none.
     async fn until_next_job(&self, claimed_ms: i64) -> Duration {
         match self.store.next_run_time(claimed_ms).await {
             Ok(Some(due_ms)) => {
@@ -304,7 +304,7 @@ impl Worker {
         }
     }
 
-    /// Takes jobs from workers that lost their leases without ending, for example while the disk was full.
+    /// Takes jobs from workers that lost their leases without ending the attempt, for example while the disk was full.
     async fn expire_loop(&self, drain: CancellationToken) {
         let mut ticks = tokio::time::interval(self.config.lease / 2);
         ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -331,11 +331,11 @@ impl Worker {
         }
     }
 
-    /// When the system's clock was set, leases move along: none gets lost, and none lives longer than it should.
+    /// Moves all leases after the system's clock was set, so that none expires early or lasts too long.
     async fn follow_system_clock(&self) -> Result<(), StoreError> {
         let Some(ahead_ms) = self.clock.jump() else { return Ok(()) };
         tracing::warn!(ahead_s = ahead_ms as f64 / 1e3, "the system's clock was set");
-        // In this order no lease looks lost in between; a heartbeat never shortens one.
+        // In this order no lease looks expired in between: a heartbeat never shortens a lease.
         if ahead_ms > 0 {
             self.store.shift_leases(ahead_ms).await?;
             self.clock.adjust(ahead_ms);

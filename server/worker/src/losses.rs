@@ -1,4 +1,4 @@
-//! How well a model predicts photographs.
+//! Measures how well a model predicts photographs.
 
 use super::display_setup::{DisplaySetup, finite};
 use super::pairs::Pairs;
@@ -7,17 +7,17 @@ use lightpath_domain::job::Progress;
 use lightpath_optics::learning::{PairSource, compare};
 use lightpath_optics::{Detector, DisplayModel, Engine, RegionOfInterest};
 
-/// Mean squared errors of one pair over the pixels that count in learning too, those where the photograph is not
-/// saturated; gain and black level fitted: all three are the exposure's, not the display's.
+/// Mean squared errors of one pair, over the same pixels as in learning: those where the photograph is not saturated.
+/// Gain and black level are fitted. Saturation, gain and black level depend on the exposure, not on the display.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Loss {
-    /// In the region of interest.
+    /// Loss in the region of interest.
     pub(super) region: f64,
-    /// Over the full frame.
+    /// Loss over the full frame.
     pub(super) full_frame: f64,
 }
 
-/// A model ready to be judged.
+/// A model prepared for measuring its losses.
 pub(super) struct Judge<'a> {
     context: &'a JobContext,
     engine: Engine,
@@ -37,7 +37,7 @@ impl<'a> Judge<'a> {
         Ok(Self { context, engine, regions })
     }
 
-    /// The losses of all pairs. Reports progress as `stage`.
+    /// Losses of all pairs. Reports progress as `stage`.
     pub(super) fn losses(&self, pairs: &Pairs, stage: &str) -> Result<Vec<Loss>, TaskError> {
         let steps_total = pairs.len() as u32;
         let one = |index: usize| {
@@ -56,7 +56,7 @@ impl<'a> Judge<'a> {
     }
 }
 
-/// The mean over pairs; 0 without any.
+/// Mean losses of the pairs; 0 without pairs.
 pub(super) fn mean(losses: &[Loss]) -> Loss {
     let count = losses.len().max(1) as f64;
     let sum = |of: fn(&Loss) -> f64| losses.iter().map(of).sum::<f64>() / count;

@@ -1,4 +1,4 @@
-//! A dataset's pairs, read when they are needed.
+//! The pairs of a dataset, read when they are needed.
 
 use super::display_setup::DisplaySetup;
 use super::stop::{StopFlag, StopReason};
@@ -10,18 +10,18 @@ use lightpath_optics::learning::{BoxError, Pair, PairSource};
 use std::sync::{Arc, OnceLock};
 use tokio::runtime::Handle;
 
-/// Decoded pairs are kept up to this size \[bytes\]: reading a pair again takes about as long as learning from it, but
-/// a large dataset must not fill the machine's memory. Of pairs that are seen less often, fewer.
+/// Memory for decoded pairs \[bytes\]. Reading a pair again takes about as long as learning from it, but a large
+/// dataset must not fill the machine's memory. Pairs that are used less often get less.
 const TRAINING_BYTES_MAX: usize = 256 << 20;
 const OTHER_BYTES_MAX: usize = 64 << 20;
 
-/// Pairs of one split.
+/// The pairs of one split.
 pub(super) struct Pairs {
     captures: Captures,
     pairs: Vec<dataset::Pair>,
-    /// What people call them, in the same order.
+    /// Names of the pairs for messages, in the same order.
     names: Vec<String>,
-    /// The first ones, as many as there is room for.
+    /// Decoded pairs: the first ones, as many as fit into the memory limit.
     kept: Vec<OnceLock<Pair>>,
     artifacts: Artifacts,
     runtime: Handle,
@@ -39,7 +39,8 @@ impl Pairs {
         Self::sharing(1, context, display, dataset, split)
     }
 
-    /// The same where that many datasets share what is kept in memory, and ids are told with theirs.
+    /// Creates the pairs for a job in which `share` datasets use the memory for decoded pairs together. Names contain
+    /// the id of the dataset if there are several.
     fn sharing(
         datasets: usize,
         context: &JobContext,
@@ -86,7 +87,7 @@ impl Pairs {
         read().map_err(|error| self.named(index, error))
     }
 
-    /// What failed, with the pair that it failed at.
+    /// Adds the name of a pair to the error that it caused.
     pub(super) fn named(&self, index: usize, error: TaskError) -> TaskError {
         match error {
             TaskError::Failed(mut error) => {
@@ -107,8 +108,8 @@ impl PairSource for Pairs {
         self.pairs.len()
     }
 
-    /// Stops here too when nothing of the attempt will count: a line search goes over all pairs several times. A
-    /// drain waits for the step's end, where the state is whole.
+    /// Returns a pair, or an error if the attempt must stop and its work would not count: a line search uses all pairs
+    /// several times. A drain waits for the end of the step, when the state is complete.
     fn pair(&self, index: usize) -> Result<Pair, BoxError> {
         if self.stop.reason() > Some(StopReason::Drain) {
             return Err(TaskError::Stopped.into());
@@ -122,7 +123,7 @@ impl PairSource for Pairs {
     }
 }
 
-/// Pairs of one split of several datasets of a display, one dataset after the other: each is of a distance of its own.
+/// Pairs of one split of several datasets of a display, dataset after dataset. Each dataset has another distance.
 pub(super) struct JointPairs(Vec<Pairs>);
 
 impl JointPairs {
@@ -137,12 +138,12 @@ impl JointPairs {
         Ok(Self(planes.iter().map(one).collect::<Result<_, _>>()?))
     }
 
-    /// Each dataset's.
+    /// The pairs of each dataset.
     pub(super) fn parts(&self) -> &[Pairs] {
         &self.0
     }
 
-    /// Which dataset a pair is of, and its place among that one's.
+    /// Index of the dataset of a pair, and index of the pair within it.
     pub(super) fn place(&self, mut index: usize) -> (usize, usize) {
         let mut plane = 0;
         while index >= self.0[plane].len() {

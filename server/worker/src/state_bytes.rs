@@ -1,16 +1,17 @@
-//! The states of optimizations as bytes, exactly: a resumed job must end with the bytes of an uninterrupted one.
+//! Exact conversion between the states of optimizations and bytes: a resumed job must produce the same bytes as an
+//! uninterrupted one.
 //!
-//! The form is postcard's: floats as they are, integers as short as may be, nothing named. The envelope of a checkpoint says
-//! which version of the code wrote them, so nothing here needs a version of its own.
+//! The format is postcard: exact floating-point numbers, integers in as few bytes as possible, no field names. The
+//! envelope of a checkpoint names the version of the code, so the states need no version number of their own.
 
 use lightpath_domain::job::WavelengthResult;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-/// For a checkpoint's envelope, which is added behind a state.
+/// Room for the envelope of a checkpoint, which is appended to a state \[bytes\].
 const ROOM_BYTES: usize = 64 << 10;
 
-/// Of a hologram job, what is not the optimization under way: the holograms of the wavelengths that are done, the loss of the
+/// State of a hologram job besides the running optimization: the holograms of the finished wavelengths, the loss of the
 /// last step, and the steps taken and their time \[s\].
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct HologramState {
@@ -21,21 +22,22 @@ pub(super) struct HologramState {
     pub(super) compute_s: f64,
 }
 
-/// A state's bytes. None at all stand for a state that cannot be written, which starts a resumed job over.
+/// Writes a state as bytes. No bytes stand for a state that cannot be written; the resumed job then starts from the
+/// beginning.
 pub(super) fn to_bytes(state: &impl Serialize) -> Vec<u8> {
-    // All at once: growing would copy what may be more than a hundred megabytes.
+    // The buffer is allocated once: growing it could copy more than a hundred megabytes.
     let size_bytes = postcard::experimental::serialized_size(state).unwrap_or(0);
     postcard::to_extend(state, Vec::with_capacity(size_bytes + ROOM_BYTES)).unwrap_or_default()
 }
 
-/// `None` where the bytes are no such state.
+/// Reads a state from bytes; `None` if the bytes are not such a state.
 pub(super) fn from_bytes<State: DeserializeOwned>(bytes: &[u8]) -> Option<State> {
     let (state, rest) = postcard::take_from_bytes(bytes).ok()?;
     rest.is_empty().then_some(state)
 }
 
-/// Results are numbers and names with fields that may be left out, which postcard does not know; numbers in JSON come back
-/// exactly.
+/// Stores results as JSON inside the postcard format, because they have optional fields, which postcard does not
+/// support. JSON preserves their numbers exactly.
 mod as_json {
     use lightpath_domain::job::WavelengthResult;
     use serde::{Deserialize, Deserializer, Serializer, de, ser};

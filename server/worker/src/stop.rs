@@ -2,21 +2,21 @@
 
 use std::sync::atomic::{AtomicU8, Ordering};
 
-/// Why an attempt stops before its end. A later reason outweighs an earlier one.
+/// Why an attempt must stop before its end. A reason with a higher number replaces one with a lower number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum StopReason {
-    /// The server stops: save the state, the job goes on later.
+    /// The server stops: the task saves its state, and the job continues later.
     Drain = 1,
-    /// The attempt has taken as long as it may.
+    /// The attempt has reached its time limit.
     Timeout = 2,
-    /// Somebody asked for the end of the job.
+    /// A user cancelled the job.
     Cancel = 3,
-    /// The job is no longer this worker's: nothing that it does will count.
+    /// The worker no longer holds the job, so its further work has no effect.
     LeaseLost = 4,
 }
 
-/// Shared between an attempt and its compute thread.
+/// The stop flag, shared between an attempt and its compute thread.
 #[derive(Debug, Default)]
 pub(super) struct StopFlag(AtomicU8);
 

@@ -1,4 +1,4 @@
-//! A store and artifacts in a temporary folder, a display, and workers.
+//! Test bench: a store and artifacts in a temporary folder, a display, and workers.
 
 use super::super::*;
 use lightpath_domain::display::Display;
@@ -9,7 +9,7 @@ use tokio::task::JoinHandle;
 
 pub(super) const DISTANCE: Distance = Distance { nm: 4_000_000 };
 
-/// [ms since 1970]
+/// Present time \[ms since 1970\].
 pub(super) fn now_ms() -> i64 {
     Clock::default().now_ms()
 }
@@ -29,7 +29,7 @@ impl Bench {
         Self { store, artifacts, _folder: folder }
     }
 
-    /// The id of the new job.
+    /// Submits a job and returns its id.
     pub(super) async fn submit(&self, request_id: &str, spec: JobSpec, attempts_max: u32) -> String {
         let scheduling = Scheduling::default();
         let new = NewJob { spec, request_id: request_id.to_owned(), priority: 0, attempts_max, scheduling };
@@ -46,7 +46,7 @@ impl Bench {
         Working { drain, running }
     }
 
-    /// Workers that take nothing for orphans, as if they had run all the time.
+    /// Starts workers without the recovery of orphans, as if they had been running all the time.
     pub(super) fn start_unrecovered(&self, config: WorkerConfig, task: impl Task) -> Working {
         let drain = CancellationToken::new();
         let worker = Worker::new(self.store.clone(), self.artifacts.clone(), config, Arc::new(task));
@@ -54,7 +54,7 @@ impl Bench {
         Working { drain, running }
     }
 
-    /// The job as soon as the condition holds for it.
+    /// Waits until the condition holds for the job, and returns the job.
     pub(super) async fn until(&self, id: &str, condition: impl Fn(&Job) -> bool) -> Job {
         let mut changes = self.store.subscribe_job_changes();
         loop {
@@ -71,14 +71,14 @@ impl Bench {
     }
 }
 
-/// Workers at work.
+/// Running workers.
 pub(super) struct Working {
     drain: CancellationToken,
     running: JoinHandle<Result<(), WorkerError>>,
 }
 
 impl Working {
-    /// Drains them.
+    /// Drains the workers and waits for their end.
     pub(super) async fn stop(self) {
         self.drain.cancel();
         self.running.await.unwrap().unwrap();

@@ -1,4 +1,4 @@
-//! The machinery, with toy tasks: a task that counts to 20, in all ways in which a job can end.
+//! Tests of the job machinery. A task that counts to 20 ends in all ways in which a job can end.
 
 use super::super::*;
 use super::bench::{Bench, now_ms};
@@ -12,7 +12,7 @@ async fn bench() -> Bench {
     Bench::new(display("lab")).await
 }
 
-/// A job for a task that looks at the job's outside alone.
+/// Submits a job for a task that ignores the job's specification.
 async fn submit(bench: &Bench, request_id: &str, attempts_max: u32) -> String {
     bench.submit(request_id, capture_job(request_id, "", 1).spec, attempts_max).await
 }
@@ -34,7 +34,7 @@ fn output(photo: impl AsRef<str>) -> TaskOutput {
     TaskOutput { result: capture_result(photo.as_ref()), learned: Vec::new() }
 }
 
-/// Counts to [`STEPS`], goes on from a saved state, and tells each step to `each`.
+/// Counts to [`STEPS`], starting from a saved state if there is one, and calls `each` with every step.
 fn count(context: &JobContext, each: impl Fn(u8)) -> Result<TaskOutput, TaskError> {
     let first = context.take_saved_state().map_or(0, |state| state[0]);
     for step in first..STEPS {
@@ -102,7 +102,7 @@ async fn trouble_that_passes_is_retried_and_bad_input_is_not() {
     working.stop().await;
 }
 
-/// Counts to 7, then waits until it is told to stop.
+/// Counts to 7, then waits until it must stop.
 fn count_to_7(_: &Job, context: &JobContext) -> Result<TaskOutput, TaskError> {
     count(context, |step| {
         while step == 7 && context.should_stop().is_none() {
@@ -151,12 +151,12 @@ async fn a_worker_that_lost_its_lease_stops_and_the_job_runs_again() {
     let lease = Duration::from_millis(300);
     let task = |job: &Job, context: &JobContext| {
         if job.attempt == 1 {
-            // Until the heartbeat notices that the lease is gone.
+            // Waits until a heartbeat notices that the lease is lost.
             while context.should_stop().is_none() {
                 std::thread::yield_now();
             }
             assert_eq!(context.should_stop(), Some(StopReason::LeaseLost));
-            // Work that must not count.
+            // The store must refuse this output.
             return Ok(output("stale"));
         }
         Ok(output("fresh"))
@@ -174,7 +174,7 @@ async fn heartbeats_do_not_wait_for_compute() {
     let bench = bench().await;
     let id = submit(&bench, "r", 3).await;
     let lease = Duration::from_millis(300);
-    // One step that takes four leases: the passing of time is what is tested.
+    // One step that takes as long as four leases: the test needs the time to pass.
     let task = move |_: &Job, context: &JobContext| {
         std::thread::sleep(4 * lease);
         count(context, |_| {})
@@ -227,7 +227,7 @@ async fn a_clock_that_is_set_costs_no_lease() {
         bench.artifacts.clone(),
         WorkerConfig { lease, ..config() },
         Arc::new(move |_: &Job, context: &JobContext| {
-            // Eight leases: in that time the clock is set four times.
+            // As long as eight leases; the clock is set four times in that time.
             std::thread::sleep(8 * lease);
             count(context, |_| {})
         }),
@@ -251,7 +251,7 @@ async fn a_dead_worker_job_is_rescued_within_two_leases() {
     let bench = bench().await;
     let id = submit(&bench, "r", 2).await;
     let lease = Duration::from_millis(500);
-    // Claimed by somebody who dies at once; the server that looks after the queue lives.
+    // The worker that claims the job dies at once. The server that expires leases keeps running.
     bench.store.claim(now_ms(), 500, "dead").await.unwrap().unwrap();
     let started = std::time::Instant::now();
     let working =
@@ -272,7 +272,7 @@ async fn a_job_that_kills_its_server_ends_after_exactly_its_attempts() {
         let id = submit(&bench, "killer", attempts_max).await;
         let after = submit(&bench, "after", 3).await;
         let mut deaths = 0;
-        // Each claim is a start of the job that the server does not survive; each start of a server puts the queue in order.
+        // Each claim is a start of the job during which the server dies. Each start of a server recovers the queue.
         while bench.store.job(&id).await.unwrap().state == JobState::Queued {
             bench.store.claim(now_ms(), 30_000, "w").await.unwrap().unwrap();
             bench.store.recover_orphans(now_ms()).await.unwrap();

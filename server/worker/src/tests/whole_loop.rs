@@ -1,5 +1,5 @@
-//! The whole loop on a small simulated display: ideal holograms, photographs, learning, better holograms; and that
-//! interruptions and threads change no byte of it.
+//! Tests of the whole loop on a small simulated display: ideal holograms, photographs, learning, and better holograms.
+//! Interruptions and the number of threads must not change any byte of the results.
 
 use super::super::*;
 use super::bench::{Bench, DISTANCE};
@@ -40,7 +40,7 @@ impl Lab {
         digest
     }
 
-    /// A picture of bars and a blob; the number makes it another one.
+    /// Stores a picture of bars and a blob, which depends on `n`.
     async fn target(&self, n: usize) -> String {
         let picture = Plane::from_fn(self.height_px, self.width_px, |y, x| {
             let bars = ((x / (4 + n % 5) + y / (6 + n % 3)) % 2) as f32;
@@ -50,7 +50,7 @@ impl Lab {
         self.put(pictures::grey_png_srgb(&picture).unwrap()).await
     }
 
-    /// Works until the condition holds for the job.
+    /// Runs workers until the condition holds for the job.
     async fn work(&self, config: WorkerConfig, id: &str, condition: impl Fn(&Job) -> bool) -> Job {
         let working = self.bench.start(config, OpticsTask);
         self.bench.until(id, condition).await;
@@ -65,7 +65,7 @@ impl Lab {
         job.result.unwrap()
     }
 
-    /// Interrupts the job after its first checkpoint, then lets it end.
+    /// Interrupts the job after its first checkpoint, resumes it and returns its result.
     async fn interrupted(&self, request_id: &str, spec: JobSpec) -> JobResult {
         let id = self.bench.submit(request_id, spec, 1).await;
         let every_step = WorkerConfig { checkpoint_interval: Duration::ZERO, ..threads(2) };
@@ -93,7 +93,7 @@ impl Lab {
         }
     }
 
-    /// Ideal holograms and their photographs on the simulated bench.
+    /// Creates a dataset of ideal holograms and their photographs on the simulated bench.
     async fn dataset(&self, pairs: usize) {
         let mut photographed = Vec::new();
         for n in 0..pairs {
@@ -105,7 +105,7 @@ impl Lab {
         self.finalized(photographed).await;
     }
 
-    /// Ideal holograms and what an ideal display's camera sees of them that clips at half the target's peak.
+    /// Ideal holograms and their photographs by an ideal display's camera that saturates at half the target's peak.
     async fn overexposed(&self, pairs: usize) -> Vec<Pair> {
         let mut photographed = Vec::new();
         for n in 0..pairs {
@@ -119,7 +119,7 @@ impl Lab {
         photographed
     }
 
-    /// A dataset of these pairs, a quarter of them held out.
+    /// Creates and finalizes a dataset of these pairs, with a quarter of them for testing.
     async fn finalized(&self, pairs: Vec<Pair>) {
         let (id, display) = ("photos".to_owned(), "lab".to_owned());
         let mut dataset = Dataset::empty(id, display, WAVELENGTH, DISTANCE, Encoding::Linear);
@@ -136,7 +136,7 @@ impl Lab {
         self.bench.store.finalize_dataset("photos", &splits, &dataset::digest(&dataset), 2).await.unwrap();
     }
 
-    /// Mean squared error of a photograph of the hologram against its target, gain fitted.
+    /// Mean squared error between the target and a photograph of the hologram, with fitted gain.
     async fn seen(&self, request_id: &str, hologram: &HologramResult, target: &str) -> f64 {
         let photo = self.photograph(request_id, phase(hologram)).await;
         let photo =
@@ -254,7 +254,7 @@ async fn a_learned_kernel_makes_better_holograms() {
 async fn saturated_pixels_are_no_error_of_a_kernel() {
     let lab = Lab::new().await;
     lab.finalized(lab.overexposed(4).await).await;
-    // The photographs are what the ideal kernel predicts, rounded to 8-bit sRGB and doubled: (2 · 2.3 / 255)² / 12.
+    // The photographs are the prediction of the ideal kernel, rounded to 8-bit sRGB and doubled: (2 · 2.3 / 255)² / 12.
     let rounding = 3e-5;
     let JobResult::Evaluate(found) = lab.done("evaluate", evaluate(None)).await else { panic!() };
     assert_eq!(found.pairs.len(), 4);
@@ -293,7 +293,7 @@ async fn interruptions_and_threads_change_no_byte() {
     let spec = optimize(lab.target(1).await, None, 60);
     let whole = lab.hologram("whole", spec.clone()).await;
     let JobResult::Hologram(resumed) = lab.interrupted("interrupted", spec).await else { panic!() };
-    // How long it took is all that may differ.
+    // Only the measured times may differ.
     assert_eq!(HologramResult { iteration_ms: whole.iteration_ms, ..*resumed }, whole);
 
     lab.dataset(4).await;
