@@ -1,33 +1,33 @@
-//! Who may do what: roles, and the tokens that carry them.
+//! Access rules: roles, and tokens with a role.
 //!
-//! A token is 256 random bits. It is shown once, when it is made; the server keeps its SHA-256, which is enough to
-//! recognize it and nothing to guess it from.
+//! A token consists of 256 random bits. It is shown once, when it is created. The server stores only its SHA-256, which
+//! identifies the token but does not reveal it.
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::fmt::{self, Write as _};
 
-/// What a token's bearer may do. Each call names the roles that may make it; none includes another by itself.
+/// What the bearer of a token may do. Each call names the roles that may make it; no role includes another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Role {
-    /// Looks at everything.
+    /// May read everything.
     Viewer,
-    /// Also uploads, builds datasets, submits, cancels and retries jobs.
+    /// May also upload, build datasets, and submit, cancel and retry jobs.
     Submitter,
-    /// Also imports kernels and moves what is active.
+    /// May also import kernels and change the active version.
     Curator,
-    /// Fetches the kernels of named displays, and nothing else.
+    /// May only fetch the kernels of named displays.
     Firmware,
-    /// Does everything, displays and pauses included.
+    /// May do everything, including displays and pauses.
     Admin,
 }
 
 impl Role {
-    /// Every role.
+    /// All roles.
     pub const ALL: [Self; 5] = [Self::Viewer, Self::Submitter, Self::Curator, Self::Firmware, Self::Admin];
 
-    /// In lower case, as people and the database write it.
+    /// Name of the role in lower case, as people and the database write it.
     #[must_use]
     pub fn as_str(self) -> &'static str {
         match self {
@@ -39,7 +39,7 @@ impl Role {
         }
     }
 
-    /// What its bearer may do, for help texts.
+    /// What the role permits, for help texts.
     #[must_use]
     pub fn purpose(self) -> &'static str {
         match self {
@@ -52,63 +52,63 @@ impl Role {
     }
 }
 
-/// Who calls.
+/// The caller of a method.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Caller {
-    /// The token's name; empty where none is asked for.
+    /// Name of the token; empty if the server requires no tokens.
     pub name: String,
-    /// What it may do.
+    /// Role of the token.
     pub role: Role,
-    /// Ids of the displays that it is for; empty: all.
+    /// Ids of the displays for which the token is valid; empty: all displays.
     pub displays: Vec<String>,
 }
 
 impl Caller {
-    /// Whoever calls a server that asks for no tokens.
+    /// The caller of a server that requires no tokens. This caller may do everything.
     #[must_use]
     pub fn anybody() -> Self {
         Self { name: String::new(), role: Role::Admin, displays: Vec::new() }
     }
 
-    /// Whether the token is for this display.
+    /// Whether the token is valid for this display.
     #[must_use]
     pub fn may_use(&self, display: &str) -> bool {
         self.displays.is_empty() || self.displays.iter().any(|own| own == display)
     }
 }
 
-/// A token's text. Never shown by `Debug`; [`Self::reveal`] is for whoever made it.
+/// Text of a token. `Debug` does not show it; [`Self::reveal`] returns it, to show it to the user once.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Secret(String);
 
-/// What tokens begin with, so that scanners for leaked secrets know them.
+/// Prefix of all tokens, by which scanners for leaked secrets recognize them.
 const PREFIX: &str = "lightpath_";
 
 impl Secret {
-    /// A new one.
+    /// Creates a random token.
     ///
     /// # Errors
     ///
-    /// Where the system has no random numbers.
+    /// If the system has no random numbers.
     pub fn generate() -> Result<Self, getrandom::Error> {
         let mut bytes = [0; 32];
         getrandom::fill(&mut bytes)?;
         Ok(Self(format!("{PREFIX}{}", hex(&bytes))))
     }
 
-    /// The one that a client has sent.
+    /// The token that a client sent.
     #[must_use]
     pub fn sent(text: &str) -> Self {
         Self(text.to_owned())
     }
 
-    /// What the server keeps.
+    /// SHA-256 of the token in hexadecimal digits, which the server stores.
     #[must_use]
     pub fn hash(&self) -> String {
         hex(&Sha256::digest(self.0.as_bytes()))
     }
 
-    /// The text itself.
+    /// The text of the token.
     #[must_use]
     pub fn reveal(&self) -> &str {
         &self.0

@@ -1,8 +1,8 @@
-//! Errors in one line.
+//! Error messages in one line.
 
 use std::error::Error;
 
-/// An error with what caused it, from the outermost to the innermost.
+/// The message of an error and of its causes, from the outermost to the innermost.
 pub fn with_causes(error: &(dyn Error + 'static)) -> String {
     let causes = std::iter::successors(Some(error), |&error| error.source());
     causes.map(ToString::to_string).collect::<Vec<_>>().join(": ")

@@ -13,34 +13,34 @@ use sha2::{Digest, Sha256};
 /// A dataset with its pairs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dataset {
-    /// Last part of the resource name.
+    /// Id: the last part of the resource name.
     pub id: String,
     /// Id of the display.
     pub display: String,
-    /// One of the display's.
+    /// Wavelength: one of the display's wavelengths.
     pub wavelength: Wavelength,
-    /// From the SLM to the camera's plane.
+    /// Distance from the SLM to the plane of the camera.
     pub distance: Distance,
-    /// How the photographs' grey values stand for light.
+    /// How the grey values of the photographs encode light.
     pub photo_encoding: Encoding,
-    /// Bits of the camera where they are fewer than the photographs' files have, 8 to 16; 0: the files'.
+    /// Bits per value of the camera, 8 to 16, if the photographs' files have more; 0: as in the files.
     pub photo_bit_depth: u32,
-    /// Where the camera sees the display's pixels; `None`: one camera pixel a pixel of the display.
+    /// Map from pixels of the display to pixels of the camera; `None`: one camera pixel for each pixel of the display.
     pub alignment: Option<Alignment>,
-    /// In the order of their ids.
+    /// Pairs in the order of their ids.
     pub pairs: Vec<Pair>,
-    /// Number of pairs, also where `pairs` was left out.
+    /// Number of pairs. It is also set if `pairs` was left out.
     pub pair_count: u32,
-    /// Digest of everything above and the split; set when finalized.
+    /// Digest of the properties, alignment, pairs and split; `None` until the dataset is finalized.
     pub digest: Option<String>,
-    /// \[ms since 1970\]
+    /// Time when the dataset was created \[ms since 1970\].
     pub create_time_ms: i64,
-    /// \[ms since 1970\]
+    /// Time when the dataset was finalized \[ms since 1970\]; `None`: it is open.
     pub finalize_time_ms: Option<i64>,
 }
 
 impl Dataset {
-    /// An open dataset without pairs.
+    /// Creates an open dataset without pairs.
     #[must_use]
     pub fn empty(
         id: String,
@@ -66,53 +66,54 @@ impl Dataset {
     }
 }
 
-/// How grey values stand for light.
+/// How grey values encode light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Encoding {
-    /// Value / full scale is the intensity.
+    /// The intensity is the value divided by full scale.
     Linear,
-    /// IEC 61966-2-1.
+    /// Values are encoded as in sRGB (IEC 61966-2-1).
     Srgb,
 }
 
-/// One hologram and its photograph, by digest.
+/// A hologram and its photograph, as digests of artifacts.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Pair {
-    /// Unique in the dataset.
+    /// Id, unique in the dataset.
     pub id: String,
     /// Artifact digest of the hologram.
     pub phase: String,
     /// Artifact digest of the photograph.
     pub photo: String,
-    /// What the pair is used for; drawn when the dataset is finalized unless given. None in a finalized dataset: the pair is
-    /// left out.
+    /// Use of the pair. If it is not given, it is drawn when the dataset is finalized. `None` in a finalized dataset:
+    /// the pair is not used.
     pub split: Option<Split>,
     /// How the photograph was exposed.
     pub exposure: Exposure,
-    /// What was noticed about it.
+    /// Measurements of the pair.
     pub checks: Option<PairChecks>,
 }
 
 /// How a photograph was exposed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Exposure {
-    /// What the camera counts in the dark, as a part of full scale.
+    /// Value of the camera in the dark, as a fraction of full scale.
     pub black_level: f64,
-    /// How long the shutter was open \[s\]; 0: not known.
+    /// Exposure time \[s\]; 0: unknown.
     pub exposure_s: f64,
-    /// The camera's amplification, as a factor; 0: not known.
+    /// Gain of the camera, as a factor; 0: unknown.
     pub camera_gain: f64,
 }
 
 impl Exposure {
-    /// What is not known about the exposure of one photograph is not known of any, or it could not be compared with others.
+    /// Whether the exposure time or the gain is known. The photographs of a dataset can be compared only if the same of
+    /// these values are known for all of them.
     #[must_use]
     pub fn is_known(&self) -> bool {
         self.exposure_s > 0.0 || self.camera_gain > 0.0
     }
 
-    /// Brightness of a photograph for the same light, up to a constant: time × amplification.
+    /// Relative brightness of a photograph for the same light: time × gain. An unknown value counts as 1.
     #[must_use]
     pub fn sensitivity(&self) -> f64 {
         let or_one = |value: f64| if value > 0.0 { value } else { 1.0 };
@@ -120,24 +121,24 @@ impl Exposure {
     }
 }
 
-/// What a pair is used for.
+/// Use of a pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Split {
-    /// Learned from.
+    /// For learning.
     Train,
-    /// Watched while learning.
+    /// For watching the loss during learning.
     Validation,
-    /// Looked at once, after learning.
+    /// For measuring the kernel once, after learning.
     Test,
 }
 
-/// Draws what each pair is used for, and returns every pair's id with its split, in the order of the ids.
+/// Draws the use of each pair, and returns the id of every pair with its split, in the order of the ids.
 ///
-/// Pairs that have a split keep it. Of the others, `test_fraction` (at least one pair where no pair was given as a
-/// test pair) are held out, then `validation_fraction` are watched, both rounded to whole pairs; the rest is for
-/// training. The draw ranks pairs by a hash of the seed and their id: it depends on nothing else, not even on the
-/// order in which pairs were added.
+/// Pairs that have a split keep it. Of the others, a share of `test_fraction` is for testing (at least one pair if no
+/// pair was given as a test pair), and then a share of `validation_fraction` is for validation. Both numbers are
+/// rounded to whole pairs. The rest is for training. The draw orders pairs by a hash of the seed and the pair's id, so
+/// it does not depend on the order in which pairs were added.
 #[must_use]
 pub fn draw_split(pairs: &[Pair], validation_fraction: f64, test_fraction: f64, seed: u64) -> Vec<(String, Split)> {
     let mut free: Vec<&Pair> = pairs.iter().filter(|pair| pair.split.is_none()).collect();
@@ -166,9 +167,10 @@ pub fn draw_split(pairs: &[Pair], validation_fraction: f64, test_fraction: f64, 
     splits
 }
 
-/// `sha256-…` over the display, optics, pairs and split: datasets with the same digest teach the same.
+/// Digest (`sha256-…`) of the display, optics, pairs and split. Learning from datasets with the same digest gives the
+/// same result.
 ///
-/// Pairs count in the order of their ids; the id of the dataset and its times don't count.
+/// Pairs are hashed in the order of their ids. The id of the dataset and its times are not hashed.
 #[must_use]
 pub fn digest(dataset: &Dataset) -> String {
     #[derive(Serialize)]
@@ -178,7 +180,8 @@ pub fn digest(dataset: &Dataset) -> String {
         distance_nm: i64,
         photo_encoding: Encoding,
         pairs: Vec<(&'a str, &'a str, &'a str, Option<Split>)>,
-        // What older datasets do not have is left out where it is not set, so that their digests stay what they were.
+        // Properties that older datasets lack are left out when they are not set, so that the digests of those stay the
+        // same.
         #[serde(skip_serializing_if = "is_zero")]
         photo_bit_depth: u32,
         #[serde(skip_serializing_if = "Option::is_none")]
@@ -209,7 +212,7 @@ pub fn digest(dataset: &Dataset) -> String {
         alignment: dataset.alignment.as_ref().map(|a| (a.homography, a.photo_height_px, a.photo_width_px)),
         exposures,
     };
-    // A debug rendering would change with the code; JSON of this private struct does not.
+    // JSON of this private struct is stable; its debug output could change with the code.
     let json = serde_json::to_vec(&content).unwrap_or_default();
     let hash: String = Sha256::digest(&json).iter().map(|byte| format!("{byte:02x}")).collect();
     format!("sha256-{hash}")

@@ -4,27 +4,27 @@ use crate::units::Wavelength;
 use lightpath_optics::{Carrier, SimulatedBench};
 use serde::{Deserialize, Serialize};
 
-/// A display's properties, validated. Its id is the last part of its resource name.
+/// Validated properties of a display.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Display {
-    /// 1 to 63 characters of a-z, 0-9 and '-', starting with a letter.
+    /// Id, the last part of the resource name: 1 to 63 characters of a-z, 0-9 and '-', starting with a letter.
     pub id: String,
     /// SLM columns \[px\].
     pub width_px: u32,
     /// SLM rows \[px\].
     pub height_px: u32,
-    /// Distance between pixel centres \[m\].
+    /// Distance between the centres of neighbouring pixels \[m\].
     pub pixel_pitch_m: f64,
-    /// Grey levels are 0 to 2^bit_depth − 1.
+    /// Bits per grey level: grey levels are 0 to 2^bit_depth − 1.
     pub bit_depth: u32,
-    /// At least one, ascending, no two equal.
+    /// Wavelengths: at least one, ascending, all different.
     pub wavelengths: Vec<Wavelength>,
     /// Phase \[rad\] of each grey level; `None`: level · 2π / 2^bit_depth.
     pub phase_response_rad: Option<Vec<f64>>,
-    /// Grating added after optimization.
+    /// Grating added after optimization; `None`: no grating.
     pub carrier: Option<Carrier>,
-    /// Free text.
+    /// Notes of the user.
     pub notes: String,
-    /// Set for a display that exists only as a simulation.
+    /// Simulated bench; `None`: a real display.
     pub simulated_bench: Option<SimulatedBench>,
 }

@@ -6,14 +6,14 @@ use crate::units::{Distance, Wavelength};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// What a kernel belongs to. Shown as its resource name, `displays/lab-2/kernels/515nm-150mm`.
+/// The key of a kernel. It is displayed as the resource name, `displays/lab-2/kernels/515nm-150mm`.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct KernelKey {
     /// Id of the display.
     pub display: String,
     /// Wavelength in vacuum.
     pub wavelength: Wavelength,
-    /// From the SLM to the image plane.
+    /// Distance from the SLM to the image plane.
     pub distance: Distance,
 }
 
@@ -23,101 +23,102 @@ impl fmt::Display for KernelKey {
     }
 }
 
-/// A kernel: its key and which version is active.
+/// A kernel: its key and its active version.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Kernel {
-    /// What it belongs to.
+    /// Display, wavelength and distance.
     pub key: KernelKey,
-    /// `None`: no version is active.
+    /// Number of the active version; `None`: no version is active.
     pub active_version: Option<u32>,
-    /// The newest version; versions count from 1.
+    /// Number of the newest version. Versions count from 1.
     pub latest_version: u32,
-    /// The active version, or the newest where none is active, was [interpolated](KernelLineage::interpolated).
+    /// Whether the active version (or the newest, if none is active) is [interpolated](KernelLineage::is_interpolated).
     pub interpolated: bool,
-    /// \[ms since 1970\]
+    /// Time when the kernel was created \[ms since 1970\].
     pub create_time_ms: i64,
 }
 
 /// What a learning job hands to the registry; becomes the kernel's next version.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NewKernelVersion {
-    /// How it is parametrized.
+    /// Parametrization of the kernel.
     pub model: KernelModel,
     /// Artifact digest of the safetensors file.
     pub artifact: String,
-    /// Size of that file.
+    /// Size of the safetensors file \[bytes\].
     pub size_bytes: u64,
-    /// How good it is.
+    /// Measured quality of the kernel.
     pub metrics: KernelMetrics,
-    /// Where it comes from.
+    /// Origin of the kernel.
     pub lineage: KernelLineage,
 }
 
-/// One immutable kernel.
+/// A version of a kernel, which never changes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct KernelVersion {
-    /// What it belongs to.
+    /// Key of the kernel.
     pub key: KernelKey,
-    /// From 1.
+    /// Number of the version, from 1.
     pub version: u32,
-    /// Everything else.
+    /// Content of the version.
     pub content: NewKernelVersion,
-    /// \[ms since 1970\]
+    /// Time when the version was created \[ms since 1970\].
     pub create_time_ms: i64,
-    /// This is the active version.
+    /// Whether this is the active version.
     pub active: bool,
 }
 
-/// Mean squared errors between photograph and prediction: saturated pixels left out, gain and black level fitted.
+/// Mean squared errors between photographs and predictions. Saturated pixels are left out, gain and black level are
+/// fitted.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct KernelMetrics {
-    /// Pairs learned from.
+    /// Number of pairs for learning.
     pub train_pairs: u32,
-    /// Pairs watched while learning.
+    /// Number of pairs for validation.
     pub validation_pairs: u32,
-    /// Pairs held out.
+    /// Number of pairs for testing.
     pub test_pairs: u32,
-    /// In the region of interest.
+    /// Loss of the training pairs in the region of interest.
     pub train_loss: f64,
-    /// In the region of interest; 0 without validation pairs.
+    /// Loss of the validation pairs in the region of interest; 0 without validation pairs.
     pub validation_loss: f64,
-    /// In the region of interest.
+    /// Loss of the test pairs in the region of interest.
     pub test_loss: f64,
-    /// The same pairs through the ideal kernel.
+    /// Loss of the test pairs in the region of interest with the ideal kernel.
     pub ideal_test_loss: f64,
-    /// Over the full frame.
+    /// Loss of the test pairs over the full frame.
     pub test_loss_full_frame: f64,
-    /// Over the full frame, through the ideal kernel.
+    /// Loss of the test pairs over the full frame with the ideal kernel.
     pub ideal_test_loss_full_frame: f64,
     /// Of new holograms; only of simulated displays.
     pub captured: Option<CapturedQuality>,
 }
 
-/// What the camera of a simulated display sees of new holograms, the mean over some targets \[dB\].
+/// Quality of a simulated display's photographs of new holograms, as a mean over some targets \[dB\].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CapturedQuality {
-    /// PSNR through the kernel.
+    /// PSNR with the kernel \[dB\].
     pub psnr_db: f64,
-    /// PSNR through the ideal kernel.
+    /// PSNR with the ideal kernel \[dB\].
     pub ideal_psnr_db: f64,
 }
 
 impl KernelMetrics {
-    /// Measured, and not shown to be better than the ideal kernel: neither in predicting held-out photographs, nor, where
-    /// that was tried, in photographs of new holograms.
+    /// Whether the kernel was measured and not shown to be better than the ideal kernel, neither in predicting test
+    /// photographs nor (if measured) in photographs of new holograms.
     #[must_use]
     pub fn no_better_than_ideal(&self) -> bool {
-        // Losses that are not numbers show nothing.
+        // The comparison is false for losses that are not numbers.
         let predicts = self.test_loss < self.ideal_test_loss;
         let shows = self.captured.is_none_or(|captured| captured.psnr_db > captured.ideal_psnr_db);
         (self.test_pairs > 0 && !predicts) || !shows
     }
 }
 
-/// Where a version comes from.
+/// Origin of a kernel version.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct KernelLineage {
-    /// Id of the job; empty for an import.
+    /// Id of the learning job; empty: imported.
     pub job: String,
     /// What the version was learned from: at its own distance, then, where one model was learned for several distances, at the
     /// others, ascending. Of an interpolated version all of them, ascending. Empty for other imports.
@@ -130,7 +131,7 @@ pub struct KernelLineage {
     pub parameters_json: String,
     /// Seed of the learning.
     pub seed: u64,
-    /// The server's version.
+    /// Version of the server that made the kernel version.
     pub code_version: String,
 }
 
@@ -164,20 +165,20 @@ pub struct LearnedDataset {
     pub digest: String,
 }
 
-/// One move of the alias `active`.
+/// A change of the active version of a kernel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct KernelMove {
-    /// Grows over all kernels; what pages are keyed by.
+    /// Sequence number, which grows over all kernels. Pages of moves continue from it.
     pub sequence: i64,
-    /// \[ms since 1970\]
+    /// Time of the move \[ms since 1970\].
     pub time_ms: i64,
-    /// `None`: none was active.
+    /// Version that was active before; `None`: no version.
     pub from_version: Option<u32>,
     /// The version that became active.
     pub to_version: u32,
-    /// Why.
+    /// Reason that the caller gave.
     pub reason: String,
-    /// The move was a rollback.
+    /// Whether the move was a rollback.
     pub rollback: bool,
 }
 

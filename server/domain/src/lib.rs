@@ -1,12 +1,12 @@
-//! What Lightpath is about, as plain validated Rust: it knows no database, no wire type, no file and no clock.
+//! The domain of Lightpath as plain validated Rust types, independent of database, wire format, files and clock.
 //!
 //! # Layout
 //!
-//! - [`units`]: exact wavelengths and distances. [`display`], [`dataset`], [`kernel`], [`job`]: the things of the service.
-//! - [`planning`], [`slm`]: a display as the optics engine sees it. Words of optics, such as detectors, methods and qualities,
-//!   are the engine's own types.
-//! - [`access`]: roles and tokens. [`causes`]: errors in one line.
-//! - [`reason`]: why something failed or was refused, for programs.
+//! - [`units`]: exact wavelengths and distances. [`display`], [`dataset`], [`kernel`], [`job`]: the resources of the
+//!   service.
+//! - [`propagation`], [`planning`], [`slm`]: conversion between displays and the types of the optics engine.
+//! - [`access`]: roles and tokens. [`causes`]: error messages in one line.
+//! - [`reason`]: codes for errors and refusals, for programs.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 pub mod access;

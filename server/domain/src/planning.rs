@@ -1,21 +1,21 @@
-//! From displays to optical setups.
+//! Conversion of displays into optical setups, and of the planner's reports into domain types.
 
 use crate::display::Display;
 use crate::units::{Distance, Wavelength};
 use lightpath_optics::propagation::{ConvolutionMethod, assess, assess_regardless};
 use lightpath_optics::{Grid, OpticalSetup, Result, ValidityReport};
 
-/// A display at a wavelength and distance.
+/// The optical setup of a display at a wavelength and distance.
 ///
 /// # Errors
 ///
-/// [`lightpath_optics::Error`] for what no display is; a stored one always is possible.
+/// [`lightpath_optics::Error`] if the properties are not possible. Stored displays are always possible.
 pub fn setup(display: &Display, wavelength: Wavelength, distance: Distance) -> Result<OpticalSetup> {
     let grid = Grid::try_new(display.height_px as usize, display.width_px as usize, display.pixel_pitch_m)?;
     OpticalSetup::try_new(grid, wavelength.m(), distance.m())
 }
 
-/// The setup with the method asked for, or by the planner's choice, and how good that is.
+/// The setup with the given method, or with the method that the planner chooses, and the validity of that method.
 ///
 /// # Errors
 ///
@@ -27,7 +27,7 @@ pub fn planned(setup: OpticalSetup, method: Option<ConvolutionMethod>) -> Result
     }
 }
 
-/// How good the setup's own method is, right or wrong.
+/// The validity of the setup's own method, which may be invalid.
 pub fn assessed(setup: &OpticalSetup, explanation: &str) -> ValidityReport {
     let explanation = explanation.to_owned();
     ValidityReport { explanation, ..assess_regardless(setup, setup.method().into()) }

@@ -1,6 +1,6 @@
-//! Reasons: why something failed or was refused, in capitals, the same in every version, for programs.
+//! Reasons of errors and refusals, as codes in capitals for programs. A code is the same in every version.
 
-/// Declares an enum of reasons: each variant with what it means and its word. The word is what serde and
+/// Declares an enum of reasons. Each variant has a description and a code. The code is the text that serde and
 /// [`Display`](std::fmt::Display) write.
 #[macro_export]
 macro_rules! reasons {
@@ -15,7 +15,7 @@ macro_rules! reasons {
         }
 
         impl $name {
-            /// The word of the reason.
+            /// The code of the reason.
             #[must_use]
             pub fn as_str(self) -> &'static str {
                 match self {

@@ -1,14 +1,14 @@
-//! A display's modulator, as the optics know it.
+//! Conversion of a display's modulator into the types of the optics engine.
 
 use crate::display::Display;
 use lightpath_optics::Result;
 use lightpath_optics::phase_response::PhaseResponse;
 
-/// What the grey levels do to the phase.
+/// The phase response: the phase of each grey level.
 ///
 /// # Errors
 ///
-/// [`lightpath_optics::Error`] for a response that is not possible; a stored one always is.
+/// [`lightpath_optics::Error`] if the response is not possible. Responses of stored displays are always possible.
 pub fn response(display: &Display) -> Result<PhaseResponse> {
     match &display.phase_response_rad {
         Some(phase_rad) => PhaseResponse::measured(phase_rad.clone()),

@@ -1,4 +1,4 @@
-//! Exact lengths: what distances and wavelengths are inside the server, so that a float is never a key.
+//! Exact lengths: distances and wavelengths as whole numbers, because floating-point numbers are unsafe as keys.
 
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -6,14 +6,14 @@ use std::fmt;
 /// Wavelength in vacuum, in whole picometres.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Wavelength {
-    /// \[pm\]
+    /// Wavelength \[pm\].
     pub pm: i64,
 }
 
-/// Distance from the SLM, in whole nanometres; negative behind the SLM.
+/// Distance from the SLM, in whole nanometres. Negative distances are behind the SLM.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Distance {
-    /// \[nm\]
+    /// Distance \[nm\].
     pub nm: i64,
 }
 
@@ -23,19 +23,20 @@ impl Wavelength {
     /// Longest accepted wavelength \[m\].
     pub const MAX_M: f64 = 2e-6;
 
-    /// The nearest picometre, where `wavelength_m` is a number between [`Self::MIN_M`] and [`Self::MAX_M`].
+    /// Rounds to the nearest picometre; `None` if `wavelength_m` is not between [`Self::MIN_M`] and [`Self::MAX_M`].
     #[must_use]
     pub fn from_m(wavelength_m: f64) -> Option<Self> {
         (Self::MIN_M..=Self::MAX_M).contains(&wavelength_m).then(|| Self { pm: (wavelength_m * 1e12).round() as i64 })
     }
 
-    /// \[m\]
+    /// Wavelength \[m\].
     #[must_use]
     pub fn m(self) -> f64 {
         self.pm as f64 / 1e12
     }
 
-    /// The wavelength shown as `text`, `632.8nm`; exact, and within [`Self::MIN_M`] to [`Self::MAX_M`].
+    /// Parses a wavelength such as `632.8nm`; `None` if it is not exact or not between [`Self::MIN_M`] and
+    /// [`Self::MAX_M`].
     #[must_use]
     pub fn parse(text: &str) -> Option<Self> {
         let pm = read_thousandths(text, 1_000, "nm")?;
@@ -44,10 +45,10 @@ impl Wavelength {
 }
 
 impl Distance {
-    /// Largest accepted distance, either way \[m\].
+    /// Largest accepted magnitude of a distance \[m\].
     pub const MAX_M: f64 = 10.0;
 
-    /// The nearest nanometre, where `distance_m` is a number within ±[`Self::MAX_M`] that does not round to 0.
+    /// Rounds to the nearest nanometre; `None` if `distance_m` is not within ±[`Self::MAX_M`] or rounds to 0.
     #[must_use]
     pub fn from_m(distance_m: f64) -> Option<Self> {
         if !(-Self::MAX_M..=Self::MAX_M).contains(&distance_m) {
@@ -57,13 +58,13 @@ impl Distance {
         (nm != 0).then_some(Self { nm })
     }
 
-    /// \[m\]
+    /// Distance \[m\].
     #[must_use]
     pub fn m(self) -> f64 {
         self.nm as f64 / 1e9
     }
 
-    /// The distance shown as `text`, `-12.5mm`; exact, within ±[`Self::MAX_M`] and not 0.
+    /// Parses a distance such as `-12.5mm`; `None` if it is not exact, not within ±[`Self::MAX_M`] or 0.
     #[must_use]
     pub fn parse(text: &str) -> Option<Self> {
         let nm = read_thousandths(text, 1_000_000, "mm")?;
@@ -71,14 +72,14 @@ impl Distance {
     }
 }
 
-/// `515nm`, `632.8nm`: the form used in kernel names.
+/// Displays the wavelength as in kernel names: `515nm`, `632.8nm`.
 impl fmt::Display for Wavelength {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write_thousandths(f, self.pm, 1_000, "nm")
     }
 }
 
-/// `150mm`, `-12.5mm`: the form used in kernel names.
+/// Displays the distance as in kernel names: `150mm`, `-12.5mm`.
 impl fmt::Display for Distance {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write_thousandths(f, self.nm, 1_000_000, "mm")
@@ -96,9 +97,9 @@ fn write_thousandths(f: &mut fmt::Formatter<'_>, value: i64, per_unit: i64, unit
     write!(f, "{sign}{whole}.{}{unit}", fraction.trim_end_matches('0'))
 }
 
-/// What [`write_thousandths`] wrote; `None` for anything else, such as digits below the resolution.
+/// Parses the output of [`write_thousandths`]; `None` for any other text, such as one with digits below the resolution.
 fn read_thousandths(text: &str, per_unit: i64, unit: &str) -> Option<i64> {
-    /// Enough for every length here; more could overflow.
+    /// Limit on the digits before the decimal point: enough for every length here, and few enough to avoid an overflow.
     const WHOLE_DIGITS_MAX: usize = 9;
     let number = text.strip_suffix(unit)?;
     let (negative, number) = number.strip_prefix('-').map_or((false, number), |rest| (true, rest));

@@ -39,8 +39,8 @@ impl Pairs {
         Self::sharing(1, context, display, dataset, split)
     }
 
-    /// Creates the pairs for a job in which `share` datasets use the memory for decoded pairs together. Names contain
-    /// the id of the dataset if there are several.
+    /// The pairs of one of `datasets` datasets, which share the memory for decoded pairs. With several datasets, names
+    /// of pairs contain the id of the dataset.
     fn sharing(
         datasets: usize,
         context: &JobContext,

@@ -1,41 +1,41 @@
-//! Where the camera sees the display's pixels.
+//! The alignment of a camera with the pixels of the display.
 
 use serde::{Deserialize, Serialize};
 
-/// A dataset's alignment: from pixels of the display to pixels of the photographs.
+/// Alignment of a dataset: maps pixels of the display to pixels of the photographs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Alignment {
-    /// What it was found from.
+    /// Method by which the alignment was found.
     pub method: AlignmentMethod,
-    /// Row by row: camera = H · display, x right, y down, pixel centres at whole numbers.
+    /// Homography H, row by row: camera = H · display, x right, y down, pixel centres at whole numbers.
     pub homography: [f64; 9],
     /// Rows of the photographs \[px\].
     pub photo_height_px: u32,
     /// Columns of the photographs \[px\].
     pub photo_width_px: u32,
-    /// Points, dots or tiles that it rests on.
+    /// Number of points, dots or tiles from which the alignment was computed.
     pub points: u32,
-    /// Root mean square distance of those from it \[px of the display\].
+    /// Root mean square distance of the points from the alignment \[px of the display\].
     pub residual_px: f64,
-    /// What it corrects: the root mean square displacement from the alignment before, over the region of interest
-    /// \[px of the display\]; 0 where there was none to compare with.
+    /// Root mean square displacement of this alignment from the previous one, over the region of interest \[px of the
+    /// display\]; 0 if there was no previous one.
     pub corrected_px: f64,
-    /// Digest of the photograph that it was found in; empty where there are several or none.
+    /// Digest of the photograph in which the alignment was found; empty if there are several or none.
     pub photo: String,
-    /// Digests of pictures of a photograph before and after; empty where there are none.
+    /// Digest of a picture of a photograph before the alignment; empty if there is none.
     pub before: String,
-    /// See there.
+    /// Digest of a picture of the same photograph after the alignment; empty if there is none.
     pub after: String,
 }
 
-/// What an alignment was found from.
+/// Method of finding an alignment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum AlignmentMethod {
-    /// Given points.
+    /// From given points.
     Points,
-    /// The photograph of a displayed grid of dots.
+    /// From a photograph of a displayed grid of dots.
     Dots,
-    /// Correlation of the pairs' photographs with their simulated reconstructions.
+    /// From the correlation of the pairs' photographs with their simulated reconstructions.
     Pairs,
 }

@@ -1,52 +1,53 @@
-//! What is noticed about pairs.
+//! Measurements of pairs, and findings about them.
 
 use serde::{Deserialize, Serialize};
 
-/// What was measured of a pair when it was added, or when the dataset's alignment changed.
+/// Measurements of a pair, made when it was added or when the alignment of the dataset changed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PairChecks {
-    /// Part of the photograph's pixels that are saturated, in the region of interest.
+    /// Fraction of the photograph's pixels in the region of interest that are saturated.
     pub saturated: f64,
-    /// Part of them that are black: at or below the camera's black level.
+    /// Fraction of the photograph's pixels in the region of interest that are black: at or below the camera's black
+    /// level.
     pub black: f64,
-    /// All but a thousandth of the photograph is darker than this, full scale 1.
+    /// Value below which all but a thousandth of the photograph lies, with full scale 1.
     pub brightest: f64,
-    /// Standard deviation of the light over its mean.
+    /// Contrast of the photograph: standard deviation of the light divided by its mean.
     pub contrast: f64,
-    /// Correlation of the photograph with the hologram's simulated reconstruction, both coarse; `None` where one of them is
-    /// even.
+    /// Correlation of the photograph with the simulated reconstruction of the hologram, both at low resolution; `None`
+    /// if one of them is uniform.
     pub correlation: Option<f64>,
-    /// Loss of light from the middle to the corners against the reconstruction; `None` where that cannot be told.
+    /// Loss of light from the middle to the corners, relative to the reconstruction; `None` if it cannot be measured.
     pub vignetting: Option<f64>,
-    /// Root mean square displacement of the photograph from the reconstruction \[px of the display\]; `None` where too little
-    /// is recognized.
+    /// Root mean square displacement of the photograph from the reconstruction \[px of the display\]; `None` if too few
+    /// features are recognized.
     pub misalignment_px: Option<f64>,
-    /// The part of it that no shift undoes: turn, scale and shear \[px of the display\].
+    /// Part of the displacement that remains after the best shift: rotation, scale and shear \[px of the display\].
     pub distortion_px: Option<f64>,
     /// Columns and rows of the photograph \[px\].
     pub photo_px: [u32; 2],
-    /// Digests of the decoded values: other files with the same pixels are the same picture.
+    /// Digest of the hologram's decoded values: files with equal pixels have equal digests.
     pub phase_values: String,
-    /// See there.
+    /// Digest of the photograph's decoded values: files with equal pixels have equal digests.
     pub photo_values: String,
-    /// What the photograph and the reconstruction look like from afar, as hexadecimal digits.
+    /// The photograph at very low resolution, as hexadecimal digits.
     pub seen: String,
-    /// See there.
+    /// The reconstruction at very low resolution, as hexadecimal digits.
     pub expected: String,
-    /// The alignment that this was measured with; `None`: one camera pixel a pixel of the display.
+    /// Homography with which the pair was measured; `None`: one camera pixel for each pixel of the display.
     pub homography: Option<[f64; 9]>,
 }
 
-/// Something that somebody should know about a dataset.
+/// A problem of a dataset or pair that the user should know about.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Finding {
-    /// The pair; empty: the whole dataset.
+    /// Id of the pair; empty: the whole dataset.
     pub pair: String,
-    /// What kind of thing.
+    /// Kind of the finding.
     pub kind: FindingKind,
-    /// The pair is not learned from because of it.
+    /// Whether the pair is excluded from learning because of the finding.
     pub excludes: bool,
-    /// For people: what, how much, and what to do.
+    /// Text for people: the problem, its size, and what to do.
     pub message: String,
 }
 
@@ -54,22 +55,22 @@ pub struct Finding {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FindingKind {
-    /// No light.
+    /// The photograph shows no light.
     Black,
-    /// Too much light.
+    /// Too much of the photograph is saturated.
     Saturated,
-    /// Much of it is cut off at black.
+    /// Much of the photograph is clipped at black.
     BlackClipped,
-    /// Hardly any structure.
+    /// The photograph has hardly any structure.
     LowContrast,
-    /// The same picture as another pair's.
+    /// Another pair has the same picture.
     Duplicate,
-    /// The photograph shows something else than the hologram.
+    /// The photograph shows something other than the hologram.
     WrongHologram,
-    /// The photograph is displaced or turned.
+    /// The photograph is displaced or rotated.
     Misaligned,
-    /// Light falls off towards the corners.
+    /// The light falls off towards the corners.
     Vignetting,
-    /// Some pairs say how they were exposed, and others don't.
+    /// The exposure of some pairs is known, and that of others is not.
     ExposureUnknown,
 }
