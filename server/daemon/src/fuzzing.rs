@@ -1,6 +1,7 @@
-//! One entry to every decoder of what comes from outside, for fuzzers: whatever the bytes are, it comes back.
+//! Access to every decoder of outside input, for fuzzers. A decoder must return for any bytes, without a panic.
 //!
-//! `fuzz/` feeds these to libFuzzer, `server/tests/service/decoders.rs` to mutated files. Requests are fed over the wire.
+//! `fuzz/` calls the decoders with inputs from libFuzzer, `server/tests/service/decoders.rs` with mutated files.
+//! Requests are tested over the network.
 
 use crate::config::{Effective, Settings};
 use crate::upkeep::Manifest;
@@ -12,34 +13,34 @@ use lightpath_media::pictures;
 use lightpath_media::pictures::PhotoReading;
 use lightpath_optics::{Grid, OpticalSetup};
 
-/// Size of the display that what is read is for \[px\]; the seeds have it, too.
+/// Height of the display in the inputs \[px\]; the seed files have the same.
 pub const HEIGHT_PX: usize = 48;
-/// See [`HEIGHT_PX`].
+/// Width of the display in the inputs \[px\]; the seed files have the same.
 pub const WIDTH_PX: usize = 64;
 
-/// Something that reads bytes from outside.
+/// A decoder of outside input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Decoder {
-    /// Targets: PNG, TIFF, JPEG.
+    /// Decoder of targets: PNG, TIFF, JPEG.
     Target,
-    /// Photographs: the same, and `.npy`.
+    /// Decoder of photographs: PNG, TIFF, JPEG, `.npy`.
     Photograph,
-    /// Holograms as levels of the display.
+    /// Decoder of holograms as levels of the display.
     Levels,
-    /// Initial phases: `.npy`.
+    /// Decoder of initial phases: `.npy`.
     Phase,
-    /// Kernels in any form: safetensors, compact, `.npy`, `.npz`, `.pt`.
+    /// Decoder of kernels in any form: safetensors, compact, `.npy`, `.npz`, `.pt`.
     Kernel,
-    /// Kernels as they are stored: safetensors.
+    /// Decoder of stored kernels: safetensors.
     StoredKernel,
-    /// Settings: TOML.
+    /// Decoder of settings: TOML.
     Settings,
-    /// What a backup says of itself: JSON.
+    /// Decoder of the manifest of a backup: JSON.
     BackupManifest,
 }
 
 impl Decoder {
-    /// All of them.
+    /// All decoders.
     pub const ALL: [Self; 8] = [
         Self::Target,
         Self::Photograph,
@@ -51,7 +52,7 @@ impl Decoder {
         Self::BackupManifest,
     ];
 
-    /// Reads `bytes`; whether they were what they should be.
+    /// Decodes `bytes`. Returns whether they are valid.
     #[must_use]
     pub fn reads(self, bytes: &[u8]) -> bool {
         match self {

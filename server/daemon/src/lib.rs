@@ -4,9 +4,9 @@
 //! # Layout
 //!
 //! - [`config`], [`server`]: settings, and the assembly of store, workers and API.
-//! - [`upkeep`]: what operators do to a data folder: check, back up, restore, collect.
-//! - [`demo`]: the whole loop on a simulated display, for people to see.
-//! - [`fuzzing`]: an entry to every decoder.
+//! - [`upkeep`]: commands for operators on a data folder: check, back up, restore, collect.
+//! - [`demo`]: the whole loop on a simulated display, for new users.
+//! - [`fuzzing`]: access to every decoder, for fuzzers.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 pub mod config;

@@ -93,7 +93,7 @@ impl Serve {
         start_log(&effective.config)?;
         let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
         let outcome = runtime.block_on(serve(effective.config));
-        // What still runs on blocking threads belongs to requests that were cut; the process need not wait for it.
+        // The blocking threads that still run belong to cancelled requests, so the process need not wait for them.
         runtime.shutdown_background();
         outcome
     }
@@ -107,14 +107,14 @@ async fn serve(config: Config) -> anyhow::Result<()> {
     })?;
     let address = listener.local_addr()?;
     tracing::info!(%address, data_dir = %config.data_dir.display(), "starting");
-    // Whoever connects from here on waits in the backlog until the server has put its queue in order.
+    // Clients that connect from now on wait in the backlog until the server has recovered its queue.
     let scheme = if config.tls_cert.is_some() { "https" } else { "http" };
     writeln!(std::io::stdout().lock(), "listening on {scheme}://{address}")?;
     server::run(listener, config, stop).await?;
     Ok(())
 }
 
-/// Done at the first SIGTERM or ctrl-c.
+/// A future that ends at the first SIGTERM or ctrl-c.
 fn stop_signal() -> anyhow::Result<impl Future<Output = ()> + Send> {
     let (mut terminate, mut interrupt) = (signal(SignalKind::terminate())?, signal(SignalKind::interrupt())?);
     Ok(async move {

@@ -1,4 +1,4 @@
-//! The server, assembled: store, artifacts, workers, gRPC and HTTP.
+//! Assembly of the server: store, artifacts, workers, gRPC and HTTP.
 
 use crate::config::{Config, ConfigError};
 use crate::upkeep::{Collected, DATABASE, Retention, UpkeepError};
@@ -22,21 +22,21 @@ use tokio_util::sync::CancellationToken;
 use tonic_health::ServingStatus;
 use tonic_health::server::HealthReporter;
 
-/// How often the bytes of all artifacts are counted, for their limit, and measurements summed up.
+/// Interval between counts of the stored bytes, for their limit, and between summaries of measurements.
 const COUNT_INTERVAL: Duration = Duration::from_secs(10);
-/// What the audit log may lose when the power fails.
+/// Interval between flushes of the audit log. A power failure can lose the lines since the last one.
 const FLUSH_INTERVAL: Duration = Duration::from_secs(1);
-/// How soon a change of health is told.
+/// Interval between checks of the server's health.
 const HEALTH_INTERVAL: Duration = Duration::from_secs(2);
-/// How soon a token that was revoked or has expired ends its streams.
+/// Interval between checks for revoked and expired tokens, whose streams must end.
 const TOKEN_INTERVAL: Duration = Duration::from_secs(2);
-/// How often what may go is looked for.
+/// Interval between searches for jobs and artifacts to remove.
 const COLLECT_INTERVAL: Duration = Duration::from_secs(3600);
 
-/// Why the server could not start or go on.
+/// Why the server could not start or had to stop.
 #[derive(Debug, thiserror::Error)]
 pub enum ServeError {
-    /// The data folder cannot be used, for example because another server works in it.
+    /// The data folder cannot be used, for example because another server uses it.
     #[error(transparent)]
     Artifacts(#[from] ArtifactError),
     /// The database cannot be used.
@@ -48,45 +48,45 @@ pub enum ServeError {
     /// The workers panicked.
     #[error("the workers failed")]
     Panic(#[from] JoinError),
-    /// The listener is none.
+    /// The listener cannot be used.
     #[error("the listening address cannot be read")]
     Listener(#[source] io::Error),
     /// The audit log cannot be opened.
     #[error("the audit log cannot be opened")]
     Audit(#[source] io::Error),
-    /// One half of a pair of settings is missing.
+    /// One of two settings that belong together is missing.
     #[error(transparent)]
     Config(#[from] ConfigError),
-    /// Certificates cannot be used.
+    /// The certificates cannot be used.
     #[error(transparent)]
     Tls(#[from] TlsError),
-    /// Others than this machine could connect without TLS.
+    /// Other machines could connect without TLS.
     #[error(
         "{address} can be reached from other machines, but there is no TLS: set tls_cert and tls_key, listen on \
          127.0.0.1, or say --insecure"
     )]
     NoTls {
-        /// The listening address.
+        /// Listening address of the server.
         address: SocketAddr,
     },
-    /// Tokens are asked for, and there is none.
+    /// Calls need a token, and no valid token exists.
     #[error(
         "calls need a token, but none is valid: make one with `lightpathd token create NAME --role admin`, or listen on \
          127.0.0.1"
     )]
     NoTokens,
-    /// The API's descriptors cannot be read.
+    /// The descriptors of the API cannot be read.
     #[error("the API's descriptors cannot be read")]
     Reflection(#[from] tonic_reflection::server::Error),
 }
 
-/// Serves on `listener` until `shutdown` is done, then drains: no new connections, health says NOT_SERVING, streams
-/// end with UNAVAILABLE, running jobs save their state and go back to the queue. Returns after that, at most
-/// `config.drain_deadline_s` later.
+/// Serves on `listener` until the future `shutdown` ends, then drains: it accepts no new connections, the health check
+/// says NOT_SERVING, streams end with UNAVAILABLE, and running jobs save their state and return to the queue. Draining
+/// takes at most `config.drain_deadline_s`.
 ///
 /// # Errors
 ///
-/// [`ServeError`] when the server cannot start; nothing is half done then.
+/// [`ServeError`] if the server cannot start; it then leaves nothing half done.
 pub async fn run(
     listener: TcpListener,
     config: Config,
@@ -120,7 +120,7 @@ pub async fn run(
 
     let early = tokio::select! {
         () = shutdown => None,
-        // Workers end only when told to, unless they could not start.
+        // Workers end before the shutdown only if they could not start.
         ended = &mut workers => Some(ended),
     };
     tracing::info!("stopping: running jobs save their state and go back to the queue");
@@ -139,7 +139,7 @@ pub async fn run(
         },
     };
     connections.await?;
-    // A collection may stop anywhere; the next one goes on.
+    // A collection may be stopped at any point; the next one continues it.
     upkeep.abort();
     drop(upkeep.await);
     flushing.await?;
@@ -150,7 +150,7 @@ pub async fn run(
     Ok(())
 }
 
-/// Whether calls need a token; a server that others could abuse does not start.
+/// Whether calls need a token. Returns an error if the server would be open to abuse.
 async fn guard(store: &Store, config: &Config, address: SocketAddr) -> Result<bool, ServeError> {
     let is_local = address.ip().is_loopback();
     if !is_local && config.tls_cert.is_none() && !config.insecure {
@@ -167,7 +167,7 @@ async fn guard(store: &Store, config: &Config, address: SocketAddr) -> Result<bo
     Ok(tokens_required)
 }
 
-/// Once a second the audit log is flushed; now and then certificates are looked at.
+/// Flushes the audit log every second, and checks at intervals whether the certificates changed.
 async fn flush_loop(audit: Arc<Audit>, tls: Option<Arc<Tls>>, stopping: CancellationToken) {
     let (mut flush, mut look) = (interval(FLUSH_INTERVAL), interval(tls::LOOK_INTERVAL));
     loop {
@@ -183,7 +183,7 @@ async fn flush_loop(audit: Arc<Audit>, tls: Option<Arc<Tls>>, stopping: Cancella
     }
 }
 
-/// Looks for tokens that are accepted no more.
+/// Ends the streams of tokens that were revoked or have expired.
 async fn token_loop(store: Store, ended_tokens: EndedTokens, stopping: CancellationToken) {
     let mut looks = interval(TOKEN_INTERVAL);
     loop {
@@ -206,7 +206,7 @@ fn start_workers(
     tokio::spawn(Worker::new(store, artifacts, config.workers(), Arc::new(OpticsTask)).run(stopping))
 }
 
-/// Counts what is stored, and removes what may go.
+/// Counts the stored bytes, and removes old jobs and unused artifacts.
 async fn upkeep_loop(store: Store, artifacts: Artifacts, retention: Retention, stopping: CancellationToken) {
     let (mut count, mut collect) = (interval(COUNT_INTERVAL), interval(COLLECT_INTERVAL));
     loop {
@@ -231,7 +231,7 @@ async fn upkeep_loop(store: Store, artifacts: Artifacts, retention: Retention, s
     }
 }
 
-/// Says what is so: not serving while the disk is low or the database does not answer.
+/// Reports the health: not serving while the disk is almost full or the database does not answer.
 async fn health_loop(api: Api, health: HealthReporter, stopping: CancellationToken) {
     let mut looks = interval(HEALTH_INTERVAL);
     let mut is_well = true;
@@ -258,7 +258,7 @@ async fn set_health(health: &HealthReporter, status: ServingStatus) {
         artifact_service_server, dataset_service_server, display_service_server, job_service_server,
         kernel_service_server,
     };
-    // The empty name is the server as a whole.
+    // The empty name stands for the whole server.
     for service in [
         "",
         artifact_service_server::SERVICE_NAME,

@@ -1,4 +1,4 @@
-//! What each source sets, merged, remembering where each value came from.
+//! Merges the settings of all sources and remembers the source of each value.
 
 use super::{Config, ConfigError, SETTINGS};
 use clap::parser::ValueSource;
@@ -9,14 +9,15 @@ use std::fs;
 use std::path::Path;
 use toml::{Table, Value};
 
-/// What one source sets: a file, or flags and environment. What is missing is left to the source below.
+/// Settings from one source: a file, or flags and environment variables. A missing value is taken from the source
+/// below.
 #[derive(Clone, Debug, Default)]
 pub struct Settings(BTreeMap<&'static str, (Value, Origin)>);
 
-/// Where a value came from.
+/// Source of a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Origin {
-    /// Built in.
+    /// The built-in default.
     Default,
     /// The configuration file.
     File,
@@ -37,11 +38,11 @@ impl Display for Origin {
     }
 }
 
-/// The settings in effect. Displayed, they are TOML that a configuration file can hold, each line with what it means
-/// and where it came from.
+/// The settings in effect. They are displayed as TOML that a configuration file can contain, each line with its meaning
+/// and its source.
 #[derive(Clone, Debug)]
 pub struct Effective {
-    /// The values.
+    /// Values of the settings.
     pub config: Config,
     settings: Settings,
 }
@@ -51,7 +52,7 @@ impl Settings {
     ///
     /// # Errors
     ///
-    /// [`ConfigError::Read`]; [`ConfigError::Parse`] for what is no TOML, an unknown key or a value of another type.
+    /// [`ConfigError::Read`]; [`ConfigError::Parse`] for invalid TOML, an unknown key or a value of the wrong type.
     pub fn read(path: &Path) -> Result<Self, ConfigError> {
         let text = fs::read_to_string(path).map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
         let problem = |error: toml::de::Error| ConfigError::Parse {
@@ -61,11 +62,11 @@ impl Settings {
         Self::from_toml(&text).map_err(problem)
     }
 
-    /// Reads the text of a TOML file.
+    /// Parses the text of a TOML file.
     ///
     /// # Errors
     ///
-    /// What is no TOML, an unknown key or a value of another type, with its line.
+    /// An error with its line, for invalid TOML, an unknown key or a value of the wrong type.
     pub fn from_toml(text: &str) -> Result<Self, toml::de::Error> {
         let _: Config = toml::from_str(text)?;
         Ok(Self::of(toml::from_str(text)?, Origin::File))
@@ -112,11 +113,12 @@ impl clap::FromArgMatches for Settings {
 }
 
 impl Effective {
-    /// Merges `given` (flags and environment) over `file` over the defaults.
+    /// Merges the sources: `given` (flags and environment) overrides `file`, and `file` overrides the defaults.
     ///
     /// # Errors
     ///
-    /// [`ConfigError::Value`] for a value out of range, [`ConfigError::Half`] for one half of a pair.
+    /// [`ConfigError::Value`] if a value is out of range, [`ConfigError::Half`] if one of two settings that belong
+    /// together is missing.
     pub fn merge(given: Settings, file: Settings) -> Result<Self, ConfigError> {
         let mut settings = Settings::defaults();
         settings.0.extend(file.0);

@@ -1,9 +1,10 @@
-//! Settings of the server: built-in defaults, overridden by a file, overridden by the environment, overridden by flags.
+//! Settings of the server. A file overrides the built-in defaults, environment variables override the file, and flags
+//! override environment variables.
 //!
 //! # Layout
 //!
-//! - this file: every setting, declared once. `setting`: what a declaration gives: the flag, the environment variable, the
-//!   check. `layers`: what each source sets, merged and printed. `uses`: settings in the types of those that use them.
+//! - this file: declarations of all settings. `setting`: the flag, environment variable and check of each declaration.
+//!   `layers`: the settings of each source, merged and printed. `uses`: settings in the types of the server's parts.
 
 mod layers;
 mod setting;
@@ -18,18 +19,19 @@ use std::net::{Ipv4Addr, SocketAddr};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
-/// Largest space \[MiB\], 16 TiB: more is a mistake in the unit.
+/// Range of a space \[MiB\]: at most 16 TiB. A larger value is probably in the wrong unit.
 const SPACE_MIB: Allowed = Allowed::Numbers(0.0, 16_777_216.0);
-/// Longest attempt \[s\]: thirty days.
+/// Range of a time limit \[s\]: at most thirty days.
 const TIMEOUT_S: Allowed = Allowed::Numbers(0.0, 2_592_000.0);
-/// Jobs that run at once: each holds its fields in memory, and more of them only wait for the same cores.
+/// Range of the jobs that run at once. Each job holds its fields in memory, and more jobs only compete for the same
+/// cores.
 const RUNNING: Allowed = Allowed::Numbers(0.0, 64.0);
-/// Less than an hour is less than some jobs take between storing what they make and naming it.
+/// Range of an age \[days\]: at least an hour, because some jobs refer to an artifact long after they stored it.
 const AGE_DAYS: Allowed = Allowed::ZeroOrNumbers(1.0 / 24.0, 36_500.0);
 const FILE: Allowed = Allowed::Text("the path of a file");
 const SWITCH: Allowed = Allowed::Text("true or false");
 
-// A declaration: what it means, name and type = default, what the help calls the value, what is allowed.
+// Form of a declaration: description, name and type = default, name of the value in the help, allowed values.
 settings! {
     /// Folder of database and artifacts, made where missing
     data_dir: PathBuf = "./lightpath-data".into(), "DIR", Allowed::Text("the path of a folder");
@@ -56,7 +58,7 @@ settings! {
     /// Threads that one job computes on; unless set, one for each core
     compute_threads: usize = std::thread::available_parallelism().map_or(1, NonZeroUsize::get), "COUNT",
         Allowed::Numbers(1.0, 1024.0);
-    // Shorter leases are lost to a pause of the disk; longer ones leave a dead worker's job lying.
+    // A pause of the disk could make a shorter lease expire. A longer lease delays the jobs of a dead worker.
     /// A worker that is silent for this long loses its job to the queue
     lease_s: f64 = 30.0, "SECONDS", Allowed::Numbers(0.1, 3600.0);
     /// How often a running job saves its state
@@ -97,55 +99,55 @@ settings! {
     log_level: String = "info".into(), "FILTER", Allowed::Text("a filter, such as info or lightpath_api=debug,warn");
 }
 
-/// Form of the log.
+/// Format of the log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum LogFormat {
-    /// Text on a terminal, JSON elsewhere.
+    /// Text on a terminal, JSON otherwise.
     Auto,
-    /// For people.
+    /// Text for people.
     Text,
     /// One JSON object a line, for log collectors.
     Json,
 }
 
-/// Why settings cannot be used.
+/// Error in the settings.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
-    /// The file cannot be read.
+    /// The configuration file cannot be read.
     #[error("cannot read the configuration file {}", path.display())]
     Read {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the operating system.
         source: std::io::Error,
     },
-    /// The file is not what it must be: wrong TOML, an unknown key, a value of another type.
+    /// The configuration file has invalid TOML, an unknown key, or a value of the wrong type.
     #[error("the configuration file {} is wrong: {problem}", path.display())]
     Parse {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What is wrong, with the line and the key.
+        /// Description of the error, with line and key.
         problem: String,
     },
-    /// One half of a pair of settings.
+    /// One of two settings that belong together is missing.
     #[error("{given} is set, but {missing} is not: TLS needs both")]
     Half {
-        /// What was set.
+        /// Name of the setting that is present.
         given: &'static str,
-        /// What is missing.
+        /// Name of the setting that is missing.
         missing: &'static str,
     },
     /// A value is out of range.
     #[error("{key} is {value}, but must be {allowed} ({origin})")]
     Value {
-        /// The setting.
+        /// Name of the setting.
         key: &'static str,
-        /// What was given.
+        /// The value.
         value: f64,
-        /// What would be right.
+        /// Allowed values.
         allowed: Allowed,
-        /// Where the value came from.
+        /// Source of the value.
         origin: Origin,
     },
 }

@@ -1,12 +1,13 @@
-//! One setting: what follows from its declaration.
+//! The declaration of a setting, and what is derived from it.
 
 use std::fmt::{self, Display};
 use toml::Value;
 
-/// Declares [`Config`](super::Config) with a field for each setting, the defaults, and `SETTINGS`, the list of them all.
+/// Declares [`Config`](super::Config) with a field for each setting, its defaults, and `SETTINGS`, the list of all
+/// settings.
 macro_rules! settings {
     ($($(#[doc = $help:literal])+ $key:ident: $type:ty = $default:expr, $value_name:literal, $allowed:expr;)+) => {
-        /// The value of each setting, in the unit that its name ends with.
+        /// Values of all settings, each in the unit at the end of its name.
         #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
         #[serde(default, deny_unknown_fields)]
         pub struct Config {
@@ -19,7 +20,7 @@ macro_rules! settings {
             }
         }
 
-        /// All settings, in the order in which help and file tell of them.
+        /// All settings, in the order of the help and of the printed configuration.
         static SETTINGS: &[Setting] = &[$(Setting {
             key: stringify!($key),
             help: concat!($($help),+),
@@ -31,28 +32,28 @@ macro_rules! settings {
 }
 pub(super) use settings;
 
-/// What the declaration of a setting says, apart from its default.
+/// The declaration of a setting, without its default.
 #[derive(Debug)]
 pub(super) struct Setting {
-    /// Its name in a file.
+    /// Name of the setting in a file.
     pub(super) key: &'static str,
-    /// What it means.
+    /// Description of the setting.
     pub(super) help: &'static str,
-    /// What the help calls its value.
+    /// Name of the value in the help.
     pub(super) value_name: &'static str,
     pub(super) allowed: Allowed,
-    /// Whether a value has the right type.
+    /// Checks the type of a value.
     pub(super) fits: fn(&Value) -> bool,
 }
 
-/// The values that a setting may have.
+/// Allowed values of a setting.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Allowed {
-    /// From the first to the second.
+    /// Numbers between two limits, both included.
     Numbers(f64, f64),
-    /// 0, or from the first to the second.
+    /// 0, or numbers between two limits, both included.
     ZeroOrNumbers(f64, f64),
-    /// What the type allows, in words.
+    /// All values of the setting's type, described in words.
     Text(&'static str),
 }
 
@@ -67,7 +68,7 @@ impl Display for Allowed {
 }
 
 impl Setting {
-    /// The number that is not allowed, if `value` is one.
+    /// Returns `value` if it is a number that is not allowed.
     pub(super) fn number_out_of_range(&self, value: &Value) -> Option<f64> {
         let number = value.as_float().or_else(|| value.as_integer().map(|number| number as f64))?;
         let is_allowed = match self.allowed {
@@ -78,7 +79,7 @@ impl Setting {
         (!is_allowed).then_some(number)
     }
 
-    /// Reads the text of a flag or of an environment variable.
+    /// Parses the text of a flag or an environment variable.
     pub(super) fn parse(&self, text: &str) -> Result<Value, String> {
         let readings = [
             (!text.is_empty()).then(|| Value::from(text)),
@@ -90,7 +91,7 @@ impl Setting {
         value.ok_or_else(|| format!("must be {}", self.allowed))
     }
 
-    /// Its flag and environment variable, with their help.
+    /// The flag and environment variable of the setting, with their help.
     pub(super) fn arg(&'static self, default: Option<&Value>) -> clap::Arg {
         let default = match default {
             Some(Value::String(text)) => format!(" [default: {text}]"),

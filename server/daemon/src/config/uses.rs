@@ -1,4 +1,4 @@
-//! Settings in the types of those that use them.
+//! Conversion of settings into the types of the server's parts.
 
 use super::{Config, ConfigError};
 use crate::upkeep::Retention;
@@ -12,11 +12,12 @@ const MIB: f64 = 1_048_576.0;
 const DAY_S: f64 = 24.0 * 3600.0;
 
 impl Config {
-    /// Certificates; `None`: no TLS.
+    /// Files for TLS; `None`: no TLS.
     ///
     /// # Errors
     ///
-    /// [`ConfigError::Half`] for a certificate without a key, a key without a certificate, or authorities without both.
+    /// [`ConfigError::Half`] if only one of certificate and key is given, or if client authorities are given without
+    /// them.
     pub fn tls(&self) -> Result<Option<TlsFiles>, ConfigError> {
         let client_authority = self.tls_client_ca.clone();
         match (self.tls_cert.clone(), self.tls_key.clone()) {
@@ -30,19 +31,19 @@ impl Config {
         }
     }
 
-    /// Bytes that requests and answers under way may hold; 0: no limit.
+    /// Limit on the memory of unfinished requests and their answers \[bytes\]; 0: no limit.
     #[must_use]
     pub fn under_way_bytes_max(&self) -> u64 {
         bytes(self.under_way_mib_max)
     }
 
-    /// What new work must leave free on the disk, and all artifacts together may have.
+    /// Limits on the disk space that new work may use.
     #[must_use]
     pub fn space(&self) -> SpaceLimits {
         SpaceLimits { reserve_bytes: bytes(self.disk_reserve_mib), stored_bytes_max: bytes(self.stored_mib_max) }
     }
 
-    /// What may wait in the queue, and how much an owner may have stored.
+    /// Limits on the queue and on the space of each owner.
     #[must_use]
     pub fn queue_limits(&self) -> QueueLimits {
         QueueLimits {
@@ -52,7 +53,7 @@ impl Config {
         }
     }
 
-    /// When artifacts and jobs are removed.
+    /// Ages at which artifacts and jobs are removed.
     #[must_use]
     pub fn retention(&self) -> Retention {
         Retention {
@@ -61,13 +62,13 @@ impl Config {
         }
     }
 
-    /// Time that running jobs and open requests get to end when the server stops.
+    /// Time that running jobs and open requests have to end when the server stops.
     #[must_use]
     pub fn drain_deadline(&self) -> Duration {
         Duration::from_secs_f64(self.drain_deadline_s)
     }
 
-    /// How the workers work.
+    /// Settings of the workers.
     #[must_use]
     pub fn workers(&self) -> WorkerConfig {
         WorkerConfig {
@@ -91,7 +92,7 @@ fn bytes(mib: f64) -> u64 {
     (mib * MIB) as u64
 }
 
-/// `None` for 0: no limit.
+/// Converts a time limit; 0 means `None`, no limit.
 fn limit(seconds: f64) -> Option<Duration> {
     (seconds != 0.0).then(|| Duration::from_secs_f64(seconds))
 }

@@ -1,4 +1,4 @@
-//! The demo's arguments.
+//! Arguments of the demo.
 
 use lightpath::Words as _;
 use lightpath::units::{Length, ParseError};
@@ -10,7 +10,7 @@ use std::path::PathBuf;
 pub(super) const DISPLAY: &str = "demo";
 /// Name of the dataset on the demo's server.
 pub(super) const DATASET: &str = "demo-photographs";
-/// The model that the demo puts into service.
+/// Model of the kernel that the demo makes active.
 const FIRST_MODEL: KernelModel = KernelModel::Display;
 
 /// Show the whole loop on a simulated display: holograms, photographs, learning, better holograms.
@@ -65,29 +65,30 @@ pub struct DemoArgs {
     pub models: Vec<KernelModel>,
 }
 
-/// Smallest side of the demo's display \[px\]: below, pictures show nothing.
+/// Smallest side of the demo's display \[px\]: smaller pictures show nothing.
 const SIDE_PX_MIN: u32 = 32;
-/// Part of the critical distance that the image is at by default: all of the band is kept, and light spreads far.
+/// Default distance of the image, as a fraction of the critical distance: the whole band is kept, and light spreads
+/// far.
 const DISTANCE_SHARE: f64 = 0.6;
-/// Columns and rows \[px\] of the demo's display.
+/// Columns and rows of the demo's display \[px\].
 const SIZE_PX: (u32, u32) = (480, 270);
-/// And of the paper's.
+/// Columns and rows of the display with `--paper` \[px\].
 const PAPER_SIZE_PX: (u32, u32) = (1920, 1080);
 
 impl DemoArgs {
-    /// Columns and rows \[px\].
+    /// Columns and rows of the display \[px\].
     pub(super) fn resolution(&self) -> (u32, u32) {
         self.asked_resolution.unwrap_or(if self.paper { PAPER_SIZE_PX } else { SIZE_PX })
     }
 
-    /// From the display to the image \[m\].
+    /// Distance from the display to the image \[m\].
     pub(super) fn distance_m(&self) -> f64 {
         let (width_px, height_px) = self.resolution();
         let critical_m = 2.0 * f64::from(width_px.min(height_px)) * self.pixel_pitch.powi(2) / self.wavelength;
         self.distance.unwrap_or_else(|| (DISTANCE_SHARE * critical_m * 1e3).ceil() / 1e3)
     }
 
-    /// The models to learn, without repetitions, the one that goes into service first.
+    /// Removes repeated models and puts the model that becomes active first.
     pub(super) fn ordered(mut self) -> Self {
         let mut models = vec![FIRST_MODEL];
         if self.models.is_empty() {

@@ -1,4 +1,4 @@
-//! The demo's pictures.
+//! Figures of the demo.
 
 use super::args::DemoArgs;
 use super::files::Files;
@@ -16,8 +16,8 @@ use lightpath_optics::{OpticalSetup, Plane};
 use num_complex::Complex64;
 use std::f64::consts::PI;
 
-/// Every held-out target, and its captures through the ideal kernel and the learned one; the paper's between them where it is
-/// followed.
+/// Draws every held-out target with its captures through the ideal kernel and through the learned one. With `--paper`,
+/// the captures through the paper's kernel are between them.
 pub(super) fn contact_sheet(
     args: &DemoArgs,
     files: &Files,
@@ -59,12 +59,12 @@ pub(super) fn contact_sheet(
     files.write("contact_sheet.png", sheet.draw().png()?)
 }
 
-/// With its sign.
+/// Formats a gain \[dB\] with its sign.
 pub(super) fn signed_db(gain_db: f64) -> String {
     format!("{}{:.1} dB", if gain_db < 0.0 { "−" } else { "+" }, gain_db.abs())
 }
 
-/// The ideal kernel, the learned one, and what was learned beside what is true.
+/// Draws the ideal kernel, the learned kernel, and the learned errors beside the true ones.
 pub(super) fn kernel(files: &Files, kernel: &[u8], bench: &SimulatedDisplay) -> anyhow::Result<()> {
     let (model, _) = kernel_file::decode(kernel)?;
     let setup = bench.setup();
@@ -82,7 +82,7 @@ pub(super) fn kernel(files: &Files, kernel: &[u8], bench: &SimulatedDisplay) -> 
         ("learned / ideal: amplitude", sampled(nyquist, |fx, fy| learned_error(fx, fy).norm())),
         ("truth / ideal: amplitude", sampled(nyquist, |fx, fy| true_error(fx, fy).norm())),
     ];
-    // One scale for all: they are there to be compared.
+    // All plots have the same scale, so that they can be compared.
     let highest = amplitudes.iter().flat_map(|(_, plane)| plane.values()).copied().fold(1.0, f32::max);
     let amplitude =
         |(title, plane): &(&str, Plane<f32>)| draw(title, plane, ColourMap::Sequential, (0.0, highest), nyquist);
@@ -102,16 +102,16 @@ pub(super) fn kernel(files: &Files, kernel: &[u8], bench: &SimulatedDisplay) -> 
     files.write("kernel.png", sheet.png()?)
 }
 
-/// Samples along each axis of a kernel's picture.
+/// Samples along each axis of a plot of a kernel.
 const SAMPLES: usize = 320;
 
-/// Up to where [1/m] a picture of the ideal phase shows its rings, not their beat with the samples:
-/// the phase 2πz·λf²/2 grows by at most 1 rad from one sample to the next.
+/// Largest frequency \[1/m\] at which a plot of the ideal phase shows its rings without aliasing: the phase 2πz·λf²/2
+/// grows by at most 1 rad from one sample to the next.
 fn smooth_band(setup: &OpticalSetup) -> f64 {
     (SAMPLES as f64 / (4.0 * PI * setup.wavelength_m() * setup.distance_m().abs())).sqrt()
 }
 
-/// H / H_ideal, relative to its value at zero frequency: brightness and piston are no one's error.
+/// H / H_ideal, relative to its value at zero frequency, because brightness and constant phase are no errors.
 fn centred_error(setup: &OpticalSetup, transfer: impl Fn(f64, f64) -> Complex64) -> impl Fn(f64, f64) -> Complex64 {
     let ideal = setup.sampled();
     let centre = transfer(0.0, 0.0) / ideal.at(0.0, 0.0);
@@ -132,7 +132,7 @@ fn draw(title: &str, values: &Plane<f32>, colours: ColourMap, range: (f32, f32),
     Heatmap { title, values, colours, range, unit, x: axis("fx [cycles/mm]"), y: axis("fy [cycles/mm]") }.draw()
 }
 
-/// Training losses of the learned models, and the mark for models of a kernel alone.
+/// Draws the training losses of the learned models, and the limit for models that consist of a kernel alone.
 pub(super) fn loss(files: &Files, learned: &[Learned], judged: &[Judged]) -> anyhow::Result<()> {
     let curve = |learned: &Learned| Curve { label: learned.name.to_owned(), values: learned.loss_history.clone() };
     let mut curves: Vec<Curve> = learned.iter().map(curve).collect();

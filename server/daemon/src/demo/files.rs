@@ -1,21 +1,21 @@
-//! The output folder.
+//! The output folder of the demo.
 
 use anyhow::{Context as _, bail};
 use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-/// The demo's output folder.
+/// The output folder of the demo.
 pub(super) struct Files {
     out: PathBuf,
 }
 
-/// Marks a data folder as the demo's own, which the next demo may replace.
+/// Name of a file that marks a data folder as made by the demo. The next demo may replace such a folder.
 const MARK: &str = "made-by-lightpath-demo";
 
 impl Files {
-    /// Makes the folder, with an empty data folder in it. The folder must be new, empty, or an earlier demo's, whose
-    /// data is replaced: nobody's files are mixed with the demo's.
+    /// Creates the output folder, with an empty data folder in it. The folder must be new, empty or made by an earlier
+    /// demo, whose data is replaced. So the demo never mixes its files with the user's.
     pub(super) fn create(out: &Path) -> anyhow::Result<Self> {
         let files = Self { out: out.to_owned() };
         let data = files.data_dir();
@@ -29,17 +29,17 @@ impl Files {
         Ok(files)
     }
 
-    /// The server's data folder.
+    /// Path of the server's data folder.
     pub(super) fn data_dir(&self) -> PathBuf {
         self.out.join("data")
     }
 
-    /// Path of a file.
+    /// Path of a file in the output folder.
     pub(super) fn at(&self, name: &str) -> PathBuf {
         self.out.join(name)
     }
 
-    /// Writes a file; folders in its name are made.
+    /// Writes a file, and creates the folders in its name.
     pub(super) fn write(&self, name: &str, bytes: impl AsRef<[u8]>) -> anyhow::Result<()> {
         let path = self.at(name);
         let folder = path.parent().context("a file needs a folder")?;
@@ -47,7 +47,7 @@ impl Files {
         fs::write(&path, bytes).with_context(|| format!("cannot write {}", path.display()))
     }
 
-    /// A target to try further commands with.
+    /// Path of a target for the commands that the demo suggests at its end.
     pub(super) fn example_target(&self) -> PathBuf {
         let mut targets: Vec<PathBuf> = fs::read_dir(self.at("targets"))
             .map(|folder| folder.flatten().map(|entry| entry.path()).collect())
@@ -57,7 +57,7 @@ impl Files {
     }
 }
 
-/// Also where there is no such folder yet.
+/// Whether a folder is empty or does not exist.
 fn is_empty(folder: &Path) -> anyhow::Result<bool> {
     match fs::read_dir(folder) {
         Ok(mut entries) => Ok(entries.next().is_none()),

@@ -1,4 +1,4 @@
-//! Held-out targets through each kernel, photographed and measured.
+//! Shows held-out targets through each kernel, photographs them and measures them.
 
 use super::args::{DATASET, DemoArgs};
 use super::files::Files;
@@ -10,11 +10,11 @@ use lightpath_media::pictures;
 use lightpath_optics::metrics::{Gain, fitted_intensity_scale, psnr_db};
 use lightpath_optics::{Grid, Plane, RegionOfInterest};
 
-/// A kernel that takes part.
+/// A kernel to be compared.
 #[derive(Clone, Debug)]
 pub(super) struct Contender {
     pub(super) name: &'static str,
-    /// 0: the ideal kernel.
+    /// Version of the kernel; 0: the ideal kernel.
     pub(super) version: u32,
 }
 
@@ -24,26 +24,26 @@ impl Contender {
     }
 }
 
-/// What a contender reached.
+/// The measured quality of a kernel.
 pub(super) struct Judged {
     pub(super) contender: Contender,
-    /// Over the dataset's photographs, as the server measures them for every kernel alike.
+    /// Losses over the photographs of the dataset, which the server measures in the same way for every kernel.
     pub(super) losses: Losses,
-    /// In the order of the held-out targets.
+    /// Results in the order of the held-out targets.
     pub(super) shown: Vec<Shown>,
 }
 
-/// One held-out target through one kernel.
+/// A held-out target, shown through one kernel.
 pub(super) struct Shown {
-    /// What the kernel promises of the quantized hologram \[dB\].
+    /// PSNR of the quantized hologram, as the kernel predicts it \[dB\].
     pub(super) simulated_psnr_db: f64,
-    /// What the camera sees \[dB\], gain fitted.
+    /// PSNR of the photograph, with fitted gain \[dB\].
     pub(super) captured_psnr_db: f64,
-    /// The photograph as the server gave it.
+    /// File of the photograph, as received from the server.
     pub(super) photo: Vec<u8>,
-    /// Its light, brought to the target's brightness.
+    /// Light of the photograph, scaled to the brightness of the target.
     pub(super) capture: Plane<f32>,
-    /// The hologram as the server gave it.
+    /// File of the hologram, as received from the server.
     pub(super) phase: Vec<u8>,
 }
 
@@ -61,7 +61,7 @@ impl Judged {
     }
 }
 
-/// Shows every target through every contender's kernel.
+/// Shows every target through every kernel.
 pub(super) async fn judge(
     args: &DemoArgs,
     lab: &Lab,
@@ -80,7 +80,7 @@ pub(super) async fn judge(
         initial_phase_range_rad: NARROW_RAD,
     });
     let holograms = lab.holograms(wanted.collect(), &mut story.bar("optimize")).await?;
-    // Seeds of noise that no photograph of the dataset has.
+    // The seeds of the noise differ from those of the dataset's photographs.
     let shots = holograms.iter().zip(1_000_000..).map(|(hologram, seed)| Shot { phase: hologram.phase.clone(), seed });
     let photos = lab.photographs(shots.collect(), &mut story.bar("photograph")).await?;
 
@@ -113,7 +113,7 @@ async fn measured(lab: &Lab, target: &Picture, hologram: &Hologram, photo: &str)
     })
 }
 
-/// Targets, holograms and photographs as single files.
+/// Saves targets, holograms and photographs as files.
 pub(super) fn save(files: &Files, targets: &[Picture], judged: &[Judged]) -> anyhow::Result<()> {
     for target in targets {
         files.write(&format!("targets/{}.png", target.name), pictures::grey_png_srgb(&target.intensity)?)?;

@@ -1,4 +1,4 @@
-//! The demo's display on the demo's server, through the client library.
+//! The demo's display and server, used through the client library.
 
 use super::args::{DISPLAY, DemoArgs};
 use super::story::Bar;
@@ -14,10 +14,10 @@ use lightpath_optics::{Grid, OpticalSetup, SimulatedBench};
 use serde::Serialize;
 use std::path::Path;
 
-/// Range of the initial phase \[rad\] of held-out holograms: narrow ones speckle least.
+/// Range of the initial phase of held-out holograms \[rad\]: a narrow range causes the least speckle.
 pub(super) const NARROW_RAD: f64 = 1.0;
 
-/// A display and a client of its server.
+/// A display, and a client of its server.
 pub(super) struct Lab {
     client: Client,
     kernel: String,
@@ -53,13 +53,13 @@ pub(super) struct Shot {
 /// Mean squared errors of predicted photographs.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub(super) struct Loss {
-    /// In the region of interest.
+    /// Loss in the region of interest.
     pub(super) region: f64,
-    /// Over the full frame, as the paper reports it.
+    /// Loss over the full frame, as the paper reports it.
     pub(super) full_frame: f64,
 }
 
-/// Of the pairs that were learned from, and of those held out.
+/// Losses of the training pairs and of the test pairs.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub(super) struct Losses {
     pub(super) train: Loss,
@@ -67,7 +67,7 @@ pub(super) struct Losses {
 }
 
 impl Lab {
-    /// Declares the display.
+    /// Declares the display on the server.
     pub(super) async fn new(url: &str, args: &DemoArgs, bench: SimulatedBench) -> anyhow::Result<Self> {
         let client = Client::connect(url)?;
         let (width_px, height_px) = args.resolution();
@@ -100,7 +100,7 @@ impl Lab {
         })
     }
 
-    /// Grid, wavelength, distance and propagation, as the server takes them.
+    /// Grid, wavelength, distance and propagation that the server uses.
     pub(super) fn setup(&self) -> anyhow::Result<OpticalSetup> {
         let grid = Grid::try_new(self.size_px.1 as usize, self.size_px.0 as usize, self.pixel_pitch_m)?;
         let wavelength = Wavelength::from_m(self.wavelength_m).context("no possible wavelength")?;
@@ -137,7 +137,7 @@ impl Lab {
         jobs.iter().map(hologram_of).collect()
     }
 
-    /// Digests of photographs, in the order of the shots.
+    /// Takes photographs, and returns their digests in the order of the shots.
     pub(super) async fn photographs(&self, shots: Vec<Shot>, bar: &mut Bar) -> anyhow::Result<Vec<String>> {
         let spec = |shot: Shot| {
             Kind::SimulateCapture(v1::SimulateCapture {
@@ -184,7 +184,7 @@ impl Lab {
         Ok(())
     }
 
-    /// Closes the dataset and returns its digest.
+    /// Finalizes the dataset and returns its digest.
     pub(super) async fn finalize(&self, dataset: &str) -> anyhow::Result<String> {
         let request = v1::FinalizeDatasetRequest { name: names::dataset(dataset), ..Default::default() };
         Ok(self.client.finalize_dataset(request).await?.digest)
@@ -203,7 +203,7 @@ impl Lab {
         Ok(lightpath::learn_result(&jobs[0])?.clone())
     }
 
-    /// How well versions (0: the ideal kernel) predict the dataset's photographs.
+    /// Losses of kernel versions (0: the ideal kernel) on the photographs of the dataset.
     pub(super) async fn losses(
         &self,
         dataset: &str,
@@ -238,14 +238,14 @@ impl Lab {
         Ok(())
     }
 
-    /// The active kernel, saved and read.
+    /// Saves the active kernel to a file, and returns its version and bytes.
     pub(super) async fn fetch_kernel(&self, path: &Path) -> anyhow::Result<(v1::KernelVersion, Vec<u8>)> {
         let version = self.client.fetch_kernel_to(&self.kernel, 0, path).await?;
         let bytes = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
         Ok((version, bytes))
     }
 
-    /// Stores a kernel file as the next version, and returns its number.
+    /// Stores a kernel file as the next version, and returns the number of that version.
     pub(super) async fn import(&self, file: Vec<u8>) -> anyhow::Result<u32> {
         let request = v1::ImportKernelRequest {
             display: names::display(DISPLAY),
@@ -260,7 +260,7 @@ impl Lab {
         Ok(self.client.download(digest).await?)
     }
 
-    /// Queues all of the work at once, and waits until all is done.
+    /// Queues all jobs at once, and waits until all have ended.
     async fn all_done(&self, specs: Vec<Kind>, bar: &mut Bar) -> anyhow::Result<Vec<Job>> {
         let count = specs.len();
         let mut submitted = Vec::with_capacity(count);

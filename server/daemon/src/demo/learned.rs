@@ -1,4 +1,4 @@
-//! Kernels that the demo learns.
+//! Learning kernels in the demo.
 
 use super::args::{DATASET, DemoArgs};
 use super::lab::Lab;
@@ -7,7 +7,7 @@ use anyhow::Context as _;
 use lightpath::Words as _;
 use lightpath::v1;
 
-/// A kernel that was learned.
+/// A learned kernel.
 pub(super) struct Learned {
     pub(super) name: &'static str,
     pub(super) version: u32,
@@ -16,7 +16,7 @@ pub(super) struct Learned {
     pub(super) seconds: f64,
 }
 
-/// Learns a kernel of each model; the display model first: it becomes version 1.
+/// Learns a kernel of each model. The display model comes first, so it becomes version 1.
 pub(super) async fn learn(args: &DemoArgs, lab: &Lab, story: &mut Story) -> anyhow::Result<Vec<Learned>> {
     let mut learned = Vec::new();
     for &model in &args.models {

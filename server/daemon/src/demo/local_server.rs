@@ -1,4 +1,4 @@
-//! A server of the demo's own, on a free loopback port.
+//! A server for the demo, on a free port of the loopback address.
 
 use crate::config::Config;
 use crate::server::{self, ServeError};
@@ -9,7 +9,7 @@ use tokio::net::TcpListener;
 use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
 
-/// A running server; stops when dropped, cleanly with [`Self::stop`].
+/// A running server. It stops when this value is dropped; [`Self::stop`] stops it cleanly.
 pub(super) struct LocalServer {
     url: String,
     stop: oneshot::Sender<()>,
@@ -31,9 +31,9 @@ impl LocalServer {
         &self.url
     }
 
-    /// Lets it end its work, and says how that went.
+    /// Stops the server after its work has ended, and returns its result.
     pub(super) async fn stop(self) -> anyhow::Result<()> {
-        // It may have ended by itself already; why is in its result.
+        // The server may have stopped already; its result then holds the reason.
         drop(self.stop);
         self.running.await?.context("the demo's server failed")
     }

@@ -1,8 +1,9 @@
-//! `lightpathd demo`: the whole loop on a simulated display, through a real server and the real client.
+//! `lightpathd demo`: the whole loop on a simulated display, with a real server and the real client.
 //!
-//! Targets become holograms, holograms photographs, photographs a kernel, and the kernel better holograms. What comes
-//! out is measured on targets that no hologram of the learning set was made for, beside two marks: the ideal kernel
-//! below, and above it what the display's true transfer function alone would reach.
+//! Targets become holograms, holograms become photographs, photographs become a kernel, and the kernel gives better
+//! holograms. The demo measures the kernels on held-out targets, for which the learning set has no holograms. It
+//! compares them with two marks: the ideal kernel as the lower mark, and the display's true transfer function alone as
+//! the upper one.
 
 mod args;
 mod figures;
@@ -31,16 +32,16 @@ use std::f64::consts::TAU;
 use story::Story;
 use targets::{Picture, Targets};
 
-/// Imperfections of the demo's display, beside its seed: one in need of alignment, with a good camera.
+/// Imperfections of the demo's display, apart from their seed: a display that needs alignment, with a good camera.
 const STRENGTH: f64 = 1.0;
 const CAMERA_NOISE: f64 = 0.003;
 const MISALIGNMENT_PX: f64 = 0.5;
 
-/// Runs the demo and leaves its pictures in the output folder.
+/// Runs the demo and writes its pictures to the output folder.
 ///
 /// # Errors
 ///
-/// When the folder cannot be used, a picture cannot be read, or a job fails.
+/// If the folder cannot be used, a picture cannot be read, or a job fails.
 pub fn run(args: DemoArgs) -> anyhow::Result<()> {
     let args = args.ordered();
     tokio::runtime::Builder::new_multi_thread().enable_all().build()?.block_on(demonstrate(args))
@@ -109,7 +110,7 @@ async fn learn_and_compare(
     story.show(&report.table())
 }
 
-/// Holograms of the training and test pictures, their photographs, and a dataset of both.
+/// Makes holograms of the training and test pictures, photographs them, and creates a dataset of both.
 async fn photograph_holograms(
     args: &DemoArgs,
     lab: &Lab,
@@ -124,7 +125,7 @@ async fn photograph_holograms(
         kernel: "ideal".to_owned(),
         iterations: args.training_iterations,
         seed: args.seed + i as u64,
-        // Every other hologram starts from full speckle: learning has to see the phases that later jobs use.
+        // Every other hologram starts from fully random phase, because learning needs the phases that later jobs use.
         initial_phase_range_rad: if i % 2 == 0 { TAU } else { NARROW_RAD },
     });
     let holograms = lab.holograms(wanted.collect(), &mut story.bar("optimize")).await?;

@@ -1,4 +1,4 @@
-//! What the demo measured: a table for people, JSON for programs.
+//! Measurements of the demo: tables for people and JSON for programs.
 
 use super::args::DemoArgs;
 use super::figures;
@@ -10,13 +10,13 @@ use super::targets::Targets;
 use serde::Serialize;
 use std::fmt::Write as _;
 
-/// A contender with what its learning reported.
+/// A kernel, with the report of its learning.
 pub(super) struct ModelRow<'a> {
     pub(super) judged: &'a Judged,
     pub(super) learned: Option<&'a Learned>,
 }
 
-/// Everything that was measured, as `report.json` has it.
+/// All measurements, as in `report.json`.
 #[derive(Debug, Serialize)]
 pub(super) struct Report {
     code_version: &'static str,
@@ -30,12 +30,12 @@ pub(super) struct Report {
     test_pairs: usize,
     iterations: u32,
     training_iterations: u32,
-    /// Names, in the order of every list of targets below.
+    /// Names of the held-out targets, in the order of all other lists of targets.
     targets: Vec<String>,
     models: Vec<Model>,
     /// Held-out loss of the display's true transfer function alone.
     single_kernel_floor: f64,
-    /// The smallest gain of the learned kernel over the ideal one, of all targets.
+    /// Smallest gain of the learned kernel over the ideal one, among all targets \[dB\].
     smallest_gain_db: f64,
     steps: Vec<StepTime>,
     total_s: f64,
@@ -44,7 +44,7 @@ pub(super) struct Report {
 #[derive(Debug, Serialize)]
 struct Model {
     name: &'static str,
-    /// 0: the ideal kernel.
+    /// Version of the kernel; 0: the ideal kernel.
     kernel_version: u32,
     held_out_loss: f64,
     losses: Losses,
@@ -53,7 +53,7 @@ struct Model {
     loss_history: Vec<f64>,
     simulated_psnr_db: Vec<f64>,
     captured_psnr_db: Vec<f64>,
-    /// Of the captures, over those through the ideal kernel.
+    /// Gain in the PSNR of the captures over those through the ideal kernel, for each target \[dB\].
     gain_db: Vec<f64>,
     mean_simulated_psnr_db: f64,
     mean_captured_psnr_db: f64,
@@ -67,7 +67,7 @@ struct StepTime {
 }
 
 impl Report {
-    /// `judged` starts with the ideal kernel and the one in service.
+    /// Creates the report. `judged` starts with the ideal kernel and the active one.
     pub(super) fn new(
         args: &DemoArgs,
         targets: &Targets,
@@ -98,8 +98,8 @@ impl Report {
         }
     }
 
-    /// In the paper's form: how far predicted photographs are from the real ones, through the ideal and through learned
-    /// kernels.
+    /// A table in the form of the paper: errors of predicted photographs, through the ideal kernel and through learned
+    /// ones.
     pub(super) fn paper_table(&self) -> String {
         let mut text = format!(
             "Mean squared error (L2) of predicted photographs\n\n{:<20}{:>12}{:>12}{:>12}{:>12}{:>12}\n{:<20}{:>24}{:>24}\n",
@@ -121,7 +121,7 @@ impl Report {
         serde_json::to_string_pretty(self)
     }
 
-    /// Two tables of fixed columns: the models, and their captures of each target.
+    /// Two tables: the models, and their captures of each target.
     pub(super) fn table(&self) -> String {
         let mut text = format!(
             "{:<20}{:>8}{:>15}{:>16}{:>15}{:>11}\n",
@@ -189,7 +189,7 @@ impl Model {
     }
 }
 
-/// What learning reports of a contender, where it was learned.
+/// A kernel with the report of its learning, if it was learned.
 fn row_of<'a>(judged: &'a Judged, learned: &'a [Learned]) -> ModelRow<'a> {
     ModelRow { judged, learned: learned.iter().find(|learned| learned.version == judged.contender.version) }
 }

@@ -1,19 +1,19 @@
-//! The mark for models of a kernel alone: the display's true transfer function, and nothing else of it.
+//! The best model that consists of a kernel alone: the true transfer function of the display.
 
 use lightpath_media::kernel_file;
 use lightpath_optics::simulated_display::SimulatedDisplay;
 use lightpath_optics::{DisplayModel, KernelModel, KernelShape, OpticalSetup, Plane, SimulatedBench};
 use num_complex::Complex32;
 
-/// What tables call it.
+/// Name of the model in tables.
 pub(super) const NAME: &str = "true single kernel";
 
-/// The demo's bench: the same that the server photographs on.
+/// The simulated bench of the demo, the same one with which the server takes photographs.
 pub(super) fn bench(setup: &OpticalSetup, bench: SimulatedBench) -> anyhow::Result<SimulatedDisplay> {
     Ok(SimulatedDisplay::draw(*setup, None, bench)?)
 }
 
-/// Its true transfer function with a flat source, a linear response and no undiffracted light, as a kernel file.
+/// A kernel file with the true transfer function, a flat source, a linear response and no undiffracted light.
 pub(super) fn file(bench: &SimulatedDisplay) -> anyhow::Result<Vec<u8>> {
     let setup = bench.setup();
     let (rows, columns) = (setup.padded_height_px(), setup.padded_width_px());

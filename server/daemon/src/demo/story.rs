@@ -1,4 +1,4 @@
-//! What the demo tells in the terminal: numbered steps on stdout, progress bars on stderr.
+//! Output of the demo in the terminal: numbered steps on stdout, progress bars on stderr.
 
 use super::args::{DISPLAY, DemoArgs};
 use super::files::Files;
@@ -7,14 +7,14 @@ use lightpath::units::show_m;
 use std::io::Write as _;
 use std::time::{Duration, Instant};
 
-/// The tale so far.
+/// Output of the demo, with the steps so far.
 pub(super) struct Story {
     begun: Instant,
     steps: Vec<(String, Instant)>,
 }
 
 impl Story {
-    /// Says what is about to happen.
+    /// Prints what the demo will do.
     pub(super) fn begin(args: &DemoArgs) -> anyhow::Result<Self> {
         let (width_px, height_px) = args.resolution();
         let mut out = std::io::stdout().lock();
@@ -29,7 +29,7 @@ impl Story {
         Ok(Self { begun: Instant::now(), steps: Vec::new() })
     }
 
-    /// Begins the next step.
+    /// Starts the next step and prints its title.
     pub(super) fn step(&mut self, title: &str) -> anyhow::Result<()> {
         let number = self.steps.len() + 1;
         writeln!(std::io::stdout().lock(), "\n{number:2}  {title}")?;
@@ -37,20 +37,20 @@ impl Story {
         Ok(())
     }
 
-    /// Says how the step went, and how long it took.
+    /// Prints the result of the step and how long it took.
     pub(super) fn tell(&self, text: String) -> anyhow::Result<()> {
         let took_s = self.steps.last().map_or(0.0, |(_, begun)| begun.elapsed().as_secs_f64());
         writeln!(std::io::stdout().lock(), "    {text}  ({took_s:.1} s)")?;
         Ok(())
     }
 
-    /// Shows lines as they are.
+    /// Prints lines without changes.
     pub(super) fn show(&self, text: &str) -> anyhow::Result<()> {
         writeln!(std::io::stdout().lock(), "\n{text}")?;
         Ok(())
     }
 
-    /// A bar for the work of this step; it goes when it is dropped.
+    /// A progress bar for this step. It disappears when it is dropped.
     pub(super) fn bar(&self, verb: &'static str) -> Bar {
         let bar = ProgressBar::new(0);
         let style = ProgressStyle::with_template("    {msg} {wide_bar} {percent:>3}% {eta:>4}");
@@ -60,7 +60,7 @@ impl Story {
         Bar { bar, verb }
     }
 
-    /// The steps and how long each took \[s\].
+    /// The steps and the duration of each \[s\].
     pub(super) fn steps(&self) -> Vec<(String, f64)> {
         let ends = self.steps.iter().skip(1).map(|(_, begun)| *begun).chain([Instant::now()]);
         let took = |((title, begun), end): (&(String, Instant), Instant)| {
@@ -69,7 +69,7 @@ impl Story {
         self.steps.iter().zip(ends).map(took).collect()
     }
 
-    /// Says what there is to look at, and how to go on.
+    /// Prints which files were written and which commands to try next.
     pub(super) fn finish(self, args: &DemoArgs, files: &Files) -> anyhow::Result<()> {
         let out = args.out.display();
         let data = files.data_dir();
@@ -98,7 +98,7 @@ Done in {:.0} s.",
     }
 }
 
-/// How the daemon and the command line are called from here.
+/// Paths of the daemon and of the command-line client, as the user calls them.
 fn programs() -> (&'static str, &'static str) {
     let path = std::env::current_exe().unwrap_or_default();
     let built = |profile: &str| path.components().any(|part| part.as_os_str() == profile);
@@ -118,10 +118,10 @@ pub(super) struct Bar {
 }
 
 impl Bar {
-    /// Steps in a job: fine enough for any bar.
+    /// Progress steps of one job, enough for a bar of any width.
     const JOB_STEPS: u64 = 1000;
 
-    /// `share` of the job after the first `done` of `jobs` is done.
+    /// Shows the progress: the first `done` of `jobs` have ended, and the next one is done to the fraction `share`.
     pub(super) fn set(&self, done: usize, jobs: usize, share: f64) {
         self.bar.set_length(jobs as u64 * Self::JOB_STEPS);
         self.bar.set_position(done as u64 * Self::JOB_STEPS + (share.clamp(0.0, 1.0) * Self::JOB_STEPS as f64) as u64);

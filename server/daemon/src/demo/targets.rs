@@ -1,4 +1,4 @@
-//! The pictures: generated test cards, or the user's own.
+//! Pictures of the demo: generated test cards, or pictures of the user.
 
 use super::args::DemoArgs;
 use anyhow::{Context as _, bail};
@@ -10,31 +10,31 @@ use lightpath_optics::test_cards::TestCard;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// A picture as the server gets it, and what it asks for.
+/// A picture: the file that the server receives, and its decoded light.
 #[derive(Clone)]
 pub(super) struct Picture {
-    /// Fit for a file name.
+    /// Name of the picture, which can be part of a file name.
     pub(super) name: String,
-    /// PNG, JPEG or TIFF, sRGB.
+    /// PNG, JPEG or TIFF file in sRGB.
     pub(super) file: Vec<u8>,
-    /// Linear light at the display's size.
+    /// Linear light at the size of the display.
     pub(super) intensity: Plane<f32>,
 }
 
 /// The pictures of one demo.
 pub(super) struct Targets {
-    /// Of the photographs to learn from.
+    /// Pictures of the training photographs.
     pub(super) training: Vec<Picture>,
-    /// Of the photographs that kernels are judged on.
+    /// Pictures of the test photographs, on which kernels are measured.
     pub(super) test: Vec<Picture>,
-    /// To be shown through each kernel; none of them is among the training pictures.
+    /// Pictures to be shown through each kernel; none of them is a training picture.
     pub(super) held_out: Vec<Picture>,
 }
 
-/// How pictures of other sizes are brought to the display's: no black borders.
+/// How pictures are fitted to the display: it is covered without black borders.
 pub(super) const FIT: Fit = Fit::Cover;
 
-/// Cards that are only ever held out.
+/// Cards that are always held out.
 const HELD_OUT: [TestCard; 3] = [TestCard::Portrait, TestCard::Planet, TestCard::Leaf];
 
 pub(super) fn gather(args: &DemoArgs) -> anyhow::Result<Targets> {
@@ -51,7 +51,7 @@ fn test_pairs(args: &DemoArgs) -> usize {
 fn from_cards(args: &DemoArgs) -> anyhow::Result<Targets> {
     let to_learn: Vec<TestCard> = TestCard::ALL.into_iter().filter(|card| !HELD_OUT.contains(card)).collect();
     let many = |cards: &[TestCard], count: usize, stream: u64| -> anyhow::Result<Vec<Picture>> {
-        // Streams of seeds: no picture is in two of the sets.
+        // Separate streams of seeds ensure that no picture is in two of the sets.
         let seed = |i: usize| args.seed.wrapping_mul(3).wrapping_add(stream) * 1_000_000 + (i / cards.len()) as u64;
         (0..count).map(|i| card(args, cards[i % cards.len()], seed(i), i >= cards.len())).collect()
     };
@@ -69,7 +69,7 @@ fn card(args: &DemoArgs, card: TestCard, seed: u64, numbered: bool) -> anyhow::R
     picture(args, name, pictures::grey_png_srgb(&light)?)
 }
 
-/// What is decoded here is what the server decodes: the same bytes by the same rules.
+/// Decodes a picture by the same rules as the server.
 fn picture(args: &DemoArgs, name: String, file: Vec<u8>) -> anyhow::Result<Picture> {
     let (width_px, height_px) = args.resolution();
     let intensity = pictures::target_intensity(&file, Encoding::Srgb, FIT, height_px as usize, width_px as usize)
@@ -77,7 +77,8 @@ fn picture(args: &DemoArgs, name: String, file: Vec<u8>) -> anyhow::Result<Pictu
     Ok(Picture { name, file, intensity })
 }
 
-/// The first pictures, by name, are held out; the others are learned from, over and over where there are few.
+/// Reads the pictures in a folder. The first ones by name are held out, the others are for learning and are repeated if
+/// they are few.
 fn from_folder(args: &DemoArgs, folder: &Path) -> anyhow::Result<Targets> {
     let mut paths: Vec<PathBuf> = fs::read_dir(folder)
         .with_context(|| format!("cannot read {}", folder.display()))?

@@ -1,8 +1,9 @@
-//! A consistent copy of a data folder, while the server works in it.
+//! A consistent copy of a data folder that a server may be using.
 //!
-//! The database is copied as it is at one moment (`vacuum into`), then every blob that the copy names. Blobs never
-//! change, and while the copy is made the server removes none, so that nothing that the copy names can be missing.
-//! Checkpoints do go: a job whose saved state went meanwhile starts over after a restore, and gives the same bytes.
+//! The database is copied as of one moment (`vacuum into`), then every blob that this copy refers to. Blobs never
+//! change, and the server removes no artifact during the copy, so no artifact of the copy can be missing. Checkpoints
+//! can be removed during the copy: a job whose saved state is missing starts from the beginning after a restore, with
+//! the same result.
 
 use super::{DATABASE, UpkeepError};
 use lightpath_artifacts::{ArtifactError, BlobKind, Inventory, digest_of_file};
@@ -14,43 +15,44 @@ use std::io::Write as _;
 use std::path::Path;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// Written last: a folder with it is a complete backup.
+/// Name of the manifest. It is written last, so a folder that has it is a complete backup.
 pub(super) const MANIFEST: &str = "backup.json";
 
-/// What a complete backup says of itself.
+/// Manifest of a complete backup.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Manifest {
-    /// The program's version.
+    /// Version of the program.
     pub version: String,
-    /// When the database was copied \[ms since 1970\].
+    /// Time when the database was copied \[ms since 1970\].
     pub time_ms: u64,
-    /// `sha256-…` of the database.
+    /// Digest of the database: `sha256-…`.
     pub database: String,
-    /// Recorded artifacts.
+    /// Number of recorded artifacts.
     pub artifacts: u64,
-    /// Their bytes.
+    /// Size of all recorded artifacts \[bytes\].
     pub artifact_bytes: u64,
-    /// Jobs in all states.
+    /// Number of jobs in all states.
     pub jobs: u64,
 }
 
-/// What a backup did.
+/// Result of a backup.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Backup {
-    /// As written.
+    /// The manifest as it was written.
     pub manifest: Manifest,
-    /// Jobs that start over after a restore, since their saved state went while it was copied.
+    /// Number of jobs that start from the beginning after a restore, because their saved states were removed during the
+    /// copy.
     pub restarting_jobs: u64,
 }
 
-/// Copies `data_dir` to `destination`, a folder that is empty or does not exist. When this returns the copy is
-/// complete, checked and on disk.
+/// Copies `data_dir` to `destination`, a folder that is empty or does not exist. The copy is complete, checked and on
+/// disk when this returns.
 ///
 /// # Errors
 ///
-/// [`UpkeepError::NoData`], [`UpkeepError::NotEmpty`]; [`UpkeepError::Damaged`] where an artifact is missing or has
-/// other bytes than it should.
+/// [`UpkeepError::NoData`], [`UpkeepError::NotEmpty`]; [`UpkeepError::Damaged`] if an artifact is missing or does not
+/// match its digest.
 pub async fn backup(data_dir: &Path, destination: &Path) -> Result<Backup, UpkeepError> {
     let database = data_dir.join(DATABASE);
     if !database.is_file() {
@@ -98,7 +100,7 @@ pub async fn backup(data_dir: &Path, destination: &Path) -> Result<Backup, Upkee
     Ok(Backup { manifest, restarting_jobs: restarting.len() as u64 })
 }
 
-/// Copies what jobs would go on from; ids of the jobs whose state could not be had.
+/// Copies the saved states of jobs. Returns the ids of the jobs whose states could not be copied.
 async fn copy_checkpoints(
     inspection: &mut Inspection,
     from: &Inventory,
@@ -115,7 +117,7 @@ async fn copy_checkpoints(
     Ok(restarting)
 }
 
-/// Makes a folder, or takes one that is empty.
+/// Creates a folder, or accepts one that is empty.
 pub(super) fn make_empty(path: &Path) -> Result<(), UpkeepError> {
     fs::create_dir_all(path).map_err(UpkeepError::io("create the folder", path))?;
     let mut entries = fs::read_dir(path).map_err(UpkeepError::io("read the folder", path))?;

@@ -1,4 +1,4 @@
-//! Is everything there that the database promises?
+//! Checks that a data folder contains everything to which its database refers.
 
 use super::{DATABASE, UpkeepError};
 use lightpath_artifacts::{ArtifactError, BlobKind, Inventory};
@@ -7,58 +7,58 @@ use serde::Serialize;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
-/// What a check found.
+/// Result of a check.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
-    /// The folder.
+    /// Path of the data folder.
     pub data_dir: PathBuf,
-    /// The last migration that the database has been through.
+    /// Name of the last migration that was applied to the database.
     pub schema: String,
-    /// Jobs in all states.
+    /// Number of jobs in all states.
     pub jobs: u64,
-    /// Versions of all kernels.
+    /// Number of versions of all kernels.
     pub kernel_versions: u64,
-    /// Recorded artifacts, each read and compared with its digest.
+    /// Number of recorded artifacts. Each was read and compared with its digest.
     pub artifacts: u64,
-    /// Their bytes.
+    /// Size of all recorded artifacts \[bytes\].
     pub artifact_bytes: u64,
-    /// Saved states that jobs would go on from, each read and compared with its digest.
+    /// Number of saved states of jobs. Each was read and compared with its digest.
     pub checkpoints: u64,
-    /// What is wrong. Empty: nothing is.
+    /// Problems found. Empty: the folder is sound.
     pub problems: Vec<Finding>,
-    /// Files that nothing refers to: no harm, they go by themselves.
+    /// Number of files to which no record refers. They do no harm.
     pub unreferenced_files: u64,
 }
 
-/// Something wrong.
+/// A problem in a data folder.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Finding {
-    /// In which part.
+    /// Kind of the problem.
     pub kind: FindingKind,
-    /// What it is about, for example a digest.
+    /// The damaged item, for example a digest.
     pub what: String,
-    /// What is wrong with it.
+    /// Description of the problem.
     pub problem: String,
 }
 
-/// What is wrong.
+/// Kind of a problem.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FindingKind {
-    /// The database: pages, indexes, constraints, references between rows.
+    /// Damage in the database: pages, indexes, constraints, references between rows.
     Database,
-    /// A job whose history contradicts its state.
+    /// A job whose events contradict its state.
     Job,
-    /// A recorded artifact whose file is gone or has other bytes.
+    /// A recorded artifact whose file is missing or damaged.
     Artifact,
-    /// A row that names an artifact that is not recorded.
+    /// A row that refers to an artifact that is not recorded.
     Reference,
-    /// A saved state that is gone or has other bytes; the job would start over.
+    /// A saved state that is missing or damaged. Its job would start from the beginning.
     Checkpoint,
 }
 
 impl FindingKind {
-    /// In lower case, as people read it.
+    /// Name of the kind in lower case, for people.
     #[must_use]
     pub fn as_str(self) -> &'static str {
         match self {
@@ -71,11 +71,11 @@ impl FindingKind {
     }
 }
 
-/// Reads the whole data folder and compares it with what the database says. Works beside a server that runs.
+/// Reads the whole data folder and compares it with the database. A server may be running meanwhile.
 ///
 /// # Errors
 ///
-/// [`UpkeepError::NoData`], and where the folder cannot be read at all; what is wrong inside is in the report.
+/// [`UpkeepError::NoData`], or another error if the folder cannot be read at all. Problems inside are in the report.
 pub async fn check(data_dir: &Path) -> Result<Report, UpkeepError> {
     let database = data_dir.join(DATABASE);
     if !database.is_file() {
@@ -119,13 +119,13 @@ async fn database_problems(inspection: &mut Inspection) -> Result<Vec<Finding>, 
     Ok(problems)
 }
 
-/// Every file that is there before the rows are read; what stays in the set is referred to by none.
+/// All files that exist before the rows are read. Files that remain in the set after the check are unreferenced.
 fn files(inventory: &Inventory) -> Result<HashSet<(bool, String)>, UpkeepError> {
     let mut files = HashSet::new();
     for kind in [BlobKind::Artifact, BlobKind::Checkpoint] {
         match inventory.list(kind) {
             Ok(digests) => files.extend(digests.into_iter().map(|digest| (kind == BlobKind::Artifact, digest))),
-            // Without the folder every recorded file is missing, and is told so one by one.
+            // Without the folder every recorded file is missing, and each is reported.
             Err(ArtifactError::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {}
             Err(error) => return Err(error.into()),
         }
@@ -149,7 +149,7 @@ async fn check_artifacts(
             let problem = match inventory.verify(BlobKind::Artifact, &record.digest) {
                 Ok(size_bytes) if size_bytes == record.size_bytes => None,
                 Ok(size_bytes) => Some(format!("has {size_bytes} bytes, but {} are recorded", record.size_bytes)),
-                // A server may have collected it meanwhile.
+                // A server may have removed the artifact in the meantime.
                 Err(_) if !inspection.has_artifact(&record.digest).await? => continue,
                 Err(error) => Some(blob_problem(&error)),
             };
@@ -173,7 +173,7 @@ async fn check_checkpoints(
         loop {
             files.remove(&(false, digest.clone()));
             let Err(error) = inventory.verify(BlobKind::Checkpoint, &digest) else { break };
-            // A job that runs replaces its checkpoint all the time, or has ended meanwhile.
+            // A running job replaces its checkpoint often, and an ended job has none.
             match inspection.checkpoint_of(&job).await? {
                 None => break,
                 Some(newer) if newer != digest => digest = newer,
@@ -189,7 +189,7 @@ async fn check_checkpoints(
     Ok(count)
 }
 
-/// What is wrong with a blob, to go on from its name.
+/// Describes a problem of a blob. The text follows the name of the blob.
 fn blob_problem(error: &ArtifactError) -> String {
     match error {
         ArtifactError::NotFound { .. } => "is not on disk".to_owned(),

@@ -1,8 +1,8 @@
-//! What goes by itself: jobs that ended long ago, then artifacts that nothing refers to any more.
+//! Automatic removal of jobs that ended long ago, and then of artifacts to which no record refers.
 //!
-//! An artifact goes row first, file second. In between nobody can store it again (see [`Artifacts::collecting`]), so a
-//! row never lacks its file; a file without a row, after a crash in between, has no harm in it and is removed by the
-//! next upload of the same bytes or stays as an unreferenced file.
+//! Removal deletes the row of an artifact first and its file second. No call can store the artifact again in between
+//! (see [`Artifacts::collecting`]), so a row always has its file. A crash in between leaves a file without a row. It
+//! does no harm: the next upload of the same bytes uses it, or it stays as an unreferenced file.
 
 use super::UpkeepError;
 use lightpath_artifacts::Artifacts;
@@ -11,31 +11,32 @@ use lightpath_store::Store;
 use serde::Serialize;
 use std::time::Duration;
 
-/// Rows in one step, between which others get their turn.
+/// Rows removed in one step. Other writes can run between two steps.
 const STEP: u32 = 100;
 
-/// When something may go.
+/// Ages at which artifacts and jobs are removed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Retention {
-    /// Since the last use of an artifact that nothing refers to; `None`: it stays.
+    /// Age since the last use, for artifacts to which no record refers; `None`: they are kept.
     pub artifacts: Option<Duration>,
-    /// Since the end of a job; `None`: it stays.
+    /// Age since the end of a job; `None`: jobs are kept.
     pub jobs: Option<Duration>,
 }
 
-/// What went, or would go.
+/// Numbers of what was removed or would be removed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Collected {
-    /// Jobs, with their events.
+    /// Number of jobs, which are removed with their events.
     pub jobs: u64,
-    /// Artifacts. What only those jobs referred to goes later: its time begins with their end.
+    /// Number of artifacts. Artifacts to which only the removed jobs referred are removed later: their age starts with
+    /// the removal of the jobs.
     pub artifacts: u64,
-    /// Bytes of these artifacts.
+    /// Size of these artifacts \[bytes\].
     pub artifact_bytes: u64,
 }
 
 impl Retention {
-    /// What would go now.
+    /// Counts what a collection would remove now.
     ///
     /// # Errors
     ///
@@ -58,11 +59,11 @@ impl Retention {
         Ok(collected)
     }
 
-    /// Removes what may go.
+    /// Removes the jobs and artifacts that have reached their age.
     ///
     /// # Errors
     ///
-    /// [`UpkeepError::Store`], [`UpkeepError::Artifacts`]; what went before the error has gone.
+    /// [`UpkeepError::Store`], [`UpkeepError::Artifacts`]. What was removed before the error stays removed.
     pub async fn collect(&self, store: &Store, artifacts: &Artifacts, now_ms: i64) -> Result<Collected, UpkeepError> {
         let mut collected = Collected::default();
         if let Some(before_ms) = before(self.jobs, now_ms) {
@@ -79,7 +80,7 @@ impl Retention {
             }
         }
         if let Some(before_ms) = before(self.artifacts, now_ms) {
-            // They may name artifacts that would have to stay for them.
+            // These states may refer to artifacts, which would otherwise have to be kept.
             for digest in store.forget_old_checkpoints(before_ms).await? {
                 artifacts.delete_checkpoint(&digest).await?;
             }
@@ -88,7 +89,7 @@ impl Retention {
                 let page = store.unreferenced_artifacts(before_ms, &after, STEP).await?;
                 let Some(last) = page.last() else { break };
                 after.clone_from(&last.digest);
-                // Whoever copies the folder comes first; the next collection takes the rest.
+                // A backup is copying the folder; the next collection removes the rest.
                 let Some(_alone) = artifacts.collecting().await? else { break };
                 for record in page {
                     if store.forget_artifact(&record.digest, before_ms).await? {
@@ -104,7 +105,7 @@ impl Retention {
     }
 }
 
-/// What ended before this may go \[ms since 1970\].
+/// Time before which an item must have ended or been used last to be removed \[ms since 1970\].
 fn before(age: Option<Duration>, now_ms: i64) -> Option<i64> {
     age.map(|age| now_ms.saturating_sub(i64::try_from(age.as_millis()).unwrap_or(i64::MAX)))
 }

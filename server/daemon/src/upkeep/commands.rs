@@ -10,7 +10,7 @@ use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// The data folder, found as the server finds it.
+/// Arguments that select the data folder, in the same way as for the server.
 #[derive(Debug, clap::Args)]
 pub(super) struct DataDir {
     /// TOML file of settings that the server is started with; its data_dir counts
@@ -94,7 +94,7 @@ pub struct CollectArgs {
     settings: Settings,
 }
 
-/// It could not be done, or not even be looked at.
+/// Exit code if the command could not do its work.
 const EXIT_NOT_DONE: u8 = 2;
 
 impl DataDir {
@@ -120,7 +120,7 @@ fn print<T: Serialize>(output: Form, value: &T, text: impl FnOnce(&T) -> String)
 }
 
 impl CheckArgs {
-    /// Checks, and prints what was found.
+    /// Checks the data folder and prints the report.
     #[must_use]
     pub fn run(self) -> ExitCode {
         exit(self.report())
@@ -135,7 +135,7 @@ impl CheckArgs {
 }
 
 impl BackupArgs {
-    /// Copies, and prints what.
+    /// Backs up the data folder and prints the result.
     #[must_use]
     pub fn run(self) -> ExitCode {
         exit(self.copy())
@@ -160,7 +160,7 @@ impl BackupArgs {
 }
 
 impl RestoreArgs {
-    /// Copies back, checks, and prints what was found.
+    /// Restores a backup, checks it and prints the report.
     #[must_use]
     pub fn run(self) -> ExitCode {
         exit(self.copy())
@@ -175,7 +175,7 @@ impl RestoreArgs {
 }
 
 impl CollectArgs {
-    /// Removes, or says what would go.
+    /// Removes old jobs and artifacts, or prints what would be removed.
     #[must_use]
     pub fn run(self) -> ExitCode {
         exit(self.collect())
@@ -194,7 +194,7 @@ impl CollectArgs {
             if self.dry_run {
                 return retention.preview(&Store::open_beside(&database).await?, now_ms).await;
             }
-            // Fails while a server works here: two would not know of each other's uploads.
+            // Fails while a server uses the folder: two processes would not know of each other's uploads.
             let artifacts = Artifacts::open(&config.data_dir)?;
             retention.collect(&Store::open(&database).await?, &artifacts, now_ms).await
         })?;

@@ -1,12 +1,13 @@
-//! What operators do to a data folder: check it, back it up, restore it.
+//! Commands for operators on a data folder: check it, back it up, restore it, and remove old data.
 //!
-//! A check and a backup work beside a server that runs: they read the database through connections of their own, and
-//! take no part in the server's lock. What a server has removed or replaced between two looks is looked at again.
+//! A check and a backup may run while the server does. They read the database through their own connections and do not
+//! need the lock of the data folder. If the server removes or replaces an item during the check, the check examines it
+//! again.
 //!
 //! # Layout
 //!
-//! - `check`: is everything there that should be? `backup`, `restore`. `collect`: what goes by itself. `tokens`: making
-//!   and revoking them. `commands`: these on the command line.
+//! - `check`, `backup`, `restore`: these commands. `collect`: automatic removal of old data. `tokens`: creating,
+//!   listing and   revoking tokens. `commands`: the commands on the command line.
 
 mod backup;
 mod check;
@@ -35,48 +36,48 @@ pub const DATABASE: &str = "lightpath.db";
 /// Why a data folder could not be checked, backed up or restored.
 #[derive(Debug, thiserror::Error)]
 pub enum UpkeepError {
-    /// No database.
+    /// The folder has no database.
     #[error("{} holds no {DATABASE}; name the folder that the server works in (--data-dir)", path.display())]
     NoData {
-        /// The folder.
+        /// Path of the folder.
         path: PathBuf,
     },
-    /// Something lies where the copy should go.
+    /// The destination of a copy is not empty.
     #[error("{} is not empty; name a folder that is empty or does not exist", path.display())]
     NotEmpty {
-        /// The folder.
+        /// Path of the destination.
         path: PathBuf,
     },
-    /// Not a whole backup.
+    /// The folder is not a complete backup.
     #[error("{} is no complete backup: {problem}", path.display())]
     NoBackup {
-        /// The folder.
+        /// Path of the folder.
         path: PathBuf,
-        /// What is wrong.
+        /// Description of the problem.
         problem: String,
     },
-    /// What was to be copied is damaged.
+    /// The data to be copied is damaged.
     #[error("{} is damaged and cannot be copied; `lightpathd check` tells everything", path.display())]
     Damaged {
-        /// The folder.
+        /// Path of the folder.
         path: PathBuf,
-        /// What was found.
+        /// The damage that was found.
         source: ArtifactError,
     },
-    /// The file system refused.
+    /// A file operation failed.
     #[error("could not {action} {}", path.display())]
     Io {
-        /// What was tried.
+        /// The operation that failed.
         action: &'static str,
-        /// With which file.
+        /// Path of the file.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the operating system.
         source: io::Error,
     },
-    /// The database failed.
+    /// The database could not be used.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// The files failed.
+    /// The artifacts could not be used.
     #[error(transparent)]
     Artifacts(#[from] ArtifactError),
 }

@@ -1,4 +1,4 @@
-//! A data folder from a backup.
+//! Creates a data folder from a backup.
 
 use super::backup::{MANIFEST, Manifest, make_empty};
 use super::{DATABASE, Report, UpkeepError, check};
@@ -8,13 +8,13 @@ use lightpath_store::Inspection;
 use std::fs::{self, File};
 use std::path::Path;
 
-/// Copies a backup to `data_dir`, a folder that is empty or does not exist, and checks the copy. The backup stays as
-/// it is. When this returns the data is on disk, and a server can be started on it.
+/// Copies a backup to `data_dir`, a folder that is empty or does not exist, and checks the copy. The backup does not
+/// change. When this returns, the data is on disk and a server can be started on it.
 ///
 /// # Errors
 ///
-/// [`UpkeepError::NoBackup`], [`UpkeepError::NotEmpty`]; [`UpkeepError::Damaged`] where a blob of the backup is missing
-/// or has other bytes than it should.
+/// [`UpkeepError::NoBackup`], [`UpkeepError::NotEmpty`]; [`UpkeepError::Damaged`] if a blob of the backup is missing or
+/// does not match its digest.
 pub async fn restore(backup: &Path, data_dir: &Path) -> Result<Report, UpkeepError> {
     let manifest = read_manifest(backup)?;
     let database = backup.join(DATABASE);
@@ -34,7 +34,7 @@ pub async fn restore(backup: &Path, data_dir: &Path) -> Result<Report, UpkeepErr
             })?;
         }
     }
-    // The database comes last: without it the folder is taken for no data, and not for half of it.
+    // The database is copied last, so that an incomplete folder has no database and is never taken for a complete one.
     let (copy, partial) = (data_dir.join(DATABASE), data_dir.join("lightpath.db.partial"));
     let copied = fs::copy(&database, &partial)
         .and_then(|_| fail::point("restore.flush"))
@@ -43,7 +43,7 @@ pub async fn restore(backup: &Path, data_dir: &Path) -> Result<Report, UpkeepErr
         .and_then(|()| fs::rename(&partial, &copy));
     copied.map_err(UpkeepError::io("copy the database to", &copy))?;
     to.flush()?;
-    // Read once, so that a newer program's database is refused here and not when the server starts.
+    // Opened here, so that a database of a newer program is refused now and not when the server starts.
     Inspection::open(&copy).await?.close().await?;
     check(data_dir).await
 }

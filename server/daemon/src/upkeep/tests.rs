@@ -7,7 +7,7 @@ use std::path::Path;
 use std::time::Duration;
 use tempfile::TempDir;
 
-/// A data folder with a display, a job that succeeded, and one that waits with a checkpoint; its server still runs.
+/// A data folder with a display, a job that succeeded, and one that waits with a checkpoint. Its server is running.
 struct Lab {
     folder: TempDir,
     store: Store,
@@ -53,7 +53,7 @@ async fn put(artifacts: &Artifacts, store: &Store, bytes: &[u8]) -> String {
     digest
 }
 
-/// Where a blob lies.
+/// Path of a blob.
 fn file(data_dir: &Path, folder: &str, digest: &str) -> PathBuf {
     data_dir.join(folder).join(&digest[7..9]).join(digest)
 }
@@ -66,7 +66,7 @@ async fn a_sound_folder_is_clean_while_its_server_runs() {
     assert_eq!(report.problems, []);
     assert_eq!((report.jobs, report.artifacts, report.artifact_bytes, report.checkpoints), (2, 2, 10, 1));
     assert_eq!(report.unreferenced_files, 1);
-    // Nothing was taken from the server.
+    // The server can still write.
     put(&lab.artifacts, &lab.store, b"more").await;
     let nowhere = tempfile::tempdir().unwrap();
     assert!(matches!(check(nowhere.path()).await, Err(UpkeepError::NoData { .. })));
@@ -104,13 +104,13 @@ async fn a_damaged_database_is_found() {
     drop(lab.artifacts);
     let path = lab.folder.path().join(DATABASE);
     let mut bytes = fs::read(&path).unwrap();
-    // Somewhere in the middle of the pages behind the schema.
+    // A byte in the middle of the pages that follow the schema.
     let middle = bytes.len() / 2;
     bytes[middle..].fill(0x55);
     fs::write(&path, bytes).unwrap();
     match check(lab.folder.path()).await {
         Ok(report) => assert!(report.problems.iter().any(|it| it.kind == FindingKind::Database), "{report:?}"),
-        // Too damaged to be read.
+        // The database is too damaged to be read.
         Err(error) => assert!(matches!(error, UpkeepError::Store(_)), "{error:?}"),
     }
 }
@@ -123,7 +123,7 @@ async fn a_backup_of_a_running_server_becomes_the_same_folder_again() {
     let done = backup(lab.path(), &copy).await.unwrap();
     assert_eq!((done.manifest.jobs, done.manifest.artifacts, done.restarting_jobs), (2, 2, 0));
     assert!(matches!(backup(lab.path(), &copy).await, Err(UpkeepError::NotEmpty { .. })));
-    // What happens later is not in it.
+    // The backup does not contain later changes.
     put(&lab.artifacts, &lab.store, b"later").await;
 
     let report = restore(&copy, &restored).await.unwrap();
@@ -158,7 +158,7 @@ async fn what_nothing_refers_to_goes_after_its_time_of_grace_and_nothing_else() 
     let one = Collected { jobs: 0, artifacts: 1, artifact_bytes: 8 };
     let none = Collected::default();
     let (store, files) = (&lab.store, &lab.artifacts);
-    // A job that can go on from a saved state may name in it what it has made.
+    // The saved state of a job may refer to artifacts that the job has made.
     store.record_artifact(&nobodys, 8, "", 4).await.unwrap();
     assert_eq!(keep_jobs.preview(store, 2 * day_ms).await.unwrap(), none);
     let (_, lease) = store.claim(day_ms / 2 - 1, 1000, "w").await.unwrap().unwrap();
@@ -171,7 +171,7 @@ async fn what_nothing_refers_to_goes_after_its_time_of_grace_and_nothing_else() 
 
     assert_eq!(keep_jobs.preview(store, day_ms).await.unwrap(), none, "too young");
     assert_eq!(keep_jobs.preview(store, 2 * day_ms).await.unwrap(), one);
-    // Who hears that it is there counts on it.
+    // A caller who is told that the artifact exists relies on it.
     store.use_artifact(&nobodys, day_ms + 9).await.unwrap();
     assert_eq!(keep_jobs.collect(store, files, 2 * day_ms).await.unwrap(), none);
     {
@@ -183,7 +183,8 @@ async fn what_nothing_refers_to_goes_after_its_time_of_grace_and_nothing_else() 
     assert_eq!(lab.problems().await, []);
     assert_eq!(put(files, store, b"nobody's").await, nobodys, "it can be stored again");
 
-    // Jobs go with their events; what they alone referred to goes when its own time is over.
+    // Jobs are removed with their events. Artifacts to which only they referred are removed when their own age is
+    // reached.
     let all = Retention { artifacts, jobs };
     let preview = all.preview(store, 11 * day_ms).await.unwrap();
     assert_eq!(preview.jobs, 2, "{preview:?}");

@@ -1,4 +1,4 @@
-//! `lightpathd token …`: making, listing and revoking tokens, beside a server that runs.
+//! `lightpathd token …`: creating, listing and revoking tokens. A server may be running meanwhile.
 
 use super::commands::{DataDir, exit, runtime};
 use super::{DATABASE, UpkeepError};
@@ -12,7 +12,7 @@ use std::fs;
 use std::io::Write as _;
 use std::process::ExitCode;
 
-/// What can be done with tokens.
+/// Commands about tokens.
 #[derive(Debug, clap::Subcommand)]
 pub enum TokenCommand {
     /// Make a token and print it, once: the server keeps only its hash
@@ -23,7 +23,7 @@ pub enum TokenCommand {
     Revoke(Revoke),
 }
 
-/// Whose token, and for what.
+/// Arguments of `lightpathd token create`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -48,14 +48,14 @@ pub struct Create {
     place: DataDir,
 }
 
-/// All of them.
+/// Arguments of `lightpathd token list`.
 #[derive(Debug, clap::Args)]
 pub struct List {
     #[command(flatten)]
     place: DataDir,
 }
 
-/// Which one.
+/// Arguments of `lightpathd token revoke`.
 #[derive(Debug, clap::Args)]
 pub struct Revoke {
     /// Its name
@@ -64,7 +64,7 @@ pub struct Revoke {
     place: DataDir,
 }
 
-/// A token as it is printed.
+/// A token in the printed form.
 #[derive(Serialize)]
 struct Shown {
     name: String,
@@ -76,7 +76,7 @@ struct Shown {
     valid: bool,
 }
 
-/// Reads a role, and lists every role with its purpose in the help.
+/// Parser of roles. The help lists every role with its purpose.
 fn roles() -> impl clap::builder::TypedValueParser<Value = Role> {
     let possible = Role::ALL.map(|role| PossibleValue::new(role.as_str()).help(role.purpose()));
     PossibleValuesParser::new(possible)
@@ -87,7 +87,7 @@ const DAY_MS: i64 = 24 * 3600 * 1000;
 const NAME_BYTES_MAX: usize = 63;
 
 impl TokenCommand {
-    /// Does it, and prints what is to be seen.
+    /// Runs the command and prints its result.
     #[must_use]
     pub fn run(self) -> ExitCode {
         exit(match self {
@@ -111,7 +111,7 @@ impl Create {
             "a firmware token is for named displays; add --display ID"
         );
         let data_dir = self.place.path()?;
-        // The first token is made before the first start.
+        // The folder may not exist yet: the first token is created before the first start of the server.
         fs::create_dir_all(&data_dir).with_context(|| format!("cannot create {}", data_dir.display()))?;
         let secret = Secret::generate().context("the system has no random numbers")?;
         let caller = Caller { name: self.name, role: self.role, displays: self.display };
