@@ -1,4 +1,4 @@
-//! What all services share, and the routes of all of them.
+//! State shared by all services, and the routes of all services.
 
 use crate::checked_targets::CheckedTargets;
 use crate::decoding::{Decoding, LastReconstructor};
@@ -17,12 +17,12 @@ use tokio_util::sync::CancellationToken;
 use tonic::service::Routes;
 use tonic_health::server::HealthReporter;
 
-/// Largest message that clients may send \[bytes\]: a chunk of an upload, twice over.
+/// Largest message that clients may send \[bytes\]: twice the largest chunk of an upload.
 pub(crate) const MESSAGE_BYTES_MAX: usize = 4 << 20;
-/// A server that cannot write to its database for this long is not serving.
+/// A server that cannot write to its database within this time reports that it is not serving.
 const WRITE_TURN_MAX: Duration = Duration::from_secs(5);
 
-/// What all services share; cheap to clone.
+/// State shared by all services; cheap to clone.
 #[derive(Clone, Debug)]
 pub struct Api {
     pub(crate) store: Store,
@@ -36,7 +36,7 @@ pub struct Api {
 }
 
 impl Api {
-    /// `stopping` ends the streams when the server stops.
+    /// Creates the shared state. Cancelling `stopping` ends all streams when the server stops.
     pub fn new(store: Store, artifacts: Artifacts, queue_limits: QueueLimits, stopping: CancellationToken) -> Self {
         Self {
             store,
@@ -50,7 +50,7 @@ impl Api {
         }
     }
 
-    /// All services, with health and reflection, and the means to say that the server stops.
+    /// Routes of all services, with health and reflection, and a reporter for the health of the server.
     pub fn routes(self) -> Result<(Routes, HealthReporter), tonic_reflection::server::Error> {
         let (health, health_service) = tonic_health::server::health_reporter();
         let reflection = || {
@@ -71,8 +71,8 @@ impl Api {
         Ok((routes, health))
     }
 
-    /// Whether requests can be answered and jobs run: the server is not stopping, its database reads and writes, and its
-    /// disk has room.
+    /// Checks that the server can answer requests and run jobs: it is not stopping, its database can be read and
+    /// written, and its disk has room.
     pub async fn is_serving(&self) -> Result<(), ApiError> {
         if self.is_stopping() {
             return Err(ApiError::Stopping);
@@ -83,12 +83,12 @@ impl Api {
         Ok(())
     }
 
-    /// Whether the server takes no more requests.
+    /// Whether the server is stopping and refuses new requests.
     pub(crate) fn is_stopping(&self) -> bool {
         self.stopping.is_cancelled()
     }
 
-    /// Where everything is kept.
+    /// The store of the server.
     pub fn store(&self) -> &Store {
         &self.store
     }
@@ -102,7 +102,7 @@ pub(crate) mod tests {
 
     const DATABASE: &str = "lightpath.db";
 
-    /// The services on an empty database in `folder`.
+    /// The services with an empty database in `folder`.
     pub(crate) async fn api_in(folder: &Path) -> Api {
         let store = Store::open(&folder.join(DATABASE)).await.unwrap();
         Api::new(store, Artifacts::open(folder).unwrap(), QueueLimits::from(10), CancellationToken::new())

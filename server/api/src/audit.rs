@@ -1,13 +1,13 @@
-//! The audit log: who changed what, and who was refused, one JSON object a line.
+//! The audit log: changes and refused calls with their callers, one JSON object per line.
 //!
 //! ```text
 //! DATA_DIR/audit.jsonl       {"time_ms": 1795294800000, "caller": "ada", "peer": "10.0.0.7:51234",
 //!                             "call": "/lightpath.v1.KernelService/PromoteKernel", "outcome": "OK"}
-//! DATA_DIR/audit.jsonl.1     the one before, and so on
+//! DATA_DIR/audit.jsonl.1     the previous file, and so on
 //! ```
 //!
-//! Lines are appended as calls end and flushed to disk once a second. It holds no secrets: callers are named, and what
-//! they sent is not.
+//! A line is appended when a call ends, and lines are flushed to disk once a second. The log contains the names of
+//! callers, but neither secrets nor the contents of requests.
 
 use lightpath_fail_points as fail;
 use serde::Serialize;
@@ -17,22 +17,22 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// A file is put aside at this size \[bytes\]: some hundred thousand lines.
+/// Size at which a new file is started \[bytes\]: some hundred thousand lines.
 const FILE_BYTES_MAX: u64 = 64 << 20;
-/// Files that are kept beside the one that grows; somebody who floods the log with refusals cannot fill the disk.
+/// Number of older files that are kept. The limit prevents a client with many refused calls from filling the disk.
 const FILES_KEPT: u32 = 9;
 const NAME: &str = "audit.jsonl";
 
-/// What is written down about a call.
+/// An entry about one call.
 #[derive(Debug, Serialize)]
 pub struct Entry {
-    /// Name of the token; empty: none was asked for, or it is not known.
+    /// Name of the token; empty: no token was required, or the token is unknown.
     pub caller: String,
-    /// Where the call came from.
+    /// Address of the client.
     pub peer: String,
-    /// The method or path.
+    /// Method or path of the call.
     pub call: String,
-    /// `OK`, or how it was refused.
+    /// `OK`, or the code of the refusal.
     pub outcome: String,
 }
 
@@ -43,11 +43,11 @@ struct Line<'a> {
     entry: &'a Entry,
 }
 
-/// The log of one data folder.
+/// The audit log of one data folder.
 #[derive(Debug)]
 pub struct Audit {
     folder: PathBuf,
-    /// Held for one short append: no call waits for another's flush.
+    /// Locked only for a short append, so that no call waits for a flush.
     file: Mutex<Open>,
 }
 
@@ -59,23 +59,23 @@ struct Open {
 }
 
 impl Audit {
-    /// The log in `folder`, which new lines are appended to.
+    /// Opens the log in `folder`. New lines are appended to it.
     ///
     /// # Errors
     ///
-    /// Where the file cannot be opened.
+    /// If the file cannot be opened.
     pub fn open(folder: &Path) -> io::Result<Self> {
         Ok(Self { folder: folder.to_owned(), file: Mutex::new(Open::append(folder)?) })
     }
 
-    /// Appends a line. What cannot be written down is told to the log of the server.
+    /// Appends a line. If that fails, the error goes to the log of the server.
     pub fn write(&self, entry: Entry) {
         if let Err(error) = self.append(&entry) {
             tracing::error!(%error, ?entry, "the audit log could not be written");
         }
     }
 
-    /// Flushes what was appended since the last time; blocks.
+    /// Flushes the lines appended since the last flush. Blocks.
     pub fn flush(&self) {
         let file = {
             let mut open = self.lock();
@@ -105,7 +105,7 @@ impl Audit {
         Ok(())
     }
 
-    /// `audit.jsonl` becomes `.1`, `.1` becomes `.2`, and the oldest goes.
+    /// Renames `audit.jsonl` to `.1`, `.1` to `.2` and so on, and removes the oldest file.
     fn put_aside(&self) -> io::Result<()> {
         let path = |number: u32| match number {
             0 => self.folder.join(NAME),
@@ -121,7 +121,7 @@ impl Audit {
     }
 
     fn lock(&self) -> std::sync::MutexGuard<'_, Open> {
-        // A line is appended whole or not at all; a panic elsewhere does not change that.
+        // The state is consistent even after a panic, because a line is appended wholly or not at all.
         self.file.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -1,7 +1,7 @@
-//! From a gRPC request to the method that handles it, and from its result to the answer.
+//! Passing gRPC requests to the methods that handle them, and their results to the client.
 //!
-//! The gate puts the [`Caller`] into the request's extensions. A request that reaches a service without one has not passed
-//! the gate, and is refused.
+//! The gate puts the [`Caller`] into the extensions of the request. A request without a caller has not passed the gate
+//! and is refused.
 
 use crate::api::Api;
 use crate::error::ApiError;
@@ -10,10 +10,10 @@ use futures::stream::BoxStream;
 use lightpath_domain::access::Caller;
 use tonic::{Request, Response, Status};
 
-/// What a method with a stream of answers gives.
+/// Result of a method with a stream of answers.
 pub(crate) type Answers<A> = BoxStream<'static, Result<A, ApiError>>;
 
-/// The same stream for tonic.
+/// A stream of answers with errors as tonic expects them.
 pub(crate) type StatusStream<A> = BoxStream<'static, Result<A, Status>>;
 
 impl Api {
@@ -21,7 +21,7 @@ impl Api {
     ///
     /// # Errors
     ///
-    /// The status of the [`ApiError`] of `handle`; UNAUTHENTICATED where the request has no caller.
+    /// The status of the [`ApiError`] that `handle` returns; UNAUTHENTICATED if the request has no caller.
     pub(crate) async fn answer<Q, A>(
         &self,
         mut request: Request<Q>,
@@ -35,7 +35,7 @@ impl Api {
     ///
     /// # Errors
     ///
-    /// As [`Self::answer`]; an error later in the stream ends it with its status.
+    /// The errors of [`Self::answer`]. A later error ends the stream with its status.
     pub(crate) async fn answer_with_stream<Q, A: 'static>(
         &self,
         request: Request<Q>,
@@ -55,14 +55,14 @@ mod tests {
     use tonic::Code;
     use tonic::codegen::{Service as _, http};
 
-    /// How every method answers an empty message.
+    /// Calls every method with an empty message, and returns the codes of the answers.
     async fn codes(api: Api, caller: Option<Caller>) -> Vec<(&'static str, Code)> {
         let mut routes = api.routes().unwrap().0.into_axum_router();
         let mut codes = Vec::new();
         for (method, _) in METHODS {
             let request = http::Request::post(format!("/lightpath.v1.{method}"))
                 .header("content-type", "application/grpc")
-                // Not compressed, and of no bytes.
+                // A gRPC message without compression and without bytes.
                 .body(Body::from(vec![0_u8; 5]));
             let mut request = request.unwrap();
             caller.clone().map(|caller| request.extensions_mut().insert(caller));

@@ -1,30 +1,31 @@
-//! Remembering which targets have light in the region of interest. Artifacts never change, so a target that was checked
-//! once is right for all later jobs, and is decoded only once.
+//! A memory of the targets that have light in the region of interest. Artifacts never change, so a checked target need
+//! not be decoded again for later jobs.
 
 use std::collections::{HashSet, VecDeque};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Findings that are kept: some hundred bytes each.
+/// Limit on the remembered checks, which need some hundred bytes each.
 const FINDINGS_MAX: usize = 1000;
 
-/// The latest findings; clones are the same.
+/// The latest checks. Clones share them.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct CheckedTargets(Arc<Mutex<Findings>>);
 
 #[derive(Debug, Default)]
 struct Findings {
     known: HashSet<String>,
-    /// The oldest first.
+    /// Keys of the checks, the oldest first.
     order: VecDeque<String>,
 }
 
 impl CheckedTargets {
-    /// Whether a target was found to have light; `what` names the picture and all that the check depends on.
+    /// Whether a target is known to have light. `what` names the picture and everything else on which the check
+    /// depends.
     pub(crate) fn knows(&self, what: &str) -> bool {
         self.findings().known.contains(what)
     }
 
-    /// Keeps a finding; the oldest is forgotten where there are too many.
+    /// Remembers a check. The oldest check is forgotten if there are too many.
     pub(crate) fn remember(&self, what: String) {
         let mut findings = self.findings();
         if !findings.known.insert(what.clone()) {
@@ -39,7 +40,7 @@ impl CheckedTargets {
     }
 
     fn findings(&self) -> std::sync::MutexGuard<'_, Findings> {
-        // Both parts are changed together, without anything in between that could panic.
+        // The state is consistent even after a panic: both parts change together, and nothing in between can panic.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -1,4 +1,5 @@
-//! Connections: HTTP/1.1 and HTTP/2, with TLS or without (prior knowledge), on one port, within limits, ended gracefully.
+//! Connections with HTTP/1.1 and HTTP/2 on one port, with or without TLS (without TLS, HTTP/2 needs prior knowledge).
+//! Their number is limited, and they are closed gracefully.
 
 use crate::tls::Tls;
 use axum::{Extension, Router};
@@ -17,39 +18,42 @@ use tokio::time::{sleep, timeout};
 use tokio_io_timeout::TimeoutStream;
 use tokio_util::sync::CancellationToken;
 
-/// Connections at once; more wait in the system's backlog. Each takes a file handle, of which processes commonly
-/// have 1024.
+/// Limit on open connections. More clients wait in the backlog of the system. Each connection needs a file handle, and
+/// processes commonly have 1024.
 const CONNECTIONS_MAX: usize = 800;
-/// Requests at once on one connection, watching streams included.
+/// Limit on the open requests of one connection, including streams that follow changes.
 const STREAMS_MAX: u32 = 256;
-/// Bytes that a stream may send before its handler reads them: fills a fast link over a continent.
+/// Bytes that a client may send in a stream before the handler reads them: enough for a fast link across a continent.
 const STREAM_WINDOW_BYTES: u32 = 512 << 10;
-/// Unread streams, such as uploads that wait for their turn, must never use up what the connection's others need.
+/// Bytes that a client may send on a connection before handlers read them. Unread streams, such as waiting uploads,
+/// must leave enough for the other streams of the connection.
 const CONNECTION_WINDOW_BYTES: u32 = STREAMS_MAX * STREAM_WINDOW_BYTES;
-/// Buffers of an HTTP/1 connection: many times the longest header. hyper's default would be 400 KiB.
+/// Size of the buffers of an HTTP/1 connection \[bytes\], many times the longest header. The default of hyper is 400
+/// KiB.
 const HTTP1_BUFFER_BYTES: usize = 64 << 10;
-/// A connection that says nothing for this long at its beginning, or between HTTP/1 requests, is closed.
+/// Time after which a connection is closed that sends nothing at its start or between HTTP/1 requests.
 const FIRST_BYTES_DEADLINE: Duration = Duration::from_secs(30);
-/// HTTP/2 peers are asked this often whether they still live ...
+/// Interval between HTTP/2 pings to each client.
 const KEEPALIVE_INTERVAL: Duration = Duration::from_secs(30);
-/// ... and have this long to answer, so that watchers behind a dead link free their places.
+/// Time for the answer to an HTTP/2 ping. A dead connection is closed, so that its streams no longer count.
 const KEEPALIVE_TIMEOUT: Duration = Duration::from_secs(20);
-/// Pause after the system refused a connection, most likely for want of file handles.
+/// Pause after the system failed to accept a connection, most likely because it has no file handles left.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 
-/// A client that does not read what it asked for loses its connection, and frees its place.
+/// Time after which a client that does not read its answers is disconnected.
 const WRITE_STALL_MAX: Duration = Duration::from_secs(60);
-/// Time for the TLS handshake.
+/// Time limit for the TLS handshake.
 const HANDSHAKE_DEADLINE: Duration = Duration::from_secs(10);
-/// Connections at once from one address: one client cannot take everybody's place. Loopback counts too.
+/// Limit on the open connections from one address, including loopback, so that one client cannot use up all
+/// connections.
 const CONNECTIONS_PER_PEER_MAX: usize = 400;
 
-/// Where a connection came from; kept with each of its requests.
+/// Address and port of a client, stored with each of its requests.
 #[derive(Clone, Copy, Debug)]
 pub struct Peer(SocketAddr);
 
 impl Peer {
-    /// The address without the port.
+    /// Address of the client without the port.
     #[must_use]
     pub fn ip(&self) -> IpAddr {
         self.0.ip()
@@ -62,7 +66,7 @@ impl fmt::Display for Peer {
     }
 }
 
-/// Serves `app` until `stop` is cancelled, then lets open requests end, for at most `deadline`.
+/// Serves `app` until `stop` is cancelled. Open requests then have the time `deadline` to end.
 pub async fn serve(
     listener: TcpListener,
     tls: Option<Arc<Tls>>,
@@ -111,11 +115,11 @@ pub async fn serve(
     }
 }
 
-/// How many connections each address has.
+/// Numbers of open connections of each address.
 #[derive(Debug, Default)]
 struct ConnectionCounts(Mutex<HashMap<IpAddr, usize>>);
 
-/// One connection's place among those of its address; given back on drop.
+/// A connection that is counted for its address until it is dropped.
 struct CountedConnection {
     peers: Arc<ConnectionCounts>,
     address: IpAddr,
@@ -159,7 +163,7 @@ fn builder() -> Builder<TokioExecutor> {
     builder
 }
 
-/// Waits for a connection's first bytes; `false` where none come, or the server stops before.
+/// Waits for the first bytes of a connection. Returns `false` if none arrive in time or the server stops.
 async fn sends_first_bytes(stream: &TcpStream, stop: &CancellationToken) -> bool {
     let mut byte = [0];
     tokio::select! {
@@ -168,7 +172,7 @@ async fn sends_first_bytes(stream: &TcpStream, stop: &CancellationToken) -> bool
     }
 }
 
-/// The next connection and its place among [`CONNECTIONS_MAX`]; `None` when it is time to stop.
+/// Accepts the next connection when fewer than [`CONNECTIONS_MAX`] are open; `None` when the server stops.
 async fn next(
     listener: &TcpListener,
     places: &Arc<Semaphore>,
@@ -179,7 +183,7 @@ async fn next(
         loop {
             match listener.accept().await {
                 Ok((stream, address)) => {
-                    // Small messages must not wait for the acknowledgement of the one before.
+                    // A small message must not wait for the acknowledgement of the previous one.
                     let _ = stream.set_nodelay(true);
                     return Some((stream, address, place));
                 }

@@ -1,4 +1,5 @@
-//! Work of a call that takes a processor for long, such as decoding pictures: a few at a time, beside the threads that answer.
+//! Long computations for calls, such as decoding pictures. Only a few run at once, on threads that do not answer
+//! requests.
 
 use crate::error::ApiError;
 use lightpath_domain::dataset::Dataset;
@@ -6,10 +7,10 @@ use lightpath_media::captures::{Captures, Reconstructor};
 use std::sync::{Arc, Mutex, PoisonError};
 use tokio::sync::Semaphore;
 
-/// Pictures that are decoded at once for checking: one may take 1 GiB.
+/// Limit on the pictures that are decoded at once: each may need 1 GiB.
 const DECODERS_MAX: usize = 2;
 
-/// Runs such work; clones share their limit.
+/// Runs long computations. Clones share the limit.
 #[derive(Clone, Debug)]
 pub(crate) struct Decoding(Arc<Semaphore>);
 
@@ -20,11 +21,11 @@ impl Default for Decoding {
 }
 
 impl Decoding {
-    /// What `compute` returns, computed on a thread that may block.
+    /// Runs `compute` on a thread that may block, and returns its result.
     ///
     /// # Errors
     ///
-    /// [`ApiError::Task`] where `compute` panics.
+    /// [`ApiError::Task`] if `compute` panics.
     pub(crate) async fn run<T: Send + 'static>(
         &self,
         compute: impl FnOnce() -> T + Send + 'static,
@@ -34,24 +35,24 @@ impl Decoding {
     }
 }
 
-/// The reconstructor that was used last, with the optics that it is for. A dataset's pairs come one after the other, and
-/// use the same one. Clones are the same.
+/// The most recently used reconstructor, with its optics. The pairs of a dataset are usually added one after the other
+/// and need the same reconstructor. Clones share it.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LastReconstructor(Arc<Mutex<Option<(String, Reconstructor)>>>);
 
 impl LastReconstructor {
-    /// The reconstructor of a dataset: the last one, or a new one. `None` where no image can be computed at the dataset's
-    /// distance.
+    /// The reconstructor of a dataset: the stored one if it fits, or a new one. `None` if no image can be computed at
+    /// the distance of the dataset.
     pub(crate) fn of(&self, dataset: &Dataset, captures: &Captures) -> Option<Reconstructor> {
         let key = format!("{}/{}/{}", dataset.display, dataset.wavelength.pm, dataset.distance.nm);
-        // Held while a new one is made: two at once would take twice the memory.
+        // The lock is held while a new reconstructor is made: two at once would need twice the memory.
         let mut last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((of, reconstructor)) = last.as_ref()
             && *of == key
         {
             return Some(reconstructor.clone());
         }
-        // The one before goes first, for the same reason.
+        // The stored reconstructor is dropped first, so that only one is in memory.
         *last = None;
         let reconstructor = Reconstructor::of(captures).ok()?;
         *last = Some((key, reconstructor.clone()));

@@ -1,76 +1,76 @@
-//! Why a request is refused or fails.
+//! Errors of the API.
 
 use lightpath_artifacts::ArtifactError;
 use lightpath_store::StoreError;
 use std::time::Duration;
 
-/// Why a request is refused or fails, in the words of the API; `status` maps it to a gRPC status.
+/// Why a request was refused or failed. `status` maps each error to a gRPC status.
 #[derive(Debug, thiserror::Error)]
 pub enum ApiError {
-    /// A field is not what it must be.
+    /// The value of a field is not allowed.
     #[error("{field} {problem}")]
     Invalid {
         /// Path of the field.
         field: String,
-        /// What is wrong with it, and what it must be.
+        /// The value that was given, and the values that are allowed.
         problem: String,
     },
-    /// A field names something that is not there.
+    /// A field names a resource that does not exist.
     #[error("{field}: {what} does not exist; {fix}")]
     Missing {
         /// Path of the field.
         field: String,
-        /// Name of the thing.
+        /// Name of the missing resource.
         what: String,
-        /// What to do.
+        /// Advice to the client.
         fix: &'static str,
     },
-    /// Not possible in this state; the reason is stable, for programs.
+    /// The present state does not allow the request. The reason is a stable code for programs.
     #[error("{message}")]
     Precondition {
-        /// For programs.
+        /// Code for programs.
         reason: &'static str,
-        /// For people.
+        /// Text for people.
         message: String,
     },
-    /// Too much at once.
+    /// A limit of the server has been reached.
     #[error("{message}")]
     Exhausted {
-        /// For programs.
+        /// Code for programs.
         reason: &'static str,
-        /// For people.
+        /// Text for people.
         message: String,
-        /// When to try again.
+        /// Time after which the client may retry.
         retry_after: Duration,
     },
-    /// No token, or none that is accepted.
+    /// The request has no token, or its token is not accepted.
     #[error("{0}")]
     Unauthenticated(String),
-    /// The call did not pass the gate, so that nobody knows who makes it.
+    /// The call did not pass the gate, so its caller is unknown.
     #[error("it is not known who makes this call, and it is not answered")]
     NoCaller,
-    /// The caller may not do this.
+    /// The caller may not make this call.
     #[error("{0}")]
     Denied(String),
-    /// Somebody else holds the database.
+    /// Another process holds the database.
     #[error("the database lets nobody write; is another program at it?")]
     Locked,
-    /// The server drains.
+    /// The server is stopping.
     #[error("the server is stopping; try again in a moment")]
     Stopping,
-    /// The client went away or broke its stream.
+    /// The client disconnected or its stream failed.
     #[error("the stream broke")]
     Stream(#[source] Box<tonic::Status>),
     /// The client sent nothing for too long.
     #[error("nothing arrived for {} s; go on from where GetUpload says", .0.as_secs())]
     Idle(Duration),
-    /// A panic in a task of the server.
+    /// A task of the server panicked.
     #[error("a task of the server failed")]
     Task(#[source] tokio::task::JoinError),
-    /// The store refuses or fails.
+    /// The store refused the request or failed.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// The files refuse or fail.
+    /// The artifact folder refused the request or failed.
     #[error(transparent)]
     Artifact(#[from] ArtifactError),
 }

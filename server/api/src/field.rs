@@ -1,4 +1,4 @@
-//! Checking what clients send, field by field: every refusal names the field's path and what would be right.
+//! Checks of requests, field by field. Every refusal names the path of the field and the allowed values.
 
 use crate::error::ApiError;
 use lightpath_domain::units::{Distance, Wavelength};
@@ -20,27 +20,28 @@ impl Field {
         Self(name.to_owned())
     }
 
-    /// A field of this message.
+    /// Path of a field of this message.
     pub(crate) fn at(&self, name: &str) -> Self {
         Self(format!("{}.{name}", self.0))
     }
 
-    /// An element of this list.
+    /// Path of an element of this list.
     pub(crate) fn index(&self, i: usize) -> Self {
         Self(format!("{}[{i}]", self.0))
     }
 
-    /// "`distance_m` is NaN, but must be …": `problem` goes on from the field's name.
+    /// The error for a value that is not allowed. `problem` continues after the name of the field: "`distance_m` is
+    /// NaN, but must be …".
     pub(crate) fn invalid(&self, problem: impl Display) -> ApiError {
         ApiError::Invalid { field: self.0.clone(), problem: problem.to_string() }
     }
 
-    /// What this field names is not there; `fix` says what to do.
+    /// The error for a field that names a missing resource; `fix` advises the client.
     pub(crate) fn missing(&self, what: impl Into<String>, fix: &'static str) -> ApiError {
         ApiError::Missing { field: self.0.clone(), what: what.into(), fix }
     }
 
-    /// The value of a field that must be set.
+    /// The value of a required field.
     pub(crate) fn required<T>(&self, value: Option<T>) -> Result<T, ApiError> {
         value.ok_or_else(|| self.invalid("is not set, but is required"))
     }
@@ -52,7 +53,7 @@ impl Field {
         Err(self.invalid(format!("is {value}, but must be {} to {}", allowed.start(), allowed.end())))
     }
 
-    /// `default` where the value is 0.
+    /// Checks a number. The value 0 stands for `default`.
     pub(crate) fn number_or(&self, value: f64, default: f64, allowed: RangeInclusive<f64>) -> Result<f64, ApiError> {
         if value == 0.0 { Ok(default) } else { self.number(value, allowed) }
     }
@@ -64,7 +65,7 @@ impl Field {
         Err(self.invalid(format!("is {value}, but must be {} to {}", allowed.start(), allowed.end())))
     }
 
-    /// `default` where the value is 0.
+    /// Checks a whole number. The value 0 stands for `default`.
     pub(crate) fn integer_or(&self, value: u32, default: u32, allowed: RangeInclusive<u32>) -> Result<u32, ApiError> {
         if value == 0 { Ok(default) } else { self.integer(value, allowed) }
     }
@@ -86,7 +87,7 @@ impl Field {
         Wavelength::from_m(value).ok_or_else(|| self.invalid(format!("is {value}, but must be {allowed}")))
     }
 
-    /// One of the display's wavelengths; 0 means its only one.
+    /// One of the display's wavelengths; 0 stands for the only one.
     pub(crate) fn wavelength_of(
         &self,
         value: f64,
@@ -108,7 +109,7 @@ impl Field {
         Ok(wavelength)
     }
 
-    /// An artifact's name: `sha256-` and 64 hexadecimal digits.
+    /// Checks the digest of an artifact: `sha256-` and 64 hexadecimal digits.
     pub(crate) fn digest(&self, value: &str) -> Result<String, ApiError> {
         let is_digest = value.strip_prefix("sha256-").is_some_and(|hex| {
             hex.len() == 64 && hex.bytes().all(|byte| byte.is_ascii_digit() || (b'a'..=b'f').contains(&byte))
@@ -121,7 +122,7 @@ impl Field {
     }
 }
 
-/// Enough of a text to recognize it in a message.
+/// The start of a text, long enough to recognize the text in a message.
 pub(crate) fn shortened(text: &str) -> &str {
     const CHARACTERS_MAX: usize = 80;
     text.char_indices().nth(CHARACTERS_MAX).map_or(text, |(end, _)| &text[..end])

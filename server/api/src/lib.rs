@@ -1,19 +1,18 @@
-//! The gRPC services and HTTP on one port, and who may call them.
+//! The gRPC services and HTTP on one port, with access rules.
 //!
 //! # Layout
 //!
-//! - The resources, each with its service, and the conversions of its messages `from_wire` and `to_wire`: `displays`,
-//!   `datasets`, `jobs` (with a folder for each kind of job), `queue`, `kernels`, `artifacts`.
+//! - The resources, each with its service and with the conversions of its messages (`from_wire` and `to_wire`):
+//!   `displays`,   `datasets`, `jobs` (with a folder for each kind of job), `queue`, `kernels`, `artifacts`.
 //! - `optics`: messages of the optics engine that several resources use, such as propagation methods and regions.
-//! - `api`: what all services share. `call`: from a gRPC request with its caller to an answer.
-//! - `rules`: which roles may make which call. `permissions`: which displays a caller may use.
-//! - `field`, `names`, `pages`, `time`: checking fields, resource names, pages of lists, and times. `enumerations`: those of
-//!   messages and those of the domain, value by value.
-//! - `watch`: streams that follow something. `stream_limits`: how many streams there may be.
-//! - `decoding`: work that takes a processor for long. `checked_targets`: which targets were found to have light.
-//! - `error`: why a request is refused. `status`: the one map from errors to gRPC statuses.
+//! - `api`: state shared by all services. `call`: passing gRPC requests with their callers to methods.
+//! - `rules`: which roles may make each call. `permissions`: which displays a caller may use.
+//! - `field`, `names`, `pages`, `time`: checks of fields, resource names, pages of lists, and times.
+//! - `watch`: streams that follow changes. `stream_limits`: limits on the number of streams.
+//! - `decoding`: long computations. `checked_targets`: a memory of the targets that have light.
+//! - `error`: errors of the API. `status`: conversion of errors into gRPC statuses.
 //! - [`http`]: health, metrics, JSON, and the gate that every request passes.
-//! - [`connections`]: gRPC and HTTP on one port. [`tls`]: certificates. [`audit`]: who changed what, and who was refused.
+//! - [`connections`]: gRPC and HTTP on one port. [`tls`]: certificates. [`audit`]: log of changes and refusals.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod api;

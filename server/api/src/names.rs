@@ -7,10 +7,10 @@ use lightpath_domain::access::Caller;
 use lightpath_domain::kernel::KernelKey;
 use lightpath_domain::units::{Distance, Wavelength};
 
-/// Longest id \[bytes\]: a DNS label, so that ids can become host and folder names.
+/// Limit on the length of an id \[bytes\]: that of a DNS label, so that ids can be names of hosts and folders.
 const ID_BYTES_MAX: usize = 63;
 
-/// The id in `displays/{id}`, a display that the caller may use.
+/// The id in `displays/{id}`. Refuses a display that the caller may not use.
 pub(crate) fn display_id(caller: &Caller, field: &Field, name: &str) -> Result<String, ApiError> {
     let id = chosen_id(field, name, "displays")?;
     require_display(caller, &id)?;
@@ -22,7 +22,7 @@ pub(crate) fn dataset_id(field: &Field, name: &str) -> Result<String, ApiError> 
     chosen_id(field, name, "datasets")
 }
 
-/// The id in `jobs/{id}`. Whether there is such a job, the store says.
+/// The id in `jobs/{id}`. The job need not exist.
 pub(crate) fn job_id(field: &Field, name: &str) -> Result<String, ApiError> {
     match name.strip_prefix("jobs/") {
         Some(id) if !id.is_empty() && id.len() <= ID_BYTES_MAX && !id.contains('/') => Ok(id.to_owned()),
@@ -30,7 +30,8 @@ pub(crate) fn job_id(field: &Field, name: &str) -> Result<String, ApiError> {
     }
 }
 
-/// The display's id where the filter is given. Callers who may not use all displays must give it.
+/// The id of the display in a filter; `None` if the filter is empty. Callers with tokens for some displays must name
+/// one.
 pub(crate) fn display_filter(caller: &Caller, field: &Field, name: &str) -> Result<Option<String>, ApiError> {
     if name.is_empty() {
         require_all_displays(caller, &field.to_string())?;
@@ -52,11 +53,11 @@ pub(crate) fn kernel_key(caller: &Caller, field: &Field, name: &str) -> Result<K
         wavelength: Wavelength::parse(wavelength).ok_or_else(refusal)?,
         distance: Distance::parse(distance).ok_or_else(refusal)?,
     };
-    // Each kernel has exactly one name: `515.0nm-150mm` does not name one.
+    // Each kernel has exactly one name: `515.0nm-150mm` is not a name.
     if key.to_string() == name { Ok(key) } else { Err(refusal()) }
 }
 
-/// Key and number in `displays/{id}/kernels/{k}/versions/{n}`.
+/// The key and version number in `displays/{id}/kernels/{k}/versions/{n}`.
 pub(crate) fn kernel_version(caller: &Caller, field: &Field, name: &str) -> Result<(KernelKey, u32), ApiError> {
     let refusal = || {
         let form = "displays/{id}/kernels/{k}/versions/{n}";
@@ -67,7 +68,7 @@ pub(crate) fn kernel_version(caller: &Caller, field: &Field, name: &str) -> Resu
     Ok((kernel_key(caller, field, kernel)?, version))
 }
 
-/// A pair's id: 1 to 63 characters of a-z, A-Z, 0-9, '.', '_' and '-'.
+/// Checks the id of a pair: 1 to 63 characters of a-z, A-Z, 0-9, '.', '_' and '-'.
 pub(crate) fn pair_id(field: &Field, id: &str) -> Result<String, ApiError> {
     let allowed = |byte: u8| byte.is_ascii_alphanumeric() || b"._-".contains(&byte);
     if (1..=ID_BYTES_MAX).contains(&id.len()) && id.bytes().all(allowed) {

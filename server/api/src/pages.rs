@@ -1,32 +1,32 @@
-//! Pages of lists: their size, and tokens that lead from one to the next.
+//! Pages of lists: their sizes, and the tokens for the next pages.
 
 use crate::error::ApiError;
 use crate::field::Field;
 use prost::Message;
 
-/// Items on a page unless asked otherwise.
+/// Items on a page by default.
 const PAGE_SIZE_DEFAULT: u32 = 50;
-/// Most items on a page: what one query should return.
+/// Limit on the items on a page: as many as one query should return.
 const PAGE_SIZE_MAX: u32 = 1000;
-/// A page ends before its items exceed this \[bytes\]: gRPC clients refuse messages above 4 MiB unless told.
+/// Limit on the size of a page \[bytes\]. By default gRPC clients refuse messages above 4 MiB.
 const PAGE_BYTES_MAX: usize = 3 << 20;
-/// Longest token \[bytes\]; ours are shorter.
+/// Limit on the length of a page token \[bytes\]. The tokens of the server are shorter.
 const TOKEN_BYTES_MAX: usize = 1024;
 
-/// Which page of which list is wanted.
+/// A request for a page of a list.
 ///
-/// A token is hexadecimal for `list \n filter \n key`, so that one from another list, or from the same list with
-/// another filter, is refused instead of leading somewhere.
+/// A token is `list \n filter \n key` in hexadecimal digits. So a token from another list, or from the same list with
+/// another filter, is recognized and refused.
 #[derive(Debug)]
 pub(crate) struct Page {
     list: String,
-    /// The key that the page starts behind.
+    /// Key of the item before the page; `None`: the first page.
     pub(crate) after: Option<String>,
     size: u32,
 }
 
 impl Page {
-    /// `list` names the list and the filter.
+    /// Checks the request for a page. `list` names the list and its filter.
     pub(crate) fn new(list: &[&str], page_size: u32, page_token: &str) -> Result<Self, ApiError> {
         let size = Field::new("page_size").integer_or(page_size, PAGE_SIZE_DEFAULT, 1..=PAGE_SIZE_MAX)?;
         let list = list.join(" ");
@@ -40,12 +40,12 @@ impl Page {
         Ok(Self { list, after, size })
     }
 
-    /// Ask the store for one more than fits: only then is there a next page.
+    /// Number of items to read from the store: one more than the page holds, to find out whether there is a next page.
     pub(crate) fn limit(&self) -> u32 {
         self.size + 1
     }
 
-    /// The items that fit on the page, as messages, and the token of the next page, empty on the last.
+    /// The messages of the items that fit on the page, and the token of the next page (empty after the last page).
     pub(crate) fn fill<T, M: Message>(
         &self,
         items: Vec<T>,
@@ -67,7 +67,7 @@ impl Page {
         (messages, String::new())
     }
 
-    /// [`Self::after`] as a number.
+    /// The key [`Self::after`] as a number.
     pub(crate) fn after_number<T: std::str::FromStr>(&self) -> Result<Option<T>, ApiError> {
         let number = self.after.as_deref().map(str::parse).transpose();
         number.map_err(|_| Field::new("page_token").invalid("is damaged, but must be a next_page_token"))

@@ -1,12 +1,12 @@
-//! Which displays a caller may use, and whose turns a job of a caller may take.
+//! Permissions of callers: the displays that a caller may use, and the owners for whom a caller may submit jobs.
 //!
-//! The gate has checked the caller's role. Which display a call is about is known only to its handler, which passes the
-//! caller to these functions.
+//! The gate has checked the role of the caller. Only the handler knows the display of a call, and passes the caller to
+//! these functions.
 
 use crate::error::ApiError;
 use lightpath_domain::access::{Caller, Role};
 
-/// Refuses a caller whose token is for other displays than this one.
+/// Refuses a caller whose token is for other displays.
 ///
 /// # Errors
 ///
@@ -21,8 +21,8 @@ pub(crate) fn require_display(caller: &Caller, id: &str) -> Result<(), ApiError>
     )))
 }
 
-/// Refuses a caller whose token is for some displays only, where a call is about all of them; `field` is the field that
-/// narrows it to one.
+/// Refuses a caller whose token is for some displays only, if a call concerns all displays. `field` is the field that
+/// can limit the call to one display.
 ///
 /// # Errors
 ///
@@ -37,12 +37,12 @@ pub(crate) fn require_all_displays(caller: &Caller, field: &str) -> Result<(), A
     }
 }
 
-/// The owner of a job: `given`, or the caller's name where that is empty. Without tokens nobody has a name, and `given`
-/// counts.
+/// The owner of a job: `given`, or the caller's name if `given` is empty. Without tokens callers have no names, and any
+/// owner may be given.
 ///
 /// # Errors
 ///
-/// [`ApiError::Denied`] where the name is not the caller's own, unless the caller is an admin.
+/// [`ApiError::Denied`] if `given` is not the caller's name, unless the caller is an admin.
 pub(crate) fn owner_of_job(caller: &Caller, given: String) -> Result<String, ApiError> {
     match (caller.name.as_str(), caller.role) {
         ("", _) => Ok(given),

@@ -1,30 +1,30 @@
-//! Who may make each call, and what it needs of the disk, decided by its path before its handler runs. What is not in
-//! this table is allowed to nobody.
+//! Access rules: which roles may make each call, and what the call needs of the disk. The path of the call decides,
+//! before its handler runs. A call without a rule is refused.
 
 use lightpath_domain::access::Role;
 
 /// What a call needs of the server's disk.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Effect {
-    /// Nothing.
+    /// The call needs no space.
     Reads,
-    /// It writes little, about something that exists: it is answered as long as the disk has any room. Uploads check by
-    /// themselves whether there is room for their bytes.
+    /// The call writes little about an existing resource, and is accepted as long as the disk has any space. Uploads
+    /// check the space for their bytes themselves.
     Steers,
-    /// It brings new work, which must leave the disk's reserve alone.
+    /// The call creates new work, which must not use the reserve of the disk.
     Takes,
 }
 
-/// Who may make a call.
+/// The callers that may make a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Access {
-    /// Everybody who can connect: such calls tell only that the server is up.
+    /// Every client that can connect: such calls only reveal that the server is running.
     Anybody,
-    /// Bearers of these roles.
+    /// Callers with one of these roles.
     Only(&'static [Role]),
 }
 
-/// One line of the table.
+/// The rule for a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Rule {
     pub(crate) access: Access,
@@ -43,7 +43,7 @@ const fn rule(access: Access, effect: Effect) -> Rule {
     Rule { access, effect }
 }
 
-/// Methods of the API.
+/// Rules for the methods of the API.
 pub(crate) const METHODS: &[(&str, Rule)] = &[
     ("ArtifactService/GetArtifact", rule(LOOK, Effect::Reads)),
     ("ArtifactService/GetUpload", rule(WORK, Effect::Reads)),
@@ -86,7 +86,7 @@ pub(crate) const METHODS: &[(&str, Rule)] = &[
     ("KernelService/CreateKernelReport", rule(WORK, Effect::Takes)),
 ];
 
-/// Everything else that is served, by its route or its path.
+/// Rules for all other routes and paths.
 const ROUTES: &[(&str, Rule)] = &[
     ("/healthz", rule(Access::Anybody, Effect::Reads)),
     ("/metrics", rule(LOOK, Effect::Reads)),
@@ -99,7 +99,7 @@ const ROUTES: &[(&str, Rule)] = &[
     ("/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo", rule(LOOK, Effect::Reads)),
 ];
 
-/// The rule for a request: by its path, or by the route that it matched.
+/// The rule for a request, by its path or its route.
 pub(crate) fn rule_of(path: &str, route: Option<&str>) -> Option<Rule> {
     if let Some(method) = path.strip_prefix("/lightpath.v1.") {
         return METHODS.iter().find(|(name, _)| *name == method).map(|(_, rule)| *rule);

@@ -1,7 +1,7 @@
-//! The one map from errors to gRPC statuses.
+//! Conversion of errors into gRPC statuses.
 //!
-//! Every status carries an `ErrorInfo`: a stable reason for programs, the domain `lightpath`, and what it is about.
-//! What went wrong inside the server is logged under an id, and only the id is sent.
+//! Every status has an `ErrorInfo` with a stable reason for programs, the domain `lightpath`, and the subject of the
+//! error. Internal errors are logged with an id, and clients receive only the id.
 
 use crate::error::ApiError;
 use lightpath_artifacts::ArtifactError;
@@ -13,24 +13,24 @@ use tonic::{Code, Status};
 use tonic_types::{ErrorDetails, StatusExt as _};
 use uuid::Uuid;
 
-/// The domain of all reasons.
+/// Domain of all reasons.
 const DOMAIN: &str = "lightpath";
-/// When to submit again to a full queue.
+/// Time after which a client may submit to a full queue again.
 const QUEUE_RETRY: Duration = Duration::from_secs(5);
-/// When to try again on a full disk: somebody has to make room first.
+/// Time after which a client may retry on a full disk: an operator must make room first.
 const DISK_RETRY: Duration = Duration::from_secs(60);
-/// When to try again while another upload of the same artifact runs.
+/// Time after which a client may retry while another upload of the same artifact runs.
 const UPLOAD_RETRY: Duration = Duration::from_secs(1);
-/// When a server that stops is likely back.
+/// Time after which a stopping server has probably been restarted.
 const RESTART_RETRY: Duration = Duration::from_secs(1);
 
-/// What a status is made of.
+/// Content of a status.
 struct Answer {
     code: Code,
     reason: &'static str,
-    /// What it is about: (`field`, path), (`resource`, name) or (`error_id`, id in the log).
+    /// Subject of the error: (`field`, path), (`resource`, name) or (`error_id`, id in the log).
     about: Option<(&'static str, String)>,
-    /// What is wrong with the field that it is about, where the error is of a field's value.
+    /// What is wrong with the value of the field, if the error concerns a field.
     problem: Option<String>,
     retry_after: Option<Duration>,
 }
@@ -48,7 +48,7 @@ impl From<ApiError> for Status {
 }
 
 impl ApiError {
-    /// The code of the error's status.
+    /// The gRPC code of the error.
     pub(crate) fn code(&self) -> Code {
         match self {
             Self::Stream(status) => status.code(),
@@ -57,7 +57,7 @@ impl ApiError {
     }
 }
 
-/// What clients are told about an error; `None` for errors inside the server.
+/// The answer that clients receive for an error; `None` for internal errors.
 fn answer(error: &ApiError) -> Option<Answer> {
     Some(match error {
         ApiError::Invalid { field, problem } => {
@@ -163,7 +163,7 @@ impl Answer {
     }
 }
 
-/// Logs the error with its sources, and tells the client where to look for it.
+/// Logs the error with its causes, and sends the client the id of the log entry.
 fn internal(error: &ApiError) -> Status {
     let id = Uuid::now_v7().to_string();
     tracing::error!(id, causes = with_causes(error), "internal error");

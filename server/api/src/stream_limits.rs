@@ -1,16 +1,16 @@
-//! How many streams there may be at once, all clients together.
+//! Limits on the open streams of all clients together.
 
 use crate::error::ApiError;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
-/// Streams that may follow jobs and kernels at once: each costs a little memory and a read at every change.
+/// Limit on the streams that follow jobs and kernels: each needs a little memory, and a read at every change.
 const WATCHERS_MAX: usize = 1000;
-/// Uploads at once: each may hold what its connection has received, some 2 MiB.
+/// Limit on simultaneous uploads: each may hold what its connection has received, about 2 MiB.
 const UPLOADS_MAX: usize = 64;
 
-/// Counts the streams that are open; clones count together.
+/// Counts of the open streams. Clones share them.
 #[derive(Clone, Debug)]
 pub(crate) struct StreamLimits {
     watchers: Arc<Semaphore>,
@@ -24,7 +24,7 @@ impl Default for StreamLimits {
 }
 
 impl StreamLimits {
-    /// Counts a stream that follows something, until the permit is dropped.
+    /// Counts a stream that follows changes, until the permit is dropped.
     pub(crate) fn watcher(&self) -> Result<OwnedSemaphorePermit, ApiError> {
         Arc::clone(&self.watchers).try_acquire_owned().map_err(|_| ApiError::Exhausted {
             reason: "TOO_MANY_WATCHERS",

@@ -1,4 +1,4 @@
-//! TLS: certificate, key and, where asked for, the authority of client certificates, read again when their files change.
+//! TLS with a certificate, a key and optionally an authority for client certificates. Changed files are read again.
 
 use lightpath_domain::causes::with_causes;
 use std::fs;
@@ -13,17 +13,18 @@ use tokio_rustls::rustls::pki_types::{CertificateDer, PrivateKeyDer};
 use tokio_rustls::rustls::server::{VerifierBuilderError, WebPkiClientVerifier};
 use tokio_rustls::rustls::{self, RootCertStore, ServerConfig};
 
-/// How often the files are looked at.
+/// Interval between checks for changed files.
 pub const LOOK_INTERVAL: Duration = Duration::from_secs(10);
 
-/// Where certificates are.
+/// Paths of the files for TLS.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TlsFiles {
-    /// PEM: the server's certificate, then those that lead to its authority.
+    /// PEM file with the certificate of the server, followed by those up to its authority.
     pub certificate: PathBuf,
-    /// PEM: its private key.
+    /// PEM file with the private key of the certificate.
     pub key: PathBuf,
-    /// PEM: whoever connects must show a certificate of one of these authorities.
+    /// PEM file with authorities: clients must present a certificate of one of them. `None`: clients need no
+    /// certificate.
     pub client_authority: Option<PathBuf>,
 }
 
@@ -33,22 +34,22 @@ pub enum TlsError {
     /// A file cannot be read.
     #[error("cannot read {}", path.display())]
     Read {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the operating system.
         source: io::Error,
     },
-    /// A file does not hold what it must.
+    /// The content of a file is not as required.
     #[error("{} must hold {what} in PEM form", path.display())]
     Pem {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What it must hold.
+        /// Required content.
         what: &'static str,
-        /// What is wrong.
+        /// Error in the file.
         source: pem::Error,
     },
-    /// Certificate and key do not go together, or are of a kind that is not supported.
+    /// The certificate does not match the key, or one of them is of an unsupported kind.
     #[error("certificate and key cannot be used")]
     Rustls(#[from] rustls::Error),
     /// The authority of client certificates cannot be used.
@@ -56,7 +57,7 @@ pub enum TlsError {
     ClientAuthority(#[from] VerifierBuilderError),
 }
 
-/// The present configuration.
+/// The TLS configuration in use.
 #[derive(Debug)]
 pub struct Tls {
     files: TlsFiles,
@@ -64,24 +65,25 @@ pub struct Tls {
     current: RwLock<(Arc<ServerConfig>, Stamp)>,
 }
 
-/// When the files were changed last.
+/// Times of the last changes of the files.
 type Stamp = Vec<Option<SystemTime>>;
 
 impl Tls {
-    /// Reads the files.
+    /// Reads the files and checks them.
     pub fn open(files: TlsFiles) -> Result<Self, TlsError> {
         let stamp = stamp(&files);
         let config = Arc::new(read(&files)?);
         Ok(Self { files, current: RwLock::new((config, stamp)) })
     }
 
-    /// What accepts the next connection.
+    /// Acceptor for the next connection.
     pub fn acceptor(&self) -> TlsAcceptor {
         let current = self.current.read().unwrap_or_else(PoisonError::into_inner);
         TlsAcceptor::from(Arc::clone(&current.0))
     }
 
-    /// Reads the files again where one has changed; what cannot be used is told, and what was used goes on.
+    /// Reads the files again if one of them has changed. If the new files cannot be used, logs the error and keeps the
+    /// present configuration.
     pub fn look(&self) {
         let found = stamp(&self.files);
         let mut current = self.current.write().unwrap_or_else(PoisonError::into_inner);
@@ -93,7 +95,7 @@ impl Tls {
                 tracing::info!("certificate and key were read again");
                 *current = (Arc::new(config), found);
             }
-            // The other file may be written in a moment: the stamp stays, and the next look tries again.
+            // The other file may be written soon: the stamp stays the same, so that the next check tries again.
             Err(error) => tracing::error!(error = with_causes(&error), "the changed certificate cannot be used yet"),
         }
     }

@@ -1,8 +1,8 @@
-//! Streams that follow something that changes.
+//! Streams that follow the changes of a resource.
 //!
-//! Such a stream reads the present state whenever it is polled after a change. The transport polls it only when the
-//! client has room, so a slow client skips states instead of piling them up here, and always gets the latest one.
-//! Between two reads nothing is held, no transaction and no connection.
+//! Such a stream reads the present state when it is polled after a change. The transport polls it only when the client
+//! can receive more. So a slow client skips states, and always receives the latest one. Between two reads the stream
+//! holds no transaction and no connection.
 
 use crate::call::Answers;
 use crate::error::ApiError;
@@ -13,22 +13,22 @@ use tokio::sync::broadcast::Receiver;
 use tokio::sync::broadcast::error::{RecvError, TryRecvError};
 use tokio_util::sync::CancellationToken;
 
-/// What is followed.
+/// A resource that clients follow.
 pub(crate) trait Watch: Send + Sync + 'static {
-    /// Its state.
+    /// State of the resource.
     type Item: PartialEq + Send + Sync + 'static;
-    /// What announces that something changed.
+    /// Announcement of a change.
     type Change: Clone + Send + 'static;
-    /// What clients get.
+    /// Message that clients receive.
     type Message: Send + 'static;
 
-    /// The present state.
+    /// Reads the present state.
     fn read(&self) -> impl Future<Output = Result<Self::Item, ApiError>> + Send;
-    /// Whether this change is one of what is followed.
+    /// Whether the change concerns this resource.
     fn concerns(&self, change: &Self::Change) -> bool;
-    /// Whether nothing will change any more.
+    /// Whether the state is final.
     fn is_last(&self, item: &Self::Item) -> bool;
-    /// The state as clients see it.
+    /// Converts the state into its message.
     fn message(&self, item: &Self::Item) -> Self::Message;
 }
 
@@ -36,15 +36,15 @@ struct Follower<W: Watch> {
     source: W,
     changes: Receiver<W::Change>,
     stopping: CancellationToken,
-    /// Sent last; `None` before the first.
+    /// State that was sent last; `None` before the first.
     sent: Option<W::Item>,
     first: Option<W::Item>,
     ended: bool,
     _permit: OwnedSemaphorePermit,
 }
 
-/// `first`, then every state that differs from the one before, to the last one. UNAVAILABLE ends the stream when the
-/// server stops. `changes` must be older than `first`.
+/// A stream of `first` and then of every different state, up to the final one. It ends with UNAVAILABLE when the server
+/// stops. The caller must have subscribed to `changes` before reading `first`.
 pub(crate) fn stream<W: Watch>(
     source: W,
     first: W::Item,
@@ -85,7 +85,7 @@ impl<W: Watch> Follower<W> {
         }
     }
 
-    /// Waits for a change of what is followed, and takes all that have come by then as one.
+    /// Waits for a change of the resource, and removes all further announcements that have arrived.
     async fn changed(&mut self) -> Result<(), ApiError> {
         loop {
             let change = tokio::select! {
@@ -95,7 +95,7 @@ impl<W: Watch> Follower<W> {
             };
             match change {
                 Ok(change) if !self.source.concerns(&change) => {}
-                // Among the announcements that were missed may have been one of this.
+                // A missed announcement may have concerned this resource.
                 Ok(_) | Err(RecvError::Lagged(_)) => break,
                 Err(RecvError::Closed) => return Err(ApiError::Stopping),
             }

@@ -21,7 +21,7 @@ pub struct Dataset {
     pub wavelength: Wavelength,
     /// Distance from the SLM to the plane of the camera.
     pub distance: Distance,
-    /// How the grey values of the photographs encode light.
+    /// Encoding of light in the grey values of the photographs.
     pub photo_encoding: Encoding,
     /// Bits per value of the camera, 8 to 16, if the photographs' files have more; 0: as in the files.
     pub photo_bit_depth: u32,
@@ -66,7 +66,7 @@ impl Dataset {
     }
 }
 
-/// How grey values encode light.
+/// Encoding of light in grey values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Encoding {
@@ -88,13 +88,13 @@ pub struct Pair {
     /// Use of the pair. If it is not given, it is drawn when the dataset is finalized. `None` in a finalized dataset:
     /// the pair is not used.
     pub split: Option<Split>,
-    /// How the photograph was exposed.
+    /// Exposure of the photograph.
     pub exposure: Exposure,
     /// Measurements of the pair.
     pub checks: Option<PairChecks>,
 }
 
-/// How a photograph was exposed.
+/// Exposure of a photograph.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Exposure {
     /// Value of the camera in the dark, as a fraction of full scale.

@@ -40,7 +40,7 @@ pub fn arm_by_environment() -> io::Result<()> {
     Ok(())
 }
 
-/// How the process fails at a point.
+/// Kind of failure at a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum How {
     Die,

@@ -28,7 +28,7 @@ impl Api {
     }
 }
 
-/// The reader's bytes, piece by piece.
+/// Stream of the reader's bytes in pieces.
 pub(crate) fn chunks(reader: ArtifactReader) -> impl Stream<Item = Result<Bytes, ApiError>> + Send + 'static {
     stream::try_unfold(reader, |mut reader| async move {
         let chunk = reader.next_chunk().await?;

@@ -1,4 +1,4 @@
-//! Storing what the server made as an artifact.
+//! Storing artifacts that the server made.
 
 use crate::api::Api;
 use crate::error::ApiError;
@@ -6,8 +6,8 @@ use crate::time::now_ms;
 use lightpath_domain::access::Caller;
 
 impl Api {
-    /// Stores bytes as an artifact that the caller uploaded, and returns its digest; empty bytes are not stored, and have
-    /// an empty digest.
+    /// Stores bytes as an artifact owned by the caller, and returns its digest. Empty bytes are not stored; their
+    /// digest is an empty text.
     pub(crate) async fn keep(&self, caller: &Caller, bytes: Vec<u8>) -> Result<String, ApiError> {
         if bytes.is_empty() {
             return Ok(String::new());

@@ -1,4 +1,4 @@
-//! Finding artifacts that the caller may use.
+//! Access to artifacts that the caller may use.
 
 use crate::api::Api;
 use crate::error::ApiError;
@@ -7,8 +7,8 @@ use lightpath_domain::access::Caller;
 use lightpath_store::ArtifactRecord;
 
 impl Api {
-    /// An artifact's record, where it is stored and the caller may read it. A token that is for some displays only reads
-    /// the artifacts of those displays, and those that it uploaded itself; all others do not exist for it.
+    /// The record of an artifact; `None` if it is not stored or the caller may not read it. A caller whose token is for
+    /// some displays may only read artifacts of these displays and artifacts that the caller uploaded.
     pub(crate) async fn artifact_for_caller(
         &self,
         caller: &Caller,
@@ -22,7 +22,8 @@ impl Api {
         Ok(concerns.then_some(record))
     }
 
-    /// The same for a caller who goes on to use it: it counts as used now, so that it is not collected soon.
+    /// The record of an artifact that the caller is about to use; `None` if it is not stored or the caller may not read
+    /// it. The time of use is updated, so that the artifact is not removed soon.
     pub(crate) async fn artifact_in_use(
         &self,
         caller: &Caller,

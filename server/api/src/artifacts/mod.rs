@@ -1,4 +1,4 @@
-//! Artifacts: uploading and downloading them, and using them in other resources.
+//! Artifacts: upload, download, and access for other resources.
 
 pub(crate) mod download;
 mod keep;

@@ -1,4 +1,4 @@
-//! Reading artifacts that are to be pictures.
+//! Reading artifacts as pictures.
 
 use crate::api::Api;
 use crate::error::ApiError;
@@ -7,7 +7,7 @@ use lightpath_domain::access::Caller;
 use lightpath_media::pictures::{self, PictureError};
 
 impl Api {
-    /// Refuses an artifact that is not there, or is larger than a picture may be.
+    /// Refuses an artifact that does not exist or is larger than a picture may be.
     pub(crate) async fn require_picture(&self, caller: &Caller, field: &Field, digest: &str) -> Result<(), ApiError> {
         let Some(record) = self.artifact_for_caller(caller, digest).await? else {
             return Err(field.missing(format!("artifact {digest}"), "upload it first"));
@@ -19,7 +19,7 @@ impl Api {
         Ok(())
     }
 
-    /// The bytes of an artifact that must be there and no larger than a picture may be.
+    /// Reads an artifact. Refuses it if it does not exist or is larger than a picture may be.
     pub(crate) async fn picture_bytes(
         &self,
         caller: &Caller,
@@ -30,7 +30,7 @@ impl Api {
         Ok(self.artifacts.read_all(digest).await?)
     }
 
-    /// What `decode` makes of a picture.
+    /// Reads a picture and returns the result of `decode`.
     pub(crate) async fn decoded<T: Send + 'static>(
         &self,
         caller: &Caller,

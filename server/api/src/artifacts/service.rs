@@ -41,7 +41,7 @@ impl Api {
     async fn get_artifact(&self, caller: &Caller, request: v1::GetArtifactRequest) -> Result<v1::Artifact, ApiError> {
         let field = Field::new("digest");
         let digest = field.digest(&request.digest)?;
-        // Clients ask whether an artifact exists in order to use it next.
+        // The answer counts as a use, because clients that find the artifact use it next.
         match self.artifact_in_use(caller, &digest).await? {
             Some(record) => Ok(to_wire::artifact(record)),
             None => Err(field.missing(format!("artifact {digest}"), "upload it first")),

@@ -1,10 +1,10 @@
-//! Artifacts as messages.
+//! Conversion of artifacts into messages.
 
 use crate::time::timestamp;
 use lightpath_proto::v1;
 use lightpath_store::ArtifactRecord;
 
-/// The artifact as clients see it.
+/// Converts an artifact into its message.
 pub(crate) fn artifact(record: ArtifactRecord) -> v1::Artifact {
     v1::Artifact {
         digest: record.digest,

@@ -1,4 +1,4 @@
-//! Uploads of artifacts, which can go on after a broken connection.
+//! Uploads of artifacts. An upload can continue after a broken connection.
 
 use super::to_wire;
 use crate::api::Api;
@@ -14,13 +14,13 @@ use std::time::Duration;
 use tokio::time::{Instant, sleep, timeout};
 use tonic::Streaming;
 
-/// Largest artifact \[bytes\]: a dense kernel of an 8K display, twice over.
+/// Limit on the size of an artifact \[bytes\]: twice a dense kernel of an 8K display.
 const ARTIFACT_BYTES_MAX: u64 = 1 << 30;
-/// Largest chunk of an upload \[bytes\]: half a message, so that the rest of the message surely fits.
+/// Limit on a chunk of an upload \[bytes\]: half of the largest message, which leaves enough for its other fields.
 const CHUNK_BYTES_MAX: usize = 2 << 20;
-/// An upload that receives nothing for this long is ended; what arrived is kept.
+/// An upload that receives nothing for this time ends; the received bytes are kept.
 const UPLOAD_IDLE_MAX: Duration = Duration::from_secs(60);
-/// How long an upload waits for another one of the same artifact, which makes it needless.
+/// How long an upload waits for another upload of the same artifact, which may make it unnecessary.
 const UPLOAD_TURN_MAX: Duration = Duration::from_secs(60);
 const UPLOAD_TURN_POLL: Duration = Duration::from_millis(50);
 
@@ -83,7 +83,8 @@ impl Api {
         Ok(self.store.record_artifact(&digest, size_bytes, &caller.name, now_ms()).await?)
     }
 
-    /// Waits while another client uploads the same artifact: until it is stored, or the other upload has ended.
+    /// Waits while another client uploads the same artifact, until that artifact is stored or the other upload has
+    /// ended.
     async fn turn(&self, caller: &Caller, digest: &str, size_bytes: u64, offset_bytes: u64) -> Result<Turn, ApiError> {
         let until = Instant::now() + UPLOAD_TURN_MAX;
         loop {
@@ -101,11 +102,11 @@ impl Api {
     }
 }
 
-/// How waiting for an upload ended.
+/// Result of waiting for another upload.
 enum Turn {
-    /// The artifact is stored.
+    /// The artifact is already stored.
     Stored(ArtifactRecord),
-    /// Nobody else uploads it.
+    /// No other client uploads the artifact.
     Ours(UploadWriter),
 }
 

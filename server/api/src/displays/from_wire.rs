@@ -1,4 +1,4 @@
-//! Checking the displays that clients declare.
+//! Checks of displays that clients declare.
 
 use super::simulated_bench;
 use crate::error::ApiError;
@@ -11,21 +11,21 @@ use lightpath_proto::v1;
 use std::f64::consts::PI;
 use std::ops::RangeInclusive;
 
-/// Sides of an SLM \[px\]: below, there is nothing to diffract; above, no SLM exists and a padded field would not fit
-/// into memory.
+/// Allowed sides of an SLM \[px\]. Smaller sides hardly diffract. Larger SLMs do not exist, and their padded fields
+/// would not fit into memory.
 const SIDE_PX: RangeInclusive<u32> = 16..=8192;
-/// Pixel pitches of SLMs, with room on either end \[m\].
+/// Allowed pixel pitches \[m\]: those of SLMs, with some margin.
 const PIXEL_PITCH_M: RangeInclusive<f64> = 1e-7..=1e-3;
-/// What the levels' 16-bit PNGs can hold.
+/// Allowed bits per grey level: what a 16-bit PNG can hold.
 const BIT_DEPTH: RangeInclusive<u32> = 1..=16;
-/// Most wavelengths that one display is lit with: more than any multi-colour projector has.
+/// Limit on the wavelengths of a display, above that of any multi-colour projector.
 const WAVELENGTHS_MAX: usize = 16;
-/// Largest phase \[rad\] in a response: some 160 wavelengths of modulation; f32 keeps a thousandth of it exactly.
+/// Largest phase in a response \[rad\]: about 160 wavelengths of modulation, at which f32 still resolves a thousandth.
 const PHASE_RAD_MAX: f64 = 1000.0;
-/// Longest notes \[bytes\]: a page of text.
+/// Limit on the length of the notes \[bytes\]: a page of text.
 const NOTES_BYTES_MAX: usize = 4096;
 
-/// The display that a client declares.
+/// Checks a display from a client and converts it.
 pub(crate) fn display(caller: &Caller, message: v1::Display, field: &Field) -> Result<Display, ApiError> {
     let at = |name| field.at(name);
     let bit_depth = at("bit_depth").integer_or(message.bit_depth, 8, BIT_DEPTH)?;

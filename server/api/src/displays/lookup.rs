@@ -1,4 +1,4 @@
-//! Finding the display that a field names.
+//! Access to displays by name.
 
 use crate::api::Api;
 use crate::error::ApiError;
@@ -9,7 +9,7 @@ use lightpath_domain::display::Display;
 use lightpath_store::StoreError;
 
 impl Api {
-    /// The display that a field names.
+    /// The display that a field names. Refuses a name that does not exist or that the caller may not use.
     pub(crate) async fn display_named(&self, caller: &Caller, field: &Field, name: &str) -> Result<Display, ApiError> {
         let id = names::display_id(caller, field, name)?;
         match self.store.display(&id).await {

@@ -1,4 +1,4 @@
-//! Displays: declaring and listing them, and planning how light gets from them to an image.
+//! Displays: declaring and listing displays, and planning the propagation from a display to an image.
 
 mod from_wire;
 pub(crate) mod lookup;

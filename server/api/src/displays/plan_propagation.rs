@@ -1,4 +1,4 @@
-//! Planning how light gets from a display to its image.
+//! Planning the propagation of light from a display to an image.
 
 use crate::api::Api;
 use crate::enumerations::OnWire as _;
@@ -13,7 +13,7 @@ use lightpath_optics::{Error, OpticalSetup, PropagationMethod};
 use lightpath_proto::v1;
 
 impl Api {
-    /// Plans how light gets from a display to a distance or a window, and says which other methods could.
+    /// Plans the propagation from a display to a distance or a window, and lists the other methods with their validity.
     pub(crate) async fn plan_propagation(
         &self,
         caller: &Caller,

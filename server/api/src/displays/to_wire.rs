@@ -1,4 +1,4 @@
-//! Displays as messages.
+//! Conversion of displays into messages.
 
 use super::simulated_bench;
 use crate::enumerations::OnWire;
@@ -6,7 +6,7 @@ use crate::time::timestamp;
 use lightpath_domain::display::Display;
 use lightpath_proto::v1;
 
-/// The display as clients see it.
+/// Converts a display into its message.
 pub(crate) fn display(display: Display, create_time_ms: i64) -> v1::Display {
     v1::Display {
         name: format!("displays/{}", display.id),

@@ -1,4 +1,5 @@
-//! The gate in front of every handler: it finds out who calls, refuses who may not, and writes the audit log.
+//! The gate in front of every handler identifies the caller, refuses calls that are not allowed, and writes the audit
+//! log.
 
 use super::rate::Rate;
 use super::refusal::refuse;
@@ -20,22 +21,22 @@ use std::sync::Arc;
 use std::time::Instant;
 use tonic::{Code, Status};
 
-/// What the gate works with.
+/// Settings and state of the gate.
 #[derive(Clone, Debug)]
 pub struct Gate {
     /// The services behind the gate.
     pub api: Api,
     /// Whether calls need a token.
     pub tokens_required: bool,
-    /// Where changes and refusals are written down.
+    /// Audit log of changes and refusals.
     pub audit: Arc<Audit>,
-    /// How often each token, or each address without one, may call.
+    /// Rate limit of each token, or of each address without a token.
     pub rate: Arc<Rate>,
-    /// Which tokens have ended.
+    /// Tokens that are no longer accepted.
     pub ended_tokens: EndedTokens,
 }
 
-/// Lets a request pass to its handler, or refuses it.
+/// Passes a request to its handler, or refuses it.
 pub(super) async fn pass(
     State(gate): State<Gate>,
     peer: Option<Extension<Peer>>,
@@ -83,7 +84,8 @@ pub(super) async fn pass(
 }
 
 impl Gate {
-    /// Who calls, where they may, not too often, and there is room for what they bring; else whose name is on the refusal.
+    /// Returns the caller if the call is allowed and within the rate limit, and the disk has room for new work (if the
+    /// call creates any). Otherwise returns the error and the name of the token, or an empty name.
     async fn admit(
         &self,
         headers: &HeaderMap,
@@ -91,7 +93,7 @@ impl Gate {
         address: &str,
     ) -> Result<Caller, (String, ApiError)> {
         let caller = self.caller(headers, rule).await.map_err(|(name, error)| {
-            // Wrong tokens count as calls, so that nobody can guess many.
+            // Calls with wrong tokens count towards the rate limit, so that clients cannot try many.
             (name, self.limit_rate(address).err().unwrap_or(error))
         })?;
         let who = if caller.name.is_empty() { address } else { &caller.name };
@@ -111,7 +113,8 @@ impl Gate {
         })
     }
 
-    /// Who calls, where they may; else whose name is on the refusal.
+    /// Returns the caller if the role allows the call. Otherwise returns the error and the name of the token, or an
+    /// empty name.
     async fn caller(&self, headers: &HeaderMap, rule: Option<Rule>) -> Result<Caller, (String, ApiError)> {
         let nobody = |error: ApiError| (String::new(), error);
         let token = bearer(headers).map_err(nobody)?;
@@ -143,7 +146,7 @@ impl Gate {
     }
 }
 
-/// The token that the request carries.
+/// The token in the headers of a request.
 fn bearer(headers: &HeaderMap) -> Result<Option<Secret>, ApiError> {
     let Some(value) = headers.get(header::AUTHORIZATION) else { return Ok(None) };
     let text = value.to_str().ok().and_then(|text| text.split_once(' '));
@@ -155,7 +158,7 @@ fn bearer(headers: &HeaderMap) -> Result<Option<Secret>, ApiError> {
     }
 }
 
-/// The caller whose token this is, where it is accepted now. All refusals are the same, so that they tell nothing.
+/// The caller with this token, if the token is accepted now. All refusals are equal, so that they reveal nothing.
 async fn find(store: &Store, secret: &Secret) -> Result<Caller, ApiError> {
     let record = store.token_by_hash(&secret.hash()).await?;
     let valid = record.filter(|record| record.is_valid(now_ms()));
@@ -166,7 +169,7 @@ pub(super) fn is_grpc(headers: &HeaderMap) -> bool {
     headers.get(header::CONTENT_TYPE).is_some_and(|it| it.as_bytes().starts_with(b"application/grpc"))
 }
 
-/// The outcome, as far as it is known when the answer begins.
+/// The code of the answer as far as it is known when the answer starts.
 fn code_of(response: &Response, is_grpc: bool) -> Code {
     if is_grpc {
         return response.headers().get("grpc-status").map_or(Code::Ok, |status| Code::from_bytes(status.as_bytes()));

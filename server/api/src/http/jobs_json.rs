@@ -10,7 +10,7 @@ use lightpath_proto::v1;
 use serde::Deserialize;
 use tonic::Status;
 
-/// The fields of `ListJobsRequest`, in protobuf's JSON names or its own.
+/// Parameters of a list of jobs: the fields of `ListJobsRequest`, with their own names or their JSON names.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct List {
@@ -18,7 +18,7 @@ pub(super) struct List {
     page_size: u32,
     #[serde(default, alias = "pageToken")]
     page_token: String,
-    /// `STATE_RUNNING` or `running`.
+    /// State of the jobs: `STATE_RUNNING` or `running`.
     #[serde(default)]
     state: String,
     #[serde(default)]
@@ -27,7 +27,7 @@ pub(super) struct List {
     batch: String,
 }
 
-/// `GET /v1/jobs`
+/// Handles `GET /v1/jobs`.
 pub(super) async fn list(
     State(api): State<Api>,
     Extension(caller): Extension<Caller>,
@@ -44,7 +44,7 @@ pub(super) async fn list(
     Ok(Json(api.list_jobs(&caller, request).await?))
 }
 
-/// `GET /v1/jobs/{id}`
+/// Handles `GET /v1/jobs/{id}`.
 pub(super) async fn one(
     State(api): State<Api>,
     Extension(caller): Extension<Caller>,

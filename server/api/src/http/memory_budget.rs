@@ -1,4 +1,4 @@
-//! How many bytes calls under way may hold: those of each address, and all together.
+//! A limit on the memory of unfinished calls, for each address and for all addresses together.
 
 use crate::error::ApiError;
 use std::collections::HashMap;
@@ -7,27 +7,27 @@ use std::net::IpAddr;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// Quarters of the budget that one address may take, so that there is room for others.
+/// Quarters of the budget that one address may use; the rest is for other addresses.
 const PEER_QUARTERS: usize = 3;
-/// When to try again: messages come and go within this, unless their clients are slow.
+/// Time after which a refused client may retry: calls usually end within it, unless their clients are slow.
 const RETRY: Duration = Duration::from_secs(1);
 
-/// The bytes that are held, and their limit.
+/// The bytes that are in use, and their limit.
 #[derive(Debug)]
 pub struct MemoryBudget {
     bytes_max: usize,
-    /// Locked for a look-up and a sum only.
+    /// Locked only for a lookup and an addition.
     held: Mutex<Held>,
 }
 
 #[derive(Debug, Default)]
 struct Held {
     all: usize,
-    /// Only addresses that hold any bytes have an entry, so that there are no more entries than calls.
+    /// Bytes of each address. Only addresses that use memory have an entry, so the map has at most one entry per call.
     of: HashMap<Option<IpAddr>, usize>,
 }
 
-/// Bytes of the budget; given back on drop.
+/// A part of the budget, released on drop.
 #[derive(Debug)]
 pub(super) struct Share {
     budget: Arc<MemoryBudget>,
@@ -36,13 +36,13 @@ pub(super) struct Share {
 }
 
 impl MemoryBudget {
-    /// At most this many bytes; 0: no limit.
+    /// Creates a budget of `bytes_max`; 0: no limit.
     pub fn new(bytes_max: u64) -> Self {
         let bytes_max = if bytes_max == 0 { usize::MAX } else { usize::try_from(bytes_max).unwrap_or(usize::MAX) };
         Self { bytes_max, held: Mutex::default() }
     }
 
-    /// Takes `bytes` for a call from `peer`, or says when to come again.
+    /// Takes `bytes` for a call from `peer`, or returns an error that says when to retry.
     pub(super) fn take(self: &Arc<Self>, peer: Option<IpAddr>, bytes: usize) -> Result<Share, ApiError> {
         let mut held = self.held.lock().unwrap_or_else(PoisonError::into_inner);
         let own = held.of.get(&peer).copied().unwrap_or_default();
@@ -64,7 +64,7 @@ fn exhausted(message: &str) -> ApiError {
 }
 
 impl Share {
-    /// Takes more.
+    /// Takes more bytes for the same call.
     pub(super) fn grow(&mut self, bytes: usize) -> Result<(), ApiError> {
         let mut more = self.budget.take(self.peer, bytes)?;
         self.bytes += mem::take(&mut more.bytes);

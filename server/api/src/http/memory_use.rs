@@ -1,9 +1,9 @@
-//! Counting what calls under way hold in memory.
+//! Measures the memory that unfinished calls use.
 //!
 //! Messages, streams and connections have limits of their own, but one client could multiply them: 400 connections with
-//! 256 streams of 4 MiB are 400 GiB. So each call takes from a budget: for itself, for what has come of its request until
-//! it is answered, and for those pieces of its answer that its client has not taken yet. What a handler computes with has
-//! its limits there.
+//! 256 streams of 4 MiB each make 400 GiB. So each call takes memory from a budget: for itself, for the received part
+//! of its request until it is answered, and for the pieces of its answer that the client has not received yet. The
+//! memory for computations has limits in the handlers.
 
 use super::gate::is_grpc;
 use super::memory_budget::{MemoryBudget, Share};
@@ -23,14 +23,14 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::task::{Context, Poll, ready};
 use tonic::Status;
 
-/// What a call takes beside its messages \[bytes\]: headers, at most 16 KiB, and tasks.
+/// Memory of a call besides its messages \[bytes\]: headers (at most 16 KiB) and tasks.
 const CALL_BYTES: usize = 32 << 10;
-/// The path of the health check. It is not counted: a supervisor must not mistake a busy server for a dead one.
+/// Path of the health check. It is not counted, so that a supervisor does not mistake a busy server for a dead one.
 const HEALTH: &str = "/healthz";
-/// Pieces of an answer that wait for its client at once: one in the connection, one behind it.
+/// Pieces of an answer that may wait for the client: one in the connection and one behind it.
 const PIECES: usize = 2;
 
-/// Counts what the call holds, and refuses it where that is too much.
+/// Takes memory for a call, and refuses the call if the budget is spent.
 pub(super) async fn counted(
     State(budget): State<Arc<MemoryBudget>>,
     peer: Option<Extension<Peer>>,
@@ -47,7 +47,7 @@ pub(super) async fn counted(
         Ok((call, message)) => (Holding::new(call), Holding::new(message)),
         Err(error) => return refuse(error.into(), is_grpc),
     };
-    // Kept here, too: a message that has been read is still worked with.
+    // The share is kept until the answer: the handler still uses a message after it was read.
     let kept = message.clone();
     let request = request.map(|body| Body::new(Received { body, message, counted_bytes: 0 }));
     let response = next.run(request).await;
@@ -55,7 +55,7 @@ pub(super) async fn counted(
     response.map(|body| Body::new(Answer { body, call, piece_bytes: 0, is_grpc, is_over: false }))
 }
 
-/// A share that several keep; given back by the last.
+/// A share of the budget with several holders. It is released when the last one is dropped.
 #[derive(Clone, Debug)]
 struct Holding(Arc<Mutex<Share>>);
 
@@ -69,7 +69,7 @@ impl Holding {
     }
 }
 
-/// The body of a request. No more than a message of it is kept at once, however long the stream.
+/// The body of a request. At most one message of it is in memory, even if the stream is long.
 struct Received {
     body: Body,
     message: Holding,
@@ -100,8 +100,8 @@ impl http_body::Body for Received {
     }
 }
 
-/// The body of an answer. Room is taken for its largest pieces, and kept to its end, so that a download that has begun
-/// is not refused later.
+/// The body of an answer. Memory for its largest pieces is kept until its end, so that later pieces of the same size are
+/// never refused.
 struct Answer {
     body: Body,
     call: Holding,
@@ -129,7 +129,7 @@ impl http_body::Body for Answer {
             return Poll::Ready(Some(closing_frame(error.into(), self.is_grpc)));
         }
         self.piece_bytes += more;
-        // The connection keeps it until the client takes it, maybe for longer than this body.
+        // The connection keeps the piece until the client receives it, which may be after this body is dropped.
         let piece = Bytes::from_owner(Piece { bytes: piece, _call: self.call.clone() });
         Poll::Ready(Some(Ok(Frame::data(piece))))
     }
@@ -143,7 +143,7 @@ impl http_body::Body for Answer {
     }
 }
 
-/// A piece of an answer with what it takes of the budget.
+/// A piece of an answer, with its share of the budget.
 struct Piece {
     bytes: Bytes,
     _call: Holding,

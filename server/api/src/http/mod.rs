@@ -1,10 +1,12 @@
-//! Plain HTTP beside gRPC: health, metrics, and jobs as protobuf's JSON of the same messages.
+//! Plain HTTP beside gRPC: health, metrics, and jobs as JSON with the same messages.
 //!
 //! # Layout
 //!
-//! - `gate`: who makes a call, and whether they may. `rate`: how often. `token_expiry`: until when.
-//! - `memory_use`: how much memory a call holds, out of a `memory_budget`.
-//! - `requests`: deadlines and counting, for gRPC too. `jobs_json`: `/v1/jobs`. `refusal`: errors as answers.
+//! - `gate`: identifies callers and checks their roles. `rate`: rate limits. `token_expiry`: ends calls of invalid
+//!   tokens.
+//! - `memory_use`: memory of each call, taken from a `memory_budget`.
+//! - `requests`: deadlines and metrics of requests, including gRPC. `jobs_json`: `/v1/jobs`. `refusal`: errors as
+//!   answers.
 
 mod gate;
 mod jobs_json;
@@ -33,7 +35,7 @@ use std::sync::Arc;
 pub use token_expiry::EndedTokens;
 use tonic::Status;
 
-/// gRPC and HTTP on one router.
+/// The router for gRPC and HTTP.
 pub fn router(gate: Gate, budget: Arc<MemoryBudget>, grpc: tonic::service::Routes) -> Router {
     let api = gate.api.clone();
     let http = Router::new()
@@ -43,7 +45,7 @@ pub fn router(gate: Gate, budget: Arc<MemoryBudget>, grpc: tonic::service::Route
         .route("/v1/jobs/{id}", get(jobs_json::one))
         .fallback(unknown)
         .with_state(api.clone());
-    // Both have a fallback, and only one can stay.
+    // Both routers have a fallback, and a merged router can have only one.
     let grpc = grpc.into_axum_router().reset_fallback();
     http.merge(grpc)
         .layer(middleware::from_fn_with_state(gate, gate::pass))
@@ -59,13 +61,13 @@ async fn health(State(api): State<Api>) -> Response {
 }
 
 async fn metrics(State(api): State<Api>) -> Result<Response, Refusal> {
-    /// The text format's own content type.
+    /// Content type of the text format of Prometheus.
     const TEXT_FORMAT: &str = "text/plain; version=0.0.4; charset=utf-8";
     let text = metrics::render(&api.store, &api.artifacts, now_ms()).await.map_err(ApiError::from)?;
     Ok(([(header::CONTENT_TYPE, TEXT_FORMAT)], text).into_response())
 }
 
-/// Clients of either protocol get an answer in their own.
+/// Answers an unknown path in the protocol of the client.
 async fn unknown(request: Request) -> Response {
     let content_type = request.headers().get(header::CONTENT_TYPE).map(|value| value.as_bytes());
     let path = request.uri().path();

@@ -1,38 +1,39 @@
-//! How often anybody may call: the generic cell rate algorithm (ITU-T I.371), for each token or, without one, each address.
+//! Rate limit by the generic cell rate algorithm (ITU-T I.371), for each token or, without a token, for each address.
 //!
 //! ```text
-//! a call at time t is let in where  A ≤ t + τ,   and then  A ← max(A, t) + T
+//! a call at time t is accepted if  A ≤ t + τ,   and then  A ← max(A, t) + T
 //! ```
 //!
-//! T = 1/rate, the time of a call; τ = burst · T, how far somebody may be ahead; A, the theoretical arrival of the next call.
+//! T = 1/rate is the time between calls; τ = burst · T is how far a caller may be ahead; A is the theoretical arrival
+//! time of the next call.
 
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Calls that may come at once after a pause, in seconds of the rate.
+/// Burst after a pause, in seconds of calls at the allowed rate.
 const BURST_S: f64 = 2.0;
-/// Callers that are remembered; beyond it, those who have no debt are forgotten.
+/// Limit on the remembered callers. Above it, callers who are not ahead of their rate are forgotten.
 const CALLERS_MAX: usize = 10_000;
 
-/// Everybody's debts.
+/// State of the rate limit of all callers.
 #[derive(Debug)]
 pub struct Rate {
-    /// T; `None`: no limit.
+    /// T, the time between calls; `None`: no limit.
     cost: Option<Duration>,
     tolerance: Duration,
-    /// Locked for a look-up and a sum only.
+    /// A of each caller. Locked only for a lookup and an addition.
     arrivals: Mutex<HashMap<String, Instant>>,
 }
 
 impl Rate {
-    /// At most this many calls a second; 0: no limit.
+    /// Limits each caller to this many calls a second; 0: no limit.
     pub fn new(calls_per_s: u32) -> Self {
         let cost = (calls_per_s > 0).then(|| Duration::from_secs(1) / calls_per_s);
         Self { cost, tolerance: Duration::from_secs_f64(BURST_S), arrivals: Mutex::default() }
     }
 
-    /// Lets a call in, or says when to come again.
+    /// Accepts a call, or returns the time after which the caller may retry.
     pub fn admit(&self, caller: &str, now: Instant) -> Result<(), Duration> {
         let Some(cost) = self.cost else { return Ok(()) };
         let mut arrivals = self.arrivals.lock().unwrap_or_else(PoisonError::into_inner);
@@ -44,7 +45,7 @@ impl Rate {
         if ahead > self.tolerance {
             return Err(ahead - self.tolerance);
         }
-        // Who cannot be remembered, because ten thousand others are in debt, waits.
+        // The table is full of callers who are ahead of their rate, so a new caller must wait.
         if arrivals.len() >= CALLERS_MAX && !arrivals.contains_key(caller) {
             return Err(self.tolerance);
         }

@@ -1,4 +1,4 @@
-//! gRPC statuses as answers, in either protocol.
+//! Errors as answers, in gRPC or HTTP.
 
 use crate::error::ApiError;
 use axum::Json;
@@ -10,12 +10,12 @@ use serde_json::{Value, json};
 use tonic::{Code, Status};
 use tonic_types::StatusExt as _;
 
-/// The answer to a call that is refused.
+/// The answer to a refused call.
 pub(super) fn refuse(status: Status, is_grpc: bool) -> Response {
     if is_grpc { status.into_http() } else { Refusal(status).into_response() }
 }
 
-/// The end of an answer that has begun and cannot go on.
+/// The last frame of an answer that has started and cannot continue.
 pub(super) fn closing_frame(status: Status, is_grpc: bool) -> Result<Frame<Bytes>, axum::Error> {
     if !is_grpc {
         return Err(axum::Error::new(status));
@@ -25,7 +25,7 @@ pub(super) fn closing_frame(status: Status, is_grpc: bool) -> Result<Frame<Bytes
     Ok(Frame::trailers(trailers))
 }
 
-/// An error as `{"error": {"code", "status", "message", "reason", "metadata"}}`.
+/// An error in the form `{"error": {"code", "status", "message", "reason", "metadata"}}`.
 #[derive(Debug)]
 pub(super) struct Refusal(Status);
 
@@ -58,7 +58,7 @@ impl IntoResponse for Refusal {
     }
 }
 
-/// As google.rpc.Code maps to HTTP.
+/// The HTTP status of a gRPC code, as in google.rpc.Code.
 fn http_status(code: Code) -> (StatusCode, &'static str) {
     match code {
         Code::Ok => (StatusCode::OK, "OK"),

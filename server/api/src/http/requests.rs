@@ -1,4 +1,4 @@
-//! Giving every request, gRPC and HTTP, a deadline, and counting it.
+//! Deadlines and metrics of all requests, gRPC and HTTP.
 
 use super::gate::is_grpc;
 use super::refusal::refuse;
@@ -15,17 +15,18 @@ use tonic::{Code, Status};
 use tracing::Instrument as _;
 use uuid::Uuid;
 
-/// Time to the answer (a stream: to its beginning). The longest is the checking of a picture of 64 Mpx behind others.
+/// Time limit for the answer (of a stream: for its start). The slowest answer is the check of a picture of 64 Mpx that
+/// waits for other checks.
 const ANSWER_DEADLINE: Duration = Duration::from_secs(120);
-/// The answer to an upload comes after its last byte; a deadline of its own bounds each chunk.
+/// Time limit for an upload, whose answer follows its last byte. Each chunk has another time limit.
 const UPLOAD_DEADLINE: Duration = Duration::from_secs(24 * 3600);
 const UPLOAD: &str = "/lightpath.v1.ArtifactService/WriteArtifact";
 
-/// Paths that are answered even while the server stops, so that operators can watch it stop.
+/// Paths that are answered even while the server stops, so that operators can watch it.
 const ALWAYS: [&str; 3] = ["/healthz", "/metrics", "/grpc.health.v1.Health/"];
 
-/// Runs the request within its deadline, the client's (`grpc-timeout`) where that is sooner, and counts it. A server
-/// that stops takes no more.
+/// Runs a request within its deadline, or within that of the client (`grpc-timeout`) if it is earlier, and counts it. A
+/// stopping server refuses new requests.
 pub(super) async fn watched(State(api): State<Api>, request: Request, next: Next) -> Response {
     let begin = Instant::now();
     let is_grpc = is_grpc(request.headers());
@@ -48,14 +49,14 @@ pub(super) async fn watched(State(api): State<Api>, request: Request, next: Next
     let (code, took) = (code(&response, is_grpc), begin.elapsed());
     tracing::debug!(id, method, code, took_ms = took.as_secs_f64() * 1e3, "answered");
     metrics::request(method, code, took);
-    // With the id, users can ask what happened to a request.
+    // Users can refer to a request by its id.
     if let Ok(id) = HeaderValue::from_str(&id) {
         response.headers_mut().insert("x-request-id", id);
     }
     response
 }
 
-/// What was called, for the metrics: one of a fixed set, which clients cannot make grow.
+/// Name of the method for the metrics: one of a fixed set, so that clients cannot create new ones.
 fn method(request: &Request) -> String {
     let route = request.extensions().get::<MatchedPath>().map(MatchedPath::as_str);
     match route {
@@ -68,7 +69,7 @@ fn method(request: &Request) -> String {
     }
 }
 
-/// Whether the descriptors know a method by this path.
+/// Whether the descriptors contain a method with this path.
 fn is_method(path: &str) -> bool {
     use std::collections::HashSet;
     use std::sync::LazyLock;
@@ -91,7 +92,7 @@ fn methods() -> std::collections::HashSet<String> {
     paths.collect()
 }
 
-/// gRPC's code where it comes with the headers (errors do; what is still to come counts as OK), else HTTP's.
+/// The code of the answer: of gRPC if the headers contain it (as for errors; otherwise it counts as OK), else of HTTP.
 fn code(response: &Response, is_grpc: bool) -> String {
     if !is_grpc {
         return response.status().as_str().to_owned();
@@ -100,7 +101,7 @@ fn code(response: &Response, is_grpc: bool) -> String {
     format!("{code:?}")
 }
 
-/// The client's own deadline: up to eight digits and a unit.
+/// Deadline that the client sent: up to eight digits and a unit.
 fn client_limit(headers: &HeaderMap) -> Option<Duration> {
     let text = headers.get("grpc-timeout")?.to_str().ok()?;
     let (digits, unit) = text.split_at_checked(text.len().checked_sub(1)?)?;

@@ -1,6 +1,6 @@
-//! Ending the calls of tokens that are accepted no more: uploads, downloads, and streams that follow something.
+//! Ends the calls of tokens that are no longer accepted: uploads, downloads, and streams that follow changes.
 //!
-//! Tokens are revoked beside the server, in its database, so that it has to look; all calls share one look.
+//! Another process revokes tokens in the database, so the server must check them regularly. All calls share one check.
 
 use super::refusal::closing_frame;
 use crate::error::ApiError;
@@ -16,12 +16,12 @@ use std::sync::Arc;
 use std::task::{Context, Poll};
 use tokio::sync::watch;
 
-/// Names of the tokens that are accepted no more, as of the last look. A name is never given twice.
+/// Names of the tokens that the last check found revoked or expired. A name is never used for another token.
 #[derive(Clone, Debug, Default)]
 pub struct EndedTokens(Arc<watch::Sender<HashSet<String>>>);
 
 impl EndedTokens {
-    /// Looks which tokens have been revoked or have expired by now.
+    /// Checks which tokens have been revoked or have expired.
     pub async fn look(&self, store: &Store, now_ms: i64) -> Result<(), StoreError> {
         let tokens = store.tokens().await?.into_iter().filter(|token| !token.is_valid(now_ms));
         let names: HashSet<String> = tokens.map(|token| token.caller.name).collect();
@@ -33,14 +33,15 @@ impl EndedTokens {
         Ok(())
     }
 
-    /// Done once the token of this name is accepted no more; never for nobody's.
+    /// A future that ends when the token with this name is no longer accepted. Without a token (an empty name) it never
+    /// ends.
     pub(super) fn when_ended(&self, name: &str) -> BoxFuture<'static, ()> {
         if name.is_empty() {
             return pending().boxed();
         }
         let (mut names, name) = (self.0.subscribe(), name.to_owned());
         async move {
-            // Nobody is left to look only when the server is gone, too.
+            // The sender is dropped only when the server ends.
             if names.wait_for(|ended| ended.contains(&name)).await.is_err() {
                 pending().await
             }
@@ -49,12 +50,12 @@ impl EndedTokens {
     }
 }
 
-/// Why the call of a token that is not accepted is refused, or ends. All reasons look the same from outside.
+/// The error for a token that is not accepted. It does not reveal the reason.
 pub(super) fn not_accepted() -> ApiError {
     ApiError::Unauthenticated("the token is not known, has expired or was revoked; ask for another".to_owned())
 }
 
-/// The answer to a gRPC call, which ends with UNAUTHENTICATED where `expiry` comes first.
+/// Wraps the answer to a gRPC call, which ends with UNAUTHENTICATED if `expiry` ends first.
 pub(super) fn ending_at_expiry(response: Response, expiry: BoxFuture<'static, ()>) -> Response {
     response.map(|body| Body::new(Answer { body, expiry, is_over: false }))
 }

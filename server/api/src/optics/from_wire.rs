@@ -1,4 +1,4 @@
-//! The optics engine's terms from messages.
+//! Conversion of messages into the terms of the optics engine.
 
 use crate::error::ApiError;
 use crate::field::Field;
@@ -18,7 +18,7 @@ pub(crate) fn convolution_method(field: &Field, number: i32) -> Result<Option<Co
     optimizable(method).map(Some).ok_or_else(refusal)
 }
 
-/// A rectangle inside the display; unset, the middle 80 % of each axis.
+/// A rectangle inside the display. If it is not set, the middle 80 % of each axis.
 pub(crate) fn region(
     field: &Field,
     region: Option<v1::RegionOfInterest>,

@@ -1,4 +1,4 @@
-//! Messages of the optics engine that several resources use: methods of propagation, detectors, regions, quality.
+//! Messages of the optics engine that several resources use: propagation methods, detectors, regions, quality.
 
 pub(crate) mod from_wire;
 pub(crate) mod propagation_checks;

@@ -1,4 +1,4 @@
-//! Refusing propagation that cannot give a right image.
+//! Refusal of propagation that cannot give a correct image.
 
 use crate::error::ApiError;
 use crate::field::Field;
@@ -7,7 +7,7 @@ use lightpath_domain::planning;
 use lightpath_domain::units::{Distance, Wavelength};
 use lightpath_optics::{ConvolutionMethod, Error, PropagationMethod};
 
-/// Refuses a distance at which no image of the display can be right.
+/// Refuses a distance at which no method gives a correct image of the display.
 pub(crate) fn check_distance(
     field: &Field,
     display: &Display,
@@ -18,7 +18,7 @@ pub(crate) fn check_distance(
     planned.map(|_| ()).map_err(|error| distance_refusal(field, distance, &error))
 }
 
-/// Refuses a method that can't be right.
+/// Refuses a method that cannot give a correct image.
 pub(crate) fn check_method(
     field: &Field,
     display: &Display,
@@ -31,12 +31,12 @@ pub(crate) fn check_method(
     planned.map(|_| ()).map_err(|error| method_refusal(field, &error))
 }
 
-/// Refuses a method, or a window, that cannot be met.
+/// The error for a method or window that is not possible.
 pub(crate) fn method_refusal(field: &Field, error: &Error) -> ApiError {
     field.invalid(format!("can't be met: {error}"))
 }
 
-/// Refuses a distance at which nothing can be right.
+/// The error for a distance at which no method is valid.
 pub(crate) fn distance_refusal(field: &Field, distance: Distance, error: &Error) -> ApiError {
     field.invalid(format!("is {}: {error}", distance.m()))
 }

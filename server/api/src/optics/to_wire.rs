@@ -1,4 +1,4 @@
-//! The optics engine's terms as messages.
+//! Conversion of the terms of the optics engine into messages.
 
 use crate::enumerations::OnWire as _;
 use lightpath_optics::hologram::{Quality, SeenQuality};

@@ -1,4 +1,4 @@
-//! The queue of jobs as a whole: who waits, and pausing it.
+//! The queue of jobs as a whole: its waiting jobs and its pauses.
 
 mod service_methods;
 mod to_wire;

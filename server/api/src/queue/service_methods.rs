@@ -1,4 +1,4 @@
-//! The methods of the job service that are about the queue as a whole.
+//! Methods of the job service for the queue as a whole.
 
 use super::to_wire;
 use crate::api::Api;
@@ -10,7 +10,7 @@ use crate::time::now_ms;
 use lightpath_domain::access::Caller;
 use lightpath_proto::v1;
 
-/// Longest reason of a pause \[bytes\]: a few sentences.
+/// Limit on the length of the reason of a pause \[bytes\]: a few sentences.
 const REASON_BYTES_MAX: usize = 1000;
 
 impl Api {

@@ -1,10 +1,10 @@
-//! The queue as a message.
+//! Conversion of the queue into a message.
 
 use crate::time::timestamp;
 use lightpath_proto::v1;
 use lightpath_store::{Pause, Turn};
 
-/// The queue as clients see it.
+/// Converts the state of the queue into its message.
 pub(crate) fn queue(turns: Vec<Turn>, pauses: Vec<Pause>) -> v1::Queue {
     v1::Queue {
         queued: turns.iter().map(|turn| turn.queued).sum(),

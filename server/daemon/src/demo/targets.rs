@@ -31,7 +31,7 @@ pub(super) struct Targets {
     pub(super) held_out: Vec<Picture>,
 }
 
-/// How pictures are fitted to the display: it is covered without black borders.
+/// Fit of the pictures to the display: they cover it without black borders.
 pub(super) const FIT: Fit = Fit::Cover;
 
 /// Cards that are always held out.
