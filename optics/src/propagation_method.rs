@@ -1,36 +1,35 @@
-//! Names of the propagation methods, and reasons to refuse a method.
+//! The names of the propagation methods, and the reasons for refusing a method.
 
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// Method that computes the field at a distance. The module [`propagation`](crate::propagation) describes where each
-/// method is accurate.
+/// A method to compute the field at a distance. [`propagation`](crate::propagation) says where each method is valid.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PropagationMethod {
-    /// Angular spectrum with its full band, including evanescent waves.
+    /// The angular spectrum with its whole band, evanescent waves included.
     AngularSpectrum,
-    /// Angular spectrum without the frequencies whose light would land beyond the padded frame. It is accurate at every
-    /// distance. If no light lands beyond the frame, it equals [`PropagationMethod::AngularSpectrum`].
+    /// The angular spectrum without the frequencies whose light would land beyond the padded frame. It is valid at
+    /// every distance. Where no light lands beyond the frame it equals [`PropagationMethod::AngularSpectrum`].
     #[default]
     BandLimited,
     /// Band-limited angular spectrum on a window away from the axis, with one-sided limits.
     Shifted,
-    /// Rayleigh–Sommerfeld integral with its impulse response sampled in space. It is accurate from the critical
-    /// distance on.
+    /// The Rayleigh–Sommerfeld integral by its impulse response, sampled in space. It is valid at and beyond the
+    /// critical distance.
     RayleighSommerfeld,
-    /// Angular spectrum on a finer, narrower set of frequencies, for distances beyond the critical distance.
+    /// The angular spectrum on finer frequencies in a narrower band, for distances beyond the critical distance.
     BandExtended,
-    /// Angular spectrum onto a window of any pitch, size and position.
+    /// The angular spectrum onto a window of any pitch, size and position.
     Scaled,
-    /// Paraxial integral onto a window of any pitch, size and position. It is accurate for windows that the light of
-    /// all pixels reaches.
+    /// The Fresnel (paraxial) integral onto a window of any pitch, size and position. It is valid for windows that all
+    /// pixels reach.
     ScaledFresnel,
-    /// Paraxial transfer function.
+    /// The Fresnel (paraxial) transfer function.
     FresnelTransferFunction,
-    /// Paraxial impulse response, sampled in space.
+    /// The Fresnel (paraxial) impulse response, sampled in space.
     FresnelImpulseResponse,
-    /// Fraunhofer diffraction, for the far field.
+    /// The far field (Fraunhofer diffraction).
     Fraunhofer,
 }
 
@@ -49,7 +48,7 @@ impl PropagationMethod {
         Self::Fraunhofer,
     ];
 
-    /// Name of the method for use in a sentence, such as "band-limited angular spectrum".
+    /// The name of the method in lower case, for sentences such as "the band-limited angular spectrum".
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -66,7 +65,8 @@ impl PropagationMethod {
         }
     }
 
-    /// Whether the method is paraxial: it approximates wave fronts by paraboloids, and sines of angles by tangents.
+    /// Whether the method is paraxial: it replaces spherical wave fronts by paraboloids, and sines of angles by
+    /// tangents.
     #[must_use]
     pub fn is_paraxial(self) -> bool {
         match self {
@@ -89,8 +89,8 @@ impl fmt::Display for PropagationMethod {
     }
 }
 
-/// Propagation method that is a convolution with a transfer function on the padded grid. An [`Engine`](crate::Engine)
-/// and the optimization of holograms use these methods.
+/// The methods that are convolutions with a transfer function on the padded grid. An [`Engine`](crate::Engine) runs
+/// them and optimizes holograms through them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ConvolutionMethod {
@@ -110,7 +110,7 @@ pub enum ConvolutionMethod {
 }
 
 impl ConvolutionMethod {
-    /// All convolution methods, the simplest first.
+    /// Every convolution method, simple ones first.
     pub const ALL: [Self; 6] = [
         Self::AngularSpectrum,
         Self::BandLimited,
@@ -140,26 +140,27 @@ impl fmt::Display for ConvolutionMethod {
     }
 }
 
-/// Reason why a method cannot compute the requested propagation correctly.
+/// Why a method was refused for a setup and a window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "SCREAMING_SNAKE_CASE")]
 pub enum RefusalCode {
-    /// The method is not a convolution on the padded grid, so an engine cannot run it.
+    /// An engine was asked to run a method that is not a convolution on the padded grid.
     NoConvolution,
-    /// The method has a fixed window, and another window was requested.
+    /// The method prescribes its window, and another window was asked for.
     OtherWindow,
     /// No light lands in the window.
     WindowUnreachable,
-    /// Too little of the band lands in the window for a picture.
+    /// Too little of the band lands in the window to form a picture.
     BandLost,
-    /// The padded frame samples the transfer function too coarsely, so that light reappears on the opposite side.
+    /// The padded frame samples the transfer function too coarsely. Light that leaves on one side would come back on
+    /// the other.
     Aliased,
     /// The pixels sample the impulse response or the phase of the integral too coarsely.
     Undersampled,
-    /// The window needs more frequencies than the limit.
+    /// The window would take more frequencies than the limit allows.
     TooManyFrequencies,
-    /// The display is too large for the far field.
+    /// The distance is too small, or the display too large, for the far field.
     NotFar,
-    /// The angles of the light are too large for a paraxial method.
+    /// The angles of the light are too steep for a paraxial method.
     NotParaxial,
 }

@@ -4,16 +4,18 @@
 //! |f| ≤ f_ext,   f_ext: z·f_ext / √(1/λ² − f_ext²) = N/(4·f_ext)   (≈ ½ √(N/λz)),   δf = 2·f_ext/N
 //! ```
 //!
-//! λ wavelength \[m\], z distance \[m\], N padded pixels along an axis. As many samples as the padded spectrum has are squeezed into the
-//! widest band in which the transfer function's phase still turns by at most half a cycle from sample to sample. Beyond the critical
-//! distance that is wider than the [band limit](crate::transfer_function::band_limit) by √(z/z_c), and up to it the band is the
-//! pixels' own. The spectrum at these frequencies is exact, by a [chirp-z transform](super::chirp_z).
-//! W. Zhang, H. Zhang and G. Jin, Optics Letters 45, 1543 (2020), there paraxial and by a non-uniform Fourier transform.
+//! λ wavelength \[m\], z distance \[m\], N padded pixels along an axis. The method uses as many frequencies as the
+//! padded spectrum has, but spreads them over another band: the widest band in which the phase of the transfer function
+//! changes by at most half a cycle from sample to sample. Beyond the critical distance z_c this band is wider than the
+//! [band limit](crate::transfer_function::band_limit) by the factor √(z/z_c). Up to z_c it is the pixels' whole band. A
+//! [chirp-z transform](super::chirp_z) computes the spectrum at these frequencies exactly.
+//! Source: W. Zhang, H. Zhang and G. Jin, Optics Letters 45, 1543 (2020); they use the paraxial form and a non-uniform
+//! Fourier transform.
 
 use super::frequency_window::FrequencyAxis;
 use crate::OpticalSetup;
 
-/// The frequencies along x and y.
+/// The frequencies of the band-extended method along x and y.
 pub(crate) fn band_extended_axes(setup: &OpticalSetup) -> [FrequencyAxis; 2] {
     let axis = |padded_px: usize| {
         let samples = padded_px as f64;
@@ -26,7 +28,7 @@ pub(crate) fn band_extended_axes(setup: &OpticalSetup) -> [FrequencyAxis; 2] {
     [axis(setup.padded_width_px()), axis(setup.padded_height_px())]
 }
 
-/// f_ext \[1/m\]: f⁴ = c²(1/λ² − f²) with c = N/4|z|, without cancellation.
+/// Limit f_ext of the band \[1/m\]: the root of f⁴ = c²(1/λ² − f²), c = N/4|z|, in a form that avoids cancellation.
 fn extended_limit(samples: f64, wavelength_m: f64, distance_m: f64) -> f64 {
     let c = 0.25 * samples / distance_m.abs();
     let root = (0.25 * c * c + wavelength_m.powi(-2)).sqrt() + 0.5 * c;

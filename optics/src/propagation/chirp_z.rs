@@ -5,10 +5,12 @@
 //!     = e^{∓iπs·q²} Σ_n [x_n e^{∓iπs·p²}] e^{±iπs·(q−p)²}
 //! ```
 //!
-//! n = 0 … N−1 samples, k = 0 … M−1 results, s the spacing \[cycles\] of neighbouring results at neighbouring samples. The
-//! second line, with pq = (p² + q² − (q−p)²)/2, is a convolution with a chirp, done by fast Fourier transforms of a length of at
-//! least N + M − 1. L. Bluestein, IEEE Trans. Audio Electroacoust. 18, 451 (1970); L. Rabiner, R. Schafer and C. Rader,
-//! ibid. 17, 86 (1969). p and q are counted from the middle, which keeps the chirps' phases small.
+//! n = 0 … N−1 samples, k = 0 … M−1 results, s the spacing \[cycles\] of neighbouring results at neighbouring samples.
+//! The second line follows from pq = (p² + q² − (q−p)²)/2. It is a convolution with a chirp, computed by fast Fourier
+//! transforms of length N + M − 1 or more. p and q are counted from the middle, which keeps the phases of the chirps
+//! small.
+//! Sources: L. Bluestein, IEEE Trans. Audio Electroacoust. 18, 451 (1970); L. Rabiner, R. Schafer and C. Rader, ibid.
+//! 17, 86 (1969).
 
 use crate::real::Number;
 use crate::transfer_function::phasor;
@@ -25,18 +27,18 @@ pub(super) enum Sign {
     Plus,
 }
 
-/// A planned transform of `samples` to `results` values.
+/// A planned chirp-z transform from `samples` values to `results` values.
 #[derive(Clone)]
 pub(super) struct ChirpZ<T> {
     samples: usize,
     results: usize,
     forward: Arc<dyn Fft<T>>,
     inverse: Arc<dyn Fft<T>>,
-    /// e^{∓iπs·p²}
+    /// Factors of the samples before the convolution: e^{∓iπs·p²}.
     before: Vec<Complex<T>>,
-    /// The transform of e^{±iπs·m²}, scaled by 1/(its length).
+    /// Fourier transform of the chirp e^{±iπs·m²}, divided by its length.
     chirp: Vec<Complex<T>>,
-    /// e^{∓iπs·q²}
+    /// Factors of the results after the convolution: e^{∓iπs·q²}.
     after: Vec<Complex<T>>,
 }
 
@@ -46,17 +48,17 @@ impl<T> fmt::Debug for ChirpZ<T> {
     }
 }
 
-/// Where the samples and the results of a transform lie, in steps from the middle.
+/// Positions of the samples or of the results of a transform, in steps from an origin.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Span {
-    /// How many.
+    /// Number of values.
     pub(super) count: usize,
-    /// The index, not necessarily whole, that counts as 0.
+    /// Index of position 0; it may be a fraction.
     pub(super) origin: f64,
 }
 
 impl Span {
-    /// As many values to the left of the origin as to its right.
+    /// `count` positions with the origin in their middle.
     pub(super) fn centred(count: usize) -> Self {
         Self { count, origin: middle(count) }
     }
@@ -66,13 +68,13 @@ impl Span {
     }
 }
 
-/// The middle of indices 0 … count−1.
+/// The middle of the indices 0 … count−1.
 pub(super) fn middle(count: usize) -> f64 {
     (count as f64 - 1.0) / 2.0
 }
 
 impl<T: Number> ChirpZ<T> {
-    /// From `samples` to `results`, at `spacing` cycles.
+    /// Plans the transform from `samples` to `results`, which are `spacing_cycles` apart.
     pub(super) fn new(
         planner: &mut FftPlanner<T>,
         samples: Span,
@@ -87,7 +89,7 @@ impl<T: Number> ChirpZ<T> {
         };
         let narrow = |value: Complex64| Complex::new(T::of(value.re), T::of(value.im));
         let ramp = |span: Span| (0..span.count).map(|i| narrow(phasor(cycles * span.at(i).powi(2)))).collect();
-        // q − p at results k and samples n: k − n − (k₀ − n₀), with k − n from −(N−1) to M−1, wrapped.
+        // The chirp at q − p = k − n − (k₀ − n₀). k − n runs from −(N−1) to M−1; negative values wrap around.
         let mut chirp = vec![Complex64::ZERO; length];
         let between = results.origin - samples.origin;
         for (k, value) in chirp.iter_mut().enumerate().take(results.count) {
@@ -108,23 +110,23 @@ impl<T: Number> ChirpZ<T> {
         }
     }
 
-    /// Values that go in.
+    /// Number of input values.
     pub(super) fn samples(&self) -> usize {
         self.samples
     }
 
-    /// Values that come out.
+    /// Number of output values.
     pub(super) fn results(&self) -> usize {
         self.results
     }
 
-    /// Room that [`Self::transform`] needs.
+    /// Working memory for [`Self::transform`].
     pub(super) fn scratch(&self) -> Vec<Complex<T>> {
         let own = self.forward.get_inplace_scratch_len().max(self.inverse.get_inplace_scratch_len());
         vec![Complex::new(T::zero(), T::zero()); self.chirp.len() + own]
     }
 
-    /// Writes X, `results` values, for x, `samples` values.
+    /// Transforms the `samples` values `x` and writes the values X to `results`.
     pub(super) fn transform(&self, x: &[Complex<T>], results: &mut [Complex<T>], scratch: &mut [Complex<T>]) {
         let (work, scratch) = scratch.split_at_mut(self.chirp.len());
         for ((work, &x), &before) in work.iter_mut().zip(x).zip(&self.before) {
@@ -142,7 +144,7 @@ impl<T: Number> ChirpZ<T> {
     }
 }
 
-/// The least length from `least` on that has no prime factor beyond 5.
+/// The smallest length of at least `least` whose prime factors are 2, 3 and 5 only.
 fn fast_length(least: usize) -> usize {
     let is_smooth = |mut n: usize| {
         for factor in [2, 3, 5] {
@@ -172,7 +174,7 @@ mod tests {
                     (0..samples).map(|n| Complex64::new((n as f64 * 2.3).sin(), (n as f64 * 1.1).cos())).collect();
                 let narrow: Vec<Complex<T>> = x.iter().map(|x| Complex::new(T::of(x.re), T::of(x.im))).collect();
                 let mut found = vec![Complex::new(T::zero(), T::zero()); results];
-                // What an earlier transform left behind must not matter.
+                // The contents of the working memory before a transform must not change the result.
                 let mut scratch = chirp_z.scratch();
                 scratch.fill(Complex::new(T::of(f64::NAN), T::one()));
                 chirp_z.transform(&narrow, &mut found, &mut scratch);
@@ -181,7 +183,7 @@ mod tests {
                     let term = |(n, x): (usize, &Complex64)| x * Complex64::cis(turn * spacing * from.at(n) * to.at(k));
                     let expected: Complex64 = x.iter().enumerate().map(term).sum();
                     error += (Complex64::new(found.re.wide(), found.im.wide()) - expected).norm_sqr();
-                    // |X|² is at most this.
+                    // Upper bound of |X|².
                     energy += samples as f64 * x.iter().map(Complex64::norm_sqr).sum::<f64>();
                 }
                 let error = (error / energy).sqrt();
@@ -190,7 +192,8 @@ mod tests {
         }
     }
 
-    // Rounding: ε·log₂(length) for two transforms, and ε times the direct sum's phases, up to 800 rad.
+    // Rounding errors: ε·log₂(length) for each of two transforms, and ε times the phases of the direct sum, up to 800
+    // rad.
     #[test]
     fn it_is_the_sum_that_it_stands_for() {
         check::<f64>(1e-13);

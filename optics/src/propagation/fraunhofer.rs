@@ -4,10 +4,11 @@
 //! u₁(x, y) = e^{iπ(x² + y²)/λz} / (iλz) · Δ² Σ u₀(x', y') e^{−i2π(x·x' + y·y')/λz}
 //! ```
 //!
-//! λ wavelength \[m\], z distance \[m\], Δ pixel pitch \[m\]; the piston e^{ikz} is left out. With samples of the image λz/(NΔ) apart
-//! along each axis of N pixels the sum is a discrete Fourier transform. It neglects the phase π(x'² + y'²)/λz across the display,
-//! which asks for z > 2D²/λ, D its diagonal; and far off the axis the phase of u₁, not its intensity, is off as that of a paraboloid is from
-//! a sphere's. J. Goodman, Introduction to Fourier Optics, section 4.3.
+//! λ wavelength \[m\], z distance \[m\], Δ pixel pitch \[m\]; the piston e^{ikz} is left out. Along each axis of N
+//! pixels the samples of the image are λz/(NΔ) apart, which makes the sum a discrete Fourier transform. The method
+//! neglects the phase π(x'² + y'²)/λz across the display and therefore needs z > 2D²/λ, with D the display's diagonal.
+//! Far off the axis the phase of u₁ has the error of a paraboloid in place of a sphere; the intensity does not. Source:
+//! J. Goodman, Introduction to Fourier Optics, section 4.3.
 
 use super::ImageWindow;
 use super::rows::{transform_rows, transposed};
@@ -19,7 +20,7 @@ use num_complex::{Complex, Complex64};
 use rustfft::{Fft, FftPlanner};
 use std::{fmt, sync::Arc};
 
-/// The window on which the far field of a setup is sampled: as many pixels as the display has, λz/(NΔ) apart.
+/// The window on which the far field of a setup is sampled. It has as many pixels as the display, λz/(NΔ) apart.
 #[must_use]
 pub fn fraunhofer_window(setup: &OpticalSetup) -> ImageWindow {
     let grid = setup.grid();
@@ -28,7 +29,7 @@ pub fn fraunhofer_window(setup: &OpticalSetup) -> ImageWindow {
     ImageWindow::with_pitches(&grid, pitch_m(grid.width_px()), pitch_m(grid.height_px()))
 }
 
-/// By how much \[rad\] the neglected phase differs between the display's middle and its corners.
+/// Difference \[rad\] of the neglected phase between the display's middle and its corners.
 pub(super) fn neglected_phase_rad(setup: &OpticalSetup) -> f64 {
     let grid = setup.grid();
     let half_diagonal_m =
@@ -36,7 +37,7 @@ pub(super) fn neglected_phase_rad(setup: &OpticalSetup) -> f64 {
     std::f64::consts::PI * half_diagonal_m * half_diagonal_m / (setup.wavelength_m() * setup.distance_m().abs())
 }
 
-/// Far-field propagation, planned.
+/// Planned far-field propagation.
 #[derive(Debug)]
 pub(crate) struct Fraunhofer<T> {
     along_x: Axis<T>,
@@ -44,13 +45,13 @@ pub(crate) struct Fraunhofer<T> {
     backwards: bool,
 }
 
-/// One axis of N samples.
+/// Transforms and factors along one axis of N samples.
 struct Axis<T> {
     forward: Arc<dyn Fft<T>>,
     inverse: Arc<dyn Fft<T>>,
-    /// e^{i2πn(N−1)/2N}: counts positions from the middle, at either end of the transform.
+    /// e^{i2πn(N−1)/2N}: moves position 0 to the middle, before and after the transform.
     ramp: Vec<Complex<T>>,
-    /// Δ/√(iλz) · e^{iπx²/λz}, times what the two ramps leave over.
+    /// Δ/√(iλz) · e^{iπx²/λz}, times the constant phase that the two ramps leave.
     quadratic: Vec<Complex<T>>,
 }
 
@@ -76,7 +77,7 @@ impl<T: Number> Fraunhofer<T> {
         self.turned(field, |field| self.along_both(field, Axis::adjoint))
     }
 
-    /// Backwards is forwards for the conjugate field.
+    /// Runs `forwards`. For a negative distance it conjugates the field before and after.
     fn turned(
         &self,
         field: &Plane<Complex<T>>,
@@ -108,7 +109,7 @@ impl<T: Number> Axis<T> {
         let scale = pixel_pitch_m / area_m2.sqrt();
         let quadratic = |i: usize| {
             let x_m = from_middle(i, samples) * image_pitch_m;
-            // −1/8 of a turn: 1/√i.
+            // −1/8 of a cycle is the phase of 1/√i.
             narrow(scale * phasor(0.5 * x_m * x_m / area_m2 - 0.125 - middle * middle / n))
         };
         Self {

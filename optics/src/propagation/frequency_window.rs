@@ -1,12 +1,12 @@
-//! The angular spectrum at frequencies of our own choice, and back onto any window.
+//! The angular spectrum at freely chosen frequencies, and its transform onto any window.
 //!
 //! ```text
 //! u₁(x, y) = Σ_k U₀(f_k) H(f_k) e^{i2π f_k·(x, y)} δf_x δf_y,   U₀(f) = Δ² Σ u₀(x', y') e^{−i2πf·(x', y')}
 //! ```
 //!
-//! f_k = k·δf \[1/m\] along each axis for whole k from a first to a last one. Both sums are [chirp-z
-//! transforms](super::chirp_z) along one axis after the other. What light lands farther than 1/δf away from where it came from
-//! would come back on the other side: the methods that use this choose δf so that none does.
+//! f_k = k·δf \[1/m\] along each axis, for whole numbers k from a first to a last one. Both sums are [chirp-z
+//! transforms](super::chirp_z) along one axis, then along the other. Light that lands farther than 1/δf from its origin
+//! would come back on the other side. The methods that use these sums choose δf so that no light does.
 
 use super::chirp_z::{ChirpZ, Sign, Span};
 use super::impulse_response::fading;
@@ -23,18 +23,19 @@ use rustfft::FftPlanner;
 pub(crate) struct FrequencyAxis {
     pub(super) first: f64,
     pub(super) count: usize,
-    /// δf \[1/m\]
+    /// Spacing δf of the frequencies \[1/m\].
     pub(super) spacing_per_m: f64,
-    /// Light that lands this far from the window's middle is still kept whole \[m\].
+    /// Light that lands up to this distance from the window's middle is kept whole \[m\].
     pub(super) whole_m: f64,
-    /// From here on it is left out; between, it fades \[m\].
+    /// Light that lands beyond this distance from the window's middle is left out \[m\]. Between `whole_m` and
+    /// `reach_m` it fades.
     pub(super) reach_m: f64,
 }
 
 impl FrequencyAxis {
-    /// The multiples of `spacing_per_m` from `low_per_m` up to but without `high_per_m`.
+    /// The multiples of `spacing_per_m` from `low_per_m` (included) to `high_per_m` (excluded).
     pub(super) fn between(low_per_m: f64, high_per_m: f64, spacing_per_m: f64) -> Self {
-        // A bound that is a multiple, but for rounding, counts as one.
+        // A bound that differs from a multiple by rounding only counts as that multiple.
         const ROUNDING: f64 = 1e-9;
         let first = (low_per_m / spacing_per_m - ROUNDING).ceil();
         let end = (high_per_m / spacing_per_m - ROUNDING).ceil();
@@ -42,12 +43,12 @@ impl FrequencyAxis {
         Self { first, count, spacing_per_m, whole_m: f64::INFINITY, reach_m: f64::INFINITY }
     }
 
-    /// f_k of the `i`-th frequency \[1/m\].
+    /// The frequency \[1/m\] with index `i`, counted from 0.
     pub(super) fn at(&self, i: usize) -> f64 {
         (self.first + i as f64) * self.spacing_per_m
     }
 
-    /// How much of the light that lands `beside_m` \[m\] beside the window's middle is kept, 0 to 1.
+    /// Weight, 0 to 1, of light that lands `beside_m` \[m\] beside the window's middle.
     fn weight(&self, beside_m: f64) -> f64 {
         if self.whole_m < self.reach_m {
             return fading((beside_m.abs() - self.whole_m) / (self.reach_m - self.whole_m));
@@ -60,11 +61,11 @@ impl FrequencyAxis {
     }
 }
 
-/// Most frequencies, over both axes: half a gigabyte of transfer function in single precision. A zoom into the image of a 4K display
-/// takes three quarters of them.
+/// Largest number of frequencies, both axes multiplied: half a gigabyte of transfer function in single precision. A
+/// zoom into the image of a 4K display takes three quarters of it.
 pub(super) const FREQUENCIES_MAX: usize = 1 << 26;
 
-/// Refuses axes that hold no frequency, or too many.
+/// Refuses axes without frequencies or with too many frequencies.
 pub(crate) fn check_frequencies(
     method: PropagationMethod,
     along_x: &FrequencyAxis,
@@ -85,16 +86,16 @@ pub(crate) fn check_frequencies(
     Ok(())
 }
 
-/// Propagation over chosen frequencies, planned.
+/// Planned propagation over chosen frequencies.
 #[derive(Debug)]
 pub(crate) struct FrequencyWindow<T> {
-    /// (along x, along y) of each step.
+    /// Transforms from the display to the frequencies, along x and along y.
     to_frequencies: [ChirpZ<T>; 2],
     to_window: [ChirpZ<T>; 2],
-    /// The adjoints of the two.
+    /// Adjoint of `to_window`, along x and along y.
     from_window: [ChirpZ<T>; 2],
     from_frequencies: [ChirpZ<T>; 2],
-    /// H times Δ²·δf_x·δf_y, along y for one fx after the other.
+    /// H times Δ²·δf_x·δf_y, in order of fx, then fy: all fy of the first fx, then of the next.
     transfer: Vec<Complex<T>>,
 }
 

@@ -4,17 +4,18 @@
 //! u₁ = Δ² Σ u₀(x', y') h(x − x', y − y'),   h(x, y) = e^{iπ(x² + y²)/λz} / (iλz)
 //! ```
 //!
-//! λ wavelength \[m\], z distance \[m\], Δ pixel pitch \[m\], h \[1/m²\]; the piston e^{ikz} is left out. The sum is done as a
-//! convolution on the padded grid, where h is what the samples of h along x are transformed to, times the same along y. They
-//! step by N·Δ²/λz of a cycle at the far end of the frame: by less than half a cycle, and so without aliasing, where z ≥ z_c.
-//! D. Voelz and M. Roggemann, Applied Optics 48, 6132 (2009).
+//! λ wavelength \[m\], z distance \[m\], Δ pixel pitch \[m\], h \[1/m²\]; the piston e^{ikz} is left out. The sum is
+//! computed as a convolution on the padded grid. h separates into a factor along x and a factor along y, and so does
+//! its transform. The phase of a factor changes by N·Δ²/λz of a cycle from pixel to pixel at the far end of the frame.
+//! For z ≥ z_c this is at most half a cycle, which avoids aliasing. Source: D. Voelz and M. Roggemann, Applied Optics
+//! 48, 6132 (2009).
 
 use crate::transfer_function::phasor;
 use num_complex::Complex64;
 use rustfft::FftPlanner;
 use std::f64::consts::{FRAC_PI_4, TAU};
 
-/// h(x, y) \[1/m²\].
+/// Paraxial impulse response h(x, y) \[1/m²\] of free space, without the piston.
 ///
 /// ```
 /// use lightpath_optics::propagation::fresnel_impulse_response;
@@ -33,7 +34,7 @@ fn along_axis(x_m: f64, wavelength_m: f64, distance_m: f64) -> Complex64 {
     root * phasor(0.5 * x_m * x_m / area_m2)
 }
 
-/// Δ·h along an axis of `samples` pixels, transformed: at the 2·`samples` padded bins in the order of the DFT.
+/// Fourier transform of Δ·h along an axis of `samples` pixels, at the 2·`samples` padded bins in the order of the DFT.
 pub(super) fn spectrum_along_axis(
     samples: usize,
     pixel_pitch_m: f64,
@@ -44,7 +45,7 @@ pub(super) fn spectrum_along_axis(
     for lag in 0..samples {
         let value = pixel_pitch_m * along_axis(lag as f64 * pixel_pitch_m, wavelength_m, distance_m);
         spectrum[lag] = value;
-        // No pair of pixels is `samples` apart: that bin stays zero.
+        // No two pixels are `samples` pixels apart: that bin stays zero.
         if lag > 0 {
             spectrum[2 * samples - lag] = value;
         }
@@ -53,7 +54,7 @@ pub(super) fn spectrum_along_axis(
     spectrum
 }
 
-/// The same at any frequency \[1/m\], by its definition.
+/// Transfer function of the sampled impulse response at any frequency \[1/m\], computed from its definition.
 pub(crate) fn fresnel_impulse_spectrum(
     f: f64,
     samples: usize,
@@ -87,7 +88,7 @@ mod tests {
 
     #[test]
     fn far_away_it_is_the_transfer_function() {
-        // Within the frame's reach, and away from the ringing at the response's ends.
+        // Frequencies whose light lands in the frame, away from the ringing at the ends of the response.
         let (samples, pitch_m, distance_m) = (4096, 8e-6, 3.0);
         let f = 3e3;
         let sampled = fresnel_impulse_spectrum(f, samples, pitch_m, 515e-9, distance_m);

@@ -2,14 +2,16 @@
 //!
 //! ```text
 //! u₁ = Δ² Σ u₀(x', y') h(x − x', y − y'),   h(x, y) = z/(2πr²) · (1/r − ik) · e^{ik(r − z)},   r² = x² + y² + z²
-//! whole where s = max(|x|, |y|)/r · 2Δ/λ ≤ 1, falling as cos²(π(s − 1)) to nothing at s = 3/2
+//! unchanged where s = max(|x|, |y|)/r · 2Δ/λ ≤ 1, faded as cos²(π(s − 1)) to 0 at s = 3/2
 //! ```
 //!
-//! λ wavelength \[m\], k = 2π/λ, z distance \[m\], Δ pixel pitch \[m\], h \[1/m²\]; the piston e^{ikz} is left out. It is the sum of
-//! [`rayleigh_sommerfeld`](crate::reference::rayleigh_sommerfeld), done by Fourier transforms of the padded grid: F. Shen and A.
-//! Wang, Applied Optics 45, 1102 (2006). From the critical distance on h turns by at most half a cycle from pixel to pixel all over the
-//! frame. Nearer, its far ends would alias; they stand for light steeper than the pixels can send, and are faded out, as the band
-//! limit leaves out frequencies: each method is whole on its side of z_c, and limited on the other.
+//! λ wavelength \[m\], k = 2π/λ, z distance \[m\], Δ pixel pitch \[m\], h \[1/m²\]; the piston e^{ikz} is left out. It
+//! is the sum of [`rayleigh_sommerfeld`](crate::reference::rayleigh_sommerfeld), computed by Fourier transforms of the
+//! padded grid: F. Shen and A. Wang, Applied Optics 45, 1102 (2006). At and beyond the critical distance z_c the phase
+//! of h changes by at most half a cycle from pixel to pixel everywhere in the frame. At smaller distances the far ends
+//! of h would alias. They stand for light steeper than the pixels can send, and are faded out. The impulse response is
+//! therefore complete beyond z_c and limited nearer; the band-limited transfer function is complete up to z_c and
+//! limited beyond.
 
 use crate::OpticalSetup;
 use crate::transfer_function::phasor;
@@ -18,7 +20,8 @@ use rayon::prelude::*;
 use rustfft::FftPlanner;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// h(x, y) \[1/m²\] of the first Rayleigh–Sommerfeld integral, without the piston; for a negative distance its conjugate.
+/// Impulse response h(x, y) \[1/m²\] of the first Rayleigh–Sommerfeld integral, without the piston. A negative distance
+/// gives the complex conjugate.
 ///
 /// ```
 /// use lightpath_optics::propagation::{fresnel_impulse_response, impulse_response};
@@ -31,17 +34,17 @@ pub fn impulse_response(x_m: f64, y_m: f64, wavelength_m: f64, distance_m: f64) 
     let rho_squared = x_m * x_m + y_m * y_m;
     let r = (rho_squared + z * z).sqrt();
     let obliquity = z / (TAU * r * r) * Complex64::new(1.0 / r, -TAU / wavelength_m);
-    // r − z without cancellation.
+    // ρ²/(r + z) is r − z without cancellation.
     let value = obliquity * phasor(rho_squared / ((r + z) * wavelength_m));
     if distance_m < 0.0 { value.conj() } else { value }
 }
 
-/// Δ²·h a number of pixels away, faded out where it would alias.
+/// Δ²·h at (`x_px`, `y_px`) pixels from the source, faded out where it would alias.
 fn sample(setup: &OpticalSetup, y_px: usize, x_px: usize) -> Complex64 {
     let (pitch_m, wavelength_m, z) = (setup.grid().pixel_pitch_m(), setup.wavelength_m(), setup.distance_m());
     let (x_m, y_m) = (x_px as f64 * pitch_m, y_px as f64 * pitch_m);
     let r = (x_m * x_m + y_m * y_m + z * z).sqrt();
-    // Half cycles from pixel to pixel.
+    // Phase step of h between neighbouring pixels, in half cycles.
     let steepness = x_m.max(y_m) / r * 2.0 * pitch_m / wavelength_m;
     let weight = fading((steepness - 1.0) / 0.5);
     if weight == 0.0 {
@@ -50,7 +53,7 @@ fn sample(setup: &OpticalSetup, y_px: usize, x_px: usize) -> Complex64 {
     weight * pitch_m * pitch_m * impulse_response(x_m, y_m, wavelength_m, z)
 }
 
-/// 1 up to `t` = 0, 0 from `t` = 1 on, cos²(πt/2) between.
+/// A weight: 1 for `t` ≤ 0, cos²(πt/2) for `t` between 0 and 1, 0 for `t` ≥ 1.
 pub(super) fn fading(t: f64) -> f64 {
     if t <= 0.0 {
         1.0
@@ -61,33 +64,34 @@ pub(super) fn fading(t: f64) -> f64 {
     }
 }
 
-/// The transfer function at the padded bins from zero frequency to half the sampling frequency; it is even along both axes.
+/// The transfer function at the padded bins from zero frequency to half the sampling frequency. It is even along both
+/// axes, so these bins determine all others.
 #[derive(Clone, Debug)]
 pub(super) struct EvenSpectrum {
     height_px: usize,
     width_px: usize,
-    /// Along fy for one fx after the other.
+    /// Values in order of fx, then fy: all fy of the first fx, then of the next.
     values: Vec<Complex64>,
 }
 
 impl EvenSpectrum {
     pub(super) fn new(setup: &OpticalSetup) -> Self {
         let (height_px, width_px) = (setup.grid().height_px(), setup.grid().width_px());
-        // One row of lags after the other, then one column of frequencies after the other. No pixels are a whole side
-        // apart: there h stays zero.
+        // First transforms rows along x, then columns along y. No two pixels are a whole side apart: h stays zero at
+        // that lag.
         let along_x = even_rows(height_px, width_px, |y, x| sample(setup, y, x));
         let values = even_rows(width_px + 1, height_px, |u, y| along_x[y * (width_px + 1) + u]);
         Self { height_px, width_px, values }
     }
 
-    /// At padded bins 0 ≤ u < 2·width, 0 ≤ v < 2·height.
+    /// The transfer function at the padded bin (`u`, `v`), 0 ≤ u < 2·width, 0 ≤ v < 2·height.
     pub(super) fn at_bins(&self, u: usize, v: usize) -> Complex64 {
         let (u, v) = (u.min(2 * self.width_px - u), v.min(2 * self.height_px - v));
         self.values[u * (self.height_px + 1) + v]
     }
 }
 
-/// Each row's even sequence f(0), f(1), …, f(n−1), 0, f(n−1), …, f(1), transformed: bins 0 … n.
+/// Fourier transform of each row's even sequence f(0), f(1), …, f(n−1), 0, f(n−1), …, f(1): the bins 0 … n.
 fn even_rows(rows: usize, n: usize, f: impl Fn(usize, usize) -> Complex64 + Sync) -> Vec<Complex64> {
     let fft = FftPlanner::new().plan_fft_forward(2 * n);
     let mut spectra = vec![Complex64::ZERO; rows * (n + 1)];
@@ -108,7 +112,7 @@ fn even_rows(rows: usize, n: usize, f: impl Fn(usize, usize) -> Complex64 + Sync
     spectra
 }
 
-/// H at any frequency \[1/m\] by its definition, in O(pixels).
+/// Transfer function H at any frequency \[1/m\], computed from its definition in O(pixels).
 pub(crate) fn impulse_spectrum(setup: &OpticalSetup, fx: f64, fy: f64) -> Complex64 {
     let pitch_m = setup.grid().pixel_pitch_m();
     let pair = |lag: usize, f: f64| if lag == 0 { 1.0 } else { 2.0 * (TAU * f * lag as f64 * pitch_m).cos() };

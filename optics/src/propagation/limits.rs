@@ -1,4 +1,4 @@
-//! What is refused: methods that can't be right where they are asked.
+//! Checks that refuse a method for a setup where it cannot be valid.
 
 use super::band_extended::band_extended_axes;
 use super::frequency_window::check_frequencies;
@@ -10,21 +10,25 @@ use super::{ConvolutionMethod, ImageWindow, PropagationMethod, RefusalCode};
 use crate::{Error, OpticalSetup, Result};
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// A window that resolves fewer points along a side holds no picture, only a part of one speckle.
+/// Fewest resolved points along a side of a window. With fewer, the window shows only a part of one speckle.
 const RESOLVED_POINTS_MIN: f64 = 2.0;
-/// With less of the band than this inside its sharp limits, what rings there is as bright as the image: a band of 1/5 was seen to
-/// be off by 10 to 50 %.
+/// Smallest part of the band within sharp limits. With less, the ringing is as bright as the image: a band of 1/5 had
+/// measured errors of 10 to 50 %.
 const SHARP_BAND_MIN: f64 = 0.2;
-/// Nearer than this part of the critical distance, the impulse response fades out within the image's own light.
+/// Smallest distance for the impulse response, as a part of the critical distance. At smaller distances the fading cuts
+/// into the light of the image.
 const IMPULSE_RESPONSE_REACH_MIN: f64 = 0.5;
-/// A paraxial method that is off by more shows dark where it is light.
+/// Largest phase error of a paraxial method \[rad\]. With a larger error it shows bright places dark.
 const NEGLECTED_PHASE_RAD_MAX: f64 = PI;
-/// The same for the far field, whose error is all over the image: four times the usual λ/8 criterion z = 2D²/λ.
+/// Largest phase error of the far field \[rad\]: four times the error at the usual λ/8 criterion z = 2D²/λ. It is
+/// smaller than for other paraxial methods, because the error affects the whole image.
 const FAR_FIELD_PHASE_RAD_MAX: f64 = FRAC_PI_2;
 
+/// Checks that `method` can be valid for the setup and the window.
+///
 /// # Errors
 ///
-/// [`Error::Unsuitable`] where `method` can't be right.
+/// [`Error::Unsuitable`] where `method` cannot be valid.
 pub(crate) fn check(setup: &OpticalSetup, method: PropagationMethod, window: &ImageWindow) -> Result<()> {
     check_window(setup, method, window)?;
     check_light(setup, method, window)?;
@@ -78,7 +82,7 @@ fn refusal(method: PropagationMethod, code: RefusalCode, reason: String) -> Erro
     Error::Unsuitable { method, code, reason }
 }
 
-/// Only some methods choose where the image lies.
+/// Checks that `method` can compute the image on `window`. Only some methods can move or scale the window.
 fn check_window(setup: &OpticalSetup, method: PropagationMethod, window: &ImageWindow) -> Result<()> {
     let own = ImageWindow::of(&setup.grid());
     let (fits, needed) = match method {
@@ -111,9 +115,11 @@ fn check_light(setup: &OpticalSetup, method: PropagationMethod, window: &ImageWi
     Ok(())
 }
 
+/// Checks that a window opposite the display can hold a picture.
+///
 /// # Errors
 ///
-/// [`Error::Unsuitable`] where a window, opposite to the display, can't hold a picture.
+/// [`Error::Unsuitable`] for a window that resolves too few points.
 pub(super) fn check_picture(setup: &OpticalSetup, method: PropagationMethod, window: &ImageWindow) -> Result<()> {
     let (grid, band) = (setup.grid(), Band::new(setup, window));
     for (axis, kept, side_px, window_px, window_pitch_m) in [
@@ -121,7 +127,7 @@ pub(super) fn check_picture(setup: &OpticalSetup, method: PropagationMethod, win
         ("y", band.kept_y, grid.height_px(), window.height_px(), window.pitch_y_m()),
     ] {
         let points = kept * window_px as f64 * window_pitch_m / grid.pixel_pitch_m();
-        // Displays and windows of one or two lines are no pictures to begin with.
+        // Displays and windows with sides of one to three pixels need only half as many points.
         if points < RESOLVED_POINTS_MIN.min(side_px.min(window_px) as f64 / 2.0) {
             let reason = format!(
                 "at {} only {} of the band lands in the image along {axis}, which resolves {} of its {window_px} pixels; a \
@@ -136,7 +142,7 @@ pub(super) fn check_picture(setup: &OpticalSetup, method: PropagationMethod, win
     Ok(())
 }
 
-/// Each axis with its critical distance.
+/// The name of each axis with its critical distance \[m\].
 fn critical_distances(setup: &OpticalSetup) -> [(&'static str, f64); 2] {
     [("x", setup.critical_distance_x_m()), ("y", setup.critical_distance_y_m())]
 }

@@ -1,27 +1,30 @@
-//! How light gets from the display to the image: the methods, and which one is right where.
+//! Propagation of light from the display to the image: the methods, and the planner that chooses among them.
 //!
-//! Scalar diffraction from a plane of pixels to a parallel one. All methods give the same field where they are right, without the
-//! piston e^{ikz}; towards negative distances they give the field that would become the one they are given. Each stands in a file of its
-//! own with its equation and source.
+//! The methods compute scalar diffraction from a plane of pixels to a parallel plane, without the piston e^{ikz}.
+//! Methods that are valid for a setup give the same field. For a negative distance they give the field that would
+//! propagate into the given one. Each method has a file of its own with its equation and source.
 //!
-//! | method | what it computes | right where |
+//! | method | what it computes | valid for |
 //! |---|---|---|
 //! | [angular spectrum](PropagationMethod::AngularSpectrum) | H = e^{i2πz√(1/λ² − f²)} on the padded grid | z ≤ z_c |
-//! | [band-limited](PropagationMethod::BandLimited) | the same for light that lands in the padded frame | all z, ringing beyond z_c |
+//! | [band-limited](PropagationMethod::BandLimited) | angular spectrum of the light that lands in the padded frame | all z, ringing beyond z_c |
 //! | [Rayleigh–Sommerfeld](PropagationMethod::RayleighSommerfeld) | convolution with the sampled impulse response | z ≥ z_c |
 //! | [shifted](PropagationMethod::Shifted) | band-limited, one-sided, to a window beside the axis | as band-limited |
 //! | [Fresnel transfer function](PropagationMethod::FresnelTransferFunction) | H = e^{−iπλz f²} | z ≤ z_c, paraxial |
 //! | [Fresnel impulse response](PropagationMethod::FresnelImpulseResponse) | convolution with e^{iπ(x² + y²)/λz}/(iλz), sampled | z ≥ z_c, paraxial |
 //! | [band-extended](PropagationMethod::BandExtended) | angular spectrum at frequencies squeezed to \|f\| ≤ ½√(N/λz) | all z, some ringing beyond z_c |
-//! | [scaled](PropagationMethod::Scaled) | angular spectrum onto a window of any pitch, size and place | all z |
-//! | [scaled Fresnel](PropagationMethod::ScaledFresnel) | the Fresnel integral onto such a window | windows that all pixels reach, paraxial |
+//! | [scaled](PropagationMethod::Scaled) | angular spectrum onto a window of any pitch, size and position | all z |
+//! | [scaled Fresnel](PropagationMethod::ScaledFresnel) | Fresnel integral onto a window of any pitch, size and position | windows that all pixels reach, paraxial |
 //! | [Fraunhofer](PropagationMethod::Fraunhofer) | one Fourier transform and a quadratic phase | z ≫ D²/λ |
 //!
-//! λ wavelength \[m\], z distance \[m\], f spatial frequency \[1/m\], N padded pixels along an axis, Δ pixel pitch \[m\], D the display's
-//! diagonal \[m\], and z_c = N·Δ²/λ the critical distance of each axis. The first six are [convolutions](ConvolutionMethod) on the grid padded twofold: an
-//! [`Engine`](crate::Engine) runs them, and holograms are optimized through them, when the setup is told to by
-//! [`OpticalSetup::with_method`](crate::OpticalSetup::with_method). [`Propagator`](crate::Propagator) runs all of them, and their adjoints. [`plan`] and [`plan_onto`] choose one, say why, and
-//! report how good it is there; what can't be right is refused, with the numbers. The direct sum that all are tested against is
+//! λ wavelength \[m\], z distance \[m\], f spatial frequency \[1/m\], N padded pixels along an axis, Δ pixel pitch
+//! \[m\], D the display's diagonal \[m\], and z_c = N·Δ²/λ the critical distance of each axis.
+//!
+//! The first six methods are [convolutions](ConvolutionMethod) on the grid padded twofold. An [`Engine`](crate::Engine)
+//! runs them and optimizes holograms through them; [`OpticalSetup::with_method`](crate::OpticalSetup::with_method)
+//! chooses the method. [`Propagator`](crate::Propagator) runs all ten methods and their adjoints. [`plan`] and
+//! [`plan_onto`] choose a method, explain the choice, and report its quality. They refuse a setup for which no method
+//! is valid, and give the numbers. Tests compare all methods with the direct sum
 //! [`reference::rayleigh_sommerfeld`](crate::reference::rayleigh_sommerfeld).
 
 mod band_extended;
@@ -53,7 +56,7 @@ pub use transfer::SampledTransfer;
 
 use shifted::shifted_angular_spectrum;
 
-/// What a [`Propagator`](crate::Propagator) is made of.
+/// The planned transforms that a [`Propagator`](crate::Propagator) runs.
 pub(crate) mod passes {
     pub(crate) use super::band_extended::band_extended_axes;
     pub(crate) use super::fraunhofer::Fraunhofer;

@@ -1,20 +1,22 @@
-//! Which method where, and why.
+//! The planner: chooses a propagation method for a setup and explains the choice.
 //!
-//! The image on the display's own pixels:
+//! Rules for an image on the display's own pixels:
 //!
 //! | distance | method | because |
 //! |---|---|---|
-//! | z ≤ z_c along x and y | angular spectrum | its samples hold the whole band, and it is exact |
-//! | z > z_c along x or y, and z ≥ 0.8·√(z_c,x · z_c,y) | Rayleigh–Sommerfeld impulse response | its samples hold the whole frame, and it is exact |
-//! | between the two | band-limited angular spectrum | along the shorter side a little of the band is missing |
+//! | z ≤ z_c along x and y | angular spectrum | it is exact, and its samples hold the whole band |
+//! | z > z_c along x or y, and z ≥ 0.8·√(z_c,x · z_c,y) | Rayleigh–Sommerfeld impulse response | it is exact, and its samples hold the whole frame |
+//! | between the two | band-limited angular spectrum | along the shorter side it lacks only a little of the band |
 //!
-//! Elsewhere: the shifted angular spectrum for an engine; otherwise the scaled Fresnel integral where all pixels reach all of the
-//! window and its phase is off by less than 1e-3 rad, and the scaled angular spectrum where not. The band-extended angular spectrum
-//! and the Fresnel methods on the display's pixels are never the best; they are there to be compared with.
+//! Rules for other windows: an engine uses the shifted angular spectrum. A propagator uses the scaled Fresnel integral
+//! where all pixels reach all of the window and its phase error is below 1e-3 rad, and the scaled angular spectrum
+//! otherwise. The planner never chooses the band-extended angular spectrum or the Fresnel methods on the display's
+//! pixels: they are never the best, and serve comparisons.
 //!
-//! The rule is what comparing all methods with the [Rayleigh–Sommerfeld sum](crate::reference::rayleigh_sommerfeld) of a field sampled
-//! three times as finely gave, of spots over the whole band, relative L2 error of the field, 32×48 px of 8 µm, 515 nm, z_c = 8.0 mm along
-//! y and 11.9 mm along x:
+//! The rules come from a comparison of all methods with the [Rayleigh–Sommerfeld
+//! sum](crate::reference::rayleigh_sommerfeld) of a field sampled three times as finely. The field is spots over the
+//! whole band, on 32×48 px of 8 µm at 515 nm; z_c is 8.0 mm along y and 11.9 mm along x. The table gives the relative
+//! L2 error of the field:
 //!
 //! | z / z_c,y | angular spectrum | band-limited | band-extended | impulse response | scaled | Fresnel impulse response |
 //! |---|---|---|---|---|---|---|
@@ -24,20 +26,22 @@
 //! | 3 | 1e0 | 2e-1 | 9e-2 | 3e-8 | 4e-4 | 2e-4 |
 //! | 15 | 1e1 | 7e-1 | 2e-1 | 7e-10 | 2e-2 | 2e-6 |
 //!
-//! What is left near 1e-2 below z_c is the field's own: its spots hold a little light beyond the pixels' band. Far beyond z_c the band
-//! limit keeps the light that belongs into the frame, but cuts so sharply, so near, that the cut rings all over the image.
+//! Below z_c an error near 1e-2 remains because the spots hold a little light beyond the pixels' band. Far beyond z_c
+//! the band limit keeps the light that belongs into the frame, but its sharp cut causes ringing all over the image.
 
 use super::quantity::{digits, length};
 use super::report::{ValidityReport, neglected_phase_rad};
 use super::{ConvolutionMethod, ImageWindow, PropagationMethod, limits};
 use crate::{OpticalSetup, Result};
 
-/// From this part of the critical distances' geometric mean on, the impulse response is better than the band limit.
+/// Smallest distance at which the impulse response is better than the band limit, as a part of the geometric mean of
+/// the two critical distances.
 const IMPULSE_RESPONSE_FROM: f64 = 0.8;
-/// A paraxial phase that is off by less is as good as exact \[rad\].
+/// Phase error \[rad\] below which a paraxial method counts as exact.
 const PARAXIAL_PHASE_RAD_MAX: f64 = 1e-3;
 
-/// The best convolution for the setup's own window, whatever method the setup has: for an [`Engine`](crate::Engine).
+/// Chooses the best convolution for the setup's own window, for use by an [`Engine`](crate::Engine). The method that
+/// the setup has is ignored.
 ///
 /// ```
 /// use lightpath_optics::propagation::{PropagationMethod, plan};
@@ -56,12 +60,12 @@ const PARAXIAL_PHASE_RAD_MAX: f64 = 1e-3;
 ///
 /// # Errors
 ///
-/// [`Error::Unsuitable`](crate::Error::Unsuitable), with the numbers, where no image can be right.
+/// [`Error::Unsuitable`](crate::Error::Unsuitable), with the numbers, where no method can be valid.
 pub fn plan(setup: &OpticalSetup) -> Result<ValidityReport> {
     Ok(plan_convolution(setup)?.1)
 }
 
-/// [`plan`], and the method by the name that a setup takes.
+/// [`plan`], which also returns the method as the type that a setup takes.
 pub(crate) fn plan_convolution(setup: &OpticalSetup) -> Result<(ConvolutionMethod, ValidityReport)> {
     let window = setup.window();
     let z = setup.distance_m().abs();
@@ -82,11 +86,11 @@ pub(crate) fn plan_convolution(setup: &OpticalSetup) -> Result<(ConvolutionMetho
     Ok((method, report(setup, method.into(), &window, explanation)?))
 }
 
-/// The best method onto any window.
+/// Chooses the best method onto any window.
 ///
 /// # Errors
 ///
-/// [`Error::Unsuitable`](crate::Error::Unsuitable), with the numbers, where no image can be right.
+/// [`Error::Unsuitable`](crate::Error::Unsuitable), with the numbers, where no method can be valid.
 pub fn plan_onto(setup: &OpticalSetup, window: &ImageWindow) -> Result<ValidityReport> {
     if *window == ImageWindow::of(&setup.grid()) {
         return plan(setup);
@@ -101,24 +105,25 @@ pub fn plan_onto(setup: &OpticalSetup, window: &ImageWindow) -> Result<ValidityR
     report(setup, method, window, explanation)
 }
 
-/// How good a method is for the setup's own window, or for the one that the method has of itself.
+/// Reports the quality of a method for the setup's own window, or for the window that the method prescribes
+/// (Fraunhofer).
 ///
 /// # Errors
 ///
-/// [`Error::Unsuitable`](crate::Error::Unsuitable), with the numbers, where the method can't be right.
+/// [`Error::Unsuitable`](crate::Error::Unsuitable), with the numbers, where the method cannot be valid.
 pub fn assess(setup: &OpticalSetup, method: PropagationMethod) -> Result<ValidityReport> {
     let window = own_window(setup, method);
     limits::check_picture(setup, method, &window)?;
     report(setup, method, &window, "asked for".to_owned())
 }
 
-/// The numbers of a method, right or wrong.
+/// Reports the quality of a method, even where the method is not valid.
 #[must_use]
 pub fn assess_regardless(setup: &OpticalSetup, method: PropagationMethod) -> ValidityReport {
     ValidityReport::new(setup, method, own_window(setup, method), "asked for".to_owned())
 }
 
-/// The window that a method computes of itself.
+/// The window on which a method computes the image by default.
 pub(crate) fn own_window(setup: &OpticalSetup, method: PropagationMethod) -> ImageWindow {
     match method {
         PropagationMethod::Fraunhofer => super::fraunhofer_window(setup),
@@ -126,7 +131,7 @@ pub(crate) fn own_window(setup: &OpticalSetup, method: PropagationMethod) -> Ima
     }
 }
 
-/// The better one of the two methods that compute any window.
+/// The better of the two methods that can compute any window: scaled Fresnel or scaled angular spectrum.
 pub(crate) fn method_onto(setup: &OpticalSetup, window: &ImageWindow) -> PropagationMethod {
     let fresnel_is_right = limits::check(setup, PropagationMethod::ScaledFresnel, window).is_ok();
     let as_good = neglected_phase_rad(setup, PropagationMethod::ScaledFresnel, window) < PARAXIAL_PHASE_RAD_MAX;

@@ -1,6 +1,6 @@
-//! Numbers in sentences.
+//! Numbers with units, written for messages.
 
-/// `150 mm`, `8 µm`, `1.2 m`: three digits and the unit that suits.
+/// A length with three digits and a fitting unit: `150 mm`, `8 µm`, `1.2 m`.
 pub(super) fn length(value_m: f64) -> String {
     let size_m = value_m.abs();
     let (unit, unit_m) = match size_m {
@@ -12,12 +12,12 @@ pub(super) fn length(value_m: f64) -> String {
     format!("{} {unit}", digits(value_m / unit_m))
 }
 
-/// `53.7 %`.
+/// A fraction in percent, for example `53.7 %`.
 pub(super) fn percent(fraction: f64) -> String {
     format!("{} %", digits(100.0 * fraction))
 }
 
-/// Three digits that count, or all before the point.
+/// A number with three significant digits, or with all digits before the decimal point if they are more.
 pub(super) fn digits(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{value}");

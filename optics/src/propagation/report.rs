@@ -1,4 +1,4 @@
-//! Where a method is right, in numbers.
+//! Reports of how valid a method is for a setup, in numbers.
 
 use super::quantity::{digits, length, percent};
 use super::scaled::spread_m;
@@ -9,71 +9,72 @@ use crate::OpticalSetup;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// A method for a setup, how good it is there, and what to beware of.
+/// A propagation method for a setup, its quality there, and warnings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ValidityReport {
-    /// The method.
+    /// The method that the report is about.
     pub method: PropagationMethod,
-    /// Why this one, for people.
+    /// Why this method was chosen, as text for people.
     pub explanation: String,
-    /// Where the samples of the image lie.
+    /// Positions of the samples of the image.
     pub window: ImageWindow,
-    /// z_c = 2·width·Δ²/λ, up to which the padded frame samples the whole band \[m\].
+    /// Critical distance z_c = 2·width·Δ²/λ along x \[m\]. Up to z_c the padded frame samples the whole band.
     pub critical_distance_x_m: f64,
-    /// z_c = 2·height·Δ²/λ \[m\].
+    /// Critical distance z_c = 2·height·Δ²/λ along y \[m\].
     pub critical_distance_y_m: f64,
     /// Part of the pixels' band along fx whose light lands in the window, 0 to 1.
     pub band_kept_x: f64,
     /// Part of the pixels' band along fy whose light lands in the window, 0 to 1.
     pub band_kept_y: f64,
-    /// Part of the pixels' band, over both, whose light lands in the window, 0 to 1.
+    /// Part of the area of the pixels' band (fx, fy) whose light lands in the window, 0 to 1.
     pub band_kept_area: f64,
-    /// a²/(λz), a half the longer side of the display: below 1 the image is in the far field.
+    /// Fresnel number a²/(λz), with a half of the display's longer side. Below 1 the image is in the far field.
     pub fresnel_number: f64,
-    /// The steepest angle at which the pixels send light \[rad\]: sin θ = λ/2Δ; π/2 for pixels finer than λ/2.
+    /// Steepest angle θ at which the pixels send light \[rad\]: sin θ = λ/2Δ. It is π/2 for pixels finer than λ/2.
     pub diffraction_angle_rad: f64,
-    /// How far to one side the steepest light moves on its way: |z| tan θ \[m\]; `None` at θ = π/2, without bound.
+    /// Sideways distance |z| tan θ that the steepest light moves \[m\]. `None`: θ = π/2, and the distance has no bound.
     pub spread_m: Option<f64>,
-    /// Sides of the middle of the image in which each point gets light at every angle that the pixels send; 0: no
-    /// point does \[m\].
+    /// Width \[m\] of the middle region of the image whose points receive light at every angle that the pixels send. 0:
+    /// the image has no such point.
     pub full_cone_x_m: f64,
-    /// As `full_cone_x_m`, along y \[m\].
+    /// Height \[m\] of the middle region of the image whose points receive light at every angle that the pixels send.
+    /// 0: the image has no such point.
     pub full_cone_y_m: f64,
-    /// Largest error of the phase that a paraxial method makes \[rad\]; 0 for the others.
+    /// Largest phase error of a paraxial method \[rad\]; 0 for methods that are not paraxial.
     pub neglected_phase_rad: f64,
-    /// What to beware of.
+    /// Limitations of the method for this setup.
     pub warnings: Vec<PropagationWarning>,
 }
 
-/// Something to beware of.
+/// A limitation of a method for a setup.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PropagationWarning {
-    /// For programs.
+    /// The kind of limitation, for programs.
     pub code: WarningCode,
-    /// For people, with the numbers.
+    /// The limitation in words, with numbers.
     pub text: String,
 }
 
-/// What there is to beware of.
+/// The kinds of limitation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "SCREAMING_SNAKE_CASE")]
 pub enum WarningCode {
-    /// Part of the light misses the window, and with it the finest detail.
+    /// Part of the light misses the window. The image lacks the finest details.
     BandLimited,
-    /// The limit's sharp ends ring in the image.
+    /// The sharp ends of the band limit cause ringing in the image.
     SharpBandLimit,
-    /// The impulse response fades out before the frame's end.
+    /// The impulse response fades out before the end of the frame.
     ShortImpulseResponse,
-    /// The window resolves only few points.
+    /// The window resolves few points.
     FewPoints,
-    /// A paraxial method's phase is off.
+    /// The phase of a paraxial method has an error.
     Paraxial,
-    /// Pixels finer than half a wavelength send light that does not propagate.
+    /// The pixels are finer than half a wavelength. Part of their light does not propagate.
     Evanescent,
 }
 
 impl WarningCode {
-    /// In capitals, stable.
+    /// The stable name of the code, in capitals.
     #[must_use]
     pub fn as_str(self) -> &'static str {
         match self {
@@ -101,13 +102,13 @@ impl fmt::Display for ValidityReport {
     }
 }
 
-/// Phases that are off by less than this show in no image \[rad\].
+/// Largest phase error without a warning \[rad\]: smaller errors are invisible in images.
 const NEGLECTED_PHASE_RAD_MAX: f64 = 0.1;
-/// Windows that resolve fewer points along a side are worth a warning: icons, not pictures.
+/// Fewest resolved points along a side without a warning. Fewer points show an icon at best.
 const FEW_POINTS: f64 = 32.0;
 
 impl ValidityReport {
-    /// The numbers of `method`, and what there is to warn of.
+    /// The report of `method`, with its warnings.
     pub(super) fn new(
         setup: &OpticalSetup,
         method: PropagationMethod,
@@ -140,7 +141,7 @@ impl ValidityReport {
         report
     }
 
-    /// Points that the window resolves along x and y.
+    /// Number of points that the window resolves along x and along y.
     #[must_use]
     pub fn resolved_points(&self, setup: &OpticalSetup) -> (f64, f64) {
         let pitch_m = setup.grid().pixel_pitch_m();
@@ -208,10 +209,11 @@ impl ValidityReport {
     }
 }
 
-/// The light that lands in a window.
+/// The part of the pixels' band whose light lands in a window.
 #[derive(Debug)]
 pub(super) struct Band {
-    /// Farthest from the window's middle that light of a pixel can be and land in it, along x and y \[m\].
+    /// Half the sum of the sides of display and window, along x and y \[m\]. Light that moves sideways by more than
+    /// this from the window's offset misses the window.
     apart_m: (f64, f64),
     centre_m: (f64, f64),
     pub(super) kept_x: f64,
@@ -239,7 +241,7 @@ impl Band {
         }
     }
 
-    /// Counted at the middles of a mesh over the band.
+    /// Part of the band's area that lands in the window, counted at the middles of the cells of a mesh.
     fn kept_area(&self, setup: &OpticalSetup) -> f64 {
         const MESH: usize = 128;
         let nyquist = 0.5 / setup.grid().pixel_pitch_m();
@@ -254,10 +256,10 @@ impl Band {
     }
 }
 
-/// Largest error of the phase \[rad\] for light that lands in the window.
+/// Largest phase error \[rad\] of `method` for light that lands in the window.
 pub(super) fn neglected_phase_rad(setup: &OpticalSetup, method: PropagationMethod, window: &ImageWindow) -> f64 {
     let (wavelength_m, z) = (setup.wavelength_m(), setup.distance_m().abs());
-    // 2π(√(ρ² + z²) − z − ρ²/2z)/λ, at the window's point farthest from a pixel.
+    // 2π(√(ρ² + z²) − z − ρ²/2z)/λ at the point of the window that is farthest from a pixel.
     let of_paraboloid = || {
         let (x_m, y_m) = farthest_m(setup, window);
         let rho =

@@ -1,10 +1,10 @@
-//! Doing the same to every row, and turning rows into columns.
+//! Parallel transforms of all rows of a plane, and transposition.
 
 use crate::real::Number;
 use num_complex::Complex;
 use rayon::prelude::*;
 
-/// Every row of `input_len` values becomes one of `output_len` values by `each(row, out, scratch)`.
+/// Turns every row of `input_len` values into a row of `output_len` values by `each(row, out, scratch)`.
 pub(super) fn transform_rows<T: Number, S>(
     input: &[Complex<T>],
     input_len: usize,
@@ -18,7 +18,7 @@ pub(super) fn transform_rows<T: Number, S>(
     output
 }
 
-/// The columns of `width` values a row, as rows.
+/// Transposes a plane whose rows have `width` values.
 pub(super) fn transposed<T: Number>(input: &[Complex<T>], width: usize) -> Vec<Complex<T>> {
     let height = input.len() / width;
     let mut output = vec![Complex::new(T::zero(), T::zero()); input.len()];

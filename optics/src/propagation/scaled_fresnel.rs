@@ -1,13 +1,15 @@
-//! Fresnel diffraction onto a window of any pitch, size and place.
+//! Fresnel diffraction onto a window of any pitch, size and position.
 //!
 //! ```text
 //! u₁(x, y) = e^{iπ(x² + y²)/λz} / (iλz) · Δ² Σ u₀(x', y') e^{iπ(x'² + y'²)/λz} e^{−i2π(x·x' + y·y')/λz}
 //! ```
 //!
 //! λ wavelength \[m\], z distance \[m\], Δ pixel pitch \[m\]; the piston e^{ikz} is left out. The sum is a [chirp-z
-//! transform](super::chirp_z) along one axis after the other. Its terms turn by at most half a cycle from pixel to pixel, apart from what
-//! the field itself does, where every point of the window is within the reach of every pixel: |x − x'| ≤ λz/2Δ. J. Goodman,
-//! Introduction to Fourier Optics, section 4.2; by chirp-z: Y. Hu et al., Light: Science & Applications 9, 119 (2020).
+//! transform](super::chirp_z) along one axis, then along the other. The samples are fine enough where every pixel
+//! reaches every point of the window: |x − x'| ≤ λz/2Δ. There the phase factors of the sum change by at most half a
+//! cycle from pixel to pixel.
+//! Sources: J. Goodman, Introduction to Fourier Optics, section 4.2; with chirp-z transforms: Y. Hu et al., Light:
+//! Science & Applications 9, 119 (2020).
 
 use super::ImageWindow;
 use super::chirp_z::{ChirpZ, Sign, Span};
@@ -19,7 +21,7 @@ use crate::{OpticalSetup, Plane};
 use num_complex::{Complex, Complex64};
 use rustfft::FftPlanner;
 
-/// The farthest that a point of the window is from a pixel, along x and y \[m\].
+/// Largest distance \[m\] between a point of the window and a pixel of the display, along x and along y.
 pub(super) fn farthest_m(setup: &OpticalSetup, window: &ImageWindow) -> (f64, f64) {
     let (grid, pitch_m) = (setup.grid(), setup.grid().pixel_pitch_m());
     let half = |side_px: usize, pitch_m: f64| 0.5 * (side_px as f64 - 1.0) * pitch_m;
@@ -29,7 +31,7 @@ pub(super) fn farthest_m(setup: &OpticalSetup, window: &ImageWindow) -> (f64, f6
     )
 }
 
-/// Single-step Fresnel propagation, planned.
+/// Planned Fresnel propagation in a single step.
 #[derive(Debug)]
 pub(crate) struct ScaledFresnel<T> {
     along_x: Axis<T>,
@@ -39,11 +41,11 @@ pub(crate) struct ScaledFresnel<T> {
 
 #[derive(Debug)]
 struct Axis<T> {
-    /// Δ/√(iλz) · e^{iπx'²/λz} · e^{−i2πx'·x₀/λz}, x₀ the window's middle.
+    /// Factors before the transform: Δ/√(iλz) · e^{iπx'²/λz} · e^{−i2πx'·x₀/λz}, with x₀ the window's middle.
     before: Vec<Complex<T>>,
     there: ChirpZ<T>,
     back: ChirpZ<T>,
-    /// e^{iπx²/λz}
+    /// Factors after the transform: e^{iπx²/λz}.
     after: Vec<Complex<T>>,
 }
 
@@ -56,7 +58,7 @@ impl<T: Number> ScaledFresnel<T> {
             let narrow = |value: Complex64| Complex::new(T::of(value.re), T::of(value.im));
             let before = |i: usize| {
                 let x_m = from_middle(i, side_px) * pitch_m;
-                // −1/8 of a turn: 1/√i.
+                // −1/8 of a cycle is the phase of 1/√i.
                 narrow(pitch_m / area_m2.sqrt() * phasor((0.5 * x_m * x_m - x_m * centre_m) / area_m2 - 0.125))
             };
             let after = |i: usize| {
@@ -95,7 +97,7 @@ impl<T: Number> ScaledFresnel<T> {
         })
     }
 
-    /// Backwards is forwards for the conjugate field.
+    /// Runs `forwards`. For a negative distance it conjugates the field before and after.
     fn turned(
         &self,
         field: &Plane<Complex<T>>,
@@ -116,7 +118,7 @@ impl<T: Number> Axis<T> {
         self.each_row(rows, &self.after, |u, by| u * by.conj(), &self.back, &self.before)
     }
 
-    /// Multiplies, transforms and multiplies again.
+    /// Multiplies each row by its factors, transforms it, and multiplies it by the second factors.
     fn each_row(
         &self,
         rows: &[Complex<T>],

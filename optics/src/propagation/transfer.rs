@@ -1,4 +1,4 @@
-//! The transfer functions of the methods that are convolutions.
+//! The transfer functions of the convolution methods.
 
 use super::fresnel_impulse_response::{fresnel_impulse_spectrum, spectrum_along_axis};
 use super::impulse_response::{EvenSpectrum, impulse_spectrum};
@@ -9,32 +9,34 @@ use crate::transfer_function::{angular_spectrum, band_limit};
 use crate::{OpticalSetup, Result};
 use num_complex::Complex64;
 
-/// What a setup's method makes of light.
+/// Choice of the method, and the transfer function of the chosen method.
 impl OpticalSetup {
-    /// The same setup, computed by another convolution.
+    /// This setup with another convolution method.
     ///
     /// # Errors
     ///
-    /// [`Error::Unsuitable`](crate::Error::Unsuitable) for a method that can't be right here, with the numbers.
+    /// [`Error::Unsuitable`](crate::Error::Unsuitable), with the numbers, for a method that cannot be valid for this
+    /// setup.
     pub fn with_method(self, method: ConvolutionMethod) -> Result<Self> {
         let setup = self.with_method_regardless(method);
         limits::check(&setup, setup.method().into(), &setup.window())?;
         Ok(setup)
     }
 
-    /// The same setup, computed by the convolution that [`plan`](super::plan) chooses, and how good that is.
+    /// This setup with the convolution method that [`plan`](super::plan) chooses, and the report about that method.
     ///
     /// # Errors
     ///
-    /// [`Error::Unsuitable`](crate::Error::Unsuitable) where no image can be right, with the numbers.
+    /// [`Error::Unsuitable`](crate::Error::Unsuitable), with the numbers, where no method can be valid.
     pub fn planned(self) -> Result<(Self, ValidityReport)> {
         let (method, report) = plan_convolution(&self)?;
         Ok((self.with_method(method)?, report))
     }
 
-    /// The transfer function at fx, fy \[1/m\], without its piston; [`propagation`](super) has the formulas.
+    /// The transfer function at fx, fy \[1/m\], without the piston. [`propagation`](super) has the formulas.
     ///
-    /// Of an impulse response it is a sum over the frame: to sample many bins use [`Self::sampled`].
+    /// Methods with an impulse response sum over the whole frame in each call. Use [`Self::sampled`] to sample many
+    /// bins.
     #[must_use]
     pub fn transfer(&self, fx: f64, fy: f64) -> Complex64 {
         let (wavelength_m, distance_m, grid) = (self.wavelength_m(), self.distance_m(), self.grid());
@@ -56,14 +58,14 @@ impl OpticalSetup {
         }
     }
 
-    /// The transfer function, with all that it needs tabulated.
+    /// The transfer function with its tables computed once, for sampling many bins.
     #[must_use]
     pub fn sampled(&self) -> SampledTransfer {
         SampledTransfer::new(*self)
     }
 
-    /// Whether the light of fx, fy \[1/m\] lands within the padded frame, so that its samples are free of aliasing: the
-    /// [band limit](band_limit) and its one-sided form.
+    /// Whether the light of frequency fx, fy \[1/m\] lands within the padded frame. Samples at such frequencies are
+    /// free of aliasing. This is the [band limit](band_limit), or its one-sided form for the shifted method.
     #[must_use]
     pub fn keeps(&self, fx: f64, fy: f64) -> bool {
         let pitch_m = self.grid().pixel_pitch_m();
@@ -80,10 +82,10 @@ impl OpticalSetup {
     }
 }
 
-/// The transfer function of a setup by the setup's method, ready to be asked at many padded bins.
+/// The transfer function of a setup, with tables for fast sampling at many padded bins.
 ///
-/// Made by [`OpticalSetup::sampled`]. The same as [`OpticalSetup::transfer`], which sums impulse responses up anew at each
-/// frequency.
+/// [`OpticalSetup::sampled`] makes it. Its values equal those of [`OpticalSetup::transfer`], which sums the impulse
+/// response again at each frequency.
 #[derive(Clone, Debug)]
 pub struct SampledTransfer {
     setup: OpticalSetup,
@@ -92,9 +94,9 @@ pub struct SampledTransfer {
 
 #[derive(Clone, Debug)]
 enum Tables {
-    /// A formula needs none.
+    /// A formula gives the transfer function; there is no table.
     Formula,
-    /// Along x and y at each padded bin.
+    /// The factors along x and along y at each padded bin.
     Separable([Vec<Complex64>; 2]),
     Even(EvenSpectrum),
 }

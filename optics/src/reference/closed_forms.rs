@@ -1,4 +1,4 @@
-//! Fields known in closed form, in the paraxial approximation, without the piston e^{ikz}.
+//! Fields with a closed form, in the paraxial approximation, without the piston e^{ikz}.
 //!
 //! ```text
 //! Gaussian beam:   u = 1/q · e^{−(x² + y²)/(w₀² q)},   q = 1 + iz/z_R,   z_R = πw₀²/λ
@@ -11,7 +11,8 @@
 use num_complex::Complex64;
 use std::f64::consts::PI;
 
-/// The field at (x, y, z) \[m\] of a Gaussian beam with its waist `waist_m` \[m\] and amplitude 1 at the origin.
+/// The field at (x, y, z) \[m\] of a Gaussian beam. Its waist `waist_m` \[m\] lies at the origin, where its amplitude
+/// is 1.
 #[must_use]
 pub fn gaussian_beam(x: f64, y: f64, z: f64, waist_m: f64, wavelength_m: f64) -> Complex64 {
     let rayleigh_range_m = PI * waist_m * waist_m / wavelength_m;
@@ -19,8 +20,8 @@ pub fn gaussian_beam(x: f64, y: f64, z: f64, waist_m: f64, wavelength_m: f64) ->
     (-(x * x + y * y) / (q * waist_m * waist_m)).exp() / q
 }
 
-/// The field at (x, y, z) \[m\], z > 0, behind a square hole of side `side_m` \[m\] around the origin, lit by a plane wave
-/// of amplitude 1.
+/// The field at (x, y, z) \[m\], z > 0, behind a square hole of side `side_m` \[m\] around the origin. A plane wave of
+/// amplitude 1 lights the hole.
 #[must_use]
 pub fn square_aperture(x: f64, y: f64, z: f64, side_m: f64, wavelength_m: f64) -> Complex64 {
     let scale = (2.0 / (wavelength_m * z)).sqrt();
@@ -32,7 +33,7 @@ pub fn square_aperture(x: f64, y: f64, z: f64, side_m: f64, wavelength_m: f64) -
     slit(x) * slit(y)
 }
 
-/// The Fresnel integrals C(s) + iS(s), to about 1e-12.
+/// The Fresnel integrals C(s) + iS(s), with an error of about 1e-12.
 ///
 /// ```
 /// use lightpath_optics::reference::fresnel_integral;
@@ -42,7 +43,8 @@ pub fn square_aperture(x: f64, y: f64, z: f64, side_m: f64, wavelength_m: f64) -
 /// ```
 #[must_use]
 pub fn fresnel_integral(s: f64) -> Complex64 {
-    // Beyond this the power series loses more digits to cancellation than the continued fraction leaves out.
+    // Largest |s| for the power series. Beyond it cancellation costs more digits than the continued fraction's
+    // truncation.
     const SERIES_MAX: f64 = 2.5;
     match s.abs() {
         size if size <= SERIES_MAX => power_series(s),
@@ -50,7 +52,7 @@ pub fn fresnel_integral(s: f64) -> Complex64 {
     }
 }
 
-/// Σ (iπ/2)ⁿ s²ⁿ⁺¹ / (n! (2n + 1)).
+/// The Fresnel integrals as a power series: Σ (iπ/2)ⁿ s²ⁿ⁺¹ / (n! (2n + 1)).
 fn power_series(s: f64) -> Complex64 {
     const TERMS: u32 = 60;
     let ratio = Complex64::new(0.0, PI / 2.0 * s * s);
@@ -91,7 +93,8 @@ mod tests {
         let power = |z: f64| {
             let step_m = 1e-5;
             let line = (-400..400).map(|i| gaussian_beam(f64::from(i) * step_m, 0.0, z, 2e-4, 515e-9).norm_sqr());
-            // The other axis is alike: its integral is the first one's over the peak.
+            // Both axes are alike: the integral over the plane is the square of the integral along x, divided by the
+            // peak.
             line.sum::<f64>().powi(2) / gaussian_beam(0.0, 0.0, z, 2e-4, 515e-9).norm_sqr()
         };
         assert!((power(0.3) / power(0.0) - 1.0).abs() < 1e-9);

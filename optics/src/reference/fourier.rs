@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use rustfft::{FftDirection, FftPlanner};
 use std::f64::consts::TAU;
 
-/// Which way to transform.
+/// Direction of a Fourier transform.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
     /// Space to frequency, unscaled.
@@ -22,13 +22,13 @@ pub enum Direction {
     Inverse,
 }
 
-/// The transform by fast Fourier transforms of rows, then of columns.
+/// The two-dimensional transform, computed by fast Fourier transforms of rows, then of columns.
 #[must_use]
 pub fn fft2(plane: &Plane<Complex64>, direction: Direction) -> Plane<Complex64> {
     transposed(&transform_rows(transposed(&transform_rows(plane.clone(), direction)), direction))
 }
 
-/// The transform by its definition, in O(samples²): for tiny planes only.
+/// The two-dimensional transform, computed from its definition in O(samples²). Use it for tiny planes only.
 #[must_use]
 pub fn dft2(plane: &Plane<Complex64>, direction: Direction) -> Plane<Complex64> {
     let (height_px, width_px) = (plane.height_px(), plane.width_px());

@@ -1,15 +1,15 @@
-//! Slow and plain: what the fast engine is tested against.
+//! Slow, simple reference implementations that tests compare the fast engine with.
 //!
-//! Everything here is in f64 and written to be checked by eye, with no regard for speed. Use it to judge a result, not
-//! to make one.
+//! They compute in f64 and are written for checking by eye, with no regard for speed. Use them to judge results, not to
+//! produce them.
 //!
-//! - [`fft2`], [`dft2`]: the two-dimensional Fourier transform, fast and by its definition.
+//! - [`fft2`], [`dft2`]: the two-dimensional Fourier transform, by fast transforms and by its definition.
 //! - [`propagate`]: convolution with a transfer function, zero-padded twofold.
-//! - [`rayleigh_sommerfeld`], [`rayleigh_sommerfeld_onto`]: diffraction as a direct sum, knowing no Fourier transform.
-//! - [`gaussian_beam`], [`square_aperture`]: fields that are known in closed form.
+//! - [`rayleigh_sommerfeld`], [`rayleigh_sommerfeld_onto`]: diffraction as a direct sum, without Fourier transforms.
+//! - [`gaussian_beam`], [`square_aperture`]: fields with a closed form.
 //!
-//! Beside them stand [`EngineCore`] and [`PropagatorCore`], the fast engine and propagator themselves in either precision: in f64
-//! they tell what of an error is rounding.
+//! The module also has [`EngineCore`] and [`PropagatorCore`], the fast engine and propagator in either precision. In
+//! f64 they show which part of an error is rounding.
 
 mod closed_forms;
 mod fourier;

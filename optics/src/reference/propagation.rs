@@ -4,8 +4,8 @@
 //! u₁ = crop F⁻¹ { H(fx, fy) · F pad u₀ }
 //! ```
 //!
-//! The field sits in the upper left corner of a plane of twice its size, zero elsewhere, so that what leaves on one
-//! side does not come back on the other.
+//! The field lies in the upper left corner of a plane with twice its sides, which is zero elsewhere. This padding keeps
+//! light that leaves on one side from coming back on the other.
 
 use super::fourier::{Direction, fft2};
 use crate::Plane;
@@ -14,7 +14,8 @@ use crate::transfer_function::phasor;
 use num_complex::Complex64;
 use rayon::prelude::*;
 
-/// `field` after the transfer function `transfer(fx, fy)`, fx and fy in 1/m, on the field's own pixels.
+/// Applies the transfer function `transfer(fx, fy)`, fx and fy in 1/m, to `field`. The result is on the field's own
+/// pixels.
 #[must_use]
 pub fn propagate(
     field: &Plane<Complex64>,
@@ -25,8 +26,8 @@ pub fn propagate(
     Plane::from_fn(field.height_px(), field.width_px(), |y, x| uncropped.at(y, x))
 }
 
-/// As [`propagate`], on the whole padded plane; the field's own pixels are its upper left quarter, and what left them
-/// to the left or upwards is at its far end.
+/// [`propagate`] with the whole padded plane as the result. The field's own pixels are the upper left quarter. Light
+/// that left them to the left or upwards is at the right or lower end.
 #[must_use]
 pub fn propagate_uncropped(
     field: &Plane<Complex64>,
@@ -40,7 +41,7 @@ pub fn propagate_uncropped(
     filter(&padded, pixel_pitch_m, transfer)
 }
 
-/// The circular convolution of `field` with `transfer`: no padding, every period like the next.
+/// Circular convolution of `field` with `transfer`, without padding: the field continues periodically.
 #[must_use]
 pub fn filter(
     field: &Plane<Complex64>,
@@ -58,7 +59,8 @@ pub fn filter(
     fft2(&spectrum, Direction::Inverse)
 }
 
-/// `transfer` to points that lie `offset_x_m` and `offset_y_m` \[m\] beside the samples: times e^{i2π(fx·dx + fy·dy)}.
+/// `transfer` to points that lie (dx, dy) = (`offset_x_m`, `offset_y_m`) \[m\] beside the samples: it is multiplied by
+/// e^{i2π(fx·dx + fy·dy)}.
 pub fn offset(
     transfer: impl Fn(f64, f64) -> Complex64 + Sync,
     offset_x_m: f64,

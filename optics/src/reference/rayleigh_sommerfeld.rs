@@ -4,19 +4,20 @@
 //! u₁(x, y) = Δ² Σ u₀(x', y') · z/(2πr²) · (1/r − ik) · e^{ik(r − z)},   r² = (x − x')² + (y − y')² + z²
 //! ```
 //!
-//! The first Rayleigh–Sommerfeld integral in the time convention e^{−iωt}, without the piston e^{ikz}, as the transfer
-//! functions of this crate. k = 2π/λ, Δ pixel pitch \[m\]. r − z = ρ²/(r + z) avoids cancellation. The sum samples the
-//! integral well enough where e^{ikr} turns by less than half a cycle from pixel to pixel, that is onto the display's own window
-//! for z > z_c (see [`OpticalSetup::critical_distance_x_m`]). To judge nearer images sample the field more finely: z_c goes
-//! with Δ at a given size of the display. J. Goodman, Introduction to Fourier Optics, section 3.5.
+//! This is the first Rayleigh–Sommerfeld integral in the time convention e^{−iωt}. Like the transfer functions of this
+//! crate, it leaves out the piston e^{ikz}. k = 2π/λ, Δ pixel pitch \[m\]. The form r − z = ρ²/(r + z), ρ² = r² − z²,
+//! avoids cancellation. The sum samples the integral finely enough where the phase of e^{ikr} changes by less than half
+//! a cycle from pixel to pixel. On the display's own window that holds for z > z_c (see
+//! [`OpticalSetup::critical_distance_x_m`]). To judge nearer images sample the field more finely: for a given size of
+//! the display z_c is proportional to Δ. Source: J. Goodman, Introduction to Fourier Optics, section 3.5.
 
 use crate::propagation::{ImageWindow, impulse_response};
 use crate::{OpticalSetup, Plane, Result};
 use num_complex::Complex64;
 use rayon::prelude::*;
 
-/// The field at the setup's distance, on the display's own pixels, in O(pixels²). Towards negative distances it is the
-/// field that would become `field`, without its evanescent part.
+/// The field at the setup's distance on the display's own pixels, computed in O(pixels²). For a negative distance it is
+/// the field that would propagate into `field`, without the evanescent part.
 ///
 /// ```
 /// use lightpath_optics::reference::rayleigh_sommerfeld;
@@ -36,17 +37,17 @@ use rayon::prelude::*;
 ///
 /// # Errors
 ///
-/// [`Error::SizeMismatch`](crate::Error::SizeMismatch) when `field` is not of the size of the setup's grid.
+/// [`Error::SizeMismatch`](crate::Error::SizeMismatch) when the size of `field` differs from the setup's grid.
 pub fn rayleigh_sommerfeld(setup: &OpticalSetup, field: &Plane<Complex64>) -> Result<Plane<Complex64>> {
     rayleigh_sommerfeld_onto(setup, field, &ImageWindow::of(&setup.grid()))
 }
 
-/// The field at the setup's distance in any window, in O(pixels · the window's pixels). The setup's method and middle don't
-/// matter.
+/// The field at the setup's distance in any window, computed in O(pixels · the window's pixels). The setup's method and
+/// centre are ignored.
 ///
 /// # Errors
 ///
-/// [`Error::SizeMismatch`](crate::Error::SizeMismatch) when `field` is not of the size of the setup's grid.
+/// [`Error::SizeMismatch`](crate::Error::SizeMismatch) when the size of `field` differs from the setup's grid.
 pub fn rayleigh_sommerfeld_onto(
     setup: &OpticalSetup,
     field: &Plane<Complex64>,
