@@ -1,4 +1,4 @@
-//! Where the engine's time goes: each pass of an evaluation, whole evaluations, steps of Adam, all metrics of
+//! Benchmarks of the engine: each pass of an evaluation, whole evaluations, steps of Adam, all metrics of
 //! a hologram, and steps of learning.
 //!
 //! ```sh
@@ -7,7 +7,7 @@
 //! cargo bench -p lightpath-optics -- --test             # everything once, to see that it runs
 //! ```
 //!
-//! Times are those of a call; `Melem/s` are millions of SLM pixels a second. `examples/cost_per_pixel.rs` prints how the
+//! Times are per call. `Melem/s` are millions of SLM pixels per second. `examples/cost_per_pixel.rs` prints how the
 //! cost of a pixel grows with the size.
 
 #![allow(clippy::unwrap_used)]
@@ -24,7 +24,7 @@ use std::time::Duration;
 
 const SIZES: [(&str, usize, usize); 3] = [("540p", 540, 960), ("1080p", 1080, 1920), ("4K", 2160, 3840)];
 
-/// A display of a size, and what it is to show.
+/// A display of one size, with a target to show.
 struct Job {
     setup: OpticalSetup,
     engine: Engine,
@@ -75,7 +75,7 @@ fn passes(criterion: &mut Criterion, size: &str, job: &Job, detector: Detector) 
     group.throughput(Throughput::Elements(job.phase.values().len() as u64));
     let engine = job.engine.with_detector(detector);
     let mut passes = Passes::new(engine, job.target.clone(), job.region, job.phase.clone()).unwrap();
-    // In their order, so that each finds what it would find in an evaluation.
+    // The passes run in their order: each needs the results of the pass before.
     for pass in Pass::ALL {
         passes.run(pass);
         group.bench_function(pass.name(), |bencher| bencher.iter(|| passes.run(pass)));
@@ -100,7 +100,7 @@ fn whole_iterations(criterion: &mut Criterion, size: &str, job: &Job, detector: 
     group.finish();
 }
 
-/// What is reported of a hologram, once at its end.
+/// Benchmark of all metrics, which a job computes once at its end.
 fn all_metrics(criterion: &mut Criterion, size: &str, job: &Job) {
     let mut group = criterion.benchmark_group("quality");
     group.throughput(Throughput::Elements(job.phase.values().len() as u64));
@@ -110,11 +110,11 @@ fn all_metrics(criterion: &mut Criterion, size: &str, job: &Job) {
     group.finish();
 }
 
-/// One pair of the `display` and of the `dense` model.
+/// Benchmark of a learning step with one pair, for the `display` and the `dense` model.
 fn learning(criterion: &mut Criterion) {
     for (size, height_px, width_px) in &SIZES[..2] {
         let job = Job::new(*height_px, *width_px);
-        // A photograph of its own hologram, most of it within the camera's range: others are refused.
+        // The photograph must fit its hologram and lie mostly within the camera's range: other photographs are refused.
         let photo = job.engine.light(&job.phase).unwrap().map(|light| 0.2 * light);
         let pairs = vec![Pair { phase: job.phase.clone(), photo }];
         let mut group = criterion.benchmark_group("learn");

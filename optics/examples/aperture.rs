@@ -1,4 +1,4 @@
-//! A square hole, by every method that is right, beside the direct sum.
+//! Compares every valid method with the direct sum, for the light behind a square hole.
 //!
 //! ```text
 //! cargo run --release --example aperture
@@ -14,7 +14,7 @@ use num_complex::Complex64;
 fn main() -> Result<()> {
     let side_px = 48;
     let grid = Grid::try_new(side_px, side_px, 8e-6)?;
-    // Its edges fall off over two pixels: a sharper hole holds frequencies that the pixels can't.
+    // The edges of the hole fall off over two pixels: a sharper hole has frequencies beyond the pixels' band.
     let soft = |i: usize| 0.5 - 0.5 * ((i as f64 - 23.5).abs() - 8.0).tanh();
     let hole = Plane::from_fn(side_px, side_px, |y, x| Complex64::from(soft(y) * soft(x)));
     for distance_m in [6e-3, 12e-3, 50e-3, 1.0] {
@@ -29,7 +29,7 @@ fn main() -> Result<()> {
                 }
             };
             let image = propagator.forward(&hole)?;
-            // Only from the critical distance on is the sum itself right.
+            // The direct sum is valid only at and beyond the critical distance.
             let sum = rayleigh_sommerfeld_onto(&setup, &hole, propagator.window())?;
             let light = |plane: &Plane<Complex64>| plane.values().iter().map(Complex64::norm_sqr).sum::<f64>();
             let apart = Plane::from_fn(side_px, side_px, |y, x| image.at(y, x) - sum.at(y, x));

@@ -1,11 +1,12 @@
-//! One hologram job, start to end, with the time at which each iteration's loss was known: what `bench/peers.py` runs.
+//! Runs one hologram job from start to end and records the time of each iteration's loss. `bench/peers.py` runs it.
 //!
 //! ```sh
 //! cargo run --release -p lightpath-optics --example bench_job -- --card portrait --height 1080 --width 1920 --out target.npy
 //! cargo run --release -p lightpath-optics --example bench_job -- --target target.npy --out phase.npy --detector pixel
 //! ```
 //!
-//! Prints one line of JSON. Targets are intensities in linear light, phases are in radians; both are float32 `.npy` files.
+//! Prints one line of JSON. Targets are intensities in linear light, phases are in radians; both are float32 `.npy`
+//! files.
 
 use lightpath_optics::hologram::{HologramMethod, HologramOptions, Step, initial_phase};
 use lightpath_optics::test_cards::TestCard;
@@ -28,7 +29,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
 }
 
-/// `--name value` pairs.
+/// Options of the command line, given as `--name value`.
 struct Options {
     text: BTreeMap<String, String>,
 }
@@ -75,7 +76,7 @@ fn run_job(options: &Options) -> Result<(), Box<dyn Error>> {
         other => return Err(format!("there is no detector {other}; there are point, pixel and supersampled").into()),
     };
     let iterations: u32 = options.number("iterations", 200)?;
-    // The job is done when the loss of an iteration is this good.
+    // The job ends when −10·log₁₀ of the loss reaches this quality [dB].
     let until_db: f64 = options.number("until-db", f64::INFINITY)?;
 
     let started = Instant::now();
@@ -125,7 +126,7 @@ fn write_npy(path: &str, plane: &Plane<f32>) -> Result<(), Box<dyn Error>> {
     Ok(writer.finish()?)
 }
 
-/// The most that the whole process ever used; where the system tells it (Linux).
+/// Peak memory of the process \[bytes\]. `None`: the system does not report it (only Linux does).
 fn memory_peak_bytes() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;

@@ -1,11 +1,12 @@
-//! How well kernels are known between photographed distances:
+//! Measures how well interpolated kernels predict photographs between the photographed distances:
 //!
 //! ```sh
 //! cargo run --release -p lightpath-optics --example between_distances
 //! ```
 //!
-//! Draws displays whose camera moves along a tilted rail and whose aberrations grow with the distance, learns each from photographs
-//! at three distances together, and foretells photographs at a fourth.
+//! The example simulates displays whose camera moves along a tilted rail and whose aberrations grow with the distance.
+//! It learns each display from photographs at three distances together, and predicts photographs at distances between
+//! them.
 #![allow(clippy::print_stdout)] // it is a program
 
 use lightpath_optics::hologram::initial_phase;
@@ -21,7 +22,7 @@ const BETWEEN_M: [f64; 2] = [37e-3, 42.5e-3];
 const PAIRS: usize = 8;
 const SEEDS: u64 = 5;
 
-/// Pairs of each distance.
+/// Pairs of holograms and photographs, one list for each distance.
 struct Photographs(Vec<Vec<Pair>>);
 
 impl PairSource for Photographs {
@@ -78,7 +79,7 @@ fn bench(seed: u64, distance_m: f64) -> Result<SimulatedDisplay, BoxError> {
     Ok(SimulatedDisplay::draw(setup.planned()?.0, None, rail)?)
 }
 
-/// Photographs of speckled and of smooth holograms.
+/// Pairs of holograms and their photographs; half of the holograms are speckled and half are smooth.
 fn photographs(bench: &SimulatedDisplay, count: usize, seed: u64) -> Result<Vec<Pair>, BoxError> {
     let grid = bench.setup().grid();
     let one = |i: u64| {
@@ -90,7 +91,7 @@ fn photographs(bench: &SimulatedDisplay, count: usize, seed: u64) -> Result<Vec<
     (0..count as u64).map(one).collect()
 }
 
-/// The display as learned from photographs at these distances together.
+/// Learns a display from photographs at these distances together.
 fn learned(seed: u64, distances_m: &[f64]) -> Result<Vec<DisplayModel>, BoxError> {
     let benches = distances_m.iter().map(|&distance_m| bench(seed, distance_m)).collect::<Result<Vec<_>, _>>()?;
     let pairs = benches.iter().zip((1..).step_by(100)).map(|(bench, seed)| photographs(bench, PAIRS, seed));

@@ -1,11 +1,12 @@
-//! How the cost of a pixel grows with the size of the hologram: a step of Adam at 540p, 1080p and 4K.
+//! Measures how the cost of a pixel grows with the size of the hologram: a step of Adam at 540p, 1080p and 4K.
 //!
 //! ```sh
 //! cargo run --release -p lightpath-optics --example cost_per_pixel            # 9 steps of each
 //! cargo run --release -p lightpath-optics --example cost_per_pixel -- 3       # 3 steps of each
 //! ```
 //!
-//! The sizes take turns, so that whatever else the machine does meets all of them; each time is the median of its steps.
+//! The sizes take turns, so that other load on the machine affects all of them alike. Each time is the median of the
+//! steps.
 
 use lightpath_optics::hologram::{HologramMethod, HologramOptions, initial_phase};
 use lightpath_optics::test_cards::TestCard;
@@ -58,7 +59,7 @@ fn start(height_px: usize, width_px: usize, detector: Detector) -> Result<Optimi
     let problem = HologramProblem::new(Engine::new(&model, detector, None)?, target, RegionOfInterest::middle(&grid))?;
     let options = HologramOptions::new(HologramMethod::Adam { learning_rate: 0.1 }, u32::MAX);
     let mut adam = Optimization::start(problem, options, initial_phase(height_px, width_px, 1.0, 1)?.into_vec())?;
-    // Not counted: the first step makes the threads' working memory.
+    // The first step is not counted, because it allocates the threads' working memory.
     adam.step();
     Ok(adam)
 }

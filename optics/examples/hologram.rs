@@ -1,10 +1,11 @@
-//! A hologram by the library alone: plans the propagation, finds the phase, and writes what to show and what is seen.
+//! Computes a hologram with the library alone: plans the propagation, optimizes the phase, and writes the phase and the
+//! predicted image.
 //!
 //! ```text
 //! cargo run --release --example hologram [FOLDER]
 //! ```
 //!
-//! Writes `phase.pgm` and `seen.pgm` into the folder, by default the current one.
+//! The example writes `phase.pgm` and `seen.pgm` into the folder. The default is the current folder.
 #![allow(clippy::print_stdout)] // it is a program
 
 use lightpath_optics::{Grid, OpticalSetup, Plane, optimize};
@@ -28,7 +29,7 @@ fn make(folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// Rings around a disc, linear light.
+/// The target: rings around a disc, in linear light.
 fn rings(height_px: usize, width_px: usize) -> Plane<f32> {
     Plane::from_fn(height_px, width_px, |y, x| {
         let radius_px = (y as f32 - height_px as f32 / 2.0).hypot(x as f32 - width_px as f32 / 2.0);
@@ -36,7 +37,7 @@ fn rings(height_px: usize, width_px: usize) -> Plane<f32> {
     })
 }
 
-/// A grey picture of values from 0 to 1.
+/// Writes values from 0 to 1 as a grey picture (PGM).
 fn write_pgm(path: &Path, values: &Plane<f32>) -> std::io::Result<()> {
     let mut bytes = format!("P5\n{} {}\n255\n", values.width_px(), values.height_px()).into_bytes();
     bytes.extend(values.values().iter().map(|value| (255.0 * value).round() as u8));

@@ -1,12 +1,12 @@
-//! Every method on a picture, from a random, a quadratic and a constant initial phase: how good it is after as many steps,
-//! and how long they take.
+//! Compares all optimization methods on one picture, from a random, a quadratic and a constant initial phase: the
+//! quality after the same number of steps, and the time of the steps.
 //!
 //! ```sh
 //! cargo run --release -p lightpath-optics --example methods [-- STEPS [TARGET.npy]]
 //! ```
 //!
-//! `TARGET.npy` holds intensities in linear light, float32, \[y\]\[x\]; without it, a generated card of 540×960 px is the
-//! target.
+//! `TARGET.npy` holds intensities in linear light, float32, \[y\]\[x\]. The default target is a generated card of
+//! 540×960 px.
 
 use lightpath_optics::hologram::{HologramMethod, HologramOptions, InitialPhase, quality};
 use lightpath_optics::test_cards::TestCard;
@@ -44,7 +44,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         ("dpac", HologramMethod::DoublePhase, &constant),
     ];
     let mut out = std::io::stdout().lock();
-    // A closed pipe ends the table early, and nothing else.
+    // A closed pipe only ends the table early: write errors are ignored.
     drop(writeln!(out, "method  from       detector         point      pixel  supersampled  ms a step"));
     for detector in Detector::ALL {
         let engine = Engine::new(&DisplayModel::ideal(setup), detector, None)?;

@@ -1,4 +1,5 @@
-//! Which method the planner chooses for a display, from near to far, and for other windows of the image.
+//! Prints the method that the planner chooses for a display at distances from near to far, and for other windows of the
+//! image.
 //!
 //! ```text
 //! cargo run --release --example planner_tour

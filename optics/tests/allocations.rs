@@ -1,6 +1,6 @@
-//! Once it is under way, an optimization asks for no more memory.
+//! An optimization allocates no memory after its first steps.
 //!
-//! In a test binary of its own: whatever else runs in the process would be counted too.
+//! This test is a binary of its own, because it counts the allocations of the whole process.
 #![allow(clippy::unwrap_used)]
 
 use lightpath_optics::hologram::{HologramMethod, HologramOptions, ImagePlane, InitialPhase, Loss};
@@ -15,7 +15,7 @@ static ALLOCATOR: dhat::Alloc = dhat::Alloc;
 
 const HEIGHT_PX: usize = 90;
 const WIDTH_PX: usize = 128;
-/// L-BFGS fills its history meanwhile.
+/// Steps before the count starts. L-BFGS fills its history in these steps.
 const FIRST_STEPS: usize = 16;
 const STEPS: usize = 8;
 
@@ -35,7 +35,7 @@ fn optimization(method: HologramMethod, detector: Detector, planes: usize) -> Op
 #[test]
 fn iterations_allocate_nothing() {
     let profiler = dhat::Profiler::builder().testing().build();
-    // A second thread would ask for its share when it first has work to do, which may be at any time.
+    // A second thread would allocate when it first has work to do, which may be at any time.
     let pool = ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     pool.install(|| {
         for method in

@@ -1,4 +1,4 @@
-//! Learning a display from photographs, as a lab with slips of its own makes them.
+//! Learning a display from photographs, including photographs with a lab's mistakes.
 #![allow(clippy::unwrap_used)]
 
 use lightpath_optics::hologram::initial_phase;
@@ -16,7 +16,7 @@ fn bench(seed: u64) -> SimulatedDisplay {
     drawn(6e-3, SimulatedBench { seed, misalignment_px: 0.5, ..SimulatedBench::FAIR })
 }
 
-/// Its image moves with the distance by some pixels, and its aberrations grow with it.
+/// A simulated display whose image moves by some pixels and whose aberrations grow with the distance.
 fn bench_on_a_rail(distance_m: f64) -> SimulatedDisplay {
     let rail = SimulatedBench { seed: 11, rail_tilt_deg: 0.06, aberrations_at_m: 6e-3, ..SimulatedBench::FAIR };
     drawn(distance_m, rail)
@@ -28,7 +28,7 @@ fn drawn(distance_m: f64, imperfections: SimulatedBench) -> SimulatedDisplay {
     SimulatedDisplay::draw(setup, None, imperfections).unwrap()
 }
 
-/// Photographs of speckled and of smooth holograms.
+/// Pairs of holograms and their photographs; half of the holograms are speckled and half are smooth.
 fn pairs(bench: &SimulatedDisplay, count: u64, seed: u64) -> Vec<Pair> {
     let one = |i: u64| {
         let range_rad = if i.is_multiple_of(2) { 6.0 } else { 2.0 };
@@ -166,7 +166,7 @@ fn learning_is_the_same_on_any_number_of_threads_and_after_a_pause() {
     }
 }
 
-/// Pairs of several distances.
+/// Pairs at several distances, one list for each distance.
 struct Rail(Vec<Vec<Pair>>);
 
 impl PairSource for Rail {
@@ -207,7 +207,7 @@ fn between_photographed_distances_a_display_is_known_nearly_as_well_as_where_it_
         let there = held_out_loss(&bench, &learned(&bench, options(&bench, Some(5)), Lessons::only(&there)).model());
         let between = held_out_loss(&bench, &interpolated(&models, bench.setup()).unwrap());
         let ideal = held_out_loss(&bench, &DisplayModel::ideal(bench.setup()));
-        // The kernel of a neighbour, photographed less than half a millimetre away.
+        // The kernel learned at the nearest photographed distance, less than half a millimetre away.
         let nearest = models.iter().min_by(|a, b| {
             let far = |model: &DisplayModel| (model.setup.distance_m() - distance_m).abs();
             far(a).total_cmp(&far(b))
@@ -262,7 +262,7 @@ fn a_phase_response_is_as_sure_as_it_says() {
         let harmonic = |(k, [a, b]): (f64, &[f64; 2])| a * (k * phase).sin() + b * (k * phase).cos();
         [1.0, 2.0, 3.0].into_iter().zip(&model.response).map(harmonic).sum()
     };
-    // The same display, learned from photographs of different holograms.
+    // Learns the same display several times, from photographs of different holograms.
     let (mut curves, mut foretold) = (Vec::new(), Vec::new());
     for set in 0..5 {
         let training = pairs(&bench, 8, 1000 * (set + 1));

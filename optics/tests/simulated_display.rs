@@ -1,4 +1,4 @@
-//! A simulated bench behaves as a real one would: it is the same every time, and it spoils ideal holograms.
+//! A simulated bench gives the same photographs every time, and its flaws degrade ideal holograms.
 #![allow(clippy::unwrap_used)]
 
 use lightpath_optics::carrier::Carrier;
@@ -72,7 +72,8 @@ fn a_carrier_is_undone_by_the_camera_and_steers_the_zero_order_instead() {
     }
 }
 
-/// Mean and spread of a photograph's differences to the one by the bench without a flaw of this kind.
+/// Mean and standard deviation of the differences [levels] between a photograph by the bench with this flaw and one
+/// without it.
 fn changed_by(flaw: SimulatedBench, hours: f64) -> (f64, f64) {
     let phase = Plane::from_fn(60, 90, |y, x| ((y * 13 + x * x * 7) % 63) as f32 / 10.0);
     let light = |imperfections: SimulatedBench, hours: f64| {
@@ -98,12 +99,12 @@ fn every_flaw_shows_in_photographs_and_none_does_unasked() {
         ("dimming", SimulatedBench { dimming_per_hour: 0.1, ..FAIR }, 2.0),
     ] {
         let (mean, spread) = changed_by(flaw, hours);
-        // Without the flaw, not one level would differ.
+        // Without the flaw all levels would be equal.
         assert!(spread > 0.1, "{name}: {mean} ± {spread} levels");
     }
-    // Time alone changes nothing.
+    // Time alone changes no photograph.
     assert_eq!(changed_by(FAIR, 5.0), (0.0, 0.0));
-    // 19 % of the light is gone after two hours of losing 10 %.
+    // Two hours at a loss of 10 % per hour take 19 % of the light.
     let (dimmed, _) = changed_by(SimulatedBench { dimming_per_hour: 0.1, ..FAIR }, 2.0);
     let (dark, _) = changed_by(SimulatedBench { dimming_per_hour: 1.0, ..FAIR }, 1.0);
     assert!((dimmed / dark - 0.19).abs() < 0.02, "{dimmed} of {dark} levels");
@@ -132,7 +133,7 @@ fn setup(height_px: usize, width_px: usize, distance_m: f64) -> OpticalSetup {
     OpticalSetup::try_new(Grid::try_new(height_px, width_px, 8e-6).unwrap(), 515e-9, distance_m).unwrap()
 }
 
-/// Discs and bars of several greys on a ramp.
+/// A target picture: discs and bars of several greys on a ramp.
 fn card(height_px: usize, width_px: usize) -> Plane<f32> {
     Plane::from_fn(height_px, width_px, |y, x| {
         let (v, u) = (y as f32 / height_px as f32, x as f32 / width_px as f32);

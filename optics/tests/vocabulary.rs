@@ -1,4 +1,4 @@
-//! The words in which specifications and results are stored: what JSON they are, and that they come back from it.
+//! The stored JSON form of specifications and results: its words, and that values survive writing and reading.
 #![allow(clippy::unwrap_used)] // tests may
 
 use lightpath_optics::hologram::{HologramMethod, InitialPhase, Loss, Quality, SeenQuality};
@@ -16,7 +16,7 @@ fn stored<T: Serialize + DeserializeOwned + PartialEq + Debug>(value: T, json: s
     assert_eq!(serde_json::from_value::<T>(json).unwrap(), value);
 }
 
-/// Every value of an enumeration in the order of the words.
+/// Checks that each value is stored as its word; `words` lists the words in the order of the values.
 fn words<T: Serialize + DeserializeOwned + PartialEq + Debug>(values: impl IntoIterator<Item = T>, words: &str) {
     let words: Vec<&str> = words.split_whitespace().collect();
     let values: Vec<T> = values.into_iter().collect();

@@ -1,4 +1,4 @@
-//! Models against photographs: of the test pairs, and of new holograms made through each model.
+//! Compares models with photographs: of the test pairs, and of new holograms optimized through each model.
 
 use super::lab::Lab;
 use super::options::{Failure, Options};
@@ -7,7 +7,7 @@ use lightpath_optics::learning::{PairSource, compare};
 use lightpath_optics::metrics::{Gain, psnr_db};
 use lightpath_optics::{Detector, DisplayModel, Engine, Plane};
 
-/// What models are judged by.
+/// The lab and the photographs that judge the models.
 pub(crate) struct Judge<'a> {
     lab: &'a Lab,
     test: &'a Shots,
@@ -15,11 +15,11 @@ pub(crate) struct Judge<'a> {
     iterations: u32,
 }
 
-/// How good a model is.
+/// Measured quality of a model.
 pub(crate) struct Verdict {
-    /// Mean squared error in the region over the test pairs, gain and black level fitted to each.
+    /// Mean squared error in the region over the test pairs. Gain and black level are fitted to each pair.
     pub(crate) test_loss: f64,
-    /// PSNR of photographs of new holograms \[dB\], target by target.
+    /// PSNR of the photographs of new holograms \[dB\], one value for each target.
     pub(crate) captured_db: Vec<f64>,
 }
 

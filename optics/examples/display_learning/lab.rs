@@ -1,4 +1,4 @@
-//! A simulated display with a camera, and what its owner does with it.
+//! A simulated lab: a display with a camera, and the mistakes of the person who takes the photographs.
 
 use super::options::{Failure, Options};
 use super::shots::{Shots, phase};
@@ -14,10 +14,10 @@ use lightpath_optics::{
 use num_complex::Complex32;
 use std::f64::consts::TAU;
 
-/// Cards that no training hologram shows.
+/// Cards that are kept out of the training holograms.
 const HELD_OUT: [TestCard; 4] = [TestCard::Portrait, TestCard::Planet, TestCard::Leaf, TestCard::Clouds];
 
-/// A display on a bench.
+/// A simulated display on a bench, with the mistakes made in its photographs.
 #[derive(Clone)]
 pub(crate) struct Lab {
     bench: SimulatedDisplay,
@@ -53,7 +53,7 @@ impl Lab {
         })
     }
 
-    /// The same bench, handled without a slip.
+    /// The same bench, without mistakes in the photographs.
     pub(crate) fn clean(&self) -> Self {
         Self { wrong: 0, saturated: 0.0, rotation_deg: 0.0, jitter_px: 0.0, ..self.clone() }
     }
@@ -83,14 +83,15 @@ impl Lab {
         DisplayModel { kernel: KernelShape::Bins(bins), ..DisplayModel::ideal(setup) }
     }
 
-    /// Holograms through the ideal kernel, half of them from random phase and half from narrow, and their photographs.
+    /// Holograms optimized through the ideal kernel, and their photographs. Half of the holograms start from a random
+    /// phase and half from a narrow one.
     pub(crate) fn photograph(&self, pairs: usize, set: u64) -> Result<Shots, Failure> {
         let cards: Vec<TestCard> = TestCard::ALL.into_iter().filter(|card| !HELD_OUT.contains(card)).collect();
         let engine = Engine::new(&DisplayModel::ideal(self.setup()), Detector::Pixel, None)?;
         let mut shots = Shots { levels: Vec::new(), photos: Vec::new() };
         for i in 0..pairs {
             let seed = (self.seed * 16 + set) * 1000 + i as u64;
-            // Pictures of a set come from its own part of the cards' seeds.
+            // Each set takes its pictures from its own range of seeds.
             let target = self.card(cards[(i + set as usize * 5) % cards.len()], seed)?;
             let range_rad = if i % 2 == 0 { TAU } else { 1.0 };
             let levels = self.hologram(&engine, &target, range_rad, seed, self.iterations)?;
@@ -103,7 +104,7 @@ impl Lab {
         Ok(shots)
     }
 
-    /// A picture that no training hologram shows.
+    /// A target picture that no training hologram shows.
     pub(crate) fn new_target(&self, index: usize) -> Result<Plane<f32>, Failure> {
         self.card(HELD_OUT[index % HELD_OUT.len()], self.seed * 1000 + 900 + index as u64)
     }
@@ -113,7 +114,7 @@ impl Lab {
         Ok(card.render(grid.height_px(), grid.width_px(), seed)?)
     }
 
-    /// Grey levels that show a target through a model.
+    /// Grey levels of a hologram of the target, optimized through a model.
     pub(crate) fn hologram(
         &self,
         engine: &Engine,
@@ -132,9 +133,9 @@ impl Lab {
         Ok(PhaseResponse::linear(8)?.quantize(&phase)?.map(|level| level as u8))
     }
 
-    /// A photograph by a camera that was moved, turned and exposed as asked.
+    /// A photograph with the lab's mistakes: the camera is moved, rotated, and overexposed.
     fn slipped(&self, light: &Plane<f32>, index: usize, seed: u64) -> Result<Plane<u8>, Failure> {
-        // Directions that differ from photograph to photograph.
+        // The direction of the movement differs from photograph to photograph.
         let angle = index as f64 * 2.4;
         let (dx, dy) = (self.jitter_px * angle.cos(), self.jitter_px * angle.sin());
         let rotation_rad = self.rotation_deg.to_radians() * (angle * 1.7).cos();

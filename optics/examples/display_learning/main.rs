@@ -1,5 +1,5 @@
-//! How good a learned display is: draws simulated displays, photographs holograms on each, learns models from the photographs,
-//! and judges them by photographs of new holograms made through them.
+//! Measures the quality of learned displays: simulates displays, photographs holograms on each, learns models from the
+//! photographs, and judges each model by photographs of new holograms optimized through it.
 //!
 //! ```sh
 //! cargo run --release -p lightpath-optics --example display_learning -- --size 640x360 --seeds 1,2,3,4,5
@@ -8,8 +8,9 @@
 //! cargo run --release -p lightpath-optics --example display_learning -- --wrong 1 --saturated 0.02 --rotation-deg 0.02
 //! ```
 //!
-//! One line a model: its held-out error, the same relative to the display's true transfer function (the floor of any single
-//! kernel), the PSNR of photographs of new targets and their gain over the ideal kernel, target by target, and what learning cost.
+//! The example prints one line for each model: its held-out error; that error relative to the error of the display's
+//! true transfer function (the lower bound for any single kernel); the PSNR of photographs of new targets; their gain
+//! over the ideal kernel, target by target; and the cost of learning.
 #![allow(clippy::print_stdout)] // it is a program
 
 mod judge;

@@ -1,20 +1,20 @@
-//! What to draw, what to learn.
+//! Options of the example: the displays to simulate and the models to learn.
 
 use lightpath_optics::learning::KernelModel;
 use std::collections::BTreeMap;
 
-/// Whatever went wrong.
+/// Any error of the example.
 pub(crate) type Failure = Box<dyn std::error::Error + Send + Sync>;
 
-/// The program's arguments, each `--name value`.
+/// The program's arguments, each given as `--name value`.
 #[derive(Clone, Debug)]
 pub(crate) struct Options {
     pub(crate) size_px: (usize, usize),
-    /// 0: six tenths of the distance up to which the size samples the whole band.
+    /// Propagation distance \[m\]. 0: 0.6 times the critical distance of the shorter side.
     pub(crate) distance_m: f64,
     pub(crate) seeds: Vec<u64>,
     pub(crate) models: Vec<KernelModel>,
-    /// Of the kernels; `None`: as the validation pairs choose.
+    /// Order of the learned kernels. `None`: the validation pairs choose it.
     pub(crate) order: Option<usize>,
     pub(crate) pairs: usize,
     pub(crate) validation: usize,
@@ -25,18 +25,19 @@ pub(crate) struct Options {
     pub(crate) strength: f64,
     pub(crate) camera_noise: f64,
     pub(crate) misalignment_px: f64,
-    /// Aberrations that depend on where on the modulator a pixel lies.
+    /// Size \[rad\] of the aberrations that depend on a pixel's position on the modulator.
     pub(crate) field_aberration_rad: f64,
-    /// Photographs of other holograms than they are filed with, among the training pairs.
+    /// Number of training pairs whose photograph belongs to another hologram.
     pub(crate) wrong: usize,
-    /// Part of the training photographs' pixels that is overexposed.
+    /// Part of the training photographs' pixels that is overexposed, 0 to 1.
     pub(crate) saturated: f64,
-    /// By what each training photograph is turned beside the others, at most.
+    /// Largest rotation of a training photograph relative to the others.
     pub(crate) rotation_deg: f64,
-    /// And moved.
+    /// Largest shift of a training photograph relative to the others.
     pub(crate) jitter_px: f64,
-    /// Of Adam, and of what follows it; `None`: the model's own.
+    /// Epochs of Adam. `None`: the default of the model.
     pub(crate) epochs: Option<u32>,
+    /// Evaluations of the refinement after Adam. `None`: the default of the model.
     pub(crate) evaluations: Option<u32>,
     pub(crate) threads: usize,
     pub(crate) verbose: bool,
@@ -81,7 +82,7 @@ impl Options {
     }
 }
 
-/// As tables call it.
+/// Name of the model in the tables.
 pub(crate) fn name(model: KernelModel) -> &'static str {
     match model {
         KernelModel::Paper => "paper",

@@ -1,10 +1,10 @@
-//! Pairs as files hold them: a byte a pixel, decoded when they are needed.
+//! Pairs in the form of files: one byte for each pixel, decoded on use.
 
 use lightpath_optics::Plane;
 use lightpath_optics::learning::{BoxError, Pair, PairSource};
 use lightpath_optics::phase_response::PhaseResponse;
 
-/// Holograms in grey levels with their photographs.
+/// Holograms as grey levels, with their photographs.
 #[derive(Clone, Debug)]
 pub(crate) struct Shots {
     pub(crate) levels: Vec<Plane<u8>>,
@@ -21,7 +21,7 @@ impl PairSource for Shots {
     }
 }
 
-/// What the SLM is told to show.
+/// The phase \[rad\] that the SLM shows for these grey levels.
 pub(crate) fn phase(levels: &Plane<u8>) -> Result<Plane<f32>, BoxError> {
     Ok(PhaseResponse::linear(8)?.dequantize(&levels.map(u16::from))?)
 }

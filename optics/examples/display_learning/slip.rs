@@ -1,8 +1,8 @@
-//! What goes wrong between the light and its photograph.
+//! Mistakes in taking a photograph: a rotated, moved or overexposed camera.
 
 use lightpath_optics::{Plane, RegionOfInterest};
 
-/// The light as a camera sees it that is turned about the middle and moved.
+/// The light as seen by a camera that is rotated about the middle and shifted.
 pub(crate) fn turned(light: &Plane<f32>, rotation_rad: f64, dx_px: f64, dy_px: f64) -> Plane<f32> {
     let (height_px, width_px) = (light.height_px(), light.width_px());
     let (middle_y, middle_x) = ((height_px - 1) as f64 / 2.0, (width_px - 1) as f64 / 2.0);
@@ -13,7 +13,7 @@ pub(crate) fn turned(light: &Plane<f32>, rotation_rad: f64, dx_px: f64, dy_px: f
     })
 }
 
-/// Catmull and Rom's interpolation; the edge goes on outside.
+/// Catmull-Rom interpolation. Outside the plane the nearest edge pixel counts.
 fn cubic(light: &Plane<f32>, y: f64, x: f64) -> f32 {
     let weights = |t: f64| {
         let (t2, t3) = (t * t, t * t * t);
@@ -30,7 +30,7 @@ fn cubic(light: &Plane<f32>, y: f64, x: f64) -> f32 {
     sum.max(0.0) as f32
 }
 
-/// The light through a shutter that was open so long that a `share` of the region's pixels is beyond full scale.
+/// The light after an exposure that puts a `share` of the region's pixels beyond full scale.
 pub(crate) fn overexposed(light: &Plane<f32>, region: RegionOfInterest, share: f64) -> Plane<f32> {
     let rows = (0..light.height_px()).filter_map(|y| region.columns(y).map(|columns| &light.row(y)[columns]));
     let mut values: Vec<f32> = rows.flatten().copied().collect();

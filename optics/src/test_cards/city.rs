@@ -30,7 +30,7 @@ pub(super) fn city(seed: u64) -> Scene {
         }
         let depth = y - bank_y;
         let wave = ripples.fractal(x * 5.0, depth * 34.0 / (0.3 + depth), 3);
-        // Ripples smear lights up and down.
+        // Ripples blur the mirrored lights up and down.
         let blurred = [-1.0, -0.35, 0.35, 1.0]
             .map(|k| tone(x + 0.03 * wave, bank_y - depth + (0.05 * k + 0.08 * wave) * (0.3 + depth)));
         0.03 + 0.75 * blurred.iter().sum::<f32>() / 4.0 + 0.05 * wave
@@ -47,7 +47,7 @@ fn night(sky: &Noise, moon: (f32, f32, f32), x: f32, y: f32, bank_y: f32) -> f32
     mix(around, maria, step(1.02, 0.98, apart))
 }
 
-/// The tone of a house of this row, or `None` above its roof.
+/// The tone of the house at (x, y) in a row of houses. `None`: the point is above the roof.
 fn facade(row: &Row, x: f32, y: f32, bank_y: f32) -> Option<f32> {
     let cell = (x / row.house_width + row.noise.between(1, 0.0, 1.0)).floor();
     let house = cell as i32;

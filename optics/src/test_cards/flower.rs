@@ -5,7 +5,7 @@ use super::noise::Noise;
 use super::vector::{mix, step};
 use std::f32::consts::TAU;
 
-/// One ring of petals, outer ones first.
+/// One ring of petals. Rings are listed from the outermost inwards.
 struct Ring {
     petals: f32,
     turn: f32,
@@ -41,7 +41,7 @@ pub(super) fn flower(seed: u64) -> Scene {
     })
 }
 
-/// The tone of the nearest petal of a ring, or `None` between petals.
+/// The tone of the nearest petal of a ring. `None`: the point is between petals.
 fn petal(veins: &Noise, ring: &Ring, angle: f32, radius: f32) -> Option<f32> {
     let sector = (angle + ring.turn) / TAU * ring.petals;
     let index = sector.round();
@@ -60,13 +60,13 @@ fn petal(veins: &Noise, ring: &Ring, angle: f32, radius: f32) -> Option<f32> {
     }
     let ridge = veins.fractal(sideways * 6.0 + index * 9.0, along * 1.5 + ring.index as f32 * 5.0, 3);
     let cupped = 1.0 - 0.32 * sideways * sideways - 0.14 * (sideways + 0.5 * wobble).powi(2);
-    // The next ring inwards throws its shadow on the petal's root.
+    // The next ring inwards casts a shadow on the petal's root.
     let rooted = mix(0.32, 1.0, step(0.5, 0.95, along));
     Some(ring.brightness * (cupped * rooted + 0.1 * ridge) + 0.05 * wobble)
 }
 
 fn heart(veins: &Noise, dx: f32, dy: f32, radius: f32) -> f32 {
-    // Florets on Vogel's spiral: the nearest of them decides.
+    // Florets lie on Vogel's spiral: the nearest floret gives the tone.
     let nearest = (0..90).map(|i| {
         let (r, a) = (0.0135 * (i as f32).sqrt(), i as f32 * 2.399_963);
         ((dx - r * a.cos()).hypot(dy - r * a.sin()), i)

@@ -1,10 +1,10 @@
-//! Lines of letters, ever smaller, drawn with strokes of their own.
+//! An eye chart: lines of letters that get smaller, drawn with strokes.
 
 use super::noise::Noise;
 use super::vector::{mix, step};
 use super::{Frame, Scene};
 
-/// From (x, y) to (x, y) on a raster of 4 × 6 units, y down.
+/// A stroke \[x₁, y₁, x₂, y₂\] from (x₁, y₁) to (x₂, y₂) on a raster of 4 × 6 units, y down.
 type Stroke = [u8; 4];
 
 const LETTERS: [&[Stroke]; 20] = [
@@ -40,7 +40,7 @@ const LETTERS: [&[Stroke]; 20] = [
     &[[0, 0, 4, 0], [4, 0, 0, 6], [0, 6, 4, 6]],
 ];
 
-/// A line of the chart.
+/// A line of letters of the chart.
 struct Line {
     top: f32,
     height: f32,
@@ -76,7 +76,7 @@ fn lines(frame: Frame, noise: &Noise) -> Vec<Line> {
     lines
 }
 
-/// How much of (x, y) a line's letters cover.
+/// Cover of the point (x, y) by the letters of a line, 0 to 1.
 fn ink(line: &Line, x: f32, y: f32) -> f32 {
     let margin = 0.12 * line.height;
     if !(line.top - margin..line.top + line.height + margin).contains(&y) {

@@ -4,7 +4,7 @@ use super::Scene;
 use super::noise::Noise;
 use super::vector::{mix, step};
 
-/// One range of mountains, farther ones first.
+/// One range of mountains. Ranges are listed from the farthest to the nearest.
 struct Range {
     noise: Noise,
     crest_y: f32,
@@ -67,7 +67,7 @@ fn sky(view: &View, x: f32, y: f32) -> f32 {
     mix(0.4, 0.72, step(-1.1, 0.3, y)) + glow + 0.28 * cirrus
 }
 
-/// The tone of a mountain's face, or `None` above its crest.
+/// The tone of a mountain's face at (x, y). `None`: the point is above the crest.
 fn slope(view: &View, range: &Range, x: f32, y: f32) -> Option<f32> {
     let crest = |x: f32| {
         let shape = range.noise.ridges(x * range.fineness, 3.7, 7);

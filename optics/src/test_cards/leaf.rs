@@ -1,4 +1,4 @@
-//! A veined leaf before lights out of focus.
+//! A veined leaf in front of lights that are out of focus.
 
 use super::Scene;
 use super::noise::Noise;
@@ -30,7 +30,7 @@ pub(super) fn leaf(seed: u64) -> Scene {
         if across.abs() > 1.0 {
             return behind * mix(0.75, 1.0, step(1.0, 1.25, across.abs()));
         }
-        // Side veins leave the midrib forwards and curve towards the tip.
+        // Side veins branch off the midrib forwards and curve towards the tip.
         let reach = v.abs() / breadth;
         let side = if v < 0.0 { 0.0 } else { 0.5 };
         let phase = (along - 0.42 * reach + 0.16 * reach * reach) * veins + side;

@@ -1,9 +1,9 @@
-//! Generated target pictures: for demonstrations, tests and training sets that need no photographs.
+//! Generated target pictures for demonstrations, tests and training sets, in place of photographs.
 //!
-//! A card is a continuous picture, drawn by a seed, that is sampled several times in each pixel. Coordinates inside
-//! the cards are in halves of the shorter side: x to the right, y down, (0, 0) in the middle. Cards are composed in
-//! *tones* from 0 to 1, as the eye sees them, and rendered as linear light, tone^2.2, so that their grey levels are
-//! spread as those of photographs are.
+//! A card is a continuous picture that a seed determines. It is sampled several times in each pixel. The unit of
+//! coordinates is half the shorter side: x to the right, y down, (0, 0) in the middle. Cards are composed in
+//! *tones* from 0 to 1, as the eye sees them, and rendered as linear light, tone^2.2. Their grey levels are therefore
+//! distributed like those of photographs.
 
 mod city;
 mod flower;
@@ -22,10 +22,10 @@ mod vector;
 use crate::{Error, Plane, Result};
 use rayon::prelude::*;
 
-/// A kind of picture; the seed makes many of each.
+/// A kind of generated picture. Each seed gives another picture of the kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum TestCard {
-    /// A head, lit from the side.
+    /// A head with light from the side.
     Portrait,
     /// Mountains behind a lake.
     Landscape,
@@ -43,22 +43,22 @@ pub enum TestCard {
     City,
     /// Waves under a low sun.
     Sea,
-    /// Lines of letters, ever smaller.
+    /// Lines of letters that get smaller.
     EyeChart,
     /// Grey steps, ramps and discs.
     Wedges,
-    /// Groups of bars, ever finer.
+    /// Groups of bars that get finer.
     ResolutionBars,
     /// A star with spokes that meet in the middle.
     SiemensStar,
-    /// Rings, finer towards the edge.
+    /// Rings that get finer towards the edge.
     Rings,
 }
 
-/// A picture as a function: tone at (x, y).
+/// A picture as a function that gives the tone at (x, y).
 type Scene = Box<dyn Fn(f32, f32) -> f32 + Sync>;
 
-/// Where the picture ends, in halves of its shorter side.
+/// Edges of the picture, in halves of its shorter side.
 #[derive(Clone, Copy)]
 struct Frame {
     half_width: f32,
@@ -66,7 +66,7 @@ struct Frame {
 }
 
 impl TestCard {
-    /// Every card, photograph-like ones first.
+    /// All cards; those that look like photographs come first.
     pub const ALL: [Self; 14] = [
         Self::Portrait,
         Self::Landscape,
@@ -84,10 +84,10 @@ impl TestCard {
         Self::Rings,
     ];
 
-    /// Shortest side \[px\]: smaller ones show nothing.
+    /// Smallest accepted side of a card \[px\]. Smaller pictures show no detail.
     pub const SIDE_PX_MIN: usize = 32;
 
-    /// In lower case with hyphens, fit for a file name.
+    /// The name of the card in lower case with hyphens, fit for a file name.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -108,7 +108,7 @@ impl TestCard {
         }
     }
 
-    /// The card as linear light in [0, 1]; the same seed gives the same picture, at any size.
+    /// Renders the card as linear light in [0, 1]. The same seed gives the same picture at any size.
     ///
     /// # Errors
     ///
@@ -170,7 +170,7 @@ impl TestCard {
     }
 }
 
-/// Small pictures need more samples to look smooth, and can afford them.
+/// Samples along each side of a pixel. Small pictures need more samples to look smooth, and still render fast.
 fn samples_per_side(short_side_px: usize) -> usize {
     match short_side_px {
         0..=199 => 4,

@@ -1,33 +1,33 @@
-//! Seeded random numbers on a lattice, and the smooth noise between them (Perlin 2002).
+//! Seeded random numbers on a lattice, and smooth noise that interpolates them (Perlin 2002).
 
-/// A source of random numbers that are addressed, not drawn: the same address gives the same number.
+/// A source of random numbers by address: the same address always gives the same number.
 #[derive(Clone, Copy)]
 pub(super) struct Noise {
     seed: u64,
 }
 
 impl Noise {
-    /// `stream` tells the noises of one card apart.
+    /// Makes a noise source. Each `stream` of a seed gives other numbers.
     pub(super) fn new(seed: u64, stream: u64) -> Self {
         Self { seed: scrambled(seed ^ scrambled(stream)) }
     }
 
-    /// Uniform in [0, 1) for each lattice point.
+    /// The random number of a lattice point, uniform in [0, 1).
     pub(super) fn uniform(&self, ix: i32, iy: i32) -> f32 {
         (self.bits(ix, iy) >> 40) as f32 / (1_u64 << 24) as f32
     }
 
-    /// Uniform in [low, high) for each number `index`.
+    /// The random number with number `index`, uniform in [low, high).
     pub(super) fn between(&self, index: i32, low: f32, high: f32) -> f32 {
         low + (high - low) * self.uniform(index, -7)
     }
 
-    /// One of 0 to `count` − 1 for each number `index`.
+    /// The random whole number with number `index`, 0 to `count` − 1.
     pub(super) fn choice(&self, index: i32, count: usize) -> usize {
         ((self.uniform(index, -9) * count as f32) as usize).min(count - 1)
     }
 
-    /// Smooth noise about 0, within ±1, of period about 1.
+    /// Smooth noise around 0, within ±1, with a period of about 1.
     pub(super) fn smooth(&self, x: f32, y: f32) -> f32 {
         let (x0, y0) = (x.floor(), y.floor());
         let (fx, fy) = (x - x0, y - y0);
@@ -43,12 +43,12 @@ impl Noise {
         (1.5 * (top + v * (bottom - top))).clamp(-1.0, 1.0)
     }
 
-    /// Sum of ever finer and weaker noise about 0, mostly within ±1.
+    /// Sum of `octaves` noises, each finer and weaker than the one before: around 0, mostly within ±1.
     pub(super) fn fractal(&self, x: f32, y: f32, octaves: u32) -> f32 {
         self.octaves(x, y, octaves, |value| value)
     }
 
-    /// Sum of ever finer noise with sharp crests, about 0 to 1.
+    /// Sum of `octaves` noises with sharp crests, each finer than the one before: about 0 to 1.
     pub(super) fn ridges(&self, x: f32, y: f32, octaves: u32) -> f32 {
         self.octaves(x, y, octaves, |value| 1.0 - 2.0 * value.abs()) / 2.0 + 0.35
     }
@@ -58,7 +58,7 @@ impl Noise {
         for _ in 0..octaves {
             sum += weight * shape(self.smooth(x, y));
             weight *= 0.5;
-            // Turned and shifted, so that the lattices of two octaves never coincide.
+            // Rotates and shifts the coordinates: the lattices of two octaves must not coincide.
             (x, y) = (1.6 * x - 1.2 * y + 17.3, 1.2 * x + 1.6 * y - 9.1);
         }
         sum

@@ -39,7 +39,7 @@ pub(super) fn planet(seed: u64) -> Scene {
     })
 }
 
-/// The ring's tone and how much of what is behind it covers, or `None` beside it.
+/// The ring's tone, and how much of its background it covers, 0 to 1. `None`: the point is beside the ring.
 fn ring(belts: &Noise, u: f32, v: f32, flatness: f32, light: [f32; 3]) -> Option<(f32, f32)> {
     let distance = u.hypot(v / flatness);
     let density = density(belts, distance)?;
@@ -63,7 +63,7 @@ fn density(belts: &Noise, distance: f32) -> Option<f32> {
 }
 
 fn ring_shadow(belts: &Noise, normal: [f32; 3], light: [f32; 3], flatness: f32) -> f32 {
-    // Towards the light until the ring's plane, in which v = flatness · z.
+    // Distance towards the light to the ring's plane, v = flatness · z.
     let along = (normal[1] - flatness * normal[2]) / (light[1] - flatness * light[2]);
     if along > 0.0 {
         return 0.0;

@@ -1,4 +1,4 @@
-//! A head, lit from the side: a relief of smooth shapes that is shaded by its slopes.
+//! A head with light from the side: a relief of smooth shapes, shaded by its slopes.
 
 use super::Scene;
 use super::noise::Noise;
@@ -45,7 +45,7 @@ pub(super) fn portrait(seed: u64) -> Scene {
     })
 }
 
-/// Above 0 inside the face.
+/// Mask of the face: positive inside the face, negative outside.
 fn head_mask(face: &Face, u: f32, v: f32) -> f32 {
     let half = if v > 0.1 { 0.43 * (1.0 - 0.38 / face.jaw * ((v - 0.1) / 0.55).powi(2)) } else { 0.43 };
     let (top, bottom) = (-0.66, 0.6);
@@ -53,7 +53,7 @@ fn head_mask(face: &Face, u: f32, v: f32) -> f32 {
     1.0 - (u / half.max(0.05)).powi(2) - centre.powi(2)
 }
 
-/// How far the face stands out towards the viewer.
+/// Height of the face's relief towards the viewer.
 fn relief(face: &Face, u: f32, v: f32) -> f32 {
     let bump = |cx: f32, cy: f32, rx: f32, ry: f32| (-((u - cx) / rx).powi(2) - ((v - cy) / ry).powi(2)).exp();
     let t = face.turn;
@@ -137,7 +137,7 @@ fn hair_behind(face: &Face, u: f32, v: f32) -> Option<f32> {
     (above > 0.0 && falls).then(|| strands(face, u, v, 0.75))
 }
 
-/// Hair over the forehead, and how much of the face it covers.
+/// Tone of the hair over the forehead, and how much of the face it covers, 0 to 1. `None`: the point has no such hair.
 fn fringe(face: &Face, u: f32, v: f32) -> Option<(f32, f32)> {
     let outline = 1.0 - (u / 0.53).powi(2) - ((v + 0.02) / 0.78).powi(2);
     let part = face.light[0].signum() * 0.12;
@@ -155,14 +155,14 @@ fn strands(face: &Face, u: f32, v: f32, brightness: f32) -> f32 {
     brightness * (face.hair_tone * (0.25 + 0.85 * lit) * (1.0 + 0.55 * flow) + 0.2 * band * lit * (0.6 + flow))
 }
 
-/// Neck and shoulders, or `None` beside them.
+/// Tone of neck and shoulders. `None`: the point is beside them.
 fn bust(face: &Face, u: f32, v: f32) -> Option<f32> {
     let neck = |u: f32, _: f32| 0.25 * (1.0 - (u / 0.23).powi(2)).max(0.0).sqrt();
     let slope = 0.74 + 0.42 * (u.abs() - 0.2).max(0.0).powf(1.35) - 0.05 * (1.0 - (u / 0.25).powi(2)).max(0.0);
     let open = v > 0.4 && u.abs() < 0.22 && v < slope + 0.16 * (1.0 - (u / 0.22).powi(2));
     if open {
         let lit = step(-0.25, 1.0, dot(normal(neck, u, v), face.light));
-        // The chin throws its shadow on the neck.
+        // The chin casts a shadow on the neck.
         let under = mix(0.4, 1.0, step(0.56, 0.74, v + 0.12 * u * face.light[0]));
         return Some(face.skin * (0.12 + 0.7 * lit) * under);
     }

@@ -30,7 +30,7 @@ pub(super) fn sea(seed: u64) -> Scene {
         let reach = 0.01 * distance.max(1.0);
         let slope_x = (height(wx + reach, wz) - height(wx, wz)) / reach;
         let slope_z = (height(wx, wz + reach) - height(wx, wz)) / reach;
-        // Far waves are too small to be seen one by one.
+        // Distant waves are too small to be seen one by one: they fade with the distance.
         let calm = 1.0 / (1.0 + 0.05 * distance);
         let normal = unit([-slope_x * calm, -1.0, slope_z * calm]);
         let view = unit([x * 0.8, (y - horizon) * 0.8 + 0.02, -1.0]);

@@ -22,7 +22,7 @@ pub(super) fn clouds(seed: u64) -> Scene {
         if opacity == 0.0 {
             return sky;
         }
-        // Light is lost on its way through the cloud: less of it above means a brighter edge.
+        // The cloud absorbs light: a point with less cloud towards the light is brighter.
         let shade = |reach: f32| density(x + reach * light_x, y - reach).max(0.0);
         let lost = 1.1 * shade(0.03) + 1.0 * shade(0.09) + 0.8 * shade(0.2);
         let lit = 0.3 + 0.72 * (-1.5 * (lost - 0.6 * here)).exp();

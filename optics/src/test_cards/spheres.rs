@@ -1,4 +1,4 @@
-//! Balls on a chequered floor, traced by rays.
+//! Balls on a chequered floor, drawn by ray tracing.
 
 use super::Scene;
 use super::noise::Noise;
@@ -8,7 +8,7 @@ struct Ball {
     centre: Vector,
     radius: f32,
     albedo: f32,
-    /// Part of the light that is mirrored.
+    /// Part of the light that the ball mirrors, 0 to 1.
     polish: f32,
 }
 
@@ -19,9 +19,9 @@ struct Room {
     marble: Noise,
 }
 
-/// Where the floor lies, below the eye.
+/// Depth of the floor below the eye.
 const FLOOR_Y: f32 = 1.0;
-/// How often light is followed from mirror to mirror.
+/// Largest number of reflections that a ray follows.
 const BOUNCES_MAX: u32 = 3;
 
 pub(super) fn spheres(seed: u64) -> Scene {
@@ -72,7 +72,7 @@ fn tiles(room: &Room, point: Vector, distance: f32) -> f32 {
     let grain = 0.08 * room.marble.fractal(u * 4.0, v * 4.0, 4);
     let albedo = if bright { 0.78 } else { 0.1 } + grain;
     let lit = -room.light[1] * sunlight(room, point, [0.0, -1.0, 0.0]);
-    // Balls keep the sky's light from the floor right below them.
+    // Balls shade the floor right below them from the light of the sky.
     let open = room.balls.iter().map(|ball| {
         let apart = (point[0] - ball.centre[0]).hypot(point[2] - ball.centre[2]) / ball.radius;
         mix(0.45, 1.0, step(0.0, 1.3, apart))
@@ -85,13 +85,13 @@ fn sky(towards: Vector) -> f32 {
     mix(0.5, 0.12, step(0.0, 0.7, -towards[1]))
 }
 
-/// 0 in a ball's shadow, 1 in the light.
+/// Sunlight at a point: 0 in a ball's shadow, 1 in full light.
 fn sunlight(room: &Room, point: Vector, normal: Vector) -> f32 {
     let from = add_scaled(point, normal, 1e-3);
     if room.balls.iter().any(|ball| hit(ball, from, room.light).is_some()) { 0.0 } else { 1.0 }
 }
 
-/// How far along the ray it meets the ball.
+/// Distance along the ray to its first point on the ball. `None`: the ray misses the ball.
 fn hit(ball: &Ball, from: Vector, towards: Vector) -> Option<f32> {
     let apart = add_scaled(from, ball.centre, -1.0);
     let (along, squared) = (dot(apart, towards), dot(apart, apart) - ball.radius * ball.radius);

@@ -1,11 +1,11 @@
-//! Cards that show what a display resolves and how it renders greys.
+//! Cards that show the resolution and the grey levels of a display.
 
 use super::noise::Noise;
 use super::vector::{mix, step, turned};
 use super::{Frame, Scene};
 use std::f32::consts::{PI, TAU};
 
-/// Steps, ramps and discs.
+/// A card with grey steps, ramps and discs.
 pub(super) fn wedges(frame: Frame, seed: u64) -> Scene {
     let noise = Noise::new(seed, 1);
     let steps = 7 + noise.choice(1, 6);
@@ -33,11 +33,11 @@ pub(super) fn wedges(frame: Frame, seed: u64) -> Scene {
     })
 }
 
-/// Groups of upright and level bars, ever finer.
+/// A card with groups of vertical and horizontal bars that get finer.
 pub(super) fn resolution_bars(frame: Frame, seed: u64) -> Scene {
     const COLUMNS: f32 = 4.0;
     const ROWS: f32 = 3.0;
-    /// Bars in a group: five bright ones and the gaps between them.
+    /// Stripes in a group: five bright bars and the four gaps between them.
     const STRIPES: f32 = 9.0;
     let noise = Noise::new(seed, 2);
     let dark_on_bright = noise.uniform(1, 1) < 0.5;
@@ -65,7 +65,7 @@ pub(super) fn resolution_bars(frame: Frame, seed: u64) -> Scene {
     })
 }
 
-/// Spokes that meet in the middle, within rings of grey.
+/// A card with spokes that meet in the middle, inside grey rings.
 pub(super) fn siemens_star(frame: Frame, seed: u64) -> Scene {
     let noise = Noise::new(seed, 3);
     let spokes = (12 + 4 * noise.choice(1, 6)) as f32;
@@ -88,7 +88,7 @@ pub(super) fn siemens_star(frame: Frame, seed: u64) -> Scene {
     })
 }
 
-/// Rings, finer towards the edge, soft where they fade.
+/// A card with rings that get finer towards the edge and fade out softly.
 pub(super) fn rings(seed: u64) -> Scene {
     let noise = Noise::new(seed, 4);
     let (cx, cy) = (noise.between(1, -0.5, 0.5), noise.between(2, -0.25, 0.25));

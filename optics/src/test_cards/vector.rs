@@ -16,23 +16,23 @@ pub(super) fn unit(a: Vector) -> Vector {
     a.map(|value| value * scale)
 }
 
-/// The direction `a` leaves in after a mirror of unit normal `normal`.
+/// The direction of `a` after its reflection at a mirror with the unit normal `normal`.
 pub(super) fn mirrored(a: Vector, normal: Vector) -> Vector {
     add_scaled(a, normal, -2.0 * dot(a, normal))
 }
 
-/// From `a` at t = 0 to `b` at t = 1.
+/// Linear interpolation: `a` at t = 0, `b` at t = 1.
 pub(super) fn mix(a: f32, b: f32, t: f32) -> f32 {
     a + (b - a) * t
 }
 
-/// 0 below `start`, 1 above `end`, smooth between; falls where `start` > `end`.
+/// A smooth step: 0 below `start`, 1 above `end`. With `start` > `end` it falls from 1 to 0.
 pub(super) fn step(start: f32, end: f32, value: f32) -> f32 {
     let t = ((value - start) / (end - start)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
 }
 
-/// (x, y) turned by `angle_rad`.
+/// The point (x, y), rotated by `angle_rad` around the origin.
 pub(super) fn turned(x: f32, y: f32, angle_rad: f32) -> (f32, f32) {
     let (sin, cos) = angle_rad.sin_cos();
     (x * cos - y * sin, x * sin + y * cos)

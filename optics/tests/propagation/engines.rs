@@ -1,6 +1,6 @@
-//! What every propagation engine must get right, whatever it is made of.
+//! Tests that every propagation engine must pass, whatever its implementation.
 //!
-//! To put an engine under these tests, add it to [`ENGINES`].
+//! To test another engine, add it to [`ENGINES`].
 
 use crate::fields::{
     PITCH_M, WAVELENGTH_M, centroid_and_waists, cropped, energy, flat_top, half_band_spots, inner_product, noise,
@@ -14,16 +14,16 @@ use lightpath_optics::{Detector, DisplayModel, KernelShape, OpticalSetup, Plane}
 use num_complex::{Complex, Complex32, Complex64};
 use std::f64::consts::TAU;
 
-/// H(fx, fy), frequencies in 1/m.
+/// A transfer function H(fx, fy), frequencies in 1/m.
 type Transfer<'a> = &'a (dyn Fn(f64, f64) -> Complex64 + Sync);
 
 struct Engine {
     name: &'static str,
-    /// The field after free space, on its own pixels.
+    /// Propagates a field through free space, onto its own pixels.
     free_space: fn(&OpticalSetup, &Plane<Complex64>) -> Plane<Complex64>,
-    /// The field, zero-padded twofold, after any transfer function, cropped.
+    /// Pads a field twofold with zeros, applies any transfer function, and crops the result.
     filtered: fn(&OpticalSetup, Transfer<'_>, &Plane<Complex64>) -> Plane<Complex64>,
-    /// Relative L2 error of the field that its number format explains.
+    /// Relative L2 error of the field that the rounding of the engine's number format explains.
     rounding: f64,
 }
 
@@ -44,7 +44,7 @@ fn fused_free_space<T: Real>(setup: &OpticalSetup, field: &Plane<Complex64>) -> 
 
 fn fused_filter<T: Real>(setup: &OpticalSetup, transfer: Transfer<'_>, field: &Plane<Complex64>) -> Plane<Complex64> {
     let (height_px, width_px) = (setup.grid().height_px(), setup.grid().width_px());
-    // Bins are stored with zero frequency in the middle of the padded plane.
+    // Bins have zero frequency in the middle of the padded plane.
     let frequency = |bin: usize, side_px: usize| (bin as f64 - side_px as f64) / (2.0 * side_px as f64 * PITCH_M);
     let bins = Plane::from_fn(2 * height_px, 2 * width_px, |v, u| {
         let value = transfer(frequency(u, width_px), frequency(v, height_px));
@@ -114,7 +114,7 @@ fn no_energy_is_lost_on_the_uncropped_plane() {
     }
 }
 
-/// Two spots that stay far from the frame's sides for a centimetre.
+/// Two spots whose light stays far from the frame's sides over a centimetre of propagation.
 fn two_spots() -> Plane<Complex64> {
     Plane::from_fn(160, 200, |y, x| {
         let spot = |cy: f64, cx: f64| (-((y as f64 - cy).powi(2) + (x as f64 - cx).powi(2)) / 72.0).exp();
@@ -159,7 +159,7 @@ fn the_way_back_is_the_adjoint() {
         let setup = setup(48, 70, 0.15);
         let (u, v) = (noise(48, 70, 3), noise(48, 70, 4));
         let forwards = inner_product(&(engine.free_space)(&setup, &u), &v);
-        // Free space the other way has the conjugate transfer function.
+        // Propagation over the negative distance has the conjugate transfer function.
         let adjoint = (engine.free_space)(&self::setup(48, 70, -0.15), &v);
         let backwards = inner_product(&u, &adjoint);
         let scale = (energy(&u) * energy(&v)).sqrt();
@@ -191,7 +191,7 @@ fn a_square_aperture_casts_fresnels_fringes() {
         let field = Plane::from_fn(side_px, side_px, |y, x| {
             Complex64::from(if hole.contains(&y) && hole.contains(&x) { 1.0 } else { 0.0 })
         });
-        // Samples of 1 stand for whole square pixels, not for points.
+        // A sample stands for a whole square pixel, not for a point.
         let transfer = |fx: f64, fy: f64| setup.transfer(fx, fy) * sinc(fx * PITCH_M) * sinc(fy * PITCH_M);
         let seen = (engine.filtered)(&setup, &transfer, &field).map(|value| value.norm_sqr());
         let middle = (side_px - 1) as f64 / 2.0;

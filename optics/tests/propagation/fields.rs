@@ -1,4 +1,4 @@
-//! Fields to send, and how to compare what arrives.
+//! Input fields for the tests, and measures that compare fields.
 
 use lightpath_optics::{Grid, OpticalSetup, Plane};
 use num_complex::Complex64;
@@ -11,7 +11,7 @@ pub(crate) fn setup(height_px: usize, width_px: usize, distance_m: f64) -> Optic
     OpticalSetup::try_new(Grid::try_new(height_px, width_px, PITCH_M).unwrap(), WAVELENGTH_M, distance_m).unwrap()
 }
 
-/// Values spread over the unit square, the same every time.
+/// A field of pseudo-random values, whose parts are within ±1. The same `seed` gives the same values.
 pub(crate) fn noise(height_px: usize, width_px: usize, seed: u64) -> Plane<Complex64> {
     let mut state = seed;
     let mut next = move || {
@@ -21,7 +21,7 @@ pub(crate) fn noise(height_px: usize, width_px: usize, seed: u64) -> Plane<Compl
     Plane::from_fn(height_px, width_px, |_, _| Complex64::new(next(), next()))
 }
 
-/// Smooth spots with a tilt: no frequency beyond half of the band, no light near the sides.
+/// Smooth, tilted spots. The field has no frequency beyond half of the band and no light near the sides.
 pub(crate) fn half_band_spots(height_px: usize, width_px: usize) -> Plane<Complex64> {
     let spots = [(0.5, 0.45, 1.0, 0.03), (0.42, 0.55, -0.6, -0.05), (0.55, 0.6, 0.5, 0.04)];
     Plane::from_fn(height_px, width_px, |y, x| {
@@ -33,7 +33,8 @@ pub(crate) fn half_band_spots(height_px: usize, width_px: usize) -> Plane<Comple
     })
 }
 
-/// 1 over the middle third, falling smoothly (every derivative vanishes at both ends) to 0 at the sides.
+/// A profile of 1 over the middle third, which falls smoothly to 0 at the sides. Every derivative vanishes at both ends
+/// of the fall.
 pub(crate) fn flat_top(pixel: usize, side_px: usize) -> f64 {
     let middle = (side_px - 1) as f64 / 2.0;
     let from_side = (1.0 - (pixel as f64 - middle).abs() / (side_px as f64 / 2.0)) * 1.5;
@@ -74,8 +75,8 @@ pub(crate) fn centroid_and_waists(field: &Plane<Complex64>) -> ((f64, f64), [f64
     (centre, waists.map(|variance| 2.0 * variance.sqrt()))
 }
 
-/// Spots all over the frame's middle and over most of the band, sampled `finer` times as finely as the pixels: the same field at every
-/// sampling.
+/// Spots over the frame's middle and over most of the band, sampled `finer` times as finely as the pixels. The field is
+/// the same at every sampling.
 pub(crate) fn spots_over_the_band(height_px: usize, width_px: usize, finer: usize) -> Plane<Complex64> {
     const SPOTS: usize = 30;
     let draws = noise(SPOTS, 3, 9);

@@ -1,11 +1,11 @@
-//! Nothing that is allowed makes anything panic, and what comes out is a number.
+//! Random valid inputs: propagation never panics, and its results are finite.
 
 use lightpath_optics::propagation::{ConvolutionMethod, ImageWindow, PropagationMethod, assess, plan, plan_onto};
 use lightpath_optics::{Detector, DisplayModel, Engine, Grid, OpticalSetup, Plane, Propagator};
 use num_complex::Complex32;
 use proptest::prelude::*;
 
-/// Numbers over many orders of magnitude.
+/// Random numbers between `low` and `high`, spread evenly over the orders of magnitude.
 fn over(low: f64, high: f64) -> impl Strategy<Value = f64> {
     (low.ln()..high.ln()).prop_map(f64::exp)
 }
@@ -20,7 +20,7 @@ fn setups() -> impl Strategy<Value = OpticalSetup> {
     )
 }
 
-/// Windows about the size of the display, on and off the axis.
+/// Random windows of about the display's size, on and off the axis.
 fn windows() -> impl Strategy<Value = (usize, usize, f64, f64, f64)> {
     (1..=32usize, 1..=32usize, over(0.2, 4.0), -2.0..2.0, -2.0..2.0)
 }

@@ -1,13 +1,13 @@
-//! Propagation against closed forms, the direct sum, and itself.
+//! Tests of propagation: comparisons with closed forms, with the direct sum, and between methods.
 #![allow(clippy::unwrap_used)]
 
-/// What every engine must get right: the reference tests.
+/// Reference tests that every propagation engine must pass.
 mod engines;
-/// Fields to send, and how to compare what arrives.
+/// Input fields for the tests, and measures that compare fields.
 mod fields;
-/// Nothing that is allowed makes anything panic.
+/// Random valid inputs, which must not cause a panic.
 mod fuzz;
-/// Each method against closed forms, the direct sum and its adjoint.
+/// Comparisons of each method with closed forms, with the direct sum and with its adjoint.
 mod methods;
-/// The planner's choices against the alternatives, and what is refused.
+/// Comparisons of the planner's choices with the alternatives, and refused setups.
 mod planner;

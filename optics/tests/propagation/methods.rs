@@ -1,4 +1,4 @@
-//! Each method against closed forms, the direct sum and its adjoint.
+//! Comparisons of each method with closed forms, with the direct sum and with its adjoint.
 
 use crate::fields::{
     PITCH_M, WAVELENGTH_M, energy, half_band_spots, inner_product, noise, relative_l2, setup, spots_over_the_band,
@@ -21,7 +21,8 @@ fn wide<T: Real>(field: &Plane<Complex<T>>) -> Plane<Complex64> {
     field.map(|u| Complex64::new(u.re.wide(), u.im.wide()))
 }
 
-/// Every method that has a window of its own, at distances where it can be right, and three windows of our own.
+/// Propagators of every method onto its default window, at distances where the method is valid, and onto three other
+/// windows.
 fn propagators<T: Real>(height_px: usize, width_px: usize) -> Vec<PropagatorCore<T>> {
     let at = |distance_m: f64| setup(height_px, width_px, distance_m);
     let (near_m, far_m) = (0.4 * critical_m(&at(1.0)), 2.0 * critical_m(&at(1.0)));
@@ -121,7 +122,7 @@ fn a_gaussian_beam_spreads_as_it_should() {
         let error = relative_l2(&sent(&propagator, &beam(&own, 0.0)), &beam(propagator.window(), z));
         assert!(error < bound, "{}: {error:e}", label(&propagator));
     };
-    // The closed form is paraxial: what the exact methods differ by is its own error.
+    // The closed form is paraxial. Its error is the difference to the exact methods.
     let (paraxial, exact) = (1e-6, 5e-5);
     for z in [15e-3, -15e-3, 40e-3, -40e-3] {
         let setup = setup(height_px, width_px, z);
@@ -202,9 +203,9 @@ fn windows_anywhere_see_what_the_direct_sum_sees() {
     }
 }
 
-/// [`half_band_spots`] of `height_px` × `width_px`, sampled more finely.
+/// [`half_band_spots`] of `height_px` × `width_px`, sampled `finer` times as finely.
 fn spots_resampled(height_px: usize, width_px: usize, finer: usize) -> Plane<Complex64> {
-    // Pixel centres lie at (i + ½)/finer − ½ pixels.
+    // The centre of fine pixel i lies at (i + ½)/finer − ½ pixels.
     let spots = [(0.5, 0.45, 1.0, 0.03), (0.42, 0.55, -0.6, -0.05), (0.55, 0.6, 0.5, 0.04)];
     Plane::from_fn(height_px * finer, width_px * finer, |y, x| {
         let [y, x] = [y, x].map(|i| (i as f64 + 0.5) / finer as f64 - 0.5);
@@ -250,7 +251,7 @@ fn the_far_field_of_a_rectangle_is_the_dirichlet_kernel() {
         let window = *propagator.window();
         let area_m2 = WAVELENGTH_M * z;
         let kernel = |x_m: f64, side_px: usize, hole_px: usize| {
-            // Σ e^{−i2πx·x'/λz} over the hole, whose middle may lie half a pixel beside the display's.
+            // Σ e^{−i2πx·x'/λz} over the hole. The hole's middle may lie half a pixel beside the display's middle.
             let middle_m =
                 ((side_px - hole_px) / 2) as f64 * PITCH_M + 0.5 * (hole_px as f64 - side_px as f64) * PITCH_M;
             let turn = PI * x_m * PITCH_M / area_m2;
@@ -277,9 +278,9 @@ fn the_far_field_is_what_the_exact_integral_becomes() {
     let propagator = PropagatorCore::<f64>::new(&setup, PropagationMethod::Fraunhofer).unwrap();
     let field = noise(12, 16, 10);
     let expected = rayleigh_sommerfeld_onto(&setup, &field, propagator.window()).unwrap();
-    // π·ρ²/λz at the display's corners, the phase that is neglected.
+    // The neglected phase: π·ρ²/λz at the display's corners.
     let neglected = PI * PITCH_M.powi(2) * (5.5_f64.powi(2) + 7.5_f64.powi(2)) / (WAVELENGTH_M * 0.5);
-    // So far off the axis, the phase of a paraboloid is not that of a sphere.
+    // Far off the axis the phases of a paraboloid and a sphere differ, so the test compares amplitudes only.
     let amplitude = |field: &Plane<Complex64>| field.map(|u| Complex64::from(u.norm()));
     let error = relative_l2(&amplitude(&sent(&propagator, &field)), &amplitude(&expected));
     assert!(error < neglected && neglected < 0.1, "{error} {neglected}");

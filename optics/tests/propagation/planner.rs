@@ -1,4 +1,4 @@
-//! The planner's choices against the alternatives, and what is refused.
+//! Comparisons of the planner's choices with the alternatives, and refused setups.
 
 use crate::fields::{PITCH_M, WAVELENGTH_M, relative_l2, setup, spots_over_the_band};
 use lightpath_optics::hologram::{HologramMethod, HologramOptions, initial_phase};
@@ -107,7 +107,7 @@ fn what_cannot_be_right_is_refused_with_the_numbers() {
         other => panic!("{other:?}"),
     };
     let assessed = |distance_m: f64, method| refusal(assess(&setup(64, 96, distance_m), method).map(|_| ()));
-    // z_c = 15.9 mm along y, 23.9 mm along x.
+    // The critical distance z_c is 15.9 mm along y and 23.9 mm along x.
     for (distance_m, method, code, numbers) in [
         (0.02, PropagationMethod::AngularSpectrum, RefusalCode::Aliased, ["15.9 mm", "20 mm"]),
         (0.02, PropagationMethod::FresnelTransferFunction, RefusalCode::Aliased, ["15.9 mm", "20 mm"]),
