@@ -1,4 +1,4 @@
-//! Pictures that show whether photographs lie where they should.
+//! Pictures that show whether photographs are aligned with the display.
 
 use super::canvas::{Canvas, scaled_height_px};
 use crate::pictures::linear_to_srgb;
@@ -6,7 +6,7 @@ use lightpath_optics::Plane;
 
 const MARK: [u8; 3] = [0xff, 0x8c, 0x1a];
 
-/// A photograph with an open cross at each point, no wider than `width_px_max`.
+/// A photograph with an open cross at each of the given points. The picture is at most `width_px_max` wide.
 #[must_use]
 pub fn marked(light: &Plane<f32>, points: &[[f64; 2]], width_px_max: u32) -> Canvas {
     let width_px = (light.width_px() as u32).clamp(1, width_px_max);
@@ -23,7 +23,7 @@ pub fn marked(light: &Plane<f32>, points: &[[f64; 2]], width_px_max: u32) -> Can
     canvas
 }
 
-/// Two images in one: the expected light in cyan, the photograph in red. Where they agree the sum is grey; a displaced
+/// An overlay of the expected light in cyan and the photograph in red. Where they agree the sum is grey. A displaced
 /// photograph has red and cyan rims.
 #[must_use]
 pub fn overlay(expected: &Plane<f32>, photo: &Plane<f32>, width_px_max: u32) -> Canvas {
@@ -44,7 +44,7 @@ pub fn overlay(expected: &Plane<f32>, photo: &Plane<f32>, width_px_max: u32) -> 
     canvas
 }
 
-/// Light such that all but one pixel in two hundred lies between black and white.
+/// The light, scaled such that all but one pixel in two hundred lies between black and white.
 fn stretched(light: &Plane<f32>) -> Plane<f32> {
     let mut values: Vec<f32> = light.values().iter().copied().filter(|value| value.is_finite()).collect();
     if values.is_empty() {

@@ -13,7 +13,7 @@ const WHITE: Colour = [0xff; 3];
 
 pub(super) type Colour = [u8; 3];
 
-/// Where (x, y) lies in a line of text.
+/// Which point of a line of text lies at (x, y).
 #[derive(Clone, Copy)]
 pub(super) enum Anchor {
     Start,
@@ -21,20 +21,20 @@ pub(super) enum Anchor {
     End,
 }
 
-/// An RGB picture, white at first. What is drawn beyond its edges is lost.
+/// An RGB picture to draw on, white at first. Drawing beyond its edges has no effect.
 #[derive(Clone, Debug)]
 pub struct Canvas {
     image: RgbImage,
 }
 
 impl Canvas {
-    /// A white picture.
+    /// Makes a white picture.
     #[must_use]
     pub fn new(width_px: u32, height_px: u32) -> Self {
         Self { image: RgbImage::from_pixel(width_px, height_px, Rgb(WHITE)) }
     }
 
-    /// Pictures side by side and row below row, columns aligned; the titles stand above the columns.
+    /// Arranges pictures in rows and aligned columns, with a title above each column.
     #[must_use]
     pub fn grid(rows: &[Vec<Canvas>]) -> Self {
         let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
@@ -54,23 +54,23 @@ impl Canvas {
         sheet
     }
 
-    /// Columns, in pixels.
+    /// Width of the picture \[px\].
     #[must_use]
     pub fn width_px(&self) -> u32 {
         self.image.width()
     }
 
-    /// Rows, in pixels.
+    /// Height of the picture \[px\].
     #[must_use]
     pub fn height_px(&self) -> u32 {
         self.image.height()
     }
 
-    /// The picture as a PNG file.
+    /// Encodes the picture as a PNG file.
     ///
     /// # Errors
     ///
-    /// When the picture is empty.
+    /// An error of the encoder when the picture is empty.
     pub fn png(&self) -> Result<Vec<u8>, image::ImageError> {
         let mut file = Vec::new();
         PngEncoder::new_with_quality(&mut file, CompressionType::Best, FilterType::Adaptive).write_image(
@@ -82,7 +82,7 @@ impl Canvas {
         Ok(file)
     }
 
-    /// A line of text; `y` is its baseline.
+    /// Draws a line of text; `y` is its baseline.
     pub(super) fn text(&mut self, x: i32, y: i32, text: &str, size_px: f32, colour: Colour, anchor: Anchor) {
         let width = text::width_px(text, size_px).round() as i32;
         let left = match anchor {
@@ -93,13 +93,13 @@ impl Canvas {
         text::draw(text, size_px, |dx, dy, coverage| self.blend(left + dx, y + dy, colour, coverage));
     }
 
-    /// A line of text that runs upwards, its middle at `y`; `x` is its baseline.
+    /// Draws a line of text that runs upwards. `x` is its baseline, `y` its middle.
     pub(super) fn text_upwards(&mut self, x: i32, y: i32, text: &str, size_px: f32, colour: Colour) {
         let start = y + text::width_px(text, size_px).round() as i32 / 2;
         text::draw(text, size_px, |dx, dy, coverage| self.blend(x + dy, start - dx, colour, coverage));
     }
 
-    /// A straight stroke with smooth edges, in pixel centres.
+    /// Draws a straight stroke with smooth edges. Coordinates count pixel centres.
     pub(super) fn stroke(&mut self, from: (f32, f32), to: (f32, f32), width_px: f32, colour: Colour) {
         let reach = width_px / 2.0 + 1.0;
         let (dx, dy) = (to.0 - from.0, to.1 - from.1);
@@ -115,7 +115,7 @@ impl Canvas {
         }
     }
 
-    /// A frame one pixel wide around the rectangle.
+    /// Draws a frame, one pixel wide, around a rectangle.
     pub(super) fn frame(&mut self, x: i32, y: i32, width_px: u32, height_px: u32, colour: Colour) {
         let (width, height) = (width_px as i32, height_px as i32);
         for i in -1..=width {
@@ -128,7 +128,7 @@ impl Canvas {
         }
     }
 
-    /// Colours a rectangle by a function of the position in it.
+    /// Fills a rectangle with colours that a function gives for each position in it.
     pub(super) fn paint(&mut self, x: i32, y: i32, width_px: u32, height_px: u32, colour: impl Fn(u32, u32) -> Colour) {
         for dy in 0..height_px {
             for dx in 0..width_px {
@@ -137,7 +137,7 @@ impl Canvas {
         }
     }
 
-    /// Linear light, sRGB-encoded, `width_px` wide and in proportion; returns the height \[px\].
+    /// Draws linear light, sRGB-encoded, `width_px` wide, and keeps its proportions. Returns the height \[px\].
     pub(super) fn light(&mut self, x: i32, y: i32, width_px: u32, light: &Plane<f32>) -> u32 {
         let height_px = scaled_height_px(light, width_px);
         let scaled = averaged(light, height_px, width_px);
@@ -160,12 +160,12 @@ impl Canvas {
     }
 }
 
-/// The height \[px\] that keeps the proportions at this width.
+/// The height \[px\] that keeps the plane's proportions at this width.
 pub(super) fn scaled_height_px(plane: &Plane<f32>, width_px: u32) -> u32 {
     ((plane.height_px() * width_px as usize) as f32 / plane.width_px() as f32).round().max(1.0) as u32
 }
 
-/// Another size: every pixel is the mean over its area, so that light keeps its brightness.
+/// Resamples a plane to another size. Every pixel is the mean over its area, which keeps the brightness of the light.
 fn averaged(plane: &Plane<f32>, height_px: u32, width_px: u32) -> Plane<f32> {
     let rows = areas(plane.height_px(), height_px as usize);
     let columns = areas(plane.width_px(), width_px as usize);
@@ -175,7 +175,7 @@ fn averaged(plane: &Plane<f32>, height_px: u32, width_px: u32) -> Plane<f32> {
     })
 }
 
-/// For each of `new` samples the old ones that it covers, and their shares.
+/// For each of `new` samples: the old samples that it covers, and their shares.
 fn areas(old: usize, new: usize) -> Vec<Vec<(usize, f32)>> {
     let scale = old as f32 / new as f32;
     let area = |i: usize| {

@@ -1,33 +1,33 @@
-//! Lines over a linear axis, as SVG: sharp at any size, and small.
+//! Line charts over a linear axis, as SVG: small files that are sharp at any size.
 
 use super::ticks;
 use std::fmt::Write;
 
-/// What to draw.
+/// A line chart.
 #[derive(Clone, Debug)]
 pub struct Chart<'a> {
-    /// Above the picture.
+    /// Title above the chart.
     pub title: &'a str,
-    /// Below the x axis.
+    /// Label below the x axis.
     pub x_label: &'a str,
-    /// Beside the y axis.
+    /// Label beside the y axis.
     pub y_label: &'a str,
-    /// The y axis shows powers of ten.
+    /// Whether the y axis is logarithmic, with powers of ten.
     pub logarithmic: bool,
-    /// Each in a colour of its own.
+    /// Lines of the chart; each has a colour of its own.
     pub lines: Vec<Line>,
-    /// How sure the first line is, where that is known: x, and the range of y.
+    /// Uncertainty of the first line: x, and the range of y. Empty: unknown.
     pub band: Vec<(f64, [f64; 2])>,
 }
 
-/// One line.
+/// A line of a chart.
 #[derive(Clone, Debug)]
 pub struct Line {
-    /// For the legend.
+    /// Name of the line in the legend.
     pub label: String,
-    /// x and y, ascending in x.
+    /// Points (x, y) of the line, ascending in x.
     pub points: Vec<(f64, f64)>,
-    /// Drawn dashed: something to compare with.
+    /// Whether the line is dashed. Dashed lines are references for comparison.
     pub dashed: bool,
 }
 
@@ -40,7 +40,7 @@ const PLOT_WIDTH: f64 = 400.0;
 const PLOT_HEIGHT: f64 = 248.0;
 const BOTTOM: f64 = TOP + PLOT_HEIGHT;
 
-/// Where values lie in the picture.
+/// Ranges of the axes, which place values in the picture.
 struct Axes {
     x: (f64, f64),
     y: (f64, f64),
@@ -58,7 +58,7 @@ impl Axes {
         TOP + PLOT_HEIGHT * (1.0 - part)
     }
 
-    /// The points, as the attribute of a line or polygon wants them.
+    /// The points in the form of the `points` attribute of an SVG line or polygon.
     fn path(&self, points: impl Iterator<Item = (f64, f64)>) -> String {
         points.map(|(x, y)| format!("{:.1},{:.1}", self.x(x), self.y(y))).collect::<Vec<_>>().join(" ")
     }
@@ -94,7 +94,7 @@ impl Axes {
 }
 
 impl Chart<'_> {
-    /// Draws it.
+    /// Draws the chart as SVG.
     #[must_use]
     pub fn svg(&self) -> String {
         let axes = self.axes();
@@ -124,7 +124,7 @@ impl Chart<'_> {
         x.is_finite() && y.is_finite() && (!self.logarithmic || y > 0.0)
     }
 
-    /// One edge of the band: 0 the lower, 1 the upper.
+    /// The points of one edge of the band. `side` 0 is the lower edge, 1 the upper one.
     fn edge(&self, side: usize) -> impl DoubleEndedIterator<Item = (f64, f64)> {
         self.band.iter().map(move |&(x, edges)| (x, edges[side])).filter(|&point| self.usable(point))
     }
@@ -154,7 +154,7 @@ impl Chart<'_> {
         }
     }
 
-    /// Line number `i`, and its place in the legend.
+    /// Draws line number `i` and its entry in the legend.
     fn draw_line(&self, svg: &mut String, axes: &Axes, i: usize, line: &Line) {
         let colour = COLOURS[i % COLOURS.len()];
         let dash = if line.dashed { " stroke-dasharray=\"6 5\"" } else { "" };
@@ -193,18 +193,18 @@ impl Chart<'_> {
     }
 }
 
-/// Text as it must stand in markup.
+/// Text with the special characters of markup escaped.
 #[must_use]
 pub fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// Writing to a string cannot fail.
+/// Appends `part` to `svg`. Writing to a string cannot fail.
 fn write(svg: &mut String, part: std::fmt::Arguments<'_>) {
     let _ = svg.write_fmt(part);
 }
 
-/// A range that has a length, with a margin.
+/// The range with a margin at both ends. An empty range gets a length.
 fn widened((low, high): (f64, f64), margin: f64) -> (f64, f64) {
     if low > high || !low.is_finite() || !high.is_finite() {
         return (0.0, 1.0);

@@ -1,20 +1,20 @@
-//! Colours of even steps, composed in OKLab (Ottosson 2020), where equal distances look equal.
+//! Colour maps with even steps. They are composed in OKLab (Ottosson 2020), in which equal distances look equal.
 
 use std::f32::consts::{PI, TAU};
 
-/// How numbers become colours.
+/// A map from numbers to colours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ColourMap {
-    /// From dark violet through blue-green to bright yellow: lightness grows evenly.
+    /// From dark violet through blue-green to bright yellow. The lightness grows evenly.
     Sequential,
-    /// From blue through near white to red: how far from nothing, and which way.
+    /// From blue through near white to red, for the size and the sign of a value.
     Diverging,
-    /// Once around the hues: the two ends meet, as phases do.
+    /// Once around the hues, for phases: both ends have the same colour.
     Cyclic,
 }
 
 impl ColourMap {
-    /// The colour (sRGB) at `t`, from 0 to 1; beyond, the nearest end.
+    /// The colour (sRGB) at `t`, from 0 to 1. Values outside take the colour of the nearest end.
     #[must_use]
     pub fn colour(self, t: f32) -> [u8; 3] {
         let t = if t.is_nan() { 0.0 } else { t.clamp(0.0, 1.0) };
@@ -28,7 +28,7 @@ impl ColourMap {
                 let hue = if side < 0.0 { 4.45 } else { 0.55 };
                 (0.95 - 0.5 * side.abs(), 0.16 * side.abs().powf(0.8), hue)
             }
-            // Darkest and brightest at opposite phases, so that the direction shows in grey print too.
+            // The darkest and the brightest colour are at opposite phases, so that grey prints show the direction too.
             Self::Cyclic => (0.62 - 0.13 * (TAU * t).cos(), 0.095, TAU * (t + 0.72)),
         };
         srgb(lightness, chroma * hue.cos(), chroma * hue.sin())

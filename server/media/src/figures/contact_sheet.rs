@@ -1,40 +1,40 @@
-//! Pictures in rows and columns, each with a caption.
+//! Contact sheets: pictures in rows and columns, each with a caption.
 
 use super::canvas::{Anchor, BLACK, Canvas, GREY, PALE, scaled_height_px};
 use lightpath_optics::Plane;
 
-/// A table of pictures, all of one size.
+/// A table of pictures of equal size.
 #[derive(Clone, Debug)]
 pub struct ContactSheet<'a> {
-    /// Above everything.
+    /// Title at the top of the sheet.
     pub title: &'a str,
-    /// Below the title, smaller; may be empty.
+    /// Smaller line below the title; may be empty.
     pub subtitle: &'a str,
-    /// Above each column.
+    /// Heading of each column.
     pub columns: &'a [&'a str],
-    /// From top to bottom.
+    /// Rows from top to bottom.
     pub rows: Vec<ContactRow<'a>>,
 }
 
 /// A row of a contact sheet.
 #[derive(Clone, Debug)]
 pub struct ContactRow<'a> {
-    /// From left to right.
+    /// Pictures from left to right.
     pub pictures: Vec<Shown<'a>>,
 }
 
 /// A picture with its caption.
 #[derive(Clone, Debug)]
 pub struct Shown<'a> {
-    /// Linear light, 1 is white.
+    /// The picture as linear light; 1 is white.
     pub intensity: &'a Plane<f32>,
-    /// Below the picture.
+    /// Text below the picture.
     pub caption: String,
 }
 
-/// Pictures are shown no wider than this \[px\]: three of them fit a common screen.
+/// Largest width of a shown picture \[px\]: three pictures fit a common screen.
 const PICTURE_WIDTH_PX_MAX: u32 = 480;
-/// Pictures are shown at least this wide \[px\], for their captions' sake.
+/// Smallest width of a shown picture \[px\]: the caption needs it.
 const PICTURE_WIDTH_PX_MIN: u32 = 320;
 const MARGIN_PX: i32 = 24;
 const GAP_PX: i32 = 14;
@@ -44,7 +44,7 @@ const HEADER_PX: i32 = 92;
 const TEXT_PX: f32 = 15.0;
 
 impl ContactSheet<'_> {
-    /// Draws it.
+    /// Draws the contact sheet.
     #[must_use]
     pub fn draw(&self) -> Canvas {
         let first = self.rows.iter().flat_map(|row| &row.pictures).next();

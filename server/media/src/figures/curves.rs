@@ -1,31 +1,32 @@
-//! Curves over steps, on a logarithmic axis.
+//! Curves over the number of steps, with a logarithmic y axis.
 
 use super::canvas::{Anchor, BLACK, Canvas, Colour, GREY, PALE};
 use super::ticks;
 
-/// What to draw.
+/// A picture of curves.
 #[derive(Clone, Debug)]
 pub struct Curves<'a> {
-    /// Above the picture.
+    /// Title above the picture.
     pub title: &'a str,
-    /// Below the x axis.
+    /// Label below the x axis.
     pub x_label: &'a str,
-    /// Beside the y axis.
+    /// Label beside the y axis.
     pub y_label: &'a str,
-    /// Each in a colour of its own.
+    /// The curves; each has a colour of its own.
     pub curves: Vec<Curve>,
 }
 
-/// One curve, or one level where it has a single value.
+/// A curve, or a horizontal level if it has a single value.
 #[derive(Clone, Debug)]
 pub struct Curve {
-    /// For the legend.
+    /// Name of the curve in the legend.
     pub label: String,
-    /// At x = 1, 2, …; what is not above 0 is left out. A single value is drawn as a dashed line all across.
+    /// Values at x = 1, 2, …. Values of 0 and below are left out. A single value becomes a dashed line across the
+    /// picture.
     pub values: Vec<f64>,
 }
 
-/// Colours that differ for most colour-blind eyes too.
+/// Colours of the curves, which most colour-blind people can tell apart.
 const COLOURS: [Colour; 6] = [
     [0x1f, 0x5f, 0xa8],
     [0xd4, 0x6a, 0x0c],
@@ -40,7 +41,7 @@ const TOP_PX: f32 = 48.0;
 const PLOT_PX: (f32, f32) = (530.0, 344.0);
 
 impl Curves<'_> {
-    /// Draws them.
+    /// Draws the curves.
     #[must_use]
     pub fn draw(&self) -> Canvas {
         let mut canvas = Canvas::new(SIZE_PX.0, SIZE_PX.1);
@@ -104,7 +105,7 @@ impl Curves<'_> {
     }
 }
 
-/// A dashed line.
+/// Draws a dashed horizontal line.
 fn draw_level(canvas: &mut Canvas, start: f32, end: f32, y: f32, colour: Colour) {
     const DASH_PX: f32 = 6.0;
     let dashes = ((end - start + DASH_PX) / (2.0 * DASH_PX)) as u32;

@@ -1,37 +1,37 @@
-//! A plane of numbers as colours, with axes and a colour bar.
+//! Heat maps: a plane of numbers as colours, with axes and a colour bar.
 
 use super::canvas::{Anchor, BLACK, Canvas, GREY};
 use super::colours::ColourMap;
 use super::ticks;
 use lightpath_optics::Plane;
 
-/// What to show, and what it means.
+/// A plane of numbers, with the texts and colours that present it.
 #[derive(Clone, Copy, Debug)]
 pub struct Heatmap<'a> {
-    /// Above the picture.
+    /// Title above the picture.
     pub title: &'a str,
-    /// \[y\]\[x\], drawn with y downwards.
+    /// The numbers, \[y\]\[x\], drawn with y downwards.
     pub values: &'a Plane<f32>,
-    /// Cyclic ones are for phases in radians.
+    /// Colour map. Cyclic colours are for phases in radians.
     pub colours: ColourMap,
-    /// The numbers at the ends of the colour bar; cyclic colours always have −π and π.
+    /// The numbers at the ends of the colour bar. Cyclic colours always have −π and π.
     pub range: (f32, f32),
-    /// Below the colour bar; may be empty.
+    /// Unit below the colour bar; may be empty.
     pub unit: &'a str,
-    /// Along the columns.
+    /// Horizontal axis, along the columns.
     pub x: Axis<'a>,
-    /// Along the rows.
+    /// Vertical axis, along the rows.
     pub y: Axis<'a>,
 }
 
 /// An axis of a heat map.
 #[derive(Clone, Copy, Debug)]
 pub struct Axis<'a> {
-    /// With its unit.
+    /// Label of the axis, with its unit.
     pub label: &'a str,
-    /// Value at the left or upper edge.
+    /// Value of the axis at the left or upper edge.
     pub start: f64,
-    /// Value at the right or lower edge.
+    /// Value of the axis at the right or lower edge.
     pub end: f64,
 }
 
@@ -44,7 +44,7 @@ const BAR_GAP_PX: i32 = 14;
 const BAR_WIDTH_PX: u32 = 14;
 
 impl Heatmap<'_> {
-    /// Draws it. Both axes have the same scale.
+    /// Draws the heat map. Both axes have the same scale.
     #[must_use]
     pub fn draw(&self) -> Canvas {
         let (width_px, height_px) = self.size_px();
@@ -119,7 +119,7 @@ impl Heatmap<'_> {
     }
 }
 
-/// Where `value` lies on the axis, from 0 to 1.
+/// Position of `value` on the axis, from 0 to 1.
 fn place(axis: &Axis<'_>, value: f64) -> f32 {
     ((value - axis.start) / (axis.end - axis.start)) as f32
 }

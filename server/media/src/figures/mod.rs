@@ -1,7 +1,7 @@
 //! Pictures for people: contact sheets, heat maps, curves and alignments, as PNG.
 //!
-//! Light is shown sRGB-encoded, as every screen expects it; other quantities through colours of even steps with a
-//! labelled bar beside them. The same data give the same bytes.
+//! Light is shown sRGB-encoded, as every screen expects it. Other quantities are shown in colours of even steps, with a
+//! labelled colour bar. The same data give the same bytes.
 
 mod alignment;
 mod canvas;

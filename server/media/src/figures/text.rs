@@ -1,9 +1,9 @@
-//! Text in the one font that the pictures carry.
+//! Text in the font that is built in for pictures.
 
 use ab_glyph::{Font, FontRef, PxScale, ScaleFont};
 use std::sync::LazyLock;
 
-/// DejaVu Sans with Latin, Greek and a few signs. Its licence lies beside it.
+/// DejaVu Sans with Latin, Greek and a few signs. The licence lies beside the font file.
 static FONT: LazyLock<FontRef<'static>> = LazyLock::new(|| {
     let bytes = include_bytes!("../../assets/fonts/DejaVuSans-subset.ttf");
     FontRef::try_from_slice(bytes).expect("the embedded font is whole")
@@ -32,7 +32,8 @@ pub(super) fn draw(text: &str, size_px: f32, mut paint: impl FnMut(i32, i32, f32
     }
 }
 
-/// ab_glyph scales the height from the lowest to the highest letter; people mean the size of the em.
+/// The scale of ab_glyph for a font size. ab_glyph scales the height from the lowest to the highest letter; a font size
+/// is the size of the em.
 fn scale(size_px: f32) -> PxScale {
     let em = FONT.units_per_em().unwrap_or(1000.0);
     PxScale::from(size_px * FONT.height_unscaled() / em)

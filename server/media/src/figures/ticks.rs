@@ -1,6 +1,6 @@
 //! Round numbers for axes and colour bars.
 
-/// Round numbers from `start` to `end`, about `count` of them, with their labels.
+/// About `count` round numbers from `start` to `end`, with their labels.
 pub(super) fn linear(start: f64, end: f64, count: usize) -> Vec<(f64, String)> {
     let (low, high) = (start.min(end), start.max(end));
     let rough = (high - low) / count.max(1) as f64;
@@ -16,13 +16,13 @@ pub(super) fn linear(start: f64, end: f64, count: usize) -> Vec<(f64, String)> {
     (first..=last).map(|i| i as f64 * step).map(|value| (value, signed(&format!("{value:.decimals$}")))).collect()
 }
 
-/// Multiples of π/2 from −π to π.
+/// Multiples of π/2 from −π to π, with their labels.
 pub(super) fn phase() -> Vec<(f64, String)> {
     let labels = ["−π", "−π/2", "0", "π/2", "π"];
     (-2..=2).zip(labels).map(|(i, label)| (f64::from(i) * std::f64::consts::FRAC_PI_2, label.to_owned())).collect()
 }
 
-/// Powers of ten, and 2 and 5 times them where there are few, from `low` to `high`, both above 0.
+/// Powers of ten from `low` to `high`, both above 0. If they are few, also 2 and 5 times the powers.
 pub(super) fn logarithmic(low: f64, high: f64) -> Vec<(f64, String)> {
     let few = high / low < 300.0;
     let powers = low.log10().floor() as i32..=high.log10().ceil() as i32;
@@ -51,7 +51,7 @@ fn power_of_ten(factor: f64, power: i32) -> String {
     if factor == 1.0 { format!("10{raised}") } else { format!("{factor}·10{raised}") }
 }
 
-/// With a real minus sign.
+/// The number with a typographic minus sign (−) in place of a hyphen.
 fn signed(number: &str) -> String {
     number.replace('-', "−")
 }

@@ -1,34 +1,34 @@
-//! Zip archives, as far as arrays need them: stored or deflated files, no encryption, no parts beyond 4 GiB.
+//! The part of the zip format that arrays need: stored or deflated files, without encryption, no part beyond 4 GiB.
 //!
-//! PKWARE APPNOTE 6.3; little-endian throughout.
+//! Source: PKWARE APPNOTE 6.3. All numbers are little-endian.
 
 use super::error::KernelFormatError;
 use flate2::read::DeflateDecoder;
 use std::io::Read;
 
-/// Largest file of an archive once it is inflated \[bytes\]: a complex kernel of an 8K display.
+/// Largest inflated file of an archive \[bytes\]: a complex kernel of an 8K display.
 const FILE_BYTES_MAX: u64 = 1 << 30;
 const FILES_MAX: usize = 1000;
 const LOCAL: u32 = 0x0403_4b50;
 const CENTRAL: u32 = 0x0201_4b50;
 const END: u32 = 0x0605_4b50;
 
-/// Names and contents.
+/// Names and contents of files.
 pub(super) type Files = Vec<(String, Vec<u8>)>;
 
-/// Whether a file says that it is a zip archive.
+/// Whether the first bytes of a file are those of a zip archive.
 pub(super) fn is_archive(bytes: &[u8]) -> bool {
     bytes.starts_with(&LOCAL.to_le_bytes())
 }
 
-/// The files of an archive.
+/// Reads the files of an archive.
 pub(super) fn read(bytes: &[u8]) -> Result<Files, KernelFormatError> {
     let cut = || KernelFormatError::Archive("it ends early".to_owned());
     let start = bytes.len().saturating_sub(22 + usize::from(u16::MAX));
     let tail = bytes.get(start..).ok_or_else(cut)?;
     let end = tail.windows(4).rposition(|window| window == END.to_le_bytes()).ok_or_else(cut)? + start;
     let count = usize::from(u16_at(bytes, end + 10)?);
-    // The last field of all: without it the archive was cut.
+    // The last field of the archive. If it is missing, the archive was cut.
     u16_at(bytes, end + 20)?;
     if count > FILES_MAX {
         return Err(KernelFormatError::Archive(format!("it has {count} files, but at most {FILES_MAX} are read")));
@@ -70,7 +70,7 @@ fn content(bytes: &[u8], entry: usize, name: &str) -> Result<Vec<u8>, KernelForm
         0 => packed.to_vec(),
         8 => {
             let mut content = Vec::new();
-            // One byte more than it may have tells that it has more.
+            // Reads one byte more than declared, to detect longer contents.
             let mut decoder = DeflateDecoder::new(packed).take(size_bytes + 1);
             decoder.read_to_end(&mut content).map_err(|error| refused(error.to_string()))?;
             content
@@ -83,7 +83,7 @@ fn content(bytes: &[u8], entry: usize, name: &str) -> Result<Vec<u8>, KernelForm
     Ok(content)
 }
 
-/// An archive of stored files; the same files give the same bytes.
+/// Writes an archive of stored files. The same files give the same bytes.
 pub(super) fn write(files: &[(&str, &[u8])]) -> Result<Vec<u8>, KernelFormatError> {
     let (mut archive, mut directory) = (Vec::new(), Vec::new());
     let too_large = |_| KernelFormatError::Archive("it would exceed 4 GiB".to_owned());

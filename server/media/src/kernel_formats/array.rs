@@ -1,22 +1,22 @@
-//! Arrays as NumPy and PyTorch store them.
+//! Arrays in the forms in which NumPy and PyTorch store them.
 
 use super::error::KernelFormatError;
 use super::half;
 use crate::npy;
 use npyz::{DType, Order};
 
-/// A dense array in C order, complex or not.
+/// A dense array of real or complex numbers in C order.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Array {
-    /// What messages call it.
+    /// Name of the array in messages.
     pub(super) name: String,
     pub(super) shape: Vec<usize>,
-    /// Each number once, or real and imaginary part in turn.
+    /// The numbers. Complex ones have their real and imaginary part in turn.
     pub(super) numbers: Vec<f32>,
     pub(super) complex: bool,
 }
 
-/// What the bytes of an array are.
+/// Number type of an array's bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     F16,
@@ -42,7 +42,7 @@ impl Kind {
 }
 
 impl Array {
-    /// From little-endian bytes.
+    /// Makes an array from little-endian bytes.
     pub(super) fn new(name: &str, shape: Vec<usize>, kind: Kind, bytes: &[u8]) -> Result<Self, KernelFormatError> {
         let count = shape.iter().try_fold(1_usize, |product, &side| product.checked_mul(side));
         if count.and_then(|count| count.checked_mul(kind.bytes())) != Some(bytes.len()) {
@@ -65,7 +65,7 @@ impl Array {
         Ok(Self { name: name.to_owned(), shape, numbers, complex: kind.is_complex() })
     }
 
-    /// From a `.npy` file.
+    /// Reads an array from a `.npy` file.
     pub(super) fn read_npy(name: &str, bytes: &[u8]) -> Result<Self, KernelFormatError> {
         let expected = "a .npy file of float16, float32, float64, complex64 or complex128, little-endian, C order";
         let refused =
@@ -90,13 +90,13 @@ impl Array {
         Self::new(name, shape, kind, rest)
     }
 
-    /// What it is, for messages.
+    /// Description of the array for messages.
     pub(super) fn described(&self) -> String {
         format!("{} of shape {:?}", if self.complex { "complex" } else { "real" }, self.shape)
     }
 }
 
-/// A `.npy` file, version 1.0. `descr` is NumPy's name of the type of the bytes, for example `<f4`.
+/// Writes a `.npy` file, version 1.0. `descr` is NumPy's name of the number type, for example `<f4`.
 pub(super) fn npy(descr: &str, shape: &[usize], bytes: &[u8]) -> Vec<u8> {
     let sides: Vec<String> = shape.iter().map(usize::to_string).collect();
     let comma = if shape.len() == 1 { "," } else { "" };

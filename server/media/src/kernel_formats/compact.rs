@@ -1,6 +1,6 @@
-//! The compact form of a smooth kernel: all of a display model in some hundred bytes.
+//! The compact form of a smooth kernel: a whole display model in some hundred bytes.
 //!
-//! Little-endian, without gaps:
+//! Layout, little-endian, without gaps:
 //!
 //! | offset | type | meaning |
 //! |---|---|---|
@@ -8,10 +8,10 @@
 //! | 4 | u8 | version of the layout: 2 where the kernel varies over the SLM, else 1 |
 //! | 5 | u8 | model: 3 `smooth`, 4 `display`, 5 `varying` |
 //! | 6 | u8 | K, highest total degree of the kernel's series, 0 to 12; 0: H = H_ideal |
-//! | 7 | u8 | S, that of the source's, 0 to 12 |
+//! | 7 | u8 | S, highest total degree of the source's series, 0 to 12 |
 //! | 8 | u8 | R, harmonics of the phase response, 0 to 8 |
-//! | 9 | u8 | method of H_ideal, below |
-//! | 10 | u8 | V, highest total degree of what makes the kernel vary over the SLM, 0 to 8; 0: it does not |
+//! | 9 | u8 | number of the method of H_ideal, listed below |
+//! | 10 | u8 | V, highest total degree of the kernel's variation over the SLM, 0 to 8; 0: no variation |
 //! | 11 | u8 | 0 |
 //! | 12 | u32, u32 | rows, columns of the display |
 //! | 20 | f64, f64, f64 | pixel pitch, wavelength, distance \[m\] |
@@ -31,8 +31,8 @@
 //! ```
 //!
 //! T_i Chebyshev polynomials, Δ the pixel pitch. Methods: 0 band-limited, 1 angular spectrum,
-//! 3 Rayleigh–Sommerfeld, 4 Fresnel transfer function, 5 Fresnel impulse response. `docs/compact-kernel.md` tells the
-//! same to those who write a decoder of their own; [`decode`] is the reference.
+//! 3 Rayleigh–Sommerfeld, 4 Fresnel transfer function, 5 Fresnel impulse response. `docs/compact-kernel.md` describes
+//! the form for authors of other decoders; [`decode`] is the reference.
 
 use super::archive::crc_of;
 use super::error::KernelFormatError;
@@ -46,10 +46,10 @@ use num_complex::Complex64;
 const MAGIC: &[u8; 4] = b"LPKC";
 const VERSION: u8 = 1;
 const VERSION_VARYING: u8 = 2;
-/// With higher degrees the largest model would not be compact.
+/// Largest degree of the variation over the SLM. With higher degrees the largest model would not be compact.
 const VARIATION_ORDER_MAX: usize = 8;
 const HEADER_BYTES: usize = 60;
-/// The methods by their numbers; the shifted angular spectrum has none.
+/// Numbers of the methods. The shifted angular spectrum has no number and no compact form.
 const METHODS: [(usize, ConvolutionMethod); 5] = [
     (0, ConvolutionMethod::BandLimited),
     (1, ConvolutionMethod::AngularSpectrum),
@@ -58,17 +58,17 @@ const METHODS: [(usize, ConvolutionMethod); 5] = [
     (5, ConvolutionMethod::FresnelImpulseResponse),
 ];
 
-/// Whether a file says that it is a compact kernel.
+/// Whether the first bytes of a file are those of a compact kernel.
 #[must_use]
 pub fn is_compact(bytes: &[u8]) -> bool {
     bytes.starts_with(MAGIC)
 }
 
-/// The compact form of a smooth model.
+/// Encodes a smooth model in the compact form.
 ///
 /// # Errors
 ///
-/// [`KernelFormatError::NoSuchForm`] for kernels of free bins, which nothing compact describes.
+/// [`KernelFormatError::NoSuchForm`] for kernels of free bins, which have no compact form.
 pub fn encode(model: &DisplayModel, kind: KernelModel) -> Result<Vec<u8>, KernelFormatError> {
     let flat = SmoothField::flat(0);
     let kernel = match &model.kernel {
@@ -114,11 +114,11 @@ pub fn encode(model: &DisplayModel, kind: KernelModel) -> Result<Vec<u8>, Kernel
     Ok(bytes)
 }
 
-/// The model that a compact kernel stands for.
+/// Decodes a compact kernel.
 ///
 /// # Errors
 ///
-/// [`KernelFormatError::Compact`] for what is cut, damaged, from a later version, or makes no display.
+/// [`KernelFormatError::Compact`] for a file that is cut, damaged, of a later version, or not a possible display.
 pub fn decode(bytes: &[u8]) -> Result<(DisplayModel, KernelModel), KernelFormatError> {
     let refused = |problem: String| KernelFormatError::Compact(problem);
     if !is_compact(bytes) || bytes.len() < HEADER_BYTES + 4 {
@@ -228,13 +228,13 @@ mod tests {
             assert_eq!((kind, back.variation.order()), (model_kind, variation_order));
             assert_eq!(encode(&back, kind).unwrap(), bytes, "a second time nothing is lost");
             let (KernelShape::Smooth(a), KernelShape::Smooth(b)) = (&model.kernel, &back.kernel) else { panic!() };
-            // Coefficients of at most 1 in f32.
+            // Rounding of coefficients up to 1 in f32.
             assert!(a.phase.iter().zip(&b.phase).all(|(a, b)| (a - b).abs() <= 2.0_f64.powi(-25)));
             assert_eq!(back.setup, model.setup);
         }
     }
 
-    /// PSNR of what the display shows of a hologram that was made through `through`, gain fitted.
+    /// PSNR \[dB\] of the display's image of a hologram optimized through `through`, with fitted gain.
     fn captured_psnr_db(display: &DisplayModel, through: &DisplayModel) -> f64 {
         use lightpath_optics::hologram::{HologramMethod, HologramOptions, initial_phase};
         use lightpath_optics::metrics::fitted_intensity_scale;

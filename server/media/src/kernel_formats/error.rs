@@ -1,61 +1,61 @@
-//! What can be wrong with a kernel in another form.
+//! Errors of reading and writing kernels in other forms.
 
 use crate::kernel_file::KernelFileError;
 
-/// What is wrong with a kernel in another form.
+/// Why a kernel could not be read from, or written to, another form.
 #[derive(Debug, thiserror::Error)]
 pub enum KernelFormatError {
-    /// In the native form.
+    /// An error of a file in the native form.
     #[error(transparent)]
     Native(#[from] KernelFileError),
-    /// None of the forms.
+    /// The file has none of the known forms.
     #[error(
         "the file is no kernel that can be read (it starts with {start}); send .safetensors as `kernel fetch` writes it, \
          compact, .pt, .npy or .npz"
     )]
     Unknown {
-        /// The first bytes, readable.
+        /// The first bytes of the file, in readable form.
         start: String,
     },
-    /// A damaged archive.
+    /// The archive is damaged, or uses an unsupported feature.
     #[error("the archive is damaged or of a kind that is not read: {0}")]
     Archive(String),
-    /// A pickle with something in it that a tensor does not need.
+    /// The pickle contains an instruction or a name that a tensor does not need.
     #[error(
         "the .pt file's pickle has {what} at byte {at}, which a tensor does not need: it could run code, so it is not read and \
          nothing of it was executed; save the tensor alone with torch.save(kernel.detach().cpu(), path), or as .npy"
     )]
     Pickle {
-        /// What.
+        /// The refused instruction or name.
         what: String,
-        /// Where in the pickle.
+        /// Position in the pickle \[bytes\].
         at: usize,
     },
-    /// An array of another type or shape.
+    /// An array has a wrong type or shape.
     #[error("{what} is {actual}, but must be {expected}")]
     Array {
-        /// Which array.
+        /// Name of the array.
         what: String,
-        /// What it is.
+        /// Actual type and shape.
         actual: String,
-        /// What would be right.
+        /// Allowed types and shapes.
         expected: String,
     },
-    /// NaN or infinite.
+    /// An array holds a NaN or infinite value.
     #[error("{what} holds a value that is not a finite number, the {index}th")]
     NotFinite {
-        /// Which array.
+        /// Name of the array.
         what: String,
-        /// Counted from 0.
+        /// Index of the value, counted from 0.
         index: usize,
     },
-    /// A compact file that is none.
+    /// The compact kernel is damaged or invalid.
     #[error("the compact kernel {0}")]
     Compact(String),
-    /// A model that has no such form.
+    /// The model cannot be written in the requested form.
     #[error("{0}")]
     NoSuchForm(String),
-    /// The numbers make no display.
+    /// The numbers do not describe a possible display.
     #[error("the kernel is not possible: {0}")]
     Model(#[from] lightpath_optics::Error),
 }

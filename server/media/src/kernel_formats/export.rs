@@ -1,4 +1,4 @@
-//! From a model to any form, with what that costs.
+//! Export of a model to any form, with the error that the form causes.
 
 use super::error::KernelFormatError;
 use super::{archive, array, compact, half, import, torch};
@@ -10,45 +10,46 @@ use lightpath_optics::{DisplayModel, KernelShape, Plane};
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 
-/// A form of a kernel.
+/// A file form of a kernel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum KernelFormat {
-    /// The native one.
+    /// The native form, `safetensors`.
     Safetensors,
-    /// All of a smooth model in some hundred bytes.
+    /// The compact form: a whole smooth model in some hundred bytes.
     Compact,
-    /// The paper's tensor.
+    /// A `.pt` file with the tensor of the paper.
     Pt,
-    /// The paper's array.
+    /// A `.npy` file with the array of the paper.
     Npy,
-    /// All arrays.
+    /// A `.npz` archive with all arrays of the model.
     Npz,
-    /// H as complex64.
+    /// A `.npy` file with H as complex64.
     Complex64,
-    /// H as float16.
+    /// A `.npy` file with H as float16.
     F16,
 }
 
-/// A kernel in another form.
+/// An exported kernel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Exported {
-    /// The file.
+    /// Contents of the file.
     pub bytes: Vec<u8>,
-    /// ‖H' − H‖/‖H‖ over the band, H' as it is read back from the file; 1 where all of it is lost. Of a kernel that varies over
-    /// the SLM, over places on it as well: forms with one transfer function keep that of the axis.
+    /// Relative error ‖H' − H‖/‖H‖ over the band, with H' read back from the file. 1: H is lost. For a kernel that
+    /// varies over the SLM the norm also covers positions on the SLM; forms with one transfer function keep that of the
+    /// axis.
     pub relative_error: f64,
 }
 
-/// Frequencies along each axis at which the error is measured: enough for the smoothest and the roughest kernels.
+/// Number of frequencies along each axis at which the error is measured. It suffices for smooth and for rough kernels.
 const MEASURED: usize = 96;
-/// Places along each side of the SLM at which it is, where the kernel varies over it.
+/// Number of positions along each side of the SLM at which the error of a varying kernel is measured.
 const PLACES: usize = 3;
 
-/// The model in another form, read back to tell what was lost.
+/// Writes the model in a form, and reads it back to measure the error.
 ///
 /// # Errors
 ///
-/// [`KernelFormatError::NoSuchForm`] where there is none.
+/// [`KernelFormatError::NoSuchForm`] for a model that the form cannot hold.
 pub fn export(model: &DisplayModel, kind: KernelModel, format: KernelFormat) -> Result<Exported, KernelFormatError> {
     let bytes = match format {
         KernelFormat::Safetensors => kernel_file::encode(model, kind)?,
@@ -77,7 +78,7 @@ pub fn export(model: &DisplayModel, kind: KernelModel, format: KernelFormat) -> 
     Ok(Exported { bytes, relative_error: difference(model, &back.model) })
 }
 
-/// Amplitude and phase of the inner half of the spectrum, as the paper's code pads it: \[1, 2, rows, columns\].
+/// Amplitude and phase of the inner half of the spectrum, in the shape of the paper's code: \[1, 2, rows, columns\].
 fn as_published(model: &DisplayModel) -> (Vec<usize>, Vec<f32>) {
     let grid = model.setup.grid();
     let inner = sampled(model, grid.height_px(), grid.width_px());
@@ -152,7 +153,7 @@ fn difference(model: &DisplayModel, back: &DisplayModel) -> f64 {
     {
         return 0.0;
     }
-    // Where one varies over the SLM, at places that stand for all.
+    // If one of the models varies over the SLM, a few positions represent all others.
     let places = match model.variation.is_none() && back.variation.is_none() {
         true => vec![(0.0, 0.0)],
         false => local_kernels::nodes(PLACES).collect(),
@@ -174,7 +175,7 @@ fn difference(model: &DisplayModel, back: &DisplayModel) -> f64 {
             })
         })
     });
-    // Collected first, so that the sum has a fixed order.
+    // The rows are collected first, so that the sum has a fixed order.
     let rows: Vec<(f64, f64)> = rows.collect();
     let (off, all) = rows.iter().fold((0.0, 0.0), |sum, row| (sum.0 + row.0, sum.1 + row.1));
     if all > 0.0 { (off / all).sqrt() } else { 0.0 }
@@ -204,7 +205,7 @@ mod tests {
     #[test]
     fn safetensors_are_not_taken_for_a_pickle_by_the_length_of_their_header() {
         let numbers = vec![0; 4 * 2 * 64 * 96];
-        // One of 32 lengths begins as a pickle does.
+        // One of 32 header lengths begins with the first byte of a pickle.
         let files = (1..300).map(|letters| {
             let tensor = TensorView::new(Dtype::F32, vec![64, 96, 2], &numbers).unwrap();
             safetensors::serialize([("x".repeat(letters), tensor)], None).unwrap()
@@ -219,11 +220,11 @@ mod tests {
         let model = model();
         let all = [
             (KernelFormat::Safetensors, 0.0),
-            // 24 bits of phases up to a few radians.
+            // 24 bits for phases up to a few radians.
             (KernelFormat::Compact, 1e-6),
             (KernelFormat::Complex64, 1e-7),
             (KernelFormat::Npz, 1e-7),
-            // 11 bits.
+            // 11 bits of precision.
             (KernelFormat::F16, 5e-4),
         ];
         for (format, bound) in all {
@@ -247,7 +248,7 @@ mod tests {
                 .map(|(a, b)| (a - b).norm())
                 .fold(0.0, f32::max);
             assert!(off < 1e-6, "{format:?}: {off}");
-            // Three quarters of the spectrum are lost, and said to be.
+            // Three quarters of the spectrum are lost, and the relative error shows it.
             assert!((0.6..1.0).contains(&exported.relative_error), "{}", exported.relative_error);
         }
     }

@@ -1,6 +1,6 @@
 //! 16-bit floats (IEEE 754 binary16): one sign, five exponent and ten fraction bits.
 
-/// The nearest 16-bit float, ties to even; beyond 65504 infinite.
+/// Rounds to the nearest 16-bit float, ties to even. Values that round beyond 65504 become infinite.
 pub(super) fn from_f32(value: f32) -> u16 {
     let bits = value.to_bits();
     let sign = ((bits >> 16) & 0x8000) as u16;
@@ -8,7 +8,7 @@ pub(super) fn from_f32(value: f32) -> u16 {
     if magnitude > 0x7f80_0000 {
         return sign | 0x7e00;
     }
-    // 65520, halfway between the largest one and what would follow it.
+    // 65520 lies halfway between the largest 16-bit float, 65504, and its would-be successor.
     if magnitude >= 0x477f_f000 {
         return sign | 0x7c00;
     }
@@ -20,7 +20,7 @@ pub(super) fn from_f32(value: f32) -> u16 {
     sign | ((magnitude - 0x3800_0000 + 0x0fff + odd) >> 13) as u16
 }
 
-/// Exactly.
+/// Converts a 16-bit float exactly.
 pub(super) fn to_f32(bits: u16) -> f32 {
     let sign = if bits & 0x8000 == 0 { 1.0 } else { -1.0 };
     let (exponent, fraction) = (i32::from(bits >> 10 & 0x1f), f32::from(bits & 0x3ff));
@@ -56,7 +56,7 @@ mod tests {
         }
         assert_eq!(from_f32(65519.0), 0x7bff);
         assert_eq!(from_f32(1e6), 0x7c00);
-        // Halfway: to the even one.
+        // Halfway values round to the even neighbour.
         assert_eq!((from_f32(1.0 + 1.0 / 2048.0), from_f32(1.0 + 3.0 / 2048.0)), (0x3c00, 0x3c02));
     }
 }

@@ -1,4 +1,4 @@
-//! From any form to a model.
+//! Import of a kernel in any form.
 
 use super::array::{self, Array};
 use super::error::KernelFormatError;
@@ -9,24 +9,24 @@ use lightpath_optics::KernelModel;
 use lightpath_optics::{DisplayModel, KernelShape, OpticalSetup, Plane};
 use num_complex::{Complex32, Complex64};
 
-/// A kernel that was read.
+/// An imported kernel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Imported {
-    /// The display.
+    /// The display model.
     pub model: DisplayModel,
-    /// How it is parametrized.
+    /// Parametrization of the model.
     pub kind: KernelModel,
-    /// What it was read from, for people and the lineage.
+    /// Name of the file's form, for people and for the lineage.
     pub form: &'static str,
-    /// The file is in the native form already.
+    /// Whether the file is in the native form already.
     pub native: bool,
 }
 
-/// Reads a kernel in any form. Forms that don't say what optics they are for are taken to be for `setup`.
+/// Reads a kernel in any form. Forms that do not name their optics are read as kernels for `setup`.
 ///
 /// # Errors
 ///
-/// [`KernelFormatError`], naming what is wrong.
+/// [`KernelFormatError`] for a file that is damaged, of an unknown form, or not a possible kernel.
 pub fn import(bytes: &[u8], setup: &OpticalSetup) -> Result<Imported, KernelFormatError> {
     if compact::is_compact(bytes) {
         let (model, kind) = compact::decode(bytes)?;
@@ -42,7 +42,7 @@ pub fn import(bytes: &[u8], setup: &OpticalSetup) -> Result<Imported, KernelForm
         }
         return of_array(&torch::read(&files)?, setup, "pt");
     }
-    // Safetensors start with the length of a JSON header, which may have a pickle's first byte.
+    // Safetensors start with the length of a JSON header, whose first byte may equal the first byte of a pickle.
     let is_safetensors = bytes.get(8) == Some(&b'{');
     if bytes.first() == Some(&0x80) && !is_safetensors {
         let message =
@@ -60,7 +60,7 @@ pub fn import(bytes: &[u8], setup: &OpticalSetup) -> Result<Imported, KernelForm
     }
 }
 
-/// Safetensors with one tensor, which is the kernel.
+/// Reads foreign safetensors: one tensor, which is the kernel.
 fn of_foreign_safetensors(bytes: &[u8], setup: &OpticalSetup) -> Result<Imported, KernelFormatError> {
     let damaged = |error: safetensors::SafeTensorError| KernelFormatError::Native(error.into());
     let tensors = safetensors::SafeTensors::deserialize(bytes).map_err(damaged)?;
@@ -93,7 +93,7 @@ fn of_foreign_safetensors(bytes: &[u8], setup: &OpticalSetup) -> Result<Imported
     )
 }
 
-/// Arrays by name: `kernel` or `transfer`, or the only one.
+/// Reads the kernel from an `.npz` archive: the array `kernel`, else `transfer`, else the only array.
 fn of_npz(files: &archive::Files, setup: &OpticalSetup) -> Result<Imported, KernelFormatError> {
     let named = |wanted: &str| files.iter().find(|(name, _)| name.trim_end_matches(".npy") == wanted);
     let only = if let [only] = &files[..] { Some(only) } else { None };
@@ -106,7 +106,7 @@ fn of_npz(files: &archive::Files, setup: &OpticalSetup) -> Result<Imported, Kern
         });
     };
     let mut imported = of_array(&Array::read_npy(name, bytes)?, setup, "npz")?;
-    // What our own export holds beside H.
+    // Arrays that Lightpath's own export holds beside H.
     if let Some((name, bytes)) = named("response_harmonics") {
         let harmonics = Array::read_npy(name, bytes)?;
         imported.model.response = harmonics.numbers.as_chunks::<2>().0.iter().map(|pair| pair.map(f64::from)).collect();
@@ -122,8 +122,8 @@ fn of_npz(files: &archive::Files, setup: &OpticalSetup) -> Result<Imported, Kern
     Ok(imported)
 }
 
-/// H from an array: complex \[rows, columns\], real and imaginary parts \[rows, columns, 2\], or the paper's amplitude and phase
-/// \[1, 2, rows, columns\] or \[2, rows, columns\].
+/// Reads H from an array: complex \[rows, columns\], real and imaginary parts \[rows, columns, 2\], or the paper's
+/// amplitude and phase \[1, 2, rows, columns\] or \[2, rows, columns\].
 fn of_array(array: &Array, setup: &OpticalSetup, form: &'static str) -> Result<Imported, KernelFormatError> {
     let numbers = &array.numbers;
     let (rows, columns, values): (usize, usize, Vec<Complex32>) = match (array.complex, &array.shape[..]) {

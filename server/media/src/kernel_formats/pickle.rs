@@ -1,28 +1,29 @@
-//! The part of Python's pickle that a tensor is written in.
+//! The part of Python's pickle that holds a tensor.
 //!
-//! A pickle is a program for a small stack machine, and two of its instructions fetch and call any Python function. This
-//! reader knows the instructions that a tensor needs, and of functions and classes the few names that `torch.save` writes for
-//! one; it calls none of them. Whatever else it meets it refuses. (`pickletools.py` of CPython documents the instructions.)
+//! A pickle is a program for a small stack machine. Two of its instructions fetch and call any Python function. This
+//! reader knows only the instructions that a tensor needs, and the few names of functions and classes that `torch.save`
+//! writes for a tensor. It calls no function, and refuses everything else. `pickletools.py` of CPython documents the
+//! instructions.
 
 use super::array::Kind;
 use super::error::KernelFormatError;
 use std::collections::HashMap;
 
-/// What a pickle says of a tensor.
+/// A tensor as described by a pickle.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct PickledTensor {
-    /// Name of the file that holds its numbers.
+    /// Name of the file that holds the tensor's numbers.
     pub(super) storage: String,
     pub(super) kind: Kind,
-    /// Numbers in the storage.
+    /// Count of numbers in the storage.
     pub(super) numbers: usize,
-    /// The first one of the tensor.
+    /// Index of the tensor's first number in the storage.
     pub(super) offset: usize,
     pub(super) shape: Vec<usize>,
     pub(super) stride: Vec<usize>,
 }
 
-/// Instructions and values are few in a tensor's pickle.
+/// Largest number of instructions and values; a tensor's pickle has few.
 const INSTRUCTIONS_MAX: usize = 10_000;
 
 #[derive(Clone, Debug, PartialEq)]
@@ -39,7 +40,7 @@ enum Value {
     Tensor(Box<PickledTensor>),
 }
 
-/// The names that may occur.
+/// The names of functions and classes that are accepted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Known {
     RebuildTensor,
@@ -70,7 +71,7 @@ struct Machine<'a> {
 }
 
 impl Machine<'_> {
-    /// One instruction; true at the end.
+    /// Runs one instruction. Returns true at the end of the pickle.
     fn step(&mut self) -> Result<bool, KernelFormatError> {
         let start = self.at;
         let [instruction] = self.take()?;
@@ -114,14 +115,14 @@ impl Machine<'_> {
         Ok(false)
     }
 
-    /// An integer of four bytes, with a sign.
+    /// Pushes a signed integer of four bytes.
     fn word(&mut self) -> Result<(), KernelFormatError> {
         let number = i32::from_le_bytes(self.take()?);
         self.stack.push(Value::Int(number.into()));
         Ok(())
     }
 
-    /// An integer of as many bytes as the first one says.
+    /// Pushes an integer whose first byte gives its length.
     fn long_integer(&mut self, start: usize) -> Result<(), KernelFormatError> {
         let [length] = self.take()?;
         let bytes = self.slice(length.into())?;
@@ -131,7 +132,7 @@ impl Machine<'_> {
         Ok(())
     }
 
-    /// Everything since the latest mark becomes a tuple.
+    /// Replaces all values since the latest mark by a tuple of them.
     fn tuple_from_mark(&mut self, start: usize) -> Result<(), KernelFormatError> {
         let mark = self.stack.iter().rposition(|value| *value == Value::Mark);
         let items = self.stack.split_off(mark.ok_or_else(|| self.refused_at("a tuple without a start", start))? + 1);
@@ -140,7 +141,7 @@ impl Machine<'_> {
         Ok(())
     }
 
-    /// The latest `items` values become a tuple.
+    /// Replaces the latest `items` values by a tuple of them.
     fn tuple(&mut self, items: u8, start: usize) -> Result<(), KernelFormatError> {
         let first = self.stack.len().checked_sub(items.into());
         let taken = self.stack.split_off(first.ok_or_else(|| self.refused_at("a tuple of too little", start))?);
@@ -148,7 +149,7 @@ impl Machine<'_> {
         Ok(())
     }
 
-    /// A name that stands in two lines: module, name.
+    /// Pushes a name that is written in two lines: module and name.
     fn name_in_lines(&mut self, start: usize) -> Result<(), KernelFormatError> {
         let (module, name) = (self.line()?, self.line()?);
         let known = self.known(&module, &name, start)?;
@@ -156,7 +157,7 @@ impl Machine<'_> {
         Ok(())
     }
 
-    /// A name whose two parts are the latest values.
+    /// Pushes a name whose two parts, module and name, are the latest values.
     fn name_on_stack(&mut self, start: usize) -> Result<(), KernelFormatError> {
         let (Some(Value::Text(name)), Some(Value::Text(module))) = (self.stack.pop(), self.stack.pop()) else {
             return Err(self.refused_at("a name that is no text", start));
@@ -166,7 +167,7 @@ impl Machine<'_> {
         Ok(())
     }
 
-    /// A reference to a storage that is a file of the archive.
+    /// Pushes a reference to a storage, which is a file of the archive.
     fn reference(&mut self, start: usize) -> Result<(), KernelFormatError> {
         let identity = self.stack.pop();
         let storage = storage(identity).ok_or_else(|| self.refused_at("a reference that is no storage", start))?;
@@ -174,7 +175,7 @@ impl Machine<'_> {
         Ok(())
     }
 
-    /// A function is called with arguments.
+    /// Replaces a function and its arguments by the result of the call, without calling the function.
     fn call(&mut self, start: usize) -> Result<(), KernelFormatError> {
         let (arguments, function) = (self.stack.pop(), self.stack.pop());
         let made = made(function, arguments).ok_or_else(|| self.refused_at("a call of another kind", start))?;
@@ -262,7 +263,7 @@ fn shown(module: &str, name: &str) -> String {
     format!("{}.{}", short(module), short(name))
 }
 
-/// `("storage", type, key, device, numbers)`
+/// The storage that a reference `("storage", type, key, device, numbers)` describes.
 fn storage(identity: Option<Value>) -> Option<Value> {
     let Some(Value::Tuple(parts)) = identity else { return None };
     let [Value::Text(tag), Value::Known(Known::Storage(kind)), Value::Text(key), Value::Text(_), Value::Int(numbers)] =
@@ -270,12 +271,12 @@ fn storage(identity: Option<Value>) -> Option<Value> {
     else {
         return None;
     };
-    // A key is a file name, and must not lead anywhere else.
+    // A key is a file name. It must not lead to another folder.
     let plain = !key.is_empty() && key.bytes().all(|byte| byte.is_ascii_alphanumeric());
     (tag == "storage" && plain).then(|| Some(Value::Storage(key.clone(), *kind, usize::try_from(*numbers).ok()?)))?
 }
 
-/// What a call of one of the known names would give.
+/// The result that a call of an accepted function would give. `None`: the call is not accepted.
 fn made(function: Option<Value>, arguments: Option<Value>) -> Option<Value> {
     let (Some(Value::Known(function)), Some(Value::Tuple(arguments))) = (function, arguments) else { return None };
     match function {

@@ -1,14 +1,15 @@
 //! `.pt` files of one tensor, as `torch.save` has written them since PyTorch 1.6.
 //!
-//! A zip archive with a folder of any name: `data.pkl` says what the tensor is ([`super::pickle`]), `data/0` holds its numbers,
-//! `byteorder` and `version` say how. Older files, bare pickles, are refused.
+//! Such a file is a zip archive with a folder of any name. In it, `data.pkl` describes the tensor ([`super::pickle`]),
+//! `data/0` holds its numbers, and `byteorder` and `version` give the byte order and the version. Older files, bare
+//! pickles, are refused.
 
 use super::archive;
 use super::array::Array;
 use super::error::KernelFormatError;
 use super::pickle::{self, PickledTensor};
 
-/// The tensor of a `.pt` archive's files.
+/// Reads the tensor from the files of a `.pt` archive.
 pub(super) fn read(files: &archive::Files) -> Result<Array, KernelFormatError> {
     let ends_with = |end: &str| files.iter().find(|(name, _)| name.ends_with(end));
     let Some((pickle_name, pickled)) = ends_with("/data.pkl") else {
@@ -28,7 +29,7 @@ pub(super) fn read(files: &archive::Files) -> Result<Array, KernelFormatError> {
     gather(&tensor, bytes)
 }
 
-/// The tensor's numbers in C order, whatever its strides.
+/// Reads the tensor's numbers in C order, for any strides.
 fn gather(tensor: &PickledTensor, bytes: &[u8]) -> Result<Array, KernelFormatError> {
     let size = tensor.kind.bytes();
     let beyond = || KernelFormatError::Array {
@@ -43,7 +44,7 @@ fn gather(tensor: &PickledTensor, bytes: &[u8]) -> Result<Array, KernelFormatErr
     let available = bytes.len() / size;
     let count = tensor.shape.iter().try_fold(1_usize, |product, &side| product.checked_mul(side));
     let (Some(last), Some(count)) = (last, count) else { return Err(beyond()) };
-    // Strides of zero could ask for more numbers than there are.
+    // With strides of zero a tensor could claim more numbers than the storage has.
     if last >= available || count > available || tensor.numbers > available {
         return Err(beyond());
     }
@@ -71,7 +72,7 @@ fn gather(tensor: &PickledTensor, bytes: &[u8]) -> Result<Array, KernelFormatErr
     Array::new("the tensor", tensor.shape.clone(), tensor.kind, &gathered)
 }
 
-/// A float32 tensor as `torch.load` reads it.
+/// Writes a float32 tensor in the form that `torch.load` reads.
 pub(super) fn write(shape: &[usize], numbers: &[f32]) -> Result<Vec<u8>, KernelFormatError> {
     let bytes: Vec<u8> = numbers.iter().flat_map(|number| number.to_le_bytes()).collect();
     archive::write(&[
@@ -82,7 +83,7 @@ pub(super) fn write(shape: &[usize], numbers: &[f32]) -> Result<Vec<u8>, KernelF
     ])
 }
 
-/// The pickle, protocol 2, of a contiguous float32 tensor.
+/// Writes the pickle, protocol 2, of a contiguous float32 tensor.
 fn pickled(shape: &[usize], numbers: usize) -> Vec<u8> {
     let mut pickle = b"\x80\x02ctorch._utils\n_rebuild_tensor_v2\n((".to_vec();
     text(&mut pickle, "storage");
@@ -90,7 +91,7 @@ fn pickled(shape: &[usize], numbers: usize) -> Vec<u8> {
     text(&mut pickle, "0");
     text(&mut pickle, "cpu");
     integer(&mut pickle, numbers);
-    // The storage, and an offset of 0 in it.
+    // Instructions for the storage and an offset of 0 in it.
     pickle.extend(b"tQK\x00");
     let strides = (0..shape.len()).map(|i| shape[i + 1..].iter().product());
     for sizes in [shape.to_vec(), strides.collect()] {
@@ -98,7 +99,7 @@ fn pickled(shape: &[usize], numbers: usize) -> Vec<u8> {
         sizes.into_iter().for_each(|size| integer(&mut pickle, size));
         pickle.push(b't');
     }
-    // No gradient, no hooks.
+    // Instructions for: no gradient, no hooks.
     pickle.extend(b"\x89ccollections\nOrderedDict\n)RtR.");
     pickle
 }
