@@ -72,7 +72,7 @@ fn a_carrier_is_undone_by_the_camera_and_steers_the_zero_order_instead() {
     }
 }
 
-/// Mean and standard deviation of the differences [levels] between a photograph by the bench with this flaw and one
+/// Mean and standard deviation of the differences \[levels\] between a photograph by the bench with this flaw and one
 /// without it.
 fn changed_by(flaw: SimulatedBench, hours: f64) -> (f64, f64) {
     let phase = Plane::from_fn(60, 90, |y, x| ((y * 13 + x * x * 7) % 63) as f32 / 10.0);

@@ -1,17 +1,18 @@
-//! A learned display model as a safetensors file, the native form of a kernel.
+//! The native form of a kernel: a learned display model as a safetensors file.
 //!
-//! The file's metadata has one entry, `lightpath`, whose value is a JSON object (one entry, because safetensors keeps
-//! metadata in no particular order and equal kernels must have equal bytes):
+//! The file's metadata has one entry, `lightpath`, whose value is a JSON object. It has only one entry, because
+//! safetensors keeps several entries in no particular order, and equal kernels must have equal bytes. The keys of the
+//! object:
 //!
 //! | key | meaning |
 //! |---|---|
 //! | `format`, `format_version` | `lightpath-kernel`, 1 |
 //! | `model` | `paper`, `dense`, `smooth`, `display` or `varying` |
-//! | `height_px`, `width_px`, `pixel_pitch_m`, `wavelength_m`, `distance_m` | what it was learned for |
+//! | `height_px`, `width_px`, `pixel_pitch_m`, `wavelength_m`, `distance_m` | the optical setup of the kernel |
 //! | `kernel_order`, `source_order` | highest total degrees of the Chebyshev series |
-//! | `variation_order` | that of what makes the kernel vary over the SLM, 0 where it is missing |
-//! | `propagation` | the method of H_ideal, such as `band_limited` |
-//! | `interpolated_from_m` | photographed distances \[m\], ascending, of a kernel for a distance between them; else missing |
+//! | `variation_order` | highest total degree of the kernel's variation over the SLM; missing: 0 |
+//! | `propagation` | the method of H_ideal; missing: `band_limited` |
+//! | `interpolated_from_m` | photographed distances \[m\], ascending, that an interpolated kernel was made from; missing: the kernel was not interpolated |
 //!
 //! | tensor | type, shape | meaning |
 //! |---|---|---|
@@ -38,19 +39,19 @@ const METADATA_KEY: &str = "lightpath";
 const FORMAT: &str = "lightpath-kernel";
 const FORMAT_VERSION: u32 = 1;
 
-/// What is wrong with a kernel file.
+/// Why a kernel file could not be read or written.
 #[derive(Debug, thiserror::Error)]
 pub enum KernelFileError {
-    /// Not safetensors, or cut short.
+    /// The file is not safetensors, or is cut short.
     #[error("the file is not whole safetensors: {0}")]
     Safetensors(#[from] SafeTensorError),
-    /// Safetensors, but not ours.
+    /// The file is safetensors without Lightpath's metadata.
     #[error("the file has no metadata entry `lightpath`: it is safetensors, but not a Lightpath kernel")]
     NoHeader,
-    /// Our header does not parse.
+    /// The metadata entry `lightpath` does not parse.
     #[error("the metadata entry `lightpath` is not what it should be: {0}")]
     Header(#[from] serde_json::Error),
-    /// From the future, or of another kind.
+    /// The file has another format or a later format version.
     #[error("the file is {format} version {version}; this server reads {FORMAT} version {FORMAT_VERSION}")]
     Format {
         /// What the header says.
@@ -61,12 +62,12 @@ pub enum KernelFileError {
     /// A tensor has another type or shape.
     #[error("tensor `{name}` must be {expected}")]
     Tensor {
-        /// Its name.
+        /// Name of the tensor.
         name: &'static str,
-        /// What would be right.
+        /// Expected type and shape.
         expected: &'static str,
     },
-    /// The numbers make no display.
+    /// The numbers do not describe a possible display.
     #[error("the kernel is not possible: {0}")]
     Model(#[from] lightpath_optics::Error),
 }
@@ -103,11 +104,11 @@ pub fn encode(model: &DisplayModel, kind: KernelModel) -> Result<Vec<u8>, Kernel
     encode_interpolated(model, kind, &[])
 }
 
-/// [`encode`] of a kernel that was interpolated between photographed distances \[m\], which the file tells.
+/// [`encode`] for a kernel that was interpolated between photographed distances \[m\]. The file stores these distances.
 ///
 /// # Errors
 ///
-/// As there.
+/// The errors of [`encode`].
 pub fn encode_interpolated(
     model: &DisplayModel,
     kind: KernelModel,
@@ -161,11 +162,11 @@ pub fn encode_interpolated(
     Ok(safetensors::serialize(views, Some(metadata))?)
 }
 
-/// Reads a file, checks that it makes a display, and says how it is parametrized.
+/// Reads a kernel file and checks that it describes a possible display. Returns the model and its parametrization.
 ///
 /// # Errors
 ///
-/// [`KernelFileError`], naming what is wrong.
+/// [`KernelFileError`] for a file that is damaged, of another format or version, or not a possible kernel.
 pub fn decode(bytes: &[u8]) -> Result<(DisplayModel, KernelModel), KernelFileError> {
     let header = header(bytes)?;
     if header.format != FORMAT || header.format_version != FORMAT_VERSION {
@@ -224,11 +225,11 @@ fn variation(tensors: &SafeTensors<'_>, order: usize) -> Result<SpatialVariation
     })))
 }
 
-/// The distances \[m\] that a file's kernel was interpolated from; none where it was learned at its own.
+/// Reads the photographed distances \[m\] that a file's kernel was interpolated from. Empty: it was not interpolated.
 ///
 /// # Errors
 ///
-/// [`KernelFileError`] for what is no such file.
+/// [`KernelFileError`] for a file that is no kernel file.
 pub fn interpolated_from_m(bytes: &[u8]) -> Result<Vec<f64>, KernelFileError> {
     Ok(header(bytes)?.interpolated_from_m)
 }

@@ -1,22 +1,22 @@
-//! Files of NumPy, looked at before anything is allocated for what they claim.
+//! Checks of NumPy's array files before memory for their contents is allocated.
 
-/// Longest header that is read \[bytes\]: NumPy writes 118 for the arrays that are read here.
+/// Longest accepted header \[bytes\]. NumPy writes 118 bytes for the arrays that this crate reads.
 const HEADER_BYTES_MAX: usize = 512;
 
-/// Whether a file says that it is an array of NumPy.
+/// Whether the first bytes of a file are those of a NumPy array.
 #[must_use]
 pub(crate) fn is_npy(bytes: &[u8]) -> bool {
     bytes.starts_with(b"\x93NUMPY")
 }
 
-/// The file's header is one that can be parsed: short, and flat. With brackets inside of brackets the parser's time grows out of
-/// all bounds: some hundred keep it busy for minutes.
+/// Checks that the file's header is short and has no nested brackets. Some hundred nested brackets would keep the
+/// parser busy for minutes.
 ///
 /// # Errors
 ///
-/// What is wrong with it.
+/// A message that says what is wrong with the header.
 pub(crate) fn require_plain_header(bytes: &[u8]) -> Result<(), String> {
-    // Magic, version, then the header's length: two bytes in version 1, four later.
+    // The magic bytes, the version, and the header's length: two bytes in version 1, four bytes in later versions.
     let (header_bytes, rest) = match bytes {
         [_, _, _, _, _, _, 1, _, low, high, rest @ ..] => (usize::from(u16::from_le_bytes([*low, *high])), rest),
         [_, _, _, _, _, _, 2..=u8::MAX, _, a, b, c, d, rest @ ..] => {
@@ -31,7 +31,7 @@ pub(crate) fn require_plain_header(bytes: &[u8]) -> Result<(), String> {
     }
     let Some(header) = rest.get(..header_bytes) else { return Err("a .npy file that ends in its header".to_owned()) };
     let count = |bracket: u8| header.iter().filter(|byte| **byte == bracket).count();
-    // One dictionary and one shape.
+    // A valid header has one dictionary and one shape.
     if count(b'{') > 1 || count(b'(') > 1 || count(b'[') > 0 {
         return Err("a .npy file of records, but must be one of numbers".to_owned());
     }

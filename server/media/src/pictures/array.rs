@@ -1,15 +1,16 @@
-//! Phases as arrays of NumPy.
+//! Phases in NumPy's array files.
 
 use super::{FILE_BYTES_MAX, PictureError};
 use crate::npy;
 use lightpath_optics::Plane;
 use npyz::{DType, NpyFile, Order};
 
-/// The phases \[rad\] in a .npy file: float32, C order, [`height_px`, `width_px`].
+/// Reads the phases \[rad\] in a .npy file: float32, C order, shape [`height_px`, `width_px`].
 ///
 /// # Errors
 ///
-/// [`PictureError::NotAnArray`] for what is no such file or has another shape, and [`PictureError::FileTooLarge`].
+/// [`PictureError::NotAnArray`] for a file of another kind or an array of another shape, and
+/// [`PictureError::FileTooLarge`].
 pub fn phase_npy(bytes: &[u8], height_px: usize, width_px: usize) -> Result<Plane<f32>, PictureError> {
     if bytes.len() > FILE_BYTES_MAX {
         return Err(PictureError::FileTooLarge { bytes: bytes.len() });

@@ -1,4 +1,4 @@
-//! From files to linear light.
+//! Decoding of picture files to linear light.
 
 use super::{FILE_BYTES_MAX, PIXELS_MAX, PictureError, SIDE_PX_MAX, fit, jpeg_end, srgb_to_linear};
 use image::codecs::{jpeg::JpegDecoder, png::PngDecoder, tiff::TiffDecoder};
@@ -9,27 +9,27 @@ use lightpath_domain::job::Fit;
 use lightpath_optics::Plane;
 use std::io::{self, Cursor};
 
-/// Fewest pixels a side of a target: below that there is no picture to speak of.
+/// Smallest side of a target \[px\]. Smaller pictures show nothing useful.
 pub const SIDE_PX_MIN: u32 = 8;
 
-/// Decoders may use this much beside the pixels themselves \[bytes\]; the picture's own size is checked before.
+/// Largest memory of a decoder \[bytes\], besides the pixels. The size of the picture is checked before decoding.
 const DECODER_BYTES_MAX: u64 = 1 << 30;
 
-/// Which of a picture's colours its light is.
+/// The colour channel that gives a picture's light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Channel {
-    /// The mean of all.
+    /// The mean of all colours.
     Mean,
-    /// Red, 0; green, 1; blue, 2. A grey picture has its grey in each.
+    /// One colour: 0 red, 1 green, 2 blue. In a grey picture all three equal the grey value.
     Colour(usize),
 }
 
-/// The linear light, in [0, 1], that a target asks for on a display of `height_px` × `width_px`.
+/// Decodes a target picture to linear light in [0, 1], fitted to a display of `height_px` × `width_px`.
 ///
 /// # Errors
 ///
-/// [`PictureError`] for what is no readable picture, is beyond the limits or below [`SIDE_PX_MIN`], or, with
-/// [`Fit::Exact`], has another size.
+/// [`PictureError`] for a file that is no readable picture, a picture beyond the limits or below [`SIDE_PX_MIN`], and,
+/// with [`Fit::Exact`], a picture of another size.
 pub fn target_intensity(
     bytes: &[u8],
     encoding: Encoding,
@@ -40,11 +40,11 @@ pub fn target_intensity(
     target_channel(bytes, encoding, Channel::Mean, fit, height_px, width_px)
 }
 
-/// [`target_intensity`] of one of the picture's colours.
+/// [`target_intensity`] for one colour channel of the picture.
 ///
 /// # Errors
 ///
-/// As there.
+/// The errors of [`target_intensity`].
 pub fn target_channel(
     bytes: &[u8],
     encoding: Encoding,
@@ -57,20 +57,20 @@ pub fn target_channel(
     fit::fit(target, fit, height_px, width_px)
 }
 
-/// The linear light, in [0, 1], of a photograph, in its own size.
+/// Decodes a photograph to linear light in [0, 1], in its own size.
 ///
 /// # Errors
 ///
-/// [`PictureError`] for what is no readable picture or is beyond the limits.
+/// [`PictureError`] for a file that is no readable picture, and for a picture beyond the limits.
 pub fn photograph(bytes: &[u8], encoding: Encoding) -> Result<Plane<f32>, PictureError> {
     linear_light(bytes, encoding, Channel::Mean, 1)
 }
 
-/// Columns and rows \[px\] as the header tells them, before any orientation; reads no pixel.
+/// Columns and rows \[px\] of a picture from its header, before any orientation. It decodes no pixel.
 ///
 /// # Errors
 ///
-/// [`PictureError`] for what is no readable picture or is beyond the limits.
+/// [`PictureError`] for a file that is no readable picture, and for a picture beyond the limits.
 pub fn picture_size(bytes: &[u8]) -> Result<(u32, u32), PictureError> {
     let (_, decoder) = open(bytes)?;
     Ok(decoder.dimensions())
@@ -132,7 +132,7 @@ fn limits() -> Limits {
     limits
 }
 
-/// Interleaved samples as the decoder gives them: 16-bit ones in the machine's byte order.
+/// Interleaved samples from the decoder. 16-bit samples are in the machine's byte order.
 pub(super) struct Samples {
     pub(super) bytes: Vec<u8>,
     pub(super) colour: ColorType,
@@ -181,7 +181,7 @@ impl Samples {
     }
 }
 
-/// The plane as the camera was held.
+/// The plane, turned by the orientation that the camera recorded.
 pub(super) fn oriented(plane: Plane<f32>, orientation: Orientation) -> Plane<f32> {
     let (h, w) = (plane.height_px(), plane.width_px());
     match orientation {
@@ -210,7 +210,7 @@ fn refusal(format: ImageFormat, error: &ImageError) -> PictureError {
     match error {
         ImageError::IoError(error) if ends_early(error) => PictureError::Truncated { format },
         ImageError::Unsupported(_) => PictureError::Unsupported { format, detail },
-        // Some decoders wrap the end of the file in an error of their own.
+        // Some decoders report the end of the file as an error of their own type.
         _ if detail.contains("end of file") || detail.contains("fill whole buffer") => {
             PictureError::Truncated { format }
         }

@@ -1,4 +1,4 @@
-//! From planes to files. The same plane always gives the same bytes.
+//! Encoding of planes as files. The same plane always gives the same bytes.
 
 use super::{PictureError, linear_to_srgb};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
@@ -6,11 +6,12 @@ use image::{ExtendedColorType, ImageEncoder};
 use lightpath_optics::Plane;
 use npyz::WriterBuilder;
 
-/// A hologram for a display of `bit_depth` bits as a grey PNG: 8 bits a pixel up to 8, else 16, levels not scaled.
+/// Encodes a hologram for a display of `bit_depth` bits as a grey PNG. A pixel has 8 bits for a `bit_depth` up to 8,
+/// else 16 bits. Levels are not scaled.
 ///
 /// # Errors
 ///
-/// [`PictureError::Encode`] for an empty plane, [`PictureError::LevelTooHigh`] for what the bits cannot hold.
+/// [`PictureError::Encode`] for an empty plane, [`PictureError::LevelTooHigh`] for a level beyond `bit_depth` bits.
 pub fn levels_png(levels: &Plane<u16>, bit_depth: u32) -> Result<Vec<u8>, PictureError> {
     let level_max = u16::MAX >> (16 - bit_depth.clamp(1, 16));
     if let Some(i) = levels.values().iter().position(|&level| level > level_max) {
@@ -26,7 +27,7 @@ pub fn levels_png(levels: &Plane<u16>, bit_depth: u32) -> Result<Vec<u8>, Pictur
     }
 }
 
-/// Linear light as an 8-bit sRGB grey PNG, for eyes. Light is clipped to [0, 1].
+/// Encodes linear light as an 8-bit sRGB grey PNG, for viewing. Light is clipped to [0, 1].
 ///
 /// # Errors
 ///
@@ -35,7 +36,7 @@ pub fn grey_png_srgb(intensity: &Plane<f32>) -> Result<Vec<u8>, PictureError> {
     grey_png(intensity, linear_to_srgb)
 }
 
-/// Linear light as an 8-bit grey PNG of linear values, as cameras measure it. Light is clipped to [0, 1].
+/// Encodes linear light as an 8-bit grey PNG with linear values, like a camera's. Light is clipped to [0, 1].
 ///
 /// # Errors
 ///
@@ -44,11 +45,11 @@ pub fn grey_png_linear(intensity: &Plane<f32>) -> Result<Vec<u8>, PictureError> 
     grey_png(intensity, |light| light)
 }
 
-/// Three grey 8-bit PNGs of one size as the red, green and blue of one: values are taken as they are.
+/// Combines three grey 8-bit PNGs of equal size into the red, green and blue of one PNG. Values are not changed.
 ///
 /// # Errors
 ///
-/// [`PictureError`] for what is no readable grey PNG of 8 bits, and for pictures of different sizes.
+/// [`PictureError`] for a file that is no readable grey PNG of 8 bits, and for pictures of different sizes.
 pub fn colour_png(channels: [&[u8]; 3]) -> Result<Vec<u8>, PictureError> {
     let planes = channels.map(|bytes| {
         let (width_px, height_px) = super::picture_size(bytes)?;
@@ -72,7 +73,7 @@ pub fn colour_png(channels: [&[u8]; 3]) -> Result<Vec<u8>, PictureError> {
     png(&bytes, height_px, width_px, ExtendedColorType::Rgb8)
 }
 
-/// An array file of NumPy: float32, C order, [height, width].
+/// Encodes a plane as an array file of NumPy: float32, C order, [height, width].
 ///
 /// # Errors
 ///
@@ -96,7 +97,7 @@ fn grey_png(intensity: &Plane<f32>, encode: impl Fn(f32) -> f32) -> Result<Vec<u
 
 fn png(bytes: &[u8], height_px: usize, width_px: usize, colour: ExtendedColorType) -> Result<Vec<u8>, PictureError> {
     let mut file = Vec::new();
-    // Holograms look like noise: harder compression costs a second and gains nothing.
+    // Holograms look like noise: stronger compression takes a second longer and saves nothing.
     PngEncoder::new_with_quality(&mut file, CompressionType::Fast, FilterType::Adaptive)
         .write_image(bytes, width_px as u32, height_px as u32, colour)
         .map_err(|error| PictureError::Encode(error.to_string()))?;

@@ -1,42 +1,42 @@
 use super::{FILE_BYTES_MAX, PIXELS_MAX, SIDE_PX_MAX};
 
-/// What is wrong with a picture, and what would be right.
+/// Why a picture was refused. The messages say what is allowed.
 #[derive(Debug, thiserror::Error)]
 pub enum PictureError {
-    /// No bytes at all.
+    /// The file is empty.
     #[error("the picture is empty (0 bytes), but must be a PNG, JPEG or TIFF file")]
     Empty,
-    /// None of the known formats.
+    /// The file has none of the known formats.
     #[error("the file is no picture that can be read (it starts with {start}); send a PNG, JPEG or TIFF file")]
     NotAPicture {
-        /// The first bytes, readable.
+        /// The first bytes of the file, in readable form.
         start: String,
     },
     /// The file is too long.
     #[error("the file has {bytes} bytes, but at most {FILE_BYTES_MAX} are accepted")]
     FileTooLarge {
-        /// Size of the file.
+        /// Size of the file \[bytes\].
         bytes: usize,
     },
-    /// Too many pixels.
+    /// The picture has too many pixels.
     #[error(
         "the picture has {width_px}×{height_px} px, but at most {SIDE_PX_MAX} px a side and {PIXELS_MAX} px in all \
          are accepted; send a smaller one"
     )]
     TooLarge {
-        /// Columns.
+        /// Width of the picture \[px\].
         width_px: u32,
-        /// Rows.
+        /// Height of the picture \[px\].
         height_px: u32,
     },
-    /// Too few pixels.
+    /// The picture has too few pixels.
     #[error("the picture has {width_px}×{height_px} px, but must have at least {min_px}×{min_px} px")]
     TooSmall {
-        /// Columns.
+        /// Width of the picture \[px\].
         width_px: u32,
-        /// Rows.
+        /// Height of the picture \[px\].
         height_px: u32,
-        /// Fewest pixels a side.
+        /// Smallest accepted side \[px\].
         min_px: u32,
     },
     /// The file ends early.
@@ -50,94 +50,94 @@ pub enum PictureError {
     Damaged {
         /// Name of the format.
         format: &'static str,
-        /// What the decoder said.
+        /// Message of the decoder.
         detail: String,
     },
-    /// A right file of a kind that is not read.
+    /// The file is valid, but of an unsupported kind.
     #[error("the {format} file is of a kind that is not read ({detail}); save it as 8 or 16 bit grey or RGB")]
     Unsupported {
         /// Name of the format.
         format: &'static str,
-        /// What the decoder said.
+        /// Message of the decoder.
         detail: String,
     },
-    /// Not the size that it must have.
+    /// The picture has a wrong size.
     #[error("the picture has {actual_width_px}×{actual_height_px} px, but must have {width_px}×{height_px} px")]
     WrongSize {
-        /// Columns it should have.
+        /// Expected width \[px\].
         width_px: u32,
-        /// Rows it should have.
+        /// Expected height \[px\].
         height_px: u32,
-        /// Columns it has.
+        /// Actual width \[px\].
         actual_width_px: u32,
-        /// Rows it has.
+        /// Actual height \[px\].
         actual_height_px: u32,
     },
-    /// Levels come in another kind of file.
+    /// A hologram's levels come in a file of the wrong kind.
     #[error("a hologram's levels must be a grey PNG of 8 or 16 bits without alpha, but this is {actual}")]
     NotLevels {
-        /// What it is.
+        /// Description of the given file.
         actual: String,
     },
-    /// A level that the display does not have.
+    /// The hologram holds a level that the display does not have.
     #[error(
         "level {level} at x = {x_px} px, y = {y_px} px is beyond the display's {bit_depth} bits (0 to {level_max}); \
          levels are stored as they are, not scaled to the PNG's range"
     )]
     LevelTooHigh {
-        /// The level.
+        /// The refused level.
         level: u16,
-        /// Its column.
+        /// Column of the pixel.
         x_px: usize,
-        /// Its row.
+        /// Row of the pixel.
         y_px: usize,
-        /// The display's bits.
+        /// Bits of the display.
         bit_depth: u32,
-        /// The display's highest level.
+        /// Highest level of the display.
         level_max: u16,
     },
-    /// No phase.
+    /// The file is not an array of phases of the expected shape.
     #[error(
         "a phase must be a .npy file of float32 with shape [{height_px}, {width_px}], C order, but this is {actual}"
     )]
     NotAnArray {
-        /// Rows it should have.
+        /// Expected height \[px\].
         height_px: usize,
-        /// Columns it should have.
+        /// Expected width \[px\].
         width_px: usize,
-        /// What it is.
+        /// Description of the given file.
         actual: String,
     },
-    /// No photograph.
+    /// The file is not an array that holds a photograph.
     #[error(
         "a photograph in a .npy file must be float32, float64, uint8 or uint16 with shape [height, width], C order, but \
          this is {actual}"
     )]
     NotAPhotoArray {
-        /// What it is.
+        /// Description of the given file.
         actual: String,
     },
-    /// NaN or infinite.
+    /// The array holds a NaN or infinite value.
     #[error("the array holds a value that is not a finite number, at x = {x_px} px, y = {y_px} px")]
     NotFinite {
-        /// Its column.
+        /// Column of the pixel.
         x_px: usize,
-        /// Its row.
+        /// Row of the pixel.
         y_px: usize,
     },
-    /// More than the camera can count.
+    /// A value of the photograph is above the declared bits of the camera.
     #[error(
         "the value {value} at x = {x_px} px, y = {y_px} px is above what {bit_depth} bits hold; declare the photographs' bits \
          as they are, values not scaled to the file's range"
     )]
     AboveBitDepth {
-        /// The value.
+        /// The refused value.
         value: u32,
-        /// Its column.
+        /// Column of the pixel.
         x_px: usize,
-        /// Its row.
+        /// Row of the pixel.
         y_px: usize,
-        /// The declared bits.
+        /// Declared bits of the camera.
         bit_depth: u32,
     },
     /// A picture could not be written.

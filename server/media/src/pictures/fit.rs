@@ -1,7 +1,7 @@
-//! Bringing a picture of any size to a display's.
+//! Fitting of a picture of any size to the size of a display.
 //!
-//! Each axis is resampled by itself, in linear light, with the Catmull-Rom kernel, which is widened when the picture
-//! shrinks so that every source pixel counts:
+//! Each axis is resampled separately, in linear light, with the Catmull-Rom kernel. When the picture shrinks, the
+//! kernel is widened so that every source pixel counts:
 //!
 //! ```text
 //! out(i) = Σ_j k((j + ½ − c_i)/s) in(j) / Σ_j k((j + ½ − c_i)/s),   c_i = start + (i + ½) · length / outputs
@@ -14,18 +14,18 @@ use lightpath_domain::job::Fit;
 use lightpath_optics::Plane;
 use rayon::prelude::*;
 
-/// The picture on `height_px` × `width_px` pixels.
+/// Fits the picture to `height_px` × `width_px` pixels.
 ///
-/// - [`Fit::Contain`]: scaled to fit inside, centred, the rest black;
-/// - [`Fit::Cover`]: scaled to cover, the overhang cropped evenly;
-/// - [`Fit::Stretch`]: each axis scaled by itself;
-/// - [`Fit::Exact`]: as it is.
+/// - [`Fit::Contain`]: scales the picture to fit inside, centres it, and fills the rest with black;
+/// - [`Fit::Cover`]: scales the picture to cover all pixels, and crops the overhang evenly;
+/// - [`Fit::Stretch`]: scales each axis separately;
+/// - [`Fit::Exact`]: accepts only a picture of this size.
 ///
-/// A picture that has the size already stays as it is, to the last bit.
+/// A picture that already has the size stays unchanged, to the last bit.
 ///
 /// # Errors
 ///
-/// [`PictureError::WrongSize`] for [`Fit::Exact`] and another size.
+/// [`PictureError::WrongSize`] for [`Fit::Exact`] and a picture of another size.
 pub fn fit(picture: Plane<f32>, fit: Fit, height_px: usize, width_px: usize) -> Result<Plane<f32>, PictureError> {
     let (h, w) = (picture.height_px(), picture.width_px());
     if (h, w) == (height_px, width_px) {
@@ -63,7 +63,7 @@ fn bordered(inner: &Plane<f32>, height_px: usize, width_px: usize) -> Plane<f32>
     out
 }
 
-/// The part of an axis that is resampled, and to how many pixels.
+/// The part of an axis to resample, and the number of output pixels.
 #[derive(Clone, Copy)]
 struct Span {
     inputs: usize,
@@ -82,7 +82,8 @@ impl Span {
         Self { inputs, start: (inputs as f64 - length) / 2.0, length, outputs }
     }
 
-    /// For every output pixel the first input pixel and the weights from there on, which sum to 1.
+    /// For every output pixel: the first input pixel, and the weights of the input pixels from there on. Weights sum to
+    /// 1.
     fn weights(self) -> Vec<(usize, Vec<f32>)> {
         let widening = (self.length / self.outputs as f64).max(1.0);
         let reach = 2.0 * widening;

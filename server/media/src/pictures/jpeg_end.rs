@@ -1,6 +1,7 @@
-//! Tells a whole JPEG from a truncated one: the decoder fills what is missing with grey and says nothing.
+//! Detects truncated JPEG files. The decoder itself fills missing pixels with grey and reports no error.
 
-/// Whether the end-of-image marker comes where the segments lead to, not merely somewhere (a thumbnail has one too).
+/// Whether the end-of-image marker follows the last segment. A marker elsewhere does not count: thumbnails have one
+/// too.
 pub(super) fn has_end_of_image(jpeg: &[u8]) -> bool {
     const RESTARTS: std::ops::RangeInclusive<u8> = 0xd0..=0xd7;
     let mut at = 2; // after the start-of-image marker

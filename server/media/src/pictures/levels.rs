@@ -1,22 +1,22 @@
-//! Holograms as the display takes them: grey PNGs whose values are levels, not shades.
+//! Reading of holograms: grey PNGs whose values are levels of the display.
 
 use super::{PictureError, decode};
 use image::{ColorType, ImageFormat};
 use lightpath_optics::Plane;
 
-/// The levels of a hologram, 0 to 2^`bit_depth` − 1, from a grey PNG of 8 or 16 bits (either holds any display's levels
-/// that fit in it); values are taken as they are.
+/// Reads the levels of a hologram, 0 to 2^`bit_depth` − 1, from a grey PNG of 8 or 16 bits. Either kind of file may
+/// hold the levels of any display if they fit. Values are not scaled.
 ///
 /// # Errors
 ///
-/// [`PictureError`] for what is no readable PNG, is not grey, has another size than `height_px` × `width_px`, or
+/// [`PictureError`] for a file that is no readable PNG, is not grey, has another size than `height_px` × `width_px`, or
 /// holds a level that the display does not have.
 pub fn levels(bytes: &[u8], bit_depth: u32, height_px: usize, width_px: usize) -> Result<Plane<u16>, PictureError> {
     let (format, decoder) = decode::open(bytes)?;
     if format != ImageFormat::Png {
         return Err(PictureError::NotLevels { actual: format!("a {format:?} file") });
     }
-    // Decoding scales fewer bits to 8 and fills in palettes: neither would leave the levels as they are.
+    // The decoder scales values of fewer than 8 bits and replaces palettes by colours. Both would change the levels.
     let (bits, png_colour) = (bytes[24], bytes[25]);
     if png_colour != 0 || bits < 8 || !matches!(decoder.color_type(), ColorType::L8 | ColorType::L16) {
         return Err(PictureError::NotLevels { actual: kind(bits, png_colour) });

@@ -1,13 +1,13 @@
-//! Pictures: decoding what users send, fitting it to a display, and encoding what the server answers.
+//! Pictures: decoding of users' files, fitting to a display, and encoding of results.
 //!
-//! A picture is recognized by its content, never by a file name. Its header is read first and its size checked
-//! before any memory for its pixels is taken. What comes out is a plane of linear light in [0, 1]:
+//! A picture is recognized by its content, never by a file name. Its header is read and its size is checked before
+//! memory for its pixels is allocated. The result of decoding is a plane of linear light in [0, 1]:
 //!
 //! - sRGB values are decoded to linear light *before* channels are averaged and pixels are resampled;
-//! - colours become their mean over the channels, unless one of them is asked for;
-//! - transparent pixels show black: alpha multiplies the light;
-//! - the orientation that a camera wrote into a picture is applied, as every viewer does;
-//! - embedded gamma and colour profiles are not read: the encoding is the caller's word.
+//! - the light is the mean over the colour channels, unless the caller asks for one channel;
+//! - transparent pixels are black: alpha multiplies the light;
+//! - the orientation that a camera recorded in a picture is applied, as in every viewer;
+//! - embedded gamma and colour profiles are ignored: the caller names the encoding.
 
 mod array;
 mod decode;
@@ -30,9 +30,9 @@ pub use levels::levels;
 pub use photograph::{PhotoReading, SATURATED, SATURATION, photo_light};
 pub use srgb::{linear_to_srgb, srgb_to_linear};
 
-/// Longest accepted side of a picture \[px\]: beyond what any SLM or camera has.
+/// Longest accepted side of a picture \[px\]: longer than that of any SLM or camera.
 pub const SIDE_PX_MAX: u32 = 16_384;
-/// Most accepted pixels of a picture. At 8 bytes a pixel (RGBA, 16 bits) its decoding takes 512 MiB.
+/// Largest accepted number of pixels of a picture. At 8 bytes per pixel (RGBA, 16 bits) decoding takes 512 MiB.
 pub const PIXELS_MAX: u64 = 64 << 20;
 /// Largest accepted picture file \[bytes\]: an uncompressed 16-bit RGB picture of 40 Mpx still fits.
 pub const FILE_BYTES_MAX: usize = 256 << 20;

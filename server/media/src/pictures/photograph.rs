@@ -1,11 +1,12 @@
-//! Photographs as a camera made them.
+//! Reading of photographs from a camera.
 //!
 //! ```text
 //! light = (v / full scale − black level) / (1 − black level)
 //! ```
 //!
-//! v the value, after sRGB was decoded where it was declared. A pixel of which any colour is at full scale is saturated
-//! and has a light of exactly 1, whatever the mean of its colours: a laser may fill one channel alone.
+//! v is the value, after sRGB decoding if sRGB was declared. A pixel is saturated if any of its colours is at full
+//! scale. A saturated pixel has a light of exactly 1, whatever the mean of its colours: a laser may saturate one
+//! channel alone.
 
 use super::decode::{self, Samples};
 use super::{FILE_BYTES_MAX, PictureError, srgb_to_linear};
@@ -18,27 +19,27 @@ use npyz::{NpyFile, Order};
 
 /// The light of saturated pixels.
 pub const SATURATED: f32 = 1.0;
-/// Values at or above this part of full scale are taken to be saturated: 255, less a quarter, of 255.
+/// Smallest saturated value, as a part of full scale: a quarter of an 8-bit level below 255.
 pub const SATURATION: f32 = 254.75 / 255.0;
 
-/// How a photograph's values stand for light.
+/// How to convert a photograph's values to light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PhotoReading {
-    /// Linear, or sRGB.
+    /// Encoding of the values: linear or sRGB.
     pub encoding: Encoding,
-    /// Bits of the camera, 8 to 16, where they are fewer than the file's; 0: the file's.
+    /// Bits of the camera, 8 to 16, if they are fewer than the bits of the file. 0: the bits of the file.
     pub bit_depth: u32,
-    /// What the camera counts in the dark, as a part of full scale.
+    /// Value that the camera gives in the dark, as a part of full scale.
     pub black_level: f64,
 }
 
-/// The light in a photograph, in its own size; 1 is the camera's full scale. PNG, TIFF and JPEG, or `.npy` of float32, float64,
-/// uint8 or uint16.
+/// Reads the light in a photograph, in its own size. 1 is the camera's full scale. The file is PNG, TIFF, JPEG, or
+/// `.npy` of float32, float64, uint8 or uint16.
 ///
 /// # Errors
 ///
-/// [`PictureError`] for what is no readable picture, is beyond the limits, holds a value that is not a finite number, or one
-/// above the declared bits.
+/// [`PictureError`] for a file that is no readable picture, and for a picture that is beyond the limits, holds a value
+/// that is not a finite number, or holds a value above the declared bits.
 pub fn photo_light(bytes: &[u8], reading: &PhotoReading) -> Result<Plane<f32>, PictureError> {
     if npy::is_npy(bytes) {
         return array_light(bytes, reading);
@@ -112,7 +113,7 @@ fn array_light(bytes: &[u8], reading: &PhotoReading) -> Result<Plane<f32>, Pictu
     if file.order() != Order::C || height_px == 0 || width_px == 0 || height_px > side_max || width_px > side_max {
         return Err(refused(format!("{kind} of shape {:?}, {:?} order", file.shape(), file.order())));
     }
-    // As many values as the file can hold, before there is room for as many as it claims.
+    // Checks that the file can hold the claimed number of values before memory for them is allocated.
     let pixels = height_px * width_px;
     if pixels > super::PIXELS_MAX || pixels > bytes.len() as u64 {
         return Err(refused(format!("{kind} of shape {:?} in a file of {} bytes", file.shape(), bytes.len())));
@@ -183,7 +184,7 @@ mod tests {
         let mut tiff = Cursor::new(Vec::new());
         TiffEncoder::new(&mut tiff).write_image(&wide([819, 4095]), 2, 1, ExtendedColorType::L16).unwrap();
         assert_eq!(values(tiff.get_ref(), &twelve), eight);
-        // One full channel saturates the pixel; the mean of the others' colours would hide it.
+        // One channel at full scale saturates the pixel; the mean of the colours would hide it.
         assert_eq!(values(&png(&[51, 51, 51, 0, 255, 9], ExtendedColorType::Rgb8), &LINEAR), eight);
         let srgb = PhotoReading { encoding: Encoding::Srgb, ..LINEAR };
         assert!((values(&png(&[124, 255], ExtendedColorType::L8), &srgb)[0] - 0.2).abs() < 2e-3);

@@ -28,7 +28,7 @@ mod tests {
         }
         assert_eq!(srgb_to_linear(0.0), 0.0);
         assert_eq!(srgb_to_linear(1.0), 1.0);
-        // Middle grey.
+        // Linear light of middle grey.
         assert!((srgb_to_linear(0.5) - 0.214_041).abs() < 1e-5);
     }
 }

@@ -128,7 +128,7 @@ fn sizes_are_checked_before_pixels_are_read() {
 #[test]
 fn pictures_lie_as_the_camera_was_held() {
     let plain = file(image::GrayImage::from_fn(10, 8, |x, _| image::Luma([25 * x as u8])), ImageFormat::Jpeg);
-    // An EXIF segment that says: turn by 90° clockwise.
+    // An EXIF segment with the orientation "rotate by 90° clockwise".
     let exif = b"\xff\xe1\0\x22Exif\0\0MM\0\x2a\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0";
     let turned = [&plain[..2], exif, &plain[2..]].concat();
     let light = photograph(&turned, Encoding::Linear).unwrap();

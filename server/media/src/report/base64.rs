@@ -1,8 +1,8 @@
-//! Bytes as text (RFC 4648), for pictures inside a page.
+//! Base64 (RFC 4648), for pictures inside an HTML page.
 
 const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
 
-/// With padding.
+/// Encodes bytes as Base64 with padding.
 pub(super) fn encode(bytes: &[u8]) -> String {
     let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
     for chunk in bytes.chunks(3) {

@@ -1,4 +1,4 @@
-//! The chapters of a report.
+//! The parts of a report's chapter: text, pictures and arrays.
 
 use crate::figures::Canvas;
 use crate::pictures::PictureError;
@@ -8,13 +8,13 @@ use crate::pictures::PictureError;
 pub struct Figure {
     /// File name with its extension.
     pub name: String,
-    /// What it shows.
+    /// Title of the picture.
     pub title: String,
-    /// PNG or SVG.
+    /// Contents of the PNG or SVG file.
     pub bytes: Vec<u8>,
 }
 
-/// Why there is no report.
+/// Why a report could not be made.
 #[derive(Debug, thiserror::Error)]
 pub enum ReportError {
     /// A picture could not be drawn.
@@ -25,7 +25,7 @@ pub enum ReportError {
     Arrays(#[from] crate::kernel_formats::KernelFormatError),
 }
 
-/// Numbers and pictures of one chapter.
+/// One chapter of a report, with its numbers and pictures.
 #[derive(Default)]
 pub(super) struct Chapter {
     pub(super) title: &'static str,
@@ -35,7 +35,7 @@ pub(super) struct Chapter {
     pub(super) arrays: Vec<NamedArray>,
 }
 
-/// A `.npy` file to be.
+/// An array that the report stores as a `.npy` file.
 pub(super) struct NamedArray {
     pub(super) name: String,
     pub(super) npy: Vec<u8>,

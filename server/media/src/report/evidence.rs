@@ -1,4 +1,4 @@
-//! What the photographs say: residuals pair by pair, and the band that their holograms lit.
+//! Evidence from the photographs: the residuals of each pair, and the band that the holograms illuminated.
 
 use super::chapter::{Chapter, ReportError};
 use crate::figures::{Axis, Canvas, ColourMap, ContactRow, ContactSheet, Heatmap, Shown, escaped};
@@ -8,18 +8,18 @@ use lightpath_optics::learning::{Pair, ResponseCovariance, compare};
 use lightpath_optics::{Engine, Error, Plane, RegionOfInterest};
 use std::fmt::Write as _;
 
-/// What the dataset's pairs say about the kernel.
+/// Comparison of a kernel with the pairs of its dataset.
 #[derive(Clone, Debug)]
 pub struct Evidence {
     region: RegionOfInterest,
     pixel_pitch_m: f64,
     pairs: Vec<PairEvidence>,
     lit: LitBand,
-    /// How sure the phase response is, where the training pairs tell.
+    /// Uncertainty of the phase response. `None`: the training pairs do not determine it.
     pub response: Option<ResponseCovariance>,
 }
 
-/// One pair, small.
+/// Comparison of one pair with the kernel, with small pictures.
 #[derive(Clone, Debug)]
 pub struct PairEvidence {
     id: String,
@@ -27,27 +27,27 @@ pub struct PairEvidence {
     photo: Plane<f32>,
     predicted: Plane<f32>,
     residual: Plane<f32>,
-    /// Mean squared error in the region of interest.
+    /// Mean squared error of the pair in the region of interest.
     loss: f64,
 }
 
-/// Pairs with pictures, at most: held-out ones come first.
+/// Largest number of pairs with pictures. Held-out pairs come first.
 pub const PAIRS_SHOWN_MAX: usize = 8;
-/// Pictures are no wider than this \[px\].
+/// Largest width of a picture \[px\].
 const WIDTH_PX_MAX: usize = 320;
 
 impl Evidence {
-    /// Nothing yet.
+    /// Evidence without pairs.
     #[must_use]
     pub fn new(region: RegionOfInterest, height_px: usize, width_px: usize, pixel_pitch_m: f64) -> Self {
         Self { region, pixel_pitch_m, pairs: Vec::new(), lit: LitBand::new(height_px, width_px), response: None }
     }
 
-    /// Compares a pair's photograph with what the engine predicts, and keeps pictures of both.
+    /// Compares a pair's photograph with the engine's prediction, and keeps pictures of both.
     ///
     /// # Errors
     ///
-    /// [`Error`] for a pair of another size, or with no pixel that counts.
+    /// [`Error`] for a pair of another size, or without a valid pixel.
     pub fn add(&mut self, engine: &Engine, id: &str, split: Split, pair: &Pair) -> Result<(), Error> {
         if split == Split::Train {
             self.lit.add(&pair.phase)?;
@@ -91,7 +91,7 @@ fn squares(residual: &Plane<f32>, photo: &Plane<f32>, region: RegionOfInterest) 
     sum / f64::from(count.max(1))
 }
 
-/// Means over blocks, no wider than a picture of the report.
+/// The plane, reduced to the means over blocks. It is no wider than a picture of the report.
 fn shrunk(plane: &Plane<f32>) -> Plane<f32> {
     let block = plane.width_px().div_ceil(WIDTH_PX_MAX);
     let (rows, columns) = (plane.height_px() / block, plane.width_px() / block);
@@ -108,7 +108,7 @@ fn shrunk(plane: &Plane<f32>) -> Plane<f32> {
     })
 }
 
-/// Residuals and identifiability.
+/// The chapters about residuals and about identifiability.
 pub(super) fn chapters(evidence: &Evidence) -> Result<Vec<Chapter>, ReportError> {
     Ok(vec![residuals(evidence)?, identifiability(evidence)?])
 }

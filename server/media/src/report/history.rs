@@ -1,4 +1,4 @@
-//! How the kernel came about, and how it differs from those before.
+//! Chapters about the learning of the kernel, and about its differences to other versions.
 
 use super::chapter::Chapter;
 use super::input::ReportInput;
@@ -7,10 +7,10 @@ use lightpath_optics::DisplayModel;
 use num_complex::Complex64;
 use std::fmt::Write as _;
 
-/// Frequencies along an axis at which versions are compared.
+/// Number of frequencies along an axis at which versions are compared.
 const SAMPLES: usize = 48;
 
-/// The losses while learning; nothing where they are not known.
+/// The chapter about the losses during learning. `None`: they are not known.
 pub(super) fn losses(input: &ReportInput) -> Option<Chapter> {
     if input.loss_history.is_empty() {
         return None;
@@ -44,7 +44,7 @@ pub(super) fn losses(input: &ReportInput) -> Option<Chapter> {
     Some(chapter)
 }
 
-/// How far other versions are from this one; nothing without any.
+/// The chapter about the differences between this version and others. `None`: there are no others.
 pub(super) fn drift(input: &ReportInput) -> Option<Chapter> {
     if input.earlier.is_empty() {
         return None;
@@ -69,7 +69,8 @@ pub(super) fn drift(input: &ReportInput) -> Option<Chapter> {
     Some(Chapter { title: "Other versions", body, ..Chapter::default() })
 }
 
-/// ‖c H' − H‖/‖H‖ with the best complex c, the amplitude-weighted rms of the phase between both, and |c|².
+/// Difference of two kernels H and H': ‖c H' − H‖/‖H‖ with the best complex c, the amplitude-weighted rms of their
+/// phase difference, and |c|².
 fn difference(model: &DisplayModel, other: &DisplayModel) -> (f64, f64, f64) {
     let nyquist = 0.5 / model.setup.grid().pixel_pitch_m();
     let along = |i: usize| nyquist * ((2 * i + 1) as f64 / SAMPLES as f64 - 1.0);

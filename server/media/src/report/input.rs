@@ -1,33 +1,34 @@
-//! What a report is made of.
+//! The input of a report.
 
 use super::evidence::Evidence;
 use lightpath_domain::kernel::KernelVersion;
 use lightpath_optics::DisplayModel;
 
-/// Everything that a report is made of.
+/// The data that a report is made from.
 #[derive(Debug)]
 pub struct ReportInput {
-    /// What it is about.
+    /// The version that the report describes.
     pub version: KernelVersion,
-    /// The same as a model.
+    /// The display model of that version.
     pub model: DisplayModel,
-    /// Losses while it was learned; empty where that is not known.
+    /// Losses during learning. Empty: unknown.
     pub loss_history: Vec<f64>,
-    /// From the dataset; `None` for imports, and where the dataset can't be read any more.
+    /// Evidence from the dataset. `None`: the kernel was imported, or the dataset cannot be read any more.
     pub evidence: Option<Evidence>,
     /// Other versions of the same kernel, newest first.
     pub earlier: Vec<Earlier>,
-    /// The model at each distance that it was learned for, ascending; empty where that is one alone.
+    /// The models at all distances that were learned together, ascending. Empty: the kernel was learned at one
+    /// distance.
     pub over_distance: Vec<DisplayModel>,
 }
 
-/// Another version of the kernel.
+/// Another version of the same kernel.
 #[derive(Clone, Debug)]
 pub struct Earlier {
-    /// Its number.
+    /// Number of the version.
     pub version: u32,
-    /// Held-out loss; `None` where nothing was held out.
+    /// Loss on held-out pairs. `None`: no pair was held out.
     pub test_loss: Option<f64>,
-    /// Itself.
+    /// Display model of the version.
     pub model: DisplayModel,
 }

@@ -1,11 +1,13 @@
-//! What a learned kernel is like, for people: one HTML file with everything in it, its pictures, and its arrays.
+//! Reports about a learned kernel, for people: one self-contained HTML file, its pictures, and its arrays.
 //!
 //! # Layout
 //!
-//! - `optics`: the kernel, its aberrations, spot and contrast, source and response. `evidence`: residuals per pair and the band
-//!   that the data lit. `history`: losses while learning, and drift against earlier versions. `over_distance`: aberrations between
-//!   photographed distances. `over_modulator`: a kernel that varies over the modulator.
-//! - `input`: what a report is made of. `chapter`: text, pictures and arrays of one chapter. `page`: the HTML. `base64`: pictures inside it.
+//! - `optics`: the kernel, its aberrations, spot and contrast, source and response. `evidence`: residuals per pair, and
+//!   the band that the holograms illuminated. `history`: losses during learning, and drift against earlier versions.
+//!   `over_distance`: aberrations between photographed distances. `over_modulator`: a kernel that varies over the
+//!   modulator.
+//! - `input`: the input of a report. `chapter`: text, pictures and arrays of one chapter. `page`: the HTML page.
+//!   `base64`: the encoding of pictures inside the page.
 mod base64;
 mod chapter;
 mod evidence;
@@ -20,22 +22,22 @@ pub use chapter::{Figure, ReportError};
 pub use evidence::{Evidence, PAIRS_SHOWN_MAX, PairEvidence};
 pub use input::{Earlier, ReportInput};
 
-/// A report.
+/// A report about a kernel.
 #[derive(Clone, Debug)]
 pub struct Report {
-    /// One file, nothing outside it is needed.
+    /// The report as one HTML file. It needs no other file.
     pub html: String,
-    /// Its pictures.
+    /// Pictures of the report.
     pub figures: Vec<Figure>,
-    /// Its numbers, `.npz`.
+    /// Numbers of the report, as a `.npz` archive.
     pub arrays: Vec<u8>,
 }
 
-/// Makes the report.
+/// Makes the report of a kernel.
 ///
 /// # Errors
 ///
-/// [`ReportError`].
+/// [`ReportError`] when a picture cannot be drawn or an array cannot be written.
 pub fn make(input: &ReportInput) -> Result<Report, ReportError> {
     let mut chapters = vec![page::summary(input)];
     chapters.extend(history::losses(input));

@@ -1,4 +1,4 @@
-//! The kernel itself.
+//! Chapters about the kernel and its optics.
 
 use super::chapter::{Chapter, ReportError};
 use crate::figures::{Axis, Canvas, Chart, ColourMap, Heatmap, Line};
@@ -10,10 +10,10 @@ use num_complex::Complex64;
 use std::f64::consts::{PI, TAU};
 use std::fmt::Write as _;
 
-/// Samples of the band along an axis, in pictures and arrays.
+/// Number of samples of the band along an axis, in pictures and arrays.
 const SAMPLES: usize = 256;
 
-/// Kernel, aberrations, spot, source and response.
+/// The chapters about kernel, aberrations, spot, source and response.
 pub(super) fn chapters(
     model: &DisplayModel,
     certainty: Option<&ResponseCovariance>,
@@ -30,7 +30,8 @@ pub(super) fn chapters(
     Ok(all)
 }
 
-/// H / H_ideal at fx, fy [1/m]; 0 where free space itself passes nothing. The constant phase is taken off.
+/// H / H_ideal at fx, fy \[1/m\]. It is 0 where free space passes no light. For kernels of free bins the constant phase
+/// is removed.
 pub(super) fn ratio(model: &DisplayModel) -> impl Fn(f64, f64) -> Complex64 + Sync + '_ {
     let ideal = model.setup.sampled();
     let learned = model.sampled();
@@ -38,7 +39,7 @@ pub(super) fn ratio(model: &DisplayModel) -> impl Fn(f64, f64) -> Complex64 + Sy
         let free = ideal.at(fx, fy);
         if free.norm() > 1e-9 { learned(fx, fy) / free } else { Complex64::ZERO }
     };
-    // The phase of everything together: a single bin's would be noise where bins are free.
+    // The phase of the sum over samples of the band. The phase of a single free bin would be noise.
     let nyquist = 0.5 / model.setup.grid().pixel_pitch_m();
     let along = |i: usize| nyquist * ((2 * i + 1) as f64 / 16.0 - 1.0);
     let sum: Complex64 = (0..256).map(|i| raw(along(i % 16), along(i / 16))).sum();
@@ -155,7 +156,7 @@ fn aberrations(model: &DisplayModel) -> Chapter {
     chapter
 }
 
-/// Three decimals, and a real minus sign.
+/// The value with three decimals and a typographic minus sign (−).
 pub(super) fn signed(value: f64) -> String {
     format!("{value:+.3}").replace('-', "−")
 }
@@ -192,7 +193,7 @@ fn spot(model: &DisplayModel, ratio: &(impl Fn(f64, f64) -> Complex64 + Sync)) -
     Ok(chapter)
 }
 
-/// A spot, in decibels below its peak.
+/// A picture of a spot, in decibels below its peak.
 pub(super) fn spot_picture(title: &str, found: &PointSpread, pitch_um: f64) -> Canvas {
     let half_um = WINDOW_PX as f64 * pitch_um;
     let axis = |label| Axis { label, start: -half_um, end: half_um };
@@ -304,10 +305,10 @@ fn response(model: &DisplayModel, certainty: Option<&ResponseCovariance>) -> Cha
     chapter
 }
 
-/// Places of the curve of the phase response.
+/// Number of steps in the curve of the phase response.
 const STEPS: usize = 128;
 
-/// What the modulator shows too much \[rad\] where the phase `wanted_rad` is asked for.
+/// Error of the modulator's phase \[rad\] for the wanted phase `wanted_rad`: shown phase minus wanted phase.
 fn response_error_rad(model: &DisplayModel, wanted_rad: f64) -> f64 {
     let harmonic =
         |(k, [a, b]): (u32, &[f64; 2])| a * (f64::from(k) * wanted_rad).sin() + b * (f64::from(k) * wanted_rad).cos();

@@ -1,4 +1,4 @@
-//! The kernel's aberrations as functions of the distance, where one model was learned for several.
+//! Chapter about the kernel's aberrations over the distance, for models learned at several distances together.
 
 use super::chapter::Chapter;
 use super::input::ReportInput;
@@ -7,16 +7,16 @@ use lightpath_optics::diagnostics::ZernikeFit;
 use lightpath_optics::learning::interpolated;
 use lightpath_optics::{DisplayModel, KernelShape, OpticalSetup};
 
-/// Steps from the nearest distance to the farthest.
+/// Number of steps from the nearest distance to the farthest.
 const STEPS: usize = 24;
-/// Aberrations that are drawn: those that change the most.
+/// Number of aberrations in the chart. The chart shows those that change the most.
 const LINES: usize = 5;
-/// Points a side that aberrations are fitted to.
+/// Number of samples along each side of the band for the fit of the aberrations.
 const SAMPLES: usize = 48;
-/// Piston and tilts, which do nothing to an image but move it.
+/// Number of left-out first terms: piston and tilts, which only move an image.
 const MOVING: usize = 3;
 
-/// Nothing where the version is of one distance alone.
+/// The chapter. `None`: the kernel was learned at one distance.
 pub(super) fn chapter(input: &ReportInput) -> Option<Chapter> {
     let along: Vec<(f64, ZernikeFit)> =
         (0..=STEPS).map(|step| at(&input.over_distance, step)).collect::<Option<_>>()?;
@@ -57,7 +57,7 @@ pub(super) fn chapter(input: &ReportInput) -> Option<Chapter> {
     Some(chapter)
 }
 
-/// The aberrations at a step of the way; `None` where there is no way.
+/// Distance \[m\] and aberrations at step `step` of `STEPS`. `None`: the models are empty or cannot be interpolated.
 fn at(models: &[DisplayModel], step: usize) -> Option<(f64, ZernikeFit)> {
     let (first, last) = (models.first()?, models.last()?);
     let (near_m, far_m) = (first.setup.distance_m(), last.setup.distance_m());

@@ -1,4 +1,4 @@
-//! The kernel at different places of the modulator, where it varies over it.
+//! Chapter about a kernel that varies over the modulator, at several positions.
 
 use super::chapter::{Chapter, ReportError};
 use super::optics::{ratio, spot_picture};
@@ -8,13 +8,13 @@ use lightpath_optics::diagnostics::point_spread;
 use lightpath_optics::spatial_variation::local_kernels::{change, per_side};
 use std::fmt::Write as _;
 
-/// Places along x and along y, from edge to edge.
+/// Positions along x and along y, from edge (−1) to edge (1).
 const PLACES: [(&str, f64); 3] = [("left", -1.0), ("middle", 0.0), ("right", 1.0)];
 const ROWS: [(&str, f64); 3] = [("top", -1.0), ("middle", 0.0), ("bottom", 1.0)];
-/// Points a side of the band at which a place is compared with the axis.
+/// Number of samples along each side of the band for the comparison of a position with the axis.
 const SAMPLES: usize = 48;
 
-/// Nothing where the kernel is the same everywhere.
+/// The chapter. `None`: the kernel does not vary over the modulator.
 pub(super) fn chapter(model: &DisplayModel) -> Result<Option<Chapter>, ReportError> {
     if model.variation.is_none() {
         return Ok(None);
@@ -56,7 +56,7 @@ pub(super) fn chapter(model: &DisplayModel) -> Result<Option<Chapter>, ReportErr
     Ok(Some(chapter))
 }
 
-/// Root mean square over the band of a phase, without its mean and its tilts.
+/// Root mean square \[rad\] of a phase over the band, without its mean and its tilts.
 fn rms_rad(phase: impl Fn(f64, f64) -> f64) -> f64 {
     let at = |i: usize| (2 * i + 1) as f64 / SAMPLES as f64 - 1.0;
     let count = (SAMPLES * SAMPLES) as f64;
@@ -80,14 +80,14 @@ mod tests {
         let mut model =
             DisplayModel { kernel: KernelShape::Smooth(SmoothField::flat(2)), ..DisplayModel::ideal(setup) };
         assert!(chapter(&model).unwrap().is_none());
-        // A defocus that grows along x alone: x · 0.8 (T_2(fx) + T_2(fy)).
+        // A defocus that grows along x only: x · 0.8 (T_2(fx) + T_2(fy)).
         let mut fields = [(); SpatialVariation::POWERS].map(|()| SmoothField::flat(2));
         for (degrees, c) in fields[0].basis().degrees().zip(&mut fields[0].phase) {
             *c = if matches!(degrees, (0, 2) | (2, 0)) { 0.8 } else { 0.0 };
         }
         model.variation = SpatialVariation::new(fields);
         let chapter = chapter(&model).unwrap().unwrap();
-        // 0.8 times the root of twice T_2's variance, 7/15 − (1/3)², at the edges, and nothing in the middle.
+        // The rms is 0.8 times the root of twice T_2's variance, 7/15 − (1/3)², at the edges, and 0 in the middle.
         let expected = 0.8 * (2.0 * (7.0 / 15.0 - 1.0 / 9.0_f64)).sqrt();
         assert!(chapter.body.matches(&format!("{expected:.2} rad, ")).count() == 6, "{}", chapter.body);
         assert!(chapter.body.matches("0.00 rad, 1.000").count() == 3, "{}", chapter.body);

@@ -1,4 +1,4 @@
-//! The report as one page of HTML.
+//! The HTML page of a report.
 
 use super::base64;
 use super::chapter::{Chapter, Figure};
@@ -16,7 +16,7 @@ figure{margin:1.2rem 0}figure img,figure svg{max-width:100%;height:auto}figcapti
 .bar{display:inline-block;height:.7em}code{font-size:.85rem;overflow-wrap:anywhere}.sub{color:#6b6b6b;margin-top:0}\
 nav a{margin-right:1.1rem}";
 
-/// The chapter that says what the kernel is and how good.
+/// The summary: origin and quality of the kernel.
 pub(super) fn summary(input: &ReportInput) -> Chapter {
     let mut body = String::from("<table>");
     for (name, value) in origin(input) {
@@ -28,7 +28,7 @@ pub(super) fn summary(input: &ReportInput) -> Chapter {
     Chapter { title: "Summary", body, ..Chapter::default() }
 }
 
-/// What the kernel is for, and what it was made of.
+/// Rows of the table about the kernel's setup and origin.
 fn origin(input: &ReportInput) -> Vec<(&'static str, String)> {
     let (version, content) = (&input.version, &input.version.content);
     let (metrics, lineage) = (&content.metrics, &content.lineage);
@@ -70,7 +70,7 @@ fn origin(input: &ReportInput) -> Vec<(&'static str, String)> {
     rows
 }
 
-/// How good the kernel is, as a table; empty where no pair was held out.
+/// Table of the kernel's losses, as HTML. Empty: no pair was held out.
 fn mean_losses(metrics: &KernelMetrics) -> String {
     if metrics.test_pairs == 0 {
         return String::new();
