@@ -1,6 +1,6 @@
 //! Detects truncated JPEG files. The decoder itself fills missing pixels with grey and reports no error.
 
-/// Whether the end-of-image marker follows the last segment. A marker elsewhere does not count: thumbnails have one
+/// Whether the end-of-image marker follows the segments. Markers inside a segment do not count: a thumbnail has one
 /// too.
 pub(super) fn has_end_of_image(jpeg: &[u8]) -> bool {
     const RESTARTS: std::ops::RangeInclusive<u8> = 0xd0..=0xd7;
