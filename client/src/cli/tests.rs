@@ -123,7 +123,7 @@ fn wrong_units_and_values_are_explained() {
         ("lightpath hologram optimize a.png --display d --distance 1mile", "unknown unit \"mile\""),
         (
             "lightpath hologram optimize a.png --display d --distance 1mm --method sgd",
-            "[possible values: lbfgs, adam, gs, wgs, dpac]",
+            "[possible values: lbfgs, adam, gerchberg-saxton, weighted-gerchberg-saxton, double-phase]",
         ),
         (
             "lightpath hologram optimize a.png --display d --distance 1mm --initial-phase lens",
