@@ -13,7 +13,7 @@
 //!
 //! 1. [rows](rows): compute or read a row, transform it along x, write it row-major;
 //! 2. [columns](columns): transform a tile of columns along y, multiply it by H, transform it back, write it
-//! tile-major;
+//!    tile-major;
 //! 3. rows again: gather a row, transform it back along x, use it.
 //!
 //! Rows and columns are computed independently, and sums are added in a fixed order, so results do not depend on the

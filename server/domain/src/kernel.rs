@@ -32,7 +32,7 @@ pub struct Kernel {
     pub active_version: Option<u32>,
     /// Number of the newest version. Versions count from 1.
     pub latest_version: u32,
-    /// Whether the active version (or the newest, if none is active) is [interpolated](KernelLineage::is_interpolated).
+    /// Whether the active version (or the newest, if none is active) was interpolated between photographed distances.
     pub interpolated: bool,
     /// Time when the kernel was created \[ms since 1970\].
     pub create_time_ms: i64,

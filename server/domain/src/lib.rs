@@ -4,7 +4,7 @@
 //!
 //! - [`units`]: exact wavelengths and distances. [`display`], [`dataset`], [`kernel`], [`job`]: the resources of the
 //!   service.
-//! - [`propagation`], [`planning`], [`slm`]: conversion between displays and the types of the optics engine.
+//! - [`planning`], [`slm`]: conversion from displays to the types of the optics engine.
 //! - [`access`]: roles and tokens. [`causes`]: error messages in one line.
 //! - [`reason`]: codes for errors and refusals, for programs.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
