@@ -94,7 +94,7 @@ async fn numbers_and_names_that_make_no_sense() {
         ("lab", &["--distance", "150"], 2, ["would be 150 m", "write 150mm"]),
         ("lab", &["--distance", "0mm"], 1, ["INVALID_ARGUMENT", "distance_m is 0"]),
         ("lab", &["--distance", "11m"], 1, ["INVALID_ARGUMENT", "distance_m is 11"]),
-        ("lab", &["--distance", "50mm", "--wavelength", "633nm"], 1, ["wavelength_m", "515nm"]),
+        ("lab", &["--distance", "50mm", "--wavelength", "633nm"], 1, ["wavelengths_m[0]", "515nm"]),
         ("lab", &["--distance", "50mm", "--iterations", "20000"], 1, ["iterations is 20000", "10000"]),
         ("lab", &["--distance", "50mm", "--kernel", "7"], 1, ["NOT_FOUND", "kernel"]),
         ("lab", &["--distance", "50mm", "--roi", "60,0,10,10"], 1, ["INVALID_ARGUMENT", "region_of_interest"]),

@@ -110,8 +110,9 @@ async fn learning(bench: &Bench) {
     assert!(bench.text("dataset list").await.contains("bench"));
 
     let job = bench.json("kernel learn --dataset bench --epochs 4 --refinement-evaluations 20 --wait").await;
-    assert_eq!(job["result"]["learn"]["kernelVersion"], "displays/toy/kernels/515nm-50mm/versions/1");
-    let metrics = &job["result"]["learn"]["metrics"];
+    let learned = &job["result"]["learn"]["kernels"][0];
+    assert_eq!(learned["kernelVersion"], "displays/toy/kernels/515nm-50mm/versions/1");
+    let metrics = &learned["metrics"];
     let (learned, ideal) = (metrics["testLoss"].as_f64().unwrap(), metrics["idealTestLoss"].as_f64().unwrap());
     assert!(learned < 0.5 * ideal, "held-out loss {learned} is not well below the ideal kernel's {ideal}");
     let evaluated = bench.text("kernel evaluate --dataset bench --kernel 1 --wait").await;
