@@ -8,7 +8,7 @@
 //! A long job keeps the server's cores busy all the while. Submits many jobs, lists pages of them, follows a thousand jobs at
 //! once and measures how soon each follower hears of the job's end, and uploads large artifacts side by side. Prints a table in
 //! Markdown. With TLS, say `--server https://localhost:7070 --ca-file cert.pem --token-file ada.token`. How long claims take
-//! with a million jobs no client can see: `LIGHTPATH_SCALE_JOBS` measures that (README.md).
+//! with a million jobs no client can see: `LIGHTPATH_SCALE_JOBS` measures that (CONTRIBUTING.md).
 
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 

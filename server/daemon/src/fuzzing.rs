@@ -1,6 +1,6 @@
 //! Access to every decoder of outside input, for fuzzers. A decoder must return for any bytes, without a panic.
 //!
-//! `fuzz/` calls the decoders with inputs from libFuzzer, `server/tests/service/decoders.rs` with mutated files.
+//! `fuzz/` calls the decoders with inputs from libFuzzer, `server/daemon/tests/service/decoders.rs` with mutated files.
 //! Requests are tested over the network.
 
 use crate::config::{Effective, Settings};

@@ -121,7 +121,7 @@ impl Lab {
                 }],
                 target_fit: Fit::Cover.into(),
                 kernel: wanted.kernel,
-                // What the figures in README were made with.
+                // What the figures in docs/results.md were made with.
                 method: v1::HologramMethod::Adam.into(),
                 iterations: wanted.iterations,
                 seed: wanted.seed,
