@@ -139,7 +139,7 @@ async fn what_does_not_go_together_is_refused() {
     bench.run(&format!("{colours} 520nm,633nm")).await.refused(1, &["wavelengths_m[1]", "638nm"]);
     std::fs::write(bench.path("short.npy"), b"\x93NUMPY").unwrap();
     let short = "--distance 8mm --initial-phase @/short.npy";
-    bench.run(&format!("{optimize} {short}")).await.refused(1, &["initial_phase.phases[0]", "float32"]);
+    bench.run(&format!("{optimize} {short}")).await.refused(1, &["initial_phase.given.phases[0]", "float32"]);
     bench.server.assert_tidy();
     bench.server.stop().await;
 }
