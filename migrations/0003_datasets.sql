@@ -10,15 +10,22 @@ create table dataset (
     -- where the camera sees the display's pixels; null: one camera pixel a pixel of the display
     alignment        text    check (json_valid(alignment)),
     pair_count       integer not null default 0 check (pair_count >= 0),
+    -- what should be known about the dataset as a whole
+    findings         text    not null default '[]' check (json_valid(findings)),
+    -- grows with every change: what was computed from another one is refused
+    revision         integer not null default 1 check (revision >= 1),
     digest           text,
+    -- fractions and seed of the split
+    finalization     text    check (json_valid(finalization)),
     create_time_ms   integer not null,
     finalize_time_ms integer,
+    check ((digest is null) = (finalization is null)),
     check ((digest is null) = (finalize_time_ms is null))
 ) strict, without rowid;
 
 create index dataset_by_display on dataset (display, id);
 
-create trigger alignment_of_finalized_dataset_stays before update of alignment, photo_bit_depth on dataset
+create trigger finalized_dataset_stays before update on dataset
 when old.digest is not null
 begin select raise(abort, 'the dataset is finalized'); end;
 
@@ -34,6 +41,8 @@ create table pair (
     exposure text check (json_valid(exposure)),
     -- what was measured of the pair with the dataset's alignment; null where nothing was yet
     checks   text check (json_valid(checks)),
+    -- what should be known about the pair
+    findings text not null default '[]' check (json_valid(findings)),
     primary key (dataset, id),
     unique (dataset, phase),
     unique (dataset, photo)

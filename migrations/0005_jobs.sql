@@ -106,6 +106,7 @@ create index job_dependency_by_after on job_dependency (after);
 
 -- What jobs read and made, so that an artifact that nobody refers to is found without reading every job. There is no
 -- foreign key to artifact: the triggers below read whatever looks like a digest, and a submit refuses what is not stored.
+-- A dataset's digest is not an artifact's.
 create table job_artifact (
     job      text not null references job (id),
     artifact text not null,
@@ -126,7 +127,7 @@ when new.result is not null
 begin
     insert or ignore into job_artifact
     select new.id, value from json_tree(new.result)
-    where type = 'text' and value glob 'sha256-*' and length(value) = 71;
+    where type = 'text' and value glob 'sha256-*' and length(value) = 71 and key is not 'dataset_digest';
 end;
 
 -- A lane is a priority, an owner and a display. Within a lane the longest due job runs first, so that a claim looks at

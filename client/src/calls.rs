@@ -1,6 +1,6 @@
 //! One method for each call of the API. Requests and answers are the messages of [`crate::v1`], documented there.
 
-use crate::client::{bounded, patient};
+use crate::client::bounded;
 use crate::{Client, Result, v1};
 use tonic::Streaming;
 
@@ -92,36 +92,6 @@ calls! {
 }
 
 impl Client {
-    /// Makes a kernel version's report. Takes its time where the kernel was learned from large photographs.
-    ///
-    /// # Errors
-    ///
-    /// What the server refused ([`crate::Error::Refused`]), or that it could not be reached.
-    pub async fn create_kernel_report(&self, request: v1::CreateKernelReportRequest) -> Result<v1::KernelReport> {
-        let answer = self.kernels().create_kernel_report(patient(request)).await;
-        Ok(answer.map_err(|status| self.error(status))?.into_inner())
-    }
-
-    /// Finds where the camera sees the display's pixels, and keeps it with the dataset. Takes its time with many pairs.
-    ///
-    /// # Errors
-    ///
-    /// What the server refused ([`crate::Error::Refused`]), or that it could not be reached.
-    pub async fn align_dataset(&self, request: v1::AlignDatasetRequest) -> Result<v1::Dataset> {
-        let answer = self.datasets().align_dataset(patient(request)).await;
-        Ok(answer.map_err(|status| self.error(status))?.into_inner())
-    }
-
-    /// Aligns photographs that need it, draws the split and closes a dataset for good. Takes its time with many pairs.
-    ///
-    /// # Errors
-    ///
-    /// What the server refused ([`crate::Error::Refused`]), or that it could not be reached.
-    pub async fn finalize_dataset(&self, request: v1::FinalizeDatasetRequest) -> Result<v1::Dataset> {
-        let answer = self.datasets().finalize_dataset(patient(request)).await;
-        Ok(answer.map_err(|status| self.error(status))?.into_inner())
-    }
-
     /// The job now, and again whenever it changes, until it has ended. Ends with the connection;
     /// [`Client::wait`] goes on.
     ///

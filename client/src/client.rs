@@ -24,8 +24,6 @@ const KEEP_ALIVE_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// Longest wait for the answer of a call that does not stream.
 const CALL_TIMEOUT: Duration = Duration::from_secs(60);
-/// The same where the server looks at every photograph of a dataset: about a second for each.
-const PATIENT_TIMEOUT: Duration = Duration::from_secs(3600);
 
 /// Largest answer taken: a page of 1000 jobs with their loss histories fits, a runaway server does not.
 const MESSAGE_BYTES_MAX: usize = 64 << 20;
@@ -142,13 +140,6 @@ fn authorization(token: &str) -> Result<MetadataValue<Ascii>> {
 pub(crate) fn bounded<T>(message: T) -> tonic::Request<T> {
     let mut request = tonic::Request::new(message);
     request.set_timeout(CALL_TIMEOUT);
-    request
-}
-
-/// A request that must be answered within [`PATIENT_TIMEOUT`].
-pub(crate) fn patient<T>(message: T) -> tonic::Request<T> {
-    let mut request = tonic::Request::new(message);
-    request.set_timeout(PATIENT_TIMEOUT);
     request
 }
 

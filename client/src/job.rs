@@ -131,6 +131,10 @@ results! {
     capture_result: Capture(CaptureResult);
     /// What an evaluation gave.
     evaluate_result: Evaluate(EvaluateResult);
+    /// What became of a dataset that was aligned or finalized.
+    prepare_result: Prepare(PrepareResult);
+    /// A kernel version's report.
+    report_result: Report(ReportResult);
 }
 
 fn succeeded(job: &Job) -> Result<&v1::job_result::Kind> {

@@ -48,5 +48,8 @@ mod upload;
 pub use client::{Client, Credentials};
 pub use digest::digest_of;
 pub use error::{Error, FieldViolation, Refusal, Result};
-pub use job::{JobChange, capture_result, evaluate_result, has_ended, hologram_result, job_spec, learn_result};
+pub use job::{
+    JobChange, capture_result, evaluate_result, has_ended, hologram_result, job_spec, learn_result, prepare_result,
+    report_result,
+};
 pub use lightpath_proto::{Word, Words, v1};

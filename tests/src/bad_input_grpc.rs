@@ -206,11 +206,16 @@ async fn datasets_that_cannot_be_learned_from_are_refused() {
         let answer = datasets.add_pair(v1::AddPairRequest { dataset: names::dataset("bench"), pair: Some(pair) }).await;
         assert_refused(answer, code, &signs);
     }
-    let finalize = v1::FinalizeDatasetRequest { name: names::dataset("bench"), ..Default::default() };
-    let answer = datasets.finalize_dataset(finalize.clone()).await;
-    assert_refused(answer, Code::FailedPrecondition, &["datasets/bench"]);
-    let answer = datasets.finalize_dataset(v1::FinalizeDatasetRequest { test_fraction: f64::NAN, ..finalize }).await;
-    assert_refused(answer, Code::InvalidArgument, &["test_fraction"]);
+    for (test_fraction, code, sign) in
+        [(0.0, Code::FailedPrecondition, "datasets/bench"), (f64::NAN, Code::InvalidArgument, "test_fraction")]
+    {
+        let finalize = v1::prepare_dataset::Finalize { test_fraction, ..Default::default() };
+        let step = Some(v1::prepare_dataset::Step::Finalize(finalize));
+        let prepare = v1::PrepareDataset { dataset: names::dataset("bench"), step };
+        let spec = Some(lightpath::job_spec(v1::job_spec::Kind::PrepareDataset(prepare)));
+        let answer = jobs.submit_job(v1::SubmitJobRequest { spec, ..Default::default() }).await;
+        assert_refused(answer, code, &[sign]);
+    }
 
     for (name, code) in [("bench", Code::FailedPrecondition), ("nowhere", Code::NotFound)] {
         let learn = v1::LearnKernel { datasets: vec![names::dataset(name)], ..Default::default() };

@@ -10,11 +10,14 @@ use super::failure::Failure;
 use super::job_text;
 use super::session::{Session, more_hint, pages};
 use super::show::time_or_dash;
+use super::submission::Submission;
 use super::table::Table;
 use super::words::WordParser;
 use clap::{Args, Subcommand};
 use lightpath::names;
-use lightpath::v1::{self, Dataset};
+use lightpath::v1::prepare_dataset::{self, Step};
+use lightpath::v1::{self, Dataset, PrepareDataset, job_spec};
+pub(crate) use show::{alignment, findings};
 use show::{facts, state};
 
 /// What can be done with datasets.
@@ -82,6 +85,9 @@ pub(crate) struct Finalize {
     /// Leave the alignment as it is, however far off the photographs are
     #[arg(long)]
     keep_alignment: bool,
+
+    #[command(flatten)]
+    submission: Submission,
 }
 
 /// Which dataset.
@@ -112,16 +118,7 @@ impl DatasetCommand {
             Self::Add(add) => add.run(session).await,
             Self::Calibration(calibration) => calibration.run(session).await,
             Self::Align(align) => align.run(session).await,
-            Self::Finalize(finalize) => {
-                let request = v1::FinalizeDatasetRequest {
-                    name: names::dataset(&finalize.name),
-                    validation_fraction: finalize.validation_fraction,
-                    test_fraction: finalize.test_fraction,
-                    seed: finalize.seed,
-                    keep_alignment: finalize.keep_alignment,
-                };
-                session.print(&session.client.finalize_dataset(request).await?, facts)
-            }
+            Self::Finalize(finalize) => finalize.run(session).await,
             Self::Show(name) => {
                 let request = v1::GetDatasetRequest { name: names::dataset(&name.name) };
                 session.print(&session.client.get_dataset(request).await?, facts)
@@ -143,6 +140,21 @@ impl Create {
             ..Default::default()
         };
         v1::CreateDatasetRequest { dataset: Some(dataset) }
+    }
+}
+
+impl Finalize {
+    async fn run(self, session: &Session) -> Result<(), Failure> {
+        let dataset = names::dataset(&self.name);
+        let step = Step::Finalize(prepare_dataset::Finalize {
+            validation_fraction: self.validation_fraction,
+            test_fraction: self.test_fraction,
+            seed: self.seed,
+            keep_alignment: self.keep_alignment,
+        });
+        let kind = job_spec::Kind::PrepareDataset(PrepareDataset { dataset: dataset.clone(), step: Some(step) });
+        self.submission.submit_and_wait(session, kind).await?;
+        session.print(&session.client.get_dataset(v1::GetDatasetRequest { name: dataset }).await?, facts)
     }
 }
 

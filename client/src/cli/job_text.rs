@@ -2,7 +2,8 @@
 
 use super::failure::Failure;
 use super::table::{Facts, Table};
-use super::{propagation_text, quality_text, show};
+use super::{dataset, propagation_text, quality_text, show};
+use lightpath::v1::prepare_dataset::{Step, align::Source};
 use lightpath::v1::{self, Job, job::State, job_result, job_spec};
 use lightpath::{Words as _, names, units};
 use std::collections::BTreeSet;
@@ -14,17 +15,24 @@ pub(crate) fn kind(job: &Job) -> &'static str {
         Some(job_spec::Kind::LearnKernel(_)) => "learn kernel",
         Some(job_spec::Kind::SimulateCapture(_)) => "simulate capture",
         Some(job_spec::Kind::EvaluateKernel(_)) => "evaluate kernel",
+        Some(job_spec::Kind::PrepareDataset(spec)) => match spec.step {
+            Some(Step::Finalize(_)) => "finalize dataset",
+            Some(Step::Align(_)) | None => "align dataset",
+        },
+        Some(job_spec::Kind::ReportKernel(_)) => "report kernel",
         None => "unknown",
     }
 }
 
-/// The display or dataset that the job works on.
+/// The display, dataset or kernel version that the job works on.
 pub(crate) fn subject(job: &Job) -> &str {
     match spec(job) {
         Some(job_spec::Kind::OptimizeHologram(spec)) => names::id(&spec.display),
         Some(job_spec::Kind::LearnKernel(spec)) => spec.datasets.first().map_or("–", |name| names::id(name)),
         Some(job_spec::Kind::SimulateCapture(spec)) => names::id(&spec.display),
         Some(job_spec::Kind::EvaluateKernel(spec)) => names::id(&spec.dataset),
+        Some(job_spec::Kind::PrepareDataset(spec)) => names::id(&spec.dataset),
+        Some(job_spec::Kind::ReportKernel(spec)) => spec.kernel_version.trim_start_matches("displays/"),
         None => "–",
     }
 }
@@ -92,6 +100,15 @@ pub(crate) fn facts(job: &Job) -> String {
             propagation_facts(result.propagation.as_ref(), &mut facts);
             text = format!("\n{}", evaluation(result));
         }
+        Some(job_result::Kind::Prepare(result)) => {
+            prepare_facts(result, &mut facts);
+            text = dataset::findings(&result.findings);
+        }
+        Some(job_result::Kind::Report(result)) => {
+            facts.add("report", &result.html);
+            facts.add("arrays", &result.arrays);
+            facts.add("pictures", result.figures.len().to_string());
+        }
         None => {}
     }
     facts.text() + &text
@@ -131,7 +148,29 @@ fn spec_facts(job: &Job, facts: &mut Facts) {
             facts.add("dataset", names::id(&spec.dataset));
             facts.add("kernel", show::kernel_versions(&job.kernel_versions));
         }
+        Some(job_spec::Kind::PrepareDataset(spec)) => {
+            facts.add("dataset", names::id(&spec.dataset));
+            facts.add("work", preparation(spec));
+        }
+        Some(job_spec::Kind::ReportKernel(spec)) => facts.add("kernel", &spec.kernel_version),
         None => {}
+    }
+}
+
+fn preparation(spec: &v1::PrepareDataset) -> String {
+    match &spec.step {
+        Some(Step::Align(align)) => match &align.source {
+            Some(Source::Points(points)) => format!("align by {} points", points.points.len()),
+            Some(Source::DotsPhoto(photo)) => format!("align by the photograph of the dots {photo}"),
+            Some(Source::Pairs(_)) => "align by the pairs".to_owned(),
+            Some(Source::None(_)) | None => "take the alignment away".to_owned(),
+        },
+        Some(Step::Finalize(finalize)) => {
+            let v1::prepare_dataset::Finalize { validation_fraction, test_fraction, seed, keep_alignment } = finalize;
+            let kept = if *keep_alignment { ", alignment as it is" } else { "" };
+            format!("finalize: {validation_fraction} for validation, {test_fraction} for the test, seed {seed}{kept}")
+        }
+        None => String::new(),
     }
 }
 
@@ -191,6 +230,24 @@ fn learn_facts(result: &v1::LearnResult, facts: &mut Facts) {
     }
     if result.order > 0 {
         facts.add("order", result.order.to_string());
+    }
+}
+
+fn prepare_facts(result: &v1::PrepareResult, facts: &mut Facts) {
+    if let Some(alignment) = &result.alignment {
+        facts.add("alignment", dataset::alignment(alignment));
+        for (name, picture) in [("before", &alignment.before), ("after", &alignment.after)] {
+            if !picture.is_empty() {
+                facts.add(name, picture);
+            }
+        }
+    }
+    if !result.digest.is_empty() {
+        let v1::PrepareResult { train_pairs, validation_pairs, test_pairs, left_out_pairs, .. } = result;
+        facts.add("digest", &result.digest);
+        let counts = format!("{train_pairs} train, {validation_pairs} validation, {test_pairs} test");
+        let left_out = if *left_out_pairs > 0 { format!(", {left_out_pairs} left out") } else { String::new() };
+        facts.add("pairs", counts + &left_out);
     }
 }
 

@@ -96,6 +96,14 @@ impl Submission {
         Ok(session.client.submit(request).await?)
     }
 
+    /// Submits one job and waits until it has succeeded; fails when it did not.
+    pub(crate) async fn submit_and_wait(&self, session: &Session, kind: job_spec::Kind) -> Result<Job, Failure> {
+        let job = self.submit(session, kind, None).await?;
+        let mut jobs = progress::wait_all(session, vec![(job_text::label(&job), job)]).await?;
+        job_text::check_success(&jobs)?;
+        Ok(jobs.remove(0))
+    }
+
     /// Submits one job and, where asked, waits for it. Prints the job as it then is; fails when it failed.
     pub(crate) async fn submit_and_print(
         &self,

@@ -14,7 +14,7 @@ use crate::least_squares::NormalEquations;
 pub type Point = [f64; 2];
 
 /// A point of the image plane \[display px\] and its position in the photograph \[camera px\].
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct PointPair {
     /// Position in pixels of the display.
     pub display: Point,

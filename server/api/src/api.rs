@@ -29,7 +29,10 @@ pub struct Api {
     pub(crate) artifacts: Artifacts,
     pub(crate) queue_limits: QueueLimits,
     pub(crate) stream_limits: StreamLimits,
+    /// The pictures of submitted jobs.
     pub(crate) decoding: Decoding,
+    /// Pairs of datasets, and files of kernels: no submit waits for them.
+    pub(crate) checking: Decoding,
     pub(crate) checked_targets: CheckedTargets,
     pub(crate) last_reconstructor: LastReconstructor,
     pub(crate) stopping: CancellationToken,
@@ -44,6 +47,7 @@ impl Api {
             queue_limits,
             stream_limits: StreamLimits::default(),
             decoding: Decoding::default(),
+            checking: Decoding::default(),
             checked_targets: CheckedTargets::default(),
             last_reconstructor: LastReconstructor::default(),
             stopping,

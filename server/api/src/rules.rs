@@ -54,8 +54,6 @@ pub(crate) const METHODS: &[(&str, Rule)] = &[
     ("DatasetService/ListDatasets", rule(LOOK, Effect::Reads)),
     ("DatasetService/AddPair", rule(WORK, Effect::Takes)),
     ("DatasetService/CreateCalibrationTarget", rule(WORK, Effect::Takes)),
-    ("DatasetService/AlignDataset", rule(WORK, Effect::Takes)),
-    ("DatasetService/FinalizeDataset", rule(WORK, Effect::Steers)),
     ("DisplayService/CreateDisplay", rule(RUN, Effect::Takes)),
     ("DisplayService/GetDisplay", rule(LOOK, Effect::Reads)),
     ("DisplayService/ListDisplays", rule(LOOK, Effect::Reads)),
@@ -83,7 +81,6 @@ pub(crate) const METHODS: &[(&str, Rule)] = &[
     ("KernelService/ListKernelMoves", rule(LOOK, Effect::Reads)),
     ("KernelService/ImportKernel", rule(DECIDE, Effect::Takes)),
     ("KernelService/InterpolateKernel", rule(WORK, Effect::Takes)),
-    ("KernelService/CreateKernelReport", rule(WORK, Effect::Takes)),
 ];
 
 /// Rules for all other routes and paths.

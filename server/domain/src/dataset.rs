@@ -2,9 +2,11 @@
 
 mod alignment;
 mod checks;
+mod prepared;
 
 pub use alignment::{Alignment, AlignmentMethod};
 pub use checks::{Finding, FindingKind, PairChecks};
+pub use prepared::{Finalization, PreparedDataset, Splits};
 
 use crate::units::{Distance, Wavelength};
 use serde::{Deserialize, Serialize};
@@ -31,6 +33,14 @@ pub struct Dataset {
     pub pairs: Vec<Pair>,
     /// Number of pairs. It is also set if `pairs` was left out.
     pub pair_count: u32,
+    /// Findings about the pairs, in the order of the pairs, followed by findings about the whole dataset. Without the
+    /// pairs, only the latter. A pair was compared with those that were there when it was added or when a job last
+    /// checked all pairs.
+    pub findings: Vec<Finding>,
+    /// Number that grows with every change.
+    pub revision: u64,
+    /// Options with which the dataset was finalized; `None` while it is open.
+    pub finalization: Option<Finalization>,
     /// Digest of the properties, alignment, pairs and split; `None` until the dataset is finalized.
     pub digest: Option<String>,
     /// Time when the dataset was created \[ms since 1970\].
@@ -59,10 +69,19 @@ impl Dataset {
             alignment: None,
             pairs: Vec::new(),
             pair_count: 0,
+            findings: Vec::new(),
+            revision: 1,
+            finalization: None,
             digest: None,
             create_time_ms: 0,
             finalize_time_ms: None,
         }
+    }
+
+    /// The map of the dataset's alignment, row by row.
+    #[must_use]
+    pub fn homography(&self) -> Option<[f64; 9]> {
+        self.alignment.as_ref().map(|alignment| alignment.homography)
     }
 }
 

@@ -9,16 +9,22 @@
 //!                      retry after backoff, lease expired, drain
 //! ```
 //!
-//! `spec`: what jobs are asked to do, validated. `result`: what they gave. `hologram`: both, of holograms.
-//! `failure`: why attempts at them fail.
+//! `spec`: what jobs are asked to do, validated. `result`: what they gave. `hologram`, `prepare`, `report`: both, of holograms,
+//! datasets and reports. `effect`: what jobs change beside their result. `failure`: why attempts at them fail.
 
+mod effect;
 mod failure;
 mod hologram;
+mod prepare;
+mod report;
 mod result;
 mod spec;
 
+pub use effect::JobEffect;
 pub use failure::{FailureReason, JobError};
 pub use hologram::{Fit, FrameResult, HologramResult, ImagePlane, OptimizeHologram, PlaneResult, WavelengthResult};
+pub use prepare::{AlignBy, PrepareDataset, PrepareResult, PrepareStep, SplitCounts};
+pub use report::{ReportFigure, ReportKernel, ReportResult};
 pub use result::{CaptureResult, EvaluateResult, JobResult, LearnResult, LearnedKernel, PairLoss};
 pub use spec::{EvaluateKernel, JobSpec, LearnKernel, SimulateCapture};
 

@@ -2,16 +2,20 @@
 //! these files is a change of stored data, which takes a migration once a version is released.
 #![allow(clippy::unwrap_used)]
 
-use lightpath_domain::dataset::{Encoding, Split};
+use lightpath_domain::dataset::{
+    Alignment, AlignmentMethod, Encoding, Finalization, Finding, FindingKind, PairChecks, Split,
+};
 use lightpath_domain::display::Display;
 use lightpath_domain::job::{
-    CaptureResult, EvaluateKernel, EvaluateResult, FailureReason, Fit, FrameResult, HologramResult, ImagePlane,
-    JobError, JobResult, JobSpec, LearnKernel, LearnResult, LearnedKernel, OptimizeHologram, PairLoss, PlaneResult,
-    Progress, SimulateCapture, WavelengthResult,
+    AlignBy, CaptureResult, EvaluateKernel, EvaluateResult, FailureReason, Fit, FrameResult, HologramResult,
+    ImagePlane, JobError, JobResult, JobSpec, LearnKernel, LearnResult, LearnedKernel, OptimizeHologram, PairLoss,
+    PlaneResult, PrepareDataset, PrepareResult, PrepareStep, Progress, ReportFigure, ReportKernel, ReportResult,
+    SimulateCapture, SplitCounts, WavelengthResult,
 };
-use lightpath_domain::kernel::{CapturedQuality, KernelLineage, KernelMetrics, LearnedDataset};
+use lightpath_domain::kernel::{CapturedQuality, KernelKey, KernelLineage, KernelMetrics, LearnedDataset};
 use lightpath_domain::planning;
 use lightpath_domain::units::{Distance, Wavelength};
+use lightpath_optics::alignment::PointPair;
 use lightpath_optics::hologram::{Loss, Quality, SeenQuality};
 use lightpath_optics::photometry::Quantity;
 use lightpath_optics::{
@@ -145,6 +149,74 @@ fn other_jobs() {
     stored("simulate_capture", &JobSpec::SimulateCapture(capture));
     let evaluate = EvaluateKernel { dataset, display, kernel_version, region_of_interest: region() };
     stored("evaluate_kernel", &JobSpec::EvaluateKernel(evaluate));
+}
+
+#[test]
+fn jobs_of_datasets_and_reports() {
+    let prepare =
+        |step| JobSpec::PrepareDataset(PrepareDataset { dataset: "near".to_owned(), display: "lab".to_owned(), step });
+    let point = PointPair { display: [0.0, 1.5], camera: [412.25, 288.5] };
+    let by_points = AlignBy::Points { photo_width_px: 4096, photo_height_px: 3000, points: vec![point] };
+    stored("align_by_points", &prepare(PrepareStep::Align(by_points)));
+    stored("align_by_dots", &prepare(PrepareStep::Align(AlignBy::Dots { photo: digest(1) })));
+    stored("align_by_pairs", &prepare(PrepareStep::Align(AlignBy::Pairs)));
+    stored("align_by_none", &prepare(PrepareStep::Align(AlignBy::None)));
+    stored("finalize_dataset", &prepare(PrepareStep::Finalize(finalization())));
+    let kernel = KernelKey { display: "lab".to_owned(), wavelength: GREEN, distance: NEAR };
+    stored("report_kernel", &JobSpec::ReportKernel(ReportKernel { kernel, version: 3 }));
+}
+
+fn finalization() -> Finalization {
+    Finalization { validation_fraction: 0.125, test_fraction: 0.25, seed: u64::MAX, keep_alignment: true }
+}
+
+fn alignment() -> Alignment {
+    Alignment {
+        method: AlignmentMethod::Dots,
+        homography: [1.0, 0.0, 2.5, 0.0, 1.0, -1.5, 0.0, 0.0, 1.0],
+        photo_height_px: 3000,
+        photo_width_px: 4096,
+        points: 24,
+        residual_px: 0.125,
+        corrected_px: 2.5,
+        photo: digest(1),
+        before: digest(2),
+        after: digest(3),
+    }
+}
+
+fn finding() -> Finding {
+    let (pair, message) = ("p01".to_owned(), "is black".to_owned());
+    Finding { pair, kind: FindingKind::Black, excludes: true, message }
+}
+
+#[test]
+fn datasets() {
+    stored("alignment", &alignment());
+    stored("finding", &finding());
+    stored("finalization", &finalization());
+    let checks = PairChecks {
+        brightest: 0.75,
+        correlation: Some(0.5),
+        photo_px: [64, 48],
+        homography: Some(alignment().homography),
+        ..PairChecks::default()
+    };
+    stored("pair_checks", &checks);
+}
+
+#[test]
+fn results_of_datasets_and_reports() {
+    let prepared = PrepareResult {
+        alignment: Some(alignment()),
+        findings: vec![finding()],
+        dataset_digest: Some(digest(4)),
+        splits: SplitCounts { train: 6, validation: 1, test: 2, left_out: 1 },
+    };
+    stored("prepare_result", &JobResult::Prepare(prepared));
+    let figure = ReportFigure { name: "mtf.svg".to_owned(), title: "Contrast".to_owned(), artifact: digest(3) };
+    let report = ReportResult { html: digest(1), arrays: digest(2), figures: vec![figure] };
+    stored("report_result", &JobResult::Report(report));
 }
 
 #[test]

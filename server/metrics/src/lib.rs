@@ -182,6 +182,8 @@ fn kind(spec: &JobSpec) -> &'static str {
         JobSpec::LearnKernel(_) => "learn_kernel",
         JobSpec::SimulateCapture(_) => "simulate_capture",
         JobSpec::EvaluateKernel(_) => "evaluate_kernel",
+        JobSpec::PrepareDataset(_) => "prepare_dataset",
+        JobSpec::ReportKernel(_) => "report_kernel",
     }
 }
 

@@ -5,10 +5,11 @@ use super::events::happened;
 use super::job_rows::job_of;
 use super::kernels::append_version;
 use super::leases::{fenced, held, read, under_lease};
+use super::prepared::prepare;
 use super::rows::to_json;
 use super::write::Write;
 use super::{Store, StoreError, dependencies};
-use lightpath_domain::job::{FailureReason, Job, JobError, JobResult, Lease};
+use lightpath_domain::job::{FailureReason, Job, JobEffect, JobError, JobResult, Lease};
 use lightpath_domain::kernel::{KernelKey, NewKernelVersion};
 use sqlx::Row;
 use sqlx::sqlite::SqliteRow;
@@ -39,21 +40,24 @@ enum Cause {
 }
 
 impl Store {
-    /// Ends the job with its result. Learned kernels become new versions of their kernels in the same transaction, and
-    /// the result contains the names of these versions.
+    /// Ends the job with its result and applies its effect in the same transaction. Learned kernels become new versions
+    /// of their kernels, and the result contains the names of these versions. Of a finalized dataset, the result
+    /// contains the digest.
     ///
     /// # Errors
     ///
-    /// [`StoreError::LeaseLost`]; [`StoreError::NotFound`] if the artifact of a kernel is not recorded.
+    /// [`StoreError::LeaseLost`]; [`StoreError::NotFound`] if an artifact of the effect is not recorded;
+    /// [`StoreError::Aborted`] if the dataset changed after the job read it; [`StoreError::Precondition`] if the dataset
+    /// was finalized in the meantime, or if it would have no training or no test pair.
     pub async fn finish(
         &self,
         lease: &Lease,
         result: JobResult,
-        learned: impl IntoIterator<Item = (KernelKey, NewKernelVersion)>,
+        effect: JobEffect,
         now_ms: i64,
     ) -> Result<Job, StoreError> {
-        let (lease, learned) = (lease.clone(), learned.into_iter().collect());
-        self.write(move |write| Box::pin(async move { finish(write, &lease, result, learned, now_ms).await })).await
+        let lease = lease.clone();
+        self.write(move |write| Box::pin(async move { finish(write, &lease, result, effect, now_ms).await })).await
     }
 
     /// Ends the attempt with an error. With `retry_at_ms`, the job returns to the queue and runs again at that time,
@@ -171,17 +175,24 @@ async fn finish(
     write: &mut Write,
     lease: &Lease,
     mut result: JobResult,
-    learned: Vec<(KernelKey, NewKernelVersion)>,
+    effect: JobEffect,
     now_ms: i64,
 ) -> Result<Job, StoreError> {
     read(write, lease, now_ms).await?;
-    let mut names = Vec::with_capacity(learned.len());
-    for (key, version) in learned {
-        let version = append_version(write, &key, version, now_ms).await?;
-        names.push(format!("{key}/versions/{}", version.version));
-    }
-    if let JobResult::Learn(learn) = &mut result {
-        learn.kernels.iter_mut().zip(names).for_each(|(kernel, name)| kernel.kernel_version = name);
+    match effect {
+        JobEffect::None => {}
+        JobEffect::Kernels(learned) => {
+            let names = append_versions(write, learned, now_ms).await?;
+            if let JobResult::Learn(learn) = &mut result {
+                learn.kernels.iter_mut().zip(names).for_each(|(kernel, name)| kernel.kernel_version = name);
+            }
+        }
+        JobEffect::Dataset(prepared) => {
+            let dataset = prepare(write, *prepared, now_ms).await?;
+            if let JobResult::Prepare(result) = &mut result {
+                result.dataset_digest = dataset.digest;
+            }
+        }
     }
     let sql = fenced!(
         "state = 'succeeded', lease_id = null, lease_until_ms = null, worker = null, finish_time_ms = ?4, \
@@ -192,6 +203,20 @@ async fn finish(
     happened(write, &job, now_ms, "succeeded").await?;
     dependencies::succeeded(write, &job).await?;
     Ok(job)
+}
+
+/// Names of the new versions.
+async fn append_versions(
+    write: &mut Write,
+    learned: Vec<(KernelKey, NewKernelVersion)>,
+    now_ms: i64,
+) -> Result<Vec<String>, StoreError> {
+    let mut names = Vec::with_capacity(learned.len());
+    for (key, version) in learned {
+        let version = append_version(write, &key, version, now_ms).await?;
+        names.push(format!("{key}/versions/{}", version.version));
+    }
+    Ok(names)
 }
 
 async fn expire(write: &mut Write, now_ms: i64) -> Result<Vec<Job>, StoreError> {

@@ -226,6 +226,7 @@ impl Inspection {
              and not exists (select 1 from artifact where digest = node.value) \
              union select distinct 'jobs/' || job.id, node.value from job, json_tree(job.result) node \
              where node.type = 'text' and node.value glob 'sha256-*' and length(node.value) = 71 \
+             and node.key is not 'dataset_digest' \
              and not exists (select 1 from artifact where digest = node.value)",
         )
         .fetch_all(&mut self.connection)

@@ -17,9 +17,10 @@
 //! - `tokens`: API tokens. `queue`: pauses and the state of the queue. `dependencies`: jobs that wait for other jobs.
 //! - `collection`: automatic removal of old records. `inspect`: read access for checks and backups.
 //! - `open`: files, pragmas, migrations. `write`: write transactions. `changes`: announcements. `subscriptions`:
-//!   receiving   announcements. `rows`: text and JSON. `job_rows`: jobs as rows.
+//!   receiving announcements. `rows`: text and JSON. `job_rows`: jobs as rows.
 //! - `displays`, `artifacts`, `datasets`, `jobs`, `leases`, `endings`, `cancels`, `events`, `kernels`, `moves`,
-//!   `totals`:   each an `impl Store` for one table or for one part of a record's life.
+//!   `totals`: each an `impl Store` for one table or for one part of a record's life. `prepared`: results of jobs that
+//!   align and finalize datasets.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod artifacts;
@@ -41,6 +42,7 @@ mod kernels;
 mod leases;
 mod moves;
 mod open;
+mod prepared;
 mod queue;
 mod rows;
 mod subscriptions;

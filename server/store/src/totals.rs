@@ -19,7 +19,8 @@ pub struct QueueDepth {
 }
 
 /// All kinds of jobs. Metrics show 0 for a kind without jobs.
-const KINDS: [&str; 4] = ["optimize_hologram", "learn_kernel", "simulate_capture", "evaluate_kernel"];
+const KINDS: [&str; 6] =
+    ["optimize_hologram", "learn_kernel", "simulate_capture", "evaluate_kernel", "prepare_dataset", "report_kernel"];
 
 impl Store {
     /// Numbers of waiting and running jobs, for every kind.

@@ -5,7 +5,7 @@ use super::stop::{StopFlag, StopReason};
 use super::{Clock, JobContext, Task, TaskError, TaskOutput, Worker};
 use lightpath_domain::job::{FailureReason, Job, JobError, Lease, Progress};
 use lightpath_metrics as metrics;
-use lightpath_store::{Store, StoreError};
+use lightpath_store::{AbortReason, PreconditionReason, Store, StoreError};
 use rayon::ThreadPool;
 use std::any::Any;
 use std::cell::{Cell, RefCell};
@@ -87,7 +87,7 @@ impl Worker {
                 if let Some(progress) = last_report {
                     self.store.progress(lease, &progress, self.clock.now_ms()).await?;
                 }
-                self.store.finish(lease, output.result, output.learned, self.clock.now_ms()).await?
+                self.finish(lease, output).await?
             }
             (Err(TaskError::Stopped), Some(StopReason::Cancel)) => {
                 self.store.end_cancelled(lease, self.clock.now_ms()).await?
@@ -131,6 +131,34 @@ impl Worker {
             tracing::warn!(error = &error as &dyn std::error::Error, "a checkpoint could not be removed");
         }
         Ok(())
+    }
+}
+
+impl Worker {
+    /// Ends the job with its result; with an error where the result came too late to have its effect.
+    async fn finish(&self, lease: &Lease, output: TaskOutput) -> Result<Job, StoreError> {
+        let now_ms = self.clock.now_ms();
+        let error = match self.store.finish(lease, output.result, output.effect, now_ms).await {
+            Err(error @ (StoreError::Aborted { .. } | StoreError::Precondition { .. })) => error,
+            finished => return finished,
+        };
+        tracing::warn!(job = lease.job, error = &error as &dyn std::error::Error, "the job's result came too late");
+        let error = JobError { reason: too_late(&error), message: error.to_string(), retryable: false };
+        self.store.fail(lease, error, None, now_ms).await
+    }
+}
+
+/// Why a result had no effect.
+fn too_late(error: &StoreError) -> FailureReason {
+    match error {
+        StoreError::Aborted { reason: AbortReason::DatasetChanged, .. } => FailureReason::DatasetChanged,
+        StoreError::Precondition { reason: PreconditionReason::DatasetFinalized, .. } => {
+            FailureReason::DatasetFinalized
+        }
+        StoreError::Precondition { reason: PreconditionReason::DatasetSplitEmpty, .. } => {
+            FailureReason::DatasetSplitEmpty
+        }
+        _ => FailureReason::Store,
     }
 }
 

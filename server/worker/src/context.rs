@@ -4,8 +4,7 @@ use super::stop::{StopFlag, StopReason};
 use super::{Clock, checkpoint};
 use lightpath_artifacts::{ArtifactError, Artifacts};
 use lightpath_domain::causes::with_causes;
-use lightpath_domain::job::{FailureReason, Job, JobError, JobResult, Lease, Progress};
-use lightpath_domain::kernel::{KernelKey, NewKernelVersion};
+use lightpath_domain::job::{FailureReason, Job, JobEffect, JobError, JobResult, Lease, Progress};
 use lightpath_optics::EngineCache;
 use lightpath_store::{Store, StoreError};
 use std::cell::{Cell, RefCell};
@@ -20,8 +19,8 @@ use tokio::sync::watch;
 pub struct TaskOutput {
     /// Result of the job.
     pub result: JobResult,
-    /// New kernel versions of a learning job, one for each distance.
-    pub learned: Vec<(KernelKey, NewKernelVersion)>,
+    /// Further changes that the store makes when the job ends.
+    pub effect: JobEffect,
 }
 
 /// Why a task ended without output.

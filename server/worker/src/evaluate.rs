@@ -6,7 +6,7 @@ use super::losses::Judge;
 use super::pairs::Pairs;
 use super::{JobContext, TaskError, TaskOutput};
 use lightpath_domain::dataset::Split;
-use lightpath_domain::job::{EvaluateKernel, EvaluateResult, JobResult, LearnKernel, PairLoss};
+use lightpath_domain::job::{EvaluateKernel, EvaluateResult, JobEffect, JobResult, LearnKernel, PairLoss};
 use lightpath_optics::Detector;
 
 pub(super) fn run(context: &JobContext, spec: &EvaluateKernel) -> Result<TaskOutput, TaskError> {
@@ -32,7 +32,7 @@ pub(super) fn run(context: &JobContext, spec: &EvaluateKernel) -> Result<TaskOut
     }
     pairs.sort_by(|a, b| a.pair.cmp(&b.pair));
     let propagation = display.validity_of(&model);
-    Ok(TaskOutput { result: JobResult::Evaluate(EvaluateResult { pairs, propagation }), learned: Vec::new() })
+    Ok(TaskOutput { result: JobResult::Evaluate(EvaluateResult { pairs, propagation }), effect: JobEffect::None })
 }
 
 /// What the camera's pixels were taken to measure when the version was learned; a pixel's mean where nothing is known.

@@ -8,7 +8,9 @@ use super::pairs::{JointPairs, Pairs};
 use super::state_bytes::{from_bytes, to_bytes};
 use super::{JobContext, TaskError, TaskOutput};
 use lightpath_domain::dataset::{Dataset, Split};
-use lightpath_domain::job::{FailureReason, Job, JobResult, LearnKernel, LearnResult, LearnedKernel, Progress};
+use lightpath_domain::job::{
+    FailureReason, Job, JobEffect, JobResult, LearnKernel, LearnResult, LearnedKernel, Progress,
+};
 use lightpath_domain::kernel::{KernelLineage, KernelMetrics, LearnedDataset, NewKernelVersion};
 use lightpath_media::captures::Captures;
 use lightpath_media::kernel_file;
@@ -56,7 +58,10 @@ pub(super) fn run(context: &JobContext, job: &Job, spec: &LearnKernel) -> Result
         KernelShape::Smooth(field) => field.order as u32,
         KernelShape::Ideal | KernelShape::Bins(_) => 0,
     };
-    Ok(TaskOutput { result: JobResult::Learn(LearnResult { kernels, loss_history, order }), learned })
+    Ok(TaskOutput {
+        result: JobResult::Learn(LearnResult { kernels, loss_history, order }),
+        effect: JobEffect::Kernels(learned),
+    })
 }
 
 /// What was learned of what was asked for: a kernel that turned out not to vary is a display.

@@ -16,9 +16,9 @@
 //!
 //! - `attempt`: one job from claim to end. `context`: interface of a task to the server. `stop`: the shared stop flag.
 //! - `checkpoint`: the envelope of saved states. `backoff`: pauses before retries. `clock`: the time of day.
-//! - `optics_task`: which function runs which kind of job: `optimize`, `learn`, `simulate`, `evaluate`. They share
-//!   `display_setup` (a display at a wavelength and distance), `pairs`, `losses` and `state_bytes`; `hologram_setup`
-//!   reads   what `optimize` needs.
+//! - `optics_task`: which function runs which kind of job: `optimize`, `learn`, `simulate`, `evaluate`, `prepare`,
+//!   `report`. They share `display_setup` (a display at a wavelength and distance), `pairs`, `losses` and `state_bytes`;
+//!   `hologram_setup` reads what `optimize` needs.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod attempt;
@@ -35,6 +35,8 @@ mod losses;
 mod optics_task;
 mod optimize;
 mod pairs;
+mod prepare;
+mod report;
 mod simulate;
 mod state_bytes;
 mod stop;
@@ -133,6 +135,10 @@ pub struct Timeouts {
     pub simulate: Option<Duration>,
     /// Time limit for evaluating kernels.
     pub evaluate: Option<Duration>,
+    /// Aligning and finalizing datasets.
+    pub prepare: Option<Duration>,
+    /// Reporting on kernels.
+    pub report: Option<Duration>,
 }
 
 impl Timeouts {
@@ -145,6 +151,8 @@ impl Timeouts {
             JobSpec::LearnKernel(_) => self.learn,
             JobSpec::SimulateCapture(_) => self.simulate,
             JobSpec::EvaluateKernel(_) => self.evaluate,
+            JobSpec::PrepareDataset(_) => self.prepare,
+            JobSpec::ReportKernel(_) => self.report,
         })
     }
 }

@@ -1,6 +1,6 @@
 //! Which function runs which kind of job.
 
-use super::{JobContext, Task, TaskError, TaskOutput, evaluate, learn, optimize, simulate};
+use super::{JobContext, Task, TaskError, TaskOutput, evaluate, learn, optimize, prepare, report, simulate};
 use lightpath_domain::job::{Job, JobSpec};
 
 /// Runs jobs on the optics engine.
@@ -14,6 +14,8 @@ impl Task for OpticsTask {
             JobSpec::LearnKernel(spec) => learn::run(context, job, spec),
             JobSpec::SimulateCapture(spec) => simulate::run(context, spec),
             JobSpec::EvaluateKernel(spec) => evaluate::run(context, spec),
+            JobSpec::PrepareDataset(spec) => prepare::run(context, spec),
+            JobSpec::ReportKernel(spec) => report::run(context, spec),
         }
     }
 }

@@ -6,7 +6,7 @@ use super::hologram_setup::{Wanted, colours};
 use super::state_bytes::{HologramState, from_bytes, to_bytes};
 use super::{JobContext, TaskError, TaskOutput};
 use lightpath_domain::job::{
-    FrameResult, HologramResult, JobResult, OptimizeHologram, PlaneResult, Progress, WavelengthResult,
+    FrameResult, HologramResult, JobEffect, JobResult, OptimizeHologram, PlaneResult, Progress, WavelengthResult,
 };
 use lightpath_media::pictures;
 use lightpath_metrics as metrics;
@@ -31,7 +31,7 @@ pub(super) fn run(context: &JobContext, spec: &OptimizeHologram) -> Result<TaskO
         work.state.finished.push(finished.store(context, spec)?);
     }
     let hologram = work.result()?;
-    Ok(TaskOutput { result: JobResult::Hologram(Box::new(hologram)), learned: Vec::new() })
+    Ok(TaskOutput { result: JobResult::Hologram(Box::new(hologram)), effect: JobEffect::None })
 }
 
 /// The engine's clock.

@@ -2,7 +2,7 @@
 
 use super::display_setup::DisplaySetup;
 use super::{JobContext, TaskError, TaskOutput};
-use lightpath_domain::job::{CaptureResult, FailureReason, JobResult, Progress, SimulateCapture};
+use lightpath_domain::job::{CaptureResult, FailureReason, JobEffect, JobResult, Progress, SimulateCapture};
 use lightpath_media::pictures;
 use lightpath_optics::simulated_display::SimulatedDisplay;
 
@@ -21,7 +21,7 @@ pub(super) fn run(context: &JobContext, spec: &SimulateCapture) -> Result<TaskOu
     let photo = context.put_artifact(photo)?;
     report(context, 2)?;
     let result = CaptureResult { photo, propagation: display.validity };
-    Ok(TaskOutput { result: JobResult::Capture(result), learned: Vec::new() })
+    Ok(TaskOutput { result: JobResult::Capture(result), effect: JobEffect::None })
 }
 
 /// The display's bench, where it is a simulated one.

@@ -7,8 +7,9 @@ use crate::cli::session::Session;
 use crate::cli::submission::Submission;
 use crate::cli::{job_text, progress};
 use clap::Args;
-use lightpath::v1::{self, OptimizeHologram, align_dataset_request::Source, job_spec, optimize_hologram::ImagePlane};
-use lightpath::{hologram_result, names};
+use lightpath::v1::prepare_dataset::{Align as AlignStep, Step, align::Source};
+use lightpath::v1::{self, OptimizeHologram, PrepareDataset, job_spec, optimize_hologram::ImagePlane};
+use lightpath::{hologram_result, names, prepare_result};
 use std::path::{Path, PathBuf};
 
 /// Make the hologram to display for an alignment: a grid of dots.
@@ -70,6 +71,9 @@ pub(crate) struct Align {
     /// Where a picture of it on the display's pixels goes, PNG
     #[arg(long, value_name = "FILE.png")]
     after: Option<PathBuf>,
+
+    #[command(flatten)]
+    submission: Submission,
 }
 
 /// What an alignment is found from.
@@ -137,9 +141,11 @@ impl Align {
         } else {
             Source::None(true)
         };
-        let request = v1::AlignDatasetRequest { name: names::dataset(&self.name), source: Some(source) };
-        let dataset = session.client.align_dataset(request).await?;
-        let alignment = dataset.alignment.clone().unwrap_or_default();
+        let dataset = names::dataset(&self.name);
+        let step = Step::Align(AlignStep { source: Some(source) });
+        let kind = job_spec::Kind::PrepareDataset(PrepareDataset { dataset: dataset.clone(), step: Some(step) });
+        let job = self.submission.submit_and_wait(session, kind).await?;
+        let alignment = prepare_result(&job)?.alignment.clone().unwrap_or_default();
         for (path, digest, option) in
             [(&self.before, &alignment.before, "--before"), (&self.after, &alignment.after, "--after")]
         {
@@ -151,6 +157,7 @@ impl Align {
                 None => {}
             }
         }
+        let dataset = session.client.get_dataset(v1::GetDatasetRequest { name: dataset }).await?;
         session.print(&dataset, |dataset| facts(&v1::Dataset { pairs: Vec::new(), ..dataset.clone() }))
     }
 }

@@ -30,15 +30,21 @@ pub(super) fn facts(dataset: &Dataset) -> String {
         facts.add("digest", &dataset.digest);
     }
     if let Some(alignment) = &dataset.alignment {
-        facts.add("alignment", alignment_text(alignment));
+        facts.add("alignment", self::alignment(alignment));
     }
     let mut text = facts.text();
     if !dataset.pairs.is_empty() {
         text = format!("{text}\n{}", pair_table(dataset).text());
     }
-    if !dataset.findings.is_empty() {
+    text + &findings(&dataset.findings)
+}
+
+/// What should be known about a dataset, a line each; nothing for none.
+pub(crate) fn findings(findings: &[v1::Finding]) -> String {
+    let mut text = String::new();
+    if !findings.is_empty() {
         text.push_str("\nFindings\n");
-        for finding in &dataset.findings {
+        for finding in findings {
             let pair = if finding.pair.is_empty() { "all".to_owned() } else { format!("pair {}", finding.pair) };
             let left_out = if finding.excludes { " (left out)" } else { "" };
             text.push_str(&format!("  {pair}: {}{left_out}\n", finding.message));
@@ -47,7 +53,8 @@ pub(super) fn facts(dataset: &Dataset) -> String {
     text
 }
 
-fn alignment_text(alignment: &v1::Alignment) -> String {
+/// How an alignment was found, and how good it is.
+pub(crate) fn alignment(alignment: &v1::Alignment) -> String {
     let (found, of) = match alignment.method() {
         v1::alignment::Method::Dots => ("from a photograph of the dots", "dots"),
         v1::alignment::Method::Pairs => ("from the pairs", "tiles"),

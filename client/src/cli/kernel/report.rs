@@ -3,8 +3,10 @@
 use crate::cli::failure::Failure;
 use crate::cli::kernel_choice::KernelChoice;
 use crate::cli::session::Session;
+use crate::cli::submission::Submission;
 use clap::Args;
-use lightpath::{names, v1};
+use lightpath::v1::{self, job_spec};
+use lightpath::{names, report_result};
 use std::path::PathBuf;
 
 /// Write what a version is like as one HTML file: pictures, figures and tables.
@@ -35,6 +37,9 @@ pub(crate) struct Report {
     /// A folder for its pictures, PNG and SVG; made where it is missing
     #[arg(long, value_name = "FOLDER")]
     figures: Option<PathBuf>,
+
+    #[command(flatten)]
+    submission: Submission,
 }
 
 impl Report {
@@ -44,8 +49,10 @@ impl Report {
             Some(version) => version,
             None => session.client.get_kernel(v1::GetKernelRequest { name: kernel.clone() }).await?.latest_version,
         };
-        let request = v1::CreateKernelReportRequest { name: names::kernel_version(&kernel, version) };
-        let report = session.client.create_kernel_report(request).await?;
+        let kind =
+            job_spec::Kind::ReportKernel(v1::ReportKernel { kernel_version: names::kernel_version(&kernel, version) });
+        let job = self.submission.submit_and_wait(session, kind).await?;
+        let report = report_result(&job)?;
         session.client.download_to(&report.html, &self.html).await?;
         let mut written = vec![self.html.display().to_string()];
         if let Some(path) = &self.arrays {
@@ -60,6 +67,6 @@ impl Report {
             }
             written.push(format!("{} pictures in {}", report.figures.len(), folder.display()));
         }
-        session.print(&report, |_| format!("report of {kernel}/versions/{version}: {}", written.join(", ")))
+        session.print(report, |_| format!("report of {kernel}/versions/{version}: {}", written.join(", ")))
     }
 }

@@ -1,7 +1,6 @@
-//! Datasets: pairs of holograms and photographs, their checks, alignment and split.
+//! Datasets: pairs of holograms and photographs, and their checks. Jobs align and finalize them.
 
-mod alignment;
-mod finalize;
+mod calibration;
 pub(crate) mod from_wire;
 mod lookup;
 mod pairs;

@@ -6,7 +6,7 @@ use crate::error::ApiError;
 use crate::field::Field;
 use crate::names;
 use lightpath_domain::access::Caller;
-use lightpath_domain::dataset::{Dataset, Pair, PairChecks};
+use lightpath_domain::dataset::{Dataset, Finding, Pair, PairChecks};
 use lightpath_domain::display::Display;
 use lightpath_media::captures::{self, CaptureError, Captures};
 use lightpath_proto::v1;
@@ -23,11 +23,23 @@ impl Api {
         let dataset = self.dataset_named(caller, &dataset_field, &id).await?;
         // Learning would find out much later what is wrong.
         pair.checks = Some(self.checked(caller, &dataset, &pair, &field).await?);
-        let answer = self.store.add_pair(&id, &pair).await?;
-        // A pair is judged beside all others.
-        let findings = captures::findings_of(&self.store.dataset(&id).await?, &pair.id);
-        let findings = findings.into_iter().map(to_wire::finding).collect();
-        Ok(v1::Dataset { findings, ..to_wire::dataset(answer) })
+        let findings = self.findings_with(dataset, &pair).await?;
+        let answer = self.store.add_pair(&id, &pair, &findings).await?;
+        let findings = findings.into_iter().filter(|finding| finding.pair == pair.id).collect();
+        Ok(to_wire::dataset(Dataset { findings, ..answer }))
+    }
+
+    /// What should be known about a pair beside all others, and about the dataset with it.
+    async fn findings_with(&self, mut dataset: Dataset, pair: &Pair) -> Result<Vec<Finding>, ApiError> {
+        let pair = pair.clone();
+        let compute = move || {
+            let id = pair.id.clone();
+            dataset.pairs.retain(|other| other.id != id);
+            let place = dataset.pairs.partition_point(|other| other.id < id);
+            dataset.pairs.insert(place, pair);
+            captures::findings_with(&dataset, &id)
+        };
+        self.checking.run(compute).await
     }
 
     /// Reads and measures a pair; refuses one whose files are not what they must be.
@@ -48,33 +60,6 @@ impl Api {
         })
     }
 
-    /// Measures again what was measured with another alignment, or not at all, and keeps it.
-    pub(crate) async fn check_again(&self, dataset: &mut Dataset) -> Result<(), ApiError> {
-        let homography = dataset.alignment.as_ref().map(|alignment| alignment.homography);
-        let (display, _) = self.store.display(&dataset.display).await?;
-        let current = |checks: &PairChecks| checks.homography == homography;
-        let mut renewed = Vec::new();
-        for index in 0..dataset.pairs.len() {
-            let pair = dataset.pairs[index].clone();
-            if pair.checks.as_ref().is_some_and(current) {
-                continue;
-            }
-            let phase = self.artifacts.read_all(&pair.phase).await?;
-            let photo = self.artifacts.read_all(&pair.photo).await?;
-            let checked = self.check(display.clone(), dataset.clone(), pair.clone(), phase, photo).await?;
-            let checks = checked.map_err(|(_, error)| refused(&pair.id, &error))?;
-            dataset.pairs[index].checks = Some(checks.clone());
-            renewed.push((pair.id, checks));
-        }
-        Ok(self.store.keep_checks(&dataset.id, &renewed).await?)
-    }
-
-    /// What the photographs of a dataset are read with.
-    pub(crate) async fn captures(&self, dataset: &Dataset) -> Result<Captures, ApiError> {
-        let (display, _) = self.store.display(&dataset.display).await?;
-        Captures::of(&display, dataset).map_err(|error| refused("", &error))
-    }
-
     async fn check(
         &self,
         display: Display,
@@ -91,12 +76,6 @@ impl Api {
             let reconstructor = last.of(&dataset, &captures);
             captures::check(&captures, reconstructor.as_ref(), &pair, &phase, &photo).map_err(|error| ("photo", error))
         };
-        self.decoding.run(compute).await
+        self.checking.run(compute).await
     }
-}
-
-/// Refuses what cannot be done because a file of the dataset cannot be read.
-pub(crate) fn refused(pair: &str, error: &CaptureError) -> ApiError {
-    let message = if pair.is_empty() { error.to_string() } else { format!("pair \"{pair}\": {error}") };
-    ApiError::Precondition { reason: "DATASET_UNREADABLE", message }
 }

@@ -44,17 +44,6 @@ impl DatasetService for Api {
     ) -> Result<Response<v1::CalibrationTarget>, Status> {
         self.answer(request, Self::create_calibration_target).await
     }
-
-    async fn align_dataset(&self, request: Request<v1::AlignDatasetRequest>) -> Result<Response<v1::Dataset>, Status> {
-        self.answer(request, Self::align_dataset).await
-    }
-
-    async fn finalize_dataset(
-        &self,
-        request: Request<v1::FinalizeDatasetRequest>,
-    ) -> Result<Response<v1::Dataset>, Status> {
-        self.answer(request, Self::finalize_dataset).await
-    }
 }
 
 impl Api {

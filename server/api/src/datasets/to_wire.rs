@@ -3,14 +3,12 @@
 use crate::enumerations::OnWire;
 use crate::time::timestamp;
 use lightpath_domain::dataset::{Alignment, Dataset, Finding, Pair, PairChecks};
-use lightpath_media::captures;
 use lightpath_proto::v1;
 
 /// The dataset as clients see it.
 pub(crate) fn dataset(dataset: Dataset) -> v1::Dataset {
     let finalized = dataset.digest.is_some();
     let state = if finalized { v1::dataset::State::Finalized } else { v1::dataset::State::Open };
-    let findings = captures::findings(&dataset);
     v1::Dataset {
         name: format!("datasets/{}", dataset.id),
         display: format!("displays/{}", dataset.display),
@@ -25,7 +23,7 @@ pub(crate) fn dataset(dataset: Dataset) -> v1::Dataset {
         pair_count: dataset.pair_count,
         alignment: dataset.alignment.map(alignment),
         photo_bit_depth: dataset.photo_bit_depth,
-        findings: findings.into_iter().map(finding).collect(),
+        findings: dataset.findings.into_iter().map(finding).collect(),
     }
 }
 
@@ -67,7 +65,7 @@ pub(crate) fn finding(finding: Finding) -> v1::Finding {
     }
 }
 
-fn alignment(alignment: Alignment) -> v1::Alignment {
+pub(crate) fn alignment(alignment: Alignment) -> v1::Alignment {
     v1::Alignment {
         method: alignment.method.to_wire(),
         homography: alignment.homography.to_vec(),

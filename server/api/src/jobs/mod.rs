@@ -6,6 +6,8 @@ mod learn_kernel;
 mod learning_rate;
 mod lookup;
 mod optimize_hologram;
+mod prepare_dataset;
+mod report_kernel;
 pub(crate) mod scheduling;
 mod service;
 mod simulate_capture;

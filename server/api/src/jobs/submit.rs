@@ -55,6 +55,13 @@ impl Api {
                 let field = field.at("evaluate_kernel");
                 JobSpec::EvaluateKernel(self.evaluate_kernel_spec(caller, message, &field, before.as_ref()).await?)
             }
+            job_spec::Kind::PrepareDataset(message) => {
+                let field = field.at("prepare_dataset");
+                JobSpec::PrepareDataset(self.prepare_dataset_spec(caller, message, &field, before.as_ref()).await?)
+            }
+            job_spec::Kind::ReportKernel(message) => {
+                JobSpec::ReportKernel(self.report_kernel_spec(caller, message, &field.at("report_kernel")).await?)
+            }
         };
         Ok(NewJob { spec, request_id, priority, attempts_max, scheduling })
     }

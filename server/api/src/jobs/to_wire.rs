@@ -1,6 +1,6 @@
 //! Jobs as messages.
 
-use super::{evaluate_kernel, learn_kernel, optimize_hologram, simulate_capture};
+use super::{evaluate_kernel, learn_kernel, optimize_hologram, prepare_dataset, report_kernel, simulate_capture};
 use crate::enumerations::OnWire as _;
 use crate::time::timestamp;
 use lightpath_domain::job::{Job, JobError, JobEvent, JobResult, JobSpec, Progress};
@@ -57,6 +57,8 @@ fn spec(spec: JobSpec) -> v1::JobSpec {
         JobSpec::LearnKernel(spec) => job_spec::Kind::LearnKernel(learn_kernel::to_wire::spec(spec)),
         JobSpec::SimulateCapture(spec) => job_spec::Kind::SimulateCapture(simulate_capture::to_wire::spec(spec)),
         JobSpec::EvaluateKernel(spec) => job_spec::Kind::EvaluateKernel(evaluate_kernel::to_wire::spec(spec)),
+        JobSpec::PrepareDataset(spec) => job_spec::Kind::PrepareDataset(prepare_dataset::to_wire::spec(spec)),
+        JobSpec::ReportKernel(spec) => job_spec::Kind::ReportKernel(report_kernel::to_wire::spec(spec)),
     };
     v1::JobSpec { kind: Some(kind) }
 }
@@ -67,6 +69,8 @@ fn result(result: JobResult) -> v1::JobResult {
         JobResult::Learn(result) => job_result::Kind::Learn(learn_kernel::to_wire::result(result)),
         JobResult::Capture(result) => job_result::Kind::Capture(simulate_capture::to_wire::result(result)),
         JobResult::Evaluate(result) => job_result::Kind::Evaluate(evaluate_kernel::to_wire::result(result)),
+        JobResult::Prepare(result) => job_result::Kind::Prepare(prepare_dataset::to_wire::result(result)),
+        JobResult::Report(result) => job_result::Kind::Report(report_kernel::to_wire::result(result)),
     };
     v1::JobResult { kind: Some(kind) }
 }

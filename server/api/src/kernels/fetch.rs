@@ -66,7 +66,7 @@ impl Api {
     ) -> Result<Answers<v1::FetchKernelResponse>, ApiError> {
         let bytes = self.artifacts.read_all(&version.content.artifact).await?;
         let exported = self
-            .decoding
+            .checking
             .run(move || {
                 let (model, kind) = kernel_file::decode(&bytes)?;
                 kernel_formats::export(&model, kind, format)

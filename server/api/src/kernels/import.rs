@@ -37,7 +37,7 @@ impl Api {
         let setup = planning::planned(setup, None).map_or(setup, |(planned, _)| planned);
         // A file in another form tells nothing of that.
         let interpolated_from_m = kernel_file::interpolated_from_m(&bytes).unwrap_or_default();
-        let decoded = self.decoding.run(move || kernel_formats::import(&bytes, &setup)).await?;
+        let decoded = self.checking.run(move || kernel_formats::import(&bytes, &setup)).await?;
         let imported = decoded.map_err(|error| field.invalid(format!("({digest}): {error}")))?;
         let (learned, model) = (imported.model, imported.kind);
         let key = KernelKey { display: display.id.clone(), wavelength, distance };

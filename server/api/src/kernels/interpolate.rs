@@ -17,7 +17,7 @@ use lightpath_optics::learning::interpolated;
 use lightpath_proto::v1;
 
 /// Versions that are looked through for a fit, at most: the newest ones.
-pub(crate) const VERSIONS_MAX: u32 = 1000;
+const VERSIONS_MAX: u32 = 1000;
 
 impl Api {
     /// Stores the kernel of a distance between those of a joint fit as the next version.

@@ -1,11 +1,10 @@
-//! Kernels and their versions: listing, fetching, promoting, importing, interpolating, reporting.
+//! Kernels and their versions: listing, fetching, promoting, importing, interpolating.
 
 mod fetch;
 pub(crate) mod import;
 mod interpolate;
 mod model_file;
 mod promotion;
-mod report;
 mod service;
 pub(crate) mod to_wire;
 mod watch_kernel;

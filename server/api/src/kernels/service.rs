@@ -89,13 +89,6 @@ impl KernelService for Api {
     ) -> Result<Response<v1::KernelVersion>, Status> {
         self.answer(request, Self::interpolate_kernel).await
     }
-
-    async fn create_kernel_report(
-        &self,
-        request: Request<v1::CreateKernelReportRequest>,
-    ) -> Result<Response<v1::KernelReport>, Status> {
-        self.answer(request, Self::create_kernel_report).await
-    }
 }
 
 impl Api {

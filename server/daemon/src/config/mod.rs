@@ -83,6 +83,10 @@ settings! {
     simulate_timeout_s: f64 = 0.0, "SECONDS", TIMEOUT_S;
     /// Longest attempt at evaluating a kernel; 0: no limit
     evaluate_timeout_s: f64 = 0.0, "SECONDS", TIMEOUT_S;
+    /// Longest attempt at aligning or finalizing a dataset; 0: no limit
+    prepare_timeout_s: f64 = 0.0, "SECONDS", TIMEOUT_S;
+    /// Longest attempt at reporting on a kernel; 0: no limit
+    report_timeout_s: f64 = 0.0, "SECONDS", TIMEOUT_S;
     /// Space on the disk that only accepted work may use, in MiB; below it, new jobs and uploads are refused
     disk_reserve_mib: f64 = 256.0, "MIB", SPACE_MIB;
     /// Space that all artifacts together may take, in MiB; 0: all there is

@@ -82,6 +82,8 @@ impl Config {
                 learn: limit(self.learn_timeout_s),
                 simulate: limit(self.simulate_timeout_s),
                 evaluate: limit(self.evaluate_timeout_s),
+                prepare: limit(self.prepare_timeout_s),
+                report: limit(self.report_timeout_s),
             },
             ..WorkerConfig::default()
         }

@@ -184,10 +184,12 @@ impl Lab {
         Ok(())
     }
 
-    /// Finalizes the dataset and returns its digest.
-    pub(super) async fn finalize(&self, dataset: &str) -> anyhow::Result<String> {
-        let request = v1::FinalizeDatasetRequest { name: names::dataset(dataset), ..Default::default() };
-        Ok(self.client.finalize_dataset(request).await?.digest)
+    /// Finalizes the dataset with a job and returns its digest.
+    pub(super) async fn finalize(&self, dataset: &str, bar: &mut Bar) -> anyhow::Result<String> {
+        let step = Some(v1::prepare_dataset::Step::Finalize(v1::prepare_dataset::Finalize::default()));
+        let spec = v1::PrepareDataset { dataset: names::dataset(dataset), step };
+        let jobs = self.all_done(vec![Kind::PrepareDataset(spec)], bar).await?;
+        Ok(lightpath::prepare_result(&jobs[0])?.digest.clone())
     }
 
     pub(super) async fn learn(

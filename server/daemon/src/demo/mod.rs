@@ -146,6 +146,6 @@ async fn photograph_holograms(
         files.write(&format!("pairs/{id}-photo.png"), lab.download(photo).await?)?;
         lab.add_pair(DATASET, id, &hologram.phase, photo, split).await?;
     }
-    let digest = lab.finalize(DATASET).await?;
+    let digest = lab.finalize(DATASET, &mut story.bar("finalize")).await?;
     story.tell(format!("dataset {DATASET}, {}…", digest.get(..15).unwrap_or(&digest)))
 }

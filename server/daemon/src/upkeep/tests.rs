@@ -1,5 +1,6 @@
 use super::*;
 use lightpath_artifacts::Artifacts;
+use lightpath_domain::job::JobEffect;
 use lightpath_fixtures::{capture_job, capture_result, display};
 use lightpath_store::Store;
 use std::fs;
@@ -28,7 +29,7 @@ impl Lab {
         store.submit(&capture_job("first", &phase, 1), 1, 10).await.unwrap();
         let (_, lease) = store.claim(1, 1000, "w").await.unwrap().unwrap();
         let result = capture_result(&photo);
-        store.finish(&lease, result, None, 2).await.unwrap();
+        store.finish(&lease, result, JobEffect::None, 2).await.unwrap();
         store.submit(&capture_job("second", &phase, 1), 3, 10).await.unwrap();
         let (waiting, lease) = store.claim(3, 1000, "w").await.unwrap().unwrap();
         let checkpoint = artifacts.put_checkpoint(b"state".to_vec()).await.unwrap();
@@ -92,7 +93,7 @@ async fn a_job_that_names_an_unrecorded_artifact_is_found() {
     assert!(lab.store.submit(&capture_job("third", &nothing, 1), 9, 10).await.is_err(), "no new job does");
     let (job, lease) = lab.store.claim(9, 1000, "w").await.unwrap().unwrap();
     let result = capture_result(&nothing);
-    lab.store.finish(&lease, result, None, 9).await.unwrap();
+    lab.store.finish(&lease, result, JobEffect::None, 9).await.unwrap();
     let problem = format!("names {nothing}, which is not recorded");
     assert_eq!(lab.problems().await, [(FindingKind::Reference, format!("jobs/{}", job.id), problem)]);
 }

@@ -2,7 +2,7 @@
 
 use lightpath_api::audit::{Audit, Entry};
 use lightpath_artifacts::{Artifacts, digest_of};
-use lightpath_domain::job::{Job, JobState, NewJob, Progress, Scheduling};
+use lightpath_domain::job::{Job, JobEffect, JobState, NewJob, Progress, Scheduling};
 use lightpath_domain::kernel::{KernelKey, KernelLineage, KernelMetrics, KernelModel, NewKernelVersion};
 use lightpath_fixtures::{DISTANCE, WAVELENGTH, capture_job, capture_result, display};
 use lightpath_server::upkeep::{DATABASE, Retention, backup, restore};
@@ -114,7 +114,7 @@ fn task(job: &Job, context: &JobContext) -> Result<TaskOutput, TaskError> {
         context.step(progress, || vec![step + 1])?;
     }
     let photo = context.put_artifact(result_of(&job.request_id))?;
-    Ok(TaskOutput { result: capture_result(&photo), learned: Vec::new() })
+    Ok(TaskOutput { result: capture_result(&photo), effect: JobEffect::None })
 }
 
 /// What the job of this request makes, however often it is interrupted.

@@ -3,13 +3,14 @@
 //! The server has threads of its own: it goes on while a test computes.
 
 use crate::optics_lab::{CENTRE, Dataset, HEIGHT, Lab, WIDTH, levels};
+use crate::preparing::refused;
 use crate::serving::expect;
 use lightpath_media::pictures;
 use lightpath_optics::Plane;
 use lightpath_optics::alignment::Homography;
 use lightpath_proto::v1;
-use lightpath_proto::v1::align_dataset_request::Source;
 use lightpath_proto::v1::finding::Kind;
+use lightpath_proto::v1::prepare_dataset::align::Source;
 use tonic::Code;
 
 /// Largest distance between two maps in the region of interest \[px of the display\].
@@ -84,7 +85,7 @@ async fn a_photograph_of_the_dots_aligns_photographs_of_any_size() {
     assert!(answer.as_ref().unwrap_err().message().contains("600×380"), "{answer:?}");
     expect(answer, Code::InvalidArgument, "pair.photo (sha256-");
     let answer = dataset.align(Source::None(true)).await;
-    expect(answer, Code::FailedPrecondition, "pair \"p0\" has a photograph of 600×380 px");
+    refused(answer, "ALIGNMENT_SIZE: pair \"p0\" has a photograph of 600×380 px");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -104,16 +105,11 @@ async fn given_points_align_and_bad_ones_are_refused() {
             points: corners.iter().take(count).map(|corner| point(*corner)).collect(),
         })
     };
-    expect(
-        dataset.align(points(3, false)).await,
-        Code::InvalidArgument,
-        "points.points fix no alignment: there are 3 points",
-    );
-    expect(
-        dataset.align(points(4, true)).await,
-        Code::InvalidArgument,
-        "points.points fix no alignment: the points lie on a line",
-    );
+    let field = "spec.prepare_dataset.align.points.points";
+    refused(dataset.align(points(3, false)).await, &format!("{field} fix no alignment: there are 3 points"));
+    refused(dataset.align(points(4, true)).await, &format!("{field} fix no alignment: the points lie on a line"));
+    refused(dataset.align(Source::Pairs(false)).await, "spec.prepare_dataset.align.pairs is false");
+    refused(dataset.align(Source::Pairs(true)).await, "spec.prepare_dataset.dataset: datasets/d has no pairs");
     let aligned = dataset.align(points(4, false)).await.unwrap();
     let truth = Homography::try_new([2.0, 0.0, 10.0, 0.0, 2.0, 7.0, 0.0, 0.0, 1.0]).unwrap();
     assert!(apart(&aligned.alignment.unwrap(), &truth) < 1e-6);
@@ -128,23 +124,21 @@ async fn what_cannot_be_learned_from_is_refused_with_the_reason() {
     let seen = |phase: &Plane<f32>, n: u64| lab.photo(phase, n, &Homography::IDENTITY, HEIGHT, WIDTH);
 
     let mut dataset = Dataset::open().await;
-    expect(dataset.finalize().await, Code::FailedPrecondition, "datasets/d has no pairs");
+    refused(dataset.finalize().await, "spec.prepare_dataset.dataset: datasets/d has no pairs");
     // Two levels of 255 in a corner: no two photographs are the same, and all are black.
     let dark = |n: usize| Plane::from_fn(HEIGHT, WIDTH, |y, x| if (y, x) == (0, n) { 0.008 } else { 0.0 });
     for (n, phase) in phases.iter().enumerate() {
         let added = dataset.add(&format!("p{n}"), phase, &dark(n)).await;
         assert_eq!(added.findings[0].kind(), Kind::Black);
     }
-    expect(dataset.finalize().await, Code::FailedPrecondition, "5 of 5 photographs of datasets/d are black");
+    refused(dataset.finalize().await, "DATASET_UNUSABLE: 5 of 5 photographs of datasets/d are black");
 
     let mut dataset = Dataset::open().await;
     for (n, phase) in phases.iter().enumerate() {
         dataset.add(&format!("p{n}"), phase, &seen(&phases[(n + 1) % phases.len()], n as u64)).await;
     }
-    let answer = dataset.finalize().await;
-    let message = answer.as_ref().unwrap_err().message().to_owned();
+    let message = dataset.finalize().await.unwrap_err();
     assert!(message.contains("photographs of datasets/d show other holograms than theirs"), "{message}");
-    expect(answer, Code::FailedPrecondition, "");
 
     // One black and one copied photograph are left out, and what is left can be learned from.
     let mut dataset = Dataset::open().await;

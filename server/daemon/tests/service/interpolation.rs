@@ -1,5 +1,6 @@
 //! Kernels for distances that were never photographed: datasets of several distances, learned together over the wire.
 
+use crate::preparing::{prepare, report};
 use crate::serving::{Serving, expect, small_display};
 use lightpath_media::{kernel_file, pictures};
 use lightpath_optics::hologram::initial_phase;
@@ -9,6 +10,7 @@ use lightpath_optics::{Detector, DisplayModel, Engine, Grid, OpticalSetup, Plane
 use lightpath_proto::v1;
 use lightpath_proto::v1::dataset_service_client::DatasetServiceClient;
 use lightpath_proto::v1::kernel_service_client::KernelServiceClient;
+use lightpath_proto::v1::prepare_dataset::{Finalize, Step};
 use std::f32::consts::TAU;
 use tonic::transport::Channel;
 use tonic::{Code, Status};
@@ -60,8 +62,8 @@ async fn photographed(serving: &Serving, mm: u32) -> String {
         let request = v1::AddPairRequest { dataset: name.clone(), pair: Some(pair) };
         client.add_pair(request).await.unwrap();
     }
-    let request = v1::FinalizeDatasetRequest { name: name.clone(), keep_alignment: true, ..Default::default() };
-    client.finalize_dataset(request).await.unwrap();
+    let how = Finalize { keep_alignment: true, ..Default::default() };
+    prepare(serving, &name, Step::Finalize(how)).await.unwrap();
     name
 }
 
@@ -84,8 +86,7 @@ async fn interpolated(serving: &Serving, distance_m: f64) -> Result<v1::KernelVe
 }
 
 async fn reported(serving: &Serving, name: String) -> String {
-    let request = v1::CreateKernelReportRequest { name };
-    let report = kernels(serving).create_kernel_report(request).await.unwrap().into_inner();
+    let report = report(serving, &name).await.unwrap();
     String::from_utf8(serving.read(&report.html).await).unwrap()
 }
 

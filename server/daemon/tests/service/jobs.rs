@@ -1,11 +1,14 @@
 //! Jobs: what is wrong is refused with the field and the fix; what changes is seen.
 
+use crate::preparing::{finalize, prepare, refused};
 use crate::serving::{Serving, expect, small_display};
 use lightpath_artifacts::digest_of;
 use lightpath_media::pictures;
 use lightpath_optics::{Detector, DisplayModel, Engine, Grid, OpticalSetup, Plane};
 use lightpath_proto::v1::dataset_service_client::DatasetServiceClient;
 use lightpath_proto::v1::kernel_service_client::KernelServiceClient;
+use lightpath_proto::v1::prepare_dataset::align::Source;
+use lightpath_proto::v1::prepare_dataset::{Align, Finalize, Step};
 use lightpath_proto::v1::{self, job_spec};
 use tonic::{Code, Status};
 use tonic_types::StatusExt as _;
@@ -194,13 +197,22 @@ async fn datasets_take_pairs_that_fit() {
     let answer = submit(&serving, job_spec::Kind::LearnKernel(learn.clone()), "").await;
     expect(answer, Code::FailedPrecondition, "spec.learn_kernel.datasets[0]: datasets/first still takes pairs");
 
-    let finalize = v1::FinalizeDatasetRequest { name: "datasets/first".into(), ..Default::default() };
-    expect(datasets.finalize_dataset(finalize.clone()).await, Code::FailedPrecondition, "");
+    refused(finalize(&serving, "datasets/first").await, "DATASET_SPLIT_EMPTY: datasets/first has no ");
     let second = lens(48, 64, 40.0);
     let (phase, other_photo) = (serving.upload(&levels(&second)).await, serving.upload(&photo(&second)).await);
     datasets.add_pair(add("b", &phase, &other_photo)).await.unwrap();
-    let dataset = datasets.finalize_dataset(finalize).await.unwrap().into_inner();
+    let dataset = finalize(&serving, "datasets/first").await.unwrap();
     assert!(dataset.digest.starts_with("sha256-") && dataset.pairs.len() == 2);
+    assert_eq!(finalize(&serving, "datasets/first").await.unwrap(), dataset, "the same again changes nothing");
+    for step in [
+        Step::Finalize(Finalize { validation_fraction: 0.3, ..Default::default() }),
+        Step::Finalize(Finalize { seed: 1, ..Default::default() }),
+        Step::Finalize(Finalize { keep_alignment: true, ..Default::default() }),
+        Step::Align(Align { source: Some(Source::None(true)) }),
+    ] {
+        let answer = prepare(&serving, "datasets/first", step).await;
+        refused(answer, "spec.prepare_dataset.dataset: datasets/first is finalized");
+    }
 
     let bad = v1::LearnKernel { detector: v1::Detector::Supersampled.into(), ..learn.clone() };
     let answer = submit(&serving, job_spec::Kind::LearnKernel(bad), "").await;
@@ -247,6 +259,7 @@ async fn a_watcher_sees_the_job_end() {
     expect(serving.jobs().watch_job(nobody).await.map(drop), Code::NotFound, "jobs/none does not exist");
 }
 
+/// The job, when it has ended.
 pub(crate) async fn watch_to_end(serving: &Serving, name: &str) -> v1::Job {
     let request = v1::WatchJobRequest { name: name.to_owned() };
     let mut stream = serving.jobs().watch_job(request).await.unwrap().into_inner();

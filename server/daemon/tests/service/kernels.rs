@@ -1,19 +1,22 @@
 //! Kernels: imported, fetched, promoted, rolled back, watched.
 
+use crate::jobs::submit;
+use crate::preparing;
 use crate::serving::{Serving, expect};
 use lightpath_artifacts::digest_of;
 use lightpath_domain::kernel::KernelModel;
 use lightpath_media::kernel_file;
 use lightpath_optics::{DisplayModel, Grid, KernelShape, OpticalSetup, SmoothField};
-use lightpath_proto::v1;
 use lightpath_proto::v1::fetch_kernel_response::Part;
 use lightpath_proto::v1::kernel_service_client::KernelServiceClient;
+use lightpath_proto::v1::{self, job_spec};
 use tonic::transport::Channel;
 use tonic::{Code, Status};
 
-const KERNEL: &str = "displays/lab/kernels/515nm-50mm";
+pub(crate) const KERNEL: &str = "displays/lab/kernels/515nm-50mm";
 
-fn kernel(width_px: usize, phase: f64) -> Vec<u8> {
+/// A kernel file for a display of 48 rows at 50 mm.
+pub(crate) fn kernel(width_px: usize, phase: f64) -> Vec<u8> {
     let setup = OpticalSetup::try_new(Grid::try_new(48, width_px, 8e-6).unwrap(), 515e-9, 0.05).unwrap();
     let mut errors = SmoothField::flat(3);
     errors.phase[1] = phase;
@@ -21,7 +24,8 @@ fn kernel(width_px: usize, phase: f64) -> Vec<u8> {
     kernel_file::encode(&model, KernelModel::Smooth).unwrap()
 }
 
-async fn import(serving: &Serving, bytes: &[u8], distance_m: f64) -> Result<v1::KernelVersion, Status> {
+/// Stores a kernel file as the next version.
+pub(crate) async fn import(serving: &Serving, bytes: &[u8], distance_m: f64) -> Result<v1::KernelVersion, Status> {
     let artifact = serving.upload(bytes).await;
     let request =
         v1::ImportKernelRequest { display: "displays/lab".into(), distance_m, artifact, ..Default::default() };
@@ -205,9 +209,9 @@ async fn a_report_is_one_file_with_its_pictures_in_it() {
     for phase in [0.3, 0.5] {
         import(&serving, &kernel(64, phase), 0.05).await.unwrap();
     }
-    let request = v1::CreateKernelReportRequest { name: format!("{KERNEL}/versions/2") };
-    let report = client(&serving).create_kernel_report(request.clone()).await.unwrap().into_inner();
-    assert_eq!(client(&serving).create_kernel_report(request).await.unwrap().into_inner(), report, "the same bytes");
+    let name = format!("{KERNEL}/versions/2");
+    let report = preparing::report(&serving, &name).await.unwrap();
+    assert_eq!(preparing::report(&serving, &name).await.unwrap(), report, "the same bytes");
     let html = serving.read(&report.html).await;
     let html = String::from_utf8(html).unwrap();
     for sign in ["astigmatism", "Strehl", "Modulation transfer function", "data:image/png;base64,", "versions/2"] {
@@ -219,6 +223,7 @@ async fn a_report_is_one_file_with_its_pictures_in_it() {
     }
     assert!(report.figures.iter().any(|figure| figure.name == "mtf.svg"));
     assert!(serving.read(&report.arrays).await.starts_with(b"PK"));
-    let missing = v1::CreateKernelReportRequest { name: format!("{KERNEL}/versions/9") };
-    expect(client(&serving).create_kernel_report(missing).await, Code::NotFound, "");
+    let missing = v1::ReportKernel { kernel_version: format!("{KERNEL}/versions/9") };
+    let answer = submit(&serving, job_spec::Kind::ReportKernel(missing), "").await;
+    expect(answer, Code::NotFound, "spec.report_kernel.kernel_version: displays/lab/kernels/515nm-50mm/versions/9");
 }

@@ -15,6 +15,7 @@ mod malformed;
 mod mutation;
 mod optics_lab;
 mod ownership;
+mod preparing;
 mod raw;
 mod rough_photographs;
 mod serving;

@@ -1,5 +1,6 @@
 //! A simulated bench beside the server, and a dataset of its photographs.
 
+use crate::preparing::{finalize, prepare};
 use crate::serving::Serving;
 use lightpath_media::pictures;
 use lightpath_optics::alignment::{Homography, warp};
@@ -10,8 +11,9 @@ use lightpath_optics::{
     Detector, DisplayModel, Engine, Grid, HologramProblem, OpticalSetup, Optimization, Plane, RegionOfInterest,
 };
 use lightpath_proto::v1;
-use lightpath_proto::v1::align_dataset_request::Source;
 use lightpath_proto::v1::dataset_service_client::DatasetServiceClient;
+use lightpath_proto::v1::prepare_dataset::align::Source;
+use lightpath_proto::v1::prepare_dataset::{Align, Step};
 use tonic::transport::Channel;
 
 pub(crate) const HEIGHT: usize = 216;
@@ -141,13 +143,12 @@ impl Dataset {
         self.client.add_pair(request).await.unwrap().into_inner()
     }
 
-    pub(crate) async fn finalize(&mut self) -> Result<v1::Dataset, tonic::Status> {
-        let request = v1::FinalizeDatasetRequest { name: "datasets/d".into(), ..Default::default() };
-        Ok(self.client.finalize_dataset(request).await?.into_inner())
+    pub(crate) async fn finalize(&mut self) -> Result<v1::Dataset, String> {
+        finalize(&self.serving, "datasets/d").await
     }
 
-    pub(crate) async fn align(&mut self, source: Source) -> Result<v1::Dataset, tonic::Status> {
-        let request = v1::AlignDatasetRequest { name: "datasets/d".into(), source: Some(source) };
-        Ok(self.client.align_dataset(request).await?.into_inner())
+    pub(crate) async fn align(&mut self, source: Source) -> Result<v1::Dataset, String> {
+        let step = Step::Align(Align { source: Some(source) });
+        prepare(&self.serving, "datasets/d", step).await
     }
 }

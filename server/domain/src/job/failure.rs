@@ -16,14 +16,26 @@ pub struct JobError {
 crate::reasons! {
     /// Why an attempt failed, for programs.
     pub enum FailureReason {
+        /// The dataset's photographs have another size than those of the alignment.
+        AlignmentSize = "ALIGNMENT_SIZE",
         /// An artifact that the job names is gone.
         ArtifactNotFound = "ARTIFACT_NOT_FOUND",
         /// The job's state could not be written as a checkpoint.
         Checkpoint = "CHECKPOINT",
         /// A stored file no longer matches its digest.
         DataLoss = "DATA_LOSS",
+        /// The dataset was changed while the job prepared it.
+        DatasetChanged = "DATASET_CHANGED",
+        /// The dataset is finalized, and does not change any more.
+        DatasetFinalized = "DATASET_FINALIZED",
         /// The dataset is not finalized.
         DatasetOpen = "DATASET_OPEN",
+        /// A part of the dataset's split has no pairs.
+        DatasetSplitEmpty = "DATASET_SPLIT_EMPTY",
+        /// A file of the dataset cannot be read.
+        DatasetUnreadable = "DATASET_UNREADABLE",
+        /// Most of the dataset's pairs cannot be learned from.
+        DatasetUnusable = "DATASET_UNUSABLE",
         /// A job that this one comes after did not succeed.
         DependencyFailed = "DEPENDENCY_FAILED",
         /// No space is left on the disk.
@@ -46,6 +58,10 @@ crate::reasons! {
         Learning = "LEARNING",
         /// The parameters of a learned kernel cannot be written down.
         Lineage = "LINEAGE",
+        /// A report could not be drawn or written.
+        NoReport = "NO_REPORT",
+        /// The dataset's pairs tell too little about their alignment.
+        NotAlignable = "NOT_ALIGNABLE",
         /// Something that the job names is gone.
         NotFound = "NOT_FOUND",
         /// The display has no simulated bench.

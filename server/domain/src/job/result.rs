@@ -1,6 +1,6 @@
 //! What jobs gave.
 
-use super::HologramResult;
+use super::{HologramResult, PrepareResult, ReportResult};
 use crate::dataset::Split;
 use crate::kernel::KernelMetrics;
 use lightpath_optics::ValidityReport;
@@ -18,6 +18,10 @@ pub enum JobResult {
     Capture(CaptureResult),
     /// Of [`EvaluateKernel`](super::EvaluateKernel).
     Evaluate(EvaluateResult),
+    /// Of [`PrepareDataset`](super::PrepareDataset).
+    Prepare(PrepareResult),
+    /// Of [`ReportKernel`](super::ReportKernel).
+    Report(ReportResult),
 }
 
 /// Learned kernels, before they have version numbers: the store numbers them in the transaction that ends the job.

@@ -1,6 +1,6 @@
 //! What jobs are asked to do.
 
-use super::OptimizeHologram;
+use super::{OptimizeHologram, PrepareDataset, ReportKernel};
 use crate::units::{Distance, Wavelength};
 use lightpath_optics::learning::KernelModel;
 use lightpath_optics::{Detector, RegionOfInterest};
@@ -18,6 +18,10 @@ pub enum JobSpec {
     SimulateCapture(SimulateCapture),
     /// Measure a kernel on a dataset.
     EvaluateKernel(EvaluateKernel),
+    /// Make a dataset ready to be learned from.
+    PrepareDataset(PrepareDataset),
+    /// Make the report of a kernel version.
+    ReportKernel(ReportKernel),
 }
 
 impl JobSpec {
@@ -29,16 +33,19 @@ impl JobSpec {
             Self::LearnKernel(spec) => &spec.display,
             Self::SimulateCapture(spec) => &spec.display,
             Self::EvaluateKernel(spec) => &spec.display,
+            Self::PrepareDataset(spec) => &spec.display,
+            Self::ReportKernel(spec) => &spec.kernel.display,
         }
     }
 
-    /// Id of the dataset that the job reads, the first of several.
+    /// Id of the dataset that the job is about, the first of several.
     #[must_use]
     pub fn dataset(&self) -> Option<&str> {
         match self {
             Self::LearnKernel(spec) => spec.datasets.first().map(String::as_str),
             Self::EvaluateKernel(spec) => Some(&spec.dataset),
-            Self::OptimizeHologram(_) | Self::SimulateCapture(_) => None,
+            Self::PrepareDataset(spec) => Some(&spec.dataset),
+            Self::OptimizeHologram(_) | Self::SimulateCapture(_) | Self::ReportKernel(_) => None,
         }
     }
 
@@ -49,7 +56,9 @@ impl JobSpec {
         match self {
             Self::OptimizeHologram(spec) => spec.kernel_versions.concat(),
             Self::EvaluateKernel(spec) => vec![spec.kernel_version],
-            Self::LearnKernel(_) | Self::SimulateCapture(_) => Vec::new(),
+            Self::LearnKernel(_) | Self::SimulateCapture(_) | Self::PrepareDataset(_) | Self::ReportKernel(_) => {
+                Vec::new()
+            }
         }
     }
 }

@@ -3,7 +3,7 @@
 use super::reading::{CaptureError, Captures, LEFT_OUT};
 use crate::figures;
 use crate::pictures::SATURATED;
-use lightpath_optics::alignment::{AlignmentError, DotGrid, Homography, Point, PointPair, Tiles, warp};
+use lightpath_optics::alignment::{AlignmentError, DotGrid, Homography, Point, PointPair, Registration, Tiles, warp};
 use lightpath_optics::{Plane, RegionOfInterest};
 
 /// An alignment, with pictures.
@@ -24,7 +24,7 @@ pub struct Solved {
 }
 
 /// Rounds of refinement: each leaves about a tenth of the error before.
-const ROUNDS_MAX: usize = 6;
+pub const ROUNDS_MAX: usize = 6;
 /// A correction below this is none \[px\].
 const SETTLED_PX: f64 = 0.01;
 /// Pictures are no wider than this \[px\].
@@ -80,18 +80,23 @@ pub fn from_dots(captures: &Captures, photo: &Plane<f32>) -> Result<Solved, Capt
 }
 
 /// From what holograms should show on the ideal display, each with the photograph of it in its own size. `None` where too
-/// little is recognized, or nothing is gained.
+/// little is recognized, or nothing is gained. Before a photograph is looked at, `next_photo` is
+/// told how many times that was done, [`ROUNDS_MAX`] times for each photograph at most.
 ///
 /// # Errors
 ///
-/// [`CaptureError::Size`] for photographs of different sizes.
-pub fn from_pairs(captures: &Captures, pairs: &[(Plane<f32>, Plane<f32>)]) -> Result<Option<Solved>, CaptureError> {
+/// [`CaptureError::Size`] for photographs of different sizes; what `next_photo` says.
+pub fn from_pairs<E: From<CaptureError>>(
+    captures: &Captures,
+    pairs: &[(Plane<f32>, Plane<f32>)],
+    mut next_photo: impl FnMut(usize) -> Result<(), E>,
+) -> Result<Option<Solved>, E> {
     let Some((first_expected, first_photo)) = pairs.first() else { return Ok(None) };
     let (height_px, width_px) = (first_photo.height_px(), first_photo.width_px());
     for (_, photo) in pairs {
         // Refuses what does not fit the alignment before.
         if (photo.height_px(), photo.width_px()) != (height_px, width_px) {
-            captures.realigned(Homography::IDENTITY, height_px, width_px).on_grid(photo.clone())?;
+            captures.realigned(Homography::IDENTITY, height_px, width_px).on_grid(photo.clone()).map_err(E::from)?;
         }
     }
     let region = RegionOfInterest::middle(&captures.setup().grid());
@@ -99,17 +104,20 @@ pub fn from_pairs(captures: &Captures, pairs: &[(Plane<f32>, Plane<f32>)]) -> Re
     let seen = |photo: &Plane<f32>, homography: &Homography| {
         warp(photo, homography, captures.height_px(), captures.width_px(), LEFT_OUT, SATURATED)
     };
-    let register = |homography: &Homography| {
-        let mut tiles = Tiles::cover(region)?;
+    let mut looked_at = 0;
+    let mut register = |homography: &Homography| -> Result<Option<Registration>, E> {
+        let Some(mut tiles) = Tiles::cover(region) else { return Ok(None) };
         for (expected, photo) in pairs {
+            next_photo(looked_at)?;
+            looked_at += 1;
             tiles.add(expected, &seen(photo, homography), LEFT_OUT);
         }
-        tiles.register(region)
+        Ok(tiles.register(region))
     };
-    let Some(first) = register(&before) else { return Ok(None) };
+    let Some(first) = register(&before)? else { return Ok(None) };
     let (mut homography, mut last) = (before.after(&first.correction), first);
     for _ in 1..ROUNDS_MAX {
-        let Some(next) = register(&homography) else { return Ok(None) };
+        let Some(next) = register(&homography)? else { return Ok(None) };
         last = next;
         if next.misalignment_px < SETTLED_PX {
             break;

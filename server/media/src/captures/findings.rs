@@ -42,12 +42,14 @@ pub fn findings(dataset: &Dataset) -> Vec<Finding> {
     all
 }
 
-/// What should be known about one of the pairs, beside all others.
+/// What should be known about one of the pairs, beside all others, then what concerns all of the dataset.
 #[must_use]
-pub fn findings_of(dataset: &Dataset, pair: &str) -> Vec<Finding> {
+pub fn findings_with(dataset: &Dataset, pair: &str) -> Vec<Finding> {
     let beside = Beside::of(dataset);
     let index = beside.checked.iter().position(|(checked, _)| checked.id == pair);
-    index.map(|index| beside.findings(index)).unwrap_or_default()
+    let mut all = index.map(|index| beside.findings(index)).unwrap_or_default();
+    all.extend(of_dataset(dataset, &beside.checked));
+    all
 }
 
 /// The pairs that were checked, ready to be compared.
@@ -90,7 +92,8 @@ impl<'a> Beside<'a> {
     fn wrong_hologram(&self, index: usize) -> Option<String> {
         let (_, checks) = self.checked[index];
         let (raw, own) = (checks.correlation?, self.own[index]?);
-        if raw >= CORRELATION_SURE {
+        // Alike enough, so that the others, of which there may be many, say nothing new.
+        if raw >= CORRELATION_SURE || own >= CORRELATION_MIN.max(CORRELATION_PART * self.median) {
             return None;
         }
         let seen = self.seen[index].as_ref()?;
@@ -102,7 +105,6 @@ impl<'a> Beside<'a> {
         let best = others.filter_map(correlation).max_by(|a, b| a.1.total_cmp(&b.1));
         let shows = format!("correlates {own:.2} with its hologram");
         if let Some((other, correlation)) = best
-            && own < CORRELATION_MIN.max(CORRELATION_PART * self.median)
             && correlation > own + CORRELATION_LEAD
             && correlation > CORRELATION_MIN
         {

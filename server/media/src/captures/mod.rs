@@ -11,9 +11,9 @@ mod findings;
 mod fingerprint;
 mod reading;
 
-pub use calibration::{Solved, from_dots, from_pairs, from_points, target};
+pub use calibration::{ROUNDS_MAX, Solved, from_dots, from_pairs, from_points, target};
 pub use checks::{Reconstructor, check};
-pub use findings::{findings, findings_of, needs_alignment, refusal};
+pub use findings::{findings, findings_with, needs_alignment, refusal};
 pub use reading::{CaptureError, Captures};
 
 /// Photographs farther off than this are aligned by themselves when a dataset is finalized \[px\]: a learned kernel takes

@@ -22,6 +22,8 @@ pub use chapter::{Figure, ReportError};
 pub use evidence::{Evidence, PAIRS_SHOWN_MAX, PairEvidence};
 pub use input::{Earlier, ReportInput};
 
+use chapter::Chapter;
+
 /// A report about a kernel.
 #[derive(Clone, Debug)]
 pub struct Report {
@@ -33,22 +35,38 @@ pub struct Report {
     pub arrays: Vec<u8>,
 }
 
-/// Makes the report of a kernel.
+/// Number of steps of [`make`].
+pub const STEPS: u32 = 5;
+
+/// Makes the report of a kernel. Calls `next` before each of the [`STEPS`] with the number of steps done.
 ///
 /// # Errors
 ///
-/// [`ReportError`] when a picture cannot be drawn or an array cannot be written.
-pub fn make(input: &ReportInput) -> Result<Report, ReportError> {
+/// [`ReportError`] when a picture cannot be drawn or an array cannot be written; every error of `next`.
+pub fn make<E: From<ReportError>>(
+    input: &ReportInput,
+    mut next: impl FnMut(u32) -> Result<(), E>,
+) -> Result<Report, E> {
     let mut chapters = vec![page::summary(input)];
     chapters.extend(history::losses(input));
     let certainty = input.evidence.as_ref().and_then(|evidence| evidence.response.as_ref());
+    next(0)?;
     chapters.extend(optics::chapters(&input.model, certainty)?);
+    next(1)?;
     chapters.extend(over_modulator::chapter(&input.model)?);
+    next(2)?;
     chapters.extend(over_distance::chapter(input));
+    next(3)?;
     if let Some(evidence) = &input.evidence {
         chapters.extend(evidence::chapters(evidence)?);
     }
+    next(4)?;
     chapters.extend(history::drift(input));
+    Ok(bound(input, chapters)?)
+}
+
+/// Puts the chapters together.
+fn bound(input: &ReportInput, chapters: Vec<Chapter>) -> Result<Report, ReportError> {
     let html = page::html(input, &chapters);
     let arrays: Vec<(&str, &[u8])> = chapters
         .iter()

@@ -26,7 +26,8 @@ const ROWS: &[(usize, &str)] = &[(
     insert into pair (dataset, id, phase, photo, split)
     values ('d', 'p0', 'sha256-' || printf('%064x', 0), 'sha256-' || printf('%064x', 1), 'train'),
     ('d', 'p1', 'sha256-' || printf('%064x', 2), 'sha256-' || printf('%064x', 3), 'test');
-    update dataset set pair_count = 2, digest = 'sha256-d', finalize_time_ms = 7 where id = 'd';
+    update dataset set pair_count = 2, digest = 'sha256-d', finalize_time_ms = 7, finalization =
+    '{"validation_fraction":0.0,"test_fraction":0.2,"seed":0,"keep_alignment":false}' where id = 'd';
 
     insert into kernel (id, name, display, wavelength_pm, distance_nm, latest_version, create_time_ms)
     values (1, 'displays/lab/kernels/515nm-150mm', 'lab', 515000, 150000000, 1, 8);
@@ -104,7 +105,7 @@ async fn databases_of_every_version_keep_their_data() {
         assert_eq!(store.artifact(&digest(3)).await.unwrap().unwrap().size_bytes, 7);
         let dataset = store.dataset("d").await.unwrap();
         assert_eq!((dataset.pairs.len(), dataset.digest.as_deref()), (2, Some("sha256-d")));
-        store.add_pair("open", &pair(0)).await.unwrap();
+        store.add_pair("open", &pair(0), &[]).await.unwrap();
         kernels_are_there(&store).await;
         assert_eq!(store.tokens().await.unwrap().len(), 1);
         jobs_are_there(&store).await;
@@ -162,7 +163,7 @@ async fn jobs_are_there(store: &Store) {
     store.resume(None).await.unwrap();
     for _ in ["a", "b", "d"] {
         let (_, lease) = store.claim(16, LEASE_MS, "w").await.unwrap().unwrap();
-        store.finish(&lease, result(), None, 17).await.unwrap();
+        store.finish(&lease, result(), JobEffect::None, 17).await.unwrap();
     }
 }
 

@@ -1,11 +1,13 @@
 //! Tests of the store on a real database in a temporary folder.
 //!
 //! `queue`: the life of jobs. `scheduling`: when and for which owner jobs run. `registry`: displays, artifacts,
-//! datasets, kernels. `model`: random histories of one job, compared with a small model. `machine`: random histories of
-//! a whole queue. `migrations`: databases of earlier versions. `scale`: many jobs.
+//! datasets, kernels. `preparing`: datasets that jobs align and finalize. `model`: random histories of one job, compared
+//! with a small model. `machine`: random histories of a whole queue. `migrations`: databases of earlier versions.
+//! `scale`: many jobs.
 mod machine;
 mod migrations;
 mod model;
+mod preparing;
 mod queue;
 mod registry;
 mod scale;
@@ -13,7 +15,7 @@ mod scheduling;
 
 use super::{Store, StoreError};
 use lightpath_domain::dataset::{Dataset, Encoding, Pair};
-use lightpath_domain::job::{FailureReason, JobError, JobResult, JobSpec, NewJob};
+use lightpath_domain::job::{FailureReason, JobEffect, JobError, JobResult, JobSpec, NewJob};
 use lightpath_domain::kernel::{KernelKey, KernelLineage, KernelMetrics, KernelModel, NewKernelVersion};
 use lightpath_domain::units::Distance;
 use lightpath_fixtures::{DISTANCE, WAVELENGTH, capture_job, capture_result, display};

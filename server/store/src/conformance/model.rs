@@ -119,7 +119,7 @@ async fn work(step: Step, store: &Store, lease: &Lease, model: &mut Model, now: 
     let allowed = match step {
         Step::Heartbeat => store.heartbeat(lease, now, LEASE_MS).await.is_ok(),
         Step::Checkpoint => store.checkpoint(lease, &digest(now as u32), now).await.is_ok(),
-        Step::Finish => store.finish(lease, result(), None, now).await.is_ok(),
+        Step::Finish => store.finish(lease, result(), JobEffect::None, now).await.is_ok(),
         Step::FailForNow => store.fail(lease, trouble(), Some(now), now).await.is_ok(),
         Step::FailForGood => store.fail(lease, trouble(), None, now).await.is_ok(),
         Step::Release => store.release(lease, now).await.is_ok(),

@@ -78,7 +78,7 @@ async fn two_stores_claim_every_job_once() {
         tokio::spawn(async move {
             let mut claimed = Vec::new();
             while let Some((id, lease)) = claim(&store, 2).await {
-                store.finish(&lease, result(), None, 3).await.unwrap();
+                store.finish(&lease, result(), JobEffect::None, 3).await.unwrap();
                 claimed.push(id);
             }
             claimed
@@ -111,7 +111,7 @@ async fn a_lost_lease_changes_nothing() {
         assert!(matches!(store.heartbeat(bad, now, LEASE_MS).await, Err(StoreError::LeaseLost)));
         assert!(matches!(store.progress(bad, &progress, now).await, Err(StoreError::LeaseLost)));
         assert!(matches!(store.checkpoint(bad, &digest(5), now).await, Err(StoreError::LeaseLost)));
-        assert!(matches!(store.finish(bad, result(), None, now).await, Err(StoreError::LeaseLost)));
+        assert!(matches!(store.finish(bad, result(), JobEffect::None, now).await, Err(StoreError::LeaseLost)));
         assert!(matches!(store.fail(bad, trouble(), None, now).await, Err(StoreError::LeaseLost)));
         assert!(matches!(store.release(bad, now).await, Err(StoreError::LeaseLost)));
         assert!(matches!(store.end_cancelled(bad, now).await, Err(StoreError::LeaseLost)));
@@ -119,9 +119,12 @@ async fn a_lost_lease_changes_nothing() {
     let job = store.job(&id).await.unwrap();
     assert_eq!((job.state, job.attempt, job.progress, job.checkpoint), (JobState::Running, 2, None, None));
 
-    let done = store.finish(&fresh, result(), None, late + 2).await.unwrap();
+    let done = store.finish(&fresh, result(), JobEffect::None, late + 2).await.unwrap();
     assert_eq!((done.state, done.result), (JobState::Succeeded, Some(result())));
-    assert!(matches!(store.finish(&fresh, result(), None, late + 3).await, Err(StoreError::LeaseLost)), "once");
+    assert!(
+        matches!(store.finish(&fresh, result(), JobEffect::None, late + 3).await, Err(StoreError::LeaseLost)),
+        "once"
+    );
 }
 
 #[tokio::test]
@@ -136,7 +139,7 @@ async fn heartbeats_keep_a_lease() {
         assert_eq!((beat.until_ms, beat.cancel_requested), (now + LEASE_MS, false));
         assert_eq!(store.expire_leases(now).await.unwrap(), []);
     }
-    store.finish(&lease, result(), None, now).await.unwrap();
+    store.finish(&lease, result(), JobEffect::None, now).await.unwrap();
 }
 
 #[tokio::test]
@@ -244,7 +247,7 @@ async fn a_learned_kernel_gets_its_number_with_the_end_of_its_job() {
     let learned = LearnResult { kernels: vec![kernel.clone(), kernel], loss_history: vec![0.5], order: 0 };
     let learned = JobResult::Learn(learned);
     let far = KernelKey { distance: Distance { nm: 200_000_000 }, ..key() };
-    let both = |artifact| vec![(key(), new_version(artifact)), (far.clone(), new_version(2))];
+    let both = |artifact| JobEffect::Kernels(vec![(key(), new_version(artifact)), (far.clone(), new_version(2))]);
     let missing = store.finish(&lease, learned.clone(), both(99), 2).await;
     assert!(matches!(missing, Err(StoreError::NotFound { .. })));
     let job = store.finish(&lease, learned.clone(), both(1), 2).await.unwrap();
@@ -347,7 +350,7 @@ async fn zombies_write_nothing() {
             elsewhere.heartbeat(&zombie, late, LEASE_MS).await.map(drop),
             elsewhere.progress(&zombie, &progress, late).await,
             elsewhere.checkpoint(&zombie, &digest(1_000_000), late).await.map(drop),
-            elsewhere.finish(&zombie, result(), None, late).await.map(drop),
+            elsewhere.finish(&zombie, result(), JobEffect::None, late).await.map(drop),
             elsewhere.fail(&zombie, trouble(), None, late).await.map(drop),
             elsewhere.postpone(&zombie, trouble(), late, late).await.map(drop),
             elsewhere.release(&zombie, late).await.map(drop),
@@ -358,7 +361,7 @@ async fn zombies_write_nothing() {
             rejected += 1;
         }
         assert_eq!((saved, store.job(&id).await.unwrap()), (None, before), "nothing has changed");
-        store.finish(&fresh, result(), None, late + 1).await.unwrap();
+        store.finish(&fresh, result(), JobEffect::None, late + 1).await.unwrap();
     }
     assert_eq!(rejected, 8 * zombies);
 }

@@ -1,6 +1,5 @@
 use super::*;
 use crate::QueueLimits;
-use lightpath_domain::dataset::{Split, digest as dataset_digest, draw_split};
 use lightpath_domain::display::Display;
 
 #[tokio::test]
@@ -65,7 +64,7 @@ async fn artifacts_count_for_their_owners_and_concern_their_displays() {
     assert!(concerns(1, "bob", &["other"]).await && !concerns(1, "cyd", &["lab"]).await);
     store.create_dataset(&dataset("d"), 5).await.unwrap();
     record(&store, 12).await;
-    store.add_pair("d", &pair(4)).await.unwrap();
+    store.add_pair("d", &pair(4), &[]).await.unwrap();
     assert!(store.artifact_concerns(&pair(4).photo, "cyd", &lab).await.unwrap());
     assert!(!store.artifact_concerns(&pair(4).photo, "cyd", &["other".to_owned()]).await.unwrap());
 }
@@ -83,40 +82,24 @@ async fn a_dataset_takes_pairs_until_it_is_finalized() {
     assert!(matches!(store.create_dataset(&lost, 9).await, Err(StoreError::NotFound { .. })));
 
     for n in 0..5 {
-        store.add_pair("d", &pair(n)).await.unwrap();
+        store.add_pair("d", &pair(n), &[]).await.unwrap();
     }
-    assert_eq!(store.add_pair("d", &pair(4)).await.unwrap().pair_count, 5, "the same pair again changes nothing");
+    assert_eq!(store.add_pair("d", &pair(4), &[]).await.unwrap().pair_count, 5, "the same pair again changes nothing");
     let same_id = Pair { photo: digest(11), ..pair(4) };
     let same_phase = Pair { id: "x".into(), photo: digest(11), ..pair(4) };
     let same_photo = Pair { id: "x".into(), phase: digest(11), ..pair(4) };
     for taken in [same_id, same_phase, same_photo] {
-        assert!(matches!(store.add_pair("d", &taken).await, Err(StoreError::AlreadyExists { .. })));
+        assert!(matches!(store.add_pair("d", &taken, &[]).await, Err(StoreError::AlreadyExists { .. })));
     }
     let unknown = Pair { id: "y".into(), phase: digest(98), photo: digest(99), ..Pair::default() };
-    assert!(matches!(store.add_pair("d", &unknown).await, Err(StoreError::NotFound { .. })));
+    assert!(matches!(store.add_pair("d", &unknown, &[]).await, Err(StoreError::NotFound { .. })));
 
-    let open = store.dataset("d").await.unwrap();
-    let drawn = draw_split(&open.pairs, 0.2, 0.2, 1);
-    let splits: Vec<_> = drawn.into_iter().map(|(id, split)| (id, Some(split))).collect();
-    let few = &splits[1..];
-    assert!(matches!(store.finalize_dataset("d", few, "x", 20).await, Err(StoreError::Aborted { .. })));
-    let all_train: Vec<_> = splits.iter().map(|(id, _)| (id.clone(), Some(Split::Train))).collect();
-    assert!(matches!(store.finalize_dataset("d", &all_train, "x", 20).await, Err(StoreError::Precondition { .. })));
-
-    let mut split = open.clone();
-    for (pair, (_, s)) in split.pairs.iter_mut().zip(&splits) {
-        pair.split = *s;
-    }
-    let content = dataset_digest(&split);
-    let closed = store.finalize_dataset("d", &splits, &content, 20).await.unwrap();
-    assert_eq!((closed.digest.as_deref(), closed.finalize_time_ms), (Some(content.as_str()), Some(20)));
+    let closed = preparing::finalize(&store, "d").await;
+    assert_eq!(closed.finalize_time_ms, Some(20));
     assert_eq!(store.dataset("d").await.unwrap(), closed);
-    assert_eq!(closed.pairs, split.pairs);
-    assert_eq!(store.finalize_dataset("d", &splits, &content, 30).await.unwrap(), closed);
-    assert!(matches!(store.finalize_dataset("d", &splits, "y", 30).await, Err(StoreError::Precondition { .. })));
     let late = Pair { id: "late".into(), phase: digest(10), photo: digest(11), ..Pair::default() };
-    assert!(matches!(store.add_pair("d", &late).await, Err(StoreError::Precondition { .. })));
-    store.add_pair("d", &pair(0)).await.unwrap();
+    assert!(matches!(store.add_pair("d", &late, &[]).await, Err(StoreError::Precondition { .. })));
+    store.add_pair("d", &pair(0), &[]).await.unwrap();
 
     store.create_dataset(&dataset("e"), 5).await.unwrap();
     let ids: Vec<String> =

@@ -81,7 +81,7 @@ async fn many_jobs_slow_nothing_down() {
     let limits = ClaimLimits { per_owner: 50, per_display: 0 };
     let claim = times(async |_| {
         let (_, lease) = store.claim_within(limits, i64::MAX / 4, LEASE_MS, "w").await.unwrap().unwrap();
-        store.finish(&lease, result(), None, i64::MAX / 4 + 1).await.unwrap();
+        store.finish(&lease, result(), JobEffect::None, i64::MAX / 4 + 1).await.unwrap();
     })
     .await;
     claim.tell("claim and finish");

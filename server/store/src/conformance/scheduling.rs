@@ -57,7 +57,7 @@ async fn everybody_gets_a_turn() {
     let mut order = Vec::new();
     for now in 20..27 {
         let (owner, lease) = claimed_owner(&store, ClaimLimits::default(), now).await.unwrap();
-        store.finish(&lease, result(), None, now).await.unwrap();
+        store.finish(&lease, result(), JobEffect::None, now).await.unwrap();
         order.push(owner);
     }
     assert_eq!(order, ["ada", "bob", "cyd", "ada", "bob", "ada", "ada"]);
@@ -77,7 +77,7 @@ async fn who_has_fewer_running_comes_first_and_limits_are_kept_by_live_leases() 
     assert_eq!(claimed_owner(&store, two, 22).await.unwrap().0, "bob");
     assert_eq!(claimed_owner(&store, two, 23).await.unwrap().0, "bob");
     assert!(claimed_owner(&store, two, 24).await.is_none(), "both have two");
-    store.finish(&first, result(), None, 25).await.unwrap();
+    store.finish(&first, result(), JobEffect::None, 25).await.unwrap();
     assert_eq!(claimed_owner(&store, two, 26).await.unwrap().0, "ada");
 
     put(&store, "more", |_| ()).await.unwrap();
@@ -192,14 +192,14 @@ async fn jobs_run_after_what_they_wait_for() {
     let (_, first) = claim(&store, 20).await.unwrap();
     let (_, second) = claim(&store, 20).await.unwrap();
     assert_eq!(claim(&store, 20).await, None);
-    store.finish(&second, result(), None, 21).await.unwrap();
+    store.finish(&second, result(), JobEffect::None, 21).await.unwrap();
     assert_eq!((store.job(&c.id).await.unwrap().waiting_for, claim(&store, 21).await), (1, None));
-    store.finish(&first, result(), None, 22).await.unwrap();
+    store.finish(&first, result(), JobEffect::None, 22).await.unwrap();
     for expected in [&c.id, &d.id] {
         let (job, lease) = claim(&store, 23).await.unwrap();
         assert_eq!((&job.id, job.waiting_for), (expected, 0));
         assert_eq!(claim(&store, 23).await, None);
-        store.finish(&lease, result(), None, 24).await.unwrap();
+        store.finish(&lease, result(), JobEffect::None, 24).await.unwrap();
     }
     let late = put_after(&store, "late", &[&a]).await.unwrap();
     assert_eq!(late.waiting_for, 0, "it has succeeded already");
@@ -226,7 +226,7 @@ async fn what_waits_for_a_failed_job_fails_and_can_be_retried_in_order() {
     assert_eq!(store.retry(&b, 24).await.unwrap().waiting_for, 1);
     let (job, lease) = claim(&store, 25).await.unwrap();
     assert_eq!(job.id, a);
-    store.finish(&lease, result(), None, 26).await.unwrap();
+    store.finish(&lease, result(), JobEffect::None, 26).await.unwrap();
     assert_eq!(claim(&store, 27).await.unwrap().0.id, b);
     // Cancelling a waiting job has the same effect.
     store.retry(&c, 28).await.unwrap();
@@ -243,7 +243,7 @@ async fn a_batch_has_one_progress() {
     }
     put(&store, "alone", |_| ()).await.unwrap();
     let (_, lease) = claim(&store, 20).await.unwrap();
-    store.finish(&lease, result(), None, 21).await.unwrap();
+    store.finish(&lease, result(), JobEffect::None, 21).await.unwrap();
     let (_, lease) = claim(&store, 22).await.unwrap();
     let progress = Progress { stage: "x".into(), step: 5, steps_total: 10, loss: 0.5, eta_s: None };
     store.progress(&lease, &progress, 23).await.unwrap();

@@ -2,7 +2,7 @@
 
 use super::super::*;
 use super::bench::{Bench, now_ms};
-use lightpath_domain::job::{FailureReason, JobState, Progress};
+use lightpath_domain::job::{FailureReason, JobEffect, JobState, Progress};
 use lightpath_fixtures::{capture_job, capture_result, display};
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -31,7 +31,7 @@ fn progress(step: u8) -> Progress {
 }
 
 fn output(photo: impl AsRef<str>) -> TaskOutput {
-    TaskOutput { result: capture_result(photo.as_ref()), learned: Vec::new() }
+    TaskOutput { result: capture_result(photo.as_ref()), effect: JobEffect::None }
 }
 
 /// Counts to [`STEPS`], starting from a saved state if there is one, and calls `each` with every step.

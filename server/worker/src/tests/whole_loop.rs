@@ -3,11 +3,13 @@
 
 use super::super::*;
 use super::bench::{Bench, DISTANCE};
-use lightpath_domain::dataset::{self, Dataset, Encoding, Pair};
+use lightpath_artifacts::digest_of;
+use lightpath_domain::dataset::{self, Dataset, Encoding, Finalization, Pair, PreparedDataset};
 use lightpath_domain::display::Display;
 use lightpath_domain::job::{
-    EvaluateKernel, Fit, HologramResult, ImagePlane, JobResult, JobSpec, JobState, LearnKernel, OptimizeHologram,
-    PlaneResult, SimulateCapture,
+    EvaluateKernel, FailureReason, Fit, HologramResult, ImagePlane, JobEffect, JobResult, JobSpec, JobState,
+    LearnKernel, OptimizeHologram, PlaneResult, PrepareDataset, PrepareResult, PrepareStep, ReportKernel,
+    SimulateCapture,
 };
 use lightpath_domain::kernel::{KernelKey, KernelModel};
 use lightpath_fixtures::{WAVELENGTH, display};
@@ -16,6 +18,11 @@ use lightpath_optics::hologram::Loss;
 use lightpath_optics::{
     Carrier, Detector, Grid, HologramMethod, InitialPhase, Plane, RegionOfInterest, SimulatedBench,
 };
+use std::collections::BTreeMap;
+
+/// A quarter of the pairs is held out.
+const QUARTER: Finalization =
+    Finalization { validation_fraction: 0.0, test_fraction: 0.25, seed: 1, keep_alignment: true };
 
 struct Lab {
     bench: Bench,
@@ -95,6 +102,11 @@ impl Lab {
 
     /// Creates a dataset of ideal holograms and their photographs on the simulated bench.
     async fn dataset(&self, pairs: usize) {
+        let pairs = self.photographed(pairs).await;
+        self.finalized(pairs).await;
+    }
+
+    async fn photographed(&self, pairs: usize) -> Vec<Pair> {
         let mut photographed = Vec::new();
         for n in 0..pairs {
             let ideal = self.hologram(&format!("ideal{n}"), optimize(self.target(n).await, None, 40)).await;
@@ -102,7 +114,7 @@ impl Lab {
             let phase = phase(&ideal).to_owned();
             photographed.push(Pair { id: format!("p{n}"), phase, photo, ..Pair::default() });
         }
-        self.finalized(photographed).await;
+        photographed
     }
 
     /// Ideal holograms and their photographs by an ideal display's camera that saturates at half the target's peak.
@@ -119,21 +131,37 @@ impl Lab {
         photographed
     }
 
-    /// Creates and finalizes a dataset of these pairs, with a quarter of them for testing.
-    async fn finalized(&self, pairs: Vec<Pair>) {
-        let (id, display) = ("photos".to_owned(), "lab".to_owned());
-        let mut dataset = Dataset::empty(id, display, WAVELENGTH, DISTANCE, Encoding::Linear);
+    /// Creates an open dataset of these pairs.
+    async fn opened(&self, id: &str, pairs: &[Pair]) {
+        let dataset = Dataset::empty(id.to_owned(), "lab".to_owned(), WAVELENGTH, DISTANCE, Encoding::Linear);
         self.bench.store.create_dataset(&dataset, 1).await.unwrap();
         for pair in pairs {
-            self.bench.store.add_pair("photos", &pair).await.unwrap();
-            dataset.pairs.push(pair);
+            self.bench.store.add_pair(id, pair, &[]).await.unwrap();
         }
-        let splits = dataset::draw_split(&dataset.pairs, 0.0, 0.25, 1);
-        let splits: Vec<_> = splits.into_iter().map(|(id, split)| (id, Some(split))).collect();
-        for (pair, (_, split)) in dataset.pairs.iter_mut().zip(&splits) {
-            pair.split = *split;
-        }
-        self.bench.store.finalize_dataset("photos", &splits, &dataset::digest(&dataset), 2).await.unwrap();
+    }
+
+    /// A dataset of these pairs, a quarter of them held out.
+    async fn finalized(&self, pairs: Vec<Pair>) {
+        self.opened("photos", &pairs).await;
+        // Closed by hand: a job would leave out what some of the tests are about.
+        let close = |_: &Job, context: &JobContext| {
+            let open = context.wait(context.store().dataset("photos"))?;
+            let splits = dataset::draw_split(&open.pairs, QUARTER.validation_fraction, QUARTER.test_fraction, 1);
+            let prepared = PreparedDataset {
+                dataset: open.id,
+                revision: open.revision,
+                alignment: None,
+                checks: BTreeMap::new(),
+                findings: Vec::new(),
+                closing: Some((QUARTER, splits.into_iter().map(|(id, split)| (id, Some(split))).collect())),
+            };
+            let result = JobResult::Prepare(PrepareResult::default());
+            Ok(TaskOutput { result, effect: JobEffect::Dataset(Box::new(prepared)) })
+        };
+        let id = self.bench.submit("close", prepare("photos"), 1).await;
+        let working = self.bench.start(threads(1), close);
+        assert_eq!(self.bench.ended(&id).await.state, JobState::Succeeded);
+        working.stop().await;
     }
 
     /// Mean squared error between the target and a photograph of the hologram, with fitted gain.
@@ -214,6 +242,11 @@ fn evaluate(kernel_version: Option<u32>) -> JobSpec {
         kernel_version,
         region_of_interest: region(),
     })
+}
+
+fn prepare(dataset: &str) -> JobSpec {
+    let (dataset, display) = (dataset.to_owned(), "lab".to_owned());
+    JobSpec::PrepareDataset(PrepareDataset { dataset, display, step: PrepareStep::Finalize(QUARTER) })
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -317,4 +350,93 @@ async fn interruptions_and_threads_change_no_byte() {
         ];
         assert_eq!(first.artifact, second.artifact, "{name}");
     }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_preparation_goes_on_where_it_was_and_leaves_the_same_dataset() {
+    let lab = Lab::new().await;
+    let pairs = lab.photographed(4).await;
+    lab.opened("whole", &pairs).await;
+    let JobResult::Prepare(whole) = lab.done("whole", prepare("whole")).await else { panic!() };
+    assert_eq!((whole.splits.train, whole.splits.test, whole.splits.left_out), (3, 1, 0), "{:?}", whole.findings);
+
+    // The last photograph is not there when the first attempt comes to it.
+    let last = lab.bench.artifacts.read_all(&pairs[3].photo).await.unwrap();
+    lab.bench.artifacts.delete(&pairs[3].photo).await.unwrap();
+    lab.opened("interrupted", &pairs).await;
+    let id = lab.bench.submit("interrupted", prepare("interrupted"), 1).await;
+    let every_step = WorkerConfig { checkpoint_interval: Duration::ZERO, ..threads(2) };
+    let job = lab.work(every_step, &id, |job| job.state.has_ended()).await;
+    assert_eq!(job.error.unwrap().reason, FailureReason::ArtifactNotFound);
+    let open = lab.bench.store.dataset("interrupted").await.unwrap();
+    assert!(open.digest.is_none() && open.pairs.iter().all(|pair| pair.checks.is_none()), "{open:?}");
+
+    assert_eq!(lab.put(last.clone()).await, digest_of(&last));
+    lab.bench.store.retry(&id, 3).await.unwrap();
+    let job = lab.work(threads(1), &id, |job| job.state.has_ended()).await;
+    assert_eq!(job.progress.unwrap().steps_total, 1, "three of the four had been looked at");
+    assert_eq!(job.result, Some(JobResult::Prepare(whole)));
+    let closed = lab.bench.store.dataset("interrupted").await.unwrap();
+    assert_eq!(closed.digest, Some(dataset::digest(&closed)));
+    assert!(closed.pairs.iter().all(|pair| pair.checks.is_some()));
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_preparation_whose_dataset_was_changed_fails_and_says_so() {
+    let lab = Lab::new().await;
+    let mut pairs = lab.photographed(4).await;
+    let late = pairs.pop().unwrap();
+    lab.opened("d", &pairs).await;
+    let id = lab.bench.submit("prepare", prepare("d"), 3).await;
+    let add = late.clone();
+    let task = move |job: &Job, context: &JobContext| {
+        let output = OpticsTask.run(job, context)?;
+        if job.attempt == 1 {
+            context.wait(context.store().add_pair("d", &add, &[]))?;
+        }
+        Ok(output)
+    };
+    let working = lab.bench.start(threads(2), task);
+    let job = lab.bench.ended(&id).await;
+    let error = job.error.unwrap();
+    assert_eq!((job.state, job.attempt, error.reason), (JobState::Failed, 1, FailureReason::DatasetChanged));
+    let open = lab.bench.store.dataset("d").await.unwrap();
+    assert!(open.digest.is_none() && open.pairs.len() == 4 && open.pairs.iter().all(|pair| pair.split.is_none()));
+    lab.bench.store.retry(&id, 3).await.unwrap();
+    let job = lab.bench.ended(&id).await;
+    let Some(JobResult::Prepare(result)) = job.result else { panic!("{:?}", job.error) };
+    assert_eq!(result.splits.train + result.splits.test, 4);
+    working.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn preparing_and_reporting_end_where_they_are_when_they_are_cancelled() {
+    let lab = Lab::new().await;
+    lab.dataset(4).await;
+    let JobResult::Learn(_) = lab.done("learn", learn(KernelModel::Smooth, 1, 2)).await else { panic!() };
+    let open: Vec<Pair> = lab.bench.store.dataset("photos").await.unwrap().pairs;
+    lab.opened("open", &open.into_iter().map(|pair| Pair { split: None, ..pair }).collect::<Vec<_>>()).await;
+    let kernel = KernelKey { display: "lab".to_owned(), wavelength: WAVELENGTH, distance: DISTANCE };
+    let report = JobSpec::ReportKernel(ReportKernel { kernel, version: 1 });
+    let JobResult::Report(made) = lab.done("whole report", report.clone()).await else { panic!() };
+    assert!(made.figures.iter().any(|figure| figure.name.starts_with("residual-p")), "{made:?}");
+
+    // The wish is there before the work begins, so that its first look for it ends it.
+    let wait = |job: &Job, context: &JobContext| {
+        while context.should_stop().is_none() {
+            std::thread::yield_now();
+        }
+        OpticsTask.run(job, context)
+    };
+    let working = lab.bench.start(threads(2), wait);
+    for (request_id, spec) in [("report", report), ("prepare", prepare("open"))] {
+        let id = lab.bench.submit(request_id, spec, 3).await;
+        lab.bench.until(&id, |job| job.state == JobState::Running).await;
+        lab.bench.store.cancel(&id, 4).await.unwrap();
+        let job = lab.bench.ended(&id).await;
+        assert_eq!((job.state, job.result), (JobState::Cancelled, None), "{request_id}");
+        assert!(job.progress.is_some(), "{request_id}");
+    }
+    working.stop().await;
+    assert!(lab.bench.store.dataset("open").await.unwrap().digest.is_none());
 }

@@ -71,7 +71,7 @@ impl Worlds {
 
     async fn finish(&mut self, job: usize, stale: bool) {
         let Some((index, lease, holds)) = self.model.lease(job, stale) else { return };
-        let ended = self.store.finish(&lease, result(), None, self.model.now_ms).await;
+        let ended = self.store.finish(&lease, result(), JobEffect::None, self.model.now_ms).await;
         assert_eq!(ended.is_ok(), holds);
         if holds {
             self.model.end(index, JobState::Succeeded);

@@ -1,0 +1,118 @@
+//! Checking requests to align or finalize a dataset.
+
+use crate::api::Api;
+use crate::error::ApiError;
+use crate::field::Field;
+use crate::names;
+use lightpath_domain::access::Caller;
+use lightpath_domain::dataset::{Dataset, Finalization};
+use lightpath_domain::job::{AlignBy, Job, PrepareDataset, PrepareStep};
+use lightpath_media::pictures;
+use lightpath_optics::alignment::{Homography, PointPair};
+use lightpath_proto::v1;
+use lightpath_proto::v1::prepare_dataset::align::Source;
+use lightpath_proto::v1::prepare_dataset::{Align, Finalize, Step};
+
+/// Largest fraction of the pairs that may be held out: something must be left to learn from.
+const HELD_OUT_FRACTION_MAX: f64 = 0.8;
+/// Pairs held out for the test unless said otherwise.
+const TEST_FRACTION_DEFAULT: f64 = 0.2;
+/// Far more than fix a homography.
+const POINTS_MAX: usize = 10_000;
+
+impl Api {
+    /// The job that a request asks for, where the dataset can still be prepared so. `before` is the job that the same
+    /// request made earlier.
+    pub(crate) async fn prepare_dataset_spec(
+        &self,
+        caller: &Caller,
+        message: v1::PrepareDataset,
+        field: &Field,
+        before: Option<&Job>,
+    ) -> Result<PrepareDataset, ApiError> {
+        let dataset_field = field.at("dataset");
+        let id = names::dataset_id(&dataset_field, &message.dataset)?;
+        let dataset = self.dataset_named(caller, &dataset_field, &id).await?;
+        let step = match field.at("step").required(message.step)? {
+            Step::Align(align) => PrepareStep::Align(self.align_by(caller, align, &field.at("align")).await?),
+            Step::Finalize(finalize) => PrepareStep::Finalize(finalization(&finalize, &field.at("finalize"))?),
+        };
+        // A request that is sent again means its job, whatever that has done meanwhile.
+        if before.is_none() {
+            require_possible(&dataset_field, &dataset, &step)?;
+        }
+        Ok(PrepareDataset { dataset: id, display: dataset.display, step })
+    }
+
+    async fn align_by(&self, caller: &Caller, align: Align, field: &Field) -> Result<AlignBy, ApiError> {
+        match field.at("source").required(align.source)? {
+            Source::Points(points) => align_by_points(&points, &field.at("points")),
+            Source::DotsPhoto(digest) => {
+                let field = field.at("dots_photo");
+                let photo = field.digest(&digest)?;
+                self.require_picture(caller, &field, &photo).await?;
+                Ok(AlignBy::Dots { photo })
+            }
+            Source::Pairs(true) => Ok(AlignBy::Pairs),
+            Source::None(true) => Ok(AlignBy::None),
+            Source::Pairs(false) => Err(field.at("pairs").invalid("is false, but must be true")),
+            Source::None(false) => Err(field.at("none").invalid("is false, but must be true")),
+        }
+    }
+}
+
+fn align_by_points(points: &v1::AlignmentPoints, field: &Field) -> Result<AlignBy, ApiError> {
+    let side = 1..=pictures::SIDE_PX_MAX;
+    let photo_width_px = field.at("photo_width_px").integer(points.photo_width_px, side.clone())?;
+    let photo_height_px = field.at("photo_height_px").integer(points.photo_height_px, side)?;
+    let (field, count) = (field.at("points"), points.points.len());
+    if count > POINTS_MAX {
+        return Err(field.invalid(format!("are {count}, but must be at most {POINTS_MAX}")));
+    }
+    let given = points.points.iter().map(|point| PointPair {
+        display: [point.display_x_px, point.display_y_px],
+        camera: [point.photo_x_px, point.photo_y_px],
+    });
+    let points: Vec<PointPair> = given.collect();
+    Homography::from_points(&points).map_err(|error| field.invalid(format!("fix no alignment: {error}")))?;
+    Ok(AlignBy::Points { photo_width_px, photo_height_px, points })
+}
+
+fn finalization(finalize: &Finalize, field: &Field) -> Result<Finalization, ApiError> {
+    let allowed = 0.0..=HELD_OUT_FRACTION_MAX;
+    let validation_field = field.at("validation_fraction");
+    let validation_fraction = validation_field.number(finalize.validation_fraction, allowed.clone())?;
+    let test_fraction = field.at("test_fraction").number_or(finalize.test_fraction, TEST_FRACTION_DEFAULT, allowed)?;
+    if validation_fraction + test_fraction > HELD_OUT_FRACTION_MAX {
+        return Err(validation_field.invalid(format!(
+            "and test_fraction are {validation_fraction} and {test_fraction}, but must sum to at most 0.8"
+        )));
+    }
+    let Finalize { seed, keep_alignment, .. } = *finalize;
+    Ok(Finalization { validation_fraction, test_fraction, seed, keep_alignment })
+}
+
+/// The dataset is open, or finalized in just this way; and it has what the job looks at.
+fn require_possible(field: &Field, dataset: &Dataset, step: &PrepareStep) -> Result<(), ApiError> {
+    let id = &dataset.id;
+    let (reason, problem) = match (&dataset.finalization, step) {
+        (Some(before), PrepareStep::Finalize(wanted)) if before == wanted => return Ok(()),
+        (Some(before), PrepareStep::Finalize(_)) => {
+            let Finalization { validation_fraction, test_fraction, seed, keep_alignment } = before;
+            let kept = if *keep_alignment { ", keep_alignment" } else { "" };
+            let how = format!(
+                "is finalized already, with validation_fraction {validation_fraction}, test_fraction {test_fraction}, seed \
+                 {seed}{kept}; create another dataset"
+            );
+            ("DATASET_FINALIZED", how)
+        }
+        (Some(_), PrepareStep::Align(_)) => {
+            ("DATASET_FINALIZED", "is finalized, and its alignment with it; create another dataset".to_owned())
+        }
+        (None, PrepareStep::Finalize(_) | PrepareStep::Align(AlignBy::Pairs)) if dataset.pair_count == 0 => {
+            ("DATASET_EMPTY", "has no pairs; add some: lightpath dataset add --help".to_owned())
+        }
+        (None, _) => return Ok(()),
+    };
+    Err(ApiError::Precondition { reason, message: format!("{field}: datasets/{id} {problem}") })
+}
