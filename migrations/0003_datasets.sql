@@ -1,21 +1,22 @@
--- Sets of (hologram, photograph) pairs; immutable once they have a digest.
+-- Sets of (hologram, photograph) pairs, immutable once they have a digest.
 create table dataset (
     id               text    not null primary key check (length(id) between 1 and 63),
     display          text    not null references display (id),
     wavelength_pm    integer not null check (wavelength_pm > 0),
     distance_nm      integer not null check (distance_nm <> 0),
     photo_encoding   text    not null check (photo_encoding in ('linear', 'srgb')),
-    -- bits of the camera where they are fewer than the files'; 0: the files'
+    -- bits of the camera if the files have more; 0: the bits of the files
     photo_bit_depth  integer not null default 0 check (photo_bit_depth between 0 and 16),
-    -- where the camera sees the display's pixels; null: one camera pixel a pixel of the display
+    -- position of the display's pixels in the photographs; null: one camera pixel for each pixel of the display
     alignment        text    check (json_valid(alignment)),
     pair_count       integer not null default 0 check (pair_count >= 0),
-    -- what should be known about the dataset as a whole
+    -- problems of the dataset as a whole
     findings         text    not null default '[]' check (json_valid(findings)),
-    -- grows with every change: what was computed from another one is refused
+    -- grows with every change; results computed from an older revision are refused
     revision         integer not null default 1 check (revision >= 1),
     digest           text,
-    -- fractions and seed of the split
+    -- settings with which the dataset was finalized: fractions and seed of the split, and whether the alignment was
+    -- kept
     finalization     text    check (json_valid(finalization)),
     create_time_ms   integer not null,
     finalize_time_ms integer,
@@ -29,19 +30,20 @@ create trigger finalized_dataset_stays before update on dataset
 when old.digest is not null
 begin select raise(abort, 'the dataset is finalized'); end;
 
--- A hologram and a photograph are in a dataset at most once: a second partner would be a mistake.
+-- Pairs of datasets. A hologram or a photograph may be in only one pair of a dataset: a second partner would be a
+-- mistake.
 create table pair (
     dataset  text not null references dataset (id),
     id       text not null check (length(id) between 1 and 63),
     phase    text not null references artifact (digest),
     photo    text not null references artifact (digest),
-    -- null in a finalized dataset: the pair is left out
+    -- use of the pair; null: not drawn yet, or (in a finalized dataset) left out
     split    text check (split in ('train', 'validation', 'test')),
-    -- black level, exposure time and amplification; null where nothing is known
+    -- black level, exposure time and amplification; null: nothing is known
     exposure text check (json_valid(exposure)),
-    -- what was measured of the pair with the dataset's alignment; null where nothing was yet
+    -- measurements of the pair with the dataset's alignment; null: not measured yet
     checks   text check (json_valid(checks)),
-    -- what should be known about the pair
+    -- problems of the pair
     findings text not null default '[]' check (json_valid(findings)),
     primary key (dataset, id),
     unique (dataset, phase),

@@ -1,7 +1,7 @@
--- Learned light transport: one kernel for a display, wavelength and distance, with numbered versions.
+-- Kernels: learned light transport for a display, wavelength and distance, with numbered versions.
 create table kernel (
     id             integer primary key,
-    -- the resource name: what lists are ordered by
+    -- resource name, which gives the order of lists
     name           text    not null unique,
     display        text    not null references display (id),
     wavelength_pm  integer not null check (wavelength_pm > 0),
@@ -30,8 +30,8 @@ create index kernel_version_by_artifact on kernel_version (artifact);
 create trigger kernel_version_stays before update on kernel_version
 begin select raise(abort, 'kernel versions are immutable'); end;
 
--- Every move of the alias `active`. A rollback names the move that it undoes, and no move is undone twice:
--- the moves that are not undone are the stack that the next rollback takes from.
+-- History of the alias `active`. A rollback names the move that it undoes, and no move is undone twice. So the moves
+-- that are not undone form a stack, and the next rollback undoes the top one.
 create table kernel_move (
     sequence     integer primary key autoincrement,
     kernel       integer not null references kernel (id),

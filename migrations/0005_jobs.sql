@@ -1,13 +1,13 @@
--- The queue. A job's columns always agree with its state:
+-- The queue. The columns of a job always agree with its state:
 --
---     queued     waits: no lease, no end
+--     queued     the job waits; it has no lease and no end
 --     running    one worker holds the lease (attempt, lease_id) until lease_until_ms
---     succeeded  has a result
---     failed     has an error; can be queued again by hand
---     cancelled  ended because somebody asked for it
+--     succeeded  the job has a result
+--     failed     the job has an error; a user can put it back into the queue
+--     cancelled  the job ended because a user cancelled it
 create table job (
     id               text    not null primary key,
-    -- the same request is the same job, however often it is sent
+    -- id chosen by the client: a repeated request is the same job
     request_id       text    not null unique check (length(request_id) between 1 and 128),
     display          text    not null references display (id),
     dataset          text    references dataset (id),
@@ -15,27 +15,28 @@ create table job (
     kind             text    generated always as (spec ->> '$.kind') virtual,
     state            text    not null check (state in ('queued', 'running', 'succeeded', 'failed', 'cancelled')),
 
-    -- when and for whom it runs: lower priorities first
+    -- a job with a lower number runs first
     priority         integer not null,
-    -- whose turn the job takes; empty: nobody said
+    -- owner of the job, for fair turns; empty: unknown
     owner            text    not null default '' check (length(owner) <= 128),
-    -- jobs that are looked at together
+    -- users list and watch the jobs of a batch together
     batch            text    check (length(batch) between 1 and 128),
-    -- at most one job with the same key waits or runs
+    -- at most one queued or running job may have the key
     unique_key       text    check (length(unique_key) between 1 and 128),
-    -- asked for: an earliest start, and a longest attempt
+    -- requested earliest start, and requested time limit of an attempt
     not_before_ms    integer,
     timeout_ms       integer check (timeout_ms > 0),
-    -- ids of the jobs that must have succeeded first, as JSON, and how many of them have not
+    -- ids of the jobs that must succeed before this job starts, as JSON, and the number of those that have not
+    -- succeeded yet
     after            text    not null default '[]' check (json_valid(after)),
     waiting_for      integer not null default 0 check (waiting_for >= 0),
 
-    -- claims so far; part of the fence
+    -- number of attempts started so far; with lease_id it fences off writes of workers that lost their lease
     attempt          integer not null default 0 check (attempt >= 0),
     attempts_max     integer not null check (attempts_max >= 1),
-    -- failed attempts since the job last got ahead
+    -- failed attempts since the last checkpoint
     failures         integer not null default 0 check (failures >= 0),
-    -- deaths of the server during an attempt, since the job last got ahead
+    -- deaths of the server during attempts, since the last checkpoint
     crashes          integer not null default 0 check (crashes >= 0),
     lease_id         text,
     lease_until_ms   integer,
@@ -43,7 +44,7 @@ create table job (
     cancel_requested integer not null default 0 check (cancel_requested in (0, 1)),
 
     create_time_ms   integer not null,
-    -- a queued job does not start before this: asked for, or the end of the wait after a failed attempt
+    -- earliest start of a queued job: the requested one, or the end of the pause after a failed attempt
     run_time_ms      integer not null,
     start_time_ms    integer,
     finish_time_ms   integer,
@@ -76,15 +77,15 @@ create index job_by_finish on job (finish_time_ms) where finish_time_ms is not n
 create index job_leased on job (lease_until_ms) where state = 'running';
 create index job_with_checkpoint on job (checkpoint) where checkpoint is not null;
 create unique index job_unique on job (unique_key) where unique_key is not null and state in ('queued', 'running');
--- how long the first job in turn of each kind has waited
+-- for the waiting time of the first due job of each kind
 create index job_due_by_kind on job (kind, run_time_ms) where state = 'queued' and waiting_for = 0;
 
--- Ended means ended, except that a failed or cancelled job can be queued again.
+-- A job that has succeeded never changes. A failed or cancelled job can be put back into the queue.
 create trigger succeeded_job_stays before update on job
 when old.state = 'succeeded'
 begin select raise(abort, 'the job has succeeded'); end;
 
--- What happened to a job, for people.
+-- Events in the history of a job, for people.
 create table job_event (
     sequence integer primary key autoincrement,
     job      text    not null references job (id),
@@ -95,7 +96,7 @@ create table job_event (
 
 create index job_event_by_job on job_event (job, sequence);
 
--- What a job must wait for.
+-- Jobs that must succeed before a job starts.
 create table job_dependency (
     job   text not null references job (id),
     after text not null references job (id),
@@ -104,9 +105,9 @@ create table job_dependency (
 
 create index job_dependency_by_after on job_dependency (after);
 
--- What jobs read and made, so that an artifact that nobody refers to is found without reading every job. There is no
--- foreign key to artifact: the triggers below read whatever looks like a digest, and a submit refuses what is not stored.
--- A dataset's digest is not an artifact's.
+-- Artifacts that jobs read or made. With them, unreferenced artifacts are found without reading every job. The table
+-- has no foreign key to artifact: the triggers below insert every text that looks like a digest, and a submit is
+-- refused if an artifact is not stored. The digest of a dataset does not name an artifact.
 create table job_artifact (
     job      text not null references job (id),
     artifact text not null,
@@ -130,8 +131,8 @@ begin
     where type = 'text' and value glob 'sha256-*' and length(value) = 71 and key is not 'dataset_digest';
 end;
 
--- A lane is a priority, an owner and a display. Within a lane the longest due job runs first, so that a claim looks at
--- one job of every lane, however many wait.
+-- A lane is a priority, an owner and a display. The job of a lane that has been due longest runs first. So a claim
+-- looks at one job of every lane, no matter how many jobs wait.
 create index job_to_claim on job (priority, owner, display, run_time_ms, id) where state = 'queued' and waiting_for = 0;
 
 create table lane (
@@ -170,7 +171,7 @@ begin
     delete from lane where priority = old.priority and owner = old.owner and display = old.display and ready = 0;
 end;
 
--- How many jobs there are, so that nobody has to count them.
+-- Numbers of jobs, kept up to date by the triggers below, so that no query must count them.
 create table job_count (
     state text    not null,
     kind  text    not null,
@@ -198,7 +199,7 @@ begin
     update job_count set jobs = jobs - 1 where state = old.state and kind = old.kind and owner = old.owner;
 end;
 
--- Nothing starts for this display; for an empty one, nothing at all.
+-- Pauses: no job for the display starts. Empty display: no job starts.
 create table pause (
     display text    not null primary key,
     time_ms integer not null,

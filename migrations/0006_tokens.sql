@@ -1,14 +1,15 @@
--- API tokens, known by their SHA-256 alone. A name is never given twice: the audit log means one token by it.
+-- API tokens, identified by their SHA-256 only. A name is never used for another token, so names in the audit log are
+-- unambiguous.
 create table token (
     name           text    not null primary key check (length(name) between 1 and 63),
     hash           text    not null unique check (length(hash) = 64),
     role           text    not null check (role in ('viewer', 'submitter', 'curator', 'firmware', 'admin')),
-    -- ids of the displays that it is for, as JSON; none: all
+    -- ids of the displays for which the token is valid, as JSON; empty: all displays
     displays       text    not null check (json_valid(displays)),
     create_time_ms integer not null,
     expire_time_ms integer,
     revoke_time_ms integer,
-    -- a firmware token is for one display or several, never for all
+    -- a firmware token is valid for named displays only, never for all
     check (role <> 'firmware' or json_array_length(displays) > 0)
 ) strict, without rowid;
 

@@ -1,5 +1,5 @@
-//! Compiles `lightpath/v1/*.proto` without a protoc: protox parses, prost and tonic generate, pbjson adds
-//! protobuf's JSON form, and the values of every enumeration are listed with their comments.
+//! Compiles `lightpath/v1/*.proto` without protoc. protox parses the files, prost and tonic generate Rust code, and
+//! pbjson adds the JSON form of protobuf. This script also lists the values of every enumeration with their comments.
 
 use prost::Message as _;
 use prost_types::source_code_info::Location;
@@ -16,7 +16,7 @@ const PROTOS: [&str; 6] = [
     "lightpath/v1/propagation.proto",
 ];
 
-/// Numbers of fields in descriptors, of which the paths of comments are made.
+/// Field numbers in descriptors. The path of a comment in `SourceCodeInfo` consists of such numbers and of indices.
 const MESSAGE_IN_FILE: i32 = 4;
 const ENUM_IN_FILE: i32 = 5;
 const MESSAGE_IN_MESSAGE: i32 = 3;
@@ -29,7 +29,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let out_dir = PathBuf::from(env::var("OUT_DIR")?);
     let encoded = descriptors.encode_to_vec();
     fs::write(out_dir.join("descriptors.bin"), &encoded)?;
-    fs::write(out_dir.join("words.rs"), words(&descriptors.file)?)?;
+    fs::write(out_dir.join("words.rs"), words_code(&descriptors.file)?)?;
 
     tonic_prost_build::configure()
         .bytes(".")
@@ -40,23 +40,24 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// An implementation of `Words` for every enumeration of the API.
-fn words(files: &[FileDescriptorProto]) -> Result<String, Box<dyn Error>> {
+/// Returns Rust code that implements `Words` for every enumeration of the API.
+fn words_code(files: &[FileDescriptorProto]) -> Result<String, Box<dyn Error>> {
     let mut code = String::new();
     for file in files.iter().filter(|file| file.package() == "lightpath.v1") {
         let comments = file.source_code_info.as_ref().map_or(&[][..], |info| &info.location);
-        for (i, one) in (0..).zip(&file.enum_type) {
-            write_words(&mut code, "", one, comments, &[ENUM_IN_FILE, i])?;
+        for (i, enumeration) in (0..).zip(&file.enum_type) {
+            write_words(&mut code, "", enumeration, comments, &[ENUM_IN_FILE, i])?;
         }
         for (i, message) in (0..).zip(&file.message_type) {
-            words_of_message(&mut code, "", message, comments, &[MESSAGE_IN_FILE, i])?;
+            write_words_of_message(&mut code, "", message, comments, &[MESSAGE_IN_FILE, i])?;
         }
     }
     Ok(code)
 }
 
-/// Those of a message and of the messages in it; `path` leads to its comment.
-fn words_of_message(
+/// Writes the implementations for the enumerations in a message and in its nested messages. `path` is the path of the
+/// message.
+fn write_words_of_message(
     code: &mut String,
     module: &str,
     message: &DescriptorProto,
@@ -64,29 +65,30 @@ fn words_of_message(
     path: &[i32],
 ) -> Result<(), Box<dyn Error>> {
     let module = format!("{module}{}::", snake_case(message.name()));
-    for (i, one) in (0..).zip(&message.enum_type) {
-        write_words(code, &module, one, comments, &[path, &[ENUM_IN_MESSAGE, i]].concat())?;
+    for (i, enumeration) in (0..).zip(&message.enum_type) {
+        write_words(code, &module, enumeration, comments, &[path, &[ENUM_IN_MESSAGE, i]].concat())?;
     }
     for (i, nested) in (0..).zip(&message.nested_type) {
-        words_of_message(code, &module, nested, comments, &[path, &[MESSAGE_IN_MESSAGE, i]].concat())?;
+        write_words_of_message(code, &module, nested, comments, &[path, &[MESSAGE_IN_MESSAGE, i]].concat())?;
     }
     Ok(())
 }
 
+/// Writes the implementation for one enumeration. `path` is the path of the enumeration.
 fn write_words(
     code: &mut String,
     module: &str,
-    one: &EnumDescriptorProto,
+    enumeration: &EnumDescriptorProto,
     comments: &[Location],
     path: &[i32],
 ) -> Result<(), Box<dyn Error>> {
-    let prefix = format!("{}_", snake_case(one.name()).to_uppercase());
-    writeln!(code, "impl Words for v1::{module}{} {{\n    const WORDS: &'static [Word] = &[", one.name())?;
-    for (i, value) in (0..).zip(&one.value) {
+    let prefix = format!("{}_", snake_case(enumeration.name()).to_uppercase());
+    writeln!(code, "impl Words for v1::{module}{} {{\n    const WORDS: &'static [Word] = &[", enumeration.name())?;
+    for (i, value) in (0..).zip(&enumeration.value) {
         let word = value.name().strip_prefix(&prefix).ok_or_else(|| format!("{} lacks {prefix}", value.name()))?;
         let word = word.to_lowercase().replace('_', "-");
-        let of_value = [path, &[VALUE_IN_ENUM, i]].concat();
-        let comment = comments.iter().find(|comment| comment.path == of_value);
+        let value_path = [path, &[VALUE_IN_ENUM, i]].concat();
+        let comment = comments.iter().find(|comment| comment.path == value_path);
         let help = comment.map_or("", |comment| comment.leading_comments());
         let help = help.lines().map(str::trim).collect::<Vec<_>>().join(" ");
         writeln!(code, "        Word {{ number: {}, word: {word:?}, help: {:?} }},", value.number(), help.trim())?;
@@ -95,7 +97,7 @@ fn write_words(
     Ok(())
 }
 
-/// `optimize_hologram` from `OptimizeHologram`.
+/// Converts a name to snake case, such as `OptimizeHologram` to `optimize_hologram`.
 fn snake_case(name: &str) -> String {
     let mut snake = String::new();
     for character in name.chars() {

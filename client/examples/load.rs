@@ -1,55 +1,56 @@
-//! How a server answers under load.
+//! Measures a server's response times under load, and prints a table in Markdown.
 //!
 //! ```sh
 //! lightpathd serve --data-dir /tmp/load --queue-limit 1000000 --calls-per-s-max 0 &
 //! cargo run --release -p lightpath --example load
 //! ```
 //!
-//! A long job keeps the server's cores busy all the while. Submits many jobs, lists pages of them, follows a thousand jobs at
-//! once and measures how soon each follower hears of the job's end, and uploads large artifacts side by side. Prints a table in
-//! Markdown. With TLS, say `--server https://localhost:7070 --ca-file cert.pem --token-file ada.token`. How long claims take
-//! with a million jobs no client can see: `LIGHTPATH_SCALE_JOBS` measures that (CONTRIBUTING.md).
+//! A long job keeps the server's cores busy during all measurements. The example submits many jobs, lists pages of jobs,
+//! follows up to 1000 jobs at once and uploads large artifacts in parallel. For each followed job it measures the delay
+//! between the cancellation and the message to the follower. With TLS, use
+//! `--server https://localhost:7070 --ca-file cert.pem --token-file ada.token`. A client cannot measure how long a worker
+//! takes to claim a job among a million: the test with `LIGHTPATH_SCALE_JOBS` does (CONTRIBUTING.md).
 
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 use clap::Parser;
 use futures::stream::{self, StreamExt as _};
-use image_of_noise::png;
 use lightpath::v1::{self, OptimizeHologram, SubmitJobRequest, job::State, job_spec, optimize_hologram::ImagePlane};
 use lightpath::{Client, Credentials, job_spec as spec_of, names};
 use std::collections::HashMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
+use test_pattern::png;
 use tokio::sync::Mutex;
 
-/// Streams that one connection may carry, with some room.
+/// Watch streams on one connection. The server allows some more.
 const WATCHERS_PER_CONNECTION: usize = 200;
 
 #[derive(Parser)]
 struct Options {
-    /// Address of the server
+    /// Set the address of the server
     #[arg(long, default_value = "http://127.0.0.1:7070")]
     server: String,
-    /// File with the access token
+    /// Read the access token from this file
     #[arg(long)]
     token_file: Option<PathBuf>,
-    /// PEM file of the authority of the server's certificate
+    /// Trust the certificate authority in this PEM file
     #[arg(long)]
     ca_file: Option<PathBuf>,
-    /// Jobs to submit
+    /// Submit this many jobs
     #[arg(long, default_value_t = 3000)]
     submits: usize,
-    /// Calls under way at once
+    /// Submit this many jobs at a time
     #[arg(long, default_value_t = 8)]
     at_once: usize,
-    /// Pages to list
+    /// List this many pages of 50 jobs
     #[arg(long, default_value_t = 300)]
     pages: usize,
-    /// Jobs to follow at once, at most 1000
+    /// Follow this many of the submitted jobs at once, at most 1000
     #[arg(long, default_value_t = 1000)]
     watchers: usize,
-    /// Size of each of eight uploads [MB]
+    /// Set the size of each of the eight uploads in MB
     #[arg(long, default_value_t = 130)]
     upload_mb: usize,
 }
@@ -67,7 +68,7 @@ async fn main() {
     let target = prepare(&client).await;
     let run = u64::from(std::process::id());
     let busy = submit(&client, &target, 10_000, -100, &format!("busy-{run}")).await;
-    until(&client, &busy, State::Running).await;
+    wait_for_state(&client, &busy, State::Running).await;
 
     let cores = std::thread::available_parallelism().unwrap();
     println!("{}, {} cores, {}\n", processor(), cores, options.server.split(':').next().unwrap());
@@ -81,7 +82,7 @@ async fn main() {
     client.cancel_job(v1::CancelJobRequest { name: busy }).await.unwrap();
 }
 
-/// Submits many jobs; their names.
+/// Submits many jobs, prints how long each took, and returns their names.
 async fn measure_submits(client: &Client, target: &str, options: &Options, run: u64) -> Vec<String> {
     let started = Instant::now();
     let submits = stream::iter(0..options.submits).map(|n| async move {
@@ -90,12 +91,12 @@ async fn measure_submits(client: &Client, target: &str, options: &Options, run: 
     });
     let (names, times): (Vec<String>, Vec<Duration>) = submits.buffer_unordered(options.at_once).unzip().await;
     let rate = options.submits as f64 / started.elapsed().as_secs_f64();
-    let what = format!("{} submits, {} at once", options.submits, options.at_once);
-    println!("| {what} | 300 a second, p99 < 50 ms | {rate:.0} a second, {} |", Times::of(times));
+    let measurement = format!("{} submits, {} at once", options.submits, options.at_once);
+    println!("| {measurement} | 300 a second, p99 < 50 ms | {rate:.0} a second, {} |", Times::of(times));
     names
 }
 
-/// Walks from the newest job to the oldest, and begins again where there are no more.
+/// Lists pages of jobs from the newest to the oldest, then starts again with the newest.
 async fn measure_lists(client: &Client, pages: usize) {
     let mut times = Vec::new();
     let mut request = v1::ListJobsRequest::default();
@@ -108,19 +109,19 @@ async fn measure_lists(client: &Client, pages: usize) {
     println!("| {pages} pages of 50 jobs, one after the other | p99 < 50 ms | {} |", Times::of(times));
 }
 
-/// Follows jobs, cancels each of them, and waits until every follower has heard of it.
+/// Follows jobs, cancels each, and measures the delay until its follower receives the new state.
 async fn measure_followers(client: &Client, connect: &impl Fn() -> Client, watched: &[String]) {
-    let heard = Arc::new(Mutex::new(HashMap::new()));
+    let end_times = Arc::new(Mutex::new(HashMap::new()));
     let mut followers = Vec::new();
     for names in watched.chunks(WATCHERS_PER_CONNECTION) {
         let client = connect();
         for name in names {
             let mut stream = client.watch_job(v1::WatchJobRequest { name: name.clone() }).await.unwrap();
-            let (heard, name) = (Arc::clone(&heard), name.clone());
+            let (end_times, name) = (Arc::clone(&end_times), name.clone());
             followers.push(tokio::spawn(async move {
                 while let Some(job) = stream.message().await.unwrap() {
                     if job.state() == State::Cancelled {
-                        heard.lock().await.insert(name.clone(), Instant::now());
+                        end_times.lock().await.insert(name.clone(), Instant::now());
                     }
                 }
             }));
@@ -134,13 +135,13 @@ async fn measure_followers(client: &Client, connect: &impl Fn() -> Client, watch
     for follower in followers {
         follower.await.unwrap();
     }
-    let heard = heard.lock().await;
-    let delays = cancelled.iter().map(|(name, at)| heard[*name].saturating_duration_since(*at));
-    let what = format!("{} followers, each told of its job's end", watched.len());
-    println!("| {what} | p99 < 1 s | {} after the answer |", Times::of(delays));
+    let end_times = end_times.lock().await;
+    let delays = cancelled.iter().map(|(name, at)| end_times[*name].saturating_duration_since(*at));
+    let measurement = format!("{} clients that follow a job hear of its end", watched.len());
+    println!("| {measurement} | p99 < 1 s | {} after the answer |", Times::of(delays));
 }
 
-/// Uploads eight large artifacts side by side.
+/// Uploads eight large artifacts in parallel.
 async fn measure_uploads(connect: &impl Fn() -> Client, options: &Options, run: u64) {
     let uploads = (0..8_u8).map(|n| {
         let client = connect();
@@ -157,13 +158,14 @@ async fn measure_uploads(connect: &impl Fn() -> Client, options: &Options, run: 
     println!("| 8 uploads of {} MB side by side | – | {rate:.0} MB/s |", options.upload_mb);
 }
 
-/// The machine's, as Linux names it.
+/// Name of the machine's processor, from `/proc/cpuinfo`.
 fn processor() -> String {
     let known = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let name = known.lines().find_map(|line| line.strip_prefix("model name")?.split_once(": ").map(|(_, name)| name));
     name.unwrap_or("unknown processor").to_owned()
 }
 
+/// Declares the display and uploads the target of all jobs. Returns the digest of the target.
 async fn prepare(client: &Client) -> String {
     let display = v1::Display {
         name: names::display("load"),
@@ -189,12 +191,13 @@ async fn submit(client: &Client, target: &str, iterations: u32, priority: i32, r
     client.submit_job(request).await.unwrap().name
 }
 
-async fn until(client: &Client, job: &str, state: State) {
+/// Waits until a job is in `state`.
+async fn wait_for_state(client: &Client, job: &str, state: State) {
     let mut watch = client.watch_job(v1::WatchJobRequest { name: job.to_owned() }).await.unwrap();
     while watch.message().await.unwrap().is_some_and(|job| job.state() != state) {}
 }
 
-/// How long the same thing took, often.
+/// Sorted durations of one kind of call.
 struct Times(Vec<Duration>);
 
 impl Times {
@@ -212,9 +215,9 @@ impl std::fmt::Display for Times {
     }
 }
 
-/// A picture without a library: stored, not compressed.
-mod image_of_noise {
-    /// A grey PNG of a pattern.
+/// Writes a PNG file without compression and without a library.
+mod test_pattern {
+    /// A grey PNG file with a fixed pattern.
     pub(crate) fn png(width_px: u32, height_px: u32) -> Vec<u8> {
         let rows: Vec<u8> = (0..height_px)
             .flat_map(|y| std::iter::once(0).chain((0..width_px).map(move |x| (x * 7 + y * 13) as u8)))

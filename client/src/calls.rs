@@ -1,6 +1,6 @@
-//! One method for each call of the API. Requests and answers are the messages of [`crate::v1`], documented there.
+//! One method for each call of the API. Requests and answers are the messages of [`crate::v1`], which documents them.
 
-use crate::client::bounded;
+use crate::client::with_timeout;
 use crate::{Client, Result, v1};
 use tonic::Streaming;
 
@@ -12,9 +12,10 @@ macro_rules! calls {
                 ///
                 /// # Errors
                 ///
-                /// What the server refused ([`crate::Error::Refused`]), or that it could not be reached.
+                /// [`crate::Error::Refused`] when the server refuses the call, [`crate::Error::Unreachable`] when no
+                /// server answers.
                 pub async fn $call(&self, request: v1::$request) -> Result<v1::$response> {
-                    let answer = self.$service().$call(bounded(request)).await;
+                    let answer = self.$service().$call(with_timeout(request)).await;
                     Ok(answer.map_err(|status| self.error(status))?.into_inner())
                 }
             )*
@@ -23,99 +24,102 @@ macro_rules! calls {
 }
 
 calls! {
-    /// Declares a display.
+    /// Declares a display and returns it.
     displays.create_display(CreateDisplayRequest) -> Display;
-    /// One display.
+    /// Returns a display.
     displays.get_display(GetDisplayRequest) -> Display;
-    /// A page of displays, in the order of their ids.
+    /// Returns a page of displays, ordered by id.
     displays.list_displays(ListDisplaysRequest) -> ListDisplaysResponse;
-    /// How the light's way to a distance would be computed, and how good that is.
+    /// Returns how light would be propagated to a distance: the method, the reason and the limits of its validity.
     displays.plan_propagation(PlanPropagationRequest) -> PlanPropagationResponse;
-    /// Deletes a display that nothing refers to.
+    /// Deletes a display that has no datasets, kernels or jobs.
     displays.delete_display(DeleteDisplayRequest) -> DeleteDisplayResponse;
 
-    /// Opens a dataset.
+    /// Creates an open dataset.
     datasets.create_dataset(CreateDatasetRequest) -> Dataset;
-    /// One dataset with its pairs.
+    /// Returns a dataset with its pairs.
     datasets.get_dataset(GetDatasetRequest) -> Dataset;
-    /// A page of datasets without their pairs, in the order of their ids.
+    /// Returns a page of datasets without their pairs, ordered by id.
     datasets.list_datasets(ListDatasetsRequest) -> ListDatasetsResponse;
-    /// Adds one (hologram, photograph) pair to an open dataset.
+    /// Adds a pair of hologram and photograph to an open dataset.
     datasets.add_pair(AddPairRequest) -> Dataset;
-    /// The picture whose hologram is displayed to find an alignment.
+    /// Creates the target picture of dots. Its hologram is displayed and photographed to align a camera.
     datasets.create_calibration_target(CreateCalibrationTargetRequest) -> CalibrationTarget;
 
-    /// Submits a job, once. [`Client::submit`] can also try again.
+    /// Submits a job without retries. [`Client::submit`] retries after a lost connection.
     jobs.submit_job(SubmitJobRequest) -> Job;
-    /// One job.
+    /// Returns a job.
     jobs.get_job(GetJobRequest) -> Job;
-    /// A page of jobs, newest first.
+    /// Returns a page of jobs, newest first.
     jobs.list_jobs(ListJobsRequest) -> ListJobsResponse;
-    /// Asks for the end of a job.
+    /// Cancels a job: a queued one at once, a running one within an iteration.
     jobs.cancel_job(CancelJobRequest) -> Job;
     /// Queues a failed or cancelled job again.
     jobs.retry_job(RetryJobRequest) -> Job;
-    /// A page of what happened to a job, oldest first.
+    /// Returns a page of the events of a job, oldest first.
     jobs.list_job_events(ListJobEventsRequest) -> ListJobEventsResponse;
-    /// How the jobs of a batch stand, as one.
+    /// Returns how many jobs of a batch are queued, running and ended, and their progress as a whole.
     jobs.get_batch(GetBatchRequest) -> Batch;
-    /// How the queue stands.
+    /// Returns the number of queued and running jobs of each owner, and the pauses.
     jobs.get_queue(GetQueueRequest) -> Queue;
-    /// Lets nothing start any more, for a display or at all.
+    /// Pauses the queue for one display or for all: no further job starts.
     jobs.pause_queue(PauseQueueRequest) -> Queue;
-    /// Lets jobs start again.
+    /// Resumes the queue for one display or for all: jobs start again.
     jobs.resume_queue(ResumeQueueRequest) -> Queue;
 
-    /// One kernel.
+    /// Returns a kernel.
     kernels.get_kernel(GetKernelRequest) -> Kernel;
-    /// A page of kernels, in the order of their names.
+    /// Returns a page of kernels, ordered by name.
     kernels.list_kernels(ListKernelsRequest) -> ListKernelsResponse;
-    /// One version of a kernel.
+    /// Returns a version of a kernel.
     kernels.get_kernel_version(GetKernelVersionRequest) -> KernelVersion;
-    /// A page of a kernel's versions, newest first.
+    /// Returns a page of a kernel's versions, newest first.
     kernels.list_kernel_versions(ListKernelVersionsRequest) -> ListKernelVersionsResponse;
-    /// Points `active` to a version.
+    /// Makes a version the active one.
     kernels.promote_kernel(PromoteKernelRequest) -> Kernel;
-    /// Points `active` back to where it was before its last move.
+    /// Makes the version active again that was active before the last change.
     kernels.rollback_kernel(RollbackKernelRequest) -> Kernel;
-    /// A page of the moves of `active`, newest first.
+    /// Returns a page of the changes of the active version, newest first.
     kernels.list_kernel_moves(ListKernelMovesRequest) -> ListKernelMovesResponse;
-    /// Stores an uploaded kernel file as a kernel's next version.
+    /// Stores an uploaded kernel file as the next version of a kernel.
     kernels.import_kernel(ImportKernelRequest) -> KernelVersion;
-    /// Stores the kernel of a distance between photographed ones as its kernel's next version.
+    /// Interpolates a kernel at a distance between photographed distances, and stores it as the next version there.
     kernels.interpolate_kernel(InterpolateKernelRequest) -> KernelVersion;
 
-    /// Whether an artifact is stored.
+    /// Returns the size and the time of a stored artifact. Refused with NOT_FOUND if it is not stored.
     artifacts.get_artifact(GetArtifactRequest) -> Artifact;
-    /// How much of an interrupted upload the server has.
+    /// Returns how many bytes of an upload the server has received.
     artifacts.get_upload(GetUploadRequest) -> Upload;
 }
 
 impl Client {
-    /// The job now, and again whenever it changes, until it has ended. Ends with the connection;
-    /// [`Client::wait`] goes on.
+    /// Streams the current state of a job, then each change, until the job has ended.
+    ///
+    /// The stream ends early if the connection is lost. [`Client::wait`] reconnects.
     ///
     /// # Errors
     ///
-    /// What the server refused ([`crate::Error::Refused`]), or that it could not be reached.
+    /// [`crate::Error::Refused`] when the server refuses the call, [`crate::Error::Unreachable`] when no server answers.
     pub async fn watch_job(&self, request: v1::WatchJobRequest) -> Result<Streaming<v1::Job>> {
         Ok(self.jobs().watch_job(request).await.map_err(|status| self.error(status))?.into_inner())
     }
 
-    /// The kernel now, and again whenever it gets a version or `active` moves. Ends with the connection.
+    /// Streams the current state of a kernel, then each change: a new version or another active version.
+    ///
+    /// The stream ends when the connection is lost.
     ///
     /// # Errors
     ///
-    /// What the server refused ([`crate::Error::Refused`]), or that it could not be reached.
+    /// [`crate::Error::Refused`] when the server refuses the call, [`crate::Error::Unreachable`] when no server answers.
     pub async fn watch_kernel(&self, request: v1::WatchKernelRequest) -> Result<Streaming<v1::Kernel>> {
         Ok(self.kernels().watch_kernel(request).await.map_err(|status| self.error(status))?.into_inner())
     }
 
-    /// A part of an artifact's bytes, unchecked; [`Client::download`] checks them.
+    /// Streams a range of an artifact's bytes without checking the digest. [`Client::download`] checks it.
     ///
     /// # Errors
     ///
-    /// What the server refused ([`crate::Error::Refused`]), or that it could not be reached.
+    /// [`crate::Error::Refused`] when the server refuses the call, [`crate::Error::Unreachable`] when no server answers.
     pub async fn read_artifact(&self, request: v1::ReadArtifactRequest) -> Result<Streaming<v1::ReadArtifactResponse>> {
         Ok(self.artifacts().read_artifact(request).await.map_err(|status| self.error(status))?.into_inner())
     }

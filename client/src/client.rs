@@ -1,4 +1,4 @@
-//! One channel to a server.
+//! The connection to a server.
 
 use crate::v1::artifact_service_client::ArtifactServiceClient;
 use crate::v1::dataset_service_client::DatasetServiceClient;
@@ -13,24 +13,24 @@ use tonic::service::Interceptor;
 use tonic::service::interceptor::InterceptedService;
 use tonic::transport::{Certificate, Channel, ClientTlsConfig, Endpoint, Identity};
 
-/// A server that takes longer to accept a connection counts as unreachable.
+/// Time limit for connecting. A server that takes longer counts as unreachable.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// A silent connection is probed this often, so that a watch notices when the server's machine is gone.
+/// Interval between probes of a silent connection. They let a watch notice that the server's machine is gone.
 const KEEP_ALIVE_INTERVAL: Duration = Duration::from_secs(20);
 
-/// A probe without an answer for this long ends the connection.
+/// Time limit for the answer to a probe. Without an answer the connection is closed.
 const KEEP_ALIVE_TIMEOUT: Duration = Duration::from_secs(10);
 
-/// Longest wait for the answer of a call that does not stream.
+/// Time limit for the answer to a call that does not stream.
 const CALL_TIMEOUT: Duration = Duration::from_secs(60);
 
-/// Largest answer taken: a page of 1000 jobs with their loss histories fits, a runaway server does not.
+/// Largest accepted answer. A page of 1000 jobs with their loss histories fits; the limit bounds the client's memory.
 const MESSAGE_BYTES_MAX: usize = 64 << 20;
 
-/// A connection to a Lightpath server. Cheap to clone; clones share the connection.
+/// A client of one Lightpath server. Cheap to clone; clones share one connection.
 ///
-/// The connection is made by the first call, and made again after a break.
+/// The first call connects. Later calls reconnect if the connection was lost.
 #[derive(Clone)]
 pub struct Client {
     url: String,
@@ -39,18 +39,19 @@ pub struct Client {
 
 pub(crate) type Transport = InterceptedService<Channel, Bearer>;
 
-/// What a guarded server wants. The default: nothing.
+/// Credentials that a server may require. The default is none.
 #[derive(Clone, Default)]
 pub struct Credentials {
-    /// Sent with each call.
+    /// Access token. The client sends it with each call.
     pub token: Option<String>,
-    /// The authority of the server's certificate, PEM, where it is not one of the system's.
+    /// Certificate (PEM) of the authority that signed the server's certificate. Needed if the system does not trust it
+    /// already.
     pub authority_pem: Option<Vec<u8>>,
-    /// The client's own certificate and key, PEM, where the server asks for one.
+    /// Certificate and private key (PEM) of the client, for a server that requires a client certificate.
     pub certificate_and_key_pem: Option<(Vec<u8>, Vec<u8>)>,
 }
 
-/// Never shows the token or the key.
+/// Hides the token and the key.
 impl fmt::Debug for Credentials {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Credentials").finish_non_exhaustive()
@@ -64,37 +65,40 @@ pub(crate) struct Bearer {
 }
 
 impl Client {
-    /// A client of the server at `url`, for example `http://127.0.0.1:7070` or `https://lab:7070`. Must be called on a Tokio runtime;
-    /// connects with the first call.
+    /// Creates a client of the server at `url`, for example `http://127.0.0.1:7070` or `https://lab:7070`.
+    ///
+    /// Call it on a Tokio runtime. The client connects with its first call.
     ///
     /// # Errors
     ///
-    /// [`Error::Url`] when `url` is no `http://` or `https://` address.
+    /// [`Error::Url`] when `url` is not an `http://` or `https://` address.
     pub fn connect(url: &str) -> Result<Self> {
         Self::connect_as(url, &Credentials::default())
     }
 
-    /// Like [`Self::connect`], and every call carries `token` as its bearer token.
+    /// Creates a client like [`Self::connect`] that sends `token` as the bearer token of each call.
     ///
     /// # Errors
     ///
-    /// [`Error::Url`] as above; [`Error::Token`] when the token is empty or has characters outside printable ASCII.
+    /// [`Error::Url`] when `url` is not an `http://` or `https://` address. [`Error::Token`] when the token is empty or has
+    /// characters other than printable ASCII.
     pub fn connect_with_token(url: &str, token: &str) -> Result<Self> {
         Self::connect_as(url, &Credentials { token: Some(token.to_owned()), ..Credentials::default() })
     }
 
-    /// Like [`Self::connect`], with all that a guarded server wants.
+    /// Creates a client like [`Self::connect`] that uses `credentials`.
     ///
     /// # Errors
     ///
-    /// [`Error::Url`] where `url` is malformed or the certificates cannot be used; [`Error::Token`] as above.
+    /// [`Error::Url`] when `url` is malformed or a certificate cannot be used. [`Error::Token`] when the token is empty
+    /// or has characters other than printable ASCII.
     pub fn connect_as(url: &str, credentials: &Credentials) -> Result<Self> {
         let authorization = credentials.token.as_deref().map(authorization).transpose()?;
         let channel = endpoint(url, credentials)?.connect_lazy();
         Ok(Self { url: url.to_owned(), transport: InterceptedService::new(channel, Bearer { authorization }) })
     }
 
-    /// The server's address, as given.
+    /// The server's address, as the caller gave it.
     #[must_use]
     pub fn url(&self) -> &str {
         &self.url
@@ -120,7 +124,7 @@ impl Client {
         KernelServiceClient::new(self.transport.clone()).max_decoding_message_size(MESSAGE_BYTES_MAX)
     }
 
-    /// The error of a call that ended with `status`.
+    /// Converts the status of a failed call into an error.
     pub(crate) fn error(&self, status: tonic::Status) -> Error {
         Error::from_status(&self.url, status)
     }
@@ -136,27 +140,27 @@ fn authorization(token: &str) -> Result<MetadataValue<Ascii>> {
     Ok(authorization)
 }
 
-/// A request that must be answered within [`CALL_TIMEOUT`].
-pub(crate) fn bounded<T>(message: T) -> tonic::Request<T> {
+/// Wraps a message in a request with the time limit [`CALL_TIMEOUT`].
+pub(crate) fn with_timeout<T>(message: T) -> tonic::Request<T> {
     let mut request = tonic::Request::new(message);
     request.set_timeout(CALL_TIMEOUT);
     request
 }
 
 fn endpoint(url: &str, credentials: &Credentials) -> Result<Endpoint> {
-    let refused = |reason: String| Error::Url { url: url.to_owned(), reason };
+    let url_error = |reason: String| Error::Url { url: url.to_owned(), reason };
     let is_tls = match url.split_once("://") {
         Some(("http", rest)) if !rest.is_empty() => false,
         Some(("https", rest)) if !rest.is_empty() => true,
-        Some(_) => return Err(refused("must look like http://127.0.0.1:7070".to_owned())),
-        None => return Err(refused(format!("has no scheme: write http://{url}"))),
+        Some(_) => return Err(url_error("must look like http://127.0.0.1:7070".to_owned())),
+        None => return Err(url_error(format!("has no scheme: write http://{url}"))),
     };
     let mut endpoint = Endpoint::from_shared(url.to_owned())
         .and_then(|endpoint| endpoint.user_agent(concat!("lightpath/", env!("CARGO_PKG_VERSION"))))
-        .map_err(|error| refused(format!("is malformed ({error}): write http://127.0.0.1:7070")))?;
+        .map_err(|error| url_error(format!("is malformed ({error}): write http://127.0.0.1:7070")))?;
     if is_tls {
         let tls = tls(credentials);
-        endpoint = endpoint.tls_config(tls).map_err(|error| refused(format!("cannot be reached by TLS: {error}")))?;
+        endpoint = endpoint.tls_config(tls).map_err(|error| url_error(format!("cannot be reached by TLS: {error}")))?;
     }
     Ok(endpoint
         .connect_timeout(CONNECT_TIMEOUT)
@@ -164,7 +168,7 @@ fn endpoint(url: &str, credentials: &Credentials) -> Result<Endpoint> {
         .keep_alive_timeout(KEEP_ALIVE_TIMEOUT))
 }
 
-/// The system's authorities, and what the credentials add.
+/// TLS settings: the authorities that the system trusts, plus the credentials.
 fn tls(credentials: &Credentials) -> ClientTlsConfig {
     let mut tls = ClientTlsConfig::new().with_enabled_roots();
     if let Some(authority) = &credentials.authority_pem {
@@ -185,7 +189,7 @@ impl Interceptor for Bearer {
     }
 }
 
-/// Never shows the token.
+/// Hides the token.
 impl fmt::Debug for Client {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Client").field("url", &self.url).finish_non_exhaustive()
@@ -197,7 +201,7 @@ mod tests {
     use super::*;
 
     #[tokio::test]
-    async fn addresses_are_checked_before_anything_is_sent() {
+    async fn bad_addresses_are_refused_before_connecting() {
         for (url, hint) in [
             ("127.0.0.1:7070", "write http://127.0.0.1:7070"),
             ("https://", "must look like"),
@@ -212,7 +216,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_token_is_checked_and_never_shown() {
+    async fn bad_tokens_are_refused_and_tokens_are_never_shown() {
         let client = Client::connect_with_token("http://127.0.0.1:7070", "secret\n").unwrap();
         assert!(!format!("{client:?}").contains("secret"));
         for bad in ["", " \n", "two words", "ümlaut"] {

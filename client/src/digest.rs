@@ -1,4 +1,4 @@
-//! Names of artifacts: what their bytes hash to.
+//! SHA-256 digests, which name artifacts.
 
 use crate::{Error, Result};
 use sha2::{Digest as _, Sha256};
@@ -6,10 +6,10 @@ use std::fmt::Write as _;
 use std::io::Read;
 use std::path::Path;
 
-/// Files are hashed in pieces of this size.
+/// Size of the pieces in which a file is read and hashed.
 const PIECE_BYTES: usize = 1 << 20;
 
-/// The digest of `bytes`: `sha256-` and 64 lower-case hexadecimal digits.
+/// Returns the digest of `bytes`: `sha256-` and 64 lower-case hexadecimal digits.
 #[must_use]
 pub fn digest_of(bytes: &[u8]) -> String {
     let mut hasher = Hasher::default();
@@ -17,13 +17,13 @@ pub fn digest_of(bytes: &[u8]) -> String {
     hasher.finish()
 }
 
-/// The digest and the size \[bytes\] of a file.
+/// Returns the digest and the size \[bytes\] of a file.
 pub(crate) fn digest_of_file(path: &Path) -> Result<(String, u64)> {
-    let refused = |source| Error::file("read", path, source);
-    let mut file = std::fs::File::open(path).map_err(refused)?;
+    let read_error = |source| Error::file("read", path, source);
+    let mut file = std::fs::File::open(path).map_err(read_error)?;
     let (mut hasher, mut piece) = (Hasher::default(), vec![0; PIECE_BYTES]);
     loop {
-        match file.read(&mut piece).map_err(refused)? {
+        match file.read(&mut piece).map_err(read_error)? {
             0 => {
                 let size_bytes = hasher.size_bytes;
                 return Ok((hasher.finish(), size_bytes));
@@ -33,7 +33,7 @@ pub(crate) fn digest_of_file(path: &Path) -> Result<(String, u64)> {
     }
 }
 
-/// Hashes what streams by.
+/// Computes the digest of bytes that arrive in pieces.
 #[derive(Default)]
 pub(crate) struct Hasher {
     sha256: Sha256,
@@ -46,7 +46,7 @@ impl Hasher {
         self.size_bytes += bytes.len() as u64;
     }
 
-    /// Bytes hashed so far.
+    /// Number of bytes hashed so far.
     pub(crate) fn size_bytes(&self) -> u64 {
         self.size_bytes
     }

@@ -1,4 +1,4 @@
-//! Downloads: checked against their digest, and gone on with after a break.
+//! Downloads. Each is checked against its digest and continues after a lost connection.
 
 use crate::digest::Hasher;
 use crate::retry::Backoff;
@@ -9,11 +9,12 @@ use std::path::Path;
 use tempfile::NamedTempFile;
 
 impl Client {
-    /// An artifact's bytes, in memory.
+    /// Downloads an artifact into memory.
     ///
     /// # Errors
     ///
-    /// What the server refused, that it could not be reached for about 15 seconds, or [`Error::Damaged`].
+    /// [`Error::Refused`] when the server refuses the call, [`Error::Unreachable`] after about 15 seconds without a server,
+    /// [`Error::Damaged`] when the bytes do not match the digest.
     pub async fn download(&self, digest: &str) -> Result<Vec<u8>> {
         let mut bytes = Vec::new();
         self.receive(digest, &mut |chunk| {
@@ -24,18 +25,19 @@ impl Client {
         Ok(bytes)
     }
 
-    /// Writes an artifact to the file `path`, which appears (or is replaced) only when all of it is there and checked.
+    /// Downloads an artifact into the file `path`. The file appears, or is replaced, only after the whole download is
+    /// checked.
     ///
     /// # Errors
     ///
-    /// As [`Self::download`], and [`Error::File`] when the file cannot be written.
+    /// The errors of [`Self::download`], and [`Error::File`] when the file cannot be written.
     pub async fn download_to(&self, digest: &str, path: &Path) -> Result<()> {
-        let mut file = FileToBe::beside(path)?;
+        let mut file = PartialFile::create(path)?;
         self.receive(digest, &mut |chunk| file.write(chunk)).await?;
         file.finish()
     }
 
-    /// Hands the chunks of an artifact to `take`, from the first byte to the last, across breaks.
+    /// Passes the chunks of an artifact to `take`, in order. Continues after a lost connection.
     async fn receive(&self, digest: &str, take: &mut (dyn FnMut(&[u8]) -> Result<()> + Send)) -> Result<()> {
         let mut hasher = Hasher::default();
         let mut backoff = Backoff::new();
@@ -68,14 +70,15 @@ impl Client {
     }
 }
 
-/// A file under a temporary name beside its place, so that nobody ever sees half of it.
-pub(crate) struct FileToBe<'a> {
+/// A file under a temporary name in the folder of `path`. It gets its own name when it is complete, so that no other
+/// program reads an incomplete file.
+pub(crate) struct PartialFile<'a> {
     path: &'a Path,
     file: NamedTempFile,
 }
 
-impl<'a> FileToBe<'a> {
-    pub(crate) fn beside(path: &'a Path) -> Result<Self> {
+impl<'a> PartialFile<'a> {
+    pub(crate) fn create(path: &'a Path) -> Result<Self> {
         let folder = match path.parent() {
             Some(folder) if !folder.as_os_str().is_empty() => folder,
             _ => Path::new("."),
@@ -85,7 +88,7 @@ impl<'a> FileToBe<'a> {
         #[cfg(unix)]
         {
             use std::os::unix::fs::PermissionsExt as _;
-            // As any other new file: the user's umask decides.
+            // As for any other new file, the user's umask limits the permissions. The default of `tempfile` is 0600.
             builder.permissions(std::fs::Permissions::from_mode(0o666));
         }
         let file = builder.tempfile_in(folder).map_err(|source| Error::file("write", path, source))?;
@@ -107,23 +110,23 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_file_appears_whole_or_not_at_all() {
+    fn file_appears_only_when_it_is_complete() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("phase.png");
-        let mut file = FileToBe::beside(&path).unwrap();
+        let mut file = PartialFile::create(&path).unwrap();
         file.write(b"half").unwrap();
         assert!(!path.exists());
         drop(file);
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
-        let mut file = FileToBe::beside(&path).unwrap();
+        let mut file = PartialFile::create(&path).unwrap();
         file.write(b"whole").unwrap();
         file.finish().unwrap();
         assert_eq!(std::fs::read(&path).unwrap(), b"whole");
     }
 
     #[test]
-    fn a_missing_folder_is_named() {
-        let error = FileToBe::beside(Path::new("/nowhere/at/all.png")).err().unwrap().to_string();
+    fn error_names_file_in_missing_folder() {
+        let error = PartialFile::create(Path::new("/nowhere/at/all.png")).err().unwrap().to_string();
         assert!(error.contains("could not write /nowhere/at/all.png"), "{error}");
     }
 }

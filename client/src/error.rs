@@ -1,4 +1,4 @@
-//! What can go wrong between a client and a server.
+//! The errors of this crate.
 
 use std::error::Error as _;
 use std::fmt;
@@ -8,90 +8,92 @@ use std::time::Duration;
 use tonic::{Code, Status};
 use tonic_types::StatusExt as _;
 
-/// Shorthand for this crate's results.
+/// A result with this crate's [`Error`].
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// Why a call gave no result.
+/// An error of a call, or of a file that the call needs.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The server's address is unusable.
+    /// The server's address is malformed, or its certificates cannot be used.
     #[error("server URL \"{url}\" {reason}")]
     Url {
-        /// What was given.
+        /// The address that the caller gave.
         url: String,
-        /// What is wrong with it, and the fix.
+        /// What is wrong with the address, and the fix.
         reason: String,
     },
-    /// The access token is unusable.
-    #[error("the access token is empty or has characters outside printable ASCII")]
+    /// The access token is empty or malformed.
+    #[error(
+        "the access token is empty or has characters other than printable ASCII; use a token of `lightpathd token create`"
+    )]
     Token,
-    /// No connection, or it broke, or the server is shutting down. The call may succeed later.
+    /// No server answered, the connection was lost, or the server is shutting down. The call may succeed later.
     #[error("server {url} could not be reached: {reason}")]
     Unreachable {
         /// The server's address.
         url: String,
-        /// What happened, as precisely as is known.
+        /// The innermost known cause.
         reason: String,
-        /// The status that the call ended with.
+        /// The gRPC status of the call.
         status: Status,
     },
-    /// The server answered no.
+    /// The server refused the call.
     #[error(transparent)]
     Refused(#[from] Refusal),
-    /// The job ended without the result that was asked for.
+    /// The job has no result, because it failed, was cancelled or has not ended.
     #[error("{job} {ending}")]
     JobUnsuccessful {
         /// `jobs/{id}`.
         job: String,
-        /// How it ended, with the reason.
+        /// How the job ended, with the reason.
         ending: String,
     },
-    /// What arrived is not what its digest promises.
-    #[error("the bytes of {digest} arrived damaged (they hash to {found}); try again")]
+    /// Downloaded bytes do not match their digest.
+    #[error("the bytes of {digest} arrived damaged: their digest is {found}; try again")]
     Damaged {
-        /// The digest asked for.
+        /// The requested digest.
         digest: String,
-        /// The digest of what arrived.
+        /// The digest of the received bytes.
         found: String,
     },
-    /// An answer breaks the API's rules.
-    #[error("the server's answer makes no sense: {what}; client and server may be of different versions")]
+    /// An answer of the server breaks the rules of the API.
+    #[error("the server's answer is invalid: {what}; client and server may have different versions")]
     Protocol {
-        /// What is wrong.
+        /// The broken rule.
         what: &'static str,
     },
     /// A local file could not be read or written.
     #[error("could not {action} {}: {source}", path.display())]
     File {
-        /// `read`, `write`, …
+        /// The action that failed: `read`, `write`, …
         action: &'static str,
-        /// Which file.
+        /// Path of the file or folder.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
 }
 
-/// The server's refusal. Shown as its code and message, then a line for each field and for the retry delay.
+/// A refusal by the server. Its text is the code and the message, then a line for each wrong field and for the retry delay.
 #[derive(Debug)]
 pub struct Refusal {
-    /// The status with all its details.
+    /// The gRPC status with all details.
     pub status: Status,
-    /// Which fields of the request are wrong, where the server said so.
+    /// The wrong fields of the request. Empty if the server named none.
     pub fields: Vec<FieldViolation>,
-    /// When the call may be tried again, where the server said so.
+    /// Time to wait before a retry, if the server gave one.
     pub retry_delay: Option<Duration>,
-    /// A stable word for programs, for example `QUEUE_FULL`; empty where the server gave none.
+    /// Reason as a stable word for programs, for example `QUEUE_FULL`. Empty if the server gave none.
     pub reason: String,
 }
 
-/// One wrong field of a request.
+/// A wrong field of a request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FieldViolation {
     /// Path of the field, for example `display.pixel_pitch_m`.
     pub field: String,
-    /// What is wrong and what would be right.
+    /// What is wrong, and which values are allowed.
     pub description: String,
 }
 
@@ -108,7 +110,7 @@ impl Error {
         Self::File { action, path: path.to_owned(), source }
     }
 
-    /// The gRPC code that the call ended with, where it got as far as a server or a connection.
+    /// The gRPC code of the call. `None` for errors that arose on the client's side.
     #[must_use]
     pub fn code(&self) -> Option<Code> {
         match self {
@@ -123,7 +125,7 @@ impl Error {
         }
     }
 
-    /// No server answered, or it is shutting down: the same call may succeed later.
+    /// True if no server answered or the server is shutting down. The same call may succeed later.
     #[must_use]
     pub fn is_unreachable(&self) -> bool {
         matches!(self, Self::Unreachable { .. })
@@ -150,7 +152,7 @@ impl fmt::Display for Refusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}: {}", code_name(self.status.code()), self.status.message())?;
         for field in &self.fields {
-            // A single violation is usually the message itself.
+            // If the message contains the violation already, do not repeat it.
             if !self.status.message().contains(&field.description) || !self.status.message().contains(&field.field) {
                 write!(f, "\n  {}: {}", field.field, field.description)?;
             }
@@ -164,7 +166,7 @@ impl fmt::Display for Refusal {
 
 impl std::error::Error for Refusal {}
 
-/// Broken connections come as UNAVAILABLE, or as other codes with a transport error behind them.
+/// True for a lost connection. tonic reports it as UNAVAILABLE, or as another code with a transport error as its source.
 fn is_unreachable(status: &Status) -> bool {
     let from_transport = status.source().is_some_and(|source| {
         source.is::<tonic::transport::Error>() || source.is::<tonic::Status>() || source.is::<io::Error>()
@@ -172,7 +174,7 @@ fn is_unreachable(status: &Status) -> bool {
     status.code() == Code::Unavailable || from_transport || is_broken_stream(status)
 }
 
-/// A connection that breaks in the middle of a stream, as hyper and h2 report it through tonic.
+/// True for a connection that was lost in the middle of a stream. hyper and h2 report it only in the text of the message.
 fn is_broken_stream(status: &Status) -> bool {
     matches!(status.code(), Code::Unknown | Code::Internal | Code::Cancelled)
         && [
@@ -186,7 +188,7 @@ fn is_broken_stream(status: &Status) -> bool {
         .any(|sign| status.message().contains(sign))
 }
 
-/// The innermost cause: "Connection refused" says more than "transport error".
+/// The innermost cause, such as "Connection refused". The outer text, such as "transport error", is less precise.
 fn unreachable_reason(status: &Status) -> String {
     let mut reason = status.message().to_owned();
     let mut source = status.source();
@@ -197,7 +199,7 @@ fn unreachable_reason(status: &Status) -> String {
     reason
 }
 
-/// The code as the API's documentation writes it.
+/// The name of a code in the API's documentation.
 fn code_name(code: Code) -> &'static str {
     match code {
         Code::Ok => "OK",
@@ -226,7 +228,7 @@ mod tests {
     use tonic_types::ErrorDetails;
 
     #[test]
-    fn a_refusal_shows_code_message_fields_and_delay() {
+    fn refusal_shows_code_message_fields_and_delay() {
         let mut details = ErrorDetails::with_bad_request_violation("job.seed", "must be a number");
         details.set_retry_info(Some(Duration::from_millis(1500)));
         details.set_error_info("BAD_FIELD", "lightpath", std::collections::HashMap::new());
@@ -240,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn a_violation_that_is_the_message_is_not_shown_twice() {
+    fn violation_in_message_is_not_repeated() {
         let details = ErrorDetails::with_bad_request_violation("distance_m", "is NaN, but must be finite");
         let status =
             Status::with_error_details(Code::InvalidArgument, "distance_m is NaN, but must be finite", details);
@@ -248,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn unavailable_is_unreachable() {
+    fn unavailable_server_counts_as_unreachable() {
         let error = Error::from_status("http://lab", Status::unavailable("draining"));
         assert!(error.is_unreachable());
         assert_eq!(error.to_string(), "server http://lab could not be reached: draining");

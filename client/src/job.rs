@@ -1,31 +1,34 @@
-//! Submitting jobs and waiting for them.
+//! Submission of jobs, waiting for their end, and their results.
 
 use crate::retry::Backoff;
 use crate::v1::{self, Job, SubmitJobRequest, WatchJobRequest};
 use crate::{Client, Error, Result};
 
-/// Tries to reach a lost server again while waiting: about ten minutes, enough for a restart with a recovery.
+/// Tries to reach the server again while waiting for a job. They take about ten minutes, which is enough for a restart with
+/// recovery.
 const WAIT_TRIES_MAX: u32 = 200;
 
-/// What [`Client::wait`] tells while it waits.
+/// A change that [`Client::wait`] reports while it waits.
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum JobChange<'a> {
-    /// The job as it is now.
+    /// The current state of the job.
     Job(&'a Job),
-    /// The server went away; it is tried again. Told once a break.
+    /// The connection was lost, and the client tries to reconnect. Reported once for each loss.
     ConnectionLost(&'a Error),
-    /// The server is back.
+    /// The connection is restored.
     Reconnected,
 }
 
 impl Client {
-    /// Submits a job and returns it once it is on the server's disk. Where `request_id` is empty one is chosen, so
-    /// that trying again after a break never makes a second job.
+    /// Submits a job and returns it after the server has stored it on disk.
+    ///
+    /// If `request_id` is empty, the client chooses one. A retry after a lost connection therefore never creates a second
+    /// job.
     ///
     /// # Errors
     ///
-    /// What the server refused, or that it could not be reached for about 15 seconds.
+    /// [`Error::Refused`] when the server refuses the job, [`Error::Unreachable`] after about 15 seconds without a server.
     pub async fn submit(&self, mut request: SubmitJobRequest) -> Result<Job> {
         if request.request_id.is_empty() {
             request.request_id = uuid::Uuid::now_v7().to_string();
@@ -39,13 +42,14 @@ impl Client {
         }
     }
 
-    /// Waits until the job `jobs/{id}` has ended, and returns it however it ended. Survives a restart of the server;
-    /// gives up after about ten minutes without one.
+    /// Waits until the job `jobs/{id}` has ended, and returns it. The job may have succeeded, failed or been cancelled.
+    ///
+    /// The wait survives a restart of the server.
     ///
     /// # Errors
     ///
-    /// What the server refused (NOT_FOUND for an unknown job), or that it could not be reached; at once where it was
-    /// never reached.
+    /// [`Error::Refused`] when the server refuses the call (NOT_FOUND for an unknown job). [`Error::Unreachable`] at
+    /// once if the first connection fails, and after about ten minutes without a server if a later one is lost.
     pub async fn wait(&self, job: &str, mut on_change: impl FnMut(JobChange<'_>)) -> Result<Job> {
         let mut backoff = Backoff::with_tries(WAIT_TRIES_MAX);
         let (mut reached, mut lost) = (false, false);
@@ -60,7 +64,7 @@ impl Client {
             };
             let error = match self.watch_until_ended(job, &mut on_job).await {
                 Ok(Some(job)) => return Ok(job),
-                // A server that drains ends the stream without a word.
+                // A server that shuts down ends the stream without an error.
                 Ok(None) => self.error(tonic::Status::unavailable("the server ended the watch")),
                 Err(error) => error,
             };
@@ -75,7 +79,7 @@ impl Client {
         }
     }
 
-    /// The job when it has ended; `None` when the stream ended before it.
+    /// Watches a job and returns it when it has ended. `None` if the stream ended first.
     async fn watch_until_ended(&self, job: &str, on_job: &mut impl FnMut(&Job)) -> Result<Option<Job>> {
         let mut stream = self.watch_job(WatchJobRequest { name: job.to_owned() }).await?;
         while let Some(job) = stream.message().await.map_err(|status| self.error(status))? {
@@ -88,13 +92,13 @@ impl Client {
     }
 }
 
-/// A job's spec of one kind of work.
+/// Wraps the settings of one kind of job in a [`v1::JobSpec`].
 #[must_use]
 pub fn job_spec(kind: v1::job_spec::Kind) -> v1::JobSpec {
     v1::JobSpec { kind: Some(kind) }
 }
 
-/// The job has succeeded, failed or was cancelled.
+/// True if the job has succeeded, failed or been cancelled.
 #[must_use]
 pub fn has_ended(job: &Job) -> bool {
     use v1::job::State;
@@ -111,11 +115,11 @@ macro_rules! results {
             ///
             /// # Errors
             ///
-            /// [`Error::JobUnsuccessful`] when the job did not succeed, [`Error::Protocol`] when it is of another kind.
+            /// [`Error::JobUnsuccessful`] when the job has not succeeded, [`Error::Protocol`] when it is of another kind.
             pub fn $name(job: &Job) -> Result<&v1::$result> {
                 match succeeded(job)? {
                     v1::job_result::Kind::$kind(result) => Ok(result),
-                    _ => Err(Error::Protocol { what: "a job has the result of another kind of work" }),
+                    _ => Err(Error::Protocol { what: "a job has the result of another kind of job" }),
                 }
             }
         )*
@@ -123,17 +127,17 @@ macro_rules! results {
 }
 
 results! {
-    /// What a hologram optimization gave.
+    /// Returns the result of a hologram optimization.
     hologram_result: Hologram(HologramResult);
-    /// What a kernel learning gave.
+    /// Returns the result of learning a kernel.
     learn_result: Learn(LearnResult);
-    /// What a simulated capture gave.
+    /// Returns the result of a simulated capture.
     capture_result: Capture(CaptureResult);
-    /// What an evaluation gave.
+    /// Returns the result of evaluating a kernel.
     evaluate_result: Evaluate(EvaluateResult);
-    /// What became of a dataset that was aligned or finalized.
+    /// Returns the result of aligning or finalizing a dataset.
     prepare_result: Prepare(PrepareResult);
-    /// A kernel version's report.
+    /// Returns the report of a kernel version.
     report_result: Report(ReportResult);
 }
 
@@ -160,7 +164,7 @@ mod tests {
     use v1::job::State;
 
     #[test]
-    fn a_result_comes_only_from_a_job_that_succeeded() {
+    fn only_successful_job_has_result() {
         let mut job = Job { name: "jobs/1".into(), state: State::Failed.into(), ..Default::default() };
         job.error = Some(v1::JobError {
             reason: "BAD_IMAGE".into(),

@@ -1,7 +1,7 @@
-//! Fetching kernels.
+//! Downloads of kernels.
 
 use crate::digest::Hasher;
-use crate::download::FileToBe;
+use crate::download::PartialFile;
 use crate::retry::Backoff;
 use crate::v1::fetch_kernel_response::Part;
 use crate::v1::{FetchKernelRequest, KernelFile, KernelFormat, KernelVersion};
@@ -9,11 +9,15 @@ use crate::{Client, Error, Result};
 use std::path::Path;
 
 impl Client {
-    /// A kernel version (0: the active one) and its file in a form, with what that form costs where it is not the stored one.
+    /// Fetches a kernel version and its file in a format. Version 0 means the active version.
+    ///
+    /// For a format other than safetensors a [`KernelFile`] gives the size of the converted file and the error of the
+    /// conversion.
     ///
     /// # Errors
     ///
-    /// What the server refused, that it could not be reached for about 15 seconds, or [`Error::Damaged`].
+    /// [`Error::Refused`] when the server refuses the call, [`Error::Unreachable`] after about 15 seconds without a server,
+    /// [`Error::Damaged`] when the bytes do not match the digest.
     pub async fn fetch_kernel_as(
         &self,
         kernel: &str,
@@ -29,31 +33,31 @@ impl Client {
         }
     }
 
-    /// A kernel version (0: the active one) and its safetensors file.
+    /// Fetches a kernel version and its safetensors file. Version 0 means the active version.
     ///
     /// # Errors
     ///
-    /// As [`Self::fetch_kernel_as`].
+    /// The errors of [`Self::fetch_kernel_as`].
     pub async fn fetch_kernel(&self, kernel: &str, version: u32) -> Result<(KernelVersion, Vec<u8>)> {
         let (version, _, bytes) = self.fetch_kernel_as(kernel, version, KernelFormat::Safetensors).await?;
         Ok((version, bytes))
     }
 
-    /// Writes a kernel version's (0: the active one's) safetensors file to `path`.
+    /// Writes the safetensors file of a kernel version to `path`. Version 0 means the active version.
     ///
     /// # Errors
     ///
-    /// As [`Self::fetch_kernel_to_as`].
+    /// The errors of [`Self::fetch_kernel_to_as`].
     pub async fn fetch_kernel_to(&self, kernel: &str, version: u32, path: &Path) -> Result<KernelVersion> {
         Ok(self.fetch_kernel_to_as(kernel, version, KernelFormat::Safetensors, path).await?.0)
     }
 
-    /// Writes a kernel version (0: the active one) in a form to the file `path`, which appears (or is replaced) only when all
-    /// of it is there and checked.
+    /// Writes the file of a kernel version in a format to `path`. Version 0 means the active version. The file appears,
+    /// or is replaced, only after the whole download is checked.
     ///
     /// # Errors
     ///
-    /// As [`Self::fetch_kernel_as`], and [`Error::File`] when the file cannot be written.
+    /// The errors of [`Self::fetch_kernel_as`], and [`Error::File`] when the file cannot be written.
     pub async fn fetch_kernel_to_as(
         &self,
         kernel: &str,
@@ -61,11 +65,11 @@ impl Client {
         format: KernelFormat,
         path: &Path,
     ) -> Result<(KernelVersion, Option<KernelFile>)> {
-        let mut file = FileToBe::beside(path)?;
-        let (version, made, bytes) = self.fetch_kernel_as(kernel, version, format).await?;
+        let mut file = PartialFile::create(path)?;
+        let (version, converted, bytes) = self.fetch_kernel_as(kernel, version, format).await?;
         file.write(&bytes)?;
         file.finish()?;
-        Ok((version, made))
+        Ok((version, converted))
     }
 
     async fn fetch_kernel_once(
@@ -75,29 +79,34 @@ impl Client {
         format: KernelFormat,
     ) -> Result<(KernelVersion, Option<KernelFile>, Vec<u8>)> {
         let request = FetchKernelRequest { kernel: kernel.to_owned(), version, format: format.into() };
-        let refused = |status| self.error(status);
-        let mut stream = self.kernels().fetch_kernel(request).await.map_err(refused)?.into_inner();
-        let Some(Part::Version(version)) = stream.message().await.map_err(refused)?.and_then(|first| first.part) else {
-            return Err(Error::Protocol { what: "a fetched kernel does not start with its version" });
+        let call_error = |status| self.error(status);
+        let mut stream = self.kernels().fetch_kernel(request).await.map_err(call_error)?.into_inner();
+        let Some(Part::Version(version)) = stream.message().await.map_err(call_error)?.and_then(|first| first.part)
+        else {
+            return Err(Error::Protocol { what: "the first message of a fetched kernel is not its version" });
         };
-        let (mut bytes, mut hasher, mut made) = (Vec::new(), Hasher::default(), None);
-        while let Some(message) = stream.message().await.map_err(refused)? {
+        let (mut bytes, mut hasher, mut converted) = (Vec::new(), Hasher::default(), None);
+        while let Some(message) = stream.message().await.map_err(call_error)? {
             let chunk = match message.part {
                 Some(Part::Chunk(chunk)) => chunk,
-                Some(Part::File(file)) if made.is_none() && bytes.is_empty() => {
-                    made = Some(file);
+                Some(Part::File(file)) if converted.is_none() && bytes.is_empty() => {
+                    converted = Some(file);
                     continue;
                 }
-                _ => return Err(Error::Protocol { what: "a fetched kernel has something else than bytes in it" }),
+                _ => {
+                    return Err(Error::Protocol {
+                        what: "a fetched kernel has a message that is not a chunk of its file",
+                    });
+                }
             };
             hasher.update(&chunk);
             bytes.extend_from_slice(&chunk);
         }
         let found = hasher.finish();
-        let expected = made.as_ref().map_or(&version.artifact, |file: &KernelFile| &file.digest);
+        let expected = converted.as_ref().map_or(&version.artifact, |file: &KernelFile| &file.digest);
         if found != *expected {
             return Err(Error::Damaged { digest: expected.clone(), found });
         }
-        Ok((version, made, bytes))
+        Ok((version, converted, bytes))
     }
 }

@@ -1,4 +1,4 @@
-//! A typed client of a Lightpath server, and the command line `lightpath` on top of it.
+//! A typed client of a Lightpath server. The program `lightpath` is built on it.
 //!
 //! ```no_run
 //! use lightpath::v1::{OptimizeHologram, SubmitJobRequest, job_spec, optimize_hologram::ImagePlane};
@@ -23,14 +23,14 @@
 //!
 //! # Layout
 //!
-//! - [`Client`]: one channel to a server, and a method for every call of the API (`calls.rs`), in the generated
-//!   messages of [`v1`].
+//! - [`Client`]: a connection to a server, with a method for each call of the API (`calls.rs`). Requests and answers are
+//!   the generated messages of [`v1`].
 //! - Transfers: [`Client::upload_bytes`] and [`Client::upload_file`] (`upload.rs`), [`Client::download`] and
-//!   [`Client::download_to`] (`download.rs`), [`Client::fetch_kernel`] (`kernel.rs`). All are checked against
-//!   their SHA-256 and go on after a break.
-//! - Jobs: [`Client::submit`], [`Client::wait`] and what a job gave (`job.rs`).
-//! - [`names`]: resource names; [`units`]: `150mm`, `8um`, `515nm` and back; [`Words`]: enumerations as words.
-//! - [`Error`]: what the server refused and why, field by field.
+//!   [`Client::download_to`] (`download.rs`), [`Client::fetch_kernel`] (`kernel.rs`). Each is checked against its
+//!   SHA-256 digest and repeated or continued after a lost connection.
+//! - Jobs: [`Client::submit`], [`Client::wait`], and functions that return the result of a job (`job.rs`).
+//! - [`names`]: resource names. [`units`]: lengths as text, such as `150mm` or `515nm`. [`Words`]: enumerations as words.
+//! - [`Error`]: why a call failed; a refusal lists the wrong fields.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod calls;

@@ -1,4 +1,4 @@
-//! The command line `lightpath`. What each command does is written in its help; `lightpath help` lists them.
+//! The program `lightpath`. `lightpath help` lists its commands, and `lightpath help COMMAND` explains one.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod cli;

@@ -1,24 +1,26 @@
-//! Resource names, as the API writes them.
+//! Resource names of the API.
 
-/// `displays/{id}`; a name stays as it is.
+/// Returns `displays/{id}`. An `id` that is already such a name is returned unchanged.
 #[must_use]
 pub fn display(id: &str) -> String {
     with_collection("displays", id)
 }
 
-/// `datasets/{id}`; a name stays as it is.
+/// Returns `datasets/{id}`. An `id` that is already such a name is returned unchanged.
 #[must_use]
 pub fn dataset(id: &str) -> String {
     with_collection("datasets", id)
 }
 
-/// `jobs/{id}`; a name stays as it is.
+/// Returns `jobs/{id}`. An `id` that is already such a name is returned unchanged.
 #[must_use]
 pub fn job(id: &str) -> String {
     with_collection("jobs", id)
 }
 
-/// `displays/{id}/kernels/515nm-150mm`, rounded to picometres and nanometres as the server does.
+/// Returns the name of a kernel, for example `displays/{id}/kernels/515nm-150mm`.
+///
+/// As on the server, the wavelength is rounded to whole picometres and the distance to whole nanometres.
 #[must_use]
 pub fn kernel(display_id: &str, wavelength_m: f64, distance_m: f64) -> String {
     let wavelength = whole_and_rest((wavelength_m * 1e12).round() as i64, 1_000);
@@ -26,13 +28,13 @@ pub fn kernel(display_id: &str, wavelength_m: f64, distance_m: f64) -> String {
     format!("{}/kernels/{wavelength}nm-{distance}mm", display(display_id))
 }
 
-/// `{kernel}/versions/{version}`.
+/// Returns `{kernel}/versions/{version}`.
 #[must_use]
 pub fn kernel_version(kernel: &str, version: u32) -> String {
     format!("{kernel}/versions/{version}")
 }
 
-/// The last part of a name: the id.
+/// Returns the last part of a name: the id.
 #[must_use]
 pub fn id(name: &str) -> &str {
     name.rsplit('/').next().unwrap_or(name)
@@ -59,7 +61,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_follow_the_api() {
+    fn names_have_the_form_of_the_api() {
         assert_eq!(display("lab-2"), "displays/lab-2");
         assert_eq!(display("displays/lab-2"), "displays/lab-2");
         assert_eq!(job("jobs-1"), "jobs/jobs-1");

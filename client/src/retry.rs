@@ -1,19 +1,19 @@
-//! Trying again after a break.
+//! Retries after a lost connection.
 
 use crate::Error;
 use std::time::Duration;
 use tonic::Code;
 
-/// First pause after a break.
+/// First pause before a retry.
 const PAUSE_MIN: Duration = Duration::from_millis(100);
 
-/// Longest pause between two tries.
+/// Longest pause before a retry.
 const PAUSE_MAX: Duration = Duration::from_secs(3);
 
-/// Tries of a call that makes no headway, before its error is returned: about 15 seconds of pauses.
+/// Tries of a call without progress before its error is returned. The pauses between them last about 15 seconds in total.
 const TRIES_MAX: u32 = 10;
 
-/// Counts tries and grows the pause between them.
+/// Counts the tries of a call and doubles the pause between them.
 #[derive(Debug)]
 pub(crate) struct Backoff {
     tries: u32,
@@ -21,22 +21,22 @@ pub(crate) struct Backoff {
 }
 
 impl Backoff {
-    /// For calls: gives up after [`TRIES_MAX`].
+    /// Allows [`TRIES_MAX`] tries, as for a single call.
     pub(crate) fn new() -> Self {
         Self { tries: 0, tries_max: TRIES_MAX }
     }
 
-    /// Gives up after `tries_max`.
+    /// Allows `tries_max` tries.
     pub(crate) fn with_tries(tries_max: u32) -> Self {
         Self { tries: 0, tries_max }
     }
 
-    /// There was headway: the count starts over.
+    /// Restarts the count after progress.
     pub(crate) fn reset(&mut self) {
         self.tries = 0;
     }
 
-    /// Pauses where it makes sense to try again after `error`; hands it back otherwise.
+    /// Pauses before a retry. Returns `error` instead if a retry cannot help or no tries are left.
     pub(crate) async fn pause(&mut self, error: Error) -> Result<(), Error> {
         self.tries += 1;
         if !may_succeed_later(&error) || self.tries >= self.tries_max {
@@ -51,7 +51,8 @@ impl Backoff {
     }
 }
 
-/// ABORTED means that somebody else is at it: after a pause it is done, or our turn.
+/// True for errors that may not occur in a retry. ABORTED means that another caller is doing the same; a retry succeeds
+/// after that caller has finished.
 fn may_succeed_later(error: &Error) -> bool {
     error.is_unreachable() || error.code() == Some(Code::Aborted)
 }
@@ -62,7 +63,7 @@ mod tests {
     use tonic::Status;
 
     #[test]
-    fn pauses_grow_and_stay_short() {
+    fn pauses_grow_up_to_limit() {
         let pause = |tries| Backoff { tries, tries_max: TRIES_MAX }.pause_length();
         assert_eq!(pause(1), PAUSE_MIN);
         assert_eq!(pause(2), 2 * PAUSE_MIN);
@@ -72,7 +73,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn the_last_try_and_a_refusal_are_final() {
+    async fn no_retry_after_last_try_or_refusal() {
         let unavailable = || Error::from_status("http://lab", Status::unavailable("away"));
         assert!(Backoff::with_tries(1).pause(unavailable()).await.is_err());
         assert!(Backoff::with_tries(2).pause(unavailable()).await.is_ok());

@@ -1,78 +1,80 @@
-//! Lengths with units: `150mm`, `8um`, `515nm`, and back.
+//! Lengths as text with units, such as `150mm`, `8um`, `515nm`.
 
 use std::fmt;
 
-/// What a length is, which decides how large a plain number may be before a forgotten unit is the likelier reading.
+/// A kind of length. It decides from which size on a number without a unit is refused, because its unit was probably
+/// forgotten.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Length {
-    /// From the SLM to the image plane.
+    /// Distance from the SLM to the image plane.
     Distance,
-    /// Between SLM pixels.
+    /// Distance between the centres of neighbouring SLM pixels.
     PixelPitch,
-    /// In vacuum.
+    /// Wavelength in vacuum.
     Wavelength,
 }
 
-/// Why a text is no length.
+/// The reason why a text is not a length.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ParseError {
-    /// No number at the start.
+    /// The text does not start with a number.
     #[error("{length} \"{text}\" is not a number with a unit, such as {example}")]
     NotANumber {
-        /// What was wanted.
+        /// The kind of length that was expected.
         length: Length,
-        /// What was given.
+        /// The text that was given.
         text: String,
-        /// What would be right.
+        /// A valid example.
         example: &'static str,
     },
-    /// A number that is not finite.
+    /// The number is not finite.
     #[error("{length} is {text}, but must be a finite number, such as {example}")]
     NotFinite {
-        /// What was wanted.
+        /// The kind of length that was expected.
         length: Length,
-        /// What was given.
+        /// The text that was given.
         text: String,
-        /// What would be right.
+        /// A valid example.
         example: &'static str,
     },
-    /// A unit that is not known.
+    /// The unit is unknown.
     #[error(
         "{length} \"{text}\" has the unknown unit \"{unit}\": use m, cm, mm, um (or µm), nm or pm, such as {example}"
     )]
     UnknownUnit {
-        /// What was wanted.
+        /// The kind of length that was expected.
         length: Length,
-        /// What was given.
+        /// The text that was given.
         text: String,
-        /// The part behind the number.
+        /// The text after the number.
         unit: String,
-        /// What would be right.
+        /// A valid example.
         example: &'static str,
     },
-    /// A plain number is in metres, and so many metres make no sense.
+    /// The number has no unit. It would be in metres, and that is too large for this kind of length.
     #[error("{length} {text} has no unit and would be {text} m: write {text}{unit}")]
     NoUnit {
-        /// What was wanted.
+        /// The kind of length that was expected.
         length: Length,
-        /// What was given.
+        /// The text that was given.
         text: String,
-        /// The unit that was probably meant.
+        /// The unit that the user probably meant.
         unit: &'static str,
     },
 }
 
-/// Units and their power of ten. Longer names first, so that `mm` is not read as `m`.
+/// Units, each with its power of ten.
 const UNITS: [(&str, i32); 8] =
     [("cm", -2), ("mm", -3), ("um", -6), ("µm", -6), ("μm", -6), ("nm", -9), ("pm", -12), ("m", 0)];
 
 impl Length {
-    /// Reads `150mm`, `8um`, `8µm`, `515nm`, `0.15m` or a plain number of metres. Exact: the result is the f64
-    /// nearest to the decimal number. Whether the length makes sense is for the server to say.
+    /// Parses `150mm`, `8um`, `8µm`, `515nm`, `0.15m` or a plain number, and returns metres. A plain number is in metres.
+    ///
+    /// The result is the f64 nearest to the decimal number. The server checks its range.
     ///
     /// # Errors
     ///
-    /// [`ParseError`]; a plain number too large for this kind of length counts as one without its unit.
+    /// [`ParseError`] if the text is not a length, or if it is a plain number too large for this kind of length.
     pub fn parse_m(self, text: &str) -> Result<f64, ParseError> {
         let text = text.trim();
         let example = self.example();
@@ -105,7 +107,7 @@ impl Length {
             Self::Wavelength => (1e-4, "nm"),
         };
         if metres.abs() > plain_max_m {
-            // 0.515 was meant in micrometres.
+            // For example, 0.515 was probably meant in micrometres.
             let unit = if self == Self::Wavelength && metres.abs() < 10.0 { "um" } else { unit };
             return Err(ParseError::NoUnit { length: self, text: text.to_owned(), unit });
         }
@@ -131,7 +133,7 @@ impl fmt::Display for Length {
     }
 }
 
-/// `150 mm`, `8 µm`, `515 nm`: for people, to a millionth of the unit.
+/// Formats a length for people, for example `150 mm`, `8 µm` or `515 nm`, to a millionth of its unit.
 #[must_use]
 pub fn show_m(metres: f64) -> String {
     let (scale, unit) = match metres.abs() {
@@ -145,7 +147,7 @@ pub fn show_m(metres: f64) -> String {
     format!("{number} {unit}")
 }
 
-/// The decimal number at the start (with its exponent), and what follows it without spaces.
+/// Splits a text into the decimal number at its start, exponent included, and the rest without leading spaces.
 fn split_number(text: &str) -> Option<(&str, &str)> {
     let bytes = text.as_bytes();
     let digits = |from: usize| bytes[from..].iter().take_while(|b| b.is_ascii_digit()).count();
@@ -170,7 +172,7 @@ fn split_number(text: &str) -> Option<(&str, &str)> {
     Some((&text[..end], text[end..].trim_start()))
 }
 
-/// The number times 10^power, still as a decimal text.
+/// Multiplies a decimal text by 10^power, and returns a decimal text.
 fn with_power(number: &str, power: i32) -> Option<String> {
     let (mantissa, exponent) = match number.split_once(['e', 'E']) {
         Some((mantissa, exponent)) => (mantissa, exponent.parse::<i32>().ok()?),
@@ -184,7 +186,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn decimal_texts_are_read_exactly() {
+    fn decimal_texts_are_parsed_exactly() {
         for (length, text, metres) in [
             (Length::Distance, "150mm", 0.15),
             (Length::Distance, "0.15m", 0.15),
@@ -211,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn a_forgotten_unit_is_pointed_out() {
+    fn error_names_forgotten_unit() {
         for (length, text, message) in [
             (Length::Distance, "150", "distance 150 has no unit and would be 150 m: write 150mm"),
             (Length::PixelPitch, "8", "pixel pitch 8 has no unit and would be 8 m: write 8um"),
@@ -223,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_length_is_refused_with_an_example() {
+    fn invalid_lengths_are_refused_with_an_example() {
         for (text, sign) in [
             ("", "not a number"),
             ("mm", "not a number"),
@@ -245,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn lengths_are_shown_in_the_unit_people_use() {
+    fn lengths_are_shown_in_their_usual_unit() {
         for (metres, text) in [
             (0.15, "150 mm"),
             (-0.0125, "-12.5 mm"),

@@ -1,4 +1,4 @@
-//! Uploads: nothing is sent twice, and a break costs nothing but time.
+//! Uploads. Content that the server has already is not sent. An upload continues after a lost connection.
 
 use crate::digest::digest_of_file;
 use crate::retry::Backoff;
@@ -12,10 +12,10 @@ use tokio::io::{AsyncReadExt as _, AsyncSeekExt as _};
 use tokio_stream::Stream;
 use tonic::Code;
 
-/// Size of a message's chunk. The server takes up to 2 MiB; smaller ones lose less at a break.
+/// Size of a chunk. The server accepts up to 2 MiB. Smaller chunks lose less when the connection is lost.
 const CHUNK_BYTES: usize = 1 << 20;
 
-/// Where the content comes from.
+/// Content of an upload.
 #[derive(Clone)]
 enum Content {
     Memory(Arc<[u8]>),
@@ -23,28 +23,28 @@ enum Content {
 }
 
 impl Client {
-    /// Stores `bytes` on the server and returns their digest, `sha256-…`. Content that is there already is not sent.
+    /// Stores `bytes` on the server and returns their digest, `sha256-…`. Does not send content that is stored already.
     ///
     /// # Errors
     ///
-    /// What the server refused, or that it could not be reached for about 15 seconds.
+    /// [`Error::Refused`] when the server refuses the call, [`Error::Unreachable`] after about 15 seconds without a server.
     pub async fn upload_bytes(&self, bytes: impl Into<Vec<u8>>) -> Result<String> {
         let bytes: Vec<u8> = bytes.into();
         let (digest, size_bytes) = (digest_of(&bytes), bytes.len() as u64);
         self.upload(digest, size_bytes, Content::Memory(bytes.into())).await
     }
 
-    /// Stores a file's content on the server and returns its digest, `sha256-…`. Content that is there already is
-    /// not sent.
+    /// Stores a file's content on the server and returns its digest, `sha256-…`. Does not send content that is stored
+    /// already.
     ///
     /// # Errors
     ///
-    /// [`Error::File`] when the file cannot be read; what the server refused, or that it could not be reached for
-    /// about 15 seconds.
+    /// [`Error::File`] when the file cannot be read, [`Error::Refused`] when the server refuses the call,
+    /// [`Error::Unreachable`] after about 15 seconds without a server.
     pub async fn upload_file(&self, path: &Path) -> Result<String> {
         let path = path.to_owned();
         let hashed = path.clone();
-        // A panic while hashing is a bug here, so it goes on.
+        // A panic while hashing is a bug of this crate, so the caller panics too.
         let hashing = tokio::task::spawn_blocking(move || digest_of_file(&hashed)).await;
         let (digest, size_bytes) = hashing.unwrap_or_else(|error| std::panic::resume_unwind(error.into_panic()))?;
         self.upload(digest, size_bytes, Content::File(path)).await
@@ -74,35 +74,36 @@ impl Client {
         }
     }
 
-    /// Goes on where the server's copy ends.
+    /// Sends the part of the content that the server has not received yet.
     async fn upload_once(&self, digest: &str, size_bytes: u64, content: &Content) -> Result<()> {
         let upload = self.get_upload(GetUploadRequest { digest: digest.to_owned() }).await?;
         if upload.complete {
             return Ok(());
         }
-        // More than the whole cannot be the start of it.
+        // A stored part longer than the content cannot be its beginning: send everything.
         let offset_bytes = if upload.received_bytes > size_bytes { 0 } else { upload.received_bytes };
         let start = WriteArtifactStart { digest: digest.to_owned(), size_bytes, offset_bytes };
-        let broken = Arc::new(Mutex::new(None));
-        let messages = messages(start, content.clone(), Arc::clone(&broken));
+        let read_error = Arc::new(Mutex::new(None));
+        let messages = messages(start, content.clone(), Arc::clone(&read_error));
         let answer = self.artifacts().write_artifact(messages).await;
-        // The server's complaint about a short upload is only the consequence of a file that could not be read.
-        if let Some(error) = broken.lock().unwrap_or_else(PoisonError::into_inner).take() {
+        // After a read error the upload is too short, and the server refuses it. The read error is the cause.
+        if let Some(error) = read_error.lock().unwrap_or_else(PoisonError::into_inner).take() {
             return Err(error);
         }
         let stored = answer.map_err(|status| self.error(status))?.into_inner();
         if stored.digest != digest {
-            return Err(Error::Protocol { what: "an upload was stored under another digest" });
+            return Err(Error::Protocol { what: "it stored an upload under another digest" });
         }
         Ok(())
     }
 }
 
-/// The start, then chunks to the end of the content. A read error ends the stream and is left in `broken`.
+/// Streams the start message, then chunks to the end of the content. A read error ends the stream and is stored in
+/// `read_error`.
 fn messages(
     start: WriteArtifactStart,
     content: Content,
-    broken: Arc<Mutex<Option<Error>>>,
+    read_error: Arc<Mutex<Option<Error>>>,
 ) -> impl Stream<Item = WriteArtifactRequest> {
     enum Next {
         Start(WriteArtifactStart, Content),
@@ -110,7 +111,7 @@ fn messages(
         End,
     }
     futures::stream::unfold(Next::Start(start, content), move |next| {
-        let broken = Arc::clone(&broken);
+        let read_error = Arc::clone(&read_error);
         async move {
             let read = match next {
                 Next::Start(start, content) => {
@@ -124,7 +125,7 @@ fn messages(
                 Ok((chunk, _)) if chunk.is_empty() => None,
                 Ok((chunk, chunks)) => Some((message(Part::Chunk(chunk.into())), Next::Chunks(chunks))),
                 Err(error) => {
-                    *broken.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
+                    *read_error.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
                     Some((message(Part::Chunk(Vec::new().into())), Next::End))
                 }
             }
@@ -136,16 +137,16 @@ fn message(part: Part) -> WriteArtifactRequest {
     WriteArtifactRequest { part: Some(part) }
 }
 
-/// Reads content piece by piece.
+/// Reads content in chunks.
 struct Chunks {
     content: Content,
     offset_bytes: u64,
-    /// Opened by the first read.
+    /// The open file. `None` before the first read.
     file: Option<tokio::fs::File>,
 }
 
 impl Chunks {
-    /// The next chunk; empty at the end.
+    /// Reads the next chunk. It is empty at the end of the content.
     async fn next(&mut self) -> Result<Vec<u8>> {
         let chunk = match &self.content {
             Content::Memory(bytes) => {
@@ -184,8 +185,8 @@ mod tests {
 
     async fn sent(content: Content, offset_bytes: u64) -> (WriteArtifactStart, Vec<Vec<u8>>, Option<Error>) {
         let start = WriteArtifactStart { digest: "sha256-x".into(), size_bytes: 7, offset_bytes };
-        let broken = Arc::new(Mutex::new(None));
-        let all: Vec<_> = messages(start, content, Arc::clone(&broken)).collect().await;
+        let read_error = Arc::new(Mutex::new(None));
+        let all: Vec<_> = messages(start, content, Arc::clone(&read_error)).collect().await;
         let mut parts = all.into_iter().map(|message| message.part.unwrap());
         let Some(Part::Start(start)) = parts.next() else { panic!("no start") };
         let chunks = parts
@@ -194,7 +195,7 @@ mod tests {
                 Part::Start(_) => panic!("two starts"),
             })
             .collect();
-        (start, chunks, broken.lock().unwrap().take())
+        (start, chunks, read_error.lock().unwrap().take())
     }
 
     #[tokio::test]
@@ -204,18 +205,18 @@ mod tests {
         let path = folder.path().join("target.png");
         std::fs::write(&path, &bytes).unwrap();
         for content in [Content::Memory(bytes.clone().into()), Content::File(path)] {
-            let (start, chunks, broken) = sent(content, 5).await;
+            let (start, chunks, read_error) = sent(content, 5).await;
             assert_eq!(start.offset_bytes, 5);
-            assert!(broken.is_none());
+            assert!(read_error.is_none());
             assert_eq!(chunks.iter().map(Vec::len).collect::<Vec<_>>(), [CHUNK_BYTES, CHUNK_BYTES, 5]);
             assert_eq!(chunks.concat(), bytes[5..]);
         }
     }
 
     #[tokio::test]
-    async fn a_file_that_vanishes_is_reported_as_such() {
-        let (_, chunks, broken) = sent(Content::File("/nowhere/target.png".into()), 0).await;
+    async fn missing_file_is_reported_as_read_error() {
+        let (_, chunks, read_error) = sent(Content::File("/nowhere/target.png".into()), 0).await;
         assert_eq!(chunks.concat(), b"");
-        assert!(broken.unwrap().to_string().contains("/nowhere/target.png"));
+        assert!(read_error.unwrap().to_string().contains("/nowhere/target.png"));
     }
 }

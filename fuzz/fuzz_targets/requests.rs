@@ -1,7 +1,7 @@
-//! Messages to every method of a real server: the first byte chooses the method.
+//! Sends messages to every method of a real server. The first byte of the input chooses the method.
 #![no_main]
 
-#[path = "../../server/tests/service/raw.rs"]
+#[path = "../../server/daemon/tests/service/raw.rs"]
 mod raw;
 
 use lightpath_proto::v1::CreateDisplayRequest;

@@ -3,5 +3,5 @@
 use lightpath_server::fuzzing::Decoder;
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    let _ = Decoder::StoredKernel.reads(bytes);
+    let _ = Decoder::StoredKernel.accepts(bytes);
 });

@@ -2,9 +2,9 @@
 //! a hologram, and steps of learning.
 //!
 //! ```sh
-//! cargo bench -p lightpath-optics                       # all of it: some ten minutes
-//! cargo bench -p lightpath-optics -- 'adam/pixel'       # whatever has this in its name
-//! cargo bench -p lightpath-optics -- --test             # everything once, to see that it runs
+//! cargo bench -p lightpath-optics                       # all benchmarks, about ten minutes
+//! cargo bench -p lightpath-optics -- 'adam/pixel'       # benchmarks whose names contain this
+//! cargo bench -p lightpath-optics -- --test             # each benchmark once, as a test
 //! ```
 //!
 //! Times are per call. `Melem/s` are millions of SLM pixels per second. `examples/cost_per_pixel.rs` prints how the
@@ -14,7 +14,7 @@
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use lightpath_optics::hologram::{HologramMethod, HologramOptions, initial_phase, quality};
-use lightpath_optics::learning::{KernelModel, LearnOptions, Learner, Lessons, Pair};
+use lightpath_optics::learning::{KernelModel, LearnOptions, Learner, LearningPairs, Pair};
 use lightpath_optics::passes::{Pass, Passes};
 use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{
@@ -123,7 +123,7 @@ fn learning(criterion: &mut Criterion) {
             let options = LearnOptions { epochs: 1_000_000, order: Some(5), ..LearnOptions::new(model, job.region) };
             let mut learner = Learner::start(job.setup, options, &pairs).unwrap();
             group.bench_function(BenchmarkId::new(name, size), |bencher| {
-                bencher.iter(|| learner.step(Lessons::only(&pairs)).unwrap().unwrap());
+                bencher.iter(|| learner.step(LearningPairs::training_only(&pairs)).unwrap().unwrap());
             });
         }
         group.finish();

@@ -3,7 +3,7 @@
 //! ```text
 //! cargo run --release --example aperture
 //! ```
-#![allow(clippy::print_stdout)] // it is a program
+#![allow(clippy::print_stdout)] // an example prints its results
 
 use lightpath_optics::propagation::PropagationMethod;
 use lightpath_optics::reference::PropagatorCore;
@@ -32,16 +32,16 @@ fn main() -> Result<()> {
             // The direct sum is valid only at and beyond the critical distance.
             let sum = rayleigh_sommerfeld_onto(&setup, &hole, propagator.window())?;
             let light = |plane: &Plane<Complex64>| plane.values().iter().map(Complex64::norm_sqr).sum::<f64>();
-            let apart = Plane::from_fn(side_px, side_px, |y, x| image.at(y, x) - sum.at(y, x));
+            let difference = Plane::from_fn(side_px, side_px, |y, x| image.at(y, x) - sum.at(y, x));
             let pitch_um = 1e6 * propagator.window().pitch_x_m();
-            let error = (light(&apart) / light(&sum)).sqrt();
-            println!("  {method:37} {error:8.1e} from the direct sum, on pixels of {pitch_um:.1} µm");
+            let error = (light(&difference) / light(&sum)).sqrt();
+            println!("  {method:37} error {error:8.1e} relative to the direct sum, pixels of {pitch_um:.1} µm");
         }
     }
     Ok(())
 }
 
 #[test]
-fn it_runs() {
-    main().expect("every call is right");
+fn example_runs() {
+    main().expect("the example runs without an error");
 }

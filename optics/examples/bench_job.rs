@@ -48,18 +48,18 @@ impl Options {
     fn number<T: std::str::FromStr>(&self, name: &str, default: T) -> Result<T, String> {
         match self.text.get(name) {
             None => Ok(default),
-            Some(text) => text.parse().map_err(|_| format!("--{name} is {text}, which is no such number")),
+            Some(text) => text.parse().map_err(|_| format!("--{name} is {text}, but must be a number")),
         }
     }
 
     fn word(&self, name: &str) -> Result<&str, String> {
-        self.text.get(name).map(String::as_str).ok_or_else(|| format!("--{name} is needed"))
+        self.text.get(name).map(String::as_str).ok_or_else(|| format!("--{name} is required"))
     }
 }
 
 fn write_card(name: &str, options: &Options) -> Result<(), Box<dyn Error>> {
     let card = TestCard::ALL.into_iter().find(|card| card.name() == name).ok_or_else(|| {
-        format!("there is no card {name}; there are {}", TestCard::ALL.map(TestCard::name).join(", "))
+        format!("--card {name} is not a card; cards are {}", TestCard::ALL.map(TestCard::name).join(", "))
     })?;
     let plane =
         card.render(options.number("height", 1080)?, options.number("width", 1920)?, options.number("seed", 1)?)?;
@@ -73,7 +73,11 @@ fn run_job(options: &Options) -> Result<(), Box<dyn Error>> {
         "point" => Detector::Point,
         "pixel" => Detector::Pixel,
         "supersampled" => Detector::Supersampled,
-        other => return Err(format!("there is no detector {other}; there are point, pixel and supersampled").into()),
+        other => {
+            return Err(
+                format!("--detector {other} is not a detector; detectors are point, pixel and supersampled").into()
+            );
+        }
     };
     let iterations: u32 = options.number("iterations", 200)?;
     // The job ends when −10·log₁₀ of the loss reaches this quality [dB].
@@ -86,7 +90,7 @@ fn run_job(options: &Options) -> Result<(), Box<dyn Error>> {
     let region = match options.text.get("region").map_or("middle", String::as_str) {
         "middle" => RegionOfInterest::middle(&grid),
         "full" => RegionOfInterest::full(&grid),
-        other => return Err(format!("there is no region {other}; there are middle and full").into()),
+        other => return Err(format!("--region {other} is not a region; regions are middle and full").into()),
     };
     let phase = initial_phase(height_px, width_px, options.number("phase-range", 1.0)?, options.number("seed", 1)?)?;
     let problem = HologramProblem::new(Engine::new(&DisplayModel::ideal(setup), detector, None)?, target, region)?;
@@ -113,7 +117,9 @@ fn run_job(options: &Options) -> Result<(), Box<dyn Error>> {
 
 fn read_npy(path: &str) -> Result<Plane<f32>, Box<dyn Error>> {
     let file = npyz::NpyFile::new(BufReader::new(File::open(path).map_err(|error| format!("{path}: {error}"))?))?;
-    let &[height, width] = file.shape() else { return Err(format!("{path} is not [height, width]").into()) };
+    let &[height, width] = file.shape() else {
+        return Err(format!("{path} must have the shape [height, width]").into());
+    };
     let (height_px, width_px) = (usize::try_from(height)?, usize::try_from(width)?);
     Ok(Plane::try_from_vec(height_px, width_px, file.into_vec::<f32>()?)?)
 }

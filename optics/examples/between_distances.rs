@@ -7,11 +7,11 @@
 //! The example simulates displays whose camera moves along a tilted rail and whose aberrations grow with the distance.
 //! It learns each display from photographs at three distances together, and predicts photographs at distances between
 //! them.
-#![allow(clippy::print_stdout)] // it is a program
+#![allow(clippy::print_stdout)] // an example prints its results
 
 use lightpath_optics::hologram::initial_phase;
 use lightpath_optics::learning::{
-    BoxError, KernelModel, LearnOptions, Learner, Lessons, Pair, PairSource, compare, interpolated,
+    BoxError, KernelModel, LearnOptions, Learner, LearningPairs, Pair, PairSource, compare, interpolated,
 };
 use lightpath_optics::simulated_display::{SimulatedBench, SimulatedDisplay};
 use lightpath_optics::{Detector, DisplayModel, Engine, Grid, OpticalSetup, RegionOfInterest};
@@ -41,7 +41,8 @@ impl PairSource for Photographs {
 
 fn main() -> Result<(), BoxError> {
     println!(
-        "held-out loss: ideal kernel, nearest photographed one, interpolated, learned there; s to learn three distances"
+        "held-out loss of the ideal kernel, the kernel of the nearest photographed distance, the interpolated kernel, \
+         and the kernel learned at this distance; time to learn three distances"
     );
     for seed in 0..SEEDS {
         let start = Instant::now();
@@ -100,7 +101,7 @@ fn learned(seed: u64, distances_m: &[f64]) -> Result<Vec<DisplayModel>, BoxError
     let region = RegionOfInterest::middle(&setups[0].grid());
     let options = LearnOptions { order: Some(8), ..LearnOptions::new(KernelModel::Display, region) };
     let mut learner = Learner::start_joint(&setups, options, &training)?;
-    while learner.step(Lessons::only(&training))?.is_some() {}
+    while learner.step(LearningPairs::training_only(&training))?.is_some() {}
     Ok(learner.models())
 }
 

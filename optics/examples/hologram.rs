@@ -5,8 +5,8 @@
 //! cargo run --release --example hologram [FOLDER]
 //! ```
 //!
-//! The example writes `phase.pgm` and `seen.pgm` into the folder. The default is the current folder.
-#![allow(clippy::print_stdout)] // it is a program
+//! The example writes `phase.pgm` and `image.pgm` into the folder. The default is the current folder.
+#![allow(clippy::print_stdout)] // an example prints its results
 
 use lightpath_optics::{Grid, OpticalSetup, Plane, optimize};
 use std::f32::consts::TAU;
@@ -22,10 +22,10 @@ fn make(folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
     let setup = OpticalSetup::try_new(Grid::try_new(height_px, width_px, 8e-6)?, 515e-9, 0.03)?;
     let hologram = optimize(&rings(height_px, width_px), &setup)?;
     println!("{}\n", hologram.validity);
-    println!("{:.1} dB at a camera's pixels", hologram.quality.pixel.psnr_db);
+    println!("PSNR of the light integrated over each pixel: {:.1} dB", hologram.quality.pixel.psnr_db);
     write_pgm(&folder.join("phase.pgm"), &hologram.phase.map(|phase| phase / TAU))?;
-    write_pgm(&folder.join("seen.pgm"), &hologram.reconstruction.map(|light| light.clamp(0.0, 1.0)))?;
-    println!("\nwrote phase.pgm and seen.pgm into {}", folder.display());
+    write_pgm(&folder.join("image.pgm"), &hologram.reconstruction.map(|light| light.clamp(0.0, 1.0)))?;
+    println!("\nwrote phase.pgm and image.pgm into {}", folder.display());
     Ok(())
 }
 
@@ -45,13 +45,13 @@ fn write_pgm(path: &Path, values: &Plane<f32>) -> std::io::Result<()> {
 }
 
 #[test]
-fn it_leaves_two_pictures() {
+fn example_writes_two_pictures() {
     let folder = std::env::temp_dir().join(format!("lightpath-hologram-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).expect("a temporary folder");
-    make(&folder).expect("every call is right");
-    for file in ["phase.pgm", "seen.pgm"] {
-        let size = std::fs::metadata(folder.join(file)).expect("the file").len();
+    std::fs::create_dir_all(&folder).expect("the folder is created");
+    make(&folder).expect("the example runs without an error");
+    for file in ["phase.pgm", "image.pgm"] {
+        let size = std::fs::metadata(folder.join(file)).expect("the file exists").len();
         assert_eq!(size, 15 + 180 * 240, "{file}");
     }
-    std::fs::remove_dir_all(&folder).expect("its end");
+    std::fs::remove_dir_all(&folder).expect("the folder is removed");
 }

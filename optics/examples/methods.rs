@@ -32,7 +32,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let random = InitialPhase::Random { range_rad: 1.0 };
     let quadratic = InitialPhase::Quadratic { focal_length_m: None };
     let constant = InitialPhase::Constant { phase_rad: 0.0 };
-    let ways = [
+    let runs = [
         ("lbfgs", HologramMethod::Lbfgs, &random),
         ("lbfgs", HologramMethod::Lbfgs, &quadratic),
         ("lbfgs", HologramMethod::Lbfgs, &constant),
@@ -48,7 +48,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     drop(writeln!(out, "method  from       detector         point      pixel  supersampled  ms a step"));
     for detector in Detector::ALL {
         let engine = Engine::new(&DisplayModel::ideal(setup), detector, None)?;
-        for (name, method, initial) in ways {
+        for (name, method, initial) in runs {
             let problem = HologramProblem::new(engine.clone(), target.clone(), region)?;
             let phases = initial.phases(&problem, &setup, 1)?;
             let mut optimization = Optimization::start(problem, HologramOptions::new(method, steps), phases)?;
@@ -60,14 +60,15 @@ fn main() -> Result<(), Box<dyn Error>> {
             let step_ms = 1e3 * started.elapsed().as_secs_f64() / f64::from(taken);
             let phase = Plane::try_from_vec(height_px, width_px, optimization.phases().to_vec())?;
             let found = quality(&engine, &phase, &target, region)?;
-            let [point, pixel, eye] = [found.point, found.pixel, found.supersampled].map(|seen| seen.psnr_db);
+            let [point, pixel, supersampled] =
+                [found.point, found.pixel, found.supersampled].map(|quality| quality.psnr_db);
             let from = match initial {
                 InitialPhase::Random { .. } => "random",
                 InitialPhase::Quadratic { .. } => "quadratic",
                 _ => "constant",
             };
             let line = format!(
-                "{name:7} {from:10} {detector:<12?} {point:6.1} dB {pixel:7.1} dB {eye:10.1} dB {step_ms:10.1}"
+                "{name:7} {from:10} {detector:<12?} {point:6.1} dB {pixel:7.1} dB {supersampled:10.1} dB {step_ms:10.1}"
             );
             drop(writeln!(out, "{line}"));
         }
@@ -77,7 +78,9 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 fn read_npy(path: &str) -> Result<Plane<f32>, Box<dyn Error>> {
     let file = npyz::NpyFile::new(BufReader::new(File::open(path).map_err(|error| format!("{path}: {error}"))?))?;
-    let &[height, width] = file.shape() else { return Err(format!("{path} is not [height, width]").into()) };
+    let &[height, width] = file.shape() else {
+        return Err(format!("{path} must have the shape [height, width]").into());
+    };
     let (height_px, width_px) = (usize::try_from(height)?, usize::try_from(width)?);
     Ok(Plane::try_from_vec(height_px, width_px, file.into_vec::<f32>()?)?)
 }

@@ -4,7 +4,7 @@
 //! ```text
 //! cargo run --release --example planner_tour
 //! ```
-#![allow(clippy::print_stdout)] // it is a program
+#![allow(clippy::print_stdout)] // an example prints its results
 
 use lightpath_optics::propagation::{ImageWindow, PropagationMethod, assess, plan, plan_onto};
 use lightpath_optics::{Grid, OpticalSetup, Result};
@@ -23,20 +23,20 @@ fn main() -> Result<()> {
     println!("{}\n", plan_onto(&at(0.15)?, &zoom)?);
     println!("{}\n", plan(&at(0.15)?.with_centre(2e-3, 0.0)?)?);
 
-    println!("what is refused at 0.5 m");
+    println!("methods that are refused at 0.5 m");
     for method in PropagationMethod::ALL {
         if let Err(refusal) = assess(&at(0.5)?, method) {
             println!("- {refusal}");
         }
     }
-    let postage_stamp = OpticalSetup::try_new(Grid::try_new(64, 64, 8e-6)?, 515e-9, 2.0)?;
-    if let Err(refusal) = plan(&postage_stamp) {
+    let small_display = OpticalSetup::try_new(Grid::try_new(64, 64, 8e-6)?, 515e-9, 2.0)?;
+    if let Err(refusal) = plan(&small_display) {
         println!("\n64×64 px at 2 m\n- {refusal}");
     }
     Ok(())
 }
 
 #[test]
-fn it_runs() {
-    main().expect("every plan but the refused ones is possible");
+fn example_runs() {
+    main().expect("the example runs without an error");
 }

@@ -75,7 +75,7 @@ mod tests {
     use std::f64::consts::TAU;
 
     #[test]
-    fn alternate_columns_or_rows_gain_half_a_turn() {
+    fn carrier_adds_pi_on_alternate_columns_or_rows() {
         let flat = Plane::filled(2, 3, 1.0f32);
         let up = (1.0 + PI) as f32;
         assert_eq!(Carrier::HalfOrderX.applied_to(&flat).values(), [1.0, up, 1.0, 1.0, up, 1.0]);
@@ -86,7 +86,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_phase_matches_the_sign_and_cancels(phase in 0.0f32..6.25, y in 0usize..4, x in 0usize..4) {
+        fn carrier_phase_matches_sign_and_cancels_when_repeated(phase in 0.0f32..6.25, y in 0usize..4, x in 0usize..4) {
             for carrier in [Carrier::HalfOrderX, Carrier::HalfOrderY] {
                 let plane = Plane::filled(4, 4, phase);
                 let steered = carrier.applied_to(&plane);

@@ -89,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn terms_match_degrees() {
+    fn number_of_terms_matches_degrees() {
         for order in 0..=ChebyshevBasis::ORDER_MAX {
             let basis = ChebyshevBasis::new(order);
             assert_eq!(basis.degrees().count(), basis.terms());

@@ -81,7 +81,7 @@ impl DisplayModel {
         }
         if !self.variation.is_none() && !matches!(self.kernel, KernelShape::Smooth(_)) {
             let fields = self.variation.fields().len() as f64;
-            return Err(out_of_range("fields of spatial variation", fields, "0 beside a kernel that is not smooth"));
+            return Err(out_of_range("fields of spatial variation", fields, "0 for a kernel that is not smooth"));
         }
         self.variation.validate()?;
         if self.response.len() > Self::HARMONICS_MAX {
@@ -101,7 +101,7 @@ impl DisplayModel {
             ("kernel width_px", bins.width_px(), self.setup.padded_width_px()),
         ] {
             if side == 0 || side > padded || side % 2 == 1 {
-                return Err(out_of_range(name, side as f64, "even and at most twice the display's"));
+                return Err(out_of_range(name, side as f64, "even and at most twice the side of the display"));
             }
         }
         bins.map(|h| h.re + h.im).expect_finite("kernel")

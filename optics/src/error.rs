@@ -48,15 +48,16 @@ pub enum Error {
     Saturated,
     /// Photographs do not correlate with the light of their holograms.
     #[error(
-        "the photographs seem to be of other holograms, or mirrored, turned or far out of place: what an ideal display would \
-         show correlates with them by {correlation:.3} only; check which photo belongs to which phase, and the alignment"
+        "the photographs do not match their holograms: their median correlation with the predicted light is \
+         {correlation:.3}, but must be at least 0.05; check which photo belongs to which phase, and whether the \
+         photos are mirrored, rotated or misaligned"
     )]
     Unrelated {
         /// Correlation of light and photograph, the median over the pairs.
         correlation: f64,
     },
     /// A propagation method cannot compute the requested propagation correctly.
-    #[error("the {method} is not possible here: {reason}")]
+    #[error("the {method} cannot be used for this setup: {reason}")]
     Unsuitable {
         /// Method that was refused.
         method: PropagationMethod,
@@ -73,10 +74,18 @@ pub enum Error {
         /// Description of what is needed, for people.
         needed: &'static str,
     },
+    /// An input does not fit the other inputs.
+    #[error("{name}: {reason}")]
+    Incompatible {
+        /// Name of the input.
+        name: &'static str,
+        /// Reason of the refusal, for people.
+        reason: &'static str,
+    },
     /// A distance lies outside the range in which the display was photographed.
     #[error(
-        "distance_m is {distance_m}, but the display is known from {nearest_m} to {farthest_m} m only: a kernel can be \
-         interpolated between photographed distances, not beyond them"
+        "distance_m is {distance_m}, but must be in the photographed range, {nearest_m} to {farthest_m} m: kernels are \
+         interpolated between photographed distances, but not extrapolated"
     )]
     Extrapolation {
         /// Requested distance \[m\].
@@ -86,10 +95,10 @@ pub enum Error {
         /// Farthest photographed distance \[m\].
         farthest_m: f64,
     },
-    /// Models were not learned together in one fit.
-    #[error("the models are not of one fit over several distances: they differ in {what}")]
-    Apart {
-        /// Property in which the models differ, for people.
-        what: &'static str,
+    /// Setups or models of several distances do not belong together.
+    #[error("several distances cannot be combined: {reason}")]
+    IncompatibleDistances {
+        /// Reason of the refusal, for people.
+        reason: &'static str,
     },
 }

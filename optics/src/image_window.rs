@@ -122,7 +122,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_displays_own_window_lies_opposite_its_pixels() {
+    fn own_window_lies_opposite_display_pixels() {
         let grid = Grid::try_new(3, 4, 8e-6).unwrap();
         let window = ImageWindow::of(&grid);
         assert_eq!([0, 1, 2].map(|y| window.y_m(y)), [-8e-6, 0.0, 8e-6]);
@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn windows_out_of_this_world_are_refused() {
+    fn invalid_windows_are_refused() {
         let window = ImageWindow::try_new(8, 8, 8e-6).unwrap();
         for bad in [f64::NAN, 11.0, f64::NEG_INFINITY] {
             assert!(window.centred_at(bad, 0.0).unwrap_err().to_string().starts_with("centre_x_m is"));

@@ -59,7 +59,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_consistent_system_is_solved_and_a_singular_one_refused() {
+    fn consistent_system_is_solved_and_singular_system_refused() {
         let truth = [1.5, -2.0, 0.25];
         let rows = [[1.0, 2.0, 3.0], [0.0, 1.0, -1.0], [4.0, 0.5, 0.0], [1.0, 1.0, 1.0]];
         let mut equations = NormalEquations::new();

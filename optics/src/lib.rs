@@ -1,36 +1,63 @@
 //! Fourier optics for phase-only holographic displays: propagation, hologram optimization, and learning a
 //! display's own light transport from photographs.
 //!
+//! A phase-only display is a spatial light modulator (SLM): each of its pixels delays the light by a phase between 0
+//! and 2π. A *hologram* is a phase for each pixel with which the light forms a wanted picture, the *target*, at some
+//! distance from the display.
+//!
 //! ```
 //! use lightpath_optics::{Grid, OpticalSetup, optimize, propagate, test_cards::TestCard};
 //!
-//! // 160×90 pixels of 8 µm, green light, and an image 20 mm away.
+//! // A display of 160×90 pixels of 8 µm, green light of 515 nm, and an image 20 mm away.
 //! let setup = OpticalSetup::try_new(Grid::try_new(90, 160, 8e-6)?, 515e-9, 0.02)?;
+//! // A generated picture; 1 is its seed.
 //! let target = TestCard::Portrait.render(90, 160, 1)?;
+//! // Finds the hologram, with a simulated picture and its quality.
 //! let hologram = optimize(&target, &setup)?;
-//! println!("{}\n{:.1} dB at a camera's pixels", hologram.validity, hologram.quality.pixel.psnr_db);
+//! println!("{}", hologram.validity);
+//! println!("PSNR of the light integrated over each pixel: {:.1} dB", hologram.quality.pixel.psnr_db);
+//! // Propagates the field of the hologram to the image.
 //! let image = propagate(&hologram.field(), &setup)?;
 //! assert_eq!(image.intensity().width_px(), target.width_px());
 //! # assert!(hologram.quality.pixel.psnr_db > 25.0);
 //! # Ok::<(), lightpath_optics::Error>(())
 //! ```
 //!
-//! [`propagate()`] propagates a field through free space and chooses a method that is accurate there. [`optimize()`]
-//! finds the phase that shows a target. For full control, [`Propagator`] offers every propagation method and window,
-//! and [`Optimization`] every optimization method, several planes and frames, and learned displays.
+//! [`propagate()`] propagates a field through free space by a method that is accurate for the setup. [`optimize()`]
+//! finds the hologram of a target. Two other types give full control: [`Propagator`] offers every propagation method
+//! and any window of the image plane. [`Optimization`] offers every optimization method, targets at several distances,
+//! several frames whose light the eye averages, and learned displays.
+//!
+//! The programs in `examples/` are a tour: `hologram` computes a hologram and writes it as a picture, `planner_tour`
+//! shows which propagation method suits which distance, `aperture` compares the methods with a direct sum, and
+//! `display_learning` learns simulated displays from photographs.
+//!
+//! # Terms
+//!
+//! - Field: complex amplitude u of the light. Light, or intensity: |u|².
+//! - Transfer function H(fx, fy): factor by which propagation multiplies the spectrum of a field. *Kernel*: transfer
+//!   function of a real display, with the errors of its optics.
+//! - Display model: parameters of a display, such as kernel, source profile and phase response. [`Engine`]: display
+//!   model prepared for computation.
+//! - Detector: rule that defines the light of a pixel, at its centre, integrated over its area, or at several points.
+//! - Carrier: grating added to a hologram, which separates the image from undiffracted light, the *zero order*.
+//! - Critical distance: largest distance at which the padded grid samples the whole transfer function without aliasing.
+//!   Each axis has its own.
 //!
 //! # Conventions
 //!
-//! - Planes are row-major, `[y][x]`; sizes are `height_px` and `width_px`; public names carry SI units.
-//! - Light is linear; the brightest value of targets and photographs is 1.
+//! - A [`Plane`] is a two-dimensional array in row-major order, `[y][x]`. Sizes are `height_px` and `width_px`. Public
+//!   names of quantities end in their unit, such as `_px`, `_m`, `_rad` and `_db`.
+//! - Targets and photographs hold linear light, not gamma-encoded grey levels. Their brightest value is 1.
 //! - Time convention e^{−iωt}: a wave travelling towards +z gains e^{+ikz}.
 //! - The forward Fourier transform uses e^{−i2π(fx·x + fy·y)} and is unscaled; the inverse is scaled by
 //!   1/(number of samples). The zero frequency is at `[0][0]`.
 //! - Frequencies are the exact bins n/(N·Δ) for n = 0 … N/2−1, −N/2 … −1.
-//! - Phases of transfer functions are computed in f64 without their piston and reduced modulo 2π before they are
-//!   rounded to f32.
-//! - Fields are zero-padded twofold along each axis, so that the convolution is linear, and cropped afterwards.
-//! - Computations use f32. Results are the same on any number of threads.
+//! - Phases of transfer functions are computed in f64 and reduced modulo 2π before they are rounded to f32. They omit
+//!   the piston e^{ikz}, a constant factor that does not change the intensity.
+//! - Fields are padded with zeros to twice their size along each axis, so that the convolution is linear, and
+//!   cropped afterwards.
+//! - Computations use f32. Results have the same bits on any number of threads.
 //!
 //! # Map
 //!
@@ -38,15 +65,15 @@
 //! |---|---|
 //! | describe the optical setup | [`OpticalSetup`], [`Grid`], [`RegionOfInterest`], [`Plane`] |
 //! | propagate a field | [`propagate()`], [`Propagator`]; [`plan`] and [`propagation`]: the range of each method |
-//! | find a phase | [`optimize()`], [`Optimization`], [`hologram`]; [`optimizer`] for the methods themselves |
+//! | find a hologram | [`optimize()`], [`Optimization`], [`hologram`]; [`optimizer`]: general optimization methods |
 //! | choose how light is detected | [`Detector`], [`photometry`] |
 //! | measure the quality of a picture | [`metrics`], [`hologram::quality`] |
 //! | convert phases to grey levels | [`phase_response`], [`Carrier`] |
 //! | describe a display | [`DisplayModel`], [`chebyshev`], [`spatial_variation`] |
 //! | simulate a display | [`Engine`], [`EngineCache`] |
 //! | learn a display from photographs | [`learning`]; [`alignment`] maps a camera's pixels to the display's |
-//! | inspect a learned display | [`diagnostics`]: aberrations, point spread, parts of the band without light |
-//! | work without a display | [`simulated_display`]: an imperfect bench; [`test_cards`]: target pictures |
+//! | inspect a learned display | [`diagnostics`]: aberrations, point spread, frequencies without light |
+//! | work without a display | [`simulated_display`]: display and camera with flaws; [`test_cards`]: target pictures |
 //! | check results | [`reference`](mod@reference): slow and plain f64 versions of the fast algorithms |
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 

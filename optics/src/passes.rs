@@ -144,7 +144,7 @@ mod tests {
     use crate::{Detector, DisplayModel, Grid, HologramProblem, OpticalSetup};
 
     #[test]
-    fn all_passes_are_an_evaluation() {
+    fn all_passes_give_gradient_of_evaluation() {
         let grid = Grid::try_new(34, 45, 8e-6).unwrap();
         let model = DisplayModel::ideal(OpticalSetup::try_new(grid, 515e-9, 5e-3).unwrap());
         let region = RegionOfInterest::middle(&grid);

@@ -179,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn a_full_turn_is_level_0() {
+    fn full_turn_is_level_0() {
         let response = PhaseResponse::linear(8).unwrap();
         let phase = Plane::try_from_vec(1, 5, vec![0.0, TAU as f32, PI as f32, -0.01, 6.27]).unwrap();
         assert_eq!(response.quantize(&phase).unwrap().values(), [0, 0, 128, 0, 255]);
@@ -193,13 +193,13 @@ mod tests {
     }
 
     #[test]
-    fn ties_go_to_the_smaller_number() {
+    fn ties_go_to_lower_level() {
         let response = PhaseResponse::measured(vec![3.0, 2.0, 1.0, 5.0]).unwrap();
         assert_eq!([1.5, 2.5, 4.0].map(|phase| response.nearest_level(phase)), [1, 0, 0]);
     }
 
     #[test]
-    fn what_is_no_response_is_refused() {
+    fn invalid_responses_are_refused() {
         assert!(PhaseResponse::linear(0).is_err() && PhaseResponse::linear(17).is_err());
         for bad in [vec![], vec![0.0], vec![0.0, 2.0, 4.0], vec![0.0, f64::NAN], vec![0.0, 3.1]] {
             assert!(PhaseResponse::measured(bad.clone()).is_err(), "{bad:?}");
@@ -228,14 +228,14 @@ mod tests {
         }
 
         #[test]
-        fn linear_phases_come_back_within_half_a_level(bit_depth in 1u32..=16, phase in -20.0f64..20.0) {
+        fn linear_phases_change_by_at_most_half_a_level(bit_depth in 1u32..=16, phase in -20.0f64..20.0) {
             let response = PhaseResponse::linear(bit_depth).unwrap();
             let back = response.phase_rad(response.nearest_level(phase)).unwrap();
             prop_assert!(apart(back, phase) <= PI / response.levels() as f64 + 1e-12);
         }
 
         #[test]
-        fn no_measured_level_is_nearer(
+        fn nearest_measured_level_is_found(
             phases in proptest::collection::vec(-7.0f64..7.0, 16),
             phase in -20.0f64..20.0,
         ) {

@@ -5,7 +5,7 @@ use pulp::{Simd, bytemuck};
 use rustfft::{FftNum, num_traits::Float};
 
 /// Floating-point type of a computation: f32 or f64.
-#[allow(private_bounds)] // how the engine computes is its own affair
+#[allow(private_bounds)] // the operations on vector registers are private to this crate
 pub trait Number: FftNum + Float + Vectors {
     /// Nearest number of this precision to `value`.
     fn of(value: f64) -> Self;
@@ -19,7 +19,7 @@ pub trait Number: FftNum + Float + Vectors {
     /// branches, so that loops over it become vector instructions.
     fn sine_cosine(self) -> (Self, Self);
 
-    /// Exponential e^x of this number x. For f32 the relative error is at most 2e-7, and arguments are clamped to ±80.
+    /// Exponential e^x of this number x. For f32 the relative error is at most 3e-7, and arguments are clamped to ±80.
     /// The code has no branches, so that loops over it become vector instructions.
     fn exponential(self) -> Self;
 }

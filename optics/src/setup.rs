@@ -100,7 +100,7 @@ impl OpticalSetup {
     #[must_use]
     pub fn window(&self) -> ImageWindow {
         let window = ImageWindow::of(&self.grid).centred_at(self.centre_x_m, self.centre_y_m);
-        window.expect("the middle was checked when it was set")
+        window.expect("the centre was checked when it was set")
     }
 
     /// Number of rows after zero padding, twice the grid's \[px\].
@@ -146,20 +146,20 @@ mod tests {
     }
 
     #[test]
-    fn critical_distances_of_a_common_display() {
+    fn common_display_has_known_critical_distances() {
         assert!((setup(0.15).critical_distance_y_m() - 0.268).abs() < 1e-3);
         assert!((setup(0.15).critical_distance_x_m() - 0.477).abs() < 1e-3);
     }
 
     #[test]
-    fn the_band_limit_does_nothing_below_the_critical_distance() {
+    fn band_limit_keeps_whole_band_below_critical_distance() {
         assert_eq!(kept_fraction(&setup(0.15)), (1.0, 1.0));
         let (x, y) = kept_fraction(&setup(-0.5));
         assert!((x - 0.954).abs() < 1e-3 && (y - 0.537).abs() < 1e-3, "{x} {y}");
     }
 
     #[test]
-    fn impossible_setups_are_refused_by_name() {
+    fn invalid_setups_are_refused_by_name() {
         let grid = Grid::try_new(8, 8, 8e-6).unwrap();
         for distance_m in [0.0, f64::NAN, f64::INFINITY, 10.1, -11.0] {
             let error = OpticalSetup::try_new(grid, 515e-9, distance_m).unwrap_err();

@@ -53,7 +53,7 @@ impl<T: Number> Slm<T> {
         for (i, (phase, field)) in phase.chunks(BLOCK).zip(field.chunks_mut(BLOCK)).enumerate() {
             let block = self.respond(y, i * BLOCK, phase);
             for (x, c) in field.iter_mut().enumerate() {
-                let (re, im) = (block.steered.re[x] + self.zero_order.re, block.steered.im[x] + self.zero_order.im);
+                let (re, im) = (block.modulated.re[x] + self.zero_order.re, block.modulated.im[x] + self.zero_order.im);
                 *c = Complex::new(re * block.sign[x], im * block.sign[x]);
             }
         }
@@ -68,10 +68,10 @@ impl<T: Number> Slm<T> {
     fn write_phase_gradient_row<const ADD: bool>(&self, y: usize, phase: &[T], b: &[Complex<T>], gradient: &mut [T]) {
         let blocks = phase.chunks(BLOCK).zip(b.chunks(BLOCK)).zip(gradient.chunks_mut(BLOCK));
         for (i, ((phase, b), gradient)) in blocks.enumerate() {
-            let Block { slope, sign, steered, .. } = self.respond(y, i * BLOCK, phase);
-            let light = self.lit(y, i * BLOCK, b);
+            let BlockResponse { slope, sign, modulated, .. } = self.respond(y, i * BLOCK, phase);
+            let light = self.source_times_conj(y, i * BLOCK, b);
             for (x, gradient) in gradient.iter_mut().enumerate() {
-                let imaginary = light.re[x] * steered.im[x] + light.im[x] * steered.re[x];
+                let imaginary = light.re[x] * modulated.im[x] + light.im[x] * modulated.re[x];
                 let value = -T::of(2.0) * sign[x] * slope[x] * imaginary;
                 *gradient = if ADD { *gradient + value } else { value };
             }
@@ -80,7 +80,7 @@ impl<T: Number> Slm<T> {
 
     /// Computes b* · a for a block of pixels; zero beyond the row's end.
     #[inline(always)]
-    pub(crate) fn lit(&self, y: usize, x: usize, b: &[Complex<T>]) -> Parts<T> {
+    pub(crate) fn source_times_conj(&self, y: usize, x: usize, b: &[Complex<T>]) -> Parts<T> {
         let mut light = Parts { re: [T::zero(); BLOCK], im: [T::zero(); BLOCK] };
         match &self.source {
             None => {
@@ -99,7 +99,7 @@ impl<T: Number> Slm<T> {
 
     /// Computes the response of the SLM to at most [`BLOCK`] phases, the first at (y, x).
     #[inline(always)]
-    pub(crate) fn respond(&self, y: usize, x: usize, phase: &[T]) -> Block<T> {
+    pub(crate) fn respond(&self, y: usize, x: usize, phase: &[T]) -> BlockResponse<T> {
         let (zero, one) = ([T::zero(); BLOCK], [T::one(); BLOCK]);
         let mut displayed = zero;
         displayed[..phase.len()].copy_from_slice(phase);
@@ -113,7 +113,7 @@ impl<T: Number> Slm<T> {
         }
         let turn = Parts::unit(&displayed);
         if self.harmonics.is_empty() {
-            return Block { sign, slope: one, turn, steered: turn };
+            return BlockResponse { sign, slope: one, turn, modulated: turn };
         }
         let (mut response, mut slope, mut power) = (displayed, one, turn);
         for (k, &[a, b]) in self.harmonics.iter().enumerate() {
@@ -124,7 +124,7 @@ impl<T: Number> Slm<T> {
             }
             power = times.multiplied(&turn);
         }
-        Block { sign, slope, turn, steered: Parts::unit(&response) }
+        BlockResponse { sign, slope, turn, modulated: Parts::unit(&response) }
     }
 }
 
@@ -141,7 +141,7 @@ pub(crate) struct Parts<T> {
 
 /// Response of the SLM to the phases of neighbouring pixels.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Block<T> {
+pub(crate) struct BlockResponse<T> {
     /// Sign k of the grating: −1 where the carrier adds π, otherwise 1.
     pub(crate) sign: [T; BLOCK],
     /// Slope r′(φ) of the phase response.
@@ -149,7 +149,7 @@ pub(crate) struct Block<T> {
     /// Phasor e^{iφ} of the displayed phase.
     pub(crate) turn: Parts<T>,
     /// Phasor e^{i r(φ)} of the phase after the response.
-    pub(crate) steered: Parts<T>,
+    pub(crate) modulated: Parts<T>,
 }
 
 impl<T: Number> Parts<T> {

@@ -11,7 +11,7 @@ impl<T: Number> Slm<T> {
     pub(crate) fn phase_of_row(&self, y: usize, wanted: &[Complex<T>], phase: &mut [T]) {
         for (x, (phase, &wanted)) in phase.iter_mut().zip(wanted).enumerate() {
             let wanted = wanted.scale(self.sign(y, x));
-            let steered = match &self.source {
+            let modulated = match &self.source {
                 None => wanted - self.zero_order,
                 // Multiplying by |a|² gives arg(c/a − z₀) without a division by a dark source.
                 Some(source) => {
@@ -19,12 +19,12 @@ impl<T: Number> Slm<T> {
                     wanted * a.conj() - self.zero_order.scale(a.norm_sqr())
                 }
             };
-            *phase = self.inverse_response(steered.im.atan2(steered.re)) - self.grating(y, x);
+            *phase = self.inverse_response(modulated.im.atan2(modulated.re)) - self.grating(y, x);
         }
     }
 
     /// Replaces the wanted phases of the light in `row` by the phases to display. The zero order is ignored.
-    pub(crate) fn shown_by_row(&self, y: usize, row: &mut [T]) {
+    pub(crate) fn phases_to_display_row(&self, y: usize, row: &mut [T]) {
         for (x, phase) in row.iter_mut().enumerate() {
             let grating = self.grating(y, x);
             *phase = self.inverse_response(*phase + grating) - grating;
@@ -64,8 +64,8 @@ impl<T: Number> Slm<T> {
             return phase;
         }
         for _ in 0..STEPS {
-            let (slope, steered) = self.response(phase);
-            let away = steered * unit(-wanted);
+            let (slope, modulated) = self.response(phase);
+            let away = modulated * unit(-wanted);
             phase = phase - away.im.atan2(away.re) / slope.max(T::of(SLOPE_MIN));
         }
         phase
@@ -91,7 +91,7 @@ mod tests {
     use num_complex::Complex64;
 
     #[test]
-    fn the_phase_of_a_field_shows_that_field() {
+    fn phase_of_field_reproduces_field() {
         let (height_px, width_px) = (5, 24);
         let mut slm = Slm::<f64>::ideal(width_px, Some(Carrier::HalfOrderX));
         slm.harmonics = vec![[0.2, -0.1], [0.03, 0.05]];
@@ -110,13 +110,13 @@ mod tests {
     }
 
     #[test]
-    fn phases_of_the_light_are_shown_through_response_and_carrier() {
+    fn wanted_phases_of_light_are_shown_despite_response_and_carrier() {
         let mut slm = Slm::<f64>::ideal(16, Some(Carrier::HalfOrderY));
         slm.harmonics = vec![[0.2, -0.1]];
         let wanted: Vec<f64> = (0..16).map(|x| 0.4 * f64::from(x)).collect();
         for y in 0..2 {
             let (mut phase, mut field) = (wanted.clone(), vec![Complex64::ZERO; 16]);
-            slm.shown_by_row(y, &mut phase);
+            slm.phases_to_display_row(y, &mut phase);
             slm.field_row(y, &phase, &mut field);
             // The field includes the grating's sign: φ + π is shown as −1 · −e^{iφ}.
             for (wanted, c) in wanted.iter().zip(&field) {

@@ -43,7 +43,7 @@ impl SmoothField {
         }
         for coefficients in [&self.log_amplitude, &self.phase] {
             if coefficients.len() != terms {
-                let allowed = "as many as the order has terms";
+                let allowed = "the number of terms of the order";
                 return Err(out_of_range("coefficients", coefficients.len() as f64, allowed));
             }
             expect_finite("coefficient", coefficients)?;

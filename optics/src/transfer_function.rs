@@ -97,13 +97,13 @@ mod tests {
     }
 
     #[test]
-    fn opposite_distances_are_conjugate() {
+    fn opposite_distances_give_conjugate_values() {
         let there = angular_spectrum(3e4, -5e4, WAVELENGTH_M, 0.2);
         assert_eq!(angular_spectrum(3e4, -5e4, WAVELENGTH_M, -0.2), there.conj());
     }
 
     #[test]
-    fn the_band_limit_is_the_published_one() {
+    fn band_limit_matches_published_limit() {
         let (extent_m, distance_m): (f64, f64) = (2160.0 * 8e-6, 0.5);
         let limit = 1.0 / (WAVELENGTH_M * ((2.0 * distance_m / extent_m).powi(2) + 1.0).sqrt());
         let kept = |fx: f64, fy: f64| band_limit(fx, fy, WAVELENGTH_M, distance_m, extent_m, extent_m);

@@ -22,12 +22,12 @@ const STEPS: usize = 8;
 fn optimization(method: HologramMethod, detector: Detector, planes: usize) -> Optimization {
     let grid = Grid::try_new(HEIGHT_PX, WIDTH_PX, 8e-6).unwrap();
     let setup = |p: usize| OpticalSetup::try_new(grid, 515e-9, 0.01 * (p + 1) as f64).unwrap();
-    let wanted = (0..planes).map(|p| {
+    let image_planes = (0..planes).map(|p| {
         let engine = Engine::new(&DisplayModel::ideal(setup(p)), detector, None).unwrap();
         ImagePlane::new(engine, TestCard::Portrait.render(HEIGHT_PX, WIDTH_PX, p as u64).unwrap())
     });
     let region = RegionOfInterest::middle(&grid);
-    let problem = HologramProblem::with_planes(wanted.collect(), 1, region, Loss::default()).unwrap();
+    let problem = HologramProblem::with_planes(image_planes.collect(), 1, region, Loss::default()).unwrap();
     let phases = InitialPhase::Random { range_rad: 1.0 }.phases(&problem, &setup(0), 1).unwrap();
     Optimization::start(problem, HologramOptions::new(method, 100), phases).unwrap()
 }

@@ -1,9 +1,10 @@
-//! Learning a display from photographs, including photographs with a lab's mistakes.
+//! Learning a display from photographs, including photographs of wrong holograms.
 #![allow(clippy::unwrap_used)]
 
 use lightpath_optics::hologram::initial_phase;
 use lightpath_optics::learning::{
-    BoxError, KernelModel, LearnOptions, Learner, Lessons, Pair, PairSource, ResponseUncertainty, compare, interpolated,
+    BoxError, KernelModel, LearnOptions, Learner, LearningPairs, Pair, PairSource, ResponseUncertainty, compare,
+    interpolated,
 };
 use lightpath_optics::simulated_display::{SimulatedBench, SimulatedDisplay};
 use lightpath_optics::{Detector, DisplayModel, Engine, Error, Grid, OpticalSetup, RegionOfInterest};
@@ -13,16 +14,16 @@ const HEIGHT_PX: usize = 72;
 const WIDTH_PX: usize = 96;
 
 fn bench(seed: u64) -> SimulatedDisplay {
-    drawn(6e-3, SimulatedBench { seed, misalignment_px: 0.5, ..SimulatedBench::FAIR })
+    simulated_display(6e-3, SimulatedBench { seed, misalignment_px: 0.5, ..SimulatedBench::FAIR })
 }
 
 /// A simulated display whose image moves by some pixels and whose aberrations grow with the distance.
 fn bench_on_a_rail(distance_m: f64) -> SimulatedDisplay {
     let rail = SimulatedBench { seed: 11, rail_tilt_deg: 0.06, aberrations_at_m: 6e-3, ..SimulatedBench::FAIR };
-    drawn(distance_m, rail)
+    simulated_display(distance_m, rail)
 }
 
-fn drawn(distance_m: f64, imperfections: SimulatedBench) -> SimulatedDisplay {
+fn simulated_display(distance_m: f64, imperfections: SimulatedBench) -> SimulatedDisplay {
     let grid = Grid::try_new(HEIGHT_PX, WIDTH_PX, 8e-6).unwrap();
     let setup = OpticalSetup::try_new(grid, 515e-9, distance_m).unwrap();
     SimulatedDisplay::draw(setup, None, imperfections).unwrap()
@@ -44,9 +45,9 @@ fn options(bench: &SimulatedDisplay, order: Option<usize>) -> LearnOptions {
     LearnOptions { seed: 3, order, ..LearnOptions::new(KernelModel::Display, region) }
 }
 
-fn learned(bench: &SimulatedDisplay, options: LearnOptions, lessons: Lessons<'_>) -> Learner {
-    let mut learner = Learner::start(bench.setup(), options, lessons.training).unwrap();
-    while learner.step(lessons).unwrap().is_some() {}
+fn learned(bench: &SimulatedDisplay, options: LearnOptions, learning_pairs: LearningPairs<'_>) -> Learner {
+    let mut learner = Learner::start(bench.setup(), options, learning_pairs.training).unwrap();
+    while learner.step(learning_pairs).unwrap().is_some() {}
     learner
 }
 
@@ -58,21 +59,21 @@ fn held_out_loss(bench: &SimulatedDisplay, model: &DisplayModel) -> f64 {
 }
 
 #[test]
-fn a_display_is_learned_down_to_the_noise_of_its_camera() {
+fn learned_display_has_far_lower_loss_than_ideal_display() {
     let bench = bench(5);
     let training = pairs(&bench, 6, 100);
-    let learner = learned(&bench, options(&bench, Some(5)), Lessons::only(&training));
+    let learner = learned(&bench, options(&bench, Some(5)), LearningPairs::training_only(&training));
     let ideal = held_out_loss(&bench, &DisplayModel::ideal(bench.setup()));
     let loss = held_out_loss(&bench, &learner.model());
     assert!(loss < 0.03 * ideal, "{loss} against {ideal}");
 }
 
 #[test]
-fn a_photograph_of_another_hologram_is_found_and_left_out() {
+fn photograph_of_another_hologram_is_left_out() {
     let bench = bench(6);
     let mut training = pairs(&bench, 8, 100);
     training[3].photo = pairs(&bench, 1, 500)[0].photo.clone();
-    let learner = learned(&bench, options(&bench, Some(5)), Lessons::only(&training));
+    let learner = learned(&bench, options(&bench, Some(5)), LearningPairs::training_only(&training));
     assert_eq!(learner.kept_pairs(8), [0, 1, 2, 4, 5, 6, 7]);
     let ideal = held_out_loss(&bench, &DisplayModel::ideal(bench.setup()));
     let loss = held_out_loss(&bench, &learner.model());
@@ -89,32 +90,32 @@ fn photographs_of_other_holograms_are_refused() {
 }
 
 #[test]
-fn validation_chooses_the_order_and_says_so() {
+fn validation_chooses_order_and_reports_best_loss() {
     let bench = bench(8);
     let (training, validation) = (pairs(&bench, 6, 100), pairs(&bench, 2, 400));
-    let lessons = Lessons { training: &training, validation: &validation };
+    let learning_pairs = LearningPairs { training: &training, validation: &validation };
     let mut learner = Learner::start(bench.setup(), options(&bench, None), &training).unwrap();
     let mut best = f64::INFINITY;
-    while let Some(step) = learner.step(lessons).unwrap() {
+    while let Some(step) = learner.step(learning_pairs).unwrap() {
         let loss = step.validation_loss.unwrap_or(f64::INFINITY);
-        assert!(loss <= best, "the best so far never gets worse");
+        assert!(loss <= best, "the best validation loss never rises");
         best = loss;
     }
-    let fixed = learned(&bench, options(&bench, Some(5)), Lessons::only(&training));
+    let fixed = learned(&bench, options(&bench, Some(5)), LearningPairs::training_only(&training));
     let (chosen, fixed) = (held_out_loss(&bench, &learner.model()), held_out_loss(&bench, &fixed.model()));
     assert!(chosen < 1.05 * fixed, "{chosen} against {fixed}");
 }
 
 #[test]
-fn a_kernel_varies_over_the_modulator_where_validation_gains_by_it() {
+fn kernel_varies_over_modulator_only_if_validation_loss_falls() {
     let fair = SimulatedBench { seed: 5, ..SimulatedBench::FAIR };
     for (field_aberration_rad, varies) in [(6.0, true), (0.0, false)] {
-        let bench = drawn(6e-3, SimulatedBench { field_aberration_rad, ..fair });
+        let bench = simulated_display(6e-3, SimulatedBench { field_aberration_rad, ..fair });
         let (training, validation) = (pairs(&bench, 8, 100), pairs(&bench, 2, 400));
-        let lessons = Lessons { training: &training, validation: &validation };
-        let display = learned(&bench, options(&bench, Some(5)), lessons).model();
+        let learning_pairs = LearningPairs { training: &training, validation: &validation };
+        let display = learned(&bench, options(&bench, Some(5)), learning_pairs).model();
         let model = KernelModel::Varying;
-        let varying = learned(&bench, LearnOptions { model, ..options(&bench, Some(5)) }, lessons).model();
+        let varying = learned(&bench, LearnOptions { model, ..options(&bench, Some(5)) }, learning_pairs).model();
         assert_eq!(!varying.variation.is_none(), varies, "{field_aberration_rad} rad");
         let (varying, display) = (held_out_loss(&bench, &varying), held_out_loss(&bench, &display));
         assert!(if varies { varying < 0.6 * display } else { varying == display }, "{varying} against {display}");
@@ -122,26 +123,26 @@ fn a_kernel_varies_over_the_modulator_where_validation_gains_by_it() {
 }
 
 #[test]
-fn learning_goes_on_from_an_earlier_version() {
+fn warm_start_needs_few_steps() {
     let bench = bench(9);
     let training = pairs(&bench, 6, 100);
-    let first = learned(&bench, options(&bench, Some(5)), Lessons::only(&training));
+    let first = learned(&bench, options(&bench, Some(5)), LearningPairs::training_only(&training));
     let warm = LearnOptions { warm_start: Some(first.model()), ..options(&bench, Some(5)) };
     let mut learner = Learner::start(bench.setup(), warm, &training).unwrap();
     let mut steps = 0;
-    while learner.step(Lessons::only(&training)).unwrap().is_some() {
+    while learner.step(LearningPairs::training_only(&training)).unwrap().is_some() {
         steps += 1;
     }
-    assert!(steps < 8, "{steps} steps from what was learned already");
+    assert!(steps < 8, "{steps} steps after a warm start");
     let (before, after) = (held_out_loss(&bench, &first.model()), held_out_loss(&bench, &learner.model()));
     assert!(after < 1.05 * before, "{after} against {before}");
 }
 
 #[test]
-fn learning_is_the_same_on_any_number_of_threads_and_after_a_pause() {
+fn learning_does_not_depend_on_threads_or_pauses() {
     let bench = bench(10);
     let (training, validation) = (pairs(&bench, 5, 100), pairs(&bench, 2, 400));
-    let lessons = Lessons { training: &training, validation: &validation };
+    let learning_pairs = LearningPairs { training: &training, validation: &validation };
     let short = |model, refinement_evaluations| LearnOptions {
         model,
         refinement_evaluations,
@@ -152,14 +153,14 @@ fn learning_is_the_same_on_any_number_of_threads_and_after_a_pause() {
     for options in [display, short(KernelModel::Varying, 4)] {
         let on = |threads: usize| {
             let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| learned(&bench, options.clone(), lessons).model())
+            pool.install(|| learned(&bench, options.clone(), learning_pairs).model())
         };
         let one = on(1);
         assert_eq!(one, on(2));
         assert_eq!(one, on(8));
 
         let mut learner = Learner::start(bench.setup(), options.clone(), &training).unwrap();
-        while learner.step(lessons).unwrap().is_some() {
+        while learner.step(learning_pairs).unwrap().is_some() {
             learner = Learner::resume(bench.setup(), options.clone(), learner.state().into_owned()).unwrap();
         }
         assert_eq!(one, learner.model());
@@ -167,9 +168,9 @@ fn learning_is_the_same_on_any_number_of_threads_and_after_a_pause() {
 }
 
 /// Pairs at several distances, one list for each distance.
-struct Rail(Vec<Vec<Pair>>);
+struct PairsOnRail(Vec<Vec<Pair>>);
 
-impl PairSource for Rail {
+impl PairSource for PairsOnRail {
     fn len(&self) -> usize {
         self.0.iter().map(Vec::len).sum()
     }
@@ -185,76 +186,79 @@ impl PairSource for Rail {
 
 const RAIL_M: [f64; 3] = [5e-3, 6e-3, 7e-3];
 
-fn on_the_rail(count: u64, seed: u64) -> Rail {
+fn pairs_on_rail(count: u64, seed: u64) -> PairsOnRail {
     let at = |(plane, &distance_m): (usize, &f64)| pairs(&bench_on_a_rail(distance_m), count, seed + 50 * plane as u64);
-    Rail(RAIL_M.iter().enumerate().map(at).collect())
+    PairsOnRail(RAIL_M.iter().enumerate().map(at).collect())
 }
 
-fn learned_on_the_rail(options: LearnOptions, lessons: Lessons<'_>) -> Vec<DisplayModel> {
+fn learned_on_rail(options: LearnOptions, learning_pairs: LearningPairs<'_>) -> Vec<DisplayModel> {
     let setups = RAIL_M.map(|distance_m| bench_on_a_rail(distance_m).setup());
-    let mut learner = Learner::start_joint(&setups, options, lessons.training).unwrap();
-    while learner.step(lessons).unwrap().is_some() {}
+    let mut learner = Learner::start_joint(&setups, options, learning_pairs.training).unwrap();
+    while learner.step(learning_pairs).unwrap().is_some() {}
     learner.models()
 }
 
 #[test]
-fn between_photographed_distances_a_display_is_known_nearly_as_well_as_where_it_was_photographed() {
-    let training = on_the_rail(6, 100);
-    let models = learned_on_the_rail(options(&bench_on_a_rail(6e-3), Some(5)), Lessons::only(&training));
+fn interpolated_display_is_nearly_as_good_as_learned_display() {
+    let training = pairs_on_rail(6, 100);
+    let models = learned_on_rail(options(&bench_on_a_rail(6e-3), Some(5)), LearningPairs::training_only(&training));
     for distance_m in [5.4e-3, 6.6e-3] {
         let bench = bench_on_a_rail(distance_m);
-        let there = pairs(&bench, 6, 100);
-        let there = held_out_loss(&bench, &learned(&bench, options(&bench, Some(5)), Lessons::only(&there)).model());
+        let own_pairs = pairs(&bench, 6, 100);
+        let learned_there = held_out_loss(
+            &bench,
+            &learned(&bench, options(&bench, Some(5)), LearningPairs::training_only(&own_pairs)).model(),
+        );
         let between = held_out_loss(&bench, &interpolated(&models, bench.setup()).unwrap());
         let ideal = held_out_loss(&bench, &DisplayModel::ideal(bench.setup()));
         // The kernel learned at the nearest photographed distance, less than half a millimetre away.
         let nearest = models.iter().min_by(|a, b| {
-            let far = |model: &DisplayModel| (model.setup.distance_m() - distance_m).abs();
-            far(a).total_cmp(&far(b))
+            let distance = |model: &DisplayModel| (model.setup.distance_m() - distance_m).abs();
+            distance(a).total_cmp(&distance(b))
         });
         let nearest = held_out_loss(&bench, &DisplayModel { setup: bench.setup(), ..nearest.unwrap().clone() });
-        assert!(between < 1.2 * there && between < 0.03 * ideal && between < 0.5 * nearest, "{between}");
+        assert!(between < 1.2 * learned_there && between < 0.03 * ideal && between < 0.5 * nearest, "{between}");
     }
 }
 
 #[test]
-fn several_distances_are_learned_the_same_on_any_number_of_threads_and_after_a_pause() {
-    let (training, validation) = (on_the_rail(3, 100), on_the_rail(1, 400));
-    let lessons = Lessons { training: &training, validation: &validation };
+fn joint_learning_does_not_depend_on_threads_or_pauses() {
+    let (training, validation) = (pairs_on_rail(3, 100), pairs_on_rail(1, 400));
+    let learning_pairs = LearningPairs { training: &training, validation: &validation };
     let setups = RAIL_M.map(|distance_m| bench_on_a_rail(distance_m).setup());
     let short = || LearnOptions { refinement_evaluations: 6, epochs: 1, ..options(&bench_on_a_rail(6e-3), None) };
     let on = |threads: usize| {
         let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| learned_on_the_rail(short(), lessons))
+        pool.install(|| learned_on_rail(short(), learning_pairs))
     };
     let one = on(1);
     assert_eq!(one, on(3));
     let mut learner = Learner::start_joint(&setups, short(), &training).unwrap();
-    while learner.step(lessons).unwrap().is_some() {
+    while learner.step(learning_pairs).unwrap().is_some() {
         learner = Learner::resume_joint(&setups, short(), learner.state().into_owned()).unwrap();
     }
     assert_eq!(one, learner.models());
 }
 
 #[test]
-fn only_what_differs_in_the_distance_alone_is_learned_together() {
-    let training = on_the_rail(1, 100);
+fn joint_learning_refuses_setups_that_differ_in_more_than_distance() {
+    let training = pairs_on_rail(1, 100);
     let [near, middle, far] = RAIL_M.map(|distance_m| bench_on_a_rail(distance_m).setup());
     let refused = |setups: &[OpticalSetup], model| {
         let options = LearnOptions { model, ..options(&bench_on_a_rail(6e-3), Some(5)) };
         Learner::start_joint(setups, options, &training).unwrap_err().to_string()
     };
     let display = KernelModel::Display;
-    assert!(refused(&[near, middle, near], display).contains("differ in distance: each is needed once"));
+    assert!(refused(&[near, middle, near], display).contains("each distance may occur only once"));
     let red = OpticalSetup::try_new(near.grid(), 640e-9, 8e-3).unwrap();
-    assert!(refused(&[near, middle, red], display).contains("differ in grid or wavelength"));
-    assert!(refused(&[near, middle, far], KernelModel::Dense).contains("needs the model smooth or display"));
+    assert!(refused(&[near, middle, red], display).contains("grid and wavelength must be the same"));
+    assert!(refused(&[near, middle, far], KernelModel::Dense).contains("only the models smooth and display"));
     let more = OpticalSetup::try_new(near.grid(), 515e-9, 8e-3).unwrap();
     assert!(refused(&[near, middle, far, more], display).contains("pairs is empty"));
 }
 
 #[test]
-fn a_phase_response_is_as_sure_as_it_says() {
+fn predicted_response_uncertainty_matches_scatter() {
     let bench = bench(12);
     let region = RegionOfInterest::middle(&bench.setup().grid());
     let phases: Vec<f64> = (0..16).map(|i| f64::from(i) * std::f64::consts::TAU / 16.0).collect();
@@ -263,24 +267,24 @@ fn a_phase_response_is_as_sure_as_it_says() {
         [1.0, 2.0, 3.0].into_iter().zip(&model.response).map(harmonic).sum()
     };
     // Learns the same display several times, from photographs of different holograms.
-    let (mut curves, mut foretold) = (Vec::new(), Vec::new());
+    let (mut curves, mut predicted) = (Vec::new(), Vec::new());
     for set in 0..5 {
         let training = pairs(&bench, 8, 1000 * (set + 1));
-        let model = learned(&bench, options(&bench, Some(5)), Lessons::only(&training)).model();
+        let model = learned(&bench, options(&bench, Some(5)), LearningPairs::training_only(&training)).model();
         let mut uncertainty = ResponseUncertainty::of(&model, Detector::Pixel, None, region).unwrap().unwrap();
-        assert_eq!(uncertainty.covariance(), None, "no pair tells nothing");
+        assert_eq!(uncertainty.covariance(), None, "without pairs there is no covariance");
         training.iter().for_each(|pair| uncertainty.add(pair).unwrap());
         let covariance = uncertainty.covariance().unwrap();
-        foretold.push(phases.iter().map(|&phase| covariance.deviation_rad(phase).powi(2)).sum::<f64>());
+        predicted.push(phases.iter().map(|&phase| covariance.deviation_rad(phase).powi(2)).sum::<f64>());
         curves.push(phases.iter().map(|&phase| error(&model, phase)).collect::<Vec<f64>>());
     }
     let spread = |i: usize| {
         let mean = curves.iter().map(|curve| curve[i]).sum::<f64>() / curves.len() as f64;
         curves.iter().map(|curve| (curve[i] - mean).powi(2)).sum::<f64>() / (curves.len() - 1) as f64
     };
-    let seen = (0..phases.len()).map(spread).sum::<f64>();
-    let foretold = foretold.iter().sum::<f64>() / foretold.len() as f64;
-    assert!((0.4..2.5).contains(&(foretold / seen).sqrt()), "{foretold} against {seen}");
+    let observed = (0..phases.len()).map(spread).sum::<f64>();
+    let predicted = predicted.iter().sum::<f64>() / predicted.len() as f64;
+    assert!((0.4..2.5).contains(&(predicted / observed).sqrt()), "{predicted} against {observed}");
     assert!(
         ResponseUncertainty::of(&DisplayModel::ideal(bench.setup()), Detector::Pixel, None, region).unwrap().is_none()
     );

@@ -11,13 +11,14 @@ use lightpath::{digest_of, names};
 use tonic::{Code, Response, Status};
 use tonic_types::StatusExt as _;
 
+/// Starts a server with the display `lab`.
 async fn start() -> TestServer {
     let server = TestServer::start().await;
     declare(&server.client, "lab", 64, 48).await;
     server
 }
 
-/// The call was refused with this code, a message with all of these, and a reason for programs.
+/// Checks that a call was refused with this code, a message that contains all of `signs`, and a reason for programs.
 #[track_caller]
 fn assert_refused<T: std::fmt::Debug>(answer: Result<Response<T>, Status>, code: Code, signs: &[&str]) {
     let status = answer.unwrap_err();
@@ -34,7 +35,7 @@ fn assert_refused<T: std::fmt::Debug>(answer: Result<Response<T>, Status>, code:
     }
 }
 
-/// Nothing came of it, and the server goes on.
+/// Checks that the server still answers and has stored no job and no incomplete file.
 async fn assert_unharmed(server: &TestServer) {
     server.assert_answers().await;
     server.assert_tidy();
@@ -43,7 +44,7 @@ async fn assert_unharmed(server: &TestServer) {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn targets_that_are_no_pictures_are_refused() {
+async fn invalid_targets_are_refused() {
     let server = start().await;
     let mut jobs = JobServiceClient::new(server.channel());
     let whole = target(64, 48, 0);
@@ -51,7 +52,7 @@ async fn targets_that_are_no_pictures_are_refused() {
         (whole[..whole.len() / 2].to_vec(), ["PNG", "cut off"]),
         (whole[..40].to_vec(), ["PNG", ""]),
         (Vec::new(), ["empty", "PNG, JPEG or TIFF"]),
-        (b"This is a letter, not a picture.".to_vec(), ["no picture", "PNG, JPEG or TIFF"]),
+        (b"This is a letter, not a picture.".to_vec(), ["not a readable picture", "PNG, JPEG or TIFF"]),
         (png_header(60_000, 60_000), ["60000×60000", "at most"]),
         (png(1, 1, |_, _| 255), ["1×1", "at least"]),
         (png(64, 48, |_, _| 0), ["black", "must have light"]),
@@ -74,7 +75,7 @@ async fn targets_that_are_no_pictures_are_refused() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn specs_that_make_no_sense_are_refused() {
+async fn invalid_specs_are_refused() {
     let server = start().await;
     let mut jobs = JobServiceClient::new(server.channel());
     let picture = server.client.upload_bytes(target(64, 48, 0)).await.unwrap();
@@ -132,7 +133,7 @@ async fn specs_that_make_no_sense_are_refused() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn displays_that_cannot_be_are_refused() {
+async fn invalid_displays_are_refused() {
     let server = start().await;
     let mut displays = DisplayServiceClient::new(server.channel());
     let good = || display("new", 64, 48);
@@ -174,7 +175,7 @@ async fn displays_that_cannot_be_are_refused() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn datasets_that_cannot_be_learned_from_are_refused() {
+async fn invalid_pairs_and_datasets_are_refused() {
     let server = start().await;
     let mut datasets = DatasetServiceClient::new(server.channel());
     let mut jobs = JobServiceClient::new(server.channel());
@@ -197,7 +198,7 @@ async fn datasets_that_cannot_be_learned_from_are_refused() {
     for (phase, photo, code, signs) in [
         (&phase, &small, Code::InvalidArgument, ["pair.photo", "63×48", "64×48"]),
         (&small, &photo, Code::InvalidArgument, ["pair.phase", "63×48", "64×48"]),
-        (&phase, &text, Code::InvalidArgument, ["pair.photo", "no picture", ""]),
+        (&phase, &text, Code::InvalidArgument, ["pair.photo", "not a readable picture", ""]),
         (&absent, &photo, Code::NotFound, ["pair.phase", "upload it first", ""]),
         (&String::new(), &photo, Code::InvalidArgument, ["pair.phase is empty", "", ""]),
         (&phase, &String::new(), Code::InvalidArgument, ["pair.photo is empty", "", ""]),
@@ -230,7 +231,7 @@ async fn datasets_that_cannot_be_learned_from_are_refused() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn kernels_that_are_not_there_are_not_found() {
+async fn unknown_kernels_are_not_found() {
     let server = start().await;
     let mut kernels = KernelServiceClient::new(server.channel());
     let kernel = names::kernel("lab", 515e-9, DISTANCE_M);
@@ -253,7 +254,7 @@ async fn kernels_that_are_not_there_are_not_found() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn uploads_that_do_not_match_are_refused_and_leave_nothing() {
+async fn uploads_that_do_not_match_their_digest_are_refused_and_not_stored() {
     use lightpath::v1::artifact_service_client::ArtifactServiceClient;
     use lightpath::v1::write_artifact_request::Part;
     let server = start().await;

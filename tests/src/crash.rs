@@ -11,20 +11,21 @@ use std::path::Path;
 use std::time::Duration;
 use tempfile::TempDir;
 
-/// Moments at which the server is killed, in every run of the tests.
+/// Number of kills, unless `LIGHTPATH_KILL_CYCLES` sets another.
 const CYCLES: u64 = 50;
 /// Jobs submitted between two kills.
 const JOBS_PER_LIFE: u64 = 2;
-/// A life lasts up to this long.
+/// Longest time between a start and a kill \[ms\].
 const LIFE_MS_MAX: u64 = 700;
-/// Times at which a worker is stopped past its lease.
+/// Number of times that a worker is stopped until its lease has expired.
 const STOPS: u32 = 3;
-/// Saves its state about every third iteration, and gives up a dead worker's job soon.
+/// Settings of the server: a checkpoint about every third iteration, and a short lease, so that the job of a dead worker is
+/// soon given to another.
 const SETTINGS: [&str; 8] =
     ["--checkpoint-interval-s", "0.02", "--lease-s", "1", "--compute-threads", "1", "--workers", "2"];
 
 #[tokio::test(flavor = "multi_thread")]
-async fn killed_at_random_moments_the_server_keeps_every_promise() {
+async fn server_killed_at_random_moments_keeps_every_promise() {
     let data = TempDir::new().unwrap();
     let material = prepare_kernel(data.path()).await;
     let (cycles, mut random, mut ledger) = (cycles(), ChaCha8Rng::seed_from_u64(2026), Ledger::default());
@@ -36,19 +37,19 @@ async fn killed_at_random_moments_the_server_keeps_every_promise() {
         let client = daemon.client.clone();
         ledger.assert_kept(&client, &material).await;
         let alive = Duration::from_millis(random.random_range(0..LIFE_MS_MAX));
-        // The moment is what is random here; whatever the server is doing then, it must survive it. Answers that were
-        // on their way count.
-        let death = async {
+        // The kill comes at a random moment, and the server must survive it in every state. Answers that arrive before the
+        // kill are recorded.
+        let kill = async {
             tokio::time::sleep(alive).await;
             daemon.kill().await;
         };
         let load = async { (ledger.load(&client, &material, life).await, std::future::pending::<()>().await) };
         tokio::select! {
-            () = death => {}
+            () = kill => {}
             _ = load => {}
         }
         let report = check(data.path()).await.unwrap();
-        assert_eq!(report.problems, [], "after death {life}");
+        assert_eq!(report.problems, [], "after kill {life}");
     }
 
     let daemon = Daemon::start(data.path(), &SETTINGS).await;
@@ -60,7 +61,7 @@ async fn killed_at_random_moments_the_server_keeps_every_promise() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn an_interrupted_job_gives_the_bytes_of_an_uninterrupted_one() {
+async fn interrupted_job_gives_the_same_bytes_as_uninterrupted_job() {
     let (data, undisturbed) = (TempDir::new().unwrap(), TempDir::new().unwrap());
     let target = prepare(data.path()).await;
     assert_eq!(prepare(undisturbed.path()).await, target);
@@ -74,7 +75,7 @@ async fn an_interrupted_job_gives_the_bytes_of_an_uninterrupted_one() {
 
     let daemon = Daemon::start(data.path(), &SETTINGS).await;
     let job = daemon.client.submit(spec()).await.unwrap();
-    let reached = until_step(&daemon.client, &job.name, 300).await;
+    let reached = wait_for_step(&daemon.client, &job.name, 300).await;
     daemon.kill().await;
     let daemon = Daemon::start(data.path(), &SETTINGS).await;
     let mut first_step = None;
@@ -88,17 +89,17 @@ async fn an_interrupted_job_gives_the_bytes_of_an_uninterrupted_one() {
     });
     let resumed = resumed.await.unwrap();
     assert_eq!(resumed.attempt, 2);
-    // From a saved state, not from the start.
-    assert!(first_step.unwrap() > reached / 2, "killed at step {reached}, went on at {first_step:?}");
+    // The job resumed from a checkpoint, not from the start.
+    assert!(first_step.unwrap() > reached / 2, "killed at step {reached}, resumed at {first_step:?}");
     assert_same_bytes(hologram_result(&whole).unwrap(), hologram_result(&resumed).unwrap());
     assert_succeeded_once(&daemon.client, &job.name).await;
     daemon.kill().await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_worker_that_was_stopped_past_its_lease_writes_nothing_stale() {
-    /// Short, so that being stopped past it takes no time.
-    const ZOMBIE: [&str; 8] =
+async fn worker_with_expired_lease_writes_nothing() {
+    /// Settings with a short lease, so that it expires soon.
+    const SHORT_LEASE: [&str; 8] =
         ["--checkpoint-interval-s", "0.02", "--lease-s", "0.2", "--compute-threads", "1", "--workers", "1"];
     let (data, undisturbed) = (TempDir::new().unwrap(), TempDir::new().unwrap());
     let target = prepare(data.path()).await;
@@ -109,18 +110,19 @@ async fn a_worker_that_was_stopped_past_its_lease_writes_nothing_stale() {
     let whole = daemon.client.wait(&job.name, |_| ()).await.unwrap();
     daemon.kill().await;
 
-    let daemon = Daemon::start(data.path(), &ZOMBIE).await;
+    let daemon = Daemon::start(data.path(), &SHORT_LEASE).await;
     let client = daemon.client.clone();
     let job = client.submit(spec()).await.unwrap();
     let mut stops = 0;
     loop {
         let attempt = stops + 1;
-        let running = until(&client, &job.name, |job| job.state() == State::Running && job.attempt >= attempt).await;
+        let running =
+            wait_until(&client, &job.name, |job| job.state() == State::Running && job.attempt >= attempt).await;
         if running.state() != State::Running || stops == STOPS {
             break;
         }
         daemon.signal("STOP");
-        // What is tested is the passing of time: two leases and a half.
+        // Wait for two and a half leases. No event marks the end of the lease of a stopped process.
         tokio::time::sleep(Duration::from_millis(500)).await;
         daemon.signal("CONT");
         stops += 1;
@@ -134,8 +136,8 @@ async fn a_worker_that_was_stopped_past_its_lease_writes_nothing_stale() {
     assert_eq!(check(data.path()).await.unwrap().problems, []);
 }
 
-/// The job as soon as the condition holds for it, or it has ended.
-async fn until(client: &Client, job: &str, wanted: impl Fn(&v1::Job) -> bool) -> v1::Job {
+/// Waits until `wanted` holds for a job or the job has ended. Returns the job.
+async fn wait_until(client: &Client, job: &str, wanted: impl Fn(&v1::Job) -> bool) -> v1::Job {
     let mut watch = client.watch_job(v1::WatchJobRequest { name: job.to_owned() }).await.unwrap();
     let mut last = None;
     while let Some(job) = watch.message().await.unwrap() {
@@ -148,7 +150,7 @@ async fn until(client: &Client, job: &str, wanted: impl Fn(&v1::Job) -> bool) ->
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_wait_survives_a_restart_and_says_so_once() {
+async fn wait_survives_restart_and_reports_it_once() {
     let data = TempDir::new().unwrap();
     let target = prepare(data.path()).await;
     let daemon = Daemon::start(data.path(), &SETTINGS).await;
@@ -173,7 +175,7 @@ async fn a_wait_survives_a_restart_and_says_so_once() {
     daemon.kill().await;
 }
 
-/// A display and a target in a fresh data folder; the target's digest.
+/// Declares a display and uploads a target in a fresh data folder. Returns the target's digest.
 async fn prepare(data_dir: &Path) -> String {
     let daemon = Daemon::start(data_dir, &SETTINGS).await;
     declare(&daemon.client, "lab", 128, 96).await;
@@ -182,7 +184,7 @@ async fn prepare(data_dir: &Path) -> String {
     digest
 }
 
-/// The same, and a kernel with two versions to promote in turn.
+/// Like [`prepare`], and imports a kernel with two versions to promote in turn.
 async fn prepare_kernel(data_dir: &Path) -> Material {
     let target = prepare(data_dir).await;
     let daemon = Daemon::start(data_dir, &SETTINGS).await;
@@ -200,13 +202,13 @@ async fn prepare_kernel(data_dir: &Path) -> Material {
     Material { target, kernel: kernel_name() }
 }
 
-/// How often the server is killed: [`CYCLES`], or as often as `LIGHTPATH_KILL_CYCLES` says.
+/// Number of kills: `LIGHTPATH_KILL_CYCLES`, or [`CYCLES`].
 fn cycles() -> u64 {
     std::env::var("LIGHTPATH_KILL_CYCLES").map_or(CYCLES, |cycles| cycles.parse().unwrap())
 }
 
-/// Waits until a job has done this many steps; the step it was seen at.
-async fn until_step(client: &Client, job: &str, step: u32) -> u32 {
+/// Waits until a job has done at least `step` steps. Returns the number of steps.
+async fn wait_for_step(client: &Client, job: &str, step: u32) -> u32 {
     let mut watch = client.watch_job(v1::WatchJobRequest { name: job.to_owned() }).await.unwrap();
     loop {
         let job = watch.message().await.unwrap().expect("the watch ends with the job");

@@ -8,14 +8,15 @@ use std::io::Write as _;
 use std::time::{Duration, Instant};
 use tokio::sync::watch;
 
+/// Jobs of each of the two clients.
 const JOBS_PER_CLIENT: u64 = 250;
-/// What a dashboard waits for its list while the jobs run. The median: a single answer may meet a busy machine.
+/// Largest median time of a list while the jobs run. A single list may take longer on a busy machine.
 const LIST_MEDIAN_MAX: Duration = Duration::from_millis(100);
-/// Calls that one client has under way.
+/// Calls that one client makes at once.
 const AT_ONCE: usize = 16;
 
 #[tokio::test(flavor = "multi_thread")]
-async fn two_clients_with_500_small_jobs_get_each_done_once() {
+async fn each_of_500_jobs_of_two_clients_runs_once() {
     let server = TestServer::with(|config| config.workers = 2).await;
     declare(&server.client, "lab", 64, 64).await;
     let target = server.client.upload_bytes(target(64, 64, 0)).await.unwrap();
@@ -23,7 +24,7 @@ async fn two_clients_with_500_small_jobs_get_each_done_once() {
     let lister = tokio::spawn(list_until(Client::connect(server.url()).unwrap(), listening));
 
     let started = Instant::now();
-    let (first, second) = tokio::join!(all_done(server.url(), &target, 1), all_done(server.url(), &target, 2));
+    let (first, second) = tokio::join!(run_jobs(server.url(), &target, 1), run_jobs(server.url(), &target, 2));
     let took = started.elapsed();
     drop(ended);
     let mut latencies = lister.await.unwrap();
@@ -46,8 +47,8 @@ async fn two_clients_with_500_small_jobs_get_each_done_once() {
     server.stop().await;
 }
 
-/// Submits its jobs and waits for all of them; their names.
-async fn all_done(url: &str, target: &str, client_number: u64) -> Vec<String> {
+/// Submits the jobs of one client and waits until all have succeeded. Returns their names.
+async fn run_jobs(url: &str, target: &str, client_number: u64) -> Vec<String> {
     let client = &Client::connect(url).unwrap();
     let jobs = (0..JOBS_PER_CLIENT).map(async |i| {
         let spec = hologram("lab", target, 5, client_number * JOBS_PER_CLIENT + i);
@@ -62,7 +63,7 @@ async fn all_done(url: &str, target: &str, client_number: u64) -> Vec<String> {
     ended.into_iter().map(|job| job.name).collect()
 }
 
-/// Lists jobs as a dashboard does until `listening` closes; how long each answer took.
+/// Lists jobs every 50 ms, as a dashboard does, until `listening` closes. Returns the time of each list.
 async fn list_until(client: Client, mut listening: watch::Receiver<()>) -> Vec<Duration> {
     let mut ticks = tokio::time::interval(Duration::from_millis(50));
     let mut latencies = Vec::new();

@@ -3,9 +3,10 @@ use crate::server::TestServer;
 use lightpath::hologram_result;
 use lightpath::v1::HologramResult;
 
-/// Rows and columns that neither threads nor tiles divide evenly.
+/// Columns and rows of the display. Neither the number of threads nor the tile size divides them evenly.
 const SIZE_PX: (u32, u32) = (150, 98);
 
+/// The result of one optimization with this many threads and workers.
 async fn optimized(compute_threads: usize, workers: u32) -> HologramResult {
     let server = TestServer::with(|config| {
         config.compute_threads = compute_threads;
@@ -22,7 +23,7 @@ async fn optimized(compute_threads: usize, workers: u32) -> HologramResult {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn one_and_two_compute_threads_give_the_same_bytes() {
+async fn number_of_compute_threads_does_not_change_the_bytes() {
     let one = optimized(1, 1).await;
     for threads in [2, 3] {
         let several = optimized(threads, 1).await;

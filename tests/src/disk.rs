@@ -11,17 +11,18 @@ use std::process::Command;
 use tempfile::TempDir;
 use tonic::Code;
 
+/// Size of the test disk \[MiB\].
 const DISK_MIB: u64 = 48;
-/// So long that no test waits for its end.
+/// Iterations of a job that the test cancels before its end.
 const ENDLESS: u32 = 10_000;
 
-/// A disk of [`DISK_MIB`], unmounted when dropped.
+/// A mounted disk of [`DISK_MIB`]. It is unmounted when dropped.
 struct TinyDisk {
     folder: TempDir,
 }
 
 impl TinyDisk {
-    /// `None` where this user may not mount one.
+    /// Mounts a disk. `None` if the user lacks the right to mount.
     fn mount() -> Option<Self> {
         let folder = TempDir::new().unwrap();
         let size = format!("size={DISK_MIB}m");
@@ -33,7 +34,7 @@ impl TinyDisk {
         self.folder.path().join("data")
     }
 
-    /// Takes all space but the last `leave_mib`; gone when the filler is removed.
+    /// Fills the disk except for `leave_mib` \[MiB\]. Dropping the filler frees the space.
     fn fill(&self, leave_mib: u64) -> Filler {
         let filler = Filler(self.folder.path().join("filler"));
         let mut file = File::create(&filler.0).unwrap();
@@ -51,6 +52,7 @@ impl Drop for TinyDisk {
     }
 }
 
+/// A file that fills a disk. Dropping it removes the file.
 struct Filler(PathBuf);
 
 impl Drop for Filler {
@@ -59,6 +61,7 @@ impl Drop for Filler {
     }
 }
 
+/// Starts a server with these limits.
 async fn serve(data_dir: &Path, limits: SpaceLimits) -> TestServer {
     TestServer::with(|config| {
         config.data_dir = data_dir.to_owned();
@@ -68,6 +71,7 @@ async fn serve(data_dir: &Path, limits: SpaceLimits) -> TestServer {
     .await
 }
 
+/// Code and reason of a refusal.
 fn refused(error: &Error) -> (Code, String) {
     match error {
         Error::Refused(refusal) => (refusal.status.code(), refusal.reason.clone()),
@@ -75,26 +79,28 @@ fn refused(error: &Error) -> (Code, String) {
     }
 }
 
+/// Submits a short job.
 async fn submit(client: &Client, target: &str, request_id: &str) -> Result<v1::Job, Error> {
     let request: SubmitJobRequest = request(hologram("lab", target, 3, 1), request_id);
     client.submit_job(request).await
 }
 
-/// Every read answers.
-async fn reads_go_on(client: &Client, job: &v1::Job, target: &str, bytes: &[u8]) {
+/// Checks that calls that only read succeed.
+async fn assert_reads_succeed(client: &Client, job: &v1::Job, target: &str, bytes: &[u8]) {
     assert!(!client.list_jobs(v1::ListJobsRequest::default()).await.unwrap().jobs.is_empty());
     client.get_job(v1::GetJobRequest { name: job.name.clone() }).await.unwrap();
     client.list_displays(v1::ListDisplaysRequest::default()).await.unwrap();
     assert_eq!(client.download(target).await.unwrap(), bytes);
 }
 
-async fn until(client: &Client, job: &v1::Job, wanted: impl Fn(&v1::Job) -> bool) {
+/// Waits until `wanted` holds for a job.
+async fn wait_until(client: &Client, job: &v1::Job, wanted: impl Fn(&v1::Job) -> bool) {
     let mut watch = client.watch_job(v1::WatchJobRequest { name: job.name.clone() }).await.unwrap();
     while !wanted(&watch.message().await.unwrap().expect("the watch ends with the job")) {}
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn little_room_refuses_new_work_and_no_other() {
+async fn low_disk_refuses_new_work_but_not_reads() {
     let data = TempDir::new().unwrap();
     let server = serve(data.path(), SpaceLimits::default()).await;
     declare(&server.client, "lab", 64, 64).await;
@@ -104,7 +110,7 @@ async fn little_room_refuses_new_work_and_no_other() {
     server.client.wait(&job.name, |_| ()).await.unwrap();
     server.stop().await;
 
-    // A reserve that no disk has.
+    // No disk has this much free space.
     let server = serve(data.path(), SpaceLimits { reserve_bytes: 1 << 60, stored_bytes_max: 0 }).await;
     let client = &server.client;
     let low = (Code::ResourceExhausted, "DISK_LOW".to_owned());
@@ -112,11 +118,11 @@ async fn little_room_refuses_new_work_and_no_other() {
     assert_eq!(refused(&client.upload_bytes(target(64, 64, 1)).await.unwrap_err()), low);
     let display = Some(crate::material::display("other", 64, 64));
     assert_eq!(refused(&client.create_display(v1::CreateDisplayRequest { display }).await.unwrap_err()), low);
-    assert_eq!(client.upload_bytes(bytes.clone()).await.unwrap(), picture, "it is there already");
-    reads_go_on(client, &job, &picture, &bytes).await;
+    assert_eq!(client.upload_bytes(bytes.clone()).await.unwrap(), picture, "the artifact is stored already");
+    assert_reads_succeed(client, &job, &picture, &bytes).await;
     server.stop().await;
 
-    // All artifacts together have what they may have.
+    // The stored artifacts exceed the limit for all artifacts together.
     let server = serve(data.path(), SpaceLimits { reserve_bytes: 0, stored_bytes_max: 1 }).await;
     let spent = (Code::ResourceExhausted, "STORED_BYTES".to_owned());
     assert_eq!(refused(&server.client.upload_bytes(target(64, 64, 1)).await.unwrap_err()), spent);
@@ -125,10 +131,9 @@ async fn little_room_refuses_new_work_and_no_other() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_full_disk_loses_nothing_and_the_server_recovers_by_itself() {
+async fn full_disk_loses_nothing_and_server_recovers_by_itself() {
     let Some(disk) = TinyDisk::mount() else {
-        writeln!(std::io::stderr(), "NOT TESTED: a really full disk, which needs the right to mount one (root)")
-            .unwrap();
+        writeln!(std::io::stderr(), "NOT TESTED: a full disk; the test needs the right to mount one (root)").unwrap();
         return;
     };
     let server = serve(&disk.data_dir(), SpaceLimits::default()).await;
@@ -136,15 +141,15 @@ async fn a_full_disk_loses_nothing_and_the_server_recovers_by_itself() {
     declare(client, "lab", 64, 64).await;
     let bytes = target(64, 64, 0);
     let picture = client.upload_bytes(bytes.clone()).await.unwrap();
-    // Large enough that it is still running when the disk has room again.
+    // The display is so large that the job is still running when the disk has space again.
     declare(client, "wide", 256, 256).await;
     let long = client.submit(request(hologram("wide", &picture, ENDLESS, 1), "long")).await.unwrap();
-    until(client, &long, |job| job.progress.as_ref().is_some_and(|progress| progress.step > 0)).await;
+    wait_until(client, &long, |job| job.progress.as_ref().is_some_and(|progress| progress.step > 0)).await;
 
     let filler = disk.fill(0);
     let mut accepted = Vec::new();
     let full = (Code::ResourceExhausted, "DISK_FULL".to_owned());
-    // The log has some room of its own: some submits may still be accepted, and those count.
+    // The database's log has reserved space, so the server may still accept some jobs. It must not lose them.
     let refusal = loop {
         match submit(client, &picture, &format!("full-{}", accepted.len())).await {
             Ok(job) => accepted.push(job),
@@ -154,7 +159,7 @@ async fn a_full_disk_loses_nothing_and_the_server_recovers_by_itself() {
     assert_eq!(refusal, full);
     let noise: Vec<u8> = (0..2_000_000_u32).map(|n| (n.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
     assert_eq!(refused(&client.upload_bytes(noise.clone()).await.unwrap_err()), full);
-    reads_go_on(client, &long, &picture, &bytes).await;
+    assert_reads_succeed(client, &long, &picture, &bytes).await;
 
     drop(filler);
     let uploaded = client.upload_bytes(noise.clone()).await.unwrap();
@@ -172,10 +177,9 @@ async fn a_full_disk_loses_nothing_and_the_server_recovers_by_itself() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn jobs_wait_for_room_and_the_reserve_lets_those_that_run_end() {
+async fn queued_jobs_wait_for_space_and_running_jobs_finish_in_reserve() {
     let Some(disk) = TinyDisk::mount() else {
-        writeln!(std::io::stderr(), "NOT TESTED: a really low disk, which needs the right to mount one (root)")
-            .unwrap();
+        writeln!(std::io::stderr(), "NOT TESTED: a low disk; the test needs the right to mount one (root)").unwrap();
         return;
     };
     let limits = SpaceLimits { reserve_bytes: (DISK_MIB / 2) << 20, stored_bytes_max: 0 };
@@ -184,7 +188,7 @@ async fn jobs_wait_for_room_and_the_reserve_lets_those_that_run_end() {
     declare(client, "lab", 64, 64).await;
     let picture = client.upload_bytes(target(64, 64, 0)).await.unwrap();
     let running = client.submit(request(hologram("lab", &picture, 1500, 1), "running")).await.unwrap();
-    until(client, &running, |job| job.state() == State::Running).await;
+    wait_until(client, &running, |job| job.state() == State::Running).await;
     let waiting = submit(client, &picture, "waiting").await.unwrap();
 
     let filler = disk.fill(4);
@@ -193,7 +197,7 @@ async fn jobs_wait_for_room_and_the_reserve_lets_those_that_run_end() {
     let done = client.wait(&running.name, |_| ()).await.unwrap();
     assert_eq!((done.state(), done.attempt), (State::Succeeded, 1), "{done:?}");
     let job = client.get_job(v1::GetJobRequest { name: waiting.name.clone() }).await.unwrap();
-    assert_eq!(job.state(), State::Queued, "nothing starts that may not be able to end");
+    assert_eq!(job.state(), State::Queued, "no job starts while it may lack the space to finish");
     drop(filler);
     assert_eq!(client.wait(&waiting.name, |_| ()).await.unwrap().state(), State::Succeeded);
     server.stop().await;

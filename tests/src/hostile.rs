@@ -8,40 +8,44 @@ use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::{TcpSocket, TcpStream};
 use tokio::task::JoinSet;
 
-/// Slow connections, in every run of the tests.
+/// Number of slow connections, unless `LIGHTPATH_SLOW_CONNECTIONS` sets another.
 const CONNECTIONS: usize = 100;
-/// From each address, as a farm of hostile machines has them.
+/// Number of connections from each address. A group of hostile machines has several addresses.
 const CONNECTIONS_PER_ADDRESS: usize = 300;
+/// Calls of one measurement.
 const CALLS: usize = 200;
-/// What a call may take longer than twice its usual time on a machine that does other things, too.
+/// Allowed delay beyond twice the usual time, because the machine runs other programs too.
 const JITTER: Duration = Duration::from_millis(20);
+/// Interval between the bytes of a slow sender.
 const DRIP: Duration = Duration::from_secs(1);
-/// So little that the server's answers soon find no room.
+/// Receive buffer of a client that does not read. It is so small that the server's answers soon fill it.
 const UNREAD_BUFFER_BYTES: u32 = 4096;
+/// Requests of a client that does not read the answers.
 const UNREAD_REQUESTS: usize = 24;
-/// When the server must have closed the last of them.
-const PATIENCE_MAX: Duration = Duration::from_secs(300);
+/// Time within which the server must close all slow connections.
+const CLOSE_TIMEOUT: Duration = Duration::from_secs(300);
 
-/// HTTP/2 begins with it, and an empty SETTINGS frame.
+/// Start of an HTTP/2 connection: the preface and an empty SETTINGS frame.
 const PREFACE: &[u8] = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\0\0\0\x04\0\0\0\0\0";
 
-/// How a client keeps a connection without using it.
+/// A way in which a client occupies a connection without using it.
 #[derive(Clone, Copy, Debug)]
 enum Slowness {
-    /// Says nothing.
+    /// Sends nothing.
     Silent,
-    /// Sends a header, byte for byte.
+    /// Sends a header, one byte at a time.
     Headers,
-    /// Agrees on HTTP/2 and falls silent.
+    /// Starts HTTP/2 and then sends nothing.
     Preface,
-    /// Promises a body, and sends it byte for byte.
+    /// Announces a body and sends it one byte at a time.
     Body,
-    /// Asks for much, and never reads the answer.
+    /// Sends many requests and never reads the answers.
     Unread,
 }
 
 impl Slowness {
-    /// Of the nth connection: a few ask for much, since that costs the server something before it stalls.
+    /// The slowness of the nth connection. Few send many requests, because answers cost the server time until the buffer is
+    /// full.
     fn of(n: usize) -> Self {
         match (n % 4, n % 20) {
             (_, 19) => Self::Unread,
@@ -62,7 +66,7 @@ impl Slowness {
         }
     }
 
-    /// Until the server has enough of it.
+    /// Occupies a connection until the server closes it.
     async fn keep(self, stream: TcpStream) {
         let (mut from, mut to) = stream.into_split();
         if to.write_all(&self.first_bytes()).await.is_err() {
@@ -94,7 +98,7 @@ impl Slowness {
     }
 }
 
-/// How many: [`CONNECTIONS`], or as many as `LIGHTPATH_SLOW_CONNECTIONS` says.
+/// Number of slow connections: `LIGHTPATH_SLOW_CONNECTIONS`, or [`CONNECTIONS`].
 fn connections() -> usize {
     std::env::var("LIGHTPATH_SLOW_CONNECTIONS").map_or(CONNECTIONS, |count| count.parse().unwrap())
 }
@@ -115,7 +119,7 @@ async fn slow_connections_do_not_slow_a_real_client() {
         if let Slowness::Unread = Slowness::of(n) {
             socket.set_recv_buffer_size(UNREAD_BUFFER_BYTES).unwrap();
         }
-        // Beyond what the server takes, connections wait in the system's backlog, or find no place there.
+        // Beyond the server's limit connections wait in the system's backlog, or fail if it is full.
         let connected = tokio::time::timeout(Duration::from_secs(1), socket.connect(address)).await;
         let Ok(Ok(stream)) = connected else { continue };
         open += 1;
@@ -127,18 +131,18 @@ async fn slow_connections_do_not_slow_a_real_client() {
     writeln!(std::io::stderr(), "{line}").unwrap();
     assert!(meanwhile < 2 * usual + JITTER, "{line}");
     if open < 400 {
-        // While there are places, new clients get in, too.
+        // Below the server's limit new clients can connect too.
         let late = Client::connect(&daemon.url).unwrap();
         late.list_jobs(v1::ListJobsRequest::default()).await.unwrap();
     }
     if std::env::var_os("LIGHTPATH_SLOW_CONNECTIONS").is_some() {
-        let gone = tokio::time::timeout(PATIENCE_MAX, slow.join_all()).await;
-        assert!(gone.is_ok(), "a slow connection is kept for longer than {PATIENCE_MAX:?}");
+        let gone = tokio::time::timeout(CLOSE_TIMEOUT, slow.join_all()).await;
+        assert!(gone.is_ok(), "a slow connection is kept for longer than {CLOSE_TIMEOUT:?}");
     }
     daemon.kill().await;
 }
 
-/// Of many lists, one after the other.
+/// The time within which 99 % of the calls are answered. The calls list jobs, one after the other.
 async fn p99(client: &Client) -> Duration {
     let mut times = Vec::new();
     for _ in 0..CALLS {
@@ -151,22 +155,22 @@ async fn p99(client: &Client) -> Duration {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_connection_that_speaks_nonsense_is_closed() {
+async fn connection_with_invalid_bytes_is_closed() {
     let data = TempDir::new().unwrap();
     let daemon = Daemon::start(data.path(), &[]).await;
     let address: SocketAddr = daemon.url.trim_start_matches("http://").parse().unwrap();
     let oversized = [b"GET / HTTP/1.1\r\nx: ".to_vec(), vec![b'x'; 1 << 20]].concat();
     // A HEADERS frame that claims 16 MiB.
     let frame = [PREFACE, b"\xff\xff\xff\x01\x04\0\0\0\x01"].concat();
-    for nonsense in
+    for invalid in
         [b"\x16\x03\x01\x02\0\x01\0\x01\xfc\x03\x03".to_vec(), b"\0\0\0\0\r\n\r\n".to_vec(), oversized, frame]
     {
         let mut stream = TcpStream::connect(address).await.unwrap();
-        // It may be closed while this is still being written.
-        let _ = stream.write_all(&nonsense).await;
+        // The server may close the connection during the write.
+        let _ = stream.write_all(&invalid).await;
         let mut answer = Vec::new();
         let ended = tokio::time::timeout(Duration::from_secs(10), stream.read_to_end(&mut answer)).await;
-        assert!(ended.is_ok(), "still open after {:?}", &nonsense[..nonsense.len().min(20)]);
+        assert!(ended.is_ok(), "still open after {:?}", &invalid[..invalid.len().min(20)]);
         daemon.client.list_jobs(v1::ListJobsRequest::default()).await.unwrap();
     }
     daemon.kill().await;

@@ -1,9 +1,9 @@
-//! The import rules of the architecture: an absence that nobody watches does not last.
+//! The import rules of the architecture: which crates and modules each crate may use.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// Every crate with those of ours that it may depend on. Cargo enforces the rest.
+/// Every crate, with the crates of the workspace that it may depend on.
 const CRATES: [(&str, &[&str]); 14] = [
     ("optics", &[]),
     ("proto", &[]),
@@ -23,8 +23,8 @@ const CRATES: [(&str, &[&str]); 14] = [
     ),
     ("tests", &[]),
 ];
-/// Dependencies that only some crates may have, each with those crates.
-const KEEPERS: [(&str, &[&str]); 6] = [
+/// External dependencies that only some crates may have, each with these crates.
+const RESTRICTED: [(&str, &[&str]); 6] = [
     ("sqlx", &["server/store", "server/fixtures"]),
     ("tonic", &["proto", "client", "server/api", "server/daemon"]),
     ("prost", &["proto", "client", "server/api"]),
@@ -34,22 +34,23 @@ const KEEPERS: [(&str, &[&str]); 6] = [
 ];
 
 #[test]
-fn crates_depend_only_on_those_they_may() {
-    for (name, ours) in CRATES {
+fn crates_have_only_allowed_dependencies() {
+    for (name, allowed_crates) in CRATES {
         let dependencies = dependencies(name);
         let allowed: BTreeSet<_> =
-            ours.iter().map(|it| format!("lightpath-{it}").trim_end_matches('-').to_owned()).collect();
-        let used: BTreeSet<_> = dependencies.iter().filter(|it| it.starts_with("lightpath")).cloned().collect();
-        assert!(used.is_subset(&allowed), "{name} depends on {used:?}, but may only on {allowed:?}");
-        for (family, keepers) in KEEPERS {
-            let kept = keepers.contains(&name) || !dependencies.iter().any(|dependency| is_family(dependency, family));
-            assert!(kept, "{name} depends on {family}, which is for {keepers:?}");
+            allowed_crates.iter().map(|part| format!("lightpath-{part}").trim_end_matches('-').to_owned()).collect();
+        let used: BTreeSet<_> =
+            dependencies.iter().filter(|dependency| dependency.starts_with("lightpath")).cloned().collect();
+        assert!(used.is_subset(&allowed), "{name} depends on {used:?}, but may depend only on {allowed:?}");
+        for (family, users) in RESTRICTED {
+            let allowed = users.contains(&name) || !dependencies.iter().any(|dependency| is_family(dependency, family));
+            assert!(allowed, "{name} depends on {family}, but only {users:?} may");
         }
     }
 }
 
 #[test]
-fn every_crate_has_a_line() {
+fn rules_cover_every_crate_of_the_workspace() {
     let manifest: toml::Table = std::fs::read_to_string(root().join("Cargo.toml")).unwrap().parse().unwrap();
     let members = manifest["workspace"]["members"].as_array().unwrap().iter();
     let members: BTreeSet<_> = members.map(|member| member.as_str().unwrap()).collect();
@@ -57,7 +58,7 @@ fn every_crate_has_a_line() {
 }
 
 #[test]
-fn optics_and_domain_know_no_files_no_sockets_no_clock() {
+fn optics_and_domain_use_no_files_sockets_or_clock() {
     let mut broken = Vec::new();
     for folder in ["optics/src", "server/domain/src"] {
         for (path, source) in sources(folder) {
@@ -72,12 +73,12 @@ fn optics_and_domain_know_no_files_no_sockets_no_clock() {
 }
 
 #[test]
-fn in_the_daemon_only_the_assembly_and_the_demo_speak_the_wire() {
+fn only_assembly_and_demo_of_daemon_use_the_wire_protocol() {
     let mut broken = Vec::new();
     for (path, source) in sources("server/daemon/src") {
-        let assembles = path.starts_with("server.rs") || path.starts_with("demo");
+        let is_allowed = path.starts_with("server.rs") || path.starts_with("demo");
         for unwanted in ["lightpath_proto", "lightpath::v1", "tonic", "lightpath::"] {
-            if !assembles && mentions(&source, unwanted) {
+            if !is_allowed && mentions(&source, unwanted) {
                 broken.push(format!("server/daemon/src/{}: {unwanted}", path.display()));
             }
         }
@@ -86,7 +87,7 @@ fn in_the_daemon_only_the_assembly_and_the_demo_speak_the_wire() {
 }
 
 #[test]
-fn the_check_finds_what_it_looks_for() {
+fn check_finds_forbidden_imports() {
     for (source, found) in [
         ("use sqlx::Row;", true),
         ("    sqlx::query(\"x\")", true),
@@ -110,7 +111,7 @@ fn the_check_finds_what_it_looks_for() {
         assert_eq!(mentions(&strip(source), "crate::store"), found, "{source}");
     }
     assert!(mentions("use std::{fmt, fs};", "std::fs"));
-    assert!(mentions("use tonic_types::StatusExt;", "tonic"), "a crate stands for its family");
+    assert!(mentions("use tonic_types::StatusExt;", "tonic"), "`tonic` includes `tonic_types`");
 }
 
 /// Names in the `[dependencies]` of a crate.
@@ -126,7 +127,7 @@ fn dependencies(name: &str) -> BTreeSet<String> {
         .collect()
 }
 
-/// The sources below a folder, without comments and string literals; paths from that folder on.
+/// The source files below a folder, without comments and string literals. Paths are relative to the folder.
 fn sources(folder: &str) -> Vec<(PathBuf, String)> {
     fn walk(folder: &Path, found: &mut Vec<PathBuf>) {
         for entry in std::fs::read_dir(folder).unwrap() {
@@ -149,11 +150,12 @@ fn sources(folder: &str) -> Vec<(PathBuf, String)> {
     found.into_iter().map(read).collect()
 }
 
+/// The root folder of the workspace.
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap()
 }
 
-/// The source without line comments and the insides of plain string literals on one line.
+/// Removes line comments, and the text inside string literals that are on one line.
 fn strip(source: &str) -> String {
     let mut stripped = String::new();
     for line in source.lines() {
@@ -162,7 +164,7 @@ fn strip(source: &str) -> String {
             match character {
                 _ if escaped => escaped = false,
                 '\\' if in_string => escaped = true,
-                // A quote as a character literal opens no string.
+                // A quote in a character literal does not start a string.
                 '"' if before != '\'' => in_string = !in_string,
                 '/' if !in_string && line[index..].starts_with("//") => break,
                 _ if !in_string => stripped.push(character),
@@ -175,14 +177,14 @@ fn strip(source: &str) -> String {
     stripped
 }
 
-/// The source names the path, alone or in a group: `use std::{fmt, fs}` names `std::fs`.
+/// True if the source contains the path, directly or in a group: `use std::{fmt, fs}` contains `std::fs`.
 fn mentions(source: &str, path: &str) -> bool {
     let named = |text: &str, path: &str| {
         text.match_indices(path).any(|(start, _)| {
             let before = text[..start].chars().next_back();
             let after = text[start + path.len()..].chars().next();
             let starts = before.is_none_or(|c| !(c.is_alphanumeric() || c == '_' || c == ':'));
-            // `tonic` stands for `tonic_types`, too; `lightpath::` and `crate::store` only for themselves.
+            // `tonic` also matches `tonic_types`. `lightpath::` and `crate::store` match only themselves.
             let ends =
                 path.ends_with(':') || after.is_none_or(|c| !c.is_alphanumeric() && (c != '_' || !path.contains("::")));
             starts && ends && (path.contains("::") || is_path(text, start, path))
@@ -195,7 +197,7 @@ fn mentions(source: &str, path: &str) -> bool {
     groups(source, parent).iter().any(|group| top_level(group).iter().any(|item| first_name(item) == child))
 }
 
-/// A crate's name counts in a path or an import, not as a variable.
+/// True if a crate's name is part of a path or an import. False if it is the name of a variable.
 fn is_path(text: &str, start: usize, path: &str) -> bool {
     let name_end = text[start..].find(|c: char| !(c.is_alphanumeric() || c == '_')).map_or(text.len(), |i| start + i);
     let family = &text[start..name_end];
@@ -205,18 +207,18 @@ fn is_path(text: &str, start: usize, path: &str) -> bool {
         && (text[name_end..].starts_with("::") || imported.starts_with("use ") || imported.starts_with("pub use "))
 }
 
-/// `tonic-types` and `tonic_types` belong to `tonic`.
+/// True if a crate belongs to a family: `tonic-types` and `tonic_types` belong to `tonic`.
 fn is_family(name: &str, family: &str) -> bool {
     name.strip_prefix(family).is_some_and(|rest| rest.is_empty() || rest.starts_with(['-', '_']))
 }
 
-/// What stands between the braces of each `parent::{…}`.
+/// The text between the braces of each `parent::{…}`.
 fn groups<'a>(source: &'a str, parent: &str) -> Vec<&'a str> {
     let opening = format!("{parent}::{{");
     source.match_indices(&opening).map(|(start, _)| inside(&source[start + opening.len()..])).collect()
 }
 
-/// Up to the brace that closes the group.
+/// The text up to the brace that closes the group.
 fn inside(text: &str) -> &str {
     let mut depth = 1;
     let end = text.find(|c| {
@@ -226,7 +228,7 @@ fn inside(text: &str) -> &str {
     &text[..end.unwrap_or(text.len())]
 }
 
-/// The parts of a group, whatever they hold.
+/// The items of a group. An item may contain groups.
 fn top_level(group: &str) -> Vec<&str> {
     let mut depth = 0;
     group
@@ -237,6 +239,7 @@ fn top_level(group: &str) -> Vec<&str> {
         .collect()
 }
 
+/// The first name of a path.
 fn first_name(item: &str) -> &str {
     let item = item.trim();
     item.split(|c: char| !(c.is_alphanumeric() || c == '_')).next().unwrap_or(item)

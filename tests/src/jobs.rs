@@ -4,9 +4,10 @@ use lightpath::v1::{self, job::State};
 use lightpath::{Client, JobChange, hologram_result};
 use tonic::Code;
 
-/// So long that no test waits for its end.
+/// Iterations of a job that the test cancels before its end.
 const ENDLESS: u32 = 10_000;
 
+/// Starts a server with the display `lab` and a target. Returns the digest of the target too.
 async fn start() -> (TestServer, String) {
     let server = TestServer::start().await;
     declare(&server.client, "lab", 64, 64).await;
@@ -15,7 +16,7 @@ async fn start() -> (TestServer, String) {
 }
 
 /// Waits until the job is in this state.
-async fn until(client: &Client, job: &str, state: State) -> v1::Job {
+async fn wait_until(client: &Client, job: &str, state: State) -> v1::Job {
     let mut watch = client.watch_job(v1::WatchJobRequest { name: job.to_owned() }).await.unwrap();
     loop {
         let job = watch.message().await.unwrap().expect("the watch ends with the job");
@@ -25,42 +26,42 @@ async fn until(client: &Client, job: &str, state: State) -> v1::Job {
     }
 }
 
-fn named(job: &v1::Job) -> String {
+fn name_of(job: &v1::Job) -> String {
     job.name.clone()
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_running_and_a_queued_job_can_be_cancelled_and_retried() {
+async fn running_and_queued_jobs_can_be_cancelled_and_retried() {
     let (server, target) = start().await;
     let client = &server.client;
     let running = client.submit(request(hologram("lab", &target, ENDLESS, 1), "")).await.unwrap();
-    until(client, &running.name, State::Running).await;
-    // One worker, which is busy.
+    wait_until(client, &running.name, State::Running).await;
+    // The only worker is busy.
     let queued = client.submit(request(hologram("lab", &target, 3, 2), "")).await.unwrap();
 
-    let cancelled = client.cancel_job(v1::CancelJobRequest { name: named(&queued) }).await.unwrap();
+    let cancelled = client.cancel_job(v1::CancelJobRequest { name: name_of(&queued) }).await.unwrap();
     assert_eq!(cancelled.state(), State::Cancelled);
-    let asked = client.cancel_job(v1::CancelJobRequest { name: named(&running) }).await.unwrap();
+    let asked = client.cancel_job(v1::CancelJobRequest { name: name_of(&running) }).await.unwrap();
     assert!(asked.cancel_requested);
     let ended = client.wait(&running.name, |_| ()).await.unwrap();
     assert_eq!(ended.state(), State::Cancelled);
     assert!(ended.result.is_none());
 
-    let again = client.cancel_job(v1::CancelJobRequest { name: named(&running) }).await.unwrap_err();
+    let again = client.cancel_job(v1::CancelJobRequest { name: name_of(&running) }).await.unwrap_err();
     assert_eq!(again.code(), Some(Code::FailedPrecondition));
-    let retried = client.retry_job(v1::RetryJobRequest { name: named(&queued) }).await.unwrap();
+    let retried = client.retry_job(v1::RetryJobRequest { name: name_of(&queued) }).await.unwrap();
     assert_eq!(retried.name, queued.name);
     let done = client.wait(&queued.name, |_| ()).await.unwrap();
     assert_eq!(done.state(), State::Succeeded, "{done:?}");
     assert_succeeded_once(client, &queued.name).await;
-    let retried = client.retry_job(v1::RetryJobRequest { name: named(&queued) }).await.unwrap_err();
+    let retried = client.retry_job(v1::RetryJobRequest { name: name_of(&queued) }).await.unwrap_err();
     assert_eq!(retried.code(), Some(Code::FailedPrecondition));
     assert!(events(client, &queued.name).await.iter().any(|event| event.contains("cancelled")));
     server.stop().await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_same_request_is_the_same_job() {
+async fn repeated_request_returns_the_same_job() {
     let (server, target) = start().await;
     let client = &server.client;
     let spec = || hologram("lab", &target, 3, 1);
@@ -76,7 +77,7 @@ async fn the_same_request_is_the_same_job() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_watch_sees_progress_and_the_end() {
+async fn watch_reports_progress_and_end() {
     let (server, target) = start().await;
     let client = &server.client;
     let job = client.submit(request(hologram("lab", &target, 4000, 1), "")).await.unwrap();
@@ -92,7 +93,7 @@ async fn a_watch_sees_progress_and_the_end() {
     assert!(states.ends_with(&[State::Running, State::Succeeded]), "{states:?}");
     assert!(revisions.is_sorted(), "{revisions:?}");
     assert!(steps.is_sorted() && steps.iter().all(|&(step, total)| step <= total && total == 4000), "{steps:?}");
-    assert!(steps.len() > 1, "no progress was told: {steps:?}");
+    assert!(steps.len() > 1, "no progress was reported: {steps:?}");
     let result = hologram_result(&done).unwrap();
     assert_eq!(result.iterations, 4000);
     let unknown = client.wait("jobs/0193ffff-0000-7000-8000-000000000000", |_| ()).await.unwrap_err();
@@ -101,11 +102,11 @@ async fn a_watch_sees_progress_and_the_end() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn lower_priorities_run_first() {
+async fn jobs_with_lower_priority_number_run_first() {
     let (server, target) = start().await;
     let client = &server.client;
     let busy = client.submit(request(hologram("lab", &target, ENDLESS, 1), "")).await.unwrap();
-    until(client, &busy.name, State::Running).await;
+    wait_until(client, &busy.name, State::Running).await;
     let mut waiting = Vec::new();
     for (priority, seed) in [(5, 2), (-5, 3), (0, 4)] {
         let request = v1::SubmitJobRequest { priority, ..request(hologram("lab", &target, 3, seed), "") };
@@ -123,7 +124,7 @@ async fn lower_priorities_run_first() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn artifacts_are_stored_once_and_come_back_whole() {
+async fn artifacts_are_stored_once_and_downloaded_unchanged() {
     let server = TestServer::start().await;
     let client = &server.client;
     let bytes: Vec<u8> = (0..3_000_001_u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();

@@ -1,4 +1,4 @@
-//! What a server has promised, written down as its answers come, to be held against it after each of its deaths.
+//! A record of everything that a server has acknowledged. After each kill the tests check that the server has kept it.
 
 use crate::material::{assert_succeeded_once, events, hologram, request};
 use lightpath::v1::{self, HologramResult, OptimizeHologram, SubmitJobRequest, job::State};
@@ -6,46 +6,53 @@ use lightpath::{Client, hologram_result, names};
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-/// Different jobs; those with the same seed must give the same bytes.
+/// Number of different jobs. Jobs with the same seed must give the same bytes.
 const SEEDS: u64 = 3;
-/// Long enough to be interrupted often, short enough that many end.
+/// Iterations of a job: so many that it is often interrupted, so few that many jobs end.
 const ITERATIONS: u32 = 150;
+/// Uploads between two kills.
 const UPLOADS_PER_LIFE: u32 = 2;
+/// Promotions between two kills.
 const PROMOTIONS_PER_LIFE: u32 = 4;
-/// How many of the latest uploads are asked for after each death.
-const UPLOADS_ASKED: usize = 20;
+/// Number of latest uploads that are checked after each kill.
+const UPLOADS_CHECKED: usize = 20;
+/// Pause between two lists.
 const LIST_PAUSE: Duration = Duration::from_millis(50);
+/// Entries of a page.
 const PAGE: u32 = 1000;
 
-/// Promises, by what was asked for.
+/// Requests and the server's answers to them.
 #[derive(Debug, Default)]
 pub(crate) struct Ledger {
-    /// Request ids, and the job that answered; `None` while no answer came.
+    /// Request ids with the job that the server answered. `None` without an answer so far.
     asked: BTreeMap<String, Option<String>>,
-    /// Jobs that were seen to have succeeded, with what they gave.
+    /// Results of jobs that the server has reported as succeeded.
     succeeded: BTreeMap<String, HologramResult>,
-    /// Digests of uploads that were answered.
+    /// Digests of acknowledged uploads.
     uploads: Vec<String>,
-    /// Reasons of promotions that were answered, in order.
+    /// Reasons of acknowledged promotions, in order.
     promotions: Vec<String>,
-    /// What the jobs of each seed gave.
+    /// Result of the jobs of each seed.
     results: BTreeMap<u64, HologramResult>,
 }
 
-/// What the promises are about.
+/// The target and kernel that the requests use.
 #[derive(Clone, Debug)]
 pub(crate) struct Material {
+    /// Digest of the target.
     pub(crate) target: String,
-    /// A kernel with two versions.
+    /// Name of a kernel with two versions.
     pub(crate) kernel: String,
 }
 
 impl Ledger {
+    /// Adds a job to submit.
     pub(crate) fn ask(&mut self, request_id: String) {
         self.asked.insert(request_id, None);
     }
 
-    /// Uses the server in every way that it makes promises in, until it is gone. `life` makes what is sent unique.
+    /// Sends all kinds of requests that the server acknowledges, until the server is killed. The number `life` makes the
+    /// requests unique.
     pub(crate) async fn load(&mut self, client: &Client, material: &Material, life: u64) {
         let Self { asked, succeeded, uploads, promotions, .. } = self;
         let submitting = async {
@@ -82,17 +89,17 @@ impl Ledger {
             loop {
                 let state = State::Succeeded.into();
                 match client.list_jobs(v1::ListJobsRequest { state, ..Default::default() }).await {
-                    Ok(page) => note(succeeded, page.jobs),
+                    Ok(page) => record_results(succeeded, page.jobs),
                     Err(error) => break Err::<(), lightpath::Error>(error),
                 }
                 tokio::time::sleep(LIST_PAUSE).await;
             }
         };
-        // The server dies meanwhile; whoever notices first ends the life.
+        // The server is killed during these calls. The first failing call ends all.
         drop(tokio::try_join!(submitting, uploading, promoting, listing));
     }
 
-    /// Holds a server that has just started to what was promised.
+    /// Checks that a restarted server has kept everything that was acknowledged.
     pub(crate) async fn assert_kept(&self, client: &Client, material: &Material) {
         let jobs: BTreeMap<String, v1::Job> =
             all_jobs(client).await.into_iter().map(|job| (job.name.clone(), job)).collect();
@@ -106,8 +113,8 @@ impl Ledger {
         for (name, result) in &self.succeeded {
             assert_eq!(hologram_result(&jobs[name]).unwrap(), result, "a result changed");
         }
-        // Whether all that are recorded are on disk is for `check` to say.
-        for digest in self.uploads.iter().rev().take(UPLOADS_ASKED) {
+        // `check` compares all records with the disk.
+        for digest in self.uploads.iter().rev().take(UPLOADS_CHECKED) {
             client.get_artifact(v1::GetArtifactRequest { digest: digest.clone() }).await.unwrap();
         }
         let moves = all_moves(client, &material.kernel).await;
@@ -118,10 +125,10 @@ impl Ledger {
                 next = promised.next();
             }
         }
-        assert_eq!(next, None, "an answered promotion is not in the history, or not in its order");
+        assert_eq!(next, None, "an acknowledged promotion is missing in the history or out of order");
     }
 
-    /// Lets everything end, and looks at all of it.
+    /// Waits until all jobs have ended, and checks all results.
     pub(crate) async fn settle(&mut self, client: &Client, material: &Material) {
         let mut attempts = 0;
         for (request_id, answered) in &mut self.asked {
@@ -139,8 +146,8 @@ impl Ledger {
             *answered = Some(name);
         }
         let names: BTreeSet<_> = self.asked.values().flatten().collect();
-        assert_eq!(names.len(), self.asked.len(), "each request made one job");
-        assert_eq!(all_jobs(client).await.len(), self.asked.len(), "and no other");
+        assert_eq!(names.len(), self.asked.len(), "each request created one job");
+        assert_eq!(all_jobs(client).await.len(), self.asked.len(), "there is no other job");
         for digest in &self.uploads {
             client.get_artifact(v1::GetArtifactRequest { digest: digest.clone() }).await.unwrap();
         }
@@ -148,10 +155,10 @@ impl Ledger {
         assert_eq!(self.results.len() as u64, SEEDS.min(self.asked.len() as u64));
     }
 
-    /// For people.
+    /// The number of acknowledged requests, as text.
     pub(crate) fn summary(&self) -> String {
         let (jobs, uploads, promotions) = (self.asked.len(), self.uploads.len(), self.promotions.len());
-        format!("{jobs} jobs, {uploads} uploads and {promotions} promotions promised and kept")
+        format!("{jobs} jobs, {uploads} uploads and {promotions} promotions acknowledged and kept")
     }
 }
 
@@ -160,7 +167,7 @@ pub(crate) fn assert_same_bytes(one: &HologramResult, other: &HologramResult) {
 }
 
 fn submission(target: &str, request_id: &str) -> SubmitJobRequest {
-    // What is active moves all the time.
+    // The active version changes all the time, so do not use it.
     let kernel = "ideal".to_owned();
     let spec = OptimizeHologram { kernel, ..hologram("lab", target, ITERATIONS, seed_of(request_id)) };
     SubmitJobRequest { attempts_max: 20, ..request(spec, request_id) }
@@ -170,14 +177,14 @@ fn seed_of(request_id: &str) -> u64 {
     request_id.bytes().map(u64::from).sum::<u64>() % SEEDS
 }
 
-/// Reasons of all moves, oldest first.
+/// Reasons of all changes of the active version, oldest first.
 async fn all_moves(client: &Client, kernel: &str) -> Vec<String> {
     let mut request =
         v1::ListKernelMovesRequest { kernel: kernel.to_owned(), page_size: PAGE, page_token: String::new() };
     let mut reasons = Vec::new();
     loop {
         let page = client.list_kernel_moves(request.clone()).await.unwrap();
-        reasons.extend(page.moves.into_iter().map(|it| it.reason));
+        reasons.extend(page.moves.into_iter().map(|entry| entry.reason));
         if page.next_page_token.is_empty() {
             reasons.reverse();
             return reasons;
@@ -186,8 +193,8 @@ async fn all_moves(client: &Client, kernel: &str) -> Vec<String> {
     }
 }
 
-/// Keeps what jobs gave when it is seen for the first time.
-fn note(succeeded: &mut BTreeMap<String, HologramResult>, jobs: Vec<v1::Job>) {
+/// Records the results of jobs that are not recorded yet.
+fn record_results(succeeded: &mut BTreeMap<String, HologramResult>, jobs: Vec<v1::Job>) {
     for job in jobs {
         let result = hologram_result(&job).unwrap();
         succeeded.entry(job.name.clone()).or_insert_with(|| result.clone());
@@ -207,7 +214,7 @@ async fn all_jobs(client: &Client) -> Vec<v1::Job> {
     }
 }
 
-/// The kernel of the display `lab` at the distance of the tests.
+/// Name of the kernel of the display `lab` at the distance of the tests.
 pub(crate) fn kernel_name() -> String {
     format!("{}/kernels/515nm-50mm", names::display("lab"))
 }

@@ -1,1 +1,1 @@
-//! Nothing but tests.
+//! End-to-end tests of Lightpath. This library is empty; the tests are in `main.rs`.

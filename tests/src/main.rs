@@ -1,44 +1,46 @@
-//! End to end: real servers with real databases in temporary folders, spoken to over the wire.
+//! End-to-end tests. They start real servers with real databases in temporary folders, and call them over the network.
 #![allow(clippy::unwrap_used)]
 
-// What the tests work with.
+// Shared by the tests.
 
-/// What a server has promised.
+/// Runs the command line against a server of its own.
+mod command_line;
+/// A record of everything that a server has acknowledged.
 mod ledger;
-/// Displays, pictures and job specs.
+/// Displays, pictures, kernels and job specs.
 mod material;
-/// The binaries `lightpath` and `lightpathd`, as processes.
+/// Runs the programs `lightpath` and `lightpathd` as processes.
 mod process;
 /// A server inside the test's process.
 mod server;
 
 // The tests.
 
-/// Bad input through the command line: the same, and exit codes.
+/// Invalid input on the command line: exit codes and messages.
 mod bad_input_cli;
-/// Bad input through raw gRPC: refused with a code, a field and a fix, and no harm done.
+/// Invalid input over gRPC: refused with a code, a field and a fix, without effect on the server.
 mod bad_input_grpc;
-/// Killing the server at random moments, and stopping it past its leases.
+/// Servers that are killed at random moments, or stopped until their leases expire.
 mod crash;
 /// Many small jobs from two clients at once.
 mod crowd;
-/// Same request, same bytes.
+/// Equal requests give equal bytes.
 mod determinism;
-/// Little room on the disk, and none.
+/// A low disk and a full disk.
 mod disk;
-/// Clients that send much and end nothing, or ask for much and take nothing.
-mod hoards;
-/// Slow connections, and those that speak nonsense.
+/// Slow connections, and connections with invalid bytes.
 mod hostile;
-/// Whether each crate and module imports only what it may.
+/// The import rules of crates and modules.
 mod imports;
-/// Cancelling, retrying, watching, repeating.
+/// Jobs: cancelling, retrying, watching, repeated requests, priorities.
 mod jobs;
 /// Several planes, wavelengths and frames, every method, through the command line.
 mod planes_and_colours;
-/// Everything at once, for as long as wanted.
+/// All kinds of calls for a long time.
 mod soak;
-/// Large uploads, cut and damaged ones.
+/// Clients that never finish their messages or never read their answers.
+mod stalled_streams;
+/// Large, interrupted and damaged uploads.
 mod uploads;
-/// The main job through the command line, from the display to the learned kernel.
+/// The main use of the command line, from the display to the learned kernel.
 mod whole_loop;

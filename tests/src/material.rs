@@ -1,4 +1,4 @@
-//! Displays, pictures and job specs, all small.
+//! Small displays, pictures, kernels and job specs for the tests.
 
 use image::{ExtendedColorType, ImageEncoder as _, codecs::png::PngEncoder};
 use lightpath::v1::{self, Display, OptimizeHologram, SubmitJobRequest, job_spec, optimize_hologram::ImagePlane};
@@ -7,7 +7,9 @@ use lightpath_domain::kernel::KernelModel;
 use lightpath_media::kernel_file;
 use lightpath_optics::{DisplayModel, Grid, KernelShape, OpticalSetup, SmoothField};
 
+/// Wavelength of the displays \[m\].
 pub(crate) const WAVELENGTH_M: f64 = 515e-9;
+/// Distance of the holograms \[m\].
 pub(crate) const DISTANCE_M: f64 = 0.05;
 
 /// A simulated display of this size.
@@ -23,13 +25,13 @@ pub(crate) fn display(id: &str, width_px: u32, height_px: u32) -> Display {
     }
 }
 
-/// Declares it.
+/// Declares a simulated display of this size.
 pub(crate) async fn declare(client: &Client, id: &str, width_px: u32, height_px: u32) -> Display {
     let display = Some(display(id, width_px, height_px));
     client.create_display(v1::CreateDisplayRequest { display }).await.unwrap()
 }
 
-/// A grey PNG whose pixels `value(x, y)` tells.
+/// A grey PNG with the pixels `value(x, y)`.
 pub(crate) fn png(width_px: u32, height_px: u32, value: impl Fn(u32, u32) -> u8) -> Vec<u8> {
     let pixels: Vec<u8> = (0..width_px * height_px).map(|i| value(i % width_px, i / width_px)).collect();
     let mut bytes = Vec::new();
@@ -37,7 +39,7 @@ pub(crate) fn png(width_px: u32, height_px: u32, value: impl Fn(u32, u32) -> u8)
     bytes
 }
 
-/// A picture with edges and slopes; another one for every `number`.
+/// A picture with edges and slopes. Each `number` gives another picture.
 pub(crate) fn target(width_px: u32, height_px: u32, number: u32) -> Vec<u8> {
     png(width_px, height_px, |x, y| {
         let disc = (x + number).abs_diff(width_px / 2).pow(2) + y.abs_diff(height_px / 2).pow(2);
@@ -45,12 +47,12 @@ pub(crate) fn target(width_px: u32, height_px: u32, number: u32) -> Vec<u8> {
     })
 }
 
-/// A PNG that claims a size, and has a few bytes of pixels.
+/// A PNG whose header gives a size, with only a few bytes of pixels.
 pub(crate) fn png_header(width_px: u32, height_px: u32) -> Vec<u8> {
     let mut header = b"IHDR".to_vec();
     header.extend(width_px.to_be_bytes());
     header.extend(height_px.to_be_bytes());
-    // 8 bits, grey, and the only compression, filter and interlace there are.
+    // Bit depth 8, grey, and method 0 of compression, filter and interlace.
     header.extend([8, 0, 0, 0, 0]);
     let mut file = b"\x89PNG\r\n\x1a\n".to_vec();
     for chunk in [&header[..], b"IDAT\x78\x01\x03\x00\x00\x00\x00\x01", b"IEND"] {
@@ -76,7 +78,7 @@ pub(crate) fn kernel_file(width_px: usize, height_px: usize, tilt: f64) -> Vec<u
     kernel_file::encode(&model, KernelModel::Smooth).unwrap()
 }
 
-/// A hologram of few iterations.
+/// Spec of a hologram optimization.
 pub(crate) fn hologram(display: &str, target: &str, iterations: u32, seed: u64) -> OptimizeHologram {
     OptimizeHologram {
         display: names::display(display),
@@ -87,7 +89,7 @@ pub(crate) fn hologram(display: &str, target: &str, iterations: u32, seed: u64) 
     }
 }
 
-/// A request for it; the id may be empty.
+/// A request for a hologram optimization. The request id may be empty.
 pub(crate) fn request(hologram: OptimizeHologram, request_id: &str) -> SubmitJobRequest {
     SubmitJobRequest {
         spec: Some(lightpath::job_spec(job_spec::Kind::OptimizeHologram(hologram))),
@@ -96,14 +98,14 @@ pub(crate) fn request(hologram: OptimizeHologram, request_id: &str) -> SubmitJob
     }
 }
 
-/// What happened to a job.
+/// Messages of a job's events.
 pub(crate) async fn events(client: &Client, job: &str) -> Vec<String> {
     let request = v1::ListJobEventsRequest { name: job.to_owned(), page_size: 1000, page_token: String::new() };
     let events = client.list_job_events(request).await.unwrap().events;
     events.into_iter().map(|event| event.message).collect()
 }
 
-/// The job's events hold "succeeded" once.
+/// Checks that the job's events contain "succeeded" exactly once.
 pub(crate) async fn assert_succeeded_once(client: &Client, job: &str) {
     let events = events(client, job).await;
     assert_eq!(events.iter().filter(|event| *event == "succeeded").count(), 1, "{job}: {events:#?}");

@@ -1,4 +1,4 @@
-//! The binaries `lightpath` and `lightpathd`, as processes.
+//! Runs the programs `lightpath` and `lightpathd` as processes.
 
 use lightpath::Client;
 use std::path::{Path, PathBuf};
@@ -7,32 +7,34 @@ use std::sync::OnceLock;
 use tokio::io::{AsyncBufReadExt as _, BufReader};
 use tokio::process::{Child, Command};
 
-/// The path of a binary of this workspace, built as the tests were, and up to date.
+/// Path of a program of this workspace.
+///
+/// `LIGHTPATH_BINARIES` names the folder of the programs. Without it they are built in the profile of the tests.
 fn binary(name: &str) -> PathBuf {
-    static BUILT: OnceLock<PathBuf> = OnceLock::new();
-    let folder = BUILT.get_or_init(|| {
-        // target/{profile}/deps/end_to_end-…
-        let test = std::env::current_exe().unwrap();
-        let folder = test.ancestors().nth(2).unwrap().to_owned();
-        let mut cargo = std::process::Command::new(env!("CARGO"));
-        cargo
-            .args(["build", "--quiet", "--locked", "--bins"])
-            .current_dir(env!("CARGO_MANIFEST_DIR").to_owned() + "/..");
-        if folder.ends_with("release") {
-            cargo.arg("--release");
-        }
-        assert!(cargo.status().unwrap().success(), "the binaries cannot be built");
-        folder
-    });
-    folder.join(name)
+    static FOLDER: OnceLock<PathBuf> = OnceLock::new();
+    let given = || std::env::var_os("LIGHTPATH_BINARIES").map(PathBuf::from);
+    FOLDER.get_or_init(|| given().unwrap_or_else(build_binaries)).join(name)
+}
+
+fn build_binaries() -> PathBuf {
+    // The test program is target/{profile}/deps/end_to_end-….
+    let test = std::env::current_exe().unwrap();
+    let folder = test.ancestors().nth(2).unwrap().to_owned();
+    let mut cargo = std::process::Command::new(env!("CARGO"));
+    cargo.args(["build", "--quiet", "--locked", "--bins"]).current_dir(env!("CARGO_MANIFEST_DIR").to_owned() + "/..");
+    if folder.ends_with("release") {
+        cargo.arg("--release");
+    }
+    assert!(cargo.status().unwrap().success(), "the binaries cannot be built");
+    folder
 }
 
 /// Runs `lightpath` with these arguments.
-pub(crate) async fn lightpath(server: &str, arguments: &[&str]) -> Ran {
+pub(crate) async fn lightpath(server: &str, arguments: &[&str]) -> CommandOutput {
     let mut command = Command::new(binary("lightpath"));
     command.args(["--server", server]).args(arguments).env_remove("LIGHTPATH_TOKEN_FILE").stdin(Stdio::null());
     let Output { status, stdout, stderr } = command.output().await.unwrap();
-    Ran {
+    CommandOutput {
         command: arguments.join(" "),
         code: status.code(),
         stdout: String::from_utf8(stdout).unwrap(),
@@ -41,10 +43,10 @@ pub(crate) async fn lightpath(server: &str, arguments: &[&str]) -> Ran {
 }
 
 /// Runs `lightpathd` with these arguments.
-pub(crate) async fn lightpathd(arguments: &[&str]) -> Ran {
+pub(crate) async fn lightpathd(arguments: &[&str]) -> CommandOutput {
     let mut command = Command::new(binary("lightpathd"));
     let Output { status, stdout, stderr } = command.args(arguments).stdin(Stdio::null()).output().await.unwrap();
-    Ran {
+    CommandOutput {
         command: arguments.join(" "),
         code: status.code(),
         stdout: String::from_utf8(stdout).unwrap(),
@@ -52,30 +54,30 @@ pub(crate) async fn lightpathd(arguments: &[&str]) -> Ran {
     }
 }
 
-/// A command that has ended.
+/// Exit code and output of a command that has ended.
 #[derive(Debug)]
-pub(crate) struct Ran {
+pub(crate) struct CommandOutput {
     pub(crate) command: String,
     pub(crate) code: Option<i32>,
     pub(crate) stdout: String,
     pub(crate) stderr: String,
 }
 
-impl Ran {
-    /// It succeeded; its output.
+impl CommandOutput {
+    /// Checks that the command succeeded, and returns its output.
     pub(crate) fn ok(self) -> String {
         assert_eq!(self.code, Some(0), "{self:#?}");
         self.stdout
     }
 
-    /// It succeeded and printed one JSON document.
+    /// Checks that the command succeeded, and returns the JSON document that it printed.
     pub(crate) fn json(self) -> serde_json::Value {
         let command = self.command.clone();
         serde_json::from_str(&self.ok()).unwrap_or_else(|error| panic!("{command}: {error}"))
     }
 
-    /// It ended with this code and said all of this on stderr, and nothing on stdout.
-    pub(crate) fn refused(self, code: i32, signs: &[&str]) {
+    /// Checks that the command ended with this code, printed all of `signs` on stderr, and printed nothing on stdout.
+    pub(crate) fn assert_refused(self, code: i32, signs: &[&str]) {
         assert_eq!(self.code, Some(code), "{self:#?}");
         assert_eq!(self.stdout, "", "{self:#?}");
         for sign in signs {
@@ -84,7 +86,7 @@ impl Ran {
     }
 }
 
-/// A running `lightpathd serve`. Killed when dropped.
+/// A running `lightpathd serve`. It is killed when dropped.
 pub(crate) struct Daemon {
     pub(crate) client: Client,
     pub(crate) url: String,
@@ -92,12 +94,12 @@ pub(crate) struct Daemon {
 }
 
 impl Daemon {
-    /// Starts it on a port of its own choice, and returns when it listens.
+    /// Starts the server on a free port, and returns when it listens.
     pub(crate) async fn start(data_dir: &Path, settings: &[&str]) -> Self {
         Self::start_at(data_dir, "127.0.0.1:0", settings).await
     }
 
-    /// Starts it at an address.
+    /// Starts the server at an address, and returns when it listens.
     pub(crate) async fn start_at(data_dir: &Path, address: &str, settings: &[&str]) -> Self {
         let mut command = Command::new(binary("lightpathd"));
         command.args(["serve", "--listen", address, "--log-level", "error", "--data-dir"]).arg(data_dir);
@@ -105,43 +107,44 @@ impl Daemon {
         let mut child = command.spawn().unwrap();
         let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
         let line = lines.next_line().await.unwrap().expect("lightpathd ended before it listened");
-        let url = line.strip_prefix("listening on ").expect("lightpathd says where it listens").to_owned();
+        let url = line.strip_prefix("listening on ").expect("lightpathd prints its address").to_owned();
         Self { client: Client::connect(&url).unwrap(), url, child }
     }
 
-    /// The most memory that it ever had \[KiB\].
+    /// Largest memory of the process so far \[KiB\].
     pub(crate) fn memory_peak_kib(&self) -> u64 {
         self.status("VmHWM")
     }
 
-    /// The memory that it has \[KiB\].
+    /// Current memory of the process \[KiB\].
     pub(crate) fn memory_kib(&self) -> u64 {
         self.status("VmRSS")
     }
 
-    /// Files and connections that it has open.
+    /// Number of open files and connections.
     pub(crate) fn open_files(&self) -> usize {
         std::fs::read_dir(format!("/proc/{}/fd", self.id())).unwrap().count()
     }
 
+    /// A number from `/proc/{id}/status`.
     fn status(&self, field: &str) -> u64 {
         let status = std::fs::read_to_string(format!("/proc/{}/status", self.id())).unwrap();
-        let line = status.lines().find_map(|line| line.strip_prefix(field)).expect("the field is there");
+        let line = status.lines().find_map(|line| line.strip_prefix(field)).expect("/proc has the field");
         line.trim_matches(|c: char| !c.is_ascii_digit()).parse().unwrap()
     }
 
     fn id(&self) -> u32 {
-        self.child.id().expect("it runs")
+        self.child.id().expect("lightpathd runs")
     }
 
-    /// Sends it a signal, for example `STOP`.
+    /// Sends the process a signal, for example `STOP`.
     pub(crate) fn signal(&self, name: &str) {
         let id = self.id().to_string();
         let sent = std::process::Command::new("kill").args(["-s", name, &id]).status().unwrap();
         assert!(sent.success(), "kill -s {name} {id}");
     }
 
-    /// `kill -9`.
+    /// Kills the process with SIGKILL.
     pub(crate) async fn kill(mut self) {
         self.child.kill().await.unwrap();
     }

@@ -1,4 +1,4 @@
-//! A server inside the test's process: port 0, a fresh data folder, nothing shared with other tests.
+//! A server inside the test's process, on a free port and with its own data folder.
 
 use lightpath::{Client, v1};
 use lightpath_server::config::Config;
@@ -9,7 +9,7 @@ use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
 use tonic::transport::{Channel, Endpoint};
 
-/// A running server. End it with [`TestServer::stop`], so that a test sees a stop that fails.
+/// A running server. End it with [`TestServer::stop`], which fails the test if the server stops with an error.
 pub(crate) struct TestServer {
     pub(crate) client: Client,
     url: String,
@@ -23,7 +23,7 @@ impl TestServer {
         Self::with(|_| ()).await
     }
 
-    /// A server whose settings `change` has changed.
+    /// Starts a server with settings that `change` has modified.
     pub(crate) async fn with(change: impl FnOnce(&mut Config)) -> Self {
         let data = TempDir::new().unwrap();
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
@@ -49,19 +49,19 @@ impl TestServer {
         &self.url
     }
 
-    /// A connection of its own, for raw calls.
+    /// A new connection, for calls without the typed client.
     pub(crate) fn channel(&self) -> Channel {
         Endpoint::from_shared(self.url.clone()).unwrap().connect_lazy()
     }
 
-    /// The server is up, and answers a new connection.
+    /// Checks that the server runs and answers on a new connection.
     pub(crate) async fn assert_answers(&self) {
         let client = Client::connect(&self.url).unwrap();
         client.list_jobs(v1::ListJobsRequest::default()).await.unwrap();
         assert!(!self.serving.is_finished());
     }
 
-    /// Nothing half-written lies in the data folder.
+    /// Checks that the data folder has no incomplete files.
     pub(crate) fn assert_tidy(&self) {
         for folder in ["tmp", "uploads"] {
             let Ok(entries) = std::fs::read_dir(self.data.path().join(folder)) else { continue };
@@ -70,7 +70,7 @@ impl TestServer {
         }
     }
 
-    /// Stops it as SIGTERM does, and fails where that fails.
+    /// Stops the server in the same way as SIGTERM. Panics if the server ends with an error.
     pub(crate) async fn stop(self) {
         self.stop.send(()).unwrap();
         self.serving.await.unwrap();

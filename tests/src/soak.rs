@@ -7,21 +7,23 @@ use std::io::Write as _;
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
-/// In every run of the tests.
+/// Duration of the test \[s\], unless `LIGHTPATH_SOAK_SECONDS` sets another.
 const SECONDS: u64 = 8;
+/// Clients that use the server at once.
 const CLIENTS: u64 = 4;
-/// What the server may grow by between the first quarter and the end: caches fill, logs are kept in memory until written.
+/// Allowed growth of the server's memory between the first quarter and the end \[KiB\]. Caches fill, and logs stay in memory
+/// until they are written.
 const GROWTH_KIB_MAX: u64 = 16 << 10;
-/// Open files beyond those of the first quarter.
+/// Allowed growth of the number of open files after the first quarter.
 const FILES_MAX: usize = 32;
 
-/// [`SECONDS`], or as long as `LIGHTPATH_SOAK_SECONDS` says.
+/// Duration of the test: `LIGHTPATH_SOAK_SECONDS`, or [`SECONDS`].
 fn duration() -> Duration {
     Duration::from_secs(std::env::var("LIGHTPATH_SOAK_SECONDS").map_or(SECONDS, |seconds| seconds.parse().unwrap()))
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn hours_of_everything_leave_nothing_behind() {
+async fn long_use_leaks_neither_memory_nor_files() {
     let data = TempDir::new().unwrap();
     let settings = ["--checkpoint-interval-s", "0.05", "--compute-threads", "1", "--workers", "2", "--lease-s", "2"];
     let daemon = Daemon::start(data.path(), &settings).await;
@@ -38,7 +40,7 @@ async fn hours_of_everything_leave_nothing_behind() {
     };
     let (used, (memory_kib, files)) = tokio::join!(using, watching);
     let rounds: u64 = used.unwrap().into_iter().sum();
-    // Before the long list below, which takes memory of its own.
+    // Measured before the long list below, because the list needs memory.
     let (memory_end_kib, files_end) = (daemon.memory_kib(), daemon.open_files());
 
     let request = v1::ListJobsRequest { page_size: 1000, ..Default::default() };
@@ -58,7 +60,7 @@ async fn hours_of_everything_leave_nothing_behind() {
     lightpathd(&["check", "--data-dir", data.path().to_str().unwrap()]).await.ok();
 }
 
-/// What clients do all day; how often it was done.
+/// Uploads, submits, lists, cancels, waits and downloads in rounds. Returns the number of rounds.
 async fn use_everything(client: &Client, number: u64, until: Instant) -> Result<u64, Error> {
     let mut rounds = 0;
     while Instant::now() < until {

@@ -11,23 +11,27 @@ use tempfile::TempDir;
 use tonic::transport::Channel;
 use tonic::{Code, Status};
 
+/// Parallel uploads.
 const AT_ONCE: u64 = 8;
-/// Of each of the uploads at once, in every run of the tests.
+/// Size of each parallel upload \[MB\], unless `LIGHTPATH_UPLOAD_MB` sets another.
 const SIZE_MB: usize = 24;
-/// What the server may need for all of them.
+/// Allowed growth of the server's memory for all parallel uploads \[KiB\].
 const MEMORY_KIB_MAX: u64 = 64 << 10;
+/// Number of interruptions of an upload, unless `LIGHTPATH_UPLOAD_CUTS` sets another.
 const CUTS: u32 = 12;
+/// Size of the interrupted upload \[bytes\].
 const CUT_SIZE: usize = 3_000_000;
+/// Size of a chunk \[bytes\].
 const CHUNK: usize = 100_000;
-/// Every so often the server dies, too.
-const DEATH_EVERY: u32 = 4;
+/// The server is killed after each group of this many interruptions.
+const KILL_EVERY: u32 = 4;
 
-/// `LIGHTPATH_…`, or what every run takes.
+/// Value of an environment variable `LIGHTPATH_…`, or `default`.
 fn setting<T: std::str::FromStr>(name: &str, default: T) -> T {
     std::env::var(name).map_or(default, |text| text.parse().unwrap_or_else(|_| panic!("{name} is {text}")))
 }
 
-/// Bytes that no compression makes smaller, others for every `seed`.
+/// Random bytes, different for each `seed`. They cannot be compressed.
 fn noise(size: usize, seed: u64) -> Vec<u8> {
     let mut bytes = vec![0; size];
     ChaCha8Rng::seed_from_u64(seed).fill(&mut bytes[..]);
@@ -35,11 +39,11 @@ fn noise(size: usize, seed: u64) -> Vec<u8> {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn large_uploads_side_by_side_take_little_memory() {
+async fn parallel_uploads_take_little_memory() {
     let data = TempDir::new().unwrap();
     let daemon = Daemon::start(data.path(), &[]).await;
     let size = setting("LIGHTPATH_UPLOAD_MB", SIZE_MB) * 1_000_000;
-    // Once for what is made with the first upload and stays.
+    // The first upload allocates memory that the server keeps.
     daemon.client.upload_bytes(noise(size, 99)).await.unwrap();
     let before = daemon.memory_peak_kib();
     let uploads = (0..AT_ONCE).map(|n| {
@@ -57,7 +61,7 @@ async fn large_uploads_side_by_side_take_little_memory() {
     daemon.kill().await;
 }
 
-/// Sends `bytes` from `offset_bytes` on as all of an artifact that has `size_bytes`.
+/// Uploads `bytes` as the rest of an artifact of `size_bytes`, starting at `offset_bytes`.
 async fn send(url: &str, digest: &str, size_bytes: u64, offset_bytes: u64, bytes: &[u8]) -> Result<(), Status> {
     let channel = Channel::from_shared(url.to_owned()).unwrap().connect().await.unwrap();
     let start = WriteArtifactStart { digest: digest.to_owned(), size_bytes, offset_bytes };
@@ -67,10 +71,12 @@ async fn send(url: &str, digest: &str, size_bytes: u64, offset_bytes: u64, bytes
     ArtifactServiceClient::new(channel).write_artifact(stream::iter(messages)).await.map(drop)
 }
 
+/// Number of bytes of an upload that the server has received.
 async fn received(client: &Client, digest: &str) -> u64 {
     client.get_upload(v1::GetUploadRequest { digest: digest.to_owned() }).await.unwrap().received_bytes
 }
 
+/// Checks that an artifact cannot be found or downloaded.
 async fn assert_not_published(client: &Client, digest: &str) {
     let asked = client.get_artifact(v1::GetArtifactRequest { digest: digest.to_owned() }).await;
     assert_eq!(asked.unwrap_err().code(), Some(Code::NotFound));
@@ -78,26 +84,26 @@ async fn assert_not_published(client: &Client, digest: &str) {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn an_upload_that_is_cut_anywhere_ends_with_the_same_bytes() {
+async fn interrupted_upload_can_be_completed() {
     let data = TempDir::new().unwrap();
     let mut daemon = Daemon::start(data.path(), &[]).await;
     let (bytes, mut random) = (noise(CUT_SIZE, 1), ChaCha8Rng::seed_from_u64(5));
     let (digest, size) = (digest_of(&bytes), CUT_SIZE as u64);
-    let mut here = 0;
+    let mut offset = 0;
     for cut in 1..=setting("LIGHTPATH_UPLOAD_CUTS", CUTS) {
-        let end = here as usize + random.random_range(0..size - here) as usize;
-        let sent = send(&daemon.url, &digest, size, here, &bytes[here as usize..end]).await;
+        let end = offset as usize + random.random_range(0..size - offset) as usize;
+        let sent = send(&daemon.url, &digest, size, offset, &bytes[offset as usize..end]).await;
         assert_eq!(sent.unwrap_err().code(), Code::InvalidArgument, "cut {cut}: bytes are missing");
-        if cut % DEATH_EVERY == 0 {
+        if cut % KILL_EVERY == 0 {
             daemon.kill().await;
             daemon = Daemon::start(data.path(), &[]).await;
         }
         assert_eq!(received(&daemon.client, &digest).await, end as u64, "cut {cut}");
         assert_not_published(&daemon.client, &digest).await;
-        // Near its end it begins again, so that there is always something left to cut.
-        here = if end as u64 > size / 10 * 9 { 0 } else { end as u64 };
+        // Near the end of the artifact start again, so that there is always a rest to interrupt.
+        offset = if end as u64 > size / 10 * 9 { 0 } else { end as u64 };
     }
-    // A client that goes away in the middle of a chunk.
+    // A client disconnects in the middle of a chunk.
     let half = tokio::spawn({
         let (url, digest, bytes) = (daemon.url.clone(), digest.clone(), bytes.clone());
         async move { send(&url, &digest, size, 0, &bytes).await }
@@ -118,7 +124,7 @@ async fn damaged_content_is_never_published() {
     for round in 0..6 {
         let mut damaged = bytes.clone();
         damaged[random.random_range(0..size) as usize] ^= 1 << random.random_range(0..8);
-        // At once, or after a part that was right.
+        // Even rounds send damaged bytes at once, odd rounds after a correct part.
         let cut = if round % 2 == 0 { 0 } else { random.random_range(0..size) as usize };
         if cut > 0 {
             send(&daemon.url, &digest, size, 0, &bytes[..cut]).await.unwrap_err();
@@ -129,7 +135,7 @@ async fn damaged_content_is_never_published() {
         assert_eq!(refused.code(), Code::InvalidArgument, "{refused:?}");
         assert!(refused.message().contains("hashes to"), "{refused:?}");
         assert_not_published(&daemon.client, &digest).await;
-        assert_eq!(received(&daemon.client, &digest).await, 0, "nothing of it is kept");
+        assert_eq!(received(&daemon.client, &digest).await, 0, "the server keeps no damaged bytes");
     }
     send(&daemon.url, &digest, size, 0, &bytes).await.unwrap();
     assert!(daemon.client.download(&digest).await.unwrap() == bytes);

@@ -1,63 +1,64 @@
-//! Arguments that several commands take.
+//! Arguments that several commands share.
 
 use super::words::WordParser;
 use clap::Args;
 use lightpath::units::{Length, ParseError};
 use lightpath::v1;
 
-/// The name of the thing that a new display, a hologram or a photograph belongs to, and where the image is.
+/// Display, distance and wavelength that a dataset, kernel or photograph belongs to.
 #[derive(Debug, Args)]
 pub(crate) struct Optics {
-    /// Id of the display, for example lab-2
+    /// Use the display with this id, for example lab-2
     #[arg(long, value_name = "ID")]
     pub(crate) display: String,
 
-    /// From the SLM to the image plane, for example 150mm; negative for an image behind the SLM
+    /// Set the distance from the SLM to the image plane, at most 10m, for example 150mm; negative for an image behind
+    /// the SLM
     #[arg(long, value_name = "LENGTH", value_parser = distance, allow_hyphen_values = true)]
     pub(crate) distance: f64,
 
-    /// Wavelength in vacuum, for example 515nm; may be left out where the display has only one
+    /// Set the wavelength in vacuum, for example 515nm [default: the display's only wavelength]
     #[arg(long, value_name = "LENGTH", value_parser = wavelength, allow_hyphen_values = true)]
     pub(crate) wavelength: Option<f64>,
 }
 
 impl Optics {
-    /// \[m\]; 0 asks the server for the display's only one.
+    /// Wavelength \[m\] for the API. 0 stands for the display's only wavelength.
     pub(crate) fn wavelength_m(&self) -> f64 {
         self.wavelength.unwrap_or(0.0)
     }
 }
 
-/// How many items a list shows.
+/// Length limit of a list.
 #[derive(Debug, Args)]
 pub(crate) struct Limit {
-    /// Show at most this many; 0 shows all
+    /// Show at most this many entries; 0 shows all
     #[arg(long, value_name = "N", default_value_t = 50)]
     pub(crate) limit: u32,
 }
 
-/// How light's way from the SLM to the image is computed.
+/// Parser of propagation methods.
 pub(crate) fn propagation() -> WordParser<v1::PropagationMethod> {
     WordParser::new()
-        .or_unspecified_as("auto", "The planner's choice; through a learned kernel, what that was learned with.")
+        .or_unspecified_as("auto", "The planner's choice; with a learned kernel, the method it was learned with.")
 }
 
-/// `150mm`.
+/// Parses a distance such as `150mm` into metres.
 pub(crate) fn distance(text: &str) -> Result<f64, ParseError> {
     Length::Distance.parse_m(text)
 }
 
-/// `8um`.
+/// Parses a pixel pitch such as `8um` into metres.
 pub(crate) fn pixel_pitch(text: &str) -> Result<f64, ParseError> {
     Length::PixelPitch.parse_m(text)
 }
 
-/// `515nm`.
+/// Parses a wavelength such as `515nm` into metres.
 pub(crate) fn wavelength(text: &str) -> Result<f64, ParseError> {
     Length::Wavelength.parse_m(text)
 }
 
-/// A number that the API would take for its default where it is 0, which nobody means who writes a 0.
+/// Parses a number above 0. The API would read 0 as "use the default", and a user who writes 0 means 0.
 pub(crate) fn above_zero(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(number) if number > 0.0 => Ok(number),
@@ -66,21 +67,21 @@ pub(crate) fn above_zero(text: &str) -> Result<f64, String> {
     }
 }
 
-/// `x,y,width,height` in pixels.
+/// Parses a region `x,y,width,height` in pixels.
 pub(crate) fn region(text: &str) -> Result<v1::RegionOfInterest, String> {
     let numbers: Option<Vec<u32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
     match numbers.as_deref() {
         Some(&[x_px, y_px, width_px, height_px]) => Ok(v1::RegionOfInterest { x_px, y_px, width_px, height_px }),
-        _ => Err("a region is x,y,width,height in whole pixels, such as 192,108,1536,864".to_owned()),
+        _ => Err("must be x,y,width,height in whole pixels, such as 192,108,1536,864".to_owned()),
     }
 }
 
-/// `1920x1080`: columns, rows.
+/// Parses a resolution such as `1920x1080` into columns and rows.
 pub(crate) fn resolution(text: &str) -> Result<(u32, u32), String> {
     let (width, height) = text.split_once(['x', '×']).unwrap_or(("", ""));
     match (width.trim().parse(), height.trim().parse()) {
         (Ok(width_px), Ok(height_px)) => Ok((width_px, height_px)),
-        _ => Err("a resolution is columns x rows in pixels, such as 1920x1080".to_owned()),
+        _ => Err("must be columns x rows in whole pixels, such as 1920x1080".to_owned()),
     }
 }
 
@@ -89,7 +90,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn regions_and_resolutions_are_read() {
+    fn regions_and_resolutions_are_parsed() {
         let full = v1::RegionOfInterest { x_px: 1, y_px: 2, width_px: 30, height_px: 40 };
         assert_eq!(region("1,2, 30,40"), Ok(full));
         for bad in ["", "1,2,3", "1,2,3,4,5", "-1,2,3,4", "0.1,0,1,1"] {

@@ -1,4 +1,4 @@
-//! `lightpath dataset …`
+//! The commands `lightpath dataset …`.
 
 mod add;
 mod align;
@@ -20,8 +20,9 @@ use lightpath::v1::{self, Dataset, PrepareDataset, job_spec};
 pub(crate) use show::{alignment, findings};
 use show::{facts, state};
 
-/// What can be done with datasets.
-// Where the help is with the arguments, a comment here would hide all but its first line.
+/// Commands for datasets.
+// Variants without a comment take their help from the struct of their arguments. A comment here would hide all but its
+// first line.
 #[derive(Debug, Subcommand)]
 pub(crate) enum DatasetCommand {
     Create(Create),
@@ -35,9 +36,9 @@ pub(crate) enum DatasetCommand {
     List(List),
 }
 
-/// Open a dataset.
+/// Create an open dataset.
 ///
-/// A dataset collects photographs of holograms of one display, wavelength and distance.
+/// A dataset collects holograms of one display, wavelength and distance, each with a photograph.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Example:
@@ -45,44 +46,45 @@ Example:
   lightpath dataset add bench-1 --phase p01.png --photo c01.png
   lightpath dataset finalize bench-1")]
 pub(crate) struct Create {
-    /// Its name: 1 to 63 characters of a-z, 0-9 and '-', starting with a letter
+    /// Name of the new dataset: 1 to 63 characters of a-z, 0-9 and '-', starting with a letter
     name: String,
 
     #[command(flatten)]
     optics: Optics,
 
-    /// How the photographs' grey values stand for light
+    /// Choose how the photographs' grey values encode light
     #[arg(long, default_value = "linear", value_parser = WordParser::<v1::Encoding>::new())]
     photo_encoding: v1::Encoding,
 
-    /// Bits of the camera where its files have more, for example 12 in 16-bit files with values up to 4095; 8 to 16
+    /// Set the camera's bit depth if its files have more bits, for example 12 for 16-bit files with values up to 4095;
+    /// 8 to 16 [default: that of the files]
     #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
     photo_bit_depth: u32,
 }
 
-/// Draw the split and close the dataset for good.
+/// Draw the split and close a dataset permanently; kernels are learned only from finalized datasets.
 ///
-/// Only then can it be learned from. Photographs that lie off what their holograms should show, by more than a learned kernel
-/// would take for its own, are aligned first; pairs that can't be learned from (black, copies, photographs of another hologram)
-/// are left out, and the table says why.
+/// The job first aligns photographs that are shifted against what their holograms should show, if the shift is so large
+/// that a kernel would learn it. It leaves out pairs that cannot be learned from: black photographs, copies, and
+/// photographs of another hologram. The printed findings say why.
 #[derive(Debug, Args)]
 pub(crate) struct Finalize {
     /// Name of the dataset
     name: String,
 
-    /// Fraction of the pairs without a split that is drawn for validation, 0 to 0.8
+    /// Draw this fraction of the pairs without a split for validation, 0 to 0.8
     #[arg(long, value_name = "X", default_value_t = 0.0)]
     validation_fraction: f64,
 
-    /// Fraction of the pairs without a split that is drawn for the test, at least one pair, above 0, at most 0.8
+    /// Draw this fraction of the pairs without a split for the test, but at least one pair; above 0, at most 0.8
     #[arg(long, value_name = "X", default_value_t = 0.2, value_parser = above_zero)]
     test_fraction: f64,
 
-    /// Seed of the draw
+    /// Set the seed of the draw
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
 
-    /// Leave the alignment as it is, however far off the photographs are
+    /// Keep the alignment unchanged even if the photographs are shifted
     #[arg(long)]
     keep_alignment: bool,
 
@@ -90,17 +92,17 @@ pub(crate) struct Finalize {
     submission: Submission,
 }
 
-/// Which dataset.
+/// The dataset that a command applies to.
 #[derive(Debug, Args)]
 pub(crate) struct Name {
     /// Name of the dataset
     name: String,
 }
 
-/// Which datasets.
+/// Arguments of `dataset list`.
 #[derive(Debug, Args)]
 pub(crate) struct List {
-    /// Only this display's
+    /// List only datasets of the display with this id
     #[arg(long, value_name = "ID")]
     display: Option<String>,
 
@@ -179,7 +181,7 @@ impl List {
                     time_or_dash(dataset.create_time.as_ref()),
                 ]);
             }
-            table.text_or("no datasets; open one: lightpath dataset create --help") + more_hint(&list.next_page_token)
+            table.text_or("no datasets; create one: lightpath dataset create --help") + more_hint(&list.next_page_token)
         })
     }
 }

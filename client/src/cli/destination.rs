@@ -1,25 +1,25 @@
-//! Where results are written: one file, a folder, or a pattern with `{name}`. Checked before any work is asked for.
+//! Paths of output files, from one file, a folder, or a pattern with `{name}`. They are checked before a job is submitted.
 
 use super::failure::Failure;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// Stands for a target's name in a pattern.
+/// Placeholder for the name of a target in a pattern.
 const NAME: &str = "{name}";
 
-/// One output file for each target.
+/// Returns one output file for each target.
 ///
-/// `destination` is a file (one target only), a folder (`folder/{name}{suffix}`; a missing one that ends with `/` is
-/// made), or a pattern with `{name}`.
+/// `destination` is a file for one target, a folder, or a pattern with `{name}`. In a folder the files are called
+/// `{name}{suffix}`. A missing folder is created if `destination` ends with `/`.
 pub(crate) fn files(option: &str, destination: &Path, names: &[String], suffix: &str) -> Result<Vec<PathBuf>, Failure> {
     let text = destination.to_string_lossy();
     if text.contains(NAME) {
         let files: Vec<PathBuf> = names.iter().map(|name| text.replace(NAME, name).into()).collect();
-        return files.into_iter().map(|file| checked(option, file)).collect();
+        return files.into_iter().map(|file| in_existing_folder(option, file)).collect();
     }
     if text.ends_with('/') {
-        let refused = |source| lightpath::Error::File { action: "make", path: destination.to_owned(), source };
-        std::fs::create_dir_all(destination).map_err(refused)?;
+        let file_error = |source| lightpath::Error::File { action: "create", path: destination.to_owned(), source };
+        std::fs::create_dir_all(destination).map_err(file_error)?;
     }
     if destination.is_dir() {
         return Ok(names.iter().map(|name| destination.join(format!("{name}{suffix}"))).collect());
@@ -27,13 +27,13 @@ pub(crate) fn files(option: &str, destination: &Path, names: &[String], suffix: 
     if names.len() > 1 {
         let (count, file) = (names.len(), destination.display());
         return Err(Failure::Usage(format!(
-            "{option} {file} is one file, but there are {count} targets: name a folder ({file}/) or a pattern with {NAME}"
+            "{option} {file} is one file, but there are {count} targets: give a folder ({file}/) or a pattern with {NAME}"
         )));
     }
-    Ok(vec![checked(option, destination.to_owned())?])
+    Ok(vec![in_existing_folder(option, destination.to_owned())?])
 }
 
-/// Refuses to write two results to one file, or to write over an input.
+/// Refuses to write two results to one file, or to overwrite an input file.
 pub(crate) fn check_distinct<'a>(
     inputs: impl Iterator<Item = &'a Path>,
     outputs: impl Iterator<Item = &'a Path>,
@@ -43,7 +43,10 @@ pub(crate) fn check_distinct<'a>(
     let mut seen = BTreeSet::new();
     for output in outputs {
         if inputs.contains(&real(output)) {
-            return Err(Failure::Usage(format!("{} is an input, and would be written over", output.display())));
+            return Err(Failure::Usage(format!(
+                "{} is an input file and would be overwritten: give another output file",
+                output.display()
+            )));
         }
         if !seen.insert(output) {
             let file = output.display();
@@ -53,13 +56,13 @@ pub(crate) fn check_distinct<'a>(
     Ok(())
 }
 
-/// The name of a target: its file's, without folder and extension.
+/// The name of a target: its file name without folder and extension.
 pub(crate) fn name_of(target: &Path) -> String {
     target.file_stem().unwrap_or(target.as_os_str()).to_string_lossy().into_owned()
 }
 
-/// The folder must be there before the work, not only after it.
-fn checked(option: &str, file: PathBuf) -> Result<PathBuf, Failure> {
+/// Returns `file` if its folder exists. Otherwise the job would run before its result could not be written.
+fn in_existing_folder(option: &str, file: PathBuf) -> Result<PathBuf, Failure> {
     let folder = match file.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
@@ -68,7 +71,7 @@ fn checked(option: &str, file: PathBuf) -> Result<PathBuf, Failure> {
         return Ok(file);
     }
     let (file, folder) = (file.display(), folder.display());
-    Err(Failure::Usage(format!("{option} {file}: there is no folder {folder}; make it first")))
+    Err(Failure::Usage(format!("{option} {file}: there is no folder {folder}; create it first")))
 }
 
 #[cfg(test)]
@@ -83,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn one_file_a_folder_or_a_pattern() {
+    fn destination_is_a_file_a_folder_or_a_pattern() {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
         let one = ["eye".to_owned()];
@@ -99,13 +102,13 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_written_over() {
+    fn inputs_and_earlier_outputs_are_not_overwritten() {
         let folder = tempfile::tempdir().unwrap();
         let target = folder.path().join("eye.png");
         std::fs::write(&target, b"x").unwrap();
         let other = folder.path().join("./eye.png");
         let inputs = || [target.as_path()].into_iter();
-        assert!(message(check_distinct(inputs(), [other.as_path()].into_iter())).contains("is an input"));
+        assert!(message(check_distinct(inputs(), [other.as_path()].into_iter())).contains("is an input file"));
         let new = folder.path().join("new.png");
         assert!(check_distinct(inputs(), [new.as_path()].into_iter()).is_ok());
         assert!(message(check_distinct(inputs(), [new.as_path(); 2].into_iter())).contains("written twice"));

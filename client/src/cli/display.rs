@@ -1,11 +1,11 @@
-//! `lightpath display …`
+//! The commands `lightpath display …`.
 
 mod bench_file;
 mod plan;
 
 use super::arguments::{Limit, above_zero, pixel_pitch, resolution, wavelength};
 use super::failure::Failure;
-use super::session::{Session, more_hint, pages, say};
+use super::session::{Session, more_hint, pages, print_note};
 use super::show;
 use super::table::{Facts, Table};
 use super::words::WordParser;
@@ -14,8 +14,9 @@ use lightpath::v1::{self, Display};
 use lightpath::{Words, names, units};
 use std::path::{Path, PathBuf};
 
-/// What can be done with displays.
-// Where the help is with the arguments, a comment here would hide all but its first line.
+/// Commands for displays.
+// Variants without a comment take their help from the struct of their arguments. A comment here would hide all but its
+// first line.
 #[derive(Debug, Subcommand)]
 pub(crate) enum DisplayCommand {
     Create(Box<Create>),
@@ -30,8 +31,8 @@ pub(crate) enum DisplayCommand {
 
 /// Declare a display.
 ///
-/// A display is a phase-only spatial light modulator (SLM) and the optics behind it. Declaring the same display
-/// again changes nothing; the same id with other properties is refused.
+/// A display is a phase-only spatial light modulator (SLM) and the optics behind it. Declaring the same display again
+/// changes nothing. The server refuses an existing id with other properties.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -41,48 +42,49 @@ Examples:
       --wavelength 450nm --wavelength 520nm --wavelength 638nm --bit-depth 10 \\
       --carrier half-order-x
 
-A display to play with, that exists only as a simulation (see `lightpath simulate --help`):
+A display that exists only as a simulation (see lightpath simulate --help):
   lightpath display create toy --resolution 480x270 --pixel-pitch 8um \\
       --wavelength 515nm --simulated-seed 1
   lightpath display create bench --resolution 960x540 --pixel-pitch 8um \\
       --wavelength 515nm --simulated bench.toml
 
-A whole bench.toml, with every property and its default, is docs/bench.toml.")]
+docs/bench.toml has every property of a simulated bench with its range and default.")]
 pub(crate) struct Create {
-    /// Its id: 1 to 63 characters of a-z, 0-9 and '-', starting with a letter
+    /// Id of the new display: 1 to 63 characters of a-z, 0-9 and '-', starting with a letter
     id: String,
 
-    /// Columns x rows of the SLM in pixels, 16 to 8192 each
+    /// Set the size of the SLM: columns x rows in pixels, 16 to 8192 each, for example 1920x1080
     #[arg(long, value_name = "WxH", value_parser = resolution)]
     resolution: (u32, u32),
 
-    /// Distance between the centres of neighbouring SLM pixels, for example 8um
+    /// Set the distance between the centres of neighbouring SLM pixels, 0.1um to 1mm, for example 8um
     #[arg(long, value_name = "LENGTH", value_parser = pixel_pitch, allow_hyphen_values = true)]
     pixel_pitch: f64,
 
-    /// Wavelength in vacuum that the display is lit with, for example 515nm; may be given several times
+    /// Set a wavelength in vacuum that illuminates the display, 200nm to 2um, for example 515nm; may be given several times
     #[arg(long = "wavelength", value_name = "LENGTH", value_parser = wavelength, required = true, allow_hyphen_values = true)]
     wavelengths: Vec<f64>,
 
-    /// Grey levels are 0 to 2^N - 1; 1 to 16
+    /// Set the number of bits of a grey level, 1 to 16: grey levels are 0 to 2^N - 1
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..))]
     bit_depth: u32,
 
-    /// Text file with the measured phase in radians of each grey level, one number a line, 2^bit-depth of them
+    /// Read the measured phase of each grey level, in radians, from this text file: 2^bit-depth numbers, one per line
+    /// [default: level · 2π / 2^bit-depth]
     ///
-    /// Without it, level · 2π / 2^bit-depth. Empty lines and lines that start with # are skipped.
+    /// Empty lines and lines that start with # are skipped.
     #[arg(long, value_name = "FILE")]
     phase_response: Option<PathBuf>,
 
-    /// Grating that is added to every hologram, to steer the image away from the undiffracted light
+    /// Add this grating to every hologram; it steers the image away from the undiffracted light [default: none]
     #[arg(long, value_parser = WordParser::<v1::Carrier>::new())]
     carrier: Option<v1::Carrier>,
 
-    /// Free text, at most 4096 bytes
+    /// Store this text with the display, at most 4096 bytes [default: none]
     #[arg(long, value_name = "TEXT", default_value = "", hide_default_value = true)]
     notes: String,
 
-    /// Make it a simulated display, as a TOML file describes it
+    /// Make it a simulated display with the properties in this TOML file
     #[arg(
         long,
         value_name = "BENCH.toml",
@@ -91,11 +93,11 @@ pub(crate) struct Create {
     )]
     simulated: Option<PathBuf>,
 
-    /// Make it a simulated display, with imperfections drawn from this seed
+    /// Make it a simulated display with imperfections drawn from this seed
     #[arg(long, value_name = "N", help_heading = "Simulated bench")]
     simulated_seed: Option<u64>,
 
-    /// Scales every optical imperfection, above 0, at most 4
+    /// Multiply every optical imperfection by this factor, above 0, at most 4
     #[arg(
         long,
         value_name = "X",
@@ -106,7 +108,7 @@ pub(crate) struct Create {
     )]
     simulated_strength: f64,
 
-    /// Standard deviation of the camera's read noise, as a fraction of its full scale, above 0, at most 0.1
+    /// Set the standard deviation of the camera's read noise as a fraction of full scale, above 0, at most 0.1
     #[arg(
         long,
         value_name = "X",
@@ -117,7 +119,7 @@ pub(crate) struct Create {
     )]
     camera_noise: f64,
 
-    /// The camera is shifted by up to this, in x and in y, in pixels, 0 to 4
+    /// Shift the camera by a random amount of at most this, in pixels, in x and in y, 0 to 4
     #[arg(
         long,
         value_name = "PX",
@@ -128,7 +130,7 @@ pub(crate) struct Create {
     misalignment: f64,
 }
 
-/// Which display.
+/// The display that a command applies to.
 #[derive(Debug, Args)]
 pub(crate) struct Id {
     /// Id of the display
@@ -155,7 +157,7 @@ impl DisplayCommand {
                 if session.is_json() {
                     return session.print_json_line(&answer);
                 }
-                say(&format!("deleted display {}", id.id));
+                print_note(&format!("deleted display {}", id.id));
                 Ok(())
             }
         }
@@ -200,7 +202,7 @@ fn phase_response(path: &Path) -> Result<v1::PhaseResponse, Failure> {
     let numbers = lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#')).map(|(number, line)| {
         line.parse().map_err(|_| {
             let file = path.display();
-            Failure::Usage(format!("{file}, line {number}: \"{line}\" is no number of radians, such as 1.5708"))
+            Failure::Usage(format!("{file}, line {number}: \"{line}\" must be a number of radians, such as 1.5708"))
         })
     });
     Ok(v1::PhaseResponse { phase_rad: numbers.collect::<Result<_, _>>()? })
@@ -262,7 +264,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_phase_response_is_one_number_a_line() {
+    fn phase_response_has_one_number_per_line() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("response.txt");
         std::fs::write(&path, "# radians\n0\n1.5\n\n 3.1 \n").unwrap();

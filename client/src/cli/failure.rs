@@ -1,44 +1,44 @@
-//! Exit codes, and what is said on stderr.
+//! Failures of commands: their exit codes and their text on stderr.
 
 use std::io::{self, Write as _};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Why a command ended without success.
+/// The reason why a command failed.
 #[derive(Debug)]
 pub(crate) enum Failure {
-    /// The server refused, could not be reached, or a file could not be read or written.
+    /// The server refused a call or could not be reached, or a file could not be read or written.
     Client(lightpath::Error),
-    /// The same for one of several targets.
+    /// An error of [`Self::Client`] for one of several targets.
     Target(TargetFailure),
-    /// These jobs ended without success; each line says how.
+    /// Jobs failed or were cancelled. One line for each job says how it ended.
     Jobs(Vec<String>),
-    /// The command makes no sense.
+    /// The arguments of the command are wrong.
     Usage(String),
-    /// Ctrl-C; what to do next.
+    /// The user pressed Ctrl-C. The text says what to do next.
     Interrupted(String),
-    /// The terminal or a pipe is gone.
+    /// The output could not be written.
     Output(io::Error),
 }
 
-/// A target that no job could be made for.
+/// A target whose job could not be submitted.
 #[derive(Debug)]
 pub(crate) struct TargetFailure {
     pub(crate) target: PathBuf,
     pub(crate) error: lightpath::Error,
-    /// What became of the targets before it, where jobs were made for some.
-    pub(crate) goes_on: Option<String>,
+    /// Text about the jobs of earlier targets. `None` if there are none.
+    pub(crate) earlier_jobs: Option<String>,
 }
 
 impl TargetFailure {
     fn text(&self) -> String {
-        let Self { target, error, goes_on } = self;
+        let Self { target, error, earlier_jobs } = self;
         let error = match error {
-            // The server knows the file by its digest alone.
+            // The server's message names only the digest, so add the file's path.
             lightpath::Error::Refused(_) => format!("{}: {error}", target.display()),
             _ => error.to_string(),
         };
-        goes_on.iter().fold(error, |text, goes_on| format!("{text}\n  {goes_on}"))
+        earlier_jobs.iter().fold(error, |text, jobs| format!("{text}\n  {jobs}"))
     }
 }
 
@@ -48,25 +48,25 @@ impl From<lightpath::Error> for Failure {
     }
 }
 
-/// Says on stderr what went wrong, and returns the exit code.
-pub(crate) fn tell(failure: &Failure) -> ExitCode {
+/// Prints a failure on stderr and returns the exit code.
+pub(crate) fn report(failure: &Failure) -> ExitCode {
     let (code, text) = match failure {
         Failure::Client(error) => (code_of(error), error.to_string()),
         Failure::Target(failure) => (code_of(&failure.error), failure.text()),
         Failure::Jobs(endings) => (1, endings.join("\nlightpath: ")),
         Failure::Usage(text) => (2, text.clone()),
         Failure::Interrupted(text) => (130, text.clone()),
-        // Whoever read the output has seen enough.
+        // The reader of the pipe closed it on purpose, as `head` does.
         Failure::Output(error) if error.kind() == io::ErrorKind::BrokenPipe => return ExitCode::SUCCESS,
         Failure::Output(error) => (1, format!("could not write the output: {error}")),
     };
     let hint = match failure {
         Failure::Client(error) | Failure::Target(TargetFailure { error, .. }) if error.is_unreachable() => {
-            "\n  is it running? start it with `lightpathd serve`, or name another one with --server or LIGHTPATH_SERVER"
+            "\n  is it running? start it with `lightpathd serve`, or give another address with --server or LIGHTPATH_SERVER"
         }
         _ => "",
     };
-    // Nobody is left to tell when this fails.
+    // If stderr fails, the error cannot be reported anywhere.
     let _ = writeln!(io::stderr().lock(), "lightpath: {text}{hint}");
     ExitCode::from(code)
 }

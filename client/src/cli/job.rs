@@ -1,9 +1,9 @@
-//! `lightpath job …`
+//! The commands `lightpath job …`.
 
 use super::arguments::Limit;
 use super::failure::Failure;
 use super::progress::{Progress, or_interrupted};
-use super::session::{Session, more_hint, pages, say};
+use super::session::{Session, more_hint, pages, print_note};
 use super::table::Table;
 use super::words::WordParser;
 use super::{job_text, show};
@@ -12,65 +12,65 @@ use futures::{StreamExt as _, TryStreamExt as _};
 use lightpath::names;
 use lightpath::v1::{self, Job, job};
 
-/// Jobs watched at once: what somebody named may all run, and each change of each is told. A stream each, still well
-/// within what one connection carries.
+/// Most jobs that `job watch` follows at once. Each needs a stream; one connection carries more. The limit is higher than
+/// `WATCHES_MAX`, because the user asked to see every change of each job.
 const NAMED_WATCHES_MAX: usize = 64;
 
-/// What can be done with jobs.
+/// Commands for jobs.
 #[derive(Debug, Subcommand)]
 pub(crate) enum JobCommand {
     /// List jobs, newest first
     List(List),
     /// Show one job
     Show(Id),
-    /// Follow jobs until they end; survives a restart of the server
+    /// Follow jobs until they have ended; survives a restart of the server
     ///
-    /// With --output json every change is printed as one line of JSON. Exit code 1 when a job did not succeed.
+    /// With --output json the command prints each change as one line of JSON. The exit code is 1 if a job did not succeed.
     Watch(Watch),
-    /// Ask for the end of a job; a running one ends within an iteration
+    /// Cancel a job; a running job ends within an iteration
     Cancel(Id),
     /// Queue a failed or cancelled job again
     Retry(Id),
-    /// Print what happened to a job, oldest first
+    /// Print the events of a job, oldest first
     Logs(Id),
-    /// Show how the jobs of a batch stand, as one
+    /// Show the progress of a batch and the number of its jobs in each state
     Batch(Batch),
 }
 
-/// Which jobs.
+/// Arguments of `job list`.
 #[derive(Debug, Args)]
 pub(crate) struct List {
-    /// Only jobs in this state
+    /// List only jobs in this state
     #[arg(long, value_parser = WordParser::<job::State>::new())]
     state: Option<job::State>,
 
-    /// Only this display's
+    /// List only jobs on the display with this id
     #[arg(long, value_name = "ID")]
     display: Option<String>,
 
     #[command(flatten)]
     limit: Limit,
 
-    /// Only this batch's
+    /// List only jobs of this batch
     #[arg(long, value_name = "NAME", default_value = "", hide_default_value = true)]
     batch: String,
 }
 
-/// Which batch.
+/// Arguments of `job batch`.
 #[derive(Debug, Args)]
 pub(crate) struct Batch {
-    /// Its name, as given with --batch
+    /// Name of the batch, as given with --batch
     name: String,
 }
 
-/// Which job.
+/// The job that a command applies to.
 #[derive(Debug, Args)]
 pub(crate) struct Id {
     /// Id of the job
     job: String,
 }
 
-/// Which jobs.
+/// Arguments of `job watch`.
 #[derive(Debug, Args)]
 pub(crate) struct Watch {
     /// Ids of the jobs
@@ -153,7 +153,7 @@ impl Watch {
     }
 }
 
-/// `63 % done: 2 queued, 1 running, 5 succeeded`.
+/// Formats a batch, for example `63 % done: 2 queued, 1 running, 5 succeeded`.
 fn batch_line(batch: &v1::Batch) -> String {
     let counts = [
         (batch.queued, "queued"),
@@ -191,10 +191,10 @@ async fn logs(session: &Session, name: String) -> Result<(), Failure> {
     })
     .await?;
     if events.is_empty() {
-        say("nothing has happened to the job yet");
+        print_note("the job has no events yet");
     }
     session.print(&v1::ListJobEventsResponse { events, next_page_token }, |list| {
-        let mut table = Table::new(&["time", ">attempt", "what"]);
+        let mut table = Table::new(&["time", ">attempt", "event"]);
         for event in &list.events {
             let attempt = show::version_or_dash(event.attempt);
             table.row([show::time_or_dash(event.time.as_ref()), attempt, event.message.clone()]);

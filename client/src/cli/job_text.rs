@@ -1,4 +1,4 @@
-//! Jobs in words.
+//! Jobs as text.
 
 use super::failure::Failure;
 use super::table::{Facts, Table};
@@ -8,7 +8,7 @@ use lightpath::v1::{self, Job, job::State, job_result, job_spec};
 use lightpath::{Words as _, names, units};
 use std::collections::BTreeSet;
 
-/// `optimize hologram`.
+/// The kind of a job, for example `optimize hologram`.
 pub(crate) fn kind(job: &Job) -> &'static str {
     match spec(job) {
         Some(job_spec::Kind::OptimizeHologram(_)) => "optimize hologram",
@@ -24,7 +24,7 @@ pub(crate) fn kind(job: &Job) -> &'static str {
     }
 }
 
-/// The display, dataset or kernel version that the job works on.
+/// The display, dataset or kernel version of a job.
 pub(crate) fn subject(job: &Job) -> &str {
     match spec(job) {
         Some(job_spec::Kind::OptimizeHologram(spec)) => names::id(&spec.display),
@@ -37,38 +37,38 @@ pub(crate) fn subject(job: &Job) -> &str {
     }
 }
 
-/// What a bar calls a job that has no target's name: `learn kernel bench-1`.
+/// The label of a job's progress bar if the job has no target, for example `learn kernel bench-1`.
 pub(crate) fn label(job: &Job) -> String {
     format!("{} {}", kind(job), subject(job))
 }
 
-/// `running`.
+/// The state of a job, for example `running`.
 pub(crate) fn state(job: &Job) -> String {
     job.state().word().to_owned()
 }
 
-/// State and what matters about it.
+/// The state of a job with its most important details, in one line.
 pub(crate) fn one_line(job: &Job) -> String {
-    let took = show::took(job.start_time.as_ref(), job.finish_time.as_ref());
+    let elapsed = show::elapsed(job.start_time.as_ref(), job.finish_time.as_ref());
     match job.state() {
-        State::Queued if job.waiting_for > 0 => format!("queued, after {} other jobs", job.waiting_for),
+        State::Queued if job.waiting_for > 0 => format!("queued, waits for {} other jobs", job.waiting_for),
         State::Queued if job.attempt > 0 => format!("queued again after attempt {}{}", job.attempt, error_text(job)),
         State::Running if job.cancel_requested => "running, will be cancelled".to_owned(),
         State::Running if job.attempt > 1 => format!("running, attempt {}", job.attempt),
-        State::Succeeded => format!("succeeded{}", took.map(|took| format!(" in {took}")).unwrap_or_default()),
+        State::Succeeded => format!("succeeded{}", elapsed.map(|elapsed| format!(" in {elapsed}")).unwrap_or_default()),
         State::Failed => format!("failed{}", error_text(job)),
         State::Unspecified | State::Queued | State::Running | State::Cancelled => state(job),
     }
 }
 
-/// Fails where a job did not succeed.
+/// Returns an error if any of the jobs did not succeed.
 pub(crate) fn check_success(jobs: &[Job]) -> Result<(), Failure> {
     let unsuccessful = jobs.iter().filter(|job| job.state() != State::Succeeded);
     let endings: Vec<String> = unsuccessful.map(|job| format!("{} {}", job.name, one_line(job))).collect();
     if endings.is_empty() { Ok(()) } else { Err(Failure::Jobs(endings)) }
 }
 
-/// Everything about one job.
+/// Text with all facts about a job.
 pub(crate) fn facts(job: &Job) -> String {
     let mut facts = Facts::default();
     facts.add("job", names::id(&job.name));
@@ -79,7 +79,7 @@ pub(crate) fn facts(job: &Job) -> String {
         let left = progress.eta_s.map(|eta_s| format!(", {} left", show::duration(eta_s))).unwrap_or_default();
         facts.add("progress", format!("{} {}/{}{left}", progress.stage, progress.step, progress.steps_total));
     }
-    facts.add("attempt", format!("{} (at most {} may fail)", job.attempt, job.attempts_max));
+    facts.add("attempt", format!("{} (the job fails after {} failed attempts)", job.attempt, job.attempts_max));
     facts.add("priority", job.priority.to_string());
     facts.add("request id", &job.request_id);
     facts.add_some("created", job.create_time.as_ref().map(show::time));
@@ -88,7 +88,8 @@ pub(crate) fn facts(job: &Job) -> String {
     let mut text = String::new();
     match job.result.as_ref().and_then(|result| result.kind.as_ref()) {
         Some(job_result::Kind::Hologram(result)) => {
-            facts.add("speed", format!("{:.1} ms an iteration, {} iterations", result.iteration_ms, result.iterations));
+            facts
+                .add("speed", format!("{:.1} ms per iteration, {} iterations", result.iteration_ms, result.iterations));
             text = holograms(result);
         }
         Some(job_result::Kind::Learn(result)) => learn_facts(result, &mut facts),
@@ -160,26 +161,26 @@ fn spec_facts(job: &Job, facts: &mut Facts) {
 fn preparation(spec: &v1::PrepareDataset) -> String {
     match &spec.step {
         Some(Step::Align(align)) => match &align.source {
-            Some(Source::Points(points)) => format!("align by {} points", points.points.len()),
-            Some(Source::DotsPhoto(photo)) => format!("align by the photograph of the dots {photo}"),
-            Some(Source::Pairs(_)) => "align by the pairs".to_owned(),
-            Some(Source::None(_)) | None => "take the alignment away".to_owned(),
+            Some(Source::Points(points)) => format!("align with {} points", points.points.len()),
+            Some(Source::DotsPhoto(photo)) => format!("align with the photograph of the dots {photo}"),
+            Some(Source::Pairs(_)) => "align with the pairs".to_owned(),
+            Some(Source::None(_)) | None => "remove the alignment".to_owned(),
         },
         Some(Step::Finalize(finalize)) => {
             let v1::prepare_dataset::Finalize { validation_fraction, test_fraction, seed, keep_alignment } = finalize;
-            let kept = if *keep_alignment { ", alignment as it is" } else { "" };
+            let kept = if *keep_alignment { ", alignment kept" } else { "" };
             format!("finalize: {validation_fraction} for validation, {test_fraction} for the test, seed {seed}{kept}")
         }
         None => String::new(),
     }
 }
 
-/// `515 nm, 150 mm`.
+/// Wavelength and distance, for example `515 nm, 150 mm`.
 pub(crate) fn optics(wavelength_m: f64, distance_m: f64) -> String {
     format!("{}, {}", units::show_m(wavelength_m), units::show_m(distance_m))
 }
 
-/// `450 nm, 520 nm`.
+/// Lengths separated by commas, for example `450 nm, 520 nm`.
 fn lengths(metres: impl Iterator<Item = f64>) -> String {
     metres.map(units::show_m).collect::<Vec<_>>().join(", ")
 }
@@ -190,7 +191,7 @@ fn propagation_facts(report: Option<&v1::ValidityReport>, facts: &mut Facts) {
     }
 }
 
-/// The files and the quality of each hologram, plane by plane.
+/// Files and quality of each hologram, plane by plane.
 fn holograms(result: &v1::HologramResult) -> String {
     let mut text = String::new();
     for wavelength in &result.wavelengths {
@@ -225,7 +226,7 @@ fn learn_facts(result: &v1::LearnResult, facts: &mut Facts) {
         }
         if !kernel.left_out_pairs.is_empty() {
             let ids = kernel.left_out_pairs.join(", ");
-            facts.add("left out", format!("{ids}: the photographs are not of their holograms"));
+            facts.add("left out", format!("{ids}: the photographs do not match their holograms"));
         }
     }
     if result.order > 0 {

@@ -1,4 +1,4 @@
-//! `lightpath kernel …`
+//! The commands `lightpath kernel …`.
 
 mod interpolate;
 mod learn;
@@ -11,8 +11,8 @@ use super::failure::Failure;
 use super::session::Session;
 use clap::Subcommand;
 
-/// What can be done with kernels.
-// The help of each is with its arguments: a comment here would hide all but its first line.
+/// Commands for kernels.
+// Each variant takes its help from the struct of its arguments. A comment here would hide all but its first line.
 #[derive(Debug, Subcommand)]
 pub(crate) enum KernelCommand {
     Learn(learn::Learn),

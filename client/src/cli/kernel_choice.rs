@@ -1,4 +1,4 @@
-//! Naming a kernel on the command line.
+//! Arguments that select a kernel.
 
 use super::arguments::{distance, wavelength};
 use super::failure::Failure;
@@ -6,33 +6,34 @@ use super::session::Session;
 use clap::Args;
 use lightpath::{names, v1};
 
-/// A kernel, by its name or by what it belongs to.
+/// A kernel, by its name or by its display, distance and wavelength.
 #[derive(Debug, Args)]
 pub(crate) struct KernelChoice {
-    /// Name of the kernel as `kernel list` prints it; or give --display and --distance
+    /// Use the kernel with this name, as kernel list prints it; or give --display and --distance
     #[arg(value_name = "KERNEL", conflicts_with = "display")]
     kernel: Option<String>,
 
-    /// Id of the display
+    /// Use the kernel of the display with this id; needs --distance
     #[arg(long, value_name = "ID", requires = "distance")]
     display: Option<String>,
 
-    /// From the SLM to the image plane, for example 150mm
+    /// Use the kernel of this distance from the SLM to the image plane, for example 150mm; needs --display
     #[arg(long, value_name = "LENGTH", value_parser = distance, allow_hyphen_values = true, requires = "display")]
     distance: Option<f64>,
 
-    /// Wavelength in vacuum, for example 515nm; may be left out where the display has only one
+    /// Use the kernel of this wavelength in vacuum, for example 515nm [default: the display's only wavelength]
     #[arg(long, value_name = "LENGTH", value_parser = wavelength, allow_hyphen_values = true, requires = "display")]
     wavelength: Option<f64>,
 }
 
 impl KernelChoice {
-    /// `displays/{id}/kernels/{k}`; asks the server for the display's wavelength where none was given.
+    /// Returns the kernel's name, `displays/{id}/kernels/{k}`. Without --wavelength it asks the server for the
+    /// display's only one.
     pub(crate) async fn name(&self, session: &Session) -> Result<String, Failure> {
         let (display, distance_m) = match (&self.kernel, &self.display, self.distance) {
             (Some(name), _, _) => return Ok(name.clone()),
             (None, Some(display), Some(distance_m)) => (display, distance_m),
-            _ => return Err(Failure::Usage("name a kernel, or give --display and --distance".to_owned())),
+            _ => return Err(Failure::Usage("give the name of a kernel, or --display and --distance".to_owned())),
         };
         if let Some(wavelength_m) = self.wavelength {
             return Ok(names::kernel(display, wavelength_m, distance_m));
@@ -42,7 +43,9 @@ impl KernelChoice {
             &[wavelength_m] => Ok(names::kernel(display, wavelength_m, distance_m)),
             several => {
                 let several = several.iter().copied().map(lightpath::units::show_m).collect::<Vec<_>>().join(", ");
-                Err(Failure::Usage(format!("display {display} has several wavelengths ({several}): add --wavelength")))
+                Err(Failure::Usage(format!(
+                    "display {display} has several wavelengths ({several}): choose one with --wavelength"
+                )))
             }
         }
     }

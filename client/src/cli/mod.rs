@@ -1,8 +1,9 @@
-//! The commands, one file each, over what they share:
+//! The commands of the program `lightpath`, one file each. Files that several commands share:
 //!
-//! - `arguments`, `words`, `submission`, `kernel_choice`: arguments that several commands take.
-//! - `session`: the connection and the two forms of output; `failure`: exit codes.
-//! - `table`, `show`, `job_text`, `quality_text`, `propagation_text`: how things look to people; `progress`: bars and waiting; `destination`: files to write.
+//! - `arguments`, `words`, `submission`, `kernel_choice`: command-line arguments.
+//! - `session`: the connection and the two forms of output. `failure`: exit codes and error output.
+//! - `table`, `show`, `job_text`, `quality_text`, `propagation_text`: text output for people. `progress`: waiting for jobs,
+//!   with progress bars. `destination`: paths of output files.
 
 mod arguments;
 mod dataset;
@@ -32,14 +33,14 @@ use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Holograms and learned light transport, from a Lightpath server.
+/// Compute holograms and learn light transport on a Lightpath server.
 ///
-/// Declare a display, send target pictures and get phase holograms; send photographs of those holograms and get
-/// a learned kernel of that display, through which new holograms come out better.
+/// Declare a display, send target pictures and get phase holograms. Send photographs of these holograms and get a
+/// learned kernel of the display. New holograms that use the kernel look better.
 #[derive(Debug, Parser)]
 #[command(name = "lightpath", version, max_term_width = 110, after_long_help = EXAMPLES)]
 pub(crate) struct Cli {
-    /// Address of the server
+    /// Use the server at this address
     #[arg(
         long,
         global = true,
@@ -50,15 +51,15 @@ pub(crate) struct Cli {
     )]
     server: String,
 
-    /// File with the access token, where the server wants one
+    /// Read the access token from this file, for a server that requires one
     #[arg(long, global = true, env = "LIGHTPATH_TOKEN_FILE", value_name = "FILE", help_heading = "Global options")]
     token_file: Option<PathBuf>,
 
-    /// PEM file of the authority of the server's certificate, where it is not one of the system's
+    /// Trust the certificate authority in this PEM file, if the system does not trust it already
     #[arg(long, global = true, env = "LIGHTPATH_CA_FILE", value_name = "FILE", help_heading = "Global options")]
     ca_file: Option<PathBuf>,
 
-    /// PEM file of a certificate to show to the server, where it asks for one
+    /// Send the client certificate in this PEM file, for a server that requires one; needs --client-key
     #[arg(
         long,
         global = true,
@@ -69,7 +70,7 @@ pub(crate) struct Cli {
     )]
     client_cert: Option<PathBuf>,
 
-    /// PEM file of that certificate's private key
+    /// Use the private key in this PEM file for --client-cert
     #[arg(
         long,
         global = true,
@@ -80,7 +81,7 @@ pub(crate) struct Cli {
     )]
     client_key: Option<PathBuf>,
 
-    /// What stdout gets: tables for people, or the API's messages in protobuf's JSON form and nothing else
+    /// Print tables for people, or only the API's messages in protobuf's JSON form
     #[arg(long, global = true, default_value = "table", value_name = "FORM", help_heading = "Global options")]
     output: Output,
 
@@ -95,7 +96,7 @@ A first hologram:
   lightpath hologram optimize indian_head.png --display lab-2 --distance 150mm \\
       -o phase.png
 
-A first kernel, from photographs of holograms (some 8 pairs, better 16):
+A first kernel, from photographs of holograms (about 8 pairs, better 16):
   lightpath dataset create bench-1 --display lab-2 --distance 150mm
   lightpath dataset add bench-1 --phase p01.png --photo c01.png
   lightpath dataset add bench-1 --phase p02.png --photo c02.png
@@ -105,29 +106,30 @@ A first kernel, from photographs of holograms (some 8 pairs, better 16):
 
 Lengths have units: 150mm, 8um, 515nm, 0.15m; a plain number is in metres.
 
-Exit codes: 0 done, 1 a job failed or the server refused, 2 bad usage, 3 the server could not be reached, \
-130 interrupted (jobs go on).";
+Exit codes: 0 success, 1 a job failed or the server refused the call, 2 wrong usage, 3 no server could be \
+reached, 130 interrupted (submitted jobs continue on the server).";
 
-// Where the help is with the arguments, a comment here would hide all but its first line.
+// Variants without a comment take their help from the struct of their arguments. A comment here would hide all but its
+// first line.
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Declare and look at displays
+    /// Declare, list, show and delete displays
     #[command(subcommand)]
     Display(display::DisplayCommand),
-    /// Make holograms
+    /// Compute holograms and save their files
     #[command(subcommand)]
     Hologram(hologram::HologramCommand),
-    /// Collect photographs to learn from
+    /// Collect photographs to learn kernels from
     #[command(subcommand)]
     Dataset(dataset::DatasetCommand),
-    /// Learn kernels, look at them, choose the active one, carry them around
+    /// Learn, show, promote, export and import kernels
     #[command(subcommand)]
     Kernel(kernel::KernelCommand),
     Simulate(simulate::Simulate),
-    /// Look at jobs, watch, cancel and retry them
+    /// List, show, watch, cancel and retry jobs
     #[command(subcommand)]
     Job(job::JobCommand),
-    /// Look at the queue as a whole, pause and resume it
+    /// Show, pause and resume the queue
     #[command(subcommand)]
     Queue(queue::QueueCommand),
     Completions(Completions),
@@ -138,20 +140,20 @@ enum Command {
 /// For bash: lightpath completions bash > ~/.local/share/bash-completion/completions/lightpath
 #[derive(Debug, clap::Args)]
 struct Completions {
-    /// Which shell
+    /// Print the script for this shell
     shell: clap_complete::Shell,
 }
 
-/// Reads the command line, runs the command and turns its outcome into an exit code.
+/// Parses the command line, runs the command and returns the exit code.
 pub(crate) fn main() -> ExitCode {
     let cli = Cli::parse();
     let runtime = match tokio::runtime::Builder::new_current_thread().enable_all().build() {
         Ok(runtime) => runtime,
-        Err(error) => return failure::tell(&Failure::Output(error)),
+        Err(error) => return failure::report(&Failure::Output(error)),
     };
     match runtime.block_on(run(cli)) {
         Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => failure::tell(&failure),
+        Err(failure) => failure::report(&failure),
     }
 }
 

@@ -1,7 +1,7 @@
-//! Waiting for jobs, with a bar each on a terminal and a line for each change elsewhere. All of it on stderr.
+//! Waiting for jobs. On a terminal each job has a progress bar; otherwise each change is a line. All output is on stderr.
 
 use super::failure::Failure;
-use super::session::{Session, say};
+use super::session::{Session, print_note};
 use super::{job_text, show};
 use futures::{StreamExt as _, TryStreamExt as _};
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
@@ -11,31 +11,33 @@ use std::cell::Cell;
 use std::io::IsTerminal as _;
 use std::time::Duration;
 
-/// Jobs that a command waits for at once: a stream each, well within what one connection carries, and a bar each.
+/// Most jobs that a command waits for at once. Each needs a stream and a progress bar; one connection carries more streams.
 pub(crate) const WATCHES_MAX: usize = 16;
 
-/// How often the bar of a queued job moves.
+/// Interval between frames of the spinner of a queued job.
 const TICK: Duration = Duration::from_millis(120);
 
-/// Bars, or lines where stderr is no terminal.
+/// Progress output of a command on stderr.
 #[derive(Debug)]
 pub(crate) struct Progress {
+    /// Progress bars. `None` prints lines, because stderr is not a terminal.
     bars: Option<MultiProgress>,
-    /// Width of the longest label.
+    /// Width of the longest label \[characters\].
     label_width: usize,
-    /// The loss of the connection has been told.
-    lost: Cell<bool>,
+    /// True after the loss of the connection was printed.
+    connection_lost: Cell<bool>,
 }
 
 impl Progress {
     pub(crate) fn new<'a>(labels: impl Iterator<Item = &'a str>) -> Self {
         let label_width = labels.map(|label| label.chars().count()).max().unwrap_or(0);
         let bars = std::io::stderr().is_terminal().then(MultiProgress::new);
-        Self { bars, label_width, lost: Cell::new(false) }
+        Self { bars, label_width, connection_lost: Cell::new(false) }
     }
 
-    /// Waits for a job under its label, and returns it however it ended. Every state that the job passes through is
-    /// handed to `on_job` too.
+    /// Waits until a job has ended, and returns it. The job may have succeeded, failed or been cancelled.
+    ///
+    /// Shows the progress under `label`, and passes each state of the job to `on_job`.
     pub(crate) async fn wait(
         &self,
         session: &Session,
@@ -49,39 +51,40 @@ impl Progress {
                 line.update(job);
                 on_job(job);
             }
-            JobChange::ConnectionLost(error) => self.connection_lost(error),
-            JobChange::Reconnected => self.reconnected(),
+            JobChange::ConnectionLost(error) => self.print_connection_lost(error),
+            JobChange::Reconnected => self.print_reconnected(),
             _ => {}
         });
         Ok(waiting.await?)
     }
 
-    fn connection_lost(&self, error: &lightpath::Error) {
-        if !self.lost.replace(true) {
+    fn print_connection_lost(&self, error: &lightpath::Error) {
+        if !self.connection_lost.replace(true) {
             let reason = match error {
                 lightpath::Error::Unreachable { reason, .. } => reason.clone(),
                 other => other.to_string(),
             };
-            self.say(&format!("connection lost ({reason}); jobs go on without it; trying again"));
+            self.print_note(&format!("connection lost ({reason}); jobs continue on the server; reconnecting"));
         }
     }
 
-    fn reconnected(&self) {
-        if self.lost.replace(false) {
-            self.say("connected again");
+    fn print_reconnected(&self) {
+        if self.connection_lost.replace(false) {
+            self.print_note("reconnected");
         }
     }
 
-    fn say(&self, text: &str) {
+    fn print_note(&self, text: &str) {
         match &self.bars {
-            // The terminal may be gone; the bars are then, too.
+            // An error means that the terminal is gone. The bars are gone with it.
             Some(bars) => drop(bars.println(text)),
-            None => say(text),
+            None => print_note(text),
         }
     }
 }
 
-/// Waits for all jobs, and returns them in the order given, however they ended. Ctrl-C ends the waiting, not the jobs.
+/// Waits until all jobs have ended, and returns them in the given order. They may have succeeded, failed or been cancelled.
+/// Ctrl-C ends the waiting but not the jobs.
 pub(crate) async fn wait_all(session: &Session, jobs: Vec<(String, Job)>) -> Result<Vec<Job>, Failure> {
     let progress = Progress::new(jobs.iter().map(|(label, _)| label.as_str()));
     let ids: Vec<String> = jobs.iter().map(|(_, job)| names::id(&job.name).to_owned()).collect();
@@ -89,37 +92,41 @@ pub(crate) async fn wait_all(session: &Session, jobs: Vec<(String, Job)>) -> Res
     or_interrupted(&ids, futures::stream::iter(waits).buffered(WATCHES_MAX).try_collect()).await
 }
 
-/// Runs `work` until it ends or Ctrl-C; then says how to find the jobs again.
+/// Runs `work` until it ends or the user presses Ctrl-C. The failure for Ctrl-C says how to find the jobs again.
 pub(crate) async fn or_interrupted<T>(
     ids: &[String],
     work: impl Future<Output = Result<T, Failure>>,
 ) -> Result<T, Failure> {
     tokio::select! {
         outcome = work => outcome,
-        // Where the signal cannot be listened to, it ends the process as usual.
-        Ok(()) = tokio::signal::ctrl_c() => Err(Failure::Interrupted(interrupted(ids))),
+        // If the handler cannot be installed, Ctrl-C ends the process as usual.
+        Ok(()) = tokio::signal::ctrl_c() => Err(Failure::Interrupted(interruption_text(ids))),
     }
 }
 
-fn interrupted(ids: &[String]) -> String {
+fn interruption_text(ids: &[String]) -> String {
     match ids {
         [] => "interrupted before a job was submitted".to_owned(),
-        ids => format!("the {}", goes_on(ids)),
+        ids => running_jobs_hint(ids),
     }
 }
 
-/// What jobs do that nobody waits for.
-pub(crate) fn goes_on(ids: &[String]) -> String {
+/// Text for jobs that continue after the command has ended, with the commands to follow them.
+pub(crate) fn running_jobs_hint(ids: &[String]) -> String {
     match ids {
-        [id] => format!("job goes on. Watch it: lightpath job watch {id}. End it: lightpath job cancel {id}"),
-        ids => format!("{} jobs go on. Watch them: lightpath job watch {}", ids.len(), ids.join(" ")),
+        [id] => format!(
+            "the job continues on the server. Watch it: lightpath job watch {id}. Cancel it: lightpath job cancel {id}"
+        ),
+        ids => {
+            format!("the {} jobs continue on the server. Watch them: lightpath job watch {}", ids.len(), ids.join(" "))
+        }
     }
 }
 
-/// One job's bar or lines.
+/// Progress bar or lines of one job.
 struct JobLine<'a> {
     label: &'a str,
-    /// `None`: lines.
+    /// `None` prints lines.
     bar: Option<ProgressBar>,
     state: State,
 }
@@ -138,7 +145,7 @@ impl<'a> JobLine<'a> {
         let state = job.state();
         let changed = std::mem::replace(&mut self.state, state) != state;
         match &self.bar {
-            None if changed => say(&format!("{}: {}", self.label, job_text::one_line(job))),
+            None if changed => print_note(&format!("{}: {}", self.label, job_text::one_line(job))),
             None => {}
             Some(bar) => draw(bar, job, changed),
         }
@@ -178,7 +185,7 @@ fn draw(bar: &ProgressBar, job: &Job, state_changed: bool) {
 }
 
 fn style(template: &str) -> ProgressStyle {
-    // The templates are the constants above.
+    // The fallback is never used: a test checks the templates.
     ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar()).progress_chars("━╸─")
 }
 
@@ -187,9 +194,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_interruption_says_how_to_go_on() {
-        assert!(interrupted(&["a1".into()]).contains("lightpath job watch a1"));
-        assert!(interrupted(&["a1".into(), "b2".into()]).contains("lightpath job watch a1 b2"));
+    fn interruption_text_names_commands_for_running_jobs() {
+        assert!(interruption_text(&["a1".into()]).contains("lightpath job watch a1"));
+        assert!(interruption_text(&["a1".into(), "b2".into()]).contains("lightpath job watch a1 b2"));
     }
 
     #[test]

@@ -1,11 +1,11 @@
-//! How light's way to an image is computed, in words.
+//! Propagation methods and their validity as text.
 
 use super::table::{Facts, Table};
 use lightpath::Words as _;
 use lightpath::units::show_m;
 use lightpath::v1::{PlanPropagationResponse, ValidityReport};
 
-/// The method, why, and what to beware of.
+/// Adds the method, the reason for its choice, and the warnings.
 pub(crate) fn add(report: &ValidityReport, facts: &mut Facts) {
     facts.add("propagation", format!("{}: {}", report.method().word(), report.explanation));
     for warning in &report.warnings {
@@ -13,7 +13,7 @@ pub(crate) fn add(report: &ValidityReport, facts: &mut Facts) {
     }
 }
 
-/// Everything about a plan, and what would happen by other methods.
+/// Text with all facts about a plan and its alternatives.
 pub(crate) fn plan(plan: &PlanPropagationResponse) -> String {
     let mut facts = Facts::default();
     if let Some(report) = &plan.report {
@@ -31,24 +31,24 @@ pub(crate) fn plan(plan: &PlanPropagationResponse) -> String {
 
 fn numbers(report: &ValidityReport, facts: &mut Facts) {
     if let Some(window) = &report.window {
-        let place = match (window.centre_x_m, window.centre_y_m) {
-            (0.0, 0.0) => "around the axis".to_owned(),
-            (x_m, y_m) => format!("around ({}, {})", show_m(x_m), show_m(y_m)),
+        let centre = match (window.centre_x_m, window.centre_y_m) {
+            (0.0, 0.0) => "centred on the axis".to_owned(),
+            (x_m, y_m) => format!("centred at ({}, {})", show_m(x_m), show_m(y_m)),
         };
         let pitch = show_m(window.pitch_x_m);
-        facts.add("image", format!("{}x{} px of {pitch}, {place}", window.width_px, window.height_px));
+        facts.add("image", format!("{}x{} px of {pitch}, {centre}", window.width_px, window.height_px));
     }
     let [critical_x, critical_y] = [report.critical_distance_x_m, report.critical_distance_y_m].map(millimetres);
     facts.add("critical distance", format!("{critical_x} along x, {critical_y} along y"));
-    let [x, y, area] = [report.band_kept_x, report.band_kept_y, report.band_kept_area].map(|it| 100.0 * it);
+    let [x, y, area] = [report.band_kept_x, report.band_kept_y, report.band_kept_area].map(|part| 100.0 * part);
     facts.add("band in the image", format!("{x:.1} % along x, {y:.1} % along y, {area:.1} % of all light"));
     let angle = report.diffraction_angle_rad.to_degrees();
-    let spread = report.spread_m.map_or_else(|| "without bound".to_owned(), millimetres);
-    facts.add("steepest light", format!("{angle:.3}°, which moves {spread} to a side"));
+    let spread = report.spread_m.map_or_else(|| "an unlimited distance".to_owned(), millimetres);
+    facts.add("steepest light", format!("{angle:.3}°, which moves {spread} sideways"));
     let [cone_x, cone_y] = [report.full_cone_x_m, report.full_cone_y_m].map(millimetres);
     let cone = match (report.full_cone_x_m, report.full_cone_y_m) {
-        (0.0, 0.0) => "no point of the image".to_owned(),
-        _ => format!("the middle {cone_x} along x, {cone_y} along y"),
+        (0.0, 0.0) => "at no point of the image".to_owned(),
+        _ => format!("in the middle {cone_x} along x, {cone_y} along y"),
     };
     facts.add("light at all angles", cone);
     facts.add("Fresnel number", format!("{:.1}", report.fresnel_number));
@@ -57,7 +57,7 @@ fn numbers(report: &ValidityReport, facts: &mut Facts) {
     }
 }
 
-/// `4.83 mm`: planes of light are some millimetres wide.
+/// A length in millimetres, for example `4.83 mm`. Images are some millimetres wide.
 fn millimetres(value_m: f64) -> String {
     format!("{:.2} mm", 1e3 * value_m)
 }
@@ -68,7 +68,7 @@ mod tests {
     use lightpath::v1::{PropagationAlternative, PropagationMethod, PropagationWarning};
 
     #[test]
-    fn a_plan_has_its_reason_its_numbers_and_its_alternatives() {
+    fn plan_shows_reason_numbers_and_alternatives() {
         let warning = PropagationWarning { code: "BAND_LIMITED".into(), text: "only 53.7 % along y".into() };
         let report = ValidityReport {
             method: PropagationMethod::RayleighSommerfeld.into(),
@@ -94,8 +94,8 @@ mod tests {
             "BAND_LIMITED: only 53.7 % along y",
             "477.20 mm along x, 268.43 mm along y",
             "95.4 % along x, 53.7 % along y, 51.2 % of all light",
-            "1.845°, which moves 16.10 mm to a side",
-            "no point of the image",
+            "1.845°, which moves 16.10 mm sideways",
+            "at no point of the image",
             "angular-spectrum  no        no        up to 268 mm",
         ] {
             assert!(text.contains(part), "{part} is not in\n{text}");

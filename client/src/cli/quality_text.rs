@@ -1,10 +1,10 @@
-//! How good a hologram is, as a table; how good a kernel is.
+//! Quality of holograms and kernels as text.
 
 use super::show;
 use super::table::{Facts, Table};
 use lightpath::v1::{KernelMetrics, Quality, hologram_result::PlaneResult};
 
-/// Every metric in the eyes of each detector, of the phase as optimized and as the display shows it.
+/// A table of all metrics for each detector: for the phase as optimized and as quantized for the display.
 pub(crate) fn table(plane: &PlaneResult) -> String {
     let mut table = Table::new(&[
         "detector",
@@ -16,54 +16,57 @@ pub(crate) fn table(plane: &PlaneResult) -> String {
         ">in frame",
         ">speckle contrast",
     ]);
-    let seen = |quality: Quality| [quality.point, quality.pixel, quality.supersampled].map(Option::unwrap_or_default);
+    let by_detector =
+        |quality: Quality| [quality.point, quality.pixel, quality.supersampled].map(Option::unwrap_or_default);
     let phases = [("as optimized", plane.quality), ("quantized", plane.quantized_quality)];
-    let phases: Vec<_> = phases.into_iter().filter_map(|(phase, quality)| Some((phase, seen(quality?)))).collect();
+    let phases: Vec<_> =
+        phases.into_iter().filter_map(|(phase, quality)| Some((phase, by_detector(quality?)))).collect();
     for (i, detector) in ["point", "pixel", "supersampled"].into_iter().enumerate() {
-        for (phase, seen) in &phases {
-            let seen = &seen[i];
+        for (phase, qualities) in &phases {
+            let quality = &qualities[i];
             table.row([
                 detector.to_owned(),
                 (*phase).to_owned(),
-                show::decibel(seen.psnr_db),
-                similarity(seen.ssim),
-                similarity(seen.ms_ssim),
-                percent(seen.diffraction_efficiency),
-                percent(seen.frame_efficiency),
-                or_dash(seen.speckle_contrast, |contrast| format!("{contrast:.3}")),
+                show::decibel(quality.psnr_db),
+                similarity(quality.ssim),
+                similarity(quality.ms_ssim),
+                percent(quality.diffraction_efficiency),
+                percent(quality.frame_efficiency),
+                or_dash(quality.speckle_contrast, |contrast| format!("{contrast:.3}")),
             ]);
         }
     }
     if phases.is_empty() { String::new() } else { table.text() }
 }
 
-/// PSNR as each detector sees the phase as optimized; then PSNR, SSIM and efficiency of the quantized one over the pixels.
-pub(crate) fn in_short(plane: PlaneResult) -> [String; 6] {
+/// Six cells: PSNR of the optimized phase for the detectors point, pixel and supersampled, then PSNR, SSIM and diffraction
+/// efficiency of the quantized phase for the detector pixel.
+pub(crate) fn summary(plane: PlaneResult) -> [String; 6] {
     let Quality { point, pixel, supersampled } = plane.quality.unwrap_or_default();
     let quantized = plane.quantized_quality.and_then(|quality| quality.pixel).unwrap_or_default();
     let [point, pixel, supersampled] =
-        [point, pixel, supersampled].map(|seen| show::decibel(seen.unwrap_or_default().psnr_db));
+        [point, pixel, supersampled].map(|quality| show::decibel(quality.unwrap_or_default().psnr_db));
     let (psnr, efficiency) = (show::decibel(quantized.psnr_db), percent(quantized.diffraction_efficiency));
     [point, pixel, supersampled, psnr, similarity(quantized.ssim), efficiency]
 }
 
-/// What new holograms through a kernel look like, and whether it is good for anything.
+/// Adds the quality of photographs of new holograms, and a warning for a kernel that is no better than the ideal one.
 pub(crate) fn verdict(metrics: &KernelMetrics, facts: &mut Facts) {
     if let Some(captured) = metrics.captured {
         let (learned, ideal) = (show::decibel(captured.psnr_db), show::decibel(captured.ideal_psnr_db));
         facts.add("captured", format!("{learned} (ideal kernel {ideal}), new holograms"));
     }
     if metrics.no_better_than_ideal {
-        facts.add("verdict", "no better than the ideal kernel; promoted only with --force");
+        facts.add("verdict", "no better than the ideal kernel; it can be promoted only with --force");
     }
 }
 
-/// `0.9876`, or `–`.
+/// An SSIM value, for example `0.9876`, or `–`.
 fn similarity(value: Option<f64>) -> String {
     or_dash(value, |value| format!("{value:.4}"))
 }
 
-/// `12.3 %`.
+/// A fraction in per cent, for example `12.3 %`.
 fn percent(value: f64) -> String {
     format!("{:.1} %", 100.0 * value)
 }
@@ -78,7 +81,7 @@ mod tests {
     use lightpath::v1::SeenQuality;
 
     #[test]
-    fn the_table_has_every_detector_and_dashes_for_what_is_unknown() {
+    fn quality_table_has_every_detector_and_dashes_for_unknown_values() {
         let point = SeenQuality { psnr_db: 46.31, ..SeenQuality::default() };
         let pixel = SeenQuality {
             psnr_db: 27.7,
@@ -97,6 +100,6 @@ mod tests {
         assert_eq!(words(lines[1]), "point as optimized 46.3 dB – – 0.0 % 0.0 % –");
         assert_eq!(words(lines[2]), "pixel as optimized 27.7 dB 0.9123 0.9877 71.2 % 95.0 % 0.031");
         assert_eq!(table(&PlaneResult::default()), "");
-        assert_eq!(in_short(plane), ["46.3 dB", "27.7 dB", "0.0 dB", "0.0 dB", "–", "0.0 %"]);
+        assert_eq!(summary(plane), ["46.3 dB", "27.7 dB", "0.0 dB", "0.0 dB", "–", "0.0 %"]);
     }
 }

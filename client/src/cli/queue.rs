@@ -1,4 +1,4 @@
-//! `lightpath queue …`
+//! The commands `lightpath queue …`.
 
 use super::failure::Failure;
 use super::session::Session;
@@ -7,32 +7,32 @@ use super::table::Table;
 use clap::{Args, Subcommand};
 use lightpath::{names, v1};
 
-/// What can be done with the queue as a whole.
+/// Commands for the queue as a whole.
 #[derive(Debug, Subcommand)]
 pub(crate) enum QueueCommand {
-    /// Show who has how many jobs in the queue, and what is paused
+    /// Show the number of queued and running jobs of each owner, and what is paused
     Show,
-    /// Let nothing start any more; what runs goes on, and jobs are still accepted
+    /// Start no further jobs; running jobs continue, and new jobs are accepted
     Pause(Pause),
-    /// Let jobs start again
+    /// Start jobs again after a pause
     Resume(Part),
 }
 
-/// Which part of the queue.
+/// The part of the queue that a command applies to.
 #[derive(Debug, Args)]
 pub(crate) struct Part {
-    /// Only jobs on this display
+    /// Apply only to jobs on the display with this id [default: all jobs]
     #[arg(long, value_name = "ID")]
     display: Option<String>,
 }
 
-/// Which part, and why.
+/// Arguments of `queue pause`.
 #[derive(Debug, Args)]
 pub(crate) struct Pause {
     #[command(flatten)]
     part: Part,
 
-    /// Why, for whoever wonders
+    /// Give a reason, which queue show prints [default: none]
     #[arg(long, value_name = "TEXT", default_value = "", hide_default_value = true)]
     reason: String,
 }
@@ -64,11 +64,11 @@ fn text(queue: &v1::Queue) -> String {
         let owner = if turn.owner.is_empty() { "–" } else { turn.owner.as_str() };
         turns.row([owner.to_owned(), turn.queued.to_string(), turn.running.to_string()]);
     }
-    let mut lines = vec![turns.text_or("no jobs wait or run")];
+    let mut lines = vec![turns.text_or("no queued or running jobs")];
     for pause in &queue.pauses {
-        let what = if pause.display.is_empty() { "everything" } else { pause.display.as_str() };
+        let part = if pause.display.is_empty() { "all jobs" } else { pause.display.as_str() };
         let reason = if pause.reason.is_empty() { String::new() } else { format!(": {}", pause.reason) };
-        lines.push(format!("paused: {what}, since {}{reason}", show::time_or_dash(pause.since.as_ref())));
+        lines.push(format!("paused: {part}, since {}{reason}", show::time_or_dash(pause.since.as_ref())));
     }
     lines.join("\n")
 }

@@ -1,4 +1,4 @@
-//! The connection to the server, and the two forms of output.
+//! The connection to the server, the two forms of output, and lists over several pages.
 
 use super::failure::Failure;
 use clap::ValueEnum;
@@ -7,19 +7,19 @@ use serde::Serialize;
 use std::io::{self, Write as _};
 use std::path::Path;
 
-/// Most items that are asked for at once.
+/// Largest page that a command requests from the server.
 const PAGE_SIZE_MAX: u32 = 1000;
 
-/// What stdout gets.
+/// Form of the output on stdout.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Output {
-    /// Tables for people.
+    /// Print tables for people.
     Table,
-    /// Protobuf's JSON form.
+    /// Print messages in protobuf's JSON form.
     Json,
 }
 
-/// What every command works with.
+/// The client and the form of output of a command.
 #[derive(Debug)]
 pub(crate) struct Session {
     pub(crate) client: Client,
@@ -53,7 +53,7 @@ impl Session {
         self.output == Output::Json
     }
 
-    /// One message, as an indented JSON document or as `text` makes it.
+    /// Prints a message: as an indented JSON document, or as the text that `text` returns.
     pub(crate) fn print<M: Serialize>(&self, message: &M, text: impl FnOnce(&M) -> String) -> Result<(), Failure> {
         match self.output {
             Output::Json => write_out(&json(serde_json::to_string_pretty(message))?),
@@ -61,7 +61,7 @@ impl Session {
         }
     }
 
-    /// One message as a JSON line, for commands that print several; nothing where people read.
+    /// Prints a message as one line of JSON, for commands that print several. Prints nothing in the table form.
     pub(crate) fn print_json_line<M: Serialize>(&self, message: &M) -> Result<(), Failure> {
         match self.output {
             Output::Json => write_out(&json(serde_json::to_string(message))?),
@@ -69,7 +69,7 @@ impl Session {
         }
     }
 
-    /// Text for people; nothing where a program reads.
+    /// Prints text for people. Prints nothing in the JSON form.
     pub(crate) fn print_text(&self, text: &str) -> Result<(), Failure> {
         match self.output {
             Output::Json => Ok(()),
@@ -86,13 +86,14 @@ fn read(path: &Path) -> Result<Vec<u8>, Failure> {
     })?)
 }
 
-/// A remark for people, on stderr whatever the form of output.
-pub(crate) fn say(text: &str) {
-    // Nobody is left to tell when this fails.
+/// Prints a note for people on stderr, in both forms of output.
+pub(crate) fn print_note(text: &str) {
+    // If stderr fails, the error cannot be reported anywhere.
     let _ = writeln!(io::stderr().lock(), "{text}");
 }
 
-/// Asks for page after page until `limit` items are there (0: all). Returns them with the token of the page after.
+/// Requests pages until there are `limit` items, or all items if `limit` is 0. Returns the items and the token of the next
+/// page.
 pub(crate) async fn pages<T>(
     limit: u32,
     mut page: impl AsyncFnMut(u32, String) -> lightpath::Result<(Vec<T>, String)>,
@@ -110,9 +111,9 @@ pub(crate) async fn pages<T>(
     }
 }
 
-/// The line under a list that was cut.
+/// The line below a list that was cut at its limit. Empty for a complete list.
 pub(crate) fn more_hint(next_page_token: &str) -> &'static str {
-    if next_page_token.is_empty() { "" } else { "(there are more: --limit 0 shows all)\n" }
+    if next_page_token.is_empty() { "" } else { "(more entries exist: --limit 0 shows all)\n" }
 }
 
 fn json(text: serde_json::Result<String>) -> Result<String, Failure> {

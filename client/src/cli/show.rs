@@ -1,29 +1,30 @@
-//! Times, sizes and numbers for people.
+//! Times, sizes and numbers as text.
 
-use jiff::Timestamp;
+use chrono::DateTime;
+use std::time::{SystemTime, UNIX_EPOCH};
 
-/// `2026-11-20 14:07:49 UTC (3 min ago)`.
+/// A time, for example `2026-11-20 14:07:49 UTC (3 min ago)`.
 pub(crate) fn time(time: &pbjson_types::Timestamp) -> String {
     format!("{} ({})", clock(time.seconds), age(time))
 }
 
-/// `2026-11-20 14:07:49 UTC (3 min ago)`, or `–` for no time.
+/// A time, for example `2026-11-20 14:07:49 UTC (3 min ago)`. `–` if there is none.
 pub(crate) fn time_or_dash(some: Option<&pbjson_types::Timestamp>) -> String {
     some.map_or_else(|| "–".to_owned(), time)
 }
 
-/// `3 min ago`.
+/// The age of a time, for example `3 min ago`.
 pub(crate) fn age(time: &pbjson_types::Timestamp) -> String {
-    age_between(time.seconds, Timestamp::now().as_second())
+    age_between(time.seconds, now_s())
 }
 
-/// How long something took, `12.3 s`, `4 min 10 s`; `None` unless both ends are known.
-pub(crate) fn took(from: Option<&pbjson_types::Timestamp>, to: Option<&pbjson_types::Timestamp>) -> Option<String> {
+/// The time between two moments, for example `12.3 s` or `4 min 10 s`. `None` unless both are known.
+pub(crate) fn elapsed(from: Option<&pbjson_types::Timestamp>, to: Option<&pbjson_types::Timestamp>) -> Option<String> {
     let seconds = |time: &pbjson_types::Timestamp| time.seconds as f64 + f64::from(time.nanos) / 1e9;
     Some(duration(seconds(to?) - seconds(from?)))
 }
 
-/// `0.4 s`, `12.3 s`, `4 min 10 s`, `2 h 5 min`.
+/// A duration, for example `0.4 s`, `12.3 s`, `4 min 10 s` or `2 h 5 min`.
 pub(crate) fn duration(seconds: f64) -> String {
     let whole = seconds.max(0.0).round() as u64;
     match whole {
@@ -33,17 +34,17 @@ pub(crate) fn duration(seconds: f64) -> String {
     }
 }
 
-/// `46.3 dB`.
+/// A ratio in decibels, for example `46.3 dB`.
 pub(crate) fn decibel(value: f64) -> String {
     format!("{value:.1} dB")
 }
 
-/// A loss: four digits that count.
+/// A loss: with five decimals, or in scientific notation below 0.001.
 pub(crate) fn loss(value: f64) -> String {
     if value == 0.0 || value.abs() >= 1e-3 { format!("{value:.5}") } else { format!("{value:.2e}") }
 }
 
-/// `512 B`, `3.1 kB`, `66.4 MB`.
+/// A size, for example `512 B`, `3.1 kB` or `66.4 MB`.
 pub(crate) fn bytes(size: u64) -> String {
     let (mut value, mut unit) = (size as f64, "B");
     for next in ["kB", "MB", "GB", "TB"] {
@@ -55,12 +56,13 @@ pub(crate) fn bytes(size: u64) -> String {
     if unit == "B" { format!("{size} B") } else { format!("{value:.1} {unit}") }
 }
 
-/// `version 3`, or `ideal` for 0.
+/// A kernel version, for example `version 3`. 0 is `ideal`.
 pub(crate) fn kernel_version(version: u32) -> String {
     if version == 0 { "ideal".to_owned() } else { format!("version {version}") }
 }
 
-/// [`kernel_version`] where all are the same, else each of them: `version 3, ideal, version 1`; `–` for none.
+/// Several kernel versions, for example `version 3, ideal, version 1`. Equal versions are shown once, and an empty list
+/// is `–`.
 pub(crate) fn kernel_versions(versions: &[u32]) -> String {
     match versions {
         [] => "–".to_owned(),
@@ -69,15 +71,20 @@ pub(crate) fn kernel_versions(versions: &[u32]) -> String {
     }
 }
 
-/// `3`, or `–` for 0, which stands for none.
+/// A version number, for example `3`. 0 means none and is `–`.
 pub(crate) fn version_or_dash(version: u32) -> String {
     if version == 0 { "–".to_owned() } else { version.to_string() }
 }
 
+/// The time \[s since 1970\].
+pub(crate) fn now_s() -> i64 {
+    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |time| time.as_secs() as i64)
+}
+
 fn clock(seconds: i64) -> String {
-    match Timestamp::from_second(seconds) {
-        Ok(time) => time.strftime("%Y-%m-%d %H:%M:%S UTC").to_string(),
-        Err(_) => format!("{seconds} s after 1970"),
+    match DateTime::from_timestamp(seconds, 0) {
+        Some(time) => time.format("%Y-%m-%d %H:%M:%S UTC").to_string(),
+        None => format!("{seconds} s after 1970"),
     }
 }
 
@@ -98,7 +105,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ages_are_short() {
+    fn ages_have_one_unit() {
         for (distance, text) in [
             (0, "now"),
             (42, "42 s ago"),

@@ -12,8 +12,8 @@ use std::path::PathBuf;
 
 /// Photograph a hologram on a simulated display.
 ///
-/// Only for displays that were declared with --simulated or --simulated-seed. The photograph has the display's imperfections and the
-/// camera's noise; it is what a dataset collects.
+/// Works only for displays that were declared with --simulated or --simulated-seed. The photograph has the display's
+/// imperfections and the camera's noise, and can be added to a dataset.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Example:
@@ -23,19 +23,19 @@ pub(crate) struct Simulate {
     #[command(flatten)]
     optics: Optics,
 
-    /// The hologram: a grey PNG of levels, of the display's size
+    /// Photograph this hologram: a grey PNG of levels with the display's size
     #[arg(long, value_name = "FILE.png")]
     phase: PathBuf,
 
-    /// Where the photograph goes: an 8-bit grey PNG, linear light
+    /// Write the photograph to this file: an 8-bit grey PNG, linear light
     #[arg(short = 'o', value_name = "PHOTO.png")]
     photo: PathBuf,
 
-    /// Seed of the camera's noise
+    /// Set the seed of the camera's noise
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
 
-    /// Hours since the bench was set up, for benches that drift
+    /// Set the time since the bench was set up in hours, for benches that drift
     #[arg(long, value_name = "HOURS", default_value_t = 0.0)]
     hours: f64,
 

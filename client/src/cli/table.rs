@@ -1,9 +1,10 @@
-//! Aligned columns of text.
+//! Text tables with aligned columns.
 
-/// A table; columns whose title starts with `>` are aligned to the right.
+/// A table with a title row. Columns whose title starts with `>` are aligned to the right.
 #[derive(Debug)]
 pub(crate) struct Table {
     rows: Vec<Vec<String>>,
+    /// True for each column that is aligned to the right.
     right: Vec<bool>,
 }
 
@@ -19,12 +20,12 @@ impl Table {
         self.rows.push(cells.into());
     }
 
-    /// The lines, or `empty` where the table has only titles.
+    /// The lines of the table, or the line `empty` if the table has no rows.
     pub(crate) fn text_or(&self, empty: &str) -> String {
         if self.rows.len() == 1 { format!("{empty}\n") } else { self.text() }
     }
 
-    /// The lines.
+    /// The lines of the table.
     pub(crate) fn text(&self) -> String {
         let width = |column: usize| self.rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
         let widths: Vec<usize> = (0..self.right.len()).map(width).collect();
@@ -40,7 +41,7 @@ impl Table {
     }
 }
 
-/// Lines of a name and a value, aligned.
+/// Lines with a name and a value each. The values are aligned.
 #[derive(Debug, Default)]
 pub(crate) struct Facts {
     facts: Vec<(String, String)>,
@@ -51,7 +52,7 @@ impl Facts {
         self.facts.push((name.to_owned(), value.into()));
     }
 
-    /// Adds a fact that may be unknown.
+    /// Adds a line if its value is known.
     pub(crate) fn add_some(&mut self, name: &str, value: Option<String>) {
         if let Some(value) = value {
             self.add(name, value);
@@ -70,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn columns_are_aligned() {
+    fn table_columns_are_aligned() {
         let mut table = Table::new(&["display", ">pitch", "notes"]);
         table.row(["lab-2".into(), "8 µm".into(), "by the window".into()]);
         table.row(["a".into(), "3.74 µm".into(), String::new()]);

@@ -1,16 +1,18 @@
+//! Tests of the command line: arguments, errors and help.
+
 use super::*;
 use clap::error::ErrorKind;
 
-/// How many [`damaged`] gives.
+/// Number of texts that [`damaged`] returns.
 pub(crate) const DAMAGED: usize = 3000;
 
-/// Texts that were `seed` before some of their characters were replaced, added or lost; the same in every run.
+/// Damaged copies of `seed`: some characters are replaced, added or removed. The copies are the same in every run.
 pub(crate) fn damaged(seed: &str) -> impl Iterator<Item = String> {
     const STRANGE: [char; 16] =
         ['"', '\'', '\\', ',', '=', '[', ']', '{', '}', '\n', '\0', '9', '-', 'e', 'é', '\u{feff}'];
     let seed: Vec<char> = seed.chars().collect();
     let mut state = 1_u64;
-    // Lehmer's generator, as Park and Miller chose it.
+    // Lehmer's random number generator with the multiplier of Park and Miller.
     let mut below = move |end: usize| {
         state = state * 48_271 % 0x7fff_ffff;
         state as usize % end.max(1)
@@ -30,10 +32,12 @@ pub(crate) fn damaged(seed: &str) -> impl Iterator<Item = String> {
     })
 }
 
+/// Parses a command line.
 fn parse(line: &str) -> Result<Cli, clap::Error> {
     Cli::try_parse_from(line.split_whitespace())
 }
 
+/// The error message of a command line that is refused with exit code 2.
 fn refusal(line: &str) -> String {
     let error = parse(line).unwrap_err();
     assert_eq!(error.exit_code(), 2, "{line}");
@@ -41,12 +45,12 @@ fn refusal(line: &str) -> String {
 }
 
 #[test]
-fn the_command_line_is_consistent() {
+fn clap_accepts_the_definition_of_the_command_line() {
     Cli::command().debug_assert();
 }
 
 #[test]
-fn every_command_of_the_design_is_read() {
+fn commands_with_all_their_options_are_parsed() {
     for line in [
         "lightpath display create lab-2 --resolution 1920x1080 --pixel-pitch 8um --wavelength 515nm",
         "lightpath display create toy --resolution 64x64 --pixel-pitch 8µm --wavelength 515nm --wavelength 632.8nm \
@@ -113,7 +117,7 @@ fn every_command_of_the_design_is_read() {
 }
 
 #[test]
-fn wrong_units_and_values_are_explained() {
+fn wrong_units_and_values_are_refused_with_an_explanation() {
     for (line, sign) in [
         ("lightpath hologram optimize a.png --display d --distance 150", "would be 150 m: write 150mm"),
         (
@@ -142,7 +146,7 @@ fn wrong_units_and_values_are_explained() {
         ("lightpath dataset add d --phases p/", "--photos"),
         ("lightpath dataset align d", "--dots"),
         ("lightpath dataset align d --points p.csv", "--photo-size"),
-        // The API takes a 0 for its default.
+        // The API would read 0 as "use the default".
         ("lightpath hologram optimize a.png --display d --distance 1mm --iterations 0", "0 is not in 1.."),
         ("lightpath hologram optimize a.png --display d --distance 1mm --learning-rate 0", "must be above 0"),
         ("lightpath kernel learn --dataset d --epochs 0", "0 is not in 1.."),
@@ -172,7 +176,7 @@ fn every_command_has_help() {
         assert!(command.get_about().is_some(), "{path} has no help");
         for argument in command.get_arguments().filter(|argument| !argument.is_hide_set()) {
             let help = argument.get_help().unwrap_or_else(|| panic!("{path} {} has no help", argument.get_id()));
-            // Escapes for the documentation's links would show in the terminal.
+            // The terminal would show the backslashes that escape brackets in the documentation.
             assert!(!help.to_string().contains('\\'), "{path} {} has a backslash: {help}", argument.get_id());
         }
         for sub in command.get_subcommands() {
@@ -197,14 +201,14 @@ fn examples_fit_a_terminal_and_can_be_copied() {
 }
 
 #[test]
-fn help_teaches_with_examples() {
+fn help_has_examples_and_explanations() {
     for (line, sign) in [
         ("lightpath --help", "A first hologram:"),
         ("lightpath hologram optimize --help", "lightpath hologram optimize targets/*.png"),
         ("lightpath hologram optimize --help", "{name}"),
         ("lightpath display create --help", "--simulated-seed 1"),
         ("lightpath kernel learn --help", "[default: display]"),
-        ("lightpath kernel learn --help", "not used until it is promoted"),
+        ("lightpath kernel learn --help", "It is not used until it is promoted"),
         ("lightpath hologram optimize --help", "Each target becomes a job of its own"),
         ("lightpath display create --help", "spatial light modulator"),
         ("lightpath dataset add --help", "The same pair again"),
@@ -212,6 +216,8 @@ fn help_teaches_with_examples() {
     ] {
         let error = parse(line).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::DisplayHelp);
-        assert!(error.to_string().contains(sign), "{line}\n{error}");
+        // Undo line breaks, so that a text counts even if it is wrapped.
+        let words = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(words(&error.to_string()).contains(&words(sign)), "{line}\n{error}");
     }
 }

@@ -1,31 +1,31 @@
-//! Enumerations of the API on the command line: their words and their help are those of the proto files.
+//! Enumerations of the API as command-line values. Their words and their help come from the proto files.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Arg, Command, Error};
 use lightpath::{Word, Words};
 use std::ffi::OsStr;
 
-/// Reads a value of an enumeration.
+/// Parses a word into a value of an enumeration.
 #[derive(Clone, Debug)]
 pub(crate) struct WordParser<E> {
     values: Vec<(PossibleValue, E)>,
 }
 
 impl<E: Words> WordParser<E> {
-    /// Every value but the unspecified one.
+    /// Accepts every value except the unspecified one.
     pub(crate) fn new() -> Self {
         let given = E::WORDS.iter().filter(|word| word.number != 0);
         let value = |word: &Word| Some((PossibleValue::new(word.word).help(word.help), E::from_word(word.word)?));
         Self { values: given.filter_map(value).collect() }
     }
 
-    /// The unspecified value too, under this word.
+    /// Also accepts the unspecified value, as `word`.
     pub(crate) fn or_unspecified_as(mut self, word: &'static str, help: &'static str) -> Self {
         self.values.extend(E::try_from(0).ok().map(|value| (PossibleValue::new(word).help(help), value)));
         self
     }
 
-    /// Another name of a value.
+    /// Also accepts `alias` for the value with this word.
     pub(crate) fn alias(mut self, word: &str, alias: &'static str) -> Self {
         for (value, _) in self.values.iter_mut().filter(|(value, _)| value.get_name() == word) {
             *value = value.clone().alias(alias);
@@ -33,7 +33,7 @@ impl<E: Words> WordParser<E> {
         self
     }
 
-    /// All values but the one of this name.
+    /// No longer accepts the value with this word.
     pub(crate) fn without(mut self, word: &str) -> Self {
         self.values.retain(|(value, _)| value.get_name() != word);
         self
@@ -50,7 +50,7 @@ impl<E: Words + Send + Sync + 'static> TypedValueParser for WordParser<E> {
     fn parse_ref(&self, command: &Command, arg: Option<&Arg>, value: &OsStr) -> Result<E, Error> {
         let name = self.names().parse_ref(command, arg, value)?;
         let found = self.values.iter().find(|(value, _)| value.matches(&name, false));
-        // The names are those of the values.
+        // The lookup always succeeds, because `names` accepts only words and aliases of `values`.
         found.map(|(_, value)| *value).ok_or_else(|| Error::new(clap::error::ErrorKind::InvalidValue))
     }
 
@@ -65,7 +65,7 @@ mod tests {
     use lightpath::v1::HologramMethod;
 
     #[test]
-    fn values_are_read_by_their_words_and_aliases() {
+    fn words_and_aliases_are_parsed() {
         let parser = WordParser::<HologramMethod>::new().alias("double-phase", "dpac").without("adam");
         let read = |word: &str| parser.parse_ref(&Command::new("x"), None, OsStr::new(word)).ok();
         assert_eq!(read("lbfgs"), Some(HologramMethod::Lbfgs));

@@ -1,8 +1,8 @@
 //! A simulated lab: a display with a camera, and the mistakes of the person who takes the photographs.
 
+use super::camera_mistakes::{overexposed, rotated_and_shifted};
 use super::options::{Failure, Options};
-use super::shots::{Shots, phase};
-use super::slip::{overexposed, turned};
+use super::photographed::{PhotographedPairs, phase};
 use lightpath_optics::hologram::{HologramMethod, HologramOptions, initial_phase};
 use lightpath_optics::phase_response::PhaseResponse;
 use lightpath_optics::simulated_display::{SimulatedBench, SimulatedDisplay};
@@ -85,23 +85,23 @@ impl Lab {
 
     /// Holograms optimized through the ideal kernel, and their photographs. Half of the holograms start from a random
     /// phase and half from a narrow one.
-    pub(crate) fn photograph(&self, pairs: usize, set: u64) -> Result<Shots, Failure> {
+    pub(crate) fn photograph(&self, pairs: usize, set: u64) -> Result<PhotographedPairs, Failure> {
         let cards: Vec<TestCard> = TestCard::ALL.into_iter().filter(|card| !HELD_OUT.contains(card)).collect();
         let engine = Engine::new(&DisplayModel::ideal(self.setup()), Detector::Pixel, None)?;
-        let mut shots = Shots { levels: Vec::new(), photos: Vec::new() };
+        let mut photographed = PhotographedPairs { levels: Vec::new(), photos: Vec::new() };
         for i in 0..pairs {
             let seed = (self.seed * 16 + set) * 1000 + i as u64;
             // Each set takes its pictures from its own range of seeds.
             let target = self.card(cards[(i + set as usize * 5) % cards.len()], seed)?;
             let range_rad = if i % 2 == 0 { TAU } else { 1.0 };
             let levels = self.hologram(&engine, &target, range_rad, seed, self.iterations)?;
-            shots.photos.push(self.slipped(&self.bench.light(&phase(&levels)?)?, i, seed)?);
-            shots.levels.push(levels);
+            photographed.photos.push(self.photograph_with_mistakes(&self.bench.light(&phase(&levels)?)?, i, seed)?);
+            photographed.levels.push(levels);
         }
         for i in 0..self.wrong.min(pairs / 2) {
-            shots.photos.swap(i, pairs - 1 - i);
+            photographed.photos.swap(i, pairs - 1 - i);
         }
-        Ok(shots)
+        Ok(photographed)
     }
 
     /// A target picture that no training hologram shows.
@@ -134,7 +134,7 @@ impl Lab {
     }
 
     /// A photograph with the lab's mistakes: the camera is moved, rotated, and overexposed.
-    fn slipped(&self, light: &Plane<f32>, index: usize, seed: u64) -> Result<Plane<u8>, Failure> {
+    fn photograph_with_mistakes(&self, light: &Plane<f32>, index: usize, seed: u64) -> Result<Plane<u8>, Failure> {
         // The direction of the movement differs from photograph to photograph.
         let angle = index as f64 * 2.4;
         let (dx, dy) = (self.jitter_px * angle.cos(), self.jitter_px * angle.sin());
@@ -142,7 +142,7 @@ impl Lab {
         let moved = if dx == 0.0 && dy == 0.0 && rotation_rad == 0.0 {
             light.clone()
         } else {
-            turned(light, rotation_rad, dx, dy)
+            rotated_and_shifted(light, rotation_rad, dx, dy)
         };
         let exposed = if self.saturated > 0.0 { overexposed(&moved, self.region, self.saturated) } else { moved };
         Ok(self.bench.expose(&exposed, seed))

@@ -1,5 +1,5 @@
 //! Measures the quality of learned displays: simulates displays, photographs holograms on each, learns models from the
-//! photographs, and judges each model by photographs of new holograms optimized through it.
+//! photographs, and measures each model by photographs of new holograms optimized through it.
 //!
 //! ```sh
 //! cargo run --release -p lightpath-optics --example display_learning -- --size 640x360 --seeds 1,2,3,4,5
@@ -11,27 +11,27 @@
 //! The example prints one line for each model: its held-out error; that error relative to the error of the display's
 //! true transfer function (the lower bound for any single kernel); the PSNR of photographs of new targets; their gain
 //! over the ideal kernel, target by target; and the cost of learning.
-#![allow(clippy::print_stdout)] // it is a program
+#![allow(clippy::print_stdout)] // an example prints its results
 
-mod judge;
+mod camera_mistakes;
+mod evaluation;
 mod lab;
 mod memory;
 mod options;
-mod shots;
-mod slip;
+mod photographed;
 
-use judge::{Judge, Verdict};
+use evaluation::{ModelEvaluation, ModelScore};
 use lab::Lab;
-use lightpath_optics::learning::{KernelModel, LearnOptions, LearnStage, Learner, Lessons, PairSource as _};
+use lightpath_optics::learning::{KernelModel, LearnOptions, LearnStage, Learner, LearningPairs, PairSource as _};
 use lightpath_optics::{DisplayModel, KernelShape};
 use options::{Failure, Options};
-use shots::Shots;
+use photographed::PhotographedPairs;
 use std::time::Instant;
 
 fn main() -> Result<(), Failure> {
     let options = Options::parse(std::env::args().skip(1))?;
     rayon::ThreadPoolBuilder::new().num_threads(options.threads).build_global()?;
-    println!("seed model      test MSE  /floor  captured PSNR [dB]         gain [dB]                   seconds  MB");
+    println!("seed model      test MSE   /true  captured PSNR [dB]         gain [dB]                   seconds  MB");
     for &seed in &options.seeds {
         show_display(&options, seed)?;
     }
@@ -43,26 +43,26 @@ fn show_display(options: &Options, seed: u64) -> Result<(), Failure> {
     let training = lab.photograph(options.pairs, 0)?;
     let validation = lab.photograph(options.validation, 1)?;
     let test = lab.clean().photograph(options.test, 2)?;
-    let judge = Judge::new(&lab, &test, options)?;
+    let evaluation = ModelEvaluation::new(&lab, &test, options)?;
 
-    let floor = judge.verdict(&lab.true_kernel())?;
-    let ideal = judge.verdict(&DisplayModel::ideal(lab.setup()))?;
-    let show = |name: &str, verdict: &Verdict, cost: &str| {
-        let gains: Vec<f64> = verdict.captured_db.iter().zip(&ideal.captured_db).map(|(a, b)| a - b).collect();
+    let lower_bound = evaluation.score(&lab.true_kernel())?;
+    let ideal = evaluation.score(&DisplayModel::ideal(lab.setup()))?;
+    let show = |name: &str, score: &ModelScore, cost: &str| {
+        let gains: Vec<f64> = score.captured_db.iter().zip(&ideal.captured_db).map(|(a, b)| a - b).collect();
         let list = |values: &[f64]| values.iter().map(|value| format!("{value:5.1}")).collect::<Vec<_>>().join(" ");
         println!(
             "{seed:4} {name:8} {:11.6} {:7.3}  {:26} {:26} {cost}",
-            verdict.test_loss,
-            verdict.test_loss / floor.test_loss,
-            list(&verdict.captured_db),
+            score.test_loss,
+            score.test_loss / lower_bound.test_loss,
+            list(&score.captured_db),
             list(&gains)
         );
     };
     show("ideal", &ideal, "");
-    show("true", &floor, "");
+    show("true", &lower_bound, "");
     for &model in &options.models {
         let (learned, cost) = learn(options, &lab, model, seed, &training, &validation)?;
-        show(options::name(model), &judge.verdict(&learned)?, &cost);
+        show(options::name(model), &evaluation.score(&learned)?, &cost);
     }
     Ok(())
 }
@@ -72,8 +72,8 @@ fn learn(
     lab: &Lab,
     model: KernelModel,
     seed: u64,
-    training: &Shots,
-    validation: &Shots,
+    training: &PhotographedPairs,
+    validation: &PhotographedPairs,
 ) -> Result<(DisplayModel, String), Failure> {
     let defaults = LearnOptions::new(model, lab.region());
     let learn_options = LearnOptions {
@@ -83,12 +83,12 @@ fn learn(
         refinement_evaluations: options.evaluations.unwrap_or(defaults.refinement_evaluations),
         ..defaults
     };
-    let lessons = Lessons { training, validation };
-    memory::forget_peak();
+    let learning_pairs = LearningPairs { training, validation };
+    memory::reset_peak();
     let began = Instant::now();
     let mut learner = Learner::start(lab.setup(), learn_options, training)?;
     let mut adam_s = 0.0;
-    while let Some(step) = learner.step(lessons)? {
+    while let Some(step) = learner.step(learning_pairs)? {
         if options.verbose {
             eprintln!("  {:6.1} s  {step:?}", began.elapsed().as_secs_f64());
         }

@@ -78,7 +78,7 @@ impl Options {
             threads: number("threads", &text("threads", "2"))?,
             verbose: text("verbose", "no") == "yes",
         };
-        given.keys().next().map_or(Ok(options), |name| Err(format!("there is no option --{name}").into()))
+        given.keys().next().map_or(Ok(options), |name| Err(format!("--{name} is not an option of this example").into()))
     }
 }
 
@@ -100,17 +100,22 @@ fn model(name: &str) -> Result<KernelModel, Failure> {
         "smooth" => KernelModel::Smooth,
         "display" => KernelModel::Display,
         "varying" => KernelModel::Varying,
-        other => return Err(format!("there is no model {other}").into()),
+        other => {
+            return Err(format!(
+                "--models: {other} is not a model; models are paper, dense, smooth, display and varying"
+            )
+            .into());
+        }
     })
 }
 
 fn size(text: &str) -> Result<(usize, usize), Failure> {
-    let (width, height) = text.split_once('x').ok_or("a size looks like 320x180")?;
+    let (width, height) = text.split_once('x').ok_or("--size must be WIDTHxHEIGHT, such as 320x180")?;
     Ok((number("size", width)?, number("size", height)?))
 }
 
 fn number<T: std::str::FromStr>(name: &str, text: &str) -> Result<T, Failure> {
-    text.parse().map_err(|_| format!("--{name}: {text} is no such number").into())
+    text.parse().map_err(|_| format!("--{name} is {text}, but must be a number").into())
 }
 
 fn some_number<T: std::str::FromStr>(name: &str, text: &str) -> Result<Option<T>, Failure> {

@@ -71,13 +71,13 @@ fn maximum(plane: &Plane<f32>, radius_px: usize) -> Plane<f32> {
 /// Finds connected sets of pixels above the threshold.
 fn components(level: &Plane<f32>) -> Vec<Blob> {
     let (height, width) = (level.height_px(), level.width_px());
-    let mut seen = vec![false; height * width];
+    let mut visited = vec![false; height * width];
     let (mut blobs, mut stack) = (Vec::new(), Vec::new());
     for start in 0..height * width {
-        if seen[start] || level.values()[start] < THRESHOLD {
+        if visited[start] || level.values()[start] < THRESHOLD {
             continue;
         }
-        seen[start] = true;
+        visited[start] = true;
         stack.push(start);
         let mut pixels = Vec::new();
         while let Some(i) = stack.pop() {
@@ -86,8 +86,8 @@ fn components(level: &Plane<f32>) -> Vec<Blob> {
             for ny in y.saturating_sub(1)..(y + 2).min(height) {
                 for nx in x.saturating_sub(1)..(x + 2).min(width) {
                     let next = ny * width + nx;
-                    if !seen[next] && level.values()[next] >= THRESHOLD {
-                        seen[next] = true;
+                    if !visited[next] && level.values()[next] >= THRESHOLD {
+                        visited[next] = true;
                         stack.push(next);
                     }
                 }

@@ -37,7 +37,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_is_the_mean_over_the_square() {
+    fn blurred_pixel_is_mean_over_square() {
         let plane = Plane::from_fn(9, 13, |y, x| ((y * 31 + x * 17) % 23) as f32);
         let blurred = box_blur(&plane, 2, 1);
         for (y, x) in [(0_usize, 0_usize), (4, 6), (8, 12), (1, 11)] {

@@ -76,7 +76,7 @@ impl DotGrid {
     #[must_use]
     pub fn target(&self) -> Plane<f32> {
         let mut target = Plane::filled(self.height_px, self.width_px, 0.0_f32);
-        for (column, row) in self.places() {
+        for (column, row) in self.dots() {
             let [x, y] = self.dot(column, row);
             let size_px =
                 DOT_WIDTH * self.spacing_px * if self.markers().contains(&(column, row)) { LARGE } else { 1.0 };
@@ -105,20 +105,21 @@ impl DotGrid {
     pub fn find(&self, photo: &Plane<f32>) -> Result<DotGridMatch, AlignmentError> {
         let blobs = blobs::find(photo);
         let points: Vec<Point> = blobs.iter().map(|blob| blob.centre).collect();
-        let places = lattice::grow(&points);
+        let positions = lattice::grow(&points);
         let needed = DOTS_MIN.min(self.columns * self.rows / 2);
-        if places.len() < needed {
+        if positions.len() < needed {
             let hint = match blobs.len() {
-                0 => "the photograph is dark or even; expose it longer",
-                _ => "photograph the displayed calibration hologram as a whole, sharp, without stray light",
+                0 => "the photograph shows no bright spots; expose it longer",
+                _ => "photograph the whole calibration hologram, in focus and without stray light",
             };
-            return Err(AlignmentError::DotsNotFound { found: places.len(), needed, hint });
+            return Err(AlignmentError::DotsNotFound { found: positions.len(), needed, hint });
         }
-        let frame = find_markers(&blobs, &places).ok_or(AlignmentError::MarkersNotFound { found: places.len() })?;
+        let frame =
+            find_markers(&blobs, &positions).ok_or(AlignmentError::MarkersNotFound { found: positions.len() })?;
         let (marker_column, marker_row) = self.marker();
         let mut dots = Vec::new();
-        for (&index, &place) in &places {
-            let (along_x, along_y) = frame.coordinates(place);
+        for (&index, &position) in &positions {
+            let (along_x, along_y) = frame.coordinates(position);
             let (column, row) = (marker_column as i32 + along_x, marker_row as i32 + along_y);
             let inside = (0..self.columns as i32).contains(&column) && (0..self.rows as i32).contains(&row);
             if inside {
@@ -126,14 +127,15 @@ impl DotGrid {
             }
         }
         if dots.len() < needed {
-            let hint = "most dots lie outside the grid that the display shows; was it another display's hologram?";
+            let hint = "most dots lie outside the displayed grid; photograph the calibration hologram of this display";
             return Err(AlignmentError::DotsNotFound { found: dots.len(), needed, hint });
         }
         dots.sort_by(|a, b| a.display[1].total_cmp(&b.display[1]).then(a.display[0].total_cmp(&b.display[0])));
         Ok(DotGridMatch { fit: Homography::from_points(&dots)?, dots })
     }
 
-    fn places(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
+    /// Column and row of each dot.
+    fn dots(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
         let columns = self.columns;
         (0..self.rows).flat_map(move |row| (0..columns).map(move |column| (column, row)))
     }
@@ -166,19 +168,20 @@ struct Frame {
 
 impl Frame {
     /// Number of squares from the corner of the L towards the display's +x and +y.
-    fn coordinates(&self, place: (i32, i32)) -> (i32, i32) {
-        let step = (place.0 - self.corner.0, place.1 - self.corner.1);
+    fn coordinates(&self, position: (i32, i32)) -> (i32, i32) {
+        let step = (position.0 - self.corner.0, position.1 - self.corner.1);
         let dot = |axis: (i32, i32)| axis.0 * step.0 + axis.1 * step.1;
         (dot(self.along_x), dot(self.along_y))
     }
 }
 
 /// Finds the L whose faintest dot exceeds its surroundings most.
-fn find_markers(blobs: &[Blob], places: &HashMap<usize, (i32, i32)>) -> Option<Frame> {
-    let by_place: HashMap<(i32, i32), usize> = places.iter().map(|(&index, &place)| (place, index)).collect();
-    let ratios: HashMap<(i32, i32), f64> = by_place
+fn find_markers(blobs: &[Blob], positions: &HashMap<usize, (i32, i32)>) -> Option<Frame> {
+    let by_position: HashMap<(i32, i32), usize> =
+        positions.iter().map(|(&index, &position)| (position, index)).collect();
+    let ratios: HashMap<(i32, i32), f64> = by_position
         .iter()
-        .filter_map(|(&place, &index)| Some((place, stands_out(blobs, &by_place, place, index)?)))
+        .filter_map(|(&position, &index)| Some((position, relative_flux(blobs, &by_position, position, index)?)))
         .collect();
     let mut corners: Vec<_> = ratios.keys().copied().collect();
     corners.sort_unstable();
@@ -199,12 +202,17 @@ fn find_markers(blobs: &[Blob], places: &HashMap<usize, (i32, i32)>) -> Option<F
 }
 
 /// Light of a spot relative to the median of the spots around it.
-fn stands_out(blobs: &[Blob], by_place: &HashMap<(i32, i32), usize>, place: (i32, i32), index: usize) -> Option<f64> {
+fn relative_flux(
+    blobs: &[Blob],
+    by_position: &HashMap<(i32, i32), usize>,
+    position: (i32, i32),
+    index: usize,
+) -> Option<f64> {
     const REACH: i32 = 2;
     let mut around: Vec<f64> = (-REACH..=REACH)
         .flat_map(|dy| (-REACH..=REACH).map(move |dx| (dx, dy)))
         .filter(|step| *step != (0, 0))
-        .filter_map(|(dx, dy)| by_place.get(&(place.0 + dx, place.1 + dy)))
+        .filter_map(|(dx, dy)| by_position.get(&(position.0 + dx, position.1 + dy)))
         .map(|&i| blobs[i].flux)
         .collect();
     around.sort_by(f64::total_cmp);
@@ -243,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn the_dots_are_found_to_a_tenth_of_a_pixel_however_the_camera_stands() {
+    fn dots_are_found_within_tenth_of_pixel_for_any_camera_pose() {
         let grid = DotGrid::of_display(360, 640).unwrap();
         let centre = [319.5, 179.5];
         let shifted = Homography::similarity(centre, 0.0, 1.0, [2.0, -2.0]);
@@ -276,7 +284,7 @@ mod tests {
     }
 
     #[test]
-    fn what_shows_no_grid_is_refused() {
+    fn photographs_without_grid_and_small_displays_are_refused() {
         let grid = DotGrid::of_display(360, 640).unwrap();
         let dark = Plane::filled(300, 400, 0.0);
         assert!(matches!(grid.find(&dark), Err(AlignmentError::DotsNotFound { found: 0, .. })));
@@ -286,7 +294,7 @@ mod tests {
     }
 
     #[test]
-    fn without_the_large_dots_nothing_is_guessed() {
+    fn grid_without_three_large_dots_is_refused() {
         let grid = DotGrid::of_display(360, 640).unwrap();
         let mut target = grid.target();
         let [x, y] = grid.dot(grid.marker().0 + 2, grid.marker().1);

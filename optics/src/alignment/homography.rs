@@ -258,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn exact_points_give_the_exact_map_from_four_on() {
+    fn four_or_more_exact_points_give_exact_map() {
         let truth = perspective();
         let all = pairs(&truth);
         for chosen in [vec![all[0], all[6], all[28], all[34]], all] {
@@ -271,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn a_few_wrong_points_move_the_map_little() {
+    fn few_wrong_points_change_map_little() {
         let truth = perspective();
         let mut all = pairs(&truth);
         for (i, pair) in all.iter_mut().enumerate() {
@@ -289,7 +289,7 @@ mod tests {
     }
 
     #[test]
-    fn inverse_and_composition_undo_each_other() {
+    fn inverse_after_map_is_identity() {
         let map = perspective();
         let round = map.inverse().after(&map);
         for point in [[0.0, 0.0], [1919.0, 3.0], [500.5, 1079.0]] {
@@ -301,7 +301,7 @@ mod tests {
     }
 
     #[test]
-    fn what_fixes_no_map_is_refused() {
+    fn degenerate_and_invalid_points_are_refused() {
         let line: Vec<_> = (0..9).map(f64::from).map(|t| PointPair { display: [t, 2.0 * t], camera: [t, t] }).collect();
         assert_eq!(Homography::from_points(&line), Err(AlignmentError::Degenerate));
         assert_eq!(Homography::from_points(&line[..3]), Err(AlignmentError::TooFewPoints(3)));

@@ -40,32 +40,33 @@ fn steps_at(points: &[Point], seed: usize) -> Option<[Point; 2]> {
 }
 
 fn grow_from(points: &[Point], seed: usize, steps: [Point; 2]) -> HashMap<usize, (i32, i32)> {
-    let mut places = HashMap::from([(seed, (0, 0))]);
+    let mut positions = HashMap::from([(seed, (0, 0))]);
     let mut taken = HashMap::from([((0, 0), seed)]);
     let mut queue = std::collections::VecDeque::from([(seed, steps)]);
     while let Some((from, steps)) = queue.pop_front() {
-        let (column, row) = places[&from];
+        let (column, row) = positions[&from];
         for (axis, sign) in [(0, 1), (0, -1), (1, 1), (1, -1)] {
-            let place = if axis == 0 { (column + sign, row) } else { (column, row + sign) };
-            if taken.contains_key(&place) {
+            let position = if axis == 0 { (column + sign, row) } else { (column, row + sign) };
+            if taken.contains_key(&position) {
                 continue;
             }
             let step = steps[axis].map(|value| f64::from(sign) * value);
             let expected = [points[from][0] + step[0], points[from][1] + step[1]];
             let Some(found) = nearest(points, expected) else { continue };
-            if places.contains_key(&found) || distance(points[found], expected) > TOLERANCE * step[0].hypot(step[1]) {
+            if positions.contains_key(&found) || distance(points[found], expected) > TOLERANCE * step[0].hypot(step[1])
+            {
                 continue;
             }
             let mut next = steps;
-            let seen = [points[found][0] - points[from][0], points[found][1] - points[from][1]];
+            let measured = [points[found][0] - points[from][0], points[found][1] - points[from][1]];
             // Mean of the old and the new step, so that one noisy spot does not turn the whole row.
-            next[axis] = std::array::from_fn(|k| 0.5 * (steps[axis][k] + f64::from(sign) * seen[k]));
-            places.insert(found, place);
-            taken.insert(place, found);
+            next[axis] = std::array::from_fn(|k| 0.5 * (steps[axis][k] + f64::from(sign) * measured[k]));
+            positions.insert(found, position);
+            taken.insert(position, found);
             queue.push_back((found, next));
         }
     }
-    places
+    positions
 }
 
 fn nearest(points: &[Point], to: Point) -> Option<usize> {
@@ -83,7 +84,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_grid_in_perspective_with_gaps_and_strays_is_numbered() {
+    fn perspective_grid_with_gaps_and_stray_spot_is_numbered() {
         let tilt = Homography::try_new([1.4, 0.3, 50.0, -0.2, 1.3, 120.0, 4e-4, -2e-4, 1.0]).unwrap();
         let mut points: Vec<Point> = Vec::new();
         let mut truth = Vec::new();
@@ -95,11 +96,11 @@ mod tests {
             truth.push((column, row));
         }
         points.push([points[30][0] + 19.0, points[30][1] + 17.0]);
-        let places = grow(&points);
-        assert_eq!(places.len(), truth.len(), "all but the stray");
+        let positions = grow(&points);
+        assert_eq!(positions.len(), truth.len(), "all spots but the stray one");
         // Coordinates are unique up to a shift and a turn of the axes, so distances between neighbours are compared.
-        let (&a, &(ca, ra)) = places.iter().next().unwrap();
-        for (&b, &(cb, rb)) in &places {
+        let (&a, &(ca, ra)) = positions.iter().next().unwrap();
+        for (&b, &(cb, rb)) in &positions {
             let steps = (cb - ca).abs() + (rb - ra).abs();
             assert_eq!(steps, (truth[b].0 - truth[a].0).abs() + (truth[b].1 - truth[a].1).abs());
         }

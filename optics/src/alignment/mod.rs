@@ -53,8 +53,8 @@ pub enum AlignmentError {
     },
     /// The photograph shows dots, but not the three large ones that mark the grid's orientation.
     #[error(
-        "{found} dots form a grid, but the three large ones in its middle, which tell which way up it is, were not found; \
-         is the photograph sharp and not saturated?"
+        "{found} dots form a grid, but the three large dots that mark its orientation were not found; take a \
+         photograph that is in focus and not saturated"
     )]
     MarkersNotFound {
         /// Number of dots that form a grid.

@@ -103,7 +103,7 @@ impl Tiles {
     #[must_use]
     pub fn register(&self, region: RegionOfInterest) -> Option<Registration> {
         let half = self.side_px as f64 / 2.0 - 0.5;
-        let seen: Vec<(Point, Point)> = self
+        let displacements: Vec<(Point, Point)> = self
             .spectra
             .par_iter()
             .zip(&self.corners)
@@ -112,7 +112,7 @@ impl Tiles {
                 Some(([x as f64 + half, y as f64 + half], shift))
             })
             .collect();
-        fit(&seen, region)
+        fit(&displacements, region)
     }
 }
 
@@ -201,16 +201,16 @@ fn refine(spectrum: &Plane<Complex64>, y: f64, x: f64) -> (f64, f64) {
 }
 
 /// Fits an affine displacement by iteratively reweighted least squares.
-fn fit(seen: &[(Point, Point)], region: RegionOfInterest) -> Option<Registration> {
-    if seen.len() < TILES_MIN {
+fn fit(displacements: &[(Point, Point)], region: RegionOfInterest) -> Option<Registration> {
+    if displacements.len() < TILES_MIN {
         return None;
     }
     let frame = Frame::of(region);
-    let parameters = frame.parameters(seen)?;
+    let parameters = frame.parameters(displacements)?;
     let mut distances: Vec<f64> =
-        seen.iter().map(|&(p, shift)| distance(frame.predicted(&parameters, p), shift)).collect();
+        displacements.iter().map(|&(p, shift)| distance(frame.predicted(&parameters, p), shift)).collect();
     distances.retain(|&off| off <= OUTLIER_PX);
-    if distances.len() < TILES_MIN || 2 * distances.len() < seen.len() {
+    if distances.len() < TILES_MIN || 2 * distances.len() < displacements.len() {
         return None;
     }
     let rms = |values: &[f64]| (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt();
@@ -265,18 +265,18 @@ impl Frame {
     }
 
     /// The linear functions that fit the displacements in x and y of most tiles.
-    fn parameters(&self, seen: &[(Point, Point)]) -> Option<[[f64; 3]; 2]> {
+    fn parameters(&self, displacements: &[(Point, Point)]) -> Option<[[f64; 3]; 2]> {
         // A start at the medians is robust even when a third of the tiles are wrong.
         let mut parameters = [[0.0; 3]; 2];
         for (axis, parameters) in parameters.iter_mut().enumerate() {
-            let mut shifts: Vec<f64> = seen.iter().map(|(_, shift)| shift[axis]).collect();
+            let mut shifts: Vec<f64> = displacements.iter().map(|(_, shift)| shift[axis]).collect();
             shifts.sort_by(f64::total_cmp);
             parameters[0] = shifts[shifts.len() / 2];
         }
         let mut outlier_px = f64::INFINITY;
         for round in 0..30 {
             let mut equations = [NormalEquations::<3>::new(), NormalEquations::<3>::new()];
-            for &(p, shift) in seen {
+            for &(p, shift) in displacements {
                 let off = distance(self.predicted(&parameters, p), shift);
                 if off > outlier_px {
                     continue;
@@ -337,7 +337,7 @@ mod tests {
     }
 
     #[test]
-    fn shifts_and_turns_are_found_to_a_tenth_of_a_pixel() {
+    fn shifts_and_rotations_are_found_within_tenth_of_pixel() {
         for (angle_deg, scale, shift) in
             [(0.0, 1.0, [2.0, 0.0]), (1.0, 1.0, [1.4, -1.4]), (-0.6, 1.01, [-3.3, 0.7_f64])]
         {
@@ -351,7 +351,7 @@ mod tests {
     }
 
     #[test]
-    fn the_size_of_a_misalignment_is_told_with_what_a_shift_cannot_undo() {
+    fn misalignment_and_distortion_are_measured() {
         let region = region(360, 640);
         let measure = |map: &Homography| {
             let mut tiles = Tiles::cover(region).unwrap();
@@ -369,7 +369,7 @@ mod tests {
     }
 
     #[test]
-    fn photographs_of_something_else_say_nothing() {
+    fn unrelated_photographs_give_no_registration() {
         let region = region(360, 640);
         let mut tiles = Tiles::cover(region).unwrap();
         let (card, _) = pair(0, &Homography::IDENTITY);

@@ -114,33 +114,33 @@ mod tests {
     }
 
     #[test]
-    fn the_identity_changes_nothing() {
+    fn identity_leaves_photograph_unchanged() {
         let photo = Plane::from_fn(20, 30, |y, x| scene([x as f64, y as f64]) as f32);
         assert_eq!(warp(&photo, &Homography::IDENTITY, 20, 30, 2.0, 1.0), photo);
     }
 
     #[test]
-    fn a_turned_and_magnified_photograph_comes_back() {
+    fn rotated_and_magnified_photograph_is_restored() {
         for (scale, bound) in [(1.0, 1e-2), (1.7, 3e-2)] {
             let map = Homography::similarity([40.0, 30.0], 0.02, scale, [12.3 * scale, 11.6 * scale]);
             let (back, side) = (map.inverse(), (160.0 * scale) as usize);
             let photo = Plane::from_fn(side, side, |y, x| scene(back.apply([x as f64, y as f64])) as f32);
-            let seen = warp(&photo, &map, 60, 80, 2.0, 1.0);
+            let resampled = warp(&photo, &map, 60, 80, 2.0, 1.0);
             let mut worst = 0.0_f64;
             for (y, x) in (8..52).flat_map(|y| (8..72).map(move |x| (y, x))) {
-                worst = worst.max((f64::from(seen.at(y, x)) - scene([x as f64, y as f64])).abs());
+                worst = worst.max((f64::from(resampled.at(y, x)) - scene([x as f64, y as f64])).abs());
             }
             assert!(worst < bound, "scale {scale}: {worst}");
         }
     }
 
     #[test]
-    fn a_fine_camera_is_averaged() {
+    fn fine_camera_pixels_are_averaged() {
         // Stripes one camera pixel wide, one in each display pixel of three camera pixels.
         let photo = Plane::from_fn(90, 90, |_, x| (x % 3 == 0) as u8 as f32);
         let map = Homography::similarity([0.0, 0.0], 0.0, 3.0, [1.0, 1.0]);
-        let seen = warp(&photo, &map, 30, 30, 2.0, 1.0);
-        assert!((seen.at(15, 15) - 1.0 / 3.0).abs() < 1e-3, "{}", seen.at(15, 15));
+        let resampled = warp(&photo, &map, 30, 30, 2.0, 1.0);
+        assert!((resampled.at(15, 15) - 1.0 / 3.0).abs() < 1e-3, "{}", resampled.at(15, 15));
     }
 
     #[test]
@@ -148,9 +148,9 @@ mod tests {
         let mut photo = Plane::filled(20, 20, 0.4);
         photo.values_mut()[10 * 20 + 10] = 1.0;
         let map = Homography::similarity([0.0, 0.0], 0.0, 1.0, [0.5, 0.0]);
-        let seen = warp(&photo, &map, 20, 25, 0.999, 1.0);
-        assert_eq!((seen.at(10, 9), seen.at(10, 10)), (1.0, 1.0));
-        assert!((seen.at(5, 5) - 0.4).abs() < 1e-6);
-        assert_eq!(seen.at(5, 22), 1.0, "beyond the photograph");
+        let resampled = warp(&photo, &map, 20, 25, 0.999, 1.0);
+        assert_eq!((resampled.at(10, 9), resampled.at(10, 10)), (1.0, 1.0));
+        assert!((resampled.at(5, 5) - 0.4).abs() < 1e-6);
+        assert_eq!(resampled.at(5, 22), 1.0, "beyond the photograph");
     }
 }

@@ -38,7 +38,7 @@ impl Butterfly<3> for Butterfly3 {
     #[inline(always)]
     fn transform<T: Number, S: Simd>([a, b, c]: [ComplexLanes<T, S>; 3]) -> [ComplexLanes<T, S>; 3] {
         let sine = (TAU / 3.0).sin();
-        let (sum, difference) = (b + c, (b - c).turned());
+        let (sum, difference) = (b + c, (b - c).times_minus_i());
         let middle = sum.scaled_plus(-0.5, a);
         [a + sum, difference.scaled_plus(sine, middle), difference.scaled_plus(-sine, middle)]
     }
@@ -47,7 +47,7 @@ impl Butterfly<3> for Butterfly3 {
 impl Butterfly<4> for Butterfly4 {
     #[inline(always)]
     fn transform<T: Number, S: Simd>([a, b, c, d]: [ComplexLanes<T, S>; 4]) -> [ComplexLanes<T, S>; 4] {
-        let (even, odd) = ((a + c, a - c), (b + d, (b - d).turned()));
+        let (even, odd) = ((a + c, a - c), (b + d, (b - d).times_minus_i()));
         [even.0 + odd.0, even.1 + odd.1, even.0 - odd.0, even.1 - odd.1]
     }
 }
@@ -56,7 +56,7 @@ impl Butterfly<5> for Butterfly5 {
     #[inline(always)]
     fn transform<T: Number, S: Simd>([a, b, c, d, e]: [ComplexLanes<T, S>; 5]) -> [ComplexLanes<T, S>; 5] {
         let ((sine_1, cosine_1), (sine_2, cosine_2)) = ((TAU / 5.0).sin_cos(), (2.0 * TAU / 5.0).sin_cos());
-        let (near, far) = ((b + e, (b - e).turned()), (c + d, (c - d).turned()));
+        let (near, far) = ((b + e, (b - e).times_minus_i()), (c + d, (c - d).times_minus_i()));
         let first = far.0.scaled_plus(cosine_2, near.0.scaled_plus(cosine_1, a));
         let second = far.0.scaled_plus(cosine_1, near.0.scaled_plus(cosine_2, a));
         let first_turn = far.1.scaled_plus(sine_2, near.1.scaled(sine_1));
@@ -73,7 +73,7 @@ impl Butterfly<8> for Butterfly8 {
         // The products with e^{−iπ/4} and e^{−i3π/4} need no complex multiplication.
         let eighth = ComplexLanes { re: odd[1].re + odd[1].im, im: odd[1].im - odd[1].re }.scaled(FRAC_1_SQRT_2);
         let three = ComplexLanes { re: odd[3].im - odd[3].re, im: -(odd[3].im + odd[3].re) }.scaled(FRAC_1_SQRT_2);
-        let quarter = odd[2].turned();
+        let quarter = odd[2].times_minus_i();
         [
             even[0] + odd[0],
             even[1] + eighth,
@@ -94,8 +94,8 @@ impl Butterfly<9> for Butterfly9 {
         let b = Butterfly3::transform([x[1], x[4], x[7]]);
         let c = Butterfly3::transform([x[2], x[5], x[8]]);
         let first = Butterfly3::transform([a[0], b[0], c[0]]);
-        let second = Butterfly3::transform([a[1], b[1].turned_by(1.0 / 9.0), c[1].turned_by(2.0 / 9.0)]);
-        let third = Butterfly3::transform([a[2], b[2].turned_by(2.0 / 9.0), c[2].turned_by(4.0 / 9.0)]);
+        let second = Butterfly3::transform([a[1], b[1].rotated(1.0 / 9.0), c[1].rotated(2.0 / 9.0)]);
+        let third = Butterfly3::transform([a[2], b[2].rotated(2.0 / 9.0), c[2].rotated(4.0 / 9.0)]);
         [first[0], second[0], third[0], first[1], second[1], third[1], first[2], second[2], third[2]]
     }
 }

@@ -96,7 +96,7 @@ impl<T: Vectors, S: Simd> ComplexLanes<T, S> {
 
     /// Returns −i · self.
     #[inline(always)]
-    pub(super) fn turned(self) -> Self {
+    pub(super) fn times_minus_i(self) -> Self {
         Self { re: self.im, im: -self.re }
     }
 }
@@ -117,7 +117,7 @@ impl<T: Number, S: Simd> ComplexLanes<T, S> {
 
     /// Returns e^{−i2π·cycles} · self.
     #[inline(always)]
-    pub(super) fn turned_by(self, cycles: f64) -> Self {
+    pub(super) fn rotated(self, cycles: f64) -> Self {
         let (sine, cosine) = (-std::f64::consts::TAU * cycles).sin_cos();
         self * Self::splat(self.re.simd, Complex::new(T::of(cosine), T::of(sine)))
     }

@@ -66,7 +66,7 @@ impl<T: Number> Planes<T> {
     }
 
     /// Replaces every value by i · conj(value). Applied before and after a transform, this gives the inverse transform.
-    fn exchange(&mut self) {
+    fn swap_parts(&mut self) {
         std::mem::swap(&mut self.re, &mut self.im);
     }
 }
@@ -94,7 +94,7 @@ impl<T: Number> BatchFft<T> {
         let registers = self.columns / T::lanes::<S>();
         match &self.plan {
             Plan::Stages(stages) if !stages.is_empty() => {
-                let (last, stages) = stages.split_last().expect("just asked");
+                let (last, stages) = stages.split_last().expect("the list of stages is not empty");
                 for stage in stages {
                     simd.vectorize(Run { stage, registers, from: tile, to: spare });
                     std::mem::swap(tile, spare);
@@ -118,9 +118,9 @@ impl<T: Number> BatchFft<T> {
     /// Applies the inverse of [`Self::forward`], times n; overwrites `spare`.
     #[inline(always)]
     pub(crate) fn inverse<S: Simd>(&self, simd: S, tile: &mut Planes<T>, spare: &mut Planes<T>) {
-        tile.exchange();
+        tile.swap_parts();
         self.forward(simd, tile, spare, None);
-        tile.exchange();
+        tile.swap_parts();
     }
 }
 
@@ -321,14 +321,14 @@ mod tests {
 
     const COLUMNS: usize = 16;
 
-    struct Both<'a, T> {
+    struct Transform<'a, T> {
         fft: &'a BatchFft<T>,
         tile: &'a mut Planes<T>,
         spare: &'a mut Planes<T>,
         inverse: bool,
     }
 
-    impl<T: Number> WithSimd for Both<'_, T> {
+    impl<T: Number> WithSimd for Transform<'_, T> {
         type Output = ();
 
         #[inline(always)]
@@ -341,13 +341,13 @@ mod tests {
     fn check<T: Number>(n: usize, bound: f64) {
         let fft = BatchFft::<T>::new(n, COLUMNS);
         let noise = |i: usize, by: usize| T::of(((i * by) % 1009) as f64 / 504.5 - 1.0);
-        let dirt = vec![T::of(f64::NAN); n * COLUMNS];
+        let garbage = vec![T::of(f64::NAN); n * COLUMNS];
         let re: Vec<T> = (0..n * COLUMNS).map(|i| noise(i, 7919)).collect();
         let im: Vec<T> = (0..n * COLUMNS).map(|i| noise(i, 104_729)).collect();
         for inverse in [false, true] {
             let mut tile = Planes { re: re.clone(), im: im.clone() };
-            let mut spare = Planes { re: dirt.clone(), im: dirt.clone() };
-            Arch::new().dispatch(Both { fft: &fft, tile: &mut tile, spare: &mut spare, inverse });
+            let mut spare = Planes { re: garbage.clone(), im: garbage.clone() };
+            Arch::new().dispatch(Transform { fft: &fft, tile: &mut tile, spare: &mut spare, inverse });
             let (mut error, mut energy) = (0.0, 0.0);
             for column in [0, 1, COLUMNS - 1] {
                 for k in 0..n {
@@ -369,7 +369,7 @@ mod tests {
 
     // The lengths cover every radix, every pair of radices, and lengths that rustfft transforms.
     #[test]
-    fn agrees_with_the_sum_of_its_definition() {
+    fn transform_matches_direct_sum() {
         for n in (1..=60).chain([64, 72, 81, 96, 100, 108, 120, 125, 131, 144, 270, 360, 540]) {
             check::<f32>(n, 5e-7);
             check::<f64>(n, 1e-14);
@@ -377,7 +377,7 @@ mod tests {
     }
 
     #[test]
-    fn common_displays_need_few_stages() {
+    fn common_display_sizes_need_few_stages() {
         for (n, most) in [(1080, 3), (2160, 4), (1200, 3), (1024, 4), (768, 3), (1536, 4), (2400, 4), (600, 3)] {
             let radices = factors(n).unwrap();
             assert_eq!(radices.iter().product::<usize>(), n);

@@ -43,13 +43,13 @@ fn check_against_reference<T: Real>(bound: f64) {
 }
 
 #[test]
-fn f64_passes_match_the_plain_transform() {
+fn f64_passes_match_plain_transform() {
     check_against_reference::<f64>(1e-12);
 }
 
 // The bound covers rounding: ε·log₂N for the transforms, and the same amount for the tables.
 #[test]
-fn f32_passes_match_the_plain_transform() {
+fn f32_passes_match_plain_transform() {
     check_against_reference::<f32>(1e-6);
 }
 
@@ -91,7 +91,7 @@ fn check_adjoint<T: Real>(bound: f64) {
 }
 
 #[test]
-fn the_way_back_is_the_adjoint_of_the_way_there() {
+fn backward_propagation_is_adjoint_of_forward_propagation() {
     check_adjoint::<f32>(1e-6);
     check_adjoint::<f64>(1e-14);
 }

@@ -1,7 +1,7 @@
 //! Passes along y, one tile of columns at a time.
 
 use super::Real;
-use super::tile_pass::{TilePass, TileScratch, Way};
+use super::tile_pass::{Operation, TilePass, TileScratch};
 use super::{Convolver, Kernels};
 use num_complex::Complex;
 use rayon::prelude::*;
@@ -13,7 +13,7 @@ impl<T: Real> Convolver<T> {
         tiles.par_chunks_mut(self.lanes() * self.tile_len()).enumerate().for_each_init(
             || self.scratch.take(),
             |scratch, (tile, out)| {
-                self.pass(kernels, tile, &mut scratch.tile, Way::There(spectrum, out));
+                self.pass(kernels, tile, &mut scratch.tile, Operation::Propagate(spectrum, out));
             },
         );
     }
@@ -23,7 +23,7 @@ impl<T: Real> Convolver<T> {
         tiles.par_chunks_mut(kernels.lanes() * self.tile_len()).enumerate().for_each_init(
             || self.scratch.take(),
             |scratch, (tile, out)| {
-                self.pass(kernels, tile, &mut scratch.tile, Way::Back(spectrum, out));
+                self.pass(kernels, tile, &mut scratch.tile, Operation::PropagateAdjoint(spectrum, out));
             },
         );
     }
@@ -53,9 +53,9 @@ impl<T: Real> Convolver<T> {
             |(scratch, u, g, [u_column, g_column]), (tile, out)| {
                 let scratch = &mut scratch.tile;
                 for (k, u) in u.iter_mut().enumerate() {
-                    self.pass(kernels, tile, scratch, Way::SpectraThere(k, field, u));
+                    self.pass(kernels, tile, scratch, Operation::FieldSpectra(k, field, u));
                 }
-                self.pass(kernels, tile, scratch, Way::SpectraBack(gradient, g));
+                self.pass(kernels, tile, scratch, Operation::GradientSpectra(gradient, g));
                 let columns = self.tile_columns.min(2 * self.width_px - tile * self.tile_columns);
                 let mut answers = Vec::with_capacity(columns * count);
                 for column in 0..columns {
@@ -65,7 +65,7 @@ impl<T: Real> Convolver<T> {
                         answers.push(visit(k, tile * self.tile_columns + column, u_column, g_column));
                     }
                 }
-                self.pass(kernels, tile, scratch, Way::ReturnSpectra(out));
+                self.pass(kernels, tile, scratch, Operation::ReturnSpectra(out));
                 answers
             },
         );
@@ -84,7 +84,7 @@ impl<T: Real> Convolver<T> {
         spectra.par_chunks_mut(2 * self.tile_len()).enumerate().for_each_init(
             || self.scratch.take(),
             |scratch, (tile, out)| {
-                self.pass(kernels, tile, &mut scratch.tile, Way::Weigh(spectrum, weights, out));
+                self.pass(kernels, tile, &mut scratch.tile, Operation::Weigh(spectrum, weights, out));
             },
         );
     }
@@ -98,13 +98,13 @@ impl<T: Real> Convolver<T> {
         tiles.par_chunks_mut(lanes).zip(spectra).enumerate().for_each_init(
             || self.scratch.take(),
             |scratch, (tile, (out, spectra))| {
-                self.pass(kernels, tile, &mut scratch.tile, Way::ReturnWeighed(spectra, along_y, out));
+                self.pass(kernels, tile, &mut scratch.tile, Operation::ReturnWeighed(spectra, along_y, out));
             },
         );
     }
 
-    fn pass(&self, kernels: &Kernels<T>, tile: usize, scratch: &mut TileScratch<T>, way: Way<'_, T>) {
-        T::pass_over_tile(TilePass { convolver: self, kernels, tile, scratch, way });
+    fn pass(&self, kernels: &Kernels<T>, tile: usize, scratch: &mut TileScratch<T>, operation: Operation<'_, T>) {
+        T::pass_over_tile(TilePass { convolver: self, kernels, tile, scratch, operation });
     }
 
     /// Number of values in a tile of one half-transformed field.

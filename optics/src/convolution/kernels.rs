@@ -34,8 +34,8 @@ impl<T: Real> Kernels<T> {
         Self { transfers, along_x: some(along_x), along_y: some(along_y) }
     }
 
-    /// The transfer function, if there is a single one.
-    pub(crate) fn only_mut(&mut self) -> &mut Transfer<T> {
+    /// The first transfer function; a single kernel has no other.
+    pub(crate) fn first_mut(&mut self) -> &mut Transfer<T> {
         &mut self.transfers[0]
     }
 

@@ -38,7 +38,7 @@ use std::{f64::consts::PI, fmt, sync::Arc};
 use tile_pass::TilePasses;
 
 /// Floating-point type in which convolutions are computed: f32 or f64.
-#[allow(private_bounds)] // how the engine computes is its own affair
+#[allow(private_bounds)] // the passes over tiles are private to this crate
 pub trait Real: Number + TilePasses {}
 
 impl Real for f32 {}

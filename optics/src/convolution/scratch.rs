@@ -54,12 +54,12 @@ impl<T: Real> ScratchPool<T> {
         }
     }
 
-    pub(crate) fn take(&self) -> Lent<'_, T> {
+    pub(crate) fn take(&self) -> PooledScratch<'_, T> {
         let idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner).pop();
-        Lent { pool: self, scratch: Some(idle.unwrap_or_else(|| self.make())) }
+        PooledScratch { pool: self, scratch: Some(idle.unwrap_or_else(|| self.allocate())) }
     }
 
-    fn make(&self) -> Scratch<T> {
+    fn allocate(&self) -> Scratch<T> {
         let zeros = |len| vec![Complex::new(T::zero(), T::zero()); len];
         Scratch {
             row: zeros(4 * self.width_px),
@@ -73,26 +73,26 @@ impl<T: Real> ScratchPool<T> {
 }
 
 /// Scratch memory on loan from a pool; dropping it returns it to the pool.
-pub(crate) struct Lent<'a, T> {
+pub(crate) struct PooledScratch<'a, T> {
     pool: &'a ScratchPool<T>,
     scratch: Option<Scratch<T>>,
 }
 
-impl<T> Deref for Lent<'_, T> {
+impl<T> Deref for PooledScratch<'_, T> {
     type Target = Scratch<T>;
 
     fn deref(&self) -> &Scratch<T> {
-        self.scratch.as_ref().expect("lent until dropped")
+        self.scratch.as_ref().expect("the scratch memory is taken out only when dropped")
     }
 }
 
-impl<T> DerefMut for Lent<'_, T> {
+impl<T> DerefMut for PooledScratch<'_, T> {
     fn deref_mut(&mut self) -> &mut Scratch<T> {
-        self.scratch.as_mut().expect("lent until dropped")
+        self.scratch.as_mut().expect("the scratch memory is taken out only when dropped")
     }
 }
 
-impl<T> Drop for Lent<'_, T> {
+impl<T> Drop for PooledScratch<'_, T> {
     fn drop(&mut self) {
         if let Some(scratch) = self.scratch.take() {
             self.pool.idle.lock().unwrap_or_else(PoisonError::into_inner).push(scratch);

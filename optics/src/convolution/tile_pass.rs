@@ -23,20 +23,20 @@ impl<T: Real> TileScratch<T> {
 }
 
 /// Operation of a pass over a tile, with its inputs and its output.
-pub(super) enum Way<'a, T> {
+pub(super) enum Operation<'a, T> {
     /// Transforms, multiplies by H and transforms back for each offset along y.
-    There(&'a [Complex<T>], &'a mut [Complex<T>]),
-    /// Applies the adjoint of `Way::There`.
-    Back(&'a [Complex<T>], &'a mut [Complex<T>]),
+    Propagate(&'a [Complex<T>], &'a mut [Complex<T>]),
+    /// Applies the adjoint of `Operation::Propagate`.
+    PropagateAdjoint(&'a [Complex<T>], &'a mut [Complex<T>]),
     /// Transforms the field of one kernel's window and writes its spectra before H is applied.
-    SpectraThere(usize, &'a [Complex<T>], &'a mut [Complex<T>]),
+    FieldSpectra(usize, &'a [Complex<T>], &'a mut [Complex<T>]),
     /// Transforms the gradient and writes its spectra before conj(H) is applied; the scratch keeps them.
-    SpectraBack(&'a [Complex<T>], &'a mut [Complex<T>]),
-    /// Applies conj(H) to the spectra that [`Way::SpectraBack`] left in the scratch and transforms them back.
+    GradientSpectra(&'a [Complex<T>], &'a mut [Complex<T>]),
+    /// Applies conj(H) to the spectra that [`Operation::GradientSpectra`] left in the scratch and transforms them back.
     ReturnSpectra(&'a mut [Complex<T>]),
     /// Transforms, multiplies by H and by a weight for each kernel, and writes the sum of the spectra.
     Weigh(&'a [Complex<T>], &'a [T], &'a mut [Complex<T>]),
-    /// Multiplies the spectra that `Way::Weigh` wrote by a number for each row and transforms them back for each
+    /// Multiplies the spectra that `Operation::Weigh` wrote by a number for each row and transforms them back for each
     /// offset along y.
     ReturnWeighed(&'a [Complex<T>], &'a [T], &'a mut [Complex<T>]),
 }
@@ -65,7 +65,7 @@ pub(crate) struct TilePass<'a, T> {
     pub(super) kernels: &'a Kernels<T>,
     pub(super) tile: usize,
     pub(super) scratch: &'a mut TileScratch<T>,
-    pub(super) way: Way<'a, T>,
+    pub(super) operation: Operation<'a, T>,
 }
 
 impl<T: Real> WithSimd for TilePass<'_, T> {
@@ -73,14 +73,14 @@ impl<T: Real> WithSimd for TilePass<'_, T> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { convolver, kernels, tile, scratch, way } = self;
+        let Self { convolver, kernels, tile, scratch, operation } = self;
         let pass = Pass { simd, convolver, kernels, tile };
-        match way {
-            Way::There(spectrum, out) => {
+        match operation {
+            Operation::Propagate(spectrum, out) => {
                 pass.blend(spectrum, None, scratch);
                 pass.return_lanes(scratch, out);
             }
-            Way::Back(spectrum, out) => {
+            Operation::PropagateAdjoint(spectrum, out) => {
                 // A single kernel is applied in the last stage of the transform.
                 let factors = (kernels.transfers.len() == 1).then(|| pass.factors(0, true));
                 pass.sum_lanes(spectrum, scratch, factors);
@@ -89,20 +89,20 @@ impl<T: Real> WithSimd for TilePass<'_, T> {
                     None => pass.return_windows(scratch, out),
                 }
             }
-            Way::SpectraThere(k, spectrum, out) => {
+            Operation::FieldSpectra(k, spectrum, out) => {
                 pass.transform_kernel(spectrum, k, &mut scratch.spectra, &mut scratch.spare, None);
                 pass.write_spectra(&scratch.spectra, out);
             }
-            Way::SpectraBack(spectrum, out) => {
+            Operation::GradientSpectra(spectrum, out) => {
                 pass.sum_lanes(spectrum, scratch, None);
                 pass.write_spectra(&scratch.spectra, out);
             }
-            Way::ReturnSpectra(out) => pass.return_windows(scratch, out),
-            Way::Weigh(spectrum, weights, out) => {
+            Operation::ReturnSpectra(out) => pass.return_windows(scratch, out),
+            Operation::Weigh(spectrum, weights, out) => {
                 pass.blend(spectrum, Some(weights), scratch);
                 pass.write_spectra(&scratch.spectra, out);
             }
-            Way::ReturnWeighed(spectra, along_y, out) => {
+            Operation::ReturnWeighed(spectra, along_y, out) => {
                 pass.read_spectra(spectra, along_y, &mut scratch.spectra);
                 pass.return_lanes(scratch, out);
             }

@@ -92,7 +92,7 @@ mod tests {
     use crate::hologram::initial_phase;
 
     #[test]
-    fn full_random_phase_lights_all_and_a_flat_one_nearly_nothing() {
+    fn random_phase_lights_whole_band_and_flat_phase_only_centre() {
         let mut random = LitBand::new(64, 96);
         (0..8).for_each(|seed| random.add(&initial_phase(64, 96, std::f64::consts::TAU, seed).unwrap()).unwrap());
         assert_eq!(random.dark_part(), 0.0);

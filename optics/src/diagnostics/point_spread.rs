@@ -50,13 +50,13 @@ pub fn point_spread(pupil: impl Fn(f64, f64) -> Complex64) -> PointSpread {
     let half = (BAND / 2) as isize;
     let mut energy = 0.0;
     // Samples lie half a bin off the centre, so that the band is symmetric. Only the phase of the spot changes by that.
-    let place = |k: isize| (k as f64 + 0.5) / half as f64;
+    let frequency_of = |k: isize| (k as f64 + 0.5) / half as f64;
     let spectrum = Plane::from_fn(SIDE, SIDE, |y, x| {
         let (v, u) = (signed(y), signed(x));
         if !(-half..half).contains(&u) || !(-half..half).contains(&v) {
             return Complex64::ZERO;
         }
-        let value = pupil(place(u), place(v));
+        let value = pupil(frequency_of(u), frequency_of(v));
         energy += value.norm_sqr();
         value
     });
@@ -160,7 +160,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn without_aberrations_it_is_the_textbook_spot() {
+    fn spot_without_aberrations_matches_theory() {
         let ideal = point_spread(|_, _| Complex64::ONE);
         assert!((ideal.strehl - 1.0).abs() < 1e-9, "{}", ideal.strehl);
         assert_eq!(ideal.shift_px, [0.0, 0.0]);
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn tilt_shifts_and_defocus_spreads() {
+    fn tilt_shifts_spot_and_defocus_widens_it() {
         // A phase of 2π · 3 px over half a cycle per pixel.
         let tilted = point_spread(|x, _| Complex64::cis(-std::f64::consts::TAU * 3.0 * x / 2.0));
         assert_eq!(tilted.shift_px, [3.0, 0.0]);

@@ -66,8 +66,8 @@ impl ZernikeFit {
     #[must_use]
     pub fn of(phase_rad: impl Fn(f64, f64) -> f64, samples: usize) -> Option<Self> {
         let along = |i: usize| (2 * i + 1) as f64 / samples as f64 - 1.0;
-        let places = (0..samples * samples).map(|i| (along(i % samples), along(i / samples)));
-        let inside: Vec<(f64, f64)> = places.filter(|(x, y)| x * x + y * y <= 1.0).collect();
+        let points = (0..samples * samples).map(|i| (along(i % samples), along(i / samples)));
+        let inside: Vec<(f64, f64)> = points.filter(|(x, y)| x * x + y * y <= 1.0).collect();
         let mut equations = NormalEquations::<TERMS>::new();
         let mut values = Vec::with_capacity(inside.len());
         for &(x, y) in &inside {
@@ -134,7 +134,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn indices_are_nolls() {
+    fn indices_follow_noll() {
         let expected = [(0, 0), (1, 1), (1, -1), (2, 0), (2, -2), (2, 2), (3, -1), (3, 1), (3, -3), (3, 3), (4, 0)];
         for (i, orders_of) in expected.into_iter().enumerate() {
             assert_eq!(orders(i + 1), orders_of, "{}", i + 1);
@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sum_of_terms_is_taken_apart() {
+    fn coefficients_of_known_sum_are_recovered() {
         let fit = ZernikeFit::of(
             |x, y| {
                 let z = polynomials(x, y);

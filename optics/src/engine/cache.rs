@@ -19,19 +19,19 @@ const PLANS_MAX: usize = 8;
 #[derive(Debug)]
 pub struct EngineCache {
     transfers_bytes_max: usize,
-    kept: Mutex<Kept>,
+    parts: Mutex<CachedParts>,
 }
 
 /// Cached parts, ordered from the least to the most recently used.
 #[derive(Debug, Default)]
-struct Kept {
+struct CachedParts {
     plans: Vec<Arc<Convolver<f32>>>,
-    kernels: Vec<(Sampled, Arc<Kernels<f32>>)>,
+    kernels: Vec<(KernelKey, Arc<Kernels<f32>>)>,
 }
 
 /// Parameters that determine sampled transfer functions.
 #[derive(Debug, PartialEq)]
-struct Sampled {
+struct KernelKey {
     setup: OpticalSetup,
     kernel: KernelShape,
     variation: SpatialVariation,
@@ -42,7 +42,7 @@ impl EngineCache {
     /// takes 32 bytes for each pixel of its display, 9 to 25 times as much if the kernel varies over the SLM.
     #[must_use]
     pub fn new(transfers_bytes_max: usize) -> Self {
-        Self { transfers_bytes_max, kept: Mutex::default() }
+        Self { transfers_bytes_max, parts: Mutex::default() }
     }
 
     /// Creates the same engine as [`Engine::new`], from cached parts where possible.
@@ -63,17 +63,17 @@ impl EngineCache {
 
     fn plans(&self, model: &DisplayModel, detector: Detector) -> Arc<Convolver<f32>> {
         let (height_px, width_px) = (model.setup.grid().height_px(), model.setup.grid().width_px());
-        let fits = |kept: &Arc<Convolver<f32>>| {
-            (kept.height_px, kept.width_px, kept.offsets_px()) == (height_px, width_px, detector.offsets_px())
+        let fits = |plans: &Arc<Convolver<f32>>| {
+            (plans.height_px, plans.width_px, plans.offsets_px()) == (height_px, width_px, detector.offsets_px())
         };
-        let mut kept = self.kept();
-        let plans = match kept.plans.iter().position(fits) {
-            Some(at) => kept.plans.remove(at),
+        let mut parts = self.lock();
+        let plans = match parts.plans.iter().position(fits) {
+            Some(at) => parts.plans.remove(at),
             None => Arc::new(Convolver::new(height_px, width_px, detector.offsets_px())),
         };
-        kept.plans.push(Arc::clone(&plans));
-        if kept.plans.len() > PLANS_MAX {
-            kept.plans.remove(0);
+        parts.plans.push(Arc::clone(&plans));
+        if parts.plans.len() > PLANS_MAX {
+            parts.plans.remove(0);
         }
         plans
     }
@@ -82,39 +82,39 @@ impl EngineCache {
         if matches!(model.kernel, KernelShape::Bins(_)) {
             return Arc::new(sample_kernels(model));
         }
-        let sampled = Sampled::of(model);
-        let mut kept = self.kept();
-        if let Some(at) = kept.kernels.iter().position(|(of, _)| *of == sampled) {
-            let found = kept.kernels.remove(at);
+        let key = KernelKey::of(model);
+        let mut parts = self.lock();
+        if let Some(at) = parts.kernels.iter().position(|(of, _)| *of == key) {
+            let found = parts.kernels.remove(at);
             let kernels = Arc::clone(&found.1);
-            kept.kernels.push(found);
+            parts.kernels.push(found);
             return kernels;
         }
         // The lock is released while sampling, which is slow. Two jobs that need the same transfer function at once
         // both sample it.
-        drop(kept);
+        drop(parts);
         let kernels = Arc::new(sample_kernels(model));
-        self.kept().keep(sampled, &kernels, self.transfers_bytes_max);
+        self.lock().insert(key, &kernels, self.transfers_bytes_max);
         kernels
     }
 
-    fn kept(&self) -> MutexGuard<'_, Kept> {
-        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock(&self) -> MutexGuard<'_, CachedParts> {
+        self.parts.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl Sampled {
+impl KernelKey {
     fn of(model: &DisplayModel) -> Self {
         Self { setup: model.setup, kernel: model.kernel.clone(), variation: model.variation.clone() }
     }
 }
 
-impl Kept {
-    fn keep(&mut self, sampled: Sampled, kernels: &Arc<Kernels<f32>>, bytes_max: usize) {
+impl CachedParts {
+    fn insert(&mut self, key: KernelKey, kernels: &Arc<Kernels<f32>>, bytes_max: usize) {
         if kernels.bytes() > bytes_max {
             return;
         }
-        self.kernels.push((sampled, Arc::clone(kernels)));
+        self.kernels.push((key, Arc::clone(kernels)));
         while self.kernels.iter().map(|(_, kernels)| kernels.bytes()).sum::<usize>() > bytes_max {
             self.kernels.remove(0);
         }
@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn engines_share_plans_and_transfer_functions_and_give_the_same_light() {
+    fn cached_engines_share_data_and_give_same_light_as_new_engines() {
         let cache = EngineCache::new(1 << 20);
         let mut smooth = model(2e-3);
         let mut errors = SmoothField::flat(2);
@@ -158,13 +158,13 @@ mod tests {
     }
 
     #[test]
-    fn what_was_used_longest_ago_makes_room() {
+    fn least_recently_used_kernels_are_removed() {
         let bytes = kernels(&EngineCache::new(0), &model(1e-3)).bytes();
         let cache = EngineCache::new(2 * bytes);
         let [a, b] = [1e-3, 2e-3].map(|distance_m| kernels(&cache, &model(distance_m)));
         assert!(Arc::ptr_eq(&a, &kernels(&cache, &model(1e-3))));
         kernels(&cache, &model(3e-3));
-        assert!(Arc::ptr_eq(&a, &kernels(&cache, &model(1e-3))), "used last, so it stays");
+        assert!(Arc::ptr_eq(&a, &kernels(&cache, &model(1e-3))), "the recently used kernel stays in the cache");
         assert!(!Arc::ptr_eq(&b, &kernels(&cache, &model(2e-3))));
     }
 }

@@ -85,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn samples_are_the_light_beside_the_pixels_centres() {
+    fn samples_match_light_at_offset_positions() {
         let phase = initial_phase(18, 25, 6.0, 3).unwrap().map(f64::from);
         let field = phase.map(Complex64::cis);
         let samples = engine(Detector::Supersampled).samples(&phase).unwrap();
@@ -101,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pixel_integrates_its_samples() {
+    fn pixel_light_is_mean_of_samples() {
         let phase = initial_phase(18, 25, 6.0, 3).unwrap().map(f64::from);
         let (light, samples) =
             (engine(Detector::Pixel).light(&phase).unwrap(), engine(Detector::Pixel).samples(&phase).unwrap());
@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn an_ideal_modulator_sends_one_from_each_pixel() {
+    fn ideal_modulator_sends_unit_light_per_pixel() {
         let phase = initial_phase(18, 25, 6.0, 3).unwrap().map(f64::from);
         let engine = engine(Detector::Point);
         assert!((engine.light_sent(&phase).unwrap() - 450.0).abs() < 1e-10);

@@ -40,7 +40,7 @@ pub(super) fn double_phase<T: Real>(problem: &ProblemCore<T>, image_phase: &[T])
                 let angle = c.im.atan2(c.re);
                 *phase = if (y + x) % 2 == 0 { angle + half_angle } else { angle - half_angle };
             }
-            engine.slm.shown_by_row(y, phase);
+            engine.slm.phases_to_display_row(y, phase);
         });
         scale = scale.max(largest);
     }
@@ -78,27 +78,27 @@ fn low_pass<T: Real>(field: &mut [Complex<T>], height_px: usize, width_px: usize
 mod tests {
     use super::*;
     use crate::engine::EngineCore;
-    use crate::hologram::loss::{Asked, Loss};
+    use crate::hologram::loss::{Loss, PlaneInput};
     use crate::metrics::{Gain, fitted_intensity_scale, psnr_db};
     use crate::test_cards::TestCard;
     use crate::{Detector, DisplayModel, Grid, OpticalSetup, Plane, RegionOfInterest};
     use num_complex::Complex64;
 
     #[test]
-    fn filtered_light_is_the_target_with_the_normalization_carried_out() {
+    fn filtered_light_matches_target_divided_by_squared_amplitude() {
         let (height_px, width_px) = (120, 160);
         let grid = Grid::try_new(height_px, width_px, 8e-6).unwrap();
         let setup = OpticalSetup::try_new(grid, 515e-9, 8e-3).unwrap();
         let region = RegionOfInterest::middle(&grid);
         let engine = EngineCore::<f64>::new(&DisplayModel::ideal(setup), Detector::Point, None).unwrap();
         let target = TestCard::Portrait.render(height_px, width_px, 2).unwrap();
-        let asked = Asked { engine: engine.clone(), target: target.map(f64::from), weight: None, share: 1.0 };
-        let problem = ProblemCore::with_planes(vec![asked], 1, region, Loss::default()).unwrap();
+        let plane = PlaneInput { engine: engine.clone(), target: target.map(f64::from), weight: None, share: 1.0 };
+        let problem = ProblemCore::with_planes(vec![plane], 1, region, Loss::default()).unwrap();
         let (phase, largest) = double_phase(&problem, &vec![0.0; height_px * width_px]);
         let mut field: Vec<Complex64> = phase.iter().map(|&phi| Complex64::cis(phi)).collect();
         low_pass(&mut field, height_px, width_px);
-        let seen = engine.propagate(&Plane::try_from_vec(height_px, width_px, field).unwrap()).unwrap();
-        let light = seen.map(|u| u.norm_sqr() as f32);
+        let image = engine.propagate(&Plane::try_from_vec(height_px, width_px, field).unwrap()).unwrap();
+        let light = image.map(|u| u.norm_sqr() as f32);
         let psnr_db = psnr_db(&light, &target, region, Gain::Fitted).unwrap();
         assert!(psnr_db > 25.0, "{psnr_db} dB");
         let gain = fitted_intensity_scale(&light, &target, region).unwrap();
@@ -106,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn the_filter_keeps_the_inner_half_of_the_band() {
+    fn filter_keeps_inner_half_of_band() {
         let wave = |cycles_per_px: f64| {
             let (height_px, width_px) = (64, 64);
             let turn = |i: usize| Complex64::cis(2.0 * PI * cycles_per_px * (i % width_px) as f64);

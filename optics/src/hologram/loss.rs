@@ -1,6 +1,6 @@
 //! Loss functions of hologram optimization and the image planes they compare.
 
-use super::roughness::{Extent, SpeckleBlocks};
+use super::roughness::{SpeckleBlocks, WeightedRegion};
 use crate::convolution::Real;
 use crate::engine::EngineCore;
 use crate::photometry::{Quantity, Sums};
@@ -35,7 +35,7 @@ impl Default for Loss {
 }
 
 impl Loss {
-    /// Largest factor of a term. With a larger factor the picture itself would not matter.
+    /// Largest factor of a term. With a larger factor the difference from the target would hardly count.
     pub const FACTOR_MAX: f64 = 1e3;
     /// Smallest side of a speckle block \[px\]. A smaller block has no meaningful contrast.
     pub const SPECKLE_BLOCK_PX_MIN: usize = 2;
@@ -89,14 +89,14 @@ impl ImagePlane {
 
 /// An [`ImagePlane`] in the precision `T` of an engine, not checked yet.
 #[derive(Debug)]
-pub(super) struct Asked<T> {
+pub(super) struct PlaneInput<T> {
     pub(super) engine: EngineCore<T>,
     pub(super) target: Plane<T>,
     pub(super) weight: Option<Plane<T>>,
     pub(super) share: f64,
 }
 
-impl From<ImagePlane> for Asked<f32> {
+impl From<ImagePlane> for PlaneInput<f32> {
     fn from(ImagePlane { engine, target, weight, share }: ImagePlane) -> Self {
         Self { engine: engine.core, target, weight, share }
     }
@@ -104,7 +104,7 @@ impl From<ImagePlane> for Asked<f32> {
 
 /// A checked image plane with the data that its loss needs.
 #[derive(Debug)]
-pub(super) struct Wanted<T> {
+pub(super) struct TargetPlane<T> {
     pub(super) engine: EngineCore<T>,
     /// Target of q: t or √t.
     pub(super) picture: Plane<T>,
@@ -118,9 +118,9 @@ pub(super) struct Wanted<T> {
     pub(super) blocks: Option<SpeckleBlocks>,
 }
 
-impl<T: Real> Wanted<T> {
-    pub(super) fn new(plane: Asked<T>, region: RegionOfInterest, loss: &Loss, shares: f64) -> Result<Self> {
-        let Asked { engine, target, weight, share } = plane;
+impl<T: Real> TargetPlane<T> {
+    pub(super) fn new(plane: PlaneInput<T>, region: RegionOfInterest, loss: &Loss, shares: f64) -> Result<Self> {
+        let PlaneInput { engine, target, weight, share } = plane;
         expect_light("target_intensity", &target, &engine)?;
         if let Some(weight) = &weight {
             expect_light("weight", weight, &engine)?;
@@ -135,13 +135,16 @@ impl<T: Real> Wanted<T> {
             Some(_) => pixels().map(|(y, x)| counts(y, x).wide()).sum(),
         };
         if weight_sum <= 0.0 {
-            return Err(Error::Empty { name: "weight", needed: "some pixel of the region of interest must count" });
+            return Err(Error::Empty {
+                name: "weight",
+                needed: "at least one pixel of the region of interest must have a positive weight",
+            });
         }
         if !(share > 0.0 && share.is_finite()) {
             return Err(Error::OutOfRange { name: "share", value: share, allowed: "above 0" });
         }
         let blocks = (loss.speckle > 0.0).then(|| {
-            let extent = Extent { region, weight: weight.as_ref(), weight_sum };
+            let extent = WeightedRegion { region, weight: weight.as_ref(), weight_sum };
             SpeckleBlocks::new(&extent, &target, loss.speckle_block_px)
         });
         let picture = match loss.quantity {
@@ -160,8 +163,8 @@ impl<T: Real> Wanted<T> {
         (0..self.picture.height_px()).any(|y| region.columns(y).is_some_and(|mut columns| columns.any(|x| lit(y, x))))
     }
 
-    pub(super) fn extent(&self, region: RegionOfInterest) -> Extent<'_, T> {
-        Extent { region, weight: self.weight.as_ref(), weight_sum: self.weight_sum }
+    pub(super) fn extent(&self, region: RegionOfInterest) -> WeightedRegion<'_, T> {
+        WeightedRegion { region, weight: self.weight.as_ref(), weight_sum: self.weight_sum }
     }
 }
 

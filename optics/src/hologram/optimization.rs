@@ -3,10 +3,10 @@
 use super::adam::AdamState;
 use super::double_phase::double_phase;
 use super::gerchberg_saxton;
-use super::meter::Clock;
 use super::problem::HologramProblem;
 use super::rounded::Levels;
 use super::state::{OptimizationState, Run};
+use super::stopwatch::Clock;
 use crate::optimizer::limited_memory::{LimitedMemory, Workspace};
 use crate::{Error, Evaluation, Plane, Result};
 use num_complex::Complex32;
@@ -86,8 +86,8 @@ impl HologramOptions {
             return Err(Error::OutOfRange { name: "learning_rate", value: learning_rate, allowed });
         }
         if self.levels.is_some() && !self.method.follows_gradient() {
-            let needed = "only adam and lbfgs can optimize through a display's levels";
-            return Err(Error::Empty { name: "levels", needed });
+            let reason = "only the methods adam and lbfgs can optimize through a display's levels";
+            return Err(Error::Incompatible { name: "levels", reason });
         }
         Ok(())
     }
@@ -168,10 +168,10 @@ impl Optimization {
         Ok(Self { problem, options, state, scratch: Scratch::default() })
     }
 
-    /// Measures the time of later evaluations with `clock`; see `Self::transforming`.
+    /// Measures the time of later evaluations with `clock`; see `Self::evaluation_time`.
     #[must_use]
     pub fn timed_by(mut self, clock: Clock) -> Self {
-        self.problem.core.meter.clock = Some(clock);
+        self.problem.core.stopwatch.clock = Some(clock);
         self
     }
 
@@ -179,8 +179,8 @@ impl Optimization {
     /// It covers the Fourier transforms and the work done in the same passes over memory. The rest of a step's time is
     /// spent in the method itself.
     #[must_use]
-    pub fn transforming(&self) -> Duration {
-        self.problem.core.meter.spent
+    pub fn evaluation_time(&self) -> Duration {
+        self.problem.core.stopwatch.spent
     }
 
     /// Takes the next step; `None` once all steps are done.
@@ -210,7 +210,7 @@ impl Optimization {
         match &mut state.run {
             Run::Adam(state) => {
                 let HologramMethod::Adam { learning_rate } = options.method else {
-                    unreachable!("the state is the method's")
+                    unreachable!("the state belongs to the method")
                 };
                 gradient.resize(state.phase.len(), 0.0);
                 state.step(problem, learning_rate, gradient)
@@ -233,7 +233,7 @@ impl Optimization {
             Run::DoublePhase { phase, .. } => problem.measure(phase, 1.0),
             Run::Rounded(state) => {
                 gradient.resize(state.phase.len(), 0.0);
-                let levels = options.levels.as_ref().expect("rounded for the levels given");
+                let levels = options.levels.as_ref().expect("options with levels");
                 state.step(problem, levels, options.all_iterations() - options.free_iterations(), gradient)
             }
         }

@@ -62,7 +62,7 @@ fn coarse(bit_depth: u32) -> Levels {
 }
 
 #[test]
-fn methods_are_as_good_as_they_should_be() {
+fn methods_reach_expected_quality() {
     let one_step = psnr_db(ADAM, Detector::Point, 1);
     let [adam, lbfgs, gs, wgs] =
         [ADAM, HologramMethod::Lbfgs, HologramMethod::GerchbergSaxton, HologramMethod::WeightedGerchbergSaxton]
@@ -81,7 +81,7 @@ fn lbfgs_beats_adam_with_every_detector() {
 }
 
 #[test]
-fn the_bits_do_not_depend_on_threads_or_interruptions() {
+fn phases_do_not_depend_on_threads_or_interruptions() {
     let runs = ALL.iter().map(|&method| HologramOptions::new(method, 9));
     let with_levels = [ADAM, HologramMethod::Lbfgs]
         .map(|method| HologramOptions { levels: Some(coarse(5)), ..HologramOptions::new(method, 9) });
@@ -111,7 +111,7 @@ fn the_bits_do_not_depend_on_threads_or_interruptions() {
 }
 
 #[test]
-fn a_state_of_something_else_is_refused() {
+fn state_of_another_optimization_is_refused() {
     let mut adam = start(problem(Detector::Point, 1, 1), HologramOptions::new(ADAM, 3));
     adam.step();
     let state = adam.state().clone();
@@ -124,13 +124,13 @@ fn a_state_of_something_else_is_refused() {
     let larger = Optimization::resume(problem(Detector::Point, 1, 2), HologramOptions::new(ADAM, 3), state.clone());
     assert!(larger.is_err());
     let mut cut = state;
-    let Run::Adam(adam) = &mut cut.run else { panic!("it is of Adam") };
+    let Run::Adam(adam) = &mut cut.run else { panic!("expected a state of Adam") };
     adam.first_moment.pop();
     assert!(Optimization::resume(problem(Detector::Point, 1, 1), HologramOptions::new(ADAM, 3), cut).is_err());
 }
 
 #[test]
-fn a_hologram_of_several_planes_shows_each_of_them() {
+fn hologram_of_several_planes_shows_each_plane() {
     let mut both = start(problem(Detector::Pixel, 2, 1), HologramOptions::new(HologramMethod::Lbfgs, 60));
     while both.step().is_some() {}
     let mut first = start(problem(Detector::Pixel, 1, 1), HologramOptions::new(HologramMethod::Lbfgs, 60));
@@ -164,7 +164,7 @@ fn frames_average_their_light() {
 }
 
 #[test]
-fn going_on_through_the_levels_costs_less_than_rounding() {
+fn optimizing_through_levels_loses_less_than_rounding() {
     let options = HologramOptions::new(HologramMethod::Lbfgs, 90);
     let (free, plain) = finished(start(problem(Detector::Point, 1, 1), options.clone()));
     let rounded = |levels: &Levels, phases: &[f32]| {
@@ -187,7 +187,7 @@ fn going_on_through_the_levels_costs_less_than_rounding() {
 }
 
 #[test]
-fn every_initial_phase_is_what_it_says() {
+fn initial_phases_match_their_definitions() {
     let problem = problem(Detector::Point, 1, 2);
     let setup = setup(12e-3);
     let phases = |initial: InitialPhase| initial.phases(&problem, &setup, 5).unwrap();
@@ -222,7 +222,7 @@ fn every_initial_phase_is_what_it_says() {
 }
 
 #[test]
-fn what_a_method_cannot_do_is_refused() {
+fn invalid_options_are_refused() {
     let refused = |options: HologramOptions| {
         let problem = problem(Detector::Point, 1, 1);
         let phases = vec![0.0; problem.parameters()];

@@ -6,7 +6,7 @@ use crate::propagation::ValidityReport;
 use crate::{Detector, DisplayModel, Engine, OpticalSetup, Plane, RegionOfInterest, Result};
 use num_complex::Complex32;
 
-/// Number of L-BFGS steps. More steps gain a few dB that no camera sees.
+/// Number of L-BFGS steps. More steps gain a few dB, which a photograph does not show.
 const ITERATIONS: u32 = 100;
 /// Range of the random initial phase \[rad\]. A narrow range gives the least speckle.
 const RANGE_RAD: f64 = 1.0;
@@ -76,7 +76,7 @@ mod tests {
     use crate::{Error, Grid, propagate};
 
     #[test]
-    fn near_and_far_a_hologram_shows_its_target_and_propagates_to_its_light() {
+    fn near_and_far_holograms_show_their_targets() {
         for (distance_m, method) in
             [(5e-3, PropagationMethod::AngularSpectrum), (30e-3, PropagationMethod::RayleighSommerfeld)]
         {
@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_shown_is_refused() {
+    fn invalid_targets_are_refused() {
         let setup = OpticalSetup::try_new(Grid::try_new(16, 16, 8e-6).unwrap(), 515e-9, 2e-3).unwrap();
         for (target, error) in [
             (Plane::filled(16, 17, 0.5), "target_intensity is 17×16 px"),

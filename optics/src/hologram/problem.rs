@@ -1,8 +1,8 @@
 //! Loss of a hologram's phases and its gradient.
 
-use super::loss::{Asked, ImagePlane, Loss, Wanted, weighted_sums};
-use super::meter::Meter;
-use super::two_passes::Kept;
+use super::loss::{ImagePlane, Loss, PlaneInput, TargetPlane, weighted_sums};
+use super::stopwatch::Stopwatch;
+use super::two_passes::Buffers;
 use crate::convolution::Real;
 use crate::engine::{Engine, EngineCore, Fields};
 use crate::photometry::{Comparison, Quantity, Sums};
@@ -22,13 +22,13 @@ pub struct HologramProblem {
 /// A [`HologramProblem`] in the precision `T`: f32 in production, f64 in tests of its gradients.
 #[derive(Debug)]
 pub(super) struct ProblemCore<T> {
-    pub(super) planes: Vec<Wanted<T>>,
+    pub(super) planes: Vec<TargetPlane<T>>,
     pub(super) frames: usize,
     pub(super) region: RegionOfInterest,
     pub(super) loss: Loss,
     pub(super) fields: Fields<T>,
-    pub(super) kept: Kept<T>,
-    pub(super) meter: Meter,
+    pub(super) buffers: Buffers<T>,
+    pub(super) stopwatch: Stopwatch,
 }
 
 /// Loss and best gain of a phase.
@@ -76,7 +76,7 @@ impl HologramProblem {
     /// or with values that are negative or not finite, a plane in which all weights are 0, targets that are black
     /// wherever the weight is positive, or a loss out of range.
     pub fn with_planes(planes: Vec<ImagePlane>, frames: usize, region: RegionOfInterest, loss: Loss) -> Result<Self> {
-        let planes = planes.into_iter().map(Asked::from).collect();
+        let planes = planes.into_iter().map(PlaneInput::from).collect();
         Ok(Self { core: ProblemCore::with_planes(planes, frames, region, loss)? })
     }
 
@@ -133,7 +133,7 @@ impl HologramProblem {
 impl<T: Real> ProblemCore<T> {
     /// Creates and checks a problem, see [`HologramProblem::with_planes`].
     pub(super) fn with_planes(
-        planes: Vec<Asked<T>>,
+        planes: Vec<PlaneInput<T>>,
         frames: usize,
         region: RegionOfInterest,
         loss: Loss,
@@ -149,18 +149,18 @@ impl<T: Real> ProblemCore<T> {
         for plane in &planes {
             plane.target.expect_size("target_intensity", first.height_px(), first.width_px())?;
             if plane.engine.detector() != first.detector() {
-                return Err(Error::Empty { name: "planes", needed: "all of them must have the same detector" });
+                return Err(Error::Incompatible { name: "planes", reason: "all planes must have the same detector" });
             }
         }
         let shares = planes.iter().map(|plane| plane.share).sum();
-        let wanted = planes.into_iter().map(|plane| Wanted::new(plane, region, &loss, shares));
-        let planes = wanted.collect::<Result<Vec<_>>>()?;
+        let checked = planes.into_iter().map(|plane| TargetPlane::new(plane, region, &loss, shares));
+        let planes = checked.collect::<Result<Vec<_>>>()?;
         if !planes.iter().any(|plane| plane.is_lit(region)) {
             let needed = "some light is needed in the region of interest";
             return Err(Error::Empty { name: "target_intensity", needed });
         }
         let fields = Fields::for_all(planes.iter().map(|plane| &plane.engine));
-        Ok(Self { planes, frames, region, loss, fields, kept: Kept::empty(), meter: Meter::default() })
+        Ok(Self { planes, frames, region, loss, fields, buffers: Buffers::empty(), stopwatch: Stopwatch::default() })
     }
 
     pub(super) fn engine(&self) -> &EngineCore<T> {
@@ -180,7 +180,7 @@ impl<T: Real> ProblemCore<T> {
         if self.frames > 1 || self.loss.has_roughness() {
             return self.evaluate_in_two(phase, Some(gain), gradient);
         }
-        let begin = self.meter.start();
+        let begin = self.stopwatch.start();
         let sums = weighted_sums(self.planes.len(), |p| {
             let plane = &self.planes[p];
             let engine = &plane.engine;
@@ -191,7 +191,7 @@ impl<T: Real> ProblemCore<T> {
             send_back(engine, &mut self.fields, phase, &mut Sink::Gradient(gradient), p > 0);
             (sums, plane.share)
         });
-        self.meter.stop(begin);
+        self.stopwatch.stop(begin);
         Evaluation::new(&sums, 0.0)
     }
 
@@ -203,7 +203,7 @@ impl<T: Real> ProblemCore<T> {
     /// Evaluates the loss at `gain` without its gradient, see [`HologramProblem::measure`].
     pub(super) fn measure(&mut self, phase: &[T], gain: f64) -> Evaluation {
         if self.frames > 1 || self.loss.has_roughness() {
-            self.light_up(phase);
+            self.compute_light(phase);
             let sums = weighted_sums(self.planes.len(), |p| self.measure_plane(p, gain));
             let roughness = (0..self.planes.len()).map(|p| self.roughness(p)).sum();
             return Evaluation::new(&sums, roughness);
@@ -258,7 +258,7 @@ pub(super) fn send_back<T: Real>(
 }
 
 pub(super) fn compare_with<T>(
-    plane: &Wanted<T>,
+    plane: &TargetPlane<T>,
     quantity: Quantity,
     region: RegionOfInterest,
     gain: f64,

@@ -58,7 +58,7 @@ impl Case {
             let engine = EngineCore::new(&flawed(setup, varies), self.detector, self.carrier).unwrap();
             let wave = |y: usize, x: usize| 0.5 + 0.4 * ((3 * y + (5 + p) * x) as f64).sin();
             let weight = |y: usize, x: usize| [1.0, 0.0, 0.4][(y + 2 * x + p) % 3];
-            Asked {
+            PlaneInput {
                 engine,
                 target: Plane::from_fn(height_px, width_px, wave),
                 weight: self.masked.then(|| Plane::from_fn(height_px, width_px, weight)),
@@ -101,7 +101,7 @@ impl Case {
 }
 
 #[test]
-fn the_gradient_is_that_of_central_differences() {
+fn gradient_matches_central_differences() {
     for size in SIZES {
         for detector in Detector::ALL {
             for carrier in [None, Some(Carrier::HalfOrderX), Some(Carrier::HalfOrderY)] {
@@ -112,7 +112,7 @@ fn the_gradient_is_that_of_central_differences() {
 }
 
 #[test]
-fn every_loss_with_every_detector_and_any_number_of_frames_and_planes_has_an_exact_gradient() {
+fn gradient_is_exact_for_all_losses_detectors_frames_and_planes() {
     let roughness = Loss { total_variation: 0.3, speckle: 0.7, speckle_block_px: 3, ..Loss::default() };
     for (i, size) in SIZES.into_iter().enumerate() {
         for detector in Detector::ALL {
@@ -143,7 +143,7 @@ fn roughness_does_not_depend_on_brightness_or_gain() {
 }
 
 #[test]
-fn the_fitted_gain_is_the_best_one() {
+fn fitted_gain_minimizes_loss() {
     let mut problem = Case::plain((20, 20), Detector::Pixel).problem();
     let phase = vec![0.5; 400];
     let best = problem.measure(&phase, 1.0);
@@ -170,29 +170,29 @@ fn one_pass_and_two_passes_agree() {
 }
 
 #[test]
-fn what_cannot_be_shown_is_refused_by_name() {
+fn invalid_problems_are_refused_by_name() {
     let grid = Grid::try_new(16, 16, 8e-6).unwrap();
     let setup = OpticalSetup::try_new(grid, 515e-9, 3e-3).unwrap();
     let engine = EngineCore::<f64>::new(&DisplayModel::ideal(setup), Detector::Pixel, None).unwrap();
     let region = RegionOfInterest::middle(&grid);
-    let asked =
-        |engine: EngineCore<f64>| Asked { engine, target: Plane::filled(16, 16, 0.5), weight: None, share: 1.0 };
-    let plane = || asked(engine.clone());
+    let input =
+        |engine: EngineCore<f64>| PlaneInput { engine, target: Plane::filled(16, 16, 0.5), weight: None, share: 1.0 };
+    let plane = || input(engine.clone());
     let refusal =
         |planes, frames, loss| ProblemCore::with_planes(planes, frames, region, loss).unwrap_err().to_string();
     let plain = Loss::default();
     assert!(refusal(vec![], 1, plain).starts_with("planes is empty"));
     assert!(refusal(vec![plane()], 0, plain).starts_with("frames is 0"));
-    let black = Asked { target: Plane::filled(16, 16, 0.0), ..plane() };
+    let black = PlaneInput { target: Plane::filled(16, 16, 0.0), ..plane() };
     assert!(refusal(vec![black], 1, plain).starts_with("target_intensity is empty"));
-    let blind = Asked { weight: Some(Plane::filled(16, 16, 0.0)), ..plane() };
+    let blind = PlaneInput { weight: Some(Plane::filled(16, 16, 0.0)), ..plane() };
     assert!(refusal(vec![plane(), blind], 1, plain).starts_with("weight is empty"));
-    assert!(refusal(vec![Asked { share: 0.0, ..plane() }], 1, plain).starts_with("share is 0"));
-    let negative = Asked { weight: Some(Plane::filled(16, 16, -0.1)), ..plane() };
+    assert!(refusal(vec![PlaneInput { share: 0.0, ..plane() }], 1, plain).starts_with("share is 0"));
+    let negative = PlaneInput { weight: Some(Plane::filled(16, 16, -0.1)), ..plane() };
     assert!(refusal(vec![negative], 1, plain).starts_with("weight is -0.1"));
     assert!(refusal(vec![plane()], 1, Loss { speckle: -1.0, ..plain }).starts_with("speckle is -1"));
     let large = Loss { speckle: 1.0, speckle_block_px: 13, ..plain };
     assert!(refusal(vec![plane()], 1, large).starts_with("speckle_block_px is 13"));
-    let other = asked(engine.with_detector(Detector::Point));
+    let other = input(engine.with_detector(Detector::Point));
     assert!(refusal(vec![plane(), other], 1, plain).contains("same detector"));
 }

@@ -11,11 +11,11 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Quality {
     /// Quality of the light at the sample points.
-    pub point: SeenQuality,
+    pub point: DetectorQuality,
     /// Quality of the light integrated over the pixels.
-    pub pixel: SeenQuality,
+    pub pixel: DetectorQuality,
     /// Quality of the light at every sub-sample, compared with the target at its pixel.
-    pub supersampled: SeenQuality,
+    pub supersampled: DetectorQuality,
 }
 
 /// Metrics of a hologram's light in the region of interest, for one detector. Definitions and sources are in
@@ -23,7 +23,7 @@ pub struct Quality {
 ///
 /// PSNR, SSIM and MS-SSIM are measured at the gain with the smallest squared error.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct SeenQuality {
+pub struct DetectorQuality {
     /// Peak signal-to-noise ratio \[dB\] by [`psnr_db`](crate::metrics::psnr_db), at most [`Self::PSNR_DB_MAX`].
     pub psnr_db: f64,
     /// Structural similarity by [`ssim`](crate::metrics::ssim()); `None` in a region with a side shorter than 11
@@ -86,9 +86,9 @@ pub fn quality_of_frames(
     }
     target.expect_size("target_intensity", engine.height_px(), engine.width_px())?;
     let sent = phases.iter().map(|phase| engine.light_sent(phase)).sum::<Result<f64>>()? / phases.len() as f64;
-    let (point, eye) = (engine.with_detector(Detector::Point), engine.with_detector(Detector::Supersampled));
-    let at_points = mean_of(phases, |phase| point.samples(phase))?;
-    let samples = mean_of(phases, |phase| eye.samples(phase))?;
+    let (point, supersampled) = (engine.with_detector(Detector::Point), engine.with_detector(Detector::Supersampled));
+    let at_points = mean_light(phases, |phase| point.samples(phase))?;
+    let samples = mean_light(phases, |phase| supersampled.samples(phase))?;
     Quality::of_light(&at_points, &samples, target, region, sent)
 }
 
@@ -98,11 +98,11 @@ pub fn quality_of_frames(
 ///
 /// [`Error::SizeMismatch`] for a phase of another size than the engine's, [`Error::Empty`] if `phases` is empty.
 pub fn light_of_frames(engine: &Engine, phases: &[Plane<f32>]) -> Result<Plane<f32>> {
-    mean_of(phases, |phase| engine.light(phase))
+    mean_light(phases, |phase| engine.light(phase))
 }
 
 /// Mean of the light over the frames, summed in their order.
-fn mean_of(phases: &[Plane<f32>], light: impl Fn(&Plane<f32>) -> Result<Plane<f32>>) -> Result<Plane<f32>> {
+fn mean_light(phases: &[Plane<f32>], light: impl Fn(&Plane<f32>) -> Result<Plane<f32>>) -> Result<Plane<f32>> {
     let [first, rest @ ..] = phases else {
         return Err(Error::Empty { name: "phases", needed: "at least one frame is needed" });
     };
@@ -116,7 +116,7 @@ fn mean_of(phases: &[Plane<f32>], light: impl Fn(&Plane<f32>) -> Result<Plane<f3
     Ok(sum)
 }
 
-impl SeenQuality {
+impl DetectorQuality {
     /// Largest PSNR reported \[dB\], used for a reconstruction that equals its target. Rounding in f32 keeps other
     /// reconstructions below 200 dB, and JSON has no number for infinity.
     pub const PSNR_DB_MAX: f64 = 200.0;
@@ -134,7 +134,7 @@ impl Quality {
     /// Whether every metric of every detector is a finite number. This holds if the light is finite.
     #[must_use]
     pub fn is_finite(&self) -> bool {
-        [self.point, self.pixel, self.supersampled].iter().all(SeenQuality::is_finite)
+        [self.point, self.pixel, self.supersampled].iter().all(DetectorQuality::is_finite)
     }
 
     /// Measures the quality of light that is already computed, such as the mean over several frames.
@@ -155,26 +155,26 @@ impl Quality {
         let efficiency = |light: &Plane<f32>| {
             [diffraction_efficiency(light, region, light_sent), frame_efficiency(light, light_sent)]
         };
-        let point = seen_quality(at_points, target, region, efficiency(at_points))?;
+        let point = detector_quality(at_points, target, region, efficiency(at_points))?;
         // The sub-samples hold the same light as the pixels, so both have the same efficiency.
         let integrated = integrated(samples, target.height_px(), target.width_px());
         let efficiency = efficiency(&integrated);
-        let pixel = seen_quality(&integrated, target, region, efficiency)?;
-        Ok(Self { point, pixel, supersampled: seen_quality(samples, target, region, efficiency)? })
+        let pixel = detector_quality(&integrated, target, region, efficiency)?;
+        Ok(Self { point, pixel, supersampled: detector_quality(samples, target, region, efficiency)? })
     }
 }
 
-fn seen_quality(
+fn detector_quality(
     light: &Plane<f32>,
     target: &Plane<f32>,
     region: RegionOfInterest,
     [diffraction_efficiency, frame_efficiency]: [f64; 2],
-) -> Result<SeenQuality> {
+) -> Result<DetectorQuality> {
     let pair = ImagePair::new(light, target, region, Gain::Fitted)?;
     let (ssim, ms_ssim) = ssim_at_all_scales(&pair);
     let psnr_db = -10.0 * pair.mse().log10();
-    Ok(SeenQuality {
-        psnr_db: if psnr_db > SeenQuality::PSNR_DB_MAX { SeenQuality::PSNR_DB_MAX } else { psnr_db },
+    Ok(DetectorQuality {
+        psnr_db: if psnr_db > DetectorQuality::PSNR_DB_MAX { DetectorQuality::PSNR_DB_MAX } else { psnr_db },
         ssim,
         ms_ssim,
         diffraction_efficiency,
@@ -219,14 +219,14 @@ mod tests {
     }
 
     #[test]
-    fn each_detector_has_the_metrics_of_its_light() {
+    fn quality_matches_metrics_of_each_detectors_light() {
         let setup = setup(60, 75, 5e-3);
         let engine = Engine::new(&DisplayModel::ideal(setup), Detector::Pixel, None).unwrap();
         let (phase, target) = (initial_phase(60, 75, 6.0, 4).unwrap(), target(60, 75));
         let region = RegionOfInterest::middle(&setup.grid());
         let found = quality(&engine, &phase, &target, region).unwrap();
         let sent = engine.light_sent(&phase).unwrap();
-        for (detector, seen) in [
+        for (detector, metrics) in [
             (Detector::Point, found.point),
             (Detector::Pixel, found.pixel),
             (Detector::Supersampled, found.supersampled),
@@ -235,17 +235,17 @@ mod tests {
             let pixels = own.light(&phase).unwrap();
             let light = if detector == Detector::Supersampled { own.samples(&phase).unwrap() } else { pixels.clone() };
             let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-6 * b.abs(), "{detector:?}: {a} {b}");
-            near(seen.psnr_db, psnr_db(&light, &target, region, Gain::Fitted).unwrap());
-            near(seen.ssim.unwrap(), ssim(&light, &target, region, Gain::Fitted).unwrap());
-            near(seen.speckle_contrast.unwrap(), speckle_contrast(&light, &target, region).unwrap().unwrap());
-            near(seen.diffraction_efficiency, diffraction_efficiency(&pixels, region, sent));
-            near(seen.frame_efficiency, frame_efficiency(&pixels, sent));
-            assert_eq!(seen.ms_ssim, None);
+            near(metrics.psnr_db, psnr_db(&light, &target, region, Gain::Fitted).unwrap());
+            near(metrics.ssim.unwrap(), ssim(&light, &target, region, Gain::Fitted).unwrap());
+            near(metrics.speckle_contrast.unwrap(), speckle_contrast(&light, &target, region).unwrap().unwrap());
+            near(metrics.diffraction_efficiency, diffraction_efficiency(&pixels, region, sent));
+            near(metrics.frame_efficiency, frame_efficiency(&pixels, sent));
+            assert_eq!(metrics.ms_ssim, None);
         }
     }
 
     #[test]
-    fn a_large_region_has_all_metrics_in_both_precisions() {
+    fn large_region_has_all_metrics_in_both_precisions() {
         let setup = setup(224, 240, 5e-3);
         let target = target(224, 240);
         let region = RegionOfInterest::middle(&setup.grid());
@@ -285,7 +285,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lens_brings_the_light_into_the_region() {
+    fn lens_focuses_light_into_region() {
         // The aperture is half a millimetre wide and the focal length equals the distance: nearly all light meets in
         // one spot.
         let (side_px, distance_m) = (64, 20e-3);
@@ -302,16 +302,16 @@ mod tests {
         let spread = quality_in(&engine, &flat, &target, region).unwrap();
         // The spot is a sinc² whose main lobe ends at λz/L = 20 µm = 2.5 px to each side. ±6 px hold 96 % of the light
         // along one axis, and 0.96² in both axes.
-        for seen in [focused.point, focused.pixel, focused.supersampled] {
-            assert!((0.88..1.0).contains(&seen.diffraction_efficiency), "{seen:?}");
-            assert!((0.97..1.0 + 1e-9).contains(&seen.frame_efficiency), "{seen:?}");
+        for metrics in [focused.point, focused.pixel, focused.supersampled] {
+            assert!((0.88..1.0).contains(&metrics.diffraction_efficiency), "{metrics:?}");
+            assert!((0.97..1.0 + 1e-9).contains(&metrics.frame_efficiency), "{metrics:?}");
         }
         let share = (12.0_f64 / 64.0).powi(2);
         assert!((spread.pixel.diffraction_efficiency / share - 1.0).abs() < 0.2, "{:?}", spread.pixel);
     }
 
     #[test]
-    fn what_does_not_fit_is_refused() {
+    fn mismatched_sizes_and_regions_are_refused() {
         let setup = setup(30, 40, 5e-3);
         let engine = Engine::new(&DisplayModel::ideal(setup), Detector::Pixel, None).unwrap();
         let region = RegionOfInterest::full(&setup.grid());

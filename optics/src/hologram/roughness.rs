@@ -8,9 +8,8 @@
 //!
 //! p is the light, w the weights in the region of interest, m_b and σ_b² the mean and variance over a block b, t the
 //! target, and ω_b the block's share of the target's light. V and S are the same for p and any multiple of p, so they
-//! do not depend on the gain.
-//! Total variation: L. Rudin, S. Osher and E. Fatemi, Physica D 60, 259 (1992). Speckle contrast σ/m: J. Goodman, Speckle
-//! Phenomena in Optics (2007).
+//! do not depend on the gain. Sources: for total variation, L. Rudin, S. Osher and E. Fatemi, Physica D 60, 259 (1992).
+//! For the speckle contrast σ/m, J. Goodman, Speckle Phenomena in Optics (2007).
 
 use crate::convolution::Real;
 use crate::plane::Plane;
@@ -22,14 +21,14 @@ const EPSILON: f64 = 1e-2;
 
 /// Region and weights in which the loss measures the light.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Extent<'a, T> {
+pub(crate) struct WeightedRegion<'a, T> {
     pub(crate) region: RegionOfInterest,
     pub(crate) weight: Option<&'a Plane<T>>,
     /// Σ w over the region.
     pub(crate) weight_sum: f64,
 }
 
-impl<T: Real> Extent<'_, T> {
+impl<T: Real> WeightedRegion<'_, T> {
     #[inline(always)]
     fn weight_at(&self, y: usize, x: usize) -> T {
         self.weight.map_or(T::one(), |weight| weight.at(y, x))
@@ -57,7 +56,7 @@ impl LightPlane {
 
 /// Returns V of one light plane and adds `scale` · ∂V/∂p to `slopes`.
 pub(crate) fn total_variation<T: Real>(
-    extent: &Extent<'_, T>,
+    extent: &WeightedRegion<'_, T>,
     plane: LightPlane,
     lights: &[T],
     scale: f64,
@@ -74,12 +73,12 @@ pub(crate) fn total_variation<T: Real>(
     let parts = per_row(region, |y| field.row_parts(y));
     let (value, along) = parts.iter().fold((0.0, 0.0), |sum, part| (sum.0 + part.0, sum.1 + part.1));
     // q = p/μ, so a pixel that raises μ lowers every q.
-    let (scale, pull) = (scale / (mean * extent.weight_sum), T::of(along / extent.weight_sum));
+    let (scale, mean_slope) = (scale / (mean * extent.weight_sum), T::of(along / extent.weight_sum));
     let (scale, columns) = (T::of(scale), region.x_px()..region.x_px() + region.width_px());
     slopes.par_chunks_mut(plane.count * plane.width_px).enumerate().for_each(|(y, row)| {
         if region.columns(y).is_some() {
             for (x, slope) in columns.clone().zip(&mut plane.row_in(row)[columns.clone()]) {
-                *slope = *slope + scale * (field.slope(y, x) - pull * extent.weight_at(y, x));
+                *slope = *slope + scale * (field.slope(y, x) - mean_slope * extent.weight_at(y, x));
             }
         }
     });
@@ -87,7 +86,7 @@ pub(crate) fn total_variation<T: Real>(
 }
 
 /// Σ w p along a row.
-fn mean_terms<T: Real>(extent: &Extent<'_, T>, light: &[T], y: usize) -> f64 {
+fn mean_terms<T: Real>(extent: &WeightedRegion<'_, T>, light: &[T], y: usize) -> f64 {
     let columns = extent.region.x_px()..extent.region.x_px() + extent.region.width_px();
     columns.map(|x| (extent.weight_at(y, x) * light[x]).wide()).sum()
 }
@@ -98,7 +97,7 @@ fn per_row<R: Send>(region: RegionOfInterest, of: impl Fn(usize) -> R + Sync + S
 
 /// Forward differences of q = p/μ in one light plane.
 struct Gradient<'a, T> {
-    extent: &'a Extent<'a, T>,
+    extent: &'a WeightedRegion<'a, T>,
     plane: LightPlane,
     lights: &'a [T],
     inverse_mean: T,
@@ -159,7 +158,7 @@ pub(crate) struct SpeckleBlocks {
 impl SpeckleBlocks {
     /// Divides the region into blocks of `side_px` from its upper left corner. Incomplete blocks at its right and lower
     /// border are omitted. `target` is intensity.
-    pub(crate) fn new<T: Real>(extent: &Extent<'_, T>, target: &Plane<T>, side_px: usize) -> Self {
+    pub(crate) fn new<T: Real>(extent: &WeightedRegion<'_, T>, target: &Plane<T>, side_px: usize) -> Self {
         let (rows, columns) = (extent.region.height_px() / side_px, extent.region.width_px() / side_px);
         let mut blocks = Self { side_px, columns, wanted: vec![[0.0; 2]; rows * columns] };
         let plane = LightPlane { index: 0, count: 1, width_px: target.width_px() };
@@ -177,7 +176,7 @@ impl SpeckleBlocks {
     /// Returns S of one light plane and adds `scale` · ∂S/∂p to `slopes`.
     pub(crate) fn evaluate<T: Real>(
         &self,
-        extent: &Extent<'_, T>,
+        extent: &WeightedRegion<'_, T>,
         plane: LightPlane,
         lights: &[T],
         scale: f64,
@@ -204,12 +203,12 @@ impl SpeckleBlocks {
         values.collect::<Vec<_>>().iter().sum()
     }
 
-    fn corner<T>(&self, extent: &Extent<'_, T>, i: usize) -> (usize, usize) {
+    fn corner<T>(&self, extent: &WeightedRegion<'_, T>, i: usize) -> (usize, usize) {
         let (row, column) = (i / self.columns, i % self.columns);
         (extent.region.y_px() + row * self.side_px, extent.region.x_px() + column * self.side_px)
     }
 
-    fn block<T: Real>(&self, extent: &Extent<'_, T>, plane: LightPlane, lights: &[T], i: usize) -> Block {
+    fn block<T: Real>(&self, extent: &WeightedRegion<'_, T>, plane: LightPlane, lights: &[T], i: usize) -> Block {
         let (y0, x0) = self.corner(extent, i);
         let pixels = || (y0..y0 + self.side_px).flat_map(|y| (x0..x0 + self.side_px).map(move |x| (y, x)));
         let at = |(y, x): (usize, usize)| (extent.weight_at(y, x).wide(), plane.row(lights, y)[x].wide());
@@ -242,7 +241,7 @@ impl BlockSlope {
     /// upper left corner and its side.
     fn add<T: Real>(
         self,
-        extent: &Extent<'_, T>,
+        extent: &WeightedRegion<'_, T>,
         plane: LightPlane,
         lights: &[T],
         ((y0, x0), side_px): ((usize, usize), usize),

@@ -28,7 +28,7 @@ const MOMENTUM: f32 = 0.8;
 /// Learning rate γ in units of the inverse curvature.
 const RATE: f64 = 2.0;
 /// Exponent h of the schedule: after a part τ of the steps a part 1 − (1 − τ)^h of the pixels is settled.
-const HASTE: f64 = 1.5;
+const SETTLING_EXPONENT: f64 = 1.5;
 /// Largest change of a phase in the first step \[rad\]. γ follows from the change of the gradient along this step.
 const PROBE_RAD: f32 = 0.01;
 /// Number of classes of the histogram of distances from the nearest level.
@@ -42,12 +42,12 @@ pub struct Levels {
     response: PhaseResponse,
     carrier: Option<Carrier>,
     /// Table of the difference between the shown phase and the phase \[rad\], at phases spread evenly over 2π.
-    shown: Vec<f32>,
+    phase_change: Vec<f32>,
 }
 
 impl Levels {
     /// Number of entries in the table: 16 for each level of a 12-bit display.
-    const PLACES: usize = 1 << 16;
+    const TABLE_LEN: usize = 1 << 16;
 
     /// Levels of a display with this response, which adds the carrier to each hologram.
     ///
@@ -55,15 +55,15 @@ impl Levels {
     ///
     /// The errors of `PhaseResponse::phase_rad`; a valid response causes none.
     pub fn new(response: PhaseResponse, carrier: Option<Carrier>) -> Result<Self> {
-        let of_place = |i: usize| {
-            let phase_rad = (i as f64 + 0.5) / Self::PLACES as f64 * TAU;
+        let phase_change_at = |i: usize| {
+            let phase_rad = (i as f64 + 0.5) / Self::TABLE_LEN as f64 * TAU;
             let level = response.nearest_level(phase_rad);
             // The shown phase is taken modulo 2π so that it lies nearest to the phase that is rounded.
             let shown = response.phase_rad(level)?;
             Ok((shown - ((shown - phase_rad) / TAU).round() * TAU - phase_rad) as f32)
         };
-        let shown = (0..Self::PLACES).map(of_place).collect::<Result<_>>()?;
-        Ok(Self { response, carrier, shown })
+        let phase_change = (0..Self::TABLE_LEN).map(phase_change_at).collect::<Result<_>>()?;
+        Ok(Self { response, carrier, phase_change })
     }
 
     /// Mean distance between the phases of neighbouring levels \[rad\].
@@ -85,10 +85,10 @@ impl Levels {
             let displayed = phase + grating;
             let turns = displayed / TURN;
             // A phase slightly below a multiple of 2π may round up to it in f32.
-            let place = (((turns - turns.floor()) * Self::PLACES as f32) as usize).min(Self::PLACES - 1);
+            let entry = (((turns - turns.floor()) * Self::TABLE_LEN as f32) as usize).min(Self::TABLE_LEN - 1);
             // The table holds the difference between the shown phase and the phase in the middle of each entry.
-            let middle = (turns.floor() + (place as f32 + 0.5) / Self::PLACES as f32) * TURN;
-            *shown = middle + self.shown[place] - grating;
+            let middle = (turns.floor() + (entry as f32 + 0.5) / Self::TABLE_LEN as f32) * TURN;
+            *shown = middle + self.phase_change[entry] - grating;
         }
     }
 }
@@ -138,8 +138,8 @@ impl Rounded {
             self.settle(levels, height_px, width_px, CLASSES);
         } else if self.iteration > 1 {
             let done = f64::from(self.iteration - 1) / f64::from(iterations - 1);
-            let wanted = (1.0 - (1.0 - done).powf(HASTE)) * self.phase.len() as f64;
-            let classes = self.classes_below(levels, height_px, width_px, wanted as u64);
+            let settled = (1.0 - (1.0 - done).powf(SETTLING_EXPONENT)) * self.phase.len() as f64;
+            let classes = self.classes_below(levels, height_px, width_px, settled as u64);
             self.settle(levels, height_px, width_px, classes);
         }
         evaluation
@@ -182,8 +182,8 @@ impl Rounded {
         });
     }
 
-    /// Number of classes of distances, nearest first, that together with the settled pixels hold `wanted` pixels.
-    fn classes_below(&self, levels: &Levels, height_px: usize, width_px: usize, wanted: u64) -> usize {
+    /// Number of classes of distances, nearest first, whose pixels must settle so that `settled` pixels are settled.
+    fn classes_below(&self, levels: &Levels, height_px: usize, width_px: usize, settled: u64) -> usize {
         let rows = (self.phase.par_chunks(width_px), self.velocity.par_chunks(width_px)).into_par_iter().enumerate();
         // Sums of integers do not depend on the order of threads.
         let counts = rows
@@ -208,7 +208,7 @@ impl Rounded {
             );
         let mut sum = counts[CLASSES];
         let enough = counts[..CLASSES].iter().position(|count| {
-            let enough = sum >= wanted;
+            let enough = sum >= settled;
             sum += count;
             enough
         });

@@ -63,7 +63,7 @@ impl OptimizationState {
             (Run::Adam(state), HologramMethod::Adam { .. }) => {
                 [&state.phase, &state.first_moment, &state.second_moment].iter().all(|values| values.len() == len)
             }
-            (Run::Lbfgs { memory, .. }, HologramMethod::Lbfgs) => memory.is_whole(len),
+            (Run::Lbfgs { memory, .. }, HologramMethod::Lbfgs) => memory.is_consistent(len),
             (
                 Run::GerchbergSaxton { phase, wanted },
                 HologramMethod::GerchbergSaxton | HologramMethod::WeightedGerchbergSaxton,
@@ -81,7 +81,7 @@ impl OptimizationState {
         if fits {
             return Ok(());
         }
-        let allowed = "one of this problem, method and size";
+        let allowed = "the state of an optimization with the same problem, method and size";
         Err(Error::OutOfRange { name: "state", value: self.phases().len() as f64, allowed })
     }
 }

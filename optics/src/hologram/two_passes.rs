@@ -1,7 +1,7 @@
 //! Evaluations in two passes: the first computes all of the light, the second its gradient. They serve the gain that
 //! fits best, several frames, roughness, and the projections of Gerchberg–Saxton.
 
-use super::loss::{Wanted, weighted_sums};
+use super::loss::{TargetPlane, weighted_sums};
 use super::problem::{Evaluation, ProblemCore, Sink, compare_with, send_back};
 use super::roughness::{LightPlane, total_variation};
 use crate::convolution::Real;
@@ -14,7 +14,7 @@ use rayon::prelude::*;
 
 /// Light and samples kept between the two passes of an evaluation; empty until an evaluation needs them.
 #[derive(Debug)]
-pub(super) struct Kept<T> {
+pub(super) struct Buffers<T> {
     /// Samples of each plane and frame, if they fit into `SAMPLES_BYTES_MAX`. With one plane and one frame the
     /// samples are kept in the problem's `fields` instead.
     samples: Vec<Vec<Complex<T>>>,
@@ -28,7 +28,7 @@ pub(super) struct Kept<T> {
 /// again in the second pass. Three planes of 1080×1920 px with a pixel detector fit.
 const SAMPLES_BYTES_MAX: usize = 256 << 20;
 
-impl<T> Kept<T> {
+impl<T> Buffers<T> {
     pub(super) fn empty() -> Self {
         Self { samples: Vec::new(), lights: Vec::new(), slopes: Vec::new() }
     }
@@ -38,20 +38,20 @@ impl<T: Real> ProblemCore<T> {
     /// Evaluates the loss and its gradient in two passes: computes all of the light, then the slopes at the given or
     /// fitted gain, and propagates them back.
     pub(super) fn evaluate_in_two(&mut self, phase: &[T], gain: Option<f64>, gradient: &mut [T]) -> Evaluation {
-        let begin = self.meter.start();
-        self.light_up(phase);
+        let begin = self.stopwatch.start();
+        self.compute_light(phase);
         let gain = gain.unwrap_or_else(|| self.fitted_gain());
         let mut roughness = 0.0;
         let sums = weighted_sums(self.planes.len(), |p| {
             let plane = &self.planes[p];
             let (comparison, share) = (compare_with(plane, self.loss.quantity, self.region, gain), plane.share);
-            let Kept { lights, slopes, .. } = &mut self.kept;
+            let Buffers { lights, slopes, .. } = &mut self.buffers;
             let sums = plane.engine.convolver.slopes(&comparison, &lights[p], slopes);
             roughness += self.roughness(p);
             self.weigh_and_send_back(p, phase, Sink::Gradient(&mut *gradient));
             (sums, share)
         });
-        self.meter.stop(begin);
+        self.stopwatch.stop(begin);
         Evaluation::new(&sums, roughness)
     }
 
@@ -71,13 +71,13 @@ impl<T: Real> ProblemCore<T> {
         weighted: bool,
         field: &mut [Complex<T>],
     ) -> Evaluation {
-        let begin = self.meter.start();
-        self.light_up(phase);
+        let begin = self.stopwatch.start();
+        self.compute_light(phase);
         let evaluation = Evaluation::new(&weighted_sums(self.planes.len(), |p| self.measure_plane(p, 1.0)), 0.0);
         if weighted {
             let gain = self.fitted_amplitude_gain(&self.target_amplitudes());
-            for ((plane, lights), wanted) in self.planes.iter().zip(&self.kept.lights).zip(&mut *wanted) {
-                raise(plane, lights, gain, wanted);
+            for ((plane, lights), wanted) in self.planes.iter().zip(&self.buffers.lights).zip(&mut *wanted) {
+                update_weighted_amplitudes(plane, lights, gain, wanted);
             }
         }
         let gain = self.fitted_amplitude_gain(wanted);
@@ -89,10 +89,10 @@ impl<T: Real> ProblemCore<T> {
                 weight_sum: gain * gain / (plane.share * self.frames as f64),
                 ..compare_with(plane, Quantity::Amplitude, self.region, gain)
             };
-            plane.engine.convolver.slopes(&comparison, &self.kept.lights[p], &mut self.kept.slopes);
+            plane.engine.convolver.slopes(&comparison, &self.buffers.lights[p], &mut self.buffers.slopes);
             self.weigh_and_send_back(p, phase, Sink::Field(&mut *field));
         }
-        self.meter.stop(begin);
+        self.stopwatch.stop(begin);
         evaluation
     }
 
@@ -101,14 +101,14 @@ impl<T: Real> ProblemCore<T> {
             let plane = &self.planes[p];
             let comparison =
                 Comparison { picture: &wanted[p], ..compare_with(plane, Quantity::Amplitude, self.region, 1.0) };
-            (plane.engine.convolver.measure_lights(&comparison, &self.kept.lights[p]), plane.share)
+            (plane.engine.convolver.measure_lights(&comparison, &self.buffers.lights[p]), plane.share)
         });
         sums.best_gain()
     }
 
     /// Target amplitudes √t of each plane.
     pub(super) fn target_amplitudes(&self) -> Vec<Plane<T>> {
-        let amplitude = |plane: &Wanted<T>| match self.loss.quantity {
+        let amplitude = |plane: &TargetPlane<T>| match self.loss.quantity {
             Quantity::Intensity => plane.picture.map(T::sqrt),
             Quantity::Amplitude => plane.picture.clone(),
         };
@@ -137,41 +137,41 @@ impl<T: Real> ProblemCore<T> {
     }
 
     /// Computes the light of all planes as the mean over the frames.
-    pub(super) fn light_up(&mut self, phase: &[T]) {
-        self.make_room();
+    pub(super) fn compute_light(&mut self, phase: &[T]) {
+        self.allocate_buffers();
         let (frame_len, share) = (self.frame_len(), 1.0 / self.frames as f64);
-        let alone = self.planes.len() * self.frames == 1;
+        let single_field = self.planes.len() * self.frames == 1;
         for (p, plane) in self.planes.iter().enumerate() {
             for (f, phase) in phase.chunks_exact(frame_len).enumerate() {
                 plane.engine.send(phase, &mut self.fields);
-                let kept = match self.kept.samples.get_mut(p * self.frames + f) {
-                    Some(kept) => Some(kept.as_mut_slice()),
-                    None if alone => Some(self.fields.spectrum.as_mut_slice()),
+                let stored = match self.buffers.samples.get_mut(p * self.frames + f) {
+                    Some(stored) => Some(stored.as_mut_slice()),
+                    None if single_field => Some(self.fields.spectrum.as_mut_slice()),
                     None => None,
                 };
-                let lights = &mut self.kept.lights[p];
-                plane.engine.convolver.add_light(&self.fields.tiles, share, f == 0, kept, lights);
+                let lights = &mut self.buffers.lights[p];
+                plane.engine.convolver.add_light(&self.fields.tiles, share, f == 0, stored, lights);
             }
         }
     }
 
-    fn make_room(&mut self) {
-        if !self.kept.lights.is_empty() {
+    fn allocate_buffers(&mut self) {
+        if !self.buffers.lights.is_empty() {
             return;
         }
         let light_len = self.engine().detector().light_planes() * self.frame_len();
         let (fields, len) = (self.planes.len() * self.frames, self.fields.spectrum.len());
-        self.kept.lights = vec![vec![T::zero(); light_len]; self.planes.len()];
-        self.kept.slopes = vec![T::zero(); light_len];
+        self.buffers.lights = vec![vec![T::zero(); light_len]; self.planes.len()];
+        self.buffers.slopes = vec![T::zero(); light_len];
         if fields > 1 && fields * len * size_of::<Complex<T>>() <= SAMPLES_BYTES_MAX {
-            self.kept.samples = vec![vec![Complex::new(T::zero(), T::zero()); len]; fields];
+            self.buffers.samples = vec![vec![Complex::new(T::zero(), T::zero()); len]; fields];
         }
     }
 
     pub(super) fn measure_plane(&self, p: usize, gain: f64) -> (Sums, f64) {
         let plane = &self.planes[p];
         let comparison = compare_with(plane, self.loss.quantity, self.region, gain);
-        (plane.engine.convolver.measure_lights(&comparison, &self.kept.lights[p]), plane.share)
+        (plane.engine.convolver.measure_lights(&comparison, &self.buffers.lights[p]), plane.share)
     }
 
     fn fitted_gain(&self) -> f64 {
@@ -180,7 +180,7 @@ impl<T: Real> ProblemCore<T> {
 
     /// Returns the weighted roughness of a plane's light and adds its derivative to the slopes.
     pub(super) fn roughness(&mut self, p: usize) -> f64 {
-        let (plane, Kept { lights, slopes, .. }) = (&self.planes[p], &mut self.kept);
+        let (plane, Buffers { lights, slopes, .. }) = (&self.planes[p], &mut self.buffers);
         let (extent, count) = (plane.extent(self.region), plane.engine.detector().light_planes());
         let mut sum = 0.0;
         for index in 0..count {
@@ -202,18 +202,18 @@ impl<T: Real> ProblemCore<T> {
         let (plane, frame_len) = (&self.planes[p], self.frame_len());
         let engine = &plane.engine;
         let factor = 1.0 / (engine.detector().samples() * self.frames) as f64;
-        let alone = self.planes.len() * self.frames == 1;
+        let single_field = self.planes.len() * self.frames == 1;
         for (f, phase) in phase.chunks_exact(frame_len).enumerate() {
-            let Kept { samples, slopes, .. } = &mut self.kept;
-            if let Some(kept) = samples.get_mut(p * self.frames + f) {
-                engine.convolver.weigh_kept(kept, slopes, factor);
-                std::mem::swap(kept, &mut self.fields.spectrum);
-            } else if alone {
-                engine.convolver.weigh_kept(&mut self.fields.spectrum, slopes, factor);
+            let Buffers { samples, slopes, .. } = &mut self.buffers;
+            if let Some(stored) = samples.get_mut(p * self.frames + f) {
+                engine.convolver.weigh_stored_samples(stored, slopes, factor);
+                std::mem::swap(stored, &mut self.fields.spectrum);
+            } else if single_field {
+                engine.convolver.weigh_stored_samples(&mut self.fields.spectrum, slopes, factor);
             } else {
                 engine.send(phase, &mut self.fields);
                 let Fields { spectrum, tiles } = &mut self.fields;
-                engine.convolver.weigh_tiles(tiles, slopes, factor, spectrum);
+                engine.convolver.weigh_sampled_tiles(tiles, slopes, factor, spectrum);
             }
             send_back(engine, &mut self.fields, phase, &mut sink.frame(f, frame_len), p > 0);
         }
@@ -221,9 +221,9 @@ impl<T: Real> ProblemCore<T> {
 }
 
 /// Updates W ← W · √t / (s√p), with W limited so that a dark spot does not draw all of the light.
-fn raise<T: Real>(plane: &Wanted<T>, lights: &[T], gain: f64, wanted: &mut Plane<T>) {
+fn update_weighted_amplitudes<T: Real>(plane: &TargetPlane<T>, lights: &[T], gain: f64, wanted: &mut Plane<T>) {
     /// Largest W; the smallest is its inverse.
-    const RAISE_MAX: f64 = 3.0;
+    const WEIGHT_MAX: f64 = 3.0;
     let (width_px, planes) = (plane.picture.width_px(), plane.engine.detector().light_planes());
     let is_amplitude = plane.compares_amplitudes;
     let share = T::of(1.0 / planes as f64);
@@ -235,9 +235,9 @@ fn raise<T: Real>(plane: &Wanted<T>, lights: &[T], gain: f64, wanted: &mut Plane
             let target = if is_amplitude { target } else { target.sqrt() };
             let shown = T::of(gain) * light.sqrt();
             if target > T::zero() {
-                let least = target * T::of(1.0 / RAISE_MAX);
+                let least = target * T::of(1.0 / WEIGHT_MAX);
                 let raised = *wanted * target / shown.max(least);
-                *wanted = raised.max(least).min(target * T::of(RAISE_MAX));
+                *wanted = raised.max(least).min(target * T::of(WEIGHT_MAX));
             }
         }
     });

@@ -25,7 +25,7 @@ fn degree(planes: usize) -> usize {
 /// Positions of the parameters of several planes' models in a joint θ. With a single plane, the joint θ is that plane's
 /// θ.
 #[derive(Clone, Debug)]
-pub(super) struct Joint {
+pub(super) struct JointLayout {
     /// Layout of the θ of each plane.
     pub(super) layout: Layout,
     distances_m: Vec<f64>,
@@ -36,22 +36,23 @@ pub(super) struct Joint {
     weights: Vec<Vec<f64>>,
 }
 
-impl Joint {
+impl JointLayout {
     pub(super) fn new(layout: Layout, distances_m: &[f64]) -> Self {
         let planes = distances_m.len();
-        let functions = |place| match layout.part(place) {
+        let functions = |position| match layout.part(position) {
             Part::Slm => 1,
             Part::Tilt => planes,
             Part::Kernel => degree(planes) + 1,
         };
-        let of_function = |k| (0..layout.len()).filter(move |&place| k < functions(place)).map(move |place| (place, k));
+        let of_function =
+            |k| (0..layout.len()).filter(move |&position| k < functions(position)).map(move |position| (position, k));
         let slots: Vec<(usize, usize)> = (0..planes).flat_map(of_function).collect();
         let (nearest_m, farthest_m) = range(distances_m);
         let weights = distances_m.iter().enumerate().map(|(plane, z_m)| {
             let span_m = farthest_m - nearest_m;
             let t = if span_m > 0.0 { (2.0 * z_m - nearest_m - farthest_m) / span_m } else { 0.0 };
             let along_z = polynomials(degree(planes), t);
-            let weight = |&(place, k): &(usize, usize)| match layout.part(place) {
+            let weight = |&(position, k): &(usize, usize)| match layout.part(position) {
                 Part::Slm => 1.0,
                 Part::Tilt => f64::from(u8::from(k == plane)),
                 Part::Kernel => along_z[k],
@@ -75,33 +76,33 @@ impl Joint {
     }
 
     /// Computes the θ of one plane from the joint θ.
-    pub(super) fn of_plane(&self, plane: usize, theta: &[f64]) -> Vec<f64> {
-        let mut own = vec![0.0; self.layout.len()];
-        for ((&(place, _), weight), value) in self.slots.iter().zip(&self.weights[plane]).zip(theta) {
-            own[place] += weight * value;
+    pub(super) fn plane_parameters(&self, plane: usize, theta: &[f64]) -> Vec<f64> {
+        let mut plane_theta = vec![0.0; self.layout.len()];
+        for ((&(position, _), weight), value) in self.slots.iter().zip(&self.weights[plane]).zip(theta) {
+            plane_theta[position] += weight * value;
         }
-        own
+        plane_theta
     }
 
-    /// Computes the joint θ of a display that has the θ `own` at all distances.
-    pub(super) fn of_all_planes(&self, own: &[f64]) -> Vec<f64> {
-        let value = |&(place, k): &(usize, usize)| match self.layout.part(place) {
+    /// Computes the joint θ of a display that has the θ `plane_theta` at all distances.
+    pub(super) fn parameters_for_all_planes(&self, plane_theta: &[f64]) -> Vec<f64> {
+        let value = |&(position, k): &(usize, usize)| match self.layout.part(position) {
             Part::Kernel if k > 0 => 0.0,
-            Part::Slm | Part::Tilt | Part::Kernel => own[place],
+            Part::Slm | Part::Tilt | Part::Kernel => plane_theta[position],
         };
         self.slots.iter().map(value).collect()
     }
 
     /// Adds `share` times the gradient of one plane's loss to the joint gradient.
     pub(super) fn add_gradient(&self, plane: usize, own: &[f64], share: f64, total: &mut [f64]) {
-        for ((&(place, _), weight), total) in self.slots.iter().zip(&self.weights[plane]).zip(total) {
-            *total += weight * (own[place] * share);
+        for ((&(position, _), weight), total) in self.slots.iter().zip(&self.weights[plane]).zip(total) {
+            *total += weight * (own[position] * share);
         }
     }
 
     /// Adds `share` times the curvature of one plane's loss to the joint curvature, both stored row after row.
     pub(super) fn add_curvature(&self, plane: usize, own: &[f64], share: f64, total: &mut [f64]) {
-        let slots = || self.slots.iter().map(|(place, _)| place).zip(&self.weights[plane]);
+        let slots = || self.slots.iter().map(|(position, _)| position).zip(&self.weights[plane]);
         for ((a, weight_a), total) in slots().zip(total.chunks_exact_mut(self.len())) {
             let own = &own[a * self.layout.len()..];
             for ((&b, weight_b), total) in slots().zip(total) {
@@ -111,23 +112,23 @@ impl Joint {
     }
 
     /// Converts θ to another joint layout of the same planes. Parameters that the other layout lacks are left out.
-    pub(super) fn carried(&self, theta: &[f64], to: &Self) -> Vec<f64> {
-        let mut carried = vec![0.0; to.len()];
+    pub(super) fn converted(&self, theta: &[f64], to: &Self) -> Vec<f64> {
+        let mut converted = vec![0.0; to.len()];
         for function in 0..self.planes() {
             let mut part = vec![0.0; self.layout.len()];
-            for (&(place, k), &value) in self.slots.iter().zip(theta) {
+            for (&(position, k), &value) in self.slots.iter().zip(theta) {
                 if k == function {
-                    part[place] = value;
+                    part[position] = value;
                 }
             }
-            let part = self.layout.carried(&part, &to.layout);
-            for (&(place, k), value) in to.slots.iter().zip(&mut carried) {
+            let part = self.layout.converted(&part, &to.layout);
+            for (&(position, k), value) in to.slots.iter().zip(&mut converted) {
                 if k == function {
-                    *value = part[place];
+                    *value = part[position];
                 }
             }
         }
-        carried
+        converted
     }
 }
 
@@ -142,12 +143,12 @@ fn range(distances_m: &[f64]) -> (f64, f64) {
 ///
 /// # Errors
 ///
-/// [`Error::Extrapolation`] for a distance outside the range of the models' distances; [`Error::Apart`] for fewer than
-/// two models, or models that are not from one joint fit.
+/// [`Error::Extrapolation`] for a distance outside the range of the models' distances; [`Error::IncompatibleDistances`]
+/// for fewer than two models, or models that are not from one joint fit.
 pub fn interpolated(models: &[DisplayModel], setup: OpticalSetup) -> Result<DisplayModel, Error> {
     let mut models: Vec<&DisplayModel> = models.iter().collect();
     models.sort_by(|a, b| a.setup.distance_m().total_cmp(&b.setup.distance_m()));
-    let kernels = of_one_fit(&models, &setup)?;
+    let kernels = kernels_of_joint_fit(&models, &setup)?;
     let distances_m: Vec<f64> = models.iter().map(|model| model.setup.distance_m()).collect();
     let (z_m, (nearest_m, farthest_m)) = (setup.distance_m(), range(&distances_m));
     if !(nearest_m..=farthest_m).contains(&z_m) {
@@ -176,41 +177,45 @@ pub fn interpolated(models: &[DisplayModel], setup: OpticalSetup) -> Result<Disp
 }
 
 /// The kernels of `models`, which are sorted by distance, after a check that they can come from one joint fit.
-fn of_one_fit<'a>(models: &[&'a DisplayModel], setup: &OpticalSetup) -> Result<Vec<&'a SmoothField>, Error> {
+fn kernels_of_joint_fit<'a>(models: &[&'a DisplayModel], setup: &OpticalSetup) -> Result<Vec<&'a SmoothField>, Error> {
     if models.len() < 2 {
-        return Err(Error::Apart { what: "number: two distances are needed at least" });
+        return Err(Error::IncompatibleDistances { reason: "at least two distances are needed" });
     }
     let kernel = |model: &&'a DisplayModel| match &model.kernel {
         KernelShape::Smooth(field) => Ok(field),
-        KernelShape::Ideal | KernelShape::Bins(_) => Err(Error::Apart { what: "form: smooth kernels are needed" }),
+        KernelShape::Ideal | KernelShape::Bins(_) => {
+            Err(Error::IncompatibleDistances { reason: "all models must have smooth kernels" })
+        }
     };
     let kernels = models.iter().map(kernel).collect::<Result<Vec<_>, _>>()?;
     for (model, before) in models.iter().skip(1).zip(models) {
         if model.setup.distance_m() == before.setup.distance_m() {
-            return Err(Error::Apart { what: "distance: each is needed once" });
+            return Err(Error::IncompatibleDistances { reason: "each distance may occur only once" });
         }
-        let theirs = (&model.source, &model.response, model.zero_order, &model.variation);
-        if theirs != (&before.source, &before.response, before.zero_order, &before.variation) {
-            return Err(Error::Apart { what: "modulator: it is the same at all distances" });
+        let modulator = (&model.source, &model.response, model.zero_order, &model.variation);
+        if modulator != (&before.source, &before.response, before.zero_order, &before.variation) {
+            return Err(Error::IncompatibleDistances {
+                reason: "the source, phase response, zero order and variation must be the same at all distances",
+            });
         }
     }
     if kernels.iter().any(|kernel| kernel.order != kernels[0].order) {
-        return Err(Error::Apart { what: "order" });
+        return Err(Error::IncompatibleDistances { reason: "all kernels must have the same order" });
     }
     let optics = |setup: &OpticalSetup| (setup.grid(), setup.wavelength_m());
     match models.iter().all(|model| optics(&model.setup) == optics(setup)) {
         true => Ok(kernels),
-        false => Err(Error::Apart { what: "grid or wavelength" }),
+        false => Err(Error::IncompatibleDistances { reason: "grid and wavelength must be the same at all distances" }),
     }
 }
 
-/// Weights of the values at `places` for the polynomial through those at `nodes`, evaluated at `at` (Lagrange). Places
+/// Weights of the values at `points` for the polynomial through those at `nodes`, evaluated at `at` (Lagrange). Points
 /// that are not nodes have weight 0.
-fn lagrange(places: &[f64], nodes: &[usize], at: f64) -> Vec<f64> {
-    let mut weights = vec![0.0; places.len()];
+fn lagrange(points: &[f64], nodes: &[usize], at: f64) -> Vec<f64> {
+    let mut weights = vec![0.0; points.len()];
     for &i in nodes {
         let others = nodes.iter().filter(|&&j| j != i);
-        weights[i] = others.map(|&j| (at - places[j]) / (places[i] - places[j])).product();
+        weights[i] = others.map(|&j| (at - points[j]) / (points[i] - points[j])).product();
     }
     weights
 }
@@ -227,28 +232,28 @@ mod tests {
         OpticalSetup::try_new(Grid::try_new(18, 24, 8e-6).unwrap(), 515e-9, distance_m).unwrap()
     }
 
-    fn joint(distances_m: &[f64], order: usize) -> Joint {
-        Joint::new(Layout::new(KernelModel::Display, order), distances_m)
+    fn joint(distances_m: &[f64], order: usize) -> JointLayout {
+        JointLayout::new(Layout::new(KernelModel::Display, order), distances_m)
     }
 
     fn wave(len: usize) -> Vec<f64> {
         (0..len).map(|i| 0.1 * (i as f64 * 1.3 + 0.5).sin()).collect()
     }
 
-    fn models(joint: &Joint, theta: &[f64]) -> Vec<DisplayModel> {
+    fn models(joint: &JointLayout, theta: &[f64]) -> Vec<DisplayModel> {
         let model = |(plane, &z_m): (usize, &f64)| {
-            joint.layout.model(&setup(z_m), (1.0 + z_m, 0.1), &joint.of_plane(plane, theta))
+            joint.layout.model(&setup(z_m), (1.0 + z_m, 0.1), &joint.plane_parameters(plane, theta))
         };
         joint.distances_m.iter().enumerate().map(model).collect()
     }
 
     #[test]
-    fn of_a_single_plane_nothing_changes() {
+    fn joint_layout_of_single_plane_is_identity() {
         let joint = joint(&[5e-3], 4);
         let theta = wave(joint.len());
         assert_eq!(joint.len(), joint.layout.len());
-        assert_eq!(joint.of_plane(0, &theta), theta);
-        assert_eq!(joint.of_all_planes(&theta), theta);
+        assert_eq!(joint.plane_parameters(0, &theta), theta);
+        assert_eq!(joint.parameters_for_all_planes(&theta), theta);
         let mut gradient = vec![0.0; theta.len()];
         joint.add_gradient(0, &theta, 1.0, &mut gradient);
         assert_eq!(gradient, theta);
@@ -265,7 +270,7 @@ mod tests {
         for plane in 0..DISTANCES_M.len() {
             // Columns of ∂(θ of the plane)/∂θ.
             let unit = |i: usize| (0..n).map(|j| f64::from(u8::from(i == j))).collect::<Vec<f64>>();
-            let columns: Vec<Vec<f64>> = (0..n).map(|i| joint.of_plane(plane, &unit(i))).collect();
+            let columns: Vec<Vec<f64>> = (0..n).map(|i| joint.plane_parameters(plane, &unit(i))).collect();
             let (g, a) = (wave(own), wave(own * own));
             let (mut gradient, mut curvature) = (vec![0.0; n], vec![0.0; n * n]);
             joint.add_gradient(plane, &g, 0.5, &mut gradient);
@@ -282,23 +287,23 @@ mod tests {
     }
 
     #[test]
-    fn a_display_keeps_its_shape_in_a_larger_layout_and_one_for_all_planes_is_the_same_at_each() {
+    fn larger_layout_and_common_parameters_keep_display_unchanged() {
         let (small, large) = (joint(&DISTANCES_M, 3), joint(&DISTANCES_M, 5));
         let theta = wave(small.len());
-        let carried = small.carried(&theta, &large);
+        let converted = small.converted(&theta, &large);
         for plane in 0..DISTANCES_M.len() {
             assert_eq!(
-                large.layout.carried(&large.of_plane(plane, &carried), &small.layout),
-                small.of_plane(plane, &theta)
+                large.layout.converted(&large.plane_parameters(plane, &converted), &small.layout),
+                small.plane_parameters(plane, &theta)
             );
         }
         let one = wave(small.layout.len());
-        let everywhere = small.of_all_planes(&one);
-        assert!((0..DISTANCES_M.len()).all(|plane| small.of_plane(plane, &everywhere) == one));
+        let everywhere = small.parameters_for_all_planes(&one);
+        assert!((0..DISTANCES_M.len()).all(|plane| small.plane_parameters(plane, &everywhere) == one));
     }
 
     #[test]
-    fn between_distances_a_kernel_is_the_polynomial_that_was_fitted() {
+    fn interpolated_kernel_is_fitted_polynomial() {
         let joint = joint(&DISTANCES_M, 3);
         let theta = wave(joint.len());
         let models = models(&joint, &theta);
@@ -310,17 +315,17 @@ mod tests {
         }
         // One more plane in the same range: the polynomials stay the same, and its tilts are set to the interpolated
         // ones.
-        let with = Joint::new(joint.layout, &[4e-3, 5e-3, 5.5e-3, 7e-3, 8e-3]);
+        let with = JointLayout::new(joint.layout, &[4e-3, 5e-3, 5.5e-3, 7e-3, 8e-3]);
         let mut more = vec![0.0; with.len()];
-        for (&(place, k), value) in with.slots.iter().zip(&mut more) {
-            let of = |k: usize| joint.slots.iter().position(|&slot| slot == (place, k)).map_or(0.0, |i| theta[i]);
-            *value = match (joint.layout.part(place), k) {
+        for (&(position, k), value) in with.slots.iter().zip(&mut more) {
+            let of = |k: usize| joint.slots.iter().position(|&slot| slot == (position, k)).map_or(0.0, |i| theta[i]);
+            *value = match (joint.layout.part(position), k) {
                 (Part::Tilt, 2) => 0.75 * of(1) + 0.25 * of(2),
                 (Part::Tilt, 3 | 4) => of(k - 1),
                 _ => of(k),
             };
         }
-        let truth = with.layout.model(&setup(5.5e-3), (1.0055, 0.1), &with.of_plane(2, &more));
+        let truth = with.layout.model(&setup(5.5e-3), (1.0055, 0.1), &with.plane_parameters(2, &more));
         let found = interpolated(&models, setup(5.5e-3)).unwrap();
         let (KernelShape::Smooth(a), KernelShape::Smooth(b)) = (&truth.kernel, &found.kernel) else { panic!() };
         for (a, b) in [(&a.log_amplitude, &b.log_amplitude), (&a.phase, &b.phase)] {
@@ -330,7 +335,7 @@ mod tests {
     }
 
     #[test]
-    fn beyond_the_distances_and_from_models_of_different_fits_nothing_is_made() {
+    fn extrapolation_and_models_of_different_fits_are_refused() {
         let joint = joint(&DISTANCES_M, 3);
         let mut models = models(&joint, &wave(joint.len()));
         for z_m in [3.9e-3, 8.1e-3, -5e-3] {
@@ -338,10 +343,10 @@ mod tests {
             assert_eq!(error, Error::Extrapolation { distance_m: z_m, nearest_m: 4e-3, farthest_m: 8e-3 });
             assert!(error.to_string().contains("0.004 to 0.008 m"), "{error}");
         }
-        assert!(matches!(interpolated(&models[..1], setup(4e-3)), Err(Error::Apart { .. })));
+        assert!(matches!(interpolated(&models[..1], setup(4e-3)), Err(Error::IncompatibleDistances { .. })));
         models[2].response[0][1] += 1e-3;
-        assert!(matches!(interpolated(&models, setup(5e-3)), Err(Error::Apart { .. })));
+        assert!(matches!(interpolated(&models, setup(5e-3)), Err(Error::IncompatibleDistances { .. })));
         models[2] = DisplayModel::ideal(setup(7e-3));
-        assert!(matches!(interpolated(&models, setup(5e-3)), Err(Error::Apart { .. })));
+        assert!(matches!(interpolated(&models, setup(5e-3)), Err(Error::IncompatibleDistances { .. })));
     }
 }

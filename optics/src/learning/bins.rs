@@ -77,7 +77,7 @@ impl BinsLearner {
         let band = Band::new(&setup, options.model);
         if state.parameters.len() != band.parameters() {
             let value = state.parameters.len() as f64;
-            return Err(Error::OutOfRange { name: "state", value, allowed: "as long as the model has parameters" });
+            return Err(Error::OutOfRange { name: "state", value, allowed: "the number of parameters of the model" });
         }
         let mut engine = EngineCore::new(&DisplayModel::ideal(setup), options.detector, options.carrier)?;
         let zeros = Transfer::zeros(setup.grid().height_px(), setup.grid().width_px());
@@ -108,11 +108,11 @@ impl BinsLearner {
         if self.state.adam_steps >= total {
             return Ok(None);
         }
-        let place = self.state.adam_steps % count;
-        let example = Example::new(&pairs.pair(place as usize)?, &self.engine, self.options.region)?;
+        let pair = self.state.adam_steps % count;
+        let example = Example::new(&pairs.pair(pair as usize)?, &self.engine, self.options.region)?;
         let loss = self.descend(&example);
         self.state.epoch_loss += loss;
-        if place + 1 == count {
+        if pair + 1 == count {
             self.state.loss_history.push(self.state.epoch_loss / f64::from(count));
             self.state.epoch_loss = 0.0;
             self.fit_gain(pairs)?;
@@ -154,7 +154,7 @@ impl BinsLearner {
         )
             .into_par_iter()
             .for_each(|(parameters, m, v, gradient)| {
-                let gradient = band.chain(parameters, gradient);
+                let gradient = band.parameter_gradient(parameters, gradient);
                 step.take(parameters, m, v, &gradient);
             });
         self.write_transfer();
@@ -168,13 +168,13 @@ impl BinsLearner {
     }
 
     fn write_transfer(&mut self) {
-        let transfer = Arc::make_mut(&mut self.engine.kernels).only_mut();
+        let transfer = Arc::make_mut(&mut self.engine.kernels).first_mut();
         let scale = transfer.scale();
         let (band, parameters) = (&self.band, &self.state.parameters);
         transfer.write_columns(|i, column| {
             column.fill(Complex32::ZERO);
-            let Ok(place) = band.columns.binary_search(&i) else { return };
-            let numbers = parameters[place * 2 * band.rows.len()..].as_chunks().0;
+            let Ok(position) = band.columns.binary_search(&i) else { return };
+            let numbers = parameters[position * 2 * band.rows.len()..].as_chunks().0;
             for (&row, &number) in band.rows.iter().zip(numbers) {
                 column[row] = band.value(number) * scale;
             }
@@ -204,9 +204,9 @@ impl Band {
             let centred = |i: usize| {
                 let bin = split_bin(i, n) as isize;
                 let signed = if bin < n as isize { bin } else { bin - 2 * n as isize };
-                usize::try_from(signed + (side / 2) as isize).ok().filter(|&place| place < side)
+                usize::try_from(signed + (side / 2) as isize).ok().filter(|&position| position < side)
             };
-            (0..2 * n).filter_map(|i| centred(i).map(|place| (i, place))).unzip()
+            (0..2 * n).filter_map(|i| centred(i).map(|position| (i, position))).unzip()
         };
         let (columns, columns_centred) = along(setup.grid().width_px());
         let (rows, rows_centred) = along(setup.grid().height_px());
@@ -247,14 +247,14 @@ impl Band {
     }
 
     /// Turns ∂L/∂H* into the gradient with respect to the two numbers of each bin.
-    fn chain(&self, parameters: &[f32], gradient: &[Complex32]) -> Vec<f32> {
-        let chain = |(&[_, phase], &d): (&[f32; 2], &Complex32), amplitude: f32| {
+    fn parameter_gradient(&self, parameters: &[f32], gradient: &[Complex32]) -> Vec<f32> {
+        let polar = |(&[_, phase], &d): (&[f32; 2], &Complex32), amplitude: f32| {
             let turned = d.conj() * Complex32::cis(phase);
             [2.0 * turned.re, -2.0 * amplitude * turned.im]
         };
         let bins = parameters.as_chunks().0.iter().zip(gradient);
         if self.polar {
-            bins.flat_map(|(number, d)| chain((number, d), number[0])).collect()
+            bins.flat_map(|(number, d)| polar((number, d), number[0])).collect()
         } else {
             bins.flat_map(|(_, d)| [2.0 * d.re, 2.0 * d.im]).collect()
         }

@@ -11,7 +11,7 @@ use crate::convolution::Real;
 use crate::convolution::{Kernels, Transfer};
 use crate::engine::{EngineCore, Fields, kernel_grid, tabulate_source};
 use crate::photometry::Sums;
-use crate::slm::{BLOCK, Block, Slm};
+use crate::slm::{BLOCK, BlockResponse, Slm};
 use crate::{Detector, DisplayModel, Error, KernelShape, OpticalSetup};
 use num_complex::{Complex, Complex64};
 use pulp::Arch;
@@ -82,7 +82,7 @@ impl<T: Real> Fit<T> {
     }
 
     /// Changes the order of the kernel, or whether it varies over the SLM.
-    pub(super) fn change(&mut self, layout: Layout) {
+    pub(super) fn change_layout(&mut self, layout: Layout) {
         if layout.kernel != self.layout.kernel {
             self.smooth.change_order(layout.kernel.order());
         }
@@ -90,7 +90,7 @@ impl<T: Real> Fit<T> {
     }
 
     /// Allocates `count` transfer functions and the fields for them.
-    fn make_room(&mut self, count: usize) {
+    fn allocate_kernels(&mut self, count: usize) {
         let (height_px, width_px) = (self.engine.height_px(), self.engine.width_px());
         let zeros = Transfer::zeros(height_px, width_px);
         self.engine.kernels = Arc::new(match count {
@@ -104,7 +104,7 @@ impl<T: Real> Fit<T> {
         let model = self.layout.model(&self.setups[plane], (1.0, 0.0), parameters);
         let models = model.local_kernels().unwrap_or_else(|| vec![model.clone()]);
         if self.engine.kernels.transfers.len() != models.len() {
-            self.make_room(models.len());
+            self.allocate_kernels(models.len());
         }
         let transfers = &mut Arc::make_mut(&mut self.engine.kernels).transfers;
         for (model, transfer) in models.iter().zip(transfers) {
@@ -124,7 +124,7 @@ impl<T: Real> Fit<T> {
     /// Propagates a hologram, then fits gain and offset to its photograph: they belong to the exposure, not to the
     /// display. If the light does not correlate with the photograph, the gain is 0 and nothing is learned from the
     /// pair.
-    pub(super) fn expose(&mut self, example: &Example<T>) {
+    pub(super) fn propagate_and_fit_exposure(&mut self, example: &Example<T>) {
         let Self { engine, out, .. } = self;
         engine.send(example.phase.values(), out);
         let sums = engine.convolver.measure(&out.tiles, &example.comparison(engine, 1.0, 0.0));
@@ -135,7 +135,7 @@ impl<T: Real> Fit<T> {
     /// The loss of one pair at its best gain and offset, and the gradient with respect to θ. The derivatives with
     /// respect to gain and offset are zero at their optimum, so the gradient is the one at fixed gain and offset.
     pub(super) fn evaluate(&mut self, example: &Example<T>) -> (Sums, Vec<f64>) {
-        self.expose(example);
+        self.propagate_and_fit_exposure(example);
         let Self { engine, smooth, out, back, .. } = self;
         let (convolver, kernels) = (&engine.convolver, &engine.kernels);
         let comparison = example.comparison(engine, self.gain, self.offset);
@@ -145,7 +145,7 @@ impl<T: Real> Fit<T> {
         let columns = convolver.correlate(field, back, kernels, tiles, |kernel, i, u, g| {
             let mut h = u.to_vec();
             kernels.transfers[kernel].read_column(i, &mut h);
-            smooth.visit(&h, u, g)
+            smooth.column_sums(&h, u, g)
         });
 
         let mut gradient = vec![0.0; self.layout.len()];
@@ -194,12 +194,12 @@ fn row_sums<T: Real>(slm: &Slm<T>, y: usize, phase: &[T], b: &[Complex<T>], poly
     let mut products = vec![Complex::new(T::zero(), T::zero()); phase.len()];
     let rows = phase.chunks(BLOCK).zip(b.chunks(BLOCK)).zip(products.chunks_mut(BLOCK));
     for (i, ((phase, b), products)) in rows.enumerate() {
-        let Block { sign, turn, steered, .. } = slm.respond(y, i * BLOCK, phase);
-        let mut light = slm.lit(y, i * BLOCK, b);
+        let BlockResponse { sign, turn, modulated, .. } = slm.respond(y, i * BLOCK, phase);
+        let mut light = slm.source_times_conj(y, i * BLOCK, b);
         for ((re, im), &sign) in light.re.iter_mut().zip(&mut light.im).zip(&sign) {
             (*re, *im) = (*re * sign, *im * sign);
         }
-        let turned = light.multiplied(&steered);
+        let turned = light.multiplied(&modulated);
         for (x, product) in products.iter_mut().enumerate() {
             let undiffracted = Complex::new(light.re[x], light.im[x]) * slm.zero_order;
             *product = Complex::new(turned.re[x], turned.im[x]) + undiffracted;
@@ -245,7 +245,7 @@ mod tests {
     use crate::{Grid, Plane, RegionOfInterest};
 
     #[test]
-    fn the_gradient_of_every_parameter_is_that_of_central_differences() {
+    fn gradient_of_every_parameter_matches_central_differences() {
         for (model, order, carrier) in [
             (KernelModel::Smooth, 3, None),
             (KernelModel::Display, 4, None),

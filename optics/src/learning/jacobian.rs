@@ -20,7 +20,7 @@ use crate::chebyshev::position;
 use crate::chebyshev::{ChebyshevBasis, polynomials};
 use crate::convolution::Real;
 use crate::engine::EngineCore;
-use crate::slm::{BLOCK, Block, Slm};
+use crate::slm::{BLOCK, BlockResponse, Slm};
 use num_complex::Complex;
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
@@ -29,7 +29,7 @@ use std::sync::Arc;
 
 /// The curvature matrix and the gradient of a loss at a point.
 #[derive(Clone, Debug)]
-pub(super) struct Normal {
+pub(super) struct Curvature {
     /// Symmetric curvature matrix, row after row.
     pub(super) matrix: Vec<f64>,
     /// Gradient over the sampled rows only. It is consistent with the matrix, but too coarse for descent.
@@ -50,11 +50,11 @@ struct Jacobian<T> {
 
 impl<T: Real> Fit<T> {
     /// The curvature of a pair's loss at the current parameters, from every `stride`-th row starting at row `first`.
-    pub(super) fn curvature(&mut self, example: &Example<T>, first: usize, stride: usize) -> Normal {
+    pub(super) fn curvature(&mut self, example: &Example<T>, first: usize, stride: usize) -> Curvature {
         let engine = self.engine.clone();
-        self.expose(example);
+        self.propagate_and_fit_exposure(example);
         let mut jacobian = Jacobian::new(self, example, first, stride);
-        jacobian.keep_field(self);
+        jacobian.store_field(self);
 
         let layout = self.layout;
         self.kernel_derivatives(&engine, (None, layout.kernel, 0), &mut jacobian);
@@ -67,7 +67,7 @@ impl<T: Real> Fit<T> {
         if layout.has_slm() {
             self.slm_derivatives(example, &mut jacobian);
         }
-        jacobian.normal(self, example)
+        jacobian.curvature(self, example)
     }
 
     /// Adds the derivatives by the terms of a series that begins at `start` in θ: the kernel's series, or that of one
@@ -86,7 +86,12 @@ impl<T: Real> Fit<T> {
             let tiles = &mut self.out.tiles[..engine.image_len()];
             convolver.return_weighed(&self.spectra, self.smooth.polynomial_y(j), tiles);
             for (slot, (i, _)) in basis.degrees().enumerate().filter(|(_, degrees)| degrees.1 == j) {
-                jacobian.add(self, Some(&polynomials_x[i]), Some(start + slot), Some(start + basis.terms() + slot));
+                jacobian.add_derivatives(
+                    self,
+                    Some(&polynomials_x[i]),
+                    Some(start + slot),
+                    Some(start + basis.terms() + slot),
+                );
             }
         }
     }
@@ -103,17 +108,17 @@ impl<T: Real> Fit<T> {
                 row.iter_mut().zip(&along_x).for_each(|(c, &t)| *c = c.scale(t * at_y));
             });
             self.polynomials_x[i] = along_x;
-            jacobian.add(self, None, Some(layout.source() + slot), Some(layout.source() + terms + slot));
+            jacobian.add_derivatives(self, None, Some(layout.source() + slot), Some(layout.source() + terms + slot));
         }
         for k in 0..layout.harmonics {
             for cosine in [false, true] {
-                self.send_rows(|y, row| turned_row(&slm, y, example.phase.row(y), Some((k, cosine)), row));
+                self.send_rows(|y, row| modulated_row(&slm, y, example.phase.row(y), Some((k, cosine)), row));
                 // ∂c is i e^{ir} times a real number, so the derivative is the one of a phase.
-                jacobian.add(self, None, None, Some(layout.response() + 2 * k + usize::from(cosine)));
+                jacobian.add_derivatives(self, None, None, Some(layout.response() + 2 * k + usize::from(cosine)));
             }
         }
-        self.send_rows(|y, row| turned_row(&slm, y, example.phase.row(y), None, row));
-        jacobian.add(self, None, Some(layout.zero_order()), Some(layout.zero_order() + 1));
+        self.send_rows(|y, row| modulated_row(&slm, y, example.phase.row(y), None, row));
+        jacobian.add_derivatives(self, None, Some(layout.zero_order()), Some(layout.zero_order() + 1));
     }
 
     /// Propagates a field with the given rows instead of the SLM's field.
@@ -123,9 +128,15 @@ impl<T: Real> Fit<T> {
 }
 
 /// Row of a · k · e^{ir} · sin((n + 1)φ), or of the same with the cosine; without a harmonic, of a · k.
-fn turned_row<T: Real>(slm: &Slm<T>, y: usize, phase: &[T], harmonic: Option<(usize, bool)>, row: &mut [Complex<T>]) {
+fn modulated_row<T: Real>(
+    slm: &Slm<T>,
+    y: usize,
+    phase: &[T],
+    harmonic: Option<(usize, bool)>,
+    row: &mut [Complex<T>],
+) {
     for (block, (phase, row)) in phase.chunks(BLOCK).zip(row.chunks_mut(BLOCK)).enumerate() {
-        let Block { sign, turn, steered, .. } = slm.respond(y, block * BLOCK, phase);
+        let BlockResponse { sign, turn, modulated, .. } = slm.respond(y, block * BLOCK, phase);
         let mut power = turn;
         for _ in 0..harmonic.map_or(0, |(n, _)| n) {
             power = power.multiplied(&turn);
@@ -135,7 +146,7 @@ fn turned_row<T: Real>(slm: &Slm<T>, y: usize, phase: &[T], harmonic: Option<(us
                 None => Complex::new(sign[x], T::zero()),
                 Some((_, cosine)) => {
                     let factor = sign[x] * if cosine { power.re[x] } else { power.im[x] };
-                    Complex::new(steered.re[x] * factor, steered.im[x] * factor)
+                    Complex::new(modulated.re[x] * factor, modulated.im[x] * factor)
                 }
             };
         }
@@ -158,7 +169,7 @@ impl<T: Real> Jacobian<T> {
     }
 
     /// Stores u, the field that the fit has just propagated.
-    fn keep_field(&mut self, fit: &Fit<T>) {
+    fn store_field(&mut self, fit: &Fit<T>) {
         let convolver = &fit.engine.convolver;
         let (width_px, columns, arch) = (convolver.width_px, self.columns.clone(), Arch::new());
         let per_row = self.samples * columns.len();
@@ -167,8 +178,8 @@ impl<T: Real> Jacobian<T> {
             |scratch, (field, &y)| {
                 convolver.sample_row(arch, &fit.out.tiles, y, scratch);
                 let samples = scratch.samples.chunks_exact(width_px);
-                for (kept, row) in field.chunks_exact_mut(columns.len()).zip(samples) {
-                    kept.copy_from_slice(&row[columns.clone()]);
+                for (stored, row) in field.chunks_exact_mut(columns.len()).zip(samples) {
+                    stored.copy_from_slice(&row[columns.clone()]);
                 }
             },
         );
@@ -176,7 +187,7 @@ impl<T: Real> Jacobian<T> {
 
     /// Writes ∂e for the field that the fit has just propagated, with its spectrum weighted by columns: to the slot
     /// `real` for the field itself, and to the slot `imaginary` for i times the field.
-    fn add(&mut self, fit: &Fit<T>, weights: Option<&[T]>, real: Option<usize>, imaginary: Option<usize>) {
+    fn add_derivatives(&mut self, fit: &Fit<T>, weights: Option<&[T]>, real: Option<usize>, imaginary: Option<usize>) {
         let convolver = &fit.engine.convolver;
         let (width_px, columns, arch) = (convolver.width_px, self.columns.clone(), Arch::new());
         let width = columns.len();
@@ -206,7 +217,7 @@ impl<T: Real> Jacobian<T> {
     }
 
     /// Computes the matrix 2 Σ w ∂e ∂e′ / Σ w and the gradient 2 Σ w e ∂e / Σ w.
-    fn normal(mut self, fit: &Fit<T>, example: &Example<T>) -> Normal {
+    fn curvature(mut self, fit: &Fit<T>, example: &Example<T>) -> Curvature {
         let (parameters, width, arch) = (self.parameters, self.columns.len(), Arch::new());
         let (gain_slot, gain, offset) = (fit.layout.len(), T::of(fit.gain), T::of(fit.offset));
         let share = T::of(1.0 / self.samples as f64);
@@ -231,28 +242,28 @@ impl<T: Real> Jacobian<T> {
                 (counted, products, gradient)
             });
         let rows: Vec<_> = rows.collect();
-        let mut normal = Normal { matrix: vec![0.0; parameters * parameters], gradient: vec![0.0; parameters] };
+        let mut curvature = Curvature { matrix: vec![0.0; parameters * parameters], gradient: vec![0.0; parameters] };
         let counted: f64 = rows.iter().map(|(counted, ..)| counted).sum();
         let scale = 2.0 / counted.max(1.0);
         for (_, products, gradient) in rows {
-            normal.gradient.iter_mut().zip(gradient).for_each(|(sum, value)| *sum += scale * value);
+            curvature.gradient.iter_mut().zip(gradient).for_each(|(sum, value)| *sum += scale * value);
             let mut products = products.into_iter();
             for a in 0..parameters {
                 for b in a..parameters {
-                    normal.matrix[a * parameters + b] += scale * products.next().unwrap_or(0.0);
+                    curvature.matrix[a * parameters + b] += scale * products.next().unwrap_or(0.0);
                 }
             }
         }
         for a in 0..parameters {
             for b in 0..a {
-                normal.matrix[a * parameters + b] = normal.matrix[b * parameters + a];
+                curvature.matrix[a * parameters + b] = curvature.matrix[b * parameters + a];
             }
         }
-        normal.without_exposure()
+        curvature.without_exposure()
     }
 }
 
-impl Normal {
+impl Curvature {
     /// Eliminates the last two parameters, gain and offset, which follow all others.
     fn without_exposure(self) -> Self {
         let Self { matrix, gradient } = self;
@@ -266,16 +277,16 @@ impl Normal {
         } else {
             [0.0, 0.0, if oo > 0.0 { 1.0 / oo } else { 0.0 }]
         };
-        let taken = |a: [f64; 2], b: [f64; 2]| {
+        let eliminated = |a: [f64; 2], b: [f64; 2]| {
             let [i, j, k] = inverse;
             a[0] * (i * b[0] + j * b[1]) + a[1] * (j * b[0] + k * b[1])
         };
-        let theirs = |a: usize| [at(a, n), at(a, n + 1)];
-        let own = [gradient[n], gradient[n + 1]];
+        let mixed = |a: usize| [at(a, n), at(a, n + 1)];
+        let exposure = [gradient[n], gradient[n + 1]];
         let pairs = (0..n).flat_map(|a| (0..n).map(move |b| (a, b)));
         Self {
-            matrix: pairs.map(|(a, b)| at(a, b) - taken(theirs(a), theirs(b))).collect(),
-            gradient: (0..n).map(|a| gradient[a] - taken(theirs(a), own)).collect(),
+            matrix: pairs.map(|(a, b)| at(a, b) - eliminated(mixed(a), mixed(b))).collect(),
+            gradient: (0..n).map(|a| gradient[a] - eliminated(mixed(a), exposure)).collect(),
         }
     }
 }
@@ -330,7 +341,11 @@ mod tests {
     use crate::{Carrier, Detector, Grid, OpticalSetup, Plane, RegionOfInterest};
 
     /// A fit away from any optimum, its example and its parameters.
-    fn setting(model: KernelModel, order: usize, carrier: Option<Carrier>) -> (Fit<f64>, Example<f64>, Vec<f64>) {
+    fn fit_away_from_optimum(
+        model: KernelModel,
+        order: usize,
+        carrier: Option<Carrier>,
+    ) -> (Fit<f64>, Example<f64>, Vec<f64>) {
         let grid = Grid::try_new(18, 23, 8e-6).unwrap();
         let setup = OpticalSetup::try_new(grid, 515e-9, 2e-3).unwrap();
         let layout = Layout::of(model, order, model == KernelModel::Varying);
@@ -352,9 +367,9 @@ mod tests {
     ];
 
     #[test]
-    fn derivatives_of_light_give_the_gradient_that_propagates_back() {
+    fn light_derivatives_match_back_propagated_gradient() {
         for (model, order, carrier) in MODELS {
-            let (mut fit, example, _) = setting(model, order, carrier);
+            let (mut fit, example, _) = fit_away_from_optimum(model, order, carrier);
             let (_, backward) = fit.evaluate(&example);
             let forward = fit.curvature(&example, 0, 1).gradient;
             let scale = backward.iter().fold(0.0_f64, |largest, g| largest.max(g.abs()));
@@ -381,10 +396,10 @@ mod tests {
     }
 
     #[test]
-    fn the_curvature_is_that_of_central_differences() {
+    fn curvature_matches_central_differences() {
         for (model, order, carrier) in MODELS {
-            let (mut fit, example, theta) = setting(model, order, carrier);
-            let normal = fit.curvature(&example, 1, 3);
+            let (mut fit, example, theta) = fit_away_from_optimum(model, order, carrier);
+            let curvature = fit.curvature(&example, 1, 3);
             let (gain, h) = (fit.gain, 1e-5);
             let mut light = |theta: &[f64]| -> Vec<f64> {
                 fit.set(0, theta);
@@ -405,12 +420,12 @@ mod tests {
                     without(&without(&slope, &weight), &brightness)
                 })
                 .collect();
-            let scale = normal.matrix.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
+            let scale = curvature.matrix.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
             let counted: f64 = weight.iter().sum();
             for a in 0..theta.len() {
                 for b in 0..theta.len() {
                     let difference = 2.0 / counted * product(&differences[a], &differences[b]);
-                    let exact = normal.matrix[a * theta.len() + b];
+                    let exact = curvature.matrix[a * theta.len() + b];
                     assert!((exact - difference).abs() < 1e-6 * scale, "{model:?}, {a} and {b}: {exact}, {difference}");
                 }
             }

@@ -89,11 +89,11 @@ impl Layout {
     }
 
     /// The part of the display that the parameter at a position of θ describes.
-    pub(super) fn part(&self, place: usize) -> Part {
-        if place >= self.source() {
+    pub(super) fn part(&self, position: usize) -> Part {
+        if position >= self.source() {
             return Part::Slm;
         }
-        let degrees = place.checked_sub(self.kernel.terms()).and_then(|term| self.kernel.degrees().nth(term));
+        let degrees = position.checked_sub(self.kernel.terms()).and_then(|term| self.kernel.degrees().nth(term));
         match degrees {
             Some((0, 1) | (1, 0)) => Part::Tilt,
             _ => Part::Kernel,
@@ -108,14 +108,14 @@ impl Layout {
         local: impl Iterator<Item = (Vec<f64>, Vec<f64>)>,
         gradient: &mut [f64],
     ) {
-        let places: Vec<(usize, usize)> = self.variation_places().collect();
+        let slots: Vec<(usize, usize)> = self.variation_terms().collect();
         for ((alpha, psi), powers) in local.zip(self.local_powers(side)) {
             let terms = self.kernel.terms();
             gradient[..terms].iter_mut().zip(&alpha).for_each(|(sum, value)| *sum += value);
             gradient[terms..2 * terms].iter_mut().zip(&psi).for_each(|(sum, value)| *sum += value);
             for (power, weight) in powers.into_iter().enumerate() {
                 let start = self.variation(power);
-                for &(slot, term) in &places {
+                for &(slot, term) in &slots {
                     gradient[start + slot] += weight * alpha[term];
                     gradient[start + self.variation.terms() + slot] += weight * psi[term];
                 }
@@ -132,10 +132,10 @@ impl Layout {
     }
 
     /// For each term of the variation's series: its index, and the index of the same term in the kernel's series.
-    fn variation_places(&self) -> impl Iterator<Item = (usize, usize)> {
+    fn variation_terms(&self) -> impl Iterator<Item = (usize, usize)> {
         let kernel = self.kernel;
-        let place = move |degrees| kernel.degrees().position(|of_kernel| of_kernel == degrees);
-        self.variation.degrees().enumerate().filter_map(move |(slot, degrees)| Some((slot, place(degrees)?)))
+        let kernel_term = move |degrees| kernel.degrees().position(|of_kernel| of_kernel == degrees);
+        self.variation.degrees().enumerate().filter_map(move |(slot, degrees)| Some((slot, kernel_term(degrees)?)))
     }
 
     /// Weight of each local kernel's light in the derivative by a power of the position on the SLM. With no power all
@@ -175,14 +175,14 @@ impl Layout {
 
     /// Converts θ to a layout with another order of the kernel, or with a kernel that varies over the SLM. Terms that
     /// the other layout lacks are left out.
-    pub(super) fn carried(&self, theta: &[f64], to: &Self) -> Vec<f64> {
+    pub(super) fn converted(&self, theta: &[f64], to: &Self) -> Vec<f64> {
         let (log_amplitude, rest) = theta.split_at(self.kernel.terms());
         let (phase, slm) = rest.split_at(self.kernel.terms());
-        let mut carried = coefficients(to.kernel, self.kernel, log_amplitude);
-        carried.extend(coefficients(to.kernel, self.kernel, phase));
-        carried.extend(slm);
-        carried.resize(to.len(), 0.0);
-        carried
+        let mut converted = coefficients(to.kernel, self.kernel, log_amplitude);
+        converted.extend(coefficients(to.kernel, self.kernel, phase));
+        converted.extend(slm);
+        converted.resize(to.len(), 0.0);
+        converted
     }
 
     /// θ of a display. Parts of the display that this layout cannot describe are left out.
@@ -225,7 +225,7 @@ mod tests {
     use crate::Grid;
 
     #[test]
-    fn a_display_keeps_its_shape_in_a_larger_basis() {
+    fn larger_basis_keeps_display_unchanged() {
         let setup = OpticalSetup::try_new(Grid::try_new(18, 23, 8e-6).unwrap(), 515e-9, 2e-3).unwrap();
         let small = Layout::new(KernelModel::Display, 3);
         let theta: Vec<f64> = (0..small.len()).map(|i| (i as f64 * 1.3 + 0.5).sin()).collect();

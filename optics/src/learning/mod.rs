@@ -5,7 +5,7 @@
 //! ```
 //!
 //! φ is the hologram, photo its photograph. w is 1 in the region of interest and 0 where the camera saturates, as in
-//! [`compare`], which judges finished models. s and o are gain and offset of the exposure: each photograph has its own.
+//! [`compare`], which measures finished models. s and o are gain and offset of the exposure: each photograph has its own.
 //! Only `paper` and `dense` share one pair of s and o among all photographs and fit it after each epoch. [`parametric`]
 //! models describe the display by some dozens or hundreds of numbers, [`bins`] models by two numbers for each
 //! frequency. A display that was photographed at several distances can be learned as [one](Learner::start_joint), and
@@ -37,7 +37,7 @@ use bins::{BinsLearner, BinsState};
 use parametric::{ParametricLearner, ParametricState};
 use serde::{Deserialize, Serialize};
 
-/// The models of a display: how they describe the kernel, and what else they describe.
+/// Models of a display. Each model describes the kernel; some also describe other parts of the display.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum KernelModel {
@@ -60,7 +60,7 @@ impl KernelModel {
     /// All models.
     pub const ALL: [Self; 5] = [Self::Paper, Self::Dense, Self::Smooth, Self::Display, Self::Varying];
 
-    /// Its name in lower case, as it is stored.
+    /// Name of the model in lower case, as it is stored.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -72,8 +72,8 @@ impl KernelModel {
         }
     }
 
-    /// Whether the kernel is smooth, some dozens or hundreds of numbers: such models have an order, are refined, and can be
-    /// started from.
+    /// Whether the kernel is smooth, some dozens or hundreds of numbers: such models have an order, are refined, and
+    /// can be started from.
     #[must_use]
     pub fn is_smooth(self) -> bool {
         match self {
@@ -83,7 +83,7 @@ impl KernelModel {
     }
 }
 
-/// The model to learn, and the settings of the fit.
+/// Options of learning: the model, and the settings of the fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LearnOptions {
     /// Model of the display.
@@ -141,14 +141,18 @@ impl LearnOptions {
         }
         let joint = matches!(self.model, KernelModel::Smooth | KernelModel::Display);
         if setups.len() > 1 && !joint {
-            return Err(Error::Apart { what: "distance, which needs the model smooth or display" });
+            return Err(Error::IncompatibleDistances {
+                reason: "only the models smooth and display can be learned at several distances",
+            });
         }
         for (i, setup) in setups.iter().enumerate() {
             if (setup.grid(), setup.wavelength_m()) != (setups[0].grid(), setups[0].wavelength_m()) {
-                return Err(Error::Apart { what: "grid or wavelength" });
+                return Err(Error::IncompatibleDistances {
+                    reason: "grid and wavelength must be the same at all distances",
+                });
             }
             if setups[..i].iter().any(|other| other.distance_m() == setup.distance_m()) {
-                return Err(Error::Apart { what: "distance: each is needed once" });
+                return Err(Error::IncompatibleDistances { reason: "each distance may occur only once" });
             }
         }
         if !(self.learning_rate > 0.0 && self.learning_rate <= 10.0) {
@@ -185,23 +189,23 @@ pub struct LearnStep {
 
 /// The training pairs and the validation pairs.
 #[derive(Clone, Copy)]
-pub struct Lessons<'a> {
+pub struct LearningPairs<'a> {
     /// Pairs that the model is fitted to.
     pub training: &'a dyn PairSource,
     /// Pairs that choose the order and decide when learning ends; may be empty. Only parametric models use them.
     pub validation: &'a dyn PairSource,
 }
 
-impl std::fmt::Debug for Lessons<'_> {
+impl std::fmt::Debug for LearningPairs<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "Lessons({} pairs, {} to validate)", self.training.len(), self.validation.len())
+        write!(f, "LearningPairs({} training, {} validation)", self.training.len(), self.validation.len())
     }
 }
 
-impl<'a> Lessons<'a> {
+impl<'a> LearningPairs<'a> {
     /// Training pairs without validation pairs.
     #[must_use]
-    pub fn only(training: &'a dyn PairSource) -> Self {
+    pub fn training_only(training: &'a dyn PairSource) -> Self {
         Self { training, validation: &NO_PAIRS }
     }
 }
@@ -218,8 +222,8 @@ pub enum LearnStage {
     Refinement,
 }
 
-/// All that the next step depends on. It owns its data, or borrows them as [`Learner::state`] gives it; both forms are
-/// serialized alike.
+/// State of a fit: all that the next step depends on. It owns its data, or borrows them as [`Learner::state`] gives it;
+/// both forms are serialized alike.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum LearnState<P = Box<ParametricState>, B = BinsState> {
     /// State of the models `smooth`, `display` and `varying`.
@@ -241,10 +245,10 @@ impl LearnState<&ParametricState, &BinsState> {
 
 /// A fit in progress.
 #[derive(Debug)]
-pub struct Learner(Family);
+pub struct Learner(AnyLearner);
 
 #[derive(Debug)]
-enum Family {
+enum AnyLearner {
     Parametric(Box<ParametricLearner>),
     Bins(Box<BinsLearner>),
 }
@@ -274,10 +278,10 @@ impl Learner {
         options.validate(setups, pairs)?;
         Ok(Self(match options.model {
             KernelModel::Paper | KernelModel::Dense => {
-                Family::Bins(Box::new(BinsLearner::start(setups[0], options, pairs)?))
+                AnyLearner::Bins(Box::new(BinsLearner::start(setups[0], options, pairs)?))
             }
             KernelModel::Smooth | KernelModel::Display | KernelModel::Varying => {
-                Family::Parametric(Box::new(ParametricLearner::start(setups, options, pairs)?))
+                AnyLearner::Parametric(Box::new(ParametricLearner::start(setups, options, pairs)?))
             }
         }))
     }
@@ -299,9 +303,9 @@ impl Learner {
     pub fn resume_joint(setups: &[OpticalSetup], options: LearnOptions, state: LearnState) -> Result<Self, Error> {
         Ok(Self(match state {
             LearnState::Parametric(state) => {
-                Family::Parametric(Box::new(ParametricLearner::resume(setups, options, *state)?))
+                AnyLearner::Parametric(Box::new(ParametricLearner::resume(setups, options, *state)?))
             }
-            LearnState::Bins(state) => Family::Bins(Box::new(BinsLearner::resume(setups[0], options, state)?)),
+            LearnState::Bins(state) => AnyLearner::Bins(Box::new(BinsLearner::resume(setups[0], options, state)?)),
         }))
     }
 
@@ -310,10 +314,10 @@ impl Learner {
     /// # Errors
     ///
     /// Errors of the pair source, and [`Error`] for a pair of another size.
-    pub fn step(&mut self, lessons: Lessons<'_>) -> Result<Option<LearnStep>, BoxError> {
+    pub fn step(&mut self, learning_pairs: LearningPairs<'_>) -> Result<Option<LearnStep>, BoxError> {
         match &mut self.0 {
-            Family::Parametric(learner) => learner.step(lessons),
-            Family::Bins(learner) => learner.step(lessons.training),
+            AnyLearner::Parametric(learner) => learner.step(learning_pairs),
+            AnyLearner::Bins(learner) => learner.step(learning_pairs.training),
         }
     }
 
@@ -321,17 +325,17 @@ impl Learner {
     #[must_use]
     pub fn kept_pairs(&self, pairs: usize) -> Vec<usize> {
         match &self.0 {
-            Family::Parametric(learner) => learner.state().kept.iter().map(|&index| index as usize).collect(),
-            Family::Bins(_) => (0..pairs).collect(),
+            AnyLearner::Parametric(learner) => learner.state().kept.iter().map(|&index| index as usize).collect(),
+            AnyLearner::Bins(_) => (0..pairs).collect(),
         }
     }
 
-    /// All that the next step depends on, borrowed from the learner.
+    /// State of the fit, borrowed from the learner: all that the next step depends on.
     #[must_use]
     pub fn state(&self) -> LearnState<&ParametricState, &BinsState> {
         match &self.0 {
-            Family::Parametric(learner) => LearnState::Parametric(learner.state()),
-            Family::Bins(learner) => LearnState::Bins(learner.state()),
+            AnyLearner::Parametric(learner) => LearnState::Parametric(learner.state()),
+            AnyLearner::Bins(learner) => LearnState::Bins(learner.state()),
         }
     }
 
@@ -345,8 +349,8 @@ impl Learner {
     #[must_use]
     pub fn models(&self) -> Vec<DisplayModel> {
         match &self.0 {
-            Family::Parametric(learner) => learner.models(),
-            Family::Bins(learner) => vec![learner.model()],
+            AnyLearner::Parametric(learner) => learner.models(),
+            AnyLearner::Bins(learner) => vec![learner.model()],
         }
     }
 
@@ -354,8 +358,8 @@ impl Learner {
     #[must_use]
     pub fn loss_history(&self) -> &[f64] {
         match &self.0 {
-            Family::Parametric(learner) => &learner.state().loss_history,
-            Family::Bins(learner) => &learner.state().loss_history,
+            AnyLearner::Parametric(learner) => &learner.state().loss_history,
+            AnyLearner::Bins(learner) => &learner.state().loss_history,
         }
     }
 }

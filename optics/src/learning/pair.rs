@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn where_the_camera_clips_a_true_model_is_not_found_wrong() {
+    fn saturated_pixels_do_not_count_against_true_model() {
         let engine = engine();
         let region = RegionOfInterest::try_new(&Grid::try_new(40, 56, 8e-6).unwrap(), 3, 2, 50, 36).unwrap();
         let pair = clipped(&engine, 2.0);
@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn a_photograph_without_a_pixel_that_counts_is_refused() {
+    fn photograph_saturated_in_whole_region_is_refused() {
         let engine = engine();
         let region = RegionOfInterest::try_new(&Grid::try_new(40, 56, 8e-6).unwrap(), 3, 2, 50, 36).unwrap();
         let mut pair = clipped(&engine, 1.0);

@@ -3,23 +3,24 @@
 //! Adam first takes single pairs and a kernel of low order, and comes close to the optimum. Levenberg and Marquardt's
 //! method then refines the result on all pairs, with kernels of increasing order. Pairs whose photographs do not show
 //! their holograms are left out. With validation pairs, the result is the model with the lowest validation loss, and
-//! learning ends when that loss no longer falls. Pairs of several distances are fitted by one model
+//! learning ends when that loss no longer falls. Pairs of several distances are fitted together, by one model whose
+//! kernel depends on the distance.
 
-use super::along_z::Joint;
+use super::along_z::JointLayout;
 use super::fit::Fit;
 use super::layout::Layout;
 use super::pair::{Example, measure, total};
 use super::schedule::{one_cycle, shuffled};
-use super::screening::{self, Knowledge};
-use super::{KernelModel, LearnOptions, LearnStage, LearnStep, Lessons, PairSource, pair::BoxError};
+use super::screening::{self, Predictor};
+use super::{KernelModel, LearnOptions, LearnStage, LearnStep, LearningPairs, PairSource, pair::BoxError};
 use crate::optimizer::adam::AdamStep;
 use crate::optimizer::damped::DampedState;
 use crate::photometry::Sums;
 use crate::{DisplayModel, Error, KernelShape, OpticalSetup};
 use serde::{Deserialize, Serialize};
 
-/// Orders that the kernel goes through, up to the order asked for.
-const LADDER: [usize; 3] = [5, 8, 12];
+/// Orders of the kernel that are fitted one after the other, up to the requested order.
+const ORDERS: [usize; 3] = [5, 8, 12];
 /// Order of the kernel when neither the options nor validation pairs choose it.
 const ORDER_DEFAULT: usize = 8;
 /// Number of pairs of a plane from which the curvature of all its pairs is estimated.
@@ -27,14 +28,14 @@ pub(super) const CURVATURE_PAIRS: usize = 4;
 /// Number of pixels of a pair from which its curvature is estimated: several hundred for each parameter.
 pub(super) const CURVATURE_PX: usize = 40_000;
 /// Least relative decrease of the training loss. A smaller one ends the refinement of the current order.
-const STEP_WORTH: f64 = 1e-2;
+const STEP_GAIN_MIN: f64 = 1e-2;
 /// Least relative decrease of the validation loss by which a step or an order counts as a gain.
-const VALIDATION_WORTH: f64 = 1e-2;
-/// Consecutive steps without a validation gain that end an order.
-const PATIENCE: u32 = 6;
+const VALIDATION_GAIN_MIN: f64 = 1e-2;
+/// Number of consecutive steps without a validation gain after which an order ends.
+const STEPS_WITHOUT_GAIN_MAX: u32 = 6;
 /// Least relative decrease of the validation loss by a kernel that varies over the SLM. With a smaller one the uniform
 /// kernel is kept, because a varying kernel makes every hologram more expensive.
-const VARIATION_WORTH: f64 = 0.1;
+const VARIATION_GAIN_MIN: f64 = 0.1;
 
 /// State of the fit of a parametric model: all that the next step depends on.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -57,8 +58,8 @@ pub struct ParametricState {
     pub kept: Vec<u32>,
     /// Whether the pairs have been screened again after Adam.
     pub rescreened: bool,
-    /// Number of finished orders of the kernel.
-    pub rung: u32,
+    /// Index of the current order in the list of the orders to fit, which is also the number of finished orders.
+    pub order_index: u32,
     /// Whether the last order is being fitted with a kernel that varies over the SLM.
     pub varying: bool,
     /// Refinement of the current order; `None` before Adam has ended.
@@ -68,11 +69,11 @@ pub struct ParametricState {
     /// Evaluations of all pairs that previous orders have taken.
     pub evaluations: u32,
     /// Best model so far on the validation pairs; while varying kernels are fitted, the best of these.
-    pub best: Option<Best>,
+    pub best: Option<BestModel>,
     /// Best model on the validation pairs before kernels began to vary.
-    pub uniform: Option<Best>,
-    /// Steps of the current order since the last validation gain.
-    pub in_vain: u32,
+    pub uniform: Option<BestModel>,
+    /// Number of steps of the current order since the last validation gain.
+    pub steps_without_gain: u32,
     /// Whether learning has ended.
     pub converged: bool,
     /// Mean training loss of each epoch, then of each refinement step.
@@ -81,7 +82,7 @@ pub struct ParametricState {
 
 /// A model with a lower validation loss than all models before it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Best {
+pub struct BestModel {
     /// Order of the kernel.
     pub order: u32,
     /// Whether the kernel varies over the SLM.
@@ -98,8 +99,8 @@ pub struct Best {
 #[derive(Debug)]
 pub struct ParametricLearner {
     options: LearnOptions,
-    rungs: Vec<usize>,
-    joint: Joint,
+    kernel_orders: Vec<usize>,
+    joint: JointLayout,
     fit: Fit<f32>,
     state: ParametricState,
 }
@@ -112,12 +113,12 @@ impl ParametricLearner {
     ) -> Result<Self, BoxError> {
         let mut learner = Self::resume(setups, options, ParametricState::default())?;
         let layout = learner.joint.layout;
-        let (own, knowledge) = match &learner.options.warm_start {
-            Some(model) => (layout.parameters(model), Knowledge::Rough),
-            None => (vec![0.0; layout.len()], Knowledge::Ideal),
+        let (plane_theta, predictor) = match &learner.options.warm_start {
+            Some(model) => (layout.parameters(model), Predictor::Rough),
+            None => (vec![0.0; layout.len()], Predictor::Ideal),
         };
-        let parameters = learner.joint.of_all_planes(&own);
-        learner.screen(pairs, &parameters, knowledge)?;
+        let parameters = learner.joint.parameters_for_all_planes(&plane_theta);
+        learner.screen(pairs, &parameters, predictor)?;
         let zeros = vec![0.0; parameters.len()];
         let state = &mut learner.state;
         (state.parameters, state.first_moment, state.second_moment) = (parameters, zeros.clone(), zeros);
@@ -129,19 +130,20 @@ impl ParametricLearner {
         options: LearnOptions,
         state: ParametricState,
     ) -> Result<Self, Error> {
-        let rungs = rungs(&options);
-        let order = rungs.get(state.rung as usize).copied().unwrap_or(rungs[rungs.len() - 1]);
+        let kernel_orders = kernel_orders(&options);
+        let order =
+            kernel_orders.get(state.order_index as usize).copied().unwrap_or(kernel_orders[kernel_orders.len() - 1]);
         let order = state.uniform.as_ref().map_or(order, |uniform| uniform.order as usize);
         let layout = Layout::of(options.model, order, state.varying);
         let distances_m: Vec<f64> = setups.iter().map(OpticalSetup::distance_m).collect();
-        let joint = Joint::new(layout, &distances_m);
+        let joint = JointLayout::new(layout, &distances_m);
         let theta = state.refinement.as_ref().map_or(&state.parameters, |refinement| &refinement.parameters);
         if !theta.is_empty() && theta.len() != joint.len() {
             let value = theta.len() as f64;
-            return Err(Error::OutOfRange { name: "state", value, allowed: "as long as the model has parameters" });
+            return Err(Error::OutOfRange { name: "state", value, allowed: "the number of parameters of the model" });
         }
         let fit = Fit::new(setups.to_vec(), layout, options.detector, options.carrier)?;
-        Ok(Self { options, rungs, joint, fit, state })
+        Ok(Self { options, kernel_orders, joint, fit, state })
     }
 
     pub(super) fn state(&self) -> &ParametricState {
@@ -152,12 +154,12 @@ impl ParametricLearner {
     pub(super) fn models(&self) -> Vec<DisplayModel> {
         let (joint, theta) = self.best();
         let exposure = (self.state.gain, self.state.offset);
-        let model = |(plane, setup)| joint.layout.model(setup, exposure, &joint.of_plane(plane, theta));
+        let model = |(plane, setup)| joint.layout.model(setup, exposure, &joint.plane_parameters(plane, theta));
         self.fit.setups.iter().enumerate().map(model).collect()
     }
 
     /// The best θ so far, and its layout.
-    fn best(&self) -> (Joint, &[f64]) {
+    fn best(&self) -> (JointLayout, &[f64]) {
         let state = &self.state;
         match (&state.best, &state.refinement) {
             (Some(best), _) => {
@@ -169,17 +171,17 @@ impl ParametricLearner {
         }
     }
 
-    pub(super) fn step(&mut self, lessons: Lessons<'_>) -> Result<Option<LearnStep>, BoxError> {
+    pub(super) fn step(&mut self, learning_pairs: LearningPairs<'_>) -> Result<Option<LearnStep>, BoxError> {
         if self.state.adam_steps < self.adam_steps_total() && !self.state.rescreened {
-            return self.adam_step(lessons.training).map(Some);
+            return self.adam_step(learning_pairs.training).map(Some);
         }
         if !self.state.rescreened {
-            self.rescreen(lessons.training)?;
+            self.rescreen(learning_pairs.training)?;
         }
         if self.state.converged || self.options.refinement_evaluations == 0 {
             return Ok(None);
         }
-        self.refine(lessons).map(Some)
+        self.refine(learning_pairs).map(Some)
     }
 
     fn adam_steps_total(&self) -> u32 {
@@ -189,11 +191,11 @@ impl ParametricLearner {
 
     fn adam_step(&mut self, pairs: &dyn PairSource) -> Result<LearnStep, BoxError> {
         let (count, total) = (self.state.kept.len() as u32, self.adam_steps_total());
-        let (epoch, place) = (self.state.adam_steps / count, self.state.adam_steps % count);
-        let index = self.state.kept[shuffled(count as usize, epoch, self.options.seed)[place as usize]];
+        let (epoch, position) = (self.state.adam_steps / count, self.state.adam_steps % count);
+        let index = self.state.kept[shuffled(count as usize, epoch, self.options.seed)[position as usize]];
         let plane = pairs.plane(index as usize);
         let example = Example::new(&pairs.pair(index as usize)?, &self.fit.engine, self.options.region)?;
-        self.fit.set(plane, &self.joint.of_plane(plane, &self.state.parameters));
+        self.fit.set(plane, &self.joint.plane_parameters(plane, &self.state.parameters));
         let (sums, own) = self.fit.evaluate(&example);
         let mut gradient = vec![0.0; self.joint.len()];
         self.joint.add_gradient(plane, &own, 1.0, &mut gradient);
@@ -204,7 +206,7 @@ impl ParametricLearner {
         let step = AdamStep::new(rate, state.adam_steps, 1.0);
         step.take(&mut state.parameters, &mut state.first_moment, &mut state.second_moment, &gradient);
         state.epoch_loss += sums.loss();
-        if place + 1 == count {
+        if position + 1 == count {
             state.loss_history.push(state.epoch_loss / f64::from(count));
             state.epoch_loss = 0.0;
         }
@@ -214,20 +216,24 @@ impl ParametricLearner {
     /// Screens the pairs again with the model that Adam found.
     fn rescreen(&mut self, pairs: &dyn PairSource) -> Result<(), BoxError> {
         let theta = self.state.parameters.clone();
-        self.screen(pairs, &theta, Knowledge::Rough)?;
+        self.screen(pairs, &theta, Predictor::Rough)?;
         self.state.rescreened = true;
         Ok(())
     }
 
     /// Selects the pairs to keep by comparing those of each plane with one another, and fits one gain and offset to
     /// them.
-    fn screen(&mut self, pairs: &dyn PairSource, theta: &[f64], knowledge: Knowledge) -> Result<(), BoxError> {
+    fn screen(&mut self, pairs: &dyn PairSource, theta: &[f64], predictor: Predictor) -> Result<(), BoxError> {
         let each = self.measure_each(pairs, theta)?;
         let mut kept = Vec::with_capacity(each.len());
         for plane in 0..self.joint.planes() {
-            let here: Vec<usize> = (0..each.len()).filter(|&index| pairs.plane(index) == plane).collect();
-            let correlations: Vec<f64> = here.iter().map(|&index| each[index].correlation()).collect();
-            kept.extend(screening::kept(&correlations, knowledge)?.into_iter().map(|place| here[place] as u32));
+            let plane_pairs: Vec<usize> = (0..each.len()).filter(|&index| pairs.plane(index) == plane).collect();
+            let correlations: Vec<f64> = plane_pairs.iter().map(|&index| each[index].correlation()).collect();
+            kept.extend(
+                screening::pairs_to_keep(&correlations, predictor)?
+                    .into_iter()
+                    .map(|position| plane_pairs[position] as u32),
+            );
         }
         self.state.kept = kept;
         self.fit_exposure(&each);
@@ -241,7 +247,7 @@ impl ParametricLearner {
         let one = |index| {
             let plane = pairs.plane(index);
             if set.replace(plane) != Some(plane) {
-                fit.set(plane, &joint.of_plane(plane, theta));
+                fit.set(plane, &joint.plane_parameters(plane, theta));
             }
             Ok(measure(&fit.engine, &mut fit.out, &pairs.pair(index)?, options.region)?)
         };
@@ -256,36 +262,38 @@ impl ParametricLearner {
 
     /// Takes a step of Levenberg and Marquardt's method, validates the result, and changes the order when the step was
     /// the last.
-    fn refine(&mut self, lessons: Lessons<'_>) -> Result<LearnStep, BoxError> {
+    fn refine(&mut self, learning_pairs: LearningPairs<'_>) -> Result<LearnStep, BoxError> {
         let before = self.state.refinement.as_ref().map(|refinement| refinement.loss);
-        let moved = match self.state.refinement.take() {
+        let improved = match self.state.refinement.take() {
             None => {
                 let start = self.state.parameters.clone();
-                self.state.refinement = Some(DampedState::start(start, |theta| self.fit_all(lessons.training, theta))?);
+                self.state.refinement =
+                    Some(DampedState::start(start, |theta| self.fit_all(learning_pairs.training, theta))?);
                 true
             }
             Some(mut refinement) => {
-                let curvature = self.curvature(lessons.training, &refinement.parameters, refinement.evaluations)?;
-                let moved = refinement.step(&curvature, |theta| self.fit_all(lessons.training, theta))?;
+                let curvature =
+                    self.curvature(learning_pairs.training, &refinement.parameters, refinement.evaluations)?;
+                let improved = refinement.step(&curvature, |theta| self.fit_all(learning_pairs.training, theta))?;
                 self.state.refinement = Some(refinement);
-                moved
+                improved
             }
         };
         let (loss, spent) = self.refinement();
         self.state.loss_history.push(loss);
-        let little = before.is_some_and(|before| loss > before * (1.0 - STEP_WORTH));
-        let validated = self.validate(lessons.validation)?;
+        let little = before.is_some_and(|before| loss > before * (1.0 - STEP_GAIN_MIN));
+        let validated = self.validate(learning_pairs.validation)?;
         let stages = 1 + u32::from(self.state.varying);
         let exhausted = self.state.evaluations + spent >= stages * self.options.refinement_evaluations;
-        if !moved || little || exhausted || !validated {
-            self.climb(exhausted);
+        if !improved || little || exhausted || !validated {
+            self.advance_order(exhausted);
         }
         if self.state.converged {
             self.choose_variation();
             let (joint, theta) = self.best();
             let theta = theta.to_vec();
-            self.change(joint);
-            let each = self.measure_each(lessons.training, &theta)?;
+            self.change_layout(joint);
+            let each = self.measure_each(learning_pairs.training, &theta)?;
             self.fit_exposure(&each);
         }
         Ok(self.progress(LearnStage::Refinement, loss))
@@ -303,7 +311,7 @@ impl ParametricLearner {
         for index in state.kept.iter().map(|&index| index as usize) {
             let plane = pairs.plane(index);
             if set.replace(plane) != Some(plane) {
-                fit.set(plane, &joint.of_plane(plane, theta));
+                fit.set(plane, &joint.plane_parameters(plane, theta));
             }
             let example = Example::new(&pairs.pair(index)?, &fit.engine, options.region)?;
             let (sums, own) = fit.evaluate(&example);
@@ -326,12 +334,12 @@ impl ParametricLearner {
             let chosen = CURVATURE_PAIRS.min(kept.len());
             all_chosen &= chosen == kept.len();
             let share = kept.len() as f64 / state.kept.len() as f64 / chosen as f64;
-            fit.set(plane, &joint.of_plane(plane, theta));
-            for (turn, &place) in order.iter().take(chosen).enumerate() {
-                let example = Example::new(&pairs.pair(kept[place])?, &fit.engine, options.region)?;
+            fit.set(plane, &joint.plane_parameters(plane, theta));
+            for (turn, &position) in order.iter().take(chosen).enumerate() {
+                let example = Example::new(&pairs.pair(kept[position])?, &fit.engine, options.region)?;
                 let first = (round as usize + turn * stride / chosen) % stride;
-                let normal = fit.curvature(&example, first, stride);
-                joint.add_curvature(plane, &normal.matrix, share, &mut sum);
+                let curvature = fit.curvature(&example, first, stride);
+                joint.add_curvature(plane, &curvature.matrix, share, &mut sum);
             }
         }
         if !all_chosen {
@@ -360,22 +368,23 @@ impl ParametricLearner {
         let loss = middle.iter().sum::<f64>() / middle.len() as f64;
 
         let best = self.state.best.as_ref().map_or(f64::INFINITY, |best| best.loss);
-        self.state.in_vain = if loss < best * (1.0 - VALIDATION_WORTH) { 0 } else { self.state.in_vain + 1 };
+        self.state.steps_without_gain =
+            if loss < best * (1.0 - VALIDATION_GAIN_MIN) { 0 } else { self.state.steps_without_gain + 1 };
         if loss < best {
             let loss_before = self.state.best.as_ref().map_or(f64::INFINITY, |best| best.loss_before);
             let order = self.fit.layout.kernel.order() as u32;
-            self.state.best = Some(Best { order, varying: self.state.varying, parameters, loss, loss_before });
+            self.state.best = Some(BestModel { order, varying: self.state.varying, parameters, loss, loss_before });
         }
-        Ok(self.state.in_vain < PATIENCE)
+        Ok(self.state.steps_without_gain < STEPS_WITHOUT_GAIN_MAX)
     }
 
     /// Goes on to the next order, then to a varying kernel, or ends learning.
-    fn climb(&mut self, exhausted: bool) {
-        let next = self.rungs.get(self.state.rung as usize + 1).copied();
-        let chooses = self.chooses();
-        let gained = match (&mut self.state.best, chooses) {
+    fn advance_order(&mut self, exhausted: bool) {
+        let next = self.kernel_orders.get(self.state.order_index as usize + 1).copied();
+        let validation_chooses_order = self.validation_chooses_order();
+        let gained = match (&mut self.state.best, validation_chooses_order) {
             (Some(best), true) => {
-                let gained = best.loss < best.loss_before * (1.0 - VALIDATION_WORTH);
+                let gained = best.loss < best.loss_before * (1.0 - VALIDATION_GAIN_MIN);
                 best.loss_before = best.loss;
                 gained
             }
@@ -388,8 +397,8 @@ impl ParametricLearner {
             let (_, spent) = self.refinement();
             let theta = self.state.refinement.take().map_or_else(Vec::new, |refinement| refinement.parameters);
             self.state.evaluations += spent;
-            self.state.rung += 1;
-            self.begin(Layout::new(self.options.model, order), &self.joint.clone(), &theta);
+            self.state.order_index += 1;
+            self.start_layout(Layout::new(self.options.model, order), &self.joint.clone(), &theta);
         } else if self.options.model == KernelModel::Varying {
             let (joint, theta) = self.best();
             let theta = theta.to_vec();
@@ -397,41 +406,41 @@ impl ParametricLearner {
             self.state.evaluations = self.options.refinement_evaluations;
             self.state.refinement = None;
             self.state.varying = true;
-            self.begin(Layout::of(self.options.model, joint.layout.kernel.order(), true), &joint, &theta);
+            self.start_layout(Layout::of(self.options.model, joint.layout.kernel.order(), true), &joint, &theta);
         } else {
             self.state.converged = true;
         }
     }
 
     /// Starts another layout from the θ of the previous one.
-    fn begin(&mut self, layout: Layout, from: &Joint, theta: &[f64]) {
+    fn start_layout(&mut self, layout: Layout, from: &JointLayout, theta: &[f64]) {
         let joint = from.with_layout(layout);
-        self.state.parameters = from.carried(theta, &joint);
+        self.state.parameters = from.converted(theta, &joint);
         if let (true, Some(model)) = (layout.varies(), &self.options.warm_start) {
             let start = layout.variation(0);
             self.state.parameters[start..].copy_from_slice(&layout.parameters(model)[start..]);
         }
         self.state.curvature.clear();
-        self.state.in_vain = 0;
-        self.change(joint);
+        self.state.steps_without_gain = 0;
+        self.change_layout(joint);
     }
 
     /// Returns to the uniform kernel if the varying one lowers the validation loss too little.
     fn choose_variation(&mut self) {
         let Some(uniform) = &self.state.uniform else { return };
-        let bound = uniform.loss * (1.0 - VARIATION_WORTH);
+        let bound = uniform.loss * (1.0 - VARIATION_GAIN_MIN);
         if self.state.best.as_ref().is_none_or(|varying| varying.loss > bound) {
             self.state.best = Some(uniform.clone());
         }
     }
 
-    fn change(&mut self, joint: Joint) {
-        self.fit.change(joint.layout);
+    fn change_layout(&mut self, joint: JointLayout) {
+        self.fit.change_layout(joint.layout);
         self.joint = joint;
     }
 
     /// Whether the validation pairs choose the order.
-    fn chooses(&self) -> bool {
+    fn validation_chooses_order(&self) -> bool {
         self.options.order.is_none()
     }
 
@@ -449,15 +458,16 @@ impl ParametricLearner {
     }
 }
 
-/// The orders to go through. A warm start begins no lower than the order of the display that it starts from, up to 12.
-fn rungs(options: &LearnOptions) -> Vec<usize> {
+/// The orders to fit one after the other. A warm start begins no lower than the order of the display that it starts
+/// from, up to 12.
+fn kernel_orders(options: &LearnOptions) -> Vec<usize> {
     let lowest = match options.warm_start.as_ref().map(|model| &model.kernel) {
         Some(KernelShape::Smooth(field)) => field.order,
         _ => 0,
     };
-    let ladder = LADDER.into_iter().filter(|&rung| rung >= lowest.min(LADDER[2]));
+    let candidates = ORDERS.into_iter().filter(|&candidate| candidate >= lowest.min(ORDERS[2]));
     match options.order {
-        None => ladder.collect(),
-        Some(order) => ladder.filter(|&rung| rung < order.min(LADDER[1])).chain([order]).collect(),
+        None => candidates.collect(),
+        Some(order) => candidates.filter(|&candidate| candidate < order.min(ORDERS[1])).chain([order]).collect(),
     }
 }

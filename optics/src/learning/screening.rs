@@ -15,21 +15,22 @@ const SHARE_MAX: f64 = 0.34;
 const CORRELATION_MIN: f64 = 0.05;
 /// A pair whose correlation is at least this part of the median is always kept: it is hard to predict, but not wrong.
 const PART_OF_MEDIAN: f64 = 0.6;
-/// Standard deviations below the median beyond which a pair is an outlier; of normally distributed ones, one in 10⁹ is.
+/// Number of standard deviations below the median beyond which a pair is an outlier. A normally distributed number
+/// deviates so far with a probability of 2e-9, to either side.
 const DEVIATIONS: f64 = 6.0;
 
-/// What is known about the display when pairs are screened.
+/// Display model that predicts the light when pairs are screened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Knowledge {
-    /// Nothing yet: light is predicted for an ideal display.
+pub(super) enum Predictor {
+    /// The ideal display, because nothing has been learned yet.
     Ideal,
-    /// A rough model: the result of Adam, or the display to start from.
+    /// A rough model of the display: the result of Adam, or the model of a warm start.
     Rough,
 }
 
-impl Knowledge {
-    /// Deviation below the median that a correlation may always have, however little the others scatter.
-    fn tolerated(self) -> f64 {
+impl Predictor {
+    /// Deviation below the median that is always allowed, even if the other correlations scatter less.
+    fn deviation_allowed(self) -> f64 {
         match self {
             Self::Ideal => 0.3,
             Self::Rough => 0.15,
@@ -42,7 +43,7 @@ impl Knowledge {
 /// # Errors
 ///
 /// [`Error::Unrelated`] when the median correlation is too low: most photographs do not show their holograms.
-pub(super) fn kept(correlations: &[f64], knowledge: Knowledge) -> Result<Vec<usize>, Error> {
+pub(super) fn pairs_to_keep(correlations: &[f64], predictor: Predictor) -> Result<Vec<usize>, Error> {
     let middle = median(correlations.to_vec());
     if middle < CORRELATION_MIN {
         return Err(Error::Unrelated { correlation: middle });
@@ -53,7 +54,7 @@ pub(super) fn kept(correlations: &[f64], knowledge: Knowledge) -> Result<Vec<usi
     }
     // The median absolute deviation of normally distributed numbers is 0.674 of their standard deviation.
     let deviation = median(correlations.iter().map(|c| (c - middle).abs()).collect()) / 0.674;
-    let lowest = (middle - knowledge.tolerated().max(DEVIATIONS * deviation)).min(PART_OF_MEDIAN * middle);
+    let lowest = (middle - predictor.deviation_allowed().max(DEVIATIONS * deviation)).min(PART_OF_MEDIAN * middle);
     let mut kept: Vec<usize> = all.clone().filter(|&i| correlations[i] >= lowest).collect();
     if ((all.len() - kept.len()) as f64) > SHARE_MAX * all.len() as f64 {
         kept = all.collect();
@@ -76,22 +77,26 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_pair_far_below_the_others_is_left_out() {
-        let found = kept(&[0.8, 0.75, 0.1, 0.7, 0.82, 0.78], Knowledge::Ideal).unwrap();
+    fn pair_with_far_lower_correlation_is_left_out() {
+        let found = pairs_to_keep(&[0.8, 0.75, 0.1, 0.7, 0.82, 0.78], Predictor::Ideal).unwrap();
         assert_eq!(found, [0, 1, 3, 4, 5]);
     }
 
     #[test]
-    fn pairs_that_differ_as_pairs_do_are_all_kept() {
+    fn pairs_with_ordinary_scatter_are_all_kept() {
         for correlations in [[0.5, 0.8, 0.6, 0.9], [0.97, 0.99, 0.7, 0.98], [0.3, 0.5, 0.2, 0.4]] {
-            assert_eq!(kept(&correlations, Knowledge::Rough).unwrap(), [0, 1, 2, 3], "{correlations:?}");
+            assert_eq!(pairs_to_keep(&correlations, Predictor::Rough).unwrap(), [0, 1, 2, 3], "{correlations:?}");
         }
-        assert_eq!(kept(&[0.9, 0.1], Knowledge::Rough).unwrap(), [0, 1], "of two, nobody knows which");
+        assert_eq!(
+            pairs_to_keep(&[0.9, 0.1], Predictor::Rough).unwrap(),
+            [0, 1],
+            "two pairs are too few to recognize an outlier"
+        );
     }
 
     #[test]
     fn photographs_of_other_holograms_are_refused() {
-        let error = kept(&[0.01, -0.02, 0.03, 0.0], Knowledge::Ideal).unwrap_err();
-        assert!(error.to_string().contains("other holograms"), "{error}");
+        let error = pairs_to_keep(&[0.01, -0.02, 0.03, 0.0], Predictor::Ideal).unwrap_err();
+        assert!(error.to_string().contains("do not match their holograms"), "{error}");
     }
 }

@@ -78,8 +78,8 @@ impl<T: Real> SmoothTransfer<T> {
     }
 
     /// Contribution of one column of the spectra to the gradient.
-    pub(super) fn visit(&self, h: &[Complex<T>], u: &[Complex<T>], g: &[Complex<T>]) -> ColumnSums {
-        Arch::new().dispatch(VisitColumn { smooth: self, h, u, g })
+    pub(super) fn column_sums(&self, h: &[Complex<T>], u: &[Complex<T>], g: &[Complex<T>]) -> ColumnSums {
+        Arch::new().dispatch(SumColumn { smooth: self, h, u, g })
     }
 
     /// ∂L/∂α and ∂L/∂ψ of each coefficient: 2 Re Σ T and −2 Im Σ T over all columns.
@@ -113,15 +113,15 @@ fn tabulate<T: Real>(order: usize, points: &[f64]) -> Vec<Vec<T>> {
     (0..=order).map(|j| at.iter().map(|t| T::of(t[j])).collect()).collect()
 }
 
-/// [`SmoothTransfer::visit`] as an operation that is compiled for the vector instructions of the current machine.
-struct VisitColumn<'a, T> {
+/// [`SmoothTransfer::column_sums`] as an operation that is compiled for the vector instructions of the current machine.
+struct SumColumn<'a, T> {
     smooth: &'a SmoothTransfer<T>,
     h: &'a [Complex<T>],
     u: &'a [Complex<T>],
     g: &'a [Complex<T>],
 }
 
-impl<T: Real> WithSimd for VisitColumn<'_, T> {
+impl<T: Real> WithSimd for SumColumn<'_, T> {
     type Output = ColumnSums;
 
     #[inline(always)]

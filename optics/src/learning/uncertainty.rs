@@ -76,8 +76,8 @@ impl ResponseUncertainty {
         let before = self.gradients.len() - 1;
         if before < CURVATURE_PAIRS {
             let stride = (self.region.pixels() / CURVATURE_PX).max(1);
-            let normal = self.fit.curvature(&example, before * stride / CURVATURE_PAIRS, stride);
-            self.curvature.iter_mut().zip(normal.matrix).for_each(|(sum, value)| *sum += value);
+            let curvature = self.fit.curvature(&example, before * stride / CURVATURE_PAIRS, stride);
+            self.curvature.iter_mut().zip(curvature.matrix).for_each(|(sum, value)| *sum += value);
         }
         Ok(())
     }
@@ -99,17 +99,17 @@ impl ResponseUncertainty {
             (0..n).map(|i| self.gradients.iter().map(|gradient| gradient[i]).sum::<f64>() / pairs as f64).collect();
 
         // First-order change of each coefficient when a pair is left out, times P.
-        let mut moves = Vec::with_capacity(2 * HARMONICS);
+        let mut changes = Vec::with_capacity(2 * HARMONICS);
         for coefficient in first..first + 2 * HARMONICS {
             let unit = (0..n).map(|i| f64::from(u8::from(i == coefficient))).collect();
             let row = solve(curvature.clone(), unit)?;
             let along = |gradient: &Vec<f64>| -> f64 {
                 row.iter().zip(gradient.iter().zip(&mean)).map(|(a, (g, mean))| a * (g - mean)).sum()
             };
-            moves.push(self.gradients.iter().map(along).collect::<Vec<f64>>());
+            changes.push(self.gradients.iter().map(along).collect::<Vec<f64>>());
         }
         let scale = 1.0 / (pairs * (pairs - 1)) as f64;
-        let product = |a: usize, b: usize| moves[a].iter().zip(&moves[b]).map(|(a, b)| a * b).sum::<f64>() * scale;
+        let product = |a: usize, b: usize| changes[a].iter().zip(&changes[b]).map(|(a, b)| a * b).sum::<f64>() * scale;
         Some(ResponseCovariance { matrix: std::array::from_fn(|a| std::array::from_fn(|b| product(a, b))) })
     }
 }

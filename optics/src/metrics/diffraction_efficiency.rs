@@ -57,7 +57,7 @@ mod tests {
     use crate::Grid;
 
     #[test]
-    fn it_counts_the_light_inside() {
+    fn only_light_inside_region_counts() {
         let grid = Grid::try_new(6, 8, 8e-6).unwrap();
         let light = Plane::from_fn(6, 8, |y, x| (y * 8 + x) as f32);
         let roi = RegionOfInterest::try_new(&grid, 2, 1, 3, 2).unwrap();

@@ -47,7 +47,7 @@ mod test_images {
     }
 
     /// [`card`] with noise of up to 1/8 added.
-    pub(super) fn spoiled(height_px: usize, width_px: usize) -> Plane<f32> {
+    pub(super) fn noisy_card(height_px: usize, width_px: usize) -> Plane<f32> {
         let card = card(height_px, width_px);
         Plane::from_fn(height_px, width_px, |y, x| {
             (card.at(y, x) + (((y * y + 3 * x * y + 5 * x) % 17) as f32 - 8.0) / 64.0).abs()

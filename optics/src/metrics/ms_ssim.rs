@@ -97,7 +97,7 @@ mod tests {
     use super::*;
     use crate::Grid;
     use crate::metrics::ssim;
-    use crate::metrics::test_images::{card, spoiled};
+    use crate::metrics::test_images::{card, noisy_card};
 
     fn whole(plane: &Plane<f32>) -> RegionOfInterest {
         RegionOfInterest::full(&Grid::try_new(plane.height_px(), plane.width_px(), 8e-6).unwrap())
@@ -107,8 +107,8 @@ mod tests {
     /// `ms_ssim(gain * p, t, data_range=1.0)`. Its window is in float32, which limits its values to about 1e-7. The
     /// sides are even at every scale, because it pads odd ones.
     #[test]
-    fn it_is_that_of_pytorch_msssim() {
-        let (p, t) = (spoiled(192, 224), card(192, 224));
+    fn ms_ssim_matches_pytorch_msssim() {
+        let (p, t) = (noisy_card(192, 224), card(192, 224));
         for (gain, expected) in [(1.0, 0.922_402_308_943_824_5), (0.5, 0.770_734_818_950_884_4)] {
             let found = ms_ssim(&p, &t, whole(&t), Gain::Given(gain)).unwrap();
             assert!((found - expected).abs() < 1e-6, "gain {gain}: {found} {expected}");
@@ -117,8 +117,8 @@ mod tests {
 
     /// Compares with the definition on planes that are halved separately, with odd sides on the way.
     #[test]
-    fn it_is_the_product_over_the_scales() {
-        let (p, t) = (spoiled(181, 203), card(181, 203));
+    fn ms_ssim_is_product_over_scales() {
+        let (p, t) = (noisy_card(181, 203), card(181, 203));
         let half = |plane: &Plane<f32>| {
             Plane::from_fn(plane.height_px() / 2, plane.width_px() / 2, |y, x| {
                 let sum: f64 = [(0, 0), (0, 1), (1, 0), (1, 1)]
@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn closed_forms() {
+    fn ms_ssim_matches_closed_forms() {
         let t = card(176, 190);
         assert!((ms_ssim(&t, &t, whole(&t), Gain::Given(1.0)).unwrap() - 1.0).abs() < 1e-12);
         // Uniform greys have no structure that could differ, so only the brightness at the coarsest scale counts.
@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn a_region_that_is_too_small_is_refused_with_its_size() {
+    fn too_small_region_is_refused_with_its_size() {
         let t = card(175, 300);
         let error = ms_ssim(&t, &t, whole(&t), Gain::Fitted).unwrap_err().to_string();
         assert!(error.contains("is 175") && error.contains("at least 176"), "{error}");

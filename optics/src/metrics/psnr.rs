@@ -67,19 +67,19 @@ mod tests {
     }
 
     #[test]
-    fn equal_images_are_infinitely_close() {
+    fn equal_images_have_infinite_psnr() {
         assert_eq!(psnr_db(&ramp(), &ramp(), middle(), Gain::Given(1.0)).unwrap(), f64::INFINITY);
         assert_eq!(psnr_db(&ramp(), &ramp(), middle(), Gain::Fitted).unwrap(), f64::INFINITY);
     }
 
     #[test]
-    fn a_constant_error_has_the_textbook_psnr() {
+    fn constant_error_has_expected_psnr() {
         let off = ramp().map(|value| value + 0.1);
         assert!((psnr_db(&off, &ramp(), middle(), Gain::Given(1.0)).unwrap() - 20.0).abs() < 1e-5);
     }
 
     #[test]
-    fn brightness_does_not_count_where_the_gain_is_fitted() {
+    fn fitted_gain_removes_brightness_difference() {
         let (bright, target) = (ramp().map(|value| value * 4.0), ramp());
         assert_eq!(fitted_intensity_scale(&bright, &target, middle()).unwrap(), 0.25);
         assert_eq!(psnr_db(&bright, &target, middle(), Gain::Fitted).unwrap(), f64::INFINITY);
@@ -92,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn black_images_have_a_documented_answer() {
+    fn black_images_give_documented_values() {
         let black = Plane::filled(10, 20, 0.0);
         assert_eq!(fitted_intensity_scale(&black, &ramp(), middle()).unwrap(), 0.0);
         assert!(psnr_db(&black, &ramp(), middle(), Gain::Fitted).unwrap().is_finite());
@@ -100,20 +100,21 @@ mod tests {
     }
 
     #[test]
-    fn only_the_region_counts() {
-        let mut spoiled = ramp();
-        spoiled.values_mut()[0] = 1e6;
-        assert_eq!(mse(&spoiled, &ramp(), middle(), Gain::Given(1.0)).unwrap(), 0.0);
+    fn pixels_outside_region_are_ignored() {
+        let mut changed = ramp();
+        changed.values_mut()[0] = 1e6;
+        assert_eq!(mse(&changed, &ramp(), middle(), Gain::Given(1.0)).unwrap(), 0.0);
     }
 
     #[test]
     fn sub_samples_are_compared_with_their_pixels() {
-        let seen = Plane::from_fn(20, 40, |y, x| ramp().at(y / 2, x / 2) + if (y + x) % 2 == 0 { 0.1 } else { -0.1 });
-        assert!((psnr_db(&seen, &ramp(), middle(), Gain::Given(1.0)).unwrap() - 20.0).abs() < 1e-5);
+        let samples =
+            Plane::from_fn(20, 40, |y, x| ramp().at(y / 2, x / 2) + if (y + x) % 2 == 0 { 0.1 } else { -0.1 });
+        assert!((psnr_db(&samples, &ramp(), middle(), Gain::Given(1.0)).unwrap() - 20.0).abs() < 1e-5);
     }
 
     #[test]
-    fn sizes_that_do_not_fit_are_refused() {
+    fn mismatched_sizes_are_refused() {
         let small = Plane::filled(10, 19, 0.0);
         assert!(matches!(mse(&small, &ramp(), middle(), Gain::Fitted), Err(Error::SizeMismatch { .. })));
         for (height_px, width_px) in [(20, 20), (20, 39), (9, 20), (25, 50)] {

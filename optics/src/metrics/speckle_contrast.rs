@@ -132,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn neither_brightness_nor_slopes_nor_what_is_dark_are_speckle() {
+    fn brightness_slopes_and_dark_areas_do_not_count_as_speckle() {
         let (t, roi) = (target(), RegionOfInterest::full(&grid(40, 60)));
         // The light is far off in the dark part and at the step, where no pixel is flat.
         let light = Plane::from_fn(40, 60, |y, x| if x < 22 { (x + y) as f32 } else { 7.0 * t.at(y, x) });
@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn a_checkered_error_is_its_own_contrast() {
+    fn chequered_error_gives_its_amplitude_as_contrast() {
         let (t, roi) = (target(), RegionOfInterest::full(&grid(40, 60)));
         let light = Plane::from_fn(40, 60, |y, x| t.at(y, x) * if (y + x) % 2 == 0 { 1.25 } else { 0.75 });
         assert!((speckle_contrast(&light, &t, roi).unwrap().unwrap() - 0.25).abs() < 1e-6);
@@ -148,7 +148,7 @@ mod tests {
 
     /// Compares with the definition of flat pixels, evaluated pixel by pixel.
     #[test]
-    fn flat_pixels_are_those_of_the_definition() {
+    fn flat_pixels_match_definition() {
         let mut random = ChaCha8Rng::seed_from_u64(5);
         let t = Plane::from_fn(33, 47, |y, x| {
             let step = [0.02_f32, 0.4, 0.9][(y / 9 + x / 11) % 3];
@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn without_enough_flat_pixels_or_light_there_is_no_contrast() {
+    fn too_few_flat_pixels_or_no_light_give_no_contrast() {
         let roi = RegionOfInterest::full(&grid(40, 60));
         let stripes = Plane::from_fn(40, 60, |_, x| (x % 2) as f32);
         assert_eq!(speckle_contrast(&stripes, &stripes, roi).unwrap(), None);

@@ -178,7 +178,7 @@ fn sum_of_windows(moments: &[Vec<f64>; 4]) -> [f64; 2] {
 mod tests {
     use super::*;
     use crate::Grid;
-    use crate::metrics::test_images::{card, spoiled};
+    use crate::metrics::test_images::{card, noisy_card};
 
     fn whole(plane: &Plane<f32>) -> RegionOfInterest {
         RegionOfInterest::full(&Grid::try_new(plane.height_px(), plane.width_px(), 8e-6).unwrap())
@@ -210,10 +210,10 @@ mod tests {
     }
 
     #[test]
-    fn it_is_the_definition() {
+    fn ssim_matches_definition() {
         // Sizes with more rows than a block, with fewer windows than lanes, and with odd and even sides.
         for (height_px, width_px, gain) in [(11, 11, 1.0), (12, 14, 0.7), (45, 23, 1.3), (76, 20, 1.0)] {
-            let (p, t) = (spoiled(height_px, width_px), card(height_px, width_px));
+            let (p, t) = (noisy_card(height_px, width_px), card(height_px, width_px));
             let expected = plain(&p, &t, gain);
             let pair = ImagePair::new(&p, &t, whole(&t), Gain::Given(gain)).unwrap();
             let found = similarity(&pair);
@@ -227,12 +227,12 @@ mod tests {
     /// Expected values are from scikit-image 0.26.0, with the same arrays in float64 and `gain` times `p`:
     /// `structural_similarity(t, gain * p, gaussian_weights=True, sigma=1.5, use_sample_covariance=False, data_range=1.0)`.
     #[test]
-    fn it_is_that_of_scikit_image() {
+    fn ssim_matches_scikit_image() {
         for (height_px, width_px, same, half, fitted) in [
             (45, 64, 0.544_970_405_796_943_4, 0.515_502_845_469_159_5, 0.554_701_983_480_942_7),
             (64, 101, 0.539_039_416_845_232_1, 0.512_337_596_549_848_7, 0.550_179_166_073_851_9),
         ] {
-            let (p, t) = (spoiled(height_px, width_px), card(height_px, width_px));
+            let (p, t) = (noisy_card(height_px, width_px), card(height_px, width_px));
             for (gain, expected) in [(Gain::Given(1.0), same), (Gain::Given(0.5), half), (Gain::Fitted, fitted)] {
                 let found = ssim(&p, &t, whole(&t), gain).unwrap();
                 assert!((found - expected).abs() < 1e-12, "{height_px}×{width_px} {gain:?}: {found} {expected}");
@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn closed_forms() {
+    fn ssim_matches_closed_forms() {
         let t = card(30, 40);
         assert!((ssim(&t, &t, whole(&t), Gain::Given(1.0)).unwrap() - 1.0).abs() < 1e-12);
         assert!((ssim(&t.map(|t| 3.0 * t), &t, whole(&t), Gain::Fitted).unwrap() - 1.0).abs() < 1e-6);
@@ -256,24 +256,24 @@ mod tests {
 
     #[test]
     fn sub_samples_are_compared_with_their_pixels() {
-        let (t, seen) = (card(12, 15), spoiled(24, 30));
+        let (t, samples) = (card(12, 15), noisy_card(24, 30));
         let enlarged = Plane::from_fn(24, 30, |y, x| t.at(y / 2, x / 2));
         let roi = RegionOfInterest::try_new(&Grid::try_new(12, 15, 8e-6).unwrap(), 2, 1, 11, 9).unwrap();
         let of_samples = RegionOfInterest::try_new(&Grid::try_new(24, 30, 8e-6).unwrap(), 4, 2, 22, 18).unwrap();
-        let found = ssim(&seen, &t, roi, Gain::Fitted).unwrap();
-        assert_eq!(found, ssim(&seen, &enlarged, of_samples, Gain::Fitted).unwrap());
+        let found = ssim(&samples, &t, roi, Gain::Fitted).unwrap();
+        assert_eq!(found, ssim(&samples, &enlarged, of_samples, Gain::Fitted).unwrap());
     }
 
     #[test]
-    fn a_region_without_a_window_is_refused_with_its_size() {
+    fn too_small_region_is_refused_with_its_size() {
         let t = card(10, 40);
         let error = ssim(&t, &t, whole(&t), Gain::Fitted).unwrap_err().to_string();
         assert!(error.contains("is 10") && error.contains("at least 11"), "{error}");
     }
 
     #[test]
-    fn it_is_the_same_on_any_number_of_threads() {
-        let (p, t) = (spoiled(150, 60), card(150, 60));
+    fn ssim_does_not_depend_on_number_of_threads() {
+        let (p, t) = (noisy_card(150, 60), card(150, 60));
         let on = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| ssim(&p, &t, whole(&t), Gain::Fitted).unwrap().to_bits())

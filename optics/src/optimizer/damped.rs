@@ -64,7 +64,7 @@ impl DampedState {
     ) -> Result<bool, E> {
         let mut growth = 2.0;
         for _ in 0..TRIALS_MAX {
-            let Some((step, foretold)) = self.damped_step(curvature) else {
+            let Some((step, predicted_decrease)) = self.damped_step(curvature) else {
                 self.damping = (self.damping * growth).min(DAMPING_MAX);
                 growth *= 2.0;
                 continue;
@@ -73,8 +73,8 @@ impl DampedState {
             let (loss, gradient) = evaluate(&parameters)?;
             self.evaluations += 1;
             if loss < self.loss {
-                let kept = 1.0 - (2.0 * (self.loss - loss) / foretold - 1.0).powi(3);
-                self.damping = (self.damping * kept.clamp(0.1, 2.0)).max(DAMPING_MIN);
+                let factor = 1.0 - (2.0 * (self.loss - loss) / predicted_decrease - 1.0).powi(3);
+                self.damping = (self.damping * factor.clamp(0.1, 2.0)).max(DAMPING_MIN);
                 (self.parameters, self.loss, self.gradient) = (parameters, loss, gradient);
                 return Ok(true);
             }
@@ -95,13 +95,13 @@ impl DampedState {
         }
         let step = solve(matrix, self.gradient.iter().map(|g| -g).collect())?;
         let slope: f64 = step.iter().zip(&self.gradient).map(|(d, g)| d * g).sum();
-        let bend: f64 = step
+        let curvature_term: f64 = step
             .iter()
             .zip(curvature.chunks_exact(n))
             .map(|(d, row)| d * row.iter().zip(&step).map(|(a, d)| a * d).sum::<f64>())
             .sum();
-        let foretold = -slope - bend / 2.0;
-        (foretold > 0.0).then_some((step, foretold))
+        let predicted_decrease = -slope - curvature_term / 2.0;
+        (predicted_decrease > 0.0).then_some((step, predicted_decrease))
     }
 }
 
@@ -138,7 +138,7 @@ mod tests {
     use super::*;
 
     /// Loss, gradient and curvature of Rosenbrock's function, with the residuals 10 (y − x²) and 1 − x.
-    fn valley(at: &[f64]) -> (f64, Vec<f64>, Vec<f64>) {
+    fn rosenbrock(at: &[f64]) -> (f64, Vec<f64>, Vec<f64>) {
         let (x, y) = (at[0], at[1]);
         let e = [10.0 * (y - x * x), 1.0 - x];
         let j = [[-20.0 * x, 10.0], [-1.0, 0.0]];
@@ -148,15 +148,15 @@ mod tests {
     }
 
     fn evaluate(at: &[f64]) -> Result<(f64, Vec<f64>), ()> {
-        let (loss, gradient, _) = valley(at);
+        let (loss, gradient, _) = rosenbrock(at);
         Ok((loss, gradient))
     }
 
     #[test]
-    fn finds_the_minimum_of_a_curved_valley_and_never_goes_up() {
+    fn minimum_of_curved_valley_is_found_with_falling_loss() {
         let mut state = DampedState::start(vec![-1.2, 1.0], evaluate).unwrap();
         let mut before = state.loss;
-        while state.evaluations < 100 && state.step(&valley(&state.parameters.clone()).2, evaluate).unwrap() {
+        while state.evaluations < 100 && state.step(&rosenbrock(&state.parameters.clone()).2, evaluate).unwrap() {
             assert!(state.loss < before);
             before = state.loss;
         }
@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_data_say_nothing_about_stays() {
+    fn undetermined_parameters_stay_unchanged() {
         let parabola = |x: &[f64]| Ok::<_, ()>((x[0] * x[0], vec![2.0 * x[0], 0.0]));
         let mut state = DampedState::start(vec![3.0, 5.0], parabola).unwrap();
         for _ in 0..30 {
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn systems_are_solved() {
+    fn positive_definite_systems_are_solved() {
         let matrix = vec![4.0, 2.0, 0.4, 2.0, 5.0, 1.0, 0.4, 1.0, 3.0];
         let x = [1.0, -2.0, 0.5];
         let right = matrix.chunks_exact(3).map(|row| row.iter().zip(&x).map(|(a, x)| a * x).sum()).collect();

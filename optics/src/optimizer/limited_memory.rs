@@ -99,17 +99,17 @@ impl LimitedMemory {
     }
 
     /// Whether all parts are consistent with each other and with this number of parameters.
-    pub(crate) fn is_whole(&self, parameters: usize) -> bool {
-        let places = self.steps.len();
+    pub(crate) fn is_consistent(&self, parameters: usize) -> bool {
+        let slots = self.steps.len();
         let vectors = [&self.point, &self.gradient, &self.direction];
         let mut vectors = vectors.into_iter().chain(&self.steps).chain(&self.changes);
         vectors.all(|vector| vector.len() == parameters)
-            && self.changes.len() == places
+            && self.changes.len() == slots
             && self.products.len() == BASIS * BASIS
-            && places <= HISTORY
-            && self.counts.filled as usize <= places
+            && slots <= HISTORY
+            && self.counts.filled as usize <= slots
             && (self.counts.next as usize) < HISTORY
-            && self.counts.next as usize <= places
+            && self.counts.next as usize <= slots
     }
 
     /// Evaluates one point with `evaluate(point, gradient)`: the start, or the next point along the line. Returns the
@@ -143,7 +143,7 @@ impl LimitedMemory {
             if decreases {
                 self.accept(workspace, loss);
             } else {
-                self.forget();
+                self.clear_history();
             }
         } else if decreases {
             self.search.low = step;
@@ -176,7 +176,7 @@ impl LimitedMemory {
         std::mem::swap(&mut self.point, point);
         std::mem::swap(&mut self.gradient, gradient);
         self.loss = loss;
-        self.enter(slot, &rows);
+        self.store_products(slot, &rows);
         let (s, y) = (slot, HISTORY + slot);
         let (sy, ss, yy) = (self.at(s, y), self.at(s, s), self.at(y, y));
         // Only pairs of positive curvature keep the inverse Hessian positive definite.
@@ -191,7 +191,7 @@ impl LimitedMemory {
     }
 
     /// Clears the history and continues with steepest descent. If the history was already empty, the optimization ends.
-    fn forget(&mut self) {
+    fn clear_history(&mut self) {
         self.counts.converged = self.counts.filled == 0;
         self.counts.filled = 0;
         self.counts.next = 0;
@@ -201,12 +201,12 @@ impl LimitedMemory {
     /// Chooses a new direction and starts a line search.
     fn descend(&mut self) {
         let mut weights = self.two_loops();
-        let mut slope = self.along(&weights);
+        let mut slope = self.slope_along(&weights);
         if self.counts.filled > 0 && slope >= 0.0 {
             self.counts.filled = 0;
             self.counts.next = 0;
             weights = self.two_loops();
-            slope = self.along(&weights);
+            slope = self.slope_along(&weights);
         }
         combine(&self.steps, &self.changes, &self.gradient, &weights, &mut self.direction);
         let step = if self.counts.filled == 0 {
@@ -229,7 +229,7 @@ impl LimitedMemory {
         let mut alphas = [0.0; HISTORY];
         for i in newest_first.clone() {
             let (s, y) = (i, HISTORY + i);
-            alphas[i] = self.times(&weights, s) / self.at(s, y);
+            alphas[i] = self.product_with(&weights, s) / self.at(s, y);
             weights[y] -= alphas[i];
         }
         if let Some(newest) = newest_first.clone().next() {
@@ -239,7 +239,7 @@ impl LimitedMemory {
         }
         for i in newest_first.rev() {
             let (s, y) = (i, HISTORY + i);
-            weights[s] += alphas[i] - self.times(&weights, y) / self.at(s, y);
+            weights[s] += alphas[i] - self.product_with(&weights, y) / self.at(s, y);
         }
         weights
     }
@@ -249,16 +249,16 @@ impl LimitedMemory {
     }
 
     /// Inner product of a linear combination of the basis vectors with basis vector `b`.
-    fn times(&self, weights: &[f64; BASIS], b: usize) -> f64 {
+    fn product_with(&self, weights: &[f64; BASIS], b: usize) -> f64 {
         weights.iter().enumerate().map(|(a, weight)| weight * self.at(a, b)).sum()
     }
 
     /// Inner product of a linear combination of the basis vectors with g.
-    fn along(&self, weights: &[f64; BASIS]) -> f64 {
-        self.times(weights, G)
+    fn slope_along(&self, weights: &[f64; BASIS]) -> f64 {
+        self.product_with(weights, G)
     }
 
-    fn enter(&mut self, slot: usize, rows: &[[f64; BASIS]; 3]) {
+    fn store_products(&mut self, slot: usize, rows: &[[f64; BASIS]; 3]) {
         for (row, at) in rows.iter().zip([slot, HISTORY + slot, G]) {
             for (b, &value) in row.iter().enumerate() {
                 self.products[at * BASIS + b] = value;
@@ -278,7 +278,7 @@ mod tests {
     use super::*;
 
     /// Sum of Rosenbrock-like functions, one for each pair of parameters, with different scales.
-    fn valleys(x: &[f32], gradient: &mut [f32]) -> f64 {
+    fn rosenbrock_sum(x: &[f32], gradient: &mut [f32]) -> f64 {
         let mut loss = 0.0;
         for (i, (x, g)) in x.chunks_exact(2).zip(gradient.chunks_exact_mut(2)).enumerate() {
             let scale = 1.0 + (i % 7) as f64;
@@ -295,12 +295,12 @@ mod tests {
     }
 
     #[test]
-    fn finds_the_minimum_of_curved_valleys() {
+    fn minimum_of_curved_valleys_is_found() {
         let (mut state, mut workspace) = (LimitedMemory::new(start()), Workspace::default());
-        let first = state.advance(&mut workspace, valleys);
+        let first = state.advance(&mut workspace, rosenbrock_sum);
         let mut before = f64::INFINITY;
         for _ in 0..300 {
-            state.advance(&mut workspace, valleys);
+            state.advance(&mut workspace, rosenbrock_sum);
             assert!(state.loss <= before, "an accepted point is never worse");
             before = state.loss;
         }
@@ -308,10 +308,10 @@ mod tests {
     }
 
     #[test]
-    fn goes_on_from_its_state_to_the_same_bits() {
+    fn resumed_run_gives_same_bits() {
         let run = |mut state: LimitedMemory, count: usize| {
             let mut workspace = Workspace::default();
-            (0..count).for_each(|_| _ = state.advance(&mut workspace, valleys));
+            (0..count).for_each(|_| _ = state.advance(&mut workspace, rosenbrock_sum));
             state
         };
         let whole = run(LimitedMemory::new(start()), 40);
@@ -321,7 +321,7 @@ mod tests {
     }
 
     #[test]
-    fn a_loss_that_is_no_number_is_stepped_back_from() {
+    fn line_search_steps_back_from_nan_loss() {
         // 2x² − ln(1 − x) is not finite for x ≥ 1.
         let cliff = |x: &[f32], g: &mut [f32]| {
             g[0] = 4.0 * x[0] + 1.0 / (1.0 - x[0]);

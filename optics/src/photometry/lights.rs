@@ -28,14 +28,14 @@ impl Detector {
 
 impl<T: Real> Convolver<T> {
     /// Samples the field in `tiles` and adds its light times `share` to `lights`. For the `first` of several fields the
-    /// light is written instead of added. Copies the samples to `kept` if it is given; it has the length of a
+    /// light is written instead of added. Copies the samples to `stored` if it is given; it has the length of a
     /// half-transformed field.
     pub(crate) fn add_light(
         &self,
         tiles: &[Complex<T>],
         share: f64,
         first: bool,
-        kept: Option<&mut [Complex<T>]>,
+        stored: Option<&mut [Complex<T>]>,
         lights: &mut [T],
     ) {
         let row_len = lights.len() / self.height_px;
@@ -46,16 +46,16 @@ impl<T: Real> Convolver<T> {
             let Scratch { samples, reals: [row, _], .. } = scratch;
             arch.dispatch(LightRow { samples, share: T::of(share), first, row, light });
         };
-        match kept {
+        match stored {
             None => light_rows.for_each_init(|| self.scratch.take(), |scratch, (y, light)| light_of(y, light, scratch)),
-            Some(kept) => {
-                let kept_rows = kept.par_chunks_mut(self.lanes() * self.row_len());
-                light_rows.zip(kept_rows).for_each_init(
+            Some(stored) => {
+                let stored_rows = stored.par_chunks_mut(self.lanes() * self.row_len());
+                light_rows.zip(stored_rows).for_each_init(
                     || self.scratch.take(),
-                    |scratch, ((y, light), kept)| {
+                    |scratch, ((y, light), stored)| {
                         light_of(y, light, scratch);
                         // With two offsets along each axis, the four sub-samples fill the row's four half spectra.
-                        kept[..scratch.samples.len()].copy_from_slice(&scratch.samples);
+                        stored[..scratch.samples.len()].copy_from_slice(&scratch.samples);
                     },
                 );
             }
@@ -64,25 +64,32 @@ impl<T: Real> Convolver<T> {
 
     /// Multiplies the samples that [`Self::add_light`] kept by `factor` and the slope of their light plane, and
     /// transforms them along x. The half-transformed gradient replaces the samples.
-    pub(crate) fn weigh_kept(&self, kept: &mut [Complex<T>], slopes: &[T], factor: f64) {
+    pub(crate) fn weigh_stored_samples(&self, stored: &mut [Complex<T>], slopes: &[T], factor: f64) {
         let arch = Arch::new();
         let slope_len = slopes.len() / self.height_px;
-        kept.par_chunks_mut(self.lanes() * self.row_len()).zip(slopes.par_chunks(slope_len)).for_each_init(
+        stored.par_chunks_mut(self.lanes() * self.row_len()).zip(slopes.par_chunks(slope_len)).for_each_init(
             || self.scratch.take(),
-            |scratch, (kept, slopes)| {
+            |scratch, (stored, slopes)| {
                 let len = scratch.samples.len();
-                scratch.samples.copy_from_slice(&kept[..len]);
+                scratch.samples.copy_from_slice(&stored[..len]);
                 arch.dispatch(WeighRow { samples: &mut scratch.samples, slopes, factor: T::of(factor) });
-                self.sample_row_adjoint(arch, scratch, kept);
+                self.sample_row_adjoint(arch, scratch, stored);
                 // The kept samples also overwrote the padding of the rows, which must be zero.
                 let zero = Complex::new(T::zero(), T::zero());
-                kept.chunks_exact_mut(self.row_len()).for_each(|row| row[2 * self.width_px..].fill(zero));
+                stored.chunks_exact_mut(self.row_len()).for_each(|row| row[2 * self.width_px..].fill(zero));
             },
         );
     }
 
-    /// Computes the half-transformed gradient like [`Self::weigh_kept`], but samples the field in `tiles` again.
-    pub(crate) fn weigh_tiles(&self, tiles: &[Complex<T>], slopes: &[T], factor: f64, spectrum: &mut [Complex<T>]) {
+    /// Computes the half-transformed gradient like [`Self::weigh_stored_samples`], but samples the field in `tiles`
+    /// again.
+    pub(crate) fn weigh_sampled_tiles(
+        &self,
+        tiles: &[Complex<T>],
+        slopes: &[T],
+        factor: f64,
+        spectrum: &mut [Complex<T>],
+    ) {
         let arch = Arch::new();
         let slope_len = slopes.len() / self.height_px;
         let rows = spectrum.par_chunks_mut(self.lanes() * self.row_len()).zip(slopes.par_chunks(slope_len));

@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn the_fitted_loss_is_that_of_the_best_gain_and_black_level() {
+    fn fitted_loss_is_loss_at_best_gain_and_offset() {
         let (light, photo) = ([0.2, 0.5, 0.9, 0.4], [0.3, 0.4, 0.8, 0.5]);
         let at = |s: f64, o: f64| light.iter().zip(&photo).map(|(p, t)| (s * p + o - t).powi(2)).sum::<f64>() / 4.0;
         let sums = sums_of(light, photo);
@@ -187,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn the_correlation_knows_neither_gain_nor_black_level() {
+    fn correlation_is_independent_of_gain_and_offset() {
         let light = [0.2, 0.5, 0.9, 0.4];
         assert!((sums_of(light, light.map(|p| 0.3 * p + 0.1)).correlation() - 1.0).abs() < 1e-12);
         assert!((sums_of(light, light.map(|p| 1.0 - p)).correlation() + 1.0).abs() < 1e-12);

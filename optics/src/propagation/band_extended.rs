@@ -41,7 +41,7 @@ mod tests {
     use crate::Grid;
 
     #[test]
-    fn the_limit_is_where_the_phase_turns_by_half_a_cycle() {
+    fn phase_changes_by_half_cycle_at_extended_limit() {
         for (samples, z) in [(2160.0, 0.5), (64.0, -0.02), (200.0, 1e-5)] {
             let f = extended_limit(samples, 515e-9, z);
             let turns = z.abs() * f / (515e-9_f64.powi(-2) - f * f).sqrt() * 2.0 * f / samples;
@@ -52,7 +52,7 @@ mod tests {
     }
 
     #[test]
-    fn the_band_is_wider_than_the_limited_one_by_the_published_factor() {
+    fn extended_band_is_wider_by_published_factor() {
         let setup = OpticalSetup::try_new(Grid::try_new(1080, 1920, 8e-6).unwrap(), 515e-9, 2.0).unwrap();
         let [along_x, along_y] = band_extended_axes(&setup);
         let limited = |extent_m: f64| 1.0 / (515e-9 * ((4.0 / extent_m).powi(2) + 1.0).sqrt());

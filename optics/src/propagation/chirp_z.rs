@@ -195,13 +195,13 @@ mod tests {
     // Rounding errors: ε·log₂(length) for each of two transforms, and ε times the phases of the direct sum, up to 800
     // rad.
     #[test]
-    fn it_is_the_sum_that_it_stands_for() {
+    fn transform_matches_direct_sum() {
         check::<f64>(1e-13);
         check::<f32>(1e-6);
     }
 
     #[test]
-    fn lengths_have_small_factors() {
+    fn transform_lengths_have_small_prime_factors() {
         for (least, length) in [(0, 1), (7, 8), (11, 12), (13, 15), (121, 125), (2049, 2160)] {
             assert_eq!(fast_length(least), length);
         }

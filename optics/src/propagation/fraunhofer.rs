@@ -70,15 +70,15 @@ impl<T: Number> Fraunhofer<T> {
     }
 
     pub(crate) fn forward(&self, field: &Plane<Complex<T>>) -> Plane<Complex<T>> {
-        self.turned(field, |field| self.along_both(field, Axis::forward))
+        self.conjugated_if_backwards(field, |field| self.along_both(field, Axis::forward))
     }
 
     pub(crate) fn adjoint(&self, field: &Plane<Complex<T>>) -> Plane<Complex<T>> {
-        self.turned(field, |field| self.along_both(field, Axis::adjoint))
+        self.conjugated_if_backwards(field, |field| self.along_both(field, Axis::adjoint))
     }
 
     /// Runs `forwards`. For a negative distance it conjugates the field before and after.
-    fn turned(
+    fn conjugated_if_backwards(
         &self,
         field: &Plane<Complex<T>>,
         forwards: impl Fn(&Plane<Complex<T>>) -> Plane<Complex<T>>,

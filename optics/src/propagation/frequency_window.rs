@@ -73,13 +73,13 @@ pub(crate) fn check_frequencies(
 ) -> Result<()> {
     let (columns, rows) = (along_x.count, along_y.count);
     if columns == 0 || rows == 0 {
-        let reason = "no light of the display's pixels lands in the window".to_owned();
+        let reason = "no light of the display lands in the window".to_owned();
         return Err(Error::Unsuitable { method, code: RefusalCode::WindowUnreachable, reason });
     }
     if columns.saturating_mul(rows) > FREQUENCIES_MAX {
         let reason = format!(
-            "it takes {columns}×{rows} frequencies, more than the {FREQUENCIES_MAX} that are accepted; a smaller or nearer \
-             window takes fewer"
+            "the window takes {columns}×{rows} frequencies, but at most {FREQUENCIES_MAX} are allowed; use a \
+             smaller window"
         );
         return Err(Error::Unsuitable { method, code: RefusalCode::TooManyFrequencies, reason });
     }
@@ -131,16 +131,16 @@ impl<T: Number> FrequencyWindow<T> {
     fn through(
         &self,
         field: &Plane<Complex<T>>,
-        [there_x, there_y]: &[ChirpZ<T>; 2],
+        [first_x, first_y]: &[ChirpZ<T>; 2],
         apply: impl Fn(Complex<T>, Complex<T>) -> Complex<T> + Sync,
-        [back_x, back_y]: &[ChirpZ<T>; 2],
+        [second_x, second_y]: &[ChirpZ<T>; 2],
     ) -> Plane<Complex<T>> {
-        let rows = chirp_rows(field.values(), there_x);
-        let mut columns = chirp_rows(&transposed(&rows, there_x.results()), there_y);
+        let rows = chirp_rows(field.values(), first_x);
+        let mut columns = chirp_rows(&transposed(&rows, first_x.results()), first_y);
         columns.par_iter_mut().zip(&self.transfer).for_each(|(u, &h)| *u = apply(*u, h));
-        let columns = chirp_rows(&columns, back_y);
-        let values = chirp_rows(&transposed(&columns, back_y.results()), back_x);
-        Plane::try_from_vec(back_y.results(), back_x.results(), values).expect("as many values as the window has")
+        let columns = chirp_rows(&columns, second_y);
+        let values = chirp_rows(&transposed(&columns, second_y.results()), second_x);
+        Plane::try_from_vec(second_y.results(), second_x.results(), values).expect("as many values as the window has")
     }
 }
 
@@ -188,7 +188,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn frequencies_are_whole_multiples_and_leave_the_upper_bound_out() {
+    fn frequencies_are_whole_multiples_below_upper_bound() {
         let axis = FrequencyAxis::between(-62_500.0, 62_500.0, 62_500.0 / 270.0);
         assert_eq!((axis.first, axis.count), (-270.0, 540));
         assert!((axis.at(0) + 62_500.0).abs() < 1e-9 && axis.at(270) == 0.0);
@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn empty_and_endless_axes_are_refused() {
+    fn empty_and_oversized_axes_are_refused() {
         let axis = |count| FrequencyAxis { count, ..FrequencyAxis::between(0.0, 1.0, 1.0) };
         assert!(check_frequencies(PropagationMethod::Scaled, &axis(10), &axis(10)).is_ok());
         let none = check_frequencies(PropagationMethod::Scaled, &axis(0), &axis(10)).unwrap_err().to_string();

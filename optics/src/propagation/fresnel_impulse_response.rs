@@ -76,7 +76,7 @@ mod tests {
     use crate::grid::frequency;
 
     #[test]
-    fn the_fast_spectrum_is_the_plain_one() {
+    fn fast_spectrum_matches_definition() {
         for samples in [1, 2, 7, 30] {
             let fast = spectrum_along_axis(samples, 8e-6, 515e-9, -0.02);
             for (bin, fast) in fast.iter().enumerate() {
@@ -87,7 +87,7 @@ mod tests {
     }
 
     #[test]
-    fn far_away_it_is_the_transfer_function() {
+    fn sampled_response_matches_transfer_function_at_large_distance() {
         // Frequencies whose light lands in the frame, away from the ringing at the ends of the response.
         let (samples, pitch_m, distance_m) = (4096, 8e-6, 3.0);
         let f = 3e3;
@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn opposite_distances_are_conjugate() {
+    fn opposite_distances_give_conjugate_values() {
         let there = fresnel_impulse_response(1e-4, -3e-4, 515e-9, 0.2);
         assert!((fresnel_impulse_response(1e-4, -3e-4, 515e-9, -0.2) - there.conj()).norm() < 1e-9 * there.norm());
     }

@@ -38,13 +38,13 @@ mod tests {
     use crate::transfer_function::angular_spectrum;
 
     #[test]
-    fn it_misses_the_angular_spectrum_by_what_it_neglects() {
+    fn error_against_angular_spectrum_is_neglected_phase() {
         let (wavelength_m, distance_m) = (515e-9, 0.15);
         for f in [0.0, 1e4, 6.25e4, 2e5] {
-            let apart = fresnel_transfer_function(f, 0.0, wavelength_m, distance_m)
+            let ratio = fresnel_transfer_function(f, 0.0, wavelength_m, distance_m)
                 / angular_spectrum(f, 0.0, wavelength_m, distance_m);
             let neglected = neglected_phase_rad(f, wavelength_m, distance_m);
-            assert!((apart - Complex64::cis(neglected)).norm() < 1e-7, "{f}: {neglected}");
+            assert!((ratio - Complex64::cis(neglected)).norm() < 1e-7, "{f}: {neglected}");
         }
         // 2πz·λ³f⁴/8; the higher orders are some thousandths of it.
         let first_order = std::f64::consts::TAU * distance_m * wavelength_m.powi(3) * 6.25e4_f64.powi(4) / 8.0;

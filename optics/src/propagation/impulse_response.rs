@@ -131,7 +131,7 @@ mod tests {
     use crate::grid::frequency;
 
     #[test]
-    fn the_fast_spectrum_is_the_plain_one() {
+    fn fast_spectrum_matches_definition() {
         for (height_px, width_px, distance_m) in [(1, 1, 0.01), (7, 4, -0.002), (6, 11, 0.05)] {
             let grid = Grid::try_new(height_px, width_px, 8e-6).unwrap();
             let setup = OpticalSetup::try_new(grid, 515e-9, distance_m).unwrap();
@@ -147,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn steep_ends_fade_nearer_than_the_critical_distance() {
+    fn steep_ends_fade_below_critical_distance() {
         let grid = Grid::try_new(64, 64, 8e-6).unwrap();
         let at = |z: f64| OpticalSetup::try_new(grid, 515e-9, z).unwrap();
         let critical_m = at(0.1).critical_distance_x_m();

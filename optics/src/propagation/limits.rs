@@ -18,7 +18,7 @@ const SHARP_BAND_MIN: f64 = 0.2;
 /// Smallest distance for the impulse response, as a part of the critical distance. At smaller distances the fading cuts
 /// into the light of the image.
 const IMPULSE_RESPONSE_REACH_MIN: f64 = 0.5;
-/// Largest phase error of a paraxial method \[rad\]. With a larger error it shows bright places dark.
+/// Largest phase error of a paraxial method \[rad\]. With a larger error bright parts of the image become dark.
 const NEGLECTED_PHASE_RAD_MAX: f64 = PI;
 /// Largest phase error of the far field \[rad\]: four times the error at the usual λ/8 criterion z = 2D²/λ. It is
 /// smaller than for other paraxial methods, because the error affects the whole image.
@@ -71,7 +71,8 @@ impl TryFrom<PropagationMethod> for ConvolutionMethod {
             | PropagationMethod::Scaled
             | PropagationMethod::ScaledFresnel
             | PropagationMethod::Fraunhofer => {
-                let reason = "it is no convolution on the padded grid, but only those run in an engine".to_owned();
+                let reason =
+                    "an engine runs only convolutions on the padded grid, and this method is not one".to_owned();
                 Err(Error::Unsuitable { method, code: RefusalCode::NoConvolution, reason })
             }
         }
@@ -88,17 +89,17 @@ fn check_window(setup: &OpticalSetup, method: PropagationMethod, window: &ImageW
     let (fits, needed) = match method {
         PropagationMethod::Scaled | PropagationMethod::ScaledFresnel => return Ok(()),
         PropagationMethod::Shifted => {
-            (window.has_pixels_of(&setup.grid()), "as many pixels of the same pitch as the display")
+            (window.has_pixels_of(&setup.grid()), "the number and the pitch of the display's pixels")
         }
         PropagationMethod::Fraunhofer => {
-            (*window == super::fraunhofer_window(setup), "pixels of λz over the display's sides")
+            (*window == super::fraunhofer_window(setup), "a pitch of λz divided by the side of the display")
         }
-        _ => (*window == own, "the display's own pixels, opposite to it"),
+        _ => (*window == own, "the number and the pitch of the display's pixels, and its centre on the axis"),
     };
     if fits {
         return Ok(());
     }
-    Err(refusal(method, RefusalCode::OtherWindow, format!("its window has {needed}, and another one was asked for")))
+    Err(refusal(method, RefusalCode::OtherWindow, format!("the window must have {needed}")))
 }
 
 fn check_light(setup: &OpticalSetup, method: PropagationMethod, window: &ImageWindow) -> Result<()> {
@@ -108,7 +109,7 @@ fn check_light(setup: &OpticalSetup, method: PropagationMethod, window: &ImageWi
             let spread = spread_m(setup.grid().pixel_pitch_m(), setup.wavelength_m(), setup.distance_m());
             let [z, spread] = [setup.distance_m().abs(), spread].map(length);
             let reason =
-                format!("at {z} no light lands in the window along {axis}: it moves at most {spread} to a side");
+                format!("at {z} no light lands in the window along {axis}: light moves sideways by at most {spread}");
             return Err(refusal(method, RefusalCode::WindowUnreachable, reason));
         }
     }
@@ -130,8 +131,8 @@ pub(super) fn check_picture(setup: &OpticalSetup, method: PropagationMethod, win
         // Displays and windows with sides of one to three pixels need only half as many points.
         if points < RESOLVED_POINTS_MIN.min(side_px.min(window_px) as f64 / 2.0) {
             let reason = format!(
-                "at {} only {} of the band lands in the image along {axis}, which resolves {} of its {window_px} pixels; a \
-                 shorter distance or a larger window holds more",
+                "at {} only {} of the band lands in the image along {axis}, which resolves {} of its {window_px} \
+                 pixels; use a shorter distance or a larger window",
                 length(setup.distance_m().abs()),
                 percent(kept),
                 digits(points)
@@ -152,8 +153,8 @@ fn check_whole_band(setup: &OpticalSetup, method: PropagationMethod) -> Result<(
     for (axis, critical_m) in critical_distances(setup) {
         if z > critical_m {
             let reason = format!(
-                "the padded frame samples its whole band along {axis} up to {}, and at {} light comes back on the other side; \
-                 the band-limited angular spectrum or an impulse response is right there",
+                "the padded frame samples the whole band along {axis} up to {}, but at {} light that leaves on one \
+                 side would come back on the other; use the band-limited angular spectrum or an impulse response",
                 length(critical_m),
                 length(z)
             );
@@ -168,8 +169,8 @@ fn check_sharp_band(setup: &OpticalSetup, method: PropagationMethod, window: &Im
     for (axis, kept) in [("x", band.kept_x), ("y", band.kept_y)] {
         if kept < SHARP_BAND_MIN {
             let reason = format!(
-                "at {} its limits keep {} of the band along {axis}, and with less than {} their ringing is as bright as the \
-                 image; an impulse response or a scaled plane is right there",
+                "at {} the band limit keeps {} of the band along {axis}, but with less than {} its ringing is as \
+                 bright as the image; use an impulse response or a scaled window",
                 length(setup.distance_m().abs()),
                 percent(kept),
                 percent(SHARP_BAND_MIN)
@@ -185,8 +186,9 @@ fn check_impulse_response(setup: &OpticalSetup, method: PropagationMethod, reach
     for (axis, critical_m) in critical_distances(setup) {
         if z < reach_min * critical_m {
             let reason = format!(
-                "at {} its phase turns by {} of a cycle from pixel to pixel at the frame's end along {axis}, and half a cycle is \
-                 the most that pixels can follow; it is right from {} on, and an angular spectrum up to there",
+                "at {} the phase of the impulse response changes by {} of a cycle from pixel to pixel at the frame's \
+                 end along {axis}, but pixels can sample at most half a cycle; use it from {} on, and an angular \
+                 spectrum below",
                 length(z),
                 digits(0.5 * critical_m / z),
                 length(reach_min * critical_m)
@@ -203,7 +205,8 @@ fn check_reached_window(setup: &OpticalSetup, method: PropagationMethod, window:
     for (axis, farthest_m) in [("x", x_m), ("y", y_m)] {
         if farthest_m > reach_m {
             let reason = format!(
-                "along {axis} the window and the display are up to {} apart, but at {} the light of a pixel reaches only {} to a side",
+                "along {axis} the window and the display are up to {} apart, but at {} the light of a pixel reaches \
+                 only {} to a side",
                 length(farthest_m),
                 length(setup.distance_m().abs()),
                 length(reach_m)
@@ -215,8 +218,8 @@ fn check_reached_window(setup: &OpticalSetup, method: PropagationMethod, window:
 }
 
 fn check_neglected_phase(setup: &OpticalSetup, method: PropagationMethod, window: &ImageWindow) -> Result<()> {
-    let off_rad = neglected_phase_rad(setup, method, window);
-    let (most_rad, code, what) = match method {
+    let error_rad = neglected_phase_rad(setup, method, window);
+    let (error_rad_max, code, what) = match method {
         PropagationMethod::Fraunhofer => {
             (FAR_FIELD_PHASE_RAD_MAX, RefusalCode::NotFar, "the display is too large for the far field, whose phase")
         }
@@ -226,12 +229,16 @@ fn check_neglected_phase(setup: &OpticalSetup, method: PropagationMethod, window
             "the light is too steep for a paraxial method, whose phase",
         ),
     };
-    if off_rad <= most_rad {
+    if error_rad <= error_rad_max {
         return Ok(());
     }
-    let [off, most] = [off_rad, most_rad].map(digits);
+    let [error, error_max] = [error_rad, error_rad_max].map(digits);
     let z = length(setup.distance_m().abs());
-    Err(refusal(method, code, format!("at {z} {what} is off by {off} rad, and more than {most} rad is wrong")))
+    Err(refusal(
+        method,
+        code,
+        format!("at {z} {what} has an error of {error} rad, but at most {error_max} rad is allowed"),
+    ))
 }
 
 #[cfg(test)]
@@ -239,7 +246,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_convolution_is_the_method_of_its_name_and_the_others_are_refused() {
+    fn convolution_methods_convert_and_other_methods_are_refused() {
         for method in ConvolutionMethod::ALL {
             let named = PropagationMethod::from(method);
             assert_eq!((ConvolutionMethod::try_from(named), method.to_string()), (Ok(method), named.to_string()));

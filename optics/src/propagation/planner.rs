@@ -76,9 +76,12 @@ pub(crate) fn plan_convolution(setup: &OpticalSetup) -> Result<(ConvolutionMetho
         let (x, y) = (length(window.centre_x_m()), length(window.centre_y_m()));
         (ConvolutionMethod::Shifted, format!("the image's middle is off the axis, {x} along x and {y} along y"))
     } else if z <= x_m.min(y_m) {
-        (ConvolutionMethod::AngularSpectrum, format!("{at} is within {critical}, where it is exact"))
+        (ConvolutionMethod::AngularSpectrum, format!("{at} is within {critical}, where this method is exact"))
     } else if z >= IMPULSE_RESPONSE_FROM * (x_m * y_m).sqrt() {
-        (ConvolutionMethod::RayleighSommerfeld, format!("{at} is beyond {critical}, where its samples are exact"))
+        (
+            ConvolutionMethod::RayleighSommerfeld,
+            format!("{at} is beyond {critical}, where the samples of this method are exact"),
+        )
     } else {
         (ConvolutionMethod::BandLimited, format!("{at} is just beyond one of {critical}"))
     };
@@ -98,9 +101,9 @@ pub fn plan_onto(setup: &OpticalSetup, window: &ImageWindow) -> Result<ValidityR
     let method = method_onto(setup, window);
     let explanation = if method == PropagationMethod::ScaledFresnel {
         let off = digits(neglected_phase_rad(setup, method, window));
-        format!("all pixels reach all of the window, and its phase is off by no more than {off} rad")
+        format!("the light of each pixel reaches the whole window, and the phase error is at most {off} rad")
     } else {
-        "the window is not the display's, and its phase is exact".to_owned()
+        "the window is not the display's own, and the phase of this method is exact".to_owned()
     };
     report(setup, method, window, explanation)
 }
@@ -114,13 +117,13 @@ pub fn plan_onto(setup: &OpticalSetup, window: &ImageWindow) -> Result<ValidityR
 pub fn assess(setup: &OpticalSetup, method: PropagationMethod) -> Result<ValidityReport> {
     let window = own_window(setup, method);
     limits::check_picture(setup, method, &window)?;
-    report(setup, method, &window, "asked for".to_owned())
+    report(setup, method, &window, "chosen by the caller".to_owned())
 }
 
 /// Reports the quality of a method, even where the method is not valid.
 #[must_use]
 pub fn assess_regardless(setup: &OpticalSetup, method: PropagationMethod) -> ValidityReport {
-    ValidityReport::new(setup, method, own_window(setup, method), "asked for".to_owned())
+    ValidityReport::new(setup, method, own_window(setup, method), "chosen by the caller".to_owned())
 }
 
 /// The window on which a method computes the image by default.
@@ -133,10 +136,11 @@ pub(crate) fn own_window(setup: &OpticalSetup, method: PropagationMethod) -> Ima
 
 /// The better of the two methods that can compute any window: scaled Fresnel or scaled angular spectrum.
 pub(crate) fn method_onto(setup: &OpticalSetup, window: &ImageWindow) -> PropagationMethod {
-    let fresnel_is_right = limits::check(setup, PropagationMethod::ScaledFresnel, window).is_ok();
-    let as_good = neglected_phase_rad(setup, PropagationMethod::ScaledFresnel, window) < PARAXIAL_PHASE_RAD_MAX;
-    let other_is_right = limits::check(setup, PropagationMethod::Scaled, window).is_ok();
-    if fresnel_is_right && (as_good || !other_is_right) {
+    let fresnel_is_valid = limits::check(setup, PropagationMethod::ScaledFresnel, window).is_ok();
+    let fresnel_is_accurate =
+        neglected_phase_rad(setup, PropagationMethod::ScaledFresnel, window) < PARAXIAL_PHASE_RAD_MAX;
+    let angular_spectrum_is_valid = limits::check(setup, PropagationMethod::Scaled, window).is_ok();
+    if fresnel_is_valid && (fresnel_is_accurate || !angular_spectrum_is_valid) {
         PropagationMethod::ScaledFresnel
     } else {
         PropagationMethod::Scaled

@@ -35,7 +35,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_have_three_digits_and_a_unit() {
+    fn lengths_have_three_digits_and_unit() {
         for (value_m, text) in [
             (0.15, "150 mm"),
             (0.268_43, "268 mm"),

@@ -104,7 +104,7 @@ impl fmt::Display for ValidityReport {
 
 /// Largest phase error without a warning \[rad\]: smaller errors are invisible in images.
 const NEGLECTED_PHASE_RAD_MAX: f64 = 0.1;
-/// Fewest resolved points along a side without a warning. Fewer points show an icon at best.
+/// Fewest resolved points along a side without a warning. With fewer points the image shows hardly any detail.
 const FEW_POINTS: f64 = 32.0;
 
 impl ValidityReport {
@@ -164,36 +164,40 @@ impl ValidityReport {
             warn(
                 WarningCode::BandLimited,
                 format!(
-                    "only {} of the band along x and {} along y land in the image: no detail there is finer than {detail_x} \
-                     along x, {detail_y} along y",
+                    "only {} of the band along x and {} along y land in the image: no detail there is finer than \
+                     {detail_x} along x, {detail_y} along y",
                     percent(kept_x),
                     percent(kept_y)
                 ),
             );
             if matches!(self.method, PropagationMethod::BandLimited | PropagationMethod::Shifted) {
-                let text = "the band limit cuts sharply through light that lands at the sides of the image, and rings \
-                            there; the Rayleigh–Sommerfeld impulse response or a scaled plane does not"
-                    .to_owned();
+                let text =
+                    "the sharp band limit causes ringing at the sides of the image; the Rayleigh–Sommerfeld impulse \
+                     response or a scaled window avoids it"
+                        .to_owned();
                 warn(WarningCode::SharpBandLimit, text);
             }
         }
         let farther_m = self.critical_distance_x_m.max(self.critical_distance_y_m);
         if self.method == PropagationMethod::RayleighSommerfeld && setup.distance_m().abs() < farther_m {
             let text = format!(
-                "from {} on the impulse response would alias, so it fades out beyond {} to a side",
+                "at distances below {} the ends of the impulse response would alias, so it fades out beyond {} from \
+                 its middle",
                 length(farther_m),
                 length(self.spread_m.unwrap_or(f64::INFINITY))
             );
             warn(WarningCode::ShortImpulseResponse, text);
         }
         if self.neglected_phase_rad > NEGLECTED_PHASE_RAD_MAX {
-            let text =
-                format!("the phase of the steepest light is off by up to {} rad", digits(self.neglected_phase_rad));
+            let text = format!(
+                "the phase of the steepest light has an error of up to {} rad",
+                digits(self.neglected_phase_rad)
+            );
             warn(WarningCode::Paraxial, text);
         }
         if setup.wavelength_m() >= 2.0 * pitch_m {
             let text = format!(
-                "pixels of {} are finer than half a wavelength of {}: part of what they show does not propagate",
+                "pixels of {} are finer than half of the wavelength {}: part of their light does not propagate",
                 length(pitch_m),
                 length(setup.wavelength_m())
             );

@@ -35,7 +35,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn columns_become_rows() {
+    fn rows_are_transposed_and_transformed() {
         let of = |values: &[f64]| values.iter().map(|&value| Complex::new(value, 0.0)).collect::<Vec<_>>();
         assert_eq!(transposed(&of(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]), 3), of(&[1.0, 4.0, 2.0, 5.0, 3.0, 6.0]));
         let doubled = transform_rows(&of(&[1.0, 2.0, 3.0, 4.0]), 2, 1, || (), |row, out, ()| out[0] = row[0] + row[1]);

@@ -43,8 +43,8 @@ pub(crate) struct ScaledFresnel<T> {
 struct Axis<T> {
     /// Factors before the transform: Δ/√(iλz) · e^{iπx'²/λz} · e^{−i2πx'·x₀/λz}, with x₀ the window's middle.
     before: Vec<Complex<T>>,
-    there: ChirpZ<T>,
-    back: ChirpZ<T>,
+    to_window: ChirpZ<T>,
+    from_window: ChirpZ<T>,
     /// Factors after the transform: e^{iπx²/λz}.
     after: Vec<Complex<T>>,
 }
@@ -69,8 +69,8 @@ impl<T: Number> ScaledFresnel<T> {
             let spacing_cycles = pitch_m * window_pitch_m / area_m2;
             Axis {
                 before: (0..side_px).map(before).collect(),
-                there: ChirpZ::new(&mut planner, from, to, spacing_cycles, Sign::Minus),
-                back: ChirpZ::new(&mut planner, to, from, spacing_cycles, Sign::Plus),
+                to_window: ChirpZ::new(&mut planner, from, to, spacing_cycles, Sign::Minus),
+                from_window: ChirpZ::new(&mut planner, to, from, spacing_cycles, Sign::Plus),
                 after: (0..window_px).map(after).collect(),
             }
         };
@@ -82,7 +82,7 @@ impl<T: Number> ScaledFresnel<T> {
     }
 
     pub(crate) fn forward(&self, field: &Plane<Complex<T>>) -> Plane<Complex<T>> {
-        self.turned(field, |field| {
+        self.conjugated_if_backwards(field, |field| {
             let rows = self.along_x.forward(field.values());
             let columns = self.along_y.forward(&transposed(&rows, self.along_x.after.len()));
             (self.along_y.after.len(), self.along_x.after.len(), transposed(&columns, self.along_y.after.len()))
@@ -90,7 +90,7 @@ impl<T: Number> ScaledFresnel<T> {
     }
 
     pub(crate) fn adjoint(&self, field: &Plane<Complex<T>>) -> Plane<Complex<T>> {
-        self.turned(field, |field| {
+        self.conjugated_if_backwards(field, |field| {
             let rows = self.along_x.adjoint(field.values());
             let columns = self.along_y.adjoint(&transposed(&rows, self.along_x.before.len()));
             (self.along_y.before.len(), self.along_x.before.len(), transposed(&columns, self.along_y.before.len()))
@@ -98,24 +98,24 @@ impl<T: Number> ScaledFresnel<T> {
     }
 
     /// Runs `forwards`. For a negative distance it conjugates the field before and after.
-    fn turned(
+    fn conjugated_if_backwards(
         &self,
         field: &Plane<Complex<T>>,
         forwards: impl Fn(&Plane<Complex<T>>) -> (usize, usize, Vec<Complex<T>>),
     ) -> Plane<Complex<T>> {
         let (height, width, values) = if self.backwards { forwards(&field.map(|u| u.conj())) } else { forwards(field) };
-        let result = Plane::try_from_vec(height, width, values).expect("as many values as the axes say");
+        let result = Plane::try_from_vec(height, width, values).expect("one value for each sample");
         if self.backwards { result.map(|u| u.conj()) } else { result }
     }
 }
 
 impl<T: Number> Axis<T> {
     fn forward(&self, rows: &[Complex<T>]) -> Vec<Complex<T>> {
-        self.each_row(rows, &self.before, |u, by| u * by, &self.there, &self.after)
+        self.each_row(rows, &self.before, |u, by| u * by, &self.to_window, &self.after)
     }
 
     fn adjoint(&self, rows: &[Complex<T>]) -> Vec<Complex<T>> {
-        self.each_row(rows, &self.after, |u, by| u * by.conj(), &self.back, &self.before)
+        self.each_row(rows, &self.after, |u, by| u * by.conj(), &self.from_window, &self.before)
     }
 
     /// Multiplies each row by its factors, transforms it, and multiplies it by the second factors.

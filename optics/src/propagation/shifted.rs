@@ -47,7 +47,7 @@ mod tests {
     use crate::{Grid, OpticalSetup};
 
     #[test]
-    fn the_limits_are_the_published_ones() {
+    fn limits_match_published_limits() {
         let (wavelength_m, pitch_m, side_px): (f64, f64, usize) = (515e-9, 8e-6, 256);
         // 1/(2Δu), with Δu the spacing of the padded bins.
         let half_m = side_px as f64 * pitch_m;
@@ -71,7 +71,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frequency_lands_where_it_is_said_to() {
+    fn frequency_for_landing_position_lands_there() {
         let f = frequency_landing_at(-2e-3, 515e-9, 0.1);
         let (x, y) = landing_m(f, 0.0, 515e-9, 0.1).unwrap();
         assert!((x + 2e-3).abs() < 1e-15 && y == 0.0);

@@ -1,4 +1,4 @@
-//! What a propagator computes, in either precision.
+//! Computations of a propagator, in f32 or f64.
 
 use crate::convolution::Real;
 use crate::engine::EngineCore;
@@ -10,7 +10,7 @@ use crate::propagation::{ConvolutionMethod, ImageWindow, PropagationMethod, frau
 use crate::{Detector, DisplayModel, OpticalSetup, Plane, Result};
 use num_complex::Complex;
 
-/// A [`Propagator`](crate::Propagator) in the precision of `T`: f32 for work, f64 for reference.
+/// A [`Propagator`](crate::Propagator) in the precision `T`: f32 in production, f64 as a reference.
 #[derive(Debug)]
 pub struct PropagatorCore<T> {
     setup: OpticalSetup,
@@ -21,7 +21,7 @@ pub struct PropagatorCore<T> {
 
 #[derive(Debug)]
 enum Passes<T> {
-    /// The engine, and the one whose transfer function is H(−fx, −fy).
+    /// Engine with the transfer function H(fx, fy), and engine with H(−fx, −fy) for the adjoint.
     Convolution {
         engine: Box<EngineCore<T>>,
         mirrored: Box<EngineCore<T>>,
@@ -32,18 +32,19 @@ enum Passes<T> {
 }
 
 impl<T: Real> PropagatorCore<T> {
-    /// By `method`, onto the window that the method has of itself: [`OpticalSetup::window`], or for the far field
+    /// Prepares `method` for its default window: [`OpticalSetup::window`], or for the far field
     /// [`fraunhofer_window`].
     ///
     /// # Errors
     ///
-    /// [`Error::Unsuitable`](crate::Error::Unsuitable) where the method can't be right, with the numbers.
+    /// [`Error::Unsuitable`](crate::Error::Unsuitable) where the method cannot be valid, with the numbers.
     pub fn new(setup: &OpticalSetup, method: PropagationMethod) -> Result<Self> {
         check(setup, method, &own_window(setup, method))?;
         Self::regardless(setup, method)
     }
 
-    /// Onto any window, by [`PropagationMethod::Scaled`] or [`PropagationMethod::ScaledFresnel`], whichever is right there.
+    /// Prepares a propagation to any window. The method is [`PropagationMethod::Scaled`], except where
+    /// [`PropagationMethod::ScaledFresnel`] is as accurate or only that method is valid.
     ///
     /// # Errors
     ///
@@ -67,11 +68,11 @@ impl<T: Real> PropagatorCore<T> {
         Ok(Self { setup: *setup, method, window: *window, passes })
     }
 
-    /// By `method`, right or wrong: to see by how much.
+    /// Prepares `method` without checking that it is accurate. Use it to measure the error of a method.
     ///
     /// # Errors
     ///
-    /// [`Error::Unsuitable`](crate::Error::Unsuitable) where the method has nothing to compute, or too much.
+    /// [`Error::Unsuitable`](crate::Error::Unsuitable) for a method without frequencies to compute, or with too many.
     pub fn regardless(setup: &OpticalSetup, method: PropagationMethod) -> Result<Self> {
         let (window, passes) = match method {
             PropagationMethod::Scaled | PropagationMethod::ScaledFresnel => {
@@ -96,25 +97,25 @@ impl<T: Real> PropagatorCore<T> {
         Ok(Self { setup: *setup, method, window, passes })
     }
 
-    /// The setup.
+    /// Optical setup of the propagation.
     #[must_use]
     pub fn setup(&self) -> &OpticalSetup {
         &self.setup
     }
 
-    /// The method.
+    /// Propagation method.
     #[must_use]
     pub fn method(&self) -> PropagationMethod {
         self.method
     }
 
-    /// Where the samples of the image lie.
+    /// Window in which the image is sampled.
     #[must_use]
     pub fn window(&self) -> &ImageWindow {
         &self.window
     }
 
-    /// The field in the window that `field`, on the display's pixels, becomes.
+    /// Propagates `field`, given on the display's pixels, to the window.
     ///
     /// # Errors
     ///
@@ -129,7 +130,8 @@ impl<T: Real> PropagatorCore<T> {
         }
     }
 
-    /// The adjoint of [`Self::forward`], ⟨A u, v⟩ = ⟨u, Aᴴ v⟩: from a field in the window to one on the display's pixels.
+    /// Applies the adjoint Aᴴ of [`Self::forward`], ⟨A u, v⟩ = ⟨u, Aᴴ v⟩, to a field in the window. The result is a
+    /// field on the display's pixels.
     ///
     /// # Errors
     ///
@@ -147,7 +149,7 @@ impl<T: Real> PropagatorCore<T> {
 
     fn convolution(setup: &OpticalSetup) -> Result<Passes<T>> {
         let engine = Box::new(EngineCore::new(&DisplayModel::ideal(*setup), Detector::Point, None)?);
-        // Only a window beside the axis tells left from right.
+        // Only the transfer function to a window beside the axis is not symmetric.
         let mirrored = match setup.method() {
             ConvolutionMethod::Shifted => {
                 let mirrored = setup.with_centre(-setup.window().centre_x_m(), -setup.window().centre_y_m())?;

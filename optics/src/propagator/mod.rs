@@ -1,4 +1,4 @@
-//! A field in, a field out, by any method.
+//! Propagators: propagate a field to a window of the image plane by any method.
 
 mod core;
 
@@ -8,10 +8,10 @@ use crate::propagation::{ImageWindow, PropagationMethod, ValidityReport, plan};
 use crate::{OpticalSetup, Plane, Result};
 use num_complex::Complex32;
 
-/// A planned propagation from the display to a window of the image plane, and back by its adjoint.
+/// A prepared propagation from the display to a window of the image plane, with its adjoint.
 ///
-/// A method that is a [convolution](crate::propagation::ConvolutionMethod) runs on the [`Engine`](crate::Engine); the others have
-/// passes of their own.
+/// Methods that are [convolutions](crate::propagation::ConvolutionMethod) run on the [`Engine`](crate::Engine). Each
+/// other method has its own transforms.
 ///
 /// ```
 /// use lightpath_optics::propagation::ImageWindow;
@@ -20,7 +20,7 @@ use num_complex::Complex32;
 ///
 /// let grid = Grid::try_new(32, 32, 8e-6)?;
 /// let setup = OpticalSetup::try_new(grid, 515e-9, 0.05)?;
-/// // The middle of the image, four times as fine.
+/// // The middle of the image, sampled four times as finely.
 /// let window = ImageWindow::try_new(32, 32, 2e-6)?;
 /// let propagator = Propagator::onto(&setup, &window)?;
 /// let image = propagator.forward(&Plane::filled(32, 32, Complex32::ONE))?;
@@ -33,17 +33,18 @@ pub struct Propagator {
 }
 
 impl Propagator {
-    /// By `method`, onto the window that the method has of itself: [`OpticalSetup::window`], or for the far field
+    /// Prepares `method` for its default window: [`OpticalSetup::window`], or for the far field
     /// [`fraunhofer_window`](crate::propagation::fraunhofer_window).
     ///
     /// # Errors
     ///
-    /// [`Error::Unsuitable`](crate::Error::Unsuitable) where the method can't be right, with the numbers.
+    /// [`Error::Unsuitable`](crate::Error::Unsuitable) where the method cannot be valid, with the numbers.
     pub fn new(setup: &OpticalSetup, method: PropagationMethod) -> Result<Self> {
         Ok(Self { core: PropagatorCore::new(setup, method)? })
     }
 
-    /// Onto any window, by [`PropagationMethod::Scaled`] or [`PropagationMethod::ScaledFresnel`], whichever is right there.
+    /// Prepares a propagation to any window. The method is [`PropagationMethod::Scaled`], except where
+    /// [`PropagationMethod::ScaledFresnel`] is as accurate or only that method is valid.
     ///
     /// # Errors
     ///
@@ -53,34 +54,34 @@ impl Propagator {
         Ok(Self { core: PropagatorCore::onto(setup, window)? })
     }
 
-    /// By `method`, right or wrong: to see by how much.
+    /// Prepares `method` without checking that it is accurate. Use it to measure the error of a method.
     ///
     /// # Errors
     ///
-    /// [`Error::Unsuitable`](crate::Error::Unsuitable) where the method has nothing to compute, or too much.
+    /// [`Error::Unsuitable`](crate::Error::Unsuitable) for a method without frequencies to compute, or with too many.
     pub fn regardless(setup: &OpticalSetup, method: PropagationMethod) -> Result<Self> {
         Ok(Self { core: PropagatorCore::regardless(setup, method)? })
     }
 
-    /// The setup.
+    /// Optical setup of the propagation.
     #[must_use]
     pub fn setup(&self) -> &OpticalSetup {
         self.core.setup()
     }
 
-    /// The method.
+    /// Propagation method.
     #[must_use]
     pub fn method(&self) -> PropagationMethod {
         self.core.method()
     }
 
-    /// Where the samples of the image lie.
+    /// Window in which the image is sampled.
     #[must_use]
     pub fn window(&self) -> &ImageWindow {
         self.core.window()
     }
 
-    /// The field in the window that `field`, on the display's pixels, becomes.
+    /// Propagates `field`, given on the display's pixels, to the window.
     ///
     /// # Errors
     ///
@@ -89,7 +90,8 @@ impl Propagator {
         self.core.forward(field)
     }
 
-    /// The adjoint of [`Self::forward`], ⟨A u, v⟩ = ⟨u, Aᴴ v⟩: from a field in the window to one on the display's pixels.
+    /// Applies the adjoint Aᴴ of [`Self::forward`], ⟨A u, v⟩ = ⟨u, Aᴴ v⟩, to a field in the window. The result is a
+    /// field on the display's pixels.
     ///
     /// # Errors
     ///
@@ -99,31 +101,32 @@ impl Propagator {
     }
 }
 
-/// What [`propagate`] found.
+/// Result of [`propagate`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Propagated {
     /// The complex field in the image plane, without the piston e^{ikz}.
     pub field: Plane<Complex32>,
-    /// By which method it was computed, how good that is, and where its samples lie.
+    /// Method that was used, its accuracy, and the window of the samples.
     pub validity: ValidityReport,
 }
 
 impl Propagated {
-    /// The light |u|² at the sample points.
+    /// Light |u|² at the sample points.
     #[must_use]
     pub fn intensity(&self) -> Plane<f32> {
         self.field.map(|u| u.norm_sqr())
     }
 }
 
-/// What `field`, on the display's pixels, becomes at the setup's distance and window, by the method that [`plan`] chooses,
-/// whatever the setup's own. For other methods and windows, several fields, and the way back, see [`Propagator`].
+/// Propagates `field`, given on the display's pixels, to the setup's distance and window. The method is the one that
+/// [`plan`] chooses; the setup's own method is ignored. For other methods and windows, several fields, and the adjoint,
+/// see [`Propagator`].
 ///
 /// ```
 /// use lightpath_optics::{Grid, OpticalSetup, Plane, propagate};
 /// use num_complex::Complex32;
 ///
-/// // A plane wave comes through a square aperture.
+/// // A plane wave passes a square aperture.
 /// let setup = OpticalSetup::try_new(Grid::try_new(64, 64, 8e-6)?, 515e-9, 0.02)?;
 /// let inside = |i: usize| (16..48).contains(&i);
 /// let aperture = Plane::from_fn(64, 64, |y, x| Complex32::from(if inside(y) && inside(x) { 1.0 } else { 0.0 }));
@@ -136,7 +139,7 @@ impl Propagated {
 /// # Errors
 ///
 /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for a field of another size than the setup's,
-/// [`Error::Unsuitable`](crate::Error::Unsuitable), with the numbers, where no image can be right.
+/// [`Error::Unsuitable`](crate::Error::Unsuitable), with the numbers, where no method can be valid.
 pub fn propagate(field: &Plane<Complex32>, setup: &OpticalSetup) -> Result<Propagated> {
     let validity = plan(setup)?;
     let field = Propagator::new(setup, validity.method)?.forward(field)?;

@@ -78,17 +78,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn both_ways_to_the_fresnel_integrals_meet() {
+    fn power_series_and_continued_fraction_agree() {
         for s in [1.8, 2.0, 2.5, 2.8] {
-            let apart = power_series(s) - (Complex64::new(0.5, 0.5) - complementary_integral(s));
-            assert!(apart.norm() < 1e-11, "{s} {apart}");
+            let difference = power_series(s) - (Complex64::new(0.5, 0.5) - complementary_integral(s));
+            assert!(difference.norm() < 1e-11, "{s} {difference}");
         }
         assert_eq!(fresnel_integral(-3.0), -fresnel_integral(3.0));
         assert!((fresnel_integral(1e4) - Complex64::new(0.5, 0.5)).norm() < 1e-4);
     }
 
     #[test]
-    fn a_wide_aperture_leaves_a_plane_wave_and_a_beam_keeps_its_power() {
+    fn wide_aperture_gives_plane_wave_and_beam_keeps_power() {
         assert!((square_aperture(0.0, 0.0, 1e-3, 1.0, 515e-9) - Complex64::ONE).norm() < 1e-3);
         let power = |z: f64| {
             let step_m = 1e-5;

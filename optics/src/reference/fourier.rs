@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn there_and_back_is_nothing() {
+    fn inverse_transform_undoes_forward_transform() {
         let plane = Plane::from_fn(6, 10, |y, x| Complex64::new(y as f64, x as f64));
         let back = fft2(&fft2(&plane, Direction::Forward), Direction::Inverse);
         assert!(back.values().iter().zip(plane.values()).all(|(a, b)| (a - b).norm() < 1e-12));

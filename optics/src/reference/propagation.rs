@@ -81,18 +81,18 @@ mod tests {
     }
 
     #[test]
-    fn an_offset_looks_beside_the_samples() {
+    fn offset_transfer_samples_beside_pixels() {
         let pitch_m = 8e-6;
         let beside = offset(|_, _| Complex64::ONE, 0.25 * pitch_m, -1.5 * pitch_m);
-        let seen = propagate(&spot(32, 40, 15.0, 20.0), pitch_m, beside);
+        let image = propagate(&spot(32, 40, 15.0, 20.0), pitch_m, beside);
         let expected = spot(32, 40, 16.5, 19.75);
-        for (a, b) in seen.values().iter().zip(expected.values()) {
+        for (a, b) in image.values().iter().zip(expected.values()) {
             assert!((a - b).norm() < 1e-6);
         }
     }
 
     #[test]
-    fn padding_keeps_the_sides_apart() {
+    fn padding_prevents_wrap_around() {
         let pitch_m = 8e-6;
         let shift = offset(|_, _| Complex64::ONE, 20.0 * pitch_m, 0.0);
         let field = spot(16, 30, 8.0, 12.0);

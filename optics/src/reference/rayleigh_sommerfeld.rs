@@ -30,8 +30,8 @@ use rayon::prelude::*;
 /// });
 /// let image = rayleigh_sommerfeld(&setup, &spot)?;
 /// let light = |plane: &Plane<Complex64>| plane.values().iter().map(|u| u.norm_sqr()).sum::<f64>();
-/// assert!(image.at(12, 12).norm() < spot.at(12, 12).norm(), "it spreads,");
-/// assert!((light(&image) / light(&spot) - 1.0).abs() < 0.05, "but little of it leaves the frame");
+/// assert!(image.at(12, 12).norm() < spot.at(12, 12).norm(), "the spot spreads");
+/// assert!((light(&image) / light(&spot) - 1.0).abs() < 0.05, "little light leaves the frame");
 /// # Ok::<(), lightpath_optics::Error>(())
 /// ```
 ///

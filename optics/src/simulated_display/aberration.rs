@@ -60,13 +60,13 @@ struct Ripple {
 impl Aberration {
     pub(super) fn draw(seed: u64, strength: f64) -> Self {
         let mut draws = Draws::new(seed, Stream::Aberration);
-        let waves = SHAPES.map(|shape| (shape, draws.about(shape.size_rad), draws.angle())).to_vec();
-        let (towards, size) = (draws.angle(), draws.about(0.25));
+        let waves = SHAPES.map(|shape| (shape, draws.within_a_fifth_of(shape.size_rad), draws.angle())).to_vec();
+        let (towards, size) = (draws.angle(), draws.within_a_fifth_of(0.25));
         let centre = (size * towards.cos(), size * towards.sin());
-        let aperture = Aperture { centre, radius: (draws.about(1.8), draws.about(1.6)) };
-        let (towards, periods) = (draws.angle(), draws.about(1.4));
+        let aperture = Aperture { centre, radius: (draws.within_a_fifth_of(1.8), draws.within_a_fifth_of(1.6)) };
+        let (towards, periods) = (draws.angle(), draws.within_a_fifth_of(1.4));
         let periods = (periods * towards.cos(), periods * towards.sin());
-        let ripple = Ripple { size: draws.about(0.04), periods, phase_rad: draws.angle() };
+        let ripple = Ripple { size: draws.within_a_fifth_of(0.04), periods, phase_rad: draws.angle() };
         Self { strength, waves, aperture, ripple }
     }
 

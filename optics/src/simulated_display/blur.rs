@@ -46,7 +46,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_point_becomes_a_gaussian_of_the_same_light() {
+    fn blurred_point_is_gaussian_with_same_light() {
         let point = Plane::from_fn(41, 51, |y, x| if (y, x) == (20, 25) { 1.0 } else { 0.0 });
         let blurred = blurred(&point, 1.5);
         let sum: f64 = blurred.values().iter().sum();

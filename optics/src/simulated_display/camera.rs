@@ -23,7 +23,7 @@ pub(super) struct Camera {
 impl Camera {
     pub(super) fn draw(draws: &mut Draws, noise: f64, full_well_electrons: f64) -> Self {
         let shot_variance = if full_well_electrons > 0.0 { 1.0 / full_well_electrons } else { noise * noise };
-        Self { black_level: draws.about(0.01), noise, shot_variance }
+        Self { black_level: draws.within_a_fifth_of(0.01), noise, shot_variance }
     }
 
     /// Takes a photograph of exposed light.

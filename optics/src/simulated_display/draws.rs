@@ -50,7 +50,7 @@ impl Draws {
     }
 
     /// A uniform random number within a fifth of `size`.
-    pub(super) fn about(&mut self, size: f64) -> f64 {
+    pub(super) fn within_a_fifth_of(&mut self, size: f64) -> f64 {
         size * self.between(0.8, 1.2)
     }
 

@@ -21,7 +21,7 @@ use rayon::prelude::*;
 use rustfft::FftPlanner;
 
 /// Number of positions along each axis between which transfer functions are interpolated.
-const PLACES: usize = 7;
+const POSITIONS: usize = 7;
 
 /// The aberrations of one bench, with drawn properties.
 #[derive(Clone, Debug)]
@@ -36,11 +36,11 @@ pub(super) struct FieldAberration {
 impl FieldAberration {
     pub(super) fn draw(seed: u64, size_rad: f64) -> Self {
         let mut draws = Draws::new(seed, Stream::FieldAberration);
-        let mut shape = || draws.about(1.0) * draws.angle().cos().signum();
+        let mut shape = || draws.within_a_fifth_of(1.0) * draws.angle().cos().signum();
         let mut drawn =
             Self { size_rad: 1.0, shapes: [shape(), shape(), shape(), 0.5 * shape()], shadow: 0.0, axis: (0.0, 0.0) };
         drawn.axis = (draws.between(-0.2, 0.2), draws.between(-0.2, 0.2));
-        drawn.shadow = draws.about(1.0);
+        drawn.shadow = draws.within_a_fifth_of(1.0);
         let corners = [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)];
         let pairs = corners.into_iter().flat_map(|at| corners.map(|f| (at, f)));
         let most = pairs.map(|(at, f)| drawn.exponent(at, f).im.abs()).fold(0.0, f64::max);
@@ -73,8 +73,8 @@ pub(super) fn spectrum_by_column(
     let forward_x = FftPlanner::new().plan_fft_forward(2 * width_px);
     let forward_y = FftPlanner::new().plan_fft_forward(2 * height_px);
     let windows = |side_px: usize| {
-        let along = |i| (0..side_px).map(|px| window(i, PLACES, position(px, side_px))).collect();
-        (0..PLACES).map(along).collect::<Vec<Vec<f64>>>()
+        let along = |i| (0..side_px).map(|px| window(i, POSITIONS, position(px, side_px))).collect();
+        (0..POSITIONS).map(along).collect::<Vec<Vec<f64>>>()
     };
     let (along_x, along_y) = (windows(width_px), windows(height_px));
     let rows_through = |window: &Vec<f64>| {
@@ -86,18 +86,18 @@ pub(super) fn spectrum_by_column(
         rows
     };
     let rows: Vec<Plane<Complex64>> = along_x.iter().map(rows_through).collect();
-    let places: Vec<(f64, f64)> = nodes(PLACES).collect();
+    let positions: Vec<(f64, f64)> = nodes(POSITIONS).collect();
     // The frequency in units of the Nyquist frequency.
     let at = |bin, bins| 2.0 * frequency(bin, bins, 1.0);
     let mut spectrum = Plane::filled(2 * width_px, 2 * height_px, Complex64::ZERO);
     spectrum.values_mut().par_chunks_mut(2 * height_px).enumerate().for_each(|(u, sum)| {
-        for (k, &place) in places.iter().enumerate() {
-            let (rows, window) = (&rows[k % PLACES], &along_y[k / PLACES]);
+        for (k, &node) in positions.iter().enumerate() {
+            let (rows, window) = (&rows[k % POSITIONS], &along_y[k / POSITIONS]);
             let mut column = vec![Complex64::ZERO; 2 * height_px];
             column.iter_mut().zip(window).enumerate().for_each(|(y, (value, w))| *value = rows.at(y, u) * w);
             forward_y.process(&mut column);
             for (v, (sum, value)) in sum.iter_mut().zip(&column).enumerate() {
-                *sum += value * aberration.exponent(place, (at(u, 2 * width_px), at(v, 2 * height_px))).exp();
+                *sum += value * aberration.exponent(node, (at(u, 2 * width_px), at(v, 2 * height_px))).exp();
             }
         }
         sum.iter_mut().zip(transfer_by_column.row(u)).for_each(|(value, transfer)| *value *= transfer);

@@ -14,11 +14,11 @@ use std::f64::consts::TAU;
 /// Draws the amplitude of the light on each pixel of the modulator, at most 1.
 pub(super) fn draw(grid: &Grid, seed: u64, strength: f64) -> Plane<f64> {
     let mut draws = Draws::new(seed, Stream::Illumination);
-    let (towards, away) = (draws.angle(), draws.about(0.25));
+    let (towards, away) = (draws.angle(), draws.within_a_fifth_of(0.25));
     let centre = (away * towards.cos(), away * towards.sin());
-    let (turned, radius) = (draws.angle(), (draws.about(1.9), draws.about(1.6)));
-    let (towards, periods) = (draws.angle(), draws.about(1.7));
-    let (size, start) = (draws.about(0.03), draws.angle());
+    let (turned, radius) = (draws.angle(), (draws.within_a_fifth_of(1.9), draws.within_a_fifth_of(1.6)));
+    let (towards, periods) = (draws.angle(), draws.within_a_fifth_of(1.7));
+    let (size, start) = (draws.within_a_fifth_of(0.03), draws.angle());
 
     let (height_px, width_px) = (grid.height_px(), grid.width_px());
     let across = |pixel: usize, side: usize| (2 * pixel + 1) as f64 / side as f64 - 1.0;

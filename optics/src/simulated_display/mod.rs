@@ -108,8 +108,8 @@ impl SimulatedDisplay {
     ///
     /// # Errors
     ///
-    /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) or [`Error::NotFinite`](crate::Error::NotFinite) for a phase that
-    /// does not fit the display.
+    /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) or [`Error::NotFinite`](crate::Error::NotFinite) for a phase
+    /// that does not fit the display.
     pub fn capture(&self, phase_displayed: &Plane<f32>, noise_seed: u64) -> Result<Plane<u8>> {
         self.capture_at(phase_displayed, noise_seed, 0.0)
     }
@@ -149,13 +149,13 @@ impl SimulatedDisplay {
             0.0 => phase_displayed.map(f64::from),
             _ => blur::blurred(&phase_displayed.map(|phase| wrap(f64::from(phase))), crosstalk_px),
         };
-        let mut light = self.still_light(&shown, 1.0 - flicker);
+        let mut light = self.steady_light(&shown, 1.0 - flicker);
         if flicker > 0.0 {
             // The light is the mean of the two ends of the swing, where the phase spends most of the time.
-            let other = self.still_light(&shown, 1.0 + flicker);
+            let other = self.steady_light(&shown, 1.0 + flicker);
             light.values_mut().iter_mut().zip(other.values()).for_each(|(a, b)| *a = (*a + b) / 2.0);
         }
-        let light = placement::placed(&light, rotation_deg.to_radians(), self.drift_px(hours));
+        let light = placement::moved_and_rotated(&light, rotation_deg.to_radians(), self.drift_px(hours));
         let mut light = blur::blurred(&light, blur_px);
         if let Some(speckle) = &self.speckle {
             light.values_mut().iter_mut().zip(speckle.values()).for_each(|(light, factor)| *light *= factor);
@@ -165,10 +165,10 @@ impl SimulatedDisplay {
     }
 
     /// The exposed light of the constant phase `swing` · `phase`.
-    fn still_light(&self, phase: &Plane<f64>, swing: f64) -> Plane<f64> {
+    fn steady_light(&self, phase: &Plane<f64>, swing: f64) -> Plane<f64> {
         let field = Plane::from_fn(phase.height_px(), phase.width_px(), |y, x| {
-            let lit = self.source.at(y, x) * self.carrier.map_or(1.0, |carrier| carrier.sign(y, x));
-            lit * self.modulator.field(swing * phase.at(y, x))
+            let amplitude = self.source.at(y, x) * self.carrier.map_or(1.0, |carrier| carrier.sign(y, x));
+            amplitude * self.modulator.field(swing * phase.at(y, x))
         });
         let transfer = &self.transfer_by_column;
         let spectrum = match self.field_aberration.is_none() {
@@ -179,8 +179,8 @@ impl SimulatedDisplay {
     }
 
     fn drift_px(&self, hours: f64) -> (f64, f64) {
-        let way_px = self.bench.drift_px_per_hour * hours;
-        (way_px * self.drift_towards.cos(), way_px * self.drift_towards.sin())
+        let distance_px = self.bench.drift_px_per_hour * hours;
+        (distance_px * self.drift_towards.cos(), distance_px * self.drift_towards.sin())
     }
 
     /// The setup that the bench was drawn for.
@@ -289,7 +289,7 @@ mod tests {
     }
 
     #[test]
-    fn fast_pixel_light_is_the_mean_of_sixteen_plain_propagations() {
+    fn fast_pixel_light_matches_mean_of_sixteen_propagations() {
         let display = drawn(1.0);
         let phase = Plane::from_fn(36, 50, |y, x| ((y * 17 + x * x * 5) % 61) as f32 / 10.0);
         let pitch_m = display.setup.grid().pixel_pitch_m();
@@ -301,8 +301,8 @@ mod tests {
         let offsets_px = [-3.0, -1.0, 1.0, 3.0].map(|eighths| eighths / 8.0);
         for (dy, dx) in offsets_px.iter().flat_map(|dy| offsets_px.map(|dx| (*dy, dx))) {
             let transfer = |fx, fy| display.true_transfer(fx, fy);
-            let seen = propagate(&field, pitch_m, offset(transfer, dx * pitch_m, dy * pitch_m));
-            mean.values_mut().iter_mut().zip(seen.values()).for_each(|(m, u)| *m += u.norm_sqr() / 16.0);
+            let image = propagate(&field, pitch_m, offset(transfer, dx * pitch_m, dy * pitch_m));
+            mean.values_mut().iter_mut().zip(image.values()).for_each(|(m, u)| *m += u.norm_sqr() / 16.0);
         }
         let light = display.light(&phase).unwrap();
         for (&fast, &plain) in light.values().iter().zip(mean.values()) {
@@ -311,7 +311,7 @@ mod tests {
     }
 
     #[test]
-    fn aberrations_of_the_field_are_those_of_every_pixel_by_itself() {
+    fn field_aberrations_match_pixel_by_pixel_propagation() {
         let setup = OpticalSetup::try_new(Grid::try_new(12, 17, 8e-6).unwrap(), 515e-9, 2e-3).unwrap();
         let bench = SimulatedBench { seed: 5, camera_noise: 0.0, field_aberration_rad: 3.0, ..SimulatedBench::FAIR };
         let display = SimulatedDisplay::draw(setup, None, bench).unwrap();
@@ -332,8 +332,8 @@ mod tests {
             let transfer =
                 |fx, fy| display.true_transfer(fx, fy) * display.local_factor(position(x, 17), position(y, 12), fx, fy);
             for ((dy, dx), field) in offsets_px.iter().zip(&mut fields) {
-                let seen = propagate(&alone, 8e-6, offset(transfer, dx * 8e-6, dy * 8e-6));
-                field.values_mut().iter_mut().zip(seen.values()).for_each(|(sum, u)| *sum += u);
+                let image = propagate(&alone, 8e-6, offset(transfer, dx * 8e-6, dy * 8e-6));
+                field.values_mut().iter_mut().zip(image.values()).for_each(|(sum, u)| *sum += u);
             }
         }
         let light = display.light(&phase).unwrap();
@@ -346,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn without_imperfections_the_bench_is_ideal() {
+    fn bench_without_imperfections_is_ideal() {
         let display = drawn(0.0);
         assert_eq!(display.zero_order(), Complex64::ZERO);
         assert_eq!((display.source(0, 0), display.response(2.5)), (1.0, 2.5));

@@ -19,10 +19,10 @@ impl Modulator {
     pub(super) fn draw(seed: u64, strength: f64) -> Self {
         let mut draws = Draws::new(seed, Stream::Modulator);
         let harmonics = [0.15, 0.06].map(|size_rad| {
-            let (size_rad, angle) = (strength * draws.about(size_rad), draws.angle());
+            let (size_rad, angle) = (strength * draws.within_a_fifth_of(size_rad), draws.angle());
             (size_rad * angle.cos(), size_rad * angle.sin())
         });
-        Self { harmonics, zero_order: Complex64::from_polar(strength * draws.about(0.03), draws.angle()) }
+        Self { harmonics, zero_order: Complex64::from_polar(strength * draws.within_a_fifth_of(0.03), draws.angle()) }
     }
 
     /// The phase \[rad\] that the modulator shows for a nominal phase \[rad\].

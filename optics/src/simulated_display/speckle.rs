@@ -23,7 +23,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn speckle_has_the_contrast_asked_for() {
+    fn speckle_has_given_contrast() {
         let grid = Grid::try_new(200, 300, 8e-6).unwrap();
         let factors = draw(&grid, 3, 0.2).unwrap();
         let mean = factors.values().iter().sum::<f64>() / 60_000.0;

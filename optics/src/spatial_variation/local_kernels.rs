@@ -19,7 +19,7 @@ use std::f64::consts::PI;
 const SIDES: [(usize, f64); 3] = [(3, 0.45), (4, 0.75), (5, f64::INFINITY)];
 
 /// Number of frequencies along each axis of the band at which a change is sampled.
-const LOOKS: usize = 9;
+const BAND_SAMPLES: usize = 9;
 
 /// Side of the grid that approximates a variation.
 #[must_use]
@@ -32,10 +32,11 @@ pub fn per_side(variation: &SpatialVariation) -> usize {
 /// band.
 #[must_use]
 pub fn change(variation: &SpatialVariation) -> f64 {
-    let look = |i: usize| (2 * i + 1) as f64 / LOOKS as f64 - 1.0;
+    let at = |i: usize| (2 * i + 1) as f64 / BAND_SAMPLES as f64 - 1.0;
     let at_corner = |(x, y)| {
-        let looks = (0..LOOKS * LOOKS).map(|k| variation.exponent(x, y, look(k % LOOKS), look(k / LOOKS)).norm_sqr());
-        (looks.sum::<f64>() / (LOOKS * LOOKS) as f64).sqrt()
+        let squares = (0..BAND_SAMPLES * BAND_SAMPLES)
+            .map(|k| variation.exponent(x, y, at(k % BAND_SAMPLES), at(k / BAND_SAMPLES)).norm_sqr());
+        (squares.sum::<f64>() / (BAND_SAMPLES * BAND_SAMPLES) as f64).sqrt()
     };
     [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)].map(at_corner).into_iter().fold(0.0, f64::max)
 }
@@ -120,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn the_grid_is_near_to_every_pixel_by_itself() {
+    fn kernel_grid_approximates_pixel_by_pixel_propagation() {
         let field = sent(SIZE.0, SIZE.1);
         for (change, side) in [(0.1, 3), (0.44, 3), (0.74, 4), (1.3, 5)] {
             let model = varying(change);
@@ -137,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn a_variation_of_nothing_changes_nothing() {
+    fn zero_variation_matches_uniform_kernel() {
         let field = sent(SIZE.0, SIZE.1);
         let mut model = varying(1.0);
         model.variation = SpatialVariation::new([(); 5].map(|()| SmoothField::flat(1)));

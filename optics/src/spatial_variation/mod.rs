@@ -97,7 +97,7 @@ impl SpatialVariation {
             return Ok(());
         }
         if self.fields.len() != Self::POWERS || self.fields.iter().any(|field| field.order != self.order()) {
-            let allowed = "0, or 5 of one order";
+            let allowed = "0, or 5 fields of the same order";
             return Err(out_of_range("fields of spatial variation", self.fields.len() as f64, allowed));
         }
         self.fields.iter().try_for_each(SmoothField::validate)

@@ -39,12 +39,12 @@ pub(super) fn city(seed: u64) -> Scene {
 
 fn night(sky: &Noise, moon: (f32, f32, f32), x: f32, y: f32, bank_y: f32) -> f32 {
     let (dx, dy) = ((x - moon.0) / moon.2, (y - moon.1) / moon.2);
-    let apart = dx.hypot(dy);
+    let from_moon = dx.hypot(dy);
     let maria = 0.9 + 0.25 * sky.fractal(dx * 1.4, dy * 1.4, 5);
     let clouds = 0.3 * step(-0.1, 0.7, sky.fractal(x * 0.9, y * 2.5, 6));
     let glow = mix(0.16, 0.52, step(-1.2, bank_y, y));
-    let around = glow + clouds + 0.35 * (-(apart - 1.0).max(0.0) * 0.7).exp();
-    mix(around, maria, step(1.02, 0.98, apart))
+    let around = glow + clouds + 0.35 * (-(from_moon - 1.0).max(0.0) * 0.7).exp();
+    mix(around, maria, step(1.02, 0.98, from_moon))
 }
 
 /// The tone of the house at (x, y) in a row of houses. `None`: the point is above the roof.

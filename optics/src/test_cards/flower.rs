@@ -36,8 +36,8 @@ pub(super) fn flower(seed: u64) -> Scene {
             return heart(&veins, dx, dy, radius);
         }
         let side = 0.08 * (angle - light).cos();
-        let seen = rings.iter().rev().find_map(|ring| petal(&veins, ring, angle, radius));
-        seen.map_or_else(|| background(&backdrop, x, y, radius), |tone| tone + side)
+        let nearest_petal = rings.iter().rev().find_map(|ring| petal(&veins, ring, angle, radius));
+        nearest_petal.map_or_else(|| background(&backdrop, x, y, radius), |tone| tone + side)
     })
 }
 

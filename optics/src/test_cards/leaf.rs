@@ -52,9 +52,9 @@ fn bokeh(lights: &Noise, x: f32, y: f32) -> f32 {
     let discs = (0..22).map(|i| {
         let (cx, cy) = (lights.between(3 * i, -2.0, 2.0), lights.between(3 * i + 1, -1.1, 1.1));
         let radius = lights.between(3 * i + 2, 0.08, 0.24);
-        let apart = (x - cx).hypot(y - cy) / radius;
-        let rim = 0.75 + 0.25 * step(0.6, 0.95, apart);
-        lights.between(200 + i, 0.05, 0.3) * step(1.0, 0.93, apart) * rim
+        let from_disc = (x - cx).hypot(y - cy) / radius;
+        let rim = 0.75 + 0.25 * step(0.6, 0.95, from_disc);
+        lights.between(200 + i, 0.05, 0.3) * step(1.0, 0.93, from_disc) * rim
     });
     base + discs.sum::<f32>()
 }

@@ -184,7 +184,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_card_is_a_picture_of_its_own_seed_at_any_size() {
+    fn seed_determines_each_card_at_any_size() {
         for card in TestCard::ALL {
             for (height_px, width_px) in [(32, 32), (45, 80), (61, 33)] {
                 let light = card.render(height_px, width_px, 1).unwrap();
@@ -196,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn grey_levels_are_broad_and_pictures_neither_dark_nor_glaring() {
+    fn cards_have_broad_grey_levels_and_moderate_brightness() {
         for card in TestCard::ALL {
             for seed in 0..4 {
                 let light = card.render(54, 96, seed).unwrap();
@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn a_side_that_shows_nothing_is_refused() {
+    fn too_short_side_is_refused() {
         let error = TestCard::Rings.render(31, 64, 1).unwrap_err();
         assert_eq!(error.to_string(), "height_px is 31, but must be at least 32 px for a test card");
     }

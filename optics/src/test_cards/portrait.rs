@@ -117,15 +117,15 @@ fn eye(face: &Face, u: f32, v: f32, side: f32, lambert: f32) -> Option<f32> {
         return None;
     }
     let gaze = face.turn * 2.0;
-    let apart = (x - gaze).hypot(y + 0.04);
+    let from_pupil = (x - gaze).hypot(y + 0.04);
     let glint = (x - gaze - 0.13 * face.light[0].signum()).hypot(y + 0.2);
     let shade = (0.35 + 0.65 * lambert.max(0.0)) * (1.0 - 0.45 * step(0.3, 0.0, y - upper));
     let white = 0.92 * shade * (1.0 - 0.3 * x * x);
-    let iris = mix(0.18, 0.5, step(0.15, 0.4, apart)) * step(0.48, 0.42, apart) + 0.05;
+    let iris = mix(0.18, 0.5, step(0.15, 0.4, from_pupil)) * step(0.48, 0.42, from_pupil) + 0.05;
     Some(match () {
         () if glint < 0.1 => 1.0,
-        () if apart < 0.19 => 0.02,
-        () if apart < 0.45 => iris * (0.6 + 0.4 * shade),
+        () if from_pupil < 0.19 => 0.02,
+        () if from_pupil < 0.45 => iris * (0.6 + 0.4 * shade),
         () => white,
     })
 }

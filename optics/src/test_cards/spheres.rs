@@ -57,8 +57,8 @@ fn traced(room: &Room, from: Vector, towards: Vector, bounces: u32) -> f32 {
             let leaving = mirrored(towards, normal);
             let shine = dot(leaving, room.light).max(0.0).powi(60) * sunlight(room, point, normal);
             let fresnel = ball.polish + (1.0 - ball.polish) * (1.0 + dot(towards, normal)).max(0.0).powi(5);
-            let seen = if bounces == 0 { 0.3 } else { traced(room, point, leaving, bounces - 1) };
-            mix(own, seen, fresnel) + 0.7 * shine
+            let reflected = if bounces == 0 { 0.3 } else { traced(room, point, leaving, bounces - 1) };
+            mix(own, reflected, fresnel) + 0.7 * shine
         }
         _ if floor > 0.0 => tiles(room, add_scaled(from, towards, floor), floor),
         _ => sky(towards),
@@ -74,8 +74,8 @@ fn tiles(room: &Room, point: Vector, distance: f32) -> f32 {
     let lit = -room.light[1] * sunlight(room, point, [0.0, -1.0, 0.0]);
     // Balls shade the floor right below them from the light of the sky.
     let open = room.balls.iter().map(|ball| {
-        let apart = (point[0] - ball.centre[0]).hypot(point[2] - ball.centre[2]) / ball.radius;
-        mix(0.45, 1.0, step(0.0, 1.3, apart))
+        let from_ball = (point[0] - ball.centre[0]).hypot(point[2] - ball.centre[2]) / ball.radius;
+        mix(0.45, 1.0, step(0.0, 1.3, from_ball))
     });
     let near = albedo * (0.22 * open.product::<f32>() + 0.7 * lit);
     mix(near, 0.5, step(6.0, 30.0, distance))
@@ -93,8 +93,8 @@ fn sunlight(room: &Room, point: Vector, normal: Vector) -> f32 {
 
 /// Distance along the ray to its first point on the ball. `None`: the ray misses the ball.
 fn hit(ball: &Ball, from: Vector, towards: Vector) -> Option<f32> {
-    let apart = add_scaled(from, ball.centre, -1.0);
-    let (along, squared) = (dot(apart, towards), dot(apart, apart) - ball.radius * ball.radius);
+    let offset = add_scaled(from, ball.centre, -1.0);
+    let (along, squared) = (dot(offset, towards), dot(offset, offset) - ball.radius * ball.radius);
     let root = (along * along - squared).max(-1.0);
     let distance = -along - if root < 0.0 { return None } else { root.sqrt() };
     (distance > 1e-3).then_some(distance)

@@ -72,7 +72,7 @@ fn engines_agree_with_the_reference() {
 }
 
 #[test]
-fn a_gaussian_beam_keeps_its_course_and_spreads_as_it_should() {
+fn gaussian_beam_keeps_centre_and_matches_closed_form() {
     let waist_m = 0.286e-3;
     for engine in ENGINES {
         for (height_px, width_px) in [(270, 480), (271, 481), (301, 272)] {
@@ -85,31 +85,31 @@ fn a_gaussian_beam_keeps_its_course_and_spreads_as_it_should() {
                         gaussian_beam(x, y, z, waist_m, WAVELENGTH_M)
                     })
                 };
-                let seen = (engine.free_space)(&setup, &beam(0.0));
+                let image = (engine.free_space)(&setup, &beam(0.0));
                 let label = format!("{} {height_px}×{width_px} {distance_m} m", engine.name);
-                let (found, waists) = centroid_and_waists(&seen);
+                let (found, waists) = centroid_and_waists(&image);
                 assert!((found.0 - centre.0).abs() < 1e-3 && (found.1 - centre.1).abs() < 1e-3, "{label}: {found:?}");
                 let range_m = TAU / 2.0 * waist_m * waist_m / WAVELENGTH_M;
                 let expected = waist_m / PITCH_M * (1.0 + (distance_m / range_m).powi(2)).sqrt();
                 for waist in waists {
-                    assert!((waist / expected - 1.0).abs() < 1e-4, "{label}: waist {waist}, not {expected} px");
+                    assert!((waist / expected - 1.0).abs() < 1e-4, "{label}: waist {waist} px, expected {expected} px");
                 }
-                let error = relative_l2(&seen, &beam(distance_m));
-                assert!(error < 1e-5 + engine.rounding, "{label}: field off by {error:e}");
+                let error = relative_l2(&image, &beam(distance_m));
+                assert!(error < 1e-5 + engine.rounding, "{label}: relative error {error:e}");
             }
         }
     }
 }
 
 #[test]
-fn no_energy_is_lost_on_the_uncropped_plane() {
+fn uncropped_plane_conserves_energy() {
     for (height_px, width_px) in [(270, 480), (61, 45)] {
         let setup = setup(height_px, width_px, 0.01);
         let (there, back) = (|fx, fy| setup.transfer(fx, fy), |fx, fy| setup.transfer(fx, fy).conj());
         let field = noise(height_px, width_px, 2);
-        let seen = propagate_uncropped(&field, PITCH_M, there);
-        assert!((energy(&seen) / energy(&field) - 1.0).abs() < 1e-12);
-        let returned = cropped(&filter(&seen, PITCH_M, back), height_px, width_px);
+        let image = propagate_uncropped(&field, PITCH_M, there);
+        assert!((energy(&image) / energy(&field) - 1.0).abs() < 1e-12);
+        let returned = cropped(&filter(&image, PITCH_M, back), height_px, width_px);
         assert!(relative_l2(&returned, &field) < 1e-12);
     }
 }
@@ -123,18 +123,18 @@ fn two_spots() -> Plane<Complex64> {
 }
 
 #[test]
-fn light_that_stays_in_the_frame_keeps_its_energy() {
+fn light_inside_frame_conserves_energy() {
     for engine in ENGINES {
         for distance_m in [0.01, -0.005] {
-            let seen = (engine.free_space)(&setup(160, 200, distance_m), &two_spots());
-            let change = energy(&seen) / energy(&two_spots()) - 1.0;
+            let image = (engine.free_space)(&setup(160, 200, distance_m), &two_spots());
+            let change = energy(&image) / energy(&two_spots()) - 1.0;
             assert!(change.abs() < engine.rounding, "{} {distance_m} m: {change:e}", engine.name);
         }
     }
 }
 
 #[test]
-fn single_precision_is_as_good_as_double() {
+fn single_precision_matches_double_precision() {
     for (height_px, width_px, distance_m) in [(270, 480, 0.15), (271, 97, -0.03), (64, 64, 0.2)] {
         let (setup, field) = (setup(height_px, width_px, distance_m), noise(height_px, width_px, 5));
         let error = relative_l2(&fused_free_space::<f32>(&setup, &field), &fused_free_space::<f64>(&setup, &field));
@@ -143,18 +143,18 @@ fn single_precision_is_as_good_as_double() {
 }
 
 #[test]
-fn there_and_back_is_where_it_was() {
+fn propagation_forth_and_back_restores_field() {
     for engine in ENGINES {
         let field = two_spots();
-        let seen = (engine.free_space)(&setup(160, 200, 0.01), &field);
-        let returned = (engine.free_space)(&setup(160, 200, -0.01), &seen);
+        let image = (engine.free_space)(&setup(160, 200, 0.01), &field);
+        let returned = (engine.free_space)(&setup(160, 200, -0.01), &image);
         let error = relative_l2(&returned, &field);
         assert!(error < engine.rounding, "{}: {error:e}", engine.name);
     }
 }
 
 #[test]
-fn the_way_back_is_the_adjoint() {
+fn propagation_over_negative_distance_is_adjoint() {
     for engine in ENGINES {
         let setup = setup(48, 70, 0.15);
         let (u, v) = (noise(48, 70, 3), noise(48, 70, 4));
@@ -168,7 +168,7 @@ fn the_way_back_is_the_adjoint() {
 }
 
 #[test]
-fn the_direct_diffraction_sum_says_the_same() {
+fn engines_match_direct_diffraction_sum() {
     for engine in ENGINES {
         for (height_px, width_px, distance_m) in [(32, 32, 0.012), (32, 32, -0.012), (27, 34, 0.0095)] {
             let setup = setup(height_px, width_px, distance_m);
@@ -182,7 +182,7 @@ fn the_direct_diffraction_sum_says_the_same() {
 }
 
 #[test]
-fn a_square_aperture_casts_fresnels_fringes() {
+fn square_aperture_gives_fresnel_fringes() {
     let (side_px, hole_px) = (512, 100);
     for engine in ENGINES {
         let setup = setup(side_px, side_px, 0.15);
@@ -193,19 +193,19 @@ fn a_square_aperture_casts_fresnels_fringes() {
         });
         // A sample stands for a whole square pixel, not for a point.
         let transfer = |fx: f64, fy: f64| setup.transfer(fx, fy) * sinc(fx * PITCH_M) * sinc(fy * PITCH_M);
-        let seen = (engine.filtered)(&setup, &transfer, &field).map(|value| value.norm_sqr());
+        let image = (engine.filtered)(&setup, &transfer, &field).map(|value| value.norm_sqr());
         let middle = (side_px - 1) as f64 / 2.0;
         let expected = Plane::from_fn(side_px, side_px, |y, x| {
             let (y, x) = ((y as f64 - middle) * PITCH_M, (x as f64 - middle) * PITCH_M);
             square_aperture(x, y, setup.distance_m(), hole_px as f64 * PITCH_M, WAVELENGTH_M).norm_sqr()
         });
-        let worst = seen.values().iter().zip(expected.values()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        assert!(worst < 5e-3, "{}: intensity off by {worst:e}", engine.name);
+        let worst = image.values().iter().zip(expected.values()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(worst < 5e-3, "{}: largest error of the intensity {worst:e}", engine.name);
     }
 }
 
 #[test]
-fn a_grating_images_itself() {
+fn grating_images_itself_at_talbot_distances() {
     let (height_px, width_px, period_px) = (480, 1024, 16);
     let period_m = period_px as f64 * PITCH_M;
     let talbot_m = 2.0 * period_m * period_m / WAVELENGTH_M;
@@ -215,9 +215,9 @@ fn a_grating_images_itself() {
     });
     for engine in ENGINES {
         for (distance_m, moved_px) in [(talbot_m, 0), (talbot_m / 2.0, period_px / 2)] {
-            let seen = (engine.free_space)(&setup(height_px, width_px, distance_m), &field);
+            let image = (engine.free_space)(&setup(height_px, width_px, distance_m), &field);
             for x in width_px / 2 - 3 * period_px..width_px / 2 + 3 * period_px {
-                let (found, expected) = (seen.at(height_px / 2, x).norm_sqr(), grating(x + moved_px).powi(2));
+                let (found, expected) = (image.at(height_px / 2, x).norm_sqr(), grating(x + moved_px).powi(2));
                 assert!((found - expected).abs() < 1e-3, "{} {distance_m} m, x = {x}: {found}", engine.name);
             }
         }
@@ -225,7 +225,7 @@ fn a_grating_images_itself() {
 }
 
 #[test]
-fn a_plane_wave_only_gains_its_phase() {
+fn plane_wave_only_gains_phase() {
     let side_px = 480;
     for engine in ENGINES {
         for (u, v, distance_m) in [(0, 0, 0.07), (5, -3, 0.07), (-12, 8, -0.03)] {
@@ -233,10 +233,10 @@ fn a_plane_wave_only_gains_its_phase() {
             let wave = |y: usize, x: usize| Complex64::cis(TAU * PITCH_M * (fx * x as f64 + fy * y as f64));
             let field =
                 Plane::from_fn(side_px, side_px, |y, x| wave(y, x) * flat_top(y, side_px) * flat_top(x, side_px));
-            let seen = (engine.free_space)(&setup(side_px, side_px, distance_m), &field);
+            let image = (engine.free_space)(&setup(side_px, side_px, distance_m), &field);
             let gained = angular_spectrum(fx, fy, WAVELENGTH_M, distance_m);
             for (y, x) in [(240, 240), (236, 244), (245, 233)] {
-                let error = (seen.at(y, x) - gained * wave(y, x)).norm();
+                let error = (image.at(y, x) - gained * wave(y, x)).norm();
                 assert!(error < 1e-5, "{} ({u}, {v}) {distance_m} m: {error:e}", engine.name);
             }
         }

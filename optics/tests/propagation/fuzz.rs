@@ -34,7 +34,7 @@ fn is_finite(plane: &Plane<Complex32>) -> bool {
     plane.values().iter().all(|u| u.re.is_finite() && u.im.is_finite())
 }
 
-fn there_and_back(propagator: &Propagator, field: &Plane<Complex32>) -> bool {
+fn is_finite_both_ways(propagator: &Propagator, field: &Plane<Complex32>) -> bool {
     let there = propagator.forward(field).unwrap();
     let back = propagator.adjoint(&there).unwrap();
     is_finite(&there) && is_finite(&back)
@@ -44,7 +44,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn methods_and_planner(setup in setups(), beside in (-0.01..0.01, -0.01..0.01)) {
+    fn random_setups_give_finite_fields_and_reports(setup in setups(), beside in (-0.01..0.01, -0.01..0.01)) {
         let field = field(&setup);
         for method in PropagationMethod::ALL {
             if let Ok(report) = assess(&setup, method) {
@@ -52,7 +52,7 @@ proptest! {
                 prop_assert!(!report.to_string().contains("NaN"), "{report}");
             }
             if let Ok(propagator) = Propagator::regardless(&setup, method) {
-                prop_assert!(there_and_back(&propagator, &field), "{method} {setup:?}");
+                prop_assert!(is_finite_both_ways(&propagator, &field), "{method} {setup:?}");
             }
         }
         match plan(&setup) {
@@ -60,23 +60,24 @@ proptest! {
             Err(refusal) => prop_assert!(!refusal.to_string().contains("NaN"), "{refusal}"),
         }
         let beside = setup.with_centre(beside.0, beside.1).unwrap();
-        prop_assert!(there_and_back(&Propagator::regardless(&beside, PropagationMethod::Shifted).unwrap(), &field));
+        let propagator = Propagator::regardless(&beside, PropagationMethod::Shifted).unwrap();
+        prop_assert!(is_finite_both_ways(&propagator, &field));
     }
 
     #[test]
-    fn windows_of_all_kinds(setup in setups(), (rows, columns, ratio, x, y) in windows()) {
+    fn random_windows_give_finite_fields(setup in setups(), (rows, columns, ratio, x, y) in windows()) {
         let grid = setup.grid();
         let Ok(window) = ImageWindow::try_new(rows, columns, ratio * grid.pixel_pitch_m()) else { return Ok(()) };
         let side_m = |side_px: usize| side_px as f64 * grid.pixel_pitch_m();
         let window = window.centred_at(x * side_m(grid.width_px()), y * side_m(grid.height_px())).unwrap();
         if let (Ok(report), Ok(propagator)) = (plan_onto(&setup, &window), Propagator::onto(&setup, &window)) {
             prop_assert_eq!(report.method, propagator.method());
-            prop_assert!(there_and_back(&propagator, &field(&setup)), "{setup:?} {window:?}");
+            prop_assert!(is_finite_both_ways(&propagator, &field(&setup)), "{setup:?} {window:?}");
         }
     }
 
     #[test]
-    fn engines(setup in setups()) {
+    fn random_setups_give_finite_light_in_engines(setup in setups()) {
         let phase = field(&setup).map(|u| u.arg());
         for method in ConvolutionMethod::ALL {
             let setup = setup.with_method_regardless(method);

@@ -9,7 +9,7 @@ use lightpath_optics::{Grid, OpticalSetup, Plane};
 use num_complex::{Complex, Complex64};
 use std::f64::consts::{PI, TAU};
 
-fn sent<T: Real>(propagator: &PropagatorCore<T>, field: &Plane<Complex64>) -> Plane<Complex64> {
+fn propagated<T: Real>(propagator: &PropagatorCore<T>, field: &Plane<Complex64>) -> Plane<Complex64> {
     wide(&propagator.forward(&narrow(field)).unwrap())
 }
 
@@ -59,7 +59,7 @@ where
 }
 
 #[test]
-fn every_method_is_there() {
+fn propagators_cover_every_method() {
     let listed: Vec<PropagationMethod> = propagators::<f32>(24, 31).iter().map(PropagatorCore::method).collect();
     for method in PropagationMethod::ALL {
         assert!(listed.contains(&method), "{method}");
@@ -71,26 +71,26 @@ fn check_adjoints<T: Real>(bound: f64) {
         for propagator in propagators::<T>(height_px, width_px) {
             let window = propagator.window();
             let (u, v) = (noise(height_px, width_px, 3), noise(window.height_px(), window.width_px(), 4));
-            let there = sent(&propagator, &u);
+            let there = propagated(&propagator, &u);
             let back = wide(&propagator.adjoint(&narrow(&v)).unwrap());
-            let apart = inner_product(&there, &v) - inner_product(&u, &back);
+            let difference = inner_product(&there, &v) - inner_product(&u, &back);
             let scale = (energy(&there) * energy(&v)).sqrt();
-            assert!(apart.norm() <= bound * scale, "{height_px}×{width_px} {}: {apart}", label(&propagator));
+            assert!(difference.norm() <= bound * scale, "{height_px}×{width_px} {}: {difference}", label(&propagator));
         }
     }
 }
 
 #[test]
-fn the_way_back_is_the_adjoint_of_the_way_there() {
+fn adjoint_satisfies_inner_product_identity() {
     check_adjoints::<f64>(1e-12);
     check_adjoints::<f32>(1e-6);
 }
 
 #[test]
-fn single_precision_is_as_good_as_double() {
+fn single_precision_matches_double_precision() {
     let field = noise(24, 31, 5);
     for (single, double) in propagators::<f32>(24, 31).iter().zip(propagators::<f64>(24, 31)) {
-        let error = relative_l2(&sent(single, &field), &sent(&double, &field));
+        let error = relative_l2(&propagated(single, &field), &propagated(&double, &field));
         assert!(error < 1e-5, "{}: {error:e}", label(single));
     }
 }
@@ -101,7 +101,10 @@ fn results_do_not_depend_on_the_number_of_threads() {
     let on = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
-            propagators::<f32>(40, 31).iter().map(|it| it.forward(&narrow(&field)).unwrap()).collect::<Vec<_>>()
+            propagators::<f32>(40, 31)
+                .iter()
+                .map(|propagator| propagator.forward(&narrow(&field)).unwrap())
+                .collect::<Vec<_>>()
         })
     };
     let one = on(1);
@@ -109,7 +112,7 @@ fn results_do_not_depend_on_the_number_of_threads() {
 }
 
 #[test]
-fn a_gaussian_beam_spreads_as_it_should() {
+fn gaussian_beam_matches_closed_form() {
     let (height_px, width_px, waist_m) = (129, 96, 60e-6);
     let beam = |window: &ImageWindow, z: f64| {
         Plane::from_fn(window.height_px(), window.width_px(), |y, x| {
@@ -119,7 +122,7 @@ fn a_gaussian_beam_spreads_as_it_should() {
     let own = setup(height_px, width_px, 1.0).window();
     let check = |propagator: PropagatorCore<f64>, bound: f64| {
         let z = propagator.setup().distance_m();
-        let error = relative_l2(&sent(&propagator, &beam(&own, 0.0)), &beam(propagator.window(), z));
+        let error = relative_l2(&propagated(&propagator, &beam(&own, 0.0)), &beam(propagator.window(), z));
         assert!(error < bound, "{}: {error:e}", label(&propagator));
     };
     // The closed form is paraxial. Its error is the difference to the exact methods.
@@ -127,7 +130,7 @@ fn a_gaussian_beam_spreads_as_it_should() {
     for z in [15e-3, -15e-3, 40e-3, -40e-3] {
         let setup = setup(height_px, width_px, z);
         let is_near = z.abs() < 20e-3;
-        for (method, bound, is_right) in [
+        for (method, bound, is_valid) in [
             (PropagationMethod::AngularSpectrum, exact, is_near),
             (PropagationMethod::BandLimited, exact, true),
             (PropagationMethod::BandExtended, exact, true),
@@ -135,7 +138,7 @@ fn a_gaussian_beam_spreads_as_it_should() {
             (PropagationMethod::RayleighSommerfeld, exact, !is_near),
             (PropagationMethod::FresnelImpulseResponse, paraxial, !is_near),
         ] {
-            if is_right {
+            if is_valid {
                 check(PropagatorCore::new(&setup, method).unwrap(), bound);
             }
         }
@@ -155,7 +158,7 @@ fn a_gaussian_beam_spreads_as_it_should() {
 }
 
 #[test]
-fn the_impulse_response_is_the_direct_sum() {
+fn impulse_response_matches_direct_sum() {
     for (height_px, width_px) in [(20, 31), (33, 8)] {
         for times in [1.0, -1.0, 4.0] {
             let setup = setup(height_px, width_px, times * critical_m(&setup(height_px, width_px, 1.0)));
@@ -163,11 +166,17 @@ fn the_impulse_response_is_the_direct_sum() {
             let expected = rayleigh_sommerfeld(&setup, &field).unwrap();
             for (found, bound) in [
                 (
-                    sent(&PropagatorCore::<f64>::new(&setup, PropagationMethod::RayleighSommerfeld).unwrap(), &field),
+                    propagated(
+                        &PropagatorCore::<f64>::new(&setup, PropagationMethod::RayleighSommerfeld).unwrap(),
+                        &field,
+                    ),
                     1e-12,
                 ),
                 (
-                    sent(&PropagatorCore::<f32>::new(&setup, PropagationMethod::RayleighSommerfeld).unwrap(), &field),
+                    propagated(
+                        &PropagatorCore::<f32>::new(&setup, PropagationMethod::RayleighSommerfeld).unwrap(),
+                        &field,
+                    ),
                     1e-5,
                 ),
             ] {
@@ -179,7 +188,7 @@ fn the_impulse_response_is_the_direct_sum() {
 }
 
 #[test]
-fn windows_anywhere_see_what_the_direct_sum_sees() {
+fn fields_in_any_window_match_direct_sum() {
     let (height_px, width_px, finer) = (32, 28, 3);
     let grid = Grid::try_new(height_px * finer, width_px * finer, PITCH_M / finer as f64).unwrap();
     let (field, fine) = (half_band_spots(height_px, width_px), spots_resampled(height_px, width_px, finer));
@@ -188,7 +197,7 @@ fn windows_anywhere_see_what_the_direct_sum_sees() {
             (setup(height_px, width_px, z), OpticalSetup::try_new(grid, WAVELENGTH_M, z).unwrap());
         let check = |propagator: PropagatorCore<f64>| {
             let expected = rayleigh_sommerfeld_onto(&fine_setup, &fine, propagator.window()).unwrap();
-            let error = relative_l2(&sent(&propagator, &field), &expected);
+            let error = relative_l2(&propagated(&propagator, &field), &expected);
             assert!(error < 1e-3, "{}: {error:e}", label(&propagator));
         };
         for (rows, columns, pitch_m, x_m, y_m) in
@@ -218,10 +227,11 @@ fn spots_resampled(height_px: usize, width_px: usize, finer: usize) -> Plane<Com
 }
 
 #[test]
-fn extending_the_band_changes_nothing_up_to_the_critical_distance_and_helps_beyond() {
+fn extended_band_helps_only_beyond_critical_distance() {
     let (near, far) = (setup(40, 40, 5e-3), setup(40, 40, 0.08));
     let field = noise(40, 40, 8);
-    let by = |setup: &OpticalSetup, method, field| sent(&PropagatorCore::<f64>::new(setup, method).unwrap(), field);
+    let by =
+        |setup: &OpticalSetup, method, field| propagated(&PropagatorCore::<f64>::new(setup, method).unwrap(), field);
     let same = relative_l2(
         &by(&near, PropagationMethod::BandExtended, &field),
         &by(&near, PropagationMethod::AngularSpectrum, &field),
@@ -229,13 +239,14 @@ fn extending_the_band_changes_nothing_up_to_the_critical_distance_and_helps_beyo
     assert!(same < 1e-11, "{same:e}");
     let field = spots_over_the_band(40, 40, 1);
     let exact = by(&far, PropagationMethod::RayleighSommerfeld, &field);
-    let error = |method| relative_l2(&sent(&PropagatorCore::<f64>::regardless(&far, method).unwrap(), &field), &exact);
+    let error =
+        |method| relative_l2(&propagated(&PropagatorCore::<f64>::regardless(&far, method).unwrap(), &field), &exact);
     let (limited, extended) = (error(PropagationMethod::BandLimited), error(PropagationMethod::BandExtended));
     assert!(extended < 0.5 * limited, "{extended} {limited}");
 }
 
 #[test]
-fn the_far_field_of_a_rectangle_is_the_dirichlet_kernel() {
+fn far_field_of_rectangle_is_dirichlet_kernel() {
     let (height_px, width_px, (rows, columns)) = (50, 61, (10, 7));
     for z in [4.0, -4.0] {
         let propagator =
@@ -267,13 +278,13 @@ fn the_far_field_of_a_rectangle_is_the_dirichlet_kernel() {
                 * PITCH_M.powi(2)
                 / Complex64::new(0.0, area_m2)
         });
-        let error = relative_l2(&sent(&propagator, &field), &expected);
+        let error = relative_l2(&propagated(&propagator, &field), &expected);
         assert!(error < 1e-11, "{z}: {error:e}");
     }
 }
 
 #[test]
-fn the_far_field_is_what_the_exact_integral_becomes() {
+fn far_field_matches_exact_integral() {
     let setup = setup(12, 16, 0.5);
     let propagator = PropagatorCore::<f64>::new(&setup, PropagationMethod::Fraunhofer).unwrap();
     let field = noise(12, 16, 10);
@@ -282,6 +293,6 @@ fn the_far_field_is_what_the_exact_integral_becomes() {
     let neglected = PI * PITCH_M.powi(2) * (5.5_f64.powi(2) + 7.5_f64.powi(2)) / (WAVELENGTH_M * 0.5);
     // Far off the axis the phases of a paraboloid and a sphere differ, so the test compares amplitudes only.
     let amplitude = |field: &Plane<Complex64>| field.map(|u| Complex64::from(u.norm()));
-    let error = relative_l2(&amplitude(&sent(&propagator, &field)), &amplitude(&expected));
+    let error = relative_l2(&amplitude(&propagated(&propagator, &field)), &amplitude(&expected));
     assert!(error < neglected && neglected < 0.1, "{error} {neglected}");
 }

@@ -11,7 +11,7 @@ use lightpath_optics::{
 };
 
 #[test]
-fn the_chosen_method_is_about_as_good_as_the_best() {
+fn chosen_method_is_about_as_good_as_best_method() {
     let finer = 3;
     for (height_px, width_px) in [(32, 32), (24, 40)] {
         let fine_grid = Grid::try_new(finer * height_px, finer * width_px, PITCH_M / finer as f64).unwrap();
@@ -32,14 +32,14 @@ fn the_chosen_method_is_about_as_good_as_the_best() {
             let found = error(chosen);
             assert!(
                 found < 0.03 && found < 5.0 * best.max(1e-5),
-                "{height_px}×{width_px} {times} z_c: {chosen} {found:e}, not {best:e}"
+                "{height_px}×{width_px} {times} z_c: error of {chosen} {found:e}, of the best method {best:e}"
             );
         }
     }
 }
 
 #[test]
-fn choices_and_reports_of_a_common_display() {
+fn common_display_has_expected_choices_and_reports() {
     let grid = Grid::try_new(1080, 1920, 8e-6).unwrap();
     let at = |z: f64| OpticalSetup::try_new(grid, 515e-9, z).unwrap();
     for (z, method, kept_x, kept_y, warnings) in [
@@ -86,7 +86,7 @@ fn choices_and_reports_of_a_common_display() {
 }
 
 #[test]
-fn windows_get_the_method_that_suits_them() {
+fn windows_get_suitable_method() {
     let near = setup(64, 64, 0.01);
     let zoom = ImageWindow::try_new(64, 64, 2e-6).unwrap();
     assert_eq!(plan_onto(&near, &zoom).unwrap().method, PropagationMethod::Scaled);
@@ -101,7 +101,7 @@ fn windows_get_the_method_that_suits_them() {
 }
 
 #[test]
-fn what_cannot_be_right_is_refused_with_the_numbers() {
+fn invalid_methods_are_refused_with_numbers() {
     let refusal = |result: Result<_, Error>| match result {
         Err(Error::Unsuitable { code, reason, .. }) => (code, reason),
         other => panic!("{other:?}"),

@@ -29,9 +29,9 @@ pub struct Api {
     pub(crate) artifacts: Artifacts,
     pub(crate) queue_limits: QueueLimits,
     pub(crate) stream_limits: StreamLimits,
-    /// The pictures of submitted jobs.
+    /// Decodes the pictures of submitted jobs.
     pub(crate) decoding: Decoding,
-    /// Pairs of datasets, and files of kernels: no submit waits for them.
+    /// Checks pairs of datasets and converts files of kernels. It is separate, so that no submission waits for it.
     pub(crate) checking: Decoding,
     pub(crate) checked_targets: CheckedTargets,
     pub(crate) last_reconstructor: LastReconstructor,
@@ -83,7 +83,7 @@ impl Api {
         }
         self.artifacts.room_to_start()?;
         self.store.queue_counts().await?;
-        timeout(WRITE_TURN_MAX, self.store.take_turn()).await.map_err(|_| ApiError::Locked)??;
+        timeout(WRITE_TURN_MAX, self.store.wait_for_writer()).await.map_err(|_| ApiError::Locked)??;
         Ok(())
     }
 
@@ -101,7 +101,7 @@ impl Api {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use lightpath_fixtures::held_by_another;
+    use lightpath_fixtures::lock_database;
     use std::path::Path;
 
     const DATABASE: &str = "lightpath.db";
@@ -113,13 +113,13 @@ pub(crate) mod tests {
     }
 
     #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-    async fn a_server_serves_only_while_it_can_write_and_is_not_about_to_stop() {
+    async fn server_serves_only_while_it_can_write_and_is_not_stopping() {
         let folder = tempfile::tempdir().unwrap();
         let api = api_in(folder.path()).await;
         api.is_serving().await.unwrap();
-        let held = held_by_another(&folder.path().join(DATABASE)).await;
+        let lock = lock_database(&folder.path().join(DATABASE)).await;
         assert!(matches!(api.is_serving().await, Err(ApiError::Locked)));
-        drop(held);
+        drop(lock);
         api.is_serving().await.unwrap();
         api.stopping.cancel();
         assert!(matches!(api.is_serving().await, Err(ApiError::Stopping)));

@@ -96,7 +96,7 @@ impl Audit {
         line.push(b'\n');
         let mut open = self.lock();
         if open.bytes >= FILE_BYTES_MAX {
-            self.put_aside()?;
+            self.rotate()?;
             *open = Open::append(&self.folder)?;
         }
         open.file.write_all(&line)?;
@@ -106,7 +106,7 @@ impl Audit {
     }
 
     /// Renames `audit.jsonl` to `.1`, `.1` to `.2` and so on, and removes the oldest file.
-    fn put_aside(&self) -> io::Result<()> {
+    fn rotate(&self) -> io::Result<()> {
         let path = |number: u32| match number {
             0 => self.folder.join(NAME),
             number => self.folder.join(format!("{NAME}.{number}")),
@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_are_appended_over_restarts_and_full_files_put_aside() {
+    fn lines_are_appended_over_restarts_and_full_files_are_rotated() {
         let folder = tempfile::tempdir().unwrap();
         for outcome in ["OK", "PERMISSION_DENIED"] {
             let audit = Audit::open(folder.path()).unwrap();

@@ -80,7 +80,7 @@ mod tests {
         for (method, code) in codes(api.clone(), None).await {
             assert_eq!(code, Code::Unauthenticated, "{method}");
         }
-        for (method, code) in codes(api, Some(Caller::anybody())).await {
+        for (method, code) in codes(api, Some(Caller::without_token())).await {
             assert!(
                 !matches!(code, Code::Unauthenticated | Code::Unimplemented | Code::Internal),
                 "{method}: {code:?}"

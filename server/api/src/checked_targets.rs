@@ -5,41 +5,41 @@ use std::collections::{HashSet, VecDeque};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Limit on the remembered checks, which need some hundred bytes each.
-const FINDINGS_MAX: usize = 1000;
+const CHECKS_MAX: usize = 1000;
 
 /// The latest checks. Clones share them.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct CheckedTargets(Arc<Mutex<Findings>>);
+pub(crate) struct CheckedTargets(Arc<Mutex<Checks>>);
 
 #[derive(Debug, Default)]
-struct Findings {
+struct Checks {
     known: HashSet<String>,
     /// Keys of the checks, the oldest first.
     order: VecDeque<String>,
 }
 
 impl CheckedTargets {
-    /// Whether a target is known to have light. `what` names the picture and everything else on which the check
+    /// Whether a target is known to have light. `key` names the picture and everything else on which the check
     /// depends.
-    pub(crate) fn knows(&self, what: &str) -> bool {
-        self.findings().known.contains(what)
+    pub(crate) fn contains(&self, key: &str) -> bool {
+        self.lock().known.contains(key)
     }
 
     /// Remembers a check. The oldest check is forgotten if there are too many.
-    pub(crate) fn remember(&self, what: String) {
-        let mut findings = self.findings();
-        if !findings.known.insert(what.clone()) {
+    pub(crate) fn insert(&self, key: String) {
+        let mut checks = self.lock();
+        if !checks.known.insert(key.clone()) {
             return;
         }
-        findings.order.push_back(what);
-        if findings.order.len() > FINDINGS_MAX
-            && let Some(oldest) = findings.order.pop_front()
+        checks.order.push_back(key);
+        if checks.order.len() > CHECKS_MAX
+            && let Some(oldest) = checks.order.pop_front()
         {
-            findings.known.remove(&oldest);
+            checks.known.remove(&oldest);
         }
     }
 
-    fn findings(&self) -> std::sync::MutexGuard<'_, Findings> {
+    fn lock(&self) -> std::sync::MutexGuard<'_, Checks> {
         // The state is consistent even after a panic: both parts change together, and nothing in between can panic.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -50,15 +50,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_latest_findings_are_kept_and_no_more() {
+    fn only_the_latest_checks_are_remembered() {
         let targets = CheckedTargets::default();
-        for n in 0..FINDINGS_MAX + 2 {
-            targets.remember(n.to_string());
-            targets.remember(n.to_string());
+        for n in 0..CHECKS_MAX + 2 {
+            targets.insert(n.to_string());
+            targets.insert(n.to_string());
         }
-        assert!(!targets.knows("0") && !targets.knows("1") && targets.knows("2"));
-        assert!(targets.knows(&(FINDINGS_MAX + 1).to_string()));
-        let findings = targets.findings();
-        assert_eq!((findings.known.len(), findings.order.len()), (FINDINGS_MAX, FINDINGS_MAX));
+        assert!(!targets.contains("0") && !targets.contains("1") && targets.contains("2"));
+        assert!(targets.contains(&(CHECKS_MAX + 1).to_string()));
+        let checks = targets.lock();
+        assert_eq!((checks.known.len(), checks.order.len()), (CHECKS_MAX, CHECKS_MAX));
     }
 }

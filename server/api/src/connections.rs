@@ -75,12 +75,12 @@ pub async fn serve(
     deadline: Duration,
 ) {
     let builder = Arc::new(builder());
-    let places = Arc::new(Semaphore::new(CONNECTIONS_MAX));
+    let permits = Arc::new(Semaphore::new(CONNECTIONS_MAX));
     let peers = Arc::new(ConnectionCounts::default());
     let graceful = GracefulShutdown::new();
-    while let Some((stream, address, place)) = next(&listener, &places, &stop).await {
-        let Some(counted) = ConnectionCounts::take_place(&peers, address.ip()) else {
-            tracing::debug!(%address, "refused a connection: its address has too many");
+    while let Some((stream, address, permit)) = accept_next(&listener, &permits, &stop).await {
+        let Some(counted) = ConnectionCounts::count(&peers, address.ip()) else {
+            tracing::debug!(%address, "refused a connection, because its address has too many");
             continue;
         };
         let watcher = graceful.watcher();
@@ -106,12 +106,12 @@ pub async fn serve(
                     tracing::debug!(%error, "a connection ended early");
                 }
             }
-            drop((place, counted));
+            drop((permit, counted));
         });
     }
     drop(listener);
     if timeout(deadline, graceful.shutdown()).await.is_err() {
-        tracing::warn!("some connections did not end in time and are cut");
+        tracing::warn!("some connections did not end in time and are closed");
     }
 }
 
@@ -126,7 +126,8 @@ struct CountedConnection {
 }
 
 impl ConnectionCounts {
-    fn take_place(peers: &Arc<Self>, address: IpAddr) -> Option<CountedConnection> {
+    /// Counts a connection from an address; `None` if the address has too many.
+    fn count(peers: &Arc<Self>, address: IpAddr) -> Option<CountedConnection> {
         let mut counts = peers.0.lock().unwrap_or_else(PoisonError::into_inner);
         let count = counts.entry(address).or_default();
         if *count >= CONNECTIONS_PER_PEER_MAX {
@@ -173,19 +174,19 @@ async fn sends_first_bytes(stream: &TcpStream, stop: &CancellationToken) -> bool
 }
 
 /// Accepts the next connection when fewer than [`CONNECTIONS_MAX`] are open; `None` when the server stops.
-async fn next(
+async fn accept_next(
     listener: &TcpListener,
-    places: &Arc<Semaphore>,
+    permits: &Arc<Semaphore>,
     stop: &CancellationToken,
 ) -> Option<(TcpStream, SocketAddr, tokio::sync::OwnedSemaphorePermit)> {
     let accept = async {
-        let place = Arc::clone(places).acquire_owned().await.ok()?;
+        let permit = Arc::clone(permits).acquire_owned().await.ok()?;
         loop {
             match listener.accept().await {
                 Ok((stream, address)) => {
                     // A small message must not wait for the acknowledgement of the previous one.
                     let _ = stream.set_nodelay(true);
-                    return Some((stream, address, place));
+                    return Some((stream, address, permit));
                 }
                 Err(error) => {
                     tracing::warn!(%error, "a connection could not be accepted");

@@ -47,8 +47,8 @@ impl LastReconstructor {
         let key = format!("{}/{}/{}", dataset.display, dataset.wavelength.pm, dataset.distance.nm);
         // The lock is held while a new reconstructor is made: two at once would need twice the memory.
         let mut last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((of, reconstructor)) = last.as_ref()
-            && *of == key
+        if let Some((last_key, reconstructor)) = last.as_ref()
+            && *last_key == key
         {
             return Some(reconstructor.clone());
         }

@@ -1,4 +1,4 @@
-//! The enumerations of the domain and those of the messages, value by value.
+//! Conversion of enumerations from and to messages.
 
 use crate::error::ApiError;
 use crate::field::Field;
@@ -9,24 +9,24 @@ use lightpath_optics::photometry::Quantity;
 use lightpath_optics::{Carrier, Detector, KernelModel, PropagationMethod};
 use lightpath_proto::v1;
 
-/// An enumeration that messages have too, as numbers of which 0 is unspecified.
+/// An enumeration that messages contain as a number. The number 0 stands for an unspecified value.
 pub(crate) trait OnWire: Sized {
-    /// The value's number.
+    /// Number of the value in messages.
     fn to_wire(self) -> i32;
 
-    /// The value of a number, `Some(None)` for unspecified; `None` for a number that is no value.
+    /// The value with this number; `Some(None)`: unspecified; `None`: the enumeration has no such number.
     fn from_wire(number: i32) -> Option<Option<Self>>;
 }
 
 impl Field {
-    /// A value of an enumeration; `None` where it is unspecified.
-    pub(crate) fn one_of<T: OnWire>(&self, number: i32) -> Result<Option<T>, ApiError> {
-        T::from_wire(number).ok_or_else(|| self.invalid(format!("is {number}, which is no value of that enumeration")))
+    /// The value of an enumeration; `None` if it is unspecified.
+    pub(crate) fn enum_value<T: OnWire>(&self, number: i32) -> Result<Option<T>, ApiError> {
+        T::from_wire(number).ok_or_else(|| self.invalid(format!("is {number}, but must be a value of the enumeration")))
     }
 }
 
-/// Both ways for enumerations whose values have the same names.
-macro_rules! same_values {
+/// Implements [`OnWire`] for enumerations whose values have the same names in messages.
+macro_rules! convert_by_name {
     ($($ours:ty = $wire:ty { $($value:ident)* })*) => {$(
         impl OnWire for $ours {
             fn to_wire(self) -> i32 {
@@ -47,7 +47,7 @@ macro_rules! same_values {
     )*};
 }
 
-same_values! {
+convert_by_name! {
     PropagationMethod = v1::PropagationMethod {
         AngularSpectrum BandLimited RayleighSommerfeld FresnelTransferFunction FresnelImpulseResponse
         Shifted BandExtended Scaled ScaledFresnel Fraunhofer
@@ -66,7 +66,7 @@ same_values! {
     }
 }
 
-/// A pair that finalizing left out has no split; messages say so by a value of their own, which no request may have.
+/// Messages have another value, `Excluded`, for pairs that finalizing left out. Requests must not contain it.
 impl OnWire for Split {
     fn to_wire(self) -> i32 {
         match self {
@@ -92,14 +92,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values_come_back_and_unknown_numbers_are_named() {
+    fn values_survive_conversion_and_unknown_numbers_are_refused() {
         for method in PropagationMethod::ALL {
             assert_eq!(PropagationMethod::from_wire(method.to_wire()), Some(Some(method)));
         }
         let field = Field::new("detector");
-        assert_eq!(field.one_of::<Detector>(0).unwrap(), None);
-        let refusal = field.one_of::<Detector>(9).unwrap_err().to_string();
-        assert_eq!(refusal, "detector is 9, which is no value of that enumeration");
+        assert_eq!(field.enum_value::<Detector>(0).unwrap(), None);
+        let refusal = field.enum_value::<Detector>(9).unwrap_err().to_string();
+        assert_eq!(refusal, "detector is 9, but must be a value of the enumeration");
         assert_eq!(Split::from_wire(v1::Split::Excluded.into()), None);
     }
 }

@@ -47,22 +47,22 @@ pub enum ApiError {
     #[error("{0}")]
     Unauthenticated(String),
     /// The call did not pass the gate, so its caller is unknown.
-    #[error("it is not known who makes this call, and it is not answered")]
+    #[error("the call is refused, because its caller is unknown")]
     NoCaller,
     /// The caller may not make this call.
     #[error("{0}")]
     Denied(String),
     /// Another process holds the database.
-    #[error("the database lets nobody write; is another program at it?")]
+    #[error("the database cannot be written; another program may hold its lock")]
     Locked,
     /// The server is stopping.
-    #[error("the server is stopping; try again in a moment")]
+    #[error("the server is stopping; retry in a moment")]
     Stopping,
     /// The client disconnected or its stream failed.
-    #[error("the stream broke")]
+    #[error("the stream failed")]
     Stream(#[source] Box<tonic::Status>),
     /// The client sent nothing for too long.
-    #[error("nothing arrived for {} s; go on from where GetUpload says", .0.as_secs())]
+    #[error("no data arrived for {} s; continue at the offset that GetUpload returns", .0.as_secs())]
     Idle(Duration),
     /// A task of the server panicked.
     #[error("a task of the server failed")]

@@ -46,6 +46,7 @@ impl Field {
         value.ok_or_else(|| self.invalid("is not set, but is required"))
     }
 
+    /// Checks a number, which must lie in the allowed range.
     pub(crate) fn number(&self, value: f64, allowed: RangeInclusive<f64>) -> Result<f64, ApiError> {
         if allowed.contains(&value) {
             return Ok(value);
@@ -58,6 +59,7 @@ impl Field {
         if value == 0.0 { Ok(default) } else { self.number(value, allowed) }
     }
 
+    /// Checks a whole number, which must lie in the allowed range.
     pub(crate) fn integer<T: PartialOrd + Display>(&self, value: T, allowed: RangeInclusive<T>) -> Result<T, ApiError> {
         if allowed.contains(&value) {
             return Ok(value);
@@ -70,6 +72,7 @@ impl Field {
         if value == 0 { Ok(default) } else { self.integer(value, allowed) }
     }
 
+    /// Checks the length of a text.
     pub(crate) fn text(&self, value: String, bytes_max: usize) -> Result<String, ApiError> {
         if value.len() > bytes_max {
             return Err(self.invalid(format!("has {} bytes, but at most {bytes_max} are accepted", value.len())));
@@ -77,17 +80,19 @@ impl Field {
         Ok(value)
     }
 
+    /// Checks a distance \[m\].
     pub(crate) fn distance(&self, value: f64) -> Result<Distance, ApiError> {
         let allowed = format!("within ±{} m and not 0", Distance::MAX_M);
         Distance::from_m(value).ok_or_else(|| self.invalid(format!("is {value}, but must be {allowed}")))
     }
 
+    /// Checks a wavelength \[m\].
     pub(crate) fn wavelength(&self, value: f64) -> Result<Wavelength, ApiError> {
         let allowed = format!("{:e} to {:e} m", Wavelength::MIN_M, Wavelength::MAX_M);
         Wavelength::from_m(value).ok_or_else(|| self.invalid(format!("is {value}, but must be {allowed}")))
     }
 
-    /// One of the display's wavelengths; 0 stands for the only one.
+    /// Checks a wavelength \[m\], which must be one of the display's. The value 0 stands for the only one.
     pub(crate) fn wavelength_of(
         &self,
         value: f64,
@@ -97,13 +102,15 @@ impl Field {
         let name = format!("displays/{}", display.id);
         if value == 0.0 {
             let [only] = display.wavelengths[..] else {
-                return Err(self.invalid(format!("is not given, but {name} has several: name one of {}", list())));
+                return Err(
+                    self.invalid(format!("is not given, but {name} has several wavelengths; give one of {}", list()))
+                );
             };
             return Ok(only);
         }
         let wavelength = self.wavelength(value)?;
         if !display.wavelengths.contains(&wavelength) {
-            let problem = format!("is {wavelength}, but must be one of {}, those of {name}", list());
+            let problem = format!("is {wavelength}, but must be one of {}, the wavelengths of {name}", list());
             return Err(self.invalid(problem));
         }
         Ok(wavelength)
@@ -118,7 +125,9 @@ impl Field {
             return Ok(value.to_owned());
         }
         let shown = if value.is_empty() { "empty".to_owned() } else { format!("{:?}", shortened(value)) };
-        Err(self.invalid(format!("is {shown}, but must be an artifact, sha256- and 64 lower-case hexadecimal digits")))
+        Err(self.invalid(format!(
+            "is {shown}, but must be an artifact's digest: sha256- and 64 lower-case hexadecimal digits"
+        )))
     }
 }
 
@@ -133,7 +142,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn refusals_name_the_field_and_the_fix() {
+    fn refusals_name_the_field_and_the_allowed_values() {
         let spec = Field::new("spec").at("optimize_hologram");
         let message = spec.at("distance_m").distance(f64::NAN).unwrap_err().to_string();
         assert_eq!(message, "spec.optimize_hologram.distance_m is NaN, but must be within ±10 m and not 0");
@@ -144,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn digests_are_exact() {
+    fn malformed_digests_are_refused() {
         let field = Field::new("digest");
         let good = format!("sha256-{}", "0a".repeat(32));
         assert_eq!(field.digest(&good).unwrap(), good);
@@ -155,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_that_are_none_are_in_no_range() {
+    fn numbers_outside_the_range_are_refused() {
         let field = Field::new("x");
         for bad in [f64::NAN, f64::INFINITY, -0.1, 1.1] {
             assert!(field.number(bad, 0.0..=1.0).is_err());

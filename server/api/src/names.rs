@@ -12,14 +12,14 @@ const ID_BYTES_MAX: usize = 63;
 
 /// The id in `displays/{id}`. Refuses a display that the caller may not use.
 pub(crate) fn display_id(caller: &Caller, field: &Field, name: &str) -> Result<String, ApiError> {
-    let id = chosen_id(field, name, "displays")?;
+    let id = checked_id(field, name, "displays")?;
     require_display(caller, &id)?;
     Ok(id)
 }
 
 /// The id in `datasets/{id}`.
 pub(crate) fn dataset_id(field: &Field, name: &str) -> Result<String, ApiError> {
-    chosen_id(field, name, "datasets")
+    checked_id(field, name, "datasets")
 }
 
 /// The id in `jobs/{id}`. The job need not exist.
@@ -78,13 +78,13 @@ pub(crate) fn pair_id(field: &Field, id: &str) -> Result<String, ApiError> {
     Err(field.invalid(format!("is {:?}, but must be {rule}", shortened(id))))
 }
 
-fn chosen_id(field: &Field, name: &str, collection: &str) -> Result<String, ApiError> {
+fn checked_id(field: &Field, name: &str, collection: &str) -> Result<String, ApiError> {
     let id = name.strip_prefix(collection).and_then(|rest| rest.strip_prefix('/'));
     let allowed = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'-';
-    let right = |id: &&str| {
+    let is_valid = |id: &&str| {
         (1..=ID_BYTES_MAX).contains(&id.len()) && id.as_bytes()[0].is_ascii_lowercase() && id.bytes().all(allowed)
     };
-    id.filter(right).map(ToOwned::to_owned).ok_or_else(|| {
+    id.filter(is_valid).map(ToOwned::to_owned).ok_or_else(|| {
         let rule = "with an id of 1 to 63 characters of a-z, 0-9 and '-', starting with a letter";
         field.invalid(format!("is {:?}, but must be {collection}/{{id}} {rule}", shortened(name)))
     })
@@ -95,14 +95,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn kernel_names_come_back() {
-        let (anybody, field) = (Caller::anybody(), Field::new("name"));
+    fn kernel_names_survive_parsing_and_malformed_ones_are_refused() {
+        let (caller, field) = (Caller::without_token(), Field::new("name"));
         for name in [
             "displays/lab-2/kernels/515nm-150mm",
             "displays/a/kernels/632.8nm--12.5mm",
             "displays/a/kernels/1064nm-0.000001mm",
         ] {
-            assert_eq!(kernel_key(&anybody, &field, name).unwrap().to_string(), name);
+            assert_eq!(kernel_key(&caller, &field, name).unwrap().to_string(), name);
         }
         for bad in [
             "",
@@ -115,20 +115,20 @@ mod tests {
             "displays/lab-2/kernels/-515nm-150mm",
             "displays/lab-2/kernels/nannm-150mm",
         ] {
-            assert!(kernel_key(&anybody, &field, bad).is_err(), "{bad}");
+            assert!(kernel_key(&caller, &field, bad).is_err(), "{bad}");
         }
-        let (key, version) = kernel_version(&anybody, &field, "displays/lab-2/kernels/515nm-150mm/versions/3").unwrap();
+        let (key, version) = kernel_version(&caller, &field, "displays/lab-2/kernels/515nm-150mm/versions/3").unwrap();
         assert_eq!((key.display.as_str(), version), ("lab-2", 3));
     }
 
     #[test]
-    fn ids_follow_the_rule() {
-        let (anybody, field) = (Caller::anybody(), Field::new("name"));
-        assert_eq!(display_id(&anybody, &field, "displays/pluto-2").unwrap(), "pluto-2");
+    fn malformed_ids_are_refused() {
+        let (caller, field) = (Caller::without_token(), Field::new("name"));
+        assert_eq!(display_id(&caller, &field, "displays/pluto-2").unwrap(), "pluto-2");
         for bad in ["pluto", "displays/", "displays/2pluto", "displays/a/b", "displays/../x", "datasets/pluto"] {
-            assert!(display_id(&anybody, &field, bad).is_err(), "{bad}");
+            assert!(display_id(&caller, &field, bad).is_err(), "{bad}");
         }
-        assert!(display_id(&anybody, &field, &format!("displays/{}", "a".repeat(64))).is_err());
+        assert!(display_id(&caller, &field, &format!("displays/{}", "a".repeat(64))).is_err());
         assert!(
             pair_id(&field, "IMG_0001.png").is_ok() && pair_id(&field, "a/b").is_err() && pair_id(&field, "").is_err()
         );

@@ -33,8 +33,8 @@ impl Page {
         let after = match page_token {
             "" => None,
             token => Some(key_of(token, &list).ok_or_else(|| {
-                let fix = "but must be the next_page_token of this very list, or empty for its first page";
-                Field::new("page_token").invalid(format!("is not known, {fix}"))
+                let rule = "but must be a next_page_token of the same list, or empty for the first page";
+                Field::new("page_token").invalid(format!("is unknown, {rule}"))
             })?),
         };
         Ok(Self { list, after, size })
@@ -98,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn pages_follow_each_other() {
+    fn next_page_token_continues_the_list() {
         let first = Page::new(&["displays"], 2, "").unwrap();
         assert_eq!((first.limit(), &first.after), (3, &None));
         let (items, token) = fill(&first, &["a", "b", "c"]);
@@ -106,7 +106,7 @@ mod tests {
         let second = Page::new(&["displays"], 2, &token).unwrap();
         assert_eq!(second.after.as_deref(), Some("b"));
         assert_eq!(fill(&second, &["c"]), (vec!["c".to_owned()], String::new()));
-        assert_eq!(fill(&first, &["a", "b"]).1, "", "a page that is just full is the last");
+        assert_eq!(fill(&first, &["a", "b"]).1, "", "a full page without further items is the last");
     }
 
     #[test]
@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn foreign_tokens_are_refused() {
+    fn tokens_of_other_lists_are_refused() {
         let token = token_of("jobs lab-2", "17");
         assert_eq!(Page::new(&["jobs", "lab-2"], 0, &token).unwrap().after_number::<u32>().unwrap(), Some(17));
         for (list, token) in [
@@ -132,7 +132,7 @@ mod tests {
             (["jobs", "lab-2"], "+1"),
         ] {
             let refusal = Page::new(&list, 0, token).unwrap_err().to_string();
-            assert!(refusal.starts_with("page_token is not known"), "{refusal}");
+            assert!(refusal.starts_with("page_token is unknown"), "{refusal}");
         }
         assert!(Page::new(&["jobs"], 1001, "").is_err());
     }

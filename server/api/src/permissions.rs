@@ -16,7 +16,7 @@ pub(crate) fn require_display(caller: &Caller, id: &str) -> Result<(), ApiError>
         return Ok(());
     }
     Err(ApiError::Denied(format!(
-        "the token \"{}\" is for other displays than displays/{id}; ask for one that names it",
+        "the token \"{}\" is not valid for displays/{id}; ask an admin for one that is",
         caller.name
     )))
 }
@@ -31,7 +31,7 @@ pub(crate) fn require_all_displays(caller: &Caller, field: &str) -> Result<(), A
     match caller.displays.first() {
         None => Ok(()),
         Some(own) => Err(ApiError::Denied(format!(
-            "the token \"{}\" is not for all displays; set {field} to one of its own, such as displays/{own}",
+            "the token \"{}\" is not valid for all displays; set {field} to one of its displays, such as displays/{own}",
             caller.name
         ))),
     }
@@ -49,7 +49,7 @@ pub(crate) fn owner_of_job(caller: &Caller, given: String) -> Result<String, Api
         (name, _) if given.is_empty() => Ok(name.to_owned()),
         (name, role) if given == name || role == Role::Admin => Ok(given),
         (name, _) => Err(ApiError::Denied(format!(
-            "owner is {given:?}, but the token \"{name}\" takes turns of its own only; leave owner empty"
+            "owner is {given:?}, but jobs of the token \"{name}\" must have its name as their owner; leave owner empty"
         ))),
     }
 }
@@ -63,17 +63,17 @@ mod tests {
     }
 
     #[test]
-    fn a_token_is_for_its_displays_only() {
+    fn token_is_valid_for_its_displays_only() {
         assert!(require_display(&ada(Role::Submitter), "lab").is_ok());
         assert!(matches!(require_display(&ada(Role::Submitter), "other"), Err(ApiError::Denied(_))));
-        assert!(require_display(&Caller::anybody(), "other").is_ok());
+        assert!(require_display(&Caller::without_token(), "other").is_ok());
         let refusal = require_all_displays(&ada(Role::Submitter), "display").unwrap_err().to_string();
-        assert!(refusal.contains("set display to one of its own, such as displays/lab"), "{refusal}");
-        assert!(require_all_displays(&Caller::anybody(), "display").is_ok());
+        assert!(refusal.contains("set display to one of its displays, such as displays/lab"), "{refusal}");
+        assert!(require_all_displays(&Caller::without_token(), "display").is_ok());
     }
 
     #[test]
-    fn only_admins_submit_for_others() {
+    fn only_admins_submit_for_other_owners() {
         for (role, given, owner) in [
             (Role::Submitter, "", Some("ada")),
             (Role::Submitter, "ada", Some("ada")),
@@ -82,6 +82,6 @@ mod tests {
         ] {
             assert_eq!(owner_of_job(&ada(role), given.to_owned()).ok().as_deref(), owner, "{given}");
         }
-        assert_eq!(owner_of_job(&Caller::anybody(), "bob".to_owned()).unwrap(), "bob");
+        assert_eq!(owner_of_job(&Caller::without_token(), "bob".to_owned()).unwrap(), "bob");
     }
 }

@@ -10,16 +10,16 @@ pub(crate) enum Effect {
     Reads,
     /// The call writes little about an existing resource, and is accepted as long as the disk has any space. Uploads
     /// check the space for their bytes themselves.
-    Steers,
+    Changes,
     /// The call creates new work, which must not use the reserve of the disk.
-    Takes,
+    Creates,
 }
 
 /// The callers that may make a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Access {
     /// Every client that can connect: such calls only reveal that the server is running.
-    Anybody,
+    Everyone,
     /// Callers with one of these roles.
     Only(&'static [Role]),
 }
@@ -33,11 +33,11 @@ pub(crate) struct Rule {
 
 use Role::{Admin, Curator, Firmware, Submitter, Viewer};
 
-const LOOK: Access = Access::Only(&[Viewer, Submitter, Curator, Admin]);
-const FETCH: Access = Access::Only(&[Viewer, Submitter, Curator, Firmware, Admin]);
-const WORK: Access = Access::Only(&[Submitter, Curator, Admin]);
-const DECIDE: Access = Access::Only(&[Curator, Admin]);
-const RUN: Access = Access::Only(&[Admin]);
+const READERS: Access = Access::Only(&[Viewer, Submitter, Curator, Admin]);
+const KERNEL_READERS: Access = Access::Only(&[Viewer, Submitter, Curator, Firmware, Admin]);
+const SUBMITTERS: Access = Access::Only(&[Submitter, Curator, Admin]);
+const CURATORS: Access = Access::Only(&[Curator, Admin]);
+const ADMINS: Access = Access::Only(&[Admin]);
 
 const fn rule(access: Access, effect: Effect) -> Rule {
     Rule { access, effect }
@@ -45,55 +45,55 @@ const fn rule(access: Access, effect: Effect) -> Rule {
 
 /// Rules for the methods of the API.
 pub(crate) const METHODS: &[(&str, Rule)] = &[
-    ("ArtifactService/GetArtifact", rule(LOOK, Effect::Reads)),
-    ("ArtifactService/GetUpload", rule(WORK, Effect::Reads)),
-    ("ArtifactService/WriteArtifact", rule(WORK, Effect::Steers)),
-    ("ArtifactService/ReadArtifact", rule(LOOK, Effect::Reads)),
-    ("DatasetService/CreateDataset", rule(WORK, Effect::Takes)),
-    ("DatasetService/GetDataset", rule(LOOK, Effect::Reads)),
-    ("DatasetService/ListDatasets", rule(LOOK, Effect::Reads)),
-    ("DatasetService/AddPair", rule(WORK, Effect::Takes)),
-    ("DatasetService/CreateCalibrationTarget", rule(WORK, Effect::Takes)),
-    ("DisplayService/CreateDisplay", rule(RUN, Effect::Takes)),
-    ("DisplayService/GetDisplay", rule(LOOK, Effect::Reads)),
-    ("DisplayService/ListDisplays", rule(LOOK, Effect::Reads)),
-    ("DisplayService/DeleteDisplay", rule(RUN, Effect::Steers)),
-    ("DisplayService/PlanPropagation", rule(LOOK, Effect::Reads)),
-    ("JobService/SubmitJob", rule(WORK, Effect::Takes)),
-    ("JobService/GetJob", rule(LOOK, Effect::Reads)),
-    ("JobService/ListJobs", rule(LOOK, Effect::Reads)),
-    ("JobService/WatchJob", rule(LOOK, Effect::Reads)),
-    ("JobService/CancelJob", rule(WORK, Effect::Steers)),
-    ("JobService/RetryJob", rule(WORK, Effect::Takes)),
-    ("JobService/ListJobEvents", rule(LOOK, Effect::Reads)),
-    ("JobService/GetBatch", rule(LOOK, Effect::Reads)),
-    ("JobService/GetQueue", rule(LOOK, Effect::Reads)),
-    ("JobService/PauseQueue", rule(RUN, Effect::Steers)),
-    ("JobService/ResumeQueue", rule(RUN, Effect::Steers)),
-    ("KernelService/GetKernel", rule(FETCH, Effect::Reads)),
-    ("KernelService/ListKernels", rule(LOOK, Effect::Reads)),
-    ("KernelService/GetKernelVersion", rule(FETCH, Effect::Reads)),
-    ("KernelService/ListKernelVersions", rule(LOOK, Effect::Reads)),
-    ("KernelService/FetchKernel", rule(FETCH, Effect::Reads)),
-    ("KernelService/WatchKernel", rule(FETCH, Effect::Reads)),
-    ("KernelService/PromoteKernel", rule(DECIDE, Effect::Steers)),
-    ("KernelService/RollbackKernel", rule(DECIDE, Effect::Steers)),
-    ("KernelService/ListKernelMoves", rule(LOOK, Effect::Reads)),
-    ("KernelService/ImportKernel", rule(DECIDE, Effect::Takes)),
-    ("KernelService/InterpolateKernel", rule(WORK, Effect::Takes)),
+    ("ArtifactService/GetArtifact", rule(READERS, Effect::Reads)),
+    ("ArtifactService/GetUpload", rule(SUBMITTERS, Effect::Reads)),
+    ("ArtifactService/WriteArtifact", rule(SUBMITTERS, Effect::Changes)),
+    ("ArtifactService/ReadArtifact", rule(READERS, Effect::Reads)),
+    ("DatasetService/CreateDataset", rule(SUBMITTERS, Effect::Creates)),
+    ("DatasetService/GetDataset", rule(READERS, Effect::Reads)),
+    ("DatasetService/ListDatasets", rule(READERS, Effect::Reads)),
+    ("DatasetService/AddPair", rule(SUBMITTERS, Effect::Creates)),
+    ("DatasetService/CreateCalibrationTarget", rule(SUBMITTERS, Effect::Creates)),
+    ("DisplayService/CreateDisplay", rule(ADMINS, Effect::Creates)),
+    ("DisplayService/GetDisplay", rule(READERS, Effect::Reads)),
+    ("DisplayService/ListDisplays", rule(READERS, Effect::Reads)),
+    ("DisplayService/DeleteDisplay", rule(ADMINS, Effect::Changes)),
+    ("DisplayService/PlanPropagation", rule(READERS, Effect::Reads)),
+    ("JobService/SubmitJob", rule(SUBMITTERS, Effect::Creates)),
+    ("JobService/GetJob", rule(READERS, Effect::Reads)),
+    ("JobService/ListJobs", rule(READERS, Effect::Reads)),
+    ("JobService/WatchJob", rule(READERS, Effect::Reads)),
+    ("JobService/CancelJob", rule(SUBMITTERS, Effect::Changes)),
+    ("JobService/RetryJob", rule(SUBMITTERS, Effect::Creates)),
+    ("JobService/ListJobEvents", rule(READERS, Effect::Reads)),
+    ("JobService/GetBatch", rule(READERS, Effect::Reads)),
+    ("JobService/GetQueue", rule(READERS, Effect::Reads)),
+    ("JobService/PauseQueue", rule(ADMINS, Effect::Changes)),
+    ("JobService/ResumeQueue", rule(ADMINS, Effect::Changes)),
+    ("KernelService/GetKernel", rule(KERNEL_READERS, Effect::Reads)),
+    ("KernelService/ListKernels", rule(READERS, Effect::Reads)),
+    ("KernelService/GetKernelVersion", rule(KERNEL_READERS, Effect::Reads)),
+    ("KernelService/ListKernelVersions", rule(READERS, Effect::Reads)),
+    ("KernelService/FetchKernel", rule(KERNEL_READERS, Effect::Reads)),
+    ("KernelService/WatchKernel", rule(KERNEL_READERS, Effect::Reads)),
+    ("KernelService/PromoteKernel", rule(CURATORS, Effect::Changes)),
+    ("KernelService/RollbackKernel", rule(CURATORS, Effect::Changes)),
+    ("KernelService/ListKernelMoves", rule(READERS, Effect::Reads)),
+    ("KernelService/ImportKernel", rule(CURATORS, Effect::Creates)),
+    ("KernelService/InterpolateKernel", rule(SUBMITTERS, Effect::Creates)),
 ];
 
 /// Rules for all other routes and paths.
 const ROUTES: &[(&str, Rule)] = &[
-    ("/healthz", rule(Access::Anybody, Effect::Reads)),
-    ("/metrics", rule(LOOK, Effect::Reads)),
-    ("/v1/jobs", rule(LOOK, Effect::Reads)),
-    ("/v1/jobs/{id}", rule(LOOK, Effect::Reads)),
-    ("/grpc.health.v1.Health/Check", rule(Access::Anybody, Effect::Reads)),
-    ("/grpc.health.v1.Health/Watch", rule(Access::Anybody, Effect::Reads)),
-    ("/grpc.health.v1.Health/List", rule(Access::Anybody, Effect::Reads)),
-    ("/grpc.reflection.v1.ServerReflection/ServerReflectionInfo", rule(LOOK, Effect::Reads)),
-    ("/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo", rule(LOOK, Effect::Reads)),
+    ("/healthz", rule(Access::Everyone, Effect::Reads)),
+    ("/metrics", rule(READERS, Effect::Reads)),
+    ("/v1/jobs", rule(READERS, Effect::Reads)),
+    ("/v1/jobs/{id}", rule(READERS, Effect::Reads)),
+    ("/grpc.health.v1.Health/Check", rule(Access::Everyone, Effect::Reads)),
+    ("/grpc.health.v1.Health/Watch", rule(Access::Everyone, Effect::Reads)),
+    ("/grpc.health.v1.Health/List", rule(Access::Everyone, Effect::Reads)),
+    ("/grpc.reflection.v1.ServerReflection/ServerReflectionInfo", rule(READERS, Effect::Reads)),
+    ("/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo", rule(READERS, Effect::Reads)),
 ];
 
 /// The rule for a request, by its path or its route.
@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_named_has_no_rule() {
+    fn unknown_paths_have_no_rule() {
         for path in
             ["/", "/v1", "/v1/jobs/", "/lightpath.v1.JobService/Other", "/lightpath.v1.JobService/GetJob/", "/x"]
         {
@@ -136,13 +136,13 @@ mod tests {
     }
 
     #[test]
-    fn no_mutation_is_for_everybody() {
+    fn viewers_and_firmware_may_only_read() {
         for (name, rule) in METHODS.iter().chain(ROUTES) {
-            let open = match rule.access {
-                Access::Anybody => true,
+            let is_open = match rule.access {
+                Access::Everyone => true,
                 Access::Only(roles) => roles.contains(&Viewer) || roles.contains(&Firmware),
             };
-            assert!(!open || rule.effect == Effect::Reads, "{name}");
+            assert!(!is_open || rule.effect == Effect::Reads, "{name}");
         }
     }
 }

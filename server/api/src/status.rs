@@ -83,9 +83,9 @@ fn answer(error: &ApiError) -> Option<Answer> {
 
 fn store_answer(error: &StoreError) -> Option<Answer> {
     Some(match error {
-        StoreError::NotFound { what } => Answer::new(Code::NotFound, "NOT_FOUND").about("resource", what),
-        StoreError::AlreadyExists { what, .. } => {
-            Answer::new(Code::AlreadyExists, "ALREADY_EXISTS").about("resource", what)
+        StoreError::NotFound { resource } => Answer::new(Code::NotFound, "NOT_FOUND").about("resource", resource),
+        StoreError::AlreadyExists { resource, .. } => {
+            Answer::new(Code::AlreadyExists, "ALREADY_EXISTS").about("resource", resource)
         }
         StoreError::Precondition { reason, .. } => Answer::new(Code::FailedPrecondition, reason.as_str()),
         StoreError::Aborted { reason, .. } => Answer::new(Code::Aborted, reason.as_str()),
@@ -167,7 +167,7 @@ impl Answer {
 fn internal(error: &ApiError) -> Status {
     let id = Uuid::now_v7().to_string();
     tracing::error!(id, causes = with_causes(error), "internal error");
-    let message = format!("internal error {id}; the server's log tells what happened");
+    let message = format!("internal error {id}; the cause is in the server's log");
     Answer::new(Code::Internal, "INTERNAL").about("error_id", &id).status(message)
 }
 
@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn internal_errors_stay_inside() {
+    fn clients_do_not_see_the_causes_of_internal_errors() {
         let source = std::io::Error::other("/secret/path");
         let status = Status::from(ApiError::from(ArtifactError::Io { action: "read a file", source }));
         assert_eq!(status.code(), Code::Internal);

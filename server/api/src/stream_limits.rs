@@ -28,7 +28,7 @@ impl StreamLimits {
     pub(crate) fn watcher(&self) -> Result<OwnedSemaphorePermit, ApiError> {
         Arc::clone(&self.watchers).try_acquire_owned().map_err(|_| ApiError::Exhausted {
             reason: "TOO_MANY_WATCHERS",
-            message: format!("{WATCHERS_MAX} streams follow jobs and kernels already; end one, or try again later"),
+            message: format!("{WATCHERS_MAX} streams already follow jobs and kernels; end one, or retry later"),
             retry_after: Duration::from_secs(5),
         })
     }
@@ -37,7 +37,7 @@ impl StreamLimits {
     pub(crate) fn upload(&self) -> Result<OwnedSemaphorePermit, ApiError> {
         Arc::clone(&self.uploads).try_acquire_owned().map_err(|_| ApiError::Exhausted {
             reason: "TOO_MANY_UPLOADS",
-            message: format!("{UPLOADS_MAX} uploads are under way already; go on when one of them has ended"),
+            message: format!("{UPLOADS_MAX} uploads already run; continue when one of them has ended"),
             retry_after: Duration::from_secs(1),
         })
     }

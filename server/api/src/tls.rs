@@ -14,7 +14,7 @@ use tokio_rustls::rustls::server::{VerifierBuilderError, WebPkiClientVerifier};
 use tokio_rustls::rustls::{self, RootCertStore, ServerConfig};
 
 /// Interval between checks for changed files.
-pub const LOOK_INTERVAL: Duration = Duration::from_secs(10);
+pub const CHECK_INTERVAL: Duration = Duration::from_secs(10);
 
 /// Paths of the files for TLS.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -40,7 +40,7 @@ pub enum TlsError {
         source: io::Error,
     },
     /// The content of a file is not as required.
-    #[error("{} must hold {what} in PEM form", path.display())]
+    #[error("{} must contain {what} in PEM form", path.display())]
     Pem {
         /// Path of the file.
         path: PathBuf,
@@ -84,7 +84,7 @@ impl Tls {
 
     /// Reads the files again if one of them has changed. If the new files cannot be used, logs the error and keeps the
     /// present configuration.
-    pub fn look(&self) {
+    pub fn reload_if_changed(&self) {
         let found = stamp(&self.files);
         let mut current = self.current.write().unwrap_or_else(PoisonError::into_inner);
         if found == current.1 {
@@ -92,7 +92,7 @@ impl Tls {
         }
         match read(&self.files) {
             Ok(config) => {
-                tracing::info!("certificate and key were read again");
+                tracing::info!("the changed certificate and key are in use");
                 *current = (Arc::new(config), found);
             }
             // The other file may be written soon: the stamp stays the same, so that the next check tries again.
@@ -101,12 +101,14 @@ impl Tls {
     }
 }
 
+/// Reads the times of the last changes of the files.
 fn stamp(files: &TlsFiles) -> Stamp {
     let paths = [Some(&files.certificate), Some(&files.key), files.client_authority.as_ref()];
     let changed = |path: &PathBuf| fs::metadata(path).and_then(|metadata| metadata.modified()).ok();
     paths.into_iter().map(|path| path.and_then(changed)).collect()
 }
 
+/// Reads the files and builds the configuration.
 fn read(files: &TlsFiles) -> Result<ServerConfig, TlsError> {
     let provider = Arc::new(ring::default_provider());
     let certificates = certificates(&files.certificate)?;

@@ -39,7 +39,7 @@ struct Follower<W: Watch> {
     /// State that was sent last; `None` before the first.
     sent: Option<W::Item>,
     first: Option<W::Item>,
-    ended: bool,
+    has_ended: bool,
     _permit: OwnedSemaphorePermit,
 }
 
@@ -53,13 +53,13 @@ pub(crate) fn stream<W: Watch>(
     permit: OwnedSemaphorePermit,
 ) -> Answers<W::Message> {
     let first = Some(first);
-    let follower = Follower { source, changes, stopping, sent: None, first, ended: false, _permit: permit };
+    let follower = Follower { source, changes, stopping, sent: None, first, has_ended: false, _permit: permit };
     stream::unfold(follower, |mut follower| async move {
-        if follower.ended {
+        if follower.has_ended {
             return None;
         }
         let next = follower.next().await;
-        follower.ended |= next.is_err();
+        follower.has_ended |= next.is_err();
         Some((next, follower))
     })
     .boxed()
@@ -78,7 +78,7 @@ impl<W: Watch> Follower<W> {
             if self.sent.as_ref() == Some(&item) {
                 continue;
             }
-            self.ended = self.source.is_last(&item);
+            self.has_ended = self.source.is_last(&item);
             let message = self.source.message(&item);
             self.sent = Some(item);
             return Ok(message);

@@ -41,7 +41,7 @@ pub enum ArtifactError {
         received_bytes: u64,
     },
     /// Another call is uploading the same artifact.
-    #[error("artifact {digest} is being uploaded by another call; retry when that has ended")]
+    #[error("artifact {digest} is being uploaded by another call; retry when that call has ended")]
     UploadBusy {
         /// Digest of the artifact.
         digest: String,
@@ -67,7 +67,7 @@ pub enum ArtifactError {
     DiskFull,
     /// The rest of the disk is reserved for jobs and uploads that the server has already accepted.
     #[error(
-        "the server's disk has {} MiB left, and {} of them are kept for work that it has accepted; make room there",
+        "the server's disk has {} MiB free, but {} MiB are reserved for accepted work; remove files from the disk",
         free_bytes >> 20,
         reserve_bytes >> 20
     )]
@@ -78,7 +78,7 @@ pub enum ArtifactError {
         reserve_bytes: u64,
     },
     /// All artifacts together have reached their limit.
-    #[error("artifacts have {} of {} MiB that they may have; delete old jobs, or raise stored_mib_max", stored_bytes >> 20, stored_bytes_max >> 20)]
+    #[error("all artifacts take {} MiB, and the limit is {} MiB; remove old jobs, or raise stored_mib_max", stored_bytes >> 20, stored_bytes_max >> 20)]
     QuotaSpent {
         /// Size of all artifacts \[bytes\].
         stored_bytes: u64,
@@ -86,7 +86,7 @@ pub enum ArtifactError {
         stored_bytes_max: u64,
     },
     /// Another process uses the data folder.
-    #[error("{} is held by another process; stop it, or name another data folder (--data-dir)", path.display())]
+    #[error("{} is locked by another process; stop that process, or choose another data folder (--data-dir)", path.display())]
     Locked {
         /// Path of the lock file.
         path: PathBuf,

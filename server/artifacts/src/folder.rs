@@ -25,7 +25,7 @@ impl Folder {
     pub(super) fn put(&self, bytes: &[u8]) -> Result<String, ArtifactError> {
         let digest = digest_of(bytes);
         let temporary = self.temporary.join(Uuid::now_v7().to_string());
-        let written = self.put_by_way_of(&temporary, bytes, &digest);
+        let written = self.write_and_publish(&temporary, bytes, &digest);
         if written.is_err() {
             // The first error is reported. The next start removes a temporary file that remains.
             let _ = fs::remove_file(&temporary);
@@ -33,7 +33,7 @@ impl Folder {
         written.map(|()| digest)
     }
 
-    fn put_by_way_of(&self, temporary: &Path, bytes: &[u8], digest: &str) -> Result<(), ArtifactError> {
+    fn write_and_publish(&self, temporary: &Path, bytes: &[u8], digest: &str) -> Result<(), ArtifactError> {
         let write = || -> io::Result<File> {
             let mut file = File::options().write(true).create_new(true).open(temporary)?;
             file.write_all(bytes)?;
@@ -47,14 +47,14 @@ impl Folder {
     pub(super) fn receive(&self, from: &mut File, digest: &str) -> Result<u64, ArtifactError> {
         check_digest(digest)?;
         let temporary = self.temporary.join(Uuid::now_v7().to_string());
-        let copied = self.copy_by_way_of(&temporary, from, digest);
+        let copied = self.copy_and_publish(&temporary, from, digest);
         if copied.is_err() {
             let _ = fs::remove_file(&temporary);
         }
         copied
     }
 
-    fn copy_by_way_of(&self, temporary: &Path, from: &mut File, digest: &str) -> Result<u64, ArtifactError> {
+    fn copy_and_publish(&self, temporary: &Path, from: &mut File, digest: &str) -> Result<u64, ArtifactError> {
         let mut copy = || -> io::Result<(File, u64, String)> {
             let mut file = File::options().read(true).write(true).create_new(true).open(temporary)?;
             let size_bytes = io::copy(from, &mut file)?;
@@ -115,7 +115,7 @@ impl Folder {
         match fs::metadata(self.path(digest)?) {
             Ok(metadata) => Ok(Some(metadata.len())),
             Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
-            Err(error) => Err(ArtifactError::io("look at a file", error)),
+            Err(error) => Err(ArtifactError::io("read the size of a file", error)),
         }
     }
 
@@ -177,7 +177,7 @@ pub(super) fn hash_rest(file: &mut File) -> io::Result<Sha256> {
     }
 }
 
-/// Removes every file of a folder.
+/// Removes every file in a folder.
 pub(super) fn empty(folder: &Path) -> io::Result<()> {
     for file in fs::read_dir(folder)? {
         fs::remove_file(file?.path())?;

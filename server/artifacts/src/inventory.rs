@@ -8,7 +8,7 @@ use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Lock file that a backup holds shared while it copies the folder. The server removes no artifact meanwhile.
+/// Lock file that a backup holds shared while it copies the folder. While it is held, the server removes no artifact.
 pub(super) const KEEP_LOCK: &str = "keep.lock";
 
 /// Kind of a blob.
@@ -53,7 +53,7 @@ impl Inventory {
     /// # Errors
     ///
     /// [`ArtifactError::Io`].
-    pub fn keep(&self) -> Result<File, ArtifactError> {
+    pub fn prevent_removal(&self) -> Result<File, ArtifactError> {
         lock_shared(&self.data_dir.join(KEEP_LOCK))
     }
 
@@ -87,7 +87,7 @@ impl Inventory {
         self.folder(kind).list()
     }
 
-    /// Counts the files that are being written or were left half written when a server died.
+    /// Counts the temporary files: files that are being written, and files that a dead server left half written.
     ///
     /// # Errors
     ///

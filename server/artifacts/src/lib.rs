@@ -11,7 +11,7 @@
 //! DATA_DIR/uploads/sha256-….part       stored parts of interrupted uploads
 //! DATA_DIR/tmp/                        files being written; emptied at start
 //! DATA_DIR/lock                        held by the one process that uses the folder
-//! DATA_DIR/keep.lock                   held by backups: the server removes no artifact meanwhile
+//! DATA_DIR/keep.lock                   held by a backup; while it is held, the server removes no artifact
 //! ```
 //!
 //! The crate writes plain files and does not use the local backend of the `object_store` crate: that backend does not
@@ -64,7 +64,7 @@ struct Inner {
     data_dir: PathBuf,
     space: Space,
     /// A writer holds this lock shared from before a blob gets its name until the store has recorded the blob. A
-    /// collection of artifacts holds it alone, so that it never removes a file that is about to be recorded again.
+    /// collection of artifacts holds it exclusively, so that it never removes a file that is about to be recorded again.
     publishing: Arc<RwLock<()>>,
     /// Digests of artifacts that are being uploaded.
     uploading: Mutex<HashSet<String>>,
@@ -126,10 +126,10 @@ impl Artifacts {
     ///
     /// [`ArtifactError::Io`].
     pub async fn collecting(&self) -> Result<Option<Collecting>, ArtifactError> {
-        let alone = Arc::clone(&self.inner.publishing).write_owned().await;
+        let no_publishing = Arc::clone(&self.inner.publishing).write_owned().await;
         let path = self.inner.data_dir.join(inventory::KEEP_LOCK);
         let file = self.blocking(move |_| try_lock(&path)).await?;
-        Ok(file.map(|file| Collecting { _alone: alone, _file: file }))
+        Ok(file.map(|file| Collecting { _no_publishing: no_publishing, _no_backup: file }))
     }
 
     /// Stores `bytes` and returns their digest. When this returns they are on disk; record them in the store next.
@@ -191,7 +191,8 @@ impl Artifacts {
         self.blocking(move |inner| inner.blobs.delete(&digest)).await
     }
 
-    /// Stores a checkpoint and returns its digest. Two jobs must never store the same bytes: each deletes its own.
+    /// Stores a checkpoint and returns its digest. Two jobs must never store the same bytes, because each job deletes its
+    /// own checkpoints.
     ///
     /// # Errors
     ///
@@ -249,7 +250,7 @@ where
         Ok(outcome) => outcome,
         Err(error) => match error.try_into_panic() {
             Ok(panic) => std::panic::resume_unwind(panic),
-            Err(_) => Err(ArtifactError::io("start", io::Error::other("the server is stopping"))),
+            Err(_) => Err(ArtifactError::io("run a file operation", io::Error::other("the server is stopping"))),
         },
     }
 }
@@ -257,8 +258,8 @@ where
 /// Permission to remove artifacts: while it lives, no artifact is published and no backup copies the folder.
 #[derive(Debug)]
 pub struct Collecting {
-    _alone: OwnedRwLockWriteGuard<()>,
-    _file: File,
+    _no_publishing: OwnedRwLockWriteGuard<()>,
+    _no_backup: File,
 }
 
 fn lock(path: &Path) -> Result<File, ArtifactError> {

@@ -86,7 +86,7 @@ impl Artifacts {
 }
 
 fn free_bytes(path: &Path) -> Result<u64, ArtifactError> {
-    let disk = statvfs(path).map_err(|error| ArtifactError::io("ask for the free space of", error.into()))?;
+    let disk = statvfs(path).map_err(|error| ArtifactError::io("read the free space of the disk", error.into()))?;
     // Blocks that this user may use, without those reserved for the administrator.
     Ok(disk.f_bavail.saturating_mul(disk.f_frsize))
 }

@@ -1,3 +1,5 @@
+//! Tests of the artifact folder.
+
 use super::*;
 use std::path::Path;
 
@@ -13,7 +15,7 @@ fn files(folder: &Path) -> Vec<String> {
     names
 }
 
-async fn drain(mut reader: ArtifactReader) -> Vec<u8> {
+async fn read_to_end(mut reader: ArtifactReader) -> Vec<u8> {
     let mut bytes = Vec::new();
     while let Some(chunk) = reader.next_chunk().await.unwrap() {
         bytes.extend(chunk);
@@ -22,7 +24,7 @@ async fn drain(mut reader: ArtifactReader) -> Vec<u8> {
 }
 
 #[tokio::test]
-async fn bytes_come_back_whole_and_in_parts() {
+async fn stored_bytes_are_read_whole_and_in_ranges() {
     let data = tempfile::tempdir().unwrap();
     let artifacts = Artifacts::open(data.path()).unwrap();
     let bytes: Vec<u8> = (0..3_000_000_u32).map(|n| (n % 251) as u8).collect();
@@ -30,9 +32,9 @@ async fn bytes_come_back_whole_and_in_parts() {
     assert_eq!(artifacts.put_bytes(bytes.clone()).await.unwrap(), digest, "the same bytes are the same artifact");
     assert_eq!(artifacts.read_all(&digest).await.unwrap(), bytes);
     assert_eq!(artifacts.size(&digest).await.unwrap(), Some(3_000_000));
-    assert_eq!(drain(artifacts.read(&digest, 0, 0).await.unwrap()).await, bytes);
-    assert_eq!(drain(artifacts.read(&digest, 5, 7).await.unwrap()).await, bytes[5..12]);
-    assert!(drain(artifacts.read(&digest, 3_000_000, 0).await.unwrap()).await.is_empty());
+    assert_eq!(read_to_end(artifacts.read(&digest, 0, 0).await.unwrap()).await, bytes);
+    assert_eq!(read_to_end(artifacts.read(&digest, 5, 7).await.unwrap()).await, bytes[5..12]);
+    assert!(read_to_end(artifacts.read(&digest, 3_000_000, 0).await.unwrap()).await.is_empty());
     let past = artifacts.read(&digest, 3_000_001, 0).await;
     assert!(matches!(past, Err(ArtifactError::OutOfRange { size_bytes: 3_000_000, .. })));
     assert!(files(&data.path().join("tmp")).is_empty());
@@ -43,7 +45,7 @@ async fn bytes_come_back_whole_and_in_parts() {
 }
 
 #[tokio::test]
-async fn damage_is_noticed() {
+async fn damaged_blob_is_refused_until_stored_again() {
     let data = tempfile::tempdir().unwrap();
     let artifacts = Artifacts::open(data.path()).unwrap();
     let digest = artifacts.put_bytes(b"kernel".to_vec()).await.unwrap();
@@ -52,11 +54,11 @@ async fn damage_is_noticed() {
     assert!(matches!(artifacts.read_all(&digest).await, Err(ArtifactError::DataLoss { .. })));
     assert!(matches!(artifacts.read(&digest, 0, 0).await, Err(ArtifactError::DataLoss { .. })));
     artifacts.put_bytes(b"kernel".to_vec()).await.unwrap();
-    assert_eq!(artifacts.read_all(&digest).await.unwrap(), b"kernel", "storing it again heals it");
+    assert_eq!(artifacts.read_all(&digest).await.unwrap(), b"kernel", "storing the same bytes again repairs the blob");
 }
 
 #[tokio::test]
-async fn no_digest_leaves_the_folder() {
+async fn malformed_digests_are_refused() {
     let data = tempfile::tempdir().unwrap();
     let artifacts = Artifacts::open(data.path()).unwrap();
     let upper = format!("sha256-{}", "A".repeat(64));
@@ -68,7 +70,7 @@ async fn no_digest_leaves_the_folder() {
 }
 
 #[tokio::test]
-async fn an_upload_goes_on_after_a_break() {
+async fn interrupted_upload_continues() {
     let data = tempfile::tempdir().unwrap();
     let artifacts = Artifacts::open(data.path()).unwrap();
     let digest = digest_of(b"half and half");
@@ -91,7 +93,7 @@ async fn an_upload_goes_on_after_a_break() {
 }
 
 #[tokio::test]
-async fn what_does_not_match_is_not_published() {
+async fn upload_with_wrong_digest_or_size_is_not_published() {
     let data = tempfile::tempdir().unwrap();
     let artifacts = Artifacts::open(data.path()).unwrap();
     let digest = digest_of(b"right");
@@ -105,15 +107,15 @@ async fn what_does_not_match_is_not_published() {
     let mut writer = artifacts.upload(&digest, 5, 0).await.unwrap();
     writer.write(b"rig".to_vec()).await.unwrap();
     assert!(matches!(writer.finish().await, Err(ArtifactError::WrongSize { .. })));
-    assert_eq!(artifacts.upload_received(&digest).await.unwrap(), 3, "the rest can still come");
+    assert_eq!(artifacts.upload_received(&digest).await.unwrap(), 3, "the missing bytes can still be sent");
     let mut writer = artifacts.upload(&digest, 5, 0).await.unwrap();
     writer.write(b"right".to_vec()).await.unwrap();
     writer.finish().await.unwrap();
-    assert_eq!(artifacts.read_all(&digest).await.unwrap(), b"right", "or everything again");
+    assert_eq!(artifacts.read_all(&digest).await.unwrap(), b"right", "the upload can also start again");
 }
 
 #[tokio::test]
-async fn one_process_works_in_a_folder_and_cleans_up_after_the_last() {
+async fn folder_is_locked_and_leftovers_are_removed_at_start() {
     let data = tempfile::tempdir().unwrap();
     let artifacts = Artifacts::open(data.path()).unwrap();
     assert!(matches!(Artifacts::open(data.path()), Err(ArtifactError::Locked { .. })));
@@ -131,7 +133,7 @@ async fn one_process_works_in_a_folder_and_cleans_up_after_the_last() {
 }
 
 #[tokio::test]
-async fn checkpoints_are_apart_from_artifacts() {
+async fn checkpoints_are_separate_from_artifacts() {
     let data = tempfile::tempdir().unwrap();
     let artifacts = Artifacts::open(data.path()).unwrap();
     let digest = artifacts.put_checkpoint(b"state".to_vec()).await.unwrap();

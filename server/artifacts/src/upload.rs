@@ -30,18 +30,18 @@ struct Part {
     hasher: Sha256,
     received_bytes: u64,
     size_bytes: u64,
-    turn: Turn,
+    lock: UploadLock,
 }
 
-/// The right to upload the artifact with this digest; released on drop.
+/// Lock on the upload of the artifact with this digest: at most one call at a time uploads it. Released on drop.
 #[derive(Debug)]
-struct Turn {
+struct UploadLock {
     inner: Arc<Inner>,
     digest: String,
 }
 
 impl Artifacts {
-    /// Bytes of an interrupted upload that are stored: the offset at which to continue.
+    /// Number of stored bytes of an interrupted upload. The next call continues the upload at this offset.
     ///
     /// # Errors
     ///
@@ -52,7 +52,7 @@ impl Artifacts {
         self.blocking(move |inner| match fs::metadata(inner.part(&digest)) {
             Ok(metadata) => Ok(metadata.len()),
             Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(0),
-            Err(error) => Err(ArtifactError::io("look at an upload", error)),
+            Err(error) => Err(ArtifactError::io("read the size of an upload", error)),
         })
         .await
     }
@@ -71,8 +71,8 @@ impl Artifacts {
         offset_bytes: u64,
     ) -> Result<UploadWriter, ArtifactError> {
         check_digest(digest)?;
-        let turn = Turn::take(&self.inner, digest)?;
-        let part = blocking(move || Part::open(turn, size_bytes, offset_bytes)).await?;
+        let lock = UploadLock::acquire(&self.inner, digest)?;
+        let part = blocking(move || Part::open(lock, size_bytes, offset_bytes)).await?;
         Ok(UploadWriter { received_bytes: part.received_bytes, part: Some(part) })
     }
 }
@@ -91,7 +91,7 @@ impl UploadWriter {
     /// [`ArtifactError::WrongSize`] if more bytes arrive than were announced, [`ArtifactError::DiskFull`],
     /// [`ArtifactError::Io`].
     pub async fn write(&mut self, chunk: Vec<u8>) -> Result<(), ArtifactError> {
-        let mut part = self.take()?;
+        let mut part = self.take_part()?;
         let part = blocking(move || part.append(&chunk).map(|()| part)).await?;
         self.received_bytes = part.received_bytes;
         self.part = Some(part);
@@ -106,38 +106,38 @@ impl UploadWriter {
     /// [`ArtifactError::WrongSize`] if bytes are missing: a later call can send them. [`ArtifactError::WrongDigest`]:
     /// the upload is discarded.
     pub async fn finish(mut self) -> Result<(), ArtifactError> {
-        let part = self.take()?;
+        let part = self.take_part()?;
         blocking(move || part.publish()).await
     }
 
-    fn take(&mut self) -> Result<Part, ArtifactError> {
-        let gone = || ArtifactError::io("go on with an upload", io::Error::other("an earlier write failed"));
-        self.part.take().ok_or_else(gone)
+    fn take_part(&mut self) -> Result<Part, ArtifactError> {
+        let no_part = || ArtifactError::io("continue an upload", io::Error::other("an earlier write failed"));
+        self.part.take().ok_or_else(no_part)
     }
 }
 
 impl Part {
-    fn open(turn: Turn, size_bytes: u64, offset_bytes: u64) -> Result<Self, ArtifactError> {
-        let path = turn.inner.part(&turn.digest);
+    fn open(lock: UploadLock, size_bytes: u64, offset_bytes: u64) -> Result<Self, ArtifactError> {
+        let path = lock.inner.part(&lock.digest);
         let open = || -> io::Result<(File, u64)> {
             let file = File::options().read(true).write(true).create(true).truncate(false).open(&path)?;
-            let here = file.metadata()?.len();
-            Ok((file, here))
+            let stored_bytes = file.metadata()?.len();
+            Ok((file, stored_bytes))
         };
-        let (mut file, here) = open().map_err(|error| ArtifactError::io("open an upload", error))?;
-        if offset_bytes != 0 && offset_bytes != here {
-            return Err(ArtifactError::WrongOffset { offset_bytes, received_bytes: here });
+        let (mut file, stored_bytes) = open().map_err(|error| ArtifactError::io("open an upload", error))?;
+        if offset_bytes != 0 && offset_bytes != stored_bytes {
+            return Err(ArtifactError::WrongOffset { offset_bytes, received_bytes: stored_bytes });
         }
         if offset_bytes > size_bytes {
             return Err(ArtifactError::WrongSize { received_bytes: offset_bytes, size_bytes });
         }
-        let mut resume = || -> io::Result<Sha256> {
+        let mut hash_stored = || -> io::Result<Sha256> {
             file.set_len(offset_bytes)?;
             file.seek(SeekFrom::Start(0))?;
             hash_rest(&mut file)
         };
-        let hasher = resume().map_err(|error| ArtifactError::io("go on with an upload", error))?;
-        Ok(Self { file, path, hasher, received_bytes: offset_bytes, size_bytes, turn })
+        let hasher = hash_stored().map_err(|error| ArtifactError::io("continue an upload", error))?;
+        Ok(Self { file, path, hasher, received_bytes: offset_bytes, size_bytes, lock })
     }
 
     fn append(&mut self, chunk: &[u8]) -> Result<(), ArtifactError> {
@@ -152,22 +152,22 @@ impl Part {
     }
 
     fn publish(self) -> Result<(), ArtifactError> {
-        let Self { file, path, hasher, received_bytes, size_bytes, turn } = self;
+        let Self { file, path, hasher, received_bytes, size_bytes, lock } = self;
         if received_bytes != size_bytes {
             return Err(ArtifactError::WrongSize { received_bytes, size_bytes });
         }
         let found = name(hasher);
-        if found != turn.digest {
+        if found != lock.digest {
             let removed = fail::point("file.remove").and_then(|()| fs::remove_file(&path));
-            removed.map_err(|error| ArtifactError::io("remove a wrong upload", error))?;
-            return Err(ArtifactError::WrongDigest { digest: turn.digest.clone(), found });
+            removed.map_err(|error| ArtifactError::io("remove an upload with a wrong digest", error))?;
+            return Err(ArtifactError::WrongDigest { digest: lock.digest.clone(), found });
         }
-        turn.inner.blobs.publish(&file, &path, &turn.digest)
+        lock.inner.blobs.publish(&file, &path, &lock.digest)
     }
 }
 
-impl Turn {
-    fn take(inner: &Arc<Inner>, digest: &str) -> Result<Self, ArtifactError> {
+impl UploadLock {
+    fn acquire(inner: &Arc<Inner>, digest: &str) -> Result<Self, ArtifactError> {
         // The set is consistent even after a panic: the only operations on it are inserting and removing one entry.
         let mut uploading = inner.uploading.lock().unwrap_or_else(PoisonError::into_inner);
         if !uploading.insert(digest.to_owned()) {
@@ -177,7 +177,7 @@ impl Turn {
     }
 }
 
-impl Drop for Turn {
+impl Drop for UploadLock {
     fn drop(&mut self) {
         self.inner.uploading.lock().unwrap_or_else(PoisonError::into_inner).remove(&self.digest);
     }

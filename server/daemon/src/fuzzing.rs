@@ -54,7 +54,7 @@ impl Decoder {
 
     /// Decodes `bytes`. Returns whether they are valid.
     #[must_use]
-    pub fn reads(self, bytes: &[u8]) -> bool {
+    pub fn accepts(self, bytes: &[u8]) -> bool {
         match self {
             Self::Target => {
                 let fits = [Fit::Contain, Fit::Cover, Fit::Stretch, Fit::Exact].into_iter();

@@ -12,7 +12,8 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use tokio::net::TcpListener;
 use tokio::signal::unix::{SignalKind, signal};
-use tracing_subscriber::EnvFilter;
+use tracing_subscriber::filter::Targets;
+use tracing_subscriber::prelude::*;
 
 /// Computer-generated holography as a service: a queue of hologram and learning jobs, and a registry of learned
 /// kernels, behind one gRPC and HTTP port.
@@ -30,28 +31,28 @@ enum Command {
     Backup(BackupArgs),
     Restore(RestoreArgs),
     Collect(CollectArgs),
-    /// Make, list and revoke the tokens that calls need
+    /// Create, list and revoke access tokens
     #[command(subcommand)]
     Token(TokenCommand),
     Demo(DemoArgs),
 }
 
-/// Run the server until SIGTERM or ctrl-c, then finish cleanly: running jobs save their state and go back to the queue.
+/// Run the server until SIGTERM or ctrl-c. Then running jobs save their state and return to the queue.
 #[derive(Debug, clap::Args)]
 #[command(after_help = SERVE_HELP)]
 struct Serve {
-    /// TOML file of settings, named like the flags with underscores
+    /// TOML file of settings; its keys are the names of the flags with underscores
     #[arg(long, env = "LIGHTPATH_CONFIG", value_name = "FILE")]
     config: Option<PathBuf>,
     #[command(flatten)]
     settings: Settings,
-    /// Print the settings in effect, and where each came from, instead of serving
+    /// Print the settings in effect and the source of each, then exit
     #[arg(long)]
     print_config: bool,
 }
 
 const SERVE_HELP: &str = "\
-Flags win over environment variables, those over the file, and that over the defaults.
+Flags override environment variables, environment variables override the file, and the file overrides the defaults.
 
 Examples:
   lightpathd serve
@@ -61,7 +62,7 @@ Examples:
   lightpathd serve --config lightpath.toml --log-level debug
   lightpathd serve --print-config > lightpath.toml
 
-The address that it listens on goes to stdout, the log to stderr. Health is at /healthz, metrics are at /metrics.";
+The server prints its address on stdout and its log on stderr. Health is at /healthz, metrics are at /metrics.";
 
 fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
@@ -101,9 +102,9 @@ impl Serve {
 
 async fn serve(config: Config) -> anyhow::Result<()> {
     let stop = stop_signal()?;
-    let wanted = config.listen;
-    let listener = TcpListener::bind(wanted).await.with_context(|| {
-        format!("cannot listen on {wanted}; is another server running there? --listen names another")
+    let requested = config.listen;
+    let listener = TcpListener::bind(requested).await.with_context(|| {
+        format!("cannot listen on {requested}; if another server runs there, choose another address with --listen")
     })?;
     let address = listener.local_addr()?;
     tracing::info!(%address, data_dir = %config.data_dir.display(), "starting");
@@ -126,17 +127,16 @@ fn stop_signal() -> anyhow::Result<impl Future<Output = ()> + Send> {
 }
 
 fn start_log(config: &Config) -> anyhow::Result<()> {
-    let filter = EnvFilter::try_new(&config.log_level).with_context(|| {
-        format!("log_level is {:?}, but must be such as info or lightpath_api=debug", config.log_level)
+    let filter: Targets = config.log_level.parse().with_context(|| {
+        format!("log_level is {:?}, but must be a filter such as info or lightpath_api=debug", config.log_level)
     })?;
-    let log = tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_writer(std::io::stderr)
-        .with_ansi(std::io::stderr().is_terminal());
+    let is_terminal = std::io::stderr().is_terminal();
+    let lines = tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_ansi(is_terminal);
+    let log = tracing_subscriber::registry();
     match config.log_format {
-        LogFormat::Auto if std::io::stderr().is_terminal() => log.init(),
-        LogFormat::Text => log.init(),
-        LogFormat::Auto | LogFormat::Json => log.json().init(),
+        LogFormat::Auto if is_terminal => log.with(lines.with_filter(filter)).init(),
+        LogFormat::Text => log.with(lines.with_filter(filter)).init(),
+        LogFormat::Auto | LogFormat::Json => log.with(lines.json().with_filter(filter)).init(),
     }
     Ok(())
 }

@@ -22,7 +22,7 @@ use tokio_util::sync::CancellationToken;
 use tonic_health::ServingStatus;
 use tonic_health::server::HealthReporter;
 
-/// Interval between counts of the stored bytes, for their limit, and between summaries of measurements.
+/// Interval between counts of the stored bytes, for their limit, and between summaries of the metrics.
 const COUNT_INTERVAL: Duration = Duration::from_secs(10);
 /// Interval between flushes of the audit log. A power failure can lose the lines since the last one.
 const FLUSH_INTERVAL: Duration = Duration::from_secs(1);
@@ -63,7 +63,7 @@ pub enum ServeError {
     /// Other machines could connect without TLS.
     #[error(
         "{address} can be reached from other machines, but there is no TLS: set tls_cert and tls_key, listen on \
-         127.0.0.1, or say --insecure"
+         127.0.0.1, or use --insecure"
     )]
     NoTls {
         /// Listening address of the server.
@@ -71,7 +71,7 @@ pub enum ServeError {
     },
     /// Calls need a token, and no valid token exists.
     #[error(
-        "calls need a token, but none is valid: make one with `lightpathd token create NAME --role admin`, or listen on \
+        "calls need a token, but no valid token exists: create one with `lightpathd token create NAME --role admin`, or listen on \
          127.0.0.1"
     )]
     NoTokens,
@@ -86,7 +86,7 @@ pub enum ServeError {
 ///
 /// # Errors
 ///
-/// [`ServeError`] if the server cannot start; it then leaves nothing half done.
+/// [`ServeError`] if the server cannot start or the workers fail.
 pub async fn run(
     listener: TcpListener,
     config: Config,
@@ -98,7 +98,7 @@ pub async fn run(
     let artifacts = tokio::task::spawn_blocking(move || Artifacts::open_within(&data_dir, space)).await??;
     let store = Store::open(&config.data_dir.join(DATABASE)).await?;
     let address = listener.local_addr().map_err(ServeError::Listener)?;
-    let tokens_required = guard(&store, &config, address).await?;
+    let tokens_required = check_access(&store, &config, address).await?;
     let tls = tls.map(Tls::open).transpose()?.map(Arc::new);
     let audit = Arc::new(Audit::open(&config.data_dir).map_err(ServeError::Audit)?);
     artifacts.set_stored_bytes(store.artifact_totals().await?.1);
@@ -123,7 +123,7 @@ pub async fn run(
         // Workers end before the shutdown only if they could not start.
         ended = &mut workers => Some(ended),
     };
-    tracing::info!("stopping: running jobs save their state and go back to the queue");
+    tracing::info!("stopping: running jobs save their state and return to the queue");
     stopping.cancel();
     watching.await?;
     set_health(&health, ServingStatus::NotServing).await;
@@ -132,7 +132,7 @@ pub async fn run(
         None => match timeout(config.drain_deadline(), &mut workers).await {
             Ok(ended) => ended,
             Err(_) => {
-                tracing::warn!("some jobs did not stop in time; their leases run out, and they start again");
+                tracing::warn!("some jobs did not stop in time; their leases will expire, and they will start again");
                 workers.abort();
                 Ok(Ok(()))
             }
@@ -150,15 +150,16 @@ pub async fn run(
     Ok(())
 }
 
-/// Whether calls need a token. Returns an error if the server would be open to abuse.
-async fn guard(store: &Store, config: &Config, address: SocketAddr) -> Result<bool, ServeError> {
+/// Decides whether calls need a token. Returns an error if other machines could connect without the required TLS, or if
+/// tokens are required and none is valid.
+async fn check_access(store: &Store, config: &Config, address: SocketAddr) -> Result<bool, ServeError> {
     let is_local = address.ip().is_loopback();
     if !is_local && config.tls_cert.is_none() && !config.insecure {
         return Err(ServeError::NoTls { address });
     }
     let tokens_required = config.require_tokens || !(is_local || config.insecure);
     if config.insecure && !is_local {
-        tracing::warn!(%address, tokens_required, "insecure, as was asked for: others can read along");
+        tracing::warn!(%address, tokens_required, "--insecure is set: other machines can connect without TLS or without tokens");
     }
     let now_ms = Clock::default().now_ms();
     if tokens_required && !store.tokens().await?.iter().any(|token| token.is_valid(now_ms)) {
@@ -169,30 +170,33 @@ async fn guard(store: &Store, config: &Config, address: SocketAddr) -> Result<bo
 
 /// Flushes the audit log every second, and checks at intervals whether the certificates changed.
 async fn flush_loop(audit: Arc<Audit>, tls: Option<Arc<Tls>>, stopping: CancellationToken) {
-    let (mut flush, mut look) = (interval(FLUSH_INTERVAL), interval(tls::LOOK_INTERVAL));
+    let (mut flush, mut check) = (interval(FLUSH_INTERVAL), interval(tls::CHECK_INTERVAL));
     loop {
         let (audit, tls) = (Arc::clone(&audit), tls.clone());
         let done = tokio::select! {
             () = stopping.cancelled() => return,
             _ = flush.tick() => tokio::task::spawn_blocking(move || audit.flush()).await,
-            _ = look.tick() => tokio::task::spawn_blocking(move || tls.iter().for_each(|tls| tls.look())).await,
+            _ = check.tick() => tokio::task::spawn_blocking(move || tls.iter().for_each(|tls| tls.reload_if_changed())).await,
         };
         if let Err(error) = done {
-            tracing::error!(%error, "flushing failed");
+            tracing::error!(%error, "flushing the audit log or checking the certificates failed");
         }
     }
 }
 
 /// Ends the streams of tokens that were revoked or have expired.
 async fn token_loop(store: Store, ended_tokens: EndedTokens, stopping: CancellationToken) {
-    let mut looks = interval(TOKEN_INTERVAL);
+    let mut ticks = interval(TOKEN_INTERVAL);
     loop {
         tokio::select! {
             () = stopping.cancelled() => return,
-            _ = looks.tick() => {}
+            _ = ticks.tick() => {}
         }
-        if let Err(error) = ended_tokens.look(&store, Clock::default().now_ms()).await {
-            tracing::error!(error = &error as &dyn std::error::Error, "tokens could not be looked at");
+        if let Err(error) = ended_tokens.update(&store, Clock::default().now_ms()).await {
+            tracing::error!(
+                error = &error as &dyn std::error::Error,
+                "the check for revoked and expired tokens failed"
+            );
         }
     }
 }
@@ -213,42 +217,45 @@ async fn upkeep_loop(store: Store, artifacts: Artifacts, retention: Retention, s
         let outcome = tokio::select! {
             () = stopping.cancelled() => return,
             _ = count.tick() => {
-                metrics::sum_up();
+                metrics::summarize();
                 store.artifact_totals().await.map(|(_, bytes)| artifacts.set_stored_bytes(bytes)).map_err(Into::into)
             }
             _ = collect.tick() => async {
                 let collected = retention.collect(&store, &artifacts, Clock::default().now_ms()).await?;
                 if collected != Collected::default() {
                     let Collected { jobs, artifacts, artifact_bytes } = collected;
-                    tracing::info!(jobs, artifacts, artifact_bytes, "removed what was kept for long enough");
+                    tracing::info!(jobs, artifacts, artifact_bytes, "removed old jobs and unused artifacts");
                 }
                 Ok::<(), UpkeepError>(())
             }.await,
         };
         if let Err(error) = outcome {
-            tracing::error!(error = &error as &dyn std::error::Error, "upkeep failed; it is tried again later");
+            tracing::error!(
+                error = &error as &dyn std::error::Error,
+                "counting or removing old data failed; the server tries again later"
+            );
         }
     }
 }
 
 /// Reports the health: not serving while the disk is almost full or the database does not answer.
 async fn health_loop(api: Api, health: HealthReporter, stopping: CancellationToken) {
-    let mut looks = interval(HEALTH_INTERVAL);
-    let mut is_well = true;
+    let mut ticks = interval(HEALTH_INTERVAL);
+    let mut is_healthy = true;
     loop {
         tokio::select! {
             () = stopping.cancelled() => return,
-            _ = looks.tick() => {}
+            _ = ticks.tick() => {}
         }
         let found = api.is_serving().await;
-        if found.is_ok() == is_well {
+        if found.is_ok() == is_healthy {
             continue;
         }
-        is_well = found.is_ok();
+        is_healthy = found.is_ok();
         if let Err(error) = found {
             tracing::error!(error = &error as &dyn std::error::Error, "not serving");
         }
-        let status = if is_well { ServingStatus::Serving } else { ServingStatus::NotServing };
+        let status = if is_healthy { ServingStatus::Serving } else { ServingStatus::NotServing };
         set_health(&health, status).await;
     }
 }

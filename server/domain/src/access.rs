@@ -43,11 +43,11 @@ impl Role {
     #[must_use]
     pub fn purpose(self) -> &'static str {
         match self {
-            Self::Viewer => "Look at everything",
+            Self::Viewer => "Read everything",
             Self::Submitter => "Also upload, build datasets, submit, cancel and retry jobs",
-            Self::Curator => "Also import kernels and move what is active",
-            Self::Firmware => "Fetch the kernels of named displays, and nothing else",
-            Self::Admin => "Everything, displays and pauses included",
+            Self::Curator => "Also import kernels and change the active version",
+            Self::Firmware => "Only fetch the kernels of named displays",
+            Self::Admin => "Do everything, including displays and pauses",
         }
     }
 }
@@ -66,7 +66,7 @@ pub struct Caller {
 impl Caller {
     /// The caller of a server that requires no tokens. This caller may do everything.
     #[must_use]
-    pub fn anybody() -> Self {
+    pub fn without_token() -> Self {
         Self { name: String::new(), role: Role::Admin, displays: Vec::new() }
     }
 
@@ -89,7 +89,7 @@ impl Secret {
     ///
     /// # Errors
     ///
-    /// If the system has no random numbers.
+    /// An error if the system cannot supply random numbers.
     pub fn generate() -> Result<Self, getrandom::Error> {
         let mut bytes = [0; 32];
         getrandom::fill(&mut bytes)?;
@@ -98,7 +98,7 @@ impl Secret {
 
     /// The token that a client sent.
     #[must_use]
-    pub fn sent(text: &str) -> Self {
+    pub fn from_text(text: &str) -> Self {
         Self(text.to_owned())
     }
 
@@ -134,20 +134,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn tokens_have_256_bits_and_do_not_show_themselves() {
-        let (one, other) = (Secret::generate().unwrap(), Secret::generate().unwrap());
-        assert_ne!(one, other);
-        assert_eq!(one.reveal().len(), PREFIX.len() + 64);
-        assert_eq!(format!("{one:?}"), "Secret(…)");
-        assert_eq!(Secret::sent(one.reveal()).hash(), one.hash());
-        assert!(!one.hash().contains(&one.reveal()[PREFIX.len()..]));
+    fn tokens_have_256_bits_and_debug_does_not_show_them() {
+        let (token, other) = (Secret::generate().unwrap(), Secret::generate().unwrap());
+        assert_ne!(token, other);
+        assert_eq!(token.reveal().len(), PREFIX.len() + 64);
+        assert_eq!(format!("{token:?}"), "Secret(…)");
+        assert_eq!(Secret::from_text(token.reveal()).hash(), token.hash());
+        assert!(!token.hash().contains(&token.reveal()[PREFIX.len()..]));
     }
 
     #[test]
-    fn scopes_name_displays() {
-        let all = Caller::anybody();
-        assert!(all.may_use("lab") && all.role == Role::Admin);
-        let scoped = Caller { displays: vec!["lab".to_owned()], ..all };
+    fn token_is_valid_only_for_its_displays() {
+        let unscoped = Caller::without_token();
+        assert!(unscoped.may_use("lab") && unscoped.role == Role::Admin);
+        let scoped = Caller { displays: vec!["lab".to_owned()], ..unscoped };
         assert!(scoped.may_use("lab") && !scoped.may_use("lab-2"));
     }
 }

@@ -13,11 +13,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_cause_is_told() {
+    fn message_names_every_cause() {
         #[derive(Debug, thiserror::Error)]
         #[error("could not write a file")]
         struct Outer(#[source] std::io::Error);
-        let error = Outer(std::io::Error::other("the disk sighed"));
-        assert_eq!(with_causes(&error), "could not write a file: the disk sighed");
+        let error = Outer(std::io::Error::other("the disk failed"));
+        assert_eq!(with_causes(&error), "could not write a file: the disk failed");
     }
 }

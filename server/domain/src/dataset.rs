@@ -257,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn split_has_the_wanted_shares_and_does_not_depend_on_order() {
+    fn split_has_the_requested_shares_and_does_not_depend_on_order() {
         let pairs = pairs(20);
         let splits = draw_split(&pairs, 0.1, 0.2, 7);
         assert_eq!((count(&splits, Split::Test), count(&splits, Split::Validation)), (4, 2));
@@ -268,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn given_splits_stay_and_one_test_pair_is_drawn_at_least() {
+    fn given_splits_are_kept_and_at_least_one_test_pair_is_drawn() {
         let mut pairs = pairs(3);
         let splits = draw_split(&pairs, 0.0, 0.0, 1);
         assert_eq!(count(&splits, Split::Test), 1);
@@ -280,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn digest_covers_content_and_nothing_else() {
+    fn digest_depends_on_content_but_not_on_id_time_or_order() {
         let (wavelength, distance) = (Wavelength { pm: 515_000 }, Distance { nm: 150_000_000 });
         let mut dataset = Dataset::empty("d".into(), "lab".into(), wavelength, distance, Encoding::Linear);
         dataset.pairs = pairs(3);

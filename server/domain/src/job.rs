@@ -9,8 +9,13 @@
 //!                      retry after backoff, lease expired, drain
 //! ```
 //!
-//! `spec`: what jobs are asked to do, validated. `result`: what they gave. `hologram`, `prepare`, `report`: both, of holograms,
-//! datasets and reports. `effect`: what jobs change beside their result. `failure`: why attempts at them fail.
+//! # Layout
+//!
+//! - `spec`: validated requests.
+//! - `result`: results.
+//! - `hologram`, `prepare`, `report`: request and result of hologram jobs, dataset jobs and report jobs.
+//! - `effect`: changes that a job makes besides its result.
+//! - `failure`: reasons why attempts fail.
 
 mod effect;
 mod failure;
@@ -30,24 +35,24 @@ pub use spec::{EvaluateKernel, JobSpec, LearnKernel, SimulateCapture};
 
 use serde::{Deserialize, Serialize};
 
-/// A job's state.
+/// State of a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum JobState {
-    /// Waits for a worker or for its time.
+    /// The job waits for a worker, for its start time or for other jobs.
     Queued,
-    /// A worker holds its lease.
+    /// A worker holds the job's lease.
     Running,
-    /// Ended with a result.
+    /// The job ended with a result.
     Succeeded,
-    /// Ended without; can be queued again by hand.
+    /// The job ended without a result. A user can put it back into the queue.
     Failed,
-    /// Ended because somebody asked for it.
+    /// The job ended because a user cancelled it.
     Cancelled,
 }
 
 impl JobState {
-    /// In lower case, as people and the database write it.
+    /// Name of the state in lower case, as people and the database write it.
     #[must_use]
     pub fn as_str(self) -> &'static str {
         match self {
@@ -59,7 +64,7 @@ impl JobState {
         }
     }
 
-    /// Nothing will change any more by itself.
+    /// Whether the job has ended. The state of an ended job changes only if a user retries the job.
     #[must_use]
     pub fn has_ended(self) -> bool {
         match self {
@@ -69,118 +74,118 @@ impl JobState {
     }
 }
 
-/// A job as it stands in the store.
+/// A job in the store.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Job {
-    /// Last part of the resource name (a UUID v7).
+    /// Id: the last part of the resource name (a UUID v7).
     pub id: String,
-    /// What the submitter called the request.
+    /// Id of the request, chosen by the submitter.
     pub request_id: String,
-    /// What to do.
+    /// Request.
     pub spec: JobSpec,
-    /// Where it stands.
+    /// State.
     pub state: JobState,
-    /// Lower runs first.
+    /// Priority. Jobs with a lower number run first.
     pub priority: i32,
-    /// Attempts started so far.
+    /// Number of attempts started so far.
     pub attempt: u32,
-    /// Failed attempts, without a checkpoint between them, after which the job fails for good.
+    /// Number of failed attempts, without a checkpoint between them, after which the job fails for good.
     pub attempts_max: u32,
-    /// \[ms since 1970\]
+    /// Time when the job was submitted \[ms since 1970\].
     pub create_time_ms: i64,
-    /// Of the latest attempt \[ms since 1970\].
+    /// Start of the latest attempt \[ms since 1970\].
     pub start_time_ms: Option<i64>,
-    /// \[ms since 1970\]
+    /// Time when the job ended \[ms since 1970\].
     pub finish_time_ms: Option<i64>,
-    /// A queued job does not start before this \[ms since 1970\].
+    /// Earliest time at which the job, if queued, may start \[ms since 1970\].
     pub run_time_ms: i64,
-    /// Of the latest attempt.
+    /// Progress of the latest attempt.
     pub progress: Option<Progress>,
-    /// Why the latest attempt ended without success.
+    /// Error that ended the latest attempt.
     pub error: Option<JobError>,
-    /// Set when the job succeeded.
+    /// Result of a job that succeeded.
     pub result: Option<JobResult>,
-    /// Somebody asked for the end of the job.
+    /// Whether a user asked to cancel the job.
     pub cancel_requested: bool,
     /// Artifact digest of the latest checkpoint.
     pub checkpoint: Option<String>,
-    /// Grows with every change.
+    /// Number that grows with every change.
     pub revision: u64,
-    /// When and for whom it runs.
+    /// Owner, order and time limits.
     pub scheduling: Scheduling,
-    /// How many of the jobs that it comes after have not succeeded yet.
+    /// Number of jobs that must succeed before this job starts, and have not succeeded yet.
     pub waiting_for: u32,
 }
 
-/// When and for whom a job runs. The default: nobody in particular, as soon as may be.
+/// Owner, order and time limits of a job. By default the owner is unknown and the job starts as soon as possible.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Scheduling {
-    /// Whose turn the job takes; empty: nobody said.
+    /// Owner of the job, for fair turns; empty: unknown.
     pub owner: String,
-    /// Jobs with the same name are looked at together.
+    /// Name of the batch. Users list and watch the jobs of a batch together.
     pub batch: Option<String>,
-    /// At most one job with the same key waits or runs.
+    /// Key that at most one queued or running job may have.
     pub unique_key: Option<String>,
-    /// It does not start before this \[ms since 1970\].
+    /// Earliest start \[ms since 1970\].
     pub not_before_ms: Option<i64>,
-    /// Longest attempt \[ms\].
+    /// Longest time of an attempt \[ms\].
     pub timeout_ms: Option<i64>,
-    /// Ids of the jobs that must have succeeded first, ascending, no two equal.
+    /// Ids of the jobs that must succeed before this job starts, ascending, each once.
     pub after: Vec<String>,
 }
 
-/// What a submit brings, validated.
+/// A validated submission.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NewJob {
-    /// What to do.
+    /// Request.
     pub spec: JobSpec,
-    /// Unique; the same request again is the same job.
+    /// Id of the request, unique. Submitting a request again returns the same job.
     pub request_id: String,
-    /// Lower runs first.
+    /// Priority. Jobs with a lower number run first.
     pub priority: i32,
-    /// Failed attempts, without a checkpoint between them, after which the job fails for good.
+    /// Number of failed attempts, without a checkpoint between them, after which the job fails for good.
     pub attempts_max: u32,
-    /// When and for whom it runs.
+    /// Owner, order and time limits.
     pub scheduling: Scheduling,
 }
 
-/// How far a running job is.
+/// Progress of a running job.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Progress {
-    /// What is being done, for people.
+    /// Name of the current stage, for people.
     pub stage: String,
-    /// Steps done.
+    /// Number of steps done.
     pub step: u32,
-    /// All steps.
+    /// Number of all steps.
     pub steps_total: u32,
-    /// Of the latest step.
+    /// Loss of the latest step.
     pub loss: f64,
-    /// Time left \[s\].
+    /// Estimated time left \[s\].
     pub eta_s: Option<f64>,
 }
 
-/// Something that happened to a job.
+/// An event in the history of a job.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct JobEvent {
-    /// Grows over all jobs; what pages are keyed by.
+    /// Number of the event, growing over all jobs. Page tokens refer to it.
     pub sequence: i64,
-    /// \[ms since 1970\]
+    /// Time of the event \[ms since 1970\].
     pub time_ms: i64,
-    /// The attempt it belongs to; 0 before the first.
+    /// Number of the attempt during which the event happened; 0 before the first attempt.
     pub attempt: u32,
-    /// For people.
+    /// Text for people.
     pub message: String,
 }
 
-/// A worker's right to a job: every write of the worker names all of it.
+/// Permission of a worker to run a job for a limited time. Every write of the worker names job, attempt and lease id.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Lease {
     /// Id of the job.
     pub job: String,
     /// Number of the attempt, from 1.
     pub attempt: u32,
-    /// Unique to this claim.
+    /// Id of the lease, unique for each claim.
     pub lease_id: String,
-    /// The lease is void after this, unless extended \[ms since 1970\].
+    /// End of the lease unless it is extended \[ms since 1970\].
     pub until_ms: i64,
 }

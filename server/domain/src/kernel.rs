@@ -38,7 +38,7 @@ pub struct Kernel {
     pub create_time_ms: i64,
 }
 
-/// What a learning job hands to the registry; becomes the kernel's next version.
+/// A learned or imported kernel before it has a version number. It becomes the kernel's next version.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NewKernelVersion {
     /// Parametrization of the kernel.
@@ -90,7 +90,7 @@ pub struct KernelMetrics {
     pub test_loss_full_frame: f64,
     /// Loss of the test pairs over the full frame with the ideal kernel.
     pub ideal_test_loss_full_frame: f64,
-    /// Of new holograms; only of simulated displays.
+    /// Quality of photographs of new holograms; `None` for displays that are not simulated.
     pub captured: Option<CapturedQuality>,
 }
 
@@ -109,9 +109,9 @@ impl KernelMetrics {
     #[must_use]
     pub fn no_better_than_ideal(&self) -> bool {
         // The comparison is false for losses that are not numbers.
-        let predicts = self.test_loss < self.ideal_test_loss;
-        let shows = self.captured.is_none_or(|captured| captured.psnr_db > captured.ideal_psnr_db);
-        (self.test_pairs > 0 && !predicts) || !shows
+        let predicts_better = self.test_loss < self.ideal_test_loss;
+        let shows_better = self.captured.is_none_or(|captured| captured.psnr_db > captured.ideal_psnr_db);
+        (self.test_pairs > 0 && !predicts_better) || !shows_better
     }
 }
 
@@ -120,29 +120,31 @@ impl KernelMetrics {
 pub struct KernelLineage {
     /// Id of the learning job; empty: imported.
     pub job: String,
-    /// What the version was learned from: at its own distance, then, where one model was learned for several distances, at the
-    /// others, ascending. Of an interpolated version all of them, ascending. Empty for other imports.
+    /// Datasets from which the version was learned. The first one has the version's own distance. If one model was
+    /// learned for several distances, the datasets of the other distances follow, ascending. For an interpolated
+    /// version, all are ascending. Empty for an import that is not interpolated.
     pub datasets: Vec<LearnedDataset>,
-    /// No photograph of the kernel's distance was learned from: it lies between those of `datasets`.
+    /// Whether the version was interpolated: its distance lies between the distances of `datasets`.
     pub interpolated: bool,
-    /// The version that learning started from; `None`: the ideal kernel.
+    /// Version from which learning started; `None`: the ideal kernel.
     pub parent_version: Option<u32>,
-    /// The learning parameters as JSON.
+    /// Learning parameters as JSON.
     pub parameters_json: String,
-    /// Seed of the learning.
+    /// Seed with which the version was learned.
     pub seed: u64,
     /// Version of the server that made the kernel version.
     pub code_version: String,
 }
 
 impl KernelLineage {
-    /// What was learned from at the version's own distance; `None` for imports, and where there was no photograph.
+    /// The dataset of the version's own distance; `None` for imported and interpolated versions.
     #[must_use]
     pub fn own_dataset(&self) -> Option<&LearnedDataset> {
         self.datasets.first().filter(|_| !self.interpolated)
     }
 
-    /// The distances that one model was learned for, ascending, where they are several.
+    /// The distances for which one model was learned jointly, ascending; `None`: the version was learned for one
+    /// distance.
     #[must_use]
     pub fn joint_distances(&self) -> Option<Vec<Distance>> {
         let is_joint = self.interpolated || self.datasets.len() > 1;
@@ -154,14 +156,14 @@ impl KernelLineage {
     }
 }
 
-/// A dataset that a version was learned from.
+/// A dataset from which a version was learned.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LearnedDataset {
-    /// From the SLM to the camera's plane.
+    /// Distance from the SLM to the plane of the camera.
     pub distance: Distance,
     /// Id of the dataset; empty for an import.
     pub id: String,
-    /// Its digest; empty for an import.
+    /// Digest of the dataset; empty for an import.
     pub digest: String,
 }
 
@@ -187,7 +189,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_kernel_is_better_than_ideal_only_where_everything_measured_says_so() {
+    fn kernel_is_better_than_ideal_only_if_all_measurements_are_better() {
         let measured = |test_loss: f64, captured_db: Option<f64>| KernelMetrics {
             test_pairs: 2,
             test_loss,

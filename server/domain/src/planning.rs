@@ -19,7 +19,8 @@ pub fn setup(display: &Display, wavelength: Wavelength, distance: Distance) -> R
 ///
 /// # Errors
 ///
-/// [`lightpath_optics::Error::Unsuitable`], with the numbers, where the method, or every one, can't be right.
+/// [`lightpath_optics::Error::Unsuitable`], with numbers, if the given method is not valid for the setup, or if no
+/// method is.
 pub fn planned(setup: OpticalSetup, method: Option<ConvolutionMethod>) -> Result<(OpticalSetup, ValidityReport)> {
     match method {
         None => setup.planned(),

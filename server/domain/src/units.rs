@@ -118,7 +118,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_exact_and_short() {
+    fn lengths_are_written_exactly_and_without_trailing_zeros() {
         assert_eq!(Wavelength::from_m(515e-9).unwrap().to_string(), "515nm");
         assert_eq!(Wavelength::from_m(632.8e-9).unwrap().to_string(), "632.8nm");
         assert_eq!(Distance::from_m(0.15).unwrap().to_string(), "150mm");
@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn names_are_read_back_exactly() {
+    fn written_lengths_are_read_back_exactly() {
         for pm in [200_000, 514_999, 515_000, 632_816, 2_000_000] {
             assert_eq!(Wavelength::parse(&Wavelength { pm }.to_string()), Some(Wavelength { pm }));
         }
@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_length_is_refused() {
+    fn impossible_lengths_are_refused() {
         for bad in [f64::NAN, f64::INFINITY, 0.0, 1e-10, 11.0, -11.0] {
             assert_eq!(Distance::from_m(bad), None, "{bad}");
         }

@@ -1,5 +1,6 @@
-//! What the database holds as JSON, word for word: jobs, their results, displays, metrics and lineages of kernels. A change of
-//! these files is a change of stored data, which takes a migration once a version is released.
+//! Stored JSON: jobs, their results, displays, metrics and lineages of kernels, exactly as the database stores them.
+//!
+//! A change of the files in `stored/` is a change of stored data. After the first release it needs a migration.
 #![allow(clippy::unwrap_used)]
 
 use lightpath_domain::dataset::{
@@ -16,7 +17,7 @@ use lightpath_domain::kernel::{CapturedQuality, KernelKey, KernelLineage, Kernel
 use lightpath_domain::planning;
 use lightpath_domain::units::{Distance, Wavelength};
 use lightpath_optics::alignment::PointPair;
-use lightpath_optics::hologram::{Loss, Quality, SeenQuality};
+use lightpath_optics::hologram::{DetectorQuality, Loss, Quality};
 use lightpath_optics::photometry::Quantity;
 use lightpath_optics::{
     Carrier, ConvolutionMethod, Detector, Grid, HologramMethod, InitialPhase, KernelModel, RegionOfInterest,
@@ -30,13 +31,13 @@ const GREEN: Wavelength = Wavelength { pm: 515_000 };
 const NEAR: Distance = Distance { nm: 4_000_000 };
 const FAR: Distance = Distance { nm: 5_000_000 };
 
-/// The value is written as the file says, and comes back from it.
-fn stored<T: Serialize + DeserializeOwned + PartialEq + Debug>(name: &str, value: &T) {
+/// Checks that `value` is written exactly as in the file `stored/{name}.json`, and that reading the file gives `value`.
+fn check_stored<T: Serialize + DeserializeOwned + PartialEq + Debug>(name: &str, value: &T) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/stored").join(format!("{name}.json"));
     let written = serde_json::to_string_pretty(value).unwrap() + "\n";
-    let pinned = std::fs::read_to_string(&path).unwrap_or_default();
-    assert_eq!(written, pinned, "{name}.json should be\n{written}");
-    assert_eq!(&serde_json::from_str::<T>(&pinned).unwrap(), value);
+    let expected = std::fs::read_to_string(&path).unwrap_or_default();
+    assert_eq!(written, expected, "{name}.json should be\n{written}");
+    assert_eq!(&serde_json::from_str::<T>(&expected).unwrap(), value);
 }
 
 fn digest(n: u32) -> String {
@@ -64,7 +65,7 @@ fn region() -> RegionOfInterest {
 
 fn propagation() -> ValidityReport {
     let setup = planning::setup(&display(), GREEN, NEAR).unwrap();
-    // The numbers are the engine's matter: here they are few and round.
+    // Round numbers: the values of the engine have their own tests.
     ValidityReport {
         explanation: "4 mm is within the critical distance".to_owned(),
         critical_distance_x_m: 0.0625,
@@ -82,12 +83,12 @@ fn propagation() -> ValidityReport {
 }
 
 #[test]
-fn displays() {
-    stored("display", &display());
+fn displays_are_stored_as_before() {
+    check_stored("display", &display());
 }
 
 #[test]
-fn hologram_jobs() {
+fn hologram_jobs_are_stored_as_before() {
     let plane = |distance, weight| ImagePlane { distance, target: digest(1), weight };
     let mut spec = OptimizeHologram {
         display: "lab".to_owned(),
@@ -109,7 +110,7 @@ fn hologram_jobs() {
         weight_mask: Some(digest(5)),
         quantization_aware: true,
     };
-    stored("optimize_hologram_full", &JobSpec::OptimizeHologram(Box::new(spec.clone())));
+    check_stored("optimize_hologram_full", &JobSpec::OptimizeHologram(Box::new(spec.clone())));
     spec.wavelengths.truncate(1);
     spec.planes.truncate(1);
     spec.kernel_versions = vec![vec![None]];
@@ -117,11 +118,11 @@ fn hologram_jobs() {
     spec.initial_phase = InitialPhase::Random { range_rad: 1.0 };
     spec.loss = Loss::default();
     (spec.depth_map, spec.propagation, spec.weight_mask, spec.quantization_aware) = (None, None, None, false);
-    stored("optimize_hologram", &JobSpec::OptimizeHologram(Box::new(spec)));
+    check_stored("optimize_hologram", &JobSpec::OptimizeHologram(Box::new(spec)));
 }
 
 #[test]
-fn other_jobs() {
+fn learning_capture_and_evaluation_jobs_are_stored_as_before() {
     let (display, kernel_version) = ("lab".to_owned(), Some(3));
     let learn = LearnKernel {
         datasets: vec!["near".to_owned(), "far".to_owned()],
@@ -136,7 +137,7 @@ fn other_jobs() {
         detector: Detector::Pixel,
         region_of_interest: region(),
     };
-    stored("learn_kernel", &JobSpec::LearnKernel(learn));
+    check_stored("learn_kernel", &JobSpec::LearnKernel(learn));
     let (phase, dataset) = (digest(1), "near".to_owned());
     let capture = SimulateCapture {
         display: display.clone(),
@@ -146,24 +147,24 @@ fn other_jobs() {
         seed: 1,
         elapsed_s: 3600.0,
     };
-    stored("simulate_capture", &JobSpec::SimulateCapture(capture));
+    check_stored("simulate_capture", &JobSpec::SimulateCapture(capture));
     let evaluate = EvaluateKernel { dataset, display, kernel_version, region_of_interest: region() };
-    stored("evaluate_kernel", &JobSpec::EvaluateKernel(evaluate));
+    check_stored("evaluate_kernel", &JobSpec::EvaluateKernel(evaluate));
 }
 
 #[test]
-fn jobs_of_datasets_and_reports() {
+fn dataset_and_report_jobs_are_stored_as_before() {
     let prepare =
         |step| JobSpec::PrepareDataset(PrepareDataset { dataset: "near".to_owned(), display: "lab".to_owned(), step });
     let point = PointPair { display: [0.0, 1.5], camera: [412.25, 288.5] };
     let by_points = AlignBy::Points { photo_width_px: 4096, photo_height_px: 3000, points: vec![point] };
-    stored("align_by_points", &prepare(PrepareStep::Align(by_points)));
-    stored("align_by_dots", &prepare(PrepareStep::Align(AlignBy::Dots { photo: digest(1) })));
-    stored("align_by_pairs", &prepare(PrepareStep::Align(AlignBy::Pairs)));
-    stored("align_by_none", &prepare(PrepareStep::Align(AlignBy::None)));
-    stored("finalize_dataset", &prepare(PrepareStep::Finalize(finalization())));
+    check_stored("align_by_points", &prepare(PrepareStep::Align(by_points)));
+    check_stored("align_by_dots", &prepare(PrepareStep::Align(AlignBy::Dots { photo: digest(1) })));
+    check_stored("align_by_pairs", &prepare(PrepareStep::Align(AlignBy::Pairs)));
+    check_stored("align_by_none", &prepare(PrepareStep::Align(AlignBy::None)));
+    check_stored("finalize_dataset", &prepare(PrepareStep::Finalize(finalization())));
     let kernel = KernelKey { display: "lab".to_owned(), wavelength: GREEN, distance: NEAR };
-    stored("report_kernel", &JobSpec::ReportKernel(ReportKernel { kernel, version: 3 }));
+    check_stored("report_kernel", &JobSpec::ReportKernel(ReportKernel { kernel, version: 3 }));
 }
 
 fn finalization() -> Finalization {
@@ -191,10 +192,10 @@ fn finding() -> Finding {
 }
 
 #[test]
-fn datasets() {
-    stored("alignment", &alignment());
-    stored("finding", &finding());
-    stored("finalization", &finalization());
+fn datasets_are_stored_as_before() {
+    check_stored("alignment", &alignment());
+    check_stored("finding", &finding());
+    check_stored("finalization", &finalization());
     let checks = PairChecks {
         brightest: 0.75,
         correlation: Some(0.5),
@@ -202,26 +203,26 @@ fn datasets() {
         homography: Some(alignment().homography),
         ..PairChecks::default()
     };
-    stored("pair_checks", &checks);
+    check_stored("pair_checks", &checks);
 }
 
 #[test]
-fn results_of_datasets_and_reports() {
+fn dataset_and_report_results_are_stored_as_before() {
     let prepared = PrepareResult {
         alignment: Some(alignment()),
         findings: vec![finding()],
         dataset_digest: Some(digest(4)),
         splits: SplitCounts { train: 6, validation: 1, test: 2, left_out: 1 },
     };
-    stored("prepare_result", &JobResult::Prepare(prepared));
+    check_stored("prepare_result", &JobResult::Prepare(prepared));
     let figure = ReportFigure { name: "mtf.svg".to_owned(), title: "Contrast".to_owned(), artifact: digest(3) };
     let report = ReportResult { html: digest(1), arrays: digest(2), figures: vec![figure] };
-    stored("report_result", &JobResult::Report(report));
+    check_stored("report_result", &JobResult::Report(report));
 }
 
 #[test]
-fn results() {
-    let seen = SeenQuality {
+fn hologram_learning_capture_and_evaluation_results_are_stored_as_before() {
+    let values = DetectorQuality {
         psnr_db: 30.5,
         ssim: Some(0.75),
         ms_ssim: None,
@@ -229,7 +230,7 @@ fn results() {
         frame_efficiency: 0.625,
         speckle_contrast: Some(0.25),
     };
-    let quality = Quality { point: seen, pixel: seen, supersampled: seen };
+    let quality = Quality { point: values, pixel: values, supersampled: values };
     let plane = PlaneResult {
         distance: NEAR,
         reconstruction: digest(3),
@@ -251,7 +252,7 @@ fn results() {
         iterations: 200,
         iteration_ms: 2.5,
     };
-    stored("hologram_result", &JobResult::Hologram(Box::new(holograms)));
+    check_stored("hologram_result", &JobResult::Hologram(Box::new(holograms)));
     let kernel = LearnedKernel {
         kernel_version: "displays/lab/kernels/515nm-4mm/versions/1".to_owned(),
         dataset: "near".to_owned(),
@@ -259,19 +260,25 @@ fn results() {
         left_out_pairs: vec!["p01".to_owned()],
         propagation: propagation(),
     };
-    stored("learn_result", &JobResult::Learn(LearnResult { kernels: vec![kernel], loss_history: vec![0.5], order: 8 }));
-    stored("capture_result", &JobResult::Capture(CaptureResult { photo: digest(1), propagation: propagation() }));
+    check_stored(
+        "learn_result",
+        &JobResult::Learn(LearnResult { kernels: vec![kernel], loss_history: vec![0.5], order: 8 }),
+    );
+    check_stored("capture_result", &JobResult::Capture(CaptureResult { photo: digest(1), propagation: propagation() }));
     let pair = PairLoss { pair: "p01".to_owned(), split: Split::Test, loss: 0.5, loss_full_frame: 0.25 };
-    stored("evaluate_result", &JobResult::Evaluate(EvaluateResult { pairs: vec![pair], propagation: propagation() }));
+    check_stored(
+        "evaluate_result",
+        &JobResult::Evaluate(EvaluateResult { pairs: vec![pair], propagation: propagation() }),
+    );
 }
 
 #[test]
-fn what_happens_to_jobs() {
+fn progress_and_errors_of_jobs_are_stored_as_before() {
     let stage = "optimize".to_owned();
-    stored("progress", &Progress { stage, step: 3, steps_total: 200, loss: 0.5, eta_s: Some(1.5) });
+    check_stored("progress", &Progress { stage, step: 3, steps_total: 200, loss: 0.5, eta_s: Some(1.5) });
     let error =
         JobError { reason: FailureReason::Diverged, message: "the loss became NaN".to_owned(), retryable: false };
-    stored("job_error", &error);
+    check_stored("job_error", &error);
 }
 
 fn metrics() -> KernelMetrics {
@@ -290,8 +297,8 @@ fn metrics() -> KernelMetrics {
 }
 
 #[test]
-fn kernels() {
-    stored("kernel_metrics", &metrics());
+fn kernels_are_stored_as_before() {
+    check_stored("kernel_metrics", &metrics());
     let dataset = |distance, id: &str, n| LearnedDataset { distance, id: id.to_owned(), digest: digest(n) };
     let lineage = KernelLineage {
         job: "0193".to_owned(),
@@ -302,5 +309,5 @@ fn kernels() {
         seed: u64::MAX,
         code_version: "0.1.0".to_owned(),
     };
-    stored("kernel_lineage", &lineage);
+    check_stored("kernel_lineage", &lineage);
 }

@@ -35,42 +35,43 @@ pub fn point(name: &'static str) -> io::Result<()> {
 pub fn arm_by_environment() -> io::Result<()> {
     let open = |path| File::options().create(true).append(true).open(path);
     let passed = std::env::var_os(PASSED).map(open).transpose()?;
-    let at = std::env::var(POINT).ok().map(|text| Breakage::parse(&text)).transpose()?;
-    ARMED.get_or_init(|| Armed { at, passed, counts: Mutex::default() });
+    let failure = std::env::var(POINT).ok().map(|text| Failure::parse(&text)).transpose()?;
+    ARMED.get_or_init(|| Armed { failure, passed, counts: Mutex::default() });
     Ok(())
 }
 
-/// Kind of failure at a point.
+/// Kind of a failure at a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum How {
+enum FailureKind {
     Die,
     Fail,
 }
 
 /// A failure to be caused: the point, the passage and the kind.
 #[derive(Debug)]
-struct Breakage {
+struct Failure {
     point: String,
     passage: u32,
-    how: How,
+    kind: FailureKind,
 }
 
-impl Breakage {
+impl Failure {
     fn parse(text: &str) -> io::Result<Self> {
         let wrong = || io::Error::other(format!("{POINT} is {text}, but must be NAME:COUNT:die or NAME:COUNT:fail"));
-        let [point, passage, how] = text.split(':').collect::<Vec<_>>()[..] else { return Err(wrong()) };
-        let how = match how {
-            "die" => How::Die,
-            "fail" => How::Fail,
+        let [point, passage, kind] = text.split(':').collect::<Vec<_>>()[..] else { return Err(wrong()) };
+        let kind = match kind {
+            "die" => FailureKind::Die,
+            "fail" => FailureKind::Fail,
             _ => return Err(wrong()),
         };
-        Ok(Self { point: point.to_owned(), passage: passage.parse().map_err(|_| wrong())?, how })
+        Ok(Self { point: point.to_owned(), passage: passage.parse().map_err(|_| wrong())?, kind })
     }
 }
 
+/// Fail points of a process that a test has armed.
 #[derive(Debug)]
 struct Armed {
-    at: Option<Breakage>,
+    failure: Option<Failure>,
     passed: Option<File>,
     counts: Mutex<HashMap<&'static str, u32>>,
 }
@@ -83,10 +84,10 @@ impl Armed {
         if let Some(mut passed) = self.passed.as_ref() {
             writeln!(passed, "{name}")?;
         }
-        match &self.at {
-            Some(at) if at.point == name && at.passage == *count => match at.how {
-                How::Die => std::process::abort(),
-                How::Fail => Err(io::Error::other(format!("{name} fails, as the test wants it"))),
+        match &self.failure {
+            Some(failure) if failure.point == name && failure.passage == *count => match failure.kind {
+                FailureKind::Die => std::process::abort(),
+                FailureKind::Fail => Err(io::Error::other(format!("{name} failed because a test requested it"))),
             },
             _ => Ok(()),
         }

@@ -39,24 +39,24 @@ const METADATA_KEY: &str = "lightpath";
 const FORMAT: &str = "lightpath-kernel";
 const FORMAT_VERSION: u32 = 1;
 
-/// Why a kernel file could not be read or written.
+/// Reason why a kernel file could not be read or written.
 #[derive(Debug, thiserror::Error)]
 pub enum KernelFileError {
     /// The file is not safetensors, or is cut short.
-    #[error("the file is not whole safetensors: {0}")]
+    #[error("the safetensors file is damaged or incomplete: {0}")]
     Safetensors(#[from] SafeTensorError),
     /// The file is safetensors without Lightpath's metadata.
     #[error("the file has no metadata entry `lightpath`: it is safetensors, but not a Lightpath kernel")]
     NoHeader,
     /// The metadata entry `lightpath` does not parse.
-    #[error("the metadata entry `lightpath` is not what it should be: {0}")]
+    #[error("the metadata entry `lightpath` is invalid: {0}")]
     Header(#[from] serde_json::Error),
     /// The file has another format or a later format version.
     #[error("the file is {format} version {version}; this server reads {FORMAT} version {FORMAT_VERSION}")]
     Format {
-        /// What the header says.
+        /// Format in the file's metadata.
         format: String,
-        /// What the header says.
+        /// Format version in the file's metadata.
         version: u32,
     },
     /// A tensor has another type or shape.
@@ -68,7 +68,7 @@ pub enum KernelFileError {
         expected: &'static str,
     },
     /// The numbers do not describe a possible display.
-    #[error("the kernel is not possible: {0}")]
+    #[error("the kernel is impossible: {0}")]
     Model(#[from] lightpath_optics::Error),
 }
 
@@ -95,7 +95,7 @@ fn is_zero(order: &usize) -> bool {
     *order == 0
 }
 
-/// The file's bytes; the same model gives the same bytes.
+/// Encodes a kernel. The same model gives the same bytes.
 ///
 /// # Errors
 ///
@@ -140,13 +140,13 @@ pub fn encode_interpolated(
     series("source.log_amplitude", &model.source.log_amplitude);
     series("source.phase", &model.source.phase);
     if !model.variation.is_none() {
-        let mut all = |name, of: fn(&SmoothField) -> &[f64]| {
+        let mut per_power = |name, of: fn(&SmoothField) -> &[f64]| {
             let values: Vec<f64> = model.variation.fields().iter().flat_map(of).copied().collect();
             let shape = vec![SpatialVariation::POWERS, values.len() / SpatialVariation::POWERS];
             tensors.push((name, Dtype::F64, shape, bytes_f64(&values)));
         };
-        all("variation.log_amplitude", |field| &field.log_amplitude);
-        all("variation.phase", |field| &field.phase);
+        per_power("variation.log_amplitude", |field| &field.log_amplitude);
+        per_power("variation.phase", |field| &field.phase);
     }
     let harmonics = vec![model.response.len(), 2];
     tensors.push(("response", Dtype::F64, harmonics, bytes_f64(model.response.as_flattened())));
@@ -284,7 +284,7 @@ mod tests {
     }
 
     #[test]
-    fn a_kernel_comes_back_exactly_and_in_the_same_bytes() {
+    fn kernel_is_read_back_exactly_and_always_has_the_same_bytes() {
         let mut errors = SmoothField::flat(3);
         errors.phase.iter_mut().enumerate().for_each(|(i, c)| *c = 1.0 / (i as f64 + 3.0));
         let bins = Plane::from_fn(64, 96, |y, x| Complex32::new(y as f32, -(x as f32) / 7.0));
@@ -314,7 +314,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_kernel_is_refused() {
+    fn damaged_and_foreign_files_are_refused() {
         let bytes = encode(&model(KernelShape::Smooth(SmoothField::flat(3))), KernelModel::Smooth).unwrap();
         for end in [0, 7, 100, bytes.len() - 1] {
             assert!(decode(&bytes[..end]).is_err(), "cut at {end}");

@@ -22,18 +22,18 @@ pub(crate) fn require_plain_header(bytes: &[u8]) -> Result<(), String> {
         [_, _, _, _, _, _, 2..=u8::MAX, _, a, b, c, d, rest @ ..] => {
             (u32::from_le_bytes([*a, *b, *c, *d]) as usize, rest)
         }
-        _ => return Err("no .npy file".to_owned()),
+        _ => return Err("not a .npy file".to_owned()),
     };
     if header_bytes > HEADER_BYTES_MAX {
         return Err(format!(
-            "a .npy file with a header of {header_bytes} bytes, of which at most {HEADER_BYTES_MAX} are read"
+            "a .npy file with a header of {header_bytes} bytes (at most {HEADER_BYTES_MAX} are accepted)"
         ));
     }
     let Some(header) = rest.get(..header_bytes) else { return Err("a .npy file that ends in its header".to_owned()) };
     let count = |bracket: u8| header.iter().filter(|byte| **byte == bracket).count();
     // A valid header has one dictionary and one shape.
     if count(b'{') > 1 || count(b'(') > 1 || count(b'[') > 0 {
-        return Err("a .npy file of records, but must be one of numbers".to_owned());
+        return Err("a .npy file of records, not of numbers".to_owned());
     }
     Ok(())
 }
@@ -47,7 +47,7 @@ mod tests {
     }
 
     #[test]
-    fn headers_that_claim_much_are_not_read() {
+    fn long_and_truncated_headers_are_refused() {
         let header = b"{'descr': '<f4', 'fortran_order': False, 'shape': (3, 4), }";
         let length = header.len() as u8;
         let good = file(1, &[length, 0], header);
@@ -62,7 +62,7 @@ mod tests {
     }
 
     #[test]
-    fn brackets_inside_of_brackets_are_not_read() {
+    fn nested_brackets_are_refused() {
         for bracket in [b"[", b"(", b"{"] {
             let header = [b"{'descr': ".to_vec(), bracket.repeat(400)].concat();
             let file = file(1, &(header.len() as u16).to_le_bytes(), &header);

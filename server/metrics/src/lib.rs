@@ -62,7 +62,7 @@ pub fn job_ended(job: &Job) {
     }
 }
 
-/// Records that a job was taken from its worker.
+/// Records that a job lost its lease.
 pub fn lease_lost(cause: LeaseLoss, job: &Job) {
     let cause = match cause {
         LeaseLoss::Expired => "expired",
@@ -103,9 +103,9 @@ pub fn install() {
     let _ = handle();
 }
 
-/// Moves measurements into their buckets. Until then every measurement needs memory, even if the metrics are never
-/// read.
-pub fn sum_up() {
+/// Moves measurements into the buckets of their histograms. Before that, every measurement takes memory of its own, even
+/// if no client reads the metrics.
+pub fn summarize() {
     if let Some(handle) = handle() {
         handle.run_upkeep();
     }
@@ -143,9 +143,11 @@ fn handle() -> Option<&'static PrometheusHandle> {
     let install = || {
         let builder = PrometheusBuilder::new()
             .set_buckets_for_metric(Matcher::Full(ITERATION.to_owned()), &ITERATION_BUCKETS_S)
-            .and_then(|it| it.set_buckets_for_metric(Matcher::Full(TRANSFORM.to_owned()), &ITERATION_BUCKETS_S))
-            .and_then(|it| it.set_buckets_for_metric(Matcher::Full(JOB.to_owned()), &JOB_BUCKETS_S))
-            .and_then(|it| it.set_buckets_for_metric(Matcher::Full(REQUEST.to_owned()), &REQUEST_BUCKETS_S));
+            .and_then(|builder| {
+                builder.set_buckets_for_metric(Matcher::Full(TRANSFORM.to_owned()), &ITERATION_BUCKETS_S)
+            })
+            .and_then(|builder| builder.set_buckets_for_metric(Matcher::Full(JOB.to_owned()), &JOB_BUCKETS_S))
+            .and_then(|builder| builder.set_buckets_for_metric(Matcher::Full(REQUEST.to_owned()), &REQUEST_BUCKETS_S));
         let handle = builder.and_then(PrometheusBuilder::install_recorder).ok()?;
         describe();
         Some(handle)
@@ -155,25 +157,36 @@ fn handle() -> Option<&'static PrometheusHandle> {
 
 fn describe() {
     describe_gauge!(QUEUE_DEPTH, "Jobs that wait or run, by kind and state");
-    describe_gauge!(QUEUE_OLDEST, Unit::Seconds, "How long the first job in turn has been due, by kind");
+    describe_gauge!(QUEUE_OLDEST, Unit::Seconds, "Time since the earliest waiting job became due, by kind");
     describe_counter!(JOBS_ENDED, "Jobs that ended, by kind and state");
     describe_histogram!(JOB, Unit::Seconds, "Time of the last attempt of jobs that succeeded or failed");
-    describe_counter!(LEASES_LOST, "Jobs that were taken from a worker that was silent or dead, by cause");
-    describe_counter!(FETCHES, "Fetches of kernels, by display and status code");
-    describe_histogram!(ITERATION, Unit::Seconds, "Time of one iteration of a hologram's optimizer");
-    describe_histogram!(TRANSFORM, Unit::Seconds, "Time of its Fourier transforms, with what the same passes do");
+    describe_counter!(
+        LEASES_LOST,
+        "Jobs that lost their lease because a worker was silent or the server died, by cause"
+    );
+    describe_counter!(FETCHES, "Requests for kernel files, by display and status code");
+    describe_histogram!(ITERATION, Unit::Seconds, "Time of one iteration of a hologram optimization");
+    describe_histogram!(
+        TRANSFORM,
+        Unit::Seconds,
+        "Time of the Fourier transforms in one iteration, with the other work of the same passes"
+    );
     describe_counter!(REQUESTS, "Requests, by method and status code");
     describe_histogram!(REQUEST, Unit::Seconds, "Time to the answer, by method");
-    describe_gauge!(ARTIFACTS, "Stored artifacts");
-    describe_gauge!(ARTIFACT_BYTES, Unit::Bytes, "Bytes of all stored artifacts");
+    describe_gauge!(ARTIFACTS, "Number of stored artifacts");
+    describe_gauge!(ARTIFACT_BYTES, Unit::Bytes, "Size of all stored artifacts");
     describe_counter!(COLLECTED_JOBS, "Ended jobs that were removed because of their age");
     describe_counter!(COLLECTED_ARTIFACTS, "Unreferenced artifacts that were removed because of their age");
-    describe_counter!(COLLECTED_BYTES, Unit::Bytes, "Bytes of those artifacts");
+    describe_counter!(
+        COLLECTED_BYTES,
+        Unit::Bytes,
+        "Size of the unreferenced artifacts that were removed because of their age"
+    );
     describe_gauge!(DATABASE_BYTES, Unit::Bytes, "Size of the database file");
     describe_gauge!(WAL_BYTES, Unit::Bytes, "Size of the database's write-ahead log");
     describe_gauge!(DISK_FREE, Unit::Bytes, "Free space on the disk of the data folder");
     describe_gauge!(DISK_RESERVE, Unit::Bytes, "Free space below which new jobs and uploads are refused");
-    describe_gauge!(BUILD_INFO, "The server's version");
+    describe_gauge!(BUILD_INFO, "Version of the server, as a label");
 }
 
 fn kind(spec: &JobSpec) -> &'static str {
@@ -198,20 +211,22 @@ mod tests {
         let ends = |rest: &str| rest.find(|c| !is_part(c)).unwrap_or(rest.len());
         let whole = starts.map(|rest| rest[..ends(rest)].to_owned());
         let suffixes = ["_bucket", "_sum", "_count"];
-        whole.map(|name| suffixes.iter().find_map(|it| name.strip_suffix(it)).unwrap_or(&name).to_owned()).collect()
+        whole
+            .map(|name| suffixes.iter().find_map(|suffix| name.strip_suffix(suffix)).unwrap_or(&name).to_owned())
+            .collect()
     }
 
     #[test]
-    fn the_page_and_the_dashboard_name_what_there_is() {
+    fn documentation_and_dashboard_match_the_metrics() {
         let constants: String = include_str!("lib.rs").lines().filter(|line| line.starts_with("const ")).collect();
-        let here = names(&constants);
+        let metrics = names(&constants);
         let page = names(include_str!("../../../docs/operating.md"));
         let dashboard = names(include_str!("../../../docs/operating/grafana.json"));
         // The page also names this crate, because its log lists every request.
         let named = page.union(&dashboard).filter(|name| *name != "lightpath_api");
-        let unknown: Vec<_> = named.filter(|name| !here.contains(*name)).collect();
-        assert_eq!(unknown, Vec::<&String>::new(), "no such metric");
-        let untold: Vec<_> = here.difference(&page).collect();
-        assert_eq!(untold, Vec::<&String>::new(), "docs/operating.md says nothing of it");
+        let unknown: Vec<_> = named.filter(|name| !metrics.contains(*name)).collect();
+        assert_eq!(unknown, Vec::<&String>::new(), "these metrics do not exist");
+        let undocumented: Vec<_> = metrics.difference(&page).collect();
+        assert_eq!(undocumented, Vec::<&String>::new(), "docs/operating.md does not describe these metrics");
     }
 }

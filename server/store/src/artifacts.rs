@@ -67,7 +67,7 @@ impl Store {
             return Ok(Some(record));
         }
         let digest = digest.to_owned();
-        let noted = self
+        let updated = self
             .write(move |write| {
                 Box::pin(async move {
                     let sql = "update artifact set use_time_ms = ?2 where digest = ?1 returning *";
@@ -76,9 +76,9 @@ impl Store {
                 })
             })
             .await;
-        match noted {
+        match updated {
             Err(StoreError::DiskFull) => Ok(Some(record)),
-            noted => noted,
+            updated => updated,
         }
     }
 

@@ -1,7 +1,7 @@
 //! Requests of users about a job: cancelling it and retrying it.
 
 use super::changes::Change;
-use super::events::happened;
+use super::events::append_event;
 use super::job_rows::job_of;
 use super::jobs::active_with_key;
 use super::write::Write;
@@ -19,7 +19,7 @@ impl Store {
         self.write(move |write| Box::pin(async move { cancel(write, &id, now_ms).await })).await
     }
 
-    /// Queues a failed or cancelled job again, with all its attempts.
+    /// Queues a failed or cancelled job again. It gets its full number of attempts.
     ///
     /// # Errors
     ///
@@ -43,8 +43,8 @@ async fn cancel(write: &mut Write, id: &str, now_ms: i64) -> Result<Job, StoreEr
             .fetch_one(write.sql())
             .await?;
             let job = job_of(&row)?;
-            happened(write, &job, now_ms, "cancelled").await?;
-            dependencies::failed(write, &job, now_ms).await?;
+            append_event(write, &job, now_ms, "cancelled").await?;
+            dependencies::fail_waiting_jobs(write, &job, now_ms).await?;
             Ok(job)
         }
         JobState::Running if job.cancel_requested => Ok(job),
@@ -55,7 +55,7 @@ async fn cancel(write: &mut Write, id: &str, now_ms: i64) -> Result<Job, StoreEr
                     .fetch_one(write.sql())
                     .await?;
             let job = job_of(&row)?;
-            happened(write, &job, now_ms, "cancel requested").await?;
+            append_event(write, &job, now_ms, "cancel requested").await?;
             write.announce(Change::Cancel(job.id.clone()));
             Ok(job)
         }
@@ -81,7 +81,7 @@ async fn retry(write: &mut Write, id: &str, now_ms: i64) -> Result<Job, StoreErr
         let message = format!("jobs/{other} has the same unique_key \"{key}\" and has not ended");
         return Err(StoreError::precondition(PreconditionReason::NotUnique, message));
     }
-    let waiting_for = dependencies::open_ones(write, &job.scheduling.after).await?;
+    let waiting_for = dependencies::count_unfinished(write, &job.scheduling.after).await?;
     let row = sqlx::query(
         "update job set state = 'queued', failures = 0, crashes = 0, cancel_requested = 0, error = null, progress = null, \
          finish_time_ms = null, run_time_ms = ?2, waiting_for = ?3, revision = revision + 1 where id = ?1 returning *",
@@ -92,7 +92,7 @@ async fn retry(write: &mut Write, id: &str, now_ms: i64) -> Result<Job, StoreErr
     .fetch_one(write.sql())
     .await?;
     let job = job_of(&row)?;
-    happened(write, &job, now_ms, "queued again by hand").await?;
+    append_event(write, &job, now_ms, "queued again by hand").await?;
     write.announce(Change::Claimable);
     Ok(job)
 }

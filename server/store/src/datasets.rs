@@ -56,8 +56,8 @@ impl Store {
     }
 
     /// Adds a pair to an open dataset and returns the dataset without its pairs. Adding the same pair again changes
-    /// nothing. `findings` are the findings about this pair and, without a pair id, those about the whole dataset with
-    /// the pair.
+    /// nothing. `findings` contains the findings about this pair, and all findings about the whole dataset, which have no
+    /// pair id.
     ///
     /// # Errors
     ///
@@ -105,17 +105,18 @@ async fn create(write: &mut Write, dataset: Dataset, now_ms: i64) -> Result<Data
 
 async fn add_pair(write: &mut Write, id: &str, pair: &Pair, findings: &[Finding]) -> Result<Dataset, StoreError> {
     let dataset = find(write.sql(), id).await?;
-    if is_there(write.sql(), id, pair).await? {
+    if contains_pair(write.sql(), id, pair).await? {
         return Ok(dataset);
     }
-    require_room_for(&dataset, pair)?;
+    require_pair_allowed(&dataset, pair)?;
     for digest in [&pair.phase, &pair.photo] {
         require_artifact(write.sql(), digest).await?;
     }
     let exposure =
         (pair.exposure != Exposure::default()).then(|| to_json("pair.exposure", &pair.exposure)).transpose()?;
     let checks = pair.checks.as_ref().map(|checks| to_json("pair.checks", checks)).transpose()?;
-    let (own, whole): (Vec<_>, Vec<_>) = findings.iter().partition(|finding| !finding.pair.is_empty());
+    let (pair_findings, dataset_findings): (Vec<_>, Vec<_>) =
+        findings.iter().partition(|finding| !finding.pair.is_empty());
     let sql = "insert into pair (dataset, id, phase, photo, split, exposure, checks, findings) values (?, ?, ?, ?, ?, ?, ?, ?)";
     sqlx::query(sql)
         .bind(id)
@@ -125,17 +126,18 @@ async fn add_pair(write: &mut Write, id: &str, pair: &Pair, findings: &[Finding]
         .bind(pair.split.map(|split| to_word("pair.split", &split)).transpose()?)
         .bind(exposure)
         .bind(checks)
-        .bind(to_json("pair.findings", &own)?)
+        .bind(to_json("pair.findings", &pair_findings)?)
         .execute(write.sql())
         .await?;
     let sql = "update dataset set pair_count = pair_count + 1, findings = ?2, revision = revision + 1 \
                where id = ?1 returning *";
-    let row = sqlx::query(sql).bind(id).bind(to_json("dataset.findings", &whole)?).fetch_one(write.sql()).await?;
+    let row =
+        sqlx::query(sql).bind(id).bind(to_json("dataset.findings", &dataset_findings)?).fetch_one(write.sql()).await?;
     dataset_of(&row)
 }
 
-/// Whether the same pair is in the dataset; an error where another one has its id, hologram or photograph.
-async fn is_there(sql: &mut SqliteConnection, id: &str, pair: &Pair) -> Result<bool, StoreError> {
+/// Whether the dataset contains the same pair. Returns an error if another pair has its id, hologram or photograph.
+async fn contains_pair(sql: &mut SqliteConnection, id: &str, pair: &Pair) -> Result<bool, StoreError> {
     let rows = sqlx::query("select * from pair where dataset = ?1 and (id = ?2 or phase = ?3 or photo = ?4)")
         .bind(id)
         .bind(&pair.id)
@@ -153,21 +155,21 @@ async fn is_there(sql: &mut SqliteConnection, id: &str, pair: &Pair) -> Result<b
         [] => Ok(false),
         [one] if is_same(one) => Ok(true),
         [one, ..] => {
-            let (what, detail) = conflict(id, pair, one);
-            Err(StoreError::exists(what, detail))
+            let (resource, detail) = describe_conflict(id, pair, one);
+            Err(StoreError::exists(resource, detail))
         }
     }
 }
 
-/// The dataset takes one more pair, which was measured with its alignment.
-fn require_room_for(dataset: &Dataset, pair: &Pair) -> Result<(), StoreError> {
+/// Checks that the dataset is open, is not full, and has the alignment with which the pair was measured.
+fn require_pair_allowed(dataset: &Dataset, pair: &Pair) -> Result<(), StoreError> {
     let id = &dataset.id;
     if dataset.digest.is_some() {
         let message = format!("datasets/{id} is finalized and takes no more pairs; create another dataset");
         return Err(StoreError::precondition(PreconditionReason::DatasetFinalized, message));
     }
     if dataset.pair_count >= PAIRS_MAX {
-        let message = format!("datasets/{id} has {PAIRS_MAX} pairs, and takes no more");
+        let message = format!("datasets/{id} has {PAIRS_MAX} pairs, which is the limit; create another dataset");
         return Err(StoreError::precondition(PreconditionReason::DatasetFull, message));
     }
     if pair.checks.as_ref().is_some_and(|checks| checks.homography != dataset.homography()) {
@@ -177,20 +179,20 @@ fn require_room_for(dataset: &Dataset, pair: &Pair) -> Result<(), StoreError> {
     Ok(())
 }
 
-/// Describes which part of `pair` the stored pair already uses, and what differs.
-fn conflict(dataset: &str, pair: &Pair, stored: &Pair) -> (String, String) {
+/// Names the part of `pair` that the stored pair already uses, and describes the difference.
+fn describe_conflict(dataset: &str, pair: &Pair, stored: &Pair) -> (String, String) {
     if pair.id == stored.id {
-        let what = format!("pair \"{}\" of datasets/{dataset}", pair.id);
-        return (what, "with another hologram, photograph, exposure or split".to_owned());
+        let resource = format!("pair \"{}\" of datasets/{dataset}", pair.id);
+        return (resource, "with another hologram, photograph, exposure or split".to_owned());
     }
-    let what = match pair.phase == stored.phase {
+    let resource = match pair.phase == stored.phase {
         true => format!("hologram {} of datasets/{dataset}", pair.phase),
         false => format!("photograph {} of datasets/{dataset}", pair.photo),
     };
-    (what, format!("in pair \"{}\"", stored.id))
+    (resource, format!("in pair \"{}\"", stored.id))
 }
 
-/// The dataset with its pairs, and all findings.
+/// The dataset with its pairs and all its findings.
 pub(super) async fn with_pairs(sql: &mut SqliteConnection, id: &str) -> Result<Dataset, StoreError> {
     let mut dataset = find(&mut *sql, id).await?;
     let rows = sqlx::query("select * from pair where dataset = ? order by id").bind(id).fetch_all(sql).await?;

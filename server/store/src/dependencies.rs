@@ -1,7 +1,7 @@
 //! Jobs that wait for other jobs.
 
 use super::changes::Change;
-use super::events::happened;
+use super::events::append_event;
 use super::job_rows::job_of;
 use super::rows::to_json;
 use super::write::Write;
@@ -10,8 +10,8 @@ use lightpath_domain::job::{FailureReason, Job, JobError, JobState};
 use sqlx::Row;
 use std::collections::VecDeque;
 
-/// Stores the jobs that a new job waits for.
-pub(super) async fn wait_for(write: &mut Write, job: &str, after: &[String]) -> Result<(), StoreError> {
+/// Stores the dependencies of a new job: it waits for the jobs in `after`.
+pub(super) async fn store_dependencies(write: &mut Write, job: &str, after: &[String]) -> Result<(), StoreError> {
     for other in after {
         let sql = "insert into job_dependency values (?, ?) on conflict do nothing";
         sqlx::query(sql).bind(job).bind(other).execute(write.sql()).await?;
@@ -24,13 +24,13 @@ pub(super) async fn wait_for(write: &mut Write, job: &str, after: &[String]) -> 
 /// # Errors
 ///
 /// [`StoreError::NotFound`]; [`StoreError::Precondition`] if one of the jobs has failed or was cancelled.
-pub(super) async fn open_ones(write: &mut Write, after: &[String]) -> Result<i64, StoreError> {
-    let mut open = 0;
+pub(super) async fn count_unfinished(write: &mut Write, after: &[String]) -> Result<i64, StoreError> {
+    let mut unfinished = 0;
     for id in after {
         let row = sqlx::query("select state from job where id = ?").bind(id).fetch_optional(write.sql()).await?;
         let row = row.ok_or_else(|| StoreError::not_found(format!("jobs/{id}")))?;
         match super::rows::from_word("job.state", row.try_get("state")?)? {
-            JobState::Queued | JobState::Running => open += 1,
+            JobState::Queued | JobState::Running => unfinished += 1,
             JobState::Succeeded => {}
             state @ (JobState::Failed | JobState::Cancelled) => {
                 let message = format!("jobs/{id} must succeed first, but is {}; retry it first", state.as_str());
@@ -38,11 +38,11 @@ pub(super) async fn open_ones(write: &mut Write, after: &[String]) -> Result<i64
             }
         }
     }
-    Ok(open)
+    Ok(unfinished)
 }
 
 /// Releases the jobs that waited only for `job`, which has succeeded.
-pub(super) async fn succeeded(write: &mut Write, job: &Job) -> Result<(), StoreError> {
+pub(super) async fn release_waiting_jobs(write: &mut Write, job: &Job) -> Result<(), StoreError> {
     let sql = "update job set waiting_for = waiting_for - 1, revision = revision + 1 \
                where id in (select job from job_dependency where after = ?) and state = 'queued' returning id";
     let waiting: Vec<String> = sqlx::query_scalar(sql).bind(&job.id).fetch_all(write.sql()).await?;
@@ -54,10 +54,10 @@ pub(super) async fn succeeded(write: &mut Write, job: &Job) -> Result<(), StoreE
 }
 
 /// Fails the jobs that waited for `job`, directly or through other jobs, because `job` failed or was cancelled.
-pub(super) async fn failed(write: &mut Write, job: &Job, now_ms: i64) -> Result<(), StoreError> {
+pub(super) async fn fail_waiting_jobs(write: &mut Write, job: &Job, now_ms: i64) -> Result<(), StoreError> {
     let mut ended = VecDeque::from([(job.id.clone(), job.state)]);
     while let Some((id, state)) = ended.pop_front() {
-        let message = format!("jobs/{id}, which this job was to come after, is {}", state.as_str());
+        let message = format!("jobs/{id}, which this job waited for, is {}", state.as_str());
         let error = JobError { reason: FailureReason::DependencyFailed, message: message.clone(), retryable: false };
         let sql = "update job set state = 'failed', error = ?2, finish_time_ms = ?3, checkpoint = null, \
                    revision = revision + 1 \
@@ -66,7 +66,7 @@ pub(super) async fn failed(write: &mut Write, job: &Job, now_ms: i64) -> Result<
             sqlx::query(sql).bind(&id).bind(to_json("job.error", &error)?).bind(now_ms).fetch_all(write.sql()).await?;
         for row in rows {
             let waiting = job_of(&row)?;
-            happened(write, &waiting, now_ms, format!("failed: DEPENDENCY_FAILED: {message}")).await?;
+            append_event(write, &waiting, now_ms, format!("failed: DEPENDENCY_FAILED: {message}")).await?;
             ended.push_back((waiting.id, waiting.state));
         }
     }

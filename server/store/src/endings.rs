@@ -1,11 +1,11 @@
 //! Ends of attempts: with a result, an error, a cancellation, a drain, or the death of the worker.
 
 use super::changes::Change;
-use super::events::happened;
+use super::events::append_event;
 use super::job_rows::job_of;
 use super::kernels::append_version;
-use super::leases::{fenced, held, read, under_lease};
-use super::prepared::prepare;
+use super::leases::{bind_lease, fenced, job_or_lease_lost, read};
+use super::prepared::store_prepared;
 use super::rows::to_json;
 use super::write::Write;
 use super::{Store, StoreError, dependencies};
@@ -19,7 +19,8 @@ const EXPIRED_MAX: i64 = 1000;
 
 /// End of an attempt without a result.
 enum Ending {
-    /// An interrupted job keeps its `run_time_ms`, so it runs before jobs that became due after it.
+    /// The job returns to the queue. An interrupted job keeps its `run_time_ms`, so it runs before jobs that became due
+    /// after it.
     Requeued {
         run_time_ms: i64,
         failures: i64,
@@ -41,14 +42,14 @@ enum Cause {
 
 impl Store {
     /// Ends the job with its result and applies its effect in the same transaction. Learned kernels become new versions
-    /// of their kernels, and the result contains the names of these versions. Of a finalized dataset, the result
-    /// contains the digest.
+    /// of their kernels, and the result contains the names of these versions. If the job finalized a dataset, the result
+    /// contains the dataset's digest.
     ///
     /// # Errors
     ///
     /// [`StoreError::LeaseLost`]; [`StoreError::NotFound`] if an artifact of the effect is not recorded;
     /// [`StoreError::Aborted`] if the dataset changed after the job read it; [`StoreError::Precondition`] if the dataset
-    /// was finalized in the meantime, or if it would have no training or no test pair.
+    /// was finalized in the meantime, or if its split has no training pair or no test pair.
     pub async fn finish(
         &self,
         lease: &Lease,
@@ -160,8 +161,8 @@ impl Store {
     }
 
     /// Takes every running job from its worker. Only for the start of the one process that works on this database: the
-    /// workers that held the leases are dead. Such an end counts as an attempt until the job saves progress. So a job
-    /// that kills its server fails when its attempts are spent, and other jobs can run again.
+    /// workers that held the leases are dead. Each death of the server counts as an attempt of the job until the job saves
+    /// a checkpoint. So a job that kills its server fails when its attempts are spent, and other jobs can run again.
     ///
     /// # Errors
     ///
@@ -188,7 +189,7 @@ async fn finish(
             }
         }
         JobEffect::Dataset(prepared) => {
-            let dataset = prepare(write, *prepared, now_ms).await?;
+            let dataset = store_prepared(write, *prepared, now_ms).await?;
             if let JobResult::Prepare(result) = &mut result {
                 result.dataset_digest = dataset.digest;
             }
@@ -198,14 +199,14 @@ async fn finish(
         "state = 'succeeded', lease_id = null, lease_until_ms = null, worker = null, finish_time_ms = ?4, \
          error = null, checkpoint = null, result = ?5"
     );
-    let query = under_lease(sql, lease, now_ms).bind(to_json("job.result", &result)?);
-    let job = held(query.fetch_optional(write.sql()).await?)?;
-    happened(write, &job, now_ms, "succeeded").await?;
-    dependencies::succeeded(write, &job).await?;
+    let query = bind_lease(sql, lease, now_ms).bind(to_json("job.result", &result)?);
+    let job = job_or_lease_lost(query.fetch_optional(write.sql()).await?)?;
+    append_event(write, &job, now_ms, "succeeded").await?;
+    dependencies::release_waiting_jobs(write, &job).await?;
     Ok(job)
 }
 
-/// Names of the new versions.
+/// Appends the learned versions to their kernels and returns the names of these versions.
 async fn append_versions(
     write: &mut Write,
     learned: Vec<(KernelKey, NewKernelVersion)>,
@@ -223,7 +224,7 @@ async fn expire(write: &mut Write, now_ms: i64) -> Result<Vec<Job>, StoreError> 
     let mut jobs = Vec::new();
     for row in running(write, now_ms).await? {
         let job = job_of(&row)?;
-        let message = format!("{} was not heard of for too long", row.try_get::<String, _>("worker")?);
+        let message = format!("{} sent no heartbeat before its lease expired", row.try_get::<String, _>("worker")?);
         let error = JobError { reason: FailureReason::LeaseExpired, message, retryable: true };
         let ending = after_failure(&job, row.try_get("failures")?, row.try_get("crashes")?, error, Some(now_ms));
         jobs.push(end(write, &job.id, ending, now_ms).await?);
@@ -240,7 +241,9 @@ async fn recover_orphans(write: &mut Write, now_ms: i64) -> Result<Vec<Job>, Sto
             (true, _) => Ending::Cancelled,
             (false, false) => Ending::Requeued { run_time_ms: job.run_time_ms, failures, cause: Cause::ServerDied },
             (false, true) => {
-                let message = format!("the server died {crashes} times while it ran this job, which had not got ahead");
+                let message = format!(
+                    "the server died {crashes} times while it ran this job, which saved no checkpoint in between"
+                );
                 let error = JobError { reason: FailureReason::ServerDied, message, retryable: false };
                 Ending::Failed { failures, error }
             }
@@ -257,7 +260,7 @@ async fn running(write: &mut Write, until_ms: i64) -> Result<Vec<SqliteRow>, Sto
     Ok(sqlx::query(sql).bind(until_ms).bind(EXPIRED_MAX).fetch_all(write.sql()).await?)
 }
 
-/// How a failed attempt ends: requeued, failed or cancelled.
+/// Chooses the end of a failed attempt: requeued, failed or cancelled.
 fn after_failure(job: &Job, failures: i64, crashes: i64, mut error: JobError, retry_at_ms: Option<i64>) -> Ending {
     let failures = failures + 1;
     if job.cancel_requested {
@@ -311,9 +314,9 @@ async fn end(write: &mut Write, id: &str, ending: Ending, now_ms: i64) -> Result
         .fetch_one(write.sql())
         .await?;
     let job = job_of(&row)?;
-    happened(write, &job, now_ms, message).await?;
+    append_event(write, &job, now_ms, message).await?;
     match job.state.has_ended() {
-        true => dependencies::failed(write, &job, now_ms).await?,
+        true => dependencies::fail_waiting_jobs(write, &job, now_ms).await?,
         false => write.announce(Change::Claimable),
     }
     Ok(job)

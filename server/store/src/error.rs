@@ -40,16 +40,16 @@ lightpath_domain::reasons! {
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
     /// The named resource does not exist.
-    #[error("{what} does not exist")]
+    #[error("{resource} does not exist")]
     NotFound {
         /// Name of the resource, for example `displays/lab-2`.
-        what: String,
+        resource: String,
     },
     /// A resource with this name and other content exists.
-    #[error("{what} already exists {detail}")]
+    #[error("{resource} already exists {detail}")]
     AlreadyExists {
         /// Name of the resource, for example `displays/lab-2`.
-        what: String,
+        resource: String,
         /// The difference, for example `with other properties`.
         detail: String,
     },
@@ -79,14 +79,14 @@ pub enum StoreError {
         limit: u32,
     },
     /// The owner has reached the limit on waiting jobs.
-    #[error("{limit} of your jobs wait already, which is as many as may; submit again when some have run")]
+    #[error("{limit} of your jobs wait already, which is the limit of each owner; submit again when some have run")]
     OwnerQueueFull {
         /// Limit on the waiting jobs of one owner.
         limit: u32,
     },
     /// The owner has reached the limit on stored bytes.
     #[error(
-        "you have {} of {} MiB stored, with what your jobs made; more is possible when some of that has been removed",
+        "you and your jobs have stored {} MiB, and the limit is {} MiB; retry when some of it has been removed",
         stored_bytes >> 20,
         stored_bytes_max >> 20
     )]
@@ -100,7 +100,7 @@ pub enum StoreError {
     #[error("no space is left on the disk of the database")]
     DiskFull,
     /// The database is too busy to answer in time.
-    #[error("the database had no time for this; too much is asked of it")]
+    #[error("the database is too busy to answer in time; retry later")]
     Busy,
     /// The write did not happen because the process is stopping.
     #[error("the server is stopping")]
@@ -114,7 +114,7 @@ pub enum StoreError {
         required: &'static str,
     },
     /// A stored text cannot be parsed.
-    #[error("{column} of a row cannot be read")]
+    #[error("the stored value of {column} cannot be parsed")]
     Corrupt {
         /// Name of the column.
         column: &'static str,
@@ -129,7 +129,7 @@ pub enum StoreError {
     },
     /// The database still has the tables of an older version: the server of this version has not been started on it
     /// yet.
-    #[error("the database is of an older version; start the server of this version first")]
+    #[error("the database has the tables of an older version; start the server of this version once to migrate them")]
     OlderDatabase,
     /// A migration of the tables failed.
     #[error("the database cannot be migrated")]
@@ -140,12 +140,12 @@ pub enum StoreError {
 }
 
 impl StoreError {
-    pub(super) fn not_found(what: impl Into<String>) -> Self {
-        Self::NotFound { what: what.into() }
+    pub(super) fn not_found(resource: impl Into<String>) -> Self {
+        Self::NotFound { resource: resource.into() }
     }
 
-    pub(super) fn exists(what: impl Into<String>, detail: impl Into<String>) -> Self {
-        Self::AlreadyExists { what: what.into(), detail: detail.into() }
+    pub(super) fn exists(resource: impl Into<String>, detail: impl Into<String>) -> Self {
+        Self::AlreadyExists { resource: resource.into(), detail: detail.into() }
     }
 
     pub(super) fn precondition(reason: PreconditionReason, message: impl Into<String>) -> Self {

@@ -34,7 +34,7 @@ impl Store {
 }
 
 /// Appends an event in the transaction that caused it, and announces the change of the job.
-pub(super) async fn happened(
+pub(super) async fn append_event(
     write: &mut Write,
     job: &Job,
     now_ms: i64,

@@ -40,8 +40,8 @@ pub struct StoredBlob {
 /// A row that refers to an artifact that is not recorded.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DanglingReference {
-    /// Name of the row, for example `jobs/0193…`.
-    pub by: String,
+    /// Name of the row that refers to the artifact, for example `jobs/0193…`.
+    pub row: String,
     /// Digest of the artifact.
     pub digest: String,
 }
@@ -52,7 +52,7 @@ impl Store {
     /// # Errors
     ///
     /// The errors of [`Self::open`]; [`StoreError::OlderDatabase`].
-    pub async fn open_beside(path: &Path) -> Result<Self, StoreError> {
+    pub async fn open_shared(path: &Path) -> Result<Self, StoreError> {
         if path.exists() {
             let mut inspection = Inspection::open(path).await?;
             let steps = inspection.steps().await?.len();
@@ -122,7 +122,7 @@ impl Inspection {
         damages.retain(|damage| damage != "ok");
         for row in sqlx::query("pragma foreign_key_check").fetch_all(&mut self.connection).await? {
             let (table, parent): (String, String) = (row.try_get("table")?, row.try_get("parent")?);
-            damages.push(format!("a row of {table} refers to a row of {parent} that is not there"));
+            damages.push(format!("a row of {table} refers to a row of {parent} that does not exist"));
         }
         Ok(damages)
     }
@@ -139,7 +139,7 @@ impl Inspection {
         rows.iter()
             .map(|row| {
                 let (id, ends): (String, i64) = (row.try_get("id")?, row.try_get("ends")?);
-                Ok(format!("jobs/{id} has succeeded {ends} times by its events, which its state contradicts"))
+                Ok(format!("by its events, jobs/{id} has succeeded {ends} times, but its state contradicts this"))
             })
             .collect()
     }
@@ -231,7 +231,7 @@ impl Inspection {
         )
         .fetch_all(&mut self.connection)
         .await?;
-        Ok(rows.into_iter().map(|(by, digest)| DanglingReference { by, digest }).collect())
+        Ok(rows.into_iter().map(|(row, digest)| DanglingReference { row, digest }).collect())
     }
 
     /// Removes the checkpoints of these jobs from a snapshot that no server uses. The jobs will start from the
@@ -246,7 +246,7 @@ impl Inspection {
             let forget = sqlx::query("update job set checkpoint = null where id = ?").bind(job);
             forget.execute(&mut connection).await?;
         }
-        // This mode leaves a single file without a log beside it.
+        // In this mode the database is a single file without a separate log.
         sqlx::query("pragma journal_mode = delete").execute(&mut connection).await?;
         connection.close().await?;
         Ok(())

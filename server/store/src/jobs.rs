@@ -1,7 +1,7 @@
 //! Submitting, reading and counting jobs.
 
 use super::changes::Change;
-use super::events::happened;
+use super::events::append_event;
 use super::job_rows::job_of;
 use super::rows::{from_word, to_json, to_word};
 use super::write::Write;
@@ -171,13 +171,13 @@ async fn submit(
     limits: QueueLimits,
 ) -> Result<(Job, Submitted), StoreError> {
     let spec = to_json("job.spec", &new.spec)?;
-    if let Some(job) = existing(write.sql(), &new, &spec).await? {
+    if let Some(job) = find_existing(write.sql(), &new, &spec).await? {
         return Ok((job, Submitted::Existing));
     }
-    require(write.sql(), &new).await?;
-    require_turn(write.sql(), &new, limits).await?;
+    require_records(write.sql(), &new).await?;
+    require_queue_room(write.sql(), &new, limits).await?;
     let Scheduling { owner, batch, unique_key, not_before_ms, timeout_ms, after } = &new.scheduling;
-    let waiting_for = dependencies::open_ones(write, after).await?;
+    let waiting_for = dependencies::count_unfinished(write, after).await?;
     let row = sqlx::query(
         "insert into job (id, request_id, display, dataset, spec, state, priority, attempts_max, create_time_ms, \
          run_time_ms, owner, batch, unique_key, not_before_ms, timeout_ms, after, waiting_for) \
@@ -202,15 +202,15 @@ async fn submit(
     .fetch_one(write.sql())
     .await?;
     let job = job_of(&row)?;
-    dependencies::wait_for(write, &job.id, after).await?;
+    dependencies::store_dependencies(write, &job.id, after).await?;
     require_artifacts(write.sql(), &job.id).await?;
-    happened(write, &job, now_ms, "queued").await?;
+    append_event(write, &job, now_ms, "queued").await?;
     write.announce(Change::Claimable);
     Ok((job, Submitted::New))
 }
 
 /// The job that an earlier submit of the same request created.
-async fn existing(sql: &mut SqliteConnection, new: &NewJob, spec: &str) -> Result<Option<Job>, StoreError> {
+async fn find_existing(sql: &mut SqliteConnection, new: &NewJob, spec: &str) -> Result<Option<Job>, StoreError> {
     let row = sqlx::query("select * from job where request_id = ?").bind(&new.request_id).fetch_optional(sql).await?;
     let Some(row) = row else { return Ok(None) };
     let job = job_of(&row)?;
@@ -228,7 +228,7 @@ async fn existing(sql: &mut SqliteConnection, new: &NewJob, spec: &str) -> Resul
 }
 
 /// Checks that the queue has room for a job of this owner and that no waiting or running job has its unique key.
-async fn require_turn(sql: &mut SqliteConnection, new: &NewJob, limits: QueueLimits) -> Result<(), StoreError> {
+async fn require_queue_room(sql: &mut SqliteConnection, new: &NewJob, limits: QueueLimits) -> Result<(), StoreError> {
     let (queued, owned): (i64, i64) = sqlx::query_as(
         "select coalesce(sum(jobs), 0), coalesce(sum(jobs) filter (where owner = ?), 0) \
          from job_count where state = 'queued'",
@@ -246,7 +246,7 @@ async fn require_turn(sql: &mut SqliteConnection, new: &NewJob, limits: QueueLim
     let Some(key) = &new.scheduling.unique_key else { return Ok(()) };
     match active_with_key(sql, key).await? {
         Some(id) => {
-            Err(StoreError::exists(format!("unique_key \"{key}\""), format!("at jobs/{id}, which has not ended")))
+            Err(StoreError::exists(format!("unique_key \"{key}\""), format!("in jobs/{id}, which has not ended")))
         }
         None => Ok(()),
     }
@@ -258,8 +258,8 @@ pub(super) async fn active_with_key(sql: &mut SqliteConnection, key: &str) -> Re
     Ok(query.bind(key).fetch_optional(sql).await?)
 }
 
-/// Checks that the records exist to which the job refers.
-async fn require(sql: &mut SqliteConnection, new: &NewJob) -> Result<(), StoreError> {
+/// Checks that the display and the dataset of the job exist.
+async fn require_records(sql: &mut SqliteConnection, new: &NewJob) -> Result<(), StoreError> {
     let (has_display, has_dataset): (bool, bool) = sqlx::query_as(
         "select exists (select 1 from display where id = ?1), \
          ?2 is null or exists (select 1 from dataset where id = ?2)",
@@ -277,7 +277,7 @@ async fn require(sql: &mut SqliteConnection, new: &NewJob) -> Result<(), StoreEr
     Ok(())
 }
 
-/// Checks that the artifacts still exist which the new job reads: unused artifacts are removed after a while.
+/// Checks that the artifacts that the new job reads still exist: unused artifacts are removed after a while.
 async fn require_artifacts(sql: &mut SqliteConnection, id: &str) -> Result<(), StoreError> {
     let missing: Option<String> = sqlx::query_scalar(
         "select artifact from job_artifact where job = ? \

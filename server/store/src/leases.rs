@@ -1,10 +1,10 @@
-//! The queue as a worker uses it: claims, and writes that need a lease.
+//! Operations of workers on the queue: claims, and writes that need a lease.
 //!
 //! Every write names the job, the attempt and the lease, and takes effect only while the lease is valid. A worker that
 //! lost its job changes nothing, even if it notices late.
 
 use super::changes::Change;
-use super::events::happened;
+use super::events::append_event;
 use super::job_rows::job_of;
 use super::rows::to_json;
 use super::write::Write;
@@ -97,8 +97,8 @@ impl Store {
                 // A heartbeat does not count as a change, so the revision stays the same.
                 let sql = "update job set lease_until_ms = max(lease_until_ms, ?5) where id = ?1 and state = 'running' and attempt = ?2 \
                            and lease_id = ?3 and lease_until_ms > ?4 returning *";
-                let row = under_lease(sql, &lease, now_ms).bind(now_ms + lease_ms).fetch_optional(write.sql()).await?;
-                let job = held(row)?;
+                let row = bind_lease(sql, &lease, now_ms).bind(now_ms + lease_ms).fetch_optional(write.sql()).await?;
+                let job = job_or_lease_lost(row)?;
                 Ok(Heartbeat { until_ms: now_ms + lease_ms, cancel_requested: job.cancel_requested })
             })
         })
@@ -130,8 +130,8 @@ impl Store {
         let (lease, progress) = (lease.clone(), to_json("job.progress", progress)?);
         self.write(move |write| {
             Box::pin(async move {
-                let query = under_lease(fenced!("progress = ?5"), &lease, now_ms).bind(progress);
-                held(query.fetch_optional(write.sql()).await?)?;
+                let query = bind_lease(fenced!("progress = ?5"), &lease, now_ms).bind(progress);
+                job_or_lease_lost(query.fetch_optional(write.sql()).await?)?;
                 write.announce(Change::Job(lease.job));
                 Ok(())
             })
@@ -151,8 +151,8 @@ impl Store {
             Box::pin(async move {
                 let before = read(write, &lease, now_ms).await?.0.checkpoint;
                 let query =
-                    under_lease(fenced!("checkpoint = ?5, failures = 0, crashes = 0"), &lease, now_ms).bind(&digest);
-                held(query.fetch_optional(write.sql()).await?)?;
+                    bind_lease(fenced!("checkpoint = ?5, failures = 0, crashes = 0"), &lease, now_ms).bind(&digest);
+                job_or_lease_lost(query.fetch_optional(write.sql()).await?)?;
                 write.announce(Change::Job(lease.job));
                 Ok(before.filter(|before| *before != digest))
             })
@@ -198,20 +198,21 @@ async fn claim(
     .await?;
     let Some(row) = row else { return Ok(None) };
     let job = job_of(&row)?;
-    happened(write, &job, now_ms, format!("attempt {} started by {worker}", job.attempt)).await?;
+    append_event(write, &job, now_ms, format!("attempt {} started by {worker}", job.attempt)).await?;
     let lease = Lease { job: job.id.clone(), attempt: job.attempt, lease_id, until_ms: now_ms + lease_ms };
     Ok(Some((job, lease)))
 }
 
-/// The job of a valid lease, with the numbers of its failed attempts and of the server's deaths while it ran.
+/// The job of a valid lease, the number of its failed attempts, and the number of deaths of the server while it ran.
 pub(super) async fn read(write: &mut Write, lease: &Lease, now_ms: i64) -> Result<(Job, i64, i64), StoreError> {
     let sql = "select * from job where id = ?1 and state = 'running' and attempt = ?2 and lease_id = ?3 \
                and lease_until_ms > ?4";
-    let row = under_lease(sql, lease, now_ms).fetch_optional(write.sql()).await?.ok_or(StoreError::LeaseLost)?;
+    let row = bind_lease(sql, lease, now_ms).fetch_optional(write.sql()).await?.ok_or(StoreError::LeaseLost)?;
     Ok((job_of(&row)?, row.try_get("failures")?, row.try_get("crashes")?))
 }
 
-pub(super) fn under_lease<'q>(
+/// A query with the lease and the time bound to its first four parameters, in the order of `fenced`.
+pub(super) fn bind_lease<'q>(
     sql: &'static str,
     lease: &Lease,
     now_ms: i64,
@@ -219,6 +220,7 @@ pub(super) fn under_lease<'q>(
     sqlx::query(sql).bind(lease.job.clone()).bind(lease.attempt).bind(lease.lease_id.clone()).bind(now_ms)
 }
 
-pub(super) fn held(row: Option<SqliteRow>) -> Result<Job, StoreError> {
+/// The job in the row that an update under a lease returned. Without a row, the lease was not valid.
+pub(super) fn job_or_lease_lost(row: Option<SqliteRow>) -> Result<Job, StoreError> {
     job_of(&row.ok_or(StoreError::LeaseLost)?)
 }

@@ -4,9 +4,9 @@
 //!
 //! # Durability and consistency
 //!
-//! - One connection writes, in short transactions that begin `immediate`: a transaction that reads first and writes
-//!   later   would fail with BUSY however long it waits. A small pool of read-only connections does all reads.
-//!   Write-ahead logging   lets them read while the writer writes.
+//! - One connection writes, in short transactions that begin `immediate`. Without `immediate`, a transaction that reads
+//!   first and writes later could fail with BUSY, however long it waits. A small pool of read-only connections does all
+//!   reads. Write-ahead logging lets them read while the writer writes.
 //! - A write runs in a task of its own, so a caller that drops the future (a cancelled gRPC call) cannot leave it half
 //!   done.
 //! - The changes of a transaction are announced after its commit, see [`Store::subscribe_job_changes`] and the similar
@@ -58,12 +58,11 @@ pub use inspect::{Counts, DanglingReference, Inspection, StoredBlob};
 pub use jobs::{JobFilter, QueueCounts, QueueLimits, Submitted};
 pub use leases::{ClaimLimits, Heartbeat};
 pub use open::Store;
-pub use queue::{BatchProgress, Pause, Turn};
+pub use queue::{BatchProgress, OwnerQueue, Pause};
 pub use tokens::TokenRecord;
 pub use totals::QueueDepth;
 
-/// Limit on the rows that one call returns, whatever limit it asks for: a page of the largest records fits into a
-/// message.
+/// Limit on the rows that one call returns, for any requested limit: a page of the largest records fits into a message.
 pub const LIMIT_MAX: u32 = 1001;
 
 /// Limits the number of rows of one call to [`LIMIT_MAX`], as an integer for SQLite.

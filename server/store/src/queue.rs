@@ -15,9 +15,9 @@ pub struct Pause {
     pub reason: String,
 }
 
-/// Number of jobs that an owner has in the queue.
+/// Numbers of waiting and running jobs of one owner.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Turn {
+pub struct OwnerQueue {
     /// Name of the owner; empty: jobs without an owner.
     pub owner: String,
     /// Jobs that wait.
@@ -77,12 +77,13 @@ impl Store {
         let display = display.unwrap_or_default().to_owned();
         self.write(move |write| {
             Box::pin(async move {
-                let gone = sqlx::query("delete from pause where display = ?").bind(&display).execute(write.sql());
-                if gone.await?.rows_affected() == 0 {
-                    let what = if display.is_empty() { "the queue".to_owned() } else { format!("displays/{display}") };
+                let deleted = sqlx::query("delete from pause where display = ?").bind(&display).execute(write.sql());
+                if deleted.await?.rows_affected() == 0 {
+                    let target =
+                        if display.is_empty() { "the queue".to_owned() } else { format!("displays/{display}") };
                     return Err(StoreError::precondition(
                         PreconditionReason::NotPaused,
-                        format!("{what} is not paused"),
+                        format!("{target} is not paused"),
                     ));
                 }
                 write.announce(Change::Claimable);
@@ -116,19 +117,19 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn turns(&self) -> Result<Vec<Turn>, StoreError> {
+    pub async fn owner_queues(&self) -> Result<Vec<OwnerQueue>, StoreError> {
         let rows: Vec<(String, i64, i64)> = sqlx::query_as(
             "select owner, sum(iif(state = 'queued', jobs, 0)), sum(iif(state = 'running', jobs, 0)) from job_count \
              where state in ('queued', 'running') group by owner having sum(jobs) > 0 order by owner",
         )
         .fetch_all(self.readers())
         .await?;
-        let turn = |(owner, queued, running): (String, i64, i64)| Turn {
+        let to_queue = |(owner, queued, running): (String, i64, i64)| OwnerQueue {
             owner,
             queued: queued.unsigned_abs(),
             running: running.unsigned_abs(),
         };
-        Ok(rows.into_iter().map(turn).collect())
+        Ok(rows.into_iter().map(to_queue).collect())
     }
 
     /// Progress of the jobs of a batch.

@@ -56,7 +56,8 @@ impl Store {
                 .bind(expire_time_ms)
                 .fetch_optional(write.sql())
                 .await?;
-                let taken = || StoreError::exists(format!("token \"{}\"", caller.name), "; choose another name");
+                let taken =
+                    || StoreError::exists(format!("token \"{}\"", caller.name), "or was revoked; choose another name");
                 token_of(&row.ok_or_else(taken)?)
             })
         })

@@ -53,17 +53,17 @@ impl Write {
 }
 
 impl Store {
-    /// Waits for the running write to end, and writes nothing itself.
+    /// Waits until this call could write, and writes nothing. Earlier writes have ended then.
     ///
     /// # Errors
     ///
     /// [`StoreError::Database`] if another process holds the database for too long.
-    pub async fn take_turn(&self) -> Result<(), StoreError> {
+    pub async fn wait_for_writer(&self) -> Result<(), StoreError> {
         self.write(|_| Box::pin(async { Ok(()) })).await
     }
 
-    /// Runs `work` in a transaction and a task of its own. It is done wholly or not at all, even if the caller drops
-    /// the future.
+    /// Runs `work` in a write transaction, in a task of its own. The transaction happens completely or not at all, even
+    /// if the caller drops the future.
     pub(super) async fn write<T, W>(&self, work: W) -> Result<T, StoreError>
     where
         T: Send + 'static,

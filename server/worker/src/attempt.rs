@@ -34,18 +34,24 @@ impl Worker {
         tracing::info!(job = job.id, attempt = lease.attempt, "attempt started");
         let stop = Arc::new(StopFlag::default());
         let (progress, reports) = watch::channel(None);
-        // The tasks are aborted when this set is dropped at the end of the attempt.
-        let mut attendants = JoinSet::new();
+        // The helper tasks are aborted when this set is dropped at the end of the attempt.
+        let mut helpers = JoinSet::new();
         // Subscribe first: the first heartbeat sees an earlier cancellation, and this channel receives a later one.
         let cancels = self.store.subscribe_cancels();
-        attendants.spawn(listen(cancels, lease.job.clone(), drain.clone(), Arc::clone(&stop)));
+        helpers.spawn(watch_for_stop(cancels, lease.job.clone(), drain.clone(), Arc::clone(&stop)));
         let (store, clock) = (self.store.clone(), self.clock.clone());
-        attendants.spawn(beat(store.clone(), clock.clone(), lease.clone(), self.config.lease, Arc::clone(&stop)));
-        attendants.spawn(tell(store, clock, lease.clone(), reports.clone()));
+        helpers.spawn(send_heartbeats(
+            store.clone(),
+            clock.clone(),
+            lease.clone(),
+            self.config.lease,
+            Arc::clone(&stop),
+        ));
+        helpers.spawn(store_progress(store, clock, lease.clone(), reports.clone()));
         let timeout = self.config.timeouts.of(&job);
         if let Some(timeout) = timeout {
             let stop = Arc::clone(&stop);
-            attendants.spawn(async move {
+            helpers.spawn(async move {
                 sleep(timeout).await;
                 stop.raise(StopReason::Timeout);
             });
@@ -69,7 +75,11 @@ impl Worker {
         let last_report = reports.borrow().clone();
         if let Err(error) = self.end(&lease, outcome, stop.reason(), last_report).await {
             // The lease will expire, and the job then returns to the queue.
-            tracing::error!(job = lease.job, error = &error as &dyn std::error::Error, "the attempt could not end");
+            tracing::error!(
+                job = lease.job,
+                error = &error as &dyn std::error::Error,
+                "the end of the attempt could not be stored"
+            );
         }
     }
 
@@ -96,7 +106,7 @@ impl Worker {
                 self.store.release(lease, self.clock.now_ms()).await?
             }
             (Err(TaskError::Stopped), Some(StopReason::Timeout)) => {
-                let message = "the attempt took longer than it may; raise the job's timeout".to_owned();
+                let message = "the attempt exceeded its time limit; raise the job's timeout".to_owned();
                 let error = JobError { reason: FailureReason::Timeout, message, retryable: false };
                 self.store.fail(lease, error, None, self.clock.now_ms()).await?
             }
@@ -135,21 +145,25 @@ impl Worker {
 }
 
 impl Worker {
-    /// Ends the job with its result; with an error where the result came too late to have its effect.
+    /// Ends the job with its result, or with an error if the store refuses the changes that belong to the result.
     async fn finish(&self, lease: &Lease, output: TaskOutput) -> Result<Job, StoreError> {
         let now_ms = self.clock.now_ms();
         let error = match self.store.finish(lease, output.result, output.effect, now_ms).await {
             Err(error @ (StoreError::Aborted { .. } | StoreError::Precondition { .. })) => error,
             finished => return finished,
         };
-        tracing::warn!(job = lease.job, error = &error as &dyn std::error::Error, "the job's result came too late");
-        let error = JobError { reason: too_late(&error), message: error.to_string(), retryable: false };
+        tracing::warn!(
+            job = lease.job,
+            error = &error as &dyn std::error::Error,
+            "the store refused the job's changes"
+        );
+        let error = JobError { reason: refusal(&error), message: error.to_string(), retryable: false };
         self.store.fail(lease, error, None, now_ms).await
     }
 }
 
-/// Why a result had no effect.
-fn too_late(error: &StoreError) -> FailureReason {
+/// Failure reason of a job whose changes the store refused.
+fn refusal(error: &StoreError) -> FailureReason {
     match error {
         StoreError::Aborted { reason: AbortReason::DatasetChanged, .. } => FailureReason::DatasetChanged,
         StoreError::Precondition { reason: PreconditionReason::DatasetFinalized, .. } => {
@@ -173,10 +187,12 @@ async fn compute(task: Arc<dyn Task>, job: Job, context: JobContext, pool: Arc<T
     if let Err(error) = std::thread::Builder::new().name("compute".to_owned()).spawn(run) {
         return Err(TaskError::transient(
             FailureReason::Thread,
-            format!("no compute thread could be started: {error}"),
+            format!("the compute thread could not be started: {error}"),
         ));
     }
-    outcome.await.unwrap_or_else(|_| Err(TaskError::transient(FailureReason::Thread, "the compute thread is gone")))
+    outcome.await.unwrap_or_else(|_| {
+        Err(TaskError::transient(FailureReason::Thread, "the compute thread ended without a result"))
+    })
 }
 
 /// Runs the task in the thread pool. The context moves there because only one thread at a time may use its cells.
@@ -194,7 +210,7 @@ fn panicked(panic: &(dyn Any + Send)) -> TaskError {
 }
 
 /// Extends the lease. Raises the stop flag if the lease is lost or the job must be cancelled.
-async fn beat(store: Store, clock: Clock, lease: Lease, duration: Duration, stop: Arc<StopFlag>) {
+async fn send_heartbeats(store: Store, clock: Clock, lease: Lease, duration: Duration, stop: Arc<StopFlag>) {
     let lease_ms = i64::try_from(duration.as_millis()).unwrap_or(i64::MAX / 2);
     let mut until_ms = lease.until_ms;
     let mut ticks = interval(duration / HEARTBEATS_PER_LEASE);
@@ -218,9 +234,9 @@ async fn beat(store: Store, clock: Clock, lease: Lease, duration: Duration, stop
     }
 }
 
-/// Raises the stop flag when the server drains or a user cancels the job. Heartbeats see cancellations that this
-/// misses.
-async fn listen(mut cancels: Receiver<String>, job: String, drain: CancellationToken, stop: Arc<StopFlag>) {
+/// Raises the stop flag when the server drains or a user cancels the job. If it misses a cancellation, the next
+/// heartbeat sees it.
+async fn watch_for_stop(mut cancels: Receiver<String>, job: String, drain: CancellationToken, stop: Arc<StopFlag>) {
     let mut draining = false;
     loop {
         tokio::select! {
@@ -238,7 +254,7 @@ async fn listen(mut cancels: Receiver<String>, job: String, drain: CancellationT
 }
 
 /// Stores progress reports, at most a few a second.
-async fn tell(store: Store, clock: Clock, lease: Lease, mut reports: watch::Receiver<Option<Progress>>) {
+async fn store_progress(store: Store, clock: Clock, lease: Lease, mut reports: watch::Receiver<Option<Progress>>) {
     while reports.changed().await.is_ok() {
         let report = reports.borrow_and_update().clone();
         if let Some(progress) = report

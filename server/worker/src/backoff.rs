@@ -64,7 +64,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pauses_double_up_to_the_longest() {
+    fn pauses_double_until_the_longest_pause() {
         let backoff = Backoff { max: Duration::from_secs(60), ..Backoff::default() };
         for (attempt, full_s) in [(1, 2.0), (2, 4.0), (3, 8.0), (6, 60.0), (1000, 60.0)] {
             for _ in 0..20 {
@@ -72,7 +72,10 @@ mod tests {
                 assert!((full_s / 2.0..=full_s).contains(&delay_s), "attempt {attempt}: {delay_s} s");
             }
         }
-        assert!(backoff.delay(FailureReason::DiskFull, 1) >= Duration::from_millis(7500), "somebody has to make room");
+        assert!(
+            backoff.delay(FailureReason::DiskFull, 1) >= Duration::from_millis(7500),
+            "an operator has to make room"
+        );
         assert!(backoff.delay(FailureReason::Panic, 1) >= Duration::from_secs(5));
     }
 }

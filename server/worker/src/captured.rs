@@ -1,7 +1,7 @@
 //! Measures a kernel on photographs of new holograms. Only simulated displays can be photographed for this.
 
 use super::display_setup::{DisplaySetup, finite};
-use super::simulate::bench;
+use super::simulate::simulated_display;
 use super::{JobContext, TaskError};
 use lightpath_domain::job::Progress;
 use lightpath_domain::kernel::CapturedQuality;
@@ -32,7 +32,9 @@ pub(super) fn compare(
     region: RegionOfInterest,
 ) -> Result<Option<CapturedQuality>, TaskError> {
     let smallest = display.height_px().min(display.width_px());
-    let Some(bench) = bench(display)?.filter(|_| smallest >= TestCard::SIDE_PX_MIN) else { return Ok(None) };
+    let Some(bench) = simulated_display(display)?.filter(|_| smallest >= TestCard::SIDE_PX_MIN) else {
+        return Ok(None);
+    };
     let ideal = DisplayModel::ideal(display.setup);
     let mut step = 0;
     let mut mean = |model: &DisplayModel| -> Result<f64, TaskError> {

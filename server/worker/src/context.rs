@@ -23,11 +23,11 @@ pub struct TaskOutput {
     pub effect: JobEffect,
 }
 
-/// Why a task ended without output.
+/// Reason why a task ended without output.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum TaskError {
-    /// The task was told to stop.
-    #[error("the task was told to stop")]
+    /// The context stopped the task.
+    #[error("the task was stopped")]
     Stopped,
     /// The task failed. `retryable` in the error says whether another attempt may succeed.
     #[error("{}: {}", .0.reason, .0.message)]
@@ -168,7 +168,7 @@ impl JobContext {
     ///
     /// # Errors
     ///
-    /// [`TaskError::Failed`].
+    /// [`TaskError::Failed`] if the artifact cannot be read or does not match its digest.
     pub fn read_artifact(&self, digest: &str) -> Result<Vec<u8>, TaskError> {
         Ok(self.wait(self.artifacts.read_all(digest))?)
     }
@@ -177,7 +177,7 @@ impl JobContext {
     ///
     /// # Errors
     ///
-    /// [`TaskError::Failed`].
+    /// [`TaskError::Failed`] if the artifact cannot be written or recorded.
     pub fn put_artifact(&self, bytes: Vec<u8>) -> Result<String, TaskError> {
         let size_bytes = bytes.len() as u64;
         self.wait(async {
@@ -203,7 +203,10 @@ impl JobContext {
     fn save_in_passing(&self, state: Vec<u8>) -> Result<(), TaskError> {
         match self.save(state) {
             Err(TaskError::Failed(error)) if error.reason == FailureReason::DiskFull => {
-                tracing::warn!(job = self.lease.job, "the disk is full: no checkpoint; the job goes on");
+                tracing::warn!(
+                    job = self.lease.job,
+                    "the disk is full: the checkpoint is skipped, and the job continues"
+                );
                 self.last_checkpoint.set(Instant::now());
                 Ok(())
             }

@@ -72,7 +72,10 @@ impl DisplaySetup {
         let (model, _) = kernel_file::decode(&context.read_artifact(&version.content.artifact)?)?;
         let of = |setup: &OpticalSetup| (setup.grid(), setup.wavelength_m(), setup.distance_m());
         if of(&model.setup) != of(&self.setup) {
-            let message = format!("{}/versions/{} was learned for another setup", self.key, version.version);
+            let message = format!(
+                "{}/versions/{} was learned for another optical setup than the display has now; learn a new version",
+                self.key, version.version
+            );
             return Err(TaskError::permanent(FailureReason::KernelMismatch, message));
         }
         Ok(model)
@@ -113,14 +116,14 @@ impl DisplaySetup {
     }
 }
 
-/// A number that may be stored: JSON knows no NaN and no infinity.
-pub(super) fn finite(what: &str, value: f64) -> Result<f64, TaskError> {
+/// Checks that a number is finite: JSON has no NaN and no infinity.
+pub(super) fn finite(name: &str, value: f64) -> Result<f64, TaskError> {
     if value.is_finite() {
         return Ok(value);
     }
     Err(TaskError::permanent(
         FailureReason::Diverged,
-        format!("{what} became {value}; a smaller learning_rate may help"),
+        format!("{name} became {value}; a smaller learning_rate may help"),
     ))
 }
 

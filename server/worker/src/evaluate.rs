@@ -1,8 +1,8 @@
-//! Measuring a kernel on a dataset.
+//! Measures a kernel on a dataset.
 
 use super::display_setup::DisplaySetup;
 use super::learn::read_dataset;
-use super::losses::Judge;
+use super::losses::LossMeter;
 use super::pairs::Pairs;
 use super::{JobContext, TaskError, TaskOutput};
 use lightpath_domain::dataset::Split;
@@ -13,8 +13,8 @@ pub(super) fn run(context: &JobContext, spec: &EvaluateKernel) -> Result<TaskOut
     let (display, dataset) = read_dataset(context, &spec.dataset)?;
     let region = display.region(spec.region_of_interest)?;
     let model = display.model(context, spec.kernel_version)?;
-    let camera = learned_with(context, &display, spec.kernel_version)?;
-    let judge = Judge::new(context, &display, &model, camera, region)?;
+    let detector = detector_of(context, &display, spec.kernel_version)?;
+    let meter = LossMeter::new(context, &display, &model, detector, region)?;
     let mut pairs = Vec::new();
     for (split, stage) in [
         (Split::Train, "measure on training pairs"),
@@ -22,7 +22,7 @@ pub(super) fn run(context: &JobContext, spec: &EvaluateKernel) -> Result<TaskOut
         (Split::Test, "measure on test pairs"),
     ] {
         let source = Pairs::of(context, &display, &dataset, split)?;
-        let losses = judge.losses(&source, stage)?;
+        let losses = meter.losses(&source, stage)?;
         pairs.extend(losses.iter().enumerate().map(|(index, loss)| PairLoss {
             pair: source.name(index).to_owned(),
             split,
@@ -35,8 +35,8 @@ pub(super) fn run(context: &JobContext, spec: &EvaluateKernel) -> Result<TaskOut
     Ok(TaskOutput { result: JobResult::Evaluate(EvaluateResult { pairs, propagation }), effect: JobEffect::None })
 }
 
-/// What the camera's pixels were taken to measure when the version was learned; a pixel's mean where nothing is known.
-fn learned_with(context: &JobContext, display: &DisplaySetup, version: Option<u32>) -> Result<Detector, TaskError> {
+/// Detector with which a kernel version was learned. If it is unknown, it is the mean over the pixel.
+fn detector_of(context: &JobContext, display: &DisplaySetup, version: Option<u32>) -> Result<Detector, TaskError> {
     let Some(version) = version else { return Ok(Detector::Pixel) };
     let version = context.wait(context.store().kernel_version(&display.key, version))?;
     let parameters: Option<LearnKernel> = serde_json::from_str(&version.content.lineage.parameters_json).ok();

@@ -10,15 +10,15 @@ use lightpath_optics::hologram::{self, HologramOptions, HologramProblem, Levels}
 use lightpath_optics::{Engine, Plane, RegionOfInterest, ValidityReport};
 
 /// The pictures that the hologram of one wavelength must show.
-pub(super) struct Wanted {
+pub(super) struct HologramSetup {
     pub(super) wavelength: Wavelength,
     pub(super) display: DisplaySetup,
     pub(super) region: RegionOfInterest,
-    pub(super) planes: Vec<Shown>,
+    pub(super) planes: Vec<PlaneSetup>,
 }
 
 /// A picture and its image plane.
-pub(super) struct Shown {
+pub(super) struct PlaneSetup {
     pub(super) plane: ImagePlane,
     pub(super) engine: Engine,
     pub(super) target: Plane<f32>,
@@ -27,7 +27,7 @@ pub(super) struct Shown {
     pub(super) validity: ValidityReport,
 }
 
-impl Wanted {
+impl HologramSetup {
     /// Reads everything that the hologram of the `index`-th wavelength needs.
     pub(super) fn read(context: &JobContext, spec: &OptimizeHologram, index: usize) -> Result<Self, TaskError> {
         let (wavelength, channel) = (spec.wavelengths[index], channel_of(&spec.wavelengths, index));
@@ -44,7 +44,7 @@ impl Wanted {
             }
             None => None,
         };
-        let mut shown = Vec::new();
+        let mut planes = Vec::new();
         for (p, plane) in spec.planes.iter().cloned().enumerate() {
             let here = DisplaySetup::read_with(context, &spec.display, wavelength, plane.distance, spec.propagation)?;
             let model = here.model(context, spec.kernel_versions[index][p])?;
@@ -53,19 +53,19 @@ impl Wanted {
             let (weight, share) = weight_of(p, mask.as_ref(), depths.as_ref(), region);
             let share = share * plane.weight;
             let validity = here.validity_of(&model);
-            shown.push(Shown { plane, engine, target, weight, share, validity });
+            planes.push(PlaneSetup { plane, engine, target, weight, share, validity });
         }
-        Ok(Self { wavelength, display, region, planes: shown })
+        Ok(Self { wavelength, display, region, planes })
     }
 
     /// Builds the optimization problem. Planes of a depth map without any weight are left out.
     pub(super) fn problem(&self, spec: &OptimizeHologram) -> Result<HologramProblem, TaskError> {
-        let counting = self.planes.iter().filter(|shown| shown.share > 0.0);
-        let planes = counting.map(|shown| hologram::ImagePlane {
-            engine: shown.engine.clone(),
-            target: shown.target.clone(),
-            weight: shown.weight.clone(),
-            share: shown.share,
+        let weighted = self.planes.iter().filter(|plane| plane.share > 0.0);
+        let planes = weighted.map(|plane| hologram::ImagePlane {
+            engine: plane.engine.clone(),
+            target: plane.target.clone(),
+            weight: plane.weight.clone(),
+            share: plane.share,
         });
         Ok(HologramProblem::with_planes(planes.collect(), spec.frames as usize, self.region, spec.loss)?)
     }
@@ -88,7 +88,14 @@ impl Wanted {
     ) -> Result<Vec<f32>, TaskError> {
         let initial = spec.initial_phase.try_map_given(|files| {
             let file = files.get(index).ok_or_else(|| {
-                TaskError::permanent(FailureReason::InvalidInput, "there is no initial phase for each wavelength")
+                TaskError::permanent(
+                    FailureReason::InvalidInput,
+                    format!(
+                        "initial_phase has {} files for {} wavelengths; give one for each wavelength",
+                        files.len(),
+                        spec.wavelengths.len()
+                    ),
+                )
             })?;
             let rows = spec.frames as usize * self.display.height_px();
             let bytes = context.read_artifact(file)?;
@@ -112,9 +119,9 @@ pub(super) fn colours(wavelengths: &[Wavelength]) -> Option<[usize; 3]> {
     if wavelengths.len() != 3 {
         return None;
     }
-    let mut places = [0, 1, 2];
-    places.sort_by_key(|place| std::cmp::Reverse(wavelengths[*place]));
-    Some(places)
+    let mut indices = [0, 1, 2];
+    indices.sort_by_key(|index| std::cmp::Reverse(wavelengths[*index]));
+    Some(indices)
 }
 
 fn fitted(
@@ -169,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn three_wavelengths_show_the_colours_in_the_order_of_their_lengths() {
+    fn longest_of_three_wavelengths_shows_red_and_shortest_blue() {
         let three = wavelengths(&[515.0, 638.0, 450.0]);
         let channels: Vec<_> = (0..3).map(|i| channel_of(&three, i)).collect();
         assert_eq!(channels, [Channel::Colour(1), Channel::Colour(0), Channel::Colour(2)]);

@@ -1,9 +1,9 @@
-//! Learning a kernel from a dataset, or kernels of several distances from several.
+//! Learns a kernel from a dataset, or kernels for several distances jointly from several datasets.
 
 use super::captured;
 use super::context::Eta;
 use super::display_setup::{DisplaySetup, finite};
-use super::losses::{Judge, mean};
+use super::losses::{LossMeter, mean};
 use super::pairs::{JointPairs, Pairs};
 use super::state_bytes::{from_bytes, to_bytes};
 use super::{JobContext, TaskError, TaskOutput};
@@ -14,7 +14,7 @@ use lightpath_domain::job::{
 use lightpath_domain::kernel::{KernelLineage, KernelMetrics, LearnedDataset, NewKernelVersion};
 use lightpath_media::captures::Captures;
 use lightpath_media::kernel_file;
-use lightpath_optics::learning::{LearnOptions, LearnStage, Learner, Lessons, PairSource, unsaturated_px};
+use lightpath_optics::learning::{LearnOptions, LearnStage, Learner, LearningPairs, PairSource, unsaturated_px};
 use lightpath_optics::{DisplayModel, KernelModel, KernelShape, OpticalSetup, RegionOfInterest};
 
 pub(super) fn run(context: &JobContext, job: &Job, spec: &LearnKernel) -> Result<TaskOutput, TaskError> {
@@ -26,19 +26,20 @@ pub(super) fn run(context: &JobContext, job: &Job, spec: &LearnKernel) -> Result
     let training = JointPairs::of(context, &planes, Split::Train)?;
     check_photographs(context, &training, region)?;
     let validation = JointPairs::of(context, &planes, Split::Validation)?;
-    let learner = learn(context, spec, &planes, region, Lessons { training: &training, validation: &validation })?;
+    let learner =
+        learn(context, spec, &planes, region, LearningPairs { training: &training, validation: &validation })?;
     let (models, loss_history) = (learner.models(), learner.loss_history().to_vec());
     for loss in &loss_history {
         finite("the loss", *loss)?;
     }
     let kept = kept_pairs(&training, &learner.kept_pairs(training.len()));
     drop(learner);
-    // What is kept of pairs makes room for those of the next step.
+    // Frees the memory of decoded pairs before `measure` reads pairs.
     drop((training, validation));
 
     let (mut kernels, mut learned) = (Vec::with_capacity(planes.len()), Vec::with_capacity(planes.len()));
     for ((plane, model), kept) in planes.iter().zip(&models).zip(kept) {
-        let metrics = measure(context, spec, plane, region, model, &kept.places)?;
+        let metrics = measure(context, spec, plane, region, model, &kept.indices)?;
         kernels.push(LearnedKernel {
             // The store fills in the name.
             kernel_version: String::new(),
@@ -64,42 +65,42 @@ pub(super) fn run(context: &JobContext, job: &Job, spec: &LearnKernel) -> Result
     })
 }
 
-/// What was learned of what was asked for: a kernel that turned out not to vary is a display.
-fn kind(asked: KernelModel, model: &DisplayModel) -> KernelModel {
-    match asked {
+/// Kind of the learned model. If the model `varying` was requested and no variation was learned, it is `display`.
+fn kind(requested: KernelModel, model: &DisplayModel) -> KernelModel {
+    match requested {
         KernelModel::Varying if model.variation.is_none() => KernelModel::Display,
-        _ => asked,
+        _ => requested,
     }
 }
 
-/// What became of a dataset's training pairs.
+/// The training pairs of a dataset that learning used and those that it left out.
 #[derive(Clone, Default)]
 struct KeptPairs {
-    /// The places of those that counted.
-    places: Vec<usize>,
-    /// The ids of all others.
+    /// Indices of the pairs that were used.
+    indices: Vec<usize>,
+    /// Ids of the pairs that were left out.
     left_out: Vec<String>,
 }
 
-/// What became of the training pairs of each dataset, `kept` being the places of all that counted.
+/// The used and left-out training pairs of each dataset. `kept` are the indices of used pairs over all datasets.
 fn kept_pairs(training: &JointPairs, kept: &[usize]) -> Vec<KeptPairs> {
     let mut of_datasets = vec![KeptPairs::default(); training.parts().len()];
     for index in 0..training.len() {
-        let (plane, place) = training.place(index);
+        let (plane, index_there) = training.locate(index);
         match kept.contains(&index) {
-            true => of_datasets[plane].places.push(place),
-            false => of_datasets[plane].left_out.push(training.parts()[plane].id(place).to_owned()),
+            true => of_datasets[plane].indices.push(index_there),
+            false => of_datasets[plane].left_out.push(training.parts()[plane].id(index_there).to_owned()),
         }
     }
     of_datasets
 }
 
-/// The datasets, each with the display at its distance.
+/// Reads the datasets, each with its display setup at the dataset's distance.
 fn read_planes(context: &JobContext, spec: &LearnKernel) -> Result<Vec<(DisplaySetup, Dataset)>, TaskError> {
     spec.datasets.iter().map(|id| read_dataset(context, id)).collect()
 }
 
-/// A finalized dataset and the display that it is about.
+/// Reads a finalized dataset and its display setup.
 pub(super) fn read_dataset(context: &JobContext, id: &str) -> Result<(DisplaySetup, Dataset), TaskError> {
     let dataset = context.wait(context.store().dataset(id))?;
     if dataset.digest.is_none() {
@@ -110,13 +111,14 @@ pub(super) fn read_dataset(context: &JobContext, id: &str) -> Result<(DisplaySet
     Ok((display, dataset))
 }
 
-/// Refuses photographs that cannot be read or of which nothing counts: better now than after hours of learning.
+/// Refuses photographs that cannot be read or are saturated at every pixel. Otherwise the error would come after hours
+/// of learning.
 fn check_photographs(context: &JobContext, pairs: &JointPairs, region: RegionOfInterest) -> Result<(), TaskError> {
     let steps_total = pairs.len() as u32;
     for index in 0..pairs.len() {
         if unsaturated_px(&pairs.pair(index)?.photo, region) == 0 {
-            let (plane, place) = pairs.place(index);
-            return Err(pairs.parts()[plane].named(place, lightpath_optics::Error::Saturated.into()));
+            let (plane, index_there) = pairs.locate(index);
+            return Err(pairs.parts()[plane].named(index_there, lightpath_optics::Error::Saturated.into()));
         }
         let (stage, step) = ("check the photographs".to_owned(), index as u32 + 1);
         context.report(Progress { stage, step, steps_total, loss: 0.0, eta_s: None })?;
@@ -124,13 +126,13 @@ fn check_photographs(context: &JobContext, pairs: &JointPairs, region: RegionOfI
     Ok(())
 }
 
-/// All steps that are left.
+/// Runs the remaining steps of learning. Returns the learner with its models.
 fn learn(
     context: &JobContext,
     spec: &LearnKernel,
     planes: &[(DisplaySetup, Dataset)],
     region: RegionOfInterest,
-    lessons: Lessons<'_>,
+    learning_pairs: LearningPairs<'_>,
 ) -> Result<Learner, TaskError> {
     let display = &planes[0].0;
     let setups: Vec<OpticalSetup> = planes.iter().map(|(display, _)| display.setup).collect();
@@ -139,14 +141,14 @@ fn learn(
     let saved = context.take_saved_state().and_then(|bytes| from_bytes(&bytes));
     let mut learner = match saved {
         Some(state) => Learner::resume_joint(&setups, options, state)?,
-        None => Learner::start_joint(&setups, options, lessons.training)?,
+        None => Learner::start_joint(&setups, options, learning_pairs.training)?,
     };
     let mut eta = None;
-    while let Some(done) = learner.step(lessons)? {
+    while let Some(done) = learner.step(learning_pairs)? {
         let eta = *eta.get_or_insert_with(|| Eta::from(done.step));
         let stage = match done.stage {
             LearnStage::Adam => "learn".to_owned(),
-            LearnStage::Refinement if done.varying => format!("let order {} vary", done.order),
+            LearnStage::Refinement if done.varying => format!("refine variation at order {}", done.order),
             LearnStage::Refinement => format!("refine to order {}", done.order),
         };
         let progress = Progress {
@@ -175,7 +177,7 @@ fn options(spec: &LearnKernel, display: &DisplaySetup, region: RegionOfInterest)
     }
 }
 
-/// Judges the model learned for a distance, and the ideal one on the same test pairs.
+/// Measures the model learned for one distance, and the ideal model on the same test pairs.
 fn measure(
     context: &JobContext,
     spec: &LearnKernel,
@@ -187,15 +189,15 @@ fn measure(
     let detector = spec.detector;
     let validation = Pairs::of(context, display, dataset, Split::Validation)?;
     let test = Pairs::of(context, display, dataset, Split::Test)?;
-    let learned = Judge::new(context, display, model, detector, region)?;
+    let learned = LossMeter::new(context, display, model, detector, region)?;
     let training = Pairs::of(context, display, dataset, Split::Train)?;
     let train_losses = learned.losses(&training, "measure on training pairs")?;
     let train_loss = mean(&kept.iter().map(|&index| train_losses[index]).collect::<Vec<_>>());
     let validation_loss = mean(&learned.losses(&validation, "measure on validation pairs")?);
     let test_loss = mean(&learned.losses(&test, "measure on test pairs")?);
-    // Two transfer functions of a large display need not be in memory at once.
+    // Frees the transfer function of the learned model, so that only one is in memory at a time.
     drop(learned);
-    let ideal = Judge::new(context, display, &DisplayModel::ideal(display.setup), detector, region)?;
+    let ideal = LossMeter::new(context, display, &DisplayModel::ideal(display.setup), detector, region)?;
     let ideal_test_loss = mean(&ideal.losses(&test, "measure the ideal kernel")?);
     drop(ideal);
     let captures = Captures::of(&display.declared, dataset)?;

@@ -16,9 +16,9 @@
 //!
 //! - `attempt`: one job from claim to end. `context`: interface of a task to the server. `stop`: the shared stop flag.
 //! - `checkpoint`: the envelope of saved states. `backoff`: pauses before retries. `clock`: the time of day.
-//! - `optics_task`: which function runs which kind of job: `optimize`, `learn`, `simulate`, `evaluate`, `prepare`,
-//!   `report`. They share `display_setup` (a display at a wavelength and distance), `pairs`, `losses` and `state_bytes`;
-//!   `hologram_setup` reads what `optimize` needs.
+//! - `optics_task`: runs each kind of job by its own function, in `optimize`, `learn`, `simulate`, `evaluate`,
+//!   `prepare` and `report`. They share `display_setup` (a display at a wavelength and distance), `pairs`, `losses` and
+//!   `state_bytes`. `hologram_setup` reads the input of `optimize`, and `captured` measures the kernels of `learn`.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod attempt;
@@ -65,17 +65,18 @@ use tokio_util::sync::CancellationToken;
 /// Memory for transfer functions kept from job to job \[bytes\]: about four planes of 1920×1080 px.
 const TRANSFERS_BYTES_MAX: usize = 256 << 20;
 
-/// Pause of a claim loop after an error of the store, and longest time between two looks at the queue.
+/// Pause of a claim loop after an error of the store, or while the disk is full.
 const PAUSE: Duration = Duration::from_secs(1);
-const LOOK_INTERVAL_MAX: Duration = Duration::from_secs(60);
+/// Longest time between two reads of the queue.
+const POLL_INTERVAL_MAX: Duration = Duration::from_secs(60);
 
 /// The work of a job. It runs on a compute thread, inside a rayon pool.
 pub trait Task: Send + Sync + 'static {
-    /// Does the job's work and returns its output. Calls [`JobContext::step`] once an iteration.
+    /// Does the job's work and returns its output. An implementation calls [`JobContext::step`] once an iteration.
     ///
     /// # Errors
     ///
-    /// [`TaskError::Stopped`] as soon as the context returns it; [`TaskError::Failed`].
+    /// [`TaskError::Stopped`] as soon as the context returns it, and [`TaskError::Failed`] if the work fails.
     fn run(&self, job: &Job, context: &JobContext) -> Result<TaskOutput, TaskError>;
 }
 
@@ -101,7 +102,7 @@ pub struct WorkerConfig {
     pub checkpoint_interval: Duration,
     /// Pauses before failed attempts are repeated.
     pub backoff: Backoff,
-    /// Limits on the running jobs of an owner or for a display.
+    /// Limits on the numbers of running jobs for each owner and each display.
     pub limits: ClaimLimits,
     /// Time limits of attempts, for jobs that do not set one.
     pub timeouts: Timeouts,
@@ -135,9 +136,9 @@ pub struct Timeouts {
     pub simulate: Option<Duration>,
     /// Time limit for evaluating kernels.
     pub evaluate: Option<Duration>,
-    /// Aligning and finalizing datasets.
+    /// Time limit for aligning and finalizing datasets.
     pub prepare: Option<Duration>,
-    /// Reporting on kernels.
+    /// Time limit for making reports of kernels.
     pub report: Option<Duration>,
 }
 
@@ -145,8 +146,8 @@ impl Timeouts {
     /// Time limit of an attempt at this job.
     #[must_use]
     pub fn of(&self, job: &Job) -> Option<Duration> {
-        let asked = job.scheduling.timeout_ms.map(|ms| Duration::from_millis(ms.unsigned_abs()));
-        asked.or(match job.spec {
+        let requested = job.scheduling.timeout_ms.map(|ms| Duration::from_millis(ms.unsigned_abs()));
+        requested.or(match job.spec {
             JobSpec::OptimizeHologram(_) => self.optimize,
             JobSpec::LearnKernel(_) => self.learn,
             JobSpec::SimulateCapture(_) => self.simulate,
@@ -157,14 +158,14 @@ impl Timeouts {
     }
 }
 
-/// Why the workers could not start.
+/// Reason why the workers could not start.
 #[derive(Debug, thiserror::Error)]
 pub enum WorkerError {
     /// The compute threads could not be started.
     #[error("the compute threads could not be started")]
     Threads(#[from] ThreadPoolBuildError),
     /// The recovery of the queue failed.
-    #[error("the queue could not be put in order")]
+    #[error("the queue could not be recovered")]
     Store(#[from] StoreError),
     /// Old checkpoints could not be removed.
     #[error("old checkpoints could not be removed")]
@@ -195,7 +196,7 @@ impl Worker {
         Self { store, artifacts, engines, config, task, clock: Clock::default() }
     }
 
-    /// The clock in whose time leases end.
+    /// The clock that decides when leases end.
     #[must_use]
     pub fn clock(&self) -> Clock {
         self.clock.clone()
@@ -302,9 +303,9 @@ impl Worker {
         match self.store.next_run_time(claimed_ms).await {
             Ok(Some(due_ms)) => {
                 let wait_ms = due_ms.saturating_sub(self.clock.now_ms()).max(1).unsigned_abs();
-                Duration::from_millis(wait_ms).min(LOOK_INTERVAL_MAX)
+                Duration::from_millis(wait_ms).min(POLL_INTERVAL_MAX)
             }
-            Ok(None) => LOOK_INTERVAL_MAX,
+            Ok(None) => POLL_INTERVAL_MAX,
             Err(error) => {
                 tracing::error!(error = &error as &dyn std::error::Error, "the queue could not be read");
                 PAUSE
@@ -322,7 +323,10 @@ impl Worker {
                 () = drain.cancelled() => return,
             }
             if let Err(error) = self.follow_system_clock().await {
-                tracing::error!(error = &error as &dyn std::error::Error, "leases could not follow the clock");
+                tracing::error!(
+                    error = &error as &dyn std::error::Error,
+                    "leases could not be moved to the new system time"
+                );
                 continue;
             }
             match self.store.expire_leases(self.clock.now_ms()).await {
@@ -343,7 +347,7 @@ impl Worker {
     async fn follow_system_clock(&self) -> Result<(), StoreError> {
         let Some(ahead_ms) = self.clock.jump() else { return Ok(()) };
         tracing::warn!(ahead_s = ahead_ms as f64 / 1e3, "the system's clock was set");
-        // In this order no lease looks expired in between: a heartbeat never shortens a lease.
+        // The later time is set first, so that no lease seems expired in between. A heartbeat never shortens a lease.
         if ahead_ms > 0 {
             self.store.shift_leases(ahead_ms).await?;
             self.clock.adjust(ahead_ms);

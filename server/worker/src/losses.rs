@@ -18,13 +18,13 @@ pub(super) struct Loss {
 }
 
 /// A model prepared for measuring its losses.
-pub(super) struct Judge<'a> {
+pub(super) struct LossMeter<'a> {
     context: &'a JobContext,
     engine: Engine,
     regions: [RegionOfInterest; 2],
 }
 
-impl<'a> Judge<'a> {
+impl<'a> LossMeter<'a> {
     pub(super) fn new(
         context: &'a JobContext,
         display: &DisplaySetup,
@@ -40,7 +40,7 @@ impl<'a> Judge<'a> {
     /// Losses of all pairs. Reports progress as `stage`.
     pub(super) fn losses(&self, pairs: &Pairs, stage: &str) -> Result<Vec<Loss>, TaskError> {
         let steps_total = pairs.len() as u32;
-        let one = |index: usize| {
+        let loss_of = |index: usize| {
             let pair = pairs.pair(index)?;
             let [region, full_frame] = self.regions.map(|region| {
                 let sums = compare(&self.engine, &pair, region).map_err(|error| pairs.named(index, error.into()))?;
@@ -52,7 +52,7 @@ impl<'a> Judge<'a> {
             self.context.report(Progress { stage, step, steps_total, loss: loss.region, eta_s: None })?;
             Ok(loss)
         };
-        (0..pairs.len()).map(one).collect()
+        (0..pairs.len()).map(loss_of).collect()
     }
 }
 

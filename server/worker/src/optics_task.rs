@@ -1,4 +1,4 @@
-//! Which function runs which kind of job.
+//! The task of the server: it runs each kind of job by its own function.
 
 use super::{JobContext, Task, TaskError, TaskOutput, evaluate, learn, optimize, prepare, report, simulate};
 use lightpath_domain::job::{Job, JobSpec};

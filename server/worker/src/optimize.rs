@@ -1,8 +1,8 @@
-//! Finding the phases that show pictures.
+//! Computes holograms: phases that show the target pictures.
 
 use super::context::Eta;
 use super::display_setup::finite;
-use super::hologram_setup::{Wanted, colours};
+use super::hologram_setup::{HologramSetup, colours};
 use super::state_bytes::{HologramState, from_bytes, to_bytes};
 use super::{JobContext, TaskError, TaskOutput};
 use lightpath_domain::job::{
@@ -24,60 +24,60 @@ pub(super) fn run(context: &JobContext, spec: &OptimizeHologram) -> Result<TaskO
         (work.state, work.current) = (state, Some(current));
     }
     for index in work.state.finished.len()..wavelengths {
-        let wanted = Wanted::read(context, spec, index)?;
-        let mut optimization = work.begin(&wanted, index)?;
-        let loss = work.descend(&mut optimization, wavelengths, &wanted)?;
-        let finished = Finished { wanted: &wanted, optimization, loss };
+        let setup = HologramSetup::read(context, spec, index)?;
+        let mut optimization = work.begin(&setup, index)?;
+        let loss = work.iterate(&mut optimization, wavelengths, &setup)?;
+        let finished = Finished { setup: &setup, optimization, loss };
         work.state.finished.push(finished.store(context, spec)?);
     }
     let hologram = work.result()?;
     Ok(TaskOutput { result: JobResult::Hologram(Box::new(hologram)), effect: JobEffect::None })
 }
 
-/// The engine's clock.
-fn since_first_look() -> Duration {
+/// Clock for the optics engine: time since the first call.
+fn since_first_call() -> Duration {
     static FIRST: LazyLock<Instant> = LazyLock::new(Instant::now);
     FIRST.elapsed()
 }
 
-/// A job under way.
+/// A running hologram job.
 struct Work<'a> {
     context: &'a JobContext,
     spec: &'a OptimizeHologram,
     state: HologramState,
-    /// The optimization that an earlier attempt was at.
+    /// State of the optimization during which an earlier attempt was interrupted.
     current: Option<OptimizationState>,
     eta: Option<Eta>,
 }
 
 impl Work<'_> {
-    /// Goes on where an earlier attempt was, or starts.
-    fn begin(&mut self, wanted: &Wanted, index: usize) -> Result<Optimization, TaskError> {
-        let (problem, options) = (wanted.problem(self.spec)?, wanted.options(self.spec)?);
+    /// Resumes the optimization of an earlier attempt, or starts a new one.
+    fn begin(&mut self, setup: &HologramSetup, index: usize) -> Result<Optimization, TaskError> {
+        let (problem, options) = (setup.problem(self.spec)?, setup.options(self.spec)?);
         if let Some(state) = self.current.take() {
-            return Ok(Optimization::resume(problem, options, state)?.timed_by(since_first_look));
+            return Ok(Optimization::resume(problem, options, state)?.timed_by(since_first_call));
         }
-        let phases = wanted.first_phases(self.context, self.spec, index, &problem)?;
-        Ok(Optimization::start(problem, options, phases)?.timed_by(since_first_look))
+        let phases = setup.first_phases(self.context, self.spec, index, &problem)?;
+        Ok(Optimization::start(problem, options, phases)?.timed_by(since_first_call))
     }
 
-    /// All iterations that are left of one wavelength's hologram. Returns the last loss.
-    fn descend(
+    /// Runs the remaining iterations for the hologram of one wavelength. Returns the loss of the last iteration.
+    fn iterate(
         &mut self,
         optimization: &mut Optimization,
         wavelengths: usize,
-        wanted: &Wanted,
+        setup: &HologramSetup,
     ) -> Result<f64, TaskError> {
         let steps_each = steps(self.spec);
         let (before, steps_total) = (self.state.finished.len() as u32 * steps_each, steps_each * wavelengths as u32);
-        let stage = if wavelengths == 1 { "optimize".to_owned() } else { format!("optimize {}", wanted.wavelength) };
+        let stage = if wavelengths == 1 { "optimize".to_owned() } else { format!("optimize {}", setup.wavelength) };
         let eta = *self.eta.get_or_insert_with(|| Eta::from(before + optimization.iteration()));
         loop {
-            let (started, transformed) = (Instant::now(), optimization.transforming());
+            let (started, transformed) = (Instant::now(), optimization.evaluation_time());
             let Some(done) = optimization.step() else { return Ok(self.state.loss) };
             let took = started.elapsed();
             self.state.loss = finite("the loss", done.evaluation.loss)?;
-            metrics::hologram_iteration(took, optimization.transforming() - transformed);
+            metrics::hologram_iteration(took, optimization.evaluation_time() - transformed);
             self.state.compute_s += took.as_secs_f64();
             self.state.steps += 1;
             let step = before + done.iteration;
@@ -95,14 +95,14 @@ impl Work<'_> {
         Ok(HologramResult { wavelengths: finished, colour_reconstructions, iterations, iteration_ms })
     }
 
-    /// For each plane, three wavelengths as one picture.
+    /// Colour pictures: for each plane one picture that combines the three wavelengths.
     fn colour_reconstructions(&self) -> Result<Vec<String>, TaskError> {
         let finished = &self.state.finished;
-        let Some(places) = colours(&self.spec.wavelengths) else { return Ok(Vec::new()) };
+        let Some(indices) = colours(&self.spec.wavelengths) else { return Ok(Vec::new()) };
         let planes = finished.first().map_or(0, |first| first.planes.len());
         let of_plane = |plane: usize| -> Result<String, TaskError> {
             let [red, green, blue] =
-                places.map(|place| self.context.read_artifact(&finished[place].planes[plane].reconstruction));
+                indices.map(|index| self.context.read_artifact(&finished[index].planes[plane].reconstruction));
             let (red, green, blue) = (red?, green?, blue?);
             self.context.put_artifact(pictures::colour_png([&red, &green, &blue])?)
         };
@@ -110,16 +110,17 @@ impl Work<'_> {
     }
 }
 
-/// A hologram whose phases are found.
+/// The finished hologram of one wavelength.
 struct Finished<'a> {
-    wanted: &'a Wanted,
+    setup: &'a HologramSetup,
     optimization: Optimization,
     loss: f64,
 }
 
 impl Finished<'_> {
+    /// Stores the pictures of the hologram and measures its quality.
     fn store(mut self, context: &JobContext, spec: &OptimizeHologram) -> Result<WavelengthResult, TaskError> {
-        let display = &self.wanted.display;
+        let display = &self.setup.display;
         let (height_px, width_px) = (display.height_px(), display.width_px());
         let (mut frames, mut phases, mut displayed) = (Vec::new(), Vec::new(), Vec::new());
         for frame in self.optimization.phases().chunks_exact(height_px * width_px) {
@@ -133,10 +134,10 @@ impl Finished<'_> {
             displayed.push(display.without_carrier(display.response.dequantize(&levels)?));
             phases.push(phase);
         }
-        let all: Vec<f32> = displayed.iter().flat_map(|phase| phase.values()).copied().collect();
-        let gain = self.optimization.measure(&all)?.best_gain;
+        let displayed_phases: Vec<f32> = displayed.iter().flat_map(|phase| phase.values()).copied().collect();
+        let gain = self.optimization.measure(&displayed_phases)?.best_gain;
         let largest_amplitude = self.optimization.largest_amplitude();
-        // The buffers of the optimization are not needed for what follows.
+        // Frees the buffers of the optimization before the quality is measured.
         drop(self.optimization);
         let intensity_scale = finite(
             "the gain",
@@ -146,36 +147,36 @@ impl Finished<'_> {
             },
         )?;
         let mut planes = Vec::new();
-        for shown in &self.wanted.planes {
-            let light = light_of_frames(&shown.engine, &displayed)?;
+        for plane in &self.setup.planes {
+            let light = light_of_frames(&plane.engine, &displayed)?;
             let reconstruction = light.map(|light| (intensity_scale * f64::from(light)) as f32);
             let quality = |phases: &[Plane<f32>]| -> Result<Quality, TaskError> {
-                all_finite(quality_of_frames(&shown.engine, phases, &shown.target, self.wanted.region)?)
+                all_finite(quality_of_frames(&plane.engine, phases, &plane.target, self.setup.region)?)
             };
             planes.push(PlaneResult {
-                distance: shown.plane.distance,
+                distance: plane.plane.distance,
                 reconstruction: context.put_artifact(pictures::grey_png_srgb(&reconstruction)?)?,
                 quality: quality(&phases)?,
                 quantized_quality: quality(&displayed)?,
-                propagation: shown.validity.clone(),
+                propagation: plane.validity.clone(),
             });
         }
-        let (wavelength, loss) = (self.wanted.wavelength, self.loss);
+        let (wavelength, loss) = (self.setup.wavelength, self.loss);
         Ok(WavelengthResult { wavelength, frames, planes, intensity_scale, loss, largest_amplitude })
     }
 }
 
-/// Steps of each hologram.
+/// Number of iterations of each hologram.
 fn steps(spec: &OptimizeHologram) -> u32 {
     if spec.method == HologramMethod::DoublePhase { 1 } else { spec.iterations }
 }
 
-/// A quality that may be stored: JSON knows no NaN and no infinity.
+/// Checks that all numbers of a quality are finite: JSON has no NaN and no infinity.
 fn all_finite(quality: Quality) -> Result<Quality, TaskError> {
-    for seen in [quality.point, quality.pixel, quality.supersampled] {
-        let always = [seen.psnr_db, seen.diffraction_efficiency, seen.frame_efficiency];
-        let sometimes = [seen.ssim, seen.ms_ssim, seen.speckle_contrast];
-        for value in always.into_iter().chain(sometimes.into_iter().flatten()) {
+    for values in [quality.point, quality.pixel, quality.supersampled] {
+        let required = [values.psnr_db, values.diffraction_efficiency, values.frame_efficiency];
+        let optional = [values.ssim, values.ms_ssim, values.speckle_contrast];
+        for value in required.into_iter().chain(optional.into_iter().flatten()) {
             finite("the quality", value)?;
         }
     }

@@ -67,12 +67,12 @@ impl Pairs {
         })
     }
 
-    /// The pair's id.
+    /// Id of a pair.
     pub(super) fn id(&self, index: usize) -> &str {
         &self.pairs[index].id
     }
 
-    /// The pair's id, behind its dataset's where there are several.
+    /// Name of a pair for messages: its id. With several datasets, the dataset's id comes before it.
     pub(super) fn name(&self, index: usize) -> &str {
         &self.names[index]
     }
@@ -132,10 +132,10 @@ impl JointPairs {
         planes: &[(DisplaySetup, Dataset)],
         split: Split,
     ) -> Result<Self, TaskError> {
-        let one = |(display, dataset): &(DisplaySetup, Dataset)| {
+        let pairs_of = |(display, dataset): &(DisplaySetup, Dataset)| {
             Pairs::sharing(planes.len(), context, display, dataset, split)
         };
-        Ok(Self(planes.iter().map(one).collect::<Result<_, _>>()?))
+        Ok(Self(planes.iter().map(pairs_of).collect::<Result<_, _>>()?))
     }
 
     /// The pairs of each dataset.
@@ -144,7 +144,7 @@ impl JointPairs {
     }
 
     /// Index of the dataset of a pair, and index of the pair within it.
-    pub(super) fn place(&self, mut index: usize) -> (usize, usize) {
+    pub(super) fn locate(&self, mut index: usize) -> (usize, usize) {
         let mut plane = 0;
         while index >= self.0[plane].len() {
             index -= self.0[plane].len();
@@ -160,11 +160,11 @@ impl PairSource for JointPairs {
     }
 
     fn plane(&self, index: usize) -> usize {
-        self.place(index).0
+        self.locate(index).0
     }
 
     fn pair(&self, index: usize) -> Result<Pair, BoxError> {
-        let (plane, index) = self.place(index);
+        let (plane, index) = self.locate(index);
         self.0[plane].pair(index)
     }
 }

@@ -1,6 +1,6 @@
-//! Preparing a dataset: finding where the camera sees the display's pixels, and closing the dataset for good.
+//! Prepares a dataset: finds the alignment of the camera with the display's pixels, and finalizes the dataset.
 //!
-//! A job reads the dataset once and stores what it found when it ends, all at once; see the store's `finish`.
+//! A job reads the dataset once. The store makes all changes in the transaction that ends the job (`finish`).
 
 use super::{JobContext, TaskError, TaskOutput};
 use lightpath_domain::dataset::{
@@ -11,26 +11,27 @@ use lightpath_domain::display::Display;
 use lightpath_domain::job::{
     AlignBy, FailureReason, JobEffect, JobResult, PrepareDataset, PrepareResult, PrepareStep, Progress, SplitCounts,
 };
-use lightpath_media::captures::{self, CaptureError, Captures, ROUNDS_MAX, Reconstructor, Solved};
+use lightpath_media::captures::{self, CaptureError, Captures, FoundAlignment, ROUNDS_MAX, Reconstructor};
 use lightpath_optics::Plane;
 use lightpath_optics::alignment::PointPair;
 use serde::{Deserialize, Serialize};
 use std::cell::OnceCell;
 use std::collections::BTreeMap;
 
-/// Pairs that an alignment is refined by, at most, and how much memory their pictures may take \[bytes\].
-const ALIGNED_BY_MAX: usize = 8;
-const ALIGNED_BY_BYTES_MAX: usize = 384 << 20;
+/// Largest number of pairs from which an alignment is computed.
+const ALIGNMENT_PAIRS_MAX: usize = 8;
+/// Most memory for the pictures of these pairs \[bytes\].
+const ALIGNMENT_BYTES_MAX: usize = 384 << 20;
 
 const CHECK: &str = "check the photographs";
-const READ: &str = "read photographs to align by";
+const READ: &str = "read photographs for the alignment";
 const ALIGN: &str = "align the photographs";
 
 pub(super) fn run(context: &JobContext, spec: &PrepareDataset) -> Result<TaskOutput, TaskError> {
     let dataset = context.wait(context.store().dataset(&spec.dataset))?;
     if let Some(before) = dataset.finalization {
         return match spec.step {
-            PrepareStep::Finalize(wanted) if wanted == before => finalized_before(context, dataset),
+            PrepareStep::Finalize(requested) if requested == before => finalized_before(context, dataset),
             _ => Err(already_finalized(&dataset.id)),
         };
     }
@@ -41,14 +42,14 @@ pub(super) fn run(context: &JobContext, spec: &PrepareDataset) -> Result<TaskOut
             None
         }
         PrepareStep::Finalize(finalization) => {
-            work.make_ready(finalization.keep_alignment)?;
+            work.prepare_to_finalize(finalization.keep_alignment)?;
             Some(*finalization)
         }
     };
     work.output(closing)
 }
 
-/// The same dataset finalized in the same way again changes nothing.
+/// Output for a dataset that was finalized before with the same options. Nothing changes.
 fn finalized_before(context: &JobContext, dataset: Dataset) -> Result<TaskOutput, TaskError> {
     let pairs = dataset.pairs.len() as u32;
     context.report(progress(CHECK, pairs, pairs))?;
@@ -63,12 +64,13 @@ fn finalized_before(context: &JobContext, dataset: Dataset) -> Result<TaskOutput
 }
 
 fn already_finalized(id: &str) -> TaskError {
-    let message =
-        format!("datasets/{id} is finalized already, with another split or alignment; create another dataset");
+    let message = format!(
+        "datasets/{id} is already finalized, with another split or alignment, and cannot change; create another dataset"
+    );
     TaskError::permanent(FailureReason::DatasetFinalized, message)
 }
 
-/// What an interrupted attempt leaves to the next one.
+/// State that an interrupted attempt saves for the next attempt.
 #[derive(Serialize, Deserialize)]
 struct Saved {
     revision: u64,
@@ -77,22 +79,23 @@ struct Saved {
     checks: BTreeMap<String, PairChecks>,
 }
 
-/// A dataset on its way to what the job was asked for.
+/// A dataset during its preparation.
 struct Work<'a> {
     context: &'a JobContext,
     display: Display,
-    /// As it will be.
+    /// The dataset with the changes made so far.
     dataset: Dataset,
-    /// Measured again, by the ids of the pairs.
+    /// New measurements, by the ids of the pairs.
     checks: BTreeMap<String, PairChecks>,
-    /// The alignment has been decided.
+    /// Whether this job has set the alignment of `dataset`.
     aligned: bool,
-    /// Made when a pair is first looked at; `None` where no image can be computed at the dataset's distance.
+    /// Reconstructor, built for the first pair that is checked. `None`: no image can be computed at the dataset's
+    /// distance.
     reconstructor: OnceCell<Option<Reconstructor>>,
 }
 
 impl<'a> Work<'a> {
-    /// Goes on where an earlier attempt was, where the dataset is still the same, or starts.
+    /// Resumes the work of an earlier attempt if the dataset has not changed since, or starts from the beginning.
     fn begin(context: &'a JobContext, dataset: Dataset) -> Result<Self, TaskError> {
         let (display, _) = context.wait(context.store().display(&dataset.display))?;
         let (checks, reconstructor) = (BTreeMap::new(), OnceCell::new());
@@ -112,45 +115,45 @@ impl<'a> Work<'a> {
         Ok(work)
     }
 
-    /// Gives the dataset the alignment that was asked for.
+    /// Gives the dataset the requested alignment.
     fn align(&mut self, by: &AlignBy) -> Result<(), TaskError> {
         if !self.aligned {
             let alignment = match by {
                 AlignBy::Points { photo_width_px, photo_height_px, points } => {
-                    Some(self.by_points(points, [*photo_width_px, *photo_height_px])?)
+                    Some(self.align_by_points(points, [*photo_width_px, *photo_height_px])?)
                 }
-                AlignBy::Dots { photo } => Some(self.by_dots(photo)?),
+                AlignBy::Dots { photo } => Some(self.align_by_dots(photo)?),
                 AlignBy::Pairs => {
-                    self.check_again()?;
-                    Some(self.by_pairs()?.ok_or_else(|| not_alignable(&self.dataset.id))?)
+                    self.update_checks()?;
+                    Some(self.align_by_pairs()?.ok_or_else(|| not_alignable(&self.dataset.id))?)
                 }
                 AlignBy::None => None,
             };
-            self.expect_sizes(alignment.as_ref())?;
-            self.decide(alignment);
+            self.require_size(alignment.as_ref())?;
+            self.set_alignment(alignment);
         }
-        self.check_again()
+        self.update_checks()
     }
 
-    /// Measures what is not measured yet, and aligns the photographs where they need it and it helps.
-    fn make_ready(&mut self, keep_alignment: bool) -> Result<(), TaskError> {
-        self.check_again()?;
+    /// Measures the pairs, and aligns the photographs if they need it and the alignment improves.
+    fn prepare_to_finalize(&mut self, keep_alignment: bool) -> Result<(), TaskError> {
+        self.update_checks()?;
         if !self.aligned && !keep_alignment && captures::needs_alignment(&self.dataset) {
-            if let Some(alignment) = self.by_pairs()? {
-                self.decide(Some(alignment));
+            if let Some(alignment) = self.align_by_pairs()? {
+                self.set_alignment(Some(alignment));
             }
-            return self.check_again();
+            return self.update_checks();
         }
         Ok(())
     }
 
-    fn decide(&mut self, alignment: Option<Alignment>) {
+    fn set_alignment(&mut self, alignment: Option<Alignment>) {
         self.dataset.alignment = alignment;
         self.aligned = true;
     }
 
-    /// Measures again what was measured with another alignment, or not at all.
-    fn check_again(&mut self) -> Result<(), TaskError> {
+    /// Measures all pairs that were never measured, or were measured with another alignment.
+    fn update_checks(&mut self) -> Result<(), TaskError> {
         let homography = self.dataset.homography();
         let captures = Captures::of(&self.display, &self.dataset)?;
         let is_current = |pair: &Pair| pair.checks.as_ref().is_some_and(|checks| checks.homography == homography);
@@ -168,32 +171,32 @@ impl<'a> Work<'a> {
         self.step(CHECK, stale.len(), stale.len())
     }
 
-    /// The alignment that given points make.
-    fn by_points(&self, points: &[PointPair], photo_px: [u32; 2]) -> Result<Alignment, TaskError> {
-        let solved = captures::from_points(&Captures::of(&self.display, &self.dataset)?, points)?;
-        self.kept(AlignmentMethod::Points, solved, photo_px, String::new())
+    /// Computes the alignment from given points.
+    fn align_by_points(&self, points: &[PointPair], photo_px: [u32; 2]) -> Result<Alignment, TaskError> {
+        let found = captures::from_points(&Captures::of(&self.display, &self.dataset)?, points)?;
+        self.store_alignment(AlignmentMethod::Points, found, photo_px, String::new())
     }
 
-    /// The alignment that the photograph of the displayed dots shows.
-    fn by_dots(&self, digest: &str) -> Result<Alignment, TaskError> {
+    /// Computes the alignment from the photograph of the displayed dots.
+    fn align_by_dots(&self, digest: &str) -> Result<Alignment, TaskError> {
         self.step(ALIGN, 0, 1)?;
         let captures = Captures::of(&self.display, &self.dataset)?;
         let file = self.context.read_artifact(digest)?;
         let refused = |error: CaptureError| {
             TaskError::permanent(
                 FailureReason::InvalidPicture,
-                format!("the photograph of the dots ({digest}): {error}"),
+                format!("the photograph of the dots ({digest}) cannot be used: {error}"),
             )
         };
         let photo = captures.camera(&Pair::default(), &file).map_err(refused)?;
-        let solved = captures::from_dots(&captures, &photo).map_err(refused)?;
+        let found = captures::from_dots(&captures, &photo).map_err(refused)?;
         let size = [photo.width_px() as u32, photo.height_px() as u32];
-        self.kept(AlignmentMethod::Dots, solved, size, digest.to_owned())
+        self.store_alignment(AlignmentMethod::Dots, found, size, digest.to_owned())
     }
 
-    /// The alignment that the pairs' photographs ask for; `None` where they tell too little, or are aligned as well as that
-    /// can be told.
-    fn by_pairs(&self) -> Result<Option<Alignment>, TaskError> {
+    /// Computes the alignment from the photographs of the pairs. `None`: too few features were recognized, or the
+    /// present alignment could not be improved.
+    fn align_by_pairs(&self) -> Result<Option<Alignment>, TaskError> {
         let findings = captures::findings(&self.dataset);
         let good: Vec<&Pair> = self.dataset.pairs.iter().filter(|pair| !is_excluded(&findings, &pair.id)).collect();
         let Some(size) = good.first().and_then(|pair| pair.checks.as_ref()).map(|checks| checks.photo_px) else {
@@ -203,29 +206,29 @@ impl<'a> Work<'a> {
         let Some(reconstructor) = self.reconstructor(&captures) else { return Ok(None) };
         let display_px = captures.height_px() * captures.width_px();
         let pair_bytes = size_of::<f32>() * (display_px + size[0] as usize * size[1] as usize);
-        let count = (ALIGNED_BY_BYTES_MAX / pair_bytes).clamp(1, ALIGNED_BY_MAX).min(good.len());
-        let mut seen: Vec<(Plane<f32>, Plane<f32>)> = Vec::with_capacity(count);
-        // Evenly over all, since neighbours may be alike.
+        let count = (ALIGNMENT_BYTES_MAX / pair_bytes).clamp(1, ALIGNMENT_PAIRS_MAX).min(good.len());
+        let mut light: Vec<(Plane<f32>, Plane<f32>)> = Vec::with_capacity(count);
+        // The pairs are spread evenly over the dataset, because neighbouring pairs may be similar.
         for pair in (0..count).map(|i| good[i * good.len() / count]) {
-            self.step(READ, seen.len(), count)?;
+            self.step(READ, light.len(), count)?;
             let phase = captures.phase(&self.context.read_artifact(&pair.phase)?);
             let photo = captures.camera(pair, &self.context.read_artifact(&pair.photo)?);
             let named = |error| unreadable(&pair.id, &error);
-            seen.push((reconstructor.light(&phase.map_err(named)?)?, photo.map_err(named)?));
+            light.push((reconstructor.light(&phase.map_err(named)?)?, photo.map_err(named)?));
         }
-        let solved = captures::from_pairs(&captures, &seen, |done| self.step(ALIGN, done, ROUNDS_MAX * count))?;
-        solved.map(|solved| self.kept(AlignmentMethod::Pairs, solved, size, String::new())).transpose()
+        let found = captures::from_pairs(&captures, &light, |done| self.step(ALIGN, done, ROUNDS_MAX * count))?;
+        found.map(|found| self.store_alignment(AlignmentMethod::Pairs, found, size, String::new())).transpose()
     }
 
     fn reconstructor(&self, captures: &Captures) -> Option<&Reconstructor> {
         self.reconstructor.get_or_init(|| Reconstructor::of(captures).ok()).as_ref()
     }
 
-    /// An alignment with its pictures stored.
-    fn kept(
+    /// Stores the pictures of an alignment.
+    fn store_alignment(
         &self,
         method: AlignmentMethod,
-        solved: Solved,
+        found: FoundAlignment,
         [photo_width_px, photo_height_px]: [u32; 2],
         photo: String,
     ) -> Result<Alignment, TaskError> {
@@ -235,20 +238,20 @@ impl<'a> Work<'a> {
         };
         Ok(Alignment {
             method,
-            homography: solved.homography.entries(),
+            homography: found.homography.entries(),
             photo_height_px,
             photo_width_px,
-            points: solved.points as u32,
-            residual_px: solved.residual_px,
-            corrected_px: solved.corrected_px,
+            points: found.points as u32,
+            residual_px: found.residual_px,
+            corrected_px: found.corrected_px,
             photo,
-            before: stored(solved.before)?,
-            after: stored(solved.after)?,
+            before: stored(found.before)?,
+            after: stored(found.after)?,
         })
     }
 
-    /// The photographs that are there must fit the new alignment.
-    fn expect_sizes(&self, alignment: Option<&Alignment>) -> Result<(), TaskError> {
+    /// Refuses an alignment for photographs of another size than the dataset's.
+    fn require_size(&self, alignment: Option<&Alignment>) -> Result<(), TaskError> {
         let expected = match alignment {
             Some(alignment) => [alignment.photo_width_px, alignment.photo_height_px],
             None => [self.display.width_px, self.display.height_px],
@@ -259,8 +262,8 @@ impl<'a> Work<'a> {
             Some(pair) => {
                 let [width, height] = photo_px(pair).unwrap_or_default();
                 let message = format!(
-                    "pair \"{}\" has a photograph of {width}×{height} px, but the alignment is for {}×{} px; align with \
-                     photographs of the size that the dataset has",
+                    "pair \"{}\" has a photograph of {width}×{height} px, but the alignment is for {}×{} px; use \
+                     photographs of the same size for the alignment as for the pairs",
                     pair.id, expected[0], expected[1]
                 );
                 Err(TaskError::permanent(FailureReason::AlignmentSize, message))
@@ -268,7 +271,7 @@ impl<'a> Work<'a> {
         }
     }
 
-    /// Tells how far the work is, and stops where it must.
+    /// Reports progress, saves the state when a checkpoint is due, and checks whether the task must stop.
     fn step(&self, stage: &str, done: usize, total: usize) -> Result<(), TaskError> {
         self.context.step(progress(stage, done as u32, total as u32), || {
             let saved = Saved {
@@ -277,12 +280,12 @@ impl<'a> Work<'a> {
                 alignment: self.dataset.alignment.clone(),
                 checks: self.checks.clone(),
             };
-            // All of it was JSON before; an empty state starts over.
+            // All parts are valid JSON. If this failed, the next attempt would start from the beginning.
             serde_json::to_vec(&saved).unwrap_or_default()
         })
     }
 
-    /// What is stored, where the dataset is still the same.
+    /// Output of the task. The store refuses it if the dataset has changed in the meantime.
     fn output(self, closing: Option<Finalization>) -> Result<TaskOutput, TaskError> {
         let findings = captures::findings(&self.dataset);
         let closing = match closing {
@@ -312,14 +315,14 @@ fn progress(stage: &str, step: u32, steps_total: u32) -> Progress {
     Progress { stage: stage.to_owned(), step, steps_total, loss: 0.0, eta_s: None }
 }
 
-/// What each pair is for: those that can't be learned from have no split.
-fn splits(dataset: &Dataset, findings: &[Finding], how: Finalization) -> Result<Splits, TaskError> {
+/// Draws the split of the pairs. Pairs that are excluded from learning have no split.
+fn splits(dataset: &Dataset, findings: &[Finding], options: Finalization) -> Result<Splits, TaskError> {
     if let Some(message) = captures::refusal(dataset, findings) {
         return Err(TaskError::permanent(FailureReason::DatasetUnusable, message));
     }
     let (left_out, good): (Vec<Pair>, Vec<Pair>) =
         dataset.pairs.iter().cloned().partition(|pair| is_excluded(findings, &pair.id));
-    let drawn = draw_split(&good, how.validation_fraction, how.test_fraction, how.seed);
+    let drawn = draw_split(&good, options.validation_fraction, options.test_fraction, options.seed);
     let mut splits: Splits = drawn
         .into_iter()
         .map(|(id, split)| (id, Some(split)))
@@ -352,8 +355,9 @@ fn unreadable(pair: &str, error: &CaptureError) -> TaskError {
 
 fn not_alignable(id: &str) -> TaskError {
     let message = format!(
-        "the pairs of datasets/{id} say too little about their alignment: add some with fine structure, or photograph the \
-         displayed dots (lightpath dataset calibration --help)"
+        "the pairs of datasets/{id} do not improve its alignment: they have too little fine structure, or are aligned \
+         already; add pairs with finer pictures, or photograph the displayed dots (lightpath dataset calibration \
+         --help)"
     );
     TaskError::permanent(FailureReason::NotAlignable, message)
 }

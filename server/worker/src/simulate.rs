@@ -1,4 +1,4 @@
-//! Photographing a hologram on a simulated display.
+//! Photographs a hologram on a simulated display.
 
 use super::display_setup::DisplaySetup;
 use super::{JobContext, TaskError, TaskOutput};
@@ -10,13 +10,13 @@ pub(super) fn run(context: &JobContext, spec: &SimulateCapture) -> Result<TaskOu
     let display = DisplaySetup::read(context, &spec.display, spec.wavelength, spec.distance)?;
     let displayed = display.displayed_phase(&context.read_artifact(&spec.phase)?)?;
     report(context, 0)?;
-    let Some(simulated) = bench(&display)? else {
-        let message = format!("displays/{} has no simulated bench", spec.display);
+    let Some(simulated) = simulated_display(&display)? else {
+        let message = format!("displays/{} has no simulated bench; name a display that has one", spec.display);
         return Err(TaskError::permanent(FailureReason::NotSimulated, message));
     };
     report(context, 1)?;
     let photo = simulated.capture_at(&displayed, spec.seed, spec.elapsed_s / 3600.0)?;
-    // Back to the same 256 values: a capture is a file of what the camera counted.
+    // The file has the same 256 values as the camera.
     let photo = pictures::grey_png_linear(&photo.map(|level| f32::from(level) / 255.0))?;
     let photo = context.put_artifact(photo)?;
     report(context, 2)?;
@@ -24,8 +24,8 @@ pub(super) fn run(context: &JobContext, spec: &SimulateCapture) -> Result<TaskOu
     Ok(TaskOutput { result: JobResult::Capture(result), effect: JobEffect::None })
 }
 
-/// The display's bench, where it is a simulated one.
-pub(super) fn bench(display: &DisplaySetup) -> Result<Option<SimulatedDisplay>, TaskError> {
+/// The simulated bench of a display; `None`: the display has none.
+pub(super) fn simulated_display(display: &DisplaySetup) -> Result<Option<SimulatedDisplay>, TaskError> {
     let Some(bench) = display.declared.simulated_bench else { return Ok(None) };
     Ok(Some(SimulatedDisplay::draw(display.setup, display.carrier, bench)?))
 }

@@ -22,7 +22,7 @@ pub(super) struct HologramState {
     pub(super) compute_s: f64,
 }
 
-/// Writes a state as bytes. No bytes stand for a state that cannot be written; the resumed job then starts from the
+/// Writes a state as bytes. A state that cannot be written gives no bytes; the resumed job then starts from the
 /// beginning.
 pub(super) fn to_bytes(state: &impl Serialize) -> Vec<u8> {
     // The buffer is allocated once: growing it could copy more than a hundred megabytes.
@@ -59,20 +59,20 @@ mod tests {
     use lightpath_optics::hologram::{HologramMethod, HologramOptions, OptimizationState};
     use lightpath_optics::learning::LearnState;
     use lightpath_optics::learning::bins::BinsState;
-    use lightpath_optics::learning::parametric::{Best, ParametricState};
+    use lightpath_optics::learning::parametric::{BestModel, ParametricState};
     use lightpath_optics::optimizer::damped::DampedState;
     use lightpath_optics::{
         Detector, DisplayModel, Engine, Grid, HologramProblem, OpticalSetup, Optimization, Plane, RegionOfInterest,
     };
     use std::fmt::Debug;
 
-    fn comes_back<State: Serialize + DeserializeOwned + PartialEq + Debug>(state: &State) {
+    fn check_round_trip<State: Serialize + DeserializeOwned + PartialEq + Debug>(state: &State) {
         let bytes = to_bytes(state);
         assert_eq!(from_bytes::<State>(&bytes).as_ref(), Some(state));
         for end in [0, 3, 8, 11, bytes.len() - 1] {
             assert_eq!(from_bytes::<State>(&bytes[..end.min(bytes.len() - 1)]), None, "cut at {end}");
         }
-        assert_eq!(from_bytes::<State>(&[&bytes[..], &[0]].concat()), None, "a byte too many");
+        assert_eq!(from_bytes::<State>(&[&bytes[..], &[0]].concat()), None, "one byte too many");
     }
 
     fn optimization(method: HologramMethod) -> OptimizationState {
@@ -87,7 +87,7 @@ mod tests {
     }
 
     #[test]
-    fn states_of_holograms_come_back_exactly() {
+    fn states_of_holograms_are_read_back_exactly() {
         let finished = vec![WavelengthResult {
             wavelength: Wavelength { pm: 515_000 },
             frames: vec![FrameResult { phase: "sha256-1".into(), phase_npy: "sha256-2".into() }],
@@ -103,19 +103,19 @@ mod tests {
             HologramMethod::WeightedGerchbergSaxton,
             HologramMethod::DoublePhase,
         ] {
-            comes_back(&(state.clone(), optimization(method)));
+            check_round_trip(&(state.clone(), optimization(method)));
         }
     }
 
     #[test]
-    fn a_state_is_stored_the_same_where_it_lies() {
+    fn borrowed_and_owned_states_have_the_same_bytes() {
         let bins = BinsState { parameters: vec![0.1, 0.2], adam_steps: 3, offset: 0.01, ..BinsState::default() };
-        let lies = LearnState::<&ParametricState, _>::Bins(&bins);
-        assert_eq!(from_bytes::<LearnState>(&to_bytes(&lies)), Some(lies.into_owned()));
+        let borrowed = LearnState::<&ParametricState, _>::Bins(&bins);
+        assert_eq!(from_bytes::<LearnState>(&to_bytes(&borrowed)), Some(borrowed.into_owned()));
     }
 
     #[test]
-    fn states_of_learning_come_back_exactly() {
+    fn states_of_learning_are_read_back_exactly() {
         let refinement = DampedState {
             parameters: vec![0.1, 0.7],
             loss: 1e-5,
@@ -123,7 +123,8 @@ mod tests {
             damping: 1e-3,
             evaluations: 9,
         };
-        let best = |order| Best { order, varying: true, parameters: vec![0.3], loss: 1e-4, loss_before: f64::INFINITY };
+        let best =
+            |order| BestModel { order, varying: true, parameters: vec![0.3], loss: 1e-4, loss_before: f64::INFINITY };
         let parametric = ParametricState {
             parameters: vec![0.1],
             refinement: Some(refinement),
@@ -133,14 +134,14 @@ mod tests {
             kept: vec![0, 2, 3],
             curvature: vec![4.0],
             rescreened: true,
-            rung: 1,
+            order_index: 1,
             converged: true,
             loss_history: vec![0.3, 0.2],
             adam_steps: 5,
             ..ParametricState::default()
         };
-        comes_back::<LearnState>(&LearnState::Parametric(parametric.into()));
-        comes_back::<LearnState>(&LearnState::Parametric(ParametricState::default().into()));
-        comes_back::<LearnState>(&LearnState::Bins(BinsState { parameters: vec![0.1], ..BinsState::default() }));
+        check_round_trip::<LearnState>(&LearnState::Parametric(parametric.into()));
+        check_round_trip::<LearnState>(&LearnState::Parametric(ParametricState::default().into()));
+        check_round_trip::<LearnState>(&LearnState::Bins(BinsState { parameters: vec![0.1], ..BinsState::default() }));
     }
 }

@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicU8, Ordering};
 
-/// Why an attempt must stop before its end. A reason with a higher number replaces one with a lower number.
+/// Reason why an attempt must stop before its end. A reason with a higher number replaces one with a lower number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum StopReason {

@@ -1,18 +1,18 @@
-//! `lightpath dataset add`
+//! The command `lightpath dataset add`.
 
 use super::manifest::{self, Entry};
 use crate::cli::destination::name_of;
 use crate::cli::failure::Failure;
-use crate::cli::session::{Session, say};
+use crate::cli::session::{Session, print_note};
 use crate::cli::words::WordParser;
 use clap::Args;
 use lightpath::{names, v1};
 use std::path::PathBuf;
 
-/// Add holograms and their photographs: one pair, or a folder of them.
+/// Add holograms with their photographs: one pair, two folders or a list of pairs.
 ///
-/// Photographs have one camera pixel for each pixel of the display, or any size where the dataset is aligned. Each pair is
-/// checked as it is added. The same pair again changes nothing, so that an interrupted import can just be repeated.
+/// A photograph has one camera pixel for each pixel of the display, or any size if the dataset has an alignment. Each
+/// pair is checked when it is added. The same pair again changes nothing, so an interrupted import can be repeated.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -26,57 +26,57 @@ Examples:
   A manifest with explicit ids: .toml, .json or .csv; paths are relative to it
     lightpath dataset add bench-1 --manifest bench-1/pairs.toml
 
-    black_level = 0.012          # of all pairs that do not say otherwise
+    black_level = 0.012          # for all pairs without their own
     [[pairs]]
     id = \"p01\"
     phase = \"holograms/01.png\"
     photo = \"photos/01.tif\"
     exposure_s = 0.02            # also: camera_gain, black_level, split
 
-  The same as .csv: a line of names, then a line for each pair
+  A .csv manifest has a line of names, then a line for each pair
     id,phase,photo,split,exposure_s
     p01,holograms/01.png,photos/01.tif,train,0.02")]
 pub(crate) struct Add {
     /// Name of the dataset
     name: String,
 
-    /// The hologram as displayed: a grey PNG of levels, or a .npy file of the phase in radians, float32
+    /// Add this hologram as it was displayed: a grey PNG of levels, or a .npy file of the phase in radians (float32)
     #[arg(long, value_name = "FILE", requires = "photo", required_unless_present_any = ["manifest", "phases"])]
     phase: Option<PathBuf>,
 
-    /// The photograph of it: PNG, TIFF or JPEG, grey or colour, or .npy
+    /// Add this photograph of the hologram of --phase: PNG, TIFF or JPEG, grey or colour, or .npy
     #[arg(long, value_name = "FILE", requires = "phase", required_unless_present_any = ["manifest", "phases"])]
     photo: Option<PathBuf>,
 
-    /// A list of pairs, .toml, .json or .csv
+    /// Add the pairs in this list: a .toml, .json or .csv file
     #[arg(long, value_name = "FILE", conflicts_with_all = ["phase", "photo", "phases", "photos", "id"])]
     manifest: Option<PathBuf>,
 
-    /// A folder of holograms, each with a photograph of the same name in --photos
+    /// Add the holograms in this folder, each with the photograph of the same name in --photos
     #[arg(long, value_name = "FOLDER", requires = "photos", conflicts_with_all = ["phase", "photo", "id"])]
     phases: Option<PathBuf>,
 
-    /// The folder of photographs
+    /// Take the photographs for --phases from this folder
     #[arg(long, value_name = "FOLDER", requires = "phases")]
     photos: Option<PathBuf>,
 
-    /// Id of the pair in the dataset [default: the hologram's file name without its extension]
+    /// Set the id of the pair in the dataset [default: the hologram's file name without its extension]
     #[arg(long, value_name = "ID")]
     id: Option<String>,
 
-    /// What the pairs are for [default: drawn when the dataset is finalized]
+    /// Choose the use of the pairs [default: drawn when the dataset is finalized]
     #[arg(long, value_parser = WordParser::<v1::Split>::new().without("excluded"))]
     split: Option<v1::Split>,
 
-    /// What the camera counts in the dark, as a part of full scale, 0 to 0.9 [default: 0]
+    /// Set the camera's value in the dark as a fraction of full scale, 0 to 0.9 [default: 0]
     #[arg(long, value_name = "X")]
     black_level: Option<f64>,
 
-    /// How long the shutter was open, in seconds
+    /// Set the exposure time in seconds, 0 to 3600; give it for all pairs of a dataset or for none [default: unknown]
     #[arg(long, value_name = "SECONDS")]
     exposure: Option<f64>,
 
-    /// The camera's amplification, as a factor
+    /// Set the camera's gain as a factor, at most 1e6 [default: unknown]
     #[arg(long, value_name = "FACTOR")]
     gain: Option<f64>,
 }
@@ -100,7 +100,7 @@ impl Add {
                 checks: None,
             };
             let request = v1::AddPairRequest { dataset: names::dataset(&self.name), pair: Some(pair) };
-            let dataset = session.client.add_pair(request).await.map_err(|error| named(&id, count, error))?;
+            let dataset = session.client.add_pair(request).await.map_err(|error| refused_pair(&id, count, error))?;
             if count == 1 {
                 session.print(&dataset, |dataset| text(&id, dataset))?;
             } else {
@@ -110,7 +110,7 @@ impl Add {
             findings += dataset.findings.len();
         }
         if findings > 0 && count > 1 {
-            say(&format!("{findings} findings; all of them: lightpath dataset show {}", self.name));
+            print_note(&format!("{findings} findings; list them: lightpath dataset show {}", self.name));
         }
         Ok(())
     }
@@ -120,7 +120,7 @@ impl Add {
             return manifest::read(path);
         }
         if let (Some(phases), Some(photos)) = (&self.phases, &self.photos) {
-            return manifest::matched(phases, photos);
+            return manifest::match_folders(phases, photos);
         }
         let (Some(phase), Some(photo)) = (&self.phase, &self.photo) else {
             return Err(Failure::Usage("give --phase and --photo, --phases and --photos, or --manifest".to_owned()));
@@ -129,7 +129,7 @@ impl Add {
         Ok(vec![Entry::new(id, phase.clone(), photo.clone())])
     }
 
-    /// What the command line says counts where the entry says nothing.
+    /// Fills in values of the command line that the entry lacks.
     fn with_defaults(&self, entry: Entry) -> Entry {
         Entry {
             split: entry.split.or(self.split),
@@ -141,10 +141,10 @@ impl Add {
     }
 }
 
-/// Among many pairs it must be told which one was refused.
-fn named(id: &str, count: usize, error: lightpath::Error) -> Failure {
+/// Converts an error into a failure. If there are several pairs, it first prints which one was refused.
+fn refused_pair(id: &str, count: usize, error: lightpath::Error) -> Failure {
     if count > 1 {
-        say(&format!("at pair {id}; the pairs before it are in the dataset:"));
+        print_note(&format!("pair {id} was refused; the pairs before it are in the dataset:"));
     }
     error.into()
 }

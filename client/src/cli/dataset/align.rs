@@ -1,4 +1,4 @@
-//! `lightpath dataset calibration` and `align`
+//! The commands `lightpath dataset calibration` and `align`.
 
 use super::show::facts;
 use crate::cli::destination;
@@ -12,10 +12,10 @@ use lightpath::v1::{self, OptimizeHologram, PrepareDataset, job_spec, optimize_h
 use lightpath::{hologram_result, names, prepare_result};
 use std::path::{Path, PathBuf};
 
-/// Make the hologram to display for an alignment: a grid of dots.
+/// Compute the hologram of a grid of dots, which is photographed to align the camera.
 ///
-/// It is optimized for the dataset's display, wavelength and distance through the ideal kernel. Display it, photograph it with
-/// the camera where it takes the dataset's photographs, and hand the photograph to `lightpath dataset align --dots`.
+/// The hologram is optimized for the dataset's display, wavelength and distance with the ideal kernel. Display it and
+/// photograph it with the camera in its position for the dataset. Give the photograph to lightpath dataset align --dots.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Example:
@@ -26,11 +26,11 @@ pub(crate) struct Calibration {
     /// Name of the dataset
     name: String,
 
-    /// Where the hologram goes, a grey PNG of levels
+    /// Write the hologram to this file, a grey PNG of levels
     #[arg(short = 'o', value_name = "PHASE.png")]
     phase: PathBuf,
 
-    /// Steps of the optimization, 1 to 10000
+    /// Optimize for this many steps, 1 to 10000
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..))]
     iterations: u32,
 
@@ -38,10 +38,11 @@ pub(crate) struct Calibration {
     submission: Submission,
 }
 
-/// Tell where the camera sees the display's pixels.
+/// Determine where the camera sees the display's pixels.
 ///
-/// From the photograph of the displayed dots, from given points, or by correlating the pairs that are there with what their
-/// holograms should show. Photographs are resampled to the display's pixels from then on, and may have any size.
+/// The positions come from the photograph of the displayed dots, from given points, or from correlating the dataset's
+/// photographs with what their holograms should show. From then on photographs may have any size and are resampled to the
+/// display's pixels.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -49,8 +50,8 @@ Examples:
   lightpath dataset align bench-1 --points points.csv --photo-size 4096x3000
   lightpath dataset align bench-1 --pairs
 
-  points.csv has a line for each point, at least 4, pixel centres at whole
-  numbers, x to the right, y down
+  points.csv has a line for each point, at least 4 points; pixel centres are
+  at whole numbers, x grows to the right and y downwards
     display_x,display_y,photo_x,photo_y
     0,0,412.3,288.9")]
 pub(crate) struct Align {
@@ -58,17 +59,17 @@ pub(crate) struct Align {
     name: String,
 
     #[command(flatten)]
-    source: From,
+    source: AlignmentSource,
 
-    /// Size of the photographs, columns x rows, with --points
+    /// Set the size of the photographs for --points: columns x rows in pixels, for example 4096x3000
     #[arg(long, value_name = "WxH", value_parser = crate::cli::arguments::resolution, requires = "points")]
     photo_size: Option<(u32, u32)>,
 
-    /// Where a picture of a photograph as it is goes, PNG
+    /// Write a picture of a photograph before the alignment to this file, PNG
     #[arg(long, value_name = "FILE.png")]
     before: Option<PathBuf>,
 
-    /// Where a picture of it on the display's pixels goes, PNG
+    /// Write a picture of a photograph after the alignment, on the display's pixels, to this file, PNG
     #[arg(long, value_name = "FILE.png")]
     after: Option<PathBuf>,
 
@@ -76,23 +77,23 @@ pub(crate) struct Align {
     submission: Submission,
 }
 
-/// What an alignment is found from.
+/// The data that an alignment is computed from.
 #[derive(Debug, Args)]
 #[group(required = true, multiple = false)]
-struct From {
-    /// The photograph of the displayed dots
+struct AlignmentSource {
+    /// Align with this photograph of the displayed dots
     #[arg(long, value_name = "PHOTO")]
     dots: Option<PathBuf>,
 
-    /// A .csv file of points, with --photo-size
+    /// Align with the points in this .csv file; needs --photo-size
     #[arg(long, value_name = "FILE.csv", requires = "photo_size")]
     points: Option<PathBuf>,
 
-    /// The dataset's own pairs: refines the alignment that is there
+    /// Refine the existing alignment with the dataset's own pairs
     #[arg(long)]
     pairs: bool,
 
-    /// Back to one camera pixel a pixel of the display
+    /// Remove the alignment: one camera pixel is one pixel of the display
     #[arg(long)]
     none: bool,
 }
@@ -152,7 +153,7 @@ impl Align {
             match path {
                 Some(path) if !digest.is_empty() => session.client.download_to(digest, path).await?,
                 Some(_) => {
-                    return Err(Failure::Usage(format!("{option}: there are no pictures of this kind of alignment")));
+                    return Err(Failure::Usage(format!("{option}: this kind of alignment has no pictures")));
                 }
                 None => {}
             }
@@ -162,25 +163,26 @@ impl Align {
     }
 }
 
+/// Reads the points of an alignment from a .csv file.
 fn read_points(path: &Path, (photo_width_px, photo_height_px): (u32, u32)) -> Result<v1::AlignmentPoints, Failure> {
     let text = std::fs::read_to_string(path).map_err(|source| lightpath::Error::File {
         action: "read",
         path: path.to_owned(),
         source,
     })?;
-    let refused = |number: usize, problem: &str| {
+    let usage_error = |number: usize, problem: &str| {
         Failure::Usage(format!("--points {}: line {}: {problem}", path.display(), number + 1))
     };
     let mut points = Vec::new();
     for (number, line) in text.lines().enumerate() {
         let fields: Vec<&str> = line.split(',').map(str::trim).collect();
-        // A line of names may stand first.
+        // The first line may be a line of names.
         if line.trim().is_empty() || (number == 0 && fields.iter().all(|field| field.parse::<f64>().is_err())) {
             continue;
         }
         let numbers: Option<Vec<f64>> = fields.iter().map(|field| field.parse().ok()).collect();
         let Some([display_x_px, display_y_px, photo_x_px, photo_y_px]) = numbers.as_deref() else {
-            return Err(refused(number, "it must have four numbers: display_x,display_y,photo_x,photo_y"));
+            return Err(usage_error(number, "must have four numbers: display_x,display_y,photo_x,photo_y"));
         };
         points.push(v1::AlignmentPoint {
             display_x_px: *display_x_px,
@@ -197,7 +199,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn points_are_read_with_and_without_names() {
+    fn points_are_parsed_with_and_without_line_of_names() {
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), "display_x,display_y,photo_x,photo_y\n0, 1,2.5,3\n\n4,5,6,7\n").unwrap();
         let points = read_points(file.path(), (40, 30)).unwrap();

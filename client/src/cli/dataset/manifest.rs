@@ -1,4 +1,4 @@
-//! Lists of pairs: manifests, and folders matched by file name.
+//! Lists of pairs, from manifests or from two folders matched by file name.
 
 use crate::cli::destination::name_of;
 use crate::cli::failure::Failure;
@@ -8,12 +8,12 @@ use serde::{Deserialize, Deserializer, de};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Extensions of holograms and photographs; other files of a folder are passed over.
+/// Extensions of holograms and photographs. Other files of a folder are ignored.
 const PICTURES: [&str; 6] = ["png", "tif", "tiff", "jpg", "jpeg", "npy"];
-/// Names that are shown in a message.
+/// Most names that an error message lists.
 const SHOWN_MAX: usize = 5;
 
-/// One pair of a list.
+/// A pair of hologram and photograph in a list.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Entry {
@@ -42,7 +42,7 @@ impl Entry {
     }
 }
 
-/// What a pair is for, by its word.
+/// Parses the split of a pair.
 fn split(word: &str) -> Result<Split, String> {
     let given = Split::from_word(word).filter(|split| matches!(split, Split::Train | Split::Validation | Split::Test));
     given.ok_or_else(|| format!("split is \"{word}\", but must be train, validation or test"))
@@ -53,7 +53,8 @@ fn split_or_none<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Sp
     word.map(|word| split(&word).map_err(de::Error::custom)).transpose()
 }
 
-/// The pairs of a manifest, with paths as they are from here.
+/// Reads the pairs of a manifest. Their paths are relative to the manifest's folder in the file, and to the working
+/// folder in the result.
 pub(super) fn read(path: &Path) -> Result<Vec<Entry>, Failure> {
     let text = std::fs::read_to_string(path).map_err(|source| lightpath::Error::File {
         action: "read",
@@ -64,7 +65,7 @@ pub(super) fn read(path: &Path) -> Result<Vec<Entry>, Failure> {
     let manifest = parse(&extension, &text)
         .map_err(|problem| Failure::Usage(format!("--manifest {}: {problem}", path.display())))?;
     if manifest.pairs.is_empty() {
-        return Err(Failure::Usage(format!("--manifest {}: it lists no pairs", path.display())));
+        return Err(Failure::Usage(format!("--manifest {}: the file lists no pairs", path.display())));
     }
     let folder = path.parent().unwrap_or(Path::new(""));
     let complete = |entry: Entry| Entry {
@@ -83,12 +84,12 @@ fn parse(extension: &str, text: &str) -> Result<Manifest, String> {
         "toml" => toml::from_str(text).map_err(|error| error.to_string()),
         "json" => serde_json::from_str(text).map_err(|error| error.to_string()),
         "csv" => table(text),
-        other => Err(format!("its name ends with \".{other}\", but a manifest is .toml, .json or .csv")),
+        other => Err(format!("the file name ends with \".{other}\", but must end with .toml, .json or .csv")),
     }
 }
 
-/// A hologram and a photograph for each name that both folders have; a name that only one of them has is refused.
-pub(super) fn matched(phases: &Path, photos: &Path) -> Result<Vec<Entry>, Failure> {
+/// Pairs each hologram with the photograph of the same name. A name that occurs in only one folder is an error.
+pub(super) fn match_folders(phases: &Path, photos: &Path) -> Result<Vec<Entry>, Failure> {
     let (mut holograms, mut photographs) = (pictures(phases)?, pictures(photos)?);
     let entries: Vec<Entry> = holograms
         .keys()
@@ -100,16 +101,16 @@ pub(super) fn matched(phases: &Path, photos: &Path) -> Result<Vec<Entry>, Failur
             Some(Entry::new(name.clone(), holograms.remove(&name)?, photo))
         })
         .collect();
-    for (left, here, there) in [(&holograms, phases, photos), (&photographs, photos, phases)] {
-        if !left.is_empty() {
-            let shown: Vec<&str> = left.keys().take(SHOWN_MAX).map(String::as_str).collect();
+    for (unmatched, folder, other_folder) in [(&holograms, phases, photos), (&photographs, photos, phases)] {
+        if !unmatched.is_empty() {
+            let shown: Vec<&str> = unmatched.keys().take(SHOWN_MAX).map(String::as_str).collect();
             return Err(Failure::Usage(format!(
-                "{} of {} have no partner of the same name in {}: {}{}; rename them, or list the pairs in a --manifest",
-                left.len(),
-                here.display(),
-                there.display(),
+                "{} files in {} have no file of the same name in {}: {}{}; rename them, or list the pairs in a --manifest",
+                unmatched.len(),
+                folder.display(),
+                other_folder.display(),
                 shown.join(", "),
-                if left.len() > SHOWN_MAX { ", …" } else { "" },
+                if unmatched.len() > SHOWN_MAX { ", …" } else { "" },
             )));
         }
     }
@@ -119,12 +120,12 @@ pub(super) fn matched(phases: &Path, photos: &Path) -> Result<Vec<Entry>, Failur
     Ok(entries)
 }
 
-/// The pictures of a folder by their names without extension.
+/// The pictures of a folder, by file name without extension.
 fn pictures(folder: &Path) -> Result<BTreeMap<String, PathBuf>, Failure> {
-    let refused = |source| lightpath::Error::File { action: "read", path: folder.to_owned(), source };
+    let read_error = |source| lightpath::Error::File { action: "read", path: folder.to_owned(), source };
     let mut found = BTreeMap::new();
-    for entry in std::fs::read_dir(folder).map_err(refused)? {
-        let path = entry.map_err(refused)?.path();
+    for entry in std::fs::read_dir(folder).map_err(read_error)? {
+        let path = entry.map_err(read_error)?.path();
         let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
         if !PICTURES.contains(&extension.as_str()) {
             continue;
@@ -137,35 +138,40 @@ fn pictures(folder: &Path) -> Result<BTreeMap<String, PathBuf>, Failure> {
     Ok(found)
 }
 
-/// Comma-separated values: a line of names, then a line for each pair. Fields may be quoted, with quotes doubled inside.
+/// Parses comma-separated values: a line of names, then a line for each pair. Fields may be quoted; a doubled quote
+/// inside a quoted field stands for one quote.
 fn table(text: &str) -> Result<Manifest, String> {
     let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
-    let (_, first) = lines.next().ok_or("it is empty")?;
+    let (_, first) = lines.next().ok_or("the file is empty")?;
     let names = fields(first.trim_start_matches('\u{feff}'));
     const KNOWN: [&str; 7] = ["id", "phase", "photo", "split", "black_level", "exposure_s", "camera_gain"];
     if let Some(unknown) = names.iter().find(|name| !KNOWN.contains(&name.as_str())) {
-        return Err(format!("its first line names \"{unknown}\", but columns are {}", KNOWN.join(", ")));
+        return Err(format!(
+            "the first line has the unknown column \"{unknown}\"; the columns are {}",
+            KNOWN.join(", ")
+        ));
     }
     let pairs = lines
         .map(|(number, line)| entry(&names, &fields(line)).map_err(|error| format!("line {}: {error}", number + 1)));
     Ok(Manifest { black_level: None, exposure_s: None, camera_gain: None, pairs: pairs.collect::<Result<_, _>>()? })
 }
 
+/// Converts the fields of a line into a pair.
 fn entry(names: &[String], fields: &[String]) -> Result<Entry, String> {
     if fields.len() != names.len() {
-        return Err(format!("it has {} fields, but the first line has {}", fields.len(), names.len()));
+        return Err(format!("the line has {} fields, but the first line has {}", fields.len(), names.len()));
     }
-    let of = |name: &str| {
+    let field = |name: &str| {
         let value = names.iter().position(|known| known == name).map(|i| fields[i].as_str());
         value.filter(|value| !value.is_empty())
     };
-    let required = |name: &str| of(name).map(str::to_owned).ok_or_else(|| format!("it has no {name}"));
+    let required = |name: &str| field(name).map(str::to_owned).ok_or_else(|| format!("the line has no {name}"));
     let number = |name: &str| {
-        let parsed =
-            of(name).map(|text| text.parse::<f64>().map_err(|_| format!("{name} is \"{text}\", but must be a number")));
+        let parsed = field(name)
+            .map(|text| text.parse::<f64>().map_err(|_| format!("{name} is \"{text}\", but must be a number")));
         parsed.transpose()
     };
-    let split = of("split").map(split).transpose()?;
+    let split = field("split").map(split).transpose()?;
     Ok(Entry {
         id: required("id")?,
         phase: required("phase")?.into(),
@@ -177,6 +183,7 @@ fn entry(names: &[String], fields: &[String]) -> Result<Entry, String> {
     })
 }
 
+/// The fields of a line of comma-separated values.
 fn fields(line: &str) -> Vec<String> {
     let (mut fields, mut field, mut quoted) = (Vec::new(), String::new(), false);
     let mut characters = line.trim_end_matches('\r').chars().peekable();
@@ -208,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn all_three_kinds_of_manifest_say_the_same() {
+    fn all_manifest_formats_give_the_same_pairs() {
         let folder = tempfile::tempdir().unwrap();
         let toml =
             "exposure_s = 0.02\n[[pairs]]\nid = \"a,1\"\nphase = \"p.png\"\nphoto = \"c.tif\"\nsplit = \"test\"\n";
@@ -230,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn damaged_manifests_are_read_or_refused() {
+    fn damaged_manifests_never_panic_the_parser() {
         for (extension, seed) in [
             (
                 "toml",
@@ -239,17 +246,17 @@ mod tests {
             ("json", r#"{"pairs": [{"id": "a", "phase": "p.png", "photo": "c.tif", "camera_gain": 1e3}]}"#),
             ("csv", "id,phase,photo,split,exposure_s\r\n\"a,1\", p.png ,c.tif,test,0.02\r\nb,q.png,d.tif,,\r\n"),
         ] {
-            let read = damaged(seed).filter(|text| parse(extension, text).is_ok()).count();
-            assert!((1..DAMAGED).contains(&read), "{extension}: {read} were read");
+            let accepted = damaged(seed).filter(|text| parse(extension, text).is_ok()).count();
+            assert!((1..DAMAGED).contains(&accepted), "{extension}: {accepted} were accepted");
         }
     }
 
     #[test]
-    fn mistakes_are_named() {
+    fn errors_name_the_mistake() {
         let folder = tempfile::tempdir().unwrap();
         for (name, text, sign) in [
             ("a.csv", "id,phase,foto\n", "\"foto\""),
-            ("b.csv", "id,phase,photo\np1,p.png\n", "line 2: it has 2 fields"),
+            ("b.csv", "id,phase,photo\np1,p.png\n", "line 2: the line has 2 fields"),
             ("c.csv", "id,phase,photo,exposure_s\np1,p.png,c.png,fast\n", "exposure_s is \"fast\""),
             ("d.toml", "[[pairs]]\nid = \"a\"\nphase = \"p.png\"\nfoto = \"c.png\"\n", "foto"),
             ("e.json", "{\"pairs\": []}", "lists no pairs"),
@@ -263,22 +270,22 @@ mod tests {
     }
 
     #[test]
-    fn folders_are_matched_by_name_and_nothing_is_left_over() {
+    fn folders_are_matched_by_name_and_unmatched_files_are_refused() {
         let folder = tempfile::tempdir().unwrap();
         let (phases, photos) = (folder.path().join("phases"), folder.path().join("photos"));
         for (folder, names) in [(&phases, ["02.png", "01.png", "notes.txt"]), (&photos, ["01.tif", "02.jpg", "x.md"])] {
             std::fs::create_dir(folder).unwrap();
             names.iter().for_each(|name| std::fs::write(folder.join(name), name).unwrap());
         }
-        let entries = matched(&phases, &photos).unwrap();
+        let entries = match_folders(&phases, &photos).unwrap();
         let seen: Vec<_> =
             entries.iter().map(|e| (e.id.as_str(), e.photo.file_name().unwrap().to_str().unwrap())).collect();
         assert_eq!(seen, [("01", "01.tif"), ("02", "02.jpg")]);
         std::fs::write(photos.join("03.png"), "").unwrap();
-        let error = message(matched(&phases, &photos));
-        assert!(error.contains("03") && error.contains("no partner"), "{error}");
+        let error = message(match_folders(&phases, &photos));
+        assert!(error.contains("03") && error.contains("no file of the same name"), "{error}");
         std::fs::remove_file(photos.join("03.png")).unwrap();
         std::fs::write(photos.join("01.png"), "").unwrap();
-        assert!(message(matched(&phases, &photos)).contains("the same name"));
+        assert!(message(match_folders(&phases, &photos)).contains("have the same name"));
     }
 }

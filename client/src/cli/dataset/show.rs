@@ -5,11 +5,12 @@ use crate::cli::{job_text, show};
 use lightpath::v1::{self, Dataset, dataset::State};
 use lightpath::{Words as _, names};
 
+/// The state of a dataset, for example `open`.
 pub(super) fn state(dataset: &Dataset) -> String {
     dataset.state().word().to_owned()
 }
 
-/// A dataset with its pairs and what is to be known about them.
+/// Text about a dataset, with its pairs and findings.
 pub(super) fn facts(dataset: &Dataset) -> String {
     let mut facts = Facts::default();
     facts.add("dataset", names::id(&dataset.name));
@@ -18,7 +19,7 @@ pub(super) fn facts(dataset: &Dataset) -> String {
     facts.add(
         "state",
         match dataset.state() {
-            State::Open => "open: takes pairs".to_owned(),
+            State::Open => "open: pairs can be added".to_owned(),
             State::Finalized | State::Unspecified => state(dataset),
         },
     );
@@ -39,7 +40,7 @@ pub(super) fn facts(dataset: &Dataset) -> String {
     text + &findings(&dataset.findings)
 }
 
-/// What should be known about a dataset, a line each; nothing for none.
+/// Text with a line for each finding. Empty without findings.
 pub(crate) fn findings(findings: &[v1::Finding]) -> String {
     let mut text = String::new();
     if !findings.is_empty() {
@@ -53,15 +54,15 @@ pub(crate) fn findings(findings: &[v1::Finding]) -> String {
     text
 }
 
-/// How an alignment was found, and how good it is.
+/// The source of an alignment and its quality.
 pub(crate) fn alignment(alignment: &v1::Alignment) -> String {
-    let (found, of) = match alignment.method() {
+    let (origin, unit) = match alignment.method() {
         v1::alignment::Method::Dots => ("from a photograph of the dots", "dots"),
         v1::alignment::Method::Pairs => ("from the pairs", "tiles"),
         v1::alignment::Method::Points | v1::alignment::Method::Unspecified => ("from points", "points"),
     };
     format!(
-        "{found}: corrects {:.2} px, residual {:.3} px over {} {of}; photographs of {}×{} px",
+        "{origin}: corrects {:.2} px, residual {:.3} px over {} {unit}; photographs of {}×{} px",
         alignment.corrected_px,
         alignment.residual_px,
         alignment.points,
@@ -96,7 +97,7 @@ fn pair_table(dataset: &Dataset) -> Table {
     table
 }
 
-/// Enough of a digest to tell it from others; `--output json` shows all of it.
+/// The first 12 digits of a digest. `--output json` shows all digits.
 fn short(digest: &str) -> String {
     digest.strip_prefix("sha256-").map_or_else(|| digest.to_owned(), |hex| hex.chars().take(12).collect())
 }

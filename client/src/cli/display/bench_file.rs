@@ -1,10 +1,10 @@
-//! A simulated bench from a TOML file: the properties of the API's message, by their names.
+//! Simulated benches in TOML files. The keys are the field names of the message [`SimulatedBench`].
 
 use crate::cli::failure::Failure;
 use lightpath::v1::SimulatedBench;
 use std::path::Path;
 
-/// The bench that a file describes. Everything may be left out.
+/// Reads a bench from a file. All properties are optional.
 pub(super) fn read(path: &Path) -> Result<SimulatedBench, Failure> {
     let text = std::fs::read_to_string(path).map_err(|source| lightpath::Error::File {
         action: "read",
@@ -18,35 +18,37 @@ fn parse(text: &str) -> Result<SimulatedBench, String> {
     let table: toml::Table = text.parse().map_err(|error: toml::de::Error| error.to_string())?;
     let zeros = [toml::Value::Float(0.0), toml::Value::Integer(0)];
     let is_zero = |name: &str| table.get(name).is_some_and(|value| zeros.contains(value));
-    // The message has no other way to say that they are left out.
+    // In the message 0 stands for the default of these properties.
     if let Some(name) = ["strength", "camera_noise"].into_iter().find(|name| is_zero(name)) {
-        return Err(format!("{name} is 0, which would mean its default; give a small number, such as 1e-6, instead"));
+        return Err(format!(
+            "{name} is 0, but the server would use its default for 0; give a small number instead, such as 1e-6"
+        ));
     }
     if let Some(name) = table.keys().find(|name| !names().contains(name)) {
-        return Err(format!("there is no property {name}, but: {}", names().join(", ")));
+        return Err(format!("there is no property {name}; the properties are: {}", names().join(", ")));
     }
     toml::from_str(text).map_err(|error| error.to_string())
 }
 
-/// Every property that is not 0, as the file names it.
+/// Name and value of each property that is not 0, except the seed. Names are those of the file.
 pub(super) fn properties(bench: &SimulatedBench) -> Vec<(String, f64)> {
     let value =
         |(name, value): (String, serde_json::Value)| Some((name, value.as_f64().filter(|value| *value != 0.0)?));
     values(bench).into_iter().filter_map(value).collect()
 }
 
-/// The names of all properties.
+/// Names of all properties in the file.
 fn names() -> Vec<String> {
     values(&SimulatedBench::default()).into_iter().map(|(name, _)| name).collect()
 }
 
-/// Every property with its value; the seed is a text.
+/// Name and value of each property. The value of the seed is a string, as in protobuf's JSON form.
 fn values(bench: &SimulatedBench) -> Vec<(String, serde_json::Value)> {
     let Ok(serde_json::Value::Object(values)) = serde_json::to_value(bench) else { return Vec::new() };
     values.into_iter().map(|(name, value)| (snake_case(&name), value)).collect()
 }
 
-/// `blur_px` from `blurPx`, as protobuf's JSON form has it.
+/// Converts a name of protobuf's JSON form, such as `blurPx`, into snake case, such as `blur_px`.
 fn snake_case(name: &str) -> String {
     let mut snake = String::new();
     for character in name.chars() {
@@ -66,20 +68,20 @@ mod tests {
     const DOCUMENTED: &str = include_str!("../../../../docs/bench.toml");
 
     #[test]
-    fn the_documented_file_has_every_property() {
+    fn documented_file_has_every_property() {
         let bench = parse(DOCUMENTED).unwrap();
         assert_eq!(bench.seed, 7);
-        assert_eq!(properties(&bench).len() + 1, names().len(), "each of them is other than 0");
+        assert_eq!(properties(&bench).len() + 1, names().len(), "every property of the documented file is not 0");
     }
 
     #[test]
-    fn damaged_files_are_read_or_refused() {
-        let read = damaged(DOCUMENTED).filter(|text| parse(text).is_ok()).count();
-        assert!((1..DAMAGED).contains(&read), "{read} were read");
+    fn damaged_files_never_panic_the_parser() {
+        let accepted = damaged(DOCUMENTED).filter(|text| parse(text).is_ok()).count();
+        assert!((1..DAMAGED).contains(&accepted), "{accepted} were accepted");
     }
 
     #[test]
-    fn everything_may_be_left_out() {
+    fn all_properties_are_optional() {
         assert_eq!(parse("").unwrap(), SimulatedBench::default());
         let bench = parse("seed = 7\nblur_px = 0.5").unwrap();
         assert_eq!(bench, SimulatedBench { seed: 7, blur_px: 0.5, ..Default::default() });
@@ -87,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn misspelt_properties_are_refused_with_those_there_are() {
+    fn error_for_misspelt_property_lists_valid_ones() {
         let error = parse("blurr_px = 1.0").unwrap_err();
         assert!(error.contains("no property blurr_px") && error.contains("blur_px, "), "{error}");
         assert!(parse("strength = 0.0").unwrap_err().contains("strength is 0"));

@@ -1,4 +1,4 @@
-//! `lightpath display plan`
+//! The command `lightpath display plan`.
 
 use crate::cli::arguments::{distance, pixel_pitch, propagation, resolution, wavelength};
 use crate::cli::failure::Failure;
@@ -7,9 +7,10 @@ use crate::cli::session::Session;
 use clap::Args;
 use lightpath::{names, v1};
 
-/// Say how light's way to a distance would be computed, why, and how good that is.
+/// Show which method would propagate light to a distance, why, and the limits of its validity.
 ///
-/// Nothing is computed and no job is made. What can't be right is refused, with the numbers; jobs refuse it too.
+/// The command submits no job. The server refuses a propagation that cannot be correct and gives the numbers; it would
+/// refuse a job with it, too.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -17,30 +18,31 @@ Examples:
   lightpath display plan lab-2 --distance 500mm --method band-limited
   lightpath display plan lab-2 --distance 9cm --window 96x96 --window-pitch 2um")]
 pub(crate) struct Plan {
-    /// Id of the display
+    /// Use the display with this id
     id: String,
 
-    /// From the SLM to the image plane, for example 150mm; negative for an image behind the SLM
+    /// Set the distance from the SLM to the image plane, at most 10m, for example 150mm; negative for an image behind
+    /// the SLM
     #[arg(long, value_name = "LENGTH", value_parser = distance, allow_hyphen_values = true)]
     distance: f64,
 
-    /// Wavelength in vacuum, for example 515nm; may be left out where the display has only one
+    /// Set the wavelength in vacuum, for example 515nm [default: the display's only wavelength]
     #[arg(long, value_name = "LENGTH", value_parser = wavelength, allow_hyphen_values = true)]
     wavelength: Option<f64>,
 
-    /// Judge this method instead of the planner's choice
+    /// Check this method instead of the planner's choice
     #[arg(long, default_value = "auto", conflicts_with = "window", value_parser = propagation())]
     method: v1::PropagationMethod,
 
-    /// Columns x rows of another window of the image than the SLM's own pixels
+    /// Compute a window of this size in the image: columns x rows in pixels [default: the SLM's own pixels]
     #[arg(long, value_name = "WxH", value_parser = resolution, requires = "window_pitch", help_heading = "Window")]
     window: Option<(u32, u32)>,
 
-    /// Distance between the window's pixels, for example 2um
+    /// Set the distance between the window's pixels, for example 2um; needs --window
     #[arg(long, value_name = "LENGTH", value_parser = pixel_pitch, requires = "window", help_heading = "Window")]
     window_pitch: Option<f64>,
 
-    /// The window's middle, to the right of the point opposite to the SLM's middle
+    /// Shift the window's centre by this length to the right of the SLM's centre, for example 2mm [default: 0]
     #[arg(
         long,
         value_name = "LENGTH",
@@ -51,7 +53,7 @@ pub(crate) struct Plan {
     )]
     centre_x: Option<f64>,
 
-    /// The same, downwards
+    /// Shift the window's centre by this length below the SLM's centre, for example 2mm [default: 0]
     #[arg(
         long,
         value_name = "LENGTH",

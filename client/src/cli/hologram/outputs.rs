@@ -1,4 +1,4 @@
-//! The files of a hologram: where they go, and saving them.
+//! Output files of a hologram: their paths, and saving them.
 
 use crate::cli::destination;
 use crate::cli::failure::Failure;
@@ -7,24 +7,24 @@ use clap::Args;
 use lightpath::{units, v1};
 use std::path::{Path, PathBuf};
 
-/// Files of a result.
+/// Options that name output files.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Output files")]
 pub(super) struct Outputs {
-    /// The hologram for the display, a grey PNG of levels; .npy gives radians as float32
+    /// Save the hologram for the display: a grey PNG of levels; a name that ends with .npy saves radians as float32
     #[arg(short = 'o', value_name = "PHASE.png")]
     phase: Option<PathBuf>,
 
-    /// The phase before response, carrier and quantization, in radians, float32
+    /// Save the phase in radians (float32) before phase response, carrier and quantization are applied
     #[arg(long, value_name = "FILE.npy")]
     npy: Option<PathBuf>,
 
-    /// What the kernel predicts the detector sees
+    /// Save the reconstruction: the picture that the detector sees according to the kernel
     #[arg(long, value_name = "FILE.png")]
     reconstruction: Option<PathBuf>,
 }
 
-/// Where the files of one target go.
+/// Paths of the output files of one target.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Files {
     phase: Option<PathBuf>,
@@ -33,22 +33,23 @@ pub(super) struct Files {
 }
 
 impl Outputs {
+    /// True if at least one output file was given.
     pub(super) fn any(&self) -> bool {
         self.phase.is_some() || self.npy.is_some() || self.reconstruction.is_some()
     }
 
-    /// Where the files of each target go.
+    /// Returns the paths of the output files of each target, and checks them.
     pub(super) fn files(&self, names: &[String], targets: &[PathBuf]) -> Result<Vec<Files>, Failure> {
-        let places = |option: &str, destination: &Option<PathBuf>, suffix: &str| match destination {
+        let paths = |option: &str, destination: &Option<PathBuf>, suffix: &str| match destination {
             None => Ok(vec![None; names.len()]),
             Some(destination) => {
                 let files = destination::files(option, destination, names, suffix)?;
                 Ok::<_, Failure>(files.into_iter().map(Some).collect())
             }
         };
-        let phases = places("-o", &self.phase, "-phase.png")?;
-        let npys = places("--npy", &self.npy, "-phase.npy")?;
-        let reconstructions = places("--reconstruction", &self.reconstruction, "-reconstruction.png")?;
+        let phases = paths("-o", &self.phase, "-phase.png")?;
+        let npys = paths("--npy", &self.npy, "-phase.npy")?;
+        let reconstructions = paths("--reconstruction", &self.reconstruction, "-reconstruction.png")?;
         let all = || [&phases, &npys, &reconstructions].into_iter().flatten().flatten();
         destination::check_distinct(targets.iter().map(PathBuf::as_path), all().map(PathBuf::as_path))?;
         let zipped = phases.into_iter().zip(npys).zip(reconstructions);
@@ -57,6 +58,7 @@ impl Outputs {
 }
 
 impl Files {
+    /// Downloads the files of a result.
     pub(super) async fn save(&self, session: &Session, result: &v1::HologramResult) -> lightpath::Result<()> {
         for (digest, path) in self.parts(result) {
             session.client.download_to(digest, &path).await?;
@@ -64,14 +66,16 @@ impl Files {
         Ok(())
     }
 
+    /// The paths of the files of a result, separated by commas. `None` without any.
     pub(super) fn text(&self, result: &v1::HologramResult) -> Option<String> {
         let files = self.parts(result).into_iter().map(|(_, path)| path.display().to_string());
         let text = files.collect::<Vec<_>>().join(", ");
         (!text.is_empty()).then_some(text)
     }
 
-    /// Every file with the artifact that goes into it. What a result has several of is told apart by wavelength, frame or
-    /// distance in the file's name; pictures in several colours are saved as colour pictures.
+    /// Pairs of artifact digest and file path. If a result has several wavelengths, frames or planes, the file names
+    /// contain the wavelength, frame number or distance. Of several wavelengths only the colour reconstructions are
+    /// saved, if the result has them.
     fn parts<'a>(&self, result: &'a v1::HologramResult) -> Vec<(&'a str, PathBuf)> {
         let is_npy = |path: &Path| path.extension().is_some_and(|extension| extension == "npy");
         let mut parts = Vec::new();
@@ -109,12 +113,12 @@ impl Files {
     }
 }
 
-/// `638nm`.
+/// Formats a length without a space, for example `638nm`.
 fn compact(metres: f64) -> String {
     units::show_m(metres).replace(' ', "")
 }
 
-/// `phase-638nm-frame2.png` from `phase.png`.
+/// Adds marks to a file name: `phase.png` becomes `phase-638nm-frame2.png`.
 fn marked(path: &Path, marks: &[Option<String>]) -> PathBuf {
     let marks: String = marks.iter().flatten().map(|mark| format!("-{mark}")).collect();
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
@@ -144,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn one_of_each_keeps_its_name_and_several_are_told_apart() {
+    fn several_wavelengths_frames_and_planes_get_different_file_names() {
         assert_eq!(names(&result(&[515e-9], 1, &[0.15], false)), "a/p.png, s.png");
         let stack = names(&result(&[515e-9], 2, &[0.14, 0.15], false));
         assert_eq!(stack, "a/p-frame1.png, a/p-frame2.png, s-140mm.png, s-150mm.png");

@@ -1,4 +1,4 @@
-//! What holograms are to show: pictures, distances and wavelengths.
+//! Arguments for what holograms show: target pictures, distances and wavelengths.
 
 use crate::cli::arguments::{distance, wavelength};
 use crate::cli::destination;
@@ -9,42 +9,42 @@ use lightpath::names;
 use lightpath::v1::{OptimizeHologram, optimize_hologram::ImagePlane};
 use std::path::PathBuf;
 
-/// Pictures, and where they are to be.
+/// Target pictures with their display, distances and wavelengths.
 #[derive(Debug, Args)]
 pub(super) struct Pictures {
-    /// Pictures: PNG (8 or 16 bit, grey or colour), JPEG or TIFF, at least 8x8 px; colours are averaged, except for three
-    /// wavelengths, each of which shows its own colour
+    /// Show these pictures: PNG (8 or 16 bit, grey or colour), JPEG or TIFF, at least 8x8 px. Colours are averaged;
+    /// only with three wavelengths each wavelength shows its own colour
     #[arg(required_unless_present = "planes", value_name = "TARGET")]
     targets: Vec<PathBuf>,
 
-    /// Id of the display, for example lab-2
+    /// Use the display with this id, for example lab-2
     #[arg(long, value_name = "ID")]
     display: String,
 
-    /// From the SLM to the image plane, for example 150mm; negative for an image behind the SLM. With --depth-map the
-    /// distances of all planes, separated by commas
+    /// Set the distance from the SLM to the image plane, at most 10m, for example 150mm; negative for an image behind the
+    /// SLM. With --depth-map give the distances of all planes, separated by commas
     #[arg(long = "distance", value_name = "LENGTH", value_parser = distance, value_delimiter = ',')]
     #[arg(allow_hyphen_values = true, required_unless_present = "planes")]
     distances: Vec<f64>,
 
-    /// Wavelengths in vacuum, for example 515nm or 638nm,520nm,450nm: one hologram each. May be left out where the display has
-    /// only one
+    /// Set the wavelengths in vacuum, for example 515nm or 638nm,520nm,450nm; each gets one hologram [default: the
+    /// display's only wavelength]
     #[arg(long = "wavelength", value_name = "LENGTH", value_parser = wavelength, value_delimiter = ',')]
     #[arg(allow_hyphen_values = true)]
     wavelengths: Vec<f64>,
 
-    /// A picture at a distance, for example 140mm=near.png, or 140mm=near.png:2 for one that counts twice. Several of them
-    /// are shown by one hologram, in place of TARGET and --distance
+    /// Show a picture at a distance, for example 140mm=near.png, or 140mm=near.png:2 with weight 2 (default: 1). One
+    /// hologram shows all pictures that are given this way; use it in place of TARGET and --distance
     #[arg(long = "plane", value_name = "LENGTH=FILE", value_parser = plane, allow_hyphen_values = true)]
     #[arg(conflicts_with_all = ["targets", "distances", "depth_map"])]
     planes: Vec<PlaneFile>,
 
-    /// A grey picture of depths that cuts TARGET into planes: white is at the first --distance, black at the last
+    /// Divide TARGET into planes by this grey picture of depths: white is at the first --distance, black at the last
     #[arg(long, value_name = "FILE")]
     depth_map: Option<PathBuf>,
 }
 
-/// `140mm=near.png:2`.
+/// A target picture with its distance and weight, given as `140mm=near.png:2`.
 #[derive(Clone, Debug, PartialEq)]
 struct PlaneFile {
     distance_m: f64,
@@ -53,8 +53,8 @@ struct PlaneFile {
 }
 
 fn plane(text: &str) -> Result<PlaneFile, String> {
-    let form = "a plane is a distance and a picture, such as 140mm=near.png, with a weight where it counts more, \
-                near.png:2";
+    let form = "must be a distance and a picture, such as 140mm=near.png, and may end with a weight above 0, such as \
+                140mm=near.png:2";
     let (length, file) = text.split_once('=').ok_or(form)?;
     let distance_m = distance(length).map_err(|error| error.to_string())?;
     let weighted = file.rsplit_once(':').and_then(|(file, weight)| Some((file, weight.parse::<f64>().ok()?)));
@@ -66,22 +66,22 @@ fn plane(text: &str) -> Result<PlaneFile, String> {
 }
 
 impl Pictures {
-    /// Refuses what the arguments' own rules cannot.
+    /// Checks rules that clap cannot check.
     pub(super) fn check(&self) -> Result<(), Failure> {
         let several = self.distances.len() > 1;
         match &self.depth_map {
             None if several => Err(Failure::Usage(
-                "several distances need --depth-map, which says what belongs to which; or give each picture its own with --plane"
+                "several distances need --depth-map, which divides a picture among them; for several pictures use --plane"
                     .to_owned(),
             )),
             Some(_) if !several => Err(Failure::Usage(
-                "--depth-map needs two distances or more, such as --distance 140mm,150mm,160mm".to_owned(),
+                "--depth-map needs at least two distances, such as --distance 140mm,150mm,160mm".to_owned(),
             )),
             _ => Ok(()),
         }
     }
 
-    /// What each job is called.
+    /// The name of each job: the name of its first picture.
     pub(super) fn names(&self) -> Vec<String> {
         match self.planes.first() {
             Some(first) => vec![destination::name_of(&first.file)],
@@ -89,17 +89,17 @@ impl Pictures {
         }
     }
 
-    /// The picture that the `index`-th job is called after.
+    /// The picture that gives the `index`-th job its name.
     pub(super) fn first_file(&self, index: usize) -> PathBuf {
         self.planes.first().map_or_else(|| self.targets[index].clone(), |plane| plane.file.clone())
     }
 
-    /// Files that are read.
+    /// The input files.
     pub(super) fn files(&self) -> impl Iterator<Item = &PathBuf> {
         self.targets.iter().chain(self.planes.iter().map(|plane| &plane.file)).chain(&self.depth_map)
     }
 
-    /// The pictures of the `index`-th job, uploaded.
+    /// Uploads the pictures of the `index`-th job and adds them to `spec`.
     pub(super) async fn fill(
         &self,
         session: &Session,
@@ -132,7 +132,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn planes_are_read() {
+    fn planes_are_parsed() {
         let read = |text| plane(text).unwrap();
         let near = PlaneFile { distance_m: 0.14, file: "near.png".into(), weight: 1.0 };
         assert_eq!(read("140mm=near.png"), near);

@@ -1,4 +1,4 @@
-//! How good the holograms are, in words.
+//! Quality of holograms as text.
 
 use super::outputs::Files;
 use crate::cli::table::{Facts, Table};
@@ -6,14 +6,15 @@ use crate::cli::{propagation_text, quality_text, show};
 use lightpath::v1::{self, Job};
 use lightpath::{hologram_result, names, units};
 
-/// A target on its way: its name, its job and where its files go.
+/// A target with its job and its output files.
 pub(super) struct Item {
     pub(super) name: String,
     pub(super) job: Job,
     pub(super) files: Files,
 }
 
-/// One result in full, or a table of several. The jobs that did not succeed are told as errors.
+/// Formats the results: one in full, several as a table. Jobs without success are left out; the caller reports them as
+/// errors.
 pub(super) fn results(items: &[Item]) -> String {
     let succeeded = items.iter().filter_map(|item| Some((item, hologram_result(&item.job).ok()?)));
     if let ([item], Some((_, result))) = (items, succeeded.clone().next()) {
@@ -33,7 +34,7 @@ pub(super) fn results(items: &[Item]) -> String {
     for (item, result) in succeeded {
         let first = result.wavelengths.first().and_then(|wavelength| wavelength.planes.first());
         let [point, pixel, supersampled, quantized, similarity, _] =
-            quality_text::in_short(first.cloned().unwrap_or_default());
+            quality_text::summary(first.cloned().unwrap_or_default());
         table.row([
             item.name.clone(),
             show::kernel_versions(&item.job.kernel_versions),
@@ -54,7 +55,7 @@ fn result_facts(item: &Item, result: &v1::HologramResult) -> String {
     facts.add("target", &item.name);
     facts.add("job", names::id(&item.job.name));
     facts.add("kernel", show::kernel_versions(&item.job.kernel_versions));
-    facts.add("speed", format!("{:.1} ms an iteration, {} iterations", result.iteration_ms, result.iterations));
+    facts.add("speed", format!("{:.1} ms per iteration, {} iterations", result.iteration_ms, result.iterations));
     let mut planes = result.wavelengths.iter().flat_map(|wavelength| &wavelength.planes);
     let (first, others) = (planes.next(), planes.next());
     if let Some(report) = first.and_then(|plane| plane.propagation.as_ref()) {
@@ -68,7 +69,7 @@ fn result_facts(item: &Item, result: &v1::HologramResult) -> String {
     format!("{}\n{quality}", facts.text())
 }
 
-/// A line for each wavelength and plane.
+/// A table with a line for each wavelength and plane.
 fn parts_table(result: &v1::HologramResult) -> String {
     let mut table = Table::new(&[
         "wavelength",
@@ -82,7 +83,7 @@ fn parts_table(result: &v1::HologramResult) -> String {
     ]);
     for wavelength in &result.wavelengths {
         for plane in &wavelength.planes {
-            let [point, pixel, supersampled, quantized, similarity, efficiency] = quality_text::in_short(plane.clone());
+            let [point, pixel, supersampled, quantized, similarity, efficiency] = quality_text::summary(plane.clone());
             let (wavelength, distance) = (units::show_m(wavelength.wavelength_m), units::show_m(plane.distance_m));
             table.row([wavelength, distance, point, pixel, supersampled, quantized, similarity, efficiency]);
         }

@@ -1,4 +1,4 @@
-//! `lightpath kernel interpolate`
+//! The command `lightpath kernel interpolate`.
 
 use super::show::version_facts;
 use crate::cli::arguments::Optics;
@@ -7,11 +7,11 @@ use crate::cli::session::Session;
 use clap::Args;
 use lightpath::{names, v1};
 
-/// Make the kernel of a distance between photographed ones.
+/// Interpolate a kernel at a distance between photographed distances.
 ///
-/// Photographs of several distances that were learned together (kernel learn with --dataset given several times) give the display as
-/// a function of the distance. What that says of a distance between them becomes the next version there, marked as interpolated.
-/// Beyond the photographed distances nothing is known, and nothing is made.
+/// First learn several distances together: kernel learn with several --dataset options. The model describes the display as
+/// a function of the distance. The interpolated kernel becomes the next version at the new distance, marked as
+/// interpolated. The server refuses photographed distances and distances outside their range.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Example:

@@ -1,4 +1,4 @@
-//! `lightpath kernel learn` and `evaluate`.
+//! The commands `lightpath kernel learn` and `evaluate`.
 
 use crate::cli::arguments::{above_zero, region};
 use crate::cli::failure::Failure;
@@ -11,9 +11,9 @@ use lightpath::v1::{self, EvaluateKernel, KernelModel, LearnKernel, job_spec};
 
 /// Learn a display's light transport from photographs.
 ///
-/// The result is the next version of the kernel of the dataset's display, wavelength and distance. It is not
-/// used until it is promoted. From datasets of several distances one model is learned: it gives a version for each, and kernels of
-/// distances between them (kernel interpolate).
+/// The result is the next version of the kernel for the dataset's display, wavelength and distance. It is not used until
+/// it is promoted. From datasets of several distances the job learns one model, which gives a version for each distance.
+/// The command kernel interpolate then makes kernels for distances between them.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Example:
@@ -21,47 +21,49 @@ Example:
   lightpath kernel promote --display lab-2 --distance 150mm --version 1 \\
       --reason \"held-out loss 0.0001\"")]
 pub(crate) struct Learn {
-    /// Name of a finalized dataset; several, of one display at different distances, are learned together
+    /// Learn from this finalized dataset; may be given up to 8 times, for one display and wavelength and different distances
     #[arg(long = "dataset", value_name = "NAME", required = true)]
     datasets: Vec<String>,
 
-    /// How the light transport is written as parameters
+    /// Choose the model: which parameters describe the light transport
     #[arg(long, default_value = "display", value_parser = WordParser::<KernelModel>::new())]
     model: KernelModel,
 
-    /// Passes over the training pairs with Adam, 1 to 1000 [default: the model's]
+    /// Make this many passes over the training pairs with Adam, 1 to 1000 [default: depends on the model]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     epochs: Option<u32>,
 
-    /// Evaluations of all pairs after Adam (smooth, display and varying), at most 10000 [default: the model's]
+    /// Refine after Adam with at most this many evaluations of all pairs, 0 to 10000; only for smooth, display and varying
+    /// [default: depends on the model]
     #[arg(long, value_name = "N")]
     refinement_evaluations: Option<u32>,
 
-    /// Adam's step, above 0, at most 10 [default: the model's]
+    /// Set the learning rate of Adam, above 0, at most 10 [default: depends on the model]
     #[arg(long, value_name = "X", value_parser = above_zero)]
     learning_rate: Option<f64>,
 
-    /// Seed of the order of the pairs, and of the paper model's start
+    /// Set the seed of the order of the pairs, and of the random start of the paper model
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
 
-    /// Highest polynomial degree of the smooth errors, 1 to 12; auto: 5, 8 or 12, as the validation pairs choose
+    /// Set the highest polynomial degree of the smooth errors, 1 to 12; auto takes the one of 5, 8 and 12 that predicts the
+    /// validation pairs best, and 8 without validation pairs
     #[arg(long, value_name = "N", default_value = "auto", value_parser = order)]
     order: u32,
 
-    /// Start from this version of the kernel, learned as smooth, display or varying, instead of the ideal kernel
+    /// Start from this version of the kernel, which must be smooth, display or varying [default: the ideal kernel]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     start_version: Option<u32>,
 
-    /// What the camera's pixels measure (supersampled is no camera)
+    /// Choose what the camera's pixels measure; point or pixel
     #[arg(long, default_value = "pixel", value_parser = WordParser::<v1::Detector>::new())]
     detector: v1::Detector,
 
-    /// Where the photographs count, in pixels: x,y,width,height [default: the middle 80 % of each axis]
+    /// Compare photographs only in this region: x,y,width,height in pixels [default: the middle 80 % of each axis]
     #[arg(long, value_name = "X,Y,W,H", value_parser = region)]
     roi: Option<v1::RegionOfInterest>,
 
-    /// Wait for the job, with a bar
+    /// Wait until the job has ended, with a progress bar
     #[arg(long)]
     wait: bool,
 
@@ -69,22 +71,22 @@ pub(crate) struct Learn {
     submission: Submission,
 }
 
-/// Measure how well a kernel predicts a dataset's photographs.
+/// Measure how well a kernel predicts the photographs of a dataset.
 #[derive(Debug, Args)]
 pub(crate) struct Evaluate {
-    /// Name of a finalized dataset
+    /// Use this finalized dataset
     #[arg(long, value_name = "NAME")]
     dataset: String,
 
-    /// Which kernel of the dataset's display, wavelength and distance: active, ideal or a version number
+    /// Evaluate this kernel for the dataset's display, wavelength and distance: active, ideal or a version number
     #[arg(long, value_name = "KERNEL", default_value = "active")]
     kernel: String,
 
-    /// Where the photographs count, in pixels: x,y,width,height [default: the middle 80 % of each axis]
+    /// Compare photographs only in this region: x,y,width,height in pixels [default: the middle 80 % of each axis]
     #[arg(long, value_name = "X,Y,W,H", value_parser = region)]
     roi: Option<v1::RegionOfInterest>,
 
-    /// Wait for the job, with a bar
+    /// Wait until the job has ended, with a progress bar
     #[arg(long)]
     wait: bool,
 
@@ -110,12 +112,12 @@ impl Learn {
     }
 }
 
-/// 0 stands for auto.
+/// Parses a polynomial degree. 0 stands for auto.
 fn order(text: &str) -> Result<u32, String> {
     match text.parse() {
         Ok(order) if (1..=12).contains(&order) => Ok(order),
         _ if text == "auto" => Ok(0),
-        _ => Err("an order is 1 to 12, or auto".to_owned()),
+        _ => Err("must be 1 to 12, or auto".to_owned()),
     }
 }
 

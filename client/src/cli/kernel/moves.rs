@@ -1,4 +1,4 @@
-//! `lightpath kernel promote`, `rollback` and `history`.
+//! The commands `lightpath kernel promote`, `rollback` and `history`.
 
 use super::show::kernel_facts;
 use crate::cli::arguments::Limit;
@@ -10,7 +10,7 @@ use crate::cli::table::Table;
 use clap::Args;
 use lightpath::v1;
 
-/// Make a version the active one, which holograms and firmware use.
+/// Make a version active; holograms and firmware use the active version.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Example:
@@ -20,35 +20,35 @@ pub(crate) struct Promote {
     #[command(flatten)]
     kernel: KernelChoice,
 
-    /// The version to use from now on
+    /// Make this version active
     #[arg(long, value_name = "N")]
     version: u32,
 
-    /// Why, for the history; at most 1024 bytes
+    /// Record this reason in the history, at most 1024 bytes [default: none]
     #[arg(long, value_name = "TEXT", default_value = "", hide_default_value = true)]
     reason: String,
 
-    /// Promote a version that was measured to be no better than the ideal kernel all the same; needs --reason
+    /// Promote the version even if measurements show that it is no better than the ideal kernel; needs --reason
     #[arg(long, requires = "reason")]
     force: bool,
 
-    /// Refuse when another version than this one is active now; 0: none is
+    /// Promote only if this version is active now; 0 means no active version
     #[arg(long, value_name = "N")]
     expected_active: Option<u32>,
 }
 
-/// Make the version active again that was before the last move.
+/// Make the version active again that was active before the last change.
 #[derive(Debug, Args)]
 pub(crate) struct Rollback {
     #[command(flatten)]
     kernel: KernelChoice,
 
-    /// Why, for the history; at most 1024 bytes
+    /// Record this reason in the history, at most 1024 bytes [default: none]
     #[arg(long, value_name = "TEXT", default_value = "", hide_default_value = true)]
     reason: String,
 }
 
-/// List every move of the active version, newest first.
+/// List every change of the active version, newest first.
 #[derive(Debug, Args)]
 pub(crate) struct History {
     #[command(flatten)]
@@ -89,16 +89,16 @@ impl History {
         .await?;
         session.print(&v1::ListKernelMovesResponse { moves, next_page_token }, |list| {
             let mut table = Table::new(&["time", ">from", ">to", "kind", "reason"]);
-            for a_move in &list.moves {
+            for entry in &list.moves {
                 table.row([
-                    show::time_or_dash(a_move.time.as_ref()),
-                    show::version_or_dash(a_move.from_version),
-                    show::version_or_dash(a_move.to_version),
-                    if a_move.rollback { "rollback".to_owned() } else { "promote".to_owned() },
-                    a_move.reason.clone(),
+                    show::time_or_dash(entry.time.as_ref()),
+                    show::version_or_dash(entry.from_version),
+                    show::version_or_dash(entry.to_version),
+                    if entry.rollback { "rollback".to_owned() } else { "promote".to_owned() },
+                    entry.reason.clone(),
                 ]);
             }
-            table.text_or("no version was ever active") + more_hint(&list.next_page_token)
+            table.text_or("no version has been active yet") + more_hint(&list.next_page_token)
         })
     }
 }

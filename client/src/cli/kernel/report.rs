@@ -1,4 +1,4 @@
-//! `lightpath kernel report`
+//! The command `lightpath kernel report`.
 
 use crate::cli::failure::Failure;
 use crate::cli::kernel_choice::KernelChoice;
@@ -9,10 +9,10 @@ use lightpath::v1::{self, job_spec};
 use lightpath::{names, report_result};
 use std::path::PathBuf;
 
-/// Write what a version is like as one HTML file: pictures, figures and tables.
+/// Write a report of a kernel version as one HTML file with pictures, figures and tables.
 ///
-/// The kernel and its ratio to the ideal one, aberrations, point spread and contrast, source, phase response, photographs beside
-/// predictions, what the data could not tell, and how it differs from other versions.
+/// The report shows the kernel and its ratio to the ideal kernel, aberrations, point spread and contrast, the source, the
+/// phase response, photographs beside predictions, what the data do not determine, and differences to other versions.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Example:
@@ -22,19 +22,19 @@ pub(crate) struct Report {
     #[command(flatten)]
     kernel: KernelChoice,
 
-    /// Which version [default: the newest]
+    /// Report on this version [default: the newest version]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     version: Option<u32>,
 
-    /// Where the report goes
+    /// Write the report to this file
     #[arg(short = 'o', value_name = "FILE.html")]
     html: PathBuf,
 
-    /// Where its numbers go, as arrays of NumPy by name
+    /// Write the numbers of the report to this file, as named NumPy arrays
     #[arg(long, value_name = "FILE.npz")]
     arrays: Option<PathBuf>,
 
-    /// A folder for its pictures, PNG and SVG; made where it is missing
+    /// Write the pictures of the report (PNG and SVG) to this folder; a missing folder is created
     #[arg(long, value_name = "FOLDER")]
     figures: Option<PathBuf>,
 
@@ -60,8 +60,8 @@ impl Report {
             written.push(path.display().to_string());
         }
         if let Some(folder) = &self.figures {
-            let refused = |source| lightpath::Error::File { action: "make", path: folder.clone(), source };
-            std::fs::create_dir_all(folder).map_err(refused)?;
+            let file_error = |source| lightpath::Error::File { action: "create", path: folder.clone(), source };
+            std::fs::create_dir_all(folder).map_err(file_error)?;
             for figure in &report.figures {
                 session.client.download_to(&figure.artifact, &folder.join(&figure.name)).await?;
             }

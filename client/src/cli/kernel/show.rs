@@ -1,4 +1,4 @@
-//! `lightpath kernel list`, `show` and `versions`.
+//! The commands `lightpath kernel list`, `show` and `versions`.
 
 use crate::cli::arguments::{Limit, distance};
 use crate::cli::failure::Failure;
@@ -10,17 +10,17 @@ use clap::Args;
 use lightpath::v1::{self, Kernel, KernelVersion};
 use lightpath::{Words as _, names, units};
 
-/// Two distances are the same when they differ by less than the server's unit, a nanometre.
+/// Distances that differ by less than this are equal \[m\]. It is half of the server's unit, a nanometre.
 const SAME_DISTANCE_M: f64 = 0.5e-9;
 
 /// List kernels.
 #[derive(Debug, Args)]
 pub(crate) struct List {
-    /// Only this display's
+    /// List only kernels of the display with this id
     #[arg(long, value_name = "ID")]
     display: Option<String>,
 
-    /// Only those of this distance, for example 150mm
+    /// List only kernels of this distance, for example 150mm
     #[arg(long, value_name = "LENGTH", value_parser = distance, allow_hyphen_values = true)]
     distance: Option<f64>,
 
@@ -34,7 +34,7 @@ pub(crate) struct Show {
     #[command(flatten)]
     kernel: KernelChoice,
 
-    /// This version in full, with its lineage
+    /// Show this version in full, with its lineage [default: the kernel and its newest 50 versions]
     #[arg(long, value_name = "N")]
     version: Option<u32>,
 }
@@ -52,9 +52,9 @@ pub(crate) struct Versions {
 impl List {
     pub(super) async fn run(self, session: &Session) -> Result<(), Failure> {
         let display = self.display.as_deref().map(names::display).unwrap_or_default();
-        // The server does not filter by distance, so that the limit can only cut what is left.
-        let asked = if self.distance.is_some() { 0 } else { self.limit.limit };
-        let (mut kernels, next_page_token) = pages(asked, async |page_size, page_token| {
+        // The server cannot filter by distance, so request all kernels and apply the limit after the filter.
+        let request_limit = if self.distance.is_some() { 0 } else { self.limit.limit };
+        let (mut kernels, next_page_token) = pages(request_limit, async |page_size, page_token| {
             let request = v1::ListKernelsRequest { page_size, page_token, display: display.clone() };
             let answer = session.client.list_kernels(request).await?;
             Ok((answer.kernels, answer.next_page_token))
@@ -117,7 +117,7 @@ async fn versions(session: &Session, kernel: &str, limit: u32) -> Result<(Vec<Ke
     .await
 }
 
-/// A kernel without its versions.
+/// Text about a kernel without its versions.
 pub(super) fn kernel_facts(kernel: &Kernel) -> String {
     let mut facts = Facts::default();
     facts.add("kernel", &kernel.name);
@@ -167,7 +167,7 @@ fn model(version: &KernelVersion) -> String {
     version.model().word().to_owned()
 }
 
-/// One version in full.
+/// Text about a version in full.
 pub(super) fn version_facts(version: &KernelVersion) -> String {
     let mut facts = Facts::default();
     facts.add("version", &version.name);
@@ -178,13 +178,13 @@ pub(super) fn version_facts(version: &KernelVersion) -> String {
     if lineage.interpolated || lineage.datasets.len() > 1 {
         let mut distances_m: Vec<f64> = lineage.datasets.iter().map(|dataset| dataset.distance_m).collect();
         distances_m.sort_by(f64::total_cmp);
-        let how = if lineage.interpolated { "interpolated from" } else { "learned together" };
-        facts.add(how, distances_m.into_iter().map(units::show_m).collect::<Vec<_>>().join(", "));
+        let origin = if lineage.interpolated { "interpolated from" } else { "learned together" };
+        facts.add(origin, distances_m.into_iter().map(units::show_m).collect::<Vec<_>>().join(", "));
     }
     if let Some(metrics) = version.metrics.as_ref().filter(|metrics| metrics.train_pairs > 0) {
-        let against = |learned, ideal| format!("{} (ideal kernel {})", show::loss(learned), show::loss(ideal));
-        facts.add("held-out loss", against(metrics.test_loss, metrics.ideal_test_loss));
-        facts.add("full frame", against(metrics.test_loss_full_frame, metrics.ideal_test_loss_full_frame));
+        let comparison = |learned, ideal| format!("{} (ideal kernel {})", show::loss(learned), show::loss(ideal));
+        facts.add("held-out loss", comparison(metrics.test_loss, metrics.ideal_test_loss));
+        facts.add("full frame", comparison(metrics.test_loss_full_frame, metrics.ideal_test_loss_full_frame));
         quality_text::verdict(metrics, &mut facts);
         facts.add("training loss", show::loss(metrics.train_loss));
         if metrics.validation_pairs > 0 {

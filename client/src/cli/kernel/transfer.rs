@@ -1,4 +1,4 @@
-//! `lightpath kernel fetch`, `export` and `import`.
+//! The commands `lightpath kernel fetch`, `export` and `import`.
 
 use super::show::version_facts;
 use crate::cli::arguments::Optics;
@@ -11,7 +11,7 @@ use clap::Args;
 use lightpath::{names, v1};
 use std::path::{Path, PathBuf};
 
-/// Write the active version (or another one) as a file, checked against its SHA-256.
+/// Download a kernel to a file, checked against its SHA-256 digest; by default the active version.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -22,7 +22,7 @@ pub(crate) struct Fetch {
     #[command(flatten)]
     kernel: KernelChoice,
 
-    /// Which version [default: the active one]
+    /// Download this version [default: the active version]
     #[arg(long, value_name = "N")]
     version: Option<u32>,
 
@@ -30,13 +30,13 @@ pub(crate) struct Fetch {
     file: KernelFile,
 }
 
-/// Write a certain version as a file, checked against its SHA-256.
+/// Download a given version of a kernel to a file, checked against its SHA-256 digest.
 #[derive(Debug, Args)]
 pub(crate) struct Export {
     #[command(flatten)]
     kernel: KernelChoice,
 
-    /// Which version
+    /// Download this version
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     version: u32,
 
@@ -44,23 +44,24 @@ pub(crate) struct Export {
     file: KernelFile,
 }
 
-/// Where a kernel goes.
+/// Format and path of a downloaded kernel.
 #[derive(Debug, Args)]
 struct KernelFile {
-    /// The form of the file
+    /// Choose the format of the file
     #[arg(long, default_value = "safetensors", value_parser = WordParser::<v1::KernelFormat>::new())]
     format: v1::KernelFormat,
 
-    /// The file to write
+    /// Write the kernel to this file
     #[arg(short = 'o', value_name = "FILE")]
     path: PathBuf,
 }
 
 /// Store a file as a kernel's next version.
 ///
-/// What `kernel fetch` wrote in any form; or the transfer function alone as .pt, .npy, .npz or safetensors: amplitude and phase,
-/// 1 x 2 x rows x columns as the paper has it, real and imaginary parts, rows x columns x 2, or complex, rows x columns; zero
-/// frequency in the middle, of the display's size or the padded spectrum's. Nothing in a .pt file is executed.
+/// The file may be one that kernel fetch wrote in any format, or a bare transfer function as .pt, .npy, .npz or
+/// safetensors. A bare transfer function is one of: amplitude and phase, 1 x 2 x rows x columns, as in the paper; real
+/// and imaginary parts, rows x columns x 2; complex numbers, rows x columns. Zero frequency is in the middle. Rows and
+/// columns are those of the display or of the padded spectrum. Nothing in a .pt file is executed.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -70,7 +71,7 @@ pub(crate) struct Import {
     #[command(flatten)]
     optics: Optics,
 
-    /// The file
+    /// Import this file
     #[arg(value_name = "FILE")]
     path: PathBuf,
 }
@@ -99,17 +100,20 @@ impl Import {
     }
 }
 
+/// Downloads a kernel version to a file and prints its size and deviation. Version 0 stands for the active version.
 async fn write(session: &Session, kernel: &KernelChoice, version: u32, file: &KernelFile) -> Result<(), Failure> {
     let path: &Path = &file.path;
     let name = kernel.name(session).await?;
     let format = file.format;
-    let (version, made) = session.client.fetch_kernel_to_as(&name, version, format, path).await?;
+    let (version, converted) = session.client.fetch_kernel_to_as(&name, version, format, path).await?;
     session.print(&version, |version| {
-        let size = show::bytes(made.as_ref().map_or(version.size_bytes, |made| made.size_bytes));
-        let cost = made.map_or_else(String::new, |made| match made.relative_error {
-            0.0 => "; the transfer function is exactly the same".to_owned(),
-            error => format!("; the transfer function differs by {error:.1e} (relative, over the band)"),
+        let size = show::bytes(converted.as_ref().map_or(version.size_bytes, |file| file.size_bytes));
+        let deviation = converted.map_or_else(String::new, |file| match file.relative_error {
+            0.0 => "; the transfer function is exactly that of the version".to_owned(),
+            error => format!(
+                "; the transfer function differs from that of the version by {error:.1e} (relative, over the band)"
+            ),
         });
-        format!("wrote {}, {size}, to {}{cost}", version.name, path.display())
+        format!("wrote {}, {size}, to {}{deviation}", version.name, path.display())
     })
 }

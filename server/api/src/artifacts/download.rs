@@ -20,7 +20,7 @@ impl Api {
         let field = Field::new("digest");
         let digest = field.digest(&digest)?;
         if self.artifact_for_caller(caller, &digest).await?.is_none() {
-            return Err(field.missing(format!("artifact {digest}"), "take a digest from a job's result"));
+            return Err(field.missing(format!("artifact {digest}"), "use a digest from the result of a job"));
         }
         let reader = self.artifacts.read(&digest, offset_bytes, limit_bytes).await?;
         let answers = chunks(reader).map(|chunk| chunk.map(|chunk| v1::ReadArtifactResponse { chunk }));

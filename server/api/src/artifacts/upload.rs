@@ -20,7 +20,7 @@ const ARTIFACT_BYTES_MAX: u64 = 1 << 30;
 const CHUNK_BYTES_MAX: usize = 2 << 20;
 /// An upload that receives nothing for this time ends; the received bytes are kept.
 const UPLOAD_IDLE_MAX: Duration = Duration::from_secs(60);
-/// How long an upload waits for another upload of the same artifact, which may make it unnecessary.
+/// Time for which an upload waits for another upload of the same artifact, which may make it unnecessary.
 const UPLOAD_TURN_MAX: Duration = Duration::from_secs(60);
 const UPLOAD_TURN_POLL: Duration = Duration::from_millis(50);
 
@@ -47,7 +47,7 @@ impl Api {
         let start = match next_part(&mut parts).await? {
             Some(Part::Start(start)) => start,
             Some(Part::Chunk(_)) | None => {
-                return Err(Field::new("start").invalid("is missing, but must come in the first message"));
+                return Err(Field::new("start").invalid("is missing, but must be in the first message"));
             }
         };
         Ok(to_wire::artifact(self.receive(caller, start, parts).await?))
@@ -63,7 +63,7 @@ impl Api {
         let size_bytes = Field::new("start.size_bytes").integer(start.size_bytes, 0..=ARTIFACT_BYTES_MAX)?;
         let mut upload = match self.turn(caller, &digest, size_bytes, start.offset_bytes).await? {
             Turn::Stored(record) => return Ok(record),
-            Turn::Ours(upload) => upload,
+            Turn::Granted(upload) => upload,
         };
         while upload.received_bytes() < size_bytes {
             match next_part(&mut parts).await? {
@@ -73,7 +73,9 @@ impl Api {
                     return Err(Field::new("chunk").invalid(problem));
                 }
                 Some(Part::Start(_)) => {
-                    return Err(Field::new("start").invalid("comes twice, but must come in the first message only"));
+                    return Err(
+                        Field::new("start").invalid("is in a later message, but must be in the first message only")
+                    );
                 }
                 None => break,
             }
@@ -96,7 +98,7 @@ impl Api {
             self.store.require_owner_room(&caller.name, size_bytes, stored_bytes_max).await?;
             match self.artifacts.upload(digest, size_bytes, offset_bytes).await {
                 Err(ArtifactError::UploadBusy { .. }) if Instant::now() < until => sleep(UPLOAD_TURN_POLL).await,
-                upload => return Ok(Turn::Ours(upload?)),
+                upload => return Ok(Turn::Granted(upload?)),
             }
         }
     }
@@ -107,7 +109,7 @@ enum Turn {
     /// The artifact is already stored.
     Stored(ArtifactRecord),
     /// No other client uploads the artifact.
-    Ours(UploadWriter),
+    Granted(UploadWriter),
 }
 
 async fn next_part(parts: &mut Streaming<v1::WriteArtifactRequest>) -> Result<Option<Part>, ApiError> {

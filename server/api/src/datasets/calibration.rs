@@ -1,4 +1,4 @@
-//! The picture whose hologram is displayed to find an alignment.
+//! The calibration target: a picture whose hologram is displayed and photographed to find an alignment.
 
 use crate::api::Api;
 use crate::error::ApiError;
@@ -20,7 +20,7 @@ impl Api {
         let grid = grid.map_err(|error| field.invalid(format!("({}): {error}", display.id)))?;
         let file = pictures::grey_png_srgb(&grid.target()).map_err(|error| field.invalid(error))?;
         let (columns, rows) = grid.size();
-        let target = self.keep(caller, file).await?;
+        let target = self.store_artifact(caller, file).await?;
         Ok(v1::CalibrationTarget { target, columns: columns as u32, rows: rows as u32 })
     }
 }

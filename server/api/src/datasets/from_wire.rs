@@ -1,4 +1,4 @@
-//! Datasets and pairs from messages.
+//! Checks of pairs that clients add.
 
 use crate::error::ApiError;
 use crate::field::Field;
@@ -6,13 +6,13 @@ use crate::names;
 use lightpath_domain::dataset::{Exposure, Pair};
 use lightpath_proto::v1;
 
-/// The pair that a client adds.
+/// Checks a pair from a client and converts it.
 pub(crate) fn pair(pair: &v1::Pair, field: &Field) -> Result<Pair, ApiError> {
     Ok(Pair {
         id: names::pair_id(&field.at("id"), &pair.id)?,
         phase: field.at("phase").digest(&pair.phase)?,
         photo: field.at("photo").digest(&pair.photo)?,
-        split: field.at("split").one_of(pair.split)?,
+        split: field.at("split").enum_value(pair.split)?,
         exposure: Exposure {
             black_level: field.at("black_level").number(pair.black_level, 0.0..=0.9)?,
             exposure_s: field.at("exposure_s").number(pair.exposure_s, 0.0..=3600.0)?,

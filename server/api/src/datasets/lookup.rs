@@ -1,4 +1,4 @@
-//! Finding the dataset that a field names.
+//! Access to datasets by name.
 
 use crate::api::Api;
 use crate::error::ApiError;
@@ -11,10 +11,11 @@ use lightpath_domain::display::Display;
 use lightpath_store::StoreError;
 
 impl Api {
-    /// The dataset with this id, of a display that the caller may use; `field` names it.
+    /// The dataset with this id. Refuses an id that does not exist, and a dataset of a display that the caller may not
+    /// use. `field` is the field with the id.
     pub(crate) async fn dataset_named(&self, caller: &Caller, field: &Field, id: &str) -> Result<Dataset, ApiError> {
         match self.store.dataset(id).await {
-            Err(StoreError::NotFound { what }) => Err(field.missing(what, "create it first")),
+            Err(StoreError::NotFound { resource }) => Err(field.missing(resource, "create it first")),
             other => {
                 let dataset = other?;
                 require_display(caller, &dataset.display)?;
@@ -23,7 +24,7 @@ impl Api {
         }
     }
 
-    /// A dataset that can be learned from, and its display.
+    /// The finalized dataset that a field names, and its display. Refuses an open dataset.
     pub(crate) async fn finalized_dataset(
         &self,
         caller: &Caller,
@@ -35,7 +36,7 @@ impl Api {
         if dataset.digest.is_none() {
             let (reason, fix) = match dataset.pair_count {
                 0 => ("DATASET_EMPTY", "is empty; add pairs and finalize it first"),
-                _ => ("DATASET_OPEN", "still takes pairs; finalize it first"),
+                _ => ("DATASET_OPEN", "is still open; finalize it first"),
             };
             return Err(ApiError::Precondition { reason, message: format!("{field}: datasets/{id} {fix}") });
         }

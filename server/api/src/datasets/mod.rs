@@ -1,4 +1,4 @@
-//! Datasets: pairs of holograms and photographs, and their checks. Jobs align and finalize them.
+//! Datasets: creating and listing datasets, adding pairs, and calibration targets. Jobs align and finalize datasets.
 
 mod calibration;
 pub(crate) mod from_wire;

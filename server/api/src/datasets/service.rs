@@ -82,7 +82,7 @@ impl Api {
         let display = self.display_named(caller, &field.at("display"), &message.display).await?;
         let wavelength = field.at("wavelength_m").wavelength_of(message.wavelength_m, &display)?;
         let distance = field.at("distance_m").distance(message.distance_m)?;
-        let encoding = field.at("photo_encoding").one_of(message.photo_encoding)?.unwrap_or(Encoding::Linear);
+        let encoding = field.at("photo_encoding").enum_value(message.photo_encoding)?.unwrap_or(Encoding::Linear);
         let photo_bit_depth = field.at("photo_bit_depth").integer_or(message.photo_bit_depth, 0, 8..=16)?;
         Ok(Dataset { photo_bit_depth, ..Dataset::empty(id, display.id, wavelength, distance, encoding) })
     }

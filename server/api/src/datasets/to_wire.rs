@@ -1,11 +1,11 @@
-//! Datasets as messages.
+//! Conversion of datasets into messages.
 
 use crate::enumerations::OnWire;
 use crate::time::timestamp;
 use lightpath_domain::dataset::{Alignment, Dataset, Finding, Pair, PairChecks};
 use lightpath_proto::v1;
 
-/// The dataset as clients see it.
+/// Converts a dataset into its message.
 pub(crate) fn dataset(dataset: Dataset) -> v1::Dataset {
     let finalized = dataset.digest.is_some();
     let state = if finalized { v1::dataset::State::Finalized } else { v1::dataset::State::Open };

@@ -38,10 +38,12 @@ pub(crate) fn display(caller: &Caller, message: v1::Display, field: &Field) -> R
         pixel_pitch_m: pixel_pitch(&at("pixel_pitch_m"), message.pixel_pitch_m)?,
         bit_depth,
         wavelengths: wavelengths(&at("wavelengths_m"), &message.wavelengths_m)?,
-        phase_response_rad: response.map(|it| phases(&at("phase_response"), it.phase_rad, bit_depth)).transpose()?,
-        carrier: at("carrier").one_of(message.carrier)?,
+        phase_response_rad: response
+            .map(|response| phases(&at("phase_response"), response.phase_rad, bit_depth))
+            .transpose()?,
+        carrier: at("carrier").enum_value(message.carrier)?,
         notes: at("notes").text(message.notes, NOTES_BYTES_MAX)?,
-        simulated_bench: bench.map(|it| simulated_bench::from_wire(it, &at("simulated_bench"))).transpose()?,
+        simulated_bench: bench.map(|bench| simulated_bench::from_wire(bench, &at("simulated_bench"))).transpose()?,
     })
 }
 
@@ -49,7 +51,7 @@ fn pixel_pitch(field: &Field, value: f64) -> Result<f64, ApiError> {
     if PIXEL_PITCH_M.contains(&value) {
         return Ok(value);
     }
-    Err(field.invalid(format!("is {value}, but must be 1e-7 to 1e-3 m (8 µm is 8e-6)")))
+    Err(field.invalid(format!("is {value}, but must be 1e-7 to 1e-3 m (8e-6 is 8 µm)")))
 }
 
 fn wavelengths(field: &Field, values: &[f64]) -> Result<Vec<Wavelength>, ApiError> {
@@ -57,13 +59,13 @@ fn wavelengths(field: &Field, values: &[f64]) -> Result<Vec<Wavelength>, ApiErro
         return Err(field.invalid("is empty, but a display needs at least one wavelength"));
     }
     if values.len() > WAVELENGTHS_MAX {
-        return Err(field.invalid(format!("has {} values, but at most {WAVELENGTHS_MAX} are accepted", values.len())));
+        return Err(field.invalid(format!("has {} entries, but at most {WAVELENGTHS_MAX} are accepted", values.len())));
     }
-    let one = |(i, &value)| field.index(i).wavelength(value);
-    let mut wavelengths: Vec<_> = values.iter().enumerate().map(one).collect::<Result<_, _>>()?;
+    let checked = |(i, &value)| field.index(i).wavelength(value);
+    let mut wavelengths: Vec<_> = values.iter().enumerate().map(checked).collect::<Result<_, _>>()?;
     wavelengths.sort_unstable();
     match wavelengths.windows(2).find(|pair| pair[0] == pair[1]) {
-        Some(pair) => Err(field.invalid(format!("names {} twice, but each wavelength counts once", pair[0]))),
+        Some(pair) => Err(field.invalid(format!("names {} twice, but no two may be equal", pair[0]))),
         None => Ok(wavelengths),
     }
 }
@@ -73,7 +75,7 @@ fn phases(field: &Field, phase_rad: Vec<f64>, bit_depth: u32) -> Result<Vec<f64>
     let levels = 1_usize << bit_depth;
     if phase_rad.len() != levels {
         let count = phase_rad.len();
-        return Err(field.invalid(format!("has {count} values, but must have one for each of the {levels} levels")));
+        return Err(field.invalid(format!("has {count} entries, but must have {levels}, one for each level")));
     }
     for (i, &phase) in phase_rad.iter().enumerate() {
         field.index(i).number(phase, -PHASE_RAD_MAX..=PHASE_RAD_MAX)?;
@@ -110,21 +112,21 @@ mod tests {
     fn refusal(change: impl Fn(&mut v1::Display)) -> String {
         let mut message = message();
         change(&mut message);
-        display(&Caller::anybody(), message, &Field::new("display")).unwrap_err().to_string()
+        display(&Caller::without_token(), message, &Field::new("display")).unwrap_err().to_string()
     }
 
     #[test]
-    fn displays_come_back_with_defaults_filled_in() {
-        let domain = display(&Caller::anybody(), message(), &Field::new("display")).unwrap();
-        let back = to_wire::display(domain.clone(), 1_500);
-        assert_eq!(back.wavelengths_m, [515e-9, 639e-9]);
-        assert_eq!(back.simulated_bench.as_ref().unwrap().strength, 1.0);
-        assert_eq!(back.create_time.unwrap().nanos, 500_000_000);
-        assert_eq!(display(&Caller::anybody(), back, &Field::new("display")).unwrap(), domain);
+    fn displays_survive_conversion_with_defaults_filled_in() {
+        let domain = display(&Caller::without_token(), message(), &Field::new("display")).unwrap();
+        let converted = to_wire::display(domain.clone(), 1_500);
+        assert_eq!(converted.wavelengths_m, [515e-9, 639e-9]);
+        assert_eq!(converted.simulated_bench.as_ref().unwrap().strength, 1.0);
+        assert_eq!(converted.create_time.unwrap().nanos, 500_000_000);
+        assert_eq!(display(&Caller::without_token(), converted, &Field::new("display")).unwrap(), domain);
     }
 
     #[test]
-    fn every_field_is_checked() {
+    fn invalid_fields_are_refused() {
         for (refusal, start) in [
             (refusal(|d| d.pixel_pitch_m = 0.0), "display.pixel_pitch_m is 0, but"),
             (refusal(|d| d.pixel_pitch_m = -8e-6), "display.pixel_pitch_m is -0.000008, but"),
@@ -132,12 +134,12 @@ mod tests {
             (refusal(|d| d.width_px = 15), "display.width_px is 15, but must be 16 to 8192"),
             (refusal(|d| d.height_px = 8193), "display.height_px is 8193"),
             (refusal(|d| d.bit_depth = 17), "display.bit_depth is 17"),
-            (refusal(|d| d.bit_depth = 8), "display.phase_response.phase_rad has 4 values, but"),
+            (refusal(|d| d.bit_depth = 8), "display.phase_response.phase_rad has 4 entries, but"),
             (refusal(|d| d.wavelengths_m.clear()), "display.wavelengths_m is empty"),
             (refusal(|d| d.wavelengths_m[1] = f64::INFINITY), "display.wavelengths_m[1] is inf"),
             (refusal(|d| d.wavelengths_m[1] = 639.000_000_1e-9), "display.wavelengths_m names 639nm twice"),
-            (refusal(|d| d.wavelengths_m = vec![5e-7; 17]), "display.wavelengths_m has 17 values"),
-            (refusal(|d| d.carrier = 9), "display.carrier is 9, which is no value"),
+            (refusal(|d| d.wavelengths_m = vec![5e-7; 17]), "display.wavelengths_m has 17 entries"),
+            (refusal(|d| d.carrier = 9), "display.carrier is 9, but must be a value"),
             (refusal(|d| d.notes = "x".repeat(4097)), "display.notes has 4097 bytes"),
             (refusal(|d| d.name = "lab".into()), "display.name is \"lab\", but must be displays/{id}"),
             (

@@ -13,7 +13,7 @@ impl Api {
     pub(crate) async fn display_named(&self, caller: &Caller, field: &Field, name: &str) -> Result<Display, ApiError> {
         let id = names::display_id(caller, field, name)?;
         match self.store.display(&id).await {
-            Err(StoreError::NotFound { what }) => Err(field.missing(what, "create it first")),
+            Err(StoreError::NotFound { resource }) => Err(field.missing(resource, "create it first")),
             other => Ok(other?.0),
         }
     }

@@ -24,12 +24,11 @@ impl Api {
         let field = Field::new("distance_m");
         let distance = field.distance(request.distance_m)?;
         let setup = planning::setup(&display, wavelength, distance).map_err(|error| field.invalid(error))?;
-        let method = Field::new("method").one_of::<PropagationMethod>(request.method)?;
+        let method = Field::new("method").enum_value::<PropagationMethod>(request.method)?;
         let report = match (request.window, method) {
             (Some(_), Some(_)) => {
-                return Err(
-                    Field::new("method").invalid("is given beside a window, but the planner chooses for windows")
-                );
+                return Err(Field::new("method")
+                    .invalid("is given together with a window, but the planner chooses the method for a window"));
             }
             (Some(window), None) => {
                 let window = image_window(window, &Field::new("window"))?;

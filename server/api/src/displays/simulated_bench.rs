@@ -1,12 +1,13 @@
-//! Simulated benches from and to messages.
+//! Conversion of simulated benches from and to messages.
 
 use crate::error::ApiError;
 use crate::field::Field;
 use lightpath_optics::SimulatedBench;
 use lightpath_proto::v1;
 
-/// A bench of another type with every property of this one: the engine's bench and the message have the same.
-macro_rules! with_every_property {
+/// Copies all properties of a bench into the other type: the bench of the optics engine and the message have the same
+/// properties.
+macro_rules! with_all_properties {
     ($bench:expr, $other:path) => {{
         let bench = $bench;
         $other {
@@ -29,9 +30,9 @@ macro_rules! with_every_property {
     }};
 }
 
-/// The bench that a client describes, checked; a strength or a camera noise of 0 is the default.
+/// Checks a bench from a client and converts it. A strength or camera noise of 0 stands for the default.
 pub(super) fn from_wire(message: v1::SimulatedBench, field: &Field) -> Result<SimulatedBench, ApiError> {
-    let mut bench = with_every_property!(message, SimulatedBench);
+    let mut bench = with_all_properties!(message, SimulatedBench);
     for (value, default) in [
         (&mut bench.strength, SimulatedBench::FAIR.strength),
         (&mut bench.camera_noise, SimulatedBench::FAIR.camera_noise),
@@ -46,7 +47,7 @@ pub(super) fn from_wire(message: v1::SimulatedBench, field: &Field) -> Result<Si
     Ok(bench)
 }
 
-/// The bench as clients see it.
+/// Converts a bench into its message.
 pub(super) fn to_wire(bench: SimulatedBench) -> v1::SimulatedBench {
-    with_every_property!(bench, v1::SimulatedBench)
+    with_all_properties!(bench, v1::SimulatedBench)
 }

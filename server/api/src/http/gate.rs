@@ -96,19 +96,19 @@ impl Gate {
             // Calls with wrong tokens count towards the rate limit, so that clients cannot try many.
             (name, self.limit_rate(address).err().unwrap_or(error))
         })?;
-        let who = if caller.name.is_empty() { address } else { &caller.name };
-        let admitted = self.limit_rate(who).and_then(|()| match rule {
-            Some(Rule { effect: Effect::Takes, .. }) => Ok(self.api.artifacts.admit(0)?),
+        let name_or_address = if caller.name.is_empty() { address } else { &caller.name };
+        let admitted = self.limit_rate(name_or_address).and_then(|()| match rule {
+            Some(Rule { effect: Effect::Creates, .. }) => Ok(self.api.artifacts.admit(0)?),
             _ => Ok(()),
         });
         admitted.map_err(|error| (caller.name.clone(), error))?;
         Ok(caller)
     }
 
-    fn limit_rate(&self, who: &str) -> Result<(), ApiError> {
-        self.rate.admit(who, Instant::now()).map_err(|retry_after| ApiError::Exhausted {
+    fn limit_rate(&self, name_or_address: &str) -> Result<(), ApiError> {
+        self.rate.admit(name_or_address, Instant::now()).map_err(|retry_after| ApiError::Exhausted {
             reason: "RATE_LIMITED",
-            message: "too many calls; come again when the delay is over".to_owned(),
+            message: "too many calls; retry after the delay".to_owned(),
             retry_after,
         })
     }
@@ -116,30 +116,32 @@ impl Gate {
     /// Returns the caller if the role allows the call. Otherwise returns the error and the name of the token, or an
     /// empty name.
     async fn caller(&self, headers: &HeaderMap, rule: Option<Rule>) -> Result<Caller, (String, ApiError)> {
-        let nobody = |error: ApiError| (String::new(), error);
-        let token = bearer(headers).map_err(nobody)?;
+        let unnamed = |error: ApiError| (String::new(), error);
+        let token = bearer(headers).map_err(unnamed)?;
         let caller = match token {
-            Some(secret) => find(&self.api.store, &secret).await.map_err(nobody)?,
-            None if !self.tokens_required => return Ok(Caller::anybody()),
-            None if rule.is_some_and(|rule| rule.access == Access::Anybody) => return Ok(Caller::anybody()),
+            Some(secret) => find(&self.api.store, &secret).await.map_err(unnamed)?,
+            None if !self.tokens_required => return Ok(Caller::without_token()),
+            None if rule.is_some_and(|rule| rule.access == Access::Everyone) => return Ok(Caller::without_token()),
             None => {
-                let message = "this server wants a token: send `authorization: Bearer …`, with the command line \
-                               --token-file FILE";
-                return Err(nobody(ApiError::Unauthenticated(message.to_owned())));
+                let message = "this server requires a token: send `authorization: Bearer …`, or use --token-file FILE \
+                               of the command line";
+                return Err(unnamed(ApiError::Unauthenticated(message.to_owned())));
             }
         };
         match rule.map(|rule| rule.access) {
-            Some(Access::Anybody) => Ok(caller),
+            Some(Access::Everyone) => Ok(caller),
             Some(Access::Only(roles)) if roles.contains(&caller.role) => Ok(caller),
             Some(Access::Only(roles)) => {
                 let roles: Vec<&str> = roles.iter().map(|role| role.as_str()).collect();
                 let (name, role) = (caller.name.clone(), caller.role.as_str());
-                let message =
-                    format!("the token \"{name}\" is a {role}'s, but this needs one of: {}", roles.join(", "));
+                let message = format!(
+                    "the token \"{name}\" has the role {role}, but the call requires one of: {}",
+                    roles.join(", ")
+                );
                 Err((caller.name, ApiError::Denied(message)))
             }
             None => {
-                let message = "there is nothing here, or nothing that anybody may do".to_owned();
+                let message = "this path does not exist, or no role may call it".to_owned();
                 Err((caller.name, ApiError::Denied(message)))
             }
         }
@@ -152,9 +154,9 @@ fn bearer(headers: &HeaderMap) -> Result<Option<Secret>, ApiError> {
     let text = value.to_str().ok().and_then(|text| text.split_once(' '));
     match text {
         Some((scheme, token)) if scheme.eq_ignore_ascii_case("bearer") && !token.trim().is_empty() => {
-            Ok(Some(Secret::sent(token.trim())))
+            Ok(Some(Secret::from_text(token.trim())))
         }
-        _ => Err(ApiError::Unauthenticated("authorization must be `Bearer` and a token".to_owned())),
+        _ => Err(ApiError::Unauthenticated("the header authorization must be `Bearer` and a token".to_owned())),
     }
 }
 
@@ -165,8 +167,9 @@ async fn find(store: &Store, secret: &Secret) -> Result<Caller, ApiError> {
     valid.map(|record| record.caller).ok_or_else(not_accepted)
 }
 
+/// Whether the headers are those of a gRPC request.
 pub(super) fn is_grpc(headers: &HeaderMap) -> bool {
-    headers.get(header::CONTENT_TYPE).is_some_and(|it| it.as_bytes().starts_with(b"application/grpc"))
+    headers.get(header::CONTENT_TYPE).is_some_and(|value| value.as_bytes().starts_with(b"application/grpc"))
 }
 
 /// The code of the answer as far as it is known when the answer starts.

@@ -28,7 +28,7 @@ pub(super) struct List {
 }
 
 /// Handles `GET /v1/jobs`.
-pub(super) async fn list(
+pub(super) async fn list_jobs(
     State(api): State<Api>,
     Extension(caller): Extension<Caller>,
     query: Result<Query<List>, QueryRejection>,
@@ -45,7 +45,7 @@ pub(super) async fn list(
 }
 
 /// Handles `GET /v1/jobs/{id}`.
-pub(super) async fn one(
+pub(super) async fn get_job(
     State(api): State<Api>,
     Extension(caller): Extension<Caller>,
     Path(id): Path<String>,
@@ -54,6 +54,7 @@ pub(super) async fn one(
     Ok(Json(api.get_job(&caller, request).await?))
 }
 
+/// Parses the name of a state; an empty name stands for all states.
 fn state(name: &str) -> Result<v1::job::State, Status> {
     if name.is_empty() {
         return Ok(v1::job::State::Unspecified);
@@ -78,7 +79,7 @@ mod tests {
     #[tokio::test]
     async fn no_route_answers_a_call_without_a_caller() {
         let folder = tempfile::tempdir().unwrap();
-        let routes = Router::new().route("/v1/jobs", get(list)).route("/v1/jobs/{id}", get(one));
+        let routes = Router::new().route("/v1/jobs", get(list_jobs)).route("/v1/jobs/{id}", get(get_job));
         let mut routes = routes.with_state(api_in(folder.path()).await);
         for path in ["/v1/jobs", "/v1/jobs/0193"] {
             let answer = routes.call(Request::get(path).body(Body::empty()).unwrap()).await.unwrap();

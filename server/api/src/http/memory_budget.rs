@@ -17,14 +17,14 @@ const RETRY: Duration = Duration::from_secs(1);
 pub struct MemoryBudget {
     bytes_max: usize,
     /// Locked only for a lookup and an addition.
-    held: Mutex<Held>,
+    used: Mutex<Used>,
 }
 
 #[derive(Debug, Default)]
-struct Held {
+struct Used {
     all: usize,
     /// Bytes of each address. Only addresses that use memory have an entry, so the map has at most one entry per call.
-    of: HashMap<Option<IpAddr>, usize>,
+    by_peer: HashMap<Option<IpAddr>, usize>,
 }
 
 /// A part of the budget, released on drop.
@@ -39,27 +39,27 @@ impl MemoryBudget {
     /// Creates a budget of `bytes_max`; 0: no limit.
     pub fn new(bytes_max: u64) -> Self {
         let bytes_max = if bytes_max == 0 { usize::MAX } else { usize::try_from(bytes_max).unwrap_or(usize::MAX) };
-        Self { bytes_max, held: Mutex::default() }
+        Self { bytes_max, used: Mutex::default() }
     }
 
     /// Takes `bytes` for a call from `peer`, or returns an error that says when to retry.
     pub(super) fn take(self: &Arc<Self>, peer: Option<IpAddr>, bytes: usize) -> Result<Share, ApiError> {
-        let mut held = self.held.lock().unwrap_or_else(PoisonError::into_inner);
-        let own = held.of.get(&peer).copied().unwrap_or_default();
+        let mut used = self.used.lock().unwrap_or_else(PoisonError::into_inner);
+        let own = used.by_peer.get(&peer).copied().unwrap_or_default();
         if own + bytes > self.bytes_max / 4 * PEER_QUARTERS {
-            return Err(exhausted("calls from your address hold as many bytes as one address may have under way"));
+            return Err(exhausted("unfinished calls from your address use the memory that one address may use"));
         }
-        if held.all + bytes > self.bytes_max {
-            return Err(exhausted("calls hold as many bytes as all together may have under way"));
+        if used.all + bytes > self.bytes_max {
+            return Err(exhausted("unfinished calls use the memory that all addresses together may use"));
         }
-        held.all += bytes;
-        held.of.insert(peer, own + bytes);
+        used.all += bytes;
+        used.by_peer.insert(peer, own + bytes);
         Ok(Share { budget: Arc::clone(self), peer, bytes })
     }
 }
 
 fn exhausted(message: &str) -> ApiError {
-    let message = format!("{message}; come again when some of them have ended");
+    let message = format!("{message}; retry when some of them have ended");
     ApiError::Exhausted { reason: "TOO_MUCH_UNDER_WAY", message, retry_after: RETRY }
 }
 
@@ -74,12 +74,12 @@ impl Share {
 
 impl Drop for Share {
     fn drop(&mut self) {
-        let mut held = self.budget.held.lock().unwrap_or_else(PoisonError::into_inner);
-        held.all -= self.bytes;
-        if let Some(own) = held.of.get_mut(&self.peer) {
+        let mut used = self.budget.used.lock().unwrap_or_else(PoisonError::into_inner);
+        used.all -= self.bytes;
+        if let Some(own) = used.by_peer.get_mut(&self.peer) {
             *own -= self.bytes;
             if *own == 0 {
-                held.of.remove(&self.peer);
+                used.by_peer.remove(&self.peer);
             }
         }
     }
@@ -102,8 +102,8 @@ mod tests {
         drop(first);
         let third = budget.take(peer(3), 300).unwrap();
         drop((second, third));
-        let held = budget.held.lock().unwrap();
-        assert!(held.all == 0 && held.of.is_empty(), "{held:?}");
+        let used = budget.used.lock().unwrap();
+        assert!(used.all == 0 && used.by_peer.is_empty(), "{used:?}");
     }
 
     #[test]

@@ -5,6 +5,7 @@
 //! of its request until it is answered, and for the pieces of its answer that the client has not received yet. The
 //! memory for computations has limits in the handlers.
 
+use super::checked_body::{FrameCheck, Last, checked};
 use super::gate::is_grpc;
 use super::memory_budget::{MemoryBudget, Share};
 use super::refusal::{closing_frame, refuse};
@@ -12,15 +13,12 @@ use crate::api::MESSAGE_BYTES_MAX;
 use crate::connections::Peer;
 use crate::error::ApiError;
 use axum::Extension;
-use axum::body::Body;
 use axum::extract::{Request, State};
 use axum::middleware::Next;
 use axum::response::Response;
-use http_body::{Frame, SizeHint};
+use http_body::Frame;
 use prost::bytes::Bytes;
-use std::pin::Pin;
 use std::sync::{Arc, Mutex, PoisonError};
-use std::task::{Context, Poll, ready};
 use tonic::Status;
 
 /// Memory of a call besides its messages \[bytes\]: headers (at most 16 KiB) and tasks.
@@ -31,7 +29,7 @@ const HEALTH: &str = "/healthz";
 const PIECES: usize = 2;
 
 /// Takes memory for a call, and refuses the call if the budget is spent.
-pub(super) async fn counted(
+pub(super) async fn with_memory_limit(
     State(budget): State<Arc<MemoryBudget>>,
     peer: Option<Extension<Peer>>,
     request: Request,
@@ -48,11 +46,11 @@ pub(super) async fn counted(
         Err(error) => return refuse(error.into(), is_grpc),
     };
     // The share is kept until the answer: the handler still uses a message after it was read.
-    let kept = message.clone();
-    let request = request.map(|body| Body::new(Received { body, message, counted_bytes: 0 }));
+    let message_share = message.clone();
+    let request = request.map(|body| checked(body, ReceivedBytes { message, counted_bytes: 0 }));
     let response = next.run(request).await;
-    drop(kept);
-    response.map(|body| Body::new(Answer { body, call, piece_bytes: 0, is_grpc, is_over: false }))
+    drop(message_share);
+    response.map(|body| checked(body, AnswerBytes { call, piece_bytes: 0, is_grpc }))
 }
 
 /// A share of the budget with several holders. It is released when the last one is dropped.
@@ -69,77 +67,45 @@ impl Holding {
     }
 }
 
-/// The body of a request. At most one message of it is in memory, even if the stream is long.
-struct Received {
-    body: Body,
+/// Counts the memory of a request. At most one message of it is in memory, even if the stream is long.
+struct ReceivedBytes {
     message: Holding,
     counted_bytes: usize,
 }
 
-impl http_body::Body for Received {
-    type Data = Bytes;
-    type Error = axum::Error;
-
-    fn poll_frame(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<Option<Result<Frame<Bytes>, axum::Error>>> {
-        let frame = ready!(Pin::new(&mut self.body).poll_frame(cx));
-        let here = frame.as_ref().and_then(|frame| frame.as_ref().ok()).and_then(Frame::data_ref).map_or(0, Bytes::len);
-        let more = here.min(MESSAGE_BYTES_MAX - self.counted_bytes);
+impl FrameCheck for ReceivedBytes {
+    fn check(&mut self, frame: Frame<Bytes>) -> Result<Frame<Bytes>, Last> {
+        let received = frame.data_ref().map_or(0, Bytes::len);
+        let more = received.min(MESSAGE_BYTES_MAX - self.counted_bytes);
         if more > 0 {
-            self.message.grow(more).map_err(|error| axum::Error::new(Status::from(error)))?;
+            let refused = |error| Err(axum::Error::new(Status::from(error)));
+            self.message.grow(more).map_err(refused)?;
             self.counted_bytes += more;
         }
-        Poll::Ready(frame)
-    }
-
-    fn is_end_stream(&self) -> bool {
-        self.body.is_end_stream()
-    }
-
-    fn size_hint(&self) -> SizeHint {
-        self.body.size_hint()
+        Ok(frame)
     }
 }
 
-/// The body of an answer. Memory for its largest pieces is kept until its end, so that later pieces of the same size are
-/// never refused.
-struct Answer {
-    body: Body,
+/// Counts the memory of an answer. Memory for its largest pieces is kept until its end, so that later pieces of the
+/// same size are never refused.
+struct AnswerBytes {
     call: Holding,
     piece_bytes: usize,
     is_grpc: bool,
-    is_over: bool,
 }
 
-impl http_body::Body for Answer {
-    type Data = Bytes;
-    type Error = axum::Error;
-
-    fn poll_frame(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<Option<Result<Frame<Bytes>, axum::Error>>> {
-        if self.is_over {
-            return Poll::Ready(None);
-        }
-        let Some(frame) = ready!(Pin::new(&mut self.body).poll_frame(cx)?) else { return Poll::Ready(None) };
+impl FrameCheck for AnswerBytes {
+    fn check(&mut self, frame: Frame<Bytes>) -> Result<Frame<Bytes>, Last> {
         let piece = match frame.into_data() {
             Ok(piece) => piece,
-            Err(trailers) => return Poll::Ready(Some(Ok(trailers))),
+            Err(trailers) => return Ok(trailers),
         };
         let more = piece.len().saturating_sub(self.piece_bytes);
-        if let Err(error) = self.call.grow(PIECES * more) {
-            self.is_over = true;
-            return Poll::Ready(Some(closing_frame(error.into(), self.is_grpc)));
-        }
+        let refused = |error: ApiError| closing_frame(error.into(), self.is_grpc);
+        self.call.grow(PIECES * more).map_err(refused)?;
         self.piece_bytes += more;
         // The connection keeps the piece until the client receives it, which may be after this body is dropped.
-        let piece = Bytes::from_owner(Piece { bytes: piece, _call: self.call.clone() });
-        Poll::Ready(Some(Ok(Frame::data(piece))))
-    }
-
-    fn is_end_stream(&self) -> bool {
-        self.is_over || self.body.is_end_stream()
-    }
-
-    fn size_hint(&self) -> SizeHint {
-        self.body.size_hint()
+        Ok(Frame::data(Bytes::from_owner(Piece { bytes: piece, _call: self.call.clone() })))
     }
 }
 

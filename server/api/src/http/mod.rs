@@ -4,10 +4,11 @@
 //!
 //! - `gate`: identifies callers and checks their roles. `rate`: rate limits. `token_expiry`: ends calls of invalid
 //!   tokens.
-//! - `memory_use`: memory of each call, taken from a `memory_budget`.
+//! - `memory_use`: memory of each call, taken from a `memory_budget`. `checked_body`: bodies whose frames these check.
 //! - `requests`: deadlines and metrics of requests, including gRPC. `jobs_json`: `/v1/jobs`. `refusal`: errors as
 //!   answers.
 
+mod checked_body;
 mod gate;
 mod jobs_json;
 mod memory_budget;
@@ -41,16 +42,16 @@ pub fn router(gate: Gate, budget: Arc<MemoryBudget>, grpc: tonic::service::Route
     let http = Router::new()
         .route("/healthz", get(health))
         .route("/metrics", get(metrics))
-        .route("/v1/jobs", get(jobs_json::list))
-        .route("/v1/jobs/{id}", get(jobs_json::one))
+        .route("/v1/jobs", get(jobs_json::list_jobs))
+        .route("/v1/jobs/{id}", get(jobs_json::get_job))
         .fallback(unknown)
         .with_state(api.clone());
     // Both routers have a fallback, and a merged router can have only one.
     let grpc = grpc.into_axum_router().reset_fallback();
     http.merge(grpc)
         .layer(middleware::from_fn_with_state(gate, gate::pass))
-        .layer(middleware::from_fn_with_state(budget, memory_use::counted))
-        .layer(middleware::from_fn_with_state(api, requests::watched))
+        .layer(middleware::from_fn_with_state(budget, memory_use::with_memory_limit))
+        .layer(middleware::from_fn_with_state(api, requests::with_deadline))
 }
 
 async fn health(State(api): State<Api>) -> Response {
@@ -71,8 +72,8 @@ async fn metrics(State(api): State<Api>) -> Result<Response, Refusal> {
 async fn unknown(request: Request) -> Response {
     let content_type = request.headers().get(header::CONTENT_TYPE).map(|value| value.as_bytes());
     let path = request.uri().path();
-    if content_type.is_some_and(|it| it.starts_with(b"application/grpc")) {
-        return Status::unimplemented(format!("there is no method {path}")).into_http();
+    if content_type.is_some_and(|value| value.starts_with(b"application/grpc")) {
+        return Status::unimplemented(format!("the method {path} does not exist")).into_http();
     }
-    Refusal::from(Status::not_found(format!("there is nothing at {path}"))).into_response()
+    Refusal::from(Status::not_found(format!("the path {path} does not exist"))).into_response()
 }

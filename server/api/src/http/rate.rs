@@ -59,21 +59,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bursts_are_let_in_and_floods_are_not() {
+    fn bursts_are_accepted_and_floods_are_refused() {
         let (rate, start) = (Rate::new(100), Instant::now());
-        let admitted = (0..1000).filter(|_| rate.admit("ada", start).is_ok()).count();
-        assert!((200..=201).contains(&admitted), "{admitted}");
-        assert!(rate.admit("bob", start).is_ok(), "others are not meant");
+        let accepted = (0..1000).filter(|_| rate.admit("ada", start).is_ok()).count();
+        assert!((200..=201).contains(&accepted), "{accepted}");
+        assert!(rate.admit("bob", start).is_ok(), "each caller has its own limit");
         let pause = rate.admit("ada", start).unwrap_err();
         assert!(rate.admit("ada", start + pause).is_ok());
         let later = start + Duration::from_secs(60);
-        let steady = (0..1000).filter(|n| rate.admit("ada", later + Duration::from_millis(11) * *n).is_ok()).count();
-        assert_eq!(steady, 1000, "below the rate nothing is refused");
+        let accepted = (0..1000).filter(|n| rate.admit("ada", later + Duration::from_millis(11) * *n).is_ok()).count();
+        assert_eq!(accepted, 1000, "calls below the rate are accepted");
         assert!((0..10_000).all(|_| Rate::new(0).admit("ada", start).is_ok()));
     }
 
     #[test]
-    fn memory_is_bounded() {
+    fn number_of_remembered_callers_is_bounded() {
         let (rate, start) = (Rate::new(1), Instant::now());
         for n in 0..2 * CALLERS_MAX {
             let _ = rate.admit(&n.to_string(), start);

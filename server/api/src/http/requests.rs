@@ -27,7 +27,7 @@ const ALWAYS: [&str; 3] = ["/healthz", "/metrics", "/grpc.health.v1.Health/"];
 
 /// Runs a request within its deadline, or within that of the client (`grpc-timeout`) if it is earlier, and counts it. A
 /// stopping server refuses new requests.
-pub(super) async fn watched(State(api): State<Api>, request: Request, next: Next) -> Response {
+pub(super) async fn with_deadline(State(api): State<Api>, request: Request, next: Next) -> Response {
     let begin = Instant::now();
     let is_grpc = is_grpc(request.headers());
     let method = method(&request);
@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn methods_are_known_and_others_are_not() {
+    fn only_paths_of_methods_are_known() {
         assert!(is_method("/lightpath.v1.JobService/SubmitJob") && is_method("/grpc.health.v1.Health/Check"));
         assert!(!is_method("/lightpath.v1.JobService/Other"));
     }

@@ -2,16 +2,13 @@
 //!
 //! Another process revokes tokens in the database, so the server must check them regularly. All calls share one check.
 
+use super::checked_body::{FrameCheck, Last, checked};
 use super::refusal::closing_frame;
 use crate::error::ApiError;
-use axum::body::Body;
 use axum::response::Response;
 use futures::future::{BoxFuture, FutureExt as _, pending};
-use http_body::{Frame, SizeHint};
 use lightpath_store::{Store, StoreError};
-use prost::bytes::Bytes;
 use std::collections::HashSet;
-use std::pin::Pin;
 use std::sync::Arc;
 use std::task::{Context, Poll};
 use tokio::sync::watch;
@@ -21,14 +18,14 @@ use tokio::sync::watch;
 pub struct EndedTokens(Arc<watch::Sender<HashSet<String>>>);
 
 impl EndedTokens {
-    /// Checks which tokens have been revoked or have expired.
-    pub async fn look(&self, store: &Store, now_ms: i64) -> Result<(), StoreError> {
+    /// Reads from the database which tokens have been revoked or have expired.
+    pub async fn update(&self, store: &Store, now_ms: i64) -> Result<(), StoreError> {
         let tokens = store.tokens().await?.into_iter().filter(|token| !token.is_valid(now_ms));
         let names: HashSet<String> = tokens.map(|token| token.caller.name).collect();
         self.0.send_if_modified(|known| {
-            let is_news = *known != names;
+            let is_changed = *known != names;
             *known = names;
-            is_news
+            is_changed
         });
         Ok(())
     }
@@ -52,40 +49,19 @@ impl EndedTokens {
 
 /// The error for a token that is not accepted. It does not reveal the reason.
 pub(super) fn not_accepted() -> ApiError {
-    ApiError::Unauthenticated("the token is not known, has expired or was revoked; ask for another".to_owned())
+    ApiError::Unauthenticated("the token is unknown, has expired or was revoked; ask an admin for a new one".to_owned())
 }
 
 /// Wraps the answer to a gRPC call, which ends with UNAUTHENTICATED if `expiry` ends first.
 pub(super) fn ending_at_expiry(response: Response, expiry: BoxFuture<'static, ()>) -> Response {
-    response.map(|body| Body::new(Answer { body, expiry, is_over: false }))
+    response.map(|body| checked(body, Expiry(expiry)))
 }
 
-struct Answer {
-    body: Body,
-    expiry: BoxFuture<'static, ()>,
-    is_over: bool,
-}
+/// Ends when the token of the call is no longer accepted.
+struct Expiry(BoxFuture<'static, ()>);
 
-impl http_body::Body for Answer {
-    type Data = Bytes;
-    type Error = axum::Error;
-
-    fn poll_frame(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<Option<Result<Frame<Bytes>, axum::Error>>> {
-        if self.is_over {
-            return Poll::Ready(None);
-        }
-        if self.expiry.poll_unpin(cx).is_ready() {
-            self.is_over = true;
-            return Poll::Ready(Some(closing_frame(not_accepted().into(), true)));
-        }
-        Pin::new(&mut self.body).poll_frame(cx)
-    }
-
-    fn is_end_stream(&self) -> bool {
-        self.is_over || self.body.is_end_stream()
-    }
-
-    fn size_hint(&self) -> SizeHint {
-        self.body.size_hint()
+impl FrameCheck for Expiry {
+    fn poll_end(&mut self, cx: &mut Context<'_>) -> Poll<Last> {
+        self.0.poll_unpin(cx).map(|()| closing_frame(not_accepted().into(), true))
     }
 }

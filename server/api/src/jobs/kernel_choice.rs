@@ -1,4 +1,4 @@
-//! Which kernel version a job's `kernel` stands for.
+//! Resolution of the field `kernel` of a job into a kernel version.
 
 use crate::api::Api;
 use crate::error::ApiError;
@@ -7,8 +7,8 @@ use lightpath_domain::kernel::KernelKey;
 use lightpath_store::StoreError;
 
 impl Api {
-    /// `None`: the ideal kernel. Empty means the active kernel and, unless it is `required`, the ideal one where none
-    /// is active.
+    /// The kernel version for which `kernel` stands; `None`: the ideal kernel. An empty text stands for the active
+    /// version or, if no version is active and the version is not `required`, for the ideal kernel.
     pub(crate) async fn kernel_version_for(
         &self,
         field: &Field,
@@ -21,7 +21,7 @@ impl Api {
             "" | "active" => {
                 let active = self.active_version(key).await?;
                 if active.is_none() && (required || kernel == "active") {
-                    let fix = "promote a version first, or name a version or `ideal`";
+                    let fix = "promote a version first, or give a version number or `ideal`";
                     let message = format!("{field}: no version of {key} is active; {fix}");
                     return Err(ApiError::Precondition { reason: "NO_ACTIVE_KERNEL", message });
                 }
@@ -32,8 +32,8 @@ impl Api {
                 let refusal = || field.invalid(format!("is {:?}, {form}", shortened(number)));
                 let version: u32 = number.parse().map_err(|_| refusal())?;
                 match self.store.kernel_version(key, version).await {
-                    Err(StoreError::NotFound { what }) => {
-                        Err(field.missing(what, "name one of the kernel's versions, `active` or `ideal`"))
+                    Err(StoreError::NotFound { resource }) => {
+                        Err(field.missing(resource, "name one of the kernel's versions, `active` or `ideal`"))
                     }
                     other => Ok(Some(other?.version)),
                 }
@@ -44,14 +44,14 @@ impl Api {
     async fn active_version(&self, key: &KernelKey) -> Result<Option<u32>, ApiError> {
         match self.store.kernel(key).await {
             Ok(kernel) => Ok(kernel.active_version),
-            // A kernel exists once it has a version.
+            // A kernel does not exist before its first version.
             Err(StoreError::NotFound { .. }) => Ok(None),
             Err(error) => Err(error.into()),
         }
     }
 }
 
-/// What a job's `kernel` was resolved to, in the form that a request may name it.
-pub(crate) fn kernel_named(version: Option<u32>) -> String {
+/// Text for a kernel version in the field `kernel`: the inverse of the resolution.
+pub(crate) fn kernel_text(version: Option<u32>) -> String {
     version.map_or_else(|| "ideal".to_owned(), |version| version.to_string())
 }

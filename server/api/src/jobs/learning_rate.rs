@@ -1,12 +1,12 @@
-//! The learning rate of jobs that optimize with Adam.
+//! Checks of Adam's learning rate.
 
 use crate::error::ApiError;
 use crate::field::Field;
 
-/// Largest learning rate: with larger ones the optimizer does not converge.
+/// Limit on the learning rate: with larger ones the optimizer does not converge.
 const LEARNING_RATE_MAX: f64 = 10.0;
 
-/// A learning rate above 0; `None` for 0, the default.
+/// Checks a learning rate, which must be above 0. `None`: the value is 0, which stands for the default.
 pub(crate) fn learning_rate(field: &Field, value: f64) -> Result<Option<f64>, ApiError> {
     if value == 0.0 {
         return Ok(None);

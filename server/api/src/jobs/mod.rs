@@ -1,4 +1,4 @@
-//! Jobs: submitting, listing, following and ending them. Each kind of job has a folder.
+//! Jobs: submitting, listing, watching, cancelling and retrying jobs. Each kind of job has a folder.
 
 mod evaluate_kernel;
 mod kernel_choice;

@@ -1,4 +1,4 @@
-//! When and for whom a submitted job runs.
+//! Checks of the scheduling of a job: owner, batch, unique key, times and dependencies.
 
 use crate::error::ApiError;
 use crate::field::Field;
@@ -9,33 +9,32 @@ use lightpath_domain::access::Caller;
 use lightpath_domain::job::Scheduling;
 use lightpath_proto::v1;
 
-/// Longest owner, batch or unique key \[bytes\]: as request ids.
+/// Limit on the length of an owner, batch or unique key \[bytes\]: the same as for request ids.
 const LABEL_BYTES_MAX: usize = 128;
-/// Longest wait for the start of a job \[ms\]: longer ones are mistakes in the unit.
+/// Limit on the time until the start of a job \[ms\]: longer times are mistakes in the unit.
 const DELAY_MS_MAX: i64 = 366 * 24 * 3600 * 1000;
 const TIMEOUT_S_MAX: f64 = 30.0 * 24.0 * 3600.0;
-/// Shortest time limit: shorter ones end before any attempt begins.
+/// Shortest time limit of an attempt \[s\]: shorter ones end before the attempt begins.
 const TIMEOUT_S_MIN: f64 = 0.001;
-/// Most jobs that one job may wait for.
+/// Limit on the jobs for which one job waits.
 const AFTER_MAX: usize = 1000;
 
-/// What a request says about it, checked.
+/// Checks the scheduling in a submission and converts it.
 pub(crate) fn scheduling(caller: &Caller, request: &v1::SubmitJobRequest) -> Result<Scheduling, ApiError> {
     let not_before = Field::new("not_before");
-    let not_before_ms =
-        match &request.not_before {
-            None => None,
-            Some(time) => Some(ms(time).filter(|ms| *ms <= now_ms() + DELAY_MS_MAX).ok_or_else(|| {
-                not_before.invalid("is no time, or more than a year ahead, but must be within a year")
-            })?),
-        };
+    let not_before_ms = match &request.not_before {
+        None => None,
+        Some(time) => Some(ms(time).filter(|ms| *ms <= now_ms() + DELAY_MS_MAX).ok_or_else(|| {
+            not_before.invalid("is not a valid time, or more than a year ahead, but must be within a year")
+        })?),
+    };
     let timeout_ms = match request.timeout_s {
         0.0 => None,
         seconds => Some((Field::new("timeout_s").number(seconds, TIMEOUT_S_MIN..=TIMEOUT_S_MAX)? * 1e3).round() as i64),
     };
     let field = Field::new("after");
     if request.after.len() > AFTER_MAX {
-        return Err(field.invalid(format!("names {} jobs, but at most {AFTER_MAX} are accepted", request.after.len())));
+        return Err(field.invalid(format!("has {} entries, but at most {AFTER_MAX} are accepted", request.after.len())));
     }
     let after = request.after.iter().enumerate().map(|(i, name)| names::job_id(&field.index(i), name));
     let mut after = after.collect::<Result<Vec<_>, _>>()?;
@@ -51,10 +50,10 @@ pub(crate) fn scheduling(caller: &Caller, request: &v1::SubmitJobRequest) -> Res
     })
 }
 
-/// A short text of the client's own; `None` where it is empty.
+/// Checks a short text that the client chose; `None` if it is empty.
 pub(crate) fn label(field: &Field, given: String) -> Result<Option<String>, ApiError> {
     if given.chars().any(char::is_control) {
-        return Err(field.invalid("holds control characters, but must be plain text"));
+        return Err(field.invalid("contains control characters, but must be plain text"));
     }
     let text = field.text(given, LABEL_BYTES_MAX)?;
     Ok((!text.is_empty()).then_some(text))
@@ -65,16 +64,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn schedules_are_read_and_nonsense_is_named() {
+    fn scheduling_is_converted_and_invalid_fields_are_refused() {
         let after = vec!["jobs/b".to_owned(), "jobs/a".to_owned(), "jobs/b".to_owned()];
         let request = v1::SubmitJobRequest { timeout_s: 1.5, owner: "ada".into(), after, ..Default::default() };
-        let read = scheduling(&Caller::anybody(), &request).unwrap();
-        assert_eq!((read.timeout_ms, read.owner.as_str(), read.batch), (Some(1500), "ada", None));
-        assert_eq!(read.after, ["a", "b"]);
-        for (request, sign) in [
+        let converted = scheduling(&Caller::without_token(), &request).unwrap();
+        assert_eq!((converted.timeout_ms, converted.owner.as_str(), converted.batch), (Some(1500), "ada", None));
+        assert_eq!(converted.after, ["a", "b"]);
+        for (request, start) in [
             (v1::SubmitJobRequest { timeout_s: f64::NAN, ..Default::default() }, "timeout_s is NaN"),
             (v1::SubmitJobRequest { timeout_s: -1.0, ..Default::default() }, "timeout_s is -1"),
-            (v1::SubmitJobRequest { owner: "a\nb".into(), ..Default::default() }, "owner holds control"),
+            (v1::SubmitJobRequest { owner: "a\nb".into(), ..Default::default() }, "owner contains control"),
             (v1::SubmitJobRequest { batch: "x".repeat(129), ..Default::default() }, "batch has 129 bytes"),
             (v1::SubmitJobRequest { after: vec!["b".into()], ..Default::default() }, "after[0] is \"b\""),
             (
@@ -82,11 +81,11 @@ mod tests {
                     not_before: Some(pbjson_types::Timestamp { seconds: i64::MAX, nanos: 0 }),
                     ..Default::default()
                 },
-                "not_before is no time",
+                "not_before is not a valid time",
             ),
         ] {
-            let refusal = scheduling(&Caller::anybody(), &request).unwrap_err().to_string();
-            assert!(refusal.starts_with(sign), "{refusal}");
+            let refusal = scheduling(&Caller::without_token(), &request).unwrap_err().to_string();
+            assert!(refusal.starts_with(start), "{refusal}");
         }
     }
 }

@@ -70,19 +70,19 @@ impl JobService for Api {
 }
 
 impl Api {
-    /// The job that the request names, as clients see it.
+    /// Returns the message of the named job.
     pub(crate) async fn get_job(&self, caller: &Caller, request: v1::GetJobRequest) -> Result<v1::Job, ApiError> {
         let id = names::job_id(&Field::new("name"), &request.name)?;
         Ok(to_wire::job(self.visible_job(caller, &id).await?))
     }
 
-    /// A page of jobs, as clients see them.
+    /// Returns a page of jobs.
     pub(crate) async fn list_jobs(
         &self,
         caller: &Caller,
         request: v1::ListJobsRequest,
     ) -> Result<v1::ListJobsResponse, ApiError> {
-        let state = Field::new("state").one_of(request.state)?;
+        let state = Field::new("state").enum_value(request.state)?;
         let display = names::display_filter(caller, &Field::new("display"), &request.display)?;
         let batch = label(&Field::new("batch"), request.batch)?;
         let list = ["jobs", &request.state.to_string(), &request.display, batch.as_deref().unwrap_or_default()];
@@ -97,7 +97,7 @@ impl Api {
         let id = names::job_id(&Field::new("name"), &request.name)?;
         self.visible_job(caller, &id).await?;
         let job = self.store.cancel(&id, now_ms()).await?;
-        // A running job ends at its worker, and is counted there.
+        // A running job ends when its worker stops it, and the worker counts it then.
         if job.state.has_ended() {
             metrics::job_ended(&job);
         }
@@ -126,7 +126,7 @@ impl Api {
     async fn get_batch(&self, caller: &Caller, request: v1::GetBatchRequest) -> Result<v1::Batch, ApiError> {
         let batch = label(&Field::new("batch"), request.batch)?;
         let batch = batch.ok_or_else(|| Field::new("batch").invalid("is empty, but must name a batch"))?;
-        // Its jobs may be about any display.
+        // The jobs of a batch may be about any display.
         require_all_displays(caller, "display in ListJobs")?;
         let BatchProgress { queued, running, succeeded, failed, cancelled, done } = self.store.batch(&batch).await?;
         Ok(v1::Batch { batch, queued, running, succeeded, failed, cancelled, done })

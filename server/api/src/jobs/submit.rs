@@ -1,4 +1,5 @@
-//! Submitting: from a request to a job, every field checked, every default filled in, every name found.
+//! Submission of jobs: checks a request, looks up the named resources, fills in defaults, and puts the job into the
+//! queue.
 
 use super::{scheduling, to_wire};
 use crate::api::Api;
@@ -10,9 +11,9 @@ use lightpath_domain::job::{JobSpec, NewJob};
 use lightpath_proto::v1::{self, job_spec};
 use uuid::Uuid;
 
-/// Longest request id \[bytes\]: room for a UUID and a few words.
+/// Limit on the length of a request id \[bytes\]: a UUID and a few words.
 const REQUEST_ID_BYTES_MAX: usize = 128;
-/// Most attempts: a job that failed as often as this fails for a lasting reason.
+/// Limit on the attempts: a job that failed so often has a permanent problem.
 const ATTEMPTS_MAX: u32 = 20;
 const ATTEMPTS_DEFAULT: u32 = 3;
 const PRIORITY_MAX: i32 = 100;
@@ -24,8 +25,8 @@ impl Api {
         Ok(to_wire::job(job))
     }
 
-    /// The job that a request asks for. What it names is found, and its pictures are decoded once, so that what can be
-    /// known to be wrong is refused now and not by a worker an hour later.
+    /// Checks a submission and converts it. Named resources are looked up and pictures are decoded, so that the request
+    /// is refused now rather than by a worker an hour later.
     async fn new_job(&self, caller: &Caller, request: v1::SubmitJobRequest) -> Result<NewJob, ApiError> {
         let field = Field::new("spec");
         let scheduling = scheduling::scheduling(caller, &request)?;
@@ -73,7 +74,7 @@ fn request_id(given: String) -> Result<String, ApiError> {
         return Ok(Uuid::now_v7().to_string());
     }
     if given.chars().any(char::is_control) {
-        return Err(field.invalid("holds control characters, but must be plain text"));
+        return Err(field.invalid("contains control characters, but must be plain text"));
     }
     field.text(given, REQUEST_ID_BYTES_MAX)
 }

@@ -1,4 +1,4 @@
-//! Jobs as messages.
+//! Conversion of jobs into messages.
 
 use super::{evaluate_kernel, learn_kernel, optimize_hologram, prepare_dataset, report_kernel, simulate_capture};
 use crate::enumerations::OnWire as _;
@@ -6,7 +6,7 @@ use crate::time::timestamp;
 use lightpath_domain::job::{Job, JobError, JobEvent, JobResult, JobSpec, Progress};
 use lightpath_proto::v1::{self, job_result, job_spec};
 
-/// The job as clients see it.
+/// Converts a job into its message.
 pub(crate) fn job(job: Job) -> v1::Job {
     let scheduling = job.scheduling;
     v1::Job {
@@ -36,7 +36,7 @@ pub(crate) fn job(job: Job) -> v1::Job {
     }
 }
 
-/// The event as clients see it.
+/// Converts an event into its message.
 pub(crate) fn event(event: JobEvent) -> v1::JobEvent {
     v1::JobEvent { time: Some(timestamp(event.time_ms)), attempt: event.attempt, message: event.message }
 }

@@ -1,4 +1,4 @@
-//! Streams that follow a job.
+//! Streams that follow the changes of a job.
 
 use super::to_wire;
 use crate::api::Api;
@@ -20,7 +20,7 @@ impl Api {
     ) -> Result<Answers<v1::Job>, ApiError> {
         let id = names::job_id(&Field::new("name"), &request.name)?;
         let permit = self.stream_limits.watcher()?;
-        // Subscribed before the first read, so that no change falls in between.
+        // The stream subscribes before the first read, so that it misses no change.
         let changes = self.store.subscribe_job_changes();
         let first = self.visible_job(caller, &id).await?;
         let source = JobSource { store: self.store.clone(), id };

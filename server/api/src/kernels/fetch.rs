@@ -1,4 +1,4 @@
-//! Fetching a kernel's file, in the form that is asked for.
+//! Downloads of kernel files, in the requested format.
 
 use super::to_wire;
 use crate::api::Api;
@@ -29,13 +29,14 @@ impl Api {
         let key = names::kernel_key(caller, &Field::new("kernel"), &request.kernel)?;
         let answers = self.fetch(&key, request).await;
         let code = answers.as_ref().map_or_else(ApiError::code, |_| Code::Ok);
-        // Only displays that there are: clients must not make the metric grow.
+        // Only existing displays are counted, so that clients cannot create new labels of the metric.
         if answers.is_ok() || self.store.display(&key.display).await.is_ok() {
             metrics::kernel_fetch(&key.display, format!("{code:?}"));
         }
         answers
     }
 
+    /// Streams the file of a version.
     async fn fetch(
         &self,
         key: &KernelKey,
@@ -46,11 +47,12 @@ impl Api {
             number => number,
         };
         let version = self.store.kernel_version(key, number).await?;
-        let format = Field::new("format").one_of(request.format)?.unwrap_or(KernelFormat::Safetensors);
+        let format = Field::new("format").enum_value(request.format)?.unwrap_or(KernelFormat::Safetensors);
         if format != KernelFormat::Safetensors {
             return self.fetch_as(version, format).await;
         }
-        // Opened, and its hash checked, before the first message: what is damaged fails whole.
+        // The file is opened and its hash is checked before the first message, so that no part of a damaged file is
+        // sent.
         let reader = self.artifacts.read(&version.content.artifact, 0, 0).await?;
         let first = v1::FetchKernelResponse { part: Some(Part::Version(to_wire::version(version))) };
         let rest =
@@ -58,7 +60,8 @@ impl Api {
         Ok(stream::iter([Ok(first)]).chain(rest).boxed())
     }
 
-    /// The version's file in another form: made, and its digest known, before the first message.
+    /// Streams the file of a version in another format. The file is converted before the first message, which needs its
+    /// digest.
     async fn fetch_as(
         &self,
         version: KernelVersion,
@@ -90,9 +93,10 @@ impl Api {
         Ok(stream::iter(head.into_iter().chain(rest).map(message)).boxed())
     }
 
+    /// Number of the active version. Refuses a kernel without one.
     async fn require_active(&self, key: &KernelKey) -> Result<u32, ApiError> {
         self.store.kernel(key).await?.active_version.ok_or_else(|| {
-            let message = format!("no version of {key} is active; promote one first, or name a version");
+            let message = format!("no version of {key} is active; promote one first, or give a version number");
             ApiError::Precondition { reason: "NO_ACTIVE_KERNEL", message }
         })
     }

@@ -1,4 +1,4 @@
-//! Importing kernels from files.
+//! Imports of kernels from files.
 
 use super::to_wire;
 use crate::api::Api;
@@ -16,7 +16,7 @@ use lightpath_optics::OpticalSetup;
 use lightpath_proto::v1;
 
 impl Api {
-    /// Stores an uploaded kernel file as the next version, if it was learned for just this.
+    /// Stores an uploaded kernel file as the next version. Refuses a kernel of another display, wavelength or distance.
     pub(crate) async fn import_kernel(
         &self,
         caller: &Caller,
@@ -33,23 +33,23 @@ impl Api {
         let bytes = self.artifacts.read_all(&digest).await?;
         let setup = planning::setup(&display, wavelength, distance)
             .map_err(|error| Field::new("distance_m").invalid(format!("is not possible: {error}")))?;
-        // Where no method is right a kernel can still be kept.
+        // A kernel is accepted even if no propagation method is valid for it.
         let setup = planning::planned(setup, None).map_or(setup, |(planned, _)| planned);
-        // A file in another form tells nothing of that.
+        // Files in other formats do not contain these distances.
         let interpolated_from_m = kernel_file::interpolated_from_m(&bytes).unwrap_or_default();
         let decoded = self.checking.run(move || kernel_formats::import(&bytes, &setup)).await?;
         let imported = decoded.map_err(|error| field.invalid(format!("({digest}): {error}")))?;
         let (learned, model) = (imported.model, imported.kind);
         let key = KernelKey { display: display.id.clone(), wavelength, distance };
-        expect_setup(&field, &learned.setup, &display, &key)?;
+        require_setup(&field, &learned.setup, &display, &key)?;
         let (digest, size_bytes, parameters_json) = if imported.native {
             (digest, record.size_bytes, "{}".to_owned())
         } else {
-            // Stored in the native form, which everything else here reads.
+            // The kernel is stored in the native format, which all other code reads.
             let file =
                 kernel_file::encode(&learned, model).map_err(|error| field.invalid(format!("({digest}): {error}")))?;
             let parameters = serde_json::json!({ "imported_from": imported.form, "artifact": digest });
-            (self.keep(caller, file.clone()).await?, file.len() as u64, parameters.to_string())
+            (self.store_artifact(caller, file.clone()).await?, file.len() as u64, parameters.to_string())
         };
         let lineage = KernelLineage {
             parameters_json,
@@ -58,29 +58,30 @@ impl Api {
             datasets: interpolated_from_m.into_iter().filter_map(imported_dataset).collect(),
             ..KernelLineage::default()
         };
-        // Nothing was measured here: an import has no held-out pairs.
+        // The version is not measured, because an import has no held-out pairs.
         let metrics = KernelMetrics::default();
         let version = NewKernelVersion { model, artifact: digest, size_bytes, metrics, lineage };
         Ok(to_wire::version(self.store.add_kernel_version(&key, version, now_ms()).await?))
     }
 }
 
-/// Where a file tells only from which distance a kernel was interpolated.
+/// A dataset of which only the distance is known. `None` if the distance is not valid.
 fn imported_dataset(distance_m: f64) -> Option<LearnedDataset> {
     let distance = Distance::from_m(distance_m)?;
     Some(LearnedDataset { distance, id: String::new(), digest: String::new() })
 }
 
-fn expect_setup(field: &Field, setup: &OpticalSetup, display: &Display, key: &KernelKey) -> Result<(), ApiError> {
+/// Refuses a setup that does not match the display, wavelength and distance.
+fn require_setup(field: &Field, setup: &OpticalSetup, display: &Display, key: &KernelKey) -> Result<(), ApiError> {
     let grid = setup.grid();
     let is_size = (grid.width_px(), grid.height_px()) == (display.width_px as usize, display.height_px as usize);
-    // Both were written as decimal numbers once; they may differ in their last bits.
+    // Both were converted from decimal numbers, so they may differ in their last bits.
     let is_pitch = (grid.pixel_pitch_m() / display.pixel_pitch_m - 1.0).abs() < 1e-9;
     let (wavelength, distance) = (Wavelength::from_m(setup.wavelength_m()), Distance::from_m(setup.distance_m()));
     if is_size && is_pitch && wavelength == Some(key.wavelength) && distance == Some(key.distance) {
         return Ok(());
     }
-    // A file may hold lengths that no key can.
+    // A file may contain lengths that a key cannot represent.
     let wavelength = wavelength.map_or_else(|| format!("{:e} m", setup.wavelength_m()), |exact| exact.to_string());
     let distance = distance.map_or_else(|| format!("{:e} m", setup.distance_m()), |exact| exact.to_string());
     Err(field.invalid(format!(

@@ -1,4 +1,4 @@
-//! Kernels for distances between photographed ones.
+//! Interpolation of kernels for distances between photographed ones.
 
 use super::to_wire;
 use crate::api::Api;
@@ -16,11 +16,11 @@ use lightpath_media::kernel_file;
 use lightpath_optics::learning::interpolated;
 use lightpath_proto::v1;
 
-/// Versions that are looked through for a fit, at most: the newest ones.
+/// Limit on the versions that are searched for a joint fit, the newest first.
 const VERSIONS_MAX: u32 = 1000;
 
 impl Api {
-    /// Stores the kernel of a distance between those of a joint fit as the next version.
+    /// Interpolates a kernel for a distance between those of a joint fit, and stores it as the next version.
     pub(crate) async fn interpolate_kernel(
         &self,
         caller: &Caller,
@@ -48,8 +48,8 @@ impl Api {
         let version = NewKernelVersion {
             model: content.model,
             size_bytes: file.len() as u64,
-            artifact: self.keep(caller, file).await?,
-            // Nothing was measured here: there are no photographs.
+            artifact: self.store_artifact(caller, file).await?,
+            // The version is not measured, because no photographs of the distance exist.
             metrics: KernelMetrics::default(),
             lineage: KernelLineage {
                 datasets: fit.versions.iter().filter_map(own_dataset).collect(),
@@ -63,19 +63,20 @@ impl Api {
     }
 }
 
+/// The dataset of the version's own distance.
 fn own_dataset(version: &KernelVersion) -> Option<LearnedDataset> {
     version.content.lineage.own_dataset().cloned()
 }
 
-/// One model of several distances.
+/// A joint fit: one model of several distances.
 #[derive(Clone)]
 struct Fit<'a> {
-    /// Of each distance, ascending.
+    /// Versions by ascending distance.
     versions: &'a [KernelVersion],
     distances: Vec<Distance>,
 }
 
-/// The newest fit with photographs on both sides of the kernel's distance.
+/// The newest fit whose distances include the distance of the kernel between them.
 fn fit_around<'a>(field: &Field, key: &KernelKey, versions: &'a [KernelVersion]) -> Result<Fit<'a>, ApiError> {
     let same_job = |a: &KernelVersion, b: &KernelVersion| a.content.lineage.job == b.content.lineage.job;
     let fits: Vec<Fit<'_>> = versions
@@ -86,8 +87,8 @@ fn fit_around<'a>(field: &Field, key: &KernelKey, versions: &'a [KernelVersion])
     let (display, wavelength, distance) = (&key.display, key.wavelength, key.distance);
     if fits.is_empty() {
         let message = format!(
-            "{field}: no kernels of displays/{display} at {wavelength} were learned together for several distances; do so \
-             first: lightpath kernel learn --dataset NEAR --dataset FAR"
+            "{field}: no kernels of displays/{display} at {wavelength} were learned together for several distances; learn \
+             them first: lightpath kernel learn --dataset NEAR --dataset FAR"
         );
         return Err(ApiError::Precondition { reason: "NO_JOINT_FIT", message });
     }
@@ -96,8 +97,8 @@ fn fit_around<'a>(field: &Field, key: &KernelKey, versions: &'a [KernelVersion])
     let Some(fit) = fits.iter().find(around) else {
         let ranges: Vec<String> = fits.iter().filter_map(range).map(|(near, far)| format!("{near} to {far}")).collect();
         return Err(field.invalid(format!(
-            "is {distance}, but displays/{display} was photographed at {wavelength} from {} only: a kernel is interpolated \
-             between photographed distances, never beyond them",
+            "is {distance}, but displays/{display} was photographed at {wavelength} from {} only: kernels are interpolated \
+             only between photographed distances",
             ranges.join(", or from ")
         )));
     };

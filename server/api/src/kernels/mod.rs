@@ -1,4 +1,4 @@
-//! Kernels and their versions: listing, fetching, promoting, importing, interpolating.
+//! Kernels and their versions: listing, fetching, promoting, importing and interpolating.
 
 mod fetch;
 pub(crate) mod import;

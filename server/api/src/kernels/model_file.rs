@@ -1,4 +1,4 @@
-//! Reading the file of a kernel version.
+//! Reading the files of kernel versions.
 
 use crate::api::Api;
 use crate::error::ApiError;
@@ -7,7 +7,7 @@ use lightpath_media::kernel_file;
 use lightpath_optics::DisplayModel;
 
 impl Api {
-    /// The model in a version's file.
+    /// Reads the model from the file of a version.
     pub(crate) async fn model_of(&self, version: &KernelVersion) -> Result<DisplayModel, ApiError> {
         let bytes = self.artifacts.read_all(&version.content.artifact).await?;
         let (model, _) = kernel_file::decode(&bytes).map_err(|error| ApiError::Precondition {

@@ -1,4 +1,4 @@
-//! Choosing the version that is active: promoting, rolling back, and the history of both.
+//! The active version of a kernel: promotion, rollback, and their history.
 
 use super::to_wire;
 use crate::api::Api;
@@ -11,7 +11,7 @@ use lightpath_domain::access::Caller;
 use lightpath_domain::kernel::KernelVersion;
 use lightpath_proto::v1;
 
-/// Longest reason of a move \[bytes\]: a paragraph.
+/// Limit on the length of the reason of a move \[bytes\]: a paragraph.
 const REASON_BYTES_MAX: usize = 1024;
 
 impl Api {
@@ -24,7 +24,7 @@ impl Api {
         let version = Field::new("version").integer(request.version, 1..=u32::MAX)?;
         let reason = Field::new("reason").text(request.reason, REASON_BYTES_MAX)?;
         let expected = request.expected_active_version.map(|version| (version > 0).then_some(version));
-        // Versions never change, so what is read here still holds when the alias moves.
+        // Versions never change, so this result is still correct when the alias moves.
         let candidate = self.store.kernel_version(&key, version).await?;
         if candidate.content.metrics.no_better_than_ideal() {
             check_forced(&candidate, request.force, &reason)?;
@@ -56,7 +56,8 @@ impl Api {
     }
 }
 
-/// A kernel that makes nothing better is a mistake, unless somebody says why it is not.
+/// Refuses a version that is no better than the ideal kernel, unless the caller forces the promotion and gives a
+/// reason.
 fn check_forced(candidate: &KernelVersion, force: bool, reason: &str) -> Result<(), ApiError> {
     if force && !reason.trim().is_empty() {
         return Ok(());
@@ -65,7 +66,7 @@ fn check_forced(candidate: &KernelVersion, force: bool, reason: &str) -> Result<
     let losses = format!("{:.6} against {:.6}", content.metrics.test_loss, content.metrics.ideal_test_loss);
     let message = format!(
         "{key}/versions/{version} was measured to be no better than the ideal kernel (held-out loss {losses}); \
-         to promote it all the same, set force and give a reason"
+         to promote it anyway, set force and give a reason"
     );
     Err(ApiError::Precondition { reason: "NO_BETTER_THAN_IDEAL", message })
 }
@@ -77,7 +78,7 @@ mod tests {
     use lightpath_domain::units::{Distance, Wavelength};
 
     #[test]
-    fn a_kernel_that_makes_nothing_better_is_promoted_only_by_force_and_with_a_reason() {
+    fn promoting_a_kernel_no_better_than_ideal_needs_force_and_a_reason() {
         let wavelength = Wavelength::from_m(515e-9).unwrap();
         let key = KernelKey { display: "lab".to_owned(), wavelength, distance: Distance::from_m(0.15).unwrap() };
         let metrics =

@@ -1,4 +1,4 @@
-//! Kernels as messages.
+//! Conversion of kernels into messages.
 
 use crate::enumerations::OnWire as _;
 use crate::time::timestamp;
@@ -7,7 +7,7 @@ use lightpath_domain::kernel::{
 };
 use lightpath_proto::v1;
 
-/// The kernel as clients see it.
+/// Converts a kernel into its message.
 pub(crate) fn kernel(kernel: &Kernel) -> v1::Kernel {
     v1::Kernel {
         name: kernel.key.to_string(),
@@ -21,7 +21,7 @@ pub(crate) fn kernel(kernel: &Kernel) -> v1::Kernel {
     }
 }
 
-/// The version as clients see it.
+/// Converts a version into its message.
 pub(crate) fn version(version: KernelVersion) -> v1::KernelVersion {
     let content = version.content;
     v1::KernelVersion {
@@ -37,7 +37,7 @@ pub(crate) fn version(version: KernelVersion) -> v1::KernelVersion {
     }
 }
 
-/// How good a kernel is, as clients see it.
+/// Converts the metrics of a version into their message.
 pub(crate) fn metrics(metrics: &KernelMetrics) -> v1::KernelMetrics {
     v1::KernelMetrics {
         train_pairs: metrics.train_pairs,
@@ -56,7 +56,7 @@ pub(crate) fn metrics(metrics: &KernelMetrics) -> v1::KernelMetrics {
     }
 }
 
-/// The move as clients see it.
+/// Converts a move into its message.
 pub(crate) fn kernel_move(moved: KernelMove) -> v1::KernelMove {
     v1::KernelMove {
         time: Some(timestamp(moved.time_ms)),
@@ -68,14 +68,14 @@ pub(crate) fn kernel_move(moved: KernelMove) -> v1::KernelMove {
 }
 
 fn lineage(lineage: KernelLineage) -> v1::KernelLineage {
-    let named = |collection: &str, id: String| if id.is_empty() { id } else { format!("{collection}/{id}") };
+    let name_of = |collection: &str, id: String| if id.is_empty() { id } else { format!("{collection}/{id}") };
     let dataset = |dataset: LearnedDataset| v1::kernel_lineage::LearnedDataset {
         distance_m: dataset.distance.m(),
-        name: named("datasets", dataset.id),
+        name: name_of("datasets", dataset.id),
         digest: dataset.digest,
     };
     v1::KernelLineage {
-        job: named("jobs", lineage.job),
+        job: name_of("jobs", lineage.job),
         datasets: lineage.datasets.into_iter().map(dataset).collect(),
         interpolated: lineage.interpolated,
         parent_version: lineage.parent_version.unwrap_or(0),

@@ -1,4 +1,4 @@
-//! Streams that follow a kernel.
+//! Streams that follow the changes of a kernel.
 
 use super::to_wire;
 use crate::api::Api;
@@ -20,7 +20,7 @@ impl Api {
     ) -> Result<Answers<v1::Kernel>, ApiError> {
         let key = names::kernel_key(caller, &Field::new("name"), &request.name)?;
         let permit = self.stream_limits.watcher()?;
-        // Subscribed before the first read, so that no change falls in between.
+        // The stream subscribes before the first read, so that it misses no change.
         let changes = self.store.subscribe_kernel_changes();
         let first = self.store.kernel(&key).await?;
         let source = KernelSource { store: self.store.clone(), key };

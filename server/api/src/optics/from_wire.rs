@@ -9,10 +9,10 @@ use lightpath_proto::v1;
 
 /// The method that a job asks for; `None`: the planner's choice.
 pub(crate) fn convolution_method(field: &Field, number: i32) -> Result<Option<ConvolutionMethod>, ApiError> {
-    let Some(method) = field.one_of::<PropagationMethod>(number)? else { return Ok(None) };
+    let Some(method) = field.enum_value::<PropagationMethod>(number)? else { return Ok(None) };
     let refusal = || {
-        let rest = "but holograms are optimized through the angular spectrum, band-limited or not, and through impulse \
-                    responses and the Fresnel transfer function";
+        let rest = "but holograms are only optimized with the angular spectrum (band-limited or not), impulse responses \
+                    and the Fresnel transfer function";
         field.invalid(format!("is the {method}, {rest}"))
     };
     optimizable(method).map(Some).ok_or_else(refusal)

@@ -33,7 +33,7 @@ pub(crate) fn check_method(
 
 /// The error for a method or window that is not possible.
 pub(crate) fn method_refusal(field: &Field, error: &Error) -> ApiError {
-    field.invalid(format!("can't be met: {error}"))
+    field.invalid(format!("cannot be used: {error}"))
 }
 
 /// The error for a distance at which no method is valid.
@@ -41,8 +41,8 @@ pub(crate) fn distance_refusal(field: &Field, distance: Distance, error: &Error)
     field.invalid(format!("is {}: {error}", distance.m()))
 }
 
-/// The method as one that holograms can be optimized through, where it is one. The shifted angular spectrum needs a window
-/// beside the axis, and a job has no field for one.
+/// Converts a method into one with which holograms can be optimized; `None` if that is not possible. The shifted
+/// angular spectrum is not possible, because it needs a window beside the axis, and a job has no field for a window.
 pub(crate) fn optimizable(method: PropagationMethod) -> Option<ConvolutionMethod> {
     ConvolutionMethod::try_from(method).ok().filter(|method| *method != ConvolutionMethod::Shifted)
 }

@@ -1,11 +1,11 @@
 //! Conversion of the terms of the optics engine into messages.
 
 use crate::enumerations::OnWire as _;
-use lightpath_optics::hologram::{Quality, SeenQuality};
+use lightpath_optics::hologram::{DetectorQuality, Quality};
 use lightpath_optics::{RegionOfInterest, ValidityReport};
 use lightpath_proto::v1;
 
-/// The report as clients see it.
+/// Converts a validity report into its message.
 pub(crate) fn validity_report(report: ValidityReport) -> v1::ValidityReport {
     let window = v1::ImageWindow {
         width_px: report.window.width_px() as u32,
@@ -16,7 +16,8 @@ pub(crate) fn validity_report(report: ValidityReport) -> v1::ValidityReport {
         centre_y_m: report.window.centre_y_m(),
     };
     let warnings = report.warnings.into_iter();
-    let warnings = warnings.map(|it| v1::PropagationWarning { code: it.code.as_str().to_owned(), text: it.text });
+    let warnings =
+        warnings.map(|warning| v1::PropagationWarning { code: warning.code.as_str().to_owned(), text: warning.text });
     v1::ValidityReport {
         method: report.method.to_wire(),
         explanation: report.explanation,
@@ -47,7 +48,7 @@ pub(crate) fn quality(quality: Quality) -> v1::Quality {
     v1::Quality { point: Some(seen(point)), pixel: Some(seen(pixel)), supersampled: Some(seen(supersampled)) }
 }
 
-fn seen(seen: SeenQuality) -> v1::SeenQuality {
-    let SeenQuality { psnr_db, ssim, ms_ssim, diffraction_efficiency, frame_efficiency, speckle_contrast } = seen;
+fn seen(seen: DetectorQuality) -> v1::SeenQuality {
+    let DetectorQuality { psnr_db, ssim, ms_ssim, diffraction_efficiency, frame_efficiency, speckle_contrast } = seen;
     v1::SeenQuality { psnr_db, ssim, ms_ssim, diffraction_efficiency, frame_efficiency, speckle_contrast }
 }

@@ -41,6 +41,6 @@ impl Api {
     }
 
     async fn queue(&self) -> Result<v1::Queue, ApiError> {
-        Ok(to_wire::queue(self.store.turns().await?, self.store.pauses().await?))
+        Ok(to_wire::queue(self.store.owner_queues().await?, self.store.pauses().await?))
     }
 }

@@ -2,16 +2,16 @@
 
 use crate::time::timestamp;
 use lightpath_proto::v1;
-use lightpath_store::{Pause, Turn};
+use lightpath_store::{OwnerQueue, Pause};
 
 /// Converts the state of the queue into its message.
-pub(crate) fn queue(turns: Vec<Turn>, pauses: Vec<Pause>) -> v1::Queue {
+pub(crate) fn queue(owner_queues: Vec<OwnerQueue>, pauses: Vec<Pause>) -> v1::Queue {
     v1::Queue {
-        queued: turns.iter().map(|turn| turn.queued).sum(),
-        running: turns.iter().map(|turn| turn.running).sum(),
-        turns: turns
+        queued: owner_queues.iter().map(|queue| queue.queued).sum(),
+        running: owner_queues.iter().map(|queue| queue.running).sum(),
+        turns: owner_queues
             .into_iter()
-            .map(|turn| v1::queue::Turn { owner: turn.owner, queued: turn.queued, running: turn.running })
+            .map(|queue| v1::queue::Turn { owner: queue.owner, queued: queue.queued, running: queue.running })
             .collect(),
         pauses: pauses
             .into_iter()

@@ -73,20 +73,20 @@ impl Settings {
     }
 
     fn defaults() -> Self {
-        let table = Table::try_from(Config::default()).expect("every default has a form in TOML");
+        let table = Table::try_from(Config::default()).expect("every default can be written as TOML");
         Self::of(table, Origin::Default)
     }
 
     fn of(mut table: Table, origin: Origin) -> Self {
         let set = |key| Some((key, (table.remove(key)?, origin)));
-        Self(SETTINGS.iter().map(|it| it.key).filter_map(set).collect())
+        Self(SETTINGS.iter().map(|setting| setting.key).filter_map(set).collect())
     }
 }
 
 impl clap::Args for Settings {
     fn augment_args(command: Command) -> Command {
         let defaults = Self::defaults();
-        command.args(SETTINGS.iter().map(|it| it.arg(defaults.0.get(it.key).map(|(value, _)| value))))
+        command.args(SETTINGS.iter().map(|setting| setting.arg(defaults.0.get(setting.key).map(|(value, _)| value))))
     }
 
     fn augment_args_for_update(command: Command) -> Command {
@@ -102,7 +102,7 @@ impl clap::FromArgMatches for Settings {
     }
 
     fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
-        for key in SETTINGS.iter().map(|it| it.key) {
+        for key in SETTINGS.iter().map(|setting| setting.key) {
             let Some(value) = matches.get_one::<Value>(key) else { continue };
             let is_environment = matches.value_source(key) == Some(ValueSource::EnvVariable);
             let origin = if is_environment { Origin::Environment } else { Origin::Flag };
@@ -117,7 +117,7 @@ impl Effective {
     ///
     /// # Errors
     ///
-    /// [`ConfigError::Value`] if a value is out of range, [`ConfigError::Half`] if one of two settings that belong
+    /// [`ConfigError::Value`] if a value is out of range, [`ConfigError::Incomplete`] if one of two settings that belong
     /// together is missing.
     pub fn merge(given: Settings, file: Settings) -> Result<Self, ConfigError> {
         let mut settings = Settings::defaults();
@@ -131,7 +131,7 @@ impl Effective {
             }
         }
         let values = settings.0.iter().map(|(key, (value, _))| ((*key).to_owned(), value.clone()));
-        let config: Config = values.collect::<Table>().try_into().expect("each value was read as its type");
+        let config: Config = values.collect::<Table>().try_into().expect("the type of every value was checked");
         config.tls()?;
         Ok(Self { config, settings })
     }
@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn flags_win_over_the_file_and_the_file_over_defaults() {
+    fn flags_override_the_file_and_the_file_overrides_defaults() {
         let effective = parse(&["--workers", "2", "--lease-s", "6"], "workers = 3\nqueue_limit = 7\n").unwrap();
         assert_eq!((effective.config.workers, effective.config.queue_limit), (2, 7));
         assert_eq!(effective.config.lease_s, 6.0);
@@ -181,14 +181,14 @@ mod tests {
     fn every_setting_has_its_environment_variable() {
         let command = Settings::augment_args(Command::new("test"));
         let variable =
-            |flag| command.get_arguments().find(|it| it.get_long() == Some(flag)).unwrap().get_env().unwrap();
+            |flag| command.get_arguments().find(|arg| arg.get_long() == Some(flag)).unwrap().get_env().unwrap();
         assert_eq!(variable("workers"), "LIGHTPATH_WORKERS");
         assert_eq!(variable("under-way-mib-max"), "LIGHTPATH_UNDER_WAY_MIB_MAX");
         assert_eq!(command.get_arguments().count(), SETTINGS.len());
     }
 
     #[test]
-    fn a_value_of_another_type_is_refused_with_what_is_allowed() {
+    fn value_of_wrong_type_is_refused_with_the_allowed_values() {
         for bad in ["7070", "localhost:7070", "127.0.0.1"] {
             assert!(refused_flag(&["--listen", bad]).contains("such as 127.0.0.1:7070"), "{bad}");
         }
@@ -208,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_right_is_refused_by_name() {
+    fn invalid_values_are_refused_with_the_name_of_the_setting() {
         for (arguments, message) in [
             (["--workers", "0"], "workers is 0, but must be 1 to 64 (flag)"),
             (["--lease-s", "NaN"], "lease_s is NaN, but must be 0.1 to 3600 (flag)"),
@@ -222,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn unknown_keys_are_named() {
+    fn unknown_keys_are_refused_with_their_names() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("lightpath.toml");
         fs::write(&path, "wokers = 2\n").unwrap();
@@ -232,23 +232,23 @@ mod tests {
     }
 
     #[test]
-    fn a_file_with_a_value_of_another_type_is_refused_with_its_line() {
+    fn file_with_a_value_of_wrong_type_is_refused_with_its_line() {
         let message = Settings::from_toml("queue_limit = 7\nworkers = \"2\"\n").unwrap_err().to_string();
         assert!(message.contains("line 2") && message.contains("workers"), "{message}");
     }
 
     #[test]
-    fn nothing_given_are_the_defaults() {
+    fn settings_without_sources_are_the_defaults() {
         let effective = parse(&[], "").unwrap();
         assert_eq!(effective.config, Config::default());
         assert!(effective.settings.0.values().all(|(_, origin)| *origin == Origin::Default));
     }
 
     #[test]
-    fn what_is_printed_sets_the_same() {
+    fn printed_settings_can_be_read_again() {
         let effective = parse(&["--workers", "4", "--log-format", "json", "--stored-mib-max", "1"], "").unwrap();
         let text = effective.to_string();
-        assert!(text.contains("# Jobs that run at once (flag)\nworkers = 4\n"), "{text}");
+        assert!(text.contains("# Number of jobs that run at the same time (flag)\nworkers = 4\n"), "{text}");
         assert!(text.contains("private key (not set)\n# tls_key =\n"), "{text}");
         let again = parse(&[], &text).unwrap();
         assert_eq!((again.config.log_format, &again.config), (LogFormat::Json, &effective.config));

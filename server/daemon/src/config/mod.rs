@@ -4,11 +4,12 @@
 //! # Layout
 //!
 //! - this file: declarations of all settings. `setting`: the flag, environment variable and check of each declaration.
-//!   `layers`: the settings of each source, merged and printed. `uses`: settings in the types of the server's parts.
+//!   `layers`: the settings of each source, merged and printed. `conversions`: settings as the types that the parts
+//!   of the server use.
 
+mod conversions;
 mod layers;
 mod setting;
-mod uses;
 
 pub use layers::{Effective, Origin, Settings};
 pub use setting::Allowed;
@@ -33,73 +34,73 @@ const SWITCH: Allowed = Allowed::Text("true or false");
 
 // Form of a declaration: description, name and type = default, name of the value in the help, allowed values.
 settings! {
-    /// Folder of database and artifacts, made where missing
+    /// Folder of the database and the artifacts; created if it does not exist
     data_dir: PathBuf = "./lightpath-data".into(), "DIR", Allowed::Text("the path of a folder");
-    /// Address and port of gRPC and HTTP; port 0 takes a free one
+    /// Address and port for gRPC and HTTP; port 0 chooses a free port
     listen: SocketAddr = (Ipv4Addr::LOCALHOST, 7070).into(), "ADDRESS:PORT",
         Allowed::Text("an IP address and a port, such as 127.0.0.1:7070 or 0.0.0.0:7070");
-    /// PEM file of the server's certificate, with those that lead to its authority; read again when it changes
+    /// PEM file of the server's certificate, followed by its intermediate certificates; read again when it changes
     tls_cert: Option<PathBuf> = None, "FILE", FILE;
     /// PEM file of the certificate's private key
     tls_key: Option<PathBuf> = None, "FILE", FILE;
-    /// PEM file of authorities: whoever connects must show a certificate of one of them
+    /// PEM file of certificate authorities; every client must show a certificate from one of them
     tls_client_ca: Option<PathBuf> = None, "FILE", FILE;
-    /// Ask for a token even on 127.0.0.1; other addresses always do
+    /// Require tokens on 127.0.0.1, too; other addresses require tokens unless insecure is set
     require_tokens: bool = false, "BOOL", SWITCH;
-    /// Let others connect without TLS and tokens: only where whoever can connect may do everything
+    /// Let other machines connect without TLS and tokens; then every client may do everything
     insecure: bool = false, "BOOL", SWITCH;
-    /// Calls a second that each token, or each address without one, may make; 0: no limit
+    /// Limit on the calls per second of each token, or of each address without a token; 0: no limit
     calls_per_s_max: u32 = 2000, "COUNT", Allowed::Numbers(0.0, 1e6);
-    /// Memory that requests and answers under way may take, all clients together, in MiB; one address may take three
-    /// quarters of it; beyond it, calls are refused; 0: no limit
+    /// Limit on the memory of all unfinished requests and answers, in MiB; one address gets at most three quarters of
+    /// it; further calls are refused; 0: no limit
     under_way_mib_max: f64 = 512.0, "MIB", SPACE_MIB;
-    /// Jobs that run at once
+    /// Number of jobs that run at the same time
     workers: u32 = 1, "COUNT", Allowed::Numbers(1.0, 64.0);
-    /// Threads that one job computes on; unless set, one for each core
+    /// Number of threads of one job; by default one for each core
     compute_threads: usize = std::thread::available_parallelism().map_or(1, NonZeroUsize::get), "COUNT",
         Allowed::Numbers(1.0, 1024.0);
     // A pause of the disk could make a shorter lease expire. A longer lease delays the jobs of a dead worker.
-    /// A worker that is silent for this long loses its job to the queue
+    /// Time without a heartbeat after which a worker loses its job and the job returns to the queue
     lease_s: f64 = 30.0, "SECONDS", Allowed::Numbers(0.1, 3600.0);
-    /// How often a running job saves its state
+    /// Time between two saved states of a running job
     checkpoint_interval_s: f64 = 10.0, "SECONDS", Allowed::Numbers(0.01, 3600.0);
     // A row of the queue takes about a kilobyte.
-    /// Jobs that may wait; more are refused
+    /// Limit on the waiting jobs; further jobs are refused
     queue_limit: u32 = 10_000, "COUNT", Allowed::Numbers(1.0, 1e6);
-    /// Jobs of one owner that may wait; 0: as many as all together
+    /// Limit on the waiting jobs of one owner; 0: only queue_limit applies
     owner_queue_limit: u32 = 0, "COUNT", Allowed::Numbers(0.0, 1e6);
-    /// Space that one owner may take, with what that owner's jobs made, in MiB; beyond it, uploads and jobs are refused;
-    /// 0: no limit
+    /// Limit on the space of one owner, including the results of the owner's jobs, in MiB; further uploads and jobs are
+    /// refused; 0: no limit
     owner_stored_mib_max: f64 = 0.0, "MIB", SPACE_MIB;
-    /// Jobs of one owner that run at once; 0: no limit
+    /// Limit on the jobs of one owner that run at the same time; 0: no limit
     owner_running_limit: u32 = 0, "COUNT", RUNNING;
-    /// Jobs on one display that run at once; 0: no limit
+    /// Limit on the jobs on one display that run at the same time; 0: no limit
     display_running_limit: u32 = 0, "COUNT", RUNNING;
-    /// Longest attempt at finding a hologram; 0: no limit
+    /// Time limit of one attempt to optimize a hologram; 0: no limit
     optimize_timeout_s: f64 = 0.0, "SECONDS", TIMEOUT_S;
-    /// Longest attempt at learning a kernel; 0: no limit
+    /// Time limit of one attempt to learn a kernel; 0: no limit
     learn_timeout_s: f64 = 0.0, "SECONDS", TIMEOUT_S;
-    /// Longest attempt at simulating a capture; 0: no limit
+    /// Time limit of one attempt to simulate a capture; 0: no limit
     simulate_timeout_s: f64 = 0.0, "SECONDS", TIMEOUT_S;
-    /// Longest attempt at evaluating a kernel; 0: no limit
+    /// Time limit of one attempt to evaluate a kernel; 0: no limit
     evaluate_timeout_s: f64 = 0.0, "SECONDS", TIMEOUT_S;
-    /// Longest attempt at aligning or finalizing a dataset; 0: no limit
+    /// Time limit of one attempt to align or finalize a dataset; 0: no limit
     prepare_timeout_s: f64 = 0.0, "SECONDS", TIMEOUT_S;
-    /// Longest attempt at reporting on a kernel; 0: no limit
+    /// Time limit of one attempt to report on a kernel; 0: no limit
     report_timeout_s: f64 = 0.0, "SECONDS", TIMEOUT_S;
-    /// Space on the disk that only accepted work may use, in MiB; below it, new jobs and uploads are refused
+    /// Free disk space that is reserved for accepted work, in MiB; below it, new jobs and uploads are refused
     disk_reserve_mib: f64 = 256.0, "MIB", SPACE_MIB;
-    /// Space that all artifacts together may take, in MiB; 0: all there is
+    /// Limit on the size of all artifacts together, in MiB; 0: no limit
     stored_mib_max: f64 = 0.0, "MIB", SPACE_MIB;
-    /// Days after which an artifact that nothing refers to is removed; 0: never
+    /// Days since its last use after which an artifact without references is removed; 0: never
     collect_artifacts_after_days: f64 = 7.0, "DAYS", AGE_DAYS;
-    /// Days after which a job that has ended is removed, with its events; 0: never
+    /// Days since its end after which a job is removed, with its events; 0: never
     collect_jobs_after_days: f64 = 0.0, "DAYS", AGE_DAYS;
-    /// Time that jobs and requests get to end when the server stops
+    /// Time limit for jobs and requests to end when the server stops
     drain_deadline_s: f64 = 20.0, "SECONDS", Allowed::Numbers(0.0, 3600.0);
-    /// Form of the log on stderr; auto: text on a terminal, JSON elsewhere
+    /// Format of the log on stderr; auto: text on a terminal, JSON otherwise
     log_format: LogFormat = LogFormat::Auto, "FORM", Allowed::Text("auto, text or json");
-    /// What is logged: error, warn, info, debug, or by module, lightpath_api=debug,warn
+    /// Lowest level that is logged: error, warn, info or debug; also by module, such as lightpath_api=debug,warn
     log_level: String = "info".into(), "FILTER", Allowed::Text("a filter, such as info or lightpath_api=debug,warn");
 }
 
@@ -127,7 +128,7 @@ pub enum ConfigError {
         source: std::io::Error,
     },
     /// The configuration file has invalid TOML, an unknown key, or a value of the wrong type.
-    #[error("the configuration file {} is wrong: {problem}", path.display())]
+    #[error("the configuration file {} is invalid: {problem}", path.display())]
     Parse {
         /// Path of the file.
         path: PathBuf,
@@ -136,7 +137,7 @@ pub enum ConfigError {
     },
     /// One of two settings that belong together is missing.
     #[error("{given} is set, but {missing} is not: TLS needs both")]
-    Half {
+    Incomplete {
         /// Name of the setting that is present.
         given: &'static str,
         /// Name of the setting that is missing.

@@ -13,7 +13,7 @@ pub(super) const DATASET: &str = "demo-photographs";
 /// Model of the kernel that the demo makes active.
 const FIRST_MODEL: KernelModel = KernelModel::Display;
 
-/// Show the whole loop on a simulated display: holograms, photographs, learning, better holograms.
+/// Run all steps on a simulated display: optimize holograms, photograph them, learn a kernel, optimize better holograms.
 #[derive(Clone, Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -23,20 +23,20 @@ Examples:
   lightpathd demo --paper
   lightpathd demo --paper --resolution 480x270")]
 pub struct DemoArgs {
-    /// Folder for pictures, report and the server's data: a new or empty one, or an earlier demo's
+    /// Folder for the pictures, the report and the server's data; must be new, empty, or from an earlier demo
     #[arg(long, value_name = "DIR", default_value = "lightpath-demo")]
     pub out: PathBuf,
     /// Folder of PNG, JPEG or TIFF pictures to use instead of generated ones; at least 5
     #[arg(long, value_name = "DIR")]
     pub images: Option<PathBuf>,
-    /// Follow the paper that Lightpath starts from: its recipe (the model paper) beside the model display, on a display of
-    /// its size, and a table of train and test errors in its form
+    /// Compare with the paper on which Lightpath is based: learn the model paper, too, use a display of the paper's size, and
+    /// print a table of training and test errors in the paper's form
     #[arg(long)]
     pub paper: bool,
     /// Size of the display in pixels, WIDTHxHEIGHT [default: 480x270, with --paper 1920x1080]
     #[arg(long = "resolution", value_name = "WxH", value_parser = resolution)]
     pub asked_resolution: Option<(u32, u32)>,
-    /// From the display to the image; by default 0.6 of the distance up to which its size samples the whole band
+    /// Distance from the display to the image [default: 0.6 of the critical distance, up to which the whole band is sampled]
     #[arg(long, value_name = "LENGTH", value_parser = |text: &str| length(Length::Distance, text))]
     pub distance: Option<f64>,
     /// Wavelength of the light
@@ -45,13 +45,13 @@ pub struct DemoArgs {
     /// Distance between the display's pixels
     #[arg(long, value_name = "LENGTH", default_value = "8um", value_parser = |text: &str| length(Length::PixelPitch, text))]
     pub pixel_pitch: f64,
-    /// Draws the display's flaws, the pictures and the noise
+    /// Seed of the display's imperfections, the pictures and the noise
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
-    /// Photographs to learn from; a quarter more is held out
+    /// Number of photographs to learn from; a quarter more are held out
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(2..=500))]
     pub pairs: u32,
-    /// Targets to show through each kernel
+    /// Number of targets to show through each kernel
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=20))]
     pub held_out: u32,
     /// Iterations for each hologram of a held-out target
@@ -65,7 +65,7 @@ pub struct DemoArgs {
     pub models: Vec<KernelModel>,
 }
 
-/// Smallest side of the demo's display \[px\]: smaller pictures show nothing.
+/// Smallest side of the demo's display \[px\]: smaller pictures show no details.
 const SIDE_PX_MIN: u32 = 32;
 /// Default distance of the image, as a fraction of the critical distance: the whole band is kept, and light spreads
 /// far.
@@ -108,7 +108,7 @@ impl DemoArgs {
 
 fn model(name: &str) -> Result<KernelModel, String> {
     let found = KernelModel::from_word(name).filter(|model| *model != KernelModel::Unspecified);
-    found.ok_or_else(|| "a model is display, varying, smooth, dense or paper".to_owned())
+    found.ok_or_else(|| "must be display, varying, smooth, dense or paper".to_owned())
 }
 
 fn length(kind: Length, text: &str) -> Result<f64, ParseError> {
@@ -121,7 +121,7 @@ fn resolution(text: &str) -> Result<(u32, u32), String> {
     match sides {
         Some((width, height)) if allowed.contains(&width) && allowed.contains(&height) => Ok((width, height)),
         Some(_) => Err(format!("each side must be {SIDE_PX_MIN} to {} px", SIDE_PX_MAX / 2)),
-        None => Err("must look like 480x270".to_owned()),
+        None => Err("must be WIDTHxHEIGHT, such as 480x270".to_owned()),
     }
 }
 
@@ -141,14 +141,14 @@ mod tests {
     }
 
     #[test]
-    fn the_distance_follows_from_the_size_unless_given() {
+    fn default_distance_follows_from_the_resolution() {
         assert_eq!(parse("").unwrap().distance_m(), 0.041);
         assert_eq!(parse("--resolution 160x96").unwrap().distance_m(), 0.015);
         assert_eq!(parse("--distance 12.5mm").unwrap().distance_m(), 0.0125);
     }
 
     #[test]
-    fn the_model_for_service_is_learned_first() {
+    fn display_model_is_learned_first() {
         let models = |words: &str| parse(words).unwrap().models;
         let (display, smooth) = (KernelModel::Display, KernelModel::Smooth);
         assert_eq!(models("--models dense,smooth,dense"), [display, KernelModel::Dense, smooth]);
@@ -158,14 +158,14 @@ mod tests {
     }
 
     #[test]
-    fn the_paper_has_a_display_of_its_own_size() {
+    fn paper_option_changes_the_default_resolution() {
         assert_eq!(parse("").unwrap().resolution(), (480, 270));
         assert_eq!(parse("--paper").unwrap().resolution(), (1920, 1080));
         assert_eq!(parse("--paper --resolution 160x96").unwrap().resolution(), (160, 96));
     }
 
     #[test]
-    fn what_cannot_be_shown_is_refused() {
+    fn invalid_arguments_are_refused() {
         for bad in ["--resolution 480", "--resolution 8x8", "--resolution 0x-5", "--pairs 1", "--models best"] {
             assert!(parse(bad).is_err(), "{bad}");
         }

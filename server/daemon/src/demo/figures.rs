@@ -2,14 +2,16 @@
 
 use super::args::DemoArgs;
 use super::files::Files;
-use super::held_out::Judged;
+use super::held_out::Evaluated;
 use super::learned::Learned;
 use super::single_kernel;
 use super::targets::Targets;
 use lightpath::Words as _;
 use lightpath::units::show_m;
 use lightpath::v1::KernelModel;
-use lightpath_media::figures::{Axis, Canvas, ColourMap, ContactRow, ContactSheet, Curve, Curves, Heatmap, Shown};
+use lightpath_media::figures::{
+    Axis, Canvas, CaptionedPicture, ColourMap, ContactRow, ContactSheet, Curve, Curves, Heatmap,
+};
 use lightpath_media::kernel_file;
 use lightpath_optics::simulated_display::SimulatedDisplay;
 use lightpath_optics::{OpticalSetup, Plane};
@@ -22,10 +24,10 @@ pub(super) fn contact_sheet(
     args: &DemoArgs,
     files: &Files,
     targets: &Targets,
-    judged: &[Judged],
+    evaluated: &[Evaluated],
 ) -> anyhow::Result<()> {
-    let (ideal, learned) = (&judged[0], &judged[1]);
-    let paper = judged.iter().find(|judged| args.paper && judged.contender.name == KernelModel::Paper.word());
+    let (ideal, learned) = (&evaluated[0], &evaluated[1]);
+    let paper = evaluated.iter().find(|evaluated| args.paper && evaluated.candidate.name == KernelModel::Paper.word());
     let mut shown = vec![("through the ideal kernel", ideal), ("through the learned kernel", learned)];
     if let Some(paper) = paper {
         shown.insert(1, ("through the paper's recipe", paper));
@@ -38,20 +40,20 @@ pub(super) fn contact_sheet(
         show_m(args.distance_m()),
     );
     let rows = targets.held_out.iter().enumerate().map(|(t, target)| {
-        let captures = shown.iter().map(|(_, judged)| {
-            let capture = &judged.shown[t];
+        let captures = shown.iter().map(|(_, evaluated)| {
+            let capture = &evaluated.shown[t];
             let gain_db = capture.captured_psnr_db - ideal.shown[t].captured_psnr_db;
             let gain =
-                if judged.contender.version == 0 { String::new() } else { format!(" · {}", signed_db(gain_db)) };
+                if evaluated.candidate.version == 0 { String::new() } else { format!(" · {}", signed_db(gain_db)) };
             let caption = format!("captured {:.1} dB{gain}", capture.captured_psnr_db);
-            Shown { intensity: &capture.capture, caption }
+            CaptionedPicture { intensity: &capture.capture, caption }
         });
-        let target = Shown { intensity: &target.intensity, caption: target.name.clone() };
+        let target = CaptionedPicture { intensity: &target.intensity, caption: target.name.clone() };
         ContactRow { pictures: [target].into_iter().chain(captures).collect() }
     });
     let columns: Vec<&str> = ["target"].into_iter().chain(shown.iter().map(|(column, _)| *column)).collect();
     let sheet = ContactSheet {
-        title: "What the camera sees of targets that nothing was learned from",
+        title: "Photographs of held-out targets",
         subtitle: &subtitle,
         columns: &columns,
         rows: rows.collect(),
@@ -64,7 +66,7 @@ pub(super) fn signed_db(gain_db: f64) -> String {
     format!("{}{:.1} dB", if gain_db < 0.0 { "−" } else { "+" }, gain_db.abs())
 }
 
-/// Draws the ideal kernel, the learned kernel, and the learned errors beside the true ones.
+/// Draws the ideal kernel, the learned kernel, the learned errors and the true errors.
 pub(super) fn kernel(files: &Files, kernel: &[u8], bench: &SimulatedDisplay) -> anyhow::Result<()> {
     let (model, _) = kernel_file::decode(kernel)?;
     let setup = bench.setup();
@@ -111,7 +113,7 @@ fn smooth_band(setup: &OpticalSetup) -> f64 {
     (SAMPLES as f64 / (4.0 * PI * setup.wavelength_m() * setup.distance_m().abs())).sqrt()
 }
 
-/// H / H_ideal, relative to its value at zero frequency, because brightness and constant phase are no errors.
+/// H / H_ideal, relative to its value at zero frequency. Brightness and constant phase are not errors.
 fn centred_error(setup: &OpticalSetup, transfer: impl Fn(f64, f64) -> Complex64) -> impl Fn(f64, f64) -> Complex64 {
     let ideal = setup.sampled();
     let centre = transfer(0.0, 0.0) / ideal.at(0.0, 0.0);
@@ -133,15 +135,15 @@ fn draw(title: &str, values: &Plane<f32>, colours: ColourMap, range: (f32, f32),
 }
 
 /// Draws the training losses of the learned models, and the limit for models that consist of a kernel alone.
-pub(super) fn loss(files: &Files, learned: &[Learned], judged: &[Judged]) -> anyhow::Result<()> {
+pub(super) fn loss(files: &Files, learned: &[Learned], evaluated: &[Evaluated]) -> anyhow::Result<()> {
     let curve = |learned: &Learned| Curve { label: learned.name.to_owned(), values: learned.loss_history.clone() };
     let mut curves: Vec<Curve> = learned.iter().map(curve).collect();
-    if let Some(floor) = judged.iter().find(|judged| judged.contender.name == single_kernel::NAME) {
+    if let Some(floor) = evaluated.iter().find(|evaluated| evaluated.candidate.name == single_kernel::NAME) {
         curves.push(Curve { label: "true single kernel, held-out".to_owned(), values: vec![floor.losses.test.region] });
     }
     let curves = Curves {
         title: "Learning the display",
-        x_label: "epochs of Adam, then steps of Levenberg and Marquardt's method",
+        x_label: "epochs of Adam, then steps of Levenberg–Marquardt",
         y_label: "mean squared error of the photographs",
         curves,
     };

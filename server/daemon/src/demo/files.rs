@@ -5,7 +5,7 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-/// The output folder of the demo.
+/// Access to the output folder of the demo.
 pub(super) struct Files {
     out: PathBuf,
 }
@@ -22,9 +22,9 @@ impl Files {
         if data.join(MARK).exists() {
             fs::remove_dir_all(&data).with_context(|| format!("cannot replace {}", data.display()))?;
         } else if !is_empty(out)? {
-            bail!("{} has files in it that are no demo's; name a new folder with --out", out.display());
+            bail!("{} contains files that are not from a demo; choose a new folder with --out", out.display());
         }
-        fs::create_dir_all(&data).with_context(|| format!("cannot make {}", data.display()))?;
+        fs::create_dir_all(&data).with_context(|| format!("cannot create {}", data.display()))?;
         fs::write(data.join(MARK), "The next demo in this folder replaces this data folder.\n")?;
         Ok(files)
     }
@@ -42,8 +42,8 @@ impl Files {
     /// Writes a file, and creates the folders in its name.
     pub(super) fn write(&self, name: &str, bytes: impl AsRef<[u8]>) -> anyhow::Result<()> {
         let path = self.at(name);
-        let folder = path.parent().context("a file needs a folder")?;
-        fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
+        let folder = path.parent().context("the file has no parent folder")?;
+        fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
         fs::write(&path, bytes).with_context(|| format!("cannot write {}", path.display()))
     }
 
@@ -71,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_a_new_folder_or_a_demo_s_own_is_used() {
+    fn only_new_folders_and_folders_of_demos_are_used() {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("out");
         let files = Files::create(&out).unwrap();
@@ -92,7 +92,7 @@ mod tests {
         fs::create_dir(&other).unwrap();
         fs::write(other.join("thesis.txt"), "mine").unwrap();
         let refused = Files::create(&other).err().unwrap().to_string();
-        assert!(refused.contains("no demo's"), "{refused}");
+        assert!(refused.contains("not from a demo"), "{refused}");
         assert_eq!(fs::read_dir(&other).unwrap().count(), 1);
     }
 }

@@ -1,32 +1,32 @@
-//! Shows held-out targets through each kernel, photographs them and measures them.
+//! Optimizes holograms of held-out targets through each kernel, photographs them and measures the photographs.
 
 use super::args::{DATASET, DemoArgs};
+use super::console::Console;
+use super::demo_client::{DemoClient, Hologram, HologramRequest, Losses, NARROW_RAD, PhotoRequest, kernel_choice};
 use super::files::Files;
-use super::lab::{Hologram, Lab, Losses, NARROW_RAD, Shot, Wanted, kernel_choice};
-use super::story::Story;
 use super::targets::Picture;
 use lightpath_domain::dataset::Encoding;
 use lightpath_media::pictures;
 use lightpath_optics::metrics::{Gain, fitted_intensity_scale, psnr_db};
 use lightpath_optics::{Grid, Plane, RegionOfInterest};
 
-/// A kernel to be compared.
+/// A kernel in the comparison.
 #[derive(Clone, Debug)]
-pub(super) struct Contender {
+pub(super) struct Candidate {
     pub(super) name: &'static str,
     /// Version of the kernel; 0: the ideal kernel.
     pub(super) version: u32,
 }
 
-impl Contender {
+impl Candidate {
     pub(super) fn new(name: &'static str, version: u32) -> Self {
         Self { name, version }
     }
 }
 
-/// The measured quality of a kernel.
-pub(super) struct Judged {
-    pub(super) contender: Contender,
+/// Measured quality of a kernel.
+pub(super) struct Evaluated {
+    pub(super) candidate: Candidate,
     /// Losses over the photographs of the dataset, which the server measures in the same way for every kernel.
     pub(super) losses: Losses,
     /// Results in the order of the held-out targets.
@@ -47,7 +47,7 @@ pub(super) struct Shown {
     pub(super) phase: Vec<u8>,
 }
 
-impl Judged {
+impl Evaluated {
     pub(super) fn mean_simulated_psnr_db(&self) -> f64 {
         self.mean(|shown| shown.simulated_psnr_db)
     }
@@ -61,47 +61,54 @@ impl Judged {
     }
 }
 
-/// Shows every target through every kernel.
-pub(super) async fn judge(
+/// Optimizes a hologram of every target through every kernel, photographs it, and measures the photograph.
+pub(super) async fn evaluate(
     args: &DemoArgs,
-    lab: &Lab,
+    client: &DemoClient,
     targets: &[Picture],
-    contenders: &[Contender],
-    story: &Story,
-) -> anyhow::Result<Vec<Judged>> {
-    let versions = contenders.iter().map(|contender| contender.version);
-    let losses = lab.losses(DATASET, versions, &mut story.bar("evaluate")).await?;
-    let all = || contenders.iter().flat_map(|contender| targets.iter().map(move |target| (contender, target)));
-    let wanted = all().map(|(contender, target)| Wanted {
+    candidates: &[Candidate],
+    console: &Console,
+) -> anyhow::Result<Vec<Evaluated>> {
+    let versions = candidates.iter().map(|candidate| candidate.version);
+    let losses = client.losses(DATASET, versions, &mut console.bar("evaluate")).await?;
+    let combinations = || candidates.iter().flat_map(|candidate| targets.iter().map(move |target| (candidate, target)));
+    let requests = combinations().map(|(candidate, target)| HologramRequest {
         target: &target.file,
-        kernel: kernel_choice(contender.version),
+        kernel: kernel_choice(candidate.version),
         iterations: args.iterations,
         seed: args.seed,
         initial_phase_range_rad: NARROW_RAD,
     });
-    let holograms = lab.holograms(wanted.collect(), &mut story.bar("optimize")).await?;
+    let holograms = client.holograms(requests.collect(), &mut console.bar("optimize")).await?;
     // The seeds of the noise differ from those of the dataset's photographs.
-    let shots = holograms.iter().zip(1_000_000..).map(|(hologram, seed)| Shot { phase: hologram.phase.clone(), seed });
-    let photos = lab.photographs(shots.collect(), &mut story.bar("photograph")).await?;
+    let requests =
+        holograms.iter().zip(1_000_000..).map(|(hologram, seed)| PhotoRequest { phase: hologram.phase.clone(), seed });
+    let photos = client.photographs(requests.collect(), &mut console.bar("photograph")).await?;
 
     let mut shown = Vec::new();
-    for ((_, target), (hologram, photo)) in all().zip(holograms.iter().zip(&photos)) {
-        shown.push(measured(lab, target, hologram, photo).await?);
+    for ((_, target), (hologram, photo)) in combinations().zip(holograms.iter().zip(&photos)) {
+        shown.push(measure_target(client, target, hologram, photo).await?);
     }
-    story.tell(format!("{} holograms of {} iterations", shown.len(), args.iterations))?;
+    console.print_result(format!("{} holograms of {} iterations", shown.len(), args.iterations))?;
     let mut shown = shown.into_iter();
-    let judged = contenders.iter().zip(losses).map(|(contender, losses)| Judged {
-        contender: contender.clone(),
+    let evaluated = candidates.iter().zip(losses).map(|(candidate, losses)| Evaluated {
+        candidate: candidate.clone(),
         losses,
         shown: shown.by_ref().take(targets.len()).collect(),
     });
-    Ok(judged.collect())
+    Ok(evaluated.collect())
 }
 
-async fn measured(lab: &Lab, target: &Picture, hologram: &Hologram, photo: &str) -> anyhow::Result<Shown> {
-    let (photo, phase) = (lab.download(photo).await?, lab.download(&hologram.phase).await?);
+/// Downloads the hologram and the photograph of a target, and measures the photograph.
+async fn measure_target(
+    client: &DemoClient,
+    target: &Picture,
+    hologram: &Hologram,
+    photo: &str,
+) -> anyhow::Result<Shown> {
+    let (photo, phase) = (client.download(photo).await?, client.download(&hologram.phase).await?);
     let light = pictures::photograph(&photo, Encoding::Linear)?;
-    let grid = Grid::try_new(light.height_px(), light.width_px(), lab.setup()?.grid().pixel_pitch_m())?;
+    let grid = Grid::try_new(light.height_px(), light.width_px(), client.setup()?.grid().pixel_pitch_m())?;
     let region = RegionOfInterest::middle(&grid);
     let scale = fitted_intensity_scale(&light, &target.intensity, region)?;
     Ok(Shown {
@@ -114,13 +121,13 @@ async fn measured(lab: &Lab, target: &Picture, hologram: &Hologram, photo: &str)
 }
 
 /// Saves targets, holograms and photographs as files.
-pub(super) fn save(files: &Files, targets: &[Picture], judged: &[Judged]) -> anyhow::Result<()> {
+pub(super) fn save(files: &Files, targets: &[Picture], evaluated: &[Evaluated]) -> anyhow::Result<()> {
     for target in targets {
         files.write(&format!("targets/{}.png", target.name), pictures::grey_png_srgb(&target.intensity)?)?;
     }
-    for judged in judged {
-        for (target, shown) in targets.iter().zip(&judged.shown) {
-            let name = format!("{}-{}", target.name, judged.contender.name.replace(' ', "-"));
+    for evaluated in evaluated {
+        for (target, shown) in targets.iter().zip(&evaluated.shown) {
+            let name = format!("{}-{}", target.name, evaluated.candidate.name.replace(' ', "-"));
             files.write(&format!("holograms/{name}.png"), &shown.phase)?;
             files.write(&format!("captures/{name}.png"), pictures::grey_png_srgb(&shown.capture)?)?;
             files.write(&format!("captures/raw/{name}.png"), &shown.photo)?;

@@ -1,8 +1,8 @@
 //! Learning kernels in the demo.
 
 use super::args::{DATASET, DemoArgs};
-use super::lab::Lab;
-use super::story::Story;
+use super::console::Console;
+use super::demo_client::DemoClient;
 use anyhow::Context as _;
 use lightpath::Words as _;
 use lightpath::v1;
@@ -17,18 +17,19 @@ pub(super) struct Learned {
 }
 
 /// Learns a kernel of each model. The display model comes first, so it becomes version 1.
-pub(super) async fn learn(args: &DemoArgs, lab: &Lab, story: &mut Story) -> anyhow::Result<Vec<Learned>> {
+pub(super) async fn learn(args: &DemoArgs, client: &DemoClient, console: &mut Console) -> anyhow::Result<Vec<Learned>> {
     let mut learned = Vec::new();
     for &model in &args.models {
         let name = model.word();
-        story.step(&format!("Learn the display from its photographs: model {name}"))?;
+        console.step(&format!("Learn the display from its photographs: model {name}"))?;
         let started = std::time::Instant::now();
-        let result = lab.learn(DATASET, model, args.seed, &mut story.bar("learn")).await?;
-        let kernel = result.kernels.first().context("the server left out the kernel")?;
-        let metrics = kernel.metrics.context("the server left out the kernel's metrics")?;
+        let result = client.learn(DATASET, model, args.seed, &mut console.bar("learn")).await?;
+        let kernel = result.kernels.first().context("the result contains no kernel")?;
+        let metrics = kernel.metrics.context("the result contains no metrics of the kernel")?;
         let version = kernel.kernel_version.rsplit('/').next().and_then(|number| number.parse().ok());
-        let version = version.with_context(|| format!("{:?} is no kernel version", kernel.kernel_version))?;
-        story.tell(format!(
+        let version =
+            version.with_context(|| format!("{:?} is not the name of a kernel version", kernel.kernel_version))?;
+        console.print_result(format!(
             "version {version} · training loss {:.6} · held-out loss {:.6}, through the ideal kernel {:.6}",
             metrics.train_loss, metrics.test_loss, metrics.ideal_test_loss
         ))?;

@@ -1,35 +1,34 @@
-//! `lightpathd demo`: the whole loop on a simulated display, with a real server and the real client.
+//! `lightpathd demo`: all steps of the work with a simulated display, on a real server and with the real client.
 //!
-//! Targets become holograms, holograms become photographs, photographs become a kernel, and the kernel gives better
-//! holograms. The demo measures the kernels on held-out targets, for which the learning set has no holograms. It
-//! compares them with two marks: the ideal kernel as the lower mark, and the display's true transfer function alone as
-//! the upper one.
+//! The demo optimizes holograms of targets, photographs them, learns kernels from the photographs, and optimizes better
+//! holograms through the learned kernels. It measures the kernels on held-out targets, for which the learning set has no
+//! holograms. It compares them with two references: the ideal kernel, and the display's true transfer function alone.
 
 mod args;
+mod console;
+mod demo_client;
 mod figures;
 mod files;
 mod held_out;
-mod lab;
 mod learned;
 mod local_server;
 mod report;
 mod single_kernel;
-mod story;
 mod targets;
 
 pub use args::DemoArgs;
 
 use args::DATASET;
+use console::Console;
+use demo_client::{DemoClient, HologramRequest, NARROW_RAD, PhotoRequest};
 use files::Files;
-use held_out::Contender;
-use lab::{Lab, NARROW_RAD, Shot, Wanted};
+use held_out::Candidate;
 use learned::learn;
 use lightpath::v1;
 use lightpath_optics::SimulatedBench;
 use local_server::LocalServer;
 use report::Report;
 use std::f64::consts::TAU;
-use story::Story;
 use targets::{Picture, Targets};
 
 /// Imperfections of the demo's display, apart from their seed: a display that needs alignment, with a good camera.
@@ -44,22 +43,22 @@ const MISALIGNMENT_PX: f64 = 0.5;
 /// If the folder cannot be used, a picture cannot be read, or a job fails.
 pub fn run(args: DemoArgs) -> anyhow::Result<()> {
     let args = args.ordered();
-    tokio::runtime::Builder::new_multi_thread().enable_all().build()?.block_on(demonstrate(args))
+    tokio::runtime::Builder::new_multi_thread().enable_all().build()?.block_on(run_demo(args))
 }
 
-async fn demonstrate(args: DemoArgs) -> anyhow::Result<()> {
-    let mut story = Story::begin(&args)?;
-    let targets = targets::gather(&args)?;
+async fn run_demo(args: DemoArgs) -> anyhow::Result<()> {
+    let mut console = Console::begin(&args)?;
+    let targets = targets::load(&args)?;
     let files = Files::create(&args.out)?;
 
-    story.step("Start a server with a queue of its own")?;
+    console.step("Start a server")?;
     let server = LocalServer::start(&files.data_dir()).await?;
-    story.tell(format!("{} · data in {}", server.url(), files.data_dir().display()))?;
+    console.print_result(format!("{} · data in {}", server.url(), files.data_dir().display()))?;
 
-    let outcome = learn_and_compare(&args, &server, &files, &targets, &mut story).await;
+    let outcome = learn_and_compare(&args, &server, &files, &targets, &mut console).await;
     server.stop().await?;
     outcome?;
-    story.finish(&args, &files)
+    console.finish(&args, &files)
 }
 
 async fn learn_and_compare(
@@ -67,9 +66,9 @@ async fn learn_and_compare(
     server: &LocalServer,
     files: &Files,
     targets: &Targets,
-    story: &mut Story,
+    console: &mut Console,
 ) -> anyhow::Result<()> {
-    story.step("Declare a display with flaws")?;
+    console.step("Create a simulated display with imperfections")?;
     let bench = SimulatedBench {
         seed: args.seed,
         strength: STRENGTH,
@@ -77,75 +76,79 @@ async fn learn_and_compare(
         misalignment_px: MISALIGNMENT_PX,
         ..SimulatedBench::FAIR
     };
-    let lab = Lab::new(server.url(), args, bench).await?;
-    story.tell("aberrated, apodized, lit off-centre, with a bent phase response and undiffracted light".to_owned())?;
+    let client = DemoClient::new(server.url(), args, bench).await?;
+    console.print_result(
+        "aberrations, apodization, off-centre illumination, a nonlinear phase response, undiffracted light".to_owned(),
+    )?;
 
-    photograph_holograms(args, &lab, files, targets, story).await?;
-    let learned = learn(args, &lab, story).await?;
+    photograph_holograms(args, &client, files, targets, console).await?;
+    let learned = learn(args, &client, console).await?;
 
-    story.step("Put the kernel into service")?;
-    lab.promote(1).await?;
-    let (version, kernel) = lab.fetch_kernel(&files.at("kernel.safetensors")).await?;
+    console.step("Make the learned kernel active")?;
+    client.promote(1).await?;
+    let (version, kernel) = client.fetch_kernel(&files.at("kernel.safetensors")).await?;
     let size_kb = version.size_bytes as f64 / 1000.0;
-    story.tell(format!("{} is active · {size_kb:.1} kB in kernel.safetensors", version.name))?;
-    let simulated = single_kernel::bench(&lab.setup()?, bench)?;
-    let floor = lab.import(single_kernel::file(&simulated)?).await?;
+    console.print_result(format!("{} is active · {size_kb:.1} kB in kernel.safetensors", version.name))?;
+    let simulated = single_kernel::bench(&client.setup()?, bench)?;
+    let true_kernel = client.import(single_kernel::file(&simulated)?).await?;
 
-    let mut contenders = vec![Contender::new("ideal", 0)];
-    contenders.extend(learned.iter().map(|l| Contender::new(l.name, l.version)));
-    contenders.push(Contender::new(single_kernel::NAME, floor));
-    story.step("Show held-out targets through each kernel, and photograph them")?;
-    let judged = held_out::judge(args, &lab, &targets.held_out, &contenders, story).await?;
+    let mut candidates = vec![Candidate::new("ideal", 0)];
+    candidates.extend(learned.iter().map(|learned| Candidate::new(learned.name, learned.version)));
+    candidates.push(Candidate::new(single_kernel::NAME, true_kernel));
+    console.step("Optimize holograms of held-out targets through each kernel, and photograph them")?;
+    let evaluated = held_out::evaluate(args, &client, &targets.held_out, &candidates, console).await?;
 
-    story.step("Draw the pictures")?;
-    held_out::save(files, &targets.held_out, &judged)?;
-    figures::contact_sheet(args, files, targets, &judged)?;
+    console.step("Draw the figures")?;
+    held_out::save(files, &targets.held_out, &evaluated)?;
+    figures::contact_sheet(args, files, targets, &evaluated)?;
     figures::kernel(files, &kernel, &simulated)?;
-    figures::loss(files, &learned, &judged)?;
-    let report = Report::new(args, targets, &learned, &judged, story.steps());
+    figures::loss(files, &learned, &evaluated)?;
+    let report = Report::new(args, targets, &learned, &evaluated, console.steps());
     files.write("report.json", report.json()?)?;
     if args.paper {
-        story.show(&report.paper_table())?;
+        console.print(&report.paper_table())?;
     }
-    story.show(&report.table())
+    console.print(&report.table())
 }
 
-/// Makes holograms of the training and test pictures, photographs them, and creates a dataset of both.
+/// Optimizes holograms of the training and test pictures, photographs them, and creates a dataset of the pairs.
 async fn photograph_holograms(
     args: &DemoArgs,
-    lab: &Lab,
+    client: &DemoClient,
     files: &Files,
     targets: &Targets,
-    story: &mut Story,
+    console: &mut Console,
 ) -> anyhow::Result<()> {
-    story.step("Make holograms through the ideal kernel")?;
+    console.step("Optimize holograms through the ideal kernel")?;
     let pictures: Vec<&Picture> = targets.training.iter().chain(&targets.test).collect();
-    let wanted = pictures.iter().enumerate().map(|(i, picture)| Wanted {
+    let requests = pictures.iter().enumerate().map(|(i, picture)| HologramRequest {
         target: &picture.file,
         kernel: "ideal".to_owned(),
         iterations: args.training_iterations,
         seed: args.seed + i as u64,
-        // Every other hologram starts from fully random phase, because learning needs the phases that later jobs use.
+        // Every other hologram starts from a fully random phase. A kernel should be learned from both kinds of phases,
+        // because later jobs use both.
         initial_phase_range_rad: if i % 2 == 0 { TAU } else { NARROW_RAD },
     });
-    let holograms = lab.holograms(wanted.collect(), &mut story.bar("optimize")).await?;
-    story.tell(format!(
-        "{} to learn from, {} held out; half start from random phase, half from nearly flat phase",
+    let holograms = client.holograms(requests.collect(), &mut console.bar("optimize")).await?;
+    console.print_result(format!(
+        "{} for learning, {} for testing; half start from a random phase, half from a nearly flat phase",
         targets.training.len(),
         targets.test.len()
     ))?;
 
-    story.step("Photograph them")?;
-    let shots = holograms.iter().zip(1..).map(|(hologram, seed)| Shot { phase: hologram.phase.clone(), seed });
-    let photos = lab.photographs(shots.collect(), &mut story.bar("photograph")).await?;
-    lab.create_dataset(DATASET).await?;
+    console.step("Photograph the holograms")?;
+    let requests =
+        holograms.iter().zip(1..).map(|(hologram, seed)| PhotoRequest { phase: hologram.phase.clone(), seed });
+    let photos = client.photographs(requests.collect(), &mut console.bar("photograph")).await?;
+    client.create_dataset(DATASET).await?;
     for (i, (hologram, photo)) in holograms.iter().zip(&photos).enumerate() {
         let split = if i < targets.training.len() { v1::Split::Train } else { v1::Split::Test };
         let id = format!("pair-{:02}", i + 1);
-        files.write(&format!("pairs/{id}-phase.png"), lab.download(&hologram.phase).await?)?;
-        files.write(&format!("pairs/{id}-photo.png"), lab.download(photo).await?)?;
-        lab.add_pair(DATASET, id, &hologram.phase, photo, split).await?;
+        files.write(&format!("pairs/{id}-phase.png"), client.download(&hologram.phase).await?)?;
+        files.write(&format!("pairs/{id}-photo.png"), client.download(photo).await?)?;
+        client.add_pair(DATASET, id, &hologram.phase, photo, split).await?;
     }
-    let digest = lab.finalize(DATASET, &mut story.bar("finalize")).await?;
-    story.tell(format!("dataset {DATASET}, {}…", digest.get(..15).unwrap_or(&digest)))
+    let digest = client.finalize(DATASET, &mut console.bar("finalize")).await?;
+    console.print_result(format!("dataset {DATASET}, {}…", digest.get(..15).unwrap_or(&digest)))
 }

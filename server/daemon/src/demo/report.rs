@@ -1,9 +1,9 @@
 //! Measurements of the demo: tables for people and JSON for programs.
 
 use super::args::DemoArgs;
+use super::demo_client::Losses;
 use super::figures;
-use super::held_out::Judged;
-use super::lab::Losses;
+use super::held_out::Evaluated;
 use super::learned::Learned;
 use super::single_kernel;
 use super::targets::Targets;
@@ -12,7 +12,7 @@ use std::fmt::Write as _;
 
 /// A kernel, with the report of its learning.
 pub(super) struct ModelRow<'a> {
-    pub(super) judged: &'a Judged,
+    pub(super) evaluated: &'a Evaluated,
     pub(super) learned: Option<&'a Learned>,
 }
 
@@ -67,15 +67,16 @@ struct StepTime {
 }
 
 impl Report {
-    /// Creates the report. `judged` starts with the ideal kernel and the active one.
+    /// Creates the report. `evaluated` starts with the ideal kernel and the active one.
     pub(super) fn new(
         args: &DemoArgs,
         targets: &Targets,
         learned: &[Learned],
-        judged: &[Judged],
+        evaluated: &[Evaluated],
         steps: Vec<(String, f64)>,
     ) -> Self {
-        let models: Vec<Model> = judged.iter().map(|j| Model::new(&row_of(j, learned), &judged[0])).collect();
+        let models: Vec<Model> =
+            evaluated.iter().map(|kernel| Model::new(&row_of(kernel, learned), &evaluated[0])).collect();
         let floor = models.iter().find(|model| model.name == single_kernel::NAME);
         Self {
             code_version: env!("CARGO_PKG_VERSION"),
@@ -152,8 +153,8 @@ impl Report {
         let learned = &self.models[1];
         let _ = write!(
             text,
-            "\n\nThrough the learned display every held-out target gains {} or more; its held-out loss is {:.0} % of what \
-             the\ndisplay's true transfer function alone leaves ({:.6}). Saturated pixels count in no loss.",
+            "\n\nWith the learned kernel every held-out target gains {} or more. The held-out loss is {:.0} % of the loss of \
+             the\ndisplay's true transfer function alone ({:.6}). Losses exclude saturated pixels.",
             figures::signed_db(self.smallest_gain_db),
             100.0 * learned.held_out_loss / self.single_kernel_floor,
             self.single_kernel_floor
@@ -167,29 +168,29 @@ fn gain(model: &Model, gain_db: f64) -> String {
 }
 
 impl Model {
-    fn new(row: &ModelRow<'_>, ideal: &Judged) -> Self {
-        let ModelRow { judged, learned } = row;
-        let captured_psnr_db: Vec<f64> = judged.shown.iter().map(|shown| shown.captured_psnr_db).collect();
+    fn new(row: &ModelRow<'_>, ideal: &Evaluated) -> Self {
+        let ModelRow { evaluated, learned } = row;
+        let captured_psnr_db: Vec<f64> = evaluated.shown.iter().map(|shown| shown.captured_psnr_db).collect();
         let gains = captured_psnr_db.iter().zip(&ideal.shown).map(|(psnr_db, ideal)| psnr_db - ideal.captured_psnr_db);
         Self {
-            name: judged.contender.name,
-            kernel_version: judged.contender.version,
-            held_out_loss: judged.losses.test.region,
-            losses: judged.losses,
+            name: evaluated.candidate.name,
+            kernel_version: evaluated.candidate.version,
+            held_out_loss: evaluated.losses.test.region,
+            losses: evaluated.losses,
             train_loss: learned.map(|learned| learned.metrics.train_loss),
             learn_s: learned.map(|learned| learned.seconds),
             loss_history: learned.map(|learned| learned.loss_history.clone()).unwrap_or_default(),
-            simulated_psnr_db: judged.shown.iter().map(|shown| shown.simulated_psnr_db).collect(),
+            simulated_psnr_db: evaluated.shown.iter().map(|shown| shown.simulated_psnr_db).collect(),
             gain_db: gains.collect(),
             captured_psnr_db,
-            mean_simulated_psnr_db: judged.mean_simulated_psnr_db(),
-            mean_captured_psnr_db: judged.mean_captured_psnr_db(),
-            mean_gain_db: judged.mean_captured_psnr_db() - ideal.mean_captured_psnr_db(),
+            mean_simulated_psnr_db: evaluated.mean_simulated_psnr_db(),
+            mean_captured_psnr_db: evaluated.mean_captured_psnr_db(),
+            mean_gain_db: evaluated.mean_captured_psnr_db() - ideal.mean_captured_psnr_db(),
         }
     }
 }
 
 /// A kernel with the report of its learning, if it was learned.
-fn row_of<'a>(judged: &'a Judged, learned: &'a [Learned]) -> ModelRow<'a> {
-    ModelRow { judged, learned: learned.iter().find(|learned| learned.version == judged.contender.version) }
+fn row_of<'a>(evaluated: &'a Evaluated, learned: &'a [Learned]) -> ModelRow<'a> {
+    ModelRow { evaluated, learned: learned.iter().find(|learned| learned.version == evaluated.candidate.version) }
 }

@@ -8,7 +8,7 @@ use num_complex::Complex32;
 /// Name of the model in tables.
 pub(super) const NAME: &str = "true single kernel";
 
-/// The simulated bench of the demo, the same one with which the server takes photographs.
+/// The simulated bench of the demo. The server takes photographs with the same bench.
 pub(super) fn bench(setup: &OpticalSetup, bench: SimulatedBench) -> anyhow::Result<SimulatedDisplay> {
     Ok(SimulatedDisplay::draw(*setup, None, bench)?)
 }

@@ -37,7 +37,7 @@ pub(super) const FIT: Fit = Fit::Cover;
 /// Cards that are always held out.
 const HELD_OUT: [TestCard; 3] = [TestCard::Portrait, TestCard::Planet, TestCard::Leaf];
 
-pub(super) fn gather(args: &DemoArgs) -> anyhow::Result<Targets> {
+pub(super) fn load(args: &DemoArgs) -> anyhow::Result<Targets> {
     match &args.images {
         Some(folder) => from_folder(args, folder),
         None => from_cards(args),
@@ -49,14 +49,14 @@ fn test_pairs(args: &DemoArgs) -> usize {
 }
 
 fn from_cards(args: &DemoArgs) -> anyhow::Result<Targets> {
-    let to_learn: Vec<TestCard> = TestCard::ALL.into_iter().filter(|card| !HELD_OUT.contains(card)).collect();
+    let training_cards: Vec<TestCard> = TestCard::ALL.into_iter().filter(|card| !HELD_OUT.contains(card)).collect();
     let many = |cards: &[TestCard], count: usize, stream: u64| -> anyhow::Result<Vec<Picture>> {
         // Separate streams of seeds ensure that no picture is in two of the sets.
         let seed = |i: usize| args.seed.wrapping_mul(3).wrapping_add(stream) * 1_000_000 + (i / cards.len()) as u64;
         (0..count).map(|i| card(args, cards[i % cards.len()], seed(i), i >= cards.len())).collect()
     };
     Ok(Targets {
-        training: many(&to_learn, args.pairs as usize, 0)?,
+        training: many(&training_cards, args.pairs as usize, 0)?,
         test: many(&HELD_OUT, test_pairs(args), 1)?,
         held_out: many(&HELD_OUT, args.held_out as usize, 2)?,
     })
@@ -77,8 +77,8 @@ fn picture(args: &DemoArgs, name: String, file: Vec<u8>) -> anyhow::Result<Pictu
     Ok(Picture { name, file, intensity })
 }
 
-/// Reads the pictures in a folder. The first ones by name are held out, the others are for learning and are repeated if
-/// they are few.
+/// Reads the pictures in a folder. The first pictures by name are held out. The others are for learning, and are repeated
+/// if there are too few.
 fn from_folder(args: &DemoArgs, folder: &Path) -> anyhow::Result<Targets> {
     let mut paths: Vec<PathBuf> = fs::read_dir(folder)
         .with_context(|| format!("cannot read {}", folder.display()))?
@@ -109,7 +109,7 @@ fn is_picture(path: &Path) -> bool {
 fn read(args: &DemoArgs, path: &Path) -> anyhow::Result<Picture> {
     let bytes = fs::metadata(path).map(|file| file.len()).with_context(|| format!("cannot read {}", path.display()))?;
     if bytes > pictures::FILE_BYTES_MAX as u64 {
-        bail!("{} has {bytes} bytes, but at most {} are read", path.display(), pictures::FILE_BYTES_MAX);
+        bail!("{} has {bytes} bytes, but must have at most {}", path.display(), pictures::FILE_BYTES_MAX);
     }
     let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     picture(args, name, fs::read(path).with_context(|| format!("cannot read {}", path.display()))?)
@@ -144,7 +144,7 @@ mod tests {
 
     #[test]
     fn no_generated_picture_is_in_two_sets() {
-        let targets = gather(&args(None)).unwrap();
+        let targets = load(&args(None)).unwrap();
         let (training, test, held_out) = (files(&targets.training), files(&targets.test), files(&targets.held_out));
         assert_eq!((training.len(), test.len(), held_out.len()), (14, 4, 4));
         assert!(training.is_disjoint(&test) && training.is_disjoint(&held_out) && test.is_disjoint(&held_out));
@@ -153,16 +153,16 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_learned_from_a_held_out_picture_of_the_user() {
+    fn held_out_pictures_of_the_user_are_not_learned_from() {
         let folder = tempfile::tempdir().unwrap();
-        let few = gather(&args(Some(folder.path().to_owned()))).err().unwrap().to_string();
+        let few = load(&args(Some(folder.path().to_owned()))).err().unwrap().to_string();
         assert!(few.contains("6 are needed"), "{few}");
         for seed in 0..7 {
             let picture = TestCard::Clouds.render(50, 70, seed).unwrap();
             fs::write(folder.path().join(format!("{seed}.PNG")), pictures::grey_png_srgb(&picture).unwrap()).unwrap();
         }
         fs::write(folder.path().join("notes.txt"), "no picture").unwrap();
-        let targets = gather(&args(Some(folder.path().to_owned()))).unwrap();
+        let targets = load(&args(Some(folder.path().to_owned()))).unwrap();
         assert_eq!((targets.training.len(), targets.held_out.len()), (14, 4));
         assert!(files(&targets.training).is_disjoint(&files(&targets.held_out)));
         assert_eq!(targets.training[0].intensity.width_px(), 64);

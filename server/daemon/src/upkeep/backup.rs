@@ -60,7 +60,7 @@ pub async fn backup(data_dir: &Path, destination: &Path) -> Result<Backup, Upkee
     }
     make_empty(destination)?;
     let (from, to) = (Inventory::of(data_dir), Inventory::create(destination)?);
-    let _keep = from.keep()?;
+    let _no_removal = from.prevent_removal()?;
     let copy = destination.join(DATABASE);
     let time_ms = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_millis() as u64;
     Inspection::snapshot(&database, &copy).await?;

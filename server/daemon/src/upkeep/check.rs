@@ -71,7 +71,7 @@ impl FindingKind {
     }
 }
 
-/// Reads the whole data folder and compares it with the database. A server may be running meanwhile.
+/// Reads the whole data folder and compares it with the database. A server may be running during the check.
 ///
 /// # Errors
 ///
@@ -113,8 +113,8 @@ async fn database_problems(inspection: &mut Inspection) -> Result<Vec<Finding>, 
         problems.push(Finding { kind: FindingKind::Job, what: DATABASE.to_owned(), problem });
     }
     for dangling in inspection.dangling_references().await? {
-        let problem = format!("names {}, which is not recorded", dangling.digest);
-        problems.push(Finding { kind: FindingKind::Reference, what: dangling.by, problem });
+        let problem = format!("refers to {}, which is not recorded", dangling.digest);
+        problems.push(Finding { kind: FindingKind::Reference, what: dangling.row, problem });
     }
     Ok(problems)
 }

@@ -1,8 +1,8 @@
 //! Automatic removal of jobs that ended long ago, and then of artifacts to which no record refers.
 //!
 //! Removal deletes the row of an artifact first and its file second. No call can store the artifact again in between
-//! (see [`Artifacts::collecting`]), so a row always has its file. A crash in between leaves a file without a row. It
-//! does no harm: the next upload of the same bytes uses it, or it stays as an unreferenced file.
+//! (see [`Artifacts::collecting`]), so a row always has its file. A crash in between leaves a file without a row. Such a
+//! file does no harm: the next upload of the same bytes replaces it, or it stays as an unreferenced file.
 
 use super::UpkeepError;
 use lightpath_artifacts::Artifacts;
@@ -53,7 +53,7 @@ impl Retention {
                 let Some(last) = page.last() else { break };
                 after.clone_from(&last.digest);
                 collected.artifacts += page.len() as u64;
-                collected.artifact_bytes += page.iter().map(|it| it.size_bytes).sum::<u64>();
+                collected.artifact_bytes += page.iter().map(|record| record.size_bytes).sum::<u64>();
             }
         }
         Ok(collected)
@@ -90,7 +90,7 @@ impl Retention {
                 let Some(last) = page.last() else { break };
                 after.clone_from(&last.digest);
                 // A backup is copying the folder; the next collection removes the rest.
-                let Some(_alone) = artifacts.collecting().await? else { break };
+                let Some(_removal) = artifacts.collecting().await? else { break };
                 for record in page {
                     if store.forget_artifact(&record.digest, before_ms).await? {
                         artifacts.delete(&record.digest).await?;

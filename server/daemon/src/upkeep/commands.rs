@@ -13,13 +13,13 @@ use std::process::ExitCode;
 /// Arguments that select the data folder, in the same way as for the server.
 #[derive(Debug, clap::Args)]
 pub(super) struct DataDir {
-    /// TOML file of settings that the server is started with; its data_dir counts
+    /// TOML file with the server's settings, which contains its data_dir
     #[arg(long, env = "LIGHTPATH_CONFIG", value_name = "FILE")]
     config: Option<PathBuf>,
-    /// Folder that the server works in [default: ./lightpath-data]
+    /// Data folder of the server [default: ./lightpath-data]
     #[arg(long, env = "LIGHTPATH_DATA_DIR", value_name = "DIR")]
     data_dir: Option<PathBuf>,
-    /// What stdout gets
+    /// Format of the output
     #[arg(long, value_name = "FORM", default_value = "table")]
     output: Form,
 }
@@ -27,16 +27,16 @@ pub(super) struct DataDir {
 /// Form of a report.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 enum Form {
-    /// For people
+    /// Text for people
     Table,
-    /// For programs
+    /// JSON for programs
     Json,
 }
 
-/// Compare a data folder with what its database promises: every constraint, every reference, and every stored file with
-/// its SHA-256. Changes nothing, and may run beside the server.
+/// Check a data folder: every constraint and reference of its database, and every stored file against its SHA-256. The
+/// check changes nothing. The server may be running.
 ///
-/// Exit code 0: nothing is wrong. 1: something is. 2: it could not be checked.
+/// Exit code 0: no problems. 1: problems were found. 2: the folder could not be checked.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -44,50 +44,50 @@ Examples:
   lightpathd check --output json | jq .problems")]
 pub struct CheckArgs {
     #[command(flatten)]
-    place: DataDir,
+    folder: DataDir,
 }
 
-/// Copy a data folder, while the server works in it, to a folder that is empty or does not exist. The copy is of one
-/// moment, complete, and checked.
+/// Copy a data folder to a folder that is empty or does not exist. The server may be running. The copy is complete and
+/// checked, and shows the state of one moment.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
   lightpathd backup --data-dir /srv/lightpath /mnt/backup/$(date +%F)")]
 pub struct BackupArgs {
-    /// Folder that gets the copy
+    /// Folder for the copy
     #[arg(value_name = "DESTINATION")]
     destination: PathBuf,
     #[command(flatten)]
-    place: DataDir,
+    folder: DataDir,
 }
 
-/// Make a data folder from a backup. The folder must be empty or not exist; the backup stays as it is.
+/// Create a data folder from a backup. The data folder must be empty or not exist. The backup does not change.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
   lightpathd restore /mnt/backup/2026-11-21 --data-dir /srv/lightpath")]
 pub struct RestoreArgs {
-    /// Folder that `lightpathd backup` made
+    /// Folder that `lightpathd backup` created
     #[arg(value_name = "BACKUP")]
     backup: PathBuf,
     #[command(flatten)]
-    place: DataDir,
+    folder: DataDir,
 }
 
-/// Remove what has stayed longer than the settings say: jobs that ended long ago, and artifacts that nothing refers to.
-/// A server that runs does so by itself every hour; this is for looking first, and for a server that is stopped.
+/// Remove ended jobs, and artifacts without references, that have reached the ages in the settings. A running server does
+/// this every hour. Use this command for a preview, or while the server is stopped.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
   lightpathd collect --data-dir /srv/lightpath --dry-run")]
 pub struct CollectArgs {
-    /// Say what would go, and remove nothing; may run beside the server
+    /// Print what would be removed, and remove nothing; the server may be running
     #[arg(long)]
     dry_run: bool,
-    /// TOML file of settings that the server is started with
+    /// TOML file with the server's settings
     #[arg(long, env = "LIGHTPATH_CONFIG", value_name = "FILE")]
     config: Option<PathBuf>,
-    /// What stdout gets
+    /// Format of the output
     #[arg(long, value_name = "FORM", default_value = "table")]
     output: Form,
     #[command(flatten)]
@@ -127,9 +127,9 @@ impl CheckArgs {
     }
 
     fn report(&self) -> anyhow::Result<bool> {
-        let data_dir = self.place.path()?;
+        let data_dir = self.folder.path()?;
         let report = runtime()?.block_on(check(&data_dir))?;
-        self.place.print(&report, text)?;
+        self.folder.print(&report, text)?;
         Ok(report.problems.is_empty())
     }
 }
@@ -142,14 +142,14 @@ impl BackupArgs {
     }
 
     fn copy(&self) -> anyhow::Result<bool> {
-        let data_dir = self.place.path()?;
+        let data_dir = self.folder.path()?;
         let done = runtime()?.block_on(backup(&data_dir, &self.destination))?;
-        self.place.print(&done, |done| {
+        self.folder.print(&done, |done| {
             let manifest = &done.manifest;
             let mib = manifest.artifact_bytes as f64 / f64::from(1 << 20);
             let jobs = manifest.jobs;
             format!(
-                "{}: {jobs} jobs, {} artifacts, {mib:.1} MiB; {} running jobs would start over",
+                "{}: {jobs} jobs, {} artifacts, {mib:.1} MiB; {} jobs would start from the beginning",
                 self.destination.display(),
                 manifest.artifacts,
                 done.restarting_jobs
@@ -167,9 +167,9 @@ impl RestoreArgs {
     }
 
     fn copy(&self) -> anyhow::Result<bool> {
-        let data_dir = self.place.path()?;
+        let data_dir = self.folder.path()?;
         let report = runtime()?.block_on(restore(&self.backup, &data_dir))?;
-        self.place.print(&report, text)?;
+        self.folder.print(&report, text)?;
         Ok(report.problems.is_empty())
     }
 }
@@ -192,13 +192,13 @@ impl CollectArgs {
         let retention = config.retention();
         let collected = runtime()?.block_on(async {
             if self.dry_run {
-                return retention.preview(&Store::open_beside(&database).await?, now_ms).await;
+                return retention.preview(&Store::open_shared(&database).await?, now_ms).await;
             }
-            // Fails while a server uses the folder: two processes would not know of each other's uploads.
+            // This fails while a server uses the folder, because two processes would not know of each other's uploads.
             let artifacts = Artifacts::open(&config.data_dir)?;
             retention.collect(&Store::open(&database).await?, &artifacts, now_ms).await
         })?;
-        let what = if self.dry_run { "would go" } else { "gone" };
+        let what = if self.dry_run { "would be removed" } else { "removed" };
         print(self.output, &collected, |Collected { jobs, artifacts, artifact_bytes }| {
             let mib = *artifact_bytes as f64 / f64::from(1 << 20);
             format!("{what}: {jobs} jobs, {artifacts} artifacts, {mib:.1} MiB")
@@ -225,7 +225,7 @@ pub(super) fn exit(outcome: anyhow::Result<bool>) -> ExitCode {
 fn text(report: &Report) -> String {
     let mut lines = vec![
         format!("{:<22}{}", "data folder", report.data_dir.display()),
-        format!("{:<22}{}", "tables as of", report.schema),
+        format!("{:<22}{}", "last migration", report.schema),
         format!("{:<22}{}", "jobs", report.jobs),
         format!("{:<22}{}", "kernel versions", report.kernel_versions),
         format!(
@@ -239,6 +239,6 @@ fn text(report: &Report) -> String {
         format!("{:<22}{}", "problems", report.problems.len()),
     ];
     let problems = report.problems.iter();
-    lines.extend(problems.map(|it| format!("  {:<12}{} {}", it.kind.as_str(), it.what, it.problem)));
+    lines.extend(problems.map(|found| format!("  {:<12}{} {}", found.kind.as_str(), found.what, found.problem)));
     lines.join("\n")
 }

@@ -1,13 +1,13 @@
 //! Commands for operators on a data folder: check it, back it up, restore it, and remove old data.
 //!
-//! A check and a backup may run while the server does. They read the database through their own connections and do not
+//! A check and a backup may run while the server runs. They read the database through their own connections and do not
 //! need the lock of the data folder. If the server removes or replaces an item during the check, the check examines it
 //! again.
 //!
 //! # Layout
 //!
-//! - `check`, `backup`, `restore`: these commands. `collect`: automatic removal of old data. `tokens`: creating,
-//!   listing and   revoking tokens. `commands`: the commands on the command line.
+//! - `check`, `backup`, `restore`: these commands. `collect`: automatic removal of old data. `tokens`: creating, listing
+//!   and revoking tokens. `commands`: the commands on the command line.
 
 mod backup;
 mod check;
@@ -37,19 +37,19 @@ pub const DATABASE: &str = "lightpath.db";
 #[derive(Debug, thiserror::Error)]
 pub enum UpkeepError {
     /// The folder has no database.
-    #[error("{} holds no {DATABASE}; name the folder that the server works in (--data-dir)", path.display())]
+    #[error("{} contains no {DATABASE}; give the data folder of the server with --data-dir", path.display())]
     NoData {
         /// Path of the folder.
         path: PathBuf,
     },
     /// The destination of a copy is not empty.
-    #[error("{} is not empty; name a folder that is empty or does not exist", path.display())]
+    #[error("{} is not empty; choose a folder that is empty or does not exist", path.display())]
     NotEmpty {
         /// Path of the destination.
         path: PathBuf,
     },
     /// The folder is not a complete backup.
-    #[error("{} is no complete backup: {problem}", path.display())]
+    #[error("{} is not a complete backup: {problem}", path.display())]
     NoBackup {
         /// Path of the folder.
         path: PathBuf,
@@ -57,7 +57,7 @@ pub enum UpkeepError {
         problem: String,
     },
     /// The data to be copied is damaged.
-    #[error("{} is damaged and cannot be copied; `lightpathd check` tells everything", path.display())]
+    #[error("{} is damaged and cannot be copied; `lightpathd check` lists all problems", path.display())]
     Damaged {
         /// Path of the folder.
         path: PathBuf,

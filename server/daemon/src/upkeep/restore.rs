@@ -43,14 +43,15 @@ pub async fn restore(backup: &Path, data_dir: &Path) -> Result<Report, UpkeepErr
         .and_then(|()| fs::rename(&partial, &copy));
     copied.map_err(UpkeepError::io("copy the database to", &copy))?;
     to.flush()?;
-    // Opened here, so that a database of a newer program is refused now and not when the server starts.
+    // This refuses a database of a newer program now and not when the server starts.
     Inspection::open(&copy).await?.close().await?;
     check(data_dir).await
 }
 
 fn read_manifest(backup: &Path) -> Result<Manifest, UpkeepError> {
     let no_backup = |problem: String| UpkeepError::NoBackup { path: backup.to_owned(), problem };
-    let text = fs::read_to_string(backup.join(MANIFEST))
-        .map_err(|error| no_backup(format!("{MANIFEST} cannot be read ({error}); it is written last")))?;
-    serde_json::from_str(&text).map_err(|error| no_backup(format!("{MANIFEST} is wrong ({error})")))
+    let text = fs::read_to_string(backup.join(MANIFEST)).map_err(|error| {
+        no_backup(format!("{MANIFEST} cannot be read ({error}); every complete backup has this file"))
+    })?;
+    serde_json::from_str(&text).map_err(|error| no_backup(format!("{MANIFEST} is invalid ({error})")))
 }

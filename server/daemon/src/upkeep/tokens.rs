@@ -1,4 +1,4 @@
-//! `lightpathd token …`: creating, listing and revoking tokens. A server may be running meanwhile.
+//! `lightpathd token …`: creating, listing and revoking tokens, also while a server is running.
 
 use super::commands::{DataDir, exit, runtime};
 use super::{DATABASE, UpkeepError};
@@ -15,11 +15,11 @@ use std::process::ExitCode;
 /// Commands about tokens.
 #[derive(Debug, clap::Subcommand)]
 pub enum TokenCommand {
-    /// Make a token and print it, once: the server keeps only its hash
+    /// Create a token and print it. It cannot be printed again, because only its hash is stored
     Create(Create),
     /// List tokens, without their secrets
     List(List),
-    /// Refuse a token from now on, for good
+    /// Revoke a token permanently
     Revoke(Revoke),
 }
 
@@ -33,40 +33,40 @@ Examples:
 
 Then: lightpath --token-file ada.token job list")]
 pub struct Create {
-    /// Name of whoever gets it, for the audit log: a-z, A-Z, 0-9, '.', '_' and '-'; never given twice
+    /// Name of the token in the audit log: a-z, A-Z, 0-9, '.', '_' and '-'; each name can be used only once
     name: String,
-    /// What its bearer may do
+    /// Role of the token, which decides what it permits
     #[arg(long, value_parser = roles())]
     role: Role,
-    /// Only on this display; may be given several times [default: all displays]
+    /// Display for which the token is valid; repeat the option for several displays [default: all displays]
     #[arg(long, value_name = "ID")]
     display: Vec<String>,
-    /// Days after which it is not accepted any more; 0: never
+    /// Days until the token expires; 0: never
     #[arg(long, value_name = "DAYS", default_value_t = 365)]
     expires_days: u32,
     #[command(flatten)]
-    place: DataDir,
+    folder: DataDir,
 }
 
 /// Arguments of `lightpathd token list`.
 #[derive(Debug, clap::Args)]
 pub struct List {
     #[command(flatten)]
-    place: DataDir,
+    folder: DataDir,
 }
 
 /// Arguments of `lightpathd token revoke`.
 #[derive(Debug, clap::Args)]
 pub struct Revoke {
-    /// Its name
+    /// Name of the token
     name: String,
     #[command(flatten)]
-    place: DataDir,
+    folder: DataDir,
 }
 
-/// A token in the printed form.
+/// A token as it is printed.
 #[derive(Serialize)]
-struct Shown {
+struct PrintedToken {
     name: String,
     role: Role,
     displays: Vec<String>,
@@ -100,27 +100,27 @@ impl TokenCommand {
 
 impl Create {
     fn run(self) -> anyhow::Result<bool> {
-        let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"._-".contains(&byte);
+        let is_allowed = |byte: u8| byte.is_ascii_alphanumeric() || b"._-".contains(&byte);
         ensure!(
-            (1..=NAME_BYTES_MAX).contains(&self.name.len()) && self.name.bytes().all(plain),
+            (1..=NAME_BYTES_MAX).contains(&self.name.len()) && self.name.bytes().all(is_allowed),
             "name is {:?}, but must be 1 to {NAME_BYTES_MAX} characters of a-z, A-Z, 0-9, '.', '_' and '-'",
             self.name
         );
         ensure!(
             self.role != Role::Firmware || !self.display.is_empty(),
-            "a firmware token is for named displays; add --display ID"
+            "a firmware token must name its displays; add --display ID"
         );
-        let data_dir = self.place.path()?;
+        let data_dir = self.folder.path()?;
         // The folder may not exist yet: the first token is created before the first start of the server.
         fs::create_dir_all(&data_dir).with_context(|| format!("cannot create {}", data_dir.display()))?;
-        let secret = Secret::generate().context("the system has no random numbers")?;
+        let secret = Secret::generate().context("the system provided no random numbers")?;
         let caller = Caller { name: self.name, role: self.role, displays: self.display };
         let now_ms = Clock::default().now_ms();
         let expire_time_ms = (self.expires_days > 0).then(|| now_ms + i64::from(self.expires_days) * DAY_MS);
         runtime()?.block_on(async {
-            let store = Store::open_beside(&data_dir.join(DATABASE)).await?;
+            let store = Store::open_shared(&data_dir.join(DATABASE)).await?;
             for display in &caller.displays {
-                store.display(display).await.context("a token for a display that is not there would be a mistake")?;
+                store.display(display).await.context("a token can name only displays that exist")?;
             }
             store.create_token(&caller, &secret.hash(), expire_time_ms, now_ms).await?;
             store.close().await;
@@ -133,22 +133,23 @@ impl Create {
 
 impl List {
     fn run(self) -> anyhow::Result<bool> {
-        let shown: Vec<Shown> =
-            store_of(&self.place, async |store| store.tokens().await)?.into_iter().map(show).collect();
-        self.place.print(&shown, |shown| {
-            let line = |it: &Shown| {
-                let displays = if it.displays.is_empty() { "all displays".to_owned() } else { it.displays.join(", ") };
-                let state = match (it.valid, it.revoke_time_ms) {
+        let tokens: Vec<PrintedToken> =
+            with_store(&self.folder, async |store| store.tokens().await)?.into_iter().map(to_printed).collect();
+        self.folder.print(&tokens, |tokens| {
+            let line = |token: &PrintedToken| {
+                let displays =
+                    if token.displays.is_empty() { "all displays".to_owned() } else { token.displays.join(", ") };
+                let state = match (token.valid, token.revoke_time_ms) {
                     (true, _) => "valid",
                     (false, Some(_)) => "revoked",
                     (false, None) => "expired",
                 };
-                format!("{:<24}{:<11}{:<9}{displays}", it.name, it.role.as_str(), state)
+                format!("{:<24}{:<11}{:<9}{displays}", token.name, token.role.as_str(), state)
             };
-            if shown.is_empty() {
+            if tokens.is_empty() {
                 "no tokens".to_owned()
             } else {
-                shown.iter().map(line).collect::<Vec<_>>().join("\n")
+                tokens.iter().map(line).collect::<Vec<_>>().join("\n")
             }
         })?;
         Ok(true)
@@ -159,31 +160,31 @@ impl Revoke {
     fn run(self) -> anyhow::Result<bool> {
         let now_ms = Clock::default().now_ms();
         let name = self.name;
-        let token = store_of(&self.place, async move |store| store.revoke_token(&name, now_ms).await)?;
-        self.place.print(&show(token), |it| format!("{} is revoked", it.name))?;
+        let token = with_store(&self.folder, async move |store| store.revoke_token(&name, now_ms).await)?;
+        self.folder.print(&to_printed(token), |token| format!("{} is revoked", token.name))?;
         Ok(true)
     }
 }
 
-fn store_of<T>(
-    place: &DataDir,
+fn with_store<T>(
+    folder: &DataDir,
     work: impl AsyncFnOnce(&Store) -> Result<T, lightpath_store::StoreError>,
 ) -> anyhow::Result<T> {
-    let data_dir = place.path()?;
+    let data_dir = folder.path()?;
     let database = data_dir.join(DATABASE);
     if !database.is_file() {
         return Err(UpkeepError::NoData { path: data_dir }.into());
     }
     runtime()?.block_on(async {
-        let store = Store::open_beside(&database).await?;
+        let store = Store::open_shared(&database).await?;
         let done = work(&store).await;
         store.close().await;
         Ok(done?)
     })
 }
 
-fn show(token: TokenRecord) -> Shown {
+fn to_printed(token: TokenRecord) -> PrintedToken {
     let valid = token.is_valid(Clock::default().now_ms());
     let TokenRecord { caller: Caller { name, role, displays }, create_time_ms, expire_time_ms, revoke_time_ms } = token;
-    Shown { name, role, displays, create_time_ms, expire_time_ms, revoke_time_ms, valid }
+    PrintedToken { name, role, displays, create_time_ms, expire_time_ms, revoke_time_ms, valid }
 }

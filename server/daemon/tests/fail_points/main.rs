@@ -1,8 +1,8 @@
-//! Every point, with a process that dies there and with a call that fails there: afterwards the data folder is whole, what
-//! was acknowledged is there, and the work goes on.
+//! Tests of failures at every fail point: a process dies there, or a call fails there. Afterwards the data folder is sound,
+//! everything that was acknowledged is stored, and the work continues.
 //!
-//! `LIGHTPATH_FAIL_POINTS=all cargo test --release -p lightpath-server --test fail_points -- --nocapture` breaks at every
-//! passage of every point; otherwise at a few passages of each.
+//! `LIGHTPATH_FAIL_POINTS=all cargo test --release -p lightpath-server --test fail_points -- --nocapture` fails at every
+//! passage of every point. Without the variable, the tests fail at up to three passages of each point.
 #![allow(clippy::unwrap_used)]
 
 mod workload;
@@ -15,11 +15,11 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, ExitStatus, Stdio};
 use tempfile::TempDir;
-use workload::{Lab, Place, kernel, result_of, work};
+use workload::{Server, WorkFolder, kernel, result_of, work};
 
-/// Where the workload works; only in the process that it has to itself.
-const PLACE: &str = "LIGHTPATH_FAIL_PLACE";
-/// Names of all points; a new one belongs here.
+/// Environment variable with the folder of the workload. Only the process that runs the workload has it.
+const WORK_FOLDER: &str = "LIGHTPATH_FAIL_PLACE";
+/// Names of all points. A new point must be added here.
 const POINTS: [&str; 12] = [
     "audit.flush",
     "audit.rename",
@@ -35,30 +35,35 @@ const POINTS: [&str; 12] = [
     "restore.rename",
 ];
 
-/// The workload in a process of its own, which may die anywhere.
-fn run(place: &Path, point: Option<&str>) -> ExitStatus {
+/// Runs the workload in a process of its own, which may die at any point.
+fn run(folder: &Path, point: Option<&str>) -> ExitStatus {
     let mut command = Command::new(std::env::current_exe().unwrap());
-    let itself = "wherever_the_process_dies_nothing_acknowledged_is_lost";
-    command.args(["--exact", itself]).env(PLACE, place).stdout(Stdio::null());
+    let this_test = "death_at_any_point_loses_nothing_acknowledged";
+    command.args(["--exact", this_test]).env(WORK_FOLDER, folder).stdout(Stdio::null());
     match point {
         Some(point) => command.env(POINT, point),
-        None => command.env(PASSED, place.join("passed")),
+        None => command.env(PASSED, folder.join("passed")),
     };
     command.stderr(Stdio::null()).status().unwrap()
 }
 
-fn place() -> (TempDir, Place) {
+/// A new folder for a workload, which is removed when the first value is dropped.
+fn work_folder() -> (TempDir, WorkFolder) {
     let folder = TempDir::new().unwrap();
-    let place = Place(folder.path().to_owned());
-    fs::create_dir(place.data()).unwrap();
-    (folder, place)
+    let work_folder = WorkFolder(folder.path().to_owned());
+    fs::create_dir(work_folder.data()).unwrap();
+    (folder, work_folder)
 }
 
-/// How often the whole workload passes each point.
+/// Number of times that the whole workload passes each point.
 fn passages() -> BTreeMap<String, u32> {
-    let (folder, place) = place();
+    let (folder, work_folder) = work_folder();
     assert!(run(folder.path(), None).success());
-    assert!(place.promises().iter().any(|(what, _)| what == "restored"), "the workload ends: {:?}", place.promises());
+    let acknowledgements = work_folder.acknowledgements();
+    assert!(
+        acknowledgements.iter().any(|(kind, _)| kind == "restored"),
+        "the workload did not end: {acknowledgements:?}"
+    );
     let mut passages = BTreeMap::new();
     for name in fs::read_to_string(folder.path().join("passed")).unwrap().lines() {
         *passages.entry(name.to_owned()).or_default() += 1;
@@ -66,8 +71,8 @@ fn passages() -> BTreeMap<String, u32> {
     passages
 }
 
-/// Which of so many passages are broken at.
-fn chosen(count: u32) -> Vec<u32> {
+/// Chooses the passages at which to fail, out of `count` passages: all of them, or the first, middle and last.
+fn chosen_passages(count: u32) -> Vec<u32> {
     if std::env::var("LIGHTPATH_FAIL_POINTS").is_ok_and(|points| points == "all") {
         return (1..=count).collect();
     }
@@ -77,80 +82,86 @@ fn chosen(count: u32) -> Vec<u32> {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn wherever_the_process_dies_nothing_acknowledged_is_lost() {
-    break_everywhere("die").await;
+async fn death_at_any_point_loses_nothing_acknowledged() {
+    fail_at_all_points("die").await;
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn whatever_fails_nothing_acknowledged_is_lost() {
-    break_everywhere("fail").await;
+async fn failure_at_any_point_loses_nothing_acknowledged() {
+    fail_at_all_points("fail").await;
 }
 
-async fn break_everywhere(how: &str) {
-    if let Some(place) = std::env::var_os(PLACE) {
+/// Runs the workload once for each chosen passage, with a failure of kind `kind` (`die` or `fail`) there.
+async fn fail_at_all_points(kind: &str) {
+    if let Some(folder) = std::env::var_os(WORK_FOLDER) {
         // This is the process that [`run`] started.
         lightpath_fail_points::arm_by_environment().unwrap();
-        if let Err(error) = work(&Place(place.into())).await {
+        if let Err(error) = work(&WorkFolder(folder.into())).await {
             eprintln!("{error}");
         }
         return;
     }
     let passages = passages();
-    assert_eq!(passages.keys().collect::<Vec<_>>(), POINTS.iter().collect::<Vec<_>>(), "every point is passed");
-    let mut broken = BTreeMap::<&str, u32>::new();
+    assert_eq!(
+        passages.keys().collect::<Vec<_>>(),
+        POINTS.iter().collect::<Vec<_>>(),
+        "the workload passes every point"
+    );
+    let mut failures = BTreeMap::<&str, u32>::new();
     for (name, count) in &passages {
-        for passage in chosen(*count) {
-            let (_folder, place) = place();
-            let point = format!("{name}:{passage}:{how}");
-            let ended = run(&place.0, Some(&point));
-            assert!(ended.success() || how == "die", "{point}: {ended}");
-            assert_kept(&place, &point).await;
-            // Heartbeats and reports make a few passages more in one run than in another.
-            *broken.entry(name).or_default() += u32::from(how == "fail" || !ended.success());
+        for passage in chosen_passages(*count) {
+            let (_folder, work_folder) = work_folder();
+            let point = format!("{name}:{passage}:{kind}");
+            let status = run(&work_folder.0, Some(&point));
+            assert!(status.success() || kind == "die", "{point}: {status}");
+            assert_nothing_lost(&work_folder, &point).await;
+            // The number of passages differs a little between runs, because of heartbeats and progress reports. So the last
+            // passages may not be reached.
+            *failures.entry(name).or_default() += u32::from(kind == "fail" || !status.success());
         }
     }
-    assert!(POINTS.iter().all(|name| broken[name] > 0), "{broken:?}");
-    eprintln!("{how}: nothing acknowledged was lost at {broken:?}");
+    assert!(POINTS.iter().all(|name| failures[name] > 0), "{failures:?}");
+    eprintln!("{kind}: nothing acknowledged was lost; failures at each point: {failures:?}");
 }
 
-/// The folder is whole, what was acknowledged is there, and what waits can go on.
-async fn assert_kept(place: &Place, point: &str) {
-    if !place.data().join(lightpath_server::upkeep::DATABASE).exists() {
-        assert_eq!(place.promises(), [], "{point}");
+/// Asserts that the folder is sound, that everything acknowledged is stored, and that waiting jobs can continue.
+async fn assert_nothing_lost(work_folder: &WorkFolder, point: &str) {
+    if !work_folder.data().join(lightpath_server::upkeep::DATABASE).exists() {
+        assert_eq!(work_folder.acknowledgements(), [], "{point}");
         return;
     }
-    let lab = Lab::open(&place.data()).await.unwrap();
-    assert_eq!(check(&place.data()).await.unwrap().problems, [], "{point}");
-    lab.run_jobs().await.unwrap_or_else(|error| panic!("{point}: {error}"));
+    let server = Server::open(&work_folder.data()).await.unwrap();
+    assert_eq!(check(&work_folder.data()).await.unwrap().problems, [], "{point}");
+    server.run_jobs().await.unwrap_or_else(|error| panic!("{point}: {error}"));
     let mut active = 0;
-    for (what, which) in place.promises() {
-        match what.as_str() {
-            "display" => drop(lab.store.display(&which).await.unwrap()),
-            "artifact" => drop(lab.artifacts.read_all(&which).await.unwrap()),
+    for (kind, id) in work_folder.acknowledgements() {
+        match kind.as_str() {
+            "display" => drop(server.store.display(&id).await.unwrap()),
+            "artifact" => drop(server.artifacts.read_all(&id).await.unwrap()),
             "job" => {
-                let job = lab.store.job(&which).await.unwrap();
+                let job = server.store.job(&id).await.unwrap();
                 match job.result {
                     Some(JobResult::Capture(result)) => {
-                        assert_eq!(lab.artifacts.read_all(&result.photo).await.unwrap(), result_of(&job.request_id));
+                        assert_eq!(server.artifacts.read_all(&result.photo).await.unwrap(), result_of(&job.request_id));
                     }
                     _ => assert!(job.request_id == "later", "{point}: {job:?}"),
                 }
             }
-            "succeeded" => assert_eq!(lab.store.job(&which).await.unwrap().state, JobState::Succeeded, "{point}"),
-            "cancelled" => assert_eq!(lab.store.job(&which).await.unwrap().state, JobState::Cancelled, "{point}"),
-            "version" => drop(lab.store.kernel_version(&kernel(), which.parse().unwrap()).await.unwrap()),
-            "active" => active = which.parse().unwrap(),
+            "succeeded" => assert_eq!(server.store.job(&id).await.unwrap().state, JobState::Succeeded, "{point}"),
+            "cancelled" => assert_eq!(server.store.job(&id).await.unwrap().state, JobState::Cancelled, "{point}"),
+            "version" => drop(server.store.kernel_version(&kernel(), id.parse().unwrap()).await.unwrap()),
+            "active" => active = id.parse().unwrap(),
             "backup" => {
-                let report = restore(&place.backup(), &place.0.join("restored again")).await.unwrap();
+                let report = restore(&work_folder.backup(), &work_folder.0.join("restored again")).await.unwrap();
                 assert_eq!(report.problems, [], "{point}");
             }
-            "restored" => assert_eq!(check(&place.0.join("restored")).await.unwrap().problems, [], "{point}"),
+            "restored" => assert_eq!(check(&work_folder.0.join("restored")).await.unwrap().problems, [], "{point}"),
             other => panic!("{other}"),
         }
     }
     if active > 0 {
-        assert!(lab.store.kernel(&kernel()).await.unwrap().active_version >= Some(active), "{point}");
+        assert!(server.store.kernel(&kernel()).await.unwrap().active_version >= Some(active), "{point}");
     }
-    lab.store.close().await;
-    assert_eq!(check(&place.data()).await.unwrap().problems, [], "{point}, and the work after it");
+    server.store.close().await;
+    assert_eq!(check(&work_folder.data()).await.unwrap().problems, [], "{point}, after further work");
 }

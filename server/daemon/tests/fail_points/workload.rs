@@ -1,4 +1,5 @@
-//! All that a server acknowledges, one thing after the other, written down as it is acknowledged.
+//! The workload of the fail point tests: all kinds of operations that a server acknowledges, one after the other. Each
+//! acknowledgement is written to a file.
 
 use lightpath_api::audit::{Audit, Entry};
 use lightpath_artifacts::{Artifacts, digest_of};
@@ -18,18 +19,18 @@ use tokio_util::sync::CancellationToken;
 
 const TARGET: &[u8] = b"what the jobs read";
 const DAY: Duration = Duration::from_secs(24 * 3600);
-/// At which the audit log is put aside.
+/// Size at which the audit log is rotated \[bytes\].
 const AUDIT_BYTES: u64 = 64 << 20;
-/// Longer than any of the jobs takes on a busy machine.
+/// Time limit for all jobs, long enough for a busy machine.
 const JOBS_END_WITHIN: Duration = Duration::from_secs(60);
 
-/// Whatever went wrong; the point that fails may be anywhere.
+/// Result of an operation. The error can be of any type, because any operation can fail at a fail point.
 type Outcome<T = ()> = Result<T, Box<dyn Error + Send + Sync>>;
 
-/// Where everything lies.
-pub(super) struct Place(pub(super) PathBuf);
+/// Folder of one run of the workload.
+pub(super) struct WorkFolder(pub(super) PathBuf);
 
-impl Place {
+impl WorkFolder {
     pub(super) fn data(&self) -> PathBuf {
         self.0.join("data")
     }
@@ -38,32 +39,32 @@ impl Place {
         self.0.join("backup")
     }
 
-    /// Appends to what was acknowledged.
-    fn acknowledged(&self, what: &str, which: &str) {
+    /// Writes an acknowledgement to the file: its kind, and the id of the acknowledged item.
+    fn acknowledged(&self, kind: &str, id: &str) {
         let mut file = File::options().create(true).append(true).open(self.0.join("acknowledged")).unwrap();
-        writeln!(file, "{what} {which}").unwrap();
+        writeln!(file, "{kind} {id}").unwrap();
     }
 
-    /// What was acknowledged, in order.
-    pub(super) fn promises(&self) -> Vec<(String, String)> {
+    /// Kinds and ids of everything that was acknowledged, in order.
+    pub(super) fn acknowledgements(&self) -> Vec<(String, String)> {
         let text = std::fs::read_to_string(self.0.join("acknowledged")).unwrap_or_default();
-        text.lines().filter_map(|line| line.split_once(' ')).map(|(what, which)| (what.into(), which.into())).collect()
+        text.lines().filter_map(|line| line.split_once(' ')).map(|(kind, id)| (kind.into(), id.into())).collect()
     }
 }
 
-/// A data folder that is worked in.
-pub(super) struct Lab {
+/// The store and the artifacts of a data folder, as a server opens them.
+pub(super) struct Server {
     pub(super) store: Store,
     pub(super) artifacts: Artifacts,
 }
 
-impl Lab {
+impl Server {
     pub(super) async fn open(data: &Path) -> Outcome<Self> {
         let artifacts = Artifacts::open(data)?;
         Ok(Self { store: Store::open(&data.join(DATABASE)).await?, artifacts })
     }
 
-    /// Stores bytes as an upload of two halves does.
+    /// Uploads bytes in two halves.
     async fn upload(&self, bytes: &[u8], digest: &str) -> Outcome {
         let _publishing = self.artifacts.publishing().await;
         let (first, second) = bytes.split_at(bytes.len() / 2);
@@ -75,7 +76,7 @@ impl Lab {
         Ok(())
     }
 
-    /// Runs what waits and is due, until nothing does.
+    /// Runs the waiting jobs that have no start time, until all of them have ended.
     pub(super) async fn run_jobs(&self) -> Outcome {
         let config = WorkerConfig {
             compute_threads: 1,
@@ -88,7 +89,7 @@ impl Lab {
         let working = tokio::spawn(worker.run(drain.clone()));
         let mut changes = self.store.subscribe_job_changes();
         let ended = async {
-            // What is cancelled or delayed is not waited for.
+            // Cancelled and delayed jobs are not waited for.
             while self.store.jobs(&Default::default(), None, 100).await?.iter().any(is_due) {
                 drop(changes.recv().await);
             }
@@ -105,7 +106,7 @@ fn is_due(job: &Job) -> bool {
     !job.state.has_ended() && job.scheduling.not_before_ms.is_none()
 }
 
-/// Three steps with a saved state after each, and an artifact.
+/// A task of three steps, with a saved state after each step, and an artifact as its result.
 fn task(job: &Job, context: &JobContext) -> Result<TaskOutput, TaskError> {
     let first = context.take_saved_state().map_or(0, |state| state[0]);
     for step in first..3 {
@@ -117,58 +118,58 @@ fn task(job: &Job, context: &JobContext) -> Result<TaskOutput, TaskError> {
     Ok(TaskOutput { result: capture_result(&photo), effect: JobEffect::None })
 }
 
-/// What the job of this request makes, however often it is interrupted.
+/// Result of the job of this request. Interruptions must not change it.
 pub(super) fn result_of(request_id: &str) -> Vec<u8> {
     format!("the result of {request_id}").into_bytes()
 }
 
-/// Does everything, and stops at the first thing that fails.
-pub(super) async fn work(place: &Place) -> Outcome {
-    let data = place.data();
+/// Runs the workload, and stops at the first operation that fails.
+pub(super) async fn work(folder: &WorkFolder) -> Outcome {
+    let data = folder.data();
     let audit = Audit::open(&data)?;
-    let lab = Lab::open(&data).await?;
-    lab.store.create_display(&display("lab"), now_ms()).await?;
-    place.acknowledged("display", "lab");
+    let server = Server::open(&data).await?;
+    server.store.create_display(&display("lab"), now_ms()).await?;
+    folder.acknowledged("display", "lab");
     let target = digest_of(TARGET);
-    lab.upload(TARGET, &target).await?;
-    place.acknowledged("artifact", &target);
-    // Refused, and nothing of it is kept.
-    let wrong = lab.upload(b"other bytes", &digest_of(b"than promised")).await;
+    server.upload(TARGET, &target).await?;
+    folder.acknowledged("artifact", &target);
+    // An upload whose bytes do not match the digest is refused and discarded.
+    let wrong = server.upload(b"other bytes", &digest_of(b"than promised")).await;
     assert!(wrong.is_err());
 
     for request in ["one", "two", "later"] {
         let not_before_ms = (request == "later").then(|| now_ms() + DAY.as_millis() as i64);
-        let (job, _) = lab.store.submit(&new_job(request, &target, not_before_ms), now_ms(), 10).await?;
-        place.acknowledged("job", &job.id);
+        let (job, _) = server.store.submit(&new_job(request, &target, not_before_ms), now_ms(), 10).await?;
+        folder.acknowledged("job", &job.id);
         if not_before_ms.is_some() {
-            lab.store.cancel(&job.id, now_ms()).await?;
-            place.acknowledged("cancelled", &job.id);
+            server.store.cancel(&job.id, now_ms()).await?;
+            folder.acknowledged("cancelled", &job.id);
         }
     }
-    lab.run_jobs().await?;
-    for job in lab.store.jobs(&Default::default(), None, 10).await? {
+    server.run_jobs().await?;
+    for job in server.store.jobs(&Default::default(), None, 10).await? {
         if job.state == JobState::Succeeded {
-            place.acknowledged("succeeded", &job.id);
+            folder.acknowledged("succeeded", &job.id);
         }
     }
 
     for number in ["1", "2"] {
-        let version = lab.store.add_kernel_version(&kernel(), new_version(&target), now_ms()).await?;
+        let version = server.store.add_kernel_version(&kernel(), new_version(&target), now_ms()).await?;
         assert_eq!(version.version.to_string(), number);
-        place.acknowledged("version", number);
-        lab.store.promote(&kernel(), version.version, None, "better", now_ms()).await?;
-        place.acknowledged("active", number);
+        folder.acknowledged("version", number);
+        server.store.promote(&kernel(), version.version, None, "better", now_ms()).await?;
+        folder.acknowledged("active", number);
     }
 
-    // Nobody refers to it, so that it may go.
-    lab.upload(b"nobody's", &digest_of(b"nobody's")).await?;
+    // No record refers to this artifact, so the collection removes it.
+    server.upload(b"unreferenced", &digest_of(b"unreferenced")).await?;
     Retention { artifacts: Some(DAY), jobs: None }
-        .collect(&lab.store, &lab.artifacts, now_ms() + 2 * DAY.as_millis() as i64)
+        .collect(&server.store, &server.artifacts, now_ms() + 2 * DAY.as_millis() as i64)
         .await?;
-    backup(&data, &place.backup()).await?;
-    place.acknowledged("backup", "made");
-    restore(&place.backup(), &place.0.join("restored")).await?;
-    place.acknowledged("restored", "whole");
+    backup(&data, &folder.backup()).await?;
+    folder.acknowledged("backup", "made");
+    restore(&folder.backup(), &folder.0.join("restored")).await?;
+    folder.acknowledged("restored", "whole");
     File::options().write(true).open(data.join("audit.jsonl"))?.set_len(AUDIT_BYTES)?;
     drop(audit);
     let audit = Audit::open(&data)?;

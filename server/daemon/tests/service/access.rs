@@ -1,4 +1,4 @@
-//! Tokens, roles, scopes and TLS: who gets in, and who does not.
+//! Tests of tokens, roles, scopes and TLS.
 
 use crate::serving::{Serving, small_display};
 use lightpath_api::tls::TlsFiles;
@@ -20,69 +20,70 @@ use tokio::net::{TcpListener, TcpStream};
 use tonic::transport::{Certificate, Channel, ClientTlsConfig, Identity};
 use tonic::{Code, Request, Status};
 
-/// Who may call what, written down a second time: a method that is missing here fails the walk below.
-const LOOKS: &str = "viewer submitter curator admin";
-const FETCHES: &str = "viewer submitter curator firmware admin";
-const WORKS: &str = "submitter curator admin";
-const DECIDES: &str = "curator admin";
-const RUNS: &str = "admin";
-const EVERYBODY: &str = "nobody viewer submitter curator firmware admin";
+// Roles that may call each method. This list does not use the rules of the server. A method that is missing here fails the
+// test of all methods.
+const MAY_READ: &str = "viewer submitter curator admin";
+const MAY_FETCH: &str = "viewer submitter curator firmware admin";
+const MAY_SUBMIT: &str = "submitter curator admin";
+const MAY_CURATE: &str = "curator admin";
+const MAY_ADMINISTER: &str = "admin";
+const ALL_CALLERS: &str = "anonymous viewer submitter curator firmware admin";
 const EXPECTED: &[(&str, &str)] = &[
-    ("/lightpath.v1.ArtifactService/GetArtifact", LOOKS),
-    ("/lightpath.v1.ArtifactService/GetUpload", WORKS),
-    ("/lightpath.v1.ArtifactService/WriteArtifact", WORKS),
-    ("/lightpath.v1.ArtifactService/ReadArtifact", LOOKS),
-    ("/lightpath.v1.DatasetService/CreateDataset", WORKS),
-    ("/lightpath.v1.DatasetService/GetDataset", LOOKS),
-    ("/lightpath.v1.DatasetService/ListDatasets", LOOKS),
-    ("/lightpath.v1.DatasetService/AddPair", WORKS),
-    ("/lightpath.v1.DatasetService/CreateCalibrationTarget", WORKS),
-    ("/lightpath.v1.DisplayService/CreateDisplay", RUNS),
-    ("/lightpath.v1.DisplayService/GetDisplay", LOOKS),
-    ("/lightpath.v1.DisplayService/ListDisplays", LOOKS),
-    ("/lightpath.v1.DisplayService/DeleteDisplay", RUNS),
-    ("/lightpath.v1.DisplayService/PlanPropagation", LOOKS),
-    ("/lightpath.v1.JobService/SubmitJob", WORKS),
-    ("/lightpath.v1.JobService/GetJob", LOOKS),
-    ("/lightpath.v1.JobService/ListJobs", LOOKS),
-    ("/lightpath.v1.JobService/WatchJob", LOOKS),
-    ("/lightpath.v1.JobService/CancelJob", WORKS),
-    ("/lightpath.v1.JobService/RetryJob", WORKS),
-    ("/lightpath.v1.JobService/ListJobEvents", LOOKS),
-    ("/lightpath.v1.JobService/GetBatch", LOOKS),
-    ("/lightpath.v1.JobService/GetQueue", LOOKS),
-    ("/lightpath.v1.JobService/PauseQueue", RUNS),
-    ("/lightpath.v1.JobService/ResumeQueue", RUNS),
-    ("/lightpath.v1.KernelService/GetKernel", FETCHES),
-    ("/lightpath.v1.KernelService/ListKernels", LOOKS),
-    ("/lightpath.v1.KernelService/GetKernelVersion", FETCHES),
-    ("/lightpath.v1.KernelService/ListKernelVersions", LOOKS),
-    ("/lightpath.v1.KernelService/FetchKernel", FETCHES),
-    ("/lightpath.v1.KernelService/WatchKernel", FETCHES),
-    ("/lightpath.v1.KernelService/PromoteKernel", DECIDES),
-    ("/lightpath.v1.KernelService/RollbackKernel", DECIDES),
-    ("/lightpath.v1.KernelService/ListKernelMoves", LOOKS),
-    ("/lightpath.v1.KernelService/ImportKernel", DECIDES),
-    ("/lightpath.v1.KernelService/InterpolateKernel", WORKS),
-    ("/grpc.health.v1.Health/Check", EVERYBODY),
-    ("/grpc.health.v1.Health/Watch", EVERYBODY),
-    ("/grpc.reflection.v1.ServerReflection/ServerReflectionInfo", LOOKS),
-    ("/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo", LOOKS),
+    ("/lightpath.v1.ArtifactService/GetArtifact", MAY_READ),
+    ("/lightpath.v1.ArtifactService/GetUpload", MAY_SUBMIT),
+    ("/lightpath.v1.ArtifactService/WriteArtifact", MAY_SUBMIT),
+    ("/lightpath.v1.ArtifactService/ReadArtifact", MAY_READ),
+    ("/lightpath.v1.DatasetService/CreateDataset", MAY_SUBMIT),
+    ("/lightpath.v1.DatasetService/GetDataset", MAY_READ),
+    ("/lightpath.v1.DatasetService/ListDatasets", MAY_READ),
+    ("/lightpath.v1.DatasetService/AddPair", MAY_SUBMIT),
+    ("/lightpath.v1.DatasetService/CreateCalibrationTarget", MAY_SUBMIT),
+    ("/lightpath.v1.DisplayService/CreateDisplay", MAY_ADMINISTER),
+    ("/lightpath.v1.DisplayService/GetDisplay", MAY_READ),
+    ("/lightpath.v1.DisplayService/ListDisplays", MAY_READ),
+    ("/lightpath.v1.DisplayService/DeleteDisplay", MAY_ADMINISTER),
+    ("/lightpath.v1.DisplayService/PlanPropagation", MAY_READ),
+    ("/lightpath.v1.JobService/SubmitJob", MAY_SUBMIT),
+    ("/lightpath.v1.JobService/GetJob", MAY_READ),
+    ("/lightpath.v1.JobService/ListJobs", MAY_READ),
+    ("/lightpath.v1.JobService/WatchJob", MAY_READ),
+    ("/lightpath.v1.JobService/CancelJob", MAY_SUBMIT),
+    ("/lightpath.v1.JobService/RetryJob", MAY_SUBMIT),
+    ("/lightpath.v1.JobService/ListJobEvents", MAY_READ),
+    ("/lightpath.v1.JobService/GetBatch", MAY_READ),
+    ("/lightpath.v1.JobService/GetQueue", MAY_READ),
+    ("/lightpath.v1.JobService/PauseQueue", MAY_ADMINISTER),
+    ("/lightpath.v1.JobService/ResumeQueue", MAY_ADMINISTER),
+    ("/lightpath.v1.KernelService/GetKernel", MAY_FETCH),
+    ("/lightpath.v1.KernelService/ListKernels", MAY_READ),
+    ("/lightpath.v1.KernelService/GetKernelVersion", MAY_FETCH),
+    ("/lightpath.v1.KernelService/ListKernelVersions", MAY_READ),
+    ("/lightpath.v1.KernelService/FetchKernel", MAY_FETCH),
+    ("/lightpath.v1.KernelService/WatchKernel", MAY_FETCH),
+    ("/lightpath.v1.KernelService/PromoteKernel", MAY_CURATE),
+    ("/lightpath.v1.KernelService/RollbackKernel", MAY_CURATE),
+    ("/lightpath.v1.KernelService/ListKernelMoves", MAY_READ),
+    ("/lightpath.v1.KernelService/ImportKernel", MAY_CURATE),
+    ("/lightpath.v1.KernelService/InterpolateKernel", MAY_SUBMIT),
+    ("/grpc.health.v1.Health/Check", ALL_CALLERS),
+    ("/grpc.health.v1.Health/Watch", ALL_CALLERS),
+    ("/grpc.reflection.v1.ServerReflection/ServerReflectionInfo", MAY_READ),
+    ("/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo", MAY_READ),
     ("/grpc.reflection.v1.ServerReflection/Other", ""),
     ("/lightpath.v1.JobService/Other", ""),
     ("/lightpath.v2.JobService/GetJob", ""),
-    ("/healthz", EVERYBODY),
-    ("/metrics", LOOKS),
-    ("/v1/jobs", LOOKS),
-    ("/v1/jobs/0193", LOOKS),
+    ("/healthz", ALL_CALLERS),
+    ("/metrics", MAY_READ),
+    ("/v1/jobs", MAY_READ),
+    ("/v1/jobs/0193", MAY_READ),
     ("/v1/other", ""),
     ("/", ""),
 ];
 
-/// A server that asks for tokens, and a token for every role.
+/// A server that requires tokens, and a token for every role.
 pub(crate) struct Guarded {
     pub(crate) serving: Serving,
-    /// `nobody` has none.
+    /// Secret of the token of each role.
     pub(crate) tokens: BTreeMap<&'static str, String>,
 }
 
@@ -95,10 +96,10 @@ impl Guarded {
         let mut tokens = BTreeMap::new();
         let prepared = tempfile::tempdir().unwrap();
         let data_dir = prepared.path().join("data");
-        let store = open(&data_dir).await;
+        let store = open_store(&data_dir).await;
         for role in Role::ALL {
             let displays = if role == Role::Firmware { vec!["lab".to_owned()] } else { Vec::new() };
-            tokens.insert(role.as_str(), make(&store, role.as_str(), role, &displays, None).await);
+            tokens.insert(role.as_str(), create_token(&store, role.as_str(), role, &displays, None).await);
         }
         store.close().await;
         let serving =
@@ -107,7 +108,7 @@ impl Guarded {
     }
 
     pub(crate) async fn store(&self) -> Store {
-        open(&self.serving.config.data_dir).await
+        open_store(&self.serving.config.data_dir).await
     }
 
     fn kernels(&self) -> KernelServiceClient<Channel> {
@@ -119,13 +120,19 @@ impl Guarded {
     }
 }
 
-async fn open(data_dir: &Path) -> Store {
+async fn open_store(data_dir: &Path) -> Store {
     fs::create_dir_all(data_dir).unwrap();
     Store::open(&data_dir.join("lightpath.db")).await.unwrap()
 }
 
-/// A new token; `expire_ms` since 1970.
-pub(crate) async fn make(store: &Store, name: &str, role: Role, displays: &[String], expire_ms: Option<i64>) -> String {
+/// Creates a token and returns its secret. It expires at `expire_ms` \[ms since 1970\].
+pub(crate) async fn create_token(
+    store: &Store,
+    name: &str,
+    role: Role,
+    displays: &[String],
+    expire_ms: Option<i64>,
+) -> String {
     let secret = Secret::generate().unwrap();
     let caller = Caller { name: name.to_owned(), role, displays: displays.to_vec() };
     store.create_token(&caller, &secret.hash(), expire_ms, 1).await.unwrap();
@@ -138,7 +145,7 @@ pub(crate) fn with_token<T>(token: &str, message: T) -> Request<T> {
     request
 }
 
-/// Sends an empty message to a method, or gets a path; the status, as gRPC names it.
+/// Sends an empty message to a gRPC method, or a GET request to an HTTP path. Returns the status as a gRPC code.
 async fn call(serving: &Serving, path: &'static str, token: Option<&str>) -> Code {
     if path.matches('/').count() == 2 && path.contains('.') {
         let mut grpc = tonic::client::Grpc::new(serving.channel.clone());
@@ -149,7 +156,7 @@ async fn call(serving: &Serving, path: &'static str, token: Option<&str>) -> Cod
         if let Some(token) = token {
             request.metadata_mut().insert("authorization", format!("Bearer {token}").parse().unwrap());
         }
-        // A stream that stays open is one that was let in.
+        // An open stream means that the caller was accepted.
         let answer = grpc.streaming(request, path, codec).await;
         return answer.map_or_else(|status| status.code(), |_| Code::Ok);
     }
@@ -167,7 +174,7 @@ async fn call(serving: &Serving, path: &'static str, token: Option<&str>) -> Cod
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn every_call_is_for_the_roles_that_it_names_and_no_other() {
+async fn every_method_accepts_exactly_its_roles() {
     let guarded = Guarded::start().await;
     let methods = [lightpath_proto::DESCRIPTORS, tonic_health::pb::FILE_DESCRIPTOR_SET];
     let files = methods.iter().flat_map(|set| prost_types::FileDescriptorSet::decode(*set).unwrap().file);
@@ -176,34 +183,34 @@ async fn every_call_is_for_the_roles_that_it_names_and_no_other() {
             for method in &service.method {
                 let path = format!("/{}.{}/{}", file.package(), service.name(), method.name());
                 let known = EXPECTED.iter().any(|(expected, _)| *expected == path) || path.ends_with("Health/List");
-                assert!(known, "say in this test who may call {path}");
+                assert!(known, "{path} is missing in this test; add the roles that may call it");
             }
         }
     }
     for (path, roles) in EXPECTED {
-        for who in EVERYBODY.split(' ') {
-            let code = call(&guarded.serving, path, guarded.tokens.get(who).map(String::as_str)).await;
-            let is_let_in = !matches!(code, Code::Unauthenticated | Code::PermissionDenied);
-            assert_eq!(is_let_in, roles.split(' ').any(|role| role == who), "{path} as {who}: {code:?}");
-            if !is_let_in {
-                let expected = if who == "nobody" { Code::Unauthenticated } else { Code::PermissionDenied };
-                assert_eq!(code, expected, "{path} as {who}");
+        for caller in ALL_CALLERS.split(' ') {
+            let code = call(&guarded.serving, path, guarded.tokens.get(caller).map(String::as_str)).await;
+            let is_allowed = !matches!(code, Code::Unauthenticated | Code::PermissionDenied);
+            assert_eq!(is_allowed, roles.split(' ').any(|role| role == caller), "{path} as {caller}: {code:?}");
+            if !is_allowed {
+                let expected = if caller == "anonymous" { Code::Unauthenticated } else { Code::PermissionDenied };
+                assert_eq!(code, expected, "{path} as {caller}");
             }
         }
     }
     let audit = guarded.audit();
     assert!(audit.contains(r#""caller":"viewer""#) && audit.contains(r#""outcome":"PERMISSION_DENIED""#), "{audit}");
     for token in guarded.tokens.values() {
-        assert!(!audit.contains(token.as_str()), "a secret is in the audit log");
+        assert!(!audit.contains(token.as_str()), "the audit log contains a secret");
     }
 }
 
 #[tokio::test]
-async fn tokens_that_are_not_accepted_all_look_the_same() {
+async fn all_invalid_tokens_get_the_same_message() {
     let guarded = Guarded::start().await;
     let store = guarded.store().await;
-    let expired = make(&store, "expired", Role::Admin, &[], Some(2)).await;
-    let revoked = make(&store, "revoked", Role::Admin, &[], None).await;
+    let expired = create_token(&store, "expired", Role::Admin, &[], Some(2)).await;
+    let revoked = create_token(&store, "revoked", Role::Admin, &[], None).await;
     let get = |token: String| {
         let mut jobs = JobServiceClient::new(guarded.serving.channel.clone());
         async move { jobs.list_jobs(with_token(&token, v1::ListJobsRequest::default())).await }
@@ -221,14 +228,14 @@ async fn tokens_that_are_not_accepted_all_look_the_same() {
     assert_eq!(messages.len(), 1, "{messages:?}");
     assert!(
         store
-            .create_token(&Caller { name: "revoked".into(), ..Caller::anybody() }, &"0".repeat(64), None, 9)
+            .create_token(&Caller { name: "revoked".into(), ..Caller::without_token() }, &"0".repeat(64), None, 9)
             .await
             .is_err()
     );
 }
 
 #[tokio::test]
-async fn a_scoped_token_knows_its_own_displays_only() {
+async fn scoped_token_sees_only_its_displays() {
     let guarded = Guarded::start().await;
     let admin = &guarded.tokens["admin"];
     for id in ["lab", "other"] {
@@ -237,7 +244,7 @@ async fn a_scoped_token_knows_its_own_displays_only() {
         displays.create_display(with_token(admin, request)).await.unwrap();
     }
     let store = guarded.store().await;
-    let scoped = make(&store, "lab-only", Role::Curator, &["lab".to_owned()], None).await;
+    let scoped = create_token(&store, "lab-only", Role::Curator, &["lab".to_owned()], None).await;
     let channel = || guarded.serving.channel.clone();
     let mut displays = DisplayServiceClient::new(channel());
     let listed = displays.list_displays(with_token(&scoped, v1::ListDisplaysRequest::default())).await.unwrap();
@@ -245,15 +252,15 @@ async fn a_scoped_token_knows_its_own_displays_only() {
     assert_eq!(names, ["displays/lab"]);
     let get = |name: &str| v1::GetDisplayRequest { name: name.to_owned() };
     displays.get_display(with_token(&scoped, get("displays/lab"))).await.unwrap();
-    denied(displays.get_display(with_token(&scoped, get("displays/other"))).await);
+    assert_denied(displays.get_display(with_token(&scoped, get("displays/other"))).await);
 
     let mut jobs = JobServiceClient::new(channel());
-    denied(jobs.list_jobs(with_token(&scoped, v1::ListJobsRequest::default())).await);
+    assert_denied(jobs.list_jobs(with_token(&scoped, v1::ListJobsRequest::default())).await);
     let own = v1::ListJobsRequest { display: "displays/lab".into(), ..Default::default() };
     jobs.list_jobs(with_token(&scoped, own)).await.unwrap();
-    denied(jobs.get_queue(with_token(&scoped, v1::GetQueueRequest {})).await);
+    assert_denied(jobs.get_queue(with_token(&scoped, v1::GetQueueRequest {})).await);
 
-    // Firmware fetches the kernels of its display, and those of no other.
+    // A firmware token can fetch the kernels of its display only.
     let fetch = |display: &str| v1::FetchKernelRequest {
         kernel: format!("displays/{display}/kernels/515nm-50mm"),
         version: 1,
@@ -261,12 +268,12 @@ async fn a_scoped_token_knows_its_own_displays_only() {
     };
     let firmware = &guarded.tokens["firmware"];
     let own = guarded.kernels().fetch_kernel(with_token(firmware, fetch("lab"))).await.map(drop);
-    assert_eq!(own.unwrap_err().code(), Code::NotFound, "it may, but there is none");
-    denied(guarded.kernels().fetch_kernel(with_token(firmware, fetch("other"))).await.map(drop));
+    assert_eq!(own.unwrap_err().code(), Code::NotFound, "the token is accepted, but the kernel does not exist");
+    assert_denied(guarded.kernels().fetch_kernel(with_token(firmware, fetch("other"))).await.map(drop));
 }
 
 #[tokio::test]
-async fn jobs_carry_the_name_of_their_token() {
+async fn jobs_are_owned_by_the_name_of_their_token() {
     let guarded = Guarded::start().await;
     let request = v1::CreateDisplayRequest {
         display: Some(v1::Display { simulated_bench: Some(v1::SimulatedBench::default()), ..small_display("lab") }),
@@ -276,9 +283,9 @@ async fn jobs_carry_the_name_of_their_token() {
     let mut jobs = JobServiceClient::new(guarded.serving.channel.clone());
     let submit = |owner: &str| v1::SubmitJobRequest { owner: owner.to_owned(), ..Default::default() };
     let submitter = &guarded.tokens["submitter"];
-    let refused = jobs.submit_job(with_token(submitter, submit("somebody else"))).await.unwrap_err();
+    let refused = jobs.submit_job(with_token(submitter, submit("another owner"))).await.unwrap_err();
     assert_eq!(refused.code(), Code::PermissionDenied);
-    // Past the owner, the missing spec is what is wrong.
+    // The owner is accepted, and the request is refused because its spec is missing.
     let refused = jobs.submit_job(with_token(submitter, submit("submitter"))).await.unwrap_err();
     assert_eq!(refused.code(), Code::InvalidArgument);
     let audit = guarded.audit();
@@ -287,7 +294,7 @@ async fn jobs_carry_the_name_of_their_token() {
 }
 
 #[tokio::test]
-async fn others_get_in_only_with_tls_and_tokens() {
+async fn other_machines_need_tls_and_tokens() {
     let folder = tempfile::tempdir().unwrap();
     let config = Config { data_dir: folder.path().join("data"), compute_threads: 1, ..Config::default() };
     let start = |config: Config| async move {
@@ -295,13 +302,13 @@ async fn others_get_in_only_with_tls_and_tokens() {
         server::run(listener, config, std::future::ready(())).await
     };
     assert!(matches!(start(config.clone()).await, Err(ServeError::NoTls { .. })));
-    let files = certificate(folder.path(), "localhost");
+    let files = write_certificate(folder.path(), "localhost");
     assert!(matches!(start(with_tls(&config, &files)).await, Err(ServeError::NoTokens)));
-    let half = Config { tls_key: None, ..with_tls(&config, &files) };
-    assert!(matches!(start(half).await, Err(ServeError::Config(_))));
+    let incomplete = Config { tls_key: None, ..with_tls(&config, &files) };
+    assert!(matches!(start(incomplete).await, Err(ServeError::Config(_))));
     start(Config { insecure: true, ..config.clone() }).await.unwrap();
-    let store = open(&config.data_dir).await;
-    make(&store, "ada", Role::Viewer, &[], None).await;
+    let store = open_store(&config.data_dir).await;
+    create_token(&store, "ada", Role::Viewer, &[], None).await;
     store.close().await;
     start(with_tls(&config, &files)).await.unwrap();
     let missing = TlsFiles {
@@ -322,8 +329,8 @@ fn with_tls(config: &Config, files: &TlsFiles) -> Config {
     }
 }
 
-/// A self-signed certificate and its key, as files.
-fn certificate(folder: &Path, name: &str) -> TlsFiles {
+/// Writes a self-signed certificate and its key to files.
+fn write_certificate(folder: &Path, name: &str) -> TlsFiles {
     let made = rcgen::generate_simple_self_signed([name.to_owned()]).unwrap();
     let files = TlsFiles { certificate: folder.join("cert.pem"), key: folder.join("key.pem"), client_authority: None };
     fs::write(&files.certificate, made.cert.pem()).unwrap();
@@ -351,50 +358,54 @@ async fn connect(
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn certificates_are_checked_and_read_again_when_they_change() {
+async fn certificates_are_checked_and_reloaded_after_a_change() {
     let folder = tempfile::tempdir().unwrap();
-    let files = certificate(folder.path(), "first.lab");
+    let files = write_certificate(folder.path(), "first.lab");
     let old = folder.path().join("old.pem");
     fs::copy(&files.certificate, &old).unwrap();
     let serving = Serving::start_secured(|config| *config = with_tls(config, &files)).await;
     connect(&serving, "first.lab", &old, None).await.unwrap();
-    assert!(connect(&serving, "second.lab", &old, None).await.is_err(), "another name");
+    assert!(connect(&serving, "second.lab", &old, None).await.is_err(), "the certificate has another name");
     let plain = Channel::from_shared(format!("http://{}", serving.address)).unwrap().connect().await;
     let plain = match plain {
         Err(_) => true,
         Ok(channel) => JobServiceClient::new(channel).list_jobs(v1::ListJobsRequest::default()).await.is_err(),
     };
-    assert!(plain, "no TLS, no answer");
+    assert!(plain, "a call without TLS must fail");
 
-    certificate(folder.path(), "second.lab");
-    // The server looks every ten seconds; what is waited for is that it has looked.
+    write_certificate(folder.path(), "second.lab");
+    // The server checks its certificate files every ten seconds.
     let deadline = tokio::time::Instant::now() + std::time::Duration::from_secs(30);
     while connect(&serving, "second.lab", &files.certificate, None).await.is_err() {
-        assert!(tokio::time::Instant::now() < deadline, "the new certificate is not used");
+        assert!(tokio::time::Instant::now() < deadline, "the server does not use the new certificate");
         tokio::time::sleep(std::time::Duration::from_millis(200)).await;
     }
     serving.stop().await.unwrap();
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn client_certificates_are_wanted_where_an_authority_is_set() {
+async fn client_certificates_are_required_if_an_authority_is_set() {
     let (folder, clients) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
-    let own = certificate(clients.path(), "bench");
+    let own = write_certificate(clients.path(), "bench");
     let authority = Some(own.certificate.clone());
-    let files = TlsFiles { client_authority: authority, ..certificate(folder.path(), "lab") };
+    let files = TlsFiles { client_authority: authority, ..write_certificate(folder.path(), "lab") };
     let serving = Serving::start_secured(|config| *config = with_tls(config, &files)).await;
-    assert!(connect(&serving, "lab", &files.certificate, None).await.is_err(), "without a certificate");
+    assert!(
+        connect(&serving, "lab", &files.certificate, None).await.is_err(),
+        "a client without a certificate must be refused"
+    );
     let identity = Identity::from_pem(fs::read(&own.certificate).unwrap(), fs::read(&own.key).unwrap());
     connect(&serving, "lab", &files.certificate, Some(identity)).await.unwrap();
     serving.stop().await.unwrap();
 }
 
-fn denied<T: std::fmt::Debug>(answer: Result<T, Status>) {
+/// Asserts that access was denied.
+fn assert_denied<T: std::fmt::Debug>(answer: Result<T, Status>) {
     assert_eq!(answer.unwrap_err().code(), Code::PermissionDenied);
 }
 
 #[test]
-fn the_walk_sends_something() {
-    // Every message of the API can be empty: what is refused is refused for who sends it.
+fn empty_messages_are_valid_requests() {
+    // Empty messages can be decoded. So the calls in the test of all methods are refused only because of their caller.
     assert_eq!(v1::GetJobRequest::decode(Bytes::new()).unwrap(), v1::GetJobRequest::default());
 }

@@ -1,4 +1,4 @@
-//! Artifacts: uploaded once, resumed, verified, read in ranges.
+//! Tests of artifacts: uploads, interrupted uploads, checks of digests, reads of ranges.
 
 use crate::serving::{Serving, expect};
 use lightpath_artifacts::digest_of;
@@ -20,11 +20,11 @@ async fn read(serving: &Serving, digest: &str, offset_bytes: u64, limit_bytes: u
 }
 
 #[tokio::test]
-async fn what_was_uploaded_comes_back() {
+async fn uploaded_bytes_are_read_back() {
     let serving = Serving::start().await;
     let bytes: Vec<u8> = (0..3_000_000_u32).map(|i| (i.wrapping_mul(7919) >> 8) as u8).collect();
     let digest = serving.upload(&bytes).await;
-    assert_eq!(serving.upload(&bytes).await, digest, "a stored artifact is answered at once");
+    assert_eq!(serving.upload(&bytes).await, digest, "uploading the same bytes again returns the same digest");
     assert_eq!(read(&serving, &digest, 0, 0).await.unwrap(), bytes);
     assert_eq!(read(&serving, &digest, 2_999_990, 5).await.unwrap(), bytes[2_999_990..2_999_995]);
     expect(read(&serving, &digest, 3_000_001, 0).await, Code::OutOfRange, "offset_bytes is 3000001");
@@ -34,7 +34,7 @@ async fn what_was_uploaded_comes_back() {
 }
 
 #[tokio::test]
-async fn an_interrupted_upload_goes_on() {
+async fn interrupted_upload_continues() {
     let serving = Serving::start().await;
     let bytes = b"holography is photography without a lens".repeat(1000);
     let (digest, size) = (digest_of(&bytes), bytes.len() as u64);
@@ -50,7 +50,7 @@ async fn an_interrupted_upload_goes_on() {
 }
 
 #[tokio::test]
-async fn wrong_content_is_not_kept() {
+async fn wrong_content_is_refused() {
     let serving = Serving::start().await;
     let digest = digest_of(b"right");
     expect(serving.write(&digest, 5, 0, b"wrong").await, Code::InvalidArgument, "the content hashes to sha256-");
@@ -64,7 +64,7 @@ async fn wrong_content_is_not_kept() {
 }
 
 #[tokio::test]
-async fn two_uploads_of_the_same_at_once_both_succeed() {
+async fn concurrent_uploads_of_the_same_bytes_succeed() {
     let serving = Serving::start().await;
     let bytes = vec![7; 1 << 20];
     let uploads = (0..8).map(|_| serving.upload(&bytes));
@@ -73,12 +73,12 @@ async fn two_uploads_of_the_same_at_once_both_succeed() {
 }
 
 #[tokio::test]
-async fn uploads_under_way_are_bounded_and_one_that_ends_lets_another_in() {
+async fn concurrent_uploads_are_limited() {
     let serving = Serving::start().await;
     let mut waiting = Vec::new();
-    // Each waits for its second message; the last one finds no place.
+    // Each upload waits for its second message. The last upload is refused.
     let refused = loop {
-        assert!(waiting.len() < 1000, "nothing is refused");
+        assert!(waiting.len() < 1000, "no upload was refused");
         let digest = digest_of(waiting.len().to_string().as_bytes());
         let start = v1::WriteArtifactStart { digest, size_bytes: 9, offset_bytes: 0 };
         let (parts, sent) = mpsc::channel(1);
@@ -90,7 +90,7 @@ async fn uploads_under_way_are_bounded_and_one_that_ends_lets_another_in() {
             Err(_) => waiting.push((parts, upload)),
         }
     };
-    expect(Err::<(), _>(refused), Code::ResourceExhausted, "64 uploads are under way already");
+    expect(Err::<(), _>(refused), Code::ResourceExhausted, "64 uploads already run");
     assert!(waiting.len() >= 64, "{}", waiting.len());
     let (parts, upload) = waiting.remove(0);
     drop(parts);

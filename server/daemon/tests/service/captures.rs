@@ -1,10 +1,10 @@
-//! Datasets as a lab makes them: photographs that are turned, shifted, black, copied or of something else.
+//! Tests of datasets with imperfect photographs: turned, shifted, black, of wrong sizes or of other holograms.
 //!
-//! The server has threads of its own: it goes on while a test computes.
+//! The runtime of these tests has two threads, so that the server can answer while a test computes.
 
-use crate::optics_lab::{CENTRE, Dataset, HEIGHT, Lab, WIDTH, levels};
-use crate::preparing::refused;
+use crate::preparing::assert_refused;
 use crate::serving::expect;
+use crate::test_bench::{CENTRE, Dataset, HEIGHT, TestBench, WIDTH, levels};
 use lightpath_media::pictures;
 use lightpath_optics::Plane;
 use lightpath_optics::alignment::Homography;
@@ -14,7 +14,7 @@ use lightpath_proto::v1::prepare_dataset::align::Source;
 use tonic::Code;
 
 /// Largest distance between two maps in the region of interest \[px of the display\].
-fn apart(found: &v1::Alignment, truth: &Homography) -> f64 {
+fn largest_distance_px(found: &v1::Alignment, truth: &Homography) -> f64 {
     let found = Homography::try_new(found.homography.clone().try_into().unwrap()).unwrap();
     let back = truth.inverse();
     [[40.0, 22.0], [344.0, 22.0], CENTRE, [40.0, 194.0], [344.0, 194.0]]
@@ -27,69 +27,69 @@ fn apart(found: &v1::Alignment, truth: &Homography) -> f64 {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn turned_and_shifted_photographs_are_aligned_and_a_wrong_one_is_left_out() {
-    let (lab, mut dataset) = (Lab::new(3), Dataset::open().await);
+async fn turned_and_shifted_photographs_are_aligned_and_a_wrong_one_is_excluded() {
+    let (bench, mut dataset) = (TestBench::new(3), Dataset::open().await);
     let map = Homography::similarity(CENTRE, 1.0_f64.to_radians(), 1.0, [2.0, 0.0]);
-    let phases: Vec<_> = (0..6).map(|card| lab.hologram(card)).collect();
+    let phases: Vec<_> = (0..6).map(|card| bench.hologram(card)).collect();
     for (n, phase) in phases.iter().enumerate() {
-        let shown = if n == 4 { &lab.hologram(7) } else { phase };
-        dataset.add(&format!("p{n}"), phase, &lab.photo(shown, n as u64, &map, HEIGHT, WIDTH)).await;
+        let shown = if n == 4 { &bench.hologram(7) } else { phase };
+        dataset.add(&format!("p{n}"), phase, &bench.photo(shown, n as u64, &map, HEIGHT, WIDTH)).await;
     }
-    let closed = dataset.finalize().await.unwrap();
-    let alignment = closed.alignment.as_ref().expect("an alignment");
+    let finalized = dataset.finalize().await.unwrap();
+    let alignment = finalized.alignment.as_ref().expect("an alignment");
     assert_eq!(alignment.method(), v1::alignment::Method::Pairs);
-    // The display's own aberrations displace the image by some tenths of a pixel, and who learns it must not care.
-    let error = apart(alignment, &map);
+    // The display's own aberrations displace the image by some tenths of a pixel. The alignment need not correct this.
+    let error = largest_distance_px(alignment, &map);
     assert!(error < 0.6, "{error} px off");
     assert!((1.9..3.5).contains(&alignment.corrected_px), "{}", alignment.corrected_px);
     for picture in [&alignment.before, &alignment.after] {
         let request = v1::GetArtifactRequest { digest: picture.clone() };
         assert!(dataset.serving.artifacts().get_artifact(request).await.unwrap().into_inner().size_bytes > 1000);
     }
-    let wrong: Vec<_> = closed.findings.iter().filter(|finding| finding.kind() == Kind::WrongHologram).collect();
+    let wrong: Vec<_> = finalized.findings.iter().filter(|finding| finding.kind() == Kind::WrongHologram).collect();
     assert_eq!(wrong.iter().map(|finding| finding.pair.as_str()).collect::<Vec<_>>(), ["p4"], "{wrong:?}");
-    let splits: Vec<_> = closed.pairs.iter().map(v1::Pair::split).collect();
+    let splits: Vec<_> = finalized.pairs.iter().map(v1::Pair::split).collect();
     assert_eq!(splits.iter().filter(|split| **split == v1::Split::Excluded).count(), 1);
-    assert_eq!(closed.pairs[4].split(), v1::Split::Excluded);
-    let good = closed.pairs.iter().filter(|pair| pair.id != "p4");
+    assert_eq!(finalized.pairs[4].split(), v1::Split::Excluded);
+    let good = finalized.pairs.iter().filter(|pair| pair.id != "p4");
     let left: Vec<_> = good.map(|pair| pair.checks.unwrap().misalignment_px).collect();
     assert!(left.iter().flatten().all(|px| *px < 0.7) && left.iter().flatten().count() >= 4, "{left:?}");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_photograph_of_the_dots_aligns_photographs_of_any_size() {
-    let (lab, mut dataset) = (Lab::new(5), Dataset::open().await);
+async fn photograph_of_the_dots_aligns_photographs_of_any_size() {
+    let (bench, mut dataset) = (TestBench::new(5), Dataset::open().await);
     let request = v1::CreateCalibrationTargetRequest { display: "displays/bench".into() };
     let target = dataset.client.create_calibration_target(request).await.unwrap().into_inner();
     assert!(target.columns >= 14 && target.rows >= 8, "{target:?}");
     let dots = lightpath_optics::alignment::DotGrid::of_display(HEIGHT, WIDTH).unwrap().target();
     let map = Homography::try_new([1.3, 0.05, 40.0, -0.04, 1.35, 30.0, 6e-5, -4e-5, 1.0]).unwrap();
     let (height, width) = (380, 600);
-    let photo = lab.photo(&lab.phase(&dots, 60), 1, &map, height, width);
+    let photo = bench.photo(&bench.phase(&dots, 60), 1, &map, height, width);
     let digest = dataset.serving.upload(&pictures::grey_png_linear(&photo).unwrap()).await;
     let aligned = dataset.align(Source::DotsPhoto(digest)).await.unwrap();
     let alignment = aligned.alignment.unwrap();
     assert_eq!((alignment.method(), alignment.photo_width_px), (v1::alignment::Method::Dots, 600));
-    let error = apart(&alignment, &map);
+    let error = largest_distance_px(&alignment, &map);
     assert!(error < 0.6, "{error} px off, {alignment:?}");
 
-    let phase = lab.hologram(0);
-    let added = dataset.add("p0", &phase, &lab.photo(&phase, 2, &map, height, width)).await;
+    let phase = bench.hologram(0);
+    let added = dataset.add("p0", &phase, &bench.photo(&phase, 2, &map, height, width)).await;
     assert!(added.findings.iter().all(|finding| !finding.excludes), "{:?}", added.findings);
     // Photographs of the display's size no longer fit.
     let other = dataset.serving.upload(&pictures::grey_png_linear(&Plane::filled(HEIGHT, WIDTH, 0.5)).unwrap()).await;
-    let hologram = dataset.serving.upload(&pictures::levels_png(&levels(&lab.hologram(1)), 8).unwrap()).await;
+    let hologram = dataset.serving.upload(&pictures::levels_png(&levels(&bench.hologram(1)), 8).unwrap()).await;
     let pair = v1::Pair { id: "p1".into(), phase: hologram, photo: other, ..Default::default() };
     let request = v1::AddPairRequest { dataset: "datasets/d".into(), pair: Some(pair) };
     let answer = dataset.client.add_pair(request).await;
     assert!(answer.as_ref().unwrap_err().message().contains("600×380"), "{answer:?}");
     expect(answer, Code::InvalidArgument, "pair.photo (sha256-");
     let answer = dataset.align(Source::None(true)).await;
-    refused(answer, "ALIGNMENT_SIZE: pair \"p0\" has a photograph of 600×380 px");
+    assert_refused(answer, "ALIGNMENT_SIZE: pair \"p0\" has a photograph of 600×380 px");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn given_points_align_and_bad_ones_are_refused() {
+async fn valid_points_align_and_invalid_points_are_refused() {
     let mut dataset = Dataset::open().await;
     let corners = [[0.0, 0.0], [383.0, 0.0], [0.0, 215.0], [383.0, 215.0]];
     let points = |count: usize, on_a_line: bool| {
@@ -106,57 +106,63 @@ async fn given_points_align_and_bad_ones_are_refused() {
         })
     };
     let field = "spec.prepare_dataset.align.points.points";
-    refused(dataset.align(points(3, false)).await, &format!("{field} fix no alignment: there are 3 points"));
-    refused(dataset.align(points(4, true)).await, &format!("{field} fix no alignment: the points lie on a line"));
-    refused(dataset.align(Source::Pairs(false)).await, "spec.prepare_dataset.align.pairs is false");
-    refused(dataset.align(Source::Pairs(true)).await, "spec.prepare_dataset.dataset: datasets/d has no pairs");
+    assert_refused(
+        dataset.align(points(3, false)).await,
+        &format!("{field} does not define an alignment: there are 3 points"),
+    );
+    assert_refused(
+        dataset.align(points(4, true)).await,
+        &format!("{field} does not define an alignment: the points lie on a line"),
+    );
+    assert_refused(dataset.align(Source::Pairs(false)).await, "spec.prepare_dataset.align.pairs is false");
+    assert_refused(dataset.align(Source::Pairs(true)).await, "spec.prepare_dataset.dataset: datasets/d has no pairs");
     let aligned = dataset.align(points(4, false)).await.unwrap();
     let truth = Homography::try_new([2.0, 0.0, 10.0, 0.0, 2.0, 7.0, 0.0, 0.0, 1.0]).unwrap();
-    assert!(apart(&aligned.alignment.unwrap(), &truth) < 1e-6);
+    assert!(largest_distance_px(&aligned.alignment.unwrap(), &truth) < 1e-6);
     let plain = dataset.align(Source::None(true)).await.unwrap();
     assert!(plain.alignment.is_none());
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn what_cannot_be_learned_from_is_refused_with_the_reason() {
-    let lab = Lab::new(1);
-    let phases: Vec<_> = (0..5).map(|card| lab.hologram(card)).collect();
-    let seen = |phase: &Plane<f32>, n: u64| lab.photo(phase, n, &Homography::IDENTITY, HEIGHT, WIDTH);
+async fn unusable_datasets_are_refused_with_the_reason() {
+    let bench = TestBench::new(1);
+    let phases: Vec<_> = (0..5).map(|card| bench.hologram(card)).collect();
+    let photograph = |phase: &Plane<f32>, n: u64| bench.photo(phase, n, &Homography::IDENTITY, HEIGHT, WIDTH);
 
     let mut dataset = Dataset::open().await;
-    refused(dataset.finalize().await, "spec.prepare_dataset.dataset: datasets/d has no pairs");
-    // Two levels of 255 in a corner: no two photographs are the same, and all are black.
+    assert_refused(dataset.finalize().await, "spec.prepare_dataset.dataset: datasets/d has no pairs");
+    // One pixel with two levels of 255 makes each photograph different from the others. All of them count as black.
     let dark = |n: usize| Plane::from_fn(HEIGHT, WIDTH, |y, x| if (y, x) == (0, n) { 0.008 } else { 0.0 });
     for (n, phase) in phases.iter().enumerate() {
         let added = dataset.add(&format!("p{n}"), phase, &dark(n)).await;
         assert_eq!(added.findings[0].kind(), Kind::Black);
     }
-    refused(dataset.finalize().await, "DATASET_UNUSABLE: 5 of 5 photographs of datasets/d are black");
+    assert_refused(dataset.finalize().await, "DATASET_UNUSABLE: 5 of 5 photographs of datasets/d are black");
 
     let mut dataset = Dataset::open().await;
     for (n, phase) in phases.iter().enumerate() {
-        dataset.add(&format!("p{n}"), phase, &seen(&phases[(n + 1) % phases.len()], n as u64)).await;
+        dataset.add(&format!("p{n}"), phase, &photograph(&phases[(n + 1) % phases.len()], n as u64)).await;
     }
     let message = dataset.finalize().await.unwrap_err();
     assert!(message.contains("photographs of datasets/d show other holograms than theirs"), "{message}");
 
-    // One black and one copied photograph are left out, and what is left can be learned from.
+    // One black photograph is excluded. The remaining pairs are enough to learn from.
     let mut dataset = Dataset::open().await;
     for (n, phase) in phases.iter().enumerate() {
-        let photo = if n == 1 { dark(n) } else { seen(phase, n as u64) };
+        let photo = if n == 1 { dark(n) } else { photograph(phase, n as u64) };
         dataset.add(&format!("p{n}"), phase, &photo).await;
     }
-    let closed = dataset.finalize().await.unwrap();
-    assert_eq!(closed.pairs[1].split(), v1::Split::Excluded);
-    let excluded = closed.pairs.iter().filter(|pair| pair.split() == v1::Split::Excluded).count();
-    assert_eq!(excluded, 1, "{:?}", closed.findings);
-    assert!(closed.alignment.is_none(), "what is aligned is left as it is: {:?}", closed.alignment);
+    let finalized = dataset.finalize().await.unwrap();
+    assert_eq!(finalized.pairs[1].split(), v1::Split::Excluded);
+    let excluded = finalized.pairs.iter().filter(|pair| pair.split() == v1::Split::Excluded).count();
+    assert_eq!(excluded, 1, "{:?}", finalized.findings);
+    assert!(finalized.alignment.is_none(), "photographs that are aligned need no alignment: {:?}", finalized.alignment);
     let again = dataset.finalize().await.unwrap();
-    assert_eq!(again.digest, closed.digest);
+    assert_eq!(again.digest, finalized.digest);
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn arrays_with_holes_and_photographs_of_other_sizes_are_refused_at_once() {
+async fn non_finite_values_and_wrong_sizes_are_refused_when_added() {
     let mut dataset = Dataset::open().await;
     let phase = Plane::from_fn(HEIGHT, WIDTH, |y, x| (y * x % 7) as f32);
     let hologram = dataset.serving.upload(&pictures::levels_png(&levels(&phase), 8).unwrap()).await;
@@ -166,15 +172,15 @@ async fn arrays_with_holes_and_photographs_of_other_sizes_are_refused_at_once() 
         (pictures::npy_f32(&broken).unwrap(), "not a finite number, at x = 3 px, y = 1 px"),
         (pictures::npy_f32(&Plane::filled(HEIGHT, WIDTH - 1, 0.5)).unwrap(), "383×216 px, but must have 384×216 px"),
     ];
-    for (file, sign) in cases {
+    for (file, expected) in cases {
         let photo = dataset.serving.upload(&file).await;
         let pair = v1::Pair { id: "p".into(), phase: hologram.clone(), photo, ..Default::default() };
         let request = v1::AddPairRequest { dataset: "datasets/d".into(), pair: Some(pair) };
         let answer = dataset.client.add_pair(request).await;
-        assert!(answer.as_ref().unwrap_err().message().contains(sign), "{answer:?}");
+        assert!(answer.as_ref().unwrap_err().message().contains(expected), "{answer:?}");
         expect(answer, Code::InvalidArgument, "pair.photo (sha256-");
     }
-    // A hologram as radians is one too; one with holes is not.
+    // A hologram can be an array of radians. Values that are not finite are refused.
     let photo = dataset.serving.upload(&pictures::npy_f32(&Plane::filled(HEIGHT, WIDTH, 0.5)).unwrap()).await;
     for (plane, good) in [(&broken, false), (&phase, true)] {
         let hologram = dataset.serving.upload(&pictures::npy_f32(plane).unwrap()).await;

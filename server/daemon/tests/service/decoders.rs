@@ -1,7 +1,8 @@
-//! Every decoder of files from outside, fed with damaged ones: it refuses or reads them, within memory, and never panics.
+//! Tests of every decoder of outside files with damaged files. A decoder must refuse or read them, with bounded memory and
+//! without a panic.
 //!
-//! `LIGHTPATH_FUZZ_SECONDS=600 cargo test --release -p lightpath-server --test service decoders -- --nocapture` feeds each for
-//! ten minutes; `fuzz/` does the same with libFuzzer.
+//! `LIGHTPATH_FUZZ_SECONDS=600 cargo test --release -p lightpath-server --test service decoders -- --nocapture` tests each
+//! decoder for ten minutes. `fuzz/` tests the same decoders with libFuzzer.
 
 use crate::mutation::{Random, add_to_corpus, mutated};
 use image::{DynamicImage, ImageFormat};
@@ -15,11 +16,11 @@ use std::io::{Cursor, Write as _};
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-/// Files that each decoder gets, where no time is given.
+/// Number of damaged files for each decoder, if no time is given.
 const FILES: u32 = 1500;
-/// Memory of the process that decodes \[KiB\]: the largest picture takes 1 GiB while it is read.
+/// Memory limit of the process that decodes \[KiB\]: the largest picture takes 1 GiB while it is read.
 const MEMORY_KIB_MAX: u32 = 3 << 20;
-/// Set in the process that has the limit.
+/// Environment variable that marks the process with the memory limit.
 const LIMITED: &str = "LIGHTPATH_FUZZ_LIMITED";
 
 /// Valid files of a decoder.
@@ -63,7 +64,7 @@ fn seeds(decoder: Decoder) -> Vec<Vec<u8>> {
     }
 }
 
-/// What `fuzz/` calls it.
+/// Name of the decoder's target in `fuzz/`.
 fn fuzz_target(decoder: Decoder) -> &'static str {
     match decoder {
         Decoder::Target => "target",
@@ -80,47 +81,47 @@ fn fuzz_target(decoder: Decoder) -> &'static str {
 #[test]
 fn valid_files_are_read() {
     for decoder in Decoder::ALL {
-        // H alone can be written, but says too little to be read back.
-        let read = seeds(decoder).iter().filter(|seed| decoder.reads(seed)).count();
+        // A file with the transfer function alone can be exported, but lacks the properties that an import needs.
+        let read = seeds(decoder).iter().filter(|seed| decoder.accepts(seed)).count();
         assert!(read > 0 && (decoder == Decoder::Kernel || read == seeds(decoder).len()), "{decoder:?}: {read}");
-        assert!(!decoder.reads(b"") || decoder == Decoder::Settings, "{decoder:?}");
+        assert!(!decoder.accepts(b"") || decoder == Decoder::Settings, "{decoder:?}");
         add_to_corpus(fuzz_target(decoder), &seeds(decoder));
     }
 }
 
-/// Runs itself with a limit on its memory: an allocation beyond it ends the process.
+/// Runs this test in a process with a memory limit. An allocation beyond the limit ends that process.
 #[test]
 fn damaged_files_are_refused_or_read_within_memory() {
     if std::env::var_os(LIMITED).is_some() {
         for decoder in Decoder::ALL {
-            writeln!(std::io::stderr(), "{}", feed(decoder)).unwrap();
+            writeln!(std::io::stderr(), "{}", decode_damaged_files(decoder)).unwrap();
         }
         return;
     }
     let limited = format!("ulimit -v {MEMORY_KIB_MAX} && ulimit -c 0 && exec \"$0\" \"$@\"");
-    let itself = "decoders::damaged_files_are_refused_or_read_within_memory";
+    let this_test = "decoders::damaged_files_are_refused_or_read_within_memory";
     let status = Command::new("sh")
         .args(["-c", &limited])
         .arg(std::env::current_exe().unwrap())
-        .args(["--exact", itself, "--nocapture"])
+        .args(["--exact", this_test, "--nocapture"])
         .env(LIMITED, "yes")
         .status()
         .unwrap();
     assert!(status.success(), "{status}");
 }
 
-/// Damaged files to a decoder: a number of them, or as many as go into `LIGHTPATH_FUZZ_SECONDS`. Says how that went.
-fn feed(decoder: Decoder) -> String {
+/// Decodes damaged files: [`FILES`] of them, or as many as possible in `LIGHTPATH_FUZZ_SECONDS`. Returns a summary.
+fn decode_damaged_files(decoder: Decoder) -> String {
     let seconds = std::env::var("LIGHTPATH_FUZZ_SECONDS").ok().map(|seconds| seconds.parse::<u64>().unwrap());
     let (seeds, mut random) = (seeds(decoder), Random::new(7));
-    let (begin, mut fed, mut read, mut slowest) = (Instant::now(), 0, 0, Duration::ZERO);
-    while seconds.map_or(fed < FILES, |seconds| begin.elapsed() < Duration::from_secs(seconds)) {
+    let (begin, mut decoded, mut read, mut slowest) = (Instant::now(), 0, 0, Duration::ZERO);
+    while seconds.map_or(decoded < FILES, |seconds| begin.elapsed() < Duration::from_secs(seconds)) {
         let damaged = mutated(&seeds[random.below(seeds.len())], &seeds, &mut random);
         let started = Instant::now();
-        read += u32::from(decoder.reads(&damaged));
+        read += u32::from(decoder.accepts(&damaged));
         slowest = slowest.max(started.elapsed());
-        fed += 1;
+        decoded += 1;
     }
-    assert!(read < fed, "{decoder:?} refuses something");
-    format!("{decoder:?}: {fed} files, {read} of them read, the slowest took {slowest:.1?}")
+    assert!(read < decoded, "{decoder:?} refused no file");
+    format!("{decoder:?}: {decoded} files, {read} of them read, the slowest took {slowest:.1?}")
 }

@@ -1,4 +1,4 @@
-//! Displays: declared once, listed in pages, refused with the field.
+//! Tests of displays, their lists, and plans of propagation.
 
 use crate::serving::{Serving, expect, small_display};
 use lightpath_proto::v1;
@@ -6,11 +6,11 @@ use tonic::Code;
 use tonic_types::StatusExt as _;
 
 #[tokio::test]
-async fn a_display_is_declared_once() {
+async fn display_is_created_once() {
     let serving = Serving::start().await;
     let first = serving.display("lab-2").await;
     assert_eq!((first.name.as_str(), first.bit_depth), ("displays/lab-2", 8));
-    assert_eq!(serving.display("lab-2").await, first, "the same again is the same");
+    assert_eq!(serving.display("lab-2").await, first, "a repeated request returns the same display");
     let other = v1::Display { width_px: 128, ..small_display("lab-2") };
     let answer = serving.displays().create_display(v1::CreateDisplayRequest { display: Some(other) }).await;
     expect(answer, Code::AlreadyExists, "displays/lab-2 already exists");
@@ -24,7 +24,7 @@ async fn a_display_is_declared_once() {
 }
 
 #[tokio::test]
-async fn refusals_carry_the_field_for_programs_too() {
+async fn details_of_a_refusal_name_the_field() {
     let serving = Serving::start().await;
     let bad = v1::Display { pixel_pitch_m: -8e-6, ..small_display("lab") };
     let answer = serving.displays().create_display(v1::CreateDisplayRequest { display: Some(bad) }).await;
@@ -38,10 +38,10 @@ async fn refusals_carry_the_field_for_programs_too() {
 }
 
 #[tokio::test]
-async fn plans_of_propagation_tell_the_numbers() {
+async fn propagation_plans_report_method_distances_and_warnings() {
     let serving = Serving::start().await;
     serving.display("lab").await;
-    let ask = |change: &dyn Fn(&mut v1::PlanPropagationRequest)| {
+    let request_with = |change: &dyn Fn(&mut v1::PlanPropagationRequest)| {
         let mut request = v1::PlanPropagationRequest { display: "displays/lab".into(), ..Default::default() };
         request.distance_m = 0.01;
         change(&mut request);
@@ -49,40 +49,50 @@ async fn plans_of_propagation_tell_the_numbers() {
     };
     let plan = async |request| serving.displays().plan_propagation(request).await.map(tonic::Response::into_inner);
     // 64×48 px of 8 µm at 515 nm: z_c = 15.9 mm and 11.9 mm.
-    let near = plan(ask(&|_| ())).await.unwrap();
+    let near = plan(request_with(&|_| ())).await.unwrap();
     let report = near.report.unwrap();
     assert_eq!(report.method(), v1::PropagationMethod::AngularSpectrum);
     assert!((report.critical_distance_y_m - 0.01193).abs() < 1e-5 && report.band_kept_area > 0.99, "{report:?}");
-    let refused = near.alternatives.iter().find(|it| it.method() == v1::PropagationMethod::FresnelImpulseResponse);
-    assert!(refused.is_some_and(|it| !it.possible && it.text.contains("15.9 mm")), "{refused:?}");
+    let refused =
+        near.alternatives.iter().find(|other| other.method() == v1::PropagationMethod::FresnelImpulseResponse);
+    assert!(refused.is_some_and(|other| !other.possible && other.text.contains("15.9 mm")), "{refused:?}");
 
-    let far = plan(ask(&|request| request.distance_m = -0.05)).await.unwrap().report.unwrap();
+    let far = plan(request_with(&|request| request.distance_m = -0.05)).await.unwrap().report.unwrap();
     assert_eq!(far.method(), v1::PropagationMethod::RayleighSommerfeld);
     assert_eq!(far.warnings[0].code, "BAND_LIMITED");
 
     let window = v1::ImageWindow { width_px: 32, height_px: 32, pitch_x_m: 2e-6, ..Default::default() };
-    let zoom = plan(ask(&|request| request.window = Some(window))).await.unwrap().report.unwrap();
+    let zoom = plan(request_with(&|request| request.window = Some(window))).await.unwrap().report.unwrap();
     assert_eq!(zoom.method(), v1::PropagationMethod::Scaled);
     assert_eq!(zoom.window.unwrap().pitch_y_m, 2e-6);
 
     let endless = v1::ImageWindow { centre_x_m: f64::INFINITY, ..window };
     let fresnel = v1::PropagationMethod::FresnelImpulseResponse.into();
     for (request, start) in [
-        (ask(&|request| request.distance_m = 5.0), "distance_m is 5: the Rayleigh–Sommerfeld impulse response is not"),
-        (ask(&|request| request.method = fresnel), "method can't be met: the Fresnel impulse response is not possible"),
-        (ask(&|request| request.method = 99), "method is 99"),
-        (ask(&|request| request.window = Some(endless)), "window is not possible: centre_x_m is inf"),
-        (ask(&|request| (request.method, request.window) = (fresnel, Some(window))), "method is given beside a window"),
-        (ask(&|request| request.wavelength_m = 1e-6), "wavelength_m is 1000nm"),
+        (
+            request_with(&|request| request.distance_m = 5.0),
+            "distance_m is 5: the Rayleigh–Sommerfeld impulse response is not",
+        ),
+        (
+            request_with(&|request| request.method = fresnel),
+            "method cannot be used: the Fresnel impulse response is not possible",
+        ),
+        (request_with(&|request| request.method = 99), "method is 99"),
+        (request_with(&|request| request.window = Some(endless)), "window is not possible: centre_x_m is inf"),
+        (
+            request_with(&|request| (request.method, request.window) = (fresnel, Some(window))),
+            "method is given together with a window",
+        ),
+        (request_with(&|request| request.wavelength_m = 1e-6), "wavelength_m is 1000nm"),
     ] {
         expect(plan(request).await, Code::InvalidArgument, start);
     }
-    let nowhere = plan(ask(&|request| request.display = "displays/none".into())).await;
-    expect(nowhere, Code::NotFound, "display: displays/none does not exist");
+    let missing = plan(request_with(&|request| request.display = "displays/none".into())).await;
+    expect(missing, Code::NotFound, "display: displays/none does not exist");
 }
 
 #[tokio::test]
-async fn lists_come_in_pages() {
+async fn lists_are_paged() {
     let serving = Serving::start().await;
     for id in ["a", "b", "c"] {
         serving.display(id).await;
@@ -100,5 +110,5 @@ async fn lists_come_in_pages() {
     }
     assert_eq!(names, ["displays/a", "displays/b", "displays/c"]);
     let request = v1::ListDisplaysRequest { page_size: 0, page_token: "zz".into() };
-    expect(serving.displays().list_displays(request).await, Code::InvalidArgument, "page_token is not known");
+    expect(serving.displays().list_displays(request).await, Code::InvalidArgument, "page_token is unknown");
 }

@@ -1,4 +1,4 @@
-//! Plain HTTP on the same port.
+//! Tests of HTTP/1.1 on the port that also serves gRPC.
 
 use crate::serving::Serving;
 use lightpath_proto::v1::kernel_service_client::KernelServiceClient;
@@ -40,7 +40,7 @@ async fn health_and_metrics_answer() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn metrics_tell_what_became_of_jobs_and_fetches() {
+async fn metrics_count_ended_jobs_and_kernel_fetches() {
     let serving = Serving::start().await;
     let job = crate::jobs::submit_long(&serving).await;
     let watch = lightpath_proto::v1::WatchJobRequest { name: job.name.clone() };
@@ -66,7 +66,7 @@ async fn metrics_tell_what_became_of_jobs_and_fetches() {
     ] {
         assert!(metrics.contains(line), "{line} in {metrics}");
     }
-    assert!(!metrics.contains("nowhere"), "clients cannot make it grow");
+    assert!(!metrics.contains("nowhere"), "requests for unknown displays add no label");
     let value = |name: &str| -> f64 {
         let line = metrics.lines().find_map(|line| line.strip_prefix(name)).unwrap();
         line.trim().parse().unwrap()
@@ -75,7 +75,7 @@ async fn metrics_tell_what_became_of_jobs_and_fetches() {
 }
 
 #[tokio::test]
-async fn jobs_come_as_protobuf_json() {
+async fn jobs_are_served_as_protobuf_json() {
     let serving = Serving::start().await;
     let job = crate::jobs::submit_long(&serving).await;
     let (code, body) = get(&serving, &format!("/v1/{}", job.name)).await;

@@ -1,4 +1,4 @@
-//! Kernels for distances that were never photographed: datasets of several distances, learned together over the wire.
+//! Test of kernels for distances without photographs: one model is learned from datasets at several distances.
 
 use crate::preparing::{prepare, report};
 use crate::serving::{Serving, expect, small_display};
@@ -26,16 +26,16 @@ fn bench(distance_m: f64) -> SimulatedDisplay {
     SimulatedDisplay::draw(setup, None, rail).unwrap()
 }
 
-/// A hologram's levels and its photograph.
-fn shot(bench: &SimulatedDisplay, seed: u64) -> (Plane<u16>, Plane<f32>) {
+/// Grey levels of a hologram, and its photograph.
+fn hologram_and_photo(bench: &SimulatedDisplay, seed: u64) -> (Plane<u16>, Plane<f32>) {
     let range_rad = if seed.is_multiple_of(2) { 6.0 } else { 2.0 };
     let phase = initial_phase(48, 64, range_rad, seed).unwrap();
     let levels = phase.map(|phase| (phase / TAU * 256.0).round().rem_euclid(256.0) as u16);
-    let photo = bench.capture(&shown(&levels), seed).unwrap().map(|level| f32::from(level) / 255.0);
+    let photo = bench.capture(&phase_of_levels(&levels), seed).unwrap().map(|level| f32::from(level) / 255.0);
     (levels, photo)
 }
 
-fn shown(levels: &Plane<u16>) -> Plane<f32> {
+fn phase_of_levels(levels: &Plane<u16>) -> Plane<f32> {
     levels.map(|level| f32::from(level) / 256.0 * TAU)
 }
 
@@ -43,8 +43,8 @@ fn kernels(serving: &Serving) -> KernelServiceClient<Channel> {
     KernelServiceClient::new(serving.channel.clone())
 }
 
-/// A finalized dataset `at-{mm}mm` of photographs at that distance.
-async fn photographed(serving: &Serving, mm: u32) -> String {
+/// Creates and finalizes the dataset `at-{mm}mm` with photographs at that distance.
+async fn create_dataset_at(serving: &Serving, mm: u32) -> String {
     let (bench, name) = (bench(f64::from(mm) / 1e3), format!("datasets/at-{mm}mm"));
     let mut client = DatasetServiceClient::new(serving.channel.clone());
     let dataset = v1::Dataset {
@@ -55,7 +55,7 @@ async fn photographed(serving: &Serving, mm: u32) -> String {
     };
     client.create_dataset(v1::CreateDatasetRequest { dataset: Some(dataset) }).await.unwrap();
     for seed in 0..PAIRS {
-        let (levels, photo) = shot(&bench, 100 * u64::from(mm) + seed);
+        let (levels, photo) = hologram_and_photo(&bench, 100 * u64::from(mm) + seed);
         let phase = serving.upload(&pictures::levels_png(&levels, 8).unwrap()).await;
         let photo = serving.upload(&pictures::grey_png_linear(&photo).unwrap()).await;
         let pair = v1::Pair { id: format!("p{seed}"), phase, photo, ..Default::default() };
@@ -67,7 +67,7 @@ async fn photographed(serving: &Serving, mm: u32) -> String {
     name
 }
 
-async fn learned_together(serving: &Serving, datasets: &[String]) -> Result<v1::Job, Status> {
+async fn learn_together(serving: &Serving, datasets: &[String]) -> Result<v1::Job, Status> {
     let learn = v1::LearnKernel { datasets: datasets.to_vec(), order: 4, ..Default::default() };
     let spec = Some(v1::JobSpec { kind: Some(v1::job_spec::Kind::LearnKernel(learn)) });
     let request = v1::SubmitJobRequest { spec, ..Default::default() };
@@ -80,12 +80,12 @@ async fn learned_together(serving: &Serving, datasets: &[String]) -> Result<v1::
     Ok(job)
 }
 
-async fn interpolated(serving: &Serving, distance_m: f64) -> Result<v1::KernelVersion, Status> {
+async fn interpolate(serving: &Serving, distance_m: f64) -> Result<v1::KernelVersion, Status> {
     let request = v1::InterpolateKernelRequest { display: "displays/lab".into(), distance_m, ..Default::default() };
     Ok(kernels(serving).interpolate_kernel(request).await?.into_inner())
 }
 
-async fn reported(serving: &Serving, name: String) -> String {
+async fn report_html(serving: &Serving, name: String) -> String {
     let report = report(serving, &name).await.unwrap();
     String::from_utf8(serving.read(&report.html).await).unwrap()
 }
@@ -94,27 +94,27 @@ fn loss(bench: &SimulatedDisplay, model: &DisplayModel) -> f64 {
     let engine = Engine::new(model, Detector::Pixel, None).unwrap();
     let region = RegionOfInterest::middle(&bench.setup().grid());
     let one = |seed| {
-        let (levels, photo) = shot(bench, seed);
-        compare(&engine, &Pair { phase: shown(&levels), photo }, region).unwrap().fitted_loss()
+        let (levels, photo) = hologram_and_photo(bench, seed);
+        compare(&engine, &Pair { phase: phase_of_levels(&levels), photo }, region).unwrap().fitted_loss()
     };
     (900..904).map(one).sum()
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_kernel_of_a_distance_that_was_never_photographed_foretells_photographs_there() {
+async fn interpolated_kernel_predicts_photographs_at_a_new_distance() {
     let serving = Serving::start().await;
     let request = v1::CreateDisplayRequest { display: Some(small_display("lab")) };
     serving.displays().create_display(request).await.unwrap();
     let mut datasets = Vec::new();
     for mm in PHOTOGRAPHED_MM {
-        datasets.push(photographed(&serving, mm).await);
+        datasets.push(create_dataset_at(&serving, mm).await);
     }
-    expect(interpolated(&serving, 4.6e-3).await, Code::FailedPrecondition, "distance_m: no kernels of displays/lab");
+    expect(interpolate(&serving, 4.6e-3).await, Code::FailedPrecondition, "distance_m: no kernels of displays/lab");
     let twice = [datasets[0].clone(), datasets[0].clone()];
     let refusal = "spec.learn_kernel.datasets[1] is of 4mm, but another dataset is already";
-    expect(learned_together(&serving, &twice).await, Code::InvalidArgument, refusal);
+    expect(learn_together(&serving, &twice).await, Code::InvalidArgument, refusal);
 
-    let job = learned_together(&serving, &datasets).await.unwrap();
+    let job = learn_together(&serving, &datasets).await.unwrap();
     let Some(v1::job_result::Kind::Learn(result)) = job.result.and_then(|result| result.kind) else {
         panic!("{:?}", job.error);
     };
@@ -125,7 +125,7 @@ async fn a_kernel_of_a_distance_that_was_never_photographed_foretells_photograph
         assert!(metrics.test_pairs > 0 && metrics.test_loss < 0.2 * metrics.ideal_test_loss, "{metrics:?}");
     }
 
-    let version = interpolated(&serving, 4.6e-3).await.unwrap();
+    let version = interpolate(&serving, 4.6e-3).await.unwrap();
     assert_eq!(version.name, "displays/lab/kernels/515nm-4.6mm/versions/1");
     let lineage = version.lineage.unwrap();
     assert!(lineage.interpolated);
@@ -143,15 +143,18 @@ async fn a_kernel_of_a_distance_that_was_never_photographed_foretells_photograph
     let there = bench(4.6e-3);
     let (found, ideal) = (loss(&there, &model), loss(&there, &DisplayModel::ideal(there.setup())));
     assert!(found < 0.1 * ideal, "{found} against {ideal}");
-    let html = reported(&serving, version.name).await;
+    let html = report_html(&serving, version.name).await;
     assert!(html.contains("as interpolated") && html.contains("4mm, 5mm, 6mm"));
     assert!(html.contains("Aberrations over the distance") && !html.contains("one standard deviation"));
-    let html = reported(&serving, result.kernels[0].kernel_version.clone()).await;
+    let html = report_html(&serving, result.kernels[0].kernel_version.clone()).await;
     assert!(html.contains("as learned") && html.contains("Aberrations over the distance"));
-    assert!(html.contains("one standard deviation") && html.contains("<polygon"), "the response's band");
+    assert!(
+        html.contains("one standard deviation") && html.contains("<polygon"),
+        "the report shows the uncertainty of the phase response"
+    );
 
     let beyond = "distance_m is 6.5mm, but displays/lab was photographed at 515nm from 4mm to 6mm only";
-    expect(interpolated(&serving, 6.5e-3).await, Code::InvalidArgument, beyond);
+    expect(interpolate(&serving, 6.5e-3).await, Code::InvalidArgument, beyond);
     let there = "distance_m is 5mm, which was photographed: use displays/lab/kernels/515nm-5mm/versions/1";
-    expect(interpolated(&serving, 5e-3).await, Code::InvalidArgument, there);
+    expect(interpolate(&serving, 5e-3).await, Code::InvalidArgument, there);
 }

@@ -1,6 +1,6 @@
-//! Jobs: what is wrong is refused with the field and the fix; what changes is seen.
+//! Tests of jobs: refusals, defaults, progress, results and restarts.
 
-use crate::preparing::{finalize, prepare, refused};
+use crate::preparing::{assert_refused, finalize, prepare};
 use crate::serving::{Serving, expect, small_display};
 use lightpath_artifacts::digest_of;
 use lightpath_media::pictures;
@@ -41,7 +41,7 @@ pub(crate) async fn submit(serving: &Serving, kind: job_spec::Kind, request_id: 
     Ok(serving.jobs().submit_job(request).await?.into_inner())
 }
 
-/// A job of `displays/lab` that takes long enough to be seen at work.
+/// Submits a job on `displays/lab` that takes long enough to be watched while it runs.
 pub(crate) async fn submit_long(serving: &Serving) -> v1::Job {
     serving.display("lab").await;
     let target = serving.upload(&picture()).await;
@@ -49,7 +49,7 @@ pub(crate) async fn submit_long(serving: &Serving) -> v1::Job {
 }
 
 #[tokio::test]
-async fn defaults_are_filled_in_and_repeats_are_harmless() {
+async fn defaults_are_filled_in_and_a_repeated_request_returns_the_same_job() {
     let serving = Serving::start().await;
     serving.display("lab").await;
     let target = serving.upload(&picture()).await;
@@ -67,7 +67,7 @@ async fn defaults_are_filled_in_and_repeats_are_harmless() {
 }
 
 #[tokio::test]
-async fn bad_requests_name_the_field_and_the_fix() {
+async fn refusals_name_the_field_and_the_allowed_values() {
     let serving = Serving::start().await;
     serving.display("lab").await;
     let whole = picture();
@@ -95,7 +95,7 @@ async fn bad_requests_name_the_field_and_the_fix() {
         (
             Box::new(|s| s.propagation = 1),
             Code::InvalidArgument,
-            "propagation can't be met: the angular spectrum is not",
+            "propagation cannot be used: the angular spectrum is not",
         ),
         (Box::new(|s| s.propagation = 8), Code::InvalidArgument, "propagation is the scaled angular spectrum, but"),
         (Box::new(|s| s.propagation = 77), Code::InvalidArgument, "propagation is 77"),
@@ -146,13 +146,13 @@ async fn bad_requests_name_the_field_and_the_fix() {
         expect(answer, code, &format!("spec.optimize_hologram.{start}"));
     }
     let listed = serving.jobs().list_jobs(v1::ListJobsRequest::default()).await.unwrap().into_inner();
-    assert_eq!(listed.jobs, [], "nothing half-written is left");
+    assert_eq!(listed.jobs, [], "a refused request leaves no job");
     let answer = serving.jobs().submit_job(v1::SubmitJobRequest::default()).await;
     expect(answer, Code::InvalidArgument, "spec is not set");
 }
 
 #[tokio::test]
-async fn datasets_take_pairs_that_fit() {
+async fn datasets_accept_only_pairs_that_fit() {
     let serving = Serving::start().await;
     serving.display("lab").await;
     let mut datasets = DatasetServiceClient::new(serving.channel.clone());
@@ -167,7 +167,7 @@ async fn datasets_take_pairs_that_fit() {
     let answer = submit(&serving, job_spec::Kind::LearnKernel(learn.clone()), "").await;
     expect(answer, Code::FailedPrecondition, "spec.learn_kernel.datasets[0]: datasets/first is empty");
 
-    // A lens or two, each a bright spot where its light goes.
+    // Holograms of lenses. The light of each forms a bright spot at x = x0.
     let lens = |height_px: usize, width_px: usize, x0: f64| {
         Plane::from_fn(height_px, width_px, |y, x| {
             let squared = ((x as f64 - x0).powi(2) + (y as f64 - 24.0).powi(2)) * 64e-12;
@@ -195,15 +195,15 @@ async fn datasets_take_pairs_that_fit() {
     expect(datasets.add_pair(add("a/b", &phase, &good_photo)).await, Code::InvalidArgument, "pair.id is");
     datasets.add_pair(add("a", &phase, &good_photo)).await.unwrap();
     let answer = submit(&serving, job_spec::Kind::LearnKernel(learn.clone()), "").await;
-    expect(answer, Code::FailedPrecondition, "spec.learn_kernel.datasets[0]: datasets/first still takes pairs");
+    expect(answer, Code::FailedPrecondition, "spec.learn_kernel.datasets[0]: datasets/first is still open");
 
-    refused(finalize(&serving, "datasets/first").await, "DATASET_SPLIT_EMPTY: datasets/first has no ");
+    assert_refused(finalize(&serving, "datasets/first").await, "DATASET_SPLIT_EMPTY: datasets/first has no ");
     let second = lens(48, 64, 40.0);
     let (phase, other_photo) = (serving.upload(&levels(&second)).await, serving.upload(&photo(&second)).await);
     datasets.add_pair(add("b", &phase, &other_photo)).await.unwrap();
     let dataset = finalize(&serving, "datasets/first").await.unwrap();
     assert!(dataset.digest.starts_with("sha256-") && dataset.pairs.len() == 2);
-    assert_eq!(finalize(&serving, "datasets/first").await.unwrap(), dataset, "the same again changes nothing");
+    assert_eq!(finalize(&serving, "datasets/first").await.unwrap(), dataset, "finalizing again changes nothing");
     for step in [
         Step::Finalize(Finalize { validation_fraction: 0.3, ..Default::default() }),
         Step::Finalize(Finalize { seed: 1, ..Default::default() }),
@@ -211,7 +211,7 @@ async fn datasets_take_pairs_that_fit() {
         Step::Align(Align { source: Some(Source::None(true)) }),
     ] {
         let answer = prepare(&serving, "datasets/first", step).await;
-        refused(answer, "spec.prepare_dataset.dataset: datasets/first is finalized");
+        assert_refused(answer, "spec.prepare_dataset.dataset: datasets/first is finalized");
     }
 
     let bad = v1::LearnKernel { detector: v1::Detector::Supersampled.into(), ..learn.clone() };
@@ -237,7 +237,7 @@ async fn datasets_take_pairs_that_fit() {
 }
 
 #[tokio::test]
-async fn a_watcher_sees_the_job_end() {
+async fn watcher_sees_the_end_of_a_job() {
     let serving = Serving::start().await;
     let job = submit_long(&serving).await;
     let request = v1::WatchJobRequest { name: job.name.clone() };
@@ -255,11 +255,11 @@ async fn a_watcher_sees_the_job_end() {
     expect(again, Code::FailedPrecondition, "");
     let events = v1::ListJobEventsRequest { name: job.name, ..Default::default() };
     assert!(!serving.jobs().list_job_events(events).await.unwrap().into_inner().events.is_empty());
-    let nobody = v1::WatchJobRequest { name: "jobs/none".into() };
-    expect(serving.jobs().watch_job(nobody).await.map(drop), Code::NotFound, "jobs/none does not exist");
+    let missing = v1::WatchJobRequest { name: "jobs/none".into() };
+    expect(serving.jobs().watch_job(missing).await.map(drop), Code::NotFound, "jobs/none does not exist");
 }
 
-/// The job, when it has ended.
+/// Waits until a job has ended, and returns it.
 pub(crate) async fn watch_to_end(serving: &Serving, name: &str) -> v1::Job {
     let request = v1::WatchJobRequest { name: name.to_owned() };
     let mut stream = serving.jobs().watch_job(request).await.unwrap().into_inner();
@@ -278,7 +278,7 @@ fn hologram(job: &v1::Job) -> &v1::HologramResult {
 }
 
 #[tokio::test]
-async fn a_hologram_is_optimized_and_its_files_are_there() {
+async fn optimized_hologram_has_its_files_and_quality() {
     let serving = Serving::start().await;
     serving.display("lab").await;
     let target = serving.upload(&picture()).await;
@@ -293,7 +293,7 @@ async fn a_hologram_is_optimized_and_its_files_are_there() {
     let quality = plane.quality.unwrap();
     let pixel = quality.pixel.unwrap();
     assert!(pixel.psnr_db > 10.0 && pixel.ssim.unwrap() > 0.5, "{quality:?}");
-    // The region is too small for five scales.
+    // The region is too small for the five scales of MS-SSIM.
     assert_eq!(pixel.ms_ssim, None);
     let (inside, all) = (pixel.diffraction_efficiency, pixel.frame_efficiency);
     assert!(0.0 < inside && inside < all && all <= 1.0 + 1e-6, "{quality:?}");
@@ -305,7 +305,7 @@ async fn a_hologram_is_optimized_and_its_files_are_there() {
 }
 
 #[tokio::test]
-async fn a_restart_does_not_change_the_result() {
+async fn restart_does_not_change_the_result() {
     let serving = Serving::start().await;
     serving.display("lab").await;
     let target = serving.upload(&picture()).await;
@@ -313,14 +313,14 @@ async fn a_restart_does_not_change_the_result() {
     let job = submit(&serving, kind(), "").await.unwrap();
     let request = v1::WatchJobRequest { name: job.name.clone() };
     let mut stream = serving.jobs().watch_job(request).await.unwrap().into_inner();
-    let at_work = loop {
+    let running = loop {
         let job = stream.message().await.unwrap().unwrap();
         if job.progress.as_ref().is_some_and(|progress| progress.step > 0) {
             break job;
         }
     };
     drop(stream);
-    assert_eq!(at_work.state(), v1::job::State::Running);
+    assert_eq!(running.state(), v1::job::State::Running);
     let serving = serving.restart().await;
     let resumed = watch_to_end(&serving, &job.name).await;
     assert_eq!((resumed.state(), resumed.attempt), (v1::job::State::Succeeded, 2));
@@ -330,7 +330,7 @@ async fn a_restart_does_not_change_the_result() {
 }
 
 #[tokio::test]
-async fn a_restart_between_two_wavelengths_does_not_change_the_result() {
+async fn restart_between_two_wavelengths_does_not_change_the_result() {
     let serving = Serving::start().await;
     let wavelengths_m = vec![638e-9, 515e-9];
     let display = Some(v1::Display { wavelengths_m: wavelengths_m.clone(), ..small_display("two") });
@@ -349,7 +349,7 @@ async fn a_restart_between_two_wavelengths_does_not_change_the_result() {
     let job = submit(&serving, kind(), "").await.unwrap();
     let request = v1::WatchJobRequest { name: job.name.clone() };
     let mut stream = serving.jobs().watch_job(request).await.unwrap().into_inner();
-    // The second wavelength is under way.
+    // Wait until the job computes the second wavelength.
     while stream.message().await.unwrap().unwrap().progress.is_none_or(|progress| progress.step <= 1600) {}
     drop(stream);
     let serving = serving.restart().await;
@@ -362,12 +362,12 @@ async fn a_restart_between_two_wavelengths_does_not_change_the_result() {
 }
 
 #[tokio::test]
-async fn a_full_queue_says_when_to_come_back() {
+async fn full_queue_refuses_with_a_retry_delay() {
     let serving = Serving::start_with(|config| config.queue_limit = 1).await;
     serving.display("lab").await;
     let target = serving.upload(&picture()).await;
     let kind = || job_spec::Kind::OptimizeHologram(optimize(&target));
-    // One runs, one waits; which is refused depends on how soon the first one starts.
+    // One job runs and one waits. Which submit is refused depends on how soon the first job starts.
     let refused = loop {
         match submit(&serving, kind(), "").await {
             Ok(_) => {}

@@ -1,4 +1,4 @@
-//! Kernels: imported, fetched, promoted, rolled back, watched.
+//! Tests of kernels: import, promotion, rollback, fetch and reports.
 
 use crate::jobs::submit;
 use crate::preparing;
@@ -36,7 +36,7 @@ async fn fetch(serving: &Serving, version: u32) -> Result<(v1::KernelVersion, Ve
     fetch_version(serving, KERNEL, version).await
 }
 
-/// A version of a kernel, and its file.
+/// Fetches a version of a kernel and its file.
 pub(crate) async fn fetch_version(
     serving: &Serving,
     kernel: &str,
@@ -100,17 +100,17 @@ async fn versions_are_imported_promoted_fetched_and_rolled_back() {
     assert_eq!(client(&serving).rollback_kernel(request).await.unwrap().into_inner().active_version, 1);
     let request = v1::ListKernelMovesRequest { kernel: KERNEL.into(), page_size: 2, ..Default::default() };
     let page = client(&serving).list_kernel_moves(request.clone()).await.unwrap().into_inner();
-    let moves: Vec<_> = page.moves.iter().map(|it| (it.from_version, it.to_version, it.rollback)).collect();
+    let moves: Vec<_> = page.moves.iter().map(|entry| (entry.from_version, entry.to_version, entry.rollback)).collect();
     assert_eq!(moves, [(2, 1, true), (1, 2, false)]);
     let request = v1::ListKernelMovesRequest { page_token: page.next_page_token, ..request };
     assert_eq!(client(&serving).list_kernel_moves(request).await.unwrap().into_inner().moves.len(), 1);
     let versions = v1::ListKernelVersionsRequest { kernel: KERNEL.into(), ..Default::default() };
     let versions = client(&serving).list_kernel_versions(versions).await.unwrap().into_inner().versions;
-    assert_eq!(versions.iter().map(|it| (it.version, it.active)).collect::<Vec<_>>(), [(2, false), (1, true)]);
+    assert_eq!(versions.iter().map(|entry| (entry.version, entry.active)).collect::<Vec<_>>(), [(2, false), (1, true)]);
 }
 
 #[tokio::test]
-async fn only_kernels_of_just_this_display_are_imported() {
+async fn kernels_of_other_displays_are_not_imported() {
     let serving = Serving::start().await;
     serving.display("lab").await;
     let good = kernel(64, 0.1);
@@ -141,7 +141,7 @@ async fn fetch_as(
 }
 
 #[tokio::test]
-async fn every_form_is_fetched_and_imported_again() {
+async fn every_format_is_fetched_and_imported_again() {
     let serving = Serving::start().await;
     serving.display("lab").await;
     import(&serving, &kernel(64, 0.3), 0.05).await.unwrap();
@@ -159,11 +159,11 @@ async fn every_form_is_fetched_and_imported_again() {
         let imported = import(&serving, &bytes, 0.05).await.unwrap();
         let form = imported.lineage.unwrap().parameters_json;
         assert!(form.contains("imported_from") && form.contains(&file.digest), "{form}");
-        // What is kept is the native form: it can be fetched and read.
+        // The server stores the native format, which can be fetched and read.
         let (_, native) = fetch(&serving, imported.version).await.unwrap();
         kernel_file::decode(&native).unwrap();
     }
-    // A kernel with a value for each frequency, as the last ones are, has no compact form.
+    // The last imported kernels have a value for each frequency. Such a kernel has no compact form.
     expect(
         fetch_as(&serving, 4, v1::KernelFormat::Compact).await,
         Code::FailedPrecondition,
@@ -179,7 +179,7 @@ async fn code_in_a_tensor_file_is_refused_and_never_run() {
     let (_, good) = fetch_as(&serving, 1, v1::KernelFormat::Pt).await.unwrap();
     let name = b"ctorch._utils\n_rebuild_tensor_v2\n";
     let at = good.windows(name.len()).position(|window| window == name).unwrap();
-    // The same archive, but the pickle calls something else. The checksum is made to match.
+    // The same archive with a pickle that calls another function, and with a correct checksum.
     let mut evil = good.clone();
     let call = b"cposix\nsystem\n(X\x05\x00\x00\x00touchtR.";
     evil[at..at + call.len()].copy_from_slice(call);
@@ -195,7 +195,7 @@ async fn code_in_a_tensor_file_is_refused_and_never_run() {
     expect(answer, Code::InvalidArgument, "artifact (sha256-");
 }
 
-/// As zip has it.
+/// CRC-32 as in zip files.
 fn crc32(bytes: &[u8]) -> u32 {
     !bytes.iter().fold(u32::MAX, |crc, &byte| {
         (0..8).fold(crc ^ u32::from(byte), |crc, _| if crc & 1 == 1 { crc >> 1 ^ 0xedb8_8320 } else { crc >> 1 })
@@ -203,7 +203,7 @@ fn crc32(bytes: &[u8]) -> u32 {
 }
 
 #[tokio::test]
-async fn a_report_is_one_file_with_its_pictures_in_it() {
+async fn report_is_one_file_with_embedded_pictures() {
     let serving = Serving::start().await;
     serving.display("lab").await;
     for phase in [0.3, 0.5] {
@@ -211,15 +211,15 @@ async fn a_report_is_one_file_with_its_pictures_in_it() {
     }
     let name = format!("{KERNEL}/versions/2");
     let report = preparing::report(&serving, &name).await.unwrap();
-    assert_eq!(preparing::report(&serving, &name).await.unwrap(), report, "the same bytes");
+    assert_eq!(preparing::report(&serving, &name).await.unwrap(), report, "a second report has the same bytes");
     let html = serving.read(&report.html).await;
     let html = String::from_utf8(html).unwrap();
-    for sign in ["astigmatism", "Strehl", "Modulation transfer function", "data:image/png;base64,", "versions/2"] {
-        assert!(html.contains(sign), "{sign}");
+    for text in ["astigmatism", "Strehl", "Modulation transfer function", "data:image/png;base64,", "versions/2"] {
+        assert!(html.contains(text), "{text}");
     }
-    // Nothing is fetched from anywhere.
-    for sign in ["src=\"http", "href=\"http", "url(", ">NaN", "\"NaN", ",NaN"] {
-        assert!(!html.contains(sign), "{sign}");
+    // The report refers to no other file or server.
+    for text in ["src=\"http", "href=\"http", "url(", ">NaN", "\"NaN", ",NaN"] {
+        assert!(!html.contains(text), "{text}");
     }
     assert!(report.figures.iter().any(|figure| figure.name == "mtf.svg"));
     assert!(serving.read(&report.arrays).await.starts_with(b"PK"));

@@ -1,4 +1,4 @@
-//! Starting and stopping.
+//! Tests of health, reflection, and stopping.
 
 use crate::http::get;
 use crate::serving::{Serving, expect};
@@ -34,10 +34,10 @@ async fn health_and_reflection_answer() {
     assert!(list.service.iter().any(|service| service.name == "lightpath.v1.KernelService"));
 }
 
-/// Waits until the server says this of itself.
+/// Waits until the server reports this status.
 async fn until_health_is(watch: &mut Streaming<HealthCheckResponse>, wanted: ServingStatus) {
-    let told = async { while watch.message().await.unwrap().unwrap().status() != wanted {} };
-    tokio::time::timeout(Duration::from_secs(30), told).await.expect("health changes");
+    let reported = async { while watch.message().await.unwrap().unwrap().status() != wanted {} };
+    tokio::time::timeout(Duration::from_secs(30), reported).await.expect("the health did not change in time");
 }
 
 async fn watch_health(serving: &Serving) -> Streaming<HealthCheckResponse> {
@@ -46,17 +46,17 @@ async fn watch_health(serving: &Serving) -> Streaming<HealthCheckResponse> {
 }
 
 #[tokio::test]
-async fn health_says_that_the_disk_is_low() {
-    // A reserve that no disk has.
+async fn health_reports_low_disk_space() {
+    // The reserve is larger than any disk.
     let serving = Serving::start_with(|config| config.disk_reserve_mib = 1e12).await;
     until_health_is(&mut watch_health(&serving).await, ServingStatus::NotServing).await;
     let (code, text) = get(&serving, "/healthz").await;
     assert_eq!(code, 503);
-    assert!(text.contains("are kept for work that it has accepted"), "{text}");
+    assert!(text.contains("are reserved for accepted work"), "{text}");
 }
 
 #[tokio::test]
-async fn health_says_that_the_server_stops() {
+async fn health_reports_that_the_server_stops() {
     let serving = Serving::start_with(|config| config.drain_deadline_s = 2.0).await;
     let mut watch = watch_health(&serving).await;
     until_health_is(&mut watch, ServingStatus::Serving).await;
@@ -73,11 +73,11 @@ async fn unknown_methods_are_unimplemented() {
     let codec = tonic_prost::ProstCodec::<v1::GetJobRequest, v1::Job>::default();
     let path = tonic::codegen::http::uri::PathAndQuery::from_static("/lightpath.v1.NoService/Nothing");
     let answer = grpc.unary(tonic::Request::new(v1::GetJobRequest::default()), path, codec).await;
-    expect(answer, Code::Unimplemented, "there is no method /lightpath.v1.NoService/Nothing");
+    expect(answer, Code::Unimplemented, "the method /lightpath.v1.NoService/Nothing does not exist");
 }
 
 #[tokio::test]
-async fn stopping_ends_watchers_and_keeps_jobs() {
+async fn stopping_ends_watchers_and_refuses_calls() {
     let serving = Serving::start().await;
     let job = crate::jobs::submit_long(&serving).await;
     let request = v1::WatchJobRequest { name: job.name.clone() };
@@ -92,17 +92,17 @@ async fn stopping_ends_watchers_and_keeps_jobs() {
     };
     expect(end, Code::Unavailable, "the server is stopping");
     let late = serving.jobs().get_job(v1::GetJobRequest { name: job.name.clone() }).await;
-    assert_eq!(late.unwrap_err().code(), Code::Unavailable, "refused, or not even connected any more");
+    assert_eq!(late.unwrap_err().code(), Code::Unavailable, "the call is refused, or the connection is closed");
     serving.stop().await.unwrap();
 }
 
 #[tokio::test]
-async fn a_second_server_on_the_same_folder_is_refused() {
+async fn second_server_on_the_same_folder_is_refused() {
     let serving = Serving::start().await;
-    // Served once: it surely holds the folder.
+    // An answered call proves that the server has locked the folder.
     serving.display("lab").await;
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let refused = server::run(listener, serving.config.clone(), std::future::pending()).await.unwrap_err();
-    assert!(refused.to_string().contains("is held by another process"), "{refused}");
+    assert!(refused.to_string().contains("is locked by another process"), "{refused}");
     serving.display("lab").await;
 }

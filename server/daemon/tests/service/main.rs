@@ -1,4 +1,4 @@
-//! The server, spoken to over the wire: each test starts one on a free port with a fresh data folder.
+//! Tests of the whole server over the network. Each test starts a server on a free port with a new data folder.
 #![allow(clippy::unwrap_used)]
 
 mod access;
@@ -12,11 +12,11 @@ mod jobs;
 mod kernels;
 mod lifecycle;
 mod malformed;
+mod memory_limits;
 mod mutation;
-mod optics_lab;
 mod ownership;
 mod preparing;
 mod raw;
 mod rough_photographs;
 mod serving;
-mod under_way;
+mod test_bench;

@@ -1,6 +1,6 @@
-//! Thousands of malformed requests: each gets the status that it should, and the server goes on.
+//! Test with thousands of malformed requests. Each must get an allowed status, and the server must keep answering.
 
-use crate::mutation::{Random, add_to_corpus, mutated, rewired};
+use crate::mutation::{Random, add_to_corpus, mutated, with_changed_fields};
 use crate::raw::{call, methods};
 use crate::serving::{Serving, small_display};
 use futures::stream::{self, StreamExt as _};
@@ -14,8 +14,8 @@ use tonic::{Code, Status};
 const REQUESTS: u64 = 10_000;
 const AT_ONCE: usize = 32;
 
-/// What the server may say to a message that is wrong, or that damage has left right.
-fn is_right(answer: &Result<(), Status>) -> bool {
+/// Whether this answer is allowed for a malformed message. Some messages are still valid after their changes.
+fn is_allowed(answer: &Result<(), Status>) -> bool {
     match answer.as_ref().map_err(Status::code) {
         Ok(()) => true,
         Err(
@@ -27,13 +27,13 @@ fn is_right(answer: &Result<(), Status>) -> bool {
             | Code::OutOfRange
             | Code::ResourceExhausted,
         ) => true,
-        // What gRPC wants for bytes that are no message.
+        // gRPC requires INTERNAL for bytes that cannot be decoded.
         Err(Code::Internal) => answer.as_ref().is_err_and(|status| status.message().contains("failed to decode")),
         Err(_) => false,
     }
 }
 
-/// Valid messages for those methods that look deep into theirs.
+/// Valid messages for the methods that check many fields.
 fn seeds(target: &str) -> Vec<(&'static str, Vec<u8>)> {
     let display =
         || Some(v1::Display { simulated_bench: Some(v1::SimulatedBench::default()), ..small_display("other") });
@@ -67,7 +67,8 @@ fn seeds(target: &str) -> Vec<(&'static str, Vec<u8>)> {
     ]
 }
 
-/// As `fuzz/fuzz_targets/requests.rs` reads them: the number of the method in front.
+/// Messages in the form that `fuzz/fuzz_targets/requests.rs` reads: one byte with the number of the method, then the
+/// message.
 fn with_method_numbers(seeds: &[(&str, Vec<u8>)], methods: &[String]) -> Vec<Vec<u8>> {
     let number = |name: &str| methods.iter().position(|path| path.ends_with(&format!("/{name}"))).unwrap() as u8;
     seeds.iter().map(|(name, seed)| [&[number(name)], &seed[..]].concat()).collect()
@@ -87,15 +88,15 @@ async fn malformed_requests_get_the_right_status() {
     let answers = stream::iter(0..REQUESTS).map(|n| async move {
         let mut random = Random::new(n);
         let (name, seed) = &seeds[random.below(seeds.len())];
-        let own = || methods.iter().find(|path| path.ends_with(&format!("/{name}"))).unwrap();
-        // Most of them decode, and ask for what cannot be; the others are no messages, or those of another method.
+        let seed_method = || methods.iter().find(|path| path.ends_with(&format!("/{name}"))).unwrap();
+        // Most requests can be decoded and have invalid values. The others cannot be decoded, or belong to another method.
         let (path, message) = match n % 4 {
-            0 | 1 => (own(), rewired(seed, &mut random)),
-            2 => (own(), mutated(seed, texts, &mut random)),
-            _ => (&methods[random.below(methods.len())], rewired(seed, &mut random)),
+            0 | 1 => (seed_method(), with_changed_fields(seed, &mut random)),
+            2 => (seed_method(), mutated(seed, texts, &mut random)),
+            _ => (&methods[random.below(methods.len())], with_changed_fields(seed, &mut random)),
         };
         let answer = call(channel, path, message.clone()).await;
-        assert!(is_right(&answer), "{path} with {message:02x?}: {answer:?}");
+        assert!(is_allowed(&answer), "{path} with {message:02x?}: {answer:?}");
         answer.err().map_or(Code::Ok, |status| status.code())
     });
     let answers: Vec<Code> = answers.buffer_unordered(AT_ONCE).collect().await;
@@ -105,6 +106,6 @@ async fn malformed_requests_get_the_right_status() {
     }
     writeln!(std::io::stderr(), "{REQUESTS} malformed requests: {counts:?}").unwrap();
     assert!(counts["InvalidArgument"] > 2000 && counts["Internal"] > 500, "{counts:?}");
-    assert_eq!(serving.read(&target).await, picture, "the server goes on");
+    assert_eq!(serving.read(&target).await, picture, "the server still answers");
     serving.stop().await.unwrap();
 }

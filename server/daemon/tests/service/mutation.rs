@@ -1,4 +1,4 @@
-//! Files and messages as damage and malice make them: valid ones, with a few changes.
+//! Damaged files and messages for tests: valid ones with a few random changes.
 
 use prost::bytes::Buf as _;
 use prost::encoding::{decode_varint, encode_varint};
@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 use std::fs;
 use std::path::PathBuf;
 
-/// The same changes in every run.
+/// A random number generator that gives the same numbers in every run.
 pub(crate) struct Random(ChaCha8Rng);
 
 impl Random {
@@ -15,14 +15,14 @@ impl Random {
         Self(ChaCha8Rng::seed_from_u64(seed))
     }
 
-    /// 0 to `end`, without `end`; 0 where that is 0.
+    /// A random number below `end`; 0 if `end` is 0.
     pub(crate) fn below(&mut self, end: usize) -> usize {
         if end == 0 { 0 } else { self.0.random_range(0..end) }
     }
 }
 
-/// Gives libFuzzer valid inputs to begin with: files in the folder of a target of `fuzz/`, below `LIGHTPATH_FUZZ_CORPUS`
-/// where that is set.
+/// Writes valid inputs for a target of `fuzz/`, with which libFuzzer begins. They are files below the folder in the
+/// environment variable `LIGHTPATH_FUZZ_CORPUS`; without the variable, no file is written.
 pub(crate) fn add_to_corpus(target: &str, inputs: &[Vec<u8>]) {
     let Some(corpus) = std::env::var_os("LIGHTPATH_FUZZ_CORPUS").map(PathBuf::from) else { return };
     let folder = corpus.join(target);
@@ -32,16 +32,16 @@ pub(crate) fn add_to_corpus(target: &str, inputs: &[Vec<u8>]) {
     }
 }
 
-/// Numbers that sizes, counts and offsets break at.
+/// Numbers at which the handling of sizes, counts and offsets often fails.
 const EDGES: [u64; 9] =
     [0, 1, 0x7f, 0xff, 0xffff, 0x7fff_ffff, 0xffff_ffff, 0x7fff_ffff_ffff_ffff, 0xffff_ffff_ffff_ffff];
 
-/// `seed` with one to eight changes; `others` are what parts are taken from.
+/// Returns `seed` with one to eight changes. Some changes insert parts of `others`.
 pub(crate) fn mutated(seed: &[u8], others: &[Vec<u8>], random: &mut Random) -> Vec<u8> {
     let mut bytes = seed.to_vec();
     for _ in 0..=random.below(8) {
         let at = random.below(bytes.len());
-        // Most changes are small; headers, where sizes are, get more than their share.
+        // A third of the changes are in the first 200 bytes, because headers contain sizes.
         let at = if random.below(3) == 0 { at.min(random.below(200)) } else { at };
         let count = random.below(16).min(bytes.len().saturating_sub(at));
         match random.below(8) {
@@ -75,8 +75,8 @@ pub(crate) fn mutated(seed: &[u8], others: &[Vec<u8>], random: &mut Random) -> V
     bytes
 }
 
-/// A valid message with some of its values replaced, lost or doubled: what decodes, and means something else.
-pub(crate) fn rewired(message: &[u8], random: &mut Random) -> Vec<u8> {
+/// A valid message with some of its fields changed, removed or repeated. Most results can still be decoded.
+pub(crate) fn with_changed_fields(message: &[u8], random: &mut Random) -> Vec<u8> {
     let Some(mut fields) = fields(message).filter(|fields| !fields.is_empty()) else { return text(random) };
     for _ in 0..=random.below(2) {
         let at = random.below(fields.len());
@@ -101,7 +101,7 @@ pub(crate) fn rewired(message: &[u8], random: &mut Random) -> Vec<u8> {
     bytes
 }
 
-/// A field's value, as protobuf writes it; the API has no others.
+/// Value of a protobuf field. The API uses only these kinds.
 #[derive(Clone)]
 enum Value {
     Varint(u64),
@@ -115,7 +115,7 @@ impl Value {
         match self {
             Self::Varint(_) => Self::Varint(EDGES[random.below(EDGES.len())]),
             Self::Double(_) => Self::Double(DOUBLES[random.below(DOUBLES.len())]),
-            Self::Bytes(part) if random.below(3) > 0 => Self::Bytes(rewired(part, random)),
+            Self::Bytes(part) if random.below(3) > 0 => Self::Bytes(with_changed_fields(part, random)),
             Self::Bytes(_) => Self::Bytes(text(random)),
         }
     }
@@ -127,7 +127,7 @@ fn text(random: &mut Random) -> Vec<u8> {
     (0..random.below(9)).map(|_| PARTS[random.below(PARTS.len())]).collect::<String>().into_bytes()
 }
 
-/// The fields of a message; `None` where the bytes are none.
+/// The fields of a message; `None` if the bytes are not a message.
 fn fields(mut message: &[u8]) -> Option<Vec<(u64, Value)>> {
     let mut fields = Vec::new();
     while message.has_remaining() {

@@ -1,6 +1,6 @@
-//! Whose artifacts are, how many bytes an owner may have, and how long a token holds what it has begun.
+//! Tests of the owners of artifacts, of the limit on their bytes, and of streams whose token ends.
 
-use crate::access::{Guarded, make, with_token};
+use crate::access::{Guarded, create_token, with_token};
 use crate::serving::small_display;
 use lightpath_artifacts::digest_of;
 use lightpath_domain::access::Role;
@@ -18,16 +18,16 @@ use tonic::transport::Channel;
 use tonic::{Code, Status};
 use tonic_types::StatusExt as _;
 
-/// How long a token that has ended may go on, at most: some looks at the tokens, on a busy machine.
-const LAPSE_MAX: Duration = Duration::from_secs(10);
+/// Time limit for the end of the streams of an ended token: several times the interval of the checks for such tokens.
+const STREAM_END_MAX: Duration = Duration::from_secs(10);
 
-/// Calls as the bearer of a token.
-struct As<'a> {
+/// A client with a token.
+struct Bearer<'a> {
     guarded: &'a Guarded,
     token: String,
 }
 
-impl As<'_> {
+impl Bearer<'_> {
     fn channel(&self) -> Channel {
         self.guarded.serving.channel.clone()
     }
@@ -46,7 +46,7 @@ impl As<'_> {
         Ok(ArtifactServiceClient::new(self.channel()).write_artifact(request).await?.into_inner().digest)
     }
 
-    async fn reads(&self, digest: &str) -> bool {
+    async fn can_read(&self, digest: &str) -> bool {
         let request = v1::ReadArtifactRequest { digest: digest.to_owned(), ..Default::default() };
         let read = ArtifactServiceClient::new(self.channel()).read_artifact(with_token(&self.token, request)).await;
         let get = v1::GetArtifactRequest { digest: digest.to_owned() };
@@ -75,7 +75,7 @@ impl As<'_> {
         Ok(JobServiceClient::new(self.channel()).submit_job(request).await?.into_inner())
     }
 
-    /// A job's phase, once it has one.
+    /// Waits until a job has ended, and returns the digest of its phase.
     async fn phase(&self, job: &v1::Job) -> String {
         let request = with_token(&self.token, v1::WatchJobRequest { name: job.name.clone() });
         let mut stream = JobServiceClient::new(self.channel()).watch_job(request).await.unwrap().into_inner();
@@ -95,83 +95,102 @@ fn picture(number: usize) -> Vec<u8> {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_scoped_token_reads_and_uses_the_artifacts_of_its_own_displays_only() {
+async fn scoped_token_uses_only_its_own_artifacts_and_those_of_its_displays() {
     let guarded = Guarded::start().await;
     let store = guarded.store().await;
-    let as_admin = As { guarded: &guarded, token: guarded.tokens["admin"].clone() };
+    let as_admin = Bearer { guarded: &guarded, token: guarded.tokens["admin"].clone() };
     for id in ["lab", "other"] {
         as_admin.display(id).await;
     }
     let own = |id: &str| vec![id.to_owned()];
-    let ada = As { guarded: &guarded, token: make(&store, "ada", Role::Submitter, &own("lab"), None).await };
-    let bob = As { guarded: &guarded, token: make(&store, "bob", Role::Submitter, &own("other"), None).await };
-    let viewer = As { guarded: &guarded, token: make(&store, "eve", Role::Viewer, &own("lab"), None).await };
+    let ada =
+        Bearer { guarded: &guarded, token: create_token(&store, "ada", Role::Submitter, &own("lab"), None).await };
+    let bob =
+        Bearer { guarded: &guarded, token: create_token(&store, "bob", Role::Submitter, &own("other"), None).await };
+    let viewer =
+        Bearer { guarded: &guarded, token: create_token(&store, "eve", Role::Viewer, &own("lab"), None).await };
 
     let target = ada.upload(&picture(1)).await.unwrap();
-    assert!(ada.reads(&target).await && as_admin.reads(&target).await);
-    assert!(!bob.reads(&target).await, "somebody else's");
-    assert!(!viewer.reads(&target).await, "nothing about its display refers to it yet");
+    assert!(ada.can_read(&target).await && as_admin.can_read(&target).await);
+    assert!(!bob.can_read(&target).await, "the artifact belongs to another owner");
+    assert!(!viewer.can_read(&target).await, "no record about the display refers to the artifact yet");
     let job = ada.submit("lab", &target).await.unwrap();
-    assert!(viewer.reads(&target).await, "a job on its display does");
+    assert!(viewer.can_read(&target).await, "a job on the display refers to the artifact");
     let phase = ada.phase(&job).await;
-    assert!(ada.reads(&phase).await && viewer.reads(&phase).await);
-    assert!(!bob.reads(&phase).await);
+    assert!(ada.can_read(&phase).await && viewer.can_read(&phase).await);
+    assert!(!bob.can_read(&phase).await);
 
-    // Neither is it used by whoever only knows its name, nor had by whoever only claims to bring it.
+    // Knowing the digest is not enough to use the artifact. An upload without the bytes is not enough to own it.
     let refused = bob.submit("other", &target).await.unwrap_err();
     assert_eq!(refused.code(), Code::NotFound, "{refused:?}");
     let start = v1::WriteArtifactStart { digest: target.clone(), size_bytes: picture(1).len() as u64, offset_bytes: 0 };
     let claim = tokio_stream::iter([v1::WriteArtifactRequest { part: Some(Part::Start(start)) }]);
     let claimed = ArtifactServiceClient::new(bob.channel()).write_artifact(with_token(&bob.token, claim)).await;
     assert_eq!(claimed.unwrap_err().code(), Code::InvalidArgument, "the bytes are missing");
-    assert!(!bob.reads(&target).await);
+    assert!(!bob.can_read(&target).await);
     assert_eq!(bob.upload(&picture(1)).await.unwrap(), target);
-    assert!(bob.reads(&target).await && ada.reads(&target).await, "who has the bytes may have them");
+    assert!(
+        bob.can_read(&target).await && ada.can_read(&target).await,
+        "a caller that has sent the bytes owns the artifact, too"
+    );
     bob.submit("other", &target).await.unwrap();
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn who_has_stored_enough_brings_nothing_more() {
+async fn owner_at_the_storage_limit_cannot_store_more() {
     let guarded = Guarded::start_with(|config| config.owner_stored_mib_max = 1.0).await;
-    As { guarded: &guarded, token: guarded.tokens["admin"].clone() }.display("lab").await;
-    let submitter = As { guarded: &guarded, token: guarded.tokens["submitter"].clone() };
+    Bearer { guarded: &guarded, token: guarded.tokens["admin"].clone() }.display("lab").await;
+    let submitter = Bearer { guarded: &guarded, token: guarded.tokens["submitter"].clone() };
     let target = submitter.upload(&picture(1)).await.unwrap();
-    let spent = |status: Status| {
+    let code_and_reason = |status: Status| {
         let details = status.get_error_details();
         assert!(details.retry_info().is_some(), "{status:?}");
         (status.code(), details.error_info().unwrap().reason.clone())
     };
     let full = (Code::ResourceExhausted, "OWNER_STORED_BYTES".to_owned());
-    assert_eq!(spent(submitter.upload(&vec![1; 1 << 20]).await.unwrap_err()), full, "with the target it is too much");
+    assert_eq!(
+        code_and_reason(submitter.upload(&vec![1; 1 << 20]).await.unwrap_err()),
+        full,
+        "together with the target this exceeds the limit"
+    );
     submitter.upload(&vec![1; (1 << 20) - picture(1).len()]).await.unwrap();
-    assert_eq!(spent(submitter.upload(b"1").await.unwrap_err()), full);
-    assert_eq!(submitter.upload(&picture(1)).await.unwrap(), target, "what is there already is brought by nobody");
-    assert_eq!(spent(submitter.submit("lab", &target).await.unwrap_err()), full);
-    let curator = As { guarded: &guarded, token: guarded.tokens["curator"].clone() };
+    assert_eq!(code_and_reason(submitter.upload(b"1").await.unwrap_err()), full);
+    assert_eq!(
+        submitter.upload(&picture(1)).await.unwrap(),
+        target,
+        "uploading a stored artifact again needs no space"
+    );
+    assert_eq!(code_and_reason(submitter.submit("lab", &target).await.unwrap_err()), full);
+    let curator = Bearer { guarded: &guarded, token: guarded.tokens["curator"].clone() };
     let job = curator.submit("lab", &target).await.unwrap();
-    assert!(curator.reads(&curator.phase(&job).await).await, "others go on");
+    assert!(curator.can_read(&curator.phase(&job).await).await, "other callers are not affected");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_token_that_ends_ends_its_streams_and_uploads() {
+async fn ended_token_ends_its_streams_and_uploads() {
     let guarded = Guarded::start().await;
     let store = guarded.store().await;
-    let as_admin = As { guarded: &guarded, token: guarded.tokens["admin"].clone() };
+    let as_admin = Bearer { guarded: &guarded, token: guarded.tokens["admin"].clone() };
     as_admin.display("lab").await;
-    // A job that waits gives a stream in which nothing happens.
+    // The queue is paused, so the streams about the waiting job stay open without messages.
     let pause = with_token(&as_admin.token, v1::PauseQueueRequest::default());
     JobServiceClient::new(as_admin.channel()).pause_queue(pause).await.unwrap();
     let target = as_admin.upload(&picture(1)).await.unwrap();
     let job = as_admin.submit("lab", &target).await.unwrap();
 
     let soon_ms = SystemTime::now().duration_since(UNIX_EPOCH).unwrap().as_millis() as i64 + 1500;
-    let leaving = As { guarded: &guarded, token: make(&store, "leaving", Role::Submitter, &[], None).await };
-    let expiring = As { guarded: &guarded, token: make(&store, "expiring", Role::Submitter, &[], Some(soon_ms)).await };
-    let staying = As { guarded: &guarded, token: make(&store, "staying", Role::Submitter, &[], None).await };
+    let leaving =
+        Bearer { guarded: &guarded, token: create_token(&store, "leaving", Role::Submitter, &[], None).await };
+    let expiring = Bearer {
+        guarded: &guarded,
+        token: create_token(&store, "expiring", Role::Submitter, &[], Some(soon_ms)).await,
+    };
+    let staying =
+        Bearer { guarded: &guarded, token: create_token(&store, "staying", Role::Submitter, &[], None).await };
     let mut streams = Vec::new();
-    for bearer in [&leaving, &expiring, &staying] {
-        let request = with_token(&bearer.token, v1::WatchJobRequest { name: job.name.clone() });
-        let mut stream = JobServiceClient::new(bearer.channel()).watch_job(request).await.unwrap().into_inner();
+    for watcher in [&leaving, &expiring, &staying] {
+        let request = with_token(&watcher.token, v1::WatchJobRequest { name: job.name.clone() });
+        let mut stream = JobServiceClient::new(watcher.channel()).watch_job(request).await.unwrap().into_inner();
         stream.message().await.unwrap().unwrap();
         streams.push(stream);
     }
@@ -183,15 +202,20 @@ async fn a_token_that_ends_ends_its_streams_and_uploads() {
     let upload = tokio::spawn(async move { artifacts.write_artifact(request).await });
 
     store.revoke_token("leaving", 5).await.unwrap();
-    let mut stayed = streams.pop().unwrap();
+    let mut open_stream = streams.pop().unwrap();
     for mut stream in streams {
-        let ended = timeout(LAPSE_MAX, stream.message()).await.expect("the stream ends").unwrap_err();
+        let ended =
+            timeout(STREAM_END_MAX, stream.message()).await.expect("the stream did not end in time").unwrap_err();
         assert_eq!(ended.code(), Code::Unauthenticated, "{ended:?}");
     }
-    let ended = timeout(LAPSE_MAX, upload).await.expect("the upload ends").unwrap().unwrap_err();
+    let ended = timeout(STREAM_END_MAX, upload).await.expect("the upload did not end in time").unwrap().unwrap_err();
     assert_eq!(ended.code(), Code::Unauthenticated, "{ended:?}");
     let cancel = with_token(&as_admin.token, v1::CancelJobRequest { name: job.name.clone() });
     JobServiceClient::new(as_admin.channel()).cancel_job(cancel).await.unwrap();
-    assert_eq!(stayed.message().await.unwrap().unwrap().state(), v1::job::State::Cancelled, "others go on");
+    assert_eq!(
+        open_stream.message().await.unwrap().unwrap().state(),
+        v1::job::State::Cancelled,
+        "other callers are not affected"
+    );
     drop(parts);
 }

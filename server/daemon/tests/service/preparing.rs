@@ -1,34 +1,37 @@
-//! Datasets that jobs align and finalize, and kernels that jobs report on.
+//! Tests of jobs that align and finalize datasets, and of jobs that report on kernels.
 
 use crate::jobs::{submit, submit_long, watch_to_end};
 use crate::kernels;
-use crate::optics_lab::{CENTRE, Dataset, HEIGHT, Lab, WIDTH};
 use crate::serving::Serving;
+use crate::test_bench::{CENTRE, Dataset, HEIGHT, TestBench, WIDTH};
 use lightpath_optics::alignment::Homography;
 use lightpath_proto::v1::dataset_service_client::DatasetServiceClient;
-use lightpath_proto::v1::job_result::Kind as Gave;
+use lightpath_proto::v1::job_result::Kind as JobResult;
 use lightpath_proto::v1::job_spec::Kind;
 use lightpath_proto::v1::prepare_dataset::{Finalize, Step};
 use lightpath_proto::v1::{self, job::State};
 
-/// What a job gave; the message of the refusal where none was made, or `REASON: message` where it failed.
-async fn done(serving: &Serving, kind: Kind) -> Result<Gave, String> {
+/// Submits a job and returns its result. The error is the message of the refusal if the submit was refused, or
+/// `REASON: message` if the job failed.
+async fn run_job(serving: &Serving, kind: Kind) -> Result<JobResult, String> {
     let job = submit(serving, kind, "").await.map_err(|status| status.message().to_owned())?;
     let job = watch_to_end(serving, &job.name).await;
     match (job.result.and_then(|result| result.kind), job.error) {
-        (Some(gave), None) => {
-            assert!(job.progress.is_some_and(|progress| !progress.stage.is_empty()), "progress was told");
-            Ok(gave)
+        (Some(result), None) => {
+            assert!(job.progress.is_some_and(|progress| !progress.stage.is_empty()), "the job reported its progress");
+            Ok(result)
         }
         (_, Some(error)) => Err(format!("{}: {}", error.reason, error.message)),
         (None, None) => panic!("neither a result nor an error"),
     }
 }
 
-/// A dataset after a job has prepared it.
+/// Aligns or finalizes a dataset with a job, and returns the changed dataset.
 pub(crate) async fn prepare(serving: &Serving, name: &str, step: Step) -> Result<v1::Dataset, String> {
     let spec = v1::PrepareDataset { dataset: name.to_owned(), step: Some(step) };
-    let Gave::Prepare(result) = done(serving, Kind::PrepareDataset(spec)).await? else { panic!("another kind") };
+    let JobResult::Prepare(result) = run_job(serving, Kind::PrepareDataset(spec)).await? else {
+        panic!("the result is of another kind")
+    };
     let mut client = DatasetServiceClient::new(serving.channel.clone());
     let request = v1::GetDatasetRequest { name: name.to_owned() };
     let dataset = client.get_dataset(request).await.unwrap().into_inner();
@@ -39,28 +42,28 @@ pub(crate) async fn prepare(serving: &Serving, name: &str, step: Step) -> Result
     Ok(dataset)
 }
 
-/// A dataset that a job has finalized with the defaults.
+/// Finalizes a dataset with a job and the default settings, and returns the finalized dataset.
 pub(crate) async fn finalize(serving: &Serving, name: &str) -> Result<v1::Dataset, String> {
     prepare(serving, name, Step::Finalize(Finalize::default())).await
 }
 
-/// A kernel version's report.
+/// Reports on a kernel version with a job, and returns the result of the job.
 pub(crate) async fn report(serving: &Serving, kernel_version: &str) -> Result<v1::ReportResult, String> {
     let spec = v1::ReportKernel { kernel_version: kernel_version.to_owned() };
-    match done(serving, Kind::ReportKernel(spec)).await? {
-        Gave::Report(result) => Ok(result),
+    match run_job(serving, Kind::ReportKernel(spec)).await? {
+        JobResult::Report(result) => Ok(result),
         other => panic!("{other:?}"),
     }
 }
 
-/// Asserts how the refusal begins.
-pub(crate) fn refused<T: std::fmt::Debug>(answer: Result<T, String>, start: &str) {
+/// Asserts that the answer is an error whose message begins with `start`.
+pub(crate) fn assert_refused<T: std::fmt::Debug>(answer: Result<T, String>, start: &str) {
     let message = answer.unwrap_err();
     assert!(message.starts_with(start), "{message}");
 }
 
 #[tokio::test]
-async fn reports_hold_up_no_submit() {
+async fn waiting_reports_do_not_delay_submits() {
     let serving = Serving::start().await;
     serving.display("lab").await;
     kernels::import(&serving, &kernels::kernel(64, 0.3), 0.05).await.unwrap();
@@ -80,12 +83,12 @@ async fn reports_hold_up_no_submit() {
 }
 
 #[tokio::test]
-async fn a_job_that_waits_prepares_what_is_there_when_it_starts() {
-    let (lab, mut dataset) = (Lab::new(3), Dataset::open().await);
-    let mut phases = (0..3).map(|card| lab.hologram(card));
+async fn waiting_job_finalizes_the_pairs_present_at_its_start() {
+    let (bench, mut dataset) = (TestBench::new(3), Dataset::open().await);
+    let mut phases = (0..3).map(|card| bench.hologram(card));
     let mut add = async |dataset: &mut Dataset, id: &str| {
         let phase = phases.next().unwrap();
-        dataset.add(id, &phase, &lab.photo(&phase, 1, &Homography::IDENTITY, HEIGHT, WIDTH)).await
+        dataset.add(id, &phase, &bench.photo(&phase, 1, &Homography::IDENTITY, HEIGHT, WIDTH)).await
     };
     add(&mut dataset, "p0").await;
     add(&mut dataset, "p1").await;
@@ -98,17 +101,19 @@ async fn a_job_that_waits_prepares_what_is_there_when_it_starts() {
     dataset.serving.jobs().resume_queue(v1::ResumeQueueRequest::default()).await.unwrap();
     let job = watch_to_end(&dataset.serving, &job.name).await;
     assert_eq!(job.state(), State::Succeeded, "{job:?}");
-    let Some(Gave::Prepare(result)) = job.result.and_then(|result| result.kind) else { panic!("another kind") };
+    let Some(JobResult::Prepare(result)) = job.result.and_then(|result| result.kind) else {
+        panic!("the result is of another kind")
+    };
     assert_eq!(result.train_pairs + result.test_pairs + result.left_out_pairs, 3);
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_restart_while_a_dataset_is_prepared_leaves_it_whole() {
-    let (lab, mut dataset) = (Lab::new(3), Dataset::open().await);
+async fn restart_during_finalization_leaves_the_dataset_consistent() {
+    let (bench, mut dataset) = (TestBench::new(3), Dataset::open().await);
     let turned = Homography::similarity(CENTRE, 1.0_f64.to_radians(), 1.0, [2.0, 0.0]);
     for card in 0..4 {
-        let phase = lab.hologram(card);
-        dataset.add(&format!("p{card}"), &phase, &lab.photo(&phase, 1, &turned, HEIGHT, WIDTH)).await;
+        let phase = bench.hologram(card);
+        dataset.add(&format!("p{card}"), &phase, &bench.photo(&phase, 1, &turned, HEIGHT, WIDTH)).await;
     }
     let step = Some(Step::Finalize(Finalize::default()));
     let spec = Kind::PrepareDataset(v1::PrepareDataset { dataset: "datasets/d".into(), step });
@@ -121,9 +126,11 @@ async fn a_restart_while_a_dataset_is_prepared_leaves_it_whole() {
     let serving = dataset.serving.restart().await;
     let job = watch_to_end(&serving, &job.name).await;
     assert_eq!(job.state(), State::Succeeded, "{job:?}");
-    let Some(Gave::Prepare(result)) = job.result.and_then(|result| result.kind) else { panic!("another kind") };
-    // What the job told, the dataset is: the same again changes nothing.
-    let closed = finalize(&serving, "datasets/d").await.unwrap();
-    assert_eq!((&closed.digest, &closed.alignment), (&result.digest, &result.alignment));
-    assert!(closed.alignment.is_some() && result.train_pairs >= 1 && result.test_pairs >= 1);
+    let Some(JobResult::Prepare(result)) = job.result.and_then(|result| result.kind) else {
+        panic!("the result is of another kind")
+    };
+    // The dataset agrees with the result of the job, and finalizing it again changes nothing.
+    let finalized = finalize(&serving, "datasets/d").await.unwrap();
+    assert_eq!((&finalized.digest, &finalized.alignment), (&result.digest, &result.alignment));
+    assert!(finalized.alignment.is_some() && result.train_pairs >= 1 && result.test_pairs >= 1);
 }

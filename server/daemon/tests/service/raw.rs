@@ -1,4 +1,4 @@
-//! Calls whose messages are bytes, valid or not.
+//! Calls with arbitrary bytes as messages.
 
 use prost::Message as _;
 use prost::bytes::{Buf as _, BufMut as _, Bytes};
@@ -21,15 +21,15 @@ pub(crate) fn methods() -> Vec<String> {
     paths.collect()
 }
 
-/// Sends one message to a method; whether, and how, its answer began.
+/// Sends one message to a method. Returns the status of the answer when the answer begins.
 pub(crate) async fn call(channel: &Channel, path: &str, message: Vec<u8>) -> Result<(), Status> {
     let mut grpc = tonic::client::Grpc::new(channel.clone());
     grpc.ready().await.map_err(|error| Status::unknown(error.to_string()))?;
-    let path: PathAndQuery = path.parse().map_err(|_| Status::unknown("no path"))?;
+    let path: PathAndQuery = path.parse().map_err(|_| Status::unknown("the path is invalid"))?;
     grpc.streaming(Request::new(tokio_stream::iter([message])), path, Verbatim).await.map(drop)
 }
 
-/// Bytes as they are.
+/// A codec that sends and receives bytes without changes.
 #[derive(Clone, Copy, Debug)]
 struct Verbatim;
 

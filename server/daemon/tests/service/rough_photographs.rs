@@ -1,9 +1,9 @@
-//! What a display is worth that was learned from photographs as they come: turned, shifted, overexposed, and one of another
-//! hologram.
+//! Test of a display that was learned from imperfect photographs: turned, shifted and overexposed photographs, and one of
+//! another hologram.
 
 use crate::jobs::{submit, watch_to_end};
 use crate::kernels::fetch_version;
-use crate::optics_lab::{CENTRE, Dataset, HEIGHT, Lab, WIDTH};
+use crate::test_bench::{CENTRE, Dataset, HEIGHT, TestBench, WIDTH};
 use lightpath_media::kernel_file;
 use lightpath_optics::alignment::{Homography, warp};
 use lightpath_optics::metrics::{Gain, psnr_db};
@@ -16,27 +16,28 @@ use lightpath_proto::v1::job_spec;
 const PAIRS: usize = 16;
 /// The pair whose photograph shows another hologram.
 const WRONG: usize = 4;
+/// Fraction of the pixels in the region of interest that the camera saturates.
 const SATURATED: f64 = 0.02;
 /// Cards that no training hologram shows.
 const HELD_OUT: [TestCard; 3] = [TestCard::Portrait, TestCard::Planet, TestCard::Leaf];
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_display_is_learned_from_turned_overexposed_and_swapped_photographs() {
-    let (lab, mut dataset) = (Lab::new(3), Dataset::open().await);
+async fn display_is_learned_from_turned_overexposed_and_swapped_photographs() {
+    let (bench, mut dataset) = (TestBench::new(3), Dataset::open().await);
     let map = Homography::similarity(CENTRE, 1.0_f64.to_radians(), 1.0, [2.0, 0.0]);
     let cards: Vec<TestCard> = TestCard::ALL.into_iter().filter(|card| !HELD_OUT.contains(card)).collect();
     let target = |n: usize| cards[n % cards.len()].render(HEIGHT, WIDTH, n as u64).unwrap();
     for n in 0..PAIRS {
-        let phase = lab.phase(&target(n), 30);
-        let light = lab.light(&if n == WRONG { lab.phase(&target(PAIRS), 30) } else { phase.clone() });
-        let photo = lab.expose(&overexposed(&light, lab.region()), n as u64, &map, HEIGHT, WIDTH);
+        let phase = bench.phase(&target(n), 30);
+        let light = bench.light(&if n == WRONG { bench.phase(&target(PAIRS), 30) } else { phase.clone() });
+        let photo = bench.expose(&overexposed(&light, bench.region()), n as u64, &map, HEIGHT, WIDTH);
         dataset.add(&format!("p{n}"), &phase, &photo).await;
     }
-    let closed = dataset.finalize().await.unwrap();
-    let reported = |kind: Kind| closed.findings.iter().filter(move |finding| finding.kind() == kind);
+    let finalized = dataset.finalize().await.unwrap();
+    let reported = |kind: Kind| finalized.findings.iter().filter(move |finding| finding.kind() == kind);
     assert_eq!(reported(Kind::WrongHologram).map(|finding| finding.pair.as_str()).collect::<Vec<_>>(), ["p4"]);
-    assert!(reported(Kind::Saturated).count() >= PAIRS - 1, "{:?}", closed.findings);
-    let alignment = closed.alignment.as_ref().expect("the photographs are turned");
+    assert!(reported(Kind::Saturated).count() >= PAIRS - 1, "{:?}", finalized.findings);
+    let alignment = finalized.alignment.as_ref().expect("the photographs are turned");
 
     let learn = v1::LearnKernel { datasets: vec!["datasets/d".into()], ..Default::default() };
     let job = submit(&dataset.serving, job_spec::Kind::LearnKernel(learn), "").await.unwrap();
@@ -48,20 +49,20 @@ async fn a_display_is_learned_from_turned_overexposed_and_swapped_photographs() 
     let (_, file) = fetch_version(&dataset.serving, kernel, version.parse().unwrap()).await.unwrap();
     let engine = Engine::new(&kernel_file::decode(&file).unwrap().0, Detector::Pixel, None).unwrap();
 
-    // Photographs of new holograms by the same camera, brought to the display's pixels as those of the dataset were.
+    // Photographs of new holograms by the same camera, resampled to the display's pixels with the alignment of the dataset.
     let found = Homography::try_new(alignment.homography.clone().try_into().unwrap()).unwrap();
     let captured_db = |engine: &Engine, target: &Plane<f32>, seed: u64| {
-        let photo = lab.photo(&lab.phase_through(engine, target, 60), seed, &map, HEIGHT, WIDTH);
-        psnr_db(&warp(&photo, &found, HEIGHT, WIDTH, 9.0, 0.0), target, lab.region(), Gain::Fitted).unwrap()
+        let photo = bench.photo(&bench.phase_through(engine, target, 60), seed, &map, HEIGHT, WIDTH);
+        psnr_db(&warp(&photo, &found, HEIGHT, WIDTH, 9.0, 0.0), target, bench.region(), Gain::Fitted).unwrap()
     };
     for (card, seed) in HELD_OUT.into_iter().zip(100..) {
         let target = card.render(HEIGHT, WIDTH, seed).unwrap();
-        let [ideal, learned] = [&lab.engine, &engine].map(|engine| captured_db(engine, &target, seed));
+        let [ideal, learned] = [&bench.engine, &engine].map(|engine| captured_db(engine, &target, seed));
         assert!(learned > ideal + 9.0, "{card:?}: {learned} dB after {ideal} dB");
     }
 }
 
-/// The light through a shutter that was open so long that a part of the region is beyond full scale.
+/// Light with a longer exposure: the fraction [`SATURATED`] of the region exceeds the full scale of the camera.
 fn overexposed(light: &Plane<f32>, region: RegionOfInterest) -> Plane<f32> {
     let rows = (0..HEIGHT).filter_map(|y| region.columns(y).map(|columns| &light.row(y)[columns]));
     let mut values: Vec<f32> = rows.flatten().copied().collect();

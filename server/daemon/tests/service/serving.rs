@@ -1,4 +1,4 @@
-//! A server for one test.
+//! A running server for one test, and a client of it.
 
 use lightpath_artifacts::digest_of;
 use lightpath_proto::v1;
@@ -23,7 +23,7 @@ pub(crate) struct Serving {
     pub(crate) config: Config,
     pub(crate) channel: Channel,
     shutdown: CancellationToken,
-    /// Stops the server of a test that fails, too.
+    /// Stops the server when the test fails.
     _guard: DropGuard,
     running: JoinHandle<Result<(), ServeError>>,
     folder: TempDir,
@@ -40,7 +40,7 @@ impl Serving {
         Self::start_in(folder, config, change).await
     }
 
-    /// A server that speaks TLS; its `channel` does not, and is of no use.
+    /// Starts a server with TLS. Its `channel` does not use TLS and cannot be used.
     pub(crate) async fn start_secured(change: impl FnOnce(&mut Config)) -> Self {
         Self::start_with(change).await
     }
@@ -91,19 +91,19 @@ impl Serving {
         ArtifactServiceClient::new(self.channel.clone())
     }
 
-    /// Declares a display of 64×48 px.
+    /// Creates a display of 64×48 px.
     pub(crate) async fn display(&self, id: &str) -> v1::Display {
         let request = v1::CreateDisplayRequest { display: Some(small_display(id)) };
         self.displays().create_display(request).await.unwrap().into_inner()
     }
 
-    /// Uploads `bytes`; their digest.
+    /// Uploads `bytes` and returns their digest.
     pub(crate) async fn upload(&self, bytes: &[u8]) -> String {
         let digest = digest_of(bytes);
         self.write(&digest, bytes.len() as u64, 0, bytes).await.unwrap().digest
     }
 
-    /// An artifact's bytes.
+    /// Downloads an artifact.
     pub(crate) async fn read(&self, digest: &str) -> Vec<u8> {
         let request = v1::ReadArtifactRequest { digest: digest.to_owned(), ..Default::default() };
         let mut stream = self.artifacts().read_artifact(request).await.unwrap().into_inner();
@@ -141,7 +141,7 @@ pub(crate) fn small_display(id: &str) -> v1::Display {
     }
 }
 
-/// Asserts the code and how the message begins.
+/// Asserts that the answer is an error with this code and a message that begins with `start`.
 pub(crate) fn expect<T: std::fmt::Debug>(answer: Result<T, Status>, code: Code, start: &str) {
     let status = answer.unwrap_err();
     assert_eq!(status.code(), code, "{}", status.message());

@@ -1,38 +1,39 @@
-//! Datasets made ready to be learned from.
+//! The preparation of datasets for learning.
 
 use super::{Alignment, Finding, PairChecks, Split};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// How a dataset is finalized.
+/// Options with which a dataset is finalized.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Finalization {
-    /// Part of the pairs without a split that is drawn for validation.
+    /// Fraction of the pairs without a given split that is drawn for validation.
     pub validation_fraction: f64,
-    /// Part of the pairs without a split that is drawn for the test.
+    /// Fraction of the pairs without a given split that is drawn for testing.
     pub test_fraction: f64,
-    /// Of the draw.
+    /// Seed of the draw.
     pub seed: u64,
-    /// The alignment stays as it is, however far off the photographs are.
+    /// Whether the alignment is kept even if the photographs are misaligned.
     pub keep_alignment: bool,
 }
 
-/// Every pair's id with its split, in the order of the ids; no split: the pair is left out.
+/// Ids of all pairs with their splits, in the order of the ids. `None`: the pair is not used.
 pub type Splits = Vec<(String, Option<Split>)>;
 
-/// What a job found out about a dataset, to be stored when the job ends.
+/// Changes of a dataset that a job prepared. The store makes them when the job ends.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PreparedDataset {
     /// Id of the dataset.
     pub dataset: String,
-    /// The revision of the dataset that the job read. A dataset that has another one by now stays as it is.
+    /// Revision of the dataset that the job read. If the dataset has another revision when the job ends, the store
+    /// refuses the changes.
     pub revision: u64,
-    /// The alignment from now on.
+    /// New alignment.
     pub alignment: Option<Alignment>,
-    /// Measured again, by the ids of the pairs.
+    /// New measurements, by the ids of the pairs. Pairs that are missing here keep their measurements.
     pub checks: BTreeMap<String, PairChecks>,
-    /// What should be known about the pairs and the dataset.
+    /// New findings about the pairs and the dataset.
     pub findings: Vec<Finding>,
-    /// Closes the dataset for good; `None`: it stays open.
+    /// Options and splits that finalize the dataset; `None`: the dataset stays open.
     pub closing: Option<(Finalization, Splits)>,
 }

@@ -1,16 +1,16 @@
-//! What jobs change beside their own result.
+//! Changes that jobs make besides their own result.
 
 use crate::dataset::PreparedDataset;
 use crate::kernel::{KernelKey, NewKernelVersion};
 
-/// What a job changes in the transaction that ends it: there is never the one without the other.
+/// A change that a job makes when it ends. The store makes the change and ends the job in one transaction.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum JobEffect {
-    /// Nothing.
+    /// No change.
     #[default]
     None,
-    /// Kernels get their next versions, in the order in which the result names them.
+    /// New kernel versions, in the order of the kernels in the result.
     Kernels(Vec<(KernelKey, NewKernelVersion)>),
-    /// A dataset gets what was found out about it.
+    /// Alignment, measurements and findings of a dataset, and its split if the job finalizes it.
     Dataset(Box<PreparedDataset>),
 }

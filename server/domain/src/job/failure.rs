@@ -1,24 +1,24 @@
-//! Why attempts at jobs fail.
+//! Errors that end attempts.
 
 use serde::{Deserialize, Serialize};
 
-/// Why an attempt ended without success.
+/// Error that ended an attempt.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct JobError {
-    /// For programs.
+    /// Reason, for programs.
     pub reason: FailureReason,
-    /// For people.
+    /// Message, for people.
     pub message: String,
-    /// The job will be tried again by itself.
+    /// Whether another attempt may succeed. If attempts are left, the server then tries the job again.
     pub retryable: bool,
 }
 
 crate::reasons! {
-    /// Why an attempt failed, for programs.
+    /// Reason why an attempt failed, for programs.
     pub enum FailureReason {
-        /// The dataset's photographs have another size than those of the alignment.
+        /// The dataset's photographs differ in size from the photographs of the alignment.
         AlignmentSize = "ALIGNMENT_SIZE",
-        /// An artifact that the job names is gone.
+        /// An artifact that the job names does not exist.
         ArtifactNotFound = "ARTIFACT_NOT_FOUND",
         /// The job's state could not be written as a checkpoint.
         Checkpoint = "CHECKPOINT",
@@ -26,55 +26,56 @@ crate::reasons! {
         DataLoss = "DATA_LOSS",
         /// The dataset was changed while the job prepared it.
         DatasetChanged = "DATASET_CHANGED",
-        /// The dataset is finalized, and does not change any more.
+        /// The dataset is finalized, so it can no longer change.
         DatasetFinalized = "DATASET_FINALIZED",
         /// The dataset is not finalized.
         DatasetOpen = "DATASET_OPEN",
-        /// A part of the dataset's split has no pairs.
+        /// The split of the dataset has no pairs for one of its uses.
         DatasetSplitEmpty = "DATASET_SPLIT_EMPTY",
         /// A file of the dataset cannot be read.
         DatasetUnreadable = "DATASET_UNREADABLE",
-        /// Most of the dataset's pairs cannot be learned from.
+        /// Most pairs of the dataset are unusable for learning.
         DatasetUnusable = "DATASET_UNUSABLE",
-        /// A job that this one comes after did not succeed.
+        /// A job that had to succeed before this one did not succeed.
         DependencyFailed = "DEPENDENCY_FAILED",
         /// No space is left on the disk.
         DiskFull = "DISK_FULL",
         /// A number became infinite or NaN.
         Diverged = "DIVERGED",
-        /// The engine refuses what the job asks for.
+        /// The optics engine refuses the input of the job.
         InvalidInput = "INVALID_INPUT",
-        /// A kernel's file cannot be read.
+        /// A kernel file cannot be read.
         InvalidKernel = "INVALID_KERNEL",
-        /// A picture cannot be read or cannot be used.
+        /// A picture cannot be read or used.
         InvalidPicture = "INVALID_PICTURE",
         /// A file could not be read or written.
         Io = "IO",
-        /// The kernel was learned for another setup.
+        /// The kernel was learned for another optical setup.
         KernelMismatch = "KERNEL_MISMATCH",
-        /// The worker was not heard of until its lease ended.
+        /// The worker sent no heartbeat until its lease ended.
         LeaseExpired = "LEASE_EXPIRED",
         /// Learning failed.
         Learning = "LEARNING",
-        /// The parameters of a learned kernel cannot be written down.
+        /// The parameters of a learned kernel cannot be encoded as JSON.
         Lineage = "LINEAGE",
         /// A report could not be drawn or written.
         NoReport = "NO_REPORT",
-        /// The dataset's pairs tell too little about their alignment.
+        /// The pairs of the dataset do not improve its alignment: they have too little fine structure, or are aligned
+        /// already.
         NotAlignable = "NOT_ALIGNABLE",
-        /// Something that the job names is gone.
+        /// A resource that the job names does not exist.
         NotFound = "NOT_FOUND",
         /// The display has no simulated bench.
         NotSimulated = "NOT_SIMULATED",
         /// The task panicked.
         Panic = "PANIC",
-        /// The server died while the job ran, as often as the job may be tried.
+        /// The server ended unexpectedly during the job's last permitted attempt.
         ServerDied = "SERVER_DIED",
         /// The database failed.
         Store = "STORE",
-        /// No thread could be had for the computation.
+        /// The thread of the computation could not start or ended unexpectedly.
         Thread = "THREAD",
-        /// The attempt took longer than it may.
+        /// The attempt exceeded its time limit.
         Timeout = "TIMEOUT",
     }
 }
@@ -84,7 +85,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_reason_is_stored_as_its_word() {
+    fn reason_is_stored_as_its_word() {
         let error = JobError { reason: FailureReason::DiskFull, message: "no room".to_owned(), retryable: true };
         let json = serde_json::to_string(&error).unwrap();
         assert_eq!(json, r#"{"reason":"DISK_FULL","message":"no room","retryable":true}"#);

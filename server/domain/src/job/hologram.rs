@@ -1,4 +1,4 @@
-//! What a hologram job is to do, and what it gave.
+//! Hologram jobs: request and result.
 
 use crate::dataset::Encoding;
 use crate::units::{Distance, Wavelength};
@@ -7,124 +7,125 @@ use lightpath_optics::propagation::ConvolutionMethod;
 use lightpath_optics::{Detector, RegionOfInterest, ValidityReport};
 use serde::{Deserialize, Serialize};
 
-/// Find the phases that show pictures: of each wavelength a hologram, each of which shows all planes.
+/// Request to compute holograms. The result has one hologram for each wavelength, and each hologram shows the pictures
+/// of all planes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct OptimizeHologram {
     /// Id of the display.
     pub display: String,
-    /// Wavelengths of the display, at least one, no two equal.
+    /// Wavelengths of the display, at least one, each once.
     pub wavelengths: Vec<Wavelength>,
-    /// The pictures to show, at least one, no two at one distance.
+    /// Pictures to show, at least one, at different distances.
     pub planes: Vec<ImagePlane>,
-    /// Artifact digest of a picture that says which part of the targets belongs to which plane; `None`: every plane shows all
-    /// of its target.
+    /// Artifact digest of a picture of depths. Each pixel then counts only in the plane nearest to its depth. `None`:
+    /// every plane shows its whole target.
     pub depth_map: Option<String>,
-    /// How the targets' values stand for light.
+    /// Encoding of light in the values of the targets.
     pub target_encoding: Encoding,
-    /// How a target of another size is brought to the display's.
+    /// Rule for a target whose size differs from the display's.
     pub target_fit: Fit,
-    /// The kernel versions of each wavelength, for each plane; `None`: the ideal kernel.
+    /// Kernel versions: for each wavelength one version for each plane; `None`: the ideal kernel.
     pub kernel_versions: Vec<Vec<Option<u32>>>,
-    /// How the light's way is computed; `None`: the planner's choice, or what the kernel was learned with.
+    /// Propagation method; `None`: the method of the learned kernel, or the planner's choice for an ideal kernel.
     pub propagation: Option<ConvolutionMethod>,
-    /// How the phases are found.
+    /// Method that computes the phases.
     pub method: HologramMethod,
-    /// Steps.
+    /// Number of iterations for each hologram.
     pub iterations: u32,
-    /// Phases of each hologram.
+    /// Number of phases of each hologram, shown one after another.
     pub frames: u32,
-    /// Where the search begins. Phases that are given are artifact digests of arrays, one for each wavelength.
+    /// Initial phase of the optimization. Given phases are artifact digests of arrays, one for each wavelength.
     pub initial_phase: InitialPhase<Vec<String>>,
-    /// Of what is random in the initial phase.
+    /// Seed of a random initial phase.
     pub seed: u64,
-    /// How the pictures are compared.
+    /// Loss function that compares the reconstruction with the target.
     pub loss: Loss,
-    /// What counts as a pixel's light.
+    /// Rule that defines the light of a pixel.
     pub detector: Detector,
-    /// Where the pictures count.
+    /// Region in which the reconstruction is compared with the target.
     pub region_of_interest: RegionOfInterest,
-    /// Artifact digest: how much each pixel counts.
+    /// Artifact digest of a picture with the weight of each pixel; `None`: all pixels have the same weight.
     pub weight_mask: Option<String>,
-    /// The phases are optimized through the display's levels in the end.
+    /// Whether the last part of the optimization takes the limited levels of the display into account.
     pub quantization_aware: bool,
 }
 
-/// A picture at a distance.
+/// A picture to show at a distance.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ImagePlane {
-    /// From the SLM.
+    /// Distance from the SLM.
     pub distance: Distance,
-    /// Artifact digest.
+    /// Artifact digest of the target picture.
     pub target: String,
-    /// How much the plane counts among the others.
+    /// Weight of the plane relative to the other planes.
     pub weight: f64,
 }
 
-/// How a picture of another size is brought to the display's.
+/// Rule for a picture whose size differs from the display's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Fit {
-    /// Fit inside, black borders.
+    /// Scale the whole picture to fit inside the display, with black borders.
     #[default]
     Contain,
-    /// Cover, crop the overhang.
+    /// Scale the picture to cover the display and crop the rest.
     Cover,
-    /// Each axis by itself.
+    /// Scale height and width independently.
     Stretch,
-    /// Refuse any other size.
+    /// Refuse a picture of another size.
     Exact,
 }
 
-/// Holograms and how good they are.
+/// Result of a hologram job: holograms and their quality.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HologramResult {
     /// One hologram for each wavelength.
     pub wavelengths: Vec<WavelengthResult>,
-    /// Artifact digests, a colour picture for each plane; empty where the wavelengths are no three.
+    /// Artifact digests of colour pictures, one for each plane; empty if the number of wavelengths is not three.
     pub colour_reconstructions: Vec<String>,
-    /// Steps of each hologram.
+    /// Number of iterations of each hologram.
     pub iterations: u32,
-    /// Mean over the iterations \[ms\].
+    /// Mean time of an iteration \[ms\].
     pub iteration_ms: f64,
 }
 
 /// The hologram of one wavelength.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct WavelengthResult {
-    /// Its wavelength.
+    /// Wavelength of the hologram.
     pub wavelength: Wavelength,
-    /// Its phases.
+    /// Phases of the hologram, in the order in which they are shown.
     pub frames: Vec<FrameResult>,
-    /// What it shows.
+    /// Reconstructions of the hologram, one for each plane.
     pub planes: Vec<PlaneResult>,
-    /// The fitted gain.
+    /// Fitted gain: factor from the computed intensity to the target intensity.
     pub intensity_scale: f64,
-    /// Of the last iteration.
+    /// Loss of the last iteration.
     pub loss: f64,
-    /// Double phase: what the field was divided by.
+    /// Amplitude by which the double-phase method divided the field; `None` for other methods.
     pub largest_amplitude: Option<f64>,
 }
 
 /// A phase of a hologram.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FrameResult {
-    /// Artifact digest: grey PNG of levels.
+    /// Artifact digest of the phase as grey levels of the display (PNG).
     pub phase: String,
-    /// Artifact digest: float32 radians.
+    /// Artifact digest of the phase in radians (float32, `.npy`).
     pub phase_npy: String,
 }
 
-/// A picture that a hologram shows.
+/// Reconstruction of a hologram at a distance.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PlaneResult {
-    /// From the SLM.
+    /// Distance from the SLM.
     pub distance: Distance,
-    /// Artifact digest: what the kernel predicts, sRGB PNG.
+    /// Artifact digest of the reconstruction that the kernel predicts (sRGB PNG).
     pub reconstruction: String,
-    /// Of the phases as optimized.
+    /// Quality of the phases as optimized.
     pub quality: Quality,
-    /// Of the phases as the display shows them.
+    /// Quality of the phases as the display shows them, in its limited levels.
     pub quantized_quality: Quality,
-    /// How the light's way was computed.
+    /// Propagation method of the reconstruction, and its limits.
     pub propagation: ValidityReport,
 }

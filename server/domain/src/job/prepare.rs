@@ -1,77 +1,77 @@
-//! What a job that prepares a dataset is to do, and what it gave.
+//! Jobs that prepare a dataset for learning: request and result.
 
 use crate::dataset::{Alignment, Finalization, Finding};
 use lightpath_optics::alignment::PointPair;
 use serde::{Deserialize, Serialize};
 
-/// Make a dataset ready to be learned from.
+/// Request to prepare a dataset for learning.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PrepareDataset {
     /// Id of the dataset.
     pub dataset: String,
     /// Id of the dataset's display.
     pub display: String,
-    /// What to do with it.
+    /// Step of the preparation.
     pub step: PrepareStep,
 }
 
-/// What a job does with a dataset.
+/// A step of preparing a dataset.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PrepareStep {
-    /// Find where the camera sees the display's pixels.
+    /// Find the map from pixels of the display to pixels of the camera.
     Align(AlignBy),
-    /// Align the photographs where they need it, draw the split and close the dataset for good.
+    /// Align the photographs if they need it, draw the split, and close the dataset for good.
     Finalize(Finalization),
 }
 
-/// What an alignment is found from.
+/// Source of an alignment.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum AlignBy {
-    /// Given points.
+    /// Points that the user gave.
     Points {
         /// Columns of the photographs \[px\].
         photo_width_px: u32,
         /// Rows of the photographs \[px\].
         photo_height_px: u32,
-        /// At least 4 that do not lie on a line.
+        /// Points: at least 4, not all on one line.
         points: Vec<PointPair>,
     },
-    /// The photograph of the displayed dots.
+    /// A photograph of the displayed grid of dots.
     Dots {
-        /// Artifact digest.
+        /// Artifact digest of the photograph.
         photo: String,
     },
-    /// The pairs that are there.
+    /// The pairs of the dataset.
     Pairs,
-    /// Nothing: one camera pixel a pixel of the display.
+    /// No source. The alignment is removed: one camera pixel for each pixel of the display.
     None,
 }
 
-/// A dataset as a job left it.
+/// Result of preparing a dataset: the state of the dataset at the end of the job.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PrepareResult {
-    /// Where the camera sees the display's pixels; `None`: one camera pixel a pixel of the display.
+    /// Map from pixels of the display to pixels of the camera; `None`: one camera pixel for each pixel of the display.
     pub alignment: Option<Alignment>,
-    /// What should be known about the pairs and the dataset.
+    /// Findings about the pairs and the dataset.
     pub findings: Vec<Finding>,
-    /// Of a dataset that was finalized; filled in by the store. No artifact has this digest: the store's references to
-    /// artifacts pass over a field of this name.
+    /// Digest of the finalized dataset, filled in by the store. It is not the digest of an artifact. The store's search
+    /// for references to artifacts therefore skips fields of this name.
     pub dataset_digest: Option<String>,
-    /// How many pairs are for what, in a dataset that was finalized.
+    /// Numbers of pairs in a finalized dataset, by their use.
     pub splits: SplitCounts,
 }
 
-/// How many pairs are for what.
+/// Numbers of pairs by their use.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SplitCounts {
-    /// Learned from.
+    /// Number of pairs for learning.
     pub train: u32,
-    /// Watched while learning.
+    /// Number of pairs for watching the loss during learning.
     pub validation: u32,
-    /// Looked at once, after learning.
+    /// Number of pairs for measuring the kernel once, after learning.
     pub test: u32,
-    /// For nothing: nothing can be learned from them.
+    /// Number of pairs that are not used, because of their findings.
     pub left_out: u32,
 }

@@ -1,35 +1,35 @@
-//! What a job that reports on a kernel is to do, and what it gave.
+//! Jobs that make the report of a kernel version: request and result.
 
 use crate::kernel::KernelKey;
 use serde::{Deserialize, Serialize};
 
-/// Make the report of a kernel version.
+/// Request to make the report of a kernel version.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ReportKernel {
-    /// The kernel.
+    /// Key of the kernel.
     pub kernel: KernelKey,
-    /// Number of the version.
+    /// Number of the kernel version.
     pub version: u32,
 }
 
-/// What a kernel version is like, for people.
+/// Report of a kernel version, for people.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ReportResult {
-    /// Artifact digest of one HTML file with everything in it.
+    /// Artifact digest of the report as one HTML file, with all pictures in it.
     pub html: String,
-    /// Artifact digest of its numbers, `.npz`.
+    /// Artifact digest of the report's numbers (`.npz`).
     pub arrays: String,
-    /// Its pictures, in their order.
+    /// Pictures of the report, in order.
     pub figures: Vec<ReportFigure>,
 }
 
 /// A picture of a report.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ReportFigure {
-    /// A file name, `.png` or `.svg`.
+    /// File name, with the extension `.png` or `.svg`.
     pub name: String,
-    /// What it shows.
+    /// Title of the picture.
     pub title: String,
-    /// Artifact digest.
+    /// Artifact digest of the picture.
     pub artifact: String,
 }

@@ -1,4 +1,4 @@
-//! What jobs gave.
+//! Results of jobs.
 
 use super::{HologramResult, PrepareResult, ReportResult};
 use crate::dataset::Split;
@@ -6,77 +6,77 @@ use crate::kernel::KernelMetrics;
 use lightpath_optics::ValidityReport;
 use serde::{Deserialize, Serialize};
 
-/// What a job gave.
+/// Result of a job.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum JobResult {
-    /// Of [`OptimizeHologram`](super::OptimizeHologram).
+    /// Result of [`OptimizeHologram`](super::OptimizeHologram).
     Hologram(Box<HologramResult>),
-    /// Of [`LearnKernel`](super::LearnKernel).
+    /// Result of [`LearnKernel`](super::LearnKernel).
     Learn(LearnResult),
-    /// Of [`SimulateCapture`](super::SimulateCapture).
+    /// Result of [`SimulateCapture`](super::SimulateCapture).
     Capture(CaptureResult),
-    /// Of [`EvaluateKernel`](super::EvaluateKernel).
+    /// Result of [`EvaluateKernel`](super::EvaluateKernel).
     Evaluate(EvaluateResult),
-    /// Of [`PrepareDataset`](super::PrepareDataset).
+    /// Result of [`PrepareDataset`](super::PrepareDataset).
     Prepare(PrepareResult),
-    /// Of [`ReportKernel`](super::ReportKernel).
+    /// Result of [`ReportKernel`](super::ReportKernel).
     Report(ReportResult),
 }
 
-/// Learned kernels, before they have version numbers: the store numbers them in the transaction that ends the job.
+/// Learned kernels. The store gives them version numbers in the transaction that ends the job.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LearnResult {
-    /// One for each dataset, in their order.
+    /// Kernels: one for each dataset, in the order of the datasets.
     pub kernels: Vec<LearnedKernel>,
     /// Training loss after each epoch and refinement evaluation.
     pub loss_history: Vec<f64>,
-    /// The kernels' polynomial degree; 0 for the models paper and dense.
+    /// Polynomial degree of the kernels; 0 for the models `paper` and `dense`.
     pub order: u32,
 }
 
-/// The kernel of one dataset's distance.
+/// Kernel learned for the distance of one dataset.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LearnedKernel {
-    /// Resource name of the new version; filled in by the store.
+    /// Resource name of the new version, filled in by the store.
     pub kernel_version: String,
     /// Id of the dataset.
     pub dataset: String,
-    /// How good it is.
+    /// Losses of the kernel on the pairs.
     pub metrics: KernelMetrics,
-    /// Ids of training pairs whose photographs are not of their holograms.
+    /// Ids of training pairs that learning left out because their photographs do not show their holograms.
     pub left_out_pairs: Vec<String>,
-    /// How the light's way was computed.
+    /// Propagation method of the kernel, and its limits.
     pub propagation: ValidityReport,
 }
 
-/// A simulated photograph.
+/// Simulated photograph.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CaptureResult {
-    /// Artifact digest.
+    /// Artifact digest of the photograph.
     pub photo: String,
-    /// How the light's way was computed.
+    /// Propagation method of the simulation, and its limits.
     pub propagation: ValidityReport,
 }
 
-/// How well a kernel predicts each pair.
+/// Losses of a kernel on the pairs of a dataset.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EvaluateResult {
-    /// In the order of the pairs' ids.
+    /// Losses in the order of the pairs' ids.
     pub pairs: Vec<PairLoss>,
-    /// How the light's way was computed.
+    /// Propagation method of the kernel, and its limits.
     pub propagation: ValidityReport,
 }
 
-/// How well a kernel predicts one pair.
+/// Loss of a kernel on one pair: mean squared error without saturated pixels, with fitted gain and black level.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PairLoss {
-    /// The pair's id.
+    /// Id of the pair.
     pub pair: String,
-    /// What the pair is used for.
+    /// Use of the pair.
     pub split: Split,
-    /// In the region of interest, saturated pixels left out, gain and black level fitted.
+    /// Loss in the region of interest.
     pub loss: f64,
-    /// The same over the full frame.
+    /// Loss over the full frame.
     pub loss_full_frame: f64,
 }

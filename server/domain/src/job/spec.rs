@@ -1,4 +1,4 @@
-//! What jobs are asked to do.
+//! Requests: the work that a job must do.
 
 use super::{OptimizeHologram, PrepareDataset, ReportKernel};
 use crate::units::{Distance, Wavelength};
@@ -6,26 +6,26 @@ use lightpath_optics::learning::KernelModel;
 use lightpath_optics::{Detector, RegionOfInterest};
 use serde::{Deserialize, Serialize};
 
-/// What to do.
+/// Work that a job must do.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum JobSpec {
-    /// Find the phase that shows a target.
+    /// Compute holograms that show targets.
     OptimizeHologram(Box<OptimizeHologram>),
-    /// Learn a kernel from a dataset.
+    /// Learn kernels from datasets.
     LearnKernel(LearnKernel),
     /// Photograph a hologram on a simulated display.
     SimulateCapture(SimulateCapture),
     /// Measure a kernel on a dataset.
     EvaluateKernel(EvaluateKernel),
-    /// Make a dataset ready to be learned from.
+    /// Prepare a dataset for learning.
     PrepareDataset(PrepareDataset),
     /// Make the report of a kernel version.
     ReportKernel(ReportKernel),
 }
 
 impl JobSpec {
-    /// Id of the display that the job is about.
+    /// Id of the job's display.
     #[must_use]
     pub fn display(&self) -> &str {
         match self {
@@ -38,7 +38,7 @@ impl JobSpec {
         }
     }
 
-    /// Id of the dataset that the job is about, the first of several.
+    /// Id of the job's dataset. If the job has several datasets, it is the first.
     #[must_use]
     pub fn dataset(&self) -> Option<&str> {
         match self {
@@ -49,8 +49,8 @@ impl JobSpec {
         }
     }
 
-    /// The kernel versions that the job computes with, `None` for ideal kernels: of a hologram one for each wavelength and
-    /// plane, all planes of the first wavelength first.
+    /// Kernel versions that the job uses, `None` for the ideal kernel. A hologram job has one for each wavelength and
+    /// plane, starting with all planes of the first wavelength.
     #[must_use]
     pub fn kernel_versions(&self) -> Vec<Option<u32>> {
         match self {
@@ -63,59 +63,59 @@ impl JobSpec {
     }
 }
 
-/// Learn a kernel from a dataset, or one model of several distances from several.
+/// Request to learn a kernel from a dataset, or kernels for several distances jointly from several datasets.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LearnKernel {
-    /// Ids of the datasets, at least one, of one display and wavelength, no two of one distance.
+    /// Ids of the datasets, at least one. They have the same display and wavelength, and different distances.
     pub datasets: Vec<String>,
     /// Id of the datasets' display.
     pub display: String,
-    /// How the kernel is parametrized.
+    /// Model of the kernel.
     pub model: KernelModel,
-    /// Highest polynomial degree of the smooth errors; `None`: as the validation pairs choose.
+    /// Highest polynomial degree of the smooth errors; `None`: the validation pairs decide.
     pub order: Option<u32>,
-    /// The version of the first dataset's kernel to start from; `None`: the ideal kernel.
+    /// Version of the first dataset's kernel from which learning starts; `None`: the ideal kernel.
     pub start_version: Option<u32>,
-    /// Passes over the training pairs; `None`: the model's default.
+    /// Number of passes over the training pairs; `None`: the model's default.
     pub epochs: Option<u32>,
-    /// Adam's step; `None`: the model's default.
+    /// Learning rate of Adam; `None`: the model's default.
     pub learning_rate: Option<f64>,
-    /// Evaluations of all pairs afterwards; `None`: the model's default.
+    /// Most evaluations of all pairs in the refinement after Adam; `None`: the model's default.
     pub refinement_evaluations: Option<u32>,
-    /// Of the order of the pairs, and of the paper model's start.
+    /// Seed of the order in which pairs are used, and of the random start of the `paper` model.
     pub seed: u64,
-    /// What the camera's pixels measure.
+    /// Rule that defines the light of a camera pixel.
     pub detector: Detector,
-    /// Where the photographs count.
+    /// Region of the photographs that is compared.
     pub region_of_interest: RegionOfInterest,
 }
 
-/// Photograph a hologram on a simulated display.
+/// Request to photograph a hologram on a simulated display.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SimulateCapture {
     /// Id of the display.
     pub display: String,
-    /// One of the display's.
+    /// Wavelength: one of the display's wavelengths.
     pub wavelength: Wavelength,
-    /// From the SLM to the camera's plane.
+    /// Distance from the SLM to the plane of the camera.
     pub distance: Distance,
     /// Artifact digest of the hologram.
     pub phase: String,
-    /// Of the camera's noise.
+    /// Seed of the camera's noise.
     pub seed: u64,
-    /// Since the bench was set up \[s\].
+    /// Time since the bench was set up \[s\], for its drift.
     pub elapsed_s: f64,
 }
 
-/// Measure a kernel on a dataset.
+/// Request to measure a kernel on a dataset.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EvaluateKernel {
     /// Id of the dataset.
     pub dataset: String,
     /// Id of the dataset's display.
     pub display: String,
-    /// `None`: the ideal kernel.
+    /// Number of the kernel version; `None`: the ideal kernel.
     pub kernel_version: Option<u32>,
-    /// Where the photographs count.
+    /// Region of the photographs that is compared.
     pub region_of_interest: RegionOfInterest,
 }

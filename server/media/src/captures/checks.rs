@@ -1,46 +1,50 @@
-//! What is measured of each pair.
+//! Measurements of a pair.
 
 use super::fingerprint;
-use super::reading::{CaptureError, Captures, LEFT_OUT};
+use super::reading::{CaptureError, Captures};
+use crate::pictures::SATURATION;
 use lightpath_artifacts::digest_of;
 use lightpath_domain::dataset::{Pair, PairChecks};
 use lightpath_optics::alignment::Tiles;
 use lightpath_optics::{Detector, DisplayModel, Engine, Plane, RegionOfInterest};
 
-/// Correlations below this say that there is nothing to compare brightness by.
+/// Smallest correlation of photograph and reconstruction at which vignetting is measured. Below it, their brightness
+/// cannot be compared.
 const CORRELATION_FOR_VIGNETTING: f64 = 0.5;
 
-/// What holograms should look like on the ideal display. Cheap to clone.
+/// Computes reconstructions of holograms on the ideal display. Clones are cheap.
 #[derive(Clone, Debug)]
 pub struct Reconstructor {
     engine: Engine,
 }
 
 impl Reconstructor {
+    /// Builds the reconstructor for a dataset's display, wavelength and distance.
+    ///
     /// # Errors
     ///
-    /// [`CaptureError::Optics`] at a distance at which no image can be computed.
+    /// [`CaptureError::Optics`] for a distance at which no image can be computed.
     pub fn of(captures: &Captures) -> Result<Self, CaptureError> {
         let (setup, _) = captures.setup().planned()?;
         let engine = Engine::new(&DisplayModel::ideal(setup), Detector::Pixel, captures.carrier())?;
         Ok(Self { engine })
     }
 
-    /// The light that a phase \[rad\] makes in each pixel.
+    /// Light in each pixel of the reconstruction of a phase \[rad\].
     ///
     /// # Errors
     ///
-    /// [`CaptureError::Optics`] for another size.
+    /// [`CaptureError::Optics`] for a phase of another size than the display.
     pub fn light(&self, phase: &Plane<f32>) -> Result<Plane<f32>, CaptureError> {
         Ok(self.engine.light(phase)?)
     }
 }
 
-/// Measures a pair. Without a reconstructor nothing is said about what the photograph shows.
+/// Measures a pair. Without a reconstructor, the photograph is not compared with the hologram.
 ///
 /// # Errors
 ///
-/// [`CaptureError`] for a hologram or a photograph that cannot be read, or of another size.
+/// [`CaptureError`] for a hologram or a photograph that cannot be read or has the wrong size.
 pub fn check(
     captures: &Captures,
     reconstructor: Option<&Reconstructor>,
@@ -72,7 +76,7 @@ pub fn check(
         checks.vignetting = fingerprint::vignetting(&photo, &expected, region);
     }
     if let Some(mut tiles) = Tiles::cover(region) {
-        tiles.add(&expected, &photo, LEFT_OUT);
+        tiles.add(&expected, &photo, SATURATION);
         let registration = tiles.register(region);
         checks.misalignment_px = registration.map(|found| found.misalignment_px);
         checks.distortion_px = registration.map(|found| found.distortion_px);
@@ -85,9 +89,9 @@ fn statistics(photo: &Plane<f32>, region: RegionOfInterest, floor: f32) -> PairC
     let mut light: Vec<f32> =
         rows.flat_map(|y| photo.row(y)[region.x_px()..][..region.width_px()].iter().copied()).collect();
     let count = light.len() as f64;
-    let part = |is: &dyn Fn(f32) -> bool| light.iter().filter(|&&value| is(value)).count() as f64 / count;
-    let saturated = part(&|value| value >= LEFT_OUT);
-    let black = part(&|value| value <= floor);
+    let fraction = |matches: &dyn Fn(f32) -> bool| light.iter().filter(|&&v| matches(v)).count() as f64 / count;
+    let saturated = fraction(&|value| value >= SATURATION);
+    let black = fraction(&|value| value <= floor);
     let mean = light.iter().map(|&value| f64::from(value)).sum::<f64>() / count;
     let variance = light.iter().map(|&value| (f64::from(value) - mean).powi(2)).sum::<f64>() / count;
     let at = light.len() - 1 - light.len() / 1000;

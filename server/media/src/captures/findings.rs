@@ -1,88 +1,98 @@
-//! What the checks mean, pair beside pair.
+//! Findings about a dataset, from the measurements of all its pairs.
 //!
-//! A photograph of another hologram is told by comparison. Correlations with the ideal display's reconstruction are never
-//! perfect, since the display is not, and pictures have much in common: bright middles, horizons, the source's own profile.
-//! So what all pairs have in common is taken off first, where there are enough of them, and a photograph must then be more
-//! like its own reconstruction than chance would have it.
+//! A photograph of another hologram is found by comparing correlations. The correlation of a photograph with the
+//! reconstruction on the ideal display is never 1, because a real display is not ideal. Correlations between different
+//! pictures are not 0 either, because pictures have features in common: a bright middle, a horizon, the profile of the
+//! source. If the dataset has enough pairs, the mean over all pairs is therefore subtracted first. A photograph must
+//! then correlate with its own reconstruction more than by chance.
 
-use super::fingerprint::{self, Compared};
+use super::fingerprint::{self, Normalized};
 use super::{DISTORTION_PX_MAX, MISALIGNMENT_PX_MAX};
 use lightpath_domain::dataset::{Dataset, Finding, FindingKind, Pair, PairChecks};
 
-/// A photograph whose brightest light is below this part of full scale is black.
+/// Light of black photographs: the brightest light is below this fraction of full scale.
 const BLACK: f64 = 0.01;
-/// Parts of the pixels.
+/// Fraction of saturated pixels above which a photograph gets a finding.
 const SATURATED_SOME: f64 = 0.01;
+/// Fraction of saturated pixels above which a photograph is excluded.
 const SATURATED_MOST: f64 = 0.5;
+/// Fraction of black pixels above which a photograph gets a finding.
 const BLACK_CLIPPED: f64 = 0.25;
-/// Standard deviation over mean.
+/// Contrast (standard deviation divided by mean) below which a photograph gets a finding.
 const CONTRAST_LOW: f64 = 0.15;
+/// Contrast below which a photograph is excluded.
 const CONTRAST_NONE: f64 = 0.005;
-/// A photograph that is this much like its own reconstruction shows it, whatever else.
+/// Correlation with its own reconstruction above which a photograph certainly shows its hologram.
 const CORRELATION_SURE: f64 = 0.85;
-/// A photograph this much more like another pair's reconstruction than like its own shows the other one.
+/// Difference of correlations above which a photograph shows the hologram of another pair: its correlation with the
+/// other reconstruction minus that with its own.
 const CORRELATION_LEAD: f64 = 0.15;
-/// Below this, and below [`CORRELATION_PART`] of the median of all pairs, it shows nothing of its hologram.
+/// Correlation below which a photograph does not show its hologram, if it is also below [`CORRELATION_PART`] times the
+/// median over all pairs.
 const CORRELATION_MIN: f64 = 0.5;
+/// Factor of the median for [`CORRELATION_MIN`].
 const CORRELATION_PART: f64 = 0.6;
-/// Below this it does not, whatever the other pairs do.
+/// Correlation below which a photograph does not show its hologram, for any median.
 const CORRELATION_NONE: f64 = 0.2;
-/// Fewest pairs that tell what all have in common.
+/// Smallest number of pairs from which the common features of all pairs are computed.
 const COMMON_MIN: usize = 4;
+/// Loss of light in the corners above which the dataset gets a finding.
 const VIGNETTING: f64 = 0.4;
-/// Pairs that each one is compared with, at most: the first ones.
+/// Largest number of pairs with which each pair is compared. The first pairs are used.
 const COMPARED_MAX: usize = 500;
 
-/// What should be known about the dataset, in the order of the pairs, then what concerns all of it.
+/// Findings about all pairs, in the order of the pairs, followed by findings about the whole dataset.
 #[must_use]
 pub fn findings(dataset: &Dataset) -> Vec<Finding> {
-    let beside = Beside::of(dataset);
-    let mut all: Vec<Finding> = (0..beside.checked.len()).flat_map(|index| beside.findings(index)).collect();
-    all.extend(of_dataset(dataset, &beside.checked));
-    all
+    let checked = CheckedPairs::of(dataset);
+    let mut findings: Vec<Finding> = (0..checked.pairs.len()).flat_map(|index| checked.findings(index)).collect();
+    findings.extend(dataset_findings(dataset, &checked.pairs));
+    findings
 }
 
-/// What should be known about one of the pairs, beside all others, then what concerns all of the dataset.
+/// Findings about one pair, compared with all others, followed by findings about the whole dataset.
 #[must_use]
 pub fn findings_with(dataset: &Dataset, pair: &str) -> Vec<Finding> {
-    let beside = Beside::of(dataset);
-    let index = beside.checked.iter().position(|(checked, _)| checked.id == pair);
-    let mut all = index.map(|index| beside.findings(index)).unwrap_or_default();
-    all.extend(of_dataset(dataset, &beside.checked));
-    all
+    let checked = CheckedPairs::of(dataset);
+    let index = checked.pairs.iter().position(|(other, _)| other.id == pair);
+    let mut findings = index.map(|index| checked.findings(index)).unwrap_or_default();
+    findings.extend(dataset_findings(dataset, &checked.pairs));
+    findings
 }
 
-/// The pairs that were checked, ready to be compared.
-struct Beside<'a> {
-    checked: Vec<(&'a Pair, &'a PairChecks)>,
-    /// What the pairs' photographs, and the first pairs' reconstructions, look like, without what all have in common.
-    seen: Vec<Option<Compared>>,
-    expected: Vec<Option<Compared>>,
-    /// Of each pair's photograph with its own reconstruction.
-    own: Vec<Option<f64>>,
+/// The pairs that have measurements, prepared for comparison.
+struct CheckedPairs<'a> {
+    pairs: Vec<(&'a Pair, &'a PairChecks)>,
+    /// Fingerprints of the photographs, without the features that all have in common.
+    seen: Vec<Option<Normalized>>,
+    /// Fingerprints of the reconstructions, without the features that all have in common.
+    expected: Vec<Option<Normalized>>,
+    /// Correlation of each photograph with its own reconstruction.
+    own_correlations: Vec<Option<f64>>,
+    /// Median of `own_correlations`.
     median: f64,
 }
 
-impl<'a> Beside<'a> {
+impl<'a> CheckedPairs<'a> {
     fn of(dataset: &'a Dataset) -> Self {
-        let checked: Vec<(&Pair, &PairChecks)> =
-            dataset.pairs.iter().filter_map(|pair| Some((pair, pair.checks.as_ref()?))).collect();
-        let seen = fingerprint::compared(checked.iter().map(|(_, checks)| checks.seen.as_str()), COMMON_MIN);
-        let expected = fingerprint::compared(checked.iter().map(|(_, checks)| checks.expected.as_str()), COMMON_MIN);
-        let own: Vec<Option<f64>> =
+        let pairs = with_checks(dataset);
+        let seen = fingerprint::without_common(pairs.iter().map(|(_, checks)| checks.seen.as_str()), COMMON_MIN);
+        let expected =
+            fingerprint::without_common(pairs.iter().map(|(_, checks)| checks.expected.as_str()), COMMON_MIN);
+        let own_correlations: Vec<Option<f64>> =
             seen.iter().zip(&expected).map(|(seen, expected)| seen.as_ref()?.correlation(expected.as_ref()?)).collect();
-        let median = median(own.iter().flatten().copied()).unwrap_or(0.0);
-        Self { checked, seen, expected, own, median }
+        let median = median(own_correlations.iter().flatten().copied()).unwrap_or(0.0);
+        Self { pairs, seen, expected, own_correlations, median }
     }
 
     fn findings(&self, index: usize) -> Vec<Finding> {
-        let (pair, checks) = self.checked[index];
+        let (pair, checks) = self.pairs[index];
         let mut all = Vec::new();
         let mut add = |kind, excludes, message: String| {
             all.push(Finding { pair: pair.id.clone(), kind, excludes, message });
         };
-        of_light(checks, &mut add);
-        of_copies(&self.checked[..index], checks, &mut add);
+        light_findings(checks, &mut add);
+        copy_findings(&self.pairs[..index], checks, &mut add);
         if let Some(message) = self.wrong_hologram(index) {
             add(FindingKind::WrongHologram, true, message);
         }
@@ -90,35 +100,35 @@ impl<'a> Beside<'a> {
     }
 
     fn wrong_hologram(&self, index: usize) -> Option<String> {
-        let (_, checks) = self.checked[index];
-        let (raw, own) = (checks.correlation?, self.own[index]?);
-        // Alike enough, so that the others, of which there may be many, say nothing new.
+        let (_, checks) = self.pairs[index];
+        let (raw, own) = (checks.correlation?, self.own_correlations[index]?);
+        // The photograph is similar enough to its reconstruction. The comparison with all others is not needed.
         if raw >= CORRELATION_SURE || own >= CORRELATION_MIN.max(CORRELATION_PART * self.median) {
             return None;
         }
         let seen = self.seen[index].as_ref()?;
-        let correlation = |(i, expected): (usize, &Option<Compared>)| {
+        let correlation = |(i, expected): (usize, &Option<Normalized>)| {
             let correlation = seen.correlation(expected.as_ref()?)?;
-            (i != index).then_some((&self.checked[i].0.id, correlation))
+            (i != index).then_some((&self.pairs[i].0.id, correlation))
         };
         let others = self.expected.iter().enumerate().take(COMPARED_MAX);
         let best = others.filter_map(correlation).max_by(|a, b| a.1.total_cmp(&b.1));
-        let shows = format!("correlates {own:.2} with its hologram");
+        let finding = format!("correlates {own:.2} with its hologram");
         if let Some((other, correlation)) = best
             && correlation > own + CORRELATION_LEAD
             && correlation > CORRELATION_MIN
         {
-            return Some(format!("{shows}, but {correlation:.2} with that of pair \"{other}\""));
+            return Some(format!("{finding}, but {correlation:.2} with the hologram of pair \"{other}\""));
         }
         if own < CORRELATION_MIN && own < CORRELATION_PART * self.median {
-            return Some(format!("{shows}, where other pairs correlate {:.2}", self.median));
+            return Some(format!("{finding}; the median of all pairs is {:.2}", self.median));
         }
-        // Where all are wrong there is no other to compare with.
-        (own < CORRELATION_NONE).then_some(shows)
+        // If most photographs are wrong, the median is low, and only a fixed limit can find them.
+        (own < CORRELATION_NONE).then_some(finding)
     }
 }
 
-/// Why nothing can be learned from the dataset; `None`: something can.
+/// Message that tells why the dataset cannot be used for learning; `None`: it can be used.
 #[must_use]
 pub fn refusal(dataset: &Dataset, findings: &[Finding]) -> Option<String> {
     let id = &dataset.id;
@@ -138,13 +148,13 @@ pub fn refusal(dataset: &Dataset, findings: &[Finding]) -> Option<String> {
     let (kind, most) = [
         (
             FindingKind::WrongHologram,
-            "show other holograms than theirs: are files and ids matched, is the image upright, or \
-         does the dataset need an alignment (lightpath dataset align --help)?",
+            "show other holograms than theirs: check that each photograph belongs to its hologram and is upright, or \
+             align the dataset (lightpath dataset align --help)",
         ),
         (FindingKind::Black, "are black: expose the camera longer, or check black_level"),
-        (FindingKind::Saturated, "are saturated at most pixels: expose the camera less"),
-        (FindingKind::LowContrast, "are even grey: is the hologram displayed, and the camera in focus?"),
-        (FindingKind::Duplicate, "are copies of others: photograph every hologram once"),
+        (FindingKind::Saturated, "are saturated at most pixels: use a shorter exposure"),
+        (FindingKind::LowContrast, "are uniformly grey: check that the hologram is displayed and the camera in focus"),
+        (FindingKind::Duplicate, "are copies of others: photograph each hologram only once"),
     ]
     .into_iter()
     .max_by_key(|(kind, _)| excluded(Some(*kind)))?;
@@ -154,7 +164,7 @@ pub fn refusal(dataset: &Dataset, findings: &[Finding]) -> Option<String> {
     Some(format!("{faulty} of {count} photographs of datasets/{id} {most}{}", example.unwrap_or_default()))
 }
 
-fn of_light(checks: &PairChecks, add: &mut impl FnMut(FindingKind, bool, String)) {
+fn light_findings(checks: &PairChecks, add: &mut impl FnMut(FindingKind, bool, String)) {
     let percent = |part: f64| format!("{:.1} %", 100.0 * part);
     if checks.brightest < BLACK {
         let brightest = percent(checks.brightest.max(0.0));
@@ -164,22 +174,27 @@ fn of_light(checks: &PairChecks, add: &mut impl FnMut(FindingKind, bool, String)
     if checks.saturated > SATURATED_SOME {
         let excludes = checks.saturated > SATURATED_MOST;
         let saturated = percent(checks.saturated);
-        add(FindingKind::Saturated, excludes, format!("is saturated, or not shown, at {saturated} of its pixels"));
+        let message = format!("is saturated, or outside the camera's view, at {saturated} of the pixels");
+        add(FindingKind::Saturated, excludes, message);
     }
     if checks.black > BLACK_CLIPPED {
         add(
             FindingKind::BlackClipped,
             false,
-            format!("is cut off at black at {} of its pixels", percent(checks.black)),
+            format!("is at or below the black level at {} of the pixels", percent(checks.black)),
         );
     }
     if checks.contrast < CONTRAST_LOW && checks.saturated <= SATURATED_MOST {
         let excludes = checks.contrast < CONTRAST_NONE;
-        add(FindingKind::LowContrast, excludes, format!("has a contrast of {:.3} only", checks.contrast));
+        add(FindingKind::LowContrast, excludes, format!("has a contrast of only {:.3}", checks.contrast));
     }
 }
 
-fn of_copies(before: &[(&Pair, &PairChecks)], checks: &PairChecks, add: &mut impl FnMut(FindingKind, bool, String)) {
+fn copy_findings(
+    before: &[(&Pair, &PairChecks)],
+    checks: &PairChecks,
+    add: &mut impl FnMut(FindingKind, bool, String),
+) {
     let same = |of: fn(&PairChecks) -> &str| before.iter().find(|(_, other)| of(other) == of(checks));
     if let Some((other, _)) = same(|checks| &checks.photo_values) {
         add(FindingKind::Duplicate, true, format!("has the same photograph as pair \"{}\"", other.id));
@@ -188,50 +203,54 @@ fn of_copies(before: &[(&Pair, &PairChecks)], checks: &PairChecks, add: &mut imp
     }
 }
 
-fn of_dataset(dataset: &Dataset, checked: &[(&Pair, &PairChecks)]) -> Vec<Finding> {
+fn dataset_findings(dataset: &Dataset, checked: &[(&Pair, &PairChecks)]) -> Vec<Finding> {
     let whole = |kind, message| Finding { pair: String::new(), kind, excludes: false, message };
     let mut all = Vec::new();
     if let Some([misalignment, distortion]) = misalignment(checked).filter(|found| is_misaligned(Some(*found))) {
-        let what = format!(
-            "photographs are {misalignment:.2} px off what their holograms should show, {distortion:.2} px of it turn, scale \
-             and shear (median of {} pairs); finalizing aligns them unless told not to",
+        let message = format!(
+            "photographs are displaced by {misalignment:.2} px from their reconstructions; {distortion:.2} px of this \
+             is rotation, scale and shear (median of {} pairs); finalizing aligns them unless keep_alignment is set",
             checked.len()
         );
-        all.push(whole(FindingKind::Misaligned, what));
+        all.push(whole(FindingKind::Misaligned, message));
     }
     if let Some(vignetting) = median(checked.iter().filter_map(|(_, checks)| checks.vignetting))
         && vignetting > VIGNETTING
     {
         let percent = 100.0 * vignetting;
-        let what = format!(
-            "the corners have {percent:.0} % less light than the middle; the display model learns that as source"
+        let message = format!(
+            "the corners have {percent:.0} % less light than the middle; the models display and varying learn this as \
+             the profile of the source"
         );
-        all.push(whole(FindingKind::Vignetting, what));
+        all.push(whole(FindingKind::Vignetting, message));
     }
     let known = dataset.pairs.iter().filter(|pair| pair.exposure.is_known()).count();
     if known > 0 && known < dataset.pairs.len() {
-        let what = format!(
-            "{known} of {} pairs say how they were exposed; the others are taken for exposed at 1 s and a gain of 1",
+        let message = format!(
+            "the exposure is known for only {known} of {} pairs; the others count as exposed for 1 s with a gain of 1",
             dataset.pairs.len()
         );
-        all.push(whole(FindingKind::ExposureUnknown, what));
+        all.push(whole(FindingKind::ExposureUnknown, message));
     }
     all
 }
 
-/// Whether the photographs lie so far off that learning would suffer.
+/// Whether the photographs are displaced so far that learning from them would give a worse kernel.
 #[must_use]
 pub fn needs_alignment(dataset: &Dataset) -> bool {
-    let checked: Vec<(&Pair, &PairChecks)> =
-        dataset.pairs.iter().filter_map(|pair| Some((pair, pair.checks.as_ref()?))).collect();
-    is_misaligned(misalignment(&checked))
+    is_misaligned(misalignment(&with_checks(dataset)))
+}
+
+/// The pairs that have measurements.
+fn with_checks(dataset: &Dataset) -> Vec<(&Pair, &PairChecks)> {
+    dataset.pairs.iter().filter_map(|pair| Some((pair, pair.checks.as_ref()?))).collect()
 }
 
 fn is_misaligned(misalignment: Option<[f64; 2]>) -> bool {
     misalignment.is_some_and(|[all, distortion]| all > MISALIGNMENT_PX_MAX || distortion > DISTORTION_PX_MAX)
 }
 
-/// Medians of misalignment and distortion \[px\]; `None` where too few pairs tell.
+/// Medians of misalignment and distortion \[px\]; `None`: they are unknown for all pairs.
 fn misalignment(checked: &[(&Pair, &PairChecks)]) -> Option<[f64; 2]> {
     let both = [
         median(checked.iter().filter_map(|(_, checks)| checks.misalignment_px))?,

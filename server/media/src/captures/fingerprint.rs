@@ -1,5 +1,5 @@
-//! Pictures from afar: means over some hundred cells, enough to tell one picture from another, coarse enough not to mind a
-//! few pixels of misalignment.
+//! Fingerprints: pictures at very low resolution, as means over some hundred cells. They are fine enough to distinguish
+//! pictures, and coarse enough to be insensitive to a few pixels of misalignment.
 
 use lightpath_optics::{Plane, RegionOfInterest};
 use std::fmt::Write;
@@ -7,7 +7,7 @@ use std::fmt::Write;
 /// Cells along the longer side of the region.
 const CELLS: usize = 32;
 
-/// The means over the region's cells, stretched to 0 … 255, as hexadecimal digits.
+/// Fingerprint of a picture: the means over the region's cells, scaled to 0 … 255, as hexadecimal digits.
 pub(super) fn of(plane: &Plane<f32>, region: RegionOfInterest) -> String {
     let means = cells(plane, region);
     let (low, high) = means.iter().fold((f64::MAX, f64::MIN), |(low, high), &v| (low.min(v), high.max(v)));
@@ -19,18 +19,17 @@ pub(super) fn of(plane: &Plane<f32>, region: RegionOfInterest) -> String {
     })
 }
 
-/// How alike two pictures of the same region are: the correlation of their cells; `None` where one of them is even, or they
-/// have other cells.
+/// Correlation of two fingerprints of the same region; `None` if a picture is uniform or the cells differ.
 pub(super) fn correlation(a: &str, b: &str) -> Option<f64> {
-    Compared::new(a)?.correlation(&Compared::new(b)?)
+    Normalized::new(a)?.correlation(&Normalized::new(b)?)
 }
 
-/// A fingerprint made ready to be compared with many.
+/// A fingerprint with mean 0 and norm 1, to be correlated with many others.
 #[derive(Clone, Debug)]
-pub(super) struct Compared(Vec<f32>);
+pub(super) struct Normalized(Vec<f32>);
 
-impl Compared {
-    /// `None` for that of an even picture.
+impl Normalized {
+    /// Normalizes a fingerprint; `None` for that of a uniform picture.
     pub(super) fn new(hex: &str) -> Option<Self> {
         Self::of(&values(hex)?)
     }
@@ -46,9 +45,9 @@ impl Compared {
     }
 }
 
-/// Fingerprints ready to be compared; of `common_min` or more, what they have in common is taken off. `None` for even pictures.
-pub(super) fn compared<'a>(all: impl Iterator<Item = &'a str>, common_min: usize) -> Vec<Option<Compared>> {
-    let unit: Vec<Option<Compared>> = all.map(Compared::new).collect();
+/// Normalizes fingerprints and, if there are at least `common_min`, subtracts their mean. `None` for uniform pictures.
+pub(super) fn without_common<'a>(all: impl Iterator<Item = &'a str>, common_min: usize) -> Vec<Option<Normalized>> {
+    let unit: Vec<Option<Normalized>> = all.map(Normalized::new).collect();
     let cells = unit.iter().flatten().map(|one| one.0.len()).max().unwrap_or(0);
     let whole = || unit.iter().flatten().filter(move |one| one.0.len() == cells);
     let count = whole().count();
@@ -59,15 +58,16 @@ pub(super) fn compared<'a>(all: impl Iterator<Item = &'a str>, common_min: usize
     for one in whole() {
         mean.iter_mut().zip(&one.0).for_each(|(mean, value)| *mean += f64::from(*value) / count as f64);
     }
-    let without = |one: &Compared| {
+    let without_mean = |one: &Normalized| {
         let values: Vec<f64> = one.0.iter().zip(&mean).map(|(value, mean)| f64::from(*value) - mean).collect();
-        Compared::of(&values)
+        Normalized::of(&values)
     };
-    unit.iter().map(|one| one.as_ref().filter(|one| one.0.len() == cells).and_then(without)).collect()
+    unit.iter().map(|one| one.as_ref().filter(|one| one.0.len() == cells).and_then(without_mean)).collect()
 }
 
-/// How much less light the corners have than the middle, against what was expected: seen ≈ expected · (a + b r²), r = 1 in
-/// the corners; −b/a.
+/// Vignetting: the loss of light from the middle to the corners, relative to the expected light.
+///
+/// Fits seen ≈ expected · (a + b r²), with r = 1 in the corners, and returns −b/a. `None`: the fit is not determined.
 pub(super) fn vignetting(seen: &Plane<f32>, expected: &Plane<f32>, region: RegionOfInterest) -> Option<f64> {
     let (seen, expected) = (cells(seen, region), cells(expected, region));
     let (rows, columns) = grid(region);
@@ -127,7 +127,7 @@ mod tests {
     use lightpath_optics::test_cards::TestCard;
 
     #[test]
-    fn a_picture_is_like_itself_shifted_and_dimmed_and_unlike_others() {
+    fn picture_correlates_with_itself_shifted_and_dimmed_but_not_with_others() {
         let region = RegionOfInterest::middle(&Grid::try_new(180, 320, 8e-6).unwrap());
         let card = |i: usize| TestCard::ALL[i].render(180, 320, 1).unwrap();
         let portrait = card(0);
@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn vignetting_is_the_loss_in_the_corners() {
+    fn vignetting_is_the_loss_of_light_in_the_corners() {
         let region = RegionOfInterest::full(&Grid::try_new(180, 320, 8e-6).unwrap());
         let card = TestCard::Clouds.render(180, 320, 1).unwrap();
         let seen = Plane::from_fn(180, 320, |y, x| {

@@ -1,23 +1,26 @@
-//! Photographs of holograms: read, brought to the display's grid, checked.
+//! Photographs of holograms: reading, mapping to the display's grid, and checks.
 //!
 //! # Layout
 //!
-//! - `reading`: a pair's files as phase and light on the display's grid: what learning sees.
-//! - `checks`, `fingerprint`: what is measured of each pair. `findings`: what that means, pair beside pair.
-//! - `calibration`: the dataset's alignment, from points, a photographed grid of dots, or the pairs themselves.
+//! - `reading`: reads the files of a pair as phase and light on the display's grid. Learning uses these values.
+//! - `checks`, `fingerprint`: measurements of each pair.
+//! - `findings`: findings from the measurements of all pairs.
+//! - `calibration`: computes the alignment of a dataset from points, from a photographed grid of dots, or from pairs.
+
 mod calibration;
 mod checks;
 mod findings;
 mod fingerprint;
 mod reading;
 
-pub use calibration::{ROUNDS_MAX, Solved, from_dots, from_pairs, from_points, target};
+pub use calibration::{FoundAlignment, ROUNDS_MAX, from_dots, from_pairs, from_points, target};
 pub use checks::{Reconstructor, check};
 pub use findings::{findings, findings_with, needs_alignment, refusal};
 pub use reading::{CaptureError, Captures};
 
-/// Photographs farther off than this are aligned by themselves when a dataset is finalized \[px\]: a learned kernel takes
-/// a shift for its own, but finds one of several pixels only by luck.
+/// Largest displacement of photographs \[px\]. Above it, finalizing a dataset aligns the photographs. Learning fits a
+/// small shift as part of the kernel, but it finds a shift of several pixels only by chance.
 pub const MISALIGNMENT_PX_MAX: f64 = 1.0;
-/// The same for turn, scale and shear, which no kernel can undo \[px\].
+/// Largest displacement of photographs by rotation, scale and shear \[px\]. Above it, finalizing a dataset aligns the
+/// photographs. No kernel can correct these displacements.
 pub const DISTORTION_PX_MAX: f64 = 0.35;

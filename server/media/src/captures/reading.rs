@@ -1,15 +1,15 @@
-//! A dataset's pairs as learning sees them.
+//! Reads the pairs of a dataset as phase and light for learning.
 //!
 //! ```text
 //! photo(p) = min(t g) / (t g) · warp( (v / full scale − b) / (1 − b), H )(p)
 //! ```
 //!
-//! v the camera's values, b its black level, t exposure, g amplification, H the dataset's alignment: photographs of
-//! different exposures become comparable, and none of them exceeds 1. What the camera saturated, or does not show, is 1, and
-//! so left out of learning.
+//! p pixel of the display, v value of the camera, b its black level, t exposure time, g gain of the camera, H alignment
+//! of the dataset. The factor makes photographs of different exposures comparable and keeps their light at or below 1.
+//! Pixels that are saturated or outside the photograph get the value 1, and learning ignores them.
 
 use crate::npy;
-use crate::pictures::{self, PhotoReading, PictureError, SATURATED};
+use crate::pictures::{self, PhotoReading, PictureError, SATURATED, SATURATION};
 use lightpath_domain::dataset::{Dataset, Encoding, Pair};
 use lightpath_domain::display::Display;
 use lightpath_domain::planning;
@@ -18,35 +18,32 @@ use lightpath_optics::alignment::{AlignmentError, Homography, warp};
 use lightpath_optics::phase_response::PhaseResponse;
 use lightpath_optics::{Carrier, OpticalSetup, Plane};
 
-/// Light at or above this is saturated: unsaturated light ends below it.
-pub(super) const LEFT_OUT: f32 = pictures::SATURATION;
-
-/// Why a pair could not be read.
+/// Reason why a pair could not be read.
 #[derive(Debug, thiserror::Error)]
 pub enum CaptureError {
-    /// A file is no picture, or not the right one.
+    /// A file is not a readable picture, or the picture is not the required one.
     #[error(transparent)]
     Picture(#[from] PictureError),
-    /// The display's optics are not possible.
+    /// The optics engine refused the display or the hologram.
     #[error(transparent)]
     Optics(#[from] lightpath_optics::Error),
-    /// The alignment is not possible.
+    /// The alignment is impossible or could not be found.
     #[error(transparent)]
     Alignment(#[from] AlignmentError),
-    /// Another size than the display or the dataset's other photographs have.
+    /// The photograph has the wrong size.
     #[error(
         "the photograph has {actual_width_px}×{actual_height_px} px, but must have {width_px}×{height_px} px: {why}"
     )]
     Size {
-        /// Columns it should have.
+        /// Required number of columns.
         width_px: usize,
-        /// Rows it should have.
+        /// Required number of rows.
         height_px: usize,
-        /// Columns it has.
+        /// Actual number of columns.
         actual_width_px: usize,
-        /// Rows it has.
+        /// Actual number of rows.
         actual_height_px: usize,
-        /// Why, and what to do.
+        /// Reason for the required size, and what to do.
         why: &'static str,
     },
 }
@@ -72,9 +69,11 @@ struct Alignment {
 }
 
 impl Captures {
+    /// Prepares the reading of a dataset's pairs.
+    ///
     /// # Errors
     ///
-    /// [`CaptureError`] for a display or an alignment that is not possible; stored ones are.
+    /// [`CaptureError`] for an impossible display or alignment. Stored ones are possible.
     pub fn of(display: &Display, dataset: &Dataset) -> Result<Self, CaptureError> {
         let alignment = match &dataset.alignment {
             None => None,
@@ -98,48 +97,48 @@ impl Captures {
         })
     }
 
-    /// Rows \[px\].
+    /// Rows of the display \[px\].
     #[must_use]
     pub fn height_px(&self) -> usize {
         self.setup.grid().height_px()
     }
 
-    /// Columns \[px\].
+    /// Columns of the display \[px\].
     #[must_use]
     pub fn width_px(&self) -> usize {
         self.setup.grid().width_px()
     }
 
-    /// What the photographs were taken behind.
+    /// Optical setup of the photographs.
     #[must_use]
     pub fn setup(&self) -> OpticalSetup {
         self.setup
     }
 
-    /// The display's grating.
+    /// Carrier of the display, if it has one.
     #[must_use]
     pub fn carrier(&self) -> Option<Carrier> {
         self.carrier
     }
 
-    /// From the display's pixels to the photographs'.
+    /// Map from pixels of the display to pixels of the photographs; `None`: they are the same.
     #[must_use]
     pub fn homography(&self) -> Option<Homography> {
         self.alignment.map(|alignment| alignment.homography)
     }
 
-    /// The same with another alignment of the same photographs.
+    /// A copy with another alignment of the same photographs.
     #[must_use]
     pub fn realigned(&self, homography: Homography, height_px: usize, width_px: usize) -> Self {
         Self { alignment: Some(Alignment { homography, height_px, width_px }), ..self.clone() }
     }
 
-    /// A hologram's phase \[rad\] before the carrier, from a grey PNG of levels (carrier included, as displayed), or from a
-    /// `.npy` file of radians without it.
+    /// Reads the phase \[rad\] of a hologram, without the carrier. The file is a grey PNG of levels, which include the
+    /// carrier as displayed, or a `.npy` file of radians without the carrier.
     ///
     /// # Errors
     ///
-    /// [`CaptureError`] for another size, or what is no hologram.
+    /// [`CaptureError`] for a file that is no hologram or has another size than the display.
     pub fn phase(&self, file: &[u8]) -> Result<Plane<f32>, CaptureError> {
         if npy::is_npy(file) {
             return Ok(pictures::phase_npy(file, self.height_px(), self.width_px())?);
@@ -147,17 +146,17 @@ impl Captures {
         let levels = pictures::levels(file, self.bit_depth, self.height_px(), self.width_px())?;
         let displayed = self.response.dequantize(&levels)?;
         Ok(match self.carrier {
-            // Adding half a turn twice takes it away.
+            // The carrier is half a turn, so adding it a second time removes it.
             Some(carrier) => carrier.applied_to(&displayed),
             None => displayed,
         })
     }
 
-    /// The light that the camera saw, in the photograph's own size.
+    /// Reads the light of a photograph, in its own size.
     ///
     /// # Errors
     ///
-    /// [`CaptureError`] for what is no photograph.
+    /// [`CaptureError`] for a file that is no photograph.
     pub fn camera(&self, pair: &Pair, file: &[u8]) -> Result<Plane<f32>, CaptureError> {
         let reading = PhotoReading {
             encoding: self.encoding,
@@ -167,25 +166,26 @@ impl Captures {
         Ok(pictures::photo_light(file, &reading)?)
     }
 
-    /// The photograph on the display's grid, exposures made equal; 1 where it does not count.
+    /// Reads the light of a photograph, mapped to the display's grid and scaled to the smallest exposure of the
+    /// dataset. Pixels that learning must ignore are 1.
     ///
     /// # Errors
     ///
-    /// [`CaptureError`] for what is no photograph, or one of another size.
+    /// [`CaptureError`] for a file that is no photograph or has the wrong size.
     pub fn photo(&self, pair: &Pair, file: &[u8]) -> Result<Plane<f32>, CaptureError> {
         let on_grid = self.on_grid(self.camera(pair, file)?)?;
         let scale = (self.sensitivity_min / pair.exposure.sensitivity()) as f32;
         if !scale.is_finite() || scale >= 1.0 {
             return Ok(on_grid);
         }
-        Ok(on_grid.map(|light| if light >= LEFT_OUT { SATURATED } else { scale * light }))
+        Ok(on_grid.map(|light| if light >= SATURATION { SATURATED } else { scale * light }))
     }
 
-    /// A photograph's light, brought to the display's grid.
+    /// Maps the light of a photograph to the display's grid.
     ///
     /// # Errors
     ///
-    /// [`CaptureError::Size`].
+    /// [`CaptureError::Size`] for a photograph of the wrong size.
     pub fn on_grid(&self, light: Plane<f32>) -> Result<Plane<f32>, CaptureError> {
         let (height_px, width_px) = (self.height_px(), self.width_px());
         let actual = (light.height_px(), light.width_px());
@@ -193,15 +193,15 @@ impl Captures {
             if actual == (height_px, width_px) {
                 return Ok(light);
             }
-            let why = "one camera pixel stands for one of the display until the dataset is aligned \
-                       (lightpath dataset align --help)";
+            let why = "without an alignment, each camera pixel is one pixel of the display; to use other sizes, align \
+                       the dataset first (lightpath dataset align --help)";
             return Err(size_error((height_px, width_px), actual, why));
         };
         if actual != (alignment.height_px, alignment.width_px) {
             let expected = (alignment.height_px, alignment.width_px);
-            return Err(size_error(expected, actual, "the dataset was aligned with photographs of that size"));
+            return Err(size_error(expected, actual, "the dataset was aligned with photographs of this size"));
         }
-        Ok(warp(&light, &alignment.homography, height_px, width_px, LEFT_OUT, SATURATED))
+        Ok(warp(&light, &alignment.homography, height_px, width_px, SATURATION, SATURATED))
     }
 }
 

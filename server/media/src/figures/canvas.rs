@@ -13,7 +13,7 @@ const WHITE: Colour = [0xff; 3];
 
 pub(super) type Colour = [u8; 3];
 
-/// Which point of a line of text lies at (x, y).
+/// Point of a line of text that is drawn at (x, y).
 #[derive(Clone, Copy)]
 pub(super) enum Anchor {
     Start,
@@ -193,7 +193,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn other_sizes_keep_the_mean() {
+    fn resampling_keeps_the_mean() {
         let plane = Plane::from_fn(30, 40, |y, x| (y * 40 + x) as f32);
         for (height, width) in [(30, 40), (15, 20), (45, 60), (7, 9)] {
             let mean = averaged(&plane, height, width).values().iter().sum::<f32>() / (height * width) as f32;
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_drawn_beyond_the_edge_is_lost() {
+    fn drawing_beyond_the_edges_has_no_effect() {
         let mut canvas = Canvas::new(10, 10);
         canvas.text(-20, 50, "outside", 12.0, BLACK, Anchor::Start);
         canvas.stroke((-50.0, 5.0), (50.0, 5.0), 1.0, BLACK);

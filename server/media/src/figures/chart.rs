@@ -218,7 +218,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_without_numbers_are_no_reason_to_fail_and_text_is_escaped() {
+    fn lines_without_values_are_drawn_and_text_is_escaped() {
         for points in [vec![], vec![(0.0, f64::NAN)], vec![(1.0, 2.0)], vec![(0.0, -1.0), (1.0, 3.0)]] {
             for logarithmic in [false, true] {
                 let lines = vec![Line { label: "a < b".to_owned(), points: points.clone(), dashed: true }];

@@ -57,7 +57,7 @@ mod tests {
     }
 
     #[test]
-    fn lightness_grows_and_the_circle_closes() {
+    fn sequential_lightness_grows_and_cyclic_ends_match() {
         for i in 0..40 {
             let (a, b) = (i as f32 / 40.0, (i + 1) as f32 / 40.0);
             assert!(luma(ColourMap::Sequential.colour(b)) > luma(ColourMap::Sequential.colour(a)), "{a}");

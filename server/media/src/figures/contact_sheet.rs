@@ -20,21 +20,21 @@ pub struct ContactSheet<'a> {
 #[derive(Clone, Debug)]
 pub struct ContactRow<'a> {
     /// Pictures from left to right.
-    pub pictures: Vec<Shown<'a>>,
+    pub pictures: Vec<CaptionedPicture<'a>>,
 }
 
 /// A picture with its caption.
 #[derive(Clone, Debug)]
-pub struct Shown<'a> {
+pub struct CaptionedPicture<'a> {
     /// The picture as linear light; 1 is white.
     pub intensity: &'a Plane<f32>,
     /// Text below the picture.
     pub caption: String,
 }
 
-/// Largest width of a shown picture \[px\]: three pictures fit a common screen.
+/// Largest width of a picture \[px\]: three pictures fit a common screen.
 const PICTURE_WIDTH_PX_MAX: u32 = 480;
-/// Smallest width of a shown picture \[px\]: the caption needs it.
+/// Smallest width of a picture \[px\]: the caption needs it.
 const PICTURE_WIDTH_PX_MIN: u32 = 320;
 const MARGIN_PX: i32 = 24;
 const GAP_PX: i32 = 14;
@@ -48,9 +48,9 @@ impl ContactSheet<'_> {
     #[must_use]
     pub fn draw(&self) -> Canvas {
         let first = self.rows.iter().flat_map(|row| &row.pictures).next();
-        let width = first.map_or(PICTURE_WIDTH_PX_MIN, |shown| shown.intensity.width_px() as u32);
+        let width = first.map_or(PICTURE_WIDTH_PX_MIN, |picture| picture.intensity.width_px() as u32);
         let width = width.clamp(PICTURE_WIDTH_PX_MIN, PICTURE_WIDTH_PX_MAX);
-        let height = first.map_or(0, |shown| scaled_height_px(shown.intensity, width));
+        let height = first.map_or(0, |picture| scaled_height_px(picture.intensity, width));
         let (step_x, step_y) = (width as i32 + GAP_PX, height as i32 + CAPTION_PX);
         let columns = self.columns.len() as i32;
         let mut canvas = Canvas::new(
@@ -65,11 +65,11 @@ impl ContactSheet<'_> {
         }
         for (j, row) in self.rows.iter().enumerate() {
             let top = HEADER_PX + j as i32 * step_y;
-            for (i, shown) in row.pictures.iter().enumerate() {
-                let drawn = canvas.light(left(i), top, width, shown.intensity);
+            for (i, picture) in row.pictures.iter().enumerate() {
+                let drawn = canvas.light(left(i), top, width, picture.intensity);
                 canvas.frame(left(i), top, width, drawn, PALE);
                 let baseline = top + height as i32 + 20;
-                canvas.text(left(i) + width as i32 / 2, baseline, &shown.caption, TEXT_PX, BLACK, Anchor::Middle);
+                canvas.text(left(i) + width as i32 / 2, baseline, &picture.caption, TEXT_PX, BLACK, Anchor::Middle);
             }
         }
         canvas

@@ -119,7 +119,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn curves_without_numbers_are_no_reason_to_fail() {
+    fn curves_without_values_are_drawn() {
         for values in [vec![], vec![f64::NAN, 0.0], vec![1e-3], vec![0.1, 0.01, 0.005]] {
             let curves = vec![Curve { label: "a".to_owned(), values }];
             assert_eq!(Curves { title: "t", x_label: "x", y_label: "y", curves }.draw().width_px(), SIZE_PX.0);

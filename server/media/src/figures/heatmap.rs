@@ -84,12 +84,12 @@ impl Heatmap<'_> {
     fn draw_axes(&self, canvas: &mut Canvas, width_px: u32, height_px: u32) {
         let bottom = TOP_PX + height_px as i32;
         for (value, label) in ticks::linear(self.x.start, self.x.end, 5) {
-            let x = LEFT_PX as f32 + place(&self.x, value) * width_px as f32;
+            let x = LEFT_PX as f32 + position(&self.x, value) * width_px as f32;
             canvas.stroke((x, bottom as f32), (x, bottom as f32 + 4.0), 1.0, GREY);
             canvas.text(x.round() as i32, bottom + 18, &label, 12.0, BLACK, Anchor::Middle);
         }
         for (value, label) in ticks::linear(self.y.start, self.y.end, 5) {
-            let y = TOP_PX as f32 + place(&self.y, value) * height_px as f32;
+            let y = TOP_PX as f32 + position(&self.y, value) * height_px as f32;
             canvas.stroke((LEFT_PX as f32 - 5.0, y), (LEFT_PX as f32 - 1.0, y), 1.0, GREY);
             canvas.text(LEFT_PX - 9, y.round() as i32 + 4, &label, 12.0, BLACK, Anchor::End);
         }
@@ -120,7 +120,7 @@ impl Heatmap<'_> {
 }
 
 /// Position of `value` on the axis, from 0 to 1.
-fn place(axis: &Axis<'_>, value: f64) -> f32 {
+fn position(axis: &Axis<'_>, value: f64) -> f32 {
     ((value - axis.start) / (axis.end - axis.start)) as f32
 }
 

@@ -17,6 +17,6 @@ pub use alignment::{marked, overlay};
 pub use canvas::Canvas;
 pub use chart::{Chart, Line, escaped};
 pub use colours::ColourMap;
-pub use contact_sheet::{ContactRow, ContactSheet, Shown};
+pub use contact_sheet::{CaptionedPicture, ContactRow, ContactSheet};
 pub use curves::{Curve, Curves};
 pub use heatmap::{Axis, Heatmap};

@@ -3,7 +3,7 @@
 use ab_glyph::{Font, FontRef, PxScale, ScaleFont};
 use std::sync::LazyLock;
 
-/// DejaVu Sans with Latin, Greek and a few signs. The licence lies beside the font file.
+/// DejaVu Sans with Latin and Greek letters and a few symbols. The licence is in the same folder as the font file.
 static FONT: LazyLock<FontRef<'static>> = LazyLock::new(|| {
     let bytes = include_bytes!("../../assets/fonts/DejaVuSans-subset.ttf");
     FontRef::try_from_slice(bytes).expect("the embedded font is whole")
@@ -44,7 +44,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_sign_that_captions_use_has_a_shape() {
+    fn font_has_every_character_of_captions() {
         for letter in ('!'..='~').chain("αλφψπΔ²³µ×±−…·→°".chars()) {
             assert_ne!(FONT.glyph_id(letter).0, 0, "{letter}");
         }

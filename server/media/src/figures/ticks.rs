@@ -65,7 +65,7 @@ mod tests {
     }
 
     #[test]
-    fn ticks_are_round_and_inside() {
+    fn ticks_are_round_numbers_inside_the_range() {
         assert_eq!(labels(linear(-62.5, 62.5, 5)), ["−50", "0", "50"]);
         assert_eq!(labels(linear(0.0, 1.0, 5)), ["0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]);
         assert_eq!(labels(linear(1.0, 1.0, 5)), ["1.000"]);

@@ -8,9 +8,13 @@ use std::io::Read;
 
 /// Largest inflated file of an archive \[bytes\]: a complex kernel of an 8K display.
 const FILE_BYTES_MAX: u64 = 1 << 30;
+/// Largest number of files in an archive.
 const FILES_MAX: usize = 1000;
+/// Signature of a file's local header.
 const LOCAL: u32 = 0x0403_4b50;
+/// Signature of a file's entry in the central directory.
 const CENTRAL: u32 = 0x0201_4b50;
+/// Signature of the end record.
 const END: u32 = 0x0605_4b50;
 
 /// Names and contents of files.
@@ -61,7 +65,7 @@ fn content(bytes: &[u8], entry: usize, name: &str) -> Result<Vec<u8>, KernelForm
         return Err(refused("it is encrypted".to_owned()));
     }
     if size_bytes > FILE_BYTES_MAX || u32_at(bytes, local)? != LOCAL {
-        return Err(refused(format!("it has {size_bytes} bytes, or no header of its own")));
+        return Err(refused(format!("it has {size_bytes} bytes (at most {FILE_BYTES_MAX}), or no local header")));
     }
     let start = local + 30 + usize::from(u16_at(bytes, local + 26)?) + usize::from(u16_at(bytes, local + 28)?);
     let packed =
@@ -75,7 +79,7 @@ fn content(bytes: &[u8], entry: usize, name: &str) -> Result<Vec<u8>, KernelForm
             decoder.read_to_end(&mut content).map_err(|error| refused(error.to_string()))?;
             content
         }
-        other => return Err(refused(format!("it is packed by method {other}; store or deflate it"))),
+        other => return Err(refused(format!("it is compressed by method {other}; use store or deflate"))),
     };
     if content.len() as u64 != size_bytes || crc_of(&content) != crc {
         return Err(refused("its content does not match its checksum".to_owned()));
@@ -144,7 +148,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn files_come_back_and_damage_is_noticed() {
+    fn files_are_read_back_and_damage_is_found() {
         let (a, b) = (vec![7_u8; 1000], b"hello".to_vec());
         let archive = write(&[("x/a", &a), ("b.txt", &b)]).unwrap();
         assert_eq!(read(&archive).unwrap(), [("x/a".to_owned(), a), ("b.txt".to_owned(), b)]);

@@ -11,7 +11,7 @@ pub(super) struct Array {
     /// Name of the array in messages.
     pub(super) name: String,
     pub(super) shape: Vec<usize>,
-    /// The numbers. Complex ones have their real and imaginary part in turn.
+    /// The numbers. The real and the imaginary part of a complex number follow each other.
     pub(super) numbers: Vec<f32>,
     pub(super) complex: bool,
 }
@@ -47,9 +47,9 @@ impl Array {
         let count = shape.iter().try_fold(1_usize, |product, &side| product.checked_mul(side));
         if count.and_then(|count| count.checked_mul(kind.bytes())) != Some(bytes.len()) {
             return Err(KernelFormatError::Array {
-                what: name.to_owned(),
-                actual: format!("{} bytes", bytes.len()),
-                expected: format!("as many as {kind:?} of shape {shape:?} has"),
+                name: name.to_owned(),
+                actual: format!("{} bytes long", bytes.len()),
+                expected: format!("as long as {kind:?} numbers of shape {shape:?}"),
             });
         }
         let numbers: Vec<f32> = match kind {
@@ -60,7 +60,7 @@ impl Array {
             }
         };
         if let Some(index) = numbers.iter().position(|number| !number.is_finite()) {
-            return Err(KernelFormatError::NotFinite { what: name.to_owned(), index });
+            return Err(KernelFormatError::NotFinite { name: name.to_owned(), index });
         }
         Ok(Self { name: name.to_owned(), shape, numbers, complex: kind.is_complex() })
     }
@@ -69,11 +69,10 @@ impl Array {
     pub(super) fn read_npy(name: &str, bytes: &[u8]) -> Result<Self, KernelFormatError> {
         let expected = "a .npy file of float16, float32, float64, complex64 or complex128, little-endian, C order";
         let refused =
-            |actual: String| KernelFormatError::Array { what: name.to_owned(), actual, expected: expected.to_owned() };
+            |actual: String| KernelFormatError::Array { name: name.to_owned(), actual, expected: expected.to_owned() };
         npy::require_plain_header(bytes).map_err(refused)?;
         let mut rest = bytes;
-        let header =
-            npyz::NpyHeader::from_reader(&mut rest).map_err(|error| refused(format!("no such file ({error})")))?;
+        let header = npyz::NpyHeader::from_reader(&mut rest).map_err(|error| refused(format!("damaged ({error})")))?;
         let described = header.dtype().descr();
         let kind = match (header.dtype(), described.trim_matches('\'')) {
             (DType::Plain(_), "<f2") => Kind::F16,
@@ -118,7 +117,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_kind_is_read() {
+    fn every_number_type_is_read() {
         for (descr, kind, one) in [
             ("<f2", Kind::F16, 0x3c00_u16.to_le_bytes().to_vec()),
             ("<f4", Kind::F32, 1.0_f32.to_le_bytes().to_vec()),
@@ -134,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_cut_or_not_finite_is_refused() {
+    fn truncated_files_non_finite_values_and_integers_are_refused() {
         let file = npy("<f4", &[3], &1.0_f32.to_le_bytes().repeat(3));
         assert!(Array::read_npy("x", &file[..file.len() - 1]).is_err());
         let file = npy("<f4", &[2], &[1.0_f32.to_le_bytes(), f32::NAN.to_le_bytes()].concat());

@@ -26,8 +26,9 @@
 //!
 //! ```text
 //! t(n) = (n + 1)(n + 2)/2 − 1,   s(x, y) = Σ c_ij T_i(x) T_j(y),  1 ≤ i + j ≤ n, ordered by i, then j
-//! H(fx, fy) = H_ideal · exp(α(2Δfx, 2Δfy) + iψ(2Δfx, 2Δfy)),   a(x, y) the same on the SLM, x, y from −1 to 1
-//! H(fx, fy; x, y) = H(fx, fy) · exp( Σ_m P_m(x, y) (α_m + iψ_m) )  for the light of the SLM's place (x, y)
+//! H(fx, fy) = H_ideal · exp(α(2Δfx, 2Δfy) + iψ(2Δfx, 2Δfy))
+//! source(x, y) = exp(series of the source's amplitude + i · series of its phase),   x, y from −1 to 1 over the SLM
+//! H(fx, fy; x, y) = H(fx, fy) · exp( Σ_m P_m(x, y) (α_m + iψ_m) )   for the light from (x, y) on the SLM
 //! ```
 //!
 //! T_i Chebyshev polynomials, Δ the pixel pitch. Methods: 0 band-limited, 1 angular spectrum,
@@ -81,7 +82,10 @@ pub fn encode(model: &DisplayModel, kind: KernelModel) -> Result<Vec<u8>, Kernel
     };
     let variation_order = model.variation.order();
     if variation_order > VARIATION_ORDER_MAX {
-        let message = format!("the kernel varies with degree {variation_order}, the compact form up to 8");
+        let message = format!(
+            "the kernel varies over the SLM with degree {variation_order}, but the compact form holds degrees up to \
+             {VARIATION_ORDER_MAX}; export another form"
+        );
         return Err(KernelFormatError::NoSuchForm(message));
     }
     let version = if model.variation.is_none() { VERSION } else { VERSION_VARYING };
@@ -91,7 +95,10 @@ pub fn encode(model: &DisplayModel, kind: KernelModel) -> Result<Vec<u8>, Kernel
         KernelModel::Smooth | KernelModel::Paper | KernelModel::Dense => 3,
     };
     let (method, _) = METHODS.into_iter().find(|&(_, method)| method == model.setup.method()).ok_or_else(|| {
-        KernelFormatError::NoSuchForm(format!("the {} has no number in the compact form", model.setup.method()))
+        KernelFormatError::NoSuchForm(format!(
+            "the {} has no number in the compact form; export another form",
+            model.setup.method()
+        ))
     })?;
     let grid = model.setup.grid();
     let mut bytes = MAGIC.to_vec();
@@ -133,7 +140,11 @@ pub fn decode(bytes: &[u8]) -> Result<(DisplayModel, KernelModel), KernelFormatE
         return Err(refused(format!("has orders {kernel_order} and {source_order}, but 12 is the highest")));
     }
     if variation_order > VARIATION_ORDER_MAX || (variation_order > 0) != (bytes[4] == VERSION_VARYING) {
-        return Err(refused(format!("of version {} varies with degree {variation_order}", bytes[4])));
+        return Err(refused(format!(
+            "is of version {} and varies over the SLM with degree {variation_order}; kernels of version 1 have degree \
+             0, those of version 2 have 1 to {VARIATION_ORDER_MAX}",
+            bytes[4]
+        )));
     }
     let terms = |order| ChebyshevBasis::new(order).terms();
     let (kernel_terms, source_terms, variation_terms) =
@@ -141,20 +152,20 @@ pub fn decode(bytes: &[u8]) -> Result<(DisplayModel, KernelModel), KernelFormatE
     let pairs = kernel_terms + source_terms + harmonics + SpatialVariation::POWERS * variation_terms;
     let expected = HEADER_BYTES + 4 * 2 * pairs + 4;
     if bytes.len() != expected {
-        return Err(refused(format!("has {} bytes, but its header asks for {expected}", bytes.len())));
+        return Err(refused(format!("has {} bytes, but its header requires {expected}", bytes.len())));
     }
     let (content, crc) = bytes.split_at(expected - 4);
     if crc != crc_of(content).to_le_bytes() {
-        return Err(refused("does not match its checksum: it was damaged on its way".to_owned()));
+        return Err(refused("does not match its checksum: it was damaged; copy it again".to_owned()));
     }
     let kind = match bytes[5] {
         3 => KernelModel::Smooth,
         4 => KernelModel::Display,
         5 => KernelModel::Varying,
-        other => return Err(refused(format!("is of model {other}, but must be of 3, 4 or 5"))),
+        other => return Err(refused(format!("has the model number {other}, but must have 3, 4 or 5"))),
     };
     let (_, method) = (METHODS.into_iter().find(|&(number, _)| number == method))
-        .ok_or_else(|| refused(format!("is of method {method}, which is none")))?;
+        .ok_or_else(|| refused(format!("has the method number {method}, but must have 0, 1, 3, 4 or 5")))?;
     let sides: Vec<usize> =
         content[12..20].as_chunks().0.iter().map(|&chunk| u32::from_le_bytes(chunk) as usize).collect();
     let lengths: Vec<f64> = content[20..44].as_chunks().0.iter().map(|&chunk| f64::from_le_bytes(chunk)).collect();
@@ -214,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn the_largest_model_is_below_4_kib_and_comes_back_to_f32() {
+    fn largest_model_is_below_4_kib_and_exact_to_f32() {
         for (order, variation_order) in [(0, 0), (5, 0), (5, 4), (ChebyshevBasis::ORDER_MAX, VARIATION_ORDER_MAX)] {
             let mut model = smooth(order);
             let model_kind = if variation_order == 0 { KernelModel::Display } else { KernelModel::Varying };
@@ -226,7 +237,7 @@ mod tests {
             assert!(bytes.len() <= 4096, "{}", bytes.len());
             let (back, kind) = decode(&bytes).unwrap();
             assert_eq!((kind, back.variation.order()), (model_kind, variation_order));
-            assert_eq!(encode(&back, kind).unwrap(), bytes, "a second time nothing is lost");
+            assert_eq!(encode(&back, kind).unwrap(), bytes, "a second conversion loses nothing");
             let (KernelShape::Smooth(a), KernelShape::Smooth(b)) = (&model.kernel, &back.kernel) else { panic!() };
             // Rounding of coefficients up to 1 in f32.
             assert!(a.phase.iter().zip(&b.phase).all(|(a, b)| (a - b).abs() <= 2.0_f64.powi(-25)));
@@ -250,18 +261,18 @@ mod tests {
         let mut adam = Optimization::start(problem, options, start).unwrap();
         while adam.step().is_some() {}
         let phase = Plane::try_from_vec(height, width, adam.phases().to_vec()).unwrap();
-        let seen = engine(display).light(&phase).unwrap();
-        let gain = fitted_intensity_scale(&seen, &target, region).unwrap();
+        let captured = engine(display).light(&phase).unwrap();
+        let gain = fitted_intensity_scale(&captured, &target, region).unwrap();
         let (mut sum, mut count) = (0.0, 0.0);
         for (y, x) in (0..height).flat_map(|y| region.columns(y).unwrap_or_default().map(move |x| (y, x))) {
-            sum += (gain * f64::from(seen.at(y, x)) - f64::from(target.at(y, x))).powi(2);
+            sum += (gain * f64::from(captured.at(y, x)) - f64::from(target.at(y, x))).powi(2);
             count += 1.0;
         }
         -10.0 * (sum / count).log10()
     }
 
     #[test]
-    fn holograms_made_through_it_are_as_good() {
+    fn compact_kernel_gives_equally_good_holograms() {
         let mut display = smooth(5);
         display.setup = OpticalSetup::try_new(Grid::try_new(96, 160, 8e-6).unwrap(), 515e-9, 5e-3).unwrap();
         let (compact, _) = decode(&encode(&display, KernelModel::Display).unwrap()).unwrap();
@@ -270,7 +281,7 @@ mod tests {
     }
 
     #[test]
-    fn damage_is_told_from_other_versions() {
+    fn damaged_kernels_and_later_versions_are_refused() {
         let bytes = encode(&smooth(5), KernelModel::Smooth).unwrap();
         for end in [0, 4, 59, 63, bytes.len() - 1] {
             assert!(decode(&bytes[..end]).is_err(), "cut at {end}");

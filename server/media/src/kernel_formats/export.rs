@@ -41,9 +41,9 @@ pub struct Exported {
 }
 
 /// Number of frequencies along each axis at which the error is measured. It suffices for smooth and for rough kernels.
-const MEASURED: usize = 96;
+const FREQUENCIES: usize = 96;
 /// Number of positions along each side of the SLM at which the error of a varying kernel is measured.
-const PLACES: usize = 3;
+const POSITIONS: usize = 3;
 
 /// Writes the model in a form, and reads it back to measure the error.
 ///
@@ -154,20 +154,20 @@ fn difference(model: &DisplayModel, back: &DisplayModel) -> f64 {
         return 0.0;
     }
     // If one of the models varies over the SLM, a few positions represent all others.
-    let places = match model.variation.is_none() && back.variation.is_none() {
+    let positions = match model.variation.is_none() && back.variation.is_none() {
         true => vec![(0.0, 0.0)],
-        false => local_kernels::nodes(PLACES).collect(),
+        false => local_kernels::nodes(POSITIONS).collect(),
     };
     let bins = [model.setup.padded_height_px(), model.setup.padded_width_px()];
     let pitch_m = model.setup.grid().pixel_pitch_m();
     let (h, other) = (model.sampled(), back.sampled());
-    let (count_y, count_x) = (MEASURED.min(bins[0]), MEASURED.min(bins[1]));
+    let (count_y, count_x) = (FREQUENCIES.min(bins[0]), FREQUENCIES.min(bins[1]));
     let rows = (0..count_y).into_par_iter().map(|j| {
         let fy = frequency(j * bins[0] / count_y, bins[0], pitch_m);
         (0..count_x).fold((0.0, 0.0), |sum, i| {
             let fx = frequency(i * bins[1] / count_x, bins[1], pitch_m);
             let (value, again) = (h(fx, fy), other(fx, fy));
-            places.iter().fold(sum, |(off, all), &(x, y)| {
+            positions.iter().fold(sum, |(off, all), &(x, y)| {
                 let local =
                     |model: &DisplayModel| model.variation.exponent(x, y, 2.0 * pitch_m * fx, 2.0 * pitch_m * fy);
                 let value = value * local(model).exp();
@@ -203,22 +203,22 @@ mod tests {
     }
 
     #[test]
-    fn safetensors_are_not_taken_for_a_pickle_by_the_length_of_their_header() {
+    fn safetensors_that_start_like_a_pickle_are_read() {
         let numbers = vec![0; 4 * 2 * 64 * 96];
         // One of 32 header lengths begins with the first byte of a pickle.
         let files = (1..300).map(|letters| {
             let tensor = TensorView::new(Dtype::F32, vec![64, 96, 2], &numbers).unwrap();
             safetensors::serialize([("x".repeat(letters), tensor)], None).unwrap()
         });
-        let alike: Vec<Vec<u8>> = files.filter(|file| file[0] == 0x80).collect();
-        assert!(!alike.is_empty());
-        assert!(alike.iter().all(|file| import(file, &model().setup).unwrap().form == "safetensors"));
+        let similar: Vec<Vec<u8>> = files.filter(|file| file[0] == 0x80).collect();
+        assert!(!similar.is_empty());
+        assert!(similar.iter().all(|file| import(file, &model().setup).unwrap().form == "safetensors"));
     }
 
     #[test]
-    fn every_form_is_read_back_as_exactly_as_it_promises() {
+    fn every_form_is_read_back_within_its_error_bound() {
         let model = model();
-        let all = [
+        let bounds = [
             (KernelFormat::Safetensors, 0.0),
             // 24 bits for phases up to a few radians.
             (KernelFormat::Compact, 1e-6),
@@ -227,14 +227,14 @@ mod tests {
             // 11 bits of precision.
             (KernelFormat::F16, 5e-4),
         ];
-        for (format, bound) in all {
+        for (format, bound) in bounds {
             let exported = export(&model, KernelModel::Display, format).unwrap();
             assert!(exported.relative_error <= bound, "{format:?}: {}", exported.relative_error);
         }
     }
 
     #[test]
-    fn the_published_forms_keep_the_inner_half() {
+    fn published_forms_keep_the_inner_half() {
         let model = model();
         let inner = |dense: &DisplayModel| sampled(dense, 32, 48);
         for format in [KernelFormat::Pt, KernelFormat::Npy] {
@@ -263,12 +263,12 @@ mod tests {
     }
 
     #[test]
-    fn the_size_must_be_the_displays() {
+    fn kernels_of_another_size_and_foreign_files_are_refused() {
         let file = array::npy("<c8", &[30, 48], &[0; 30 * 48 * 8]);
         let error = import(&file, &model().setup).unwrap_err().to_string();
         assert!(error.contains("30×48") && error.contains("32×48") && error.contains("64×96"), "{error}");
         let error = import(b"no kernel at all", &model().setup).unwrap_err().to_string();
-        assert!(error.contains("no kernel that can be read"), "{error}");
+        assert!(error.contains("not a readable kernel"), "{error}");
         let error = import(b"\x80\x02}q\x00.", &model().setup).unwrap_err().to_string();
         assert!(error.contains("before 1.6"), "{error}");
     }

@@ -37,7 +37,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_half_comes_back() {
+    fn every_16_bit_float_is_converted_back_exactly() {
         for bits in 0..=u16::MAX {
             let value = to_f32(bits);
             if value.is_nan() {
@@ -49,7 +49,7 @@ mod tests {
     }
 
     #[test]
-    fn values_between_go_to_the_nearest() {
+    fn other_values_are_rounded_to_the_nearest() {
         for value in [0.1_f32, 1.0 / 3.0, 1.0005, 3e-6, 60000.0, -0.7, 6.2e-5] {
             let near = to_f32(from_f32(value));
             assert!((near - value).abs() <= value.abs() * 2.0_f32.powi(-11) + 2.0_f32.powi(-25), "{value} {near}");

@@ -46,7 +46,7 @@ pub fn import(bytes: &[u8], setup: &OpticalSetup) -> Result<Imported, KernelForm
     let is_safetensors = bytes.get(8) == Some(&b'{');
     if bytes.first() == Some(&0x80) && !is_safetensors {
         let message =
-            "it is a bare pickle, as PyTorch before 1.6 wrote it; load it there and save it anew with torch.save";
+            "it is a bare pickle of PyTorch before 1.6; load it with torch.load and save it again with torch.save";
         return Err(KernelFormatError::Archive(message.to_owned()));
     }
     if !is_safetensors {
@@ -67,9 +67,9 @@ fn of_foreign_safetensors(bytes: &[u8], setup: &OpticalSetup) -> Result<Imported
     let names = tensors.names();
     let [name] = names[..] else {
         return Err(KernelFormatError::Array {
-            what: "the file".to_owned(),
-            actual: format!("of {} tensors, none of them Lightpath's", names.len()),
-            expected: "a Lightpath kernel, or one tensor that is the kernel".to_owned(),
+            name: "the safetensors file".to_owned(),
+            actual: format!("a set of {} tensors without Lightpath's metadata", names.len()),
+            expected: "a Lightpath kernel, or a single tensor that is the kernel".to_owned(),
         });
     };
     let tensor = tensors.tensor(name).map_err(damaged)?;
@@ -80,7 +80,7 @@ fn of_foreign_safetensors(bytes: &[u8], setup: &OpticalSetup) -> Result<Imported
         safetensors::Dtype::C64 => array::Kind::C64,
         other => {
             return Err(KernelFormatError::Array {
-                what: format!("tensor `{name}`"),
+                name: format!("tensor `{name}`"),
                 actual: format!("{other:?}"),
                 expected: "F16, F32, F64 or C64".to_owned(),
             });
@@ -95,14 +95,14 @@ fn of_foreign_safetensors(bytes: &[u8], setup: &OpticalSetup) -> Result<Imported
 
 /// Reads the kernel from an `.npz` archive: the array `kernel`, else `transfer`, else the only array.
 fn of_npz(files: &archive::Files, setup: &OpticalSetup) -> Result<Imported, KernelFormatError> {
-    let named = |wanted: &str| files.iter().find(|(name, _)| name.trim_end_matches(".npy") == wanted);
+    let named = |array: &str| files.iter().find(|(name, _)| name.trim_end_matches(".npy") == array);
     let only = if let [only] = &files[..] { Some(only) } else { None };
     let Some((name, bytes)) = named("kernel").or_else(|| named("transfer")).or(only) else {
         let names: Vec<&str> = files.iter().map(|(name, _)| name.trim_end_matches(".npy")).take(10).collect();
         return Err(KernelFormatError::Array {
-            what: "the archive".to_owned(),
-            actual: format!("of {}", names.join(", ")),
-            expected: "one with an array `kernel` or `transfer`, or with one array alone".to_owned(),
+            name: "the archive".to_owned(),
+            actual: format!("one with the arrays {}", names.join(", ")),
+            expected: "one with an array `kernel` or `transfer`, or with a single array".to_owned(),
         });
     };
     let mut imported = of_array(&Array::read_npy(name, bytes)?, setup, "npz")?;
@@ -139,10 +139,10 @@ fn of_array(array: &Array, setup: &OpticalSetup, form: &'static str) -> Result<I
         }
         _ => {
             return Err(KernelFormatError::Array {
-                what: array.name.clone(),
+                name: array.name.clone(),
                 actual: array.described(),
-                expected: "real of shape [1, 2, rows, columns] (amplitude and phase), real of shape [rows, columns, 2], or complex \
-                           of shape [rows, columns]"
+                expected: "real of shape [1, 2, rows, columns] (amplitude and phase), real of shape [rows, columns, \
+                           2], or complex of shape [rows, columns]"
                     .to_owned(),
             });
         }
@@ -152,10 +152,10 @@ fn of_array(array: &Array, setup: &OpticalSetup, form: &'static str) -> Result<I
     if !is(1) && !is(2) {
         let (height, width) = (grid.height_px(), grid.width_px());
         return Err(KernelFormatError::Array {
-            what: array.name.clone(),
+            name: array.name.clone(),
             actual: format!("{rows}×{columns} (rows × columns)"),
             expected: format!(
-                "{height}×{width}, the display's, or {}×{}, the padded spectrum's",
+                "{height}×{width} (the display's) or {}×{} (the padded spectrum's)",
                 2 * height,
                 2 * width
             ),

@@ -19,6 +19,7 @@
 //! - `array`: `.npy` files. `archive`: zip files, the container of `.npz` and `.pt`. `pickle`: the part of Python's
 //!   pickle that holds a tensor; it runs no code. `torch`: `.pt` files. `half`: 16-bit floats.
 //! - `error`: the errors of all forms.
+
 mod archive;
 mod array;
 pub mod compact;

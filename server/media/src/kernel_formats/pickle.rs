@@ -56,7 +56,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<PickledTensor, KernelFormatError> {
         if machine.step()? {
             return match machine.stack.pop() {
                 Some(Value::Tensor(tensor)) if machine.stack.is_empty() => Ok(*tensor),
-                _ => Err(machine.refused("something else than one tensor")),
+                _ => Err(machine.refused("something other than one tensor")),
             };
         }
     }
@@ -144,7 +144,7 @@ impl Machine<'_> {
     /// Replaces the latest `items` values by a tuple of them.
     fn tuple(&mut self, items: u8, start: usize) -> Result<(), KernelFormatError> {
         let first = self.stack.len().checked_sub(items.into());
-        let taken = self.stack.split_off(first.ok_or_else(|| self.refused_at("a tuple of too little", start))?);
+        let taken = self.stack.split_off(first.ok_or_else(|| self.refused_at("a tuple of too few values", start))?);
         self.stack.push(Value::Tuple(taken));
         Ok(())
     }
@@ -160,7 +160,7 @@ impl Machine<'_> {
     /// Pushes a name whose two parts, module and name, are the latest values.
     fn name_on_stack(&mut self, start: usize) -> Result<(), KernelFormatError> {
         let (Some(Value::Text(name)), Some(Value::Text(module))) = (self.stack.pop(), self.stack.pop()) else {
-            return Err(self.refused_at("a name that is no text", start));
+            return Err(self.refused_at("a name that is not text", start));
         };
         let known = self.known(&module, &name, start)?;
         self.stack.push(known);
@@ -170,7 +170,8 @@ impl Machine<'_> {
     /// Pushes a reference to a storage, which is a file of the archive.
     fn reference(&mut self, start: usize) -> Result<(), KernelFormatError> {
         let identity = self.stack.pop();
-        let storage = storage(identity).ok_or_else(|| self.refused_at("a reference that is no storage", start))?;
+        let storage =
+            storage(identity).ok_or_else(|| self.refused_at("a reference to something other than a storage", start))?;
         self.stack.push(storage);
         Ok(())
     }
@@ -178,8 +179,8 @@ impl Machine<'_> {
     /// Replaces a function and its arguments by the result of the call, without calling the function.
     fn call(&mut self, start: usize) -> Result<(), KernelFormatError> {
         let (arguments, function) = (self.stack.pop(), self.stack.pop());
-        let made = made(function, arguments).ok_or_else(|| self.refused_at("a call of another kind", start))?;
-        self.stack.push(made);
+        let result = call_result(function, arguments).ok_or_else(|| self.refused_at("an unsupported call", start))?;
+        self.stack.push(result);
         Ok(())
     }
 
@@ -193,7 +194,7 @@ impl Machine<'_> {
             ("torch", "DoubleStorage") => Known::Storage(Kind::F64),
             ("torch", "ComplexFloatStorage") => Known::Storage(Kind::C64),
             ("torch", "ComplexDoubleStorage") => Known::Storage(Kind::C128),
-            _ => return Err(self.refused_at(&format!("the name {}", shown(module, name)), at)),
+            _ => return Err(self.refused_at(&format!("the name {}", shortened(module, name)), at)),
         };
         Ok(Value::Known(known))
     }
@@ -219,7 +220,8 @@ impl Machine<'_> {
 
     fn recall<const BYTES: usize>(&mut self) -> Result<(), KernelFormatError> {
         let key = self.take::<BYTES>()?.iter().rev().fold(0_usize, |key, &byte| key << 8 | usize::from(byte));
-        let value = self.memo.get(&key).cloned().ok_or_else(|| self.refused("a value that was never kept"))?;
+        let value =
+            self.memo.get(&key).cloned().ok_or_else(|| self.refused("a reference to a value that was never stored"))?;
         self.stack.push(value);
         Ok(())
     }
@@ -249,16 +251,16 @@ impl Machine<'_> {
         Ok(line)
     }
 
-    fn refused(&self, what: &str) -> KernelFormatError {
-        self.refused_at(what, self.at)
+    fn refused(&self, found: &str) -> KernelFormatError {
+        self.refused_at(found, self.at)
     }
 
-    fn refused_at(&self, what: &str, at: usize) -> KernelFormatError {
-        KernelFormatError::Pickle { what: what.to_owned(), at }
+    fn refused_at(&self, found: &str, at: usize) -> KernelFormatError {
+        KernelFormatError::Pickle { found: found.to_owned(), at }
     }
 }
 
-fn shown(module: &str, name: &str) -> String {
+fn shortened(module: &str, name: &str) -> String {
     let short = |text: &str| text.chars().take(60).collect::<String>();
     format!("{}.{}", short(module), short(name))
 }
@@ -277,7 +279,7 @@ fn storage(identity: Option<Value>) -> Option<Value> {
 }
 
 /// The result that a call of an accepted function would give. `None`: the call is not accepted.
-fn made(function: Option<Value>, arguments: Option<Value>) -> Option<Value> {
+fn call_result(function: Option<Value>, arguments: Option<Value>) -> Option<Value> {
     let (Some(Value::Known(function)), Some(Value::Tuple(arguments))) = (function, arguments) else { return None };
     match function {
         Known::OrderedDict if arguments.is_empty() => Some(Value::Dict),
@@ -325,15 +327,15 @@ mod tests {
     }
 
     #[test]
-    fn code_is_refused_by_name_and_never_run() {
+    fn code_is_refused_by_name_and_not_run() {
         for (pickle, sign) in [
             (&b"\x80\x02cos\nsystem\nX\x07\x00\x00\x00echo hi\x85R."[..], "the name os.system at byte 2"),
             (b"\x80\x02cposix\nsystem\nq\x00X\x02\x00\x00\x00id\x85q\x01Rq\x02.", "posix.system"),
             (b"\x80\x02c__builtin__\neval\nX\x01\x00\x00\x001\x85R.", "__builtin__.eval"),
             (b"\x80\x04\x8c\x08builtins\x8c\x04exec\x93X\x01\x00\x00\x001\x85R.", "builtins.exec"),
             (b"(S'id'\nios\nsystem\n.", "instruction 0x53"),
-            (b"\x80\x02ctorch._utils\n_rebuild_tensor_v2\n(K\x01tR.", "a call of another kind"),
-            (b"\x80\x02}.", "something else than one tensor"),
+            (b"\x80\x02ctorch._utils\n_rebuild_tensor_v2\n(K\x01tR.", "an unsupported call"),
+            (b"\x80\x02}.", "something other than one tensor"),
             (b"\x80\x02\x82\x01.", "instruction 0x82"),
         ] {
             let error = refusal(pickle);
@@ -344,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn keys_cannot_lead_elsewhere() {
+    fn storage_keys_cannot_name_other_folders() {
         let identity = |key: &str| {
             let text = |text: &str| Value::Text(text.to_owned());
             Some(Value::Tuple(vec![

@@ -13,12 +13,12 @@ use super::pickle::{self, PickledTensor};
 pub(super) fn read(files: &archive::Files) -> Result<Array, KernelFormatError> {
     let ends_with = |end: &str| files.iter().find(|(name, _)| name.ends_with(end));
     let Some((pickle_name, pickled)) = ends_with("/data.pkl") else {
-        return Err(KernelFormatError::Archive("it has no data.pkl: it is no .pt file of torch.save".to_owned()));
+        return Err(KernelFormatError::Archive("it has no data.pkl, so it is not a .pt file of torch.save".to_owned()));
     };
     if let Some((_, order)) = ends_with("/byteorder")
         && order != b"little"
     {
-        return Err(KernelFormatError::Archive("its numbers are not little-endian".to_owned()));
+        return Err(KernelFormatError::Archive("its byte order is not little-endian".to_owned()));
     }
     let tensor = pickle::read(pickled)?;
     let folder = pickle_name.trim_end_matches("data.pkl");
@@ -33,8 +33,8 @@ pub(super) fn read(files: &archive::Files) -> Result<Array, KernelFormatError> {
 fn gather(tensor: &PickledTensor, bytes: &[u8]) -> Result<Array, KernelFormatError> {
     let size = tensor.kind.bytes();
     let beyond = || KernelFormatError::Array {
-        what: "the tensor".to_owned(),
-        actual: format!("of shape {:?} with strides {:?} from {} on", tensor.shape, tensor.stride, tensor.offset),
+        name: "the tensor".to_owned(),
+        actual: format!("of shape {:?} with strides {:?} from number {}", tensor.shape, tensor.stride, tensor.offset),
         expected: format!("inside its storage of {} bytes", bytes.len()),
     };
     let last =
@@ -65,8 +65,8 @@ fn gather(tensor: &PickledTensor, bytes: &[u8]) -> Result<Array, KernelFormatErr
     }
     let mut gathered = Vec::with_capacity(count * size);
     for i in 0..count {
-        let place = |axis: usize| i / contiguous[axis] % tensor.shape[axis] * tensor.stride[axis];
-        let at = tensor.offset + (0..tensor.shape.len()).map(place).sum::<usize>();
+        let along = |axis: usize| i / contiguous[axis] % tensor.shape[axis] * tensor.stride[axis];
+        let at = tensor.offset + (0..tensor.shape.len()).map(along).sum::<usize>();
         gathered.extend(&bytes[at * size..][..size]);
     }
     Array::new("the tensor", tensor.shape.clone(), tensor.kind, &gathered)
@@ -121,7 +121,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_tensor_comes_back() {
+    fn written_tensor_is_read_back() {
         let numbers: Vec<f32> = (0..24).map(|n| n as f32 / 7.0).collect();
         let files = archive::read(&write(&[1, 2, 3, 4], &numbers).unwrap()).unwrap();
         let array = read(&files).unwrap();
@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn strides_are_followed_and_may_not_lead_outside() {
+    fn strides_are_followed_but_not_beyond_the_storage() {
         let bytes: Vec<u8> = (0..6).flat_map(|n| (n as f32).to_le_bytes()).collect();
         let mut tensor = PickledTensor {
             storage: "0".into(),

@@ -17,7 +17,7 @@ pub fn phase_npy(bytes: &[u8], height_px: usize, width_px: usize) -> Result<Plan
     }
     let refused = |actual: String| PictureError::NotAnArray { height_px, width_px, actual };
     npy::require_plain_header(bytes).map_err(refused)?;
-    let file = NpyFile::new(bytes).map_err(|error| refused(format!("no .npy file ({error})")))?;
+    let file = NpyFile::new(bytes).map_err(|error| refused(format!("not a .npy file ({error})")))?;
     let actual = format!("{} of shape {:?}", file.dtype().descr(), file.shape());
     let is_f32 = matches!(file.dtype(), DType::Plain(kind) if kind.to_string().ends_with("f4"));
     if file.shape() != [height_px as u64, width_px as u64] || !is_f32 || file.order() != Order::C {

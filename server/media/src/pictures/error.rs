@@ -1,13 +1,15 @@
+//! Errors of reading and writing pictures.
+
 use super::{FILE_BYTES_MAX, PIXELS_MAX, SIDE_PX_MAX};
 
-/// Why a picture was refused. The messages say what is allowed.
+/// Reason why a picture was refused. The messages say what is allowed.
 #[derive(Debug, thiserror::Error)]
 pub enum PictureError {
     /// The file is empty.
     #[error("the picture is empty (0 bytes), but must be a PNG, JPEG or TIFF file")]
     Empty,
     /// The file has none of the known formats.
-    #[error("the file is no picture that can be read (it starts with {start}); send a PNG, JPEG or TIFF file")]
+    #[error("the file is not a readable picture (it starts with {start}); send a PNG, JPEG or TIFF file")]
     NotAPicture {
         /// The first bytes of the file, in readable form.
         start: String,
@@ -54,7 +56,7 @@ pub enum PictureError {
         detail: String,
     },
     /// The file is valid, but of an unsupported kind.
-    #[error("the {format} file is of a kind that is not read ({detail}); save it as 8 or 16 bit grey or RGB")]
+    #[error("the {format} file is of an unsupported kind ({detail}); save it as grey or RGB with 8 or 16 bits")]
     Unsupported {
         /// Name of the format.
         format: &'static str,
@@ -110,8 +112,8 @@ pub enum PictureError {
     },
     /// The file is not an array that holds a photograph.
     #[error(
-        "a photograph in a .npy file must be float32, float64, uint8 or uint16 with shape [height, width], C order, but \
-         this is {actual}"
+        "a photograph in a .npy file must be float32, float64, uint8 or uint16 with shape [height, width], C order, \
+         but this is {actual}"
     )]
     NotAPhotoArray {
         /// Description of the given file.
@@ -127,8 +129,8 @@ pub enum PictureError {
     },
     /// A value of the photograph is above the declared bits of the camera.
     #[error(
-        "the value {value} at x = {x_px} px, y = {y_px} px is above what {bit_depth} bits hold; declare the photographs' bits \
-         as they are, values not scaled to the file's range"
+        "the value {value} at x = {x_px} px, y = {y_px} px is above the largest value of {bit_depth} bits; if the \
+         values are scaled to the range of the file, set photo_bit_depth to 0"
     )]
     AboveBitDepth {
         /// The refused value.

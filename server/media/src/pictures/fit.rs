@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn the_same_size_stays_as_it_is() {
+    fn picture_of_the_same_size_is_unchanged() {
         for policy in [Fit::Contain, Fit::Cover, Fit::Stretch, Fit::Exact] {
             assert_eq!(fit(ramp(9, 17), policy, 9, 17).unwrap(), ramp(9, 17));
         }
@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ramp_stays_a_ramp_and_in_place() {
+    fn ramp_is_not_distorted_or_shifted() {
         let (source, out) = (ramp(40, 60), fit(ramp(40, 60), Fit::Stretch, 20, 30).unwrap());
         for (y, x) in [(5, 7), (10, 15), (14, 22)] {
             let under: f32 =

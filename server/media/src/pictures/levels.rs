@@ -31,11 +31,11 @@ pub fn levels(bytes: &[u8], bit_depth: u32, height_px: usize, width_px: usize) -
         let i = y * width_px + x;
         if samples.colour == ColorType::L16 { samples.sample_16(i) } else { u16::from(samples.bytes[i]) }
     });
-    expect_levels(&plane, bit_depth)?;
+    require_levels(&plane, bit_depth)?;
     Ok(plane)
 }
 
-fn expect_levels(plane: &Plane<u16>, bit_depth: u32) -> Result<(), PictureError> {
+fn require_levels(plane: &Plane<u16>, bit_depth: u32) -> Result<(), PictureError> {
     let level_max = u16::MAX >> (16 - bit_depth.clamp(1, 16));
     match plane.values().iter().position(|&level| level > level_max) {
         None => Ok(()),

@@ -104,7 +104,7 @@ fn array_light(bytes: &[u8], reading: &PhotoReading) -> Result<Plane<f32>, Pictu
     }
     let refused = |actual: String| PictureError::NotAPhotoArray { actual };
     npy::require_plain_header(bytes).map_err(refused)?;
-    let file = NpyFile::new(bytes).map_err(|error| refused(format!("no .npy file ({error})")))?;
+    let file = NpyFile::new(bytes).map_err(|error| refused(format!("not a .npy file ({error})")))?;
     let kind = file.dtype().descr();
     let [height_px, width_px] = *file.shape() else {
         return Err(refused(format!("{kind} of shape {:?}", file.shape())));
@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn the_black_level_is_taken_off_and_full_scale_stays() {
+    fn black_level_is_subtracted_and_full_scale_stays_1() {
         let dark = PhotoReading { black_level: 0.2, ..LINEAR };
         let light = values(&png(&[51, 255], ExtendedColorType::L8), &dark);
         assert!(light[0].abs() < 1e-6 && light[1] == 1.0, "{light:?}");
@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn arrays_are_read_and_what_is_not_finite_is_named() {
+    fn arrays_are_read_and_non_finite_values_are_refused() {
         assert_eq!(values(&npy(&[0.2_f32, 1.0], &[1, 2]), &LINEAR), [0.2, 1.0]);
         assert_eq!(values(&npy(&[0.2_f64, 1.0], &[1, 2]), &LINEAR), [0.2, 1.0]);
         assert_eq!(values(&npy(&[13107_u16, 65535], &[1, 2]), &LINEAR), [0.2, 1.0]);

@@ -22,7 +22,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_two_directions_undo_each_other_and_keep_the_ends() {
+    fn conversions_are_inverse_and_keep_0_and_1() {
         for value in (0..=255).map(|v| v as f32 / 255.0) {
             assert!((linear_to_srgb(srgb_to_linear(value)) - value).abs() < 1e-6, "{value}");
         }

@@ -1,3 +1,5 @@
+//! Tests of decoding and encoding.
+
 use super::*;
 use image::{DynamicImage, ImageFormat};
 use lightpath_domain::dataset::Encoding;
@@ -20,7 +22,7 @@ fn message(bytes: &[u8]) -> String {
 }
 
 #[test]
-fn both_png_encodings_come_back() {
+fn png_files_of_both_encodings_are_read_back() {
     for (bytes, encoding) in [
         (grey_png_srgb(&gradient()).unwrap(), Encoding::Srgb),
         (grey_png_linear(&gradient()).unwrap(), Encoding::Linear),
@@ -33,7 +35,7 @@ fn both_png_encodings_come_back() {
 }
 
 #[test]
-fn levels_come_back_unscaled() {
+fn levels_are_read_back_unscaled() {
     for bit_depth in [1, 8, 10, 16] {
         let plane = Plane::from_fn(9, 7, |y, x| ((y * 7919 + x * 104_729) % (1 << bit_depth)) as u16);
         let png = levels_png(&plane, bit_depth).unwrap();
@@ -43,7 +45,7 @@ fn levels_come_back_unscaled() {
 }
 
 #[test]
-fn levels_refuse_what_is_none() {
+fn files_without_valid_levels_are_refused() {
     let png = levels_png(&Plane::filled(4, 6, 200), 8).unwrap();
     assert!(matches!(levels(&png, 7, 4, 6), Err(PictureError::LevelTooHigh { level: 200, .. })));
     assert!(matches!(levels(&png, 8, 6, 4), Err(PictureError::WrongSize { .. })));
@@ -55,7 +57,7 @@ fn levels_refuse_what_is_none() {
 }
 
 #[test]
-fn arrays_come_back_in_rows() {
+fn arrays_are_written_row_by_row() {
     let bytes = npy_f32(&gradient()).unwrap();
     let array = npyz::NpyFile::new(&bytes[..]).unwrap();
     assert_eq!(array.shape(), [12, 20]);
@@ -63,7 +65,7 @@ fn arrays_come_back_in_rows() {
 }
 
 #[test]
-fn every_format_and_colour_means_the_same_light() {
+fn every_format_and_colour_gives_the_same_light() {
     let grey8 = image::GrayImage::from_pixel(16, 16, image::Luma([128]));
     let grey16 = image::ImageBuffer::from_pixel(16, 16, image::Luma([128_u16 * 257]));
     let rgb8 = image::RgbImage::from_pixel(16, 16, image::Rgb([128, 128, 128]));
@@ -126,14 +128,14 @@ fn sizes_are_checked_before_pixels_are_read() {
 }
 
 #[test]
-fn pictures_lie_as_the_camera_was_held() {
+fn recorded_orientation_is_applied() {
     let plain = file(image::GrayImage::from_fn(10, 8, |x, _| image::Luma([25 * x as u8])), ImageFormat::Jpeg);
     // An EXIF segment with the orientation "rotate by 90° clockwise".
     let exif = b"\xff\xe1\0\x22Exif\0\0MM\0\x2a\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0";
     let turned = [&plain[..2], exif, &plain[2..]].concat();
     let light = photograph(&turned, Encoding::Linear).unwrap();
     assert_eq!((light.height_px(), light.width_px()), (10, 8));
-    assert!(light.at(9, 4) > 0.8 && light.at(0, 4) < 0.1, "left became top");
+    assert!(light.at(9, 4) > 0.8 && light.at(0, 4) < 0.1, "the left side is at the top");
 }
 
 fn crc32(bytes: &[u8]) -> u32 {

@@ -20,7 +20,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_standards_own_examples() {
+    fn examples_of_the_standard_are_encoded() {
         for (bytes, text) in [
             ("", ""),
             ("f", "Zg=="),

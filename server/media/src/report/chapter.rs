@@ -14,7 +14,7 @@ pub struct Figure {
     pub bytes: Vec<u8>,
 }
 
-/// Why a report could not be made.
+/// Reason why a report could not be made.
 #[derive(Debug, thiserror::Error)]
 pub enum ReportError {
     /// A picture could not be drawn.

@@ -1,7 +1,7 @@
 //! Evidence from the photographs: the residuals of each pair, and the band that the holograms illuminated.
 
 use super::chapter::{Chapter, ReportError};
-use crate::figures::{Axis, Canvas, ColourMap, ContactRow, ContactSheet, Heatmap, Shown, escaped};
+use crate::figures::{Axis, Canvas, CaptionedPicture, ColourMap, ContactRow, ContactSheet, Heatmap, escaped};
 use lightpath_domain::dataset::Split;
 use lightpath_optics::diagnostics::LitBand;
 use lightpath_optics::learning::{Pair, ResponseCovariance, compare};
@@ -68,7 +68,7 @@ impl Evidence {
         self.pairs.push(PairEvidence {
             id: id.to_owned(),
             split,
-            loss: squares(&residual, &pair.photo, self.region),
+            loss: mean_squared_error(&residual, &pair.photo, self.region),
             photo: shrunk(&pair.photo),
             predicted: shrunk(&predicted),
             residual: shrunk(&residual),
@@ -77,7 +77,7 @@ impl Evidence {
     }
 }
 
-fn squares(residual: &Plane<f32>, photo: &Plane<f32>, region: RegionOfInterest) -> f64 {
+fn mean_squared_error(residual: &Plane<f32>, photo: &Plane<f32>, region: RegionOfInterest) -> f64 {
     let saturated = crate::pictures::SATURATION;
     let (mut sum, mut count) = (0.0, 0_u32);
     for y in 0..photo.height_px() {
@@ -116,9 +116,9 @@ pub(super) fn chapters(evidence: &Evidence) -> Result<Vec<Chapter>, ReportError>
 fn residuals(evidence: &Evidence) -> Result<Chapter, ReportError> {
     let mut chapter = Chapter {
         title: "Photographs and predictions",
-        body: "<p>What the camera saw, what the model predicts of it with the photograph's own gain and black level, and the difference, \
-               which would be noise if the model were complete. It counts in the region of interest, where the camera is not \
-               saturated.</p>"
+        body: "<p>Photographs, the model's predictions with gain and black level fitted to each photograph, and the \
+               differences. If the model were complete, the differences would be noise. Only pixels count that are in \
+               the region of interest and not saturated.</p>"
             .to_owned(),
         ..Chapter::default()
     };
@@ -141,8 +141,8 @@ fn residuals(evidence: &Evidence) -> Result<Chapter, ReportError> {
             columns: &["photograph", "prediction"],
             rows: vec![ContactRow {
                 pictures: vec![
-                    Shown { intensity: &photo, caption: String::new() },
-                    Shown { intensity: &predicted, caption: String::new() },
+                    CaptionedPicture { intensity: &photo, caption: String::new() },
+                    CaptionedPicture { intensity: &predicted, caption: String::new() },
                 ],
             }],
         };
@@ -187,12 +187,12 @@ fn identifiability(evidence: &Evidence) -> Result<Chapter, ReportError> {
     };
     let dark = 100.0 * evidence.lit.dark_part();
     let mut chapter = Chapter {
-        title: "What the data can tell",
+        title: "Illuminated band",
         body: format!(
-            "<p>The training holograms sent less than {:.0} % of the mean light to <b>{dark:.1} %</b> of the band. There the photographs \
-             tell nothing of the kernel: a smooth model continues what it learned around it, and a kernel with a value for each \
-             frequency keeps what it started with. Holograms with a wide range of initial phases (--phase-range 6.28) light all of the \
-             band.</p>",
+            "<p>The training holograms sent less than {:.0} % of the mean light to <b>{dark:.1} %</b> of the band. For \
+             these frequencies the photographs contain no information about the kernel. A smooth model continues its \
+             values at neighbouring frequencies there, and a kernel with a value for each frequency keeps its initial \
+             values. Holograms with a wide range of initial phases (--phase-range 6.28) illuminate the whole band.</p>",
             100.0 * LitBand::DARK
         ),
         ..Chapter::default()

@@ -46,23 +46,24 @@ pub(super) fn losses(input: &ReportInput) -> Option<Chapter> {
 
 /// The chapter about the differences between this version and others. `None`: there are no others.
 pub(super) fn drift(input: &ReportInput) -> Option<Chapter> {
-    if input.earlier.is_empty() {
+    if input.other_versions.is_empty() {
         return None;
     }
-    let mut body = "<p>How far other versions of this kernel are from it, over the modulator's band, each with the gain and the \
-                    constant phase that suit it best; and how the image is moved between them. Versions learned from the same display \
-                    on other days show its drift.</p><table><tr><th>version</th><th class=n>relative difference</th>\
-                    <th class=n>phase, rms [rad]</th><th class=n>gain of the image</th><th class=n>held-out loss</th></tr>"
+    let mut body = "<p>Differences of other versions from this version, over the modulator's band. Gain and constant \
+                    phase of each version are fitted before the comparison. Versions that were learned from the same \
+                    display on different days show its drift.</p><table><tr><th>version</th>\
+                    <th class=n>relative difference</th><th class=n>phase, rms [rad]</th>\
+                    <th class=n>gain of the image</th><th class=n>held-out loss</th></tr>"
         .to_owned();
-    for earlier in &input.earlier {
-        let (relative, phase_rad, gain) = difference(&input.model, &earlier.model);
-        let loss = earlier.test_loss.map_or_else(|| "–".to_owned(), |loss| format!("{loss:.3e}"));
+    for other in &input.other_versions {
+        let (relative, phase_rad, gain) = difference(&input.model, &other.model);
+        let loss = other.test_loss.map_or_else(|| "–".to_owned(), |loss| format!("{loss:.3e}"));
         // Writing to a string cannot fail.
         let _ = write!(
             body,
             "<tr><td>{}</td><td class=n>{relative:.4}</td><td class=n>{phase_rad:.3}</td><td class=n>{gain:.3}</td>\
              <td class=n>{loss}</td></tr>",
-            earlier.version
+            other.version
         );
     }
     body.push_str("</table>");
@@ -100,7 +101,7 @@ mod tests {
     use lightpath_optics::{Grid, KernelShape, OpticalSetup, SmoothField};
 
     #[test]
-    fn a_kernel_does_not_differ_from_itself_and_by_a_phase_as_much_as_it_has() {
+    fn kernel_equals_itself_and_differs_from_a_tilted_one_by_the_tilt() {
         let setup = OpticalSetup::try_new(Grid::try_new(32, 48, 8e-6).unwrap(), 515e-9, 3e-3).unwrap();
         let ideal = DisplayModel::ideal(setup);
         let (relative, phase, gain) = difference(&ideal, &ideal);

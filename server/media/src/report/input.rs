@@ -16,7 +16,7 @@ pub struct ReportInput {
     /// Evidence from the dataset. `None`: the kernel was imported, or the dataset cannot be read any more.
     pub evidence: Option<Evidence>,
     /// Other versions of the same kernel, newest first.
-    pub earlier: Vec<Earlier>,
+    pub other_versions: Vec<OtherVersion>,
     /// The models at all distances that were learned together, ascending. Empty: the kernel was learned at one
     /// distance.
     pub over_distance: Vec<DisplayModel>,
@@ -24,7 +24,7 @@ pub struct ReportInput {
 
 /// Another version of the same kernel.
 #[derive(Clone, Debug)]
-pub struct Earlier {
+pub struct OtherVersion {
     /// Number of the version.
     pub version: u32,
     /// Loss on held-out pairs. `None`: no pair was held out.

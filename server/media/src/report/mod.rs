@@ -8,6 +8,7 @@
 //!   modulator.
 //! - `input`: the input of a report. `chapter`: text, pictures and arrays of one chapter. `page`: the HTML page.
 //!   `base64`: the encoding of pictures inside the page.
+
 mod base64;
 mod chapter;
 mod evidence;
@@ -20,7 +21,7 @@ mod page;
 
 pub use chapter::{Figure, ReportError};
 pub use evidence::{Evidence, PAIRS_SHOWN_MAX, PairEvidence};
-pub use input::{Earlier, ReportInput};
+pub use input::{OtherVersion, ReportInput};
 
 use chapter::Chapter;
 
@@ -42,16 +43,16 @@ pub const STEPS: u32 = 5;
 ///
 /// # Errors
 ///
-/// [`ReportError`] when a picture cannot be drawn or an array cannot be written; every error of `next`.
+/// [`ReportError`] when a picture cannot be drawn or an array cannot be written, and all errors of `next`.
 pub fn make<E: From<ReportError>>(
     input: &ReportInput,
     mut next: impl FnMut(u32) -> Result<(), E>,
 ) -> Result<Report, E> {
     let mut chapters = vec![page::summary(input)];
     chapters.extend(history::losses(input));
-    let certainty = input.evidence.as_ref().and_then(|evidence| evidence.response.as_ref());
+    let uncertainty = input.evidence.as_ref().and_then(|evidence| evidence.response.as_ref());
     next(0)?;
-    chapters.extend(optics::chapters(&input.model, certainty)?);
+    chapters.extend(optics::chapters(&input.model, uncertainty)?);
     next(1)?;
     chapters.extend(over_modulator::chapter(&input.model)?);
     next(2)?;
@@ -62,11 +63,11 @@ pub fn make<E: From<ReportError>>(
     }
     next(4)?;
     chapters.extend(history::drift(input));
-    Ok(bound(input, chapters)?)
+    Ok(assemble(input, chapters)?)
 }
 
-/// Puts the chapters together.
-fn bound(input: &ReportInput, chapters: Vec<Chapter>) -> Result<Report, ReportError> {
+/// Assembles the report from its chapters.
+fn assemble(input: &ReportInput, chapters: Vec<Chapter>) -> Result<Report, ReportError> {
     let html = page::html(input, &chapters);
     let arrays: Vec<(&str, &[u8])> = chapters
         .iter()

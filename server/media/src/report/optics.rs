@@ -16,18 +16,20 @@ const SAMPLES: usize = 256;
 /// The chapters about kernel, aberrations, spot, source and response.
 pub(super) fn chapters(
     model: &DisplayModel,
-    certainty: Option<&ResponseCovariance>,
+    uncertainty: Option<&ResponseCovariance>,
 ) -> Result<Vec<Chapter>, ReportError> {
     let ratio = ratio(model);
-    let mut all = vec![transfer(model, &ratio)?, aberrations(model), spot(model, &ratio)?];
+    let mut chapters = vec![transfer(model, &ratio)?, aberrations(model), spot(model, &ratio)?];
     if !model.variation.is_none() {
-        all.iter_mut().for_each(|chapter| chapter.body.insert_str(0, "<p>On the axis of the modulator.</p>"));
+        for chapter in &mut chapters {
+            chapter.body.insert_str(0, "<p>This chapter describes the kernel on the axis of the modulator.</p>");
+        }
     }
     if !model.source.is_flat() {
-        all.push(source(model)?);
+        chapters.push(source(model)?);
     }
-    all.push(response(model, certainty));
-    Ok(all)
+    chapters.push(response(model, uncertainty));
+    Ok(chapters)
 }
 
 /// H / H_ideal at fx, fy \[1/m\]. It is 0 where free space passes no light. For kernels of free bins the constant phase
@@ -88,9 +90,9 @@ fn transfer(model: &DisplayModel, ratio: &(impl Fn(f64, f64) -> Complex64 + Sync
     ]);
     let mut chapter = Chapter {
         title: "Kernel",
-        body: "<p>The transfer function H over the modulator's band, and its ratio to free space over the same distance: what \
-               the optics add. Far from the middle the phase of H turns faster than this picture has pixels; its ratio to the \
-               ideal one does not.</p>"
+        body: "<p>The transfer function H over the modulator's band, and its ratio to that of free space over the same \
+               distance. The ratio is the effect of the optics. Far from the middle the phase of H changes too fast for \
+               the pixels of this picture; the phase of the ratio does not.</p>"
             .to_owned(),
         ..Chapter::default()
     };
@@ -115,22 +117,23 @@ fn aberrations(model: &DisplayModel) -> Chapter {
             move |x: f64, y: f64| basis.value(&phase, x, y)
         }
         KernelShape::Ideal => {
-            chapter.body = "<p>None: this is the ideal kernel.</p>".to_owned();
+            chapter.body = "<p>The ideal kernel has no aberrations.</p>".to_owned();
             return chapter;
         }
         KernelShape::Bins(_) => {
-            chapter.body = "<p>Not told: the phase of a kernel with a value for each frequency is known up to whole turns alone, \
-                            and has noise that makes turns hard to count. Learn a smooth or display model to see them.</p>"
+            chapter.body = "<p>Unknown: the phase of a kernel with a value for each frequency is known only up to \
+                            whole turns, and its noise makes the turns hard to count. Learn a smooth or display model \
+                            to see the aberrations.</p>"
                 .to_owned();
             return chapter;
         }
     };
     let Some(fit) = ZernikeFit::of(phase, 96) else { return chapter };
     let mut body = format!(
-        "<p>The phase of H / H<sub>ideal</sub> as Zernike polynomials (Noll) over the disc that touches the band's edges. Without \
-         piston and tilts, which move the image and no more, its root mean square is <b>{:.3} rad ({:.3} waves)</b>; {:.3} rad of \
-         it are not described by these terms.</p><table><tr><th>Z</th><th>name</th><th class=n>rad</th><th class=n>waves</th>\
-         <th></th></tr>",
+        "<p>The phase of H / H<sub>ideal</sub> as Zernike polynomials (Noll) over the disc that touches the band's \
+         edges. Without piston and tilts, which only move the image, its root mean square is <b>{:.3} rad ({:.3} \
+         waves)</b>. The terms of the table leave a residual of {:.3} rad.</p><table><tr><th>Z</th><th>name</th>\
+         <th class=n>rad</th><th class=n>waves</th><th></th></tr>",
         fit.rms_rad,
         fit.rms_rad / TAU,
         fit.residual_rad
@@ -166,8 +169,8 @@ fn spot(model: &DisplayModel, ratio: &(impl Fn(f64, f64) -> Complex64 + Sync)) -
     let (nyquist, pitch_um) = (0.5 / pitch_m, pitch_m * 1e6);
     let found = point_spread(|x, y| ratio(nyquist * x, nyquist * y));
     let canvas = spot_picture("Point spread function", &found, pitch_um);
-    let mut chapter = Chapter { title: "Resolution", body: figures_of(&found, pitch_um), ..Chapter::default() };
-    chapter.png("point_spread", "Light of a point, in decibels below its peak", &canvas)?;
+    let mut chapter = Chapter { title: "Resolution", body: spot_table(&found, pitch_um), ..Chapter::default() };
+    chapter.png("point_spread", "Point spread function, in decibels below its peak", &canvas)?;
     let per_mm = 1.0 / (pitch_m * 1000.0);
     let line = |label: &str, values: &[f64], dashed| Line {
         label: label.to_owned(),
@@ -182,11 +185,11 @@ fn spot(model: &DisplayModel, ratio: &(impl Fn(f64, f64) -> Complex64 + Sync)) -
         lines: vec![
             line("along x", &found.mtf[0], false),
             line("along y", &found.mtf[1], false),
-            line("free of aberrations", &[1.0, 0.0], true),
+            line("without aberrations", &[1.0, 0.0], true),
         ],
         band: Vec::new(),
     };
-    chapter.svg("mtf", "Contrast that is left to stripes of a spatial frequency", chart.svg());
+    chapter.svg("mtf", "Contrast of stripes, over their spatial frequency", chart.svg());
     let side = found.spot.width_px();
     chapter.array("point_spread", &[side, side], found.spot.values().iter().map(|&value| value.into()));
     chapter.array("mtf_x_y", &[2, found.mtf[0].len()], found.mtf.concat());
@@ -202,26 +205,26 @@ pub(super) fn spot_picture(title: &str, found: &PointSpread, pitch_um: f64) -> C
     Heatmap { title, values, colours: ColourMap::Sequential, range: (-40.0, 0.0), unit: "dB", x, y }.draw()
 }
 
-fn figures_of(found: &PointSpread, pitch_um: f64) -> String {
+fn spot_table(found: &PointSpread, pitch_um: f64) -> String {
     let row = |name: &str, [x, y]: [f64; 2], unit: &str| {
         format!("<tr><td>{name}</td><td class=n>{x:.2}</td><td class=n>{y:.2}</td><td>{unit}</td></tr>")
     };
     let um = |px: [f64; 2]| px.map(|px| px * pitch_um);
     let per_mm = |cycles_px: [f64; 2]| cycles_px.map(|f| f * 1000.0 / pitch_um);
     format!(
-        "<p>What H / H<sub>ideal</sub> makes of a point, sampled {OVERSAMPLING} times a pixel of {pitch_um:.2} µm. The Strehl ratio is \
-         <b>{:.3}</b>: the spot's peak against that of an ideal spot with as much light. Free of aberrations the width would be \
-         {:.2} µm, and half of the contrast would be left at {:.1} /mm.</p>\
+        "<p>The image of a point through H / H<sub>ideal</sub>, with {OVERSAMPLING} samples per pixel of {pitch_um:.2} \
+         µm. The Strehl ratio is <b>{:.3}</b>: the peak of the spot divided by the peak of an ideal spot with the same \
+         light. Without aberrations the width would be {:.2} µm, and the contrast would be one half at {:.1} /mm.</p>\
          <table><tr><th></th><th class=n>x</th><th class=n>y</th><th></th></tr>{}{}{}{}\
-         <tr><td>radius of half of the light</td><td class=n colspan=2>{:.2}</td><td>µm</td></tr>\
-         <tr><td>radius of four fifths</td><td class=n colspan=2>{:.2}</td><td>µm</td></tr></table>",
+         <tr><td>radius that contains half of the light</td><td class=n colspan=2>{:.2}</td><td>µm</td></tr>\
+         <tr><td>radius that contains 80 % of the light</td><td class=n colspan=2>{:.2}</td><td>µm</td></tr></table>",
         found.strehl,
         0.886 * pitch_um,
         500.0 / pitch_um,
         row("full width at half maximum", um(found.fwhm_px), "µm"),
         row("displacement of the peak", um(found.shift_px), "µm"),
-        row("half of the contrast left up to", per_mm(found.mtf_50), "/mm"),
-        row("a tenth of it up to", per_mm(found.mtf_10), "/mm"),
+        row("contrast of at least one half up to", per_mm(found.mtf_50), "/mm"),
+        row("contrast of at least one tenth up to", per_mm(found.mtf_10), "/mm"),
         found.radius_50_px * pitch_um,
         found.radius_80_px * pitch_um,
     )
@@ -250,7 +253,7 @@ fn source(model: &DisplayModel) -> Result<Chapter, ReportError> {
     let mut chapter = Chapter {
         title: "Source",
         body: format!(
-            "<p>The light that falls on the modulator. Its darkest place has {:.0} % of the brightest one's light.</p>",
+            "<p>The light on the modulator. The darkest position has {:.0} % of the light of the brightest one.</p>",
             100.0 * darkest
         ),
         ..Chapter::default()
@@ -261,10 +264,11 @@ fn source(model: &DisplayModel) -> Result<Chapter, ReportError> {
     Ok(chapter)
 }
 
-fn response(model: &DisplayModel, certainty: Option<&ResponseCovariance>) -> Chapter {
+fn response(model: &DisplayModel, uncertainty: Option<&ResponseCovariance>) -> Chapter {
     let zero = model.zero_order.norm();
     let mut body = format!(
-        "<p>Undiffracted light: amplitude {:.4} of the modulated light's, phase {:.2} rad; {:.2} % of its intensity.</p>",
+        "<p>Undiffracted light: its amplitude is {:.4} of that of the modulated light, its phase is {:.2} rad, and its \
+         intensity is {:.2} % of that of the modulated light.</p>",
         zero,
         model.zero_order.arg(),
         100.0 * zero * zero
@@ -272,34 +276,38 @@ fn response(model: &DisplayModel, certainty: Option<&ResponseCovariance>) -> Cha
     let mut chapter = Chapter { title: "Modulator", ..Chapter::default() };
     if model.response.is_empty() {
         body.push_str(
-            "<p>The phase response was not learned: the modulator is taken to do what its grey levels ask for.</p>",
+            "<p>The phase response was not learned. The model assumes that the modulator shows the requested phase.</p>",
         );
         chapter.body = body;
         return chapter;
     }
-    let wanted = |i: usize| TAU * i as f64 / STEPS as f64;
-    let curve: Vec<f64> = (0..=STEPS).map(|i| response_error_rad(model, wanted(i))).collect();
+    let requested_rad = |i: usize| TAU * i as f64 / STEPS as f64;
+    let curve: Vec<f64> = (0..=STEPS).map(|i| response_error_rad(model, requested_rad(i))).collect();
     let mean = curve.iter().take(STEPS).sum::<f64>() / STEPS as f64;
     let worst = curve.iter().map(|value| (value - mean).abs()).fold(0.0, f64::max);
     let _ = write!(
         body,
-        "<p>The modulator's phase differs from the wanted one by up to {worst:.3} rad around its mean.</p>"
+        "<p>The modulator's phase differs from the requested phase by up to {worst:.3} rad around the mean \
+         difference.</p>"
     );
-    let deviations: Vec<f64> =
-        certainty.iter().flat_map(|certainty| (0..=STEPS).map(|i| certainty.deviation_rad(wanted(i)))).collect();
+    let deviations: Vec<f64> = uncertainty
+        .iter()
+        .flat_map(|uncertainty| (0..=STEPS).map(|i| uncertainty.deviation_rad(requested_rad(i))))
+        .collect();
     match deviations.iter().copied().reduce(f64::max) {
         Some(largest) => {
             let _ = write!(
                 body,
-                "<p>The band around the curve is one standard deviation, {largest:.4} rad at most: by as much it would differ had other \
-                 photographs been learned from.</p>"
+                "<p>The band around the curve is one standard deviation, at most {largest:.4} rad. It estimates how \
+                 much the curve would differ if it were learned from other photographs.</p>"
             );
             chapter.array("response_deviation_rad", &[STEPS + 1], deviations.iter().copied());
         }
-        None => body.push_str("<p>How sure the curve is takes three of the training photographs to tell.</p>"),
+        None => body
+            .push_str("<p>The uncertainty of the curve is unknown. Its estimate needs three training photographs.</p>"),
     }
     let chart = response_chart(&curve, &deviations);
-    chapter.svg("response", "What the modulator shows, against what was wanted", chart.svg());
+    chapter.svg("response", "Shown phase minus requested phase of the modulator", chart.svg());
     chapter.array("response_error_rad", &[STEPS + 1], curve);
     chapter.body = body;
     chapter
@@ -308,22 +316,23 @@ fn response(model: &DisplayModel, certainty: Option<&ResponseCovariance>) -> Cha
 /// Number of steps in the curve of the phase response.
 const STEPS: usize = 128;
 
-/// Error of the modulator's phase \[rad\] for the wanted phase `wanted_rad`: shown phase minus wanted phase.
-fn response_error_rad(model: &DisplayModel, wanted_rad: f64) -> f64 {
-    let harmonic =
-        |(k, [a, b]): (u32, &[f64; 2])| a * (f64::from(k) * wanted_rad).sin() + b * (f64::from(k) * wanted_rad).cos();
+/// Error of the modulator's phase \[rad\] for the requested phase `requested_rad`: shown phase minus requested phase.
+fn response_error_rad(model: &DisplayModel, requested_rad: f64) -> f64 {
+    let harmonic = |(k, [a, b]): (u32, &[f64; 2])| {
+        a * (f64::from(k) * requested_rad).sin() + b * (f64::from(k) * requested_rad).cos()
+    };
     (1..).zip(&model.response).map(harmonic).sum()
 }
 
 fn response_chart(curve: &[f64], deviations: &[f64]) -> Chart<'static> {
-    let wanted = |i: usize| TAU * i as f64 / STEPS as f64;
-    let around = |(i, deviation): (usize, &f64)| (wanted(i), [curve[i] - deviation, curve[i] + deviation]);
+    let requested_rad = |i: usize| TAU * i as f64 / STEPS as f64;
+    let around = |(i, deviation): (usize, &f64)| (requested_rad(i), [curve[i] - deviation, curve[i] + deviation]);
     let band = deviations.iter().enumerate().map(around).collect();
-    let points = curve.iter().enumerate().map(|(i, &value)| (wanted(i), value)).collect();
+    let points = curve.iter().enumerate().map(|(i, &value)| (requested_rad(i), value)).collect();
     Chart {
         title: "Phase response",
-        x_label: "wanted phase [rad]",
-        y_label: "shown − wanted [rad]",
+        x_label: "requested phase [rad]",
+        y_label: "shown − requested [rad]",
         logarithmic: false,
         lines: vec![
             Line { label: "learned".to_owned(), points, dashed: false },

@@ -13,8 +13,8 @@ const STEPS: usize = 24;
 const LINES: usize = 5;
 /// Number of samples along each side of the band for the fit of the aberrations.
 const SAMPLES: usize = 48;
-/// Number of left-out first terms: piston and tilts, which only move an image.
-const MOVING: usize = 3;
+/// Number of omitted first terms: piston and tilts, which only move an image.
+const OMITTED_TERMS: usize = 3;
 
 /// The chapter. `None`: the kernel was learned at one distance.
 pub(super) fn chapter(input: &ReportInput) -> Option<Chapter> {
@@ -27,7 +27,7 @@ pub(super) fn chapter(input: &ReportInput) -> Option<Chapter> {
         high - low
     };
     let terms = along[0].1.terms.len();
-    let mut changing: Vec<usize> = (MOVING..terms).collect();
+    let mut changing: Vec<usize> = (OMITTED_TERMS..terms).collect();
     changing.sort_by(|&a, &b| swing(b).total_cmp(&swing(a)));
     let line = |term: usize| Line {
         label: along[0].1.terms[term].name.to_owned(),
@@ -36,9 +36,9 @@ pub(super) fn chapter(input: &ReportInput) -> Option<Chapter> {
     };
     let mut chapter = Chapter {
         title: "Over the distance",
-        body: "<p>One model describes the display at all distances from the nearest to the farthest that was photographed: what the \
-               optics add to free space is a polynomial of the distance. These are the aberrations that change the most, as \
-               Zernike polynomials (Noll).</p>"
+        body: "<p>One model describes the display at all distances from the nearest to the farthest photographed one. \
+               In this model, the difference between the optics and free space is a polynomial of the distance. The \
+               chart shows the aberrations that change the most, as Zernike polynomials (Noll).</p>"
             .to_owned(),
         ..Chapter::default()
     };
@@ -52,8 +52,8 @@ pub(super) fn chapter(input: &ReportInput) -> Option<Chapter> {
     };
     chapter.svg("over-distance", "Aberrations that change the most with the distance", chart.svg());
     chapter.array("over_distance_m", &[STEPS + 1], along.iter().map(|(distance_m, _)| *distance_m));
-    let all = along.iter().flat_map(|(_, fit)| fit.terms.iter().map(|term| term.coefficient_rad));
-    chapter.array("zernike_noll_over_distance_rad", &[STEPS + 1, terms], all);
+    let coefficients = along.iter().flat_map(|(_, fit)| fit.terms.iter().map(|term| term.coefficient_rad));
+    chapter.array("zernike_noll_over_distance_rad", &[STEPS + 1, terms], coefficients);
     Some(chapter)
 }
 

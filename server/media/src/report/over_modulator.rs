@@ -8,8 +8,9 @@ use lightpath_optics::diagnostics::point_spread;
 use lightpath_optics::spatial_variation::local_kernels::{change, per_side};
 use std::fmt::Write as _;
 
-/// Positions along x and along y, from edge (−1) to edge (1).
-const PLACES: [(&str, f64); 3] = [("left", -1.0), ("middle", 0.0), ("right", 1.0)];
+/// Positions along x, from edge (−1) to edge (1).
+const COLUMNS: [(&str, f64); 3] = [("left", -1.0), ("middle", 0.0), ("right", 1.0)];
+/// Positions along y, from edge (−1) to edge (1).
 const ROWS: [(&str, f64); 3] = [("top", -1.0), ("middle", 0.0), ("bottom", 1.0)];
 /// Number of samples along each side of the band for the comparison of a position with the axis.
 const SAMPLES: usize = 48;
@@ -23,36 +24,41 @@ pub(super) fn chapter(model: &DisplayModel) -> Result<Option<Chapter>, ReportErr
     let nyquist = 0.5 / pitch_m;
     let side = per_side(&model.variation);
     let mut body = format!(
-        "<p>The light of each place on the modulator goes through a transfer function of its own. From the axis to the \
-         corner where they change the most, logarithm of amplitude and phase differ by <b>{:.2} rad</b>, root mean square over the \
-         band; holograms are computed with {side}×{side} kernels that are blended. Of each place: how far the phase is from that \
-         on the axis, root mean square over the band without piston and tilts, and the Strehl ratio.</p><table><tr><th></th>",
+        "<p>The transfer function depends on the position on the modulator. Between the axis and the corner with the \
+         largest change, the logarithm of the transfer function (amplitude and phase) changes by <b>{:.2} rad</b>, as \
+         root mean square over the band. Holograms are computed with {side}×{side} blended kernels. The table lists \
+         for each position the phase difference from the axis, as root mean square over the band without piston and \
+         tilts, and the Strehl ratio.</p><table><tr><th></th>",
         change(&model.variation)
     );
-    body.extend(PLACES.map(|(name, _)| format!("<th class=n>{name}</th>")));
+    body.extend(COLUMNS.map(|(name, _)| format!("<th class=n>{name}</th>")));
     body.push_str("</tr>");
     let (mut sheet, mut strehls, mut changes) = (Vec::new(), Vec::new(), Vec::new());
     for (row_name, y) in ROWS {
         body.extend(["<tr><td>", row_name, "</td>"]);
         let mut row = Vec::new();
-        for (column_name, x) in PLACES {
+        for (column_name, x) in COLUMNS {
             let local = |fx: f64, fy: f64| model.variation.exponent(x, y, fx, fy);
             let found = point_spread(|fx, fy| on_axis(nyquist * fx, nyquist * fy) * local(fx, fy).exp());
-            let turned = rms_rad(|fx, fy| local(fx, fy).im);
+            let phase_change_rad = rms_rad(|fx, fy| local(fx, fy).im);
             // Writing to a string cannot fail.
-            let _ = write!(body, "<td class=n>{turned:.2} rad, {:.3}</td>", found.strehl);
+            let _ = write!(body, "<td class=n>{phase_change_rad:.2} rad, {:.3}</td>", found.strehl);
             row.push(spot_picture(&format!("{row_name}, {column_name}"), &found, 1e6 * pitch_m));
             strehls.push(found.strehl);
-            changes.push(turned);
+            changes.push(phase_change_rad);
         }
         body.push_str("</tr>");
         sheet.push(row);
     }
     body.push_str("</table>");
     let mut chapter = Chapter { title: "Over the modulator", body, ..Chapter::default() };
-    chapter.png("over-modulator", "Spots of points at nine places of the modulator", &Canvas::grid(&sheet))?;
-    chapter.array("strehl_over_modulator", &[ROWS.len(), PLACES.len()], strehls);
-    chapter.array("phase_change_over_modulator_rad", &[ROWS.len(), PLACES.len()], changes);
+    chapter.png(
+        "over-modulator",
+        "Point spread functions at nine positions on the modulator",
+        &Canvas::grid(&sheet),
+    )?;
+    chapter.array("strehl_over_modulator", &[ROWS.len(), COLUMNS.len()], strehls);
+    chapter.array("phase_change_over_modulator_rad", &[ROWS.len(), COLUMNS.len()], changes);
     Ok(Some(chapter))
 }
 
@@ -75,7 +81,7 @@ mod tests {
     use lightpath_optics::{Grid, KernelShape, OpticalSetup, SmoothField, SpatialVariation};
 
     #[test]
-    fn a_kernel_that_varies_is_told_place_by_place() {
+    fn varying_kernel_is_described_at_each_position() {
         let setup = OpticalSetup::try_new(Grid::try_new(48, 64, 8e-6).unwrap(), 515e-9, 5e-3).unwrap();
         let mut model =
             DisplayModel { kernel: KernelShape::Smooth(SmoothField::flat(2)), ..DisplayModel::ideal(setup) };

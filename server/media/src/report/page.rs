@@ -49,8 +49,8 @@ fn origin(input: &ReportInput) -> Vec<(&'static str, String)> {
     ];
     if let Some(distances) = lineage.joint_distances() {
         let distances: Vec<String> = distances.iter().map(ToString::to_string).collect();
-        let how = if lineage.interpolated { "interpolated from photographs at" } else { "learned together for" };
-        rows.push((how, distances.join(", ")));
+        let label = if lineage.interpolated { "interpolated from photographs at" } else { "learned together for" };
+        rows.push((label, distances.join(", ")));
     }
     if let Some(dataset) = lineage.own_dataset() {
         let pairs = format!(
@@ -58,7 +58,7 @@ fn origin(input: &ReportInput) -> Vec<(&'static str, String)> {
             metrics.train_pairs, metrics.validation_pairs, metrics.test_pairs
         );
         rows.push(("dataset", format!("{} ({pairs})", dataset.id)));
-        rows.push(("its digest", dataset.digest.clone()));
+        rows.push(("digest of the dataset", dataset.digest.clone()));
     }
     if !lineage.job.is_empty() {
         rows.push(("job", lineage.job.clone()));
@@ -103,10 +103,10 @@ fn losses(name: &str, learned: f64, ideal: f64) -> String {
 /// The whole page.
 pub(super) fn html(input: &ReportInput, chapters: &[Chapter]) -> String {
     let name = escaped(&format!("{}/versions/{}", input.version.key, input.version.version));
-    let how = if input.version.content.lineage.interpolated { "interpolated" } else { "learned" };
+    let method = if input.version.content.lineage.interpolated { "interpolated" } else { "learned" };
     let mut page = format!(
         "<!doctype html><html lang=en><meta charset=utf-8><meta name=viewport content=\"width=device-width,initial-scale=1\">\
-         <title>{name}</title><style>{STYLE}</style><h1>Light transport, as {how}</h1><p class=sub>{name}</p><nav>"
+         <title>{name}</title><style>{STYLE}</style><h1>Light transport, as {method}</h1><p class=sub>{name}</p><nav>"
     );
     for (i, chapter) in chapters.iter().enumerate() {
         // Writing to a string cannot fail.

@@ -65,7 +65,7 @@ const ROWS: &[(usize, &str)] = &[(
 )];
 
 /// Creates a database as the version with this number of migrations left it.
-async fn database_of(path: &Path, steps: usize) {
+async fn create_database(path: &Path, steps: usize) {
     let mut connection = connect_options(path).connect().await.unwrap();
     for step in 1..=steps {
         migrator(step).run(&mut connection).await.unwrap();
@@ -86,19 +86,19 @@ async fn schema(path: &Path) -> Vec<(String, String)> {
 }
 
 /// The schema of a database that the present program creates.
-async fn schema_of_today(folder: &Path) -> Vec<(String, String)> {
+async fn current_schema(folder: &Path) -> Vec<(String, String)> {
     let fresh = folder.join("fresh.db");
     Store::open(&fresh).await.unwrap().close().await;
     schema(&fresh).await
 }
 
 #[tokio::test]
-async fn databases_of_every_version_keep_their_data() {
+async fn migration_keeps_the_data_of_every_version() {
     let folder = tempfile::tempdir().unwrap();
-    let expected = schema_of_today(folder.path()).await;
+    let expected = current_schema(folder.path()).await;
     for steps in STEPS_OF_0_1_0..=MIGRATIONS.len() {
         let path = folder.path().join(format!("{steps}.db"));
-        database_of(&path, steps).await;
+        create_database(&path, steps).await;
         let store = Store::open(&path).await.unwrap();
         let square = Display { height_px: 64, ..display("lab") };
         assert_eq!(store.display("lab").await.unwrap(), (square, 1), "after {steps} steps");
@@ -106,9 +106,9 @@ async fn databases_of_every_version_keep_their_data() {
         let dataset = store.dataset("d").await.unwrap();
         assert_eq!((dataset.pairs.len(), dataset.digest.as_deref()), (2, Some("sha256-d")));
         store.add_pair("open", &pair(0), &[]).await.unwrap();
-        kernels_are_there(&store).await;
+        assert_kernels_kept(&store).await;
         assert_eq!(store.tokens().await.unwrap().len(), 1);
-        jobs_are_there(&store).await;
+        assert_jobs_kept(&store).await;
         store.record_artifact(&digest(0), 7, "", 20).await.unwrap();
         submit(&store, "new", 20).await;
         assert!(store.claim(20, LEASE_MS, "w").await.unwrap().is_some());
@@ -124,21 +124,21 @@ async fn databases_of_every_version_keep_their_data() {
 /// Every migration is a transaction of its own, so a program that dies between two migrations leaves only some of them
 /// done.
 #[tokio::test]
-async fn an_interrupted_step_is_caught_up_by_the_server_alone() {
+async fn only_the_server_completes_an_interrupted_migration() {
     let folder = tempfile::tempdir().unwrap();
-    let expected = schema_of_today(folder.path()).await;
+    let expected = current_schema(folder.path()).await;
     for steps in 1..MIGRATIONS.len() {
         let path = folder.path().join(format!("{steps}.db"));
-        database_of(&path, steps).await;
-        let beside = Store::open_beside(&path).await.map(drop);
-        assert!(matches!(beside, Err(StoreError::OlderDatabase)), "after {steps} steps: {beside:?}");
+        create_database(&path, steps).await;
+        let opened = Store::open_shared(&path).await.map(drop);
+        assert!(matches!(opened, Err(StoreError::OlderDatabase)), "after {steps} steps: {opened:?}");
         Store::open(&path).await.unwrap().close().await;
         assert_eq!(schema(&path).await, expected, "after {steps} steps");
-        Store::open_beside(&path).await.unwrap().close().await;
+        Store::open_shared(&path).await.unwrap().close().await;
     }
 }
 
-async fn kernels_are_there(store: &Store) {
+async fn assert_kernels_kept(store: &Store) {
     assert_eq!(store.kernel(&key()).await.unwrap().active_version, Some(1));
     assert_eq!(store.kernel_moves(&key(), None, 9).await.unwrap()[0].reason, "good");
     for model in [KernelModel::Display, KernelModel::Varying] {
@@ -148,7 +148,7 @@ async fn kernels_are_there(store: &Store) {
     }
 }
 
-async fn jobs_are_there(store: &Store) {
+async fn assert_jobs_kept(store: &Store) {
     use JobState::{Cancelled, Failed, Queued, Running, Succeeded};
     let jobs = store.jobs(&JobFilter::default(), None, 9).await.unwrap();
     let states: Vec<_> = jobs.iter().rev().map(|job| (job.id.as_str(), job.state)).collect();
@@ -168,7 +168,7 @@ async fn jobs_are_there(store: &Store) {
 }
 
 #[tokio::test]
-async fn a_database_of_a_newer_version_is_left_alone() {
+async fn newer_database_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("lightpath.db");
     Store::open(&path).await.unwrap().close().await;
@@ -186,7 +186,7 @@ async fn a_database_of_a_newer_version_is_left_alone() {
 }
 
 #[tokio::test]
-async fn a_database_that_other_files_made_is_left_alone() {
+async fn database_with_a_changed_migration_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("lightpath.db");
     Store::open(&path).await.unwrap().close().await;

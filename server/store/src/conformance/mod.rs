@@ -1,6 +1,6 @@
 //! Tests of the store on a real database in a temporary folder.
 //!
-//! `queue`: the life of jobs. `scheduling`: when and for which owner jobs run. `registry`: displays, artifacts,
+//! `queue`: states of jobs and their changes. `scheduling`: when and for which owner jobs run. `registry`: displays, artifacts,
 //! datasets, kernels. `preparing`: datasets that jobs align and finalize. `model`: random histories of one job, compared
 //! with a small model. `machine`: random histories of a whole queue. `migrations`: databases of earlier versions.
 //! `scale`: many jobs.
@@ -34,7 +34,7 @@ async fn store() -> (Store, TempDir) {
     (store, folder)
 }
 
-/// A job of the cheapest kind. The seed makes jobs differ.
+/// A job of the cheapest kind. Jobs with different seeds have different content.
 fn new_job(request_id: &str, seed: u64) -> NewJob {
     capture_job(request_id, &digest(0), seed)
 }
@@ -43,8 +43,8 @@ fn result() -> JobResult {
     capture_result(&digest(1))
 }
 
-fn trouble() -> JobError {
-    JobError { reason: FailureReason::Io, message: "the disk sighed".to_owned(), retryable: true }
+fn io_error() -> JobError {
+    JobError { reason: FailureReason::Io, message: "the disk failed".to_owned(), retryable: true }
 }
 
 fn digest(n: u32) -> String {

@@ -10,8 +10,8 @@ enum Step {
     Heartbeat,
     Checkpoint,
     Finish,
-    FailForNow,
-    FailForGood,
+    FailRetryably,
+    FailPermanently,
     Release,
     Expire,
     Cancel,
@@ -19,7 +19,7 @@ enum Step {
     Wait(i64),
 }
 
-/// Model of the only job.
+/// Model of the job.
 #[derive(Debug)]
 struct Model {
     state: JobState,
@@ -35,8 +35,8 @@ fn steps() -> impl Strategy<Value = Vec<Step>> {
         2 => Just(Step::Heartbeat),
         1 => Just(Step::Checkpoint),
         1 => Just(Step::Finish),
-        3 => Just(Step::FailForNow),
-        1 => Just(Step::FailForGood),
+        3 => Just(Step::FailRetryably),
+        1 => Just(Step::FailPermanently),
         1 => Just(Step::Release),
         2 => Just(Step::Expire),
         1 => Just(Step::Cancel),
@@ -47,12 +47,12 @@ fn steps() -> impl Strategy<Value = Vec<Step>> {
 }
 
 impl Model {
-    fn held(&self, now_ms: i64) -> bool {
+    fn lease_is_valid(&self, now_ms: i64) -> bool {
         self.state == JobState::Running && now_ms < self.until_ms
     }
 
-    fn fail(&mut self, again: bool) {
-        self.state = match (self.cancel_requested, again && self.failures + 1 < 3) {
+    fn fail(&mut self, retry: bool) {
+        self.state = match (self.cancel_requested, retry && self.failures + 1 < 3) {
             (true, _) => JobState::Cancelled,
             (false, true) => JobState::Queued,
             (false, false) => JobState::Failed,
@@ -67,8 +67,8 @@ impl Model {
     }
 }
 
-/// Applies one step to the store and the model. `leases` holds all leases ever given; the latest is used.
-async fn take(step: Step, store: &Store, id: &str, model: &mut Model, lease: &mut Option<Lease>, now: &mut i64) {
+/// Applies one step to the store and the model. `lease` is the latest lease that the store gave.
+async fn apply(step: Step, store: &Store, id: &str, model: &mut Model, lease: &mut Option<Lease>, now: &mut i64) {
     match step {
         Step::Claim => {
             let claimed = store.claim(*now, LEASE_MS, "w").await.unwrap();
@@ -80,15 +80,20 @@ async fn take(step: Step, store: &Store, id: &str, model: &mut Model, lease: &mu
                 model.until_ms = *now + LEASE_MS;
             }
         }
-        Step::Heartbeat | Step::Checkpoint | Step::Finish | Step::FailForNow | Step::FailForGood | Step::Release => {
+        Step::Heartbeat
+        | Step::Checkpoint
+        | Step::Finish
+        | Step::FailRetryably
+        | Step::FailPermanently
+        | Step::Release => {
             let no_lease = Lease { job: id.to_owned(), attempt: 0, lease_id: String::new(), until_ms: 0 };
-            let held = model.held(*now);
-            let allowed = work(step, store, lease.as_ref().unwrap_or(&no_lease), model, *now).await;
-            assert_eq!(allowed, held, "a worker may do what its lease allows");
+            let is_valid = model.lease_is_valid(*now);
+            let allowed = apply_worker_step(step, store, lease.as_ref().unwrap_or(&no_lease), model, *now).await;
+            assert_eq!(allowed, is_valid, "a write succeeds only under a valid lease");
         }
         Step::Expire => {
             let expired = store.expire_leases(*now).await.unwrap();
-            assert_eq!(expired.len(), usize::from(model.state == JobState::Running && !model.held(*now)));
+            assert_eq!(expired.len(), usize::from(model.state == JobState::Running && !model.lease_is_valid(*now)));
             if !expired.is_empty() {
                 model.fail(true);
             }
@@ -114,26 +119,26 @@ async fn take(step: Step, store: &Store, id: &str, model: &mut Model, lease: &mu
 }
 
 /// Applies one step of a worker to the store and the model. Returns whether the store allowed it.
-async fn work(step: Step, store: &Store, lease: &Lease, model: &mut Model, now: i64) -> bool {
-    let held = model.held(now);
+async fn apply_worker_step(step: Step, store: &Store, lease: &Lease, model: &mut Model, now: i64) -> bool {
+    let is_valid = model.lease_is_valid(now);
     let allowed = match step {
         Step::Heartbeat => store.heartbeat(lease, now, LEASE_MS).await.is_ok(),
         Step::Checkpoint => store.checkpoint(lease, &digest(now as u32), now).await.is_ok(),
         Step::Finish => store.finish(lease, result(), JobEffect::None, now).await.is_ok(),
-        Step::FailForNow => store.fail(lease, trouble(), Some(now), now).await.is_ok(),
-        Step::FailForGood => store.fail(lease, trouble(), None, now).await.is_ok(),
+        Step::FailRetryably => store.fail(lease, io_error(), Some(now), now).await.is_ok(),
+        Step::FailPermanently => store.fail(lease, io_error(), None, now).await.is_ok(),
         Step::Release => store.release(lease, now).await.is_ok(),
         Step::Claim | Step::Expire | Step::Cancel | Step::Retry | Step::Wait(_) => {
-            unreachable!("{step:?} needs no lease")
+            unreachable!("{step:?} is not a step of a worker")
         }
     };
     match step {
-        _ if !held => {}
+        _ if !is_valid => {}
         Step::Heartbeat => model.until_ms = now + LEASE_MS,
         Step::Checkpoint => model.failures = 0,
         Step::Finish => model.state = JobState::Succeeded,
-        Step::FailForNow => model.fail(true),
-        Step::FailForGood => model.fail(false),
+        Step::FailRetryably => model.fail(true),
+        Step::FailPermanently => model.fail(false),
         Step::Release => model.end(JobState::Queued),
         Step::Claim | Step::Expire | Step::Cancel | Step::Retry | Step::Wait(_) => {}
     }
@@ -144,7 +149,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 48, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn the_queue_does_what_the_rules_say(steps in steps()) {
+    fn single_job_agrees_with_its_model(steps in steps()) {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
         runtime.block_on(async {
             let (store, _folder) = store().await;
@@ -153,7 +158,7 @@ proptest! {
                 Model { state: JobState::Queued, attempt: 0, failures: 0, cancel_requested: false, until_ms: 0 };
             let (mut lease, mut now) = (None, 1);
             for step in steps {
-                take(step, &store, &id, &mut model, &mut lease, &mut now).await;
+                apply(step, &store, &id, &mut model, &mut lease, &mut now).await;
                 let job = store.job(&id).await.unwrap();
                 assert_eq!((job.state, job.attempt), (model.state, model.attempt), "after {step:?}");
             }

@@ -1,4 +1,4 @@
-//! Datasets that jobs align and finalize, while others add pairs or do the same.
+//! Tests of jobs that align and finalize datasets while other jobs or callers change the same dataset.
 
 use super::*;
 use crate::{AbortReason, Inspection, PreconditionReason};
@@ -9,10 +9,11 @@ use lightpath_domain::dataset::{
 use lightpath_domain::job::{AlignBy, Job, Lease, PrepareDataset, PrepareResult, PrepareStep};
 use std::collections::BTreeMap;
 
-const HOW: Finalization = Finalization { validation_fraction: 0.2, test_fraction: 0.2, seed: 1, keep_alignment: false };
+const FINALIZATION: Finalization =
+    Finalization { validation_fraction: 0.2, test_fraction: 0.2, seed: 1, keep_alignment: false };
 
-/// A running job that prepares a dataset; what it is to do only its worker reads.
-async fn running(store: &Store, request_id: &str, id: &str) -> Lease {
+/// Starts a job that prepares a dataset, and returns its lease. The store does not read the step of the job.
+async fn start_job(store: &Store, request_id: &str, id: &str) -> Lease {
     let step = PrepareStep::Align(AlignBy::None);
     let spec = PrepareDataset { dataset: id.to_owned(), display: "lab".to_owned(), step };
     let new = NewJob { spec: JobSpec::PrepareDataset(spec), ..new_job(request_id, 1) };
@@ -27,8 +28,8 @@ async fn finish(store: &Store, lease: &Lease, prepared: PreparedDataset) -> Resu
     store.finish(lease, JobResult::Prepare(result), JobEffect::Dataset(Box::new(prepared)), 20).await
 }
 
-/// What a job found that changes nothing.
-fn as_it_is(dataset: &Dataset) -> PreparedDataset {
+/// The result of a job that changes nothing.
+fn unchanged(dataset: &Dataset) -> PreparedDataset {
     PreparedDataset {
         dataset: dataset.id.clone(),
         revision: dataset.revision,
@@ -40,12 +41,14 @@ fn as_it_is(dataset: &Dataset) -> PreparedDataset {
 }
 
 fn splits(dataset: &Dataset) -> Splits {
-    let drawn = draw_split(&dataset.pairs, HOW.validation_fraction, HOW.test_fraction, HOW.seed);
+    let drawn =
+        draw_split(&dataset.pairs, FINALIZATION.validation_fraction, FINALIZATION.test_fraction, FINALIZATION.seed);
     drawn.into_iter().map(|(id, split)| (id, Some(split))).collect()
 }
 
-fn closing(dataset: &Dataset) -> PreparedDataset {
-    PreparedDataset { closing: Some((HOW, splits(dataset))), ..as_it_is(dataset) }
+/// The result of a job that finalizes the dataset.
+fn finalized(dataset: &Dataset) -> PreparedDataset {
+    PreparedDataset { closing: Some((FINALIZATION, splits(dataset))), ..unchanged(dataset) }
 }
 
 fn alignment(shift_px: f64) -> Alignment {
@@ -73,30 +76,30 @@ async fn open_dataset(store: &Store, id: &str) -> Dataset {
     store.dataset(id).await.unwrap()
 }
 
-/// Closes a dataset by a job, and returns what that left.
+/// Finalizes a dataset with a job, and returns the finalized dataset.
 pub(super) async fn finalize(store: &Store, id: &str) -> Dataset {
-    let lease = running(store, &format!("finalize {id}"), id).await;
+    let lease = start_job(store, &format!("finalize {id}"), id).await;
     let open = store.dataset(id).await.unwrap();
-    let job = finish(store, &lease, closing(&open)).await.unwrap();
+    let job = finish(store, &lease, finalized(&open)).await.unwrap();
     let closed = store.dataset(id).await.unwrap();
     let Some(JobResult::Prepare(result)) = job.result else { panic!("{:?}", job.result) };
-    assert_eq!((result.dataset_digest, closed.finalization), (closed.digest.clone(), Some(HOW)));
+    assert_eq!((result.dataset_digest, closed.finalization), (closed.digest.clone(), Some(FINALIZATION)));
     closed
 }
 
 #[tokio::test]
-async fn what_a_job_found_is_stored_when_it_ends_and_the_digest_says_what_the_dataset_is() {
+async fn finished_job_stores_alignment_checks_findings_and_digest() {
     let (store, folder) = store().await;
     let open = open_dataset(&store, "d").await;
-    let lease = running(&store, "align", "d").await;
+    let lease = start_job(&store, "align", "d").await;
     let checks = PairChecks { contrast: 0.5, homography: Some(alignment(2.0).homography), ..PairChecks::default() };
-    let finding = |pair: &str, kind| Finding { pair: pair.into(), kind, excludes: false, message: "look".into() };
+    let finding = |pair: &str, kind| Finding { pair: pair.into(), kind, excludes: false, message: "check it".into() };
     let findings = vec![finding("p1", FindingKind::Saturated), finding("", FindingKind::Misaligned)];
     let prepared = PreparedDataset {
         alignment: Some(alignment(2.0)),
         checks: BTreeMap::from([("p1".to_owned(), checks.clone())]),
         findings: findings.clone(),
-        ..as_it_is(&open)
+        ..unchanged(&open)
     };
     finish(&store, &lease, prepared).await.unwrap();
     let aligned = store.dataset("d").await.unwrap();
@@ -110,14 +113,14 @@ async fn what_a_job_found_is_stored_when_it_ends_and_the_digest_says_what_the_da
     assert_ne!(closed.digest, Some(dataset_digest(&Dataset { alignment: None, ..closed.clone() })));
     let given: Splits = closed.pairs.iter().map(|pair| (pair.id.clone(), pair.split)).collect();
     assert_eq!((given, &closed.findings), (splits(&open), &findings));
-    let end = finish(&store, &running(&store, "late", "d").await, as_it_is(&closed)).await;
+    let end = finish(&store, &start_job(&store, "late", "d").await, unchanged(&closed)).await;
     assert!(
         matches!(end, Err(StoreError::Precondition { reason: PreconditionReason::DatasetFinalized, .. })),
         "{end:?}"
     );
     assert_eq!(store.dataset("d").await.unwrap(), closed);
 
-    // A dataset's digest is not taken for an artifact's.
+    // The check for dangling references does not mistake the dataset's digest for an artifact.
     let path = folder.path().join("lightpath.db");
     store.close().await;
     let mut inspection = Inspection::open(&path).await.unwrap();
@@ -127,29 +130,29 @@ async fn what_a_job_found_is_stored_when_it_ends_and_the_digest_says_what_the_da
 }
 
 #[tokio::test]
-async fn of_two_jobs_that_read_the_same_dataset_the_second_changes_nothing() {
+async fn second_of_two_concurrent_jobs_changes_nothing() {
     let (store, _folder) = store().await;
     let open = open_dataset(&store, "d").await;
-    let (first, second) = (running(&store, "align", "d").await, running(&store, "finalize", "d").await);
-    let aligned = PreparedDataset { alignment: Some(alignment(2.0)), ..as_it_is(&open) };
+    let (first, second) = (start_job(&store, "align", "d").await, start_job(&store, "finalize", "d").await);
+    let aligned = PreparedDataset { alignment: Some(alignment(2.0)), ..unchanged(&open) };
     finish(&store, &first, aligned).await.unwrap();
-    let end = finish(&store, &second, closing(&open)).await;
+    let end = finish(&store, &second, finalized(&open)).await;
     assert!(matches!(end, Err(StoreError::Aborted { reason: AbortReason::DatasetChanged, .. })), "{end:?}");
     let now = store.dataset("d").await.unwrap();
     assert_eq!((&now.alignment, &now.digest), (&Some(alignment(2.0)), &None));
     assert!(now.pairs.iter().all(|pair| pair.split.is_none()));
-    // The lease still holds: the job can be told why.
-    store.fail(&second, trouble(), None, 21).await.unwrap();
+    // The lease is still valid, so the job can end with the reason.
+    store.fail(&second, io_error(), None, 21).await.unwrap();
     assert_eq!(finalize(&store, "d").await.alignment, Some(alignment(2.0)));
 }
 
 #[tokio::test]
-async fn a_pair_that_comes_in_between_stays_and_the_job_changes_nothing() {
+async fn pair_added_during_a_job_is_kept_and_the_job_changes_nothing() {
     let (store, _folder) = store().await;
     let open = open_dataset(&store, "d").await;
-    let lease = running(&store, "finalize", "d").await;
+    let lease = start_job(&store, "finalize", "d").await;
     store.add_pair("d", &pair(5), &[]).await.unwrap();
-    let end = finish(&store, &lease, closing(&open)).await;
+    let end = finish(&store, &lease, finalized(&open)).await;
     assert!(matches!(end, Err(StoreError::Aborted { reason: AbortReason::DatasetChanged, .. })), "{end:?}");
     store.add_pair("d", &pair(5), &[]).await.unwrap();
     let now = store.dataset("d").await.unwrap();
@@ -157,11 +160,11 @@ async fn a_pair_that_comes_in_between_stays_and_the_job_changes_nothing() {
 }
 
 #[tokio::test]
-async fn a_pair_that_was_measured_with_another_alignment_is_refused() {
+async fn pair_measured_with_another_alignment_is_refused() {
     let (store, _folder) = store().await;
     let open = open_dataset(&store, "d").await;
-    let aligned = PreparedDataset { alignment: Some(alignment(2.0)), ..as_it_is(&open) };
-    finish(&store, &running(&store, "align", "d").await, aligned).await.unwrap();
+    let aligned = PreparedDataset { alignment: Some(alignment(2.0)), ..unchanged(&open) };
+    finish(&store, &start_job(&store, "align", "d").await, aligned).await.unwrap();
     let measured = |homography| {
         let checks = PairChecks { homography, ..PairChecks::default() };
         Pair { checks: Some(checks), ..pair(5) }
@@ -172,24 +175,24 @@ async fn a_pair_that_was_measured_with_another_alignment_is_refused() {
 }
 
 #[tokio::test]
-async fn nothing_is_stored_without_a_lease_a_picture_or_a_pair_for_the_test() {
+async fn lost_lease_missing_artifact_or_invalid_split_stores_nothing() {
     let (store, _folder) = store().await;
     let open = open_dataset(&store, "d").await;
-    let lease = running(&store, "prepare", "d").await;
+    let lease = start_job(&store, "prepare", "d").await;
     let lost = Lease { attempt: 2, ..lease.clone() };
-    assert!(matches!(finish(&store, &lost, closing(&open)).await, Err(StoreError::LeaseLost)));
+    assert!(matches!(finish(&store, &lost, finalized(&open)).await, Err(StoreError::LeaseLost)));
     let unknown = Alignment { after: digest(99), ..alignment(1.0) };
-    let unknown = PreparedDataset { alignment: Some(unknown), ..as_it_is(&open) };
+    let unknown = PreparedDataset { alignment: Some(unknown), ..unchanged(&open) };
     assert!(matches!(finish(&store, &lease, unknown).await, Err(StoreError::NotFound { .. })));
     let all_train = splits(&open).into_iter().map(|(id, _)| (id, Some(Split::Train))).collect();
-    let all_train = PreparedDataset { closing: Some((HOW, all_train)), ..as_it_is(&open) };
+    let all_train = PreparedDataset { closing: Some((FINALIZATION, all_train)), ..unchanged(&open) };
     let end = finish(&store, &lease, all_train).await;
     assert!(
         matches!(end, Err(StoreError::Precondition { reason: PreconditionReason::DatasetSplitEmpty, .. })),
         "{end:?}"
     );
-    let few = PreparedDataset { closing: Some((HOW, splits(&open)[1..].to_vec())), ..as_it_is(&open) };
+    let few = PreparedDataset { closing: Some((FINALIZATION, splits(&open)[1..].to_vec())), ..unchanged(&open) };
     assert!(matches!(finish(&store, &lease, few).await, Err(StoreError::Aborted { .. })));
     assert_eq!(store.dataset("d").await.unwrap(), open);
-    finish(&store, &lease, closing(&open)).await.unwrap();
+    finish(&store, &lease, finalized(&open)).await.unwrap();
 }

@@ -1,3 +1,5 @@
+//! Tests of the states of jobs, their leases and their events.
+
 use super::*;
 use crate::{JobFilter, QueueCounts, Submitted};
 use lightpath_domain::job::{CaptureResult, JobState, LearnResult, LearnedKernel, Lease, Progress};
@@ -7,7 +9,7 @@ async fn claim(store: &Store, now_ms: i64) -> Option<(String, Lease)> {
 }
 
 #[tokio::test]
-async fn the_same_request_is_the_same_job() {
+async fn repeated_request_returns_the_same_job() {
     let (store, _folder) = store().await;
     let (job, made) = store.submit(&new_job("r", 1), 10, QUEUE_LIMIT).await.unwrap();
     assert_eq!((made, job.state, job.revision), (Submitted::New, JobState::Queued, 1));
@@ -22,7 +24,7 @@ async fn the_same_request_is_the_same_job() {
 }
 
 #[tokio::test]
-async fn a_full_queue_takes_no_job_but_knows_those_it_has() {
+async fn full_queue_refuses_new_jobs_but_returns_existing_ones() {
     let (store, _folder) = store().await;
     store.submit(&new_job("a", 1), 1, 2).await.unwrap();
     store.submit(&new_job("b", 1), 1, 2).await.unwrap();
@@ -38,7 +40,7 @@ async fn a_full_queue_takes_no_job_but_knows_those_it_has() {
 }
 
 #[tokio::test]
-async fn claims_go_by_priority_then_time_then_age() {
+async fn claims_are_ordered_by_priority_then_due_time_then_age() {
     let (store, _folder) = store().await;
     let first = submit(&store, "first", 10).await;
     let second = submit(&store, "second", 10).await;
@@ -55,7 +57,7 @@ async fn claims_go_by_priority_then_time_then_age() {
 }
 
 #[tokio::test]
-async fn an_interrupted_job_keeps_its_place() {
+async fn interrupted_job_keeps_its_place() {
     let (store, _folder) = store().await;
     let first = submit(&store, "first", 10).await;
     submit(&store, "second", 11).await;
@@ -64,7 +66,7 @@ async fn an_interrupted_job_keeps_its_place() {
     store.release(&lease, 21).await.unwrap();
     assert_eq!(claim(&store, 22).await.unwrap().0, first, "after a drain");
     store.recover_orphans(23).await.unwrap();
-    assert_eq!(claim(&store, 24).await.unwrap().0, first, "after a death of the server");
+    assert_eq!(claim(&store, 24).await.unwrap().0, first, "after a server death");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -93,7 +95,7 @@ async fn two_stores_claim_every_job_once() {
 }
 
 #[tokio::test]
-async fn a_lost_lease_changes_nothing() {
+async fn lost_lease_changes_nothing() {
     let (store, _folder) = store().await;
     let id = submit(&store, "r", 1).await;
     let (_, stale) = claim(&store, 10).await.unwrap();
@@ -112,7 +114,7 @@ async fn a_lost_lease_changes_nothing() {
         assert!(matches!(store.progress(bad, &progress, now).await, Err(StoreError::LeaseLost)));
         assert!(matches!(store.checkpoint(bad, &digest(5), now).await, Err(StoreError::LeaseLost)));
         assert!(matches!(store.finish(bad, result(), JobEffect::None, now).await, Err(StoreError::LeaseLost)));
-        assert!(matches!(store.fail(bad, trouble(), None, now).await, Err(StoreError::LeaseLost)));
+        assert!(matches!(store.fail(bad, io_error(), None, now).await, Err(StoreError::LeaseLost)));
         assert!(matches!(store.release(bad, now).await, Err(StoreError::LeaseLost)));
         assert!(matches!(store.end_cancelled(bad, now).await, Err(StoreError::LeaseLost)));
     }
@@ -123,7 +125,7 @@ async fn a_lost_lease_changes_nothing() {
     assert_eq!((done.state, done.result), (JobState::Succeeded, Some(result())));
     assert!(
         matches!(store.finish(&fresh, result(), JobEffect::None, late + 3).await, Err(StoreError::LeaseLost)),
-        "once"
+        "a job ends only once"
     );
 }
 
@@ -143,7 +145,7 @@ async fn heartbeats_keep_a_lease() {
 }
 
 #[tokio::test]
-async fn attempts_are_spent_by_failures_and_deaths_but_not_by_drains_or_after_headway() {
+async fn failures_and_server_deaths_spend_attempts_until_a_checkpoint() {
     let (store, _folder) = store().await;
     let id = submit(&store, "r", 1).await;
     for drain in 1..=5 {
@@ -152,7 +154,7 @@ async fn attempts_are_spent_by_failures_and_deaths_but_not_by_drains_or_after_he
         assert_eq!((job.state, job.error), (JobState::Queued, None));
     }
     let (_, lease) = claim(&store, 10).await.unwrap();
-    let job = store.fail(&lease, trouble(), Some(50), 10).await.unwrap();
+    let job = store.fail(&lease, io_error(), Some(50), 10).await.unwrap();
     assert_eq!((job.state, job.run_time_ms), (JobState::Queued, 50));
     assert!(job.error.unwrap().retryable);
     assert_eq!(claim(&store, 49).await, None);
@@ -165,22 +167,22 @@ async fn attempts_are_spent_by_failures_and_deaths_but_not_by_drains_or_after_he
 
     for state in [JobState::Queued, JobState::Failed] {
         let (_, lease) = claim(&store, 60).await.unwrap();
-        let job = store.fail(&lease, trouble(), Some(60), 60).await.unwrap();
-        assert_eq!(job.state, state, "a death and two failures since the checkpoint");
+        let job = store.fail(&lease, io_error(), Some(60), 60).await.unwrap();
+        assert_eq!(job.state, state, "one server death and two failures since the checkpoint");
     }
     let job = store.job(&id).await.unwrap();
     assert_eq!((job.attempt, job.finish_time_ms), (9, Some(60)));
     assert!(!job.error.unwrap().retryable);
-    assert_eq!(job.checkpoint, Some(digest(2)), "a retry by hand goes on from here");
+    assert_eq!(job.checkpoint, Some(digest(2)), "a retry by hand continues from the checkpoint");
 
     let job = store.retry(&id, 70).await.unwrap();
     assert_eq!((job.state, job.error, job.finish_time_ms), (JobState::Queued, None, None));
     let (_, lease) = claim(&store, 70).await.unwrap();
-    assert_eq!(store.fail(&lease, trouble(), None, 71).await.unwrap().state, JobState::Failed, "permanent");
+    assert_eq!(store.fail(&lease, io_error(), None, 71).await.unwrap().state, JobState::Failed, "permanent");
 }
 
 #[tokio::test]
-async fn a_job_that_is_always_there_when_the_server_dies_fails_in_the_end() {
+async fn job_fails_after_repeated_server_deaths() {
     let (store, _folder) = store().await;
     let id = submit(&store, "r", 1).await;
     let mut deaths = 0;
@@ -195,7 +197,7 @@ async fn a_job_that_is_always_there_when_the_server_dies_fails_in_the_end() {
 }
 
 #[tokio::test]
-async fn cancelling_ends_a_waiting_job_and_asks_a_running_one() {
+async fn cancel_ends_a_waiting_job_and_notifies_a_running_job() {
     let (store, _folder) = store().await;
     let waiting = submit(&store, "waiting", 1).await;
     let job = store.cancel(&waiting, 2).await.unwrap();
@@ -209,7 +211,7 @@ async fn cancelling_ends_a_waiting_job_and_asks_a_running_one() {
     let job = store.cancel(&running, 6).await.unwrap();
     assert_eq!((job.state, job.cancel_requested), (JobState::Running, true));
     assert_eq!(cancels.try_recv().unwrap(), running);
-    assert_eq!(store.cancel(&running, 7).await.unwrap().revision, job.revision, "once is enough");
+    assert_eq!(store.cancel(&running, 7).await.unwrap().revision, job.revision, "a second request changes nothing");
     assert!(store.heartbeat(&lease, 8, LEASE_MS).await.unwrap().cancel_requested);
     assert_eq!(store.end_cancelled(&lease, 9).await.unwrap().state, JobState::Cancelled);
 
@@ -220,7 +222,7 @@ async fn cancelling_ends_a_waiting_job_and_asks_a_running_one() {
         let (_, lease) = claim(&store, 10).await.unwrap();
         store.cancel(&id, 11).await.unwrap();
         match how {
-            0 => drop(store.fail(&lease, trouble(), Some(12), 12).await.unwrap()),
+            0 => drop(store.fail(&lease, io_error(), Some(12), 12).await.unwrap()),
             1 => drop(store.release(&lease, 12).await.unwrap()),
             _ => drop(store.recover_orphans(12).await.unwrap()),
         }
@@ -231,7 +233,7 @@ async fn cancelling_ends_a_waiting_job_and_asks_a_running_one() {
 }
 
 #[tokio::test]
-async fn a_learned_kernel_gets_its_number_with_the_end_of_its_job() {
+async fn learned_kernel_becomes_a_version_when_its_job_ends() {
     let (store, _folder) = store().await;
     record(&store, 3).await;
     submit(&store, "r", 1).await;
@@ -256,7 +258,7 @@ async fn a_learned_kernel_gets_its_number_with_the_end_of_its_job() {
     assert_eq!(result.kernels[1].kernel_version, "displays/lab/kernels/515nm-200mm/versions/1");
     let again = store.finish(&lease, learned, both(2), 3).await;
     assert!(matches!(again, Err(StoreError::LeaseLost)));
-    assert_eq!(store.kernel(&key()).await.unwrap().latest_version, 1, "a lost lease leaves no version");
+    assert_eq!(store.kernel(&key()).await.unwrap().latest_version, 1, "a lost lease adds no version");
 }
 
 #[tokio::test]
@@ -286,7 +288,7 @@ async fn lists_are_filtered_and_paged_newest_first() {
 }
 
 #[tokio::test]
-async fn what_happens_is_told_and_announced() {
+async fn job_changes_are_recorded_as_events_and_announced() {
     let (store, _folder) = store().await;
     let mut changes = store.subscribe_job_changes();
     let claimable = store.claimable();
@@ -296,23 +298,26 @@ async fn what_happens_is_told_and_announced() {
     let progress = Progress { stage: "optimize".into(), step: 3, steps_total: 9, loss: 0.25, eta_s: Some(1.5) };
     store.progress(&lease, &progress, 3).await.unwrap();
     assert_eq!(store.job(&id).await.unwrap().progress, Some(progress));
-    store.fail(&lease, trouble(), Some(5), 4).await.unwrap();
+    store.fail(&lease, io_error(), Some(5), 4).await.unwrap();
     claimable.notified().await;
-    let mut heard = 0;
-    while let Ok(heard_id) = changes.try_recv() {
-        assert_eq!(heard_id, id);
-        heard += 1;
+    let mut announced = 0;
+    while let Ok(announced_id) = changes.try_recv() {
+        assert_eq!(announced_id, id);
+        announced += 1;
     }
-    assert_eq!(heard, 4);
+    assert_eq!(announced, 4);
     let events = store.events(&id, None, 50).await.unwrap();
-    let told: Vec<_> = events.iter().map(|event| (event.time_ms, event.attempt, event.message.as_str())).collect();
-    assert_eq!(told, [(1, 0, "queued"), (2, 1, "attempt 1 started by w"), (4, 1, "IO: the disk sighed; queued again")]);
+    let recorded: Vec<_> = events.iter().map(|event| (event.time_ms, event.attempt, event.message.as_str())).collect();
+    assert_eq!(
+        recorded,
+        [(1, 0, "queued"), (2, 1, "attempt 1 started by w"), (4, 1, "IO: the disk failed; queued again")]
+    );
     assert_eq!(store.events(&id, Some(events[0].sequence), 1).await.unwrap(), events[1..2]);
     assert!(matches!(store.events("nothing", None, 50).await, Err(StoreError::NotFound { .. })));
 }
 
 #[tokio::test]
-async fn a_caller_that_goes_away_leaves_nothing_half_done() {
+async fn dropped_submit_leaves_no_partial_write() {
     let (store, _folder) = store().await;
     for n in 0..20 {
         let new = new_job(&format!("r{n}"), 1);
@@ -324,11 +329,11 @@ async fn a_caller_that_goes_away_leaves_nothing_half_done() {
     let jobs = store.jobs(&JobFilter::default(), None, 50).await.unwrap();
     assert!(jobs.contains(&last));
     for job in jobs {
-        assert_eq!(store.events(&job.id, None, 50).await.unwrap().len(), 1, "each job with its event");
+        assert_eq!(store.events(&job.id, None, 50).await.unwrap().len(), 1, "every job has its event");
     }
 }
 
-/// Workers that return after their jobs were given to others: 50, or the number in `LIGHTPATH_ZOMBIES`.
+/// Workers try to write after other workers got their jobs. Number of such workers: 50, or `LIGHTPATH_ZOMBIES`.
 #[tokio::test]
 async fn zombies_write_nothing() {
     let zombies = std::env::var("LIGHTPATH_ZOMBIES").map_or(50, |zombies| zombies.parse().unwrap());
@@ -351,8 +356,8 @@ async fn zombies_write_nothing() {
             elsewhere.progress(&zombie, &progress, late).await,
             elsewhere.checkpoint(&zombie, &digest(1_000_000), late).await.map(drop),
             elsewhere.finish(&zombie, result(), JobEffect::None, late).await.map(drop),
-            elsewhere.fail(&zombie, trouble(), None, late).await.map(drop),
-            elsewhere.postpone(&zombie, trouble(), late, late).await.map(drop),
+            elsewhere.fail(&zombie, io_error(), None, late).await.map(drop),
+            elsewhere.postpone(&zombie, io_error(), late, late).await.map(drop),
             elsewhere.release(&zombie, late).await.map(drop),
             elsewhere.end_cancelled(&zombie, late).await.map(drop),
         ];

@@ -1,9 +1,11 @@
+//! Tests of displays, artifacts, datasets and kernels.
+
 use super::*;
 use crate::QueueLimits;
 use lightpath_domain::display::Display;
 
 #[tokio::test]
-async fn a_display_is_created_once_and_deleted_when_unused() {
+async fn display_is_created_once_and_deleted_when_unused() {
     let (store, _folder) = store().await;
     let (stored, time) = store.create_display(&display("lab"), 99).await.unwrap();
     assert_eq!((stored, time), (display("lab"), 1));
@@ -23,7 +25,7 @@ async fn a_display_is_created_once_and_deleted_when_unused() {
 }
 
 #[tokio::test]
-async fn an_artifact_is_recorded_once() {
+async fn artifact_is_recorded_once() {
     let (store, _folder) = store().await;
     assert_eq!(store.artifact(&digest(1)).await.unwrap(), None);
     store.record_artifact(&digest(1), 7, "", 10).await.unwrap();
@@ -34,7 +36,7 @@ async fn an_artifact_is_recorded_once() {
 }
 
 #[tokio::test]
-async fn artifacts_count_for_their_owners_and_concern_their_displays() {
+async fn artifacts_count_towards_owner_limits_and_belong_to_displays() {
     let (store, _folder) = store().await;
     for owner in ["ada", "ada", "bob"] {
         store.record_artifact(&digest(1), 7, owner, 10).await.unwrap();
@@ -59,7 +61,7 @@ async fn artifacts_count_for_their_owners_and_concern_their_displays() {
         let (store, displays) = (store.clone(), displays.iter().map(|id| (*id).to_owned()).collect::<Vec<_>>());
         async move { store.artifact_concerns(&digest(n), owner, &displays).await.unwrap() }
     };
-    assert!(concerns(0, "cyd", &["lab"]).await, "the job reads it");
+    assert!(concerns(0, "cyd", &["lab"]).await, "a job on the display reads the artifact");
     assert!(!concerns(0, "cyd", &["other"]).await);
     assert!(concerns(1, "bob", &["other"]).await && !concerns(1, "cyd", &["lab"]).await);
     store.create_dataset(&dataset("d"), 5).await.unwrap();
@@ -70,7 +72,7 @@ async fn artifacts_count_for_their_owners_and_concern_their_displays() {
 }
 
 #[tokio::test]
-async fn a_dataset_takes_pairs_until_it_is_finalized() {
+async fn dataset_accepts_pairs_until_finalized() {
     let (store, _folder) = store().await;
     record(&store, 12).await;
     store.create_dataset(&dataset("d"), 5).await.unwrap();
@@ -94,9 +96,9 @@ async fn a_dataset_takes_pairs_until_it_is_finalized() {
     let unknown = Pair { id: "y".into(), phase: digest(98), photo: digest(99), ..Pair::default() };
     assert!(matches!(store.add_pair("d", &unknown, &[]).await, Err(StoreError::NotFound { .. })));
 
-    let closed = preparing::finalize(&store, "d").await;
-    assert_eq!(closed.finalize_time_ms, Some(20));
-    assert_eq!(store.dataset("d").await.unwrap(), closed);
+    let finalized = preparing::finalize(&store, "d").await;
+    assert_eq!(finalized.finalize_time_ms, Some(20));
+    assert_eq!(store.dataset("d").await.unwrap(), finalized);
     let late = Pair { id: "late".into(), phase: digest(10), photo: digest(11), ..Pair::default() };
     assert!(matches!(store.add_pair("d", &late, &[]).await, Err(StoreError::Precondition { .. })));
     store.add_pair("d", &pair(0), &[]).await.unwrap();
@@ -109,13 +111,16 @@ async fn a_dataset_takes_pairs_until_it_is_finalized() {
 }
 
 #[tokio::test]
-async fn versions_are_numbered_and_active_moves_like_a_stack() {
+async fn versions_are_numbered_and_rollbacks_undo_promotions_in_reverse_order() {
     let (store, _folder) = store().await;
     record(&store, 10).await;
     let mut changes = store.subscribe_kernel_changes();
     assert!(matches!(store.kernel(&key()).await, Err(StoreError::NotFound { .. })));
     assert!(matches!(store.add_kernel_version(&key(), new_version(77), 1).await, Err(StoreError::NotFound { .. })));
-    assert!(matches!(store.kernel(&key()).await, Err(StoreError::NotFound { .. })), "nothing half-made is left");
+    assert!(
+        matches!(store.kernel(&key()).await, Err(StoreError::NotFound { .. })),
+        "the failed call creates no kernel"
+    );
     for n in 1..=4 {
         assert_eq!(store.add_kernel_version(&key(), new_version(n), i64::from(n)).await.unwrap().version, n);
     }
@@ -141,9 +146,9 @@ async fn versions_are_numbered_and_active_moves_like_a_stack() {
     assert_eq!(store.rollback(&key(), "worse", 13).await.unwrap().active_version, Some(1));
 
     let moves = store.kernel_moves(&key(), None, 50).await.unwrap();
-    let told: Vec<_> = moves.iter().map(|m| (m.from_version, m.to_version, m.rollback)).collect();
+    let listed: Vec<_> = moves.iter().map(|m| (m.from_version, m.to_version, m.rollback)).collect();
     assert_eq!(
-        told,
+        listed,
         [
             (Some(4), 1, true),
             (Some(1), 4, false),

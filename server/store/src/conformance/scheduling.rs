@@ -1,21 +1,21 @@
 //! Tests of when and for which owner jobs run.
 
 use super::*;
-use crate::{BatchProgress, ClaimLimits, JobFilter, Pause, PreconditionReason, QueueLimits, Turn};
+use crate::{BatchProgress, ClaimLimits, JobFilter, OwnerQueue, Pause, PreconditionReason, QueueLimits};
 use lightpath_domain::job::{Job, JobState, Lease, Progress};
 
-async fn put(store: &Store, request_id: &str, change: impl FnOnce(&mut NewJob)) -> Result<Job, StoreError> {
+async fn submit_with(store: &Store, request_id: &str, change: impl FnOnce(&mut NewJob)) -> Result<Job, StoreError> {
     let mut new = new_job(request_id, 1);
     change(&mut new);
     Ok(store.submit(&new, 10, QUEUE_LIMIT).await?.0)
 }
 
-async fn put_for(store: &Store, owner: &str, request_id: &str) -> String {
-    put(store, request_id, |new| new.scheduling.owner = owner.to_owned()).await.unwrap().id
+async fn submit_for(store: &Store, owner: &str, request_id: &str) -> String {
+    submit_with(store, request_id, |new| new.scheduling.owner = owner.to_owned()).await.unwrap().id
 }
 
-async fn put_after(store: &Store, request_id: &str, after: &[&str]) -> Result<Job, StoreError> {
-    put(store, request_id, |new| new.scheduling.after = after.iter().map(ToString::to_string).collect()).await
+async fn submit_after(store: &Store, request_id: &str, after: &[&str]) -> Result<Job, StoreError> {
+    submit_with(store, request_id, |new| new.scheduling.after = after.iter().map(ToString::to_string).collect()).await
 }
 
 async fn claim(store: &Store, now_ms: i64) -> Option<(Job, Lease)> {
@@ -28,32 +28,32 @@ async fn claimed_owner(store: &Store, limits: ClaimLimits, now_ms: i64) -> Optio
 }
 
 #[tokio::test]
-async fn a_delayed_job_waits_for_its_time_and_holds_nobody_up() {
+async fn delayed_job_waits_without_blocking_others() {
     let (store, _folder) = store().await;
-    let late = put(&store, "late", |new| {
+    let late = submit_with(&store, "late", |new| {
         new.priority = -9;
         new.scheduling.not_before_ms = Some(500);
     });
     let late = late.await.unwrap();
     assert_eq!(late.run_time_ms, 500);
-    let now = put(&store, "now", |_| ()).await.unwrap();
+    let now = submit_with(&store, "now", |_| ()).await.unwrap();
     assert_eq!(claim(&store, 20).await.unwrap().0.id, now.id);
     assert_eq!((claim(&store, 499).await, store.next_run_time(499).await.unwrap()), (None, Some(500)));
     assert_eq!(claim(&store, 500).await.unwrap().0.id, late.id);
-    let past = put(&store, "past", |new| new.scheduling.not_before_ms = Some(3)).await.unwrap();
-    assert_eq!(past.run_time_ms, 10, "a time that has gone by is now");
+    let past = submit_with(&store, "past", |new| new.scheduling.not_before_ms = Some(3)).await.unwrap();
+    assert_eq!(past.run_time_ms, 10, "a start time in the past means now");
 }
 
 #[tokio::test]
-async fn everybody_gets_a_turn() {
+async fn owners_take_turns() {
     let (store, _folder) = store().await;
     for n in 0..4 {
-        put_for(&store, "ada", &format!("ada{n}")).await;
+        submit_for(&store, "ada", &format!("ada{n}")).await;
     }
     for n in 0..2 {
-        put_for(&store, "bob", &format!("bob{n}")).await;
+        submit_for(&store, "bob", &format!("bob{n}")).await;
     }
-    put_for(&store, "cyd", "cyd0").await;
+    submit_for(&store, "cyd", "cyd0").await;
     let mut order = Vec::new();
     for now in 20..27 {
         let (owner, lease) = claimed_owner(&store, ClaimLimits::default(), now).await.unwrap();
@@ -64,36 +64,36 @@ async fn everybody_gets_a_turn() {
 }
 
 #[tokio::test]
-async fn who_has_fewer_running_comes_first_and_limits_are_kept_by_live_leases() {
+async fn owner_with_fewer_running_jobs_comes_first_and_limits_count_live_leases() {
     let (store, _folder) = store().await;
     for n in 0..3 {
-        put_for(&store, "ada", &format!("ada{n}")).await;
+        submit_for(&store, "ada", &format!("ada{n}")).await;
     }
     let (_, first) = claimed_owner(&store, ClaimLimits::default(), 20).await.unwrap();
     claimed_owner(&store, ClaimLimits::default(), 21).await.unwrap();
-    put_for(&store, "bob", "bob0").await;
-    put_for(&store, "bob", "bob1").await;
+    submit_for(&store, "bob", "bob0").await;
+    submit_for(&store, "bob", "bob1").await;
     let two = ClaimLimits { per_owner: 2, per_display: 0 };
     assert_eq!(claimed_owner(&store, two, 22).await.unwrap().0, "bob");
     assert_eq!(claimed_owner(&store, two, 23).await.unwrap().0, "bob");
-    assert!(claimed_owner(&store, two, 24).await.is_none(), "both have two");
+    assert!(claimed_owner(&store, two, 24).await.is_none(), "both owners have two running jobs");
     store.finish(&first, result(), JobEffect::None, 25).await.unwrap();
     assert_eq!(claimed_owner(&store, two, 26).await.unwrap().0, "ada");
 
-    put(&store, "more", |_| ()).await.unwrap();
+    submit_with(&store, "more", |_| ()).await.unwrap();
     let four_on_a_display = ClaimLimits { per_owner: 0, per_display: 4 };
     assert!(claimed_owner(&store, four_on_a_display, 27).await.is_none());
     // Expired leases no longer count towards the limits: a dead worker does not block others for ever.
     store.expire_leases(22 + LEASE_MS).await.unwrap();
     assert!(claimed_owner(&store, four_on_a_display, 23 + LEASE_MS).await.is_some());
     assert_eq!(
-        store.turns().await.unwrap().iter().map(|turn| turn.running).sum::<u64>(),
+        store.owner_queues().await.unwrap().iter().map(|queue| queue.running).sum::<u64>(),
         store.queue_counts().await.unwrap().running
     );
 }
 
 #[tokio::test]
-async fn an_owner_may_fill_only_a_part_of_the_queue() {
+async fn owner_can_fill_only_part_of_the_queue() {
     let (store, _folder) = store().await;
     let limits = QueueLimits { queued: 3, queued_per_owner: 1, stored_bytes_per_owner: 0 };
     let submit = |request_id: &str, owner: &str| {
@@ -107,32 +107,32 @@ async fn an_owner_may_fill_only_a_part_of_the_queue() {
     submit("c", "bob").await.unwrap();
     submit("d", "").await.unwrap();
     assert!(matches!(submit("e", "cyd").await, Err(StoreError::QueueFull { limit: 3 })));
-    let turn = |owner: &str| Turn { owner: owner.to_owned(), queued: 1, running: 0 };
-    assert_eq!(store.turns().await.unwrap(), [turn(""), turn("ada"), turn("bob")]);
+    let one_waiting = |owner: &str| OwnerQueue { owner: owner.to_owned(), queued: 1, running: 0 };
+    assert_eq!(store.owner_queues().await.unwrap(), [one_waiting(""), one_waiting("ada"), one_waiting("bob")]);
 }
 
 #[tokio::test]
-async fn the_age_of_the_queue_is_that_of_what_is_due() {
+async fn queue_age_counts_only_due_jobs() {
     let (store, _folder) = store().await;
     let ages = async |now_ms: i64| -> Vec<u128> {
         store.oldest_due(now_ms).await.unwrap().into_iter().map(|(_, age)| age.as_millis()).collect()
     };
-    assert_eq!(ages(50).await, [0; 4], "nothing waits");
-    put(&store, "later", |new| new.scheduling.not_before_ms = Some(500)).await.unwrap();
-    let first = put(&store, "first", |_| ()).await.unwrap();
+    assert_eq!(ages(50).await, [0; 6], "no job waits");
+    submit_with(&store, "later", |new| new.scheduling.not_before_ms = Some(500)).await.unwrap();
+    let first = submit_with(&store, "first", |_| ()).await.unwrap();
     let created_ms = first.create_time_ms;
-    assert_eq!(ages(created_ms + 30).await, [0, 0, 30, 0], "simulated captures");
+    assert_eq!(ages(created_ms + 30).await, [0, 0, 30, 0, 0, 0], "only simulated captures wait");
     assert_eq!(claim(&store, created_ms + 31).await.unwrap().0.id, first.id);
-    assert_eq!(ages(499).await, [0; 4], "what runs does not wait, and what is to start later neither");
-    assert_eq!(ages(510).await, [0, 0, 10, 0]);
+    assert_eq!(ages(499).await, [0; 6], "running and delayed jobs do not count");
+    assert_eq!(ages(510).await, [0, 0, 10, 0, 0, 0]);
 }
 
 #[tokio::test]
-async fn what_is_paused_does_not_start() {
+async fn paused_jobs_do_not_start() {
     let (store, _folder) = store().await;
     store.create_display(&display("other"), 1).await.unwrap();
-    put(&store, "lab", |_| ()).await.unwrap();
-    let other = put(&store, "other", |new| {
+    submit_with(&store, "lab", |_| ()).await.unwrap();
+    let other = submit_with(&store, "other", |new| {
         if let JobSpec::SimulateCapture(spec) = &mut new.spec {
             spec.display = "other".to_owned();
         }
@@ -164,13 +164,17 @@ async fn what_is_paused_does_not_start() {
 async fn at_most_one_job_with_a_unique_key_is_active() {
     let (store, _folder) = store().await;
     let key = |new: &mut NewJob| new.scheduling.unique_key = Some("calibrate".to_owned());
-    let first = put(&store, "first", key).await.unwrap();
-    assert!(matches!(put(&store, "second", key).await, Err(StoreError::AlreadyExists { .. })));
-    assert_eq!(put(&store, "first", key).await.unwrap().id, first.id, "the same request is no second job");
+    let first = submit_with(&store, "first", key).await.unwrap();
+    assert!(matches!(submit_with(&store, "second", key).await, Err(StoreError::AlreadyExists { .. })));
+    assert_eq!(
+        submit_with(&store, "first", key).await.unwrap().id,
+        first.id,
+        "a repeated request returns the same job"
+    );
     let (_, lease) = claim(&store, 20).await.unwrap();
-    assert!(matches!(put(&store, "second", key).await, Err(StoreError::AlreadyExists { .. })));
-    store.fail(&lease, trouble(), None, 21).await.unwrap();
-    let second = put(&store, "second", key).await.unwrap();
+    assert!(matches!(submit_with(&store, "second", key).await, Err(StoreError::AlreadyExists { .. })));
+    store.fail(&lease, io_error(), None, 21).await.unwrap();
+    let second = submit_with(&store, "second", key).await.unwrap();
     assert!(matches!(
         store.retry(&first.id, 22).await,
         Err(StoreError::Precondition { reason: PreconditionReason::NotUnique, .. })
@@ -180,15 +184,15 @@ async fn at_most_one_job_with_a_unique_key_is_active() {
 }
 
 #[tokio::test]
-async fn jobs_run_after_what_they_wait_for() {
+async fn jobs_run_after_their_dependencies() {
     let (store, _folder) = store().await;
     let [a, b] = [submit(&store, "a", 1).await, submit(&store, "b", 2).await];
-    let c = put_after(&store, "c", &[&a, &b]).await.unwrap();
-    let d = put_after(&store, "d", &[&c.id]).await.unwrap();
+    let c = submit_after(&store, "c", &[&a, &b]).await.unwrap();
+    let d = submit_after(&store, "d", &[&c.id]).await.unwrap();
     assert_eq!((c.waiting_for, d.waiting_for), (2, 1));
-    assert!(matches!(put_after(&store, "e", &["nothing"]).await, Err(StoreError::NotFound { .. })));
-    assert_eq!(put_after(&store, "c", &[&a, &b]).await.unwrap().id, c.id);
-    assert!(matches!(put_after(&store, "c", &[&a]).await, Err(StoreError::AlreadyExists { .. })));
+    assert!(matches!(submit_after(&store, "e", &["nothing"]).await, Err(StoreError::NotFound { .. })));
+    assert_eq!(submit_after(&store, "c", &[&a, &b]).await.unwrap().id, c.id);
+    assert!(matches!(submit_after(&store, "c", &[&a]).await, Err(StoreError::AlreadyExists { .. })));
     let (_, first) = claim(&store, 20).await.unwrap();
     let (_, second) = claim(&store, 20).await.unwrap();
     assert_eq!(claim(&store, 20).await, None);
@@ -201,23 +205,23 @@ async fn jobs_run_after_what_they_wait_for() {
         assert_eq!(claim(&store, 23).await, None);
         store.finish(&lease, result(), JobEffect::None, 24).await.unwrap();
     }
-    let late = put_after(&store, "late", &[&a]).await.unwrap();
-    assert_eq!(late.waiting_for, 0, "it has succeeded already");
+    let late = submit_after(&store, "late", &[&a]).await.unwrap();
+    assert_eq!(late.waiting_for, 0, "the dependency has succeeded already");
 }
 
 #[tokio::test]
-async fn what_waits_for_a_failed_job_fails_and_can_be_retried_in_order() {
+async fn dependents_of_a_failed_job_fail_and_can_be_retried_in_order() {
     let (store, _folder) = store().await;
     let a = submit(&store, "a", 1).await;
-    let b = put_after(&store, "b", &[&a]).await.unwrap().id;
-    let c = put_after(&store, "c", &[&b]).await.unwrap().id;
+    let b = submit_after(&store, "b", &[&a]).await.unwrap().id;
+    let c = submit_after(&store, "c", &[&b]).await.unwrap().id;
     let (_, lease) = claim(&store, 20).await.unwrap();
-    store.fail(&lease, trouble(), None, 21).await.unwrap();
+    store.fail(&lease, io_error(), None, 21).await.unwrap();
     for id in [&b, &c] {
         let job = store.job(id).await.unwrap();
         assert_eq!((job.state, job.error.unwrap().reason.as_str()), (JobState::Failed, "DEPENDENCY_FAILED"));
     }
-    assert!(matches!(put_after(&store, "d", &[&a]).await, Err(StoreError::Precondition { .. })));
+    assert!(matches!(submit_after(&store, "d", &[&a]).await, Err(StoreError::Precondition { .. })));
     assert!(matches!(
         store.retry(&b, 22).await,
         Err(StoreError::Precondition { reason: PreconditionReason::DependencyEnded, .. })
@@ -230,18 +234,18 @@ async fn what_waits_for_a_failed_job_fails_and_can_be_retried_in_order() {
     assert_eq!(claim(&store, 27).await.unwrap().0.id, b);
     // Cancelling a waiting job has the same effect.
     store.retry(&c, 28).await.unwrap();
-    let d = put_after(&store, "d", &[&c]).await.unwrap().id;
+    let d = submit_after(&store, "d", &[&c]).await.unwrap().id;
     store.cancel(&c, 29).await.unwrap();
     assert_eq!(store.job(&d).await.unwrap().state, JobState::Failed);
 }
 
 #[tokio::test]
-async fn a_batch_has_one_progress() {
+async fn batch_progress_averages_its_jobs() {
     let (store, _folder) = store().await;
     for n in 0..4 {
-        put(&store, &format!("r{n}"), |new| new.scheduling.batch = Some("night".to_owned())).await.unwrap();
+        submit_with(&store, &format!("r{n}"), |new| new.scheduling.batch = Some("night".to_owned())).await.unwrap();
     }
-    put(&store, "alone", |_| ()).await.unwrap();
+    submit_with(&store, "alone", |_| ()).await.unwrap();
     let (_, lease) = claim(&store, 20).await.unwrap();
     store.finish(&lease, result(), JobEffect::None, 21).await.unwrap();
     let (_, lease) = claim(&store, 22).await.unwrap();

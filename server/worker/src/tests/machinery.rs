@@ -45,7 +45,7 @@ fn count(context: &JobContext, each: impl Fn(u8)) -> Result<TaskOutput, TaskErro
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn jobs_run_once_each_and_a_drained_worker_stops() {
+async fn each_job_runs_once_and_drained_worker_stops() {
     let bench = bench().await;
     let runs = Arc::new(AtomicU32::new(0));
     let counted = Arc::clone(&runs);
@@ -72,7 +72,7 @@ async fn jobs_run_once_each_and_a_drained_worker_stops() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_panic_is_a_failed_attempt() {
+async fn panic_ends_attempt_as_failed() {
     let bench = bench().await;
     let id = submit(&bench, "r", 2).await;
     let working = bench.start(config(), |_: &Job, _: &JobContext| panic!("a bug"));
@@ -84,14 +84,14 @@ async fn a_panic_is_a_failed_attempt() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn trouble_that_passes_is_retried_and_bad_input_is_not() {
+async fn transient_error_is_retried_and_bad_input_is_not() {
     let bench = bench().await;
     let passing = submit(&bench, "passing", 3).await;
     let bad = submit(&bench, "bad", 3).await;
     let task = |job: &Job, context: &JobContext| match (job.request_id.as_str(), job.attempt) {
-        ("passing", 1) => Err(TaskError::transient(FailureReason::Io, "the disk sighed")),
+        ("passing", 1) => Err(TaskError::transient(FailureReason::Io, "the disk failed")),
         ("passing", _) => count(context, |_| {}),
-        _ => Err(TaskError::permanent(FailureReason::InvalidPicture, "that is no picture")),
+        _ => Err(TaskError::permanent(FailureReason::InvalidPicture, "the file is not a picture")),
     };
     let working = bench.start(config(), task);
     let job = bench.ended(&passing).await;
@@ -112,7 +112,7 @@ fn count_to_7(_: &Job, context: &JobContext) -> Result<TaskOutput, TaskError> {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_cancelled_job_ends_at_its_next_step_and_leaves_no_checkpoint() {
+async fn cancelled_job_ends_at_next_step_and_leaves_no_checkpoint() {
     let bench = bench().await;
     let id = submit(&bench, "r", 3).await;
     let every_step = WorkerConfig { checkpoint_interval: Duration::ZERO, ..config() };
@@ -126,7 +126,7 @@ async fn a_cancelled_job_ends_at_its_next_step_and_leaves_no_checkpoint() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_drained_job_goes_on_where_it_was() {
+async fn drained_job_resumes_from_its_checkpoint() {
     let bench = bench().await;
     let id = submit(&bench, "r", 1).await;
     let working = bench.start(config(), count_to_7);
@@ -145,7 +145,7 @@ async fn a_drained_job_goes_on_where_it_was() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_worker_that_lost_its_lease_stops_and_the_job_runs_again() {
+async fn worker_without_lease_stops_and_job_runs_again() {
     let bench = bench().await;
     let id = submit(&bench, "r", 3).await;
     let lease = Duration::from_millis(300);
@@ -170,7 +170,7 @@ async fn a_worker_that_lost_its_lease_stops_and_the_job_runs_again() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn heartbeats_do_not_wait_for_compute() {
+async fn heartbeats_do_not_wait_for_computations() {
     let bench = bench().await;
     let id = submit(&bench, "r", 3).await;
     let lease = Duration::from_millis(300);
@@ -186,28 +186,28 @@ async fn heartbeats_do_not_wait_for_compute() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_dead_worker_job_is_taken_back_at_the_next_start() {
+async fn next_start_resumes_job_of_dead_worker() {
     let bench = bench().await;
     let id = submit(&bench, "r", 3).await;
     let orphan = bench.store.claim(now_ms(), 3_600_000, "dead").await.unwrap().unwrap().1;
     let state = checkpoint::seal(&orphan, vec![15]).unwrap();
     let saved = bench.artifacts.put_checkpoint(state).await.unwrap();
     bench.store.checkpoint(&orphan, &saved, now_ms()).await.unwrap();
-    bench.artifacts.put_checkpoint(b"nobody's".to_vec()).await.unwrap();
+    bench.artifacts.put_checkpoint(b"unreferenced".to_vec()).await.unwrap();
 
     let working = bench.start(config(), |_: &Job, context: &JobContext| count(context, |_| {}));
     let job = bench.ended(&id).await;
     assert_eq!(
         job.result,
         Some(output("from 15").result),
-        "goes on from the checkpoint, without waiting for the lease"
+        "the job continues from the checkpoint, without waiting for the end of the lease"
     );
     working.stop().await;
     assert!(bench.artifacts.checkpoints().await.unwrap().is_empty());
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn an_attempt_that_takes_too_long_fails() {
+async fn attempt_fails_at_its_time_limit() {
     let bench = bench().await;
     let id = submit(&bench, "r", 3).await;
     let timeouts = Timeouts { simulate: Some(Duration::from_millis(50)), ..Timeouts::default() };
@@ -218,7 +218,7 @@ async fn an_attempt_that_takes_too_long_fails() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_clock_that_is_set_costs_no_lease() {
+async fn setting_system_clock_expires_no_lease() {
     let bench = bench().await;
     let id = submit(&bench, "r", 1).await;
     let lease = Duration::from_millis(400);
@@ -247,7 +247,7 @@ async fn a_clock_that_is_set_costs_no_lease() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_dead_worker_job_is_rescued_within_two_leases() {
+async fn job_of_dead_worker_runs_again_within_two_leases() {
     let bench = bench().await;
     let id = submit(&bench, "r", 2).await;
     let lease = Duration::from_millis(500);
@@ -266,7 +266,7 @@ async fn a_dead_worker_job_is_rescued_within_two_leases() {
 }
 
 #[tokio::test]
-async fn a_job_that_kills_its_server_ends_after_exactly_its_attempts() {
+async fn job_that_kills_its_server_fails_after_its_last_attempt() {
     for attempts_max in [1, 3, 7] {
         let bench = bench().await;
         let id = submit(&bench, "killer", attempts_max).await;
@@ -282,6 +282,6 @@ async fn a_job_that_kills_its_server_ends_after_exactly_its_attempts() {
         assert_eq!((deaths, job.attempt, job.state), (attempts_max, attempts_max, JobState::Failed));
         assert_eq!(job.error.unwrap().reason, FailureReason::ServerDied);
         let next = bench.store.claim(now_ms(), 30_000, "w").await.unwrap().unwrap().0;
-        assert_eq!(next.id, after, "others run again");
+        assert_eq!(next.id, after, "other jobs run again");
     }
 }

@@ -20,7 +20,7 @@ use lightpath_optics::{
 };
 use std::collections::BTreeMap;
 
-/// A quarter of the pairs is held out.
+/// Options of a split that holds out a quarter of the pairs for testing.
 const QUARTER: Finalization =
     Finalization { validation_fraction: 0.0, test_fraction: 0.25, seed: 1, keep_alignment: true };
 
@@ -58,16 +58,17 @@ impl Lab {
     }
 
     /// Runs workers until the condition holds for the job.
-    async fn work(&self, config: WorkerConfig, id: &str, condition: impl Fn(&Job) -> bool) -> Job {
+    async fn run_until(&self, config: WorkerConfig, id: &str, condition: impl Fn(&Job) -> bool) -> Job {
         let working = self.bench.start(config, OpticsTask);
         self.bench.until(id, condition).await;
         working.stop().await;
         self.bench.store.job(id).await.unwrap()
     }
 
-    async fn done(&self, request_id: &str, spec: JobSpec) -> JobResult {
+    /// Runs a job to its end, checks that it succeeded, and returns its result.
+    async fn run_job(&self, request_id: &str, spec: JobSpec) -> JobResult {
         let id = self.bench.submit(request_id, spec, 1).await;
-        let job = self.work(threads(2), &id, |job| job.state.has_ended()).await;
+        let job = self.run_until(threads(2), &id, |job| job.state.has_ended()).await;
         assert_eq!(job.state, JobState::Succeeded, "{:?}", job.error);
         job.result.unwrap()
     }
@@ -76,15 +77,15 @@ impl Lab {
     async fn interrupted(&self, request_id: &str, spec: JobSpec) -> JobResult {
         let id = self.bench.submit(request_id, spec, 1).await;
         let every_step = WorkerConfig { checkpoint_interval: Duration::ZERO, ..threads(2) };
-        let job = self.work(every_step, &id, |job| job.checkpoint.is_some()).await;
+        let job = self.run_until(every_step, &id, |job| job.checkpoint.is_some()).await;
         assert_eq!((job.state, job.attempt), (JobState::Queued, 1));
-        let job = self.work(threads(1), &id, |job| job.state.has_ended()).await;
+        let job = self.run_until(threads(1), &id, |job| job.state.has_ended()).await;
         assert_eq!((job.state, job.attempt), (JobState::Succeeded, 2), "{:?}", job.error);
         job.result.unwrap()
     }
 
     async fn hologram(&self, request_id: &str, spec: JobSpec) -> HologramResult {
-        match self.done(request_id, spec).await {
+        match self.run_job(request_id, spec).await {
             JobResult::Hologram(result) => *result,
             other => panic!("{other:?}"),
         }
@@ -94,7 +95,7 @@ impl Lab {
         let (display, phase) = ("lab".to_owned(), phase.to_owned());
         let spec =
             SimulateCapture { display, wavelength: WAVELENGTH, distance: DISTANCE, phase, seed: 1, elapsed_s: 0.0 };
-        match self.done(request_id, JobSpec::SimulateCapture(spec)).await {
+        match self.run_job(request_id, JobSpec::SimulateCapture(spec)).await {
             JobResult::Capture(result) => result.photo,
             other => panic!("{other:?}"),
         }
@@ -103,9 +104,10 @@ impl Lab {
     /// Creates a dataset of ideal holograms and their photographs on the simulated bench.
     async fn dataset(&self, pairs: usize) {
         let pairs = self.photographed(pairs).await;
-        self.finalized(pairs).await;
+        self.create_finalized(pairs).await;
     }
 
+    /// Computes ideal holograms and photographs them on the simulated bench.
     async fn photographed(&self, pairs: usize) -> Vec<Pair> {
         let mut photographed = Vec::new();
         for n in 0..pairs {
@@ -117,13 +119,14 @@ impl Lab {
         photographed
     }
 
-    /// Ideal holograms and their photographs by an ideal display's camera that saturates at half the target's peak.
+    /// Computes ideal holograms, and their photographs on an ideal display with a camera that saturates at half the
+    /// largest light.
     async fn overexposed(&self, pairs: usize) -> Vec<Pair> {
         let mut photographed = Vec::new();
         for n in 0..pairs {
             let ideal = self.hologram(&format!("ideal{n}"), optimize(self.target(n).await, None, 40)).await;
-            let seen = self.bench.artifacts.read_all(&plane(&ideal).reconstruction).await.unwrap();
-            let clipped = pictures::photograph(&seen, Encoding::Srgb).unwrap().map(|light| (2.0 * light).min(1.0));
+            let file = self.bench.artifacts.read_all(&plane(&ideal).reconstruction).await.unwrap();
+            let clipped = pictures::photograph(&file, Encoding::Srgb).unwrap().map(|light| (2.0 * light).min(1.0));
             let photo = self.put(pictures::grey_png_linear(&clipped).unwrap()).await;
             let phase = phase(&ideal).to_owned();
             photographed.push(Pair { id: format!("p{n}"), phase, photo, ..Pair::default() });
@@ -132,7 +135,7 @@ impl Lab {
     }
 
     /// Creates an open dataset of these pairs.
-    async fn opened(&self, id: &str, pairs: &[Pair]) {
+    async fn create_open(&self, id: &str, pairs: &[Pair]) {
         let dataset = Dataset::empty(id.to_owned(), "lab".to_owned(), WAVELENGTH, DISTANCE, Encoding::Linear);
         self.bench.store.create_dataset(&dataset, 1).await.unwrap();
         for pair in pairs {
@@ -140,10 +143,10 @@ impl Lab {
         }
     }
 
-    /// A dataset of these pairs, a quarter of them held out.
-    async fn finalized(&self, pairs: Vec<Pair>) {
-        self.opened("photos", &pairs).await;
-        // Closed by hand: a job would leave out what some of the tests are about.
+    /// Creates the finalized dataset `photos` of these pairs, with a quarter of them held out for testing.
+    async fn create_finalized(&self, pairs: Vec<Pair>) {
+        self.create_open("photos", &pairs).await;
+        // The real task would exclude pairs that some of the tests need, so a simple task finalizes the dataset.
         let close = |_: &Job, context: &JobContext| {
             let open = context.wait(context.store().dataset("photos"))?;
             let splits = dataset::draw_split(&open.pairs, QUARTER.validation_fraction, QUARTER.test_fraction, 1);
@@ -165,7 +168,7 @@ impl Lab {
     }
 
     /// Mean squared error between the target and a photograph of the hologram, with fitted gain.
-    async fn seen(&self, request_id: &str, hologram: &HologramResult, target: &str) -> f64 {
+    async fn captured_error(&self, request_id: &str, hologram: &HologramResult, target: &str) -> f64 {
         let photo = self.photograph(request_id, phase(hologram)).await;
         let photo =
             pictures::photograph(&self.bench.artifacts.read_all(&photo).await.unwrap(), Encoding::Linear).unwrap();
@@ -183,7 +186,7 @@ fn phase(hologram: &HologramResult) -> &str {
     &hologram.wavelengths[0].frames[0].phase
 }
 
-/// The first picture that the hologram shows.
+/// The first plane of the hologram.
 fn plane(hologram: &HologramResult) -> &PlaneResult {
     &hologram.wavelengths[0].planes[0]
 }
@@ -250,10 +253,10 @@ fn prepare(dataset: &str) -> JobSpec {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_learned_kernel_makes_better_holograms() {
+async fn learned_kernel_gives_better_holograms() {
     let lab = Lab::new().await;
     lab.dataset(8).await;
-    let JobResult::Learn(learned) = lab.done("learn", learn(KernelModel::Display, 3, 60)).await else { panic!() };
+    let JobResult::Learn(learned) = lab.run_job("learn", learn(KernelModel::Display, 3, 60)).await else { panic!() };
     let [kernel] = &learned.kernels[..] else { panic!("{learned:?}") };
     assert_eq!(kernel.kernel_version, "displays/lab/kernels/515nm-4mm/versions/1");
     let metrics = &kernel.metrics;
@@ -267,7 +270,7 @@ async fn a_learned_kernel_makes_better_holograms() {
     for (request_id, version, expected) in
         [("learned", Some(1), metrics.test_loss), ("ideal", None, metrics.ideal_test_loss)]
     {
-        let JobResult::Evaluate(found) = lab.done(request_id, evaluate(version)).await else { panic!() };
+        let JobResult::Evaluate(found) = lab.run_job(request_id, evaluate(version)).await else { panic!() };
         let test: Vec<f64> =
             found.pairs.iter().filter(|pair| pair.split == dataset::Split::Test).map(|pair| pair.loss).collect();
         assert_eq!((found.pairs.len(), test.len()), (8, 2));
@@ -278,23 +281,25 @@ async fn a_learned_kernel_makes_better_holograms() {
     let ideal = lab.hologram("new ideal", optimize(target.clone(), None, 100)).await;
     let better = lab.hologram("new learned", optimize(target.clone(), Some(1), 100)).await;
     assert!(plane(&ideal).quality.pixel.psnr_db > 20.0, "{ideal:?}");
-    let (before, after) =
-        (lab.seen("see ideal", &ideal, &target).await, lab.seen("see learned", &better, &target).await);
+    let (before, after) = (
+        lab.captured_error("see ideal", &ideal, &target).await,
+        lab.captured_error("see learned", &better, &target).await,
+    );
     assert!(after < 0.5 * before, "captured error {before} through the ideal kernel, {after} through the learned one");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn saturated_pixels_are_no_error_of_a_kernel() {
+async fn saturated_pixels_do_not_count_in_losses() {
     let lab = Lab::new().await;
-    lab.finalized(lab.overexposed(4).await).await;
+    lab.create_finalized(lab.overexposed(4).await).await;
     // The photographs are the prediction of the ideal kernel, rounded to 8-bit sRGB and doubled: (2 · 2.3 / 255)² / 12.
     let rounding = 3e-5;
-    let JobResult::Evaluate(found) = lab.done("evaluate", evaluate(None)).await else { panic!() };
+    let JobResult::Evaluate(found) = lab.run_job("evaluate", evaluate(None)).await else { panic!() };
     assert_eq!(found.pairs.len(), 4);
     for pair in &found.pairs {
         assert!(pair.loss < rounding && pair.loss_full_frame < rounding, "{pair:?}");
     }
-    let JobResult::Learn(learned) = lab.done("learn", learn(KernelModel::Smooth, 1, 2)).await else { panic!() };
+    let JobResult::Learn(learned) = lab.run_job("learn", learn(KernelModel::Smooth, 1, 2)).await else { panic!() };
     let metrics = &learned.kernels[0].metrics;
     for loss in [metrics.ideal_test_loss, metrics.ideal_test_loss_full_frame] {
         assert!(loss > 0.0 && loss < rounding, "{metrics:?}");
@@ -302,16 +307,16 @@ async fn saturated_pixels_are_no_error_of_a_kernel() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_photograph_of_which_nothing_counts_is_named_before_anything_is_learned() {
+async fn fully_saturated_photograph_is_refused_before_learning() {
     let lab = Lab::new().await;
     let mut pairs = lab.overexposed(3).await;
     let white = Plane::filled(lab.height_px, lab.width_px, 1.0);
     pairs[1].photo = lab.put(pictures::grey_png_linear(&white).unwrap()).await;
     pairs[1].split = Some(dataset::Split::Test);
-    lab.finalized(pairs).await;
+    lab.create_finalized(pairs).await;
     for (request_id, spec) in [("learn", learn(KernelModel::Smooth, 1, 2)), ("evaluate", evaluate(None))] {
         let id = lab.bench.submit(request_id, spec, 1).await;
-        let job = lab.work(threads(2), &id, |job| job.state.has_ended()).await;
+        let job = lab.run_until(threads(2), &id, |job| job.state.has_ended()).await;
         let error = job.error.unwrap();
         assert_eq!((job.state, error.reason.as_str()), (JobState::Failed, "INVALID_INPUT"));
         assert!(error.message.starts_with("pair \"p1\": photo is saturated at every pixel"), "{}", error.message);
@@ -321,7 +326,7 @@ async fn a_photograph_of_which_nothing_counts_is_named_before_anything_is_learne
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn interruptions_and_threads_change_no_byte() {
+async fn interruptions_and_thread_count_do_not_change_results() {
     let lab = Lab::new().await;
     let spec = optimize(lab.target(1).await, None, 60);
     let whole = lab.hologram("whole", spec.clone()).await;
@@ -339,7 +344,7 @@ async fn interruptions_and_threads_change_no_byte() {
         ("dense", learn(KernelModel::Dense, 3, 0)),
         ("paper", learn(KernelModel::Paper, 3, 0)),
     ] {
-        let JobResult::Learn(whole) = lab.done(name, spec.clone()).await else { panic!() };
+        let JobResult::Learn(whole) = lab.run_job(name, spec.clone()).await else { panic!() };
         let JobResult::Learn(resumed) = lab.interrupted(&format!("{name} interrupted"), spec).await else { panic!() };
         assert_eq!(whole.loss_history, resumed.loss_history, "{name}");
         assert_eq!(whole.kernels[0].metrics, resumed.kernels[0].metrics, "{name}");
@@ -353,28 +358,28 @@ async fn interruptions_and_threads_change_no_byte() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_preparation_goes_on_where_it_was_and_leaves_the_same_dataset() {
+async fn interrupted_preparation_resumes_and_gives_the_same_dataset() {
     let lab = Lab::new().await;
     let pairs = lab.photographed(4).await;
-    lab.opened("whole", &pairs).await;
-    let JobResult::Prepare(whole) = lab.done("whole", prepare("whole")).await else { panic!() };
+    lab.create_open("whole", &pairs).await;
+    let JobResult::Prepare(whole) = lab.run_job("whole", prepare("whole")).await else { panic!() };
     assert_eq!((whole.splits.train, whole.splits.test, whole.splits.left_out), (3, 1, 0), "{:?}", whole.findings);
 
-    // The last photograph is not there when the first attempt comes to it.
+    // The file of the last photograph is missing during the first attempt.
     let last = lab.bench.artifacts.read_all(&pairs[3].photo).await.unwrap();
     lab.bench.artifacts.delete(&pairs[3].photo).await.unwrap();
-    lab.opened("interrupted", &pairs).await;
+    lab.create_open("interrupted", &pairs).await;
     let id = lab.bench.submit("interrupted", prepare("interrupted"), 1).await;
     let every_step = WorkerConfig { checkpoint_interval: Duration::ZERO, ..threads(2) };
-    let job = lab.work(every_step, &id, |job| job.state.has_ended()).await;
+    let job = lab.run_until(every_step, &id, |job| job.state.has_ended()).await;
     assert_eq!(job.error.unwrap().reason, FailureReason::ArtifactNotFound);
     let open = lab.bench.store.dataset("interrupted").await.unwrap();
     assert!(open.digest.is_none() && open.pairs.iter().all(|pair| pair.checks.is_none()), "{open:?}");
 
     assert_eq!(lab.put(last.clone()).await, digest_of(&last));
     lab.bench.store.retry(&id, 3).await.unwrap();
-    let job = lab.work(threads(1), &id, |job| job.state.has_ended()).await;
-    assert_eq!(job.progress.unwrap().steps_total, 1, "three of the four had been looked at");
+    let job = lab.run_until(threads(1), &id, |job| job.state.has_ended()).await;
+    assert_eq!(job.progress.unwrap().steps_total, 1, "three of the four pairs were checked by the first attempt");
     assert_eq!(job.result, Some(JobResult::Prepare(whole)));
     let closed = lab.bench.store.dataset("interrupted").await.unwrap();
     assert_eq!(closed.digest, Some(dataset::digest(&closed)));
@@ -382,11 +387,11 @@ async fn a_preparation_goes_on_where_it_was_and_leaves_the_same_dataset() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_preparation_whose_dataset_was_changed_fails_and_says_so() {
+async fn preparation_fails_if_its_dataset_was_changed() {
     let lab = Lab::new().await;
     let mut pairs = lab.photographed(4).await;
     let late = pairs.pop().unwrap();
-    lab.opened("d", &pairs).await;
+    lab.create_open("d", &pairs).await;
     let id = lab.bench.submit("prepare", prepare("d"), 3).await;
     let add = late.clone();
     let task = move |job: &Job, context: &JobContext| {
@@ -410,18 +415,18 @@ async fn a_preparation_whose_dataset_was_changed_fails_and_says_so() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn preparing_and_reporting_end_where_they_are_when_they_are_cancelled() {
+async fn cancelled_preparation_and_report_stop_without_effect() {
     let lab = Lab::new().await;
     lab.dataset(4).await;
-    let JobResult::Learn(_) = lab.done("learn", learn(KernelModel::Smooth, 1, 2)).await else { panic!() };
+    let JobResult::Learn(_) = lab.run_job("learn", learn(KernelModel::Smooth, 1, 2)).await else { panic!() };
     let open: Vec<Pair> = lab.bench.store.dataset("photos").await.unwrap().pairs;
-    lab.opened("open", &open.into_iter().map(|pair| Pair { split: None, ..pair }).collect::<Vec<_>>()).await;
+    lab.create_open("open", &open.into_iter().map(|pair| Pair { split: None, ..pair }).collect::<Vec<_>>()).await;
     let kernel = KernelKey { display: "lab".to_owned(), wavelength: WAVELENGTH, distance: DISTANCE };
     let report = JobSpec::ReportKernel(ReportKernel { kernel, version: 1 });
-    let JobResult::Report(made) = lab.done("whole report", report.clone()).await else { panic!() };
+    let JobResult::Report(made) = lab.run_job("whole report", report.clone()).await else { panic!() };
     assert!(made.figures.iter().any(|figure| figure.name.starts_with("residual-p")), "{made:?}");
 
-    // The wish is there before the work begins, so that its first look for it ends it.
+    // The job is cancelled before its work begins, so that the first check stops it.
     let wait = |job: &Job, context: &JobContext| {
         while context.should_stop().is_none() {
             std::thread::yield_now();

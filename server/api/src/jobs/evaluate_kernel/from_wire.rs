@@ -1,4 +1,4 @@
-//! Checking requests to evaluate a kernel.
+//! Checks of requests to evaluate kernels.
 
 use crate::api::Api;
 use crate::error::ApiError;
@@ -11,8 +11,8 @@ use lightpath_domain::kernel::KernelKey;
 use lightpath_proto::v1;
 
 impl Api {
-    /// The job that a request asks for: every field checked, every default filled in, every name found. `before` is the
-    /// job that the same request made earlier.
+    /// Checks a request, looks up the named resources, fills in defaults, and converts the request. `before` is the job
+    /// of an earlier submission of the same request.
     pub(crate) async fn evaluate_kernel_spec(
         &self,
         caller: &Caller,
@@ -26,7 +26,7 @@ impl Api {
         let region_of_interest = region(&at("region_of_interest"), message.region_of_interest, &display)?;
         let key = KernelKey { display: display.id, wavelength: dataset.wavelength, distance: dataset.distance };
         let kernel_version = match before.map(|job| &job.spec) {
-            // A repeated submit means what it meant the first time, even if `active` has moved.
+            // A repeated request has the same version as the first time, even if `active` has moved.
             Some(JobSpec::EvaluateKernel(job)) if ["", "active"].contains(&message.kernel.as_str()) => {
                 job.kernel_version
             }

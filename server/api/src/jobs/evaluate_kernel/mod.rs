@@ -1,4 +1,4 @@
-//! Jobs that evaluate a kernel on a dataset.
+//! Evaluation jobs: how well a kernel predicts a dataset.
 
 mod from_wire;
 pub(crate) mod to_wire;

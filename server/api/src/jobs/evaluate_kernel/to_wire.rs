@@ -1,21 +1,21 @@
-//! Jobs that evaluate kernels, and their results, as messages.
+//! Conversion of the requests and results of evaluation jobs into messages.
 
 use crate::enumerations::OnWire as _;
-use crate::jobs::kernel_choice::kernel_named;
+use crate::jobs::kernel_choice::kernel_text;
 use crate::optics::to_wire::{region, validity_report};
 use lightpath_domain::job::{EvaluateKernel, EvaluateResult};
 use lightpath_proto::v1;
 
-/// What was asked for, with its defaults.
+/// Converts the request, with its defaults, into its message.
 pub(crate) fn spec(spec: EvaluateKernel) -> v1::EvaluateKernel {
     v1::EvaluateKernel {
         dataset: format!("datasets/{}", spec.dataset),
-        kernel: kernel_named(spec.kernel_version),
+        kernel: kernel_text(spec.kernel_version),
         region_of_interest: Some(region(spec.region_of_interest)),
     }
 }
 
-/// What was measured.
+/// Converts the result into its message.
 pub(crate) fn result(result: EvaluateResult) -> v1::EvaluateResult {
     let pairs = result.pairs.into_iter().map(|pair| v1::evaluate_result::PairLoss {
         pair: pair.pair,

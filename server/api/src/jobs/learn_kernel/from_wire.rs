@@ -1,4 +1,4 @@
-//! Checking requests to learn a kernel.
+//! Checks of requests to learn kernels.
 
 use crate::api::Api;
 use crate::error::ApiError;
@@ -14,16 +14,17 @@ use lightpath_domain::kernel::KernelKey;
 use lightpath_optics::{Detector, KernelModel};
 use lightpath_proto::v1;
 
-/// Epochs that a request may ask for: thirty times as many as the paper uses.
+/// Limit on the epochs: thirty times as many as the paper uses.
 const EPOCHS_MAX: u32 = 1000;
 const REFINEMENT_EVALUATIONS_MAX: u32 = 10_000;
-/// Datasets that are learned together: at 1080×1920 px the transfer functions of eight distances take half a gigabyte.
+/// Limit on the datasets that are learned together: at 1080×1920 px the transfer functions of eight distances need half
+/// a gigabyte.
 const DATASETS_MAX: usize = 8;
-/// Highest order of the polynomials: those of higher orders do not describe smooth errors.
+/// Limit on the order of the polynomials: those of higher orders do not describe smooth errors.
 const ORDER_MAX: u32 = 12;
 
 impl Api {
-    /// The job that a request asks for: every field checked, every default filled in, every name found.
+    /// Checks a request, looks up the named resources, fills in defaults, and converts the request.
     pub(crate) async fn learn_kernel_spec(
         &self,
         caller: &Caller,
@@ -31,18 +32,17 @@ impl Api {
         field: &Field,
     ) -> Result<LearnKernel, ApiError> {
         let at = |name| field.at(name);
-        let model = at("model").one_of::<KernelModel>(message.model)?.unwrap_or_default();
+        let model = at("model").enum_value::<KernelModel>(message.model)?.unwrap_or_default();
         let (datasets, display) = self.datasets_to_learn(caller, &at("datasets"), &message.datasets, model).await?;
         let refinement = message.refinement_evaluations;
-        let refined = model.is_smooth();
-        if !refined && refinement.is_some_and(|evaluations| evaluations > 0) {
-            return Err(
-                at("refinement_evaluations").invalid("is given, but only smooth, display and varying models refine")
-            );
+        let is_smooth = model.is_smooth();
+        if !is_smooth && refinement.is_some_and(|evaluations| evaluations > 0) {
+            return Err(at("refinement_evaluations")
+                .invalid("is given, but only smooth, display and varying models are refined"));
         }
-        let detector = at("detector").one_of::<Detector>(message.detector)?.unwrap_or_default();
+        let detector = at("detector").enum_value::<Detector>(message.detector)?.unwrap_or_default();
         if detector == Detector::Supersampled {
-            return Err(at("detector").invalid("is supersampled, but a camera's pixels measure either point or pixel"));
+            return Err(at("detector").invalid("is supersampled, but must be point or pixel, which a camera measures"));
         }
         let (wavelength, distance) = (datasets[0].wavelength, datasets[0].distance);
         let key = KernelKey { display: display.id.clone(), wavelength, distance };
@@ -57,7 +57,7 @@ impl Api {
             learning_rate: learning_rate(&at("learning_rate"), message.learning_rate)?,
             seed: message.seed,
             order: (message.order > 0).then(|| at("order").integer(message.order, 1..=ORDER_MAX)).transpose()?,
-            start_version: self.start_version(&at("start_version"), message.start_version, refined, &key).await?,
+            start_version: self.start_version(&at("start_version"), message.start_version, is_smooth, &key).await?,
             detector,
             region_of_interest: region(&at("region_of_interest"), message.region_of_interest, &display)?,
             display: display.id,
@@ -65,7 +65,7 @@ impl Api {
         })
     }
 
-    /// The datasets, which may differ in their distances only, and their display.
+    /// The named datasets and their display. Refuses datasets that differ in more than their distances.
     async fn datasets_to_learn(
         &self,
         caller: &Caller,
@@ -74,13 +74,15 @@ impl Api {
         model: KernelModel,
     ) -> Result<(Vec<Dataset>, Display), ApiError> {
         if names.len() > 1 && !matches!(model, KernelModel::Smooth | KernelModel::Display) {
-            return Err(field.invalid("are several, but only the models smooth and display are learned over distances"));
+            return Err(
+                field.invalid("has several entries, but only smooth and display models are learned from several")
+            );
         }
         if names.len() > DATASETS_MAX {
             return Err(field.invalid(format!("has {} entries, but at most {DATASETS_MAX} are accepted", names.len())));
         }
         let mut datasets: Vec<Dataset> = Vec::with_capacity(names.len());
-        let mut of_display = None;
+        let mut common_display = None;
         for (i, name) in names.iter().enumerate() {
             let field = field.index(i);
             let (dataset, display) = self.finalized_dataset(caller, &field, name).await?;
@@ -89,41 +91,43 @@ impl Api {
                 && (&dataset.display, dataset.wavelength) != (&first.display, first.wavelength)
             {
                 return Err(field.invalid(format!(
-                    "is of displays/{} at {}, but must be of displays/{} at {}, as datasets/{} is",
+                    "is of displays/{} at {}, but must be of displays/{} at {} like datasets/{}",
                     dataset.display, dataset.wavelength, first.display, first.wavelength, first.id
                 )));
             }
             if datasets.iter().any(|other| other.distance == dataset.distance) {
                 let problem =
-                    format!("is of {}, but another dataset is already: each must have its own", dataset.distance);
+                    format!("is of {}, but another dataset is already: each distance may occur once", dataset.distance);
                 return Err(field.invalid(problem));
             }
             datasets.push(dataset);
-            of_display = Some(display);
+            common_display = Some(display);
         }
-        match of_display {
+        match common_display {
             Some(display) => Ok((datasets, display)),
             None => Err(field.invalid("is empty, but must name a finalized dataset")),
         }
     }
 
-    /// The version that learning starts from; `None` where the request names none.
+    /// The version from which learning starts; `None` if the request names none.
     async fn start_version(
         &self,
         field: &Field,
         version: u32,
-        refined: bool,
+        is_smooth: bool,
         key: &KernelKey,
     ) -> Result<Option<u32>, ApiError> {
         if version == 0 {
             return Ok(None);
         }
-        if !refined {
+        if !is_smooth {
             return Err(field.invalid("is given, but only smooth, display and varying models can start from a version"));
         }
         let start = self.store.kernel_version(key, version).await?;
         if !start.content.model.is_smooth() {
-            let problem = format!("is {version}, but {key}/versions/{version} has no smooth kernel; name one that has");
+            let problem = format!(
+                "is {version}, but {key}/versions/{version} is not smooth, display or varying; name one that is"
+            );
             return Err(field.invalid(&problem));
         }
         Ok(Some(version))

@@ -1,4 +1,4 @@
-//! Jobs that learn a kernel.
+//! Learning jobs: kernels learned from datasets.
 
 mod from_wire;
 pub(crate) mod to_wire;

@@ -1,4 +1,4 @@
-//! Jobs that learn kernels, and their results, as messages.
+//! Conversion of the requests and results of learning jobs into messages.
 
 use crate::enumerations::OnWire as _;
 use crate::kernels::to_wire::metrics;
@@ -6,7 +6,7 @@ use crate::optics::to_wire::{region, validity_report};
 use lightpath_domain::job::{LearnKernel, LearnResult, LearnedKernel};
 use lightpath_proto::v1;
 
-/// What was asked for, with its defaults.
+/// Converts the request, with its defaults, into its message.
 pub(crate) fn spec(spec: LearnKernel) -> v1::LearnKernel {
     v1::LearnKernel {
         datasets: spec.datasets.iter().map(|id| format!("datasets/{id}")).collect(),
@@ -22,7 +22,7 @@ pub(crate) fn spec(spec: LearnKernel) -> v1::LearnKernel {
     }
 }
 
-/// What was learned.
+/// Converts the result into its message.
 pub(crate) fn result(result: LearnResult) -> v1::LearnResult {
     v1::LearnResult {
         kernels: result.kernels.into_iter().map(kernel).collect(),

@@ -1,4 +1,4 @@
-//! Refusing fields of a request that are right each by itself, but not together.
+//! Checks of fields that are valid separately, but may contradict each other.
 
 use crate::error::ApiError;
 use crate::field::Field;
@@ -7,12 +7,12 @@ use lightpath_domain::display::Display;
 use lightpath_domain::job::OptimizeHologram;
 use lightpath_optics::hologram::Loss;
 
-/// All frames' pixels: L-BFGS keeps some 60 bytes for each.
+/// Limit on the pixels of all frames together: L-BFGS needs about 60 bytes for each.
 const FRAME_PIXELS_MAX: u64 = 100_000_000;
-/// All planes' pixels: a transfer function takes 32 bytes for each.
+/// Limit on the pixels of all planes together: a transfer function needs 32 bytes for each.
 const PLANE_PIXELS_MAX: u64 = 100_000_000;
 
-/// Refuses propagation of any wavelength to any plane that cannot give a right image.
+/// Refuses a distance or method that gives no correct image for one of the wavelengths.
 pub(super) fn propagation(field: &Field, spec: &OptimizeHologram, display: &Display) -> Result<(), ApiError> {
     for (&wavelength, versions) in spec.wavelengths.iter().zip(&spec.kernel_versions) {
         for (p, (plane, version)) in spec.planes.iter().zip(versions).enumerate() {
@@ -23,8 +23,9 @@ pub(super) fn propagation(field: &Field, spec: &OptimizeHologram, display: &Disp
             };
             let at = field.at("propagation");
             if let Some(version) = version {
-                let fix = "leave it unspecified, or optimize through the kernel `ideal`";
-                let problem = format!("is given, but version {version} brings what it was learned with; {fix}");
+                let fix = "leave it unspecified, or use the kernel `ideal`";
+                let problem =
+                    format!("is given, but kernel version {version} has the method with which it was learned; {fix}");
                 return Err(at.invalid(problem));
             }
             check_method(&at, display, wavelength, plane.distance, method)?;
@@ -33,22 +34,22 @@ pub(super) fn propagation(field: &Field, spec: &OptimizeHologram, display: &Disp
     Ok(())
 }
 
-/// Refuses fields that only methods with a gradient follow.
+/// Refuses fields that a method without a gradient ignores.
 pub(super) fn method(field: &Field, spec: &OptimizeHologram) -> Result<(), ApiError> {
     if spec.method.follows_gradient() {
         return Ok(());
     }
-    let fix = "is given, but only the methods adam and lbfgs can follow it";
+    let problem = "is given, but only the methods adam and lbfgs support it";
     if spec.loss != (Loss { speckle_block_px: spec.loss.speckle_block_px, ..Loss::default() }) {
-        return Err(field.at("loss").invalid(fix));
+        return Err(field.at("loss").invalid(problem));
     }
     if spec.quantization_aware {
-        return Err(field.at("quantization_aware").invalid(fix));
+        return Err(field.at("quantization_aware").invalid(problem));
     }
     Ok(())
 }
 
-/// Refuses more frames or planes than fit into memory.
+/// Refuses frames or planes that do not fit into memory.
 pub(super) fn size(field: &Field, spec: &OptimizeHologram, display: &Display) -> Result<(), ApiError> {
     let pixels = u64::from(display.width_px) * u64::from(display.height_px);
     let planes = spec.planes.len() as u64;
@@ -57,7 +58,7 @@ pub(super) fn size(field: &Field, spec: &OptimizeHologram, display: &Display) ->
     {
         if count > 1 && count * pixels > most {
             let (display, fits) = (&spec.display, (most / pixels).max(1));
-            let problem = format!("are {count}, but on displays/{display} at most {fits} fit into memory");
+            let problem = format!("are {count}, but at most {fits} fit into memory on displays/{display}");
             return Err(field.at(name).invalid(problem));
         }
     }

@@ -1,4 +1,4 @@
-//! Checking requests for holograms: every field checked, every default filled in, every name found.
+//! Checks of requests to optimize holograms.
 
 use super::pictures::PictureChecks;
 use super::{checks, planes, search};
@@ -12,14 +12,16 @@ use lightpath_domain::job::{Job, JobSpec, OptimizeHologram};
 use lightpath_domain::kernel::KernelKey;
 use lightpath_proto::v1;
 
-/// Fifty times what a good hologram takes; bounds how long one job can hold a worker.
+/// Limit on the iterations, fifty times as many as a good hologram needs. It bounds the time that one job uses a
+/// worker.
 const ITERATIONS_MAX: u32 = 10_000;
 const ITERATIONS_DEFAULT: u32 = 200;
-/// Most frames that are shown in turn: the fastest phase modulators show no more within the eye's integration time.
+/// Limit on the frames: the fastest phase modulators show no more within the eye's integration time.
 const FRAMES_MAX: u32 = 24;
 
 impl Api {
-    /// The job that a request asks for. `before` is the job that the same request made earlier.
+    /// Checks a request, looks up the named resources, fills in defaults, and converts the request. `before` is the job
+    /// of an earlier submission of the same request.
     pub(crate) async fn optimize_hologram_spec(
         &self,
         caller: &Caller,
@@ -33,7 +35,7 @@ impl Api {
         let planes = planes::planes(&at("planes"), &message.planes)?;
         let depth_map = planes::depth_map(&at("depth_map"), &message.depth_map, &planes)?;
         let method = search::method(field, &message)?;
-        let detector = at("detector").one_of(message.detector)?.unwrap_or_default();
+        let detector = at("detector").enum_value(message.detector)?.unwrap_or_default();
         let frames = at("frames").integer_or(message.frames, 1, 1..=FRAMES_MAX)?;
         let phases = search::PhaseDefaults { method, detector, frames, wavelengths: wavelengths.len() };
         let region_of_interest = region(&at("region_of_interest"), message.region_of_interest, &display)?;
@@ -42,8 +44,8 @@ impl Api {
             wavelengths,
             planes,
             depth_map,
-            target_encoding: at("target_encoding").one_of(message.target_encoding)?.unwrap_or(Encoding::Srgb),
-            target_fit: at("target_fit").one_of(message.target_fit)?.unwrap_or_default(),
+            target_encoding: at("target_encoding").enum_value(message.target_encoding)?.unwrap_or(Encoding::Srgb),
+            target_fit: at("target_fit").enum_value(message.target_fit)?.unwrap_or_default(),
             kernel_versions: Vec::new(),
             propagation: convolution_method(&at("propagation"), message.propagation)?,
             method,
@@ -51,7 +53,7 @@ impl Api {
             frames,
             initial_phase: search::initial_phase(&at("initial_phase"), message.initial_phase, phases)?,
             seed: message.seed,
-            loss: search::loss_of(&at("loss"), message.loss, region_of_interest)?,
+            loss: search::loss(&at("loss"), message.loss, region_of_interest)?,
             detector,
             region_of_interest,
             weight_mask: planes::optional_digest(&at("weight_mask"), &message.weight_mask)?,
@@ -65,7 +67,7 @@ impl Api {
         Ok(spec)
     }
 
-    /// The kernel versions of each wavelength for each plane.
+    /// The kernel versions, for each wavelength one for each plane.
     async fn chosen_kernels(
         &self,
         field: &Field,
@@ -75,10 +77,10 @@ impl Api {
     ) -> Result<Vec<Vec<Option<u32>>>, ApiError> {
         let several = spec.wavelengths.len() * spec.planes.len() > 1;
         if several && !["", "active", "ideal"].contains(&kernel) {
-            let fix = "each of several wavelengths and planes has a kernel of its own: leave it empty, or say active or ideal";
+            let fix = "must be empty, active or ideal: each of several wavelengths and planes has its own kernel";
             return Err(field.invalid(format!("is {:?}, but {fix}", field::shortened(kernel))));
         }
-        // A repeated submit means what it meant the first time, even if `active` has moved.
+        // A repeated request has the same versions as the first time, even if `active` has moved.
         if let Some(JobSpec::OptimizeHologram(job)) = before.map(|job| &job.spec)
             && ["", "active"].contains(&kernel)
             && (&job.wavelengths, job.planes.len()) == (&spec.wavelengths, spec.planes.len())
@@ -87,12 +89,12 @@ impl Api {
         }
         let mut versions = Vec::new();
         for &wavelength in &spec.wavelengths {
-            let mut of_wavelength = Vec::new();
+            let mut wavelength_versions = Vec::new();
             for plane in &spec.planes {
                 let key = KernelKey { display: spec.display.clone(), wavelength, distance: plane.distance };
-                of_wavelength.push(self.kernel_version_for(field, kernel, &key, false).await?);
+                wavelength_versions.push(self.kernel_version_for(field, kernel, &key, false).await?);
             }
-            versions.push(of_wavelength);
+            versions.push(wavelength_versions);
         }
         Ok(versions)
     }

@@ -1,4 +1,4 @@
-//! Jobs that optimize holograms.
+//! Hologram jobs: optimized phases that show pictures.
 
 mod checks;
 mod from_wire;

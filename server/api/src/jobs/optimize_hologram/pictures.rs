@@ -1,4 +1,4 @@
-//! Checking the pictures of a request for holograms while its sender still listens.
+//! Checks of the pictures in a request for holograms, before the request is answered.
 
 use crate::api::Api;
 use crate::error::ApiError;
@@ -10,7 +10,7 @@ use lightpath_domain::job::OptimizeHologram;
 use lightpath_media::pictures;
 use lightpath_optics::{InitialPhase, Plane, RegionOfInterest};
 
-/// Whose pictures are checked, and for what.
+/// The pictures of one request, and the settings for their checks.
 #[derive(Debug)]
 pub(super) struct PictureChecks<'a> {
     pub(super) api: &'a Api,
@@ -20,10 +20,10 @@ pub(super) struct PictureChecks<'a> {
 }
 
 impl PictureChecks<'_> {
-    /// Decodes every picture once, so that what is wrong with one is said now. `field` is the request's.
+    /// Decodes every picture, so that a wrong picture is refused now. `field` is the path of the request.
     pub(super) async fn check(&self, field: &Field) -> Result<(), ApiError> {
         for (p, plane) in self.spec.planes.iter().enumerate() {
-            // The planes of a depth map have mostly the same target.
+            // With a depth map the planes usually have the same target.
             if !self.spec.planes[..p].iter().any(|before| before.target == plane.target) {
                 let field = field.at("planes").index(p).at("target");
                 self.check_light(&field, &plane.target, self.spec.target_encoding, "black").await?;
@@ -43,12 +43,13 @@ impl PictureChecks<'_> {
         Ok(())
     }
 
-    /// Refuses a picture that is black everywhere in the region of interest; `dark` is what the refusal calls it.
+    /// Refuses a picture that is black everywhere in the region of interest. `dark` describes such a picture in the
+    /// error.
     async fn check_light(&self, field: &Field, digest: &str, encoding: Encoding, dark: &str) -> Result<(), ApiError> {
         let (height_px, width_px) = self.size_px();
         let (fit, region) = (self.spec.target_fit, self.spec.region_of_interest);
-        let what = format!("{digest} {encoding:?} {fit:?} {width_px}×{height_px} {region:?}");
-        if self.api.checked_targets.knows(&what) {
+        let key = format!("{digest} {encoding:?} {fit:?} {width_px}×{height_px} {region:?}");
+        if self.api.checked_targets.contains(&key) {
             return self.api.require_picture(self.caller, field, digest).await;
         }
         let decode = move |bytes: &[u8]| {
@@ -56,7 +57,7 @@ impl PictureChecks<'_> {
             Ok(has_light(&target, region))
         };
         if self.api.decoded(self.caller, field, digest, decode).await? {
-            self.api.checked_targets.remember(what);
+            self.api.checked_targets.insert(key);
             return Ok(());
         }
         let problem =
@@ -64,7 +65,7 @@ impl PictureChecks<'_> {
         Err(field.invalid(problem))
     }
 
-    /// A depth map may be any picture.
+    /// Refuses a depth map that is not a picture.
     async fn check_depth_map(&self, field: &Field, digest: &str) -> Result<(), ApiError> {
         let ((height_px, width_px), fit) = (self.size_px(), self.spec.target_fit);
         let decode =
@@ -72,19 +73,20 @@ impl PictureChecks<'_> {
         self.api.decoded(self.caller, field, digest, decode).await
     }
 
-    /// An initial phase must be an array of the display's size, frame after frame.
+    /// Refuses an initial phase that is not an array of the display's size, with one frame after the other.
     async fn check_phase(&self, field: &Field, digest: &str) -> Result<(), ApiError> {
         let ((height_px, width_px), frames) = (self.size_px(), self.spec.frames as usize);
         let decode = move |bytes: &[u8]| pictures::phase_npy(bytes, frames * height_px, width_px).map(drop);
         self.api.decoded(self.caller, field, digest, decode).await
     }
 
-    /// The display's height and width.
+    /// Height and width of the display \[px\].
     fn size_px(&self) -> (usize, usize) {
         (self.display.height_px as usize, self.display.width_px as usize)
     }
 }
 
+/// Whether a pixel in the region is not black.
 fn has_light(target: &Plane<f32>, region: RegionOfInterest) -> bool {
     let mut rows = 0..target.height_px();
     rows.any(|y| region.columns(y).is_some_and(|columns| target.row(y)[columns].iter().any(|&v| v > 0.0)))

@@ -1,4 +1,4 @@
-//! Which wavelengths, and which pictures at which distances.
+//! Checks of wavelengths, planes and depth maps.
 
 use crate::error::ApiError;
 use crate::field::Field;
@@ -7,12 +7,13 @@ use lightpath_domain::job::ImagePlane;
 use lightpath_domain::units::Wavelength;
 use lightpath_proto::v1::{self, optimize_hologram};
 
-/// Most planes: the light of one hologram does not suffice for more.
+/// Limit on the planes: the light of one hologram does not suffice for more.
 const PLANES_MAX: usize = 16;
-/// Most wavelengths: displays are lit with fewer.
+/// Limit on the wavelengths: displays have fewer.
 const WAVELENGTHS_MAX: usize = 8;
 const PLANE_WEIGHT_MAX: f64 = 1000.0;
 
+/// Checks the wavelengths, no two equal. An empty list stands for the only wavelength of the display.
 pub(super) fn wavelengths(
     field: &Field,
     message: &v1::OptimizeHologram,
@@ -31,14 +32,14 @@ pub(super) fn wavelengths(
         }
         let wavelength = field.wavelength_of(value, display)?;
         if found.contains(&wavelength) {
-            return Err(field.invalid(format!("is {wavelength} again; no two may be equal")));
+            return Err(field.invalid(format!("is {wavelength} again, but no two may be equal")));
         }
         found.push(wavelength);
     }
     Ok(found)
 }
 
-/// The planes, no two at one distance.
+/// Checks the planes, no two at the same distance.
 pub(super) fn planes(field: &Field, planes: &[optimize_hologram::ImagePlane]) -> Result<Vec<ImagePlane>, ApiError> {
     if planes.is_empty() {
         return Err(field.invalid("is empty, but must have a plane with a distance and a target"));
@@ -49,7 +50,7 @@ pub(super) fn planes(field: &Field, planes: &[optimize_hologram::ImagePlane]) ->
         let field = field.index(i);
         let distance = field.at("distance_m").distance(plane.distance_m)?;
         if found.iter().any(|other| other.distance == distance) {
-            let problem = format!("is {distance} again; no two planes may be at one distance");
+            let problem = format!("is {distance} again, but no two planes may be at the same distance");
             return Err(field.at("distance_m").invalid(problem));
         }
         let target = field.at("target").digest(&plane.target)?;
@@ -59,19 +60,20 @@ pub(super) fn planes(field: &Field, planes: &[optimize_hologram::ImagePlane]) ->
     Ok(found)
 }
 
-/// What cuts the planes out of their targets.
+/// Checks the digest of the depth map, which needs at least two planes.
 pub(super) fn depth_map(field: &Field, digest: &str, planes: &[ImagePlane]) -> Result<Option<String>, ApiError> {
     match (optional_digest(field, digest)?, planes) {
-        (Some(_), [_]) => Err(field.invalid("is given, but there is one plane; it tells two or more apart")),
+        (Some(_), [_]) => Err(field.invalid("is given, but there is one plane; a depth map needs at least two")),
         (map, _) => Ok(map),
     }
 }
 
-/// A picture that may be left out.
+/// Checks the digest of an optional picture; `None` if it is empty.
 pub(super) fn optional_digest(field: &Field, digest: &str) -> Result<Option<String>, ApiError> {
     if digest.is_empty() { Ok(None) } else { field.digest(digest).map(Some) }
 }
 
+/// Refuses a list with too many entries.
 fn at_most(list: &Field, count: usize, most: usize) -> Result<(), ApiError> {
     if count <= most {
         return Ok(());

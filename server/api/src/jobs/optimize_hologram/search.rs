@@ -1,4 +1,4 @@
-//! How a phase is searched for: method, initial phase, loss.
+//! Checks of the settings of the optimizer: method, initial phase and loss.
 
 use crate::error::ApiError;
 use crate::field::Field;
@@ -15,15 +15,15 @@ use lightpath_proto::v1::{
 };
 use std::f64::consts::TAU;
 
-/// Adam's learning rate \[rad\]: the paper's.
+/// Adam's learning rate by default \[rad\]: that of the paper.
 const LEARNING_RATE_DEFAULT: f64 = 0.1;
-/// Range of random initial phases: within one radian there is little speckle.
+/// Range of random initial phases by default \[rad\]: within one radian there is little speckle.
 const INITIAL_PHASE_RANGE_DEFAULT_RAD: f64 = 1.0;
-/// Largest block that speckle is measured in \[px\]: larger blocks show the picture's own structure.
+/// Limit on the side of the blocks in which speckle is measured \[px\]: larger blocks contain structure of the picture.
 const SPECKLE_BLOCK_PX_MAX: u32 = 256;
 const SPECKLE_BLOCK_PX_DEFAULT: u32 = 8;
 
-/// How the phases are found; Adam alone has a learning rate.
+/// Checks the method and its learning rate, which only Adam has.
 pub(super) fn method(field: &Field, message: &v1::OptimizeHologram) -> Result<HologramMethod, ApiError> {
     let rate = field.at("learning_rate");
     let given = learning_rate(&rate, message.learning_rate)?;
@@ -37,17 +37,17 @@ pub(super) fn method(field: &Field, message: &v1::OptimizeHologram) -> Result<Ho
         Ok(v1::HologramMethod::WeightedGerchbergSaxton) => HologramMethod::WeightedGerchbergSaxton,
         Ok(v1::HologramMethod::DoublePhase) => HologramMethod::DoublePhase,
         Err(_) => {
-            return Err(field.invalid(format!("is {}, which is no value of that enumeration", message.method)));
+            return Err(field.invalid(format!("is {}, but must be a value of the enumeration", message.method)));
         }
     };
     match given {
-        Some(value) => Err(rate.invalid(format!("is {value}, but only the method adam has a learning rate"))),
+        Some(value) => Err(rate.invalid(format!("is {value}, but must be 0 unless the method is adam"))),
         None => Ok(method),
     }
 }
 
 fn phase_range(field: &Field, value: f64) -> Result<f64, ApiError> {
-    /// Values this far above 2π are rounded values of 2π.
+    /// Values above 2π by up to this difference are accepted as rounded values of 2π.
     const ROUNDING: f64 = 1e-6;
     if (0.0..=TAU + ROUNDING).contains(&value) {
         return Ok(value.min(TAU));
@@ -55,7 +55,7 @@ fn phase_range(field: &Field, value: f64) -> Result<f64, ApiError> {
     Err(field.invalid(format!("is {value}, but must be 0 to 2π rad")))
 }
 
-/// What the initial phase depends on.
+/// The settings that determine the default of the initial phase.
 #[derive(Clone, Copy)]
 pub(super) struct PhaseDefaults {
     pub(super) method: HologramMethod,
@@ -65,10 +65,10 @@ pub(super) struct PhaseDefaults {
 }
 
 impl PhaseDefaults {
-    /// The initial phase where the request gives none.
+    /// The initial phase if the request has none.
     fn initial_phase(self) -> InitialPhase<Vec<String>> {
-        // A random phase has vortices between the pixels, and they stay; without them L-BFGS ends some 4 dB higher. But
-        // several frames must differ.
+        // A random phase has vortices between the pixels, which remain. Without them L-BFGS ends about 4 dB higher.
+        // Several frames must differ, so they start from random phases.
         let smooth = self.detector == Detector::Supersampled && self.method.follows_gradient() && self.frames == 1;
         if smooth || self.method == HologramMethod::DoublePhase {
             return InitialPhase::Constant { phase_rad: 0.0 };
@@ -77,7 +77,7 @@ impl PhaseDefaults {
     }
 }
 
-/// Where the search begins. Phases that are given are digests, one for each wavelength.
+/// Checks the initial phase. Given phases are digests, one for each wavelength.
 pub(super) fn initial_phase(
     field: &Field,
     given: Option<optimize_hologram::InitialPhase>,
@@ -93,7 +93,7 @@ pub(super) fn initial_phase(
         }
         Some(Kind::BackPropagated(random)) => {
             if defaults.method == HologramMethod::DoublePhase {
-                return Err(field.invalid("is back-propagated, but double phase begins with a phase of the image"));
+                return Err(field.invalid("is back-propagated, but double phase needs an initial phase of the image"));
             }
             InitialPhase::BackPropagated { range_rad: range("back_propagated", random, 0.0)? }
         }
@@ -108,7 +108,7 @@ pub(super) fn initial_phase(
             let (list, wavelengths) = (field.at("given").at("phases"), defaults.wavelengths);
             if given.phases.len() != wavelengths {
                 let count = given.phases.len();
-                let problem = format!("has {count} entries, but must have one for each wavelength, {wavelengths}");
+                let problem = format!("has {count} entries, but must have {wavelengths}, one for each wavelength");
                 return Err(list.invalid(problem));
             }
             let digests = given.phases.iter().enumerate().map(|(i, digest)| list.index(i).digest(digest));
@@ -117,7 +117,8 @@ pub(super) fn initial_phase(
     })
 }
 
-pub(super) fn loss_of(
+/// Checks the loss. Its blocks must fit into the region of interest.
+pub(super) fn loss(
     field: &Field,
     given: Option<optimize_hologram::Loss>,
     region: RegionOfInterest,
@@ -130,7 +131,7 @@ pub(super) fn loss_of(
         return Err(block.invalid(format!("is {speckle_block_px}, but must fit into the region of interest")));
     }
     Ok(Loss {
-        quantity: field.at("quantity").one_of(given.quantity)?.unwrap_or(Quantity::Intensity),
+        quantity: field.at("quantity").enum_value(given.quantity)?.unwrap_or(Quantity::Intensity),
         total_variation: field.at("total_variation").number(given.total_variation, 0.0..=Loss::FACTOR_MAX)?,
         speckle: field.at("speckle").number(given.speckle, 0.0..=Loss::FACTOR_MAX)?,
         speckle_block_px,

@@ -1,7 +1,7 @@
-//! Jobs that optimize holograms, and their results, as messages.
+//! Conversion of the requests and results of hologram jobs into messages.
 
 use crate::enumerations::OnWire as _;
-use crate::jobs::kernel_choice::kernel_named;
+use crate::jobs::kernel_choice::kernel_text;
 use crate::optics::to_wire::{quality, region, validity_report};
 use lightpath_domain::job::{HologramResult, ImagePlane, OptimizeHologram, PlaneResult, WavelengthResult};
 use lightpath_optics::hologram::Loss;
@@ -14,7 +14,7 @@ use lightpath_proto::v1::{
     },
 };
 
-/// What was asked for, with its defaults.
+/// Converts the request, with its defaults, into its message.
 pub(crate) fn spec(spec: OptimizeHologram) -> v1::OptimizeHologram {
     let (method, learning_rate) = method(spec.method);
     v1::OptimizeHologram {
@@ -45,10 +45,10 @@ fn plane(plane: ImagePlane) -> optimize_hologram::ImagePlane {
     optimize_hologram::ImagePlane { distance_m: distance.m(), target, weight }
 }
 
-/// The one version, as a request may name it. Each of several was resolved by itself; the job lists them.
+/// Text for the version in the field `kernel`. It is empty for several versions; the message of the job lists them.
 fn kernel(versions: &[Vec<Option<u32>>]) -> String {
     match versions.concat()[..] {
-        [version] => kernel_named(version),
+        [version] => kernel_text(version),
         _ => String::new(),
     }
 }
@@ -84,7 +84,7 @@ fn loss(loss: Loss) -> optimize_hologram::Loss {
     optimize_hologram::Loss { quantity, total_variation, speckle, speckle_block_px }
 }
 
-/// What was found.
+/// Converts the result into its message.
 pub(crate) fn result(result: HologramResult) -> v1::HologramResult {
     v1::HologramResult {
         wavelengths: result.wavelengths.into_iter().map(wavelength_result).collect(),

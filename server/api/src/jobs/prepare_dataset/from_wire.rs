@@ -1,4 +1,4 @@
-//! Checking requests to align or finalize a dataset.
+//! Checks of requests to align or finalize datasets.
 
 use crate::api::Api;
 use crate::error::ApiError;
@@ -13,16 +13,16 @@ use lightpath_proto::v1;
 use lightpath_proto::v1::prepare_dataset::align::Source;
 use lightpath_proto::v1::prepare_dataset::{Align, Finalize, Step};
 
-/// Largest fraction of the pairs that may be held out: something must be left to learn from.
+/// Limit on the fraction of the pairs that are held out: some pairs must remain for learning.
 const HELD_OUT_FRACTION_MAX: f64 = 0.8;
-/// Pairs held out for the test unless said otherwise.
+/// Fraction of the pairs that is held out for the test by default.
 const TEST_FRACTION_DEFAULT: f64 = 0.2;
-/// Far more than fix a homography.
+/// Limit on the points of an alignment: far more than a homography needs.
 const POINTS_MAX: usize = 10_000;
 
 impl Api {
-    /// The job that a request asks for, where the dataset can still be prepared so. `before` is the job that the same
-    /// request made earlier.
+    /// Checks a request and converts it. Refuses it if the dataset can no longer be prepared in this way. `before` is
+    /// the job of an earlier submission of the same request.
     pub(crate) async fn prepare_dataset_spec(
         &self,
         caller: &Caller,
@@ -37,7 +37,7 @@ impl Api {
             Step::Align(align) => PrepareStep::Align(self.align_by(caller, align, &field.at("align")).await?),
             Step::Finalize(finalize) => PrepareStep::Finalize(finalization(&finalize, &field.at("finalize"))?),
         };
-        // A request that is sent again means its job, whatever that has done meanwhile.
+        // A repeated request returns its job, even if the job has changed the dataset since.
         if before.is_none() {
             require_possible(&dataset_field, &dataset, &step)?;
         }
@@ -67,14 +67,15 @@ fn align_by_points(points: &v1::AlignmentPoints, field: &Field) -> Result<AlignB
     let photo_height_px = field.at("photo_height_px").integer(points.photo_height_px, side)?;
     let (field, count) = (field.at("points"), points.points.len());
     if count > POINTS_MAX {
-        return Err(field.invalid(format!("are {count}, but must be at most {POINTS_MAX}")));
+        return Err(field.invalid(format!("has {count} entries, but at most {POINTS_MAX} are accepted")));
     }
     let given = points.points.iter().map(|point| PointPair {
         display: [point.display_x_px, point.display_y_px],
         camera: [point.photo_x_px, point.photo_y_px],
     });
     let points: Vec<PointPair> = given.collect();
-    Homography::from_points(&points).map_err(|error| field.invalid(format!("fix no alignment: {error}")))?;
+    Homography::from_points(&points)
+        .map_err(|error| field.invalid(format!("does not define an alignment: {error}")))?;
     Ok(AlignBy::Points { photo_width_px, photo_height_px, points })
 }
 
@@ -92,22 +93,22 @@ fn finalization(finalize: &Finalize, field: &Field) -> Result<Finalization, ApiE
     Ok(Finalization { validation_fraction, test_fraction, seed, keep_alignment })
 }
 
-/// The dataset is open, or finalized in just this way; and it has what the job looks at.
+/// Refuses a dataset that is finalized (unless in the same way), and one without pairs if the step needs pairs.
 fn require_possible(field: &Field, dataset: &Dataset, step: &PrepareStep) -> Result<(), ApiError> {
     let id = &dataset.id;
     let (reason, problem) = match (&dataset.finalization, step) {
         (Some(before), PrepareStep::Finalize(wanted)) if before == wanted => return Ok(()),
         (Some(before), PrepareStep::Finalize(_)) => {
             let Finalization { validation_fraction, test_fraction, seed, keep_alignment } = before;
-            let kept = if *keep_alignment { ", keep_alignment" } else { "" };
-            let how = format!(
-                "is finalized already, with validation_fraction {validation_fraction}, test_fraction {test_fraction}, seed \
-                 {seed}{kept}; create another dataset"
+            let keep_alignment = if *keep_alignment { ", keep_alignment" } else { "" };
+            let problem = format!(
+                "is finalized with validation_fraction {validation_fraction}, test_fraction {test_fraction}, seed \
+                 {seed}{keep_alignment}; create another dataset"
             );
-            ("DATASET_FINALIZED", how)
+            ("DATASET_FINALIZED", problem)
         }
         (Some(_), PrepareStep::Align(_)) => {
-            ("DATASET_FINALIZED", "is finalized, and its alignment with it; create another dataset".to_owned())
+            ("DATASET_FINALIZED", "is finalized, so its alignment cannot change; create another dataset".to_owned())
         }
         (None, PrepareStep::Finalize(_) | PrepareStep::Align(AlignBy::Pairs)) if dataset.pair_count == 0 => {
             ("DATASET_EMPTY", "has no pairs; add some: lightpath dataset add --help".to_owned())

@@ -1,4 +1,4 @@
-//! Jobs that align or finalize a dataset.
+//! Dataset jobs, which align or finalize a dataset.
 
 mod from_wire;
 pub(crate) mod to_wire;

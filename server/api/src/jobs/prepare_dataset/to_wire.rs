@@ -1,4 +1,4 @@
-//! Jobs that align or finalize datasets, and their results, as messages.
+//! Conversion of the requests and results of dataset jobs into messages.
 
 use crate::datasets::to_wire::{alignment, finding};
 use lightpath_domain::dataset::Finalization;
@@ -7,12 +7,12 @@ use lightpath_proto::v1;
 use lightpath_proto::v1::prepare_dataset::align::Source;
 use lightpath_proto::v1::prepare_dataset::{Align, Finalize, Step};
 
-/// What was asked for, with its defaults.
+/// Converts the request, with its defaults, into its message.
 pub(crate) fn spec(spec: PrepareDataset) -> v1::PrepareDataset {
     let step = match spec.step {
         PrepareStep::Align(by) => Step::Align(Align { source: Some(source(by)) }),
-        PrepareStep::Finalize(how) => {
-            let Finalization { validation_fraction, test_fraction, seed, keep_alignment } = how;
+        PrepareStep::Finalize(finalization) => {
+            let Finalization { validation_fraction, test_fraction, seed, keep_alignment } = finalization;
             Step::Finalize(Finalize { validation_fraction, test_fraction, seed, keep_alignment })
         }
     };
@@ -36,7 +36,7 @@ fn source(by: AlignBy) -> Source {
     }
 }
 
-/// What became of the dataset.
+/// Converts the result into its message.
 pub(crate) fn result(result: PrepareResult) -> v1::PrepareResult {
     v1::PrepareResult {
         alignment: result.alignment.map(alignment),

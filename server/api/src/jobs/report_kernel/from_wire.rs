@@ -1,4 +1,4 @@
-//! Checking requests to report on a kernel version.
+//! Checks of requests for reports on kernel versions.
 
 use crate::api::Api;
 use crate::error::ApiError;
@@ -10,7 +10,7 @@ use lightpath_proto::v1;
 use lightpath_store::StoreError;
 
 impl Api {
-    /// The job that a request asks for, of a version that is there.
+    /// Checks a request and converts it. Refuses a version that does not exist.
     pub(crate) async fn report_kernel_spec(
         &self,
         caller: &Caller,
@@ -20,7 +20,7 @@ impl Api {
         let field = field.at("kernel_version");
         let (kernel, version) = names::kernel_version(caller, &field, &message.kernel_version)?;
         match self.store.kernel_version(&kernel, version).await {
-            Err(StoreError::NotFound { what }) => Err(field.missing(what, "name one of the kernel's versions")),
+            Err(StoreError::NotFound { resource }) => Err(field.missing(resource, "name one of the kernel's versions")),
             found => found.map(|_| ReportKernel { kernel, version }).map_err(ApiError::from),
         }
     }

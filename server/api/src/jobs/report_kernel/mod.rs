@@ -1,4 +1,4 @@
-//! Jobs that report on a kernel version.
+//! Report jobs: the report of a kernel version.
 
 mod from_wire;
 pub(crate) mod to_wire;

@@ -1,14 +1,14 @@
-//! Jobs that report on kernels, and the reports, as messages.
+//! Conversion of the requests and results of report jobs into messages.
 
 use lightpath_domain::job::{ReportKernel, ReportResult};
 use lightpath_proto::v1;
 
-/// What was asked for.
+/// Converts the request into its message.
 pub(crate) fn spec(spec: ReportKernel) -> v1::ReportKernel {
     v1::ReportKernel { kernel_version: format!("{}/versions/{}", spec.kernel, spec.version) }
 }
 
-/// The report.
+/// Converts the result into its message.
 pub(crate) fn result(result: ReportResult) -> v1::ReportResult {
     let figures = result.figures.into_iter().map(|figure| v1::report_result::Figure {
         name: figure.name,

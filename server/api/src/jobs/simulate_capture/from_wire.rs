@@ -1,4 +1,4 @@
-//! Checking requests to simulate a photograph.
+//! Checks of requests to simulate photographs.
 
 use crate::api::Api;
 use crate::error::ApiError;
@@ -10,11 +10,11 @@ use lightpath_domain::job::SimulateCapture;
 use lightpath_media::pictures;
 use lightpath_proto::v1;
 
-/// Longest time since the bench was set up: ten years.
+/// Limit on the time since the bench was set up \[s\]: ten years.
 const ELAPSED_S_MAX: f64 = 10.0 * 365.25 * 86_400.0;
 
 impl Api {
-    /// The job that a request asks for: every field checked, every default filled in, every name found.
+    /// Checks a request, looks up the named resources, fills in defaults, and converts the request.
     pub(crate) async fn simulate_capture_spec(
         &self,
         caller: &Caller,
@@ -24,7 +24,7 @@ impl Api {
         let at = |name| field.at(name);
         let display = self.display_named(caller, &at("display"), &message.display).await?;
         if display.simulated_bench.is_none() {
-            let fix = "but only a display that was created with a simulated_bench can be photographed by the server";
+            let fix = "but only displays that were created with a simulated_bench can be simulated";
             let message = format!("{}: displays/{} has no simulated bench, {fix}", at("display"), display.id);
             return Err(ApiError::Precondition { reason: "NOT_SIMULATED", message });
         }
@@ -41,7 +41,7 @@ impl Api {
         Ok(spec)
     }
 
-    /// A hologram must be levels of the display, in its size.
+    /// Refuses a hologram whose levels or size are not those of the display.
     async fn check_levels(
         &self,
         caller: &Caller,

@@ -1,4 +1,4 @@
-//! Jobs that simulate a photograph.
+//! Simulation jobs: photographs of a simulated display.
 
 mod from_wire;
 pub(crate) mod to_wire;

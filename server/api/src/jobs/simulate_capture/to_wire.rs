@@ -1,10 +1,10 @@
-//! Jobs that simulate photographs, and their results, as messages.
+//! Conversion of the requests and results of simulation jobs into messages.
 
 use crate::optics::to_wire::validity_report;
 use lightpath_domain::job::{CaptureResult, SimulateCapture};
 use lightpath_proto::v1;
 
-/// What was asked for, with its defaults.
+/// Converts the request, with its defaults, into its message.
 pub(crate) fn spec(spec: SimulateCapture) -> v1::SimulateCapture {
     v1::SimulateCapture {
         display: format!("displays/{}", spec.display),
@@ -16,7 +16,7 @@ pub(crate) fn spec(spec: SimulateCapture) -> v1::SimulateCapture {
     }
 }
 
-/// What was photographed.
+/// Converts the result into its message.
 pub(crate) fn result(result: CaptureResult) -> v1::CaptureResult {
     v1::CaptureResult { photo: result.photo, propagation: Some(validity_report(result.propagation)) }
 }

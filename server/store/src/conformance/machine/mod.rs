@@ -1,25 +1,25 @@
-//! Random histories of a whole queue, compared with a simple model. The model examines every job for every question and
-//! keeps neither lanes nor counts.
+//! Random histories of a whole queue, compared with a simple model. The model keeps only a list of jobs and examines all
+//! of them for every question. It has no lanes and no counts.
 //!
 //! `LIGHTPATH_MODEL_COMMANDS=100000 cargo test --release -p lightpath-store --lib the_queue_agrees_with_its_model` runs
 //! that many commands; by default the test is short.
 
 mod command;
+mod comparison;
 mod model;
-mod worlds;
 
 use self::command::command;
+use self::comparison::Comparison;
 use self::model::Model;
-use self::worlds::Worlds;
 use super::*;
 use crate::{ClaimLimits, JobFilter, QueueLimits};
 use lightpath_domain::job::{JobState, Lease, Scheduling};
 use proptest::prelude::*;
 use std::collections::BTreeSet;
 
-/// Commands of one history.
+/// Number of commands in one history.
 const HISTORY: usize = 250;
-/// Commands in a normal test run.
+/// Number of commands in a normal test run.
 const COMMANDS: usize = 3000;
 const OWNERS: [&str; 3] = ["", "ada", "bob"];
 const DISPLAYS: [&str; 2] = ["lab", "other"];
@@ -40,12 +40,12 @@ proptest! {
         runtime.block_on(async {
             let (store, folder) = store().await;
             store.create_display(&display("other"), 1).await.unwrap();
-            let mut worlds = Worlds { store, model: Model { now_ms: 1000, ..Model::default() }, submitted: 0 };
+            let mut comparison = Comparison { store, model: Model { now_ms: 1000, ..Model::default() }, submitted: 0 };
             for command in commands {
-                worlds.take(command.clone()).await;
-                worlds.compare().await;
+                comparison.run(command.clone()).await;
+                comparison.compare().await;
             }
-            worlds.store.close().await;
+            comparison.store.close().await;
             let mut inspection = crate::Inspection::open(&folder.path().join("lightpath.db")).await.unwrap();
             assert_eq!(inspection.damages().await.unwrap(), Vec::<String>::new());
             assert_eq!(inspection.contradictions().await.unwrap(), Vec::<String>::new());

@@ -1,4 +1,4 @@
-//! A simple model of the queue that follows its rules literally.
+//! A simple model of the queue.
 
 use super::*;
 
@@ -30,8 +30,9 @@ pub(super) struct Model {
 
 impl Model {
     pub(super) fn waiting_for(&self, job: &ModelJob) -> usize {
-        let open = |id: &&String| self.jobs.iter().any(|it| it.id == **id && it.state != JobState::Succeeded);
-        job.new.scheduling.after.iter().filter(open).count()
+        let is_unfinished =
+            |id: &&String| self.jobs.iter().any(|job| job.id == **id && job.state != JobState::Succeeded);
+        job.new.scheduling.after.iter().filter(is_unfinished).count()
     }
 
     pub(super) fn running(&self, of: impl Fn(&NewJob) -> bool) -> u32 {
@@ -44,7 +45,7 @@ impl Model {
 
     /// Index of the job that must be claimed next.
     pub(super) fn next(&self, limits: ClaimLimits) -> Option<usize> {
-        let may = |job: &&ModelJob| {
+        let is_claimable = |job: &&ModelJob| {
             let owner = |new: &NewJob| new.scheduling.owner == job.new.scheduling.owner;
             let display = |new: &NewJob| new.spec.display() == job.new.spec.display();
             job.state == JobState::Queued
@@ -57,12 +58,12 @@ impl Model {
         };
         let rank = |job: &&ModelJob| {
             let owner = &job.new.scheduling.owner;
-            let last_start = self.jobs.iter().filter(|it| it.new.scheduling.owner == *owner);
-            let last_start = last_start.filter_map(|it| it.start_time_ms).max();
+            let last_start = self.jobs.iter().filter(|other| other.new.scheduling.owner == *owner);
+            let last_start = last_start.filter_map(|other| other.start_time_ms).max();
             let running = self.running(|new| new.scheduling.owner == *owner);
             (job.new.priority, running, last_start, job.run_time_ms, job.id.clone())
         };
-        let best = self.jobs.iter().filter(may).min_by_key(rank)?;
+        let best = self.jobs.iter().filter(is_claimable).min_by_key(rank)?;
         self.jobs.iter().position(|job| job.id == best.id)
     }
 
@@ -114,8 +115,8 @@ impl Model {
         let index = job % self.jobs.len().max(1);
         let job = self.jobs.get(index)?;
         let last = job.leases.len().checked_sub(1)?;
-        let which = if stale { last.saturating_sub(1) } else { last };
-        let holds = which == last && job.state == JobState::Running && self.now_ms < job.until_ms;
-        Some((index, job.leases[which].clone(), holds))
+        let chosen = if stale { last.saturating_sub(1) } else { last };
+        let is_valid = chosen == last && job.state == JobState::Running && self.now_ms < job.until_ms;
+        Some((index, job.leases[chosen].clone(), is_valid))
     }
 }

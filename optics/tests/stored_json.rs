@@ -1,7 +1,7 @@
 //! The stored JSON form of specifications and results: its words, and that values survive writing and reading.
-#![allow(clippy::unwrap_used)] // tests may
+#![allow(clippy::unwrap_used)] // tests may unwrap
 
-use lightpath_optics::hologram::{HologramMethod, InitialPhase, Loss, Quality, SeenQuality};
+use lightpath_optics::hologram::{DetectorQuality, HologramMethod, InitialPhase, Loss, Quality};
 use lightpath_optics::learning::KernelModel;
 use lightpath_optics::metrics::Gain;
 use lightpath_optics::photometry::Quantity;
@@ -11,43 +11,44 @@ use serde::{Serialize, de::DeserializeOwned};
 use serde_json::{json, to_value};
 use std::fmt::Debug;
 
-fn stored<T: Serialize + DeserializeOwned + PartialEq + Debug>(value: T, json: serde_json::Value) {
+/// Checks that the value is written as this JSON and that the JSON is read as the value.
+fn check_stored<T: Serialize + DeserializeOwned + PartialEq + Debug>(value: T, json: serde_json::Value) {
     assert_eq!(to_value(&value).unwrap(), json);
     assert_eq!(serde_json::from_value::<T>(json).unwrap(), value);
 }
 
 /// Checks that each value is stored as its word; `words` lists the words in the order of the values.
-fn words<T: Serialize + DeserializeOwned + PartialEq + Debug>(values: impl IntoIterator<Item = T>, words: &str) {
+fn check_words<T: Serialize + DeserializeOwned + PartialEq + Debug>(values: impl IntoIterator<Item = T>, words: &str) {
     let words: Vec<&str> = words.split_whitespace().collect();
     let values: Vec<T> = values.into_iter().collect();
     assert_eq!(values.len(), words.len());
-    values.into_iter().zip(words).for_each(|(value, word)| stored(value, json!(word)));
+    values.into_iter().zip(words).for_each(|(value, word)| check_stored(value, json!(word)));
 }
 
 #[test]
-fn enumerations_are_words() {
-    words(
+fn enumerations_are_stored_as_words() {
+    check_words(
         PropagationMethod::ALL,
         "angular_spectrum band_limited band_extended rayleigh_sommerfeld fresnel_transfer_function \
          fresnel_impulse_response shifted scaled scaled_fresnel fraunhofer",
     );
-    words(
+    check_words(
         ConvolutionMethod::ALL,
         "angular_spectrum band_limited rayleigh_sommerfeld fresnel_transfer_function fresnel_impulse_response shifted",
     );
-    words(Detector::ALL, "point pixel supersampled");
-    words(KernelModel::ALL, "paper dense smooth display varying");
-    words([Carrier::HalfOrderX, Carrier::HalfOrderY], "half_order_x half_order_y");
-    words([Quantity::Intensity, Quantity::Amplitude], "intensity amplitude");
-    words(
+    check_words(Detector::ALL, "point pixel supersampled");
+    check_words(KernelModel::ALL, "paper dense smooth display varying");
+    check_words([Carrier::HalfOrderX, Carrier::HalfOrderY], "half_order_x half_order_y");
+    check_words([Quantity::Intensity, Quantity::Amplitude], "intensity amplitude");
+    check_words(
         [HologramMethod::Lbfgs, HologramMethod::GerchbergSaxton, HologramMethod::WeightedGerchbergSaxton],
         "lbfgs gerchberg_saxton weighted_gerchberg_saxton",
     );
-    words([HologramMethod::DoublePhase], "double_phase");
-    stored(HologramMethod::Adam { learning_rate: 0.1 }, json!({"adam": {"learning_rate": 0.1}}));
-    stored(Gain::Fitted, json!("fitted"));
-    stored(Gain::Given(0.5), json!({"given": 0.5}));
-    stored(RefusalCode::NotParaxial, json!("NOT_PARAXIAL"));
+    check_words([HologramMethod::DoublePhase], "double_phase");
+    check_stored(HologramMethod::Adam { learning_rate: 0.1 }, json!({"adam": {"learning_rate": 0.1}}));
+    check_stored(Gain::Fitted, json!("fitted"));
+    check_stored(Gain::Given(0.5), json!({"given": 0.5}));
+    check_stored(RefusalCode::NotParaxial, json!("NOT_PARAXIAL"));
     for code in [
         WarningCode::BandLimited,
         WarningCode::SharpBandLimit,
@@ -56,25 +57,28 @@ fn enumerations_are_words() {
         WarningCode::Paraxial,
         WarningCode::Evanescent,
     ] {
-        stored(code, json!(code.as_str()));
+        check_stored(code, json!(code.as_str()));
     }
 }
 
 #[test]
-fn structures_have_their_fields_names() {
-    stored::<InitialPhase<String>>(InitialPhase::Random { range_rad: 1.5 }, json!({"random": {"range_rad": 1.5}}));
-    stored::<InitialPhase<String>>(
+fn structures_are_stored_with_their_field_names() {
+    check_stored::<InitialPhase<String>>(
+        InitialPhase::Random { range_rad: 1.5 },
+        json!({"random": {"range_rad": 1.5}}),
+    );
+    check_stored::<InitialPhase<String>>(
         InitialPhase::Quadratic { focal_length_m: None },
         json!({"quadratic": {"focal_length_m": null}}),
     );
-    stored::<InitialPhase<String>>(InitialPhase::Given("file".into()), json!({"given": "file"}));
-    stored(
+    check_stored::<InitialPhase<String>>(InitialPhase::Given("file".into()), json!({"given": "file"}));
+    check_stored(
         Loss::default(),
         json!({"quantity": "intensity", "total_variation": 0.0, "speckle": 0.0, "speckle_block_px": 8}),
     );
     let region = RegionOfInterest::middle(&Grid::try_new(20, 30, 8e-6).unwrap());
-    stored(region, json!({"x_px": 3, "y_px": 2, "width_px": 24, "height_px": 16}));
-    let seen = SeenQuality {
+    check_stored(region, json!({"x_px": 3, "y_px": 2, "width_px": 24, "height_px": 16}));
+    let metrics = DetectorQuality {
         psnr_db: 30.5,
         ssim: Some(0.75),
         ms_ssim: None,
@@ -86,15 +90,15 @@ fn structures_have_their_fields_names() {
         "psnr_db": 30.5, "ssim": 0.75, "ms_ssim": null, "diffraction_efficiency": 0.5, "frame_efficiency": 0.625,
         "speckle_contrast": null,
     });
-    stored(
-        Quality { point: seen, pixel: seen, supersampled: seen },
+    check_stored(
+        Quality { point: metrics, pixel: metrics, supersampled: metrics },
         json!({"point": json, "pixel": json, "supersampled": json}),
     );
 }
 
 #[test]
-fn a_bench_is_fair_where_nothing_is_said() {
-    stored(
+fn missing_bench_properties_have_defaults_and_unknown_ones_are_refused() {
+    check_stored(
         SimulatedBench { seed: 7, ..SimulatedBench::FAIR },
         json!({
             "seed": 7, "strength": 1.0, "camera_noise": 0.003, "misalignment_px": 0.0, "rotation_deg": 0.0,
@@ -109,7 +113,7 @@ fn a_bench_is_fair_where_nothing_is_said() {
 }
 
 #[test]
-fn reports_come_back_whole() {
+fn validity_reports_survive_round_trip() {
     let grid = Grid::try_new(64, 96, 8e-6).unwrap();
     for (pitch_m, distance_m) in [(8e-6, 0.05), (0.2e-6, 1e-5)] {
         let grid = Grid::try_new(grid.height_px(), grid.width_px(), pitch_m).unwrap();

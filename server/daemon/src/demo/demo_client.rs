@@ -1,7 +1,7 @@
 //! The demo's display and server, used through the client library.
 
 use super::args::{DISPLAY, DemoArgs};
-use super::story::Bar;
+use super::console::Bar;
 use anyhow::Context as _;
 use lightpath::v1::{
     self, Job, KernelModel,
@@ -17,8 +17,8 @@ use std::path::Path;
 /// Range of the initial phase of held-out holograms \[rad\]: a narrow range causes the least speckle.
 pub(super) const NARROW_RAD: f64 = 1.0;
 
-/// A display, and a client of its server.
-pub(super) struct Lab {
+/// A client of the demo's server, with the properties of the demo's display.
+pub(super) struct DemoClient {
     client: Client,
     kernel: String,
     wavelength_m: f64,
@@ -27,8 +27,8 @@ pub(super) struct Lab {
     size_px: (u32, u32),
 }
 
-/// A hologram to be made.
-pub(super) struct Wanted<'a> {
+/// Request to optimize a hologram.
+pub(super) struct HologramRequest<'a> {
     pub(super) target: &'a [u8],
     pub(super) kernel: String,
     pub(super) iterations: u32,
@@ -36,16 +36,16 @@ pub(super) struct Wanted<'a> {
     pub(super) initial_phase_range_rad: f64,
 }
 
-/// A hologram that was made, of one wavelength, frame and plane.
+/// An optimized hologram of one wavelength, frame and plane.
 pub(super) struct Hologram {
-    /// Digest of its levels.
+    /// Digest of the file with the grey levels.
     pub(super) phase: String,
-    /// As a camera sees it, quantized \[dB\].
+    /// PSNR of the quantized hologram with the detector `pixel`, as a camera sees it \[dB\].
     pub(super) psnr_db: f64,
 }
 
-/// A photograph to be taken.
-pub(super) struct Shot {
+/// Request to photograph a hologram.
+pub(super) struct PhotoRequest {
     pub(super) phase: String,
     pub(super) seed: u64,
 }
@@ -66,8 +66,8 @@ pub(super) struct Losses {
     pub(super) test: Loss,
 }
 
-impl Lab {
-    /// Declares the display on the server.
+impl DemoClient {
+    /// Connects to the server and creates the display on it.
     pub(super) async fn new(url: &str, args: &DemoArgs, bench: SimulatedBench) -> anyhow::Result<Self> {
         let client = Client::connect(url)?;
         let (width_px, height_px) = args.resolution();
@@ -78,7 +78,7 @@ impl Lab {
             pixel_pitch_m: args.pixel_pitch,
             bit_depth: 8,
             wavelengths_m: vec![args.wavelength],
-            notes: "A simulated display with flaws, made by lightpathd demo.".to_owned(),
+            notes: "A simulated display with imperfections, created by lightpathd demo.".to_owned(),
             simulated_bench: Some(v1::SimulatedBench {
                 seed: bench.seed,
                 strength: bench.strength,
@@ -103,52 +103,56 @@ impl Lab {
     /// Grid, wavelength, distance and propagation that the server uses.
     pub(super) fn setup(&self) -> anyhow::Result<OpticalSetup> {
         let grid = Grid::try_new(self.size_px.1 as usize, self.size_px.0 as usize, self.pixel_pitch_m)?;
-        let wavelength = Wavelength::from_m(self.wavelength_m).context("no possible wavelength")?;
-        let distance = Distance::from_m(self.distance_m).context("no possible distance")?;
+        let wavelength = Wavelength::from_m(self.wavelength_m).context("the wavelength is out of range")?;
+        let distance = Distance::from_m(self.distance_m).context("the distance is out of range")?;
         Ok(OpticalSetup::try_new(grid, wavelength.m(), distance.m())?.planned()?.0)
     }
 
-    /// Holograms, in the order in which they were wanted.
-    pub(super) async fn holograms(&self, wanted: Vec<Wanted<'_>>, bar: &mut Bar) -> anyhow::Result<Vec<Hologram>> {
+    /// Optimizes holograms, and returns them in the order of the requests.
+    pub(super) async fn holograms(
+        &self,
+        requests: Vec<HologramRequest<'_>>,
+        bar: &mut Bar,
+    ) -> anyhow::Result<Vec<Hologram>> {
         let mut specs = Vec::new();
-        for wanted in wanted {
+        for request in requests {
             specs.push(Kind::OptimizeHologram(v1::OptimizeHologram {
                 display: names::display(DISPLAY),
                 planes: vec![ImagePlane {
                     distance_m: self.distance_m,
-                    target: self.client.upload_bytes(wanted.target).await?,
+                    target: self.client.upload_bytes(request.target).await?,
                     weight: 0.0,
                 }],
                 target_fit: Fit::Cover.into(),
-                kernel: wanted.kernel,
-                // What the figures in docs/results.md were made with.
+                kernel: request.kernel,
+                // The figures in docs/results.md were made with Adam.
                 method: v1::HologramMethod::Adam.into(),
-                iterations: wanted.iterations,
-                seed: wanted.seed,
+                iterations: request.iterations,
+                seed: request.seed,
                 initial_phase: Some(InitialPhase {
                     kind: Some(initial_phase::Kind::Random(initial_phase::Random {
-                        range_rad: Some(wanted.initial_phase_range_rad),
+                        range_rad: Some(request.initial_phase_range_rad),
                     })),
                 }),
                 ..Default::default()
             }));
         }
-        let jobs = self.all_done(specs, bar).await?;
+        let jobs = self.run_jobs(specs, bar).await?;
         jobs.iter().map(hologram_of).collect()
     }
 
-    /// Takes photographs, and returns their digests in the order of the shots.
-    pub(super) async fn photographs(&self, shots: Vec<Shot>, bar: &mut Bar) -> anyhow::Result<Vec<String>> {
-        let spec = |shot: Shot| {
+    /// Takes photographs, and returns their digests in the order of the requests.
+    pub(super) async fn photographs(&self, requests: Vec<PhotoRequest>, bar: &mut Bar) -> anyhow::Result<Vec<String>> {
+        let spec = |request: PhotoRequest| {
             Kind::SimulateCapture(v1::SimulateCapture {
                 display: names::display(DISPLAY),
                 distance_m: self.distance_m,
-                phase: shot.phase,
-                seed: shot.seed,
+                phase: request.phase,
+                seed: request.seed,
                 ..Default::default()
             })
         };
-        let jobs = self.all_done(shots.into_iter().map(spec).collect(), bar).await?;
+        let jobs = self.run_jobs(requests.into_iter().map(spec).collect(), bar).await?;
         jobs.iter().map(|job| Ok(lightpath::capture_result(job)?.photo.clone())).collect()
     }
 
@@ -188,7 +192,7 @@ impl Lab {
     pub(super) async fn finalize(&self, dataset: &str, bar: &mut Bar) -> anyhow::Result<String> {
         let step = Some(v1::prepare_dataset::Step::Finalize(v1::prepare_dataset::Finalize::default()));
         let spec = v1::PrepareDataset { dataset: names::dataset(dataset), step };
-        let jobs = self.all_done(vec![Kind::PrepareDataset(spec)], bar).await?;
+        let jobs = self.run_jobs(vec![Kind::PrepareDataset(spec)], bar).await?;
         Ok(lightpath::prepare_result(&jobs[0])?.digest.clone())
     }
 
@@ -201,7 +205,7 @@ impl Lab {
     ) -> anyhow::Result<v1::LearnResult> {
         let datasets = vec![names::dataset(dataset)];
         let spec = v1::LearnKernel { datasets, model: model.into(), seed, ..Default::default() };
-        let jobs = self.all_done(vec![Kind::LearnKernel(spec)], bar).await?;
+        let jobs = self.run_jobs(vec![Kind::LearnKernel(spec)], bar).await?;
         Ok(lightpath::learn_result(&jobs[0])?.clone())
     }
 
@@ -216,7 +220,7 @@ impl Lab {
             let (dataset, kernel) = (names::dataset(dataset), kernel_choice(version));
             Kind::EvaluateKernel(v1::EvaluateKernel { dataset, kernel, ..Default::default() })
         };
-        let jobs = self.all_done(versions.map(spec).collect(), bar).await?;
+        let jobs = self.run_jobs(versions.map(spec).collect(), bar).await?;
         let mean = |job: &Job, split: v1::Split| -> anyhow::Result<Loss> {
             let pairs: Vec<_> = lightpath::evaluate_result(job)?.pairs.iter().filter(|p| p.split() == split).collect();
             let mean = |of: fn(&v1::evaluate_result::PairLoss) -> f64| {
@@ -262,8 +266,8 @@ impl Lab {
         Ok(self.client.download(digest).await?)
     }
 
-    /// Queues all jobs at once, and waits until all have ended.
-    async fn all_done(&self, specs: Vec<Kind>, bar: &mut Bar) -> anyhow::Result<Vec<Job>> {
+    /// Submits all jobs, waits until all have ended, and returns them in the same order.
+    async fn run_jobs(&self, specs: Vec<Kind>, bar: &mut Bar) -> anyhow::Result<Vec<Job>> {
         let count = specs.len();
         let mut submitted = Vec::with_capacity(count);
         for kind in specs {
@@ -287,13 +291,13 @@ impl Lab {
 
 fn hologram_of(job: &Job) -> anyhow::Result<Hologram> {
     let result = lightpath::hologram_result(job)?;
-    let parts = result.wavelengths.first().and_then(|made| made.frames.first().zip(made.planes.first()));
-    let (frame, plane) = parts.context("the server left out the hologram")?;
-    let seen = plane.quantized_quality.and_then(|quality| quality.pixel);
-    Ok(Hologram { phase: frame.phase.clone(), psnr_db: seen.map_or(f64::NAN, |seen| seen.psnr_db) })
+    let parts = result.wavelengths.first().and_then(|hologram| hologram.frames.first().zip(hologram.planes.first()));
+    let (frame, plane) = parts.context("the result contains no hologram")?;
+    let quality = plane.quantized_quality.and_then(|quality| quality.pixel);
+    Ok(Hologram { phase: frame.phase.clone(), psnr_db: quality.map_or(f64::NAN, |quality| quality.psnr_db) })
 }
 
-/// As requests name a version; 0 is the ideal kernel.
+/// Name of a kernel version in a request: its number, or `ideal` for 0.
 pub(super) fn kernel_choice(version: u32) -> String {
     if version == 0 { "ideal".to_owned() } else { version.to_string() }
 }

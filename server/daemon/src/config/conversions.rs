@@ -16,16 +16,16 @@ impl Config {
     ///
     /// # Errors
     ///
-    /// [`ConfigError::Half`] if only one of certificate and key is given, or if client authorities are given without
+    /// [`ConfigError::Incomplete`] if only one of certificate and key is given, or if client authorities are given without
     /// them.
     pub fn tls(&self) -> Result<Option<TlsFiles>, ConfigError> {
         let client_authority = self.tls_client_ca.clone();
         match (self.tls_cert.clone(), self.tls_key.clone()) {
             (Some(certificate), Some(key)) => Ok(Some(TlsFiles { certificate, key, client_authority })),
-            (Some(_), None) => Err(ConfigError::Half { given: "tls_cert", missing: "tls_key" }),
-            (None, Some(_)) => Err(ConfigError::Half { given: "tls_key", missing: "tls_cert" }),
+            (Some(_), None) => Err(ConfigError::Incomplete { given: "tls_cert", missing: "tls_key" }),
+            (None, Some(_)) => Err(ConfigError::Incomplete { given: "tls_key", missing: "tls_cert" }),
             (None, None) if client_authority.is_some() => {
-                Err(ConfigError::Half { given: "tls_client_ca", missing: "tls_cert" })
+                Err(ConfigError::Incomplete { given: "tls_client_ca", missing: "tls_cert" })
             }
             (None, None) => Ok(None),
         }

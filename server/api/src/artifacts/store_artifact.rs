@@ -8,7 +8,7 @@ use lightpath_domain::access::Caller;
 impl Api {
     /// Stores bytes as an artifact owned by the caller, and returns its digest. Empty bytes are not stored; their
     /// digest is an empty text.
-    pub(crate) async fn keep(&self, caller: &Caller, bytes: Vec<u8>) -> Result<String, ApiError> {
+    pub(crate) async fn store_artifact(&self, caller: &Caller, bytes: Vec<u8>) -> Result<String, ApiError> {
         if bytes.is_empty() {
             return Ok(String::new());
         }

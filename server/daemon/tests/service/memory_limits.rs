@@ -1,4 +1,4 @@
-//! Calls that would make the server hold too much.
+//! Tests of the limit on the memory of unfinished requests and answers.
 
 use crate::http::answer;
 use crate::serving::{Serving, small_display};
@@ -15,8 +15,8 @@ fn assert_refused(status: &Status) {
 }
 
 #[tokio::test]
-async fn a_message_without_room_is_refused_and_others_are_not() {
-    // For three calls, or one and a message of 64 KiB.
+async fn message_beyond_the_memory_limit_is_refused_and_others_are_not() {
+    // The limit is enough for three calls, or for one call with a message of 64 KiB.
     let serving = Serving::start_with(|config| config.under_way_mib_max = 0.125).await;
     serving.display("lab").await;
     for _ in 0..3 {
@@ -29,7 +29,7 @@ async fn a_message_without_room_is_refused_and_others_are_not() {
 }
 
 #[tokio::test]
-async fn an_answer_without_room_is_refused_before_it_begins() {
+async fn answer_beyond_the_memory_limit_is_refused_before_it_begins() {
     let serving = Serving::start_with(|config| config.under_way_mib_max = 1.0).await;
     let digest = serving.upload(&[7; 500_000]).await;
     let request = v1::ReadArtifactRequest { digest: digest.clone(), ..Default::default() };
@@ -42,7 +42,7 @@ async fn an_answer_without_room_is_refused_before_it_begins() {
 }
 
 #[tokio::test]
-async fn without_room_for_a_call_the_refusal_is_json() {
+async fn http_call_beyond_the_memory_limit_is_refused_with_json() {
     let serving = Serving::start_with(|config| config.under_way_mib_max = 1e-6).await;
     let refused = answer(&serving, "/v1/jobs").await;
     assert!(refused.starts_with("HTTP/1.1 429 "), "{refused}");

@@ -1,4 +1,4 @@
-//! How phases are found.
+//! Options of the optimization that finds the phases of holograms.
 
 use crate::cli::arguments::{above_zero, propagation, region};
 use crate::cli::failure::Failure;
@@ -16,84 +16,86 @@ use lightpath::v1::{
 };
 use std::path::PathBuf;
 
-/// How phases are found.
+/// Options of the optimization.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Optimization")]
-pub(super) struct Work {
-    /// How the phases are found
+pub(super) struct OptimizationOptions {
+    /// Choose the method that finds the phases
     #[arg(long, default_value = "lbfgs", value_parser = method())]
     method: HologramMethod,
 
-    /// Steps of the optimization, 1 to 10000; double-phase takes one
+    /// Optimize for this many steps, 1 to 10000; double-phase takes one step
     #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..))]
     iterations: u32,
 
-    /// Adam's step in radians, above 0, at most 10 [default: 0.1]
+    /// Set the learning rate of adam in radians, above 0, at most 10; only with --method adam [default: 0.1]
     #[arg(long, value_name = "RAD", value_parser = above_zero)]
     learning_rate: Option<f64>,
 
-    /// How light's way to the image is computed; `lightpath display plan` tells what suits
+    /// Choose how light is propagated to the image; lightpath display plan shows which methods suit
     #[arg(long, default_value = "auto", value_parser = propagation())]
     propagation: v1::PropagationMethod,
 
-    /// What counts as the light of a pixel while optimizing
+    /// Choose the detector that the optimization simulates: what counts as the light of a pixel
     #[arg(long, default_value = "pixel", value_parser = WordParser::<v1::Detector>::new())]
     detector: v1::Detector,
 
-    /// Phases of each hologram, 1 to 24, shown so fast that the eye sees the mean of their light
+    /// Compute this many phases per hologram, 1 to 24, to be shown so fast that the eye sees the mean of their light
     #[arg(long, value_name = "N", default_value_t = 1)]
     frames: u32,
 
-    /// Where the search begins: random; back-propagated (the targets sent back to the SLM); quadratic, or quadratic:200mm
-    /// with a focal length; constant, or constant:1.5 in radians; or a .npy file of radians, float32, one for each
-    /// wavelength, separated by commas [default: random; without --phase-range constant for double-phase, and for --detector
-    /// supersampled without --frames]
+    /// Choose the phase that the search starts from: random; back-propagated (the targets propagated back to the SLM);
+    /// quadratic, or quadratic:200mm with a focal length; constant, or constant:1.5 in radians; or .npy files of radians
+    /// (float32), one per wavelength, separated by commas [default: random; but constant if --phase-range is absent and the
+    /// method is double-phase, or the detector is supersampled and --frames is absent]
     #[arg(long, value_name = "KIND", value_parser = initial_phase, allow_hyphen_values = true)]
     initial_phase: Option<Start>,
 
-    /// The random part of the initial phase is uniform between 0 and this, in radians, at most 2π = 6.2831853. A wide range
-    /// makes speckle, a narrow one a better picture [default: 1; back-propagated: 0]
+    /// Draw the random part of the initial phase between 0 and this, in radians, at most 2π = 6.2831853; a wide range
+    /// makes speckle, a narrow one a better picture [default: 1; for back-propagated 0]
     #[arg(long, value_name = "RAD")]
     phase_range: Option<f64>,
 
-    /// Seed of the initial phase
+    /// Set the seed of the random initial phase
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
 
-    /// What is compared with the target
+    /// Choose the quantity that is compared with the target
     #[arg(long, default_value = "intensity", value_parser = WordParser::<Quantity>::new())]
     loss: Quantity,
 
-    /// Factor of the total variation of the light, relative to its mean: smooths. 0 to 1000; begin with 0.001
+    /// Smooth the picture: add this factor times the light's total variation, relative to its mean, to the loss; 0 to 1000,
+    /// try 0.001 first
     #[arg(long, value_name = "FACTOR", default_value_t = 0.0)]
     total_variation: f64,
 
-    /// Factor of the speckle, the excess of local contrast over the target's. 0 to 1000; begin with 0.01
+    /// Reduce speckle: add this factor times the difference in local contrast from the target to the loss; 0 to 1000, try
+    /// 0.01 first
     #[arg(long, value_name = "FACTOR", default_value_t = 0.0)]
     speckle: f64,
 
-    /// Side of the blocks in which speckle is measured, 2 to 256 px
+    /// Measure speckle in square blocks with this side in pixels, 2 to 256
     #[arg(long, value_name = "PX", default_value_t = 8)]
     speckle_block: u32,
 
-    /// How much each pixel counts: a linear grey picture, black counts nothing
+    /// Weight each pixel in the loss by this linear grey picture; black pixels are ignored [default: equal weights]
     #[arg(long, value_name = "FILE")]
     weight_mask: Option<PathBuf>,
 
-    /// Where the picture counts, in pixels: x,y,width,height [default: the middle 80 % of each axis]
+    /// Compare pictures only in this region: x,y,width,height in pixels [default: the middle 80 % of each axis]
     #[arg(long, value_name = "X,Y,W,H", value_parser = region)]
     roi: Option<v1::RegionOfInterest>,
 
-    /// Take the last third of the steps through the display's grey levels and response, so that quantization costs less
-    /// (adam and lbfgs)
+    /// Use the display's grey levels and phase response in the last third of the steps, so that quantization costs less
+    /// quality; only with adam and lbfgs
     #[arg(long)]
     quantization_aware: bool,
 
-    /// How the target's values stand for light
+    /// Choose how the target's values encode light
     #[arg(long, value_name = "ENCODING", default_value = "srgb", value_parser = WordParser::<v1::Encoding>::new())]
     target_encoding: v1::Encoding,
 
-    /// How a target of another size is brought to the display's
+    /// Choose how a target of another size is fitted to the display
     #[arg(long, default_value = "contain", value_parser = WordParser::<Fit>::new())]
     fit: Fit,
 }
@@ -103,13 +105,16 @@ fn method() -> WordParser<HologramMethod> {
     names.into_iter().fold(WordParser::new(), |parser, (word, alias)| parser.alias(word, alias))
 }
 
-/// Where the search begins.
+/// The phase that the search starts from.
 #[derive(Clone, Debug, PartialEq)]
 enum Start {
     Random,
     BackPropagated,
+    /// Focal length \[m\]. 0 stands for the server's default.
     Quadratic(f64),
+    /// Phase \[rad\].
     Constant(f64),
+    /// Paths of .npy files, one for each wavelength.
     Given(Vec<PathBuf>),
 }
 
@@ -127,21 +132,21 @@ fn initial_phase(text: &str) -> Result<Start, String> {
         }
         ("constant", None) => Ok(Start::Constant(0.0)),
         ("constant", Some(phase)) => {
-            let refused = || format!("a constant phase is a number of radians, such as constant:1.5, not {phase}");
-            Ok(Start::Constant(phase.parse().map_err(|_| refused())?))
+            let error =
+                || format!("the constant phase is {phase}, but must be a number of radians, such as constant:1.5");
+            Ok(Start::Constant(phase.parse().map_err(|_| error())?))
         }
         _ if text.split(',').all(|file| file.ends_with(".npy")) => {
             Ok(Start::Given(text.split(',').map(PathBuf::from).collect()))
         }
         _ => {
-            Err("an initial phase is random, back-propagated, quadratic[:FOCAL LENGTH], constant[:RADIANS] or FILE.npy"
-                .to_owned())
+            Err("must be random, back-propagated, quadratic[:FOCAL LENGTH], constant[:RADIANS] or FILE.npy".to_owned())
         }
     }
 }
 
-impl Work {
-    /// Files that are read.
+impl OptimizationOptions {
+    /// The input files.
     pub(super) fn files(&self) -> impl Iterator<Item = &PathBuf> {
         let given = match &self.initial_phase {
             Some(Start::Given(files)) => files.as_slice(),
@@ -150,7 +155,7 @@ impl Work {
         given.iter().chain(&self.weight_mask)
     }
 
-    /// Says how, with the files that it takes uploaded.
+    /// Uploads the input files and adds the options to `spec`.
     pub(super) async fn fill(&self, session: &Session, spec: OptimizeHologram) -> Result<OptimizeHologram, Failure> {
         let loss = optimize_hologram::Loss {
             quantity: self.loss.into(),
@@ -170,7 +175,7 @@ impl Work {
             iterations: self.iterations,
             learning_rate: self.learning_rate.unwrap_or(0.0),
             frames: self.frames,
-            initial_phase: self.start(session).await?,
+            initial_phase: self.initial_phase(session).await?,
             seed: self.seed,
             loss: Some(loss),
             detector: self.detector.into(),
@@ -181,7 +186,8 @@ impl Work {
         })
     }
 
-    async fn start(&self, session: &Session) -> Result<Option<InitialPhase>, Failure> {
+    /// The initial phase for the API, with its files uploaded. `None` stands for the server's default.
+    async fn initial_phase(&self, session: &Session) -> Result<Option<InitialPhase>, Failure> {
         let random = Random { range_rad: self.phase_range };
         let kind = match &self.initial_phase {
             None if self.phase_range.is_none() => return Ok(None),
@@ -206,7 +212,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn initial_phases_are_read() {
+    fn initial_phases_are_parsed() {
         assert_eq!(initial_phase("random"), Ok(Start::Random));
         assert_eq!(initial_phase("back-propagated"), Ok(Start::BackPropagated));
         assert_eq!(initial_phase("quadratic"), Ok(Start::Quadratic(0.0)));

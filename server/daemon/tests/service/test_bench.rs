@@ -1,4 +1,4 @@
-//! A simulated bench beside the server, and a dataset of its photographs.
+//! A simulated bench for tests, and a dataset of its photographs on a server.
 
 use crate::preparing::{finalize, prepare};
 use crate::serving::Serving;
@@ -21,14 +21,14 @@ pub(crate) const WIDTH: usize = 384;
 const DISTANCE_M: f64 = 0.03;
 pub(crate) const CENTRE: [f64; 2] = [(WIDTH as f64 - 1.0) / 2.0, (HEIGHT as f64 - 1.0) / 2.0];
 
-/// A simulated bench, and holograms that were made for the ideal display.
-pub(crate) struct Lab {
+/// A simulated bench, and an engine of the ideal display, for which holograms are optimized.
+pub(crate) struct TestBench {
     pub(crate) setup: OpticalSetup,
     pub(crate) engine: Engine,
     bench: SimulatedDisplay,
 }
 
-impl Lab {
+impl TestBench {
     pub(crate) fn new(seed: u64) -> Self {
         let grid = Grid::try_new(HEIGHT, WIDTH, 8e-6).unwrap();
         let (setup, _) = OpticalSetup::try_new(grid, 515e-9, DISTANCE_M).unwrap().planned().unwrap();
@@ -46,12 +46,12 @@ impl Lab {
         }
     }
 
-    /// The phase that shows a picture, if the display were ideal.
+    /// Optimizes the phase of a target for the ideal display.
     pub(crate) fn phase(&self, target: &Plane<f32>, iterations: u32) -> Plane<f32> {
         self.phase_through(&self.engine, target, iterations)
     }
 
-    /// The phase that shows a picture on the display that the engine is for.
+    /// Optimizes the phase of a target through `engine`.
     pub(crate) fn phase_through(&self, engine: &Engine, target: &Plane<f32>, iterations: u32) -> Plane<f32> {
         let plane = ImagePlane { engine: engine.clone(), target: target.clone(), weight: None, share: 1.0 };
         let problem = HologramProblem::with_planes(vec![plane], 1, self.region(), Loss::default()).unwrap();
@@ -70,7 +70,8 @@ impl Lab {
         self.phase(&TestCard::ALL[card].render(HEIGHT, WIDTH, card as u64).unwrap(), 40)
     }
 
-    /// What a camera behind `map` sees, in its own size: linear light.
+    /// A photograph of a phase in linear light. `map` maps pixels of the display to pixels of the camera, which has
+    /// `height` × `width` pixels.
     pub(crate) fn photo(
         &self,
         phase: &Plane<f32>,
@@ -82,12 +83,12 @@ impl Lab {
         self.expose(&self.light(phase), seed, map, height, width)
     }
 
-    /// The light of what the display shows for a phase, in units of the camera's full scale.
+    /// Light in the image plane for a phase, in units of the camera's full scale.
     pub(crate) fn light(&self, phase: &Plane<f32>) -> Plane<f32> {
         self.bench.light(&levels(phase).map(|level| f32::from(level) * std::f32::consts::TAU / 256.0)).unwrap()
     }
 
-    /// A photograph of light through `map`.
+    /// A photograph of the given light. `map` maps pixels of the display to pixels of the camera.
     pub(crate) fn expose(
         &self,
         light: &Plane<f32>,
@@ -105,7 +106,7 @@ pub(crate) fn levels(phase: &Plane<f32>) -> Plane<u16> {
     phase.map(|phase| (phase / std::f32::consts::TAU * 256.0).round().rem_euclid(256.0) as u16)
 }
 
-/// A dataset that takes pairs, on a server of its own.
+/// An open dataset on a server of its own.
 pub(crate) struct Dataset {
     pub(crate) serving: Serving,
     pub(crate) client: DatasetServiceClient<Channel>,

@@ -12,23 +12,25 @@ use tokio::net::tcp::{OwnedReadHalf, OwnedWriteHalf};
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 
-/// Of the hostile client.
+/// Connections of the hostile client.
 const CONNECTIONS: usize = 4;
-/// On each of them, as many as the server takes.
+/// Streams on each connection: as many as the server accepts.
 const STREAMS: u32 = 250;
-/// Setting of the server, so small that the test need not send gigabytes.
+/// Setting of the server: memory for messages under way \[MiB\]. It is so small that the test need not send gigabytes.
 const UNDER_WAY_MIB: u64 = 64;
-/// Beside them: connections, streams, and what the allocator keeps.
+/// Allowed growth of the server's memory \[KiB\]: messages under way, connections, streams, and memory that the allocator
+/// keeps.
 const MEMORY_KIB_MAX: u64 = (UNDER_WAY_MIB + 64) << 10;
-/// What every message promises to be \[bytes\].
+/// Announced size of each message \[bytes\].
 const MESSAGE_BYTES: u32 = 4_000_000;
-/// The largest frame that a server must take \[bytes\].
+/// Largest frame that each HTTP/2 server accepts \[bytes\].
 const FRAME_BYTES: usize = 16 << 10;
-/// Of every message: together within the window that a stream begins with.
+/// Frames sent of each message. Together they fit into the initial window of a stream.
 const FRAMES: usize = 28;
-const PATIENCE_MAX: Duration = Duration::from_secs(60);
+/// Time limit for an answer of the server.
+const ANSWER_TIMEOUT: Duration = Duration::from_secs(60);
 
-/// Kinds of frames and their flags (RFC 9113, section 6).
+// Kinds of HTTP/2 frames and their flags (RFC 9113, section 6).
 const DATA: u8 = 0;
 const HEADERS: u8 = 1;
 const RST_STREAM: u8 = 3;
@@ -38,12 +40,13 @@ const END_STREAM: u8 = 1;
 const ACK: u8 = 1;
 const END_HEADERS: u8 = 4;
 
+/// An HTTP/2 frame.
 fn frame(kind: u8, flags: u8, stream: u32, payload: &[u8]) -> Vec<u8> {
     let length = u32::try_from(payload.len()).unwrap().to_be_bytes();
     [&length[1..], &[kind, flags], &stream.to_be_bytes(), payload].concat()
 }
 
-/// The headers of a call (RFC 7541: fields of the static table by number, the others as they are).
+/// The HEADERS frame of a call (RFC 7541): fields of the static table by number, other fields as text.
 fn headers(stream: u32, path: &str) -> Vec<u8> {
     let text = |text: &str| [&[u8::try_from(text.len()).unwrap()], text.as_bytes()].concat();
     let path = [vec![0x04], text(path)].concat();
@@ -53,33 +56,34 @@ fn headers(stream: u32, path: &str) -> Vec<u8> {
     frame(HEADERS, END_HEADERS, stream, &block)
 }
 
-/// The head of a gRPC message.
+/// The prefix of a gRPC message of `length` bytes.
 fn prefix(length: u32) -> Vec<u8> {
     [&[0], &length.to_be_bytes()[..]].concat()
 }
 
-/// What the server has said on a connection.
+/// State of a connection according to the server's frames.
 #[derive(Debug, Default)]
-struct Said {
-    /// Streams with a first byte of their answer.
+struct Received {
+    /// Streams on which data has arrived.
     answered: HashSet<u32>,
-    /// Streams that it has ended.
+    /// Streams that the server has ended.
     ended: HashSet<u32>,
-    /// It has read all that was sent before so many pings.
+    /// Number of answered pings. The server has read everything that was sent before them.
     pongs: u32,
+    /// True after the server has closed the connection.
     closed: bool,
 }
 
-/// A connection that speaks HTTP/2, frame by frame.
-struct Hoarder {
+/// An HTTP/2 connection of a client that leaves its streams open.
+struct StalledConnection {
     to: OwnedWriteHalf,
-    said: watch::Receiver<Said>,
+    received: watch::Receiver<Received>,
     pings: u32,
     listening: JoinHandle<()>,
 }
 
-impl Hoarder {
-    /// Connects from an address of its own; a stream may send it `window_bytes`.
+impl StalledConnection {
+    /// Connects from another address than the other clients. The server may send `window_bytes` on each stream.
     async fn connect(url: &str, window_bytes: u32) -> Self {
         let address: SocketAddr = url.trim_start_matches("http://").parse().unwrap();
         let socket = TcpSocket::new_v4().unwrap();
@@ -88,38 +92,38 @@ impl Hoarder {
         let window = [&[0, 4], &window_bytes.to_be_bytes()[..]].concat();
         let preface = [b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n", &frame(SETTINGS, 0, 0, &window)[..]].concat();
         to.write_all(&preface).await.unwrap();
-        let (say, said) = watch::channel(Said::default());
-        Self { to, said, pings: 0, listening: tokio::spawn(listen(from, say)) }
+        let (sender, received) = watch::channel(Received::default());
+        Self { to, received, pings: 0, listening: tokio::spawn(listen(from, sender)) }
     }
 
-    /// The numbers of its streams that the server has not ended.
+    /// Numbers of the streams that the server has not ended.
     fn open(&self) -> Vec<u32> {
-        let said = self.said.borrow();
-        (0..STREAMS).map(|n| 2 * n + 1).filter(|stream| !said.ended.contains(stream)).collect()
+        let received = self.received.borrow();
+        (0..STREAMS).map(|n| 2 * n + 1).filter(|stream| !received.ended.contains(stream)).collect()
     }
 
     async fn send(&mut self, frames: &[u8]) {
         self.to.write_all(frames).await.unwrap();
     }
 
-    /// Waits until the server has read everything.
+    /// Waits until the server has read everything that was sent.
     async fn settle(&mut self) {
         self.send(&frame(PING, 0, 0, b"finished")).await;
         self.pings += 1;
         let pings = self.pings;
-        let settled = self.said.wait_for(|said| said.pongs == pings || said.closed);
-        tokio::time::timeout(PATIENCE_MAX, settled).await.unwrap().unwrap();
+        let settled = self.received.wait_for(|received| received.pongs == pings || received.closed);
+        tokio::time::timeout(ANSWER_TIMEOUT, settled).await.unwrap().unwrap();
     }
 }
 
-impl Drop for Hoarder {
+impl Drop for StalledConnection {
     fn drop(&mut self) {
         self.listening.abort();
     }
 }
 
-/// Notes what the server says, until it says no more.
-async fn listen(mut from: OwnedReadHalf, say: watch::Sender<Said>) {
+/// Reads the server's frames until the connection ends, and publishes the state.
+async fn listen(mut from: OwnedReadHalf, sender: watch::Sender<Received>) {
     let mut head = [0; 9];
     while from.read_exact(&mut head).await.is_ok() {
         let [l0, l1, l2, kind, flags, s0, s1, s2, s3] = head;
@@ -128,70 +132,71 @@ async fn listen(mut from: OwnedReadHalf, say: watch::Sender<Said>) {
         if from.read_exact(&mut payload).await.is_err() {
             break;
         }
-        say.send_modify(|said| match kind {
-            RST_STREAM => drop(said.ended.insert(stream)),
-            HEADERS | DATA if flags & END_STREAM != 0 => drop(said.ended.insert(stream)),
-            DATA => drop(said.answered.insert(stream)),
-            PING if flags & ACK != 0 => said.pongs += 1,
+        sender.send_modify(|received| match kind {
+            RST_STREAM => drop(received.ended.insert(stream)),
+            HEADERS | DATA if flags & END_STREAM != 0 => drop(received.ended.insert(stream)),
+            DATA => drop(received.answered.insert(stream)),
+            PING if flags & ACK != 0 => received.pongs += 1,
             _ => {}
         });
     }
-    say.send_modify(|said| said.closed = true);
+    sender.send_modify(|received| received.closed = true);
 }
 
+/// Starts a server with the memory limit of the test.
 async fn start(data: &TempDir) -> Daemon {
     let under_way = UNDER_WAY_MIB.to_string();
     Daemon::start(data.path(), &["--under-way-mib-max", &under_way, "--calls-per-s-max", "0"]).await
 }
 
-/// Others get their work done, and the server has not grown beyond its limit.
-async fn assert_unmoved(daemon: &Daemon, before_kib: u64, what: &str) {
+/// Checks that another client's job succeeds, and that the server's memory has not grown beyond the limit.
+async fn assert_server_works(daemon: &Daemon, before_kib: u64, load: &str) {
     let picture = daemon.client.upload_bytes(target(64, 48, 1)).await.unwrap();
     let job = daemon.client.submit(request(hologram("lab", &picture, 5, 1), "real")).await.unwrap();
     assert_eq!(daemon.client.wait(&job.name, |_| ()).await.unwrap().state(), State::Succeeded);
     let grown_kib = daemon.memory_peak_kib().saturating_sub(before_kib);
-    let line = format!("{what}: memory grew by {} MiB", grown_kib >> 10);
+    let line = format!("{load}: memory grew by {} MiB", grown_kib >> 10);
     let mut stderr = std::io::stderr();
     writeln!(stderr, "{line}").unwrap();
     assert!(grown_kib < MEMORY_KIB_MAX, "{line}");
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn messages_that_never_end_take_little_memory_and_hold_up_nobody() {
+async fn unfinished_messages_take_little_memory_and_block_no_other_client() {
     let data = TempDir::new().unwrap();
     let daemon = start(&data).await;
     declare(&daemon.client, "lab", 64, 48).await;
     let before_kib = daemon.memory_peak_kib();
 
-    let mut hoarders = Vec::new();
+    let mut connections = Vec::new();
     for _ in 0..CONNECTIONS {
-        let mut hoarder = Hoarder::connect(&daemon.url, 1 << 16).await;
-        for stream in hoarder.open() {
+        let mut connection = StalledConnection::connect(&daemon.url, 1 << 16).await;
+        for stream in connection.open() {
             let call = headers(stream, "/lightpath.v1.JobService/SubmitJob");
-            hoarder.send(&[call, frame(DATA, 0, stream, &prefix(MESSAGE_BYTES))].concat()).await;
+            connection.send(&[call, frame(DATA, 0, stream, &prefix(MESSAGE_BYTES))].concat()).await;
         }
-        hoarders.push(hoarder);
+        connections.push(connection);
     }
     let part = [0; FRAME_BYTES];
     let mut sent = 0;
     for _ in 0..FRAMES {
-        for hoarder in &mut hoarders {
-            for stream in hoarder.open() {
-                hoarder.send(&frame(DATA, 0, stream, &part)).await;
+        for connection in &mut connections {
+            for stream in connection.open() {
+                connection.send(&frame(DATA, 0, stream, &part)).await;
                 sent += part.len();
             }
-            hoarder.settle().await;
+            connection.settle().await;
         }
     }
-    let open: usize = hoarders.iter().map(|hoarder| hoarder.open().len()).sum();
-    let what = format!("{CONNECTIONS} connections sent {} MiB of messages, {open} of them go on", sent >> 20);
-    assert_unmoved(&daemon, before_kib, &what).await;
-    assert!(0 < open && open < CONNECTIONS * STREAMS as usize, "{what}");
+    let open: usize = connections.iter().map(|connection| connection.open().len()).sum();
+    let load = format!("{CONNECTIONS} connections sent {} MiB of messages, {open} of them are open", sent >> 20);
+    assert_server_works(&daemon, before_kib, &load).await;
+    assert!(0 < open && open < CONNECTIONS * STREAMS as usize, "{load}");
     daemon.kill().await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn answers_that_nobody_takes_take_little_memory_and_hold_up_nobody() {
+async fn unread_answers_take_little_memory_and_block_no_other_client() {
     let data = TempDir::new().unwrap();
     let daemon = start(&data).await;
     declare(&daemon.client, "lab", 64, 48).await;
@@ -199,30 +204,32 @@ async fn answers_that_nobody_takes_take_little_memory_and_hold_up_nobody() {
     daemon.client.download(&digest).await.unwrap();
     let before_kib = daemon.memory_peak_kib();
 
-    // `ReadArtifactRequest.digest`
+    // The field `ReadArtifactRequest.digest`.
     let message = [&[0x0a, u8::try_from(digest.len()).unwrap()], digest.as_bytes()].concat();
     let message = [prefix(u32::try_from(message.len()).unwrap()), message].concat();
-    let mut hoarders = Vec::new();
+    let mut connections = Vec::new();
     for _ in 0..CONNECTIONS {
-        let mut hoarder = Hoarder::connect(&daemon.url, 1).await;
-        for stream in hoarder.open() {
+        let mut connection = StalledConnection::connect(&daemon.url, 1).await;
+        for stream in connection.open() {
             let call = headers(stream, "/lightpath.v1.ArtifactService/ReadArtifact");
-            hoarder.send(&[call, frame(DATA, END_STREAM, stream, &message)].concat()).await;
+            connection.send(&[call, frame(DATA, END_STREAM, stream, &message)].concat()).await;
         }
-        hoarders.push(hoarder);
+        connections.push(connection);
     }
     let mut open = 0;
-    for hoarder in &mut hoarders {
-        let all_begun = |said: &Said| said.closed || said.answered.union(&said.ended).count() == STREAMS as usize;
-        tokio::time::timeout(PATIENCE_MAX, hoarder.said.wait_for(all_begun)).await.unwrap().unwrap();
-        open += hoarder.open().len();
+    for connection in &mut connections {
+        let all_begun = |received: &Received| {
+            received.closed || received.answered.union(&received.ended).count() == STREAMS as usize
+        };
+        tokio::time::timeout(ANSWER_TIMEOUT, connection.received.wait_for(all_begun)).await.unwrap().unwrap();
+        open += connection.open().len();
     }
-    let what = format!("{CONNECTIONS} connections wait for {open} downloads");
-    assert_unmoved(&daemon, before_kib, &what).await;
-    assert!(0 < open && open < CONNECTIONS * STREAMS as usize, "{what}");
+    let load = format!("{CONNECTIONS} connections wait for {open} downloads");
+    assert_server_works(&daemon, before_kib, &load).await;
+    assert!(0 < open && open < CONNECTIONS * STREAMS as usize, "{load}");
 
-    // When the hostile client has gone, there is room again.
-    drop(hoarders);
+    // After the hostile client has disconnected, downloads succeed again.
+    drop(connections);
     daemon.client.list_jobs(v1::ListJobsRequest::default()).await.unwrap();
     assert_eq!(daemon.client.download(&digest).await.unwrap().len(), 8 << 20);
     daemon.kill().await;

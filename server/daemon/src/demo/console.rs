@@ -8,13 +8,13 @@ use std::io::Write as _;
 use std::time::{Duration, Instant};
 
 /// Output of the demo, with the steps so far.
-pub(super) struct Story {
+pub(super) struct Console {
     begun: Instant,
     steps: Vec<(String, Instant)>,
 }
 
-impl Story {
-    /// Prints what the demo will do.
+impl Console {
+    /// Prints the properties of the display and starts the clock.
     pub(super) fn begin(args: &DemoArgs) -> anyhow::Result<Self> {
         let (width_px, height_px) = args.resolution();
         let mut out = std::io::stdout().lock();
@@ -38,14 +38,14 @@ impl Story {
     }
 
     /// Prints the result of the step and how long it took.
-    pub(super) fn tell(&self, text: String) -> anyhow::Result<()> {
+    pub(super) fn print_result(&self, text: String) -> anyhow::Result<()> {
         let took_s = self.steps.last().map_or(0.0, |(_, begun)| begun.elapsed().as_secs_f64());
         writeln!(std::io::stdout().lock(), "    {text}  ({took_s:.1} s)")?;
         Ok(())
     }
 
     /// Prints lines without changes.
-    pub(super) fn show(&self, text: &str) -> anyhow::Result<()> {
+    pub(super) fn print(&self, text: &str) -> anyhow::Result<()> {
         writeln!(std::io::stdout().lock(), "\n{text}")?;
         Ok(())
     }
@@ -80,9 +80,9 @@ impl Story {
         writeln!(
             stdout,
             "
-Look at   {out}/contact_sheet.png, {out}/kernel.png, {out}/loss.png; every number is in {out}/report.json.
+Results   {out}/contact_sheet.png, {out}/kernel.png, {out}/loss.png; all numbers are in {out}/report.json.
 
-Go on     {serve} serve --data-dir {}
+Try next  {serve} serve --data-dir {}
           {cli} kernel list
           {cli} hologram optimize {} --display {} --distance {distance} -o hologram.png
           {cli} simulate --display {} --distance {distance} --phase hologram.png -o photograph.png

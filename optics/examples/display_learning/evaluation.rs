@@ -2,34 +2,34 @@
 
 use super::lab::Lab;
 use super::options::{Failure, Options};
-use super::shots::{Shots, phase};
+use super::photographed::{PhotographedPairs, phase};
 use lightpath_optics::learning::{PairSource, compare};
 use lightpath_optics::metrics::{Gain, psnr_db};
 use lightpath_optics::{Detector, DisplayModel, Engine, Plane};
 
-/// The lab and the photographs that judge the models.
-pub(crate) struct Judge<'a> {
+/// Measures the quality of models with the photographs of a lab.
+pub(crate) struct ModelEvaluation<'a> {
     lab: &'a Lab,
-    test: &'a Shots,
+    test: &'a PhotographedPairs,
     targets: Vec<Plane<f32>>,
     iterations: u32,
 }
 
 /// Measured quality of a model.
-pub(crate) struct Verdict {
+pub(crate) struct ModelScore {
     /// Mean squared error in the region over the test pairs. Gain and black level are fitted to each pair.
     pub(crate) test_loss: f64,
     /// PSNR of the photographs of new holograms \[dB\], one value for each target.
     pub(crate) captured_db: Vec<f64>,
 }
 
-impl<'a> Judge<'a> {
-    pub(crate) fn new(lab: &'a Lab, test: &'a Shots, options: &Options) -> Result<Self, Failure> {
+impl<'a> ModelEvaluation<'a> {
+    pub(crate) fn new(lab: &'a Lab, test: &'a PhotographedPairs, options: &Options) -> Result<Self, Failure> {
         let targets = (0..options.targets).map(|i| lab.new_target(i)).collect::<Result<_, _>>()?;
         Ok(Self { lab, test, targets, iterations: options.iterations })
     }
 
-    pub(crate) fn verdict(&self, model: &DisplayModel) -> Result<Verdict, Failure> {
+    pub(crate) fn score(&self, model: &DisplayModel) -> Result<ModelScore, Failure> {
         let engine = Engine::new(model, Detector::Pixel, None)?;
         let mut test_loss = 0.0;
         for index in 0..self.test.len() {
@@ -41,7 +41,7 @@ impl<'a> Judge<'a> {
             let light = photo.map(|level| f32::from(level) / 255.0);
             Ok(psnr_db(&light, target, self.lab.region(), Gain::Fitted)?)
         });
-        Ok(Verdict {
+        Ok(ModelScore {
             test_loss: test_loss / self.test.len() as f64,
             captured_db: captured_db.collect::<Result<_, Failure>>()?,
         })

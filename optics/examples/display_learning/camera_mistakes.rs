@@ -3,7 +3,7 @@
 use lightpath_optics::{Plane, RegionOfInterest};
 
 /// The light as seen by a camera that is rotated about the middle and shifted.
-pub(crate) fn turned(light: &Plane<f32>, rotation_rad: f64, dx_px: f64, dy_px: f64) -> Plane<f32> {
+pub(crate) fn rotated_and_shifted(light: &Plane<f32>, rotation_rad: f64, dx_px: f64, dy_px: f64) -> Plane<f32> {
     let (height_px, width_px) = (light.height_px(), light.width_px());
     let (middle_y, middle_x) = ((height_px - 1) as f64 / 2.0, (width_px - 1) as f64 / 2.0);
     let (sine, cosine) = rotation_rad.sin_cos();

@@ -6,12 +6,12 @@ use lightpath_optics::phase_response::PhaseResponse;
 
 /// Holograms as grey levels, with their photographs.
 #[derive(Clone, Debug)]
-pub(crate) struct Shots {
+pub(crate) struct PhotographedPairs {
     pub(crate) levels: Vec<Plane<u8>>,
     pub(crate) photos: Vec<Plane<u8>>,
 }
 
-impl PairSource for Shots {
+impl PairSource for PhotographedPairs {
     fn len(&self) -> usize {
         self.levels.len()
     }

@@ -1,5 +1,5 @@
-//! Time spent in evaluations of loss and gradient, measured with a clock that the caller gives. This crate reads no
-//! clock of its own.
+//! Time spent in evaluations of loss and gradient, measured with a clock that the caller gives. This crate reads
+//! no clock of its own.
 
 use std::time::Duration;
 
@@ -8,12 +8,12 @@ pub type Clock = fn() -> Duration;
 
 /// Adds up the time between starts and stops; measures nothing without a clock.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Meter {
+pub(super) struct Stopwatch {
     pub(super) clock: Option<Clock>,
     pub(super) spent: Duration,
 }
 
-impl Meter {
+impl Stopwatch {
     pub(super) fn start(&self) -> Option<Duration> {
         self.clock.map(|clock| clock())
     }

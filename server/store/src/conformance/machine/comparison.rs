@@ -1,18 +1,18 @@
-//! A store and its model, which receive the same commands.
+//! A store and its model, which execute the same commands and must give the same answers.
 
 use super::command::{Command, Submission};
 use super::model::{Model, ModelJob};
 use super::*;
 
-/// The store and its model.
-pub(super) struct Worlds {
+/// A store and its model.
+pub(super) struct Comparison {
     pub(super) store: Store,
     pub(super) model: Model,
     pub(super) submitted: usize,
 }
 
-impl Worlds {
-    pub(super) async fn take(&mut self, command: Command) {
+impl Comparison {
+    pub(super) async fn run(&mut self, command: Command) {
         match command {
             Command::Submit(submission) => self.submit(submission).await,
             Command::Claim { per_owner, per_display } => self.claim(ClaimLimits { per_owner, per_display }).await,
@@ -49,10 +49,10 @@ impl Worlds {
     }
 
     async fn heartbeat(&mut self, job: usize, stale: bool) {
-        let Some((index, lease, holds)) = self.model.lease(job, stale) else { return };
+        let Some((index, lease, is_valid)) = self.model.lease(job, stale) else { return };
         let beat = self.store.heartbeat(&lease, self.model.now_ms, LEASE_MS).await;
-        assert_eq!(beat.is_ok(), holds);
-        if holds {
+        assert_eq!(beat.is_ok(), is_valid);
+        if is_valid {
             let job = &mut self.model.jobs[index];
             job.until_ms = job.until_ms.max(self.model.now_ms + LEASE_MS);
             assert_eq!(beat.unwrap().cancel_requested, job.cancel_requested);
@@ -60,63 +60,63 @@ impl Worlds {
     }
 
     async fn checkpoint(&mut self, job: usize, stale: bool) {
-        let Some((index, lease, holds)) = self.model.lease(job, stale) else { return };
+        let Some((index, lease, is_valid)) = self.model.lease(job, stale) else { return };
         let saved = digest(self.model.now_ms as u32);
-        assert_eq!(self.store.checkpoint(&lease, &saved, self.model.now_ms).await.is_ok(), holds);
-        if holds {
+        assert_eq!(self.store.checkpoint(&lease, &saved, self.model.now_ms).await.is_ok(), is_valid);
+        if is_valid {
             let job = &mut self.model.jobs[index];
             (job.failures, job.crashes, job.has_checkpoint) = (0, 0, true);
         }
     }
 
     async fn finish(&mut self, job: usize, stale: bool) {
-        let Some((index, lease, holds)) = self.model.lease(job, stale) else { return };
+        let Some((index, lease, is_valid)) = self.model.lease(job, stale) else { return };
         let ended = self.store.finish(&lease, result(), JobEffect::None, self.model.now_ms).await;
-        assert_eq!(ended.is_ok(), holds);
-        if holds {
+        assert_eq!(ended.is_ok(), is_valid);
+        if is_valid {
             self.model.end(index, JobState::Succeeded);
         }
     }
 
     async fn postpone(&mut self, job: usize, stale: bool) {
-        let Some((index, lease, holds)) = self.model.lease(job, stale) else { return };
+        let Some((index, lease, is_valid)) = self.model.lease(job, stale) else { return };
         let at_ms = self.model.now_ms + 5;
-        assert_eq!(self.store.postpone(&lease, trouble(), at_ms, self.model.now_ms).await.is_ok(), holds);
-        if holds && self.model.jobs[index].cancel_requested {
+        assert_eq!(self.store.postpone(&lease, io_error(), at_ms, self.model.now_ms).await.is_ok(), is_valid);
+        if is_valid && self.model.jobs[index].cancel_requested {
             self.model.end(index, JobState::Cancelled);
-        } else if holds {
+        } else if is_valid {
             self.model.jobs[index].run_time_ms = at_ms;
             self.model.end(index, JobState::Queued);
         }
     }
 
     async fn release(&mut self, job: usize, stale: bool) {
-        let Some((index, lease, holds)) = self.model.lease(job, stale) else { return };
-        assert_eq!(self.store.release(&lease, self.model.now_ms).await.is_ok(), holds);
-        if holds {
-            let wished = self.model.jobs[index].cancel_requested;
-            self.model.end(index, if wished { JobState::Cancelled } else { JobState::Queued });
+        let Some((index, lease, is_valid)) = self.model.lease(job, stale) else { return };
+        assert_eq!(self.store.release(&lease, self.model.now_ms).await.is_ok(), is_valid);
+        if is_valid {
+            let is_cancelled = self.model.jobs[index].cancel_requested;
+            self.model.end(index, if is_cancelled { JobState::Cancelled } else { JobState::Queued });
         }
     }
 
     async fn end_cancelled(&mut self, job: usize, stale: bool) {
-        let Some((index, lease, holds)) = self.model.lease(job, stale) else { return };
+        let Some((index, lease, is_valid)) = self.model.lease(job, stale) else { return };
         // A worker ends a job as cancelled only if a user requested the cancellation.
         if !self.model.jobs[index].cancel_requested {
             return;
         }
-        assert_eq!(self.store.end_cancelled(&lease, self.model.now_ms).await.is_ok(), holds);
-        if holds {
+        assert_eq!(self.store.end_cancelled(&lease, self.model.now_ms).await.is_ok(), is_valid);
+        if is_valid {
             self.model.end(index, JobState::Cancelled);
         }
     }
 
     async fn fail(&mut self, job: usize, stale: bool, retry_in_ms: Option<i64>) {
-        let Some((index, lease, holds)) = self.model.lease(job, stale) else { return };
+        let Some((index, lease, is_valid)) = self.model.lease(job, stale) else { return };
         let retry_at_ms = retry_in_ms.map(|delay_ms| self.model.now_ms + delay_ms);
-        let ended = self.store.fail(&lease, trouble(), retry_at_ms, self.model.now_ms).await;
-        assert_eq!(ended.is_ok(), holds);
-        if holds {
+        let ended = self.store.fail(&lease, io_error(), retry_at_ms, self.model.now_ms).await;
+        assert_eq!(ended.is_ok(), is_valid);
+        if is_valid {
             self.model.fail(index, retry_at_ms);
         }
     }
@@ -186,7 +186,7 @@ impl Worlds {
             model.jobs.iter().filter(bad).any(|job| job.id == *id)
         };
         let refused = model.queued(|_| true) >= QUEUE.queued
-            || model.queued(|it| it.scheduling.owner == OWNERS[owner]) >= QUEUE.queued_per_owner
+            || model.queued(|job| job.scheduling.owner == OWNERS[owner]) >= QUEUE.queued_per_owner
             || model.active_with_key(new.scheduling.unique_key.as_ref())
             || new.scheduling.after.iter().any(ended_badly);
         let submitted = self.store.submit(&new, now_ms, QUEUE).await;
@@ -194,7 +194,7 @@ impl Worlds {
         let Ok((job, _)) = submitted else { return };
         self.submitted += 1;
         let again = self.store.submit(&new, now_ms + 7, QUEUE).await.unwrap().0;
-        assert_eq!(again.id, job.id, "the same request is the same job");
+        assert_eq!(again.id, job.id, "a repeated request returns the same job");
         self.model.jobs.push(ModelJob {
             id: job.id,
             new,
@@ -254,15 +254,15 @@ impl Worlds {
     async fn retry(&mut self, job: usize) {
         let Some(index) = self.pick(job) else { return };
         let job = &self.model.jobs[index];
-        let bad = |id: &String| {
-            let state = self.model.jobs.iter().find(|it| it.id == *id).map(|it| it.state);
+        let ended_badly = |id: &String| {
+            let state = self.model.jobs.iter().find(|job| job.id == *id).map(|job| job.state);
             matches!(state, Some(JobState::Failed | JobState::Cancelled))
         };
         // A new job cannot wait for a job that was deleted.
-        let gone = |id: &String| !self.model.jobs.iter().any(|it| it.id == *id);
+        let is_deleted = |id: &String| !self.model.jobs.iter().any(|job| job.id == *id);
         let allowed = matches!(job.state, JobState::Failed | JobState::Cancelled)
             && !self.model.active_with_key(job.new.scheduling.unique_key.as_ref())
-            && !job.new.scheduling.after.iter().any(|id| bad(id) || gone(id));
+            && !job.new.scheduling.after.iter().any(|id| ended_badly(id) || is_deleted(id));
         let retried = self.store.retry(&job.id, self.model.now_ms).await;
         assert_eq!(retried.is_ok(), allowed, "{retried:?}");
         if allowed {
@@ -273,7 +273,7 @@ impl Worlds {
         }
     }
 
-    /// Asserts that the store and the model give the same answers to all questions.
+    /// Asserts that the store and the model agree on all jobs, counts and owners.
     pub(super) async fn compare(&self) {
         let jobs = self.store.jobs(&JobFilter::default(), None, 1000).await.unwrap();
         assert_eq!(jobs.len(), self.model.jobs.len());
@@ -307,10 +307,10 @@ impl Worlds {
                 count(JobState::Cancelled)
             )
         );
-        for turn in self.store.turns().await.unwrap() {
-            let own = |new: &NewJob| new.scheduling.owner == turn.owner;
+        for queue in self.store.owner_queues().await.unwrap() {
+            let own = |new: &NewJob| new.scheduling.owner == queue.owner;
             assert_eq!(
-                (turn.queued, turn.running),
+                (queue.queued, queue.running),
                 (u64::from(self.model.queued(own)), u64::from(self.model.running(own)))
             );
         }
