@@ -70,7 +70,7 @@ fn commands_with_all_their_options_are_parsed() {
         "lightpath dataset add bench-1 --phases holograms/ --photos photos/ --split train",
         "lightpath dataset add bench-1 --manifest pairs.toml",
         "lightpath dataset calibration bench-1 -o dots.png",
-        "lightpath dataset align bench-1 --dots photo.png --before b.png --after a.png",
+        "lightpath dataset align bench-1 --dots photo.png --picture-before b.png --picture-after a.png --after 0193",
         "lightpath dataset align bench-1 --points p.csv --photo-size 4096x3000",
         "lightpath dataset align bench-1 --pairs",
         "lightpath dataset finalize bench-1 --keep-alignment",

@@ -21,7 +21,7 @@ use std::path::{Path, PathBuf};
 Example:
   lightpath dataset calibration bench-1 -o dots.png
   lightpath dataset align bench-1 --dots photo-of-dots.png \\
-      --before before.png --after after.png")]
+      --picture-before before.png --picture-after after.png")]
 pub(crate) struct Calibration {
     /// Name of the dataset
     name: String,
@@ -46,7 +46,7 @@ pub(crate) struct Calibration {
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
-  lightpath dataset align bench-1 --dots photo-of-dots.png --after after.png
+  lightpath dataset align bench-1 --dots photo-of-dots.png --picture-after after.png
   lightpath dataset align bench-1 --points points.csv --photo-size 4096x3000
   lightpath dataset align bench-1 --pairs
 
@@ -66,12 +66,12 @@ pub(crate) struct Align {
     photo_size: Option<(u32, u32)>,
 
     /// Write a picture of a photograph before the alignment to this file, PNG
-    #[arg(long, value_name = "FILE.png")]
-    before: Option<PathBuf>,
+    #[arg(long, value_name = "FILE.png", conflicts_with_all = ["points", "none"])]
+    picture_before: Option<PathBuf>,
 
     /// Write a picture of a photograph after the alignment, on the display's pixels, to this file, PNG
-    #[arg(long, value_name = "FILE.png")]
-    after: Option<PathBuf>,
+    #[arg(long, value_name = "FILE.png", conflicts_with_all = ["points", "none"])]
+    picture_after: Option<PathBuf>,
 
     #[command(flatten)]
     submission: Submission,
@@ -147,15 +147,9 @@ impl Align {
         let kind = job_spec::Kind::PrepareDataset(PrepareDataset { dataset: dataset.clone(), step: Some(step) });
         let job = self.submission.submit_and_wait(session, kind).await?;
         let alignment = prepare_result(&job)?.alignment.clone().unwrap_or_default();
-        for (path, digest, option) in
-            [(&self.before, &alignment.before, "--before"), (&self.after, &alignment.after, "--after")]
-        {
-            match path {
-                Some(path) if !digest.is_empty() => session.client.download_to(digest, path).await?,
-                Some(_) => {
-                    return Err(Failure::Usage(format!("{option}: this kind of alignment has no pictures")));
-                }
-                None => {}
+        for (path, digest) in [(&self.picture_before, &alignment.before), (&self.picture_after, &alignment.after)] {
+            if let Some(path) = path {
+                session.client.download_to(digest, path).await?;
             }
         }
         let dataset = session.client.get_dataset(v1::GetDatasetRequest { name: dataset }).await?;

@@ -71,11 +71,11 @@ async fn propagation_plans_report_method_distances_and_warnings() {
     for (request, start) in [
         (
             request_with(&|request| request.distance_m = 5.0),
-            "distance_m is 5: the Rayleigh–Sommerfeld impulse response is not",
+            "distance_m is 5: the Rayleigh–Sommerfeld impulse response cannot",
         ),
         (
             request_with(&|request| request.method = fresnel),
-            "method cannot be used: the Fresnel impulse response is not possible",
+            "method cannot be used: the Fresnel impulse response cannot be used",
         ),
         (request_with(&|request| request.method = 99), "method is 99"),
         (request_with(&|request| request.window = Some(endless)), "window is not possible: centre_x_m is inf"),

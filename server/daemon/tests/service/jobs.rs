@@ -95,7 +95,7 @@ async fn refusals_name_the_field_and_the_allowed_values() {
         (
             Box::new(|s| s.propagation = 1),
             Code::InvalidArgument,
-            "propagation cannot be used: the angular spectrum is not",
+            "propagation cannot be used: the angular spectrum cannot",
         ),
         (Box::new(|s| s.propagation = 8), Code::InvalidArgument, "propagation is the scaled angular spectrum, but"),
         (Box::new(|s| s.propagation = 77), Code::InvalidArgument, "propagation is 77"),
