@@ -49,67 +49,70 @@ fn clap_accepts_the_definition_of_the_command_line() {
     Cli::command().debug_assert();
 }
 
+/// Commands that together use every option.
+const COMMANDS: &[&str] = &[
+    "lightpath display create lab-2 --resolution 1920x1080 --pixel-pitch 8um --wavelength 515nm",
+    "lightpath display create toy --resolution 64x64 --pixel-pitch 8µm --wavelength 515nm --wavelength 632.8nm \
+     --bit-depth 10 --carrier half-order-x --simulated-seed 3 --simulated-strength 0.5 --camera-noise 0.001 \
+     --misalignment 0.3 --phase-response response.txt --notes bench",
+    "lightpath display list --limit 3",
+    "lightpath display show lab-2",
+    "lightpath display delete lab-2",
+    "lightpath hologram optimize a.png b.png --display lab-2 --distance 150mm -o {name}.png",
+    "lightpath hologram optimize a.png --display lab-2 --distance -12.5mm --wavelength 515nm --kernel 3 --method \
+     adam --iterations 5 --learning-rate 0.3 --seed 2 --detector point --target-encoding linear --fit cover --roi \
+     1,2,3,4 --phase-range 6.28 --wait --npy a.npy --reconstruction r.png --priority -5 --request-id r1",
+    "lightpath hologram save 0193 -o phase.png",
+    "lightpath dataset create bench-1 --display lab-2 --distance 150mm --photo-encoding srgb",
+    "lightpath dataset add bench-1 --phase p.png --photo c.png --id p1 --split test",
+    "lightpath dataset add bench-1 --phase p.npy --photo c.tif --black-level 0.01 --exposure 0.02 --gain 1.5",
+    "lightpath dataset add bench-1 --phases holograms/ --photos photos/ --split train",
+    "lightpath dataset add bench-1 --manifest pairs.toml",
+    "lightpath dataset calibration bench-1 -o dots.png",
+    "lightpath dataset align bench-1 --dots photo.png --picture-before b.png --picture-after a.png --after 0193",
+    "lightpath dataset align bench-1 --points p.csv --photo-size 4096x3000",
+    "lightpath dataset align bench-1 --pairs",
+    "lightpath dataset finalize bench-1 --keep-alignment",
+    "lightpath dataset finalize bench-1 --validation-fraction 0.1 --test-fraction 0.2 --seed 4",
+    "lightpath dataset show bench-1",
+    "lightpath dataset list --display lab-2",
+    "lightpath kernel learn --dataset bench-1 --model smooth --epochs 3 --wait",
+    "lightpath kernel learn --dataset near --dataset far --wait",
+    "lightpath kernel interpolate --display lab-2 --wavelength 515nm --distance 170mm",
+    "lightpath kernel evaluate --dataset bench-1 --kernel ideal --wait",
+    "lightpath kernel list --display lab-2 --distance 150mm",
+    "lightpath kernel show displays/lab-2/kernels/515nm-150mm --version 2",
+    "lightpath kernel versions --display lab-2 --distance 150mm",
+    "lightpath kernel history --display lab-2 --distance 150mm --wavelength 515nm",
+    "lightpath kernel promote --display lab-2 --distance 150mm --version 3 --reason better",
+    "lightpath kernel rollback --display lab-2 --distance 150mm",
+    "lightpath kernel fetch --display lab-2 --distance 150mm --format safetensors -o k.safetensors",
+    "lightpath kernel export --display lab-2 --distance 150mm --version 1 -o k.safetensors",
+    "lightpath kernel export --display lab-2 --distance 150mm --version 1 --format compact -o k.lpk",
+    "lightpath kernel report --display lab-2 --distance 150mm --version 3 -o r.html --arrays r.npz --figures r/",
+    "lightpath kernel import --display lab-2 --distance 150mm k.safetensors",
+    "lightpath simulate --display toy --distance 150mm --phase p.png -o photo.png",
+    "lightpath job list --state running --display lab-2",
+    "lightpath job show 0193",
+    "lightpath job watch 0193 0194",
+    "lightpath job cancel 0193",
+    "lightpath job retry 0193",
+    "lightpath --server http://lab:7070 --token-file t --output json job logs 0193",
+    "lightpath job logs 0193 --server http://lab:7070 --output json",
+    "lightpath hologram optimize a.png --display d --distance 1mm --owner ada --batch night --unique-key k \
+     --not-before 2026-11-21T22:00:00+01:00 --timeout 45m --after 0193 --after jobs/0194",
+    "lightpath kernel learn --dataset bench-1 --not-before 90m",
+    "lightpath job list --batch night",
+    "lightpath job batch night",
+    "lightpath queue show",
+    "lightpath queue pause --display lab-2 --reason maintenance",
+    "lightpath queue resume",
+    "lightpath completions bash",
+];
+
 #[test]
 fn commands_with_all_their_options_are_parsed() {
-    for line in [
-        "lightpath display create lab-2 --resolution 1920x1080 --pixel-pitch 8um --wavelength 515nm",
-        "lightpath display create toy --resolution 64x64 --pixel-pitch 8µm --wavelength 515nm --wavelength 632.8nm \
-         --bit-depth 10 --carrier half-order-x --simulated-seed 3 --simulated-strength 0.5 --camera-noise 0.001 \
-         --misalignment 0.3 --phase-response response.txt --notes bench",
-        "lightpath display list --limit 3",
-        "lightpath display show lab-2",
-        "lightpath display delete lab-2",
-        "lightpath hologram optimize a.png b.png --display lab-2 --distance 150mm -o {name}.png",
-        "lightpath hologram optimize a.png --display lab-2 --distance -12.5mm --wavelength 515nm --kernel 3 --method \
-         adam --iterations 5 --learning-rate 0.3 --seed 2 --detector point --target-encoding linear --fit cover --roi \
-         1,2,3,4 --phase-range 6.28 --wait --npy a.npy --reconstruction r.png --priority -5 --request-id r1",
-        "lightpath hologram save 0193 -o phase.png",
-        "lightpath dataset create bench-1 --display lab-2 --distance 150mm --photo-encoding srgb",
-        "lightpath dataset add bench-1 --phase p.png --photo c.png --id p1 --split test",
-        "lightpath dataset add bench-1 --phase p.npy --photo c.tif --black-level 0.01 --exposure 0.02 --gain 1.5",
-        "lightpath dataset add bench-1 --phases holograms/ --photos photos/ --split train",
-        "lightpath dataset add bench-1 --manifest pairs.toml",
-        "lightpath dataset calibration bench-1 -o dots.png",
-        "lightpath dataset align bench-1 --dots photo.png --picture-before b.png --picture-after a.png --after 0193",
-        "lightpath dataset align bench-1 --points p.csv --photo-size 4096x3000",
-        "lightpath dataset align bench-1 --pairs",
-        "lightpath dataset finalize bench-1 --keep-alignment",
-        "lightpath dataset finalize bench-1 --validation-fraction 0.1 --test-fraction 0.2 --seed 4",
-        "lightpath dataset show bench-1",
-        "lightpath dataset list --display lab-2",
-        "lightpath kernel learn --dataset bench-1 --model smooth --epochs 3 --wait",
-        "lightpath kernel learn --dataset near --dataset far --wait",
-        "lightpath kernel interpolate --display lab-2 --wavelength 515nm --distance 170mm",
-        "lightpath kernel evaluate --dataset bench-1 --kernel ideal --wait",
-        "lightpath kernel list --display lab-2 --distance 150mm",
-        "lightpath kernel show displays/lab-2/kernels/515nm-150mm --version 2",
-        "lightpath kernel versions --display lab-2 --distance 150mm",
-        "lightpath kernel history --display lab-2 --distance 150mm --wavelength 515nm",
-        "lightpath kernel promote --display lab-2 --distance 150mm --version 3 --reason better",
-        "lightpath kernel rollback --display lab-2 --distance 150mm",
-        "lightpath kernel fetch --display lab-2 --distance 150mm --format safetensors -o k.safetensors",
-        "lightpath kernel export --display lab-2 --distance 150mm --version 1 -o k.safetensors",
-        "lightpath kernel export --display lab-2 --distance 150mm --version 1 --format compact -o k.lpk",
-        "lightpath kernel report --display lab-2 --distance 150mm --version 3 -o r.html --arrays r.npz --figures r/",
-        "lightpath kernel import --display lab-2 --distance 150mm k.safetensors",
-        "lightpath simulate --display toy --distance 150mm --phase p.png -o photo.png",
-        "lightpath job list --state running --display lab-2",
-        "lightpath job show 0193",
-        "lightpath job watch 0193 0194",
-        "lightpath job cancel 0193",
-        "lightpath job retry 0193",
-        "lightpath --server http://lab:7070 --token-file t --output json job logs 0193",
-        "lightpath job logs 0193 --server http://lab:7070 --output json",
-        "lightpath hologram optimize a.png --display d --distance 1mm --owner ada --batch night --unique-key k \
-         --not-before 2026-11-21T22:00:00+01:00 --timeout 45m --after 0193 --after jobs/0194",
-        "lightpath kernel learn --dataset bench-1 --not-before 90m",
-        "lightpath job list --batch night",
-        "lightpath job batch night",
-        "lightpath queue show",
-        "lightpath queue pause --display lab-2 --reason maintenance",
-        "lightpath queue resume",
-        "lightpath completions bash",
-    ] {
+    for line in COMMANDS {
         if let Err(error) = parse(line) {
             panic!("{line}\n{error}");
         }

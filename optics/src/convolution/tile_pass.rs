@@ -184,6 +184,7 @@ impl<T: Real, S: Simd> Pass<'_, T, S> {
     /// Reads this tile of one of several half-transformed fields, multiplies it by a window along y, and writes its
     /// spectra times `factors` to `halves`.
     #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "the buffers are borrowed one by one from the pass that calls this")]
     fn transform(
         &self,
         spectrum: &[Complex<T>],

@@ -67,6 +67,7 @@ async fn defaults_are_filled_in_and_a_repeated_request_returns_the_same_job() {
 }
 
 #[tokio::test]
+#[expect(clippy::too_many_lines, reason = "a table of requests")]
 async fn refusals_name_the_field_and_the_allowed_values() {
     let serving = Serving::start().await;
     serving.display("lab").await;
@@ -151,6 +152,24 @@ async fn refusals_name_the_field_and_the_allowed_values() {
     expect(answer, Code::InvalidArgument, "spec is not set");
 }
 
+/// The hologram of a lens [levels of 256]. Its light forms a bright spot at x = x0.
+fn lens(height_px: usize, width_px: usize, x0: f64) -> Plane<u16> {
+    Plane::from_fn(height_px, width_px, |y, x| {
+        let squared = ((x as f64 - x0).powi(2) + (y as f64 - 24.0).powi(2)) * 64e-12;
+        (squared / (2.0 * 0.05 * 515e-9) * 256.0).round().rem_euclid(256.0) as u16
+    })
+}
+
+/// The photograph of a hologram on an ideal display.
+fn photo(hologram: &Plane<u16>) -> Vec<u8> {
+    let grid = Grid::try_new(48, 64, 8e-6).unwrap();
+    let (setup, _) = OpticalSetup::try_new(grid, 515e-9, 0.05).unwrap().planned().unwrap();
+    let engine: Engine = Engine::new(&DisplayModel::ideal(setup), Detector::Pixel, None).unwrap();
+    let light = engine.light(&hologram.map(|level| f32::from(level) * std::f32::consts::TAU / 256.0)).unwrap();
+    let brightest = light.values().iter().copied().fold(0.0, f32::max);
+    pictures::grey_png_linear(&light.map(|light| 0.9 * light / brightest)).unwrap()
+}
+
 #[tokio::test]
 async fn datasets_accept_only_pairs_that_fit() {
     let serving = Serving::start().await;
@@ -163,26 +182,16 @@ async fn datasets_accept_only_pairs_that_fit() {
         ..Default::default()
     };
     datasets.create_dataset(v1::CreateDatasetRequest { dataset: Some(dataset) }).await.unwrap();
+    let refused = async |kind, code, start: &str| expect(submit(&serving, kind, "").await, code, start);
     let learn = v1::LearnKernel { datasets: vec!["datasets/first".into()], ..Default::default() };
-    let answer = submit(&serving, job_spec::Kind::LearnKernel(learn.clone()), "").await;
-    expect(answer, Code::FailedPrecondition, "spec.learn_kernel.datasets[0]: datasets/first is empty");
+    refused(
+        job_spec::Kind::LearnKernel(learn.clone()),
+        Code::FailedPrecondition,
+        "spec.learn_kernel.datasets[0]: datasets/first is empty",
+    )
+    .await;
 
-    // Holograms of lenses. The light of each forms a bright spot at x = x0.
-    let lens = |height_px: usize, width_px: usize, x0: f64| {
-        Plane::from_fn(height_px, width_px, |y, x| {
-            let squared = ((x as f64 - x0).powi(2) + (y as f64 - 24.0).powi(2)) * 64e-12;
-            (squared / (2.0 * 0.05 * 515e-9) * 256.0).round().rem_euclid(256.0) as u16
-        })
-    };
     let levels = |plane: &Plane<u16>| pictures::levels_png(plane, 8).unwrap();
-    let photo = |plane: &Plane<u16>| {
-        let grid = Grid::try_new(48, 64, 8e-6).unwrap();
-        let (setup, _) = OpticalSetup::try_new(grid, 515e-9, 0.05).unwrap().planned().unwrap();
-        let engine: Engine = Engine::new(&DisplayModel::ideal(setup), Detector::Pixel, None).unwrap();
-        let light = engine.light(&plane.map(|level| f32::from(level) * std::f32::consts::TAU / 256.0)).unwrap();
-        let brightest = light.values().iter().copied().fold(0.0, f32::max);
-        pictures::grey_png_linear(&light.map(|light| 0.9 * light / brightest)).unwrap()
-    };
     let (small, first) = (serving.upload(&levels(&lens(48, 63, 32.0))).await, lens(48, 64, 24.0));
     let (phase, good_photo) = (serving.upload(&levels(&first)).await, serving.upload(&photo(&first)).await);
     let add = |id: &str, phase: &str, photo: &str| v1::AddPairRequest {
@@ -194,8 +203,12 @@ async fn datasets_accept_only_pairs_that_fit() {
     expect(datasets.add_pair(add("a", "", &good_photo)).await, Code::InvalidArgument, "pair.phase is empty");
     expect(datasets.add_pair(add("a/b", &phase, &good_photo)).await, Code::InvalidArgument, "pair.id is");
     datasets.add_pair(add("a", &phase, &good_photo)).await.unwrap();
-    let answer = submit(&serving, job_spec::Kind::LearnKernel(learn.clone()), "").await;
-    expect(answer, Code::FailedPrecondition, "spec.learn_kernel.datasets[0]: datasets/first is still open");
+    refused(
+        job_spec::Kind::LearnKernel(learn.clone()),
+        Code::FailedPrecondition,
+        "spec.learn_kernel.datasets[0]: datasets/first is still open",
+    )
+    .await;
 
     assert_refused(finalize(&serving, "datasets/first").await, "DATASET_SPLIT_EMPTY: datasets/first has no ");
     let second = lens(48, 64, 40.0);
@@ -215,22 +228,29 @@ async fn datasets_accept_only_pairs_that_fit() {
     }
 
     let bad = v1::LearnKernel { detector: v1::Detector::Supersampled.into(), ..learn.clone() };
-    let answer = submit(&serving, job_spec::Kind::LearnKernel(bad), "").await;
-    expect(answer, Code::InvalidArgument, "spec.learn_kernel.detector is supersampled");
+    refused(job_spec::Kind::LearnKernel(bad), Code::InvalidArgument, "spec.learn_kernel.detector is supersampled")
+        .await;
     let bad = v1::LearnKernel { learning_rate: f64::INFINITY, ..learn };
-    let answer = submit(&serving, job_spec::Kind::LearnKernel(bad), "").await;
-    expect(answer, Code::InvalidArgument, "spec.learn_kernel.learning_rate is inf");
+    refused(job_spec::Kind::LearnKernel(bad), Code::InvalidArgument, "spec.learn_kernel.learning_rate is inf").await;
     let evaluate = v1::EvaluateKernel { dataset: "datasets/first".into(), ..Default::default() };
-    let answer = submit(&serving, job_spec::Kind::EvaluateKernel(evaluate), "").await;
-    expect(answer, Code::FailedPrecondition, "spec.evaluate_kernel.kernel: no version of");
+    refused(
+        job_spec::Kind::EvaluateKernel(evaluate),
+        Code::FailedPrecondition,
+        "spec.evaluate_kernel.kernel: no version of",
+    )
+    .await;
     let simulate = v1::SimulateCapture {
         display: "displays/lab".into(),
         distance_m: 0.05,
         phase: phase.clone(),
         ..Default::default()
     };
-    let answer = submit(&serving, job_spec::Kind::SimulateCapture(simulate), "").await;
-    expect(answer, Code::FailedPrecondition, "spec.simulate_capture.display: displays/lab has no simulated bench");
+    refused(
+        job_spec::Kind::SimulateCapture(simulate),
+        Code::FailedPrecondition,
+        "spec.simulate_capture.display: displays/lab has no simulated bench",
+    )
+    .await;
     let mut kernels = KernelServiceClient::new(serving.channel.clone());
     let name = "displays/lab/kernels/515nm-50mm".to_owned();
     expect(kernels.get_kernel(v1::GetKernelRequest { name }).await, Code::NotFound, "displays/lab/kernels/515nm-50mm");

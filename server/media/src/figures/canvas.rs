@@ -83,7 +83,7 @@ impl Canvas {
     }
 
     /// Draws a line of text; `y` is its baseline.
-    pub(super) fn text(&mut self, x: i32, y: i32, text: &str, size_px: f32, colour: Colour, anchor: Anchor) {
+    pub(super) fn text(&mut self, [x, y]: [i32; 2], text: &str, size_px: f32, colour: Colour, anchor: Anchor) {
         let width = text::width_px(text, size_px).round() as i32;
         let left = match anchor {
             Anchor::Start => x,
@@ -205,7 +205,7 @@ mod tests {
     #[test]
     fn drawing_beyond_the_edges_has_no_effect() {
         let mut canvas = Canvas::new(10, 10);
-        canvas.text(-20, 50, "outside", 12.0, BLACK, Anchor::Start);
+        canvas.text([-20, 50], "outside", 12.0, BLACK, Anchor::Start);
         canvas.stroke((-50.0, 5.0), (50.0, 5.0), 1.0, BLACK);
         canvas.frame(-3, -3, 40, 40, BLACK);
         assert_eq!(canvas.image.get_pixel(5, 5).0, BLACK);

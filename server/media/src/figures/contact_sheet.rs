@@ -57,11 +57,11 @@ impl ContactSheet<'_> {
             (2 * MARGIN_PX + columns * step_x - GAP_PX).max(1) as u32,
             (HEADER_PX + self.rows.len() as i32 * step_y + MARGIN_PX / 2) as u32,
         );
-        canvas.text(MARGIN_PX, 34, self.title, 20.0, BLACK, Anchor::Start);
-        canvas.text(MARGIN_PX, 55, self.subtitle, 13.0, GREY, Anchor::Start);
+        canvas.text([MARGIN_PX, 34], self.title, 20.0, BLACK, Anchor::Start);
+        canvas.text([MARGIN_PX, 55], self.subtitle, 13.0, GREY, Anchor::Start);
         let left = |column: usize| MARGIN_PX + column as i32 * step_x;
         for (i, head) in self.columns.iter().enumerate() {
-            canvas.text(left(i) + width as i32 / 2, HEADER_PX - 10, head, TEXT_PX, BLACK, Anchor::Middle);
+            canvas.text([left(i) + width as i32 / 2, HEADER_PX - 10], head, TEXT_PX, BLACK, Anchor::Middle);
         }
         for (j, row) in self.rows.iter().enumerate() {
             let top = HEADER_PX + j as i32 * step_y;
@@ -69,7 +69,7 @@ impl ContactSheet<'_> {
                 let drawn = canvas.light(left(i), top, width, picture.intensity);
                 canvas.frame(left(i), top, width, drawn, PALE);
                 let baseline = top + height as i32 + 20;
-                canvas.text(left(i) + width as i32 / 2, baseline, &picture.caption, TEXT_PX, BLACK, Anchor::Middle);
+                canvas.text([left(i) + width as i32 / 2, baseline], &picture.caption, TEXT_PX, BLACK, Anchor::Middle);
             }
         }
         canvas

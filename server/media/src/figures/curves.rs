@@ -57,12 +57,12 @@ impl Curves<'_> {
         for (value, label) in ticks::logarithmic(low, high) {
             let y = at_y(value);
             canvas.stroke((LEFT_PX, y), (right, y), 1.0, [0xe4; 3]);
-            canvas.text(LEFT_PX as i32 - 8, y.round() as i32 + 4, &label, 12.0, BLACK, Anchor::End);
+            canvas.text([LEFT_PX as i32 - 8, y.round() as i32 + 4], &label, 12.0, BLACK, Anchor::End);
         }
         for (value, label) in ticks::linear(1.0, steps, 8).into_iter().filter(|(value, _)| value.fract() == 0.0) {
             let x = at_x(value);
             canvas.stroke((x, bottom), (x, bottom + 4.0), 1.0, GREY);
-            canvas.text(x.round() as i32, bottom as i32 + 19, &label, 12.0, BLACK, Anchor::Middle);
+            canvas.text([x.round() as i32, bottom as i32 + 19], &label, 12.0, BLACK, Anchor::Middle);
         }
         canvas.frame(LEFT_PX as i32, TOP_PX as i32, PLOT_PX.0 as u32, PLOT_PX.1 as u32, PALE);
         for (i, curve) in self.curves.iter().enumerate() {
@@ -74,11 +74,11 @@ impl Curves<'_> {
                 [_] => draw_level(&mut canvas, start, end, y, colour),
                 _ => canvas.stroke((start, y), (end, y), 2.0, colour),
             }
-            canvas.text(right as i32 + 46, y as i32 + 4, &curve.label, 12.0, BLACK, Anchor::Start);
+            canvas.text([right as i32 + 46, y as i32 + 4], &curve.label, 12.0, BLACK, Anchor::Start);
         }
         let middle = (LEFT_PX + PLOT_PX.0 / 2.0) as i32;
-        canvas.text(middle, 28, self.title, 15.0, BLACK, Anchor::Middle);
-        canvas.text(middle, bottom as i32 + 42, self.x_label, 12.0, BLACK, Anchor::Middle);
+        canvas.text([middle, 28], self.title, 15.0, BLACK, Anchor::Middle);
+        canvas.text([middle, bottom as i32 + 42], self.x_label, 12.0, BLACK, Anchor::Middle);
         canvas.text_upwards(22, (TOP_PX + PLOT_PX.1 / 2.0) as i32, self.y_label, 12.0, BLACK);
         canvas
     }

@@ -56,7 +56,7 @@ impl Heatmap<'_> {
         });
         canvas.frame(LEFT_PX, TOP_PX, width_px, height_px, GREY);
         let middle = LEFT_PX + width_px as i32 / 2;
-        canvas.text(middle, TOP_PX - 14, self.title, 15.0, BLACK, Anchor::Middle);
+        canvas.text([middle, TOP_PX - 14], self.title, 15.0, BLACK, Anchor::Middle);
         self.draw_axes(&mut canvas, width_px, height_px);
         self.draw_bar(&mut canvas, width_px, height_px);
         canvas
@@ -86,14 +86,14 @@ impl Heatmap<'_> {
         for (value, label) in ticks::linear(self.x.start, self.x.end, 5) {
             let x = LEFT_PX as f32 + position(&self.x, value) * width_px as f32;
             canvas.stroke((x, bottom as f32), (x, bottom as f32 + 4.0), 1.0, GREY);
-            canvas.text(x.round() as i32, bottom + 18, &label, 12.0, BLACK, Anchor::Middle);
+            canvas.text([x.round() as i32, bottom + 18], &label, 12.0, BLACK, Anchor::Middle);
         }
         for (value, label) in ticks::linear(self.y.start, self.y.end, 5) {
             let y = TOP_PX as f32 + position(&self.y, value) * height_px as f32;
             canvas.stroke((LEFT_PX as f32 - 5.0, y), (LEFT_PX as f32 - 1.0, y), 1.0, GREY);
-            canvas.text(LEFT_PX - 9, y.round() as i32 + 4, &label, 12.0, BLACK, Anchor::End);
+            canvas.text([LEFT_PX - 9, y.round() as i32 + 4], &label, 12.0, BLACK, Anchor::End);
         }
-        canvas.text(LEFT_PX + width_px as i32 / 2, bottom + 38, self.x.label, 12.0, BLACK, Anchor::Middle);
+        canvas.text([LEFT_PX + width_px as i32 / 2, bottom + 38], self.x.label, 12.0, BLACK, Anchor::Middle);
         canvas.text_upwards(18, TOP_PX + height_px as i32 / 2, self.y.label, 12.0, BLACK);
     }
 
@@ -112,10 +112,10 @@ impl Heatmap<'_> {
         for (value, label) in ticks {
             let y = TOP_PX as f32 + height_px as f32 * (high - value as f32) / (high - low).max(f32::MIN_POSITIVE);
             canvas.stroke((right as f32 + 1.0, y), (right as f32 + 4.0, y), 1.0, GREY);
-            canvas.text(right + 8, y.round() as i32 + 4, &label, 12.0, BLACK, Anchor::Start);
+            canvas.text([right + 8, y.round() as i32 + 4], &label, 12.0, BLACK, Anchor::Start);
         }
         let below = TOP_PX + height_px as i32 + 18;
-        canvas.text(left + BAR_WIDTH_PX as i32 / 2, below, self.unit, 12.0, BLACK, Anchor::Middle);
+        canvas.text([left + BAR_WIDTH_PX as i32 / 2, below], self.unit, 12.0, BLACK, Anchor::Middle);
     }
 }
 

@@ -166,9 +166,6 @@ pub fn decode(bytes: &[u8]) -> Result<(DisplayModel, KernelModel), KernelFormatE
     };
     let (_, method) = (METHODS.into_iter().find(|&(number, _)| number == method))
         .ok_or_else(|| refused(format!("has the method number {method}, but must have 0, 1, 3, 4 or 5")))?;
-    let sides: Vec<usize> =
-        content[12..20].as_chunks().0.iter().map(|&chunk| u32::from_le_bytes(chunk) as usize).collect();
-    let lengths: Vec<f64> = content[20..44].as_chunks().0.iter().map(|&chunk| f64::from_le_bytes(chunk)).collect();
     let mut numbers = content[44..].as_chunks().0.iter().map(|&chunk| f64::from(f32::from_le_bytes(chunk)));
     let photometry = take(&mut numbers, 4);
     let (kernel, source) = (take_field(&mut numbers, kernel_order), take_field(&mut numbers, source_order));
@@ -177,9 +174,8 @@ pub fn decode(bytes: &[u8]) -> Result<(DisplayModel, KernelModel), KernelFormatE
         0 => SpatialVariation::none(),
         order => SpatialVariation::new([(); SpatialVariation::POWERS].map(|()| take_field(&mut numbers, order))),
     };
-    let grid = Grid::try_new(sides[0], sides[1], lengths[0])?;
     let model = DisplayModel {
-        setup: OpticalSetup::try_new(grid, lengths[1], lengths[2])?.with_method_regardless(method),
+        setup: setup_of(content)?.with_method_regardless(method),
         kernel: KernelShape::Smooth(kernel),
         variation,
         source,
@@ -190,6 +186,15 @@ pub fn decode(bytes: &[u8]) -> Result<(DisplayModel, KernelModel), KernelFormatE
     };
     model.validate()?;
     Ok((model, kind))
+}
+
+/// The setup in the header of a compact kernel: height and width \[px\], then pitch, wavelength and distance \[m\].
+fn setup_of(content: &[u8]) -> Result<OpticalSetup, KernelFormatError> {
+    let sides: Vec<usize> =
+        content[12..20].as_chunks().0.iter().map(|&chunk| u32::from_le_bytes(chunk) as usize).collect();
+    let lengths: Vec<f64> = content[20..44].as_chunks().0.iter().map(|&chunk| f64::from_le_bytes(chunk)).collect();
+    let grid = Grid::try_new(sides[0], sides[1], lengths[0])?;
+    Ok(OpticalSetup::try_new(grid, lengths[1], lengths[2])?)
 }
 
 fn take(numbers: &mut impl Iterator<Item = f64>, count: usize) -> Vec<f64> {
