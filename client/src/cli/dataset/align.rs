@@ -46,7 +46,7 @@ pub(crate) struct Calibration {
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
-  lightpath dataset align bench-1 --dots photo-of-dots.png --picture-after after.png
+  lightpath dataset align bench-1 --dots photo.png --picture-after after.png
   lightpath dataset align bench-1 --points points.csv --photo-size 4096x3000
   lightpath dataset align bench-1 --pairs
 

@@ -227,6 +227,12 @@ async fn datasets_accept_only_pairs_that_fit() {
         assert_refused(answer, "spec.prepare_dataset.dataset: datasets/first is finalized");
     }
 
+    refuses_impossible_jobs(&serving, learn, &phase).await;
+}
+
+/// Refuses jobs on the dataset `first` and on the display `lab`, which has no kernel and no simulated bench.
+async fn refuses_impossible_jobs(serving: &Serving, learn: v1::LearnKernel, phase: &str) {
+    let refused = async |kind, code, start: &str| expect(submit(serving, kind, "").await, code, start);
     let bad = v1::LearnKernel { detector: v1::Detector::Supersampled.into(), ..learn.clone() };
     refused(job_spec::Kind::LearnKernel(bad), Code::InvalidArgument, "spec.learn_kernel.detector is supersampled")
         .await;
@@ -242,7 +248,7 @@ async fn datasets_accept_only_pairs_that_fit() {
     let simulate = v1::SimulateCapture {
         display: "displays/lab".into(),
         distance_m: 0.05,
-        phase: phase.clone(),
+        phase: phase.to_owned(),
         ..Default::default()
     };
     refused(
