@@ -31,6 +31,12 @@ const GREEN: Wavelength = Wavelength { pm: 515_000 };
 const NEAR: Distance = Distance { nm: 4_000_000 };
 const FAR: Distance = Distance { nm: 5_000_000 };
 
+/// Checks a request as `check_stored` does, and the word for its kind.
+fn check_job(name: &str, spec: &JobSpec) {
+    assert_eq!(serde_json::to_value(spec).unwrap()["kind"], spec.kind());
+    check_stored(name, spec);
+}
+
 /// Checks that `value` is written exactly as in the file `stored/{name}.json`, and that reading the file gives `value`.
 fn check_stored<T: Serialize + DeserializeOwned + PartialEq + Debug>(name: &str, value: &T) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/stored").join(format!("{name}.json"));
@@ -110,7 +116,7 @@ fn hologram_jobs_are_stored_as_before() {
         weight_mask: Some(digest(5)),
         quantization_aware: true,
     };
-    check_stored("optimize_hologram_full", &JobSpec::OptimizeHologram(Box::new(spec.clone())));
+    check_job("optimize_hologram_full", &JobSpec::OptimizeHologram(Box::new(spec.clone())));
     spec.wavelengths.truncate(1);
     spec.planes.truncate(1);
     spec.kernel_versions = vec![vec![None]];
@@ -118,7 +124,7 @@ fn hologram_jobs_are_stored_as_before() {
     spec.initial_phase = InitialPhase::Random { range_rad: 1.0 };
     spec.loss = Loss::default();
     (spec.depth_map, spec.propagation, spec.weight_mask, spec.quantization_aware) = (None, None, None, false);
-    check_stored("optimize_hologram", &JobSpec::OptimizeHologram(Box::new(spec)));
+    check_job("optimize_hologram", &JobSpec::OptimizeHologram(Box::new(spec)));
 }
 
 #[test]
@@ -137,7 +143,7 @@ fn learning_capture_and_evaluation_jobs_are_stored_as_before() {
         detector: Detector::Pixel,
         region_of_interest: region(),
     };
-    check_stored("learn_kernel", &JobSpec::LearnKernel(learn));
+    check_job("learn_kernel", &JobSpec::LearnKernel(learn));
     let (phase, dataset) = (digest(1), "near".to_owned());
     let capture = SimulateCapture {
         display: display.clone(),
@@ -147,9 +153,9 @@ fn learning_capture_and_evaluation_jobs_are_stored_as_before() {
         seed: 1,
         elapsed_s: 3600.0,
     };
-    check_stored("simulate_capture", &JobSpec::SimulateCapture(capture));
+    check_job("simulate_capture", &JobSpec::SimulateCapture(capture));
     let evaluate = EvaluateKernel { dataset, display, kernel_version, region_of_interest: region() };
-    check_stored("evaluate_kernel", &JobSpec::EvaluateKernel(evaluate));
+    check_job("evaluate_kernel", &JobSpec::EvaluateKernel(evaluate));
 }
 
 #[test]
@@ -158,13 +164,13 @@ fn dataset_and_report_jobs_are_stored_as_before() {
         |step| JobSpec::PrepareDataset(PrepareDataset { dataset: "near".to_owned(), display: "lab".to_owned(), step });
     let point = PointPair { display: [0.0, 1.5], camera: [412.25, 288.5] };
     let by_points = AlignBy::Points { photo_width_px: 4096, photo_height_px: 3000, points: vec![point] };
-    check_stored("align_by_points", &prepare(PrepareStep::Align(by_points)));
-    check_stored("align_by_dots", &prepare(PrepareStep::Align(AlignBy::Dots { photo: digest(1) })));
-    check_stored("align_by_pairs", &prepare(PrepareStep::Align(AlignBy::Pairs)));
-    check_stored("align_by_none", &prepare(PrepareStep::Align(AlignBy::None)));
-    check_stored("finalize_dataset", &prepare(PrepareStep::Finalize(finalization())));
+    check_job("align_by_points", &prepare(PrepareStep::Align(by_points)));
+    check_job("align_by_dots", &prepare(PrepareStep::Align(AlignBy::Dots { photo: digest(1) })));
+    check_job("align_by_pairs", &prepare(PrepareStep::Align(AlignBy::Pairs)));
+    check_job("align_by_none", &prepare(PrepareStep::Align(AlignBy::None)));
+    check_job("finalize_dataset", &prepare(PrepareStep::Finalize(finalization())));
     let kernel = KernelKey { display: "lab".to_owned(), wavelength: GREEN, distance: NEAR };
-    check_stored("report_kernel", &JobSpec::ReportKernel(ReportKernel { kernel, version: 3 }));
+    check_job("report_kernel", &JobSpec::ReportKernel(ReportKernel { kernel, version: 3 }));
 }
 
 fn finalization() -> Finalization {

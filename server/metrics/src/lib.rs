@@ -5,7 +5,7 @@
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 use lightpath_artifacts::Artifacts;
-use lightpath_domain::job::{Job, JobSpec, JobState};
+use lightpath_domain::job::{Job, JobState};
 use lightpath_store::{Store, StoreError};
 use metrics::{Unit, counter, describe_counter, describe_gauge, describe_histogram, gauge, histogram};
 use metrics_exporter_prometheus::{Matcher, PrometheusBuilder, PrometheusHandle};
@@ -52,7 +52,7 @@ pub enum LeaseLoss {
 
 /// Records the end of a job, and the time of its last attempt if that ran to its end.
 pub fn job_ended(job: &Job) {
-    let (kind, state) = (kind(&job.spec), job.state.as_str());
+    let (kind, state) = (job.spec.kind(), job.state.as_str());
     counter!(JOBS_ENDED, "kind" => kind, "state" => state).increment(1);
     if let (JobState::Succeeded | JobState::Failed, Some(start_ms), Some(finish_ms)) =
         (job.state, job.start_time_ms, job.finish_time_ms)
@@ -187,17 +187,6 @@ fn describe() {
     describe_gauge!(DISK_FREE, Unit::Bytes, "Free space on the disk of the data folder");
     describe_gauge!(DISK_RESERVE, Unit::Bytes, "Free space below which new jobs and uploads are refused");
     describe_gauge!(BUILD_INFO, "Version of the server, as a label");
-}
-
-fn kind(spec: &JobSpec) -> &'static str {
-    match spec {
-        JobSpec::OptimizeHologram(_) => "optimize_hologram",
-        JobSpec::LearnKernel(_) => "learn_kernel",
-        JobSpec::SimulateCapture(_) => "simulate_capture",
-        JobSpec::EvaluateKernel(_) => "evaluate_kernel",
-        JobSpec::PrepareDataset(_) => "prepare_dataset",
-        JobSpec::ReportKernel(_) => "report_kernel",
-    }
 }
 
 #[cfg(test)]

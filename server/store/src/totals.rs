@@ -2,7 +2,7 @@
 
 use super::rows::from_word;
 use super::{Store, StoreError};
-use lightpath_domain::job::JobState;
+use lightpath_domain::job::{JobSpec, JobState};
 use std::fs;
 use std::path::Path;
 use std::time::Duration;
@@ -18,12 +18,8 @@ pub struct QueueDepth {
     pub jobs: u64,
 }
 
-/// All kinds of jobs. Metrics show 0 for a kind without jobs.
-const KINDS: [&str; 6] =
-    ["optimize_hologram", "learn_kernel", "simulate_capture", "evaluate_kernel", "prepare_dataset", "report_kernel"];
-
 impl Store {
-    /// Numbers of waiting and running jobs, for every kind.
+    /// Numbers of waiting and running jobs, for every kind. A kind without jobs is 0.
     ///
     /// # Errors
     ///
@@ -35,7 +31,7 @@ impl Store {
         .fetch_all(self.readers())
         .await?;
         let mut depths = Vec::new();
-        for kind in KINDS {
+        for kind in JobSpec::KINDS {
             for state in [JobState::Queued, JobState::Running] {
                 depths.push(QueueDepth { kind: kind.to_owned(), state, jobs: 0 });
             }
@@ -56,7 +52,7 @@ impl Store {
     /// [`StoreError::Database`].
     pub async fn oldest_due(&self, now_ms: i64) -> Result<Vec<(&'static str, Duration)>, StoreError> {
         let mut ages = Vec::new();
-        for kind in KINDS {
+        for kind in JobSpec::KINDS {
             let sql = "select min(run_time_ms) from job where state = 'queued' and waiting_for = 0 and kind = ?";
             let due_ms: Option<i64> = sqlx::query_scalar(sql).bind(kind).fetch_one(self.readers()).await?;
             let age_ms = now_ms.saturating_sub(due_ms.unwrap_or(now_ms)).max(0);

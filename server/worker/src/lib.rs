@@ -67,6 +67,9 @@ const TRANSFERS_BYTES_MAX: usize = 256 << 20;
 
 /// Pause of a claim loop after an error of the store, or while the disk is full.
 const PAUSE: Duration = Duration::from_secs(1);
+/// Scheduling priority of the compute threads, as of the command `nice`. Threads that answer calls get a core at once.
+#[cfg(target_os = "linux")]
+const COMPUTE_NICENESS: i32 = 10;
 /// Longest time between two reads of the queue.
 const POLL_INTERVAL_MAX: Duration = Duration::from_secs(60);
 
@@ -158,6 +161,15 @@ impl Timeouts {
     }
 }
 
+/// Lowers the priority of the calling thread, so that calls are answered while jobs compute.
+fn yield_to_other_threads() {
+    // On other systems the priority belongs to the whole process.
+    #[cfg(target_os = "linux")]
+    if let Err(error) = rustix::process::setpriority_process(None, COMPUTE_NICENESS) {
+        tracing::warn!(error = %error, "the priority of a compute thread could not be lowered; calls may be slower");
+    }
+}
+
 /// Reason why the workers could not start.
 #[derive(Debug, thiserror::Error)]
 pub enum WorkerError {
@@ -237,6 +249,7 @@ impl Worker {
         ThreadPoolBuilder::new()
             .num_threads(self.config.compute_threads)
             .thread_name(|index| format!("compute-{index}"))
+            .start_handler(|_| yield_to_other_threads())
             .build()
     }
 

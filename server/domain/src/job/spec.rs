@@ -25,6 +25,30 @@ pub enum JobSpec {
 }
 
 impl JobSpec {
+    /// Words for all kinds of jobs.
+    pub const KINDS: [&'static str; 6] = [
+        "optimize_hologram",
+        "learn_kernel",
+        "simulate_capture",
+        "evaluate_kernel",
+        "prepare_dataset",
+        "report_kernel",
+    ];
+
+    /// The word for the job's kind, as it is stored.
+    #[must_use]
+    pub fn kind(&self) -> &'static str {
+        let [optimize, learn, simulate, evaluate, prepare, report] = Self::KINDS;
+        match self {
+            Self::OptimizeHologram(_) => optimize,
+            Self::LearnKernel(_) => learn,
+            Self::SimulateCapture(_) => simulate,
+            Self::EvaluateKernel(_) => evaluate,
+            Self::PrepareDataset(_) => prepare,
+            Self::ReportKernel(_) => report,
+        }
+    }
+
     /// Id of the job's display.
     #[must_use]
     pub fn display(&self) -> &str {
