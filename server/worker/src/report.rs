@@ -41,9 +41,9 @@ pub(super) fn run(context: &JobContext, spec: &ReportKernel) -> Result<TaskOutpu
         }
     };
     let input = ReportInput { version, model, loss_history, evidence, other_versions, over_distance };
-    let made = report::make(&input, |done| {
-        report_progress(context, "draw the report", done as usize, report::STEPS as usize)
-    })?;
+    let draw = |done: u32| report_progress(context, "draw the report", done as usize, report::STEPS as usize);
+    let made = report::make(&input, draw)?;
+    draw(report::STEPS)?;
     let mut figures = Vec::with_capacity(made.figures.len());
     for figure in made.figures {
         let artifact = context.put_artifact(figure.bytes)?;
