@@ -12,6 +12,9 @@ use crate::units::{Distance, Wavelength};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
+/// Limit on the pairs of a dataset: they are read as a whole, and learning holds them in memory.
+pub const PAIRS_MAX: u32 = 10_000;
+
 /// A dataset with its pairs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dataset {

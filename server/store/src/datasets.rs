@@ -3,13 +3,10 @@
 use super::rows::{from_json, from_json_option, from_word, to_json, to_word};
 use super::write::Write;
 use super::{AbortReason, PreconditionReason, Store, StoreError, page};
-use lightpath_domain::dataset::{Dataset, Encoding, Exposure, Finding, Pair};
+use lightpath_domain::dataset::{Dataset, Encoding, Exposure, Finding, PAIRS_MAX, Pair};
 use lightpath_domain::units::{Distance, Wavelength};
 use sqlx::sqlite::SqliteRow;
 use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
-
-/// Limit on the pairs of a dataset: they are read as a whole, and learning holds them in memory.
-pub const PAIRS_MAX: u32 = 10_000;
 
 impl Store {
     /// Creates an open dataset without pairs. The id, display, wavelength, distance, encoding and bit depth of

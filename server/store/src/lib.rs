@@ -52,7 +52,6 @@ mod write;
 
 pub use artifacts::ArtifactRecord;
 pub use collection::Deleted;
-pub use datasets::PAIRS_MAX;
 pub use error::{AbortReason, PreconditionReason, StoreError};
 pub use inspect::{Counts, DanglingReference, Inspection, StoredBlob};
 pub use jobs::{JobFilter, QueueCounts, QueueLimits, Submitted};
