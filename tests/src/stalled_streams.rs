@@ -102,8 +102,12 @@ impl StalledConnection {
         (0..STREAMS).map(|n| 2 * n + 1).filter(|stream| !received.ended.contains(stream)).collect()
     }
 
+    /// Sends frames. That fails only if the server has closed the connection.
     async fn send(&mut self, frames: &[u8]) {
-        self.to.write_all(frames).await.unwrap();
+        if self.to.write_all(frames).await.is_err() {
+            let closed = self.received.wait_for(|received| received.closed);
+            tokio::time::timeout(ANSWER_TIMEOUT, closed).await.unwrap().unwrap();
+        }
     }
 
     /// Waits until the server has read everything that was sent.
