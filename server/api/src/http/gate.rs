@@ -2,7 +2,7 @@
 //! log.
 
 use super::rate::Rate;
-use super::refusal::refuse;
+use super::refusal::{code_name, refuse};
 use super::token_expiry::{EndedTokens, ending_at_expiry, not_accepted};
 use crate::api::Api;
 use crate::audit::{Audit, Entry};
@@ -182,27 +182,5 @@ fn code_of(response: &Response, is_grpc: bool) -> Code {
         401 => Code::Unauthenticated,
         403 => Code::PermissionDenied,
         _ => Code::Unknown,
-    }
-}
-
-fn code_name(code: Code) -> &'static str {
-    match code {
-        Code::Ok => "OK",
-        Code::Unauthenticated => "UNAUTHENTICATED",
-        Code::PermissionDenied => "PERMISSION_DENIED",
-        Code::InvalidArgument => "INVALID_ARGUMENT",
-        Code::NotFound => "NOT_FOUND",
-        Code::AlreadyExists => "ALREADY_EXISTS",
-        Code::ResourceExhausted => "RESOURCE_EXHAUSTED",
-        Code::FailedPrecondition => "FAILED_PRECONDITION",
-        Code::Aborted => "ABORTED",
-        Code::OutOfRange => "OUT_OF_RANGE",
-        Code::Unavailable => "UNAVAILABLE",
-        Code::DeadlineExceeded => "DEADLINE_EXCEEDED",
-        Code::Cancelled => "CANCELLED",
-        Code::Unimplemented => "UNIMPLEMENTED",
-        Code::DataLoss => "DATA_LOSS",
-        Code::Internal => "INTERNAL",
-        Code::Unknown => "UNKNOWN",
     }
 }

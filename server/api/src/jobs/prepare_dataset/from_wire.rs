@@ -12,6 +12,7 @@ use lightpath_optics::alignment::{Homography, PointPair};
 use lightpath_proto::v1;
 use lightpath_proto::v1::prepare_dataset::align::Source;
 use lightpath_proto::v1::prepare_dataset::{Align, Finalize, Step};
+use lightpath_store::PreconditionReason;
 
 /// Limit on the fraction of the pairs that are held out: some pairs must remain for learning.
 const HELD_OUT_FRACTION_MAX: f64 = 0.8;
@@ -105,10 +106,11 @@ fn require_possible(field: &Field, dataset: &Dataset, step: &PrepareStep) -> Res
                 "is finalized with validation_fraction {validation_fraction}, test_fraction {test_fraction}, seed \
                  {seed}{keep_alignment}; create another dataset"
             );
-            ("DATASET_FINALIZED", problem)
+            (PreconditionReason::DatasetFinalized.as_str(), problem)
         }
         (Some(_), PrepareStep::Align(_)) => {
-            ("DATASET_FINALIZED", "is finalized, so its alignment cannot change; create another dataset".to_owned())
+            let problem = "is finalized, so its alignment cannot change; create another dataset".to_owned();
+            (PreconditionReason::DatasetFinalized.as_str(), problem)
         }
         (None, PrepareStep::Finalize(_) | PrepareStep::Align(AlignBy::Pairs)) if dataset.pair_count == 0 => {
             ("DATASET_EMPTY", "has no pairs; add some: lightpath dataset add --help".to_owned())
