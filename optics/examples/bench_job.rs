@@ -8,6 +8,8 @@
 //! Prints one line of JSON. Targets are intensities in linear light, phases are in radians; both are float32 `.npy`
 //! files.
 
+mod npy;
+
 use lightpath_optics::hologram::{HologramMethod, HologramOptions, Step, initial_phase};
 use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{
@@ -18,7 +20,7 @@ use npyz::WriterBuilder as _;
 use std::collections::BTreeMap;
 use std::error::Error;
 use std::fs::File;
-use std::io::{BufReader, BufWriter, Write as _};
+use std::io::{BufWriter, Write as _};
 use std::time::Instant;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -68,7 +70,7 @@ fn write_card(name: &str, options: &Options) -> Result<(), Box<dyn Error>> {
 
 fn run_job(options: &Options) -> Result<(), Box<dyn Error>> {
     rayon::ThreadPoolBuilder::new().num_threads(options.number("threads", 2)?).build_global()?;
-    let target = read_npy(options.word("target")?)?;
+    let target = npy::read(options.word("target")?)?;
     let detector = match options.text.get("detector").map_or("pixel", String::as_str) {
         "point" => Detector::Point,
         "pixel" => Detector::Pixel,
@@ -113,15 +115,6 @@ fn run_job(options: &Options) -> Result<(), Box<dyn Error>> {
         r#"{{"time_s": {time_s:?}, "loss": {loss:?}, "total_s": {total_s:?}, "memory_peak_bytes": {memory}}}"#
     )?;
     Ok(())
-}
-
-fn read_npy(path: &str) -> Result<Plane<f32>, Box<dyn Error>> {
-    let file = npyz::NpyFile::new(BufReader::new(File::open(path).map_err(|error| format!("{path}: {error}"))?))?;
-    let &[height, width] = file.shape() else {
-        return Err(format!("{path} must have the shape [height, width]").into());
-    };
-    let (height_px, width_px) = (usize::try_from(height)?, usize::try_from(width)?);
-    Ok(Plane::try_from_vec(height_px, width_px, file.into_vec::<f32>()?)?)
 }
 
 fn write_npy(path: &str, plane: &Plane<f32>) -> Result<(), Box<dyn Error>> {

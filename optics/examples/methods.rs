@@ -8,21 +8,22 @@
 //! `TARGET.npy` holds intensities in linear light, float32, \[y\]\[x\]. The default target is a generated card of
 //! 540×960 px.
 
+mod npy;
+
 use lightpath_optics::hologram::{HologramMethod, HologramOptions, InitialPhase, quality};
 use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{
     Detector, DisplayModel, Engine, Grid, HologramProblem, OpticalSetup, Optimization, Plane, RegionOfInterest,
 };
 use std::error::Error;
-use std::fs::File;
-use std::io::{BufReader, Write as _};
+use std::io::Write as _;
 use std::time::Instant;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
     let steps = arguments.next().map_or(Ok(100), |text| text.parse())?;
     let target = match arguments.next() {
-        Some(path) => read_npy(&path)?,
+        Some(path) => npy::read(&path)?,
         None => TestCard::Portrait.render(540, 960, 1)?,
     };
     let (height_px, width_px) = (target.height_px(), target.width_px());
@@ -74,13 +75,4 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
     }
     Ok(())
-}
-
-fn read_npy(path: &str) -> Result<Plane<f32>, Box<dyn Error>> {
-    let file = npyz::NpyFile::new(BufReader::new(File::open(path).map_err(|error| format!("{path}: {error}"))?))?;
-    let &[height, width] = file.shape() else {
-        return Err(format!("{path} must have the shape [height, width]").into());
-    };
-    let (height_px, width_px) = (usize::try_from(height)?, usize::try_from(width)?);
-    Ok(Plane::try_from_vec(height_px, width_px, file.into_vec::<f32>()?)?)
 }

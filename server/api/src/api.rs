@@ -81,7 +81,7 @@ impl Api {
         if self.is_stopping() {
             return Err(ApiError::Stopping);
         }
-        self.artifacts.room_to_start()?;
+        self.artifacts.space().room_to_start()?;
         self.store.queue_counts().await?;
         timeout(WRITE_TURN_MAX, self.store.wait_for_writer()).await.map_err(|_| ApiError::Locked)??;
         Ok(())

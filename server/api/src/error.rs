@@ -1,8 +1,23 @@
 //! Errors of the API.
 
 use lightpath_artifacts::ArtifactError;
+use lightpath_domain::reason::PreconditionReason;
 use lightpath_store::StoreError;
 use std::time::Duration;
+
+lightpath_domain::reasons! {
+    /// Which limit of the server has been reached, as a code for programs.
+    pub enum LimitReason {
+        /// The caller makes too many calls.
+        RateLimited = "RATE_LIMITED",
+        /// Too many streams follow jobs and kernels.
+        TooManyWatchers = "TOO_MANY_WATCHERS",
+        /// Too many uploads run.
+        TooManyUploads = "TOO_MANY_UPLOADS",
+        /// The messages that are being received or sent use all memory that they may.
+        TooMuchUnderWay = "TOO_MUCH_UNDER_WAY",
+    }
+}
 
 /// Why a request was refused or failed. `status` maps each error to a gRPC status.
 #[derive(Debug, thiserror::Error)]
@@ -25,11 +40,11 @@ pub enum ApiError {
         /// Advice to the client.
         fix: &'static str,
     },
-    /// The present state does not allow the request. The reason is a stable code for programs.
+    /// The present state does not allow the request.
     #[error("{message}")]
     Precondition {
         /// Code for programs.
-        reason: &'static str,
+        reason: PreconditionReason,
         /// Text for people.
         message: String,
     },
@@ -37,7 +52,7 @@ pub enum ApiError {
     #[error("{message}")]
     Exhausted {
         /// Code for programs.
-        reason: &'static str,
+        reason: LimitReason,
         /// Text for people.
         message: String,
         /// Time after which the client may retry.

@@ -65,9 +65,9 @@ fn answer(error: &ApiError) -> Option<Answer> {
             Answer { problem: Some(problem.clone()), ..answer }
         }
         ApiError::Missing { what, .. } => Answer::new(Code::NotFound, "NOT_FOUND").about("resource", what),
-        ApiError::Precondition { reason, .. } => Answer::new(Code::FailedPrecondition, reason),
+        ApiError::Precondition { reason, .. } => Answer::new(Code::FailedPrecondition, reason.as_str()),
         ApiError::Exhausted { reason, retry_after, .. } => {
-            Answer::new(Code::ResourceExhausted, reason).retry(*retry_after)
+            Answer::new(Code::ResourceExhausted, reason.as_str()).retry(*retry_after)
         }
         ApiError::Unauthenticated(_) => Answer::new(Code::Unauthenticated, "UNAUTHENTICATED"),
         ApiError::NoCaller => Answer::new(Code::Unauthenticated, "NO_CALLER"),

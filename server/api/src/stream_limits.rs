@@ -1,6 +1,6 @@
 //! Limits on the open streams of all clients together.
 
-use crate::error::ApiError;
+use crate::error::{ApiError, LimitReason};
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
@@ -27,7 +27,7 @@ impl StreamLimits {
     /// Counts a stream that follows changes, until the permit is dropped.
     pub(crate) fn watcher(&self) -> Result<OwnedSemaphorePermit, ApiError> {
         Arc::clone(&self.watchers).try_acquire_owned().map_err(|_| ApiError::Exhausted {
-            reason: "TOO_MANY_WATCHERS",
+            reason: LimitReason::TooManyWatchers,
             message: format!("{WATCHERS_MAX} streams already follow jobs and kernels; end one, or retry later"),
             retry_after: Duration::from_secs(5),
         })
@@ -36,7 +36,7 @@ impl StreamLimits {
     /// Counts an upload, until the permit is dropped.
     pub(crate) fn upload(&self) -> Result<OwnedSemaphorePermit, ApiError> {
         Arc::clone(&self.uploads).try_acquire_owned().map_err(|_| ApiError::Exhausted {
-            reason: "TOO_MANY_UPLOADS",
+            reason: LimitReason::TooManyUploads,
             message: format!("{UPLOADS_MAX} uploads already run; continue when one of them has ended"),
             retry_after: Duration::from_secs(1),
         })

@@ -1,6 +1,6 @@
 //! Names of blobs: `sha256-` and 64 lower-case hexadecimal digits.
 
-use super::ArtifactError;
+use crate::error::ArtifactError;
 use sha2::{Digest, Sha256};
 use std::fmt::Write;
 

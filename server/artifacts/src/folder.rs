@@ -1,7 +1,8 @@
 //! Blobs of one folder, spread over 256 subfolders. All functions block.
 
-use super::digest::{check_digest, digest_of, name, shard};
-use super::{ArtifactError, CHUNK_BYTES};
+use crate::digest::{check_digest, digest_of, name, shard};
+use crate::error::ArtifactError;
+use crate::read::CHUNK_BYTES;
 use lightpath_fail_points as fail;
 use sha2::{Digest, Sha256};
 use std::fs::{self, File};

@@ -1,9 +1,10 @@
 //! Read access to the files of a data folder, for checks and backups while a server may be running. All functions
 //! block.
 
-use super::digest::check_digest;
-use super::folder::{Folder, flush_folder};
-use super::{ArtifactError, lock_shared};
+use crate::digest::{check_digest, name};
+use crate::error::ArtifactError;
+use crate::folder::{Folder, flush_folder, hash_rest};
+use crate::lock::lock_shared;
 use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -125,7 +126,7 @@ impl Inventory {
 ///
 /// [`ArtifactError::Io`].
 pub fn digest_of_file(path: &Path) -> Result<String, ArtifactError> {
-    let hash = || -> io::Result<String> { Ok(super::digest::name(super::folder::hash_rest(&mut File::open(path)?)?)) };
+    let hash = || -> io::Result<String> { Ok(name(hash_rest(&mut File::open(path)?)?)) };
     let digest = hash().map_err(|error| ArtifactError::io("read a file", error))?;
     check_digest(&digest)?;
     Ok(digest)

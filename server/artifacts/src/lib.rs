@@ -21,13 +21,15 @@
 //! # Layout
 //!
 //! - `digest`: names of blobs. `folder`: blobs of one folder. `upload`: resumable uploads. `read`: streaming. `error`.
-//! - `space`: free space on the disk. `inventory`: read access for checks and backups while a server may be running.
+//! - `space`: free space on the disk. `lock`: locks on files. `blocking`: threads for file access. `inventory`: read access for checks and backups while a server may be running.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+mod blocking;
 mod digest;
 mod error;
 mod folder;
 mod inventory;
+mod lock;
 mod read;
 mod space;
 #[cfg(test)]
@@ -38,16 +40,15 @@ pub use digest::{check_digest, digest_of};
 pub use error::ArtifactError;
 pub use inventory::{BlobKind, Inventory, digest_of_file};
 pub use read::{ArtifactReader, CHUNK_BYTES};
-pub use space::SpaceLimits;
-pub use upload::{UPLOAD_AGE_MAX, UploadWriter};
+pub use space::{Space, SpaceLimits};
+pub use upload::{UPLOAD_AGE_MAX, UploadWriter, Uploads};
 
+use blocking::blocking;
 use folder::Folder;
-use space::Space;
-use std::collections::HashSet;
-use std::fs::{self, File, TryLockError};
-use std::io;
+use lock::{lock, try_lock};
+use std::fs::{self, File};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use tokio::sync::{OwnedRwLockReadGuard, OwnedRwLockWriteGuard, RwLock};
 
 /// A handle to the files of one data folder; cheap to clone.
@@ -58,16 +59,14 @@ pub struct Artifacts {
 
 #[derive(Debug)]
 struct Inner {
-    blobs: Folder,
+    blobs: Arc<Folder>,
     checkpoints: Folder,
-    uploads: PathBuf,
+    uploads: Uploads,
     data_dir: PathBuf,
     space: Space,
     /// A writer holds this lock shared from before a blob gets its name until the store has recorded the blob. A
     /// collection of artifacts holds it exclusively, so that it never removes a file that is about to be recorded again.
     publishing: Arc<RwLock<()>>,
-    /// Digests of artifacts that are being uploaded.
-    uploading: Mutex<HashSet<String>>,
     /// Lock of the data folder. The operating system releases it when the process ends, even after a crash.
     _lock: File,
 }
@@ -98,20 +97,31 @@ impl Artifacts {
         let lock = lock(&data_dir.join("lock"))?;
         let temporary = make("tmp")?;
         folder::empty(&temporary).map_err(|error| ArtifactError::io("empty tmp", error))?;
-        let uploads = make("uploads")?;
-        upload::remove_stale(&uploads).map_err(|error| ArtifactError::io("remove old uploads", error))?;
+        let blobs = Arc::new(Folder::new(make("artifacts")?, temporary.clone()));
+        let uploads = Uploads::open(make("uploads")?, Arc::clone(&blobs))?;
         Ok(Self {
             inner: Arc::new(Inner {
-                blobs: Folder::new(make("artifacts")?, temporary.clone()),
+                blobs,
                 checkpoints: Folder::new(make("checkpoints")?, temporary),
                 uploads,
                 data_dir: data_dir.to_owned(),
-                space: Space::new(limits),
+                space: Space::new(limits, data_dir.to_owned()),
                 publishing: Arc::default(),
-                uploading: Mutex::default(),
                 _lock: lock,
             }),
         })
+    }
+
+    /// The disk of the folder, and the limits on its use.
+    #[must_use]
+    pub fn space(&self) -> &Space {
+        &self.inner.space
+    }
+
+    /// The uploads.
+    #[must_use]
+    pub fn uploads(&self) -> &Uploads {
+        &self.inner.uploads
     }
 
     /// Returns a lock that prevents a collection of artifacts. The caller takes it before it stores a blob and drops it
@@ -230,7 +240,6 @@ impl Artifacts {
         self.blocking(|inner| inner.checkpoints.list()).await
     }
 
-    /// Runs file access on a thread that may block. The work runs to its end even if the caller drops the future.
     async fn blocking<T, F>(&self, work: F) -> Result<T, ArtifactError>
     where
         T: Send + 'static,
@@ -241,46 +250,9 @@ impl Artifacts {
     }
 }
 
-async fn blocking<T, F>(work: F) -> Result<T, ArtifactError>
-where
-    T: Send + 'static,
-    F: FnOnce() -> Result<T, ArtifactError> + Send + 'static,
-{
-    match tokio::task::spawn_blocking(work).await {
-        Ok(outcome) => outcome,
-        Err(error) => match error.try_into_panic() {
-            Ok(panic) => std::panic::resume_unwind(panic),
-            Err(_) => Err(ArtifactError::io("run a file operation", io::Error::other("the server is stopping"))),
-        },
-    }
-}
-
 /// Permission to remove artifacts: while it lives, no artifact is published and no backup copies the folder.
 #[derive(Debug)]
 pub struct Collecting {
     _no_publishing: OwnedRwLockWriteGuard<()>,
     _no_backup: File,
-}
-
-fn lock(path: &Path) -> Result<File, ArtifactError> {
-    try_lock(path)?.ok_or_else(|| ArtifactError::Locked { path: path.to_owned() })
-}
-
-/// Locks the file; `None` if it is locked already.
-fn try_lock(path: &Path) -> Result<Option<File>, ArtifactError> {
-    let options = File::options().create(true).truncate(false).write(true).open(path);
-    let file = options.map_err(|error| ArtifactError::io("open a lock file", error))?;
-    match file.try_lock() {
-        Ok(()) => Ok(Some(file)),
-        Err(TryLockError::WouldBlock) => Ok(None),
-        Err(TryLockError::Error(error)) => Err(ArtifactError::io("lock the data folder", error)),
-    }
-}
-
-/// Waits for a shared lock on the file.
-fn lock_shared(path: &Path) -> Result<File, ArtifactError> {
-    let options = File::options().create(true).truncate(false).write(true).open(path);
-    let file = options.map_err(|error| ArtifactError::io("open a lock file", error))?;
-    file.lock_shared().map_err(|error| ArtifactError::io("lock the data folder", error))?;
-    Ok(file)
 }

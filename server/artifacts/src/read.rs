@@ -1,6 +1,7 @@
 //! Reading a blob piece by piece.
 
-use super::{ArtifactError, blocking};
+use crate::blocking::blocking;
+use crate::error::ArtifactError;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 

@@ -1,8 +1,8 @@
 //! Limits on disk space: a reserve that only accepted work may use, and a limit on the size of all artifacts.
 
-use super::{ArtifactError, Artifacts};
+use crate::error::ArtifactError;
 use rustix::fs::statvfs;
-use std::path::Path;
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Limits on the space that new uploads and jobs may use.
@@ -14,37 +14,39 @@ pub struct SpaceLimits {
     pub stored_bytes_max: u64,
 }
 
+/// The disk of the data folder, and the limits on its use.
 #[derive(Debug)]
-pub(super) struct Space {
+pub struct Space {
     limits: SpaceLimits,
     stored_bytes: AtomicU64,
+    data_dir: PathBuf,
 }
 
 impl Space {
-    pub(super) fn new(limits: SpaceLimits) -> Self {
-        Self { limits, stored_bytes: AtomicU64::new(0) }
+    pub(crate) fn new(limits: SpaceLimits, data_dir: PathBuf) -> Self {
+        Self { limits, stored_bytes: AtomicU64::new(0), data_dir }
     }
-}
 
-impl Artifacts {
-    /// Free space on the disk of the data folder \[bytes\].
+    /// Free space on the disk, without the space that the system keeps for its administrator \[bytes\].
     ///
     /// # Errors
     ///
     /// [`ArtifactError::Io`].
     pub fn free_bytes(&self) -> Result<u64, ArtifactError> {
-        free_bytes(&self.inner.data_dir)
+        let disk = statvfs(&self.data_dir)
+            .map_err(|error| ArtifactError::io("read the free space of the disk", error.into()))?;
+        Ok(disk.f_bavail.saturating_mul(disk.f_frsize))
     }
 
     /// The limits on the space that new work may use.
     #[must_use]
-    pub fn space_limits(&self) -> SpaceLimits {
-        self.inner.space.limits
+    pub fn limits(&self) -> SpaceLimits {
+        self.limits
     }
 
     /// Sets the size of all recorded artifacts \[bytes\], which only the store knows.
     pub fn set_stored_bytes(&self, bytes: u64) {
-        self.inner.space.stored_bytes.store(bytes, Ordering::Relaxed);
+        self.stored_bytes.store(bytes, Ordering::Relaxed);
     }
 
     /// Checks that a job may start. Half of the reserve must be free; the other half is left to the running jobs.
@@ -53,7 +55,7 @@ impl Artifacts {
     ///
     /// [`ArtifactError::DiskLow`].
     pub fn room_to_start(&self) -> Result<(), ArtifactError> {
-        let reserve_bytes = self.inner.space.limits.reserve_bytes;
+        let reserve_bytes = self.limits.reserve_bytes;
         if reserve_bytes == 0 {
             return Ok(());
         }
@@ -70,23 +72,17 @@ impl Artifacts {
     /// [`ArtifactError::DiskLow`] if the work would use the reserve; [`ArtifactError::QuotaSpent`] if the size of all
     /// artifacts would exceed its limit.
     pub fn admit(&self, more_bytes: u64) -> Result<(), ArtifactError> {
-        let SpaceLimits { reserve_bytes, stored_bytes_max } = self.inner.space.limits;
+        let SpaceLimits { reserve_bytes, stored_bytes_max } = self.limits;
         if reserve_bytes > 0 {
             let free_bytes = self.free_bytes()?;
             if free_bytes < reserve_bytes.saturating_add(more_bytes) {
                 return Err(ArtifactError::DiskLow { free_bytes, reserve_bytes });
             }
         }
-        let stored_bytes = self.inner.space.stored_bytes.load(Ordering::Relaxed);
+        let stored_bytes = self.stored_bytes.load(Ordering::Relaxed);
         if stored_bytes_max > 0 && more_bytes > 0 && stored_bytes.saturating_add(more_bytes) > stored_bytes_max {
             return Err(ArtifactError::QuotaSpent { stored_bytes, stored_bytes_max });
         }
         Ok(())
     }
-}
-
-fn free_bytes(path: &Path) -> Result<u64, ArtifactError> {
-    let disk = statvfs(path).map_err(|error| ArtifactError::io("read the free space of the disk", error.into()))?;
-    // Blocks that this user may use, without those reserved for the administrator.
-    Ok(disk.f_bavail.saturating_mul(disk.f_frsize))
 }

@@ -1,14 +1,16 @@
 //! Resumable uploads: the received part of an interrupted upload is kept, and a later call continues it.
 
-use super::digest::{check_digest, name};
-use super::folder::hash_rest;
-use super::{ArtifactError, Artifacts, Inner, blocking};
+use crate::blocking::blocking;
+use crate::digest::{check_digest, name};
+use crate::error::ArtifactError;
+use crate::folder::{Folder, hash_rest};
 use lightpath_fail_points as fail;
 use sha2::{Digest, Sha256};
+use std::collections::HashSet;
 use std::fs::{self, File};
 use std::io::{self, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 /// Time after which an interrupted upload that has not grown is removed at the next start.
@@ -33,23 +35,45 @@ struct Part {
     lock: UploadLock,
 }
 
+/// The interrupted and running uploads of one data folder; cheap to clone.
+#[derive(Clone, Debug)]
+pub struct Uploads {
+    inner: Arc<Inner>,
+}
+
+#[derive(Debug)]
+struct Inner {
+    folder: PathBuf,
+    /// Where the blob of a complete upload goes.
+    blobs: Arc<Folder>,
+    /// Digests of artifacts that are being uploaded.
+    running: Mutex<HashSet<String>>,
+}
+
 /// Lock on the upload of the artifact with this digest: at most one call at a time uploads it. Released on drop.
 #[derive(Debug)]
 struct UploadLock {
-    inner: Arc<Inner>,
+    uploads: Uploads,
     digest: String,
 }
 
-impl Artifacts {
+impl Uploads {
+    /// Uploads whose received parts are in `folder`, and whose blobs go to `blobs`. Removes uploads that have not grown
+    /// for [`UPLOAD_AGE_MAX`].
+    pub(crate) fn open(folder: PathBuf, blobs: Arc<Folder>) -> Result<Self, ArtifactError> {
+        remove_stale(&folder).map_err(|error| ArtifactError::io("remove old uploads", error))?;
+        Ok(Self { inner: Arc::new(Inner { folder, blobs, running: Mutex::default() }) })
+    }
+
     /// Number of stored bytes of an interrupted upload. The next call continues the upload at this offset.
     ///
     /// # Errors
     ///
     /// [`ArtifactError::BadDigest`], [`ArtifactError::Io`].
-    pub async fn upload_received(&self, digest: &str) -> Result<u64, ArtifactError> {
+    pub async fn received_bytes(&self, digest: &str) -> Result<u64, ArtifactError> {
         check_digest(digest)?;
-        let digest = digest.to_owned();
-        self.blocking(move |inner| match fs::metadata(inner.part(&digest)) {
+        let part = self.part(digest);
+        blocking(move || match fs::metadata(part) {
             Ok(metadata) => Ok(metadata.len()),
             Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(0),
             Err(error) => Err(ArtifactError::io("read the size of an upload", error)),
@@ -58,22 +82,33 @@ impl Artifacts {
     }
 
     /// Starts an upload of `size_bytes` in total (`offset_bytes` 0), or continues one (`offset_bytes` as returned by
-    /// [`Self::upload_received`]).
+    /// [`Self::received_bytes`]).
     ///
     /// # Errors
     ///
     /// [`ArtifactError::BadDigest`]; [`ArtifactError::UploadBusy`] while another call uploads the same artifact;
     /// [`ArtifactError::WrongOffset`]; [`ArtifactError::WrongSize`] if more than `size_bytes` are stored.
-    pub async fn upload(
-        &self,
-        digest: &str,
-        size_bytes: u64,
-        offset_bytes: u64,
-    ) -> Result<UploadWriter, ArtifactError> {
+    pub async fn begin(&self, digest: &str, size_bytes: u64, offset_bytes: u64) -> Result<UploadWriter, ArtifactError> {
         check_digest(digest)?;
-        let lock = UploadLock::acquire(&self.inner, digest)?;
+        let lock = self.lock(digest)?;
         let part = blocking(move || Part::open(lock, size_bytes, offset_bytes)).await?;
         Ok(UploadWriter { received_bytes: part.received_bytes, part: Some(part) })
+    }
+
+    fn lock(&self, digest: &str) -> Result<UploadLock, ArtifactError> {
+        if !self.running().insert(digest.to_owned()) {
+            return Err(ArtifactError::UploadBusy { digest: digest.to_owned() });
+        }
+        Ok(UploadLock { uploads: self.clone(), digest: digest.to_owned() })
+    }
+
+    fn running(&self) -> MutexGuard<'_, HashSet<String>> {
+        // The set is consistent even after a panic: the only operations on it are inserting and removing one entry.
+        self.inner.running.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn part(&self, digest: &str) -> PathBuf {
+        self.inner.folder.join(format!("{digest}.part"))
     }
 }
 
@@ -118,7 +153,7 @@ impl UploadWriter {
 
 impl Part {
     fn open(lock: UploadLock, size_bytes: u64, offset_bytes: u64) -> Result<Self, ArtifactError> {
-        let path = lock.inner.part(&lock.digest);
+        let path = lock.uploads.part(&lock.digest);
         let open = || -> io::Result<(File, u64)> {
             let file = File::options().read(true).write(true).create(true).truncate(false).open(&path)?;
             let stored_bytes = file.metadata()?.len();
@@ -162,35 +197,18 @@ impl Part {
             removed.map_err(|error| ArtifactError::io("remove an upload with a wrong digest", error))?;
             return Err(ArtifactError::WrongDigest { digest: lock.digest.clone(), found });
         }
-        lock.inner.blobs.publish(&file, &path, &lock.digest)
-    }
-}
-
-impl UploadLock {
-    fn acquire(inner: &Arc<Inner>, digest: &str) -> Result<Self, ArtifactError> {
-        // The set is consistent even after a panic: the only operations on it are inserting and removing one entry.
-        let mut uploading = inner.uploading.lock().unwrap_or_else(PoisonError::into_inner);
-        if !uploading.insert(digest.to_owned()) {
-            return Err(ArtifactError::UploadBusy { digest: digest.to_owned() });
-        }
-        Ok(Self { inner: Arc::clone(inner), digest: digest.to_owned() })
+        lock.uploads.inner.blobs.publish(&file, &path, &lock.digest)
     }
 }
 
 impl Drop for UploadLock {
     fn drop(&mut self) {
-        self.inner.uploading.lock().unwrap_or_else(PoisonError::into_inner).remove(&self.digest);
-    }
-}
-
-impl Inner {
-    fn part(&self, digest: &str) -> PathBuf {
-        self.uploads.join(format!("{digest}.part"))
+        self.uploads.running().remove(&self.digest);
     }
 }
 
 /// Removes uploads that have not grown for [`UPLOAD_AGE_MAX`].
-pub(super) fn remove_stale(uploads: &Path) -> io::Result<()> {
+fn remove_stale(uploads: &Path) -> io::Result<()> {
     for file in fs::read_dir(uploads)? {
         let file = file?;
         let age = file.metadata()?.modified()?.elapsed().unwrap_or(Duration::ZERO);

@@ -101,7 +101,7 @@ pub async fn run(
     let tokens_required = check_access(&store, &config, address).await?;
     let tls = tls.map(Tls::open).transpose()?.map(Arc::new);
     let audit = Arc::new(Audit::open(&config.data_dir).map_err(ServeError::Audit)?);
-    artifacts.set_stored_bytes(store.artifact_totals().await?.1);
+    artifacts.space().set_stored_bytes(store.artifact_totals().await?.1);
     let stopping = CancellationToken::new();
     let upkeep = tokio::spawn(upkeep_loop(store.clone(), artifacts.clone(), retention, stopping.clone()));
     let api = Api::new(store.clone(), artifacts.clone(), config.queue_limits(), stopping.clone());
@@ -218,7 +218,7 @@ async fn upkeep_loop(store: Store, artifacts: Artifacts, retention: Retention, s
             () = stopping.cancelled() => return,
             _ = count.tick() => {
                 metrics::summarize();
-                store.artifact_totals().await.map(|(_, bytes)| artifacts.set_stored_bytes(bytes)).map_err(Into::into)
+                store.artifact_totals().await.map(|(_, bytes)| artifacts.space().set_stored_bytes(bytes)).map_err(Into::into)
             }
             _ = collect.tick() => async {
                 let collected = retention.collect(&store, &artifacts, Clock::default().now_ms()).await?;

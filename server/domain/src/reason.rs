@@ -31,3 +31,45 @@ macro_rules! reasons {
         }
     };
 }
+
+reasons! {
+    /// Why the present state does not allow a request, as a code for programs.
+    pub enum PreconditionReason {
+        /// The dataset has no pairs.
+        DatasetEmpty = "DATASET_EMPTY",
+        /// The dataset is finalized and can no longer change.
+        DatasetFinalized = "DATASET_FINALIZED",
+        /// The dataset has reached its limit of pairs.
+        DatasetFull = "DATASET_FULL",
+        /// The dataset is not finalized.
+        DatasetOpen = "DATASET_OPEN",
+        /// The training or test part of the dataset has no pairs.
+        DatasetSplitEmpty = "DATASET_SPLIT_EMPTY",
+        /// A job that this job waits for has failed or was cancelled.
+        DependencyEnded = "DEPENDENCY_ENDED",
+        /// Jobs, datasets or kernels refer to the display.
+        DisplayInUse = "DISPLAY_IN_USE",
+        /// The job has ended.
+        JobEnded = "JOB_ENDED",
+        /// The job has neither failed nor been cancelled.
+        JobNotRetryable = "JOB_NOT_RETRYABLE",
+        /// The stored kernel file cannot be read.
+        KernelUnreadable = "KERNEL_UNREADABLE",
+        /// The kernel has no active version.
+        NoActiveKernel = "NO_ACTIVE_KERNEL",
+        /// The version predicts photographs no better than the ideal kernel.
+        NoBetterThanIdeal = "NO_BETTER_THAN_IDEAL",
+        /// The kernel has no earlier active version.
+        NoEarlierVersion = "NO_EARLIER_VERSION",
+        /// No kernels of the display were learned together at several distances.
+        NoJointFit = "NO_JOINT_FIT",
+        /// The kernel cannot be written in this format.
+        NoSuchForm = "NO_SUCH_FORM",
+        /// The queue is not paused.
+        NotPaused = "NOT_PAUSED",
+        /// The display has no simulated bench.
+        NotSimulated = "NOT_SIMULATED",
+        /// A waiting or running job has the same unique key.
+        NotUnique = "NOT_UNIQUE",
+    }
+}

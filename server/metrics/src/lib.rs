@@ -128,10 +128,10 @@ pub async fn render(store: &Store, files: &Artifacts, now_ms: i64) -> Result<Str
     let (artifacts, bytes) = store.artifact_totals().await?;
     gauge!(ARTIFACTS).set(artifacts as f64);
     gauge!(ARTIFACT_BYTES).set(bytes as f64);
-    if let Ok(free) = files.free_bytes() {
+    if let Ok(free) = files.space().free_bytes() {
         gauge!(DISK_FREE).set(free as f64);
     }
-    gauge!(DISK_RESERVE).set(files.space_limits().reserve_bytes as f64);
+    gauge!(DISK_RESERVE).set(files.space().limits().reserve_bytes as f64);
     gauge!(BUILD_INFO, "version" => env!("CARGO_PKG_VERSION")).set(1.0);
     handle.run_upkeep();
     Ok(handle.render())

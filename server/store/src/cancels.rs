@@ -5,8 +5,9 @@ use super::events::append_event;
 use super::job_rows::job_of;
 use super::jobs::active_with_key;
 use super::write::Write;
-use super::{PreconditionReason, Store, StoreError, dependencies};
+use super::{Store, StoreError, dependencies};
 use lightpath_domain::job::{Job, JobState};
+use lightpath_domain::reason::PreconditionReason;
 
 impl Store {
     /// Cancels a queued job at once. For a running job it records the request, and the worker ends the job.

@@ -2,8 +2,9 @@
 
 use super::rows::{from_json, from_json_option, from_word, to_json, to_word};
 use super::write::Write;
-use super::{AbortReason, PreconditionReason, Store, StoreError, page};
+use super::{AbortReason, Store, StoreError, page};
 use lightpath_domain::dataset::{Dataset, Encoding, Exposure, Finding, PAIRS_MAX, Pair};
+use lightpath_domain::reason::PreconditionReason;
 use lightpath_domain::units::{Distance, Wavelength};
 use sqlx::sqlite::SqliteRow;
 use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};

@@ -1,12 +1,13 @@
 //! Jobs that wait for other jobs.
 
+use super::StoreError;
 use super::changes::Change;
 use super::events::append_event;
 use super::job_rows::job_of;
 use super::rows::to_json;
 use super::write::Write;
-use super::{PreconditionReason, StoreError};
 use lightpath_domain::job::{FailureReason, Job, JobError, JobState};
+use lightpath_domain::reason::PreconditionReason;
 use sqlx::Row;
 use std::collections::VecDeque;
 

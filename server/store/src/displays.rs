@@ -1,8 +1,9 @@
 //! Stored displays.
 
 use super::rows::{from_json, to_json};
-use super::{PreconditionReason, Store, StoreError, page};
+use super::{Store, StoreError, page};
 use lightpath_domain::display::Display;
+use lightpath_domain::reason::PreconditionReason;
 use sqlx::Row;
 use sqlx::sqlite::SqliteRow;
 

@@ -1,30 +1,6 @@
 //! Errors of the store.
 
-lightpath_domain::reasons! {
-    /// Why the present state does not allow a request, as a code for programs.
-    pub enum PreconditionReason {
-        /// The dataset is finalized and can no longer change.
-        DatasetFinalized = "DATASET_FINALIZED",
-        /// The dataset has reached its limit of pairs.
-        DatasetFull = "DATASET_FULL",
-        /// The training or test part of the dataset has no pairs.
-        DatasetSplitEmpty = "DATASET_SPLIT_EMPTY",
-        /// A job that this job waits for has failed or was cancelled.
-        DependencyEnded = "DEPENDENCY_ENDED",
-        /// Jobs, datasets or kernels refer to the display.
-        DisplayInUse = "DISPLAY_IN_USE",
-        /// The job has ended.
-        JobEnded = "JOB_ENDED",
-        /// The job has neither failed nor been cancelled.
-        JobNotRetryable = "JOB_NOT_RETRYABLE",
-        /// The kernel has no earlier active version.
-        NoEarlierVersion = "NO_EARLIER_VERSION",
-        /// The queue is not paused.
-        NotPaused = "NOT_PAUSED",
-        /// A waiting or running job has the same unique key.
-        NotUnique = "NOT_UNIQUE",
-    }
-}
+use lightpath_domain::reason::PreconditionReason;
 
 lightpath_domain::reasons! {
     /// What changed during a request, as a code for programs.

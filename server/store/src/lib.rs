@@ -52,7 +52,7 @@ mod write;
 
 pub use artifacts::ArtifactRecord;
 pub use collection::Deleted;
-pub use error::{AbortReason, PreconditionReason, StoreError};
+pub use error::{AbortReason, StoreError};
 pub use inspect::{Counts, DanglingReference, Inspection, StoredBlob};
 pub use jobs::{JobFilter, QueueCounts, QueueLimits, Submitted};
 pub use leases::{ClaimLimits, Heartbeat};

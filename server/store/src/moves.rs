@@ -3,8 +3,9 @@
 use super::changes::Change;
 use super::kernels::find;
 use super::write::Write;
-use super::{AbortReason, PreconditionReason, Store, StoreError, page};
+use super::{AbortReason, Store, StoreError, page};
 use lightpath_domain::kernel::{Kernel, KernelKey, KernelMove};
+use lightpath_domain::reason::PreconditionReason;
 use sqlx::Row;
 
 /// A promotion or a rollback.

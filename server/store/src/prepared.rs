@@ -7,10 +7,11 @@
 use super::datasets::{require_artifact, with_pairs};
 use super::rows::{to_json, to_word};
 use super::write::Write;
-use super::{AbortReason, PreconditionReason, StoreError};
+use super::{AbortReason, StoreError};
 use lightpath_domain::dataset::{
     self, Dataset, Finalization, Finding, Pair, PairChecks, PreparedDataset, Split, Splits,
 };
+use lightpath_domain::reason::PreconditionReason;
 use std::collections::BTreeMap;
 
 /// Stores the results of a job that aligned or finalized a dataset, and returns the changed dataset.

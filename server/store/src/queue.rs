@@ -1,7 +1,8 @@
 //! The queue as a whole: its pauses and its state.
 
 use super::changes::Change;
-use super::{PreconditionReason, Store, StoreError};
+use super::{Store, StoreError};
+use lightpath_domain::reason::PreconditionReason;
 use sqlx::Row;
 
 /// A pause of the queue or of one display.

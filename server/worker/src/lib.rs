@@ -278,7 +278,7 @@ impl Worker {
         let name = format!("{}-{index}", self.config.name);
         let claimable = self.store.claimable();
         while !drain.is_cancelled() {
-            if self.artifacts.room_to_start().is_err() {
+            if self.artifacts.space().room_to_start().is_err() {
                 tokio::select! {
                     () = sleep(PAUSE) => {}
                     () = drain.cancelled() => {}

@@ -33,7 +33,7 @@ impl Api {
         let digest = Field::new("digest").digest(&request.digest)?;
         let (received_bytes, complete) = match self.artifact_in_use(caller, &digest).await? {
             Some(record) => (record.size_bytes, true),
-            None => (self.artifacts.upload_received(&digest).await?, false),
+            None => (self.artifacts.uploads().received_bytes(&digest).await?, false),
         };
         Ok(v1::Upload { digest, received_bytes, complete })
     }
@@ -93,10 +93,10 @@ impl Api {
             if let Some(record) = self.artifact_in_use(caller, digest).await? {
                 return Ok(Turn::Stored(record));
             }
-            self.artifacts.admit(size_bytes.saturating_sub(offset_bytes))?;
+            self.artifacts.space().admit(size_bytes.saturating_sub(offset_bytes))?;
             let stored_bytes_max = self.queue_limits.stored_bytes_per_owner;
             self.store.require_owner_room(&caller.name, size_bytes, stored_bytes_max).await?;
-            match self.artifacts.upload(digest, size_bytes, offset_bytes).await {
+            match self.artifacts.uploads().begin(digest, size_bytes, offset_bytes).await {
                 Err(ArtifactError::UploadBusy { .. }) if Instant::now() < until => sleep(UPLOAD_TURN_POLL).await,
                 upload => return Ok(Turn::Granted(upload?)),
             }

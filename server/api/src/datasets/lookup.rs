@@ -8,6 +8,7 @@ use crate::permissions::require_display;
 use lightpath_domain::access::Caller;
 use lightpath_domain::dataset::Dataset;
 use lightpath_domain::display::Display;
+use lightpath_domain::reason::PreconditionReason;
 use lightpath_store::StoreError;
 
 impl Api {
@@ -35,8 +36,8 @@ impl Api {
         let dataset = self.dataset_named(caller, field, &id).await?;
         if dataset.digest.is_none() {
             let (reason, fix) = match dataset.pair_count {
-                0 => ("DATASET_EMPTY", "is empty; add pairs and finalize it first"),
-                _ => ("DATASET_OPEN", "is still open; finalize it first"),
+                0 => (PreconditionReason::DatasetEmpty, "is empty; add pairs and finalize it first"),
+                _ => (PreconditionReason::DatasetOpen, "is still open; finalize it first"),
             };
             return Err(ApiError::Precondition { reason, message: format!("{field}: datasets/{id} {fix}") });
         }

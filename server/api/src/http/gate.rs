@@ -7,7 +7,7 @@ use super::token_expiry::{EndedTokens, ending_at_expiry, not_accepted};
 use crate::api::Api;
 use crate::audit::{Audit, Entry};
 use crate::connections::Peer;
-use crate::error::ApiError;
+use crate::error::{ApiError, LimitReason};
 use crate::rules::{Access, Effect, Rule, rule_of};
 use crate::time::now_ms;
 use axum::Extension;
@@ -98,7 +98,7 @@ impl Gate {
         })?;
         let name_or_address = if caller.name.is_empty() { address } else { &caller.name };
         let admitted = self.limit_rate(name_or_address).and_then(|()| match rule {
-            Some(Rule { effect: Effect::Creates, .. }) => Ok(self.api.artifacts.admit(0)?),
+            Some(Rule { effect: Effect::Creates, .. }) => Ok(self.api.artifacts.space().admit(0)?),
             _ => Ok(()),
         });
         admitted.map_err(|error| (caller.name.clone(), error))?;
@@ -107,7 +107,7 @@ impl Gate {
 
     fn limit_rate(&self, name_or_address: &str) -> Result<(), ApiError> {
         self.rate.admit(name_or_address, Instant::now()).map_err(|retry_after| ApiError::Exhausted {
-            reason: "RATE_LIMITED",
+            reason: LimitReason::RateLimited,
             message: "too many calls; retry after the delay".to_owned(),
             retry_after,
         })

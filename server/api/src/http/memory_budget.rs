@@ -1,6 +1,6 @@
 //! A limit on the memory of unfinished calls, for each address and for all addresses together.
 
-use crate::error::ApiError;
+use crate::error::{ApiError, LimitReason};
 use std::collections::HashMap;
 use std::mem;
 use std::net::IpAddr;
@@ -60,7 +60,7 @@ impl MemoryBudget {
 
 fn exhausted(message: &str) -> ApiError {
     let message = format!("{message}; retry when some of them have ended");
-    ApiError::Exhausted { reason: "TOO_MUCH_UNDER_WAY", message, retry_after: RETRY }
+    ApiError::Exhausted { reason: LimitReason::TooMuchUnderWay, message, retry_after: RETRY }
 }
 
 impl Share {

@@ -4,6 +4,7 @@ use crate::api::Api;
 use crate::error::ApiError;
 use crate::field::{Field, shortened};
 use lightpath_domain::kernel::KernelKey;
+use lightpath_domain::reason::PreconditionReason;
 use lightpath_store::StoreError;
 
 impl Api {
@@ -23,7 +24,7 @@ impl Api {
                 if active.is_none() && (required || kernel == "active") {
                     let fix = "promote a version first, or give a version number or `ideal`";
                     let message = format!("{field}: no version of {key} is active; {fix}");
-                    return Err(ApiError::Precondition { reason: "NO_ACTIVE_KERNEL", message });
+                    return Err(ApiError::Precondition { reason: PreconditionReason::NoActiveKernel, message });
                 }
                 Ok(active)
             }

@@ -12,6 +12,7 @@ use futures::stream::{self, StreamExt as _};
 use lightpath_artifacts::{CHUNK_BYTES, digest_of};
 use lightpath_domain::access::Caller;
 use lightpath_domain::kernel::{KernelKey, KernelVersion};
+use lightpath_domain::reason::PreconditionReason;
 use lightpath_media::kernel_file;
 use lightpath_media::kernel_formats::{self, KernelFormat, KernelFormatError};
 use lightpath_metrics as metrics;
@@ -76,7 +77,7 @@ impl Api {
             })
             .await?;
         let exported = exported.map_err(|error: KernelFormatError| ApiError::Precondition {
-            reason: "NO_SUCH_FORM",
+            reason: PreconditionReason::NoSuchForm,
             message: format!("format: {error}"),
         })?;
         let file = v1::KernelFile {
@@ -97,7 +98,7 @@ impl Api {
     async fn require_active(&self, key: &KernelKey) -> Result<u32, ApiError> {
         self.store.kernel(key).await?.active_version.ok_or_else(|| {
             let message = format!("no version of {key} is active; promote one first, or give a version number");
-            ApiError::Precondition { reason: "NO_ACTIVE_KERNEL", message }
+            ApiError::Precondition { reason: PreconditionReason::NoActiveKernel, message }
         })
     }
 }

@@ -11,6 +11,7 @@ use lightpath_domain::kernel::{
     KernelKey, KernelLineage, KernelMetrics, KernelVersion, LearnedDataset, NewKernelVersion,
 };
 use lightpath_domain::planning;
+use lightpath_domain::reason::PreconditionReason;
 use lightpath_domain::units::Distance;
 use lightpath_media::kernel_file;
 use lightpath_optics::learning::interpolated;
@@ -90,7 +91,7 @@ fn fit_around<'a>(field: &Field, key: &KernelKey, versions: &'a [KernelVersion])
             "{field}: no kernels of displays/{display} at {wavelength} were learned together for several distances; learn \
              them first: lightpath kernel learn --dataset NEAR --dataset FAR"
         );
-        return Err(ApiError::Precondition { reason: "NO_JOINT_FIT", message });
+        return Err(ApiError::Precondition { reason: PreconditionReason::NoJointFit, message });
     }
     let range = |fit: &Fit<'_>| fit.distances.first().copied().zip(fit.distances.last().copied());
     let around = |fit: &&Fit<'_>| range(fit).is_some_and(|(near, far)| (near..=far).contains(&distance));

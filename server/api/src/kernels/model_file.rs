@@ -3,6 +3,7 @@
 use crate::api::Api;
 use crate::error::ApiError;
 use lightpath_domain::kernel::KernelVersion;
+use lightpath_domain::reason::PreconditionReason;
 use lightpath_media::kernel_file;
 use lightpath_optics::DisplayModel;
 
@@ -11,7 +12,7 @@ impl Api {
     pub(crate) async fn model_of(&self, version: &KernelVersion) -> Result<DisplayModel, ApiError> {
         let bytes = self.artifacts.read_all(&version.content.artifact).await?;
         let (model, _) = kernel_file::decode(&bytes).map_err(|error| ApiError::Precondition {
-            reason: "KERNEL_UNREADABLE",
+            reason: PreconditionReason::KernelUnreadable,
             message: format!("{}/versions/{}: {error}", version.key, version.version),
         })?;
         Ok(model)

@@ -9,6 +9,7 @@ use crate::pages::Page;
 use crate::time::now_ms;
 use lightpath_domain::access::Caller;
 use lightpath_domain::kernel::KernelVersion;
+use lightpath_domain::reason::PreconditionReason;
 use lightpath_proto::v1;
 
 /// Limit on the length of the reason of a move \[bytes\]: a paragraph.
@@ -68,7 +69,7 @@ fn check_forced(candidate: &KernelVersion, force: bool, reason: &str) -> Result<
         "{key}/versions/{version} was measured to be no better than the ideal kernel (held-out loss {losses}); \
          to promote it anyway, set force and give a reason"
     );
-    Err(ApiError::Precondition { reason: "NO_BETTER_THAN_IDEAL", message })
+    Err(ApiError::Precondition { reason: PreconditionReason::NoBetterThanIdeal, message })
 }
 
 #[cfg(test)]

@@ -1,6 +1,8 @@
 //! Results of jobs.
 
-use super::{HologramResult, PrepareResult, ReportResult};
+use super::hologram::HologramResult;
+use super::prepare::PrepareResult;
+use super::report::ReportResult;
 use crate::dataset::Split;
 use crate::kernel::KernelMetrics;
 use lightpath_optics::ValidityReport;

@@ -1,6 +1,8 @@
 //! Requests: the work that a job must do.
 
-use super::{OptimizeHologram, PrepareDataset, ReportKernel};
+use super::hologram::OptimizeHologram;
+use super::prepare::PrepareDataset;
+use super::report::ReportKernel;
 use crate::units::{Distance, Wavelength};
 use lightpath_optics::learning::KernelModel;
 use lightpath_optics::{Detector, RegionOfInterest};

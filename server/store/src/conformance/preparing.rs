@@ -1,12 +1,13 @@
 //! Tests of jobs that align and finalize datasets while other jobs or callers change the same dataset.
 
 use super::*;
-use crate::{AbortReason, Inspection, PreconditionReason};
+use crate::{AbortReason, Inspection};
 use lightpath_domain::dataset::{
     Alignment, AlignmentMethod, Finalization, Finding, FindingKind, PairChecks, PreparedDataset, Split, Splits,
     digest as dataset_digest, draw_split,
 };
 use lightpath_domain::job::{AlignBy, Job, Lease, PrepareDataset, PrepareResult, PrepareStep};
+use lightpath_domain::reason::PreconditionReason;
 use std::collections::BTreeMap;
 
 const FINALIZATION: Finalization =

@@ -1,8 +1,9 @@
 //! Tests of when and for which owner jobs run.
 
 use super::*;
-use crate::{BatchProgress, ClaimLimits, JobFilter, OwnerQueue, Pause, PreconditionReason, QueueLimits};
+use crate::{BatchProgress, ClaimLimits, JobFilter, OwnerQueue, Pause, QueueLimits};
 use lightpath_domain::job::{Job, JobState, Lease, Progress};
+use lightpath_domain::reason::PreconditionReason;
 
 async fn submit_with(store: &Store, request_id: &str, change: impl FnOnce(&mut NewJob)) -> Result<Job, StoreError> {
     let mut new = new_job(request_id, 1);

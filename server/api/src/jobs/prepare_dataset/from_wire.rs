@@ -7,12 +7,12 @@ use crate::names;
 use lightpath_domain::access::Caller;
 use lightpath_domain::dataset::{Dataset, Finalization};
 use lightpath_domain::job::{AlignBy, Job, PrepareDataset, PrepareStep};
+use lightpath_domain::reason::PreconditionReason;
 use lightpath_media::pictures;
 use lightpath_optics::alignment::{Homography, PointPair};
 use lightpath_proto::v1;
 use lightpath_proto::v1::prepare_dataset::align::Source;
 use lightpath_proto::v1::prepare_dataset::{Align, Finalize, Step};
-use lightpath_store::PreconditionReason;
 
 /// Limit on the fraction of the pairs that are held out: some pairs must remain for learning.
 const HELD_OUT_FRACTION_MAX: f64 = 0.8;
@@ -106,14 +106,14 @@ fn require_possible(field: &Field, dataset: &Dataset, step: &PrepareStep) -> Res
                 "is finalized with validation_fraction {validation_fraction}, test_fraction {test_fraction}, seed \
                  {seed}{keep_alignment}; create another dataset"
             );
-            (PreconditionReason::DatasetFinalized.as_str(), problem)
+            (PreconditionReason::DatasetFinalized, problem)
         }
         (Some(_), PrepareStep::Align(_)) => {
             let problem = "is finalized, so its alignment cannot change; create another dataset".to_owned();
-            (PreconditionReason::DatasetFinalized.as_str(), problem)
+            (PreconditionReason::DatasetFinalized, problem)
         }
         (None, PrepareStep::Finalize(_) | PrepareStep::Align(AlignBy::Pairs)) if dataset.pair_count == 0 => {
-            ("DATASET_EMPTY", "has no pairs; add some: lightpath dataset add --help".to_owned())
+            (PreconditionReason::DatasetEmpty, "has no pairs; add some: lightpath dataset add --help".to_owned())
         }
         (None, _) => return Ok(()),
     };

@@ -7,6 +7,7 @@ use crate::optics::propagation_checks::check_distance;
 use lightpath_domain::access::Caller;
 use lightpath_domain::display::Display;
 use lightpath_domain::job::SimulateCapture;
+use lightpath_domain::reason::PreconditionReason;
 use lightpath_media::pictures;
 use lightpath_proto::v1;
 
@@ -26,7 +27,7 @@ impl Api {
         if display.simulated_bench.is_none() {
             let fix = "but only displays that were created with a simulated_bench can be simulated";
             let message = format!("{}: displays/{} has no simulated bench, {fix}", at("display"), display.id);
-            return Err(ApiError::Precondition { reason: "NOT_SIMULATED", message });
+            return Err(ApiError::Precondition { reason: PreconditionReason::NotSimulated, message });
         }
         let spec = SimulateCapture {
             wavelength: at("wavelength_m").wavelength_of(message.wavelength_m, &display)?,
