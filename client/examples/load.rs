@@ -6,7 +6,7 @@
 //! ```
 //!
 //! A long job keeps the server's cores busy during all measurements. The example submits many jobs, lists pages of jobs,
-//! follows up to 1000 jobs at once and uploads large artifacts in parallel. For each followed job it measures the delay
+//! follows up to 500 jobs at once and uploads large artifacts in parallel. For each followed job it measures the delay
 //! between the cancellation and the message to the follower. With TLS, use
 //! `--server https://localhost:7070 --ca-file cert.pem --token-file ada.token`. A client cannot measure how long a worker
 //! takes to claim a job among a million: the test with `LIGHTPATH_SCALE_JOBS` does (CONTRIBUTING.md).
@@ -47,8 +47,8 @@ struct Options {
     /// List this many pages of 50 jobs
     #[arg(long, default_value_t = 300)]
     pages: usize,
-    /// Follow this many of the submitted jobs at once, at most 1000
-    #[arg(long, default_value_t = 1000)]
+    /// Follow this many of the submitted jobs at once, at most 500
+    #[arg(long, default_value_t = 500)]
     watchers: usize,
     /// Set the size of each of the eight uploads in MB
     #[arg(long, default_value_t = 130)]

@@ -59,10 +59,10 @@ impl Slowness {
     fn first_bytes(self) -> Vec<u8> {
         match self {
             Self::Silent => Vec::new(),
-            Self::Headers => b"GET /v1/jobs HTTP/1.1\r\nhost: x\r\nx-slow: ".to_vec(),
+            Self::Headers => b"GET /v1/jobs HTTP/1.1\r\nhost: localhost\r\nx-slow: ".to_vec(),
             Self::Preface => PREFACE.to_vec(),
-            Self::Body => b"POST /v1/jobs HTTP/1.1\r\nhost: x\r\ncontent-length: 1000000\r\n\r\n".to_vec(),
-            Self::Unread => b"GET /metrics HTTP/1.1\r\nhost: x\r\n\r\n".repeat(UNREAD_REQUESTS),
+            Self::Body => b"POST /v1/jobs HTTP/1.1\r\nhost: localhost\r\ncontent-length: 1000000\r\n\r\n".to_vec(),
+            Self::Unread => b"GET /metrics HTTP/1.1\r\nhost: localhost\r\n\r\n".repeat(UNREAD_REQUESTS),
         }
     }
 

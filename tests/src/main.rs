@@ -16,6 +16,8 @@ mod server;
 
 // The tests.
 
+/// Attackers of every kind at once, and an honest client beside them.
+mod attack;
 /// Invalid input on the command line: exit codes and messages.
 mod bad_input_cli;
 /// Invalid input over gRPC: refused with a code, a field and a fix, without effect on the server.

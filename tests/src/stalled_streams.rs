@@ -50,7 +50,7 @@ fn frame(kind: u8, flags: u8, stream: u32, payload: &[u8]) -> Vec<u8> {
 fn headers(stream: u32, path: &str) -> Vec<u8> {
     let text = |text: &str| [&[u8::try_from(text.len()).unwrap()], text.as_bytes()].concat();
     let path = [vec![0x04], text(path)].concat();
-    let authority = [vec![0x01], text("lab")].concat();
+    let authority = [vec![0x01], text("localhost")].concat();
     let content_type = [vec![0x0f, 0x10], text("application/grpc")].concat();
     let block = [vec![0x83, 0x86], path, authority, content_type].concat();
     frame(HEADERS, END_HEADERS, stream, &block)

@@ -1,9 +1,10 @@
 //! State shared by all services, and the routes of all services.
 
+use crate::accounts::Accounts;
 use crate::checked_targets::CheckedTargets;
-use crate::decoding::{Decoding, LastReconstructor};
 use crate::error::ApiError;
-use crate::stream_limits::StreamLimits;
+use crate::kernels::conversions::Conversions;
+use crate::reconstructors::LastReconstructor;
 use lightpath_artifacts::Artifacts;
 use lightpath_proto::v1::artifact_service_server::ArtifactServiceServer;
 use lightpath_proto::v1::dataset_service_server::DatasetServiceServer;
@@ -12,6 +13,7 @@ use lightpath_proto::v1::job_service_server::JobServiceServer;
 use lightpath_proto::v1::kernel_service_server::KernelServiceServer;
 use lightpath_store::{QueueLimits, Store};
 use std::time::Duration;
+use tokio::sync::watch;
 use tokio::time::timeout;
 use tokio_util::sync::CancellationToken;
 use tonic::service::Routes;
@@ -22,35 +24,43 @@ pub(crate) const MESSAGE_BYTES_MAX: usize = 4 << 20;
 /// A server that cannot write to its database within this time reports that it is not serving.
 const WRITE_TURN_MAX: Duration = Duration::from_secs(5);
 
+/// Limits on what clients may use.
+#[derive(Clone, Copy, Debug)]
+pub struct ApiLimits {
+    /// Limits on the queue.
+    pub queue: QueueLimits,
+    /// Memory that computations for calls may use together \[bytes\]; one client may use half of it.
+    pub computing_bytes: u64,
+}
+
 /// State shared by all services; cheap to clone.
 #[derive(Clone, Debug)]
 pub struct Api {
     pub(crate) store: Store,
     pub(crate) artifacts: Artifacts,
     pub(crate) queue_limits: QueueLimits,
-    pub(crate) stream_limits: StreamLimits,
-    /// Decodes the pictures of submitted jobs.
-    pub(crate) decoding: Decoding,
-    /// Checks pairs of datasets and converts files of kernels. It is separate, so that no submission waits for it.
-    pub(crate) checking: Decoding,
+    pub(crate) accounts: Accounts,
     pub(crate) checked_targets: CheckedTargets,
+    pub(crate) conversions: Conversions,
     pub(crate) last_reconstructor: LastReconstructor,
     pub(crate) stopping: CancellationToken,
+    /// Result of the latest health check.
+    health: watch::Sender<Result<(), String>>,
 }
 
 impl Api {
     /// Creates the shared state. Cancelling `stopping` ends all streams when the server stops.
-    pub fn new(store: Store, artifacts: Artifacts, queue_limits: QueueLimits, stopping: CancellationToken) -> Self {
+    pub fn new(store: Store, artifacts: Artifacts, limits: ApiLimits, stopping: CancellationToken) -> Self {
         Self {
             store,
             artifacts,
-            queue_limits,
-            stream_limits: StreamLimits::default(),
-            decoding: Decoding::default(),
-            checking: Decoding::default(),
+            queue_limits: limits.queue,
+            accounts: Accounts::new(limits.computing_bytes),
             checked_targets: CheckedTargets::default(),
+            conversions: Conversions::default(),
             last_reconstructor: LastReconstructor::default(),
             stopping,
+            health: watch::Sender::new(Ok(())),
         }
     }
 
@@ -87,6 +97,17 @@ impl Api {
         Ok(())
     }
 
+    /// Keeps the result of a health check for [`Self::health`].
+    pub fn set_health(&self, result: Result<(), String>) {
+        drop(self.health.send_replace(result));
+    }
+
+    /// The latest result of [`Self::is_serving`] that was kept, or the reason why the server does not serve. It costs
+    /// nothing, so that nobody can load the server with health checks.
+    pub(crate) fn health(&self) -> Result<(), String> {
+        if self.is_stopping() { Err(ApiError::Stopping.to_string()) } else { self.health.borrow().clone() }
+    }
+
     /// Whether the server is stopping and refuses new requests.
     pub(crate) fn is_stopping(&self) -> bool {
         self.stopping.is_cancelled()
@@ -109,7 +130,12 @@ pub(crate) mod tests {
     /// The services with an empty database in `folder`.
     pub(crate) async fn api_in(folder: &Path) -> Api {
         let store = Store::open(&folder.join(DATABASE)).await.unwrap();
-        Api::new(store, Artifacts::open(folder).unwrap(), QueueLimits::from(10), CancellationToken::new())
+        Api::new(
+            store,
+            Artifacts::open(folder).unwrap(),
+            ApiLimits { queue: QueueLimits::from(10), computing_bytes: 1 << 30 },
+            CancellationToken::new(),
+        )
     }
 
     #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -1,14 +1,56 @@
 //! Passing gRPC requests to the methods that handle them, and their results to the client.
 //!
-//! The gate puts the [`Caller`] into the extensions of the request. A request without a caller has not passed the gate
-//! and is refused.
+//! The gate puts a [`Call`] into the extensions of each request. A request without one has not passed the gate and is
+//! refused.
 
+use crate::accounts::Client;
 use crate::api::Api;
 use crate::error::ApiError;
 use futures::StreamExt as _;
 use futures::stream::BoxStream;
 use lightpath_domain::access::Caller;
+use std::net::IpAddr;
+use std::sync::{Arc, OnceLock};
+use tokio_util::sync::CancellationToken;
 use tonic::{Request, Response, Status};
+
+/// A call that has passed the gate. Clones are the same call.
+#[derive(Clone, Debug)]
+pub(crate) struct Call {
+    /// Who calls, and what the caller may do.
+    pub(crate) caller: Caller,
+    /// For whom the call is counted.
+    pub(crate) client: Client,
+    /// Cancelled when the client no longer waits for the answer.
+    pub(crate) cancelled: CancellationToken,
+    /// The resource that the call changes, for the audit log.
+    object: Arc<OnceLock<String>>,
+}
+
+impl Call {
+    /// A call from a caller at an address.
+    pub(crate) fn new(caller: Caller, address: Option<IpAddr>) -> Self {
+        let client = Client::of(&caller, address);
+        Self { caller, client, cancelled: CancellationToken::new(), object: Arc::default() }
+    }
+
+    /// Notes the resource that the call changes. The first note counts.
+    pub(crate) fn concerns(&self, object: impl Into<String>) {
+        // A second note is about a part of the first.
+        let _ = self.object.set(object.into());
+    }
+
+    /// The resource that the call changes; empty if none was noted.
+    pub(crate) fn object(&self) -> &str {
+        self.object.get().map_or("", String::as_str)
+    }
+
+    /// A call without a token, from an unknown address.
+    #[cfg(test)]
+    pub(crate) fn without_token() -> Self {
+        Self::new(Caller::without_token(), None)
+    }
+}
 
 /// Result of a method with a stream of answers.
 pub(crate) type Answers<A> = BoxStream<'static, Result<A, ApiError>>;
@@ -21,14 +63,14 @@ impl Api {
     ///
     /// # Errors
     ///
-    /// The status of the [`ApiError`] that `handle` returns; UNAUTHENTICATED if the request has no caller.
+    /// The status of the [`ApiError`] that `handle` returns; UNAUTHENTICATED if the request has no [`Call`].
     pub(crate) async fn answer<Q, A>(
         &self,
         mut request: Request<Q>,
-        handle: impl AsyncFnOnce(&Self, &Caller, Q) -> Result<A, ApiError>,
+        handle: impl AsyncFnOnce(&Self, &Call, Q) -> Result<A, ApiError>,
     ) -> Result<Response<A>, Status> {
-        let caller = request.extensions_mut().remove::<Caller>().ok_or(ApiError::NoCaller)?;
-        Ok(Response::new(handle(self, &caller, request.into_inner()).await?))
+        let call = request.extensions_mut().remove::<Call>().ok_or(ApiError::NoCaller)?;
+        Ok(Response::new(handle(self, &call, request.into_inner()).await?))
     }
 
     /// Handles a request with a stream of answers.
@@ -39,7 +81,7 @@ impl Api {
     pub(crate) async fn answer_with_stream<Q, A: 'static>(
         &self,
         request: Request<Q>,
-        handle: impl AsyncFnOnce(&Self, &Caller, Q) -> Result<Answers<A>, ApiError>,
+        handle: impl AsyncFnOnce(&Self, &Call, Q) -> Result<Answers<A>, ApiError>,
     ) -> Result<Response<StatusStream<A>>, Status> {
         let answer = self.answer(request, handle).await?;
         Ok(answer.map(|answers| answers.map(|answer| answer.map_err(Status::from)).boxed()))
@@ -56,7 +98,7 @@ mod tests {
     use tonic::codegen::{Service as _, http};
 
     /// Calls every method with an empty message, and returns the codes of the answers.
-    async fn codes(api: Api, caller: Option<Caller>) -> Vec<(&'static str, Code)> {
+    async fn codes(api: Api, call: Option<Call>) -> Vec<(&'static str, Code)> {
         let mut routes = api.routes().unwrap().0.into_axum_router();
         let mut codes = Vec::new();
         for (method, _) in METHODS {
@@ -65,7 +107,7 @@ mod tests {
                 // A gRPC message without compression and without bytes.
                 .body(Body::from(vec![0_u8; 5]));
             let mut request = request.unwrap();
-            caller.clone().map(|caller| request.extensions_mut().insert(caller));
+            call.clone().map(|call| request.extensions_mut().insert(call));
             let answer = routes.call(request).await.unwrap();
             let status = answer.headers().get("grpc-status");
             codes.push((*method, status.map_or(Code::Ok, |status| Code::from_bytes(status.as_bytes()))));
@@ -80,7 +122,7 @@ mod tests {
         for (method, code) in codes(api.clone(), None).await {
             assert_eq!(code, Code::Unauthenticated, "{method}");
         }
-        for (method, code) in codes(api, Some(Caller::without_token())).await {
+        for (method, code) in codes(api, Some(Call::without_token())).await {
             assert!(
                 !matches!(code, Code::Unauthenticated | Code::Unimplemented | Code::Internal),
                 "{method}: {code:?}"

@@ -12,9 +12,11 @@ lightpath_domain::reasons! {
         RateLimited = "RATE_LIMITED",
         /// Too many streams follow jobs and kernels.
         TooManyWatchers = "TOO_MANY_WATCHERS",
+        /// Too many downloads run.
+        TooManyDownloads = "TOO_MANY_DOWNLOADS",
         /// Too many uploads run.
         TooManyUploads = "TOO_MANY_UPLOADS",
-        /// The messages that are being received or sent use all memory that they may.
+        /// The unfinished calls use all memory that they may, or too many of them wait.
         TooMuchUnderWay = "TOO_MUCH_UNDER_WAY",
     }
 }
@@ -73,6 +75,22 @@ pub enum ApiError {
     /// The server is stopping.
     #[error("the server is stopping; retry in a moment")]
     Stopping,
+    /// A computation needs more memory than the server gives to one client.
+    #[error(
+        "the call needs {} MiB of memory, but the server gives a client at most {} MiB for computations; send a smaller \
+         picture, or ask the operator for a larger computing_mib_max",
+        bytes.div_ceil(1 << 20),
+        bytes_max >> 20
+    )]
+    TooLarge {
+        /// Memory that the computation needs \[bytes\].
+        bytes: u64,
+        /// Memory that one client may use \[bytes\].
+        bytes_max: u64,
+    },
+    /// The client left before the call changed anything.
+    #[error("the client left before the answer")]
+    Cancelled,
     /// The client disconnected or its stream failed.
     #[error("the stream failed")]
     Stream(#[source] Box<tonic::Status>),

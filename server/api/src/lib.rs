@@ -8,13 +8,14 @@
 //! - `api`: state shared by all services. `call`: passing gRPC requests with their callers to methods.
 //! - `rules`: which roles may make each call. `permissions`: which displays a caller may use.
 //! - `field`, `names`, `pages`, `time`: checks of fields, resource names, pages of lists, and times.
-//! - `watch`: streams that follow changes. `stream_limits`: limits on the number of streams.
-//! - `decoding`: long computations. `checked_targets`: a memory of the targets that have light.
+//! - `accounts`: what each client uses: calls, memory, threads and streams. `watch`: streams that follow changes.
+//! - `reconstructors`: optics for the pairs of a dataset. `checked_targets`: a memory of the targets that have light.
 //! - `error`: errors of the API. `status`: conversion of errors into gRPC statuses.
 //! - [`http`]: health, metrics, JSON, and the gate that every request passes.
 //! - [`connections`]: gRPC and HTTP on one port. [`tls`]: certificates. [`audit`]: log of changes and refusals.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+mod accounts;
 mod api;
 mod artifacts;
 pub mod audit;
@@ -22,7 +23,6 @@ mod call;
 mod checked_targets;
 pub mod connections;
 mod datasets;
-mod decoding;
 mod displays;
 mod enumerations;
 mod error;
@@ -35,12 +35,12 @@ mod optics;
 mod pages;
 mod permissions;
 mod queue;
+mod reconstructors;
 mod rules;
 mod status;
-mod stream_limits;
 mod time;
 pub mod tls;
 mod watch;
 
-pub use api::Api;
+pub use api::{Api, ApiLimits};
 pub use error::ApiError;

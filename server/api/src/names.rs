@@ -1,9 +1,9 @@
 //! Resource names: `displays/{id}`, `datasets/{id}`, `jobs/{id}`, `displays/{id}/kernels/{k}/versions/{n}`.
 
+use crate::call::Call;
 use crate::error::ApiError;
 use crate::field::{Field, shortened};
 use crate::permissions::{require_all_displays, require_display};
-use lightpath_domain::access::Caller;
 use lightpath_domain::kernel::KernelKey;
 use lightpath_domain::units::{Distance, Wavelength};
 
@@ -11,9 +11,9 @@ use lightpath_domain::units::{Distance, Wavelength};
 const ID_BYTES_MAX: usize = 63;
 
 /// The id in `displays/{id}`. Refuses a display that the caller may not use.
-pub(crate) fn display_id(caller: &Caller, field: &Field, name: &str) -> Result<String, ApiError> {
+pub(crate) fn display_id(call: &Call, field: &Field, name: &str) -> Result<String, ApiError> {
     let id = checked_id(field, name, "displays")?;
-    require_display(caller, &id)?;
+    require_display(call, &id)?;
     Ok(id)
 }
 
@@ -32,16 +32,16 @@ pub(crate) fn job_id(field: &Field, name: &str) -> Result<String, ApiError> {
 
 /// The id of the display in a filter; `None` if the filter is empty. Callers with tokens for some displays must name
 /// one.
-pub(crate) fn display_filter(caller: &Caller, field: &Field, name: &str) -> Result<Option<String>, ApiError> {
+pub(crate) fn display_filter(call: &Call, field: &Field, name: &str) -> Result<Option<String>, ApiError> {
     if name.is_empty() {
-        require_all_displays(caller, &field.to_string())?;
+        require_all_displays(call, &field.to_string())?;
         return Ok(None);
     }
-    display_id(caller, field, name).map(Some)
+    display_id(call, field, name).map(Some)
 }
 
 /// The key in `displays/{id}/kernels/{wavelength}-{distance}`.
-pub(crate) fn kernel_key(caller: &Caller, field: &Field, name: &str) -> Result<KernelKey, ApiError> {
+pub(crate) fn kernel_key(call: &Call, field: &Field, name: &str) -> Result<KernelKey, ApiError> {
     let refusal = || {
         let form = "displays/{id}/kernels/{wavelength}-{distance}, for example displays/lab-2/kernels/515nm-150mm";
         field.invalid(format!("is {:?}, but must have the form {form}", shortened(name)))
@@ -49,7 +49,7 @@ pub(crate) fn kernel_key(caller: &Caller, field: &Field, name: &str) -> Result<K
     let (display, kernel) = name.split_once("/kernels/").ok_or_else(refusal)?;
     let (wavelength, distance) = kernel.split_once('-').ok_or_else(refusal)?;
     let key = KernelKey {
-        display: display_id(caller, field, display)?,
+        display: display_id(call, field, display)?,
         wavelength: Wavelength::parse(wavelength).ok_or_else(refusal)?,
         distance: Distance::parse(distance).ok_or_else(refusal)?,
     };
@@ -58,14 +58,14 @@ pub(crate) fn kernel_key(caller: &Caller, field: &Field, name: &str) -> Result<K
 }
 
 /// The key and version number in `displays/{id}/kernels/{k}/versions/{n}`.
-pub(crate) fn kernel_version(caller: &Caller, field: &Field, name: &str) -> Result<(KernelKey, u32), ApiError> {
+pub(crate) fn kernel_version(call: &Call, field: &Field, name: &str) -> Result<(KernelKey, u32), ApiError> {
     let refusal = || {
         let form = "displays/{id}/kernels/{k}/versions/{n}";
         field.invalid(format!("is {:?}, but must have the form {form}", shortened(name)))
     };
     let (kernel, version) = name.split_once("/versions/").ok_or_else(refusal)?;
     let version: u32 = version.parse().map_err(|_| refusal())?;
-    Ok((kernel_key(caller, field, kernel)?, version))
+    Ok((kernel_key(call, field, kernel)?, version))
 }
 
 /// Checks the id of a pair: 1 to 63 characters of a-z, A-Z, 0-9, '.', '_' and '-'.
@@ -96,13 +96,13 @@ mod tests {
 
     #[test]
     fn kernel_names_survive_parsing_and_malformed_ones_are_refused() {
-        let (caller, field) = (Caller::without_token(), Field::new("name"));
+        let (call, field) = (Call::without_token(), Field::new("name"));
         for name in [
             "displays/lab-2/kernels/515nm-150mm",
             "displays/a/kernels/632.8nm--12.5mm",
             "displays/a/kernels/1064nm-0.000001mm",
         ] {
-            assert_eq!(kernel_key(&caller, &field, name).unwrap().to_string(), name);
+            assert_eq!(kernel_key(&call, &field, name).unwrap().to_string(), name);
         }
         for bad in [
             "",
@@ -115,20 +115,20 @@ mod tests {
             "displays/lab-2/kernels/-515nm-150mm",
             "displays/lab-2/kernels/nannm-150mm",
         ] {
-            assert!(kernel_key(&caller, &field, bad).is_err(), "{bad}");
+            assert!(kernel_key(&call, &field, bad).is_err(), "{bad}");
         }
-        let (key, version) = kernel_version(&caller, &field, "displays/lab-2/kernels/515nm-150mm/versions/3").unwrap();
+        let (key, version) = kernel_version(&call, &field, "displays/lab-2/kernels/515nm-150mm/versions/3").unwrap();
         assert_eq!((key.display.as_str(), version), ("lab-2", 3));
     }
 
     #[test]
     fn malformed_ids_are_refused() {
-        let (caller, field) = (Caller::without_token(), Field::new("name"));
-        assert_eq!(display_id(&caller, &field, "displays/pluto-2").unwrap(), "pluto-2");
+        let (call, field) = (Call::without_token(), Field::new("name"));
+        assert_eq!(display_id(&call, &field, "displays/pluto-2").unwrap(), "pluto-2");
         for bad in ["pluto", "displays/", "displays/2pluto", "displays/a/b", "displays/../x", "datasets/pluto"] {
-            assert!(display_id(&caller, &field, bad).is_err(), "{bad}");
+            assert!(display_id(&call, &field, bad).is_err(), "{bad}");
         }
-        assert!(display_id(&caller, &field, &format!("displays/{}", "a".repeat(64))).is_err());
+        assert!(display_id(&call, &field, &format!("displays/{}", "a".repeat(64))).is_err());
         assert!(
             pair_id(&field, "IMG_0001.png").is_ok() && pair_id(&field, "a/b").is_err() && pair_id(&field, "").is_err()
         );

@@ -3,21 +3,22 @@
 //! The gate has checked the role of the caller. Only the handler knows the display of a call, and passes the caller to
 //! these functions.
 
+use crate::call::Call;
 use crate::error::ApiError;
-use lightpath_domain::access::{Caller, Role};
+use lightpath_domain::access::Role;
 
 /// Refuses a caller whose token is for other displays.
 ///
 /// # Errors
 ///
 /// [`ApiError::Denied`].
-pub(crate) fn require_display(caller: &Caller, id: &str) -> Result<(), ApiError> {
-    if caller.may_use(id) {
+pub(crate) fn require_display(call: &Call, id: &str) -> Result<(), ApiError> {
+    if call.caller.may_use(id) {
         return Ok(());
     }
     Err(ApiError::Denied(format!(
         "the token \"{}\" is not valid for displays/{id}; ask an admin for one that is",
-        caller.name
+        call.caller.name
     )))
 }
 
@@ -27,12 +28,12 @@ pub(crate) fn require_display(caller: &Caller, id: &str) -> Result<(), ApiError>
 /// # Errors
 ///
 /// [`ApiError::Denied`].
-pub(crate) fn require_all_displays(caller: &Caller, field: &str) -> Result<(), ApiError> {
-    match caller.displays.first() {
+pub(crate) fn require_all_displays(call: &Call, field: &str) -> Result<(), ApiError> {
+    match call.caller.displays.first() {
         None => Ok(()),
         Some(own) => Err(ApiError::Denied(format!(
             "the token \"{}\" is not valid for all displays; set {field} to one of its displays, such as displays/{own}",
-            caller.name
+            call.caller.name
         ))),
     }
 }
@@ -43,8 +44,8 @@ pub(crate) fn require_all_displays(caller: &Caller, field: &str) -> Result<(), A
 /// # Errors
 ///
 /// [`ApiError::Denied`] if `given` is not the caller's name, unless the caller is an admin.
-pub(crate) fn owner_of_job(caller: &Caller, given: String) -> Result<String, ApiError> {
-    match (caller.name.as_str(), caller.role) {
+pub(crate) fn owner_of_job(call: &Call, given: String) -> Result<String, ApiError> {
+    match (call.caller.name.as_str(), call.caller.role) {
         ("", _) => Ok(given),
         (name, _) if given.is_empty() => Ok(name.to_owned()),
         (name, role) if given == name || role == Role::Admin => Ok(given),
@@ -57,19 +58,20 @@ pub(crate) fn owner_of_job(caller: &Caller, given: String) -> Result<String, Api
 #[cfg(test)]
 mod tests {
     use super::*;
+    use lightpath_domain::access::Caller;
 
-    fn ada(role: Role) -> Caller {
-        Caller { name: "ada".to_owned(), role, displays: vec!["lab".to_owned()] }
+    fn ada(role: Role) -> Call {
+        Call::new(Caller { name: "ada".to_owned(), role, displays: vec!["lab".to_owned()] }, None)
     }
 
     #[test]
     fn token_is_valid_for_its_displays_only() {
         assert!(require_display(&ada(Role::Submitter), "lab").is_ok());
         assert!(matches!(require_display(&ada(Role::Submitter), "other"), Err(ApiError::Denied(_))));
-        assert!(require_display(&Caller::without_token(), "other").is_ok());
+        assert!(require_display(&Call::without_token(), "other").is_ok());
         let refusal = require_all_displays(&ada(Role::Submitter), "display").unwrap_err().to_string();
         assert!(refusal.contains("set display to one of its displays, such as displays/lab"), "{refusal}");
-        assert!(require_all_displays(&Caller::without_token(), "display").is_ok());
+        assert!(require_all_displays(&Call::without_token(), "display").is_ok());
     }
 
     #[test]
@@ -82,6 +84,6 @@ mod tests {
         ] {
             assert_eq!(owner_of_job(&ada(role), given.to_owned()).ok().as_deref(), owner, "{given}");
         }
-        assert_eq!(owner_of_job(&Caller::without_token(), "bob".to_owned()).unwrap(), "bob");
+        assert_eq!(owner_of_job(&Call::without_token(), "bob".to_owned()).unwrap(), "bob");
     }
 }

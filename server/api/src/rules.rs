@@ -55,7 +55,7 @@ pub(crate) const METHODS: &[(&str, Rule)] = &[
     ("DatasetService/AddPair", rule(SUBMITTERS, Effect::Creates)),
     ("DatasetService/CreateCalibrationTarget", rule(SUBMITTERS, Effect::Creates)),
     ("DisplayService/CreateDisplay", rule(ADMINS, Effect::Creates)),
-    ("DisplayService/GetDisplay", rule(READERS, Effect::Reads)),
+    ("DisplayService/GetDisplay", rule(KERNEL_READERS, Effect::Reads)),
     ("DisplayService/ListDisplays", rule(READERS, Effect::Reads)),
     ("DisplayService/DeleteDisplay", rule(ADMINS, Effect::Changes)),
     ("DisplayService/PlanPropagation", rule(READERS, Effect::Reads)),

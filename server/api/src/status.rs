@@ -74,6 +74,8 @@ fn answer(error: &ApiError) -> Option<Answer> {
         ApiError::Denied(_) => Answer::new(Code::PermissionDenied, "PERMISSION_DENIED"),
         ApiError::Locked => Answer::new(Code::Unavailable, "DATABASE_LOCKED").retry(QUEUE_RETRY),
         ApiError::Stopping => Answer::new(Code::Unavailable, "STOPPING").retry(RESTART_RETRY),
+        ApiError::TooLarge { .. } => Answer::new(Code::FailedPrecondition, "TOO_LARGE"),
+        ApiError::Cancelled => Answer::new(Code::Cancelled, "CLIENT_LEFT"),
         ApiError::Idle(_) => Answer::new(Code::DeadlineExceeded, "IDLE"),
         ApiError::Stream(_) | ApiError::Task(_) => return None,
         ApiError::Store(error) => return store_answer(error),

@@ -4,11 +4,11 @@
 //! can receive more. So a slow client skips states, and always receives the latest one. Between two reads the stream
 //! holds no transaction and no connection.
 
+use crate::accounts::OpenStream;
 use crate::call::Answers;
 use crate::error::ApiError;
 use futures::StreamExt as _;
 use futures::stream;
-use tokio::sync::OwnedSemaphorePermit;
 use tokio::sync::broadcast::Receiver;
 use tokio::sync::broadcast::error::{RecvError, TryRecvError};
 use tokio_util::sync::CancellationToken;
@@ -40,7 +40,7 @@ struct Follower<W: Watch> {
     sent: Option<W::Item>,
     first: Option<W::Item>,
     has_ended: bool,
-    _permit: OwnedSemaphorePermit,
+    _open: OpenStream,
 }
 
 /// A stream of `first` and then of every different state, up to the final one. It ends with UNAVAILABLE when the server
@@ -50,10 +50,10 @@ pub(crate) fn stream<W: Watch>(
     first: W::Item,
     changes: Receiver<W::Change>,
     stopping: CancellationToken,
-    permit: OwnedSemaphorePermit,
+    open: OpenStream,
 ) -> Answers<W::Message> {
     let first = Some(first);
-    let follower = Follower { source, changes, stopping, sent: None, first, has_ended: false, _permit: permit };
+    let follower = Follower { source, changes, stopping, sent: None, first, has_ended: false, _open: open };
     stream::unfold(follower, |mut follower| async move {
         if follower.has_ended {
             return None;

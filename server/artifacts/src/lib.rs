@@ -9,6 +9,7 @@
 //! DATA_DIR/artifacts/ab/sha256-ab…     blobs
 //! DATA_DIR/checkpoints/ab/sha256-ab…   resumable states of running jobs; clients cannot download them
 //! DATA_DIR/uploads/sha256-….part       stored parts of interrupted uploads
+//! DATA_DIR/conversions/ab/sha256-ab…  files that can be made again, such as converted kernels; emptied at start
 //! DATA_DIR/tmp/                        files being written; emptied at start
 //! DATA_DIR/lock                        held by the one process that uses the folder
 //! DATA_DIR/keep.lock                   held by a backup; while it is held, the server removes no artifact
@@ -61,6 +62,7 @@ pub struct Artifacts {
 struct Inner {
     blobs: Arc<Folder>,
     checkpoints: Folder,
+    conversions: Folder,
     uploads: Uploads,
     data_dir: PathBuf,
     space: Space,
@@ -97,12 +99,15 @@ impl Artifacts {
         let lock = lock(&data_dir.join("lock"))?;
         let temporary = make("tmp")?;
         folder::empty(&temporary).map_err(|error| ArtifactError::io("empty tmp", error))?;
+        let conversions = make("conversions")?;
+        folder::empty(&conversions).map_err(|error| ArtifactError::io("empty conversions", error))?;
         let blobs = Arc::new(Folder::new(make("artifacts")?, temporary.clone()));
         let uploads = Uploads::open(make("uploads")?, Arc::clone(&blobs))?;
         Ok(Self {
             inner: Arc::new(Inner {
                 blobs,
-                checkpoints: Folder::new(make("checkpoints")?, temporary),
+                checkpoints: Folder::new(make("checkpoints")?, temporary.clone()),
+                conversions: Folder::new(conversions, temporary),
                 uploads,
                 data_dir: data_dir.to_owned(),
                 space: Space::new(limits, data_dir.to_owned()),
@@ -161,24 +166,38 @@ impl Artifacts {
         self.blocking(move |inner| inner.blobs.read(&digest)).await
     }
 
-    /// Checks a blob against its digest, then returns a reader of its bytes from `offset_bytes` on. The reader returns
-    /// at most `limit_bytes` (0: to the end).
+    /// Does the same as [`Self::read_all`] on the calling thread, which may block.
+    ///
+    /// # Errors
+    ///
+    /// The errors of [`Self::read_all`].
+    pub fn read_blocking(&self, digest: &str) -> Result<Vec<u8>, ArtifactError> {
+        self.inner.blobs.read(digest)
+    }
+
+    /// Opens a blob for a look at its header, on the calling thread, which may block. The content is not checked.
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError::NotFound`], [`ArtifactError::BadDigest`], [`ArtifactError::Io`].
+    pub fn open_blocking(&self, digest: &str) -> Result<File, ArtifactError> {
+        Ok(self.inner.blobs.open(digest)?.0)
+    }
+
+    /// Checks a blob against its digest, then returns a reader of its bytes from `offset_bytes` on, on the calling thread,
+    /// which may block. The reader returns at most `limit_bytes` (0: to the end).
     ///
     /// # Errors
     ///
     /// The errors of [`Self::read_all`]; [`ArtifactError::OutOfRange`] if the offset is past the end.
-    pub async fn read(
+    pub fn read_range_blocking(
         &self,
         digest: &str,
         offset_bytes: u64,
         limit_bytes: u64,
     ) -> Result<ArtifactReader, ArtifactError> {
-        let digest = digest.to_owned();
-        self.blocking(move |inner| {
-            let (file, size_bytes) = inner.blobs.open_verified(&digest)?;
-            ArtifactReader::new(file, size_bytes, offset_bytes, limit_bytes)
-        })
-        .await
+        let (file, size_bytes) = self.inner.blobs.open_verified(digest)?;
+        ArtifactReader::new(file, size_bytes, offset_bytes, limit_bytes)
     }
 
     /// Size of a blob \[bytes\]; `None` if it is not on disk. The content is not checked.
@@ -229,6 +248,44 @@ impl Artifacts {
     pub async fn delete_checkpoint(&self, digest: &str) -> Result<(), ArtifactError> {
         let digest = digest.to_owned();
         self.blocking(move |inner| inner.checkpoints.delete(&digest)).await
+    }
+
+    /// Stores a file that can be made again, and returns its digest.
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError::DiskLow`] if the file would use the reserve of the disk; [`ArtifactError::DiskFull`],
+    /// [`ArtifactError::Io`].
+    pub async fn put_conversion(&self, bytes: Vec<u8>) -> Result<String, ArtifactError> {
+        self.blocking(move |inner| {
+            inner.space.admit_temporary(bytes.len() as u64)?;
+            inner.conversions.put(&bytes)
+        })
+        .await
+    }
+
+    /// Checks a stored conversion against its digest, then returns a reader of its bytes.
+    ///
+    /// # Errors
+    ///
+    /// The errors of [`Self::read_all`].
+    pub async fn read_conversion(&self, digest: &str) -> Result<ArtifactReader, ArtifactError> {
+        let digest = digest.to_owned();
+        self.blocking(move |inner| {
+            let (file, size_bytes) = inner.conversions.open_verified(&digest)?;
+            ArtifactReader::new(file, size_bytes, 0, 0)
+        })
+        .await
+    }
+
+    /// Removes a conversion. A missing one is no error.
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError::BadDigest`], [`ArtifactError::Io`].
+    pub async fn delete_conversion(&self, digest: &str) -> Result<(), ArtifactError> {
+        let digest = digest.to_owned();
+        self.blocking(move |inner| inner.conversions.delete(&digest)).await
     }
 
     /// Digests of all checkpoints on disk.

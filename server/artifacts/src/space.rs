@@ -72,17 +72,26 @@ impl Space {
     /// [`ArtifactError::DiskLow`] if the work would use the reserve; [`ArtifactError::QuotaSpent`] if the size of all
     /// artifacts would exceed its limit.
     pub fn admit(&self, more_bytes: u64) -> Result<(), ArtifactError> {
-        let SpaceLimits { reserve_bytes, stored_bytes_max } = self.limits;
-        if reserve_bytes > 0 {
-            let free_bytes = self.free_bytes()?;
-            if free_bytes < reserve_bytes.saturating_add(more_bytes) {
-                return Err(ArtifactError::DiskLow { free_bytes, reserve_bytes });
-            }
-        }
+        self.admit_temporary(more_bytes)?;
+        let stored_bytes_max = self.limits.stored_bytes_max;
         let stored_bytes = self.stored_bytes.load(Ordering::Relaxed);
         if stored_bytes_max > 0 && more_bytes > 0 && stored_bytes.saturating_add(more_bytes) > stored_bytes_max {
             return Err(ArtifactError::QuotaSpent { stored_bytes, stored_bytes_max });
         }
         Ok(())
+    }
+
+    /// Checks that `more_bytes` fit beside the reserve. Temporary files do not count towards the size of all artifacts.
+    pub(crate) fn admit_temporary(&self, more_bytes: u64) -> Result<(), ArtifactError> {
+        let reserve_bytes = self.limits.reserve_bytes;
+        if reserve_bytes == 0 {
+            return Ok(());
+        }
+        match self.free_bytes()? {
+            free_bytes if free_bytes < reserve_bytes.saturating_add(more_bytes) => {
+                Err(ArtifactError::DiskLow { free_bytes, reserve_bytes })
+            }
+            _ => Ok(()),
+        }
     }
 }

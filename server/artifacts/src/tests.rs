@@ -32,10 +32,10 @@ async fn stored_bytes_are_read_whole_and_in_ranges() {
     assert_eq!(artifacts.put_bytes(bytes.clone()).await.unwrap(), digest, "the same bytes are the same artifact");
     assert_eq!(artifacts.read_all(&digest).await.unwrap(), bytes);
     assert_eq!(artifacts.size(&digest).await.unwrap(), Some(3_000_000));
-    assert_eq!(read_to_end(artifacts.read(&digest, 0, 0).await.unwrap()).await, bytes);
-    assert_eq!(read_to_end(artifacts.read(&digest, 5, 7).await.unwrap()).await, bytes[5..12]);
-    assert!(read_to_end(artifacts.read(&digest, 3_000_000, 0).await.unwrap()).await.is_empty());
-    let past = artifacts.read(&digest, 3_000_001, 0).await;
+    assert_eq!(read_to_end(artifacts.read_range_blocking(&digest, 0, 0).unwrap()).await, bytes);
+    assert_eq!(read_to_end(artifacts.read_range_blocking(&digest, 5, 7).unwrap()).await, bytes[5..12]);
+    assert!(read_to_end(artifacts.read_range_blocking(&digest, 3_000_000, 0).unwrap()).await.is_empty());
+    let past = artifacts.read_range_blocking(&digest, 3_000_001, 0);
     assert!(matches!(past, Err(ArtifactError::OutOfRange { size_bytes: 3_000_000, .. })));
     assert!(files(&data.path().join("tmp")).is_empty());
 
@@ -52,7 +52,7 @@ async fn damaged_blob_is_refused_until_stored_again() {
     let path = data.path().join("artifacts").join(&digest[7..9]).join(&digest);
     fs::write(path, b"kernal").unwrap();
     assert!(matches!(artifacts.read_all(&digest).await, Err(ArtifactError::DataLoss { .. })));
-    assert!(matches!(artifacts.read(&digest, 0, 0).await, Err(ArtifactError::DataLoss { .. })));
+    assert!(matches!(artifacts.read_range_blocking(&digest, 0, 0), Err(ArtifactError::DataLoss { .. })));
     artifacts.put_bytes(b"kernel".to_vec()).await.unwrap();
     assert_eq!(artifacts.read_all(&digest).await.unwrap(), b"kernel", "storing the same bytes again repairs the blob");
 }

@@ -5,7 +5,7 @@ use crate::upkeep::{Collected, DATABASE, Retention, UpkeepError};
 use lightpath_api::Api;
 use lightpath_api::audit::Audit;
 use lightpath_api::connections;
-use lightpath_api::http::{self, EndedTokens, Gate, MemoryBudget, Rate};
+use lightpath_api::http::{self, EndedTokens, Gate, Hosts, MemoryBudget, Rate};
 use lightpath_api::tls::{self, Tls, TlsError};
 use lightpath_artifacts::{ArtifactError, Artifacts};
 use lightpath_metrics as metrics;
@@ -104,7 +104,7 @@ pub async fn run(
     artifacts.space().set_stored_bytes(store.artifact_totals().await?.1);
     let stopping = CancellationToken::new();
     let upkeep = tokio::spawn(upkeep_loop(store.clone(), artifacts.clone(), retention, stopping.clone()));
-    let api = Api::new(store.clone(), artifacts.clone(), config.queue_limits(), stopping.clone());
+    let api = Api::new(store.clone(), artifacts.clone(), config.api_limits(), stopping.clone());
     let flushing = tokio::spawn(flush_loop(Arc::clone(&audit), tls.clone(), stopping.clone()));
     let (grpc, health) = api.clone().routes()?;
     set_health(&health, ServingStatus::Serving).await;
@@ -113,7 +113,8 @@ pub async fn run(
     let rate = Arc::new(Rate::new(config.calls_per_s_max));
     let ended_tokens = EndedTokens::default();
     let tokens = tokio::spawn(token_loop(api.store().clone(), ended_tokens.clone(), stopping.clone()));
-    let gate = Gate { api, tokens_required, audit: Arc::clone(&audit), rate, ended_tokens };
+    let hosts = if tokens_required { Hosts::all() } else { Hosts::only(config.host_names()) };
+    let gate = Gate { api, tokens_required, hosts, audit: Arc::clone(&audit), rate, ended_tokens };
     let budget = Arc::new(MemoryBudget::new(config.under_way_bytes_max()));
     let app = http::router(gate, budget, grpc);
     let connections = tokio::spawn(connections::serve(listener, tls, app, stopping.clone(), config.drain_deadline()));
@@ -248,6 +249,7 @@ async fn health_loop(api: Api, health: HealthReporter, stopping: CancellationTok
             _ = ticks.tick() => {}
         }
         let found = api.is_serving().await;
+        api.set_health(found.as_ref().map_err(ToString::to_string).copied());
         if found.is_ok() == is_healthy {
             continue;
         }

@@ -1,9 +1,9 @@
 //! Access to artifacts that the caller may use.
 
 use crate::api::Api;
+use crate::call::Call;
 use crate::error::ApiError;
 use crate::time::now_ms;
-use lightpath_domain::access::Caller;
 use lightpath_store::ArtifactRecord;
 
 impl Api {
@@ -11,25 +11,21 @@ impl Api {
     /// some displays may only read artifacts of these displays and artifacts that the caller uploaded.
     pub(crate) async fn artifact_for_caller(
         &self,
-        caller: &Caller,
+        call: &Call,
         digest: &str,
     ) -> Result<Option<ArtifactRecord>, ApiError> {
         let Some(record) = self.store.artifact(digest).await? else { return Ok(None) };
-        if caller.displays.is_empty() {
+        if call.caller.displays.is_empty() {
             return Ok(Some(record));
         }
-        let concerns = self.store.artifact_concerns(digest, &caller.name, &caller.displays).await?;
+        let concerns = self.store.artifact_concerns(digest, &call.caller.name, &call.caller.displays).await?;
         Ok(concerns.then_some(record))
     }
 
     /// The record of an artifact that the caller is about to use; `None` if it is not stored or the caller may not read
     /// it. The time of use is updated, so that the artifact is not removed soon.
-    pub(crate) async fn artifact_in_use(
-        &self,
-        caller: &Caller,
-        digest: &str,
-    ) -> Result<Option<ArtifactRecord>, ApiError> {
-        match self.artifact_for_caller(caller, digest).await? {
+    pub(crate) async fn artifact_in_use(&self, call: &Call, digest: &str) -> Result<Option<ArtifactRecord>, ApiError> {
+        match self.artifact_for_caller(call, digest).await? {
             Some(_) => Ok(self.store.use_artifact(digest, now_ms()).await?),
             None => Ok(None),
         }

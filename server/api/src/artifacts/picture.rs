@@ -1,45 +1,60 @@
 //! Reading artifacts as pictures.
 
 use crate::api::Api;
+use crate::call::Call;
 use crate::error::ApiError;
 use crate::field::Field;
-use lightpath_domain::access::Caller;
+use lightpath_artifacts::ArtifactError;
 use lightpath_media::pictures::{self, PictureError};
+use std::io::BufReader;
+
+/// Memory for reading a header \[bytes\]. The decoder of JPEG reads the whole file, which is added.
+const HEADER_BYTES: u64 = 1 << 20;
 
 impl Api {
-    /// Refuses an artifact that does not exist or is larger than a picture may be.
-    pub(crate) async fn require_picture(&self, caller: &Caller, field: &Field, digest: &str) -> Result<(), ApiError> {
-        let Some(record) = self.artifact_for_caller(caller, digest).await? else {
+    /// Refuses an artifact that does not exist or is larger than a picture may be, and returns its size \[bytes\].
+    pub(crate) async fn require_picture(&self, call: &Call, field: &Field, digest: &str) -> Result<u64, ApiError> {
+        let Some(record) = self.artifact_for_caller(call, digest).await? else {
             return Err(field.missing(format!("artifact {digest}"), "upload it first"));
         };
         if record.size_bytes > pictures::FILE_BYTES_MAX as u64 {
             let error = PictureError::FileTooLarge { bytes: record.size_bytes as usize };
             return Err(field.invalid(format!("({digest}): {error}")));
         }
-        Ok(())
+        Ok(record.size_bytes)
     }
 
-    /// Reads an artifact. Refuses it if it does not exist or is larger than a picture may be.
-    pub(crate) async fn picture_bytes(
+    /// Memory for reading an artifact as a picture and fitting it to `fitted_px` pixels \[bytes\].
+    pub(crate) async fn reading_bytes(
         &self,
-        caller: &Caller,
+        call: &Call,
         field: &Field,
         digest: &str,
-    ) -> Result<Vec<u8>, ApiError> {
-        self.require_picture(caller, field, digest).await?;
-        Ok(self.artifacts.read_all(digest).await?)
+        fitted_px: u64,
+    ) -> Result<u64, ApiError> {
+        let file_bytes = self.require_picture(call, field, digest).await?;
+        let (artifacts, digest) = (self.artifacts.clone(), digest.to_owned());
+        let read_header = move || {
+            let file = BufReader::new(artifacts.open_blocking(&digest)?);
+            let bytes = pictures::reading_bytes(file, fitted_px);
+            bytes.map_err(|source| ArtifactError::Io { action: "read a header", source })
+        };
+        Ok(self.accounts.compute(call, file_bytes + HEADER_BYTES, read_header).await??)
     }
 
-    /// Reads a picture and returns the result of `decode`.
+    /// Reads a picture for a display of `fitted_px` pixels, and returns the result of `decode`.
     pub(crate) async fn decoded<T: Send + 'static>(
         &self,
-        caller: &Caller,
+        call: &Call,
         field: &Field,
-        digest: &str,
+        (digest, fitted_px): (&str, u64),
         decode: impl FnOnce(&[u8]) -> Result<T, PictureError> + Send + 'static,
     ) -> Result<T, ApiError> {
-        let bytes = self.picture_bytes(caller, field, digest).await?;
-        let decoded = self.decoding.run(move || decode(&bytes)).await?;
+        let bytes = self.reading_bytes(call, field, digest, fitted_px).await?;
+        let (artifacts, name) = (self.artifacts.clone(), digest.to_owned());
+        // The file is read only when its turn has come, so that waiting calls hold no memory.
+        let compute = move || artifacts.read_blocking(&name).map(|file| decode(&file));
+        let decoded = self.accounts.compute(call, bytes, compute).await??;
         decoded.map_err(|error| field.invalid(format!("({digest}): {error}")))
     }
 }

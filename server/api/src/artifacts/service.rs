@@ -2,10 +2,9 @@
 
 use super::to_wire;
 use crate::api::Api;
-use crate::call::StatusStream;
+use crate::call::{Call, StatusStream};
 use crate::error::ApiError;
 use crate::field::Field;
-use lightpath_domain::access::Caller;
 use lightpath_proto::v1;
 use lightpath_proto::v1::artifact_service_server::ArtifactService;
 use tonic::{Request, Response, Status, Streaming};
@@ -38,11 +37,11 @@ impl ArtifactService for Api {
 }
 
 impl Api {
-    async fn get_artifact(&self, caller: &Caller, request: v1::GetArtifactRequest) -> Result<v1::Artifact, ApiError> {
+    async fn get_artifact(&self, call: &Call, request: v1::GetArtifactRequest) -> Result<v1::Artifact, ApiError> {
         let field = Field::new("digest");
         let digest = field.digest(&request.digest)?;
         // The answer counts as a use, because clients that find the artifact use it next.
-        match self.artifact_in_use(caller, &digest).await? {
+        match self.artifact_in_use(call, &digest).await? {
             Some(record) => Ok(to_wire::artifact(record)),
             None => Err(field.missing(format!("artifact {digest}"), "upload it first")),
         }

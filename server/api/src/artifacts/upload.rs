@@ -1,12 +1,13 @@
 //! Uploads of artifacts. An upload can continue after a broken connection.
 
 use super::to_wire;
+use crate::accounts::StreamKind;
 use crate::api::Api;
+use crate::call::Call;
 use crate::error::ApiError;
 use crate::field::Field;
 use crate::time::now_ms;
 use lightpath_artifacts::{ArtifactError, UploadWriter};
-use lightpath_domain::access::Caller;
 use lightpath_proto::v1;
 use lightpath_proto::v1::write_artifact_request::Part;
 use lightpath_store::ArtifactRecord;
@@ -25,13 +26,9 @@ const UPLOAD_TURN_MAX: Duration = Duration::from_secs(60);
 const UPLOAD_TURN_POLL: Duration = Duration::from_millis(50);
 
 impl Api {
-    pub(crate) async fn get_upload(
-        &self,
-        caller: &Caller,
-        request: v1::GetUploadRequest,
-    ) -> Result<v1::Upload, ApiError> {
+    pub(crate) async fn get_upload(&self, call: &Call, request: v1::GetUploadRequest) -> Result<v1::Upload, ApiError> {
         let digest = Field::new("digest").digest(&request.digest)?;
-        let (received_bytes, complete) = match self.artifact_in_use(caller, &digest).await? {
+        let (received_bytes, complete) = match self.artifact_in_use(call, &digest).await? {
             Some(record) => (record.size_bytes, true),
             None => (self.artifacts.uploads().received_bytes(&digest).await?, false),
         };
@@ -40,28 +37,29 @@ impl Api {
 
     pub(crate) async fn write_artifact(
         &self,
-        caller: &Caller,
+        call: &Call,
         mut parts: Streaming<v1::WriteArtifactRequest>,
     ) -> Result<v1::Artifact, ApiError> {
-        let _permit = self.stream_limits.upload()?;
+        let _open = self.accounts.streams.open(StreamKind::Upload, &call.client)?;
         let start = match next_part(&mut parts).await? {
             Some(Part::Start(start)) => start,
             Some(Part::Chunk(_)) | None => {
                 return Err(Field::new("start").invalid("is missing, but must be in the first message"));
             }
         };
-        Ok(to_wire::artifact(self.receive(caller, start, parts).await?))
+        Ok(to_wire::artifact(self.receive(call, start, parts).await?))
     }
 
     async fn receive(
         &self,
-        caller: &Caller,
+        call: &Call,
         start: v1::WriteArtifactStart,
         mut parts: Streaming<v1::WriteArtifactRequest>,
     ) -> Result<ArtifactRecord, ApiError> {
         let digest = Field::new("start.digest").digest(&start.digest)?;
+        call.concerns(&digest);
         let size_bytes = Field::new("start.size_bytes").integer(start.size_bytes, 0..=ARTIFACT_BYTES_MAX)?;
-        let mut upload = match self.turn(caller, &digest, size_bytes, start.offset_bytes).await? {
+        let mut upload = match self.turn(call, &digest, size_bytes, start.offset_bytes).await? {
             Turn::Stored(record) => return Ok(record),
             Turn::Granted(upload) => upload,
         };
@@ -82,20 +80,20 @@ impl Api {
         }
         let _publishing = self.artifacts.publishing().await;
         upload.finish().await?;
-        Ok(self.store.record_artifact(&digest, size_bytes, &caller.name, now_ms()).await?)
+        Ok(self.store.record_artifact(&digest, size_bytes, &call.caller.name, now_ms()).await?)
     }
 
     /// Waits while another client uploads the same artifact, until that artifact is stored or the other upload has
     /// ended.
-    async fn turn(&self, caller: &Caller, digest: &str, size_bytes: u64, offset_bytes: u64) -> Result<Turn, ApiError> {
+    async fn turn(&self, call: &Call, digest: &str, size_bytes: u64, offset_bytes: u64) -> Result<Turn, ApiError> {
         let until = Instant::now() + UPLOAD_TURN_MAX;
         loop {
-            if let Some(record) = self.artifact_in_use(caller, digest).await? {
+            if let Some(record) = self.artifact_in_use(call, digest).await? {
                 return Ok(Turn::Stored(record));
             }
             self.artifacts.space().admit(size_bytes.saturating_sub(offset_bytes))?;
             let stored_bytes_max = self.queue_limits.stored_bytes_per_owner;
-            self.store.require_owner_room(&caller.name, size_bytes, stored_bytes_max).await?;
+            self.store.require_owner_room(&call.caller.name, size_bytes, stored_bytes_max).await?;
             match self.artifacts.uploads().begin(digest, size_bytes, offset_bytes).await {
                 Err(ArtifactError::UploadBusy { .. }) if Instant::now() < until => sleep(UPLOAD_TURN_POLL).await,
                 upload => return Ok(Turn::Granted(upload?)),

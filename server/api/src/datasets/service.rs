@@ -2,13 +2,12 @@
 
 use super::to_wire;
 use crate::api::Api;
+use crate::call::Call;
 use crate::error::ApiError;
 use crate::field::Field;
 use crate::names;
 use crate::pages::Page;
-use crate::permissions::require_display;
 use crate::time::now_ms;
-use lightpath_domain::access::Caller;
 use lightpath_domain::dataset::{Dataset, Encoding};
 use lightpath_proto::v1;
 use lightpath_proto::v1::dataset_service_server::DatasetService;
@@ -47,39 +46,34 @@ impl DatasetService for Api {
 }
 
 impl Api {
-    async fn create_dataset(
-        &self,
-        caller: &Caller,
-        request: v1::CreateDatasetRequest,
-    ) -> Result<v1::Dataset, ApiError> {
+    async fn create_dataset(&self, call: &Call, request: v1::CreateDatasetRequest) -> Result<v1::Dataset, ApiError> {
         let field = Field::new("dataset");
         let message = field.required(request.dataset)?;
-        let dataset = self.new_dataset(caller, &message, &field).await?;
+        let dataset = self.new_dataset(call, &message, &field).await?;
+        call.concerns(format!("datasets/{}", dataset.id));
         Ok(to_wire::dataset(self.store.create_dataset(&dataset, now_ms()).await?))
     }
 
-    async fn get_dataset(&self, caller: &Caller, request: v1::GetDatasetRequest) -> Result<v1::Dataset, ApiError> {
+    async fn get_dataset(&self, call: &Call, request: v1::GetDatasetRequest) -> Result<v1::Dataset, ApiError> {
         let id = names::dataset_id(&Field::new("name"), &request.name)?;
-        let dataset = self.store.dataset(&id).await?;
-        require_display(caller, &dataset.display)?;
-        Ok(to_wire::dataset(dataset))
+        Ok(to_wire::dataset(self.visible_dataset(call, &id).await?))
     }
 
     async fn list_datasets(
         &self,
-        caller: &Caller,
+        call: &Call,
         request: v1::ListDatasetsRequest,
     ) -> Result<v1::ListDatasetsResponse, ApiError> {
-        let display = names::display_filter(caller, &Field::new("display"), &request.display)?;
+        let display = names::display_filter(call, &Field::new("display"), &request.display)?;
         let page = Page::new(&["datasets", &request.display], request.page_size, &request.page_token)?;
         let datasets = self.store.datasets(display.as_deref(), page.after.as_deref(), page.limit()).await?;
         let (datasets, next_page_token) = page.fill(datasets, |dataset| dataset.id.clone(), to_wire::dataset);
         Ok(v1::ListDatasetsResponse { datasets, next_page_token })
     }
 
-    async fn new_dataset(&self, caller: &Caller, message: &v1::Dataset, field: &Field) -> Result<Dataset, ApiError> {
+    async fn new_dataset(&self, call: &Call, message: &v1::Dataset, field: &Field) -> Result<Dataset, ApiError> {
         let id = names::dataset_id(&field.at("name"), &message.name)?;
-        let display = self.display_named(caller, &field.at("display"), &message.display).await?;
+        let display = self.display_named(call, &field.at("display"), &message.display).await?;
         let wavelength = field.at("wavelength_m").wavelength_of(message.wavelength_m, &display)?;
         let distance = field.at("distance_m").distance(message.distance_m)?;
         let encoding = field.at("photo_encoding").enum_value(message.photo_encoding)?.unwrap_or(Encoding::Linear);

@@ -1,10 +1,10 @@
 //! Checks of displays that clients declare.
 
 use super::simulated_bench;
+use crate::call::Call;
 use crate::error::ApiError;
 use crate::field::Field;
 use crate::names;
-use lightpath_domain::access::Caller;
 use lightpath_domain::display::Display;
 use lightpath_domain::units::Wavelength;
 use lightpath_proto::v1;
@@ -26,13 +26,13 @@ const PHASE_RAD_MAX: f64 = 1000.0;
 const NOTES_BYTES_MAX: usize = 4096;
 
 /// Checks a display from a client and converts it.
-pub(crate) fn display(caller: &Caller, message: v1::Display, field: &Field) -> Result<Display, ApiError> {
+pub(crate) fn display(call: &Call, message: v1::Display, field: &Field) -> Result<Display, ApiError> {
     let at = |name| field.at(name);
     let bit_depth = at("bit_depth").integer_or(message.bit_depth, 8, BIT_DEPTH)?;
     let bench = message.simulated_bench;
     let response = message.phase_response;
     Ok(Display {
-        id: names::display_id(caller, &at("name"), &message.name)?,
+        id: names::display_id(call, &at("name"), &message.name)?,
         width_px: at("width_px").integer(message.width_px, SIDE_PX)?,
         height_px: at("height_px").integer(message.height_px, SIDE_PX)?,
         pixel_pitch_m: pixel_pitch(&at("pixel_pitch_m"), message.pixel_pitch_m)?,
@@ -112,17 +112,17 @@ mod tests {
     fn refusal(change: impl Fn(&mut v1::Display)) -> String {
         let mut message = message();
         change(&mut message);
-        display(&Caller::without_token(), message, &Field::new("display")).unwrap_err().to_string()
+        display(&Call::without_token(), message, &Field::new("display")).unwrap_err().to_string()
     }
 
     #[test]
     fn displays_survive_conversion_with_defaults_filled_in() {
-        let domain = display(&Caller::without_token(), message(), &Field::new("display")).unwrap();
+        let domain = display(&Call::without_token(), message(), &Field::new("display")).unwrap();
         let converted = to_wire::display(domain.clone(), 1_500);
         assert_eq!(converted.wavelengths_m, [515e-9, 639e-9]);
         assert_eq!(converted.simulated_bench.as_ref().unwrap().strength, 1.0);
         assert_eq!(converted.create_time.unwrap().nanos, 500_000_000);
-        assert_eq!(display(&Caller::without_token(), converted, &Field::new("display")).unwrap(), domain);
+        assert_eq!(display(&Call::without_token(), converted, &Field::new("display")).unwrap(), domain);
     }
 
     #[test]

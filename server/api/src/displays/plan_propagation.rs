@@ -1,12 +1,12 @@
 //! Planning the propagation of light from a display to an image.
 
 use crate::api::Api;
+use crate::call::Call;
 use crate::enumerations::OnWire as _;
 use crate::error::ApiError;
 use crate::field::Field;
 use crate::optics::propagation_checks::{distance_refusal, method_refusal, optimizable};
 use crate::optics::to_wire;
-use lightpath_domain::access::Caller;
 use lightpath_domain::planning;
 use lightpath_optics::propagation::{self, assess, plan_onto};
 use lightpath_optics::{Error, OpticalSetup, PropagationMethod};
@@ -16,10 +16,10 @@ impl Api {
     /// Plans the propagation from a display to a distance or a window, and lists the other methods with their validity.
     pub(crate) async fn plan_propagation(
         &self,
-        caller: &Caller,
+        call: &Call,
         request: v1::PlanPropagationRequest,
     ) -> Result<v1::PlanPropagationResponse, ApiError> {
-        let display = self.display_named(caller, &Field::new("display"), &request.display).await?;
+        let display = self.display_named(call, &Field::new("display"), &request.display).await?;
         let wavelength = Field::new("wavelength_m").wavelength_of(request.wavelength_m, &display)?;
         let field = Field::new("distance_m");
         let distance = field.distance(request.distance_m)?;

@@ -2,12 +2,13 @@
 
 use super::{from_wire, to_wire};
 use crate::api::Api;
+use crate::call::Call;
 use crate::error::ApiError;
 use crate::field::Field;
 use crate::names;
 use crate::pages::Page;
 use crate::time::now_ms;
-use lightpath_domain::access::Caller;
+use lightpath_domain::display::Display;
 use lightpath_proto::v1;
 use lightpath_proto::v1::display_service_server::DisplayService;
 use tonic::{Request, Response, Status};
@@ -48,42 +49,60 @@ impl DisplayService for Api {
 }
 
 impl Api {
-    async fn create_display(
-        &self,
-        caller: &Caller,
-        request: v1::CreateDisplayRequest,
-    ) -> Result<v1::Display, ApiError> {
+    async fn create_display(&self, call: &Call, request: v1::CreateDisplayRequest) -> Result<v1::Display, ApiError> {
         let field = Field::new("display");
-        let display = from_wire::display(caller, field.required(request.display)?, &field)?;
+        let display = from_wire::display(call, field.required(request.display)?, &field)?;
+        call.concerns(format!("displays/{}", display.id));
         let (display, create_time_ms) = self.store.create_display(&display, now_ms()).await?;
         Ok(to_wire::display(display, create_time_ms))
     }
 
-    async fn get_display(&self, caller: &Caller, request: v1::GetDisplayRequest) -> Result<v1::Display, ApiError> {
-        let id = names::display_id(caller, &Field::new("name"), &request.name)?;
+    async fn get_display(&self, call: &Call, request: v1::GetDisplayRequest) -> Result<v1::Display, ApiError> {
+        let id = names::display_id(call, &Field::new("name"), &request.name)?;
         let (display, create_time_ms) = self.store.display(&id).await?;
         Ok(to_wire::display(display, create_time_ms))
     }
 
     async fn list_displays(
         &self,
-        caller: &Caller,
+        call: &Call,
         request: v1::ListDisplaysRequest,
     ) -> Result<v1::ListDisplaysResponse, ApiError> {
         let page = Page::new(&["displays"], request.page_size, &request.page_token)?;
-        let displays = self.store.displays(page.after.as_deref(), page.limit()).await?;
+        let displays = self.visible_displays(call, page.after.clone(), page.limit()).await?;
         let to_wire = |(display, time_ms)| to_wire::display(display, time_ms);
-        let (mut displays, next_page_token) = page.fill(displays, |(display, _)| display.id.clone(), to_wire);
-        displays.retain(|display| display.name.strip_prefix("displays/").is_some_and(|id| caller.may_use(id)));
+        let (displays, next_page_token) = page.fill(displays, |(display, _)| display.id.clone(), to_wire);
         Ok(v1::ListDisplaysResponse { displays, next_page_token })
+    }
+
+    /// At most `limit` displays that the caller may use, from the first one after `after` on. Other displays appear
+    /// neither here nor in a page token.
+    async fn visible_displays(
+        &self,
+        call: &Call,
+        mut after: Option<String>,
+        limit: u32,
+    ) -> Result<Vec<(Display, i64)>, ApiError> {
+        let mut visible = Vec::new();
+        loop {
+            let displays = self.store.displays(after.as_deref(), limit).await?;
+            let is_last = displays.len() < limit as usize;
+            after = displays.last().map(|(display, _)| display.id.clone());
+            visible.extend(displays.into_iter().filter(|(display, _)| call.caller.may_use(&display.id)));
+            visible.truncate(limit as usize);
+            if is_last || visible.len() == limit as usize {
+                return Ok(visible);
+            }
+        }
     }
 
     async fn delete_display(
         &self,
-        caller: &Caller,
+        call: &Call,
         request: v1::DeleteDisplayRequest,
     ) -> Result<v1::DeleteDisplayResponse, ApiError> {
-        let id = names::display_id(caller, &Field::new("name"), &request.name)?;
+        let id = names::display_id(call, &Field::new("name"), &request.name)?;
+        call.concerns(format!("displays/{id}"));
         self.store.delete_display(&id).await?;
         Ok(v1::DeleteDisplayResponse {})
     }

@@ -1,11 +1,17 @@
 //! The gate in front of every handler identifies the caller, refuses calls that are not allowed, and writes the audit
 //! log.
+//!
+//! A handler runs as a task of its own. When the client leaves, the call is cancelled: computations stop waiting, and a
+//! change that has begun runs to its end. So the audit log knows the outcome of every call.
 
-use super::rate::Rate;
+use super::origin::Hosts;
+use super::protocol::{is_grpc, require_grpc};
 use super::refusal::{code_name, refuse};
 use super::token_expiry::{EndedTokens, ending_at_expiry, not_accepted};
+use crate::accounts::{Client, Rate};
 use crate::api::Api;
-use crate::audit::{Audit, Entry};
+use crate::audit::{Audit, Change, Refusal};
+use crate::call::Call;
 use crate::connections::Peer;
 use crate::error::{ApiError, LimitReason};
 use crate::rules::{Access, Effect, Rule, rule_of};
@@ -17,9 +23,14 @@ use axum::middleware::Next;
 use axum::response::Response;
 use lightpath_domain::access::{Caller, Secret};
 use lightpath_store::Store;
+use std::net::IpAddr;
 use std::sync::Arc;
 use std::time::Instant;
 use tonic::{Code, Status};
+use tracing::Instrument as _;
+
+/// Name in the audit log of all paths that no rule knows. Their own names could be long and many.
+const UNKNOWN_PATH: &str = "unknown path";
 
 /// Settings and state of the gate.
 #[derive(Clone, Debug)]
@@ -28,12 +39,47 @@ pub struct Gate {
     pub api: Api,
     /// Whether calls need a token.
     pub tokens_required: bool,
+    /// Names to which the server answers.
+    pub hosts: Hosts,
     /// Audit log of changes and refusals.
     pub audit: Arc<Audit>,
-    /// Rate limit of each token, or of each address without a token.
+    /// Rate limit of each client.
     pub rate: Arc<Rate>,
     /// Tokens that are no longer accepted.
     pub ended_tokens: EndedTokens,
+}
+
+/// A request as the gate sees it.
+struct Visit {
+    address: Option<IpAddr>,
+    /// Method or route, for the audit log.
+    name: String,
+    rule: Option<Rule>,
+    is_grpc: bool,
+}
+
+impl Visit {
+    fn of(request: &Request, peer: Option<Peer>) -> Self {
+        let path = request.uri().path();
+        let route = request.extensions().get::<MatchedPath>().map(MatchedPath::as_str);
+        let rule = rule_of(path, route);
+        let known = rule.map(|_| route.filter(|route| !route.contains("{*")).unwrap_or(path));
+        Self {
+            address: peer.map(|peer| peer.ip()),
+            name: known.unwrap_or(UNKNOWN_PATH).to_owned(),
+            rule,
+            is_grpc: is_grpc(path),
+        }
+    }
+
+    /// Whether every client may make the call, without a token and a limit.
+    fn is_open(&self) -> bool {
+        self.rule.is_some_and(|rule| rule.access == Access::Everyone)
+    }
+
+    fn address(&self) -> String {
+        self.address.map(|address| address.to_string()).unwrap_or_default()
+    }
 }
 
 /// Passes a request to its handler, or refuses it.
@@ -43,74 +89,113 @@ pub(super) async fn pass(
     mut request: Request,
     next: Next,
 ) -> Response {
-    let is_grpc = is_grpc(request.headers());
-    let path = request.uri().path().to_owned();
-    let route = request.extensions().get::<MatchedPath>().map(|route| route.as_str().to_owned());
-    let ip = peer.as_ref().map(|Extension(peer)| peer.ip());
-    let peer = peer.map(|Extension(peer)| peer.to_string()).unwrap_or_default();
-    let entry = |caller: &str, outcome: &str| Entry {
-        caller: caller.to_owned(),
-        peer: peer.clone(),
-        call: path.clone(),
-        outcome: outcome.to_owned(),
+    let visit = Visit::of(&request, peer.map(|Extension(peer)| peer));
+    let caller = match gate.check(&request, &visit) {
+        Ok(()) => gate.admit(request.headers(), &visit).await,
+        Err(status) => Err((String::new(), status)),
     };
-    let rule = rule_of(&path, route.as_deref());
-    let address = ip.map(|ip| ip.to_string()).unwrap_or_default();
-    let caller = match gate.admit(request.headers(), rule, &address).await {
+    let caller = match caller {
         Ok(caller) => caller,
-        Err((name, error)) => {
-            let status = Status::from(error);
-            if status.code() != Code::ResourceExhausted {
-                gate.audit.write(entry(&name, code_name(status.code())));
-            }
-            return refuse(status, is_grpc);
+        Err((name, status)) => {
+            gate.note_refusal(&visit, name, status.code());
+            return refuse(status, visit.is_grpc);
         }
     };
-    let name = caller.name.clone();
-    request.extensions_mut().insert(caller);
-    let mut expiry = gate.ended_tokens.when_ended(&name);
+    let call = Call::new(caller, visit.address);
+    request.extensions_mut().insert(call.clone());
+    // Dropped, and so cancelled, when the client leaves.
+    let _waiting = call.cancelled.clone().drop_guard();
+    let is_grpc = visit.is_grpc;
+    let handled = tokio::spawn(handle(gate, visit, call, next.run(request)).in_current_span());
+    handled.await.unwrap_or_else(|error| refuse(ApiError::Task(error).into(), is_grpc))
+}
+
+/// Runs the handler of a call until it ends or its token is no longer accepted, and writes the audit log.
+async fn handle(gate: Gate, visit: Visit, call: Call, handler: impl Future<Output = Response>) -> Response {
+    let mut expiry = gate.ended_tokens.when_ended(&call.caller.name);
     let response = tokio::select! {
-        response = next.run(request) => {
-            if is_grpc && !name.is_empty() { ending_at_expiry(response, expiry) } else { response }
-        }
-        () = &mut expiry => refuse(not_accepted().into(), is_grpc),
+        response = handler => ending_at_expiry(response, expiry, visit.is_grpc),
+        () = &mut expiry => refuse(not_accepted().into(), visit.is_grpc),
     };
-    let code = code_of(&response, is_grpc);
-    let mutates = rule.is_some_and(|rule| rule.effect != Effect::Reads);
-    if mutates || matches!(code, Code::PermissionDenied | Code::Unauthenticated) {
-        gate.audit.write(entry(&name, code_name(code)));
-    }
+    gate.note(&visit, &call, code_of(&response, visit.is_grpc));
     response
 }
 
 impl Gate {
+    /// Refuses a request that may come from a web page of another site.
+    fn check(&self, request: &Request, visit: &Visit) -> Result<(), Status> {
+        if visit.is_open() {
+            return Ok(());
+        }
+        let checked =
+            self.hosts.check(request).and_then(|()| if visit.is_grpc { require_grpc(request) } else { Ok(()) });
+        checked.map_err(|error| self.limited(visit, error))
+    }
+
+    /// Counts a refused call towards the rate limit of its address, so that clients cannot try many tokens. Returns the
+    /// error, or that of the limit.
+    fn limited(&self, visit: &Visit, error: Status) -> Status {
+        self.limit_rate(&Client::at(visit.address)).err().map_or(error, Status::from)
+    }
+
     /// Returns the caller if the call is allowed and within the rate limit, and the disk has room for new work (if the
-    /// call creates any). Otherwise returns the error and the name of the token, or an empty name.
-    async fn admit(
-        &self,
-        headers: &HeaderMap,
-        rule: Option<Rule>,
-        address: &str,
-    ) -> Result<Caller, (String, ApiError)> {
-        let caller = self.caller(headers, rule).await.map_err(|(name, error)| {
-            // Calls with wrong tokens count towards the rate limit, so that clients cannot try many.
-            (name, self.limit_rate(address).err().unwrap_or(error))
-        })?;
-        let name_or_address = if caller.name.is_empty() { address } else { &caller.name };
-        let admitted = self.limit_rate(name_or_address).and_then(|()| match rule {
+    /// call creates any). Otherwise returns the name of the token, or an empty name, and the status.
+    async fn admit(&self, headers: &HeaderMap, visit: &Visit) -> Result<Caller, (String, Status)> {
+        if visit.is_open() {
+            return Ok(Caller::without_token());
+        }
+        let caller = self.caller(headers, visit.rule).await;
+        let caller = caller.map_err(|(name, error)| (name, self.limited(visit, error.into())))?;
+        let room = |()| match visit.rule {
             Some(Rule { effect: Effect::Creates, .. }) => Ok(self.api.artifacts.space().admit(0)?),
             _ => Ok(()),
-        });
-        admitted.map_err(|error| (caller.name.clone(), error))?;
+        };
+        let admitted = self.limit_rate(&Client::of(&caller, visit.address)).and_then(room);
+        admitted.map_err(|error| (caller.name.clone(), error.into()))?;
         Ok(caller)
     }
 
-    fn limit_rate(&self, name_or_address: &str) -> Result<(), ApiError> {
-        self.rate.admit(name_or_address, Instant::now()).map_err(|retry_after| ApiError::Exhausted {
+    fn limit_rate(&self, client: &Client) -> Result<(), ApiError> {
+        self.rate.admit(client, Instant::now()).map_err(|retry_after| ApiError::Exhausted {
             reason: LimitReason::RateLimited,
             message: "too many calls; retry after the delay".to_owned(),
             retry_after,
         })
+    }
+
+    /// Writes the outcome of a call to the audit log: a change, or a refusal by the handler.
+    fn note(&self, visit: &Visit, call: &Call, code: Code) {
+        let changes = visit.rule.is_some_and(|rule| rule.effect != Effect::Reads);
+        match code {
+            // The handler refused the call before it changed anything.
+            Code::PermissionDenied | Code::Unauthenticated => self.note_refusal(visit, call.caller.name.clone(), code),
+            Code::InvalidArgument
+            | Code::NotFound
+            | Code::AlreadyExists
+            | Code::FailedPrecondition
+            | Code::ResourceExhausted
+            | Code::OutOfRange
+            | Code::Aborted
+            | Code::Cancelled
+            | Code::Unimplemented
+                if changes =>
+            {
+                self.note_refusal(visit, call.caller.name.clone(), code);
+            }
+            _ if changes => self.audit.change(&Change {
+                caller: call.caller.name.clone(),
+                address: visit.address(),
+                call: visit.name.clone(),
+                object: call.object().to_owned(),
+                outcome: code_name(code).to_owned(),
+            }),
+            _ => {}
+        }
+    }
+
+    fn note_refusal(&self, visit: &Visit, caller: String, code: Code) {
+        let (address, call) = (visit.address(), visit.name.clone());
+        self.audit.refusal(Refusal { caller, address, call, outcome: code_name(code).to_owned() });
     }
 
     /// Returns the caller if the role allows the call. Otherwise returns the error and the name of the token, or an
@@ -121,7 +206,6 @@ impl Gate {
         let caller = match token {
             Some(secret) => find(&self.api.store, &secret).await.map_err(unnamed)?,
             None if !self.tokens_required => return Ok(Caller::without_token()),
-            None if rule.is_some_and(|rule| rule.access == Access::Everyone) => return Ok(Caller::without_token()),
             None => {
                 let message = "this server requires a token: send `authorization: Bearer …`, or use --token-file FILE \
                                of the command line";
@@ -167,11 +251,6 @@ async fn find(store: &Store, secret: &Secret) -> Result<Caller, ApiError> {
     valid.map(|record| record.caller).ok_or_else(not_accepted)
 }
 
-/// Whether the headers are those of a gRPC request.
-pub(super) fn is_grpc(headers: &HeaderMap) -> bool {
-    headers.get(header::CONTENT_TYPE).is_some_and(|value| value.as_bytes().starts_with(b"application/grpc"))
-}
-
 /// The code of the answer as far as it is known when the answer starts.
 fn code_of(response: &Response, is_grpc: bool) -> Code {
     if is_grpc {
@@ -179,8 +258,12 @@ fn code_of(response: &Response, is_grpc: bool) -> Code {
     }
     match response.status().as_u16() {
         200..=399 => Code::Ok,
+        400 => Code::InvalidArgument,
         401 => Code::Unauthenticated,
         403 => Code::PermissionDenied,
+        404 => Code::NotFound,
+        409 => Code::Aborted,
+        429 => Code::ResourceExhausted,
         _ => Code::Unknown,
     }
 }

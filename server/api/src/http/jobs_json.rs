@@ -2,10 +2,10 @@
 
 use super::refusal::Refusal;
 use crate::api::Api;
+use crate::call::Call;
 use axum::extract::rejection::QueryRejection;
 use axum::extract::{Path, Query, State};
 use axum::{Extension, Json};
-use lightpath_domain::access::Caller;
 use lightpath_proto::v1;
 use serde::Deserialize;
 use tonic::Status;
@@ -30,7 +30,7 @@ pub(super) struct List {
 /// Handles `GET /v1/jobs`.
 pub(super) async fn list_jobs(
     State(api): State<Api>,
-    Extension(caller): Extension<Caller>,
+    Extension(call): Extension<Call>,
     query: Result<Query<List>, QueryRejection>,
 ) -> Result<Json<v1::ListJobsResponse>, Refusal> {
     let Query(list) = query.map_err(|rejection| Status::invalid_argument(rejection.body_text()))?;
@@ -41,17 +41,17 @@ pub(super) async fn list_jobs(
         display: list.display,
         batch: list.batch,
     };
-    Ok(Json(api.list_jobs(&caller, request).await?))
+    Ok(Json(api.list_jobs(&call, request).await?))
 }
 
 /// Handles `GET /v1/jobs/{id}`.
 pub(super) async fn get_job(
     State(api): State<Api>,
-    Extension(caller): Extension<Caller>,
+    Extension(call): Extension<Call>,
     Path(id): Path<String>,
 ) -> Result<Json<v1::Job>, Refusal> {
     let request = v1::GetJobRequest { name: format!("jobs/{id}") };
-    Ok(Json(api.get_job(&caller, request).await?))
+    Ok(Json(api.get_job(&call, request).await?))
 }
 
 /// Parses the name of a state; an empty name stands for all states.

@@ -6,9 +6,9 @@
 //! memory for computations has limits in the handlers.
 
 use super::checked_body::{FrameCheck, Last, checked};
-use super::gate::is_grpc;
-use super::memory_budget::{MemoryBudget, Share};
+use super::protocol::is_grpc;
 use super::refusal::{closing_frame, refuse};
+use crate::accounts::{Client, MemoryBudget, Share};
 use crate::api::MESSAGE_BYTES_MAX;
 use crate::connections::Peer;
 use crate::error::ApiError;
@@ -38,9 +38,10 @@ pub(super) async fn with_memory_limit(
     if request.uri().path() == HEALTH {
         return next.run(request).await;
     }
-    let is_grpc = is_grpc(request.headers());
-    let peer = peer.map(|Extension(peer)| peer.ip());
-    let shares = budget.take(peer, CALL_BYTES).and_then(|call| Ok((call, budget.take(peer, 0)?)));
+    let is_grpc = is_grpc(request.uri().path());
+    // The token is checked later, because this limit holds for calls with wrong tokens, too.
+    let client = Client::at(peer.map(|Extension(peer)| peer.ip()));
+    let shares = budget.take(&client, CALL_BYTES).and_then(|call| Ok((call, budget.take(&client, 0)?)));
     let (call, message) = match shares {
         Ok((call, message)) => (Holding::new(call), Holding::new(message)),
         Err(error) => return refuse(error.into(), is_grpc),

@@ -2,35 +2,36 @@
 //!
 //! # Layout
 //!
-//! - `gate`: identifies callers and checks their roles. `rate`: rate limits. `token_expiry`: ends calls of invalid
-//!   tokens.
-//! - `memory_use`: memory of each call, taken from a `memory_budget`. `checked_body`: bodies whose frames these check.
+//! - `gate`: identifies callers and checks their roles. `origin`: keeps out web pages of other sites. `protocol`: gRPC or
+//!   HTTP. `token_expiry`: ends calls of invalid tokens.
+//! - `memory_use`: memory of each call, taken from the memory budget. `checked_body`: bodies whose frames these check.
 //! - `requests`: deadlines and metrics of requests, including gRPC. `jobs_json`: `/v1/jobs`. `refusal`: errors as
 //!   answers.
 
 mod checked_body;
 mod gate;
 mod jobs_json;
-mod memory_budget;
 mod memory_use;
-mod rate;
+mod origin;
+mod protocol;
 mod refusal;
 mod requests;
 mod token_expiry;
 
+pub use crate::accounts::{MemoryBudget, Rate};
 use crate::api::Api;
+use crate::call::Call;
 use crate::error::ApiError;
 use crate::time::now_ms;
-use axum::Router;
 use axum::extract::{Request, State};
 use axum::http::{StatusCode, header};
 use axum::middleware;
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
+use axum::{Extension, Router};
 pub use gate::Gate;
 use lightpath_metrics as metrics;
-pub use memory_budget::MemoryBudget;
-pub use rate::Rate;
+pub use origin::Hosts;
 use refusal::Refusal;
 use std::sync::Arc;
 pub use token_expiry::EndedTokens;
@@ -55,13 +56,21 @@ pub fn router(gate: Gate, budget: Arc<MemoryBudget>, grpc: tonic::service::Route
 }
 
 async fn health(State(api): State<Api>) -> Response {
-    match api.is_serving().await {
+    match api.health() {
         Ok(()) => (StatusCode::OK, "serving\n").into_response(),
-        Err(error) => (StatusCode::SERVICE_UNAVAILABLE, format!("{}\n", Status::from(error).message())).into_response(),
+        Err(problem) => (StatusCode::SERVICE_UNAVAILABLE, format!("{problem}\n")).into_response(),
     }
 }
 
-async fn metrics(State(api): State<Api>) -> Result<Response, Refusal> {
+/// Answers with the metrics, which name all displays.
+async fn metrics(State(api): State<Api>, Extension(call): Extension<Call>) -> Result<Response, Refusal> {
+    if !call.caller.displays.is_empty() {
+        let message = format!(
+            "the token \"{}\" is for some displays only, but the metrics are about all; ask an admin for a token for all",
+            call.caller.name
+        );
+        return Err(ApiError::Denied(message).into());
+    }
     /// Content type of the text format of Prometheus.
     const TEXT_FORMAT: &str = "text/plain; version=0.0.4; charset=utf-8";
     let text = metrics::render(&api.store, &api.artifacts, now_ms()).await.map_err(ApiError::from)?;

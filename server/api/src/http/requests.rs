@@ -1,6 +1,6 @@
 //! Deadlines and metrics of all requests, gRPC and HTTP.
 
-use super::gate::is_grpc;
+use super::protocol::is_grpc;
 use super::refusal::refuse;
 use crate::api::Api;
 use crate::error::ApiError;
@@ -29,7 +29,7 @@ const ALWAYS: [&str; 3] = ["/healthz", "/metrics", "/grpc.health.v1.Health/"];
 /// stopping server refuses new requests.
 pub(super) async fn with_deadline(State(api): State<Api>, request: Request, next: Next) -> Response {
     let begin = Instant::now();
-    let is_grpc = is_grpc(request.headers());
+    let is_grpc = is_grpc(request.uri().path());
     let method = method(&request);
     let limit = if request.uri().path() == UPLOAD { UPLOAD_DEADLINE } else { ANSWER_DEADLINE };
     let limit = client_limit(request.headers()).map_or(limit, |client| client.min(limit));

@@ -52,16 +52,20 @@ pub(super) fn not_accepted() -> ApiError {
     ApiError::Unauthenticated("the token is unknown, has expired or was revoked; ask an admin for a new one".to_owned())
 }
 
-/// Wraps the answer to a gRPC call, which ends with UNAUTHENTICATED if `expiry` ends first.
-pub(super) fn ending_at_expiry(response: Response, expiry: BoxFuture<'static, ()>) -> Response {
-    response.map(|body| checked(body, Expiry(expiry)))
+/// Wraps the answer to a call, which ends with UNAUTHENTICATED if `expiry` ends first.
+pub(super) fn ending_at_expiry(response: Response, expiry: BoxFuture<'static, ()>, is_grpc: bool) -> Response {
+    response.map(|body| checked(body, Expiry { ended: expiry, is_grpc }))
 }
 
 /// Ends when the token of the call is no longer accepted.
-struct Expiry(BoxFuture<'static, ()>);
+struct Expiry {
+    ended: BoxFuture<'static, ()>,
+    is_grpc: bool,
+}
 
 impl FrameCheck for Expiry {
     fn poll_end(&mut self, cx: &mut Context<'_>) -> Poll<Last> {
-        self.0.poll_unpin(cx).map(|()| closing_frame(not_accepted().into(), true))
+        let is_grpc = self.is_grpc;
+        self.ended.poll_unpin(cx).map(|()| closing_frame(not_accepted().into(), is_grpc))
     }
 }

@@ -1,16 +1,18 @@
 //! Access to jobs by id.
 
 use crate::api::Api;
+use crate::call::Call;
 use crate::error::ApiError;
-use crate::permissions::require_display;
-use lightpath_domain::access::Caller;
 use lightpath_domain::job::Job;
+use lightpath_store::StoreError;
 
 impl Api {
-    /// The job with this id. Refuses a job about a display that the caller may not use.
-    pub(crate) async fn visible_job(&self, caller: &Caller, id: &str) -> Result<Job, ApiError> {
+    /// The job with this id. A job about a display that the caller may not use is refused as one that does not exist.
+    pub(crate) async fn visible_job(&self, call: &Call, id: &str) -> Result<Job, ApiError> {
         let job = self.store.job(id).await?;
-        require_display(caller, job.spec.display())?;
-        Ok(job)
+        if call.caller.may_use(job.spec.display()) {
+            return Ok(job);
+        }
+        Err(StoreError::NotFound { resource: format!("jobs/{id}") }.into())
     }
 }

@@ -1,11 +1,11 @@
 //! Checks of the scheduling of a job: owner, batch, unique key, times and dependencies.
 
+use crate::call::Call;
 use crate::error::ApiError;
 use crate::field::Field;
 use crate::names;
 use crate::permissions::owner_of_job;
 use crate::time::{ms, now_ms};
-use lightpath_domain::access::Caller;
 use lightpath_domain::job::Scheduling;
 use lightpath_proto::v1;
 
@@ -16,11 +16,11 @@ const DELAY_MS_MAX: i64 = 366 * 24 * 3600 * 1000;
 const TIMEOUT_S_MAX: f64 = 30.0 * 24.0 * 3600.0;
 /// Shortest time limit of an attempt \[s\]: shorter ones end before the attempt begins.
 const TIMEOUT_S_MIN: f64 = 0.001;
-/// Limit on the jobs for which one job waits.
-const AFTER_MAX: usize = 1000;
+/// Limit on the jobs for which one job waits: the holograms of a long sequence. Each costs a read and a write.
+const AFTER_MAX: usize = 256;
 
 /// Checks the scheduling in a submission and converts it.
-pub(crate) fn scheduling(caller: &Caller, request: &v1::SubmitJobRequest) -> Result<Scheduling, ApiError> {
+pub(crate) fn scheduling(call: &Call, request: &v1::SubmitJobRequest) -> Result<Scheduling, ApiError> {
     let not_before = Field::new("not_before");
     let not_before_ms = match &request.not_before {
         None => None,
@@ -41,7 +41,7 @@ pub(crate) fn scheduling(caller: &Caller, request: &v1::SubmitJobRequest) -> Res
     after.sort();
     after.dedup();
     Ok(Scheduling {
-        owner: owner_of_job(caller, label(&Field::new("owner"), request.owner.clone())?.unwrap_or_default())?,
+        owner: owner_of_job(call, label(&Field::new("owner"), request.owner.clone())?.unwrap_or_default())?,
         batch: label(&Field::new("batch"), request.batch.clone())?,
         unique_key: label(&Field::new("unique_key"), request.unique_key.clone())?,
         not_before_ms,
@@ -67,7 +67,7 @@ mod tests {
     fn scheduling_is_converted_and_invalid_fields_are_refused() {
         let after = vec!["jobs/b".to_owned(), "jobs/a".to_owned(), "jobs/b".to_owned()];
         let request = v1::SubmitJobRequest { timeout_s: 1.5, owner: "ada".into(), after, ..Default::default() };
-        let converted = scheduling(&Caller::without_token(), &request).unwrap();
+        let converted = scheduling(&Call::without_token(), &request).unwrap();
         assert_eq!((converted.timeout_ms, converted.owner.as_str(), converted.batch), (Some(1500), "ada", None));
         assert_eq!(converted.after, ["a", "b"]);
         for (request, start) in [
@@ -84,7 +84,7 @@ mod tests {
                 "not_before is not a valid time",
             ),
         ] {
-            let refusal = scheduling(&Caller::without_token(), &request).unwrap_err().to_string();
+            let refusal = scheduling(&Call::without_token(), &request).unwrap_err().to_string();
             assert!(refusal.starts_with(start), "{refusal}");
         }
     }

@@ -3,14 +3,13 @@
 use super::scheduling::label;
 use super::to_wire;
 use crate::api::Api;
-use crate::call::StatusStream;
+use crate::call::{Call, StatusStream};
 use crate::error::ApiError;
 use crate::field::Field;
 use crate::names;
 use crate::pages::Page;
 use crate::permissions::require_all_displays;
 use crate::time::now_ms;
-use lightpath_domain::access::Caller;
 use lightpath_metrics as metrics;
 use lightpath_proto::v1;
 use lightpath_proto::v1::job_service_server::JobService;
@@ -71,19 +70,19 @@ impl JobService for Api {
 
 impl Api {
     /// Returns the message of the named job.
-    pub(crate) async fn get_job(&self, caller: &Caller, request: v1::GetJobRequest) -> Result<v1::Job, ApiError> {
+    pub(crate) async fn get_job(&self, call: &Call, request: v1::GetJobRequest) -> Result<v1::Job, ApiError> {
         let id = names::job_id(&Field::new("name"), &request.name)?;
-        Ok(to_wire::job(self.visible_job(caller, &id).await?))
+        Ok(to_wire::job(self.visible_job(call, &id).await?))
     }
 
     /// Returns a page of jobs.
     pub(crate) async fn list_jobs(
         &self,
-        caller: &Caller,
+        call: &Call,
         request: v1::ListJobsRequest,
     ) -> Result<v1::ListJobsResponse, ApiError> {
         let state = Field::new("state").enum_value(request.state)?;
-        let display = names::display_filter(caller, &Field::new("display"), &request.display)?;
+        let display = names::display_filter(call, &Field::new("display"), &request.display)?;
         let batch = label(&Field::new("batch"), request.batch)?;
         let list = ["jobs", &request.state.to_string(), &request.display, batch.as_deref().unwrap_or_default()];
         let page = Page::new(&list, request.page_size, &request.page_token)?;
@@ -93,9 +92,10 @@ impl Api {
         Ok(v1::ListJobsResponse { jobs, next_page_token })
     }
 
-    async fn cancel_job(&self, caller: &Caller, request: v1::CancelJobRequest) -> Result<v1::Job, ApiError> {
+    async fn cancel_job(&self, call: &Call, request: v1::CancelJobRequest) -> Result<v1::Job, ApiError> {
         let id = names::job_id(&Field::new("name"), &request.name)?;
-        self.visible_job(caller, &id).await?;
+        call.concerns(format!("jobs/{id}"));
+        self.visible_job(call, &id).await?;
         let job = self.store.cancel(&id, now_ms()).await?;
         // A running job ends when its worker stops it, and the worker counts it then.
         if job.state.has_ended() {
@@ -104,30 +104,31 @@ impl Api {
         Ok(to_wire::job(job))
     }
 
-    async fn retry_job(&self, caller: &Caller, request: v1::RetryJobRequest) -> Result<v1::Job, ApiError> {
+    async fn retry_job(&self, call: &Call, request: v1::RetryJobRequest) -> Result<v1::Job, ApiError> {
         let id = names::job_id(&Field::new("name"), &request.name)?;
-        self.visible_job(caller, &id).await?;
+        call.concerns(format!("jobs/{id}"));
+        self.visible_job(call, &id).await?;
         Ok(to_wire::job(self.store.retry(&id, now_ms()).await?))
     }
 
     async fn list_job_events(
         &self,
-        caller: &Caller,
+        call: &Call,
         request: v1::ListJobEventsRequest,
     ) -> Result<v1::ListJobEventsResponse, ApiError> {
         let id = names::job_id(&Field::new("name"), &request.name)?;
-        self.visible_job(caller, &id).await?;
+        self.visible_job(call, &id).await?;
         let page = Page::new(&["events", &id], request.page_size, &request.page_token)?;
         let events = self.store.events(&id, page.after_number()?, page.limit()).await?;
         let (events, next_page_token) = page.fill(events, |event| event.sequence.to_string(), to_wire::event);
         Ok(v1::ListJobEventsResponse { events, next_page_token })
     }
 
-    async fn get_batch(&self, caller: &Caller, request: v1::GetBatchRequest) -> Result<v1::Batch, ApiError> {
+    async fn get_batch(&self, call: &Call, request: v1::GetBatchRequest) -> Result<v1::Batch, ApiError> {
         let batch = label(&Field::new("batch"), request.batch)?;
         let batch = batch.ok_or_else(|| Field::new("batch").invalid("is empty, but must name a batch"))?;
         // The jobs of a batch may be about any display.
-        require_all_displays(caller, "display in ListJobs")?;
+        require_all_displays(call, "display in ListJobs")?;
         let BatchProgress { queued, running, succeeded, failed, cancelled, done } = self.store.batch(&batch).await?;
         Ok(v1::Batch { batch, queued, running, succeeded, failed, cancelled, done })
     }

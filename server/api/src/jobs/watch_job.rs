@@ -1,13 +1,13 @@
 //! Streams that follow the changes of a job.
 
 use super::to_wire;
+use crate::accounts::StreamKind;
 use crate::api::Api;
-use crate::call::Answers;
+use crate::call::{Answers, Call};
 use crate::error::ApiError;
 use crate::field::Field;
 use crate::names;
 use crate::watch::{self, Watch};
-use lightpath_domain::access::Caller;
 use lightpath_domain::job::Job;
 use lightpath_proto::v1;
 use lightpath_store::Store;
@@ -15,16 +15,16 @@ use lightpath_store::Store;
 impl Api {
     pub(crate) async fn watch_job(
         &self,
-        caller: &Caller,
+        call: &Call,
         request: v1::WatchJobRequest,
     ) -> Result<Answers<v1::Job>, ApiError> {
         let id = names::job_id(&Field::new("name"), &request.name)?;
-        let permit = self.stream_limits.watcher()?;
+        let open = self.accounts.streams.open(StreamKind::Watch, &call.client)?;
         // The stream subscribes before the first read, so that it misses no change.
         let changes = self.store.subscribe_job_changes();
-        let first = self.visible_job(caller, &id).await?;
+        let first = self.visible_job(call, &id).await?;
         let source = JobSource { store: self.store.clone(), id };
-        Ok(watch::stream(source, first, changes, self.stopping.clone(), permit))
+        Ok(watch::stream(source, first, changes, self.stopping.clone(), open))
     }
 }
 

@@ -1,34 +1,34 @@
 //! Downloads of kernel files, in the requested format.
 
-use super::to_wire;
+use super::conversions::{ConversionKey, Converted};
+use super::{model_file, to_wire};
+use crate::accounts::StreamKind;
 use crate::api::Api;
 use crate::artifacts::download::chunks;
-use crate::call::Answers;
+use crate::call::{Answers, Call};
 use crate::enumerations::OnWire as _;
 use crate::error::ApiError;
 use crate::field::Field;
 use crate::names;
 use futures::stream::{self, StreamExt as _};
-use lightpath_artifacts::{CHUNK_BYTES, digest_of};
-use lightpath_domain::access::Caller;
+use lightpath_artifacts::{ArtifactError, ArtifactReader};
 use lightpath_domain::kernel::{KernelKey, KernelVersion};
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_media::kernel_file;
-use lightpath_media::kernel_formats::{self, KernelFormat, KernelFormatError};
+use lightpath_media::kernel_formats::{self, Exported, KernelFormat, KernelFormatError};
 use lightpath_metrics as metrics;
 use lightpath_proto::v1;
 use lightpath_proto::v1::fetch_kernel_response::Part;
-use prost::bytes::Bytes;
 use tonic::Code;
 
 impl Api {
     pub(crate) async fn fetch_kernel(
         &self,
-        caller: &Caller,
+        call: &Call,
         request: v1::FetchKernelRequest,
     ) -> Result<Answers<v1::FetchKernelResponse>, ApiError> {
-        let key = names::kernel_key(caller, &Field::new("kernel"), &request.kernel)?;
-        let answers = self.fetch(&key, request).await;
+        let key = names::kernel_key(call, &Field::new("kernel"), &request.kernel)?;
+        let answers = self.fetch(call, &key, request).await;
         let code = answers.as_ref().map_or_else(ApiError::code, |_| Code::Ok);
         // Only existing displays are counted, so that clients cannot create new labels of the metric.
         if answers.is_ok() || self.store.display(&key.display).await.is_ok() {
@@ -40,6 +40,7 @@ impl Api {
     /// Streams the file of a version.
     async fn fetch(
         &self,
+        call: &Call,
         key: &KernelKey,
         request: v1::FetchKernelRequest,
     ) -> Result<Answers<v1::FetchKernelResponse>, ApiError> {
@@ -50,14 +51,14 @@ impl Api {
         let version = self.store.kernel_version(key, number).await?;
         let format = Field::new("format").enum_value(request.format)?.unwrap_or(KernelFormat::Safetensors);
         if format != KernelFormat::Safetensors {
-            return self.fetch_as(version, format).await;
+            return self.fetch_as(call, version, format).await;
         }
         // The file is opened and its hash is checked before the first message, so that no part of a damaged file is
         // sent.
-        let reader = self.artifacts.read(&version.content.artifact, 0, 0).await?;
-        let first = v1::FetchKernelResponse { part: Some(Part::Version(to_wire::version(version))) };
-        let rest =
-            chunks(reader).map(|chunk| chunk.map(|chunk| v1::FetchKernelResponse { part: Some(Part::Chunk(chunk)) }));
+        let open = self.accounts.streams.open(StreamKind::Download, &call.client)?;
+        let reader = self.checked_reader(call, &version.content.artifact, (0, 0)).await?;
+        let first = message(Part::Version(to_wire::version(version)));
+        let rest = chunks(reader, open).map(|chunk| chunk.map(Part::Chunk).map(message));
         Ok(stream::iter([Ok(first)]).chain(rest).boxed())
     }
 
@@ -65,33 +66,63 @@ impl Api {
     /// digest.
     async fn fetch_as(
         &self,
+        call: &Call,
         version: KernelVersion,
         format: KernelFormat,
     ) -> Result<Answers<v1::FetchKernelResponse>, ApiError> {
-        let bytes = self.artifacts.read_all(&version.content.artifact).await?;
-        let exported = self
-            .checking
-            .run(move || {
-                let (model, kind) = kernel_file::decode(&bytes)?;
-                kernel_formats::export(&model, kind, format)
-            })
-            .await?;
-        let exported = exported.map_err(|error: KernelFormatError| ApiError::Precondition {
-            reason: PreconditionReason::NoSuchForm,
-            message: format!("format: {error}"),
-        })?;
+        let open = self.accounts.streams.open(StreamKind::Download, &call.client)?;
+        let (converted, reader) = self.converted(call, &version, format).await?;
         let file = v1::KernelFile {
             format: format.to_wire(),
-            digest: digest_of(&exported.bytes),
-            size_bytes: exported.bytes.len() as u64,
-            relative_error: exported.relative_error,
+            digest: converted.digest,
+            size_bytes: converted.size_bytes,
+            relative_error: converted.relative_error,
         };
-        let head = [Part::Version(to_wire::version(version)), Part::File(file)];
-        let bytes = Bytes::from(exported.bytes);
-        let rest = (0..bytes.len().div_ceil(CHUNK_BYTES))
-            .map(move |i| Part::Chunk(bytes.slice(i * CHUNK_BYTES..((i + 1) * CHUNK_BYTES).min(bytes.len()))));
-        let message = |part| Ok(v1::FetchKernelResponse { part: Some(part) });
-        Ok(stream::iter(head.into_iter().chain(rest).map(message)).boxed())
+        let head = [Part::Version(to_wire::version(version)), Part::File(file)].map(|part| Ok(message(part)));
+        Ok(stream::iter(head).chain(chunks(reader, open).map(|chunk| chunk.map(Part::Chunk).map(message))).boxed())
+    }
+
+    /// The file of a version in another format, and a reader of its bytes.
+    async fn converted(
+        &self,
+        call: &Call,
+        version: &KernelVersion,
+        format: KernelFormat,
+    ) -> Result<(Converted, ArtifactReader), ApiError> {
+        let key = ConversionKey { artifact: version.content.artifact.clone(), format };
+        if let Some(converted) = self.conversions.find(&key) {
+            match self.artifacts.read_conversion(&converted.digest).await {
+                Ok(reader) => return Ok((converted, reader)),
+                // The file was removed to make room, or is damaged. It is made again.
+                Err(ArtifactError::NotFound { .. } | ArtifactError::DataLoss { .. }) => self.conversions.forget(&key),
+                Err(error) => return Err(error.into()),
+            }
+        }
+        let exported = self.export(call, version, format).await?;
+        let (size_bytes, relative_error) = (exported.bytes.len() as u64, exported.relative_error);
+        let digest = self.artifacts.put_conversion(exported.bytes).await?;
+        let reader = self.artifacts.read_conversion(&digest).await?;
+        let converted = Converted { digest, size_bytes, relative_error };
+        for removed in self.conversions.insert(key, converted.clone()) {
+            self.artifacts.delete_conversion(&removed).await?;
+        }
+        Ok((converted, reader))
+    }
+
+    async fn export(&self, call: &Call, version: &KernelVersion, format: KernelFormat) -> Result<Exported, ApiError> {
+        let (display, _) = self.store.display(&version.key.display).await?;
+        let bytes = model_file::converting_bytes(version.content.size_bytes, &display);
+        let (artifacts, artifact) = (self.artifacts.clone(), version.content.artifact.clone());
+        let export = move || -> Result<_, ArtifactError> {
+            let file = artifacts.read_blocking(&artifact)?;
+            let decoded = kernel_file::decode(&file).map_err(KernelFormatError::from);
+            Ok(decoded.and_then(|(model, kind)| kernel_formats::export(&model, kind, format)))
+        };
+        let exported = self.accounts.compute(call, bytes, export).await??;
+        exported.map_err(|error| ApiError::Precondition {
+            reason: PreconditionReason::NoSuchForm,
+            message: format!("format: {error}"),
+        })
     }
 
     /// Number of the active version. Refuses a kernel without one.
@@ -101,4 +132,8 @@ impl Api {
             ApiError::Precondition { reason: PreconditionReason::NoActiveKernel, message }
         })
     }
+}
+
+fn message(part: Part) -> v1::FetchKernelResponse {
+    v1::FetchKernelResponse { part: Some(part) }
 }

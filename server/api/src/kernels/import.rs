@@ -1,55 +1,62 @@
 //! Imports of kernels from files.
 
+use super::model_file::converting_bytes;
 use super::to_wire;
 use crate::api::Api;
+use crate::call::Call;
 use crate::error::ApiError;
 use crate::field::Field;
 use crate::time::now_ms;
-use lightpath_domain::access::Caller;
+use lightpath_artifacts::ArtifactError;
 use lightpath_domain::display::Display;
 use lightpath_domain::kernel::{KernelKey, KernelLineage, KernelMetrics, LearnedDataset, NewKernelVersion};
 use lightpath_domain::planning;
 use lightpath_domain::units::{Distance, Wavelength};
 use lightpath_media::kernel_file;
-use lightpath_media::kernel_formats;
-use lightpath_optics::OpticalSetup;
+use lightpath_media::kernel_formats::{self, Imported, KernelFormatError};
+use lightpath_optics::{KernelModel, OpticalSetup};
 use lightpath_proto::v1;
 
 impl Api {
     /// Stores an uploaded kernel file as the next version. Refuses a kernel of another display, wavelength or distance.
     pub(crate) async fn import_kernel(
         &self,
-        caller: &Caller,
+        call: &Call,
         request: v1::ImportKernelRequest,
     ) -> Result<v1::KernelVersion, ApiError> {
-        let display = self.display_named(caller, &Field::new("display"), &request.display).await?;
+        let display = self.display_named(call, &Field::new("display"), &request.display).await?;
         let wavelength = Field::new("wavelength_m").wavelength_of(request.wavelength_m, &display)?;
         let distance = Field::new("distance_m").distance(request.distance_m)?;
+        let key = KernelKey { display: display.id.clone(), wavelength, distance };
         let field = Field::new("artifact");
         let digest = field.digest(&request.artifact)?;
-        let Some(record) = self.artifact_for_caller(caller, &digest).await? else {
+        let Some(record) = self.artifact_for_caller(call, &digest).await? else {
             return Err(field.missing(format!("artifact {digest}"), "upload it first"));
         };
-        let bytes = self.artifacts.read_all(&digest).await?;
+        call.concerns(key.to_string());
         let setup = planning::setup(&display, wavelength, distance)
             .map_err(|error| Field::new("distance_m").invalid(format!("is not possible: {error}")))?;
         // A kernel is accepted even if no propagation method is valid for it.
         let setup = planning::planned(setup, None).map_or(setup, |(planned, _)| planned);
-        // Files in other formats do not contain these distances.
-        let interpolated_from_m = kernel_file::interpolated_from_m(&bytes).unwrap_or_default();
-        let decoded = self.checking.run(move || kernel_formats::import(&bytes, &setup)).await?;
-        let imported = decoded.map_err(|error| field.invalid(format!("({digest}): {error}")))?;
-        let (learned, model) = (imported.model, imported.kind);
-        let key = KernelKey { display: display.id.clone(), wavelength, distance };
-        require_setup(&field, &learned.setup, &display, &key)?;
-        let (digest, size_bytes, parameters_json) = if imported.native {
-            (digest, record.size_bytes, "{}".to_owned())
-        } else {
+        let need_bytes = converting_bytes(record.size_bytes, &display);
+        let (artifacts, name, refused) = (self.artifacts.clone(), digest.clone(), field.clone());
+        let read = move || -> Result<_, ArtifactError> {
+            let file = artifacts.read_blocking(&name)?;
+            Ok(imported(&file, &setup, |setup| require_setup(&refused, setup, &display, &key).map(|()| key)))
+        };
+        let Import { key, kind, form, native_file, interpolated_from_m } =
+            self.accounts.compute(call, need_bytes, read).await??.map_err(|error| match error {
+                ImportError::Format(error) => field.invalid(format!("({digest}): {error}")),
+                ImportError::Setup(error) => error,
+            })?;
+        let (digest, size_bytes, parameters_json) = match native_file {
+            None => (digest, record.size_bytes, "{}".to_owned()),
             // The kernel is stored in the native format, which all other code reads.
-            let file =
-                kernel_file::encode(&learned, model).map_err(|error| field.invalid(format!("({digest}): {error}")))?;
-            let parameters = serde_json::json!({ "imported_from": imported.form, "artifact": digest });
-            (self.store_artifact(caller, file.clone()).await?, file.len() as u64, parameters.to_string())
+            Some(file) => {
+                let parameters = serde_json::json!({ "imported_from": form, "artifact": digest });
+                let size_bytes = file.len() as u64;
+                (self.store_artifact(call, file).await?, size_bytes, parameters.to_string())
+            }
         };
         let lineage = KernelLineage {
             parameters_json,
@@ -60,9 +67,41 @@ impl Api {
         };
         // The version is not measured, because an import has no held-out pairs.
         let metrics = KernelMetrics::default();
-        let version = NewKernelVersion { model, artifact: digest, size_bytes, metrics, lineage };
+        let version = NewKernelVersion { model: kind, artifact: digest, size_bytes, metrics, lineage };
         Ok(to_wire::version(self.store.add_kernel_version(&key, version, now_ms()).await?))
     }
+}
+
+/// A kernel read from a file.
+struct Import {
+    key: KernelKey,
+    kind: KernelModel,
+    form: &'static str,
+    /// The kernel in the native format, if the file has another format.
+    native_file: Option<Vec<u8>>,
+    interpolated_from_m: Vec<f64>,
+}
+
+/// Why a file is not accepted.
+enum ImportError {
+    Format(KernelFormatError),
+    Setup(ApiError),
+}
+
+/// Reads a kernel from a file, and converts it to the native format if the file has another one. `key_of` checks the
+/// setup of the kernel.
+fn imported(
+    file: &[u8],
+    setup: &OpticalSetup,
+    key_of: impl FnOnce(&OpticalSetup) -> Result<KernelKey, ApiError>,
+) -> Result<Import, ImportError> {
+    let Imported { model, kind, form, native } = kernel_formats::import(file, setup).map_err(ImportError::Format)?;
+    let key = key_of(&model.setup).map_err(ImportError::Setup)?;
+    let encode = || kernel_file::encode(&model, kind).map_err(|error| ImportError::Format(error.into()));
+    let native_file = (!native).then(encode).transpose()?;
+    // Files in other formats do not contain these distances.
+    let interpolated_from_m = kernel_file::interpolated_from_m(file).unwrap_or_default();
+    Ok(Import { key, kind, form, native_file, interpolated_from_m })
 }
 
 /// A dataset of which only the distance is known. `None` if the distance is not valid.

@@ -1,19 +1,20 @@
 //! Interpolation of kernels for distances between photographed ones.
 
+use super::model_file::converting_bytes;
 use super::to_wire;
 use crate::api::Api;
+use crate::call::Call;
 use crate::error::ApiError;
 use crate::field::Field;
 use crate::optics::propagation_checks::distance_refusal;
 use crate::time::now_ms;
-use lightpath_domain::access::Caller;
 use lightpath_domain::kernel::{
     KernelKey, KernelLineage, KernelMetrics, KernelVersion, LearnedDataset, NewKernelVersion,
 };
 use lightpath_domain::planning;
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_domain::units::Distance;
-use lightpath_media::kernel_file;
+use lightpath_media::kernel_file::{self, KernelFileError};
 use lightpath_optics::learning::interpolated;
 use lightpath_proto::v1;
 
@@ -24,32 +25,35 @@ impl Api {
     /// Interpolates a kernel for a distance between those of a joint fit, and stores it as the next version.
     pub(crate) async fn interpolate_kernel(
         &self,
-        caller: &Caller,
+        call: &Call,
         request: v1::InterpolateKernelRequest,
     ) -> Result<v1::KernelVersion, ApiError> {
-        let display = self.display_named(caller, &Field::new("display"), &request.display).await?;
+        let display = self.display_named(call, &Field::new("display"), &request.display).await?;
         let wavelength = Field::new("wavelength_m").wavelength_of(request.wavelength_m, &display)?;
         let field = Field::new("distance_m");
         let distance = field.distance(request.distance_m)?;
         let planned = planning::setup(&display, wavelength, distance).and_then(|setup| planning::planned(setup, None));
         let (setup, _) = planned.map_err(|error| distance_refusal(&field, distance, &error))?;
-        let key = KernelKey { display: display.id, wavelength, distance };
-
+        let key = KernelKey { display: display.id.clone(), wavelength, distance };
+        call.concerns(key.to_string());
         let versions = self.store.joint_versions(&key.display, wavelength, VERSIONS_MAX).await?;
         let fit = fit_around(&field, &key, &versions)?;
         let mut models = Vec::with_capacity(fit.versions.len());
         for version in fit.versions {
-            models.push(self.model_of(version).await?);
+            models.push(self.model_of(call, version).await?);
         }
-        let model = interpolated(&models, setup).map_err(|error| field.invalid(format!("is {distance}: {error}")))?;
         let from_m: Vec<f64> = fit.distances.iter().map(|distance| distance.m()).collect();
         let content = &fit.versions[0].content;
-        let file = kernel_file::encode_interpolated(&model, content.model, &from_m)
-            .map_err(|error| field.invalid(format!("is {distance}: {error}")))?;
+        let (kind, size_bytes) = (content.model, fit.versions.iter().map(|version| version.content.size_bytes).sum());
+        let interpolate = move || -> Result<Vec<u8>, KernelFileError> {
+            kernel_file::encode_interpolated(&interpolated(&models, setup)?, kind, &from_m)
+        };
+        let file = self.accounts.compute(call, converting_bytes(size_bytes, &display), interpolate).await?;
+        let file = file.map_err(|error| field.invalid(format!("is {distance}: {error}")))?;
         let version = NewKernelVersion {
             model: content.model,
             size_bytes: file.len() as u64,
-            artifact: self.store_artifact(caller, file).await?,
+            artifact: self.store_artifact(call, file).await?,
             // The version is not measured, because no photographs of the distance exist.
             metrics: KernelMetrics::default(),
             lineage: KernelLineage {

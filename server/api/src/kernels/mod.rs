@@ -1,5 +1,6 @@
 //! Kernels and their versions: listing, fetching, promoting, importing and interpolating.
 
+pub(crate) mod conversions;
 mod fetch;
 pub(crate) mod import;
 mod interpolate;

@@ -1,17 +1,35 @@
 //! Reading the files of kernel versions.
 
 use crate::api::Api;
+use crate::call::Call;
 use crate::error::ApiError;
+use lightpath_artifacts::ArtifactError;
+use lightpath_domain::display::Display;
 use lightpath_domain::kernel::KernelVersion;
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_media::kernel_file;
 use lightpath_optics::DisplayModel;
 
+/// Bytes of a transfer function for each pixel of its display: a complex64 for each of four frequencies.
+const TRANSFER_BYTES_PER_PX: u64 = 32;
+/// Memory besides the kernel \[bytes\].
+const OTHER_BYTES: u64 = 16 << 20;
+
+/// Memory for converting a kernel file of `file_bytes` from or to any format \[bytes\]: the file, its model, the
+/// transfer function of all frequencies, its numbers, the bytes of the other file, and the model read back from it.
+pub(super) fn converting_bytes(file_bytes: u64, display: &Display) -> u64 {
+    let px = u64::from(display.height_px) * u64::from(display.width_px);
+    2 * file_bytes + 4 * TRANSFER_BYTES_PER_PX * px + OTHER_BYTES
+}
+
 impl Api {
     /// Reads the model from the file of a version.
-    pub(crate) async fn model_of(&self, version: &KernelVersion) -> Result<DisplayModel, ApiError> {
-        let bytes = self.artifacts.read_all(&version.content.artifact).await?;
-        let (model, _) = kernel_file::decode(&bytes).map_err(|error| ApiError::Precondition {
+    pub(crate) async fn model_of(&self, call: &Call, version: &KernelVersion) -> Result<DisplayModel, ApiError> {
+        let (artifacts, artifact) = (self.artifacts.clone(), version.content.artifact.clone());
+        let read =
+            move || -> Result<_, ArtifactError> { Ok(kernel_file::decode(&artifacts.read_blocking(&artifact)?)) };
+        let decoded = self.accounts.compute(call, 2 * version.content.size_bytes + OTHER_BYTES, read).await??;
+        let (model, _) = decoded.map_err(|error| ApiError::Precondition {
             reason: PreconditionReason::KernelUnreadable,
             message: format!("{}/versions/{}: {error}", version.key, version.version),
         })?;

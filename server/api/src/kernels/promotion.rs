@@ -2,12 +2,12 @@
 
 use super::to_wire;
 use crate::api::Api;
+use crate::call::Call;
 use crate::error::ApiError;
 use crate::field::Field;
 use crate::names;
 use crate::pages::Page;
 use crate::time::now_ms;
-use lightpath_domain::access::Caller;
 use lightpath_domain::kernel::KernelVersion;
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_proto::v1;
@@ -18,11 +18,12 @@ const REASON_BYTES_MAX: usize = 1024;
 impl Api {
     pub(crate) async fn promote_kernel(
         &self,
-        caller: &Caller,
+        call: &Call,
         request: v1::PromoteKernelRequest,
     ) -> Result<v1::Kernel, ApiError> {
-        let key = names::kernel_key(caller, &Field::new("kernel"), &request.kernel)?;
+        let key = names::kernel_key(call, &Field::new("kernel"), &request.kernel)?;
         let version = Field::new("version").integer(request.version, 1..=u32::MAX)?;
+        call.concerns(format!("{key}/versions/{version}"));
         let reason = Field::new("reason").text(request.reason, REASON_BYTES_MAX)?;
         let expected = request.expected_active_version.map(|version| (version > 0).then_some(version));
         // Versions never change, so this result is still correct when the alias moves.
@@ -36,20 +37,21 @@ impl Api {
 
     pub(crate) async fn rollback_kernel(
         &self,
-        caller: &Caller,
+        call: &Call,
         request: v1::RollbackKernelRequest,
     ) -> Result<v1::Kernel, ApiError> {
-        let key = names::kernel_key(caller, &Field::new("kernel"), &request.kernel)?;
+        let key = names::kernel_key(call, &Field::new("kernel"), &request.kernel)?;
+        call.concerns(key.to_string());
         let reason = Field::new("reason").text(request.reason, REASON_BYTES_MAX)?;
         Ok(to_wire::kernel(&self.store.rollback(&key, &reason, now_ms()).await?))
     }
 
     pub(crate) async fn list_kernel_moves(
         &self,
-        caller: &Caller,
+        call: &Call,
         request: v1::ListKernelMovesRequest,
     ) -> Result<v1::ListKernelMovesResponse, ApiError> {
-        let key = names::kernel_key(caller, &Field::new("kernel"), &request.kernel)?;
+        let key = names::kernel_key(call, &Field::new("kernel"), &request.kernel)?;
         let page = Page::new(&["moves", &request.kernel], request.page_size, &request.page_token)?;
         let moves = self.store.kernel_moves(&key, page.after_number()?, page.limit()).await?;
         let (moves, next_page_token) = page.fill(moves, |moved| moved.sequence.to_string(), to_wire::kernel_move);

@@ -2,12 +2,11 @@
 
 use super::to_wire;
 use crate::api::Api;
-use crate::call::StatusStream;
+use crate::call::{Call, StatusStream};
 use crate::error::ApiError;
 use crate::field::Field;
 use crate::names;
 use crate::pages::Page;
-use lightpath_domain::access::Caller;
 use lightpath_domain::kernel::KernelVersion;
 use lightpath_proto::v1;
 use lightpath_proto::v1::kernel_service_server::KernelService;
@@ -92,17 +91,17 @@ impl KernelService for Api {
 }
 
 impl Api {
-    async fn get_kernel(&self, caller: &Caller, request: v1::GetKernelRequest) -> Result<v1::Kernel, ApiError> {
-        let key = names::kernel_key(caller, &Field::new("name"), &request.name)?;
+    async fn get_kernel(&self, call: &Call, request: v1::GetKernelRequest) -> Result<v1::Kernel, ApiError> {
+        let key = names::kernel_key(call, &Field::new("name"), &request.name)?;
         Ok(to_wire::kernel(&self.store.kernel(&key).await?))
     }
 
     async fn list_kernels(
         &self,
-        caller: &Caller,
+        call: &Call,
         request: v1::ListKernelsRequest,
     ) -> Result<v1::ListKernelsResponse, ApiError> {
-        let display = names::display_filter(caller, &Field::new("display"), &request.display)?;
+        let display = names::display_filter(call, &Field::new("display"), &request.display)?;
         let page = Page::new(&["kernels", &request.display], request.page_size, &request.page_token)?;
         let kernels = self.store.kernels(display.as_deref(), page.after.as_deref(), page.limit()).await?;
         let to_wire = |kernel| to_wire::kernel(&kernel);
@@ -112,19 +111,19 @@ impl Api {
 
     async fn get_kernel_version(
         &self,
-        caller: &Caller,
+        call: &Call,
         request: v1::GetKernelVersionRequest,
     ) -> Result<v1::KernelVersion, ApiError> {
-        let (key, version) = names::kernel_version(caller, &Field::new("name"), &request.name)?;
+        let (key, version) = names::kernel_version(call, &Field::new("name"), &request.name)?;
         Ok(to_wire::version(self.store.kernel_version(&key, version).await?))
     }
 
     async fn list_kernel_versions(
         &self,
-        caller: &Caller,
+        call: &Call,
         request: v1::ListKernelVersionsRequest,
     ) -> Result<v1::ListKernelVersionsResponse, ApiError> {
-        let key = names::kernel_key(caller, &Field::new("kernel"), &request.kernel)?;
+        let key = names::kernel_key(call, &Field::new("kernel"), &request.kernel)?;
         let page = Page::new(&["versions", &request.kernel], request.page_size, &request.page_token)?;
         let versions = self.store.kernel_versions(&key, page.after_number()?, page.limit()).await?;
         let key = |version: &KernelVersion| version.version.to_string();

@@ -1,13 +1,13 @@
 //! Streams that follow the changes of a kernel.
 
 use super::to_wire;
+use crate::accounts::StreamKind;
 use crate::api::Api;
-use crate::call::Answers;
+use crate::call::{Answers, Call};
 use crate::error::ApiError;
 use crate::field::Field;
 use crate::names;
 use crate::watch::{self, Watch};
-use lightpath_domain::access::Caller;
 use lightpath_domain::kernel::{Kernel, KernelKey};
 use lightpath_proto::v1;
 use lightpath_store::Store;
@@ -15,16 +15,16 @@ use lightpath_store::Store;
 impl Api {
     pub(crate) async fn watch_kernel(
         &self,
-        caller: &Caller,
+        call: &Call,
         request: v1::WatchKernelRequest,
     ) -> Result<Answers<v1::Kernel>, ApiError> {
-        let key = names::kernel_key(caller, &Field::new("name"), &request.name)?;
-        let permit = self.stream_limits.watcher()?;
+        let key = names::kernel_key(call, &Field::new("name"), &request.name)?;
+        let open = self.accounts.streams.open(StreamKind::Watch, &call.client)?;
         // The stream subscribes before the first read, so that it misses no change.
         let changes = self.store.subscribe_kernel_changes();
         let first = self.store.kernel(&key).await?;
         let source = KernelSource { store: self.store.clone(), key };
-        Ok(watch::stream(source, first, changes, self.stopping.clone(), permit))
+        Ok(watch::stream(source, first, changes, self.stopping.clone(), open))
     }
 }
 

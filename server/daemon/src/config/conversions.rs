@@ -2,6 +2,7 @@
 
 use super::{Config, ConfigError};
 use crate::upkeep::Retention;
+use lightpath_api::ApiLimits;
 use lightpath_api::tls::TlsFiles;
 use lightpath_artifacts::SpaceLimits;
 use lightpath_store::{ClaimLimits, QueueLimits};
@@ -41,6 +42,17 @@ impl Config {
     #[must_use]
     pub fn space(&self) -> SpaceLimits {
         SpaceLimits { reserve_bytes: bytes(self.disk_reserve_mib), stored_bytes_max: bytes(self.stored_mib_max) }
+    }
+
+    /// Limits on what clients may use.
+    #[must_use]
+    pub fn api_limits(&self) -> ApiLimits {
+        ApiLimits { queue: self.queue_limits(), computing_bytes: bytes(self.computing_mib_max) }
+    }
+
+    /// Names of the server besides localhost and its addresses.
+    pub fn host_names(&self) -> impl Iterator<Item = String> + '_ {
+        self.host_names.split(',').map(|name| name.trim().to_owned()).filter(|name| !name.is_empty())
     }
 
     /// Limits on the queue and on the space of each owner.

@@ -54,6 +54,12 @@ settings! {
     /// Limit on the memory of all unfinished requests and answers, in MiB; one address gets at most three quarters of
     /// it; further calls are refused; 0: no limit
     under_way_mib_max: f64 = 512.0, "MIB", SPACE_MIB;
+    /// Limit on the memory of the computations for calls, such as decoding a submitted picture or converting a kernel, in
+    /// MiB; one client gets at most half of it; further computations wait
+    computing_mib_max: f64 = 2048.0, "MIB", Allowed::Numbers(64.0, 1_048_576.0);
+    /// Names of the server, besides localhost and its IP addresses, under which it answers without tokens; separated by
+    /// commas
+    host_names: String = String::new(), "NAMES", Allowed::Text("names separated by commas, such as lab-server,lab-server.example");
     /// Number of jobs that run at the same time
     workers: u32 = 1, "COUNT", Allowed::Numbers(1.0, 64.0);
     /// Number of threads of one job; by default one for each core

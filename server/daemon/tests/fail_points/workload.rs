@@ -1,7 +1,7 @@
 //! The workload of the fail point tests: all kinds of operations that a server acknowledges, one after the other. Each
 //! acknowledgement is written to a file.
 
-use lightpath_api::audit::{Audit, Entry};
+use lightpath_api::audit::{Audit, Change};
 use lightpath_artifacts::{Artifacts, digest_of};
 use lightpath_domain::job::{Job, JobEffect, JobState, NewJob, Progress, Scheduling};
 use lightpath_domain::kernel::{KernelKey, KernelLineage, KernelMetrics, KernelModel, NewKernelVersion};
@@ -173,7 +173,13 @@ pub(super) async fn work(folder: &WorkFolder) -> Outcome {
     File::options().write(true).open(data.join("audit.jsonl"))?.set_len(AUDIT_BYTES)?;
     drop(audit);
     let audit = Audit::open(&data)?;
-    audit.write(Entry { caller: "ada".into(), peer: String::new(), call: "/x".into(), outcome: "OK".into() });
+    audit.change(&Change {
+        caller: "ada".into(),
+        address: String::new(),
+        call: "/x".into(),
+        object: "displays/lab".into(),
+        outcome: "OK".into(),
+    });
     audit.flush();
     Ok(())
 }

@@ -15,8 +15,10 @@ use prost::bytes::Bytes;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
+use std::time::Duration;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::{TcpListener, TcpStream};
+use tokio::time::sleep;
 use tonic::transport::{Certificate, Channel, ClientTlsConfig, Identity};
 use tonic::{Code, Request, Status};
 
@@ -39,7 +41,7 @@ const EXPECTED: &[(&str, &str)] = &[
     ("/lightpath.v1.DatasetService/AddPair", MAY_SUBMIT),
     ("/lightpath.v1.DatasetService/CreateCalibrationTarget", MAY_SUBMIT),
     ("/lightpath.v1.DisplayService/CreateDisplay", MAY_ADMINISTER),
-    ("/lightpath.v1.DisplayService/GetDisplay", MAY_READ),
+    ("/lightpath.v1.DisplayService/GetDisplay", MAY_FETCH),
     ("/lightpath.v1.DisplayService/ListDisplays", MAY_READ),
     ("/lightpath.v1.DisplayService/DeleteDisplay", MAY_ADMINISTER),
     ("/lightpath.v1.DisplayService/PlanPropagation", MAY_READ),
@@ -115,8 +117,11 @@ impl Guarded {
         KernelServiceClient::new(self.serving.channel.clone())
     }
 
-    fn audit(&self) -> String {
-        fs::read_to_string(self.serving.config.data_dir.join("audit.jsonl")).unwrap()
+    /// Changes and refusals of the audit log. Refusals are written once a second.
+    async fn audit(&self) -> String {
+        sleep(Duration::from_millis(1500)).await;
+        let read = |name| fs::read_to_string(self.serving.config.data_dir.join(name)).unwrap();
+        read("audit.jsonl") + &read("refusals.jsonl")
     }
 }
 
@@ -162,7 +167,7 @@ async fn call(serving: &Serving, path: &'static str, token: Option<&str>) -> Cod
     }
     let mut stream = TcpStream::connect(serving.address).await.unwrap();
     let authorization = token.map(|token| format!("authorization: Bearer {token}\r\n")).unwrap_or_default();
-    let request = format!("GET {path} HTTP/1.1\r\nhost: x\r\n{authorization}connection: close\r\n\r\n");
+    let request = format!("GET {path} HTTP/1.1\r\nhost: localhost\r\n{authorization}connection: close\r\n\r\n");
     stream.write_all(request.as_bytes()).await.unwrap();
     let mut answer = String::new();
     stream.read_to_string(&mut answer).await.unwrap();
@@ -198,7 +203,7 @@ async fn every_method_accepts_exactly_its_roles() {
             }
         }
     }
-    let audit = guarded.audit();
+    let audit = guarded.audit().await;
     assert!(audit.contains(r#""caller":"viewer""#) && audit.contains(r#""outcome":"PERMISSION_DENIED""#), "{audit}");
     for token in guarded.tokens.values() {
         assert!(!audit.contains(token.as_str()), "the audit log contains a secret");
@@ -288,8 +293,8 @@ async fn jobs_are_owned_by_the_name_of_their_token() {
     // The owner is accepted, and the request is refused because its spec is missing.
     let refused = jobs.submit_job(with_token(submitter, submit("submitter"))).await.unwrap_err();
     assert_eq!(refused.code(), Code::InvalidArgument);
-    let audit = guarded.audit();
-    assert!(audit.contains(r#""call":"/lightpath.v1.DisplayService/CreateDisplay","outcome":"OK""#), "{audit}");
+    let audit = guarded.audit().await;
+    assert!(audit.contains(r#""object":"displays/lab","outcome":"OK""#), "{audit}");
     assert!(audit.contains(r#""outcome":"INVALID_ARGUMENT""#), "{audit}");
 }
 

@@ -3,6 +3,7 @@
 
 mod access;
 mod artifacts;
+mod audit;
 mod captures;
 mod decoders;
 mod displays;
@@ -20,3 +21,4 @@ mod raw;
 mod rough_photographs;
 mod serving;
 mod test_bench;
+mod web_pages;

@@ -16,6 +16,7 @@ mod error;
 mod fit;
 mod jpeg_end;
 mod levels;
+mod memory;
 mod photograph;
 mod srgb;
 #[cfg(test)]
@@ -27,6 +28,7 @@ pub use encode::{colour_png, grey_png_linear, grey_png_srgb, levels_png, npy_f32
 pub use error::PictureError;
 pub use fit::fit;
 pub use levels::levels;
+pub use memory::reading_bytes;
 pub use photograph::{PhotoReading, SATURATED, SATURATION, photo_light};
 pub use srgb::{linear_to_srgb, srgb_to_linear};
 

@@ -1,11 +1,11 @@
 //! Checks of requests to evaluate kernels.
 
 use crate::api::Api;
+use crate::call::Call;
 use crate::error::ApiError;
 use crate::field::Field;
 use crate::optics::from_wire::region;
 use crate::optics::propagation_checks::check_distance;
-use lightpath_domain::access::Caller;
 use lightpath_domain::job::{EvaluateKernel, Job, JobSpec};
 use lightpath_domain::kernel::KernelKey;
 use lightpath_proto::v1;
@@ -15,13 +15,13 @@ impl Api {
     /// of an earlier submission of the same request.
     pub(crate) async fn evaluate_kernel_spec(
         &self,
-        caller: &Caller,
+        call: &Call,
         message: v1::EvaluateKernel,
         field: &Field,
         before: Option<&Job>,
     ) -> Result<EvaluateKernel, ApiError> {
         let at = |name| field.at(name);
-        let (dataset, display) = self.finalized_dataset(caller, &at("dataset"), &message.dataset).await?;
+        let (dataset, display) = self.finalized_dataset(call, &at("dataset"), &message.dataset).await?;
         check_distance(&at("dataset"), &display, dataset.wavelength, dataset.distance)?;
         let region_of_interest = region(&at("region_of_interest"), message.region_of_interest, &display)?;
         let key = KernelKey { display: display.id, wavelength: dataset.wavelength, distance: dataset.distance };

@@ -1,12 +1,12 @@
 //! Checks of requests to learn kernels.
 
 use crate::api::Api;
+use crate::call::Call;
 use crate::error::ApiError;
 use crate::field::Field;
 use crate::jobs::learning_rate::learning_rate;
 use crate::optics::from_wire::region;
 use crate::optics::propagation_checks::check_distance;
-use lightpath_domain::access::Caller;
 use lightpath_domain::dataset::Dataset;
 use lightpath_domain::display::Display;
 use lightpath_domain::job::LearnKernel;
@@ -27,13 +27,13 @@ impl Api {
     /// Checks a request, looks up the named resources, fills in defaults, and converts the request.
     pub(crate) async fn learn_kernel_spec(
         &self,
-        caller: &Caller,
+        call: &Call,
         message: v1::LearnKernel,
         field: &Field,
     ) -> Result<LearnKernel, ApiError> {
         let at = |name| field.at(name);
         let model = at("model").enum_value::<KernelModel>(message.model)?.unwrap_or_default();
-        let (datasets, display) = self.datasets_to_learn(caller, &at("datasets"), &message.datasets, model).await?;
+        let (datasets, display) = self.datasets_to_learn(call, &at("datasets"), &message.datasets, model).await?;
         let refinement = message.refinement_evaluations;
         let is_smooth = model.is_smooth();
         if !is_smooth && refinement.is_some_and(|evaluations| evaluations > 0) {
@@ -68,7 +68,7 @@ impl Api {
     /// The named datasets and their display. Refuses datasets that differ in more than their distances.
     async fn datasets_to_learn(
         &self,
-        caller: &Caller,
+        call: &Call,
         field: &Field,
         names: &[String],
         model: KernelModel,
@@ -85,7 +85,7 @@ impl Api {
         let mut common_display = None;
         for (i, name) in names.iter().enumerate() {
             let field = field.index(i);
-            let (dataset, display) = self.finalized_dataset(caller, &field, name).await?;
+            let (dataset, display) = self.finalized_dataset(call, &field, name).await?;
             check_distance(&field, &display, dataset.wavelength, dataset.distance)?;
             if let Some(first) = datasets.first()
                 && (&dataset.display, dataset.wavelength) != (&first.display, first.wavelength)

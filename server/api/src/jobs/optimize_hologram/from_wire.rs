@@ -3,10 +3,10 @@
 use super::pictures::PictureChecks;
 use super::{checks, planes, search};
 use crate::api::Api;
+use crate::call::Call;
 use crate::error::ApiError;
 use crate::field::{self, Field};
 use crate::optics::from_wire::{convolution_method, region};
-use lightpath_domain::access::Caller;
 use lightpath_domain::dataset::Encoding;
 use lightpath_domain::job::{Job, JobSpec, OptimizeHologram};
 use lightpath_domain::kernel::KernelKey;
@@ -24,13 +24,13 @@ impl Api {
     /// of an earlier submission of the same request.
     pub(crate) async fn optimize_hologram_spec(
         &self,
-        caller: &Caller,
+        call: &Call,
         message: v1::OptimizeHologram,
         field: &Field,
         before: Option<&Job>,
     ) -> Result<OptimizeHologram, ApiError> {
         let at = |name| field.at(name);
-        let display = self.display_named(caller, &at("display"), &message.display).await?;
+        let display = self.display_named(call, &at("display"), &message.display).await?;
         let wavelengths = planes::wavelengths(field, &message, &display)?;
         let planes = planes::planes(&at("planes"), &message.planes)?;
         let depth_map = planes::depth_map(&at("depth_map"), &message.depth_map, &planes)?;
@@ -63,7 +63,7 @@ impl Api {
         checks::size(field, &spec, &display)?;
         spec.kernel_versions = self.chosen_kernels(&at("kernel"), &message.kernel, &spec, before).await?;
         checks::propagation(field, &spec, &display)?;
-        PictureChecks { api: self, caller, spec: &spec, display: &display }.check(field).await?;
+        PictureChecks { api: self, call, spec: &spec, display: &display }.check(field).await?;
         Ok(spec)
     }
 

@@ -1,9 +1,9 @@
 //! Checks of the pictures in a request for holograms, before the request is answered.
 
 use crate::api::Api;
+use crate::call::Call;
 use crate::error::ApiError;
 use crate::field::Field;
-use lightpath_domain::access::Caller;
 use lightpath_domain::dataset::Encoding;
 use lightpath_domain::display::Display;
 use lightpath_domain::job::OptimizeHologram;
@@ -14,7 +14,7 @@ use lightpath_optics::{InitialPhase, Plane, RegionOfInterest};
 #[derive(Debug)]
 pub(super) struct PictureChecks<'a> {
     pub(super) api: &'a Api,
-    pub(super) caller: &'a Caller,
+    pub(super) call: &'a Call,
     pub(super) spec: &'a OptimizeHologram,
     pub(super) display: &'a Display,
 }
@@ -50,13 +50,13 @@ impl PictureChecks<'_> {
         let (fit, region) = (self.spec.target_fit, self.spec.region_of_interest);
         let key = format!("{digest} {encoding:?} {fit:?} {width_px}×{height_px} {region:?}");
         if self.api.checked_targets.contains(&key) {
-            return self.api.require_picture(self.caller, field, digest).await;
+            return self.api.require_picture(self.call, field, digest).await.map(drop);
         }
         let decode = move |bytes: &[u8]| {
             let target = pictures::target_intensity(bytes, encoding, fit, height_px, width_px)?;
             Ok(has_light(&target, region))
         };
-        if self.api.decoded(self.caller, field, digest, decode).await? {
+        if self.api.decoded(self.call, field, (digest, self.px()), decode).await? {
             self.api.checked_targets.insert(key);
             return Ok(());
         }
@@ -70,14 +70,19 @@ impl PictureChecks<'_> {
         let ((height_px, width_px), fit) = (self.size_px(), self.spec.target_fit);
         let decode =
             move |bytes: &[u8]| pictures::target_intensity(bytes, Encoding::Linear, fit, height_px, width_px).map(drop);
-        self.api.decoded(self.caller, field, digest, decode).await
+        self.api.decoded(self.call, field, (digest, self.px()), decode).await
     }
 
     /// Refuses an initial phase that is not an array of the display's size, with one frame after the other.
     async fn check_phase(&self, field: &Field, digest: &str) -> Result<(), ApiError> {
         let ((height_px, width_px), frames) = (self.size_px(), self.spec.frames as usize);
         let decode = move |bytes: &[u8]| pictures::phase_npy(bytes, frames * height_px, width_px).map(drop);
-        self.api.decoded(self.caller, field, digest, decode).await
+        self.api.decoded(self.call, field, (digest, self.px()), decode).await
+    }
+
+    /// Number of pixels of the display, of all frames together.
+    fn px(&self) -> u64 {
+        u64::from(self.display.height_px) * u64::from(self.display.width_px) * u64::from(self.spec.frames)
     }
 
     /// Height and width of the display \[px\].

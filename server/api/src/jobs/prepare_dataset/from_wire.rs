@@ -1,10 +1,10 @@
 //! Checks of requests to align or finalize datasets.
 
 use crate::api::Api;
+use crate::call::Call;
 use crate::error::ApiError;
 use crate::field::Field;
 use crate::names;
-use lightpath_domain::access::Caller;
 use lightpath_domain::dataset::{Dataset, Finalization};
 use lightpath_domain::job::{AlignBy, Job, PrepareDataset, PrepareStep};
 use lightpath_domain::reason::PreconditionReason;
@@ -26,16 +26,16 @@ impl Api {
     /// the job of an earlier submission of the same request.
     pub(crate) async fn prepare_dataset_spec(
         &self,
-        caller: &Caller,
+        call: &Call,
         message: v1::PrepareDataset,
         field: &Field,
         before: Option<&Job>,
     ) -> Result<PrepareDataset, ApiError> {
         let dataset_field = field.at("dataset");
         let id = names::dataset_id(&dataset_field, &message.dataset)?;
-        let dataset = self.dataset_named(caller, &dataset_field, &id).await?;
+        let dataset = self.dataset_named(call, &dataset_field, &id).await?;
         let step = match field.at("step").required(message.step)? {
-            Step::Align(align) => PrepareStep::Align(self.align_by(caller, align, &field.at("align")).await?),
+            Step::Align(align) => PrepareStep::Align(self.align_by(call, align, &field.at("align")).await?),
             Step::Finalize(finalize) => PrepareStep::Finalize(finalization(&finalize, &field.at("finalize"))?),
         };
         // A repeated request returns its job, even if the job has changed the dataset since.
@@ -45,13 +45,13 @@ impl Api {
         Ok(PrepareDataset { dataset: id, display: dataset.display, step })
     }
 
-    async fn align_by(&self, caller: &Caller, align: Align, field: &Field) -> Result<AlignBy, ApiError> {
+    async fn align_by(&self, call: &Call, align: Align, field: &Field) -> Result<AlignBy, ApiError> {
         match field.at("source").required(align.source)? {
             Source::Points(points) => align_by_points(&points, &field.at("points")),
             Source::DotsPhoto(digest) => {
                 let field = field.at("dots_photo");
                 let photo = field.digest(&digest)?;
-                self.require_picture(caller, &field, &photo).await?;
+                self.require_picture(call, &field, &photo).await?;
                 Ok(AlignBy::Dots { photo })
             }
             Source::Pairs(true) => Ok(AlignBy::Pairs),

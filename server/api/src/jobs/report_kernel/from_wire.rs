@@ -1,10 +1,10 @@
 //! Checks of requests for reports on kernel versions.
 
 use crate::api::Api;
+use crate::call::Call;
 use crate::error::ApiError;
 use crate::field::Field;
 use crate::names;
-use lightpath_domain::access::Caller;
 use lightpath_domain::job::ReportKernel;
 use lightpath_proto::v1;
 use lightpath_store::StoreError;
@@ -13,12 +13,12 @@ impl Api {
     /// Checks a request and converts it. Refuses a version that does not exist.
     pub(crate) async fn report_kernel_spec(
         &self,
-        caller: &Caller,
+        call: &Call,
         message: v1::ReportKernel,
         field: &Field,
     ) -> Result<ReportKernel, ApiError> {
         let field = field.at("kernel_version");
-        let (kernel, version) = names::kernel_version(caller, &field, &message.kernel_version)?;
+        let (kernel, version) = names::kernel_version(call, &field, &message.kernel_version)?;
         match self.store.kernel_version(&kernel, version).await {
             Err(StoreError::NotFound { resource }) => Err(field.missing(resource, "name one of the kernel's versions")),
             found => found.map(|_| ReportKernel { kernel, version }).map_err(ApiError::from),

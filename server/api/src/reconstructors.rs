@@ -1,39 +1,8 @@
-//! Long computations for calls, such as decoding pictures. Only a few run at once, on threads that do not answer
-//! requests.
+//! The optics with which the pairs of a dataset are checked.
 
-use crate::error::ApiError;
 use lightpath_domain::dataset::Dataset;
 use lightpath_media::captures::{Captures, Reconstructor};
 use std::sync::{Arc, Mutex, PoisonError};
-use tokio::sync::Semaphore;
-
-/// Limit on the pictures that are decoded at once: each may need 1 GiB.
-const DECODERS_MAX: usize = 2;
-
-/// Runs long computations. Clones share the limit.
-#[derive(Clone, Debug)]
-pub(crate) struct Decoding(Arc<Semaphore>);
-
-impl Default for Decoding {
-    fn default() -> Self {
-        Self(Arc::new(Semaphore::new(DECODERS_MAX)))
-    }
-}
-
-impl Decoding {
-    /// Runs `compute` on a thread that may block, and returns its result.
-    ///
-    /// # Errors
-    ///
-    /// [`ApiError::Task`] if `compute` panics.
-    pub(crate) async fn run<T: Send + 'static>(
-        &self,
-        compute: impl FnOnce() -> T + Send + 'static,
-    ) -> Result<T, ApiError> {
-        let _permit = Arc::clone(&self.0).acquire_owned().await.map_err(|_| ApiError::Stopping)?;
-        tokio::task::spawn_blocking(compute).await.map_err(ApiError::Task)
-    }
-}
 
 /// The most recently used reconstructor, with its optics. The pairs of a dataset are usually added one after the other
 /// and need the same reconstructor. Clones share it.

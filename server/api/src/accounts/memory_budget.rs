@@ -1,14 +1,14 @@
-//! A limit on the memory of unfinished calls, for each address and for all addresses together.
+//! A limit on the memory of messages that are received or sent, for each client and for all clients together.
 
+use super::client::Client;
 use crate::error::{ApiError, LimitReason};
 use std::collections::HashMap;
 use std::mem;
-use std::net::IpAddr;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// Quarters of the budget that one address may use; the rest is for other addresses.
-const PEER_QUARTERS: usize = 3;
+/// Quarters of the budget that one client may use; the rest is for other clients.
+const CLIENT_QUARTERS: usize = 3;
 /// Time after which a refused client may retry: calls usually end within it, unless their clients are slow.
 const RETRY: Duration = Duration::from_secs(1);
 
@@ -23,15 +23,15 @@ pub struct MemoryBudget {
 #[derive(Debug, Default)]
 struct Used {
     all: usize,
-    /// Bytes of each address. Only addresses that use memory have an entry, so the map has at most one entry per call.
-    by_peer: HashMap<Option<IpAddr>, usize>,
+    /// Bytes of each client. Only clients that use memory have an entry, so the map has at most one entry per call.
+    by_client: HashMap<Client, usize>,
 }
 
 /// A part of the budget, released on drop.
 #[derive(Debug)]
-pub(super) struct Share {
+pub(crate) struct Share {
     budget: Arc<MemoryBudget>,
-    peer: Option<IpAddr>,
+    client: Client,
     bytes: usize,
 }
 
@@ -42,19 +42,19 @@ impl MemoryBudget {
         Self { bytes_max, used: Mutex::default() }
     }
 
-    /// Takes `bytes` for a call from `peer`, or returns an error that says when to retry.
-    pub(super) fn take(self: &Arc<Self>, peer: Option<IpAddr>, bytes: usize) -> Result<Share, ApiError> {
+    /// Takes `bytes` for a call of `client`, or returns an error that says when to retry.
+    pub(crate) fn take(self: &Arc<Self>, client: &Client, bytes: usize) -> Result<Share, ApiError> {
         let mut used = self.used.lock().unwrap_or_else(PoisonError::into_inner);
-        let own = used.by_peer.get(&peer).copied().unwrap_or_default();
-        if own + bytes > self.bytes_max / 4 * PEER_QUARTERS {
-            return Err(exhausted("unfinished calls from your address use the memory that one address may use"));
+        let own = used.by_client.get(client).copied().unwrap_or_default();
+        if own + bytes > self.bytes_max / 4 * CLIENT_QUARTERS {
+            return Err(exhausted(&format!("unfinished calls of {client} use the memory that one client may use")));
         }
         if used.all + bytes > self.bytes_max {
-            return Err(exhausted("unfinished calls use the memory that all addresses together may use"));
+            return Err(exhausted("unfinished calls use the memory that all clients together may use"));
         }
         used.all += bytes;
-        used.by_peer.insert(peer, own + bytes);
-        Ok(Share { budget: Arc::clone(self), peer, bytes })
+        used.by_client.insert(client.clone(), own + bytes);
+        Ok(Share { budget: Arc::clone(self), client: client.clone(), bytes })
     }
 }
 
@@ -65,8 +65,8 @@ fn exhausted(message: &str) -> ApiError {
 
 impl Share {
     /// Takes more bytes for the same call.
-    pub(super) fn grow(&mut self, bytes: usize) -> Result<(), ApiError> {
-        let mut more = self.budget.take(self.peer, bytes)?;
+    pub(crate) fn grow(&mut self, bytes: usize) -> Result<(), ApiError> {
+        let mut more = self.budget.take(&self.client, bytes)?;
         self.bytes += mem::take(&mut more.bytes);
         Ok(())
     }
@@ -76,10 +76,10 @@ impl Drop for Share {
     fn drop(&mut self) {
         let mut used = self.budget.used.lock().unwrap_or_else(PoisonError::into_inner);
         used.all -= self.bytes;
-        if let Some(own) = used.by_peer.get_mut(&self.peer) {
+        if let Some(own) = used.by_client.get_mut(&self.client) {
             *own -= self.bytes;
             if *own == 0 {
-                used.by_peer.remove(&self.peer);
+                used.by_client.remove(&self.client);
             }
         }
     }
@@ -88,26 +88,25 @@ impl Drop for Share {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::net::Ipv4Addr;
 
     #[test]
-    fn one_address_leaves_room_for_others_and_all_together_stay_below_the_limit() {
+    fn one_client_leaves_room_for_others_and_all_together_stay_below_the_limit() {
         let budget = Arc::new(MemoryBudget::new(400));
-        let peer = |n| Some(IpAddr::from(Ipv4Addr::new(10, 0, 0, n)));
-        let mut first = budget.take(peer(1), 200).unwrap();
+        let client = |n: u32| Client::Token(n.to_string());
+        let mut first = budget.take(&client(1), 200).unwrap();
         first.grow(100).unwrap();
-        assert!(first.grow(1).is_err() && budget.take(peer(1), 1).is_err());
-        let second = budget.take(peer(2), 100).unwrap();
-        assert!(budget.take(peer(3), 1).is_err());
+        assert!(first.grow(1).is_err() && budget.take(&client(1), 1).is_err());
+        let second = budget.take(&client(2), 100).unwrap();
+        assert!(budget.take(&client(3), 1).is_err());
         drop(first);
-        let third = budget.take(peer(3), 300).unwrap();
+        let third = budget.take(&client(3), 300).unwrap();
         drop((second, third));
         let used = budget.used.lock().unwrap();
-        assert!(used.all == 0 && used.by_peer.is_empty(), "{used:?}");
+        assert!(used.all == 0 && used.by_client.is_empty(), "{used:?}");
     }
 
     #[test]
     fn without_a_limit_nothing_is_refused() {
-        assert!(Arc::new(MemoryBudget::new(0)).take(None, 1 << 50).is_ok());
+        assert!(Arc::new(MemoryBudget::new(0)).take(&Client::Address(None), 1 << 50).is_ok());
     }
 }

@@ -1,0 +1,120 @@
+//! Tests of the audit log.
+
+use crate::access::{Guarded, with_token};
+use crate::serving::{Serving, small_display};
+use lightpath_media::pictures;
+use lightpath_optics::Plane;
+use lightpath_proto::v1::display_service_client::DisplayServiceClient;
+use lightpath_proto::v1::{self, job_spec};
+use serde_json::Value;
+use std::collections::BTreeSet;
+use std::fs;
+use std::time::Duration;
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+use tokio::net::TcpStream;
+use tokio::time::{sleep, timeout};
+
+/// Submits whose clients leave early.
+const HASTY_SUBMITS: u64 = 200;
+
+/// The lines of a log.
+fn lines(serving: &Serving, name: &str) -> Vec<Value> {
+    let text = fs::read_to_string(serving.config.data_dir.join(name)).unwrap();
+    text.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+/// The refusals, as soon as one of this call is written.
+async fn refusal(serving: &Serving, call: &str) -> Value {
+    for _ in 0..100 {
+        if let Some(line) = lines(serving, "refusals.jsonl").into_iter().find(|line| line["call"] == call) {
+            return line;
+        }
+        sleep(Duration::from_millis(100)).await;
+    }
+    panic!("no refusal of {call} is logged");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn every_job_has_a_line_even_if_its_client_left() {
+    let serving = Serving::start().await;
+    serving.display("lab").await;
+    serving.jobs().pause_queue(v1::PauseQueueRequest::default()).await.unwrap();
+    let picture = Plane::from_fn(48, 64, |y, x| ((y + x) % 97) as f32 / 97.0);
+    let target = serving.upload(&pictures::grey_png_srgb(&picture).unwrap()).await;
+    let plane = v1::optimize_hologram::ImagePlane { distance_m: 0.05, target, weight: 0.0 };
+    let spec = v1::OptimizeHologram { display: "displays/lab".into(), planes: vec![plane], ..Default::default() };
+    let spec = v1::JobSpec { kind: Some(job_spec::Kind::OptimizeHologram(spec)) };
+    for n in 0..HASTY_SUBMITS {
+        let request = v1::SubmitJobRequest { spec: Some(spec.clone()), ..Default::default() };
+        // Clients leave before, while and after their job is stored.
+        let _ = timeout(Duration::from_micros(100 * (n % 50)), serving.jobs().submit_job(request)).await;
+    }
+    // Changes that have begun end soon.
+    sleep(Duration::from_millis(500)).await;
+    let mut jobs = BTreeSet::new();
+    let mut request = v1::ListJobsRequest { page_size: 1000, ..Default::default() };
+    loop {
+        let page = serving.jobs().list_jobs(request.clone()).await.unwrap().into_inner();
+        jobs.extend(page.jobs.into_iter().map(|job| job.name));
+        request.page_token = page.next_page_token;
+        if request.page_token.is_empty() {
+            break;
+        }
+    }
+    let submits =
+        lines(&serving, "audit.jsonl").into_iter().filter(|line| line["call"] == "/lightpath.v1.JobService/SubmitJob");
+    let logged: BTreeSet<String> = submits.map(|line| line["object"].as_str().unwrap().to_owned()).collect();
+    assert!(jobs.len() > 5 && jobs.len() < HASTY_SUBMITS as usize, "{} jobs: the times test nothing", jobs.len());
+    assert_eq!(jobs, logged);
+}
+
+#[tokio::test]
+async fn changes_name_their_object_and_refusals_are_counted() {
+    let guarded = Guarded::start().await;
+    let mut displays = DisplayServiceClient::new(guarded.serving.channel.clone());
+    let create = |id: &str| v1::CreateDisplayRequest { display: Some(small_display(id)) };
+    displays.create_display(with_token(&guarded.tokens["admin"], create("lab"))).await.unwrap();
+    for _ in 0..20 {
+        displays.create_display(with_token(&guarded.tokens["viewer"], create("other"))).await.unwrap_err();
+    }
+    let changes = lines(&guarded.serving, "audit.jsonl");
+    assert_eq!(changes.len(), 1, "{changes:?}");
+    for (key, value) in [
+        ("caller", "admin"),
+        ("address", "127.0.0.1"),
+        ("call", "/lightpath.v1.DisplayService/CreateDisplay"),
+        ("object", "displays/lab"),
+        ("outcome", "OK"),
+    ] {
+        assert_eq!(changes[0][key], value, "{changes:?}");
+    }
+    let refused = refusal(&guarded.serving, "/lightpath.v1.DisplayService/CreateDisplay").await;
+    assert_eq!((&refused["caller"], &refused["outcome"]), (&"viewer".into(), &"PERMISSION_DENIED".into()));
+    assert!(refused["count"].as_u64().unwrap() <= 20);
+}
+
+#[tokio::test]
+async fn long_paths_and_other_content_types_do_not_mislead_the_log() {
+    let guarded = Guarded::start().await;
+    let long = format!("/{}", "x".repeat(10_000));
+    for (path, token) in [
+        (long.as_str(), ""),
+        ("/lightpath.v1.DisplayService/DeleteDisplay", guarded.tokens["viewer"].as_str()),
+        ("/lightpath.v1.QueueService/Unknown", guarded.tokens["admin"].as_str()),
+    ] {
+        let mut stream = TcpStream::connect(guarded.serving.address).await.unwrap();
+        let request = format!(
+            "POST {path} HTTP/1.1\r\nhost: lab\r\ncontent-type: text/plain\r\nauthorization: Bearer {token}\r\n\
+             content-length: 0\r\nconnection: close\r\n\r\n"
+        );
+        stream.write_all(request.as_bytes()).await.unwrap();
+        stream.read_to_end(&mut Vec::new()).await.unwrap();
+    }
+    let line = refusal(&guarded.serving, "/lightpath.v1.DisplayService/DeleteDisplay").await;
+    assert_ne!(line["outcome"], "OK");
+    let unknown = refusal(&guarded.serving, "unknown path").await;
+    assert_eq!(unknown["outcome"], "UNAUTHENTICATED");
+    let text = fs::read_to_string(guarded.serving.config.data_dir.join("refusals.jsonl")).unwrap();
+    assert!(text.len() < 2000 && !text.contains("xxx"), "{text}");
+    assert!(lines(&guarded.serving, "audit.jsonl").is_empty());
+}

@@ -1,0 +1,353 @@
+//! Attackers of every kind at once, and an honest client beside them.
+//!
+//! The server's memory must stay within its documented limits, the honest client must get its answers, nothing that was
+//! acknowledged may be lost, and the audit log must name every job.
+
+use crate::material::{DISTANCE_M, WAVELENGTH_M, declare, display, hologram, kernel_file, request, target};
+use crate::process::{Daemon, lightpathd};
+use image::{ExtendedColorType, ImageEncoder as _, codecs::png::PngEncoder};
+use lightpath::v1::artifact_service_client::ArtifactServiceClient;
+use lightpath::v1::kernel_service_client::KernelServiceClient;
+use lightpath::v1::write_artifact_request::Part;
+use lightpath::{Client, names, v1};
+use std::collections::BTreeSet;
+use std::io::Write as _;
+use std::path::Path;
+use std::time::{Duration, Instant};
+use tempfile::TempDir;
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+use tokio::net::TcpStream;
+use tokio::sync::mpsc;
+use tokio::task::JoinSet;
+use tokio::time::{sleep, timeout};
+use tokio_util::sync::CancellationToken;
+use tonic::Request;
+use tonic::transport::{Channel, Endpoint};
+
+/// Duration of the attack \[s\], unless `LIGHTPATH_ATTACK_SECONDS` sets another.
+const ATTACK_S: u64 = 6;
+/// From this duration on \[s\], the attackers use the largest pictures and displays, and the server its usual settings.
+const FULL_S: u64 = 60;
+/// Allowed memory beyond the limits, as a part of them.
+const MEMORY_MARGIN: f64 = 0.1;
+/// Longest answer to the honest client \[s\]. Before turns were fair, an answer took minutes.
+const ANSWER_S_MAX: f64 = 5.0;
+/// Interval between the calls of the honest client.
+const HONEST_INTERVAL: Duration = Duration::from_millis(100);
+/// Attackers, each with a token of its own.
+const ATTACKERS: [&str; 8] = ["bomber", "hoarder", "dripper", "follower", "painter", "chainer", "lister", "stranger"];
+
+/// Sizes and limits of one run.
+struct Scale {
+    duration: Duration,
+    /// Side of the largest picture \[px\].
+    side_px: u32,
+    /// Limit on the memory of messages \[MiB\].
+    under_way_mib: u64,
+    /// Limit on the memory of computations for calls \[MiB\].
+    computing_mib: u64,
+}
+
+impl Scale {
+    fn from_environment() -> Self {
+        let seconds = std::env::var("LIGHTPATH_ATTACK_SECONDS").map_or(ATTACK_S, |text| text.parse().unwrap());
+        let duration = Duration::from_secs(seconds);
+        if seconds >= FULL_S {
+            Self { duration, side_px: 8192, under_way_mib: 512, computing_mib: 2048 }
+        } else {
+            Self { duration, side_px: 2048, under_way_mib: 64, computing_mib: 256 }
+        }
+    }
+}
+
+/// What every attacker knows.
+#[derive(Clone)]
+struct Field {
+    url: String,
+    token: String,
+    /// A huge picture in a small file.
+    bomb: String,
+    /// A job that waits.
+    job: String,
+    end: CancellationToken,
+}
+
+impl Field {
+    fn client(&self) -> Client {
+        Client::connect_with_token(&self.url, &self.token).unwrap()
+    }
+
+    fn channel(&self) -> Channel {
+        Endpoint::from_shared(self.url.clone()).unwrap().connect_lazy()
+    }
+
+    fn with_token<T>(&self, message: T) -> Request<T> {
+        let mut request = Request::new(message);
+        request.metadata_mut().insert("authorization", format!("Bearer {}", self.token).parse().unwrap());
+        request
+    }
+
+    /// Repeats an attack from several tasks until the end.
+    async fn repeat<F: Future<Output = ()> + Send + 'static>(&self, tasks: usize, attack: impl Fn(Client) -> F) {
+        let mut running = JoinSet::new();
+        while !self.end.is_cancelled() {
+            while running.len() < tasks {
+                running.spawn(attack(self.client()));
+            }
+            running.join_next().await;
+        }
+    }
+}
+
+/// Submits the bomb, and leaves while it is decoded.
+async fn bomb(field: Field) {
+    let bomb = field.bomb.clone();
+    let attack = move |client: Client| {
+        let mut spec = hologram("lab", &bomb, 3, 1);
+        spec.target_fit = v1::optimize_hologram::Fit::Contain.into();
+        async move {
+            let _ = timeout(Duration::from_millis(120), client.submit_job(request(spec, ""))).await;
+        }
+    };
+    field.repeat(8, attack).await;
+}
+
+/// Fetches a kernel in a large format, and reads one message.
+async fn hoard(field: Field) {
+    let mut streams = Vec::new();
+    while !field.end.is_cancelled() {
+        let fetch = v1::FetchKernelRequest {
+            kernel: names::kernel("wide", WAVELENGTH_M, DISTANCE_M),
+            version: 1,
+            format: v1::KernelFormat::Complex64.into(),
+        };
+        let mut kernels = KernelServiceClient::new(field.channel());
+        match kernels.fetch_kernel(field.with_token(fetch)).await {
+            Ok(stream) => streams.push(stream.into_inner()),
+            Err(_) => sleep(Duration::from_millis(50)).await,
+        }
+        if let Some(stream) = streams.last_mut() {
+            let _ = timeout(Duration::from_millis(50), stream.message()).await;
+        }
+    }
+}
+
+/// Opens as many uploads as it can, and sends nothing.
+async fn drip(field: Field) {
+    let mut open = Vec::new();
+    let mut number = 0_u64;
+    while !field.end.is_cancelled() {
+        number += 1;
+        let (parts, sent) = mpsc::channel(2);
+        let digest = format!("sha256-{number:064x}");
+        let start = v1::WriteArtifactStart { digest, size_bytes: 1 << 20, offset_bytes: 0 };
+        parts.send(v1::WriteArtifactRequest { part: Some(Part::Start(start)) }).await.unwrap();
+        let stream =
+            futures::stream::unfold(sent, |mut sent| async move { sent.recv().await.map(|part| (part, sent)) });
+        let request = field.with_token(stream);
+        let mut artifacts = ArtifactServiceClient::new(field.channel());
+        open.push((parts, tokio::spawn(async move { artifacts.write_artifact(request).await.map(drop) })));
+        open.retain(|(_, upload)| !upload.is_finished());
+        sleep(Duration::from_millis(20)).await;
+    }
+}
+
+/// Follows a waiting job with as many streams as it can.
+async fn follow(field: Field) {
+    let mut streams = Vec::new();
+    while !field.end.is_cancelled() {
+        match field.client().watch_job(v1::WatchJobRequest { name: field.job.clone() }).await {
+            Ok(stream) => streams.push(stream),
+            Err(_) => sleep(Duration::from_millis(50)).await,
+        }
+    }
+}
+
+/// Asks for calibration targets of the largest display.
+async fn paint(field: Field) {
+    let attack = |client: Client| async move {
+        let request = v1::CreateCalibrationTargetRequest { display: names::display("wide") };
+        let _ = client.create_calibration_target(request).await;
+    };
+    field.repeat(6, attack).await;
+}
+
+/// Submits jobs that wait for many others.
+async fn chain(field: Field) {
+    let (bomb, job) = (field.bomb.clone(), field.job.clone());
+    let attack = move |client: Client| {
+        let waiting =
+            v1::SubmitJobRequest { after: vec![job.clone(); 256], ..request(hologram("lab", &bomb, 3, 1), "") };
+        async move {
+            let _ = timeout(Duration::from_millis(300), client.submit_job(waiting)).await;
+        }
+    };
+    field.repeat(4, attack).await;
+}
+
+/// Lists jobs in the most expensive ways.
+async fn list(field: Field) {
+    let attack = |client: Client| async move {
+        let jobs = v1::ListJobsRequest {
+            page_size: 1000,
+            state: v1::job::State::Succeeded.into(),
+            batch: "frames".into(),
+            ..Default::default()
+        };
+        let _ = client.list_jobs(jobs).await;
+        let _ = client.get_batch(v1::GetBatchRequest { batch: "frames".into() }).await;
+    };
+    field.repeat(4, attack).await;
+}
+
+/// Sends refused requests with long paths, without a token.
+async fn knock(field: Field) {
+    let address = field.url.trim_start_matches("http://").to_owned();
+    let path = "x".repeat(50_000);
+    while !field.end.is_cancelled() {
+        let Ok(mut stream) = TcpStream::connect(&address).await else { continue };
+        let request = format!("GET /{path} HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n");
+        let _ = stream.write_all(request.as_bytes()).await;
+        let _ = timeout(Duration::from_secs(1), stream.read_to_end(&mut Vec::new())).await;
+    }
+}
+
+/// A small file of a picture with `side_px`² pixels of 16 bits.
+fn picture_bomb(side_px: u32) -> Vec<u8> {
+    let mut pixels = vec![0_u8; 2 * (side_px as usize).pow(2)];
+    pixels[1000..2000].fill(200);
+    let mut bytes = Vec::new();
+    PngEncoder::new(&mut bytes).write_image(&pixels, side_px, side_px, ExtendedColorType::L16).unwrap();
+    bytes
+}
+
+async fn token(data: &Path, name: &str, role: &str) -> String {
+    let arguments = ["token", "create", name, "--role", role, "--data-dir", data.to_str().unwrap()];
+    lightpathd(&arguments).await.ok().trim().to_owned()
+}
+
+/// Times of the answers to an honest client \[s\], ascending, and the jobs that the server acknowledged.
+struct Honest {
+    submits_s: Vec<f64>,
+    health_s: Vec<f64>,
+    jobs: BTreeSet<String>,
+}
+
+async fn work_honestly(client: Client, url: String, end: CancellationToken) -> Honest {
+    let (mut submits_s, mut health_s, mut jobs) = (Vec::new(), Vec::new(), BTreeSet::new());
+    let address = url.trim_start_matches("http://").to_owned();
+    let mut number = 0;
+    while !end.is_cancelled() {
+        number += 1;
+        let digest = client.upload_bytes(target(64, 48, number)).await.unwrap();
+        let begin = Instant::now();
+        let job = client.submit_job(request(hologram("lab", &digest, 3, 1), "")).await.unwrap();
+        submits_s.push(begin.elapsed().as_secs_f64());
+        jobs.insert(job.name);
+        let begin = Instant::now();
+        let mut stream = TcpStream::connect(&address).await.unwrap();
+        stream.write_all(b"GET /healthz HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n").await.unwrap();
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).await.unwrap();
+        health_s.push(begin.elapsed().as_secs_f64());
+        assert!(answer.starts_with("HTTP/1.1 200 "), "{answer}");
+        sleep(HONEST_INTERVAL).await;
+    }
+    submits_s.sort_by(f64::total_cmp);
+    health_s.sort_by(f64::total_cmp);
+    Honest { submits_s, health_s, jobs }
+}
+
+/// The value below which this part of the ascending values lies.
+fn quantile(ascending: &[f64], part: f64) -> f64 {
+    ascending[((ascending.len() - 1) as f64 * part).round() as usize]
+}
+
+/// The display, the kernel and the waiting job that attackers use. Returns the digest of the bomb and the job.
+async fn prepare(admin: &Client, scale: &Scale) -> (String, String) {
+    declare(admin, "lab", 64, 48).await;
+    let wide = v1::Display { simulated_bench: None, ..display("wide", scale.side_px, scale.side_px / 2) };
+    admin.create_display(v1::CreateDisplayRequest { display: Some(wide) }).await.unwrap();
+    let (width, height) = (scale.side_px as usize, scale.side_px as usize / 2);
+    let artifact = admin.upload_bytes(kernel_file(width, height, 0.1)).await.unwrap();
+    let import = v1::ImportKernelRequest {
+        display: names::display("wide"),
+        wavelength_m: WAVELENGTH_M,
+        distance_m: DISTANCE_M,
+        artifact,
+    };
+    admin.import_kernel(import).await.unwrap();
+    let bomb = admin.upload_bytes(picture_bomb(scale.side_px)).await.unwrap();
+    let small = admin.upload_bytes(target(64, 48, 0)).await.unwrap();
+    let pause = v1::PauseQueueRequest { display: names::display("wide"), reason: "attack".into() };
+    admin.pause_queue(pause).await.unwrap();
+    let mut spec = hologram("wide", &small, 3, 1);
+    spec.target_fit = v1::optimize_hologram::Fit::Contain.into();
+    let waiting = request(spec, "");
+    (bomb, admin.submit_job(waiting).await.unwrap().name)
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn an_honest_client_is_served_while_others_attack() {
+    let scale = Scale::from_environment();
+    let data = TempDir::new().unwrap();
+    let [admin, honest] = [token(data.path(), "admin", "admin").await, token(data.path(), "honest", "submitter").await];
+    let mut tokens = Vec::new();
+    for name in ATTACKERS {
+        tokens.push(token(data.path(), name, "submitter").await);
+    }
+    let (under_way, computing) = (scale.under_way_mib.to_string(), scale.computing_mib.to_string());
+    let settings = ["--require-tokens", "true", "--under-way-mib-max", &under_way, "--computing-mib-max", &computing];
+    let server = Daemon::start(data.path(), &settings).await;
+    let admin = Client::connect_with_token(&server.url, &admin).unwrap();
+    let (bomb_digest, job) = prepare(&admin, &scale).await;
+    let idle_kib = server.memory_kib();
+
+    let end = CancellationToken::new();
+    let mut attacks = JoinSet::new();
+    for (name, token) in ATTACKERS.iter().zip(tokens) {
+        let field =
+            Field { url: server.url.clone(), token, bomb: bomb_digest.clone(), job: job.clone(), end: end.clone() };
+        match *name {
+            "bomber" => attacks.spawn(bomb(field)),
+            "hoarder" => attacks.spawn(hoard(field)),
+            "dripper" => attacks.spawn(drip(field)),
+            "follower" => attacks.spawn(follow(field)),
+            "painter" => attacks.spawn(paint(field)),
+            "chainer" => attacks.spawn(chain(field)),
+            "lister" => attacks.spawn(list(field)),
+            _ => attacks.spawn(knock(field)),
+        };
+    }
+    let working = tokio::spawn(work_honestly(
+        Client::connect_with_token(&server.url, &honest).unwrap(),
+        server.url.clone(),
+        end.clone(),
+    ));
+    sleep(scale.duration).await;
+    end.cancel();
+    let Honest { submits_s, health_s, jobs } = working.await.unwrap();
+    attacks.shutdown().await;
+
+    let peak_kib = server.memory_peak_kib();
+    let limit_kib = idle_kib + ((scale.under_way_mib + scale.computing_mib) << 10);
+    let mut table = format!("| memory, limit | {} MiB, {} MiB |\n", peak_kib >> 10, limit_kib >> 10);
+    for (name, times_s) in [("submit", &submits_s), ("health", &health_s)] {
+        let [median, p99] = [0.5, 0.99].map(|part| 1e3 * quantile(times_s, part));
+        table += &format!("| {name}, {} times | median {median:.0} ms, p99 {p99:.0} ms |\n", times_s.len());
+    }
+    write!(std::io::stderr(), "{table}").unwrap();
+    assert!(peak_kib as f64 <= limit_kib as f64 * (1.0 + MEMORY_MARGIN), "{peak_kib} KiB of {limit_kib} KiB");
+    for times_s in [&submits_s, &health_s] {
+        assert!(times_s.last().is_some_and(|&slowest_s| slowest_s < ANSWER_S_MAX), "{times_s:?}");
+    }
+    for name in &jobs {
+        admin.get_job(v1::GetJobRequest { name: name.clone() }).await.unwrap();
+    }
+    server.kill().await;
+    let log = std::fs::read_to_string(data.path().join("audit.jsonl")).unwrap();
+    for name in &jobs {
+        assert!(log.contains(name), "{name} is not in the audit log");
+    }
+    lightpathd(&["check", "--data-dir", data.path().to_str().unwrap()]).await.ok();
+}
