@@ -166,30 +166,18 @@ impl Gate {
     /// Writes the outcome of a call to the audit log: a change, or a refusal by the handler.
     fn note(&self, visit: &Visit, call: &Call, code: Code) {
         let changes = visit.rule.is_some_and(|rule| rule.effect != Effect::Reads);
-        match code {
-            // The handler refused the call before it changed anything.
-            Code::PermissionDenied | Code::Unauthenticated => self.note_refusal(visit, call.caller.name.clone(), code),
-            Code::InvalidArgument
-            | Code::NotFound
-            | Code::AlreadyExists
-            | Code::FailedPrecondition
-            | Code::ResourceExhausted
-            | Code::OutOfRange
-            | Code::Aborted
-            | Code::Cancelled
-            | Code::Unimplemented
-                if changes =>
-            {
-                self.note_refusal(visit, call.caller.name.clone(), code);
-            }
-            _ if changes => self.audit.change(&Change {
+        // A request that never arrived as a whole names no object.
+        let is_refused = is_refusal(code) || (code != Code::Ok && call.object().is_empty());
+        if changes && !is_refused {
+            self.audit.change(&Change {
                 caller: call.caller.name.clone(),
                 address: visit.address(),
                 call: visit.name.clone(),
                 object: call.object().to_owned(),
                 outcome: code_name(code).to_owned(),
-            }),
-            _ => {}
+            });
+        } else if changes || matches!(code, Code::PermissionDenied | Code::Unauthenticated) {
+            self.note_refusal(visit, call.caller.name.clone(), code);
         }
     }
 
@@ -249,6 +237,26 @@ async fn find(store: &Store, secret: &Secret) -> Result<Caller, ApiError> {
     let record = store.token_by_hash(&secret.hash()).await?;
     let valid = record.filter(|record| record.is_valid(now_ms()));
     valid.map(|record| record.caller).ok_or_else(not_accepted)
+}
+
+/// Whether a handler that answers with this code has changed nothing.
+fn is_refusal(code: Code) -> bool {
+    match code {
+        Code::Ok | Code::Unknown | Code::DeadlineExceeded | Code::Internal | Code::Unavailable | Code::DataLoss => {
+            false
+        }
+        Code::Cancelled
+        | Code::InvalidArgument
+        | Code::NotFound
+        | Code::AlreadyExists
+        | Code::PermissionDenied
+        | Code::ResourceExhausted
+        | Code::FailedPrecondition
+        | Code::Aborted
+        | Code::OutOfRange
+        | Code::Unimplemented
+        | Code::Unauthenticated => true,
+    }
 }
 
 /// The code of the answer as far as it is known when the answer starts.

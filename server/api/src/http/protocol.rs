@@ -4,12 +4,10 @@ use axum::extract::Request;
 use axum::http::{Method, header};
 use tonic::Status;
 
-/// Start of the paths of gRPC methods: those of Lightpath, and those of health and reflection.
-const GRPC: [&str; 2] = ["/lightpath.v1.", "/grpc."];
-
-/// Whether a path is that of a gRPC method.
+/// Whether a path is that of a gRPC method, `/package.Service/Method`. No other path of the server has this form.
 pub(super) fn is_grpc(path: &str) -> bool {
-    GRPC.iter().any(|start| path.starts_with(start))
+    let service = path.strip_prefix('/').and_then(|path| path.split_once('/'));
+    service.is_some_and(|(service, method)| service.contains('.') && !method.contains('/'))
 }
 
 /// Refuses a request for a gRPC method that is no gRPC request. A web page of another site can send such requests without
@@ -60,6 +58,7 @@ mod tests {
     #[test]
     fn the_path_decides_the_protocol() {
         assert!(is_grpc("/lightpath.v1.JobService/GetJob") && is_grpc("/grpc.health.v1.Health/Check"));
-        assert!(!is_grpc("/v1/jobs") && !is_grpc("/") && !is_grpc("/healthz"));
+        assert!(is_grpc("/other.Service/Method"));
+        assert!(!is_grpc("/v1/jobs") && !is_grpc("/") && !is_grpc("/healthz") && !is_grpc("/v1/jobs/a.b/c"));
     }
 }
