@@ -53,7 +53,7 @@ impl Scale {
         let seconds = std::env::var("LIGHTPATH_ATTACK_SECONDS").map_or(ATTACK_S, |text| text.parse().unwrap());
         let duration = Duration::from_secs(seconds);
         if seconds >= FULL_S {
-            Self { duration, side_px: 8192, under_way_mib: 512, computing_mib: 2048 }
+            Self { duration, side_px: 8192, under_way_mib: 512, computing_mib: 3072 }
         } else {
             Self { duration, side_px: 2048, under_way_mib: 64, computing_mib: 256 }
         }

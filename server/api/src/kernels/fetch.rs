@@ -111,7 +111,7 @@ impl Api {
 
     async fn export(&self, call: &Call, version: &KernelVersion, format: KernelFormat) -> Result<Exported, ApiError> {
         let (display, _) = self.store.display(&version.key.display).await?;
-        let bytes = model_file::converting_bytes(version.content.size_bytes, &display);
+        let bytes = model_file::exporting_bytes(version.content.size_bytes, &display);
         let (artifacts, artifact) = (self.artifacts.clone(), version.content.artifact.clone());
         let export = move || -> Result<_, ArtifactError> {
             let file = artifacts.read_blocking(&artifact)?;

@@ -1,6 +1,6 @@
 //! Imports of kernels from files.
 
-use super::model_file::converting_bytes;
+use super::model_file::importing_bytes;
 use super::to_wire;
 use crate::api::Api;
 use crate::call::Call;
@@ -38,7 +38,7 @@ impl Api {
             .map_err(|error| Field::new("distance_m").invalid(format!("is not possible: {error}")))?;
         // A kernel is accepted even if no propagation method is valid for it.
         let setup = planning::planned(setup, None).map_or(setup, |(planned, _)| planned);
-        let need_bytes = converting_bytes(record.size_bytes, &display);
+        let need_bytes = importing_bytes(record.size_bytes);
         let (artifacts, name, refused) = (self.artifacts.clone(), digest.clone(), field.clone());
         let read = move || -> Result<_, ArtifactError> {
             let file = artifacts.read_blocking(&name)?;

@@ -1,6 +1,6 @@
 //! Interpolation of kernels for distances between photographed ones.
 
-use super::model_file::converting_bytes;
+use super::model_file::importing_bytes;
 use super::to_wire;
 use crate::api::Api;
 use crate::call::Call;
@@ -48,7 +48,7 @@ impl Api {
         let interpolate = move || -> Result<Vec<u8>, KernelFileError> {
             kernel_file::encode_interpolated(&interpolated(&models, setup)?, kind, &from_m)
         };
-        let file = self.accounts.compute(call, converting_bytes(size_bytes, &display), interpolate).await?;
+        let file = self.accounts.compute(call, importing_bytes(size_bytes), interpolate).await?;
         let file = file.map_err(|error| field.invalid(format!("is {distance}: {error}")))?;
         let version = NewKernelVersion {
             model: content.model,

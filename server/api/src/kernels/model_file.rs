@@ -15,11 +15,18 @@ const TRANSFER_BYTES_PER_PX: u64 = 32;
 /// Memory besides the kernel \[bytes\].
 const OTHER_BYTES: u64 = 16 << 20;
 
-/// Memory for converting a kernel file of `file_bytes` from or to any format \[bytes\]: the file, its model, the
-/// transfer function of all frequencies, its numbers, the bytes of the other file, and the model read back from it.
-pub(super) fn converting_bytes(file_bytes: u64, display: &Display) -> u64 {
+/// Memory for converting a kernel file of `file_bytes` to any format \[bytes\]: the file and its model, the transfer
+/// function at all frequencies, its numbers, the other file, and the model read back from it. A dense kernel of 1080p was
+/// measured to need 128 bytes a pixel besides its file.
+pub(super) fn exporting_bytes(file_bytes: u64, display: &Display) -> u64 {
     let px = u64::from(display.height_px) * u64::from(display.width_px);
-    2 * file_bytes + 4 * TRANSFER_BYTES_PER_PX * px + OTHER_BYTES
+    file_bytes + 4 * TRANSFER_BYTES_PER_PX * px + OTHER_BYTES
+}
+
+/// Memory for reading kernel files of `file_bytes` and writing a native one \[bytes\]: the files, their numbers (those of
+/// 16-bit files take twice the space), the model, and the other file.
+pub(super) fn importing_bytes(file_bytes: u64) -> u64 {
+    6 * file_bytes + OTHER_BYTES
 }
 
 impl Api {
@@ -28,7 +35,7 @@ impl Api {
         let (artifacts, artifact) = (self.artifacts.clone(), version.content.artifact.clone());
         let read =
             move || -> Result<_, ArtifactError> { Ok(kernel_file::decode(&artifacts.read_blocking(&artifact)?)) };
-        let decoded = self.accounts.compute(call, 2 * version.content.size_bytes + OTHER_BYTES, read).await??;
+        let decoded = self.accounts.compute(call, importing_bytes(version.content.size_bytes), read).await??;
         let (model, _) = decoded.map_err(|error| ApiError::Precondition {
             reason: PreconditionReason::KernelUnreadable,
             message: format!("{}/versions/{}: {error}", version.key, version.version),

@@ -56,7 +56,7 @@ settings! {
     under_way_mib_max: f64 = 512.0, "MIB", SPACE_MIB;
     /// Limit on the memory of the computations for calls, such as decoding a submitted picture or converting a kernel, in
     /// MiB; one client gets at most half of it; further computations wait
-    computing_mib_max: f64 = 2048.0, "MIB", Allowed::Numbers(64.0, 1_048_576.0);
+    computing_mib_max: f64 = 3072.0, "MIB", Allowed::Numbers(64.0, 1_048_576.0);
     /// Names of the server, besides localhost and its IP addresses, under which it answers without tokens; separated by
     /// commas
     host_names: String = String::new(), "NAMES", Allowed::Text("names separated by commas, such as lab-server,lab-server.example");
