@@ -34,6 +34,8 @@ const MEMORY_MARGIN: f64 = 0.1;
 const ANSWER_S_MAX: f64 = 5.0;
 /// Interval between the calls of the honest client.
 const HONEST_INTERVAL: Duration = Duration::from_millis(100);
+/// Pause of an attacker before the next call. The attackers run on the server's own cores, and must leave it some time.
+const PACE: Duration = Duration::from_millis(2);
 /// Attackers, each with a token of its own.
 const ATTACKERS: [&str; 8] = ["bomber", "hoarder", "dripper", "follower", "painter", "chainer", "lister", "stranger"];
 
@@ -95,6 +97,7 @@ impl Field {
                 running.spawn(attack(self.client()));
             }
             running.join_next().await;
+            sleep(PACE).await;
         }
     }
 }
@@ -209,6 +212,7 @@ async fn knock(field: Field) {
         let request = format!("GET /{path} HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n");
         let _ = stream.write_all(request.as_bytes()).await;
         let _ = timeout(Duration::from_secs(1), stream.read_to_end(&mut Vec::new())).await;
+        sleep(PACE).await;
     }
 }
 

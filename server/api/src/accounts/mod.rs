@@ -6,8 +6,8 @@
 //! |---|---|---|
 //! | calls (`rate`) | none | `calls_per_s_max` of the settings |
 //! | memory for messages (`memory_budget`) | `under_way_mib_max` | three quarters of it, by address |
-//! | memory for computations (`turns`) | `computing_mib_max` | half of it |
-//! | threads for computations (`turns`) | [`COMPUTATIONS_MAX`] | all but one; the client that used least is next |
+//! | memory for computations (`turns`) | `computing_mib_max` | half of it; a quarter is kept for those that spent little |
+//! | threads for computations (`turns`) | [`COMPUTATIONS_MAX`] | all but two; the client that spent least is next |
 //! | streams (`streams`) | a number for each kind | half or a quarter of it |
 
 mod client;
@@ -26,7 +26,7 @@ pub(crate) use streams::{OpenStream, StreamKind, Streams};
 use turns::{TurnLimits, Turns};
 
 /// Limit on the computations that run at once. They share the cores with jobs, which have a lower priority.
-const COMPUTATIONS_MAX: usize = 3;
+const COMPUTATIONS_MAX: usize = 6;
 
 /// What clients use of the server besides messages and calls per second. Clones share it.
 #[derive(Clone, Debug)]

@@ -7,7 +7,8 @@
 //! spent(t) = Σ over computations of  duration · ½^((t − end) / 10 s)
 //! ```
 //!
-//! So a client with many or long computations delays only itself. A turn belongs to the computation, not to the call: a
+//! So a client with many or long computations delays only itself: some threads and memory are kept for clients that spent
+//! little. A turn belongs to the computation, not to the call: a
 //! call that its client has cancelled gives back its memory when its computation has really ended.
 
 use super::client::Client;
@@ -19,6 +20,12 @@ use tokio::sync::oneshot;
 
 /// Share of the memory that one client may use, so that one client cannot keep out all others.
 const CLIENT_SHARE: u64 = 2;
+/// Spent time from which a client has no right to the threads and the memory that are kept for others \[s\].
+const MUCH_S: f64 = 0.5;
+/// Threads that are kept for clients that spent little.
+const KEPT_THREADS: usize = 2;
+/// Part of the memory that is kept for clients that spent little: one over this number.
+const KEPT_MEMORY: u64 = 4;
 /// Limit on the waiting computations of one client: more than a script submits side by side.
 const WAITING_PER_CLIENT_MAX: usize = 128;
 /// Limit on all waiting computations. Each holds a request in memory.
@@ -160,12 +167,15 @@ impl State {
             return None;
         }
         let free = limits.bytes - self.bytes;
-        // With one thread only, one client may use it.
-        let running_max = (limits.at_once - 1).max(1);
         let fronts =
             self.clients.iter().filter_map(|(client, account)| Some((client, account, account.waiting.front()?)));
+        // With few threads, none can be kept.
+        let running_max = limits.at_once.saturating_sub(KEPT_THREADS).max(1);
+        let unkept = free.saturating_sub(limits.bytes / KEPT_MEMORY);
         let allowed = fronts.filter(|(_, account, front)| {
-            account.running < running_max && account.bytes + front.bytes <= limits.bytes / CLIENT_SHARE
+            let spent_little = account.spent_s < MUCH_S || (self.running < running_max && front.bytes <= unkept);
+            let has_share = account.running < running_max && account.bytes + front.bytes <= limits.bytes / CLIENT_SHARE;
+            spent_little && has_share
         });
         let fairest = |(_, a, first): &(_, &Account, &Waiter), (_, b, second): &(_, &Account, &Waiter)| {
             a.spent_s.total_cmp(&b.spent_s).then(first.since.cmp(&second.since))
@@ -226,7 +236,7 @@ mod tests {
     use futures::FutureExt as _;
     use tokio::time::{sleep, timeout};
 
-    const LIMITS: TurnLimits = TurnLimits { at_once: 3, bytes: 100 };
+    const LIMITS: TurnLimits = TurnLimits { at_once: 4, bytes: 100 };
 
     fn client(name: &str) -> Client {
         Client::Token(name.to_owned())
@@ -243,7 +253,7 @@ mod tests {
         let (ada, bob) = (client("ada"), client("bob"));
         let first = at_once(turns.wait(&ada, 20)).await.unwrap();
         let second = at_once(turns.wait(&ada, 20)).await.unwrap();
-        assert!(at_once(turns.wait(&ada, 1)).await.is_none(), "two of three threads");
+        assert!(at_once(turns.wait(&ada, 1)).await.is_none(), "two of four threads");
         let other = at_once(turns.wait(&bob, 50)).await.unwrap();
         drop((first, second));
         assert!(at_once(turns.wait(&ada, 50)).await.is_some());
@@ -251,6 +261,21 @@ mod tests {
         drop(other);
         let state = turns.lock();
         assert_eq!((state.running, state.bytes, state.waiting), (0, 0, 0));
+    }
+
+    #[tokio::test]
+    async fn threads_and_memory_are_kept_for_clients_that_spent_little() {
+        let turns = Turns::new(LIMITS);
+        let heavy = ["ada", "bob", "eve"].map(client);
+        for client in &heavy {
+            turns.lock().clients.entry(client.clone()).or_default().spent_s = 2.0 * MUCH_S;
+        }
+        let first = at_once(turns.wait(&heavy[0], 40)).await.unwrap();
+        assert!(at_once(turns.wait(&heavy[1], 40)).await.is_none(), "a quarter of the memory is kept");
+        let second = at_once(turns.wait(&heavy[1], 30)).await.unwrap();
+        assert!(at_once(turns.wait(&heavy[2], 1)).await.is_none(), "two threads are kept");
+        assert!(at_once(turns.wait(&client("zoe"), 30)).await.is_some());
+        drop((first, second));
     }
 
     #[tokio::test]
