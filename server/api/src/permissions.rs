@@ -43,12 +43,14 @@ pub(crate) fn require_all_displays(call: &Call, field: &str) -> Result<(), ApiEr
 ///
 /// # Errors
 ///
-/// [`ApiError::Denied`] if `given` is not the caller's name, unless the caller is an admin.
+/// [`ApiError::Denied`] if `given` is not the caller's name, unless the caller is an admin for all displays: other owners
+/// have jobs and limits that concern other displays.
 pub(crate) fn owner_of_job(call: &Call, given: String) -> Result<String, ApiError> {
     match (call.caller.name.as_str(), call.caller.role) {
         ("", _) => Ok(given),
         (name, _) if given.is_empty() => Ok(name.to_owned()),
-        (name, role) if given == name || role == Role::Admin => Ok(given),
+        (name, _) if given == name => Ok(given),
+        (_, Role::Admin) if call.caller.displays.is_empty() => Ok(given),
         (name, _) => Err(ApiError::Denied(format!(
             "owner is {given:?}, but jobs of the token \"{name}\" must have its name as their owner; leave owner empty"
         ))),
@@ -61,7 +63,12 @@ mod tests {
     use lightpath_domain::access::Caller;
 
     fn ada(role: Role) -> Call {
-        Call::new(Caller { name: "ada".to_owned(), role, displays: vec!["lab".to_owned()] }, None)
+        ada_for(role, &["lab"])
+    }
+
+    fn ada_for(role: Role, displays: &[&str]) -> Call {
+        let displays = displays.iter().map(|display| (*display).to_owned()).collect();
+        Call::new(Caller { name: "ada".to_owned(), role, displays }, None)
     }
 
     #[test]
@@ -75,14 +82,16 @@ mod tests {
     }
 
     #[test]
-    fn only_admins_submit_for_other_owners() {
-        for (role, given, owner) in [
-            (Role::Submitter, "", Some("ada")),
-            (Role::Submitter, "ada", Some("ada")),
-            (Role::Submitter, "bob", None),
-            (Role::Admin, "bob", Some("bob")),
+    fn only_admins_for_all_displays_submit_for_other_owners() {
+        for (call, given, owner) in [
+            (ada(Role::Submitter), "", Some("ada")),
+            (ada(Role::Submitter), "ada", Some("ada")),
+            (ada_for(Role::Submitter, &[]), "bob", None),
+            (ada(Role::Admin), "ada", Some("ada")),
+            (ada(Role::Admin), "bob", None),
+            (ada_for(Role::Admin, &[]), "bob", Some("bob")),
         ] {
-            assert_eq!(owner_of_job(&ada(role), given.to_owned()).ok().as_deref(), owner, "{given}");
+            assert_eq!(owner_of_job(&call, given.to_owned()).ok().as_deref(), owner, "{given}");
         }
         assert_eq!(owner_of_job(&Call::without_token(), "bob".to_owned()).unwrap(), "bob");
     }

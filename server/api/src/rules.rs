@@ -91,7 +91,6 @@ const ROUTES: &[(&str, Rule)] = &[
     ("/v1/jobs/{id}", rule(READERS, Effect::Reads)),
     ("/grpc.health.v1.Health/Check", rule(Access::Everyone, Effect::Reads)),
     ("/grpc.health.v1.Health/Watch", rule(Access::Everyone, Effect::Reads)),
-    ("/grpc.health.v1.Health/List", rule(Access::Everyone, Effect::Reads)),
     ("/grpc.reflection.v1.ServerReflection/ServerReflectionInfo", rule(READERS, Effect::Reads)),
     ("/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo", rule(READERS, Effect::Reads)),
 ];

@@ -65,7 +65,10 @@ async fn malformed_digests_are_refused() {
     let long = format!("sha256-{}", "a".repeat(65));
     for bad in ["", "sha256-", "../lock", "sha256-../../../../../../etc/passwd", &upper, &long] {
         assert!(matches!(artifacts.read_all(bad).await, Err(ArtifactError::BadDigest { .. })), "{bad}");
-        assert!(matches!(artifacts.uploads().begin(bad, 1, 0).await, Err(ArtifactError::BadDigest { .. })), "{bad}");
+        assert!(
+            matches!(artifacts.uploads().begin(bad, "ada", 1, 0).await, Err(ArtifactError::BadDigest { .. })),
+            "{bad}"
+        );
     }
 }
 
@@ -74,21 +77,27 @@ async fn interrupted_upload_continues() {
     let data = tempfile::tempdir().unwrap();
     let artifacts = Artifacts::open(data.path()).unwrap();
     let digest = digest_of(b"half and half");
-    let mut writer = artifacts.uploads().begin(&digest, 13, 0).await.unwrap();
+    let mut writer = artifacts.uploads().begin(&digest, "ada", 13, 0).await.unwrap();
     writer.write(b"half ".to_vec()).await.unwrap();
-    assert!(matches!(artifacts.uploads().begin(&digest, 13, 0).await, Err(ArtifactError::UploadBusy { .. })));
+    assert!(matches!(artifacts.uploads().begin(&digest, "ada", 13, 0).await, Err(ArtifactError::UploadBusy { .. })));
     drop(writer);
     drop(artifacts);
 
     let artifacts = Artifacts::open(data.path()).unwrap();
-    assert_eq!(artifacts.uploads().received_bytes(&digest).await.unwrap(), 5);
-    let wrong = artifacts.uploads().begin(&digest, 13, 3).await;
+    assert_eq!(artifacts.uploads().received_bytes(&digest, "ada").await.unwrap(), 5);
+    assert_eq!(artifacts.uploads().received_bytes(&digest, "bob").await.unwrap(), 0, "the upload belongs to its owner");
+    let stolen = artifacts.uploads().begin(&digest, "bob", 13, 5).await;
+    assert!(matches!(stolen, Err(ArtifactError::WrongOffset { received_bytes: 0, .. })));
+    let wrong = artifacts.uploads().begin(&digest, "ada", 13, 3).await;
     assert!(matches!(wrong, Err(ArtifactError::WrongOffset { received_bytes: 5, .. })));
-    let mut writer = artifacts.uploads().begin(&digest, 13, 5).await.unwrap();
+    let mut writer = artifacts.uploads().begin(&digest, "ada", 13, 5).await.unwrap();
     writer.write(b"and half".to_vec()).await.unwrap();
     assert_eq!(writer.received_bytes(), 13);
     writer.finish().await.unwrap();
     assert_eq!(artifacts.read_all(&digest).await.unwrap(), b"half and half");
+    let mut other = artifacts.uploads().begin(&digest, "bob", 13, 0).await.unwrap();
+    other.write(b"half and half".to_vec()).await.unwrap();
+    other.finish().await.unwrap();
     assert!(files(&data.path().join("uploads")).is_empty());
 }
 
@@ -97,18 +106,22 @@ async fn upload_with_wrong_digest_or_size_is_not_published() {
     let data = tempfile::tempdir().unwrap();
     let artifacts = Artifacts::open(data.path()).unwrap();
     let digest = digest_of(b"right");
-    let mut writer = artifacts.uploads().begin(&digest, 5, 0).await.unwrap();
+    let mut writer = artifacts.uploads().begin(&digest, "ada", 5, 0).await.unwrap();
     writer.write(b"wrong".to_vec()).await.unwrap();
     assert!(matches!(writer.finish().await, Err(ArtifactError::WrongDigest { .. })));
-    assert_eq!(artifacts.uploads().received_bytes(&digest).await.unwrap(), 0);
+    assert_eq!(artifacts.uploads().received_bytes(&digest, "ada").await.unwrap(), 0);
 
-    let mut writer = artifacts.uploads().begin(&digest, 5, 0).await.unwrap();
+    let mut writer = artifacts.uploads().begin(&digest, "ada", 5, 0).await.unwrap();
     assert!(matches!(writer.write(b"too long".to_vec()).await, Err(ArtifactError::WrongSize { .. })));
-    let mut writer = artifacts.uploads().begin(&digest, 5, 0).await.unwrap();
+    let mut writer = artifacts.uploads().begin(&digest, "ada", 5, 0).await.unwrap();
     writer.write(b"rig".to_vec()).await.unwrap();
     assert!(matches!(writer.finish().await, Err(ArtifactError::WrongSize { .. })));
-    assert_eq!(artifacts.uploads().received_bytes(&digest).await.unwrap(), 3, "the missing bytes can still be sent");
-    let mut writer = artifacts.uploads().begin(&digest, 5, 0).await.unwrap();
+    assert_eq!(
+        artifacts.uploads().received_bytes(&digest, "ada").await.unwrap(),
+        3,
+        "the missing bytes can still be sent"
+    );
+    let mut writer = artifacts.uploads().begin(&digest, "ada", 5, 0).await.unwrap();
     writer.write(b"right".to_vec()).await.unwrap();
     writer.finish().await.unwrap();
     assert_eq!(artifacts.read_all(&digest).await.unwrap(), b"right", "the upload can also start again");

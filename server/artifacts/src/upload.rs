@@ -1,7 +1,7 @@
 //! Resumable uploads: the received part of an interrupted upload is kept, and a later call continues it.
 
 use crate::blocking::blocking;
-use crate::digest::{check_digest, name};
+use crate::digest::{check_digest, digest_of, name};
 use crate::error::ArtifactError;
 use crate::folder::{Folder, hash_rest};
 use lightpath_fail_points as fail;
@@ -46,15 +46,17 @@ struct Inner {
     folder: PathBuf,
     /// Where the blob of a complete upload goes.
     blobs: Arc<Folder>,
-    /// Digests of artifacts that are being uploaded.
+    /// Names of the files of running uploads.
     running: Mutex<HashSet<String>>,
 }
 
-/// Lock on the upload of the artifact with this digest: at most one call at a time uploads it. Released on drop.
+/// Lock on an owner's upload of the artifact with this digest: at most one call at a time continues it. Released on
+/// drop.
 #[derive(Debug)]
 struct UploadLock {
     uploads: Uploads,
     digest: String,
+    file_name: String,
 }
 
 impl Uploads {
@@ -65,14 +67,15 @@ impl Uploads {
         Ok(Self { inner: Arc::new(Inner { folder, blobs, running: Mutex::default() }) })
     }
 
-    /// Number of stored bytes of an interrupted upload. The next call continues the upload at this offset.
+    /// Number of stored bytes of an owner's interrupted upload. The next call continues the upload at this offset. Each
+    /// owner has uploads of its own, so that nobody continues an upload of which another has sent the beginning.
     ///
     /// # Errors
     ///
     /// [`ArtifactError::BadDigest`], [`ArtifactError::Io`].
-    pub async fn received_bytes(&self, digest: &str) -> Result<u64, ArtifactError> {
+    pub async fn received_bytes(&self, digest: &str, owner: &str) -> Result<u64, ArtifactError> {
         check_digest(digest)?;
-        let part = self.part(digest);
+        let part = self.inner.folder.join(file_name(digest, owner));
         blocking(move || match fs::metadata(part) {
             Ok(metadata) => Ok(metadata.len()),
             Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(0),
@@ -81,35 +84,42 @@ impl Uploads {
         .await
     }
 
-    /// Starts an upload of `size_bytes` in total (`offset_bytes` 0), or continues one (`offset_bytes` as returned by
-    /// [`Self::received_bytes`]).
+    /// Starts an owner's upload of `size_bytes` in total (`offset_bytes` 0), or continues one (`offset_bytes` as returned
+    /// by [`Self::received_bytes`]).
     ///
     /// # Errors
     ///
-    /// [`ArtifactError::BadDigest`]; [`ArtifactError::UploadBusy`] while another call uploads the same artifact;
-    /// [`ArtifactError::WrongOffset`]; [`ArtifactError::WrongSize`] if more than `size_bytes` are stored.
-    pub async fn begin(&self, digest: &str, size_bytes: u64, offset_bytes: u64) -> Result<UploadWriter, ArtifactError> {
+    /// [`ArtifactError::BadDigest`]; [`ArtifactError::UploadBusy`] while another call uploads the same artifact for the
+    /// same owner; [`ArtifactError::WrongOffset`]; [`ArtifactError::WrongSize`] if more than `size_bytes` are stored.
+    pub async fn begin(
+        &self,
+        digest: &str,
+        owner: &str,
+        size_bytes: u64,
+        offset_bytes: u64,
+    ) -> Result<UploadWriter, ArtifactError> {
         check_digest(digest)?;
-        let lock = self.lock(digest)?;
+        let lock = self.lock(digest, file_name(digest, owner))?;
         let part = blocking(move || Part::open(lock, size_bytes, offset_bytes)).await?;
         Ok(UploadWriter { received_bytes: part.received_bytes, part: Some(part) })
     }
 
-    fn lock(&self, digest: &str) -> Result<UploadLock, ArtifactError> {
-        if !self.running().insert(digest.to_owned()) {
+    fn lock(&self, digest: &str, file_name: String) -> Result<UploadLock, ArtifactError> {
+        if !self.running().insert(file_name.clone()) {
             return Err(ArtifactError::UploadBusy { digest: digest.to_owned() });
         }
-        Ok(UploadLock { uploads: self.clone(), digest: digest.to_owned() })
+        Ok(UploadLock { uploads: self.clone(), digest: digest.to_owned(), file_name })
     }
 
     fn running(&self) -> MutexGuard<'_, HashSet<String>> {
         // The set is consistent even after a panic: the only operations on it are inserting and removing one entry.
         self.inner.running.lock().unwrap_or_else(PoisonError::into_inner)
     }
+}
 
-    fn part(&self, digest: &str) -> PathBuf {
-        self.inner.folder.join(format!("{digest}.part"))
-    }
+/// Name of the file of an owner's upload. Names of owners may contain any characters, so their hash stands for them.
+fn file_name(digest: &str, owner: &str) -> String {
+    format!("{digest}-{}.part", digest_of(owner.as_bytes()))
 }
 
 impl UploadWriter {
@@ -153,7 +163,7 @@ impl UploadWriter {
 
 impl Part {
     fn open(lock: UploadLock, size_bytes: u64, offset_bytes: u64) -> Result<Self, ArtifactError> {
-        let path = lock.uploads.part(&lock.digest);
+        let path = lock.uploads.inner.folder.join(&lock.file_name);
         let open = || -> io::Result<(File, u64)> {
             let file = File::options().read(true).write(true).create(true).truncate(false).open(&path)?;
             let stored_bytes = file.metadata()?.len();
@@ -203,7 +213,7 @@ impl Part {
 
 impl Drop for UploadLock {
     fn drop(&mut self) {
-        self.uploads.running().remove(&self.digest);
+        self.uploads.running().remove(&self.file_name);
     }
 }
 

@@ -1,15 +1,29 @@
 //! Jobs that wait for other jobs.
 
-use super::StoreError;
 use super::changes::Change;
 use super::events::append_event;
 use super::job_rows::job_of;
 use super::rows::to_json;
 use super::write::Write;
+use super::{Store, StoreError};
 use lightpath_domain::job::{FailureReason, Job, JobError, JobState};
 use lightpath_domain::reason::PreconditionReason;
 use sqlx::Row;
-use std::collections::VecDeque;
+use std::collections::{HashSet, VecDeque};
+
+impl Store {
+    /// Those of the jobs `ids` that exist and are about one of these displays.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn jobs_on(&self, ids: &[String], displays: &[String]) -> Result<HashSet<String>, StoreError> {
+        let sql = "select id from job where id in (select value from json_each(?1)) \
+                   and display in (select value from json_each(?2))";
+        let found = sqlx::query_scalar(sql).bind(to_json("job.after", &ids)?).bind(to_json("display", &displays)?);
+        Ok(found.fetch_all(self.readers()).await?.into_iter().collect())
+    }
+}
 
 /// Stores the dependencies of a new job: it waits for the jobs in `after`.
 pub(super) async fn store_dependencies(write: &mut Write, job: &str, after: &[String]) -> Result<(), StoreError> {

@@ -21,7 +21,7 @@ const ARTIFACT_BYTES_MAX: u64 = 1 << 30;
 const CHUNK_BYTES_MAX: usize = 2 << 20;
 /// An upload that receives nothing for this time ends; the received bytes are kept.
 const UPLOAD_IDLE_MAX: Duration = Duration::from_secs(60);
-/// Time for which an upload waits for another upload of the same artifact, which may make it unnecessary.
+/// Time for which an upload waits for another upload of the same artifact by the caller, which may make it unnecessary.
 const UPLOAD_TURN_MAX: Duration = Duration::from_secs(60);
 const UPLOAD_TURN_POLL: Duration = Duration::from_millis(50);
 
@@ -30,7 +30,7 @@ impl Api {
         let digest = Field::new("digest").digest(&request.digest)?;
         let (received_bytes, complete) = match self.artifact_in_use(call, &digest).await? {
             Some(record) => (record.size_bytes, true),
-            None => (self.artifacts.uploads().received_bytes(&digest).await?, false),
+            None => (self.artifacts.uploads().received_bytes(&digest, &call.caller.name).await?, false),
         };
         Ok(v1::Upload { digest, received_bytes, complete })
     }
@@ -83,8 +83,8 @@ impl Api {
         Ok(self.store.record_artifact(&digest, size_bytes, &call.caller.name, now_ms()).await?)
     }
 
-    /// Waits while another client uploads the same artifact, until that artifact is stored or the other upload has
-    /// ended.
+    /// Waits while another call of the caller uploads the same artifact, until that artifact is stored or the other
+    /// upload has ended.
     async fn turn(&self, call: &Call, digest: &str, size_bytes: u64, offset_bytes: u64) -> Result<Turn, ApiError> {
         let until = Instant::now() + UPLOAD_TURN_MAX;
         loop {
@@ -94,7 +94,7 @@ impl Api {
             self.artifacts.space().admit(size_bytes.saturating_sub(offset_bytes))?;
             let stored_bytes_max = self.queue_limits.stored_bytes_per_owner;
             self.store.require_owner_room(&call.caller.name, size_bytes, stored_bytes_max).await?;
-            match self.artifacts.uploads().begin(digest, size_bytes, offset_bytes).await {
+            match self.artifacts.uploads().begin(digest, &call.caller.name, size_bytes, offset_bytes).await {
                 Err(ArtifactError::UploadBusy { .. }) if Instant::now() < until => sleep(UPLOAD_TURN_POLL).await,
                 upload => return Ok(Turn::Granted(upload?)),
             }
@@ -106,7 +106,7 @@ impl Api {
 enum Turn {
     /// The artifact is already stored.
     Stored(ArtifactRecord),
-    /// No other client uploads the artifact.
+    /// No other call of the caller uploads the artifact.
     Granted(UploadWriter),
 }
 

@@ -9,6 +9,7 @@ mod optimize_hologram;
 mod prepare_dataset;
 mod report_kernel;
 pub(crate) mod scheduling;
+mod seen_by;
 mod service;
 mod simulate_capture;
 mod submit;

@@ -14,6 +14,7 @@ use lightpath_metrics as metrics;
 use lightpath_proto::v1;
 use lightpath_proto::v1::job_service_server::JobService;
 use lightpath_store::{BatchProgress, JobFilter};
+use std::mem;
 use tonic::{Request, Response, Status};
 
 #[tonic::async_trait]
@@ -87,7 +88,10 @@ impl Api {
         let list = ["jobs", &request.state.to_string(), &request.display, batch.as_deref().unwrap_or_default()];
         let page = Page::new(&list, request.page_size, &request.page_token)?;
         let filter = JobFilter { state, display, batch };
-        let jobs = self.store.jobs(&filter, page.after.as_deref(), page.limit()).await?;
+        let mut jobs = Vec::new();
+        for job in self.store.jobs(&filter, page.after.as_deref(), page.limit()).await? {
+            jobs.push(self.seen_by(&call.caller, job).await?);
+        }
         let (jobs, next_page_token) = page.fill(jobs, |job| job.id.clone(), to_wire::job);
         Ok(v1::ListJobsResponse { jobs, next_page_token })
     }
@@ -101,14 +105,17 @@ impl Api {
         if job.state.has_ended() {
             metrics::job_ended(&job);
         }
-        Ok(to_wire::job(job))
+        Ok(to_wire::job(self.seen_by(&call.caller, job).await?))
     }
 
     async fn retry_job(&self, call: &Call, request: v1::RetryJobRequest) -> Result<v1::Job, ApiError> {
         let id = names::job_id(&Field::new("name"), &request.name)?;
         call.concerns(format!("jobs/{id}"));
         self.visible_job(call, &id).await?;
-        Ok(to_wire::job(self.store.retry(&id, now_ms()).await?))
+        match self.store.retry(&id, now_ms()).await {
+            Ok(job) => Ok(to_wire::job(self.seen_by(&call.caller, job).await?)),
+            Err(error) => Err(self.error_for(&call.caller, error).await),
+        }
     }
 
     async fn list_job_events(
@@ -119,7 +126,10 @@ impl Api {
         let id = names::job_id(&Field::new("name"), &request.name)?;
         self.visible_job(call, &id).await?;
         let page = Page::new(&["events", &id], request.page_size, &request.page_token)?;
-        let events = self.store.events(&id, page.after_number()?, page.limit()).await?;
+        let mut events = self.store.events(&id, page.after_number()?, page.limit()).await?;
+        for event in &mut events {
+            event.message = self.text_for(&call.caller, mem::take(&mut event.message)).await?;
+        }
         let (events, next_page_token) = page.fill(events, |event| event.sequence.to_string(), to_wire::event);
         Ok(v1::ListJobEventsResponse { events, next_page_token })
     }

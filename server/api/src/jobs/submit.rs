@@ -22,9 +22,13 @@ const PRIORITY_MAX: i32 = 100;
 impl Api {
     pub(crate) async fn submit_job(&self, call: &Call, request: v1::SubmitJobRequest) -> Result<v1::Job, ApiError> {
         let new = self.new_job(call, request).await?;
-        let (job, _) = self.store.submit(&new, now_ms(), self.queue_limits).await?;
-        call.concerns(format!("jobs/{}", job.id));
-        Ok(to_wire::job(job))
+        match self.store.submit(&new, now_ms(), self.queue_limits).await {
+            Ok((job, _)) => {
+                call.concerns(format!("jobs/{}", job.id));
+                Ok(to_wire::job(job))
+            }
+            Err(error) => Err(self.error_for(&call.caller, error).await),
+        }
     }
 
     /// Checks a submission and converts it. Named resources are looked up and pictures are decoded, so that the request

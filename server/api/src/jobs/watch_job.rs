@@ -8,9 +8,9 @@ use crate::error::ApiError;
 use crate::field::Field;
 use crate::names;
 use crate::watch::{self, Watch};
+use lightpath_domain::access::Caller;
 use lightpath_domain::job::Job;
 use lightpath_proto::v1;
-use lightpath_store::Store;
 
 impl Api {
     pub(crate) async fn watch_job(
@@ -23,14 +23,15 @@ impl Api {
         // The stream subscribes before the first read, so that it misses no change.
         let changes = self.store.subscribe_job_changes();
         let first = self.visible_job(call, &id).await?;
-        let source = JobSource { store: self.store.clone(), id };
+        let source = JobSource { api: self.clone(), caller: call.caller.clone(), id };
         Ok(watch::stream(source, first, changes, self.stopping.clone(), open))
     }
 }
 
-/// The job that a stream follows.
+/// The job that a stream follows, and the caller who sees it.
 struct JobSource {
-    store: Store,
+    api: Api,
+    caller: Caller,
     id: String,
 }
 
@@ -40,7 +41,7 @@ impl Watch for JobSource {
     type Message = v1::Job;
 
     async fn read(&self) -> Result<Job, ApiError> {
-        Ok(self.store.job(&self.id).await?)
+        self.api.seen_by(&self.caller, self.api.store.job(&self.id).await?).await
     }
 
     fn concerns(&self, change: &String) -> bool {

@@ -68,7 +68,7 @@ impl Server {
     async fn upload(&self, bytes: &[u8], digest: &str) -> Outcome {
         let _publishing = self.artifacts.publishing().await;
         let (first, second) = bytes.split_at(bytes.len() / 2);
-        let mut upload = self.artifacts.uploads().begin(digest, bytes.len() as u64, 0).await?;
+        let mut upload = self.artifacts.uploads().begin(digest, "", bytes.len() as u64, 0).await?;
         upload.write(first.to_vec()).await?;
         upload.write(second.to_vec()).await?;
         upload.finish().await?;

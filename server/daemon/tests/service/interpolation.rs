@@ -18,7 +18,7 @@ use tonic::{Code, Status};
 const PHOTOGRAPHED_MM: [u32; 3] = [4, 5, 6];
 const PAIRS: u64 = 6;
 
-fn bench(distance_m: f64) -> SimulatedDisplay {
+pub(crate) fn bench(distance_m: f64) -> SimulatedDisplay {
     let grid = Grid::try_new(48, 64, 8e-6).unwrap();
     let (setup, _) = OpticalSetup::try_new(grid, 515e-9, distance_m).unwrap().planned().unwrap();
     let rail =
@@ -27,7 +27,7 @@ fn bench(distance_m: f64) -> SimulatedDisplay {
 }
 
 /// Grey levels of a hologram, and its photograph.
-fn hologram_and_photo(bench: &SimulatedDisplay, seed: u64) -> (Plane<u16>, Plane<f32>) {
+pub(crate) fn hologram_and_photo(bench: &SimulatedDisplay, seed: u64) -> (Plane<u16>, Plane<f32>) {
     let range_rad = if seed.is_multiple_of(2) { 6.0 } else { 2.0 };
     let phase = initial_phase(48, 64, range_rad, seed).unwrap();
     let levels = phase.map(|phase| (phase / TAU * 256.0).round().rem_euclid(256.0) as u16);

@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used)]
 
 mod access;
+mod access_matrix;
 mod artifacts;
 mod audit;
 mod captures;

@@ -31,7 +31,7 @@ pub(crate) async fn call(channel: &Channel, path: &str, message: Vec<u8>) -> Res
 
 /// A codec that sends and receives bytes without changes.
 #[derive(Clone, Copy, Debug)]
-struct Verbatim;
+pub(crate) struct Verbatim;
 
 impl Codec for Verbatim {
     type Encode = Vec<u8>;

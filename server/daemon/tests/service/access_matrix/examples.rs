@@ -1,0 +1,227 @@
+//! A valid request for every method. Names such as `$near` stand for the things of a world.
+
+use super::person::Person;
+use super::world::World;
+use lightpath_proto::v1;
+use prost::Message;
+use prost::bytes::Bytes;
+use serde::de::DeserializeOwned;
+use serde_json::{Value, json};
+use tonic::{Code, Status};
+
+/// Content of the artifact that the examples upload.
+pub(super) const UPLOADED: &[u8] = b"uploaded";
+
+/// Messages for a method, and the answer to a caller who may use everything that they name.
+#[derive(Clone)]
+pub(super) struct Example {
+    pub(super) method: &'static str,
+    pub(super) messages: Vec<Value>,
+    pub(super) answer: Code,
+    encode: fn(&Value) -> Vec<u8>,
+}
+
+impl Example {
+    fn new<M: Message + DeserializeOwned>(method: &'static str, message: Value) -> Self {
+        let encode = |message: &Value| serde_json::from_value::<M>(message.clone()).unwrap().encode_to_vec();
+        Self { method, messages: vec![message], answer: Code::Ok, encode }
+    }
+
+    fn then(mut self, message: Value) -> Self {
+        self.messages.push(message);
+        self
+    }
+
+    /// The example, whose answer has this code.
+    fn refused(self, answer: Code) -> Self {
+        Self { answer, ..self }
+    }
+
+    /// The messages with the names of a world.
+    pub(super) fn in_world(&self, world: &World) -> Vec<Value> {
+        self.messages.iter().map(|message| world.resolved(message)).collect()
+    }
+
+    pub(super) async fn send(&self, person: &Person<'_>, messages: &[Value]) -> Result<Vec<Bytes>, Status> {
+        person.send(self.method, messages.iter().map(self.encode).collect()).await
+    }
+}
+
+/// Examples for every method, in an order in which all succeed one after the other.
+pub(super) fn examples() -> Vec<Example> {
+    [artifacts(), datasets(), displays(), jobs(), holograms(), other_jobs(), kernels(), changes_of_kernels(), last()]
+        .concat()
+}
+
+fn artifacts() -> Vec<Example> {
+    use base64_of as base64;
+    let size = UPLOADED.len();
+    vec![
+        Example::new::<v1::GetArtifactRequest>("ArtifactService/GetArtifact", json!({ "digest": "$target" })),
+        Example::new::<v1::GetUploadRequest>("ArtifactService/GetUpload", json!({ "digest": "$target" })),
+        Example::new::<v1::GetUploadRequest>("ArtifactService/GetUpload", json!({ "digest": "$upload" })),
+        Example::new::<v1::WriteArtifactRequest>(
+            "ArtifactService/WriteArtifact",
+            json!({ "start": { "digest": "$uploaded", "size_bytes": size } }),
+        )
+        .then(json!({ "chunk": base64(UPLOADED) })),
+        // A caller cannot continue the upload of another.
+        Example::new::<v1::WriteArtifactRequest>(
+            "ArtifactService/WriteArtifact",
+            json!({ "start": { "digest": "$upload", "size_bytes": 100, "offset_bytes": 50 } }),
+        )
+        .refused(Code::Aborted),
+        Example::new::<v1::ReadArtifactRequest>("ArtifactService/ReadArtifact", json!({ "digest": "$target" })),
+    ]
+}
+
+fn datasets() -> Vec<Example> {
+    let pair = json!({ "id": "new", "phase": "$pair_phase", "photo": "$pair_photo" });
+    vec![
+        Example::new::<v1::CreateDatasetRequest>(
+            "DatasetService/CreateDataset",
+            json!({ "dataset": { "name": "$new_dataset", "display": "$display", "distance_m": 4e-3 } }),
+        ),
+        Example::new::<v1::GetDatasetRequest>("DatasetService/GetDataset", json!({ "name": "$near" })),
+        Example::new::<v1::ListDatasetsRequest>(
+            "DatasetService/ListDatasets",
+            json!({ "display": "$display", "page_size": 1, "page_token": "" }),
+        ),
+        Example::new::<v1::AddPairRequest>("DatasetService/AddPair", json!({ "dataset": "$open", "pair": pair })),
+        Example::new::<v1::CreateCalibrationTargetRequest>(
+            "DatasetService/CreateCalibrationTarget",
+            json!({ "display": "$spare" }),
+        ),
+    ]
+}
+
+fn displays() -> Vec<Example> {
+    let spare =
+        json!({ "name": "$spare", "width_px": 128, "height_px": 96, "pixel_pitch_m": 8e-6, "wavelengths_m": [515e-9] });
+    vec![
+        Example::new::<v1::CreateDisplayRequest>("DisplayService/CreateDisplay", json!({ "display": spare })),
+        Example::new::<v1::GetDisplayRequest>("DisplayService/GetDisplay", json!({ "name": "$display" })),
+        Example::new::<v1::ListDisplaysRequest>(
+            "DisplayService/ListDisplays",
+            json!({ "page_size": 1, "page_token": "" }),
+        ),
+        Example::new::<v1::PlanPropagationRequest>(
+            "DisplayService/PlanPropagation",
+            json!({ "display": "$display", "distance_m": 4e-3 }),
+        ),
+    ]
+}
+
+fn jobs() -> Vec<Example> {
+    let named = |key: &str| json!({ "name": key });
+    vec![
+        Example::new::<v1::GetJobRequest>("JobService/GetJob", named("$ended")),
+        Example::new::<v1::GetJobRequest>("JobService/GetJob", named("$mixed")),
+        Example::new::<v1::GetJobRequest>("JobService/GetJob", named("$failed")),
+        Example::new::<v1::WatchJobRequest>("JobService/WatchJob", named("$waiting")),
+        Example::new::<v1::WatchJobRequest>("JobService/WatchJob", named("$failed")),
+        Example::new::<v1::ListJobsRequest>(
+            "JobService/ListJobs",
+            json!({ "display": "$display", "batch": "$batch", "page_size": 1, "page_token": "" }),
+        ),
+        Example::new::<v1::ListJobsRequest>("JobService/ListJobs", json!({ "display": "$display" })),
+        Example::new::<v1::ListJobEventsRequest>(
+            "JobService/ListJobEvents",
+            json!({ "name": "$ended", "page_size": 1, "page_token": "" }),
+        ),
+        Example::new::<v1::ListJobEventsRequest>("JobService/ListJobEvents", named("$failed")),
+        // The jobs of a batch and of the queue may be about any display.
+        Example::new::<v1::GetBatchRequest>("JobService/GetBatch", json!({ "batch": "$batch" }))
+            .refused(Code::PermissionDenied),
+        Example::new::<v1::GetQueueRequest>("JobService/GetQueue", json!({})).refused(Code::PermissionDenied),
+        Example::new::<v1::RetryJobRequest>("JobService/RetryJob", named("$failed")).refused(Code::FailedPrecondition),
+        Example::new::<v1::RetryJobRequest>("JobService/RetryJob", named("$cancelled")),
+    ]
+}
+
+fn submit(spec: Value) -> Example {
+    let message = json!({ "spec": spec, "owner": "$owner", "after": ["$waiting"] });
+    Example::new::<v1::SubmitJobRequest>("JobService/SubmitJob", message)
+}
+
+fn holograms() -> Vec<Example> {
+    let plane = |distance_m: f64| json!({ "distance_m": distance_m, "target": "$target" });
+    let one_plane = json!({
+        "display": "$display",
+        "planes": [plane(4e-3)],
+        "kernel": "$choice",
+        "initial_phase": { "given": { "phases": ["$phase_npy"] } },
+        "weight_mask": "$target",
+    });
+    let two_planes = json!({ "display": "$display", "planes": [plane(4e-3), plane(6e-3)], "depth_map": "$target", "kernel": "ideal" });
+    vec![submit(json!({ "optimize_hologram": one_plane })), submit(json!({ "optimize_hologram": two_planes }))]
+}
+
+fn other_jobs() -> Vec<Example> {
+    vec![
+        submit(json!({ "learn_kernel": { "datasets": ["$near", "$far"], "start_version": "$number" } })),
+        submit(json!({ "simulate_capture": { "display": "$display", "distance_m": 4e-3, "phase": "$levels" } })),
+        submit(json!({ "evaluate_kernel": { "dataset": "$near", "kernel": "$choice" } })),
+        submit(json!({ "prepare_dataset": { "dataset": "$open", "align": { "dots_photo": "$pair_photo" } } })),
+        submit(json!({ "report_kernel": { "kernel_version": "$version" } })),
+    ]
+}
+
+fn kernels() -> Vec<Example> {
+    let page = json!({ "kernel": "$kernel", "page_size": 1, "page_token": "" });
+    vec![
+        Example::new::<v1::GetKernelRequest>("KernelService/GetKernel", json!({ "name": "$kernel" })),
+        Example::new::<v1::ListKernelsRequest>(
+            "KernelService/ListKernels",
+            json!({ "display": "$display", "page_size": 1, "page_token": "" }),
+        ),
+        Example::new::<v1::GetKernelVersionRequest>("KernelService/GetKernelVersion", json!({ "name": "$version" })),
+        Example::new::<v1::ListKernelVersionsRequest>("KernelService/ListKernelVersions", page.clone()),
+        Example::new::<v1::FetchKernelRequest>(
+            "KernelService/FetchKernel",
+            json!({ "kernel": "$kernel", "version": "$number" }),
+        ),
+        Example::new::<v1::WatchKernelRequest>("KernelService/WatchKernel", json!({ "name": "$kernel" })),
+        Example::new::<v1::ListKernelMovesRequest>("KernelService/ListKernelMoves", page),
+    ]
+}
+
+fn changes_of_kernels() -> Vec<Example> {
+    let kernel_reason = json!({ "kernel": "$kernel", "reason": "why" });
+    let mut promotion = kernel_reason.clone();
+    promotion["version"] = "$number".into();
+    promotion["expected_active_version"] = "$number".into();
+    let at = |distance_m: f64| json!({ "display": "$display", "distance_m": distance_m });
+    let mut file = at(4e-3);
+    file["artifact"] = "$file".into();
+    vec![
+        Example::new::<v1::PromoteKernelRequest>("KernelService/PromoteKernel", promotion),
+        Example::new::<v1::RollbackKernelRequest>("KernelService/RollbackKernel", kernel_reason),
+        Example::new::<v1::ImportKernelRequest>("KernelService/ImportKernel", file),
+        Example::new::<v1::InterpolateKernelRequest>("KernelService/InterpolateKernel", at(5e-3)),
+    ]
+}
+
+/// Changes after which some of the other examples would not succeed.
+fn last() -> Vec<Example> {
+    vec![
+        Example::new::<v1::CancelJobRequest>("JobService/CancelJob", json!({ "name": "$waiting" })),
+        Example::new::<v1::PauseQueueRequest>(
+            "JobService/PauseQueue",
+            json!({ "display": "$display", "reason": "why" }),
+        ),
+        Example::new::<v1::ResumeQueueRequest>("JobService/ResumeQueue", json!({ "display": "$display" })),
+        Example::new::<v1::DeleteDisplayRequest>("DisplayService/DeleteDisplay", json!({ "name": "$spare" })),
+    ]
+}
+
+/// Bytes as the JSON form of protobuf writes them.
+fn base64_of(bytes: &[u8]) -> String {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let of_chunk = |chunk: &[u8]| -> String {
+        let number = (0..3).fold(0_u32, |number, i| number << 8 | u32::from(chunk.get(i).copied().unwrap_or(0)));
+        let digit = |i: usize| char::from(DIGITS[(number >> (18 - 6 * i)) as usize & 63]);
+        (0..4).map(|i| if i <= chunk.len() { digit(i) } else { '=' }).collect()
+    };
+    bytes.chunks(3).map(of_chunk).collect()
+}

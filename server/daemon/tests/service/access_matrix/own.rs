@@ -1,0 +1,78 @@
+//! Requests about own things succeed, their answers have no trace of foreign things, and every change is in the audit log.
+
+use super::examples::examples;
+use super::person::Person;
+use super::traces::{Traces, snapshot};
+use super::two_worlds::TwoWorlds;
+use lightpath_proto::v1;
+use prost::Message as _;
+use serde_json::Value;
+use std::collections::BTreeSet;
+use std::fs;
+use tonic::Code;
+
+/// Fields of a submission that may have the same value as in a foreign job, and the keys of their values.
+const LABELS: [(&str, &str); 1] = [("batch", "$batch")];
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn own_things_leave_no_trace_of_foreign_ones_and_every_change_is_logged() {
+    let worlds = TwoWorlds::build().await;
+    let traces = Traces::of(&worlds.foreign, &snapshot(&worlds.admin(), "faraway").await);
+    let people = worlds.people();
+    let person = people.iter().find(|person| person.name == "lab-admin").unwrap();
+    submit_with_foreign_labels(&worlds, person).await;
+    let mut made = BTreeSet::new();
+    for example in examples() {
+        let answer = example.send(person, &example.in_world(&worlds.own_of(person))).await;
+        let (code, parts) = match answer {
+            Ok(messages) => (Code::Ok, messages.iter().map(|message| message.to_vec()).collect()),
+            Err(status) => (status.code(), vec![status.message().as_bytes().to_vec(), status.details().to_vec()]),
+        };
+        let shown: Vec<_> = parts.iter().map(|part| String::from_utf8_lossy(part)).collect();
+        assert_eq!(code, example.answer, "{} {:?}: {shown:?}", example.method, example.messages);
+        for part in &parts {
+            assert_eq!(traces.found_in(part), None, "{} {:?}: {shown:?}", example.method, example.messages);
+        }
+        if changes_something(example.method) && code == Code::Ok {
+            made.insert(example.method);
+        }
+    }
+    let all = examples();
+    let changing = all.iter().map(|example| example.method).filter(|method| changes_something(method));
+    assert_eq!(made, changing.collect(), "every changing method needs an example that succeeds");
+    for method in made {
+        require_line(&worlds, person, method);
+    }
+}
+
+/// Submits jobs with the labels of a foreign job. It does not matter that the other job exists.
+async fn submit_with_foreign_labels(worlds: &TwoWorlds, person: &Person<'_>) {
+    let example = examples().into_iter().find(|example| example.method == "JobService/SubmitJob").unwrap();
+    for (label, key) in LABELS {
+        let mut messages = example.in_world(&worlds.own_of(person));
+        messages[0][label] = worlds.foreign.value(key).clone();
+        let answer = example.send(person, &messages).await.unwrap_or_else(|status| panic!("{label}: {status:?}"));
+        let job = v1::Job::decode(answer[0].clone()).unwrap();
+        assert_ne!(job.name, worlds.foreign.text("$waiting"), "{label}");
+    }
+}
+
+/// Whether a method changes something. The names of all methods that only read begin with one of these words.
+fn changes_something(method: &str) -> bool {
+    let (_, name) = method.split_once('/').unwrap();
+    !["Get", "List", "Watch", "Read", "Fetch", "Plan"].iter().any(|word| name.starts_with(word))
+}
+
+/// Asserts that the audit log has a line about a successful call.
+fn require_line(worlds: &TwoWorlds, person: &Person<'_>, method: &str) {
+    let log = fs::read_to_string(worlds.guarded.serving.config.data_dir.join("audit.jsonl")).unwrap();
+    let call = format!("/lightpath.v1.{method}");
+    let is_line = |line: Value| {
+        line["call"] == call.as_str()
+            && line["caller"] == person.name.as_str()
+            && line["address"] == "127.0.0.1"
+            && line["outcome"] == "OK"
+            && line["object"].as_str().is_some_and(|object| !object.is_empty())
+    };
+    assert!(log.lines().any(|line| is_line(serde_json::from_str(line).unwrap())), "{method} has no line: {log}");
+}
