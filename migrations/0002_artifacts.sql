@@ -18,7 +18,7 @@ create table artifact_owner (
 ) strict, without rowid;
 
 -- Size of the artifacts of each owner, kept up to date by the triggers below, so that no query must add it up. An
--- artifact with two owners counts for both.
+-- artifact with two owners counts for both. Owners without artifacts have no row.
 create table owner_bytes (
     owner text    not null primary key,
     bytes integer not null check (bytes >= 0)
@@ -35,4 +35,6 @@ create trigger artifact_is_nobodys before delete on artifact
 begin
     update owner_bytes set bytes = bytes - old.size_bytes
     where owner in (select owner from artifact_owner where artifact = old.digest);
+    delete from owner_bytes
+    where bytes = 0 and owner in (select owner from artifact_owner where artifact = old.digest);
 end;

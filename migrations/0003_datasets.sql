@@ -33,7 +33,8 @@ begin select raise(abort, 'the dataset is finalized'); end;
 -- Pairs of datasets. A hologram or a photograph may be in only one pair of a dataset: a second partner would be a
 -- mistake.
 create table pair (
-    dataset  text not null references dataset (id),
+    -- the pairs of a deleted dataset go with it
+    dataset  text not null references dataset (id) on delete cascade,
     id       text not null check (length(id) between 1 and 63),
     phase    text not null references artifact (digest),
     photo    text not null references artifact (digest),

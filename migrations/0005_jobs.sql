@@ -7,10 +7,11 @@
 --     cancelled  the job ended because a user cancelled it
 create table job (
     id               text    not null primary key,
-    -- id chosen by the client: a repeated request is the same job
-    request_id       text    not null unique check (length(request_id) between 1 and 128),
+    -- id chosen by the client: a repeated request of the same owner is the same job
+    request_id       text    not null check (length(request_id) between 1 and 128),
     display          text    not null references display (id),
-    dataset          text    references dataset (id),
+    -- first dataset that the job reads; a dataset may be deleted after the end of its jobs
+    dataset          text,
     spec             text    not null check (json_valid(spec)),
     kind             text    generated always as (spec ->> '$.kind') virtual,
     state            text    not null check (state in ('queued', 'running', 'succeeded', 'failed', 'cancelled')),
@@ -21,7 +22,7 @@ create table job (
     owner            text    not null default '' check (length(owner) <= 128),
     -- users list and watch the jobs of a batch together
     batch            text    check (length(batch) between 1 and 128),
-    -- at most one queued or running job may have the key
+    -- at most one queued or running job of an owner may have the key
     unique_key       text    check (length(unique_key) between 1 and 128),
     -- requested earliest start, and requested time limit of an attempt
     not_before_ms    integer,
@@ -76,7 +77,10 @@ create index job_by_owner_start on job (owner, start_time_ms) where start_time_m
 create index job_by_finish on job (finish_time_ms) where finish_time_ms is not null;
 create index job_leased on job (lease_until_ms) where state = 'running';
 create index job_with_checkpoint on job (checkpoint) where checkpoint is not null;
-create unique index job_unique on job (unique_key) where unique_key is not null and state in ('queued', 'running');
+-- request ids and unique keys belong to their owner, so that no owner can block those of another or learn of them
+create unique index job_by_request on job (owner, request_id);
+create unique index job_unique on job (owner, unique_key)
+where unique_key is not null and state in ('queued', 'running');
 -- for the waiting time of the first due job of each kind
 create index job_due_by_kind on job (kind, run_time_ms) where state = 'queued' and waiting_for = 0;
 
@@ -96,7 +100,7 @@ create table job_event (
 
 create index job_event_by_job on job_event (job, sequence);
 
--- Jobs that must succeed before a job starts.
+-- Jobs that must succeed before a job starts, and have not succeeded yet. Only queued jobs wait.
 create table job_dependency (
     job   text not null references job (id),
     after text not null references job (id),
@@ -171,7 +175,8 @@ begin
     delete from lane where priority = old.priority and owner = old.owner and display = old.display and ready = 0;
 end;
 
--- Numbers of jobs, kept up to date by the triggers below, so that no query must count them.
+-- Numbers of jobs, kept up to date by the triggers below, so that no query must count them. No row has the number 0, so
+-- owners without jobs take no space.
 create table job_count (
     state text    not null,
     kind  text    not null,
@@ -190,6 +195,7 @@ create trigger job_is_counted_elsewhere after update of state on job
 when old.state <> new.state
 begin
     update job_count set jobs = jobs - 1 where state = old.state and kind = old.kind and owner = old.owner;
+    delete from job_count where state = old.state and kind = old.kind and owner = old.owner and jobs = 0;
     insert into job_count values (new.state, new.kind, new.owner, 1)
     on conflict do update set jobs = jobs + 1;
 end;
@@ -197,6 +203,7 @@ end;
 create trigger job_is_counted_no_more after delete on job
 begin
     update job_count set jobs = jobs - 1 where state = old.state and kind = old.kind and owner = old.owner;
+    delete from job_count where state = old.state and kind = old.kind and owner = old.owner and jobs = 0;
 end;
 
 -- Pauses: no job for the display starts. Empty display: no job starts.
@@ -205,3 +212,6 @@ create table pause (
     time_ms integer not null,
     reason  text    not null
 ) strict, without rowid;
+
+create trigger display_takes_its_pause_along after delete on display
+begin delete from pause where display = old.id; end;

@@ -43,6 +43,8 @@ calls! {
     datasets.list_datasets(ListDatasetsRequest) -> ListDatasetsResponse;
     /// Adds a pair of hologram and photograph to an open dataset.
     datasets.add_pair(AddPairRequest) -> Dataset;
+    /// Deletes a dataset with its pairs. Kernels learned from it are kept.
+    datasets.delete_dataset(DeleteDatasetRequest) -> DeleteDatasetResponse;
     /// Creates the target picture of dots. Its hologram is displayed and photographed to align a camera.
     datasets.create_calibration_target(CreateCalibrationTargetRequest) -> CalibrationTarget;
 
@@ -77,7 +79,8 @@ calls! {
     kernels.list_kernel_versions(ListKernelVersionsRequest) -> ListKernelVersionsResponse;
     /// Makes a version the active one.
     kernels.promote_kernel(PromoteKernelRequest) -> Kernel;
-    /// Makes the version active again that was active before the last change.
+    /// Makes the version active again that was active before the last change. The request names the version that is active
+    /// now.
     kernels.rollback_kernel(RollbackKernelRequest) -> Kernel;
     /// Returns a page of the changes of the active version, newest first.
     kernels.list_kernel_moves(ListKernelMovesRequest) -> ListKernelMovesResponse;

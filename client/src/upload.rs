@@ -3,14 +3,13 @@
 use crate::digest::digest_of_file;
 use crate::retry::Backoff;
 use crate::v1::write_artifact_request::Part;
-use crate::v1::{GetArtifactRequest, GetUploadRequest, WriteArtifactRequest, WriteArtifactStart};
+use crate::v1::{GetUploadRequest, WriteArtifactRequest, WriteArtifactStart};
 use crate::{Client, Error, Result, digest_of};
 use std::io::SeekFrom;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use tokio::io::{AsyncReadExt as _, AsyncSeekExt as _};
 use tokio_stream::Stream;
-use tonic::Code;
 
 /// Size of a chunk. The server accepts up to 2 MiB. Smaller chunks lose less when the connection is lost.
 const CHUNK_BYTES: usize = 1 << 20;
@@ -51,11 +50,6 @@ impl Client {
     }
 
     async fn upload(&self, digest: String, size_bytes: u64, content: Content) -> Result<String> {
-        match self.get_artifact(GetArtifactRequest { digest: digest.clone() }).await {
-            Ok(_) => return Ok(digest),
-            Err(error) if error.code() == Some(Code::NotFound) => {}
-            Err(error) => return Err(error),
-        }
         let mut backoff = Backoff::new();
         let mut received_before = 0;
         loop {

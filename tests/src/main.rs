@@ -22,7 +22,7 @@ mod attack;
 mod bad_input_cli;
 /// Invalid input over gRPC: refused with a code, a field and a fix, without effect on the server.
 mod bad_input_grpc;
-/// Servers that are killed at random moments, or stopped until their leases expire.
+/// Servers that are killed at random moments, or suspended until their leases have ended.
 mod crash;
 /// Many small jobs from two clients at once.
 mod crowd;

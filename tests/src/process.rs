@@ -144,6 +144,12 @@ impl Daemon {
         assert!(sent.success(), "kill -s {name} {id}");
     }
 
+    /// Stops the server with SIGTERM, and returns when the process has ended well.
+    pub(crate) async fn stop(mut self) {
+        self.signal("TERM");
+        assert!(self.child.wait().await.unwrap().success());
+    }
+
     /// Kills the process with SIGKILL.
     pub(crate) async fn kill(mut self) {
         self.child.kill().await.unwrap();

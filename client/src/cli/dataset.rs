@@ -8,7 +8,7 @@ mod show;
 use super::arguments::{Limit, Optics, above_zero};
 use super::failure::Failure;
 use super::job_text;
-use super::session::{Session, more_hint, pages};
+use super::session::{Session, more_hint, pages, print_note};
 use super::show::time_or_dash;
 use super::submission::Submission;
 use super::table::Table;
@@ -34,6 +34,8 @@ pub(crate) enum DatasetCommand {
     Show(Name),
     /// List datasets
     List(List),
+    /// Delete a dataset permanently; kernels learned from it are kept
+    Delete(Name),
 }
 
 /// Create an open dataset.
@@ -126,8 +128,19 @@ impl DatasetCommand {
                 session.print(&session.client.get_dataset(request).await?, facts)
             }
             Self::List(list) => list.run(session).await,
+            Self::Delete(name) => delete(session, &name.name).await,
         }
     }
+}
+
+async fn delete(session: &Session, name: &str) -> Result<(), Failure> {
+    let request = v1::DeleteDatasetRequest { name: names::dataset(name) };
+    let answer = session.client.delete_dataset(request).await?;
+    if session.is_json() {
+        return session.print_json_line(&answer);
+    }
+    print_note(&format!("deleted dataset {name}"));
+    Ok(())
 }
 
 impl Create {

@@ -33,7 +33,7 @@ pub(crate) struct Submission {
     #[arg(long, value_name = "NAME", default_value = "", hide_default_value = true)]
     pub(crate) batch: String,
 
-    /// Refuse the job while another job with this key is queued or running [default: none]
+    /// Refuse the job while another job of the same owner with this key is queued or running [default: none]
     #[arg(long, value_name = "KEY", default_value = "", hide_default_value = true)]
     pub(crate) unique_key: String,
 

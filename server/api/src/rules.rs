@@ -53,6 +53,7 @@ pub(crate) const METHODS: &[(&str, Rule)] = &[
     ("DatasetService/GetDataset", rule(READERS, Effect::Reads)),
     ("DatasetService/ListDatasets", rule(READERS, Effect::Reads)),
     ("DatasetService/AddPair", rule(SUBMITTERS, Effect::Creates)),
+    ("DatasetService/DeleteDataset", rule(CURATORS, Effect::Changes)),
     ("DatasetService/CreateCalibrationTarget", rule(SUBMITTERS, Effect::Creates)),
     ("DisplayService/CreateDisplay", rule(ADMINS, Effect::Creates)),
     ("DisplayService/GetDisplay", rule(KERNEL_READERS, Effect::Reads)),

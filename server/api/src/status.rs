@@ -96,6 +96,9 @@ fn store_answer(error: &StoreError) -> Option<Answer> {
         StoreError::OwnerQueueFull { .. } => {
             Answer::new(Code::ResourceExhausted, "OWNER_QUEUE_FULL").retry(QUEUE_RETRY)
         }
+        StoreError::DependenciesFull { .. } => {
+            Answer::new(Code::ResourceExhausted, "DEPENDENCIES_FULL").retry(QUEUE_RETRY)
+        }
         StoreError::OwnerBytes { .. } => Answer::new(Code::ResourceExhausted, "OWNER_STORED_BYTES").retry(DISK_RETRY),
         StoreError::DiskFull => Answer::new(Code::ResourceExhausted, "DISK_FULL").retry(DISK_RETRY),
         StoreError::Busy => Answer::new(Code::Unavailable, "DATABASE_BUSY").retry(QUEUE_RETRY),
@@ -104,6 +107,7 @@ fn store_answer(error: &StoreError) -> Option<Answer> {
         | StoreError::Corrupt { .. }
         | StoreError::NewerDatabase { .. }
         | StoreError::OlderDatabase
+        | StoreError::LogUnreadable
         | StoreError::Migration(_)
         | StoreError::Database(_) => return None,
     })

@@ -86,7 +86,11 @@ pub enum ArtifactError {
         stored_bytes_max: u64,
     },
     /// Another process uses the data folder.
-    #[error("{} is locked by another process; stop that process, or choose another data folder (--data-dir)", path.display())]
+    #[error(
+        "{} is locked by another process, such as a server or a restore; stop that process or wait for its end, or \
+         choose another folder",
+        path.display()
+    )]
     Locked {
         /// Path of the lock file.
         path: PathBuf,

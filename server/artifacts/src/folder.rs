@@ -2,13 +2,18 @@
 
 use crate::digest::{check_digest, digest_of, name, shard};
 use crate::error::ArtifactError;
+use crate::private::{create_private_folder, private_file};
 use crate::read::CHUNK_BYTES;
 use lightpath_fail_points as fail;
 use sha2::{Digest, Sha256};
 use std::fs::{self, File};
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 use uuid::Uuid;
+
+/// Size of a file \[bytes\] and time of its last change. A tool that changes the file changes them.
+pub(super) type Stamp = (u64, SystemTime);
 
 #[derive(Debug)]
 pub(super) struct Folder {
@@ -36,7 +41,7 @@ impl Folder {
 
     fn write_and_publish(&self, temporary: &Path, bytes: &[u8], digest: &str) -> Result<(), ArtifactError> {
         let write = || -> io::Result<File> {
-            let mut file = File::options().write(true).create_new(true).open(temporary)?;
+            let mut file = private_file().write(true).create_new(true).open(temporary)?;
             file.write_all(bytes)?;
             Ok(file)
         };
@@ -57,7 +62,7 @@ impl Folder {
 
     fn copy_and_publish(&self, temporary: &Path, from: &mut File, digest: &str) -> Result<u64, ArtifactError> {
         let mut copy = || -> io::Result<(File, u64, String)> {
-            let mut file = File::options().read(true).write(true).create_new(true).open(temporary)?;
+            let mut file = private_file().read(true).write(true).create_new(true).open(temporary)?;
             let size_bytes = io::copy(from, &mut file)?;
             // Hash the bytes of the copy, not the bytes that were read for it.
             file.seek(SeekFrom::Start(0))?;
@@ -79,7 +84,7 @@ impl Folder {
             fail::point("file.flush")?;
             file.sync_all()?;
             if !shard.is_dir() {
-                fs::create_dir_all(&shard)?;
+                create_private_folder(&shard)?;
                 flush_folder(&self.root)?;
             }
             fail::point("file.rename")?;
@@ -113,8 +118,13 @@ impl Folder {
     }
 
     pub(super) fn size(&self, digest: &str) -> Result<Option<u64>, ArtifactError> {
-        match fs::metadata(self.path(digest)?) {
-            Ok(metadata) => Ok(Some(metadata.len())),
+        Ok(self.stamp(digest)?.map(|(size_bytes, _)| size_bytes))
+    }
+
+    pub(super) fn stamp(&self, digest: &str) -> Result<Option<Stamp>, ArtifactError> {
+        let path = self.path(digest)?;
+        match fs::metadata(path).and_then(|metadata| Ok((metadata.len(), metadata.modified()?))) {
+            Ok(stamp) => Ok(Some(stamp)),
             Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
             Err(error) => Err(ArtifactError::io("read the size of a file", error)),
         }

@@ -5,6 +5,7 @@ use crate::digest::{check_digest, name};
 use crate::error::ArtifactError;
 use crate::folder::{Folder, flush_folder, hash_rest};
 use crate::lock::lock_shared;
+use crate::private::create_private_folder;
 use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -44,17 +45,18 @@ impl Inventory {
     /// [`ArtifactError::DiskFull`], [`ArtifactError::Io`].
     pub fn create(data_dir: &Path) -> Result<Self, ArtifactError> {
         for name in ["artifacts", "checkpoints", "tmp"] {
-            fs::create_dir_all(data_dir.join(name)).map_err(|error| ArtifactError::io("create a folder", error))?;
+            create_private_folder(&data_dir.join(name)).map_err(|error| ArtifactError::io("create a folder", error))?;
         }
         Ok(Self::of(data_dir))
     }
 
-    /// Locks the folder: while the returned lock lives, the server removes no artifact.
+    /// Locks the folder: while the returned lock lives, the server removes no artifact. `None` if this process cannot
+    /// write to the folder and no lock file exists, as on read-only media.
     ///
     /// # Errors
     ///
     /// [`ArtifactError::Io`].
-    pub fn prevent_removal(&self) -> Result<File, ArtifactError> {
+    pub fn prevent_removal(&self) -> Result<Option<File>, ArtifactError> {
         lock_shared(&self.data_dir.join(KEEP_LOCK))
     }
 

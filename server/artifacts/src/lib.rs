@@ -11,7 +11,7 @@
 //! DATA_DIR/uploads/sha256-….part       stored parts of interrupted uploads, by artifact and owner
 //! DATA_DIR/conversions/ab/sha256-ab…  files that can be made again, such as converted kernels; emptied at start
 //! DATA_DIR/tmp/                        files being written; emptied at start
-//! DATA_DIR/lock                        held by the one process that uses the folder
+//! DATA_DIR/lock                        held by the one process that uses the folder: a server, a restore, a collection
 //! DATA_DIR/keep.lock                   held by a backup; while it is held, the server removes no artifact
 //! ```
 //!
@@ -22,15 +22,17 @@
 //! # Layout
 //!
 //! - `digest`: names of blobs. `folder`: blobs of one folder. `upload`: resumable uploads. `read`: streaming. `error`.
-//! - `space`: free space on the disk. `lock`: locks on files. `blocking`: threads for file access. `inventory`: read access for checks and backups while a server may be running.
+//! - `examined`: files that were hashed recently. `space`: free space on the disk. `lock`: locks on files. `private`: modes of files. `blocking`: threads for file access. `inventory`: read access for checks and backups while a server may be running.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod blocking;
 mod digest;
 mod error;
+mod examined;
 mod folder;
 mod inventory;
 mod lock;
+mod private;
 mod read;
 mod space;
 #[cfg(test)]
@@ -40,14 +42,17 @@ mod upload;
 pub use digest::{check_digest, digest_of};
 pub use error::ArtifactError;
 pub use inventory::{BlobKind, Inventory, digest_of_file};
+pub use lock::{FolderLock, LOCK};
+pub use private::{create_private_folder, make_private, private_file};
 pub use read::{ArtifactReader, CHUNK_BYTES};
 pub use space::{Space, SpaceLimits};
 pub use upload::{UPLOAD_AGE_MAX, UploadWriter, Uploads};
 
 use blocking::blocking;
+use examined::Examined;
 use folder::Folder;
-use lock::{lock, try_lock};
-use std::fs::{self, File};
+use lock::try_lock;
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use tokio::sync::{OwnedRwLockReadGuard, OwnedRwLockWriteGuard, RwLock};
@@ -61,6 +66,7 @@ pub struct Artifacts {
 #[derive(Debug)]
 struct Inner {
     blobs: Arc<Folder>,
+    examined: Examined,
     checkpoints: Folder,
     conversions: Folder,
     uploads: Uploads,
@@ -70,7 +76,7 @@ struct Inner {
     /// collection of artifacts holds it exclusively, so that it never removes a file that is about to be recorded again.
     publishing: Arc<RwLock<()>>,
     /// Lock of the data folder. The operating system releases it when the process ends, even after a crash.
-    _lock: File,
+    _lock: FolderLock,
 }
 
 impl Artifacts {
@@ -92,11 +98,10 @@ impl Artifacts {
     pub fn open_within(data_dir: &Path, limits: SpaceLimits) -> Result<Self, ArtifactError> {
         let make = |name: &str| -> Result<PathBuf, ArtifactError> {
             let path = data_dir.join(name);
-            fs::create_dir_all(&path).map_err(|error| ArtifactError::io("create a folder", error))?;
+            create_private_folder(&path).map_err(|error| ArtifactError::io("create a folder", error))?;
             Ok(path)
         };
-        fs::create_dir_all(data_dir).map_err(|error| ArtifactError::io("create the data folder", error))?;
-        let lock = lock(&data_dir.join("lock"))?;
+        let lock = FolderLock::take(data_dir)?;
         let temporary = make("tmp")?;
         folder::empty(&temporary).map_err(|error| ArtifactError::io("empty tmp", error))?;
         let conversions = make("conversions")?;
@@ -106,6 +111,7 @@ impl Artifacts {
         Ok(Self {
             inner: Arc::new(Inner {
                 blobs,
+                examined: Examined::default(),
                 checkpoints: Folder::new(make("checkpoints")?, temporary.clone()),
                 conversions: Folder::new(conversions, temporary),
                 uploads,
@@ -163,7 +169,7 @@ impl Artifacts {
     /// [`ArtifactError::NotFound`]; [`ArtifactError::DataLoss`] if the file does not match the digest.
     pub async fn read_all(&self, digest: &str) -> Result<Vec<u8>, ArtifactError> {
         let digest = digest.to_owned();
-        self.blocking(move |inner| inner.blobs.read(&digest)).await
+        self.blocking(move |inner| inner.noticing_damage(&digest, inner.blobs.read(&digest))).await
     }
 
     /// Does the same as [`Self::read_all`] on the calling thread, which may block.
@@ -172,7 +178,7 @@ impl Artifacts {
     ///
     /// The errors of [`Self::read_all`].
     pub fn read_blocking(&self, digest: &str) -> Result<Vec<u8>, ArtifactError> {
-        self.inner.blobs.read(digest)
+        self.inner.noticing_damage(digest, self.inner.blobs.read(digest))
     }
 
     /// Opens a blob for a look at its header, on the calling thread, which may block. The content is not checked.
@@ -196,8 +202,35 @@ impl Artifacts {
         offset_bytes: u64,
         limit_bytes: u64,
     ) -> Result<ArtifactReader, ArtifactError> {
-        let (file, size_bytes) = self.inner.blobs.open_verified(digest)?;
+        let (file, size_bytes) = self.inner.noticing_damage(digest, self.inner.blobs.open_verified(digest))?;
         ArtifactReader::new(file, size_bytes, offset_bytes, limit_bytes)
+    }
+
+    /// Whether the file of a blob exists and has the content of its digest, for a client that offers this content. To
+    /// limit the cost, one file at a time is hashed, and a file that has not changed is hashed again only after some
+    /// minutes. If others make a call wait for too long, the call believes that the file is intact.
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError::BadDigest`], [`ArtifactError::Io`].
+    pub async fn is_intact(&self, digest: &str) -> Result<bool, ArtifactError> {
+        let digest = digest.to_owned();
+        let (digest, known) = self
+            .blocking(move |inner| {
+                let known = inner.finding(&digest)?;
+                Ok((digest, known))
+            })
+            .await?;
+        if let Some(is_intact) = known {
+            return Ok(is_intact);
+        }
+        let Some(turn) = self.inner.examined.turn().await else { return Ok(true) };
+        self.blocking(move |inner| {
+            // The turn belongs to the thread that hashes, so that clients that hang up do not start more threads.
+            let _turn = turn;
+            inner.examine(&digest)
+        })
+        .await
     }
 
     /// Size of a blob \[bytes\]; `None` if it is not on disk. The content is not checked.
@@ -304,6 +337,39 @@ impl Artifacts {
     {
         let inner = Arc::clone(&self.inner);
         blocking(move || work(&inner)).await
+    }
+}
+
+impl Inner {
+    /// Whether a blob is intact, as far as that is known without hashing its file.
+    fn finding(&self, digest: &str) -> Result<Option<bool>, ArtifactError> {
+        match self.blobs.stamp(digest)? {
+            None => Ok(Some(false)),
+            Some(stamp) => Ok(self.examined.finding(digest, stamp)),
+        }
+    }
+
+    /// Whether a blob is intact. Hashes its file, unless another call has done so in the meantime.
+    fn examine(&self, digest: &str) -> Result<bool, ArtifactError> {
+        let Some(stamp) = self.blobs.stamp(digest)? else { return Ok(false) };
+        if let Some(known) = self.examined.finding(digest, stamp) {
+            return Ok(known);
+        }
+        let is_intact = match self.blobs.open_verified(digest) {
+            Ok(_) => true,
+            Err(ArtifactError::DataLoss { .. } | ArtifactError::NotFound { .. }) => false,
+            Err(error) => return Err(error),
+        };
+        self.examined.record(digest, stamp, is_intact);
+        Ok(is_intact)
+    }
+
+    /// Passes on the outcome of reading a blob. If the blob is damaged, forgets earlier findings about its file.
+    fn noticing_damage<T>(&self, digest: &str, outcome: Result<T, ArtifactError>) -> Result<T, ArtifactError> {
+        if matches!(outcome, Err(ArtifactError::DataLoss { .. })) {
+            self.examined.forget(digest);
+        }
+        outcome
     }
 }
 

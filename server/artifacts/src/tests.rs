@@ -1,6 +1,8 @@
 //! Tests of the artifact folder.
 
 use super::*;
+use std::fs::{self, Permissions};
+use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
 
 fn files(folder: &Path) -> Vec<String> {
@@ -55,6 +57,30 @@ async fn damaged_blob_is_refused_until_stored_again() {
     assert!(matches!(artifacts.read_range_blocking(&digest, 0, 0), Err(ArtifactError::DataLoss { .. })));
     artifacts.put_bytes(b"kernel".to_vec()).await.unwrap();
     assert_eq!(artifacts.read_all(&digest).await.unwrap(), b"kernel", "storing the same bytes again repairs the blob");
+}
+
+#[tokio::test]
+async fn damaged_and_missing_blobs_are_not_intact() {
+    let data = tempfile::tempdir().unwrap();
+    let artifacts = Artifacts::open(data.path()).unwrap();
+    let digest = artifacts.put_bytes(b"kernel".to_vec()).await.unwrap();
+    let path = data.path().join("artifacts").join(&digest[7..9]).join(&digest);
+    assert!(artifacts.is_intact(&digest).await.unwrap() && artifacts.is_intact(&digest).await.unwrap());
+    fs::write(&path, b"kernel, longer").unwrap();
+    assert!(!artifacts.is_intact(&digest).await.unwrap(), "the file has changed since it was found intact");
+    artifacts.put_bytes(b"kernel".to_vec()).await.unwrap();
+    assert!(artifacts.is_intact(&digest).await.unwrap());
+
+    // A disk that damages a file changes neither its size nor its time.
+    let modified = fs::metadata(&path).unwrap().modified().unwrap();
+    fs::write(&path, b"kernal").unwrap();
+    File::options().write(true).open(&path).unwrap().set_modified(modified).unwrap();
+    assert!(artifacts.is_intact(&digest).await.unwrap(), "the file is not read again for some minutes");
+    assert!(artifacts.read_all(&digest).await.is_err());
+    assert!(!artifacts.is_intact(&digest).await.unwrap(), "a reader has found the damage");
+    fs::remove_file(&path).unwrap();
+    assert!(!artifacts.is_intact(&digest).await.unwrap());
+    assert!(matches!(artifacts.is_intact("sha256-").await, Err(ArtifactError::BadDigest { .. })));
 }
 
 #[tokio::test]
@@ -143,6 +169,49 @@ async fn folder_is_locked_and_leftovers_are_removed_at_start() {
     Artifacts::open(data.path()).unwrap();
     assert!(files(&data.path().join("tmp")).is_empty());
     assert_eq!(files(&data.path().join("uploads")), ["new.part"]);
+}
+
+/// Modes of everything in a folder that other users may read, write or enter.
+fn open_to_others(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            found.extend(open_to_others(&path));
+        }
+        if fs::metadata(&path).unwrap().permissions().mode() & 0o077 != 0 {
+            found.push(path);
+        }
+    }
+    found
+}
+
+#[tokio::test]
+async fn only_the_user_of_the_server_can_read_the_files() {
+    let parent = tempfile::tempdir().unwrap();
+    let data = parent.path().join("a/data");
+    let artifacts = Artifacts::open(&data).unwrap();
+    artifacts.put_bytes(b"kernel".to_vec()).await.unwrap();
+    artifacts.put_checkpoint(b"state".to_vec()).await.unwrap();
+    let mut upload = artifacts.uploads().begin(&digest_of(b"part"), "ada", 4, 0).await.unwrap();
+    upload.write(b"pa".to_vec()).await.unwrap();
+    drop(artifacts.collecting().await.unwrap());
+    assert_eq!(open_to_others(&parent.path().join("a")), Vec::<PathBuf>::new());
+
+    // Files of a program with another mask become private, and files that are not the server's keep their modes.
+    let wide = |name: &str, mode| fs::set_permissions(data.join(name), Permissions::from_mode(mode)).unwrap();
+    fs::write(data.join("notes.txt"), "").unwrap();
+    for name in ["lightpath.db-wal", "audit.jsonl.1"] {
+        fs::write(data.join(name), "").unwrap();
+        wide(name, 0o644);
+    }
+    wide("notes.txt", 0o644);
+    wide("artifacts", 0o755);
+    let mut changed = make_private(&data).unwrap();
+    changed.sort();
+    assert_eq!(changed, ["artifacts", "audit.jsonl.1", "lightpath.db-wal"].map(|name| data.join(name)));
+    assert_eq!(open_to_others(&data), [data.join("notes.txt")]);
+    assert_eq!(make_private(&data).unwrap(), Vec::<PathBuf>::new());
 }
 
 #[tokio::test]

@@ -4,6 +4,7 @@ use crate::blocking::blocking;
 use crate::digest::{check_digest, digest_of, name};
 use crate::error::ArtifactError;
 use crate::folder::{Folder, hash_rest};
+use crate::private::private_file;
 use lightpath_fail_points as fail;
 use sha2::{Digest, Sha256};
 use std::collections::HashSet;
@@ -165,7 +166,7 @@ impl Part {
     fn open(lock: UploadLock, size_bytes: u64, offset_bytes: u64) -> Result<Self, ArtifactError> {
         let path = lock.uploads.inner.folder.join(&lock.file_name);
         let open = || -> io::Result<(File, u64)> {
-            let file = File::options().read(true).write(true).create(true).truncate(false).open(&path)?;
+            let file = private_file().read(true).write(true).create(true).truncate(false).open(&path)?;
             let stored_bytes = file.metadata()?.len();
             Ok((file, stored_bytes))
         };

@@ -108,10 +108,10 @@ async fn serve(config: Config) -> anyhow::Result<()> {
     })?;
     let address = listener.local_addr()?;
     tracing::info!(%address, data_dir = %config.data_dir.display(), "starting");
-    // Clients that connect from now on wait in the backlog until the server has recovered its queue.
+    // Clients that connect from now on wait in the backlog until the server has checked everything.
     let scheme = if config.tls_cert.is_some() { "https" } else { "http" };
-    writeln!(std::io::stdout().lock(), "listening on {scheme}://{address}")?;
-    server::run(listener, config, stop).await?;
+    let announce = |address| writeln!(std::io::stdout().lock(), "listening on {scheme}://{address}");
+    server::run_and_announce(listener, config, announce, stop).await?;
     Ok(())
 }
 

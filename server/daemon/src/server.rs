@@ -13,6 +13,7 @@ use lightpath_store::{Store, StoreError};
 use lightpath_worker::{Clock, OpticsTask, Worker, WorkerError};
 use std::io;
 use std::net::SocketAddr;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::net::TcpListener;
@@ -51,6 +52,9 @@ pub enum ServeError {
     /// The listener cannot be used.
     #[error("the listening address cannot be read")]
     Listener(#[source] io::Error),
+    /// The listening address cannot be announced.
+    #[error("the listening address cannot be printed")]
+    Announcement(#[source] io::Error),
     /// The audit log cannot be opened.
     #[error("the audit log cannot be opened")]
     Audit(#[source] io::Error),
@@ -80,28 +84,47 @@ pub enum ServeError {
     Reflection(#[from] tonic_reflection::server::Error),
 }
 
+/// Does the same as [`run_and_announce`], without an announcement.
+///
+/// # Errors
+///
+/// The errors of [`run_and_announce`].
+pub async fn run(
+    listener: TcpListener,
+    config: Config,
+    shutdown: impl Future<Output = ()> + Send,
+) -> Result<(), ServeError> {
+    run_and_announce(listener, config, |_| Ok(()), shutdown).await
+}
+
 /// Serves on `listener` until the future `shutdown` ends, then drains: it accepts no new connections, the health check
 /// says NOT_SERVING, streams end with UNAVAILABLE, and running jobs save their state and return to the queue. Draining
 /// takes at most `config.drain_deadline_s`.
 ///
+/// `announce` gets the listening address as soon as the server knows that it may serve: it holds the data folder, its
+/// database and certificates can be used, and its access is safe.
+///
 /// # Errors
 ///
 /// [`ServeError`] if the server cannot start or the workers fail.
-pub async fn run(
+pub async fn run_and_announce(
     listener: TcpListener,
     config: Config,
+    announce: impl FnOnce(SocketAddr) -> io::Result<()> + Send,
     shutdown: impl Future<Output = ()> + Send,
 ) -> Result<(), ServeError> {
     metrics::install();
     let data_dir = config.data_dir.clone();
     let (space, tls, retention) = (config.space(), config.tls()?, config.retention());
     let artifacts = tokio::task::spawn_blocking(move || Artifacts::open_within(&data_dir, space)).await??;
+    make_private(&config.data_dir);
     let store = Store::open(&config.data_dir.join(DATABASE)).await?;
     let address = listener.local_addr().map_err(ServeError::Listener)?;
     let tokens_required = check_access(&store, &config, address).await?;
     let tls = tls.map(Tls::open).transpose()?.map(Arc::new);
     let audit = Arc::new(Audit::open(&config.data_dir).map_err(ServeError::Audit)?);
     artifacts.space().set_stored_bytes(store.artifact_totals().await?.1);
+    announce(address).map_err(ServeError::Announcement)?;
     let stopping = CancellationToken::new();
     let upkeep = tokio::spawn(upkeep_loop(store.clone(), artifacts.clone(), retention, stopping.clone()));
     let api = Api::new(store.clone(), artifacts.clone(), config.api_limits(), stopping.clone());
@@ -109,6 +132,7 @@ pub async fn run(
     let (grpc, health) = api.clone().routes()?;
     set_health(&health, ServingStatus::Serving).await;
     let watching = tokio::spawn(health_loop(api.clone(), health.clone(), stopping.clone()));
+    let leases = store.clone();
     let mut workers = start_workers(store, artifacts, &config, stopping.clone());
     let rate = Arc::new(Rate::new(config.calls_per_s_max));
     let ended_tokens = EndedTokens::default();
@@ -133,8 +157,9 @@ pub async fn run(
         None => match timeout(config.drain_deadline(), &mut workers).await {
             Ok(ended) => ended,
             Err(_) => {
-                tracing::warn!("some jobs did not stop in time; their leases will expire, and they will start again");
                 workers.abort();
+                drop((&mut workers).await);
+                release_unfinished(&leases).await;
                 Ok(Ok(()))
             }
         },
@@ -149,6 +174,38 @@ pub async fn run(
     workers_ended??;
     tracing::info!("stopped");
     Ok(())
+}
+
+/// Takes the permissions of other users from the files of the data folder, and logs what has changed.
+fn make_private(data_dir: &Path) {
+    match lightpath_artifacts::make_private(data_dir) {
+        Ok(paths) => {
+            for path in paths {
+                tracing::warn!(path = %path.display(), "other users could read this; now only the user of the server can");
+            }
+        }
+        Err(error) => {
+            tracing::warn!(%error, "the permissions of the data folder could not be checked; other users may read it");
+        }
+    }
+}
+
+/// Returns the jobs to the queue that did not stop in time. Without this, the next start would take the stop for a death of
+/// the server. The computations still run, but can write nothing more.
+async fn release_unfinished(store: &Store) {
+    match store.release_all(Clock::default().now_ms()).await {
+        Ok(jobs) => {
+            for job in jobs {
+                tracing::warn!(job = job.id, "the job did not stop in time; it continues from its last saved state");
+            }
+        }
+        Err(error) => {
+            tracing::error!(
+                error = &error as &dyn std::error::Error,
+                "jobs that did not stop in time could not be returned to the queue"
+            );
+        }
+    }
 }
 
 /// Decides whether calls need a token. Returns an error if other machines could connect without the required TLS, or if

@@ -15,7 +15,7 @@ pub enum Role {
     Viewer,
     /// May also upload, build datasets, and submit, cancel and retry jobs.
     Submitter,
-    /// May also import kernels and change the active version.
+    /// May also delete datasets, import kernels and change the active version.
     Curator,
     /// May only fetch the kernels of named displays.
     Firmware,
@@ -45,7 +45,7 @@ impl Role {
         match self {
             Self::Viewer => "Read everything",
             Self::Submitter => "Also upload, build datasets, submit, cancel and retry jobs",
-            Self::Curator => "Also import kernels and change the active version",
+            Self::Curator => "Also delete datasets, import kernels and change the active version",
             Self::Firmware => "Only fetch the kernels of named displays",
             Self::Admin => "Do everything, including displays and pauses",
         }

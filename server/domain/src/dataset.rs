@@ -15,6 +15,9 @@ use sha2::{Digest, Sha256};
 /// Limit on the pairs of a dataset: they are read as a whole, and learning holds them in memory.
 pub const PAIRS_MAX: u32 = 10_000;
 
+/// Limit on the datasets of a display: several a day for years. They are kept until someone deletes them.
+pub const DATASETS_MAX: u32 = 10_000;
+
 /// A dataset with its pairs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dataset {

@@ -52,6 +52,9 @@ pub enum JobState {
 }
 
 impl JobState {
+    /// The states of jobs that have ended.
+    pub const ENDED: [Self; 3] = [Self::Succeeded, Self::Failed, Self::Cancelled];
+
     /// Name of the state in lower case, as people and the database write it.
     #[must_use]
     pub fn as_str(self) -> &'static str {
@@ -124,7 +127,7 @@ pub struct Scheduling {
     pub owner: String,
     /// Name of the batch. Users list and watch the jobs of a batch together.
     pub batch: Option<String>,
-    /// Key that at most one queued or running job may have.
+    /// Key that at most one queued or running job of the owner may have.
     pub unique_key: Option<String>,
     /// Earliest start \[ms since 1970\].
     pub not_before_ms: Option<i64>,
@@ -139,7 +142,7 @@ pub struct Scheduling {
 pub struct NewJob {
     /// Request.
     pub spec: JobSpec,
-    /// Id of the request, unique. Submitting a request again returns the same job.
+    /// Id of the request, unique for its owner. Submitting a request again returns the same job.
     pub request_id: String,
     /// Priority. Jobs with a lower number run first.
     pub priority: i32,

@@ -6,6 +6,9 @@ use crate::units::{Distance, Wavelength};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
+/// Limit on the versions of a kernel: several a day for years. Each version and its file are kept for ever.
+pub const VERSIONS_MAX: u32 = 10_000;
+
 /// The key of a kernel. It is displayed as the resource name, `displays/lab-2/kernels/515nm-150mm`.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct KernelKey {

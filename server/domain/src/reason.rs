@@ -41,18 +41,24 @@ reasons! {
         DatasetFinalized = "DATASET_FINALIZED",
         /// The dataset has reached its limit of pairs.
         DatasetFull = "DATASET_FULL",
+        /// A waiting or running job reads or prepares the dataset.
+        DatasetInUse = "DATASET_IN_USE",
         /// The dataset is not finalized.
         DatasetOpen = "DATASET_OPEN",
         /// The training or test part of the dataset has no pairs.
         DatasetSplitEmpty = "DATASET_SPLIT_EMPTY",
         /// A job that this job waits for has failed or was cancelled.
         DependencyEnded = "DEPENDENCY_ENDED",
+        /// The display has reached its limit of datasets.
+        DisplayFull = "DISPLAY_FULL",
         /// Jobs, datasets or kernels refer to the display.
         DisplayInUse = "DISPLAY_IN_USE",
         /// The job has ended.
         JobEnded = "JOB_ENDED",
         /// The job has neither failed nor been cancelled.
         JobNotRetryable = "JOB_NOT_RETRYABLE",
+        /// The kernel has reached its limit of versions.
+        KernelFull = "KERNEL_FULL",
         /// The stored kernel file cannot be read.
         KernelUnreadable = "KERNEL_UNREADABLE",
         /// The kernel has no active version.
@@ -69,7 +75,7 @@ reasons! {
         NotPaused = "NOT_PAUSED",
         /// The display has no simulated bench.
         NotSimulated = "NOT_SIMULATED",
-        /// A waiting or running job has the same unique key.
+        /// A waiting or running job of the same owner has the same unique key.
         NotUnique = "NOT_UNIQUE",
     }
 }

@@ -5,8 +5,8 @@
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 use lightpath_artifacts::Artifacts;
-use lightpath_domain::job::{Job, JobState};
-use lightpath_store::{Store, StoreError};
+use lightpath_domain::job::{Job, JobSpec, JobState};
+use lightpath_store::{LIMIT_MAX, Store, StoreError};
 use metrics::{Unit, counter, describe_counter, describe_gauge, describe_histogram, gauge, histogram};
 use metrics_exporter_prometheus::{Matcher, PrometheusBuilder, PrometheusHandle};
 use std::sync::OnceLock;
@@ -50,6 +50,15 @@ pub enum LeaseLoss {
     ServerDied,
 }
 
+impl LeaseLoss {
+    fn as_str(self) -> &'static str {
+        match self {
+            Self::Expired => "expired",
+            Self::ServerDied => "server_died",
+        }
+    }
+}
+
 /// Records the end of a job, and the time of its last attempt if that ran to its end.
 pub fn job_ended(job: &Job) {
     let (kind, state) = (job.spec.kind(), job.state.as_str());
@@ -64,11 +73,7 @@ pub fn job_ended(job: &Job) {
 
 /// Records that a job lost its lease.
 pub fn lease_lost(cause: LeaseLoss, job: &Job) {
-    let cause = match cause {
-        LeaseLoss::Expired => "expired",
-        LeaseLoss::ServerDied => "server_died",
-    };
-    counter!(LEASES_LOST, "cause" => cause).increment(1);
+    counter!(LEASES_LOST, "cause" => cause.as_str()).increment(1);
     if job.state.has_ended() {
         job_ended(job);
     }
@@ -98,9 +103,27 @@ pub fn collected(jobs: u64, artifacts: u64, bytes: u64) {
     counter!(COLLECTED_BYTES).increment(bytes);
 }
 
-/// Starts recording; earlier measurements are lost. The recorder belongs to the process: all its servers share it.
+/// Starts recording; earlier measurements are lost. The recorder belongs to the process: all its servers share it. Every
+/// counter starts at 0, because a rate can be computed only if the counter existed before its first event.
 pub fn install() {
     let _ = handle();
+    for kind in JobSpec::KINDS {
+        for state in JobState::ENDED {
+            counter!(JOBS_ENDED, "kind" => kind, "state" => state.as_str()).increment(0);
+        }
+    }
+    for cause in [LeaseLoss::Expired, LeaseLoss::ServerDied] {
+        counter!(LEASES_LOST, "cause" => cause.as_str()).increment(0);
+    }
+    collected(0, 0, 0);
+}
+
+/// Starts the counters of answers without errors at 0. `methods` are all methods, each with the code of such an answer.
+/// The counters of errors appear with the first error, because each method has many codes.
+pub fn expect_requests(methods: impl IntoIterator<Item = (String, &'static str)>) {
+    for (method, code) in methods {
+        counter!(REQUESTS, "method" => method, "code" => code).increment(0);
+    }
 }
 
 /// Moves measurements into the buckets of their histograms. Before that, every measurement takes memory of its own, even
@@ -133,6 +156,9 @@ pub async fn render(store: &Store, files: &Artifacts, now_ms: i64) -> Result<Str
     }
     gauge!(DISK_RESERVE).set(files.space().limits().reserve_bytes as f64);
     gauge!(BUILD_INFO, "version" => env!("CARGO_PKG_VERSION")).set(1.0);
+    for (display, _) in store.displays(None, LIMIT_MAX).await? {
+        counter!(FETCHES, "display" => display.id, "code" => "Ok").increment(0);
+    }
     handle.run_upkeep();
     Ok(handle.render())
 }
@@ -192,6 +218,24 @@ fn describe() {
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeSet;
+
+    #[test]
+    fn counters_start_at_zero() {
+        super::install();
+        super::expect_requests([("/x".to_owned(), "Ok")]);
+        let text = super::handle().unwrap().render();
+        let source = include_str!("lib.rs");
+        let counters: Vec<&str> = source.lines().filter_map(|line| line.strip_suffix("_total\";")).collect();
+        assert_eq!(counters.len(), 7, "{counters:?}");
+        for counter in counters {
+            let name = format!("{}_total", counter.split_once('"').unwrap().1);
+            // Only the store knows the displays.
+            let zero = |line: &str| line.starts_with(&name) && line.ends_with(" 0");
+            assert!(name == super::FETCHES || text.lines().any(zero), "{name} is not in\n{text}");
+        }
+        assert!(text.contains(r#"lightpath_jobs_ended_total{kind="report_kernel",state="cancelled"} 0"#), "{text}");
+        assert!(text.contains(r#"lightpath_leases_lost_total{cause="server_died"} 0"#), "{text}");
+    }
 
     /// Names of the metrics in a text, without the suffixes that Prometheus adds for histograms.
     fn names(text: &str) -> BTreeSet<String> {

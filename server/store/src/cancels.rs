@@ -24,7 +24,8 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::NotFound`]; [`StoreError::Precondition`] if the job waits, runs or has succeeded.
+    /// [`StoreError::NotFound`]; [`StoreError::Precondition`] if the job waits, runs or has succeeded;
+    /// [`StoreError::DependenciesFull`].
     pub async fn retry(&self, id: &str, now_ms: i64) -> Result<Job, StoreError> {
         let id = id.to_owned();
         self.write(move |write| Box::pin(async move { retry(write, &id, now_ms).await })).await
@@ -77,19 +78,20 @@ async fn retry(write: &mut Write, id: &str, now_ms: i64) -> Result<Job, StoreErr
         return Err(StoreError::precondition(PreconditionReason::JobNotRetryable, message));
     }
     if let Some(key) = &job.scheduling.unique_key
-        && let Some(other) = active_with_key(write.sql(), key).await?
+        && let Some(other) = active_with_key(write.sql(), &job.scheduling.owner, key).await?
     {
         let message = format!("jobs/{other} has the same unique_key \"{key}\" and has not ended");
         return Err(StoreError::precondition(PreconditionReason::NotUnique, message));
     }
-    let waiting_for = dependencies::count_unfinished(write, &job.scheduling.after).await?;
+    let unfinished = dependencies::unfinished(write, &job.scheduling.after).await?;
+    dependencies::store_dependencies(write, id, &unfinished).await?;
     let row = sqlx::query(
         "update job set state = 'queued', failures = 0, crashes = 0, cancel_requested = 0, error = null, progress = null, \
          finish_time_ms = null, run_time_ms = ?2, waiting_for = ?3, revision = revision + 1 where id = ?1 returning *",
     )
     .bind(id)
     .bind(now_ms)
-    .bind(waiting_for)
+    .bind(unfinished.len() as i64)
     .fetch_one(write.sql())
     .await?;
     let job = job_of(&row)?;

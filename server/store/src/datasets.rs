@@ -3,7 +3,7 @@
 use super::rows::{from_json, from_json_option, from_word, to_json, to_word};
 use super::write::Write;
 use super::{AbortReason, Store, StoreError, page};
-use lightpath_domain::dataset::{Dataset, Encoding, Exposure, Finding, PAIRS_MAX, Pair};
+use lightpath_domain::dataset::{DATASETS_MAX, Dataset, Encoding, Exposure, Finding, PAIRS_MAX, Pair};
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_domain::units::{Distance, Wavelength};
 use sqlx::sqlite::SqliteRow;
@@ -16,7 +16,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::AlreadyExists`] if a dataset with other properties has this id; [`StoreError::NotFound`] if the
-    /// display is missing.
+    /// display is missing; [`StoreError::Precondition`] if the display has [`DATASETS_MAX`] datasets.
     pub async fn create_dataset(&self, dataset: &Dataset, now_ms: i64) -> Result<Dataset, StoreError> {
         let dataset = dataset.clone();
         self.write(move |write| Box::pin(create(write, dataset, now_ms))).await
@@ -53,6 +53,17 @@ impl Store {
         query.build().fetch_all(self.readers()).await?.iter().map(dataset_of).collect()
     }
 
+    /// Deletes a dataset with its pairs, unless a waiting or running job reads or prepares it. Kernels learned from it are
+    /// kept. Its photographs and holograms are kept for their time of grace.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::NotFound`]; [`StoreError::Precondition`] while a job uses it.
+    pub async fn delete_dataset(&self, id: &str, now_ms: i64) -> Result<(), StoreError> {
+        let id = id.to_owned();
+        self.write(move |write| Box::pin(async move { delete(write, &id, now_ms).await })).await
+    }
+
     /// Adds a pair to an open dataset and returns the dataset without its pairs. Adding the same pair again changes
     /// nothing. `findings` contains the findings about this pair, and all findings about the whole dataset, which have no
     /// pair id.
@@ -69,13 +80,7 @@ impl Store {
 }
 
 async fn create(write: &mut Write, dataset: Dataset, now_ms: i64) -> Result<Dataset, StoreError> {
-    let known: bool = sqlx::query_scalar("select exists (select 1 from display where id = ?)")
-        .bind(&dataset.display)
-        .fetch_one(write.sql())
-        .await?;
-    if !known {
-        return Err(StoreError::not_found(format!("displays/{}", dataset.display)));
-    }
+    require_room(write.sql(), &dataset).await?;
     sqlx::query(
         "insert into dataset (id, display, wavelength_pm, distance_nm, photo_encoding, photo_bit_depth, create_time_ms) \
          values (?, ?, ?, ?, ?, ?, ?) on conflict do nothing",
@@ -99,6 +104,50 @@ async fn create(write: &mut Write, dataset: Dataset, now_ms: i64) -> Result<Data
         ));
     }
     Ok(stored)
+}
+
+/// Checks that the display exists and has room for the dataset, unless the dataset exists already.
+async fn require_room(sql: &mut SqliteConnection, dataset: &Dataset) -> Result<(), StoreError> {
+    let (has_display, exists, count): (bool, bool, u32) = sqlx::query_as(
+        "select exists (select 1 from display where id = ?1), exists (select 1 from dataset where id = ?2), \
+         (select count(*) from dataset where display = ?1)",
+    )
+    .bind(&dataset.display)
+    .bind(&dataset.id)
+    .fetch_one(sql)
+    .await?;
+    let display = &dataset.display;
+    if !has_display {
+        return Err(StoreError::not_found(format!("displays/{display}")));
+    }
+    if !exists && count >= DATASETS_MAX {
+        let message = format!("displays/{display} has {DATASETS_MAX} datasets, which is the limit; delete one of them");
+        return Err(StoreError::precondition(PreconditionReason::DisplayFull, message));
+    }
+    Ok(())
+}
+
+async fn delete(write: &mut Write, id: &str, now_ms: i64) -> Result<(), StoreError> {
+    let user: Option<String> = sqlx::query_scalar(
+        "select id from job where state in ('queued', 'running') and (dataset = ?1 \
+         or exists (select 1 from json_each(job.spec, '$.datasets') where value = ?1)) limit 1",
+    )
+    .bind(id)
+    .fetch_optional(write.sql())
+    .await?;
+    if let Some(job) = user {
+        let message = format!("datasets/{id} cannot be deleted while jobs/{job} uses it; cancel the job first");
+        return Err(StoreError::precondition(PreconditionReason::DatasetInUse, message));
+    }
+    // Clients may be about to use the files in another dataset.
+    let keep = "update artifact set use_time_ms = max(use_time_ms, ?2) where digest in \
+                (select phase from pair where dataset = ?1 union select photo from pair where dataset = ?1)";
+    sqlx::query(keep).bind(id).bind(now_ms).execute(write.sql()).await?;
+    let deleted = sqlx::query("delete from dataset where id = ?").bind(id).execute(write.sql()).await?;
+    match deleted.rows_affected() {
+        0 => Err(StoreError::not_found(format!("datasets/{id}"))),
+        _ => Ok(()),
+    }
 }
 
 async fn add_pair(write: &mut Write, id: &str, pair: &Pair, findings: &[Finding]) -> Result<Dataset, StoreError> {

@@ -25,8 +25,22 @@ impl Store {
     }
 }
 
-/// Stores the dependencies of a new job: it waits for the jobs in `after`.
+/// Limit on the dependencies of all queued jobs: a few dozen for each job of a full queue. Each takes about 100 bytes.
+pub(super) const DEPENDENCIES_MAX: u32 = 100_000;
+
+/// Stores the dependencies of a queued job: it waits for the jobs in `after`, which have not succeeded yet.
+///
+/// # Errors
+///
+/// [`StoreError::DependenciesFull`].
 pub(super) async fn store_dependencies(write: &mut Write, job: &str, after: &[String]) -> Result<(), StoreError> {
+    if after.is_empty() {
+        return Ok(());
+    }
+    let stored: i64 = sqlx::query_scalar("select count(*) from job_dependency").fetch_one(write.sql()).await?;
+    if stored.unsigned_abs() + after.len() as u64 > u64::from(DEPENDENCIES_MAX) {
+        return Err(StoreError::DependenciesFull { limit: DEPENDENCIES_MAX });
+    }
     for other in after {
         let sql = "insert into job_dependency values (?, ?) on conflict do nothing";
         sqlx::query(sql).bind(job).bind(other).execute(write.sql()).await?;
@@ -34,18 +48,18 @@ pub(super) async fn store_dependencies(write: &mut Write, job: &str, after: &[St
     Ok(())
 }
 
-/// Number of these jobs that have not succeeded yet.
+/// Those of these jobs that have not succeeded yet.
 ///
 /// # Errors
 ///
 /// [`StoreError::NotFound`]; [`StoreError::Precondition`] if one of the jobs has failed or was cancelled.
-pub(super) async fn count_unfinished(write: &mut Write, after: &[String]) -> Result<i64, StoreError> {
-    let mut unfinished = 0;
+pub(super) async fn unfinished(write: &mut Write, after: &[String]) -> Result<Vec<String>, StoreError> {
+    let mut unfinished = Vec::new();
     for id in after {
         let row = sqlx::query("select state from job where id = ?").bind(id).fetch_optional(write.sql()).await?;
         let row = row.ok_or_else(|| StoreError::not_found(format!("jobs/{id}")))?;
         match super::rows::from_word("job.state", row.try_get("state")?)? {
-            JobState::Queued | JobState::Running => unfinished += 1,
+            JobState::Queued | JobState::Running => unfinished.push(id.clone()),
             JobState::Succeeded => {}
             state @ (JobState::Failed | JobState::Cancelled) => {
                 let message = format!("jobs/{id} must succeed first, but is {}; retry it first", state.as_str());
@@ -61,6 +75,7 @@ pub(super) async fn release_waiting_jobs(write: &mut Write, job: &Job) -> Result
     let sql = "update job set waiting_for = waiting_for - 1, revision = revision + 1 \
                where id in (select job from job_dependency where after = ?) and state = 'queued' returning id";
     let waiting: Vec<String> = sqlx::query_scalar(sql).bind(&job.id).fetch_all(write.sql()).await?;
+    sqlx::query("delete from job_dependency where after = ?").bind(&job.id).execute(write.sql()).await?;
     for id in waiting {
         write.announce(Change::Job(id));
         write.announce(Change::Claimable);
@@ -84,6 +99,8 @@ pub(super) async fn fail_waiting_jobs(write: &mut Write, job: &Job, now_ms: i64)
             append_event(write, &waiting, now_ms, format!("failed: DEPENDENCY_FAILED: {message}")).await?;
             ended.push_back((waiting.id, waiting.state));
         }
+        // The ended job waits no more. If it is retried, its dependencies are stored again.
+        sqlx::query("delete from job_dependency where job = ?").bind(&id).execute(write.sql()).await?;
     }
     Ok(())
 }

@@ -64,7 +64,7 @@ impl Store {
         rows.iter().map(display_of).collect()
     }
 
-    /// Deletes a display that no dataset, kernel or job refers to.
+    /// Deletes a display that no dataset, kernel or job refers to, with its pause.
     ///
     /// # Errors
     ///

@@ -49,7 +49,8 @@ impl Store {
     ///
     /// [`StoreError::LeaseLost`]; [`StoreError::NotFound`] if an artifact of the effect is not recorded;
     /// [`StoreError::Aborted`] if the dataset changed after the job read it; [`StoreError::Precondition`] if the dataset
-    /// was finalized in the meantime, or if its split has no training pair or no test pair.
+    /// was finalized in the meantime, if its split has no training pair or no test pair, or if a kernel has reached its
+    /// limit of versions.
     pub async fn finish(
         &self,
         lease: &Lease,
@@ -78,7 +79,7 @@ impl Store {
         let lease = lease.clone();
         self.write(move |write| {
             Box::pin(async move {
-                let (job, failures, crashes) = read(write, &lease, now_ms).await?;
+                let (job, failures, crashes) = read(write, &lease).await?;
                 let ending = after_failure(&job, failures, crashes, error, retry_at_ms);
                 end(write, &job.id, ending, now_ms).await
             })
@@ -102,7 +103,7 @@ impl Store {
         let lease = lease.clone();
         self.write(move |write| {
             Box::pin(async move {
-                let (job, failures, _) = read(write, &lease, now_ms).await?;
+                let (job, failures, _) = read(write, &lease).await?;
                 let error = JobError { retryable: true, ..error };
                 let ending = match job.cancel_requested {
                     true => Ending::Cancelled,
@@ -123,11 +124,28 @@ impl Store {
         let lease = lease.clone();
         self.write(move |write| {
             Box::pin(async move {
-                let (job, ..) = read(write, &lease, now_ms).await?;
+                let (job, ..) = read(write, &lease).await?;
                 end(write, &job.id, Ending::Cancelled, now_ms).await
             })
         })
         .await
+    }
+
+    /// Takes every running job from its worker, because the one process that works on this database stops, and some of its
+    /// jobs did not stop in time. The jobs return to the queue, and neither failures nor deaths of the server are counted.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`], [`StoreError::DiskFull`].
+    pub async fn release_all(&self, now_ms: i64) -> Result<Vec<Job>, StoreError> {
+        let mut released = Vec::new();
+        loop {
+            let mut jobs = self.write(move |write| Box::pin(release_running(write, now_ms))).await?;
+            if jobs.is_empty() {
+                return Ok(released);
+            }
+            released.append(&mut jobs);
+        }
     }
 
     /// Returns the job to the queue because the worker stops. The attempt does not count as failed.
@@ -139,12 +157,8 @@ impl Store {
         let lease = lease.clone();
         self.write(move |write| {
             Box::pin(async move {
-                let (job, failures, _) = read(write, &lease, now_ms).await?;
-                let ending = match job.cancel_requested {
-                    true => Ending::Cancelled,
-                    false => Ending::Requeued { run_time_ms: job.run_time_ms, failures, cause: Cause::Drain },
-                };
-                end(write, &job.id, ending, now_ms).await
+                let (job, failures, _) = read(write, &lease).await?;
+                end(write, &job.id, after_stop(&job, failures), now_ms).await
             })
         })
         .await
@@ -179,7 +193,7 @@ async fn finish(
     effect: JobEffect,
     now_ms: i64,
 ) -> Result<Job, StoreError> {
-    read(write, lease, now_ms).await?;
+    read(write, lease).await?;
     match effect {
         JobEffect::None => {}
         JobEffect::Kernels(learned) => {
@@ -199,7 +213,7 @@ async fn finish(
         "state = 'succeeded', lease_id = null, lease_until_ms = null, worker = null, finish_time_ms = ?4, \
          error = null, checkpoint = null, result = ?5"
     );
-    let query = bind_lease(sql, lease, now_ms).bind(to_json("job.result", &result)?);
+    let query = bind_lease(sql, lease).bind(now_ms).bind(to_json("job.result", &result)?);
     let job = job_or_lease_lost(query.fetch_optional(write.sql()).await?)?;
     append_event(write, &job, now_ms, "succeeded").await?;
     dependencies::release_waiting_jobs(write, &job).await?;
@@ -232,6 +246,16 @@ async fn expire(write: &mut Write, now_ms: i64) -> Result<Vec<Job>, StoreError> 
     Ok(jobs)
 }
 
+async fn release_running(write: &mut Write, now_ms: i64) -> Result<Vec<Job>, StoreError> {
+    let mut jobs = Vec::new();
+    for row in running(write, i64::MAX).await? {
+        let job = job_of(&row)?;
+        let ending = after_stop(&job, row.try_get("failures")?);
+        jobs.push(end(write, &job.id, ending, now_ms).await?);
+    }
+    Ok(jobs)
+}
+
 async fn recover_orphans(write: &mut Write, now_ms: i64) -> Result<Vec<Job>, StoreError> {
     let mut jobs = Vec::new();
     for row in running(write, i64::MAX).await? {
@@ -258,6 +282,14 @@ async fn recover_orphans(write: &mut Write, now_ms: i64) -> Result<Vec<Job>, Sto
 async fn running(write: &mut Write, until_ms: i64) -> Result<Vec<SqliteRow>, StoreError> {
     let sql = "select * from job where state = 'running' and lease_until_ms <= ? order by lease_until_ms limit ?";
     Ok(sqlx::query(sql).bind(until_ms).bind(EXPIRED_MAX).fetch_all(write.sql()).await?)
+}
+
+/// Chooses the end of an attempt that ends because its worker stops: requeued in its old place, or cancelled.
+fn after_stop(job: &Job, failures: i64) -> Ending {
+    match job.cancel_requested {
+        true => Ending::Cancelled,
+        false => Ending::Requeued { run_time_ms: job.run_time_ms, failures, cause: Cause::Drain },
+    }
 }
 
 /// Chooses the end of a failed attempt: requeued, failed or cancelled.

@@ -60,6 +60,12 @@ pub enum StoreError {
         /// Limit on the waiting jobs of one owner.
         limit: u32,
     },
+    /// The queued jobs wait for too many other jobs.
+    #[error("the queued jobs wait for {limit} other jobs in all, which is the limit; submit again when some have run")]
+    DependenciesFull {
+        /// Limit on the dependencies of all queued jobs.
+        limit: u32,
+    },
     /// The owner has reached the limit on stored bytes.
     #[error(
         "you and your jobs have stored {} MiB, and the limit is {} MiB; retry when some of it has been removed",
@@ -107,6 +113,12 @@ pub enum StoreError {
     /// yet.
     #[error("the database has the tables of an older version; start the server of this version once to migrate them")]
     OlderDatabase,
+    /// The database is on read-only media, and a part of it is in a log that cannot be read there.
+    #[error(
+        "the database was not closed, and its log cannot be read in a folder without write access; copy the folder to a \
+         disk that can be written"
+    )]
+    LogUnreadable,
     /// A migration of the tables failed.
     #[error("the database cannot be migrated")]
     Migration(#[source] sqlx::migrate::MigrateError),
@@ -138,6 +150,7 @@ impl StoreError {
             | Self::Stopping
             | Self::QueueFull { .. }
             | Self::OwnerQueueFull { .. }
+            | Self::DependenciesFull { .. }
             | Self::OwnerBytes { .. } => true,
             Self::NotFound { .. }
             | Self::AlreadyExists { .. }
@@ -148,6 +161,7 @@ impl StoreError {
             | Self::Corrupt { .. }
             | Self::NewerDatabase { .. }
             | Self::OlderDatabase
+            | Self::LogUnreadable
             | Self::Migration(_) => false,
         }
     }

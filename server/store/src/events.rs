@@ -33,6 +33,10 @@ impl Store {
     }
 }
 
+/// Limit on the events of a job: more than a person reads. The oldest ones are removed, because a client can cancel and
+/// retry a job for ever.
+pub(super) const EVENTS_MAX: u32 = 1000;
+
 /// Appends an event in the transaction that caused it, and announces the change of the job.
 pub(super) async fn append_event(
     write: &mut Write,
@@ -47,6 +51,9 @@ pub(super) async fn append_event(
         .bind(message.into())
         .execute(write.sql())
         .await?;
+    let forget_old = "delete from job_event where job = ?1 and sequence <= \
+                      (select sequence from job_event where job = ?1 order by sequence desc limit 1 offset ?2)";
+    sqlx::query(forget_old).bind(&job.id).bind(EVENTS_MAX).execute(write.sql()).await?;
     write.announce(Change::Job(job.id.clone()));
     Ok(())
 }

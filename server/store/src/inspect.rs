@@ -1,9 +1,12 @@
 //! Read access to a database that a server may be using, for checks and backups.
 
-use super::open::{MIGRATIONS, connect_options};
+use super::datasets::with_pairs;
+use super::open::{MIGRATIONS, connect_options, create_private};
 use super::{Store, StoreError};
-use sqlx::sqlite::SqliteConnection;
+use lightpath_domain::dataset::digest;
+use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection};
 use sqlx::{ConnectOptions as _, Connection as _, Row};
+use std::fs;
 use std::path::Path;
 
 /// Rows of one page of artifacts.
@@ -66,14 +69,16 @@ impl Store {
 }
 
 impl Inspection {
-    /// Opens the database at `path` for reading. It creates no file and changes no table.
+    /// Opens the database at `path` for reading. It changes no table, and its folder may be on read-only media.
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`] if the file cannot be opened; [`StoreError::NewerDatabase`].
+    /// [`StoreError::Database`] if the file cannot be opened; [`StoreError::NewerDatabase`];
+    /// [`StoreError::LogUnreadable`].
     pub async fn open(path: &Path) -> Result<Self, StoreError> {
-        let options = connect_options(path).create_if_missing(false).pragma("query_only", "on");
-        let mut inspection = Self { connection: options.connect().await? };
+        let mut connection = connect(path).await?;
+        sqlx::query("pragma query_only = on").execute(&mut connection).await?;
+        let mut inspection = Self { connection };
         inspection.steps().await?;
         Ok(inspection)
     }
@@ -83,9 +88,10 @@ impl Inspection {
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`], [`StoreError::DiskFull`].
+    /// [`StoreError::Database`], [`StoreError::DiskFull`], [`StoreError::LogUnreadable`].
     pub async fn snapshot(from: &Path, to: &Path) -> Result<(), StoreError> {
-        let mut connection = connect_options(from).create_if_missing(false).connect().await?;
+        let mut connection = connect(from).await?;
+        create_private(to)?;
         let copied = sqlx::query("vacuum into ?").bind(to.to_string_lossy()).execute(&mut connection).await;
         connection.close().await?;
         copied?;
@@ -142,6 +148,25 @@ impl Inspection {
                 Ok(format!("by its events, jobs/{id} has succeeded {ends} times, but its state contradicts this"))
             })
             .collect()
+    }
+
+    /// Ids of the finalized datasets whose digests do not match their content.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`]; [`StoreError::Corrupt`] if the content of a dataset cannot be parsed.
+    pub async fn changed_datasets(&mut self) -> Result<Vec<String>, StoreError> {
+        let ids: Vec<String> = sqlx::query_scalar("select id from dataset where digest is not null order by id")
+            .fetch_all(&mut self.connection)
+            .await?;
+        let mut changed = Vec::new();
+        for id in ids {
+            let dataset = with_pairs(&mut self.connection, &id).await?;
+            if dataset.digest.as_ref() != Some(&digest(&dataset)) {
+                changed.push(id);
+            }
+        }
+        Ok(changed)
     }
 
     /// Counts the stored records.
@@ -260,4 +285,38 @@ impl Inspection {
     pub async fn close(self) -> Result<(), StoreError> {
         Ok(self.connection.close().await?)
     }
+}
+
+/// Connects to a database for reading. Readers of a database with a write-ahead log usually create its index, which needs
+/// a folder that can be written.
+async fn connect(path: &Path) -> Result<SqliteConnection, StoreError> {
+    match connect_options(path).create_if_missing(false).connect().await {
+        Err(error) if is_unwritable(&error) => connect_without_writing(path).await,
+        connected => Ok(connected?),
+    }
+}
+
+/// Connects to a database in a folder that this process cannot write.
+async fn connect_without_writing(path: &Path) -> Result<SqliteConnection, StoreError> {
+    let mut log = path.as_os_str().to_owned();
+    log.push("-wal");
+    let has_log = fs::metadata(log).is_ok_and(|log| log.len() > 0);
+    // Without a log the file is complete, and nobody changes it. With a log, a server of another user may be running, and its
+    // index of the log can be read.
+    let options = SqliteConnectOptions::new().filename(path).read_only(true).immutable(!has_log);
+    let mut connection = options.connect().await?;
+    // SQLite opens the log when it reads first.
+    match sqlx::query("select 1 from sqlite_master limit 1").execute(&mut connection).await {
+        Err(error) if has_log && is_unwritable(&error) => Err(StoreError::LogUnreadable),
+        Err(error) => Err(error.into()),
+        Ok(_) => Ok(connection),
+    }
+}
+
+/// Whether SQLite could not open the database or its log because a file or a folder cannot be written.
+fn is_unwritable(error: &sqlx::Error) -> bool {
+    /// Primary codes `SQLITE_READONLY` and `SQLITE_CANTOPEN`. The lowest byte of an extended code is the primary one.
+    const CODES: [u32; 2] = [8, 14];
+    let code = error.as_database_error().and_then(|error| error.code()).and_then(|code| code.parse::<u32>().ok());
+    code.is_some_and(|code| CODES.contains(&(code & 0xff)))
 }

@@ -63,14 +63,14 @@ pub struct QueueCounts {
 }
 
 impl Store {
-    /// Queues a job, which is on disk when this returns. Submitting the same request (id and content) again returns the
-    /// job of the first submit.
+    /// Queues a job, which is on disk when this returns. If its owner submits the same request (id and content) again,
+    /// this returns the job of the first submit.
     ///
     /// # Errors
     ///
-    /// [`StoreError::AlreadyExists`] if the request id was used with other content, or a waiting or running job has the
-    /// same unique key; [`StoreError::QueueFull`] and [`StoreError::OwnerQueueFull`] if too many jobs wait already;
-    /// [`StoreError::OwnerBytes`] if the owner has stored too much; [`StoreError::Precondition`] if a job that this job
+    /// [`StoreError::AlreadyExists`] if the owner used the request id with other content, or a waiting or running job of
+    /// the owner has the same unique key; [`StoreError::QueueFull`] and [`StoreError::OwnerQueueFull`] if too many jobs wait already;
+    /// [`StoreError::OwnerBytes`] if the owner has stored too much; [`StoreError::DependenciesFull`]; [`StoreError::Precondition`] if a job that this job
     /// waits for has failed or was cancelled; [`StoreError::NotFound`] if the display, the dataset or an artifact does
     /// not exist.
     pub async fn submit(
@@ -93,14 +93,15 @@ impl Store {
         job_of(&row.ok_or_else(|| StoreError::not_found(format!("jobs/{id}")))?)
     }
 
-    /// The job that the request with this id created, if any. A repeated submit that names "the active kernel" must
+    /// The job that the owner's request with this id created, if any. A repeated submit that names "the active kernel" must
     /// mean the version that was active at the first submit, so callers look here before they resolve that name.
     ///
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn job_by_request(&self, request_id: &str) -> Result<Option<Job>, StoreError> {
-        let row = sqlx::query("select * from job where request_id = ?")
+    pub async fn job_by_request(&self, owner: &str, request_id: &str) -> Result<Option<Job>, StoreError> {
+        let row = sqlx::query("select * from job where owner = ? and request_id = ?")
+            .bind(owner)
             .bind(request_id)
             .fetch_optional(self.readers())
             .await?;
@@ -177,7 +178,7 @@ async fn submit(
     require_records(write.sql(), &new).await?;
     require_queue_room(write.sql(), &new, limits).await?;
     let Scheduling { owner, batch, unique_key, not_before_ms, timeout_ms, after } = &new.scheduling;
-    let waiting_for = dependencies::count_unfinished(write, after).await?;
+    let unfinished = dependencies::unfinished(write, after).await?;
     let row = sqlx::query(
         "insert into job (id, request_id, display, dataset, spec, state, priority, attempts_max, create_time_ms, \
          run_time_ms, owner, batch, unique_key, not_before_ms, timeout_ms, after, waiting_for) \
@@ -198,11 +199,11 @@ async fn submit(
     .bind(not_before_ms)
     .bind(timeout_ms)
     .bind(to_json("job.after", after)?)
-    .bind(waiting_for)
+    .bind(unfinished.len() as i64)
     .fetch_one(write.sql())
     .await?;
     let job = job_of(&row)?;
-    dependencies::store_dependencies(write, &job.id, after).await?;
+    dependencies::store_dependencies(write, &job.id, &unfinished).await?;
     require_artifacts(write.sql(), &job.id).await?;
     append_event(write, &job, now_ms, "queued").await?;
     write.announce(Change::Claimable);
@@ -211,7 +212,8 @@ async fn submit(
 
 /// The job that an earlier submit of the same request created.
 async fn find_existing(sql: &mut SqliteConnection, new: &NewJob, spec: &str) -> Result<Option<Job>, StoreError> {
-    let row = sqlx::query("select * from job where request_id = ?").bind(&new.request_id).fetch_optional(sql).await?;
+    let query = sqlx::query("select * from job where owner = ? and request_id = ?");
+    let row = query.bind(&new.scheduling.owner).bind(&new.request_id).fetch_optional(sql).await?;
     let Some(row) = row else { return Ok(None) };
     let job = job_of(&row)?;
     // The texts are compared, not the values: a number that was rounded when stored would make the same request look
@@ -227,7 +229,8 @@ async fn find_existing(sql: &mut SqliteConnection, new: &NewJob, spec: &str) -> 
     Ok(Some(job))
 }
 
-/// Checks that the queue has room for a job of this owner and that no waiting or running job has its unique key.
+/// Checks that the queue has room for a job of this owner and that no waiting or running job of the owner has its unique
+/// key.
 async fn require_queue_room(sql: &mut SqliteConnection, new: &NewJob, limits: QueueLimits) -> Result<(), StoreError> {
     let (queued, owned): (i64, i64) = sqlx::query_as(
         "select coalesce(sum(jobs), 0), coalesce(sum(jobs) filter (where owner = ?), 0) \
@@ -244,7 +247,7 @@ async fn require_queue_room(sql: &mut SqliteConnection, new: &NewJob, limits: Qu
     }
     super::artifacts::require_room(sql, &new.scheduling.owner, 1, limits.stored_bytes_per_owner).await?;
     let Some(key) = &new.scheduling.unique_key else { return Ok(()) };
-    match active_with_key(sql, key).await? {
+    match active_with_key(sql, &new.scheduling.owner, key).await? {
         Some(id) => {
             Err(StoreError::exists(format!("unique_key \"{key}\""), format!("in jobs/{id}, which has not ended")))
         }
@@ -252,10 +255,15 @@ async fn require_queue_room(sql: &mut SqliteConnection, new: &NewJob, limits: Qu
     }
 }
 
-/// Id of the waiting or running job with this unique key.
-pub(super) async fn active_with_key(sql: &mut SqliteConnection, key: &str) -> Result<Option<String>, StoreError> {
-    let query = sqlx::query_scalar("select id from job where unique_key = ? and state in ('queued', 'running')");
-    Ok(query.bind(key).fetch_optional(sql).await?)
+/// Id of the owner's waiting or running job with this unique key.
+pub(super) async fn active_with_key(
+    sql: &mut SqliteConnection,
+    owner: &str,
+    key: &str,
+) -> Result<Option<String>, StoreError> {
+    let query =
+        sqlx::query_scalar("select id from job where owner = ? and unique_key = ? and state in ('queued', 'running')");
+    Ok(query.bind(owner).bind(key).fetch_optional(sql).await?)
 }
 
 /// Checks that the display and the dataset of the job exist.

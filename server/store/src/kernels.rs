@@ -5,7 +5,8 @@ use super::datasets::require_artifact;
 use super::rows::{from_json, from_word, to_json, to_word};
 use super::write::Write;
 use super::{Store, StoreError, page};
-use lightpath_domain::kernel::{Kernel, KernelKey, KernelVersion, NewKernelVersion};
+use lightpath_domain::kernel::{Kernel, KernelKey, KernelVersion, NewKernelVersion, VERSIONS_MAX};
+use lightpath_domain::reason::PreconditionReason;
 use lightpath_domain::units::{Distance, Wavelength};
 use sqlx::sqlite::SqliteRow;
 use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
@@ -123,7 +124,8 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::NotFound`] if the display or the artifact does not exist.
+    /// [`StoreError::NotFound`] if the display or the artifact does not exist; [`StoreError::Precondition`] if the kernel
+    /// has [`VERSIONS_MAX`] versions.
     pub async fn add_kernel_version(
         &self,
         key: &KernelKey,
@@ -143,7 +145,12 @@ pub(super) async fn append_version(
     now_ms: i64,
 ) -> Result<KernelVersion, StoreError> {
     require_artifact(write.sql(), &content.artifact).await?;
-    let id = create(write.sql(), key, now_ms).await?;
+    let (id, latest_version) = create(write.sql(), key, now_ms).await?;
+    if latest_version >= VERSIONS_MAX {
+        let message =
+            format!("{key} has {VERSIONS_MAX} versions, which is the limit; declare the display again with another id");
+        return Err(StoreError::precondition(PreconditionReason::KernelFull, message));
+    }
     let version: u32 = sqlx::query_scalar(
         "insert into kernel_version \
          (kernel, version, model, artifact, size_bytes, metrics, lineage, create_time_ms) \
@@ -167,8 +174,8 @@ pub(super) async fn append_version(
     Ok(KernelVersion { key: key.clone(), version, content, create_time_ms: now_ms, active: false })
 }
 
-/// Row id of the kernel, which is created if it does not exist.
-async fn create(sql: &mut SqliteConnection, key: &KernelKey, now_ms: i64) -> Result<i64, StoreError> {
+/// Row id and latest version of the kernel, which is created if it does not exist.
+async fn create(sql: &mut SqliteConnection, key: &KernelKey, now_ms: i64) -> Result<(i64, u32), StoreError> {
     let known: bool = sqlx::query_scalar("select exists (select 1 from display where id = ?)")
         .bind(&key.display)
         .fetch_one(&mut *sql)
@@ -187,7 +194,8 @@ async fn create(sql: &mut SqliteConnection, key: &KernelKey, now_ms: i64) -> Res
     .bind(now_ms)
     .execute(&mut *sql)
     .await?;
-    Ok(find(sql, key).await?.0)
+    let (id, kernel) = find(sql, key).await?;
+    Ok((id, kernel.latest_version))
 }
 
 /// The kernel and its row id.

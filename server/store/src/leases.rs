@@ -1,7 +1,8 @@
 //! Operations of workers on the queue: claims, and writes that need a lease.
 //!
 //! Every write names the job, the attempt and the lease, and takes effect only while the lease is valid. A worker that
-//! lost its job changes nothing, even if it notices late.
+//! lost its job changes nothing, even if it notices late. A lease is valid until the store takes it back: its end only
+//! says from when the store may do so. So a process that was suspended for longer than a lease continues its jobs.
 
 use super::changes::Change;
 use super::events::append_event;
@@ -32,13 +33,13 @@ pub struct ClaimLimits {
     pub per_display: u32,
 }
 
-/// SQL of an update that takes effect only while the lease `(?1 job, ?2 attempt, ?3 lease_id)` is valid at time `?4`.
+/// SQL of an update that takes effect only while the lease `(?1 job, ?2 attempt, ?3 lease_id)` is valid.
 macro_rules! fenced {
     ($set:literal) => {
         concat!(
             "update job set revision = revision + 1, ",
             $set,
-            " where id = ?1 and state = 'running' and attempt = ?2 and lease_id = ?3 and lease_until_ms > ?4 returning *"
+            " where id = ?1 and state = 'running' and attempt = ?2 and lease_id = ?3 returning *"
         )
     };
 }
@@ -46,7 +47,8 @@ pub(super) use fenced;
 
 impl Store {
     /// Gives the next job to `worker`, with a lease of `lease_ms`. Jobs are ordered by: lowest `priority`; owner with
-    /// the fewest running jobs; owner whose last start is longest ago; earliest due; oldest.
+    /// the fewest running jobs; owner whose last start is longest ago; earliest due; oldest. Starts in the future, from a
+    /// time when the clock was wrong, do not count.
     ///
     /// # Errors
     ///
@@ -85,7 +87,7 @@ impl Store {
         Ok(time.bind(now_ms).fetch_one(self.readers()).await?)
     }
 
-    /// Extends the lease.
+    /// Extends the lease, even after its end if the store has not taken it back.
     ///
     /// # Errors
     ///
@@ -95,9 +97,9 @@ impl Store {
         self.write(move |write| {
             Box::pin(async move {
                 // A heartbeat does not count as a change, so the revision stays the same.
-                let sql = "update job set lease_until_ms = max(lease_until_ms, ?5) where id = ?1 and state = 'running' and attempt = ?2 \
-                           and lease_id = ?3 and lease_until_ms > ?4 returning *";
-                let row = bind_lease(sql, &lease, now_ms).bind(now_ms + lease_ms).fetch_optional(write.sql()).await?;
+                let sql = "update job set lease_until_ms = max(lease_until_ms, ?4) where id = ?1 and state = 'running' \
+                           and attempt = ?2 and lease_id = ?3 returning *";
+                let row = bind_lease(sql, &lease).bind(now_ms + lease_ms).fetch_optional(write.sql()).await?;
                 let job = job_or_lease_lost(row)?;
                 Ok(Heartbeat { until_ms: now_ms + lease_ms, cancel_requested: job.cancel_requested })
             })
@@ -121,16 +123,44 @@ impl Store {
         .await
     }
 
+    /// Makes waiting jobs due earlier whose start lies further ahead than its reasons explain, because the system's clock
+    /// was ahead when it was set: a job starts at the time that its submitter requested or, after a failed attempt, at
+    /// most `pause_max_ms` from now. Returns the number of these jobs.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`], [`StoreError::DiskFull`].
+    pub async fn pull_forward(&self, now_ms: i64, pause_max_ms: i64) -> Result<u64, StoreError> {
+        self.write(move |write| {
+            Box::pin(async move {
+                let sql = "with late as (select id as late_id, \
+                               max(coalesce(not_before_ms, 0), ?1 + iif(error is null, 0, ?2)) as latest_ms \
+                               from job where state = 'queued') \
+                           update job set run_time_ms = latest_ms, revision = revision + 1 from late \
+                           where id = late_id and run_time_ms > latest_ms returning id";
+                let query = sqlx::query_scalar(sql).bind(now_ms).bind(pause_max_ms);
+                let ids: Vec<String> = query.fetch_all(write.sql()).await?;
+                let count = ids.len() as u64;
+                if count > 0 {
+                    write.announce(Change::Claimable);
+                }
+                ids.into_iter().for_each(|id| write.announce(Change::Job(id)));
+                Ok(count)
+            })
+        })
+        .await
+    }
+
     /// Records the progress of the job.
     ///
     /// # Errors
     ///
     /// [`StoreError::LeaseLost`].
-    pub async fn progress(&self, lease: &Lease, progress: &Progress, now_ms: i64) -> Result<(), StoreError> {
+    pub async fn progress(&self, lease: &Lease, progress: &Progress) -> Result<(), StoreError> {
         let (lease, progress) = (lease.clone(), to_json("job.progress", progress)?);
         self.write(move |write| {
             Box::pin(async move {
-                let query = bind_lease(fenced!("progress = ?5"), &lease, now_ms).bind(progress);
+                let query = bind_lease(fenced!("progress = ?4"), &lease).bind(progress);
                 job_or_lease_lost(query.fetch_optional(write.sql()).await?)?;
                 write.announce(Change::Job(lease.job));
                 Ok(())
@@ -145,13 +175,12 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::LeaseLost`].
-    pub async fn checkpoint(&self, lease: &Lease, digest: &str, now_ms: i64) -> Result<Option<String>, StoreError> {
+    pub async fn checkpoint(&self, lease: &Lease, digest: &str) -> Result<Option<String>, StoreError> {
         let (lease, digest) = (lease.clone(), digest.to_owned());
         self.write(move |write| {
             Box::pin(async move {
-                let before = read(write, &lease, now_ms).await?.0.checkpoint;
-                let query =
-                    bind_lease(fenced!("checkpoint = ?5, failures = 0, crashes = 0"), &lease, now_ms).bind(&digest);
+                let before = read(write, &lease).await?.0.checkpoint;
+                let query = bind_lease(fenced!("checkpoint = ?4, failures = 0, crashes = 0"), &lease).bind(&digest);
                 job_or_lease_lost(query.fetch_optional(write.sql()).await?)?;
                 write.announce(Change::Job(lease.job));
                 Ok(before.filter(|before| *before != digest))
@@ -184,7 +213,7 @@ async fn claim(
             where not exists (select 1 from pause where pause.display in ('', lane.display)) \
                 and (?5 = 0 or coalesce(o.running, 0) < ?5) and (?6 = 0 or coalesce(d.running, 0) < ?6) \
             order by lane.priority, coalesce(o.running, 0), \
-                (select max(start_time_ms) from job where owner = lane.owner and start_time_ms is not null), \
+                (select max(start_time_ms) from job where owner = lane.owner and start_time_ms <= ?4), \
                 next.run_time_ms, next.id limit 1) \
          returning *",
     )
@@ -204,20 +233,15 @@ async fn claim(
 }
 
 /// The job of a valid lease, the number of its failed attempts, and the number of deaths of the server while it ran.
-pub(super) async fn read(write: &mut Write, lease: &Lease, now_ms: i64) -> Result<(Job, i64, i64), StoreError> {
-    let sql = "select * from job where id = ?1 and state = 'running' and attempt = ?2 and lease_id = ?3 \
-               and lease_until_ms > ?4";
-    let row = bind_lease(sql, lease, now_ms).fetch_optional(write.sql()).await?.ok_or(StoreError::LeaseLost)?;
+pub(super) async fn read(write: &mut Write, lease: &Lease) -> Result<(Job, i64, i64), StoreError> {
+    let sql = "select * from job where id = ?1 and state = 'running' and attempt = ?2 and lease_id = ?3";
+    let row = bind_lease(sql, lease).fetch_optional(write.sql()).await?.ok_or(StoreError::LeaseLost)?;
     Ok((job_of(&row)?, row.try_get("failures")?, row.try_get("crashes")?))
 }
 
-/// A query with the lease and the time bound to its first four parameters, in the order of `fenced`.
-pub(super) fn bind_lease<'q>(
-    sql: &'static str,
-    lease: &Lease,
-    now_ms: i64,
-) -> sqlx::query::Query<'q, Sqlite, SqliteArguments> {
-    sqlx::query(sql).bind(lease.job.clone()).bind(lease.attempt).bind(lease.lease_id.clone()).bind(now_ms)
+/// A query with the lease bound to its first three parameters, in the order of `fenced`.
+pub(super) fn bind_lease<'q>(sql: &'static str, lease: &Lease) -> sqlx::query::Query<'q, Sqlite, SqliteArguments> {
+    sqlx::query(sql).bind(lease.job.clone()).bind(lease.attempt).bind(lease.lease_id.clone())
 }
 
 /// The job in the row that an update under a lease returned. Without a row, the lease was not valid.

@@ -37,14 +37,22 @@ impl Store {
             .await
     }
 
-    /// Undoes the latest promotion that has not been undone. A second rollback undoes the promotion before it.
+    /// Undoes the latest promotion that has not been undone. The version `expected` (`None`: no version) must be active
+    /// before, so that of two rollbacks at the same time only one takes effect. A later rollback undoes the promotion before.
     ///
     /// # Errors
     ///
-    /// [`StoreError::NotFound`]; [`StoreError::Precondition`] if there is no promotion to undo.
-    pub async fn rollback(&self, key: &KernelKey, reason: &str, now_ms: i64) -> Result<Kernel, StoreError> {
+    /// [`StoreError::NotFound`]; [`StoreError::Aborted`] if a version other than `expected` is active;
+    /// [`StoreError::Precondition`] if there is no promotion to undo.
+    pub async fn rollback(
+        &self,
+        key: &KernelKey,
+        expected: Option<u32>,
+        reason: &str,
+        now_ms: i64,
+    ) -> Result<Kernel, StoreError> {
         let (key, reason) = (key.clone(), reason.to_owned());
-        self.write(move |write| Box::pin(async move { rollback(write, &key, reason, now_ms).await })).await
+        self.write(move |write| Box::pin(async move { rollback(write, &key, expected, reason, now_ms).await })).await
     }
 
     /// At most `limit` moves of a kernel, newest first and older than the move `before`.
@@ -94,12 +102,8 @@ async fn promote(
     if version == 0 || version > kernel.latest_version {
         return Err(StoreError::not_found(format!("{key}/versions/{version}")));
     }
-    if expected.is_some_and(|expected| expected != kernel.active_version) {
-        let message = match kernel.active_version {
-            Some(active) => format!("version {active} of {key} is active now; read the kernel again"),
-            None => format!("no version of {key} is active now; read the kernel again"),
-        };
-        return Err(StoreError::Aborted { reason: AbortReason::ActiveVersionChanged, message });
+    if let Some(expected) = expected {
+        require_active(&kernel, expected)?;
     }
     if kernel.active_version == Some(version) {
         return Ok(kernel);
@@ -108,8 +112,28 @@ async fn promote(
     apply(write, id, key, step, now_ms).await
 }
 
-async fn rollback(write: &mut Write, key: &KernelKey, reason: String, now_ms: i64) -> Result<Kernel, StoreError> {
+/// Checks that the version `expected` is active (`None`: no version).
+fn require_active(kernel: &Kernel, expected: Option<u32>) -> Result<(), StoreError> {
+    if expected == kernel.active_version {
+        return Ok(());
+    }
+    let key = &kernel.key;
+    let message = match kernel.active_version {
+        Some(active) => format!("version {active} of {key} is active now; read the kernel again"),
+        None => format!("no version of {key} is active now; read the kernel again"),
+    };
+    Err(StoreError::Aborted { reason: AbortReason::ActiveVersionChanged, message })
+}
+
+async fn rollback(
+    write: &mut Write,
+    key: &KernelKey,
+    expected: Option<u32>,
+    reason: String,
+    now_ms: i64,
+) -> Result<Kernel, StoreError> {
     let (id, kernel) = find(write.sql(), key).await?;
+    require_active(&kernel, expected)?;
     let last = sqlx::query(
         "select sequence, from_version from kernel_move m where kernel = ? and undoes is null \
          and not exists (select 1 from kernel_move u where u.undoes = m.sequence) order by sequence desc limit 1",

@@ -5,6 +5,8 @@ use super::changes::Changes;
 use sqlx::migrate::{MigrateError, Migration, MigrationType, Migrator};
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous};
 use sqlx::{AssertSqlSafe, SqlSafeStr};
+use std::fs::File;
+use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
@@ -57,6 +59,9 @@ impl Store {
     /// [`StoreError::Database`] if the file cannot be opened; [`StoreError::Migration`] if its tables have a newer
     /// version; [`StoreError::SqliteTooOld`].
     pub async fn open(path: &Path) -> Result<Self, StoreError> {
+        if !path.exists() {
+            create_private(path)?;
+        }
         let options = connect_options(path);
         let writer = pool(1).connect_with(options.clone()).await?;
         check_version(&writer).await?;
@@ -74,6 +79,12 @@ impl Store {
     pub(super) fn readers(&self) -> &SqlitePool {
         &self.inner.readers
     }
+}
+
+/// Creates an empty file for a database that only its user can read. SQLite gives the log of a database the same mode.
+pub(super) fn create_private(path: &Path) -> Result<(), StoreError> {
+    let created = File::options().write(true).create_new(true).mode(0o600).open(path);
+    created.map(drop).map_err(|error| sqlx::Error::Io(error).into())
 }
 
 /// Options of every connection.
@@ -131,6 +142,22 @@ mod tests {
         files.sort();
         let listed: Vec<String> = MIGRATIONS.iter().map(|(name, _)| format!("{name}.sql")).collect();
         assert_eq!(files, listed);
+    }
+
+    #[tokio::test]
+    async fn only_the_user_of_the_database_can_read_it() {
+        use std::os::unix::fs::PermissionsExt as _;
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("lightpath.db");
+        let store = Store::open(&path).await.unwrap();
+        let copy = folder.path().join("copy.db");
+        crate::Inspection::snapshot(&path, &copy).await.unwrap();
+        let files: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|file| file.unwrap()).collect();
+        assert!(files.len() >= 3, "the log is open: {files:?}");
+        for file in files {
+            assert_eq!(file.metadata().unwrap().permissions().mode() & 0o777, 0o600, "{file:?}");
+        }
+        store.close().await;
     }
 
     #[tokio::test]

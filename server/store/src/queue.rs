@@ -121,7 +121,7 @@ impl Store {
     pub async fn owner_queues(&self) -> Result<Vec<OwnerQueue>, StoreError> {
         let rows: Vec<(String, i64, i64)> = sqlx::query_as(
             "select owner, sum(iif(state = 'queued', jobs, 0)), sum(iif(state = 'running', jobs, 0)) from job_count \
-             where state in ('queued', 'running') group by owner having sum(jobs) > 0 order by owner",
+             where state in ('queued', 'running') group by owner order by owner",
         )
         .fetch_all(self.readers())
         .await?;

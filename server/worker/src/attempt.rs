@@ -41,14 +41,8 @@ impl Worker {
         let cancels = self.store.subscribe_cancels();
         helpers.spawn(watch_for_stop(cancels, lease.job.clone(), drain.clone(), Arc::clone(&stop)));
         let (store, clock) = (self.store.clone(), self.clock.clone());
-        helpers.spawn(send_heartbeats(
-            store.clone(),
-            clock.clone(),
-            lease.clone(),
-            self.config.lease,
-            Arc::clone(&stop),
-        ));
-        helpers.spawn(store_progress(store, clock, lease.clone(), reports.clone()));
+        helpers.spawn(send_heartbeats(store, clock, lease.clone(), self.config.lease, Arc::clone(&stop)));
+        helpers.spawn(store_progress(self.store.clone(), lease.clone(), reports.clone()));
         let timeout = self.config.timeouts.of(&job);
         if let Some(timeout) = timeout {
             let stop = Arc::clone(&stop);
@@ -96,7 +90,7 @@ impl Worker {
         let job = match (outcome, stop) {
             (Ok(output), _) => {
                 if let Some(progress) = last_report {
-                    self.store.progress(lease, &progress, self.clock.now_ms()).await?;
+                    self.store.progress(lease, &progress).await?;
                 }
                 self.finish(lease, output).await?
             }
@@ -173,6 +167,7 @@ fn refusal(error: &StoreError) -> FailureReason {
         StoreError::Precondition { reason: PreconditionReason::DatasetSplitEmpty, .. } => {
             FailureReason::DatasetSplitEmpty
         }
+        StoreError::Precondition { reason: PreconditionReason::KernelFull, .. } => FailureReason::KernelFull,
         _ => FailureReason::Store,
     }
 }
@@ -210,26 +205,19 @@ fn panicked(panic: &(dyn Any + Send)) -> TaskError {
     TaskError::Failed(JobError { reason: FailureReason::Panic, message, retryable: true })
 }
 
-/// Extends the lease. Raises the stop flag if the lease is lost or the job must be cancelled.
+/// Extends the lease. Raises the stop flag if the lease is lost or the job must be cancelled. While the store does not
+/// accept heartbeats, it cannot take the lease back either.
 async fn send_heartbeats(store: Store, clock: Clock, lease: Lease, duration: Duration, stop: Arc<StopFlag>) {
     let lease_ms = i64::try_from(duration.as_millis()).unwrap_or(i64::MAX / 2);
-    let mut until_ms = lease.until_ms;
     let mut ticks = interval(duration / HEARTBEATS_PER_LEASE);
     loop {
         ticks.tick().await;
         match store.heartbeat(&lease, clock.now_ms(), lease_ms).await {
-            Ok(beat) => {
-                until_ms = beat.until_ms;
-                if beat.cancel_requested {
-                    stop.raise(StopReason::Cancel);
-                }
-            }
+            Ok(beat) if beat.cancel_requested => stop.raise(StopReason::Cancel),
+            Ok(_) => {}
             Err(StoreError::LeaseLost) => return stop.raise(StopReason::LeaseLost),
             Err(error) => {
                 tracing::error!(job = lease.job, error = &error as &dyn std::error::Error, "a heartbeat failed");
-                if clock.now_ms() >= until_ms {
-                    return stop.raise(StopReason::LeaseLost);
-                }
             }
         }
     }
@@ -255,11 +243,11 @@ async fn watch_for_stop(mut cancels: Receiver<String>, job: String, drain: Cance
 }
 
 /// Stores progress reports, at most a few a second.
-async fn store_progress(store: Store, clock: Clock, lease: Lease, mut reports: watch::Receiver<Option<Progress>>) {
+async fn store_progress(store: Store, lease: Lease, mut reports: watch::Receiver<Option<Progress>>) {
     while reports.changed().await.is_ok() {
         let report = reports.borrow_and_update().clone();
         if let Some(progress) = report
-            && let Err(error) = store.progress(&lease, &progress, clock.now_ms()).await
+            && let Err(error) = store.progress(&lease, &progress).await
         {
             tracing::debug!(job = lease.job, error = &error as &dyn std::error::Error, "progress was not recorded");
         }

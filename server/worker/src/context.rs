@@ -225,7 +225,7 @@ impl JobContext {
 
     async fn save_sealed(&self, sealed: Vec<u8>) -> Result<(), TaskError> {
         let digest = self.artifacts.put_checkpoint(sealed).await?;
-        let before = match self.store.checkpoint(&self.lease, &digest, self.clock.now_ms()).await {
+        let before = match self.store.checkpoint(&self.lease, &digest).await {
             Ok(before) => before,
             Err(error) => {
                 // No job refers to the file. If its removal fails too, the next start removes it.

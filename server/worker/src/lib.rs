@@ -57,7 +57,7 @@ use lightpath_store::{ClaimLimits, Store, StoreError};
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 use std::collections::HashSet;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::task::JoinSet;
 use tokio::time::{MissedTickBehavior, sleep};
 use tokio_util::sync::CancellationToken;
@@ -70,6 +70,9 @@ const PAUSE: Duration = Duration::from_secs(1);
 /// Scheduling priority of the compute threads, as of the command `nice`. Threads that answer calls get a core at once.
 #[cfg(target_os = "linux")]
 const COMPUTE_NICENESS: i32 = 10;
+/// Time without a check of the leases after which no lease is taken back, in leases. The checks come twice in the time of
+/// a lease, and a lease outlives two thirds of its time without heartbeats.
+const ABSENCE_MIN: f64 = 0.6;
 /// Longest time between two reads of the queue.
 const POLL_INTERVAL_MAX: Duration = Duration::from_secs(60);
 
@@ -255,6 +258,7 @@ impl Worker {
 
     /// Requeues the jobs of dead workers and removes checkpoints to which no job refers.
     async fn recover(&self) -> Result<(), WorkerError> {
+        self.pull_forward().await?;
         loop {
             let orphans = self.store.recover_orphans(self.clock.now_ms()).await?;
             if orphans.is_empty() {
@@ -326,14 +330,26 @@ impl Worker {
         }
     }
 
-    /// Takes jobs from workers that lost their leases without ending the attempt, for example while the disk was full.
+    /// Takes jobs from workers that lost their leases without ending the attempt, for example because its end could not
+    /// be stored.
     async fn expire_loop(&self, drain: CancellationToken) {
         let mut ticks = tokio::time::interval(self.config.lease / 2);
         ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let mut checked = Instant::now();
         loop {
             tokio::select! {
                 _ = ticks.tick() => {}
                 () = drain.cancelled() => return,
+            }
+            if checked.elapsed() > self.config.lease.mul_f64(ABSENCE_MIN) {
+                // This process was suspended, or it could not write. Its heartbeats could not be stored either, so they come
+                // first now.
+                tracing::warn!(
+                    absent_s = checked.elapsed().as_secs_f64(),
+                    "the server was suspended or could not write"
+                );
+                checked = Instant::now();
+                continue;
             }
             if let Err(error) = self.follow_system_clock().await {
                 tracing::error!(
@@ -344,6 +360,7 @@ impl Worker {
             }
             match self.store.expire_leases(self.clock.now_ms()).await {
                 Ok(jobs) => {
+                    checked = Instant::now();
                     for job in jobs {
                         metrics::lease_lost(LeaseLoss::Expired, &job);
                         tracing::warn!(job = job.id, state = job.state.as_str(), "the job's lease ran out");
@@ -367,6 +384,17 @@ impl Worker {
         } else {
             self.clock.adjust(ahead_ms);
             self.store.shift_leases(ahead_ms).await?;
+            self.pull_forward().await?;
+        }
+        Ok(())
+    }
+
+    /// Makes the jobs due that were queued while the system's clock was ahead.
+    async fn pull_forward(&self) -> Result<(), StoreError> {
+        let pause_max_ms = i64::try_from(self.config.backoff.max.as_millis()).unwrap_or(i64::MAX / 2);
+        let jobs = self.store.pull_forward(self.clock.now_ms(), pause_max_ms).await?;
+        if jobs > 0 {
+            tracing::warn!(jobs, "jobs were queued while the system's clock was ahead; they are due now");
         }
         Ok(())
     }

@@ -46,6 +46,10 @@ pub(crate) struct Rollback {
     /// Record this reason in the history, at most 1024 bytes [default: none]
     #[arg(long, value_name = "TEXT", default_value = "", hide_default_value = true)]
     reason: String,
+
+    /// Go back only if this version is active now [default: the version that is active when the command starts]
+    #[arg(long, value_name = "N")]
+    expected_active: Option<u32>,
 }
 
 /// List every change of the active version, newest first.
@@ -73,7 +77,13 @@ impl Promote {
 
 impl Rollback {
     pub(super) async fn run(self, session: &Session) -> Result<(), Failure> {
-        let request = v1::RollbackKernelRequest { kernel: self.kernel.name(session).await?, reason: self.reason };
+        let name = self.kernel.name(session).await?;
+        let active = match self.expected_active {
+            Some(version) => version,
+            None => session.client.get_kernel(v1::GetKernelRequest { name: name.clone() }).await?.active_version,
+        };
+        let request =
+            v1::RollbackKernelRequest { kernel: name, reason: self.reason, expected_active_version: Some(active) };
         session.print(&session.client.rollback_kernel(request).await?, kernel_facts)
     }
 }

@@ -28,7 +28,7 @@ const UPLOAD_TURN_POLL: Duration = Duration::from_millis(50);
 impl Api {
     pub(crate) async fn get_upload(&self, call: &Call, request: v1::GetUploadRequest) -> Result<v1::Upload, ApiError> {
         let digest = Field::new("digest").digest(&request.digest)?;
-        let (received_bytes, complete) = match self.artifact_in_use(call, &digest).await? {
+        let (received_bytes, complete) = match self.intact_artifact(call, &digest).await? {
             Some(record) => (record.size_bytes, true),
             None => (self.artifacts.uploads().received_bytes(&digest, &call.caller.name).await?, false),
         };
@@ -88,12 +88,15 @@ impl Api {
     async fn turn(&self, call: &Call, digest: &str, size_bytes: u64, offset_bytes: u64) -> Result<Turn, ApiError> {
         let until = Instant::now() + UPLOAD_TURN_MAX;
         loop {
-            if let Some(record) = self.artifact_in_use(call, digest).await? {
+            if let Some(record) = self.intact_artifact(call, digest).await? {
                 return Ok(Turn::Stored(record));
             }
-            self.artifacts.space().admit(size_bytes.saturating_sub(offset_bytes))?;
+            // The bytes of a damaged artifact count already.
+            let is_repair = self.artifact_for_caller(call, digest).await?.is_some();
+            let new_bytes = if is_repair { 0 } else { size_bytes };
+            self.artifacts.space().admit(new_bytes.saturating_sub(offset_bytes))?;
             let stored_bytes_max = self.queue_limits.stored_bytes_per_owner;
-            self.store.require_owner_room(&call.caller.name, size_bytes, stored_bytes_max).await?;
+            self.store.require_owner_room(&call.caller.name, new_bytes, stored_bytes_max).await?;
             match self.artifacts.uploads().begin(digest, &call.caller.name, size_bytes, offset_bytes).await {
                 Err(ArtifactError::UploadBusy { .. }) if Instant::now() < until => sleep(UPLOAD_TURN_POLL).await,
                 upload => return Ok(Turn::Granted(upload?)),

@@ -1,5 +1,6 @@
 //! A file of lines that starts anew when it is full. A limited number of older files is kept.
 
+use lightpath_artifacts::private_file;
 use lightpath_fail_points as fail;
 use std::fs::{self, File};
 use std::io::{self, Write as _};
@@ -86,7 +87,7 @@ impl Journal {
 
 impl Open {
     fn append(path: &Path) -> io::Result<Self> {
-        let file = File::options().create(true).append(true).open(path)?;
+        let file = private_file().create(true).append(true).open(path)?;
         let bytes = file.metadata()?.len();
         Ok(Self { file, bytes, is_flushed: true })
     }

@@ -37,6 +37,13 @@ impl DatasetService for Api {
         self.answer(request, Self::add_pair).await
     }
 
+    async fn delete_dataset(
+        &self,
+        request: Request<v1::DeleteDatasetRequest>,
+    ) -> Result<Response<v1::DeleteDatasetResponse>, Status> {
+        self.answer(request, Self::delete_dataset).await
+    }
+
     async fn create_calibration_target(
         &self,
         request: Request<v1::CreateCalibrationTargetRequest>,
@@ -69,6 +76,18 @@ impl Api {
         let datasets = self.store.datasets(display.as_deref(), page.after.as_deref(), page.limit()).await?;
         let (datasets, next_page_token) = page.fill(datasets, |dataset| dataset.id.clone(), to_wire::dataset);
         Ok(v1::ListDatasetsResponse { datasets, next_page_token })
+    }
+
+    async fn delete_dataset(
+        &self,
+        call: &Call,
+        request: v1::DeleteDatasetRequest,
+    ) -> Result<v1::DeleteDatasetResponse, ApiError> {
+        let id = names::dataset_id(&Field::new("name"), &request.name)?;
+        call.concerns(format!("datasets/{id}"));
+        self.visible_dataset(call, &id).await?;
+        self.store.delete_dataset(&id, now_ms()).await?;
+        Ok(v1::DeleteDatasetResponse {})
     }
 
     async fn new_dataset(&self, call: &Call, message: &v1::Dataset, field: &Field) -> Result<Dataset, ApiError> {

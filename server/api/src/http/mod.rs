@@ -37,14 +37,19 @@ use std::sync::Arc;
 pub use token_expiry::EndedTokens;
 use tonic::Status;
 
+/// Paths of plain HTTP.
+const PATHS: [&str; 4] = ["/healthz", "/metrics", "/v1/jobs", "/v1/jobs/{id}"];
+
 /// The router for gRPC and HTTP.
 pub fn router(gate: Gate, budget: Arc<MemoryBudget>, grpc: tonic::service::Routes) -> Router {
+    requests::expect_all();
     let api = gate.api.clone();
+    let [healthz, metrics_path, jobs, job] = PATHS;
     let http = Router::new()
-        .route("/healthz", get(health))
-        .route("/metrics", get(metrics))
-        .route("/v1/jobs", get(jobs_json::list_jobs))
-        .route("/v1/jobs/{id}", get(jobs_json::get_job))
+        .route(healthz, get(health))
+        .route(metrics_path, get(metrics))
+        .route(jobs, get(jobs_json::list_jobs))
+        .route(job, get(jobs_json::get_job))
         .fallback(unknown)
         .with_state(api.clone());
     // Both routers have a fallback, and a merged router can have only one.

@@ -9,6 +9,8 @@ use axum::http::{HeaderMap, HeaderValue};
 use axum::middleware::Next;
 use axum::response::Response;
 use lightpath_metrics as metrics;
+use std::collections::HashSet;
+use std::sync::LazyLock;
 use std::time::{Duration, Instant};
 use tokio::time::timeout;
 use tonic::{Code, Status};
@@ -69,15 +71,21 @@ fn method(request: &Request) -> String {
     }
 }
 
+/// Starts the counters of the metrics for all methods.
+pub(super) fn expect_all() {
+    metrics::expect_requests(METHODS.iter().map(|method| (method.clone(), "Ok")));
+    metrics::expect_requests(super::PATHS.map(|path| (path.to_owned(), "200")));
+}
+
+/// Paths of all gRPC methods.
+static METHODS: LazyLock<HashSet<String>> = LazyLock::new(methods);
+
 /// Whether the descriptors contain a method with this path.
 fn is_method(path: &str) -> bool {
-    use std::collections::HashSet;
-    use std::sync::LazyLock;
-    static METHODS: LazyLock<HashSet<String>> = LazyLock::new(methods);
     METHODS.contains(path)
 }
 
-fn methods() -> std::collections::HashSet<String> {
+fn methods() -> HashSet<String> {
     use prost::Message as _;
     let sets = [lightpath_proto::DESCRIPTORS, tonic_health::pb::FILE_DESCRIPTOR_SET];
     let files =

@@ -47,7 +47,7 @@ impl Api {
             Field::new("attempts_max").integer_or(request.attempts_max, ATTEMPTS_DEFAULT, 1..=ATTEMPTS_MAX)?;
         let priority = priority(call, request.priority)?;
         let request_id = request_id(request.request_id)?;
-        let before = self.store.job_by_request(&request_id).await?;
+        let before = self.store.job_by_request(&scheduling.owner, &request_id).await?;
         let spec = match field.required(kind)? {
             job_spec::Kind::OptimizeHologram(message) => {
                 let field = field.at("optimize_hologram");

@@ -43,7 +43,9 @@ impl Api {
         let key = names::kernel_key(call, &Field::new("kernel"), &request.kernel)?;
         call.concerns(key.to_string());
         let reason = Field::new("reason").text(request.reason, REASON_BYTES_MAX)?;
-        Ok(to_wire::kernel(&self.store.rollback(&key, &reason, now_ms()).await?))
+        let expected = Field::new("expected_active_version").required(request.expected_active_version)?;
+        let expected = (expected > 0).then_some(expected);
+        Ok(to_wire::kernel(&self.store.rollback(&key, expected, &reason, now_ms()).await?))
     }
 
     pub(crate) async fn list_kernel_moves(

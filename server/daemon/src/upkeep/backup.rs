@@ -5,8 +5,11 @@
 //! can be removed during the copy: a job whose saved state is missing starts from the beginning after a restore, with
 //! the same result.
 
-use super::{DATABASE, UpkeepError};
-use lightpath_artifacts::{ArtifactError, BlobKind, Inventory, digest_of_file};
+use super::check::blob_problem;
+use super::{DATABASE, Finding, FindingKind, UpkeepError};
+use lightpath_artifacts::{
+    ArtifactError, BlobKind, FolderLock, Inventory, LOCK, create_private_folder, digest_of_file, private_file,
+};
 use lightpath_fail_points as fail;
 use lightpath_store::Inspection;
 use serde::{Deserialize, Serialize};
@@ -28,12 +31,14 @@ pub struct Manifest {
     pub time_ms: u64,
     /// Digest of the database: `sha256-…`.
     pub database: String,
-    /// Number of recorded artifacts.
+    /// Number of recorded artifacts, including the damaged ones.
     pub artifacts: u64,
     /// Size of all recorded artifacts \[bytes\].
     pub artifact_bytes: u64,
     /// Number of jobs in all states.
     pub jobs: u64,
+    /// Digests of the recorded artifacts that the backup lacks, because their files were missing or damaged.
+    pub damaged: Vec<String>,
 }
 
 /// Result of a backup.
@@ -44,21 +49,24 @@ pub struct Backup {
     /// Number of jobs that start from the beginning after a restore, because their saved states were removed during the
     /// copy.
     pub restarting_jobs: u64,
+    /// Artifacts that could not be copied, because their files are missing or damaged. Everything else was copied.
+    pub damaged: Vec<Finding>,
 }
 
-/// Copies `data_dir` to `destination`, a folder that is empty or does not exist. The copy is complete, checked and on
-/// disk when this returns.
+/// Copies `data_dir` to `destination`, a folder that is empty or does not exist. The copy is checked and on disk when this
+/// returns. It is complete except for the damaged artifacts, which are named.
 ///
 /// # Errors
 ///
-/// [`UpkeepError::NoData`], [`UpkeepError::NotEmpty`]; [`UpkeepError::Damaged`] if an artifact is missing or does not
-/// match its digest.
+/// [`UpkeepError::NoData`], [`UpkeepError::NotEmpty`], [`UpkeepError::Inside`]; [`ArtifactError::Locked`] if another
+/// process writes to the destination.
 pub async fn backup(data_dir: &Path, destination: &Path) -> Result<Backup, UpkeepError> {
     let database = data_dir.join(DATABASE);
     if !database.is_file() {
         return Err(UpkeepError::NoData { path: data_dir.to_owned() });
     }
-    make_empty(destination)?;
+    require_outside(destination, data_dir)?;
+    let _lock = lock_empty(destination)?;
     let (from, to) = (Inventory::of(data_dir), Inventory::create(destination)?);
     let _no_removal = from.prevent_removal()?;
     let copy = destination.join(DATABASE);
@@ -67,19 +75,7 @@ pub async fn backup(data_dir: &Path, destination: &Path) -> Result<Backup, Upkee
 
     let mut inspection = Inspection::open(&copy).await?;
     let counts = inspection.counts().await?;
-    let damaged = |source| UpkeepError::Damaged { path: data_dir.to_owned(), source };
-    let mut after = String::new();
-    loop {
-        let page = inspection.artifacts_after(&after).await?;
-        let Some(last) = page.last() else { break };
-        after.clone_from(&last.digest);
-        for record in page {
-            from.copy(BlobKind::Artifact, &record.digest, &to).map_err(|error| match error {
-                error @ (ArtifactError::NotFound { .. } | ArtifactError::DataLoss { .. }) => damaged(error),
-                other => other.into(),
-            })?;
-        }
-    }
+    let damaged = copy_artifacts(&mut inspection, &from, &to).await?;
     let restarting = copy_checkpoints(&mut inspection, &from, &to).await?;
     inspection.close().await?;
     Inspection::forget_checkpoints(&copy, &restarting).await?;
@@ -94,10 +90,35 @@ pub async fn backup(data_dir: &Path, destination: &Path) -> Result<Backup, Upkee
         artifacts: counts.artifacts,
         artifact_bytes: counts.artifact_bytes,
         jobs: counts.jobs,
+        damaged: damaged.iter().map(|found| found.what.clone()).collect(),
     };
     write_manifest(destination, &manifest)?;
     to.flush()?;
-    Ok(Backup { manifest, restarting_jobs: restarting.len() as u64 })
+    Ok(Backup { manifest, restarting_jobs: restarting.len() as u64, damaged })
+}
+
+/// Copies the recorded artifacts. Returns those whose files are missing or damaged.
+async fn copy_artifacts(
+    inspection: &mut Inspection,
+    from: &Inventory,
+    to: &Inventory,
+) -> Result<Vec<Finding>, UpkeepError> {
+    let (mut damaged, mut after) = (Vec::new(), String::new());
+    loop {
+        let page = inspection.artifacts_after(&after).await?;
+        let Some(last) = page.last() else { return Ok(damaged) };
+        after.clone_from(&last.digest);
+        for record in page {
+            match from.copy(BlobKind::Artifact, &record.digest, to) {
+                Ok(_) => {}
+                Err(error @ (ArtifactError::NotFound { .. } | ArtifactError::DataLoss { .. })) => {
+                    let problem = blob_problem(&error);
+                    damaged.push(Finding { kind: FindingKind::Artifact, what: record.digest, problem });
+                }
+                Err(error) => return Err(error.into()),
+            }
+        }
+    }
 }
 
 /// Copies the saved states of jobs. Returns the ids of the jobs whose states could not be copied.
@@ -117,20 +138,44 @@ async fn copy_checkpoints(
     Ok(restarting)
 }
 
-/// Creates a folder, or accepts one that is empty.
-pub(super) fn make_empty(path: &Path) -> Result<(), UpkeepError> {
-    fs::create_dir_all(path).map_err(UpkeepError::io("create the folder", path))?;
-    let mut entries = fs::read_dir(path).map_err(UpkeepError::io("read the folder", path))?;
-    match entries.next() {
-        None => Ok(()),
-        Some(_) => Err(UpkeepError::NotEmpty { path: path.to_owned() }),
+/// Refuses a destination inside the folder that is copied.
+pub(super) fn require_outside(destination: &Path, folder: &Path) -> Result<(), UpkeepError> {
+    let folder = folder.canonicalize().map_err(UpkeepError::io("read the folder", folder))?;
+    // The destination may not exist yet, so the nearest folder above it decides.
+    let existing = std::path::absolute(destination).map_err(UpkeepError::io("find", destination))?;
+    let existing = existing.ancestors().find_map(|path| path.canonicalize().ok());
+    match existing.is_some_and(|path| path.starts_with(&folder)) {
+        true => Err(UpkeepError::Inside { path: destination.to_owned(), folder }),
+        false => Ok(()),
     }
+}
+
+/// Creates a folder, or accepts one that is empty, and locks it: no server can start on it, and no other command can
+/// write to it.
+pub(super) fn lock_empty(path: &Path) -> Result<FolderLock, UpkeepError> {
+    create_private_folder(path).map_err(UpkeepError::io("create the folder", path))?;
+    // The first check leaves no lock file in a folder with other files. The second one finds what another process wrote
+    // before this one had the lock.
+    require_empty(path)?;
+    let lock = FolderLock::take(path)?;
+    require_empty(path)?;
+    Ok(lock)
+}
+
+/// Refuses a folder with files other than the lock file, which an earlier command may have left.
+fn require_empty(path: &Path) -> Result<(), UpkeepError> {
+    for entry in fs::read_dir(path).map_err(UpkeepError::io("read the folder", path))? {
+        if entry.map_err(UpkeepError::io("read the folder", path))?.file_name() != LOCK {
+            return Err(UpkeepError::NotEmpty { path: path.to_owned() });
+        }
+    }
+    Ok(())
 }
 
 fn write_manifest(destination: &Path, manifest: &Manifest) -> Result<(), UpkeepError> {
     let path = destination.join(MANIFEST);
     let write = || -> std::io::Result<()> {
-        let mut file = File::create_new(&path)?;
+        let mut file = private_file().write(true).create_new(true).open(&path)?;
         file.write_all(&serde_json::to_vec_pretty(manifest)?)?;
         file.write_all(b"\n")?;
         fail::point("backup.manifest")?;

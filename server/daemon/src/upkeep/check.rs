@@ -49,6 +49,8 @@ pub enum FindingKind {
     Database,
     /// A job whose events contradict its state.
     Job,
+    /// A finalized dataset whose digest does not match its content.
+    Dataset,
     /// A recorded artifact whose file is missing or damaged.
     Artifact,
     /// A row that refers to an artifact that is not recorded.
@@ -64,6 +66,7 @@ impl FindingKind {
         match self {
             Self::Database => "database",
             Self::Job => "job",
+            Self::Dataset => "dataset",
             Self::Artifact => "artifact",
             Self::Reference => "reference",
             Self::Checkpoint => "checkpoint",
@@ -111,6 +114,10 @@ async fn database_problems(inspection: &mut Inspection) -> Result<Vec<Finding>, 
     }
     for problem in inspection.contradictions().await? {
         problems.push(Finding { kind: FindingKind::Job, what: DATABASE.to_owned(), problem });
+    }
+    for id in inspection.changed_datasets().await? {
+        let problem = "has a digest that does not match its pairs, split and alignment".to_owned();
+        problems.push(Finding { kind: FindingKind::Dataset, what: format!("datasets/{id}"), problem });
     }
     for dangling in inspection.dangling_references().await? {
         let problem = format!("refers to {}, which is not recorded", dangling.digest);
@@ -190,7 +197,7 @@ async fn check_checkpoints(
 }
 
 /// Describes a problem of a blob. The text follows the name of the blob.
-fn blob_problem(error: &ArtifactError) -> String {
+pub(super) fn blob_problem(error: &ArtifactError) -> String {
     match error {
         ArtifactError::NotFound { .. } => "is not on disk".to_owned(),
         ArtifactError::DataLoss { .. } => "has bytes that do not match its digest".to_owned(),

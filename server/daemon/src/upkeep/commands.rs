@@ -1,12 +1,13 @@
 //! `lightpathd check`, `backup`, `restore` and `collect`.
 
-use super::{Collected, DATABASE, Report, UpkeepError, backup, check, restore};
+use super::{Collected, DATABASE, Finding, Report, UpkeepError, backup, check, restore};
 use crate::config::{Effective, Settings};
 use lightpath_artifacts::Artifacts;
 use lightpath_store::Store;
 use lightpath_worker::Clock;
 use serde::Serialize;
 use std::io::Write as _;
+use std::iter::once;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -47,8 +48,10 @@ pub struct CheckArgs {
     folder: DataDir,
 }
 
-/// Copy a data folder to a folder that is empty or does not exist. The server may be running. The copy is complete and
-/// checked, and shows the state of one moment.
+/// Copy a data folder to a folder that is empty or does not exist. The server may be running. The copy is checked and shows
+/// the state of one moment. Damaged artifacts are listed, and everything else is copied.
+///
+/// Exit code 0: the copy is complete. 1: it lacks the listed artifacts. 2: there is no copy.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -61,7 +64,10 @@ pub struct BackupArgs {
     folder: DataDir,
 }
 
-/// Create a data folder from a backup. The data folder must be empty or not exist. The backup does not change.
+/// Create a data folder from a backup. The data folder must be empty or not exist. The backup does not change. Damaged files
+/// are listed, and everything else is restored.
+///
+/// Exit code 0: no problems. 1: problems were found. 2: nothing was restored.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -148,14 +154,16 @@ impl BackupArgs {
             let manifest = &done.manifest;
             let mib = manifest.artifact_bytes as f64 / f64::from(1 << 20);
             let jobs = manifest.jobs;
-            format!(
+            let copied = format!(
                 "{}: {jobs} jobs, {} artifacts, {mib:.1} MiB; {} jobs would start from the beginning",
                 self.destination.display(),
                 manifest.artifacts,
                 done.restarting_jobs
-            )
+            );
+            let missing = format!("artifacts that could not be copied: {}", done.damaged.len());
+            once(copied).chain(once(missing)).chain(done.damaged.iter().map(line)).collect::<Vec<_>>().join("\n")
         })?;
-        Ok(true)
+        Ok(done.damaged.is_empty())
     }
 }
 
@@ -238,7 +246,10 @@ fn text(report: &Report) -> String {
         format!("{:<22}{}", "unreferenced files", report.unreferenced_files),
         format!("{:<22}{}", "problems", report.problems.len()),
     ];
-    let problems = report.problems.iter();
-    lines.extend(problems.map(|found| format!("  {:<12}{} {}", found.kind.as_str(), found.what, found.problem)));
+    lines.extend(report.problems.iter().map(line));
     lines.join("\n")
+}
+
+fn line(found: &Finding) -> String {
+    format!("  {:<12}{} {}", found.kind.as_str(), found.what, found.problem)
 }

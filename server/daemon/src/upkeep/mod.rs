@@ -2,7 +2,8 @@
 //!
 //! A check and a backup may run while the server runs. They read the database through their own connections and do not
 //! need the lock of the data folder. If the server removes or replaces an item during the check, the check examines it
-//! again.
+//! again. Commands that write files hold the lock of the folder into which they write: a restore from before its first
+//! file until after its check, a backup in its destination, a collection, and a command that creates the database.
 //!
 //! # Layout
 //!
@@ -48,6 +49,14 @@ pub enum UpkeepError {
         /// Path of the destination.
         path: PathBuf,
     },
+    /// The destination of a copy is inside the folder that is copied.
+    #[error("{} is inside {}; choose a folder outside of it", path.display(), folder.display())]
+    Inside {
+        /// Path of the destination.
+        path: PathBuf,
+        /// Path of the folder that is copied.
+        folder: PathBuf,
+    },
     /// The folder is not a complete backup.
     #[error("{} is not a complete backup: {problem}", path.display())]
     NoBackup {
@@ -55,14 +64,6 @@ pub enum UpkeepError {
         path: PathBuf,
         /// Description of the problem.
         problem: String,
-    },
-    /// The data to be copied is damaged.
-    #[error("{} is damaged and cannot be copied; `lightpathd check` lists all problems", path.display())]
-    Damaged {
-        /// Path of the folder.
-        path: PathBuf,
-        /// The damage that was found.
-        source: ArtifactError,
     },
     /// A file operation failed.
     #[error("could not {action} {}", path.display())]

@@ -1,20 +1,21 @@
 //! Creates a data folder from a backup.
 
-use super::backup::{MANIFEST, Manifest, make_empty};
+use super::backup::{MANIFEST, Manifest, lock_empty, require_outside};
 use super::{DATABASE, Report, UpkeepError, check};
-use lightpath_artifacts::{ArtifactError, BlobKind, Inventory, digest_of_file};
+use lightpath_artifacts::{ArtifactError, BlobKind, Inventory, digest_of_file, private_file};
 use lightpath_fail_points as fail;
 use lightpath_store::Inspection;
 use std::fs::{self, File};
+use std::io;
 use std::path::Path;
 
 /// Copies a backup to `data_dir`, a folder that is empty or does not exist, and checks the copy. The backup does not
-/// change. When this returns, the data is on disk and a server can be started on it.
+/// change. Until this returns, no server can be started on the folder. Then the data is on disk and a server can use it.
 ///
 /// # Errors
 ///
-/// [`UpkeepError::NoBackup`], [`UpkeepError::NotEmpty`]; [`UpkeepError::Damaged`] if a blob of the backup is missing or
-/// does not match its digest.
+/// [`UpkeepError::NoBackup`], [`UpkeepError::NotEmpty`], [`UpkeepError::Inside`]; [`ArtifactError::Locked`] if another
+/// process uses the folder. Missing and damaged files of the backup are in the report, and everything else is restored.
 pub async fn restore(backup: &Path, data_dir: &Path) -> Result<Report, UpkeepError> {
     let manifest = read_manifest(backup)?;
     let database = backup.join(DATABASE);
@@ -23,20 +24,25 @@ pub async fn restore(backup: &Path, data_dir: &Path) -> Result<Report, UpkeepErr
         let problem = format!("{DATABASE} hashes to {found}, but {MANIFEST} says {}", manifest.database);
         return Err(UpkeepError::NoBackup { path: backup.to_owned(), problem });
     }
-    make_empty(data_dir)?;
+    require_outside(data_dir, backup)?;
+    let _lock = lock_empty(data_dir)?;
     let (from, to) = (Inventory::of(backup), Inventory::create(data_dir)?);
-    let damaged = |source| UpkeepError::Damaged { path: backup.to_owned(), source };
     for kind in [BlobKind::Artifact, BlobKind::Checkpoint] {
         for digest in from.list(kind)? {
-            from.copy(kind, &digest, &to).map_err(|error| match error {
-                error @ (ArtifactError::NotFound { .. } | ArtifactError::DataLoss { .. }) => damaged(error),
-                other => other.into(),
-            })?;
+            match from.copy(kind, &digest, &to) {
+                // The check at the end finds what is missing then.
+                Ok(_) | Err(ArtifactError::NotFound { .. } | ArtifactError::DataLoss { .. }) => {}
+                Err(error) => return Err(error.into()),
+            }
         }
     }
     // The database is copied last, so that an incomplete folder has no database and is never taken for a complete one.
     let (copy, partial) = (data_dir.join(DATABASE), data_dir.join("lightpath.db.partial"));
-    let copied = fs::copy(&database, &partial)
+    let copied = private_file()
+        .write(true)
+        .create_new(true)
+        .open(&partial)
+        .and_then(|mut file| io::copy(&mut File::open(&database)?, &mut file))
         .and_then(|_| fail::point("restore.flush"))
         .and_then(|()| File::open(&partial)?.sync_all())
         .and_then(|()| fail::point("restore.rename"))

@@ -3,10 +3,12 @@
 use super::*;
 use lightpath_artifacts::Artifacts;
 use lightpath_domain::job::JobEffect;
-use lightpath_fixtures::{capture_job, capture_result, display};
+use lightpath_fixtures::{capture_job, capture_result, change_database, display};
 use lightpath_store::Store;
-use std::fs;
+use std::fs::{self, File};
+use std::io::Write as _;
 use std::path::Path;
+use std::process::ExitCode;
 use std::time::Duration;
 use tempfile::TempDir;
 
@@ -36,7 +38,7 @@ impl TestData {
         store.submit(&capture_job("second", &phase, 1), 3, 10).await.unwrap();
         let (waiting, lease) = store.claim(3, 1000, "w").await.unwrap().unwrap();
         let checkpoint = artifacts.put_checkpoint(b"state".to_vec()).await.unwrap();
-        store.checkpoint(&lease, &checkpoint, 4).await.unwrap();
+        store.checkpoint(&lease, &checkpoint).await.unwrap();
         store.release(&lease, 5).await.unwrap();
         Self { folder, store, artifacts, photo, waiting: waiting.id, checkpoint }
     }
@@ -106,6 +108,17 @@ async fn reference_to_an_unrecorded_artifact_is_found() {
 }
 
 #[tokio::test]
+async fn finalized_dataset_with_another_digest_is_found() {
+    let data = TestData::new().await;
+    let insert = "insert into dataset (id, display, wavelength_pm, distance_nm, photo_encoding, digest, finalization, \
+                  create_time_ms, finalize_time_ms) values ('d', 'lab', 515000, 150000000, 'linear', 'sha256-other', \
+                  '{\"validation_fraction\":0.0,\"test_fraction\":0.2,\"seed\":0,\"keep_alignment\":false}', 5, 6)";
+    change_database(&data.path().join(DATABASE), insert).await;
+    let problem = "has a digest that does not match its pairs, split and alignment".to_owned();
+    assert_eq!(data.problems().await, [(FindingKind::Dataset, "datasets/d".to_owned(), problem)]);
+}
+
+#[tokio::test]
 async fn damaged_database_is_found() {
     let data = TestData::new().await;
     data.store.close().await;
@@ -142,6 +155,108 @@ async fn backup_of_a_running_server_restores_the_same_data() {
     assert_eq!(artifacts.read_all(&data.photo).await.unwrap(), b"photo");
     assert_eq!(artifacts.read_checkpoint(&data.checkpoint).await.unwrap(), b"state");
     assert!(matches!(restore(&copy, &restored).await, Err(UpkeepError::NotEmpty { .. })));
+}
+
+/// A restore that waits at its only artifact until the test provides the bytes.
+struct HaltedRestore {
+    fifo: PathBuf,
+    running: std::thread::JoinHandle<Result<Report, UpkeepError>>,
+}
+
+impl HaltedRestore {
+    /// Starts a restore, and returns when it has begun to write.
+    fn start(backup: &Path, data_dir: &Path, artifact: &str) -> (Self, File) {
+        let fifo = file(backup, "artifacts", artifact);
+        fs::remove_file(&fifo).unwrap();
+        assert!(std::process::Command::new("mkfifo").arg(&fifo).status().unwrap().success());
+        let (backup, data_dir) = (backup.to_owned(), data_dir.to_owned());
+        let running = std::thread::spawn(move || {
+            tokio::runtime::Builder::new_current_thread()
+                .enable_all()
+                .build()
+                .unwrap()
+                .block_on(restore(&backup, &data_dir))
+        });
+        // Opening the pipe waits for the restore to open its other end.
+        let bytes = File::options().write(true).open(&fifo).unwrap();
+        (Self { fifo, running }, bytes)
+    }
+
+    fn end(self, mut pipe: File, bytes: &[u8]) -> Result<Report, UpkeepError> {
+        pipe.write_all(bytes).unwrap();
+        drop(pipe);
+        let done = self.running.join().unwrap();
+        fs::remove_file(self.fifo).unwrap();
+        done
+    }
+}
+
+#[tokio::test]
+async fn nothing_else_uses_the_folder_during_a_restore() {
+    let data = TestData::new().await;
+    let destination = tempfile::tempdir().unwrap();
+    let (copy, restored) = (destination.path().join("backup"), destination.path().join("data"));
+    backup(data.path(), &copy).await.unwrap();
+    let (halted, pipe) = HaltedRestore::start(&copy, &restored, &data.photo);
+    // A server or a collection that starts now is refused, and so is a command that would create a database.
+    let started = Artifacts::open(&restored).map(drop).unwrap_err();
+    assert!(started.to_string().contains("is locked by another process, such as a server or a restore"), "{started}");
+    assert_eq!(token_create(&restored), ExitCode::from(2));
+    let second = restore(&copy, &restored).await;
+    assert!(matches!(second, Err(UpkeepError::NotEmpty { .. })), "{second:?}");
+    assert!(!restored.join(DATABASE).exists());
+    assert_eq!(halted.end(pipe, b"photo").unwrap().problems, []);
+    let artifacts = Artifacts::open(&restored).unwrap();
+    assert_eq!(artifacts.read_all(&data.photo).await.unwrap(), b"photo");
+}
+
+/// Runs `lightpathd token create` on a folder in a thread, because the command has a runtime of its own.
+fn token_create(data_dir: &Path) -> ExitCode {
+    #[derive(clap::Parser)]
+    struct Line {
+        #[command(subcommand)]
+        command: TokenCommand,
+    }
+    let data_dir = data_dir.to_str().unwrap();
+    let line = ["lightpathd", "create", "ada", "--role", "admin", "--data-dir", data_dir];
+    let command = <Line as clap::Parser>::parse_from(line).command;
+    std::thread::spawn(move || command.run()).join().unwrap()
+}
+
+#[tokio::test]
+async fn folder_that_a_server_uses_is_no_destination() {
+    let data = TestData::new().await;
+    let destination = tempfile::tempdir().unwrap();
+    let copy = destination.path().join("backup");
+    backup(data.path(), &copy).await.unwrap();
+    // This server has locked its folder, and has not created a file yet.
+    let empty = destination.path().join("starting");
+    let starting = lightpath_artifacts::FolderLock::take(&empty).unwrap();
+    for refused in [restore(&copy, &empty).await.map(drop), backup(data.path(), &empty).await.map(drop)] {
+        assert!(matches!(refused, Err(UpkeepError::Artifacts(ArtifactError::Locked { .. }))), "{refused:?}");
+    }
+    drop(starting);
+    assert_eq!(restore(&copy, &empty).await.unwrap().problems, [], "a lock file of an earlier process does no harm");
+}
+
+#[tokio::test]
+async fn folder_is_not_copied_into_itself() {
+    let data = TestData::new().await;
+    let destination = tempfile::tempdir().unwrap();
+    let copy = destination.path().join("backup");
+    backup(data.path(), &copy).await.unwrap();
+    for (inside, source) in [(data.path().join("a/b"), data.path()), (copy.join("data"), &*copy)] {
+        let refused = match source == copy {
+            true => restore(&copy, &inside).await.map(drop),
+            false => backup(data.path(), &inside).await.map(drop),
+        };
+        assert!(matches!(refused, Err(UpkeepError::Inside { .. })), "{refused:?}");
+        assert!(!inside.exists());
+    }
+    assert!(matches!(backup(data.path(), data.path()).await, Err(UpkeepError::Inside { .. })));
+    let link = destination.path().join("link");
+    std::os::unix::fs::symlink(data.path(), &link).unwrap();
+    assert!(matches!(backup(data.path(), &link.join("copy")).await, Err(UpkeepError::Inside { .. })));
 }
 
 #[tokio::test]
@@ -213,26 +328,43 @@ fn io_error() -> lightpath_domain::job::JobError {
 }
 
 #[tokio::test]
-async fn damaged_data_is_neither_backed_up_nor_restored() {
+async fn damaged_artifacts_are_named_and_everything_else_is_copied() {
+    let data = TestData::new().await;
+    let destination = tempfile::tempdir().unwrap();
+    let (copy, restored) = (destination.path().join("backup"), destination.path().join("data"));
+    fs::write(file(data.path(), "artifacts", &data.photo), b"phota").unwrap();
+    let done = backup(data.path(), &copy).await.unwrap();
+    let damaged =
+        |problem: &str| Finding { kind: FindingKind::Artifact, what: data.photo.clone(), problem: problem.to_owned() };
+    assert_eq!(done.damaged, [damaged("has bytes that do not match its digest")]);
+    assert_eq!((done.manifest.artifacts, &done.manifest.damaged), (2, &vec![data.photo.clone()]));
+    let report = restore(&copy, &restored).await.unwrap();
+    assert_eq!((report.problems, report.artifacts), (vec![damaged("is not on disk")], 2));
+    let artifacts = Artifacts::open(&restored).unwrap();
+    assert_eq!(artifacts.read_all(&lightpath_artifacts::digest_of(b"phase")).await.unwrap(), b"phase");
+
+    // A file that was damaged in the backup.
+    put(&data.artifacts, &data.store, b"photo").await;
+    let copy = destination.path().join("second");
+    assert_eq!(backup(data.path(), &copy).await.unwrap().damaged, [], "storing the bytes again repairs the artifact");
+    fs::write(file(&copy, "artifacts", &data.photo), b"phota").unwrap();
+    let report = restore(&copy, &destination.path().join("other")).await.unwrap();
+    assert_eq!(report.problems, [damaged("is not on disk")]);
+}
+
+#[tokio::test]
+async fn incomplete_backup_is_not_restored() {
     let data = TestData::new().await;
     let destination = tempfile::tempdir().unwrap();
     let (copy, restored) = (destination.path().join("backup"), destination.path().join("data"));
     backup(data.path(), &copy).await.unwrap();
-    fs::write(file(&copy, "artifacts", &data.photo), b"phota").unwrap();
-    assert!(matches!(restore(&copy, &restored).await, Err(UpkeepError::Damaged { .. })));
-    assert!(!restored.join(DATABASE).exists(), "a server would not take the folder for a complete one");
-
     let manifest = copy.join("backup.json");
     let text = fs::read_to_string(&manifest).unwrap();
     fs::write(&manifest, text.replace("\"database\": \"sha256-", "\"database\": \"sha256-0")).unwrap();
-    let refused = restore(&copy, &destination.path().join("other")).await.unwrap_err().to_string();
+    let refused = restore(&copy, &restored).await.unwrap_err().to_string();
     assert!(refused.contains("lightpath.db hashes to"), "{refused}");
     fs::remove_file(&manifest).unwrap();
-    let refused = restore(&copy, &destination.path().join("other")).await.unwrap_err().to_string();
+    let refused = restore(&copy, &restored).await.unwrap_err().to_string();
     assert!(refused.contains("is not a complete backup: backup.json cannot be read"), "{refused}");
-
-    fs::remove_file(file(data.path(), "artifacts", &data.photo)).unwrap();
-    let damaged = backup(data.path(), &destination.path().join("third")).await;
-    assert!(matches!(damaged, Err(UpkeepError::Damaged { .. })), "{damaged:?}");
-    assert!(!destination.path().join("third/backup.json").exists());
+    assert!(!restored.join(DATABASE).exists(), "a server would not take the folder for a complete one");
 }

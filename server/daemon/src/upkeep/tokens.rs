@@ -4,11 +4,11 @@ use super::commands::{DataDir, exit, runtime};
 use super::{DATABASE, UpkeepError};
 use anyhow::{Context as _, ensure};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser as _};
+use lightpath_artifacts::FolderLock;
 use lightpath_domain::access::{Caller, Role, Secret};
 use lightpath_store::{Store, TokenRecord};
 use lightpath_worker::Clock;
 use serde::Serialize;
-use std::fs;
 use std::io::Write as _;
 use std::process::ExitCode;
 
@@ -111,14 +111,16 @@ impl Create {
             "a firmware token must name its displays; add --display ID"
         );
         let data_dir = self.folder.path()?;
-        // The folder may not exist yet: the first token is created before the first start of the server.
-        fs::create_dir_all(&data_dir).with_context(|| format!("cannot create {}", data_dir.display()))?;
+        let database = data_dir.join(DATABASE);
+        // The first token is created before the first start of the server. The lock prevents that this command creates a
+        // database while a restore is about to put another one into the folder.
+        let _lock = if database.is_file() { None } else { Some(FolderLock::take(&data_dir)?) };
         let secret = Secret::generate().context("the system provided no random numbers")?;
         let caller = Caller { name: self.name, role: self.role, displays: self.display };
         let now_ms = Clock::default().now_ms();
         let expire_time_ms = (self.expires_days > 0).then(|| now_ms + i64::from(self.expires_days) * DAY_MS);
         runtime()?.block_on(async {
-            let store = Store::open_shared(&data_dir.join(DATABASE)).await?;
+            let store = Store::open_shared(&database).await?;
             for display in &caller.displays {
                 store.display(display).await.context("a token can name only displays that exist")?;
             }

@@ -39,6 +39,7 @@ pub(crate) const EXPECTED: &[(&str, &str)] = &[
     ("/lightpath.v1.DatasetService/GetDataset", MAY_READ),
     ("/lightpath.v1.DatasetService/ListDatasets", MAY_READ),
     ("/lightpath.v1.DatasetService/AddPair", MAY_SUBMIT),
+    ("/lightpath.v1.DatasetService/DeleteDataset", MAY_CURATE),
     ("/lightpath.v1.DatasetService/CreateCalibrationTarget", MAY_SUBMIT),
     ("/lightpath.v1.DisplayService/CreateDisplay", MAY_ADMINISTER),
     ("/lightpath.v1.DisplayService/GetDisplay", MAY_FETCH),
@@ -303,9 +304,17 @@ async fn jobs_are_owned_by_the_name_of_their_token() {
 async fn other_machines_need_tls_and_tokens() {
     let folder = tempfile::tempdir().unwrap();
     let config = Config { data_dir: folder.path().join("data"), compute_threads: 1, ..Config::default() };
+    // A server says that it listens only if it serves.
     let start = |config: Config| async move {
         let listener = TcpListener::bind("0.0.0.0:0").await.unwrap();
-        server::run(listener, config, std::future::ready(())).await
+        let (bound, mut announced) = (listener.local_addr().unwrap(), None);
+        let announce = |address| {
+            announced = Some(address);
+            Ok(())
+        };
+        let ended = server::run_and_announce(listener, config, announce, std::future::ready(())).await;
+        assert_eq!(announced, ended.is_ok().then_some(bound), "{ended:?}");
+        ended
     };
     assert!(matches!(start(config.clone()).await, Err(ServeError::NoTls { .. })));
     let files = write_certificate(folder.path(), "localhost");

@@ -50,6 +50,29 @@ async fn interrupted_upload_continues() {
 }
 
 #[tokio::test]
+async fn upload_repairs_a_damaged_artifact() {
+    let serving = Serving::start_with(|config| config.owner_stored_mib_max = 1.0).await;
+    // The owner may store no second copy of these bytes.
+    let bytes = vec![7_u8; 700_000];
+    let digest = serving.upload(&bytes).await;
+    let path = serving.config.data_dir.join("artifacts").join(&digest[7..9]).join(&digest);
+    let request = v1::GetUploadRequest { digest: digest.clone() };
+    assert!(serving.artifacts().get_upload(request.clone()).await.unwrap().into_inner().complete);
+    for damage in ["damaged", "truncated", "missing"] {
+        match damage {
+            "damaged" => std::fs::write(&path, vec![8_u8; 700_000]).unwrap(),
+            "truncated" => std::fs::write(&path, b"").unwrap(),
+            _ => std::fs::remove_file(&path).unwrap(),
+        }
+        let upload = serving.artifacts().get_upload(request.clone()).await.unwrap().into_inner();
+        assert_eq!((upload.received_bytes, upload.complete), (0, false), "{damage}");
+        assert_eq!(serving.upload(&bytes).await, digest);
+        assert_eq!(read(&serving, &digest, 0, 0).await.unwrap(), bytes, "{damage}");
+        assert!(serving.artifacts().get_upload(request.clone()).await.unwrap().into_inner().complete);
+    }
+}
+
+#[tokio::test]
 async fn wrong_content_is_refused() {
     let serving = Serving::start().await;
     let digest = digest_of(b"right");

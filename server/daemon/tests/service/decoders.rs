@@ -58,7 +58,7 @@ fn seeds(decoder: Decoder) -> Vec<Vec<u8>> {
             vec![effective.to_string().into_bytes()]
         }
         Decoder::BackupManifest => vec![
-            br#"{"version":"0.1.0","time_ms":1,"database":"sha256-0","artifacts":1,"artifact_bytes":2,"jobs":3}"#
+            br#"{"version":"0.1.0","time_ms":1,"database":"sha256-0","artifacts":1,"artifact_bytes":2,"jobs":3,"damaged":["sha256-1"]}"#
                 .to_vec(),
         ],
     }

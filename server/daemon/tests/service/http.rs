@@ -26,7 +26,7 @@ pub(crate) async fn answer(serving: &Serving, path: &str) -> String {
 #[tokio::test]
 async fn health_and_metrics_answer() {
     let serving = Serving::start().await;
-    serving.display("lab").await;
+    serving.display("never-fetched").await;
     assert_eq!(get(&serving, "/healthz").await, (200, "serving\n".into()));
     let (code, metrics) = get(&serving, "/metrics").await;
     assert_eq!(code, 200);
@@ -34,6 +34,12 @@ async fn health_and_metrics_answer() {
         "lightpath_queue_depth{kind=\"optimize_hologram\",state=\"queued\"} 0",
         "lightpath_requests_total{method=\"/lightpath.v1.DisplayService/CreateDisplay\",code=\"Ok\"}",
         "lightpath_build_info",
+        // Counters exist before their first event.
+        "lightpath_jobs_ended_total{kind=\"report_kernel\",state=\"failed\"} 0",
+        "lightpath_leases_lost_total{cause=\"server_died\"}",
+        "lightpath_requests_total{method=\"/lightpath.v1.KernelService/RollbackKernel\",code=\"Ok\"}",
+        "lightpath_kernel_fetches_total{display=\"never-fetched\",code=\"Ok\"} 0",
+        "lightpath_collected_bytes_total",
     ] {
         assert!(metrics.contains(line), "{line} in {metrics}");
     }

@@ -96,8 +96,13 @@ async fn versions_are_imported_promoted_fetched_and_rolled_back() {
     assert_eq!((version.version, version.active, &bytes), (2, true, &files[1]));
     assert_eq!(fetch(&serving, 1).await.unwrap().1, files[0]);
 
-    let request = v1::RollbackKernelRequest { kernel: KERNEL.into(), reason: "worse".into() };
-    assert_eq!(client(&serving).rollback_kernel(request).await.unwrap().into_inner().active_version, 1);
+    let request =
+        v1::RollbackKernelRequest { kernel: KERNEL.into(), reason: "worse".into(), expected_active_version: None };
+    let answer = client(&serving).rollback_kernel(request.clone()).await;
+    expect(answer, Code::InvalidArgument, "expected_active_version is not set");
+    let request = v1::RollbackKernelRequest { expected_active_version: Some(2), ..request };
+    assert_eq!(client(&serving).rollback_kernel(request.clone()).await.unwrap().into_inner().active_version, 1);
+    expect(client(&serving).rollback_kernel(request).await, Code::Aborted, "version 1 of displays/");
     let request = v1::ListKernelMovesRequest { kernel: KERNEL.into(), page_size: 2, ..Default::default() };
     let page = client(&serving).list_kernel_moves(request.clone()).await.unwrap().into_inner();
     let moves: Vec<_> = page.moves.iter().map(|entry| (entry.from_version, entry.to_version, entry.rollback)).collect();

@@ -19,6 +19,7 @@ mod mutation;
 mod ownership;
 mod preparing;
 mod raw;
+mod read_only;
 mod rough_photographs;
 mod serving;
 mod test_bench;

@@ -2,14 +2,16 @@
 
 use crate::jobs::{submit, submit_long, watch_to_end};
 use crate::kernels;
-use crate::serving::Serving;
+use crate::serving::{Serving, expect};
 use crate::test_bench::{CENTRE, Dataset, HEIGHT, TestBench, WIDTH};
 use lightpath_optics::alignment::Homography;
 use lightpath_proto::v1::dataset_service_client::DatasetServiceClient;
 use lightpath_proto::v1::job_result::Kind as JobResult;
 use lightpath_proto::v1::job_spec::Kind;
-use lightpath_proto::v1::prepare_dataset::{Finalize, Step};
+use lightpath_proto::v1::prepare_dataset::align::Source;
+use lightpath_proto::v1::prepare_dataset::{Align, Finalize, Step};
 use lightpath_proto::v1::{self, job::State};
+use tonic::Code;
 
 /// Submits a job and returns its result. The error is the message of the refusal if the submit was refused, or
 /// `REASON: message` if the job failed.
@@ -133,4 +135,21 @@ async fn restart_during_finalization_leaves_the_dataset_consistent() {
     let finalized = finalize(&serving, "datasets/d").await.unwrap();
     assert_eq!((&finalized.digest, &finalized.alignment), (&result.digest, &result.alignment));
     assert!(finalized.alignment.is_some() && result.train_pairs >= 1 && result.test_pairs >= 1);
+}
+
+#[tokio::test]
+async fn dataset_is_deleted_unless_a_job_uses_it() {
+    let mut dataset = Dataset::open().await;
+    dataset.serving.jobs().pause_queue(v1::PauseQueueRequest::default()).await.unwrap();
+    let step = Step::Align(Align { source: Some(Source::None(true)) });
+    let spec = v1::PrepareDataset { dataset: "datasets/d".to_owned(), step: Some(step) };
+    let job = submit(&dataset.serving, Kind::PrepareDataset(spec), "").await.unwrap();
+    let request = v1::DeleteDatasetRequest { name: "datasets/d".into() };
+    let refused = dataset.client.delete_dataset(request.clone()).await;
+    expect(refused, Code::FailedPrecondition, "datasets/d cannot be deleted while jobs/");
+    dataset.serving.jobs().cancel_job(v1::CancelJobRequest { name: job.name }).await.unwrap();
+    dataset.client.delete_dataset(request.clone()).await.unwrap();
+    let found = dataset.client.get_dataset(v1::GetDatasetRequest { name: "datasets/d".into() }).await;
+    expect(found, Code::NotFound, "datasets/d does not exist");
+    expect(dataset.client.delete_dataset(request).await, Code::NotFound, "datasets/d does not exist");
 }

@@ -50,6 +50,8 @@ crate::reasons! {
         InvalidPicture = "INVALID_PICTURE",
         /// A file could not be read or written.
         Io = "IO",
+        /// The kernel has reached its limit of versions.
+        KernelFull = "KERNEL_FULL",
         /// The kernel was learned for another optical setup.
         KernelMismatch = "KERNEL_MISMATCH",
         /// The worker sent no heartbeat until its lease ended.

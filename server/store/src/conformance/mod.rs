@@ -3,7 +3,8 @@
 //! `queue`: states of jobs and their changes. `scheduling`: when and for which owner jobs run. `registry`: displays, artifacts,
 //! datasets, kernels. `preparing`: datasets that jobs align and finalize. `model`: random histories of one job, compared
 //! with a small model. `machine`: random histories of a whole queue. `migrations`: databases of earlier versions.
-//! `scale`: many jobs.
+//! `scale`: many jobs. `limits`: limits on stored records.
+mod limits;
 mod machine;
 mod migrations;
 mod model;

@@ -47,8 +47,8 @@ fn steps() -> impl Strategy<Value = Vec<Step>> {
 }
 
 impl Model {
-    fn lease_is_valid(&self, now_ms: i64) -> bool {
-        self.state == JobState::Running && now_ms < self.until_ms
+    fn lease_has_ended(&self, now_ms: i64) -> bool {
+        self.state == JobState::Running && now_ms >= self.until_ms
     }
 
     fn fail(&mut self, retry: bool) {
@@ -87,13 +87,13 @@ async fn apply(step: Step, store: &Store, id: &str, model: &mut Model, lease: &m
         | Step::FailPermanently
         | Step::Release => {
             let no_lease = Lease { job: id.to_owned(), attempt: 0, lease_id: String::new(), until_ms: 0 };
-            let is_valid = model.lease_is_valid(*now);
+            let is_valid = model.state == JobState::Running;
             let allowed = apply_worker_step(step, store, lease.as_ref().unwrap_or(&no_lease), model, *now).await;
             assert_eq!(allowed, is_valid, "a write succeeds only under a valid lease");
         }
         Step::Expire => {
             let expired = store.expire_leases(*now).await.unwrap();
-            assert_eq!(expired.len(), usize::from(model.state == JobState::Running && !model.lease_is_valid(*now)));
+            assert_eq!(expired.len(), usize::from(model.lease_has_ended(*now)));
             if !expired.is_empty() {
                 model.fail(true);
             }
@@ -120,10 +120,10 @@ async fn apply(step: Step, store: &Store, id: &str, model: &mut Model, lease: &m
 
 /// Applies one step of a worker to the store and the model. Returns whether the store allowed it.
 async fn apply_worker_step(step: Step, store: &Store, lease: &Lease, model: &mut Model, now: i64) -> bool {
-    let is_valid = model.lease_is_valid(now);
+    let is_valid = model.state == JobState::Running;
     let allowed = match step {
         Step::Heartbeat => store.heartbeat(lease, now, LEASE_MS).await.is_ok(),
-        Step::Checkpoint => store.checkpoint(lease, &digest(now as u32), now).await.is_ok(),
+        Step::Checkpoint => store.checkpoint(lease, &digest(now as u32)).await.is_ok(),
         Step::Finish => store.finish(lease, result(), JobEffect::None, now).await.is_ok(),
         Step::FailRetryably => store.fail(lease, io_error(), Some(now), now).await.is_ok(),
         Step::FailPermanently => store.fail(lease, io_error(), None, now).await.is_ok(),

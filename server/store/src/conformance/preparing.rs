@@ -1,6 +1,7 @@
 //! Tests of jobs that align and finalize datasets while other jobs or callers change the same dataset.
 
 use super::*;
+use crate::open::connect_options;
 use crate::{AbortReason, Inspection};
 use lightpath_domain::dataset::{
     Alignment, AlignmentMethod, Finalization, Finding, FindingKind, PairChecks, PreparedDataset, Split, Splits,
@@ -8,6 +9,7 @@ use lightpath_domain::dataset::{
 };
 use lightpath_domain::job::{AlignBy, Job, Lease, PrepareDataset, PrepareResult, PrepareStep};
 use lightpath_domain::reason::PreconditionReason;
+use sqlx::{ConnectOptions as _, Connection as _};
 use std::collections::BTreeMap;
 
 const FINALIZATION: Finalization =
@@ -145,6 +147,112 @@ async fn second_of_two_concurrent_jobs_changes_nothing() {
     // The lease is still valid, so the job can end with the reason.
     store.fail(&second, io_error(), None, 21).await.unwrap();
     assert_eq!(finalize(&store, "d").await.alignment, Some(alignment(2.0)));
+}
+
+/// A step of one of two jobs on the same dataset, or of a caller who adds a pair.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Step {
+    ReadToAlign,
+    Align,
+    ReadToFinalize,
+    Finalize,
+    AddPair,
+}
+
+/// All orders of the steps in which each job reads the dataset before it ends.
+fn orders() -> Vec<Vec<Step>> {
+    use Step::{AddPair, Align, Finalize, ReadToAlign, ReadToFinalize};
+    let mut orders = vec![Vec::new()];
+    for step in [ReadToAlign, Align, ReadToFinalize, Finalize, AddPair] {
+        let longer = orders.iter().flat_map(|order: &Vec<Step>| {
+            (0..=order.len()).map(move |place| [&order[..place], &[step], &order[place..]].concat())
+        });
+        orders = longer.collect();
+    }
+    let position = |order: &[Step], step| order.iter().position(|other| *other == step);
+    orders.retain(|order| {
+        position(order, ReadToAlign) < position(order, Align)
+            && position(order, ReadToFinalize) < position(order, Finalize)
+    });
+    orders
+}
+
+#[tokio::test]
+async fn digest_matches_the_dataset_in_every_order_of_aligning_finalizing_and_adding() {
+    let (store, folder) = store().await;
+    let orders = orders();
+    assert_eq!(orders.len(), 30);
+    let (mut finalized_and_aligned, mut finalized_only) = (0, 0);
+    for (n, order) in orders.iter().enumerate() {
+        let id = format!("d{n}");
+        open_dataset(&store, &id).await;
+        let leases = [
+            start_job(&store, &format!("align {n}"), &id).await,
+            start_job(&store, &format!("finalize {n}"), &id).await,
+        ];
+        let mut read = [None, None];
+        for step in order {
+            let now = store.dataset(&id).await.unwrap();
+            match step {
+                Step::ReadToAlign => read[0] = Some(now),
+                Step::ReadToFinalize => read[1] = Some(now),
+                Step::Align => {
+                    let seen = read[0].as_ref().unwrap();
+                    let aligned = PreparedDataset { alignment: Some(alignment(2.0)), ..unchanged(seen) };
+                    let ended = finish(&store, &leases[0], aligned).await;
+                    assert_eq!(ended.is_ok(), now.revision == seen.revision && now.digest.is_none(), "{order:?}");
+                }
+                Step::Finalize => {
+                    let seen = read[1].as_ref().unwrap();
+                    let ended = finish(&store, &leases[1], finalized(seen)).await;
+                    assert_eq!(ended.is_ok(), now.revision == seen.revision, "{order:?}");
+                }
+                Step::AddPair => assert_eq!(store.add_pair(&id, &pair(5), &[]).await.is_ok(), now.digest.is_none()),
+            }
+        }
+        let end = store.dataset(&id).await.unwrap();
+        if let Some(digest) = &end.digest {
+            assert_eq!(*digest, dataset_digest(&end), "{order:?}");
+            finalized_and_aligned += u32::from(end.alignment.is_some());
+            finalized_only += u32::from(end.alignment.is_none());
+        }
+        for lease in leases {
+            // A job that was refused still runs.
+            drop(store.fail(&lease, io_error(), None, 30).await);
+        }
+    }
+    assert!(finalized_and_aligned > 0 && finalized_only > 0);
+    store.close().await;
+    let path = folder.path().join("lightpath.db");
+    let mut inspection = Inspection::open(&path).await.unwrap();
+    assert_eq!(inspection.changed_datasets().await.unwrap(), Vec::<String>::new());
+    inspection.close().await.unwrap();
+}
+
+#[tokio::test]
+async fn check_finds_a_finalized_dataset_that_was_changed() {
+    let (store, folder) = store().await;
+    open_dataset(&store, "d").await;
+    finalize(&store, "d").await;
+    open_dataset(&store, "open").await;
+    store.close().await;
+    let path = folder.path().join("lightpath.db");
+    let changed = async || {
+        let mut inspection = Inspection::open(&path).await.unwrap();
+        let changed = inspection.changed_datasets().await.unwrap();
+        inspection.close().await.unwrap();
+        changed
+    };
+    assert_eq!(changed().await, Vec::<String>::new());
+    // The database refuses such a change, unless its triggers are removed.
+    let mut connection = connect_options(&path).connect().await.unwrap();
+    let alignment = serde_json::to_string(&alignment(2.0)).unwrap();
+    let change = || sqlx::query("update dataset set alignment = ? where id = 'd'").bind(&alignment);
+    assert!(change().execute(&mut connection).await.is_err());
+    sqlx::raw_sql("drop trigger finalized_dataset_stays").execute(&mut connection).await.unwrap();
+    change().execute(&mut connection).await.unwrap();
+    connection.close().await.unwrap();
+    assert_eq!(changed().await, ["d"]);
 }
 
 #[tokio::test]

@@ -18,7 +18,7 @@ async fn repeated_request_returns_the_same_job() {
     assert!(matches!(store.submit(&new_job("r", 2), 20, QUEUE_LIMIT).await, Err(StoreError::AlreadyExists { .. })));
     let urgent = NewJob { priority: -1, ..new_job("r", 1) };
     assert!(matches!(store.submit(&urgent, 20, QUEUE_LIMIT).await, Err(StoreError::AlreadyExists { .. })));
-    assert_eq!(store.job_by_request("r").await.unwrap(), Some(job.clone()));
+    assert_eq!(store.job_by_request("", "r").await.unwrap(), Some(job.clone()));
     assert_eq!(store.job(&job.id).await.unwrap(), job);
     assert!(matches!(store.job("nothing").await, Err(StoreError::NotFound { .. })));
 }
@@ -100,7 +100,6 @@ async fn lost_lease_changes_nothing() {
     let id = submit(&store, "r", 1).await;
     let (_, stale) = claim(&store, 10).await.unwrap();
     let late = 10 + LEASE_MS;
-    assert!(matches!(store.heartbeat(&stale, late, LEASE_MS).await, Err(StoreError::LeaseLost)), "expired");
     assert_eq!(store.expire_leases(late - 1).await.unwrap(), []);
     assert_eq!(store.expire_leases(late).await.unwrap().len(), 1);
     let (_, fresh) = claim(&store, late).await.unwrap();
@@ -111,8 +110,8 @@ async fn lost_lease_changes_nothing() {
         let now = late + 1;
         let progress = Progress { stage: "x".into(), step: 1, steps_total: 2, loss: 0.5, eta_s: None };
         assert!(matches!(store.heartbeat(bad, now, LEASE_MS).await, Err(StoreError::LeaseLost)));
-        assert!(matches!(store.progress(bad, &progress, now).await, Err(StoreError::LeaseLost)));
-        assert!(matches!(store.checkpoint(bad, &digest(5), now).await, Err(StoreError::LeaseLost)));
+        assert!(matches!(store.progress(bad, &progress).await, Err(StoreError::LeaseLost)));
+        assert!(matches!(store.checkpoint(bad, &digest(5)).await, Err(StoreError::LeaseLost)));
         assert!(matches!(store.finish(bad, result(), JobEffect::None, now).await, Err(StoreError::LeaseLost)));
         assert!(matches!(store.fail(bad, io_error(), None, now).await, Err(StoreError::LeaseLost)));
         assert!(matches!(store.release(bad, now).await, Err(StoreError::LeaseLost)));
@@ -144,6 +143,51 @@ async fn heartbeats_keep_a_lease() {
     store.finish(&lease, result(), JobEffect::None, now).await.unwrap();
 }
 
+/// A process that was suspended finds its leases at their ends. It is still the only one that runs its jobs.
+#[tokio::test]
+async fn lease_is_valid_until_it_is_taken_back() {
+    let (store, _folder) = store().await;
+    let id = submit(&store, "r", 1).await;
+    let (_, lease) = claim(&store, 1).await.unwrap();
+    let late = 1 + 5 * LEASE_MS;
+    let progress = Progress { stage: "x".into(), step: 1, steps_total: 2, loss: 0.5, eta_s: None };
+    store.progress(&lease, &progress).await.unwrap();
+    store.checkpoint(&lease, &digest(5)).await.unwrap();
+    store.heartbeat(&lease, late, LEASE_MS).await.unwrap();
+    assert_eq!(store.expire_leases(late + LEASE_MS - 1).await.unwrap(), []);
+    assert_eq!(store.expire_leases(late + LEASE_MS).await.unwrap().len(), 1);
+    assert!(matches!(store.heartbeat(&lease, late, LEASE_MS).await, Err(StoreError::LeaseLost)));
+    let (_, lease) = claim(&store, 2 * late).await.unwrap();
+    store.finish(&lease, result(), JobEffect::None, 9 * late).await.unwrap();
+    assert_eq!(store.job(&id).await.unwrap().attempt, 2);
+}
+
+#[tokio::test]
+async fn stop_without_the_jobs_is_no_death_of_the_server() {
+    let (store, _folder) = store().await;
+    let id = submit(&store, "r", 1).await;
+    let cancelled = submit(&store, "cancelled", 2).await;
+    for stop in 0..10 {
+        let (_, lease) = claim(&store, 10).await.unwrap();
+        let other = claim(&store, 10).await;
+        if other.is_some() {
+            store.cancel(&cancelled, 11).await.unwrap();
+        }
+        assert_eq!(store.release_all(12).await.unwrap().len(), if stop == 0 { 2 } else { 1 });
+        let late = store.finish(&lease, result(), JobEffect::None, 13).await;
+        assert!(matches!(late, Err(StoreError::LeaseLost)), "the computation that still ran writes nothing");
+    }
+    let job = store.job(&id).await.unwrap();
+    assert_eq!((job.state, job.error, job.run_time_ms), (JobState::Queued, None, 1));
+    assert_eq!(store.job(&cancelled).await.unwrap().state, JobState::Cancelled);
+    // Three deaths still end the job.
+    for _ in 0..3 {
+        claim(&store, 20).await.unwrap();
+        store.recover_orphans(21).await.unwrap();
+    }
+    assert_eq!(store.job(&id).await.unwrap().error.unwrap().reason.as_str(), "SERVER_DIED");
+}
+
 #[tokio::test]
 async fn failures_and_server_deaths_spend_attempts_until_a_checkpoint() {
     let (store, _folder) = store().await;
@@ -159,9 +203,9 @@ async fn failures_and_server_deaths_spend_attempts_until_a_checkpoint() {
     assert!(job.error.unwrap().retryable);
     assert_eq!(claim(&store, 49).await, None);
     let (_, lease) = claim(&store, 50).await.unwrap();
-    assert_eq!(store.checkpoint(&lease, &digest(1), 51).await.unwrap(), None);
-    assert_eq!(store.checkpoint(&lease, &digest(2), 51).await.unwrap(), Some(digest(1)));
-    assert_eq!(store.checkpoint(&lease, &digest(2), 51).await.unwrap(), None);
+    assert_eq!(store.checkpoint(&lease, &digest(1)).await.unwrap(), None);
+    assert_eq!(store.checkpoint(&lease, &digest(2)).await.unwrap(), Some(digest(1)));
+    assert_eq!(store.checkpoint(&lease, &digest(2)).await.unwrap(), None);
     let orphans = store.recover_orphans(52).await.unwrap();
     assert_eq!((orphans.len(), orphans[0].state, &orphans[0].error), (1, JobState::Queued, &None));
 
@@ -296,7 +340,7 @@ async fn job_changes_are_recorded_as_events_and_announced() {
     claimable.notified().await;
     let (_, lease) = claim(&store, 2).await.unwrap();
     let progress = Progress { stage: "optimize".into(), step: 3, steps_total: 9, loss: 0.25, eta_s: Some(1.5) };
-    store.progress(&lease, &progress, 3).await.unwrap();
+    store.progress(&lease, &progress).await.unwrap();
     assert_eq!(store.job(&id).await.unwrap().progress, Some(progress));
     store.fail(&lease, io_error(), Some(5), 4).await.unwrap();
     claimable.notified().await;
@@ -348,13 +392,13 @@ async fn zombies_write_nothing() {
         assert_eq!(store.expire_leases(late).await.unwrap().len(), 1);
         let (rescued, fresh) = claim(&store, late).await.unwrap();
         assert_eq!((&rescued, fresh.attempt), (&id, 2));
-        let saved = store.checkpoint(&fresh, &digest(n), late).await.unwrap();
+        let saved = store.checkpoint(&fresh, &digest(n)).await.unwrap();
         let before = store.job(&id).await.unwrap();
         let progress = Progress { stage: "x".into(), step: 1, steps_total: 2, loss: 0.5, eta_s: None };
         let writes = [
             elsewhere.heartbeat(&zombie, late, LEASE_MS).await.map(drop),
-            elsewhere.progress(&zombie, &progress, late).await,
-            elsewhere.checkpoint(&zombie, &digest(1_000_000), late).await.map(drop),
+            elsewhere.progress(&zombie, &progress).await,
+            elsewhere.checkpoint(&zombie, &digest(1_000_000)).await.map(drop),
             elsewhere.finish(&zombie, result(), JobEffect::None, late).await.map(drop),
             elsewhere.fail(&zombie, io_error(), None, late).await.map(drop),
             elsewhere.postpone(&zombie, io_error(), late, late).await.map(drop),

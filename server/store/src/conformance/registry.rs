@@ -2,7 +2,9 @@
 
 use super::*;
 use crate::QueueLimits;
+use crate::open::connect_options;
 use lightpath_domain::display::Display;
+use sqlx::{ConnectOptions as _, Connection as _};
 
 #[tokio::test]
 async fn display_is_created_once_and_deleted_when_unused() {
@@ -22,6 +24,49 @@ async fn display_is_created_once_and_deleted_when_unused() {
     store.delete_display("a-first").await.unwrap();
     assert!(matches!(store.delete_display("a-first").await, Err(StoreError::NotFound { .. })));
     assert!(matches!(store.display("a-first").await, Err(StoreError::NotFound { .. })));
+}
+
+/// A display that is created later with the same id has nothing to do with the pause.
+#[tokio::test]
+async fn pause_ends_with_its_display() {
+    let (store, _folder) = store().await;
+    store.create_display(&display("bench"), 1).await.unwrap();
+    for paused in [None, Some("lab"), Some("bench")] {
+        store.pause(paused, "", 2).await.unwrap();
+    }
+    store.delete_display("bench").await.unwrap();
+    store.create_display(&display("bench"), 3).await.unwrap();
+    let paused: Vec<_> = store.pauses().await.unwrap().into_iter().map(|pause| pause.display).collect();
+    assert_eq!(paused, [None, Some("lab".to_owned())]);
+}
+
+#[tokio::test]
+async fn owners_without_jobs_and_artifacts_leave_no_rows() {
+    let (store, folder) = store().await;
+    for n in 0..20 {
+        let mut new = new_job(&format!("r{n}"), 1);
+        new.scheduling.owner = format!("owner {n}");
+        let job = store.submit(&new, 5, QUEUE_LIMIT).await.unwrap().0;
+        if n % 2 == 0 {
+            store.cancel(&job.id, 6).await.unwrap();
+        } else {
+            let (_, lease) = store.claim(6, LEASE_MS, "w").await.unwrap().unwrap();
+            store.finish(&lease, result(), JobEffect::None, 6).await.unwrap();
+        }
+        store.record_artifact(&digest(100 + n), 7, &new.scheduling.owner, 5).await.unwrap();
+    }
+    let ids = store.jobs_ended_before(7, 50).await.unwrap();
+    assert_eq!(store.delete_jobs(ids, 7, 8).await.unwrap().jobs, 20);
+    for n in 0..20 {
+        assert!(store.forget_artifact(&digest(100 + n), 10).await.unwrap());
+    }
+    store.close().await;
+    let mut connection = connect_options(&folder.path().join("lightpath.db")).connect().await.unwrap();
+    let sql = "select (select count(*) from job_count), (select count(*) from lane), \
+               (select count(*) from owner_bytes where owner <> '')";
+    let rows: (i64, i64, i64) = sqlx::query_as(sql).fetch_one(&mut connection).await.unwrap();
+    connection.close().await.unwrap();
+    assert_eq!(rows, (0, 0, 0));
 }
 
 #[tokio::test]
@@ -126,7 +171,7 @@ async fn versions_are_numbered_and_rollbacks_undo_promotions_in_reverse_order() 
     }
     assert_eq!(changes.try_recv().unwrap(), key());
     assert_eq!(store.kernel(&key()).await.unwrap().active_version, None);
-    assert!(matches!(store.rollback(&key(), "", 1).await, Err(StoreError::Precondition { .. })));
+    assert!(matches!(store.rollback(&key(), None, "", 1).await, Err(StoreError::Precondition { .. })));
     assert!(matches!(store.promote(&key(), 5, None, "", 1).await, Err(StoreError::NotFound { .. })));
 
     let promote = |version, expected| {
@@ -139,11 +184,12 @@ async fn versions_are_numbered_and_rollbacks_undo_promotions_in_reverse_order() 
     assert!(matches!(promote(3, Some(None)).await, Err(StoreError::Aborted { .. })));
     promote(3, None).await.unwrap();
     promote(3, None).await.unwrap();
-    assert_eq!(store.rollback(&key(), "worse", 10).await.unwrap().active_version, Some(2));
-    assert_eq!(store.rollback(&key(), "worse", 11).await.unwrap().active_version, Some(1));
-    assert!(matches!(store.rollback(&key(), "worse", 12).await, Err(StoreError::Precondition { .. })));
+    assert_eq!(store.rollback(&key(), Some(3), "worse", 10).await.unwrap().active_version, Some(2));
+    assert_eq!(store.rollback(&key(), Some(2), "worse", 11).await.unwrap().active_version, Some(1));
+    let refused = store.rollback(&key(), Some(1), "worse", 12).await;
+    assert!(matches!(refused, Err(StoreError::Precondition { .. })));
     promote(4, None).await.unwrap();
-    assert_eq!(store.rollback(&key(), "worse", 13).await.unwrap().active_version, Some(1));
+    assert_eq!(store.rollback(&key(), Some(4), "worse", 13).await.unwrap().active_version, Some(1));
 
     let moves = store.kernel_moves(&key(), None, 50).await.unwrap();
     let listed: Vec<_> = moves.iter().map(|m| (m.from_version, m.to_version, m.rollback)).collect();
@@ -171,4 +217,25 @@ async fn versions_are_numbered_and_rollbacks_undo_promotions_in_reverse_order() 
     assert_eq!(kernels.len(), 1);
     assert_eq!((kernels[0].active_version, kernels[0].latest_version), (Some(1), 4));
     assert!(store.kernels(None, Some(&key().to_string()), 50).await.unwrap().is_empty());
+}
+
+/// Two callers see that version 3 is worse. One goes back, and the other one learns that another version is active.
+#[tokio::test]
+async fn only_one_of_two_rollbacks_goes_back() {
+    let (store, _folder) = store().await;
+    record(&store, 5).await;
+    for version in 1..=3 {
+        store.add_kernel_version(&key(), new_version(version), 5).await.unwrap();
+        store.promote(&key(), version, None, "better", 6).await.unwrap();
+    }
+    let rollback = |expected| {
+        let store = store.clone();
+        async move { store.rollback(&key(), expected, "worse", 10).await }
+    };
+    let (first, second) = tokio::join!(rollback(Some(3)), rollback(Some(3)));
+    let (done, refused) = if first.is_ok() { (first, second) } else { (second, first) };
+    assert_eq!(done.unwrap().active_version, Some(2));
+    assert!(matches!(refused, Err(StoreError::Aborted { .. })), "{refused:?}");
+    assert!(matches!(rollback(None).await, Err(StoreError::Aborted { .. })));
+    assert_eq!(store.kernel(&key()).await.unwrap().active_version, Some(2));
 }

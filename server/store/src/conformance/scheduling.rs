@@ -1,7 +1,7 @@
 //! Tests of when and for which owner jobs run.
 
 use super::*;
-use crate::{BatchProgress, ClaimLimits, JobFilter, OwnerQueue, Pause, QueueLimits};
+use crate::{BatchProgress, ClaimLimits, JobFilter, OwnerQueue, Pause, QueueLimits, Submitted};
 use lightpath_domain::job::{Job, JobState, Lease, Progress};
 use lightpath_domain::reason::PreconditionReason;
 
@@ -43,6 +43,47 @@ async fn delayed_job_waits_without_blocking_others() {
     assert_eq!(claim(&store, 500).await.unwrap().0.id, late.id);
     let past = submit_with(&store, "past", |new| new.scheduling.not_before_ms = Some(3)).await.unwrap();
     assert_eq!(past.run_time_ms, 10, "a start time in the past means now");
+}
+
+#[tokio::test]
+async fn jobs_from_a_time_when_the_clock_was_ahead_start_when_it_is_right_again() {
+    const DAY_MS: i64 = 24 * 3_600_000;
+    let (store, _folder) = store().await;
+    let ahead_ms = 1000 + DAY_MS;
+    let submit_ahead = async |owner: &str, request_id: &str, not_before_ms| {
+        let mut new = new_job(request_id, 1);
+        (new.scheduling.owner, new.scheduling.not_before_ms) = (owner.to_owned(), not_before_ms);
+        store.submit(&new, ahead_ms, QUEUE_LIMIT).await.unwrap().0.id
+    };
+    let ran = submit_ahead("ada", "ran", None).await;
+    let (job, lease) = claim(&store, ahead_ms).await.unwrap();
+    assert_eq!(job.id, ran);
+    store.finish(&lease, result(), JobEffect::None, ahead_ms).await.unwrap();
+    submit_ahead("ada", "failed", None).await;
+    let (failed, lease) = claim(&store, ahead_ms).await.unwrap();
+    store.fail(&lease, io_error(), Some(ahead_ms + 60), ahead_ms).await.unwrap();
+    let now = submit_ahead("ada", "now", None).await;
+    let later = submit_ahead("ada", "later", Some(ahead_ms + 5)).await;
+
+    // The clock is set right.
+    assert!(claim(&store, 1000).await.is_none());
+    assert_eq!(store.pull_forward(1000, 300).await.unwrap(), 2);
+    assert_eq!(store.pull_forward(1000, 300).await.unwrap(), 0);
+    let run_time = async |id: &str| store.job(id).await.unwrap().run_time_ms;
+    assert_eq!((run_time(&now).await, run_time(&failed.id).await, run_time(&later).await), (1000, 1300, ahead_ms + 5));
+
+    // Ada's starts in the future do not cost her turns.
+    let mut owners = Vec::new();
+    for n in 0..2 {
+        submit_with(&store, &format!("bob{n}"), |new| new.scheduling.owner = "bob".to_owned()).await.unwrap();
+    }
+    for now_ms in 1000..1003 {
+        let (owner, lease) = claimed_owner(&store, ClaimLimits::default(), now_ms).await.unwrap();
+        store.finish(&lease, result(), JobEffect::None, now_ms).await.unwrap();
+        owners.push(owner);
+    }
+    assert_eq!(owners.iter().filter(|owner| *owner == "ada").count(), 1);
+    assert_ne!(owners[2], "ada", "{owners:?}");
 }
 
 #[tokio::test]
@@ -184,6 +225,32 @@ async fn at_most_one_job_with_a_unique_key_is_active() {
     assert_eq!(store.retry(&first.id, 24).await.unwrap().state, JobState::Queued);
 }
 
+/// The keys and requests of one owner neither block those of another nor reveal the owner's jobs.
+#[tokio::test]
+async fn request_ids_and_unique_keys_belong_to_their_owner() {
+    let (store, _folder) = store().await;
+    let new = |owner: &str, request_id: &str, seed| {
+        let mut new = new_job(request_id, seed);
+        new.scheduling.owner = owner.to_owned();
+        new.scheduling.unique_key = Some("calibrate".to_owned());
+        new
+    };
+    let ada = store.submit(&new("ada", "r", 1), 10, QUEUE_LIMIT).await.unwrap().0;
+    // Another owner uses the same request id with other content, and the same key.
+    let (bob, made) = store.submit(&new("bob", "r", 2), 11, QUEUE_LIMIT).await.unwrap();
+    assert_eq!((made, bob.id == ada.id), (Submitted::New, false));
+    assert_eq!(store.job_by_request("bob", "r").await.unwrap(), Some(bob.clone()));
+    assert_eq!(store.job_by_request("cyd", "r").await.unwrap(), None);
+    for (owner, own) in [("ada", &ada), ("bob", &bob)] {
+        let refused = store.submit(&new(owner, "other", 1), 12, QUEUE_LIMIT).await.unwrap_err().to_string();
+        assert!(refused.contains(&own.id), "{refused}");
+        let refused = store.submit(&new(owner, "r", 3), 12, QUEUE_LIMIT).await.unwrap_err().to_string();
+        assert!(refused.contains(&own.id), "{refused}");
+    }
+    store.cancel(&ada.id, 13).await.unwrap();
+    assert_eq!(store.retry(&ada.id, 14).await.unwrap().state, JobState::Queued, "only bob has a job with this key");
+}
+
 #[tokio::test]
 async fn jobs_run_after_their_dependencies() {
     let (store, _folder) = store().await;
@@ -251,7 +318,7 @@ async fn batch_progress_averages_its_jobs() {
     store.finish(&lease, result(), JobEffect::None, 21).await.unwrap();
     let (_, lease) = claim(&store, 22).await.unwrap();
     let progress = Progress { stage: "x".into(), step: 5, steps_total: 10, loss: 0.5, eta_s: None };
-    store.progress(&lease, &progress, 23).await.unwrap();
+    store.progress(&lease, &progress).await.unwrap();
     let expected = BatchProgress { queued: 2, running: 1, succeeded: 1, done: 1.5 / 4.0, ..BatchProgress::default() };
     assert_eq!(store.batch("night").await.unwrap(), expected);
     assert!(matches!(store.batch("day").await, Err(StoreError::NotFound { .. })));

@@ -192,7 +192,7 @@ async fn next_start_resumes_job_of_dead_worker() {
     let orphan = bench.store.claim(now_ms(), 3_600_000, "dead").await.unwrap().unwrap().1;
     let state = checkpoint::seal(&orphan, vec![15]).unwrap();
     let saved = bench.artifacts.put_checkpoint(state).await.unwrap();
-    bench.store.checkpoint(&orphan, &saved, now_ms()).await.unwrap();
+    bench.store.checkpoint(&orphan, &saved).await.unwrap();
     bench.artifacts.put_checkpoint(b"unreferenced".to_vec()).await.unwrap();
 
     let working = bench.start(config(), |_: &Job, context: &JobContext| count(context, |_| {}));
@@ -243,6 +243,43 @@ async fn setting_system_clock_expires_no_lease() {
     }
     let job = bench.ended(&id).await;
     assert_eq!((job.state, job.attempt), (JobState::Succeeded, 1), "{job:?}");
+    working.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn jobs_queued_while_the_clock_was_ahead_run_when_it_is_set_right() {
+    let bench = bench().await;
+    let day_ms = 24 * 3600 * 1000;
+    let ahead = |request_id: &str| {
+        let new = capture_job(request_id, "", 1);
+        let store = bench.store.clone();
+        async move { store.submit(&new, now_ms() + day_ms, 1000).await.unwrap().0.id }
+    };
+    // One job is from before the start, one is queued before the clock is set back.
+    let before = ahead("before").await;
+    let lease = Duration::from_millis(300);
+    let worker = Worker::new(
+        bench.store.clone(),
+        bench.artifacts.clone(),
+        WorkerConfig { lease, ..config() },
+        Arc::new(|_: &Job, context: &JobContext| count(context, |_| {})),
+    );
+    let clock = worker.clock();
+    let working = bench.start_worker(worker);
+    assert_eq!(bench.ended(&before).await.state, JobState::Succeeded);
+    clock.set_system_clock(day_ms);
+    let followed = async || {
+        while clock.jump().is_some() {
+            tokio::time::sleep(lease / 10).await;
+        }
+    };
+    followed().await;
+    bench.store.pause(None, "", now_ms()).await.unwrap();
+    let stranded = ahead("stranded").await;
+    clock.set_system_clock(-day_ms);
+    followed().await;
+    bench.store.resume(None).await.unwrap();
+    assert_eq!(bench.ended(&stranded).await.state, JobState::Succeeded);
     working.stop().await;
 }
 

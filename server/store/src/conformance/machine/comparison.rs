@@ -25,6 +25,7 @@ impl Comparison {
             Command::EndCancelled { job, stale } => self.end_cancelled(job, stale).await,
             Command::Expire => self.expire().await,
             Command::ServerDies => self.server_dies().await,
+            Command::ServerStops => self.server_stops().await,
             Command::Cancel { job } => self.cancel(job).await,
             Command::Retry { job } => self.retry(job).await,
             Command::Pause { display } => {
@@ -40,8 +41,8 @@ impl Comparison {
             Command::ShiftClock { by_ms } => {
                 self.store.shift_leases(by_ms).await.unwrap();
                 self.model.now_ms += by_ms;
-                let running = self.model.jobs.iter_mut().filter(|job| job.state == JobState::Running);
-                running.for_each(|job| job.until_ms += by_ms);
+                self.store.pull_forward(self.model.now_ms, LEASE_MS).await.unwrap();
+                self.model.shift_clock(by_ms);
             }
             Command::Forget => self.forget().await,
             Command::Wait { ms } => self.model.now_ms += ms,
@@ -62,7 +63,7 @@ impl Comparison {
     async fn checkpoint(&mut self, job: usize, stale: bool) {
         let Some((index, lease, is_valid)) = self.model.lease(job, stale) else { return };
         let saved = digest(self.model.now_ms as u32);
-        assert_eq!(self.store.checkpoint(&lease, &saved, self.model.now_ms).await.is_ok(), is_valid);
+        assert_eq!(self.store.checkpoint(&lease, &saved).await.is_ok(), is_valid);
         if is_valid {
             let job = &mut self.model.jobs[index];
             (job.failures, job.crashes, job.has_checkpoint) = (0, 0, true);
@@ -85,7 +86,8 @@ impl Comparison {
         if is_valid && self.model.jobs[index].cancel_requested {
             self.model.end(index, JobState::Cancelled);
         } else if is_valid {
-            self.model.jobs[index].run_time_ms = at_ms;
+            let job = &mut self.model.jobs[index];
+            (job.run_time_ms, job.has_error) = (at_ms, true);
             self.model.end(index, JobState::Queued);
         }
     }
@@ -187,7 +189,7 @@ impl Comparison {
         };
         let refused = model.queued(|_| true) >= QUEUE.queued
             || model.queued(|job| job.scheduling.owner == OWNERS[owner]) >= QUEUE.queued_per_owner
-            || model.active_with_key(new.scheduling.unique_key.as_ref())
+            || model.active_with_key(&new.scheduling)
             || new.scheduling.after.iter().any(ended_badly);
         let submitted = self.store.submit(&new, now_ms, QUEUE).await;
         assert_eq!(submitted.is_err(), refused, "{submitted:?}");
@@ -208,6 +210,7 @@ impl Comparison {
             finish_time_ms: None,
             until_ms: 0,
             has_checkpoint: false,
+            has_error: false,
             leases: Vec::new(),
         });
     }
@@ -223,6 +226,7 @@ impl Comparison {
             job.state = JobState::Running;
             job.attempt += 1;
             job.start_time_ms = Some(now_ms);
+            job.has_error = false;
             job.until_ms = now_ms + LEASE_MS;
             job.leases.push(lease);
         }
@@ -251,6 +255,17 @@ impl Comparison {
         }
     }
 
+    async fn server_stops(&mut self) {
+        let released = self.store.release_all(self.model.now_ms).await.unwrap().len();
+        let running = |job: &ModelJob| job.state == JobState::Running;
+        let running: Vec<usize> = (0..self.model.jobs.len()).filter(|&i| running(&self.model.jobs[i])).collect();
+        assert_eq!(released, running.len());
+        for index in running {
+            let is_cancelled = self.model.jobs[index].cancel_requested;
+            self.model.end(index, if is_cancelled { JobState::Cancelled } else { JobState::Queued });
+        }
+    }
+
     async fn retry(&mut self, job: usize) {
         let Some(index) = self.pick(job) else { return };
         let job = &self.model.jobs[index];
@@ -261,7 +276,7 @@ impl Comparison {
         // A new job cannot wait for a job that was deleted.
         let is_deleted = |id: &String| !self.model.jobs.iter().any(|job| job.id == *id);
         let allowed = matches!(job.state, JobState::Failed | JobState::Cancelled)
-            && !self.model.active_with_key(job.new.scheduling.unique_key.as_ref())
+            && !self.model.active_with_key(&job.new.scheduling)
             && !job.new.scheduling.after.iter().any(|id| ended_badly(id) || is_deleted(id));
         let retried = self.store.retry(&job.id, self.model.now_ms).await;
         assert_eq!(retried.is_ok(), allowed, "{retried:?}");
@@ -269,7 +284,7 @@ impl Comparison {
             let now_ms = self.model.now_ms;
             let job = &mut self.model.jobs[index];
             (job.state, job.failures, job.crashes, job.cancel_requested) = (JobState::Queued, 0, 0, false);
-            (job.run_time_ms, job.finish_time_ms) = (now_ms, None);
+            (job.run_time_ms, job.finish_time_ms, job.has_error) = (now_ms, None, false);
         }
     }
 

@@ -17,6 +17,8 @@ pub(super) struct ModelJob {
     pub(super) finish_time_ms: Option<i64>,
     pub(super) until_ms: i64,
     pub(super) has_checkpoint: bool,
+    /// Whether the latest attempt failed.
+    pub(super) has_error: bool,
     /// All leases of the job, the latest last.
     pub(super) leases: Vec<Lease>,
 }
@@ -59,7 +61,7 @@ impl Model {
         let rank = |job: &&ModelJob| {
             let owner = &job.new.scheduling.owner;
             let last_start = self.jobs.iter().filter(|other| other.new.scheduling.owner == *owner);
-            let last_start = last_start.filter_map(|other| other.start_time_ms).max();
+            let last_start = last_start.filter_map(|other| other.start_time_ms).filter(|ms| *ms <= self.now_ms).max();
             let running = self.running(|new| new.scheduling.owner == *owner);
             (job.new.priority, running, last_start, job.run_time_ms, job.id.clone())
         };
@@ -67,9 +69,28 @@ impl Model {
         self.jobs.iter().position(|job| job.id == best.id)
     }
 
-    pub(super) fn active_with_key(&self, key: Option<&String>) -> bool {
-        let active = |job: &ModelJob| !job.state.has_ended() && job.new.scheduling.unique_key.as_ref() == key;
-        key.is_some() && self.jobs.iter().any(active)
+    /// Whether a waiting or running job has the owner and the unique key of `new`.
+    pub(super) fn active_with_key(&self, new: &Scheduling) -> bool {
+        let active = |job: &ModelJob| {
+            let other = &job.new.scheduling;
+            !job.state.has_ended() && (&other.owner, &other.unique_key) == (&new.owner, &new.unique_key)
+        };
+        new.unique_key.is_some() && self.jobs.iter().any(active)
+    }
+
+    /// Moves leases with the clock. No waiting job starts later than it was requested, or a lease after a failure: the
+    /// longest pause of these histories.
+    pub(super) fn shift_clock(&mut self, by_ms: i64) {
+        for job in &mut self.jobs {
+            if job.state == JobState::Running {
+                job.until_ms += by_ms;
+            }
+            let pause_ms = if job.has_error { LEASE_MS } else { 0 };
+            let latest_ms = job.new.scheduling.not_before_ms.unwrap_or(0).max(self.now_ms + pause_ms);
+            if job.state == JobState::Queued {
+                job.run_time_ms = job.run_time_ms.min(latest_ms);
+            }
+        }
     }
 
     /// Ends an attempt with the state `state`. If the job fails or is cancelled, the jobs that wait for it fail.
@@ -103,7 +124,7 @@ impl Model {
         job.failures += 1;
         match retry_at_ms {
             Some(at_ms) if job.failures + job.crashes < job.new.attempts_max => {
-                job.run_time_ms = at_ms;
+                (job.run_time_ms, job.has_error) = (at_ms, true);
                 self.end(index, JobState::Queued);
             }
             _ => self.end(index, JobState::Failed),
@@ -116,7 +137,7 @@ impl Model {
         let job = self.jobs.get(index)?;
         let last = job.leases.len().checked_sub(1)?;
         let chosen = if stale { last.saturating_sub(1) } else { last };
-        let is_valid = chosen == last && job.state == JobState::Running && self.now_ms < job.until_ms;
+        let is_valid = chosen == last && job.state == JobState::Running;
         Some((index, job.leases[chosen].clone(), is_valid))
     }
 }
