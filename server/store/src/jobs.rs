@@ -114,21 +114,7 @@ impl Store {
     ///
     /// [`StoreError::Database`].
     pub async fn jobs(&self, filter: &JobFilter, after: Option<&str>, limit: u32) -> Result<Vec<Job>, StoreError> {
-        let mut query = QueryBuilder::<Sqlite>::new("select * from job where true");
-        if let Some(state) = filter.state {
-            query.push(" and state = ").push_bind(to_word("job.state", &state)?);
-        }
-        if let Some(display) = &filter.display {
-            query.push(" and display = ").push_bind(display);
-        }
-        if let Some(batch) = &filter.batch {
-            query.push(" and batch = ").push_bind(batch);
-        }
-        if let Some(after) = after {
-            query.push(" and id < ").push_bind(after);
-        }
-        query.push(" order by id desc limit ").push_bind(page(limit));
-        let rows = query.build().fetch_all(self.readers()).await?;
+        let rows = list_query(filter, after, limit)?.build().fetch_all(self.readers()).await?;
         rows.iter().map(job_of).collect()
     }
 
@@ -163,6 +149,29 @@ impl Store {
         }
         Ok(counts)
     }
+}
+
+/// The query of [`Store::jobs`]. Each combination of filters has an index.
+pub(super) fn list_query(
+    filter: &JobFilter,
+    after: Option<&str>,
+    limit: u32,
+) -> Result<QueryBuilder<Sqlite>, StoreError> {
+    let mut query = QueryBuilder::new("select * from job where true");
+    if let Some(state) = filter.state {
+        query.push(" and state = ").push_bind(to_word("job.state", &state)?);
+    }
+    if let Some(display) = &filter.display {
+        query.push(" and display = ").push_bind(display.clone());
+    }
+    if let Some(batch) = &filter.batch {
+        query.push(" and batch = ").push_bind(batch.clone());
+    }
+    if let Some(after) = after {
+        query.push(" and id < ").push_bind(after.to_owned());
+    }
+    query.push(" order by id desc limit ").push_bind(page(limit));
+    Ok(query)
 }
 
 async fn submit(

@@ -5,6 +5,13 @@ use super::{Store, StoreError};
 use lightpath_domain::reason::PreconditionReason;
 use sqlx::Row;
 
+/// Numbers and progress of the jobs of a batch in each state. Only running jobs have a progress that must be read from
+/// their rows; the others are counted in the index.
+pub(super) const BATCH: &str = "select state, count(*), case state when 'queued' then 0.0 when 'running' then ( \
+     select total(coalesce((progress ->> '$.step') / cast(nullif(progress ->> '$.steps_total', 0) as real), 0.0)) \
+     from job as running where running.batch = ?1 and running.state = 'running' \
+     ) else cast(count(*) as real) end from job where batch = ?1 group by state";
+
 /// A pause of the queue or of one display.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Pause {
@@ -139,14 +146,7 @@ impl Store {
     ///
     /// [`StoreError::NotFound`] if the batch has no jobs.
     pub async fn batch(&self, name: &str) -> Result<BatchProgress, StoreError> {
-        let rows: Vec<(String, i64, f64)> = sqlx::query_as(
-            "select state, count(*), total(case state when 'queued' then 0.0 when 'running' then \
-             coalesce((progress ->> '$.step') / cast(nullif(progress ->> '$.steps_total', 0) as real), 0.0) else 1.0 end) \
-             from job where batch = ? group by state",
-        )
-        .bind(name)
-        .fetch_all(self.readers())
-        .await?;
+        let rows: Vec<(String, i64, f64)> = sqlx::query_as(BATCH).bind(name).fetch_all(self.readers()).await?;
         let mut progress = BatchProgress::default();
         let (mut jobs, mut done) = (0, 0.0);
         for (state, count, part) in rows {

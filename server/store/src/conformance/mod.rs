@@ -3,12 +3,14 @@
 //! `queue`: states of jobs and their changes. `scheduling`: when and for which owner jobs run. `registry`: displays, artifacts,
 //! datasets, kernels. `preparing`: datasets that jobs align and finalize. `model`: random histories of one job, compared
 //! with a small model. `machine`: random histories of a whole queue. `migrations`: databases of earlier versions.
-//! `scale`: many jobs. `limits`: limits on stored records.
+//! `scale`: many jobs. `limits`: limits on stored records. `query_plans`: the indexes that queries use.
+
 mod limits;
 mod machine;
 mod migrations;
 mod model;
 mod preparing;
+mod query_plans;
 mod queue;
 mod registry;
 mod scale;

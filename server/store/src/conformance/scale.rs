@@ -43,16 +43,17 @@ async fn times<F: Future<Output = ()>>(mut work: impl FnMut(u32) -> F) -> Times 
     Times(times)
 }
 
-/// Fills the database with jobs as after months of use: the waiting jobs have 20 owners, 5 displays and 3 priorities.
+/// Fills the database with jobs as after months of use: the waiting jobs have 20 owners and batches, 5 displays and 3
+/// priorities.
 async fn fill(path: &std::path::Path, finished: u32) {
     let mut connection = connect_options(path).connect().await.unwrap();
     let spec = serde_json::to_string(&new_job("", 1).spec).unwrap();
     let result = serde_json::to_string(&result()).unwrap();
     let sql = "with recursive n(i) as (select 0 union all select i + 1 from n where i + 1 < ?1) \
         insert into job (id, request_id, display, spec, state, priority, attempt, attempts_max, create_time_ms, run_time_ms, \
-        start_time_ms, finish_time_ms, result, owner) \
+        start_time_ms, finish_time_ms, result, owner, batch) \
         select printf('%s%012d', ?2, i), printf('%s%d', ?2, i), 'lab-' || (i % 5), ?3, ?4, i % 3, 1, 3, i, i, \
-        iif(?4 = 'queued', null, i), iif(?4 = 'queued', null, i + 1), ?5, 'owner ' || (i % 20) from n";
+        iif(?4 = 'queued', null, i), iif(?4 = 'queued', null, i + 1), ?5, 'owner ' || (i % 20), 'batch ' || (i % 20) from n";
     for (count, prefix, state, result) in
         [(finished, "a", "succeeded", Some(&result)), (finished / 10, "b", "queued", None)]
     {
@@ -97,6 +98,8 @@ async fn many_jobs_keep_queries_fast() {
         JobFilter { state: Some(JobState::Succeeded), ..JobFilter::default() },
         JobFilter { state: Some(JobState::Running), display: Some("lab-1".to_owned()), batch: None },
         JobFilter { state: Some(JobState::Succeeded), display: Some("lab-1".to_owned()), batch: None },
+        JobFilter { state: Some(JobState::Running), display: None, batch: Some("batch 1".to_owned()) },
+        JobFilter { state: None, display: Some("lab-2".to_owned()), batch: Some("batch 1".to_owned()) },
     ];
     let filters = &filters;
     let list = times(async |n| {
@@ -106,6 +109,11 @@ async fn many_jobs_keep_queries_fast() {
     })
     .await;
     list.print("list");
+    let batch = times(async |n| {
+        store.batch(&format!("batch {}", n % 20)).await.unwrap();
+    })
+    .await;
+    batch.print("batch");
     let depths = times(async |_| drop(store.queue_depths().await.unwrap())).await;
     depths.print("queue depths");
     let counts = store.queue_counts().await.unwrap();
@@ -113,5 +121,6 @@ async fn many_jobs_keep_queries_fast() {
     if requested_jobs.is_some() {
         assert!(claim.p99() < CLAIM_MAX, "{:?}", claim.p99());
         assert!(list.p99() < LIST_MAX, "{:?}", list.p99());
+        assert!(batch.p99() < LIST_MAX, "{:?}", batch.p99());
     }
 }

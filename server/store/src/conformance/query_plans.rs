@@ -1,0 +1,52 @@
+//! Queries about many jobs find them in an index: they neither read other jobs nor sort.
+
+use super::*;
+use crate::JobFilter;
+use crate::jobs::list_query;
+use crate::queue::BATCH;
+use lightpath_domain::job::JobState;
+use sqlx::{AssertSqlSafe, Row as _};
+
+/// How SQLite runs a query, one line for each step.
+async fn plan(store: &Store, sql: &str) -> Vec<String> {
+    let rows =
+        sqlx::query(AssertSqlSafe(format!("explain query plan {sql}"))).fetch_all(store.readers()).await.unwrap();
+    rows.iter().map(|row| row.try_get("detail").unwrap()).collect()
+}
+
+#[tokio::test]
+async fn every_filter_of_a_list_has_an_index_in_the_order_of_the_list() {
+    let (store, _folder) = store().await;
+    for case in 0..8 {
+        let filter = JobFilter {
+            state: (case & 1 > 0).then_some(JobState::Queued),
+            display: (case & 2 > 0).then(|| "lab".to_owned()),
+            batch: (case & 4 > 0).then(|| "night".to_owned()),
+        };
+        let filters = [
+            ("state=?", filter.state.is_some()),
+            ("display=?", filter.display.is_some()),
+            ("batch=?", filter.batch.is_some()),
+        ];
+        for after in [None, Some("0193")] {
+            let query = list_query(&filter, after, 50).unwrap();
+            let steps = plan(&store, query.sql().as_str()).await;
+            assert_eq!(steps.len(), 1, "{filter:?}: {steps:?}");
+            for (term, is_given) in filters {
+                assert_eq!(steps[0].contains(term), is_given, "{filter:?}: {steps:?}");
+            }
+            assert_eq!(steps[0].contains("id<?"), after.is_some(), "{filter:?}: {steps:?}");
+        }
+    }
+}
+
+#[tokio::test]
+async fn jobs_of_a_batch_are_counted_in_an_index() {
+    let (store, _folder) = store().await;
+    let steps = plan(&store, BATCH).await;
+    let counting = "SEARCH job USING COVERING INDEX job_by_batch_state (batch=?)";
+    assert!(steps.iter().any(|step| step == counting), "{steps:?}");
+    let reading = "SEARCH running USING INDEX job_by_batch_state (batch=? AND state=?)";
+    assert!(steps.iter().any(|step| step == reading), "{steps:?}");
+    assert!(!steps.iter().any(|step| step.contains("TEMP B-TREE")), "{steps:?}");
+}
