@@ -258,7 +258,6 @@ impl Worker {
 
     /// Requeues the jobs of dead workers and removes checkpoints to which no job refers.
     async fn recover(&self) -> Result<(), WorkerError> {
-        self.pull_forward().await?;
         loop {
             let orphans = self.store.recover_orphans(self.clock.now_ms()).await?;
             if orphans.is_empty() {
@@ -269,6 +268,7 @@ impl Worker {
                 tracing::warn!(job = job.id, state = job.state.as_str(), "took the job back from a dead worker");
             }
         }
+        self.pull_forward().await?;
         let live: HashSet<String> = self.store.live_checkpoints().await?.into_iter().collect();
         for digest in self.artifacts.checkpoints().await? {
             if !live.contains(&digest) {

@@ -255,8 +255,10 @@ async fn jobs_queued_while_the_clock_was_ahead_run_when_it_is_set_right() {
         let store = bench.store.clone();
         async move { store.submit(&new, now_ms() + day_ms, 1000).await.unwrap().0.id }
     };
-    // One job is from before the start, one is queued before the clock is set back.
-    let before = ahead("before").await;
+    // The server died while the clock was ahead: one job ran, one waited. Another one is queued before the clock is set back.
+    let (orphan, before) = (ahead("orphan").await, ahead("before").await);
+    let claimed = bench.store.claim(now_ms() + day_ms, 30_000, "dead").await.unwrap().unwrap().0;
+    assert_eq!(claimed.id, orphan);
     let lease = Duration::from_millis(300);
     let worker = Worker::new(
         bench.store.clone(),
@@ -266,7 +268,9 @@ async fn jobs_queued_while_the_clock_was_ahead_run_when_it_is_set_right() {
     );
     let clock = worker.clock();
     let working = bench.start_worker(worker);
-    assert_eq!(bench.ended(&before).await.state, JobState::Succeeded);
+    for id in [before, orphan] {
+        assert_eq!(bench.ended(&id).await.state, JobState::Succeeded);
+    }
     clock.set_system_clock(day_ms);
     let followed = async || {
         while clock.jump().is_some() {
