@@ -35,6 +35,9 @@ create table job (
     -- number of attempts started so far; with lease_id it fences off writes of workers that lost their lease
     attempt          integer not null default 0 check (attempt >= 0),
     attempts_max     integer not null check (attempts_max >= 1),
+    -- memory and time of an attempt, estimated at the submit; 0: not estimated
+    estimated_bytes  integer not null default 0 check (estimated_bytes >= 0),
+    estimated_ms     integer not null default 0 check (estimated_ms >= 0),
     -- failed attempts since the last checkpoint
     failures         integer not null default 0 check (failures >= 0),
     -- deaths of the server during attempts, since the last checkpoint

@@ -74,6 +74,8 @@
 //! | learn a display from photographs | [`learning`]; [`alignment`] maps a camera's pixels to the display's |
 //! | inspect a learned display | [`diagnostics`]: aberrations, point spread, frequencies without light |
 //! | work without a display | [`simulated_display`]: display and camera with flaws; [`test_cards`]: target pictures |
+//! | end a computation early | [`interrupt`] |
+//! | know memory and work before | [`memory`] |
 //! | check results | [`reference`](mod@reference): slow and plain f64 versions of the fast algorithms |
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
@@ -90,8 +92,10 @@ mod error;
 pub mod grid;
 pub mod hologram;
 mod image_window;
+pub mod interrupt;
 pub mod learning;
 mod least_squares;
+pub mod memory;
 pub mod metrics;
 pub mod optimizer;
 #[doc(hidden)]

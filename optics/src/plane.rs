@@ -1,5 +1,6 @@
 //! Two-dimensional arrays of values.
 
+use crate::interrupt;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 
@@ -38,7 +39,11 @@ impl<T: Copy> Plane<T> {
     /// Plane with the value `f(y, x)` at every pixel.
     #[must_use]
     pub fn from_fn(height_px: usize, width_px: usize, mut f: impl FnMut(usize, usize) -> T) -> Self {
-        let values = (0..height_px * width_px).map(|i| f(i / width_px, i % width_px)).collect();
+        let mut values = Vec::with_capacity(height_px * width_px);
+        for y in 0..height_px {
+            interrupt::check();
+            values.extend((0..width_px).map(|x| f(y, x)));
+        }
         Self { height_px, width_px, values }
     }
 
@@ -103,12 +108,13 @@ impl<T: Copy> Plane<T> {
 
     /// Plane of the same size with `f` applied to every value.
     #[must_use]
-    pub fn map<U: Copy>(&self, f: impl FnMut(T) -> U) -> Plane<U> {
-        Plane {
-            height_px: self.height_px,
-            width_px: self.width_px,
-            values: self.values.iter().copied().map(f).collect(),
+    pub fn map<U: Copy>(&self, mut f: impl FnMut(T) -> U) -> Plane<U> {
+        let mut values = Vec::with_capacity(self.values.len());
+        for row in self.values.chunks(self.width_px.max(1)) {
+            interrupt::check();
+            values.extend(row.iter().map(|&value| f(value)));
         }
+        Plane { height_px: self.height_px, width_px: self.width_px, values }
     }
 
     /// Checks that the plane has `height_px` × `width_px` values.

@@ -5,6 +5,8 @@
 
 /// Runs the command line against a server of its own.
 mod command_line;
+/// Jobs of all kinds and sizes.
+mod job_shapes;
 /// A record of everything that a server has acknowledged.
 mod ledger;
 /// Displays, pictures, kernels and job specs.
@@ -22,6 +24,8 @@ mod attack;
 mod bad_input_cli;
 /// Invalid input over gRPC: refused with a code, a field and a fix, without effect on the server.
 mod bad_input_grpc;
+/// Cancelled jobs and stopped servers: how soon the work ends.
+mod cancelling;
 /// Servers that are killed at random moments, or suspended until their leases have ended.
 mod crash;
 /// Many small jobs from two clients at once.
@@ -30,6 +34,8 @@ mod crowd;
 mod determinism;
 /// A low disk and a full disk.
 mod disk;
+/// Estimates of memory against the measured memory, for jobs of all kinds.
+mod estimates;
 /// Slow connections, and connections with invalid bytes.
 mod hostile;
 /// The import rules of crates and modules.

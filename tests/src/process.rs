@@ -116,6 +116,11 @@ impl Daemon {
         self.status("VmHWM")
     }
 
+    /// Forgets the largest memory so far: [`Self::memory_peak_kib`] counts from now on.
+    pub(crate) fn forget_memory_peak(&self) {
+        std::fs::write(format!("/proc/{}/clear_refs", self.id()), "5").unwrap();
+    }
+
     /// Current memory of the process \[KiB\].
     pub(crate) fn memory_kib(&self) -> u64 {
         self.status("VmRSS")
@@ -148,6 +153,11 @@ impl Daemon {
     pub(crate) async fn stop(mut self) {
         self.signal("TERM");
         assert!(self.child.wait().await.unwrap().success());
+    }
+
+    /// Waits for the end of the process.
+    pub(crate) async fn wait(&mut self) {
+        self.child.wait().await.unwrap();
     }
 
     /// Kills the process with SIGKILL.

@@ -81,6 +81,10 @@ pub(crate) fn facts(job: &Job) -> String {
     }
     facts.add("attempt", format!("{} (the job fails after {} failed attempts)", job.attempt, job.attempts_max));
     facts.add("priority", job.priority.to_string());
+    if job.estimated_memory_bytes > 0 {
+        let memory = show::bytes(job.estimated_memory_bytes);
+        facts.add("estimate", format!("{memory} of memory, {}", show::duration(job.estimated_time_s)));
+    }
     facts.add("request id", &job.request_id);
     facts.add_some("created", job.create_time.as_ref().map(show::time));
     facts.add_some("started", job.start_time.as_ref().map(show::time));

@@ -1,6 +1,7 @@
 //! Blur by means over squares. Running sums make the cost independent of the radius.
 
 use crate::Plane;
+use crate::interrupt;
 
 /// Replaces each pixel by the mean over the (2·radius + 1)² square around it, as far as that lies inside the plane, and
 /// repeats that `passes` times. Three passes come near a Gaussian.
@@ -21,6 +22,7 @@ fn transposed_rows(plane: &Plane<f32>, radius_px: usize) -> Plane<f32> {
     let mut out = Plane::filled(width_px, height_px, 0.0_f32);
     let mut sums = vec![0.0_f64; width_px + 1];
     for y in 0..height_px {
+        interrupt::check();
         for (x, &value) in plane.row(y).iter().enumerate() {
             sums[x + 1] = sums[x] + f64::from(value);
         }

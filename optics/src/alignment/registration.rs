@@ -12,6 +12,7 @@
 
 use super::homography::distance;
 use super::{Homography, Point};
+use crate::interrupt;
 use crate::least_squares::NormalEquations;
 use crate::reference::{Direction, fft2};
 use crate::{Plane, RegionOfInterest};
@@ -82,6 +83,7 @@ impl Tiles {
     pub fn add(&mut self, expected: &Plane<f32>, photo: &Plane<f32>, left_out: f32) {
         let side = self.side_px;
         self.spectra.par_iter_mut().zip(&self.corners).for_each(|(sum, &corner)| {
+            interrupt::check();
             let (Some(e), Some(p)) =
                 (spectrum(expected, corner, side, f32::MAX), spectrum(photo, corner, side, left_out))
             else {
@@ -108,6 +110,7 @@ impl Tiles {
             .par_iter()
             .zip(&self.corners)
             .filter_map(|(spectrum, &(y, x))| {
+                interrupt::check();
                 let shift = peak(spectrum, self.side_px)?;
                 Some(([x as f64 + half, y as f64 + half], shift))
             })

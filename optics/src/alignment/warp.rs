@@ -10,6 +10,7 @@
 
 use super::Homography;
 use crate::Plane;
+use crate::interrupt;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
@@ -39,6 +40,7 @@ pub fn warp(
     let table = weights();
     let mut out = Plane::filled(height_px, width_px, left_out);
     out.values_mut().par_chunks_mut(width_px).enumerate().for_each(|(y, row)| {
+        interrupt::check();
         for (x, value) in row.iter_mut().enumerate() {
             let mut sum = 0.0;
             let samples = offsets.iter().flat_map(|dy| offsets.iter().map(move |dx| [x as f64 + dx, y as f64 + dy]));

@@ -3,6 +3,7 @@
 use super::Real;
 use super::tile_pass::{Operation, TilePass, TileScratch};
 use super::{Convolver, Kernels};
+use crate::interrupt;
 use num_complex::Complex;
 use rayon::prelude::*;
 
@@ -104,6 +105,7 @@ impl<T: Real> Convolver<T> {
     }
 
     fn pass(&self, kernels: &Kernels<T>, tile: usize, scratch: &mut TileScratch<T>, operation: Operation<'_, T>) {
+        interrupt::check();
         T::pass_over_tile(TilePass { convolver: self, kernels, tile, scratch, operation });
     }
 

@@ -2,13 +2,14 @@
 
 use super::Real;
 use super::{Axis, Convolver, Window, scratch::Scratch};
+use crate::interrupt;
 use num_complex::Complex;
 use pulp::Arch;
 use rayon::prelude::*;
 
 /// Number of half-transformed rows that are gathered together. Tiles are far apart in memory, so several rows are read
 /// from each tile at a time.
-pub(super) const ROWS: usize = 8;
+pub(crate) const ROWS: usize = 8;
 
 impl<T: Real> Convolver<T> {
     /// Calls `fill(y, row)` to write each row of a field. For each window, multiplies the row by the window, transforms
@@ -26,6 +27,7 @@ impl<T: Real> Convolver<T> {
         spectrum.par_chunks_mut(windows.len() * self.row_len()).enumerate().for_each_init(
             || self.scratch.take(),
             |scratch, (y, rows)| {
+                interrupt::check();
                 let Scratch { row, fft, .. } = &mut **scratch;
                 let field = &mut row[..self.width_px];
                 let (first, others) = rows.split_at_mut(self.row_len());
@@ -60,6 +62,7 @@ impl<T: Real> Convolver<T> {
         results.par_chunks_mut(at_once * per_row).enumerate().for_each_init(
             || self.scratch.take(),
             |scratch, (block, out)| {
+                interrupt::check();
                 let Scratch { row, rows, samples, fft, .. } = &mut **scratch;
                 self.gather_rows(tiles, windows.len(), block * at_once, out.len() / per_row, rows);
                 let halves = rows.chunks_exact_mut(windows.len() * self.row_len());
@@ -98,6 +101,7 @@ impl<T: Real> Convolver<T> {
         weights: Option<&[T]>,
         scratch: &mut Scratch<T>,
     ) {
+        interrupt::check();
         let Scratch { row, samples, fft, .. } = scratch;
         let (half, shifted) = row.split_at_mut(2 * self.width_px);
         let mut samples = samples.chunks_exact_mut(self.width_px);
@@ -122,6 +126,7 @@ impl<T: Real> Convolver<T> {
     /// Applies the adjoint of [`Self::sample_row`]: transforms the sub-samples and adds them up for each offset along
     /// y. Writes `2 · width_px` values for each offset along y to `out`.
     pub(crate) fn sample_row_adjoint(&self, arch: Arch, scratch: &mut Scratch<T>, out: &mut [Complex<T>]) {
+        interrupt::check();
         let Scratch { row, samples, fft, .. } = scratch;
         let half = &mut row[..2 * self.width_px];
         let mut samples = samples.chunks_exact(self.width_px);

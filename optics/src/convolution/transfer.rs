@@ -2,6 +2,7 @@
 
 use super::Real;
 use super::{frequency_per_px, padded_columns, split_bin, tile_columns};
+use crate::interrupt;
 use num_complex::{Complex, Complex64};
 use rayon::prelude::*;
 
@@ -57,6 +58,7 @@ impl<T: Real> Transfer<T> {
             || vec![Complex::new(T::zero(), T::zero()); rows],
             |column, (tile, values)| {
                 for k in 0..columns.min(count - tile * columns) {
+                    interrupt::check();
                     write(tile * columns + k, column);
                     for (row, &value) in values.chunks_exact_mut(columns).zip(column.iter()) {
                         row[k] = value;

@@ -6,6 +6,7 @@ use crate::chebyshev::position;
 use crate::convolution::Real;
 use crate::convolution::{Convolver, Kernels, Transfer};
 use crate::display_model::KernelShape;
+use crate::interrupt;
 use crate::slm::Slm;
 use crate::smooth_field::SmoothField;
 use crate::spatial_variation::local_kernels;
@@ -263,6 +264,7 @@ pub(crate) fn tabulate_source<T: Real>(source: &SmoothField, height_px: usize, w
     };
     let mut values = vec![Complex::new(T::zero(), T::zero()); height_px * width_px];
     values.par_chunks_mut(width_px).enumerate().for_each(|(row, out)| {
+        interrupt::check();
         let y = position(row, height_px);
         let (log_amplitude, phase) = (along_x(&source.log_amplitude, y), along_x(&source.phase, y));
         for (column, value) in out.iter_mut().enumerate() {

@@ -2,6 +2,7 @@
 
 use super::core::{EngineCore, Fields};
 use crate::convolution::Real;
+use crate::interrupt;
 use crate::{Plane, Result};
 use num_complex::Complex;
 use pulp::Arch;
@@ -49,6 +50,7 @@ impl<T: Real> EngineCore<T> {
         let rows = (0..self.height_px()).into_par_iter().map_init(
             || vec![Complex::new(T::zero(), T::zero()); self.width_px()],
             |field, y| {
+                interrupt::check();
                 self.slm.field_row(y, phase.row(y), field);
                 field.iter().map(|c| c.norm_sqr().wide()).sum::<f64>()
             },

@@ -6,6 +6,7 @@
 
 use super::problem::ProblemCore;
 use crate::Evaluation;
+use crate::interrupt;
 use crate::optimizer::adam::AdamStep;
 use pulp::Arch;
 use rayon::prelude::*;
@@ -56,7 +57,10 @@ impl AdamState {
             gradient.par_chunks(width_px),
         )
             .into_par_iter()
-            .for_each(|(phase, m, v, g)| arch.dispatch(|| step.take(phase, m, v, g)));
+            .for_each(|(phase, m, v, g)| {
+                interrupt::check();
+                arch.dispatch(|| step.take(phase, m, v, g));
+            });
         evaluation
     }
 }

@@ -11,6 +11,7 @@
 
 use super::problem::ProblemCore;
 use crate::convolution::Real;
+use crate::interrupt;
 use num_complex::Complex;
 use rayon::prelude::*;
 use std::f64::consts::PI;
@@ -33,6 +34,7 @@ pub(super) fn double_phase<T: Real>(problem: &ProblemCore<T>, image_phase: &[T])
         let largest = rows.reduce(|| 0.0, f64::max).sqrt();
         let norm = T::of(1.0 / largest.max(f64::MIN_POSITIVE));
         phase.par_chunks_mut(width_px).zip(field.par_chunks(width_px)).enumerate().for_each(|(y, (phase, row))| {
+            interrupt::check();
             for (x, (phase, c)) in phase.iter_mut().zip(row).enumerate() {
                 let c = c.scale(norm) - engine.slm.zero_order.scale(engine.slm.sign(y, x));
                 // Rounding and the zero order may raise |c| slightly above one.
@@ -57,6 +59,7 @@ fn low_pass<T: Real>(field: &mut [Complex<T>], height_px: usize, width_px: usize
     let zero = Complex::new(T::zero(), T::zero());
     let mut along_x = vec![zero; field.len()];
     along_x.par_chunks_mut(width_px).zip(field.par_chunks(width_px)).for_each(|(out, row)| {
+        interrupt::check();
         for (x, out) in out.iter_mut().enumerate() {
             *out = (0..taps.len())
                 .filter_map(|k| Some(row.get((x + k).checked_sub(REACH)?)?.scale(taps[k])))
@@ -64,6 +67,7 @@ fn low_pass<T: Real>(field: &mut [Complex<T>], height_px: usize, width_px: usize
         }
     });
     field.par_chunks_mut(width_px).enumerate().for_each(|(y, out)| {
+        interrupt::check();
         out.fill(zero);
         for (k, &tap) in taps.iter().enumerate() {
             let Some(from) = (y + k).checked_sub(REACH).filter(|from| *from < height_px) else { continue };

@@ -13,6 +13,7 @@
 //! where light is missing: R. Di Leonardo, F. Ianni and G. Ruocco, Optics Express 15, 1913 (2007).
 
 use super::problem::ProblemCore;
+use crate::interrupt;
 use crate::{Evaluation, Plane};
 use num_complex::Complex32;
 use rayon::prelude::*;
@@ -34,6 +35,7 @@ pub(super) fn round(
     phase.par_chunks_mut(width_px).zip(field.par_chunks(width_px)).enumerate().for_each_init(
         || engine.convolver.scratch.take(),
         |scratch, (i, (phase, excess))| {
+            interrupt::check();
             let (y, field) = (i % height_px, &mut scratch.row[..width_px]);
             engine.slm.field_row(y, phase, field);
             field.iter_mut().zip(excess).for_each(|(c, &excess)| *c -= excess);

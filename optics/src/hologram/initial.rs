@@ -2,6 +2,7 @@
 
 use super::problem::{HologramProblem, ProblemCore};
 use crate::convolution::Real;
+use crate::interrupt;
 use crate::{Error, OpticalSetup, Plane, Result};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -132,6 +133,7 @@ pub(super) fn random(frames: usize, frame_len: usize, range_rad: f64, seed: u64)
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut phases = Vec::with_capacity(frames * frame_len);
     for frame in 0..frames {
+        interrupt::check();
         random.set_stream(frame as u64);
         random.set_word_pos(0);
         phases.extend((0..frame_len).map(|_| random.random::<f32>() * range_rad as f32));
@@ -169,6 +171,7 @@ impl<T: Real> ProblemCore<T> {
             for (y, (phase, field)) in
                 phase.chunks_exact_mut(engine.width_px()).zip(field.chunks_exact(engine.width_px())).enumerate()
             {
+                interrupt::check();
                 engine.slm.phase_of_row(y, field, phase);
             }
         }

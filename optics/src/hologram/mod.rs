@@ -24,3 +24,4 @@ pub use quality::{DetectorQuality, Quality, light_of_frames, quality, quality_of
 pub use rounded::Levels;
 pub use state::OptimizationState;
 pub use stopwatch::Clock;
+pub(crate) use two_passes::SAMPLES_BYTES_MAX;

@@ -2,6 +2,7 @@
 
 use crate::convolution::Real;
 use crate::engine::EngineCore;
+use crate::interrupt;
 use crate::metrics::{Gain, ImagePair, diffraction_efficiency, frame_efficiency, speckle_contrast, ssim_at_all_scales};
 use crate::{Detector, Engine, Error, Plane, RegionOfInterest, Result};
 use rayon::prelude::*;
@@ -193,6 +194,7 @@ fn integrated(samples: &Plane<f32>, height_px: usize, width_px: usize) -> Plane<
     let share = 1.0 / (per_side * per_side) as f32;
     let mut light = Plane::filled(height_px, width_px, 0.0);
     light.values_mut().par_chunks_mut(width_px).enumerate().for_each(|(y, out)| {
+        interrupt::check();
         for row in (0..per_side).map(|i| samples.row(per_side * y + i)) {
             for (light, samples) in out.iter_mut().zip(row.chunks_exact(per_side)) {
                 *light += share * samples.iter().sum::<f32>();

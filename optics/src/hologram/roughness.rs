@@ -12,6 +12,7 @@
 //! For the speckle contrast σ/m, J. Goodman, Speckle Phenomena in Optics (2007).
 
 use crate::convolution::Real;
+use crate::interrupt;
 use crate::plane::Plane;
 use crate::region::RegionOfInterest;
 use rayon::prelude::*;
@@ -76,6 +77,7 @@ pub(crate) fn total_variation<T: Real>(
     let (scale, mean_slope) = (scale / (mean * extent.weight_sum), T::of(along / extent.weight_sum));
     let (scale, columns) = (T::of(scale), region.x_px()..region.x_px() + region.width_px());
     slopes.par_chunks_mut(plane.count * plane.width_px).enumerate().for_each(|(y, row)| {
+        interrupt::check();
         if region.columns(y).is_some() {
             for (x, slope) in columns.clone().zip(&mut plane.row_in(row)[columns.clone()]) {
                 *slope = *slope + scale * (field.slope(y, x) - mean_slope * extent.weight_at(y, x));
@@ -92,7 +94,13 @@ fn mean_terms<T: Real>(extent: &WeightedRegion<'_, T>, light: &[T], y: usize) ->
 }
 
 fn per_row<R: Send>(region: RegionOfInterest, of: impl Fn(usize) -> R + Sync + Send) -> Vec<R> {
-    (region.y_px()..region.y_px() + region.height_px()).into_par_iter().map(of).collect()
+    (region.y_px()..region.y_px() + region.height_px())
+        .into_par_iter()
+        .map(|y| {
+            interrupt::check();
+            of(y)
+        })
+        .collect()
 }
 
 /// Forward differences of q = p/μ in one light plane.
@@ -209,6 +217,7 @@ impl SpeckleBlocks {
     }
 
     fn block<T: Real>(&self, extent: &WeightedRegion<'_, T>, plane: LightPlane, lights: &[T], i: usize) -> Block {
+        interrupt::check();
         let (y0, x0) = self.corner(extent, i);
         let pixels = || (y0..y0 + self.side_px).flat_map(|y| (x0..x0 + self.side_px).map(move |x| (y, x)));
         let at = |(y, x): (usize, usize)| (extent.weight_at(y, x).wide(), plane.row(lights, y)[x].wide());

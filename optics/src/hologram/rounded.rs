@@ -17,6 +17,7 @@
 //! ∫₀^ρ (1 − f/ρ) df = ρ/2. For the middle 80 % of each axis, ρ = 0.64, this is −4.9 dB.
 
 use super::problem::ProblemCore;
+use crate::interrupt;
 use crate::phase_response::PhaseResponse;
 use crate::{Carrier, Evaluation, Result};
 use rayon::prelude::*;
@@ -190,6 +191,7 @@ impl Rounded {
             .fold(
                 || (vec![0_u64; CLASSES + 1], vec![0.0; width_px]),
                 |(mut counts, mut shown), (i, (phase, velocity))| {
+                    interrupt::check();
                     levels.show_row(i % height_px, phase, &mut shown);
                     for ((&phase, &shown), v) in phase.iter().zip(&shown).zip(velocity) {
                         let class = if v.is_nan() { CLASSES } else { levels.class(shown - phase) };
@@ -221,6 +223,7 @@ impl Rounded {
         rows.into_par_iter().enumerate().for_each_init(
             || vec![0.0; width_px],
             |shown, (i, (phase, velocity))| {
+                interrupt::check();
                 levels.show_row(i % height_px, phase, shown);
                 for ((phase, &mut shown), v) in phase.iter_mut().zip(shown).zip(velocity) {
                     if !v.is_nan() && levels.class(shown - *phase) < classes {

@@ -6,6 +6,7 @@ use super::problem::{Evaluation, ProblemCore, Sink, compare_with, send_back};
 use super::roughness::{LightPlane, total_variation};
 use crate::convolution::Real;
 use crate::engine::Fields;
+use crate::interrupt;
 use crate::photometry::{Comparison, Quantity, Sums};
 use crate::real::unit;
 use crate::{Detector, Plane};
@@ -26,7 +27,7 @@ pub(super) struct Buffers<T> {
 
 /// Largest size of the kept samples of several planes and frames \[bytes\]. Above this size the samples are computed
 /// again in the second pass. Three planes of 1080×1920 px with a pixel detector fit.
-const SAMPLES_BYTES_MAX: usize = 256 << 20;
+pub(crate) const SAMPLES_BYTES_MAX: usize = 256 << 20;
 
 impl<T> Buffers<T> {
     pub(super) fn empty() -> Self {
@@ -228,6 +229,7 @@ fn update_weighted_amplitudes<T: Real>(plane: &TargetPlane<T>, lights: &[T], gai
     let is_amplitude = plane.compares_amplitudes;
     let share = T::of(1.0 / planes as f64);
     wanted.values_mut().par_chunks_mut(width_px).enumerate().for_each(|(y, wanted)| {
+        interrupt::check();
         let lights = &lights[y * planes * width_px..][..planes * width_px];
         for (x, wanted) in wanted.iter_mut().enumerate() {
             let light = (0..planes).fold(T::zero(), |sum, l| sum + lights[l * width_px + x]) * share;

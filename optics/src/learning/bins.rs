@@ -7,6 +7,7 @@ use super::pair::{Example, measure_each, total};
 use super::{KernelModel, LearnOptions, LearnStage, LearnStep, PairSource, pair::BoxError};
 use crate::convolution::{Kernels, Transfer, split_bin};
 use crate::engine::{EngineCore, Fields};
+use crate::interrupt;
 use crate::optimizer::adam::AdamStep;
 use crate::{DisplayModel, Error, KernelShape, OpticalSetup, Plane};
 use num_complex::Complex32;
@@ -154,6 +155,7 @@ impl BinsLearner {
         )
             .into_par_iter()
             .for_each(|(parameters, m, v, gradient)| {
+                interrupt::check();
                 let gradient = band.parameter_gradient(parameters, gradient);
                 step.take(parameters, m, v, &gradient);
             });
@@ -225,6 +227,7 @@ impl Band {
         let sampled = setup.sampled();
         let mut parameters = Vec::with_capacity(self.parameters());
         for &x in &self.columns_centred {
+            interrupt::check();
             let fx = frequency(x, self.columns.len(), grid.width_px());
             for &y in &self.rows_centred {
                 let h = sampled.at(fx, frequency(y, self.rows.len(), grid.height_px()));
@@ -265,6 +268,7 @@ impl Band {
         let width_px = self.columns.len();
         let mut numbers = parameters.as_chunks().0.iter();
         for &x in &self.columns_centred {
+            interrupt::check();
             for (&y, &number) in self.rows_centred.iter().zip(&mut numbers) {
                 plane.values_mut()[y * width_px + x] = self.value(number);
             }

@@ -20,6 +20,7 @@ use crate::chebyshev::position;
 use crate::chebyshev::{ChebyshevBasis, polynomials};
 use crate::convolution::Real;
 use crate::engine::EngineCore;
+use crate::interrupt;
 use crate::slm::{BLOCK, BlockResponse, Slm};
 use num_complex::Complex;
 use pulp::{Arch, Simd, WithSimd};
@@ -226,6 +227,7 @@ impl<T: Real> Jacobian<T> {
         let columns = self.columns.clone();
         let rows =
             self.values.par_chunks_mut(parameters * width).zip(field).zip(&self.rows).map(|((values, field), &y)| {
+                interrupt::check();
                 let (photo, weight) = (&example.photo.row(y)[columns.clone()], &example.weight.row(y)[columns.clone()]);
                 let mut error = vec![T::zero(); width];
                 for x in 0..width {

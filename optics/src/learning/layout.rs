@@ -12,11 +12,11 @@ use crate::{DisplayModel, KernelShape, OpticalSetup, SmoothField, SpatialVariati
 use num_complex::Complex64;
 
 /// Highest total degree of the source profile.
-pub(super) const SOURCE_ORDER: usize = 4;
+pub(crate) const SOURCE_ORDER: usize = 4;
 /// Number of harmonics of the phase response.
-pub(super) const HARMONICS: usize = 3;
+pub(crate) const HARMONICS: usize = 3;
 /// Highest total degree of the kernel's variation over the SLM: that of third-order aberrations.
-const VARIATION_ORDER: usize = 4;
+pub(crate) const VARIATION_ORDER: usize = 4;
 
 /// Positions of the parameters in θ.
 #[derive(Clone, Copy, Debug)]

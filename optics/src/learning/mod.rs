@@ -27,6 +27,12 @@ mod screening;
 mod smooth_transfer;
 mod uncertainty;
 
+/// Sizes that determine the memory of a fit.
+pub(crate) mod sizes {
+    pub(crate) use super::layout::{HARMONICS, SOURCE_ORDER, VARIATION_ORDER};
+    pub(crate) use super::parametric::CURVATURE_PX;
+}
+
 pub use along_z::interpolated;
 pub use pair::{BoxError, Pair, PairSource, compare, unsaturated_px};
 pub use uncertainty::{ResponseCovariance, ResponseUncertainty};

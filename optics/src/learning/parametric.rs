@@ -26,7 +26,7 @@ const ORDER_DEFAULT: usize = 8;
 /// Number of pairs of a plane from which the curvature of all its pairs is estimated.
 pub(super) const CURVATURE_PAIRS: usize = 4;
 /// Number of pixels of a pair from which its curvature is estimated: several hundred for each parameter.
-pub(super) const CURVATURE_PX: usize = 40_000;
+pub(crate) const CURVATURE_PX: usize = 40_000;
 /// Least relative decrease of the training loss. A smaller one ends the refinement of the current order.
 const STEP_GAIN_MIN: f64 = 1e-2;
 /// Least relative decrease of the validation loss by which a step or an order counts as a gain.

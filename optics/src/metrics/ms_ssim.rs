@@ -14,6 +14,7 @@
 
 use super::ssim::{SSIM_SIDE_MIN, Similarity, similarity};
 use super::{Gain, ImagePair};
+use crate::interrupt;
 use crate::{Error, Plane, RegionOfInterest, Result};
 use rayon::prelude::*;
 
@@ -77,6 +78,7 @@ fn halved(pair: &ImagePair<'_>) -> (Plane<f32>, Plane<f32>) {
     rows.into_par_iter().enumerate().for_each_init(
         || std::array::from_fn::<_, 4, _>(|_| vec![0.0; pair.width()]),
         |[upper_light, upper_target, lower_light, lower_target], (y, (light, target))| {
+            interrupt::check();
             pair.read_row(2 * y, upper_light, upper_target);
             pair.read_row(2 * y + 1, lower_light, lower_target);
             mean_of_squares(upper_light, lower_light, light);

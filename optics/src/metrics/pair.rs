@@ -1,6 +1,7 @@
 //! A reconstruction together with its target.
 
 use super::Gain;
+use crate::interrupt;
 use crate::{Error, Plane, RegionOfInterest, Result};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -94,6 +95,7 @@ impl<'a> ImagePair<'a> {
     /// Σ `term`(light after the gain, target) over the samples.
     pub(super) fn sum(&self, term: impl Fn(f64, f64) -> f64 + Sync) -> f64 {
         let rows = (0..self.height()).into_par_iter().map(|y| {
+            interrupt::check();
             let (p, t) = self.row(y);
             let samples = p.chunks_exact(self.samples_per_px).zip(t).flat_map(|(p, t)| p.iter().map(move |p| (p, t)));
             samples.map(|(&p, &t)| term(self.gain * f64::from(p), f64::from(t))).sum::<f64>()

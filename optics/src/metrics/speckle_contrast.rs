@@ -13,6 +13,7 @@
 //! change it.
 
 use super::{Gain, ImagePair};
+use crate::interrupt;
 use crate::{Plane, RegionOfInterest, Result};
 use rayon::prelude::*;
 
@@ -59,6 +60,7 @@ fn sum_over_flat(
 ) -> f64 {
     let samples_per_px = pair.height() / roi.height_px();
     let rows = (0..pair.height()).into_par_iter().map(|y| {
+        interrupt::check();
         let (light, target) = pair.row(y);
         let flat = &flat[y / samples_per_px * roi.width_px()..][..roi.width_px()];
         let pixels = light.chunks_exact(samples_per_px).zip(target).zip(flat).filter(|(_, flat)| **flat);
@@ -77,6 +79,7 @@ fn flat_pixels(target: &Plane<f32>, roi: RegionOfInterest) -> Vec<bool> {
     flat.par_chunks_mut(roi.width_px()).enumerate().for_each_init(
         || vec![[0.0_f32; 2]; roi.width_px()],
         |extremes, (y, flat)| {
+            interrupt::check();
             extremes.fill([f32::INFINITY, 0.0]);
             for neighbour in around(y, roi.height_px()).map(row) {
                 for ([least, most], &t) in extremes.iter_mut().zip(neighbour) {

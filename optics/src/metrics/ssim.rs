@@ -14,6 +14,7 @@
 //! the sum of the two variances is needed, so four filtered images are enough.
 
 use super::{Gain, ImagePair};
+use crate::interrupt;
 use crate::{Error, Plane, RegionOfInterest, Result};
 use pulp::Arch;
 use rayon::prelude::*;
@@ -66,6 +67,7 @@ pub(super) fn similarity(pair: &ImagePair<'_>) -> Similarity {
     let blocks = (0..rows.div_ceil(BLOCK)).into_par_iter().map_init(
         || Block::new(pair.width()),
         |block, i| {
+            interrupt::check();
             let end = ((i + 1) * BLOCK).min(rows);
             arch.dispatch(|| block.similarity(pair, &weights, i * BLOCK..end))
         },

@@ -4,6 +4,7 @@
 //! so that the result does not depend on the number of threads.
 
 use super::limited_memory::{BASIS, HISTORY};
+use crate::interrupt;
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
@@ -16,9 +17,10 @@ const LANES: usize = 32;
 pub(crate) fn product(a: &[f32], b: &[f32], sums: &mut Vec<f64>) -> f64 {
     let arch = Arch::new();
     sums.resize(a.len().div_ceil(CHUNK), 0.0);
-    (a.par_chunks(CHUNK), b.par_chunks(CHUNK), &mut sums[..])
-        .into_par_iter()
-        .for_each(|(a, b, sum)| *sum = arch.dispatch(Dot { a, b }));
+    (a.par_chunks(CHUNK), b.par_chunks(CHUNK), &mut sums[..]).into_par_iter().for_each(|(a, b, sum)| {
+        interrupt::check();
+        *sum = arch.dispatch(Dot { a, b });
+    });
     sums.iter().sum()
 }
 
@@ -27,6 +29,7 @@ pub(crate) fn move_along(from: &[f32], direction: &[f32], step: f32, to: &mut [f
     let arch = Arch::new();
     (from.par_chunks(CHUNK), direction.par_chunks(CHUNK), to.par_chunks_mut(CHUNK)).into_par_iter().for_each(
         |(from, direction, to)| {
+            interrupt::check();
             arch.dispatch(|| {
                 for ((to, &from), &d) in to.iter_mut().zip(from).zip(direction) {
                     *to = from + step * d;
@@ -54,6 +57,7 @@ pub(crate) fn gram_rows(
     sums.resize(len.div_ceil(CHUNK) * 3 * BASIS, 0.0);
     let chunks = (new_step.par_chunks_mut(CHUNK), new_change.par_chunks_mut(CHUNK), sums.par_chunks_mut(3 * BASIS));
     chunks.into_par_iter().enumerate().for_each(|(i, (s, y, sums))| {
+        interrupt::check();
         let range = i * CHUNK..(i * CHUNK + s.len());
         arch.dispatch(|| subtract(&points[1][range.clone()], &points[0][range.clone()], s));
         arch.dispatch(|| subtract(&gradients[1][range.clone()], &gradients[0][range.clone()], y));
@@ -93,6 +97,7 @@ pub(crate) fn combine(
 ) {
     let arch = Arch::new();
     to.par_chunks_mut(CHUNK).enumerate().for_each(|(i, to)| {
+        interrupt::check();
         let range = i * CHUNK..(i * CHUNK + to.len());
         let weight = weights[2 * HISTORY] as f32;
         arch.dispatch(|| scale(&gradient[range.clone()], weight, to));

@@ -12,6 +12,7 @@ use super::{Comparison, Sums};
 use crate::convolution::Real;
 use crate::convolution::{Convolver, Scratch};
 use crate::detector::Detector;
+use crate::interrupt;
 use num_complex::Complex;
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
@@ -118,6 +119,7 @@ impl<T: Real> Convolver<T> {
             |scratch, (block, (lights, slopes, sum))| {
                 let lines = lights.chunks_exact(row_len).zip(slopes.chunks_exact_mut(row_len));
                 for (y, (light, slopes)) in (block * rows..).zip(lines) {
+                    interrupt::check();
                     let row = &mut scratch.reals[0];
                     sum.add(&arch.dispatch(SlopeRow { comparison, y, light, row, slopes }));
                 }
@@ -136,6 +138,7 @@ impl<T: Real> Convolver<T> {
             || self.scratch.take(),
             |scratch, (block, (lights, sum))| {
                 for (y, light) in (block * rows..).zip(lights.chunks_exact(row_len)) {
+                    interrupt::check();
                     let [row, slopes] = &mut scratch.reals;
                     let slopes = &mut slopes[..row_len];
                     sum.add(&arch.dispatch(SlopeRow { comparison, y, light, row, slopes }));

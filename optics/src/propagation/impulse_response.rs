@@ -14,6 +14,7 @@
 //! limited beyond.
 
 use crate::OpticalSetup;
+use crate::interrupt;
 use crate::transfer_function::phasor;
 use num_complex::Complex64;
 use rayon::prelude::*;
@@ -98,6 +99,7 @@ fn even_rows(rows: usize, n: usize, f: impl Fn(usize, usize) -> Complex64 + Sync
     spectra.par_chunks_exact_mut(n + 1).enumerate().for_each_init(
         || (vec![Complex64::ZERO; 2 * n], vec![Complex64::ZERO; fft.get_inplace_scratch_len()]),
         |(sequence, scratch), (row, out)| {
+            interrupt::check();
             sequence[n] = Complex64::ZERO;
             for i in 0..n {
                 sequence[i] = f(row, i);

@@ -8,6 +8,7 @@
 //! M rows, N columns; zero frequency at `[0][0]`.
 
 use crate::Plane;
+use crate::interrupt;
 use num_complex::Complex64;
 use rayon::prelude::*;
 use rustfft::{FftDirection, FftPlanner};
@@ -56,6 +57,7 @@ fn transform_rows(mut plane: Plane<Complex64>, direction: Direction) -> Plane<Co
     };
     let fft = FftPlanner::new().plan_fft(width_px, fft_direction);
     plane.values_mut().par_chunks_mut(width_px).for_each(|row| {
+        interrupt::check();
         fft.process(row);
         row.iter_mut().for_each(|value| *value *= scale);
     });
@@ -65,6 +67,7 @@ fn transform_rows(mut plane: Plane<Complex64>, direction: Direction) -> Plane<Co
 fn transposed(plane: &Plane<Complex64>) -> Plane<Complex64> {
     let mut result = Plane::filled(plane.width_px(), plane.height_px(), Complex64::ZERO);
     result.values_mut().par_chunks_mut(plane.height_px()).enumerate().for_each(|(x, column)| {
+        interrupt::check();
         column.iter_mut().enumerate().for_each(|(y, value)| *value = plane.at(y, x));
     });
     result

@@ -10,6 +10,7 @@
 use super::fourier::{Direction, fft2};
 use crate::Plane;
 use crate::grid::frequency;
+use crate::interrupt;
 use crate::transfer_function::phasor;
 use num_complex::Complex64;
 use rayon::prelude::*;
@@ -51,6 +52,7 @@ pub fn filter(
     let (height_px, width_px) = (field.height_px(), field.width_px());
     let mut spectrum = fft2(field, Direction::Forward);
     spectrum.values_mut().par_chunks_mut(width_px).enumerate().for_each(|(v, row)| {
+        interrupt::check();
         let fy = frequency(v, height_px, pixel_pitch_m);
         for (u, value) in row.iter_mut().enumerate() {
             *value *= transfer(frequency(u, width_px, pixel_pitch_m), fy);

@@ -5,6 +5,7 @@
 //! ```
 
 use crate::Plane;
+use crate::interrupt;
 use rayon::prelude::*;
 
 /// Blurs with standard deviation `sigma_px`. Beyond the edge, the values of the edge continue.
@@ -18,6 +19,7 @@ pub(super) fn blurred(values: &Plane<f64>, sigma_px: f64) -> Plane<f64> {
     let inside = |i: usize, k: usize, side: usize| (i + k).saturating_sub(half).min(side - 1);
     let mut along_x = Plane::filled(height_px, width_px, 0.0);
     along_x.values_mut().par_chunks_mut(width_px).enumerate().for_each(|(y, out)| {
+        interrupt::check();
         let row = values.row(y);
         for (x, out) in out.iter_mut().enumerate() {
             *out = weights.iter().enumerate().map(|(k, w)| w * row[inside(x, k, width_px)]).sum();
@@ -25,6 +27,7 @@ pub(super) fn blurred(values: &Plane<f64>, sigma_px: f64) -> Plane<f64> {
     });
     let mut blurred = Plane::filled(height_px, width_px, 0.0);
     blurred.values_mut().par_chunks_mut(width_px).enumerate().for_each(|(y, out)| {
+        interrupt::check();
         for (k, w) in weights.iter().enumerate() {
             let row = along_x.row(inside(y, k, height_px));
             out.iter_mut().zip(row).for_each(|(out, value)| *out += w * value);

@@ -10,6 +10,7 @@
 
 use super::draws::{Draws, Stream};
 use crate::Plane;
+use crate::interrupt;
 use rayon::prelude::*;
 
 /// The camera of one bench, with drawn properties.
@@ -31,6 +32,7 @@ impl Camera {
         let width_px = light.width_px();
         let mut photograph = Plane::filled(light.height_px(), width_px, 0);
         photograph.values_mut().par_chunks_mut(width_px).enumerate().for_each(|(y, row)| {
+            interrupt::check();
             let mut draws = Draws::of_row(noise_seed, Stream::Noise, y);
             for (level, &light) in row.iter_mut().zip(light.row(y)) {
                 let light = f64::from(light);

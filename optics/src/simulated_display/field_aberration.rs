@@ -15,6 +15,7 @@ use super::draws::{Draws, Stream};
 use crate::Plane;
 use crate::chebyshev::position;
 use crate::grid::frequency;
+use crate::interrupt;
 use crate::spatial_variation::local_kernels::{nodes, window};
 use num_complex::Complex64;
 use rayon::prelude::*;
@@ -80,6 +81,7 @@ pub(super) fn spectrum_by_column(
     let rows_through = |window: &Vec<f64>| {
         let mut rows = Plane::filled(height_px, 2 * width_px, Complex64::ZERO);
         rows.values_mut().par_chunks_mut(2 * width_px).enumerate().for_each(|(y, row)| {
+            interrupt::check();
             row.iter_mut().zip(field.row(y)).zip(window).for_each(|((value, u), w)| *value = u * w);
             forward_x.process(row);
         });
@@ -92,6 +94,7 @@ pub(super) fn spectrum_by_column(
     let mut spectrum = Plane::filled(2 * width_px, 2 * height_px, Complex64::ZERO);
     spectrum.values_mut().par_chunks_mut(2 * height_px).enumerate().for_each(|(u, sum)| {
         for (k, &node) in positions.iter().enumerate() {
+            interrupt::check();
             let (rows, window) = (&rows[k % POSITIONS], &along_y[k / POSITIONS]);
             let mut column = vec![Complex64::ZERO; 2 * height_px];
             column.iter_mut().zip(window).enumerate().for_each(|(y, (value, w))| *value = rows.at(y, u) * w);

@@ -32,6 +32,7 @@ pub use bench::SimulatedBench;
 
 use crate::carrier::Carrier;
 use crate::grid::frequency;
+use crate::interrupt;
 use crate::phase_response::wrap;
 use crate::propagation::SampledTransfer;
 use crate::transfer_function::phasor;
@@ -253,6 +254,7 @@ impl SimulatedDisplay {
         let pitch_m = self.setup.grid().pixel_pitch_m();
         let mut transfer = Plane::filled(width_px, height_px, Complex64::ZERO);
         transfer.values_mut().par_chunks_mut(height_px).enumerate().for_each(|(u, column)| {
+            interrupt::check();
             let fx = frequency(u, width_px, pitch_m);
             for (v, value) in column.iter_mut().enumerate() {
                 *value = self.true_transfer(fx, frequency(v, height_px, pitch_m));

@@ -10,6 +10,7 @@
 
 use crate::Plane;
 use crate::grid::frequency;
+use crate::interrupt;
 use num_complex::Complex64;
 use rayon::prelude::*;
 use rustfft::{Fft, FftPlanner};
@@ -29,6 +30,7 @@ pub(super) fn pixel_light(spectrum: &Plane<Complex64>) -> Plane<f64> {
     for offset_px in OFFSETS_PX {
         let columns = offset_columns(spectrum, &offset_phases(2 * height_px, offset_px), &inverse_y);
         light.values_mut().par_chunks_mut(width_px).enumerate().for_each(|(y, row)| {
+            interrupt::check();
             for phases in &phases_x {
                 let mut line: Vec<_> = phases.iter().enumerate().map(|(u, phase)| phase * columns.at(u, y)).collect();
                 inverse_x.process(&mut line);
@@ -48,11 +50,13 @@ pub(super) fn spectrum_by_column(field: &Plane<Complex64>, transfer_by_column: &
     let forward_y = FftPlanner::new().plan_fft_forward(2 * height_px);
     let mut rows = Plane::filled(height_px, 2 * width_px, Complex64::ZERO);
     rows.values_mut().par_chunks_mut(2 * width_px).enumerate().for_each(|(y, row)| {
+        interrupt::check();
         row[..width_px].copy_from_slice(field.row(y));
         forward_x.process(row);
     });
     let mut spectrum = Plane::filled(2 * width_px, 2 * height_px, Complex64::ZERO);
     spectrum.values_mut().par_chunks_mut(2 * height_px).enumerate().for_each(|(u, column)| {
+        interrupt::check();
         column[..height_px].iter_mut().enumerate().for_each(|(y, value)| *value = rows.at(y, u));
         forward_y.process(column);
         column.iter_mut().zip(transfer_by_column.row(u)).for_each(|(value, transfer)| *value *= transfer);
@@ -66,6 +70,7 @@ fn offset_columns(spectrum: &Plane<Complex64>, phases: &[Complex64], inverse: &A
     let height_px = spectrum.width_px() / 2;
     let mut columns = Plane::filled(spectrum.height_px(), height_px, Complex64::ZERO);
     columns.values_mut().par_chunks_mut(height_px).enumerate().for_each(|(u, kept)| {
+        interrupt::check();
         let mut column: Vec<_> = spectrum.row(u).iter().zip(phases).map(|(value, phase)| value * phase).collect();
         inverse.process(&mut column);
         kept.copy_from_slice(&column[..height_px]);

@@ -8,6 +8,7 @@
 //! pixels of a turned camera would blur that as well.
 
 use crate::Plane;
+use crate::interrupt;
 use rayon::prelude::*;
 
 /// The light that a camera sees when it is turned about the middle and the image has drifted.
@@ -20,6 +21,7 @@ pub(super) fn moved_and_rotated(light: &Plane<f64>, rotation_rad: f64, (dx_px, d
     let (sine, cosine) = rotation_rad.sin_cos();
     let mut image = Plane::filled(height_px, width_px, 0.0);
     image.values_mut().par_chunks_mut(width_px).enumerate().for_each(|(y, out)| {
+        interrupt::check();
         let v = y as f64 - middle_y;
         for (x, out) in out.iter_mut().enumerate() {
             let u = x as f64 - middle_x;

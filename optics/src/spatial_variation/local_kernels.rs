@@ -16,7 +16,10 @@ use std::f64::consts::PI;
 
 /// Sides of grids, each with the largest [change](change) of a kernel for which at most about 0.5 % of the field is
 /// lost.
-const SIDES: [(usize, f64); 3] = [(3, 0.45), (4, 0.75), (5, f64::INFINITY)];
+const SIDES: [(usize, f64); 3] = [(3, 0.45), (4, 0.75), (PER_SIDE_MAX, f64::INFINITY)];
+
+/// Side of the largest grid.
+pub(crate) const PER_SIDE_MAX: usize = 5;
 
 /// Number of frequencies along each axis of the band at which a change is sampled.
 const BAND_SAMPLES: usize = 9;

@@ -19,6 +19,7 @@ mod spheres;
 mod technical;
 mod vector;
 
+use crate::interrupt;
 use crate::{Error, Plane, Result};
 use rayon::prelude::*;
 
@@ -137,6 +138,7 @@ impl TestCard {
         let samples = samples_per_side(height_px.min(width_px));
         let mut light = Plane::filled(height_px, width_px, 0.0_f32);
         light.values_mut().par_chunks_mut(width_px).enumerate().for_each(|(y, row)| {
+            interrupt::check();
             for (x, value) in row.iter_mut().enumerate() {
                 let tones = (0..samples * samples).map(|i| {
                     let at = |pixel: usize, sample: usize| pixel as f32 + (sample as f32 + 0.5) / samples as f32;

@@ -3,6 +3,7 @@
 use crate::accounts::Accounts;
 use crate::checked_targets::CheckedTargets;
 use crate::error::ApiError;
+use crate::jobs::estimate::JobLimits;
 use crate::kernels::conversions::Conversions;
 use crate::reconstructors::LastReconstructor;
 use lightpath_artifacts::Artifacts;
@@ -29,6 +30,8 @@ const WRITE_TURN_MAX: Duration = Duration::from_secs(5);
 pub struct ApiLimits {
     /// Limits on the queue.
     pub queue: QueueLimits,
+    /// Limits on jobs.
+    pub jobs: JobLimits,
     /// Memory that computations for calls may use together \[bytes\]; one client may use half of it.
     pub computing_bytes: u64,
 }
@@ -46,6 +49,7 @@ pub struct Api {
     pub(crate) stopping: CancellationToken,
     /// Result of the latest health check.
     health: watch::Sender<Result<(), String>>,
+    pub(crate) job_limits: JobLimits,
 }
 
 impl Api {
@@ -61,6 +65,7 @@ impl Api {
             last_reconstructor: LastReconstructor::default(),
             stopping,
             health: watch::Sender::new(Ok(())),
+            job_limits: limits.jobs,
         }
     }
 
@@ -133,7 +138,7 @@ pub(crate) mod tests {
         Api::new(
             store,
             Artifacts::open(folder).unwrap(),
-            ApiLimits { queue: QueueLimits::from(10), computing_bytes: 1 << 30 },
+            ApiLimits { queue: QueueLimits::from(10), jobs: JobLimits::default(), computing_bytes: 1 << 30 },
             CancellationToken::new(),
         )
     }

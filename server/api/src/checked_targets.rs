@@ -1,7 +1,7 @@
 //! A memory of the targets that have light in the region of interest. Artifacts never change, so a checked target need
 //! not be decoded again for later jobs.
 
-use std::collections::{HashSet, VecDeque};
+use std::collections::{HashMap, VecDeque};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Limit on the remembered checks, which need some hundred bytes each.
@@ -13,22 +13,23 @@ pub(crate) struct CheckedTargets(Arc<Mutex<Checks>>);
 
 #[derive(Debug, Default)]
 struct Checks {
-    known: HashSet<String>,
+    /// Memory for decoding each target \[bytes\].
+    known: HashMap<String, u64>,
     /// Keys of the checks, the oldest first.
     order: VecDeque<String>,
 }
 
 impl CheckedTargets {
-    /// Whether a target is known to have light. `key` names the picture and everything else on which the check
-    /// depends.
-    pub(crate) fn contains(&self, key: &str) -> bool {
-        self.lock().known.contains(key)
+    /// Memory for decoding a target that is known to have light \[bytes\]; `None`: it was not checked. `key` names the
+    /// picture and everything else on which the check depends.
+    pub(crate) fn decoding_bytes(&self, key: &str) -> Option<u64> {
+        self.lock().known.get(key).copied()
     }
 
     /// Remembers a check. The oldest check is forgotten if there are too many.
-    pub(crate) fn insert(&self, key: String) {
+    pub(crate) fn insert(&self, key: String, decoding_bytes: u64) {
         let mut checks = self.lock();
-        if !checks.known.insert(key.clone()) {
+        if checks.known.insert(key.clone(), decoding_bytes).is_some() {
             return;
         }
         checks.order.push_back(key);
@@ -53,11 +54,11 @@ mod tests {
     fn only_the_latest_checks_are_remembered() {
         let targets = CheckedTargets::default();
         for n in 0..CHECKS_MAX + 2 {
-            targets.insert(n.to_string());
-            targets.insert(n.to_string());
+            targets.insert(n.to_string(), 7);
+            targets.insert(n.to_string(), 7);
         }
-        assert!(!targets.contains("0") && !targets.contains("1") && targets.contains("2"));
-        assert!(targets.contains(&(CHECKS_MAX + 1).to_string()));
+        let found = [0, 1, 2, CHECKS_MAX + 1].map(|n| targets.decoding_bytes(&n.to_string()));
+        assert_eq!(found, [None, None, Some(7), Some(7)]);
         let checks = targets.lock();
         assert_eq!((checks.known.len(), checks.order.len()), (CHECKS_MAX, CHECKS_MAX));
     }

@@ -44,3 +44,4 @@ mod watch;
 
 pub use api::{Api, ApiLimits};
 pub use error::ApiError;
+pub use jobs::estimate::JobLimits;

@@ -65,6 +65,25 @@ impl Space {
         }
     }
 
+    /// Checks that a checkpoint of this size may be written. A part of the reserve must stay free: half of it is left to
+    /// the results of the running jobs.
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError::DiskLow`].
+    pub fn room_for_checkpoint(&self, bytes: u64) -> Result<(), ArtifactError> {
+        let reserve_bytes = self.limits.reserve_bytes;
+        if reserve_bytes == 0 {
+            return Ok(());
+        }
+        match self.free_bytes()? {
+            free_bytes if free_bytes < (reserve_bytes / 2).saturating_add(bytes) => {
+                Err(ArtifactError::DiskLow { free_bytes, reserve_bytes })
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// Checks that `more_bytes` of new work may be accepted.
     ///
     /// # Errors

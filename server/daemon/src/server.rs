@@ -127,7 +127,9 @@ pub async fn run_and_announce(
     announce(address).map_err(ServeError::Announcement)?;
     let stopping = CancellationToken::new();
     let upkeep = tokio::spawn(upkeep_loop(store.clone(), artifacts.clone(), retention, stopping.clone()));
-    let api = Api::new(store.clone(), artifacts.clone(), config.api_limits(), stopping.clone());
+    let threads = config.compute_threads;
+    let work_per_s = tokio::task::spawn_blocking(move || lightpath_worker::measured_work_per_s(threads)).await?;
+    let api = Api::new(store.clone(), artifacts.clone(), config.api_limits(work_per_s), stopping.clone());
     let flushing = tokio::spawn(flush_loop(Arc::clone(&audit), tls.clone(), stopping.clone()));
     let (grpc, health) = api.clone().routes()?;
     set_health(&health, ServingStatus::Serving).await;

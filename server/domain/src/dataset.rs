@@ -119,6 +119,14 @@ pub struct Pair {
     pub checks: Option<PairChecks>,
 }
 
+impl Pair {
+    /// Whether the pair was measured with this map of an alignment.
+    #[must_use]
+    pub fn is_measured_with(&self, homography: Option<[f64; 9]>) -> bool {
+        self.checks.as_ref().is_some_and(|checks| checks.homography == homography)
+    }
+}
+
 /// Exposure of a photograph.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Exposure {

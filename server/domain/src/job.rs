@@ -15,9 +15,10 @@
 //! - `result`: results.
 //! - `hologram`, `prepare`, `report`: request and result of hologram jobs, dataset jobs and report jobs.
 //! - `effect`: changes that a job makes besides its result.
-//! - `failure`: reasons why attempts fail.
+//! - `failure`: reasons why attempts fail. `estimate`: memory and time of jobs before they start.
 
 mod effect;
+pub mod estimate;
 mod failure;
 mod hologram;
 mod prepare;
@@ -26,6 +27,7 @@ mod result;
 mod spec;
 
 pub use effect::JobEffect;
+pub use estimate::Estimate;
 pub use failure::{FailureReason, JobError};
 pub use hologram::{Fit, FrameResult, HologramResult, ImagePlane, OptimizeHologram, PlaneResult, WavelengthResult};
 pub use prepare::{AlignBy, PrepareDataset, PrepareResult, PrepareStep, SplitCounts};
@@ -118,6 +120,8 @@ pub struct Job {
     pub scheduling: Scheduling,
     /// Number of jobs that must succeed before this job starts, and have not succeeded yet.
     pub waiting_for: u32,
+    /// Estimate of memory and time, made when the job was submitted.
+    pub estimate: Estimate,
 }
 
 /// Owner, order and time limits of a job. By default the owner is unknown and the job starts as soon as possible.
@@ -150,6 +154,8 @@ pub struct NewJob {
     pub attempts_max: u32,
     /// Owner, order and time limits.
     pub scheduling: Scheduling,
+    /// Estimate of memory and time.
+    pub estimate: Estimate,
 }
 
 /// Progress of a running job.

@@ -55,6 +55,8 @@ reasons! {
         DisplayInUse = "DISPLAY_IN_USE",
         /// The job has ended.
         JobEnded = "JOB_ENDED",
+        /// The job needs more memory or time than the server gives a job.
+        JobTooLarge = "JOB_TOO_LARGE",
         /// The job has neither failed nor been cancelled.
         JobNotRetryable = "JOB_NOT_RETRYABLE",
         /// The kernel has reached its limit of versions.

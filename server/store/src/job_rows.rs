@@ -2,7 +2,7 @@
 
 use super::StoreError;
 use super::rows::{from_json, from_json_option, from_word};
-use lightpath_domain::job::{Job, Scheduling};
+use lightpath_domain::job::{Estimate, Job, Scheduling};
 use sqlx::Row;
 use sqlx::sqlite::SqliteRow;
 
@@ -35,5 +35,9 @@ pub(super) fn job_of(row: &SqliteRow) -> Result<Job, StoreError> {
             after: from_json("job.after", &row.try_get::<String, _>("after")?)?,
         },
         waiting_for: row.try_get("waiting_for")?,
+        estimate: Estimate {
+            memory_bytes: row.try_get::<i64, _>("estimated_bytes")?.unsigned_abs(),
+            time_s: row.try_get::<i64, _>("estimated_ms")? as f64 / 1e3,
+        },
     })
 }

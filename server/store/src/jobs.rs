@@ -190,8 +190,10 @@ async fn submit(
     let unfinished = dependencies::unfinished(write, after).await?;
     let row = sqlx::query(
         "insert into job (id, request_id, display, dataset, spec, state, priority, attempts_max, create_time_ms, \
-         run_time_ms, owner, batch, unique_key, not_before_ms, timeout_ms, after, waiting_for) \
-         values (?1, ?2, ?3, ?4, ?5, 'queued', ?6, ?7, ?8, max(?8, coalesce(?12, ?8)), ?9, ?10, ?11, ?12, ?13, ?14, ?15) \
+         run_time_ms, owner, batch, unique_key, not_before_ms, timeout_ms, after, waiting_for, \
+         estimated_bytes, estimated_ms) \
+         values (?1, ?2, ?3, ?4, ?5, 'queued', ?6, ?7, ?8, max(?8, coalesce(?12, ?8)), ?9, ?10, ?11, ?12, ?13, ?14, ?15, \
+         ?16, ?17) \
          returning *",
     )
     .bind(Uuid::now_v7().to_string())
@@ -209,6 +211,8 @@ async fn submit(
     .bind(timeout_ms)
     .bind(to_json("job.after", after)?)
     .bind(unfinished.len() as i64)
+    .bind(i64::try_from(new.estimate.memory_bytes).unwrap_or(i64::MAX))
+    .bind((new.estimate.time_s * 1e3) as i64)
     .fetch_one(write.sql())
     .await?;
     let job = job_of(&row)?;

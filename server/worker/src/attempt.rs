@@ -18,7 +18,7 @@ use tokio::sync::broadcast::Receiver;
 use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::{oneshot, watch};
 use tokio::task::JoinSet;
-use tokio::time::{interval, sleep};
+use tokio::time::{interval, sleep, sleep_until};
 use tokio_util::sync::CancellationToken;
 
 /// Shortest time between two progress reports of a job: short enough for people, long enough to spare the store.
@@ -26,6 +26,10 @@ const PROGRESS_INTERVAL: Duration = Duration::from_millis(200);
 
 /// Heartbeats in the time of one lease. Two may fail before the lease expires.
 const HEARTBEATS_PER_LEASE: u32 = 3;
+
+/// Time that a draining attempt has for the rest of its step, after which it saves its state. A longer step is
+/// interrupted, and the job continues from its last checkpoint. The server's stop must reach every job within a second.
+const DRAIN_STEP_MAX: Duration = Duration::from_millis(500);
 
 type Outcome = Result<TaskOutput, TaskError>;
 
@@ -35,23 +39,19 @@ impl Worker {
         tracing::info!(job = job.id, attempt = lease.attempt, "attempt started");
         let stop = Arc::new(StopFlag::default());
         let (progress, reports) = watch::channel(None);
-        // The helper tasks are aborted when this set is dropped at the end of the attempt.
-        let mut helpers = JoinSet::new();
-        // Subscribe first: the first heartbeat sees an earlier cancellation, and this channel receives a later one.
-        let cancels = self.store.subscribe_cancels();
-        helpers.spawn(watch_for_stop(cancels, lease.job.clone(), drain.clone(), Arc::clone(&stop)));
-        let (store, clock) = (self.store.clone(), self.clock.clone());
-        helpers.spawn(send_heartbeats(store, clock, lease.clone(), self.config.lease, Arc::clone(&stop)));
-        helpers.spawn(store_progress(self.store.clone(), lease.clone(), reports.clone()));
-        let timeout = self.config.timeouts.of(&job);
-        if let Some(timeout) = timeout {
+        let mut helpers = self.helpers(&lease, &stop, &reports, drain);
+        let wait = self.memory.share(&job, |waiting| _ = progress.send_replace(Some(waiting)));
+        let Some(share) = stop.unless_stopped(wait).await.flatten() else {
+            return self.end_and_log(&lease, Err(TaskError::Stopped), &stop, None).await;
+        };
+        // The wait for memory does not count.
+        if let Some(timeout) = self.config.timeouts.of(&job) {
             let stop = Arc::clone(&stop);
             helpers.spawn(async move {
                 sleep(timeout).await;
                 stop.raise(StopReason::Timeout);
             });
         }
-
         let context = JobContext {
             lease: lease.clone(),
             owner: job.scheduling.owner.clone(),
@@ -64,11 +64,42 @@ impl Worker {
             progress,
             checkpoint_interval: self.config.checkpoint_interval,
             last_checkpoint: Cell::new(Instant::now()),
-            saved: RefCell::new(saved_state(&self.artifacts, &job).await),
+            last_save_took: Cell::new(Duration::ZERO),
+            saved: RefCell::new(stop.unless_interrupted(saved_state(&self.artifacts, &job)).await.flatten()),
         };
         let outcome = compute(Arc::clone(&self.task), job, context, Arc::clone(pool)).await;
+        drop(share);
         let last_report = reports.borrow().clone();
-        if let Err(error) = self.end(&lease, outcome, stop.reason(), last_report).await {
+        self.end_and_log(&lease, outcome, &stop, last_report).await;
+    }
+
+    /// Starts the tasks that run beside an attempt. They are aborted when the set is dropped at its end.
+    fn helpers(
+        &self,
+        lease: &Lease,
+        stop: &Arc<StopFlag>,
+        reports: &watch::Receiver<Option<Progress>>,
+        drain: &CancellationToken,
+    ) -> JoinSet<()> {
+        let mut helpers = JoinSet::new();
+        // Subscribe first: the first heartbeat sees an earlier cancellation, and this channel receives a later one.
+        let cancels = self.store.subscribe_cancels();
+        helpers.spawn(watch_for_stop(cancels, lease.job.clone(), drain.clone(), Arc::clone(stop)));
+        let (store, clock) = (self.store.clone(), self.clock.clone());
+        helpers.spawn(send_heartbeats(
+            store.clone(),
+            clock.clone(),
+            lease.clone(),
+            self.config.lease,
+            Arc::clone(stop),
+        ));
+        helpers.spawn(store_progress(store, lease.clone(), reports.clone()));
+        helpers
+    }
+
+    /// Records in the store how the attempt ended.
+    async fn end_and_log(&self, lease: &Lease, outcome: Outcome, stop: &StopFlag, last_report: Option<Progress>) {
+        if let Err(error) = self.end(lease, outcome, stop.reason(), last_report).await {
             // The lease will expire, and the job then returns to the queue.
             tracing::error!(
                 job = lease.job,
@@ -78,7 +109,6 @@ impl Worker {
         }
     }
 
-    /// Records in the store how the attempt ended.
     async fn end(
         &self,
         lease: &Lease,
@@ -191,9 +221,12 @@ async fn compute(task: Arc<dyn Task>, job: Job, context: JobContext, pool: Arc<T
     })
 }
 
-/// Runs the task in the thread pool. The context moves there because only one thread at a time may use its cells.
+/// Runs the task in the thread pool, until it ends or the stop flag interrupts it. The context moves there because only
+/// one thread at a time may use its cells.
 fn run_inside(pool: &ThreadPool, task: &dyn Task, job: &Job, context: JobContext) -> Outcome {
-    pool.install(move || task.run(job, &context))
+    let stop = Arc::clone(&context.stop);
+    let run = move || stop.interrupt().run(|| task.run(job, &context));
+    pool.install(run).unwrap_or(Err(TaskError::Stopped))
 }
 
 fn panicked(panic: &(dyn Any + Send)) -> TaskError {
@@ -226,12 +259,17 @@ async fn send_heartbeats(store: Store, clock: Clock, lease: Lease, duration: Dur
 /// Raises the stop flag when the server drains or a user cancels the job. If it misses a cancellation, the next
 /// heartbeat sees it.
 async fn watch_for_stop(mut cancels: Receiver<String>, job: String, drain: CancellationToken, stop: Arc<StopFlag>) {
-    let mut draining = false;
+    // End of the step of a draining attempt.
+    let mut step_end = None;
     loop {
+        let interrupt_at = step_end.filter(|_| !stop.interrupt().is_raised());
         tokio::select! {
-            () = drain.cancelled(), if !draining => {
-                draining = true;
+            () = drain.cancelled(), if step_end.is_none() => {
+                step_end = Some(tokio::time::Instant::now() + DRAIN_STEP_MAX);
                 stop.raise(StopReason::Drain);
+            }
+            () = sleep_until(interrupt_at.unwrap_or_else(tokio::time::Instant::now)), if interrupt_at.is_some() => {
+                stop.interrupt().raise();
             }
             cancelled = cancels.recv() => match cancelled {
                 Ok(id) if id == job => return stop.raise(StopReason::Cancel),

@@ -4,6 +4,7 @@ use super::display_setup::{DisplaySetup, finite};
 use super::simulate::simulated_display;
 use super::{JobContext, TaskError};
 use lightpath_domain::job::Progress;
+use lightpath_domain::job::estimate::CAPTURED_ITERATIONS;
 use lightpath_domain::kernel::CapturedQuality;
 use lightpath_media::captures::Captures;
 use lightpath_optics::hologram::{HologramMethod, HologramOptions, HologramProblem, ImagePlane, Loss, initial_phase};
@@ -14,8 +15,6 @@ use lightpath_optics::{Detector, DisplayModel, Engine, Optimization, Plane, Regi
 
 /// Two different pictures, which are enough to tell a better kernel from a worse one.
 const TARGETS: [TestCard; 2] = [TestCard::Portrait, TestCard::Leaf];
-/// L-BFGS evaluations for each hologram. The result is within one or two decibels of convergence.
-const ITERATIONS: u32 = 40;
 /// Range of the random initial phases \[rad\]: a narrow range suits holograms of pictures.
 const INITIAL_PHASE_RAD: f64 = 1.0;
 /// Seed of the pictures, the initial phases and the noise. It differs from the seeds that users choose for datasets.
@@ -65,7 +64,7 @@ fn hologram(
     let problem = HologramProblem::with_planes(vec![plane], 1, region, Loss::default())?;
     let start = initial_phase(height_px, width_px, INITIAL_PHASE_RAD, SEED)?.into_vec();
     let mut optimization =
-        Optimization::start(problem, HologramOptions::new(HologramMethod::Lbfgs, ITERATIONS), start)?;
+        Optimization::start(problem, HologramOptions::new(HologramMethod::Lbfgs, CAPTURED_ITERATIONS), start)?;
     while optimization.step().is_some() {
         if context.should_stop().is_some() {
             return Err(TaskError::Stopped);

@@ -14,6 +14,15 @@ use std::time::{Duration, Instant};
 use tokio::runtime::Handle;
 use tokio::sync::watch;
 
+/// Pause after a checkpoint, in units of the time that it took: saving takes at most a twentieth of a job's time.
+const SAVES_PER_PAUSE: u32 = 20;
+/// Time of a save that needs no such pause: that of some dozen megabytes.
+const SHORT_SAVE: Duration = Duration::from_millis(100);
+/// Longest time for saving a state when the server stops, which must reach every job within seconds.
+const DRAIN_SAVE_MAX: Duration = Duration::from_secs(2);
+/// Largest state that is saved when the server stops \[bytes\]: a disk writes it within [`DRAIN_SAVE_MAX`].
+const DRAIN_STATE_BYTES_MAX: usize = 512 << 20;
+
 /// The output of a task.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TaskOutput {
@@ -51,7 +60,7 @@ impl TaskError {
 impl From<ArtifactError> for TaskError {
     fn from(error: ArtifactError) -> Self {
         let reason = match &error {
-            ArtifactError::DiskFull => FailureReason::DiskFull,
+            ArtifactError::DiskFull | ArtifactError::DiskLow { .. } => FailureReason::DiskFull,
             ArtifactError::NotFound { .. } => FailureReason::ArtifactNotFound,
             ArtifactError::DataLoss { .. } => FailureReason::DataLoss,
             _ => FailureReason::Io,
@@ -109,6 +118,8 @@ pub struct JobContext {
     pub(super) progress: watch::Sender<Option<Progress>>,
     pub(super) checkpoint_interval: Duration,
     pub(super) last_checkpoint: Cell<Instant>,
+    /// Time that the last save took.
+    pub(super) last_save_took: Cell<Duration>,
     /// State that an earlier attempt saved.
     pub(super) saved: RefCell<Option<Vec<u8>>>,
 }
@@ -125,11 +136,11 @@ impl JobContext {
         self.progress.send_replace(Some(progress));
         match self.stop.reason() {
             Some(StopReason::Drain) => {
-                self.save(state())?;
+                self.save_at_drain(state)?;
                 Err(TaskError::Stopped)
             }
             Some(StopReason::Timeout | StopReason::Cancel | StopReason::LeaseLost) => Err(TaskError::Stopped),
-            None if self.last_checkpoint.get().elapsed() >= self.checkpoint_interval => self.save_in_passing(state()),
+            None if self.is_checkpoint_due() => self.save_in_passing(state()),
             None => Ok(()),
         }
     }
@@ -168,9 +179,11 @@ impl JobContext {
     ///
     /// # Errors
     ///
-    /// [`TaskError::Failed`] if the artifact cannot be read or does not match its digest.
+    /// [`TaskError::Failed`] if the artifact cannot be read or does not match its digest, [`TaskError::Stopped`] if the
+    /// task must stop at once.
     pub fn read_artifact(&self, digest: &str) -> Result<Vec<u8>, TaskError> {
-        Ok(self.wait(self.artifacts.read_all(digest))?)
+        let read = self.stop.unless_interrupted(self.artifacts.read_all(digest));
+        Ok(self.wait(read).ok_or(TaskError::Stopped)??)
     }
 
     /// Stores and records an artifact and returns its digest.
@@ -199,6 +212,26 @@ impl JobContext {
         self.runtime.block_on(future)
     }
 
+    /// Whether a checkpoint is due. Large states are saved less often, so that saving takes little of the job's time.
+    fn is_checkpoint_due(&self) -> bool {
+        let took = Some(self.last_save_took.get()).filter(|took| *took > SHORT_SAVE);
+        let pause = took.map_or(Duration::ZERO, |took| SAVES_PER_PAUSE * took);
+        self.last_checkpoint.get().elapsed() >= self.checkpoint_interval.max(pause)
+    }
+
+    /// Saves the state when the server stops. If the state is too large for the time that is left, the job continues
+    /// from its last checkpoint.
+    fn save_at_drain(&self, state: impl FnOnce() -> Vec<u8>) -> Result<(), TaskError> {
+        if self.last_save_took.get() > DRAIN_SAVE_MAX {
+            return Ok(());
+        }
+        let state = state();
+        if state.len() > DRAIN_STATE_BYTES_MAX {
+            return Ok(());
+        }
+        self.save(state)
+    }
+
     /// Saves the state at a regular interval. If the disk is full, the job continues and tries again later.
     fn save_in_passing(&self, state: Vec<u8>) -> Result<(), TaskError> {
         match self.save(state) {
@@ -216,9 +249,12 @@ impl JobContext {
 
     /// Saves the state: writes the file, records it in the job's row, and removes the previous file.
     fn save(&self, state: Vec<u8>) -> Result<(), TaskError> {
+        let started = Instant::now();
         let sealed = checkpoint::seal(&self.lease, state)
             .map_err(|error| TaskError::permanent(FailureReason::Checkpoint, error))?;
+        self.artifacts.space().room_for_checkpoint(sealed.len() as u64)?;
         self.wait(self.save_sealed(sealed))?;
+        self.last_save_took.set(started.elapsed());
         self.last_checkpoint.set(Instant::now());
         Ok(())
     }

@@ -201,10 +201,13 @@ fn measure(
     let ideal_test_loss = mean(&ideal.losses(&test, "measure the ideal kernel")?);
     drop(ideal);
     let captures = Captures::of(&display.declared, dataset)?;
+    let (validation_pairs, test_pairs) = (validation.len() as u32, test.len() as u32);
+    // Frees the decoded pairs before holograms are computed.
+    drop((training, validation, test));
     Ok(KernelMetrics {
         train_pairs: kept.len() as u32,
-        validation_pairs: validation.len() as u32,
-        test_pairs: test.len() as u32,
+        validation_pairs,
+        test_pairs,
         train_loss: train_loss.region,
         validation_loss: validation_loss.region,
         test_loss: test_loss.region,

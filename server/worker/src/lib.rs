@@ -5,8 +5,8 @@
 //!  claim loop ── claim ──> attempt ── starts ─────> Task::run, inside a rayon pool of its own
 //!                            ├ heartbeats            │ once an iteration: JobContext::step
 //!                            ├ progress  <── watch ──┤   reports progress,
-//!                            ├ cancels   ── flag ──> │   stops on cancel, drain or a lost lease,
-//!                            ├ drain     ── flag ──> │   saves a checkpoint when one is due
+//!                            ├ cancels   ── flag ──> │   saves a checkpoint when one is due or the server drains;
+//!                            ├ drain     ── flag ──> │ the flag interrupts the engine within an iteration, too
 //!                            └ finish, fail, release <── outcome
 //! ```
 //!
@@ -15,6 +15,7 @@
 //! # Layout
 //!
 //! - `attempt`: one job from claim to end. `context`: interface of a task to the server. `stop`: the shared stop flag.
+//! - `job_memory`: the memory that running jobs share. `speed`: the speed of this machine.
 //! - `checkpoint`: the envelope of saved states. `backoff`: pauses before retries. `clock`: the time of day.
 //! - `optics_task`: runs each kind of job by its own function, in `optimize`, `learn`, `simulate`, `evaluate`,
 //!   `prepare` and `report`. They share `display_setup` (a display at a wavelength and distance), `pairs`, `losses` and
@@ -30,6 +31,7 @@ mod context;
 mod display_setup;
 mod evaluate;
 mod hologram_setup;
+mod job_memory;
 mod learn;
 mod losses;
 mod optics_task;
@@ -38,6 +40,7 @@ mod pairs;
 mod prepare;
 mod report;
 mod simulate;
+mod speed;
 mod state_bytes;
 mod stop;
 #[cfg(test)]
@@ -46,9 +49,12 @@ mod tests;
 pub use backoff::Backoff;
 pub use clock::Clock;
 pub use context::{JobContext, TaskError, TaskOutput};
+pub use job_memory::cache_bytes_max;
 pub use optics_task::OpticsTask;
+pub use speed::measured_work_per_s;
 pub use stop::StopReason;
 
+use job_memory::JobMemory;
 use lightpath_artifacts::{ArtifactError, Artifacts};
 use lightpath_domain::job::{Job, JobSpec};
 use lightpath_metrics::{self as metrics, LeaseLoss};
@@ -61,9 +67,6 @@ use std::time::{Duration, Instant};
 use tokio::task::JoinSet;
 use tokio::time::{MissedTickBehavior, sleep};
 use tokio_util::sync::CancellationToken;
-
-/// Memory for transfer functions kept from job to job \[bytes\]: about four planes of 1920×1080 px.
-const TRANSFERS_BYTES_MAX: usize = 256 << 20;
 
 /// Pause of a claim loop after an error of the store, or while the disk is full.
 const PAUSE: Duration = Duration::from_secs(1);
@@ -78,7 +81,8 @@ const POLL_INTERVAL_MAX: Duration = Duration::from_secs(60);
 
 /// The work of a job. It runs on a compute thread, inside a rayon pool.
 pub trait Task: Send + Sync + 'static {
-    /// Does the job's work and returns its output. An implementation calls [`JobContext::step`] once an iteration.
+    /// Does the job's work and returns its output. An implementation calls [`JobContext::step`] once an iteration. The
+    /// work is [interrupted](lightpath_optics::interrupt) where it uses the engine or calls `interrupt::check`.
     ///
     /// # Errors
     ///
@@ -112,6 +116,8 @@ pub struct WorkerConfig {
     pub limits: ClaimLimits,
     /// Time limits of attempts, for jobs that do not set one.
     pub timeouts: Timeouts,
+    /// Limit on the estimated memory of all running jobs, and of what is kept from job to job \[bytes\].
+    pub memory_bytes: u64,
     /// Name of the workers in the events of jobs.
     pub name: String,
 }
@@ -126,6 +132,7 @@ impl Default for WorkerConfig {
             backoff: Backoff::default(),
             limits: ClaimLimits::default(),
             timeouts: Timeouts::default(),
+            memory_bytes: 4 << 30,
             name: "worker".to_owned(),
         }
     }
@@ -192,6 +199,7 @@ pub struct Worker {
     store: Store,
     artifacts: Artifacts,
     engines: Arc<EngineCache>,
+    memory: JobMemory,
     config: WorkerConfig,
     task: Arc<dyn Task>,
     clock: Clock,
@@ -207,8 +215,9 @@ impl Worker {
     /// Creates workers that run `task` for jobs of all kinds.
     #[must_use]
     pub fn new(store: Store, artifacts: Artifacts, config: WorkerConfig, task: Arc<dyn Task>) -> Self {
-        let engines = Arc::new(EngineCache::new(TRANSFERS_BYTES_MAX));
-        Self { store, artifacts, engines, config, task, clock: Clock::default() }
+        let engines = Arc::new(EngineCache::new(cache_bytes_max(config.memory_bytes) as usize));
+        let memory = JobMemory::new(config.memory_bytes);
+        Self { store, artifacts, engines, memory, config, task, clock: Clock::default() }
     }
 
     /// The clock that decides when leases end.

@@ -5,15 +5,11 @@ use super::stop::{StopFlag, StopReason};
 use super::{JobContext, TaskError};
 use lightpath_artifacts::Artifacts;
 use lightpath_domain::dataset::{self, Dataset, Split};
+use lightpath_domain::job::estimate::{OTHER_PAIRS_BYTES_MAX, TRAINING_PAIRS_BYTES_MAX};
 use lightpath_media::captures::Captures;
 use lightpath_optics::learning::{BoxError, Pair, PairSource};
 use std::sync::{Arc, OnceLock};
 use tokio::runtime::Handle;
-
-/// Memory for decoded pairs \[bytes\]. Reading a pair again takes about as long as learning from it, but a large
-/// dataset must not fill the machine's memory. Pairs that are used less often get less.
-const TRAINING_BYTES_MAX: usize = 256 << 20;
-const OTHER_BYTES_MAX: usize = 64 << 20;
 
 /// The pairs of one split.
 pub(super) struct Pairs {
@@ -50,7 +46,7 @@ impl Pairs {
     ) -> Result<Self, TaskError> {
         let pairs: Vec<_> = dataset.pairs.iter().filter(|pair| pair.split == Some(split)).cloned().collect();
         let pair_bytes = 2 * size_of::<f32>() * display.setup.grid().pixels();
-        let bytes_max = if split == Split::Train { TRAINING_BYTES_MAX } else { OTHER_BYTES_MAX };
+        let bytes_max = if split == Split::Train { TRAINING_PAIRS_BYTES_MAX } else { OTHER_PAIRS_BYTES_MAX };
         let room = (bytes_max / datasets / pair_bytes).min(pairs.len());
         let name = |pair: &dataset::Pair| match datasets {
             1 => pair.id.clone(),
@@ -99,7 +95,8 @@ impl Pairs {
     }
 
     fn bytes(&self, digest: &str) -> Result<Vec<u8>, TaskError> {
-        Ok(self.runtime.block_on(self.artifacts.read_all(digest))?)
+        let read = self.stop.unless_interrupted(self.artifacts.read_all(digest));
+        Ok(self.runtime.block_on(read).ok_or(TaskError::Stopped)??)
     }
 }
 

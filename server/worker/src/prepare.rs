@@ -8,6 +8,7 @@ use lightpath_domain::dataset::{
     draw_split,
 };
 use lightpath_domain::display::Display;
+use lightpath_domain::job::estimate::{ALIGNMENT_BYTES_MAX, ALIGNMENT_PAIRS_MAX};
 use lightpath_domain::job::{
     AlignBy, FailureReason, JobEffect, JobResult, PrepareDataset, PrepareResult, PrepareStep, Progress, SplitCounts,
 };
@@ -17,11 +18,6 @@ use lightpath_optics::alignment::PointPair;
 use serde::{Deserialize, Serialize};
 use std::cell::OnceCell;
 use std::collections::BTreeMap;
-
-/// Largest number of pairs from which an alignment is computed.
-const ALIGNMENT_PAIRS_MAX: usize = 8;
-/// Most memory for the pictures of these pairs \[bytes\].
-const ALIGNMENT_BYTES_MAX: usize = 384 << 20;
 
 const CHECK: &str = "check the photographs";
 const READ: &str = "read photographs for the alignment";
@@ -156,7 +152,7 @@ impl<'a> Work<'a> {
     fn update_checks(&mut self) -> Result<(), TaskError> {
         let homography = self.dataset.homography();
         let captures = Captures::of(&self.display, &self.dataset)?;
-        let is_current = |pair: &Pair| pair.checks.as_ref().is_some_and(|checks| checks.homography == homography);
+        let is_current = |pair: &Pair| pair.is_measured_with(homography);
         let stale: Vec<usize> =
             (0..self.dataset.pairs.len()).filter(|&index| !is_current(&self.dataset.pairs[index])).collect();
         for (done, &index) in stale.iter().enumerate() {

@@ -26,7 +26,7 @@ const JOINT_VERSIONS_MAX: u32 = 1000;
 pub(super) fn run(context: &JobContext, spec: &ReportKernel) -> Result<TaskOutput, TaskError> {
     let version = context.wait(context.store().kernel_version(&spec.kernel, spec.version))?;
     let model = model_of(context, &version)?;
-    let other_versions = other_versions(context, &version)?;
+    let other_versions = other_versions(context, &version, &model)?;
     let over_distance = over_distance(context, &version)?;
     let (loss_history, learned) = match learn_result(context, &version)? {
         Some(learned) => (learned.loss_history, learned.kernels),
@@ -77,8 +77,12 @@ fn dataset_of(context: &JobContext, version: &KernelVersion) -> Result<Option<Da
     }
 }
 
-/// Reads other versions of the same kernel, newest first.
-fn other_versions(context: &JobContext, version: &KernelVersion) -> Result<Vec<OtherVersion>, TaskError> {
+/// Compares other versions of the same kernel with `model`, newest first. One of them is in memory at a time.
+fn other_versions(
+    context: &JobContext,
+    version: &KernelVersion,
+    model: &DisplayModel,
+) -> Result<Vec<OtherVersion>, TaskError> {
     let mut records = context.wait(context.store().kernel_versions(&version.key, None, OTHER_VERSIONS_MAX + 1))?;
     records.retain(|other| other.version != version.version);
     records.truncate(OTHER_VERSIONS_MAX as usize);
@@ -87,7 +91,8 @@ fn other_versions(context: &JobContext, version: &KernelVersion) -> Result<Vec<O
         report_progress(context, "read other versions", others.len(), records.len())?;
         let metrics = &other.content.metrics;
         let test_loss = (metrics.test_pairs > 0).then_some(metrics.test_loss);
-        others.push(OtherVersion { version: other.version, test_loss, model: model_of(context, other)? });
+        let difference = report::difference(model, &model_of(context, other)?);
+        others.push(OtherVersion { version: other.version, test_loss, difference });
     }
     Ok(others)
 }

@@ -42,19 +42,21 @@ impl Api {
         Ok(self.accounts.compute(call, file_bytes + HEADER_BYTES, read_header).await??)
     }
 
-    /// Reads a picture for a display of `fitted_px` pixels, and returns the result of `decode`.
+    /// Reads a picture for a display of `fitted_px` pixels. Returns the result of `decode` and the memory that reading
+    /// needs \[bytes\].
     pub(crate) async fn decoded<T: Send + 'static>(
         &self,
         call: &Call,
         field: &Field,
         (digest, fitted_px): (&str, u64),
         decode: impl FnOnce(&[u8]) -> Result<T, PictureError> + Send + 'static,
-    ) -> Result<T, ApiError> {
+    ) -> Result<(T, u64), ApiError> {
         let bytes = self.reading_bytes(call, field, digest, fitted_px).await?;
         let (artifacts, name) = (self.artifacts.clone(), digest.to_owned());
         // The file is read only when its turn has come, so that waiting calls hold no memory.
         let compute = move || artifacts.read_blocking(&name).map(|file| decode(&file));
         let decoded = self.accounts.compute(call, bytes, compute).await??;
-        decoded.map_err(|error| field.invalid(format!("({digest}): {error}")))
+        let decoded = decoded.map_err(|error| field.invalid(format!("({digest}): {error}")))?;
+        Ok((decoded, bytes))
     }
 }

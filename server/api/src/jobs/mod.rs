@@ -1,5 +1,6 @@
 //! Jobs: submitting, listing, watching, cancelling and retrying jobs. Each kind of job has a folder.
 
+pub(crate) mod estimate;
 mod evaluate_kernel;
 mod kernel_choice;
 mod learn_kernel;

@@ -48,12 +48,13 @@ impl Api {
         let priority = priority(call, request.priority)?;
         let request_id = request_id(request.request_id)?;
         let before = self.store.job_by_request(&scheduling.owner, &request_id).await?;
+        let mut decoding_bytes = 0;
         let spec = match field.required(kind)? {
             job_spec::Kind::OptimizeHologram(message) => {
                 let field = field.at("optimize_hologram");
-                JobSpec::OptimizeHologram(Box::new(
-                    self.optimize_hologram_spec(call, message, &field, before.as_ref()).await?,
-                ))
+                let (spec, decoding) = self.optimize_hologram_spec(call, message, &field, before.as_ref()).await?;
+                decoding_bytes = decoding;
+                JobSpec::OptimizeHologram(Box::new(spec))
             }
             job_spec::Kind::LearnKernel(message) => {
                 JobSpec::LearnKernel(self.learn_kernel_spec(call, message, &field.at("learn_kernel")).await?)
@@ -67,13 +68,20 @@ impl Api {
             }
             job_spec::Kind::PrepareDataset(message) => {
                 let field = field.at("prepare_dataset");
-                JobSpec::PrepareDataset(self.prepare_dataset_spec(call, message, &field, before.as_ref()).await?)
+                let spec = self.prepare_dataset_spec(call, message, &field, before.as_ref()).await?;
+                decoding_bytes = self.dots_decoding_bytes(call, &field, &spec).await?;
+                JobSpec::PrepareDataset(spec)
             }
             job_spec::Kind::ReportKernel(message) => {
                 JobSpec::ReportKernel(self.report_kernel_spec(call, message, &field.at("report_kernel")).await?)
             }
         };
-        Ok(NewJob { spec, request_id, priority, attempts_max, scheduling })
+        // A repeated request returns its job, even if the limits have changed since.
+        let estimate = match before {
+            Some(job) => job.estimate,
+            None => self.estimated(&spec, decoding_bytes).await?,
+        };
+        Ok(NewJob { spec, request_id, priority, attempts_max, scheduling, estimate })
     }
 }
 

@@ -33,6 +33,8 @@ pub(crate) fn job(job: Job) -> v1::Job {
         error: job.error.map(error),
         result: job.result.map(result),
         revision: job.revision,
+        estimated_memory_bytes: job.estimate.memory_bytes,
+        estimated_time_s: job.estimate.time_s,
     }
 }
 

@@ -2,8 +2,8 @@
 
 use super::{Config, ConfigError};
 use crate::upkeep::Retention;
-use lightpath_api::ApiLimits;
 use lightpath_api::tls::TlsFiles;
+use lightpath_api::{ApiLimits, JobLimits};
 use lightpath_artifacts::SpaceLimits;
 use lightpath_store::{ClaimLimits, QueueLimits};
 use lightpath_worker::{Timeouts, WorkerConfig};
@@ -44,10 +44,11 @@ impl Config {
         SpaceLimits { reserve_bytes: bytes(self.disk_reserve_mib), stored_bytes_max: bytes(self.stored_mib_max) }
     }
 
-    /// Limits on what clients may use.
+    /// Limits on what clients may use, on a machine whose speed is `work_per_s`.
     #[must_use]
-    pub fn api_limits(&self) -> ApiLimits {
-        ApiLimits { queue: self.queue_limits(), computing_bytes: bytes(self.computing_mib_max) }
+    pub fn api_limits(&self, work_per_s: f64) -> ApiLimits {
+        let (queue, jobs) = (self.queue_limits(), self.job_limits(work_per_s));
+        ApiLimits { queue, jobs, computing_bytes: bytes(self.computing_mib_max) }
     }
 
     /// Names of the server besides localhost and its addresses.
@@ -80,6 +81,20 @@ impl Config {
         Duration::from_secs_f64(self.drain_deadline_s)
     }
 
+    /// Limits on each job, on a machine that does `work_per_s` work each second.
+    #[must_use]
+    pub fn job_limits(&self, work_per_s: f64) -> JobLimits {
+        let memory_bytes = bytes(self.job_memory_mib_max);
+        let cache_bytes = lightpath_worker::cache_bytes_max(memory_bytes);
+        JobLimits {
+            memory_bytes: memory_bytes - cache_bytes,
+            cache_bytes,
+            time_s: self.job_time_s_max,
+            work_per_s,
+            threads: self.compute_threads,
+        }
+    }
+
     /// Settings of the workers.
     #[must_use]
     pub fn workers(&self) -> WorkerConfig {
@@ -97,6 +112,7 @@ impl Config {
                 prepare: limit(self.prepare_timeout_s),
                 report: limit(self.report_timeout_s),
             },
+            memory_bytes: bytes(self.job_memory_mib_max),
             ..WorkerConfig::default()
         }
     }

@@ -4,11 +4,12 @@
 //! # Layout
 //!
 //! - this file: declarations of all settings. `setting`: the flag, environment variable and check of each declaration.
-//!   `layers`: the settings of each source, merged and printed. `conversions`: settings as the types that the parts
+//!   `machine_memory`: the default of the memory for jobs. `layers`: the settings of each source, merged and printed. `conversions`: settings as the types that the parts
 //!   of the server use.
 
 mod conversions;
 mod layers;
+mod machine_memory;
 mod setting;
 
 pub use layers::{Effective, Origin, Settings};
@@ -94,6 +95,14 @@ settings! {
     prepare_timeout_s: f64 = 0.0, "SECONDS", TIMEOUT_S;
     /// Time limit of one attempt to report on a kernel; 0: no limit
     report_timeout_s: f64 = 0.0, "SECONDS", TIMEOUT_S;
+    // The rest is for the server itself: unfinished requests (under_way_mib_max), the checks of uploaded pictures (up to
+    // 1 GiB each for large ones), the database, and the system.
+    /// Limit on the estimated memory of all running jobs together, in MiB; a job that needs more is refused; by default
+    /// three quarters of the machine's memory or of the limit of its control group, and at least 1 GiB less than all of
+    /// it
+    job_memory_mib_max: f64 = machine_memory::for_jobs_mib(), "MIB", Allowed::Numbers(64.0, 16_777_216.0);
+    /// Limit on the estimated time of one attempt at a job; a job that needs longer is refused
+    job_time_s_max: f64 = 86_400.0, "SECONDS", Allowed::Numbers(1.0, 31_536_000.0);
     /// Free disk space that is reserved for accepted work, in MiB; below it, new jobs and uploads are refused
     disk_reserve_mib: f64 = 256.0, "MIB", SPACE_MIB;
     /// Limit on the size of all artifacts together, in MiB; 0: no limit

@@ -66,6 +66,63 @@ async fn defaults_are_filled_in_and_a_repeated_request_returns_the_same_job() {
     expect(submit(&serving, other, "mine-1").await, Code::AlreadyExists, "");
 }
 
+/// A job on a display of 2048×2048 px.
+async fn large_job(serving: &Serving) -> v1::OptimizeHologram {
+    let display = v1::Display { width_px: 2048, height_px: 2048, ..small_display("large") };
+    let request = v1::CreateDisplayRequest { display: Some(display) };
+    serving.displays().create_display(request).await.unwrap();
+    v1::OptimizeHologram { display: "displays/large".into(), ..optimize(&serving.upload(&picture()).await) }
+}
+
+fn assert_too_large(refused: &Status, signs: &[&str]) {
+    assert_eq!(refused.code(), Code::FailedPrecondition, "{refused:?}");
+    assert_eq!(refused.get_error_details().error_info().unwrap().reason, "JOB_TOO_LARGE");
+    for sign in signs {
+        assert!(refused.message().contains(sign), "{sign:?} is not in {refused:?}");
+    }
+}
+
+#[tokio::test]
+async fn job_beyond_the_memory_limit_is_refused_with_the_numbers() {
+    let serving = Serving::start_with(|config| config.job_memory_mib_max = 512.0).await;
+    let large = large_job(&serving).await;
+    let refused = submit(&serving, job_spec::Kind::OptimizeHologram(large.clone()), "").await.unwrap_err();
+    // An eighth of the limit is for the cache.
+    assert_too_large(&refused, &["at most 448 MiB (job_memory_mib_max)", "MiB of memory and", "fewer frames, planes"]);
+    let small = v1::OptimizeHologram { display: "displays/lab".into(), ..large };
+    serving.display("lab").await;
+    let job = submit(&serving, job_spec::Kind::OptimizeHologram(small), "").await.unwrap();
+    let mib = job.estimated_memory_bytes >> 20;
+    assert!((16..64).contains(&mib), "{mib} MiB");
+    assert!(job.estimated_time_s > 0.0, "{job:?}");
+    serving.stop().await.unwrap();
+}
+
+#[tokio::test]
+async fn job_beyond_the_time_limit_is_refused_with_the_numbers() {
+    let serving = Serving::start_with(|config| config.job_time_s_max = 1.0).await;
+    let large = large_job(&serving).await;
+    let refused = submit(&serving, job_spec::Kind::OptimizeHologram(large), "").await.unwrap_err();
+    assert_too_large(&refused, &["and 1 s (job_time_s_max)", "fewer frames, planes or iterations"]);
+    serving.stop().await.unwrap();
+}
+
+#[tokio::test]
+async fn repeated_request_returns_its_job_after_the_limits_were_lowered() {
+    let serving = Serving::start_with(|config| config.job_memory_mib_max = 8192.0).await;
+    serving.display("lab").await;
+    let kind = job_spec::Kind::OptimizeHologram(optimize(&serving.upload(&picture()).await));
+    let job = submit(&serving, kind.clone(), "mine").await.unwrap();
+    let request = v1::CancelJobRequest { name: job.name.clone() };
+    serving.jobs().cancel_job(request).await.unwrap();
+    watch_to_end(&serving, &job.name).await;
+    let serving = serving.restart_with(|config| config.job_time_s_max = 1e-9).await;
+    let again = submit(&serving, kind.clone(), "mine").await.unwrap();
+    assert_eq!((again.name, again.estimated_memory_bytes), (job.name, job.estimated_memory_bytes));
+    assert_too_large(&submit(&serving, kind, "other").await.unwrap_err(), &["job_time_s_max"]);
+    serving.stop().await.unwrap();
+}
+
 #[tokio::test]
 #[expect(clippy::too_many_lines, reason = "a table of requests")]
 async fn refusals_name_the_field_and_the_allowed_values() {

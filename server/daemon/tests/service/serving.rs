@@ -64,9 +64,14 @@ impl Serving {
 
     /// Stops the server, and starts another one on the same data.
     pub(crate) async fn restart(self) -> Self {
+        self.restart_with(|_| {}).await
+    }
+
+    /// Stops the server, and starts another one on the same data with changed settings.
+    pub(crate) async fn restart_with(self, change: impl FnOnce(&mut Config)) -> Self {
         self.shutdown.cancel();
         self.running.await.unwrap().unwrap();
-        Self::start_in(self.folder, self.config, |_| {}).await
+        Self::start_in(self.folder, self.config, change).await
     }
 
     /// Stops the server and waits for its end.

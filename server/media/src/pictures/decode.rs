@@ -6,8 +6,8 @@ use image::metadata::Orientation;
 use image::{ColorType, ImageDecoder, ImageError, ImageFormat, ImageResult, Limits};
 use lightpath_domain::dataset::Encoding;
 use lightpath_domain::job::Fit;
-use lightpath_optics::Plane;
-use std::io::{self, Cursor};
+use lightpath_optics::{Plane, interrupt};
+use std::io::{self, BufRead, Cursor, Read, Seek, SeekFrom};
 
 /// Smallest side of a target \[px\]. Smaller pictures show nothing useful.
 pub const SIDE_PX_MIN: u32 = 8;
@@ -107,9 +107,9 @@ pub(super) fn open(bytes: &[u8]) -> Result<(ImageFormat, Box<dyn ImageDecoder + 
     let not_a_picture = || PictureError::NotAPicture { start: bytes[..bytes.len().min(8)].escape_ascii().to_string() };
     let format = image::guess_format(bytes).map_err(|_| not_a_picture())?;
     let decoder = match format {
-        ImageFormat::Png => boxed(PngDecoder::with_limits(Cursor::new(bytes), limits())),
+        ImageFormat::Png => boxed(PngDecoder::with_limits(PictureBytes::new(bytes), limits())),
         ImageFormat::Jpeg => boxed(JpegDecoder::new(Cursor::new(bytes))),
-        ImageFormat::Tiff => boxed(TiffDecoder::new(Cursor::new(bytes))),
+        ImageFormat::Tiff => boxed(TiffDecoder::new(PictureBytes::new(bytes))),
         _ => return Err(not_a_picture()),
     };
     let mut decoder = decoder.map_err(|error| refusal(format, &error))?;
@@ -120,6 +120,45 @@ pub(super) fn open(bytes: &[u8]) -> Result<(ImageFormat, Box<dyn ImageDecoder + 
     }
     decoder.set_limits(limits()).map_err(|error| refusal(format, &error))?;
     Ok((format, decoder))
+}
+
+/// Bytes that a decoder gets at once. It takes about a millisecond to decode so many.
+const BYTES_AT_ONCE: usize = 64 << 10;
+
+/// The bytes of a picture. Reading them looks at the [interrupt](lightpath_optics::interrupt) of the job, because large
+/// pictures take seconds.
+struct PictureBytes<'a>(Cursor<&'a [u8]>);
+
+impl<'a> PictureBytes<'a> {
+    fn new(bytes: &'a [u8]) -> Self {
+        Self(Cursor::new(bytes))
+    }
+}
+
+impl Read for PictureBytes<'_> {
+    fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
+        interrupt::check();
+        let len = out.len().min(BYTES_AT_ONCE);
+        self.0.read(&mut out[..len])
+    }
+}
+
+impl BufRead for PictureBytes<'_> {
+    fn fill_buf(&mut self) -> io::Result<&[u8]> {
+        interrupt::check();
+        let bytes = self.0.fill_buf()?;
+        Ok(&bytes[..bytes.len().min(BYTES_AT_ONCE)])
+    }
+
+    fn consume(&mut self, amount: usize) {
+        self.0.consume(amount);
+    }
+}
+
+impl Seek for PictureBytes<'_> {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.0.seek(to)
+    }
 }
 
 fn boxed<'a>(decoder: ImageResult<impl ImageDecoder + 'a>) -> ImageResult<Box<dyn ImageDecoder + 'a>> {

@@ -11,7 +11,7 @@
 
 use super::PictureError;
 use lightpath_domain::job::Fit;
-use lightpath_optics::Plane;
+use lightpath_optics::{Plane, interrupt};
 use rayon::prelude::*;
 
 /// Fits the picture to `height_px` × `width_px` pixels.
@@ -112,6 +112,7 @@ fn resample(picture: &Plane<f32>, rows: Span, columns: Span) -> Plane<f32> {
     let row_weights = rows.weights();
     let mut out = Plane::filled(rows.outputs, columns.outputs, 0.0);
     out.values_mut().par_chunks_mut(columns.outputs).zip(&row_weights).for_each(|(out_row, (first, weights))| {
+        interrupt::check();
         for (i, weight) in weights.iter().enumerate() {
             for (value, input) in out_row.iter_mut().zip(narrow.row(first + i)) {
                 *value += weight * input;
@@ -125,6 +126,7 @@ fn resample(picture: &Plane<f32>, rows: Span, columns: Span) -> Plane<f32> {
 fn resample_rows(picture: &Plane<f32>, weights: &[(usize, Vec<f32>)]) -> Plane<f32> {
     let mut out = Plane::filled(picture.height_px(), weights.len(), 0.0);
     out.values_mut().par_chunks_mut(weights.len()).enumerate().for_each(|(y, out_row)| {
+        interrupt::check();
         let row = picture.row(y);
         for (value, (first, weights)) in out_row.iter_mut().zip(weights) {
             *value = weights.iter().zip(&row[*first..]).map(|(weight, input)| weight * input).sum();

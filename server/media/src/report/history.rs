@@ -1,7 +1,7 @@
 //! Chapters about the learning of the kernel, and about its differences to other versions.
 
 use super::chapter::Chapter;
-use super::input::ReportInput;
+use super::input::{KernelDifference, ReportInput};
 use crate::figures::{Chart, Line};
 use lightpath_optics::DisplayModel;
 use num_complex::Complex64;
@@ -56,7 +56,7 @@ pub(super) fn drift(input: &ReportInput) -> Option<Chapter> {
                     <th class=n>gain of the image</th><th class=n>held-out loss</th></tr>"
         .to_owned();
     for other in &input.other_versions {
-        let (relative, phase_rad, gain) = difference(&input.model, &other.model);
+        let KernelDifference { relative, phase_rad, gain } = other.difference;
         let loss = other.test_loss.map_or_else(|| "–".to_owned(), |loss| format!("{loss:.3e}"));
         // Writing to a string cannot fail.
         let _ = write!(
@@ -70,9 +70,9 @@ pub(super) fn drift(input: &ReportInput) -> Option<Chapter> {
     Some(Chapter { title: "Other versions", body, ..Chapter::default() })
 }
 
-/// Difference of two kernels H and H': ‖c H' − H‖/‖H‖ with the best complex c, the amplitude-weighted rms of their
-/// phase difference, and |c|².
-fn difference(model: &DisplayModel, other: &DisplayModel) -> (f64, f64, f64) {
+/// Difference of the kernel H of `model` and the kernel H' of `other`, over the modulator's band.
+#[must_use]
+pub fn difference(model: &DisplayModel, other: &DisplayModel) -> KernelDifference {
     let nyquist = 0.5 / model.setup.grid().pixel_pitch_m();
     let along = |i: usize| nyquist * ((2 * i + 1) as f64 / SAMPLES as f64 - 1.0);
     let (h, g) = (model.sampled(), other.sampled());
@@ -84,7 +84,7 @@ fn difference(model: &DisplayModel, other: &DisplayModel) -> (f64, f64, f64) {
     let energy: f64 = values.iter().map(|(_, g)| g.norm_sqr()).sum();
     let own: f64 = values.iter().map(|(h, _)| h.norm_sqr()).sum();
     if energy <= 0.0 || own <= 0.0 {
-        return (1.0, 0.0, 0.0);
+        return KernelDifference { relative: 1.0, phase_rad: 0.0, gain: 0.0 };
     }
     let c = cross / energy;
     let off: f64 = values.iter().map(|(h, g)| (c * g - h).norm_sqr()).sum();
@@ -92,7 +92,8 @@ fn difference(model: &DisplayModel, other: &DisplayModel) -> (f64, f64, f64) {
         let between = (c * g).conj() * h;
         (phase + between.norm() * between.arg().powi(2), weight + between.norm())
     });
-    ((off / own).sqrt(), if weight > 0.0 { (phase / weight).sqrt() } else { 0.0 }, c.norm_sqr())
+    let phase_rad = if weight > 0.0 { (phase / weight).sqrt() } else { 0.0 };
+    KernelDifference { relative: (off / own).sqrt(), phase_rad, gain: c.norm_sqr() }
 }
 
 #[cfg(test)]
@@ -104,13 +105,13 @@ mod tests {
     fn kernel_equals_itself_and_differs_from_a_tilted_one_by_the_tilt() {
         let setup = OpticalSetup::try_new(Grid::try_new(32, 48, 8e-6).unwrap(), 515e-9, 3e-3).unwrap();
         let ideal = DisplayModel::ideal(setup);
-        let (relative, phase, gain) = difference(&ideal, &ideal);
-        assert!(relative < 1e-12 && phase < 1e-6 && (gain - 1.0).abs() < 1e-12);
+        let KernelDifference { relative, phase_rad, gain } = difference(&ideal, &ideal);
+        assert!(relative < 1e-12 && phase_rad < 1e-6 && (gain - 1.0).abs() < 1e-12);
         let mut errors = SmoothField::flat(1);
         errors.phase[0] = 0.1;
         let tilted = DisplayModel { kernel: KernelShape::Smooth(errors), ..ideal.clone() };
         // A tilt of ±0.1 rad over the band has an rms of 0.1/√3.
-        let (_, phase, _) = difference(&ideal, &tilted);
-        assert!((phase - 0.1 / 3.0_f64.sqrt()).abs() < 1e-3, "{phase}");
+        let phase_rad = difference(&ideal, &tilted).phase_rad;
+        assert!((phase_rad - 0.1 / 3.0_f64.sqrt()).abs() < 1e-3, "{phase_rad}");
     }
 }

@@ -15,20 +15,31 @@ pub struct ReportInput {
     pub loss_history: Vec<f64>,
     /// Evidence from the dataset. `None`: the kernel was imported, or the dataset cannot be read any more.
     pub evidence: Option<Evidence>,
-    /// Other versions of the same kernel, newest first.
+    /// Comparisons with other versions of the same kernel, newest first.
     pub other_versions: Vec<OtherVersion>,
     /// The models at all distances that were learned together, ascending. Empty: the kernel was learned at one
     /// distance.
     pub over_distance: Vec<DisplayModel>,
 }
 
-/// Another version of the same kernel.
-#[derive(Clone, Debug)]
+/// Comparison with another version of the same kernel. It does not hold that version's model, which may be large.
+#[derive(Clone, Copy, Debug)]
 pub struct OtherVersion {
     /// Number of the version.
     pub version: u32,
     /// Loss on held-out pairs. `None`: no pair was held out.
     pub test_loss: Option<f64>,
-    /// Display model of the version.
-    pub model: DisplayModel,
+    /// Difference of its kernel from the kernel of the report.
+    pub difference: KernelDifference,
+}
+
+/// Difference of two kernels H and H', with the complex factor c for which c H' is nearest to H.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct KernelDifference {
+    /// ‖c H' − H‖ / ‖H‖.
+    pub relative: f64,
+    /// Root mean square of the phase difference, weighted by the amplitude \[rad\].
+    pub phase_rad: f64,
+    /// |c|².
+    pub gain: f64,
 }

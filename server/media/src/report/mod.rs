@@ -21,7 +21,8 @@ mod page;
 
 pub use chapter::{Figure, ReportError};
 pub use evidence::{Evidence, PAIRS_SHOWN_MAX, PairEvidence};
-pub use input::{OtherVersion, ReportInput};
+pub use history::difference;
+pub use input::{KernelDifference, OtherVersion, ReportInput};
 
 use chapter::Chapter;
 

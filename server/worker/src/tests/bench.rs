@@ -2,7 +2,7 @@
 
 use super::super::*;
 use lightpath_domain::display::Display;
-use lightpath_domain::job::{JobSpec, NewJob, Scheduling};
+use lightpath_domain::job::{Estimate, JobSpec, NewJob, Scheduling};
 use lightpath_domain::units::Distance;
 use tempfile::TempDir;
 use tokio::task::JoinHandle;
@@ -32,7 +32,8 @@ impl Bench {
     /// Submits a job and returns its id.
     pub(super) async fn submit(&self, request_id: &str, spec: JobSpec, attempts_max: u32) -> String {
         let scheduling = Scheduling::default();
-        let new = NewJob { spec, request_id: request_id.to_owned(), priority: 0, attempts_max, scheduling };
+        let (request_id, estimate) = (request_id.to_owned(), Estimate::default());
+        let new = NewJob { spec, request_id, priority: 0, attempts_max, scheduling, estimate };
         self.store.submit(&new, now_ms(), 1000).await.unwrap().0.id
     }
 

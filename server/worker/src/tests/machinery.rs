@@ -2,8 +2,9 @@
 
 use super::super::*;
 use super::bench::{Bench, now_ms};
-use lightpath_domain::job::{FailureReason, JobEffect, JobState, Progress};
+use lightpath_domain::job::{Estimate, FailureReason, JobEffect, JobState, NewJob, Progress};
 use lightpath_fixtures::{capture_job, capture_result, display};
+use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 const STEPS: u8 = 20;
@@ -123,6 +124,99 @@ async fn cancelled_job_ends_at_next_step_and_leaves_no_checkpoint() {
     assert_eq!((job.state, job.checkpoint), (JobState::Cancelled, None));
     working.stop().await;
     assert!(bench.artifacts.checkpoints().await.unwrap().is_empty());
+}
+
+/// Counts to 7 and then computes without end inside one step.
+fn endless_step(_: &Job, context: &JobContext) -> Result<TaskOutput, TaskError> {
+    count(context, |step| {
+        if step == 7 {
+            loop {
+                (0..64).into_par_iter().for_each(|_| lightpath_optics::interrupt::check());
+            }
+        }
+    })
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn cancelled_job_ends_within_a_step() {
+    let bench = bench().await;
+    let id = submit(&bench, "r", 3).await;
+    let working = bench.start(config(), endless_step);
+    bench.until(&id, |job| job.progress == Some(progress(7))).await;
+    bench.store.cancel(&id, now_ms()).await.unwrap();
+    assert_eq!(bench.ended(&id).await.state, JobState::Cancelled);
+    // The pool is free for the next job.
+    let next = submit(&bench, "next", 3).await;
+    bench.until(&next, |job| job.progress == Some(progress(7))).await;
+    working.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn drained_job_is_interrupted_within_a_step_and_resumes_from_its_checkpoint() {
+    let bench = bench().await;
+    let id = submit(&bench, "r", 1).await;
+    let every_step = WorkerConfig { checkpoint_interval: Duration::ZERO, ..config() };
+    let working = bench.start(every_step, endless_step);
+    bench.until(&id, |job| job.progress == Some(progress(7))).await;
+    let started = std::time::Instant::now();
+    working.stop().await;
+    assert!(started.elapsed() < Duration::from_secs(1), "{:?}", started.elapsed());
+    assert_eq!(bench.store.job(&id).await.unwrap().state, JobState::Queued);
+    let working = bench.start(config(), |_: &Job, context: &JobContext| count(context, |_| {}));
+    assert_eq!(bench.ended(&id).await.result, Some(output("from 7").result));
+    working.stop().await;
+}
+
+/// Submits a job that is estimated to need this much memory.
+async fn submit_with_memory(bench: &Bench, request_id: &str, memory_bytes: u64) -> String {
+    let estimate = Estimate { memory_bytes, time_s: 1.0 };
+    let new = NewJob { estimate, ..capture_job(request_id, "", 1) };
+    bench.store.submit(&new, now_ms(), 1000).await.unwrap().0.id
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn jobs_wait_until_their_memory_is_free() {
+    const MIB: u64 = 1 << 20;
+    let bench = bench().await;
+    // An eighth is for the cache: 700 MiB are for jobs.
+    let memory_bytes = 800 * MIB;
+    let first = submit_with_memory(&bench, "first", 500 * MIB).await;
+    let second = submit_with_memory(&bench, "second", 300 * MIB).await;
+    let too_large = submit_with_memory(&bench, "too large", 5000 * MIB).await;
+    let finish_first = Arc::new(std::sync::atomic::AtomicBool::new(false));
+    let finish = Arc::clone(&finish_first);
+    let running = Arc::new(AtomicU32::new(0));
+    let task = move |job: &Job, context: &JobContext| {
+        assert_eq!(running.fetch_add(1, Ordering::SeqCst), 0, "{} runs beside another job", job.request_id);
+        while job.request_id == "first" && !finish.load(Ordering::SeqCst) {
+            std::thread::yield_now();
+        }
+        running.fetch_sub(1, Ordering::SeqCst);
+        count(context, |_| {})
+    };
+    let working = bench.start(WorkerConfig { workers: 2, memory_bytes, ..config() }, task);
+    let waiting = bench.until(&second, |job| job.progress.is_some()).await;
+    let stage = waiting.progress.unwrap().stage;
+    assert_eq!(stage, "wait for memory: 300 MiB needed, 200 of 700 MiB free");
+    assert_eq!(waiting.state, JobState::Running, "the job keeps its lease");
+    finish_first.store(true, Ordering::SeqCst);
+    for id in [first, second, too_large] {
+        assert_eq!(bench.ended(&id).await.state, JobState::Succeeded);
+    }
+    working.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn job_that_waits_for_memory_can_be_cancelled() {
+    let bench = bench().await;
+    let first = submit_with_memory(&bench, "first", 1 << 40).await;
+    let second = submit_with_memory(&bench, "second", 1 << 40).await;
+    let working = bench.start(WorkerConfig { workers: 2, ..config() }, count_to_7);
+    bench.until(&second, |job| job.progress.is_some()).await;
+    bench.store.cancel(&second, now_ms()).await.unwrap();
+    assert_eq!(bench.ended(&second).await.state, JobState::Cancelled);
+    assert_eq!(bench.store.job(&first).await.unwrap().state, JobState::Running);
+    working.stop().await;
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -20,15 +20,16 @@ const ITERATIONS_DEFAULT: u32 = 200;
 const FRAMES_MAX: u32 = 24;
 
 impl Api {
-    /// Checks a request, looks up the named resources, fills in defaults, and converts the request. `before` is the job
-    /// of an earlier submission of the same request.
+    /// Checks a request, looks up the named resources, fills in defaults, and converts the request. Returns also the
+    /// largest memory for decoding one of its pictures \[bytes\]. `before` is the job of an earlier submission of the same
+    /// request.
     pub(crate) async fn optimize_hologram_spec(
         &self,
         call: &Call,
         message: v1::OptimizeHologram,
         field: &Field,
         before: Option<&Job>,
-    ) -> Result<OptimizeHologram, ApiError> {
+    ) -> Result<(OptimizeHologram, u64), ApiError> {
         let at = |name| field.at(name);
         let display = self.display_named(call, &at("display"), &message.display).await?;
         let wavelengths = planes::wavelengths(field, &message, &display)?;
@@ -63,8 +64,8 @@ impl Api {
         checks::size(field, &spec, &display)?;
         spec.kernel_versions = self.chosen_kernels(&at("kernel"), &message.kernel, &spec, before).await?;
         checks::propagation(field, &spec, &display)?;
-        PictureChecks { api: self, call, spec: &spec, display: &display }.check(field).await?;
-        Ok(spec)
+        let decoding_bytes = PictureChecks { api: self, call, spec: &spec, display: &display }.check(field).await?;
+        Ok((spec, decoding_bytes))
     }
 
     /// The kernel versions, for each wavelength one for each plane.

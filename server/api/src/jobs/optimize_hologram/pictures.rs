@@ -20,69 +20,77 @@ pub(super) struct PictureChecks<'a> {
 }
 
 impl PictureChecks<'_> {
-    /// Decodes every picture, so that a wrong picture is refused now. `field` is the path of the request.
-    pub(super) async fn check(&self, field: &Field) -> Result<(), ApiError> {
+    /// Decodes every picture, so that a wrong picture is refused now. `field` is the path of the request. Returns the
+    /// largest memory for decoding one of them \[bytes\].
+    pub(super) async fn check(&self, field: &Field) -> Result<u64, ApiError> {
+        let mut largest = 0;
         for (p, plane) in self.spec.planes.iter().enumerate() {
             // With a depth map the planes usually have the same target.
             if !self.spec.planes[..p].iter().any(|before| before.target == plane.target) {
                 let field = field.at("planes").index(p).at("target");
-                self.check_light(&field, &plane.target, self.spec.target_encoding, "black").await?;
+                let bytes = self.check_light(&field, &plane.target, self.spec.target_encoding, "black").await?;
+                largest = largest.max(bytes);
             }
         }
         if let Some(map) = &self.spec.depth_map {
-            self.check_depth_map(&field.at("depth_map"), map).await?;
+            largest = largest.max(self.check_depth_map(&field.at("depth_map"), map).await?);
         }
         if let Some(mask) = &self.spec.weight_mask {
-            self.check_light(&field.at("weight_mask"), mask, Encoding::Linear, "a black mask").await?;
+            let bytes = self.check_light(&field.at("weight_mask"), mask, Encoding::Linear, "a black mask").await?;
+            largest = largest.max(bytes);
         }
         if let InitialPhase::Given(phases) = &self.spec.initial_phase {
             for (i, phase) in phases.iter().enumerate() {
                 self.check_phase(&field.at("initial_phase").at("given").at("phases").index(i), phase).await?;
             }
         }
-        Ok(())
+        Ok(largest)
     }
 
     /// Refuses a picture that is black everywhere in the region of interest. `dark` describes such a picture in the
-    /// error.
-    async fn check_light(&self, field: &Field, digest: &str, encoding: Encoding, dark: &str) -> Result<(), ApiError> {
+    /// error. Returns the memory for decoding it \[bytes\].
+    async fn check_light(&self, field: &Field, digest: &str, encoding: Encoding, dark: &str) -> Result<u64, ApiError> {
         let (height_px, width_px) = self.size_px();
         let (fit, region) = (self.spec.target_fit, self.spec.region_of_interest);
         let key = format!("{digest} {encoding:?} {fit:?} {width_px}×{height_px} {region:?}");
-        if self.api.checked_targets.contains(&key) {
-            return self.api.require_picture(self.call, field, digest).await.map(drop);
+        if let Some(bytes) = self.api.checked_targets.decoding_bytes(&key) {
+            self.api.require_picture(self.call, field, digest).await?;
+            return Ok(bytes);
         }
         let decode = move |bytes: &[u8]| {
             let target = pictures::target_intensity(bytes, encoding, fit, height_px, width_px)?;
             Ok(has_light(&target, region))
         };
-        if self.api.decoded(self.call, field, (digest, self.px()), decode).await? {
-            self.api.checked_targets.insert(key);
-            return Ok(());
+        let (is_lit, decoding_bytes) = self.api.decoded(self.call, field, (digest, self.px()), decode).await?;
+        if is_lit {
+            self.api.checked_targets.insert(key, decoding_bytes);
+            return Ok(decoding_bytes);
         }
         let problem =
             format!("({digest}): the picture is {dark} everywhere in the region of interest, but must have light");
         Err(field.invalid(problem))
     }
 
-    /// Refuses a depth map that is not a picture.
-    async fn check_depth_map(&self, field: &Field, digest: &str) -> Result<(), ApiError> {
+    /// Refuses a depth map that is not a picture. Returns the memory for decoding it \[bytes\].
+    async fn check_depth_map(&self, field: &Field, digest: &str) -> Result<u64, ApiError> {
         let ((height_px, width_px), fit) = (self.size_px(), self.spec.target_fit);
         let decode =
             move |bytes: &[u8]| pictures::target_intensity(bytes, Encoding::Linear, fit, height_px, width_px).map(drop);
-        self.api.decoded(self.call, field, (digest, self.px()), decode).await
+        let ((), decoding_bytes) = self.api.decoded(self.call, field, (digest, self.px()), decode).await?;
+        Ok(decoding_bytes)
     }
 
     /// Refuses an initial phase that is not an array of the display's size, with one frame after the other.
     async fn check_phase(&self, field: &Field, digest: &str) -> Result<(), ApiError> {
         let ((height_px, width_px), frames) = (self.size_px(), self.spec.frames as usize);
         let decode = move |bytes: &[u8]| pictures::phase_npy(bytes, frames * height_px, width_px).map(drop);
-        self.api.decoded(self.call, field, (digest, self.px()), decode).await
+        let fitted_px = self.px() * u64::from(self.spec.frames);
+        self.api.decoded(self.call, field, (digest, fitted_px), decode).await.map(drop)
     }
 
-    /// Number of pixels of the display, of all frames together.
+    /// Number of pixels of the display.
     fn px(&self) -> u64 {
-        u64::from(self.display.height_px) * u64::from(self.display.width_px) * u64::from(self.spec.frames)
+        u64::from(self.display.height_px) * u64::from(self.display.width_px)
     }
 
     /// Height and width of the display \[px\].

@@ -47,6 +47,6 @@ impl Api {
         let (height_px, width_px) = (display.height_px as usize, display.width_px as usize);
         let bit_depth = display.bit_depth;
         let decode = move |bytes: &[u8]| pictures::levels(bytes, bit_depth, height_px, width_px).map(drop);
-        self.decoded(call, field, (digest, (height_px * width_px) as u64), decode).await
+        self.decoded(call, field, (digest, (height_px * width_px) as u64), decode).await.map(drop)
     }
 }

@@ -1,0 +1,199 @@
+//! The functions of `lightpath_optics::memory` against counted allocations.
+//!
+//! This test is a binary of its own, because it counts the allocations of the whole process.
+#![allow(clippy::unwrap_used)]
+
+use lightpath_optics::hologram::{
+    HologramMethod, HologramOptions, ImagePlane, InitialPhase, Loss, initial_phase, quality_of_frames,
+};
+use lightpath_optics::learning::{KernelModel, LearnOptions, Learner, LearningPairs, Pair};
+use lightpath_optics::memory::{EngineSize, HologramSize, LearningSize};
+use lightpath_optics::simulated_display::SimulatedDisplay;
+use lightpath_optics::test_cards::TestCard;
+use lightpath_optics::{
+    Detector, DisplayModel, Engine, EngineCache, Grid, HologramProblem, OpticalSetup, Optimization, Plane,
+    RegionOfInterest, SimulatedBench,
+};
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use std::sync::Mutex;
+
+#[global_allocator]
+static ALLOCATOR: dhat::Alloc = dhat::Alloc;
+
+/// Allocations that no function counts: those of threads, tables and small vectors \[bytes\].
+const SMALL_BYTES: u64 = 600_000;
+
+/// The wrong estimates.
+static WRONG: Mutex<Vec<String>> = Mutex::new(Vec::new());
+
+/// Largest number of bytes that `work` allocates at a time.
+fn peak_bytes(pool: &ThreadPool, work: impl FnOnce() + Send) -> u64 {
+    let profiler = dhat::Profiler::builder().testing().build();
+    pool.install(work);
+    let peak = dhat::HeapStats::get().max_bytes as u64;
+    drop(profiler);
+    peak
+}
+
+/// Remembers an estimate that is below the counted peak, or more than `factor` times as large.
+fn check(name: &str, estimate: u64, peak: u64, factor: f64) {
+    let ratio = estimate as f64 / peak as f64;
+    eprintln!("{name}: {estimate} estimated, {peak} counted, ratio {ratio:.3}");
+    if estimate + SMALL_BYTES < peak || ratio > factor {
+        WRONG.lock().unwrap().push(format!("{name}: {estimate} bytes estimated, {peak} bytes counted"));
+    }
+}
+
+fn setup(height_px: usize, width_px: usize, distance_m: f64) -> OpticalSetup {
+    OpticalSetup::try_new(Grid::try_new(height_px, width_px, 8e-6).unwrap(), 515e-9, distance_m).unwrap()
+}
+
+fn target(height_px: usize, width_px: usize) -> Plane<f32> {
+    Plane::from_fn(height_px, width_px, |y, x| if (y / 16 + x / 24) % 2 == 0 { 0.9 } else { 0.2 })
+}
+
+fn optimize(size: &HologramSize, initial: &InitialPhase) {
+    let EngineSize { height_px, width_px, detector, .. } = size.engine;
+    // The engines of a server share their plans and scratch memory.
+    let cache = EngineCache::new(0);
+    let planes = (0..size.planes).map(|p| {
+        let model = DisplayModel::ideal(setup(height_px, width_px, 0.01 + 0.01 * p as f64));
+        let engine = cache.engine(&model, detector, None);
+        let weight = size.weighted.then(|| Plane::filled(height_px, width_px, 0.5));
+        ImagePlane { engine: engine.unwrap(), target: target(height_px, width_px), weight, share: 1.0 }
+    });
+    let region = RegionOfInterest::middle(&Grid::try_new(height_px, width_px, 8e-6).unwrap());
+    let loss = Loss { total_variation: if size.rough { 0.1 } else { 0.0 }, ..Loss::default() };
+    let problem = HologramProblem::with_planes(planes.collect(), size.frames, region, loss).unwrap();
+    let phases = initial.phases(&problem, &setup(height_px, width_px, 0.01), 1).unwrap();
+    let mut run = Optimization::start(problem, HologramOptions::new(size.method, size.iterations), phases).unwrap();
+    while run.step().is_some() {}
+}
+
+fn check_hologram(pool: &ThreadPool, size: HologramSize, initial: &InitialPhase) {
+    let propagates_back = matches!(initial, InitialPhase::BackPropagated { .. });
+    let running = size.problem_bytes() + size.state_bytes() + size.scratch_bytes();
+    let estimate = size.planes as u64 * size.engine.engine_bytes() + running.max(size.start_bytes(propagates_back));
+    let peak = peak_bytes(pool, || optimize(&size, initial));
+    let HologramSize { method, planes, frames, weighted, rough, iterations, .. } = size;
+    let detector = size.engine.detector;
+    let name = format!(
+        "{method:?}, {detector:?}, {planes} planes, {frames} frames, weighted {weighted}, rough {rough}, {iterations} steps"
+    );
+    check(&name, estimate, peak, 1.2);
+}
+
+fn check_quality(pool: &ThreadPool, frames: usize) {
+    let engine = EngineSize::ideal(300, 400, Detector::Pixel, 2);
+    let work = || {
+        let engine = Engine::new(&DisplayModel::ideal(setup(300, 400, 0.01)), Detector::Pixel, None).unwrap();
+        let phases = vec![initial_phase(300, 400, 1.0, 1).unwrap(); frames];
+        let region = RegionOfInterest::middle(&Grid::try_new(300, 400, 8e-6).unwrap());
+        quality_of_frames(&engine, &phases, &target(300, 400), region).unwrap();
+    };
+    let n = engine.pixels() * 4;
+    let estimate = engine.engine_bytes() + (frames as u64 + 1) * n + engine.quality_bytes(frames);
+    check(&format!("quality of {frames} frames"), estimate, peak_bytes(pool, work), 1.3);
+}
+
+fn check_learning(pool: &ThreadPool, model: KernelModel, distances: usize) {
+    // Counting takes most of the time, and learning makes many small allocations.
+    let (height_px, width_px) = (90, 120);
+    let region = RegionOfInterest::middle(&Grid::try_new(height_px, width_px, 8e-6).unwrap());
+    let setups: Vec<_> = (0..distances).map(|i| setup(height_px, width_px, 0.01 + 0.005 * i as f64)).collect();
+    let pairs: Vec<_> = (0..distances).map(|i| Planes(i, photographed(&setups[i]))).collect();
+    let pairs = Joint(pairs);
+    let engine = EngineSize::ideal(height_px, width_px, Detector::Pixel, 2);
+    let region_px = [region.height_px(), region.width_px()];
+    let size = LearningSize { engine, model, order: 5, distances, region_px };
+    let work = || {
+        let options = LearnOptions {
+            epochs: 1,
+            order: Some(5),
+            refinement_evaluations: if model.is_smooth() { 2 } else { 0 },
+            ..LearnOptions::new(model, region)
+        };
+        let mut learner = Learner::start_joint(&setups, options, &pairs).unwrap();
+        while learner.step(LearningPairs::training_only(&pairs)).unwrap().is_some() {}
+    };
+    // A varying kernel may need the largest grid, but this one needs the smallest.
+    let factor = if model == KernelModel::Varying { 3.0 } else { 1.35 };
+    check(&format!("{model:?} at {distances} distances"), size.fit_bytes(), peak_bytes(pool, work), factor);
+}
+
+struct Planes(usize, Vec<Pair>);
+struct Joint(Vec<Planes>);
+
+impl lightpath_optics::learning::PairSource for Joint {
+    fn len(&self) -> usize {
+        self.0.iter().map(|planes| planes.1.len()).sum()
+    }
+
+    fn plane(&self, index: usize) -> usize {
+        self.0[index / 4].0
+    }
+
+    fn pair(&self, index: usize) -> Result<Pair, lightpath_optics::learning::BoxError> {
+        Ok(self.0[index / 4].1[index % 4].clone())
+    }
+}
+
+fn photographed(setup: &OpticalSetup) -> Vec<Pair> {
+    let (height_px, width_px) = (setup.grid().height_px(), setup.grid().width_px());
+    let engine = Engine::new(&DisplayModel::ideal(*setup), Detector::Pixel, None).unwrap();
+    let pair = |seed| {
+        let phase = initial_phase(height_px, width_px, 6.0, seed).unwrap();
+        let photo = engine.light(&phase).unwrap().map(|light| 0.1 * light);
+        Pair { phase, photo }
+    };
+    (0..4).map(pair).collect()
+}
+
+fn check_simulation(pool: &ThreadPool, field_aberration_rad: f64) {
+    let bench = SimulatedBench { field_aberration_rad, speckle_contrast: 0.1, ..SimulatedBench::default() };
+    let engine = EngineSize::ideal(120, 160, Detector::Pixel, 2);
+    let phase = initial_phase(120, 160, 6.0, 1).unwrap();
+    let work = || {
+        let display = SimulatedDisplay::draw(setup(120, 160, 0.01), None, bench).unwrap();
+        display.capture(&phase, 1).unwrap();
+    };
+    check(&format!("bench, {field_aberration_rad} rad"), engine.simulation_bytes(), peak_bytes(pool, work), 1.1);
+}
+
+#[test]
+fn counted_memory_is_that_of_the_functions() {
+    let pool = ThreadPoolBuilder::new().num_threads(2).build().unwrap();
+    // Tables that are made once and kept.
+    pool.install(|| drop(TestCard::Leaf.render(64, 64, 1).unwrap()));
+    let random = InitialPhase::Random { range_rad: 1.0 };
+    let methods = [
+        HologramMethod::Adam { learning_rate: 0.1 },
+        HologramMethod::Lbfgs,
+        HologramMethod::GerchbergSaxton,
+        HologramMethod::WeightedGerchbergSaxton,
+        HologramMethod::DoublePhase,
+    ];
+    for method in methods {
+        for detector in Detector::ALL {
+            let engine = EngineSize::ideal(300, 400, detector, 2);
+            check_hologram(&pool, HologramSize::new(engine, method, 12), &random);
+            let several = HologramSize { planes: 3, frames: 2, ..HologramSize::new(engine, method, 12) };
+            check_hologram(&pool, several, &random);
+        }
+        let engine = EngineSize::ideal(300, 400, Detector::Pixel, 2);
+        let weighted = HologramSize { planes: 2, weighted: true, ..HologramSize::new(engine, method, 12) };
+        check_hologram(&pool, weighted, &InitialPhase::BackPropagated { range_rad: 1.0 });
+    }
+    let engine = EngineSize::ideal(300, 400, Detector::Pixel, 2);
+    let rough = HologramSize { rough: true, ..HologramSize::new(engine, methods[0], 12) };
+    check_hologram(&pool, rough, &random);
+    check_hologram(&pool, HologramSize::new(engine, HologramMethod::Lbfgs, 3), &random);
+    [1, 3].into_iter().for_each(|frames| check_quality(&pool, frames));
+    for model in KernelModel::ALL {
+        check_learning(&pool, model, 1);
+    }
+    check_learning(&pool, KernelModel::Display, 3);
+    [0.0, 2.0].into_iter().for_each(|rad| check_simulation(&pool, rad));
+    let wrong = WRONG.lock().unwrap();
+    assert!(wrong.is_empty(), "{wrong:#?}");
+}

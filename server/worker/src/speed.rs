@@ -1,0 +1,53 @@
+//! Speed of this machine.
+
+use lightpath_optics::hologram::{HologramMethod, HologramOptions};
+use lightpath_optics::memory::{EngineSize, HologramSize};
+use lightpath_optics::test_cards::TestCard;
+use lightpath_optics::{
+    Detector, DisplayModel, Engine, Error, Grid, HologramProblem, OpticalSetup, Optimization, RegionOfInterest,
+};
+use rayon::ThreadPoolBuilder;
+use std::time::Instant;
+
+/// Side of the hologram with which the speed is measured \[px\]: larger than the second-level caches, and measured in
+/// some hundredths of a second.
+const SIDE_PX: usize = 512;
+/// Number of measured steps.
+const STEPS: u32 = 3;
+/// Work for each second of a machine whose speed cannot be measured: that of one slow core.
+const WORK_PER_S: f64 = 2e8;
+
+/// Work for each second of the optics engine on this many threads; 0 threads: one for each core. The unit is that of
+/// `lightpath_optics::memory`.
+#[must_use]
+pub fn measured_work_per_s(threads: usize) -> f64 {
+    let Ok(pool) = ThreadPoolBuilder::new().num_threads(threads).build() else { return WORK_PER_S };
+    pool.install(work_per_s).unwrap_or(WORK_PER_S)
+}
+
+fn work_per_s() -> Result<f64, Error> {
+    let grid = Grid::try_new(SIDE_PX, SIDE_PX, 8e-6)?;
+    let setup = OpticalSetup::try_new(grid, 515e-9, 0.05)?;
+    let engine = Engine::new(&DisplayModel::ideal(setup), Detector::Pixel, None)?;
+    let target = TestCard::Leaf.render(SIDE_PX, SIDE_PX, 1)?;
+    let problem = HologramProblem::new(engine, target, RegionOfInterest::middle(&grid))?;
+    let options = HologramOptions::new(HologramMethod::Lbfgs, STEPS + 1);
+    let mut optimization = Optimization::start(problem, options, vec![0.5; SIDE_PX * SIDE_PX])?;
+    // The first step allocates the buffers.
+    optimization.step();
+    let started = Instant::now();
+    (0..STEPS).for_each(|_| _ = optimization.step());
+    let size = HologramSize::new(EngineSize::ideal(SIDE_PX, SIDE_PX, Detector::Pixel, 1), HologramMethod::Lbfgs, STEPS);
+    Ok(f64::from(STEPS) * size.step_work() / started.elapsed().as_secs_f64())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn speed_is_measured() {
+        let speed = measured_work_per_s(1);
+        assert!(speed.is_finite() && speed > 1e6, "{speed:e}");
+    }
+}

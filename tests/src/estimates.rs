@@ -1,0 +1,116 @@
+use crate::job_shapes::{HD, Hologram, LBFGS, SMALL, Shape, Spec, UHD, adam, double_phase, gerchberg_saxton, hologram};
+use crate::process::Daemon;
+use lightpath::v1::{self, Detector, job::State, job_spec};
+use std::io::Write as _;
+use std::path::Path;
+use std::time::Duration;
+use tempfile::TempDir;
+
+/// Largest ratio of an estimate to the measured memory.
+const RATIO_MAX: f64 = 1.5;
+/// Time for an idle server to settle before its memory is measured.
+const SETTLE: Duration = Duration::from_millis(400);
+
+/// The shapes that are always measured.
+fn few() -> Vec<Shape> {
+    vec![
+        hologram("L-BFGS, pixel", SMALL, LBFGS),
+        hologram("Adam, point, 4 frames", SMALL, Hologram { detector: Detector::Point, frames: 4, ..adam() }),
+        Shape { name: "960×540".into(), size_px: SMALL, spec: Spec::Dataset(v1::KernelModel::Display) },
+        Shape { name: "on 13 dense versions, 960×540".into(), size_px: SMALL, spec: Spec::DenseReport(12) },
+    ]
+}
+
+/// All shapes, up to the largest that this machine accepts.
+fn all() -> Vec<Shape> {
+    let square = (2048, 2048);
+    let mut shapes = few();
+    shapes.extend([
+        hologram("L-BFGS, pixel", HD, LBFGS),
+        hologram("L-BFGS, point", HD, Hologram { detector: Detector::Point, ..LBFGS }),
+        hologram("L-BFGS, supersampled", HD, Hologram { detector: Detector::Supersampled, ..LBFGS }),
+        hologram("L-BFGS, 8 frames", HD, Hologram { frames: 8, iterations: 8, ..LBFGS }),
+        hologram("L-BFGS, 24 frames", SMALL, Hologram { frames: 24, iterations: 8, ..LBFGS }),
+        hologram("L-BFGS, 3 planes", HD, Hologram { planes: 3, ..LBFGS }),
+        hologram("L-BFGS, 16 planes", SMALL, Hologram { planes: 16, iterations: 8, ..LBFGS }),
+        hologram("L-BFGS, 3 wavelengths", HD, Hologram { wavelengths: 3, ..LBFGS }),
+        hologram("L-BFGS, masked", HD, Hologram { masked: true, ..LBFGS }),
+        hologram("L-BFGS, 4 planes, 4 frames, masked", SMALL, Hologram { planes: 4, frames: 4, masked: true, ..LBFGS }),
+        hologram("L-BFGS, quantized", square, Hologram { quantization_aware: true, ..LBFGS }),
+        hologram("Adam, pixel", HD, adam()),
+        hologram("Adam, back-propagated", HD, Hologram { back_propagated: true, ..adam() }),
+        hologram("Adam, 8 frames, 2 planes", SMALL, Hologram { frames: 8, planes: 2, ..adam() }),
+        hologram("Gerchberg–Saxton", HD, gerchberg_saxton()),
+        hologram("Gerchberg–Saxton, 3 planes", square, Hologram { planes: 3, ..gerchberg_saxton() }),
+        hologram("double phase", HD, double_phase()),
+        hologram("double phase, 3 frames", UHD, Hologram { frames: 3, ..double_phase() }),
+        hologram("L-BFGS, pixel", UHD, LBFGS),
+        hologram("Adam, point", UHD, Hologram { detector: Detector::Point, ..adam() }),
+        hologram("Adam, pixel", (8192, 8192), Hologram { iterations: 2, ..adam() }),
+        hologram("L-BFGS, pixel", (8192, 4096), Hologram { iterations: 4, ..LBFGS }),
+        Shape { name: "1920×1080".into(), size_px: HD, spec: Spec::Dataset(v1::KernelModel::Display) },
+        Shape { name: "1920×1080".into(), size_px: HD, spec: Spec::Dataset(v1::KernelModel::Dense) },
+        Shape { name: "capture, 1920×1080".into(), size_px: HD, spec: Spec::Capture },
+        Shape { name: "on 13 dense versions, 1920×1080".into(), size_px: HD, spec: Spec::DenseReport(12) },
+    ]);
+    shapes
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn memory_of_jobs_stays_below_its_estimate() {
+    let shapes =
+        if std::env::var("LIGHTPATH_ESTIMATE_SHAPES").is_ok_and(|which| which == "all") { all() } else { few() };
+    let mut wrong = Vec::new();
+    for shape in shapes {
+        for (name, estimate, measured) in measure(&shape).await {
+            let ratio = estimate / measured;
+            let verdict = if (1.0..=RATIO_MAX).contains(&ratio) { "" } else { " WRONG" };
+            let line = format!("| {name} | {estimate:.0} MiB | {measured:.0} MiB | {ratio:.2} |{verdict}");
+            writeln!(std::io::stderr(), "{line}").unwrap();
+            if !verdict.is_empty() {
+                wrong.push(line);
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "estimated, measured, ratio: {wrong:#?}");
+}
+
+/// Estimated and measured memory of each job of a shape \[MiB\].
+async fn measure(shape: &Shape) -> Vec<(String, f64, f64)> {
+    let data = TempDir::new().unwrap();
+    let daemon = start(data.path()).await;
+    let kinds = shape.prepare(&daemon.client).await;
+    daemon.kill().await;
+    let mut measured = Vec::new();
+    for (kind, spec) in kinds {
+        let (estimate, memory) = measure_job(data.path(), spec).await;
+        measured.push((format!("{kind}: {}", shape.name), estimate, memory));
+    }
+    measured
+}
+
+/// Estimated and measured memory of a job \[MiB\]. The server that runs it has done nothing else before.
+async fn measure_job(data: &Path, spec: job_spec::Kind) -> (f64, f64) {
+    let before = start(data).await;
+    before.client.pause_queue(v1::PauseQueueRequest::default()).await.unwrap();
+    let request = v1::SubmitJobRequest { spec: Some(lightpath::job_spec(spec)), ..Default::default() };
+    let job = before.client.submit(request).await.unwrap();
+    before.kill().await;
+    let daemon = start(data).await;
+    // The server answers when it has started completely.
+    daemon.client.list_jobs(v1::ListJobsRequest::default()).await.unwrap();
+    tokio::time::sleep(SETTLE).await;
+    let idle_kib = daemon.memory_kib();
+    daemon.forget_memory_peak();
+    daemon.client.resume_queue(v1::ResumeQueueRequest::default()).await.unwrap();
+    let ended = daemon.client.wait(&job.name, |_| ()).await.unwrap();
+    assert_eq!(ended.state(), State::Succeeded, "{ended:?}");
+    let peak_kib = daemon.memory_peak_kib();
+    daemon.kill().await;
+    (job.estimated_memory_bytes as f64 / 1_048_576.0, peak_kib.saturating_sub(idle_kib) as f64 / 1024.0)
+}
+
+async fn start(data: &Path) -> Daemon {
+    let limits = ["--job-memory-mib-max", "200000", "--job-time-s-max", "1000000", "--compute-threads", "2"];
+    Daemon::start(data, &limits).await
+}

@@ -1,0 +1,205 @@
+//! Jobs of all kinds and sizes, for the tests of their memory and of their ends.
+
+use crate::material::{DISTANCE_M, WAVELENGTH_M, target};
+use lightpath::v1::optimize_hologram::{ImagePlane, InitialPhase, initial_phase};
+use lightpath::v1::{self, Detector, HologramMethod, job_spec};
+use lightpath::{Client, names};
+use lightpath_domain::kernel::KernelModel;
+use lightpath_media::{kernel_file, pictures};
+use lightpath_optics::hologram::initial_phase as random_phase;
+use lightpath_optics::{DisplayModel, Engine, Grid, KernelShape, OpticalSetup, Plane};
+use num_complex::Complex32;
+
+/// Number of pairs of each dataset.
+const PAIRS: u64 = 8;
+
+/// A job, or the jobs of a dataset, on a display of some size.
+pub(crate) struct Shape {
+    pub(crate) name: String,
+    pub(crate) size_px: (u32, u32),
+    pub(crate) spec: Spec,
+}
+
+pub(crate) enum Spec {
+    Hologram(Box<Hologram>),
+    /// The jobs of a dataset with this model: finalize, learn, evaluate, report.
+    Dataset(v1::KernelModel),
+    Capture,
+    /// The report on a kernel with a value for each frequency, with as many other versions.
+    DenseReport(u32),
+}
+
+#[derive(Clone)]
+pub(crate) struct Hologram {
+    pub(crate) method: HologramMethod,
+    pub(crate) detector: Detector,
+    pub(crate) frames: u32,
+    pub(crate) planes: u32,
+    pub(crate) wavelengths: u32,
+    pub(crate) iterations: u32,
+    pub(crate) masked: bool,
+    pub(crate) back_propagated: bool,
+    pub(crate) quantization_aware: bool,
+}
+
+pub(crate) const LBFGS: Hologram = Hologram {
+    method: HologramMethod::Lbfgs,
+    detector: Detector::Pixel,
+    frames: 1,
+    planes: 1,
+    wavelengths: 1,
+    iterations: 12,
+    masked: false,
+    back_propagated: false,
+    quantization_aware: false,
+};
+
+pub(crate) fn hologram(name: &str, size_px: (u32, u32), hologram: Hologram) -> Shape {
+    Shape { name: format!("{name}, {}×{}", size_px.0, size_px.1), size_px, spec: Spec::Hologram(hologram.into()) }
+}
+
+pub(crate) const SMALL: (u32, u32) = (960, 540);
+pub(crate) const HD: (u32, u32) = (1920, 1080);
+pub(crate) const UHD: (u32, u32) = (3840, 2160);
+
+pub(crate) fn adam() -> Hologram {
+    Hologram { method: HologramMethod::Adam, ..LBFGS }
+}
+
+pub(crate) fn gerchberg_saxton() -> Hologram {
+    Hologram { method: HologramMethod::GerchbergSaxton, ..LBFGS }
+}
+
+pub(crate) fn double_phase() -> Hologram {
+    Hologram { method: HologramMethod::DoublePhase, iterations: 0, ..LBFGS }
+}
+
+impl Shape {
+    /// Declares the display, uploads what the jobs read, and returns their kinds and specs. Each job needs that those
+    /// before it have succeeded.
+    pub(crate) async fn prepare(&self, client: &Client) -> Vec<(&'static str, job_spec::Kind)> {
+        let display = v1::Display {
+            name: names::display("lab"),
+            width_px: self.size_px.0,
+            height_px: self.size_px.1,
+            pixel_pitch_m: 8e-6,
+            wavelengths_m: vec![450e-9, WAVELENGTH_M, 638e-9],
+            simulated_bench: Some(v1::SimulatedBench { seed: 7, ..Default::default() }),
+            ..Default::default()
+        };
+        client.create_display(v1::CreateDisplayRequest { display: Some(display) }).await.unwrap();
+        match &self.spec {
+            Spec::Hologram(hologram) => vec![("optimize", hologram_spec(client, self.size_px, hologram).await)],
+            Spec::Capture => vec![("simulate", capture_spec(client, self.size_px).await)],
+            Spec::Dataset(model) => dataset_specs(client, self.size_px, *model).await,
+            Spec::DenseReport(others) => vec![("report", dense_report_spec(client, self.size_px, *others).await)],
+        }
+    }
+}
+
+async fn hologram_spec(client: &Client, size_px: (u32, u32), shape: &Hologram) -> job_spec::Kind {
+    let mut planes = Vec::new();
+    for p in 0..shape.planes {
+        let target = client.upload_bytes(target(size_px.0, size_px.1, p)).await.unwrap();
+        planes.push(ImagePlane { distance_m: DISTANCE_M + 0.01 * f64::from(p), target, weight: 0.0 });
+    }
+    let wavelengths_m = [WAVELENGTH_M, 450e-9, 638e-9][..shape.wavelengths as usize].to_vec();
+    let mask = if shape.masked { planes[0].target.clone() } else { String::new() };
+    let from_target = initial_phase::Kind::BackPropagated(v1::optimize_hologram::initial_phase::Random::default());
+    job_spec::Kind::OptimizeHologram(v1::OptimizeHologram {
+        display: names::display("lab"),
+        wavelengths_m,
+        planes,
+        kernel: "ideal".into(),
+        method: shape.method.into(),
+        detector: shape.detector.into(),
+        iterations: shape.iterations,
+        frames: shape.frames,
+        weight_mask: mask,
+        initial_phase: shape.back_propagated.then_some(InitialPhase { kind: Some(from_target) }),
+        quantization_aware: shape.quantization_aware,
+        ..Default::default()
+    })
+}
+
+async fn capture_spec(client: &Client, size_px: (u32, u32)) -> job_spec::Kind {
+    let phase = client.upload_bytes(target(size_px.0, size_px.1, 1)).await.unwrap();
+    job_spec::Kind::SimulateCapture(v1::SimulateCapture {
+        display: names::display("lab"),
+        wavelength_m: WAVELENGTH_M,
+        distance_m: DISTANCE_M,
+        phase,
+        ..Default::default()
+    })
+}
+
+fn setup(size_px: (u32, u32)) -> OpticalSetup {
+    let grid = Grid::try_new(size_px.1 as usize, size_px.0 as usize, 8e-6).unwrap();
+    OpticalSetup::try_new(grid, WAVELENGTH_M, DISTANCE_M).unwrap().planned().unwrap().0
+}
+
+/// Makes a finalized dataset and a kernel. Returns the specs of the jobs that made them and that use them.
+async fn dataset_specs(
+    client: &Client,
+    size_px: (u32, u32),
+    model: v1::KernelModel,
+) -> Vec<(&'static str, job_spec::Kind)> {
+    let engine = Engine::new(&DisplayModel::ideal(setup(size_px)), lightpath_optics::Detector::Pixel, None).unwrap();
+    let dataset = names::dataset("d");
+    client
+        .create_dataset(v1::CreateDatasetRequest {
+            dataset: Some(v1::Dataset {
+                name: dataset.clone(),
+                display: names::display("lab"),
+                wavelength_m: WAVELENGTH_M,
+                distance_m: DISTANCE_M,
+                ..Default::default()
+            }),
+        })
+        .await
+        .unwrap();
+    for seed in 0..PAIRS {
+        let phase = random_phase(size_px.1 as usize, size_px.0 as usize, 6.0, seed).unwrap();
+        let photo = engine.light(&phase).unwrap().map(|light| 0.2 * light);
+        let phase = client.upload_bytes(pictures::npy_f32(&phase).unwrap()).await.unwrap();
+        let photo = client.upload_bytes(pictures::grey_png_linear(&photo).unwrap()).await.unwrap();
+        let pair = Some(v1::Pair { id: format!("p{seed}"), phase, photo, ..Default::default() });
+        client.add_pair(v1::AddPairRequest { dataset: dataset.clone(), pair }).await.unwrap();
+    }
+    let finalize = v1::prepare_dataset::Finalize { validation_fraction: 0.2, ..Default::default() };
+    let step = Some(v1::prepare_dataset::Step::Finalize(finalize));
+    let smooth = model == v1::KernelModel::Display;
+    let learn = v1::LearnKernel {
+        datasets: vec![dataset.clone()],
+        model: model.into(),
+        epochs: 1,
+        order: if smooth { 5 } else { 0 },
+        refinement_evaluations: smooth.then_some(4),
+        ..Default::default()
+    };
+    let kernel_version = format!("{}/kernels/515nm-50mm/versions/1", names::display("lab"));
+    vec![
+        ("finalize", job_spec::Kind::PrepareDataset(v1::PrepareDataset { dataset: dataset.clone(), step })),
+        ("learn", job_spec::Kind::LearnKernel(learn)),
+        (
+            "evaluate",
+            job_spec::Kind::EvaluateKernel(v1::EvaluateKernel { dataset, kernel: "1".into(), ..Default::default() }),
+        ),
+        ("report", job_spec::Kind::ReportKernel(v1::ReportKernel { kernel_version })),
+    ]
+}
+
+async fn dense_report_spec(client: &Client, size_px: (u32, u32), others: u32) -> job_spec::Kind {
+    let setup = setup(size_px);
+    let (rows, columns) = (setup.padded_height_px(), setup.padded_width_px());
+    for version in 0..=others {
+        let bins = Plane::from_fn(rows, columns, |y, x| Complex32::cis((x * y) as f32 * 1e-6 + version as f32));
+        let model = DisplayModel { kernel: KernelShape::Bins(bins), ..DisplayModel::ideal(setup) };
+        let artifact = client.upload_bytes(kernel_file::encode(&model, KernelModel::Dense).unwrap()).await.unwrap();
+        let display = names::display("lab");
+        let request = v1::ImportKernelRequest { display, wavelength_m: WAVELENGTH_M, distance_m: DISTANCE_M, artifact };
+        client.import_kernel(request).await.unwrap();
+    }
+    let kernel_version = format!("{}/kernels/515nm-50mm/versions/1", names::display("lab"));
+    job_spec::Kind::ReportKernel(v1::ReportKernel { kernel_version })
+}
