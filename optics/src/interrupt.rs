@@ -62,11 +62,23 @@ impl Interrupt {
     ///
     /// When `work` panics.
     pub fn run<R>(&self, work: impl FnOnce() -> R) -> Result<R, Interrupted> {
-        let _watching = Watching::start(self);
-        catch_unwind(AssertUnwindSafe(work)).map_err(|payload| match payload.downcast::<Interrupted>() {
-            Ok(interrupted) => *interrupted,
-            Err(payload) => resume_unwind(payload),
-        })
+        let _watching = Watching::start(self, Threads::WholePool);
+        caught(work)
+    }
+
+    /// Does the same as [`Self::run`], but only the calling thread looks at the flag. So other computations may use the
+    /// pool meanwhile, and what `work` computes on other threads runs to its end.
+    ///
+    /// # Errors
+    ///
+    /// [`Interrupted`] when the flag was raised before `work` ended.
+    ///
+    /// # Panics
+    ///
+    /// When `work` panics.
+    pub fn run_on_this_thread<R>(&self, work: impl FnOnce() -> R) -> Result<R, Interrupted> {
+        let _watching = Watching::start(self, Threads::This);
+        caught(work)
     }
 }
 
@@ -79,29 +91,49 @@ pub fn check() {
     }
 }
 
-/// While it exists, the threads of the pool look at a flag. Afterwards they look at the previous one.
+/// Runs `work`, and catches the unwinding of an interrupt.
+fn caught<R>(work: impl FnOnce() -> R) -> Result<R, Interrupted> {
+    catch_unwind(AssertUnwindSafe(work)).map_err(|payload| match payload.downcast::<Interrupted>() {
+        Ok(interrupted) => *interrupted,
+        Err(payload) => resume_unwind(payload),
+    })
+}
+
+/// Threads that look at a flag.
+#[derive(Clone, Copy)]
+enum Threads {
+    This,
+    /// This thread and all threads of its rayon pool.
+    WholePool,
+}
+
+impl Threads {
+    fn set(self, current: &Option<Interrupt>) {
+        CURRENT.set(current.clone());
+        if matches!(self, Self::WholePool) {
+            rayon::broadcast(|_| CURRENT.set(current.clone()));
+        }
+    }
+}
+
+/// While it exists, threads look at a flag. Afterwards they look at the previous one.
 struct Watching {
     before: Option<Interrupt>,
+    threads: Threads,
 }
 
 impl Watching {
-    fn start(interrupt: &Interrupt) -> Self {
+    fn start(interrupt: &Interrupt, threads: Threads) -> Self {
         let before = CURRENT.take();
-        set_everywhere(&Some(interrupt.clone()));
-        Self { before }
+        threads.set(&Some(interrupt.clone()));
+        Self { before, threads }
     }
 }
 
 impl Drop for Watching {
     fn drop(&mut self) {
-        set_everywhere(&self.before);
+        self.threads.set(&self.before);
     }
-}
-
-/// Sets the flag of this thread and of all threads of its pool.
-fn set_everywhere(current: &Option<Interrupt>) {
-    CURRENT.set(current.clone());
-    rayon::broadcast(|_| CURRENT.set(current.clone()));
 }
 
 #[cfg(test)]
@@ -131,6 +163,21 @@ mod tests {
         assert_eq!(found, Err(Interrupted));
         let done = done.into_inner();
         assert!((1001..10_000).contains(&done), "{done} of a million");
+    }
+
+    #[test]
+    fn other_threads_of_the_pool_need_not_look() {
+        let interrupt = Interrupt::default();
+        let found = pool().install(|| {
+            interrupt.run_on_this_thread(|| {
+                interrupt.raise();
+                let count = rayon::broadcast(|context| context.index() != rayon::current_thread_index().unwrap_or(0));
+                assert_eq!(count.len(), 3);
+                check();
+            })
+        });
+        assert_eq!(found, Err(Interrupted));
+        assert_eq!(pool().install(|| interrupt.run_on_this_thread(|| 7)), Ok(7), "a computation that never looks");
     }
 
     #[test]

@@ -19,6 +19,7 @@ mod turns;
 use crate::call::Call;
 use crate::error::ApiError;
 pub(crate) use client::Client;
+use lightpath_optics::interrupt::Interrupt;
 pub use memory_budget::MemoryBudget;
 pub(crate) use memory_budget::Share;
 pub use rate::Rate;
@@ -43,7 +44,8 @@ impl Accounts {
     }
 
     /// Runs `compute`, which needs `bytes` of memory, on a thread that may block, when it is the client's turn. The
-    /// memory stays counted until `compute` has ended, even if the call is cancelled.
+    /// memory stays counted until `compute` has ended, even if the call is cancelled. A cancelled call interrupts `compute`
+    /// where it looks at the interrupt, for example in the decoders of pictures.
     ///
     /// # Errors
     ///
@@ -61,13 +63,22 @@ impl Accounts {
             () = call.cancelled.cancelled() => return Err(ApiError::Cancelled),
             turn = self.turns.wait(&call.client, bytes) => turn?,
         };
-        let work = move || {
-            let result = compute();
+        let interrupt = Interrupt::default();
+        let own = interrupt.clone();
+        let mut work = tokio::task::spawn_blocking(move || {
+            let result = own.run_on_this_thread(compute);
             drop(turn);
             result
+        });
+        let result = tokio::select! {
+            biased;
+            result = &mut work => result,
+            () = call.cancelled.cancelled() => {
+                interrupt.raise();
+                work.await
+            }
         };
-        let result = tokio::task::spawn_blocking(work).await.map_err(ApiError::Task)?;
-        if call.cancelled.is_cancelled() { Err(ApiError::Cancelled) } else { Ok(result) }
+        result.map_err(ApiError::Task)?.map_err(|_| ApiError::Cancelled)
     }
 }
 
