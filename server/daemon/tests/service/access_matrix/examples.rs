@@ -88,6 +88,7 @@ fn datasets() -> Vec<Example> {
             json!({ "display": "$display", "page_size": 1, "page_token": "" }),
         ),
         Example::new::<v1::AddPairRequest>("DatasetService/AddPair", json!({ "dataset": "$open", "pair": pair })),
+        Example::new::<v1::DeleteDatasetRequest>("DatasetService/DeleteDataset", json!({ "name": "$new_dataset" })),
         Example::new::<v1::CreateCalibrationTargetRequest>(
             "DatasetService/CreateCalibrationTarget",
             json!({ "display": "$spare" }),
@@ -187,16 +188,15 @@ fn kernels() -> Vec<Example> {
 }
 
 fn changes_of_kernels() -> Vec<Example> {
-    let kernel_reason = json!({ "kernel": "$kernel", "reason": "why" });
-    let mut promotion = kernel_reason.clone();
+    let rollback = json!({ "kernel": "$kernel", "reason": "why", "expected_active_version": "$number" });
+    let mut promotion = rollback.clone();
     promotion["version"] = "$number".into();
-    promotion["expected_active_version"] = "$number".into();
     let at = |distance_m: f64| json!({ "display": "$display", "distance_m": distance_m });
     let mut file = at(4e-3);
     file["artifact"] = "$file".into();
     vec![
         Example::new::<v1::PromoteKernelRequest>("KernelService/PromoteKernel", promotion),
-        Example::new::<v1::RollbackKernelRequest>("KernelService/RollbackKernel", kernel_reason),
+        Example::new::<v1::RollbackKernelRequest>("KernelService/RollbackKernel", rollback),
         Example::new::<v1::ImportKernelRequest>("KernelService/ImportKernel", file),
         Example::new::<v1::InterpolateKernelRequest>("KernelService/InterpolateKernel", at(5e-3)),
     ]

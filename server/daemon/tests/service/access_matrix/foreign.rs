@@ -91,7 +91,7 @@ impl Search<'_> {
     fn check_traces(&mut self, part: &[u8], about: &str) {
         if let Some(trace) = self.traces.found_in(part) {
             let shown = String::from_utf8_lossy(part).into_owned();
-            self.check(false, || format!("{about}: the answer has {trace}: {shown}"));
+            self.check(false, || format!("{about}: the answer has {trace}: {shown:?}"));
         }
     }
 
