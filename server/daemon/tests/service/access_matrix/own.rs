@@ -1,6 +1,6 @@
 //! Requests about own things succeed, their answers have no trace of foreign things, and every change is in the audit log.
 
-use super::examples::examples;
+use super::examples::{Example, examples};
 use super::person::Person;
 use super::traces::{Traces, snapshot};
 use super::two_worlds::TwoWorlds;
@@ -12,15 +12,17 @@ use std::fs;
 use tonic::Code;
 
 /// Fields of a submission that may have the same value as in a foreign job, and the keys of their values.
-const LABELS: [(&str, &str); 1] = [("batch", "$batch")];
+const LABELS: [(&str, &str); 3] = [("batch", "$batch"), ("request_id", "$request"), ("unique_key", "$key")];
+/// Labels of a job on the foreign display that an admin submitted for the owner of own jobs.
+const SHARED: [(&str, &str); 2] = [("request_id", "shared request"), ("unique_key", "shared key")];
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn own_things_leave_no_trace_of_foreign_ones_and_every_change_is_logged() {
     let worlds = TwoWorlds::build().await;
-    let traces = Traces::of(&worlds.foreign, &snapshot(&worlds.admin(), "faraway").await);
     let people = worlds.people();
     let person = people.iter().find(|person| person.name == "lab-admin").unwrap();
-    submit_with_foreign_labels(&worlds, person).await;
+    submit_for(&worlds, person).await;
+    let traces = Traces::of(&worlds.foreign, &snapshot(&worlds.admin(), "faraway").await);
     let mut made = BTreeSet::new();
     for example in examples() {
         let answer = example.send(person, &example.in_world(&worlds.own_of(person))).await;
@@ -37,6 +39,8 @@ async fn own_things_leave_no_trace_of_foreign_ones_and_every_change_is_logged() 
             made.insert(example.method);
         }
     }
+    submit_with_foreign_labels(&worlds, person).await;
+    submit_with_shared_labels(&worlds, &traces, person).await;
     let all = examples();
     let changing = all.iter().map(|example| example.method).filter(|method| changes_something(method));
     assert_eq!(made, changing.collect(), "every changing method needs an example that succeeds");
@@ -45,9 +49,39 @@ async fn own_things_leave_no_trace_of_foreign_ones_and_every_change_is_logged() 
     }
 }
 
-/// Submits jobs with the labels of a foreign job. It does not matter that the other job exists.
+/// A submission of a job that waits for no other.
+fn submission() -> Example {
+    let mut example = examples().into_iter().find(|example| example.method == "JobService/SubmitJob").unwrap();
+    example.messages[0]["after"] = Value::Array(Vec::new());
+    example
+}
+
+/// Submits a job on the foreign display for a person who may not see it.
+async fn submit_for(worlds: &TwoWorlds, person: &Person<'_>) {
+    let mut messages = submission().in_world(&worlds.foreign);
+    messages[0]["owner"] = Value::from(person.name.clone());
+    for (label, text) in SHARED {
+        messages[0][label] = Value::from(text);
+    }
+    submission().send(&worlds.admin(), &messages).await.unwrap();
+}
+
+/// Submits jobs with a label that the same owner uses for a foreign job. The refusals do not name that job.
+async fn submit_with_shared_labels(worlds: &TwoWorlds, traces: &Traces, person: &Person<'_>) {
+    for (label, text) in SHARED {
+        let mut messages = submission().in_world(&worlds.own_of(person));
+        messages[0][label] = Value::from(text);
+        let refused = submission().send(person, &messages).await.unwrap_err();
+        assert_eq!(refused.code(), Code::AlreadyExists, "{label}: {refused:?}");
+        for part in [refused.message().as_bytes(), refused.details()] {
+            assert_eq!(traces.found_in(part), None, "{label}: {refused:?}");
+        }
+    }
+}
+
+/// Submits jobs with the labels of a foreign job of another owner. It does not matter that the other job exists.
 async fn submit_with_foreign_labels(worlds: &TwoWorlds, person: &Person<'_>) {
-    let example = examples().into_iter().find(|example| example.method == "JobService/SubmitJob").unwrap();
+    let example = submission();
     for (label, key) in LABELS {
         let mut messages = example.in_world(&worlds.own_of(person));
         messages[0][label] = worlds.foreign.value(key).clone();
