@@ -8,6 +8,8 @@ use tempfile::TempDir;
 
 /// Largest ratio of an estimate to the measured memory.
 const RATIO_MAX: f64 = 1.5;
+/// Estimates below this are mostly what every job is assumed to take \[MiB\].
+const SMALL_MIB: f64 = 48.0;
 /// Time for an idle server to settle before its memory is measured.
 const SETTLE: Duration = Duration::from_millis(400);
 
@@ -58,13 +60,18 @@ fn all() -> Vec<Shape> {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn memory_of_jobs_stays_below_its_estimate() {
-    let shapes =
-        if std::env::var("LIGHTPATH_ESTIMATE_SHAPES").is_ok_and(|which| which == "all") { all() } else { few() };
+    // `all`, or a part of the names of some shapes.
+    let shapes = match std::env::var("LIGHTPATH_ESTIMATE_SHAPES") {
+        Err(_) => few(),
+        Ok(which) if which == "all" => all(),
+        Ok(which) => all().into_iter().filter(|shape| shape.name.contains(&which)).collect(),
+    };
     let mut wrong = Vec::new();
     for shape in shapes {
         for (name, estimate, measured) in measure(&shape).await {
             let ratio = estimate / measured;
-            let verdict = if (1.0..=RATIO_MAX).contains(&ratio) { "" } else { " WRONG" };
+            let small = estimate < SMALL_MIB;
+            let verdict = if ratio >= 1.0 && (ratio <= RATIO_MAX || small) { "" } else { " WRONG" };
             let line = format!("| {name} | {estimate:.0} MiB | {measured:.0} MiB | {ratio:.2} |{verdict}");
             writeln!(std::io::stderr(), "{line}").unwrap();
             if !verdict.is_empty() {

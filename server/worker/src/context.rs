@@ -6,6 +6,7 @@ use lightpath_artifacts::{ArtifactError, Artifacts};
 use lightpath_domain::causes::with_causes;
 use lightpath_domain::job::{FailureReason, Job, JobEffect, JobError, JobResult, Lease, Progress};
 use lightpath_optics::EngineCache;
+use lightpath_optics::interrupt::Interrupt;
 use lightpath_store::{Store, StoreError};
 use std::cell::{Cell, RefCell};
 use std::future::Future;
@@ -16,8 +17,8 @@ use tokio::sync::watch;
 
 /// Pause after a checkpoint, in units of the time that it took: saving takes at most a twentieth of a job's time.
 const SAVES_PER_PAUSE: u32 = 20;
-/// Time of a save that needs no such pause: that of some dozen megabytes.
-const SHORT_SAVE: Duration = Duration::from_millis(100);
+/// Largest state that needs no such pause \[bytes\]: saving it takes a tenth of a second.
+const SMALL_STATE_BYTES: usize = 16 << 20;
 /// Longest time for saving a state when the server stops, which must reach every job within seconds.
 const DRAIN_SAVE_MAX: Duration = Duration::from_secs(2);
 /// Largest state that is saved when the server stops \[bytes\]: a disk writes it within [`DRAIN_SAVE_MAX`].
@@ -118,7 +119,7 @@ pub struct JobContext {
     pub(super) progress: watch::Sender<Option<Progress>>,
     pub(super) checkpoint_interval: Duration,
     pub(super) last_checkpoint: Cell<Instant>,
-    /// Time that the last save took.
+    /// Time that the last save of a large state took.
     pub(super) last_save_took: Cell<Duration>,
     /// State that an earlier attempt saved.
     pub(super) saved: RefCell<Option<Vec<u8>>>,
@@ -214,8 +215,7 @@ impl JobContext {
 
     /// Whether a checkpoint is due. Large states are saved less often, so that saving takes little of the job's time.
     fn is_checkpoint_due(&self) -> bool {
-        let took = Some(self.last_save_took.get()).filter(|took| *took > SHORT_SAVE);
-        let pause = took.map_or(Duration::ZERO, |took| SAVES_PER_PAUSE * took);
+        let pause = SAVES_PER_PAUSE * self.last_save_took.get();
         self.last_checkpoint.get().elapsed() >= self.checkpoint_interval.max(pause)
     }
 
@@ -225,7 +225,8 @@ impl JobContext {
         if self.last_save_took.get() > DRAIN_SAVE_MAX {
             return Ok(());
         }
-        let state = state();
+        // The end of the draining attempt's step must not interrupt the writing of its state.
+        let Ok(state) = Interrupt::default().run(state) else { return Ok(()) };
         if state.len() > DRAIN_STATE_BYTES_MAX {
             return Ok(());
         }
@@ -249,18 +250,42 @@ impl JobContext {
 
     /// Saves the state: writes the file, records it in the job's row, and removes the previous file.
     fn save(&self, state: Vec<u8>) -> Result<(), TaskError> {
-        let started = Instant::now();
+        let (started, is_large) = (Instant::now(), state.len() > SMALL_STATE_BYTES);
         let sealed = checkpoint::seal(&self.lease, state)
             .map_err(|error| TaskError::permanent(FailureReason::Checkpoint, error))?;
         self.artifacts.space().room_for_checkpoint(sealed.len() as u64)?;
         self.wait(self.save_sealed(sealed))?;
-        self.last_save_took.set(started.elapsed());
+        let took = if is_large { started.elapsed() } else { Duration::ZERO };
+        self.last_save_took.set(took);
         self.last_checkpoint.set(Instant::now());
         Ok(())
     }
 
+    /// Writes a checkpoint. If the computation is interrupted first, the file is written and removed by another task. A
+    /// save at a drain is not interrupted.
+    async fn put_checkpoint(&self, sealed: Vec<u8>) -> Result<String, TaskError> {
+        let artifacts = self.artifacts.clone();
+        if self.stop.reason().is_some() {
+            return Ok(artifacts.put_checkpoint(sealed).await?);
+        }
+        let mut put = tokio::spawn(async move { (artifacts.put_checkpoint(sealed).await, artifacts) });
+        match self.stop.unless_interrupted(&mut put).await {
+            Some(Ok((digest, _))) => Ok(digest?),
+            Some(Err(error)) => Err(TaskError::transient(FailureReason::Checkpoint, error)),
+            None => {
+                tokio::spawn(async move {
+                    if let Ok((Ok(digest), artifacts)) = put.await {
+                        // If the removal fails, the next start removes the file.
+                        drop(artifacts.delete_checkpoint(&digest).await);
+                    }
+                });
+                Err(TaskError::Stopped)
+            }
+        }
+    }
+
     async fn save_sealed(&self, sealed: Vec<u8>) -> Result<(), TaskError> {
-        let digest = self.artifacts.put_checkpoint(sealed).await?;
+        let digest = self.put_checkpoint(sealed).await?;
         let before = match self.store.checkpoint(&self.lease, &digest).await {
             Ok(before) => before,
             Err(error) => {

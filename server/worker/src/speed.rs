@@ -9,11 +9,11 @@ use lightpath_optics::{
 use rayon::ThreadPoolBuilder;
 use std::time::Instant;
 
-/// Side of the hologram with which the speed is measured \[px\]: larger than the second-level caches, and measured in
-/// some hundredths of a second.
-const SIDE_PX: usize = 512;
+/// Side of the hologram with which the speed is measured \[px\]. A larger one would leave the server with more memory,
+/// because the allocator keeps some of what is freed.
+const SIDE_PX: usize = 256;
 /// Number of measured steps.
-const STEPS: u32 = 3;
+const STEPS: u32 = 10;
 /// Work for each second of a machine whose speed cannot be measured: that of one slow core.
 const WORK_PER_S: f64 = 2e8;
 

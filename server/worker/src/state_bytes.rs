@@ -5,6 +5,7 @@
 //! envelope of a checkpoint names the version of the code, so the states need no version number of their own.
 
 use lightpath_domain::job::WavelengthResult;
+use lightpath_optics::interrupt;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
@@ -27,7 +28,30 @@ pub(super) struct HologramState {
 pub(super) fn to_bytes(state: &impl Serialize) -> Vec<u8> {
     // The buffer is allocated once: growing it could copy more than a hundred megabytes.
     let size_bytes = postcard::experimental::serialized_size(state).unwrap_or(0);
-    postcard::to_extend(state, Vec::with_capacity(size_bytes + ROOM_BYTES)).unwrap_or_default()
+    let bytes = StateBytes { bytes: Vec::with_capacity(size_bytes + ROOM_BYTES), writes: 0 };
+    postcard::to_extend(state, bytes).map(|state| state.bytes).unwrap_or_default()
+}
+
+/// The bytes of a state. Writing them looks at the [interrupt](lightpath_optics::interrupt) of the job, because large
+/// states take seconds.
+struct StateBytes {
+    bytes: Vec<u8>,
+    writes: u32,
+}
+
+impl StateBytes {
+    /// Number of writes, one for each number, between two looks.
+    const WRITES_UNWATCHED: u32 = 1 << 16;
+}
+
+impl Extend<u8> for StateBytes {
+    fn extend<I: IntoIterator<Item = u8>>(&mut self, more: I) {
+        self.writes = self.writes.wrapping_add(1);
+        if self.writes.is_multiple_of(Self::WRITES_UNWATCHED) {
+            interrupt::check();
+        }
+        self.bytes.extend(more);
+    }
 }
 
 /// Reads a state from bytes; `None` if the bytes are not such a state.

@@ -21,7 +21,7 @@ use lightpath_media::{captures, kernel_file};
 use lightpath_optics::learning::KernelModel;
 use lightpath_optics::memory::{EngineSize, samples_impulse};
 use lightpath_optics::propagation::ConvolutionMethod;
-use lightpath_optics::{Detector, RegionOfInterest};
+use lightpath_optics::{Detector, DisplayModel, KernelShape, RegionOfInterest};
 use lightpath_store::StoreError;
 
 const MIB: f64 = 1_048_576.0;
@@ -174,19 +174,20 @@ impl Api {
     ) -> Result<KernelSize, ApiError> {
         let ideal = self.ideal_engine(display, key, detector, propagation)?;
         let Some(version) = version else {
-            return Ok(KernelSize { engine: ideal, has_bins: false, file_bytes: 0 });
+            return Ok(KernelSize { engine: ideal, order: 0, has_bins: false, file_bytes: 0 });
         };
         let content = self.store.kernel_version(key, version).await?.content;
-        let engine = match content.model {
-            KernelModel::Paper | KernelModel::Dense => ideal,
+        let (engine, order) = match content.model {
+            KernelModel::Paper | KernelModel::Dense => (ideal, 0),
             // Such files have some hundred numbers.
             KernelModel::Smooth | KernelModel::Display | KernelModel::Varying => {
                 let file = self.artifacts.read_all(&content.artifact).await?;
-                kernel_file::decode(&file)
-                    .map_or(ideal, |(model, _)| EngineSize::of(&model, detector, self.job_limits.threads))
+                kernel_file::decode(&file).map_or((ideal, 0), |(model, _)| {
+                    (EngineSize::of(&model, detector, self.job_limits.threads), order_of(&model))
+                })
             }
         };
-        Ok(KernelSize { engine, has_bins: !content.model.is_smooth(), file_bytes: content.size_bytes })
+        Ok(KernelSize { engine, order, has_bins: !content.model.is_smooth(), file_bytes: content.size_bytes })
     }
 
     /// Memory for decoding the photograph of dots from which a dataset is aligned; 0 for other jobs.
@@ -200,6 +201,14 @@ impl Api {
             PrepareStep::Align(AlignBy::Dots { photo }) => self.reading_bytes(call, field, photo, 0).await,
             _ => Ok(0),
         }
+    }
+}
+
+/// Highest order of a smooth kernel.
+fn order_of(model: &DisplayModel) -> usize {
+    match &model.kernel {
+        KernelShape::Smooth(field) => field.order,
+        KernelShape::Ideal | KernelShape::Bins(_) => 0,
     }
 }
 

@@ -31,9 +31,9 @@ pub const CAPTURED_ITERATIONS: u32 = 40;
 
 /// Memory that every job takes: stacks of its threads, rows of the database, tables, and what the allocator keeps
 /// \[bytes\].
-const BASE_BYTES: u64 = 24 << 20;
+const BASE_BYTES: u64 = 12 << 20;
 /// Part of the memory in smaller allocations that the allocator keeps for itself after they are freed.
-const FRAGMENTATION: f64 = 0.08;
+const FRAGMENTATION: f64 = 0.05;
 /// Bytes of a real number in f32.
 const REAL: u64 = 4;
 
@@ -73,6 +73,8 @@ impl Need {
 pub struct KernelSize {
     /// Engine with the kernel.
     pub engine: EngineSize,
+    /// Highest order of a smooth kernel; 0 for other kernels.
+    pub order: usize,
     /// Whether the kernel has a value for each frequency.
     pub has_bins: bool,
     /// Size of the kernel's file \[bytes\]; 0: the ideal kernel.
@@ -386,7 +388,7 @@ pub fn report_kernel(inputs: &ReportInputs) -> Need {
     /// Memory for the spectrum of a hologram in f64 and its transposed copies, for each pixel \[bytes\].
     const SPECTRUM_BYTES_PER_PX: u64 = 68;
     /// Memory for charts, pictures and point spread functions \[bytes\].
-    const DRAWING_BYTES: u64 = 128 << 20;
+    const DRAWING_BYTES: u64 = 104 << 20;
     let kernel = inputs.kernel;
     let (engine, n) = (kernel.engine, kernel.engine.pixels());
     // The version's own numbers stay, those of one other version come and go.
@@ -397,7 +399,7 @@ pub fn report_kernel(inputs: &ReportInputs) -> Need {
         let size = LearningSize {
             engine: EngineSize { kernels_per_side: 1, has_source: false, ..engine },
             model: inputs.model,
-            order: 12,
+            order: kernel.order,
             distances: 1,
             region_px: inputs.region_px,
         };
@@ -453,7 +455,7 @@ mod tests {
 
     fn need(side_px: usize, spec: &OptimizeHologram, decoding_bytes: u64) -> Need {
         let engine = EngineSize::ideal(side_px, side_px, spec.detector, 2);
-        let kernel = KernelSize { engine, has_bins: false, file_bytes: 0 };
+        let kernel = KernelSize { engine, order: 0, has_bins: false, file_bytes: 0 };
         let kernels = vec![vec![kernel; spec.planes.len()]; spec.wavelengths.len()];
         optimize_hologram(spec, &HologramInputs { cache_bytes_max: 0, kernels, decoding_bytes })
     }
