@@ -133,7 +133,11 @@ impl Api {
         let pairs = match version.content.lineage.own_dataset() {
             None => None,
             Some(learned) => match self.store.dataset(&learned.id).await {
-                Ok(dataset) => Some(PairsSize::of(&dataset, &display)),
+                // Another dataset, perhaps of another display, may have the id of a deleted one.
+                Ok(dataset) if dataset.digest.as_deref() == Some(&learned.digest) => {
+                    Some(PairsSize::of(&dataset, &display))
+                }
+                Ok(_) => None,
                 Err(StoreError::NotFound { .. }) => None,
                 Err(error) => return Err(error.into()),
             },

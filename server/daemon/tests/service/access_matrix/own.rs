@@ -91,6 +91,34 @@ async fn submit_with_foreign_labels(worlds: &TwoWorlds, person: &Person<'_>) {
     }
 }
 
+/// Estimates of the memory \[bytes\] and of the time \[s\] for a report on the first version of the own kernel.
+async fn report_need(worlds: &TwoWorlds) -> (u64, f64) {
+    let report = v1::ReportKernel { kernel_version: format!("{}/versions/1", worlds.own.text("$kernel")) };
+    let spec = Some(v1::JobSpec { kind: Some(v1::job_spec::Kind::ReportKernel(report)) });
+    let job = worlds.admin().submit(v1::SubmitJobRequest { spec, ..Default::default() }).await;
+    (job.estimated_memory_bytes, job.estimated_time_s)
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_foreign_dataset_with_the_id_of_a_deleted_one_is_not_used() {
+    let worlds = TwoWorlds::build().await;
+    let (admin, name) = (worlds.admin(), worlds.own.text("$near").to_owned());
+    let with_dataset = report_need(&worlds).await;
+    let delete = v1::DeleteDatasetRequest { name: name.clone() };
+    admin.ask::<v1::DeleteDatasetResponse>("DatasetService/DeleteDataset", delete).await.unwrap();
+    let without_dataset = report_need(&worlds).await;
+    assert_ne!(with_dataset, without_dataset, "the estimate shows whether a dataset is used");
+    let display = worlds.foreign.text("$display").to_owned();
+    let dataset = v1::Dataset { name: name.clone(), display, distance_m: 4e-3, ..Default::default() };
+    let create = v1::CreateDatasetRequest { dataset: Some(dataset) };
+    admin.ask::<v1::Dataset>("DatasetService/CreateDataset", create).await.unwrap();
+    let artifact = |key: &str| worlds.foreign.text(key).to_owned();
+    let (phase, photo) = (artifact("$pair_phase"), artifact("$pair_photo"));
+    let pair = Some(v1::Pair { id: "p".into(), phase, photo, ..Default::default() });
+    admin.ask::<v1::Dataset>("DatasetService/AddPair", v1::AddPairRequest { dataset: name, pair }).await.unwrap();
+    assert_eq!(report_need(&worlds).await, without_dataset);
+}
+
 /// Whether a method changes something. The names of all methods that only read begin with one of these words.
 fn changes_something(method: &str) -> bool {
     let (_, name) = method.split_once('/').unwrap();
