@@ -36,6 +36,7 @@ create table kernel_move (
     sequence     integer primary key autoincrement,
     kernel       integer not null references kernel (id),
     time_ms      integer not null,
+    caller       text    not null,
     from_version integer,
     to_version   integer not null,
     reason       text    not null,

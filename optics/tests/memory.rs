@@ -116,8 +116,9 @@ fn check_learning(pool: &ThreadPool, model: KernelModel, distances: usize) {
         let mut learner = Learner::start_joint(&setups, options, &pairs).unwrap();
         while learner.step(LearningPairs::training_only(&pairs)).unwrap().is_some() {}
     };
-    // A varying kernel may need the largest grid, but this one needs the smallest.
-    let factor = if model == KernelModel::Varying { 3.0 } else { 1.35 };
+    // A varying kernel may need the largest grid, but this one needs the smallest. The threads need their memory at the same
+    // time in some runs, and one after the other in others.
+    let factor = if model == KernelModel::Varying { 3.0 } else { 1.5 };
     check(&format!("{model:?} at {distances} distances"), size.fit_bytes(), peak_bytes(pool, work), factor);
 }
 

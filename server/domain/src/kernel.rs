@@ -170,6 +170,15 @@ pub struct LearnedDataset {
     pub digest: String,
 }
 
+/// Who changed the active version, and why.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct MoveCause {
+    /// Name of the caller's token; empty: no token was required.
+    pub caller: String,
+    /// Reason that the caller gave.
+    pub reason: String,
+}
+
 /// A change of the active version of a kernel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct KernelMove {
@@ -177,6 +186,8 @@ pub struct KernelMove {
     pub sequence: i64,
     /// Time of the move \[ms since 1970\].
     pub time_ms: i64,
+    /// Name of the token that made the move; empty: no token was required.
+    pub caller: String,
     /// Version that was active before; `None`: no version.
     pub from_version: Option<u32>,
     /// The version that became active.

@@ -4,7 +4,7 @@ use super::changes::Change;
 use super::kernels::find;
 use super::write::Write;
 use super::{AbortReason, Store, StoreError, page};
-use lightpath_domain::kernel::{Kernel, KernelKey, KernelMove};
+use lightpath_domain::kernel::{Kernel, KernelKey, KernelMove, MoveCause};
 use lightpath_domain::reason::PreconditionReason;
 use sqlx::Row;
 
@@ -12,7 +12,7 @@ use sqlx::Row;
 struct Move {
     from: Option<u32>,
     to: u32,
-    reason: String,
+    cause: MoveCause,
     undoes: Option<i64>,
 }
 
@@ -29,11 +29,11 @@ impl Store {
         key: &KernelKey,
         version: u32,
         expected: Option<Option<u32>>,
-        reason: &str,
+        cause: &MoveCause,
         now_ms: i64,
     ) -> Result<Kernel, StoreError> {
-        let (key, reason) = (key.clone(), reason.to_owned());
-        self.write(move |write| Box::pin(async move { promote(write, &key, version, expected, reason, now_ms).await }))
+        let (key, cause) = (key.clone(), cause.clone());
+        self.write(move |write| Box::pin(async move { promote(write, &key, version, expected, cause, now_ms).await }))
             .await
     }
 
@@ -48,11 +48,11 @@ impl Store {
         &self,
         key: &KernelKey,
         expected: Option<u32>,
-        reason: &str,
+        cause: &MoveCause,
         now_ms: i64,
     ) -> Result<Kernel, StoreError> {
-        let (key, reason) = (key.clone(), reason.to_owned());
-        self.write(move |write| Box::pin(async move { rollback(write, &key, expected, reason, now_ms).await })).await
+        let (key, cause) = (key.clone(), cause.clone());
+        self.write(move |write| Box::pin(async move { rollback(write, &key, expected, cause, now_ms).await })).await
     }
 
     /// At most `limit` moves of a kernel, newest first and older than the move `before`.
@@ -80,6 +80,7 @@ impl Store {
                 Ok(KernelMove {
                     sequence: row.try_get("sequence")?,
                     time_ms: row.try_get("time_ms")?,
+                    caller: row.try_get("caller")?,
                     from_version: row.try_get("from_version")?,
                     to_version: row.try_get("to_version")?,
                     reason: row.try_get("reason")?,
@@ -95,7 +96,7 @@ async fn promote(
     key: &KernelKey,
     version: u32,
     expected: Option<Option<u32>>,
-    reason: String,
+    cause: MoveCause,
     now_ms: i64,
 ) -> Result<Kernel, StoreError> {
     let (id, kernel) = find(write.sql(), key).await?;
@@ -108,7 +109,7 @@ async fn promote(
     if kernel.active_version == Some(version) {
         return Ok(kernel);
     }
-    let step = Move { from: kernel.active_version, to: version, reason, undoes: None };
+    let step = Move { from: kernel.active_version, to: version, cause, undoes: None };
     apply(write, id, key, step, now_ms).await
 }
 
@@ -129,7 +130,7 @@ async fn rollback(
     write: &mut Write,
     key: &KernelKey,
     expected: Option<u32>,
-    reason: String,
+    cause: MoveCause,
     now_ms: i64,
 ) -> Result<Kernel, StoreError> {
     let (id, kernel) = find(write.sql(), key).await?;
@@ -149,19 +150,21 @@ async fn rollback(
         let message = format!("{key} has no earlier active version to go back to");
         return Err(StoreError::precondition(PreconditionReason::NoEarlierVersion, message));
     };
-    let step = Move { from: kernel.active_version, to, reason, undoes: Some(undone) };
+    let step = Move { from: kernel.active_version, to, cause, undoes: Some(undone) };
     apply(write, id, key, step, now_ms).await
 }
 
 async fn apply(write: &mut Write, id: i64, key: &KernelKey, step: Move, now_ms: i64) -> Result<Kernel, StoreError> {
     sqlx::query(
-        "insert into kernel_move (kernel, time_ms, from_version, to_version, reason, undoes) values (?, ?, ?, ?, ?, ?)",
+        "insert into kernel_move (kernel, time_ms, caller, from_version, to_version, reason, undoes) \
+         values (?, ?, ?, ?, ?, ?, ?)",
     )
     .bind(id)
     .bind(now_ms)
+    .bind(step.cause.caller)
     .bind(step.from)
     .bind(step.to)
-    .bind(step.reason)
+    .bind(step.cause.reason)
     .bind(step.undoes)
     .execute(write.sql())
     .await?;

@@ -98,10 +98,11 @@ impl History {
         })
         .await?;
         session.print(&v1::ListKernelMovesResponse { moves, next_page_token }, |list| {
-            let mut table = Table::new(&["time", ">from", ">to", "kind", "reason"]);
+            let mut table = Table::new(&["time", "caller", ">from", ">to", "kind", "reason"]);
             for entry in &list.moves {
                 table.row([
                     show::time_or_dash(entry.time.as_ref()),
+                    if entry.caller.is_empty() { "-".to_owned() } else { entry.caller.clone() },
                     show::version_or_dash(entry.from_version),
                     show::version_or_dash(entry.to_version),
                     if entry.rollback { "rollback".to_owned() } else { "promote".to_owned() },

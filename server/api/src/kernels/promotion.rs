@@ -8,7 +8,7 @@ use crate::field::Field;
 use crate::names;
 use crate::pages::Page;
 use crate::time::now_ms;
-use lightpath_domain::kernel::KernelVersion;
+use lightpath_domain::kernel::{KernelVersion, MoveCause};
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_proto::v1;
 
@@ -31,7 +31,7 @@ impl Api {
         if candidate.content.metrics.no_better_than_ideal() {
             check_forced(&candidate, request.force, &reason)?;
         }
-        let kernel = self.store.promote(&key, version, expected, &reason, now_ms()).await?;
+        let kernel = self.store.promote(&key, version, expected, &cause(call, reason), now_ms()).await?;
         Ok(to_wire::kernel(&kernel))
     }
 
@@ -45,7 +45,7 @@ impl Api {
         let reason = Field::new("reason").text(request.reason, REASON_BYTES_MAX)?;
         let expected = Field::new("expected_active_version").required(request.expected_active_version)?;
         let expected = (expected > 0).then_some(expected);
-        Ok(to_wire::kernel(&self.store.rollback(&key, expected, &reason, now_ms()).await?))
+        Ok(to_wire::kernel(&self.store.rollback(&key, expected, &cause(call, reason), now_ms()).await?))
     }
 
     pub(crate) async fn list_kernel_moves(
@@ -59,6 +59,10 @@ impl Api {
         let (moves, next_page_token) = page.fill(moves, |moved| moved.sequence.to_string(), to_wire::kernel_move);
         Ok(v1::ListKernelMovesResponse { moves, next_page_token })
     }
+}
+
+fn cause(call: &Call, reason: String) -> MoveCause {
+    MoveCause { caller: call.caller.name.clone(), reason }
 }
 
 /// Refuses a version that is no better than the ideal kernel, unless the caller forces the promotion and gives a

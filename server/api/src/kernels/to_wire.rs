@@ -60,6 +60,7 @@ pub(crate) fn metrics(metrics: &KernelMetrics) -> v1::KernelMetrics {
 pub(crate) fn kernel_move(moved: KernelMove) -> v1::KernelMove {
     v1::KernelMove {
         time: Some(timestamp(moved.time_ms)),
+        caller: moved.caller,
         from_version: moved.from_version.unwrap_or(0),
         to_version: moved.to_version,
         reason: moved.reason,

@@ -4,7 +4,7 @@
 use lightpath_api::audit::{Audit, Change};
 use lightpath_artifacts::{Artifacts, digest_of};
 use lightpath_domain::job::{Job, JobEffect, JobState, NewJob, Progress, Scheduling};
-use lightpath_domain::kernel::{KernelKey, KernelLineage, KernelMetrics, KernelModel, NewKernelVersion};
+use lightpath_domain::kernel::{KernelKey, KernelLineage, KernelMetrics, KernelModel, MoveCause, NewKernelVersion};
 use lightpath_fixtures::{DISTANCE, WAVELENGTH, capture_job, capture_result, display};
 use lightpath_server::upkeep::{DATABASE, Retention, backup, restore};
 use lightpath_store::Store;
@@ -153,11 +153,12 @@ pub(super) async fn work(folder: &WorkFolder) -> Outcome {
         }
     }
 
+    let cause = MoveCause { caller: "ada".into(), reason: "better".into() };
     for number in ["1", "2"] {
         let version = server.store.add_kernel_version(&kernel(), new_version(&target), now_ms()).await?;
         assert_eq!(version.version.to_string(), number);
         folder.acknowledged("version", number);
-        server.store.promote(&kernel(), version.version, None, "better", now_ms()).await?;
+        server.store.promote(&kernel(), version.version, None, &cause, now_ms()).await?;
         folder.acknowledged("active", number);
     }
 

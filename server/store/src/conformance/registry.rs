@@ -4,7 +4,13 @@ use super::*;
 use crate::QueueLimits;
 use crate::open::connect_options;
 use lightpath_domain::display::Display;
+use lightpath_domain::kernel::MoveCause;
 use sqlx::{ConnectOptions as _, Connection as _};
+
+/// A move by ada.
+fn cause(reason: &str) -> MoveCause {
+    MoveCause { caller: "ada".to_owned(), reason: reason.to_owned() }
+}
 
 #[tokio::test]
 async fn display_is_created_once_and_deleted_when_unused() {
@@ -171,12 +177,12 @@ async fn versions_are_numbered_and_rollbacks_undo_promotions_in_reverse_order() 
     }
     assert_eq!(changes.try_recv().unwrap(), key());
     assert_eq!(store.kernel(&key()).await.unwrap().active_version, None);
-    assert!(matches!(store.rollback(&key(), None, "", 1).await, Err(StoreError::Precondition { .. })));
-    assert!(matches!(store.promote(&key(), 5, None, "", 1).await, Err(StoreError::NotFound { .. })));
+    assert!(matches!(store.rollback(&key(), None, &cause(""), 1).await, Err(StoreError::Precondition { .. })));
+    assert!(matches!(store.promote(&key(), 5, None, &cause(""), 1).await, Err(StoreError::NotFound { .. })));
 
     let promote = |version, expected| {
         let store = store.clone();
-        async move { store.promote(&key(), version, expected, "better", 9).await }
+        async move { store.promote(&key(), version, expected, &cause("better"), 9).await }
     };
     promote(1, Some(None)).await.unwrap();
     promote(2, Some(Some(1))).await.unwrap();
@@ -184,12 +190,12 @@ async fn versions_are_numbered_and_rollbacks_undo_promotions_in_reverse_order() 
     assert!(matches!(promote(3, Some(None)).await, Err(StoreError::Aborted { .. })));
     promote(3, None).await.unwrap();
     promote(3, None).await.unwrap();
-    assert_eq!(store.rollback(&key(), Some(3), "worse", 10).await.unwrap().active_version, Some(2));
-    assert_eq!(store.rollback(&key(), Some(2), "worse", 11).await.unwrap().active_version, Some(1));
-    let refused = store.rollback(&key(), Some(1), "worse", 12).await;
+    assert_eq!(store.rollback(&key(), Some(3), &cause("worse"), 10).await.unwrap().active_version, Some(2));
+    assert_eq!(store.rollback(&key(), Some(2), &cause("worse"), 11).await.unwrap().active_version, Some(1));
+    let refused = store.rollback(&key(), Some(1), &cause("worse"), 12).await;
     assert!(matches!(refused, Err(StoreError::Precondition { .. })));
     promote(4, None).await.unwrap();
-    assert_eq!(store.rollback(&key(), Some(4), "worse", 13).await.unwrap().active_version, Some(1));
+    assert_eq!(store.rollback(&key(), Some(4), &cause("worse"), 13).await.unwrap().active_version, Some(1));
 
     let moves = store.kernel_moves(&key(), None, 50).await.unwrap();
     let listed: Vec<_> = moves.iter().map(|m| (m.from_version, m.to_version, m.rollback)).collect();
@@ -205,6 +211,7 @@ async fn versions_are_numbered_and_rollbacks_undo_promotions_in_reverse_order() 
             (None, 1, false),
         ]
     );
+    assert!(moves.iter().all(|m| m.caller == "ada" && !m.reason.is_empty()), "{moves:?}");
     let page = store.kernel_moves(&key(), Some(moves[1].sequence), 2).await.unwrap();
     assert_eq!(page, moves[2..4]);
 
@@ -226,11 +233,11 @@ async fn only_one_of_two_rollbacks_goes_back() {
     record(&store, 5).await;
     for version in 1..=3 {
         store.add_kernel_version(&key(), new_version(version), 5).await.unwrap();
-        store.promote(&key(), version, None, "better", 6).await.unwrap();
+        store.promote(&key(), version, None, &cause("better"), 6).await.unwrap();
     }
     let rollback = |expected| {
         let store = store.clone();
-        async move { store.rollback(&key(), expected, "worse", 10).await }
+        async move { store.rollback(&key(), expected, &cause("worse"), 10).await }
     };
     let (first, second) = tokio::join!(rollback(Some(3)), rollback(Some(3)));
     let (done, refused) = if first.is_ok() { (first, second) } else { (second, first) };
