@@ -3,7 +3,7 @@
 use super::changes::Change;
 use super::events::append_event;
 use super::job_rows::job_of;
-use super::jobs::active_with_key;
+use super::jobs::{active_with_key, require_datasets};
 use super::write::Write;
 use super::{Store, StoreError, dependencies};
 use lightpath_domain::job::{Job, JobState};
@@ -24,7 +24,8 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::NotFound`]; [`StoreError::Precondition`] if the job waits, runs or has succeeded;
+    /// [`StoreError::NotFound`], also if a dataset of the job was deleted; [`StoreError::Precondition`] if the job waits,
+    /// runs or has succeeded;
     /// [`StoreError::DependenciesFull`].
     pub async fn retry(&self, id: &str, now_ms: i64) -> Result<Job, StoreError> {
         let id = id.to_owned();
@@ -83,6 +84,7 @@ async fn retry(write: &mut Write, id: &str, now_ms: i64) -> Result<Job, StoreErr
         let message = format!("jobs/{other} has the same unique_key \"{key}\" and has not ended");
         return Err(StoreError::precondition(PreconditionReason::NotUnique, message));
     }
+    require_datasets(write.sql(), &job.spec).await?;
     let unfinished = dependencies::unfinished(write, &job.scheduling.after).await?;
     dependencies::store_dependencies(write, id, &unfinished).await?;
     let row = sqlx::query(

@@ -6,7 +6,7 @@ use super::job_rows::job_of;
 use super::rows::{from_word, to_json, to_word};
 use super::write::Write;
 use super::{Store, StoreError, dependencies, page};
-use lightpath_domain::job::{Job, JobState, NewJob, Scheduling};
+use lightpath_domain::job::{Job, JobSpec, JobState, NewJob, Scheduling};
 use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
 use uuid::Uuid;
 
@@ -279,23 +279,27 @@ pub(super) async fn active_with_key(
     Ok(query.bind(owner).bind(key).fetch_optional(sql).await?)
 }
 
-/// Checks that the display and the dataset of the job exist.
+/// Checks that the display and the datasets of the job exist.
 async fn require_records(sql: &mut SqliteConnection, new: &NewJob) -> Result<(), StoreError> {
-    let (has_display, has_dataset): (bool, bool) = sqlx::query_as(
-        "select exists (select 1 from display where id = ?1), \
-         ?2 is null or exists (select 1 from dataset where id = ?2)",
-    )
-    .bind(new.spec.display())
-    .bind(new.spec.dataset())
-    .fetch_one(sql)
-    .await?;
-    if !has_display {
+    let query = sqlx::query_scalar("select exists (select 1 from display where id = ?)").bind(new.spec.display());
+    if !query.fetch_one(&mut *sql).await? {
         return Err(StoreError::not_found(format!("displays/{}", new.spec.display())));
     }
-    if !has_dataset {
-        return Err(StoreError::not_found(format!("datasets/{}", new.spec.dataset().unwrap_or_default())));
-    }
-    Ok(())
+    require_datasets(sql, &new.spec).await
+}
+
+/// Checks that the datasets of a job are datasets of its display. Another display may have a dataset with the id of a
+/// deleted one.
+pub(super) async fn require_datasets(sql: &mut SqliteConnection, spec: &JobSpec) -> Result<(), StoreError> {
+    let missing: Option<String> = sqlx::query_scalar(
+        "select value from json_each(?1) where not exists \
+         (select 1 from dataset where id = value and display = ?2) limit 1",
+    )
+    .bind(to_json("job.spec", &spec.datasets())?)
+    .bind(spec.display())
+    .fetch_optional(sql)
+    .await?;
+    missing.map_or(Ok(()), |id| Err(StoreError::not_found(format!("datasets/{id}"))))
 }
 
 /// Checks that the artifacts that the new job reads still exist: unused artifacts are removed after a while.

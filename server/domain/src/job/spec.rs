@@ -7,6 +7,7 @@ use crate::units::{Distance, Wavelength};
 use lightpath_optics::learning::KernelModel;
 use lightpath_optics::{Detector, RegionOfInterest};
 use serde::{Deserialize, Serialize};
+use std::slice;
 
 /// Work that a job must do.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -67,11 +68,17 @@ impl JobSpec {
     /// Id of the job's dataset. If the job has several datasets, it is the first.
     #[must_use]
     pub fn dataset(&self) -> Option<&str> {
+        self.datasets().first().map(String::as_str)
+    }
+
+    /// Ids of the job's datasets.
+    #[must_use]
+    pub fn datasets(&self) -> &[String] {
         match self {
-            Self::LearnKernel(spec) => spec.datasets.first().map(String::as_str),
-            Self::EvaluateKernel(spec) => Some(&spec.dataset),
-            Self::PrepareDataset(spec) => Some(&spec.dataset),
-            Self::OptimizeHologram(_) | Self::SimulateCapture(_) | Self::ReportKernel(_) => None,
+            Self::LearnKernel(spec) => &spec.datasets,
+            Self::EvaluateKernel(spec) => slice::from_ref(&spec.dataset),
+            Self::PrepareDataset(spec) => slice::from_ref(&spec.dataset),
+            Self::OptimizeHologram(_) | Self::SimulateCapture(_) | Self::ReportKernel(_) => &[],
         }
     }
 

@@ -104,6 +104,11 @@ async fn a_foreign_dataset_with_the_id_of_a_deleted_one_is_not_used() {
     let worlds = TwoWorlds::build().await;
     let (admin, name) = (worlds.admin(), worlds.own.text("$near").to_owned());
     let with_dataset = report_need(&worlds).await;
+    let evaluate = v1::EvaluateKernel { dataset: name.clone(), kernel: "ideal".into(), ..Default::default() };
+    let spec = Some(v1::JobSpec { kind: Some(v1::job_spec::Kind::EvaluateKernel(evaluate)) });
+    let job = admin.submit(v1::SubmitJobRequest { spec, ..Default::default() }).await.name;
+    let cancel = v1::CancelJobRequest { name: job.clone() };
+    admin.ask::<v1::Job>("JobService/CancelJob", cancel).await.unwrap();
     let delete = v1::DeleteDatasetRequest { name: name.clone() };
     admin.ask::<v1::DeleteDatasetResponse>("DatasetService/DeleteDataset", delete).await.unwrap();
     let without_dataset = report_need(&worlds).await;
@@ -117,6 +122,10 @@ async fn a_foreign_dataset_with_the_id_of_a_deleted_one_is_not_used() {
     let pair = Some(v1::Pair { id: "p".into(), phase, photo, ..Default::default() });
     admin.ask::<v1::Dataset>("DatasetService/AddPair", v1::AddPairRequest { dataset: name, pair }).await.unwrap();
     assert_eq!(report_need(&worlds).await, without_dataset);
+    let people = worlds.people();
+    let person = people.iter().find(|person| person.name == "lab-submitter").unwrap();
+    let retried = person.ask::<v1::Job>("JobService/RetryJob", v1::RetryJobRequest { name: job }).await;
+    assert_eq!(retried.unwrap_err().code(), Code::NotFound, "the job would read the foreign dataset");
 }
 
 /// Whether a method changes something. The names of all methods that only read begin with one of these words.
