@@ -2,11 +2,11 @@
 
 use crate::config::{Config, ConfigError};
 use crate::upkeep::{Collected, DATABASE, Retention, UpkeepError};
-use lightpath_api::Api;
 use lightpath_api::audit::Audit;
 use lightpath_api::connections;
 use lightpath_api::http::{self, EndedTokens, Gate, Hosts, MemoryBudget, Rate};
 use lightpath_api::tls::{self, Tls, TlsError};
+use lightpath_api::{Api, ApiLimits};
 use lightpath_artifacts::{ArtifactError, Artifacts};
 use lightpath_metrics as metrics;
 use lightpath_store::{Store, StoreError};
@@ -127,18 +127,16 @@ pub async fn run_and_announce(
     announce(address).map_err(ServeError::Announcement)?;
     let stopping = CancellationToken::new();
     let upkeep = tokio::spawn(upkeep_loop(store.clone(), artifacts.clone(), retention, stopping.clone()));
-    let threads = config.compute_threads;
-    let work_per_s = tokio::task::spawn_blocking(move || lightpath_worker::measured_work_per_s(threads)).await?;
-    let api = Api::new(store.clone(), artifacts.clone(), config.api_limits(work_per_s), stopping.clone());
+    let api = Api::new(store.clone(), artifacts.clone(), api_limits(&config).await?, stopping.clone());
     let flushing = tokio::spawn(flush_loop(Arc::clone(&audit), tls.clone(), stopping.clone()));
     let (grpc, health) = api.clone().routes()?;
     set_health(&health, ServingStatus::Serving).await;
     let watching = tokio::spawn(health_loop(api.clone(), health.clone(), stopping.clone()));
     let leases = store.clone();
     let mut workers = start_workers(store, artifacts, &config, stopping.clone());
-    let rate = Arc::new(Rate::new(config.calls_per_s_max));
     let ended_tokens = EndedTokens::default();
     let tokens = tokio::spawn(token_loop(api.store().clone(), ended_tokens.clone(), stopping.clone()));
+    let rate = Arc::new(Rate::new(config.calls_per_s_max));
     let hosts = if tokens_required { Hosts::all() } else { Hosts::only(config.host_names()) };
     let gate = Gate { api, tokens_required, hosts, audit: Arc::clone(&audit), rate, ended_tokens };
     let budget = Arc::new(MemoryBudget::new(config.under_way_bytes_max()));
@@ -208,6 +206,13 @@ async fn release_unfinished(store: &Store) {
             );
         }
     }
+}
+
+/// Limits on what clients may use, with the measured speed of this machine.
+async fn api_limits(config: &Config) -> Result<ApiLimits, ServeError> {
+    let threads = config.compute_threads;
+    let work_per_s = tokio::task::spawn_blocking(move || lightpath_worker::measured_work_per_s(threads)).await?;
+    Ok(config.api_limits(work_per_s))
 }
 
 /// Decides whether calls need a token. Returns an error if other machines could connect without the required TLS, or if

@@ -388,7 +388,7 @@ pub fn report_kernel(inputs: &ReportInputs) -> Need {
     /// Memory for the spectrum of a hologram in f64 and its transposed copies, for each pixel \[bytes\].
     const SPECTRUM_BYTES_PER_PX: u64 = 68;
     /// Memory for charts, pictures and point spread functions \[bytes\].
-    const DRAWING_BYTES: u64 = 104 << 20;
+    const DRAWING_BYTES: u64 = 112 << 20;
     let kernel = inputs.kernel;
     let (engine, n) = (kernel.engine, kernel.engine.pixels());
     // The version's own numbers stay, those of one other version come and go.
