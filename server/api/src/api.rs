@@ -102,7 +102,7 @@ impl Api {
         Ok(())
     }
 
-    /// Keeps the result of a health check for [`Self::health`].
+    /// Keeps the result of a health check, which `/healthz` then answers.
     pub fn set_health(&self, result: Result<(), String>) {
         drop(self.health.send_replace(result));
     }
