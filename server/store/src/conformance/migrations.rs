@@ -38,7 +38,7 @@ const ROWS: &[(usize, &str)] = &[(
     '{"job":"","datasets":[],"interpolated":false,"parent_version":null,"parameters_json":"{}","seed":1,
     "code_version":"0.1.0"}', 9;
     update kernel set active_version = 1;
-    insert into kernel_move (kernel, time_ms, from_version, to_version, reason) values (1, 10, null, 1, 'good');
+    insert into kernel_move (kernel, time_ms, caller, from_version, to_version, reason) values (1, 10, 'ada', null, 1, 'good');
 
     insert into job (id, request_id, display, spec, state, attempt, start_time_ms, finish_time_ms, lease_id,
     lease_until_ms, worker, error, result, checkpoint, owner, priority, attempts_max, create_time_ms, run_time_ms)
@@ -140,7 +140,8 @@ async fn only_the_server_completes_an_interrupted_migration() {
 
 async fn assert_kernels_kept(store: &Store) {
     assert_eq!(store.kernel(&key()).await.unwrap().active_version, Some(1));
-    assert_eq!(store.kernel_moves(&key(), None, 9).await.unwrap()[0].reason, "good");
+    let moved = &store.kernel_moves(&key(), None, 9).await.unwrap()[0];
+    assert_eq!((moved.caller.as_str(), moved.reason.as_str()), ("ada", "good"));
     for model in [KernelModel::Display, KernelModel::Varying] {
         let content = NewKernelVersion { model, ..new_version(2) };
         let added = store.add_kernel_version(&key(), content, 20).await.unwrap();
