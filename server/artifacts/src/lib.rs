@@ -283,32 +283,25 @@ impl Artifacts {
         self.blocking(move |inner| inner.checkpoints.delete(&digest)).await
     }
 
-    /// Stores a file that can be made again, and returns its digest.
+    /// Stores a file that can be made again, and returns its digest. Blocks.
     ///
     /// # Errors
     ///
     /// [`ArtifactError::DiskLow`] if the file would use the reserve of the disk; [`ArtifactError::DiskFull`],
     /// [`ArtifactError::Io`].
-    pub async fn put_conversion(&self, bytes: Vec<u8>) -> Result<String, ArtifactError> {
-        self.blocking(move |inner| {
-            inner.space.admit_temporary(bytes.len() as u64)?;
-            inner.conversions.put(&bytes)
-        })
-        .await
+    pub fn put_conversion_blocking(&self, bytes: &[u8]) -> Result<String, ArtifactError> {
+        self.inner.space.admit_temporary(bytes.len() as u64)?;
+        self.inner.conversions.put(bytes)
     }
 
-    /// Checks a stored conversion against its digest, then returns a reader of its bytes.
+    /// Checks a stored conversion against its digest, then returns a reader of its bytes. Blocks.
     ///
     /// # Errors
     ///
     /// The errors of [`Self::read_all`].
-    pub async fn read_conversion(&self, digest: &str) -> Result<ArtifactReader, ArtifactError> {
-        let digest = digest.to_owned();
-        self.blocking(move |inner| {
-            let (file, size_bytes) = inner.conversions.open_verified(&digest)?;
-            ArtifactReader::new(file, size_bytes, 0, 0)
-        })
-        .await
+    pub fn read_conversion_blocking(&self, digest: &str) -> Result<ArtifactReader, ArtifactError> {
+        let (file, size_bytes) = self.inner.conversions.open_verified(digest)?;
+        ArtifactReader::new(file, size_bytes, 0, 0)
     }
 
     /// Removes a conversion. A missing one is no error.

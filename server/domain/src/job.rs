@@ -31,7 +31,7 @@ pub use estimate::Estimate;
 pub use failure::{FailureReason, JobError};
 pub use hologram::{Fit, FrameResult, HologramResult, ImagePlane, OptimizeHologram, PlaneResult, WavelengthResult};
 pub use prepare::{AlignBy, PrepareDataset, PrepareResult, PrepareStep, SplitCounts};
-pub use report::{ReportFigure, ReportKernel, ReportResult};
+pub use report::{OTHER_VERSIONS_MAX, ReportFigure, ReportKernel, ReportResult};
 pub use result::{CaptureResult, EvaluateResult, JobResult, LearnResult, LearnedKernel, PairLoss};
 pub use spec::{EvaluateKernel, JobSpec, LearnKernel, SimulateCapture};
 

@@ -29,7 +29,7 @@ const HEARTBEATS_PER_LEASE: u32 = 3;
 
 /// Time that a draining attempt has for the rest of its step, after which it saves its state. A longer step is
 /// interrupted, and the job continues from its last checkpoint. The server's stop must reach every job within a second.
-const DRAIN_STEP_MAX: Duration = Duration::from_millis(500);
+const DRAIN_STEP_MAX: Duration = Duration::from_millis(300);
 
 type Outcome = Result<TaskOutput, TaskError>;
 

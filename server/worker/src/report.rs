@@ -4,8 +4,8 @@ use super::display_setup::DisplaySetup;
 use super::{JobContext, TaskError, TaskOutput};
 use lightpath_domain::dataset::{self, Dataset, Split};
 use lightpath_domain::job::{
-    FailureReason, JobEffect, JobResult, LearnKernel, LearnResult, LearnedKernel, Progress, ReportFigure, ReportKernel,
-    ReportResult,
+    FailureReason, JobEffect, JobResult, LearnKernel, LearnResult, LearnedKernel, OTHER_VERSIONS_MAX, Progress,
+    ReportFigure, ReportKernel, ReportResult,
 };
 use lightpath_domain::kernel::KernelVersion;
 use lightpath_media::captures::Captures;
@@ -15,8 +15,6 @@ use lightpath_optics::learning::{Pair, ResponseUncertainty};
 use lightpath_optics::{Detector, DisplayModel, RegionOfInterest};
 use lightpath_store::StoreError;
 
-/// Largest number of other versions in a report. The newest ones are used.
-const OTHER_VERSIONS_MAX: u32 = 12;
 /// Largest number of training pairs whose holograms are used to find the illuminated band. More pairs would change
 /// little.
 const BAND_PAIRS_MAX: usize = 16;

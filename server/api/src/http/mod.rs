@@ -32,7 +32,8 @@ use axum::{Extension, Router};
 pub use gate::Gate;
 use lightpath_metrics as metrics;
 pub use origin::Hosts;
-use refusal::Refusal;
+use protocol::is_grpc;
+use refusal::{Refusal, refuse};
 use std::sync::Arc;
 pub use token_expiry::EndedTokens;
 use tonic::Status;
@@ -82,12 +83,11 @@ async fn metrics(State(api): State<Api>, Extension(call): Extension<Call>) -> Re
     Ok(([(header::CONTENT_TYPE, TEXT_FORMAT)], text).into_response())
 }
 
-/// Answers an unknown path in the protocol of the client.
+/// Answers an unknown path in its protocol.
 async fn unknown(request: Request) -> Response {
-    let content_type = request.headers().get(header::CONTENT_TYPE).map(|value| value.as_bytes());
     let path = request.uri().path();
-    if content_type.is_some_and(|value| value.starts_with(b"application/grpc")) {
-        return Status::unimplemented(format!("the method {path} does not exist")).into_http();
+    if is_grpc(path) {
+        return refuse(Status::unimplemented(format!("the method {path} does not exist")), true);
     }
-    Refusal::from(Status::not_found(format!("the path {path} does not exist"))).into_response()
+    refuse(Status::not_found(format!("the path {path} does not exist")), false)
 }

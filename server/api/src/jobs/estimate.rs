@@ -11,8 +11,8 @@ use lightpath_domain::job::estimate::{
     learn_kernel, optimize_hologram, prepare_dataset, report_kernel, simulate_capture,
 };
 use lightpath_domain::job::{
-    AlignBy, Estimate, EvaluateKernel, JobSpec, LearnKernel, OptimizeHologram, PrepareDataset, PrepareStep,
-    ReportKernel, SimulateCapture,
+    AlignBy, Estimate, EvaluateKernel, JobSpec, LearnKernel, OTHER_VERSIONS_MAX, OptimizeHologram, PrepareDataset,
+    PrepareStep, ReportKernel, SimulateCapture,
 };
 use lightpath_domain::kernel::{KernelKey, KernelVersion};
 use lightpath_domain::planning;
@@ -25,8 +25,6 @@ use lightpath_optics::{Detector, DisplayModel, KernelShape, RegionOfInterest};
 use lightpath_store::StoreError;
 
 const MIB: f64 = 1_048_576.0;
-/// Number of other versions that a report compares, and whose files count for its estimate.
-const OTHER_VERSIONS_MAX: u32 = 13;
 
 /// Limits on a job, and the speed with which its time is estimated.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -128,7 +126,7 @@ impl Api {
         let (display, _) = self.store.display(&spec.kernel.display).await?;
         let version = self.store.kernel_version(&spec.kernel, spec.version).await?;
         let kernel = self.kernel_size(&display, &spec.kernel, Some(spec.version), Detector::Pixel, None).await?;
-        let others = self.store.kernel_versions(&spec.kernel, None, OTHER_VERSIONS_MAX).await?;
+        let others = self.store.kernel_versions(&spec.kernel, None, OTHER_VERSIONS_MAX + 1).await?;
         let other_file_bytes = others.iter().map(|other| other.content.size_bytes).max().unwrap_or(0);
         let pairs = match version.content.lineage.own_dataset() {
             None => None,

@@ -11,7 +11,7 @@ use crate::error::ApiError;
 use crate::field::Field;
 use crate::names;
 use futures::stream::{self, StreamExt as _};
-use lightpath_artifacts::{ArtifactError, ArtifactReader};
+use lightpath_artifacts::{ArtifactError, ArtifactReader, CHUNK_BYTES};
 use lightpath_domain::kernel::{KernelKey, KernelVersion};
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_media::kernel_file;
@@ -91,34 +91,45 @@ impl Api {
     ) -> Result<(Converted, ArtifactReader), ApiError> {
         let key = ConversionKey { artifact: version.content.artifact.clone(), format };
         if let Some(converted) = self.conversions.find(&key) {
-            match self.artifacts.read_conversion(&converted.digest).await {
+            let (artifacts, digest) = (self.artifacts.clone(), converted.digest.clone());
+            let read = move || artifacts.read_conversion_blocking(&digest);
+            match self.accounts.compute(call, CHUNK_BYTES as u64, read).await? {
                 Ok(reader) => return Ok((converted, reader)),
                 // The file was removed to make room, or is damaged. It is made again.
                 Err(ArtifactError::NotFound { .. } | ArtifactError::DataLoss { .. }) => self.conversions.forget(&key),
                 Err(error) => return Err(error.into()),
             }
         }
-        let exported = self.export(call, version, format).await?;
-        let (size_bytes, relative_error) = (exported.bytes.len() as u64, exported.relative_error);
-        let digest = self.artifacts.put_conversion(exported.bytes).await?;
-        let reader = self.artifacts.read_conversion(&digest).await?;
-        let converted = Converted { digest, size_bytes, relative_error };
+        let (converted, reader) = self.export(call, version, format).await?;
         for removed in self.conversions.insert(key, converted.clone()) {
             self.artifacts.delete_conversion(&removed).await?;
         }
         Ok((converted, reader))
     }
 
-    async fn export(&self, call: &Call, version: &KernelVersion, format: KernelFormat) -> Result<Exported, ApiError> {
+    /// Converts the file of a version. The other file is written before the memory for the conversion is given back.
+    async fn export(
+        &self,
+        call: &Call,
+        version: &KernelVersion,
+        format: KernelFormat,
+    ) -> Result<(Converted, ArtifactReader), ApiError> {
         let (display, _) = self.store.display(&version.key.display).await?;
-        let bytes = model_file::exporting_bytes(version.content.size_bytes, &display);
+        let need_bytes = model_file::exporting_bytes(version.content.size_bytes, &display);
         let (artifacts, artifact) = (self.artifacts.clone(), version.content.artifact.clone());
         let export = move || -> Result<_, ArtifactError> {
             let file = artifacts.read_blocking(&artifact)?;
             let decoded = kernel_file::decode(&file).map_err(KernelFormatError::from);
-            Ok(decoded.and_then(|(model, kind)| kernel_formats::export(&model, kind, format)))
+            let exported = decoded.and_then(|(model, kind)| kernel_formats::export(&model, kind, format));
+            let Exported { bytes, relative_error } = match exported {
+                Ok(exported) => exported,
+                Err(error) => return Ok(Err(error)),
+            };
+            let digest = artifacts.put_conversion_blocking(&bytes)?;
+            let reader = artifacts.read_conversion_blocking(&digest)?;
+            Ok(Ok((Converted { digest, size_bytes: bytes.len() as u64, relative_error }, reader)))
         };
-        let exported = self.accounts.compute(call, bytes, export).await??;
+        let exported = self.accounts.compute(call, need_bytes, export).await??;
         exported.map_err(|error| ApiError::Precondition {
             reason: PreconditionReason::NoSuchForm,
             message: format!("format: {error}"),

@@ -7,6 +7,9 @@
 //! An estimate must not be below the real memory, and should be at most half as much again. `docs/estimates.md` compares
 //! estimates with measurements.
 
+#[cfg(test)]
+mod tests;
+
 use super::{AlignBy, OptimizeHologram, PrepareStep};
 use crate::dataset::{Dataset, Split};
 use crate::display::Display;
@@ -411,99 +414,4 @@ pub fn report_kernel(inputs: &ReportInputs) -> Need {
     });
     let pairs = inputs.pairs.map_or(0.0, |pairs| (pairs.all as f64).min(32.0));
     Need::new([others, drawn, compared], pairs * 40.0 * engine.light_work() + 4e9)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::dataset::Encoding;
-    use crate::job::{Fit, ImagePlane};
-    use crate::units::{Distance, Wavelength};
-    use lightpath_optics::Grid;
-    use lightpath_optics::RegionOfInterest;
-    use lightpath_optics::hologram::Loss;
-
-    const MIB: u64 = 1 << 20;
-
-    fn spec(side_px: usize, planes: usize) -> OptimizeHologram {
-        let plane = |i: usize| ImagePlane {
-            distance: Distance { nm: 50_000_000 + i as i64 },
-            target: String::new(),
-            weight: 1.0,
-        };
-        OptimizeHologram {
-            display: "lab".to_owned(),
-            wavelengths: vec![Wavelength { pm: 515_000 }],
-            planes: (0..planes).map(plane).collect(),
-            depth_map: None,
-            target_encoding: Encoding::Srgb,
-            target_fit: Fit::Contain,
-            kernel_versions: vec![vec![None; planes]],
-            propagation: None,
-            method: HologramMethod::Lbfgs,
-            iterations: 200,
-            frames: 1,
-            initial_phase: InitialPhase::Random { range_rad: 1.0 },
-            seed: 0,
-            loss: Loss::default(),
-            detector: Detector::Pixel,
-            region_of_interest: RegionOfInterest::middle(&Grid::try_new(side_px, side_px, 8e-6).unwrap()),
-            weight_mask: None,
-            quantization_aware: false,
-        }
-    }
-
-    fn need(side_px: usize, spec: &OptimizeHologram, decoding_bytes: u64) -> Need {
-        let engine = EngineSize::ideal(side_px, side_px, spec.detector, 2);
-        let kernel = KernelSize { engine, order: 0, has_bins: false, file_bytes: 0 };
-        let kernels = vec![vec![kernel; spec.planes.len()]; spec.wavelengths.len()];
-        optimize_hologram(spec, &HologramInputs { cache_bytes_max: 0, kernels, decoding_bytes })
-    }
-
-    #[test]
-    fn largest_display_needs_what_was_measured() {
-        // 15 GiB were measured before there were estimates.
-        let gib = need(8192, &spec(8192, 1), 0).memory_bytes >> 30;
-        assert!((15..=18).contains(&gib), "{gib} GiB");
-    }
-
-    #[test]
-    fn need_grows_with_everything_that_takes_memory() {
-        let one = spec(1024, 1);
-        let base = need(1024, &one, 0);
-        let grown = [
-            need(1024, &spec(1024, 3), 0),
-            need(1024, &OptimizeHologram { frames: 4, ..one.clone() }, 0),
-            need(1024, &OptimizeHologram { weight_mask: Some(String::new()), ..one.clone() }, 0),
-            need(1024, &one, 2000 * MIB),
-            need(1200, &one, 0),
-        ];
-        for (i, grown) in grown.iter().enumerate() {
-            assert!(grown.memory_bytes > base.memory_bytes, "{i}: {grown:?} {base:?}");
-        }
-        // Wavelengths are optimized one after the other.
-        let colours = vec![Wavelength { pm: 450_000 }, Wavelength { pm: 515_000 }];
-        let colours = need(1024, &OptimizeHologram { wavelengths: colours, ..one.clone() }, 0);
-        assert_eq!((colours.memory_bytes, colours.work), (base.memory_bytes, 2.0 * base.work));
-        let adam = OptimizeHologram { method: HologramMethod::Adam { learning_rate: 0.1 }, ..one };
-        assert!(2 * need(1024, &adam, 0).memory_bytes < 3 * base.memory_bytes / 2);
-    }
-
-    #[test]
-    fn work_is_proportional_to_the_steps() {
-        let work = |iterations| need(1024, &OptimizeHologram { iterations, ..spec(1024, 1) }, 0).work;
-        let per_step = (work(1000) - work(500)) / 500.0;
-        assert!((work(2000) - work(1000) - 1000.0 * per_step).abs() < 1e-6 * work(1000));
-        let estimate = Need { memory_bytes: 7, work: 100.0 }.on(20.0);
-        assert_eq!(estimate, Estimate { memory_bytes: 7, time_s: 5.0 });
-    }
-
-    #[test]
-    fn kept_pairs_stay_within_their_limits() {
-        let splits = [1000, 2, 0];
-        let pairs = PairsSize { splits, all: 1002, is_stale: false, photo_px: 1 << 20, decoding_bytes: 0 };
-        let [training, validation, test] = pairs.kept_bytes(1 << 20, 1);
-        assert_eq!((training, validation, test), (256 * MIB, 16 * MIB, 0));
-        assert_eq!(pairs.kept_bytes(1 << 20, 4)[0], 64 * MIB);
-    }
 }

@@ -3,6 +3,9 @@
 use crate::kernel::KernelKey;
 use serde::{Deserialize, Serialize};
 
+/// Largest number of other versions in a report. The newest ones are used.
+pub const OTHER_VERSIONS_MAX: u32 = 12;
+
 /// Request to make the report of a kernel version.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ReportKernel {
