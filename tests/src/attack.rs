@@ -30,12 +30,12 @@ const ATTACK_S: u64 = 6;
 const FULL_S: u64 = 60;
 /// Allowed memory beyond the limits, as a part of them.
 const MEMORY_MARGIN: f64 = 0.1;
-/// Longest answer to the honest client \[s\]. Before turns were fair, an answer took minutes.
-const ANSWER_S_MAX: f64 = 5.0;
 /// Interval between the calls of the honest client.
 const HONEST_INTERVAL: Duration = Duration::from_millis(100);
 /// Pause of an attacker before the next call. The attackers run on the server's own cores, and must leave it some time.
 const PACE: Duration = Duration::from_millis(2);
+/// Batch of the waiting job.
+const BATCH: &str = "frames";
 /// Attackers, each with a token of its own.
 const ATTACKERS: [&str; 8] = ["bomber", "hoarder", "dripper", "follower", "painter", "chainer", "lister", "stranger"];
 
@@ -44,6 +44,11 @@ struct Scale {
     duration: Duration,
     /// Side of the largest picture \[px\].
     side_px: u32,
+    /// Width of the kernel that is fetched \[px\]. It is twice its height.
+    kernel_width_px: u32,
+    /// Times within which 99 % of the honest client's submits and of the health checks are answered \[s\]. Before turns
+    /// were fair, an answer took minutes. The short attack is no measurement.
+    p99_s_max: [f64; 2],
     /// Limit on the memory of messages \[MiB\].
     under_way_mib: u64,
     /// Limit on the memory of computations for calls \[MiB\].
@@ -55,9 +60,23 @@ impl Scale {
         let seconds = std::env::var("LIGHTPATH_ATTACK_SECONDS").map_or(ATTACK_S, |text| text.parse().unwrap());
         let duration = Duration::from_secs(seconds);
         if seconds >= FULL_S {
-            Self { duration, side_px: 8192, under_way_mib: 512, computing_mib: 3072 }
+            Self {
+                duration,
+                side_px: 8192,
+                kernel_width_px: 3840,
+                p99_s_max: [0.2, 0.5],
+                under_way_mib: 512,
+                computing_mib: 3072,
+            }
         } else {
-            Self { duration, side_px: 2048, under_way_mib: 64, computing_mib: 256 }
+            Self {
+                duration,
+                side_px: 2048,
+                kernel_width_px: 1024,
+                p99_s_max: [5.0, 5.0],
+                under_way_mib: 64,
+                computing_mib: 256,
+            }
         }
     }
 }
@@ -120,7 +139,7 @@ async fn hoard(field: Field) {
     let mut streams = Vec::new();
     while !field.end.is_cancelled() {
         let fetch = v1::FetchKernelRequest {
-            kernel: names::kernel("wide", WAVELENGTH_M, DISTANCE_M),
+            kernel: names::kernel("learned", WAVELENGTH_M, DISTANCE_M),
             version: 1,
             format: v1::KernelFormat::Complex64.into(),
         };
@@ -194,11 +213,11 @@ async fn list(field: Field) {
         let jobs = v1::ListJobsRequest {
             page_size: 1000,
             state: v1::job::State::Succeeded.into(),
-            batch: "frames".into(),
+            batch: BATCH.into(),
             ..Default::default()
         };
         let _ = client.list_jobs(jobs).await;
-        let _ = client.get_batch(v1::GetBatchRequest { batch: "frames".into() }).await;
+        let _ = client.get_batch(v1::GetBatchRequest { batch: BATCH.into() }).await;
     };
     field.repeat(4, attack).await;
 }
@@ -213,6 +232,20 @@ async fn knock(field: Field) {
         let _ = stream.write_all(request.as_bytes()).await;
         let _ = timeout(Duration::from_secs(1), stream.read_to_end(&mut Vec::new())).await;
         sleep(PACE).await;
+    }
+}
+
+/// The attack of the client with this name.
+async fn attack(name: &'static str, field: Field) {
+    match name {
+        "bomber" => bomb(field).await,
+        "hoarder" => hoard(field).await,
+        "dripper" => drip(field).await,
+        "follower" => follow(field).await,
+        "painter" => paint(field).await,
+        "chainer" => chain(field).await,
+        "lister" => list(field).await,
+        _ => knock(field).await,
     }
 }
 
@@ -267,15 +300,17 @@ fn quantile(ascending: &[f64], part: f64) -> f64 {
     ascending[((ascending.len() - 1) as f64 * part).round() as usize]
 }
 
-/// The display, the kernel and the waiting job that attackers use. Returns the digest of the bomb and the job.
+/// The displays, the kernel and the waiting job that attackers use. Returns the digest of the bomb and the job.
 async fn prepare(admin: &Client, scale: &Scale) -> (String, String) {
     declare(admin, "lab", 64, 48).await;
-    let wide = v1::Display { simulated_bench: None, ..display("wide", scale.side_px, scale.side_px / 2) };
-    admin.create_display(v1::CreateDisplayRequest { display: Some(wide) }).await.unwrap();
-    let (width, height) = (scale.side_px as usize, scale.side_px as usize / 2);
-    let artifact = admin.upload_bytes(kernel_file(width, height, 0.1)).await.unwrap();
+    for (id, width_px) in [("wide", scale.side_px), ("learned", scale.kernel_width_px)] {
+        let display = v1::Display { simulated_bench: None, ..display(id, width_px, width_px / 2) };
+        admin.create_display(v1::CreateDisplayRequest { display: Some(display) }).await.unwrap();
+    }
+    let width_px = scale.kernel_width_px as usize;
+    let artifact = admin.upload_bytes(kernel_file(width_px, width_px / 2, 0.1)).await.unwrap();
     let import = v1::ImportKernelRequest {
-        display: names::display("wide"),
+        display: names::display("learned"),
         wavelength_m: WAVELENGTH_M,
         distance_m: DISTANCE_M,
         artifact,
@@ -287,7 +322,7 @@ async fn prepare(admin: &Client, scale: &Scale) -> (String, String) {
     admin.pause_queue(pause).await.unwrap();
     let mut spec = hologram("wide", &small, 3, 1);
     spec.target_fit = v1::optimize_hologram::Fit::Contain.into();
-    let waiting = request(spec, "");
+    let waiting = v1::SubmitJobRequest { batch: BATCH.into(), ..request(spec, "") };
     (bomb, admin.submit_job(waiting).await.unwrap().name)
 }
 
@@ -309,19 +344,10 @@ async fn an_honest_client_is_served_while_others_attack() {
 
     let end = CancellationToken::new();
     let mut attacks = JoinSet::new();
-    for (name, token) in ATTACKERS.iter().zip(tokens) {
+    for (name, token) in ATTACKERS.into_iter().zip(tokens) {
         let field =
             Field { url: server.url.clone(), token, bomb: bomb_digest.clone(), job: job.clone(), end: end.clone() };
-        match *name {
-            "bomber" => attacks.spawn(bomb(field)),
-            "hoarder" => attacks.spawn(hoard(field)),
-            "dripper" => attacks.spawn(drip(field)),
-            "follower" => attacks.spawn(follow(field)),
-            "painter" => attacks.spawn(paint(field)),
-            "chainer" => attacks.spawn(chain(field)),
-            "lister" => attacks.spawn(list(field)),
-            _ => attacks.spawn(knock(field)),
-        };
+        attacks.spawn(attack(name, field));
     }
     let working = tokio::spawn(work_honestly(
         Client::connect_with_token(&server.url, &honest).unwrap(),
@@ -336,15 +362,20 @@ async fn an_honest_client_is_served_while_others_attack() {
     let peak_kib = server.memory_peak_kib();
     let limit_kib = idle_kib + ((scale.under_way_mib + scale.computing_mib) << 10);
     let mut table = format!("| memory, limit | {} MiB, {} MiB |\n", peak_kib >> 10, limit_kib >> 10);
-    for (name, times_s) in [("submit", &submits_s), ("health", &health_s)] {
-        let [median, p99] = [0.5, 0.99].map(|part| 1e3 * quantile(times_s, part));
-        table += &format!("| {name}, {} times | median {median:.0} ms, p99 {p99:.0} ms |\n", times_s.len());
+    let mut late = Vec::new();
+    for (name, times_s, p99_s_max) in
+        [("submit", &submits_s, scale.p99_s_max[0]), ("health", &health_s, scale.p99_s_max[1])]
+    {
+        let [median_s, p99_s] = [0.5, 0.99].map(|part| quantile(times_s, part));
+        let line = format!("{name}, {} times | median {median_s:.3} s, p99 {p99_s:.3} s", times_s.len());
+        table += &format!("| {line} |\n");
+        if p99_s > p99_s_max {
+            late.push(line);
+        }
     }
     write!(std::io::stderr(), "{table}").unwrap();
     assert!(peak_kib as f64 <= limit_kib as f64 * (1.0 + MEMORY_MARGIN), "{peak_kib} KiB of {limit_kib} KiB");
-    for times_s in [&submits_s, &health_s] {
-        assert!(times_s.last().is_some_and(|&slowest_s| slowest_s < ANSWER_S_MAX), "{times_s:?}");
-    }
+    assert_eq!(late, [""; 0], "answers that took too long");
     for name in &jobs {
         admin.get_job(v1::GetJobRequest { name: name.clone() }).await.unwrap();
     }

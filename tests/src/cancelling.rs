@@ -15,7 +15,7 @@ const RUN_MAX: Duration = Duration::from_secs(30);
 
 /// Shapes, each with the number of moments at which its jobs are cancelled.
 fn few() -> Vec<(Shape, u32)> {
-    vec![(hologram("L-BFGS, 24 frames, 2 planes", (640, 360), Hologram { frames: 24, planes: 2, ..LBFGS }), 4)]
+    vec![(hologram("L-BFGS, 24 frames, 2 planes", (640, 360), Hologram { frames: 24, planes: 2, ..LBFGS }), 2)]
 }
 
 fn all() -> Vec<(Shape, u32)> {

@@ -1,4 +1,4 @@
-use crate::process::Daemon;
+use crate::process::{Daemon, lightpathd};
 use lightpath::{Client, v1};
 use std::io::Write as _;
 use std::net::{Ipv4Addr, SocketAddr};
@@ -16,6 +16,8 @@ const CONNECTIONS_PER_ADDRESS: usize = 300;
 const CALLS: usize = 200;
 /// Allowed delay beyond twice the usual time, because the machine runs other programs too.
 const JITTER: Duration = Duration::from_millis(20);
+/// Connections that the holder of one token may have.
+const CONNECTIONS_PER_TOKEN: usize = 100;
 /// Interval between the bytes of a slow sender.
 const DRIP: Duration = Duration::from_secs(1);
 /// Receive buffer of a client that does not read. It is so small that the server's answers soon fill it.
@@ -173,5 +175,37 @@ async fn connection_with_invalid_bytes_is_closed() {
         assert!(ended.is_ok(), "still open after {:?}", &invalid[..invalid.len().min(20)]);
         daemon.client.list_jobs(v1::ListJobsRequest::default()).await.unwrap();
     }
+    daemon.kill().await;
+}
+
+/// The holder of a token cannot use up the connections of others at the same address.
+#[tokio::test(flavor = "multi_thread")]
+async fn connections_of_one_token_are_limited() {
+    let data = TempDir::new().unwrap();
+    let token = async |name: &str| {
+        let arguments = ["token", "create", name, "--role", "viewer", "--data-dir", data.path().to_str().unwrap()];
+        lightpathd(&arguments).await.ok().trim().to_owned()
+    };
+    let (greedy, modest) = (token("greedy").await, token("modest").await);
+    let daemon = Daemon::start(data.path(), &["--require-tokens", "true"]).await;
+    let list = async |token: &str| {
+        let client = Client::connect_with_token(&daemon.url, token).unwrap();
+        client.list_jobs(v1::ListJobsRequest::default()).await.map(|_| client)
+    };
+    let mut open = Vec::new();
+    for _ in 0..CONNECTIONS_PER_TOKEN {
+        open.push(list(&greedy).await.unwrap());
+    }
+    let Err(refusal) = list(&greedy).await else { panic!("one connection too many was accepted") };
+    assert!(refusal.to_string().contains("already has 100 connections"), "{refusal}");
+    list(&modest).await.unwrap();
+    // A connection counts until it is closed.
+    open.pop();
+    let again = async {
+        while list(&greedy).await.is_err() {
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        }
+    };
+    tokio::time::timeout(Duration::from_secs(10), again).await.unwrap();
     daemon.kill().await;
 }

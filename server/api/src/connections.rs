@@ -1,6 +1,8 @@
 //! Connections with HTTP/1.1 and HTTP/2 on one port, with or without TLS (without TLS, HTTP/2 needs prior knowledge).
 //! Their number is limited, and they are closed gracefully.
 
+use crate::accounts::{Client, OpenStream, StreamKind, Streams};
+use crate::error::ApiError;
 use crate::tls::Tls;
 use axum::{Extension, Router};
 use hyper_util::rt::{TokioExecutor, TokioIo, TokioTimer};
@@ -8,9 +10,8 @@ use hyper_util::server::conn::auto::Builder;
 use hyper_util::server::graceful::GracefulShutdown;
 use hyper_util::service::TowerToHyperService;
 use std::collections::HashMap;
-use std::fmt;
 use std::net::{IpAddr, SocketAddr};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::Duration;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::Semaphore;
@@ -20,7 +21,7 @@ use tokio_util::sync::CancellationToken;
 
 /// Limit on open connections. More clients wait in the backlog of the system. Each connection needs a file handle, and
 /// processes commonly have 1024.
-const CONNECTIONS_MAX: usize = 800;
+pub(crate) const CONNECTIONS_MAX: usize = 800;
 /// Limit on the open requests of one connection, including streams that follow changes.
 const STREAMS_MAX: u32 = 256;
 /// Bytes that a client may send in a stream before the handler reads them: enough for a fast link across a continent.
@@ -48,21 +49,42 @@ const HANDSHAKE_DEADLINE: Duration = Duration::from_secs(10);
 /// connections.
 const CONNECTIONS_PER_PEER_MAX: usize = 400;
 
-/// Address and port of a client, stored with each of its requests.
-#[derive(Clone, Copy, Debug)]
-pub struct Peer(SocketAddr);
+/// Time for the last answer of a connection that is closed, because its client has too many.
+const LAST_ANSWER: Duration = Duration::from_secs(1);
 
-impl Peer {
-    /// Address of the client without the port.
-    #[must_use]
-    pub fn ip(&self) -> IpAddr {
-        self.0.ip()
-    }
+/// The other end of a connection, stored with each of its requests.
+#[derive(Clone, Debug)]
+pub(crate) struct Peer {
+    address: SocketAddr,
+    /// The connection, counted for the first holder of a token who used it.
+    counted: Arc<OnceLock<OpenStream>>,
+    /// Cancelled to close the connection.
+    close: CancellationToken,
 }
 
-impl fmt::Display for Peer {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.fmt(f)
+impl Peer {
+    fn new(address: SocketAddr) -> Self {
+        Self { address, counted: Arc::default(), close: CancellationToken::new() }
+    }
+
+    /// Address of the client without the port.
+    pub(crate) fn ip(&self) -> IpAddr {
+        self.address.ip()
+    }
+
+    /// Counts the connection for the holder of a token. Connections without a token are only counted by address.
+    ///
+    /// # Errors
+    ///
+    /// [`ApiError::Exhausted`] if the client has too many connections. This one is closed after the answer.
+    pub(crate) fn count(&self, streams: &Streams, client: &Client) -> Result<(), ApiError> {
+        if matches!(client, Client::Address(_)) || self.counted.get().is_some() {
+            return Ok(());
+        }
+        let counted = streams.open(StreamKind::Connection, client).inspect_err(|_| self.close.cancel())?;
+        // Of two first calls at once, one counts the connection.
+        drop(self.counted.set(counted));
+        Ok(())
     }
 }
 
@@ -86,8 +108,10 @@ pub async fn serve(
         let watcher = graceful.watcher();
         let (builder, stop) = (Arc::clone(&builder), stop.clone());
         let acceptor = tls.as_ref().map(|tls| tls.acceptor());
-        let service = TowerToHyperService::new(app.clone().layer(Extension(Peer(address))));
-        tokio::spawn(async move {
+        let peer = Peer::new(address);
+        let close = peer.close.clone();
+        let service = TowerToHyperService::new(app.clone().layer(Extension(peer)));
+        let connection = async move {
             if sends_first_bytes(&stream, &stop).await {
                 let mut stream = TimeoutStream::new(stream);
                 stream.set_write_timeout(Some(WRITE_STALL_MAX));
@@ -105,6 +129,12 @@ pub async fn serve(
                 if let Err(error) = ended {
                     tracing::debug!(%error, "a connection ended early");
                 }
+            }
+        };
+        tokio::spawn(async move {
+            tokio::select! {
+                () = connection => {}
+                () = closed_soon(&close) => {}
             }
             drop((permit, counted));
         });
@@ -171,6 +201,12 @@ async fn sends_first_bytes(stream: &TcpStream, stop: &CancellationToken) -> bool
         peeked = timeout(FIRST_BYTES_DEADLINE, stream.peek(&mut byte)) => peeked.is_ok_and(|peeked| peeked.is_ok()),
         () = stop.cancelled() => false,
     }
+}
+
+/// Ends when a connection that is to be closed has had the time for its last answer.
+async fn closed_soon(close: &CancellationToken) {
+    close.cancelled().await;
+    sleep(LAST_ANSWER).await;
 }
 
 /// Accepts the next connection when fewer than [`CONNECTIONS_MAX`] are open; `None` when the server stops.

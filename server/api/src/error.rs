@@ -14,6 +14,8 @@ lightpath_domain::reasons! {
         TooManyWatchers = "TOO_MANY_WATCHERS",
         /// Too many downloads run.
         TooManyDownloads = "TOO_MANY_DOWNLOADS",
+        /// The client has too many open connections.
+        TooManyConnections = "TOO_MANY_CONNECTIONS",
         /// Too many uploads run.
         TooManyUploads = "TOO_MANY_UPLOADS",
         /// The unfinished calls use all memory that they may, or too many of them wait.
@@ -100,6 +102,9 @@ pub enum ApiError {
     /// A task of the server panicked.
     #[error("a task of the server failed")]
     Task(#[source] tokio::task::JoinError),
+    /// A computation panicked.
+    #[error("a computation of the server failed")]
+    Panicked,
     /// The store refused the request or failed.
     #[error(transparent)]
     Store(#[from] StoreError),

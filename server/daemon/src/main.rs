@@ -1,5 +1,7 @@
 //! `lightpathd`: the Lightpath server.
 
+mod freed_memory;
+
 use anyhow::Context as _;
 use clap::{Parser, Subcommand};
 use lightpath_server::config::{Config, Effective, LogFormat, Settings};
@@ -92,6 +94,7 @@ impl Serve {
             return Ok(());
         }
         start_log(&effective.config)?;
+        freed_memory::give_back();
         let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
         let outcome = runtime.block_on(serve(effective.config));
         // The blocking threads that still run belong to cancelled requests, so the process need not wait for them.

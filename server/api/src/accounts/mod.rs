@@ -9,6 +9,7 @@
 //! | memory for computations (`turns`) | `computing_mib_max` | half of it; a quarter is kept for those that spent little |
 //! | threads for computations (`turns`) | [`COMPUTATIONS_MAX`] | all but two; the client that spent least is next |
 //! | streams (`streams`) | a number for each kind | half or a quarter of it |
+//! | connections (`streams`) | 800, 400 from one address | 100 for a token |
 
 mod client;
 mod memory_budget;
@@ -17,17 +18,23 @@ mod streams;
 mod turns;
 
 use crate::call::Call;
-use crate::error::ApiError;
+use crate::error::{ApiError, LimitReason};
 pub(crate) use client::Client;
 use lightpath_optics::interrupt::Interrupt;
 pub use memory_budget::MemoryBudget;
 pub(crate) use memory_budget::Share;
 pub use rate::Rate;
+use std::io;
 pub(crate) use streams::{OpenStream, StreamKind, Streams};
-use turns::{TurnLimits, Turns};
+use tokio::sync::oneshot;
+use turns::{RETRY, TurnLimits, Turns};
 
 /// Limit on the computations that run at once. They share the cores with jobs, which have a lower priority.
 const COMPUTATIONS_MAX: usize = 6;
+/// Scheduling priority of these computations, as of the command `nice`: between the threads that answer calls, which get
+/// a core at once, and those of jobs.
+#[cfg(target_os = "linux")]
+const NICENESS: i32 = 5;
 
 /// What clients use of the server besides messages and calls per second. Clones share it.
 #[derive(Clone, Debug)]
@@ -43,15 +50,15 @@ impl Accounts {
         Self { turns: Turns::new(limits), streams: Streams::default() }
     }
 
-    /// Runs `compute`, which needs `bytes` of memory, on a thread that may block, when it is the client's turn. The
+    /// Runs `compute`, which needs `bytes` of memory, on a thread of its own, when it is the client's turn. The
     /// memory stays counted until `compute` has ended, even if the call is cancelled. A cancelled call interrupts `compute`
     /// where it looks at the interrupt, for example in the decoders of pictures.
     ///
     /// # Errors
     ///
     /// [`ApiError::TooLarge`] if `compute` needs more memory than one client may use; [`ApiError::Exhausted`] if too many
-    /// computations wait; [`ApiError::Cancelled`] if the client leaves before the turn comes; [`ApiError::Task`] if
-    /// `compute` panics.
+    /// computations wait or the system has no thread; [`ApiError::Cancelled`] if the client leaves before the turn comes;
+    /// [`ApiError::Panicked`] if `compute` panics.
     pub(crate) async fn compute<T: Send + 'static>(
         &self,
         call: &Call,
@@ -65,20 +72,39 @@ impl Accounts {
         };
         let interrupt = Interrupt::default();
         let own = interrupt.clone();
-        let mut work = tokio::task::spawn_blocking(move || {
+        let (done, mut result) = oneshot::channel();
+        let work = move || {
+            yield_to_calls();
             let result = own.run_on_this_thread(compute);
             drop(turn);
-            result
-        });
+            // The call waits for this result. The send fails only when the process is ending.
+            drop(done.send(result));
+        };
+        std::thread::Builder::new().name("computation".to_owned()).spawn(work).map_err(no_thread)?;
         let result = tokio::select! {
             biased;
-            result = &mut work => result,
+            result = &mut result => result,
             () = call.cancelled.cancelled() => {
                 interrupt.raise();
-                work.await
+                result.await
             }
         };
-        result.map_err(ApiError::Task)?.map_err(|_| ApiError::Cancelled)
+        // A panic drops the sender.
+        result.map_err(|_| ApiError::Panicked)?.map_err(|_| ApiError::Cancelled)
+    }
+}
+
+fn no_thread(error: io::Error) -> ApiError {
+    let message = format!("the system has no thread for a computation: {error}; retry later");
+    ApiError::Exhausted { reason: LimitReason::TooMuchUnderWay, message, retry_after: RETRY }
+}
+
+/// Lowers the priority of the calling thread below those that answer calls. On systems other than Linux, the priority
+/// belongs to the whole process.
+fn yield_to_calls() {
+    #[cfg(target_os = "linux")]
+    if let Err(error) = rustix::process::setpriority_process(None, NICENESS) {
+        tracing::warn!(%error, "the priority of a computation could not be lowered; calls may be slower");
     }
 }
 

@@ -1,6 +1,7 @@
-//! Limits on open streams, for each client and for all clients together.
+//! Limits on open streams and connections, for each client and for all clients together.
 
 use super::client::Client;
+use crate::connections::CONNECTIONS_MAX;
 use crate::error::{ApiError, LimitReason};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -11,6 +12,9 @@ const TRANSFERS_SHARE: usize = 4;
 /// Share of the streams that follow changes. A dashboard alone may follow hundreds of jobs.
 const WATCHERS_SHARE: usize = 2;
 
+/// Share of the connections. A client needs few: one connection carries many calls.
+const CONNECTIONS_SHARE: usize = 8;
+
 /// What a stream does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum StreamKind {
@@ -20,6 +24,8 @@ pub(crate) enum StreamKind {
     Upload,
     /// Sends an artifact or a kernel. It holds an open file.
     Download,
+    /// A connection itself. It holds a file handle.
+    Connection,
 }
 
 impl StreamKind {
@@ -30,6 +36,7 @@ impl StreamKind {
             Self::Upload => 64,
             // Processes commonly have 1024 file handles, and connections need most of them.
             Self::Download => 128,
+            Self::Connection => CONNECTIONS_MAX,
         }
     }
 
@@ -38,6 +45,7 @@ impl StreamKind {
         match self {
             Self::Watch => self.all_max() / WATCHERS_SHARE,
             Self::Upload | Self::Download => self.all_max() / TRANSFERS_SHARE,
+            Self::Connection => self.all_max() / CONNECTIONS_SHARE,
         }
     }
 
@@ -46,6 +54,7 @@ impl StreamKind {
             Self::Watch => "streams that follow jobs and kernels",
             Self::Upload => "uploads",
             Self::Download => "downloads",
+            Self::Connection => "connections",
         }
     }
 
@@ -54,6 +63,7 @@ impl StreamKind {
             Self::Watch => LimitReason::TooManyWatchers,
             Self::Upload => LimitReason::TooManyUploads,
             Self::Download => LimitReason::TooManyDownloads,
+            Self::Connection => LimitReason::TooManyConnections,
         }
     }
 
@@ -61,7 +71,7 @@ impl StreamKind {
     fn retry_after(self) -> Duration {
         match self {
             Self::Watch => Duration::from_secs(5),
-            Self::Upload | Self::Download => Duration::from_secs(1),
+            Self::Upload | Self::Download | Self::Connection => Duration::from_secs(1),
         }
     }
 }

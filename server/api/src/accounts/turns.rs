@@ -37,7 +37,7 @@ const HALF_LIFE_S: f64 = 10.0;
 /// Spent time below which a client is forgotten \[s\].
 const FORGOTTEN_S: f64 = 1e-3;
 /// Time after which a client that was refused may retry.
-const RETRY: Duration = Duration::from_secs(2);
+pub(super) const RETRY: Duration = Duration::from_secs(2);
 
 /// What all computations together may use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -51,7 +51,8 @@ pub struct Gate {
 
 /// A request as the gate sees it.
 struct Visit {
-    address: Option<IpAddr>,
+    /// `None` in tests without a connection.
+    peer: Option<Peer>,
     /// Method or route, for the audit log.
     name: String,
     rule: Option<Rule>,
@@ -64,12 +65,7 @@ impl Visit {
         let route = request.extensions().get::<MatchedPath>().map(MatchedPath::as_str);
         let rule = rule_of(path, route);
         let known = rule.map(|_| route.filter(|route| !route.contains("{*")).unwrap_or(path));
-        Self {
-            address: peer.map(|peer| peer.ip()),
-            name: known.unwrap_or(UNKNOWN_PATH).to_owned(),
-            rule,
-            is_grpc: is_grpc(path),
-        }
+        Self { peer, name: known.unwrap_or(UNKNOWN_PATH).to_owned(), rule, is_grpc: is_grpc(path) }
     }
 
     /// Whether every client may make the call, without a token and a limit.
@@ -77,8 +73,12 @@ impl Visit {
         self.rule.is_some_and(|rule| rule.access == Access::Everyone)
     }
 
+    fn ip(&self) -> Option<IpAddr> {
+        self.peer.as_ref().map(Peer::ip)
+    }
+
     fn address(&self) -> String {
-        self.address.map(|address| address.to_string()).unwrap_or_default()
+        self.ip().map(|address| address.to_string()).unwrap_or_default()
     }
 }
 
@@ -101,7 +101,7 @@ pub(super) async fn pass(
             return refuse(status, visit.is_grpc);
         }
     };
-    let call = Call::new(caller, visit.address);
+    let call = Call::new(caller, visit.ip());
     request.extensions_mut().insert(call.clone());
     // Dropped, and so cancelled, when the client leaves.
     let _waiting = call.cancelled.clone().drop_guard();
@@ -132,7 +132,7 @@ impl Gate {
     /// Counts a refused call towards the rate limit of its address, so that clients cannot try many tokens. Returns the
     /// error, or that of the limit.
     fn limited(&self, visit: &Visit, error: Status) -> Status {
-        self.limit_rate(&Client::at(visit.address)).err().map_or(error, Status::from)
+        self.limit_rate(&Client::at(visit.ip())).err().map_or(error, Status::from)
     }
 
     /// Returns the caller if the call is allowed and within the rate limit, and the disk has room for new work (if the
@@ -147,7 +147,9 @@ impl Gate {
             Some(Rule { effect: Effect::Creates, .. }) => Ok(self.api.artifacts.space().admit(0)?),
             _ => Ok(()),
         };
-        let admitted = self.limit_rate(&Client::of(&caller, visit.address)).and_then(room);
+        let client = Client::of(&caller, visit.ip());
+        let counted = |()| visit.peer.as_ref().map_or(Ok(()), |peer| peer.count(&self.api.accounts.streams, &client));
+        let admitted = self.limit_rate(&client).and_then(counted).and_then(room);
         admitted.map_err(|error| (caller.name.clone(), error.into()))?;
         Ok(caller)
     }

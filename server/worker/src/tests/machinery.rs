@@ -126,6 +126,31 @@ async fn cancelled_job_ends_at_next_step_and_leaves_no_checkpoint() {
     assert!(bench.artifacts.checkpoints().await.unwrap().is_empty());
 }
 
+/// Saving a large state takes long, so the next checkpoint comes much later, also if one is due at every step.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn large_states_are_saved_rarely() {
+    for (state_bytes, expected_saves) in [(1 << 10, u32::from(STEPS)), (17 << 20, 1)] {
+        let bench = bench().await;
+        let saves = Arc::new(AtomicU32::new(0));
+        let counted = Arc::clone(&saves);
+        let task = move |_: &Job, context: &JobContext| {
+            for step in 1..=STEPS {
+                context.step(progress(step), || {
+                    counted.fetch_add(1, Ordering::Relaxed);
+                    vec![step; state_bytes]
+                })?;
+            }
+            Ok(output("done"))
+        };
+        let id = submit(&bench, "r", 3).await;
+        let every_step = WorkerConfig { checkpoint_interval: Duration::ZERO, ..config() };
+        let working = bench.start(every_step, task);
+        assert_eq!(bench.ended(&id).await.state, JobState::Succeeded);
+        working.stop().await;
+        assert_eq!(saves.load(Ordering::Relaxed), expected_saves, "a state of {state_bytes} bytes");
+    }
+}
+
 /// Counts to 7 and then computes without end inside one step.
 fn endless_step(_: &Job, context: &JobContext) -> Result<TaskOutput, TaskError> {
     count(context, |step| {
