@@ -21,8 +21,9 @@ use crate::hologram::{HologramMethod, SAMPLES_BYTES_MAX};
 use crate::learning::KernelModel;
 use crate::learning::sizes::{CURVATURE_PX, HARMONICS, SOURCE_ORDER, VARIATION_ORDER};
 use crate::optimizer::limited_memory::HISTORY;
+use crate::propagation::passes::peak_values;
 use crate::spatial_variation::{SpatialVariation, local_kernels};
-use crate::{ConvolutionMethod, Detector, DisplayModel};
+use crate::{ConvolutionMethod, Detector, DisplayModel, OpticalSetup};
 
 /// Bytes of a complex number in f32.
 const COMPLEX: u64 = 8;
@@ -51,8 +52,8 @@ pub struct EngineSize {
     pub kernels_per_side: usize,
     /// Whether the display has a source profile that is not flat.
     pub has_source: bool,
-    /// Whether the propagation method is an impulse response, which is sampled in f64 first.
-    pub samples_impulse: bool,
+    /// Frequencies and lags that are computed in f64 before the transfer function is sampled.
+    pub sampling_values: u64,
     /// Number of threads.
     pub threads: usize,
 }
@@ -64,7 +65,7 @@ impl EngineSize {
     /// Size of the engine of an ideal display.
     #[must_use]
     pub fn ideal(height_px: usize, width_px: usize, detector: Detector, threads: usize) -> Self {
-        Self { height_px, width_px, detector, kernels_per_side: 1, has_source: false, samples_impulse: false, threads }
+        Self { height_px, width_px, detector, kernels_per_side: 1, has_source: false, sampling_values: 0, threads }
     }
 
     /// Size of the engine of a display model.
@@ -75,7 +76,7 @@ impl EngineSize {
         Self {
             kernels_per_side: if varies { local_kernels::per_side(&model.variation) } else { 1 },
             has_source: !model.source.is_flat(),
-            samples_impulse: samples_impulse(model.setup.method()),
+            sampling_values: sampling_values(&model.setup),
             ..Self::ideal(grid.height_px(), grid.width_px(), detector, threads)
         }
     }
@@ -130,9 +131,7 @@ impl EngineSize {
     /// Memory for the sampling of transfer functions, besides them.
     #[must_use]
     pub fn sampling_bytes(&self) -> u64 {
-        // The transforms along x and along y of one quadrant, in f64.
-        let quadrant = (self.height_px + 1) as u64 * (self.width_px + 1) as u64 * COMPLEX_F64;
-        if self.samples_impulse { 2 * quadrant } else { 0 }
+        self.sampling_values * COMPLEX_F64
     }
 
     /// Scratch memory of all threads, and FFT plans.
@@ -216,10 +215,17 @@ const STAGES_BESIDE: f64 = 4.0;
 /// Time of a transform of single rows in f64, relative to the engine's in f32.
 const F64_FACTOR: f64 = 4.0;
 
-/// Whether a method is sampled as an impulse response.
+/// Largest number of values in f64 that the sampling of a transfer function holds at once.
 #[must_use]
-pub fn samples_impulse(method: ConvolutionMethod) -> bool {
-    matches!(method, ConvolutionMethod::RayleighSommerfeld | ConvolutionMethod::FresnelImpulseResponse)
+pub fn sampling_values(setup: &OpticalSetup) -> u64 {
+    let grid = setup.grid();
+    let quadrant = (grid.height_px() + 1) as u64 * (grid.width_px() + 1) as u64;
+    match setup.method() {
+        ConvolutionMethod::BandResponse => peak_values(setup),
+        ConvolutionMethod::RayleighSommerfeld => 2 * quadrant,
+        ConvolutionMethod::FresnelImpulseResponse => 2 * (grid.height_px() + grid.width_px()) as u64,
+        _ => 0,
+    }
 }
 
 /// Size of the optimization of a hologram for one wavelength.

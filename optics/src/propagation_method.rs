@@ -7,6 +7,9 @@ use std::fmt;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PropagationMethod {
+    /// Convolution with the impulse response of the pixels' band: the angular spectrum of a display that shows the first
+    /// order of its pixels. No light wraps around, at any distance.
+    BandResponse,
     /// The angular spectrum with its whole band, evanescent waves included.
     AngularSpectrum,
     /// The angular spectrum without the frequencies whose light would land beyond the padded frame. It is valid at
@@ -35,7 +38,8 @@ pub enum PropagationMethod {
 
 impl PropagationMethod {
     /// All methods, the simplest first.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
+        Self::BandResponse,
         Self::AngularSpectrum,
         Self::BandLimited,
         Self::BandExtended,
@@ -52,6 +56,7 @@ impl PropagationMethod {
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
+            Self::BandResponse => "band response",
             Self::AngularSpectrum => "angular spectrum",
             Self::BandLimited => "band-limited angular spectrum",
             Self::Shifted => "shifted angular spectrum",
@@ -73,7 +78,8 @@ impl PropagationMethod {
             Self::FresnelTransferFunction | Self::FresnelImpulseResponse | Self::ScaledFresnel | Self::Fraunhofer => {
                 true
             }
-            Self::AngularSpectrum
+            Self::BandResponse
+            | Self::AngularSpectrum
             | Self::BandLimited
             | Self::Shifted
             | Self::RayleighSommerfeld
@@ -94,6 +100,8 @@ impl fmt::Display for PropagationMethod {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ConvolutionMethod {
+    /// Band response, see [`PropagationMethod::BandResponse`].
+    BandResponse,
     /// Angular spectrum with its full band, see [`PropagationMethod::AngularSpectrum`].
     AngularSpectrum,
     /// Band-limited angular spectrum, see [`PropagationMethod::BandLimited`].
@@ -111,7 +119,8 @@ pub enum ConvolutionMethod {
 
 impl ConvolutionMethod {
     /// Every convolution method, simple ones first.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
+        Self::BandResponse,
         Self::AngularSpectrum,
         Self::BandLimited,
         Self::RayleighSommerfeld,
@@ -124,6 +133,7 @@ impl ConvolutionMethod {
 impl From<ConvolutionMethod> for PropagationMethod {
     fn from(method: ConvolutionMethod) -> Self {
         match method {
+            ConvolutionMethod::BandResponse => Self::BandResponse,
             ConvolutionMethod::AngularSpectrum => Self::AngularSpectrum,
             ConvolutionMethod::BandLimited => Self::BandLimited,
             ConvolutionMethod::Shifted => Self::Shifted,

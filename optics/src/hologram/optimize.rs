@@ -77,13 +77,11 @@ mod tests {
 
     #[test]
     fn near_and_far_holograms_show_their_targets() {
-        for (distance_m, method) in
-            [(5e-3, PropagationMethod::AngularSpectrum), (30e-3, PropagationMethod::RayleighSommerfeld)]
-        {
+        for distance_m in [5e-3, 30e-3] {
             let setup = OpticalSetup::try_new(Grid::try_new(90, 128, 8e-6).unwrap(), 515e-9, distance_m).unwrap();
             let target = TestCard::Portrait.render(90, 128, 3).unwrap();
             let hologram = optimize(&target, &setup).unwrap();
-            assert_eq!(hologram.validity.method, method);
+            assert_eq!(hologram.validity.method, PropagationMethod::BandResponse);
             let region = RegionOfInterest::middle(&setup.grid());
             let seen_db = psnr_db(&hologram.reconstruction, &target, region, Gain::Given(1.0)).unwrap();
             assert!(seen_db > 25.0 && (seen_db - hologram.quality.pixel.psnr_db).abs() < 1e-3, "{seen_db} dB");

@@ -145,7 +145,7 @@ impl<T: Number> ChirpZ<T> {
 }
 
 /// The smallest length of at least `least` whose prime factors are 2, 3 and 5 only.
-fn fast_length(least: usize) -> usize {
+pub(super) fn fast_length(least: usize) -> usize {
     let is_smooth = |mut n: usize| {
         for factor in [2, 3, 5] {
             while n.is_multiple_of(factor) {

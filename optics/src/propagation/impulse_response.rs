@@ -14,11 +14,8 @@
 //! limited beyond.
 
 use crate::OpticalSetup;
-use crate::interrupt;
 use crate::transfer_function::phasor;
 use num_complex::Complex64;
-use rayon::prelude::*;
-use rustfft::FftPlanner;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// Impulse response h(x, y) \[1/m²\] of the first Rayleigh–Sommerfeld integral, without the piston. A negative distance
@@ -65,88 +62,16 @@ pub(super) fn fading(t: f64) -> f64 {
     }
 }
 
-/// The transfer function at the padded bins from zero frequency to half the sampling frequency. It is even along both
-/// axes, so these bins determine all others.
-#[derive(Clone, Debug)]
-pub(super) struct EvenSpectrum {
-    height_px: usize,
-    width_px: usize,
-    /// Values in order of fx, then fy: all fy of the first fx, then of the next.
-    values: Vec<Complex64>,
-}
-
-impl EvenSpectrum {
-    pub(super) fn new(setup: &OpticalSetup) -> Self {
-        let (height_px, width_px) = (setup.grid().height_px(), setup.grid().width_px());
-        // First transforms rows along x, then columns along y. No two pixels are a whole side apart: h stays zero at
-        // that lag.
-        let along_x = even_rows(height_px, width_px, |y, x| sample(setup, y, x));
-        let values = even_rows(width_px + 1, height_px, |u, y| along_x[y * (width_px + 1) + u]);
-        Self { height_px, width_px, values }
-    }
-
-    /// The transfer function at the padded bin (`u`, `v`), 0 ≤ u < 2·width, 0 ≤ v < 2·height.
-    pub(super) fn at_bins(&self, u: usize, v: usize) -> Complex64 {
-        let (u, v) = (u.min(2 * self.width_px - u), v.min(2 * self.height_px - v));
-        self.values[u * (self.height_px + 1) + v]
-    }
-}
-
-/// Fourier transform of each row's even sequence f(0), f(1), …, f(n−1), 0, f(n−1), …, f(1): the bins 0 … n.
-fn even_rows(rows: usize, n: usize, f: impl Fn(usize, usize) -> Complex64 + Sync) -> Vec<Complex64> {
-    let fft = FftPlanner::new().plan_fft_forward(2 * n);
-    let mut spectra = vec![Complex64::ZERO; rows * (n + 1)];
-    spectra.par_chunks_exact_mut(n + 1).enumerate().for_each_init(
-        || (vec![Complex64::ZERO; 2 * n], vec![Complex64::ZERO; fft.get_inplace_scratch_len()]),
-        |(sequence, scratch), (row, out)| {
-            interrupt::check();
-            sequence[n] = Complex64::ZERO;
-            for i in 0..n {
-                sequence[i] = f(row, i);
-                if i > 0 {
-                    sequence[2 * n - i] = sequence[i];
-                }
-            }
-            fft.process_with_scratch(sequence, scratch);
-            out.copy_from_slice(&sequence[..=n]);
-        },
-    );
-    spectra
-}
-
-/// Transfer function H at any frequency \[1/m\], computed from its definition in O(pixels).
-pub(crate) fn impulse_spectrum(setup: &OpticalSetup, fx: f64, fy: f64) -> Complex64 {
-    let pitch_m = setup.grid().pixel_pitch_m();
-    let pair = |lag: usize, f: f64| if lag == 0 { 1.0 } else { 2.0 * (TAU * f * lag as f64 * pitch_m).cos() };
-    let mut sum = Complex64::ZERO;
-    for y in 0..setup.grid().height_px() {
-        let along_x: Complex64 = (0..setup.grid().width_px()).map(|x| sample(setup, y, x) * pair(x, fx)).sum();
-        sum += along_x * pair(y, fy);
-    }
-    sum
+/// h at the lags between two pixels of the frame, and 0 at the lag of a whole side, which no two pixels have.
+pub(super) fn sampled_response(setup: &OpticalSetup) -> impl Fn(usize, usize) -> Complex64 + Sync {
+    let (setup, height_px, width_px) = (*setup, setup.grid().height_px(), setup.grid().width_px());
+    move |y, x| if y < height_px && x < width_px { sample(&setup, y, x) } else { Complex64::ZERO }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::Grid;
-    use crate::grid::frequency;
-
-    #[test]
-    fn fast_spectrum_matches_definition() {
-        for (height_px, width_px, distance_m) in [(1, 1, 0.01), (7, 4, -0.002), (6, 11, 0.05)] {
-            let grid = Grid::try_new(height_px, width_px, 8e-6).unwrap();
-            let setup = OpticalSetup::try_new(grid, 515e-9, distance_m).unwrap();
-            let fast = EvenSpectrum::new(&setup);
-            for v in 0..2 * height_px {
-                for u in 0..2 * width_px {
-                    let (fx, fy) = (frequency(u, 2 * width_px, 8e-6), frequency(v, 2 * height_px, 8e-6));
-                    let plain = impulse_spectrum(&setup, fx, fy);
-                    assert!((fast.at_bins(u, v) - plain).norm() < 1e-12, "{height_px}×{width_px}: ({u}, {v})");
-                }
-            }
-        }
-    }
 
     #[test]
     fn steep_ends_fade_below_critical_distance() {

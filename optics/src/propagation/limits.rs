@@ -1,6 +1,7 @@
 //! Checks that refuse a method for a setup where it cannot be valid.
 
 use super::band_extended::band_extended_axes;
+use super::band_response;
 use super::frequency_window::check_frequencies;
 use super::quantity::{digits, length, percent};
 use super::report::{Band, neglected_phase_rad};
@@ -33,6 +34,7 @@ pub(crate) fn check(setup: &OpticalSetup, method: PropagationMethod, window: &Im
     check_window(setup, method, window)?;
     check_light(setup, method, window)?;
     match method {
+        PropagationMethod::BandResponse => check_bins(setup, method)?,
         PropagationMethod::AngularSpectrum | PropagationMethod::FresnelTransferFunction => {
             check_whole_band(setup, method)?
         }
@@ -61,6 +63,7 @@ impl TryFrom<PropagationMethod> for ConvolutionMethod {
 
     fn try_from(method: PropagationMethod) -> Result<Self> {
         match method {
+            PropagationMethod::BandResponse => Ok(Self::BandResponse),
             PropagationMethod::AngularSpectrum => Ok(Self::AngularSpectrum),
             PropagationMethod::BandLimited => Ok(Self::BandLimited),
             PropagationMethod::Shifted => Ok(Self::Shifted),
@@ -162,6 +165,19 @@ fn check_whole_band(setup: &OpticalSetup, method: PropagationMethod) -> Result<(
         }
     }
     Ok(())
+}
+
+fn check_bins(setup: &OpticalSetup, method: PropagationMethod) -> Result<()> {
+    if band_response::bins(setup).is_some() {
+        return Ok(());
+    }
+    let spread = spread_m(setup.grid().pixel_pitch_m(), setup.wavelength_m(), setup.distance_m());
+    let reason = format!(
+        "at {} the light of a pixel spreads by {} to each side, which takes too many frequencies; use the impulse response",
+        length(setup.distance_m().abs()),
+        length(spread)
+    );
+    Err(refusal(method, RefusalCode::TooManyFrequencies, reason))
 }
 
 fn check_sharp_band(setup: &OpticalSetup, method: PropagationMethod, window: &ImageWindow) -> Result<()> {

@@ -6,6 +6,7 @@
 //!
 //! | method | what it computes | valid for |
 //! |---|---|---|
+//! | [band response](PropagationMethod::BandResponse) | angular spectrum of the pixels' band, as a linear convolution | all z |
 //! | [angular spectrum](PropagationMethod::AngularSpectrum) | H = e^{i2πz√(1/λ² − f²)} on the padded grid | z ≤ z_c |
 //! | [band-limited](PropagationMethod::BandLimited) | angular spectrum of the light that lands in the padded frame | all z, ringing beyond z_c |
 //! | [Rayleigh–Sommerfeld](PropagationMethod::RayleighSommerfeld) | convolution with the sampled impulse response | z ≥ z_c |
@@ -20,15 +21,17 @@
 //! λ wavelength \[m\], z distance \[m\], f spatial frequency \[1/m\], N padded pixels along an axis, Δ pixel pitch
 //! \[m\], D the display's diagonal \[m\], and z_c = N·Δ²/λ the critical distance of each axis.
 //!
-//! The first six methods are [convolutions](ConvolutionMethod) on the grid padded twofold. An [`Engine`](crate::Engine)
+//! The first seven methods are [convolutions](ConvolutionMethod) on the grid padded twofold. An [`Engine`](crate::Engine)
 //! runs them and optimizes holograms through them; [`OpticalSetup::with_method`](crate::OpticalSetup::with_method)
-//! chooses the method. [`Propagator`](crate::Propagator) runs all ten methods and their adjoints. [`plan`] and
+//! chooses the method. [`Propagator`](crate::Propagator) runs all eleven methods and their adjoints. [`plan`] and
 //! [`plan_onto`] choose a method, explain the choice, and report its quality. They refuse a setup for which no method
 //! is valid, and give the numbers. Tests compare all methods with the direct sum
 //! [`reference::rayleigh_sommerfeld`](crate::reference::rayleigh_sommerfeld).
 
 mod band_extended;
+mod band_response;
 mod chirp_z;
+mod even;
 mod fraunhofer;
 mod frequency_window;
 mod fresnel_impulse_response;
@@ -59,6 +62,7 @@ use shifted::shifted_angular_spectrum;
 /// The planned transforms that a [`Propagator`](crate::Propagator) runs.
 pub(crate) mod passes {
     pub(crate) use super::band_extended::band_extended_axes;
+    pub(crate) use super::band_response::peak_values;
     pub(crate) use super::fraunhofer::Fraunhofer;
     pub(crate) use super::frequency_window::{FrequencyWindow, check_frequencies};
     pub(crate) use super::limits::check;

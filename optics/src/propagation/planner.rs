@@ -4,39 +4,36 @@
 //!
 //! | distance | method | because |
 //! |---|---|---|
-//! | z ≤ z_c along x and y | angular spectrum | it is exact, and its samples hold the whole band |
-//! | z > z_c along x or y, and z ≥ 0.8·√(z_c,x · z_c,y) | Rayleigh–Sommerfeld impulse response | it is exact, and its samples hold the whole frame |
-//! | between the two | band-limited angular spectrum | along the shorter side it lacks only a little of the band |
+//! | any, if the light of a pixel spreads over some ten thousand pixels at most | band response | it is exact for the first order of the pixels |
+//! | larger | Rayleigh–Sommerfeld impulse response | it takes no frequencies, and its samples hold the whole frame |
 //!
 //! Rules for other windows: an engine uses the shifted angular spectrum. A propagator uses the scaled Fresnel integral
 //! where all pixels reach all of the window and its phase error is below 1e-3 rad, and the scaled angular spectrum
 //! otherwise. The planner never chooses the band-extended angular spectrum or the Fresnel methods on the display's
 //! pixels: they are never the best, and serve comparisons.
 //!
-//! The rules come from a comparison of all methods with the [Rayleigh–Sommerfeld
-//! sum](crate::reference::rayleigh_sommerfeld) of a field sampled three times as finely. The field is spots over the
-//! whole band, on 32×48 px of 8 µm at 515 nm; z_c is 8.0 mm along y and 11.9 mm along x. The table gives the relative
-//! L2 error of the field:
+//! The rules come from a comparison of all methods with the [direct integral of the first
+//! order](crate::reference::first_order_onto), of a random field on 32×48 px of 8 µm at 515 nm; z_c is 8.0 mm along y and
+//! 11.9 mm along x. The table gives the relative L2 error of the field:
 //!
-//! | z / z_c,y | angular spectrum | band-limited | band-extended | impulse response | scaled | Fresnel impulse response |
-//! |---|---|---|---|---|---|---|
-//! | 0.7 | 8e-3 | 8e-3 | 8e-3 | 6e-2 | 8e-3 | 2e-1 |
-//! | 1.0 | 3e-3 | 8e-3 | 8e-3 | 5e-3 | 8e-3 | 5e-3 |
-//! | 1.5 | 3e-2 | 6e-2 | 2e-2 | 3e-5 | 4e-3 | 6e-4 |
-//! | 3 | 1e0 | 2e-1 | 9e-2 | 3e-8 | 4e-4 | 2e-4 |
-//! | 15 | 1e1 | 7e-1 | 2e-1 | 7e-10 | 2e-2 | 2e-6 |
+//! | z / z_c,y | band response | angular spectrum | band-limited | band-extended | impulse response | scaled | Fresnel impulse response |
+//! |---|---|---|---|---|---|---|---|
+//! | 0.7 | 3e-7 | 5e-2 | 5e-2 | 5e-2 | 4e-1 | 7e-2 | 7e-1 |
+//! | 1.0 | 5e-7 | 1e-1 | 1e-1 | 1e-1 | 3e-1 | 1e-1 | 4e-1 |
+//! | 1.5 | 1e-6 | 5e-1 | 2e-1 | 2e-1 | 1e-1 | 1e-1 | 1e-1 |
+//! | 3 | 1e-5 | 2e0 | 3e-1 | 1e-1 | 5e-2 | 5e-2 | 5e-2 |
+//! | 15 | 7e-5 | 8e0 | 3e-1 | 7e-2 | 1e-2 | 2e-2 | 1e-2 |
 //!
-//! Below z_c an error near 1e-2 remains because the spots hold a little light beyond the pixels' band. Far beyond z_c
-//! the band limit keeps the light that belongs into the frame, but its sharp cut causes ringing all over the image.
+//! A random field has light up to the end of its band. The light of a pixel has no sharp end in space, because its band
+//! ends sharply, so on a frame of twice the side some of it wraps around even within the critical distance. The impulse
+//! response is that of points: it also holds the light that the first order lacks.
 
+use super::band_response;
 use super::quantity::{digits, length};
 use super::report::{ValidityReport, neglected_phase_rad};
 use super::{ConvolutionMethod, ImageWindow, PropagationMethod, limits};
 use crate::{OpticalSetup, Result};
 
-/// Smallest distance at which the impulse response is better than the band limit, as a part of the geometric mean of
-/// the two critical distances.
-const IMPULSE_RESPONSE_FROM: f64 = 0.8;
 /// Phase error \[rad\] below which a paraxial method counts as exact.
 const PARAXIAL_PHASE_RAD_MAX: f64 = 1e-3;
 
@@ -49,9 +46,8 @@ const PARAXIAL_PHASE_RAD_MAX: f64 = 1e-3;
 ///
 /// let grid = Grid::try_new(1080, 1920, 8e-6)?;
 /// let near = plan(&OpticalSetup::try_new(grid, 515e-9, 0.15)?)?;
-/// assert_eq!((near.method, near.warnings.len()), (PropagationMethod::AngularSpectrum, 0));
+/// assert_eq!((near.method, near.warnings.len()), (PropagationMethod::BandResponse, 0));
 /// let far = plan(&OpticalSetup::try_new(grid, 515e-9, 0.5)?)?;
-/// assert_eq!(far.method, PropagationMethod::RayleighSommerfeld);
 /// assert!((far.band_kept_y - 0.537).abs() < 1e-3, "{far}");
 /// let farther = OpticalSetup::try_new(Grid::try_new(64, 64, 8e-6)?, 515e-9, 5.0)?;
 /// println!("{}", plan(&farther).unwrap_err());
@@ -75,15 +71,15 @@ pub(crate) fn plan_convolution(setup: &OpticalSetup) -> Result<(ConvolutionMetho
     let (method, explanation) = if window != ImageWindow::of(&setup.grid()) {
         let (x, y) = (length(window.centre_x_m()), length(window.centre_y_m()));
         (ConvolutionMethod::Shifted, format!("the image's middle is off the axis, {x} along x and {y} along y"))
-    } else if z <= x_m.min(y_m) {
-        (ConvolutionMethod::AngularSpectrum, format!("{at} is within {critical}, where this method is exact"))
-    } else if z >= IMPULSE_RESPONSE_FROM * (x_m * y_m).sqrt() {
+    } else if band_response::bins(setup).is_some() {
+        let explanation =
+            format!("at {at}, as at every distance, this method is exact for the first order of the pixels");
+        (ConvolutionMethod::BandResponse, explanation)
+    } else {
         (
             ConvolutionMethod::RayleighSommerfeld,
-            format!("{at} is beyond {critical}, where the samples of this method are exact"),
+            format!("{at} is far beyond {critical}, where the samples of this method are exact"),
         )
-    } else {
-        (ConvolutionMethod::BandLimited, format!("{at} is just beyond one of {critical}"))
     };
     limits::check_picture(setup, method.into(), &window)?;
     Ok((method, report(setup, method.into(), &window, explanation)?))

@@ -281,7 +281,8 @@ pub(super) fn neglected_phase_rad(setup: &OpticalSetup, method: PropagationMetho
         }
         PropagationMethod::FresnelImpulseResponse | PropagationMethod::ScaledFresnel => of_paraboloid(),
         PropagationMethod::Fraunhofer => fraunhofer::neglected_phase_rad(setup),
-        PropagationMethod::AngularSpectrum
+        PropagationMethod::BandResponse
+        | PropagationMethod::AngularSpectrum
         | PropagationMethod::BandLimited
         | PropagationMethod::Shifted
         | PropagationMethod::RayleighSommerfeld

@@ -1,7 +1,9 @@
 //! The transfer functions of the convolution methods.
 
+use super::band_response::band_response;
+use super::even::{EvenSpectrum, even_sum};
 use super::fresnel_impulse_response::{fresnel_impulse_spectrum, spectrum_along_axis};
-use super::impulse_response::{EvenSpectrum, impulse_spectrum};
+use super::impulse_response::sampled_response;
 use super::planner::plan_convolution;
 use super::shifted::{landing_m, shifted_angular_spectrum};
 use super::{ConvolutionMethod, ValidityReport, fresnel_transfer_function, limits};
@@ -53,9 +55,19 @@ impl OpticalSetup {
                     |f, samples| fresnel_impulse_spectrum(f, samples, grid.pixel_pitch_m(), wavelength_m, distance_m);
                 along(fx, grid.width_px()) * along(fy, grid.height_px())
             }
-            ConvolutionMethod::RayleighSommerfeld => impulse_spectrum(self, fx, fy),
+            ConvolutionMethod::BandResponse => {
+                let (response, row) = (band_response(self), grid.width_px() + 1);
+                self.spectrum_of(fx, fy, |y, x| response[y * row + x])
+            }
+            ConvolutionMethod::RayleighSommerfeld => self.spectrum_of(fx, fy, sampled_response(self)),
             ConvolutionMethod::AngularSpectrum => angular_spectrum(fx, fy, wavelength_m, distance_m),
         }
+    }
+
+    /// Transfer function of an even impulse response at a frequency \[1/m\], computed in O(pixels).
+    fn spectrum_of(&self, fx: f64, fy: f64, response: impl Fn(usize, usize) -> Complex64) -> Complex64 {
+        let (grid, pitch_m) = (self.grid(), self.grid().pixel_pitch_m());
+        even_sum(grid.height_px(), grid.width_px(), fx * pitch_m, fy * pitch_m, response)
     }
 
     /// The transfer function with its tables computed once, for sampling many bins.
@@ -110,7 +122,14 @@ impl SampledTransfer {
             ConvolutionMethod::FresnelImpulseResponse => {
                 Tables::Separable([spectrum(grid.width_px()), spectrum(grid.height_px())])
             }
-            ConvolutionMethod::RayleighSommerfeld => Tables::Even(EvenSpectrum::new(&setup)),
+            ConvolutionMethod::BandResponse => {
+                let (response, row) = (band_response(&setup), grid.width_px() + 1);
+                let h = |y: usize, x: usize| response[y * row + x];
+                Tables::Even(EvenSpectrum::new(grid.height_px(), grid.width_px(), h))
+            }
+            ConvolutionMethod::RayleighSommerfeld => {
+                Tables::Even(EvenSpectrum::new(grid.height_px(), grid.width_px(), sampled_response(&setup)))
+            }
             _ => Tables::Formula,
         };
         Self { setup, tables }

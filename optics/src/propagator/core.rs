@@ -84,7 +84,8 @@ impl<T: Real> PropagatorCore<T> {
                 (window, Passes::Frequencies(Box::new(FrequencyWindow::new(setup, &window, &axes))))
             }
             PropagationMethod::Fraunhofer => (fraunhofer_window(setup), Passes::Fraunhofer(Fraunhofer::new(setup))),
-            PropagationMethod::AngularSpectrum
+            PropagationMethod::BandResponse
+            | PropagationMethod::AngularSpectrum
             | PropagationMethod::BandLimited
             | PropagationMethod::Shifted
             | PropagationMethod::RayleighSommerfeld

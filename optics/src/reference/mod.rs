@@ -6,12 +6,14 @@
 //! - [`fft2`], [`dft2`]: the two-dimensional Fourier transform, by fast transforms and by its definition.
 //! - [`propagate`]: convolution with a transfer function, zero-padded twofold.
 //! - [`rayleigh_sommerfeld`], [`rayleigh_sommerfeld_onto`]: diffraction as a direct sum, without Fourier transforms.
+//! - [`first_order_onto`]: diffraction of a display that shows the first order of its pixels, as a direct integral.
 //! - [`gaussian_beam`], [`square_aperture`]: fields with a closed form.
 //!
 //! The module also has [`EngineCore`] and [`PropagatorCore`], the fast engine and propagator in either precision. In
 //! f64 they show which part of an error is rounding.
 
 mod closed_forms;
+mod first_order;
 mod fourier;
 mod propagation;
 mod rayleigh_sommerfeld;
@@ -20,6 +22,7 @@ pub use crate::convolution::Real;
 pub use crate::engine::EngineCore;
 pub use crate::propagator::PropagatorCore;
 pub use closed_forms::{fresnel_integral, gaussian_beam, square_aperture};
+pub use first_order::first_order_onto;
 pub use fourier::{Direction, dft2, fft2};
 pub use propagation::{filter, offset, propagate, propagate_uncropped};
 pub use rayleigh_sommerfeld::{rayleigh_sommerfeld, rayleigh_sommerfeld_onto};

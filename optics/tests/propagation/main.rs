@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used)]
 
 /// Reference tests that every propagation engine must pass.
+mod band_response;
 mod engines;
 /// Input fields for the tests, and measures that compare fields.
 mod fields;

@@ -28,6 +28,7 @@ fn propagators<T: Real>(height_px: usize, width_px: usize) -> Vec<PropagatorCore
     let (near_m, far_m) = (0.4 * critical_m(&at(1.0)), 2.0 * critical_m(&at(1.0)));
     let mut all = Vec::new();
     for (method, distances_m) in [
+        (PropagationMethod::BandResponse, [near_m, -far_m]),
         (PropagationMethod::AngularSpectrum, [near_m, -near_m]),
         (PropagationMethod::BandLimited, [far_m, -near_m]),
         (PropagationMethod::RayleighSommerfeld, [far_m, -far_m]),
@@ -131,6 +132,7 @@ fn gaussian_beam_matches_closed_form() {
         let setup = setup(height_px, width_px, z);
         let is_near = z.abs() < 20e-3;
         for (method, bound, is_valid) in [
+            (PropagationMethod::BandResponse, exact, true),
             (PropagationMethod::AngularSpectrum, exact, is_near),
             (PropagationMethod::BandLimited, exact, true),
             (PropagationMethod::BandExtended, exact, true),

@@ -1,17 +1,37 @@
 //! Comparisons of the planner's choices with the alternatives, and refused setups.
 
-use crate::fields::{PITCH_M, WAVELENGTH_M, relative_l2, setup, spots_over_the_band};
+use crate::fields::{PITCH_M, WAVELENGTH_M, noise, relative_l2, setup, spots_over_the_band};
 use lightpath_optics::hologram::{HologramMethod, HologramOptions, initial_phase};
 use lightpath_optics::propagation::{
     ConvolutionMethod, ImageWindow, PropagationMethod, RefusalCode, WarningCode, assess, plan, plan_onto,
 };
-use lightpath_optics::reference::{PropagatorCore, rayleigh_sommerfeld_onto};
+use lightpath_optics::reference::{PropagatorCore, first_order_onto, rayleigh_sommerfeld_onto};
 use lightpath_optics::{
     Detector, DisplayModel, Engine, Error, Grid, HologramProblem, OpticalSetup, Optimization, Plane, RegionOfInterest,
 };
 
 #[test]
-fn chosen_method_is_about_as_good_as_best_method() {
+fn chosen_method_is_the_best_for_the_first_order() {
+    for (height_px, width_px) in [(32, 32), (24, 40)] {
+        for times in [0.7, 1.0, 1.3, 3.0, 8.0] {
+            let setup = setup(height_px, width_px, times * setup(height_px, width_px, 1.0).critical_distance_y_m());
+            let field = noise(height_px, width_px, 5);
+            let expected = first_order_onto(&setup, &field, &setup.window()).unwrap();
+            let error = |method: PropagationMethod| {
+                let propagator = PropagatorCore::<f64>::regardless(&setup, method).unwrap();
+                relative_l2(&propagator.forward(&field).unwrap(), &expected)
+            };
+            let chosen = plan(&setup).unwrap().method;
+            let found = error(chosen);
+            for other in ConvolutionMethod::ALL.into_iter().map(PropagationMethod::from) {
+                assert!(other == chosen || found < 0.1 * error(other), "{height_px}×{width_px} {times} z_c: {other}");
+            }
+        }
+    }
+}
+
+#[test]
+fn chosen_method_is_accurate_for_a_sampled_field() {
     let finer = 3;
     for (height_px, width_px) in [(32, 32), (24, 40)] {
         let fine_grid = Grid::try_new(finer * height_px, finer * width_px, PITCH_M / finer as f64).unwrap();
@@ -26,14 +46,9 @@ fn chosen_method_is_about_as_good_as_best_method() {
                 let propagator = PropagatorCore::<f64>::regardless(&setup, method).unwrap();
                 relative_l2(&propagator.forward(&field).unwrap(), &expected)
             };
-            let convolutions = ConvolutionMethod::ALL.into_iter().map(PropagationMethod::from);
-            let best = convolutions.map(error).fold(f64::INFINITY, f64::min);
-            let chosen = plan(&setup).unwrap().method;
-            let found = error(chosen);
-            assert!(
-                found < 0.03 && found < 5.0 * best.max(1e-5),
-                "{height_px}×{width_px} {times} z_c: error of {chosen} {found:e}, of the best method {best:e}"
-            );
+            let found = error(plan(&setup).unwrap().method);
+            // The spots hold a little light beyond the pixels' band.
+            assert!(found < 0.015, "{height_px}×{width_px} {times} z_c: {found:e}");
         }
     }
 }
@@ -43,23 +58,10 @@ fn common_display_has_expected_choices_and_reports() {
     let grid = Grid::try_new(1080, 1920, 8e-6).unwrap();
     let at = |z: f64| OpticalSetup::try_new(grid, 515e-9, z).unwrap();
     for (z, method, kept_x, kept_y, warnings) in [
-        (0.07, PropagationMethod::AngularSpectrum, 1.0, 1.0, vec![]),
-        (-0.15, PropagationMethod::AngularSpectrum, 1.0, 1.0, vec![]),
-        (
-            0.275,
-            PropagationMethod::BandLimited,
-            1.0,
-            0.976,
-            vec![WarningCode::BandLimited, WarningCode::SharpBandLimit],
-        ),
-        (
-            0.4,
-            PropagationMethod::RayleighSommerfeld,
-            1.0,
-            0.671,
-            vec![WarningCode::BandLimited, WarningCode::ShortImpulseResponse],
-        ),
-        (0.5, PropagationMethod::RayleighSommerfeld, 0.954, 0.537, vec![WarningCode::BandLimited]),
+        (0.07, PropagationMethod::BandResponse, 1.0, 1.0, vec![]),
+        (-0.15, PropagationMethod::BandResponse, 1.0, 1.0, vec![]),
+        (0.275, PropagationMethod::BandResponse, 1.0, 0.976, vec![WarningCode::BandLimited]),
+        (0.5, PropagationMethod::BandResponse, 0.954, 0.537, vec![WarningCode::BandLimited]),
         (
             -10.0,
             PropagationMethod::RayleighSommerfeld,
@@ -90,7 +92,7 @@ fn windows_get_suitable_method() {
     let near = setup(64, 64, 0.01);
     let zoom = ImageWindow::try_new(64, 64, 2e-6).unwrap();
     assert_eq!(plan_onto(&near, &zoom).unwrap().method, PropagationMethod::Scaled);
-    assert_eq!(plan_onto(&near, &near.window()).unwrap().method, PropagationMethod::AngularSpectrum);
+    assert_eq!(plan_onto(&near, &near.window()).unwrap().method, PropagationMethod::BandResponse);
     let far = setup(64, 64, 0.5);
     assert_eq!(
         plan_onto(&far, &ImageWindow::try_new(64, 64, 50e-6).unwrap()).unwrap().method,
@@ -109,6 +111,7 @@ fn invalid_methods_are_refused_with_numbers() {
     let assessed = |distance_m: f64, method| refusal(assess(&setup(64, 96, distance_m), method).map(|_| ()));
     // The critical distance z_c is 15.9 mm along y and 23.9 mm along x.
     for (distance_m, method, code, numbers) in [
+        (10.0, PropagationMethod::BandResponse, RefusalCode::BandLost, ["10 m", "0.229"]),
         (0.02, PropagationMethod::AngularSpectrum, RefusalCode::Aliased, ["15.9 mm", "20 mm"]),
         (0.02, PropagationMethod::FresnelTransferFunction, RefusalCode::Aliased, ["15.9 mm", "20 mm"]),
         (0.1, PropagationMethod::BandLimited, RefusalCode::BandLost, ["15.9 %", "20 %"]),
@@ -176,6 +179,7 @@ fn holograms_can_be_optimized_through_every_convolution() {
     let grid = Grid::try_new(40, 36, PITCH_M).unwrap();
     let target = Plane::from_fn(40, 36, |y, x| if (y / 8 + x / 9) % 2 == 0 { 0.9 } else { 0.1 });
     for (method, distance_m) in [
+        (ConvolutionMethod::BandResponse, 5e-3),
         (ConvolutionMethod::AngularSpectrum, 5e-3),
         (ConvolutionMethod::BandLimited, 5e-3),
         (ConvolutionMethod::Shifted, 5e-3),

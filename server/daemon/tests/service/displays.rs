@@ -51,14 +51,14 @@ async fn propagation_plans_report_method_distances_and_warnings() {
     // 64×48 px of 8 µm at 515 nm: z_c = 15.9 mm and 11.9 mm.
     let near = plan(request_with(&|_| ())).await.unwrap();
     let report = near.report.unwrap();
-    assert_eq!(report.method(), v1::PropagationMethod::AngularSpectrum);
+    assert_eq!(report.method(), v1::PropagationMethod::BandResponse);
     assert!((report.critical_distance_y_m - 0.01193).abs() < 1e-5 && report.band_kept_area > 0.99, "{report:?}");
     let refused =
         near.alternatives.iter().find(|other| other.method() == v1::PropagationMethod::FresnelImpulseResponse);
     assert!(refused.is_some_and(|other| !other.possible && other.text.contains("15.9 mm")), "{refused:?}");
 
     let far = plan(request_with(&|request| request.distance_m = -0.05)).await.unwrap().report.unwrap();
-    assert_eq!(far.method(), v1::PropagationMethod::RayleighSommerfeld);
+    assert_eq!(far.method(), v1::PropagationMethod::BandResponse);
     assert_eq!(far.warnings[0].code, "BAND_LIMITED");
 
     let window = v1::ImageWindow { width_px: 32, height_px: 32, pitch_x_m: 2e-6, ..Default::default() };
@@ -69,10 +69,7 @@ async fn propagation_plans_report_method_distances_and_warnings() {
     let endless = v1::ImageWindow { centre_x_m: f64::INFINITY, ..window };
     let fresnel = v1::PropagationMethod::FresnelImpulseResponse.into();
     for (request, start) in [
-        (
-            request_with(&|request| request.distance_m = 5.0),
-            "distance_m is 5: the Rayleigh–Sommerfeld impulse response cannot",
-        ),
+        (request_with(&|request| request.distance_m = 5.0), "distance_m is 5: the band response cannot"),
         (
             request_with(&|request| request.method = fresnel),
             "method cannot be used: the Fresnel impulse response cannot be used",

@@ -151,11 +151,15 @@ async fn refusals_name_the_field_and_the_allowed_values() {
             "planes[0].distance_m is 5: the Rayleigh–Sommerfeld impulse",
         ),
         (
-            Box::new(|s| s.propagation = 1),
+            Box::new(|s| s.propagation = v1::PropagationMethod::AngularSpectrum.into()),
             Code::InvalidArgument,
             "propagation cannot be used: the angular spectrum cannot",
         ),
-        (Box::new(|s| s.propagation = 8), Code::InvalidArgument, "propagation is the scaled angular spectrum, but"),
+        (
+            Box::new(|s| s.propagation = v1::PropagationMethod::Scaled.into()),
+            Code::InvalidArgument,
+            "propagation is the scaled angular spectrum, but",
+        ),
         (Box::new(|s| s.propagation = 77), Code::InvalidArgument, "propagation is 77"),
         (Box::new(|s| s.display = "displays/none".into()), Code::NotFound, "display: displays/none does not exist"),
         (Box::new(|s| s.display = "none".into()), Code::InvalidArgument, "display is \"none\""),

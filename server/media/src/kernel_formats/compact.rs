@@ -51,7 +51,8 @@ const VERSION_VARYING: u8 = 2;
 const VARIATION_ORDER_MAX: usize = 8;
 const HEADER_BYTES: usize = 60;
 /// Numbers of the methods. The shifted angular spectrum has no number and no compact form.
-const METHODS: [(usize, ConvolutionMethod); 5] = [
+const METHODS: [(usize, ConvolutionMethod); 6] = [
+    (2, ConvolutionMethod::BandResponse),
     (0, ConvolutionMethod::BandLimited),
     (1, ConvolutionMethod::AngularSpectrum),
     (3, ConvolutionMethod::RayleighSommerfeld),
