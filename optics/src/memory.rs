@@ -52,8 +52,8 @@ pub struct EngineSize {
     pub kernels_per_side: usize,
     /// Whether the display has a source profile that is not flat.
     pub has_source: bool,
-    /// Frequencies and lags that are computed in f64 before the transfer function is sampled.
-    pub sampling_values: u64,
+    /// Memory for the sampling of transfer functions, besides them \[bytes\].
+    pub sampling_bytes: u64,
     /// Number of threads.
     pub threads: usize,
 }
@@ -65,7 +65,7 @@ impl EngineSize {
     /// Size of the engine of an ideal display.
     #[must_use]
     pub fn ideal(height_px: usize, width_px: usize, detector: Detector, threads: usize) -> Self {
-        Self { height_px, width_px, detector, kernels_per_side: 1, has_source: false, sampling_values: 0, threads }
+        Self { height_px, width_px, detector, kernels_per_side: 1, has_source: false, sampling_bytes: 0, threads }
     }
 
     /// Size of the engine of a display model.
@@ -76,7 +76,7 @@ impl EngineSize {
         Self {
             kernels_per_side: if varies { local_kernels::per_side(&model.variation) } else { 1 },
             has_source: !model.source.is_flat(),
-            sampling_values: sampling_values(&model.setup),
+            sampling_bytes: sampling_bytes(&model.setup),
             ..Self::ideal(grid.height_px(), grid.width_px(), detector, threads)
         }
     }
@@ -128,10 +128,10 @@ impl EngineSize {
         self.transfers_bytes() + if self.has_source { COMPLEX * self.pixels() } else { 0 }
     }
 
-    /// Memory for the sampling of transfer functions, besides them.
+    /// Memory of the tables of a sampled transfer function that a computation keeps besides the engine.
     #[must_use]
-    pub fn sampling_bytes(&self) -> u64 {
-        self.sampling_values * COMPLEX_F64
+    pub fn sampled_bytes(&self) -> u64 {
+        self.sampling_bytes.min(quadrant(self.height_px, self.width_px) * COMPLEX_F64)
     }
 
     /// Scratch memory of all threads, and FFT plans.
@@ -215,17 +215,22 @@ const STAGES_BESIDE: f64 = 4.0;
 /// Time of a transform of single rows in f64, relative to the engine's in f32.
 const F64_FACTOR: f64 = 4.0;
 
-/// Largest number of values in f64 that the sampling of a transfer function holds at once.
+/// Memory for the sampling of a transfer function, besides it: frequencies and lags in f64.
 #[must_use]
-pub fn sampling_values(setup: &OpticalSetup) -> u64 {
+pub fn sampling_bytes(setup: &OpticalSetup) -> u64 {
     let grid = setup.grid();
-    let quadrant = (grid.height_px() + 1) as u64 * (grid.width_px() + 1) as u64;
-    match setup.method() {
+    let values = match setup.method() {
         ConvolutionMethod::BandResponse => peak_values(setup),
-        ConvolutionMethod::RayleighSommerfeld => 2 * quadrant,
+        ConvolutionMethod::RayleighSommerfeld => 2 * quadrant(grid.height_px(), grid.width_px()),
         ConvolutionMethod::FresnelImpulseResponse => 2 * (grid.height_px() + grid.width_px()) as u64,
         _ => 0,
-    }
+    };
+    values * COMPLEX_F64
+}
+
+/// Number of lags or frequencies that determine an even transfer function.
+fn quadrant(height_px: usize, width_px: usize) -> u64 {
+    (height_px as u64 + 1) * (width_px as u64 + 1)
 }
 
 /// Size of the optimization of a hologram for one wavelength.
@@ -409,7 +414,7 @@ impl LearningSize {
         let correlation = threads * (kernels + 1) * 2 * tile
             + 2 * engine.width_px as u64 * kernels * (ChebyshevBasis::ORDER_MAX as u64 + 1) * COMPLEX_F64 * 2;
         let source = if engine.has_source { COMPLEX * n } else { 0 };
-        ideal + spectra + source + engine.sampling_bytes() + correlation.max(self.curvature_bytes())
+        ideal + spectra + source + engine.sampling_bytes + correlation.max(self.curvature_bytes())
     }
 
     /// Derivatives at the sampled pixels, their products for each row, and some matrices.
@@ -447,7 +452,7 @@ impl LearningSize {
         let engine = self.engine();
         let tile = tile_columns::<f32>(engine.height_px) as u64 * engine.height_px as u64 * COMPLEX;
         let correlation = engine.threads as u64 * 4 * tile;
-        self.state_bytes() + self.kernel_bytes() + correlation + engine.sampling_bytes()
+        self.state_bytes() + self.kernel_bytes() + correlation + engine.sampling_bytes
     }
 
     /// State of the fit, which a checkpoint stores.

@@ -167,7 +167,7 @@ pub enum RefusalCode {
     Aliased,
     /// The pixels sample the impulse response or the phase of the integral too coarsely.
     Undersampled,
-    /// The window would take more frequencies than the limit allows.
+    /// The method would take more frequencies than the limit allows.
     TooManyFrequencies,
     /// The distance is too small, or the display too large, for the far field.
     NotFar,

@@ -29,12 +29,13 @@ fn check_words<T: Serialize + DeserializeOwned + PartialEq + Debug>(values: impl
 fn enumerations_are_stored_as_words() {
     check_words(
         PropagationMethod::ALL,
-        "angular_spectrum band_limited band_extended rayleigh_sommerfeld fresnel_transfer_function \
+        "band_response angular_spectrum band_limited band_extended rayleigh_sommerfeld fresnel_transfer_function \
          fresnel_impulse_response shifted scaled scaled_fresnel fraunhofer",
     );
     check_words(
         ConvolutionMethod::ALL,
-        "angular_spectrum band_limited rayleigh_sommerfeld fresnel_transfer_function fresnel_impulse_response shifted",
+        "band_response angular_spectrum band_limited rayleigh_sommerfeld fresnel_transfer_function \
+         fresnel_impulse_response shifted",
     );
     check_words(Detector::ALL, "point pixel supersampled");
     check_words(KernelModel::ALL, "paper dense smooth display varying");
@@ -124,7 +125,7 @@ fn validity_reports_survive_round_trip() {
         assert_eq!(serde_json::from_str::<ValidityReport>(&json).unwrap(), report);
     }
     let json = to_value(plan(&OpticalSetup::try_new(grid, 515e-9, 0.005).unwrap()).unwrap()).unwrap();
-    assert_eq!(json["method"], "angular_spectrum");
+    assert_eq!(json["method"], "band_response");
     assert_eq!(json["window"]["width_px"], 96);
     assert_eq!(json["window"]["centre_y_m"], 0.0);
 }

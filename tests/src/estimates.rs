@@ -69,11 +69,13 @@ async fn memory_of_jobs_stays_below_its_estimate() {
     };
     let mut wrong = Vec::new();
     for shape in shapes {
-        for (name, estimate, measured) in measure(&shape).await {
-            let ratio = estimate / measured;
-            let small = estimate < SMALL_MIB;
+        for (name, job) in measure(&shape).await {
+            let (ratio, time_ratio) = (job.estimate_mib / job.memory_mib, job.estimate_s / job.took_s);
+            let small = job.estimate_mib < SMALL_MIB;
             let verdict = if ratio >= 1.0 && (ratio <= RATIO_MAX || small) { "" } else { " WRONG" };
-            let line = format!("| {name} | {estimate:.0} MiB | {measured:.0} MiB | {ratio:.2} |{verdict}");
+            let Measured { estimate_mib, memory_mib, estimate_s, took_s } = job;
+            let memory = format!("{estimate_mib:.0} MiB | {memory_mib:.0} MiB | {ratio:.2}");
+            let line = format!("| {name} | {memory} | {estimate_s:.1} s | {took_s:.1} s | {time_ratio:.2} |{verdict}");
             writeln!(std::io::stderr(), "{line}").unwrap();
             if !verdict.is_empty() {
                 wrong.push(line);
@@ -83,22 +85,29 @@ async fn memory_of_jobs_stays_below_its_estimate() {
     assert!(wrong.is_empty(), "estimated, measured, ratio: {wrong:#?}");
 }
 
-/// Estimated and measured memory of each job of a shape \[MiB\].
-async fn measure(shape: &Shape) -> Vec<(String, f64, f64)> {
+/// What was estimated for a job, and what it took.
+struct Measured {
+    estimate_mib: f64,
+    memory_mib: f64,
+    estimate_s: f64,
+    took_s: f64,
+}
+
+/// Each job of a shape.
+async fn measure(shape: &Shape) -> Vec<(String, Measured)> {
     let data = TempDir::new().unwrap();
     let daemon = start(data.path()).await;
     let kinds = shape.prepare(&daemon.client).await;
     daemon.kill().await;
     let mut measured = Vec::new();
     for (kind, spec) in kinds {
-        let (estimate, memory) = measure_job(data.path(), spec).await;
-        measured.push((format!("{kind}: {}", shape.name), estimate, memory));
+        measured.push((format!("{kind}: {}", shape.name), measure_job(data.path(), spec).await));
     }
     measured
 }
 
-/// Estimated and measured memory of a job \[MiB\]. The server that runs it has done nothing else before.
-async fn measure_job(data: &Path, spec: job_spec::Kind) -> (f64, f64) {
+/// Measures a job. The server that runs it has done nothing else before.
+async fn measure_job(data: &Path, spec: job_spec::Kind) -> Measured {
     let before = start(data).await;
     before.client.pause_queue(v1::PauseQueueRequest::default()).await.unwrap();
     let request = v1::SubmitJobRequest { spec: Some(lightpath::job_spec(spec)), ..Default::default() };
@@ -115,7 +124,16 @@ async fn measure_job(data: &Path, spec: job_spec::Kind) -> (f64, f64) {
     assert_eq!(ended.state(), State::Succeeded, "{ended:?}");
     let peak_kib = daemon.memory_peak_kib();
     daemon.kill().await;
-    (job.estimated_memory_bytes as f64 / 1_048_576.0, peak_kib.saturating_sub(idle_kib) as f64 / 1024.0)
+    let [started, finished] = [ended.start_time, ended.finish_time].map(|time| {
+        let time = time.unwrap();
+        time.seconds as f64 + 1e-9 * f64::from(time.nanos)
+    });
+    Measured {
+        estimate_mib: job.estimated_memory_bytes as f64 / 1_048_576.0,
+        memory_mib: peak_kib.saturating_sub(idle_kib) as f64 / 1024.0,
+        estimate_s: job.estimated_time_s,
+        took_s: finished - started,
+    }
 }
 
 async fn start(data: &Path) -> Daemon {

@@ -19,7 +19,7 @@ use lightpath_domain::planning;
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_media::{captures, kernel_file};
 use lightpath_optics::learning::KernelModel;
-use lightpath_optics::memory::{EngineSize, sampling_values};
+use lightpath_optics::memory::{EngineSize, sampling_bytes};
 use lightpath_optics::propagation::ConvolutionMethod;
 use lightpath_optics::{Detector, DisplayModel, KernelShape, RegionOfInterest};
 use lightpath_store::StoreError;
@@ -87,7 +87,7 @@ impl Api {
             let dataset = self.store.dataset(id).await?;
             let own = self.ideal_engine(&display, &key_of(&dataset), spec.detector, None)?;
             let before: EngineSize = engine.unwrap_or(own);
-            engine = Some(EngineSize { sampling_values: before.sampling_values.max(own.sampling_values), ..own });
+            engine = Some(EngineSize { sampling_bytes: before.sampling_bytes.max(own.sampling_bytes), ..own });
             pairs.push(PairsSize::of(&dataset, &display));
         }
         let Some(engine) = engine else { return Err(StoreError::NotFound { resource: "datasets".to_owned() }.into()) };
@@ -161,7 +161,7 @@ impl Api {
         // Where no method is valid, the job fails before it needs memory.
         let planned = planning::setup(display, key.wavelength, key.distance)
             .and_then(|setup| planning::planned(setup, propagation));
-        Ok(EngineSize { sampling_values: planned.map_or(0, |(setup, _)| sampling_values(&setup)), ..ideal })
+        Ok(EngineSize { sampling_bytes: planned.map_or(0, |(setup, _)| sampling_bytes(&setup)), ..ideal })
     }
 
     /// Size of a kernel version; `None`: of the ideal kernel.

@@ -115,7 +115,7 @@ impl Api {
         format: KernelFormat,
     ) -> Result<(Converted, ArtifactReader), ApiError> {
         let (display, _) = self.store.display(&version.key.display).await?;
-        let need_bytes = model_file::exporting_bytes(version.content.size_bytes, &display);
+        let need_bytes = model_file::exporting_bytes(version.content.size_bytes, &display, &version.key);
         let (artifacts, artifact) = (self.artifacts.clone(), version.content.artifact.clone());
         let export = move || -> Result<_, ArtifactError> {
             let file = artifacts.read_blocking(&artifact)?;

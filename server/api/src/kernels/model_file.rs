@@ -5,10 +5,12 @@ use crate::call::Call;
 use crate::error::ApiError;
 use lightpath_artifacts::ArtifactError;
 use lightpath_domain::display::Display;
-use lightpath_domain::kernel::KernelVersion;
+use lightpath_domain::kernel::{KernelKey, KernelVersion};
+use lightpath_domain::planning;
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_media::kernel_file;
-use lightpath_optics::DisplayModel;
+use lightpath_optics::memory::sampling_bytes;
+use lightpath_optics::{ConvolutionMethod, DisplayModel};
 
 /// Bytes of a transfer function for each pixel of its display: a complex64 for each of four frequencies.
 const TRANSFER_BYTES_PER_PX: u64 = 32;
@@ -16,11 +18,15 @@ const TRANSFER_BYTES_PER_PX: u64 = 32;
 const OTHER_BYTES: u64 = 16 << 20;
 
 /// Memory for converting a kernel file of `file_bytes` to any format \[bytes\]: the file and its model, the transfer
-/// function at all frequencies, its numbers, the other file, and the model read back from it. A dense kernel of 1080p was
-/// measured to need 128 bytes a pixel besides its file.
-pub(super) fn exporting_bytes(file_bytes: u64, display: &Display) -> u64 {
+/// function at all frequencies, its numbers, the other file, the model read back from it, and the sampling of free space. A
+/// dense kernel of 1080p was measured to need 128 bytes a pixel besides its file.
+pub(super) fn exporting_bytes(file_bytes: u64, display: &Display, key: &KernelKey) -> u64 {
     let px = u64::from(display.height_px) * u64::from(display.width_px);
-    file_bytes + 4 * TRANSFER_BYTES_PER_PX * px + OTHER_BYTES
+    // The file names the method. This one needs most.
+    let setup = planning::setup(display, key.wavelength, key.distance);
+    let sampling =
+        setup.map_or(0, |setup| sampling_bytes(&setup.with_method_regardless(ConvolutionMethod::BandResponse)));
+    file_bytes + 4 * TRANSFER_BYTES_PER_PX * px + sampling + OTHER_BYTES
 }
 
 /// Memory for reading kernel files of `file_bytes` and writing a native one \[bytes\]: the files, their numbers (those of

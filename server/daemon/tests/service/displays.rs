@@ -69,7 +69,10 @@ async fn propagation_plans_report_method_distances_and_warnings() {
     let endless = v1::ImageWindow { centre_x_m: f64::INFINITY, ..window };
     let fresnel = v1::PropagationMethod::FresnelImpulseResponse.into();
     for (request, start) in [
-        (request_with(&|request| request.distance_m = 5.0), "distance_m is 5: the band response cannot"),
+        (
+            request_with(&|request| request.distance_m = 5.0),
+            "distance_m is 5: the Rayleigh–Sommerfeld impulse response cannot",
+        ),
         (
             request_with(&|request| request.method = fresnel),
             "method cannot be used: the Fresnel impulse response cannot be used",

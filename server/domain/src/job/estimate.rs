@@ -88,7 +88,7 @@ impl KernelSize {
     /// Memory for reading the kernel and sampling its transfer functions, besides them: the file, its numbers, and their
     /// copy.
     fn reading_bytes(&self) -> u64 {
-        3 * self.numbers_bytes() + self.engine.sampling_bytes()
+        3 * self.numbers_bytes() + self.engine.sampling_bytes
     }
 
     /// Numbers of a kernel with a value for each frequency.
@@ -263,7 +263,7 @@ pub fn learn_kernel(spec: &super::LearnKernel, inputs: &LearningInputs) -> Need 
     let transfers = if spec.model.is_smooth() { learned.transfers_bytes() } else { 0 };
     let cached = (datasets as u64 * (transfers + inputs.engine.transfers_bytes())).min(inputs.cache_bytes_max);
     let engine = learned.engine_bytes() + learned.scratch_bytes();
-    let measured = kernels + cached.max(engine) + learned.sampling_bytes() + own + compared.max(reading);
+    let measured = kernels + cached.max(engine) + learned.sampling_bytes + own + compared.max(reading);
     let captured = inputs.bench.map_or(0, |_| {
         let hologram = HologramSize::new(learned, HologramMethod::Lbfgs, CAPTURED_ITERATIONS);
         let running = hologram.problem_bytes() + hologram.state_bytes() + hologram.scratch_bytes() + REAL * n;
@@ -355,7 +355,7 @@ pub fn prepare_dataset(step: &PrepareStep, inputs: &PreparingInputs) -> Need {
     // Phase, photograph, and its copy on the display's grid; then the reconstruction.
     let reading = pairs.decoding_bytes + 3 * REAL * n;
     let compared = engine.light_bytes().max(TILES_BYTES) + 4 * REAL * n;
-    let checked = reconstructor + engine.sampling_bytes().max(reading).max(compared);
+    let checked = reconstructor + engine.sampling_bytes.max(reading).max(compared);
     let pair = REAL * (n + pairs.photo_px);
     let together = (ALIGNMENT_BYTES_MAX as u64 / pair).clamp(1, ALIGNMENT_PAIRS_MAX as u64).min(pairs.all as u64);
     let next = reading.max(engine.light_bytes() + REAL * n).max(TILES_BYTES + REAL * n);
@@ -397,7 +397,7 @@ pub fn report_kernel(inputs: &ReportInputs) -> Need {
     // The version's own numbers stay, those of one other version come and go.
     let numbers = kernel.numbers_bytes();
     let others = numbers + 3 * inputs.other_file_bytes;
-    let drawn = numbers + inputs.other_file_bytes + 2 * engine.sampling_bytes() + DRAWING_BYTES;
+    let drawn = numbers + inputs.other_file_bytes + engine.sampled_bytes() + engine.sampling_bytes + DRAWING_BYTES;
     let compared = inputs.pairs.map_or(0, |pairs| {
         let size = LearningSize {
             engine: EngineSize { kernels_per_side: 1, has_source: false, ..engine },
