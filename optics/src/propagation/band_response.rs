@@ -59,11 +59,11 @@ pub(super) fn bins(setup: &OpticalSetup) -> Option<[usize; 2]> {
 pub(crate) fn peak_values(setup: &OpticalSetup) -> u64 {
     let (rows, columns) = (setup.grid().height_px() as u64 + 1, setup.grid().width_px() as u64 + 1);
     let along_y = bins(setup).map_or(0, |[bins_x, _]| (bins_x as u64 / 2 + 2) * rows);
-    // The transform along y with h, and later h with its transforms along x and along y.
-    (along_y + rows * columns).max(3 * rows * columns)
+    // The transform along y with h; later h with its transform along x, and that with the transfer function.
+    (along_y + rows * columns).max(2 * rows * columns)
 }
 
-/// h at the lags 0 … height and 0 … width: for each lag along y, all lags along x. Empty if [`bins`] is `None`.
+/// h at the lags 0 … height and 0 … width: for each lag along y, all lags along x. 0 if [`bins`] is `None`.
 pub(super) fn band_response(setup: &OpticalSetup) -> Vec<Complex64> {
     let (height_px, width_px) = (setup.grid().height_px(), setup.grid().width_px());
     let Some([bins_x, bins_y]) = bins(setup) else { return vec![Complex64::ZERO; (height_px + 1) * (width_px + 1)] };

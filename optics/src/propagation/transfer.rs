@@ -124,7 +124,8 @@ impl SampledTransfer {
             }
             ConvolutionMethod::BandResponse => {
                 let (response, row) = (band_response(&setup), grid.width_px() + 1);
-                let h = |y: usize, x: usize| response[y * row + x];
+                // Moved, so that the lags are dropped when they are transformed.
+                let h = move |y: usize, x: usize| response[y * row + x];
                 Tables::Even(EvenSpectrum::new(grid.height_px(), grid.width_px(), h))
             }
             ConvolutionMethod::RayleighSommerfeld => {
