@@ -157,7 +157,7 @@ fn check_whole_band(setup: &OpticalSetup, method: PropagationMethod) -> Result<(
         if z > critical_m {
             let reason = format!(
                 "the padded frame samples the whole band along {axis} up to {}, but at {} light that leaves on one \
-                 side would come back on the other; use the band-limited angular spectrum or an impulse response",
+                 side would come back on the other; use the band response",
                 length(critical_m),
                 length(z)
             );
@@ -173,7 +173,7 @@ fn check_bins(setup: &OpticalSetup, method: PropagationMethod) -> Result<()> {
     }
     let spread = spread_m(setup.grid().pixel_pitch_m(), setup.wavelength_m(), setup.distance_m());
     let reason = format!(
-        "at {} the light of a pixel spreads by {} to each side, which takes too many frequencies; use the impulse response",
+        "at {} the light of a pixel spreads by {} to each side, which takes too many frequencies; leave the choice to the planner",
         length(setup.distance_m().abs()),
         length(spread)
     );
@@ -186,7 +186,7 @@ fn check_sharp_band(setup: &OpticalSetup, method: PropagationMethod, window: &Im
         if kept < SHARP_BAND_MIN {
             let reason = format!(
                 "at {} the band limit keeps {} of the band along {axis}, but with less than {} its ringing is as \
-                 bright as the image; use an impulse response or a scaled window",
+                 bright as the image; use the band response or a scaled window",
                 length(setup.distance_m().abs()),
                 percent(kept),
                 percent(SHARP_BAND_MIN)
@@ -203,8 +203,8 @@ fn check_impulse_response(setup: &OpticalSetup, method: PropagationMethod, reach
         if z < reach_min * critical_m {
             let reason = format!(
                 "at {} the phase of the impulse response changes by {} of a cycle from pixel to pixel at the frame's \
-                 end along {axis}, but pixels can sample at most half a cycle; use it from {} on, and an angular \
-                 spectrum below",
+                 end along {axis}, but pixels can sample at most half a cycle; use it from {} on, and the band \
+                 response below",
                 length(z),
                 digits(0.5 * critical_m / z),
                 length(reach_min * critical_m)

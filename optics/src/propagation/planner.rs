@@ -5,7 +5,9 @@
 //! | distance | method | because |
 //! |---|---|---|
 //! | any, if the light of a pixel spreads over some ten thousand pixels at most | band response | it is exact for the first order of the pixels |
-//! | larger | Rayleigh–Sommerfeld impulse response | it takes no frequencies, and its samples hold the whole frame |
+//! | otherwise, z ≤ z_c along x and y | angular spectrum | its samples hold the whole band |
+//! | otherwise, z ≥ 0.8·√(z_c,x · z_c,y) | Rayleigh–Sommerfeld impulse response | its samples hold the whole frame |
+//! | otherwise | band-limited angular spectrum | along the shorter side it lacks only a little of the band |
 //!
 //! Rules for other windows: an engine uses the shifted angular spectrum. A propagator uses the scaled Fresnel integral
 //! where all pixels reach all of the window and its phase error is below 1e-3 rad, and the scaled angular spectrum
@@ -34,6 +36,9 @@ use super::report::{ValidityReport, neglected_phase_rad};
 use super::{ConvolutionMethod, ImageWindow, PropagationMethod, limits};
 use crate::{OpticalSetup, Result};
 
+/// Smallest distance at which the impulse response is better than the band limit, as a part of the geometric mean of
+/// the two critical distances.
+const IMPULSE_RESPONSE_FROM: f64 = 0.8;
 /// Phase error \[rad\] below which a paraxial method counts as exact.
 const PARAXIAL_PHASE_RAD_MAX: f64 = 1e-3;
 
@@ -75,11 +80,18 @@ pub(crate) fn plan_convolution(setup: &OpticalSetup) -> Result<(ConvolutionMetho
         let explanation =
             format!("at {at}, as at every distance, this method is exact for the first order of the pixels");
         (ConvolutionMethod::BandResponse, explanation)
-    } else {
+    } else if z <= x_m.min(y_m) {
+        (
+            ConvolutionMethod::AngularSpectrum,
+            format!("{at} is within {critical}, where its samples hold the whole band"),
+        )
+    } else if z >= IMPULSE_RESPONSE_FROM * (x_m * y_m).sqrt() {
         (
             ConvolutionMethod::RayleighSommerfeld,
-            format!("{at} is far beyond {critical}, where the samples of this method are exact"),
+            format!("{at} is not far below {critical}, or beyond, where its samples hold the whole frame"),
         )
+    } else {
+        (ConvolutionMethod::BandLimited, format!("{at} is just beyond one of {critical}"))
     };
     limits::check_picture(setup, method.into(), &window)?;
     Ok((method, report(setup, method.into(), &window, explanation)?))

@@ -172,8 +172,8 @@ impl ValidityReport {
             );
             if matches!(self.method, PropagationMethod::BandLimited | PropagationMethod::Shifted) {
                 let text =
-                    "the sharp band limit causes ringing at the sides of the image; the Rayleigh–Sommerfeld impulse \
-                     response or a scaled window avoids it"
+                    "the sharp band limit causes ringing at the sides of the image; the band response or a scaled window \
+                     avoids it"
                         .to_owned();
                 warn(WarningCode::SharpBandLimit, text);
             }

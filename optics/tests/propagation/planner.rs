@@ -78,6 +78,16 @@ fn common_display_has_expected_choices_and_reports() {
         assert_eq!(codes, warnings, "{z} m: {report}");
         assert_eq!(PropagationMethod::from(at(z).planned().unwrap().0.method()), method);
     }
+    // Where the band response would take too many frequencies, the other methods take its place.
+    let large = Grid::try_new(8192, 8192, 8e-6).unwrap();
+    for (z, method) in [
+        (0.5, PropagationMethod::BandResponse),
+        (0.9, PropagationMethod::AngularSpectrum),
+        (1.9, PropagationMethod::AngularSpectrum),
+        (2.5, PropagationMethod::RayleighSommerfeld),
+    ] {
+        assert_eq!(plan(&OpticalSetup::try_new(large, 515e-9, z).unwrap()).unwrap().method, method, "{z} m");
+    }
     let report = plan(&at(0.15)).unwrap();
     assert!((report.critical_distance_y_m - 0.268).abs() < 1e-3 && (report.critical_distance_x_m - 0.477).abs() < 1e-3);
     assert!((report.diffraction_angle_rad.to_degrees() - 1.8447).abs() < 1e-3);

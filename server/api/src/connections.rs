@@ -11,7 +11,7 @@ use hyper_util::server::graceful::GracefulShutdown;
 use hyper_util::service::TowerToHyperService;
 use std::collections::HashMap;
 use std::net::{IpAddr, SocketAddr};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::Semaphore;
@@ -57,7 +57,7 @@ const LAST_ANSWER: Duration = Duration::from_secs(1);
 pub(crate) struct Peer {
     address: SocketAddr,
     /// The connection, counted for the first holder of a token who used it.
-    counted: Arc<OnceLock<OpenStream>>,
+    counted: Arc<Mutex<Option<OpenStream>>>,
     /// Cancelled to close the connection.
     close: CancellationToken,
 }
@@ -78,12 +78,10 @@ impl Peer {
     ///
     /// [`ApiError::Exhausted`] if the client has too many connections. This one is closed after the answer.
     pub(crate) fn count(&self, streams: &Streams, client: &Client) -> Result<(), ApiError> {
-        if matches!(client, Client::Address(_)) || self.counted.get().is_some() {
-            return Ok(());
+        let mut counted = self.counted.lock().unwrap_or_else(PoisonError::into_inner);
+        if matches!(client, Client::Token(_)) && counted.is_none() {
+            *counted = Some(streams.open(StreamKind::Connection, client).inspect_err(|_| self.close.cancel())?);
         }
-        let counted = streams.open(StreamKind::Connection, client).inspect_err(|_| self.close.cancel())?;
-        // Of two first calls at once, one counts the connection.
-        drop(self.counted.set(counted));
         Ok(())
     }
 }
