@@ -14,11 +14,16 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 use std::process::{Command, ExitStatus, Stdio};
+use std::sync::Arc;
 use tempfile::TempDir;
+use tokio::sync::Semaphore;
+use tokio::task::JoinSet;
 use workload::{Server, WorkFolder, kernel, result_of, work};
 
 /// Environment variable with the folder of the workload. Only the process that runs the workload has it.
 const WORK_FOLDER: &str = "LIGHTPATH_FAIL_PLACE";
+/// Number of workloads that run at a time.
+const RUNS_AT_ONCE: usize = 4;
 /// Names of all points. A new point must be added here.
 const POINTS: [&str; 12] = [
     "audit.flush",
@@ -92,7 +97,7 @@ async fn failure_at_any_point_loses_nothing_acknowledged() {
 }
 
 /// Runs the workload once for each chosen passage, with a failure of kind `kind` (`die` or `fail`) there.
-async fn fail_at_all_points(kind: &str) {
+async fn fail_at_all_points(kind: &'static str) {
     if let Some(folder) = std::env::var_os(WORK_FOLDER) {
         // This is the process that [`run`] started.
         lightpath_fail_points::arm_by_environment().unwrap();
@@ -107,21 +112,36 @@ async fn fail_at_all_points(kind: &str) {
         POINTS.iter().collect::<Vec<_>>(),
         "the workload passes every point"
     );
-    let mut failures = BTreeMap::<&str, u32>::new();
-    for (name, count) in &passages {
-        for passage in chosen_passages(*count) {
-            let (_folder, work_folder) = work_folder();
-            let point = format!("{name}:{passage}:{kind}");
-            let status = run(&work_folder.0, Some(&point));
-            assert!(status.success() || kind == "die", "{point}: {status}");
-            assert_nothing_lost(&work_folder, &point).await;
-            // The number of passages differs a little between runs, because of heartbeats and progress reports. So the last
-            // passages may not be reached.
-            *failures.entry(name).or_default() += u32::from(kind == "fail" || !status.success());
+    // The runs mostly wait for the disk.
+    let (turns, mut runs) = (Arc::new(Semaphore::new(RUNS_AT_ONCE)), JoinSet::new());
+    for (name, count) in passages {
+        for passage in chosen_passages(count) {
+            let (name, turns) = (name.clone(), Arc::clone(&turns));
+            runs.spawn(async move {
+                let _turn = turns.acquire_owned().await.unwrap();
+                let has_failed = fail_at(&format!("{name}:{passage}:{kind}"), kind).await;
+                (name, has_failed)
+            });
         }
     }
-    assert!(POINTS.iter().all(|name| failures[name] > 0), "{failures:?}");
+    let mut failures = BTreeMap::<String, u32>::new();
+    while let Some(ended) = runs.join_next().await {
+        let (name, has_failed) = ended.unwrap();
+        *failures.entry(name).or_default() += u32::from(has_failed);
+    }
+    assert!(POINTS.iter().all(|name| failures[*name] > 0), "{failures:?}");
     eprintln!("{kind}: nothing acknowledged was lost; failures at each point: {failures:?}");
+}
+
+/// Runs the workload with a failure at a point, and checks what is left. Returns whether the point was reached: the number of
+/// passages differs a little between runs, because of heartbeats and progress reports, so the last may not be reached.
+async fn fail_at(point: &str, kind: &str) -> bool {
+    let (_folder, work_folder) = work_folder();
+    let (folder, armed) = (work_folder.0.clone(), point.to_owned());
+    let status = tokio::task::spawn_blocking(move || run(&folder, Some(&armed))).await.unwrap();
+    assert!(status.success() || kind == "die", "{point}: {status}");
+    assert_nothing_lost(&work_folder, point).await;
+    kind == "fail" || !status.success()
 }
 
 /// Asserts that the folder is sound, that everything acknowledged is stored, and that waiting jobs can continue.
