@@ -11,7 +11,7 @@
 
 use crate::smooth_field::{SmoothField, expect_finite, out_of_range};
 use crate::spatial_variation::local_kernels;
-use crate::{OpticalSetup, Plane, Result, SpatialVariation};
+use crate::{ConvolutionMethod, Error, OpticalSetup, Plane, Result, SpatialVariation};
 use num_complex::{Complex32, Complex64};
 
 /// Model of a display: the response of the SLM, the propagation of light from the SLM to the image, and the camera's
@@ -71,7 +71,7 @@ impl DisplayModel {
     ///
     /// # Errors
     ///
-    /// [`Error`](crate::Error) for parameters that are not finite, numbers of coefficients that do not match their
+    /// [`Error`] for parameters that are not finite, numbers of coefficients that do not match their
     /// order, too many harmonics, a variation over the SLM of a kernel that is not smooth, or a kernel of bins that
     /// does not fit the padded spectrum.
     pub fn validate(&self) -> Result<()> {
@@ -103,6 +103,11 @@ impl DisplayModel {
             if side == 0 || side > padded || side % 2 == 1 {
                 return Err(out_of_range(name, side as f64, "even and at most twice the side of the display"));
             }
+        }
+        if self.setup.method() == ConvolutionMethod::AllOrders {
+            let reason =
+                "a display with all orders has a transfer function for each sub-sample, not a single one of bins";
+            return Err(Error::Incompatible { name: "kernel", reason });
         }
         bins.map(|h| h.re + h.im).expect_finite("kernel")
     }

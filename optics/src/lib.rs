@@ -64,6 +64,7 @@
 //! | task | see |
 //! |---|---|
 //! | describe the optical setup | [`OpticalSetup`], [`Grid`], [`RegionOfInterest`], [`Plane`] |
+//! | say which diffraction orders the display shows | [`Orders`], [`OpticalSetup::with_orders`] |
 //! | propagate a field | [`propagate()`], [`Propagator`]; [`plan`] and [`propagation`]: the range of each method |
 //! | find a hologram | [`optimize()`], [`Optimization`], [`hologram`]; [`optimizer`]: general optimization methods |
 //! | choose how light is detected | [`Detector`], [`photometry`] |
@@ -98,6 +99,7 @@ mod least_squares;
 pub mod memory;
 pub mod metrics;
 pub mod optimizer;
+mod orders;
 #[doc(hidden)]
 pub mod passes;
 pub mod phase_response;
@@ -126,6 +128,7 @@ pub use error::{Error, Result};
 pub use grid::Grid;
 pub use hologram::{Evaluation, Hologram, HologramMethod, HologramProblem, InitialPhase, Optimization, optimize};
 pub use learning::KernelModel;
+pub use orders::Orders;
 pub use plane::Plane;
 pub use propagation::{ConvolutionMethod, PropagationMethod, ValidityReport, plan, plan_onto};
 pub use propagator::{Propagated, Propagator, propagate};

@@ -17,11 +17,11 @@
 
 use crate::chebyshev::ChebyshevBasis;
 use crate::convolution::{padded_columns, rows::ROWS, tile_columns};
-use crate::hologram::{HologramMethod, SAMPLES_BYTES_MAX};
+use crate::hologram::{HologramMethod, OTHER_ORDERS_PIXELS_MAX, SAMPLES_BYTES_MAX};
 use crate::learning::KernelModel;
 use crate::learning::sizes::{CURVATURE_PX, HARMONICS, SOURCE_ORDER, VARIATION_ORDER};
 use crate::optimizer::limited_memory::HISTORY;
-use crate::propagation::passes::peak_values;
+use crate::propagation::passes::{frequencies, peak_values};
 use crate::spatial_variation::{SpatialVariation, local_kernels};
 use crate::{ConvolutionMethod, Detector, DisplayModel, OpticalSetup};
 
@@ -52,8 +52,12 @@ pub struct EngineSize {
     pub kernels_per_side: usize,
     /// Whether the display has a source profile that is not flat.
     pub has_source: bool,
+    /// Whether the display shows all orders of its pixels, so that each sub-sample has a transfer function.
+    pub all_orders: bool,
     /// Memory for the sampling of transfer functions, besides them \[bytes\].
     pub sampling_bytes: u64,
+    /// Work of sampling the transfer functions, in values times radix-2 stages.
+    pub sampling_work: u64,
     /// Number of threads.
     pub threads: usize,
 }
@@ -65,7 +69,17 @@ impl EngineSize {
     /// Size of the engine of an ideal display.
     #[must_use]
     pub fn ideal(height_px: usize, width_px: usize, detector: Detector, threads: usize) -> Self {
-        Self { height_px, width_px, detector, kernels_per_side: 1, has_source: false, sampling_bytes: 0, threads }
+        Self {
+            height_px,
+            width_px,
+            detector,
+            kernels_per_side: 1,
+            has_source: false,
+            all_orders: false,
+            sampling_bytes: 0,
+            sampling_work: 0,
+            threads,
+        }
     }
 
     /// Size of the engine of a display model.
@@ -76,7 +90,9 @@ impl EngineSize {
         Self {
             kernels_per_side: if varies { local_kernels::per_side(&model.variation) } else { 1 },
             has_source: !model.source.is_flat(),
+            all_orders: model.setup.method() == ConvolutionMethod::AllOrders,
             sampling_bytes: sampling_bytes(&model.setup),
+            sampling_work: sampling_work(&model.setup),
             ..Self::ideal(grid.height_px(), grid.width_px(), detector, threads)
         }
     }
@@ -97,9 +113,14 @@ impl EngineSize {
         (self.kernels_per_side * self.kernels_per_side) as u64
     }
 
-    /// Number of offsets along each axis.
-    fn lanes(&self) -> u64 {
+    /// Number of offsets of the sub-samples along each axis.
+    fn offsets(&self) -> u64 {
         self.detector.offsets_px().len() as u64
+    }
+
+    /// Number of half-transformed fields in the image.
+    fn lanes(&self) -> u64 {
+        self.offsets().pow(if self.all_orders { 2 } else { 1 })
     }
 
     fn row_len(&self) -> u64 {
@@ -125,7 +146,8 @@ impl EngineSize {
     /// Transfer functions and tables of the SLM, which an engine keeps.
     #[must_use]
     pub fn engine_bytes(&self) -> u64 {
-        self.transfers_bytes() + if self.has_source { COMPLEX * self.pixels() } else { 0 }
+        let to_samples = if self.all_orders { self.lanes() * self.transfer_bytes() } else { 0 };
+        self.transfers_bytes() + to_samples + if self.has_source { COMPLEX * self.pixels() } else { 0 }
     }
 
     /// Memory of the tables of a sampled transfer function that a computation keeps besides the engine.
@@ -137,7 +159,7 @@ impl EngineSize {
     /// Scratch memory of all threads, and FFT plans.
     #[must_use]
     pub fn scratch_bytes(&self) -> u64 {
-        let (w, h, samples) = (self.width_px as u64, self.height_px as u64, self.lanes() * self.lanes());
+        let (w, h, samples) = (self.width_px as u64, self.height_px as u64, self.offsets().pow(2));
         let columns = tile_columns::<f32>(self.height_px) as u64;
         let rows = (4 + samples) * w * COMPLEX + ROWS as u64 * self.row_len() * COMPLEX + (1 + samples) * w * REAL;
         let tile = 5 * columns * h * COMPLEX;
@@ -172,12 +194,34 @@ impl EngineSize {
         scratch + sum_and_points + propagated.max(measured)
     }
 
+    /// Memory for measuring what a hologram would show on a display that shows the other diffraction orders, besides the
+    /// engine: sampling, an engine with one sub-sample, its fields, and light. 0 where it is not measured.
+    #[must_use]
+    pub fn other_orders_bytes(&self) -> u64 {
+        if self.pixels() > OTHER_ORDERS_PIXELS_MAX as u64 {
+            return 0;
+        }
+        let other = Self { detector: Detector::Point, all_orders: !self.all_orders, ..*self };
+        let sampled = 4 * self.pixels() * COMPLEX;
+        other.engine_bytes() + sampled + other.light_bytes() + other.scratch_bytes() + 3 * self.pixels() * REAL
+    }
+
+    /// Work of [`Self::other_orders_bytes`] for this number of frames: four sub-samples, and their transfer functions.
+    #[must_use]
+    pub fn other_orders_work(&self, frames: usize) -> f64 {
+        if self.pixels() > OTHER_ORDERS_PIXELS_MAX as u64 {
+            return 0.0;
+        }
+        let point = Self { detector: Detector::Point, ..*self };
+        4.0 * frames as f64 * point.light_work() + (4 * self.pixels() * RESPONSE_STAGES) as f64
+    }
+
     /// Work of one propagation to the image and its detection, in values times radix-2 stages.
     #[must_use]
     pub fn light_work(&self) -> f64 {
         let (w, h) = (self.width_px as f64, self.height_px as f64);
         let (lanes, sides) = (self.lanes() as f64, self.kernels_per_side as f64);
-        let along_x = (sides + lanes * lanes) * (w.log2() + STAGES_BESIDE);
+        let along_x = (sides + self.detector.samples() as f64) * (w.log2() + STAGES_BESIDE);
         let along_y = (sides * sides + lanes) * (h.log2() + STAGES_BESIDE);
         2.0 * w * h * (along_x + along_y)
     }
@@ -210,6 +254,10 @@ impl EngineSize {
     }
 }
 
+/// Time of sampling the response of a pixel at one lag and of the transforms of four sub-samples, in radix-2 stages of a value.
+const RESPONSE_STAGES: u64 = 1000;
+/// Time of sampling one frequency of the band response and of its transforms, in radix-2 stages of a value.
+const BAND_STAGES: u64 = 220;
 /// Work of a pass over the values besides their transform, in radix-2 stages.
 const STAGES_BESIDE: f64 = 4.0;
 /// Time of a transform of single rows in f64, relative to the engine's in f32.
@@ -221,11 +269,24 @@ pub fn sampling_bytes(setup: &OpticalSetup) -> u64 {
     let grid = setup.grid();
     let values = match setup.method() {
         ConvolutionMethod::BandResponse => peak_values(setup),
+        // In single precision.
+        ConvolutionMethod::AllOrders => 2 * grid.height_px() as u64 * grid.width_px() as u64,
         ConvolutionMethod::RayleighSommerfeld => 2 * quadrant(grid.height_px(), grid.width_px()),
         ConvolutionMethod::FresnelImpulseResponse => 2 * (grid.height_px() + grid.width_px()) as u64,
         _ => 0,
     };
     values * COMPLEX_F64
+}
+
+/// Work of sampling a transfer function, in values times radix-2 stages.
+#[must_use]
+pub fn sampling_work(setup: &OpticalSetup) -> u64 {
+    let grid = setup.grid();
+    match setup.method() {
+        ConvolutionMethod::BandResponse => frequencies(setup) * BAND_STAGES,
+        ConvolutionMethod::AllOrders => 4 * grid.height_px() as u64 * grid.width_px() as u64 * RESPONSE_STAGES,
+        _ => 2 * quadrant(grid.height_px(), grid.width_px()) * BAND_STAGES,
+    }
 }
 
 /// Number of lags or frequencies that determine an even transfer function.

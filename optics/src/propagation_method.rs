@@ -10,6 +10,9 @@ pub enum PropagationMethod {
     /// Convolution with the impulse response of the pixels' band: the angular spectrum of a display that shows the first
     /// order of its pixels. No light wraps around, at any distance.
     BandResponse,
+    /// Convolution with the response of square pixels: all diffraction orders of a display without a filter. No light wraps
+    /// around, at any distance.
+    AllOrders,
     /// The angular spectrum with its whole band, evanescent waves included.
     AngularSpectrum,
     /// The angular spectrum without the frequencies whose light would land beyond the padded frame. It is valid at
@@ -38,8 +41,9 @@ pub enum PropagationMethod {
 
 impl PropagationMethod {
     /// All methods, the simplest first.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::BandResponse,
+        Self::AllOrders,
         Self::AngularSpectrum,
         Self::BandLimited,
         Self::BandExtended,
@@ -57,6 +61,7 @@ impl PropagationMethod {
     pub fn name(self) -> &'static str {
         match self {
             Self::BandResponse => "band response",
+            Self::AllOrders => "response of square pixels",
             Self::AngularSpectrum => "angular spectrum",
             Self::BandLimited => "band-limited angular spectrum",
             Self::Shifted => "shifted angular spectrum",
@@ -79,6 +84,7 @@ impl PropagationMethod {
                 true
             }
             Self::BandResponse
+            | Self::AllOrders
             | Self::AngularSpectrum
             | Self::BandLimited
             | Self::Shifted
@@ -102,6 +108,8 @@ impl fmt::Display for PropagationMethod {
 pub enum ConvolutionMethod {
     /// Band response, see [`PropagationMethod::BandResponse`].
     BandResponse,
+    /// Response of square pixels, see [`PropagationMethod::AllOrders`].
+    AllOrders,
     /// Angular spectrum with its full band, see [`PropagationMethod::AngularSpectrum`].
     AngularSpectrum,
     /// Band-limited angular spectrum, see [`PropagationMethod::BandLimited`].
@@ -119,8 +127,9 @@ pub enum ConvolutionMethod {
 
 impl ConvolutionMethod {
     /// Every convolution method, simple ones first.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::BandResponse,
+        Self::AllOrders,
         Self::AngularSpectrum,
         Self::BandLimited,
         Self::RayleighSommerfeld,
@@ -134,6 +143,7 @@ impl From<ConvolutionMethod> for PropagationMethod {
     fn from(method: ConvolutionMethod) -> Self {
         match method {
             ConvolutionMethod::BandResponse => Self::BandResponse,
+            ConvolutionMethod::AllOrders => Self::AllOrders,
             ConvolutionMethod::AngularSpectrum => Self::AngularSpectrum,
             ConvolutionMethod::BandLimited => Self::BandLimited,
             ConvolutionMethod::Shifted => Self::Shifted,
@@ -167,6 +177,10 @@ pub enum RefusalCode {
     Aliased,
     /// The pixels sample the impulse response or the phase of the integral too coarsely.
     Undersampled,
+    /// The method computes other diffraction orders than the display shows.
+    OtherOrders,
+    /// The image is nearer than the size of a pixel allows.
+    TooNear,
     /// The method would take more frequencies than the limit allows.
     TooManyFrequencies,
     /// The distance is too small, or the display too large, for the far field.

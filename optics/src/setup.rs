@@ -1,6 +1,7 @@
 //! Optical setup of a propagation: grid, wavelength, distance, and the method that computes the propagation.
 
 use crate::image_window::ImageWindow;
+use crate::orders::Orders;
 use crate::propagation_method::ConvolutionMethod;
 use crate::{Error, Grid, Result};
 
@@ -14,6 +15,7 @@ pub struct OpticalSetup {
     method: ConvolutionMethod,
     centre_x_m: f64,
     centre_y_m: f64,
+    orders: Orders,
 }
 
 impl OpticalSetup {
@@ -47,7 +49,24 @@ impl OpticalSetup {
             method: ConvolutionMethod::BandLimited,
             centre_x_m: 0.0,
             centre_y_m: 0.0,
+            orders: Orders::First,
         })
+    }
+
+    /// Returns this setup for a display that shows these diffraction orders of its pixels. For [all orders](Orders::All) the
+    /// method becomes [`ConvolutionMethod::AllOrders`].
+    ///
+    /// # Errors
+    ///
+    /// [`Error::OutOfRange`] for a fill factor that is not between [`Orders::FILL_FACTOR_MIN`] and 1.
+    pub fn with_orders(self, orders: Orders) -> Result<Self> {
+        orders.validate()?;
+        let method = match (orders, self.method) {
+            (Orders::All { .. }, _) => ConvolutionMethod::AllOrders,
+            (Orders::First, ConvolutionMethod::AllOrders) => ConvolutionMethod::BandLimited,
+            (Orders::First, method) => method,
+        };
+        Ok(Self { orders, ..self.with_method_regardless(method) })
     }
 
     /// Returns this setup with another method, without checking that the method is accurate. Use it to measure the
@@ -93,6 +112,21 @@ impl OpticalSetup {
     #[must_use]
     pub fn method(&self) -> ConvolutionMethod {
         self.method
+    }
+
+    /// Diffraction orders of the pixels that reach the image.
+    #[must_use]
+    pub fn orders(&self) -> Orders {
+        self.orders
+    }
+
+    /// Sides of a pixel's bright area along x and y, in pixel pitches; 1 for a display that shows only the first order.
+    #[must_use]
+    pub fn fill_factor(&self) -> [f64; 2] {
+        match self.orders {
+            Orders::First => [1.0, 1.0],
+            Orders::All { fill_factor_x, fill_factor_y } => [fill_factor_x, fill_factor_y],
+        }
     }
 
     /// Window of the image. It has the display's pixels; with [`ConvolutionMethod::Shifted`] its centre may lie away

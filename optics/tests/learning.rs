@@ -6,8 +6,11 @@ use lightpath_optics::learning::{
     BoxError, KernelModel, LearnOptions, Learner, LearningPairs, Pair, PairSource, ResponseUncertainty, compare,
     interpolated,
 };
+use lightpath_optics::reference::EngineCore;
 use lightpath_optics::simulated_display::{SimulatedBench, SimulatedDisplay};
-use lightpath_optics::{Detector, DisplayModel, Engine, Error, Grid, OpticalSetup, RegionOfInterest};
+use lightpath_optics::{
+    Detector, DisplayModel, Engine, Error, Grid, KernelShape, OpticalSetup, Orders, RegionOfInterest, SmoothField,
+};
 use rayon::ThreadPoolBuilder;
 
 const HEIGHT_PX: usize = 72;
@@ -66,6 +69,41 @@ fn learned_display_has_far_lower_loss_than_ideal_display() {
     let ideal = held_out_loss(&bench, &DisplayModel::ideal(bench.setup()));
     let loss = held_out_loss(&bench, &learner.model());
     assert!(loss < 0.03 * ideal, "{loss} against {ideal}");
+}
+
+/// A display that shows all orders of its pixels, with errors that learning must find. Its photographs have 12 bits and no
+/// noise.
+#[test]
+fn display_with_all_orders_is_learned() {
+    let grid = Grid::try_new(HEIGHT_PX, WIDTH_PX, 8e-6).unwrap();
+    let setup = OpticalSetup::try_new(grid, 515e-9, 8e-3).unwrap().with_orders(Orders::SQUARE).unwrap();
+    let mut errors = SmoothField::flat(3);
+    errors.phase.iter_mut().enumerate().for_each(|(i, c)| *c = 0.6 * (1.7 * i as f64).cos());
+    errors.log_amplitude[2] = -0.2;
+    let truth = DisplayModel { kernel: KernelShape::Smooth(errors), gain: 0.4, ..DisplayModel::ideal(setup) };
+    let camera = EngineCore::<f64>::new(&truth, Detector::Pixel, None).unwrap();
+    let pairs = |count: u64, seed: u64| -> Vec<Pair> {
+        let one = |i: u64| {
+            let phase = initial_phase(HEIGHT_PX, WIDTH_PX, 3.0, seed + i).unwrap();
+            let light = camera.light(&phase.map(f64::from)).unwrap();
+            let photo = light.map(|light| ((0.25 * light).clamp(0.0, 1.0) * 4095.0).round() as f32 / 4095.0);
+            Pair { phase, photo }
+        };
+        (0..count).map(one).collect()
+    };
+    let (training, test) = (pairs(5, 100), pairs(2, 900));
+    let region = RegionOfInterest::middle(&grid);
+    let options = LearnOptions { seed: 3, order: Some(4), ..LearnOptions::new(KernelModel::Smooth, region) };
+    let mut learner = Learner::start(setup, options, &training).unwrap();
+    while learner.step(LearningPairs::training_only(&training)).unwrap().is_some() {}
+    let learned = learner.model();
+    assert_eq!(learned.setup.orders(), Orders::SQUARE);
+    let loss = |model: &DisplayModel| {
+        let engine = Engine::new(model, Detector::Pixel, None).unwrap();
+        test.iter().map(|pair| compare(&engine, pair, region).unwrap().fitted_loss()).sum::<f64>()
+    };
+    let (learned, ideal) = (loss(&learned), loss(&DisplayModel::ideal(setup)));
+    assert!(learned < 0.01 * ideal, "{learned} against {ideal}");
 }
 
 #[test]

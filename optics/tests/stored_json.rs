@@ -6,7 +6,9 @@ use lightpath_optics::learning::KernelModel;
 use lightpath_optics::metrics::Gain;
 use lightpath_optics::photometry::Quantity;
 use lightpath_optics::propagation::{ConvolutionMethod, PropagationMethod, RefusalCode, WarningCode, plan};
-use lightpath_optics::{Carrier, Detector, Grid, OpticalSetup, RegionOfInterest, SimulatedBench, ValidityReport};
+use lightpath_optics::{
+    Carrier, Detector, Grid, OpticalSetup, Orders, RegionOfInterest, SimulatedBench, ValidityReport,
+};
 use serde::{Serialize, de::DeserializeOwned};
 use serde_json::{json, to_value};
 use std::fmt::Debug;
@@ -29,12 +31,12 @@ fn check_words<T: Serialize + DeserializeOwned + PartialEq + Debug>(values: impl
 fn enumerations_are_stored_as_words() {
     check_words(
         PropagationMethod::ALL,
-        "band_response angular_spectrum band_limited band_extended rayleigh_sommerfeld fresnel_transfer_function \
+        "band_response all_orders angular_spectrum band_limited band_extended rayleigh_sommerfeld fresnel_transfer_function \
          fresnel_impulse_response shifted scaled scaled_fresnel fraunhofer",
     );
     check_words(
         ConvolutionMethod::ALL,
-        "band_response angular_spectrum band_limited rayleigh_sommerfeld fresnel_transfer_function \
+        "band_response all_orders angular_spectrum band_limited rayleigh_sommerfeld fresnel_transfer_function \
          fresnel_impulse_response shifted",
     );
     check_words(Detector::ALL, "point pixel supersampled");
@@ -47,6 +49,9 @@ fn enumerations_are_stored_as_words() {
     );
     check_words([HologramMethod::DoublePhase], "double_phase");
     check_stored(HologramMethod::Adam { learning_rate: 0.1 }, json!({"adam": {"learning_rate": 0.1}}));
+    check_stored(Orders::First, json!("first"));
+    let gaps = Orders::All { fill_factor_x: 0.875, fill_factor_y: 0.75 };
+    check_stored(gaps, json!({"all": {"fill_factor_x": 0.875, "fill_factor_y": 0.75}}));
     check_stored(Gain::Fitted, json!("fitted"));
     check_stored(Gain::Given(0.5), json!({"given": 0.5}));
     check_stored(RefusalCode::NotParaxial, json!("NOT_PARAXIAL"));

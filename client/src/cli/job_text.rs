@@ -211,6 +211,7 @@ fn holograms(result: &v1::HologramResult) -> String {
             facts.add("distance", units::show_m(plane.distance_m));
             propagation_facts(plane.propagation.as_ref(), &mut facts);
             facts.add("reconstruction", &plane.reconstruction);
+            facts.add_some("other optics", quality_text::other_orders(plane));
             text += &format!("\n{}\n{}", facts.text(), quality_text::table(plane));
         }
     }

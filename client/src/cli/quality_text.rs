@@ -2,7 +2,7 @@
 
 use super::show;
 use super::table::{Facts, Table};
-use lightpath::v1::{KernelMetrics, Quality, hologram_result::PlaneResult};
+use lightpath::v1::{KernelMetrics, PropagationMethod, Quality, hologram_result::PlaneResult};
 
 /// A table of all metrics for each detector: for the phase as optimized and as quantized for the display.
 pub(crate) fn table(plane: &PlaneResult) -> String {
@@ -37,6 +37,16 @@ pub(crate) fn table(plane: &PlaneResult) -> String {
         }
     }
     if phases.is_empty() { String::new() } else { table.text() }
+}
+
+/// What the quantized hologram would show on a display of the other kind, for example `21.3 dB on a display that shows all
+/// diffraction orders`; `None`: unknown.
+pub(crate) fn other_orders(plane: &PlaneResult) -> Option<String> {
+    let psnr = show::decibel(plane.other_orders_psnr_db?);
+    let shows_all = plane.propagation.as_ref().is_some_and(|report| report.method() == PropagationMethod::AllOrders);
+    let other =
+        if shows_all { "that shows only the first diffraction order" } else { "that shows all diffraction orders" };
+    Some(format!("{psnr} (pixel, quantized) on a display {other}"))
 }
 
 /// Six cells: PSNR of the optimized phase for the detectors point, pixel and supersampled, then PSNR, SSIM and diffraction
@@ -78,7 +88,7 @@ fn or_dash(value: Option<f64>, show: impl Fn(f64) -> String) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use lightpath::v1::SeenQuality;
+    use lightpath::v1::{SeenQuality, ValidityReport};
 
     #[test]
     fn quality_table_has_every_detector_and_dashes_for_unknown_values() {
@@ -99,6 +109,11 @@ mod tests {
         let words = |line: &str| line.split_whitespace().collect::<Vec<_>>().join(" ");
         assert_eq!(words(lines[1]), "point as optimized 46.3 dB – – 0.0 % 0.0 % –");
         assert_eq!(words(lines[2]), "pixel as optimized 27.7 dB 0.9123 0.9877 71.2 % 95.0 % 0.031");
+        assert_eq!(other_orders(&plane), None);
+        let report = ValidityReport { method: PropagationMethod::AllOrders.into(), ..ValidityReport::default() };
+        let seen = PlaneResult { other_orders_psnr_db: Some(21.34), propagation: Some(report), ..plane.clone() };
+        let text = "21.3 dB (pixel, quantized) on a display that shows only the first diffraction order";
+        assert_eq!(other_orders(&seen).as_deref(), Some(text));
         assert_eq!(table(&PlaneResult::default()), "");
         assert_eq!(summary(plane), ["46.3 dB", "27.7 dB", "0.0 dB", "0.0 dB", "–", "0.0 %"]);
     }

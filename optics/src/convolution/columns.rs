@@ -73,6 +73,36 @@ impl<T: Real> Convolver<T> {
         answers.collect::<Vec<_>>().into_iter().flatten().collect()
     }
 
+    /// Σ weight·|U|² over the padded bins of a half-transformed field. `weigh(column, weights)` writes the weights of all bins
+    /// of a column.
+    pub(crate) fn weighted_power(&self, spectrum: &[Complex<T>], weigh: impl Fn(usize, &mut [f64]) + Sync) -> f64 {
+        let kernels = &Kernels { transfers: Vec::new(), along_x: vec![None], along_y: vec![None] };
+        let zeros = |len| vec![Complex::new(T::zero(), T::zero()); len];
+        let tiles = (2 * self.width_px).div_ceil(self.tile_columns);
+        let powers = (0..tiles).into_par_iter().map_init(
+            || {
+                (
+                    self.scratch.take(),
+                    zeros(2 * self.tile_len()),
+                    zeros(2 * self.height_px),
+                    vec![0.0; 2 * self.height_px],
+                )
+            },
+            |(scratch, spectra, column, weights), tile| {
+                self.pass(kernels, tile, &mut scratch.tile, Operation::FieldSpectra(0, spectrum, spectra));
+                let first = tile * self.tile_columns;
+                let columns = self.tile_columns.min(2 * self.width_px - first);
+                let power = |k: usize| {
+                    read_column(spectra, self.tile_columns, k, column);
+                    weigh(first + k, weights);
+                    column.iter().zip(&*weights).map(|(u, weight)| weight * u.norm_sqr().wide()).sum::<f64>()
+                };
+                (0..columns).map(power).sum::<f64>()
+            },
+        );
+        powers.collect::<Vec<_>>().iter().sum()
+    }
+
     /// Computes the spectra of the field that [`Self::propagate`] computes, with each kernel's contribution multiplied
     /// by a real weight. For each tile, `spectra` receives the even and the odd bins.
     pub(crate) fn weigh_spectra(

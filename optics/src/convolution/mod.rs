@@ -48,8 +48,11 @@ impl Real for f64 {}
 pub(crate) struct Convolver<T> {
     pub(crate) height_px: usize,
     pub(crate) width_px: usize,
-    /// Offsets along each axis at which the field is detected, from the pixels' centres \[px\].
+    /// Offsets along each axis at which the field is detected, from the pixels' centres \[px\]; empty if the sub-samples have
+    /// transfer functions.
     offsets_px: Vec<f64>,
+    /// Transfer functions to the sub-samples, in place of offsets; empty for offsets.
+    pub(crate) to_samples: Vec<Transfer<T>>,
     /// Number of columns in a tile, which are transformed together.
     pub(crate) tile_columns: usize,
     pub(crate) down_columns: BatchFft<T>,
@@ -80,16 +83,27 @@ impl<T: Real> Convolver<T> {
     /// Prepares convolutions of fields of `height_px` × `width_px`, detected at the given offsets \[px\] along each
     /// axis.
     pub(crate) fn new(height_px: usize, width_px: usize, offsets_px: &[f64]) -> Self {
+        Self { offsets_px: offsets_px.to_vec(), ..Self::with_axes([height_px, width_px], offsets_px, offsets_px) }
+    }
+
+    /// Prepares convolutions that are detected at sub-samples with these transfer functions.
+    pub(crate) fn with_transfers(height_px: usize, width_px: usize, to_samples: Vec<Transfer<T>>) -> Self {
+        let lanes = vec![0.0; to_samples.len()];
+        Self { to_samples, ..Self::with_axes([height_px, width_px], &[0.0], &lanes) }
+    }
+
+    fn with_axes([height_px, width_px]: [usize; 2], offsets_x_px: &[f64], offsets_y_px: &[f64]) -> Self {
         let mut planner = FftPlanner::new();
-        let along_x = Axis::new(&mut planner, width_px, offsets_px);
-        let along_y = Axis::new(&mut planner, height_px, offsets_px);
+        let along_x = Axis::new(&mut planner, width_px, offsets_x_px);
+        let along_y = Axis::new(&mut planner, height_px, offsets_y_px);
         let tile_columns = tile_columns::<T>(height_px);
         let scratch = ScratchPool::new(&along_x, &along_y, tile_columns);
         let down_columns = BatchFft::new(height_px, tile_columns);
         Self {
             height_px,
             width_px,
-            offsets_px: offsets_px.to_vec(),
+            offsets_px: Vec::new(),
+            to_samples: Vec::new(),
             tile_columns,
             down_columns,
             along_x,
@@ -103,7 +117,8 @@ impl<T: Real> Convolver<T> {
         &self.offsets_px
     }
 
-    /// Number of offsets along each axis.
+    /// Number of half-transformed fields in the image: one for each offset along y, or for each transfer function to a
+    /// sub-sample.
     pub(crate) fn lanes(&self) -> usize {
         self.along_y.offsets.len()
     }

@@ -1,7 +1,7 @@
 //! Operations on one tile of columns: transforms along y and multiplications by transfer functions.
 
 use super::Real;
-use super::{Convolver, Kernels};
+use super::{Convolver, Kernels, Transfer};
 use crate::batch_fft::{ComplexLanes, Factors, Planes};
 use num_complex::Complex;
 use pulp::{Arch, Simd, WithSimd};
@@ -130,6 +130,12 @@ impl<T: Real, S: Simd> Pass<'_, T, S> {
         self.kernels.transfers[kernel].halves(self.tile).map(|values| Factors { values, conjugate })
     }
 
+    /// Values of the transfer function to a sub-sample, or their conjugates, for the even and the odd bins.
+    #[inline(always)]
+    fn factors_to_sample<'b>(&self, transfer: &'b Transfer<T>, conjugate: bool) -> [Factors<'b, T>; 2] {
+        transfer.halves(self.tile).map(|values| Factors { values, conjugate })
+    }
+
     /// Computes Σ over the kernels of weight · H · F[window · field] in the scratch's `spectra`.
     #[inline(always)]
     fn blend(&self, spectrum: &[Complex<T>], weights: Option<&[T]>, scratch: &mut TileScratch<T>) {
@@ -225,6 +231,9 @@ impl<T: Real, S: Simd> Pass<'_, T, S> {
     /// of the offset's phase and summed.
     #[inline(always)]
     fn sum_lanes(&self, spectrum: &[Complex<T>], scratch: &mut TileScratch<T>, factors: Option<[Factors<'_, T>; 2]>) {
+        if !self.convolver.to_samples.is_empty() {
+            return self.sum_samples(spectrum, scratch, factors);
+        }
         let TileScratch { spectra, shifted, spare } = scratch;
         let lanes = self.convolver.lanes();
         for (lane, offset) in self.convolver.along_y.offsets.iter().enumerate() {
@@ -238,6 +247,25 @@ impl<T: Real, S: Simd> Pass<'_, T, S> {
                 let factors = if last { factors.map(|both| both[i]) } else { None };
                 self.add_turned_back(half, phases, lane > 0, factors, sum);
             }
+        }
+    }
+
+    /// The spectra of [`Self::sum_lanes`] where each sub-sample has a transfer function.
+    #[inline(always)]
+    fn sum_samples(&self, spectrum: &[Complex<T>], scratch: &mut TileScratch<T>, factors: Option<[Factors<'_, T>; 2]>) {
+        let TileScratch { spectra, shifted, spare } = scratch;
+        let lanes = self.convolver.lanes();
+        for (lane, transfer) in self.convolver.to_samples.iter().enumerate() {
+            let back = Some(self.factors_to_sample(transfer, true));
+            if lane == 0 {
+                self.transform(spectrum, (lanes, lane), None, spectra, spare, back);
+                continue;
+            }
+            self.transform(spectrum, (lanes, lane), None, shifted, spare, back);
+            spectra.iter_mut().zip(&*shifted).for_each(|(sum, half)| self.add(half, T::one(), sum));
+        }
+        for (half, factors) in spectra.iter_mut().zip(factors.into_iter().flatten()) {
+            factors.apply(self.simd, half);
         }
     }
 
@@ -302,11 +330,21 @@ impl<T: Real, S: Simd> Pass<'_, T, S> {
         }
     }
 
-    /// Transforms the spectra back for each offset along y.
+    /// Transforms the spectra back for each offset along y, or for each sub-sample that has a transfer function.
     #[inline(always)]
     fn return_lanes(&self, scratch: &mut TileScratch<T>, out: &mut [Complex<T>]) {
         let TileScratch { spectra, shifted, spare } = scratch;
-        let outs = out.chunks_exact_mut(self.convolver.tile_len());
+        let mut outs = out.chunks_exact_mut(self.convolver.tile_len());
+        for (transfer, out) in self.convolver.to_samples.iter().zip(outs.by_ref()) {
+            for ((half, turned), factors) in
+                spectra.iter().zip(&mut *shifted).zip(self.factors_to_sample(transfer, false))
+            {
+                turned.re.copy_from_slice(&half.re);
+                turned.im.copy_from_slice(&half.im);
+                factors.apply(self.simd, turned);
+            }
+            self.return_tile(shifted, spare, (None, false), out);
+        }
         for (offset, out) in self.convolver.along_y.offsets.iter().zip(outs) {
             let Some(phases) = offset else {
                 self.return_tile(spectra, spare, (None, false), out);

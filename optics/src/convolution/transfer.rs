@@ -5,6 +5,7 @@ use super::{frequency_per_px, padded_columns, split_bin, tile_columns};
 use crate::interrupt;
 use num_complex::{Complex, Complex64};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Transfer function H at every bin of the padded spectrum, divided by the number of bins so that the inverse transform
 /// needs no scaling. The values are ordered tile by tile, with columns in split order, and within a tile row by row in
@@ -53,19 +54,33 @@ impl<T: Real> Transfer<T> {
     /// Calls `write(i, column)` in parallel to write each column. The written values must already be scaled by
     /// `Self::scale`.
     pub(crate) fn write_columns(&mut self, write: impl Fn(usize, &mut [Complex<T>]) + Sync) {
-        let (rows, columns, count) = (2 * self.height_px, self.tile_columns, 2 * self.width_px);
-        self.values.par_chunks_mut(rows * columns).enumerate().for_each_init(
+        let (rows, tile_columns) = (2 * self.height_px, self.tile_columns);
+        self.write_tiles(
             || vec![Complex::new(T::zero(), T::zero()); rows],
-            |column, (tile, values)| {
-                for k in 0..columns.min(count - tile * columns) {
+            |column, columns, tile| {
+                for (k, i) in columns.enumerate() {
                     interrupt::check();
-                    write(tile * columns + k, column);
-                    for (row, &value) in values.chunks_exact_mut(columns).zip(column.iter()) {
+                    write(i, column);
+                    for (row, &value) in tile.chunks_exact_mut(tile_columns).zip(column.iter()) {
                         row[k] = value;
                     }
                 }
             },
         );
+    }
+
+    /// Calls `write(scratch, columns, tile)` in parallel to write each tile, row by row. Rows of the last tile may be longer
+    /// than its range of columns; their ends stay zero. `scratch` makes the scratch memory of a thread.
+    pub(crate) fn write_tiles<S>(
+        &mut self,
+        scratch: impl Fn() -> S + Sync + Send,
+        write: impl Fn(&mut S, Range<usize>, &mut [Complex<T>]) + Sync,
+    ) {
+        let (rows, columns, count) = (2 * self.height_px, self.tile_columns, 2 * self.width_px);
+        self.values.par_chunks_mut(rows * columns).enumerate().for_each_init(scratch, |scratch, (tile, values)| {
+            let first = tile * columns;
+            write(scratch, first..(first + columns).min(count), values);
+        });
     }
 
     /// Copies column `i` to `column`.

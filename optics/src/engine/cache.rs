@@ -1,10 +1,10 @@
 //! Cache of FFT plans and sampled transfer functions, which engines of several jobs share.
 
-use super::core::{EngineCore, sample_kernels, tabulate_slm};
+use super::core::{EngineCore, convolver, sample_kernels};
 use crate::carrier::Carrier;
 use crate::convolution::{Convolver, Kernels};
 use crate::display_model::KernelShape;
-use crate::{Detector, DisplayModel, Engine, OpticalSetup, Result, SpatialVariation};
+use crate::{ConvolutionMethod, Detector, DisplayModel, Engine, OpticalSetup, Result, SpatialVariation};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Largest number of FFT plans in the cache, one for each size and detector. A plan is much smaller than a transfer
@@ -15,7 +15,7 @@ const PLANS_MAX: usize = 8;
 /// share transfer functions. The cache removes the least recently used parts first.
 ///
 /// Transfer functions of kernels that were learned bin by bin are not cached: such a kernel is as large as its transfer
-/// function and is quickly converted to it.
+/// function and is quickly converted to it. Those of a display with all orders, one for each sub-sample, are too large.
 #[derive(Debug)]
 pub struct EngineCache {
     transfers_bytes_max: usize,
@@ -52,16 +52,14 @@ impl EngineCache {
     /// The errors of [`Engine::new`].
     pub fn engine(&self, model: &DisplayModel, detector: Detector, carrier: Option<Carrier>) -> Result<Engine> {
         model.validate()?;
-        let core = EngineCore {
-            convolver: self.plans(model, detector),
-            kernels: self.kernels(model),
-            slm: Arc::new(tabulate_slm(model, carrier)),
-            detector,
-        };
-        Ok(Engine { core })
+        let (plans, kernels) = (self.plans(model, detector), self.kernels(model));
+        Ok(Engine { core: EngineCore::of_parts(model, detector, (plans, kernels), carrier) })
     }
 
     fn plans(&self, model: &DisplayModel, detector: Detector) -> Arc<Convolver<f32>> {
+        if model.setup.method() == ConvolutionMethod::AllOrders {
+            return Arc::new(convolver(&model.setup, detector));
+        }
         let (height_px, width_px) = (model.setup.grid().height_px(), model.setup.grid().width_px());
         let fits = |plans: &Arc<Convolver<f32>>| {
             (plans.height_px, plans.width_px, plans.offsets_px()) == (height_px, width_px, detector.offsets_px())
@@ -69,7 +67,7 @@ impl EngineCache {
         let mut parts = self.lock();
         let plans = match parts.plans.iter().position(fits) {
             Some(at) => parts.plans.remove(at),
-            None => Arc::new(Convolver::new(height_px, width_px, detector.offsets_px())),
+            None => Arc::new(convolver(&model.setup, detector)),
         };
         parts.plans.push(Arc::clone(&plans));
         if parts.plans.len() > PLANS_MAX {

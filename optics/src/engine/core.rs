@@ -7,10 +7,11 @@ use crate::convolution::Real;
 use crate::convolution::{Convolver, Kernels, Transfer};
 use crate::display_model::KernelShape;
 use crate::interrupt;
+use crate::propagation::passes::order_transfers;
 use crate::slm::Slm;
 use crate::smooth_field::SmoothField;
 use crate::spatial_variation::local_kernels;
-use crate::{Detector, DisplayModel, Plane, Result};
+use crate::{ConvolutionMethod, Detector, DisplayModel, OpticalSetup, Plane, Result};
 use num_complex::{Complex, Complex64};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -22,6 +23,19 @@ pub struct EngineCore<T> {
     pub(crate) kernels: Arc<Kernels<T>>,
     pub(crate) slm: Arc<Slm<T>>,
     pub(crate) detector: Detector,
+    pub(super) transmission: Transmission,
+    pub(super) setup: OpticalSetup,
+}
+
+/// Part of the light that the optics let pass at each frequency.
+#[derive(Clone, Debug)]
+pub(super) enum Transmission {
+    /// All light passes.
+    FreeSpace,
+    /// exp(2α) of these errors.
+    Smooth(Arc<SmoothField>),
+    /// |H|² of the kernel.
+    Bins,
 }
 
 /// Buffers of half-transformed fields: row-major spectra and tiles of columns. They are reused between calls.
@@ -39,20 +53,47 @@ impl<T: Real> EngineCore<T> {
     /// The errors of [`DisplayModel::validate`].
     pub fn new(model: &DisplayModel, detector: Detector, carrier: Option<Carrier>) -> Result<Self> {
         model.validate()?;
-        let (height_px, width_px) = (model.setup.grid().height_px(), model.setup.grid().width_px());
-        Ok(Self {
-            convolver: Arc::new(Convolver::new(height_px, width_px, detector.offsets_px())),
-            kernels: Arc::new(sample_kernels(model)),
-            slm: Arc::new(tabulate_slm(model, carrier)),
-            detector,
-        })
+        let parts = (Arc::new(convolver(&model.setup, detector)), Arc::new(sample_kernels(model)));
+        Ok(Self::of_parts(model, detector, parts, carrier))
+    }
+
+    /// Engine of a display with all orders whose sub-samples are named later, by [`Self::light_at`].
+    ///
+    /// # Errors
+    ///
+    /// The errors of [`DisplayModel::validate`].
+    pub(crate) fn without_samples(model: &DisplayModel) -> Result<Self> {
+        model.validate()?;
+        let grid = model.setup.grid();
+        let convolver = Convolver::new(grid.height_px(), grid.width_px(), &[0.0]);
+        Ok(Self::of_parts(model, Detector::Point, (Arc::new(convolver), Arc::new(sample_kernels(model))), None))
+    }
+
+    /// Engine of a valid model, from plans and kernels that were made for it.
+    pub(super) fn of_parts(
+        model: &DisplayModel,
+        detector: Detector,
+        (convolver, kernels): (Arc<Convolver<T>>, Arc<Kernels<T>>),
+        carrier: Option<Carrier>,
+    ) -> Self {
+        let transmission = match &model.kernel {
+            KernelShape::Ideal => Transmission::FreeSpace,
+            KernelShape::Smooth(errors) => Transmission::Smooth(Arc::new(errors.clone())),
+            KernelShape::Bins(_) => Transmission::Bins,
+        };
+        let slm = Arc::new(tabulate_slm(model, carrier));
+        Self { convolver, kernels, slm, detector, transmission, setup: model.setup }
+    }
+
+    /// Whether the display shows all orders of its pixels.
+    pub(crate) fn shows_all_orders(&self) -> bool {
+        self.setup.method() == ConvolutionMethod::AllOrders
     }
 
     /// Engine of the same display with another detector. Both engines share the transfer functions.
     #[must_use]
     pub fn with_detector(&self, detector: Detector) -> Self {
-        let convolver = Convolver::new(self.convolver.height_px, self.convolver.width_px, detector.offsets_px());
-        Self { convolver: Arc::new(convolver), detector, ..self.clone() }
+        Self { convolver: Arc::new(convolver(&self.setup, detector)), detector, ..self.clone() }
     }
 
     /// Detector that measures the light of a pixel.
@@ -178,6 +219,17 @@ impl<T: Real> Fields<T> {
     }
 }
 
+/// Plans of convolutions with the transfer functions of a setup that a detector measures.
+pub(crate) fn convolver<T: Real>(setup: &OpticalSetup, detector: Detector) -> Convolver<T> {
+    let (height_px, width_px) = (setup.grid().height_px(), setup.grid().width_px());
+    match setup.method() {
+        ConvolutionMethod::AllOrders => {
+            Convolver::with_transfers(height_px, width_px, order_transfers(setup, &detector.places_px()))
+        }
+        _ => Convolver::new(height_px, width_px, detector.offsets_px()),
+    }
+}
+
 /// Samples the kernel of a display, or the grid of kernels that approximates a kernel that varies over the SLM.
 pub(crate) fn sample_kernels<T: Real>(model: &DisplayModel) -> Kernels<T> {
     match model.local_kernels() {
@@ -197,12 +249,16 @@ fn sample_transfer<T: Real>(model: &DisplayModel) -> Transfer<T> {
     let (height_px, width_px) = (model.setup.grid().height_px(), model.setup.grid().width_px());
     let pitch_m = model.setup.grid().pixel_pitch_m();
     match &model.kernel {
-        KernelShape::Ideal | KernelShape::Bins(_) => {
+        KernelShape::Ideal => {
+            let ideal = model.setup.sampled_kernel();
+            Transfer::sample(height_px, width_px, |fx, fy| ideal.at(fx / pitch_m, fy / pitch_m))
+        }
+        KernelShape::Bins(_) => {
             let sampled = model.sampled();
             Transfer::sample(height_px, width_px, |fx, fy| sampled(fx / pitch_m, fy / pitch_m))
         }
         KernelShape::Smooth(errors) => {
-            let ideal = model.setup.sampled();
+            let ideal = model.setup.sampled_kernel();
             let mut transfer = Transfer::zeros(height_px, width_px);
             transfer.fill_columns(|fx, fys, column| {
                 let series = SeriesAlongY::new(errors, 2.0 * fx);
@@ -234,7 +290,7 @@ impl SeriesAlongY {
 }
 
 /// Sum of the Chebyshev series Σ_j c_j T_j(y), by Clenshaw's recurrence.
-fn clenshaw(coefficients: &[f64], y: f64) -> f64 {
+pub(super) fn clenshaw(coefficients: &[f64], y: f64) -> f64 {
     let (mut next, mut after) = (0.0, 0.0);
     for &c in coefficients.iter().skip(1).rev() {
         (next, after) = (c + 2.0 * y * next - after, next);

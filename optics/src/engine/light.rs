@@ -1,7 +1,7 @@
 //! Light that a hologram sends, and intensities at the sub-samples of the image.
 
-use super::core::{EngineCore, Fields};
-use crate::convolution::Real;
+use super::core::{EngineCore, Fields, Transmission, clenshaw};
+use crate::convolution::{Real, frequency_per_px, split_bin};
 use crate::interrupt;
 use crate::{Plane, Result};
 use num_complex::Complex;
@@ -39,14 +39,44 @@ impl<T: Real> EngineCore<T> {
         Ok(samples)
     }
 
-    /// Light that leaves the modulator: Σ |c|² over the pixels, with c the field behind the modulator. For an ideal
-    /// modulator this is the number of pixels.
+    /// All light that passes the optics, see [`Engine::light_passed`](crate::Engine::light_passed).
     ///
     /// # Errors
     ///
     /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for a phase of another size.
-    pub fn light_sent(&self, phase: &Plane<T>) -> Result<f64> {
+    pub fn light_passed(&self, phase: &Plane<T>) -> Result<f64> {
         phase.expect_size("phase", self.height_px(), self.width_px())?;
+        let (height_px, width_px) = (self.height_px(), self.width_px());
+        let transmitted = |column: usize, weights: &mut [f64]| match &self.transmission {
+            Transmission::FreeSpace => weights.fill(1.0),
+            Transmission::Smooth(errors) => {
+                let fx = frequency_per_px(split_bin(column, width_px), width_px);
+                let along_y = errors.basis().along_y(&errors.log_amplitude, 2.0 * fx);
+                for (row, weight) in weights.iter_mut().enumerate() {
+                    let fy = frequency_per_px(split_bin(row, height_px), height_px);
+                    *weight = (2.0 * clenshaw(&along_y, 2.0 * fy)).exp();
+                }
+            }
+            Transmission::Bins => {
+                let transfer = &self.kernels.transfers[0];
+                let mut values = vec![Complex::new(T::zero(), T::zero()); weights.len()];
+                transfer.read_column(column, &mut values);
+                let scale = transfer.scale().wide();
+                weights.iter_mut().zip(&values).for_each(|(weight, h)| *weight = h.norm_sqr().wide() / (scale * scale));
+            }
+        };
+        if matches!(self.transmission, Transmission::FreeSpace) {
+            return Ok(self.light_sent(phase));
+        }
+        let mut spectrum = vec![Complex::new(T::zero(), T::zero()); self.convolver.half_spectrum_len(1)];
+        self.convolver.forward_rows(&mut spectrum, &[None], |y, row| self.slm.field_row(y, phase.row(y), row));
+        // The sum over the padded bins divided by their number is the sum over the pixels (Parseval).
+        let power = self.convolver.weighted_power(&spectrum, transmitted);
+        Ok(power / (4 * height_px * width_px) as f64)
+    }
+
+    /// Light that leaves the modulator: Σ |c|² over the pixels, with c the field behind the modulator.
+    fn light_sent(&self, phase: &Plane<T>) -> f64 {
         let rows = (0..self.height_px()).into_par_iter().map_init(
             || vec![Complex::new(T::zero(), T::zero()); self.width_px()],
             |field, y| {
@@ -55,7 +85,7 @@ impl<T: Real> EngineCore<T> {
                 field.iter().map(|c| c.norm_sqr().wide()).sum::<f64>()
             },
         );
-        Ok(rows.collect::<Vec<_>>().iter().sum())
+        rows.collect::<Vec<_>>().iter().sum()
     }
 }
 
@@ -73,8 +103,8 @@ fn interleave<T: Real>(fields: &[Complex<T>], per_side: usize, out: &mut [T]) {
 mod tests {
     use super::*;
     use crate::hologram::initial_phase;
-    use crate::{Detector, DisplayModel, Grid, OpticalSetup, reference};
-    use num_complex::Complex64;
+    use crate::{ConvolutionMethod, Detector, DisplayModel, Grid, KernelShape, OpticalSetup, SmoothField, reference};
+    use num_complex::{Complex32, Complex64};
 
     const PITCH_M: f64 = 8e-6;
 
@@ -116,11 +146,37 @@ mod tests {
     }
 
     #[test]
+    fn passed_light_is_the_light_of_the_whole_image_plane() {
+        // At 60 µm hardly any light leaves the padded frame, so the padded picture holds all of it.
+        let setup = OpticalSetup::try_new(Grid::try_new(18, 25, PITCH_M).unwrap(), 515e-9, 60e-6).unwrap();
+        let setup = setup.with_method(ConvolutionMethod::AngularSpectrum).unwrap();
+        let phase = initial_phase(18, 25, 6.0, 3).unwrap().map(f64::from);
+        let mut errors = SmoothField::flat(4);
+        errors.log_amplitude.iter_mut().enumerate().for_each(|(i, c)| *c = 0.2 * (1.3 * i as f64).cos());
+        let smooth = DisplayModel { kernel: KernelShape::Smooth(errors), ..DisplayModel::ideal(setup) };
+        let ideal = DisplayModel::ideal(setup);
+        let transfer = ideal.sampled();
+        let values = Plane::from_fn(36, 50, |v, u| {
+            let frequency = |bin: usize, side: usize| (bin as f64 - (side / 2) as f64) / side as f64 / PITCH_M;
+            let h = 0.7 * transfer(frequency(u, 50), frequency(v, 36));
+            Complex32::new(h.re as f32, h.im as f32)
+        });
+        let bins = DisplayModel { kernel: KernelShape::Bins(values), ..DisplayModel::ideal(setup) };
+        for model in [ideal.clone(), smooth, bins] {
+            let engine = EngineCore::<f64>::new(&model, Detector::Point, None).unwrap();
+            let all = reference::propagate_uncropped(&phase.map(Complex64::cis), PITCH_M, model.sampled());
+            let expected = all.values().iter().map(Complex64::norm_sqr).sum::<f64>();
+            let found = engine.light_passed(&phase).unwrap();
+            assert!((found / expected - 1.0).abs() < 1e-5, "{found} {expected}");
+        }
+    }
+
+    #[test]
     fn ideal_modulator_sends_unit_light_per_pixel() {
         let phase = initial_phase(18, 25, 6.0, 3).unwrap().map(f64::from);
         let engine = engine(Detector::Point);
-        assert!((engine.light_sent(&phase).unwrap() - 450.0).abs() < 1e-10);
-        assert!(engine.light_sent(&Plane::filled(18, 24, 0.0)).is_err());
+        assert!((engine.light_passed(&phase).unwrap() - 450.0).abs() < 1e-10);
+        assert!(engine.light_passed(&Plane::filled(18, 24, 0.0)).is_err());
         assert!(engine.samples(&Plane::filled(18, 24, 0.0)).is_err());
     }
 }

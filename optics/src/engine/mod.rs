@@ -6,6 +6,7 @@
 mod cache;
 mod core;
 mod light;
+mod pixel_light;
 
 pub use cache::EngineCache;
 pub use core::EngineCore;
@@ -94,13 +95,19 @@ impl Engine {
         self.core.samples(phase)
     }
 
-    /// Light that leaves the modulator: Σ |c|² over the pixels, with c the field behind the modulator. For an ideal
-    /// modulator this is the number of pixels.
+    /// All light that passes the optics, wherever it falls, in the unit of [`Self::light`]:
+    ///
+    /// ```text
+    /// ∫ |E U₀|² df
+    /// ```
+    ///
+    /// U₀ is the spectrum of the field on the modulator and E the optics' transmission, 1 for free space. For an ideal display
+    /// this is the number of pixels. For a kernel that varies over the SLM, E is that on the axis.
     ///
     /// # Errors
     ///
     /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for a phase of another size.
-    pub fn light_sent(&self, phase: &Plane<f32>) -> Result<f64> {
-        self.core.light_sent(phase)
+    pub fn light_passed(&self, phase: &Plane<f32>) -> Result<f64> {
+        self.core.light_passed(phase)
     }
 }

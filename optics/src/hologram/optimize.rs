@@ -84,7 +84,9 @@ mod tests {
             assert_eq!(hologram.validity.method, PropagationMethod::BandResponse);
             let region = RegionOfInterest::middle(&setup.grid());
             let seen_db = psnr_db(&hologram.reconstruction, &target, region, Gain::Given(1.0)).unwrap();
-            assert!(seen_db > 25.0 && (seen_db - hologram.quality.pixel.psnr_db).abs() < 1e-3, "{seen_db} dB");
+            // The optimization sees four samples of a pixel, and the quality its whole integral.
+            let pixel_db = hologram.quality.pixel.psnr_db;
+            assert!(pixel_db > 25.0 && seen_db > pixel_db, "{seen_db} dB, {pixel_db} dB");
             let image = propagate(&hologram.field(), &setup).unwrap();
             assert_eq!(image.validity, hologram.validity);
             let at_points = psnr_db(&image.intensity(), &target, region, Gain::Fitted).unwrap();

@@ -3,7 +3,7 @@
 
 use super::*;
 use crate::hologram::initial::random;
-use crate::{Carrier, Detector, DisplayModel, Grid, KernelShape, OpticalSetup, SmoothField, SpatialVariation};
+use crate::{Carrier, Detector, DisplayModel, Grid, KernelShape, OpticalSetup, Orders, SmoothField, SpatialVariation};
 use num_complex::Complex64;
 
 const SIZES: [(usize, usize); 3] = [(16, 24), (17, 13), (11, 30)];
@@ -40,12 +40,23 @@ struct Case {
     frames: usize,
     masked: bool,
     loss: Loss,
+    orders: Orders,
 }
 
 impl Case {
     fn plain((height_px, width_px): (usize, usize), detector: Detector) -> Self {
         let loss = Loss::default();
-        Self { height_px, width_px, detector, carrier: None, planes: 1, frames: 1, masked: false, loss }
+        Self {
+            height_px,
+            width_px,
+            detector,
+            carrier: None,
+            planes: 1,
+            frames: 1,
+            masked: false,
+            loss,
+            orders: Orders::First,
+        }
     }
 
     fn problem(&self) -> ProblemCore<f64> {
@@ -53,6 +64,7 @@ impl Case {
         let grid = Grid::try_new(height_px, width_px, 8e-6).unwrap();
         let plane = |p: usize| {
             let setup = OpticalSetup::try_new(grid, 515e-9, 3e-3 - 2e-3 * p as f64).unwrap();
+            let setup = setup.with_orders(self.orders).unwrap();
             // The kernel varies for odd heights, and in the second plane.
             let varies = height_px % 2 == 1 || p == 1;
             let engine = EngineCore::new(&flawed(setup, varies), self.detector, self.carrier).unwrap();
@@ -127,6 +139,19 @@ fn gradient_is_exact_for_all_losses_detectors_frames_and_planes() {
                     }
                 }
             }
+        }
+    }
+}
+
+#[test]
+fn gradient_is_exact_for_displays_with_all_orders() {
+    let orders = Orders::All { fill_factor_x: 0.9, fill_factor_y: 1.0 };
+    for (detector, planes, frames) in [(Detector::Pixel, 1, 1), (Detector::Supersampled, 2, 2), (Detector::Point, 2, 1)]
+    {
+        for size in [(16, 24), (17, 13)] {
+            let case = Case { orders, planes, frames, ..Case::plain(size, detector) };
+            case.check(Some(0.7));
+            case.check(None);
         }
     }
 }

@@ -32,7 +32,7 @@ impl<T: Real> SmoothTransfer<T> {
         let grid = setups[0].grid();
         let pitch_m = grid.pixel_pitch_m();
         let ideal = |setup: &OpticalSetup| {
-            let sampled = setup.sampled();
+            let sampled = setup.sampled_kernel();
             Transfer::sample(grid.height_px(), grid.width_px(), |fx, fy| sampled.at(fx / pitch_m, fy / pitch_m))
         };
         let scaled = |side_px: usize| frequencies(side_px).iter().map(|f| 2.0 * f).collect::<Vec<f64>>();

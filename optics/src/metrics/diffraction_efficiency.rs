@@ -1,20 +1,21 @@
 //! Diffraction efficiency.
 //!
 //! ```text
-//! η = Σ_ROI p / Σ |c|²
+//! η = Σ_ROI p / P,   P = ∫ |E U₀|² df
 //! ```
 //!
-//! p is the light at the image's pixels, c the field that leaves the modulator
-//! ([`Engine::light_sent`](crate::Engine::light_sent)). Propagation loses only evanescent light and light beyond a band
-//! limit; the rest of the light falls elsewhere in the image plane. Over the full frame, the same ratio is the part of
-//! the light that falls on the image.
+//! p is the light at the image's pixels, P all light that passes the optics
+//! ([`Engine::light_passed`](crate::Engine::light_passed)): U₀ is the spectrum of the field on the modulator and E the
+//! optics' transmission of each frequency, 1 for free space. A camera does not tell how much light the optics lose, so a
+//! learned transmission has an unknown factor. It is in both sums, and η stays a part of the light. The rest falls elsewhere
+//! in the image plane. Over the full frame, the same ratio is the part of the light that falls on the image.
 
 use crate::{Plane, RegionOfInterest};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// The light inside the region as a part of `light_sent`, the light that leaves the modulator; both in the same unit,
-/// per pixel. 0 for a dark modulator. Parts of the region outside of `light` are ignored.
+/// The light inside the region as a part of `light_passed`, all light that passes the optics; both in the same unit, per
+/// pixel. 0 for a dark modulator. Parts of the region outside of `light` are ignored.
 ///
 /// ```
 /// use lightpath_optics::{Grid, Plane, RegionOfInterest, metrics::diffraction_efficiency};
@@ -25,25 +26,25 @@ use std::ops::Range;
 /// # Ok::<(), lightpath_optics::Error>(())
 /// ```
 #[must_use]
-pub fn diffraction_efficiency(light: &Plane<f32>, roi: RegionOfInterest, light_sent: f64) -> f64 {
-    if light_sent == 0.0 {
+pub fn diffraction_efficiency(light: &Plane<f32>, roi: RegionOfInterest, light_passed: f64) -> f64 {
+    if light_passed == 0.0 {
         return 0.0;
     }
     let inside = sum(light, |y| {
         let columns = roi.columns(y).unwrap_or(0..0);
         columns.start.min(light.width_px())..columns.end.min(light.width_px())
     });
-    inside / light_sent
+    inside / light_passed
 }
 
-/// The whole of `light` as a part of `light_sent`, in the same unit: the part of the light that falls on the frame. 0
+/// The whole of `light` as a part of `light_passed`, in the same unit: the part of the light that falls on the frame. 0
 /// for a dark modulator.
 #[must_use]
-pub fn frame_efficiency(light: &Plane<f32>, light_sent: f64) -> f64 {
-    if light_sent == 0.0 {
+pub fn frame_efficiency(light: &Plane<f32>, light_passed: f64) -> f64 {
+    if light_passed == 0.0 {
         return 0.0;
     }
-    sum(light, |_| 0..light.width_px()) / light_sent
+    sum(light, |_| 0..light.width_px()) / light_passed
 }
 
 fn sum(light: &Plane<f32>, columns: impl Fn(usize) -> Range<usize> + Sync) -> f64 {

@@ -55,6 +55,11 @@ pub(super) fn bins(setup: &OpticalSetup) -> Option<[usize; 2]> {
     })
 }
 
+/// Number of frequencies of the quarter that [`band_response`] computes; 0 if [`bins`] is `None`.
+pub(crate) fn frequencies(setup: &OpticalSetup) -> u64 {
+    bins(setup).map_or(0, |[bins_x, bins_y]| (bins_x / 2) as u64 * (bins_y / 2) as u64)
+}
+
 /// Largest number of values that sampling a transfer function through [`band_response`] holds at once.
 pub(crate) fn peak_values(setup: &OpticalSetup) -> u64 {
     let (rows, columns) = (setup.grid().height_px() as u64 + 1, setup.grid().width_px() as u64 + 1);

@@ -1,14 +1,14 @@
 //! Checks that refuse a method for a setup where it cannot be valid.
 
 use super::band_extended::band_extended_axes;
-use super::band_response;
 use super::frequency_window::check_frequencies;
 use super::quantity::{digits, length, percent};
 use super::report::{Band, neglected_phase_rad};
 use super::scaled::{scaled_axes, spread_m};
 use super::scaled_fresnel::farthest_m;
 use super::{ConvolutionMethod, ImageWindow, PropagationMethod, RefusalCode};
-use crate::{Error, OpticalSetup, Result};
+use super::{band_response, pixel_response};
+use crate::{Error, OpticalSetup, Orders, Result};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Fewest resolved points along a side of a window. With fewer, the window shows only a part of one speckle.
@@ -32,9 +32,11 @@ const FAR_FIELD_PHASE_RAD_MAX: f64 = FRAC_PI_2;
 /// [`Error::Unsuitable`] where `method` cannot be valid.
 pub(crate) fn check(setup: &OpticalSetup, method: PropagationMethod, window: &ImageWindow) -> Result<()> {
     check_window(setup, method, window)?;
+    check_orders(setup, method)?;
     check_light(setup, method, window)?;
     match method {
         PropagationMethod::BandResponse => check_bins(setup, method)?,
+        PropagationMethod::AllOrders => check_pixel_size(setup, method)?,
         PropagationMethod::AngularSpectrum | PropagationMethod::FresnelTransferFunction => {
             check_whole_band(setup, method)?
         }
@@ -64,6 +66,7 @@ impl TryFrom<PropagationMethod> for ConvolutionMethod {
     fn try_from(method: PropagationMethod) -> Result<Self> {
         match method {
             PropagationMethod::BandResponse => Ok(Self::BandResponse),
+            PropagationMethod::AllOrders => Ok(Self::AllOrders),
             PropagationMethod::AngularSpectrum => Ok(Self::AngularSpectrum),
             PropagationMethod::BandLimited => Ok(Self::BandLimited),
             PropagationMethod::Shifted => Ok(Self::Shifted),
@@ -165,6 +168,34 @@ fn check_whole_band(setup: &OpticalSetup, method: PropagationMethod) -> Result<(
         }
     }
     Ok(())
+}
+
+/// Checks that the method computes the diffraction orders that the display shows.
+fn check_orders(setup: &OpticalSetup, method: PropagationMethod) -> Result<()> {
+    let reason = match (setup.orders(), method) {
+        (Orders::First, PropagationMethod::AllOrders) => {
+            "it computes all orders, and the display shows only the first order of its pixels"
+        }
+        (Orders::All { .. }, method) if method != PropagationMethod::AllOrders => {
+            "it computes only the first order, and the display shows all orders of its pixels"
+        }
+        _ => return Ok(()),
+    };
+    Err(refusal(method, RefusalCode::OtherOrders, reason.to_owned()))
+}
+
+fn check_pixel_size(setup: &OpticalSetup, method: PropagationMethod) -> Result<()> {
+    let (z, nearest_m) = (setup.distance_m().abs(), pixel_response::nearest_m(setup));
+    if z >= nearest_m {
+        return Ok(());
+    }
+    let reason = format!(
+        "at {} the image is a shadow of the pixels of {}; use it from {} on",
+        length(z),
+        length(setup.grid().pixel_pitch_m()),
+        length(nearest_m)
+    );
+    Err(refusal(method, RefusalCode::TooNear, reason))
 }
 
 fn check_bins(setup: &OpticalSetup, method: PropagationMethod) -> Result<()> {

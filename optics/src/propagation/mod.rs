@@ -7,6 +7,7 @@
 //! | method | what it computes | valid for |
 //! |---|---|---|
 //! | [band response](PropagationMethod::BandResponse) | angular spectrum of the pixels' band, as a linear convolution | all z |
+//! | [all orders](PropagationMethod::AllOrders) | convolution with the response of square pixels | displays without a filter |
 //! | [angular spectrum](PropagationMethod::AngularSpectrum) | H = e^{i2πz√(1/λ² − f²)} on the padded grid | z ≤ z_c |
 //! | [band-limited](PropagationMethod::BandLimited) | angular spectrum of the light that lands in the padded frame | all z, ringing beyond z_c |
 //! | [Rayleigh–Sommerfeld](PropagationMethod::RayleighSommerfeld) | convolution with the sampled impulse response | z ≥ z_c |
@@ -21,9 +22,9 @@
 //! λ wavelength \[m\], z distance \[m\], f spatial frequency \[1/m\], N padded pixels along an axis, Δ pixel pitch
 //! \[m\], D the display's diagonal \[m\], and z_c = N·Δ²/λ the critical distance of each axis.
 //!
-//! The first seven methods are [convolutions](ConvolutionMethod) on the grid padded twofold. An [`Engine`](crate::Engine)
+//! The first eight methods are [convolutions](ConvolutionMethod) on the grid padded twofold. An [`Engine`](crate::Engine)
 //! runs them and optimizes holograms through them; [`OpticalSetup::with_method`](crate::OpticalSetup::with_method)
-//! chooses the method. [`Propagator`](crate::Propagator) runs all eleven methods and their adjoints. [`plan`] and
+//! chooses the method. [`Propagator`](crate::Propagator) runs all twelve methods and their adjoints. [`plan`] and
 //! [`plan_onto`] choose a method, explain the choice, and report its quality. They refuse a setup for which no method
 //! is valid, and give the numbers. Tests compare all methods with the direct sum
 //! [`reference::rayleigh_sommerfeld`](crate::reference::rayleigh_sommerfeld).
@@ -38,6 +39,8 @@ mod fresnel_impulse_response;
 mod fresnel_transfer_function;
 mod impulse_response;
 mod limits;
+mod order_transfers;
+mod pixel_response;
 pub mod planner;
 mod quantity;
 mod report;
@@ -62,10 +65,12 @@ use shifted::shifted_angular_spectrum;
 /// The planned transforms that a [`Propagator`](crate::Propagator) runs.
 pub(crate) mod passes {
     pub(crate) use super::band_extended::band_extended_axes;
-    pub(crate) use super::band_response::peak_values;
+    pub(crate) use super::band_response::{frequencies, peak_values};
     pub(crate) use super::fraunhofer::Fraunhofer;
     pub(crate) use super::frequency_window::{FrequencyWindow, check_frequencies};
     pub(crate) use super::limits::check;
+    pub(crate) use super::order_transfers::{for_each_order_transfer, order_transfers};
+    pub(crate) use super::pixel_response::gauss_legendre;
     pub(crate) use super::planner::{method_onto, own_window};
     pub(crate) use super::scaled::scaled_axes;
     pub(crate) use super::scaled_fresnel::ScaledFresnel;

@@ -4,6 +4,7 @@
 //!
 //! | distance | method | because |
 //! |---|---|---|
+//! | any, if the display shows all orders of its pixels | response of square pixels | only it computes them |
 //! | any, if the light of a pixel spreads over some ten thousand pixels at most | band response | it is exact for the first order of the pixels |
 //! | otherwise, z ≤ z_c along x and y | angular spectrum | its samples hold the whole band |
 //! | otherwise, z ≥ 0.8·√(z_c,x · z_c,y) | Rayleigh–Sommerfeld impulse response | its samples hold the whole frame |
@@ -34,7 +35,7 @@ use super::band_response;
 use super::quantity::{digits, length};
 use super::report::{ValidityReport, neglected_phase_rad};
 use super::{ConvolutionMethod, ImageWindow, PropagationMethod, limits};
-use crate::{OpticalSetup, Result};
+use crate::{OpticalSetup, Orders, Result};
 
 /// Smallest distance at which the impulse response is better than the band limit, as a part of the geometric mean of
 /// the two critical distances.
@@ -76,6 +77,10 @@ pub(crate) fn plan_convolution(setup: &OpticalSetup) -> Result<(ConvolutionMetho
     let (method, explanation) = if window != ImageWindow::of(&setup.grid()) {
         let (x, y) = (length(window.centre_x_m()), length(window.centre_y_m()));
         (ConvolutionMethod::Shifted, format!("the image's middle is off the axis, {x} along x and {y} along y"))
+    } else if setup.orders() != Orders::First {
+        let apart = length(setup.wavelength_m() * z / setup.grid().pixel_pitch_m());
+        let explanation = format!("the display shows all orders of its pixels, which are {apart} apart at {at}");
+        (ConvolutionMethod::AllOrders, explanation)
     } else if band_response::bins(setup).is_some() {
         let explanation =
             format!("at {at}, as at every distance, this method is exact for the first order of the pixels");

@@ -282,6 +282,7 @@ pub(super) fn neglected_phase_rad(setup: &OpticalSetup, method: PropagationMetho
         PropagationMethod::FresnelImpulseResponse | PropagationMethod::ScaledFresnel => of_paraboloid(),
         PropagationMethod::Fraunhofer => fraunhofer::neglected_phase_rad(setup),
         PropagationMethod::BandResponse
+        | PropagationMethod::AllOrders
         | PropagationMethod::AngularSpectrum
         | PropagationMethod::BandLimited
         | PropagationMethod::Shifted

@@ -4,6 +4,7 @@ use super::band_response::band_response;
 use super::even::{EvenSpectrum, even_sum};
 use super::fresnel_impulse_response::{fresnel_impulse_spectrum, spectrum_along_axis};
 use super::impulse_response::sampled_response;
+use super::pixel_response::PixelResponse;
 use super::planner::plan_convolution;
 use super::shifted::{landing_m, shifted_angular_spectrum};
 use super::{ConvolutionMethod, ValidityReport, fresnel_transfer_function, limits};
@@ -59,6 +60,7 @@ impl OpticalSetup {
                 let (response, row) = (band_response(self), grid.width_px() + 1);
                 self.spectrum_of(fx, fy, |y, x| response[y * row + x])
             }
+            ConvolutionMethod::AllOrders => self.spectrum_of(fx, fy, pixels_response(self)),
             ConvolutionMethod::RayleighSommerfeld => self.spectrum_of(fx, fy, sampled_response(self)),
             ConvolutionMethod::AngularSpectrum => angular_spectrum(fx, fy, wavelength_m, distance_m),
         }
@@ -74,6 +76,15 @@ impl OpticalSetup {
     #[must_use]
     pub fn sampled(&self) -> SampledTransfer {
         SampledTransfer::new(*self)
+    }
+
+    /// The transfer function of an engine's kernel without errors, with tables: that of the setup, or 1 where each sub-sample
+    /// has a [transfer function of its own](super::passes::order_transfers).
+    pub(crate) fn sampled_kernel(&self) -> SampledTransfer {
+        match self.method() {
+            ConvolutionMethod::AllOrders => SampledTransfer { setup: *self, tables: Tables::One },
+            _ => self.sampled(),
+        }
     }
 
     /// Whether the light of frequency fx, fy \[1/m\] lands within the padded frame. Samples at such frequencies are
@@ -94,6 +105,20 @@ impl OpticalSetup {
     }
 }
 
+/// The response of square pixels at their centres: at the lags between two pixels of the frame, and 0 at the lag of a whole
+/// side.
+fn pixels_response(setup: &OpticalSetup) -> impl Fn(usize, usize) -> Complex64 + Sync {
+    let (height_px, width_px, pitch_m) =
+        (setup.grid().height_px(), setup.grid().width_px(), setup.grid().pixel_pitch_m());
+    let response = PixelResponse::new(setup);
+    move |y, x| {
+        if y >= height_px || x >= width_px {
+            return Complex64::ZERO;
+        }
+        response.at(x as f64 * pitch_m, y as f64 * pitch_m)
+    }
+}
+
 /// The transfer function of a setup, with tables for fast sampling at many padded bins.
 ///
 /// [`OpticalSetup::sampled`] makes it. Its values equal those of [`OpticalSetup::transfer`], which sums the impulse
@@ -111,6 +136,8 @@ enum Tables {
     /// The factors along x and along y at each padded bin.
     Separable([Vec<Complex64>; 2]),
     Even(EvenSpectrum),
+    /// 1 at all bins.
+    One,
 }
 
 impl SampledTransfer {
@@ -127,6 +154,9 @@ impl SampledTransfer {
                 // Moved, so that the lags are dropped when they are transformed.
                 let h = move |y: usize, x: usize| response[y * row + x];
                 Tables::Even(EvenSpectrum::new(grid.height_px(), grid.width_px(), h))
+            }
+            ConvolutionMethod::AllOrders => {
+                Tables::Even(EvenSpectrum::new(grid.height_px(), grid.width_px(), pixels_response(&setup)))
             }
             ConvolutionMethod::RayleighSommerfeld => {
                 Tables::Even(EvenSpectrum::new(grid.height_px(), grid.width_px(), sampled_response(&setup)))
@@ -148,6 +178,7 @@ impl SampledTransfer {
             Tables::Formula => self.setup.transfer(fx, fy),
             Tables::Separable([along_x, along_y]) => along_x[u] * along_y[v],
             Tables::Even(spectrum) => spectrum.at_bins(u, v),
+            Tables::One => Complex64::ONE,
         }
     }
 }

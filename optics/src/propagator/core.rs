@@ -85,6 +85,7 @@ impl<T: Real> PropagatorCore<T> {
             }
             PropagationMethod::Fraunhofer => (fraunhofer_window(setup), Passes::Fraunhofer(Fraunhofer::new(setup))),
             PropagationMethod::BandResponse
+            | PropagationMethod::AllOrders
             | PropagationMethod::AngularSpectrum
             | PropagationMethod::BandLimited
             | PropagationMethod::Shifted

@@ -291,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn fast_pixel_light_matches_mean_of_sixteen_propagations() {
+    fn fast_pixel_light_matches_the_integral_over_each_pixel() {
         let display = drawn(1.0);
         let phase = Plane::from_fn(36, 50, |y, x| ((y * 17 + x * x * 5) % 61) as f32 / 10.0);
         let pitch_m = display.setup.grid().pixel_pitch_m();
@@ -300,15 +300,16 @@ mod tests {
             display.source(y, x) * shown
         });
         let mut mean = Plane::filled(36, 50, 0.0);
-        let offsets_px = [-3.0, -1.0, 1.0, 3.0].map(|eighths| eighths / 8.0);
+        // The midpoint rule over 12×12 points.
+        let offsets_px: [f64; 12] = std::array::from_fn(|i| (i as f64 + 0.5) / 12.0 - 0.5);
         for (dy, dx) in offsets_px.iter().flat_map(|dy| offsets_px.map(|dx| (*dy, dx))) {
             let transfer = |fx, fy| display.true_transfer(fx, fy);
             let image = propagate(&field, pitch_m, offset(transfer, dx * pitch_m, dy * pitch_m));
-            mean.values_mut().iter_mut().zip(image.values()).for_each(|(m, u)| *m += u.norm_sqr() / 16.0);
+            mean.values_mut().iter_mut().zip(image.values()).for_each(|(m, u)| *m += u.norm_sqr() / 144.0);
         }
         let light = display.light(&phase).unwrap();
         for (&fast, &plain) in light.values().iter().zip(mean.values()) {
-            assert!((f64::from(fast) - plain * display.exposure()).abs() < 1e-6);
+            assert!((f64::from(fast) - plain * display.exposure()).abs() < 2e-3);
         }
     }
 
@@ -318,7 +319,7 @@ mod tests {
         let bench = SimulatedBench { seed: 5, camera_noise: 0.0, field_aberration_rad: 3.0, ..SimulatedBench::FAIR };
         let display = SimulatedDisplay::draw(setup, None, bench).unwrap();
         let phase = Plane::from_fn(12, 17, |y, x| ((y * 17 + x * x * 5) % 61) as f32 / 10.0);
-        let offsets_px = [-3.0, -1.0, 1.0, 3.0].map(|eighths| eighths / 8.0);
+        let offsets_px = [-0.397_327_236, -0.093_796_237, 0.093_796_237, 0.397_327_236];
         let offsets_px: Vec<_> = offsets_px.iter().flat_map(|dy| offsets_px.map(|dx| (*dy, dx))).collect();
         let mut fields = vec![Plane::filled(12, 17, Complex64::ZERO); offsets_px.len()];
         for (y, x) in (0..12).flat_map(|y| (0..17).map(move |x| (y, x))) {

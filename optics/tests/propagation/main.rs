@@ -1,6 +1,7 @@
 //! Tests of propagation: comparisons with closed forms, with the direct sum, and between methods.
 #![allow(clippy::unwrap_used)]
 
+mod all_orders;
 /// Reference tests that every propagation engine must pass.
 mod band_response;
 mod engines;

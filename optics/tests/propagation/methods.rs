@@ -5,7 +5,7 @@ use crate::fields::{
 };
 use lightpath_optics::propagation::{ImageWindow, PropagationMethod};
 use lightpath_optics::reference::{PropagatorCore, Real, gaussian_beam, rayleigh_sommerfeld, rayleigh_sommerfeld_onto};
-use lightpath_optics::{Grid, OpticalSetup, Plane};
+use lightpath_optics::{Grid, OpticalSetup, Orders, Plane};
 use num_complex::{Complex, Complex64};
 use std::f64::consts::{PI, TAU};
 
@@ -38,6 +38,8 @@ fn propagators<T: Real>(height_px: usize, width_px: usize) -> Vec<PropagatorCore
     ] {
         all.extend(distances_m.map(|z| PropagatorCore::regardless(&at(z), method).unwrap()));
     }
+    let shown = |z: f64| at(z).with_orders(Orders::SQUARE).unwrap();
+    all.extend([near_m, -far_m].map(|z| PropagatorCore::regardless(&shown(z), PropagationMethod::AllOrders).unwrap()));
     let beside = |z: f64| at(z).with_centre(0.2 * far_m * WAVELENGTH_M / PITCH_M, -1e-5).unwrap();
     all.extend([far_m, -far_m].map(|z| PropagatorCore::regardless(&beside(z), PropagationMethod::Shifted).unwrap()));
     all.extend([3.0, -3.0].map(|z| PropagatorCore::regardless(&at(z), PropagationMethod::Fraunhofer).unwrap()));

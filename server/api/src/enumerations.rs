@@ -49,7 +49,7 @@ macro_rules! convert_by_name {
 
 convert_by_name! {
     PropagationMethod = v1::PropagationMethod {
-        BandResponse AngularSpectrum BandLimited RayleighSommerfeld FresnelTransferFunction FresnelImpulseResponse
+        BandResponse AllOrders AngularSpectrum BandLimited RayleighSommerfeld FresnelTransferFunction FresnelImpulseResponse
         Shifted BandExtended Scaled ScaledFresnel Fraunhofer
     }
     Detector = v1::Detector { Point Pixel Supersampled }

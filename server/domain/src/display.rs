@@ -1,7 +1,7 @@
 //! Displays: a phase-only SLM and the optics behind it.
 
 use crate::units::Wavelength;
-use lightpath_optics::{Carrier, SimulatedBench};
+use lightpath_optics::{Carrier, Orders, SimulatedBench};
 use serde::{Deserialize, Serialize};
 
 /// Validated properties of a display.
@@ -23,6 +23,8 @@ pub struct Display {
     pub phase_response_rad: Option<Vec<f64>>,
     /// Grating added after optimization; `None`: no grating.
     pub carrier: Option<Carrier>,
+    /// Diffraction orders of the pixels that reach the image.
+    pub orders: Orders,
     /// Notes of the user.
     pub notes: String,
     /// Simulated bench; `None`: a real display.

@@ -20,7 +20,7 @@ use lightpath_optics::alignment::PointPair;
 use lightpath_optics::hologram::{DetectorQuality, Loss, Quality};
 use lightpath_optics::photometry::Quantity;
 use lightpath_optics::{
-    Carrier, ConvolutionMethod, Detector, Grid, HologramMethod, InitialPhase, KernelModel, RegionOfInterest,
+    Carrier, ConvolutionMethod, Detector, Grid, HologramMethod, InitialPhase, KernelModel, Orders, RegionOfInterest,
     SimulatedBench, ValidityReport,
 };
 use serde::{Serialize, de::DeserializeOwned};
@@ -60,6 +60,7 @@ fn display() -> Display {
         wavelengths: vec![GREEN, Wavelength { pm: 632_816 }],
         phase_response_rad: Some(vec![0.0, 3.5]),
         carrier: Some(Carrier::HalfOrderX),
+        orders: Orders::All { fill_factor_x: 0.875, fill_factor_y: 1.0 },
         notes: "by the window".to_owned(),
         simulated_bench: Some(SimulatedBench { seed: u64::MAX, blur_px: 0.2, ..SimulatedBench::FAIR }),
     }
@@ -243,6 +244,7 @@ fn hologram_learning_capture_and_evaluation_results_are_stored_as_before() {
         quality,
         quantized_quality: quality,
         propagation: propagation(),
+        other_orders_psnr_db: Some(21.5),
     };
     let hologram = WavelengthResult {
         wavelength: GREEN,

@@ -12,6 +12,7 @@
 //! | `kernel_order`, `source_order` | highest total degrees of the Chebyshev series |
 //! | `variation_order` | highest total degree of the kernel's variation over the SLM; missing: 0 |
 //! | `propagation` | the method of H_ideal; missing: `band_limited` |
+//! | `orders` | `first`, or `all` with the fill factors of the pixels: the diffraction orders with which the kernel was learned; missing: `first` |
 //! | `interpolated_from_m` | photographed distances \[m\], ascending, that an interpolated kernel was made from; missing: the kernel was not interpolated |
 //!
 //! | tensor | type, shape | meaning |
@@ -27,7 +28,7 @@
 
 use lightpath_optics::KernelModel;
 use lightpath_optics::{
-    ConvolutionMethod, DisplayModel, Grid, KernelShape, OpticalSetup, Plane, SmoothField, SpatialVariation,
+    ConvolutionMethod, DisplayModel, Grid, KernelShape, OpticalSetup, Orders, Plane, SmoothField, SpatialVariation,
 };
 use num_complex::{Complex32, Complex64};
 use safetensors::tensor::TensorView;
@@ -87,8 +88,14 @@ struct Header {
     #[serde(default, skip_serializing_if = "is_zero")]
     variation_order: usize,
     propagation: ConvolutionMethod,
+    #[serde(default, skip_serializing_if = "is_first")]
+    orders: Orders,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     interpolated_from_m: Vec<f64>,
+}
+
+fn is_first(orders: &Orders) -> bool {
+    *orders == Orders::First
 }
 
 fn is_zero(order: &usize) -> bool {
@@ -128,6 +135,7 @@ pub fn encode_interpolated(
         source_order: model.source.order,
         variation_order: model.variation.order(),
         propagation: model.setup.method(),
+        orders: model.setup.orders(),
         interpolated_from_m: from_m.to_vec(),
     };
     let photometry = [model.gain, model.offset, model.zero_order.re, model.zero_order.im];
@@ -175,7 +183,7 @@ pub fn decode(bytes: &[u8]) -> Result<(DisplayModel, KernelModel), KernelFileErr
     let tensors = SafeTensors::deserialize(bytes)?;
     let grid = Grid::try_new(header.height_px, header.width_px, header.pixel_pitch_m)?;
     let setup = OpticalSetup::try_new(grid, header.wavelength_m, header.distance_m)?;
-    let setup = setup.with_method_regardless(header.propagation);
+    let setup = setup.with_method_regardless(header.propagation).with_orders(header.orders)?;
     let [gain, offset, re, im] = floats(&tensors, "photometry")?[..] else {
         return Err(KernelFileError::Tensor { name: "photometry", expected: "four f64" });
     };
@@ -301,6 +309,10 @@ mod tests {
                     (field.log_amplitude[1], field.phase[3]) = (-0.1 * size, 0.3 * size);
                     field
                 }));
+            }
+            if kind == KernelModel::Varying {
+                let gaps = Orders::All { fill_factor_x: 0.93, fill_factor_y: 0.9 };
+                model.setup = model.setup.with_orders(gaps).unwrap();
             }
             model.setup = model.setup.planned().unwrap().0;
             let bytes = encode(&model, kind).unwrap();

@@ -6,8 +6,8 @@ use lightpath_domain::dataset::Encoding;
 use lightpath_domain::job::{FailureReason, ImagePlane, OptimizeHologram};
 use lightpath_domain::units::Wavelength;
 use lightpath_media::pictures::{self, Channel};
-use lightpath_optics::hologram::{self, HologramOptions, HologramProblem, Levels};
-use lightpath_optics::{Engine, Plane, RegionOfInterest, ValidityReport};
+use lightpath_optics::hologram::{self, HologramOptions, HologramProblem, Levels, with_other_orders};
+use lightpath_optics::{DisplayModel, Engine, Plane, RegionOfInterest, ValidityReport};
 
 /// The pictures that the hologram of one wavelength must show.
 pub(super) struct HologramSetup {
@@ -24,6 +24,8 @@ pub(super) struct PlaneSetup {
     pub(super) target: Plane<f32>,
     weight: Option<Plane<f32>>,
     share: f64,
+    /// Model of the display with the other kind of optics.
+    pub(super) with_other_orders: Option<DisplayModel>,
     pub(super) validity: ValidityReport,
 }
 
@@ -53,7 +55,8 @@ impl HologramSetup {
             let (weight, share) = weight_of(p, mask.as_ref(), depths.as_ref(), region);
             let share = share * plane.weight;
             let validity = here.validity_of(&model);
-            planes.push(PlaneSetup { plane, engine, target, weight, share, validity });
+            let with_other_orders = with_other_orders(&model);
+            planes.push(PlaneSetup { plane, engine, target, weight, share, with_other_orders, validity });
         }
         Ok(Self { wavelength, display, region, planes })
     }

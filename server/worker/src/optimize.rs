@@ -2,7 +2,7 @@
 
 use super::context::Eta;
 use super::display_setup::finite;
-use super::hologram_setup::{HologramSetup, colours};
+use super::hologram_setup::{HologramSetup, PlaneSetup, colours};
 use super::state_bytes::{HologramState, from_bytes, to_bytes};
 use super::{JobContext, TaskError, TaskOutput};
 use lightpath_domain::job::{
@@ -10,7 +10,9 @@ use lightpath_domain::job::{
 };
 use lightpath_media::pictures;
 use lightpath_metrics as metrics;
-use lightpath_optics::hologram::{HologramMethod, OptimizationState, Quality, light_of_frames, quality_of_frames};
+use lightpath_optics::hologram::{
+    DetectorQuality, HologramMethod, OptimizationState, Quality, light_of_frames, pixel_psnr_db, quality_of_frames,
+};
 use lightpath_optics::phase_response::wrap_f32;
 use lightpath_optics::photometry::Quantity;
 use lightpath_optics::{Optimization, Plane};
@@ -159,11 +161,24 @@ impl Finished<'_> {
                 quality: quality(&phases)?,
                 quantized_quality: quality(&displayed)?,
                 propagation: plane.validity.clone(),
+                other_orders_psnr_db: other_orders_psnr_db(self.setup, plane, &displayed)?,
             });
         }
         let (wavelength, loss) = (self.setup.wavelength, self.loss);
         Ok(WavelengthResult { wavelength, frames, planes, intensity_scale, loss, largest_amplitude })
     }
+}
+
+/// What the hologram would show on a display of the other kind. A carrier needs optics that filter the orders.
+fn other_orders_psnr_db(
+    setup: &HologramSetup,
+    plane: &PlaneSetup,
+    phases: &[Plane<f32>],
+) -> Result<Option<f64>, TaskError> {
+    let model = plane.with_other_orders.as_ref().filter(|_| setup.display.carrier.is_none());
+    let Some(model) = model else { return Ok(None) };
+    let psnr_db = pixel_psnr_db(model, phases, &plane.target, setup.region)?;
+    Ok(Some(finite("the quality with the other orders", psnr_db.min(DetectorQuality::PSNR_DB_MAX))?))
 }
 
 /// Number of iterations of each hologram.

@@ -7,6 +7,7 @@ use crate::field::Field;
 use crate::names;
 use lightpath_domain::display::Display;
 use lightpath_domain::units::Wavelength;
+use lightpath_optics::Orders;
 use lightpath_proto::v1;
 use std::f64::consts::PI;
 use std::ops::RangeInclusive;
@@ -42,8 +43,33 @@ pub(crate) fn display(call: &Call, message: v1::Display, field: &Field) -> Resul
             .map(|response| phases(&at("phase_response"), response.phase_rad, bit_depth))
             .transpose()?,
         carrier: at("carrier").enum_value(message.carrier)?,
+        orders: message.all_orders.map_or(Ok(Orders::First), |all| {
+            all_orders(&at("all_orders"), all, bench.is_some(), message.carrier != 0)
+        })?,
         notes: at("notes").text(message.notes, NOTES_BYTES_MAX)?,
         simulated_bench: bench.map(|bench| simulated_bench::from_wire(bench, &at("simulated_bench"))).transpose()?,
+    })
+}
+
+fn all_orders(
+    field: &Field,
+    message: v1::AllOrders,
+    is_simulated: bool,
+    has_carrier: bool,
+) -> Result<Orders, ApiError> {
+    if has_carrier {
+        return Err(field.invalid("is given, but a carrier needs optics that let only one half of the orders through"));
+    }
+    if is_simulated {
+        return Err(field.invalid("is given, but simulated benches show only the first diffraction order"));
+    }
+    let fill = |name, value: f64| {
+        let field = field.at(name);
+        if value == 0.0 { Ok(1.0) } else { field.number(value, Orders::FILL_FACTOR_MIN..=1.0) }
+    };
+    Ok(Orders::All {
+        fill_factor_x: fill("fill_factor_x", message.fill_factor_x)?,
+        fill_factor_y: fill("fill_factor_y", message.fill_factor_y)?,
     })
 }
 
@@ -103,6 +129,7 @@ mod tests {
             wavelengths_m: vec![639e-9, 515e-9],
             phase_response: Some(v1::PhaseResponse { phase_rad: vec![0.0, 1.0, 2.0, 4.0] }),
             carrier: v1::Carrier::HalfOrderY.into(),
+            all_orders: None,
             notes: "bench 2".into(),
             simulated_bench: Some(v1::SimulatedBench { seed: 7, ..Default::default() }),
             create_time: None,
@@ -126,6 +153,16 @@ mod tests {
     }
 
     #[test]
+    fn all_orders_survive_conversion_with_defaults_filled_in() {
+        let all_orders = Some(v1::AllOrders { fill_factor_x: 0.93, fill_factor_y: 0.0 });
+        let message = v1::Display { all_orders, simulated_bench: None, carrier: 0, ..message() };
+        let domain = display(&Call::without_token(), message, &Field::new("display")).unwrap();
+        assert_eq!(domain.orders, Orders::All { fill_factor_x: 0.93, fill_factor_y: 1.0 });
+        let converted = to_wire::display(domain.clone(), 1_500);
+        assert_eq!(display(&Call::without_token(), converted, &Field::new("display")).unwrap(), domain);
+    }
+
+    #[test]
     fn invalid_fields_are_refused() {
         for (refusal, start) in [
             (refusal(|d| d.pixel_pitch_m = 0.0), "display.pixel_pitch_m is 0, but"),
@@ -140,6 +177,21 @@ mod tests {
             (refusal(|d| d.wavelengths_m[1] = 639.000_000_1e-9), "display.wavelengths_m names 639nm twice"),
             (refusal(|d| d.wavelengths_m = vec![5e-7; 17]), "display.wavelengths_m has 17 entries"),
             (refusal(|d| d.carrier = 9), "display.carrier is 9, but must be a value"),
+            (refusal(|d| d.all_orders = Some(v1::AllOrders::default())), "display.all_orders is given, but a carrier"),
+            (
+                refusal(|d| {
+                    d.carrier = 0;
+                    d.all_orders = Some(v1::AllOrders::default());
+                }),
+                "display.all_orders is given, but simulated",
+            ),
+            (
+                refusal(|d| {
+                    (d.simulated_bench, d.carrier) = (None, 0);
+                    d.all_orders = Some(v1::AllOrders { fill_factor_x: 1.2, fill_factor_y: 1.0 });
+                }),
+                "display.all_orders.fill_factor_x is 1.2, but",
+            ),
             (refusal(|d| d.notes = "x".repeat(4097)), "display.notes has 4097 bytes"),
             (refusal(|d| d.name = "lab".into()), "display.name is \"lab\", but must be displays/{id}"),
             (

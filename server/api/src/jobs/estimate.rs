@@ -19,9 +19,9 @@ use lightpath_domain::planning;
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_media::{captures, kernel_file};
 use lightpath_optics::learning::KernelModel;
-use lightpath_optics::memory::{EngineSize, sampling_bytes};
+use lightpath_optics::memory::{EngineSize, sampling_bytes, sampling_work};
 use lightpath_optics::propagation::ConvolutionMethod;
-use lightpath_optics::{Detector, DisplayModel, KernelShape, RegionOfInterest};
+use lightpath_optics::{Detector, DisplayModel, KernelShape, Orders, RegionOfInterest};
 use lightpath_store::StoreError;
 
 const MIB: f64 = 1_048_576.0;
@@ -161,7 +161,9 @@ impl Api {
         // Where no method is valid, the job fails before it needs memory.
         let planned = planning::setup(display, key.wavelength, key.distance)
             .and_then(|setup| planning::planned(setup, propagation));
-        Ok(EngineSize { sampling_bytes: planned.map_or(0, |(setup, _)| sampling_bytes(&setup)), ..ideal })
+        let (sampling_bytes, sampling_work) =
+            planned.map_or((0, 0), |(setup, _)| (sampling_bytes(&setup), sampling_work(&setup)));
+        Ok(EngineSize { all_orders: display.orders != Orders::First, sampling_bytes, sampling_work, ..ideal })
     }
 
     /// Size of a kernel version; `None`: of the ideal kernel.

@@ -128,4 +128,7 @@ pub struct PlaneResult {
     pub quantized_quality: Quality,
     /// Propagation method of the reconstruction, and its limits.
     pub propagation: ValidityReport,
+    /// PSNR of the phases as the display shows them, on a display that shows the other diffraction orders \[dB\]; `None`: not
+    /// computed.
+    pub other_orders_psnr_db: Option<f64>,
 }

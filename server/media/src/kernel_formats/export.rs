@@ -6,7 +6,7 @@ use crate::kernel_file;
 use lightpath_optics::KernelModel;
 use lightpath_optics::grid::frequency;
 use lightpath_optics::spatial_variation::local_kernels;
-use lightpath_optics::{DisplayModel, KernelShape, Plane};
+use lightpath_optics::{DisplayModel, KernelShape, Orders, Plane};
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 
@@ -51,6 +51,11 @@ const POSITIONS: usize = 3;
 ///
 /// [`KernelFormatError::NoSuchForm`] for a model that the form cannot hold.
 pub fn export(model: &DisplayModel, kind: KernelModel, format: KernelFormat) -> Result<Exported, KernelFormatError> {
+    if format != KernelFormat::Safetensors && model.setup.orders() != Orders::First {
+        let message = "a kernel of a display that shows all diffraction orders has a transfer function for each sub-sample, and \
+                       no other form than safetensors";
+        return Err(KernelFormatError::NoSuchForm(message.to_owned()));
+    }
     let bytes = match format {
         KernelFormat::Safetensors => kernel_file::encode(model, kind)?,
         KernelFormat::Compact => compact::encode(model, kind)?,
@@ -230,6 +235,17 @@ mod tests {
         for (format, bound) in bounds {
             let exported = export(&model, KernelModel::Display, format).unwrap();
             assert!(exported.relative_error <= bound, "{format:?}: {}", exported.relative_error);
+        }
+    }
+
+    #[test]
+    fn kernels_of_displays_with_all_orders_have_only_the_native_form() {
+        let model = model();
+        let model = DisplayModel { setup: model.setup.with_orders(Orders::SQUARE).unwrap(), ..model };
+        assert_eq!(export(&model, KernelModel::Display, KernelFormat::Safetensors).unwrap().relative_error, 0.0);
+        for format in [KernelFormat::Compact, KernelFormat::Pt, KernelFormat::Npz, KernelFormat::F16] {
+            let refused = export(&model, KernelModel::Display, format).unwrap_err();
+            assert!(refused.to_string().contains("no other form than safetensors"), "{refused}");
         }
     }
 

@@ -11,7 +11,7 @@ use lightpath_domain::dataset::Dataset;
 use lightpath_domain::display::Display;
 use lightpath_domain::job::LearnKernel;
 use lightpath_domain::kernel::KernelKey;
-use lightpath_optics::{Detector, KernelModel};
+use lightpath_optics::{Detector, KernelModel, Orders};
 use lightpath_proto::v1;
 
 /// Limit on the epochs: thirty times as many as the paper uses.
@@ -43,6 +43,12 @@ impl Api {
         let detector = at("detector").enum_value::<Detector>(message.detector)?.unwrap_or_default();
         if detector == Detector::Supersampled {
             return Err(at("detector").invalid("is supersampled, but must be point or pixel, which a camera measures"));
+        }
+        if !is_smooth && display.orders != Orders::First {
+            return Err(at("model").invalid(format!(
+                "has a value for each frequency, but displays/{} shows all diffraction orders; use smooth, display or varying",
+                display.id
+            )));
         }
         let (wavelength, distance) = (datasets[0].wavelength, datasets[0].distance);
         let key = KernelKey { display: display.id.clone(), wavelength, distance };

@@ -113,5 +113,6 @@ fn plane_result(plane: PlaneResult) -> hologram_result::PlaneResult {
         quality: Some(quality(plane.quality)),
         quantized_quality: Some(quality(plane.quantized_quality)),
         propagation: Some(validity_report(plane.propagation)),
+        other_orders_psnr_db: plane.other_orders_psnr_db,
     }
 }

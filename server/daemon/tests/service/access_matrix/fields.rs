@@ -74,6 +74,7 @@ const FIELDS: &[(&str, Names)] = &[
     ("CreateDisplayRequest.display", Parts),
     ("Display.name", Display),
     ("Display.phase_response", Parts),
+    ("Display.all_orders", Parts),
     ("Display.notes", Nothing),
     ("Display.simulated_bench", Parts),
     ("Display.create_time", Ignored),

@@ -1,0 +1,134 @@
+//! Transfer functions from a display that shows all orders of its pixels to each sub-sample of the image.
+//!
+//! The field of all orders has details finer than a pixel. A sub-sample at another place in the pixel therefore needs a
+//! transfer function of its own, the Fourier transform of the pixels' [response](super::pixel_response) at that place:
+//!
+//! ```text
+//! H_o(f) = Σ g((n + o)Δ) e^{−i2πfn}   over the lags n between two pixels of the frame
+//! ```
+//!
+//! o is the place of the sub-sample from the centre of the pixel \[px\]. g is even along both axes, so the sub-samples
+//! (±o_x, ±o_y) share the values of g.
+
+use super::pixel_response::PixelResponse;
+use crate::OpticalSetup;
+use crate::convolution::{Real, Transfer, split_bin};
+use crate::interrupt;
+use num_complex::{Complex, Complex64};
+use rayon::prelude::*;
+use rustfft::FftPlanner;
+
+/// Transfer functions to the sub-samples at these places (x, y) from the centre of the pixel \[px\].
+pub(crate) fn order_transfers<T: Real>(setup: &OpticalSetup, places_px: &[[f64; 2]]) -> Vec<Transfer<T>> {
+    let mut transfers: Vec<Option<Transfer<T>>> = places_px.iter().map(|_| None).collect();
+    for_each_order_transfer(setup, places_px, |i, transfer| transfers[i] = Some(transfer));
+    transfers.into_iter().flatten().collect()
+}
+
+/// Calls `use_transfer(i, transfer)` with the transfer function to each of the places, in an order in which places share
+/// what they can. Only one transfer function exists at a time.
+pub(crate) fn for_each_order_transfer<T: Real>(
+    setup: &OpticalSetup,
+    places_px: &[[f64; 2]],
+    mut use_transfer: impl FnMut(usize, Transfer<T>),
+) {
+    let magnitudes = |place: [f64; 2]| place.map(f64::abs);
+    let mut waiting: Vec<usize> = (0..places_px.len()).collect();
+    while let Some(&first) = waiting.first() {
+        let wanted = magnitudes(places_px[first]);
+        let spectra = RowSpectra::<T>::new(setup, wanted);
+        waiting.retain(|&i| {
+            let shares = magnitudes(places_px[i]) == wanted;
+            if shares {
+                use_transfer(i, spectra.transfer(places_px[i].map(|offset| offset < 0.0)));
+            }
+            !shares
+        });
+    }
+}
+
+/// Spectra along x of the pixels' response at one place in the pixel: for each lag along y, all padded bins.
+struct RowSpectra<T> {
+    height_px: usize,
+    width_px: usize,
+    values: Vec<Complex<T>>,
+}
+
+impl<T: Real> RowSpectra<T> {
+    fn new(setup: &OpticalSetup, [offset_x, offset_y]: [f64; 2]) -> Self {
+        let (height_px, width_px) = (setup.grid().height_px(), setup.grid().width_px());
+        let (response, pitch_m) = (PixelResponse::new(setup), setup.grid().pixel_pitch_m());
+        let fft = FftPlanner::new().plan_fft_forward(2 * width_px);
+        let mut values = vec![Complex::new(T::zero(), T::zero()); 4 * height_px * width_px];
+        values.par_chunks_exact_mut(2 * width_px).enumerate().for_each_init(
+            || (vec![Complex64::ZERO; 2 * width_px], vec![Complex64::ZERO; fft.get_inplace_scratch_len()]),
+            |(sequence, scratch), (row, out)| {
+                interrupt::check();
+                let Some(lag_y) = lag(row, height_px) else { return };
+                let y_m = (lag_y + offset_y) * pitch_m;
+                let at = |column: usize| {
+                    lag(column, width_px)
+                        .map_or(Complex64::ZERO, |lag_x| response.at((lag_x + offset_x) * pitch_m, y_m))
+                };
+                if offset_x == 0.0 {
+                    (0..width_px).for_each(|column| sequence[column] = at(column));
+                    (1..width_px).for_each(|column| sequence[2 * width_px - column] = sequence[column]);
+                    sequence[width_px] = Complex64::ZERO;
+                } else {
+                    sequence.iter_mut().enumerate().for_each(|(column, value)| *value = at(column));
+                }
+                fft.process_with_scratch(sequence, scratch);
+                out.iter_mut().zip(&*sequence).for_each(|(out, exact)| *out = narrowed(*exact));
+            },
+        );
+        Self { height_px, width_px, values }
+    }
+
+    /// Transfer function to the sub-sample on the other side of the pixel along each axis where `mirrored` is true.
+    fn transfer(&self, mirrored: [bool; 2]) -> Transfer<T> {
+        let (height_px, width_px) = (self.height_px, self.width_px);
+        let fft = FftPlanner::new().plan_fft_forward(2 * height_px);
+        let mirror = |i: usize, len: usize, mirrored: bool| if mirrored { (len - i) % len } else { i };
+        let scratch = || (vec![Complex64::ZERO; fft.get_inplace_scratch_len()], Vec::new());
+        let mut transfer = Transfer::zeros(height_px, width_px);
+        // Columns of a tile are gathered together, because their bins are neighbours in memory.
+        transfer.write_tiles(scratch, |(scratch, gathered), columns, tile| {
+            let (count, rows) = (columns.len(), 2 * height_px);
+            gathered.resize(count * rows, Complex64::ZERO);
+            for row in 0..rows {
+                interrupt::check();
+                let from = &self.values[mirror(row, rows, mirrored[1]) * 2 * width_px..][..2 * width_px];
+                for (k, i) in columns.clone().enumerate() {
+                    gathered[k * rows + row] = widened(from[mirror(split_bin(i, width_px), 2 * width_px, mirrored[0])]);
+                }
+            }
+            fft.process_with_scratch(gathered, scratch);
+            let tile_columns = tile.len() / rows;
+            for (row, out) in tile.chunks_exact_mut(tile_columns).enumerate() {
+                let bin = split_bin(row, height_px);
+                out.iter_mut()
+                    .zip(gathered[bin..].iter().step_by(rows))
+                    .for_each(|(out, exact)| *out = narrowed(*exact));
+            }
+        });
+        transfer
+    }
+}
+
+fn narrowed<T: Real>(value: Complex64) -> Complex<T> {
+    Complex::new(T::of(value.re), T::of(value.im))
+}
+
+fn widened<T: Real>(value: Complex<T>) -> Complex64 {
+    Complex64::new(value.re.wide(), value.im.wide())
+}
+
+/// The lag at an index of a sequence of `2·side_px` values that repeats; `None` for the lag of a whole side, which no two
+/// pixels have.
+fn lag(index: usize, side_px: usize) -> Option<f64> {
+    match index.cmp(&side_px) {
+        std::cmp::Ordering::Less => Some(index as f64),
+        std::cmp::Ordering::Equal => None,
+        std::cmp::Ordering::Greater => Some(index as f64 - 2.0 * side_px as f64),
+    }
+}
