@@ -39,6 +39,17 @@ const BASE_BYTES: u64 = 12 << 20;
 const FRAGMENTATION: f64 = 0.05;
 /// Bytes of a real number in f32.
 const REAL: u64 = 4;
+/// Time of reading or writing a pixel of a picture: codec, digest and disk, in the unit of work.
+const FILE_STAGES: f64 = 1500.0;
+/// Time of a step, relative to that on a small display, whose buffers fit into the caches. The speed is measured on such a
+/// display.
+const STEP_FACTOR: f64 = 1.2;
+/// Time of measuring the quality of light, relative to its propagation alone.
+const QUALITY_FACTOR: f64 = 1.6;
+/// Time of learning, relative to that of its propagations and products.
+const LEARNING_FACTOR: f64 = 1.5;
+/// Work of a job besides what is counted: its start, its rows in the database, its files.
+const BASE_WORK: f64 = 5e8;
 
 /// Estimate of a job.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -61,7 +72,8 @@ pub struct Need {
 impl Need {
     fn new(stages: impl IntoIterator<Item = u64>, work: f64) -> Self {
         let largest = stages.into_iter().max().unwrap_or(0);
-        Self { memory_bytes: BASE_BYTES + largest + (FRAGMENTATION * largest as f64) as u64, work }
+        let memory_bytes = BASE_BYTES + largest + (FRAGMENTATION * largest as f64) as u64;
+        Self { memory_bytes, work: BASE_WORK + work }
     }
 
     /// The estimate for a machine that does `work_per_s` work each second.
@@ -156,14 +168,16 @@ fn one_wavelength(spec: &OptimizeHologram, kernels: &[KernelSize], decoding_byte
         setup + masks + decoding_bytes.max(reading),
         started,
         running + size.state_bytes().max(results),
-        setup + 3 * phases + 2 * picture + engine.quality_bytes(size.frames),
+        setup + 3 * phases + 2 * picture + engine.quality_bytes(size.frames).max(engine.other_orders_bytes()),
     ];
     let steps = if spec.method == HologramMethod::DoublePhase { 1 } else { spec.iterations };
     let lights = (size.planes * (2 * size.frames + 1) * 2) as f64;
     let fine = engine.with_detector(Detector::Supersampled);
-    // Each picture and each frame is read or written as a file, at about the time of a propagation.
-    let files = (size.planes + 3 * size.frames) as f64 * engine.light_work();
-    let work = f64::from(steps) * size.step_work() + lights * fine.light_work() + files;
+    let files = (size.planes + 3 * size.frames) as f64 * FILE_STAGES * n as f64;
+    let other_orders = size.planes as f64 * engine.other_orders_work(size.frames);
+    let sampling: u64 = kernels.iter().map(|kernel| kernel.engine.sampling_work).sum();
+    let quality = QUALITY_FACTOR * lights * fine.light_work();
+    let work = f64::from(steps) * STEP_FACTOR * size.step_work() + quality + files + other_orders + sampling as f64;
     (stages.into_iter().max().unwrap_or(0), work)
 }
 
@@ -296,10 +310,11 @@ fn learning_work(spec: &super::LearnKernel, inputs: &LearningInputs, size: &Lear
         let hologram = HologramSize::new(engine, HologramMethod::Lbfgs, CAPTURED_ITERATIONS);
         4.0 * (f64::from(CAPTURED_ITERATIONS) * hologram.step_work() + engine.simulation_work(varies))
     });
-    (epochs * training + evaluations * training) * size.step_work()
+    let learning = (epochs * training + evaluations * training) * size.step_work()
         + curvatures * size.curvature_work()
         + measures * engine.light_work()
-        + inputs.pairs.len() as f64 * captured
+        + inputs.pairs.len() as f64 * captured;
+    LEARNING_FACTOR * learning + inputs.pairs.len() as f64 * 3.0 * engine.sampling_work as f64
 }
 
 /// Need of a job that photographs a hologram on a simulated display.
@@ -321,7 +336,8 @@ pub fn evaluate_kernel(kernel: &KernelSize, pairs: &PairsSize) -> Need {
         engine.engine_bytes() + kernel.reading_bytes(),
         engine.engine_bytes() + kernel.numbers_bytes() + kept + compared.max(pairs.reading_bytes(n)),
     ];
-    Need::new(stages, pairs.all as f64 * 3.0 * engine.light_work())
+    let files = 0.5 * pairs.all as f64 * FILE_STAGES * n as f64;
+    Need::new(stages, pairs.all as f64 * 3.0 * engine.light_work() + files + engine.sampling_work as f64)
 }
 
 /// What a job that aligns or finalizes a dataset needs, besides its specification.
@@ -366,8 +382,9 @@ pub fn prepare_dataset(step: &PrepareStep, inputs: &PreparingInputs) -> Need {
         // A photograph of dots is blurred several times.
         if by_dots { 4 * dots_bytes + 2 * REAL * n } else { 0 },
     ];
-    let lights = (2 * pairs.all + ALIGNMENT_PAIRS_MAX * 6) as f64;
-    Need::new(stages, 3.0 * lights * engine.light_work())
+    let lights = if measures { 2 * pairs.all } else { 0 } + if by_pairs { 6 * ALIGNMENT_PAIRS_MAX } else { 0 };
+    let sampling = if measures || by_pairs { engine.sampling_work as f64 } else { 0.0 };
+    Need::new(stages, 3.0 * lights as f64 * engine.light_work() + sampling)
 }
 
 /// What the report of a kernel version needs.
@@ -413,5 +430,5 @@ pub fn report_kernel(inputs: &ReportInputs) -> Need {
         numbers + engine.engine_bytes() + engine.scratch_bytes() + fit + pair.max(kernel.reading_bytes())
     });
     let pairs = inputs.pairs.map_or(0.0, |pairs| (pairs.all as f64).min(32.0));
-    Need::new([others, drawn, compared], pairs * 40.0 * engine.light_work() + 4e9)
+    Need::new([others, drawn, compared], pairs * 40.0 * engine.light_work() + 6e9)
 }

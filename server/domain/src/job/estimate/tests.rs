@@ -66,9 +66,10 @@ fn need_grows_with_everything_that_takes_memory() {
     // Wavelengths are optimized one after the other.
     let colours = vec![Wavelength { pm: 450_000 }, Wavelength { pm: 515_000 }];
     let colours = need(1024, &OptimizeHologram { wavelengths: colours, ..one.clone() }, 0);
-    assert_eq!((colours.memory_bytes, colours.work), (base.memory_bytes, 2.0 * base.work));
+    assert_eq!(colours.memory_bytes, base.memory_bytes);
+    assert!((1.9..=2.0).contains(&(colours.work / base.work)), "{colours:?} {base:?}");
     let adam = OptimizeHologram { method: HologramMethod::Adam { learning_rate: 0.1 }, ..one };
-    assert!(2 * need(1024, &adam, 0).memory_bytes < 3 * base.memory_bytes / 2);
+    assert!(10 * need(1024, &adam, 0).memory_bytes < 9 * base.memory_bytes);
 }
 
 #[test]
