@@ -146,8 +146,19 @@ impl EngineSize {
     /// Transfer functions and tables of the SLM, which an engine keeps.
     #[must_use]
     pub fn engine_bytes(&self) -> u64 {
-        let to_samples = if self.all_orders { self.lanes() * self.transfer_bytes() } else { 0 };
-        self.transfers_bytes() + to_samples + if self.has_source { COMPLEX * self.pixels() } else { 0 }
+        self.transfers_bytes()
+            + self.sample_transfers_bytes()
+            + if self.has_source { COMPLEX * self.pixels() } else { 0 }
+    }
+
+    /// Transfer functions to the sub-samples, which an engine keeps if the display shows all orders.
+    fn sample_transfers_bytes(&self) -> u64 {
+        if self.all_orders { self.lanes() * self.transfer_bytes() } else { 0 }
+    }
+
+    /// Memory for these transfer functions with another detector, and for their sampling.
+    fn resampling_bytes(&self) -> u64 {
+        if self.all_orders { self.sample_transfers_bytes() + 4 * self.pixels() * COMPLEX } else { 0 }
     }
 
     /// Memory of the tables of a sampled transfer function that a computation keeps besides the engine.
@@ -191,7 +202,7 @@ impl EngineSize {
         let measured = 2 * samples + n * REAL + samples / 2 + n;
         let scratch =
             fine.scratch_bytes() + if frames > 1 { self.with_detector(Detector::Point).scratch_bytes() } else { 0 };
-        scratch + sum_and_points + propagated.max(measured)
+        scratch + sum_and_points + fine.resampling_bytes() + propagated.max(measured)
     }
 
     /// Memory for measuring what a hologram would show on a display that shows the other diffraction orders, besides the
@@ -409,7 +420,8 @@ impl HologramSize {
         let n = self.engine.pixels();
         let point = self.engine.with_detector(Detector::Point);
         let targets = self.planes as u64 * n * REAL;
-        begun + self.phases_bytes() + n * COMPLEX + targets + point.fields_bytes() + point.scratch_bytes()
+        let fields = point.fields_bytes() + point.scratch_bytes() + point.resampling_bytes();
+        begun + self.phases_bytes() + n * COMPLEX + targets + fields
     }
 
     /// Work of one step.

@@ -4,14 +4,15 @@
 #![allow(clippy::unwrap_used)]
 
 use lightpath_optics::hologram::{
-    HologramMethod, HologramOptions, ImagePlane, InitialPhase, Loss, initial_phase, quality_of_frames,
+    HologramMethod, HologramOptions, ImagePlane, InitialPhase, Loss, initial_phase, pixel_psnr_db, quality_of_frames,
+    with_other_orders,
 };
 use lightpath_optics::learning::{KernelModel, LearnOptions, Learner, LearningPairs, Pair};
 use lightpath_optics::memory::{EngineSize, HologramSize, LearningSize};
 use lightpath_optics::simulated_display::SimulatedDisplay;
 use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{
-    Detector, DisplayModel, Engine, EngineCache, Grid, HologramProblem, OpticalSetup, Optimization, Plane,
+    Detector, DisplayModel, Engine, EngineCache, Grid, HologramProblem, OpticalSetup, Optimization, Orders, Plane,
     RegionOfInterest, SimulatedBench,
 };
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -83,17 +84,33 @@ fn check_hologram(pool: &ThreadPool, size: HologramSize, initial: &InitialPhase)
     check(&name, estimate, peak, 1.2);
 }
 
-fn check_quality(pool: &ThreadPool, frames: usize) {
-    let engine = EngineSize::ideal(300, 400, Detector::Pixel, 2);
+fn check_quality(pool: &ThreadPool, frames: usize, orders: Orders) {
+    let all_orders = orders != Orders::First;
+    let engine = EngineSize { all_orders, ..EngineSize::ideal(300, 400, Detector::Pixel, 2) };
     let work = || {
-        let engine = Engine::new(&DisplayModel::ideal(setup(300, 400, 0.01)), Detector::Pixel, None).unwrap();
+        let setup = setup(300, 400, 0.01).with_orders(orders).unwrap();
+        let engine = Engine::new(&DisplayModel::ideal(setup), Detector::Pixel, None).unwrap();
         let phases = vec![initial_phase(300, 400, 1.0, 1).unwrap(); frames];
         let region = RegionOfInterest::middle(&Grid::try_new(300, 400, 8e-6).unwrap());
         quality_of_frames(&engine, &phases, &target(300, 400), region).unwrap();
     };
     let n = engine.pixels() * 4;
     let estimate = engine.engine_bytes() + (frames as u64 + 1) * n + engine.quality_bytes(frames);
-    check(&format!("quality of {frames} frames"), estimate, peak_bytes(pool, work), 1.3);
+    check(&format!("quality of {frames} frames, orders {orders:?}"), estimate, peak_bytes(pool, work), 1.3);
+}
+
+fn check_other_orders(pool: &ThreadPool, orders: Orders) {
+    let all_orders = orders != Orders::First;
+    let engine = EngineSize { all_orders, ..EngineSize::ideal(300, 400, Detector::Pixel, 2) };
+    let own = DisplayModel::ideal(setup(300, 400, 0.01).with_orders(orders).unwrap());
+    let other = with_other_orders(&own).unwrap();
+    let work = || {
+        let phases = [initial_phase(300, 400, 1.0, 1).unwrap()];
+        let region = RegionOfInterest::middle(&other.setup.grid());
+        pixel_psnr_db(&other, &phases, &target(300, 400), region).unwrap();
+    };
+    let estimate = 2 * engine.pixels() * 4 + engine.other_orders_bytes();
+    check(&format!("other orders than {orders:?}"), estimate, peak_bytes(pool, work), 1.3);
 }
 
 fn check_learning(pool: &ThreadPool, model: KernelModel, distances: usize) {
@@ -189,7 +206,10 @@ fn counted_memory_is_that_of_the_functions() {
     let rough = HologramSize { rough: true, ..HologramSize::new(engine, methods[0], 12) };
     check_hologram(&pool, rough, &random);
     check_hologram(&pool, HologramSize::new(engine, HologramMethod::Lbfgs, 3), &random);
-    [1, 3].into_iter().for_each(|frames| check_quality(&pool, frames));
+    for orders in [Orders::First, Orders::SQUARE] {
+        [1, 3].into_iter().for_each(|frames| check_quality(&pool, frames, orders));
+        check_other_orders(&pool, orders);
+    }
     for model in KernelModel::ALL {
         check_learning(&pool, model, 1);
     }
