@@ -139,6 +139,8 @@ results! {
     prepare_result: Prepare(PrepareResult);
     /// Returns the report of a kernel version.
     report_result: Report(ReportResult);
+    /// Returns the judgement of a job's holograms.
+    verify_result: Verify(VerifyResult);
 }
 
 fn succeeded(job: &Job) -> Result<&v1::job_result::Kind> {

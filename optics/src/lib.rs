@@ -77,6 +77,7 @@
 //! | work without a display | [`simulated_display`]: display and camera with flaws; [`test_cards`]: target pictures |
 //! | end a computation early | [`interrupt`] |
 //! | know memory and work before | [`memory`] |
+//! | judge a hologram by an independent model | [`second_opinion`] |
 //! | check results | [`reference`](mod@reference): slow and plain f64 versions of the fast algorithms |
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
@@ -111,6 +112,7 @@ mod propagator;
 mod real;
 pub mod reference;
 pub mod region;
+pub mod second_opinion;
 pub mod setup;
 pub mod simulated_display;
 mod slm;

@@ -21,9 +21,10 @@ use crate::hologram::{HologramMethod, OTHER_ORDERS_PIXELS_MAX, SAMPLES_BYTES_MAX
 use crate::learning::KernelModel;
 use crate::learning::sizes::{CURVATURE_PX, HARMONICS, SOURCE_ORDER, VARIATION_ORDER};
 use crate::optimizer::limited_memory::HISTORY;
-use crate::propagation::passes::{frequencies, peak_values};
+use crate::propagation::passes::{band_samples, frequencies, has_sample_transfers, peak_values};
+use crate::second_opinion::{Effort, opinion_bytes, values};
 use crate::spatial_variation::{SpatialVariation, local_kernels};
-use crate::{ConvolutionMethod, Detector, DisplayModel, OpticalSetup};
+use crate::{ConvolutionMethod, Detector, DisplayModel, KernelShape, OpticalSetup};
 
 /// Bytes of a complex number in f32.
 const COMPLEX: u64 = 8;
@@ -54,6 +55,11 @@ pub struct EngineSize {
     pub has_source: bool,
     /// Whether the display shows all orders of its pixels, so that each sub-sample has a transfer function.
     pub all_orders: bool,
+    /// Memory for the sampling of the exact transfer functions to sub-samples, besides them \[bytes\]; `None`: the quality of
+    /// holograms is measured without such transfer functions.
+    pub samples_bytes: Option<u64>,
+    /// Values of transfer functions in the [`second opinion`](crate::second_opinion); 0: none.
+    pub opinion_values: u64,
     /// Memory for the sampling of transfer functions, besides them \[bytes\].
     pub sampling_bytes: u64,
     /// Work of sampling the transfer functions, in values times radix-2 stages.
@@ -76,9 +82,30 @@ impl EngineSize {
             kernels_per_side: 1,
             has_source: false,
             all_orders: false,
+            samples_bytes: None,
+            opinion_values: 0,
             sampling_bytes: 0,
             sampling_work: 0,
             threads,
+        }
+    }
+
+    /// The same size with the sampling of a setup. `kernel_has_bins`: the kernel has a value for each frequency.
+    #[must_use]
+    pub fn sampled_with(self, setup: &OpticalSetup, kernel_has_bins: bool) -> Self {
+        let has_samples = has_sample_transfers(setup) && !kernel_has_bins && self.kernels_per_side == 1;
+        let ideal = DisplayModel::ideal(*setup);
+        Self {
+            all_orders: setup.method() == ConvolutionMethod::AllOrders,
+            samples_bytes: has_samples.then(|| band_samples(setup) * COMPLEX),
+            opinion_values: if kernel_has_bins || self.kernels_per_side > 1 {
+                0
+            } else {
+                values(&ideal, Effort::CHEAP)
+            },
+            sampling_bytes: sampling_bytes(setup),
+            sampling_work: sampling_work(setup),
+            ..self
         }
     }
 
@@ -87,14 +114,12 @@ impl EngineSize {
     pub fn of(model: &DisplayModel, detector: Detector, threads: usize) -> Self {
         let grid = model.setup.grid();
         let varies = !model.variation.is_none();
-        Self {
+        let size = Self {
             kernels_per_side: if varies { local_kernels::per_side(&model.variation) } else { 1 },
             has_source: !model.source.is_flat(),
-            all_orders: model.setup.method() == ConvolutionMethod::AllOrders,
-            sampling_bytes: sampling_bytes(&model.setup),
-            sampling_work: sampling_work(&model.setup),
             ..Self::ideal(grid.height_px(), grid.width_px(), detector, threads)
-        }
+        };
+        size.sampled_with(&model.setup, matches!(model.kernel, KernelShape::Bins(_)))
     }
 
     /// The same size with another detector.
@@ -156,11 +181,6 @@ impl EngineSize {
         if self.all_orders { self.lanes() * self.transfer_bytes() } else { 0 }
     }
 
-    /// Memory for these transfer functions with another detector, and for their sampling.
-    fn resampling_bytes(&self) -> u64 {
-        if self.all_orders { self.sample_transfers_bytes() + 4 * self.pixels() * COMPLEX } else { 0 }
-    }
-
     /// Memory of the tables of a sampled transfer function that a computation keeps besides the engine.
     #[must_use]
     pub fn sampled_bytes(&self) -> u64 {
@@ -191,18 +211,40 @@ impl EngineSize {
         self.half_spectrum_bytes(self.lanes() + self.kernels_per_side as u64)
     }
 
-    /// Memory for measuring the quality of a hologram in one plane, besides the engine.
+    /// Memory for these transfer functions with another detector, and for their sampling.
+    fn resampling_bytes(&self) -> u64 {
+        if self.all_orders { self.sample_transfers_bytes() + 4 * self.pixels() * COMPLEX } else { 0 }
+    }
+
+    /// Memory for measuring the quality of a hologram in one plane, as optimized and as quantized, besides the engine.
     #[must_use]
     pub fn quality_bytes(&self, frames: usize) -> u64 {
-        let (n, fine) = (self.pixels(), self.with_detector(Detector::Supersampled));
-        let samples = 4 * n * REAL;
-        let sum_and_points = n * REAL + if frames > 1 { samples } else { 0 };
-        let propagated = fine.light_bytes().max(fine.half_spectrum_bytes(2) + samples);
-        // The samples, their copy, the light of the pixels, the halved pictures and the flat pixels.
-        let measured = 2 * samples + n * REAL + samples / 2 + n;
-        let scratch =
-            fine.scratch_bytes() + if frames > 1 { self.with_detector(Detector::Point).scratch_bytes() } else { 0 };
-        scratch + sum_and_points + fine.resampling_bytes() + propagated.max(measured)
+        const SETS: u64 = 2;
+        let n = self.pixels();
+        let (point, fine) = (self.with_detector(Detector::Point), self.with_detector(Detector::Supersampled));
+        let (points, samples) = (SETS * n * REAL, 4 * n * REAL);
+        let propagated = match self.samples_bytes {
+            Some(sampling) => {
+                // The spectra of rows, then a transfer function, the fields, and the light of one place.
+                let transfer = point.transfer_bytes() + point.light_bytes() + 2 * n * REAL;
+                let errors = if self.all_orders { 0 } else { point.transfer_bytes() };
+                let light = if self.all_orders { SETS * n * REAL } else { 0 };
+                errors + SETS * samples + light + 4 * n * COMPLEX + sampling.max(transfer) + point.scratch_bytes()
+            }
+            None => {
+                let propagated = fine.light_bytes().max(fine.half_spectrum_bytes(2) + samples);
+                propagated + (SETS - 1 + u64::from(frames > 1)) * samples + fine.scratch_bytes()
+            }
+        };
+        // The light of both, a copy of the samples, the halved pictures and the flat pixels.
+        let measured = SETS * (samples + n * REAL) + samples + samples / 2 + n;
+        points + propagated.max(measured)
+    }
+
+    /// Memory for the second opinion on a hologram in one plane, besides the engine and the light of its quality.
+    #[must_use]
+    pub fn opinion_bytes(&self) -> u64 {
+        if self.opinion_values == 0 { 0 } else { opinion_bytes([self.height_px, self.width_px], self.opinion_values) }
     }
 
     /// Memory for measuring what a hologram would show on a display that shows the other diffraction orders, besides the

@@ -4,11 +4,12 @@
 #![allow(clippy::unwrap_used)]
 
 use lightpath_optics::hologram::{
-    HologramMethod, HologramOptions, ImagePlane, InitialPhase, Loss, initial_phase, pixel_psnr_db, quality_of_frames,
+    HologramMethod, HologramOptions, ImagePlane, InitialPhase, Loss, ShownLight, initial_phase, pixel_psnr_db,
     with_other_orders,
 };
 use lightpath_optics::learning::{KernelModel, LearnOptions, Learner, LearningPairs, Pair};
 use lightpath_optics::memory::{EngineSize, HologramSize, LearningSize};
+use lightpath_optics::second_opinion::{Effort, SecondOpinion};
 use lightpath_optics::simulated_display::SimulatedDisplay;
 use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{
@@ -84,19 +85,36 @@ fn check_hologram(pool: &ThreadPool, size: HologramSize, initial: &InitialPhase)
     check(&name, estimate, peak, 1.2);
 }
 
-fn check_quality(pool: &ThreadPool, frames: usize, orders: Orders) {
-    let all_orders = orders != Orders::First;
-    let engine = EngineSize { all_orders, ..EngineSize::ideal(300, 400, Detector::Pixel, 2) };
+fn check_quality(pool: &ThreadPool, frames: usize, setup: OpticalSetup) {
+    let model = DisplayModel::ideal(setup);
+    let size = EngineSize::of(&model, Detector::Pixel, 2);
     let work = || {
-        let setup = setup(300, 400, 0.01).with_orders(orders).unwrap();
-        let engine = Engine::new(&DisplayModel::ideal(setup), Detector::Pixel, None).unwrap();
+        let engine = Engine::new(&model, Detector::Pixel, None).unwrap();
         let phases = vec![initial_phase(300, 400, 1.0, 1).unwrap(); frames];
         let region = RegionOfInterest::middle(&Grid::try_new(300, 400, 8e-6).unwrap());
-        quality_of_frames(&engine, &phases, &target(300, 400), region).unwrap();
+        for shown in ShownLight::of_sets(&engine, [&phases, &phases]).unwrap() {
+            shown.quality(&target(300, 400), region).unwrap();
+        }
     };
-    let n = engine.pixels() * 4;
-    let estimate = engine.engine_bytes() + (frames as u64 + 1) * n + engine.quality_bytes(frames);
-    check(&format!("quality of {frames} frames, orders {orders:?}"), estimate, peak_bytes(pool, work), 1.3);
+    let n = size.pixels() * 4;
+    let sampled = size.engine_bytes() + size.sampling_bytes;
+    let measured = size.engine_bytes() + (frames as u64 + 1) * n + size.quality_bytes(frames);
+    let name = format!("quality of {frames} frames, {:?}", setup.method());
+    check(&name, sampled.max(measured), peak_bytes(pool, work), 1.3);
+}
+
+fn check_opinion(pool: &ThreadPool, orders: Orders) {
+    let (setup, _) = setup(300, 400, 0.06).with_orders(orders).unwrap().planned().unwrap();
+    let model = DisplayModel::ideal(setup);
+    let engine = Engine::new(&model, Detector::Pixel, None).unwrap();
+    let phases = [initial_phase(300, 400, 1.0, 1).unwrap()];
+    let shown = ShownLight::of_frames(&engine, &phases).unwrap();
+    let wanted = (&target(300, 400), RegionOfInterest::middle(&setup.grid()));
+    let work = || {
+        SecondOpinion::of(&model, &phases, &shown, Detector::Pixel, wanted, Effort::CHEAP).unwrap().unwrap();
+    };
+    let estimate = EngineSize::of(&model, Detector::Pixel, 2).opinion_bytes();
+    check(&format!("second opinion, {orders:?}"), estimate, peak_bytes(pool, work), 1.5);
 }
 
 fn check_other_orders(pool: &ThreadPool, orders: Orders) {
@@ -207,8 +225,13 @@ fn counted_memory_is_that_of_the_functions() {
     check_hologram(&pool, rough, &random);
     check_hologram(&pool, HologramSize::new(engine, HologramMethod::Lbfgs, 3), &random);
     for orders in [Orders::First, Orders::SQUARE] {
-        [1, 3].into_iter().for_each(|frames| check_quality(&pool, frames, orders));
+        let setup = setup(300, 400, 0.01).with_orders(orders).unwrap();
+        for frames in [1, 3] {
+            check_quality(&pool, frames, setup);
+            check_quality(&pool, frames, setup.planned().unwrap().0);
+        }
         check_other_orders(&pool, orders);
+        check_opinion(&pool, orders);
     }
     for model in KernelModel::ALL {
         check_learning(&pool, model, 1);

@@ -61,6 +61,8 @@ async fn holograms(cli: &CommandLine) {
     assert!(cli.text(&format!("job watch {id}")).await.contains("succeeded"));
     assert!(cli.text(&format!("job logs {id}")).await.contains("succeeded"));
     cli.text(&format!("hologram save {id} -o @/again.png")).await;
+    let verified = cli.text(&format!("hologram verify {id}")).await;
+    assert_eq!(verified.matches("agrees").count(), 3, "{verified}");
     cli.run(&format!("job cancel {id}")).await.assert_refused(1, &["FAILED_PRECONDITION"]);
 }
 

@@ -4,6 +4,7 @@ mod optimization;
 mod outputs;
 mod pictures;
 mod results;
+mod verify;
 
 use super::failure::{Failure, TargetFailure};
 use super::job_text;
@@ -23,6 +24,7 @@ use results::{Item, results};
 use std::collections::BTreeSet;
 use std::fs::File;
 use std::path::PathBuf;
+use verify::Verify;
 
 /// Commands for holograms.
 // Each variant takes its help from the struct of its arguments. A comment here would hide all but its first line.
@@ -30,6 +32,7 @@ use std::path::PathBuf;
 pub(crate) enum HologramCommand {
     Optimize(Box<Optimize>),
     Save(Save),
+    Verify(Verify),
 }
 
 /// Compute the phases that make a display show target pictures.
@@ -131,6 +134,7 @@ impl HologramCommand {
         match self {
             Self::Optimize(optimize) => optimize.run(session).await,
             Self::Save(save) => save.run(session).await,
+            Self::Verify(verify) => verify.run(session).await,
         }
     }
 }

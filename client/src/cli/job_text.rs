@@ -20,11 +20,12 @@ pub(crate) fn kind(job: &Job) -> &'static str {
             Some(Step::Align(_)) | None => "align dataset",
         },
         Some(job_spec::Kind::ReportKernel(_)) => "report kernel",
+        Some(job_spec::Kind::VerifyHologram(_)) => "verify hologram",
         None => "unknown",
     }
 }
 
-/// The display, dataset or kernel version of a job.
+/// The display, dataset, kernel version or verified job of a job.
 pub(crate) fn subject(job: &Job) -> &str {
     match spec(job) {
         Some(job_spec::Kind::OptimizeHologram(spec)) => names::id(&spec.display),
@@ -33,6 +34,7 @@ pub(crate) fn subject(job: &Job) -> &str {
         Some(job_spec::Kind::EvaluateKernel(spec)) => names::id(&spec.dataset),
         Some(job_spec::Kind::PrepareDataset(spec)) => names::id(&spec.dataset),
         Some(job_spec::Kind::ReportKernel(spec)) => spec.kernel_version.trim_start_matches("displays/"),
+        Some(job_spec::Kind::VerifyHologram(spec)) => names::id(&spec.job),
         None => "–",
     }
 }
@@ -114,6 +116,7 @@ pub(crate) fn facts(job: &Job) -> String {
             facts.add("arrays", &result.arrays);
             facts.add("pictures", result.figures.len().to_string());
         }
+        Some(job_result::Kind::Verify(result)) => text = format!("\n{}", quality_text::opinions(result)),
         None => {}
     }
     facts.text() + &text
@@ -158,6 +161,7 @@ fn spec_facts(job: &Job, facts: &mut Facts) {
             facts.add("work", preparation(spec));
         }
         Some(job_spec::Kind::ReportKernel(spec)) => facts.add("kernel", &spec.kernel_version),
+        Some(job_spec::Kind::VerifyHologram(spec)) => facts.add("hologram job", names::id(&spec.job)),
         None => {}
     }
 }
@@ -212,6 +216,7 @@ fn holograms(result: &v1::HologramResult) -> String {
             propagation_facts(plane.propagation.as_ref(), &mut facts);
             facts.add("reconstruction", &plane.reconstruction);
             facts.add_some("other optics", quality_text::other_orders(plane));
+            facts.add_some("second opinion", quality_text::second_opinion(plane));
             text += &format!("\n{}\n{}", facts.text(), quality_text::table(plane));
         }
     }

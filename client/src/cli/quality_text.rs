@@ -2,7 +2,13 @@
 
 use super::show;
 use super::table::{Facts, Table};
-use lightpath::v1::{KernelMetrics, PropagationMethod, Quality, hologram_result::PlaneResult};
+use lightpath::units;
+use lightpath::v1::{
+    KernelMetrics, PropagationMethod, Quality, SecondOpinion, VerifyResult, hologram_result::PlaneResult,
+};
+
+/// Difference of the engine and the independent model above which they contradict each other [dB].
+const CONTRADICTION_DB: f64 = 0.5;
 
 /// A table of all metrics for each detector: for the phase as optimized and as quantized for the display.
 pub(crate) fn table(plane: &PlaneResult) -> String {
@@ -49,6 +55,61 @@ pub(crate) fn other_orders(plane: &PlaneResult) -> Option<String> {
     Some(format!("{psnr} (pixel, quantized) on a display {other}"))
 }
 
+/// The second opinion on the quantized hologram, for example `agrees within 0.02 dB (8 rows)`; `None`: there is none.
+pub(crate) fn second_opinion(plane: &PlaneResult) -> Option<String> {
+    let opinion = plane.second_opinion?;
+    let SecondOpinion { rows, engine_psnr_db, independent_psnr_db } = opinion;
+    let difference_db = independent_psnr_db - engine_psnr_db;
+    Some(if is_contradiction(&opinion) {
+        let (engine, independent) = (show::decibel(engine_psnr_db), show::decibel(independent_psnr_db));
+        format!("contradicts: {independent} by the independent model, {engine} by the engine, on the same {rows} rows")
+    } else {
+        format!("agrees: the independent model finds {difference_db:+.2} dB on {rows} rows")
+    })
+}
+
+/// A table of the opinions on each picture, for each detector.
+pub(crate) fn opinions(found: &VerifyResult) -> String {
+    let mut table = Table::new(&[
+        "wavelength",
+        "distance",
+        "detector",
+        ">engine",
+        ">independent",
+        ">difference",
+        ">rows",
+        "verdict",
+    ]);
+    for plane in &found.planes {
+        for (detector, opinion) in
+            [("point", plane.point), ("pixel", plane.pixel), ("supersampled", plane.supersampled)]
+        {
+            let opinion = opinion.unwrap_or_default();
+            table.row([
+                units::show_m(plane.wavelength_m),
+                units::show_m(plane.distance_m),
+                detector.to_owned(),
+                show::decibel(opinion.engine_psnr_db),
+                show::decibel(opinion.independent_psnr_db),
+                format!("{:+.3} dB", opinion.independent_psnr_db - opinion.engine_psnr_db),
+                opinion.rows.to_string(),
+                if is_contradiction(&opinion) { "contradicts" } else { "agrees" }.to_owned(),
+            ]);
+        }
+    }
+    table.text()
+}
+
+/// Whether the independent model contradicts the engine for any picture and detector.
+pub(crate) fn has_contradiction(found: &VerifyResult) -> bool {
+    let opinions = found.planes.iter().flat_map(|plane| [plane.point, plane.pixel, plane.supersampled]);
+    opinions.flatten().any(|opinion| is_contradiction(&opinion))
+}
+
+fn is_contradiction(opinion: &SecondOpinion) -> bool {
+    (opinion.independent_psnr_db - opinion.engine_psnr_db).abs() > CONTRADICTION_DB
+}
+
 /// Six cells: PSNR of the optimized phase for the detectors point, pixel and supersampled, then PSNR, SSIM and diffraction
 /// efficiency of the quantized phase for the detector pixel.
 pub(crate) fn summary(plane: PlaneResult) -> [String; 6] {
@@ -88,7 +149,7 @@ fn or_dash(value: Option<f64>, show: impl Fn(f64) -> String) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use lightpath::v1::{SeenQuality, ValidityReport};
+    use lightpath::v1::{SeenQuality, ValidityReport, verify_result::PlaneOpinion};
 
     #[test]
     fn quality_table_has_every_detector_and_dashes_for_unknown_values() {
@@ -115,6 +176,25 @@ mod tests {
         let text = "21.3 dB (pixel, quantized) on a display that shows only the first diffraction order";
         assert_eq!(other_orders(&seen).as_deref(), Some(text));
         assert_eq!(table(&PlaneResult::default()), "");
+        assert_eq!(second_opinion(&plane), None);
+        let opinion = |independent_psnr_db| SecondOpinion { rows: 8, engine_psnr_db: 40.0, independent_psnr_db };
+        let judged = |db| second_opinion(&PlaneResult { second_opinion: Some(opinion(db)), ..plane.clone() }).unwrap();
+        assert_eq!(judged(39.98), "agrees: the independent model finds -0.02 dB on 8 rows");
+        let text = "contradicts: 38.0 dB by the independent model, 40.0 dB by the engine, on the same 8 rows";
+        assert_eq!(judged(38.0), text);
+        let planes = vec![PlaneOpinion {
+            wavelength_m: 515e-9,
+            distance_m: 0.15,
+            point: Some(opinion(40.0)),
+            pixel: Some(opinion(39.0)),
+            supersampled: Some(opinion(40.25)),
+        }];
+        let found = VerifyResult { planes };
+        let text = opinions(&found);
+        let lines: Vec<_> = text.lines().skip(1).map(words).collect();
+        assert_eq!(lines[1], "515 nm 150 mm pixel 40.0 dB 39.0 dB -1.000 dB 8 contradicts");
+        assert_eq!(lines[2], "515 nm 150 mm supersampled 40.0 dB 40.2 dB +0.250 dB 8 agrees");
+        assert!(has_contradiction(&found) && !has_contradiction(&VerifyResult::default()));
         assert_eq!(summary(plane), ["46.3 dB", "27.7 dB", "0.0 dB", "0.0 dB", "–", "0.0 %"]);
     }
 }

@@ -7,7 +7,8 @@ use crate::convolution::Real;
 use crate::convolution::{Convolver, Kernels, Transfer};
 use crate::display_model::KernelShape;
 use crate::interrupt;
-use crate::propagation::passes::order_transfers;
+use crate::propagation::SampledTransfer;
+use crate::propagation::passes::{has_sample_transfers, sample_transfers};
 use crate::slm::Slm;
 use crate::smooth_field::SmoothField;
 use crate::spatial_variation::local_kernels;
@@ -83,6 +84,25 @@ impl<T: Real> EngineCore<T> {
         };
         let slm = Arc::new(tabulate_slm(model, carrier));
         Self { convolver, kernels, slm, detector, transmission, setup: model.setup }
+    }
+
+    /// The same engine with the errors of its kernel alone, for sub-samples that have transfer functions of their own. `None`: the
+    /// engine has no such transfer functions.
+    pub(super) fn with_errors_alone(&self) -> Option<Self> {
+        if self.shows_all_orders() {
+            return Some(self.clone());
+        }
+        if !has_sample_transfers(&self.setup) || self.kernels.transfers.len() > 1 {
+            return None;
+        }
+        let none = SmoothField::flat(0);
+        let errors = match &self.transmission {
+            Transmission::FreeSpace => &none,
+            Transmission::Smooth(errors) => errors,
+            Transmission::Bins => return None,
+        };
+        let transfer = sample_with_errors(&self.setup, &SampledTransfer::one(self.setup), errors);
+        Some(Self { kernels: Arc::new(Kernels::single(transfer)), ..self.clone() })
     }
 
     /// Whether the display shows all orders of its pixels.
@@ -224,7 +244,7 @@ pub(crate) fn convolver<T: Real>(setup: &OpticalSetup, detector: Detector) -> Co
     let (height_px, width_px) = (setup.grid().height_px(), setup.grid().width_px());
     match setup.method() {
         ConvolutionMethod::AllOrders => {
-            Convolver::with_transfers(height_px, width_px, order_transfers(setup, &detector.places_px()))
+            Convolver::with_transfers(height_px, width_px, sample_transfers(setup, &detector.places_px()))
         }
         _ => Convolver::new(height_px, width_px, detector.offsets_px()),
     }
@@ -257,34 +277,37 @@ fn sample_transfer<T: Real>(model: &DisplayModel) -> Transfer<T> {
             let sampled = model.sampled();
             Transfer::sample(height_px, width_px, |fx, fy| sampled(fx / pitch_m, fy / pitch_m))
         }
-        KernelShape::Smooth(errors) => {
-            let ideal = model.setup.sampled_kernel();
-            let mut transfer = Transfer::zeros(height_px, width_px);
-            transfer.fill_columns(|fx, fys, column| {
-                let series = SeriesAlongY::new(errors, 2.0 * fx);
-                for (value, &fy) in column.iter_mut().zip(fys) {
-                    let exact = ideal.at(fx / pitch_m, fy / pitch_m) * series.at(2.0 * fy);
-                    *value = Complex::new(T::of(exact.re), T::of(exact.im));
-                }
-            });
-            transfer
-        }
+        KernelShape::Smooth(errors) => sample_with_errors(&model.setup, &model.setup.sampled_kernel(), errors),
     }
 }
 
+/// Samples the product of an ideal kernel and smooth errors.
+fn sample_with_errors<T: Real>(setup: &OpticalSetup, ideal: &SampledTransfer, errors: &SmoothField) -> Transfer<T> {
+    let (grid, pitch_m) = (setup.grid(), setup.grid().pixel_pitch_m());
+    let mut transfer = Transfer::zeros(grid.height_px(), grid.width_px());
+    transfer.fill_columns(|fx, fys, column| {
+        let series = SeriesAlongY::new(errors, 2.0 * fx);
+        for (value, &fy) in column.iter_mut().zip(fys) {
+            let exact = ideal.at(fx / pitch_m, fy / pitch_m) * series.at(2.0 * fy);
+            *value = Complex::new(T::of(exact.re), T::of(exact.im));
+        }
+    });
+    transfer
+}
+
 /// Chebyshev series of a smooth field along y at one x.
-struct SeriesAlongY {
+pub(crate) struct SeriesAlongY {
     log_amplitude: Vec<f64>,
     phase: Vec<f64>,
 }
 
 impl SeriesAlongY {
-    fn new(field: &SmoothField, x: f64) -> Self {
+    pub(crate) fn new(field: &SmoothField, x: f64) -> Self {
         let basis = field.basis();
         Self { log_amplitude: basis.along_y(&field.log_amplitude, x), phase: basis.along_y(&field.phase, x) }
     }
 
-    fn at(&self, y: f64) -> Complex64 {
+    pub(crate) fn at(&self, y: f64) -> Complex64 {
         Complex64::from_polar(clenshaw(&self.log_amplitude, y).exp(), clenshaw(&self.phase, y))
     }
 }

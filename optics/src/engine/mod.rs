@@ -5,12 +5,12 @@
 
 mod cache;
 mod core;
+mod exact_light;
 mod light;
-mod pixel_light;
 
 pub use cache::EngineCache;
 pub use core::EngineCore;
-pub(crate) use core::{Fields, kernel_grid, tabulate_source};
+pub(crate) use core::{Fields, SeriesAlongY, kernel_grid, tabulate_source};
 
 use crate::carrier::Carrier;
 use crate::{Detector, DisplayModel, Plane, Result};

@@ -1,7 +1,7 @@
 //! What a hologram would show on a display of the other kind: with all diffraction orders instead of the first, or the first
 //! instead of all.
 
-use super::quality::light_of_frames;
+use super::shown_light::light_of_frames;
 use crate::engine::EngineCore;
 use crate::metrics::{Gain, psnr_db};
 use crate::{Detector, DisplayModel, Engine, KernelShape, Orders, Plane, RegionOfInterest, Result};
@@ -34,14 +34,17 @@ pub fn pixel_psnr_db(
     target: &Plane<f32>,
     region: RegionOfInterest,
 ) -> Result<f64> {
-    let light = match model.setup.orders() {
-        Orders::First => light_of_frames(&Engine::new(model, Detector::Pixel, None)?, phases)?,
+    match model.setup.orders() {
+        Orders::First => {
+            let light = light_of_frames(&Engine::new(model, Detector::Pixel, None)?, phases)?;
+            psnr_db(&light, target, region, Gain::Fitted)
+        }
         Orders::All { .. } => {
             let places: Vec<_> = Detector::Pixel.places_px().into_iter().map(|place| (place, 0.25)).collect();
-            EngineCore::<f32>::without_samples(model)?.light_at(&places, phases)?
+            let light = &EngineCore::<f32>::without_samples(model)?.light_at(&places, &[phases])?[0];
+            psnr_db(light, target, region, Gain::Fitted)
         }
-    };
-    psnr_db(&light, target, region, Gain::Fitted)
+    }
 }
 
 #[cfg(test)]

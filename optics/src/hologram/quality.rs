@@ -1,11 +1,8 @@
 //! Quality of a hologram's picture, measured for each detector.
 
-use crate::convolution::Real;
-use crate::engine::EngineCore;
-use crate::interrupt;
-use crate::metrics::{Gain, ImagePair, diffraction_efficiency, frame_efficiency, speckle_contrast, ssim_at_all_scales};
-use crate::{Detector, Engine, Error, Plane, RegionOfInterest, Result};
-use rayon::prelude::*;
+use super::shown_light::ShownLight;
+use crate::metrics::{Gain, ImagePair, speckle_contrast, ssim_at_all_scales};
+use crate::{Engine, Plane, RegionOfInterest, Result};
 use serde::{Deserialize, Serialize};
 
 /// Quality of a hologram's picture for each detector.
@@ -54,66 +51,7 @@ pub struct DetectorQuality {
 /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for a phase or a target of another size than the engine's;
 /// [`Error::OutOfRange`](crate::Error::OutOfRange) when the region leaves the image.
 pub fn quality(engine: &Engine, phase: &Plane<f32>, target: &Plane<f32>, region: RegionOfInterest) -> Result<Quality> {
-    quality_in(&engine.core, std::slice::from_ref(phase), target, region)
-}
-
-/// Measures how well several `phases`, shown one after the other, show `target`: the [`quality`] of the mean of their
-/// light.
-///
-/// # Errors
-///
-/// The errors of [`quality`], and [`Error::Empty`] if `phases` is empty.
-pub fn quality_of_frames(
-    engine: &Engine,
-    phases: &[Plane<f32>],
-    target: &Plane<f32>,
-    region: RegionOfInterest,
-) -> Result<Quality> {
-    quality_in(&engine.core, phases, target, region)
-}
-
-fn quality_in<T: Real>(
-    engine: &EngineCore<T>,
-    phases: &[Plane<T>],
-    target: &Plane<T>,
-    region: RegionOfInterest,
-) -> Result<Quality> {
-    target.expect_size("target_intensity", engine.height_px(), engine.width_px())?;
-    let passed = phases.iter().map(|phase| engine.light_passed(phase)).sum::<Result<f64>>()? / phases.len() as f64;
-    let light = |detector| {
-        let engine = engine.with_detector(detector);
-        Ok(narrowed(&mean_light(phases, |phase| engine.samples(phase))?))
-    };
-    let (at_points, samples) = (light(Detector::Point)?, light(Detector::Supersampled)?);
-    let integrated = match engine.shows_all_orders() {
-        true => narrowed(&engine.light_of_all_orders(phases)?),
-        false => integrated(&samples, target.height_px(), target.width_px()),
-    };
-    Quality::of_light(&at_points, &integrated, &samples, &narrowed(target), region, passed)
-}
-
-/// Mean over several phases of the light that the engine's detector measures.
-///
-/// # Errors
-///
-/// [`Error::SizeMismatch`] for a phase of another size than the engine's, [`Error::Empty`] if `phases` is empty.
-pub fn light_of_frames(engine: &Engine, phases: &[Plane<f32>]) -> Result<Plane<f32>> {
-    mean_light(phases, |phase| engine.light(phase))
-}
-
-/// Mean of the light over the frames, summed in their order.
-fn mean_light<T: Real>(phases: &[Plane<T>], light: impl Fn(&Plane<T>) -> Result<Plane<T>>) -> Result<Plane<T>> {
-    let [first, rest @ ..] = phases else {
-        return Err(Error::Empty { name: "phases", needed: "at least one frame is needed" });
-    };
-    let mut sum = light(first)?;
-    for phase in rest {
-        let light = light(phase)?;
-        sum.values_mut().par_iter_mut().zip(light.values()).for_each(|(sum, &light)| *sum = *sum + light);
-    }
-    let share = T::of(1.0 / phases.len() as f64);
-    sum.values_mut().par_iter_mut().for_each(|value| *value = *value * share);
-    Ok(sum)
+    ShownLight::of_frames(engine, std::slice::from_ref(phase))?.quality(target, region)
 }
 
 impl DetectorQuality {
@@ -136,28 +74,9 @@ impl Quality {
     pub fn is_finite(&self) -> bool {
         [self.point, self.pixel, self.supersampled].iter().all(DetectorQuality::is_finite)
     }
-
-    /// Measures the quality of light: at the pixels' centres, integrated over the pixels, and at the sub-samples.
-    fn of_light(
-        at_points: &Plane<f32>,
-        integrated: &Plane<f32>,
-        samples: &Plane<f32>,
-        target: &Plane<f32>,
-        region: RegionOfInterest,
-        light_passed: f64,
-    ) -> Result<Self> {
-        let efficiency = |light: &Plane<f32>| {
-            [diffraction_efficiency(light, region, light_passed), frame_efficiency(light, light_passed)]
-        };
-        let point = detector_quality(at_points, target, region, efficiency(at_points))?;
-        // The sub-samples hold the same light as the pixels, so both have the same efficiency.
-        let efficiency = efficiency(integrated);
-        let pixel = detector_quality(integrated, target, region, efficiency)?;
-        Ok(Self { point, pixel, supersampled: detector_quality(samples, target, region, efficiency)? })
-    }
 }
 
-fn detector_quality(
+pub(super) fn detector_quality(
     light: &Plane<f32>,
     target: &Plane<f32>,
     region: RegionOfInterest,
@@ -176,48 +95,14 @@ fn detector_quality(
     })
 }
 
-fn narrowed<T: Real>(plane: &Plane<T>) -> Plane<f32> {
-    plane.map(|value| value.wide() as f32)
-}
-
-/// Weights of the integral over a pixel on samples at ±1/4, ±3/4, ±5/4 and ±7/4 px. The samples hold all of the intensity
-/// of a field without details finer than two pixels, up to one cycle per pixel. The weights fit the integral of such
-/// details, sin(πν)/πν at ν cycles per pixel, to 0.5 %, and flat light exactly.
-const PIXEL_WEIGHTS: [f32; 4] = [0.948_33, 0.058_50, -0.008_86, 0.002_03];
-
-/// Light integrated over each pixel, from two samples per pixel along each axis. Beyond the sides of the image the outermost
-/// samples count again.
-fn integrated(samples: &Plane<f32>, height_px: usize, width_px: usize) -> Plane<f32> {
-    let mut light = Plane::filled(height_px, width_px, 0.0);
-    // The samples at `2i − reach` and `2i + 1 + reach` lie on both sides of pixel i.
-    let pair = |i: usize, reach: usize, side: usize| [(2 * i).saturating_sub(reach), (2 * i + 1 + reach).min(side - 1)];
-    light.values_mut().par_chunks_mut(width_px).enumerate().for_each_init(
-        || vec![0.0; samples.width_px()],
-        |along_y, (y, out)| {
-            interrupt::check();
-            along_y.fill(0.0);
-            for (reach, weight) in PIXEL_WEIGHTS.iter().enumerate() {
-                for row in pair(y, reach, samples.height_px()).map(|row| samples.row(row)) {
-                    along_y.iter_mut().zip(row).for_each(|(sum, sample)| *sum += 0.5 * weight * sample);
-                }
-            }
-            for (x, light) in out.iter_mut().enumerate() {
-                for (reach, weight) in PIXEL_WEIGHTS.iter().enumerate() {
-                    *light += 0.5 * weight * pair(x, reach, along_y.len()).map(|i| along_y[i]).iter().sum::<f32>();
-                }
-            }
-        },
-    );
-    light
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::engine::EngineCore;
     use crate::hologram::initial_phase;
     use crate::hologram::{HologramMethod, HologramOptions, Optimization};
-    use crate::metrics::{ms_ssim, psnr_db, ssim};
-    use crate::{DisplayModel, Grid, HologramProblem, OpticalSetup, reference};
+    use crate::metrics::{diffraction_efficiency, frame_efficiency, ms_ssim, psnr_db, ssim};
+    use crate::{Detector, DisplayModel, Grid, HologramProblem, OpticalSetup, reference};
     use num_complex::Complex64;
 
     fn setup(height_px: usize, width_px: usize, distance_m: f64) -> OpticalSetup {
@@ -282,7 +167,7 @@ mod tests {
         let phase = Plane::try_from_vec(224, 240, adam.phases().to_vec()).unwrap();
         let wide = EngineCore::<f64>::new(&DisplayModel::ideal(setup), Detector::Point, None).unwrap();
         let narrow = quality(&narrow, &phase, &target, region).unwrap();
-        let wide = quality_in(&wide, &[phase.map(f64::from)], &target.map(f64::from), region).unwrap();
+        let wide = ShownLight::of_core(&wide, [&[phase.map(f64::from)]]).unwrap()[0].quality(&target, region).unwrap();
         for (a, b) in [(narrow.point, wide.point), (narrow.pixel, wide.pixel), (narrow.supersampled, wide.supersampled)]
         {
             // In f32 the relative error of the field is 1e-6, and every metric changes smoothly with the field.
@@ -319,9 +204,9 @@ mod tests {
         });
         let flat = Plane::filled(side_px, side_px, 0.0);
         let region = RegionOfInterest::try_new(&setup.grid(), 26, 26, 12, 12).unwrap();
-        let target = Plane::filled(side_px, side_px, 0.5);
-        let focused = quality_in(&engine, &[lens], &target, region).unwrap();
-        let spread = quality_in(&engine, &[flat], &target, region).unwrap();
+        let target = Plane::filled(side_px, side_px, 0.5_f32);
+        let measured = |phase| ShownLight::of_core(&engine, [&[phase]]).unwrap()[0].quality(&target, region).unwrap();
+        let (focused, spread) = (measured(lens), measured(flat));
         // The spot is a sinc² whose main lobe ends at λz/L = 20 µm = 2.5 px to each side. ±6 px hold 96 % of the light
         // along one axis, and 0.96² in both axes.
         for metrics in [focused.point, focused.pixel, focused.supersampled] {

@@ -75,37 +75,56 @@ pub(super) fn band_response(setup: &OpticalSetup) -> Vec<Complex64> {
     let (pitch_m, wavelength_m, z) = (setup.grid().pixel_pitch_m(), setup.wavelength_m(), setup.distance_m());
     let (half_x, half_y) = (bins_x / 2, bins_y / 2);
     let frequency = |bin: usize, bins: usize| bin as f64 / (bins as f64 * pitch_m);
-    let nyquist = 0.5 / pitch_m;
     let transfer = |fx: f64, fy: f64| angular_spectrum(fx, fy, wavelength_m, z);
-    // ∂H/∂ν where the frequency along that axis is `end`, and `other` along the other axis.
-    let slope = |end: f64, other: f64| {
-        let cosine_squared = 1.0 - wavelength_m * wavelength_m * (end * end + other * other);
-        // Waves that do not travel have no sharp end.
-        if cosine_squared <= 0.0 {
-            return Complex64::ZERO;
-        }
-        let cycles = -z * wavelength_m * end / (cosine_squared.sqrt() * pitch_m);
-        Complex64::new(0.0, TAU * cycles) * transfer(end, other)
-    };
+    let ends = BandEnds::new(setup);
     let sign = |lag: usize| if lag.is_multiple_of(2) { 1.0 } else { -1.0 };
     // First along y for each fx. The last sequence is the slope at the end of the band along x.
     let sequences = EvenSequences { count: half_x + 2, half: half_y, kept: height_px + 1 };
     let mut along_y = even_transform(sequences, |u, v| {
         let fy = frequency(v, bins_y);
-        if u <= half_x { transfer(frequency(u, bins_x), fy) } else { slope(nyquist, fy) }
+        if u <= half_x { transfer(frequency(u, bins_x), fy) } else { ends.slope(fy) }
     });
     along_y.par_chunks_exact_mut(height_px + 1).take(half_x + 1).enumerate().for_each(|(u, lags)| {
-        let error = slope(nyquist, frequency(u, bins_x)) / (6.0 * bins_y as f64);
+        let error = ends.slope(frequency(u, bins_x)) / (6.0 * bins_y as f64);
         lags.iter_mut().enumerate().for_each(|(y, h)| *h -= error * sign(y));
     });
     // Then along x for each lag along y.
     let sequences = EvenSequences { count: height_px + 1, half: half_x, kept: width_px + 1 };
     let mut response = even_transform(sequences, |y, u| along_y[u * (height_px + 1) + y]);
     let scale = 1.0 / (bins_x as f64 * bins_y as f64);
-    let ends = &along_y[(half_x + 1) * (height_px + 1)..];
-    response.par_chunks_exact_mut(width_px + 1).zip(ends).for_each(|(lags, end)| {
-        let error = end / (6.0 * bins_x as f64);
+    let slopes = &along_y[(half_x + 1) * (height_px + 1)..];
+    response.par_chunks_exact_mut(width_px + 1).zip(slopes).for_each(|(lags, slope)| {
+        let error = slope / (6.0 * bins_x as f64);
         lags.iter_mut().enumerate().for_each(|(x, h)| *h = (*h - error * sign(x)) * scale);
     });
     response
+}
+
+/// The sharp ends of the band, at half a cycle per pixel along each axis.
+pub(super) struct BandEnds {
+    wavelength_m: f64,
+    distance_m: f64,
+    pitch_m: f64,
+    /// Frequency of the ends \[1/m\].
+    pub(super) frequency: f64,
+}
+
+impl BandEnds {
+    pub(super) fn new(setup: &OpticalSetup) -> Self {
+        let pitch_m = setup.grid().pixel_pitch_m();
+        let (wavelength_m, distance_m) = (setup.wavelength_m(), setup.distance_m());
+        Self { wavelength_m, distance_m, pitch_m, frequency: 0.5 / pitch_m }
+    }
+
+    /// ∂H/∂ν at the end of the band along one axis, where the frequency along the other axis is `other` \[1/m\].
+    pub(super) fn slope(&self, other: f64) -> Complex64 {
+        let Self { wavelength_m, distance_m, pitch_m, frequency } = *self;
+        let cosine_squared = 1.0 - wavelength_m * wavelength_m * (frequency * frequency + other * other);
+        // Waves that do not travel have no sharp end.
+        if cosine_squared <= 0.0 {
+            return Complex64::ZERO;
+        }
+        let cycles = -distance_m * wavelength_m * frequency / (cosine_squared.sqrt() * pitch_m);
+        Complex64::new(0.0, TAU * cycles) * angular_spectrum(frequency, other, wavelength_m, distance_m)
+    }
 }

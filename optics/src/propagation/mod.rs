@@ -31,6 +31,7 @@
 
 mod band_extended;
 mod band_response;
+mod band_samples;
 mod chirp_z;
 mod even;
 mod fraunhofer;
@@ -39,12 +40,12 @@ mod fresnel_impulse_response;
 mod fresnel_transfer_function;
 mod impulse_response;
 mod limits;
-mod order_transfers;
 mod pixel_response;
 pub mod planner;
 mod quantity;
 mod report;
 mod rows;
+mod sample_transfers;
 mod scaled;
 mod scaled_fresnel;
 mod shifted;
@@ -66,12 +67,13 @@ use shifted::shifted_angular_spectrum;
 pub(crate) mod passes {
     pub(crate) use super::band_extended::band_extended_axes;
     pub(crate) use super::band_response::{frequencies, peak_values};
+    pub(crate) use super::band_samples::band_samples;
     pub(crate) use super::fraunhofer::Fraunhofer;
     pub(crate) use super::frequency_window::{FrequencyWindow, check_frequencies};
     pub(crate) use super::limits::check;
-    pub(crate) use super::order_transfers::{for_each_order_transfer, order_transfers};
     pub(crate) use super::pixel_response::gauss_legendre;
     pub(crate) use super::planner::{method_onto, own_window};
+    pub(crate) use super::sample_transfers::{for_each_sample_transfer, has_sample_transfers, sample_transfers};
     pub(crate) use super::scaled::scaled_axes;
     pub(crate) use super::scaled_fresnel::ScaledFresnel;
 }

@@ -79,10 +79,10 @@ impl OpticalSetup {
     }
 
     /// The transfer function of an engine's kernel without errors, with tables: that of the setup, or 1 where each sub-sample
-    /// has a [transfer function of its own](super::passes::order_transfers).
+    /// has a [transfer function of its own](super::passes::sample_transfers).
     pub(crate) fn sampled_kernel(&self) -> SampledTransfer {
         match self.method() {
-            ConvolutionMethod::AllOrders => SampledTransfer { setup: *self, tables: Tables::One },
+            ConvolutionMethod::AllOrders => SampledTransfer::one(*self),
             _ => self.sampled(),
         }
     }
@@ -141,6 +141,11 @@ enum Tables {
 }
 
 impl SampledTransfer {
+    /// 1 at every frequency.
+    pub(crate) fn one(setup: OpticalSetup) -> Self {
+        Self { setup, tables: Tables::One }
+    }
+
     pub(crate) fn new(setup: OpticalSetup) -> Self {
         let grid = setup.grid();
         let spectrum =

@@ -13,7 +13,8 @@
 //!
 //! - `spec`: validated requests.
 //! - `result`: results.
-//! - `hologram`, `prepare`, `report`: request and result of hologram jobs, dataset jobs and report jobs.
+//! - `hologram`, `prepare`, `report`, `verify`: request and result of jobs for holograms, datasets, reports and
+//!   judgements.
 //! - `effect`: changes that a job makes besides its result.
 //! - `failure`: reasons why attempts fail. `estimate`: memory and time of jobs before they start.
 
@@ -25,6 +26,7 @@ mod prepare;
 mod report;
 mod result;
 mod spec;
+mod verify;
 
 pub use effect::JobEffect;
 pub use estimate::Estimate;
@@ -34,6 +36,7 @@ pub use prepare::{AlignBy, PrepareDataset, PrepareResult, PrepareStep, SplitCoun
 pub use report::{OTHER_VERSIONS_MAX, ReportFigure, ReportKernel, ReportResult};
 pub use result::{CaptureResult, EvaluateResult, JobResult, LearnResult, LearnedKernel, PairLoss};
 pub use spec::{EvaluateKernel, JobSpec, LearnKernel, SimulateCapture};
+pub use verify::{PlaneOpinion, VerifyHologram, VerifyResult};
 
 use serde::{Deserialize, Serialize};
 

@@ -10,8 +10,8 @@ use lightpath_domain::display::Display;
 use lightpath_domain::job::{
     AlignBy, CaptureResult, EvaluateKernel, EvaluateResult, FailureReason, Fit, FrameResult, HologramResult,
     ImagePlane, JobError, JobResult, JobSpec, LearnKernel, LearnResult, LearnedKernel, OptimizeHologram, PairLoss,
-    PlaneResult, PrepareDataset, PrepareResult, PrepareStep, Progress, ReportFigure, ReportKernel, ReportResult,
-    SimulateCapture, SplitCounts, WavelengthResult,
+    PlaneOpinion, PlaneResult, PrepareDataset, PrepareResult, PrepareStep, Progress, ReportFigure, ReportKernel,
+    ReportResult, SimulateCapture, SplitCounts, VerifyHologram, VerifyResult, WavelengthResult,
 };
 use lightpath_domain::kernel::{CapturedQuality, KernelKey, KernelLineage, KernelMetrics, LearnedDataset};
 use lightpath_domain::planning;
@@ -19,6 +19,7 @@ use lightpath_domain::units::{Distance, Wavelength};
 use lightpath_optics::alignment::PointPair;
 use lightpath_optics::hologram::{DetectorQuality, Loss, Quality};
 use lightpath_optics::photometry::Quantity;
+use lightpath_optics::second_opinion::SecondOpinion;
 use lightpath_optics::{
     Carrier, ConvolutionMethod, Detector, Grid, HologramMethod, InitialPhase, KernelModel, Orders, RegionOfInterest,
     SimulatedBench, ValidityReport,
@@ -45,6 +46,8 @@ fn check_stored<T: Serialize + DeserializeOwned + PartialEq + Debug>(name: &str,
     assert_eq!(written, expected, "{name}.json should be\n{written}");
     assert_eq!(&serde_json::from_str::<T>(&expected).unwrap(), value);
 }
+
+const OPINION: SecondOpinion = SecondOpinion { rows: 8, engine_psnr_db: 30.5, independent_psnr_db: 30.25 };
 
 fn digest(n: u32) -> String {
     format!("sha256-{n:064x}")
@@ -172,6 +175,8 @@ fn dataset_and_report_jobs_are_stored_as_before() {
     check_job("finalize_dataset", &prepare(PrepareStep::Finalize(finalization())));
     let kernel = KernelKey { display: "lab".to_owned(), wavelength: GREEN, distance: NEAR };
     check_job("report_kernel", &JobSpec::ReportKernel(ReportKernel { kernel, version: 3 }));
+    let verify = VerifyHologram { job: "0193".to_owned(), display: "lab".to_owned() };
+    check_job("verify_hologram", &JobSpec::VerifyHologram(verify));
 }
 
 fn finalization() -> Finalization {
@@ -225,6 +230,8 @@ fn dataset_and_report_results_are_stored_as_before() {
     let figure = ReportFigure { name: "mtf.svg".to_owned(), title: "Contrast".to_owned(), artifact: digest(3) };
     let report = ReportResult { html: digest(1), arrays: digest(2), figures: vec![figure] };
     check_stored("report_result", &JobResult::Report(report));
+    let plane = PlaneOpinion { wavelength: GREEN, distance: NEAR, opinions: [OPINION; 3] };
+    check_stored("verify_result", &JobResult::Verify(VerifyResult { planes: vec![plane] }));
 }
 
 #[test]
@@ -245,6 +252,7 @@ fn hologram_learning_capture_and_evaluation_results_are_stored_as_before() {
         quantized_quality: quality,
         propagation: propagation(),
         other_orders_psnr_db: Some(21.5),
+        second_opinion: Some(OPINION),
     };
     let hologram = WavelengthResult {
         wavelength: GREEN,

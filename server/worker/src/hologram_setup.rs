@@ -20,6 +20,7 @@ pub(super) struct HologramSetup {
 /// A picture and its image plane.
 pub(super) struct PlaneSetup {
     pub(super) plane: ImagePlane,
+    pub(super) model: DisplayModel,
     pub(super) engine: Engine,
     pub(super) target: Plane<f32>,
     weight: Option<Plane<f32>>,
@@ -56,7 +57,7 @@ impl HologramSetup {
             let share = share * plane.weight;
             let validity = here.validity_of(&model);
             let with_other_orders = with_other_orders(&model);
-            planes.push(PlaneSetup { plane, engine, target, weight, share, with_other_orders, validity });
+            planes.push(PlaneSetup { plane, model, engine, target, weight, share, with_other_orders, validity });
         }
         Ok(Self { wavelength, display, region, planes })
     }

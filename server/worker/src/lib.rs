@@ -45,6 +45,7 @@ mod state_bytes;
 mod stop;
 #[cfg(test)]
 mod tests;
+mod verify;
 
 pub use backoff::Backoff;
 pub use clock::Clock;
@@ -153,6 +154,8 @@ pub struct Timeouts {
     pub prepare: Option<Duration>,
     /// Time limit for making reports of kernels.
     pub report: Option<Duration>,
+    /// Time limit for verifying holograms.
+    pub verify: Option<Duration>,
 }
 
 impl Timeouts {
@@ -167,6 +170,7 @@ impl Timeouts {
             JobSpec::EvaluateKernel(_) => self.evaluate,
             JobSpec::PrepareDataset(_) => self.prepare,
             JobSpec::ReportKernel(_) => self.report,
+            JobSpec::VerifyHologram(_) => self.verify,
         })
     }
 }

@@ -11,10 +11,11 @@ use lightpath_domain::job::{
 use lightpath_media::pictures;
 use lightpath_metrics as metrics;
 use lightpath_optics::hologram::{
-    DetectorQuality, HologramMethod, OptimizationState, Quality, light_of_frames, pixel_psnr_db, quality_of_frames,
+    DetectorQuality, HologramMethod, OptimizationState, Quality, ShownLight, light_of_frames, pixel_psnr_db,
 };
 use lightpath_optics::phase_response::wrap_f32;
 use lightpath_optics::photometry::Quantity;
+use lightpath_optics::second_opinion::{Effort, SecondOpinion};
 use lightpath_optics::{Optimization, Plane};
 use std::sync::LazyLock;
 use std::time::{Duration, Instant};
@@ -152,16 +153,26 @@ impl Finished<'_> {
         for plane in &self.setup.planes {
             let light = light_of_frames(&plane.engine, &displayed)?;
             let reconstruction = light.map(|light| (intensity_scale * f64::from(light)) as f32);
-            let quality = |phases: &[Plane<f32>]| -> Result<Quality, TaskError> {
-                all_finite(quality_of_frames(&plane.engine, phases, &plane.target, self.setup.region)?)
+            let reconstruction = context.put_artifact(pictures::grey_png_srgb(&reconstruction)?)?;
+            drop(light);
+            let quality = |shown: &ShownLight| -> Result<Quality, TaskError> {
+                all_finite(shown.quality(&plane.target, self.setup.region)?)
             };
+            let [optimized, quantized] = ShownLight::of_sets(&plane.engine, [&phases, &displayed])?;
+            let (quality, quantized_quality) = (quality(&optimized)?, quality(&quantized)?);
+            drop(optimized);
+            let wanted = (&plane.target, self.setup.region);
+            let opinion =
+                SecondOpinion::of(&plane.model, &displayed, &quantized, spec.detector, wanted, Effort::CHEAP)?;
+            drop(quantized);
             planes.push(PlaneResult {
                 distance: plane.plane.distance,
-                reconstruction: context.put_artifact(pictures::grey_png_srgb(&reconstruction)?)?,
-                quality: quality(&phases)?,
-                quantized_quality: quality(&displayed)?,
+                reconstruction,
+                quality,
+                quantized_quality,
                 propagation: plane.validity.clone(),
                 other_orders_psnr_db: other_orders_psnr_db(self.setup, plane, &displayed)?,
+                second_opinion: opinion.map(finite_opinion).transpose()?,
             });
         }
         let (wavelength, loss) = (self.setup.wavelength, self.loss);
@@ -179,6 +190,12 @@ fn other_orders_psnr_db(
     let Some(model) = model else { return Ok(None) };
     let psnr_db = pixel_psnr_db(model, phases, &plane.target, setup.region)?;
     Ok(Some(finite("the quality with the other orders", psnr_db.min(DetectorQuality::PSNR_DB_MAX))?))
+}
+
+/// Checks that both numbers of an opinion are finite.
+fn finite_opinion(opinion: SecondOpinion) -> Result<SecondOpinion, TaskError> {
+    finite("the second opinion", opinion.engine_psnr_db + opinion.independent_psnr_db)?;
+    Ok(opinion)
 }
 
 /// Number of iterations of each hologram.

@@ -62,6 +62,7 @@ fn result_facts(item: &Item, result: &v1::HologramResult) -> String {
         propagation_text::add(report, &mut facts);
     }
     facts.add_some("other optics", first.and_then(quality_text::other_orders));
+    facts.add_some("second opinion", first.and_then(quality_text::second_opinion));
     facts.add_some("saved", item.files.text(result));
     let quality = match (first, others) {
         (Some(plane), None) => quality_text::table(plane),

@@ -8,20 +8,20 @@ use lightpath_domain::dataset::Dataset;
 use lightpath_domain::display::Display;
 use lightpath_domain::job::estimate::{
     HologramInputs, KernelSize, LearningInputs, Need, PairsSize, PreparingInputs, ReportInputs, evaluate_kernel,
-    learn_kernel, optimize_hologram, prepare_dataset, report_kernel, simulate_capture,
+    learn_kernel, optimize_hologram, prepare_dataset, report_kernel, simulate_capture, verify_hologram,
 };
 use lightpath_domain::job::{
     AlignBy, Estimate, EvaluateKernel, JobSpec, LearnKernel, OTHER_VERSIONS_MAX, OptimizeHologram, PrepareDataset,
-    PrepareStep, ReportKernel, SimulateCapture,
+    PrepareStep, ReportKernel, SimulateCapture, VerifyHologram,
 };
 use lightpath_domain::kernel::{KernelKey, KernelVersion};
 use lightpath_domain::planning;
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_media::{captures, kernel_file};
 use lightpath_optics::learning::KernelModel;
-use lightpath_optics::memory::{EngineSize, sampling_bytes, sampling_work};
+use lightpath_optics::memory::EngineSize;
 use lightpath_optics::propagation::ConvolutionMethod;
-use lightpath_optics::{Detector, DisplayModel, KernelShape, Orders, RegionOfInterest};
+use lightpath_optics::{Detector, DisplayModel, KernelShape, RegionOfInterest};
 use lightpath_store::StoreError;
 
 const MIB: f64 = 1_048_576.0;
@@ -59,6 +59,7 @@ impl Api {
             JobSpec::EvaluateKernel(spec) => self.evaluation_need(spec).await?,
             JobSpec::PrepareDataset(spec) => self.preparing_need(spec, decoding_bytes).await?,
             JobSpec::ReportKernel(spec) => self.report_need(spec).await?,
+            JobSpec::VerifyHologram(spec) => self.verification_need(spec).await?,
         };
         let estimate = need.on(self.job_limits.work_per_s);
         require_within(&estimate, &self.job_limits, spec)?;
@@ -66,6 +67,20 @@ impl Api {
     }
 
     async fn hologram_need(&self, spec: &OptimizeHologram, decoding_bytes: u64) -> Result<Need, ApiError> {
+        let kernels = self.hologram_kernels(spec).await?;
+        let cache_bytes_max = self.job_limits.cache_bytes;
+        Ok(optimize_hologram(spec, &HologramInputs { cache_bytes_max, kernels, decoding_bytes }))
+    }
+
+    async fn verification_need(&self, spec: &VerifyHologram) -> Result<Need, ApiError> {
+        let JobSpec::OptimizeHologram(verified) = self.store.job(&spec.job).await?.spec else {
+            return Err(StoreError::NotFound { resource: format!("jobs/{}", spec.job) }.into());
+        };
+        Ok(verify_hologram(&verified, &self.hologram_kernels(&verified).await?))
+    }
+
+    /// Kernels of a hologram job: for each wavelength one for each plane.
+    async fn hologram_kernels(&self, spec: &OptimizeHologram) -> Result<Vec<Vec<KernelSize>>, ApiError> {
         let (display, _) = self.store.display(&spec.display).await?;
         let mut kernels = Vec::with_capacity(spec.wavelengths.len());
         for (&wavelength, versions) in spec.wavelengths.iter().zip(&spec.kernel_versions) {
@@ -76,8 +91,7 @@ impl Api {
             }
             kernels.push(of_planes);
         }
-        let cache_bytes_max = self.job_limits.cache_bytes;
-        Ok(optimize_hologram(spec, &HologramInputs { cache_bytes_max, kernels, decoding_bytes }))
+        Ok(kernels)
     }
 
     async fn learning_need(&self, spec: &LearnKernel) -> Result<Need, ApiError> {
@@ -161,9 +175,7 @@ impl Api {
         // Where no method is valid, the job fails before it needs memory.
         let planned = planning::setup(display, key.wavelength, key.distance)
             .and_then(|setup| planning::planned(setup, propagation));
-        let (sampling_bytes, sampling_work) =
-            planned.map_or((0, 0), |(setup, _)| (sampling_bytes(&setup), sampling_work(&setup)));
-        Ok(EngineSize { all_orders: display.orders != Orders::First, sampling_bytes, sampling_work, ..ideal })
+        Ok(planned.map_or(ideal, |(setup, _)| ideal.sampled_with(&setup, false)))
     }
 
     /// Size of a kernel version; `None`: of the ideal kernel.
@@ -181,7 +193,9 @@ impl Api {
         };
         let content = self.store.kernel_version(key, version).await?.content;
         let (engine, order) = match content.model {
-            KernelModel::Paper | KernelModel::Dense => (ideal, 0),
+            KernelModel::Paper | KernelModel::Dense => {
+                (EngineSize { samples_bytes: None, opinion_values: 0, ..ideal }, 0)
+            }
             // Such files have some hundred numbers.
             KernelModel::Smooth | KernelModel::Display | KernelModel::Varying => {
                 let file = self.artifacts.read_all(&content.artifact).await?;
@@ -258,5 +272,6 @@ fn advice(spec: &JobSpec) -> &'static str {
             "use fewer pairs, smaller photographs, or a smaller display"
         }
         JobSpec::SimulateCapture(_) | JobSpec::ReportKernel(_) => "use a smaller display",
+        JobSpec::VerifyHologram(_) => "verify holograms with fewer frames or planes, or of a smaller display",
     }
 }

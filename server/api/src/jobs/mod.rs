@@ -15,4 +15,5 @@ mod service;
 mod simulate_capture;
 mod submit;
 mod to_wire;
+mod verify_hologram;
 mod watch_job;

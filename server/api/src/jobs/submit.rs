@@ -75,6 +75,9 @@ impl Api {
             job_spec::Kind::ReportKernel(message) => {
                 JobSpec::ReportKernel(self.report_kernel_spec(call, message, &field.at("report_kernel")).await?)
             }
+            job_spec::Kind::VerifyHologram(message) => {
+                JobSpec::VerifyHologram(self.verify_hologram_spec(call, message, &field.at("verify_hologram")).await?)
+            }
         };
         // A repeated request returns its job, even if the limits have changed since.
         let estimate = match before {

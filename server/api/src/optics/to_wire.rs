@@ -2,6 +2,7 @@
 
 use crate::enumerations::OnWire as _;
 use lightpath_optics::hologram::{DetectorQuality, Quality};
+use lightpath_optics::second_opinion::SecondOpinion;
 use lightpath_optics::{RegionOfInterest, ValidityReport};
 use lightpath_proto::v1;
 
@@ -41,6 +42,11 @@ pub(crate) fn region(region: RegionOfInterest) -> v1::RegionOfInterest {
     let [x_px, y_px, width_px, height_px] =
         [region.x_px(), region.y_px(), region.width_px(), region.height_px()].map(|px| px as u32);
     v1::RegionOfInterest { x_px, y_px, width_px, height_px }
+}
+
+pub(crate) fn second_opinion(opinion: SecondOpinion) -> v1::SecondOpinion {
+    let SecondOpinion { rows, engine_psnr_db, independent_psnr_db } = opinion;
+    v1::SecondOpinion { rows, engine_psnr_db, independent_psnr_db }
 }
 
 pub(crate) fn quality(quality: Quality) -> v1::Quality {

@@ -389,6 +389,45 @@ async fn optimized_hologram_has_its_files_and_quality() {
         let request = v1::GetArtifactRequest { digest: digest.clone() };
         assert!(serving.artifacts().get_artifact(request).await.unwrap().into_inner().size_bytes > 0);
     }
+    let opinion = plane.second_opinion.unwrap();
+    assert_eq!(opinion.rows, 8);
+    let quantized = plane.quantized_quality.unwrap();
+    let agrees = |opinion: v1::SecondOpinion, within_db: f64| {
+        assert!((opinion.independent_psnr_db - opinion.engine_psnr_db).abs() < within_db, "{opinion:?}");
+    };
+    agrees(opinion, 0.3);
+    let verified = verify(&serving, &job.name).await.unwrap();
+    let [plane] = &verified.planes[..] else { panic!("{verified:?}") };
+    for (found, reported) in
+        [(plane.point, quantized.point), (plane.pixel, quantized.pixel), (plane.supersampled, quantized.supersampled)]
+    {
+        let (found, reported) = (found.unwrap(), reported.unwrap());
+        agrees(found, 0.3);
+        // The display has so few rows that all of them are compared.
+        assert!((found.engine_psnr_db - reported.psnr_db).abs() < 1e-3, "{found:?} {reported:?}");
+    }
+}
+
+/// Runs a job that verifies the holograms of another job.
+async fn verify(serving: &Serving, job: &str) -> Result<v1::VerifyResult, Status> {
+    let job = submit(serving, job_spec::Kind::VerifyHologram(v1::VerifyHologram { job: job.to_owned() }), "").await?;
+    let job = watch_to_end(serving, &job.name).await;
+    match job.result.as_ref().and_then(|result| result.kind.as_ref()) {
+        Some(v1::job_result::Kind::Verify(result)) => Ok(result.clone()),
+        _ => panic!("{job:?}"),
+    }
+}
+
+#[tokio::test]
+async fn only_finished_holograms_are_verified() {
+    let serving = Serving::start().await;
+    serving.display("lab").await;
+    let target = serving.upload(&picture()).await;
+    let spec = v1::OptimizeHologram { iterations: 10_000, ..optimize(&target) };
+    let running = submit(&serving, job_spec::Kind::OptimizeHologram(spec), "").await.unwrap();
+    expect(verify(&serving, &running.name).await, Code::InvalidArgument, "spec.verify_hologram.job has no holograms");
+    expect(verify(&serving, "jobs/none").await, Code::NotFound, "jobs/none does not exist");
+    expect(verify(&serving, "").await, Code::InvalidArgument, "spec.verify_hologram.job");
 }
 
 #[tokio::test]

@@ -48,6 +48,10 @@ const STEP_FACTOR: f64 = 1.2;
 const QUALITY_FACTOR: f64 = 1.6;
 /// Time of learning, relative to that of its propagations and products.
 const LEARNING_FACTOR: f64 = 1.5;
+/// Time of a value in a second opinion, in the unit of work.
+const OPINION_STAGES: f64 = 100.0;
+/// Memory of the tables for many rows in a thorough opinion, for each frequency along y \[bytes\].
+const THOROUGH_BYTES_PER_VALUE_ALONG_Y: u64 = 128 * 4 * 16;
 /// Work of a job besides what is counted: its start, its rows in the database, its files.
 const BASE_WORK: f64 = 5e8;
 
@@ -168,7 +172,7 @@ fn one_wavelength(spec: &OptimizeHologram, kernels: &[KernelSize], decoding_byte
         setup + masks + decoding_bytes.max(reading),
         started,
         running + size.state_bytes().max(results),
-        setup + 3 * phases + 2 * picture + engine.quality_bytes(size.frames).max(engine.other_orders_bytes()),
+        setup + 3 * phases + 2 * picture + judging_bytes(&engine, size.frames).max(engine.other_orders_bytes()),
     ];
     let steps = if spec.method == HologramMethod::DoublePhase { 1 } else { spec.iterations };
     let lights = (size.planes * (2 * size.frames + 1) * 2) as f64;
@@ -177,8 +181,43 @@ fn one_wavelength(spec: &OptimizeHologram, kernels: &[KernelSize], decoding_byte
     let other_orders = size.planes as f64 * engine.other_orders_work(size.frames);
     let sampling: u64 = kernels.iter().map(|kernel| kernel.engine.sampling_work).sum();
     let quality = QUALITY_FACTOR * lights * fine.light_work();
-    let work = f64::from(steps) * STEP_FACTOR * size.step_work() + quality + files + other_orders + sampling as f64;
+    let opinions: f64 = kernels.iter().map(|kernel| opinion_work(&kernel.engine, size.frames)).sum();
+    let besides = quality + files + other_orders + sampling as f64 + opinions;
+    let work = f64::from(steps) * STEP_FACTOR * size.step_work() + besides;
     (stages.into_iter().max().unwrap_or(0), work)
+}
+
+/// Memory for measuring the quality of a hologram, and for the second opinion on it.
+fn judging_bytes(engine: &EngineSize, frames: usize) -> u64 {
+    let light = 6 * REAL * engine.pixels();
+    engine.quality_bytes(frames).max(light + engine.opinion_bytes())
+}
+
+/// Work of a second opinion on a hologram.
+fn opinion_work(engine: &EngineSize, frames: usize) -> f64 {
+    OPINION_STAGES * (engine.opinion_values as usize * frames) as f64
+}
+
+/// Need of a job that judges the holograms of another job.
+#[must_use]
+pub fn verify_hologram(verified: &OptimizeHologram, kernels: &[Vec<KernelSize>]) -> Need {
+    /// Time of an opinion on many rows for three detectors, relative to that on a few rows for one.
+    const THOROUGH_FACTOR: f64 = 12.0;
+    let frames = verified.frames as usize;
+    let each = kernels.iter().map(|kernels| {
+        let (engine, n) = (widest(kernels), kernels[0].engine.pixels());
+        let engines: u64 = kernels.iter().map(|kernel| kernel.engine.engine_bytes()).sum();
+        let reading = kernels.iter().map(KernelSize::reading_bytes).max().unwrap_or(0);
+        let pictures = (frames + kernels.len()) as u64 * REAL * n;
+        let thorough = THOROUGH_BYTES_PER_VALUE_ALONG_Y * engine.opinion_values.isqrt();
+        let memory = engines + pictures + reading.max(judging_bytes(&engine, frames) + thorough);
+        let work = kernels.iter().map(|kernel| {
+            THOROUGH_FACTOR * opinion_work(&kernel.engine, frames) + 2.0 * kernel.engine.sampling_work as f64
+        });
+        (memory, work.sum::<f64>())
+    });
+    let (stages, work): (Vec<u64>, Vec<f64>) = each.unzip();
+    Need::new(stages, work.iter().sum())
 }
 
 /// An engine as large as the largest of the kernels.

@@ -67,6 +67,8 @@ crate::reasons! {
         NotAlignable = "NOT_ALIGNABLE",
         /// A resource that the job names does not exist.
         NotFound = "NOT_FOUND",
+        /// The independent model cannot judge the hologram.
+        NotVerifiable = "NOT_VERIFIABLE",
         /// The display has no simulated bench.
         NotSimulated = "NOT_SIMULATED",
         /// The task panicked.

@@ -4,6 +4,7 @@ use crate::dataset::Encoding;
 use crate::units::{Distance, Wavelength};
 use lightpath_optics::hologram::{HologramMethod, InitialPhase, Loss, Quality};
 use lightpath_optics::propagation::ConvolutionMethod;
+use lightpath_optics::second_opinion::SecondOpinion;
 use lightpath_optics::{Detector, RegionOfInterest, ValidityReport};
 use serde::{Deserialize, Serialize};
 
@@ -131,4 +132,7 @@ pub struct PlaneResult {
     /// PSNR of the phases as the display shows them, on a display that shows the other diffraction orders \[dB\]; `None`: not
     /// computed.
     pub other_orders_psnr_db: Option<f64>,
+    /// Second opinion on the phases as the display shows them, for the job's detector; `None`: the independent model does
+    /// not have this kernel, or would take much longer than the job.
+    pub second_opinion: Option<SecondOpinion>,
 }

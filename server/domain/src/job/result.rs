@@ -3,6 +3,7 @@
 use super::hologram::HologramResult;
 use super::prepare::PrepareResult;
 use super::report::ReportResult;
+use super::verify::VerifyResult;
 use crate::dataset::Split;
 use crate::kernel::KernelMetrics;
 use lightpath_optics::ValidityReport;
@@ -24,6 +25,8 @@ pub enum JobResult {
     Prepare(PrepareResult),
     /// Result of [`ReportKernel`](super::ReportKernel).
     Report(ReportResult),
+    /// Result of [`VerifyHologram`](super::VerifyHologram).
+    Verify(VerifyResult),
 }
 
 /// Learned kernels. The store gives them version numbers in the transaction that ends the job.

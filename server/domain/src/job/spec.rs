@@ -3,6 +3,7 @@
 use super::hologram::OptimizeHologram;
 use super::prepare::PrepareDataset;
 use super::report::ReportKernel;
+use super::verify::VerifyHologram;
 use crate::units::{Distance, Wavelength};
 use lightpath_optics::learning::KernelModel;
 use lightpath_optics::{Detector, RegionOfInterest};
@@ -25,23 +26,26 @@ pub enum JobSpec {
     PrepareDataset(PrepareDataset),
     /// Make the report of a kernel version.
     ReportKernel(ReportKernel),
+    /// Judge holograms by an independent model.
+    VerifyHologram(VerifyHologram),
 }
 
 impl JobSpec {
     /// Words for all kinds of jobs.
-    pub const KINDS: [&'static str; 6] = [
+    pub const KINDS: [&'static str; 7] = [
         "optimize_hologram",
         "learn_kernel",
         "simulate_capture",
         "evaluate_kernel",
         "prepare_dataset",
         "report_kernel",
+        "verify_hologram",
     ];
 
     /// The word for the job's kind, as it is stored.
     #[must_use]
     pub fn kind(&self) -> &'static str {
-        let [optimize, learn, simulate, evaluate, prepare, report] = Self::KINDS;
+        let [optimize, learn, simulate, evaluate, prepare, report, verify] = Self::KINDS;
         match self {
             Self::OptimizeHologram(_) => optimize,
             Self::LearnKernel(_) => learn,
@@ -49,6 +53,7 @@ impl JobSpec {
             Self::EvaluateKernel(_) => evaluate,
             Self::PrepareDataset(_) => prepare,
             Self::ReportKernel(_) => report,
+            Self::VerifyHologram(_) => verify,
         }
     }
 
@@ -62,6 +67,7 @@ impl JobSpec {
             Self::EvaluateKernel(spec) => &spec.display,
             Self::PrepareDataset(spec) => &spec.display,
             Self::ReportKernel(spec) => &spec.kernel.display,
+            Self::VerifyHologram(spec) => &spec.display,
         }
     }
 
@@ -78,7 +84,9 @@ impl JobSpec {
             Self::LearnKernel(spec) => &spec.datasets,
             Self::EvaluateKernel(spec) => slice::from_ref(&spec.dataset),
             Self::PrepareDataset(spec) => slice::from_ref(&spec.dataset),
-            Self::OptimizeHologram(_) | Self::SimulateCapture(_) | Self::ReportKernel(_) => &[],
+            Self::OptimizeHologram(_) | Self::SimulateCapture(_) | Self::ReportKernel(_) | Self::VerifyHologram(_) => {
+                &[]
+            }
         }
     }
 
@@ -89,9 +97,11 @@ impl JobSpec {
         match self {
             Self::OptimizeHologram(spec) => spec.kernel_versions.concat(),
             Self::EvaluateKernel(spec) => vec![spec.kernel_version],
-            Self::LearnKernel(_) | Self::SimulateCapture(_) | Self::PrepareDataset(_) | Self::ReportKernel(_) => {
-                Vec::new()
-            }
+            Self::LearnKernel(_)
+            | Self::SimulateCapture(_)
+            | Self::PrepareDataset(_)
+            | Self::ReportKernel(_)
+            | Self::VerifyHologram(_) => Vec::new(),
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::enumerations::OnWire as _;
 use crate::jobs::kernel_choice::kernel_text;
-use crate::optics::to_wire::{quality, region, validity_report};
+use crate::optics::to_wire::{quality, region, second_opinion, validity_report};
 use lightpath_domain::job::{HologramResult, ImagePlane, OptimizeHologram, PlaneResult, WavelengthResult};
 use lightpath_optics::hologram::Loss;
 use lightpath_optics::{HologramMethod, InitialPhase, PropagationMethod};
@@ -114,5 +114,6 @@ fn plane_result(plane: PlaneResult) -> hologram_result::PlaneResult {
         quantized_quality: Some(quality(plane.quantized_quality)),
         propagation: Some(validity_report(plane.propagation)),
         other_orders_psnr_db: plane.other_orders_psnr_db,
+        second_opinion: plane.second_opinion.map(second_opinion),
     }
 }

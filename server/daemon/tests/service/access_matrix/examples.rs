@@ -165,6 +165,7 @@ fn other_jobs() -> Vec<Example> {
         submit(json!({ "evaluate_kernel": { "dataset": "$near", "kernel": "$choice" } })),
         submit(json!({ "prepare_dataset": { "dataset": "$open", "align": { "dots_photo": "$pair_photo" } } })),
         submit(json!({ "report_kernel": { "kernel_version": "$version" } })),
+        submit(json!({ "verify_hologram": { "job": "$hologram" } })),
     ]
 }
 

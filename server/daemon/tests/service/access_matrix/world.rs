@@ -221,6 +221,7 @@ impl Builder<'_> {
         let picture = Plane::from_fn(48, 64, |y, x| ((y + x + self.seed as usize) % 97) as f32 / 97.0);
         let target = self.owner.upload(&pictures::grey_png_srgb(&picture).unwrap()).await;
         let ended = self.run(self.hologram(&target).spec.unwrap().kind.unwrap()).await;
+        world.set("hologram", ended.name.clone());
         let Some(v1::job_result::Kind::Hologram(result)) = ended.result.and_then(|result| result.kind) else {
             panic!("{:?}", ended.error)
         };

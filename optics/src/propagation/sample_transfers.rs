@@ -1,33 +1,44 @@
-//! Transfer functions from a display that shows all orders of its pixels to each sub-sample of the image.
+//! Transfer functions from the display to each sub-sample of the image.
 //!
-//! The field of all orders has details finer than a pixel. A sub-sample at another place in the pixel therefore needs a
-//! transfer function of its own, the Fourier transform of the pixels' [response](super::pixel_response) at that place:
+//! The exact transfer function to a sub-sample is the Fourier transform of the response of a pixel at that place:
 //!
 //! ```text
 //! H_o(f) = Σ g((n + o)Δ) e^{−i2πfn}   over the lags n between two pixels of the frame
 //! ```
 //!
-//! o is the place of the sub-sample from the centre of the pixel \[px\]. g is even along both axes, so the sub-samples
-//! (±o_x, ±o_y) share the values of g.
+//! o is the place of the sub-sample from the centre of the pixel \[px\], g the response of a [pixel](super::pixel_response) of
+//! a display that shows all orders, or of the [band](super::band_samples) of one that shows the first. g is even along both axes,
+//! so the sub-samples (±o_x, ±o_y) share its values.
 
+use super::band_response::bins;
+use super::band_samples::BandSamples;
 use super::pixel_response::PixelResponse;
-use crate::OpticalSetup;
 use crate::convolution::{Real, Transfer, split_bin};
 use crate::interrupt;
+use crate::{ConvolutionMethod, OpticalSetup};
 use num_complex::{Complex, Complex64};
 use rayon::prelude::*;
 use rustfft::FftPlanner;
 
+/// Whether [`for_each_sample_transfer`] has transfer functions for a setup.
+pub(crate) fn has_sample_transfers(setup: &OpticalSetup) -> bool {
+    match setup.method() {
+        ConvolutionMethod::AllOrders => true,
+        ConvolutionMethod::BandResponse => bins(setup).is_some(),
+        _ => false,
+    }
+}
+
 /// Transfer functions to the sub-samples at these places (x, y) from the centre of the pixel \[px\].
-pub(crate) fn order_transfers<T: Real>(setup: &OpticalSetup, places_px: &[[f64; 2]]) -> Vec<Transfer<T>> {
+pub(crate) fn sample_transfers<T: Real>(setup: &OpticalSetup, places_px: &[[f64; 2]]) -> Vec<Transfer<T>> {
     let mut transfers: Vec<Option<Transfer<T>>> = places_px.iter().map(|_| None).collect();
-    for_each_order_transfer(setup, places_px, |i, transfer| transfers[i] = Some(transfer));
+    for_each_sample_transfer(setup, places_px, |i, transfer| transfers[i] = Some(transfer));
     transfers.into_iter().flatten().collect()
 }
 
 /// Calls `use_transfer(i, transfer)` with the transfer function to each of the places, in an order in which places share
-/// what they can. Only one transfer function exists at a time.
-pub(crate) fn for_each_order_transfer<T: Real>(
+/// what they can. Only one transfer function exists at a time. None if the setup [has none](has_sample_transfers).
+pub(crate) fn for_each_sample_transfer<T: Real>(
     setup: &OpticalSetup,
     places_px: &[[f64; 2]],
     mut use_transfer: impl FnMut(usize, Transfer<T>),
@@ -36,7 +47,14 @@ pub(crate) fn for_each_order_transfer<T: Real>(
     let mut waiting: Vec<usize> = (0..places_px.len()).collect();
     while let Some(&first) = waiting.first() {
         let wanted = magnitudes(places_px[first]);
-        let spectra = RowSpectra::<T>::new(setup, wanted);
+        let spectra = match setup.method() {
+            ConvolutionMethod::AllOrders => RowSpectra::<T>::of_pixels(setup, wanted),
+            ConvolutionMethod::BandResponse => match RowSpectra::of_band(setup, wanted) {
+                Some(spectra) => spectra,
+                None => return,
+            },
+            _ => return,
+        };
         waiting.retain(|&i| {
             let shares = magnitudes(places_px[i]) == wanted;
             if shares {
@@ -47,7 +65,7 @@ pub(crate) fn for_each_order_transfer<T: Real>(
     }
 }
 
-/// Spectra along x of the pixels' response at one place in the pixel: for each lag along y, all padded bins.
+/// Spectra along x of the response at one place in the pixel: for each lag along y, all padded bins.
 struct RowSpectra<T> {
     height_px: usize,
     width_px: usize,
@@ -55,28 +73,45 @@ struct RowSpectra<T> {
 }
 
 impl<T: Real> RowSpectra<T> {
-    fn new(setup: &OpticalSetup, [offset_x, offset_y]: [f64; 2]) -> Self {
-        let (height_px, width_px) = (setup.grid().height_px(), setup.grid().width_px());
+    fn of_pixels(setup: &OpticalSetup, [offset_x, offset_y]: [f64; 2]) -> Self {
         let (response, pitch_m) = (PixelResponse::new(setup), setup.grid().pixel_pitch_m());
+        Self::new(setup, |lag_y, _, sequence, _| {
+            let (y_m, width_px) = ((lag_y + offset_y) * pitch_m, sequence.len() / 2);
+            let at = |column: usize| {
+                lag(column, width_px).map_or(Complex64::ZERO, |lag_x| response.at((lag_x + offset_x) * pitch_m, y_m))
+            };
+            if offset_x == 0.0 {
+                (0..width_px).for_each(|column| sequence[column] = at(column));
+                (1..width_px).for_each(|column| sequence[2 * width_px - column] = sequence[column]);
+            } else {
+                sequence.iter_mut().enumerate().for_each(|(column, value)| *value = at(column));
+            }
+        })
+    }
+
+    /// `None` if there would be too many frequencies.
+    fn of_band(setup: &OpticalSetup, [offset_x, offset_y]: [f64; 2]) -> Option<Self> {
+        let samples = BandSamples::new(setup, offset_y)?;
+        let along_x = samples.along_x(offset_x);
+        Some(Self::new(setup, |_, row, sequence, buffer| along_x.row(row, sequence, buffer)))
+    }
+
+    /// `fill(lag_y, row, sequence, buffer)` writes the response at a lag along y, in a row of the padded frame, at all lags along
+    /// x; `buffer` is scratch memory. The lags of a whole side do not matter.
+    fn new(setup: &OpticalSetup, fill: impl Fn(f64, usize, &mut [Complex64], &mut Vec<Complex64>) + Sync) -> Self {
+        let (height_px, width_px) = (setup.grid().height_px(), setup.grid().width_px());
         let fft = FftPlanner::new().plan_fft_forward(2 * width_px);
         let mut values = vec![Complex::new(T::zero(), T::zero()); 4 * height_px * width_px];
         values.par_chunks_exact_mut(2 * width_px).enumerate().for_each_init(
-            || (vec![Complex64::ZERO; 2 * width_px], vec![Complex64::ZERO; fft.get_inplace_scratch_len()]),
-            |(sequence, scratch), (row, out)| {
+            || {
+                let scratch = vec![Complex64::ZERO; fft.get_inplace_scratch_len()];
+                (vec![Complex64::ZERO; 2 * width_px], scratch, Vec::new())
+            },
+            |(sequence, scratch, buffer), (row, out)| {
                 interrupt::check();
                 let Some(lag_y) = lag(row, height_px) else { return };
-                let y_m = (lag_y + offset_y) * pitch_m;
-                let at = |column: usize| {
-                    lag(column, width_px)
-                        .map_or(Complex64::ZERO, |lag_x| response.at((lag_x + offset_x) * pitch_m, y_m))
-                };
-                if offset_x == 0.0 {
-                    (0..width_px).for_each(|column| sequence[column] = at(column));
-                    (1..width_px).for_each(|column| sequence[2 * width_px - column] = sequence[column]);
-                    sequence[width_px] = Complex64::ZERO;
-                } else {
-                    sequence.iter_mut().enumerate().for_each(|(column, value)| *value = at(column));
-                }
+                fill(lag_y, row, sequence, buffer);
+                sequence[width_px] = Complex64::ZERO;
                 fft.process_with_scratch(sequence, scratch);
                 out.iter_mut().zip(&*sequence).for_each(|(out, exact)| *out = narrowed(*exact));
             },

@@ -1,0 +1,158 @@
+//! Light of a hologram as each detector measures it.
+
+use super::quality::{Quality, detector_quality};
+use crate::convolution::Real;
+use crate::engine::EngineCore;
+use crate::interrupt;
+use crate::metrics::{diffraction_efficiency, frame_efficiency};
+use crate::{Detector, Engine, Error, Plane, RegionOfInterest, Result};
+use rayon::prelude::*;
+
+/// Light that a hologram shows: at the pixels' centres, integrated over the pixels, and at the sub-samples.
+#[derive(Clone, Debug)]
+pub struct ShownLight {
+    at_points: Plane<f32>,
+    integrated: Plane<f32>,
+    samples: Plane<f32>,
+    /// Light that passes the optics.
+    passed: f64,
+}
+
+impl ShownLight {
+    /// Light of several `phases`, shown one after the other.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::SizeMismatch`] for a phase of another size than the engine's, [`Error::Empty`] if `phases` is empty.
+    pub fn of_frames(engine: &Engine, phases: &[Plane<f32>]) -> Result<Self> {
+        let [shown] = Self::of_sets(engine, [phases])?;
+        Ok(shown)
+    }
+
+    /// Light of several sets of phases. The phases of a set are shown one after the other. The sets share transfer functions,
+    /// which are made for this and take most of the time.
+    ///
+    /// # Errors
+    ///
+    /// The errors of [`Self::of_frames`].
+    pub fn of_sets<const SETS: usize>(engine: &Engine, sets: [&[Plane<f32>]; SETS]) -> Result<[Self; SETS]> {
+        Self::of_core(&engine.core, sets)
+    }
+
+    pub(super) fn of_core<T: Real, const SETS: usize>(
+        engine: &EngineCore<T>,
+        sets: [&[Plane<T>]; SETS],
+    ) -> Result<[Self; SETS]> {
+        let points = engine.with_detector(Detector::Point);
+        let lights = sets.iter().map(|phases| {
+            let passed = phases.iter().map(|phase| engine.light_passed(phase)).sum::<Result<f64>>()?;
+            let at_points = narrowed(&mean_light(phases, |phase| points.samples(phase))?);
+            Ok((at_points, passed / phases.len() as f64))
+        });
+        let lights: Vec<(Plane<f32>, f64)> = lights.collect::<Result<_>>()?;
+        drop(points);
+        let samples: Vec<Plane<f32>> = match engine.exact_samples(&sets)? {
+            Some(samples) => samples.into_iter().map(|samples| narrowed(&samples)).collect(),
+            None => {
+                let engine = engine.with_detector(Detector::Supersampled);
+                let samples = |phases: &&[Plane<T>]| Ok(narrowed(&mean_light(phases, |phase| engine.samples(phase))?));
+                sets.iter().map(samples).collect::<Result<_>>()?
+            }
+        };
+        let integrated: Vec<Plane<f32>> = match engine.shows_all_orders() {
+            true => engine.light_of_all_orders(&sets)?.into_iter().map(|light| narrowed(&light)).collect(),
+            false => samples.iter().map(|samples| integrated(samples, engine.height_px(), engine.width_px())).collect(),
+        };
+        let mut lights = lights.into_iter().zip(integrated).zip(samples);
+        Ok(sets.map(|_| {
+            let ((first, integrated), samples) = lights.next().expect("each set has its light");
+            Self { at_points: first.0, integrated, samples, passed: first.1 }
+        }))
+    }
+
+    /// Light that a detector measures: a value for each pixel, or for the supersampled detector 2×2 values.
+    #[must_use]
+    pub fn seen_by(&self, detector: Detector) -> &Plane<f32> {
+        match detector {
+            Detector::Point => &self.at_points,
+            Detector::Pixel => &self.integrated,
+            Detector::Supersampled => &self.samples,
+        }
+    }
+
+    /// Measures how well the light shows `target` (intensity, linear light), for all three detectors.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::SizeMismatch`] for a target of another size than the image; [`Error::OutOfRange`] when the region leaves it.
+    pub fn quality(&self, target: &Plane<f32>, region: RegionOfInterest) -> Result<Quality> {
+        target.expect_size("target_intensity", self.at_points.height_px(), self.at_points.width_px())?;
+        let efficiency = |light: &Plane<f32>| {
+            [diffraction_efficiency(light, region, self.passed), frame_efficiency(light, self.passed)]
+        };
+        let point = detector_quality(&self.at_points, target, region, efficiency(&self.at_points))?;
+        // The sub-samples hold the same light as the pixels, so both have the same efficiency.
+        let efficiency = efficiency(&self.integrated);
+        let pixel = detector_quality(&self.integrated, target, region, efficiency)?;
+        Ok(Quality { point, pixel, supersampled: detector_quality(&self.samples, target, region, efficiency)? })
+    }
+}
+
+/// Mean over several phases of the light that the engine's detector measures.
+///
+/// # Errors
+///
+/// [`Error::SizeMismatch`] for a phase of another size than the engine's, [`Error::Empty`] if `phases` is empty.
+pub fn light_of_frames(engine: &Engine, phases: &[Plane<f32>]) -> Result<Plane<f32>> {
+    mean_light(phases, |phase| engine.light(phase))
+}
+
+/// Mean of the light over the frames, summed in their order.
+fn mean_light<T: Real>(phases: &[Plane<T>], light: impl Fn(&Plane<T>) -> Result<Plane<T>>) -> Result<Plane<T>> {
+    let [first, rest @ ..] = phases else {
+        return Err(Error::Empty { name: "phases", needed: "at least one frame is needed" });
+    };
+    let mut sum = light(first)?;
+    for phase in rest {
+        let light = light(phase)?;
+        sum.values_mut().par_iter_mut().zip(light.values()).for_each(|(sum, &light)| *sum = *sum + light);
+    }
+    let share = T::of(1.0 / phases.len() as f64);
+    sum.values_mut().par_iter_mut().for_each(|value| *value = *value * share);
+    Ok(sum)
+}
+
+fn narrowed<T: Real>(plane: &Plane<T>) -> Plane<f32> {
+    plane.map(|value| value.wide() as f32)
+}
+
+/// Weights of the integral over a pixel on samples at ±1/4, ±3/4, ±5/4 and ±7/4 px. The samples hold all of the intensity
+/// of a field without details finer than two pixels, up to one cycle per pixel. The weights fit the integral of such
+/// details, sin(πν)/πν at ν cycles per pixel, to 0.5 %, and flat light exactly.
+const PIXEL_WEIGHTS: [f32; 4] = [0.948_33, 0.058_50, -0.008_86, 0.002_03];
+
+/// Light integrated over each pixel, from two samples per pixel along each axis. Beyond the sides of the image the outermost
+/// samples count again.
+fn integrated(samples: &Plane<f32>, height_px: usize, width_px: usize) -> Plane<f32> {
+    let mut light = Plane::filled(height_px, width_px, 0.0);
+    // The samples at `2i − reach` and `2i + 1 + reach` lie on both sides of pixel i.
+    let pair = |i: usize, reach: usize, side: usize| [(2 * i).saturating_sub(reach), (2 * i + 1 + reach).min(side - 1)];
+    light.values_mut().par_chunks_mut(width_px).enumerate().for_each_init(
+        || vec![0.0; samples.width_px()],
+        |along_y, (y, out)| {
+            interrupt::check();
+            along_y.fill(0.0);
+            for (reach, weight) in PIXEL_WEIGHTS.iter().enumerate() {
+                for row in pair(y, reach, samples.height_px()).map(|row| samples.row(row)) {
+                    along_y.iter_mut().zip(row).for_each(|(sum, sample)| *sum += 0.5 * weight * sample);
+                }
+            }
+            for (x, light) in out.iter_mut().enumerate() {
+                for (reach, weight) in PIXEL_WEIGHTS.iter().enumerate() {
+                    *light += 0.5 * weight * pair(x, reach, along_y.len()).map(|i| along_y[i]).iter().sum::<f32>();
+                }
+            }
+        },
+    );
+    light
+}

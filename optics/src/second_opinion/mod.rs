@@ -1,0 +1,188 @@
+//! A second opinion on a hologram's picture: the PSNR that a slow, independent model finds on some rows of the image,
+//! beside the engine's on the same rows.
+//!
+//! The [model] computes in f64. It shares the display's parameters with the engine, but no transform, padding, transfer
+//! function or place between the pixels.
+
+mod frequencies;
+mod model;
+
+use crate::hologram::ShownLight;
+use crate::propagation::passes::gauss_legendre;
+use crate::{Detector, DisplayModel, KernelShape, Orders, Plane, RegionOfInterest, Result};
+use frequencies::{Frequencies, PANELS};
+use model::Places;
+use serde::{Deserialize, Serialize};
+
+/// PSNR of a hologram's picture by two models, on the same rows of the image.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SecondOpinion {
+    /// Number of rows of pixels that were compared, evenly distributed over the region of interest.
+    pub rows: u32,
+    /// PSNR of the engine's light \[dB\].
+    pub engine_psnr_db: f64,
+    /// PSNR of the independent model's light \[dB\].
+    pub independent_psnr_db: f64,
+}
+
+/// Effort of a second opinion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Effort {
+    /// Most rows of the image that are compared.
+    pub rows_max: usize,
+    /// Most values of transfer functions that are computed.
+    pub values_max: u64,
+}
+
+impl Effort {
+    /// Takes about as long as some steps of the optimization.
+    pub const CHEAP: Self = Self { rows_max: 8, values_max: 1 << 28 };
+    /// Takes minutes for a large display.
+    pub const THOROUGH: Self = Self { rows_max: 128, values_max: 1 << 33 };
+}
+
+impl SecondOpinion {
+    /// Difference of the two models above which they contradict each other \[dB\].
+    pub const CONTRADICTION_DB: f64 = 0.5;
+
+    /// PSNR of the independent model minus that of the engine \[dB\].
+    #[must_use]
+    pub fn difference_db(&self) -> f64 {
+        self.independent_psnr_db - self.engine_psnr_db
+    }
+
+    /// Whether the two models differ by more than [`Self::CONTRADICTION_DB`].
+    #[must_use]
+    pub fn is_contradiction(&self) -> bool {
+        self.difference_db().abs() > Self::CONTRADICTION_DB
+    }
+
+    /// Compares the light that the engine computed for `phases`, shown one after the other, with the independent model's, for
+    /// one detector. `None` for a kernel that varies over the SLM or has a value for each frequency of the engine's grid, and
+    /// where the model would take more than `effort` allows.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for phases or a target of another size than the display.
+    pub fn of(
+        model: &DisplayModel,
+        phases: &[Plane<f32>],
+        shown: &ShownLight,
+        detector: Detector,
+        (target, region): (&Plane<f32>, RegionOfInterest),
+        effort: Effort,
+    ) -> Result<Option<Self>> {
+        let grid = model.setup.grid();
+        for plane in phases.iter().chain([target]) {
+            plane.expect_size("phase or target", grid.height_px(), grid.width_px())?;
+        }
+        let Some(frequencies) = affordable(model, effort) else { return Ok(None) };
+        let rows = model::rows(region, effort.rows_max);
+        let (places, weights) = places(model, detector);
+        let lights = model::light(model, phases, &places, &rows, &frequencies);
+        let mut independent = Comparison::default();
+        let mut engine = Comparison::default();
+        let seen = shown.seen_by(detector);
+        let columns = region.x_px()..region.x_px() + region.width_px();
+        for (row, &y) in rows.iter().enumerate() {
+            for x in columns.clone() {
+                let wanted = f64::from(target.at(y, x));
+                if detector == Detector::Supersampled {
+                    // The places are in the order of the samples: by y, then by x.
+                    for (place, light) in lights.iter().enumerate() {
+                        independent.add(light.at(row, x), wanted);
+                        engine.add(f64::from(seen.at(2 * y + place / 2, 2 * x + place % 2)), wanted);
+                    }
+                } else {
+                    independent.add(lights.iter().zip(&weights).map(|(light, w)| w * light.at(row, x)).sum(), wanted);
+                    engine.add(f64::from(seen.at(y, x)), wanted);
+                }
+            }
+        }
+        Ok(Some(Self {
+            rows: rows.len() as u32,
+            engine_psnr_db: engine.psnr_db(),
+            independent_psnr_db: independent.psnr_db(),
+        }))
+    }
+}
+
+/// Number of values of transfer functions that [`SecondOpinion::of`] computes for one plane; 0 where it has no opinion.
+#[must_use]
+pub fn values(model: &DisplayModel, effort: Effort) -> u64 {
+    affordable(model, effort).map_or(0, |frequencies| frequencies.values())
+}
+
+/// Memory of a second opinion with [`Effort::CHEAP`] \[bytes\] on a display of this many rows and columns, for the number of
+/// [`values`].
+pub(crate) fn opinion_bytes([height_px, width_px]: [usize; 2], values: u64) -> u64 {
+    const COMPLEX: u64 = 16;
+    let (height, width, rows) = (height_px as u64, width_px as u64, Effort::CHEAP.rows_max as u64);
+    // The tables along y, for both axes' frequencies together; the field, spectra of rows, and the lines of the image.
+    let places = 4;
+    let along_y = values.isqrt() * (rows * places + 2 * places * places);
+    COMPLEX * (along_y + height * width + PANELS as u64 * height + rows * places * places * width)
+}
+
+fn affordable(model: &DisplayModel, effort: Effort) -> Option<Frequencies> {
+    if matches!(model.kernel, KernelShape::Bins(_)) || !model.variation.is_none() {
+        return None;
+    }
+    let frequencies = Frequencies::of(&model.setup);
+    (frequencies.values() <= effort.values_max).then_some(frequencies)
+}
+
+/// Places in a pixel at which a detector measures, with the weights of their light.
+fn places(model: &DisplayModel, detector: Detector) -> (Places, Vec<f64>) {
+    let [along_x, along_y] = match detector {
+        Detector::Point => [vec![(0.0, 1.0)], vec![(0.0, 1.0)]],
+        Detector::Supersampled => [vec![(-0.25, 0.5), (0.25, 0.5)], vec![(-0.25, 0.5), (0.25, 0.5)]],
+        // The light has details of up to one cycle per pixel in the first order, and z_c/2z cycles in all orders.
+        Detector::Pixel => {
+            [model.setup.critical_distance_x_m(), model.setup.critical_distance_y_m()].map(|critical_m| {
+                let nodes = match model.setup.orders() {
+                    Orders::First => 4,
+                    Orders::All { .. } => {
+                        (critical_m / model.setup.distance_m().abs()).ceil().clamp(1.0, 8.0) as usize + 3
+                    }
+                };
+                gauss_legendre(nodes).into_iter().map(|(node, weight)| (0.5 * node, 0.5 * weight)).collect()
+            })
+        }
+    };
+    let only = |nodes: &[(f64, f64)]| nodes.iter().map(|(node, _)| *node).collect();
+    let places = Places { along_x: only(&along_x), along_y: only(&along_y) };
+    let weights = along_y.iter().flat_map(|(_, y)| along_x.iter().map(move |(_, x)| x * y)).collect();
+    (places, weights)
+}
+
+/// Sums from which the PSNR with the best gain follows.
+#[derive(Clone, Copy, Debug, Default)]
+struct Comparison {
+    count: f64,
+    light_squared: f64,
+    light_times_wanted: f64,
+    wanted_squared: f64,
+}
+
+impl Comparison {
+    fn add(&mut self, light: f64, wanted: f64) {
+        self.count += 1.0;
+        self.light_squared += light * light;
+        self.light_times_wanted += light * wanted;
+        self.wanted_squared += wanted * wanted;
+    }
+
+    fn psnr_db(&self) -> f64 {
+        let explained = match self.light_squared {
+            0.0 => 0.0,
+            squared => self.light_times_wanted * self.light_times_wanted / squared,
+        };
+        // Rounding of the difference ends at the square root of the precision, far below every hologram's error.
+        let error = ((self.wanted_squared - explained) / self.count).max(1e-16);
+        -10.0 * error.log10()
+    }
+}
+
+#[cfg(test)]
+mod tests;

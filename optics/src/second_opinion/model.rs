@@ -1,0 +1,297 @@
+//! The independent model: light on rows of the image, from the definition of the angular spectrum.
+//!
+//! ```text
+//! u(x, y) = ∫∫ A(ν) E(ν) Σ_m Σ_n P(f) H(f) e^{i2π(f_x·x + f_y·y)} dν_x dν_y,   f = (ν_x + m, ν_y + n)
+//! A(ν) = Σ_x Σ_y a(x, y) (e^{ir(φ)} + z₀) e^{−i2π(ν_x·x + ν_y·y)}
+//! H(f) = e^{i2πz(√(1/λ² − f²/Δ²) − 1/λ)},   P(f) = sinc(w_x f_x) sinc(w_y f_y)
+//! ```
+//!
+//! Places x, y in pixels, frequencies in cycles per pixel, ν from −½ to ½. A display that shows the first order has m = n = 0
+//! and P = 1; one that shows all orders has every order that reaches the image. w are the sides of a pixel's bright area in
+//! pixel pitches, E the errors of a learned kernel, a the source profile, r the phase response, z₀ undiffracted light,
+//! λ wavelength \[m\], z distance \[m\], Δ pixel pitch \[m\].
+//!
+//! The integral along x is summed node by node of its panels, so that the whole spectrum is never held.
+
+use super::frequencies::{Axis, Frequencies, PANELS, frequency};
+use crate::chebyshev::position;
+use crate::engine::SeriesAlongY;
+use crate::{DisplayModel, KernelShape, OpticalSetup, Orders, Plane, RegionOfInterest, interrupt};
+use num_complex::Complex64;
+use rayon::prelude::*;
+use rustfft::{Fft, FftPlanner};
+use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
+
+/// Places in each pixel, from its centre \[px\]: all pairs of these along x and y.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Places {
+    pub(super) along_x: Vec<f64>,
+    pub(super) along_y: Vec<f64>,
+}
+
+impl Places {
+    pub(super) fn count(&self) -> usize {
+        self.along_x.len() * self.along_y.len()
+    }
+
+    fn moved(&self, centre_x_px: f64, centre_y_px: f64) -> Self {
+        let add = |places: &[f64], centre: f64| places.iter().map(|place| place + centre).collect();
+        Self { along_x: add(&self.along_x, centre_x_px), along_y: add(&self.along_y, centre_y_px) }
+    }
+}
+
+/// At most `rows_max` rows of a region, evenly distributed.
+pub(super) fn rows(region: RegionOfInterest, rows_max: usize) -> Vec<usize> {
+    let count = region.height_px().min(rows_max);
+    (0..count).map(|i| region.y_px() + (2 * i + 1) * region.height_px() / (2 * count)).collect()
+}
+
+/// Mean over `phases` of the light on the rows: for each place, ordered by y, then by x, a plane of the rows.
+pub(super) fn light(
+    model: &DisplayModel,
+    phases: &[Plane<f32>],
+    places: &Places,
+    rows: &[usize],
+    frequencies: &Frequencies,
+) -> Vec<Plane<f64>> {
+    let (window, pitch_m) = (model.setup.window(), model.setup.grid().pixel_pitch_m());
+    let places = places.moved(window.centre_x_m() / pitch_m, window.centre_y_m() / pitch_m);
+    let work = Work::new(model, &places, rows, frequencies);
+    let width_px = model.setup.grid().width_px();
+    let mut lights = vec![Plane::filled(rows.len(), width_px, 0.0); places.count()];
+    for phase in phases {
+        let image = work.image(&on_modulator(model, phase));
+        for (line, field) in image.chunks_exact(width_px).enumerate() {
+            let (row, place) = (line / places.count(), line % places.count());
+            let light = &mut lights[place].values_mut()[row * width_px..][..width_px];
+            light.iter_mut().zip(field).for_each(|(sum, u)| *sum += u.norm_sqr() / phases.len() as f64);
+        }
+    }
+    lights
+}
+
+/// Field on the modulator: source · (e^{ir(φ)} + z₀).
+fn on_modulator(model: &DisplayModel, phase: &Plane<f32>) -> Plane<Complex64> {
+    let response = |phi: f64| {
+        let harmonic = |(k, [a, b]): (usize, &[f64; 2])| {
+            let (sin, cos) = ((k + 1) as f64 * phi).sin_cos();
+            a * sin + b * cos
+        };
+        phi + model.response.iter().enumerate().map(harmonic).sum::<f64>()
+    };
+    let is_lit_evenly = model.source.is_flat();
+    let (height_px, width_px) = (phase.height_px(), phase.width_px());
+    let mut field = Plane::filled(height_px, width_px, Complex64::ZERO);
+    field.values_mut().par_chunks_mut(width_px).enumerate().for_each(|(y, row)| {
+        interrupt::check();
+        for (x, u) in row.iter_mut().enumerate() {
+            *u = Complex64::cis(response(f64::from(phase.at(y, x)))) + model.zero_order;
+            if !is_lit_evenly {
+                *u *= model.source.value(position(x, width_px), position(y, height_px));
+            }
+        }
+    });
+    field
+}
+
+/// H of free space at frequencies in 1/m, without its piston.
+fn free_space(setup: &OpticalSetup, fx: f64, fy: f64) -> Complex64 {
+    let (z, wavelength_m) = (setup.distance_m(), setup.wavelength_m());
+    let sine_squared = wavelength_m * wavelength_m * (fx * fx + fy * fy);
+    if sine_squared >= 1.0 {
+        // Waves that do not travel; backwards they would grow without bound.
+        return match z < 0.0 {
+            true => Complex64::ZERO,
+            false => turn(-z / wavelength_m) * (-TAU * z / wavelength_m * (sine_squared - 1.0).sqrt()).exp(),
+        };
+    }
+    // √(1 − s²) − 1 = −s²/(1 + √(1 − s²)), which does not cancel.
+    turn(-z / wavelength_m * sine_squared / (1.0 + (1.0 - sine_squared).sqrt()))
+}
+
+/// e^{i2π·cycles}, after subtracting whole cycles.
+fn turn(cycles: f64) -> Complex64 {
+    Complex64::cis(TAU * (cycles - cycles.round()))
+}
+
+fn sinc(x: f64) -> f64 {
+    if x == 0.0 { 1.0 } else { (PI * x).sin() / (PI * x) }
+}
+
+fn dot(a: &[Complex64], b: &[Complex64]) -> Complex64 {
+    let product = |(a, b): (&[Complex64], &[Complex64])| a.iter().zip(b).map(|(a, b)| a * b).sum::<Complex64>();
+    // Four sums that do not wait for each other.
+    let (a, b) = (a.chunks_exact(4), b.chunks_exact(4));
+    let rest = product((a.remainder(), b.remainder()));
+    let mut sums = [Complex64::ZERO; 4];
+    a.zip(b).for_each(|(a, b)| (0..4).for_each(|i| sums[i] += a[i] * b[i]));
+    rest + sums.iter().sum::<Complex64>()
+}
+
+/// Tables and transforms for all frequencies.
+struct Work<'a> {
+    model: &'a DisplayModel,
+    places: &'a Places,
+    x: &'a Axis,
+    y: &'a Axis,
+    /// Transform of the panels, from places to frequencies and back.
+    to_panels: Arc<dyn Fft<f64>>,
+    from_panels: Arc<dyn Fft<f64>>,
+    /// Frequencies along y with their weights: all panels of the first node, then of the next one.
+    frequencies_y: Vec<(f64, f64)>,
+    /// For each node along y, e^{−i2πν₀y} on the display's rows, ν₀ its lowest frequency.
+    lowest_y: Vec<Vec<Complex64>>,
+    /// For each wanted row each place along y: e^{i2πν(y + place)} at all frequencies along y.
+    waves_y: Vec<Vec<Complex64>>,
+}
+
+impl<'a> Work<'a> {
+    fn new(model: &'a DisplayModel, places: &'a Places, rows: &[usize], frequencies: &'a Frequencies) -> Self {
+        let Frequencies { along_x: x, along_y: y } = frequencies;
+        let mut planner = FftPlanner::new();
+        let panels = |&(node, weight): &(f64, f64)| (0..PANELS).map(move |panel| (frequency(panel, node), weight));
+        let frequencies_y: Vec<(f64, f64)> = y.nodes.iter().flat_map(panels).collect();
+        let lowest = |&(node, _): &(f64, f64)| {
+            (0..model.setup.grid().height_px()).map(|y| turn(-frequency(0, node) * y as f64)).collect()
+        };
+        let at: Vec<f64> =
+            rows.iter().flat_map(|&row| places.along_y.iter().map(move |place| row as f64 + place)).collect();
+        let waves = |at: &f64| frequencies_y.iter().map(|(frequency, _)| turn(frequency * at)).collect();
+        Self {
+            model,
+            places,
+            x,
+            y,
+            to_panels: planner.plan_fft_forward(PANELS),
+            from_panels: planner.plan_fft_inverse(PANELS),
+            lowest_y: y.nodes.iter().map(lowest).collect(),
+            waves_y: at.par_iter().map(waves).collect(),
+            frequencies_y,
+        }
+    }
+
+    /// Whether each place has a transfer function of its own.
+    fn has_orders(&self) -> bool {
+        matches!(self.model.setup.orders(), Orders::All { .. })
+    }
+
+    /// Field in the image: for each wanted row and each place a line.
+    fn image(&self, field: &Plane<Complex64>) -> Vec<Complex64> {
+        let lines = self.waves_y.len() * self.places.along_x.len();
+        let mut image = vec![Complex64::ZERO; lines * field.width_px()];
+        for &(node, weight) in &self.x.nodes {
+            let spectra = self.spectra_of_rows(field, node);
+            let columns: Vec<Vec<Complex64>> =
+                (0..PANELS).into_par_iter().map(|panel| self.column(&spectra, panel, frequency(panel, node))).collect();
+            self.add(&columns, node, weight, &mut image);
+        }
+        image
+    }
+
+    /// Spectra of the rows at one node of all panels along x: for each row PANELS values.
+    fn spectra_of_rows(&self, field: &Plane<Complex64>, node: f64) -> Vec<Complex64> {
+        let wave: Vec<Complex64> = (0..field.width_px()).map(|x| turn(-frequency(0, node) * x as f64)).collect();
+        let mut spectra = vec![Complex64::ZERO; field.height_px() * PANELS];
+        spectra.par_chunks_exact_mut(PANELS).enumerate().for_each(|(y, spectrum)| {
+            interrupt::check();
+            for (u, wave) in field.row(y).chunks(PANELS).zip(wave.chunks(PANELS)) {
+                spectrum.iter_mut().zip(u).zip(wave).for_each(|((sum, u), wave)| *sum += u * wave);
+            }
+            self.to_panels.process(spectrum);
+        });
+        spectra
+    }
+
+    /// Field on the wanted rows at one frequency along x: for each row and place along y (and x, where the places have transfer
+    /// functions of their own).
+    fn column(&self, spectra: &[Complex64], panel: usize, along_x: f64) -> Vec<Complex64> {
+        interrupt::check();
+        let mut spectrum = vec![Complex64::ZERO; self.frequencies_y.len()];
+        for (spectrum, lowest) in spectrum.chunks_exact_mut(PANELS).zip(&self.lowest_y) {
+            for (y, lowest) in lowest.iter().enumerate() {
+                spectrum[y % PANELS] += spectra[y * PANELS + panel] * lowest;
+            }
+            self.to_panels.process(spectrum);
+        }
+        let errors = match &self.model.kernel {
+            KernelShape::Smooth(errors) => Some(SeriesAlongY::new(errors, 2.0 * along_x)),
+            KernelShape::Ideal | KernelShape::Bins(_) => None,
+        };
+        for (u, &(frequency, weight)) in spectrum.iter_mut().zip(&self.frequencies_y) {
+            *u *= weight * errors.as_ref().map_or(Complex64::ONE, |errors| errors.at(2.0 * frequency));
+        }
+        if self.has_orders() {
+            self.column_of_orders(&spectrum, along_x)
+        } else {
+            self.column_of_first(spectrum, along_x)
+        }
+    }
+
+    fn column_of_first(&self, mut spectrum: Vec<Complex64>, along_x: f64) -> Vec<Complex64> {
+        let pitch_m = self.model.setup.grid().pixel_pitch_m();
+        for (u, (frequency, _)) in spectrum.iter_mut().zip(&self.frequencies_y) {
+            *u *= free_space(&self.model.setup, along_x / pitch_m, frequency / pitch_m);
+        }
+        self.waves_y.iter().map(|wave| dot(&spectrum, wave)).collect()
+    }
+
+    fn column_of_orders(&self, spectrum: &[Complex64], along_x: f64) -> Vec<Complex64> {
+        let (across, down) = (self.places.along_x.len(), self.places.along_y.len());
+        // For each place the spectrum behind its transfer function.
+        let mut behind = vec![vec![Complex64::ZERO; spectrum.len()]; self.places.count()];
+        let turns = |order: i32, places: &[f64]| -> Vec<Complex64> {
+            places.iter().map(|place| turn(f64::from(order) * place)).collect()
+        };
+        let orders = |axis: &Axis, places: &[f64]| -> Vec<(f64, Vec<Complex64>)> {
+            (-axis.orders..=axis.orders).map(|order| (f64::from(order), turns(order, places))).collect()
+        };
+        let (orders_x, orders_y) = (orders(self.x, &self.places.along_x), orders(self.y, &self.places.along_y));
+        let mut transfers = vec![Complex64::ZERO; self.places.count()];
+        for (l, (u, &(along_y, _))) in spectrum.iter().zip(&self.frequencies_y).enumerate() {
+            transfers.fill(Complex64::ZERO);
+            for (order_y, turns_y) in &orders_y {
+                for (order_x, turns_x) in &orders_x {
+                    let h = self.transfer(along_x + order_x, along_y + order_y);
+                    for (sums, turn_y) in transfers.chunks_exact_mut(across).zip(turns_y) {
+                        sums.iter_mut().zip(turns_x).for_each(|(sum, turn_x)| *sum += h * turn_y * turn_x);
+                    }
+                }
+            }
+            behind.iter_mut().zip(&transfers).for_each(|(behind, transfer)| behind[l] = u * transfer);
+        }
+        let waves = self.waves_y.iter().enumerate();
+        let of_row_and_place = waves
+            .flat_map(|(i, wave)| behind[i % down * across..][..across].iter().map(move |behind| dot(behind, wave)));
+        of_row_and_place.collect()
+    }
+
+    /// P·H at a frequency [cycles per pixel] of any order.
+    fn transfer(&self, fx: f64, fy: f64) -> Complex64 {
+        let share = self.x.share(fx) * self.y.share(fy);
+        if share == 0.0 {
+            return Complex64::ZERO;
+        }
+        let (setup, [fill_x, fill_y]) = (&self.model.setup, self.model.setup.fill_factor());
+        let pitch_m = setup.grid().pixel_pitch_m();
+        free_space(setup, fx / pitch_m, fy / pitch_m) * (share * sinc(fill_x * fx) * sinc(fill_y * fy))
+    }
+
+    /// Adds the light of one node of all panels along x to the image.
+    fn add(&self, columns: &[Vec<Complex64>], node: f64, weight: f64, image: &mut [Complex64]) {
+        let (width_px, across) = (self.model.setup.grid().width_px(), self.places.along_x.len());
+        let wave: Vec<Complex64> = (0..width_px).map(|x| weight * turn(frequency(0, node) * x as f64)).collect();
+        let between = |place: &f64| (0..PANELS).map(|panel| turn(frequency(panel, node) * place)).collect();
+        let between: Vec<Vec<Complex64>> = self.places.along_x.iter().map(between).collect();
+        image.par_chunks_exact_mut(width_px).enumerate().for_each(|(line, row)| {
+            interrupt::check();
+            let entry = if self.has_orders() { line } else { line / across };
+            let mut values: Vec<Complex64> =
+                columns.iter().zip(&between[line % across]).map(|(column, between)| column[entry] * between).collect();
+            self.from_panels.process(&mut values);
+            for (row, wave) in row.chunks_mut(PANELS).zip(wave.chunks(PANELS)) {
+                row.iter_mut().zip(&values).zip(wave).for_each(|((u, value), wave)| *u += value * wave);
+            }
+        });
+    }
+}

@@ -1,0 +1,192 @@
+use super::*;
+use crate::hologram::{HologramMethod, HologramOptions, initial_phase};
+use crate::propagation::ImageWindow;
+use crate::reference::{EngineCore, first_order_onto, rayleigh_sommerfeld_onto};
+use crate::test_cards::TestCard;
+use crate::{ConvolutionMethod, Engine, Grid, HologramProblem, OpticalSetup, Optimization, SmoothField};
+use crate::{Error, SpatialVariation};
+use num_complex::{Complex32, Complex64};
+
+fn setup(height_px: usize, width_px: usize, distance_m: f64) -> OpticalSetup {
+    OpticalSetup::try_new(Grid::try_new(height_px, width_px, 8e-6).unwrap(), 515e-9, distance_m).unwrap()
+}
+
+/// Light of the model on all rows, at the given places in each pixel.
+fn light(model: &DisplayModel, phase: &Plane<f32>, places: &Places) -> Vec<Plane<f64>> {
+    let rows = model::rows(RegionOfInterest::full(&model.setup.grid()), usize::MAX);
+    model::light(model, std::slice::from_ref(phase), places, &rows, &Frequencies::of(&model.setup))
+}
+
+/// Root mean square of the difference of two lights, relative to the mean light.
+fn difference(found: &Plane<f64>, expected: &Plane<f64>) -> f64 {
+    let squared: f64 = found.values().iter().zip(expected.values()).map(|(a, b)| (a - b).powi(2)).sum();
+    let mean = expected.values().iter().sum::<f64>() / expected.values().len() as f64;
+    (squared / expected.values().len() as f64).sqrt() / mean
+}
+
+/// The window of the display's pixels, moved by a place in each pixel.
+fn window_at(setup: &OpticalSetup, x_px: f64, y_px: f64) -> ImageWindow {
+    let pitch_m = setup.grid().pixel_pitch_m();
+    ImageWindow::of(&setup.grid()).centred_at(x_px * pitch_m, y_px * pitch_m).unwrap()
+}
+
+#[test]
+fn first_order_matches_direct_integral() {
+    let places = Places { along_x: vec![-0.3, 0.1], along_y: vec![0.0, 0.4] };
+    // The critical distances are 6 mm along y and 8 mm along x.
+    for distance_m in [0.1e-3, 1e-3, 7e-3, 30e-3, -5e-3] {
+        let setup = setup(24, 32, distance_m);
+        let phase = initial_phase(24, 32, 6.0, 3).unwrap();
+        let field = phase.map(|phi| Complex64::cis(f64::from(phi)));
+        for (i, light) in light(&DisplayModel::ideal(setup), &phase, &places).iter().enumerate() {
+            let window = window_at(&setup, places.along_x[i % 2], places.along_y[i / 2]);
+            let expected = first_order_onto(&setup, &field, &window).unwrap().map(|u| u.norm_sqr());
+            let difference = difference(light, &expected);
+            assert!(difference < 1e-9, "{distance_m} m, place {i}: {difference:e}");
+        }
+    }
+}
+
+#[test]
+fn all_orders_match_direct_sum_over_each_pixel() {
+    /// Points along each side of a pixel; 3/4 and 1/2 of them are whole numbers.
+    const POINTS: usize = 64;
+    let places = Places { along_x: vec![-0.3, 0.2], along_y: vec![0.0, 0.4] };
+    let [fill_factor_x, fill_factor_y] = [0.75, 0.5];
+    let phase = initial_phase(4, 6, 6.0, 3).unwrap();
+    let inside = |i: usize, fill: f64| (((i % POINTS) as f64 + 0.5) / POINTS as f64 - 0.5).abs() < fill / 2.0;
+    let field = Plane::from_fn(4 * POINTS, 6 * POINTS, |y, x| {
+        let is_bright = inside(y, fill_factor_y) && inside(x, fill_factor_x);
+        if is_bright { Complex64::cis(f64::from(phase.at(y / POINTS, x / POINTS))) } else { Complex64::ZERO }
+    });
+    let fine = Grid::try_new(4 * POINTS, 6 * POINTS, 8e-6 / POINTS as f64).unwrap();
+    // Nearer, the judge's points are too far apart.
+    for distance_m in [0.2e-3, 0.6e-3, 2e-3, 10e-3] {
+        let orders = Orders::All { fill_factor_x, fill_factor_y };
+        let setup = setup(4, 6, distance_m).with_orders(orders).unwrap();
+        let fine = OpticalSetup::try_new(fine, 515e-9, distance_m).unwrap();
+        for (i, light) in light(&DisplayModel::ideal(setup), &phase, &places).iter().enumerate() {
+            let window = window_at(&setup, places.along_x[i % 2], places.along_y[i / 2]);
+            let expected = rayleigh_sommerfeld_onto(&fine, &field, &window).unwrap().map(|u| u.norm_sqr());
+            let bright = (fill_factor_x * fill_factor_y).powi(2);
+            let difference = difference(&light.map(|light| light * bright), &expected);
+            assert!(difference < 2e-3, "{distance_m} m, place {i}: {difference:e}");
+        }
+    }
+}
+
+/// A display with every smooth error.
+fn flawed(setup: OpticalSetup) -> DisplayModel {
+    let wavy = |order: usize, size: f64| {
+        let mut field = SmoothField::flat(order);
+        field.log_amplitude.iter_mut().enumerate().for_each(|(i, c)| *c = size * (i as f64).sin());
+        field.phase.iter_mut().enumerate().for_each(|(i, c)| *c = 3.0 * size * (i as f64).cos());
+        field
+    };
+    DisplayModel {
+        kernel: KernelShape::Smooth(wavy(4, 0.1)),
+        source: wavy(2, 0.2),
+        response: vec![[0.15, -0.05], [0.02, 0.03]],
+        zero_order: Complex64::new(0.1, -0.05),
+        ..DisplayModel::ideal(setup)
+    }
+}
+
+#[test]
+fn learned_display_matches_the_engine() {
+    // So near that hardly any light leaves the frame or wraps around.
+    for orders in [Orders::First, Orders::SQUARE] {
+        let setup = setup(60, 80, 0.2e-3).with_orders(orders).unwrap();
+        let (setup, _) = setup.planned().unwrap();
+        let model = flawed(setup);
+        let phase = Plane::from_fn(60, 80, |y, x| (0.07 * x as f32).sin() + (0.05 * y as f32).cos());
+        let engine = EngineCore::<f64>::new(&model, Detector::Point, None).unwrap();
+        let expected = engine.light(&phase.map(f64::from)).unwrap();
+        let found = light(&model, &phase, &Places { along_x: vec![0.0], along_y: vec![0.0] });
+        let difference = difference(&found[0], &expected);
+        // The engine samples the errors of the kernel on a padded frame, in which a little light comes back.
+        assert!(difference < 1e-2, "{orders:?}: {difference:e}");
+    }
+}
+
+/// A hologram of a setup, and the second opinion on it.
+fn judged(setup: OpticalSetup, detector: Detector, effort: Effort) -> SecondOpinion {
+    let (grid, model) = (setup.grid(), DisplayModel::ideal(setup));
+    let target = TestCard::Portrait.render(grid.height_px(), grid.width_px(), 3).unwrap();
+    let region = RegionOfInterest::middle(&grid);
+    let engine = Engine::new(&model, detector, None).unwrap();
+    let problem = HologramProblem::new(engine.clone(), target.clone(), region).unwrap();
+    let start = initial_phase(grid.height_px(), grid.width_px(), 0.5, 4).unwrap().into_vec();
+    let mut optimization =
+        Optimization::start(problem, HologramOptions::new(HologramMethod::Lbfgs, 30), start).unwrap();
+    while optimization.step().is_some() {}
+    let phase = Plane::try_from_vec(grid.height_px(), grid.width_px(), optimization.phases().to_vec()).unwrap();
+    let shown = ShownLight::of_frames(&engine, std::slice::from_ref(&phase)).unwrap();
+    let found = SecondOpinion::of(&model, &[phase], &shown, detector, (&target, region), effort).unwrap().unwrap();
+    if effort == Effort::THOROUGH {
+        // All rows of the region were compared, as in the reported quality.
+        let reported = match detector {
+            Detector::Point => shown.quality(&target, region).unwrap().point,
+            Detector::Pixel => shown.quality(&target, region).unwrap().pixel,
+            Detector::Supersampled => shown.quality(&target, region).unwrap().supersampled,
+        };
+        assert_eq!(found.rows as usize, region.height_px());
+        assert!((found.engine_psnr_db - reported.psnr_db).abs() < 1e-3, "{found:?} {reported:?}");
+    }
+    found
+}
+
+#[test]
+fn opinions_agree_at_every_distance_and_detector() {
+    // The critical distances are 12 mm along y and 18 mm along x.
+    for distance_m in [1e-3, 6e-3, 15e-3, 50e-3] {
+        for orders in [Orders::First, Orders::SQUARE] {
+            // At a tenth of the critical distance the pixels of all orders have details that four samples miss.
+            if orders != Orders::First && distance_m < 3e-3 {
+                continue;
+            }
+            let (setup, _) = setup(48, 72, distance_m).with_orders(orders).unwrap().planned().unwrap();
+            for detector in Detector::ALL {
+                let found = judged(setup, detector, Effort::THOROUGH);
+                let difference = found.difference_db();
+                let within = if found.engine_psnr_db <= 40.0 { 0.3 } else { 0.5 };
+                assert!(difference.abs() < within, "{distance_m} m, {orders:?}, {detector:?}: {found:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn methods_that_wrap_around_are_contradicted() {
+    // Between the critical distances of the two axes.
+    let between = setup(48, 72, 15e-3);
+    let wrapped = between.with_method_regardless(ConvolutionMethod::AngularSpectrum);
+    let found = judged(wrapped, Detector::Pixel, Effort::CHEAP);
+    assert!(found.is_contradiction() && found.difference_db() < 0.0, "{found:?}");
+    assert_eq!(found.rows, 8);
+    let (right, _) = between.planned().unwrap();
+    let found = judged(right, Detector::Pixel, Effort::CHEAP);
+    assert!(!found.is_contradiction(), "{found:?}");
+}
+
+#[test]
+fn kernels_and_displays_beyond_the_model_have_no_opinion() {
+    let setup = setup(24, 32, 1e-3);
+    let ideal = DisplayModel::ideal(setup);
+    assert!(values(&ideal, Effort::CHEAP) > 0);
+    let bins = KernelShape::Bins(Plane::filled(48, 64, Complex32::ONE));
+    assert_eq!(values(&DisplayModel { kernel: bins, ..ideal.clone() }, Effort::THOROUGH), 0);
+    let mut tilted = SmoothField::flat(1);
+    tilted.phase[0] = 0.1;
+    let variation = SpatialVariation::new(std::array::from_fn(|_| tilted.clone()));
+    let varying = DisplayModel { kernel: KernelShape::Smooth(SmoothField::flat(1)), variation, ..ideal.clone() };
+    assert_eq!(values(&varying, Effort::THOROUGH), 0);
+    let huge = OpticalSetup::try_new(Grid::try_new(8192, 8192, 4e-6).unwrap(), 515e-9, 5.0).unwrap();
+    assert_eq!(values(&DisplayModel::ideal(huge), Effort::CHEAP), 0);
+    let (phase, region) = (Plane::filled(24, 32, 0.0), RegionOfInterest::full(&setup.grid()));
+    let engine = Engine::new(&ideal, Detector::Pixel, None).unwrap();
+    let shown = ShownLight::of_frames(&engine, std::slice::from_ref(&phase)).unwrap();
+    let wanted = (&Plane::filled(24, 30, 0.5), region);
+    let refused = SecondOpinion::of(&ideal, &[phase], &shown, Detector::Pixel, wanted, Effort::CHEAP);
+    assert!(matches!(refused, Err(Error::SizeMismatch { .. })), "{refused:?}");
+}
