@@ -21,21 +21,29 @@ import tempfile
 HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parent
 
+# Lightpath's jobs: as the peers run it; by the default method; and with the default detector and region, too.
+SAME = "Lightpath, the same job"
+DEFAULT = "Lightpath, its default method"
+CAMERA = "Lightpath, as a camera sees it"
+
 
 def main():
     given = arguments()
     python = environment(given.environment.resolve())
     bench_job = build()
-    with tempfile.TemporaryDirectory() as scratch:
-        scratch = pathlib.Path(scratch)
-        target = make_target(given, python, bench_job, scratch)
-        runs = measure(given, python, bench_job, target, scratch)
-    report = summarize(given, python, runs)
-    text = as_markdown(report)
-    print(text)
+    reports = []
+    for source in given.target or [None]:
+        with tempfile.TemporaryDirectory() as scratch:
+            scratch = pathlib.Path(scratch)
+            target = make_target(given, source, python, bench_job, scratch)
+            runs = measure(given, python, bench_job, target, scratch)
+        reports.append(summarize(given, source, python, runs))
+        print(as_markdown(reports[-1]), end="\n\n", flush=True)
+    text = "\n\n".join([as_markdown(report) for report in reports] + range_over_targets(reports))
+    print("\n".join(range_over_targets(reports)))
     if given.out:
         pathlib.Path(f"{given.out}.md").write_text(text + "\n", encoding="utf-8")
-        pathlib.Path(f"{given.out}.json").write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+        pathlib.Path(f"{given.out}.json").write_text(json.dumps(reports, indent=1) + "\n", encoding="utf-8")
 
 
 def arguments():
@@ -45,7 +53,12 @@ def arguments():
         epilog="A try in a minute, once the environment is there:\n"
         "  bench/peers.py --size 320x180 --distance 0.05 --iterations 30 --rounds 1",
     )
-    parser.add_argument("--target", metavar="FILE", help="picture or .npy of intensities; default: a generated test card")
+    parser.add_argument(
+        "--target",
+        metavar="FILE",
+        nargs="+",
+        help="pictures or .npy of intensities, each for a comparison of its own; default: a generated test card",
+    )
     parser.add_argument("--card", default="portrait", help="the generated card, where there is no --target")
     parser.add_argument("--encoding", choices=["srgb", "linear"], default="srgb", help="of the picture's values")
     parser.add_argument("--size", default="1920x1080", metavar="WIDTHxHEIGHT", help="of the display [px]")
@@ -98,8 +111,7 @@ def build():
     return folder / "release" / "examples" / "bench_job"
 
 
-def make_target(given, python, bench_job, scratch):
-    source = given.target
+def make_target(given, source, python, bench_job, scratch):
     if source is None:
         source = scratch / "card.npy"
         size = ["--height", str(given.height), "--width", str(given.width), "--seed", str(given.seed)]
@@ -121,8 +133,9 @@ def measure(given, python, bench_job, target, scratch):
         "--threads", str(given.threads),
     ]  # fmt: skip
     commands = {
-        "Lightpath, the same job": [bench_job, *job, "--detector", "point", "--region", "full"],
-        "Lightpath, as a camera sees it": [bench_job, *job, "--detector", "pixel", "--region", "middle"],
+        SAME: [bench_job, *job, "--detector", "point", "--region", "full", "--propagation", "band-limited"],
+        DEFAULT: [bench_job, *job, "--detector", "point", "--region", "full", "--method", "lbfgs"],
+        CAMERA: [bench_job, *job, "--detector", "pixel", "--region", "middle", "--method", "lbfgs"],
     }
     for peer in given.peers:
         commands[peer] = [python, HERE / "torch_job.py", peer, *job]
@@ -149,7 +162,7 @@ def output(given, command, scratch):
     return json.loads(done.stdout.strip().splitlines()[-1])
 
 
-def summarize(given, python, runs):
+def summarize(given, source, python, runs):
     reported_db = None
     if "odak" in runs:
         # odak compares without a gain; with the best one its own figure is a little higher, and the harder one to reach.
@@ -160,7 +173,7 @@ def summarize(given, python, runs):
         to_reported = [time_to(run, reported_db) for run in turns]
         if name == "odak":
             to_reported = [run["total_s"] for run in turns]
-        elif name == "Lightpath, as a camera sees it":
+        elif name == CAMERA:
             # Its loss is another one.
             to_reported = [None]
         jobs[name] = {
@@ -168,7 +181,7 @@ def summarize(given, python, runs):
             "total_s": median(run["total_s"] for run in turns),
             "to_reported_s": median(to_reported),
             "to_wanted_pixel_s": median(time_to(run, given.wanted_db) for run in turns)
-            if name == "Lightpath, as a camera sees it"
+            if name == CAMERA
             else None,
             "memory_peak_mib": max(memory) / 2**20 if memory else None,
             "own_model_db": median(-10 * math.log10(run["loss"][-1]) for run in turns),
@@ -181,8 +194,8 @@ def summarize(given, python, runs):
         "date": datetime.datetime.now(datetime.timezone.utc).strftime("%Y-%m-%d"),
         "machine": machine(given),
         "versions": versions(python, given.peers),
-        "target": pathlib.Path(given.target).name if given.target else f"test card {given.card}",
-        "encoding": given.encoding if given.target else "linear",
+        "target": pathlib.Path(source).name if source else f"test card {given.card}",
+        "encoding": given.encoding if source else "linear",
         "size_px": [given.width, given.height],
         "pixel_pitch_m": given.pitch,
         "wavelength_m": given.wavelength,
@@ -235,7 +248,7 @@ def versions(python, peers):
 
 
 def as_markdown(report):
-    base = report["jobs"]["Lightpath, the same job"]
+    base = report["jobs"][SAME]
     reported = report["odak_reported_db"]
     width, height = report["size_px"]
     to_reported = f"s to {reported:.1f} dB" if reported is not None else "s to odak's dB"
@@ -257,13 +270,27 @@ def as_markdown(report):
             *(f"{value:.1f}" for value in (job["own_model_db"], *exact.values())),
         ]
         lines.append(f"| {name} | " + " | ".join(cells) + " |")
-    camera = report["jobs"]["Lightpath, as a camera sees it"]
+    camera = report["jobs"][CAMERA]
     wanted, reached = report["wanted_pixel_db"], camera["to_wanted_pixel_s"]
     said = "not reached" if reached is None else f"{reached:.2f} s"
     peers = [(name, job["exact_db"]["pixel"]) for name, job in report["jobs"].items() if not name.startswith("Lightpath")]
     ends = "".join(f"; {name} ends at {pixel_db:.1f} dB" for name, pixel_db in peers)
     lines += ["", f"Time to {wanted:g} dB integrated over pixels: Lightpath {said}{ends}."]
     return "\n".join(lines)
+
+
+def range_over_targets(reports):
+    """How many times shorter the time to odak's own figure is, over all targets; empty without odak."""
+    lines = []
+    for name in (SAME, DEFAULT):
+        times = [(report["jobs"].get("odak"), report["jobs"][name]) for report in reports]
+        ratios = [odak["to_reported_s"] / own["to_reported_s"] for odak, own in times if odak and own["to_reported_s"]]
+        if ratios:
+            lines.append(
+                f"Time to odak's own figure, {name}: {min(ratios):.0f} to {max(ratios):.0f} times shorter "
+                f"(median {statistics.median(ratios):.0f}, {len(ratios)} targets)."
+            )
+    return lines
 
 
 def with_ratio(value, base, digits=1):

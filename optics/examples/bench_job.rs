@@ -13,8 +13,8 @@ mod npy;
 use lightpath_optics::hologram::{HologramMethod, HologramOptions, Step, initial_phase};
 use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{
-    Detector, DisplayModel, Engine, Evaluation, Grid, HologramProblem, OpticalSetup, Optimization, Plane,
-    RegionOfInterest,
+    ConvolutionMethod, Detector, DisplayModel, Engine, Evaluation, Grid, HologramProblem, OpticalSetup, Optimization,
+    Plane, RegionOfInterest,
 };
 use npyz::WriterBuilder as _;
 use std::collections::BTreeMap;
@@ -89,6 +89,13 @@ fn run_job(options: &Options) -> Result<(), Box<dyn Error>> {
     let (height_px, width_px) = (target.height_px(), target.width_px());
     let grid = Grid::try_new(height_px, width_px, options.number("pitch", 8e-6)?)?;
     let setup = OpticalSetup::try_new(grid, options.number("wavelength", 515e-9)?, options.number("distance", 0.15)?)?;
+    let setup = match options.text.get("propagation").map_or("planned", String::as_str) {
+        "planned" => setup.planned()?.0,
+        "band-limited" => setup.with_method(ConvolutionMethod::BandLimited)?,
+        other => {
+            return Err(format!("--propagation {other} is not a choice; choices are planned and band-limited").into());
+        }
+    };
     let region = match options.text.get("region").map_or("middle", String::as_str) {
         "middle" => RegionOfInterest::middle(&grid),
         "full" => RegionOfInterest::full(&grid),
@@ -96,17 +103,21 @@ fn run_job(options: &Options) -> Result<(), Box<dyn Error>> {
     };
     let phase = initial_phase(height_px, width_px, options.number("phase-range", 1.0)?, options.number("seed", 1)?)?;
     let problem = HologramProblem::new(Engine::new(&DisplayModel::ideal(setup), detector, None)?, target, region)?;
-    let method = HologramMethod::Adam { learning_rate: options.number("learning-rate", 0.1)? };
-    let mut adam = Optimization::start(problem, HologramOptions::new(method, iterations), phase.into_vec())?;
+    let method = match options.text.get("method").map_or("adam", String::as_str) {
+        "adam" => HologramMethod::Adam { learning_rate: options.number("learning-rate", 0.1)? },
+        "lbfgs" => HologramMethod::Lbfgs,
+        other => return Err(format!("--method {other} is not a method; methods are adam and lbfgs").into()),
+    };
+    let mut optimization = Optimization::start(problem, HologramOptions::new(method, iterations), phase.into_vec())?;
     let (mut time_s, mut loss) = (Vec::new(), Vec::new());
-    while let Some(Step { evaluation: Evaluation { best_loss, .. }, .. }) = adam.step() {
+    while let Some(Step { evaluation: Evaluation { best_loss, .. }, .. }) = optimization.step() {
         time_s.push(started.elapsed().as_secs_f64());
         loss.push(best_loss);
         if -10.0 * best_loss.log10() >= until_db {
             break;
         }
     }
-    let phase = Plane::try_from_vec(height_px, width_px, adam.phases().to_vec())?;
+    let phase = Plane::try_from_vec(height_px, width_px, optimization.phases().to_vec())?;
     let total_s = started.elapsed().as_secs_f64();
     write_npy(options.word("out")?, &phase)?;
     let memory = memory_peak_bytes().map_or_else(|| "null".to_owned(), |bytes| bytes.to_string());

@@ -93,11 +93,15 @@ impl EngineSize {
     /// The same size with the sampling of a setup. `kernel_has_bins`: the kernel has a value for each frequency.
     #[must_use]
     pub fn sampled_with(self, setup: &OpticalSetup, kernel_has_bins: bool) -> Self {
+        self.sampled_behind(setup, kernel_has_bins, false)
+    }
+
+    fn sampled_behind(self, setup: &OpticalSetup, kernel_has_bins: bool, has_errors: bool) -> Self {
         let has_samples = has_sample_transfers(setup) && !kernel_has_bins && self.kernels_per_side == 1;
         let ideal = DisplayModel::ideal(*setup);
         Self {
             all_orders: setup.method() == ConvolutionMethod::AllOrders,
-            samples_bytes: has_samples.then(|| band_samples(setup) * COMPLEX),
+            samples_bytes: has_samples.then(|| band_samples(setup, has_errors) * COMPLEX),
             opinion_values: if kernel_has_bins || self.kernels_per_side > 1 {
                 0
             } else {
@@ -119,7 +123,8 @@ impl EngineSize {
             has_source: !model.source.is_flat(),
             ..Self::ideal(grid.height_px(), grid.width_px(), detector, threads)
         };
-        size.sampled_with(&model.setup, matches!(model.kernel, KernelShape::Bins(_)))
+        let has_errors = matches!(model.kernel, KernelShape::Smooth(_));
+        size.sampled_behind(&model.setup, matches!(model.kernel, KernelShape::Bins(_)), has_errors)
     }
 
     /// The same size with another detector.
@@ -227,9 +232,8 @@ impl EngineSize {
             Some(sampling) => {
                 // The spectra of rows, then a transfer function, the fields, and the light of one place.
                 let transfer = point.transfer_bytes() + point.light_bytes() + 2 * n * REAL;
-                let errors = if self.all_orders { 0 } else { point.transfer_bytes() };
-                let light = if self.all_orders { SETS * n * REAL } else { 0 };
-                errors + SETS * samples + light + 4 * n * COMPLEX + sampling.max(transfer) + point.scratch_bytes()
+                let own = if self.all_orders { SETS * n * REAL } else { point.transfer_bytes() };
+                own + SETS * samples + 4 * n * COMPLEX + sampling + transfer + point.scratch_bytes()
             }
             None => {
                 let propagated = fine.light_bytes().max(fine.half_spectrum_bytes(2) + samples);

@@ -13,8 +13,8 @@ use lightpath_optics::second_opinion::{Effort, SecondOpinion};
 use lightpath_optics::simulated_display::SimulatedDisplay;
 use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{
-    Detector, DisplayModel, Engine, EngineCache, Grid, HologramProblem, OpticalSetup, Optimization, Orders, Plane,
-    RegionOfInterest, SimulatedBench,
+    Detector, DisplayModel, Engine, EngineCache, Grid, HologramProblem, KernelShape, OpticalSetup, Optimization,
+    Orders, Plane, RegionOfInterest, SimulatedBench, SmoothField,
 };
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::sync::Mutex;
@@ -85,8 +85,8 @@ fn check_hologram(pool: &ThreadPool, size: HologramSize, initial: &InitialPhase)
     check(&name, estimate, peak, 1.2);
 }
 
-fn check_quality(pool: &ThreadPool, frames: usize, setup: OpticalSetup) {
-    let model = DisplayModel::ideal(setup);
+fn check_quality(pool: &ThreadPool, frames: usize, model: DisplayModel) {
+    let setup = model.setup;
     let size = EngineSize::of(&model, Detector::Pixel, 2);
     let work = || {
         let engine = Engine::new(&model, Detector::Pixel, None).unwrap();
@@ -99,7 +99,8 @@ fn check_quality(pool: &ThreadPool, frames: usize, setup: OpticalSetup) {
     let n = size.pixels() * 4;
     let sampled = size.engine_bytes() + size.sampling_bytes;
     let measured = size.engine_bytes() + (frames as u64 + 1) * n + size.quality_bytes(frames);
-    let name = format!("quality of {frames} frames, {:?}", setup.method());
+    let learned = matches!(model.kernel, KernelShape::Smooth(_));
+    let name = format!("quality of {frames} frames, {:?}, learned {learned}", setup.method());
     check(&name, sampled.max(measured), peak_bytes(pool, work), 1.3);
 }
 
@@ -227,8 +228,10 @@ fn counted_memory_is_that_of_the_functions() {
     for orders in [Orders::First, Orders::SQUARE] {
         let setup = setup(300, 400, 0.01).with_orders(orders).unwrap();
         for frames in [1, 3] {
-            check_quality(&pool, frames, setup);
-            check_quality(&pool, frames, setup.planned().unwrap().0);
+            check_quality(&pool, frames, DisplayModel::ideal(setup));
+            let planned = DisplayModel::ideal(setup.planned().unwrap().0);
+            let learned = DisplayModel { kernel: KernelShape::Smooth(SmoothField::flat(3)), ..planned.clone() };
+            [planned, learned].into_iter().for_each(|model| check_quality(&pool, frames, model));
         }
         check_other_orders(&pool, orders);
         check_opinion(&pool, orders);

@@ -7,7 +7,6 @@ use crate::convolution::Real;
 use crate::convolution::{Convolver, Kernels, Transfer};
 use crate::display_model::KernelShape;
 use crate::interrupt;
-use crate::propagation::SampledTransfer;
 use crate::propagation::passes::{has_sample_transfers, sample_transfers};
 use crate::slm::Slm;
 use crate::smooth_field::SmoothField;
@@ -86,22 +85,19 @@ impl<T: Real> EngineCore<T> {
         Self { convolver, kernels, slm, detector, transmission, setup: model.setup }
     }
 
-    /// The same engine with the errors of its kernel alone, for sub-samples that have transfer functions of their own. `None`: the
-    /// engine has no such transfer functions.
-    pub(super) fn with_errors_alone(&self) -> Option<Self> {
+    /// The same engine with what its kernel has besides the exact transfer functions of sub-samples: the errors if it shows all
+    /// orders, otherwise nothing. `None`: the engine has no such transfer functions.
+    pub(super) fn with_sample_transfers(&self) -> Option<Self> {
         if self.shows_all_orders() {
             return Some(self.clone());
         }
         if !has_sample_transfers(&self.setup) || self.kernels.transfers.len() > 1 {
             return None;
         }
-        let none = SmoothField::flat(0);
-        let errors = match &self.transmission {
-            Transmission::FreeSpace => &none,
-            Transmission::Smooth(errors) => errors,
-            Transmission::Bins => return None,
-        };
-        let transfer = sample_with_errors(&self.setup, &SampledTransfer::one(self.setup), errors);
+        if matches!(self.transmission, Transmission::Bins) {
+            return None;
+        }
+        let transfer = Transfer::sample(self.height_px(), self.width_px(), |_, _| Complex64::ONE);
         Some(Self { kernels: Arc::new(Kernels::single(transfer)), ..self.clone() })
     }
 
@@ -277,22 +273,19 @@ fn sample_transfer<T: Real>(model: &DisplayModel) -> Transfer<T> {
             let sampled = model.sampled();
             Transfer::sample(height_px, width_px, |fx, fy| sampled(fx / pitch_m, fy / pitch_m))
         }
-        KernelShape::Smooth(errors) => sample_with_errors(&model.setup, &model.setup.sampled_kernel(), errors),
-    }
-}
-
-/// Samples the product of an ideal kernel and smooth errors.
-fn sample_with_errors<T: Real>(setup: &OpticalSetup, ideal: &SampledTransfer, errors: &SmoothField) -> Transfer<T> {
-    let (grid, pitch_m) = (setup.grid(), setup.grid().pixel_pitch_m());
-    let mut transfer = Transfer::zeros(grid.height_px(), grid.width_px());
-    transfer.fill_columns(|fx, fys, column| {
-        let series = SeriesAlongY::new(errors, 2.0 * fx);
-        for (value, &fy) in column.iter_mut().zip(fys) {
-            let exact = ideal.at(fx / pitch_m, fy / pitch_m) * series.at(2.0 * fy);
-            *value = Complex::new(T::of(exact.re), T::of(exact.im));
+        KernelShape::Smooth(errors) => {
+            let ideal = model.setup.sampled_kernel();
+            let mut transfer = Transfer::zeros(height_px, width_px);
+            transfer.fill_columns(|fx, fys, column| {
+                let series = SeriesAlongY::new(errors, 2.0 * fx);
+                for (value, &fy) in column.iter_mut().zip(fys) {
+                    let exact = ideal.at(fx / pitch_m, fy / pitch_m) * series.at(2.0 * fy);
+                    *value = Complex::new(T::of(exact.re), T::of(exact.im));
+                }
+            });
+            transfer
         }
-    });
-    transfer
+    }
 }
 
 /// Chebyshev series of a smooth field along y at one x.

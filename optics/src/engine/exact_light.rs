@@ -14,7 +14,7 @@
 //!
 //! N pixels along the axis, Δ pixel pitch \[m\], λ wavelength \[m\], z distance \[m\], z_c the critical distance.
 
-use super::core::{EngineCore, Fields};
+use super::core::{EngineCore, Fields, Transmission};
 use crate::convolution::{Convolver, Real};
 use crate::propagation::passes::{for_each_sample_transfer, gauss_legendre};
 use crate::{Detector, OpticalSetup, Plane, Result};
@@ -31,7 +31,7 @@ const NODES_MAX: usize = 8;
 fn nodes(setup: &OpticalSetup) -> [usize; 2] {
     [setup.critical_distance_x_m(), setup.critical_distance_y_m()].map(|critical_m| {
         let cycles = 0.5 * critical_m / setup.distance_m().abs();
-        ((FRAC_PI_2 * cycles).ceil() as usize).saturating_add(1).clamp(NODES_MIN, NODES_MAX)
+        ((FRAC_PI_2 * cycles + 1.5).ceil() as usize).clamp(NODES_MIN, NODES_MAX)
     })
 }
 
@@ -51,7 +51,7 @@ impl<T: Real> EngineCore<T> {
     ///
     /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for a phase of another size.
     pub(crate) fn exact_samples(&self, sets: &[&[Plane<T>]]) -> Result<Option<Vec<Plane<T>>>> {
-        let Some(engine) = self.with_errors_alone() else { return Ok(None) };
+        let Some(engine) = self.with_sample_transfers() else { return Ok(None) };
         let (height_px, width_px) = (self.height_px(), self.width_px());
         let mut samples = vec![Plane::filled(2 * height_px, 2 * width_px, T::zero()); sets.len()];
         engine.for_each_place(&Detector::Supersampled.places_px(), sets, |place, set, light| {
@@ -65,6 +65,20 @@ impl<T: Real> EngineCore<T> {
             });
         })?;
         Ok(Some(samples))
+    }
+
+    /// Light at the pixels' centres: for each set of phases their mean. `None`: the engine has no exact transfer function behind the
+    /// errors of its kernel, or has no errors, so that its own is exact.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for a phase of another size.
+    pub(crate) fn exact_points(&self, sets: &[&[Plane<T>]]) -> Result<Option<Vec<Plane<T>>>> {
+        if self.shows_all_orders() || !matches!(self.transmission, Transmission::Smooth(_)) {
+            return Ok(None);
+        }
+        let Some(engine) = self.with_sample_transfers() else { return Ok(None) };
+        engine.light_at(&[([0.0, 0.0], 1.0)], sets).map(Some)
     }
 
     /// Light of all orders, integrated over each pixel: for each set of phases the mean. The engine's detector does not matter.
@@ -92,7 +106,8 @@ impl<T: Real> EngineCore<T> {
     }
 
     /// Calls `use_light(place, set, light)` with the mean light of each set of phases at each of the places. The places are
-    /// computed one after the other, so the memory does not depend on their number. The engine's kernel has its errors alone.
+    /// computed one after the other, so the memory does not depend on their number. The engine's kernel is that of
+    /// [`Self::with_sample_transfers`].
     fn for_each_place(
         &self,
         places_px: &[[f64; 2]],
@@ -102,7 +117,11 @@ impl<T: Real> EngineCore<T> {
         let (height_px, width_px) = (self.height_px(), self.width_px());
         sets.iter().copied().flatten().try_for_each(|phase| phase.expect_size("phase", height_px, width_px))?;
         let (mut mean, mut part) = (vec![T::zero(); height_px * width_px], vec![T::zero(); height_px * width_px]);
-        for_each_sample_transfer(&self.setup, places_px, |place, transfer| {
+        let errors = match &self.transmission {
+            Transmission::Smooth(errors) if !self.shows_all_orders() => Some(&**errors),
+            _ => None,
+        };
+        for_each_sample_transfer(&self.setup, errors, places_px, |place, transfer| {
             let convolver = Convolver::with_transfers(height_px, width_px, vec![transfer]);
             let engine = Self { convolver: Arc::new(convolver), ..self.clone() };
             let mut fields = Fields::for_light(&engine);

@@ -43,30 +43,32 @@ impl ShownLight {
         engine: &EngineCore<T>,
         sets: [&[Plane<T>]; SETS],
     ) -> Result<[Self; SETS]> {
-        let points = engine.with_detector(Detector::Point);
-        let lights = sets.iter().map(|phases| {
-            let passed = phases.iter().map(|phase| engine.light_passed(phase)).sum::<Result<f64>>()?;
-            let at_points = narrowed(&mean_light(phases, |phase| points.samples(phase))?);
-            Ok((at_points, passed / phases.len() as f64))
-        });
-        let lights: Vec<(Plane<f32>, f64)> = lights.collect::<Result<_>>()?;
-        drop(points);
+        let of_detector = |detector| -> Result<Vec<Plane<f32>>> {
+            let engine = engine.with_detector(detector);
+            let light = |phases: &&[Plane<T>]| Ok(narrowed(&mean_light(phases, |phase| engine.samples(phase))?));
+            sets.iter().map(light).collect()
+        };
+        let passed = |phases: &&[Plane<T>]| -> Result<f64> {
+            let sum: f64 = phases.iter().map(|phase| engine.light_passed(phase)).sum::<Result<f64>>()?;
+            Ok(sum / phases.len() as f64)
+        };
+        let passed: Vec<f64> = sets.iter().map(passed).collect::<Result<_>>()?;
+        let at_points = match engine.exact_points(&sets)? {
+            Some(points) => points.into_iter().map(|light| narrowed(&light)).collect(),
+            None => of_detector(Detector::Point)?,
+        };
         let samples: Vec<Plane<f32>> = match engine.exact_samples(&sets)? {
             Some(samples) => samples.into_iter().map(|samples| narrowed(&samples)).collect(),
-            None => {
-                let engine = engine.with_detector(Detector::Supersampled);
-                let samples = |phases: &&[Plane<T>]| Ok(narrowed(&mean_light(phases, |phase| engine.samples(phase))?));
-                sets.iter().map(samples).collect::<Result<_>>()?
-            }
+            None => of_detector(Detector::Supersampled)?,
         };
         let integrated: Vec<Plane<f32>> = match engine.shows_all_orders() {
             true => engine.light_of_all_orders(&sets)?.into_iter().map(|light| narrowed(&light)).collect(),
             false => samples.iter().map(|samples| integrated(samples, engine.height_px(), engine.width_px())).collect(),
         };
-        let mut lights = lights.into_iter().zip(integrated).zip(samples);
+        let mut lights = at_points.into_iter().zip(integrated).zip(samples).zip(passed);
         Ok(sets.map(|_| {
-            let ((first, integrated), samples) = lights.next().expect("each set has its light");
-            Self { at_points: first.0, integrated, samples, passed: first.1 }
+            let (((at_points, integrated), samples), passed) = lights.next().expect("each set has its light");
+            Self { at_points, integrated, samples, passed }
         }))
     }
 

@@ -1,23 +1,25 @@
-//! The response of the pixels' [band](super::band_response) beside the pixels' centres.
+//! The response of the pixels' [band](super::band_response) beside the pixels' centres, and behind the errors of a learned kernel.
 //!
 //! ```text
-//! h(n + o) = Δ² ∫∫ H(fx, fy) e^{i2πΔ((n_x + o_x)·fx + (n_y + o_y)·fy)} dfx dfy   over |fx|, |fy| ≤ 1/2Δ
+//! h(n + o) = Δ² ∫∫ H(fx, fy) E(fx, fy) e^{i2πΔ((n_x + o_x)·fx + (n_y + o_y)·fy)} dfx dfy   over |fx|, |fy| ≤ 1/2Δ
 //! ```
 //!
-//! n lags between two pixels of the frame, o place of a sub-sample from the centre of its pixel \[px\]. It is the same sum over
-//! frequencies as at the centres. The leading term of its error along x is now
+//! n lags between two pixels of the frame, o place of a sub-sample from the centre of its pixel \[px\], E smooth errors. It is the
+//! same sum over M frequencies along each axis as at the centres. The leading term of its error along x is now
 //!
 //! ```text
-//! error(x) = 1/(6M²) · (cos(πx) ∂H/∂ν − 2πx sin(πx) H),   x = n + o,   ν = Δ·fx = 1/2
+//! error(x) = 1/(12M²) · [ (F′ + i2πx F) e^{i2πνx} ]  from ν = −1/2 to ν = 1/2,   F = H·E,   x = n + o,   ν = Δ·fx
 //! ```
 //!
 //! A linear phase on the padded spectrum would move the samples by o as well, but from samples of the whole padded frame,
-//! which beyond the image are not those of the field.
+//! which beyond the image are not those of the field. For the same reason errors that are multiplied there are not quite
+//! those of the optics.
 
 use super::band_response::{BandEnds, bins};
+use crate::engine::SeriesAlongY;
 use crate::interrupt;
 use crate::transfer_function::angular_spectrum;
-use crate::{ConvolutionMethod, OpticalSetup};
+use crate::{ConvolutionMethod, OpticalSetup, SmoothField};
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 use rustfft::{Fft, FftPlanner};
@@ -25,62 +27,132 @@ use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
 /// Number of values of a [`BandSamples`]; 0 for another method, or if there would be too many frequencies.
-pub(crate) fn band_samples(setup: &OpticalSetup) -> u64 {
+pub(crate) fn band_samples(setup: &OpticalSetup, has_errors: bool) -> u64 {
     if setup.method() != ConvolutionMethod::BandResponse {
         return 0;
     }
-    bins(setup).map_or(0, |[bins_x, _]| (bins_x as u64 / 2 + 2) * 2 * setup.grid().height_px() as u64)
+    bins(setup).map_or(0, |[bins_x, _]| Columns { bins_x, is_even: !has_errors }.count() as u64)
+        * 2
+        * setup.grid().height_px() as u64
 }
 
 /// The response at one place along y, transformed along y.
 pub(super) struct BandSamples {
     height_px: usize,
-    bins_x: usize,
     bins_y: usize,
-    /// For each frequency from 0 to the end of the band, and for ∂H/∂ν at the end, the lags along y in the order of the padded
-    /// frame. The rounding to f32 is as small as that of the transfer function that is made of them.
+    columns: Columns,
+    /// For each of the columns the lags along y, in the order of the padded frame. The rounding to f32 is as small as that of
+    /// the transfer function that is made of them.
     along_y: Vec<Complex32>,
     fft: Arc<dyn Fft<f64>>,
 }
 
+/// Columns of frequencies along x that are transformed along y, and where each is stored: bin by bin, then what belongs to the
+/// ends of the band. Of an even response only one side.
+#[derive(Clone, Copy)]
+struct Columns {
+    bins_x: usize,
+    is_even: bool,
+}
+
+/// What a column holds: F at a bin, or F or ∂F/∂ν at an end of the band, which is -1 or 1.
+enum Column {
+    Bin(usize),
+    End(f64),
+    Slope(f64),
+}
+
+impl Columns {
+    fn count(self) -> usize {
+        if self.is_even { self.bins_x / 2 + 2 } else { self.bins_x + 3 }
+    }
+
+    fn at(self, stored: usize) -> Column {
+        let half = self.bins_x / 2;
+        let last = if self.is_even { half } else { self.bins_x - 1 };
+        match stored.checked_sub(last + 1) {
+            None if stored == half => Column::End(1.0),
+            None => Column::Bin(stored),
+            Some(0) => Column::Slope(1.0),
+            Some(1) => Column::Slope(-1.0),
+            Some(_) => Column::End(-1.0),
+        }
+    }
+
+    /// F at a bin, and both ends of the band.
+    fn read(self, column: impl Fn(usize) -> Complex64) -> (impl Fn(usize) -> Complex64, [End; 2]) {
+        let half = self.bins_x / 2;
+        let upper = column(half);
+        let ends = if self.is_even {
+            let slope = column(half + 1);
+            [End { value: upper, slope: -slope }, End { value: upper, slope }]
+        } else {
+            let besides = |i| column(self.bins_x + i);
+            [End { value: besides(2), slope: besides(1) }, End { value: upper, slope: besides(0) }]
+        };
+        (move |bin: usize| column(if self.is_even { bin.min(self.bins_x - bin) } else { bin }), ends)
+    }
+}
+
+/// F and ∂F/∂ν at an end of the band.
+#[derive(Clone, Copy, Default)]
+struct End {
+    value: Complex64,
+    slope: Complex64,
+}
+
 impl BandSamples {
-    /// The response at the place `offset_y` \[px\]. `None` if there would be too many frequencies.
-    pub(super) fn new(setup: &OpticalSetup, offset_y: f64) -> Option<Self> {
+    /// The response at the place `offset_y` \[px\], behind these errors. `None` if there would be too many frequencies.
+    pub(super) fn new(setup: &OpticalSetup, errors: Option<&SmoothField>, offset_y: f64) -> Option<Self> {
         let [bins_x, bins_y] = bins(setup)?;
-        let (height_px, half_x) = (setup.grid().height_px(), bins_x / 2);
-        let pitch_m = setup.grid().pixel_pitch_m();
-        let frequency = |bin: usize, bins: usize| bin as f64 / (bins as f64 * pitch_m);
-        let h = |fx: f64, fy: f64| angular_spectrum(fx, fy, setup.wavelength_m(), setup.distance_m());
-        let ends = BandEnds::new(setup);
+        let (height_px, pitch_m) = (setup.grid().height_px(), setup.grid().pixel_pitch_m());
+        let (columns, band) = (Columns { bins_x, is_even: errors.is_none() }, BandEnds::new(setup));
         let mut planner = FftPlanner::new();
         let (fft_y, turns) = (planner.plan_fft_inverse(bins_y), turns(bins_y, offset_y));
         let lags: Vec<f64> = (0..2 * height_px).map(|row| lag(row, height_px) + offset_y).collect();
-        let mut along_y = vec![Complex32::ZERO; (half_x + 2) * 2 * height_px];
+        let mut along_y = vec![Complex32::ZERO; columns.count() * 2 * height_px];
         along_y.par_chunks_exact_mut(2 * height_px).enumerate().for_each_init(
             || (vec![Complex64::ZERO; bins_y], vec![Complex64::ZERO; fft_y.get_inplace_scratch_len()]),
-            |(sequence, scratch), (u, out)| {
+            |(sequence, scratch), (stored, out)| {
                 interrupt::check();
-                let fx = frequency(u, bins_x);
-                let value = |v: usize| {
-                    let fy = frequency(v, bins_y);
-                    if u <= half_x { h(fx, fy) } else { ends.slope(fy) }
+                let column = columns.at(stored);
+                // Frequencies along x in cycles per pixel.
+                let nu = match column {
+                    Column::Bin(bin) => signed(bin, bins_x),
+                    Column::End(sign) | Column::Slope(sign) => 0.5 * sign,
                 };
-                fill_even(sequence, &turns, offset_y, value);
+                let series = errors.map(|errors| SeriesAlongY::new(errors, 2.0 * nu));
+                let error = |mu: f64| series.as_ref().map_or(Complex64::ONE, |series| series.at(2.0 * mu));
+                let ideal = |mu: f64| match column {
+                    Column::Slope(sign) => band.slope(mu / pitch_m) * sign,
+                    _ => angular_spectrum(nu / pitch_m, mu / pitch_m, setup.wavelength_m(), setup.distance_m()),
+                };
+                let at = |mu: f64| ideal(mu) * error(mu);
+                // The slopes are a correction already, and have none.
+                let slope = |sign: f64| match column {
+                    Column::Slope(_) => Complex64::ZERO,
+                    _ => band.slope(nu / pitch_m) * error(0.5 * sign) * sign,
+                };
+                let ends = [-1.0, 1.0].map(|sign| End { value: at(0.5 * sign), slope: slope(sign) });
+                let has_correction = !matches!(column, Column::Slope(_));
+                let value = |bin: usize| at(signed(bin, bins_y));
+                fill(sequence, &turns, offset_y, value, ends, columns.is_even);
                 fft_y.process_with_scratch(sequence, scratch);
-                let (end, slope) =
-                    if u <= half_x { (h(fx, ends.frequency), ends.slope(fx)) } else { Default::default() };
-                for (row, (out, &x)) in out.iter_mut().zip(&lags).enumerate() {
-                    let exact = sequence[index(row, height_px, bins_y)] - error(x, end, slope) / (6.0 * bins_y as f64);
+                for (row, (out, &y)) in out.iter_mut().zip(&lags).enumerate() {
+                    let mut exact = sequence[index(row, height_px, bins_y)];
+                    if has_correction {
+                        exact -= correction(y, ends) / bins_y as f64;
+                    }
                     *out = Complex32::new(exact.re as f32, exact.im as f32);
                 }
             },
         );
-        Some(Self { height_px, bins_x, bins_y, along_y, fft: planner.plan_fft_inverse(bins_x) })
+        Some(Self { height_px, bins_y, columns, along_y, fft: planner.plan_fft_inverse(bins_x) })
     }
 
-    /// Rows that [`Self::row`] takes along x.
+    /// Rows that [`AlongX::row`] takes along x.
     pub(super) fn along_x(&self, offset_x: f64) -> AlongX<'_> {
-        AlongX { samples: self, offset_x, turns: turns(self.bins_x, offset_x) }
+        AlongX { samples: self, offset_x, turns: turns(self.columns.bins_x, offset_x) }
     }
 }
 
@@ -95,23 +167,28 @@ impl AlongX<'_> {
     /// Writes the response at the lag along y of a row of the padded frame, at all lags along x of its columns. `buffer` is scratch
     /// memory.
     pub(super) fn row(&self, row: usize, out: &mut [Complex64], buffer: &mut Vec<Complex64>) {
-        let BandSamples { height_px, bins_x, bins_y, along_y, fft } = self.samples;
-        let (half_x, width_px) = (bins_x / 2, out.len() / 2);
-        let value = |u: usize| {
-            let narrow = along_y[u * 2 * height_px + row];
+        let BandSamples { height_px, bins_y, columns, along_y, fft } = self.samples;
+        let (bins_x, width_px) = (columns.bins_x, out.len() / 2);
+        let (value, ends) = columns.read(|stored| {
+            let narrow = along_y[stored * 2 * height_px + row];
             Complex64::new(f64::from(narrow.re), f64::from(narrow.im))
-        };
+        });
         buffer.resize(bins_x + fft.get_inplace_scratch_len(), Complex64::ZERO);
-        let (sequence, scratch) = buffer.split_at_mut(*bins_x);
-        fill_even(sequence, &self.turns, self.offset_x, value);
+        let (sequence, scratch) = buffer.split_at_mut(bins_x);
+        fill(sequence, &self.turns, self.offset_x, value, ends, columns.is_even);
         fft.process_with_scratch(sequence, scratch);
-        let (end, slope) = (value(half_x), value(half_x + 1));
-        let scale = 1.0 / (*bins_x as f64 * *bins_y as f64);
+        let scale = 1.0 / (bins_x as f64 * *bins_y as f64);
         for (column, out) in out.iter_mut().enumerate() {
-            let error = error(lag(column, width_px) + self.offset_x, end, slope) / (6.0 * *bins_x as f64);
-            *out = (sequence[index(column, width_px, *bins_x)] - error) * scale;
+            let error = correction(lag(column, width_px) + self.offset_x, ends) / bins_x as f64;
+            *out = (sequence[index(column, width_px, bins_x)] - error) * scale;
         }
     }
+}
+
+/// Frequency of a bin \[cycles per pixel\].
+fn signed(bin: usize, bins: usize) -> f64 {
+    let bin = if bin <= bins / 2 { bin as f64 } else { bin as f64 - bins as f64 };
+    bin / bins as f64
 }
 
 /// e^{i2πk·offset/bins} for k = 0 … bins/2.
@@ -119,22 +196,32 @@ fn turns(bins: usize, offset: f64) -> Vec<Complex64> {
     (0..=bins / 2).map(|k| Complex64::cis(TAU * k as f64 * offset / bins as f64)).collect()
 }
 
-/// Fills the frequencies of an even function, given from 0 to the end of the band, times the phase of the offset.
-fn fill_even(sequence: &mut [Complex64], turns: &[Complex64], offset: f64, value: impl Fn(usize) -> Complex64) {
+/// Fills the frequencies of a function, times the phase of the offset.
+fn fill(
+    sequence: &mut [Complex64],
+    turns: &[Complex64],
+    offset: f64,
+    value: impl Fn(usize) -> Complex64,
+    [lower, upper]: [End; 2],
+    is_even: bool,
+) {
     let bins = sequence.len();
     sequence[0] = value(0);
     for k in 1..bins / 2 {
-        let f = value(k);
-        (sequence[k], sequence[bins - k]) = (f * turns[k], f * turns[k].conj());
+        let above = value(k);
+        let below = if is_even { above } else { value(bins - k) };
+        (sequence[k], sequence[bins - k]) = (above * turns[k], below * turns[k].conj());
     }
     // Half of the value at each end of the band.
-    sequence[bins / 2] = value(bins / 2) * (PI * offset).cos();
+    let turn = Complex64::cis(PI * offset);
+    sequence[bins / 2] = 0.5 * (upper.value * turn + lower.value * turn.conj());
 }
 
-/// 6M² times the error at `x`, for the values of H and ∂H/∂ν at the end of the band.
-fn error(x: f64, end: Complex64, slope: Complex64) -> Complex64 {
-    let (sin, cos) = (PI * x).sin_cos();
-    slope * cos - end * (TAU * x * sin)
+/// The leading term of the error of the sum at `x`, times the number of frequencies.
+fn correction(x: f64, [lower, upper]: [End; 2]) -> Complex64 {
+    let turn = Complex64::cis(PI * x);
+    let at = |end: End| end.slope + Complex64::new(0.0, TAU * x) * end.value;
+    (at(upper) * turn - at(lower) * turn.conj()) / 12.0
 }
 
 /// Lag of an index of the padded frame, from −side to side − 1.

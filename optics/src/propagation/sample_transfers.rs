@@ -15,7 +15,7 @@ use super::band_samples::BandSamples;
 use super::pixel_response::PixelResponse;
 use crate::convolution::{Real, Transfer, split_bin};
 use crate::interrupt;
-use crate::{ConvolutionMethod, OpticalSetup};
+use crate::{ConvolutionMethod, OpticalSetup, SmoothField};
 use num_complex::{Complex, Complex64};
 use rayon::prelude::*;
 use rustfft::FftPlanner;
@@ -32,33 +32,41 @@ pub(crate) fn has_sample_transfers(setup: &OpticalSetup) -> bool {
 /// Transfer functions to the sub-samples at these places (x, y) from the centre of the pixel \[px\].
 pub(crate) fn sample_transfers<T: Real>(setup: &OpticalSetup, places_px: &[[f64; 2]]) -> Vec<Transfer<T>> {
     let mut transfers: Vec<Option<Transfer<T>>> = places_px.iter().map(|_| None).collect();
-    for_each_sample_transfer(setup, places_px, |i, transfer| transfers[i] = Some(transfer));
+    for_each_sample_transfer(setup, None, places_px, |i, transfer| transfers[i] = Some(transfer));
     transfers.into_iter().flatten().collect()
 }
 
 /// Calls `use_transfer(i, transfer)` with the transfer function to each of the places, in an order in which places share
-/// what they can. Only one transfer function exists at a time. None if the setup [has none](has_sample_transfers).
+/// what they can. On a display that shows the first order, it is that behind smooth `errors` of its kernel. Only one transfer function exists at a time. None if the setup [has none](has_sample_transfers).
 pub(crate) fn for_each_sample_transfer<T: Real>(
     setup: &OpticalSetup,
+    errors: Option<&SmoothField>,
     places_px: &[[f64; 2]],
     mut use_transfer: impl FnMut(usize, Transfer<T>),
 ) {
-    let magnitudes = |place: [f64; 2]| place.map(f64::abs);
+    // Without errors the response is even, and its places are mirror images.
+    let shared = |place: [f64; 2]| if errors.is_some() { place } else { place.map(f64::abs) };
     let mut waiting: Vec<usize> = (0..places_px.len()).collect();
+    let mut samples: Option<(f64, BandSamples)> = None;
     while let Some(&first) = waiting.first() {
-        let wanted = magnitudes(places_px[first]);
+        let wanted = shared(places_px[first]);
         let spectra = match setup.method() {
             ConvolutionMethod::AllOrders => RowSpectra::<T>::of_pixels(setup, wanted),
-            ConvolutionMethod::BandResponse => match RowSpectra::of_band(setup, wanted) {
-                Some(spectra) => spectra,
-                None => return,
-            },
+            ConvolutionMethod::BandResponse => {
+                if samples.as_ref().is_none_or(|(offset_y, _)| *offset_y != wanted[1]) {
+                    // Frees memory before the next ones are made.
+                    drop(samples.take());
+                    samples = BandSamples::new(setup, errors, wanted[1]).map(|samples| (wanted[1], samples));
+                }
+                let Some((_, samples)) = &samples else { return };
+                RowSpectra::of_band(setup, samples, wanted[0])
+            }
             _ => return,
         };
         waiting.retain(|&i| {
-            let shares = magnitudes(places_px[i]) == wanted;
+            let shares = shared(places_px[i]) == wanted;
             if shares {
-                use_transfer(i, spectra.transfer(places_px[i].map(|offset| offset < 0.0)));
+                use_transfer(i, spectra.transfer([0, 1].map(|axis| places_px[i][axis] != wanted[axis])));
             }
             !shares
         });
@@ -89,11 +97,9 @@ impl<T: Real> RowSpectra<T> {
         })
     }
 
-    /// `None` if there would be too many frequencies.
-    fn of_band(setup: &OpticalSetup, [offset_x, offset_y]: [f64; 2]) -> Option<Self> {
-        let samples = BandSamples::new(setup, offset_y)?;
+    fn of_band(setup: &OpticalSetup, samples: &BandSamples, offset_x: f64) -> Self {
         let along_x = samples.along_x(offset_x);
-        Some(Self::new(setup, |_, row, sequence, buffer| along_x.row(row, sequence, buffer)))
+        Self::new(setup, |_, row, sequence, buffer| along_x.row(row, sequence, buffer))
     }
 
     /// `fill(lag_y, row, sequence, buffer)` writes the response at a lag along y, in a row of the padded frame, at all lags along

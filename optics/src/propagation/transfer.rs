@@ -82,7 +82,7 @@ impl OpticalSetup {
     /// has a [transfer function of its own](super::passes::sample_transfers).
     pub(crate) fn sampled_kernel(&self) -> SampledTransfer {
         match self.method() {
-            ConvolutionMethod::AllOrders => SampledTransfer::one(*self),
+            ConvolutionMethod::AllOrders => SampledTransfer { setup: *self, tables: Tables::One },
             _ => self.sampled(),
         }
     }
@@ -141,11 +141,6 @@ enum Tables {
 }
 
 impl SampledTransfer {
-    /// 1 at every frequency.
-    pub(crate) fn one(setup: OpticalSetup) -> Self {
-        Self { setup, tables: Tables::One }
-    }
-
     pub(crate) fn new(setup: OpticalSetup) -> Self {
         let grid = setup.grid();
         let spectrum =
