@@ -167,7 +167,7 @@ mod tests {
         let phase = Plane::try_from_vec(224, 240, adam.phases().to_vec()).unwrap();
         let wide = EngineCore::<f64>::new(&DisplayModel::ideal(setup), Detector::Point, None).unwrap();
         let narrow = quality(&narrow, &phase, &target, region).unwrap();
-        let wide = ShownLight::of_core(&wide, [&[phase.map(f64::from)]]).unwrap()[0].quality(&target, region).unwrap();
+        let wide = ShownLight::of_core(&wide, &[&[phase.map(f64::from)]]).unwrap()[0].quality(&target, region).unwrap();
         for (a, b) in [(narrow.point, wide.point), (narrow.pixel, wide.pixel), (narrow.supersampled, wide.supersampled)]
         {
             // In f32 the relative error of the field is 1e-6, and every metric changes smoothly with the field.
@@ -205,7 +205,7 @@ mod tests {
         let flat = Plane::filled(side_px, side_px, 0.0);
         let region = RegionOfInterest::try_new(&setup.grid(), 26, 26, 12, 12).unwrap();
         let target = Plane::filled(side_px, side_px, 0.5_f32);
-        let measured = |phase| ShownLight::of_core(&engine, [&[phase]]).unwrap()[0].quality(&target, region).unwrap();
+        let measured = |phase| ShownLight::of_core(&engine, &[&[phase]]).unwrap()[0].quality(&target, region).unwrap();
         let (focused, spread) = (measured(lens), measured(flat));
         // The spot is a sinc² whose main lobe ends at λz/L = 20 µm = 2.5 px to each side. ±6 px hold 96 % of the light
         // along one axis, and 0.96² in both axes.

@@ -25,8 +25,7 @@ impl ShownLight {
     ///
     /// [`Error::SizeMismatch`] for a phase of another size than the engine's, [`Error::Empty`] if `phases` is empty.
     pub fn of_frames(engine: &Engine, phases: &[Plane<f32>]) -> Result<Self> {
-        let [shown] = Self::of_sets(engine, [phases])?;
-        Ok(shown)
+        Ok(Self::of_sets(engine, &[phases])?.remove(0))
     }
 
     /// Light of several sets of phases. The phases of a set are shown one after the other. The sets share transfer functions,
@@ -35,14 +34,11 @@ impl ShownLight {
     /// # Errors
     ///
     /// The errors of [`Self::of_frames`].
-    pub fn of_sets<const SETS: usize>(engine: &Engine, sets: [&[Plane<f32>]; SETS]) -> Result<[Self; SETS]> {
+    pub fn of_sets(engine: &Engine, sets: &[&[Plane<f32>]]) -> Result<Vec<Self>> {
         Self::of_core(&engine.core, sets)
     }
 
-    pub(super) fn of_core<T: Real, const SETS: usize>(
-        engine: &EngineCore<T>,
-        sets: [&[Plane<T>]; SETS],
-    ) -> Result<[Self; SETS]> {
+    pub(super) fn of_core<T: Real>(engine: &EngineCore<T>, sets: &[&[Plane<T>]]) -> Result<Vec<Self>> {
         let of_detector = |detector| -> Result<Vec<Plane<f32>>> {
             let engine = engine.with_detector(detector);
             let light = |phases: &&[Plane<T>]| Ok(narrowed(&mean_light(phases, |phase| engine.samples(phase))?));
@@ -53,23 +49,22 @@ impl ShownLight {
             Ok(sum / phases.len() as f64)
         };
         let passed: Vec<f64> = sets.iter().map(passed).collect::<Result<_>>()?;
-        let at_points = match engine.exact_points(&sets)? {
+        let at_points = match engine.exact_points(sets)? {
             Some(points) => points.into_iter().map(|light| narrowed(&light)).collect(),
             None => of_detector(Detector::Point)?,
         };
-        let samples: Vec<Plane<f32>> = match engine.exact_samples(&sets)? {
+        let samples: Vec<Plane<f32>> = match engine.exact_samples(sets)? {
             Some(samples) => samples.into_iter().map(|samples| narrowed(&samples)).collect(),
             None => of_detector(Detector::Supersampled)?,
         };
         let integrated: Vec<Plane<f32>> = match engine.shows_all_orders() {
-            true => engine.light_of_all_orders(&sets)?.into_iter().map(|light| narrowed(&light)).collect(),
+            true => engine.light_of_all_orders(sets)?.into_iter().map(|light| narrowed(&light)).collect(),
             false => samples.iter().map(|samples| integrated(samples, engine.height_px(), engine.width_px())).collect(),
         };
-        let mut lights = at_points.into_iter().zip(integrated).zip(samples).zip(passed);
-        Ok(sets.map(|_| {
-            let (((at_points, integrated), samples), passed) = lights.next().expect("each set has its light");
-            Self { at_points, integrated, samples, passed }
-        }))
+        let lights = at_points.into_iter().zip(integrated).zip(samples).zip(passed);
+        let shown =
+            lights.map(|(((at_points, integrated), samples), passed)| Self { at_points, integrated, samples, passed });
+        Ok(shown.collect())
     }
 
     /// Light that a detector measures: a value for each pixel, or for the supersampled detector 2×2 values.

@@ -158,9 +158,10 @@ impl Finished<'_> {
             let quality = |shown: &ShownLight| -> Result<Quality, TaskError> {
                 all_finite(shown.quality(&plane.target, self.setup.region)?)
             };
-            let [optimized, quantized] = ShownLight::of_sets(&plane.engine, [&phases, &displayed])?;
-            let (quality, quantized_quality) = (quality(&optimized)?, quality(&quantized)?);
-            drop(optimized);
+            let mut shown = ShownLight::of_sets(&plane.engine, &[&phases, &displayed])?;
+            let (quality, quantized_quality) = (quality(&shown[0])?, quality(&shown[1])?);
+            let quantized = shown.remove(1);
+            drop(shown);
             let wanted = (&plane.target, self.setup.region);
             let opinion =
                 SecondOpinion::of(&plane.model, &displayed, &quantized, spec.detector, wanted, Effort::CHEAP)?;
