@@ -6,7 +6,6 @@ use lightpath_optics::learning::{
     BoxError, KernelModel, LearnOptions, Learner, LearningPairs, Pair, PairSource, ResponseUncertainty, compare,
     interpolated,
 };
-use lightpath_optics::reference::EngineCore;
 use lightpath_optics::simulated_display::{SimulatedBench, SimulatedDisplay};
 use lightpath_optics::{
     Detector, DisplayModel, Engine, Error, Grid, KernelShape, OpticalSetup, Orders, RegionOfInterest, SmoothField,
@@ -81,12 +80,12 @@ fn display_with_all_orders_is_learned() {
     errors.phase.iter_mut().enumerate().for_each(|(i, c)| *c = 0.6 * (1.7 * i as f64).cos());
     errors.log_amplitude[2] = -0.2;
     let truth = DisplayModel { kernel: KernelShape::Smooth(errors), gain: 0.4, ..DisplayModel::ideal(setup) };
-    let camera = EngineCore::<f64>::new(&truth, Detector::Pixel, None).unwrap();
+    let camera = Engine::new(&truth, Detector::Pixel, None).unwrap();
     let pairs = |count: u64, seed: u64| -> Vec<Pair> {
         let one = |i: u64| {
             let phase = initial_phase(HEIGHT_PX, WIDTH_PX, 3.0, seed + i).unwrap();
-            let light = camera.light(&phase.map(f64::from)).unwrap();
-            let photo = light.map(|light| ((0.25 * light).clamp(0.0, 1.0) * 4095.0).round() as f32 / 4095.0);
+            let light = camera.light(&phase).unwrap();
+            let photo = light.map(|light| ((0.25 * light).clamp(0.0, 1.0) * 4095.0).round() / 4095.0);
             Pair { phase, photo }
         };
         (0..count).map(one).collect()

@@ -7,11 +7,11 @@ use crate::fields::{
     relative_l2, setup, sinc,
 };
 use lightpath_optics::reference::{
-    Real, filter, gaussian_beam, propagate, propagate_uncropped, rayleigh_sommerfeld, square_aperture,
+    EngineCore, filter, gaussian_beam, propagate, propagate_uncropped, rayleigh_sommerfeld, square_aperture,
 };
 use lightpath_optics::transfer_function::angular_spectrum;
 use lightpath_optics::{Detector, DisplayModel, KernelShape, OpticalSetup, Plane};
-use num_complex::{Complex, Complex32, Complex64};
+use num_complex::{Complex32, Complex64};
 use std::f64::consts::TAU;
 
 /// A transfer function H(fx, fy), frequencies in 1/m.
@@ -34,15 +34,22 @@ const ENGINES: &[Engine] = &[
         filtered: |_, transfer, field| propagate(field, PITCH_M, transfer),
         rounding: 1e-12,
     },
-    Engine { name: "fused f64", free_space: fused_free_space::<f64>, filtered: fused_filter::<f64>, rounding: 1e-12 },
-    Engine { name: "fused f32", free_space: fused_free_space::<f32>, filtered: fused_filter::<f32>, rounding: 1e-5 },
+    Engine {
+        name: "fused f64",
+        free_space: |setup, field| wide(&DisplayModel::ideal(*setup), field),
+        filtered: |setup, transfer, field| wide(&filter_of(setup, transfer), field),
+        rounding: 1e-12,
+    },
+    Engine {
+        name: "fused f32",
+        free_space: |setup, field| narrow(&DisplayModel::ideal(*setup), field),
+        filtered: |setup, transfer, field| narrow(&filter_of(setup, transfer), field),
+        rounding: 1e-5,
+    },
 ];
 
-fn fused_free_space<T: Real>(setup: &OpticalSetup, field: &Plane<Complex64>) -> Plane<Complex64> {
-    fused::<T>(&DisplayModel::ideal(*setup), field)
-}
-
-fn fused_filter<T: Real>(setup: &OpticalSetup, transfer: Transfer<'_>, field: &Plane<Complex64>) -> Plane<Complex64> {
+/// A display whose kernel is this transfer function.
+fn filter_of(setup: &OpticalSetup, transfer: Transfer<'_>) -> DisplayModel {
     let (height_px, width_px) = (setup.grid().height_px(), setup.grid().width_px());
     // Bins have zero frequency in the middle of the padded plane.
     let frequency = |bin: usize, side_px: usize| (bin as f64 - side_px as f64) / (2.0 * side_px as f64 * PITCH_M);
@@ -50,13 +57,17 @@ fn fused_filter<T: Real>(setup: &OpticalSetup, transfer: Transfer<'_>, field: &P
         let value = transfer(frequency(u, width_px), frequency(v, height_px));
         Complex32::new(value.re as f32, value.im as f32)
     });
-    fused::<T>(&DisplayModel { kernel: KernelShape::Bins(bins), ..DisplayModel::ideal(*setup) }, field)
+    DisplayModel { kernel: KernelShape::Bins(bins), ..DisplayModel::ideal(*setup) }
 }
 
-fn fused<T: Real>(model: &DisplayModel, field: &Plane<Complex64>) -> Plane<Complex64> {
-    let engine = lightpath_optics::reference::EngineCore::<T>::new(model, Detector::Point, None).unwrap();
-    let narrowed = field.map(|value| Complex::new(T::of(value.re), T::of(value.im)));
-    engine.propagate(&narrowed).unwrap().map(|value| Complex64::new(value.re.wide(), value.im.wide()))
+fn wide(model: &DisplayModel, field: &Plane<Complex64>) -> Plane<Complex64> {
+    EngineCore::<f64>::new(model, Detector::Point, None).unwrap().propagate(field).unwrap()
+}
+
+fn narrow(model: &DisplayModel, field: &Plane<Complex64>) -> Plane<Complex64> {
+    let engine = lightpath_optics::Engine::new(model, Detector::Point, None).unwrap();
+    let narrowed = field.map(|value| Complex32::new(value.re as f32, value.im as f32));
+    engine.propagate(&narrowed).unwrap().map(|value| Complex64::new(f64::from(value.re), f64::from(value.im)))
 }
 
 #[test]
@@ -137,7 +148,8 @@ fn light_inside_frame_conserves_energy() {
 fn single_precision_matches_double_precision() {
     for (height_px, width_px, distance_m) in [(270, 480, 0.15), (271, 97, -0.03), (64, 64, 0.2)] {
         let (setup, field) = (setup(height_px, width_px, distance_m), noise(height_px, width_px, 5));
-        let error = relative_l2(&fused_free_space::<f32>(&setup, &field), &fused_free_space::<f64>(&setup, &field));
+        let model = DisplayModel::ideal(setup);
+        let error = relative_l2(&narrow(&model, &field), &wide(&model, &field));
         assert!(error < 1e-5, "{height_px}×{width_px} {distance_m} m: {error:e}");
     }
 }
