@@ -141,6 +141,7 @@ impl ValidityReport {
             warnings: Vec::new(),
         };
         report.warn(setup);
+        report.warn_of_wrap_around();
         report
     }
 
@@ -156,6 +157,16 @@ impl ValidityReport {
             points(self.band_kept_x, window.width_px(), window.pitch_x_m()),
             points(self.band_kept_y, window.height_px(), window.pitch_y_m()),
         )
+    }
+
+    /// Warns of light that comes back into the frame.
+    fn warn_of_wrap_around(&mut self) {
+        use PropagationMethod::{AngularSpectrum, BandLimited, FresnelTransferFunction};
+        if matches!(self.method, AngularSpectrum | BandLimited | FresnelTransferFunction) {
+            let text = "a little light that leaves the padded frame comes back into it: the simulated quality is a few dB \
+                        higher than the real one; the band response has no such error";
+            self.warnings.push(PropagationWarning { code: WarningCode::WrapAround, text: text.to_owned() });
+        }
     }
 
     fn warn(&mut self, setup: &OpticalSetup) {
@@ -180,16 +191,6 @@ impl ValidityReport {
                         .to_owned();
                 warn(WarningCode::SharpBandLimit, text);
             }
-        }
-        if matches!(
-            self.method,
-            PropagationMethod::AngularSpectrum
-                | PropagationMethod::BandLimited
-                | PropagationMethod::FresnelTransferFunction
-        ) {
-            let text = "a little light that leaves the padded frame comes back into it: the simulated quality is a few dB \
-                        higher than the real one; the band response has no such error";
-            warn(WarningCode::WrapAround, text.to_owned());
         }
         let farther_m = self.critical_distance_x_m.max(self.critical_distance_y_m);
         if self.method == PropagationMethod::RayleighSommerfeld && setup.distance_m().abs() < farther_m {

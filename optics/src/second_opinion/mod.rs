@@ -1,7 +1,7 @@
 //! A second opinion on a hologram's picture: the PSNR that a slow, independent model finds on some rows of the image,
 //! beside the engine's on the same rows.
 //!
-//! The [model] computes in f64. It shares the display's parameters with the engine, but no transform, padding, transfer
+//! The independent model computes in f64. It shares the display's parameters with the engine, but no transform, padding, transfer
 //! function or place between the pixels.
 
 mod frequencies;

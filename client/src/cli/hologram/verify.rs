@@ -33,7 +33,7 @@ impl Verify {
         let kind = job_spec::Kind::VerifyHologram(v1::VerifyHologram { job: names::job(&self.job) });
         let job = self.submission.submit_and_wait(session, kind).await?;
         let found = verify_result(&job)?;
-        session.print(found, |found| quality_text::opinions(found))?;
+        session.print(found, quality_text::opinions)?;
         if quality_text::has_contradiction(found) {
             print_note("warning: the independent model contradicts the engine by more than 0.5 dB; trust its numbers");
         }
