@@ -23,7 +23,7 @@ use workload::{Server, WorkFolder, kernel, result_of, work};
 /// Environment variable with the folder of the workload. Only the process that runs the workload has it.
 const WORK_FOLDER: &str = "LIGHTPATH_FAIL_PLACE";
 /// Number of workloads that run at a time.
-const RUNS_AT_ONCE: usize = 4;
+const RUNS_AT_ONCE: usize = 12;
 /// Names of all points. A new point must be added here.
 const POINTS: [&str; 12] = [
     "audit.flush",

@@ -80,6 +80,8 @@ impl Server {
     pub(super) async fn run_jobs(&self) -> Outcome {
         let config = WorkerConfig {
             compute_threads: 1,
+            // A job whose end failed returns to the queue when its lease ends.
+            lease: Duration::from_secs(3),
             checkpoint_interval: Duration::ZERO,
             backoff: Backoff::uniform(Duration::from_millis(1), Duration::from_millis(2)),
             ..WorkerConfig::default()
