@@ -55,7 +55,8 @@ pub(crate) fn other_orders(plane: &PlaneResult) -> Option<String> {
     Some(format!("{psnr} (pixel, quantized) on a display {other}"))
 }
 
-/// The second opinion on the quantized hologram, for example `agrees within 0.02 dB (8 rows)`; `None`: there is none.
+/// The second opinion on the quantized hologram, for example `agrees: the independent model finds -0.02 dB on 8
+/// rows`; `None`: there is none.
 pub(crate) fn second_opinion(plane: &PlaneResult) -> Option<String> {
     let opinion = plane.second_opinion?;
     let SecondOpinion { rows, engine_psnr_db, independent_psnr_db } = opinion;

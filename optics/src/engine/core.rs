@@ -91,10 +91,8 @@ impl<T: Real> EngineCore<T> {
         if self.shows_all_orders() {
             return Some(self.clone());
         }
-        if !has_sample_transfers(&self.setup) || self.kernels.transfers.len() > 1 {
-            return None;
-        }
-        if matches!(self.transmission, Transmission::Bins) {
+        let has_bins = matches!(self.transmission, Transmission::Bins);
+        if has_bins || !has_sample_transfers(&self.setup) || self.kernels.transfers.len() > 1 {
             return None;
         }
         let transfer = Transfer::sample(self.height_px(), self.width_px(), |_, _| Complex64::ONE);

@@ -8,6 +8,8 @@ use crate::metrics::{diffraction_efficiency, frame_efficiency};
 use crate::{Detector, Engine, Error, Plane, RegionOfInterest, Result};
 use rayon::prelude::*;
 
+const NO_FRAMES: Error = Error::Empty { name: "phases", needed: "at least one frame is needed" };
+
 /// Light that a hologram shows: at the pixels' centres, integrated over the pixels, and at the sub-samples.
 #[derive(Clone, Debug)]
 pub struct ShownLight {
@@ -39,6 +41,9 @@ impl ShownLight {
     }
 
     pub(super) fn of_core<T: Real>(engine: &EngineCore<T>, sets: &[&[Plane<T>]]) -> Result<Vec<Self>> {
+        if sets.iter().any(|phases| phases.is_empty()) {
+            return Err(NO_FRAMES);
+        }
         let of_detector = |detector| -> Result<Vec<Plane<f32>>> {
             let engine = engine.with_detector(detector);
             let light = |phases: &&[Plane<T>]| Ok(narrowed(&mean_light(phases, |phase| engine.samples(phase))?));
@@ -107,7 +112,7 @@ pub fn light_of_frames(engine: &Engine, phases: &[Plane<f32>]) -> Result<Plane<f
 /// Mean of the light over the frames, summed in their order.
 fn mean_light<T: Real>(phases: &[Plane<T>], light: impl Fn(&Plane<T>) -> Result<Plane<T>>) -> Result<Plane<T>> {
     let [first, rest @ ..] = phases else {
-        return Err(Error::Empty { name: "phases", needed: "at least one frame is needed" });
+        return Err(NO_FRAMES);
     };
     let mut sum = light(first)?;
     for phase in rest {

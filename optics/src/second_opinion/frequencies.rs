@@ -42,8 +42,10 @@ pub(super) struct Frequencies {
 /// Frequencies along an axis.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Axis {
-    /// The nodes τ of a panel, with the weights of their frequencies.
-    pub(super) nodes: Vec<(f64, f64)>,
+    /// Number of nodes of a panel.
+    nodes: usize,
+    /// Whether the integrand is periodic, so that the nodes are equally spaced.
+    is_periodic: bool,
     /// Orders to each side of the first one in which frequencies count.
     pub(super) orders: i32,
     /// Frequencies at which the orders begin and end to fade out \[cycles per pixel\].
@@ -67,12 +69,11 @@ impl Frequencies {
         let axis = |i: usize| {
             let spread_px = setup.distance_m().abs() / pitch_m * sines[i] / cosine;
             let cycles = ((ways_px[i] + spread_px) / PANELS as f64).min(1e6);
-            match setup.orders() {
-                Orders::First => Axis { nodes: gauss_nodes(cycles), orders: 0, fades: fades[i] },
-                Orders::All { .. } => {
-                    Axis { nodes: even_nodes(cycles), orders: (ends[i] - 0.5).ceil().max(0.0) as i32, fades: fades[i] }
-                }
-            }
+            let (is_periodic, nodes, orders) = match setup.orders() {
+                Orders::First => (false, (FRAC_PI_2 * cycles) as usize + SPARE_NODES, 0),
+                Orders::All { .. } => (true, cycles as usize + 2, (ends[i] - 0.5).ceil().max(0.0) as i32),
+            };
+            Axis { nodes, is_periodic, orders, fades: fades[i] }
         };
         Self { along_x: axis(0), along_y: axis(1) }
     }
@@ -81,7 +82,7 @@ impl Frequencies {
     pub(super) fn values(&self) -> u64 {
         let along = |axis: &Axis| {
             let orders = (2.0 * axis.fades[1] + 1.0).min(f64::from(2 * axis.orders + 1));
-            (PANELS * axis.nodes.len()) as f64 * orders
+            (PANELS * axis.nodes) as f64 * orders
         };
         (along(&self.along_x) * along(&self.along_y)) as u64
     }
@@ -101,19 +102,19 @@ fn fades(setup: &OpticalSetup, way_px: f64) -> [f64; 2] {
     [begin, (begin + (0.25 * reached).max(4.0 * zone)).min(limit.max(1.01 * begin))]
 }
 
-/// Nodes for an integrand with a sharp end that turns by this many cycles over a panel.
-fn gauss_nodes(cycles: f64) -> Vec<(f64, f64)> {
-    let on_unit = |(node, weight): (f64, f64)| (0.5 + 0.5 * node, 0.5 * weight / PANELS as f64);
-    gauss_legendre((FRAC_PI_2 * cycles) as usize + SPARE_NODES).into_iter().map(on_unit).collect()
-}
-
-/// Nodes for a periodic integrand that turns by this many cycles over a panel.
-fn even_nodes(cycles: f64) -> Vec<(f64, f64)> {
-    let count = cycles as usize + 2;
-    (0..count).map(|i| ((i as f64 + 0.5) / count as f64, 1.0 / (count * PANELS) as f64)).collect()
-}
-
 impl Axis {
+    /// The nodes τ of a panel, with the weights of their frequencies. Takes O(nodes²), so ask only for what is affordable.
+    pub(super) fn nodes(&self) -> Vec<(f64, f64)> {
+        let on_unit = |(node, weight): (f64, f64)| (0.5 + 0.5 * node, 0.5 * weight / PANELS as f64);
+        match self.is_periodic {
+            true => {
+                let even = |i| ((i as f64 + 0.5) / self.nodes as f64, 1.0 / (self.nodes * PANELS) as f64);
+                (0..self.nodes).map(even).collect()
+            }
+            false => gauss_legendre(self.nodes).into_iter().map(on_unit).collect(),
+        }
+    }
+
     /// Part of a frequency \[cycles per pixel\] that counts, from 0 to 1.
     pub(super) fn share(&self, frequency: f64) -> f64 {
         let [begin, end] = self.fades;

@@ -138,6 +138,8 @@ struct Work<'a> {
     /// Transform of the panels, from places to frequencies and back.
     to_panels: Arc<dyn Fft<f64>>,
     from_panels: Arc<dyn Fft<f64>>,
+    /// Nodes along x with their weights.
+    nodes_x: Vec<(f64, f64)>,
     /// Frequencies along y with their weights: all panels of the first node, then of the next one.
     frequencies_y: Vec<(f64, f64)>,
     /// For each node along y, e^{−i2πν₀y} on the display's rows, ν₀ its lowest frequency.
@@ -149,9 +151,9 @@ struct Work<'a> {
 impl<'a> Work<'a> {
     fn new(model: &'a DisplayModel, places: &'a Places, rows: &[usize], frequencies: &'a Frequencies) -> Self {
         let Frequencies { along_x: x, along_y: y } = frequencies;
-        let mut planner = FftPlanner::new();
+        let (mut planner, nodes_y) = (FftPlanner::new(), y.nodes());
         let panels = |&(node, weight): &(f64, f64)| (0..PANELS).map(move |panel| (frequency(panel, node), weight));
-        let frequencies_y: Vec<(f64, f64)> = y.nodes.iter().flat_map(panels).collect();
+        let frequencies_y: Vec<(f64, f64)> = nodes_y.iter().flat_map(panels).collect();
         let lowest = |&(node, _): &(f64, f64)| {
             (0..model.setup.grid().height_px()).map(|y| turn(-frequency(0, node) * y as f64)).collect()
         };
@@ -165,7 +167,8 @@ impl<'a> Work<'a> {
             y,
             to_panels: planner.plan_fft_forward(PANELS),
             from_panels: planner.plan_fft_inverse(PANELS),
-            lowest_y: y.nodes.iter().map(lowest).collect(),
+            nodes_x: x.nodes(),
+            lowest_y: nodes_y.iter().map(lowest).collect(),
             waves_y: at.par_iter().map(waves).collect(),
             frequencies_y,
         }
@@ -180,7 +183,7 @@ impl<'a> Work<'a> {
     fn image(&self, field: &Plane<Complex64>) -> Vec<Complex64> {
         let lines = self.waves_y.len() * self.places.along_x.len();
         let mut image = vec![Complex64::ZERO; lines * field.width_px()];
-        for &(node, weight) in &self.x.nodes {
+        for &(node, weight) in &self.nodes_x {
             let spectra = self.spectra_of_rows(field, node);
             let columns: Vec<Vec<Complex64>> =
                 (0..PANELS).into_par_iter().map(|panel| self.column(&spectra, panel, frequency(panel, node))).collect();
