@@ -64,7 +64,7 @@
 //! | task | see |
 //! |---|---|
 //! | describe the optical setup | [`OpticalSetup`], [`Grid`], [`RegionOfInterest`], [`Plane`] |
-//! | say which diffraction orders the display shows | [`Orders`], [`OpticalSetup::with_orders`] |
+//! | say which diffraction orders the display shows | [`Orders`], [`OrderFilter`], [`OpticalSetup::with_orders`] |
 //! | propagate a field | [`propagate()`], [`Propagator`]; [`plan`] and [`propagation`]: the range of each method |
 //! | find a hologram | [`optimize()`], [`Optimization`], [`hologram`]; [`optimizer`]: general optimization methods |
 //! | choose how light is detected | [`Detector`], [`photometry`] |
@@ -100,6 +100,7 @@ mod least_squares;
 pub mod memory;
 pub mod metrics;
 pub mod optimizer;
+mod order_filter;
 mod orders;
 #[doc(hidden)]
 pub mod passes;
@@ -130,6 +131,7 @@ pub use error::{Error, Result};
 pub use grid::Grid;
 pub use hologram::{Evaluation, Hologram, HologramMethod, HologramProblem, InitialPhase, Optimization, optimize};
 pub use learning::KernelModel;
+pub use order_filter::{FilterShape, OrderFilter};
 pub use orders::Orders;
 pub use plane::Plane;
 pub use propagation::{ConvolutionMethod, PropagationMethod, ValidityReport, plan, plan_onto};

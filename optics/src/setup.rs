@@ -53,16 +53,18 @@ impl OpticalSetup {
         })
     }
 
-    /// Returns this setup for a display that shows these diffraction orders of its pixels. For [all orders](Orders::All) the
-    /// method becomes [`ConvolutionMethod::AllOrders`].
+    /// Returns this setup for a display that shows these diffraction orders of its pixels. The method becomes
+    /// [`ConvolutionMethod::AllOrders`] for [all orders](Orders::All), and [`ConvolutionMethod::BandResponse`] behind a
+    /// [filter](Orders::Filtered).
     ///
     /// # Errors
     ///
-    /// [`Error::OutOfRange`] for a fill factor that is not between [`Orders::FILL_FACTOR_MIN`] and 1.
+    /// The errors of [`Orders::validate`].
     pub fn with_orders(self, orders: Orders) -> Result<Self> {
         orders.validate()?;
         let method = match (orders, self.method) {
             (Orders::All { .. }, _) => ConvolutionMethod::AllOrders,
+            (Orders::Filtered(_), _) => ConvolutionMethod::BandResponse,
             (Orders::First, ConvolutionMethod::AllOrders) => ConvolutionMethod::BandLimited,
             (Orders::First, method) => method,
         };
@@ -120,11 +122,11 @@ impl OpticalSetup {
         self.orders
     }
 
-    /// Sides of a pixel's bright area along x and y, in pixel pitches; 1 for a display that shows only the first order.
+    /// Sides of a pixel's bright area along x and y, in pixel pitches; 1 for a display that does not show all orders.
     #[must_use]
     pub fn fill_factor(&self) -> [f64; 2] {
         match self.orders {
-            Orders::First => [1.0, 1.0],
+            Orders::First | Orders::Filtered(_) => [1.0, 1.0],
             Orders::All { fill_factor_x, fill_factor_y } => [fill_factor_x, fill_factor_y],
         }
     }

@@ -14,7 +14,7 @@ use lightpath_optics::simulated_display::SimulatedDisplay;
 use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{
     Detector, DisplayModel, Engine, EngineCache, Grid, HologramProblem, KernelShape, OpticalSetup, Optimization,
-    Orders, Plane, RegionOfInterest, SimulatedBench, SmoothField,
+    OrderFilter, Orders, Plane, RegionOfInterest, SimulatedBench, SmoothField,
 };
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::sync::Mutex;
@@ -119,7 +119,7 @@ fn check_opinion(pool: &ThreadPool, orders: Orders) {
 }
 
 fn check_other_orders(pool: &ThreadPool, orders: Orders) {
-    let all_orders = orders != Orders::First;
+    let all_orders = orders.are_all();
     let engine = EngineSize { all_orders, ..EngineSize::ideal(300, 400, Detector::Pixel, 2) };
     let own = DisplayModel::ideal(setup(300, 400, 0.01).with_orders(orders).unwrap());
     let other = with_other_orders(&own).unwrap();
@@ -232,7 +232,9 @@ fn counted_memory_is_that_of_the_functions() {
     check_quality(&pool, 3, ideal);
     check_quality(&pool, 1, learned);
     check_quality(&pool, 1, DisplayModel::ideal(first.with_orders(Orders::SQUARE).unwrap()));
-    for orders in [Orders::First, Orders::SQUARE] {
+    let filtered = Orders::Filtered(OrderFilter::rectangle(0.5, 1.0));
+    check_quality(&pool, 1, DisplayModel::ideal(first.with_orders(filtered).unwrap()));
+    for orders in [Orders::First, filtered, Orders::SQUARE] {
         check_other_orders(&pool, orders);
         check_opinion(&pool, orders);
     }

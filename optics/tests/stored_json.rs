@@ -7,7 +7,8 @@ use lightpath_optics::metrics::Gain;
 use lightpath_optics::photometry::Quantity;
 use lightpath_optics::propagation::{ConvolutionMethod, PropagationMethod, RefusalCode, WarningCode, plan};
 use lightpath_optics::{
-    Carrier, Detector, Grid, OpticalSetup, Orders, RegionOfInterest, SimulatedBench, ValidityReport,
+    Carrier, Detector, FilterShape, Grid, OpticalSetup, OrderFilter, Orders, RegionOfInterest, SimulatedBench,
+    ValidityReport,
 };
 use serde::{Serialize, de::DeserializeOwned};
 use serde_json::{json, to_value};
@@ -50,6 +51,14 @@ fn enumerations_are_stored_as_words() {
     check_words([HologramMethod::DoublePhase], "double_phase");
     check_stored(HologramMethod::Adam { learning_rate: 0.1 }, json!({"adam": {"learning_rate": 0.1}}));
     check_stored(Orders::First, json!("first"));
+    let iris = OrderFilter {
+        shape: FilterShape::Ellipse,
+        centre_x: -0.25,
+        centre_y: 0.125,
+        ..OrderFilter::rectangle(0.5, 0.75)
+    };
+    let stored = json!({"shape": "ellipse", "width": 0.5, "height": 0.75, "centre_x": -0.25, "centre_y": 0.125});
+    check_stored(Orders::Filtered(iris), json!({"filtered": stored}));
     let gaps = Orders::All { fill_factor_x: 0.875, fill_factor_y: 0.75 };
     check_stored(gaps, json!({"all": {"fill_factor_x": 0.875, "fill_factor_y": 0.75}}));
     check_stored(Gain::Fitted, json!("fitted"));

@@ -1,6 +1,7 @@
 //! The commands `lightpath display …`.
 
 mod bench_file;
+mod orders;
 mod plan;
 
 use super::arguments::{Limit, above_zero, pixel_pitch, resolution, wavelength};
@@ -46,6 +47,10 @@ A display without a filter for the diffraction orders of its pixels:
   lightpath display create bare --resolution 1920x1080 --pixel-pitch 8um \\
       --wavelength 515nm --orders all --fill-factor 0.93
 
+A display whose filter passes half an order along y, around the image that a carrier steers:
+  lightpath display create relay --resolution 1920x1080 --pixel-pitch 8um \\
+      --wavelength 515nm --carrier half-order-y --filter 1x0.5
+
 A display that exists only as a simulation (see lightpath simulate --help):
   lightpath display create toy --resolution 480x270 --pixel-pitch 8um \\
       --wavelength 515nm --simulated-seed 1
@@ -84,16 +89,8 @@ pub(crate) struct Create {
     #[arg(long, value_parser = WordParser::<v1::Carrier>::new())]
     carrier: Option<v1::Carrier>,
 
-    /// Say which diffraction orders of the pixels reach the image: first behind optics that filter them, such as a 4f relay
-    /// with a stop, and all without a filter
-    ///
-    /// The orders are λz/pitch apart. Holograms are optimized through all orders that the display shows.
-    #[arg(long, value_enum, default_value_t = Orders::First)]
-    orders: Orders,
-
-    /// Set the side of a pixel's bright area in pixel pitches, along x and y, 0.1 to 1: one number, or two like 0.93x0.9
-    #[arg(long, value_name = "X[xY]", value_parser = fill_factor, default_value = "1")]
-    fill_factor: FillFactor,
+    #[command(flatten)]
+    orders: orders::Options,
 
     /// Store this text with the display, at most 4096 bytes [default: none]
     #[arg(long, value_name = "TEXT", default_value = "", hide_default_value = true)]
@@ -180,17 +177,6 @@ impl DisplayCommand {
 }
 
 impl Create {
-    fn all_orders(&self) -> Result<Option<v1::AllOrders>, Failure> {
-        let FillFactor([fill_factor_x, fill_factor_y]) = self.fill_factor;
-        match self.orders {
-            Orders::All => Ok(Some(v1::AllOrders { fill_factor_x, fill_factor_y })),
-            Orders::First if self.fill_factor != FillFactor([1.0, 1.0]) => {
-                Err(Failure::Usage("--fill-factor is given, but it has no effect without --orders all".to_owned()))
-            }
-            Orders::First => Ok(None),
-        }
-    }
-
     fn display(&self) -> Result<Display, Failure> {
         let simulated_bench = match &self.simulated {
             Some(path) => Some(bench_file::read(path)?),
@@ -211,35 +197,12 @@ impl Create {
             wavelengths_m: self.wavelengths.clone(),
             phase_response: self.phase_response.as_deref().map(phase_response).transpose()?,
             carrier: self.carrier.unwrap_or_default().into(),
-            all_orders: self.all_orders()?,
+            orders: self.orders.message()?,
             notes: self.notes.clone(),
             simulated_bench,
             create_time: None,
         })
     }
-}
-
-/// Diffraction orders that a display shows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-enum Orders {
-    /// The first order, behind optics that filter the others
-    First,
-    /// All orders of the pixels, without a filter
-    All,
-}
-
-/// Sides of a pixel's bright area along x and y, in pixel pitches.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct FillFactor([f64; 2]);
-
-/// Parses `0.93`, or `0.93x0.9`.
-fn fill_factor(text: &str) -> Result<FillFactor, String> {
-    let side = |text: &str| {
-        let value = text.parse().ok().filter(|value| (0.1..=1.0).contains(value));
-        value.ok_or_else(|| format!("\"{text}\" must be a number from 0.1 to 1"))
-    };
-    let (x, y) = text.split_once('x').unwrap_or((text, text));
-    Ok(FillFactor([side(x)?, side(y)?]))
 }
 
 fn phase_response(path: &Path) -> Result<v1::PhaseResponse, Failure> {
@@ -285,15 +248,6 @@ fn wavelengths(display: &Display) -> String {
     display.wavelengths_m.iter().copied().map(units::show_m).collect::<Vec<_>>().join(", ")
 }
 
-fn orders(display: &Display) -> String {
-    match display.all_orders {
-        None => "first".to_owned(),
-        Some(v1::AllOrders { fill_factor_x, fill_factor_y }) => {
-            format!("all, fill factor {fill_factor_x}x{fill_factor_y}")
-        }
-    }
-}
-
 fn facts(display: &Display) -> String {
     let mut facts = Facts::default();
     facts.add("display", names::id(&display.name));
@@ -305,7 +259,7 @@ fn facts(display: &Display) -> String {
     facts.add("phase response", response);
     let carrier = Some(display.carrier()).filter(|carrier| *carrier != v1::Carrier::Unspecified);
     facts.add("carrier", carrier.map_or("none", Words::word));
-    facts.add("orders", orders(display));
+    facts.add("orders", orders::text(display));
     if let Some(bench) = &display.simulated_bench {
         facts.add("simulated", format!("seed {}", bench.seed));
         for (name, value) in bench_file::properties(bench) {
@@ -322,13 +276,6 @@ fn facts(display: &Display) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn fill_factor_is_one_number_or_two() {
-        assert_eq!(fill_factor("0.93"), Ok(FillFactor([0.93, 0.93])));
-        assert_eq!(fill_factor("0.93x1"), Ok(FillFactor([0.93, 1.0])));
-        assert!(fill_factor("0.9x1.2").unwrap_err().contains("\"1.2\" must be a number from 0.1 to 1"));
-    }
 
     #[test]
     fn phase_response_has_one_number_per_line() {

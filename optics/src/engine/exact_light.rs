@@ -27,8 +27,8 @@ const NODES_MIN: usize = 2;
 /// Most nodes along an axis. They integrate details of up to four cycles per pixel.
 const NODES_MAX: usize = 8;
 
-/// Numbers of nodes along x and y.
-fn nodes(setup: &OpticalSetup) -> [usize; 2] {
+/// Numbers of nodes along x and y at which the light of all orders is integrated over a pixel.
+pub(crate) fn nodes(setup: &OpticalSetup) -> [usize; 2] {
     [setup.critical_distance_x_m(), setup.critical_distance_y_m()].map(|critical_m| {
         let cycles = 0.5 * critical_m / setup.distance_m().abs();
         ((FRAC_PI_2 * cycles + 1.5).ceil() as usize).clamp(NODES_MIN, NODES_MAX)

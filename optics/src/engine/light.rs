@@ -47,14 +47,16 @@ impl<T: Real> EngineCore<T> {
     pub fn light_passed(&self, phase: &Plane<T>) -> Result<f64> {
         phase.expect_size("phase", self.height_px(), self.width_px())?;
         let (height_px, width_px) = (self.height_px(), self.width_px());
+        let filter = self.setup.orders().filter();
+        let fx = |column: usize| frequency_per_px(split_bin(column, width_px), width_px);
+        let fy = |row: usize| frequency_per_px(split_bin(row, height_px), height_px);
         let transmitted = |column: usize, weights: &mut [f64]| match &self.transmission {
             Transmission::FreeSpace => weights.fill(1.0),
             Transmission::Smooth(errors) => {
-                let fx = frequency_per_px(split_bin(column, width_px), width_px);
+                let fx = fx(column);
                 let along_y = errors.basis().along_y(&errors.log_amplitude, 2.0 * fx);
                 for (row, weight) in weights.iter_mut().enumerate() {
-                    let fy = frequency_per_px(split_bin(row, height_px), height_px);
-                    *weight = (2.0 * clenshaw(&along_y, 2.0 * fy)).exp();
+                    *weight = (2.0 * clenshaw(&along_y, 2.0 * fy(row))).exp();
                 }
             }
             Transmission::Bins => {
@@ -65,13 +67,21 @@ impl<T: Real> EngineCore<T> {
                 weights.iter_mut().zip(&values).for_each(|(weight, h)| *weight = h.norm_sqr().wide() / (scale * scale));
             }
         };
-        if matches!(self.transmission, Transmission::FreeSpace) {
+        // A kernel with a value for each frequency holds what the filter passes.
+        let filter = filter.filter(|_| !matches!(self.transmission, Transmission::Bins));
+        let passed = |column: usize, weights: &mut [f64]| {
+            transmitted(column, weights);
+            let Some(filter) = filter else { return };
+            let through = |row| filter.passed(fx(column), fy(row)).powi(2);
+            weights.iter_mut().enumerate().for_each(|(row, weight)| *weight *= through(row));
+        };
+        if matches!(self.transmission, Transmission::FreeSpace) && filter.is_none() {
             return Ok(self.light_sent(phase));
         }
         let mut spectrum = vec![Complex::new(T::zero(), T::zero()); self.convolver.half_spectrum_len(1)];
         self.convolver.forward_rows(&mut spectrum, &[None], |y, row| self.slm.field_row(y, phase.row(y), row));
         // The sum over the padded bins divided by their number is the sum over the pixels (Parseval).
-        let power = self.convolver.weighted_power(&spectrum, transmitted);
+        let power = self.convolver.weighted_power(&spectrum, passed);
         Ok(power / (4 * height_px * width_px) as f64)
     }
 

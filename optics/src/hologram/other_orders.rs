@@ -1,5 +1,5 @@
-//! What a hologram would show on a display of the other kind: with all diffraction orders instead of the first, or the first
-//! instead of all.
+//! What a hologram would show on a display of the other kind: with all diffraction orders instead of the first or of what a
+//! filter passes, or with the first instead of all.
 
 use super::shown_light::light_of_frames;
 use crate::engine::EngineCore;
@@ -18,7 +18,7 @@ pub fn with_other_orders(model: &DisplayModel) -> Option<DisplayModel> {
     if matches!(model.kernel, KernelShape::Bins(_)) || grid.height_px() * grid.width_px() > OTHER_ORDERS_PIXELS_MAX {
         return None;
     }
-    let orders = if model.setup.orders() == Orders::First { Orders::SQUARE } else { Orders::First };
+    let orders = if model.setup.orders().are_all() { Orders::First } else { Orders::SQUARE };
     let (setup, _) = model.setup.with_orders(orders).ok()?.planned().ok()?;
     Some(DisplayModel { setup, ..model.clone() })
 }
@@ -35,7 +35,7 @@ pub fn pixel_psnr_db(
     region: RegionOfInterest,
 ) -> Result<f64> {
     match model.setup.orders() {
-        Orders::First => {
+        Orders::First | Orders::Filtered(_) => {
             let light = light_of_frames(&Engine::new(model, Detector::Pixel, None)?, phases)?;
             psnr_db(&light, target, region, Gain::Fitted)
         }

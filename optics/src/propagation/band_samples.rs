@@ -1,10 +1,12 @@
-//! The response of the pixels' [band](super::band_response) beside the pixels' centres, and behind the errors of a learned kernel.
+//! The response of the pixels' [band](super::band_response) beside the pixels' centres, behind the errors of a learned kernel, and
+//! behind a filter.
 //!
 //! ```text
 //! h(n + o) = Δ² ∫∫ H(fx, fy) E(fx, fy) e^{i2πΔ((n_x + o_x)·fx + (n_y + o_y)·fy)} dfx dfy   over |fx|, |fy| ≤ 1/2Δ
 //! ```
 //!
-//! n lags between two pixels of the frame, o place of a sub-sample from the centre of its pixel \[px\], E smooth errors. It is the
+//! n lags between two pixels of the frame, o place of a sub-sample from the centre of its pixel \[px\], E smooth errors times the
+//! part that a [filter](crate::OrderFilter) passes, whose edges are smooth over many of the frequencies. It is the
 //! same sum over M frequencies along each axis as at the centres. The leading term of its error along x is now
 //!
 //! ```text
@@ -31,9 +33,15 @@ pub(crate) fn band_samples(setup: &OpticalSetup, has_errors: bool) -> u64 {
     if setup.method() != ConvolutionMethod::BandResponse {
         return 0;
     }
-    bins(setup).map_or(0, |[bins_x, _]| Columns { bins_x, is_even: !has_errors }.count() as u64)
+    let is_even = is_even(setup, has_errors);
+    bins(setup).map_or(0, |[bins_x, _]| Columns { bins_x, is_even }.count() as u64)
         * 2
         * setup.grid().height_px() as u64
+}
+
+/// Whether the response is even along both axes.
+pub(crate) fn is_even(setup: &OpticalSetup, has_errors: bool) -> bool {
+    !has_errors && setup.orders().filter().is_none()
 }
 
 /// The response at one place along y, transformed along y.
@@ -106,7 +114,8 @@ impl BandSamples {
     pub(super) fn new(setup: &OpticalSetup, errors: Option<&SmoothField>, offset_y: f64) -> Option<Self> {
         let [bins_x, bins_y] = bins(setup)?;
         let (height_px, pitch_m) = (setup.grid().height_px(), setup.grid().pixel_pitch_m());
-        let (columns, band) = (Columns { bins_x, is_even: errors.is_none() }, BandEnds::new(setup));
+        let (columns, band) = (Columns { bins_x, is_even: is_even(setup, errors.is_some()) }, BandEnds::new(setup));
+        let filter = setup.orders().filter();
         let mut planner = FftPlanner::new();
         let (fft_y, turns) = (planner.plan_fft_inverse(bins_y), turns(bins_y, offset_y));
         let lags: Vec<f64> = (0..2 * height_px).map(|row| lag(row, height_px) + offset_y).collect();
@@ -122,7 +131,10 @@ impl BandSamples {
                     Column::End(sign) | Column::Slope(sign) => 0.5 * sign,
                 };
                 let series = errors.map(|errors| SeriesAlongY::new(errors, 2.0 * nu));
-                let error = |mu: f64| series.as_ref().map_or(Complex64::ONE, |series| series.at(2.0 * mu));
+                let error = |mu: f64| {
+                    let passed = filter.map_or(1.0, |filter| filter.passed(nu, mu));
+                    series.as_ref().map_or(Complex64::ONE, |series| series.at(2.0 * mu)) * passed
+                };
                 let ideal = |mu: f64| match column {
                     Column::Slope(sign) => band.slope(mu / pitch_m) * sign,
                     _ => angular_spectrum(nu / pitch_m, mu / pitch_m, setup.wavelength_m(), setup.distance_m()),

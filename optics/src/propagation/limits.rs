@@ -173,8 +173,11 @@ fn check_whole_band(setup: &OpticalSetup, method: PropagationMethod) -> Result<(
 /// Checks that the method computes the diffraction orders that the display shows.
 fn check_orders(setup: &OpticalSetup, method: PropagationMethod) -> Result<()> {
     let reason = match (setup.orders(), method) {
-        (Orders::First, PropagationMethod::AllOrders) => {
+        (Orders::First | Orders::Filtered(_), PropagationMethod::AllOrders) => {
             "it computes all orders, and the display shows only the first order of its pixels"
+        }
+        (Orders::Filtered(_), method) if method != PropagationMethod::BandResponse => {
+            "it lets the whole first order through, and the display has a filter; use the band response"
         }
         (Orders::All { .. }, method) if method != PropagationMethod::AllOrders => {
             "it computes only the first order, and the display shows all orders of its pixels"
@@ -203,8 +206,12 @@ fn check_bins(setup: &OpticalSetup, method: PropagationMethod) -> Result<()> {
         return Ok(());
     }
     let spread = spread_m(setup.grid().pixel_pitch_m(), setup.wavelength_m(), setup.distance_m());
+    let fix = match setup.orders() {
+        Orders::Filtered(_) => "no other method holds the display's filter, so use a shorter distance",
+        _ => "leave the choice to the planner",
+    };
     let reason = format!(
-        "at {} the light of a pixel spreads by {} to each side, which takes too many frequencies; leave the choice to the planner",
+        "at {} the light of a pixel spreads by {} to each side, which takes too many frequencies; {fix}",
         length(setup.distance_m().abs()),
         length(spread)
     );

@@ -67,7 +67,7 @@ use shifted::shifted_angular_spectrum;
 pub(crate) mod passes {
     pub(crate) use super::band_extended::band_extended_axes;
     pub(crate) use super::band_response::{frequencies, peak_values};
-    pub(crate) use super::band_samples::band_samples;
+    pub(crate) use super::band_samples::{band_samples, is_even};
     pub(crate) use super::fraunhofer::Fraunhofer;
     pub(crate) use super::frequency_window::{FrequencyWindow, check_frequencies};
     pub(crate) use super::limits::check;

@@ -5,6 +5,7 @@
 //! | distance | method | because |
 //! |---|---|---|
 //! | any, if the display shows all orders of its pixels | response of square pixels | only it computes them |
+//! | any, behind a filter | band response | only it computes what a filter passes |
 //! | any, if the light of a pixel spreads over some ten thousand pixels at most | band response | it is exact for the first order of the pixels |
 //! | otherwise, z ≤ z_c along x and y | angular spectrum | its samples hold the whole band |
 //! | otherwise, z ≥ 0.8·√(z_c,x · z_c,y) | Rayleigh–Sommerfeld impulse response | its samples hold the whole frame |
@@ -77,6 +78,13 @@ pub(crate) fn plan_convolution(setup: &OpticalSetup) -> Result<(ConvolutionMetho
     let (method, explanation) = if window != ImageWindow::of(&setup.grid()) {
         let (x, y) = (length(window.centre_x_m()), length(window.centre_y_m()));
         (ConvolutionMethod::Shifted, format!("the image's middle is off the axis, {x} along x and {y} along y"))
+    } else if let Some(filter) = setup.orders().filter() {
+        let [width, height] = [filter.width, filter.height].map(digits);
+        let explanation = format!(
+            "at {at}, as at every distance, this method is exact for the part of the first order that the filter passes, \
+             {width} of it along x and {height} along y"
+        );
+        (ConvolutionMethod::BandResponse, explanation)
     } else if setup.orders() != Orders::First {
         let apart = length(setup.wavelength_m() * z / setup.grid().pixel_pitch_m());
         let explanation = format!("the display shows all orders of its pixels, which are {apart} apart at {at}");

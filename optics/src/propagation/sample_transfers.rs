@@ -11,12 +11,12 @@
 //! so the sub-samples (±o_x, ±o_y) share its values.
 
 use super::band_response::bins;
-use super::band_samples::BandSamples;
+use super::band_samples::{BandSamples, is_even};
 use super::pixel_response::PixelResponse;
 use crate::convolution::{Real, Transfer, split_bin};
 use crate::interrupt;
 use crate::{ConvolutionMethod, OpticalSetup, SmoothField};
-use num_complex::{Complex, Complex64};
+use num_complex::{Complex, Complex32, Complex64};
 use rayon::prelude::*;
 use rustfft::FftPlanner;
 
@@ -44,8 +44,9 @@ pub(crate) fn for_each_sample_transfer<T: Real>(
     places_px: &[[f64; 2]],
     mut use_transfer: impl FnMut(usize, Transfer<T>),
 ) {
-    // Without errors the response is even, and its places are mirror images.
-    let shared = |place: [f64; 2]| if errors.is_some() { place } else { place.map(f64::abs) };
+    // The places of an even response are mirror images.
+    let is_even = is_even(setup, errors.is_some());
+    let shared = |place: [f64; 2]| if is_even { place.map(f64::abs) } else { place };
     let mut waiting: Vec<usize> = (0..places_px.len()).collect();
     let mut samples: Option<(f64, BandSamples)> = None;
     while let Some(&first) = waiting.first() {
@@ -71,6 +72,28 @@ pub(crate) fn for_each_sample_transfer<T: Real>(
             !shares
         });
     }
+}
+
+/// The transfer function to the pixels' centres at all padded bins, for each column all rows. Empty if the setup is not that of a
+/// [band response](ConvolutionMethod::BandResponse), or would take too many frequencies.
+pub(super) fn transfer_by_column(setup: &OpticalSetup) -> Vec<Complex32> {
+    let Some(samples) = BandSamples::new(setup, None, 0.0) else { return Vec::new() };
+    let spectra = RowSpectra::<f32>::of_band(setup, &samples, 0.0);
+    drop(samples);
+    let (rows, columns) = (2 * spectra.height_px, 2 * spectra.width_px);
+    let fft = FftPlanner::new().plan_fft_forward(rows);
+    let mut transfer = vec![Complex32::ZERO; rows * columns];
+    transfer.par_chunks_exact_mut(rows).enumerate().for_each_init(
+        || (vec![Complex64::ZERO; rows], vec![Complex64::ZERO; fft.get_inplace_scratch_len()]),
+        |(sequence, scratch), (column, out)| {
+            interrupt::check();
+            let from = spectra.values[column..].iter().step_by(columns);
+            sequence.iter_mut().zip(from).for_each(|(value, from)| *value = widened(*from));
+            fft.process_with_scratch(sequence, scratch);
+            out.iter_mut().zip(&*sequence).for_each(|(out, exact)| *out = narrowed(*exact));
+        },
+    );
+    transfer
 }
 
 /// Spectra along x of the response at one place in the pixel: for each lag along y, all padded bins.

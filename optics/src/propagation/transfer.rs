@@ -6,11 +6,12 @@ use super::fresnel_impulse_response::{fresnel_impulse_spectrum, spectrum_along_a
 use super::impulse_response::sampled_response;
 use super::pixel_response::PixelResponse;
 use super::planner::plan_convolution;
+use super::sample_transfers::transfer_by_column;
 use super::shifted::{landing_m, shifted_angular_spectrum};
 use super::{ConvolutionMethod, ValidityReport, fresnel_transfer_function, limits};
 use crate::transfer_function::{angular_spectrum, band_limit};
 use crate::{OpticalSetup, Result};
-use num_complex::Complex64;
+use num_complex::{Complex32, Complex64};
 
 /// Choice of the method, and the transfer function of the chosen method.
 impl OpticalSetup {
@@ -56,6 +57,7 @@ impl OpticalSetup {
                     |f, samples| fresnel_impulse_spectrum(f, samples, grid.pixel_pitch_m(), wavelength_m, distance_m);
                 along(fx, grid.width_px()) * along(fy, grid.height_px())
             }
+            ConvolutionMethod::BandResponse if self.orders().filter().is_some() => self.sampled().at(fx, fy),
             ConvolutionMethod::BandResponse => {
                 let (response, row) = (band_response(self), grid.width_px() + 1);
                 self.spectrum_of(fx, fy, |y, x| response[y * row + x])
@@ -136,6 +138,8 @@ enum Tables {
     /// The factors along x and along y at each padded bin.
     Separable([Vec<Complex64>; 2]),
     Even(EvenSpectrum),
+    /// The value at each padded bin, for each column all rows.
+    ByColumn(Vec<Complex32>),
     /// 1 at all bins.
     One,
 }
@@ -148,6 +152,9 @@ impl SampledTransfer {
         let tables = match setup.method() {
             ConvolutionMethod::FresnelImpulseResponse => {
                 Tables::Separable([spectrum(grid.width_px()), spectrum(grid.height_px())])
+            }
+            ConvolutionMethod::BandResponse if setup.orders().filter().is_some() => {
+                Tables::ByColumn(transfer_by_column(&setup))
             }
             ConvolutionMethod::BandResponse => {
                 let (response, row) = (band_response(&setup), grid.width_px() + 1);
@@ -178,6 +185,10 @@ impl SampledTransfer {
             Tables::Formula => self.setup.transfer(fx, fy),
             Tables::Separable([along_x, along_y]) => along_x[u] * along_y[v],
             Tables::Even(spectrum) => spectrum.at_bins(u, v),
+            Tables::ByColumn(values) => {
+                let value = values.get(u * 2 * self.setup.grid().height_px() + v).copied().unwrap_or_default();
+                Complex64::new(value.re.into(), value.im.into())
+            }
             Tables::One => Complex64::ONE,
         }
     }

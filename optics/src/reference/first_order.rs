@@ -6,7 +6,7 @@
 //! ```
 //!
 //! λ wavelength \[m\], z distance \[m\], Δ pixel pitch \[m\]. This is the field of a display whose optics let the first
-//! order of its pixels through and nothing else. The integral is computed by Gauss–Legendre quadrature, without Fourier
+//! order of its pixels through and nothing else, or the part of it that a [filter](crate::OrderFilter) passes. The integral is computed by Gauss–Legendre quadrature, without Fourier
 //! transforms and without a padded frame: light that leaves the window cannot come back. Source: M. Abramowitz and I.
 //! Stegun, Handbook of Mathematical Functions, section 25.4.29.
 
@@ -51,6 +51,7 @@ pub fn first_order_onto(
     let places = |count: usize, at: &dyn Fn(usize) -> f64| (0..count).map(at).collect::<Vec<f64>>();
     let (from_x, from_y) = (places(grid.width_px(), &|x| own.x_m(x)), places(grid.height_px(), &|y| own.y_m(y)));
     let (to_x, to_y) = (places(window.width_px(), &|x| window.x_m(x)), places(window.height_px(), &|y| window.y_m(y)));
+    let (filter, pitch_m) = (setup.orders().filter(), grid.pixel_pitch_m());
     let (along_x, along_y) = (frequencies(setup, &from_x, &to_x), frequencies(setup, &from_y, &to_y));
     let waves = |f: f64, places_m: &[f64]| places_m.iter().map(|m| Complex64::cis(TAU * f * m)).collect::<Vec<_>>();
     let (sent_y, arriving_y): (Vec<_>, Vec<_>) =
@@ -61,7 +62,8 @@ pub fn first_order_onto(
         let columns: Vec<Complex64> = (0..grid.height_px()).map(|y| dot(field.row(y), &sent_x)).collect();
         let mut line = vec![Complex64::ZERO; to_y.len()];
         for ((&(fy, weight_y), sent_y), arriving_y) in along_y.iter().zip(&sent_y).zip(&arriving_y) {
-            let transfer = angular_spectrum(fx, fy, setup.wavelength_m(), setup.distance_m());
+            let passed = filter.map_or(1.0, |filter| filter.passed(fx * pitch_m, fy * pitch_m));
+            let transfer = angular_spectrum(fx, fy, setup.wavelength_m(), setup.distance_m()) * passed;
             let arrived = dot(&columns, sent_y) * transfer * (weight_x * weight_y);
             line.iter_mut().zip(arriving_y).for_each(|(u, wave)| *u += arrived * wave);
         }

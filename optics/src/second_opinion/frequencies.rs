@@ -61,7 +61,7 @@ impl Frequencies {
         ];
         let fades = ways_px.map(|way_px| fades(setup, way_px));
         let ends = match setup.orders() {
-            Orders::First => [0.5; 2],
+            Orders::First | Orders::Filtered(_) => [0.5; 2],
             Orders::All { .. } => fades.map(|[_, end]| end),
         };
         let sines = ends.map(|end| (end * setup.wavelength_m() / pitch_m).min(1.0));
@@ -70,7 +70,7 @@ impl Frequencies {
             let spread_px = setup.distance_m().abs() / pitch_m * sines[i] / cosine;
             let cycles = ((ways_px[i] + spread_px) / PANELS as f64).min(1e6);
             let (is_periodic, nodes, orders) = match setup.orders() {
-                Orders::First => (false, (FRAC_PI_2 * cycles) as usize + SPARE_NODES, 0),
+                Orders::First | Orders::Filtered(_) => (false, (FRAC_PI_2 * cycles) as usize + SPARE_NODES, 0),
                 Orders::All { .. } => (true, cycles as usize + 2, (ends[i] - 0.5).ceil().max(0.0) as i32),
             };
             Axis { nodes, is_periodic, orders, fades: fades[i] }

@@ -141,7 +141,7 @@ fn places(model: &DisplayModel, detector: Detector) -> (Places, Vec<f64>) {
         Detector::Pixel => {
             [model.setup.critical_distance_x_m(), model.setup.critical_distance_y_m()].map(|critical_m| {
                 let nodes = match model.setup.orders() {
-                    Orders::First => 4,
+                    Orders::First | Orders::Filtered(_) => 4,
                     Orders::All { .. } => {
                         (critical_m / model.setup.distance_m().abs()).ceil().clamp(1.0, 8.0) as usize + 3
                     }

@@ -7,7 +7,7 @@
 //! ```
 //!
 //! Places x, y in pixels, frequencies in cycles per pixel, ν from −½ to ½. A display that shows the first order has m = n = 0
-//! and P = 1; one that shows all orders has every order that reaches the image. w are the sides of a pixel's bright area in
+//! and P = 1, or what its filter passes; one that shows all orders has every order that reaches the image. w are the sides of a pixel's bright area in
 //! pixel pitches, E the errors of a learned kernel, a the source profile, r the phase response, z₀ undiffracted light,
 //! λ wavelength \[m\], z distance \[m\], Δ pixel pitch \[m\].
 //!
@@ -16,7 +16,7 @@
 use super::frequencies::{Axis, Frequencies, PANELS, frequency};
 use crate::chebyshev::position;
 use crate::engine::SeriesAlongY;
-use crate::{DisplayModel, KernelShape, OpticalSetup, Orders, Plane, RegionOfInterest, interrupt};
+use crate::{DisplayModel, KernelShape, OpticalSetup, Plane, RegionOfInterest, interrupt};
 use num_complex::Complex64;
 use rayon::prelude::*;
 use rustfft::{Fft, FftPlanner};
@@ -176,7 +176,7 @@ impl<'a> Work<'a> {
 
     /// Whether each place has a transfer function of its own.
     fn has_orders(&self) -> bool {
-        matches!(self.model.setup.orders(), Orders::All { .. })
+        self.model.setup.orders().are_all()
     }
 
     /// Field in the image: for each wanted row and each place a line.
@@ -232,9 +232,11 @@ impl<'a> Work<'a> {
     }
 
     fn column_of_first(&self, mut spectrum: Vec<Complex64>, along_x: f64) -> Vec<Complex64> {
-        let pitch_m = self.model.setup.grid().pixel_pitch_m();
+        let (setup, filter) = (&self.model.setup, self.model.setup.orders().filter());
+        let pitch_m = setup.grid().pixel_pitch_m();
         for (u, (frequency, _)) in spectrum.iter_mut().zip(&self.frequencies_y) {
-            *u *= free_space(&self.model.setup, along_x / pitch_m, frequency / pitch_m);
+            let passed = filter.map_or(1.0, |filter| filter.passed(along_x, *frequency));
+            *u *= free_space(setup, along_x / pitch_m, frequency / pitch_m) * passed;
         }
         self.waves_y.iter().map(|wave| dot(&spectrum, wave)).collect()
     }

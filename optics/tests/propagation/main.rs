@@ -7,6 +7,7 @@ mod band_response;
 mod engines;
 /// Input fields for the tests, and measures that compare fields.
 mod fields;
+mod filter;
 /// Random valid inputs, which must not cause a panic.
 mod fuzz;
 /// Comparisons of each method with closed forms, with the direct sum and with its adjoint.

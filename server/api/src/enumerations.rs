@@ -6,7 +6,7 @@ use lightpath_domain::dataset::{AlignmentMethod, Encoding, FindingKind, Split};
 use lightpath_domain::job::{Fit, JobState};
 use lightpath_media::kernel_formats::KernelFormat;
 use lightpath_optics::photometry::Quantity;
-use lightpath_optics::{Carrier, Detector, KernelModel, PropagationMethod};
+use lightpath_optics::{Carrier, Detector, FilterShape, KernelModel, PropagationMethod};
 use lightpath_proto::v1;
 
 /// An enumeration that messages contain as a number. The number 0 stands for an unspecified value.
@@ -55,6 +55,7 @@ convert_by_name! {
     Detector = v1::Detector { Point Pixel Supersampled }
     KernelModel = v1::KernelModel { Paper Dense Smooth Display Varying }
     Carrier = v1::Carrier { HalfOrderX HalfOrderY }
+    FilterShape = v1::order_filter::Shape { Rectangle Ellipse }
     Quantity = v1::optimize_hologram::loss::Quantity { Intensity Amplitude }
     Fit = v1::optimize_hologram::Fit { Contain Cover Stretch Exact }
     Encoding = v1::Encoding { Linear Srgb }

@@ -12,7 +12,7 @@
 //! | `kernel_order`, `source_order` | highest total degrees of the Chebyshev series |
 //! | `variation_order` | highest total degree of the kernel's variation over the SLM; missing: 0 |
 //! | `propagation` | the method of H_ideal; missing: `band_limited` |
-//! | `orders` | `first`, or `all` with the fill factors of the pixels: the diffraction orders with which the kernel was learned; missing: `first` |
+//! | `orders` | `first`, `filtered` with the filter, or `all` with the fill factors of the pixels: the diffraction orders with which the kernel was learned; missing: `first` |
 //! | `interpolated_from_m` | photographed distances \[m\], ascending, that an interpolated kernel was made from; missing: the kernel was not interpolated |
 //!
 //! | tensor | type, shape | meaning |
@@ -274,6 +274,7 @@ fn bins(tensors: &SafeTensors<'_>) -> Result<Plane<Complex32>, KernelFileError> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use lightpath_optics::OrderFilter;
 
     fn model(kernel: KernelShape) -> DisplayModel {
         let grid = Grid::try_new(32, 48, 8e-6).unwrap();
@@ -313,6 +314,10 @@ mod tests {
             if kind == KernelModel::Varying {
                 let gaps = Orders::All { fill_factor_x: 0.93, fill_factor_y: 0.9 };
                 model.setup = model.setup.with_orders(gaps).unwrap();
+            }
+            if kind == KernelModel::Dense {
+                let half = OrderFilter { centre_y: 0.2, ..OrderFilter::rectangle(0.9, 0.5) };
+                model.setup = model.setup.with_orders(Orders::Filtered(half)).unwrap();
             }
             model.setup = model.setup.planned().unwrap().0;
             let bytes = encode(&model, kind).unwrap();

@@ -70,7 +70,7 @@ impl DisplaySetup {
         let Some(version) = version else { return Ok(DisplayModel::ideal(self.setup)) };
         let version = context.wait(context.store().kernel_version(&self.key, version))?;
         let (model, _) = kernel_file::decode(&context.read_artifact(&version.content.artifact)?)?;
-        let of = |setup: &OpticalSetup| (setup.grid(), setup.wavelength_m(), setup.distance_m());
+        let of = |setup: &OpticalSetup| (setup.grid(), setup.wavelength_m(), setup.distance_m(), setup.orders());
         if of(&model.setup) != of(&self.setup) {
             let message = format!(
                 "{}/versions/{} was learned for another optical setup than the display has now; learn a new version",

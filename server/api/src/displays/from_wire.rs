@@ -7,8 +7,8 @@ use crate::field::Field;
 use crate::names;
 use lightpath_domain::display::Display;
 use lightpath_domain::units::Wavelength;
-use lightpath_optics::Orders;
-use lightpath_proto::v1;
+use lightpath_optics::{OrderFilter, Orders};
+use lightpath_proto::v1::{self, display};
 use std::f64::consts::PI;
 use std::ops::RangeInclusive;
 
@@ -43,9 +43,13 @@ pub(crate) fn display(call: &Call, message: v1::Display, field: &Field) -> Resul
             .map(|response| phases(&at("phase_response"), response.phase_rad, bit_depth))
             .transpose()?,
         carrier: at("carrier").enum_value(message.carrier)?,
-        orders: message.all_orders.map_or(Ok(Orders::First), |all| {
-            all_orders(&at("all_orders"), all, bench.is_some(), message.carrier != 0)
-        })?,
+        orders: match message.orders {
+            None => Orders::First,
+            Some(display::Orders::AllOrders(all)) => {
+                all_orders(&at("all_orders"), all, bench.is_some(), message.carrier != 0)?
+            }
+            Some(display::Orders::OrderFilter(filter)) => order_filter(&at("order_filter"), filter)?,
+        },
         notes: at("notes").text(message.notes, NOTES_BYTES_MAX)?,
         simulated_bench: bench.map(|bench| simulated_bench::from_wire(bench, &at("simulated_bench"))).transpose()?,
     })
@@ -71,6 +75,32 @@ fn all_orders(
         fill_factor_x: fill("fill_factor_x", message.fill_factor_x)?,
         fill_factor_y: fill("fill_factor_y", message.fill_factor_y)?,
     })
+}
+
+fn order_filter(field: &Field, message: v1::OrderFilter) -> Result<Orders, ApiError> {
+    let side = |name, value: f64| {
+        let field = field.at(name);
+        if value == 0.0 { Ok(1.0) } else { field.number(value, OrderFilter::SIDE_MIN..=1.0) }
+    };
+    let (width, height) = (side("width", message.width)?, side("height", message.height)?);
+    let centre = |name, value: f64, side: f64| {
+        let farthest = 0.5 * (1.0 - side);
+        if value.abs() <= farthest + 1e-9 {
+            return Ok(value);
+        }
+        let within = if farthest == 0.0 { "0".to_owned() } else { format!("{:.3} to {farthest:.3}", -farthest) };
+        let reason =
+            format!("is {value}, but must be {within}, so that the opening of {side} lies within the first order");
+        Err(field.at(name).invalid(reason))
+    };
+    let filter = OrderFilter {
+        shape: field.at("shape").enum_value(message.shape)?.unwrap_or_default(),
+        width,
+        height,
+        centre_x: centre("centre_x", message.centre_x, width)?,
+        centre_y: centre("centre_y", message.centre_y, height)?,
+    };
+    Ok(Orders::Filtered(filter))
 }
 
 fn pixel_pitch(field: &Field, value: f64) -> Result<f64, ApiError> {
@@ -129,11 +159,19 @@ mod tests {
             wavelengths_m: vec![639e-9, 515e-9],
             phase_response: Some(v1::PhaseResponse { phase_rad: vec![0.0, 1.0, 2.0, 4.0] }),
             carrier: v1::Carrier::HalfOrderY.into(),
-            all_orders: None,
+            orders: None,
             notes: "bench 2".into(),
             simulated_bench: Some(v1::SimulatedBench { seed: 7, ..Default::default() }),
             create_time: None,
         }
+    }
+
+    fn all(fill_factor_x: f64, fill_factor_y: f64) -> display::Orders {
+        display::Orders::AllOrders(v1::AllOrders { fill_factor_x, fill_factor_y })
+    }
+
+    fn filter(width: f64, centre_x: f64) -> display::Orders {
+        display::Orders::OrderFilter(v1::OrderFilter { width, centre_x, ..Default::default() })
     }
 
     fn refusal(change: impl Fn(&mut v1::Display)) -> String {
@@ -154,10 +192,21 @@ mod tests {
 
     #[test]
     fn all_orders_survive_conversion_with_defaults_filled_in() {
-        let all_orders = Some(v1::AllOrders { fill_factor_x: 0.93, fill_factor_y: 0.0 });
-        let message = v1::Display { all_orders, simulated_bench: None, carrier: 0, ..message() };
+        let orders = Some(all(0.93, 0.0));
+        let message = v1::Display { orders, simulated_bench: None, carrier: 0, ..message() };
         let domain = display(&Call::without_token(), message, &Field::new("display")).unwrap();
         assert_eq!(domain.orders, Orders::All { fill_factor_x: 0.93, fill_factor_y: 1.0 });
+        let converted = to_wire::display(domain.clone(), 1_500);
+        assert_eq!(display(&Call::without_token(), converted, &Field::new("display")).unwrap(), domain);
+    }
+
+    #[test]
+    fn filters_survive_conversion_with_defaults_filled_in() {
+        // On a simulated display with a carrier, too.
+        let message = v1::Display { orders: Some(filter(0.5, -0.25)), ..message() };
+        let domain = display(&Call::without_token(), message, &Field::new("display")).unwrap();
+        let expected = OrderFilter { centre_x: -0.25, ..OrderFilter::rectangle(0.5, 1.0) };
+        assert_eq!(domain.orders, Orders::Filtered(expected));
         let converted = to_wire::display(domain.clone(), 1_500);
         assert_eq!(display(&Call::without_token(), converted, &Field::new("display")).unwrap(), domain);
     }
@@ -177,20 +226,29 @@ mod tests {
             (refusal(|d| d.wavelengths_m[1] = 639.000_000_1e-9), "display.wavelengths_m names 639nm twice"),
             (refusal(|d| d.wavelengths_m = vec![5e-7; 17]), "display.wavelengths_m has 17 entries"),
             (refusal(|d| d.carrier = 9), "display.carrier is 9, but must be a value"),
-            (refusal(|d| d.all_orders = Some(v1::AllOrders::default())), "display.all_orders is given, but a carrier"),
+            (refusal(|d| d.orders = Some(all(0.0, 0.0))), "display.all_orders is given, but a carrier"),
             (
                 refusal(|d| {
                     d.carrier = 0;
-                    d.all_orders = Some(v1::AllOrders::default());
+                    d.orders = Some(all(0.0, 0.0));
                 }),
                 "display.all_orders is given, but simulated",
             ),
             (
                 refusal(|d| {
                     (d.simulated_bench, d.carrier) = (None, 0);
-                    d.all_orders = Some(v1::AllOrders { fill_factor_x: 1.2, fill_factor_y: 1.0 });
+                    d.orders = Some(all(1.2, 1.0));
                 }),
                 "display.all_orders.fill_factor_x is 1.2, but",
+            ),
+            (refusal(|d| d.orders = Some(filter(0.05, 0.0))), "display.order_filter.width is 0.05, but"),
+            (
+                refusal(|d| d.orders = Some(filter(0.5, 0.26))),
+                "display.order_filter.centre_x is 0.26, but must be -0.250 to 0.250, so that the opening of 0.5 lies",
+            ),
+            (
+                refusal(|d| d.orders = Some(filter(0.0, f64::NAN))),
+                "display.order_filter.centre_x is NaN, but must be 0,",
             ),
             (refusal(|d| d.notes = "x".repeat(4097)), "display.notes has 4097 bytes"),
             (refusal(|d| d.name = "lab".into()), "display.name is \"lab\", but must be displays/{id}"),

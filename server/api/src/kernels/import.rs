@@ -118,7 +118,11 @@ fn require_setup(field: &Field, setup: &OpticalSetup, display: &Display, key: &K
     let is_pitch = (grid.pixel_pitch_m() / display.pixel_pitch_m - 1.0).abs() < 1e-9;
     let (wavelength, distance) = (Wavelength::from_m(setup.wavelength_m()), Distance::from_m(setup.distance_m()));
     if is_size && is_pitch && wavelength == Some(key.wavelength) && distance == Some(key.distance) {
-        return Ok(());
+        if setup.orders() == display.orders {
+            return Ok(());
+        }
+        let (learned, shown) = (setup.orders(), display.orders);
+        return Err(field.invalid(format!("is a kernel behind {learned}, but displays/{} shows {shown}", display.id)));
     }
     // A file may contain lengths that a key cannot represent.
     let wavelength = wavelength.map_or_else(|| format!("{:e} m", setup.wavelength_m()), |exact| exact.to_string());

@@ -10,7 +10,7 @@ use lightpath_domain::planning;
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_media::kernel_file;
 use lightpath_optics::memory::sampling_bytes;
-use lightpath_optics::{ConvolutionMethod, DisplayModel, Orders};
+use lightpath_optics::{ConvolutionMethod, DisplayModel};
 
 /// Bytes of a transfer function for each pixel of its display: a complex64 for each of four frequencies.
 const TRANSFER_BYTES_PER_PX: u64 = 32;
@@ -23,8 +23,7 @@ const OTHER_BYTES: u64 = 16 << 20;
 pub(super) fn exporting_bytes(file_bytes: u64, display: &Display, key: &KernelKey) -> u64 {
     let px = u64::from(display.height_px) * u64::from(display.width_px);
     // The file names the method. These need most.
-    let most =
-        if display.orders == Orders::First { ConvolutionMethod::BandResponse } else { ConvolutionMethod::AllOrders };
+    let most = if display.orders.are_all() { ConvolutionMethod::AllOrders } else { ConvolutionMethod::BandResponse };
     let setup = planning::setup(display, key.wavelength, key.distance);
     let sampling = setup.map_or(0, |setup| sampling_bytes(&setup.with_method_regardless(most)));
     file_bytes + 4 * TRANSFER_BYTES_PER_PX * px + sampling + OTHER_BYTES

@@ -17,6 +17,7 @@ use lightpath_optics::Detector;
 use lightpath_optics::hologram::{HologramMethod, InitialPhase};
 use lightpath_optics::learning::{KernelModel, LearnOptions};
 use lightpath_optics::memory::{EngineSize, HologramSize, LearningSize};
+use lightpath_optics::second_opinion::Effort;
 use serde::{Deserialize, Serialize};
 
 /// Limit on the memory for the decoded training pairs of one job \[bytes\]. Reading a pair again takes about as long as
@@ -44,12 +45,8 @@ const FILE_STAGES: f64 = 1500.0;
 /// Time of a step, relative to that on a small display, whose buffers fit into the caches. The speed is measured on such a
 /// display.
 const STEP_FACTOR: f64 = 1.2;
-/// Time of measuring the quality of light, relative to its propagation alone.
-const QUALITY_FACTOR: f64 = 1.6;
 /// Time of learning, relative to that of its propagations and products.
 const LEARNING_FACTOR: f64 = 1.5;
-/// Time of a value in a second opinion, in the unit of work.
-const OPINION_STAGES: f64 = 100.0;
 /// Memory of the tables for many rows in a thorough opinion, for each frequency along y \[bytes\].
 const THOROUGH_BYTES_PER_VALUE_ALONG_Y: u64 = 128 * 4 * 16;
 /// Work of a job besides what is counted: its start, its rows in the database, its files.
@@ -175,14 +172,15 @@ fn one_wavelength(spec: &OptimizeHologram, kernels: &[KernelSize], decoding_byte
         setup + 3 * phases + 2 * picture + judging_bytes(&engine, size.frames).max(engine.other_orders_bytes()),
     ];
     let steps = if spec.method == HologramMethod::DoublePhase { 1 } else { spec.iterations };
-    let lights = (size.planes * (2 * size.frames + 1) * 2) as f64;
-    let fine = engine.with_detector(Detector::Supersampled);
     let files = (size.planes + 3 * size.frames) as f64 * FILE_STAGES * n as f64;
     let other_orders = size.planes as f64 * engine.other_orders_work(size.frames);
     let sampling: u64 = kernels.iter().map(|kernel| kernel.engine.sampling_work).sum();
-    let quality = QUALITY_FACTOR * lights * fine.light_work();
-    let opinions: f64 = kernels.iter().map(|kernel| opinion_work(&kernel.engine, size.frames)).sum();
-    let besides = quality + files + other_orders + sampling as f64 + opinions;
+    let judging = |kernel: &KernelSize| {
+        let opinion = kernel.engine.opinion_work(size.frames, Effort::CHEAP.rows_max, &[spec.detector]);
+        kernel.engine.quality_work(size.frames) + opinion
+    };
+    let judging: f64 = kernels.iter().map(judging).sum();
+    let besides = judging + files + other_orders + sampling as f64;
     let work = f64::from(steps) * STEP_FACTOR * size.step_work() + besides;
     (stages.into_iter().max().unwrap_or(0), work)
 }
@@ -193,16 +191,9 @@ fn judging_bytes(engine: &EngineSize, frames: usize) -> u64 {
     engine.quality_bytes(frames).max(light + engine.opinion_bytes())
 }
 
-/// Work of a second opinion on a hologram.
-fn opinion_work(engine: &EngineSize, frames: usize) -> f64 {
-    OPINION_STAGES * (engine.opinion_values as usize * frames) as f64
-}
-
 /// Need of a job that judges the holograms of another job.
 #[must_use]
 pub fn verify_hologram(verified: &OptimizeHologram, kernels: &[Vec<KernelSize>]) -> Need {
-    /// Time of an opinion on many rows for three detectors, relative to that on a few rows for one.
-    const THOROUGH_FACTOR: f64 = 12.0;
     let frames = verified.frames as usize;
     let each = kernels.iter().map(|kernels| {
         let (engine, n) = (widest(kernels), kernels[0].engine.pixels());
@@ -212,7 +203,8 @@ pub fn verify_hologram(verified: &OptimizeHologram, kernels: &[Vec<KernelSize>])
         let thorough = THOROUGH_BYTES_PER_VALUE_ALONG_Y * engine.opinion_values.isqrt();
         let memory = engines + pictures + reading.max(judging_bytes(&engine, frames) + thorough);
         let work = kernels.iter().map(|kernel| {
-            THOROUGH_FACTOR * opinion_work(&kernel.engine, frames) + 2.0 * kernel.engine.sampling_work as f64
+            let opinions = kernel.engine.opinion_work(frames, Effort::THOROUGH.rows_max, &Detector::ALL);
+            opinions + kernel.engine.quality_work(frames) + 2.0 * kernel.engine.sampling_work as f64
         });
         (memory, work.sum::<f64>())
     });

@@ -81,6 +81,10 @@ pub fn encode(model: &DisplayModel, kind: KernelModel) -> Result<Vec<u8>, Kernel
             return Err(KernelFormatError::NoSuchForm(message.to_owned()));
         }
     };
+    if model.setup.orders().filter().is_some() {
+        let message = "a kernel of a display with a filter has no compact form, which does not hold the filter; export another form";
+        return Err(KernelFormatError::NoSuchForm(message.to_owned()));
+    }
     let variation_order = model.variation.order();
     if variation_order > VARIATION_ORDER_MAX {
         let message = format!(

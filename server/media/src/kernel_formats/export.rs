@@ -6,7 +6,7 @@ use crate::kernel_file;
 use lightpath_optics::KernelModel;
 use lightpath_optics::grid::frequency;
 use lightpath_optics::spatial_variation::local_kernels;
-use lightpath_optics::{DisplayModel, KernelShape, Orders, Plane};
+use lightpath_optics::{DisplayModel, KernelShape, Plane};
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 
@@ -51,7 +51,7 @@ const POSITIONS: usize = 3;
 ///
 /// [`KernelFormatError::NoSuchForm`] for a model that the form cannot hold.
 pub fn export(model: &DisplayModel, kind: KernelModel, format: KernelFormat) -> Result<Exported, KernelFormatError> {
-    if format != KernelFormat::Safetensors && model.setup.orders() != Orders::First {
+    if format != KernelFormat::Safetensors && model.setup.orders().are_all() {
         let message = "a kernel of a display that shows all diffraction orders has a transfer function for each sub-sample, and \
                        no other form than safetensors";
         return Err(KernelFormatError::NoSuchForm(message.to_owned()));
@@ -189,7 +189,7 @@ fn difference(model: &DisplayModel, back: &DisplayModel) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use lightpath_optics::{Grid, OpticalSetup, SmoothField};
+    use lightpath_optics::{Grid, OpticalSetup, Orders, SmoothField};
     use safetensors::Dtype;
     use safetensors::tensor::TensorView;
 

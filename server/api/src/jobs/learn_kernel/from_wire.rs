@@ -11,7 +11,7 @@ use lightpath_domain::dataset::Dataset;
 use lightpath_domain::display::Display;
 use lightpath_domain::job::LearnKernel;
 use lightpath_domain::kernel::KernelKey;
-use lightpath_optics::{Detector, KernelModel, Orders};
+use lightpath_optics::{Detector, KernelModel};
 use lightpath_proto::v1;
 
 /// Limit on the epochs: thirty times as many as the paper uses.
@@ -44,7 +44,7 @@ impl Api {
         if detector == Detector::Supersampled {
             return Err(at("detector").invalid("is supersampled, but must be point or pixel, which a camera measures"));
         }
-        if !is_smooth && display.orders != Orders::First {
+        if !is_smooth && display.orders.are_all() {
             return Err(at("model").invalid(format!(
                 "has a value for each frequency, but displays/{} shows all diffraction orders; use smooth, display or varying",
                 display.id

@@ -75,6 +75,7 @@ const FIELDS: &[(&str, Names)] = &[
     ("Display.name", Display),
     ("Display.phase_response", Parts),
     ("Display.all_orders", Parts),
+    ("Display.order_filter", Parts),
     ("Display.notes", Nothing),
     ("Display.simulated_bench", Parts),
     ("Display.create_time", Ignored),

@@ -1,0 +1,338 @@
+//! Memory and work of an engine and of what it computes.
+
+use super::sampling::{RESPONSE_STAGES, quadrant, samples_places, samples_work, sampling_bytes, sampling_work};
+use super::{COMPLEX, COMPLEX_F64, REAL};
+use crate::convolution::{padded_columns, rows::ROWS, tile_columns};
+use crate::hologram::OTHER_ORDERS_PIXELS_MAX;
+use crate::propagation::passes::{band_samples, has_sample_transfers};
+use crate::second_opinion::{Effort, opinion_bytes, values};
+use crate::spatial_variation::local_kernels;
+use crate::{ConvolutionMethod, Detector, DisplayModel, KernelShape, OpticalSetup};
+
+/// Memory of a simulated bench while it exists, for each pixel of its display \[bytes\]: source, speckle, and transfer
+/// functions in f64.
+const BENCH_BYTES_PER_PX: u64 = 96;
+/// Memory for drawing a bench or taking a photograph with it, besides the bench, for each pixel of its display
+/// \[bytes\]: padded fields and spectra in f64, and their transposed copies.
+const EXPOSURE_BYTES_PER_PX: u64 = 324;
+
+/// Time of all metrics of a hologram, as optimized and as quantized, for a pixel, in radix-2 stages.
+const METRICS_STAGES: f64 = 600.0;
+/// Time of a value of a second opinion, in radix-2 stages: its transfer function, and its part of the spectra.
+const OPINION_STAGES: f64 = 560.0;
+/// Time of a value of a second opinion for each row and place along y, in radix-2 stages.
+const OPINION_ROW_STAGES: f64 = 10.6;
+/// Work of a pass over the values besides their transform, in radix-2 stages.
+const STAGES_BESIDE: f64 = 4.0;
+/// Time of a transform of single rows in f64, relative to the engine's in f32.
+const F64_FACTOR: f64 = 4.0;
+
+/// Size of an engine: of its display, its detector and its kernel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct EngineSize {
+    /// Rows \[px\].
+    pub height_px: usize,
+    /// Columns \[px\].
+    pub width_px: usize,
+    /// Detector.
+    pub detector: Detector,
+    /// Kernels along each side of the grid that approximates a kernel; 1 for a kernel that does not vary over the SLM.
+    pub kernels_per_side: usize,
+    /// Whether the display has a source profile that is not flat.
+    pub has_source: bool,
+    /// Whether the display shows all orders of its pixels, so that each sub-sample has a transfer function.
+    pub all_orders: bool,
+    /// Whether a filter passes a part of the first order.
+    pub is_filtered: bool,
+    /// Memory for the sampling of the exact transfer functions to sub-samples, besides them \[bytes\]; `None`: the quality of
+    /// holograms is measured without such transfer functions.
+    pub samples_bytes: Option<u64>,
+    /// Work of sampling them, in values times radix-2 stages.
+    pub samples_work: u64,
+    /// Number of places in a pixel at which the quality of holograms is measured with them.
+    pub samples_places: u64,
+    /// Values of transfer functions in the [`second opinion`](crate::second_opinion); 0: none.
+    pub opinion_values: u64,
+    /// Memory for the sampling of transfer functions, besides them \[bytes\].
+    pub sampling_bytes: u64,
+    /// Work of sampling the transfer functions, in values times radix-2 stages.
+    pub sampling_work: u64,
+    /// Number of threads.
+    pub threads: usize,
+}
+
+impl EngineSize {
+    /// Largest number of kernels along a side, for a kernel whose variation is not known.
+    pub const KERNELS_PER_SIDE_MAX: usize = local_kernels::PER_SIDE_MAX;
+
+    /// Size of the engine of an ideal display.
+    #[must_use]
+    pub fn ideal(height_px: usize, width_px: usize, detector: Detector, threads: usize) -> Self {
+        Self {
+            height_px,
+            width_px,
+            detector,
+            kernels_per_side: 1,
+            has_source: false,
+            all_orders: false,
+            is_filtered: false,
+            samples_bytes: None,
+            samples_work: 0,
+            samples_places: 0,
+            opinion_values: 0,
+            sampling_bytes: 0,
+            sampling_work: 0,
+            threads,
+        }
+    }
+
+    /// The same size with the sampling of a setup. `kernel_has_bins`: the kernel has a value for each frequency.
+    #[must_use]
+    pub fn sampled_with(self, setup: &OpticalSetup, kernel_has_bins: bool) -> Self {
+        self.sampled_behind(setup, kernel_has_bins, false)
+    }
+
+    fn sampled_behind(self, setup: &OpticalSetup, kernel_has_bins: bool, has_errors: bool) -> Self {
+        let has_samples = has_sample_transfers(setup) && !kernel_has_bins && self.kernels_per_side == 1;
+        let ideal = DisplayModel::ideal(*setup);
+        Self {
+            all_orders: setup.method() == ConvolutionMethod::AllOrders,
+            is_filtered: setup.orders().filter().is_some(),
+            samples_work: if has_samples { samples_work(setup, has_errors) } else { 0 },
+            samples_places: if has_samples { samples_places(setup) } else { 0 },
+            samples_bytes: has_samples.then(|| band_samples(setup, has_errors) * COMPLEX),
+            opinion_values: if kernel_has_bins || self.kernels_per_side > 1 {
+                0
+            } else {
+                values(&ideal, Effort::CHEAP)
+            },
+            sampling_bytes: sampling_bytes(setup),
+            sampling_work: sampling_work(setup),
+            ..self
+        }
+    }
+
+    /// Size of the engine of a display model.
+    #[must_use]
+    pub fn of(model: &DisplayModel, detector: Detector, threads: usize) -> Self {
+        let grid = model.setup.grid();
+        let varies = !model.variation.is_none();
+        let size = Self {
+            kernels_per_side: if varies { local_kernels::per_side(&model.variation) } else { 1 },
+            has_source: !model.source.is_flat(),
+            ..Self::ideal(grid.height_px(), grid.width_px(), detector, threads)
+        };
+        let has_errors = matches!(model.kernel, KernelShape::Smooth(_));
+        size.sampled_behind(&model.setup, matches!(model.kernel, KernelShape::Bins(_)), has_errors)
+    }
+
+    /// The same size with another detector.
+    #[must_use]
+    pub fn with_detector(self, detector: Detector) -> Self {
+        Self { detector, ..self }
+    }
+
+    /// Number of pixels.
+    #[must_use]
+    pub fn pixels(&self) -> u64 {
+        self.height_px as u64 * self.width_px as u64
+    }
+
+    pub(super) fn kernels(&self) -> u64 {
+        (self.kernels_per_side * self.kernels_per_side) as u64
+    }
+
+    /// Number of offsets of the sub-samples along each axis.
+    pub(super) fn offsets(&self) -> u64 {
+        self.detector.offsets_px().len() as u64
+    }
+
+    /// Number of half-transformed fields in the image.
+    pub(super) fn lanes(&self) -> u64 {
+        self.offsets().pow(if self.all_orders { 2 } else { 1 })
+    }
+
+    fn row_len(&self) -> u64 {
+        padded_columns(self.width_px, tile_columns::<f32>(self.height_px)) as u64
+    }
+
+    /// `lanes` half-transformed fields.
+    pub(super) fn half_spectrum_bytes(&self, lanes: u64) -> u64 {
+        lanes * self.height_px as u64 * self.row_len() * COMPLEX
+    }
+
+    /// One transfer function.
+    pub(super) fn transfer_bytes(&self) -> u64 {
+        2 * self.half_spectrum_bytes(1)
+    }
+
+    /// Transfer functions of all kernels.
+    #[must_use]
+    pub fn transfers_bytes(&self) -> u64 {
+        self.kernels() * self.transfer_bytes()
+    }
+
+    /// Transfer functions and tables of the SLM, which an engine keeps.
+    #[must_use]
+    pub fn engine_bytes(&self) -> u64 {
+        self.transfers_bytes()
+            + self.sample_transfers_bytes()
+            + if self.has_source { COMPLEX * self.pixels() } else { 0 }
+    }
+
+    /// Transfer functions to the sub-samples, which an engine keeps if the display shows all orders.
+    fn sample_transfers_bytes(&self) -> u64 {
+        if self.all_orders { self.lanes() * self.transfer_bytes() } else { 0 }
+    }
+
+    /// Memory of the tables of a sampled transfer function that a computation keeps besides the engine.
+    #[must_use]
+    pub fn sampled_bytes(&self) -> u64 {
+        let values = if self.is_filtered { 2 * self.pixels() } else { quadrant(self.height_px, self.width_px) };
+        self.sampling_bytes.min(values * COMPLEX_F64)
+    }
+
+    /// Scratch memory of all threads, and FFT plans.
+    #[must_use]
+    pub fn scratch_bytes(&self) -> u64 {
+        let (w, h, samples) = (self.width_px as u64, self.height_px as u64, self.offsets().pow(2));
+        let columns = tile_columns::<f32>(self.height_px) as u64;
+        let rows = (4 + samples) * w * COMPLEX + ROWS as u64 * self.row_len() * COMPLEX + (1 + samples) * w * REAL;
+        let tile = 5 * columns * h * COMPLEX;
+        // Lengths with large prime factors need up to four times their length.
+        let plans = 16 * (w + h) * COMPLEX;
+        self.threads as u64 * (rows + tile + 4 * w * COMPLEX) + plans
+    }
+
+    /// Buffers of half-transformed fields for propagations there and back.
+    #[must_use]
+    pub fn fields_bytes(&self) -> u64 {
+        2 * self.half_spectrum_bytes(self.lanes().max(self.kernels_per_side as u64))
+    }
+
+    /// Buffers of half-transformed fields for propagations to the image only.
+    #[must_use]
+    pub fn light_bytes(&self) -> u64 {
+        self.half_spectrum_bytes(self.lanes() + self.kernels_per_side as u64)
+    }
+
+    /// Memory for these transfer functions with another detector, and for their sampling.
+    pub(super) fn resampling_bytes(&self) -> u64 {
+        if self.all_orders { self.sample_transfers_bytes() + 4 * self.pixels() * COMPLEX } else { 0 }
+    }
+
+    /// Memory for measuring the quality of a hologram in one plane, as optimized and as quantized, besides the engine.
+    #[must_use]
+    pub fn quality_bytes(&self, frames: usize) -> u64 {
+        const SETS: u64 = 2;
+        let n = self.pixels();
+        let (point, fine) = (self.with_detector(Detector::Point), self.with_detector(Detector::Supersampled));
+        let (points, samples) = (SETS * n * REAL, 4 * n * REAL);
+        let propagated = match self.samples_bytes {
+            Some(sampling) => {
+                // The spectra of rows, then a transfer function, the fields, and the light of one place.
+                let transfer = point.transfer_bytes() + point.light_bytes() + 2 * n * REAL;
+                let own = if self.all_orders { SETS * n * REAL } else { point.transfer_bytes() };
+                own + SETS * samples + 4 * n * COMPLEX + sampling + transfer + point.scratch_bytes()
+            }
+            None => {
+                let propagated = fine.light_bytes().max(fine.half_spectrum_bytes(2) + samples);
+                propagated + (SETS - 1 + u64::from(frames > 1)) * samples + fine.scratch_bytes()
+            }
+        };
+        // The light of both, a copy of the samples, the halved pictures and the flat pixels.
+        let measured = SETS * (samples + n * REAL) + samples + samples / 2 + n;
+        points + propagated.max(measured)
+    }
+
+    /// Work of [`Self::quality_bytes`]: light and metrics for this number of frames.
+    #[must_use]
+    pub fn quality_work(&self, frames: usize) -> f64 {
+        const SETS: f64 = 2.0;
+        let (point, fine) = (self.with_detector(Detector::Point), self.with_detector(Detector::Supersampled));
+        let light = match self.samples_places {
+            0 => point.light_work() + fine.light_work(),
+            places => (places + 1) as f64 * point.light_work(),
+        };
+        SETS * frames as f64 * light + self.samples_work as f64 + METRICS_STAGES * self.pixels() as f64
+    }
+
+    /// Work of a second opinion with an effort on a hologram in one plane, for this number of frames and all of the detectors.
+    #[must_use]
+    pub fn opinion_work(&self, frames: usize, rows: usize, detectors: &[Detector]) -> f64 {
+        let of = |detector: &Detector| {
+            let places = match detector {
+                Detector::Point => 1,
+                Detector::Supersampled => 2,
+                Detector::Pixel => 4,
+            };
+            OPINION_STAGES + OPINION_ROW_STAGES * (rows * places) as f64
+        };
+        self.opinion_values as f64 * frames as f64 * detectors.iter().map(of).sum::<f64>()
+    }
+
+    /// Memory for the second opinion on a hologram in one plane, besides the engine and the light of its quality.
+    #[must_use]
+    pub fn opinion_bytes(&self) -> u64 {
+        if self.opinion_values == 0 { 0 } else { opinion_bytes([self.height_px, self.width_px], self.opinion_values) }
+    }
+
+    /// Memory for measuring what a hologram would show on a display that shows the other diffraction orders, besides the
+    /// engine: sampling, an engine with one sub-sample, its fields, and light. 0 where it is not measured.
+    #[must_use]
+    pub fn other_orders_bytes(&self) -> u64 {
+        if self.pixels() > OTHER_ORDERS_PIXELS_MAX as u64 {
+            return 0;
+        }
+        let other = Self { detector: Detector::Point, all_orders: !self.all_orders, ..*self };
+        let sampled = 4 * self.pixels() * COMPLEX;
+        other.engine_bytes() + sampled + other.light_bytes() + other.scratch_bytes() + 3 * self.pixels() * REAL
+    }
+
+    /// Work of [`Self::other_orders_bytes`] for this number of frames: four sub-samples, and their transfer functions.
+    #[must_use]
+    pub fn other_orders_work(&self, frames: usize) -> f64 {
+        if self.pixels() > OTHER_ORDERS_PIXELS_MAX as u64 {
+            return 0.0;
+        }
+        let point = Self { detector: Detector::Point, ..*self };
+        4.0 * frames as f64 * point.light_work() + (4 * self.pixels() * RESPONSE_STAGES) as f64
+    }
+
+    /// Work of one propagation to the image and its detection, in values times radix-2 stages.
+    #[must_use]
+    pub fn light_work(&self) -> f64 {
+        let (w, h) = (self.width_px as f64, self.height_px as f64);
+        let (lanes, sides) = (self.lanes() as f64, self.kernels_per_side as f64);
+        let along_x = (sides + self.detector.samples() as f64) * (w.log2() + STAGES_BESIDE);
+        let along_y = (sides * sides + lanes) * (h.log2() + STAGES_BESIDE);
+        2.0 * w * h * (along_x + along_y)
+    }
+
+    /// Work of one evaluation of a loss and its gradient.
+    #[must_use]
+    pub fn evaluation_work(&self) -> f64 {
+        2.0 * self.light_work()
+    }
+
+    /// Memory of a simulated bench of this display.
+    #[must_use]
+    pub fn bench_bytes(&self) -> u64 {
+        BENCH_BYTES_PER_PX * self.pixels()
+    }
+
+    /// Memory for drawing a simulated bench of this display and for its exposures, with the bench.
+    #[must_use]
+    pub fn simulation_bytes(&self) -> u64 {
+        self.bench_bytes() + EXPOSURE_BYTES_PER_PX * self.pixels()
+    }
+
+    /// Work of one photograph of a simulated bench: sixteen images in f64.
+    #[must_use]
+    pub fn simulation_work(&self, has_field_aberration: bool) -> f64 {
+        let (w, h) = (self.width_px as f64, self.height_px as f64);
+        let kernels = if has_field_aberration { 49.0 } else { 1.0 };
+        let transforms = 4.0 * w * h * ((16.0 + 4.0) * w.log2() + (8.0 + 2.0 * kernels) * h.log2());
+        F64_FACTOR * transforms
+    }
+}

@@ -1,0 +1,136 @@
+//! Memory and work of a fit of a display model.
+
+use super::{COMPLEX, COMPLEX_F64, EngineSize, REAL};
+use crate::SpatialVariation;
+use crate::chebyshev::ChebyshevBasis;
+use crate::convolution::tile_columns;
+use crate::learning::KernelModel;
+use crate::learning::sizes::{CURVATURE_PX, HARMONICS, SOURCE_ORDER, VARIATION_ORDER};
+
+/// Size of a fit of a display model to photographs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LearningSize {
+    /// Engine of the ideal display.
+    pub engine: EngineSize,
+    /// Model.
+    pub model: KernelModel,
+    /// Highest order of the kernel.
+    pub order: usize,
+    /// Number of distances.
+    pub distances: usize,
+    /// Rows and columns of the region that is compared \[px\].
+    pub region_px: [usize; 2],
+}
+
+impl LearningSize {
+    /// Engine during the fit.
+    #[must_use]
+    pub fn engine(&self) -> EngineSize {
+        let varies = self.model == KernelModel::Varying;
+        EngineSize {
+            kernels_per_side: if varies { EngineSize::KERNELS_PER_SIDE_MAX } else { 1 },
+            has_source: matches!(self.model, KernelModel::Display | KernelModel::Varying),
+            ..self.engine
+        }
+    }
+
+    /// Memory of a fit, besides the pairs.
+    #[must_use]
+    pub fn fit_bytes(&self) -> u64 {
+        let (engine, n) = (self.engine(), self.engine.pixels());
+        // Phase, photograph and weights of an example, and the pair it is made from.
+        let example = (3 + 2) * n * REAL;
+        let buffers = engine.engine_bytes() + engine.fields_bytes() + engine.scratch_bytes();
+        let back = engine.half_spectrum_bytes(engine.lanes());
+        buffers + back + example + if self.model.is_smooth() { self.smooth_bytes() } else { self.bins_bytes() }
+    }
+
+    /// What a smooth model needs in addition: ideal transfer functions, spectra, derivatives.
+    fn smooth_bytes(&self) -> u64 {
+        let (engine, n) = (self.engine(), self.engine.pixels());
+        let ideal = self.distances as u64 * engine.transfer_bytes();
+        let (kernels, threads) = (engine.kernels(), engine.threads as u64);
+        let spectra = engine.half_spectrum_bytes(2);
+        let tile = tile_columns::<f32>(engine.height_px) as u64 * engine.height_px as u64 * COMPLEX;
+        let correlation = threads * (kernels + 1) * 2 * tile
+            + 2 * engine.width_px as u64 * kernels * (ChebyshevBasis::ORDER_MAX as u64 + 1) * COMPLEX_F64 * 2;
+        let source = if engine.has_source { COMPLEX * n } else { 0 };
+        ideal + spectra + source + engine.sampling_bytes + correlation.max(self.curvature_bytes())
+    }
+
+    /// Derivatives at the sampled pixels, their products for each row, and some matrices.
+    fn curvature_bytes(&self) -> u64 {
+        let [rows, columns] = self.region_px.map(|side| side as u64);
+        let stride = (rows * columns / CURVATURE_PX as u64).max(1);
+        let (rows, parameters) = (rows.div_ceil(stride), self.parameters());
+        let samples = self.engine.detector.samples() as u64;
+        let derivatives = rows * columns * (parameters * REAL + samples * COMPLEX);
+        let joint = self.joint_parameters(parameters);
+        derivatives + rows * parameters * parameters / 2 * 8 + 4 * parameters * parameters * 8 + 6 * joint * joint * 8
+    }
+
+    /// Number of parameters of the model at one distance.
+    fn parameters(&self) -> u64 {
+        let terms = |order: usize| ChebyshevBasis::new(order).terms();
+        let kernel = 2 * terms(self.order);
+        let slm = 2 * terms(SOURCE_ORDER) + 2 * HARMONICS + 2;
+        let variation = SpatialVariation::POWERS * 2 * terms(VARIATION_ORDER);
+        let all = match self.model {
+            KernelModel::Display => kernel + slm,
+            KernelModel::Varying => kernel + slm + variation,
+            _ => kernel,
+        };
+        all as u64 + 2
+    }
+
+    fn joint_parameters(&self, parameters: u64) -> u64 {
+        // The kernel is a polynomial of the distance of degree 2 at most, and each distance has its own tilts.
+        parameters * self.distances.min(3) as u64 + 2 * self.distances as u64
+    }
+
+    /// What a model of bins needs in addition: its state, and the gradient of every bin.
+    fn bins_bytes(&self) -> u64 {
+        let engine = self.engine();
+        let tile = tile_columns::<f32>(engine.height_px) as u64 * engine.height_px as u64 * COMPLEX;
+        let correlation = engine.threads as u64 * 4 * tile;
+        self.state_bytes() + self.kernel_bytes() + correlation + engine.sampling_bytes
+    }
+
+    /// State of the fit, which a checkpoint stores.
+    #[must_use]
+    pub fn state_bytes(&self) -> u64 {
+        if self.model.is_smooth() {
+            let joint = self.joint_parameters(self.parameters());
+            return 8 * (joint * joint + 8 * joint);
+        }
+        3 * self.kernel_bytes()
+    }
+
+    /// The learned kernel: two numbers for each bin, or some hundred coefficients.
+    #[must_use]
+    pub fn kernel_bytes(&self) -> u64 {
+        match self.model {
+            KernelModel::Dense => 4 * self.engine.pixels() * COMPLEX,
+            KernelModel::Paper => self.engine.pixels() * COMPLEX,
+            _ => 8 * self.parameters(),
+        }
+    }
+
+    /// Work of one step with one pair: an evaluation and its gradient by the parameters.
+    #[must_use]
+    pub fn step_work(&self) -> f64 {
+        let engine = self.engine();
+        let gradient = engine.pixels() as f64 * 4.0 * engine.kernels() as f64 * (self.order + 2) as f64;
+        engine.evaluation_work() + engine.light_work() + gradient
+    }
+
+    /// Work of the curvature of one pair.
+    #[must_use]
+    pub fn curvature_work(&self) -> f64 {
+        let engine = self.engine();
+        let propagations = if engine.has_source { self.order + 20 } else { self.order + 1 };
+        let [rows, columns] = self.region_px.map(|side| side as f64);
+        let products = (rows * columns).min(2.0 * CURVATURE_PX as f64) * (self.parameters() as f64).powi(2) / 8.0;
+        propagations as f64 * engine.light_work() + products
+    }
+}

@@ -1,0 +1,85 @@
+//! Memory and work of sampling a transfer function.
+
+use super::COMPLEX_F64;
+use crate::engine::nodes;
+use crate::propagation::passes::{band_samples, frequencies, is_even, peak_values};
+use crate::{ConvolutionMethod, OpticalSetup};
+
+/// Time of sampling the response of a pixel at one lag and of the transforms of four sub-samples, in radix-2 stages of a value.
+pub(super) const RESPONSE_STAGES: u64 = 1700;
+/// Time of sampling one frequency of the band response and of its transforms, in radix-2 stages of a value.
+const BAND_STAGES: u64 = 270;
+/// Time of the four exact transfer functions of a report, in radix-2 stages of a frequency of a quarter of the band, if the
+/// response is even.
+const EVEN_SAMPLES_STAGES: u64 = 800;
+/// The same if the response is not even, behind a filter.
+const FILTERED_SAMPLES_STAGES: u64 = 3200;
+/// The same behind errors, and for the light at the pixels' centres as well.
+const SAMPLES_STAGES: u64 = 6000;
+
+/// Memory for the sampling of a transfer function, besides it: frequencies and lags in f64.
+#[must_use]
+pub fn sampling_bytes(setup: &OpticalSetup) -> u64 {
+    let grid = setup.grid();
+    let padded = padded_values(setup);
+    let values = match setup.method() {
+        // In single precision: the response along y, then its rows, then the columns.
+        ConvolutionMethod::BandResponse if setup.orders().filter().is_some() => {
+            (band_samples(setup, false).max(padded) + padded) / 2
+        }
+        ConvolutionMethod::BandResponse => peak_values(setup),
+        // In single precision.
+        ConvolutionMethod::AllOrders => padded / 2,
+        ConvolutionMethod::RayleighSommerfeld => 2 * quadrant(grid.height_px(), grid.width_px()),
+        ConvolutionMethod::FresnelImpulseResponse => 2 * (grid.height_px() + grid.width_px()) as u64,
+        _ => 0,
+    };
+    values * COMPLEX_F64
+}
+
+/// Work of sampling a transfer function, in values times radix-2 stages.
+#[must_use]
+pub fn sampling_work(setup: &OpticalSetup) -> u64 {
+    let grid = setup.grid();
+    match setup.method() {
+        ConvolutionMethod::BandResponse if setup.orders().filter().is_some() => 5 * frequencies(setup) * BAND_STAGES,
+        ConvolutionMethod::BandResponse => frequencies(setup) * BAND_STAGES,
+        ConvolutionMethod::AllOrders => padded_values(setup) * RESPONSE_STAGES,
+        _ => 2 * quadrant(grid.height_px(), grid.width_px()) * BAND_STAGES,
+    }
+}
+
+/// Work of sampling the exact transfer functions with which a report measures the light of a display, in values times radix-2
+/// stages. `has_errors`: behind smooth errors of its kernel.
+pub(super) fn samples_work(setup: &OpticalSetup, has_errors: bool) -> u64 {
+    match setup.method() {
+        ConvolutionMethod::AllOrders => {
+            // Those of the sub-samples, and of the nodes in a quarter of a pixel.
+            let responses = 1 + nodes(setup).map(|nodes| nodes.div_ceil(2)).iter().product::<usize>();
+            responses as u64 * padded_values(setup) * RESPONSE_STAGES
+        }
+        ConvolutionMethod::BandResponse if is_even(setup, has_errors) => frequencies(setup) * EVEN_SAMPLES_STAGES,
+        ConvolutionMethod::BandResponse if has_errors => frequencies(setup) * SAMPLES_STAGES,
+        ConvolutionMethod::BandResponse => frequencies(setup) * FILTERED_SAMPLES_STAGES,
+        _ => 0,
+    }
+}
+
+/// Number of places in a pixel at which a report measures light with these transfer functions.
+pub(super) fn samples_places(setup: &OpticalSetup) -> u64 {
+    const SUB_SAMPLES: u64 = 4;
+    match setup.method() {
+        ConvolutionMethod::AllOrders => SUB_SAMPLES + nodes(setup).iter().product::<usize>() as u64,
+        _ => SUB_SAMPLES,
+    }
+}
+
+/// Number of values of a transfer function on the padded frame.
+fn padded_values(setup: &OpticalSetup) -> u64 {
+    4 * setup.grid().height_px() as u64 * setup.grid().width_px() as u64
+}
+
+/// Number of lags or frequencies that determine an even transfer function.
+pub(super) fn quadrant(height_px: usize, width_px: usize) -> u64 {
+    (height_px as u64 + 1) * (width_px as u64 + 1)
+}
