@@ -1,4 +1,4 @@
-use crate::job_shapes::{HD, Hologram, LBFGS, Shape, Spec, adam, double_phase, gerchberg_saxton, hologram};
+use crate::job_shapes::{HD, Hologram, LBFGS, Shape, Spec, adam, all_orders, double_phase, gerchberg_saxton, hologram};
 use crate::process::Daemon;
 use lightpath::v1::{self, Detector, job::State, job_spec};
 use std::io::Write as _;
@@ -26,6 +26,8 @@ fn all() -> Vec<(Shape, u32)> {
         (hologram("Adam, supersampled", HD, Hologram { detector: Detector::Supersampled, ..adam() }), 8),
         (hologram("L-BFGS, 3 iterations", HD, Hologram { iterations: 3, ..LBFGS }), 8),
         (hologram("Gerchberg–Saxton", HD, gerchberg_saxton()), 4),
+        (hologram("L-BFGS, all orders", HD, Hologram { orders: Some(all_orders()), ..LBFGS }), 8),
+        (Shape { name: "1920×1080".into(), size_px: HD, spec: Spec::Verify }, 8),
         (Shape { name: "1920×1080".into(), size_px: HD, spec: Spec::Dataset(model) }, 10),
         (Shape { name: "dense, 1920×1080".into(), size_px: HD, spec: Spec::Dataset(dense) }, 10),
         (Shape { name: "capture, 1920×1080".into(), size_px: HD, spec: Spec::Capture }, 8),

@@ -1,4 +1,7 @@
-use crate::job_shapes::{HD, Hologram, LBFGS, SMALL, Shape, Spec, UHD, adam, double_phase, gerchberg_saxton, hologram};
+use crate::job_shapes::{
+    HD, Hologram, LBFGS, SMALL, Shape, Spec, UHD, adam, all_orders, double_phase, gerchberg_saxton, half_order,
+    hologram,
+};
 use crate::process::Daemon;
 use lightpath::v1::{self, Detector, job::State, job_spec};
 use std::io::Write as _;
@@ -42,6 +45,11 @@ fn all() -> Vec<Shape> {
         hologram("Adam, pixel", HD, adam()),
         hologram("Adam, back-propagated", HD, Hologram { back_propagated: true, ..adam() }),
         hologram("Adam, 8 frames, 2 planes", SMALL, Hologram { frames: 8, planes: 2, ..adam() }),
+        hologram("L-BFGS, all orders", SMALL, Hologram { orders: Some(all_orders()), ..LBFGS }),
+        hologram("L-BFGS, all orders", HD, Hologram { orders: Some(all_orders()), ..LBFGS }),
+        hologram("L-BFGS, filtered", HD, Hologram { orders: Some(half_order()), ..LBFGS }),
+        Shape { name: "960×540".into(), size_px: SMALL, spec: Spec::Verify },
+        Shape { name: "1920×1080".into(), size_px: HD, spec: Spec::Verify },
         hologram("Gerchberg–Saxton", HD, gerchberg_saxton()),
         hologram("Gerchberg–Saxton, 3 planes", square, Hologram { planes: 3, ..gerchberg_saxton() }),
         hologram("double phase", HD, double_phase()),

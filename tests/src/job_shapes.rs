@@ -1,6 +1,7 @@
 //! Jobs of all kinds and sizes, for the tests of their memory and of their ends.
 
 use crate::material::{DISTANCE_M, WAVELENGTH_M, target};
+use lightpath::v1::display::Orders;
 use lightpath::v1::optimize_hologram::{ImagePlane, InitialPhase, initial_phase};
 use lightpath::v1::{self, Detector, HologramMethod, job_spec};
 use lightpath::{Client, names};
@@ -25,6 +26,8 @@ pub(crate) enum Spec {
     /// The jobs of a dataset with this model: finalize, learn, evaluate, report.
     Dataset(v1::KernelModel),
     Capture,
+    /// The judgement of a hologram.
+    Verify,
     /// The report on a kernel with a value for each frequency, with as many other versions.
     DenseReport(u32),
 }
@@ -40,6 +43,8 @@ pub(crate) struct Hologram {
     pub(crate) masked: bool,
     pub(crate) back_propagated: bool,
     pub(crate) quantization_aware: bool,
+    /// What the display shows; `None`: the first order of its pixels.
+    pub(crate) orders: Option<Orders>,
 }
 
 pub(crate) const LBFGS: Hologram = Hologram {
@@ -52,6 +57,7 @@ pub(crate) const LBFGS: Hologram = Hologram {
     masked: false,
     back_propagated: false,
     quantization_aware: false,
+    orders: None,
 };
 
 pub(crate) fn hologram(name: &str, size_px: (u32, u32), hologram: Hologram) -> Shape {
@@ -74,22 +80,33 @@ pub(crate) fn double_phase() -> Hologram {
     Hologram { method: HologramMethod::DoublePhase, iterations: 0, ..LBFGS }
 }
 
+pub(crate) fn all_orders() -> Orders {
+    Orders::AllOrders(v1::AllOrders::default())
+}
+
+pub(crate) fn half_order() -> Orders {
+    Orders::OrderFilter(v1::OrderFilter { height: 0.5, ..Default::default() })
+}
+
 impl Shape {
     /// Declares the display, uploads what the jobs read, and returns their kinds and specs. Each job needs that those
     /// before it have succeeded.
     pub(crate) async fn prepare(&self, client: &Client) -> Vec<(&'static str, job_spec::Kind)> {
+        let orders = if let Spec::Hologram(hologram) = &self.spec { hologram.orders } else { None };
         let display = v1::Display {
             name: names::display("lab"),
             width_px: self.size_px.0,
             height_px: self.size_px.1,
             pixel_pitch_m: 8e-6,
             wavelengths_m: vec![450e-9, WAVELENGTH_M, 638e-9],
-            simulated_bench: Some(v1::SimulatedBench { seed: 7, ..Default::default() }),
+            simulated_bench: orders.is_none().then(|| v1::SimulatedBench { seed: 7, ..Default::default() }),
+            orders,
             ..Default::default()
         };
         client.create_display(v1::CreateDisplayRequest { display: Some(display) }).await.unwrap();
         match &self.spec {
             Spec::Hologram(hologram) => vec![("optimize", hologram_spec(client, self.size_px, hologram).await)],
+            Spec::Verify => vec![("verify", verify_spec(client, self.size_px).await)],
             Spec::Capture => vec![("simulate", capture_spec(client, self.size_px).await)],
             Spec::Dataset(model) => dataset_specs(client, self.size_px, *model).await,
             Spec::DenseReport(others) => vec![("report", dense_report_spec(client, self.size_px, *others).await)],
@@ -120,6 +137,15 @@ async fn hologram_spec(client: &Client, size_px: (u32, u32), shape: &Hologram) -
         quantization_aware: shape.quantization_aware,
         ..Default::default()
     })
+}
+
+/// Makes a hologram. Returns the spec of the job that judges it.
+async fn verify_spec(client: &Client, size_px: (u32, u32)) -> job_spec::Kind {
+    let spec = hologram_spec(client, size_px, &Hologram { iterations: 2, ..adam() }).await;
+    let request = v1::SubmitJobRequest { spec: Some(lightpath::job_spec(spec)), ..Default::default() };
+    let job = client.submit(request).await.unwrap().name;
+    client.wait(&job, |_| ()).await.unwrap();
+    job_spec::Kind::VerifyHologram(v1::VerifyHologram { job })
 }
 
 async fn capture_spec(client: &Client, size_px: (u32, u32)) -> job_spec::Kind {
