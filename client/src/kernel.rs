@@ -49,11 +49,12 @@ impl Client {
     ///
     /// The errors of [`Self::fetch_kernel_to_as`].
     pub async fn fetch_kernel_to(&self, kernel: &str, version: u32, path: &Path) -> Result<KernelVersion> {
-        Ok(self.fetch_kernel_to_as(kernel, version, KernelFormat::Safetensors, path).await?.0)
+        Ok(self.fetch_kernel_to_as(kernel, version, KernelFormat::Safetensors, path, |_| {}).await?.0)
     }
 
     /// Writes the file of a kernel version in a format to `path`. Version 0 means the active version. The file appears,
-    /// or is replaced, only after the whole download is checked.
+    /// or is replaced, only after the whole download is checked. For a format other than safetensors `before` is called
+    /// before that, with what the format loses.
     ///
     /// # Errors
     ///
@@ -64,9 +65,13 @@ impl Client {
         version: u32,
         format: KernelFormat,
         path: &Path,
+        before: impl FnOnce(&KernelFile),
     ) -> Result<(KernelVersion, Option<KernelFile>)> {
         let mut file = PartialFile::create(path)?;
         let (version, converted, bytes) = self.fetch_kernel_as(kernel, version, format).await?;
+        if let Some(converted) = &converted {
+            before(converted);
+        }
         file.write(&bytes)?;
         file.finish()?;
         Ok((version, converted))

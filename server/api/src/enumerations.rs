@@ -4,7 +4,7 @@ use crate::error::ApiError;
 use crate::field::Field;
 use lightpath_domain::dataset::{AlignmentMethod, Encoding, FindingKind, Split};
 use lightpath_domain::job::{Fit, JobState};
-use lightpath_media::kernel_formats::KernelFormat;
+use lightpath_media::kernel_formats::{KernelFormat, Loss};
 use lightpath_optics::photometry::Quantity;
 use lightpath_optics::{Carrier, Detector, FilterShape, KernelModel, PropagationMethod};
 use lightpath_proto::v1;
@@ -61,6 +61,9 @@ convert_by_name! {
     Encoding = v1::Encoding { Linear Srgb }
     JobState = v1::job::State { Queued Running Succeeded Failed Cancelled }
     KernelFormat = v1::KernelFormat { Safetensors Compact Pt Npy Npz Complex64 F16 }
+    Loss = v1::KernelLoss {
+        Source PhaseResponse ZeroOrder GainAndOffset Variation OuterSpectrum Parameters Interpolation Precision
+    }
     AlignmentMethod = v1::alignment::Method { Points Dots Pairs }
     FindingKind = v1::finding::Kind {
         Black Saturated BlackClipped LowContrast Duplicate WrongHologram Misaligned Vignetting ExposureUnknown

@@ -36,7 +36,7 @@ use safetensors::{Dtype, SafeTensorError, SafeTensors};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 
-const METADATA_KEY: &str = "lightpath";
+pub(crate) const METADATA_KEY: &str = "lightpath";
 const FORMAT: &str = "lightpath-kernel";
 const FORMAT_VERSION: u32 = 1;
 
@@ -73,11 +73,12 @@ pub enum KernelFileError {
     Model(#[from] lightpath_optics::Error),
 }
 
+/// The kernel's metadata.
 #[derive(Serialize, Deserialize)]
-struct Header {
+pub(crate) struct Header {
     format: String,
     format_version: u32,
-    model: KernelModel,
+    pub(crate) model: KernelModel,
     height_px: usize,
     width_px: usize,
     pixel_pitch_m: f64,
@@ -92,6 +93,23 @@ struct Header {
     orders: Orders,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     interpolated_from_m: Vec<f64>,
+}
+
+impl Header {
+    /// Reads the metadata, and refuses another format or a later version.
+    pub(crate) fn parse(text: &str) -> Result<Self, KernelFileError> {
+        let header: Self = serde_json::from_str(text)?;
+        if header.format != FORMAT || header.format_version != FORMAT_VERSION {
+            return Err(KernelFileError::Format { format: header.format, version: header.format_version });
+        }
+        Ok(header)
+    }
+
+    fn setup(&self) -> Result<OpticalSetup, KernelFileError> {
+        let grid = Grid::try_new(self.height_px, self.width_px, self.pixel_pitch_m)?;
+        let setup = OpticalSetup::try_new(grid, self.wavelength_m, self.distance_m)?;
+        Ok(setup.with_method_regardless(self.propagation).with_orders(self.orders)?)
+    }
 }
 
 fn is_first(orders: &Orders) -> bool {
@@ -121,8 +139,27 @@ pub fn encode_interpolated(
     kind: KernelModel,
     from_m: &[f64],
 ) -> Result<Vec<u8>, KernelFileError> {
+    let tensors = tensors(model);
+    let metadata = HashMap::from([(METADATA_KEY.to_owned(), header_text(model, kind, from_m)?)]);
+    let views = tensors
+        .iter()
+        .map(|tensor| Ok((tensor.name, TensorView::new(tensor.dtype, tensor.shape.clone(), &tensor.bytes)?)))
+        .collect::<Result<Vec<_>, SafeTensorError>>()?;
+    Ok(safetensors::serialize(views, Some(metadata))?)
+}
+
+/// A tensor of a kernel file, with little-endian numbers.
+pub(crate) struct Tensor {
+    pub(crate) name: &'static str,
+    pub(crate) dtype: Dtype,
+    pub(crate) shape: Vec<usize>,
+    pub(crate) bytes: Vec<u8>,
+}
+
+/// The metadata of a kernel, as JSON.
+pub(crate) fn header_text(model: &DisplayModel, kind: KernelModel, from_m: &[f64]) -> Result<String, KernelFileError> {
     let grid = model.setup.grid();
-    let header = Header {
+    Ok(serde_json::to_string(&Header {
         format: FORMAT.to_owned(),
         format_version: FORMAT_VERSION,
         model: kind,
@@ -137,37 +174,49 @@ pub fn encode_interpolated(
         propagation: model.setup.method(),
         orders: model.setup.orders(),
         interpolated_from_m: from_m.to_vec(),
-    };
-    let photometry = [model.gain, model.offset, model.zero_order.re, model.zero_order.im];
-    let mut tensors = vec![("photometry", Dtype::F64, vec![4], bytes_f64(&photometry))];
-    let mut series = |name, values: &[f64]| tensors.push((name, Dtype::F64, vec![values.len()], bytes_f64(values)));
-    if let KernelShape::Smooth(errors) = &model.kernel {
-        series("kernel.log_amplitude", &errors.log_amplitude);
-        series("kernel.phase", &errors.phase);
+    })?)
+}
+
+/// The tensors of a kernel.
+fn tensors(model: &DisplayModel) -> Vec<Tensor> {
+    let mut tensors = series(model);
+    if let KernelShape::Bins(bins) = &model.kernel {
+        let bytes = bins.values().iter().flat_map(|h| [h.re, h.im]).flat_map(f32::to_le_bytes).collect();
+        let shape = vec![bins.height_px(), bins.width_px(), 2];
+        tensors.push(Tensor { name: "kernel.bins", dtype: Dtype::F32, shape, bytes });
     }
-    series("source.log_amplitude", &model.source.log_amplitude);
-    series("source.phase", &model.source.phase);
+    tensors
+}
+
+/// The tensors of a kernel without `kernel.bins`. All of them are f64.
+pub(crate) fn series(model: &DisplayModel) -> Vec<Tensor> {
+    let mut tensors = Vec::new();
+    let mut add = |name, shape, values: &[f64]| {
+        tensors.push(Tensor { name, dtype: Dtype::F64, shape, bytes: bytes_f64(values) });
+    };
+    add("photometry", vec![4], &[model.gain, model.offset, model.zero_order.re, model.zero_order.im]);
+    let flat = SmoothField::flat(0);
+    let kernel = match &model.kernel {
+        KernelShape::Smooth(errors) => Some(errors),
+        KernelShape::Ideal => Some(&flat),
+        KernelShape::Bins(_) => None,
+    };
+    if let Some(errors) = kernel {
+        add("kernel.log_amplitude", vec![errors.log_amplitude.len()], &errors.log_amplitude);
+        add("kernel.phase", vec![errors.phase.len()], &errors.phase);
+    }
+    add("source.log_amplitude", vec![model.source.log_amplitude.len()], &model.source.log_amplitude);
+    add("source.phase", vec![model.source.phase.len()], &model.source.phase);
     if !model.variation.is_none() {
         let mut per_power = |name, of: fn(&SmoothField) -> &[f64]| {
             let values: Vec<f64> = model.variation.fields().iter().flat_map(of).copied().collect();
-            let shape = vec![SpatialVariation::POWERS, values.len() / SpatialVariation::POWERS];
-            tensors.push((name, Dtype::F64, shape, bytes_f64(&values)));
+            add(name, vec![SpatialVariation::POWERS, values.len() / SpatialVariation::POWERS], &values);
         };
         per_power("variation.log_amplitude", |field| &field.log_amplitude);
         per_power("variation.phase", |field| &field.phase);
     }
-    let harmonics = vec![model.response.len(), 2];
-    tensors.push(("response", Dtype::F64, harmonics, bytes_f64(model.response.as_flattened())));
-    if let KernelShape::Bins(bins) = &model.kernel {
-        let bytes = bins.values().iter().flat_map(|h| [h.re, h.im]).flat_map(f32::to_le_bytes).collect();
-        tensors.push(("kernel.bins", Dtype::F32, vec![bins.height_px(), bins.width_px(), 2], bytes));
-    }
-    let metadata = HashMap::from([(METADATA_KEY.to_owned(), serde_json::to_string(&header)?)]);
-    let views = tensors
-        .iter()
-        .map(|(name, dtype, shape, bytes)| Ok((*name, TensorView::new(*dtype, shape.clone(), bytes)?)))
-        .collect::<Result<Vec<_>, SafeTensorError>>()?;
-    Ok(safetensors::serialize(views, Some(metadata))?)
+    add("response", vec![model.response.len(), 2], model.response.as_flattened());
+    tensors
 }
 
 /// Reads a kernel file and checks that it describes a possible display. Returns the model and its parametrization.
@@ -177,50 +226,58 @@ pub fn encode_interpolated(
 /// [`KernelFileError`] for a file that is damaged, of another format or version, or not a possible kernel.
 pub fn decode(bytes: &[u8]) -> Result<(DisplayModel, KernelModel), KernelFileError> {
     let header = header(bytes)?;
-    if header.format != FORMAT || header.format_version != FORMAT_VERSION {
-        return Err(KernelFileError::Format { format: header.format, version: header.format_version });
-    }
     let tensors = SafeTensors::deserialize(bytes)?;
-    let grid = Grid::try_new(header.height_px, header.width_px, header.pixel_pitch_m)?;
-    let setup = OpticalSetup::try_new(grid, header.wavelength_m, header.distance_m)?;
-    let setup = setup.with_method_regardless(header.propagation).with_orders(header.orders)?;
-    let [gain, offset, re, im] = floats(&tensors, "photometry")?[..] else {
-        return Err(KernelFileError::Tensor { name: "photometry", expected: "four f64" });
+    let model = assemble(&header, |name| floats(&tensors, name), || bins(&tensors))?;
+    Ok((model, header.model))
+}
+
+/// Makes the model of a header from its tensors. `floats` reads a tensor by its name, `bins` reads `kernel.bins`.
+pub(crate) fn assemble<E: From<KernelFileError>>(
+    header: &Header,
+    floats: impl Fn(&'static str) -> Result<Vec<f64>, E>,
+    bins: impl FnOnce() -> Result<Plane<Complex32>, E>,
+) -> Result<DisplayModel, E> {
+    let setup = header.setup()?;
+    let [gain, offset, re, im] = floats("photometry")?[..] else {
+        return Err(KernelFileError::Tensor { name: "photometry", expected: "four f64" }.into());
     };
     let model = DisplayModel {
         setup,
         kernel: match header.model {
-            KernelModel::Paper | KernelModel::Dense => KernelShape::Bins(bins(&tensors)?),
+            KernelModel::Paper | KernelModel::Dense => KernelShape::Bins(bins()?),
             KernelModel::Smooth | KernelModel::Display | KernelModel::Varying => KernelShape::Smooth(SmoothField {
                 order: header.kernel_order,
-                log_amplitude: floats(&tensors, "kernel.log_amplitude")?,
-                phase: floats(&tensors, "kernel.phase")?,
+                log_amplitude: floats("kernel.log_amplitude")?,
+                phase: floats("kernel.phase")?,
             }),
         },
-        variation: variation(&tensors, header.variation_order)?,
+        variation: variation(&floats, header.variation_order)?,
         source: SmoothField {
             order: header.source_order,
-            log_amplitude: floats(&tensors, "source.log_amplitude")?,
-            phase: floats(&tensors, "source.phase")?,
+            log_amplitude: floats("source.log_amplitude")?,
+            phase: floats("source.phase")?,
         },
-        response: floats(&tensors, "response")?.as_chunks().0.to_vec(),
+        response: floats("response")?.as_chunks().0.to_vec(),
         zero_order: Complex64::new(re, im),
         gain,
         offset,
     };
-    model.validate()?;
-    Ok((model, header.model))
+    model.validate().map_err(KernelFileError::from)?;
+    Ok(model)
 }
 
-fn variation(tensors: &SafeTensors<'_>, order: usize) -> Result<SpatialVariation, KernelFileError> {
+fn variation<E: From<KernelFileError>>(
+    floats: impl Fn(&'static str) -> Result<Vec<f64>, E>,
+    order: usize,
+) -> Result<SpatialVariation, E> {
     if order == 0 {
         return Ok(SpatialVariation::none());
     }
-    let per_power = |name| -> Result<Vec<Vec<f64>>, KernelFileError> {
-        let values = floats(tensors, name)?;
+    let per_power = |name| -> Result<Vec<Vec<f64>>, E> {
+        let values = floats(name)?;
         let terms = values.len() / SpatialVariation::POWERS;
         if terms == 0 || values.len() % SpatialVariation::POWERS != 0 {
-            return Err(KernelFileError::Tensor { name, expected: "f64 of shape [5, terms]" });
+            return Err(KernelFileError::Tensor { name, expected: "f64 of shape [5, terms]" }.into());
         }
         Ok(values.chunks_exact(terms).map(<[f64]>::to_vec).collect())
     };
@@ -245,7 +302,7 @@ pub fn interpolated_from_m(bytes: &[u8]) -> Result<Vec<f64>, KernelFileError> {
 fn header(bytes: &[u8]) -> Result<Header, KernelFileError> {
     let (_, metadata) = SafeTensors::read_metadata(bytes)?;
     let header = metadata.metadata().as_ref().and_then(|metadata| metadata.get(METADATA_KEY));
-    Ok(serde_json::from_str(header.ok_or(KernelFileError::NoHeader)?)?)
+    Header::parse(header.ok_or(KernelFileError::NoHeader)?)
 }
 
 fn bytes_f64(values: &[f64]) -> Vec<u8> {

@@ -203,6 +203,13 @@ pub(super) fn version_facts(version: &KernelVersion) -> String {
         facts.add("server", &lineage.code_version);
         facts.add("parent", show::version_or_dash(lineage.parent_version));
     }
+    facts.add_some("note", note(&lineage.parameters_json));
     facts.add_some("created", version.create_time.as_ref().map(show::time));
     facts.text()
+}
+
+/// What the file of an imported version did not hold.
+fn note(parameters_json: &str) -> Option<String> {
+    let parameters: serde_json::Value = serde_json::from_str(parameters_json).ok()?;
+    Some(parameters.get("note")?.as_str()?.to_owned())
 }

@@ -3,7 +3,7 @@
 //! A converted file may have hundreds of megabytes. It is kept in the artifact folder's cache and not in memory, so that
 //! slow clients hold no memory, and many clients that want the same kernel share one conversion.
 
-use lightpath_media::kernel_formats::KernelFormat;
+use lightpath_media::kernel_formats::{KernelFormat, Loss};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -25,6 +25,8 @@ pub(crate) struct Converted {
     pub(crate) size_bytes: u64,
     /// Error that the format causes.
     pub(crate) relative_error: f64,
+    /// What the format does not hold.
+    pub(crate) losses: Vec<Loss>,
 }
 
 /// The converted files on disk. Clones share them.
@@ -72,7 +74,15 @@ mod tests {
 
     fn file(name: &str, size_bytes: u64) -> (ConversionKey, Converted) {
         let key = ConversionKey { artifact: name.to_owned(), format: KernelFormat::Npz };
-        (key, Converted { digest: format!("digest of {name}"), size_bytes, relative_error: 0.0 })
+        (
+            key,
+            Converted {
+                digest: format!("digest of {name}"),
+                size_bytes,
+                relative_error: 0.0,
+                losses: vec![Loss::Precision],
+            },
+        )
     }
 
     #[test]

@@ -77,6 +77,7 @@ impl Api {
             digest: converted.digest,
             size_bytes: converted.size_bytes,
             relative_error: converted.relative_error,
+            losses: converted.losses.into_iter().map(|loss| loss.to_wire()).collect(),
         };
         let head = [Part::Version(to_wire::version(version)), Part::File(file)].map(|part| Ok(message(part)));
         Ok(stream::iter(head).chain(chunks(reader, open).map(|chunk| chunk.map(Part::Chunk).map(message))).boxed())
@@ -119,15 +120,13 @@ impl Api {
         let (artifacts, artifact) = (self.artifacts.clone(), version.content.artifact.clone());
         let export = move || -> Result<_, ArtifactError> {
             let file = artifacts.read_blocking(&artifact)?;
-            let decoded = kernel_file::decode(&file).map_err(KernelFormatError::from);
-            let exported = decoded.and_then(|(model, kind)| kernel_formats::export(&model, kind, format));
-            let Exported { bytes, relative_error } = match exported {
+            let Exported { bytes, relative_error, losses } = match exported(&file, format) {
                 Ok(exported) => exported,
                 Err(error) => return Ok(Err(error)),
             };
             let digest = artifacts.put_conversion_blocking(&bytes)?;
             let reader = artifacts.read_conversion_blocking(&digest)?;
-            Ok(Ok((Converted { digest, size_bytes: bytes.len() as u64, relative_error }, reader)))
+            Ok(Ok((Converted { digest, size_bytes: bytes.len() as u64, relative_error, losses }, reader)))
         };
         let exported = self.accounts.compute(call, need_bytes, export).await??;
         exported.map_err(|error| ApiError::Precondition {
@@ -143,6 +142,12 @@ impl Api {
             ApiError::Precondition { reason: PreconditionReason::NoActiveKernel, message }
         })
     }
+}
+
+/// Converts a file in the native format.
+fn exported(file: &[u8], format: KernelFormat) -> Result<Exported, KernelFormatError> {
+    let (model, kind) = kernel_file::decode(file)?;
+    kernel_formats::export_interpolated(&model, kind, &kernel_file::interpolated_from_m(file)?, format)
 }
 
 fn message(part: Part) -> v1::FetchKernelResponse {

@@ -44,7 +44,7 @@ impl Api {
             let file = artifacts.read_blocking(&name)?;
             Ok(imported(&file, &setup, |setup| require_setup(&refused, setup, &display, &key).map(|()| key)))
         };
-        let Import { key, kind, form, native_file, interpolated_from_m } =
+        let Import { key, kind, form, native_file, interpolated_from_m, note } =
             self.accounts.compute(call, need_bytes, read).await??.map_err(|error| match error {
                 ImportError::Format(error) => field.invalid(format!("({digest}): {error}")),
                 ImportError::Setup(error) => error,
@@ -53,7 +53,10 @@ impl Api {
             None => (digest, record.size_bytes, "{}".to_owned()),
             // The kernel is stored in the native format, which all other code reads.
             Some(file) => {
-                let parameters = serde_json::json!({ "imported_from": form, "artifact": digest });
+                let mut parameters = serde_json::json!({ "imported_from": form, "artifact": digest });
+                if let Some(note) = note {
+                    parameters["note"] = note.into();
+                }
                 let size_bytes = file.len() as u64;
                 (self.store_artifact(call, file).await?, size_bytes, parameters.to_string())
             }
@@ -80,6 +83,8 @@ struct Import {
     /// The kernel in the native format, if the file has another format.
     native_file: Option<Vec<u8>>,
     interpolated_from_m: Vec<f64>,
+    /// What the file did not hold, for people; `None` if it held a whole model.
+    note: Option<String>,
 }
 
 /// Why a file is not accepted.
@@ -95,13 +100,15 @@ fn imported(
     setup: &OpticalSetup,
     key_of: impl FnOnce(&OpticalSetup) -> Result<KernelKey, ApiError>,
 ) -> Result<Import, ImportError> {
-    let Imported { model, kind, form, native } = kernel_formats::import(file, setup).map_err(ImportError::Format)?;
+    let imported = kernel_formats::import(file, setup).map_err(ImportError::Format)?;
+    let note = imported.note();
+    let Imported { model, kind, form, native, .. } = imported;
     let key = key_of(&model.setup).map_err(ImportError::Setup)?;
     let encode = || kernel_file::encode(&model, kind).map_err(|error| ImportError::Format(error.into()));
     let native_file = (!native).then(encode).transpose()?;
     // Files in other formats do not contain these distances.
     let interpolated_from_m = kernel_file::interpolated_from_m(file).unwrap_or_default();
-    Ok(Import { key, kind, form, native_file, interpolated_from_m })
+    Ok(Import { key, kind, form, native_file, interpolated_from_m, note })
 }
 
 /// A dataset of which only the distance is known. `None` if the distance is not valid.

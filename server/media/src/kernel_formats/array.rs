@@ -67,32 +67,99 @@ impl Array {
 
     /// Reads an array from a `.npy` file.
     pub(super) fn read_npy(name: &str, bytes: &[u8]) -> Result<Self, KernelFormatError> {
-        let expected = "a .npy file of float16, float32, float64, complex64 or complex128, little-endian, C order";
-        let refused =
-            |actual: String| KernelFormatError::Array { name: name.to_owned(), actual, expected: expected.to_owned() };
-        npy::require_plain_header(bytes).map_err(refused)?;
-        let mut rest = bytes;
-        let header = npyz::NpyHeader::from_reader(&mut rest).map_err(|error| refused(format!("damaged ({error})")))?;
-        let described = header.dtype().descr();
-        let kind = match (header.dtype(), described.trim_matches('\'')) {
-            (DType::Plain(_), "<f2") => Kind::F16,
-            (DType::Plain(_), "<f4") => Kind::F32,
-            (DType::Plain(_), "<f8") => Kind::F64,
-            (DType::Plain(_), "<c8") => Kind::C64,
-            (DType::Plain(_), "<c16") => Kind::C128,
-            _ => return Err(refused(described)),
+        let file = NpyFile::open(name, bytes)?;
+        let kind = match file.descr.as_str() {
+            "<f2" => Kind::F16,
+            "<f4" => Kind::F32,
+            "<f8" => Kind::F64,
+            "<c8" => Kind::C64,
+            "<c16" => Kind::C128,
+            _ => return Err(file.refused("of float16, float32, float64, complex64 or complex128")),
         };
-        if header.order() != Order::C {
-            return Err(refused("in Fortran order".to_owned()));
-        }
-        let shape = header.shape().iter().map(|&side| side as usize).collect();
-        Self::new(name, shape, kind, rest)
+        Self::new(name, file.shape, kind, file.data)
     }
 
     /// Description of the array for messages.
     pub(super) fn described(&self) -> String {
         format!("{} of shape {:?}", if self.complex { "complex" } else { "real" }, self.shape)
     }
+}
+
+/// A `.npy` file after its header was read.
+pub(super) struct NpyFile<'a> {
+    name: String,
+    /// NumPy's name of the number type, for example `<f4`.
+    pub(super) descr: String,
+    shape: Vec<usize>,
+    pub(super) data: &'a [u8],
+}
+
+impl<'a> NpyFile<'a> {
+    /// Reads the header of a file in C order. `name` stands for the array in messages.
+    pub(super) fn open(name: &str, bytes: &'a [u8]) -> Result<Self, KernelFormatError> {
+        let refused = |actual: String| KernelFormatError::Array {
+            name: name.to_owned(),
+            actual,
+            expected: "a .npy file of numbers, little-endian, C order".to_owned(),
+        };
+        npy::require_plain_header(bytes).map_err(refused)?;
+        let mut data = bytes;
+        let header = npyz::NpyHeader::from_reader(&mut data).map_err(|error| refused(format!("damaged ({error})")))?;
+        let descr = header.dtype().descr().trim_matches('\'').to_owned();
+        if !matches!(header.dtype(), DType::Plain(_)) {
+            return Err(refused(descr));
+        }
+        if header.order() != Order::C {
+            return Err(refused("in Fortran order".to_owned()));
+        }
+        let shape = header.shape().iter().map(|&side| side as usize).collect();
+        Ok(Self { name: name.to_owned(), descr, shape, data })
+    }
+
+    /// The numbers of an array of float64 or float32, without rounding.
+    pub(super) fn f64s(&self) -> Result<Vec<f64>, KernelFormatError> {
+        let count = self.shape.iter().try_fold(1_usize, |product, &side| product.checked_mul(side));
+        let numbers: Vec<f64> = match self.descr.as_str() {
+            "<f8" => self.data.as_chunks().0.iter().map(|&chunk| f64::from_le_bytes(chunk)).collect(),
+            "<f4" => self.data.as_chunks().0.iter().map(|&chunk| f32::from_le_bytes(chunk).into()).collect(),
+            _ => return Err(self.refused("of float64 or float32")),
+        };
+        let size = if self.descr == "<f8" { 8 } else { 4 };
+        if count.and_then(|count| count.checked_mul(size)) != Some(self.data.len()) {
+            return Err(self.refused("as long as its shape"));
+        }
+        if let Some(index) = numbers.iter().position(|number| !number.is_finite()) {
+            return Err(KernelFormatError::NotFinite { name: self.name.clone(), index });
+        }
+        Ok(numbers)
+    }
+
+    /// The text of an array that holds a single one.
+    pub(super) fn text(&self) -> Result<String, KernelFormatError> {
+        let letters: Option<usize> = self.descr.strip_prefix("<U").and_then(|count| count.parse().ok());
+        let is_one = self.shape.iter().all(|&side| side == 1);
+        if !is_one || letters.and_then(|count| count.checked_mul(4)) != Some(self.data.len()) {
+            return Err(self.refused("of one text"));
+        }
+        let points = self.data.as_chunks().0.iter().map(|&chunk| char::from_u32(u32::from_le_bytes(chunk)));
+        let text: Option<String> = points.collect();
+        // NumPy pads texts with zeros.
+        text.map(|text| text.trim_end_matches('\0').to_owned()).ok_or_else(|| self.refused("of one text"))
+    }
+
+    fn refused(&self, expected: &str) -> KernelFormatError {
+        KernelFormatError::Array {
+            name: self.name.clone(),
+            actual: format!("{} of shape {:?} in {} bytes", self.descr, self.shape, self.data.len()),
+            expected: format!("a .npy file {expected}, little-endian"),
+        }
+    }
+}
+
+/// Writes a `.npy` file of one text.
+pub(super) fn npy_text(text: &str) -> Vec<u8> {
+    let points: Vec<u8> = text.chars().flat_map(|letter| u32::from(letter).to_le_bytes()).collect();
+    npy(&format!("<U{}", points.len() / 4), &[], &points)
 }
 
 /// Writes a `.npy` file, version 1.0. `descr` is NumPy's name of the number type, for example `<f4`.
@@ -130,6 +197,22 @@ mod tests {
         }
         let file = npy("<c8", &[2], &1.0_f32.to_le_bytes().repeat(4));
         assert!(Array::read_npy("x", &file).unwrap().complex);
+    }
+
+    #[test]
+    fn texts_and_float64_are_read_back_exactly() {
+        for text in ["", "display", "{\"model\":\"Zernike–1\"}"] {
+            assert_eq!(NpyFile::open("x", &npy_text(text)).unwrap().text().unwrap(), text);
+        }
+        let padded = npy("<U3", &[1], &[65, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
+        assert_eq!(NpyFile::open("x", &padded).unwrap().text().unwrap(), "A");
+        for (descr, data) in [("<U1", &[0; 8][..]), ("<U1", &[0xff; 4]), ("<f4", &[0; 4])] {
+            assert!(NpyFile::open("x", &npy(descr, &[], data)).unwrap().text().is_err(), "{descr}");
+        }
+        let numbers = [0.1, -1.0 / 3.0];
+        let file = npy("<f8", &[2], &numbers.map(f64::to_le_bytes).concat());
+        assert_eq!(NpyFile::open("x", &file).unwrap().f64s().unwrap(), numbers);
+        assert!(NpyFile::open("x", &file[..file.len() - 1]).unwrap().f64s().is_err());
     }
 
     #[test]

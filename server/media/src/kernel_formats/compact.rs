@@ -32,7 +32,7 @@
 //! ```
 //!
 //! T_i Chebyshev polynomials, Δ the pixel pitch. Methods: 0 band-limited, 1 angular spectrum,
-//! 3 Rayleigh–Sommerfeld, 4 Fresnel transfer function, 5 Fresnel impulse response. `docs/compact-kernel.md` describes
+//! 2 band response, 3 Rayleigh–Sommerfeld, 4 Fresnel transfer function, 5 Fresnel impulse response. `docs/compact-kernel.md` describes
 //! the form for authors of other decoders; [`decode`] is the reference.
 
 use super::archive::crc_of;
@@ -170,7 +170,7 @@ pub fn decode(bytes: &[u8]) -> Result<(DisplayModel, KernelModel), KernelFormatE
         other => return Err(refused(format!("has the model number {other}, but must have 3, 4 or 5"))),
     };
     let (_, method) = (METHODS.into_iter().find(|&(number, _)| number == method))
-        .ok_or_else(|| refused(format!("has the method number {method}, but must have 0, 1, 3, 4 or 5")))?;
+        .ok_or_else(|| refused(format!("has the method number {method}, but must have 0 to 5")))?;
     let mut numbers = content[44..].as_chunks().0.iter().map(|&chunk| f64::from(f32::from_le_bytes(chunk)));
     let photometry = take(&mut numbers, 4);
     let (kernel, source) = (take_field(&mut numbers, kernel_order), take_field(&mut numbers, source_order));

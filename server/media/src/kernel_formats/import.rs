@@ -2,12 +2,13 @@
 
 use super::array::{self, Array};
 use super::error::KernelFormatError;
-use super::{archive, compact, torch};
+use super::losses::Loss;
+use super::{archive, compact, npz, torch};
 use crate::kernel_file;
 use crate::npy;
 use lightpath_optics::KernelModel;
 use lightpath_optics::{DisplayModel, KernelShape, OpticalSetup, Plane};
-use num_complex::{Complex32, Complex64};
+use num_complex::Complex32;
 
 /// An imported kernel.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,6 +21,28 @@ pub struct Imported {
     pub form: &'static str,
     /// Whether the file is in the native form already.
     pub native: bool,
+    /// What the file did not hold, and the model is without.
+    pub absent: Vec<Loss>,
+    /// What a person should know about the import; empty for most files.
+    pub remarks: Vec<&'static str>,
+}
+
+impl Imported {
+    /// A display model from a file that held all of it.
+    pub(super) fn new(form: &'static str, model: DisplayModel) -> Self {
+        Self { model, kind: KernelModel::Smooth, form, native: false, absent: Vec::new(), remarks: Vec::new() }
+    }
+
+    /// What the file did not hold and what else a person should know, as one sentence; `None` for a file that held a
+    /// whole model.
+    #[must_use]
+    pub fn note(&self) -> Option<String> {
+        let absent: Vec<String> = self.absent.iter().map(Loss::to_string).collect();
+        let absent = (!absent.is_empty())
+            .then(|| format!("the file does not hold {}; the version is without them", absent.join(", ")));
+        let parts: Vec<String> = self.remarks.iter().map(|&remark| remark.to_owned()).chain(absent).collect();
+        (!parts.is_empty()).then(|| parts.join("; "))
+    }
 }
 
 /// Reads a kernel in any form. Forms that do not name their optics are read as kernels for `setup`.
@@ -30,7 +53,7 @@ pub struct Imported {
 pub fn import(bytes: &[u8], setup: &OpticalSetup) -> Result<Imported, KernelFormatError> {
     if compact::is_compact(bytes) {
         let (model, kind) = compact::decode(bytes)?;
-        return Ok(Imported { model, kind, form: "compact", native: false });
+        return Ok(Imported { kind, ..Imported::new("compact", model) });
     }
     if npy::is_npy(bytes) {
         return of_array(&Array::read_npy("the array", bytes)?, setup, "npy");
@@ -38,7 +61,7 @@ pub fn import(bytes: &[u8], setup: &OpticalSetup) -> Result<Imported, KernelForm
     if archive::is_archive(bytes) {
         let files = archive::read(bytes)?;
         if files.iter().any(|(name, _)| name.ends_with(".npy")) {
-            return of_npz(&files, setup);
+            return npz::read(&files, setup);
         }
         return of_array(&torch::read(&files)?, setup, "pt");
     }
@@ -54,7 +77,7 @@ pub fn import(bytes: &[u8], setup: &OpticalSetup) -> Result<Imported, KernelForm
         return Err(KernelFormatError::Unknown { start });
     }
     match kernel_file::decode(bytes) {
-        Ok((model, kind)) => Ok(Imported { model, kind, form: "safetensors", native: true }),
+        Ok((model, kind)) => Ok(Imported { kind, native: true, ..Imported::new("safetensors", model) }),
         Err(kernel_file::KernelFileError::NoHeader) => of_foreign_safetensors(bytes, setup),
         Err(error) => Err(error.into()),
     }
@@ -93,38 +116,9 @@ fn of_foreign_safetensors(bytes: &[u8], setup: &OpticalSetup) -> Result<Imported
     )
 }
 
-/// Reads the kernel from an `.npz` archive: the array `kernel`, else `transfer`, else the only array.
-fn of_npz(files: &archive::Files, setup: &OpticalSetup) -> Result<Imported, KernelFormatError> {
-    let named = |array: &str| files.iter().find(|(name, _)| name.trim_end_matches(".npy") == array);
-    let only = if let [only] = &files[..] { Some(only) } else { None };
-    let Some((name, bytes)) = named("kernel").or_else(|| named("transfer")).or(only) else {
-        let names: Vec<&str> = files.iter().map(|(name, _)| name.trim_end_matches(".npy")).take(10).collect();
-        return Err(KernelFormatError::Array {
-            name: "the archive".to_owned(),
-            actual: format!("one with the arrays {}", names.join(", ")),
-            expected: "one with an array `kernel` or `transfer`, or with a single array".to_owned(),
-        });
-    };
-    let mut imported = of_array(&Array::read_npy(name, bytes)?, setup, "npz")?;
-    // Arrays that Lightpath's own export holds beside H.
-    if let Some((name, bytes)) = named("response_harmonics") {
-        let harmonics = Array::read_npy(name, bytes)?;
-        imported.model.response = harmonics.numbers.as_chunks::<2>().0.iter().map(|pair| pair.map(f64::from)).collect();
-    }
-    if let Some((name, bytes)) = named("photometry")
-        && let [gain, offset, re, im] = Array::read_npy(name, bytes)?.numbers[..]
-    {
-        imported.model.gain = gain.into();
-        imported.model.offset = offset.into();
-        imported.model.zero_order = Complex64::new(re.into(), im.into());
-    }
-    imported.model.validate()?;
-    Ok(imported)
-}
-
 /// Reads H from an array: complex \[rows, columns\], real and imaginary parts \[rows, columns, 2\], or the paper's
 /// amplitude and phase \[1, 2, rows, columns\] or \[2, rows, columns\].
-fn of_array(array: &Array, setup: &OpticalSetup, form: &'static str) -> Result<Imported, KernelFormatError> {
+pub(super) fn of_array(array: &Array, setup: &OpticalSetup, form: &'static str) -> Result<Imported, KernelFormatError> {
     let numbers = &array.numbers;
     let (rows, columns, values): (usize, usize, Vec<Complex32>) = match (array.complex, &array.shape[..]) {
         (true, &[rows, columns]) => (rows, columns, parts(numbers)),
@@ -165,7 +159,9 @@ fn of_array(array: &Array, setup: &OpticalSetup, form: &'static str) -> Result<I
     let kernel = KernelShape::Bins(Plane::try_from_vec(rows, columns, values)?);
     let model = DisplayModel { kernel, ..DisplayModel::ideal(*setup) };
     model.validate()?;
-    Ok(Imported { model, kind, form, native: false })
+    let whole = [Loss::Source, Loss::PhaseResponse, Loss::ZeroOrder, Loss::GainAndOffset, Loss::Variation];
+    let outer = (kind == KernelModel::Paper).then_some(Loss::OuterSpectrum);
+    Ok(Imported { kind, absent: whole.into_iter().chain(outer).collect(), ..Imported::new(form, model) })
 }
 
 fn parts(numbers: &[f32]) -> Vec<Complex32> {

@@ -6,16 +6,18 @@
 //! |---|---|---|
 //! | `safetensors` | the whole model | nothing |
 //! | `compact` | a whole smooth model, in some hundred bytes ([`compact`]) | digits beyond f32 |
-//! | `npz` | every array of the model, H as complex64 | digits beyond f32 |
-//! | `complex64` | H alone, `.npy`, complex64 \[2·rows, 2·columns\] | source, response, zero order |
-//! | `f16` | H alone, `.npy`, float16 \[2·rows, 2·columns, 2\] | source, response, zero order, digits beyond f16 |
-//! | `npy`, `pt` | H alone in the paper's layout: float32 \[1, 2, rows, columns\], amplitude and phase of the inner half | source, response, zero order, H outside the inner half |
+//! | `npz` | the whole model, and H and the source as complex64 (`npz`) | nothing |
+//! | `complex64` | H alone, `.npy`, complex64 \[2·rows, 2·columns\] | source, response, zero order, gain, offset, variation, parameters |
+//! | `f16` | H alone, `.npy`, float16 \[2·rows, 2·columns, 2\] | as `complex64`, and digits beyond f16 |
+//! | `npy`, `pt` | H alone in the paper's layout: float32 \[1, 2, rows, columns\], amplitude and phase of the inner half | as `complex64`, and H outside the inner half |
 //!
-//! In all forms zero frequency is in the middle, at `[rows/2][columns/2]` of the array's own size.
+//! An export lists what it lost ([`Loss`]), and an import what the file did not hold. No form but `safetensors` holds the
+//! distances from which a kernel was interpolated. In all forms zero frequency is in the middle, at `[rows/2][columns/2]` of the array's own size.
 //!
 //! # Layout
 //!
 //! - `export`, `import`: conversion between forms and models. [`compact`]: the compact form.
+//!   `npz`: archives of a whole model. `losses`: what a form does not hold.
 //! - `array`: `.npy` files. `archive`: zip files, the container of `.npz` and `.pt`. `pickle`: the part of Python's
 //!   pickle that holds a tensor; it runs no code. `torch`: `.pt` files. `half`: 16-bit floats.
 //! - `error`: the errors of all forms.
@@ -27,12 +29,15 @@ mod error;
 mod export;
 mod half;
 mod import;
+mod losses;
+mod npz;
 mod pickle;
 mod torch;
 
 pub use error::KernelFormatError;
-pub use export::{Exported, KernelFormat, export};
+pub use export::{Exported, KernelFormat, export, export_interpolated};
 pub use import::{Imported, import};
+pub use losses::Loss;
 
 /// Writes a `.npy` file of float32 in C order, from its little-endian bytes.
 pub(crate) fn npy_f32(shape: &[usize], bytes: &[u8]) -> Vec<u8> {
@@ -40,6 +45,6 @@ pub(crate) fn npy_f32(shape: &[usize], bytes: &[u8]) -> Vec<u8> {
 }
 
 /// Writes a `.npz` archive of named `.npy` files.
-pub(crate) fn npz(files: &[(&str, &[u8])]) -> Result<Vec<u8>, KernelFormatError> {
+pub(crate) fn npz_archive(files: &[(&str, &[u8])]) -> Result<Vec<u8>, KernelFormatError> {
     archive::write(files)
 }

@@ -75,7 +75,7 @@ fn assemble(input: &ReportInput, chapters: Vec<Chapter>) -> Result<Report, Repor
         .flat_map(|chapter| &chapter.arrays)
         .map(|array| (array.name.as_str(), array.npy.as_slice()))
         .collect();
-    let arrays = crate::kernel_formats::npz(&arrays)?;
+    let arrays = crate::kernel_formats::npz_archive(&arrays)?;
     let figures = chapters.into_iter().flat_map(|chapter| chapter.figures).collect();
     Ok(Report { html, figures, arrays })
 }

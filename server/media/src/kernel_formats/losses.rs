@@ -1,0 +1,184 @@
+//! What a file form does not hold of a model.
+
+use super::import::Imported;
+use lightpath_optics::{DisplayModel, KernelShape};
+use std::fmt;
+
+/// Relative error of H that is only rounding to f32. At far distances a band limit can leave H zero outside the inner half
+/// of the band.
+const ROUNDING: f64 = 1e-6;
+
+/// A part of a model that a file does not hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Loss {
+    /// The source profile.
+    Source,
+    /// The phase response of the SLM.
+    PhaseResponse,
+    /// The undiffracted light.
+    ZeroOrder,
+    /// Gain and offset of the camera.
+    GainAndOffset,
+    /// The variation of the kernel over the SLM. H on the axis remains.
+    Variation,
+    /// H outside the inner half of the band along each axis: three quarters of the spectrum.
+    OuterSpectrum,
+    /// The series of a smooth kernel and its method. H remains as a number for each frequency.
+    Parameters,
+    /// The fact that the kernel was interpolated, and the photographed distances.
+    Interpolation,
+    /// Digits of the numbers that remain.
+    Precision,
+}
+
+/// The part as words in a sentence.
+impl fmt::Display for Loss {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Source => "source",
+            Self::PhaseResponse => "phase response",
+            Self::ZeroOrder => "zero order",
+            Self::GainAndOffset => "gain and offset",
+            Self::Variation => "variation over the SLM",
+            Self::OuterSpectrum => "H outside the inner half of the band",
+            Self::Parameters => "parameters of the kernel",
+            Self::Interpolation => "distances of an interpolation",
+            Self::Precision => "digits",
+        })
+    }
+}
+
+/// The parts of `model` that the model read `back` from a file lacks. `relative_error` is that of H.
+pub(super) fn losses(model: &DisplayModel, back: &Imported, relative_error: f64) -> Vec<Loss> {
+    let read = &back.model;
+    let source_lost = !model.source.is_flat() && read.source.is_flat();
+    let is_linear = |model: &DisplayModel| model.response.as_flattened().iter().all(|&harmonic| harmonic == 0.0);
+    let response_lost = !is_linear(model) && is_linear(read);
+    let zero_order_lost = model.zero_order.norm_sqr() > 0.0 && read.zero_order.norm_sqr() == 0.0;
+    let camera = |model: &DisplayModel| [model.gain, model.offset];
+    let camera_lost = camera(model) != [1.0, 0.0] && camera(read) == [1.0, 0.0];
+    let precision_lost = relative_error > 0.0
+        || !source_lost && read.source != model.source
+        || !response_lost && read.response != model.response
+        || !zero_order_lost && read.zero_order != model.zero_order
+        || !camera_lost && camera(read) != camera(model);
+    let is_smooth = |model: &DisplayModel| !matches!(model.kernel, KernelShape::Bins(_));
+    let (all, kept) = (bins(model), bins(read));
+    [
+        (Loss::Source, source_lost),
+        (Loss::PhaseResponse, response_lost),
+        (Loss::ZeroOrder, zero_order_lost),
+        (Loss::GainAndOffset, camera_lost),
+        (Loss::Variation, !model.variation.is_none() && read.variation.is_none()),
+        (Loss::OuterSpectrum, (kept.0 < all.0 || kept.1 < all.1) && relative_error > ROUNDING),
+        (Loss::Parameters, is_smooth(model) && !is_smooth(read)),
+        (Loss::Precision, precision_lost),
+    ]
+    .into_iter()
+    .filter_map(|(loss, is_lost)| is_lost.then_some(loss))
+    .collect()
+}
+
+/// Rows and columns of the padded spectrum at which a model has values of H.
+fn bins(model: &DisplayModel) -> (usize, usize) {
+    match &model.kernel {
+        KernelShape::Bins(bins) => (bins.height_px(), bins.width_px()),
+        KernelShape::Ideal | KernelShape::Smooth(_) => (model.setup.padded_height_px(), model.setup.padded_width_px()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{KernelFormat, export, export_interpolated, import};
+    use super::Loss::*;
+    use super::*;
+    use lightpath_optics::{Grid, KernelModel, OpticalSetup, Plane, SmoothField, SpatialVariation};
+    use num_complex::{Complex32, Complex64};
+
+    fn setup() -> OpticalSetup {
+        OpticalSetup::try_new(Grid::try_new(12, 16, 8e-6).unwrap(), 515e-9, 3e-3).unwrap()
+    }
+
+    fn field() -> SmoothField {
+        SmoothField { order: 1, log_amplitude: vec![0.1, 0.2], phase: vec![0.3, -0.1] }
+    }
+
+    /// A model that has everything that a form can lose.
+    fn varying() -> DisplayModel {
+        DisplayModel {
+            kernel: KernelShape::Smooth(field()),
+            variation: SpatialVariation::new([(); 5].map(|()| field())),
+            source: field(),
+            response: vec![[0.1, 0.0]],
+            zero_order: Complex64::new(0.03, 0.0),
+            gain: 0.7,
+            ..DisplayModel::ideal(setup())
+        }
+    }
+
+    #[test]
+    fn each_form_names_what_it_lost() {
+        let lost = |model: &DisplayModel, kind, format| export(model, kind, format).unwrap().losses;
+        let parts = [Source, PhaseResponse, ZeroOrder, GainAndOffset, Variation];
+        let array = [&parts[..], &[Parameters, Precision]].concat();
+        let published = [&parts[..], &[OuterSpectrum, Parameters, Precision]].concat();
+        for (format, losses) in [
+            (KernelFormat::Safetensors, vec![]),
+            (KernelFormat::Compact, vec![Precision]),
+            (KernelFormat::Npz, vec![]),
+            (KernelFormat::Complex64, array.clone()),
+            (KernelFormat::F16, array),
+            (KernelFormat::Pt, published.clone()),
+            (KernelFormat::Npy, published),
+        ] {
+            assert_eq!(lost(&varying(), KernelModel::Varying, format), losses, "{format:?}");
+        }
+        let bins = |rows, columns| {
+            let at = |y: usize, x: usize| Complex32::new((y as f32).sin(), (x as f32 + 0.3).cos());
+            DisplayModel {
+                kernel: KernelShape::Bins(Plane::from_fn(rows, columns, at)),
+                ..DisplayModel::ideal(setup())
+            }
+        };
+        let (dense, paper) = (bins(24, 32), bins(12, 16));
+        for (model, kind, format, losses) in [
+            (&dense, KernelModel::Dense, KernelFormat::Complex64, vec![]),
+            (&dense, KernelModel::Dense, KernelFormat::Npz, vec![]),
+            (&dense, KernelModel::Dense, KernelFormat::F16, vec![Precision]),
+            (&dense, KernelModel::Dense, KernelFormat::Pt, vec![OuterSpectrum, Precision]),
+            (&paper, KernelModel::Paper, KernelFormat::Pt, vec![Precision]),
+            (&paper, KernelModel::Paper, KernelFormat::Complex64, vec![]),
+        ] {
+            assert_eq!(lost(model, kind, format), losses, "{kind:?} as {format:?}");
+        }
+    }
+
+    #[test]
+    fn an_ideal_display_loses_only_its_parameters() {
+        let smooth = DisplayModel { kernel: KernelShape::Smooth(field()), ..DisplayModel::ideal(setup()) };
+        let exported = export(&smooth, KernelModel::Smooth, KernelFormat::Complex64).unwrap();
+        assert_eq!(exported.losses, [Parameters, Precision]);
+    }
+
+    #[test]
+    fn only_the_native_form_holds_the_distances_of_an_interpolated_kernel() {
+        let export = |format| export_interpolated(&varying(), KernelModel::Varying, &[0.002, 0.004], format).unwrap();
+        let native = export(KernelFormat::Safetensors);
+        assert_eq!(crate::kernel_file::interpolated_from_m(&native.bytes).unwrap(), [0.002, 0.004]);
+        assert_eq!(native.losses, []);
+        assert_eq!(export(KernelFormat::Npz).losses, [Interpolation]);
+        assert_eq!(export(KernelFormat::Compact).losses, [Interpolation, Precision]);
+    }
+
+    #[test]
+    fn imports_say_what_their_file_did_not_hold() {
+        let (model, kind) = (varying(), KernelModel::Varying);
+        let absent = |format| import(&export(&model, kind, format).unwrap().bytes, &setup()).unwrap().absent;
+        let parts = [Source, PhaseResponse, ZeroOrder, GainAndOffset, Variation];
+        assert_eq!(absent(KernelFormat::Complex64), parts);
+        assert_eq!(absent(KernelFormat::Pt), [&parts[..], &[OuterSpectrum]].concat());
+        for format in [KernelFormat::Safetensors, KernelFormat::Compact, KernelFormat::Npz] {
+            assert_eq!(absent(format), []);
+        }
+    }
+}
