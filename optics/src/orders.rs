@@ -77,10 +77,13 @@ impl fmt::Display for Orders {
             Self::First => f.write_str("the whole first order"),
             Self::Filtered(OrderFilter { shape, width, height, centre_x, centre_y }) => {
                 let shape = match shape {
-                    FilterShape::Rectangle => "a rectangular",
-                    FilterShape::Ellipse => "an elliptic",
+                    FilterShape::Rectangle => "rectangular",
+                    FilterShape::Ellipse => "elliptic",
                 };
-                write!(f, "{shape} filter of {width}×{height} orders around {centre_x}, {centre_y}")
+                write!(
+                    f,
+                    "the first order through a filter of {width}×{height} orders around {centre_x}, {centre_y} ({shape})"
+                )
             }
             Self::All { fill_factor_x, fill_factor_y } => {
                 write!(f, "all orders (fill factor {fill_factor_x}×{fill_factor_y})")

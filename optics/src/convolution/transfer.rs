@@ -106,6 +106,15 @@ impl<T: Real> Transfer<T> {
         &self.values[tile * len..][..len]
     }
 
+    /// Multiplies all values by [`Self::scale`], for a kernel whose values were written without it.
+    pub(crate) fn scaled(mut self) -> Self {
+        let scale = self.scale();
+        self.values
+            .par_chunks_mut(1 << 16)
+            .for_each(|values| values.iter_mut().for_each(|value| *value = value.scale(scale)));
+        self
+    }
+
     /// Factor of every value: 1 divided by the number of bins.
     pub(crate) fn scale(&self) -> T {
         T::of(1.0 / (4 * self.height_px * self.width_px) as f64)

@@ -85,18 +85,22 @@ impl<T: Real> EngineCore<T> {
         Self { convolver, kernels, slm, detector, transmission, setup: model.setup }
     }
 
-    /// The same engine with what its kernel has besides the exact transfer functions of sub-samples: the errors if it shows all
-    /// orders, otherwise nothing. `None`: the engine has no such transfer functions.
-    pub(super) fn with_sample_transfers(&self) -> Option<Self> {
+    /// Whether the exact transfer function to every place in a pixel is known.
+    pub(super) fn has_exact_places(&self) -> bool {
+        let is_one_kernel = !matches!(self.transmission, Transmission::Bins) && self.kernels.transfers.len() == 1;
+        self.shows_all_orders() || has_sample_transfers(&self.setup) && is_one_kernel
+    }
+
+    /// Engine that sees one place in each pixel, through the exact transfer function to it. The kernel of a display that shows
+    /// all orders multiplies it; for others it holds the errors of the kernel.
+    pub(super) fn at_place(&self, transfer: Transfer<T>) -> Self {
+        let (height_px, width_px) = (self.height_px(), self.width_px());
         if self.shows_all_orders() {
-            return Some(self.clone());
+            let convolver = Convolver::with_transfers(height_px, width_px, vec![transfer]);
+            return Self { convolver: Arc::new(convolver), ..self.clone() };
         }
-        let has_bins = matches!(self.transmission, Transmission::Bins);
-        if has_bins || !has_sample_transfers(&self.setup) || self.kernels.transfers.len() > 1 {
-            return None;
-        }
-        let transfer = Transfer::sample(self.height_px(), self.width_px(), |_, _| Complex64::ONE);
-        Some(Self { kernels: Arc::new(Kernels::single(transfer)), ..self.clone() })
+        let convolver = Arc::new(Convolver::new(height_px, width_px, Detector::Point.offsets_px()));
+        Self { convolver, kernels: Arc::new(Kernels::single(transfer.scaled())), ..self.clone() }
     }
 
     /// Whether the display shows all orders of its pixels.

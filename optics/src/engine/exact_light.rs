@@ -15,12 +15,11 @@
 //! N pixels along the axis, Δ pixel pitch \[m\], λ wavelength \[m\], z distance \[m\], z_c the critical distance.
 
 use super::core::{EngineCore, Fields, Transmission};
-use crate::convolution::{Convolver, Real};
+use crate::convolution::Real;
 use crate::propagation::passes::{for_each_sample_transfer, gauss_legendre};
 use crate::{Detector, OpticalSetup, Plane, Result};
 use rayon::prelude::*;
 use std::f64::consts::FRAC_PI_2;
-use std::sync::Arc;
 
 /// Fewest nodes along an axis.
 const NODES_MIN: usize = 2;
@@ -51,10 +50,12 @@ impl<T: Real> EngineCore<T> {
     ///
     /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for a phase of another size.
     pub(crate) fn exact_samples(&self, sets: &[&[Plane<T>]]) -> Result<Option<Vec<Plane<T>>>> {
-        let Some(engine) = self.with_sample_transfers() else { return Ok(None) };
+        if !self.has_exact_places() {
+            return Ok(None);
+        }
         let (height_px, width_px) = (self.height_px(), self.width_px());
         let mut samples = vec![Plane::filled(2 * height_px, 2 * width_px, T::zero()); sets.len()];
-        engine.for_each_place(&Detector::Supersampled.places_px(), sets, |place, set, light| {
+        self.for_each_place(&Detector::Supersampled.places_px(), sets, |place, set, light| {
             // The places are ordered by y, then by x.
             let (below, right) = (place / 2, place % 2);
             let rows =
@@ -74,11 +75,11 @@ impl<T: Real> EngineCore<T> {
     ///
     /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for a phase of another size.
     pub(crate) fn exact_points(&self, sets: &[&[Plane<T>]]) -> Result<Option<Vec<Plane<T>>>> {
-        if self.shows_all_orders() || !matches!(self.transmission, Transmission::Smooth(_)) {
+        let has_errors = matches!(self.transmission, Transmission::Smooth(_));
+        if self.shows_all_orders() || !has_errors || !self.has_exact_places() {
             return Ok(None);
         }
-        let Some(engine) = self.with_sample_transfers() else { return Ok(None) };
-        engine.light_at(&[([0.0, 0.0], 1.0)], sets).map(Some)
+        self.light_at(&[([0.0, 0.0], 1.0)], sets).map(Some)
     }
 
     /// Light of all orders, integrated over each pixel: for each set of phases the mean. The engine's detector does not matter.
@@ -106,8 +107,8 @@ impl<T: Real> EngineCore<T> {
     }
 
     /// Calls `use_light(place, set, light)` with the mean light of each set of phases at each of the places. The places are
-    /// computed one after the other, so the memory does not depend on their number. The engine's kernel is that of
-    /// [`Self::with_sample_transfers`].
+    /// computed one after the other, so the memory does not depend on their number. The engine
+    /// [has exact places](Self::has_exact_places).
     fn for_each_place(
         &self,
         places_px: &[[f64; 2]],
@@ -122,8 +123,7 @@ impl<T: Real> EngineCore<T> {
             _ => None,
         };
         for_each_sample_transfer(&self.setup, errors, places_px, |place, transfer| {
-            let convolver = Convolver::with_transfers(height_px, width_px, vec![transfer]);
-            let engine = Self { convolver: Arc::new(convolver), ..self.clone() };
+            let engine = self.at_place(transfer);
             let mut fields = Fields::for_light(&engine);
             for (set, phases) in sets.iter().enumerate() {
                 let share = T::of(1.0 / phases.len() as f64);

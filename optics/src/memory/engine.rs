@@ -19,9 +19,9 @@ const EXPOSURE_BYTES_PER_PX: u64 = 324;
 /// Time of all metrics of a hologram, as optimized and as quantized, for a pixel, in radix-2 stages.
 const METRICS_STAGES: f64 = 600.0;
 /// Time of a value of a second opinion, in radix-2 stages: its transfer function, and its part of the spectra.
-const OPINION_STAGES: f64 = 560.0;
+const OPINION_STAGES: f64 = 330.0;
 /// Time of a value of a second opinion for each row and place along y, in radix-2 stages.
-const OPINION_ROW_STAGES: f64 = 10.6;
+const OPINION_ROW_STAGES: f64 = 6.0;
 /// Work of a pass over the values besides their transform, in radix-2 stages.
 const STAGES_BESIDE: f64 = 4.0;
 /// Time of a transform of single rows in f64, relative to the engine's in f32.
@@ -232,7 +232,7 @@ impl EngineSize {
             Some(sampling) => {
                 // The spectra of rows, then a transfer function, the fields, and the light of one place.
                 let transfer = point.transfer_bytes() + point.light_bytes() + 2 * n * REAL;
-                let own = if self.all_orders { SETS * n * REAL } else { point.transfer_bytes() };
+                let own = if self.all_orders { SETS * n * REAL } else { 0 };
                 own + SETS * samples + 4 * n * COMPLEX + sampling + transfer + point.scratch_bytes()
             }
             None => {

@@ -6,16 +6,16 @@ use crate::propagation::passes::{band_samples, frequencies, is_even, peak_values
 use crate::{ConvolutionMethod, OpticalSetup};
 
 /// Time of sampling the response of a pixel at one lag and of the transforms of four sub-samples, in radix-2 stages of a value.
-pub(super) const RESPONSE_STAGES: u64 = 1700;
+pub(super) const RESPONSE_STAGES: u64 = 1400;
 /// Time of sampling one frequency of the band response and of its transforms, in radix-2 stages of a value.
-const BAND_STAGES: u64 = 270;
+const BAND_STAGES: u64 = 260;
 /// Time of the four exact transfer functions of a report, in radix-2 stages of a frequency of a quarter of the band, if the
 /// response is even.
-const EVEN_SAMPLES_STAGES: u64 = 800;
+const EVEN_SAMPLES_STAGES: u64 = 650;
 /// The same if the response is not even, behind a filter.
-const FILTERED_SAMPLES_STAGES: u64 = 3200;
+const FILTERED_SAMPLES_STAGES: u64 = 2400;
 /// The same behind errors, and for the light at the pixels' centres as well.
-const SAMPLES_STAGES: u64 = 6000;
+const SAMPLES_STAGES: u64 = 5200;
 
 /// Memory for the sampling of a transfer function, besides it: frequencies and lags in f64.
 #[must_use]
@@ -42,7 +42,7 @@ pub fn sampling_bytes(setup: &OpticalSetup) -> u64 {
 pub fn sampling_work(setup: &OpticalSetup) -> u64 {
     let grid = setup.grid();
     match setup.method() {
-        ConvolutionMethod::BandResponse if setup.orders().filter().is_some() => 5 * frequencies(setup) * BAND_STAGES,
+        ConvolutionMethod::BandResponse if setup.orders().filter().is_some() => 4 * frequencies(setup) * BAND_STAGES,
         ConvolutionMethod::BandResponse => frequencies(setup) * BAND_STAGES,
         ConvolutionMethod::AllOrders => padded_values(setup) * RESPONSE_STAGES,
         _ => 2 * quadrant(grid.height_px(), grid.width_px()) * BAND_STAGES,

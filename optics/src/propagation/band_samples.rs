@@ -26,6 +26,7 @@ use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 use rustfft::{Fft, FftPlanner};
 use std::f64::consts::{PI, TAU};
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Number of values of a [`BandSamples`]; 0 for another method, or if there would be too many frequencies.
@@ -118,7 +119,7 @@ impl BandSamples {
         let filter = setup.orders().filter();
         let mut planner = FftPlanner::new();
         let (fft_y, turns) = (planner.plan_fft_inverse(bins_y), turns(bins_y, offset_y));
-        let lags: Vec<f64> = (0..2 * height_px).map(|row| lag(row, height_px) + offset_y).collect();
+        let edge = Edge::at(offset_y);
         let mut along_y = vec![Complex32::ZERO; columns.count() * 2 * height_px];
         along_y.par_chunks_exact_mut(2 * height_px).enumerate().for_each_init(
             || (vec![Complex64::ZERO; bins_y], vec![Complex64::ZERO; fft_y.get_inplace_scratch_len()]),
@@ -150,10 +151,10 @@ impl BandSamples {
                 let value = |bin: usize| at(signed(bin, bins_y));
                 fill(sequence, &turns, offset_y, value, ends, columns.is_even);
                 fft_y.process_with_scratch(sequence, scratch);
-                for (row, (out, &y)) in out.iter_mut().zip(&lags).enumerate() {
+                for (row, out) in out.iter_mut().enumerate() {
                     let mut exact = sequence[index(row, height_px, bins_y)];
                     if has_correction {
-                        exact -= correction(y, ends) / bins_y as f64;
+                        exact -= edge.correction(lag(row, height_px), ends) / bins_y as f64;
                     }
                     *out = Complex32::new(exact.re as f32, exact.im as f32);
                 }
@@ -164,7 +165,18 @@ impl BandSamples {
 
     /// Rows that [`AlongX::row`] takes along x.
     pub(super) fn along_x(&self, offset_x: f64) -> AlongX<'_> {
-        AlongX { samples: self, offset_x, turns: turns(self.columns.bins_x, offset_x) }
+        AlongX { samples: self, offset_x, edge: Edge::at(offset_x), turns: turns(self.columns.bins_x, offset_x) }
+    }
+
+    /// The values of some rows of the padded frame, row by row. Rows that are gathered together share lines of the cache.
+    pub(super) fn gather(&self, rows: Range<usize>, gathered: &mut Vec<Complex32>) {
+        let (count, len) = (self.columns.count(), 2 * self.height_px);
+        gathered.resize(count * rows.len(), Complex32::ZERO);
+        for (stored, column) in self.along_y.chunks_exact(len).enumerate() {
+            for (i, value) in column[rows.clone()].iter().enumerate() {
+                gathered[i * count + stored] = *value;
+            }
+        }
     }
 }
 
@@ -172,17 +184,19 @@ impl BandSamples {
 pub(super) struct AlongX<'a> {
     samples: &'a BandSamples,
     offset_x: f64,
+    edge: Edge,
     turns: Vec<Complex64>,
 }
 
 impl AlongX<'_> {
-    /// Writes the response at the lag along y of a row of the padded frame, at all lags along x of its columns. `buffer` is scratch
-    /// memory.
-    pub(super) fn row(&self, row: usize, out: &mut [Complex64], buffer: &mut Vec<Complex64>) {
-        let BandSamples { height_px, bins_y, columns, along_y, fft } = self.samples;
+    /// Writes the response at the lag along y of one of the [gathered](BandSamples::gather) rows, at all lags along x of the
+    /// columns of the padded frame. `buffer` is scratch memory.
+    pub(super) fn row(&self, row: usize, gathered: &[Complex32], out: &mut [Complex64], buffer: &mut Vec<Complex64>) {
+        let BandSamples { bins_y, columns, fft, .. } = self.samples;
         let (bins_x, width_px) = (columns.bins_x, out.len() / 2);
+        let values = &gathered[row * columns.count()..];
         let (value, ends) = columns.read(|stored| {
-            let narrow = along_y[stored * 2 * height_px + row];
+            let narrow = values[stored];
             Complex64::new(f64::from(narrow.re), f64::from(narrow.im))
         });
         buffer.resize(bins_x + fft.get_inplace_scratch_len(), Complex64::ZERO);
@@ -191,7 +205,7 @@ impl AlongX<'_> {
         fft.process_with_scratch(sequence, scratch);
         let scale = 1.0 / (bins_x as f64 * *bins_y as f64);
         for (column, out) in out.iter_mut().enumerate() {
-            let error = correction(lag(column, width_px) + self.offset_x, ends) / bins_x as f64;
+            let error = self.edge.correction(lag(column, width_px), ends) / bins_x as f64;
             *out = (sequence[index(column, width_px, bins_x)] - error) * scale;
         }
     }
@@ -229,11 +243,24 @@ fn fill(
     sequence[bins / 2] = 0.5 * (upper.value * turn + lower.value * turn.conj());
 }
 
-/// The leading term of the error of the sum at `x`, times the number of frequencies.
-fn correction(x: f64, [lower, upper]: [End; 2]) -> Complex64 {
-    let turn = Complex64::cis(PI * x);
-    let at = |end: End| end.slope + Complex64::new(0.0, TAU * x) * end.value;
-    (at(upper) * turn - at(lower) * turn.conj()) / 12.0
+/// What the sharp ends of the band do to the sum at one place in the pixels.
+struct Edge {
+    offset: f64,
+    /// e^{iπ·offset}
+    turn: Complex64,
+}
+
+impl Edge {
+    fn at(offset: f64) -> Self {
+        Self { offset, turn: Complex64::cis(PI * offset) }
+    }
+
+    /// The leading term of the error of the sum at a whole `lag`, times the number of frequencies.
+    fn correction(&self, lag: f64, [lower, upper]: [End; 2]) -> Complex64 {
+        let at = |end: End| end.slope + Complex64::new(0.0, TAU * (lag + self.offset)) * end.value;
+        let sign = if lag % 2.0 == 0.0 { 1.0 } else { -1.0 };
+        (at(upper) * self.turn - at(lower) * self.turn.conj()) * (sign / 12.0)
+    }
 }
 
 /// Lag of an index of the padded frame, from −side to side − 1.

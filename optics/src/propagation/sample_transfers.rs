@@ -19,6 +19,7 @@ use crate::{ConvolutionMethod, OpticalSetup, SmoothField};
 use num_complex::{Complex, Complex32, Complex64};
 use rayon::prelude::*;
 use rustfft::FftPlanner;
+use std::ops::Range;
 
 /// Whether [`for_each_sample_transfer`] has transfer functions for a setup.
 pub(crate) fn has_sample_transfers(setup: &OpticalSetup) -> bool {
@@ -83,17 +84,30 @@ pub(super) fn transfer_by_column(setup: &OpticalSetup) -> Vec<Complex32> {
     let (rows, columns) = (2 * spectra.height_px, 2 * spectra.width_px);
     let fft = FftPlanner::new().plan_fft_forward(rows);
     let mut transfer = vec![Complex32::ZERO; rows * columns];
-    transfer.par_chunks_exact_mut(rows).enumerate().for_each_init(
-        || (vec![Complex64::ZERO; rows], vec![Complex64::ZERO; fft.get_inplace_scratch_len()]),
-        |(sequence, scratch), (column, out)| {
-            interrupt::check();
-            let from = spectra.values[column..].iter().step_by(columns);
-            sequence.iter_mut().zip(from).for_each(|(value, from)| *value = widened(*from));
-            fft.process_with_scratch(sequence, scratch);
-            out.iter_mut().zip(&*sequence).for_each(|(out, exact)| *out = narrowed(*exact));
-        },
-    );
+    let new_scratch = || (vec![Complex64::ZERO; ROWS * rows], vec![Complex64::ZERO; fft.get_inplace_scratch_len()]);
+    transfer.par_chunks_mut(ROWS * rows).enumerate().for_each_init(new_scratch, |(gathered, scratch), (block, out)| {
+        interrupt::check();
+        let (first, gathered) = (block * ROWS, &mut gathered[..out.len()]);
+        for (row, from) in spectra.values.chunks_exact(columns).enumerate() {
+            for (i, from) in from[first..first + out.len() / rows].iter().enumerate() {
+                gathered[i * rows + row] = widened(*from);
+            }
+        }
+        fft.process_with_scratch(gathered, scratch);
+        out.iter_mut().zip(&*gathered).for_each(|(out, exact)| *out = narrowed(*exact));
+    });
     transfer
+}
+
+/// Rows that are read together: a line of the cache holds this many values.
+const ROWS: usize = 8;
+
+/// Memory of a thread that computes rows.
+struct Scratch {
+    gathered: Vec<Complex32>,
+    sequence: Vec<Complex64>,
+    buffer: Vec<Complex64>,
+    fft: Vec<Complex64>,
 }
 
 /// Spectra along x of the response at one place in the pixel: for each lag along y, all padded bins.
@@ -106,7 +120,8 @@ struct RowSpectra<T> {
 impl<T: Real> RowSpectra<T> {
     fn of_pixels(setup: &OpticalSetup, [offset_x, offset_y]: [f64; 2]) -> Self {
         let (response, pitch_m) = (PixelResponse::new(setup), setup.grid().pixel_pitch_m());
-        Self::new(setup, |lag_y, _, sequence, _| {
+        let gather = |_: Range<usize>, _: &mut Vec<Complex32>| {};
+        Self::new(setup, gather, |lag_y, _, Scratch { sequence, .. }| {
             let (y_m, width_px) = ((lag_y + offset_y) * pitch_m, sequence.len() / 2);
             let at = |column: usize| {
                 lag(column, width_px).map_or(Complex64::ZERO, |lag_x| response.at((lag_x + offset_x) * pitch_m, y_m))
@@ -122,29 +137,40 @@ impl<T: Real> RowSpectra<T> {
 
     fn of_band(setup: &OpticalSetup, samples: &BandSamples, offset_x: f64) -> Self {
         let along_x = samples.along_x(offset_x);
-        Self::new(setup, |_, row, sequence, buffer| along_x.row(row, sequence, buffer))
+        let gather = |rows: Range<usize>, gathered: &mut Vec<Complex32>| samples.gather(rows, gathered);
+        Self::new(setup, gather, |_, row, Scratch { gathered, sequence, buffer, .. }| {
+            along_x.row(row, gathered, sequence, buffer);
+        })
     }
 
-    /// `fill(lag_y, row, sequence, buffer)` writes the response at a lag along y, in a row of the padded frame, at all lags along
-    /// x; `buffer` is scratch memory. The lags of a whole side do not matter.
-    fn new(setup: &OpticalSetup, fill: impl Fn(f64, usize, &mut [Complex64], &mut Vec<Complex64>) + Sync) -> Self {
+    /// `gather(rows, gathered)` reads what some rows of the padded frame need. `fill(lag_y, i, scratch)` then writes the response
+    /// of the i-th of them, at a lag along y and all lags along x, into `scratch.sequence`. The lags of a whole side do not matter.
+    fn new(
+        setup: &OpticalSetup,
+        gather: impl Fn(Range<usize>, &mut Vec<Complex32>) + Sync,
+        fill: impl Fn(f64, usize, &mut Scratch) + Sync,
+    ) -> Self {
         let (height_px, width_px) = (setup.grid().height_px(), setup.grid().width_px());
         let fft = FftPlanner::new().plan_fft_forward(2 * width_px);
         let mut values = vec![Complex::new(T::zero(), T::zero()); 4 * height_px * width_px];
-        values.par_chunks_exact_mut(2 * width_px).enumerate().for_each_init(
-            || {
-                let scratch = vec![Complex64::ZERO; fft.get_inplace_scratch_len()];
-                (vec![Complex64::ZERO; 2 * width_px], scratch, Vec::new())
-            },
-            |(sequence, scratch, buffer), (row, out)| {
+        let new_scratch = || Scratch {
+            gathered: Vec::new(),
+            sequence: vec![Complex64::ZERO; 2 * width_px],
+            buffer: Vec::new(),
+            fft: vec![Complex64::ZERO; fft.get_inplace_scratch_len()],
+        };
+        values.par_chunks_mut(ROWS * 2 * width_px).enumerate().for_each_init(new_scratch, |scratch, (block, rows)| {
+            let first = block * ROWS;
+            gather(first..first + rows.len() / (2 * width_px), &mut scratch.gathered);
+            for (i, out) in rows.chunks_exact_mut(2 * width_px).enumerate() {
                 interrupt::check();
-                let Some(lag_y) = lag(row, height_px) else { return };
-                fill(lag_y, row, sequence, buffer);
-                sequence[width_px] = Complex64::ZERO;
-                fft.process_with_scratch(sequence, scratch);
-                out.iter_mut().zip(&*sequence).for_each(|(out, exact)| *out = narrowed(*exact));
-            },
-        );
+                let Some(lag_y) = lag(first + i, height_px) else { continue };
+                fill(lag_y, i, scratch);
+                scratch.sequence[width_px] = Complex64::ZERO;
+                fft.process_with_scratch(&mut scratch.sequence, &mut scratch.fft);
+                out.iter_mut().zip(&scratch.sequence).for_each(|(out, exact)| *out = narrowed(*exact));
+            }
+        });
         Self { height_px, width_px, values }
     }
 

@@ -129,7 +129,10 @@ fn require_setup(field: &Field, setup: &OpticalSetup, display: &Display, key: &K
             return Ok(());
         }
         let (learned, shown) = (setup.orders(), display.orders);
-        return Err(field.invalid(format!("is a kernel behind {learned}, but displays/{} shows {shown}", display.id)));
+        return Err(field.invalid(format!(
+            "is a kernel of a display that shows {learned}, but displays/{} shows {shown}",
+            display.id
+        )));
     }
     // A file may contain lengths that a key cannot represent.
     let wavelength = wavelength.map_or_else(|| format!("{:e} m", setup.wavelength_m()), |exact| exact.to_string());

@@ -2,7 +2,7 @@
 
 use crate::jobs::submit;
 use crate::preparing;
-use crate::serving::{Serving, expect};
+use crate::serving::{Serving, expect, small_display};
 use lightpath_artifacts::digest_of;
 use lightpath_domain::kernel::KernelModel;
 use lightpath_media::kernel_file;
@@ -123,6 +123,16 @@ async fn kernels_of_other_displays_are_not_imported() {
     expect(import(&serving, &kernel(63, 0.1), 0.05).await, Code::InvalidArgument, "artifact is a kernel for 63×48 px");
     expect(import(&serving, &good[..good.len() - 1], 0.05).await, Code::InvalidArgument, "artifact (sha256-");
     expect(import(&serving, b"text", 0.05).await, Code::InvalidArgument, "artifact (sha256-");
+    let filter = v1::OrderFilter { height: 0.5, ..Default::default() };
+    let orders = Some(v1::display::Orders::OrderFilter(filter));
+    let display = Some(v1::Display { orders, ..small_display("relay") });
+    serving.displays().create_display(v1::CreateDisplayRequest { display }).await.unwrap();
+    let artifact = serving.upload(&good).await;
+    let (display, wavelength_m) = ("displays/relay".to_owned(), 515e-9);
+    let request = v1::ImportKernelRequest { display, wavelength_m, distance_m: 0.05, artifact };
+    let start = "artifact is a kernel of a display that shows the whole first order, but displays/relay shows the first \
+                 order through a filter of 1×0.5 orders";
+    expect(client(&serving).import_kernel(request).await, Code::InvalidArgument, start);
     let listed = client(&serving).list_kernels(v1::ListKernelsRequest::default()).await.unwrap().into_inner();
     assert_eq!(listed.kernels, []);
 }

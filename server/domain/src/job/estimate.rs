@@ -37,7 +37,7 @@ pub const CAPTURED_ITERATIONS: u32 = 40;
 /// \[bytes\].
 const BASE_BYTES: u64 = 12 << 20;
 /// Part of the memory in smaller allocations that the allocator keeps for itself after they are freed.
-const FRAGMENTATION: f64 = 0.05;
+const FRAGMENTATION: f64 = 0.03;
 /// Bytes of a real number in f32.
 const REAL: u64 = 4;
 /// Time of reading or writing a pixel of a picture: codec, digest and disk, in the unit of work.

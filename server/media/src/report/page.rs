@@ -104,9 +104,10 @@ fn losses(name: &str, learned: f64, ideal: f64) -> String {
 pub(super) fn html(input: &ReportInput, chapters: &[Chapter]) -> String {
     let name = escaped(&format!("{}/versions/{}", input.version.key, input.version.version));
     let method = if input.version.content.lineage.interpolated { "interpolated" } else { "learned" };
+    let orders = input.model.setup.orders();
     let mut page = format!(
         "<!doctype html><html lang=en><meta charset=utf-8><meta name=viewport content=\"width=device-width,initial-scale=1\">\
-         <title>{name}</title><style>{STYLE}</style><h1>Light transport, as {method}</h1><p class=sub>{name}</p><nav>"
+         <title>{name}</title><style>{STYLE}</style><h1>Light transport, as {method}</h1><p class=sub>{name}, of a display that shows {orders}</p><nav>"
     );
     for (i, chapter) in chapters.iter().enumerate() {
         // Writing to a string cannot fail.
