@@ -1,10 +1,10 @@
 //! Memory and work of an engine and of what it computes.
 
-use super::sampling::{RESPONSE_STAGES, quadrant, samples_places, samples_work, sampling_bytes, sampling_work};
+use super::sampling::{ExactSize, RESPONSE_STAGES, quadrant, sampling_bytes, sampling_work};
 use super::{COMPLEX, COMPLEX_F64, REAL};
 use crate::convolution::{padded_columns, rows::ROWS, tile_columns};
 use crate::hologram::OTHER_ORDERS_PIXELS_MAX;
-use crate::propagation::passes::{band_samples, has_sample_transfers};
+use crate::propagation::passes::has_sample_transfers;
 use crate::second_opinion::{Effort, opinion_bytes, values};
 use crate::spatial_variation::local_kernels;
 use crate::{ConvolutionMethod, Detector, DisplayModel, KernelShape, OpticalSetup};
@@ -15,7 +15,6 @@ const BENCH_BYTES_PER_PX: u64 = 96;
 /// Memory for drawing a bench or taking a photograph with it, besides the bench, for each pixel of its display
 /// \[bytes\]: padded fields and spectra in f64, and their transposed copies.
 const EXPOSURE_BYTES_PER_PX: u64 = 324;
-
 /// Time of all metrics of a hologram, as optimized and as quantized, for a pixel, in radix-2 stages.
 const METRICS_STAGES: f64 = 600.0;
 /// Time of a value of a second opinion, in radix-2 stages: its transfer function, and its part of the spectra.
@@ -44,13 +43,8 @@ pub struct EngineSize {
     pub all_orders: bool,
     /// Whether a filter passes a part of the first order.
     pub is_filtered: bool,
-    /// Memory for the sampling of the exact transfer functions to sub-samples, besides them \[bytes\]; `None`: the quality of
-    /// holograms is measured without such transfer functions.
-    pub samples_bytes: Option<u64>,
-    /// Work of sampling them, in values times radix-2 stages.
-    pub samples_work: u64,
-    /// Number of places in a pixel at which the quality of holograms is measured with them.
-    pub samples_places: u64,
+    /// The exact transfer functions with which the quality of holograms is measured; `None`: it is measured without them.
+    pub exact: Option<ExactSize>,
     /// Values of transfer functions in the [`second opinion`](crate::second_opinion); 0: none.
     pub opinion_values: u64,
     /// Memory for the sampling of transfer functions, besides them \[bytes\].
@@ -76,9 +70,7 @@ impl EngineSize {
             has_source: false,
             all_orders: false,
             is_filtered: false,
-            samples_bytes: None,
-            samples_work: 0,
-            samples_places: 0,
+            exact: None,
             opinion_values: 0,
             sampling_bytes: 0,
             sampling_work: 0,
@@ -98,9 +90,7 @@ impl EngineSize {
         Self {
             all_orders: setup.method() == ConvolutionMethod::AllOrders,
             is_filtered: setup.orders().filter().is_some(),
-            samples_work: if has_samples { samples_work(setup, has_errors) } else { 0 },
-            samples_places: if has_samples { samples_places(setup) } else { 0 },
-            samples_bytes: has_samples.then(|| band_samples(setup, has_errors) * COMPLEX),
+            exact: has_samples.then(|| ExactSize::of(setup, has_errors)),
             opinion_values: if kernel_has_bins || self.kernels_per_side > 1 {
                 0
             } else {
@@ -228,12 +218,12 @@ impl EngineSize {
         let n = self.pixels();
         let (point, fine) = (self.with_detector(Detector::Point), self.with_detector(Detector::Supersampled));
         let (points, samples) = (SETS * n * REAL, 4 * n * REAL);
-        let propagated = match self.samples_bytes {
-            Some(sampling) => {
+        let propagated = match self.exact {
+            Some(exact) => {
                 // The spectra of rows, then a transfer function, the fields, and the light of one place.
                 let transfer = point.transfer_bytes() + point.light_bytes() + 2 * n * REAL;
                 let own = if self.all_orders { SETS * n * REAL } else { 0 };
-                own + SETS * samples + 4 * n * COMPLEX + sampling + transfer + point.scratch_bytes()
+                own + SETS * samples + 4 * n * COMPLEX + exact.bytes + transfer + point.scratch_bytes()
             }
             None => {
                 let propagated = fine.light_bytes().max(fine.half_spectrum_bytes(2) + samples);
@@ -250,11 +240,11 @@ impl EngineSize {
     pub fn quality_work(&self, frames: usize) -> f64 {
         const SETS: f64 = 2.0;
         let (point, fine) = (self.with_detector(Detector::Point), self.with_detector(Detector::Supersampled));
-        let light = match self.samples_places {
-            0 => point.light_work() + fine.light_work(),
-            places => (places + 1) as f64 * point.light_work(),
+        let (light, sampling) = match self.exact {
+            None => (point.light_work() + fine.light_work(), 0),
+            Some(exact) => ((exact.places + 1) as f64 * point.light_work(), exact.work),
         };
-        SETS * frames as f64 * light + self.samples_work as f64 + METRICS_STAGES * self.pixels() as f64
+        SETS * frames as f64 * light + sampling as f64 + METRICS_STAGES * self.pixels() as f64
     }
 
     /// Work of a second opinion with an effort on a hologram in one plane, for this number of frames and all of the detectors.

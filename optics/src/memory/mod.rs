@@ -23,7 +23,7 @@ mod sampling;
 pub use engine::EngineSize;
 pub use hologram::HologramSize;
 pub use learning::LearningSize;
-pub use sampling::{sampling_bytes, sampling_work};
+pub use sampling::{ExactSize, sampling_bytes, sampling_work};
 
 /// Bytes of a complex number in f32.
 const COMPLEX: u64 = 8;

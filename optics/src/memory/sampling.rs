@@ -1,6 +1,6 @@
 //! Memory and work of sampling a transfer function.
 
-use super::COMPLEX_F64;
+use super::{COMPLEX, COMPLEX_F64};
 use crate::engine::nodes;
 use crate::propagation::passes::{band_samples, frequencies, is_even, peak_values};
 use crate::{ConvolutionMethod, OpticalSetup};
@@ -49,28 +49,33 @@ pub fn sampling_work(setup: &OpticalSetup) -> u64 {
     }
 }
 
-/// Work of sampling the exact transfer functions with which a report measures the light of a display, in values times radix-2
-/// stages. `has_errors`: behind smooth errors of its kernel.
-pub(super) fn samples_work(setup: &OpticalSetup, has_errors: bool) -> u64 {
-    match setup.method() {
-        ConvolutionMethod::AllOrders => {
-            // Those of the sub-samples, and of the nodes in a quarter of a pixel.
-            let responses = 1 + nodes(setup).map(|nodes| nodes.div_ceil(2)).iter().product::<usize>();
-            responses as u64 * padded_values(setup) * RESPONSE_STAGES
-        }
-        ConvolutionMethod::BandResponse if is_even(setup, has_errors) => frequencies(setup) * EVEN_SAMPLES_STAGES,
-        ConvolutionMethod::BandResponse if has_errors => frequencies(setup) * SAMPLES_STAGES,
-        ConvolutionMethod::BandResponse => frequencies(setup) * FILTERED_SAMPLES_STAGES,
-        _ => 0,
-    }
+/// Size of the exact transfer functions to places in the pixels, with which a report measures the light of a display.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ExactSize {
+    /// Memory for their sampling, besides them \[bytes\].
+    pub bytes: u64,
+    /// Work of their sampling, in values times radix-2 stages.
+    pub work: u64,
+    /// Number of places in a pixel.
+    pub places: u64,
 }
 
-/// Number of places in a pixel at which a report measures light with these transfer functions.
-pub(super) fn samples_places(setup: &OpticalSetup) -> u64 {
-    const SUB_SAMPLES: u64 = 4;
-    match setup.method() {
-        ConvolutionMethod::AllOrders => SUB_SAMPLES + nodes(setup).iter().product::<usize>() as u64,
-        _ => SUB_SAMPLES,
+impl ExactSize {
+    /// `has_errors`: behind smooth errors of the display's kernel.
+    pub(super) fn of(setup: &OpticalSetup, has_errors: bool) -> Self {
+        const SUB_SAMPLES: u64 = 4;
+        let (work, places) = match setup.method() {
+            ConvolutionMethod::AllOrders => {
+                let [x, y] = nodes(setup).map(|nodes| nodes as u64);
+                // Those of the sub-samples, and of the nodes in a quarter of a pixel.
+                let responses = 1 + x.div_ceil(2) * y.div_ceil(2);
+                (responses * padded_values(setup) * RESPONSE_STAGES, SUB_SAMPLES + x * y)
+            }
+            _ if has_errors => (frequencies(setup) * SAMPLES_STAGES, SUB_SAMPLES + 1),
+            _ if is_even(setup, has_errors) => (frequencies(setup) * EVEN_SAMPLES_STAGES, SUB_SAMPLES),
+            _ => (frequencies(setup) * FILTERED_SAMPLES_STAGES, SUB_SAMPLES),
+        };
+        Self { bytes: band_samples(setup, has_errors) * COMPLEX, work, places }
     }
 }
 

@@ -141,7 +141,8 @@ impl Api {
         let version = self.store.kernel_version(&spec.kernel, spec.version).await?;
         let kernel = self.kernel_size(&display, &spec.kernel, Some(spec.version), Detector::Pixel, None).await?;
         let others = self.store.kernel_versions(&spec.kernel, None, OTHER_VERSIONS_MAX + 1).await?;
-        let other_file_bytes = others.iter().map(|other| other.content.size_bytes).max().unwrap_or(0);
+        let sizes = || others.iter().map(|other| other.content.size_bytes);
+        let (other_file_bytes, other_files_bytes) = (sizes().max().unwrap_or(0), sizes().sum());
         let pairs = match version.content.lineage.own_dataset() {
             None => None,
             Some(learned) => match self.store.dataset(&learned.id).await {
@@ -159,7 +160,7 @@ impl Api {
             [region.height_px(), region.width_px()]
         });
         let model = version.content.model;
-        Ok(report_kernel(&ReportInputs { kernel, model, other_file_bytes, pairs, region_px }))
+        Ok(report_kernel(&ReportInputs { kernel, model, other_file_bytes, other_files_bytes, pairs, region_px }))
     }
 
     /// Engine of the ideal display, with the given propagation or the planner's choice.
@@ -193,9 +194,7 @@ impl Api {
         };
         let content = self.store.kernel_version(key, version).await?.content;
         let (engine, order) = match content.model {
-            KernelModel::Paper | KernelModel::Dense => {
-                (EngineSize { samples_bytes: None, opinion_values: 0, ..ideal }, 0)
-            }
+            KernelModel::Paper | KernelModel::Dense => (EngineSize { exact: None, opinion_values: 0, ..ideal }, 0),
             // Such files have some hundred numbers.
             KernelModel::Smooth | KernelModel::Display | KernelModel::Varying => {
                 let file = self.artifacts.read_all(&content.artifact).await?;

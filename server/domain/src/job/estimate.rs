@@ -427,6 +427,8 @@ pub struct ReportInputs {
     pub model: KernelModel,
     /// Size of the largest file of another version \[bytes\].
     pub other_file_bytes: u64,
+    /// Size of the files of all versions that it shows \[bytes\].
+    pub other_files_bytes: u64,
     /// Pairs of its dataset; `None`: it has none.
     pub pairs: Option<PairsSize>,
     /// Rows and columns of the region that is compared \[px\].
@@ -440,15 +442,20 @@ pub fn report_kernel(inputs: &ReportInputs) -> Need {
     const SPECTRUM_BYTES_PER_PX: u64 = 68;
     /// Memory for charts, pictures and point spread functions \[bytes\].
     const DRAWING_BYTES: u64 = 112 << 20;
+    /// Work of drawing and writing the page.
+    const DRAWING_WORK: f64 = 8e9;
+    /// Work of reading a byte of another version, and of its pictures.
+    const OTHER_STAGES: f64 = 85.0;
     let kernel = inputs.kernel;
     let (engine, n) = (kernel.engine, kernel.engine.pixels());
     // The version's own numbers stay, those of one other version come and go.
     let numbers = kernel.numbers_bytes();
     let others = numbers + 3 * inputs.other_file_bytes;
-    let drawn = numbers + inputs.other_file_bytes + engine.sampled_bytes() + engine.sampling_bytes + DRAWING_BYTES;
+    let drawn = numbers + inputs.other_file_bytes + engine.sampled_bytes() + engine.sampling_bytes.max(DRAWING_BYTES);
     let compared = inputs.pairs.map_or(0, |pairs| {
         let size = LearningSize {
-            engine: EngineSize { kernels_per_side: 1, has_source: false, ..engine },
+            // The ideal kernel was sampled before.
+            engine: EngineSize { kernels_per_side: 1, has_source: false, sampling_bytes: 0, ..engine },
             model: inputs.model,
             order: kernel.order,
             distances: 1,
@@ -458,8 +465,12 @@ pub fn report_kernel(inputs: &ReportInputs) -> Need {
             if matches!(inputs.model, KernelModel::Display | KernelModel::Varying) { size.fit_bytes() } else { 0 };
         let compared = engine.fields_bytes() + 8 * REAL * n;
         let pair = compared.max(SPECTRUM_BYTES_PER_PX * n) + pairs.reading_bytes(n) + 2 * REAL * n;
-        numbers + engine.engine_bytes() + engine.scratch_bytes() + fit + pair.max(kernel.reading_bytes())
+        // A kernel with a value for each frequency does not sample the ideal one.
+        let reading = if kernel.has_bins { 3 * numbers } else { kernel.reading_bytes() };
+        numbers + engine.engine_bytes() + engine.scratch_bytes() + fit + pair.max(reading)
     });
     let pairs = inputs.pairs.map_or(0.0, |pairs| (pairs.all as f64).min(32.0));
-    Need::new([others, drawn, compared], pairs * 40.0 * engine.light_work() + 6e9)
+    let lights = if inputs.model.is_smooth() { 26.0 } else { 9.0 };
+    let work = pairs * lights * engine.light_work() + OTHER_STAGES * inputs.other_files_bytes as f64 + DRAWING_WORK;
+    Need::new([others, drawn, compared], work)
 }
