@@ -46,8 +46,8 @@ pub struct OrderFilter {
 impl OrderFilter {
     /// Smallest side, in orders.
     pub const SIDE_MIN: f64 = 0.1;
-    /// Width over which the light falls off at an edge, in orders. The image of a display of 50 pixels in the filter's plane is
-    /// as blurred; a sharper edge would only add faint light far beside the image.
+    /// Width over which the light falls off at an edge, in orders. The focus of a display of 50 pixels is as wide. A sharper
+    /// edge would only add faint light far beside the image.
     pub const EDGE: f64 = 0.02;
 
     /// A rectangle in the middle.

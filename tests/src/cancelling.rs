@@ -28,7 +28,7 @@ fn all() -> Vec<(Shape, u32)> {
         (hologram("Gerchberg–Saxton", HD, gerchberg_saxton()), 4),
         (hologram("L-BFGS, all orders", HD, Hologram { orders: Some(all_orders()), ..LBFGS }), 8),
         (Shape { name: "1920×1080".into(), size_px: HD, spec: Spec::Verify }, 8),
-        (Shape { name: "1920×1080".into(), size_px: HD, spec: Spec::Dataset(model) }, 10),
+        (Shape { name: "display, 1920×1080".into(), size_px: HD, spec: Spec::Dataset(model) }, 10),
         (Shape { name: "dense, 1920×1080".into(), size_px: HD, spec: Spec::Dataset(dense) }, 10),
         (Shape { name: "capture, 1920×1080".into(), size_px: HD, spec: Spec::Capture }, 8),
         (Shape { name: "13 dense versions, 1920×1080".into(), size_px: HD, spec: Spec::DenseReport(12) }, 8),

@@ -21,7 +21,7 @@ fn few() -> Vec<Shape> {
     vec![
         hologram("L-BFGS, pixel", SMALL, LBFGS),
         hologram("Adam, point, 4 frames", SMALL, Hologram { detector: Detector::Point, frames: 4, ..adam() }),
-        Shape { name: "640×360".into(), size_px: (640, 360), spec: Spec::Dataset(v1::KernelModel::Display) },
+        Shape { name: "display, 640×360".into(), size_px: (640, 360), spec: Spec::Dataset(v1::KernelModel::Display) },
         Shape { name: "on 4 dense versions, 960×540".into(), size_px: SMALL, spec: Spec::DenseReport(3) },
     ]
 }
@@ -58,9 +58,9 @@ fn all() -> Vec<Shape> {
         hologram("Adam, point", UHD, Hologram { detector: Detector::Point, ..adam() }),
         hologram("Adam, pixel", (8192, 8192), Hologram { iterations: 2, ..adam() }),
         hologram("L-BFGS, pixel", (8192, 4096), Hologram { iterations: 4, ..LBFGS }),
-        Shape { name: "960×540".into(), size_px: SMALL, spec: Spec::Dataset(v1::KernelModel::Display) },
-        Shape { name: "1920×1080".into(), size_px: HD, spec: Spec::Dataset(v1::KernelModel::Display) },
-        Shape { name: "1920×1080".into(), size_px: HD, spec: Spec::Dataset(v1::KernelModel::Dense) },
+        Shape { name: "display, 960×540".into(), size_px: SMALL, spec: Spec::Dataset(v1::KernelModel::Display) },
+        Shape { name: "display, 1920×1080".into(), size_px: HD, spec: Spec::Dataset(v1::KernelModel::Display) },
+        Shape { name: "dense, 1920×1080".into(), size_px: HD, spec: Spec::Dataset(v1::KernelModel::Dense) },
         Shape { name: "capture, 1920×1080".into(), size_px: HD, spec: Spec::Capture },
         Shape { name: "on 13 dense versions, 1920×1080".into(), size_px: HD, spec: Spec::DenseReport(12) },
     ]);

@@ -441,7 +441,7 @@ pub fn report_kernel(inputs: &ReportInputs) -> Need {
     /// Memory for the spectrum of a hologram in f64 and its transposed copies, for each pixel \[bytes\].
     const SPECTRUM_BYTES_PER_PX: u64 = 68;
     /// Memory for charts, pictures and point spread functions \[bytes\].
-    const DRAWING_BYTES: u64 = 112 << 20;
+    const DRAWING_BYTES: u64 = 120 << 20;
     /// Work of drawing and writing the page.
     const DRAWING_WORK: f64 = 8e9;
     /// Work of reading a byte of another version, and of its pictures.
