@@ -367,8 +367,8 @@ pub fn evaluate_kernel(kernel: &KernelSize, pairs: &PairsSize) -> Need {
         engine.engine_bytes() + kernel.reading_bytes(),
         engine.engine_bytes() + kernel.numbers_bytes() + kept + compared.max(pairs.reading_bytes(n)),
     ];
-    let files = 0.5 * pairs.all as f64 * FILE_STAGES * n as f64;
-    Need::new(stages, pairs.all as f64 * 3.0 * engine.light_work() + files + engine.sampling_work as f64)
+    let files = 0.4 * pairs.all as f64 * FILE_STAGES * n as f64;
+    Need::new(stages, pairs.all as f64 * 2.4 * engine.light_work() + files + engine.sampling_work as f64)
 }
 
 /// What a job that aligns or finalizes a dataset needs, besides its specification.
@@ -470,7 +470,7 @@ pub fn report_kernel(inputs: &ReportInputs) -> Need {
         numbers + engine.engine_bytes() + engine.scratch_bytes() + fit + pair.max(reading)
     });
     let pairs = inputs.pairs.map_or(0.0, |pairs| (pairs.all as f64).min(32.0));
-    let lights = if inputs.model.is_smooth() { 26.0 } else { 9.0 };
+    let lights = if inputs.model.is_smooth() { 26.0 } else { 8.0 };
     let work = pairs * lights * engine.light_work() + OTHER_STAGES * inputs.other_files_bytes as f64 + DRAWING_WORK;
     Need::new([others, drawn, compared], work)
 }
