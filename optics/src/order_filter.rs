@@ -56,6 +56,19 @@ impl OrderFilter {
         Self { shape: FilterShape::Rectangle, width, height, centre_x: 0.0, centre_y: 0.0 }
     }
 
+    /// Largest distance of the centre from the middle of the order, for a side along the same axis, in orders. Beyond it the
+    /// opening would reach into the next order.
+    #[must_use]
+    pub fn centre_max(side: f64) -> f64 {
+        0.5 * (1.0 - side)
+    }
+
+    /// Whether a centre is at most [`Self::centre_max`] from the middle. Sides such as 0.4 are not exact in binary.
+    #[must_use]
+    pub fn is_inside(centre: f64, side: f64) -> bool {
+        centre.abs() <= Self::centre_max(side) + 1e-9
+    }
+
     /// Checks that the opening lies within the first order.
     ///
     /// # Errors
@@ -71,8 +84,7 @@ impl OrderFilter {
         for (name, value, side) in
             [("filter_centre_x", self.centre_x, self.width), ("filter_centre_y", self.centre_y, self.height)]
         {
-            // Sides and centres such as 0.4 and 0.3 are not exact in binary.
-            if !(value.is_finite() && value.abs() + 0.5 * side <= 0.5 + 1e-9) {
+            if !Self::is_inside(value, side) {
                 let allowed = "a place where the opening lies within the first order, −½ to ½ orders";
                 return Err(Error::OutOfRange { name, value, allowed });
             }

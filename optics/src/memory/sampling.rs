@@ -56,7 +56,7 @@ pub struct ExactSize {
     pub bytes: u64,
     /// Work of their sampling, in values times radix-2 stages.
     pub work: u64,
-    /// Number of places in a pixel.
+    /// Number of places in a pixel, besides its centre.
     pub places: u64,
 }
 
@@ -71,7 +71,7 @@ impl ExactSize {
                 let responses = 1 + x.div_ceil(2) * y.div_ceil(2);
                 (responses * padded_values(setup) * RESPONSE_STAGES, SUB_SAMPLES + x * y)
             }
-            _ if has_errors => (frequencies(setup) * SAMPLES_STAGES, SUB_SAMPLES + 1),
+            _ if has_errors => (frequencies(setup) * SAMPLES_STAGES, SUB_SAMPLES),
             _ if is_even(setup, has_errors) => (frequencies(setup) * EVEN_SAMPLES_STAGES, SUB_SAMPLES),
             _ => (frequencies(setup) * FILTERED_SAMPLES_STAGES, SUB_SAMPLES),
         };

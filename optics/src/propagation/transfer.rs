@@ -39,8 +39,8 @@ impl OpticalSetup {
 
     /// The transfer function at fx, fy \[1/m\], without the piston. [`propagation`](super) has the formulas.
     ///
-    /// Methods with an impulse response sum over the whole frame in each call. Use [`Self::sampled`] to sample many
-    /// bins.
+    /// Methods with an impulse response sum over the whole frame in each call; behind a filter each call samples all bins and
+    /// returns the nearest one. Use [`Self::sampled`] to sample many bins.
     #[must_use]
     pub fn transfer(&self, fx: f64, fy: f64) -> Complex64 {
         let (wavelength_m, distance_m, grid) = (self.wavelength_m(), self.distance_m(), self.grid());

@@ -84,10 +84,10 @@ fn order_filter(field: &Field, message: v1::OrderFilter) -> Result<Orders, ApiEr
     };
     let (width, height) = (side("width", message.width)?, side("height", message.height)?);
     let centre = |name, value: f64, side: f64| {
-        let farthest = 0.5 * (1.0 - side);
-        if value.abs() <= farthest + 1e-9 {
+        if OrderFilter::is_inside(value, side) {
             return Ok(value);
         }
+        let farthest = OrderFilter::centre_max(side);
         let within = if farthest == 0.0 { "0".to_owned() } else { format!("{:.3} to {farthest:.3}", -farthest) };
         let reason =
             format!("is {value}, but must be {within}, so that the opening of {side} lies within the first order");

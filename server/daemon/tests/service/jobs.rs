@@ -13,12 +13,12 @@ use lightpath_proto::v1::{self, job_spec};
 use tonic::{Code, Status};
 use tonic_types::StatusExt as _;
 
-fn picture() -> Vec<u8> {
+pub(crate) fn picture() -> Vec<u8> {
     let plane = lightpath_optics::Plane::from_fn(40, 30, |y, x| (y + x) as f32 / 70.0);
     pictures::grey_png_srgb(&plane).unwrap()
 }
 
-fn optimize(target: &str) -> v1::OptimizeHologram {
+pub(crate) fn optimize(target: &str) -> v1::OptimizeHologram {
     v1::OptimizeHologram {
         display: "displays/lab".into(),
         planes: vec![v1::optimize_hologram::ImagePlane { distance_m: 0.05, target: target.to_owned(), weight: 0.0 }],
@@ -355,136 +355,6 @@ pub(crate) async fn watch_to_end(serving: &Serving, name: &str) -> v1::Job {
         last = Some(job);
     }
     last.unwrap()
-}
-
-fn hologram(job: &v1::Job) -> &v1::HologramResult {
-    match job.result.as_ref().and_then(|result| result.kind.as_ref()) {
-        Some(v1::job_result::Kind::Hologram(result)) => result,
-        _ => panic!("{job:?}"),
-    }
-}
-
-#[tokio::test]
-async fn optimized_hologram_has_its_files_and_quality() {
-    let serving = Serving::start().await;
-    serving.display("lab").await;
-    let target = serving.upload(&picture()).await;
-    let spec = v1::OptimizeHologram { iterations: 30, ..optimize(&target) };
-    let job = submit(&serving, job_spec::Kind::OptimizeHologram(spec), "").await.unwrap();
-    let job = watch_to_end(&serving, &job.name).await;
-    assert_eq!(job.state(), v1::job::State::Succeeded, "{job:?}");
-    let result = hologram(&job);
-    assert_eq!(result.iterations, 30);
-    let [hologram] = &result.wavelengths[..] else { panic!("{result:?}") };
-    let ([frame], [plane]) = (&hologram.frames[..], &hologram.planes[..]) else { panic!("{hologram:?}") };
-    let quality = plane.quality.unwrap();
-    let pixel = quality.pixel.unwrap();
-    assert!(pixel.psnr_db > 10.0 && pixel.ssim.unwrap() > 0.5, "{quality:?}");
-    // The region is too small for the five scales of MS-SSIM.
-    assert_eq!(pixel.ms_ssim, None);
-    let (inside, all) = (pixel.diffraction_efficiency, pixel.frame_efficiency);
-    assert!(0.0 < inside && inside < all && all <= 1.0 + 1e-6, "{quality:?}");
-    assert_eq!(quality.supersampled.unwrap().diffraction_efficiency, inside);
-    for digest in [&frame.phase, &frame.phase_npy, &plane.reconstruction] {
-        let request = v1::GetArtifactRequest { digest: digest.clone() };
-        assert!(serving.artifacts().get_artifact(request).await.unwrap().into_inner().size_bytes > 0);
-    }
-    let opinion = plane.second_opinion.unwrap();
-    assert_eq!(opinion.rows, 8);
-    let quantized = plane.quantized_quality.unwrap();
-    let agrees = |opinion: v1::SecondOpinion, within_db: f64| {
-        assert!((opinion.independent_psnr_db - opinion.engine_psnr_db).abs() < within_db, "{opinion:?}");
-    };
-    agrees(opinion, 0.3);
-    let verified = verify(&serving, &job.name).await.unwrap();
-    let [plane] = &verified.planes[..] else { panic!("{verified:?}") };
-    for (found, reported) in
-        [(plane.point, quantized.point), (plane.pixel, quantized.pixel), (plane.supersampled, quantized.supersampled)]
-    {
-        let (found, reported) = (found.unwrap(), reported.unwrap());
-        agrees(found, 0.3);
-        // The display has so few rows that all of them are compared.
-        assert!((found.engine_psnr_db - reported.psnr_db).abs() < 1e-3, "{found:?} {reported:?}");
-    }
-}
-
-/// Runs a job that verifies the holograms of another job.
-async fn verify(serving: &Serving, job: &str) -> Result<v1::VerifyResult, Status> {
-    let job = submit(serving, job_spec::Kind::VerifyHologram(v1::VerifyHologram { job: job.to_owned() }), "").await?;
-    let job = watch_to_end(serving, &job.name).await;
-    match job.result.as_ref().and_then(|result| result.kind.as_ref()) {
-        Some(v1::job_result::Kind::Verify(result)) => Ok(result.clone()),
-        _ => panic!("{job:?}"),
-    }
-}
-
-#[tokio::test]
-async fn only_finished_holograms_are_verified() {
-    let serving = Serving::start().await;
-    serving.display("lab").await;
-    let target = serving.upload(&picture()).await;
-    let spec = v1::OptimizeHologram { iterations: 10_000, ..optimize(&target) };
-    let running = submit(&serving, job_spec::Kind::OptimizeHologram(spec), "").await.unwrap();
-    expect(verify(&serving, &running.name).await, Code::InvalidArgument, "spec.verify_hologram.job has no holograms");
-    expect(verify(&serving, "jobs/none").await, Code::NotFound, "jobs/none does not exist");
-    expect(verify(&serving, "").await, Code::InvalidArgument, "spec.verify_hologram.job");
-}
-
-#[tokio::test]
-async fn restart_does_not_change_the_result() {
-    let serving = Serving::start().await;
-    serving.display("lab").await;
-    let target = serving.upload(&picture()).await;
-    let kind = || job_spec::Kind::OptimizeHologram(v1::OptimizeHologram { iterations: 500, ..optimize(&target) });
-    let job = submit(&serving, kind(), "").await.unwrap();
-    let request = v1::WatchJobRequest { name: job.name.clone() };
-    let mut stream = serving.jobs().watch_job(request).await.unwrap().into_inner();
-    let running = loop {
-        let job = stream.message().await.unwrap().unwrap();
-        if job.progress.as_ref().is_some_and(|progress| progress.step > 0) {
-            break job;
-        }
-    };
-    drop(stream);
-    assert_eq!(running.state(), v1::job::State::Running);
-    let serving = serving.restart().await;
-    let resumed = watch_to_end(&serving, &job.name).await;
-    assert_eq!((resumed.state(), resumed.attempt), (v1::job::State::Succeeded, 2));
-    let whole = submit(&serving, kind(), "").await.unwrap();
-    let whole = watch_to_end(&serving, &whole.name).await;
-    assert_eq!(hologram(&whole).wavelengths, hologram(&resumed).wavelengths);
-}
-
-#[tokio::test]
-async fn restart_between_two_wavelengths_does_not_change_the_result() {
-    let serving = Serving::start().await;
-    let wavelengths_m = vec![638e-9, 515e-9];
-    let display = Some(v1::Display { wavelengths_m: wavelengths_m.clone(), ..small_display("two") });
-    serving.displays().create_display(v1::CreateDisplayRequest { display }).await.unwrap();
-    let target = serving.upload(&picture()).await;
-    let plane = |distance_m| v1::optimize_hologram::ImagePlane { distance_m, target: target.clone(), weight: 0.0 };
-    let spec = v1::OptimizeHologram {
-        display: "displays/two".into(),
-        wavelengths_m,
-        planes: vec![plane(0.05), plane(0.07)],
-        iterations: 1500,
-        quantization_aware: true,
-        ..Default::default()
-    };
-    let kind = || job_spec::Kind::OptimizeHologram(spec.clone());
-    let job = submit(&serving, kind(), "").await.unwrap();
-    let request = v1::WatchJobRequest { name: job.name.clone() };
-    let mut stream = serving.jobs().watch_job(request).await.unwrap().into_inner();
-    // Wait until the job computes the second wavelength.
-    while stream.message().await.unwrap().unwrap().progress.is_none_or(|progress| progress.step <= 1600) {}
-    drop(stream);
-    let serving = serving.restart().await;
-    let resumed = watch_to_end(&serving, &job.name).await;
-    assert_eq!((resumed.state(), resumed.attempt), (v1::job::State::Succeeded, 2));
-    let whole = submit(&serving, kind(), "").await.unwrap();
-    let whole = watch_to_end(&serving, &whole.name).await;
-    assert_eq!(hologram(&whole).wavelengths, hologram(&resumed).wavelengths);
-    assert_eq!(hologram(&whole).wavelengths.len(), 2);
 }
 
 #[tokio::test]
