@@ -5,16 +5,53 @@
 //! ```
 //!
 //! Sizes with coprime factors use the algorithm of I. J. Good (J. R. Stat. Soc. B 20, 361 (1958)), which needs no
-//! twiddle factors. Other composite sizes use that of J. Cooley and J. Tukey (Math. Comput. 19, 297 (1965)).
+//! twiddle factors: of a size a·b, input n = b·n₁ + a·n₂ (mod a·b) is number n₂ of row n₁, and output k is number k mod a
+//! of column k mod b. Other composite sizes use that of J. Cooley and J. Tukey (Math. Comput. 19, 297 (1965)).
+//!
+//! Nothing here is a loop. Whether a compiler unrolls a loop over the numbers of a butterfly depends on the code around
+//! it, and a butterfly whose numbers are kept in memory instead of in registers takes three times as long.
 
+use super::Factors;
 use super::lanes::ComplexLanes;
 use crate::real::Number;
+use num_complex::Complex;
 use pulp::Simd;
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
 /// A transform of `R` numbers. It is a type because a function passed as an argument would not be inlined.
 pub(super) trait Butterfly<const R: usize> {
     fn transform<T: Number, S: Simd>(x: [ComplexLanes<T, S>; R]) -> [ComplexLanes<T, S>; R];
+}
+
+/// What a stage does with the `R` numbers of a butterfly beside the transform. Number k lies in register
+/// `first + k · step`.
+pub(super) trait StageOf<const R: usize>: Butterfly<R> {
+    fn gather<T: Number, S: Simd>(
+        simd: S,
+        parts: [&[T::Vector<S>]; 2],
+        first: usize,
+        step: usize,
+    ) -> [ComplexLanes<T, S>; R];
+
+    /// Writes the numbers, times their twiddle factors where those are given. The first of these is one.
+    fn scatter<T: Number, S: Simd>(
+        simd: S,
+        y: [ComplexLanes<T, S>; R],
+        twiddles: Option<&[Complex<T>]>,
+        parts: [&mut [T::Vector<S>]; 2],
+        first: usize,
+        step: usize,
+    );
+
+    /// Writes the numbers, times the factors of their registers.
+    fn scatter_times<T: Number, S: Simd>(
+        simd: S,
+        y: [ComplexLanes<T, S>; R],
+        factors: Factors<'_, T>,
+        parts: [&mut [T::Vector<S>]; 2],
+        first: usize,
+        step: usize,
+    );
 }
 
 pub(super) struct Butterfly2;
@@ -100,37 +137,102 @@ impl Butterfly<9> for Butterfly9 {
     }
 }
 
-/// Implements the transform of a size a·b with coprime factors a and b. Inputs are indexed by n = b·n₁ + a·n₂, outputs
-/// by k ≡ k₁ (mod a) and k ≡ k₂ (mod b), that is k = e₁k₁ + e₂k₂ (mod a·b).
-macro_rules! coprime {
-    ($name:ident, $size:literal = $a:literal ($of_a:ident, $e1:literal) * $b:literal ($of_b:ident, $e2:literal)) => {
-        impl Butterfly<$size> for $name {
+impl Butterfly<6> for Butterfly6 {
+    #[inline(always)]
+    fn transform<T: Number, S: Simd>(x: [ComplexLanes<T, S>; 6]) -> [ComplexLanes<T, S>; 6] {
+        let a = Butterfly3::transform([x[0], x[2], x[4]]);
+        let b = Butterfly3::transform([x[3], x[5], x[1]]);
+        let y0 = Butterfly2::transform([a[0], b[0]]);
+        let y1 = Butterfly2::transform([a[1], b[1]]);
+        let y2 = Butterfly2::transform([a[2], b[2]]);
+        [y0[0], y1[1], y2[0], y0[1], y1[0], y2[1]]
+    }
+}
+
+impl Butterfly<10> for Butterfly10 {
+    #[inline(always)]
+    fn transform<T: Number, S: Simd>(x: [ComplexLanes<T, S>; 10]) -> [ComplexLanes<T, S>; 10] {
+        let a = Butterfly5::transform([x[0], x[2], x[4], x[6], x[8]]);
+        let b = Butterfly5::transform([x[5], x[7], x[9], x[1], x[3]]);
+        let y0 = Butterfly2::transform([a[0], b[0]]);
+        let y1 = Butterfly2::transform([a[1], b[1]]);
+        let y2 = Butterfly2::transform([a[2], b[2]]);
+        let y3 = Butterfly2::transform([a[3], b[3]]);
+        let y4 = Butterfly2::transform([a[4], b[4]]);
+        [y0[0], y1[1], y2[0], y3[1], y4[0], y0[1], y1[0], y2[1], y3[0], y4[1]]
+    }
+}
+
+impl Butterfly<12> for Butterfly12 {
+    #[inline(always)]
+    fn transform<T: Number, S: Simd>(x: [ComplexLanes<T, S>; 12]) -> [ComplexLanes<T, S>; 12] {
+        let a = Butterfly4::transform([x[0], x[3], x[6], x[9]]);
+        let b = Butterfly4::transform([x[4], x[7], x[10], x[1]]);
+        let c = Butterfly4::transform([x[8], x[11], x[2], x[5]]);
+        let y0 = Butterfly3::transform([a[0], b[0], c[0]]);
+        let y1 = Butterfly3::transform([a[1], b[1], c[1]]);
+        let y2 = Butterfly3::transform([a[2], b[2], c[2]]);
+        let y3 = Butterfly3::transform([a[3], b[3], c[3]]);
+        [y0[0], y1[1], y2[2], y3[0], y0[1], y1[2], y2[0], y3[1], y0[2], y1[0], y2[1], y3[2]]
+    }
+}
+
+/// Writes out the steps of a stage for each number of the butterfly.
+macro_rules! stage {
+    ($name:ident, $size:literal: $($k:literal)*) => {
+        impl StageOf<$size> for $name {
             #[inline(always)]
-            fn transform<T: Number, S: Simd>(x: [ComplexLanes<T, S>; $size]) -> [ComplexLanes<T, S>; $size] {
-                let mut rows = [[x[0]; $b]; $a];
-                for (n1, row) in rows.iter_mut().enumerate() {
-                    let mut along = [x[0]; $b];
-                    for (n2, value) in along.iter_mut().enumerate() {
-                        *value = x[($b * n1 + $a * n2) % $size];
-                    }
-                    *row = $of_b::transform(along);
-                }
-                let mut y = x;
-                for k2 in 0..$b {
-                    let mut along = [x[0]; $a];
-                    for (value, row) in along.iter_mut().zip(&rows) {
-                        *value = row[k2];
-                    }
-                    for (k1, value) in $of_a::transform(along).into_iter().enumerate() {
-                        y[($e1 * k1 + $e2 * k2) % $size] = value;
-                    }
-                }
-                y
+            fn gather<T: Number, S: Simd>(
+                simd: S,
+                [re, im]: [&[T::Vector<S>]; 2],
+                first: usize,
+                step: usize,
+            ) -> [ComplexLanes<T, S>; $size] {
+                [$(ComplexLanes::new(simd, re[first + $k * step], im[first + $k * step])),*]
+            }
+
+            #[inline(always)]
+            fn scatter<T: Number, S: Simd>(
+                simd: S,
+                y: [ComplexLanes<T, S>; $size],
+                twiddles: Option<&[Complex<T>]>,
+                [re, im]: [&mut [T::Vector<S>]; 2],
+                first: usize,
+                step: usize,
+            ) {
+                $(
+                    let value = match twiddles {
+                        Some(twiddles) if $k > 0 => y[$k] * ComplexLanes::splat(simd, twiddles[$k]),
+                        _ => y[$k],
+                    };
+                    (re[first + $k * step], im[first + $k * step]) = (value.re.vector, value.im.vector);
+                )*
+            }
+
+            #[inline(always)]
+            fn scatter_times<T: Number, S: Simd>(
+                simd: S,
+                y: [ComplexLanes<T, S>; $size],
+                factors: Factors<'_, T>,
+                [re, im]: [&mut [T::Vector<S>]; 2],
+                first: usize,
+                step: usize,
+            ) {
+                $(
+                    let value = y[$k] * factors.factor(simd, first + $k * step);
+                    (re[first + $k * step], im[first + $k * step]) = (value.re.vector, value.im.vector);
+                )*
             }
         }
     };
 }
 
-coprime!(Butterfly6, 6 = 2(Butterfly2, 3) * 3(Butterfly3, 4));
-coprime!(Butterfly10, 10 = 2(Butterfly2, 5) * 5(Butterfly5, 6));
-coprime!(Butterfly12, 12 = 3(Butterfly3, 4) * 4(Butterfly4, 9));
+stage!(Butterfly2, 2: 0 1);
+stage!(Butterfly3, 3: 0 1 2);
+stage!(Butterfly4, 4: 0 1 2 3);
+stage!(Butterfly5, 5: 0 1 2 3 4);
+stage!(Butterfly6, 6: 0 1 2 3 4 5);
+stage!(Butterfly8, 8: 0 1 2 3 4 5 6 7);
+stage!(Butterfly9, 9: 0 1 2 3 4 5 6 7 8);
+stage!(Butterfly10, 10: 0 1 2 3 4 5 6 7 8 9);
+stage!(Butterfly12, 12: 0 1 2 3 4 5 6 7 8 9 10 11);

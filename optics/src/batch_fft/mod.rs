@@ -18,8 +18,8 @@ pub(crate) use lanes::ComplexLanes;
 
 use crate::real::{Number, unit_of};
 use butterflies::{
-    Butterfly, Butterfly2, Butterfly3, Butterfly4, Butterfly5, Butterfly6, Butterfly8, Butterfly9, Butterfly10,
-    Butterfly12,
+    Butterfly2, Butterfly3, Butterfly4, Butterfly5, Butterfly6, Butterfly8, Butterfly9, Butterfly10, Butterfly12,
+    StageOf,
 };
 use num_complex::Complex;
 use pulp::{Simd, WithSimd};
@@ -212,7 +212,7 @@ impl<T: Number> WithSimd for RunLast<'_, T> {
 
 impl<T: Number> Stage<T> {
     #[inline(always)]
-    fn run<S: Simd, B: Butterfly<R>, const R: usize>(
+    fn run<S: Simd, B: StageOf<R>, const R: usize>(
         &self,
         simd: S,
         registers: usize,
@@ -225,18 +225,15 @@ impl<T: Number> Stage<T> {
         let to_im = T::vectors_mut::<S>(&mut to.im).chunks_exact_mut(R * s);
         for (p, ((twiddles, to_re), to_im)) in self.twiddles.chunks_exact(R).zip(to_re).zip(to_im).enumerate() {
             for q in 0..s {
-                let y = B::transform(gather::<T, S, R>(simd, from_re, from_im, p * s + q, m * s));
-                (to_re[q], to_im[q]) = (y[0].re.vector, y[0].im.vector);
-                for k in 1..R {
-                    let y = if m == 1 { y[k] } else { y[k] * ComplexLanes::splat(simd, twiddles[k]) };
-                    (to_re[k * s + q], to_im[k * s + q]) = (y.re.vector, y.im.vector);
-                }
+                let y = B::transform(B::gather(simd, [from_re, from_im], p * s + q, m * s));
+                let twiddles = (m > 1).then_some(twiddles);
+                B::scatter(simd, y, twiddles, [&mut *to_re, &mut *to_im], q, s);
             }
         }
     }
 
     #[inline(always)]
-    fn run_last<S: Simd, B: Butterfly<R>, const R: usize>(
+    fn run_last<S: Simd, B: StageOf<R>, const R: usize>(
         &self,
         simd: S,
         registers: usize,
@@ -249,30 +246,10 @@ impl<T: Number> Stage<T> {
         let to_re = &mut T::vectors_mut::<S>(&mut to.re)[..R * s];
         let to_im = &mut T::vectors_mut::<S>(&mut to.im)[..R * s];
         for q in 0..s {
-            let y = B::transform(gather::<T, S, R>(simd, from_re, from_im, q, s));
-            for (k, y) in y.into_iter().enumerate() {
-                let at = k * s + q;
-                let y = y * factors.factor(simd, at);
-                (to_re[at], to_im[at]) = (y.re.vector, y.im.vector);
-            }
+            let y = B::transform(B::gather(simd, [from_re, from_im], q, s));
+            B::scatter_times(simd, y, factors, [&mut *to_re, &mut *to_im], q, s);
         }
     }
-}
-
-/// Inputs of a butterfly: the registers `first`, `first + step`, and so on.
-#[inline(always)]
-fn gather<T: Number, S: Simd, const R: usize>(
-    simd: S,
-    re: &[T::Vector<S>],
-    im: &[T::Vector<S>],
-    first: usize,
-    step: usize,
-) -> [ComplexLanes<T, S>; R] {
-    let mut x = [ComplexLanes::new(simd, re[first], im[first]); R];
-    for (r, x) in x.iter_mut().enumerate().skip(1) {
-        *x = ComplexLanes::new(simd, re[first + r * step], im[first + r * step]);
-    }
-    x
 }
 
 fn column_by_column<T: Number>(fft: &dyn Fft<T>, columns: usize, tile: &mut Planes<T>) {
