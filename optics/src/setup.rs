@@ -53,6 +53,16 @@ impl OpticalSetup {
         })
     }
 
+    /// The same setup for light of another wavelength.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::OutOfRange`] for a wavelength outside the range of [`Self::try_new`].
+    pub(crate) fn at_wavelength(self, wavelength_m: f64) -> Result<Self> {
+        Self::try_new(self.grid, wavelength_m, self.distance_m)?;
+        Ok(Self { wavelength_m, ..self })
+    }
+
     /// Returns this setup for a display that shows these diffraction orders of its pixels. The method becomes
     /// [`ConvolutionMethod::AllOrders`] for [all orders](Orders::All), and [`ConvolutionMethod::BandResponse`] behind a
     /// [filter](Orders::Filtered).

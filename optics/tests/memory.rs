@@ -186,15 +186,14 @@ fn photographed(setup: &OpticalSetup) -> Vec<Pair> {
     (0..4).map(pair).collect()
 }
 
-fn check_simulation(pool: &ThreadPool, field_aberration_rad: f64) {
-    let bench = SimulatedBench { field_aberration_rad, speckle_contrast: 0.1, ..SimulatedBench::default() };
+fn check_simulation(pool: &ThreadPool, name: &str, bench: SimulatedBench) {
     let engine = EngineSize::ideal(120, 160, Detector::Pixel, 2);
     let phase = initial_phase(120, 160, 6.0, 1).unwrap();
     let work = || {
         let display = SimulatedDisplay::draw(setup(120, 160, 0.01), None, bench).unwrap();
         display.capture(&phase, 1).unwrap();
     };
-    check(&format!("bench, {field_aberration_rad} rad"), engine.simulation_bytes(), peak_bytes(pool, work), 1.1);
+    check(name, engine.simulation_bytes(&bench), peak_bytes(pool, work), 1.1);
 }
 
 #[test]
@@ -242,7 +241,11 @@ fn counted_memory_is_that_of_the_functions() {
         check_learning(&pool, model, 1);
     }
     check_learning(&pool, KernelModel::Display, 3);
-    [0.0, 2.0].into_iter().for_each(|rad| check_simulation(&pool, rad));
+    let fair = SimulatedBench { speckle_contrast: 0.1, ..SimulatedBench::FAIR };
+    check_simulation(&pool, "bench", fair);
+    check_simulation(&pool, "bench, varying", SimulatedBench { field_aberration_rad: 2.0, ..fair });
+    let flaws = SimulatedBench { surface_waves: 1.0, dust_contrast: 0.1, response_variation: 0.1, ..fair };
+    check_simulation(&pool, "bench, six modes", SimulatedBench { source_angle_mrad: 0.3, bandwidth: 0.01, ..flaws });
     let wrong = WRONG.lock().unwrap();
     assert!(wrong.is_empty(), "{wrong:#?}");
 }

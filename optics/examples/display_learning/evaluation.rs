@@ -35,15 +35,27 @@ impl<'a> ModelEvaluation<'a> {
         for index in 0..self.test.len() {
             test_loss += compare(&engine, &self.test.pair(index)?, self.lab.region())?.fitted_loss();
         }
-        let captured_db = self.targets.iter().zip(1..).map(|(target, seed)| {
-            let levels = self.lab.hologram(&engine, target, 1.0, seed, self.iterations)?;
-            let photo = self.lab.bench().capture(&phase(&levels)?, 1_000_000 + seed)?;
+        Ok(ModelScore {
+            test_loss: test_loss / self.test.len() as f64,
+            captured_db: self
+                .captured_db(|target, seed| self.lab.hologram(&engine, target, 1.0, seed, self.iterations))?,
+        })
+    }
+
+    /// PSNR of the photographs of holograms that are optimized through the bench itself \[dB\].
+    pub(crate) fn best_captured_db(&self, range_rad: f64) -> Result<Vec<f64>, Failure> {
+        self.captured_db(|target, seed| self.lab.best_hologram(target, range_rad, seed, self.iterations))
+    }
+
+    fn captured_db(
+        &self,
+        levels: impl Fn(&Plane<f32>, u64) -> Result<Plane<u8>, Failure>,
+    ) -> Result<Vec<f64>, Failure> {
+        let captured = self.targets.iter().zip(1..).map(|(target, seed)| {
+            let photo = self.lab.bench().capture(&phase(&levels(target, seed)?)?, 1_000_000 + seed)?;
             let light = photo.map(|level| f32::from(level) / 255.0);
             Ok(psnr_db(&light, target, self.lab.region(), Gain::Fitted)?)
         });
-        Ok(ModelScore {
-            test_loss: test_loss / self.test.len() as f64,
-            captured_db: captured_db.collect::<Result<_, Failure>>()?,
-        })
+        captured.collect()
     }
 }

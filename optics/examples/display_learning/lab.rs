@@ -38,11 +38,8 @@ impl Lab {
         let critical_m = 2.0 * width_px.min(height_px) as f64 * pitch_m * pitch_m / wavelength_m;
         let distance_m = if options.distance_m > 0.0 { options.distance_m } else { 0.6 * critical_m };
         let setup = OpticalSetup::try_new(grid, wavelength_m, distance_m)?.planned()?.0;
-        let Options { strength, camera_noise, misalignment_px, field_aberration_rad, .. } = *options;
-        let drawn = SimulatedBench { seed, strength, camera_noise, ..SimulatedBench::FAIR };
-        let imperfections = SimulatedBench { misalignment_px, field_aberration_rad, ..drawn };
         Ok(Self {
-            bench: SimulatedDisplay::draw(setup, None, imperfections)?,
+            bench: SimulatedDisplay::draw(setup, None, SimulatedBench { seed, ..options.bench })?,
             region: RegionOfInterest::middle(&grid),
             iterations: options.training_iterations,
             seed,
@@ -130,6 +127,19 @@ impl Lab {
         let mut optimization = Optimization::start(problem, options, start.into_vec())?;
         while optimization.step().is_some() {}
         let phase = Plane::try_from_vec(height_px, width_px, optimization.phases().to_vec())?;
+        Ok(PhaseResponse::linear(8)?.quantize(&phase)?.map(|level| level as u8))
+    }
+
+    /// Grey levels of a hologram of the target, optimized through the bench itself.
+    pub(crate) fn best_hologram(
+        &self,
+        target: &Plane<f32>,
+        range_rad: f64,
+        seed: u64,
+        iterations: u32,
+    ) -> Result<Plane<u8>, Failure> {
+        let start = initial_phase(target.height_px(), target.width_px(), range_rad, seed)?;
+        let phase = self.bench.optimize(target, self.region, &start, iterations)?;
         Ok(PhaseResponse::linear(8)?.quantize(&phase)?.map(|level| level as u8))
     }
 

@@ -4,13 +4,15 @@
 //! ```sh
 //! cargo run --release -p lightpath-optics --example display_learning -- --size 640x360 --seeds 1,2,3,4,5
 //! cargo run --release -p lightpath-optics --example display_learning -- --pairs 4 --models display
-//! cargo run --release -p lightpath-optics --example display_learning -- --field-rad 2 --models display,varying
+//! cargo run --release -p lightpath-optics --example display_learning -- --bench field_aberration_rad=2 --models display,varying
+//! cargo run --release -p lightpath-optics --example display_learning -- --size 640x360 --bench surface_waves=1.5 --yardstick yes
 //! cargo run --release -p lightpath-optics --example display_learning -- --wrong 1 --saturated 0.02 --rotation-deg 0.02
 //! ```
 //!
 //! The example prints one line for each model: its held-out error; that error relative to the error of the display's
 //! true transfer function (the lower bound for any single kernel); the PSNR of photographs of new targets; their gain
-//! over the ideal kernel, target by target; and the cost of learning.
+//! over the ideal kernel, target by target; and the cost of learning. With `--yardstick yes`, `bench 1` and `bench 2π` are
+//! holograms that are optimized through the bench itself, from a random phase of that range \[rad\]: no model can be better.
 #![allow(clippy::print_stdout)] // an example prints its results
 
 mod camera_mistakes;
@@ -26,6 +28,7 @@ use lightpath_optics::learning::{KernelModel, LearnOptions, LearnStage, Learner,
 use lightpath_optics::{DisplayModel, KernelShape};
 use options::{Failure, Options};
 use photographed::PhotographedPairs;
+use std::f64::consts::TAU;
 use std::time::Instant;
 
 fn main() -> Result<(), Failure> {
@@ -60,6 +63,12 @@ fn show_display(options: &Options, seed: u64) -> Result<(), Failure> {
     };
     show("ideal", &ideal, "");
     show("true", &lower_bound, "");
+    if options.yardstick {
+        for (name, range_rad) in [("bench 1", 1.0), ("bench 2π", TAU)] {
+            let captured_db = evaluation.best_captured_db(range_rad)?;
+            show(name, &ModelScore { test_loss: f64::NAN, captured_db }, "");
+        }
+    }
     for &model in &options.models {
         let (learned, cost) = learn(options, &lab, model, seed, &training, &validation)?;
         show(options::name(model), &evaluation.score(&learned)?, &cost);

@@ -1,6 +1,7 @@
 //! Options of the example: the displays to simulate and the models to learn.
 
 use lightpath_optics::learning::KernelModel;
+use lightpath_optics::simulated_display::SimulatedBench;
 use std::collections::BTreeMap;
 
 /// Any error of the example.
@@ -22,11 +23,10 @@ pub(crate) struct Options {
     pub(crate) targets: usize,
     pub(crate) training_iterations: u32,
     pub(crate) iterations: u32,
-    pub(crate) strength: f64,
-    pub(crate) camera_noise: f64,
-    pub(crate) misalignment_px: f64,
-    /// Size \[rad\] of the aberrations that depend on a pixel's position on the modulator.
-    pub(crate) field_aberration_rad: f64,
+    /// Properties of the bench.
+    pub(crate) bench: SimulatedBench,
+    /// Whether holograms are also optimized through the bench itself, which no learned model can surpass.
+    pub(crate) yardstick: bool,
     /// Number of training pairs whose photograph belongs to another hologram.
     pub(crate) wrong: usize,
     /// Part of the training photographs' pixels that is overexposed, 0 to 1.
@@ -65,10 +65,8 @@ impl Options {
             targets: number("targets", &text("targets", "4"))?,
             training_iterations: number("training-iterations", &text("training-iterations", "60"))?,
             iterations: number("iterations", &text("iterations", "100"))?,
-            strength: number("strength", &text("strength", "1"))?,
-            camera_noise: number("noise", &text("noise", "0.003"))?,
-            misalignment_px: number("shift", &text("shift", "0.5"))?,
-            field_aberration_rad: number("field-rad", &text("field-rad", "0"))?,
+            bench: bench(&text("bench", ""))?,
+            yardstick: text("yardstick", "no") == "yes",
             wrong: number("wrong", &text("wrong", "0"))?,
             saturated: number("saturated", &text("saturated", "0"))?,
             rotation_deg: number("rotation-deg", &text("rotation-deg", "0"))?,
@@ -107,6 +105,23 @@ fn model(name: &str) -> Result<KernelModel, Failure> {
             .into());
         }
     })
+}
+
+/// A bench with some properties given as `name=value,name=value`; the camera is half a pixel off.
+fn bench(text: &str) -> Result<SimulatedBench, Failure> {
+    let usual = SimulatedBench { misalignment_px: 0.5, ..SimulatedBench::FAIR };
+    let mut properties = serde_json::to_value(usual)?;
+    for property in text.split(',').filter(|property| !property.is_empty()) {
+        let (name, value) = property.split_once('=').ok_or_else(|| format!("--bench: {property} has no value"))?;
+        let value: f64 = number("bench", value)?;
+        match properties.get_mut(name) {
+            Some(place) if name != "seed" => *place = value.into(),
+            _ => return Err(format!("--bench: {name} is not a property of a simulated bench").into()),
+        }
+    }
+    let bench: SimulatedBench = serde_json::from_value(properties)?;
+    bench.validate()?;
+    Ok(bench)
 }
 
 fn size(text: &str) -> Result<(usize, usize), Failure> {

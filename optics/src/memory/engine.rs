@@ -6,12 +6,15 @@ use crate::convolution::{padded_columns, rows::ROWS, tile_columns};
 use crate::hologram::OTHER_ORDERS_PIXELS_MAX;
 use crate::propagation::passes::has_sample_transfers;
 use crate::second_opinion::{Effort, opinion_bytes, values};
+use crate::simulated_display::SimulatedBench;
 use crate::spatial_variation::local_kernels;
 use crate::{ConvolutionMethod, Detector, DisplayModel, KernelShape, OpticalSetup};
 
 /// Memory of a simulated bench while it exists, for each pixel of its display \[bytes\]: source, speckle, and transfer
 /// functions in f64.
 const BENCH_BYTES_PER_PX: u64 = 96;
+/// Memory of each further mode of a bench's source, for each pixel of its display \[bytes\]: a transfer function in f64.
+const MODE_BYTES_PER_PX: u64 = 64;
 /// Memory for drawing a bench or taking a photograph with it, besides the bench, for each pixel of its display
 /// \[bytes\]: padded fields and spectra in f64, and their transposed copies.
 const EXPOSURE_BYTES_PER_PX: u64 = 324;
@@ -307,22 +310,26 @@ impl EngineSize {
 
     /// Memory of a simulated bench of this display.
     #[must_use]
-    pub fn bench_bytes(&self) -> u64 {
-        BENCH_BYTES_PER_PX * self.pixels()
+    pub fn bench_bytes(&self, bench: &SimulatedBench) -> u64 {
+        // The dust is complex.
+        let flaws = [bench.surface_waves, bench.response_variation, bench.dust_contrast, bench.dust_contrast];
+        let planes = flaws.iter().filter(|&&flaw| flaw > 0.0).count() as u64;
+        (BENCH_BYTES_PER_PX + (bench.modes() as u64 - 1) * MODE_BYTES_PER_PX + 8 * planes) * self.pixels()
     }
 
     /// Memory for drawing a simulated bench of this display and for its exposures, with the bench.
     #[must_use]
-    pub fn simulation_bytes(&self) -> u64 {
-        self.bench_bytes() + EXPOSURE_BYTES_PER_PX * self.pixels()
+    pub fn simulation_bytes(&self, bench: &SimulatedBench) -> u64 {
+        self.bench_bytes(bench) + EXPOSURE_BYTES_PER_PX * self.pixels()
     }
 
-    /// Work of one photograph of a simulated bench: sixteen images in f64.
+    /// Work of one photograph of a simulated bench: sixteen images in f64 for each mode of its source.
     #[must_use]
-    pub fn simulation_work(&self, has_field_aberration: bool) -> f64 {
+    pub fn simulation_work(&self, bench: &SimulatedBench) -> f64 {
         let (w, h) = (self.width_px as f64, self.height_px as f64);
-        let kernels = if has_field_aberration { 49.0 } else { 1.0 };
+        let kernels = if bench.field_aberration_rad > 0.0 { 49.0 } else { 1.0 };
         let transforms = 4.0 * w * h * ((16.0 + 4.0) * w.log2() + (8.0 + 2.0 * kernels) * h.log2());
-        F64_FACTOR * transforms
+        let images = bench.modes() as f64 * if bench.flicker > 0.0 { 2.0 } else { 1.0 };
+        F64_FACTOR * images * transforms
     }
 }

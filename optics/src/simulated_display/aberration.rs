@@ -70,8 +70,8 @@ impl Aberration {
         Self { strength, waves, aperture, ripple }
     }
 
-    /// e^{α + iψ} at a frequency in units of the Nyquist frequency, each component within ±1.
-    pub(super) fn at(&self, x: f64, y: f64) -> Complex64 {
+    /// e^{α + i·scale·ψ} at a frequency in units of the Nyquist frequency, each component within ±1.
+    pub(super) fn at(&self, x: f64, y: f64, scale: f64) -> Complex64 {
         let (radius, angle) = ((x * x + y * y).sqrt() / SQRT_2, y.atan2(x));
         let wave = |&(shape, size_rad, turned): &(Shape, f64, f64)| {
             // A shape without folds has no direction, so the angle draws its sign instead.
@@ -84,6 +84,6 @@ impl Aberration {
         let roll_off = ((x - centre.0) / radius.0).powi(2) + ((y - centre.1) / radius.1).powi(2);
         let Ripple { size, periods, phase_rad: start } = self.ripple;
         let ripple = size * (TAU * (periods.0 * x + periods.1 * y) + start).cos();
-        Complex64::from_polar((self.strength * (ripple - roll_off)).exp(), self.strength * phase_rad)
+        Complex64::from_polar((self.strength * (ripple - roll_off)).exp(), scale * self.strength * phase_rad)
     }
 }

@@ -1,5 +1,6 @@
 //! Properties of a simulated bench.
 
+use super::modes;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 
@@ -24,8 +25,30 @@ pub struct SimulatedBench {
     pub full_well_electrons: f64,
     /// Contrast of a fixed speckle pattern from dust and coatings, 0 to 0.5.
     pub speckle_contrast: f64,
-    /// Cross-talk of the modulator: standard deviation of the blur of its phase \[px\], 0 to 2.
+    /// Cross-talk of the modulator: standard deviation of the blur of its phase along x \[px\], 0 to 2. The phase is
+    /// blurred after it is wrapped, as fringing fields blur it, so jumps from 2π to 0 become slopes.
     pub crosstalk_px: f64,
+    /// Cross-talk along y \[px\], 0 to 2. Liquid crystals blur more along one axis (S. Moser, M. Ritsch-Marte and G. Thalhammer, Optics Express 27, 25046 (2019)).
+    pub crosstalk_y_px: f64,
+    /// Height of the modulator's uneven surface from peak to valley \[waves\], 0 to 8.
+    pub surface_waves: f64,
+    /// Largest relative change of the modulator's phase over its area, 0 to 0.5.
+    pub response_variation: f64,
+    /// Contrast of a fixed structure of dust and fringes in the amplitude of the light on the modulator, 0 to 0.5.
+    pub dust_contrast: f64,
+    /// Light of a ghost: a shifted and defocused second image, as a part of the image's light, 0 to 0.3.
+    pub ghost_share: f64,
+    /// Angular width of the source as the modulator sees it \[mrad\], 0 to 5. The light of different directions does not
+    /// interfere.
+    pub source_angle_mrad: f64,
+    /// Width of the source's line, full width at half maximum, as a part of its wavelength, 0 to 0.1: below 0.001 for
+    /// a laser diode, 0.03 to 0.06 for an LED.
+    pub bandwidth: f64,
+    /// Distortion by the camera's lens: displacement of the image's corner, as a part of its distance from the middle, −0.1 to
+    /// 0.1.
+    pub distortion: f64,
+    /// Part of the light that the camera's lens loses at the image's corner, 0 to 0.9.
+    pub vignetting: f64,
     /// Flicker of the modulator: relative amplitude by which its phase swings while the shutter is open, 0 to 0.5.
     pub flicker: f64,
     /// Drift of the image in an hour \[px\], 0 to 100.
@@ -55,6 +78,15 @@ impl SimulatedBench {
         full_well_electrons: 0.0,
         speckle_contrast: 0.0,
         crosstalk_px: 0.0,
+        crosstalk_y_px: 0.0,
+        surface_waves: 0.0,
+        response_variation: 0.0,
+        dust_contrast: 0.0,
+        ghost_share: 0.0,
+        source_angle_mrad: 0.0,
+        bandwidth: 0.0,
+        distortion: 0.0,
+        vignetting: 0.0,
         flicker: 0.0,
         drift_px_per_hour: 0.0,
         dimming_per_hour: 0.0,
@@ -65,7 +97,7 @@ impl SimulatedBench {
 
     /// For each property: its name, its value, its least and largest allowed value, and the allowed range in words.
     #[must_use]
-    pub fn ranges(&self) -> [(&'static str, f64, f64, f64, &'static str); 14] {
+    pub fn ranges(&self) -> [(&'static str, f64, f64, f64, &'static str); 23] {
         [
             ("strength", self.strength, 0.0, 4.0, "0 to 4"),
             ("camera_noise", self.camera_noise, 0.0, 0.1, "0 to 0.1"),
@@ -75,6 +107,15 @@ impl SimulatedBench {
             ("full_well_electrons", self.full_well_electrons, 0.0, 1e7, "0 to 10000000"),
             ("speckle_contrast", self.speckle_contrast, 0.0, 0.5, "0 to 0.5"),
             ("crosstalk_px", self.crosstalk_px, 0.0, 2.0, "0 to 2 px"),
+            ("crosstalk_y_px", self.crosstalk_y_px, 0.0, 2.0, "0 to 2 px"),
+            ("surface_waves", self.surface_waves, 0.0, 8.0, "0 to 8 waves"),
+            ("response_variation", self.response_variation, 0.0, 0.5, "0 to 0.5"),
+            ("dust_contrast", self.dust_contrast, 0.0, 0.5, "0 to 0.5"),
+            ("ghost_share", self.ghost_share, 0.0, 0.3, "0 to 0.3"),
+            ("source_angle_mrad", self.source_angle_mrad, 0.0, 5.0, "0 to 5 mrad"),
+            ("bandwidth", self.bandwidth, 0.0, 0.1, "0 to 0.1"),
+            ("distortion", self.distortion, -0.1, 0.1, "-0.1 to 0.1"),
+            ("vignetting", self.vignetting, 0.0, 0.9, "0 to 0.9"),
             ("flicker", self.flicker, 0.0, 0.5, "0 to 0.5"),
             ("drift_px_per_hour", self.drift_px_per_hour, 0.0, 100.0, "0 to 100 px"),
             ("dimming_per_hour", self.dimming_per_hour, 0.0, 1.0, "0 to 1"),
@@ -82,6 +123,12 @@ impl SimulatedBench {
             ("aberrations_at_m", self.aberrations_at_m, 0.0, 10.0, "0 to 10 m"),
             ("field_aberration_rad", self.field_aberration_rad, 0.0, 6.0, "0 to 6 rad"),
         ]
+    }
+
+    /// Number of modes of light that do not interfere. Each takes a transfer function, and an image for each photograph.
+    #[must_use]
+    pub fn modes(&self) -> usize {
+        modes::draw(self.seed, self.source_angle_mrad, self.bandwidth, self.ghost_share).len()
     }
 
     /// # Errors

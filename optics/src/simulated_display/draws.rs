@@ -18,6 +18,11 @@ pub(super) enum Stream {
     Drift = 7,
     Rail = 8,
     FieldAberration = 9,
+    Surface = 10,
+    Dust = 11,
+    ResponseVariation = 12,
+    Ghost = 13,
+    Modes = 14,
     /// Noise of the first row of a photograph. The streams of the other rows follow.
     Noise = 1 << 20,
 }

@@ -18,7 +18,7 @@ const EXPOSED_TO: f64 = 0.9;
 pub(super) fn calibrate(
     ideal: &SampledTransfer,
     grid: Grid,
-    source: &Plane<f64>,
+    source: &Plane<Complex64>,
     transfer_by_column: &Plane<Complex64>,
     seed: u64,
 ) -> f64 {

@@ -12,6 +12,7 @@
 //! positions; its error is far below the camera's noise.
 
 use super::draws::{Draws, Stream};
+use super::pixel_light;
 use crate::Plane;
 use crate::chebyshev::position;
 use crate::grid::frequency;
@@ -106,4 +107,33 @@ pub(super) fn spectrum_by_column(
         sum.iter_mut().zip(transfer_by_column.row(u)).for_each(|(value, transfer)| *value *= transfer);
     });
     spectrum
+}
+
+/// The adjoint of [`spectrum_by_column`].
+pub(super) fn spectrum_adjoint(
+    back: &Plane<Complex64>,
+    transfer_by_column: &Plane<Complex64>,
+    aberration: &FieldAberration,
+) -> Plane<Complex64> {
+    let (height_px, width_px) = (back.width_px() / 2, back.height_px() / 2);
+    let at = |bin, bins| 2.0 * frequency(bin, bins, 1.0);
+    let mut field = Plane::filled(height_px, width_px, Complex64::ZERO);
+    for (k, node) in nodes(POSITIONS).enumerate() {
+        let mut through = back.clone();
+        through.values_mut().par_chunks_mut(2 * height_px).enumerate().for_each(|(u, column)| {
+            interrupt::check();
+            for (v, (value, transfer)) in column.iter_mut().zip(transfer_by_column.row(u)).enumerate() {
+                let local = aberration.exponent(node, (at(u, 2 * width_px), at(v, 2 * height_px))).exp();
+                *value *= (transfer * local).conj();
+            }
+        });
+        let local = pixel_light::field_of_columns(&through);
+        for (y, row) in field.values_mut().chunks_exact_mut(width_px).enumerate() {
+            let at_y = window(k / POSITIONS, POSITIONS, position(y, height_px));
+            for (x, (sum, value)) in row.iter_mut().zip(local.row(y)).enumerate() {
+                *sum += value * at_y * window(k % POSITIONS, POSITIONS, position(x, width_px));
+            }
+        }
+    }
+    field
 }

@@ -10,29 +10,33 @@
 //! f64. All properties come from a seed: the same seed gives the same bench for any wavelength and distance, on any
 //! number of threads.
 //!
-//! Optional properties: aberrations that depend on the position on the modulator, cross-talk between the modulator's
-//! pixels and flicker, a turned camera, blur by its lens, a fixed speckle pattern by dust, and drift of the image and
-//! dimming of the source with time. With the distance, the image moves along a tilted rail, and the light fills more of
+//! Optional properties, in the light's order: several modes of the source that do not interfere, dust and fringes in the
+//! illumination, an uneven modulator, cross-talk between its pixels, flicker, and a response that varies over it,
+//! aberrations that depend on the position on the modulator, a ghost, a turned camera whose lens blurs, distorts and
+//! vignettes, a fixed speckle pattern, and drift of the image and dimming of the source with time. With the distance, the image moves along a tilted rail, and the light fills more of
 //! the aperture that has the aberrations.
 
 mod aberration;
 mod bench;
 mod blur;
 mod camera;
+mod descent;
 mod draws;
+mod dust;
 mod exposure;
 mod field_aberration;
 mod illumination;
+mod light;
+mod modes;
 mod modulator;
 mod pixel_light;
 mod placement;
 mod speckle;
+mod surface;
 
 pub use bench::SimulatedBench;
 
 use crate::carrier::Carrier;
-use crate::grid::frequency;
-use crate::interrupt;
 use crate::phase_response::wrap;
 use crate::propagation::SampledTransfer;
 use crate::transfer_function::phasor;
@@ -41,9 +45,9 @@ use aberration::Aberration;
 use camera::Camera;
 use draws::{Draws, Stream};
 use field_aberration::FieldAberration;
+use modes::{Ghost, Mode};
 use modulator::Modulator;
 use num_complex::Complex64;
-use rayon::prelude::*;
 
 /// A bench with drawn properties: a display, its optics, and a camera in the image plane.
 #[derive(Clone)]
@@ -54,12 +58,16 @@ pub struct SimulatedDisplay {
     aberration: Aberration,
     field_aberration: FieldAberration,
     source: Plane<f64>,
+    surface: Option<Plane<f64>>,
+    dust: Option<Plane<Complex64>>,
     modulator: Modulator,
+    ghost: Option<Ghost>,
+    modes: Vec<Mode>,
+    /// The transfer function of each mode on the padded grid, with one row for each fx.
+    transfers: Vec<Plane<Complex64>>,
     camera: Camera,
     shift_px: (f64, f64),
     exposure: f64,
-    /// [`Self::true_transfer`] on the padded grid, with one row for each fx.
-    transfer_by_column: Plane<Complex64>,
     bench: SimulatedBench,
     speckle: Option<Plane<f64>>,
     /// Direction in which the image drifts \[rad\].
@@ -80,25 +88,30 @@ impl SimulatedDisplay {
         let shift_px = (shift_px(), shift_px());
         let along_rail_px = setup.distance_m() * bench.rail_tilt_deg.to_radians().tan() / setup.grid().pixel_pitch_m();
         let towards = Draws::new(seed, Stream::Rail).angle();
+        let grid = setup.grid();
         let mut display = Self {
             setup,
             ideal: setup.sampled(),
             carrier,
             aberration: Aberration::draw(seed, strength),
             field_aberration: FieldAberration::draw(seed, bench.field_aberration_rad),
-            source: illumination::draw(&setup.grid(), seed, strength),
-            modulator: Modulator::draw(seed, strength),
+            source: illumination::draw(&grid, seed, strength),
+            surface: surface::draw(&grid, seed, bench.surface_waves),
+            dust: dust::draw(&grid, seed, bench.dust_contrast),
+            modulator: Modulator::draw(&grid, seed, strength, bench.response_variation),
+            ghost: (bench.ghost_share > 0.0).then(|| Ghost::draw(seed, bench.ghost_share)),
+            modes: modes::draw(seed, bench.source_angle_mrad, bench.bandwidth, bench.ghost_share),
+            transfers: Vec::new(),
             shift_px: (shift_px.0 + along_rail_px * towards.cos(), shift_px.1 + along_rail_px * towards.sin()),
             camera: Camera::draw(&mut draws, camera_noise, full_well_electrons),
             exposure: 1.0,
-            transfer_by_column: Plane::filled(0, 0, Complex64::ZERO),
-            speckle: speckle::draw(&setup.grid(), seed, bench.speckle_contrast),
+            speckle: speckle::draw(&grid, seed, bench.speckle_contrast),
             drift_towards: Draws::new(seed, Stream::Drift).angle(),
             bench,
         };
-        display.transfer_by_column = display.sampled_transfer();
-        display.exposure =
-            exposure::calibrate(&display.ideal, setup.grid(), &display.source, &display.transfer_by_column, seed);
+        display.transfers = display.modes.iter().map(|mode| display.sampled_transfer(mode)).collect::<Result<_>>()?;
+        let lit = Plane::from_fn(grid.height_px(), grid.width_px(), |y, x| display.lit(y, x, &display.modes[0]));
+        display.exposure = exposure::calibrate(&display.ideal, grid, &lit, &display.transfers[0], seed);
         Ok(display)
     }
 
@@ -141,47 +154,7 @@ impl SimulatedDisplay {
     }
 
     fn light_at(&self, phase_displayed: &Plane<f32>, hours: f64) -> Result<Plane<f32>> {
-        let (height_px, width_px) = (self.setup.grid().height_px(), self.setup.grid().width_px());
-        phase_displayed.expect_size("phase_displayed", height_px, width_px)?;
-        phase_displayed.expect_finite("phase_displayed")?;
-        let SimulatedBench { crosstalk_px, flicker, rotation_deg, blur_px, .. } = self.bench;
-        // Cross-talk blurs the wrapped phase, so it also blurs the jumps from 2π to 0.
-        let shown = match crosstalk_px {
-            0.0 => phase_displayed.map(f64::from),
-            _ => blur::blurred(&phase_displayed.map(|phase| wrap(f64::from(phase))), crosstalk_px),
-        };
-        let mut light = self.steady_light(&shown, 1.0 - flicker);
-        if flicker > 0.0 {
-            // The light is the mean of the two ends of the swing, where the phase spends most of the time.
-            let other = self.steady_light(&shown, 1.0 + flicker);
-            light.values_mut().iter_mut().zip(other.values()).for_each(|(a, b)| *a = (*a + b) / 2.0);
-        }
-        let light = placement::moved_and_rotated(&light, rotation_deg.to_radians(), self.drift_px(hours));
-        let mut light = blur::blurred(&light, blur_px);
-        if let Some(speckle) = &self.speckle {
-            light.values_mut().iter_mut().zip(speckle.values()).for_each(|(light, factor)| *light *= factor);
-        }
-        let power = (1.0 - self.bench.dimming_per_hour).powf(hours);
-        Ok(light.map(|value| (power * value) as f32))
-    }
-
-    /// The exposed light of the constant phase `swing` · `phase`.
-    fn steady_light(&self, phase: &Plane<f64>, swing: f64) -> Plane<f64> {
-        let field = Plane::from_fn(phase.height_px(), phase.width_px(), |y, x| {
-            let amplitude = self.source.at(y, x) * self.carrier.map_or(1.0, |carrier| carrier.sign(y, x));
-            amplitude * self.modulator.field(swing * phase.at(y, x))
-        });
-        let transfer = &self.transfer_by_column;
-        let spectrum = match self.field_aberration.is_none() {
-            true => pixel_light::spectrum_by_column(&field, transfer),
-            false => field_aberration::spectrum_by_column(&field, transfer, &self.field_aberration),
-        };
-        pixel_light::pixel_light(&spectrum).map(|value| self.exposure * value)
-    }
-
-    fn drift_px(&self, hours: f64) -> (f64, f64) {
-        let distance_px = self.bench.drift_px_per_hour * hours;
-        (distance_px * self.drift_towards.cos(), distance_px * self.drift_towards.sin())
+        Ok(self.light_in_f64(phase_displayed, hours)?.map(|value| value as f32))
     }
 
     /// The setup that the bench was drawn for.
@@ -197,12 +170,7 @@ impl SimulatedDisplay {
     pub fn true_transfer(&self, fx: f64, fy: f64) -> Complex64 {
         let pitch_m = self.setup.grid().pixel_pitch_m();
         let shifted = phasor((fx * self.shift_px.0 + fy * self.shift_px.1) * pitch_m);
-        let filled = match self.bench.aberrations_at_m {
-            0.0 => 1.0,
-            distance_m => (self.setup.distance_m() / distance_m).abs(),
-        };
-        let aperture = 2.0 * pitch_m * filled;
-        self.ideal.at(fx, fy) * shifted * self.aberration.at(aperture * fx, aperture * fy)
+        self.ideal.at(fx, fy) * shifted * self.errors(2.0 * pitch_m * fx, 2.0 * pitch_m * fy, &self.modes[0])
     }
 
     /// Factor of [`Self::true_transfer`] for the light of a position on the modulator, x and y in [−1, 1], fx and fy in
@@ -219,10 +187,10 @@ impl SimulatedDisplay {
         self.source.at(y, x)
     }
 
-    /// The phase \[rad\] that the modulator shows for a nominal phase \[rad\].
+    /// The phase \[rad\] that the modulator shows for a nominal phase \[rad\], where its response does not vary.
     #[must_use]
     pub fn response(&self, phase_rad: f64) -> f64 {
-        self.modulator.response(phase_rad)
+        self.modulator.response(wrap(phase_rad), 0.0).0
     }
 
     /// Field of the light that the modulator leaves unmodulated, relative to a modulated amplitude of 1.
@@ -247,20 +215,6 @@ impl SimulatedDisplay {
     #[must_use]
     pub fn black_level(&self) -> f64 {
         self.camera.black_level
-    }
-
-    fn sampled_transfer(&self) -> Plane<Complex64> {
-        let (height_px, width_px) = (self.setup.padded_height_px(), self.setup.padded_width_px());
-        let pitch_m = self.setup.grid().pixel_pitch_m();
-        let mut transfer = Plane::filled(width_px, height_px, Complex64::ZERO);
-        transfer.values_mut().par_chunks_mut(height_px).enumerate().for_each(|(u, column)| {
-            interrupt::check();
-            let fx = frequency(u, width_px, pitch_m);
-            for (v, value) in column.iter_mut().enumerate() {
-                *value = self.true_transfer(fx, frequency(v, height_px, pitch_m));
-            }
-        });
-        transfer
     }
 }
 
@@ -309,6 +263,45 @@ mod tests {
         }
         let light = display.light(&phase).unwrap();
         for (&fast, &plain) in light.values().iter().zip(mean.values()) {
+            assert!((f64::from(fast) - plain * display.exposure()).abs() < 2e-3);
+        }
+    }
+
+    #[test]
+    fn modes_of_an_uneven_dusty_modulator_match_the_sum_over_points() {
+        let setup = OpticalSetup::try_new(Grid::try_new(20, 26, 8e-6).unwrap(), 515e-9, 3e-3).unwrap();
+        let flaws =
+            SimulatedBench { surface_waves: 1.5, dust_contrast: 0.1, response_variation: 0.12, ..SimulatedBench::FAIR };
+        let bench = SimulatedBench { seed: 5, source_angle_mrad: 2.0, bandwidth: 0.02, ghost_share: 0.05, ..flaws };
+        let display = SimulatedDisplay::draw(setup, None, bench).unwrap();
+        let phase = Plane::from_fn(20, 26, |y, x| ((y * 17 + x * x * 5) % 61) as f32 / 10.0);
+        let (surface, dust) = (display.surface.clone().unwrap(), display.dust.clone().unwrap());
+        let offsets_px: [f64; 12] = std::array::from_fn(|i| (i as f64 + 0.5) / 12.0 - 0.5);
+        let mut light = Plane::filled(20, 26, 0.0);
+        for mode in modes::draw(5, 2.0, 0.02, 0.05) {
+            let wavelength_m = mode.wavelength * 515e-9;
+            let field = Plane::from_fn(20, 26, |y, x| {
+                let nominal = f64::from(phase.at(y, x));
+                let response = display.response(nominal) + display.modulator.variation(y, x) * nominal;
+                let path_px = mode.direction_rad.0 * x as f64 + mode.direction_rad.1 * y as f64;
+                let tilt = std::f64::consts::TAU * 8e-6 / wavelength_m * path_px;
+                let source =
+                    display.source(y, x) * dust.at(y, x) * Complex64::cis(tilt + surface.at(y, x) / mode.wavelength);
+                source * (Complex64::cis(response / mode.wavelength) + display.zero_order())
+            });
+            let free_space = OpticalSetup::try_new(setup.grid(), wavelength_m, 3e-3).unwrap().sampled();
+            let transfer = |fx: f64, fy: f64| {
+                let errors = display.errors(2.0 * 8e-6 * fx, 2.0 * 8e-6 * fy, &mode);
+                free_space.at(fx, fy) * errors
+            };
+            for (dy, dx) in offsets_px.iter().flat_map(|dy| offsets_px.map(|dx| (*dy, dx))) {
+                let image = propagate(&field, 8e-6, offset(transfer, dx * 8e-6, dy * 8e-6));
+                let points = light.values_mut().iter_mut().zip(image.values());
+                points.for_each(|(light, u)| *light += mode.share * u.norm_sqr() / 144.0);
+            }
+        }
+        let fast = display.light(&phase).unwrap();
+        for (&fast, plain) in fast.values().iter().zip(light.values()) {
             assert!((f64::from(fast) - plain * display.exposure()).abs() < 2e-3);
         }
     }
@@ -369,6 +362,15 @@ mod tests {
             (SimulatedBench { full_well_electrons: -1.0, ..fair }, "full_well_electrons is -1"),
             (SimulatedBench { speckle_contrast: 0.6, ..fair }, "speckle_contrast is 0.6"),
             (SimulatedBench { crosstalk_px: 3.0, ..fair }, "crosstalk_px is 3"),
+            (SimulatedBench { crosstalk_y_px: -1.0, ..fair }, "crosstalk_y_px is -1"),
+            (SimulatedBench { surface_waves: 9.0, ..fair }, "surface_waves is 9"),
+            (SimulatedBench { response_variation: 0.6, ..fair }, "response_variation is 0.6"),
+            (SimulatedBench { dust_contrast: f64::NAN, ..fair }, "dust_contrast is NaN"),
+            (SimulatedBench { ghost_share: 0.4, ..fair }, "ghost_share is 0.4"),
+            (SimulatedBench { source_angle_mrad: 6.0, ..fair }, "source_angle_mrad is 6"),
+            (SimulatedBench { bandwidth: 0.2, ..fair }, "bandwidth is 0.2"),
+            (SimulatedBench { distortion: 0.2, ..fair }, "distortion is 0.2"),
+            (SimulatedBench { vignetting: 1.0, ..fair }, "vignetting is 1"),
             (SimulatedBench { flicker: 0.7, ..fair }, "flicker is 0.7"),
             (SimulatedBench { drift_px_per_hour: -2.0, ..fair }, "drift_px_per_hour is -2"),
             (SimulatedBench { dimming_per_hour: 1.5, ..fair }, "dimming_per_hour is 1.5"),

@@ -66,6 +66,69 @@ pub(super) fn spectrum_by_column(field: &Plane<Complex64>, transfer_by_column: &
     spectrum
 }
 
+/// The derivative of Σ s·I by the conjugate of the spectrum, for s = `slope` and the light I of [`pixel_light`].
+pub(super) fn pixel_light_adjoint(spectrum: &Plane<Complex64>, slope: &Plane<f64>) -> Plane<Complex64> {
+    let (height_px, width_px) = (spectrum.width_px() / 2, spectrum.height_px() / 2);
+    let mut planner = FftPlanner::new();
+    let (inverse_y, inverse_x) = (planner.plan_fft_inverse(2 * height_px), planner.plan_fft_inverse(2 * width_px));
+    let (forward_y, forward_x) = (planner.plan_fft_forward(2 * height_px), planner.plan_fft_forward(2 * width_px));
+    let phases_x = OFFSETS_PX.map(|offset_px| offset_phases(2 * width_px, offset_px));
+    let scale = 1.0 / ((4 * height_px * width_px) as f64).powi(2) / (OFFSETS_PX.len() as f64).powi(2);
+    let mut back = Plane::filled(2 * width_px, 2 * height_px, Complex64::ZERO);
+    for offset_px in OFFSETS_PX {
+        let phases_y = offset_phases(2 * height_px, offset_px);
+        let columns = offset_columns(spectrum, &phases_y, &inverse_y);
+        let mut rows = Plane::filled(height_px, 2 * width_px, Complex64::ZERO);
+        rows.values_mut().par_chunks_mut(2 * width_px).enumerate().for_each(|(y, sum)| {
+            interrupt::check();
+            for phases in &phases_x {
+                let mut line: Vec<_> = phases.iter().enumerate().map(|(u, phase)| phase * columns.at(u, y)).collect();
+                inverse_x.process(&mut line);
+                line[..width_px].iter_mut().zip(slope.row(y)).for_each(|(value, s)| *value *= s * scale);
+                line[width_px..].fill(Complex64::ZERO);
+                forward_x.process(&mut line);
+                sum.iter_mut().zip(&line).zip(phases).for_each(|((sum, value), phase)| *sum += value * phase.conj());
+            }
+        });
+        back.values_mut().par_chunks_mut(2 * height_px).enumerate().for_each(|(u, sum)| {
+            interrupt::check();
+            let mut column = vec![Complex64::ZERO; 2 * height_px];
+            column[..height_px].iter_mut().enumerate().for_each(|(y, value)| *value = rows.at(y, u));
+            forward_y.process(&mut column);
+            sum.iter_mut().zip(&column).zip(&phases_y).for_each(|((sum, value), phase)| *sum += value * phase.conj());
+        });
+    }
+    back
+}
+
+/// The adjoint of [`spectrum_by_column`].
+pub(super) fn spectrum_adjoint(
+    mut spectrum: Plane<Complex64>,
+    transfer_by_column: &Plane<Complex64>,
+) -> Plane<Complex64> {
+    let rows = spectrum.width_px();
+    spectrum.values_mut().par_chunks_mut(rows).enumerate().for_each(|(u, column)| {
+        column.iter_mut().zip(transfer_by_column.row(u)).for_each(|(value, transfer)| *value *= transfer.conj());
+    });
+    field_of_columns(&spectrum)
+}
+
+/// The adjoint of the transforms of a field that is padded with zeros: the transforms back, without a scale, cropped.
+pub(super) fn field_of_columns(spectrum: &Plane<Complex64>) -> Plane<Complex64> {
+    let (height_px, width_px) = (spectrum.width_px() / 2, spectrum.height_px() / 2);
+    let mut planner = FftPlanner::new();
+    let (inverse_y, inverse_x) = (planner.plan_fft_inverse(2 * height_px), planner.plan_fft_inverse(2 * width_px));
+    let columns = offset_columns(spectrum, &vec![Complex64::ONE; 2 * height_px], &inverse_y);
+    let mut field = Plane::filled(height_px, width_px, Complex64::ZERO);
+    field.values_mut().par_chunks_mut(width_px).enumerate().for_each(|(y, row)| {
+        interrupt::check();
+        let mut line: Vec<_> = (0..2 * width_px).map(|u| columns.at(u, y)).collect();
+        inverse_x.process(&mut line);
+        row.copy_from_slice(&line[..width_px]);
+    });
+    field
+}
+
 /// Transforms the columns back to space, shifted by an offset and cropped to the field's rows, with one row for each
 /// fx.
 fn offset_columns(spectrum: &Plane<Complex64>, phases: &[Complex64], inverse: &Arc<dyn Fft<f64>>) -> Plane<Complex64> {

@@ -26,6 +26,15 @@ macro_rules! with_all_properties {
             rail_tilt_deg: bench.rail_tilt_deg,
             aberrations_at_m: bench.aberrations_at_m,
             field_aberration_rad: bench.field_aberration_rad,
+            crosstalk_y_px: bench.crosstalk_y_px,
+            surface_waves: bench.surface_waves,
+            response_variation: bench.response_variation,
+            dust_contrast: bench.dust_contrast,
+            ghost_share: bench.ghost_share,
+            source_angle_mrad: bench.source_angle_mrad,
+            bandwidth: bench.bandwidth,
+            distortion: bench.distortion,
+            vignetting: bench.vignetting,
         }
     }};
 }

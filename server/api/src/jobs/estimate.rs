@@ -105,7 +105,7 @@ impl Api {
             pairs.push(PairsSize::of(&dataset, &display));
         }
         let Some(engine) = engine else { return Err(StoreError::NotFound { resource: "datasets".to_owned() }.into()) };
-        let bench = display.simulated_bench.map(|bench| bench.field_aberration_rad > 0.0);
+        let bench = display.simulated_bench;
         let cache_bytes_max = self.job_limits.cache_bytes;
         Ok(learn_kernel(spec, &LearningInputs { engine, pairs, cache_bytes_max, bench }))
     }
@@ -114,9 +114,9 @@ impl Api {
         let (display, _) = self.store.display(&spec.display).await?;
         let key = KernelKey { display: spec.display.clone(), wavelength: spec.wavelength, distance: spec.distance };
         let engine = self.ideal_engine(&display, &key, Detector::Pixel, None)?;
-        let varies = display.simulated_bench.is_some_and(|bench| bench.field_aberration_rad > 0.0);
+        let bench = display.simulated_bench.unwrap_or_default();
         // The levels of a hologram have at most two bytes.
-        Ok(simulate_capture(engine, varies, 6 * engine.pixels()))
+        Ok(simulate_capture(engine, &bench, 6 * engine.pixels()))
     }
 
     async fn evaluation_need(&self, spec: &EvaluateKernel) -> Result<Need, ApiError> {

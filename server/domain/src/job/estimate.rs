@@ -13,11 +13,11 @@ mod tests;
 use super::{AlignBy, OptimizeHologram, PrepareStep};
 use crate::dataset::{Dataset, Split};
 use crate::display::Display;
-use lightpath_optics::Detector;
 use lightpath_optics::hologram::{HologramMethod, InitialPhase};
 use lightpath_optics::learning::{KernelModel, LearnOptions};
 use lightpath_optics::memory::{EngineSize, HologramSize, LearningSize};
 use lightpath_optics::second_opinion::Effort;
+use lightpath_optics::{Detector, SimulatedBench};
 use serde::{Deserialize, Serialize};
 
 /// Limit on the memory for the decoded training pairs of one job \[bytes\]. Reading a pair again takes about as long as
@@ -284,9 +284,8 @@ pub struct LearningInputs {
     pub pairs: Vec<PairsSize>,
     /// Limit on the memory for transfer functions that are kept for later jobs \[bytes\].
     pub cache_bytes_max: u64,
-    /// Whether the display is simulated, so that new holograms are photographed. Whether its aberrations depend on the
-    /// position on the modulator.
-    pub bench: Option<bool>,
+    /// Bench of a simulated display, with which new holograms are photographed.
+    pub bench: Option<SimulatedBench>,
 }
 
 /// Need of a learning job.
@@ -309,12 +308,13 @@ pub fn learn_kernel(spec: &super::LearnKernel, inputs: &LearningInputs) -> Need 
     let cached = (datasets as u64 * (transfers + inputs.engine.transfers_bytes())).min(inputs.cache_bytes_max);
     let engine = learned.engine_bytes() + learned.scratch_bytes();
     let measured = kernels + cached.max(engine) + learned.sampling_bytes + own + compared.max(reading);
-    let captured = inputs.bench.map_or(0, |_| {
+    let captured = inputs.bench.map_or(0, |bench| {
         let hologram = HologramSize::new(learned, HologramMethod::Lbfgs, CAPTURED_ITERATIONS);
         let running = hologram.problem_bytes() + hologram.state_bytes() + hologram.scratch_bytes() + REAL * n;
         kernels
             + cached.max(engine)
-            + (running + learned.bench_bytes()).max(learned.simulation_bytes() + learned.scratch_bytes() + 4 * REAL * n)
+            + (running + learned.bench_bytes(&bench))
+                .max(learned.simulation_bytes(&bench) + learned.scratch_bytes() + 4 * REAL * n)
     });
     let stages = [
         // An example is made after its pair is read.
@@ -337,9 +337,9 @@ fn learning_work(spec: &super::LearnKernel, inputs: &LearningInputs, size: &Lear
     let curvatures = evaluations * inputs.pairs.len() as f64 * training.min(4.0);
     let engine = size.engine();
     let measures = (evaluations + 2.0) * validation + 4.0 * training + 4.0 * test;
-    let captured = inputs.bench.map_or(0.0, |varies| {
+    let captured = inputs.bench.map_or(0.0, |bench| {
         let hologram = HologramSize::new(engine, HologramMethod::Lbfgs, CAPTURED_ITERATIONS);
-        4.0 * (f64::from(CAPTURED_ITERATIONS) * hologram.step_work() + engine.simulation_work(varies))
+        4.0 * (f64::from(CAPTURED_ITERATIONS) * hologram.step_work() + engine.simulation_work(&bench))
     });
     let learning = (epochs * training + evaluations * training) * size.step_work()
         + curvatures * size.curvature_work()
@@ -350,10 +350,10 @@ fn learning_work(spec: &super::LearnKernel, inputs: &LearningInputs, size: &Lear
 
 /// Need of a job that photographs a hologram on a simulated display.
 #[must_use]
-pub fn simulate_capture(engine: EngineSize, has_field_aberration: bool, decoding_bytes: u64) -> Need {
+pub fn simulate_capture(engine: EngineSize, bench: &SimulatedBench, decoding_bytes: u64) -> Need {
     let n = engine.pixels();
-    let stages = [decoding_bytes + 2 * REAL * n, engine.simulation_bytes() + 3 * REAL * n];
-    Need::new(stages, 2.0 * engine.simulation_work(has_field_aberration))
+    let stages = [decoding_bytes + 2 * REAL * n, engine.simulation_bytes(bench) + 3 * REAL * n];
+    Need::new(stages, 2.0 * engine.simulation_work(bench))
 }
 
 /// Need of a job that measures a kernel on a dataset.

@@ -1,0 +1,204 @@
+//! The light of a bench, from the displayed phase to the camera's pixels, and how it depends on that phase.
+//!
+//! Each step from phase to light has its adjoint beside it, so that a hologram can be optimized through the bench
+//! itself. This is the yardstick for learned models: no model can be better.
+
+use super::blur::{blurred_along, spread_along};
+use super::modes::Mode;
+use super::placement::View;
+use super::{SimulatedDisplay, field_aberration, pixel_light};
+use crate::grid::frequency;
+use crate::interrupt;
+use crate::phase_response::wrap;
+use crate::transfer_function::phasor;
+use crate::{Plane, Result};
+use num_complex::Complex64;
+use rayon::prelude::*;
+use std::f64::consts::TAU;
+
+impl SimulatedDisplay {
+    /// Light on each camera pixel, in units of the camera's full scale.
+    pub(super) fn light_in_f64(&self, phase_displayed: &Plane<f32>, hours: f64) -> Result<Plane<f64>> {
+        let shown = self.shown(phase_displayed)?;
+        let mut light = Plane::filled(shown.height_px(), shown.width_px(), 0.0);
+        for (swing, share) in self.swings() {
+            for mode in 0..self.modes.len() {
+                let spectrum = self.spectrum(&self.field(&shown, swing, mode), mode);
+                let scale = share * self.modes[mode].share * self.exposure;
+                add(&mut light, &pixel_light::pixel_light(&spectrum), scale);
+            }
+        }
+        Ok(self.seen(&light, hours))
+    }
+
+    /// Light on each camera pixel, and Σ s ∂I/∂φ: the gradient with respect to the displayed phase of a loss whose
+    /// derivative with respect to the light is `slope(I)`.
+    pub(super) fn light_and_gradient(
+        &self,
+        phase_displayed: &Plane<f32>,
+        slope: impl FnOnce(&Plane<f64>) -> Plane<f64>,
+    ) -> Result<(Plane<f64>, Plane<f64>)> {
+        let shown = self.shown(phase_displayed)?;
+        let light = self.light_in_f64(phase_displayed, 0.0)?;
+        let at_modulator = self.seen_adjoint(&slope(&light), 0.0);
+        let mut gradient = Plane::filled(shown.height_px(), shown.width_px(), 0.0);
+        for (swing, share) in self.swings() {
+            for mode in 0..self.modes.len() {
+                let spectrum = self.spectrum(&self.field(&shown, swing, mode), mode);
+                let back = pixel_light::pixel_light_adjoint(&spectrum, &at_modulator);
+                let back = self.spectrum_adjoint(back, mode);
+                let scale = share * self.modes[mode].share * self.exposure;
+                add(&mut gradient, &self.phase_gradient(&shown, swing, mode, &back), scale);
+            }
+        }
+        Ok((light, spread_along(&gradient, self.crosstalk_px())))
+    }
+
+    /// The phase that the modulator's pixels show: wrapped, then blurred by cross-talk.
+    fn shown(&self, phase_displayed: &Plane<f32>) -> Result<Plane<f64>> {
+        let (height_px, width_px) = (self.setup.grid().height_px(), self.setup.grid().width_px());
+        phase_displayed.expect_size("phase_displayed", height_px, width_px)?;
+        phase_displayed.expect_finite("phase_displayed")?;
+        Ok(blurred_along(&phase_displayed.map(|phase| wrap(f64::from(phase))), self.crosstalk_px()))
+    }
+
+    fn crosstalk_px(&self) -> [f64; 2] {
+        [self.bench.crosstalk_px, self.bench.crosstalk_y_px]
+    }
+
+    /// The ends of the swing of the flickering phase, where it spends most of the time, each with its share of the time.
+    fn swings(&self) -> Vec<(f64, f64)> {
+        match self.bench.flicker {
+            0.0 => vec![(1.0, 1.0)],
+            flicker => vec![(1.0 - flicker, 0.5), (1.0 + flicker, 0.5)],
+        }
+    }
+
+    /// The field of a mode behind the modulator, which shows `swing` times the phase.
+    fn field(&self, shown: &Plane<f64>, swing: f64, mode: usize) -> Plane<Complex64> {
+        let mode = self.modes[mode];
+        Plane::from_fn(shown.height_px(), shown.width_px(), |y, x| {
+            let (response, _) = self.modulator.response(swing * shown.at(y, x), self.modulator.variation(y, x));
+            let shown = Complex64::cis(response / mode.wavelength) + self.modulator.zero_order;
+            self.sign(y, x) * self.lit(y, x, &mode) * shown
+        })
+    }
+
+    /// 2 Re(b* ∂c/∂φ) at each pixel of the modulator, with b the derivative of a loss by the conjugate of the field.
+    fn phase_gradient(&self, shown: &Plane<f64>, swing: f64, mode: usize, back: &Plane<Complex64>) -> Plane<f64> {
+        let mode = self.modes[mode];
+        Plane::from_fn(shown.height_px(), shown.width_px(), |y, x| {
+            let (response, slope) = self.modulator.response(swing * shown.at(y, x), self.modulator.variation(y, x));
+            let turned = self.lit(y, x, &mode) * Complex64::cis(response / mode.wavelength) * Complex64::i();
+            2.0 * (back.at(y, x).conj() * turned).re * self.sign(y, x) * slope * swing / mode.wavelength
+        })
+    }
+
+    /// The sign of the carrier's grating.
+    fn sign(&self, y: usize, x: usize) -> f64 {
+        self.carrier.map_or(1.0, |carrier| carrier.sign(y, x))
+    }
+
+    /// The light of a mode on a pixel of the modulator.
+    pub(super) fn lit(&self, y: usize, x: usize, mode: &Mode) -> Complex64 {
+        let waves_per_rad = self.setup.grid().pixel_pitch_m() / (self.setup.wavelength_m() * mode.wavelength);
+        let (along_x, along_y) = mode.direction_rad;
+        let tilt = waves_per_rad * (along_x * x as f64 + along_y * y as f64);
+        let surface_rad = self.surface.as_ref().map_or(0.0, |surface| surface.at(y, x)) / mode.wavelength;
+        let dust = self.dust.as_ref().map_or(Complex64::ONE, |dust| dust.at(y, x));
+        self.source.at(y, x) * dust * Complex64::cis(TAU * tilt + surface_rad)
+    }
+
+    /// H · F pad u₀ of a mode, with one row for each fx.
+    fn spectrum(&self, field: &Plane<Complex64>, mode: usize) -> Plane<Complex64> {
+        let transfer = &self.transfers[mode];
+        match self.field_aberration.is_none() {
+            true => pixel_light::spectrum_by_column(field, transfer),
+            false => field_aberration::spectrum_by_column(field, transfer, &self.field_aberration),
+        }
+    }
+
+    fn spectrum_adjoint(&self, back: Plane<Complex64>, mode: usize) -> Plane<Complex64> {
+        let transfer = &self.transfers[mode];
+        match self.field_aberration.is_none() {
+            true => pixel_light::spectrum_adjoint(back, transfer),
+            false => field_aberration::spectrum_adjoint(&back, transfer, &self.field_aberration),
+        }
+    }
+
+    /// What the camera's lens makes of the light in the image plane.
+    fn seen(&self, light: &Plane<f64>, hours: f64) -> Plane<f64> {
+        let mut seen = blurred_along(&self.view(hours).of(light), [self.bench.blur_px; 2]);
+        self.dim(&mut seen, hours);
+        seen
+    }
+
+    fn seen_adjoint(&self, slope: &Plane<f64>, hours: f64) -> Plane<f64> {
+        let mut slope = slope.clone();
+        self.dim(&mut slope, hours);
+        self.view(hours).adjoint(&spread_along(&slope, [self.bench.blur_px; 2]))
+    }
+
+    fn view(&self, hours: f64) -> View {
+        let distance_px = self.bench.drift_px_per_hour * hours;
+        View {
+            rotation_rad: self.bench.rotation_deg.to_radians(),
+            drift_px: (distance_px * self.drift_towards.cos(), distance_px * self.drift_towards.sin()),
+            distortion: self.bench.distortion,
+        }
+    }
+
+    /// Dims the light at each pixel by vignetting, the fixed speckle pattern, and the ageing of the source.
+    fn dim(&self, light: &mut Plane<f64>, hours: f64) {
+        let power = (1.0 - self.bench.dimming_per_hour).powf(hours);
+        let (height_px, width_px) = (light.height_px(), light.width_px());
+        let speckle = self.speckle.as_ref();
+        light.values_mut().par_chunks_mut(width_px).enumerate().for_each(|(y, row)| {
+            let across = |i: usize, side_px: usize| (2 * i + 1) as f64 / side_px as f64 - 1.0;
+            for (x, light) in row.iter_mut().enumerate() {
+                // The square of the distance from the middle, 1 in the corner.
+                let outwards = (across(x, width_px).powi(2) + across(y, height_px).powi(2)) / 2.0;
+                *light *= power * (1.0 - self.bench.vignetting * outwards) * speckle.map_or(1.0, |s| s.at(y, x));
+            }
+        });
+    }
+
+    /// H of a mode on the padded grid, with one row for each fx.
+    pub(super) fn sampled_transfer(&self, mode: &Mode) -> Result<Plane<Complex64>> {
+        let (height_px, width_px) = (self.setup.padded_height_px(), self.setup.padded_width_px());
+        let pitch_m = self.setup.grid().pixel_pitch_m();
+        let ideal = match mode.wavelength {
+            1.0 => None,
+            ratio => Some(self.setup.at_wavelength(ratio * self.setup.wavelength_m())?.sampled()),
+        };
+        let ideal = ideal.as_ref().unwrap_or(&self.ideal);
+        let mut transfer = Plane::filled(width_px, height_px, Complex64::ZERO);
+        transfer.values_mut().par_chunks_mut(height_px).enumerate().for_each(|(u, column)| {
+            interrupt::check();
+            let fx = frequency(u, width_px, pitch_m);
+            for (v, value) in column.iter_mut().enumerate() {
+                let fy = frequency(v, height_px, pitch_m);
+                let shifted = phasor((fx * self.shift_px.0 + fy * self.shift_px.1) * pitch_m);
+                let (x, y) = (2.0 * pitch_m * fx, 2.0 * pitch_m * fy);
+                *value = ideal.at(fx, fy) * shifted * self.errors(x, y, mode);
+            }
+        });
+        Ok(transfer)
+    }
+
+    /// The optics' errors of a mode at a frequency in units of the Nyquist frequency.
+    pub(super) fn errors(&self, x: f64, y: f64, mode: &Mode) -> Complex64 {
+        let filled = match self.bench.aberrations_at_m {
+            0.0 => 1.0,
+            distance_m => (self.setup.distance_m() / distance_m).abs(),
+        };
+        // A frequency is a direction in proportion to the wavelength, and an error of the wavefront a phase in inverse proportion.
+        let aperture = filled * mode.wavelength;
+        let aberration = self.aberration.at(aperture * x, aperture * y, 1.0 / mode.wavelength);
+        self.ghost.map_or(aberration, |ghost| aberration * ghost.factor(x, y, mode.ghost))
+    }
+}
+
+fn add(sum: &mut Plane<f64>, values: &Plane<f64>, scale: f64) {
+    sum.values_mut().iter_mut().zip(values.values()).for_each(|(sum, value)| *sum += scale * value);
+}
