@@ -4,7 +4,7 @@
 //! r(φ; y, x) = (1 + v(y, x)) φ + s Σ_{n = 1, 2} (a_n sin nφ + b_n cos nφ),   light on a pixel: e^{i r(φ)} + z₀
 //! ```
 //!
-//! φ is in [0, 2π). v is smooth, of degree one to three, with a given largest value: the thickness of the liquid crystal
+//! φ is in [0, 2π). v is smooth, with up to one period over the longer side, and has a given largest value: the thickness of the liquid crystal
 //! and its temperature change over a panel, by some 10 % of the phase (X. Xun and R. W. Cohn, Applied Optics 43, 6400
 //! (2004)).
 
@@ -13,8 +13,8 @@ use super::surface::{extremes, smooth_shape};
 use crate::{Grid, Plane};
 use num_complex::Complex64;
 
-/// Highest total degree of the response's variation over the panel.
-const VARIATION_DEGREE: usize = 3;
+/// Most cycles of the response's variation in each half of the longer side.
+const VARIATION_CYCLES: f64 = 0.5;
 
 /// The modulator of one bench, with drawn properties.
 #[derive(Clone, Debug)]
@@ -35,7 +35,7 @@ impl Modulator {
         });
         let zero_order = Complex64::from_polar(strength * draws.within_a_fifth_of(0.03), draws.angle());
         let variation = (variation > 0.0).then(|| {
-            let shape = smooth_shape(grid, &mut Draws::new(seed, Stream::ResponseVariation), 1, VARIATION_DEGREE);
+            let shape = smooth_shape(grid, &mut Draws::new(seed, Stream::ResponseVariation), VARIATION_CYCLES);
             let (low, high) = extremes(&shape);
             shape.map(|v| variation * v / high.max(-low))
         });
