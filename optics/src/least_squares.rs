@@ -25,6 +25,11 @@ impl<const N: usize> NormalEquations<N> {
         }
     }
 
+    /// Whether any equation contains an unknown.
+    pub(crate) fn contains(&self, unknown: usize) -> bool {
+        self.matrix[unknown][unknown] > 0.0
+    }
+
     /// Adds all equations of another system.
     pub(crate) fn add_all(&mut self, other: &Self) {
         for (row, others) in self.matrix.iter_mut().zip(&other.matrix) {

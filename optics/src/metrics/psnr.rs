@@ -114,7 +114,7 @@ mod tests {
         let photo = noisy.map(|value| 0.5 * value + 0.25);
         let found = psnr_with_offset_db(&photo, &ramp(), middle()).unwrap();
         let noise_alone = -20.0 * 0.05_f64.log10();
-        assert!((found - noise_alone).abs() < 0.2, "{found} dB");
+        assert!((found - noise_alone).abs() < 0.3, "{found} dB");
         assert!(found > psnr_db(&photo, &ramp(), middle(), Gain::Fitted).unwrap() + 5.0);
         let even = Plane::filled(10, 20, 0.3);
         assert!(psnr_with_offset_db(&even, &ramp(), middle()).unwrap().is_finite());

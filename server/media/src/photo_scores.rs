@@ -141,15 +141,15 @@ fn error_picture(
     let drawn = errors.iter().enumerate().map(|(i, values)| {
         let axis = |label, side: usize| Axis { label, start: 0.0, end: side as f64 };
         let title = match errors.len() {
-            1 => "gain · photograph − target".to_owned(),
-            _ => format!("gain · photograph − target, {}", COLOURS[i % COLOURS.len()]),
+            1 => "gain · photograph − target, in parts of the peak".to_owned(),
+            _ => format!("gain · photograph − target, in parts of the peak: {}", COLOURS[i % COLOURS.len()]),
         };
         let map = Heatmap {
             title: &title,
             values,
             colours: ColourMap::Diverging,
             range: (-scale, scale),
-            unit: "of peak",
+            unit: "",
             x: axis("x [target px]", values.width_px()),
             y: axis("y [target px]", values.height_px()),
         };

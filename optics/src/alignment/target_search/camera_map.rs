@@ -154,6 +154,10 @@ impl CameraMap {
         (place, rows)
     }
 
+    pub(super) fn parameters(&self) -> &[f64; PARAMETERS] {
+        &self.parameters
+    }
+
     /// The map with its parameters changed.
     pub(super) fn moved(&self, step: &[f64; PARAMETERS]) -> Self {
         Self { parameters: std::array::from_fn(|i| self.parameters[i] + step[i]), ..*self }

@@ -31,7 +31,7 @@ const FLIPS: [[f64; 2]; 4] = [[1.0, 1.0], [-1.0, 1.0], [1.0, -1.0], [-1.0, -1.0]
 /// Least part of the target that must lie inside the photograph.
 const INSIDE_MIN: f64 = 0.6;
 /// Places that are refined.
-const PLACES: usize = 12;
+const PLACES: usize = 32;
 /// Distance of places that count as the same \[reduced px\].
 const SAME_PX: f64 = 2.5;
 

@@ -41,10 +41,13 @@ pub const CORRELATION_MIN: f64 = 0.15;
 const FIRST_PX: f64 = 64.0;
 /// Longest side of the target in the last refinement \[px\]. More would not make it more accurate, but slower.
 const LAST_PX: f64 = 1100.0;
+/// Distance of nearly equal places, in longer sides of the target, and part by which their magnifications differ.
+const SAME: f64 = 0.02;
 /// Largest ratio of the magnifications in the target's centre and in a corner.
 const SHRINKING_MAX: f64 = 2.0;
-/// Parameters of the first refinements, and the number of places that are kept after each.
-const STAGES: [(Freedom, usize); 3] = [(Freedom::Affine, 4), (Freedom::Perspective, 2), (Freedom::Distorted, 1)];
+/// Parameters of the first refinements, one set after the other, and the number of places that are kept after each.
+const STAGES: [(&[Freedom], usize); 3] =
+    [(&[Freedom::Affine], 4), (&[Freedom::Perspective, Freedom::Distorted], 2), (&[Freedom::Distorted], 1)];
 
 /// The step of the details with which the last refinement works.
 fn last_step(longer_px: usize) -> usize {
@@ -82,19 +85,42 @@ fn refine(photo: &Pyramid, target: &Pyramid, places: Vec<CameraMap>) -> Option<F
     let mut fits: Vec<Fit> = places.into_iter().map(|map| Fit { map, correlation: 0.0 }).collect();
     // A small target has fewer steps than there are stages, which then share its finest step.
     for stage in 0..STAGES.len().max(first.saturating_sub(last) + 1) {
-        let (freedom, kept) = STAGES[stage.min(STAGES.len() - 1)];
+        let (freedoms, kept) = STAGES[stage.min(STAGES.len() - 1)];
         let step = first.saturating_sub(stage).max(last.min(first));
         let details = target.details(step);
         let refine = |fit: Fit| {
             let camera_px = details.px() * fit.map.magnification(fit.map.target_centre());
             let photo = photo.details(photo.step_near(camera_px));
-            refined(&details, &photo, &fit.map, freedom)
+            freedoms.iter().fold(fit, |fit, &freedom| refined(&details, &photo, &fit.map, freedom))
         };
         fits = fits.into_par_iter().map(refine).filter(|fit| is_possible(&fit.map, [width, height])).collect();
         fits.sort_by(|a, b| b.correlation.total_cmp(&a.correlation));
-        fits.truncate(kept);
+        fits = distinct(&fits, kept, longer as f64);
     }
     fits.first().copied()
+}
+
+/// The first `kept` fits that are not nearly the same as a better one. `longer_px` is the target's longer side.
+fn distinct(fits: &[Fit], kept: usize, longer_px: f64) -> Vec<Fit> {
+    let place = |fit: &Fit| {
+        let centre = fit.map.target_centre();
+        (fit.map.apply(centre), fit.map.magnification(centre))
+    };
+    let mut others: Vec<Fit> = Vec::new();
+    for fit in fits {
+        let (at, magnification) = place(fit);
+        let same = |other: &Fit| {
+            let (there, scale) = place(other);
+            let apart = (at[0] - there[0]).hypot(at[1] - there[1]) / (longer_px * scale);
+            apart < SAME
+                && (magnification / scale - 1.0).abs() < SAME
+                && fit.map.is_mirrored() == other.map.is_mirrored()
+        };
+        if others.len() < kept && !others.iter().any(same) {
+            others.push(*fit);
+        }
+    }
+    others
 }
 
 /// Whether a camera can see a target of this size so: no corner lies at infinity, and no part is turned over or strongly

@@ -7,6 +7,15 @@
 //! T and W are the details of target and photograph, m the map with its parameters θ. A linear fit gives α, β and the
 //! step δ. It raises the normalized correlation of T and W, whatever gain and offset the photograph has (G. Evangelidis,
 //! E. Psarakis, IEEE TPAMI 30, 1858 (2008)). Steps are damped as K. Levenberg (1944) and D. Marquardt (1963) proposed.
+//!
+//! A target may have no details where the perspective and the distortion show most. So the refinement minimizes
+//!
+//! ```text
+//! ln(1 − c²) + (C / n) Σ_i (θ_i / σ_i)²
+//! ```
+//!
+//! c is the correlation, n the number of values, of which C neighbours count as one because speckle covers several. σ_i is
+//! the usual size of a parameter of the perspective or the distortion.
 
 use super::camera_map::{CameraMap, PARAMETERS};
 use super::pyramid::{DETAILS_REACH, Details};
@@ -24,8 +33,15 @@ const RIM_MAX: f64 = 0.1;
 /// Least part of the target that must lie inside the photograph.
 const INSIDE_MIN: f64 = 0.5;
 const STEPS_MAX: usize = 12;
-/// A smaller rise of the correlation ends the refinement.
-const RISE_MIN: f64 = 2e-6;
+/// A smaller fall of the cost ends the refinement.
+const FALL_MIN: f64 = 1e-5;
+/// C: values that count as one.
+const ALIKE: f64 = 10.0;
+/// σ: usual sizes of the perspective, the radial and the decentring distortion; the affine parameters are free.
+const USUAL: [f64; PARAMETERS] = {
+    let free = f64::INFINITY;
+    [free, free, free, free, free, free, 0.05, 0.05, 0.05, 0.05, 0.01, 0.01]
+};
 
 /// Parameters that may change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,16 +73,16 @@ pub(super) fn refined(target: &Details, photo: &Details, start: &CameraMap, free
     let mut best = Comparison::of(target, photo, start, freedom);
     let (mut map, mut damping) = (*start, 1e-3);
     for _ in 0..STEPS_MAX {
-        let Some(step) = best.step(damping) else { break };
+        let Some(step) = best.step(&map, damping) else { break };
         let moved = map.moved(&step);
         let next = Comparison::of(target, photo, &moved, freedom);
-        let rise = next.correlation() - best.correlation();
-        if rise > 0.0 {
+        let fall = best.cost(&map) - next.cost(&moved);
+        if fall > 0.0 {
             (map, best, damping) = (moved, next, damping / 10.0);
         } else {
             damping *= 100.0;
         }
-        if rise.abs() < RISE_MIN || damping > 1e6 {
+        if fall.abs() < FALL_MIN || damping > 1e6 {
             break;
         }
     }
@@ -153,9 +169,31 @@ impl Comparison {
         (self.product - self.sums[0] * self.sums[1] / self.inside) / both.sqrt()
     }
 
+    /// What the refinement minimizes. A map with too little of the target in the photograph costs most.
+    fn cost(&self, map: &CameraMap) -> f64 {
+        let correlation = self.correlation();
+        if correlation <= 0.0 {
+            return f64::MAX;
+        }
+        let unusual: f64 = map.parameters().iter().zip(USUAL).map(|(value, usual)| (value / usual).powi(2)).sum();
+        (1.0 - correlation * correlation).max(1e-12).ln() + ALIKE / self.inside * unusual
+    }
+
     /// The change of the parameters. `None` if they are not determined.
-    fn step(&self, damping: f64) -> Option<[f64; PARAMETERS]> {
-        let solution = self.equations.clone().damped(PARAMETERS, damping).solve()?;
+    fn step(&self, map: &CameraMap, damping: f64) -> Option<[f64; PARAMETERS]> {
+        let mut equations = self.equations.clone();
+        let variance = |i: usize| self.squares[i] - self.sums[i] * self.sums[i] / self.inside;
+        let gain = (self.product - self.sums[0] * self.sums[1] / self.inside) / variance(1);
+        let error = variance(0) / self.inside * (1.0 - self.correlation().powi(2));
+        for (i, (value, usual)) in map.parameters().iter().zip(USUAL).enumerate() {
+            let mut row = [0.0; UNKNOWNS];
+            row[i] = 1.0;
+            let weight = ALIKE * error / (gain * usual).powi(2);
+            if weight.is_finite() && weight > 0.0 && self.equations.contains(i) {
+                equations.add(&row, -gain * value, weight);
+            }
+        }
+        let solution = equations.damped(PARAMETERS, damping).solve()?;
         let gain = solution[PARAMETERS];
         (gain > 0.0).then(|| std::array::from_fn(|i| solution[i] / gain))
     }

@@ -13,7 +13,7 @@ const HEIGHT: usize = 180;
 const WIDTH: usize = 320;
 
 fn target() -> Plane<f32> {
-    TestCard::Portrait.render(HEIGHT, WIDTH, 3).unwrap()
+    TestCard::City.render(HEIGHT, WIDTH, 3).unwrap()
 }
 
 /// Place of the target in the photograph.
@@ -70,7 +70,7 @@ async fn photograph_is_found_measured_and_drawn() {
 async fn wrong_requests_are_refused_with_the_field_and_the_fix() {
     let serving = Serving::start().await;
     let request = request(&serving).await;
-    let other = TestCard::ALL[4].render(HEIGHT, WIDTH, 9).unwrap();
+    let other = TestCard::Spheres.render(HEIGHT, WIDTH, 9).unwrap();
     let other = serving.upload(&pictures::grey_png_srgb(&other).unwrap()).await;
     let unrelated = score(&serving, v1::ScorePhotoRequest { target: other, ..request.clone() }).await;
     let message = unrelated.as_ref().unwrap_err().message().to_owned();
