@@ -40,7 +40,7 @@ async fn photographs_are_scored_with_their_pictures() {
     // The word for a mistake, and what to do.
     let unrelated = cli.write("grey.png", &png(240, 160, |x, y| ((x * y) % 251) as u8));
     let refused = cli.run(&format!("photo score @/a.png --target {unrelated}")).await;
-    refused.assert_refused(1, &["photo", "was not found", "at least 0.15 is needed", "in focus"]);
+    refused.assert_refused(1, &["photo", "was not found", "at least 0.35 is needed", "in focus"]);
     cli.run(&format!("{line} --aligned @/one.png")).await.assert_refused(2, &["--aligned", "{name}"]);
     cli.run("photo score @/a.png --target @/target.png --error @/a.png").await.assert_refused(2, &["input file"]);
     cli.server.stop().await;

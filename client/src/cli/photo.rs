@@ -160,7 +160,7 @@ fn place(place: &v1::PhotoPlace) -> String {
         format!("k1 {:+.4}, k2 {:+.4}, p1 {:+.4}, p2 {:+.4}", place.k1, place.k2, place.p1, place.p2),
     );
     facts.add("mirrored", if place.mirrored { "yes" } else { "no" });
-    facts.add("correlation", format!("{:.2} of the details; 1 is best, below 0.15 is refused", place.correlation));
+    facts.add("correlation", format!("{:.2} of the details; 1 is best, below 0.35 is refused", place.correlation));
     format!("\n{}", facts.text())
 }
 

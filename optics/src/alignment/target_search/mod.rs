@@ -35,8 +35,9 @@ pub struct FoundTarget {
 
 /// Shortest allowed side of a target and of a photograph \[px\].
 pub const TARGET_SIDE_MIN: usize = 32;
-/// Least correlation of the details of target and photograph. Unrelated pictures reach 0.1.
-pub const CORRELATION_MIN: f64 = 0.15;
+/// Least correlation of the details of target and photograph. Photographs with speckle reach 0.7 and more, unrelated small
+/// pictures sometimes 0.2.
+pub const CORRELATION_MIN: f64 = 0.35;
 /// Longer side of the target in the first refinement \[px\].
 const FIRST_PX: f64 = 64.0;
 /// Longest side of the target in the last refinement \[px\]. More would not make it more accurate, but slower.

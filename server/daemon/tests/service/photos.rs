@@ -50,7 +50,8 @@ async fn photograph_is_found_measured_and_drawn() {
     let map = Homography::try_new(at.homography.try_into().unwrap()).unwrap();
     for point in [[40.0, 25.0], [280.0, 25.0], [160.0, 90.0], [40.0, 155.0], [280.0, 155.0]] {
         let (a, b) = (map.apply(point), place().apply(point));
-        assert!((a[0] - b[0]).hypot(a[1] - b[1]) < 0.5, "{point:?}: {a:?}, but {b:?} is true");
+        // The distortion, which the homography does not contain, takes a part of the perspective.
+        assert!((a[0] - b[0]).hypot(a[1] - b[1]) < 1.0, "{point:?}: {a:?}, but {b:?} is true");
     }
     assert!(at.correlation > 0.9 && !at.mirrored && at.residual_rms_px.unwrap() < 0.2, "{:?}", found.place);
     let [channel] = &found.channels[..] else { panic!("{:?}", found.channels) };
@@ -74,7 +75,7 @@ async fn wrong_requests_are_refused_with_the_field_and_the_fix() {
     let other = serving.upload(&pictures::grey_png_srgb(&other).unwrap()).await;
     let unrelated = score(&serving, v1::ScorePhotoRequest { target: other, ..request.clone() }).await;
     let message = unrelated.as_ref().unwrap_err().message().to_owned();
-    assert!(message.contains("at least 0.15 is needed"), "{message}");
+    assert!(message.contains("at least 0.35 is needed"), "{message}");
     expect(unrelated, Code::InvalidArgument, "photo (sha256-");
     let region = Some(v1::RegionOfInterest { x_px: 300, y_px: 0, width_px: 30, height_px: 30 });
     let outside = v1::ScorePhotoRequest { region_of_interest: region, ..request.clone() };
