@@ -33,15 +33,15 @@ impl Api {
         digest: &str,
         fitted_px: u64,
     ) -> Result<u64, ApiError> {
-        self.from_header(call, field, digest, move |file| pictures::reading_bytes(file, fitted_px)).await
+        self.header_number(call, field, digest, move |file| pictures::reading_bytes(file, fitted_px)).await
     }
 
     /// Number of pixels of an artifact that is a picture; 0 if it is none.
     pub(crate) async fn picture_pixels(&self, call: &Call, field: &Field, digest: &str) -> Result<u64, ApiError> {
-        self.from_header(call, field, digest, |file| pictures::pixels(file)).await
+        self.header_number(call, field, digest, pictures::pixels).await
     }
 
-    async fn from_header(
+    async fn header_number(
         &self,
         call: &Call,
         field: &Field,
