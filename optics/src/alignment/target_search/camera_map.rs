@@ -184,12 +184,12 @@ mod tests {
         let (place, rows) = map.derivatives(point);
         let there = map.apply(point);
         assert!((place[0] - there[0]).abs() < 1e-9 && (place[1] - there[1]).abs() < 1e-9);
-        for parameter in 0..PARAMETERS {
+        for (parameter, slopes) in rows[0].iter().zip(&rows[1]).enumerate() {
             let at = |by: f64| map.moved(&std::array::from_fn(|i| if i == parameter { by } else { 0.0 })).apply(point);
             let (after, before) = (at(1e-6), at(-1e-6));
-            for axis in [0, 1] {
+            for (axis, slope) in [slopes.0, slopes.1].into_iter().enumerate() {
                 let difference = (after[axis] - before[axis]) / 2e-6;
-                assert!((difference - rows[axis][parameter]).abs() < 1e-4, "{parameter}: {difference}");
+                assert!((difference - slope).abs() < 1e-4, "{parameter}: {difference}");
             }
         }
     }
