@@ -7,12 +7,13 @@ use prost_types::{DescriptorProto, EnumDescriptorProto, FileDescriptorProto};
 use std::fmt::Write as _;
 use std::{env, error::Error, fs, path::PathBuf};
 
-const PROTOS: [&str; 6] = [
+const PROTOS: [&str; 7] = [
     "lightpath/v1/artifact.proto",
     "lightpath/v1/dataset.proto",
     "lightpath/v1/display.proto",
     "lightpath/v1/job.proto",
     "lightpath/v1/kernel.proto",
+    "lightpath/v1/photo.proto",
     "lightpath/v1/propagation.proto",
 ];
 

@@ -89,6 +89,9 @@ calls! {
     /// Interpolates a kernel at a distance between photographed distances, and stores it as the next version there.
     kernels.interpolate_kernel(InterpolateKernelRequest) -> KernelVersion;
 
+    /// Finds a target in a photograph and compares the two.
+    photos.score_photo(ScorePhotoRequest) -> PhotoScore;
+
     /// Returns the size and the time of a stored artifact. Refused with NOT_FOUND if it is not stored.
     artifacts.get_artifact(GetArtifactRequest) -> Artifact;
     /// Returns how many bytes of an upload the server has received.

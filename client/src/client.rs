@@ -5,6 +5,7 @@ use crate::v1::dataset_service_client::DatasetServiceClient;
 use crate::v1::display_service_client::DisplayServiceClient;
 use crate::v1::job_service_client::JobServiceClient;
 use crate::v1::kernel_service_client::KernelServiceClient;
+use crate::v1::photo_service_client::PhotoServiceClient;
 use crate::{Error, Result};
 use std::fmt;
 use std::time::Duration;
@@ -122,6 +123,10 @@ impl Client {
 
     pub(crate) fn kernels(&self) -> KernelServiceClient<Transport> {
         KernelServiceClient::new(self.transport.clone()).max_decoding_message_size(MESSAGE_BYTES_MAX)
+    }
+
+    pub(crate) fn photos(&self) -> PhotoServiceClient<Transport> {
+        PhotoServiceClient::new(self.transport.clone()).max_decoding_message_size(MESSAGE_BYTES_MAX)
     }
 
     /// Converts the status of a failed call into an error.

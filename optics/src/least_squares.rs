@@ -25,6 +25,33 @@ impl<const N: usize> NormalEquations<N> {
         }
     }
 
+    /// Whether any equation contains an unknown.
+    pub(crate) fn contains(&self, unknown: usize) -> bool {
+        self.matrix[unknown][unknown] > 0.0
+    }
+
+    /// Adds all equations of another system.
+    pub(crate) fn add_all(&mut self, other: &Self) {
+        for (row, others) in self.matrix.iter_mut().zip(&other.matrix) {
+            row.iter_mut().zip(others).for_each(|(entry, other)| *entry += other);
+        }
+        self.right.iter_mut().zip(&other.right).for_each(|(entry, other)| *entry += other);
+    }
+
+    /// The system that keeps the first `count` unknowns nearer to 0: their diagonal entries are 1 + `damping` times as
+    /// large (Marquardt 1963). Unknowns that no equation contains become 0.
+    pub(crate) fn damped(mut self, count: usize, damping: f64) -> Self {
+        for i in 0..N {
+            let entry = &mut self.matrix[i][i];
+            if *entry == 0.0 {
+                *entry = 1.0;
+            } else if i < count {
+                *entry *= 1.0 + damping;
+            }
+        }
+        self
+    }
+
     /// Solves the equations by Gaussian elimination with partial pivoting; `None` if they have no unique solution.
     pub(crate) fn solve(mut self) -> Option<[f64; N]> {
         let largest = self.matrix.as_flattened().iter().fold(0.0_f64, |most, entry| most.max(entry.abs()));

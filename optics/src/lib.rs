@@ -68,7 +68,7 @@
 //! | propagate a field | [`propagate()`], [`Propagator`]; [`plan`] and [`propagation`]: the range of each method |
 //! | find a hologram | [`optimize()`], [`Optimization`], [`hologram`]; [`optimizer`]: general optimization methods |
 //! | choose how light is detected | [`Detector`], [`photometry`] |
-//! | measure the quality of a picture | [`metrics`], [`hologram::quality`] |
+//! | measure the quality of a picture | [`metrics`], [`hologram::quality`]; of a photograph: [`photo_score`] |
 //! | convert phases to grey levels | [`phase_response`], [`Carrier`] |
 //! | describe a display | [`DisplayModel`], [`chebyshev`], [`spatial_variation`] |
 //! | simulate a display | [`Engine`], [`EngineCache`] |
@@ -105,6 +105,7 @@ mod orders;
 #[doc(hidden)]
 pub mod passes;
 pub mod phase_response;
+pub mod photo_score;
 pub mod photometry;
 pub mod plane;
 pub mod propagation;

@@ -42,6 +42,8 @@ mod hostile;
 mod imports;
 /// Jobs: cancelling, retrying, watching, repeated requests, priorities.
 mod jobs;
+/// Photographs and how well they show a target.
+mod photos;
 /// Several planes, wavelengths and frames, every method, through the command line.
 mod planes_and_colours;
 /// All kinds of calls for a long time.

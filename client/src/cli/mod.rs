@@ -15,6 +15,7 @@ mod job;
 mod job_text;
 mod kernel;
 mod kernel_choice;
+mod photo;
 mod progress;
 mod propagation_text;
 mod quality_text;
@@ -126,6 +127,9 @@ enum Command {
     #[command(subcommand)]
     Kernel(kernel::KernelCommand),
     Simulate(simulate::Simulate),
+    /// Measure photographs of what displays show
+    #[command(subcommand)]
+    Photo(photo::PhotoCommand),
     /// List, show, watch, cancel and retry jobs
     #[command(subcommand)]
     Job(job::JobCommand),
@@ -170,6 +174,7 @@ async fn run(cli: Cli) -> Result<(), Failure> {
         Command::Dataset(command) => command.run(&session).await,
         Command::Kernel(command) => command.run(&session).await,
         Command::Simulate(command) => command.run(&session).await,
+        Command::Photo(command) => command.run(&session).await,
         Command::Job(command) => command.run(&session).await,
         Command::Queue(command) => command.run(&session).await,
         Command::Completions(completions) => print_completions(completions.shell),

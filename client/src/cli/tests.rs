@@ -93,6 +93,8 @@ const COMMANDS: &[&str] = &[
     "lightpath kernel report --display lab-2 --distance 150mm --version 3 -o r.html --arrays r.npz --figures r/",
     "lightpath kernel import --display lab-2 --distance 150mm k.safetensors",
     "lightpath simulate --display toy --distance 150mm --phase p.png -o photo.png",
+    "lightpath photo score a.png b.png --target t.png --photo-encoding srgb --target-encoding linear --roi 1,2,3,4 \
+     --aligned aligned/ --error {name}-error.png",
     "lightpath job list --state running --display lab-2",
     "lightpath job show 0193",
     "lightpath job watch 0193 0194",
@@ -149,6 +151,7 @@ fn wrong_units_and_values_are_refused_with_an_explanation() {
         ("lightpath dataset add d --phase p.png", "--photo"),
         ("lightpath dataset add d --phases p/", "--photos"),
         ("lightpath dataset align d", "--dots"),
+        ("lightpath photo score a.png", "--target"),
         ("lightpath dataset align d --points p.csv", "--photo-size"),
         // The API would read 0 as "use the default".
         ("lightpath hologram optimize a.png --display d --distance 1mm --iterations 0", "0 is not in 1.."),
@@ -216,6 +219,7 @@ fn help_has_examples_and_explanations() {
         ("lightpath hologram optimize --help", "Each target becomes a job of its own"),
         ("lightpath display create --help", "spatial light modulator"),
         ("lightpath dataset add --help", "The same pair again"),
+        ("lightpath photo score --help", "Above 1 px, do not trust the figures"),
         ("lightpath simulate --help", "declared with --simulated or --simulated-seed"),
     ] {
         let error = parse(line).unwrap_err();

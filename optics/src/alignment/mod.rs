@@ -2,7 +2,7 @@
 //!
 //! A [`Homography`] maps a point of the image plane, in pixels of the display, to the camera's pixels. It is fitted to
 //! given points, to the photograph of a displayed [`DotGrid`], or to pairs of simulated and photographed images
-//! ([`registration`]). [`warp`](fn@warp) resamples photographs with it. In all coordinates x points right, y points
+//! ([`registration`]). [`find_target`] finds a picture anywhere in a photograph, with the lens's distortion. [`warp`](fn@warp) resamples photographs with it. In all coordinates x points right, y points
 //! down, and pixel centres lie at whole numbers.
 
 mod blobs;
@@ -11,12 +11,16 @@ mod dot_grid;
 mod homography;
 mod lattice;
 pub mod registration;
+mod target_search;
 mod warp;
 
 pub use dot_grid::{DotGrid, DotGridMatch};
 pub use homography::{Homography, Point, PointFit, PointPair};
 pub use registration::{Registration, Tiles};
-pub use warp::warp;
+pub use target_search::{
+    BlockDisplacement, CORRELATION_MIN, CameraMap, FoundTarget, TARGET_SIDE_MIN, block_displacements, find_target,
+};
+pub use warp::{MapToCamera, warp};
 
 /// Reasons why a photograph cannot be aligned with the display's grid.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -59,5 +63,28 @@ pub enum AlignmentError {
     MarkersNotFound {
         /// Number of dots that form a grid.
         found: usize,
+    },
+    /// A picture in which or for which a search makes no sense.
+    #[error(
+        "the {name} has {width_px}×{height_px} px, but both sides need at least {TARGET_SIDE_MIN} px to be found or \
+         searched; send a larger picture"
+    )]
+    PictureTooSmall {
+        /// `photograph` or `target`.
+        name: &'static str,
+        /// Columns of the picture.
+        width_px: usize,
+        /// Rows of the picture.
+        height_px: usize,
+    },
+    /// The photograph does not show the target, or not clearly.
+    #[error(
+        "the target was not found in the photograph: at the best place their details correlate by {correlation:.3}, but \
+         at least {CORRELATION_MIN} is needed; check that the photograph shows this target in focus, turned by at most \
+         12°, with the target's longer side at least 0.3 times as long as the photograph's"
+    )]
+    TargetNotFound {
+        /// Correlation of the details at the best place.
+        correlation: f64,
     },
 }

@@ -4,11 +4,11 @@
 //! out(p) = mean over n × n sub-pixels s of  Σ_q L(q_x − H(p + s)_x) L(q_y − H(p + s)_y) photo(q),   L(t) = sinc(t) sinc(t/3), |t| < 3
 //! ```
 //!
-//! H is the homography. n is the number of camera pixels along a display pixel, rounded up, so that the pixels of a
+//! H is the map to the camera, such as a homography. n is the number of camera pixels along a display pixel, rounded up, so that the pixels of a
 //! fine camera are averaged over the area of a display pixel. L is Lanczos's kernel, with weights scaled to the sum 1.
 //! K. Turkowski, Graphics Gems I, 147 (1990).
 
-use super::Homography;
+use super::{CameraMap, Homography, Point};
 use crate::Plane;
 use crate::interrupt;
 use rayon::prelude::*;
@@ -22,20 +22,49 @@ const STEPS: usize = 1024;
 /// averaged.
 const SUBPIXELS_MAX: usize = 16;
 
+/// A map from the display's pixels to the camera's.
+pub trait MapToCamera: Sync {
+    /// Maps a point \[px\].
+    fn apply(&self, point: Point) -> Point;
+
+    /// Number of camera pixels along the side of one display pixel at `point`.
+    fn magnification(&self, point: Point) -> f64;
+}
+
+impl MapToCamera for Homography {
+    fn apply(&self, point: Point) -> Point {
+        self.apply(point)
+    }
+
+    fn magnification(&self, point: Point) -> f64 {
+        self.magnification(point)
+    }
+}
+
+impl MapToCamera for CameraMap {
+    fn apply(&self, point: Point) -> Point {
+        self.apply(point)
+    }
+
+    fn magnification(&self, point: Point) -> f64 {
+        self.magnification(point)
+    }
+}
+
 /// Resamples the photograph on `height_px` × `width_px` pixels of the display. A pixel gets the value `left_out` where
 /// it depends on a saturated camera pixel (at or above `saturated`) or on the outside of the photograph: its light is
 /// unknown.
 #[must_use]
 pub fn warp(
     photo: &Plane<f32>,
-    homography: &Homography,
+    map: &impl MapToCamera,
     height_px: usize,
     width_px: usize,
     saturated: f32,
     left_out: f32,
 ) -> Plane<f32> {
     let centre = [(width_px as f64 - 1.0) / 2.0, (height_px as f64 - 1.0) / 2.0];
-    let subpixels = ((homography.magnification(centre) - 0.05).ceil() as usize).clamp(1, SUBPIXELS_MAX);
+    let subpixels = ((map.magnification(centre) - 0.05).ceil() as usize).clamp(1, SUBPIXELS_MAX);
     let offsets: Vec<f64> = (0..subpixels).map(|i| (i as f64 + 0.5) / subpixels as f64 - 0.5).collect();
     let table = weights();
     let mut out = Plane::filled(height_px, width_px, left_out);
@@ -45,7 +74,7 @@ pub fn warp(
             let mut sum = 0.0;
             let samples = offsets.iter().flat_map(|dy| offsets.iter().map(move |dx| [x as f64 + dx, y as f64 + dy]));
             for point in samples {
-                sum += sample(photo, &table, homography.apply(point), saturated);
+                sum += sample(photo, &table, map.apply(point), saturated);
             }
             // One NaN among the samples makes the sum NaN.
             if sum.is_finite() {

@@ -26,7 +26,7 @@ mod ssim;
 
 pub use diffraction_efficiency::{diffraction_efficiency, frame_efficiency};
 pub use ms_ssim::{MS_SSIM_SIDE_MIN, ms_ssim};
-pub use psnr::{Gain, fitted_intensity_scale, mse, psnr_db};
+pub use psnr::{Gain, fitted_intensity_scale, mse, psnr_db, psnr_with_offset_db};
 pub use speckle_contrast::{FLAT_PIXELS_MIN, speckle_contrast};
 pub use ssim::{SSIM_SIDE_MIN, ssim};
 

@@ -35,6 +35,23 @@ pub fn psnr_db(reconstruction: &Plane<f32>, target: &Plane<f32>, roi: RegionOfIn
     Ok(-10.0 * mse(reconstruction, target, roi, gain)?.log10())
 }
 
+/// Peak signal to noise ratio \[dB\] over the region of interest after the gain and the offset with the smallest mean
+/// squared error, for a peak of 1: −10 log₁₀ of the mean of (s p + o − t)². The offset undoes a camera's black level and
+/// light of the surroundings.
+///
+/// # Errors
+///
+/// The errors of [`psnr_db`].
+pub fn psnr_with_offset_db(reconstruction: &Plane<f32>, target: &Plane<f32>, roi: RegionOfInterest) -> Result<f64> {
+    let pair = ImagePair::new(reconstruction, target, roi, Gain::Given(1.0))?;
+    let count = roi.pixels() as f64 * (pair.height() / roi.height_px()).pow(2) as f64;
+    let (p_mean, t_mean) = (pair.sum(|p, _| p) / count, pair.sum(|_, t| t) / count);
+    let variance = pair.sum(|p, _| (p - p_mean).powi(2));
+    let gain = if variance == 0.0 { 0.0 } else { pair.sum(|p, t| (p - p_mean) * (t - t_mean)) / variance };
+    let mse = pair.sum(|p, t| (gain * (p - p_mean) - (t - t_mean)).powi(2)) / count;
+    Ok(-10.0 * mse.log10())
+}
+
 /// Mean squared error over the region of interest, after the gain.
 ///
 /// # Errors
@@ -89,6 +106,18 @@ mod tests {
         for step in [-1e-3, 1e-3] {
             assert!(mse(&noisy, &target, middle(), Gain::Given(scale + step)).unwrap() > best);
         }
+    }
+
+    #[test]
+    fn fitted_offset_removes_a_black_level() {
+        let noisy = Plane::from_fn(10, 20, |y, x| ramp().at(y, x) + if (x + y) % 2 == 0 { 0.05 } else { -0.05 });
+        let photo = noisy.map(|value| 0.5 * value + 0.25);
+        let found = psnr_with_offset_db(&photo, &ramp(), middle()).unwrap();
+        let noise_alone = -20.0 * 0.05_f64.log10();
+        assert!((found - noise_alone).abs() < 0.3, "{found} dB");
+        assert!(found > psnr_db(&photo, &ramp(), middle(), Gain::Fitted).unwrap() + 5.0);
+        let even = Plane::filled(10, 20, 0.3);
+        assert!(psnr_with_offset_db(&even, &ramp(), middle()).unwrap().is_finite());
     }
 
     #[test]

@@ -3,7 +3,7 @@
 //! # Layout
 //!
 //! - The resources, each with its service and with the conversions of its messages (`from_wire` and `to_wire`):
-//!   `displays`, `datasets`, `jobs` (with a folder for each kind of job), `queue`, `kernels`, `artifacts`.
+//!   `displays`, `datasets`, `jobs` (with a folder for each kind of job), `queue`, `kernels`, `photos`, `artifacts`.
 //! - `optics`: messages of the optics engine that several resources use, such as propagation methods and regions.
 //! - `api`: state shared by all services. `call`: passing gRPC requests with their callers to methods.
 //! - `rules`: which roles may make each call. `permissions`: which displays a caller may use.
@@ -34,6 +34,7 @@ mod names;
 mod optics;
 mod pages;
 mod permissions;
+mod photos;
 mod queue;
 mod reconstructors;
 mod rules;

@@ -82,6 +82,7 @@ pub(crate) const METHODS: &[(&str, Rule)] = &[
     ("KernelService/ListKernelMoves", rule(READERS, Effect::Reads)),
     ("KernelService/ImportKernel", rule(CURATORS, Effect::Creates)),
     ("KernelService/InterpolateKernel", rule(SUBMITTERS, Effect::Creates)),
+    ("PhotoService/ScorePhoto", rule(SUBMITTERS, Effect::Creates)),
 ];
 
 /// Rules for all other routes and paths.

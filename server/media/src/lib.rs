@@ -5,6 +5,7 @@
 //! - [`pictures`]: decoding of targets, photographs and holograms, and encoding of results. `npy`: limits for NumPy's
 //!   files.
 //! - [`captures`]: photographs of holograms, mapped to the display's grid and checked.
+//! - [`photo_scores`]: the quality of any photograph of a target, with pictures.
 //! - [`kernel_file`]: kernels as safetensors. [`kernel_formats`]: kernels in other forms.
 //! - [`figures`]: contact sheets, heat maps and curves. [`report`]: reports of kernels as HTML, pictures and arrays.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
@@ -14,5 +15,6 @@ pub mod figures;
 pub mod kernel_file;
 pub mod kernel_formats;
 mod npy;
+pub mod photo_scores;
 pub mod pictures;
 pub mod report;

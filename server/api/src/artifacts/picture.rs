@@ -6,7 +6,8 @@ use crate::error::ApiError;
 use crate::field::Field;
 use lightpath_artifacts::ArtifactError;
 use lightpath_media::pictures::{self, PictureError};
-use std::io::BufReader;
+use std::fs::File;
+use std::io::{self, BufReader};
 
 /// Memory for reading a header \[bytes\]. The decoder of JPEG reads the whole file, which is added.
 const HEADER_BYTES: u64 = 1 << 20;
@@ -32,12 +33,26 @@ impl Api {
         digest: &str,
         fitted_px: u64,
     ) -> Result<u64, ApiError> {
+        self.header_number(call, field, digest, move |file| pictures::reading_bytes(file, fitted_px)).await
+    }
+
+    /// Number of pixels of an artifact that is a picture; 0 if it is none.
+    pub(crate) async fn picture_pixels(&self, call: &Call, field: &Field, digest: &str) -> Result<u64, ApiError> {
+        self.header_number(call, field, digest, pictures::pixels).await
+    }
+
+    async fn header_number(
+        &self,
+        call: &Call,
+        field: &Field,
+        digest: &str,
+        read: impl FnOnce(BufReader<File>) -> io::Result<u64> + Send + 'static,
+    ) -> Result<u64, ApiError> {
         let file_bytes = self.require_picture(call, field, digest).await?;
         let (artifacts, digest) = (self.artifacts.clone(), digest.to_owned());
         let read_header = move || {
-            let file = BufReader::new(artifacts.open_blocking(&digest)?);
-            let bytes = pictures::reading_bytes(file, fitted_px);
-            bytes.map_err(|source| ArtifactError::Io { action: "read a header", source })
+            let number = read(BufReader::new(artifacts.open_blocking(&digest)?));
+            number.map_err(|source| ArtifactError::Io { action: "read a header", source })
         };
         Ok(self.accounts.compute(call, file_bytes + HEADER_BYTES, read_header).await??)
     }

@@ -24,15 +24,24 @@ pub(crate) fn region(
     region: Option<v1::RegionOfInterest>,
     display: &Display,
 ) -> Result<RegionOfInterest, ApiError> {
-    let (columns, rows) = (display.width_px, display.height_px);
-    let grid = Grid::try_new(rows as usize, columns as usize, display.pixel_pitch_m);
+    let grid = Grid::try_new(display.height_px as usize, display.width_px as usize, display.pixel_pitch_m);
     let grid = grid.map_err(|error| field.invalid(error))?;
-    let Some(region) = region else { return Ok(RegionOfInterest::middle(&grid)) };
+    region_inside(field, region, &grid, &format!("displays/{}", display.id))
+}
+
+/// A rectangle inside a grid, which `name` calls in messages. If it is not set, the middle 80 % of each axis.
+pub(crate) fn region_inside(
+    field: &Field,
+    region: Option<v1::RegionOfInterest>,
+    grid: &Grid,
+    name: &str,
+) -> Result<RegionOfInterest, ApiError> {
+    let Some(region) = region else { return Ok(RegionOfInterest::middle(grid)) };
     let v1::RegionOfInterest { x_px, y_px, width_px, height_px } = region;
     let [x, y, width, height] = [x_px, y_px, width_px, height_px].map(|px| px as usize);
-    RegionOfInterest::try_new(&grid, x, y, width, height).map_err(|_| {
+    RegionOfInterest::try_new(grid, x, y, width, height).map_err(|_| {
         let given = format!("is {width_px}×{height_px} px at ({x_px}, {y_px})");
-        let display = format!("displays/{}, {columns}×{rows} px", display.id);
-        field.invalid(format!("{given}, but must be at least 1×1 px and inside {display}"))
+        let (columns, rows) = (grid.width_px(), grid.height_px());
+        field.invalid(format!("{given}, but must be at least 1×1 px and inside {name}, {columns}×{rows} px"))
     })
 }

@@ -68,6 +68,7 @@ pub(crate) const EXPECTED: &[(&str, &str)] = &[
     ("/lightpath.v1.KernelService/ListKernelMoves", MAY_READ),
     ("/lightpath.v1.KernelService/ImportKernel", MAY_CURATE),
     ("/lightpath.v1.KernelService/InterpolateKernel", MAY_SUBMIT),
+    ("/lightpath.v1.PhotoService/ScorePhoto", MAY_SUBMIT),
     ("/grpc.health.v1.Health/Check", ALL_CALLERS),
     ("/grpc.health.v1.Health/Watch", ALL_CALLERS),
     ("/grpc.health.v1.Health/List", ""),

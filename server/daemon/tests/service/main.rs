@@ -18,6 +18,7 @@ mod malformed;
 mod memory_limits;
 mod mutation;
 mod ownership;
+mod photos;
 mod preparing;
 mod raw;
 mod read_only;

@@ -55,6 +55,7 @@ fn seeds(target: &str) -> Vec<(&'static str, Vec<u8>)> {
     let fetch = v1::FetchKernelRequest { kernel: "displays/lab/kernels/515nm-50mm".into(), ..Default::default() };
     let read = v1::ReadArtifactRequest { digest: target.to_owned(), offset_bytes: 1, limit_bytes: 5 };
     let list = v1::ListJobsRequest { page_size: 7, display: "displays/lab".into(), ..Default::default() };
+    let score = v1::ScorePhotoRequest { photo: target.to_owned(), target: target.to_owned(), ..Default::default() };
     vec![
         ("CreateDisplay", v1::CreateDisplayRequest { display: display() }.encode_to_vec()),
         ("SubmitJob", v1::SubmitJobRequest { spec, batch: "night".into(), ..Default::default() }.encode_to_vec()),
@@ -64,6 +65,7 @@ fn seeds(target: &str) -> Vec<(&'static str, Vec<u8>)> {
         ("FetchKernel", fetch.encode_to_vec()),
         ("ReadArtifact", read.encode_to_vec()),
         ("ListJobs", list.encode_to_vec()),
+        ("ScorePhoto", score.encode_to_vec()),
     ]
 }
 

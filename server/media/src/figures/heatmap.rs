@@ -47,7 +47,13 @@ impl Heatmap<'_> {
     /// Draws the heat map. Both axes have the same scale.
     #[must_use]
     pub fn draw(&self) -> Canvas {
-        let (width_px, height_px) = self.size_px();
+        self.draw_sized(LONG_SIDE_PX)
+    }
+
+    /// Draws the heat map with a longer side of the given length \[px\], without the axes.
+    #[must_use]
+    pub fn draw_sized(&self, long_side_px: f64) -> Canvas {
+        let (width_px, height_px) = self.size_px(long_side_px);
         let mut canvas = Canvas::new(LEFT_PX as u32 + width_px + RIGHT_PX, TOP_PX as u32 + height_px + BOTTOM_PX);
         let (rows, columns) = (self.values.height_px(), self.values.width_px());
         let nearest = |i: u32, drawn: u32, stored: usize| (2 * i as usize + 1) * stored / (2 * drawn as usize);
@@ -62,9 +68,9 @@ impl Heatmap<'_> {
         canvas
     }
 
-    fn size_px(&self) -> (u32, u32) {
+    fn size_px(&self, long_side_px: f64) -> (u32, u32) {
         let (across, down) = ((self.x.end - self.x.start).abs(), (self.y.end - self.y.start).abs());
-        let scale = LONG_SIDE_PX / across.max(down);
+        let scale = long_side_px / across.max(down);
         ((across * scale).round().max(1.0) as u32, (down * scale).round().max(1.0) as u32)
     }
 
@@ -141,7 +147,7 @@ mod tests {
             x: axis(16.0),
             y: axis(8.0),
         };
-        assert_eq!(map.size_px(), (320, 160));
+        assert_eq!(map.size_px(LONG_SIDE_PX), (320, 160));
         let canvas = map.draw();
         assert_eq!(canvas.width_px(), LEFT_PX as u32 + 320 + RIGHT_PX);
         assert!(!canvas.png().unwrap().is_empty());

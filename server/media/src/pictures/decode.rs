@@ -66,6 +66,23 @@ pub fn photograph(bytes: &[u8], encoding: Encoding) -> Result<Plane<f32>, Pictur
     linear_light(bytes, encoding, Channel::Mean, 1)
 }
 
+/// Decodes a picture to linear light in [0, 1], in its own size: one plane for a picture without colours, else red, green
+/// and blue.
+///
+/// # Errors
+///
+/// [`PictureError`] for a file that is no readable picture, and a picture beyond the limits or with a side below
+/// `side_px_min`.
+pub fn colour_planes(bytes: &[u8], encoding: Encoding, side_px_min: u32) -> Result<Vec<Plane<f32>>, PictureError> {
+    let picture = Picture::read(bytes, side_px_min)?;
+    let channels: &[Channel] = if picture.samples.is_grey() {
+        &[Channel::Mean]
+    } else {
+        &[Channel::Colour(0), Channel::Colour(1), Channel::Colour(2)]
+    };
+    Ok(channels.iter().map(|&channel| picture.light(encoding, channel)).collect())
+}
+
 /// Columns and rows \[px\] of a picture from its header, before any orientation. It decodes no pixel.
 ///
 /// # Errors
@@ -82,18 +99,35 @@ fn linear_light(
     channel: Channel,
     side_px_min: u32,
 ) -> Result<Plane<f32>, PictureError> {
-    let (format, mut decoder) = open(bytes)?;
-    let (width_px, height_px) = decoder.dimensions();
-    if width_px < side_px_min || height_px < side_px_min {
-        return Err(PictureError::TooSmall { width_px, height_px, min_px: side_px_min });
+    Ok(Picture::read(bytes, side_px_min)?.light(encoding, channel))
+}
+
+/// A decoded picture, before its values are converted to light.
+struct Picture {
+    samples: Samples,
+    height_px: usize,
+    width_px: usize,
+    orientation: Orientation,
+}
+
+impl Picture {
+    fn read(bytes: &[u8], side_px_min: u32) -> Result<Self, PictureError> {
+        let (format, mut decoder) = open(bytes)?;
+        let (width_px, height_px) = decoder.dimensions();
+        if width_px < side_px_min || height_px < side_px_min {
+            return Err(PictureError::TooSmall { width_px, height_px, min_px: side_px_min });
+        }
+        if format == ImageFormat::Jpeg && !jpeg_end::has_end_of_image(bytes) {
+            return Err(PictureError::Truncated { format: name(format) });
+        }
+        let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
+        let samples = read_samples(format, decoder)?;
+        Ok(Self { samples, height_px: height_px as usize, width_px: width_px as usize, orientation })
     }
-    if format == ImageFormat::Jpeg && !jpeg_end::has_end_of_image(bytes) {
-        return Err(PictureError::Truncated { format: name(format) });
+
+    fn light(&self, encoding: Encoding, channel: Channel) -> Plane<f32> {
+        oriented(self.samples.light(encoding, channel, self.height_px, self.width_px), self.orientation)
     }
-    let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
-    let samples = read_samples(format, decoder)?;
-    let light = samples.light(encoding, channel, height_px as usize, width_px as usize);
-    Ok(oriented(light, orientation))
 }
 
 /// Recognizes the format, reads the header and checks the size.
@@ -212,6 +246,20 @@ impl Samples {
             };
             let opaque = if colours < channels { sample(first + colours) as f32 / full_scale } else { 1.0 };
             value * opaque
+        })
+    }
+
+    /// Whether all colours are equal at every pixel.
+    fn is_grey(&self) -> bool {
+        let channels = usize::from(self.colour.channel_count());
+        if channels - usize::from(self.colour.has_alpha()) < 3 {
+            return true;
+        }
+        let pixel_bytes = usize::from(self.colour.bytes_per_pixel());
+        let sample_bytes = pixel_bytes / channels;
+        self.bytes.chunks_exact(pixel_bytes).all(|pixel| {
+            let colours = &pixel[..3 * sample_bytes];
+            colours[..2 * sample_bytes] == colours[sample_bytes..]
         })
     }
 

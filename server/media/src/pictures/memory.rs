@@ -57,6 +57,16 @@ pub fn reading_bytes(mut source: impl BufRead + Seek, fitted_px: u64) -> io::Res
     Ok(2 * file_bytes + decoding.max(fitting) + OTHER_BYTES)
 }
 
+/// Number of pixels of a picture, from its header; 0 for a file that is no readable picture.
+///
+/// # Errors
+///
+/// If the file cannot be read.
+pub fn pixels(source: impl BufRead + Seek) -> io::Result<u64> {
+    let size = ImageReader::new(source).with_guessed_format()?.into_dimensions();
+    Ok(size.map_or(0, |(width_px, height_px)| u64::from(width_px) * u64::from(height_px)))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -77,5 +87,7 @@ mod tests {
         let array = npy_f32(&plane).unwrap();
         assert_eq!(bytes(&array, px), 2 * array.len() as u64 + 8 * px + OTHER_BYTES);
         assert_eq!(bytes(b"no picture", 1), 20 + OTHER_BYTES);
+        assert_eq!(pixels(Cursor::new(&png[..100])).unwrap(), px);
+        assert_eq!(pixels(Cursor::new(b"no picture")).unwrap(), 0);
     }
 }

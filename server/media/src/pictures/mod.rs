@@ -23,12 +23,12 @@ mod srgb;
 mod tests;
 
 pub use array::phase_npy;
-pub use decode::{Channel, SIDE_PX_MIN, photograph, picture_size, target_channel, target_intensity};
+pub use decode::{Channel, SIDE_PX_MIN, colour_planes, photograph, picture_size, target_channel, target_intensity};
 pub use encode::{colour_png, grey_png_linear, grey_png_srgb, levels_png, npy_f32};
 pub use error::PictureError;
 pub use fit::fit;
 pub use levels::levels;
-pub use memory::reading_bytes;
+pub use memory::{pixels, reading_bytes};
 pub use photograph::{PhotoReading, SATURATED, SATURATION, photo_light};
 pub use srgb::{linear_to_srgb, srgb_to_linear};
 

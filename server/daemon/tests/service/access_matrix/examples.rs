@@ -49,8 +49,19 @@ impl Example {
 
 /// Examples for every method, in an order in which all succeed one after the other.
 pub(super) fn examples() -> Vec<Example> {
-    [artifacts(), datasets(), displays(), jobs(), holograms(), other_jobs(), kernels(), changes_of_kernels(), last()]
-        .concat()
+    [
+        artifacts(),
+        datasets(),
+        displays(),
+        jobs(),
+        holograms(),
+        other_jobs(),
+        kernels(),
+        changes_of_kernels(),
+        photos(),
+        last(),
+    ]
+    .concat()
 }
 
 fn artifacts() -> Vec<Example> {
@@ -201,6 +212,11 @@ fn changes_of_kernels() -> Vec<Example> {
         Example::new::<v1::ImportKernelRequest>("KernelService/ImportKernel", file),
         Example::new::<v1::InterpolateKernelRequest>("KernelService/InterpolateKernel", at(5e-3)),
     ]
+}
+
+fn photos() -> Vec<Example> {
+    let request = json!({ "photo": "$target", "target": "$target" });
+    vec![Example::new::<v1::ScorePhotoRequest>("PhotoService/ScorePhoto", request)]
 }
 
 /// Changes after which some of the other examples would not succeed.

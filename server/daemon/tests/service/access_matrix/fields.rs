@@ -165,6 +165,10 @@ const FIELDS: &[(&str, Names)] = &[
     ("ImportKernelRequest.display", Display),
     ("ImportKernelRequest.artifact", Artifact),
     ("InterpolateKernelRequest.display", Display),
+
+    ("ScorePhotoRequest.photo", Artifact),
+    ("ScorePhotoRequest.target", Artifact),
+    ("ScorePhotoRequest.region_of_interest", Parts),
 ];
 
 fn names_of(field: &str) -> Option<Names> {
