@@ -13,7 +13,7 @@ use lightpath_optics::photo_score::ScoreError;
 use lightpath_optics::{Grid, RegionOfInterest};
 use lightpath_proto::v1;
 
-/// Limit on the pixels of a photograph: those of common cameras. It is found and scored in about two seconds.
+/// Limit on the pixels of a photograph: those of common cameras.
 const PHOTO_PIXELS_MAX: u64 = 32_000_000;
 /// Limit on the pixels of a target: those of the largest displays. The figures are computed for each of them.
 const TARGET_PIXELS_MAX: u64 = 16_000_000;
