@@ -28,7 +28,8 @@ pub struct SimulatedBench {
     /// Cross-talk of the modulator: standard deviation of the blur of its phase along x \[px\], 0 to 2. The phase is
     /// blurred after it is wrapped, as fringing fields blur it, so jumps from 2π to 0 become slopes.
     pub crosstalk_px: f64,
-    /// Cross-talk along y \[px\], 0 to 2. Liquid crystals blur more along one axis (S. Moser, M. Ritsch-Marte and G. Thalhammer, Optics Express 27, 25046 (2019)).
+    /// Cross-talk along y \[px\], 0 to 2. Liquid crystals blur more along one axis (S. Moser, M. Ritsch-Marte and G.
+    /// Thalhammer, Optics Express 27, 25046 (2019)).
     pub crosstalk_y_px: f64,
     /// Height of the modulator's uneven surface from peak to valley \[waves\], 0 to 8.
     pub surface_waves: f64,

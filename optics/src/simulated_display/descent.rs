@@ -29,7 +29,6 @@ impl SimulatedDisplay {
         let (height_px, width_px) = (start.height_px(), start.width_px());
         target.expect_size("target", height_px, width_px)?;
         target.expect_finite("target")?;
-        self.light(start)?;
         let mut state = LimitedMemory::new(start.values().to_vec());
         let mut workspace = Workspace::default();
         for _ in 0..evaluations {
@@ -78,7 +77,7 @@ impl SimulatedDisplay {
                 if inside { 2.0 * gain * error / pixels } else { 0.0 }
             })
         };
-        let (_, gradient) = self.light_and_gradient(phase, slope)?;
+        let gradient = self.gradient(phase, slope)?;
         Ok((loss, gradient))
     }
 }

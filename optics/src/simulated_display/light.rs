@@ -10,6 +10,7 @@ use super::{SimulatedDisplay, field_aberration, pixel_light};
 use crate::grid::frequency;
 use crate::interrupt;
 use crate::phase_response::wrap;
+use crate::propagation::SampledTransfer;
 use crate::transfer_function::phasor;
 use crate::{Plane, Result};
 use num_complex::Complex64;
@@ -21,37 +22,30 @@ impl SimulatedDisplay {
     pub(super) fn light_in_f64(&self, phase_displayed: &Plane<f32>, hours: f64) -> Result<Plane<f64>> {
         let shown = self.shown(phase_displayed)?;
         let mut light = Plane::filled(shown.height_px(), shown.width_px(), 0.0);
-        for (swing, share) in self.swings() {
-            for mode in 0..self.modes.len() {
-                let spectrum = self.spectrum(&self.field(&shown, swing, mode), mode);
-                let scale = share * self.modes[mode].share * self.exposure;
-                add(&mut light, &pixel_light::pixel_light(&spectrum), scale);
-            }
+        for (swing, mode, scale) in self.images() {
+            let spectrum = self.spectrum(&self.field(&shown, swing, mode), mode);
+            add(&mut light, &pixel_light::pixel_light(&spectrum), scale);
         }
         Ok(self.seen(&light, hours))
     }
 
-    /// Light on each camera pixel, and Σ s ∂I/∂φ: the gradient with respect to the displayed phase of a loss whose
-    /// derivative with respect to the light is `slope(I)`.
-    pub(super) fn light_and_gradient(
+    /// Σ s ∂I/∂φ: the gradient with respect to the displayed phase of a loss whose derivative with respect to the light I
+    /// on each camera pixel is `slope(I)`.
+    pub(super) fn gradient(
         &self,
         phase_displayed: &Plane<f32>,
         slope: impl FnOnce(&Plane<f64>) -> Plane<f64>,
-    ) -> Result<(Plane<f64>, Plane<f64>)> {
+    ) -> Result<Plane<f64>> {
+        let in_image_plane = self.seen_adjoint(&slope(&self.light_in_f64(phase_displayed, 0.0)?), 0.0);
         let shown = self.shown(phase_displayed)?;
-        let light = self.light_in_f64(phase_displayed, 0.0)?;
-        let at_modulator = self.seen_adjoint(&slope(&light), 0.0);
         let mut gradient = Plane::filled(shown.height_px(), shown.width_px(), 0.0);
-        for (swing, share) in self.swings() {
-            for mode in 0..self.modes.len() {
-                let spectrum = self.spectrum(&self.field(&shown, swing, mode), mode);
-                let back = pixel_light::pixel_light_adjoint(&spectrum, &at_modulator);
-                let back = self.spectrum_adjoint(back, mode);
-                let scale = share * self.modes[mode].share * self.exposure;
-                add(&mut gradient, &self.phase_gradient(&shown, swing, mode, &back), scale);
-            }
+        for (swing, mode, scale) in self.images() {
+            let spectrum = self.spectrum(&self.field(&shown, swing, mode), mode);
+            let back = pixel_light::pixel_light_adjoint(&spectrum, &in_image_plane);
+            let back = self.spectrum_adjoint(back, mode);
+            add(&mut gradient, &self.phase_gradient(&shown, swing, mode, &back), scale);
         }
-        Ok((light, spread_along(&gradient, self.crosstalk_px())))
+        Ok(spread_along(&gradient, self.crosstalk_px()))
     }
 
     /// The phase that the modulator's pixels show: wrapped, then blurred by cross-talk.
@@ -66,12 +60,18 @@ impl SimulatedDisplay {
         [self.bench.crosstalk_px, self.bench.crosstalk_y_px]
     }
 
-    /// The ends of the swing of the flickering phase, where it spends most of the time, each with its share of the time.
-    fn swings(&self) -> Vec<(f64, f64)> {
-        match self.bench.flicker {
-            0.0 => vec![(1.0, 1.0)],
-            flicker => vec![(1.0 - flicker, 0.5), (1.0 + flicker, 0.5)],
-        }
+    /// The images that a photograph adds up: the factor of the phase, the mode, and the signal for an intensity of 1. A
+    /// flickering phase spends most of the time at the two ends of its swing.
+    fn images(&self) -> impl Iterator<Item = (f64, usize, f64)> + '_ {
+        let swings = match self.bench.flicker {
+            0.0 => vec![1.0],
+            flicker => vec![1.0 - flicker, 1.0 + flicker],
+        };
+        let scale = self.exposure / swings.len() as f64;
+        let of_swing = move |swing| {
+            self.modes.iter().enumerate().map(move |(mode, Mode { share, .. })| (swing, mode, share * scale))
+        };
+        swings.into_iter().flat_map(of_swing)
     }
 
     /// The field of a mode behind the modulator, which shows `swing` times the phase.
@@ -178,12 +178,17 @@ impl SimulatedDisplay {
             let fx = frequency(u, width_px, pitch_m);
             for (v, value) in column.iter_mut().enumerate() {
                 let fy = frequency(v, height_px, pitch_m);
-                let shifted = phasor((fx * self.shift_px.0 + fy * self.shift_px.1) * pitch_m);
-                let (x, y) = (2.0 * pitch_m * fx, 2.0 * pitch_m * fy);
-                *value = ideal.at(fx, fy) * shifted * self.errors(x, y, mode);
+                *value = self.transfer(ideal, mode, fx, fy);
             }
         });
         Ok(transfer)
+    }
+
+    /// H of a mode at a frequency \[1/m\], with the free space of its wavelength.
+    pub(super) fn transfer(&self, free_space: &SampledTransfer, mode: &Mode, fx: f64, fy: f64) -> Complex64 {
+        let pitch_m = self.setup.grid().pixel_pitch_m();
+        let shifted = phasor((fx * self.shift_px.0 + fy * self.shift_px.1) * pitch_m);
+        free_space.at(fx, fy) * shifted * self.errors(2.0 * pitch_m * fx, 2.0 * pitch_m * fy, mode)
     }
 
     /// The optics' errors of a mode at a frequency in units of the Nyquist frequency.
@@ -192,7 +197,8 @@ impl SimulatedDisplay {
             0.0 => 1.0,
             distance_m => (self.setup.distance_m() / distance_m).abs(),
         };
-        // A frequency is a direction in proportion to the wavelength, and an error of the wavefront a phase in inverse proportion.
+        // A frequency is a direction in proportion to the wavelength, and an error of the wavefront a phase in inverse
+        // proportion.
         let aperture = filled * mode.wavelength;
         let aberration = self.aberration.at(aperture * x, aperture * y, 1.0 / mode.wavelength);
         self.ghost.map_or(aberration, |ghost| aberration * ghost.factor(x, y, mode.ghost))

@@ -13,8 +13,8 @@
 //! Optional properties, in the light's order: several modes of the source that do not interfere, dust and fringes in the
 //! illumination, an uneven modulator, cross-talk between its pixels, flicker, and a response that varies over it,
 //! aberrations that depend on the position on the modulator, a ghost, a turned camera whose lens blurs, distorts and
-//! vignettes, a fixed speckle pattern, and drift of the image and dimming of the source with time. With the distance, the image moves along a tilted rail, and the light fills more of
-//! the aperture that has the aberrations.
+//! vignettes, a fixed speckle pattern, and drift of the image and dimming of the source with time. With the distance, the
+//! image moves along a tilted rail, and the light fills more of the aperture that has the aberrations.
 
 mod aberration;
 mod bench;
@@ -39,7 +39,6 @@ pub use bench::SimulatedBench;
 use crate::carrier::Carrier;
 use crate::phase_response::wrap;
 use crate::propagation::SampledTransfer;
-use crate::transfer_function::phasor;
 use crate::{OpticalSetup, Plane, Result};
 use aberration::Aberration;
 use camera::Camera;
@@ -168,9 +167,7 @@ impl SimulatedDisplay {
     /// nearest padded bin.
     #[must_use]
     pub fn true_transfer(&self, fx: f64, fy: f64) -> Complex64 {
-        let pitch_m = self.setup.grid().pixel_pitch_m();
-        let shifted = phasor((fx * self.shift_px.0 + fy * self.shift_px.1) * pitch_m);
-        self.ideal.at(fx, fy) * shifted * self.errors(2.0 * pitch_m * fx, 2.0 * pitch_m * fy, &self.modes[0])
+        self.transfer(&self.ideal, &self.modes[0], fx, fy)
     }
 
     /// Factor of [`Self::true_transfer`] for the light of a position on the modulator, x and y in [−1, 1], fx and fy in

@@ -6,8 +6,8 @@
 //!
 //! A source of an angular width θ lights the modulator from several directions at once, and a laser diode or LED has a
 //! width of wavelengths. Each is a small set of points with the same first moments as the width: three directions on a
-//! circle of radius θ/√8 for a disc of diameter θ, and two wavelengths one standard deviation beside the middle. Six modes together,
-//! as many as the best published model of a real display needs.
+//! circle of radius θ/√8 for a disc of diameter θ, and two wavelengths one standard deviation beside the middle: six
+//! modes together, as many as the best published model of a real display has.
 //!
 //! A ghost is light that was reflected twice: it is shifted, defocused, and interferes with the image in part only.
 
@@ -82,8 +82,8 @@ impl Ghost {
         Self { share, shift_px, defocus_rad, phase_rad: draws.angle() }
     }
 
-    /// Transfer function relative to that of the image, at a frequency in units of the Nyquist frequency: of the image with
-    /// the interfering part of its ghost, or of the ghost alone.
+    /// Transfer function relative to that of the image, at a frequency in units of the Nyquist frequency: of the image
+    /// with the interfering part of its ghost, or of the ghost alone.
     pub(super) fn factor(&self, x: f64, y: f64, alone: bool) -> Complex64 {
         let shifted = std::f64::consts::PI * (x * self.shift_px.0 + y * self.shift_px.1);
         let ghost = Complex64::cis(shifted + self.defocus_rad * (x * x + y * y) + self.phase_rad);

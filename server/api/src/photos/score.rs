@@ -65,10 +65,10 @@ impl Api {
             scored(&work, &photo, &target)
         };
         let (scored, region) = self.accounts.compute(call, need_bytes, compute).await??;
-        let (aligned_png, error_png) = (scored.aligned_png.clone(), scored.error_png.clone());
-        let aligned = self.store_artifact(call, aligned_png).await?;
-        let error = self.store_artifact(call, error_png).await?;
-        Ok(v1::PhotoScore { aligned, error, ..to_wire::photo_score(&scored, region) })
+        let score = to_wire::photo_score(&scored, region);
+        let aligned = self.store_artifact(call, scored.aligned_png).await?;
+        let error = self.store_artifact(call, scored.error_png).await?;
+        Ok(v1::PhotoScore { aligned, error, ..score })
     }
 
     /// Number of pixels of a picture, which must not have more than `pixels_max`.
