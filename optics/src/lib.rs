@@ -83,6 +83,7 @@
 
 pub mod alignment;
 mod batch_fft;
+mod buffers;
 pub mod carrier;
 pub mod chebyshev;
 mod convolution;

@@ -2,6 +2,7 @@
 
 use super::Real;
 use super::{frequency_per_px, padded_columns, split_bin, tile_columns};
+use crate::buffers::zeros;
 use crate::interrupt;
 use num_complex::{Complex, Complex64};
 use rayon::prelude::*;
@@ -34,7 +35,7 @@ impl<T: Real> Transfer<T> {
     pub(crate) fn zeros(height_px: usize, width_px: usize) -> Self {
         let tile_columns = tile_columns::<T>(height_px);
         let len = 2 * height_px * padded_columns(width_px, tile_columns);
-        Self { height_px, width_px, tile_columns, values: vec![Complex::new(T::zero(), T::zero()); len] }
+        Self { height_px, width_px, tile_columns, values: zeros(len) }
     }
 
     /// Calls `fill(fx, fys, column)` in parallel to write each column without scaling, and then scales it. Frequencies

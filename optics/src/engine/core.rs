@@ -1,5 +1,6 @@
 //! Computations of an engine, in f32 or f64.
 
+use crate::buffers::zeros;
 use crate::carrier::Carrier;
 use crate::chebyshev::polynomials;
 use crate::chebyshev::position;
@@ -226,13 +227,11 @@ impl<T: Real> Fields<T> {
         let len_of =
             |engine: &EngineCore<T>| engine.image_len().max(engine.kernels.half_spectrum_len(&engine.convolver));
         let len = engines.into_iter().map(len_of).max().unwrap_or(0);
-        let zeros = || vec![Complex::new(T::zero(), T::zero()); len];
-        Self { spectrum: zeros(), tiles: zeros() }
+        Self { spectrum: zeros(len), tiles: zeros(len) }
     }
 
     /// Buffers that are large enough for `EngineCore::send`, without propagation back.
     pub(crate) fn for_light(engine: &EngineCore<T>) -> Self {
-        let zeros = |len| vec![Complex::new(T::zero(), T::zero()); len];
         Self { spectrum: zeros(engine.kernels.half_spectrum_len(&engine.convolver)), tiles: zeros(engine.image_len()) }
     }
 }
@@ -336,7 +335,7 @@ pub(crate) fn tabulate_source<T: Real>(source: &SmoothField, height_px: usize, w
         }
         along
     };
-    let mut values = vec![Complex::new(T::zero(), T::zero()); height_px * width_px];
+    let mut values: Vec<Complex<T>> = zeros(height_px * width_px);
     values.par_chunks_mut(width_px).enumerate().for_each(|(row, out)| {
         interrupt::check();
         let y = position(row, height_px);

@@ -1,6 +1,7 @@
 //! Light that a hologram sends, and intensities at the sub-samples of the image.
 
 use super::core::{EngineCore, Fields, Transmission, clenshaw};
+use crate::buffers::zeros;
 use crate::convolution::{Real, frequency_per_px, split_bin};
 use crate::interrupt;
 use crate::{Plane, Result};
@@ -61,7 +62,7 @@ impl<T: Real> EngineCore<T> {
             }
             Transmission::Bins => {
                 let transfer = &self.kernels.transfers[0];
-                let mut values = vec![Complex::new(T::zero(), T::zero()); weights.len()];
+                let mut values: Vec<Complex<T>> = zeros(weights.len());
                 transfer.read_column(column, &mut values);
                 let scale = transfer.scale().wide();
                 weights.iter_mut().zip(&values).for_each(|(weight, h)| *weight = h.norm_sqr().wide() / (scale * scale));
@@ -78,7 +79,7 @@ impl<T: Real> EngineCore<T> {
         if matches!(self.transmission, Transmission::FreeSpace) && filter.is_none() {
             return Ok(self.light_sent(phase));
         }
-        let mut spectrum = vec![Complex::new(T::zero(), T::zero()); self.convolver.half_spectrum_len(1)];
+        let mut spectrum: Vec<Complex<T>> = zeros(self.convolver.half_spectrum_len(1));
         self.convolver.forward_rows(&mut spectrum, &[None], |y, row| self.slm.field_row(y, phase.row(y), row));
         // The sum over the padded bins divided by their number is the sum over the pixels (Parseval).
         let power = self.convolver.weighted_power(&spectrum, passed);

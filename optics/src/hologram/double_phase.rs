@@ -10,6 +10,7 @@
 //! Maimone, A. Georgiou and J. Kollin, ACM Transactions on Graphics 36, 85 (2017).
 
 use super::problem::ProblemCore;
+use crate::buffers::zeros;
 use crate::convolution::Real;
 use crate::interrupt;
 use num_complex::Complex;
@@ -57,7 +58,7 @@ fn low_pass<T: Real>(field: &mut [Complex<T>], height_px: usize, width_px: usize
     let sum: f64 = raw.iter().sum();
     let taps: Vec<T> = raw.iter().map(|tap| T::of(tap / sum)).collect();
     let zero = Complex::new(T::zero(), T::zero());
-    let mut along_x = vec![zero; field.len()];
+    let mut along_x: Vec<Complex<T>> = zeros(field.len());
     along_x.par_chunks_mut(width_px).zip(field.par_chunks(width_px)).for_each(|(out, row)| {
         interrupt::check();
         for (x, out) in out.iter_mut().enumerate() {

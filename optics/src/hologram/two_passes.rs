@@ -4,6 +4,7 @@
 use super::loss::{TargetPlane, weighted_sums};
 use super::problem::{Evaluation, ProblemCore, Sink, compare_with, send_back};
 use super::roughness::{LightPlane, total_variation};
+use crate::buffers::zeros;
 use crate::convolution::Real;
 use crate::engine::Fields;
 use crate::interrupt;
@@ -120,7 +121,7 @@ impl<T: Real> ProblemCore<T> {
     /// in all planes.
     pub(super) fn back_propagated(&self, image_phase: &[T]) -> Vec<Complex<T>> {
         let width_px = self.engine().width_px();
-        let mut field = vec![Complex::new(T::zero(), T::zero()); self.frame_len()];
+        let mut field: Vec<Complex<T>> = zeros(self.frame_len());
         for (plane, amplitude) in self.planes.iter().zip(self.target_amplitudes()) {
             let point = plane.engine.with_detector(Detector::Point);
             let mut fields = Fields::new(&point);
@@ -162,10 +163,10 @@ impl<T: Real> ProblemCore<T> {
         }
         let light_len = self.engine().detector().light_planes() * self.frame_len();
         let (fields, len) = (self.planes.len() * self.frames, self.fields.spectrum.len());
-        self.buffers.lights = vec![vec![T::zero(); light_len]; self.planes.len()];
-        self.buffers.slopes = vec![T::zero(); light_len];
+        self.buffers.lights = (0..self.planes.len()).map(|_| zeros(light_len)).collect();
+        self.buffers.slopes = zeros(light_len);
         if fields > 1 && fields * len * size_of::<Complex<T>>() <= SAMPLES_BYTES_MAX {
-            self.buffers.samples = vec![vec![Complex::new(T::zero(), T::zero()); len]; fields];
+            self.buffers.samples = (0..fields).map(|_| zeros(len)).collect();
         }
     }
 

@@ -5,6 +5,7 @@
 
 use super::pair::{Example, measure_each, total};
 use super::{KernelModel, LearnOptions, LearnStage, LearnStep, PairSource, pair::BoxError};
+use crate::buffers::zeros;
 use crate::convolution::{Kernels, Transfer, split_bin};
 use crate::engine::{EngineCore, Fields};
 use crate::interrupt;
@@ -81,10 +82,10 @@ impl BinsLearner {
             return Err(Error::OutOfRange { name: "state", value, allowed: "the number of parameters of the model" });
         }
         let mut engine = EngineCore::new(&DisplayModel::ideal(setup), options.detector, options.carrier)?;
-        let zeros = Transfer::zeros(setup.grid().height_px(), setup.grid().width_px());
-        engine.kernels = Arc::new(Kernels::single(zeros));
+        let dark = Transfer::zeros(setup.grid().height_px(), setup.grid().width_px());
+        engine.kernels = Arc::new(Kernels::single(dark));
         let out = Fields::new(&engine);
-        let back = vec![Complex32::ZERO; out.spectrum.len()];
+        let back: Vec<Complex32> = zeros(out.spectrum.len());
         let mut learner = Self { setup, options, band, engine, out, back, state };
         learner.write_transfer();
         Ok(learner)

@@ -4,6 +4,7 @@ use super::columns::project;
 use super::layout::{HARMONICS, Layout, SOURCE_ORDER};
 use super::pair::Example;
 use super::smooth_transfer::SmoothTransfer;
+use crate::buffers::zeros;
 use crate::carrier::Carrier;
 use crate::chebyshev::polynomials;
 use crate::chebyshev::position;
@@ -65,7 +66,6 @@ impl<T: Real> Fit<T> {
         let at_x: Vec<Vec<f64>> =
             (0..width_px).map(|x| polynomials(layout.source.order(), position(x, width_px))).collect();
         let out = Fields::new(&engine);
-        let zeros = |len| vec![Complex::new(T::zero(), T::zero()); len];
         let (back, spectra) = (zeros(engine.image_len()), zeros(engine.convolver.half_spectrum_len(2)));
         Ok(Self {
             smooth: SmoothTransfer::new(&setups, layout.kernel.order()),

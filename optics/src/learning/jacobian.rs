@@ -16,6 +16,7 @@
 use super::fit::Fit;
 use super::pair::Example;
 use crate::SpatialVariation;
+use crate::buffers::zeros;
 use crate::chebyshev::position;
 use crate::chebyshev::{ChebyshevBasis, polynomials};
 use crate::convolution::Real;
@@ -165,8 +166,8 @@ impl<T: Real> Jacobian<T> {
         // Gain and offset follow after θ.
         let (parameters, samples) = (fit.layout.len() + 2, fit.engine.detector.samples());
         let pixels = rows.len() * columns.len();
-        let field = vec![Complex::new(T::zero(), T::zero()); pixels * samples];
-        Self { rows, columns, parameters, samples, field, values: vec![T::zero(); pixels * parameters] }
+        let field = zeros(pixels * samples);
+        Self { rows, columns, parameters, samples, field, values: zeros(pixels * parameters) }
     }
 
     /// Stores u, the field that the fit has just propagated.

@@ -27,6 +27,7 @@ use super::chirp_z::fast_length;
 use super::even::{EvenSequences, even_transform};
 use super::scaled::spread_m;
 use crate::OpticalSetup;
+use crate::interrupt;
 use crate::transfer_function::angular_spectrum;
 use num_complex::Complex64;
 use rayon::prelude::*;
@@ -85,6 +86,7 @@ pub(super) fn band_response(setup: &OpticalSetup) -> Vec<Complex64> {
         if u <= half_x { transfer(frequency(u, bins_x), fy) } else { ends.slope(fy) }
     });
     along_y.par_chunks_exact_mut(height_px + 1).take(half_x + 1).enumerate().for_each(|(u, lags)| {
+        interrupt::check();
         let error = ends.slope(frequency(u, bins_x)) / (6.0 * bins_y as f64);
         lags.iter_mut().enumerate().for_each(|(y, h)| *h -= error * sign(y));
     });
@@ -94,6 +96,7 @@ pub(super) fn band_response(setup: &OpticalSetup) -> Vec<Complex64> {
     let scale = 1.0 / (bins_x as f64 * bins_y as f64);
     let slopes = &along_y[(half_x + 1) * (height_px + 1)..];
     response.par_chunks_exact_mut(width_px + 1).zip(slopes).for_each(|(lags, slope)| {
+        interrupt::check();
         let error = slope / (6.0 * bins_x as f64);
         lags.iter_mut().enumerate().for_each(|(x, h)| *h = (*h - error * sign(x)) * scale);
     });

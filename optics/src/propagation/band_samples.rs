@@ -18,6 +18,7 @@
 //! those of the optics.
 
 use super::band_response::{BandEnds, bins};
+use crate::buffers::zeros;
 use crate::engine::SeriesAlongY;
 use crate::interrupt;
 use crate::transfer_function::angular_spectrum;
@@ -120,7 +121,7 @@ impl BandSamples {
         let mut planner = FftPlanner::new();
         let (fft_y, turns) = (planner.plan_fft_inverse(bins_y), turns(bins_y, offset_y));
         let edge = Edge::at(offset_y);
-        let mut along_y = vec![Complex32::ZERO; columns.count() * 2 * height_px];
+        let mut along_y: Vec<Complex32> = zeros(columns.count() * 2 * height_px);
         along_y.par_chunks_exact_mut(2 * height_px).enumerate().for_each_init(
             || (vec![Complex64::ZERO; bins_y], vec![Complex64::ZERO; fft_y.get_inplace_scratch_len()]),
             |(sequence, scratch), (stored, out)| {

@@ -1,5 +1,6 @@
 //! Fourier transforms of even sequences, and the transfer function of an even impulse response.
 
+use crate::buffers::zeros;
 use crate::interrupt;
 use num_complex::Complex64;
 use rayon::prelude::*;
@@ -23,7 +24,7 @@ pub(super) fn even_transform(
     f: impl Fn(usize, usize) -> Complex64 + Sync,
 ) -> Vec<Complex64> {
     let fft = FftPlanner::new().plan_fft_forward(2 * half);
-    let mut spectra = vec![Complex64::ZERO; count * kept];
+    let mut spectra: Vec<Complex64> = zeros(count * kept);
     spectra.par_chunks_exact_mut(kept).enumerate().for_each_init(
         || (vec![Complex64::ZERO; 2 * half], vec![Complex64::ZERO; fft.get_inplace_scratch_len()]),
         |(sequence, scratch), (s, out)| {

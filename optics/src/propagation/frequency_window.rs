@@ -12,6 +12,7 @@ use super::chirp_z::{ChirpZ, Sign, Span};
 use super::impulse_response::fading;
 use super::rows::{transform_rows, transposed};
 use super::{ImageWindow, PropagationMethod, RefusalCode, shifted::landing_m, shifted_angular_spectrum};
+use crate::buffers::zeros;
 use crate::real::Number;
 use crate::{Error, OpticalSetup, Plane, Result};
 use num_complex::{Complex, Complex64};
@@ -166,7 +167,7 @@ fn sample_transfer<T: Number>(
         landing_m(fx, fy, wavelength_m, distance_m)
             .map_or(0.0, |(x_m, y_m)| along_x.weight(x_m - centre_x_m) * along_y.weight(y_m - centre_y_m))
     };
-    let mut transfer = vec![Complex::new(T::zero(), T::zero()); along_x.count * along_y.count];
+    let mut transfer: Vec<Complex<T>> = zeros(along_x.count * along_y.count);
     transfer.par_chunks_exact_mut(along_y.count).enumerate().for_each(|(i, column)| {
         let fx = along_x.at(i);
         for (j, value) in column.iter_mut().enumerate() {

@@ -1,5 +1,6 @@
 //! Parallel transforms of all rows of a plane, and transposition.
 
+use crate::buffers::zeros;
 use crate::real::Number;
 use num_complex::Complex;
 use rayon::prelude::*;
@@ -12,7 +13,7 @@ pub(super) fn transform_rows<T: Number, S>(
     scratch: impl Fn() -> S + Sync,
     each: impl Fn(&[Complex<T>], &mut [Complex<T>], &mut S) + Sync,
 ) -> Vec<Complex<T>> {
-    let mut output = vec![Complex::new(T::zero(), T::zero()); input.len() / input_len * output_len];
+    let mut output: Vec<Complex<T>> = zeros(input.len() / input_len * output_len);
     let rows = output.par_chunks_exact_mut(output_len).zip(input.par_chunks_exact(input_len));
     rows.for_each_init(&scratch, |scratch, (out, row)| each(row, out, scratch));
     output
@@ -21,7 +22,7 @@ pub(super) fn transform_rows<T: Number, S>(
 /// Transposes a plane whose rows have `width` values.
 pub(super) fn transposed<T: Number>(input: &[Complex<T>], width: usize) -> Vec<Complex<T>> {
     let height = input.len() / width;
-    let mut output = vec![Complex::new(T::zero(), T::zero()); input.len()];
+    let mut output: Vec<Complex<T>> = zeros(input.len());
     output.par_chunks_exact_mut(height).enumerate().for_each(|(x, column)| {
         for (value, &from) in column.iter_mut().zip(input[x..].iter().step_by(width)) {
             *value = from;

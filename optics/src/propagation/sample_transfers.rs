@@ -13,6 +13,7 @@
 use super::band_response::bins;
 use super::band_samples::{BandSamples, is_even};
 use super::pixel_response::PixelResponse;
+use crate::buffers::zeros;
 use crate::convolution::{Real, Transfer, split_bin};
 use crate::interrupt;
 use crate::{ConvolutionMethod, OpticalSetup, SmoothField};
@@ -83,7 +84,7 @@ pub(super) fn transfer_by_column(setup: &OpticalSetup) -> Vec<Complex32> {
     drop(samples);
     let (rows, columns) = (2 * spectra.height_px, 2 * spectra.width_px);
     let fft = FftPlanner::new().plan_fft_forward(rows);
-    let mut transfer = vec![Complex32::ZERO; rows * columns];
+    let mut transfer: Vec<Complex32> = zeros(rows * columns);
     let new_scratch = || (vec![Complex64::ZERO; ROWS * rows], vec![Complex64::ZERO; fft.get_inplace_scratch_len()]);
     transfer.par_chunks_mut(ROWS * rows).enumerate().for_each_init(new_scratch, |(gathered, scratch), (block, out)| {
         interrupt::check();
@@ -152,7 +153,7 @@ impl<T: Real> RowSpectra<T> {
     ) -> Self {
         let (height_px, width_px) = (setup.grid().height_px(), setup.grid().width_px());
         let fft = FftPlanner::new().plan_fft_forward(2 * width_px);
-        let mut values = vec![Complex::new(T::zero(), T::zero()); 4 * height_px * width_px];
+        let mut values: Vec<Complex<T>> = zeros(4 * height_px * width_px);
         let new_scratch = || Scratch {
             gathered: Vec::new(),
             sequence: vec![Complex64::ZERO; 2 * width_px],

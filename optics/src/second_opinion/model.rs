@@ -14,6 +14,7 @@
 //! The integral along x is summed node by node of its panels, so that the whole spectrum is never held.
 
 use super::frequencies::{Axis, Frequencies, PANELS, frequency};
+use crate::buffers::zeros;
 use crate::chebyshev::position;
 use crate::engine::SeriesAlongY;
 use crate::{DisplayModel, KernelShape, OpticalSetup, Plane, RegionOfInterest, interrupt};
@@ -182,7 +183,7 @@ impl<'a> Work<'a> {
     /// Field in the image: for each wanted row and each place a line.
     fn image(&self, field: &Plane<Complex64>) -> Vec<Complex64> {
         let lines = self.waves_y.len() * self.places.along_x.len();
-        let mut image = vec![Complex64::ZERO; lines * field.width_px()];
+        let mut image: Vec<Complex64> = zeros(lines * field.width_px());
         for &(node, weight) in &self.nodes_x {
             let spectra = self.spectra_of_rows(field, node);
             let columns: Vec<Vec<Complex64>> =

@@ -187,19 +187,25 @@ impl JobContext {
         Ok(self.wait(read).ok_or(TaskError::Stopped)??)
     }
 
-    /// Stores and records an artifact and returns its digest.
+    /// Stores and records an artifact and returns its digest. If the computation is interrupted first, the artifact is
+    /// stored nevertheless. No job refers to it then, and a later collection removes it.
     ///
     /// # Errors
     ///
-    /// [`TaskError::Failed`] if the artifact cannot be written or recorded.
+    /// [`TaskError::Failed`] if the artifact cannot be written or recorded, [`TaskError::Stopped`] if the task must stop
+    /// at once.
     pub fn put_artifact(&self, bytes: Vec<u8>) -> Result<String, TaskError> {
-        let size_bytes = bytes.len() as u64;
-        self.wait(async {
-            let _publishing = self.artifacts.publishing().await;
-            let digest = self.artifacts.put_bytes(bytes).await?;
-            self.store.record_artifact(&digest, size_bytes, &self.owner, self.clock.now_ms()).await?;
+        let (artifacts, store, owner) = (self.artifacts.clone(), self.store.clone(), self.owner.clone());
+        let (size_bytes, now_ms) = (bytes.len() as u64, self.clock.now_ms());
+        let put = self.runtime.spawn(async move {
+            let _publishing = artifacts.publishing().await;
+            let digest = artifacts.put_bytes(bytes).await?;
+            store.record_artifact(&digest, size_bytes, &owner, now_ms).await?;
             Ok(digest)
-        })
+        });
+        self.wait(self.stop.unless_interrupted(put))
+            .ok_or(TaskError::Stopped)?
+            .map_err(|error| TaskError::transient(FailureReason::Io, error))?
     }
 
     /// The store, for reading the records to which the job refers.

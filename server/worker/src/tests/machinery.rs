@@ -177,6 +177,24 @@ async fn cancelled_job_ends_within_a_step() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn cancelled_job_does_not_wait_for_its_artifact() {
+    let bench = bench().await;
+    // While this lives, no artifact is stored.
+    let collecting = bench.artifacts.collecting().await.unwrap();
+    let id = submit(&bench, "r", 3).await;
+    let working = bench.start(config(), |_: &Job, context: &JobContext| {
+        context.report(progress(1))?;
+        Ok(output(context.put_artifact(b"photo".to_vec())?))
+    });
+    bench.until(&id, |job| job.progress == Some(progress(1))).await;
+    bench.store.cancel(&id, now_ms()).await.unwrap();
+    let ended = tokio::time::timeout(Duration::from_secs(10), bench.ended(&id)).await.expect("the job has ended");
+    assert_eq!(ended.state, JobState::Cancelled);
+    drop(collecting);
+    working.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn drained_job_is_interrupted_within_a_step_and_resumes_from_its_checkpoint() {
     let bench = bench().await;
     let id = submit(&bench, "r", 1).await;
