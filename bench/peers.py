@@ -132,10 +132,11 @@ def measure(given, python, bench_job, target, scratch):
         "--learning-rate", str(given.learning_rate), "--phase-range", str(given.phase_range),
         "--threads", str(given.threads),
     ]  # fmt: skip
+    found = ["--method", "lbfgs", "--start", "recommended"]
     commands = {
         SAME: [bench_job, *job, "--detector", "point", "--region", "full", "--propagation", "band-limited"],
-        DEFAULT: [bench_job, *job, "--detector", "point", "--region", "full", "--method", "lbfgs"],
-        CAMERA: [bench_job, *job, "--detector", "pixel", "--region", "middle", "--method", "lbfgs"],
+        DEFAULT: [bench_job, *job, *found, "--detector", "point", "--region", "full"],
+        CAMERA: [bench_job, *job, *found, "--detector", "pixel", "--region", "middle"],
     }
     for peer in given.peers:
         commands[peer] = [python, HERE / "torch_job.py", peer, *job]

@@ -10,7 +10,7 @@
 
 mod npy;
 
-use lightpath_optics::hologram::{HologramMethod, HologramOptions, Step, initial_phase};
+use lightpath_optics::hologram::{HologramMethod, HologramOptions, InitialPhase, RANDOM_RANGE_RAD, Step};
 use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{
     ConvolutionMethod, Detector, DisplayModel, Engine, Evaluation, Grid, HologramProblem, OpticalSetup, Optimization,
@@ -101,14 +101,24 @@ fn run_job(options: &Options) -> Result<(), Box<dyn Error>> {
         "full" => RegionOfInterest::full(&grid),
         other => return Err(format!("--region {other} is not a region; regions are middle and full").into()),
     };
-    let phase = initial_phase(height_px, width_px, options.number("phase-range", 1.0)?, options.number("seed", 1)?)?;
     let problem = HologramProblem::new(Engine::new(&DisplayModel::ideal(setup), detector, None)?, target, region)?;
     let method = match options.text.get("method").map_or("adam", String::as_str) {
         "adam" => HologramMethod::Adam { learning_rate: options.number("learning-rate", 0.1)? },
         "lbfgs" => HologramMethod::Lbfgs,
         other => return Err(format!("--method {other} is not a method; methods are adam and lbfgs").into()),
     };
-    let mut optimization = Optimization::start(problem, HologramOptions::new(method, iterations), phase.into_vec())?;
+    let range_rad = options.number("phase-range", RANDOM_RANGE_RAD)?;
+    let initial = match options.text.get("start").map_or("random", String::as_str) {
+        "random" => InitialPhase::Random { range_rad },
+        "back-propagated" => InitialPhase::BackPropagated { range_rad },
+        "recommended" => InitialPhase::recommended(method, detector, 1),
+        other => {
+            let starts = "starts are random, back-propagated and recommended";
+            return Err(format!("--start {other} is not a start; {starts}").into());
+        }
+    };
+    let phase = initial.phases(&problem, &setup, options.number("seed", 1)?)?;
+    let mut optimization = Optimization::start(problem, HologramOptions::new(method, iterations), phase)?;
     let (mut time_s, mut loss) = (Vec::new(), Vec::new());
     while let Some(Step { evaluation: Evaluation { best_loss, .. }, .. }) = optimization.step() {
         time_s.push(started.elapsed().as_secs_f64());

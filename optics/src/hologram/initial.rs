@@ -1,9 +1,11 @@
 //! Initial phases of an optimization.
 
+use super::HologramMethod;
 use super::problem::{HologramProblem, ProblemCore};
+use crate::buffers::zeros;
 use crate::convolution::Real;
 use crate::interrupt;
-use crate::{Error, OpticalSetup, Plane, Result};
+use crate::{Detector, Error, OpticalSetup, Plane, Result};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
@@ -45,6 +47,9 @@ pub enum InitialPhase<Given = Plane<f32>> {
     Given(Given),
 }
 
+/// Width of the recommended range of random phases \[rad\]: within one radian there is little speckle.
+pub const RANDOM_RANGE_RAD: f64 = 1.0;
+
 /// Default focal length of `InitialPhase::Quadratic`: f = 2 N Δ² / λ \[m\] for the longer side's N pixels of pitch Δ.
 /// The SLM's edges then steer light by half of the band.
 #[must_use]
@@ -54,6 +59,24 @@ pub fn default_focal_length_m(setup: &OpticalSetup) -> f64 {
 }
 
 impl<Given> InitialPhase<Given> {
+    /// The start that leads to the best picture.
+    ///
+    /// - A method that follows the gradient starts from the field that the targets send back to the SLM, with an image
+    ///   phase within 1 rad. For the light between the pixels the image has the same phase everywhere: random phases
+    ///   have vortices there, which an optimization cannot remove.
+    /// - Gerchberg and Saxton's methods start from a random phase within 1 rad. So do several frames, because they must
+    ///   differ.
+    /// - Double phase starts from an image with the same phase everywhere.
+    #[must_use]
+    pub fn recommended(method: HologramMethod, detector: Detector, frames: u32) -> Self {
+        match (method, detector) {
+            (HologramMethod::DoublePhase, _) => Self::Constant { phase_rad: 0.0 },
+            _ if !method.follows_gradient() || frames > 1 => Self::Random { range_rad: RANDOM_RANGE_RAD },
+            (_, Detector::Supersampled) => Self::BackPropagated { range_rad: 0.0 },
+            (_, Detector::Point | Detector::Pixel) => Self::BackPropagated { range_rad: RANDOM_RANGE_RAD },
+        }
+    }
+
     /// Converts the value of `InitialPhase::Given` with `read`; other initial phases stay unchanged.
     ///
     /// # Errors
@@ -160,7 +183,7 @@ impl<T: Real> ProblemCore<T> {
     fn phase_of_targets(&self, image_phase: &[T]) -> Vec<T> {
         let engine = self.engine();
         let frame_len = engine.height_px() * engine.width_px();
-        let mut phases = vec![T::zero(); self.parameters()];
+        let mut phases: Vec<T> = zeros(self.parameters());
         for (phase, image_phase) in phases.chunks_exact_mut(frame_len).zip(image_phase.chunks_exact(frame_len)) {
             let mut field = self.back_propagated(image_phase);
             // The field gets a mean power of 1, as on the modulator, so that the zero order is subtracted in

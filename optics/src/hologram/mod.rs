@@ -17,7 +17,7 @@ mod state;
 mod stopwatch;
 mod two_passes;
 
-pub use initial::{InitialPhase, default_focal_length_m, initial_phase};
+pub use initial::{InitialPhase, RANDOM_RANGE_RAD, default_focal_length_m, initial_phase};
 pub use loss::{ImagePlane, Loss};
 pub use optimization::{HologramMethod, HologramOptions, Optimization, Step};
 pub use optimize::{Hologram, optimize};

@@ -8,10 +8,6 @@ use num_complex::Complex32;
 
 /// Number of L-BFGS steps. More steps gain a few dB, which a photograph does not show.
 const ITERATIONS: u32 = 100;
-/// Range of the random initial phase \[rad\]. A narrow range gives the least speckle.
-const RANGE_RAD: f64 = 1.0;
-/// Seed of the random initial phase.
-const SEED: u64 = 0;
 
 /// Hologram found by [`optimize`], with its simulated picture.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,8 +35,8 @@ impl Hologram {
 
 /// Finds the phase with which an ideal display shows `target`: intensity in linear light, of the setup's size.
 ///
-/// The [planner](crate::plan) chooses the propagation method. L-BFGS takes 100 steps from a random phase in [0, 1) rad
-/// that is the same in every call. The loss compares the light integrated over each pixel in the middle 80 % of each
+/// The [planner](crate::plan) chooses the propagation method. L-BFGS takes 100 steps from the
+/// [recommended](InitialPhase::recommended) initial phase, which is the same in every call. The loss compares the light integrated over each pixel in the middle 80 % of each
 /// axis. For other methods, detectors, regions, several planes, and learned displays see [`Optimization`].
 ///
 /// # Errors
@@ -54,9 +50,9 @@ pub fn optimize(target: &Plane<f32>, setup: &OpticalSetup) -> Result<Hologram> {
     let region = RegionOfInterest::middle(&setup.grid());
     let engine = Engine::new(&DisplayModel::ideal(setup), Detector::Pixel, None)?;
     let problem = HologramProblem::new(engine.clone(), target.clone(), region)?;
-    let start = InitialPhase::Random { range_rad: RANGE_RAD }.phases(&problem, &setup, SEED)?;
-    let mut optimization =
-        Optimization::start(problem, HologramOptions::new(HologramMethod::Lbfgs, ITERATIONS), start)?;
+    let options = HologramOptions::new(HologramMethod::Lbfgs, ITERATIONS);
+    let start = InitialPhase::recommended(options.method, Detector::Pixel, 1).phases(&problem, &setup, 0)?;
+    let mut optimization = Optimization::start(problem, options, start)?;
     while optimization.step().is_some() {}
     let wrapped = optimization.phases().iter().map(|&phase| wrap_f32(f64::from(phase))).collect();
     let phase = Plane::try_from_vec(target.height_px(), target.width_px(), wrapped)?;

@@ -46,8 +46,9 @@ pub(super) struct OptimizationOptions {
 
     /// Choose the phase that the search starts from: random; back-propagated (the targets propagated back to the SLM);
     /// quadratic, or quadratic:200mm with a focal length; constant, or constant:1.5 in radians; or .npy files of radians
-    /// (float32), one per wavelength, separated by commas [default: random; but constant if --phase-range is absent and the
-    /// method is double-phase, or the detector is supersampled and --frames is absent]
+    /// (float32), one per wavelength, separated by commas [default: back-propagated, within 1 rad, or 0 rad with the
+    /// detector supersampled; but random with --phase-range, with several --frames and for gerchberg-saxton, and constant
+    /// for double-phase]
     #[arg(long, value_name = "KIND", value_parser = initial_phase, allow_hyphen_values = true)]
     initial_phase: Option<Start>,
 
@@ -56,7 +57,7 @@ pub(super) struct OptimizationOptions {
     #[arg(long, value_name = "RAD")]
     phase_range: Option<f64>,
 
-    /// Set the seed of the random initial phase
+    /// Set the seed of the random part of the initial phase
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
 

@@ -3,7 +3,7 @@
 use crate::error::ApiError;
 use crate::field::Field;
 use crate::jobs::learning_rate::learning_rate;
-use lightpath_optics::hologram::Loss;
+use lightpath_optics::hologram::{Loss, RANDOM_RANGE_RAD};
 use lightpath_optics::photometry::Quantity;
 use lightpath_optics::{Detector, HologramMethod, InitialPhase, RegionOfInterest};
 use lightpath_proto::v1::{
@@ -17,8 +17,6 @@ use std::f64::consts::TAU;
 
 /// Adam's learning rate by default \[rad\]: that of the paper.
 const LEARNING_RATE_DEFAULT: f64 = 0.1;
-/// Range of random initial phases by default \[rad\]: within one radian there is little speckle.
-const INITIAL_PHASE_RANGE_DEFAULT_RAD: f64 = 1.0;
 /// Limit on the side of the blocks in which speckle is measured \[px\]: larger blocks contain structure of the picture.
 const SPECKLE_BLOCK_PX_MAX: u32 = 256;
 const SPECKLE_BLOCK_PX_DEFAULT: u32 = 8;
@@ -55,26 +53,13 @@ fn phase_range(field: &Field, value: f64) -> Result<f64, ApiError> {
     Err(field.invalid(format!("is {value}, but must be 0 to 2π rad")))
 }
 
-/// The settings that determine the default of the initial phase.
+/// The settings that determine the default and the limits of the initial phase.
 #[derive(Clone, Copy)]
 pub(super) struct PhaseDefaults {
     pub(super) method: HologramMethod,
     pub(super) detector: Detector,
     pub(super) frames: u32,
     pub(super) wavelengths: usize,
-}
-
-impl PhaseDefaults {
-    /// The initial phase if the request has none.
-    fn initial_phase(self) -> InitialPhase<Vec<String>> {
-        // A random phase has vortices between the pixels, which remain. Without them L-BFGS ends about 4 dB higher.
-        // Several frames must differ, so they start from random phases.
-        let smooth = self.detector == Detector::Supersampled && self.method.follows_gradient() && self.frames == 1;
-        if smooth || self.method == HologramMethod::DoublePhase {
-            return InitialPhase::Constant { phase_rad: 0.0 };
-        }
-        InitialPhase::Random { range_rad: INITIAL_PHASE_RANGE_DEFAULT_RAD }
-    }
 }
 
 /// Checks the initial phase. Given phases are digests, one for each wavelength.
@@ -87,10 +72,8 @@ pub(super) fn initial_phase(
         phase_range(&field.at(kind).at("range_rad"), random.range_rad.unwrap_or(default_rad))
     };
     Ok(match given.and_then(|given| given.kind) {
-        None => defaults.initial_phase(),
-        Some(Kind::Random(random)) => {
-            InitialPhase::Random { range_rad: range("random", random, INITIAL_PHASE_RANGE_DEFAULT_RAD)? }
-        }
+        None => InitialPhase::recommended(defaults.method, defaults.detector, defaults.frames),
+        Some(Kind::Random(random)) => InitialPhase::Random { range_rad: range("random", random, RANDOM_RANGE_RAD)? },
         Some(Kind::BackPropagated(random)) => {
             if defaults.method == HologramMethod::DoublePhase {
                 return Err(field.invalid("is back-propagated, but double phase needs an initial phase of the image"));
