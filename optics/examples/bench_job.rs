@@ -102,22 +102,8 @@ fn run_job(options: &Options) -> Result<(), Box<dyn Error>> {
         other => return Err(format!("--region {other} is not a region; regions are middle and full").into()),
     };
     let problem = HologramProblem::new(Engine::new(&DisplayModel::ideal(setup), detector, None)?, target, region)?;
-    let method = match options.text.get("method").map_or("adam", String::as_str) {
-        "adam" => HologramMethod::Adam { learning_rate: options.number("learning-rate", 0.1)? },
-        "lbfgs" => HologramMethod::Lbfgs,
-        other => return Err(format!("--method {other} is not a method; methods are adam and lbfgs").into()),
-    };
-    let range_rad = options.number("phase-range", RANDOM_RANGE_RAD)?;
-    let initial = match options.text.get("start").map_or("random", String::as_str) {
-        "random" => InitialPhase::Random { range_rad },
-        "back-propagated" => InitialPhase::BackPropagated { range_rad },
-        "recommended" => InitialPhase::recommended(method, detector, 1),
-        other => {
-            let starts = "starts are random, back-propagated and recommended";
-            return Err(format!("--start {other} is not a start; {starts}").into());
-        }
-    };
-    let phase = initial.phases(&problem, &setup, options.number("seed", 1)?)?;
+    let method = method(options)?;
+    let phase = initial_phase(options, method, detector)?.phases(&problem, &setup, options.number("seed", 1)?)?;
     let mut optimization = Optimization::start(problem, HologramOptions::new(method, iterations), phase)?;
     let (mut time_s, mut loss) = (Vec::new(), Vec::new());
     while let Some(Step { evaluation: Evaluation { best_loss, .. }, .. }) = optimization.step() {
@@ -136,6 +122,24 @@ fn run_job(options: &Options) -> Result<(), Box<dyn Error>> {
         r#"{{"time_s": {time_s:?}, "loss": {loss:?}, "total_s": {total_s:?}, "memory_peak_bytes": {memory}}}"#
     )?;
     Ok(())
+}
+
+fn method(options: &Options) -> Result<HologramMethod, String> {
+    match options.text.get("method").map_or("adam", String::as_str) {
+        "adam" => Ok(HologramMethod::Adam { learning_rate: options.number("learning-rate", 0.1)? }),
+        "lbfgs" => Ok(HologramMethod::Lbfgs),
+        other => Err(format!("--method {other} is not a method; methods are adam and lbfgs")),
+    }
+}
+
+fn initial_phase(options: &Options, method: HologramMethod, detector: Detector) -> Result<InitialPhase, String> {
+    let range_rad = options.number("phase-range", RANDOM_RANGE_RAD)?;
+    match options.text.get("start").map_or("random", String::as_str) {
+        "random" => Ok(InitialPhase::Random { range_rad }),
+        "back-propagated" => Ok(InitialPhase::BackPropagated { range_rad }),
+        "recommended" => Ok(InitialPhase::recommended(method, detector, 1)),
+        other => Err(format!("--start {other} is not a start; starts are random, back-propagated and recommended")),
+    }
 }
 
 fn write_npy(path: &str, plane: &Plane<f32>) -> Result<(), Box<dyn Error>> {

@@ -2,6 +2,8 @@
 
 mod add;
 mod align;
+mod import;
+mod layouts;
 mod manifest;
 mod show;
 
@@ -27,6 +29,7 @@ use show::{facts, state};
 pub(crate) enum DatasetCommand {
     Create(Create),
     Add(add::Add),
+    Import(import::Import),
     Calibration(align::Calibration),
     Align(align::Align),
     Finalize(Finalize),
@@ -120,6 +123,7 @@ impl DatasetCommand {
                 session.print(&dataset, facts)
             }
             Self::Add(add) => add.run(session).await,
+            Self::Import(import) => import.run(session).await,
             Self::Calibration(calibration) => calibration.run(session).await,
             Self::Align(align) => align.run(session).await,
             Self::Finalize(finalize) => finalize.run(session).await,

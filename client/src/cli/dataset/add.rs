@@ -64,6 +64,13 @@ pub(crate) struct Add {
     #[arg(long, value_name = "ID")]
     id: Option<String>,
 
+    #[command(flatten)]
+    defaults: Defaults,
+}
+
+/// Properties of the pairs that do not have their own.
+#[derive(Debug, Args)]
+pub(super) struct Defaults {
     /// Choose the use of the pairs [default: drawn when the dataset is finalized]
     #[arg(long, value_parser = WordParser::<v1::Split>::new().without("excluded"))]
     split: Option<v1::Split>,
@@ -81,38 +88,23 @@ pub(crate) struct Add {
     gain: Option<f64>,
 }
 
+impl Defaults {
+    /// Fills in the values that the entry lacks.
+    pub(super) fn fill(&self, entry: Entry) -> Entry {
+        Entry {
+            split: entry.split.or(self.split),
+            black_level: entry.black_level.or(self.black_level),
+            exposure_s: entry.exposure_s.or(self.exposure),
+            camera_gain: entry.camera_gain.or(self.gain),
+            ..entry
+        }
+    }
+}
+
 impl Add {
     pub(super) async fn run(self, session: &Session) -> Result<(), Failure> {
-        let entries = self.entries()?;
-        let count = entries.len();
-        let mut findings = 0;
-        for entry in entries {
-            let entry = self.with_defaults(entry);
-            let id = entry.id.clone();
-            let pair = v1::Pair {
-                id: entry.id,
-                phase: session.client.upload_file(&entry.phase).await?,
-                photo: session.client.upload_file(&entry.photo).await?,
-                split: entry.split.unwrap_or_default().into(),
-                black_level: entry.black_level.unwrap_or(0.0),
-                exposure_s: entry.exposure_s.unwrap_or(0.0),
-                camera_gain: entry.camera_gain.unwrap_or(0.0),
-                checks: None,
-            };
-            let request = v1::AddPairRequest { dataset: names::dataset(&self.name), pair: Some(pair) };
-            let dataset = session.client.add_pair(request).await.map_err(|error| refused_pair(&id, count, error))?;
-            if count == 1 {
-                session.print(&dataset, |dataset| text(&id, dataset))?;
-            } else {
-                session.print_json_line(&dataset)?;
-                session.print_text(&text(&id, &dataset))?;
-            }
-            findings += dataset.findings.len();
-        }
-        if findings > 0 && count > 1 {
-            print_note(&format!("{findings} findings; list them: lightpath dataset show {}", self.name));
-        }
-        Ok(())
+        let entries = self.entries()?.into_iter().map(|entry| self.defaults.fill(entry)).collect();
+        add_pairs(session, &self.name, entries).await
     }
 
     fn entries(&self) -> Result<Vec<Entry>, Failure> {
@@ -128,17 +120,38 @@ impl Add {
         let id = self.id.clone().unwrap_or_else(|| name_of(phase));
         Ok(vec![Entry::new(id, phase.clone(), photo.clone())])
     }
+}
 
-    /// Fills in values of the command line that the entry lacks.
-    fn with_defaults(&self, entry: Entry) -> Entry {
-        Entry {
-            split: entry.split.or(self.split),
-            black_level: entry.black_level.or(self.black_level),
-            exposure_s: entry.exposure_s.or(self.exposure),
-            camera_gain: entry.camera_gain.or(self.gain),
-            ..entry
+/// Uploads the files of the pairs and adds the pairs to a dataset, one after the other.
+pub(super) async fn add_pairs(session: &Session, dataset: &str, entries: Vec<Entry>) -> Result<(), Failure> {
+    let count = entries.len();
+    let mut findings = 0;
+    for entry in entries {
+        let id = entry.id.clone();
+        let pair = v1::Pair {
+            id: entry.id,
+            phase: session.client.upload_file(&entry.phase).await?,
+            photo: session.client.upload_file(&entry.photo).await?,
+            split: entry.split.unwrap_or_default().into(),
+            black_level: entry.black_level.unwrap_or(0.0),
+            exposure_s: entry.exposure_s.unwrap_or(0.0),
+            camera_gain: entry.camera_gain.unwrap_or(0.0),
+            checks: None,
+        };
+        let request = v1::AddPairRequest { dataset: names::dataset(dataset), pair: Some(pair) };
+        let dataset = session.client.add_pair(request).await.map_err(|error| refused_pair(&id, count, error))?;
+        if count == 1 {
+            session.print(&dataset, |dataset| text(&id, dataset))?;
+        } else {
+            session.print_json_line(&dataset)?;
+            session.print_text(&text(&id, &dataset))?;
         }
+        findings += dataset.findings.len();
     }
+    if findings > 0 && count > 1 {
+        print_note(&format!("{findings} findings; list them: lightpath dataset show {dataset}"));
+    }
+    Ok(())
 }
 
 /// Converts an error into a failure. If there are several pairs, it first prints which one was refused.
