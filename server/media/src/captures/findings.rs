@@ -32,6 +32,9 @@ const CORRELATION_LEAD: f64 = 0.15;
 const CORRELATION_MIN: f64 = 0.5;
 /// Factor of the median for [`CORRELATION_MIN`].
 const CORRELATION_PART: f64 = 0.6;
+/// Median from which the ideal display explains the photographs so well that [`CORRELATION_PART`] decides. Below it the
+/// display is far from ideal, and good photographs scatter as widely; then learning decides, with a display that it fitted.
+const CORRELATION_TELLING: f64 = 0.75;
 /// Correlation below which a photograph does not show its hologram, for any median.
 const CORRELATION_NONE: f64 = 0.2;
 /// Smallest number of pairs from which the common features of all pairs are computed.
@@ -93,13 +96,14 @@ impl<'a> CheckedPairs<'a> {
         };
         light_findings(checks, &mut add);
         copy_findings(&self.pairs[..index], checks, &mut add);
-        if let Some(message) = self.wrong_hologram(index) {
-            add(FindingKind::WrongHologram, true, message);
+        if let Some((message, excludes)) = self.wrong_hologram(index) {
+            add(FindingKind::WrongHologram, excludes, message);
         }
         all
     }
 
-    fn wrong_hologram(&self, index: usize) -> Option<String> {
+    /// Why the photograph of a pair seems to show another hologram, and whether this is certain enough to leave it out.
+    fn wrong_hologram(&self, index: usize) -> Option<(String, bool)> {
         let (_, checks) = self.pairs[index];
         let (raw, own) = (checks.correlation?, self.own_correlations[index]?);
         // The photograph is similar enough to its reconstruction. The comparison with all others is not needed.
@@ -118,13 +122,14 @@ impl<'a> CheckedPairs<'a> {
             && correlation > own + CORRELATION_LEAD
             && correlation > CORRELATION_MIN
         {
-            return Some(format!("{finding}, but {correlation:.2} with the hologram of pair \"{other}\""));
-        }
-        if own < CORRELATION_MIN && own < CORRELATION_PART * self.median {
-            return Some(format!("{finding}; the median of all pairs is {:.2}", self.median));
+            return Some((format!("{finding}, but {correlation:.2} with the hologram of pair \"{other}\""), true));
         }
         // If most photographs are wrong, the median is low, and only a fixed limit can find them.
-        (own < CORRELATION_NONE).then_some(finding)
+        let excludes = own < CORRELATION_NONE || self.median >= CORRELATION_TELLING;
+        if own < CORRELATION_MIN && own < CORRELATION_PART * self.median {
+            return Some((format!("{finding}; the median of all pairs is {:.2}", self.median), excludes));
+        }
+        (own < CORRELATION_NONE).then_some((finding, excludes))
     }
 }
 
@@ -263,4 +268,55 @@ fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
     let mut values: Vec<f64> = values.collect();
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lightpath_domain::dataset::Encoding;
+    use lightpath_domain::units::{Distance, Wavelength};
+    use std::fmt::Write as _;
+
+    /// Pairs whose photographs have these correlations with their holograms.
+    fn dataset(correlations: &[f64]) -> Dataset {
+        let (wavelength, distance) = (Wavelength::from_m(515e-9).unwrap(), Distance::from_m(0.05).unwrap());
+        let mut dataset = Dataset::empty("d".into(), "bench".into(), wavelength, distance, Encoding::Linear);
+        for (i, &correlation) in correlations.iter().enumerate() {
+            let noise =
+                |j: usize, seed: f64| (43_758.5 * (12.9898 * j as f64 + seed + i as f64).sin()).rem_euclid(1.0) - 0.5;
+            let hex = |value: &dyn Fn(usize) -> f64| {
+                (0..576).fold(String::new(), |mut text, j| {
+                    let _ = write!(text, "{:02x}", (127.0 + 120.0 * value(j)) as u8);
+                    text
+                })
+            };
+            let other = (1.0 - correlation * correlation).sqrt();
+            let checks = PairChecks {
+                brightest: 1.0,
+                contrast: 1.0,
+                correlation: Some(correlation),
+                seen: hex(&|j| correlation * noise(j, 0.0) + other * noise(j, 1000.5)),
+                expected: hex(&|j| noise(j, 0.0)),
+                photo_values: format!("photo {i}"),
+                phase_values: format!("phase {i}"),
+                ..PairChecks::default()
+            };
+            dataset.pairs.push(Pair { id: format!("p{i}"), checks: Some(checks), ..Pair::default() });
+        }
+        dataset
+    }
+
+    fn wrong(correlations: &[f64]) -> Vec<(String, bool)> {
+        let all = findings(&dataset(correlations)).into_iter();
+        let wrong = all.filter(|finding| finding.kind == FindingKind::WrongHologram);
+        wrong.map(|finding| (finding.pair, finding.excludes)).collect()
+    }
+
+    #[test]
+    fn far_from_an_ideal_display_learning_decides_about_photographs_that_resemble_little() {
+        assert_eq!(wrong(&[0.9, 0.95, 0.9, 0.35, 0.93, 0.9]), [("p3".to_owned(), true)]);
+        assert_eq!(wrong(&[0.65, 0.6, 0.7, 0.3, 0.65, 0.6]), [("p3".to_owned(), false)]);
+        assert_eq!(wrong(&[0.65, 0.6, 0.7, 0.0, 0.65, 0.6]), [("p3".to_owned(), true)]);
+        assert_eq!(wrong(&[0.65, 0.6, 0.7, 0.45, 0.65, 0.6]), []);
+    }
 }
