@@ -224,7 +224,7 @@ fn lagrange(points: &[f64], nodes: &[usize], at: f64) -> Vec<f64> {
 mod tests {
     use super::*;
     use crate::Grid;
-    use crate::learning::KernelModel;
+    use crate::learning::{Blocks, KernelModel};
 
     const DISTANCES_M: [f64; 4] = [4e-3, 5e-3, 7e-3, 8e-3];
 
@@ -233,7 +233,7 @@ mod tests {
     }
 
     fn joint(distances_m: &[f64], order: usize) -> JointLayout {
-        JointLayout::new(Layout::new(KernelModel::Display, order), distances_m)
+        JointLayout::new(Layout::of(KernelModel::Display, order, Blocks::NONE), distances_m)
     }
 
     fn wave(len: usize) -> Vec<f64> {

@@ -1,7 +1,7 @@
 //! A parametric model during the fit: its loss for one pair, and the gradient with respect to all its parameters.
 
 use super::columns::project;
-use super::layout::{HARMONICS, Layout, SOURCE_ORDER};
+use super::layout::{FINE_SOURCE_ORDER, HARMONICS, Layout};
 use super::pair::Example;
 use super::smooth_transfer::SmoothTransfer;
 use crate::carrier::Carrier;
@@ -40,7 +40,7 @@ pub(super) struct Fit<T> {
 #[derive(Clone, Copy, Debug)]
 struct RowSums {
     /// Σ b* · c · T_i(x)
-    source: [Complex64; SOURCE_ORDER + 1],
+    source: [Complex64; FINE_SOURCE_ORDER + 1],
     /// Im Σ b* · a e^{ir} · (sin kφ, cos kφ)
     response: [[f64; 2]; HARMONICS],
     /// Σ b* · a
@@ -48,7 +48,7 @@ struct RowSums {
 }
 
 const NO_SUMS: RowSums = RowSums {
-    source: [Complex64::ZERO; SOURCE_ORDER + 1],
+    source: [Complex64::ZERO; FINE_SOURCE_ORDER + 1],
     response: [[0.0; 2]; HARMONICS],
     zero_order: Complex64::ZERO,
 };
@@ -61,9 +61,7 @@ impl<T: Real> Fit<T> {
         carrier: Option<Carrier>,
     ) -> Result<Self, Error> {
         let engine = EngineCore::new(&DisplayModel::ideal(setups[0]), detector, carrier)?;
-        let width_px = engine.width_px();
-        let at_x: Vec<Vec<f64>> =
-            (0..width_px).map(|x| polynomials(layout.source.order(), position(x, width_px))).collect();
+        let polynomials_x = tabulate(layout.source.order(), engine.width_px());
         let out = Fields::new(&engine);
         let zeros = |len| vec![Complex::new(T::zero(), T::zero()); len];
         let (back, spectra) = (zeros(engine.image_len()), zeros(engine.convolver.half_spectrum_len(2)));
@@ -74,15 +72,18 @@ impl<T: Real> Fit<T> {
             engine,
             gain: 1.0,
             offset: 0.0,
-            polynomials_x: (0..=layout.source.order()).map(|i| at_x.iter().map(|t| T::of(t[i])).collect()).collect(),
+            polynomials_x,
             out,
             back,
             spectra,
         })
     }
 
-    /// Changes the order of the kernel, or whether it varies over the SLM.
+    /// Changes the order of the kernel or the blocks.
     pub(super) fn change_layout(&mut self, layout: Layout) {
+        if layout.source != self.layout.source {
+            self.polynomials_x = tabulate(layout.source.order(), self.engine.width_px());
+        }
         if layout.kernel != self.layout.kernel {
             self.smooth.change_order(layout.kernel.order());
         }
@@ -169,7 +170,7 @@ impl<T: Real> Fit<T> {
         });
 
         let order = self.layout.source.order();
-        let mut source = vec![[Complex64::ZERO; SOURCE_ORDER + 1]; order + 1];
+        let mut source = vec![[Complex64::ZERO; FINE_SOURCE_ORDER + 1]; order + 1];
         let (mut response, mut zero_order) = ([[0.0; 2]; HARMONICS], Complex64::ZERO);
         for (y, row) in rows.iter().enumerate() {
             for (source, t) in source.iter_mut().zip(polynomials(order, position(y, height_px))) {
@@ -185,6 +186,12 @@ impl<T: Real> Fit<T> {
         gradient.extend([2.0 * zero_order.re, -2.0 * zero_order.im]);
         gradient
     }
+}
+
+/// T_0 … T_order at the position of each of `n` pixels.
+pub(super) fn tabulate<T: Real>(order: usize, n: usize) -> Vec<Vec<T>> {
+    let at: Vec<Vec<f64>> = (0..n).map(|i| polynomials(order, position(i, n))).collect();
+    (0..=order).map(|j| at.iter().map(|t| T::of(t[j])).collect()).collect()
 }
 
 #[inline(always)]
@@ -241,21 +248,27 @@ fn sum<T: Real>(values: &[T; BLOCK]) -> f64 {
 mod tests {
     use super::*;
     use crate::hologram::initial_phase;
-    use crate::learning::{KernelModel, Pair};
+    use crate::learning::{Block, Blocks, KernelModel, Pair};
     use crate::{Grid, Plane, RegionOfInterest};
+
+    /// All blocks but the varying kernel.
+    const ALL: Blocks = Blocks { varying: false, ..Blocks::ALL };
 
     #[test]
     fn gradient_of_every_parameter_matches_central_differences() {
-        for (model, order, carrier) in [
-            (KernelModel::Smooth, 3, None),
-            (KernelModel::Display, 4, None),
-            (KernelModel::Display, 2, Some(Carrier::HalfOrderX)),
-            (KernelModel::Varying, 5, Some(Carrier::HalfOrderX)),
+        for (model, order, blocks, carrier, detector) in [
+            (KernelModel::Smooth, 3, Blocks::NONE, None, Detector::Pixel),
+            (KernelModel::Display, 4, Blocks::NONE, None, Detector::Pixel),
+            (KernelModel::Display, 2, Blocks::NONE, Some(Carrier::HalfOrderX), Detector::Pixel),
+            (KernelModel::Varying, 5, Blocks::NONE.with(Block::Varying), Some(Carrier::HalfOrderX), Detector::Pixel),
+            (KernelModel::Display, 2, ALL, None, Detector::Point),
+            (KernelModel::Display, 2, ALL, Some(Carrier::HalfOrderX), Detector::Pixel),
+            (KernelModel::Display, 2, ALL, Some(Carrier::HalfOrderY), Detector::Supersampled),
         ] {
             let grid = Grid::try_new(18, 23, 8e-6).unwrap();
             let setup = OpticalSetup::try_new(grid, 515e-9, 2e-3).unwrap();
-            let layout = Layout::of(model, order, model == KernelModel::Varying);
-            let mut fit = Fit::<f64>::new(vec![setup], layout, Detector::Pixel, carrier).unwrap();
+            let layout = Layout::of(model, order, blocks);
+            let mut fit = Fit::<f64>::new(vec![setup], layout, detector, carrier).unwrap();
             let photo = Plane::from_fn(18, 23, |y, x| 0.5 + 0.5 * ((y * 2 + x * 3) as f32).sin());
             let phase = initial_phase(18, 23, 6.0, 3).unwrap();
             let example = Example::new(&Pair { phase, photo }, &fit.engine, RegionOfInterest::middle(&grid)).unwrap();
@@ -274,7 +287,7 @@ mod tests {
                 let difference = (at(h) - at(-h)) / (2.0 * h);
                 assert!(
                     (gradient[i] - difference).abs() < 1e-6 * scale,
-                    "{model:?}, parameter {i} of {}: {} against {difference}",
+                    "{model:?}, {blocks:?}, parameter {i} of {}: {} against {difference}",
                     theta.len(),
                     gradient[i]
                 );

@@ -13,11 +13,10 @@
 //! rows for each term, and for some rows only. For a term of the kernel's variation over the SLM, ∂u is the sum of the
 //! light of the local kernels, each multiplied by the power of its position.
 
-use super::fit::Fit;
+use super::fit::{Fit, tabulate};
 use super::pair::Example;
 use crate::SpatialVariation;
-use crate::chebyshev::position;
-use crate::chebyshev::{ChebyshevBasis, polynomials};
+use crate::chebyshev::ChebyshevBasis;
 use crate::convolution::Real;
 use crate::engine::EngineCore;
 use crate::interrupt;
@@ -65,6 +64,8 @@ impl<T: Real> Fit<T> {
                 self.kernel_derivatives(&engine, series, &mut jacobian);
             }
         }
+        // The derivatives by the source change the windows of the kernels, which then must have one owner.
+        drop(engine);
         if layout.has_slm() {
             self.slm_derivatives(example, &mut jacobian);
         }
@@ -99,18 +100,7 @@ impl<T: Real> Fit<T> {
 
     fn slm_derivatives(&mut self, example: &Example<T>, jacobian: &mut Jacobian<T>) {
         let (layout, slm) = (self.layout, Arc::clone(&self.engine.slm));
-        let terms = layout.source.terms();
-        let height_px = self.engine.height_px();
-        for (slot, (i, j)) in layout.source.degrees().enumerate() {
-            let along_x = std::mem::take(&mut self.polynomials_x[i]);
-            self.send_rows(|y, row| {
-                slm.field_row(y, example.phase.row(y), row);
-                let at_y = T::of(polynomials(layout.source.order(), position(y, height_px))[j]);
-                row.iter_mut().zip(&along_x).for_each(|(c, &t)| *c = c.scale(t * at_y));
-            });
-            self.polynomials_x[i] = along_x;
-            jacobian.add_derivatives(self, None, Some(layout.source() + slot), Some(layout.source() + terms + slot));
-        }
+        self.source_derivatives(example, &slm, jacobian);
         for k in 0..layout.harmonics {
             for cosine in [false, true] {
                 self.send_rows(|y, row| modulated_row(&slm, y, example.phase.row(y), Some((k, cosine)), row));
@@ -122,9 +112,44 @@ impl<T: Real> Fit<T> {
         jacobian.add_derivatives(self, None, Some(layout.zero_order()), Some(layout.zero_order() + 1));
     }
 
+    /// Adds the derivatives by the terms T_i(x) T_j(y) of the source: rows are transformed once for each i, and T_j is a
+    /// window along y.
+    fn source_derivatives(&mut self, example: &Example<T>, slm: &Slm<T>, jacobian: &mut Jacobian<T>) {
+        let (basis, start) = (self.layout.source, self.layout.source());
+        let polynomials_y: Vec<Vec<T>> = tabulate(basis.order(), self.engine.height_px());
+        let windows = self.engine.kernels.along_y.clone();
+        for i in 0..=basis.order() {
+            let Self { engine, out, polynomials_x, .. } = self;
+            let spectrum = &mut out.spectrum[..engine.kernels.half_spectrum_len(&engine.convolver)];
+            engine.convolver.forward_rows(spectrum, &engine.kernels.along_x, |y, row| {
+                slm.field_row(y, example.phase.row(y), row);
+                row.iter_mut().zip(&polynomials_x[i]).for_each(|(c, &t)| *c = c.scale(t));
+            });
+            for (slot, (_, j)) in basis.degrees().enumerate().filter(|(_, degrees)| degrees.0 == i) {
+                let Self { engine, out, .. } = self;
+                let kernels = Arc::make_mut(&mut engine.kernels);
+                kernels.along_y =
+                    windows.iter().map(|window| Some(times(window.as_deref(), &polynomials_y[j]))).collect();
+                let spectrum = &out.spectrum[..kernels.half_spectrum_len(&engine.convolver)];
+                let image_len = engine.convolver.half_spectrum_len(engine.convolver.lanes());
+                engine.convolver.propagate(spectrum, kernels, &mut out.tiles[..image_len]);
+                jacobian.add_derivatives(self, None, Some(start + slot), Some(start + basis.terms() + slot));
+            }
+        }
+        Arc::make_mut(&mut self.engine.kernels).along_y = windows;
+    }
+
     /// Propagates a field with the given rows instead of the SLM's field.
     fn send_rows(&mut self, fill: impl Fn(usize, &mut [Complex<T>]) + Sync) {
         self.engine.send_rows(&mut self.out, fill);
+    }
+}
+
+/// A window times a polynomial.
+fn times<T: Real>(window: Option<&[T]>, polynomial: &[T]) -> Vec<T> {
+    match window {
+        Some(window) => window.iter().zip(polynomial).map(|(&w, &t)| w * t).collect(),
+        None => polynomial.to_vec(),
     }
 }
 
@@ -339,18 +364,16 @@ mod tests {
     use super::*;
     use crate::hologram::initial_phase;
     use crate::learning::layout::Layout;
-    use crate::learning::{KernelModel, Pair};
+    use crate::learning::{Blocks, KernelModel, Pair};
     use crate::{Carrier, Detector, Grid, OpticalSetup, Plane, RegionOfInterest};
 
     /// A fit away from any optimum, its example and its parameters.
     fn fit_away_from_optimum(
-        model: KernelModel,
-        order: usize,
-        carrier: Option<Carrier>,
+        (model, order, blocks, carrier): (KernelModel, usize, Blocks, Option<Carrier>),
     ) -> (Fit<f64>, Example<f64>, Vec<f64>) {
         let grid = Grid::try_new(18, 23, 8e-6).unwrap();
         let setup = OpticalSetup::try_new(grid, 515e-9, 2e-3).unwrap();
-        let layout = Layout::of(model, order, model == KernelModel::Varying);
+        let layout = Layout::of(model, order, blocks);
         let mut fit = Fit::<f64>::new(vec![setup], layout, Detector::Pixel, carrier).unwrap();
         // Some pixels are saturated.
         let photo = Plane::from_fn(18, 23, |y, x| (0.6 + 0.5 * ((y * 2 + x * 3) as f32).sin()).min(1.0));
@@ -361,17 +384,18 @@ mod tests {
         (fit, example, theta)
     }
 
-    const MODELS: [(KernelModel, usize, Option<Carrier>); 4] = [
-        (KernelModel::Smooth, 3, None),
-        (KernelModel::Display, 4, None),
-        (KernelModel::Display, 2, Some(Carrier::HalfOrderX)),
-        (KernelModel::Varying, 5, Some(Carrier::HalfOrderX)),
+    const MODELS: [(KernelModel, usize, Blocks, Option<Carrier>); 5] = [
+        (KernelModel::Smooth, 3, Blocks::NONE, None),
+        (KernelModel::Display, 4, Blocks::NONE, None),
+        (KernelModel::Display, 2, Blocks::NONE, Some(Carrier::HalfOrderX)),
+        (KernelModel::Varying, 5, Blocks { varying: true, ..Blocks::NONE }, Some(Carrier::HalfOrderX)),
+        (KernelModel::Display, 2, Blocks { varying: false, ..Blocks::ALL }, Some(Carrier::HalfOrderX)),
     ];
 
     #[test]
     fn light_derivatives_match_back_propagated_gradient() {
-        for (model, order, carrier) in MODELS {
-            let (mut fit, example, _) = fit_away_from_optimum(model, order, carrier);
+        for case @ (model, ..) in MODELS {
+            let (mut fit, example, _) = fit_away_from_optimum(case);
             let (_, backward) = fit.evaluate(&example);
             let forward = fit.curvature(&example, 0, 1).gradient;
             let scale = backward.iter().fold(0.0_f64, |largest, g| largest.max(g.abs()));
@@ -399,8 +423,8 @@ mod tests {
 
     #[test]
     fn curvature_matches_central_differences() {
-        for (model, order, carrier) in MODELS {
-            let (mut fit, example, theta) = fit_away_from_optimum(model, order, carrier);
+        for case @ (model, ..) in MODELS {
+            let (mut fit, example, theta) = fit_away_from_optimum(case);
             let curvature = fit.curvature(&example, 1, 3);
             let (gain, h) = (fit.gain, 1e-5);
             let mut light = |theta: &[f64]| -> Vec<f64> {

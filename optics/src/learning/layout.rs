@@ -4,7 +4,7 @@
 //! response, the zero order's real and imaginary part, and α_m and ψ_m of the kernel's variation over the SLM. The
 //! model `smooth` has the kernel only. Gain and offset are not in θ: each photograph has its own.
 
-use super::KernelModel;
+use super::{Blocks, KernelModel};
 use crate::chebyshev::ChebyshevBasis;
 use crate::convolution::Real;
 use crate::spatial_variation::local_kernels;
@@ -13,6 +13,8 @@ use num_complex::Complex64;
 
 /// Highest total degree of the source profile.
 pub(crate) const SOURCE_ORDER: usize = 4;
+/// Highest total degree of a fine source profile. Order 8 leaves 3 dB less light in place on a surface of 1.5 waves.
+pub(crate) const FINE_SOURCE_ORDER: usize = 10;
 /// Number of harmonics of the phase response.
 pub(crate) const HARMONICS: usize = 3;
 /// Highest total degree of the kernel's variation over the SLM: that of third-order aberrations.
@@ -27,6 +29,8 @@ pub(super) struct Layout {
     zero_order: usize,
     /// Basis of the variation over the SLM; of order 0 when the kernel is the same everywhere.
     pub(super) variation: ChebyshevBasis,
+    /// Blocks of the model.
+    pub(super) blocks: Blocks,
 }
 
 /// The part of the display that a parameter describes.
@@ -41,21 +45,17 @@ pub(super) enum Part {
 }
 
 impl Layout {
-    /// Layout of a model with a uniform kernel of total degree up to `order`.
-    pub(super) fn new(model: KernelModel, order: usize) -> Self {
+    /// Layout of a model with a kernel of total degree up to `order` and some blocks.
+    pub(super) fn of(model: KernelModel, order: usize, blocks: Blocks) -> Self {
+        let source_order = if blocks.fine_source { FINE_SOURCE_ORDER } else { SOURCE_ORDER };
         let (source, harmonics, zero_order) = match model {
             KernelModel::Smooth => (0, 0, 0),
-            KernelModel::Display | KernelModel::Varying => (SOURCE_ORDER, HARMONICS, 2),
+            KernelModel::Display | KernelModel::Varying => (source_order, HARMONICS, 2),
             KernelModel::Paper | KernelModel::Dense => unreachable!("models of bins are learned by their own method"),
         };
-        let [kernel, source, variation] = [order, source, 0].map(ChebyshevBasis::new);
-        Self { kernel, source, harmonics, zero_order, variation }
-    }
-
-    /// Layout of a model whose kernel varies over the SLM if `varying`.
-    pub(super) fn of(model: KernelModel, order: usize, varying: bool) -> Self {
-        let variation = ChebyshevBasis::new(if varying { VARIATION_ORDER.min(order) } else { 0 });
-        Self { variation, ..Self::new(model, order) }
+        let variation = if blocks.varying { VARIATION_ORDER.min(order) } else { 0 };
+        let [kernel, source, variation] = [order, source, variation].map(ChebyshevBasis::new);
+        Self { kernel, source, harmonics, zero_order, variation, blocks }
     }
 
     /// Whether the kernel varies over the SLM.
@@ -173,15 +173,26 @@ impl Layout {
         }
     }
 
-    /// Converts θ to a layout with another order of the kernel, or with a kernel that varies over the SLM. Terms that
-    /// the other layout lacks are left out.
+    /// Converts θ to a layout with another order of the kernel or other blocks. Terms that the other layout lacks are
+    /// left out.
     pub(super) fn converted(&self, theta: &[f64], to: &Self) -> Vec<f64> {
-        let (log_amplitude, rest) = theta.split_at(self.kernel.terms());
-        let (phase, slm) = rest.split_at(self.kernel.terms());
-        let mut converted = coefficients(to.kernel, self.kernel, log_amplitude);
-        converted.extend(coefficients(to.kernel, self.kernel, phase));
-        converted.extend(slm);
-        converted.resize(to.len(), 0.0);
+        let mut converted = vec![0.0; to.len()];
+        let mut move_series = |(from, from_start): (ChebyshevBasis, usize), (to, to_start): (ChebyshevBasis, usize)| {
+            for half in 0..2 {
+                let values = &theta[from_start + half * from.terms()..][..from.terms()];
+                let place = &mut converted[to_start + half * to.terms()..][..to.terms()];
+                place.copy_from_slice(&coefficients(to, from, values));
+            }
+        };
+        move_series((self.kernel, 0), (to.kernel, 0));
+        move_series((self.source, self.source()), (to.source, to.source()));
+        for power in 0..SpatialVariation::POWERS {
+            move_series((self.variation, self.variation(power)), (to.variation, to.variation(power)));
+        }
+        let numbers = self.response()..self.variation(0);
+        if numbers.len() == to.variation(0) - to.response() {
+            converted[to.response()..to.variation(0)].copy_from_slice(&theta[numbers]);
+        }
         converted
     }
 
@@ -223,14 +234,15 @@ fn coefficients(to: ChebyshevBasis, from: ChebyshevBasis, values: &[f64]) -> Vec
 mod tests {
     use super::*;
     use crate::Grid;
+    use crate::learning::Block;
 
     #[test]
     fn larger_basis_keeps_display_unchanged() {
         let setup = OpticalSetup::try_new(Grid::try_new(18, 23, 8e-6).unwrap(), 515e-9, 2e-3).unwrap();
-        let small = Layout::new(KernelModel::Display, 3);
+        let small = Layout::of(KernelModel::Display, 3, Blocks::NONE);
         let theta: Vec<f64> = (0..small.len()).map(|i| (i as f64 * 1.3 + 0.5).sin()).collect();
         let model = small.model(&setup, (0.7, 0.1), &theta);
-        let large = Layout::new(KernelModel::Display, 8);
+        let large = Layout::of(KernelModel::Display, 8, Blocks::NONE.with(Block::FineSource));
         let again = large.model(&setup, (model.gain, model.offset), &large.parameters(&model));
         let (KernelShape::Smooth(before), KernelShape::Smooth(after)) = (&model.kernel, &again.kernel) else {
             panic!()
@@ -238,7 +250,14 @@ mod tests {
         for (x, y) in [(-0.9, 0.2), (0.3, 0.7), (1.0, -1.0)] {
             assert!((before.value(x, y) - after.value(x, y)).norm() < 1e-12);
         }
-        let kernel = KernelShape::Ideal;
-        assert_eq!(DisplayModel { kernel: kernel.clone(), ..again }, DisplayModel { kernel, ..model });
+        for (x, y) in [(-0.9, 0.2), (0.3, 0.7), (1.0, -1.0)] {
+            assert!((model.source.value(x, y) - again.source.value(x, y)).norm() < 1e-12);
+        }
+        let (kernel, source) = (KernelShape::Ideal, SmoothField::flat(0));
+        let rest =
+            |model: &DisplayModel| DisplayModel { kernel: kernel.clone(), source: source.clone(), ..model.clone() };
+        assert_eq!(rest(&again), rest(&model));
+        assert_eq!(small.converted(&theta, &large), large.parameters(&model));
+        assert_eq!(large.converted(&large.parameters(&model), &small), theta);
     }
 }

@@ -3,16 +3,19 @@
 //! Adam first takes single pairs and a kernel of low order, and comes close to the optimum. Levenberg and Marquardt's
 //! method then refines the result on all pairs, with kernels of increasing order. Pairs whose photographs do not show
 //! their holograms are left out. With validation pairs, the result is the model with the lowest validation loss, and
-//! learning ends when that loss no longer falls. Pairs of several distances are fitted together, by one model whose
-//! kernel depends on the distance.
+//! learning ends when that loss no longer falls. Validation pairs also choose the [blocks](super::Block): those of the SLM
+//! after the lowest order of the kernel, a varying kernel after the highest. Each block is tried alone, starting from
+//! the best model so far. When one is kept, those that were refused before are tried again, because blocks can help
+//! only together. Pairs of several distances are fitted together, by one model whose kernel depends on the distance.
 
 use super::along_z::JointLayout;
+use super::blocks;
 use super::fit::Fit;
 use super::layout::Layout;
 use super::pair::{Example, measure, total};
 use super::schedule::{one_cycle, shuffled};
 use super::screening::{self, Predictor};
-use super::{KernelModel, LearnOptions, LearnStage, LearnStep, LearningPairs, PairSource, pair::BoxError};
+use super::{Block, Blocks, LearnOptions, LearnStage, LearnStep, LearningPairs, PairSource, pair::BoxError};
 use crate::optimizer::adam::AdamStep;
 use crate::optimizer::damped::DampedState;
 use crate::photometry::Sums;
@@ -29,14 +32,13 @@ pub(super) const CURVATURE_PAIRS: usize = 4;
 pub(crate) const CURVATURE_PX: usize = 40_000;
 /// Least relative decrease of the training loss. A smaller one ends the refinement of the current order.
 const STEP_GAIN_MIN: f64 = 1e-2;
+/// Least relative decrease of the training loss while a block is tried. A smaller one ends the trial: later orders refine
+/// the block further if it is kept.
+const TRIAL_STEP_GAIN_MIN: f64 = 5e-2;
 /// Least relative decrease of the validation loss by which a step or an order counts as a gain.
 const VALIDATION_GAIN_MIN: f64 = 1e-2;
 /// Number of consecutive steps without a validation gain after which an order ends.
 const STEPS_WITHOUT_GAIN_MAX: u32 = 6;
-/// Least relative decrease of the validation loss by a kernel that varies over the SLM. With a smaller one the uniform
-/// kernel is kept, because a varying kernel makes every hologram more expensive.
-const VARIATION_GAIN_MIN: f64 = 0.1;
-
 /// State of the fit of a parametric model: all that the next step depends on.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ParametricState {
@@ -60,19 +62,29 @@ pub struct ParametricState {
     pub rescreened: bool,
     /// Index of the current order in the list of the orders to fit, which is also the number of finished orders.
     pub order_index: u32,
-    /// Whether the last order is being fitted with a kernel that varies over the SLM.
-    pub varying: bool,
+    /// Order of the kernel that is being fitted.
+    pub order: u32,
+    /// Blocks of the model that is being fitted.
+    pub blocks: Blocks,
+    /// The block that is being tried, if any.
+    pub trial: Option<Trial>,
+    /// Blocks to try next.
+    pub untried: Vec<Block>,
+    /// Blocks that were refused since one was kept.
+    pub refused: Vec<Block>,
+    /// Whether all orders of the kernel have been fitted.
+    pub orders_done: bool,
     /// Refinement of the current order; `None` before Adam has ended.
     pub refinement: Option<DampedState>,
     /// Running mean of the curvature, row after row; empty when the curvature is computed from all pairs.
     pub curvature: Vec<f64>,
     /// Evaluations of all pairs that previous orders have taken.
     pub evaluations: u32,
-    /// Best model so far on the validation pairs; while varying kernels are fitted, the best of these.
+    /// Evaluations of all pairs that previous trials of blocks have taken.
+    pub trial_evaluations: u32,
+    /// Best model so far on the validation pairs; while a block is tried, the best with this block.
     pub best: Option<BestModel>,
-    /// Best model on the validation pairs before kernels began to vary.
-    pub uniform: Option<BestModel>,
-    /// Number of steps of the current order since the last validation gain.
+    /// Number of steps of the current order or trial since the last validation gain.
     pub steps_without_gain: u32,
     /// Whether learning has ended.
     pub converged: bool,
@@ -80,13 +92,22 @@ pub struct ParametricState {
     pub loss_history: Vec<f64>,
 }
 
+/// Trial of a block.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Trial {
+    /// The block.
+    pub block: Block,
+    /// Best model on the validation pairs without the block.
+    pub without: BestModel,
+}
+
 /// A model with a lower validation loss than all models before it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct BestModel {
     /// Order of the kernel.
     pub order: u32,
-    /// Whether the kernel varies over the SLM.
-    pub varying: bool,
+    /// Blocks of the model.
+    pub blocks: Blocks,
     /// θ of the model.
     pub parameters: Vec<f64>,
     /// Loss on the validation pairs.
@@ -111,7 +132,9 @@ impl ParametricLearner {
         options: LearnOptions,
         pairs: &dyn PairSource,
     ) -> Result<Self, BoxError> {
-        let mut learner = Self::resume(setups, options, ParametricState::default())?;
+        let (order, blocks) = (kernel_orders(&options)[0] as u32, initial_blocks(&options));
+        let mut learner =
+            Self::resume(setups, options, ParametricState { order, blocks, ..ParametricState::default() })?;
         let layout = learner.joint.layout;
         let (plane_theta, predictor) = match &learner.options.warm_start {
             Some(model) => (layout.parameters(model), Predictor::Rough),
@@ -131,10 +154,7 @@ impl ParametricLearner {
         state: ParametricState,
     ) -> Result<Self, Error> {
         let kernel_orders = kernel_orders(&options);
-        let order =
-            kernel_orders.get(state.order_index as usize).copied().unwrap_or(kernel_orders[kernel_orders.len() - 1]);
-        let order = state.uniform.as_ref().map_or(order, |uniform| uniform.order as usize);
-        let layout = Layout::of(options.model, order, state.varying);
+        let layout = Layout::of(options.model, state.order as usize, state.blocks);
         let distances_m: Vec<f64> = setups.iter().map(OpticalSetup::distance_m).collect();
         let joint = JointLayout::new(layout, &distances_m);
         let theta = state.refinement.as_ref().map_or(&state.parameters, |refinement| &refinement.parameters);
@@ -161,9 +181,10 @@ impl ParametricLearner {
     /// The best θ so far, and its layout.
     fn best(&self) -> (JointLayout, &[f64]) {
         let state = &self.state;
-        match (&state.best, &state.refinement) {
+        let validated = state.best.iter().chain(state.trial.iter().map(|trial| &trial.without));
+        match (validated.min_by(|a, b| a.loss.total_cmp(&b.loss)), &state.refinement) {
             (Some(best), _) => {
-                let layout = Layout::of(self.options.model, best.order as usize, best.varying);
+                let layout = Layout::of(self.options.model, best.order as usize, best.blocks);
                 (self.joint.with_layout(layout), &best.parameters)
             }
             (None, Some(refinement)) => (self.joint.clone(), &refinement.parameters),
@@ -281,22 +302,30 @@ impl ParametricLearner {
         };
         let (loss, spent) = self.refinement();
         self.state.loss_history.push(loss);
-        let little = before.is_some_and(|before| loss > before * (1.0 - STEP_GAIN_MIN));
+        let gain_min = if self.state.trial.is_some() { TRIAL_STEP_GAIN_MIN } else { STEP_GAIN_MIN };
+        let little = before.is_some_and(|before| loss > before * (1.0 - gain_min));
         let validated = self.validate(learning_pairs.validation)?;
-        let stages = 1 + u32::from(self.state.varying);
-        let exhausted = self.state.evaluations + spent >= stages * self.options.refinement_evaluations;
+        let exhausted = spent >= self.evaluations_left();
         if !improved || little || exhausted || !validated {
-            self.advance_order(exhausted);
+            self.advance(exhausted);
         }
         if self.state.converged {
-            self.choose_variation();
             let (joint, theta) = self.best();
             let theta = theta.to_vec();
+            (self.state.refinement, self.state.parameters) = (None, theta.clone());
             self.change_layout(joint);
             let each = self.measure_each(learning_pairs.training, &theta)?;
             self.fit_exposure(&each);
         }
         Ok(self.progress(LearnStage::Refinement, loss))
+    }
+
+    /// Number of evaluations that the current order or trial may take.
+    fn evaluations_left(&self) -> u32 {
+        match self.state.trial {
+            Some(_) => self.options.refinement_evaluations,
+            None => self.options.refinement_evaluations.saturating_sub(self.state.evaluations),
+        }
     }
 
     fn refinement(&self) -> (f64, u32) {
@@ -373,50 +402,96 @@ impl ParametricLearner {
         if loss < best {
             let loss_before = self.state.best.as_ref().map_or(f64::INFINITY, |best| best.loss_before);
             let order = self.fit.layout.kernel.order() as u32;
-            self.state.best = Some(BestModel { order, varying: self.state.varying, parameters, loss, loss_before });
+            self.state.best = Some(BestModel { order, blocks: self.state.blocks, parameters, loss, loss_before });
         }
         Ok(self.state.steps_without_gain < STEPS_WITHOUT_GAIN_MAX)
     }
 
-    /// Goes on to the next order, then to a varying kernel, or ends learning.
-    fn advance_order(&mut self, exhausted: bool) {
-        let next = self.kernel_orders.get(self.state.order_index as usize + 1).copied();
+    /// Goes on to the next trial of a block or to the next order, or ends learning.
+    fn advance(&mut self, exhausted: bool) {
+        let (_, spent) = self.refinement();
+        match self.state.trial.take() {
+            Some(trial) => {
+                self.state.trial_evaluations += spent;
+                self.judge(trial);
+            }
+            None => {
+                self.state.evaluations += spent;
+                self.finish_order(exhausted);
+            }
+        }
+        let (joint, theta) = self.best();
+        let theta = theta.to_vec();
+        self.state.refinement = None;
+        if let (Some(block), Some(without)) = (self.next_block(), self.state.best.clone()) {
+            let layout = Layout::of(self.options.model, without.order as usize, without.blocks.with(block));
+            self.state.trial = Some(Trial { block, without });
+            self.state.best = None;
+            self.start_layout(layout, &joint, &theta);
+        } else if !self.state.orders_done {
+            self.state.order_index += 1;
+            let order = self.kernel_orders[self.state.order_index as usize];
+            let blocks = self.state.best.as_ref().map_or(self.state.blocks, |best| best.blocks);
+            self.start_layout(Layout::of(self.options.model, order, blocks), &joint, &theta);
+        } else {
+            self.state.converged = true;
+            self.state.parameters = theta;
+        }
+    }
+
+    /// Ends the current order: decides whether another one follows, and which blocks are tried next.
+    fn finish_order(&mut self, exhausted: bool) {
         let validation_chooses_order = self.validation_chooses_order();
         let gained = match (&mut self.state.best, validation_chooses_order) {
-            (Some(best), true) => {
-                let gained = best.loss < best.loss_before * (1.0 - VALIDATION_GAIN_MIN);
-                best.loss_before = best.loss;
-                gained
-            }
+            (Some(best), true) => best.loss < best.loss_before * (1.0 - VALIDATION_GAIN_MIN),
             (None, true) => self.fit.layout.kernel.order() < ORDER_DEFAULT,
             (_, false) => true,
         };
-        if self.state.varying {
-            self.state.converged = true;
-        } else if let Some(order) = next.filter(|_| gained && !exhausted) {
-            let (_, spent) = self.refinement();
-            let theta = self.state.refinement.take().map_or_else(Vec::new, |refinement| refinement.parameters);
-            self.state.evaluations += spent;
-            self.state.order_index += 1;
-            self.start_layout(Layout::new(self.options.model, order), &self.joint.clone(), &theta);
-        } else if self.options.model == KernelModel::Varying {
-            let (joint, theta) = self.best();
-            let theta = theta.to_vec();
-            self.state.uniform = self.state.best.take();
-            self.state.evaluations = self.options.refinement_evaluations;
-            self.state.refinement = None;
-            self.state.varying = true;
-            self.start_layout(Layout::of(self.options.model, joint.layout.kernel.order(), true), &joint, &theta);
-        } else {
-            self.state.converged = true;
+        if let Some(best) = &mut self.state.best {
+            best.loss_before = best.loss;
         }
+        let is_last = self.state.order_index as usize + 1 == self.kernel_orders.len();
+        self.state.orders_done = is_last || !gained || exhausted;
+        let is_first = self.state.order_index == 0;
+        let (has, model) = (self.state.blocks, self.options.model);
+        let now = |block: &Block| match block {
+            Block::Varying => false,
+            _ => is_first && block.belongs_to(model) && !has.contains(*block),
+        };
+        self.state.untried = Block::ALL.into_iter().filter(now).collect();
+    }
+
+    /// Keeps the block that was tried, or returns to the best model without it.
+    fn judge(&mut self, trial: Trial) {
+        let bound = trial.without.loss * (1.0 - blocks::GAIN_MIN);
+        match &mut self.state.best {
+            Some(with) if with.loss <= bound => {
+                with.loss_before = with.loss;
+                self.state.untried.append(&mut self.state.refused);
+            }
+            _ => {
+                self.state.best = Some(trial.without);
+                self.state.refused.push(trial.block);
+            }
+        }
+    }
+
+    /// Takes the next block to try. A varying kernel comes last, because it makes everything more expensive.
+    fn next_block(&mut self) -> Option<Block> {
+        let untried = &mut self.state.untried;
+        if !untried.is_empty() {
+            return Some(untried.remove(0));
+        }
+        let varies = self.state.best.as_ref().is_none_or(|best| best.blocks.varying);
+        let is_due = self.state.orders_done && Block::Varying.belongs_to(self.options.model);
+        (is_due && !varies && !self.state.refused.contains(&Block::Varying)).then_some(Block::Varying)
     }
 
     /// Starts another layout from the θ of the previous one.
     fn start_layout(&mut self, layout: Layout, from: &JointLayout, theta: &[f64]) {
         let joint = from.with_layout(layout);
         self.state.parameters = from.converted(theta, &joint);
-        if let (true, Some(model)) = (layout.varies(), &self.options.warm_start) {
+        if let (true, Some(model)) = (layout.varies() && !from.layout.varies(), &self.options.warm_start) {
             let start = layout.variation(0);
             self.state.parameters[start..].copy_from_slice(&layout.parameters(model)[start..]);
         }
@@ -425,17 +500,9 @@ impl ParametricLearner {
         self.change_layout(joint);
     }
 
-    /// Returns to the uniform kernel if the varying one lowers the validation loss too little.
-    fn choose_variation(&mut self) {
-        let Some(uniform) = &self.state.uniform else { return };
-        let bound = uniform.loss * (1.0 - VARIATION_GAIN_MIN);
-        if self.state.best.as_ref().is_none_or(|varying| varying.loss > bound) {
-            self.state.best = Some(uniform.clone());
-        }
-    }
-
     fn change_layout(&mut self, joint: JointLayout) {
         self.fit.change_layout(joint.layout);
+        (self.state.order, self.state.blocks) = (joint.layout.kernel.order() as u32, joint.layout.blocks);
         self.joint = joint;
     }
 
@@ -447,15 +514,23 @@ impl ParametricLearner {
     fn progress(&self, stage: LearnStage, loss: f64) -> LearnStep {
         let kept = self.state.kept.len() as u32;
         let (_, spent) = self.refinement();
-        let stages = 1 + u32::from(self.options.model == KernelModel::Varying);
-        let steps_total = self.adam_steps_total() + stages * self.options.refinement_evaluations * kept;
-        let step = (self.state.adam_steps + (self.state.evaluations + spent) * kept).min(steps_total);
+        let evaluations_total = blocks::fits_max(self.options.model) * self.options.refinement_evaluations;
+        let steps_total = self.adam_steps_total() + evaluations_total * kept;
+        let evaluations = self.state.evaluations + self.state.trial_evaluations + spent;
+        let step = (self.state.adam_steps + evaluations * kept).min(steps_total);
         let step = if self.state.converged { steps_total } else { step };
-        let bests = self.state.best.iter().chain(&self.state.uniform);
+        let bests = self.state.best.iter().chain(self.state.trial.iter().map(|trial| &trial.without));
         let validation_loss = bests.map(|best| best.loss).reduce(f64::min);
-        let (order, varying) = (self.fit.layout.kernel.order() as u32, self.fit.layout.varies());
-        LearnStep { stage, step, steps_total, loss, validation_loss, order, varying }
+        let (order, blocks) = (self.state.order, self.state.blocks);
+        let trial = self.state.trial.as_ref().map(|trial| trial.block);
+        LearnStep { stage, step, steps_total, loss, validation_loss, order, blocks, trial }
     }
+}
+
+/// The blocks of the display that a warm start begins with. A varying kernel comes later.
+fn initial_blocks(options: &LearnOptions) -> Blocks {
+    let of_model = options.warm_start.as_ref().map_or(Blocks::NONE, Blocks::of).without(Block::Varying);
+    of_model.iter().filter(|block| block.belongs_to(options.model)).fold(Blocks::NONE, Blocks::with)
 }
 
 /// The orders to fit one after the other. A warm start begins no lower than the order of the display that it starts

@@ -5,7 +5,7 @@ use crate::SpatialVariation;
 use crate::chebyshev::ChebyshevBasis;
 use crate::convolution::tile_columns;
 use crate::learning::KernelModel;
-use crate::learning::sizes::{CURVATURE_PX, HARMONICS, SOURCE_ORDER, VARIATION_ORDER};
+use crate::learning::sizes::{CURVATURE_PX, FINE_SOURCE_ORDER, HARMONICS, VARIATION_ORDER};
 
 /// Size of a fit of a display model to photographs.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,11 +69,11 @@ impl LearningSize {
         derivatives + rows * parameters * parameters / 2 * 8 + 4 * parameters * parameters * 8 + 6 * joint * joint * 8
     }
 
-    /// Number of parameters of the model at one distance.
+    /// Number of parameters of the model at one distance, with all blocks.
     fn parameters(&self) -> u64 {
         let terms = |order: usize| ChebyshevBasis::new(order).terms();
         let kernel = 2 * terms(self.order);
-        let slm = 2 * terms(SOURCE_ORDER) + 2 * HARMONICS + 2;
+        let slm = 2 * terms(FINE_SOURCE_ORDER) + 2 * HARMONICS + 2;
         let variation = SpatialVariation::POWERS * 2 * terms(VARIATION_ORDER);
         let all = match self.model {
             KernelModel::Display => kernel + slm,
@@ -128,7 +128,8 @@ impl LearningSize {
     #[must_use]
     pub fn curvature_work(&self) -> f64 {
         let engine = self.engine();
-        let propagations = if engine.has_source { self.order + 20 } else { self.order + 1 };
+        let source = ChebyshevBasis::new(FINE_SOURCE_ORDER).terms();
+        let propagations = self.order + 1 + if engine.has_source { source + 2 * HARMONICS + 1 } else { 0 };
         let [rows, columns] = self.region_px.map(|side| side as f64);
         let products = (rows * columns).min(2.0 * CURVATURE_PX as f64) * (self.parameters() as f64).powi(2) / 8.0;
         propagations as f64 * engine.light_work() + products

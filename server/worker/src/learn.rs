@@ -148,8 +148,10 @@ fn learn(
         let eta = *eta.get_or_insert_with(|| Eta::from(done.step));
         let stage = match done.stage {
             LearnStage::Adam => "learn".to_owned(),
-            LearnStage::Refinement if done.varying => format!("refine variation at order {}", done.order),
-            LearnStage::Refinement => format!("refine to order {}", done.order),
+            LearnStage::Refinement => match done.trial {
+                Some(block) => format!("try {} at order {}", block.name().replace('_', " "), done.order),
+                None => format!("refine to order {}", done.order),
+            },
         };
         let progress = Progress {
             stage,

@@ -332,8 +332,14 @@ fn learning_work(spec: &super::LearnKernel, inputs: &LearningInputs, size: &Lear
     let of = |i: usize| inputs.pairs.iter().map(|pairs| pairs.splits[i]).sum::<usize>() as f64;
     let (training, validation, test) = (of(0), of(1), of(2));
     let epochs = f64::from(spec.epochs.unwrap_or(defaults.epochs));
-    let varying = if spec.model == KernelModel::Varying { 2.0 } else { 1.0 };
-    let evaluations = varying * f64::from(spec.refinement_evaluations.unwrap_or(defaults.refinement_evaluations));
+    // Trials of blocks end early, as does the fit of each order.
+    let trials = match spec.model {
+        KernelModel::Varying => 1.5,
+        KernelModel::Display => 0.5,
+        _ => 0.0,
+    };
+    let evaluations =
+        (1.0 + trials) * f64::from(spec.refinement_evaluations.unwrap_or(defaults.refinement_evaluations));
     let curvatures = evaluations * inputs.pairs.len() as f64 * training.min(4.0);
     let engine = size.engine();
     let measures = (evaluations + 2.0) * validation + 4.0 * training + 4.0 * test;
