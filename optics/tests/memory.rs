@@ -112,7 +112,7 @@ fn check_opinion(pool: &ThreadPool, orders: Orders) {
     let shown = ShownLight::of_frames(&engine, &phases).unwrap();
     let wanted = (&target(300, 400), RegionOfInterest::middle(&setup.grid()));
     let work = || {
-        SecondOpinion::of(&model, &phases, &shown, Detector::Pixel, wanted, Effort::CHEAP).unwrap().unwrap();
+        SecondOpinion::of((&model, None), &phases, &shown, Detector::Pixel, wanted, Effort::CHEAP).unwrap().unwrap();
     };
     let estimate = EngineSize::of(&model, Detector::Pixel, 2).opinion_bytes();
     check(&format!("second opinion, {orders:?}"), estimate, peak_bytes(pool, work), 1.5);

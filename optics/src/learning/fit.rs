@@ -1,17 +1,16 @@
 //! A parametric model during the fit: its loss for one pair, and the gradient with respect to all its parameters.
 
 use super::columns::project;
-use super::layout::{FINE_SOURCE_ORDER, HARMONICS, Layout};
+use super::layout::{FINE_SOURCE_ORDER, HARMONICS, Layout, RESPONSE_VARIATION_ORDER};
 use super::pair::Example;
 use super::smooth_transfer::SmoothTransfer;
 use crate::carrier::Carrier;
-use crate::chebyshev::polynomials;
-use crate::chebyshev::position;
+use crate::chebyshev::{ChebyshevBasis, polynomials, position};
 use crate::convolution::Real;
 use crate::convolution::{Kernels, Transfer};
-use crate::engine::{EngineCore, Fields, kernel_grid, tabulate_source};
+use crate::engine::{EngineCore, Fields, kernel_grid, tabulate_gain, tabulate_source};
 use crate::photometry::Sums;
-use crate::slm::{BLOCK, BlockResponse, Slm};
+use crate::slm::{BLOCK, BlockResponse, ShownRow, Slm};
 use crate::{Detector, DisplayModel, Error, KernelShape, OpticalSetup};
 use num_complex::{Complex, Complex64};
 use pulp::Arch;
@@ -45,12 +44,18 @@ struct RowSums {
     response: [[f64; 2]; HARMONICS],
     /// Σ b* · a
     zero_order: Complex64,
+    /// Σ ∂L/∂ψ · ∂ψ/∂q along x and along y
+    crosstalk: [f64; 2],
+    /// Im Σ b* · a e^{ir} · ψ · T_i(x), as the real part
+    variation: [Complex64; RESPONSE_VARIATION_ORDER + 1],
 }
 
 const NO_SUMS: RowSums = RowSums {
     source: [Complex64::ZERO; FINE_SOURCE_ORDER + 1],
     response: [[0.0; 2]; HARMONICS],
     zero_order: Complex64::ZERO,
+    crosstalk: [0.0; 2],
+    variation: [Complex64::ZERO; RESPONSE_VARIATION_ORDER + 1],
 };
 
 impl<T: Real> Fit<T> {
@@ -119,6 +124,9 @@ impl<T: Real> Fit<T> {
             slm.harmonics = model.response.iter().map(|&[a, b]| [T::of(a), T::of(b)]).collect();
             slm.zero_order = Complex::new(T::of(model.zero_order.re), T::of(model.zero_order.im));
             slm.source = Some(tabulate_source(&model.source, height_px, width_px));
+            slm.crosstalk = self.layout.blocks.crosstalk.then_some(model.crosstalk);
+            let variation = &model.response_variation;
+            slm.phase_gain = self.layout.blocks.uneven_response.then(|| tabulate_gain(variation, height_px, width_px));
         }
     }
 
@@ -164,28 +172,57 @@ impl<T: Real> Fit<T> {
         let (height_px, convolver, kernels) = (self.engine.height_px(), &self.engine.convolver, &self.engine.kernels);
         let (arch, mut rows) = (Arch::new(), vec![NO_SUMS; height_px]);
         let tiles = &self.out.tiles[..kernels.half_spectrum_len(convolver)];
+        let (slm, layout) = (&self.engine.slm, &self.layout);
+        let (shown, slopes) = (slm.shown(example.phase.values()), slm.shown_slopes(example.phase.values()));
         convolver.inverse_rows(tiles, &kernels.along_x, &mut rows, |y, b, out| {
-            let phase = example.phase.row(y);
-            out[0] = arch.dispatch(|| row_sums(&self.engine.slm, y, phase, b, &self.polynomials_x));
+            out[0] = arch.dispatch(|| row_sums(slm, y, shown.row(y), b, &self.polynomials_x[..=layout.source.order()]));
+            if layout.response_variation > 0 {
+                let polynomials_x = &self.polynomials_x[..=RESPONSE_VARIATION_ORDER];
+                out[0].variation = arch.dispatch(|| variation_sums(slm, y, shown.row(y), b, polynomials_x));
+            }
+            if let Some(slopes) = &slopes {
+                let mut by_shown = vec![T::zero(); b.len()];
+                slm.phase_gradient_row(y, shown.row(y), b, &mut by_shown);
+                let row = |slopes: &[T]| product(&by_shown, &slopes[y * b.len()..][..b.len()]);
+                out[0].crosstalk = [row(&slopes[0]), row(&slopes[1])];
+            }
         });
 
-        let order = self.layout.source.order();
+        let order = layout.source.order();
         let mut source = vec![[Complex64::ZERO; FINE_SOURCE_ORDER + 1]; order + 1];
         let (mut response, mut zero_order) = ([[0.0; 2]; HARMONICS], Complex64::ZERO);
+        let mut crosstalk = [0.0; 2];
+        let mut variation = [[0.0; RESPONSE_VARIATION_ORDER + 1]; RESPONSE_VARIATION_ORDER + 1];
         for (y, row) in rows.iter().enumerate() {
-            for (source, t) in source.iter_mut().zip(polynomials(order, position(y, height_px))) {
+            let at_y = polynomials(order, position(y, height_px));
+            for (source, t) in source.iter_mut().zip(&at_y) {
                 source.iter_mut().zip(&row.source).for_each(|(sum, value)| *sum += value * t);
+            }
+            for (variation, t) in variation.iter_mut().zip(&at_y) {
+                variation.iter_mut().zip(&row.variation).for_each(|(sum, value)| *sum += value.re * t);
             }
             let flat = response.as_flattened_mut().iter_mut().zip(row.response.as_flattened());
             flat.for_each(|(sum, value)| *sum += value);
             zero_order += row.zero_order;
+            crosstalk.iter_mut().zip(row.crosstalk).for_each(|(sum, value)| *sum += value);
         }
-        let mut gradient: Vec<f64> = self.layout.source.degrees().map(|(i, j)| 2.0 * source[j][i].re).collect();
-        gradient.extend(self.layout.source.degrees().map(|(i, j)| -2.0 * source[j][i].im));
+        let mut gradient: Vec<f64> = layout.source.degrees().map(|(i, j)| 2.0 * source[j][i].re).collect();
+        gradient.extend(layout.source.degrees().map(|(i, j)| -2.0 * source[j][i].im));
         gradient.extend(response.as_flattened().iter().map(|sum| -2.0 * sum));
         gradient.extend([2.0 * zero_order.re, -2.0 * zero_order.im]);
+        if layout.blocks.crosstalk {
+            gradient.extend(crosstalk);
+        }
+        if layout.response_variation > 0 {
+            gradient.extend(variation_degrees().map(|(i, j)| -2.0 * variation[j][i]));
+        }
         gradient
     }
+}
+
+/// Degrees (i, j) of the terms of the response's variation, in the order of their coefficients.
+pub(super) fn variation_degrees() -> impl Iterator<Item = (usize, usize)> {
+    std::iter::once((0, 0)).chain(ChebyshevBasis::new(RESPONSE_VARIATION_ORDER).degrees())
 }
 
 /// T_0 … T_order at the position of each of `n` pixels.
@@ -195,13 +232,19 @@ pub(super) fn tabulate<T: Real>(order: usize, n: usize) -> Vec<Vec<T>> {
 }
 
 #[inline(always)]
-fn row_sums<T: Real>(slm: &Slm<T>, y: usize, phase: &[T], b: &[Complex<T>], polynomials_x: &[Vec<T>]) -> RowSums {
+fn row_sums<T: Real>(
+    slm: &Slm<T>,
+    y: usize,
+    shown: ShownRow<'_, T>,
+    b: &[Complex<T>],
+    polynomials_x: &[Vec<T>],
+) -> RowSums {
     let mut sums = NO_SUMS;
     // b* · c
-    let mut products = vec![Complex::new(T::zero(), T::zero()); phase.len()];
-    let rows = phase.chunks(BLOCK).zip(b.chunks(BLOCK)).zip(products.chunks_mut(BLOCK));
-    for (i, ((phase, b), products)) in rows.enumerate() {
-        let BlockResponse { sign, turn, modulated, .. } = slm.respond(y, i * BLOCK, phase);
+    let mut products = vec![Complex::new(T::zero(), T::zero()); b.len()];
+    let rows = shown.blocks().zip(b.chunks(BLOCK)).zip(products.chunks_mut(BLOCK));
+    for (i, ((shown, b), products)) in rows.enumerate() {
+        let BlockResponse { sign, turn, modulated, .. } = slm.respond(y, i * BLOCK, shown);
         let mut light = slm.source_times_conj(y, i * BLOCK, b);
         for ((re, im), &sign) in light.re.iter_mut().zip(&mut light.im).zip(&sign) {
             (*re, *im) = (*re * sign, *im * sign);
@@ -221,6 +264,35 @@ fn row_sums<T: Real>(slm: &Slm<T>, y: usize, phase: &[T], b: &[Complex<T>], poly
     }
     project(|x| products[x], polynomials_x, &mut sums.source);
     sums
+}
+
+/// Im Σ b* · a e^{ir} · ψ · T_i(x) along a row, for each i, as the real part.
+#[inline(always)]
+fn variation_sums<T: Real>(
+    slm: &Slm<T>,
+    y: usize,
+    shown: ShownRow<'_, T>,
+    b: &[Complex<T>],
+    polynomials_x: &[Vec<T>],
+) -> [Complex64; RESPONSE_VARIATION_ORDER + 1] {
+    let mut products = vec![T::zero(); b.len()];
+    let rows = shown.blocks().zip(b.chunks(BLOCK)).zip(products.chunks_mut(BLOCK));
+    for (i, ((shown, b), products)) in rows.enumerate() {
+        let BlockResponse { sign, modulated, .. } = slm.respond(y, i * BLOCK, shown);
+        let turned = slm.source_times_conj(y, i * BLOCK, b).multiplied(&modulated);
+        for ((x, product), &phase) in products.iter_mut().enumerate().zip(shown.phases()) {
+            *product = turned.im[x] * sign[x] * phase;
+        }
+    }
+    let mut sums = [Complex64::ZERO; RESPONSE_VARIATION_ORDER + 1];
+    project(|x| Complex::new(products[x], T::zero()), polynomials_x, &mut sums);
+    sums
+}
+
+/// Σ a · b in a fixed order.
+fn product<T: Real>(a: &[T], b: &[T]) -> f64 {
+    let block = |(a, b): (&[T], &[T])| a.iter().zip(b).fold(T::zero(), |sum, (&a, &b)| sum + a * b).wide();
+    a.chunks(BLOCK).zip(b.chunks(BLOCK)).map(block).sum()
 }
 
 #[inline(always)]
@@ -272,7 +344,8 @@ mod tests {
             let photo = Plane::from_fn(18, 23, |y, x| 0.5 + 0.5 * ((y * 2 + x * 3) as f32).sin());
             let phase = initial_phase(18, 23, 6.0, 3).unwrap();
             let example = Example::new(&Pair { phase, photo }, &fit.engine, RegionOfInterest::middle(&grid)).unwrap();
-            let theta: Vec<f64> = (0..fit.layout.len()).map(|i| 0.1 * (i as f64 * 1.3 + 0.5).sin()).collect();
+            let mut theta: Vec<f64> = (0..fit.layout.len()).map(|i| 0.1 * (i as f64 * 1.3 + 0.5).sin()).collect();
+            theta[layout.crosstalk()..layout.response_variation()].iter_mut().for_each(|q| *q = 0.1 + q.abs());
             fit.set(0, &theta);
             let (_, gradient) = fit.evaluate(&example);
             let scale = gradient.iter().fold(0.0_f64, |largest, g| largest.max(g.abs()));

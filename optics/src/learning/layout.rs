@@ -1,15 +1,17 @@
 //! Positions of a model's parameters in θ.
 //!
 //! θ holds, in this order: α and ψ of the kernel, log amplitude and phase of the source, [a_k, b_k] of the phase
-//! response, the zero order's real and imaginary part, and α_m and ψ_m of the kernel's variation over the SLM. The
+//! response, the zero order's real and imaginary part, q of the cross-talk along x and y, the series v of the response's
+//! variation, and α_m and ψ_m of the kernel's variation over the SLM. The
 //! model `smooth` has the kernel only. Gain and offset are not in θ: each photograph has its own.
 
 use super::{Blocks, KernelModel};
 use crate::chebyshev::ChebyshevBasis;
 use crate::convolution::Real;
 use crate::spatial_variation::local_kernels;
-use crate::{DisplayModel, KernelShape, OpticalSetup, SmoothField, SpatialVariation};
+use crate::{Crosstalk, DisplayModel, KernelShape, OpticalSetup, ResponseVariation, SmoothField, SpatialVariation};
 use num_complex::Complex64;
+use std::ops::Range;
 
 /// Highest total degree of the source profile.
 pub(crate) const SOURCE_ORDER: usize = 4;
@@ -17,6 +19,8 @@ pub(crate) const SOURCE_ORDER: usize = 4;
 pub(crate) const FINE_SOURCE_ORDER: usize = 10;
 /// Number of harmonics of the phase response.
 pub(crate) const HARMONICS: usize = 3;
+/// Highest total degree of the variation of the phase response.
+pub(crate) const RESPONSE_VARIATION_ORDER: usize = 3;
 /// Highest total degree of the kernel's variation over the SLM: that of third-order aberrations.
 pub(crate) const VARIATION_ORDER: usize = 4;
 
@@ -27,6 +31,10 @@ pub(super) struct Layout {
     pub(super) source: ChebyshevBasis,
     pub(super) harmonics: usize,
     zero_order: usize,
+    /// 2 with cross-talk, otherwise 0.
+    crosstalk: usize,
+    /// Number of coefficients of the response's variation.
+    pub(super) response_variation: usize,
     /// Basis of the variation over the SLM; of order 0 when the kernel is the same everywhere.
     pub(super) variation: ChebyshevBasis,
     /// Blocks of the model.
@@ -55,7 +63,10 @@ impl Layout {
         };
         let variation = if blocks.varying { VARIATION_ORDER.min(order) } else { 0 };
         let [kernel, source, variation] = [order, source, variation].map(ChebyshevBasis::new);
-        Self { kernel, source, harmonics, zero_order, variation, blocks }
+        let crosstalk = if blocks.crosstalk { 2 } else { 0 };
+        let response_variation =
+            if blocks.uneven_response { ResponseVariation::terms(RESPONSE_VARIATION_ORDER) } else { 0 };
+        Self { kernel, source, harmonics, zero_order, crosstalk, response_variation, variation, blocks }
     }
 
     /// Whether the kernel varies over the SLM.
@@ -79,9 +90,25 @@ impl Layout {
         self.response() + 2 * self.harmonics
     }
 
+    pub(super) fn crosstalk(&self) -> usize {
+        self.zero_order() + self.zero_order
+    }
+
+    pub(super) fn response_variation(&self) -> usize {
+        self.crosstalk() + self.crosstalk
+    }
+
     /// Start of the coefficients of one power of the position on the SLM.
     pub(super) fn variation(&self, power: usize) -> usize {
-        self.zero_order() + self.zero_order + 2 * self.variation.terms() * power
+        self.response_variation() + self.response_variation + 2 * self.variation.terms() * power
+    }
+
+    /// The value of the parameter at a position of θ, moved into its limits.
+    pub(super) fn limited(&self, position: usize, value: f64) -> f64 {
+        match (self.crosstalk()..self.response_variation()).contains(&position) {
+            true => value.clamp(0.0, Crosstalk::RATIO_MAX),
+            false => value,
+        }
     }
 
     pub(super) fn has_slm(&self) -> bool {
@@ -155,7 +182,15 @@ impl Layout {
                 phase: rest[..basis.terms()].to_vec(),
             }
         };
-        let zero_order = &parameters[self.zero_order()..self.variation(0)];
+        let zero_order = &parameters[self.zero_order()..self.crosstalk()];
+        let crosstalk = match parameters[self.crosstalk()..self.response_variation()] {
+            [ratio_x, ratio_y] => Crosstalk { ratio_x, ratio_y },
+            _ => Crosstalk::NONE,
+        };
+        let response_variation = match &parameters[self.response_variation()..self.variation(0)] {
+            [] => ResponseVariation::none(),
+            coefficients => ResponseVariation { order: RESPONSE_VARIATION_ORDER, coefficients: coefficients.to_vec() },
+        };
         let along = |power| smooth(self.variation, self.variation(power));
         let variation = match self.varies() {
             true => SpatialVariation::new(std::array::from_fn(along)),
@@ -167,6 +202,8 @@ impl Layout {
             variation,
             source: smooth(self.source, self.source()),
             response: parameters[self.response()..self.zero_order()].as_chunks().0.to_vec(),
+            response_variation,
+            crosstalk,
             zero_order: zero_order.first_chunk().map_or(Complex64::ZERO, |&[re, im]| Complex64::new(re, im)),
             gain,
             offset,
@@ -189,10 +226,14 @@ impl Layout {
         for power in 0..SpatialVariation::POWERS {
             move_series((self.variation, self.variation(power)), (to.variation, to.variation(power)));
         }
-        let numbers = self.response()..self.variation(0);
-        if numbers.len() == to.variation(0) - to.response() {
-            converted[to.response()..to.variation(0)].copy_from_slice(&theta[numbers]);
-        }
+        let mut move_numbers = |from: Range<usize>, to: Range<usize>| {
+            if from.len() == to.len() {
+                converted[to].copy_from_slice(&theta[from]);
+            }
+        };
+        move_numbers(self.response()..self.crosstalk(), to.response()..to.crosstalk());
+        move_numbers(self.crosstalk()..self.response_variation(), to.crosstalk()..to.response_variation());
+        move_numbers(self.response_variation()..self.variation(0), to.response_variation()..to.variation(0));
         converted
     }
 
@@ -206,6 +247,14 @@ impl Layout {
             parameters.extend(model.response.get(harmonic).copied().unwrap_or_default());
         }
         parameters.extend([model.zero_order.re, model.zero_order.im].iter().take(self.zero_order));
+        parameters.extend(model.crosstalk.ratios().iter().take(self.crosstalk));
+        if self.response_variation > 0 {
+            let ResponseVariation { order, coefficients: values } = &model.response_variation;
+            let (constant, rest) = values.split_first().map_or((0.0, &[][..]), |(&constant, rest)| (constant, rest));
+            let [to, from] = [RESPONSE_VARIATION_ORDER, *order].map(ChebyshevBasis::new);
+            parameters.push(constant);
+            parameters.extend(coefficients(to, from, rest));
+        }
         for power in 0..SpatialVariation::POWERS {
             push_field(&mut parameters, self.variation, model.variation.fields().get(power));
         }
@@ -234,7 +283,6 @@ fn coefficients(to: ChebyshevBasis, from: ChebyshevBasis, values: &[f64]) -> Vec
 mod tests {
     use super::*;
     use crate::Grid;
-    use crate::learning::Block;
 
     #[test]
     fn larger_basis_keeps_display_unchanged() {
@@ -242,7 +290,7 @@ mod tests {
         let small = Layout::of(KernelModel::Display, 3, Blocks::NONE);
         let theta: Vec<f64> = (0..small.len()).map(|i| (i as f64 * 1.3 + 0.5).sin()).collect();
         let model = small.model(&setup, (0.7, 0.1), &theta);
-        let large = Layout::of(KernelModel::Display, 8, Blocks::NONE.with(Block::FineSource));
+        let large = Layout::of(KernelModel::Display, 8, Blocks { varying: false, ..Blocks::ALL });
         let again = large.model(&setup, (model.gain, model.offset), &large.parameters(&model));
         let (KernelShape::Smooth(before), KernelShape::Smooth(after)) = (&model.kernel, &again.kernel) else {
             panic!()
@@ -256,6 +304,7 @@ mod tests {
         let (kernel, source) = (KernelShape::Ideal, SmoothField::flat(0));
         let rest =
             |model: &DisplayModel| DisplayModel { kernel: kernel.clone(), source: source.clone(), ..model.clone() };
+        let again = DisplayModel { response_variation: ResponseVariation::none(), ..again };
         assert_eq!(rest(&again), rest(&model));
         assert_eq!(small.converted(&theta, &large), large.parameters(&model));
         assert_eq!(large.converted(&large.parameters(&model), &small), theta);

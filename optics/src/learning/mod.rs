@@ -30,12 +30,12 @@ mod uncertainty;
 
 /// Sizes that determine the memory of a fit.
 pub(crate) mod sizes {
-    pub(crate) use super::layout::{FINE_SOURCE_ORDER, HARMONICS, VARIATION_ORDER};
+    pub(crate) use super::layout::{FINE_SOURCE_ORDER, HARMONICS, RESPONSE_VARIATION_ORDER, VARIATION_ORDER};
     pub(crate) use super::parametric::CURVATURE_PX;
 }
 
 pub use along_z::interpolated;
-pub use blocks::{Block, Blocks};
+pub use blocks::{Block, BlockStrengths, Blocks};
 pub use pair::{BoxError, Pair, PairSource, compare, unsaturated_px};
 pub use uncertainty::{ResponseCovariance, ResponseUncertainty};
 

@@ -55,7 +55,9 @@ impl ResponseUncertainty {
         model.validate()?;
         let KernelShape::Smooth(kernel) = &model.kernel else { return Ok(None) };
         let layout = Layout::of(KernelModel::Display, kernel.order, Blocks::of(model));
-        if (model.source.order, model.response.len()) != (layout.source.order(), layout.harmonics) {
+        let is_of_layout = (model.source.order, model.response.len()) == (layout.source.order(), layout.harmonics)
+            && [0, layout.response_variation].contains(&model.response_variation.coefficients.len());
+        if !is_of_layout {
             return Ok(None);
         }
         let mut fit = Fit::new(vec![model.setup], layout, detector, carrier)?;

@@ -14,7 +14,9 @@ use lightpath_domain::job::{
 use lightpath_domain::kernel::{KernelLineage, KernelMetrics, LearnedDataset, NewKernelVersion};
 use lightpath_media::captures::Captures;
 use lightpath_media::kernel_file;
-use lightpath_optics::learning::{LearnOptions, LearnStage, Learner, LearningPairs, PairSource, unsaturated_px};
+use lightpath_optics::learning::{
+    BlockStrengths, LearnOptions, LearnStage, Learner, LearningPairs, PairSource, unsaturated_px,
+};
 use lightpath_optics::{DisplayModel, KernelModel, KernelShape, OpticalSetup, RegionOfInterest};
 
 pub(super) fn run(context: &JobContext, job: &Job, spec: &LearnKernel) -> Result<TaskOutput, TaskError> {
@@ -60,7 +62,7 @@ pub(super) fn run(context: &JobContext, job: &Job, spec: &LearnKernel) -> Result
         KernelShape::Ideal | KernelShape::Bins(_) => 0,
     };
     Ok(TaskOutput {
-        result: JobResult::Learn(LearnResult { kernels, loss_history, order }),
+        result: JobResult::Learn(LearnResult { kernels, loss_history, order, blocks: BlockStrengths::of(&models[0]) }),
         effect: JobEffect::Kernels(learned),
     })
 }

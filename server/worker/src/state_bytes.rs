@@ -82,7 +82,7 @@ mod tests {
     use lightpath_domain::units::Wavelength;
     use lightpath_optics::hologram::{HologramMethod, HologramOptions, OptimizationState};
     use lightpath_optics::learning::bins::BinsState;
-    use lightpath_optics::learning::parametric::{BestModel, ParametricState, Trial};
+    use lightpath_optics::learning::parametric::{BestModel, Change, ParametricState, Round};
     use lightpath_optics::learning::{Block, Blocks, LearnState};
     use lightpath_optics::optimizer::damped::DampedState;
     use lightpath_optics::{
@@ -158,11 +158,17 @@ mod tests {
             parameters: vec![0.1],
             refinement: Some(refinement),
             best: Some(best(8)),
-            trial: Some(Trial { block: Block::FineSource, without: best(5) }),
+            round: Some(Round {
+                change: Change::Remove,
+                before: best(5),
+                block: Block::FineSource,
+                steps: 2,
+                untried: vec![Block::Varying],
+                winner: Some(best(8)),
+            }),
+            adopted: true,
             blocks: Blocks::ALL,
             order: 8,
-            untried: vec![Block::Varying],
-            refused: vec![Block::FineSource],
             orders_done: true,
             kept: vec![0, 2, 3],
             curvature: vec![4.0],

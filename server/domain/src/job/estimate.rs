@@ -218,6 +218,7 @@ fn widest(kernels: &[KernelSize]) -> EngineSize {
     kernels.iter().fold(first, |widest, kernel| EngineSize {
         kernels_per_side: widest.kernels_per_side.max(kernel.engine.kernels_per_side),
         has_source: widest.has_source || kernel.engine.has_source,
+        wraps_phase: widest.wraps_phase || kernel.engine.wraps_phase,
         ..widest
     })
 }
@@ -461,7 +462,13 @@ pub fn report_kernel(inputs: &ReportInputs) -> Need {
     let compared = inputs.pairs.map_or(0, |pairs| {
         let size = LearningSize {
             // The ideal kernel was sampled before.
-            engine: EngineSize { kernels_per_side: 1, has_source: false, sampling_bytes: 0, ..engine },
+            engine: EngineSize {
+                kernels_per_side: 1,
+                has_source: false,
+                wraps_phase: false,
+                sampling_bytes: 0,
+                ..engine
+            },
             model: inputs.model,
             order: kernel.order,
             distances: 1,
