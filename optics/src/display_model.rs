@@ -1,17 +1,18 @@
 //! Display model: the parameters of a display's light transport, which are learned from photographs.
 //!
 //! ```text
-//! photograph ≈ gain · D( | H ∗ ( a · ( e^{i r(φ)} + z₀ ) ) |² ) + offset
+//! photograph ≈ gain · D( | H ∗ ( a · ( e^{i r(ψ)} + z₀ ) ) |² ) + offset
 //! ```
 //!
-//! H is the kernel, a transfer function that may [vary over the SLM](crate::SpatialVariation); a is the source profile,
-//! r the SLM's phase response, z₀ undiffracted light, and D the [`Detector`](crate::Detector). Smooth parts are
+//! H is the kernel, a transfer function that may [vary over the SLM](crate::SpatialVariation); a is the source profile with
+//! the SLM's uneven surface, ψ the hologram's phase after [`Crosstalk`], r the SLM's phase response, which may
+//! [vary](ResponseVariation), z₀ undiffracted light, and D the [`Detector`](crate::Detector). Smooth parts are
 //! [Chebyshev series](crate::chebyshev): of fx and fy over the band [−1/2Δ, 1/2Δ] for the kernel, of x and y over the
 //! SLM for the source.
 
 use crate::smooth_field::{SmoothField, expect_finite, out_of_range};
 use crate::spatial_variation::local_kernels;
-use crate::{ConvolutionMethod, Error, OpticalSetup, Plane, Result, SpatialVariation};
+use crate::{ConvolutionMethod, Crosstalk, Error, OpticalSetup, Plane, ResponseVariation, Result, SpatialVariation};
 use num_complex::{Complex32, Complex64};
 
 /// Model of a display: the response of the SLM, the propagation of light from the SLM to the image, and the camera's
@@ -28,6 +29,10 @@ pub struct DisplayModel {
     pub source: SmoothField,
     /// Harmonics [a_k, b_k] of the phase response r(φ) = φ + Σ_k (a_k sin kφ + b_k cos kφ), k = 1, 2, … \[rad\].
     pub response: Vec<[f64; 2]>,
+    /// Variation of the phase response over the SLM.
+    pub response_variation: ResponseVariation,
+    /// Cross-talk between neighbouring pixels of the SLM.
+    pub crosstalk: Crosstalk,
     /// Undiffracted light z₀, as a complex amplitude relative to the modulated light.
     pub zero_order: Complex64,
     /// Value of the photograph per unit of light.
@@ -61,6 +66,8 @@ impl DisplayModel {
             variation: SpatialVariation::none(),
             source: SmoothField::flat(0),
             response: Vec::new(),
+            response_variation: ResponseVariation::none(),
+            crosstalk: Crosstalk::NONE,
             zero_order: Complex64::ZERO,
             gain: 1.0,
             offset: 0.0,
@@ -88,6 +95,8 @@ impl DisplayModel {
             return Err(out_of_range("response harmonics", self.response.len() as f64, "at most 8"));
         }
         expect_finite("response", self.response.as_flattened())?;
+        self.response_variation.validate()?;
+        self.crosstalk.validate()?;
         expect_finite("model parameter", &[self.zero_order.re, self.zero_order.im, self.gain, self.offset])?;
         match &self.kernel {
             KernelShape::Ideal | KernelShape::Smooth(_) => Ok(()),

@@ -93,12 +93,13 @@ impl Passes {
     pub fn run(&mut self, pass: Pass) {
         let Self { engine, target, region, phase, fields: Fields { spectrum, tiles }, gradient } = self;
         let engine = &engine.core;
-        let (convolver, width_px) = (&engine.convolver, engine.width_px());
+        let convolver = &engine.convolver;
         let slm_len = engine.kernels.half_spectrum_len(convolver);
         match pass {
             Pass::ForwardRows => {
+                let shown = engine.slm.shown(phase.values());
                 convolver.forward_rows(&mut spectrum[..slm_len], &engine.kernels.along_x, |y, row| {
-                    engine.slm.field_row(y, phase.row(y), row);
+                    engine.slm.field_row(y, shown.row(y), row);
                 });
             }
             Pass::ForwardColumns => {
@@ -123,9 +124,14 @@ impl Passes {
             }
             Pass::BackwardRows => {
                 let (tiles, windows) = (&tiles[..slm_len], &engine.kernels.along_x);
+                let shown = engine.slm.shown(phase.values());
                 convolver.inverse_rows(tiles, windows, gradient.values_mut(), |y, b, out| {
-                    engine.slm.phase_gradient_row(y, &phase.values()[y * width_px..][..width_px], b, out);
+                    engine.slm.phase_gradient_row(y, shown.row(y), b, out);
                 });
+                if engine.slm.crosstalk.is_some() {
+                    let by_shown = gradient.values().to_vec();
+                    engine.slm.gradient_of_displayed(&by_shown, false, gradient.values_mut());
+                }
             }
         }
     }

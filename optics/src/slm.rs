@@ -1,18 +1,23 @@
 //! Model of the SLM: computes the field that leaves it, and the gradient of the phase.
 //!
 //! ```text
-//! c(x, y) = k(x, y) · a(x, y) · ( e^{i r(φ)} + z₀ ),   r(φ) = φ + Σ_k ( a_k sin kφ + b_k cos kφ )
+//! c(x, y) = k(x, y) · a(x, y) · ( e^{i r(ψ)} + z₀ ),   r(ψ) = (1 + v(x, y)) ψ + Σ_k ( a_k sin kψ + b_k cos kψ )
 //! ```
 //!
-//! φ is the displayed phase \[rad\], a the complex source profile, r the SLM's phase response, and z₀ undiffracted
-//! light. With a carrier φ includes its grating, and k = ±1 is the grating's sign, so that c is the field relative to
-//! the direction in which the image leaves.
+//! ψ is the [shown](Shown) phase \[rad\], a the complex source profile, r the SLM's phase response, which may
+//! [vary](crate::ResponseVariation) by v, and z₀ undiffracted light. With a carrier ψ includes its grating, and k = ±1 is
+//! the grating's sign, so that c is the field relative to the direction in which the image leaves. Without
+//! [cross-talk](crate::Crosstalk) and variation, ψ is the displayed phase φ.
 
 use crate::carrier::Carrier;
+use crate::crosstalk::{Blur, Crosstalk};
+use crate::interrupt;
 use crate::real::Number;
 use num_complex::Complex;
 use pulp::{Arch, Simd, WithSimd};
-use std::f64::consts::PI;
+use rayon::prelude::*;
+use std::borrow::Cow;
+use std::f64::consts::{PI, TAU};
 
 /// Parameters of an SLM, in the precision `T` of an engine.
 #[derive(Clone, Debug)]
@@ -24,34 +29,139 @@ pub(crate) struct Slm<T> {
     pub(crate) harmonics: Vec<[T; 2]>,
     pub(crate) zero_order: Complex<T>,
     pub(crate) carrier: Option<Carrier>,
+    /// Cross-talk between neighbouring pixels; `None`: none.
+    pub(crate) crosstalk: Option<Crosstalk>,
+    /// 1 + v at each pixel; `None`: 1 everywhere.
+    pub(crate) phase_gain: Option<Vec<T>>,
+}
+
+/// The phases ψ that the liquid crystal of an SLM shows, for a whole frame: the displayed phases themselves, or wrapped and
+/// blurred ones.
+#[derive(Clone, Debug)]
+pub(crate) struct Shown<'a, T: Clone> {
+    phase: Cow<'a, [T]>,
+    width_px: usize,
+}
+
+impl<T: Number> Shown<'_, T> {
+    /// Row `y`.
+    pub(crate) fn row(&self, y: usize) -> ShownRow<'_, T> {
+        ShownRow(&self.phase[y * self.width_px..][..self.width_px])
+    }
+}
+
+impl<T: Number> Shown<'_, T> {
+    /// The same phases, without a borrow.
+    pub(crate) fn into_owned(self) -> Shown<'static, T> {
+        Shown { phase: Cow::Owned(self.phase.into_owned()), width_px: self.width_px }
+    }
+}
+
+/// Shown phases of a row or a part of it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ShownRow<'a, T>(&'a [T]);
+
+impl<'a, T> ShownRow<'a, T> {
+    /// Parts of at most [`BLOCK`] pixels.
+    pub(crate) fn blocks(self) -> impl Iterator<Item = ShownRow<'a, T>> {
+        self.0.chunks(BLOCK).map(ShownRow)
+    }
+
+    /// The shown phases \[rad\].
+    pub(crate) fn phases(self) -> &'a [T] {
+        self.0
+    }
 }
 
 impl<T: Number> Slm<T> {
     /// SLM without errors, which shows exactly the displayed phase.
     pub(crate) fn ideal(width_px: usize, carrier: Option<Carrier>) -> Self {
         let zero_order = Complex::new(T::zero(), T::zero());
-        Self { width_px, source: None, harmonics: Vec::new(), zero_order, carrier }
+        Self { width_px, source: None, harmonics: Vec::new(), zero_order, carrier, crosstalk: None, phase_gain: None }
     }
 
-    /// Computes the field c along row `y`, for the phase before the carrier is added.
-    pub(crate) fn field_row(&self, y: usize, phase: &[T], field: &mut [Complex<T>]) {
-        Arch::new().dispatch(FieldRow { slm: self, y, phase, field });
+    /// Whether the shown phases differ from the displayed ones: they are wrapped with the grating before they blur or
+    /// before their gain varies.
+    pub(crate) fn wraps(&self) -> bool {
+        self.crosstalk.is_some() || self.phase_gain.is_some()
     }
 
-    /// Computes the gradient ∂L/∂φ = 2 Re( b* · dc/dφ ) along row `y` from b = ∂L/∂c*.
-    pub(crate) fn phase_gradient_row(&self, y: usize, phase: &[T], b: &[Complex<T>], gradient: &mut [T]) {
-        Arch::new().dispatch(PhaseGradientRow::<_, false> { slm: self, y, phase, b, gradient });
+    /// The phases that the SLM shows for a frame's phases before the carrier is added.
+    pub(crate) fn shown<'a>(&self, phase: &'a [T]) -> Shown<'a, T> {
+        let width_px = self.width_px;
+        let phase = match (&self.crosstalk, self.wraps()) {
+            (Some(crosstalk), _) => Cow::Owned(self.blurred(&Blur::new(crosstalk), phase)),
+            (None, true) => {
+                let mut wrapped = phase.to_vec();
+                wrapped.par_chunks_mut(width_px).enumerate().for_each(|(y, row)| {
+                    interrupt::check();
+                    self.wrap_row(y, &phase[y * width_px..][..width_px], row);
+                });
+                Cow::Owned(wrapped)
+            }
+            (None, false) => Cow::Borrowed(phase),
+        };
+        Shown { phase, width_px }
+    }
+
+    /// The derivatives of the shown phases by q of the cross-talk along x and along y.
+    pub(crate) fn shown_slopes(&self, phase: &[T]) -> Option<[Vec<T>; 2]> {
+        let crosstalk = self.crosstalk.as_ref()?;
+        Some(Blur::slopes(crosstalk).map(|blur| self.blurred(&blur, phase)))
+    }
+
+    fn blurred(&self, blur: &Blur<T>, phase: &[T]) -> Vec<T> {
+        let width_px = self.width_px;
+        let fill = |y: usize, row: &mut [T]| self.wrap_row(y, &phase[y * width_px..][..width_px], row);
+        blur.blurred(width_px, phase.len() / width_px, fill)
+    }
+
+    /// A row as it is displayed; `None` if the shown phases differ from the displayed ones.
+    pub(crate) fn displayed_row<'a>(&self, phase: &'a [T]) -> Option<ShownRow<'a, T>> {
+        (!self.wraps()).then_some(ShownRow(phase))
+    }
+
+    /// Adds the carrier's grating to row `y` and wraps the phases to [0, 2π).
+    pub(crate) fn wrap_row(&self, y: usize, phase: &[T], wrapped: &mut [T]) {
+        let gratings = match self.carrier {
+            None => [T::zero(); 2],
+            Some(carrier) => [0, 1].map(|x| if carrier.is_odd(y, x) { T::of(PI) } else { T::zero() }),
+        };
+        Arch::new().dispatch(|| wrap(gratings, phase, wrapped));
+    }
+
+    /// Computes ∂L/∂φ from ∂L/∂ψ, the gradient by the shown phases, and adds it to `gradient` or overwrites it.
+    pub(crate) fn gradient_of_displayed(&self, by_shown: &[T], add: bool, gradient: &mut [T]) {
+        let blur = Blur::new(&self.crosstalk.unwrap_or_default());
+        blur.spread(self.width_px, by_shown, add, gradient);
+    }
+
+    /// Computes the field c along row `y`.
+    pub(crate) fn field_row(&self, y: usize, shown: ShownRow<'_, T>, field: &mut [Complex<T>]) {
+        Arch::new().dispatch(FieldRow { slm: self, y, shown, field });
+    }
+
+    /// Computes the gradient ∂L/∂ψ = 2 Re( b* · dc/dψ ) along row `y` from b = ∂L/∂c*. With cross-talk,
+    /// [`Self::gradient_of_displayed`] computes ∂L/∂φ from it.
+    pub(crate) fn phase_gradient_row(&self, y: usize, shown: ShownRow<'_, T>, b: &[Complex<T>], gradient: &mut [T]) {
+        Arch::new().dispatch(PhaseGradientRow::<_, false> { slm: self, y, shown, b, gradient });
     }
 
     /// Adds the gradient of [`Self::phase_gradient_row`] to `gradient`.
-    pub(crate) fn add_phase_gradient_row(&self, y: usize, phase: &[T], b: &[Complex<T>], gradient: &mut [T]) {
-        Arch::new().dispatch(PhaseGradientRow::<_, true> { slm: self, y, phase, b, gradient });
+    pub(crate) fn add_phase_gradient_row(
+        &self,
+        y: usize,
+        shown: ShownRow<'_, T>,
+        b: &[Complex<T>],
+        gradient: &mut [T],
+    ) {
+        Arch::new().dispatch(PhaseGradientRow::<_, true> { slm: self, y, shown, b, gradient });
     }
 
     #[inline(always)]
-    fn write_field_row(&self, y: usize, phase: &[T], field: &mut [Complex<T>]) {
-        for (i, (phase, field)) in phase.chunks(BLOCK).zip(field.chunks_mut(BLOCK)).enumerate() {
-            let block = self.respond(y, i * BLOCK, phase);
+    fn write_field_row(&self, y: usize, shown: ShownRow<'_, T>, field: &mut [Complex<T>]) {
+        for (i, (shown, field)) in shown.blocks().zip(field.chunks_mut(BLOCK)).enumerate() {
+            let block = self.respond(y, i * BLOCK, shown);
             for (x, c) in field.iter_mut().enumerate() {
                 let (re, im) = (block.modulated.re[x] + self.zero_order.re, block.modulated.im[x] + self.zero_order.im);
                 *c = Complex::new(re * block.sign[x], im * block.sign[x]);
@@ -65,10 +175,16 @@ impl<T: Number> Slm<T> {
     }
 
     #[inline(always)]
-    fn write_phase_gradient_row<const ADD: bool>(&self, y: usize, phase: &[T], b: &[Complex<T>], gradient: &mut [T]) {
-        let blocks = phase.chunks(BLOCK).zip(b.chunks(BLOCK)).zip(gradient.chunks_mut(BLOCK));
-        for (i, ((phase, b), gradient)) in blocks.enumerate() {
-            let BlockResponse { slope, sign, modulated, .. } = self.respond(y, i * BLOCK, phase);
+    fn write_phase_gradient_row<const ADD: bool>(
+        &self,
+        y: usize,
+        shown: ShownRow<'_, T>,
+        b: &[Complex<T>],
+        gradient: &mut [T],
+    ) {
+        let blocks = shown.blocks().zip(b.chunks(BLOCK)).zip(gradient.chunks_mut(BLOCK));
+        for (i, ((shown, b), gradient)) in blocks.enumerate() {
+            let BlockResponse { slope, sign, modulated, .. } = self.respond(y, i * BLOCK, shown);
             let light = self.source_times_conj(y, i * BLOCK, b);
             for (x, gradient) in gradient.iter_mut().enumerate() {
                 let imaginary = light.re[x] * modulated.im[x] + light.im[x] * modulated.re[x];
@@ -97,25 +213,34 @@ impl<T: Number> Slm<T> {
         light
     }
 
-    /// Computes the response of the SLM to at most [`BLOCK`] phases, the first at (y, x).
+    /// Computes the response of the SLM to at most [`BLOCK`] shown phases, the first at (y, x).
     #[inline(always)]
-    pub(crate) fn respond(&self, y: usize, x: usize, phase: &[T]) -> BlockResponse<T> {
+    pub(crate) fn respond(&self, y: usize, x: usize, shown: ShownRow<'_, T>) -> BlockResponse<T> {
         let (zero, one) = ([T::zero(); BLOCK], [T::one(); BLOCK]);
+        let phase = shown.0;
         let mut displayed = zero;
         displayed[..phase.len()].copy_from_slice(phase);
         let mut sign = one;
         if let Some(carrier) = self.carrier {
+            // Phases that were wrapped contain the grating.
+            let grating = if self.wraps() { T::zero() } else { T::of(PI) };
             for (i, (displayed, sign)) in displayed.iter_mut().zip(&mut sign).enumerate() {
                 if carrier.is_odd(y, x + i) {
-                    (*displayed, *sign) = (*displayed + T::of(PI), -T::one());
+                    (*displayed, *sign) = (*displayed + grating, -T::one());
                 }
             }
         }
         let turn = Parts::unit(&displayed);
-        if self.harmonics.is_empty() {
+        if self.harmonics.is_empty() && self.phase_gain.is_none() {
             return BlockResponse { sign, slope: one, turn, modulated: turn };
         }
         let (mut response, mut slope, mut power) = (displayed, one, turn);
+        if let Some(gain) = &self.phase_gain {
+            let gain = &gain[y * self.width_px + x..][..phase.len()];
+            for ((response, slope), &gain) in response.iter_mut().zip(&mut slope).zip(gain) {
+                (*response, *slope) = (*response * gain, gain);
+            }
+        }
         for (k, &[a, b]) in self.harmonics.iter().enumerate() {
             let (order, times) = (T::of((k + 1) as f64), power);
             for (i, (response, slope)) in response.iter_mut().zip(&mut slope).enumerate() {
@@ -125,6 +250,16 @@ impl<T: Number> Slm<T> {
             power = times.multiplied(&turn);
         }
         BlockResponse { sign, slope, turn, modulated: Parts::unit(&response) }
+    }
+}
+
+/// Adds the gratings of even and odd columns to a row of phases, and wraps them to [0, 2π).
+#[inline(always)]
+fn wrap<T: Number>(gratings: [T; 2], phase: &[T], wrapped: &mut [T]) {
+    let turn = T::of(TAU);
+    for (x, (out, &phase)) in wrapped.iter_mut().zip(phase).enumerate() {
+        let phase = phase + gratings[x % 2];
+        *out = phase - turn * (phase / turn).floor();
     }
 }
 
@@ -179,7 +314,7 @@ impl<T: Number> Parts<T> {
 struct FieldRow<'a, T> {
     slm: &'a Slm<T>,
     y: usize,
-    phase: &'a [T],
+    shown: ShownRow<'a, T>,
     field: &'a mut [Complex<T>],
 }
 
@@ -188,7 +323,7 @@ impl<T: Number> WithSimd for FieldRow<'_, T> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        self.slm.write_field_row(self.y, self.phase, self.field);
+        self.slm.write_field_row(self.y, self.shown, self.field);
     }
 }
 
@@ -196,7 +331,7 @@ impl<T: Number> WithSimd for FieldRow<'_, T> {
 struct PhaseGradientRow<'a, T, const ADD: bool> {
     slm: &'a Slm<T>,
     y: usize,
-    phase: &'a [T],
+    shown: ShownRow<'a, T>,
     b: &'a [Complex<T>],
     gradient: &'a mut [T],
 }
@@ -206,6 +341,6 @@ impl<T: Number, const ADD: bool> WithSimd for PhaseGradientRow<'_, T, ADD> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        self.slm.write_phase_gradient_row::<ADD>(self.y, self.phase, self.b, self.gradient);
+        self.slm.write_phase_gradient_row::<ADD>(self.y, self.shown, self.b, self.gradient);
     }
 }

@@ -3,14 +3,15 @@
 
 use lightpath_optics::hologram::initial_phase;
 use lightpath_optics::learning::{
-    BoxError, KernelModel, LearnOptions, Learner, LearningPairs, Pair, PairSource, ResponseUncertainty, compare,
-    interpolated,
+    Block, Blocks, BoxError, KernelModel, LearnOptions, Learner, LearningPairs, Pair, PairSource, ResponseUncertainty,
+    compare, interpolated,
 };
 use lightpath_optics::simulated_display::{SimulatedBench, SimulatedDisplay};
 use lightpath_optics::{
     Detector, DisplayModel, Engine, Error, Grid, KernelShape, OpticalSetup, Orders, RegionOfInterest, SmoothField,
 };
 use rayon::ThreadPoolBuilder;
+use std::f64::consts::TAU;
 
 const HEIGHT_PX: usize = 72;
 const WIDTH_PX: usize = 96;
@@ -143,6 +144,96 @@ fn validation_chooses_order_and_reports_best_loss() {
     assert!(chosen < 1.05 * fixed, "{chosen} against {fixed}");
 }
 
+/// A display learned from ten photographs of a bench, with two more for validation. The light of the usual bench is no
+/// polynomial of order 4, so a fine source describes it better by more than a tenth.
+fn learned_with_validation(bench: &SimulatedDisplay) -> DisplayModel {
+    let (training, validation) = (pairs(bench, 10, 100), pairs(bench, 2, 400));
+    learned(bench, options(bench, None), LearningPairs { training: &training, validation: &validation }).model()
+}
+
+#[test]
+fn crosstalk_is_found_and_its_width_recovered() {
+    let crosstalk = SimulatedBench { seed: 5, crosstalk_px: 0.45, crosstalk_y_px: 0.35, ..SimulatedBench::FAIR };
+    let model = learned_with_validation(&simulated_display(6e-3, crosstalk));
+    let [x, y] = model.crosstalk.sigma_px();
+    assert!((x / 0.45 - 1.0).abs() < 0.1 && (y / 0.35 - 1.0).abs() < 0.1, "σ {x} and {y} px");
+    assert_eq!(Blocks::of(&model).without(Block::FineSource), Blocks::NONE.with(Block::Crosstalk));
+}
+
+#[test]
+fn uneven_surface_is_found_and_recovered() {
+    let bench = simulated_display(6e-3, SimulatedBench { seed: 5, surface_waves: 1.5, ..SimulatedBench::FAIR });
+    let model = learned_with_validation(&bench);
+    assert_eq!(Blocks::of(&model), Blocks::NONE.with(Block::FineSource));
+    let difference_rad = |y: usize, x: usize| {
+        let (at_x, at_y) = (centre(x, WIDTH_PX), centre(y, HEIGHT_PX));
+        model.source.value(at_x, at_y).arg() - bench.surface_rad(y, x)
+    };
+    let rms_rad = rms_without_tilt(difference_rad, |y, x| bench.source(y, x));
+    assert!(rms_rad < 0.1, "{rms_rad} rad");
+}
+
+#[test]
+fn uneven_response_is_found_and_recovered() {
+    let bench = simulated_display(6e-3, SimulatedBench { seed: 5, response_variation: 0.12, ..SimulatedBench::FAIR });
+    let model = learned_with_validation(&bench);
+    assert_eq!(Blocks::of(&model).without(Block::FineSource), Blocks::NONE.with(Block::UnevenResponse));
+    let error = |y: usize, x: usize| {
+        let (at_x, at_y) = (centre(x, WIDTH_PX), centre(y, HEIGHT_PX));
+        (model.response_variation.value(at_x, at_y) - bench.response_variation(y, x)).powi(2)
+    };
+    let places = || (0..HEIGHT_PX).flat_map(|y| (0..WIDTH_PX).map(move |x| (y, x)));
+    let rms = (places().map(|(y, x)| error(y, x)).sum::<f64>() / (HEIGHT_PX * WIDTH_PX) as f64).sqrt();
+    assert!(rms < 0.02, "{rms}");
+}
+
+#[test]
+fn display_without_flaws_of_blocks_gets_none() {
+    let perfect = SimulatedBench { seed: 5, strength: 0.0, ..SimulatedBench::FAIR };
+    let model = learned_with_validation(&simulated_display(6e-3, perfect));
+    assert_eq!((Blocks::of(&model), model.source.order), (Blocks::NONE, 4));
+    let usual = learned_with_validation(&bench(5));
+    assert_eq!(Blocks::of(&usual).without(Block::FineSource), Blocks::NONE);
+    // Without validation pairs there is no choice.
+    let bench = simulated_display(6e-3, SimulatedBench { seed: 5, crosstalk_px: 0.45, ..SimulatedBench::FAIR });
+    let training = pairs(&bench, 6, 100);
+    let alone = learned(&bench, options(&bench, Some(5)), LearningPairs::training_only(&training)).model();
+    assert_eq!(Blocks::of(&alone), Blocks::NONE);
+}
+
+/// Position of a pixel's centre on [−1, 1].
+fn centre(i: usize, n: usize) -> f64 {
+    (2 * i + 1) as f64 / n as f64 - 1.0
+}
+
+/// Root mean square of a phase over the lit pixels without its mean and its tilt, which the kernel's tilt replaces. The
+/// phase is unwrapped along rows and along the first column.
+fn rms_without_tilt(phase: impl Fn(usize, usize) -> f64, amplitude: impl Fn(usize, usize) -> f64) -> f64 {
+    let near = |phase: f64, to: f64| phase - ((phase - to) / TAU).round() * TAU;
+    let mut unwrapped = vec![vec![0.0; WIDTH_PX]; HEIGHT_PX];
+    for y in 0..HEIGHT_PX {
+        for x in 0..WIDTH_PX {
+            let before = if x > 0 { unwrapped[y][x - 1] } else { unwrapped[y.saturating_sub(1)][0] };
+            unwrapped[y][x] = near(phase(y, x), before);
+        }
+    }
+    let places: Vec<(usize, usize)> = (0..HEIGHT_PX)
+        .flat_map(|y| (0..WIDTH_PX).map(move |x| (y, x)))
+        .filter(|&(y, x)| amplitude(y, x) > 0.3)
+        .collect();
+    // Gauss and Seidel's method for the plane that fits best.
+    let mut plane = [0.0; 3];
+    let terms = |y: usize, x: usize| [1.0, centre(x, WIDTH_PX), centre(y, HEIGHT_PX)];
+    let rest = |plane: &[f64; 3], y: usize, x: usize| {
+        unwrapped[y][x] - terms(y, x).iter().zip(plane).map(|(t, c)| t * c).sum::<f64>()
+    };
+    for i in (0..60).map(|round| round % 3) {
+        let product: f64 = places.iter().map(|&(y, x)| rest(&plane, y, x) * terms(y, x)[i]).sum();
+        plane[i] += product / places.iter().map(|&(y, x)| terms(y, x)[i].powi(2)).sum::<f64>();
+    }
+    (places.iter().map(|&(y, x)| rest(&plane, y, x).powi(2)).sum::<f64>() / places.len() as f64).sqrt()
+}
+
 #[test]
 fn kernel_varies_over_modulator_only_if_validation_loss_falls() {
     let fair = SimulatedBench { seed: 5, ..SimulatedBench::FAIR };
@@ -177,7 +268,9 @@ fn warm_start_needs_few_steps() {
 
 #[test]
 fn learning_does_not_depend_on_threads_or_pauses() {
-    let bench = bench(10);
+    let flaws =
+        SimulatedBench { crosstalk_px: 0.4, surface_waves: 1.0, response_variation: 0.1, ..SimulatedBench::FAIR };
+    let bench = simulated_display(6e-3, SimulatedBench { seed: 10, ..flaws });
     let (training, validation) = (pairs(&bench, 5, 100), pairs(&bench, 2, 400));
     let learning_pairs = LearningPairs { training: &training, validation: &validation };
     let short = |model, refinement_evaluations| LearnOptions {
@@ -256,6 +349,25 @@ fn interpolated_display_is_nearly_as_good_as_learned_display() {
         let nearest = held_out_loss(&bench, &DisplayModel { setup: bench.setup(), ..nearest.unwrap().clone() });
         assert!(between < 1.2 * learned_there && between < 0.03 * ideal && between < 0.5 * nearest, "{between}");
     }
+}
+
+#[test]
+fn display_at_several_distances_gets_its_blocks() {
+    let at = |distance_m: f64| {
+        simulated_display(distance_m, SimulatedBench { seed: 11, crosstalk_px: 0.45, ..SimulatedBench::FAIR })
+    };
+    let taken = |count: u64, seed: u64| {
+        let planes = RAIL_M.iter().enumerate();
+        PairsOnRail(planes.map(|(plane, &z_m)| pairs(&at(z_m), count, seed + 50 * plane as u64)).collect())
+    };
+    let (training, validation) = (taken(4, 100), taken(1, 400));
+    let learning_pairs = LearningPairs { training: &training, validation: &validation };
+    let models = learned_on_rail(options(&at(6e-3), Some(5)), learning_pairs);
+    for model in &models {
+        assert_eq!(Blocks::of(model), Blocks::NONE.with(Block::Crosstalk));
+        assert!((model.crosstalk.sigma_px()[0] / 0.45 - 1.0).abs() < 0.1, "{:?}", model.crosstalk);
+    }
+    assert_eq!(interpolated(&models, at(5.5e-3).setup()).unwrap().crosstalk, models[0].crosstalk);
 }
 
 #[test]

@@ -242,6 +242,20 @@ fn learn_facts(result: &v1::LearnResult, facts: &mut Facts) {
     if result.order > 0 {
         facts.add("order", result.order.to_string());
     }
+    if let Some(blocks) = &result.blocks {
+        if let Some(rms) = blocks.surface_rms_rad {
+            facts.add("fine source", format!("surface of {rms:.2} rad RMS"));
+        }
+        if let (Some(x), Some(y)) = (blocks.crosstalk_x_px, blocks.crosstalk_y_px) {
+            facts.add("cross-talk", format!("σ {x:.2} px along x, {y:.2} px along y"));
+        }
+        if let Some(rms) = blocks.response_variation_rms {
+            facts.add("uneven response", format!("{:.1} % RMS", 100.0 * rms));
+        }
+        if blocks.kernel_varies {
+            facts.add("kernel", "varies over the modulator");
+        }
+    }
 }
 
 fn prepare_facts(result: &v1::PrepareResult, facts: &mut Facts) {

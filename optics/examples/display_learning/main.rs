@@ -24,7 +24,9 @@ mod photographed;
 
 use evaluation::{ModelEvaluation, ModelScore};
 use lab::Lab;
-use lightpath_optics::learning::{KernelModel, LearnOptions, LearnStage, Learner, LearningPairs, PairSource as _};
+use lightpath_optics::learning::{
+    Blocks, KernelModel, LearnOptions, LearnStage, Learner, LearningPairs, PairSource as _,
+};
 use lightpath_optics::{DisplayModel, KernelShape};
 use options::{Failure, Options};
 use photographed::PhotographedPairs;
@@ -108,8 +110,8 @@ fn learn(
     let (kept, order) = (learner.kept_pairs(training.len()).len(), order(&learner.model()));
     let total_s = began.elapsed().as_secs_f64();
     let memory = memory::peak_mb().map_or_else(String::new, |mb| format!("{mb:5.0}"));
-    let varies = if learner.model().variation.is_none() { "" } else { ", varies" };
-    let how = format!("({adam_s:.1} s of Adam, order {order}{varies}, {kept} pairs)");
+    let blocks: String = Blocks::of(&learner.model()).iter().map(|block| format!(", {}", block.name())).collect();
+    let how = format!("({adam_s:.1} s of Adam, order {order}{blocks}, {kept} pairs)");
     Ok((learner.model(), format!("{total_s:7.1} {memory}  {how}")))
 }
 

@@ -9,10 +9,10 @@ use crate::convolution::{Convolver, Kernels, Transfer};
 use crate::display_model::KernelShape;
 use crate::interrupt;
 use crate::propagation::passes::{has_sample_transfers, sample_transfers};
-use crate::slm::Slm;
+use crate::slm::{Shown, Slm};
 use crate::smooth_field::SmoothField;
 use crate::spatial_variation::local_kernels;
-use crate::{ConvolutionMethod, Detector, DisplayModel, OpticalSetup, Plane, Result};
+use crate::{ConvolutionMethod, Detector, DisplayModel, OpticalSetup, Plane, ResponseVariation, Result};
 use num_complex::{Complex, Complex64};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -140,7 +140,8 @@ impl<T: Real> EngineCore<T> {
     /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for a phase of another size.
     pub fn field(&self, phase: &Plane<T>) -> Result<Plane<Complex<T>>> {
         phase.expect_size("phase", self.height_px(), self.width_px())?;
-        Ok(self.propagate_rows(|y, row| self.slm.field_row(y, phase.row(y), row)))
+        let shown = self.slm.shown(phase.values());
+        Ok(self.propagate_rows(|y, row| self.slm.field_row(y, shown.row(y), row)))
     }
 
     /// Propagates a complex `field` at the SLM to the image plane. The model of the SLM is not used.
@@ -170,8 +171,12 @@ impl<T: Real> EngineCore<T> {
 
     /// Propagates the phase on the SLM to half-transformed fields in the image plane.
     pub(crate) fn send(&self, phase: &[T], fields: &mut Fields<T>) {
-        let width_px = self.width_px();
-        self.send_rows(fields, |y, row| self.slm.field_row(y, &phase[y * width_px..][..width_px], row));
+        self.send_shown(&self.slm.shown(phase), fields);
+    }
+
+    /// [`Self::send`] for the phases that the SLM shows.
+    pub(crate) fn send_shown(&self, shown: &Shown<'_, T>, fields: &mut Fields<T>) {
+        self.send_rows(fields, |y, row| self.slm.field_row(y, shown.row(y), row));
     }
 
     /// Propagates a field on the SLM, which `fill` writes row by row, to half-transformed fields in the image plane.
@@ -321,7 +326,15 @@ pub(crate) fn tabulate_slm<T: Real>(model: &DisplayModel, carrier: Option<Carrie
     slm.harmonics = model.response.iter().map(|&[a, b]| [T::of(a), T::of(b)]).collect();
     slm.zero_order = Complex::new(T::of(model.zero_order.re), T::of(model.zero_order.im));
     slm.source = (!model.source.is_flat()).then(|| tabulate_source(&model.source, grid.height_px(), grid.width_px()));
+    slm.crosstalk = (!model.crosstalk.is_none()).then_some(model.crosstalk);
+    let variation = &model.response_variation;
+    slm.phase_gain = (!variation.is_none()).then(|| tabulate_gain(variation, grid.height_px(), grid.width_px()));
     slm
+}
+
+/// 1 + v of a response that varies over the SLM, at every pixel.
+pub(crate) fn tabulate_gain<T: Real>(variation: &ResponseVariation, height_px: usize, width_px: usize) -> Vec<T> {
+    variation.tabulated(height_px, width_px).map(|v| T::of(1.0 + v)).collect()
 }
 
 /// Complex amplitude of the source at every pixel.

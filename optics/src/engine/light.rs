@@ -80,7 +80,8 @@ impl<T: Real> EngineCore<T> {
             return Ok(self.light_sent(phase));
         }
         let mut spectrum: Vec<Complex<T>> = zeros(self.convolver.half_spectrum_len(1));
-        self.convolver.forward_rows(&mut spectrum, &[None], |y, row| self.slm.field_row(y, phase.row(y), row));
+        let shown = self.slm.shown(phase.values());
+        self.convolver.forward_rows(&mut spectrum, &[None], |y, row| self.slm.field_row(y, shown.row(y), row));
         // The sum over the padded bins divided by their number is the sum over the pixels (Parseval).
         let power = self.convolver.weighted_power(&spectrum, passed);
         Ok(power / (4 * height_px * width_px) as f64)
@@ -88,11 +89,12 @@ impl<T: Real> EngineCore<T> {
 
     /// Light that leaves the modulator: Σ |c|² over the pixels, with c the field behind the modulator.
     fn light_sent(&self, phase: &Plane<T>) -> f64 {
+        let shown = self.slm.shown(phase.values());
         let rows = (0..self.height_px()).into_par_iter().map_init(
             || vec![Complex::new(T::zero(), T::zero()); self.width_px()],
             |field, y| {
                 interrupt::check();
-                self.slm.field_row(y, phase.row(y), field);
+                self.slm.field_row(y, shown.row(y), field);
                 field.iter().map(|c| c.norm_sqr().wide()).sum::<f64>()
             },
         );

@@ -10,7 +10,7 @@ mod light;
 
 pub use cache::EngineCache;
 pub use core::EngineCore;
-pub(crate) use core::{Fields, SeriesAlongY, kernel_grid, tabulate_source};
+pub(crate) use core::{Fields, SeriesAlongY, kernel_grid, tabulate_gain, tabulate_source};
 pub(crate) use exact_light::nodes;
 
 use crate::carrier::Carrier;

@@ -10,7 +10,8 @@
 //! amplitude, and the phase stays. Outside the picture, where w = 0, the light stays as it is. For a unitary A this is
 //! the round trip of R. Gerchberg and W. Saxton, Optik 35, 237 (1972). Written as a difference, it also serves a
 //! cropped A and several sub-samples, planes and frames, whose corrections are averaged. The factors W raise the target
-//! where light is missing: R. Di Leonardo, F. Ianni and G. Ruocco, Optics Express 15, 1913 (2007).
+//! where light is missing: R. Di Leonardo, F. Ianni and G. Ruocco, Optics Express 15, 1913 (2007). With cross-talk, φ
+//! changes by the difference between the phase that shows arg c′ and the shown phase.
 
 use super::problem::ProblemCore;
 use crate::interrupt;
@@ -32,15 +33,25 @@ pub(super) fn round(
     let evaluation = problem.excess(phase, wanted, weighted, field);
     let engine = problem.engine();
     let (height_px, width_px) = (engine.height_px(), engine.width_px());
-    phase.par_chunks_mut(width_px).zip(field.par_chunks(width_px)).enumerate().for_each_init(
-        || engine.convolver.scratch.take(),
-        |scratch, (i, (phase, excess))| {
-            interrupt::check();
-            let (y, field) = (i % height_px, &mut scratch.row[..width_px]);
-            engine.slm.field_row(y, phase, field);
-            field.iter_mut().zip(excess).for_each(|(c, &excess)| *c -= excess);
-            engine.slm.phase_of_row(y, field, phase);
-        },
-    );
+    let (slm, frame_len) = (&engine.slm, height_px * width_px);
+    for (phase, excess) in phase.chunks_exact_mut(frame_len).zip(field.chunks_exact(frame_len)) {
+        let shown = slm.wraps().then(|| slm.shown(phase).into_owned());
+        phase.par_chunks_mut(width_px).zip(excess.par_chunks(width_px)).enumerate().for_each_init(
+            || engine.convolver.scratch.take(),
+            |scratch, (y, (phase, excess))| {
+                interrupt::check();
+                let field = &mut scratch.row[..width_px];
+                let shown = shown.as_ref().map(|shown| shown.row(y));
+                if let Some(row) = shown.or_else(|| slm.displayed_row(phase)) {
+                    slm.field_row(y, row, field);
+                }
+                field.iter_mut().zip(excess).for_each(|(c, &excess)| *c -= excess);
+                match shown.filter(|_| slm.crosstalk.is_some()) {
+                    Some(shown) => slm.approach_phase_of_row(y, shown, field, phase),
+                    None => slm.phase_of_row(y, field, phase),
+                }
+            },
+        );
+    }
     evaluation
 }

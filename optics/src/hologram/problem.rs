@@ -237,16 +237,25 @@ pub(super) fn send_back<T: Real>(
     sink: &mut Sink<'_, T>,
     add: bool,
 ) {
-    let width_px = engine.width_px();
+    let slm = &engine.slm;
     match sink {
-        Sink::Gradient(gradient) => engine.return_rows(fields, gradient, |y, b, out| {
-            let phase = &phase[y * width_px..][..width_px];
-            if add {
-                engine.slm.add_phase_gradient_row(y, phase, b, out);
-            } else {
-                engine.slm.phase_gradient_row(y, phase, b, out);
+        Sink::Gradient(gradient) => {
+            let shown = slm.shown(phase);
+            if slm.crosstalk.is_some() {
+                let mut by_shown = vec![T::zero(); phase.len()];
+                engine.return_rows(fields, &mut by_shown, |y, b, out| {
+                    slm.phase_gradient_row(y, shown.row(y), b, out);
+                });
+                return slm.gradient_of_displayed(&by_shown, add, gradient);
             }
-        }),
+            engine.return_rows(fields, gradient, |y, b, out| {
+                if add {
+                    slm.add_phase_gradient_row(y, shown.row(y), b, out);
+                } else {
+                    slm.phase_gradient_row(y, shown.row(y), b, out);
+                }
+            });
+        }
         Sink::Field(field) => engine.return_rows(fields, field, |_, b, out| {
             if add {
                 out.iter_mut().zip(b).for_each(|(out, &b)| *out = *out + b);

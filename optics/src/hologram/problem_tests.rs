@@ -3,13 +3,17 @@
 
 use super::*;
 use crate::hologram::initial::random;
-use crate::{Carrier, Detector, DisplayModel, Grid, KernelShape, OpticalSetup, Orders, SmoothField, SpatialVariation};
+use crate::{
+    Carrier, Crosstalk, Detector, DisplayModel, Grid, KernelShape, OpticalSetup, Orders, ResponseVariation,
+    SmoothField, SpatialVariation,
+};
 use num_complex::Complex64;
 
 const SIZES: [(usize, usize); 3] = [(16, 24), (17, 13), (11, 30)];
 
-/// Display with all flaws of the display model. Its kernel varies across the image if `varies` is true.
-fn flawed(setup: OpticalSetup, varies: bool) -> DisplayModel {
+/// Display with all flaws of the display model. Its kernel varies across the image if `varies` is true. With `blurs` its
+/// pixels have cross-talk, and with `uneven` its response varies.
+fn flawed(setup: OpticalSetup, varies: bool, [blurs, uneven]: [bool; 2]) -> DisplayModel {
     let smooth = |order, scale: f64| {
         let mut field = SmoothField::flat(order);
         let both = field.log_amplitude.iter_mut().chain(&mut field.phase);
@@ -25,6 +29,11 @@ fn flawed(setup: OpticalSetup, varies: bool) -> DisplayModel {
         source: smooth(2, 0.1),
         response: vec![[0.15, -0.05], [0.02, 0.04]],
         zero_order: Complex64::new(0.03, -0.02),
+        crosstalk: if blurs { Crosstalk { ratio_x: 0.1, ratio_y: 0.04 } } else { Crosstalk::NONE },
+        response_variation: match uneven {
+            true => ResponseVariation { order: 1, coefficients: vec![0.05, -0.1, 0.08] },
+            false => ResponseVariation::none(),
+        },
         ..DisplayModel::ideal(setup)
     }
 }
@@ -67,7 +76,9 @@ impl Case {
             let setup = setup.with_orders(self.orders).unwrap();
             // The kernel varies for odd heights, and in the second plane.
             let varies = height_px % 2 == 1 || p == 1;
-            let engine = EngineCore::new(&flawed(setup, varies), self.detector, self.carrier).unwrap();
+            // Some sizes have cross-talk in one plane only, or a varying response.
+            let wraps = [width_px != 13 && p == 0, width_px == 30 || p == 1];
+            let engine = EngineCore::new(&flawed(setup, varies, wraps), self.detector, self.carrier).unwrap();
             let wave = |y: usize, x: usize| 0.5 + 0.4 * ((3 * y + (5 + p) * x) as f64).sin();
             let weight = |y: usize, x: usize| [1.0, 0.0, 0.4][(y + 2 * x + p) % 3];
             PlaneInput {

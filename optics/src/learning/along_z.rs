@@ -84,6 +84,13 @@ impl JointLayout {
         plane_theta
     }
 
+    /// Moves parameters that have limits into them.
+    pub(super) fn limit(&self, theta: &mut [f64]) {
+        for (&(position, _), value) in self.slots.iter().zip(theta) {
+            *value = self.layout.limited(position, *value);
+        }
+    }
+
     /// Computes the joint θ of a display that has the θ `plane_theta` at all distances.
     pub(super) fn parameters_for_all_planes(&self, plane_theta: &[f64]) -> Vec<f64> {
         let value = |&(position, k): &(usize, usize)| match self.layout.part(position) {
@@ -192,10 +199,16 @@ fn kernels_of_joint_fit<'a>(models: &[&'a DisplayModel], setup: &OpticalSetup) -
         if model.setup.distance_m() == before.setup.distance_m() {
             return Err(Error::IncompatibleDistances { reason: "each distance may occur only once" });
         }
-        let modulator = (&model.source, &model.response, model.zero_order, &model.variation);
-        if modulator != (&before.source, &before.response, before.zero_order, &before.variation) {
+        let modulator = |model: &DisplayModel| DisplayModel {
+            setup: *setup,
+            kernel: KernelShape::Ideal,
+            gain: 1.0,
+            offset: 0.0,
+            ..model.clone()
+        };
+        if modulator(model) != modulator(before) {
             return Err(Error::IncompatibleDistances {
-                reason: "the source, phase response, zero order and variation must be the same at all distances",
+                reason: "the source, phase response, cross-talk, zero order and variations must be the same at all distances",
             });
         }
     }
@@ -224,7 +237,7 @@ fn lagrange(points: &[f64], nodes: &[usize], at: f64) -> Vec<f64> {
 mod tests {
     use super::*;
     use crate::Grid;
-    use crate::learning::KernelModel;
+    use crate::learning::{Blocks, KernelModel};
 
     const DISTANCES_M: [f64; 4] = [4e-3, 5e-3, 7e-3, 8e-3];
 
@@ -233,7 +246,7 @@ mod tests {
     }
 
     fn joint(distances_m: &[f64], order: usize) -> JointLayout {
-        JointLayout::new(Layout::new(KernelModel::Display, order), distances_m)
+        JointLayout::new(Layout::of(KernelModel::Display, order, Blocks::NONE), distances_m)
     }
 
     fn wave(len: usize) -> Vec<f64> {

@@ -4,7 +4,7 @@
 //! paper.
 
 use super::pair::{Example, measure_each, total};
-use super::{KernelModel, LearnOptions, LearnStage, LearnStep, PairSource, pair::BoxError};
+use super::{Blocks, KernelModel, LearnOptions, LearnStage, LearnStep, PairSource, pair::BoxError};
 use crate::buffers::zeros;
 use crate::convolution::{Kernels, Transfer, split_bin};
 use crate::engine::{EngineCore, Fields};
@@ -127,7 +127,8 @@ impl BinsLearner {
             loss,
             validation_loss: None,
             order: 0,
-            varying: false,
+            blocks: Blocks::NONE,
+            trial: None,
         }))
     }
 

@@ -1,18 +1,17 @@
 //! A parametric model during the fit: its loss for one pair, and the gradient with respect to all its parameters.
 
 use super::columns::project;
-use super::layout::{HARMONICS, Layout, SOURCE_ORDER};
+use super::layout::{FINE_SOURCE_ORDER, HARMONICS, Layout, RESPONSE_VARIATION_ORDER};
 use super::pair::Example;
 use super::smooth_transfer::SmoothTransfer;
 use crate::buffers::zeros;
 use crate::carrier::Carrier;
-use crate::chebyshev::polynomials;
-use crate::chebyshev::position;
+use crate::chebyshev::{ChebyshevBasis, polynomials, position};
 use crate::convolution::Real;
 use crate::convolution::{Kernels, Transfer};
-use crate::engine::{EngineCore, Fields, kernel_grid, tabulate_source};
+use crate::engine::{EngineCore, Fields, kernel_grid, tabulate_gain, tabulate_source};
 use crate::photometry::Sums;
-use crate::slm::{BLOCK, BlockResponse, Slm};
+use crate::slm::{BLOCK, BlockResponse, ShownRow, Slm};
 use crate::{Detector, DisplayModel, Error, KernelShape, OpticalSetup};
 use num_complex::{Complex, Complex64};
 use pulp::Arch;
@@ -41,17 +40,23 @@ pub(super) struct Fit<T> {
 #[derive(Clone, Copy, Debug)]
 struct RowSums {
     /// Σ b* · c · T_i(x)
-    source: [Complex64; SOURCE_ORDER + 1],
+    source: [Complex64; FINE_SOURCE_ORDER + 1],
     /// Im Σ b* · a e^{ir} · (sin kφ, cos kφ)
     response: [[f64; 2]; HARMONICS],
     /// Σ b* · a
     zero_order: Complex64,
+    /// Σ ∂L/∂ψ · ∂ψ/∂q along x and along y
+    crosstalk: [f64; 2],
+    /// Im Σ b* · a e^{ir} · ψ · T_i(x), as the real part
+    variation: [Complex64; RESPONSE_VARIATION_ORDER + 1],
 }
 
 const NO_SUMS: RowSums = RowSums {
-    source: [Complex64::ZERO; SOURCE_ORDER + 1],
+    source: [Complex64::ZERO; FINE_SOURCE_ORDER + 1],
     response: [[0.0; 2]; HARMONICS],
     zero_order: Complex64::ZERO,
+    crosstalk: [0.0; 2],
+    variation: [Complex64::ZERO; RESPONSE_VARIATION_ORDER + 1],
 };
 
 impl<T: Real> Fit<T> {
@@ -62,9 +67,7 @@ impl<T: Real> Fit<T> {
         carrier: Option<Carrier>,
     ) -> Result<Self, Error> {
         let engine = EngineCore::new(&DisplayModel::ideal(setups[0]), detector, carrier)?;
-        let width_px = engine.width_px();
-        let at_x: Vec<Vec<f64>> =
-            (0..width_px).map(|x| polynomials(layout.source.order(), position(x, width_px))).collect();
+        let polynomials_x = tabulate(layout.source.order(), engine.width_px());
         let out = Fields::new(&engine);
         let (back, spectra) = (zeros(engine.image_len()), zeros(engine.convolver.half_spectrum_len(2)));
         Ok(Self {
@@ -74,15 +77,18 @@ impl<T: Real> Fit<T> {
             engine,
             gain: 1.0,
             offset: 0.0,
-            polynomials_x: (0..=layout.source.order()).map(|i| at_x.iter().map(|t| T::of(t[i])).collect()).collect(),
+            polynomials_x,
             out,
             back,
             spectra,
         })
     }
 
-    /// Changes the order of the kernel, or whether it varies over the SLM.
+    /// Changes the order of the kernel or the blocks.
     pub(super) fn change_layout(&mut self, layout: Layout) {
+        if layout.source != self.layout.source {
+            self.polynomials_x = tabulate(layout.source.order(), self.engine.width_px());
+        }
         if layout.kernel != self.layout.kernel {
             self.smooth.change_order(layout.kernel.order());
         }
@@ -118,6 +124,9 @@ impl<T: Real> Fit<T> {
             slm.harmonics = model.response.iter().map(|&[a, b]| [T::of(a), T::of(b)]).collect();
             slm.zero_order = Complex::new(T::of(model.zero_order.re), T::of(model.zero_order.im));
             slm.source = Some(tabulate_source(&model.source, height_px, width_px));
+            slm.crosstalk = self.layout.blocks.crosstalk.then_some(model.crosstalk);
+            let variation = &model.response_variation;
+            slm.phase_gain = self.layout.blocks.uneven_response.then(|| tabulate_gain(variation, height_px, width_px));
         }
     }
 
@@ -163,38 +172,79 @@ impl<T: Real> Fit<T> {
         let (height_px, convolver, kernels) = (self.engine.height_px(), &self.engine.convolver, &self.engine.kernels);
         let (arch, mut rows) = (Arch::new(), vec![NO_SUMS; height_px]);
         let tiles = &self.out.tiles[..kernels.half_spectrum_len(convolver)];
+        let (slm, layout) = (&self.engine.slm, &self.layout);
+        let (shown, slopes) = (slm.shown(example.phase.values()), slm.shown_slopes(example.phase.values()));
         convolver.inverse_rows(tiles, &kernels.along_x, &mut rows, |y, b, out| {
-            let phase = example.phase.row(y);
-            out[0] = arch.dispatch(|| row_sums(&self.engine.slm, y, phase, b, &self.polynomials_x));
+            out[0] = arch.dispatch(|| row_sums(slm, y, shown.row(y), b, &self.polynomials_x[..=layout.source.order()]));
+            if layout.response_variation > 0 {
+                let polynomials_x = &self.polynomials_x[..=RESPONSE_VARIATION_ORDER];
+                out[0].variation = arch.dispatch(|| variation_sums(slm, y, shown.row(y), b, polynomials_x));
+            }
+            if let Some(slopes) = &slopes {
+                let mut by_shown = vec![T::zero(); b.len()];
+                slm.phase_gradient_row(y, shown.row(y), b, &mut by_shown);
+                let row = |slopes: &[T]| product(&by_shown, &slopes[y * b.len()..][..b.len()]);
+                out[0].crosstalk = [row(&slopes[0]), row(&slopes[1])];
+            }
         });
 
-        let order = self.layout.source.order();
-        let mut source = vec![[Complex64::ZERO; SOURCE_ORDER + 1]; order + 1];
+        let order = layout.source.order();
+        let mut source = vec![[Complex64::ZERO; FINE_SOURCE_ORDER + 1]; order + 1];
         let (mut response, mut zero_order) = ([[0.0; 2]; HARMONICS], Complex64::ZERO);
+        let mut crosstalk = [0.0; 2];
+        let mut variation = [[0.0; RESPONSE_VARIATION_ORDER + 1]; RESPONSE_VARIATION_ORDER + 1];
         for (y, row) in rows.iter().enumerate() {
-            for (source, t) in source.iter_mut().zip(polynomials(order, position(y, height_px))) {
+            let at_y = polynomials(order, position(y, height_px));
+            for (source, t) in source.iter_mut().zip(&at_y) {
                 source.iter_mut().zip(&row.source).for_each(|(sum, value)| *sum += value * t);
+            }
+            for (variation, t) in variation.iter_mut().zip(&at_y) {
+                variation.iter_mut().zip(&row.variation).for_each(|(sum, value)| *sum += value.re * t);
             }
             let flat = response.as_flattened_mut().iter_mut().zip(row.response.as_flattened());
             flat.for_each(|(sum, value)| *sum += value);
             zero_order += row.zero_order;
+            crosstalk.iter_mut().zip(row.crosstalk).for_each(|(sum, value)| *sum += value);
         }
-        let mut gradient: Vec<f64> = self.layout.source.degrees().map(|(i, j)| 2.0 * source[j][i].re).collect();
-        gradient.extend(self.layout.source.degrees().map(|(i, j)| -2.0 * source[j][i].im));
+        let mut gradient: Vec<f64> = layout.source.degrees().map(|(i, j)| 2.0 * source[j][i].re).collect();
+        gradient.extend(layout.source.degrees().map(|(i, j)| -2.0 * source[j][i].im));
         gradient.extend(response.as_flattened().iter().map(|sum| -2.0 * sum));
         gradient.extend([2.0 * zero_order.re, -2.0 * zero_order.im]);
+        if layout.blocks.crosstalk {
+            gradient.extend(crosstalk);
+        }
+        if layout.response_variation > 0 {
+            gradient.extend(variation_degrees().map(|(i, j)| -2.0 * variation[j][i]));
+        }
         gradient
     }
 }
 
+/// Degrees (i, j) of the terms of the response's variation, in the order of their coefficients.
+pub(super) fn variation_degrees() -> impl Iterator<Item = (usize, usize)> {
+    std::iter::once((0, 0)).chain(ChebyshevBasis::new(RESPONSE_VARIATION_ORDER).degrees())
+}
+
+/// T_0 … T_order at the position of each of `n` pixels.
+pub(super) fn tabulate<T: Real>(order: usize, n: usize) -> Vec<Vec<T>> {
+    let at: Vec<Vec<f64>> = (0..n).map(|i| polynomials(order, position(i, n))).collect();
+    (0..=order).map(|j| at.iter().map(|t| T::of(t[j])).collect()).collect()
+}
+
 #[inline(always)]
-fn row_sums<T: Real>(slm: &Slm<T>, y: usize, phase: &[T], b: &[Complex<T>], polynomials_x: &[Vec<T>]) -> RowSums {
+fn row_sums<T: Real>(
+    slm: &Slm<T>,
+    y: usize,
+    shown: ShownRow<'_, T>,
+    b: &[Complex<T>],
+    polynomials_x: &[Vec<T>],
+) -> RowSums {
     let mut sums = NO_SUMS;
     // b* · c
-    let mut products = vec![Complex::new(T::zero(), T::zero()); phase.len()];
-    let rows = phase.chunks(BLOCK).zip(b.chunks(BLOCK)).zip(products.chunks_mut(BLOCK));
-    for (i, ((phase, b), products)) in rows.enumerate() {
-        let BlockResponse { sign, turn, modulated, .. } = slm.respond(y, i * BLOCK, phase);
+    let mut products = vec![Complex::new(T::zero(), T::zero()); b.len()];
+    let rows = shown.blocks().zip(b.chunks(BLOCK)).zip(products.chunks_mut(BLOCK));
+    for (i, ((shown, b), products)) in rows.enumerate() {
+        let BlockResponse { sign, turn, modulated, .. } = slm.respond(y, i * BLOCK, shown);
         let mut light = slm.source_times_conj(y, i * BLOCK, b);
         for ((re, im), &sign) in light.re.iter_mut().zip(&mut light.im).zip(&sign) {
             (*re, *im) = (*re * sign, *im * sign);
@@ -214,6 +264,35 @@ fn row_sums<T: Real>(slm: &Slm<T>, y: usize, phase: &[T], b: &[Complex<T>], poly
     }
     project(|x| products[x], polynomials_x, &mut sums.source);
     sums
+}
+
+/// Im Σ b* · a e^{ir} · ψ · T_i(x) along a row, for each i, as the real part.
+#[inline(always)]
+fn variation_sums<T: Real>(
+    slm: &Slm<T>,
+    y: usize,
+    shown: ShownRow<'_, T>,
+    b: &[Complex<T>],
+    polynomials_x: &[Vec<T>],
+) -> [Complex64; RESPONSE_VARIATION_ORDER + 1] {
+    let mut products = vec![T::zero(); b.len()];
+    let rows = shown.blocks().zip(b.chunks(BLOCK)).zip(products.chunks_mut(BLOCK));
+    for (i, ((shown, b), products)) in rows.enumerate() {
+        let BlockResponse { sign, modulated, .. } = slm.respond(y, i * BLOCK, shown);
+        let turned = slm.source_times_conj(y, i * BLOCK, b).multiplied(&modulated);
+        for ((x, product), &phase) in products.iter_mut().enumerate().zip(shown.phases()) {
+            *product = turned.im[x] * sign[x] * phase;
+        }
+    }
+    let mut sums = [Complex64::ZERO; RESPONSE_VARIATION_ORDER + 1];
+    project(|x| Complex::new(products[x], T::zero()), polynomials_x, &mut sums);
+    sums
+}
+
+/// Σ a · b in a fixed order.
+fn product<T: Real>(a: &[T], b: &[T]) -> f64 {
+    let block = |(a, b): (&[T], &[T])| a.iter().zip(b).fold(T::zero(), |sum, (&a, &b)| sum + a * b).wide();
+    a.chunks(BLOCK).zip(b.chunks(BLOCK)).map(block).sum()
 }
 
 #[inline(always)]
@@ -241,25 +320,32 @@ fn sum<T: Real>(values: &[T; BLOCK]) -> f64 {
 mod tests {
     use super::*;
     use crate::hologram::initial_phase;
-    use crate::learning::{KernelModel, Pair};
+    use crate::learning::{Block, Blocks, KernelModel, Pair};
     use crate::{Grid, Plane, RegionOfInterest};
+
+    /// All blocks but the varying kernel.
+    const ALL: Blocks = Blocks { varying: false, ..Blocks::ALL };
 
     #[test]
     fn gradient_of_every_parameter_matches_central_differences() {
-        for (model, order, carrier) in [
-            (KernelModel::Smooth, 3, None),
-            (KernelModel::Display, 4, None),
-            (KernelModel::Display, 2, Some(Carrier::HalfOrderX)),
-            (KernelModel::Varying, 5, Some(Carrier::HalfOrderX)),
+        for (model, order, blocks, carrier, detector) in [
+            (KernelModel::Smooth, 3, Blocks::NONE, None, Detector::Pixel),
+            (KernelModel::Display, 4, Blocks::NONE, None, Detector::Pixel),
+            (KernelModel::Display, 2, Blocks::NONE, Some(Carrier::HalfOrderX), Detector::Pixel),
+            (KernelModel::Varying, 5, Blocks::NONE.with(Block::Varying), Some(Carrier::HalfOrderX), Detector::Pixel),
+            (KernelModel::Display, 2, ALL, None, Detector::Point),
+            (KernelModel::Display, 2, ALL, Some(Carrier::HalfOrderX), Detector::Pixel),
+            (KernelModel::Display, 2, ALL, Some(Carrier::HalfOrderY), Detector::Supersampled),
         ] {
             let grid = Grid::try_new(18, 23, 8e-6).unwrap();
             let setup = OpticalSetup::try_new(grid, 515e-9, 2e-3).unwrap();
-            let layout = Layout::of(model, order, model == KernelModel::Varying);
-            let mut fit = Fit::<f64>::new(vec![setup], layout, Detector::Pixel, carrier).unwrap();
+            let layout = Layout::of(model, order, blocks);
+            let mut fit = Fit::<f64>::new(vec![setup], layout, detector, carrier).unwrap();
             let photo = Plane::from_fn(18, 23, |y, x| 0.5 + 0.5 * ((y * 2 + x * 3) as f32).sin());
             let phase = initial_phase(18, 23, 6.0, 3).unwrap();
             let example = Example::new(&Pair { phase, photo }, &fit.engine, RegionOfInterest::middle(&grid)).unwrap();
-            let theta: Vec<f64> = (0..fit.layout.len()).map(|i| 0.1 * (i as f64 * 1.3 + 0.5).sin()).collect();
+            let mut theta: Vec<f64> = (0..fit.layout.len()).map(|i| 0.1 * (i as f64 * 1.3 + 0.5).sin()).collect();
+            theta[layout.crosstalk()..layout.response_variation()].iter_mut().for_each(|q| *q = 0.1 + q.abs());
             fit.set(0, &theta);
             let (_, gradient) = fit.evaluate(&example);
             let scale = gradient.iter().fold(0.0_f64, |largest, g| largest.max(g.abs()));
@@ -274,7 +360,7 @@ mod tests {
                 let difference = (at(h) - at(-h)) / (2.0 * h);
                 assert!(
                     (gradient[i] - difference).abs() < 1e-6 * scale,
-                    "{model:?}, parameter {i} of {}: {} against {difference}",
+                    "{model:?}, {blocks:?}, parameter {i} of {}: {} against {difference}",
                     theta.len(),
                     gradient[i]
                 );

@@ -13,16 +13,15 @@
 //! rows for each term, and for some rows only. For a term of the kernel's variation over the SLM, ∂u is the sum of the
 //! light of the local kernels, each multiplied by the power of its position.
 
-use super::fit::Fit;
+use super::fit::{Fit, tabulate, variation_degrees};
 use super::pair::Example;
 use crate::SpatialVariation;
 use crate::buffers::zeros;
-use crate::chebyshev::position;
-use crate::chebyshev::{ChebyshevBasis, polynomials};
+use crate::chebyshev::ChebyshevBasis;
 use crate::convolution::Real;
 use crate::engine::EngineCore;
 use crate::interrupt;
-use crate::slm::{BLOCK, BlockResponse, Slm};
+use crate::slm::{BLOCK, BlockResponse, Shown, ShownRow, Slm};
 use num_complex::Complex;
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
@@ -66,6 +65,8 @@ impl<T: Real> Fit<T> {
                 self.kernel_derivatives(&engine, series, &mut jacobian);
             }
         }
+        // The derivatives by the source change the windows of the kernels, which then must have one owner.
+        drop(engine);
         if layout.has_slm() {
             self.slm_derivatives(example, &mut jacobian);
         }
@@ -100,27 +101,72 @@ impl<T: Real> Fit<T> {
 
     fn slm_derivatives(&mut self, example: &Example<T>, jacobian: &mut Jacobian<T>) {
         let (layout, slm) = (self.layout, Arc::clone(&self.engine.slm));
-        let terms = layout.source.terms();
-        let height_px = self.engine.height_px();
-        for (slot, (i, j)) in layout.source.degrees().enumerate() {
-            let along_x = std::mem::take(&mut self.polynomials_x[i]);
-            self.send_rows(|y, row| {
-                slm.field_row(y, example.phase.row(y), row);
-                let at_y = T::of(polynomials(layout.source.order(), position(y, height_px))[j]);
-                row.iter_mut().zip(&along_x).for_each(|(c, &t)| *c = c.scale(t * at_y));
-            });
-            self.polynomials_x[i] = along_x;
-            jacobian.add_derivatives(self, None, Some(layout.source() + slot), Some(layout.source() + terms + slot));
-        }
+        let shown = slm.shown(example.phase.values());
+        self.source_derivatives(&shown, &slm, jacobian);
+        // ∂c is i e^{ir} times a real number for each of these, so the derivative is the one of a phase.
         for k in 0..layout.harmonics {
             for cosine in [false, true] {
-                self.send_rows(|y, row| modulated_row(&slm, y, example.phase.row(y), Some((k, cosine)), row));
-                // ∂c is i e^{ir} times a real number, so the derivative is the one of a phase.
+                self.send_rows(|y, row| {
+                    turned_row(&slm, y, shown.row(y), row, |BlockResponse { turn, .. }| {
+                        let power = (0..k).fold(*turn, |power, _| power.multiplied(turn));
+                        if cosine { power.re } else { power.im }
+                    });
+                });
                 jacobian.add_derivatives(self, None, None, Some(layout.response() + 2 * k + usize::from(cosine)));
             }
         }
-        self.send_rows(|y, row| modulated_row(&slm, y, example.phase.row(y), None, row));
+        self.send_rows(|y, row| undiffracted_row(&slm, y, row));
         jacobian.add_derivatives(self, None, Some(layout.zero_order()), Some(layout.zero_order() + 1));
+        for (axis, slopes) in slm.shown_slopes(example.phase.values()).into_iter().flatten().enumerate() {
+            let width_px = self.engine.width_px();
+            self.send_rows(|y, row| {
+                turned_row(&slm, y, shown.row(y), row, |response| response.slope);
+                row.iter_mut().zip(&slopes[y * width_px..]).for_each(|(c, &slope)| *c = c.scale(slope));
+            });
+            jacobian.add_derivatives(self, None, None, Some(layout.crosstalk() + axis));
+        }
+        if layout.response_variation > 0 {
+            let polynomials_y: Vec<Vec<T>> = tabulate(layout.source.order(), self.engine.height_px());
+            for (slot, (i, j)) in variation_degrees().enumerate() {
+                let along_x = std::mem::take(&mut self.polynomials_x[i]);
+                self.send_rows(|y, row| {
+                    let shown = shown.row(y);
+                    turned_row(&slm, y, shown, row, |_| [polynomials_y[j][y]; BLOCK]);
+                    for ((c, &phase), &t) in row.iter_mut().zip(shown.phases()).zip(&along_x) {
+                        *c = c.scale(phase * t);
+                    }
+                });
+                self.polynomials_x[i] = along_x;
+                jacobian.add_derivatives(self, None, None, Some(layout.response_variation() + slot));
+            }
+        }
+    }
+
+    /// Adds the derivatives by the terms T_i(x) T_j(y) of the source: rows are transformed once for each i, and T_j is a
+    /// window along y.
+    fn source_derivatives(&mut self, shown: &Shown<'_, T>, slm: &Slm<T>, jacobian: &mut Jacobian<T>) {
+        let (basis, start) = (self.layout.source, self.layout.source());
+        let polynomials_y: Vec<Vec<T>> = tabulate(basis.order(), self.engine.height_px());
+        let windows = self.engine.kernels.along_y.clone();
+        for i in 0..=basis.order() {
+            let Self { engine, out, polynomials_x, .. } = self;
+            let spectrum = &mut out.spectrum[..engine.kernels.half_spectrum_len(&engine.convolver)];
+            engine.convolver.forward_rows(spectrum, &engine.kernels.along_x, |y, row| {
+                slm.field_row(y, shown.row(y), row);
+                row.iter_mut().zip(&polynomials_x[i]).for_each(|(c, &t)| *c = c.scale(t));
+            });
+            for (slot, (_, j)) in basis.degrees().enumerate().filter(|(_, degrees)| degrees.0 == i) {
+                let Self { engine, out, .. } = self;
+                let kernels = Arc::make_mut(&mut engine.kernels);
+                kernels.along_y =
+                    windows.iter().map(|window| Some(times(window.as_deref(), &polynomials_y[j]))).collect();
+                let spectrum = &out.spectrum[..kernels.half_spectrum_len(&engine.convolver)];
+                let image_len = engine.convolver.half_spectrum_len(engine.convolver.lanes());
+                engine.convolver.propagate(spectrum, kernels, &mut out.tiles[..image_len]);
+                jacobian.add_derivatives(self, None, Some(start + slot), Some(start + basis.terms() + slot));
+            }
+        }
+        Arc::make_mut(&mut self.engine.kernels).along_y = windows;
     }
 
     /// Propagates a field with the given rows instead of the SLM's field.
@@ -129,30 +175,40 @@ impl<T: Real> Fit<T> {
     }
 }
 
-/// Row of a · k · e^{ir} · sin((n + 1)φ), or of the same with the cosine; without a harmonic, of a · k.
-fn modulated_row<T: Real>(
+/// A window times a polynomial.
+fn times<T: Real>(window: Option<&[T]>, polynomial: &[T]) -> Vec<T> {
+    match window {
+        Some(window) => window.iter().zip(polynomial).map(|(&w, &t)| w * t).collect(),
+        None => polynomial.to_vec(),
+    }
+}
+
+/// Row of a · k · e^{ir} times a real number for each pixel of a block.
+fn turned_row<T: Real>(
     slm: &Slm<T>,
     y: usize,
-    phase: &[T],
-    harmonic: Option<(usize, bool)>,
+    shown: ShownRow<'_, T>,
     row: &mut [Complex<T>],
+    factors: impl Fn(&BlockResponse<T>) -> [T; BLOCK],
 ) {
-    for (block, (phase, row)) in phase.chunks(BLOCK).zip(row.chunks_mut(BLOCK)).enumerate() {
-        let BlockResponse { sign, turn, modulated, .. } = slm.respond(y, block * BLOCK, phase);
-        let mut power = turn;
-        for _ in 0..harmonic.map_or(0, |(n, _)| n) {
-            power = power.multiplied(&turn);
-        }
+    for (block, (shown, row)) in shown.blocks().zip(row.chunks_mut(BLOCK)).enumerate() {
+        let response = slm.respond(y, block * BLOCK, shown);
+        let factors = factors(&response);
         for (x, c) in row.iter_mut().enumerate() {
-            *c = match harmonic {
-                None => Complex::new(sign[x], T::zero()),
-                Some((_, cosine)) => {
-                    let factor = sign[x] * if cosine { power.re[x] } else { power.im[x] };
-                    Complex::new(modulated.re[x] * factor, modulated.im[x] * factor)
-                }
-            };
+            let factor = response.sign[x] * factors[x];
+            *c = Complex::new(response.modulated.re[x] * factor, response.modulated.im[x] * factor);
         }
     }
+    times_source(slm, y, row);
+}
+
+/// Row of a · k.
+fn undiffracted_row<T: Real>(slm: &Slm<T>, y: usize, row: &mut [Complex<T>]) {
+    row.iter_mut().enumerate().for_each(|(x, c)| *c = Complex::new(slm.sign(y, x), T::zero()));
+    times_source(slm, y, row);
+}
+
+fn times_source<T: Real>(slm: &Slm<T>, y: usize, row: &mut [Complex<T>]) {
     if let Some(source) = &slm.source {
         row.iter_mut().zip(&source[y * slm.width_px..]).for_each(|(c, &a)| *c = *c * a);
     }
@@ -309,30 +365,52 @@ impl<T: Real> WithSimd for Products<'_, T> {
     fn with_simd<S: Simd>(self, _: S) -> Self::Output {
         let Self { values, error, parameters, width } = self;
         let row = |a: usize| &values[a * width..][..width];
-        let mut products = Vec::with_capacity(parameters * (parameters + 1) / 2);
-        let mut gradient = Vec::with_capacity(parameters);
-        for a in 0..parameters {
-            gradient.push(dot(row(a), error));
-            products.extend((a..parameters).map(|b| dot(row(a), row(b))));
+        let mut products = vec![0.0; parameters * (parameters + 1) / 2];
+        let gradient = (0..parameters).map(|a| dot(row(a), error)).collect();
+        // Products of a with a and the later ones start here.
+        let start = |a: usize| a * parameters - a * a.saturating_sub(1) / 2;
+        for first in (0..parameters).step_by(TOGETHER) {
+            // The last rows are repeated where fewer are left.
+            let together: [&[T]; TOGETHER] = std::array::from_fn(|k| row((first + k).min(parameters - 1)));
+            for b in first..parameters {
+                let found = dots(together, row(b));
+                for (a, found) in (first..=b).zip(found) {
+                    products[start(a) + b - a] = found;
+                }
+            }
         }
         (products, gradient)
     }
 }
 
+/// Number of rows that are multiplied by another one together, so that it is read once for all of them.
+const TOGETHER: usize = 4;
+
 /// Dot product in a fixed order, in lanes that vector instructions can add.
 #[inline(always)]
 fn dot<T: Real>(a: &[T], b: &[T]) -> f64 {
+    let [found] = dots([a], b);
+    found
+}
+
+/// Dot products of several rows with another one.
+#[inline(always)]
+fn dots<T: Real, const N: usize>(rows: [&[T]; N], b: &[T]) -> [f64; N] {
     const LANES: usize = 16;
-    let mut lanes = [T::zero(); LANES];
-    let (a_blocks, a_rest) = a.as_chunks::<LANES>();
+    let mut lanes = [[T::zero(); LANES]; N];
     let (b_blocks, b_rest) = b.as_chunks::<LANES>();
-    for (a, b) in a_blocks.iter().zip(b_blocks) {
-        for lane in 0..LANES {
-            lanes[lane] = lanes[lane] + a[lane] * b[lane];
+    let blocks = rows.map(|row| &row.as_chunks::<LANES>().0[..b_blocks.len()]);
+    for (i, b) in b_blocks.iter().enumerate() {
+        for (lanes, blocks) in lanes.iter_mut().zip(blocks) {
+            for lane in 0..LANES {
+                lanes[lane] = lanes[lane] + blocks[i][lane] * b[lane];
+            }
         }
     }
-    let rest = a_rest.iter().zip(b_rest).map(|(a, b)| (*a * *b).wide()).sum::<f64>();
-    lanes.iter().map(|lane| lane.wide()).sum::<f64>() + rest
+    std::array::from_fn(|n| {
+        let rest = rows[n].as_chunks::<LANES>().1.iter().zip(b_rest).map(|(a, b)| (*a * *b).wide()).sum::<f64>();
+        lanes[n].iter().map(|lane| lane.wide()).sum::<f64>() + rest
+    })
 }
 
 #[cfg(test)]
@@ -340,39 +418,39 @@ mod tests {
     use super::*;
     use crate::hologram::initial_phase;
     use crate::learning::layout::Layout;
-    use crate::learning::{KernelModel, Pair};
+    use crate::learning::{Blocks, KernelModel, Pair};
     use crate::{Carrier, Detector, Grid, OpticalSetup, Plane, RegionOfInterest};
 
     /// A fit away from any optimum, its example and its parameters.
     fn fit_away_from_optimum(
-        model: KernelModel,
-        order: usize,
-        carrier: Option<Carrier>,
+        (model, order, blocks, carrier): (KernelModel, usize, Blocks, Option<Carrier>),
     ) -> (Fit<f64>, Example<f64>, Vec<f64>) {
         let grid = Grid::try_new(18, 23, 8e-6).unwrap();
         let setup = OpticalSetup::try_new(grid, 515e-9, 2e-3).unwrap();
-        let layout = Layout::of(model, order, model == KernelModel::Varying);
+        let layout = Layout::of(model, order, blocks);
         let mut fit = Fit::<f64>::new(vec![setup], layout, Detector::Pixel, carrier).unwrap();
         // Some pixels are saturated.
         let photo = Plane::from_fn(18, 23, |y, x| (0.6 + 0.5 * ((y * 2 + x * 3) as f32).sin()).min(1.0));
         let pair = Pair { phase: initial_phase(18, 23, 6.0, 3).unwrap(), photo };
         let example = Example::new(&pair, &fit.engine, RegionOfInterest::middle(&grid)).unwrap();
-        let theta: Vec<f64> = (0..fit.layout.len()).map(|i| 0.1 * (i as f64 * 1.3 + 0.5).sin()).collect();
+        let mut theta: Vec<f64> = (0..fit.layout.len()).map(|i| 0.1 * (i as f64 * 1.3 + 0.5).sin()).collect();
+        theta[layout.crosstalk()..layout.response_variation()].iter_mut().for_each(|q| *q = 0.1 + q.abs());
         fit.set(0, &theta);
         (fit, example, theta)
     }
 
-    const MODELS: [(KernelModel, usize, Option<Carrier>); 4] = [
-        (KernelModel::Smooth, 3, None),
-        (KernelModel::Display, 4, None),
-        (KernelModel::Display, 2, Some(Carrier::HalfOrderX)),
-        (KernelModel::Varying, 5, Some(Carrier::HalfOrderX)),
+    const MODELS: [(KernelModel, usize, Blocks, Option<Carrier>); 5] = [
+        (KernelModel::Smooth, 3, Blocks::NONE, None),
+        (KernelModel::Display, 4, Blocks::NONE, None),
+        (KernelModel::Display, 2, Blocks::NONE, Some(Carrier::HalfOrderX)),
+        (KernelModel::Varying, 5, Blocks { varying: true, ..Blocks::NONE }, Some(Carrier::HalfOrderX)),
+        (KernelModel::Display, 2, Blocks { varying: false, ..Blocks::ALL }, Some(Carrier::HalfOrderX)),
     ];
 
     #[test]
     fn light_derivatives_match_back_propagated_gradient() {
-        for (model, order, carrier) in MODELS {
-            let (mut fit, example, _) = fit_away_from_optimum(model, order, carrier);
+        for case @ (model, ..) in MODELS {
+            let (mut fit, example, _) = fit_away_from_optimum(case);
             let (_, backward) = fit.evaluate(&example);
             let forward = fit.curvature(&example, 0, 1).gradient;
             let scale = backward.iter().fold(0.0_f64, |largest, g| largest.max(g.abs()));
@@ -400,8 +478,8 @@ mod tests {
 
     #[test]
     fn curvature_matches_central_differences() {
-        for (model, order, carrier) in MODELS {
-            let (mut fit, example, theta) = fit_away_from_optimum(model, order, carrier);
+        for case @ (model, ..) in MODELS {
+            let (mut fit, example, theta) = fit_away_from_optimum(case);
             let curvature = fit.curvature(&example, 1, 3);
             let (gain, h) = (fit.gain, 1e-5);
             let mut light = |theta: &[f64]| -> Vec<f64> {

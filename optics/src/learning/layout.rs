@@ -1,20 +1,26 @@
 //! Positions of a model's parameters in θ.
 //!
 //! θ holds, in this order: α and ψ of the kernel, log amplitude and phase of the source, [a_k, b_k] of the phase
-//! response, the zero order's real and imaginary part, and α_m and ψ_m of the kernel's variation over the SLM. The
+//! response, the zero order's real and imaginary part, q of the cross-talk along x and y, the series v of the response's
+//! variation, and α_m and ψ_m of the kernel's variation over the SLM. The
 //! model `smooth` has the kernel only. Gain and offset are not in θ: each photograph has its own.
 
-use super::KernelModel;
+use super::{Blocks, KernelModel};
 use crate::chebyshev::ChebyshevBasis;
 use crate::convolution::Real;
 use crate::spatial_variation::local_kernels;
-use crate::{DisplayModel, KernelShape, OpticalSetup, SmoothField, SpatialVariation};
+use crate::{Crosstalk, DisplayModel, KernelShape, OpticalSetup, ResponseVariation, SmoothField, SpatialVariation};
 use num_complex::Complex64;
+use std::ops::Range;
 
 /// Highest total degree of the source profile.
 pub(crate) const SOURCE_ORDER: usize = 4;
+/// Highest total degree of a fine source profile. Order 8 leaves 3 dB less light in place on a surface of 1.5 waves.
+pub(crate) const FINE_SOURCE_ORDER: usize = 10;
 /// Number of harmonics of the phase response.
 pub(crate) const HARMONICS: usize = 3;
+/// Highest total degree of the variation of the phase response.
+pub(crate) const RESPONSE_VARIATION_ORDER: usize = 3;
 /// Highest total degree of the kernel's variation over the SLM: that of third-order aberrations.
 pub(crate) const VARIATION_ORDER: usize = 4;
 
@@ -25,8 +31,14 @@ pub(super) struct Layout {
     pub(super) source: ChebyshevBasis,
     pub(super) harmonics: usize,
     zero_order: usize,
+    /// 2 with cross-talk, otherwise 0.
+    crosstalk: usize,
+    /// Number of coefficients of the response's variation.
+    pub(super) response_variation: usize,
     /// Basis of the variation over the SLM; of order 0 when the kernel is the same everywhere.
     pub(super) variation: ChebyshevBasis,
+    /// Blocks of the model.
+    pub(super) blocks: Blocks,
 }
 
 /// The part of the display that a parameter describes.
@@ -41,21 +53,20 @@ pub(super) enum Part {
 }
 
 impl Layout {
-    /// Layout of a model with a uniform kernel of total degree up to `order`.
-    pub(super) fn new(model: KernelModel, order: usize) -> Self {
+    /// Layout of a model with a kernel of total degree up to `order` and some blocks.
+    pub(super) fn of(model: KernelModel, order: usize, blocks: Blocks) -> Self {
+        let source_order = if blocks.fine_source { FINE_SOURCE_ORDER } else { SOURCE_ORDER };
         let (source, harmonics, zero_order) = match model {
             KernelModel::Smooth => (0, 0, 0),
-            KernelModel::Display | KernelModel::Varying => (SOURCE_ORDER, HARMONICS, 2),
+            KernelModel::Display | KernelModel::Varying => (source_order, HARMONICS, 2),
             KernelModel::Paper | KernelModel::Dense => unreachable!("models of bins are learned by their own method"),
         };
-        let [kernel, source, variation] = [order, source, 0].map(ChebyshevBasis::new);
-        Self { kernel, source, harmonics, zero_order, variation }
-    }
-
-    /// Layout of a model whose kernel varies over the SLM if `varying`.
-    pub(super) fn of(model: KernelModel, order: usize, varying: bool) -> Self {
-        let variation = ChebyshevBasis::new(if varying { VARIATION_ORDER.min(order) } else { 0 });
-        Self { variation, ..Self::new(model, order) }
+        let variation = if blocks.varying { VARIATION_ORDER.min(order) } else { 0 };
+        let [kernel, source, variation] = [order, source, variation].map(ChebyshevBasis::new);
+        let crosstalk = if blocks.crosstalk { 2 } else { 0 };
+        let response_variation =
+            if blocks.uneven_response { ResponseVariation::terms(RESPONSE_VARIATION_ORDER) } else { 0 };
+        Self { kernel, source, harmonics, zero_order, crosstalk, response_variation, variation, blocks }
     }
 
     /// Whether the kernel varies over the SLM.
@@ -79,9 +90,25 @@ impl Layout {
         self.response() + 2 * self.harmonics
     }
 
+    pub(super) fn crosstalk(&self) -> usize {
+        self.zero_order() + self.zero_order
+    }
+
+    pub(super) fn response_variation(&self) -> usize {
+        self.crosstalk() + self.crosstalk
+    }
+
     /// Start of the coefficients of one power of the position on the SLM.
     pub(super) fn variation(&self, power: usize) -> usize {
-        self.zero_order() + self.zero_order + 2 * self.variation.terms() * power
+        self.response_variation() + self.response_variation + 2 * self.variation.terms() * power
+    }
+
+    /// The value of the parameter at a position of θ, moved into its limits.
+    pub(super) fn limited(&self, position: usize, value: f64) -> f64 {
+        match (self.crosstalk()..self.response_variation()).contains(&position) {
+            true => value.clamp(0.0, Crosstalk::RATIO_MAX),
+            false => value,
+        }
     }
 
     pub(super) fn has_slm(&self) -> bool {
@@ -155,7 +182,15 @@ impl Layout {
                 phase: rest[..basis.terms()].to_vec(),
             }
         };
-        let zero_order = &parameters[self.zero_order()..self.variation(0)];
+        let zero_order = &parameters[self.zero_order()..self.crosstalk()];
+        let crosstalk = match parameters[self.crosstalk()..self.response_variation()] {
+            [ratio_x, ratio_y] => Crosstalk { ratio_x, ratio_y },
+            _ => Crosstalk::NONE,
+        };
+        let response_variation = match &parameters[self.response_variation()..self.variation(0)] {
+            [] => ResponseVariation::none(),
+            coefficients => ResponseVariation { order: RESPONSE_VARIATION_ORDER, coefficients: coefficients.to_vec() },
+        };
         let along = |power| smooth(self.variation, self.variation(power));
         let variation = match self.varies() {
             true => SpatialVariation::new(std::array::from_fn(along)),
@@ -167,21 +202,38 @@ impl Layout {
             variation,
             source: smooth(self.source, self.source()),
             response: parameters[self.response()..self.zero_order()].as_chunks().0.to_vec(),
+            response_variation,
+            crosstalk,
             zero_order: zero_order.first_chunk().map_or(Complex64::ZERO, |&[re, im]| Complex64::new(re, im)),
             gain,
             offset,
         }
     }
 
-    /// Converts θ to a layout with another order of the kernel, or with a kernel that varies over the SLM. Terms that
-    /// the other layout lacks are left out.
+    /// Converts θ to a layout with another order of the kernel or other blocks. Terms that the other layout lacks are
+    /// left out.
     pub(super) fn converted(&self, theta: &[f64], to: &Self) -> Vec<f64> {
-        let (log_amplitude, rest) = theta.split_at(self.kernel.terms());
-        let (phase, slm) = rest.split_at(self.kernel.terms());
-        let mut converted = coefficients(to.kernel, self.kernel, log_amplitude);
-        converted.extend(coefficients(to.kernel, self.kernel, phase));
-        converted.extend(slm);
-        converted.resize(to.len(), 0.0);
+        let mut converted = vec![0.0; to.len()];
+        let mut move_series = |(from, from_start): (ChebyshevBasis, usize), (to, to_start): (ChebyshevBasis, usize)| {
+            for half in 0..2 {
+                let values = &theta[from_start + half * from.terms()..][..from.terms()];
+                let place = &mut converted[to_start + half * to.terms()..][..to.terms()];
+                place.copy_from_slice(&coefficients(to, from, values));
+            }
+        };
+        move_series((self.kernel, 0), (to.kernel, 0));
+        move_series((self.source, self.source()), (to.source, to.source()));
+        for power in 0..SpatialVariation::POWERS {
+            move_series((self.variation, self.variation(power)), (to.variation, to.variation(power)));
+        }
+        let mut move_numbers = |from: Range<usize>, to: Range<usize>| {
+            if from.len() == to.len() {
+                converted[to].copy_from_slice(&theta[from]);
+            }
+        };
+        move_numbers(self.response()..self.crosstalk(), to.response()..to.crosstalk());
+        move_numbers(self.crosstalk()..self.response_variation(), to.crosstalk()..to.response_variation());
+        move_numbers(self.response_variation()..self.variation(0), to.response_variation()..to.variation(0));
         converted
     }
 
@@ -195,6 +247,14 @@ impl Layout {
             parameters.extend(model.response.get(harmonic).copied().unwrap_or_default());
         }
         parameters.extend([model.zero_order.re, model.zero_order.im].iter().take(self.zero_order));
+        parameters.extend(model.crosstalk.ratios().iter().take(self.crosstalk));
+        if self.response_variation > 0 {
+            let ResponseVariation { order, coefficients: values } = &model.response_variation;
+            let (constant, rest) = values.split_first().map_or((0.0, &[][..]), |(&constant, rest)| (constant, rest));
+            let [to, from] = [RESPONSE_VARIATION_ORDER, *order].map(ChebyshevBasis::new);
+            parameters.push(constant);
+            parameters.extend(coefficients(to, from, rest));
+        }
         for power in 0..SpatialVariation::POWERS {
             push_field(&mut parameters, self.variation, model.variation.fields().get(power));
         }
@@ -227,10 +287,10 @@ mod tests {
     #[test]
     fn larger_basis_keeps_display_unchanged() {
         let setup = OpticalSetup::try_new(Grid::try_new(18, 23, 8e-6).unwrap(), 515e-9, 2e-3).unwrap();
-        let small = Layout::new(KernelModel::Display, 3);
+        let small = Layout::of(KernelModel::Display, 3, Blocks::NONE);
         let theta: Vec<f64> = (0..small.len()).map(|i| (i as f64 * 1.3 + 0.5).sin()).collect();
         let model = small.model(&setup, (0.7, 0.1), &theta);
-        let large = Layout::new(KernelModel::Display, 8);
+        let large = Layout::of(KernelModel::Display, 8, Blocks { varying: false, ..Blocks::ALL });
         let again = large.model(&setup, (model.gain, model.offset), &large.parameters(&model));
         let (KernelShape::Smooth(before), KernelShape::Smooth(after)) = (&model.kernel, &again.kernel) else {
             panic!()
@@ -238,7 +298,15 @@ mod tests {
         for (x, y) in [(-0.9, 0.2), (0.3, 0.7), (1.0, -1.0)] {
             assert!((before.value(x, y) - after.value(x, y)).norm() < 1e-12);
         }
-        let kernel = KernelShape::Ideal;
-        assert_eq!(DisplayModel { kernel: kernel.clone(), ..again }, DisplayModel { kernel, ..model });
+        for (x, y) in [(-0.9, 0.2), (0.3, 0.7), (1.0, -1.0)] {
+            assert!((model.source.value(x, y) - again.source.value(x, y)).norm() < 1e-12);
+        }
+        let (kernel, source) = (KernelShape::Ideal, SmoothField::flat(0));
+        let rest =
+            |model: &DisplayModel| DisplayModel { kernel: kernel.clone(), source: source.clone(), ..model.clone() };
+        let again = DisplayModel { response_variation: ResponseVariation::none(), ..again };
+        assert_eq!(rest(&again), rest(&model));
+        assert_eq!(small.converted(&theta, &large), large.parameters(&model));
+        assert_eq!(large.converted(&large.parameters(&model), &small), theta);
     }
 }

@@ -16,6 +16,7 @@
 
 mod along_z;
 pub mod bins;
+mod blocks;
 mod columns;
 mod fit;
 mod jacobian;
@@ -29,11 +30,12 @@ mod uncertainty;
 
 /// Sizes that determine the memory of a fit.
 pub(crate) mod sizes {
-    pub(crate) use super::layout::{HARMONICS, SOURCE_ORDER, VARIATION_ORDER};
+    pub(crate) use super::layout::{FINE_SOURCE_ORDER, HARMONICS, RESPONSE_VARIATION_ORDER, VARIATION_ORDER};
     pub(crate) use super::parametric::CURVATURE_PX;
 }
 
 pub use along_z::interpolated;
+pub use blocks::{Block, BlockStrengths, Blocks};
 pub use pair::{BoxError, Pair, PairSource, compare, unsaturated_px};
 pub use uncertainty::{ResponseCovariance, ResponseUncertainty};
 
@@ -54,11 +56,12 @@ pub enum KernelModel {
     Dense,
     /// H = H_ideal · exp(α + iψ) with smooth α and ψ.
     Smooth,
-    /// `Smooth`, and in addition the source profile, the phase response and the zero order.
+    /// `Smooth`, and in addition the source profile, the phase response, the zero order, and those [`Block`]s of the
+    /// SLM that lower the loss of the validation pairs enough.
     #[default]
     Display,
-    /// `Display` with a kernel that [varies over the SLM](crate::SpatialVariation). The variation is left out when it
-    /// does not lower the loss of the validation pairs enough.
+    /// `Display` with a kernel that [varies over the SLM](crate::SpatialVariation), if that lowers the loss of the
+    /// validation pairs enough.
     Varying,
 }
 
@@ -101,8 +104,8 @@ pub struct LearnOptions {
     pub epochs: u32,
     /// Learning rate of Adam, above 0 and at most 10. Parametric models follow a schedule, of which it is the peak.
     pub learning_rate: f64,
-    /// Most evaluations of all pairs by Levenberg and Marquardt's method after Adam; parametric models only. A kernel
-    /// that varies over the SLM gets the same number once more.
+    /// Most evaluations of all pairs by Levenberg and Marquardt's method after Adam; parametric models only. Each trial
+    /// of a [`Block`] gets the same number once more.
     pub refinement_evaluations: u32,
     /// Seed of the order in which pairs are used, and of the random start of the `paper` model.
     pub seed: u64,
@@ -189,8 +192,10 @@ pub struct LearnStep {
     pub validation_loss: Option<f64>,
     /// Order of the kernel; 0 for models of bins.
     pub order: u32,
-    /// Whether the kernel varies over the SLM.
-    pub varying: bool,
+    /// Blocks of the model that is being fitted.
+    pub blocks: Blocks,
+    /// The block that is being tried, if any.
+    pub trial: Option<Block>,
 }
 
 /// The training pairs and the validation pairs.

@@ -3,16 +3,22 @@
 //! Adam first takes single pairs and a kernel of low order, and comes close to the optimum. Levenberg and Marquardt's
 //! method then refines the result on all pairs, with kernels of increasing order. Pairs whose photographs do not show
 //! their holograms are left out. With validation pairs, the result is the model with the lowest validation loss, and
-//! learning ends when that loss no longer falls. Pairs of several distances are fitted together, by one model whose
-//! kernel depends on the distance.
+//! learning ends when that loss no longer falls. Validation pairs also choose the [blocks](super::Block): those of the SLM
+//! after the lowest order of the kernel, a varying kernel after the highest. In a round each block is tried alone for some
+//! steps, starting from the best model so far. The one that gains most is kept if it gains enough, and is refined. Then
+//! the others are tried in another round, because blocks can help only together. After the highest order each block that
+//! was kept is left out for some steps, and stays away if the validation loss hardly rises: a kernel of low order can make
+//! a block look useful. Pairs of several distances are fitted
+//! together, by one model whose kernel depends on the distance.
 
 use super::along_z::JointLayout;
+use super::blocks;
 use super::fit::Fit;
 use super::layout::Layout;
 use super::pair::{Example, measure, total};
 use super::schedule::{one_cycle, shuffled};
 use super::screening::{self, Predictor};
-use super::{KernelModel, LearnOptions, LearnStage, LearnStep, LearningPairs, PairSource, pair::BoxError};
+use super::{Block, Blocks, LearnOptions, LearnStage, LearnStep, LearningPairs, PairSource, pair::BoxError};
 use crate::optimizer::adam::AdamStep;
 use crate::optimizer::damped::DampedState;
 use crate::photometry::Sums;
@@ -25,18 +31,22 @@ const ORDERS: [usize; 3] = [5, 8, 12];
 const ORDER_DEFAULT: usize = 8;
 /// Number of pairs of a plane from which the curvature of all its pairs is estimated.
 pub(super) const CURVATURE_PAIRS: usize = 4;
+/// [`CURVATURE_PAIRS`] with a fine source, whose terms take one propagation each.
+const CURVATURE_PAIRS_FINE: usize = 2;
 /// Number of pixels of a pair from which its curvature is estimated: several hundred for each parameter.
 pub(crate) const CURVATURE_PX: usize = 40_000;
 /// Least relative decrease of the training loss. A smaller one ends the refinement of the current order.
 const STEP_GAIN_MIN: f64 = 1e-2;
+/// Largest number of steps for which a block is tried.
+const TRIAL_STEPS: u32 = 3;
+/// Validation loss, relative to the largest with which it passes, above which a trial without a block ends after one step.
+const HOPELESS: f64 = 2.0;
+/// Least relative decrease of the training loss in a step of a trial. A smaller one ends the trial.
+const TRIAL_STEP_GAIN_MIN: f64 = 5e-2;
 /// Least relative decrease of the validation loss by which a step or an order counts as a gain.
 const VALIDATION_GAIN_MIN: f64 = 1e-2;
 /// Number of consecutive steps without a validation gain after which an order ends.
 const STEPS_WITHOUT_GAIN_MAX: u32 = 6;
-/// Least relative decrease of the validation loss by a kernel that varies over the SLM. With a smaller one the uniform
-/// kernel is kept, because a varying kernel makes every hologram more expensive.
-const VARIATION_GAIN_MIN: f64 = 0.1;
-
 /// State of the fit of a parametric model: all that the next step depends on.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ParametricState {
@@ -60,19 +70,31 @@ pub struct ParametricState {
     pub rescreened: bool,
     /// Index of the current order in the list of the orders to fit, which is also the number of finished orders.
     pub order_index: u32,
-    /// Whether the last order is being fitted with a kernel that varies over the SLM.
-    pub varying: bool,
+    /// Order of the kernel that is being fitted.
+    pub order: u32,
+    /// Blocks of the model that is being fitted.
+    pub blocks: Blocks,
+    /// The round of trials of blocks in progress, if any.
+    pub round: Option<Round>,
+    /// Whether a block has just been kept and is being refined.
+    pub adopted: bool,
+    /// Whether all orders of the kernel have been fitted.
+    pub orders_done: bool,
+    /// Whether all blocks that the model has are needed.
+    pub pruned: bool,
     /// Refinement of the current order; `None` before Adam has ended.
     pub refinement: Option<DampedState>,
     /// Running mean of the curvature, row after row; empty when the curvature is computed from all pairs.
     pub curvature: Vec<f64>,
+    /// Whether the last step failed and the curvature starts anew.
+    pub restarted: bool,
     /// Evaluations of all pairs that previous orders have taken.
     pub evaluations: u32,
-    /// Best model so far on the validation pairs; while varying kernels are fitted, the best of these.
+    /// Evaluations of all pairs that trials and refinements of blocks have taken.
+    pub trial_evaluations: u32,
+    /// Best model so far on the validation pairs; while a block is tried, the best with this block.
     pub best: Option<BestModel>,
-    /// Best model on the validation pairs before kernels began to vary.
-    pub uniform: Option<BestModel>,
-    /// Number of steps of the current order since the last validation gain.
+    /// Number of steps of the current order or trial since the last validation gain.
     pub steps_without_gain: u32,
     /// Whether learning has ended.
     pub converged: bool,
@@ -80,13 +102,58 @@ pub struct ParametricState {
     pub loss_history: Vec<f64>,
 }
 
+/// A round of trials, each with one block more or one block less.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Round {
+    /// Whether blocks are added or left out.
+    pub change: Change,
+    /// Best model on the validation pairs before the round.
+    pub before: BestModel,
+    /// The block that is being tried.
+    pub block: Block,
+    /// Steps that the trial has taken.
+    pub steps: u32,
+    /// Blocks to try next.
+    pub untried: Vec<Block>,
+    /// The best model of a trial that passed.
+    pub winner: Option<BestModel>,
+}
+
+/// What a trial does with a block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Change {
+    /// It adds the block to the model.
+    Add,
+    /// It leaves the block out.
+    Remove,
+}
+
+impl Round {
+    /// Largest validation loss with which a trial passes.
+    fn bound(&self) -> f64 {
+        match self.change {
+            Change::Add => self.before.loss * (1.0 - blocks::GAIN_MIN),
+            Change::Remove => self.before.loss / (1.0 - blocks::GAIN_MIN),
+        }
+    }
+
+    /// Blocks of the model that is being tried.
+    fn blocks(&self) -> Blocks {
+        match self.change {
+            Change::Add => self.before.blocks.with(self.block),
+            Change::Remove => self.before.blocks.without(self.block),
+        }
+    }
+}
+
 /// A model with a lower validation loss than all models before it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct BestModel {
     /// Order of the kernel.
     pub order: u32,
-    /// Whether the kernel varies over the SLM.
-    pub varying: bool,
+    /// Blocks of the model.
+    pub blocks: Blocks,
     /// θ of the model.
     pub parameters: Vec<f64>,
     /// Loss on the validation pairs.
@@ -111,7 +178,9 @@ impl ParametricLearner {
         options: LearnOptions,
         pairs: &dyn PairSource,
     ) -> Result<Self, BoxError> {
-        let mut learner = Self::resume(setups, options, ParametricState::default())?;
+        let (order, blocks) = (kernel_orders(&options)[0] as u32, initial_blocks(&options));
+        let mut learner =
+            Self::resume(setups, options, ParametricState { order, blocks, ..ParametricState::default() })?;
         let layout = learner.joint.layout;
         let (plane_theta, predictor) = match &learner.options.warm_start {
             Some(model) => (layout.parameters(model), Predictor::Rough),
@@ -131,10 +200,7 @@ impl ParametricLearner {
         state: ParametricState,
     ) -> Result<Self, Error> {
         let kernel_orders = kernel_orders(&options);
-        let order =
-            kernel_orders.get(state.order_index as usize).copied().unwrap_or(kernel_orders[kernel_orders.len() - 1]);
-        let order = state.uniform.as_ref().map_or(order, |uniform| uniform.order as usize);
-        let layout = Layout::of(options.model, order, state.varying);
+        let layout = Layout::of(options.model, state.order as usize, state.blocks);
         let distances_m: Vec<f64> = setups.iter().map(OpticalSetup::distance_m).collect();
         let joint = JointLayout::new(layout, &distances_m);
         let theta = state.refinement.as_ref().map_or(&state.parameters, |refinement| &refinement.parameters);
@@ -161,9 +227,11 @@ impl ParametricLearner {
     /// The best θ so far, and its layout.
     fn best(&self) -> (JointLayout, &[f64]) {
         let state = &self.state;
-        match (&state.best, &state.refinement) {
+        let of_round = state.round.iter().flat_map(|round| round.winner.iter().chain([&round.before]));
+        let validated = state.best.iter().chain(of_round);
+        match (validated.min_by(|a, b| a.loss.total_cmp(&b.loss)), &state.refinement) {
             (Some(best), _) => {
-                let layout = Layout::of(self.options.model, best.order as usize, best.varying);
+                let layout = Layout::of(self.options.model, best.order as usize, best.blocks);
                 (self.joint.with_layout(layout), &best.parameters)
             }
             (None, Some(refinement)) => (self.joint.clone(), &refinement.parameters),
@@ -274,29 +342,65 @@ impl ParametricLearner {
             Some(mut refinement) => {
                 let curvature =
                     self.curvature(learning_pairs.training, &refinement.parameters, refinement.evaluations)?;
-                let improved = refinement.step(&curvature, |theta| self.fit_all(learning_pairs.training, theta))?;
+                let joint = self.joint.clone();
+                let improved = refinement.step_within(
+                    &curvature,
+                    |theta| joint.limit(theta),
+                    |theta| self.fit_all(learning_pairs.training, theta),
+                )?;
                 self.state.refinement = Some(refinement);
+                self.state.restarted &= !improved;
                 improved
             }
         };
         let (loss, spent) = self.refinement();
         self.state.loss_history.push(loss);
-        let little = before.is_some_and(|before| loss > before * (1.0 - STEP_GAIN_MIN));
         let validated = self.validate(learning_pairs.validation)?;
-        let stages = 1 + u32::from(self.state.varying);
-        let exhausted = self.state.evaluations + spent >= stages * self.options.refinement_evaluations;
-        if !improved || little || exhausted || !validated {
-            self.advance_order(exhausted);
+        let is_trial = self.state.round.is_some();
+        let gain_min = if is_trial { TRIAL_STEP_GAIN_MIN } else { STEP_GAIN_MIN };
+        let little = before.is_some_and(|before| loss > before * (1.0 - gain_min));
+        if !improved && !is_trial && self.restart_curvature() {
+            return Ok(self.progress(LearnStage::Refinement, loss));
+        }
+        let tried = self.state.round.as_mut().is_some_and(|round| {
+            round.steps += u32::from(before.is_some());
+            let is_hopeless = round.change == Change::Remove
+                && self.state.best.as_ref().is_some_and(|best| best.loss > HOPELESS * round.bound());
+            round.steps >= TRIAL_STEPS || round.steps > 0 && is_hopeless
+        });
+        if !improved || little || tried || spent >= self.evaluations_left() || !validated {
+            self.advance();
         }
         if self.state.converged {
-            self.choose_variation();
             let (joint, theta) = self.best();
             let theta = theta.to_vec();
+            (self.state.refinement, self.state.parameters) = (None, theta.clone());
             self.change_layout(joint);
             let each = self.measure_each(learning_pairs.training, &theta)?;
             self.fit_exposure(&each);
         }
         Ok(self.progress(LearnStage::Refinement, loss))
+    }
+
+    /// Number of evaluations that the current order, or the trial or refinement of a block, may take.
+    fn evaluations_left(&self) -> u32 {
+        match self.state.round.is_some() || self.state.adopted {
+            true => self.options.refinement_evaluations,
+            false => self.options.refinement_evaluations.saturating_sub(self.state.evaluations),
+        }
+    }
+
+    /// Forgets the curvature of previous steps, and the damping, when a step with blocks has failed: far from the optimum
+    /// a mean over several steps may be useless. False if the step that failed had a curvature of its own.
+    fn restart_curvature(&mut self) -> bool {
+        let has_blocks = self.state.blocks != Blocks::NONE;
+        let Some(refinement) = self.state.refinement.as_mut().filter(|_| has_blocks && !self.state.restarted) else {
+            return false;
+        };
+        refinement.restart();
+        self.state.curvature.clear();
+        self.state.restarted = true;
+        true
     }
 
     fn refinement(&self) -> (f64, u32) {
@@ -331,7 +435,8 @@ impl ParametricLearner {
             let kept: Vec<usize> =
                 state.kept.iter().map(|&index| index as usize).filter(|&index| pairs.plane(index) == plane).collect();
             let order = shuffled(kept.len(), 1000 + round, options.seed);
-            let chosen = CURVATURE_PAIRS.min(kept.len());
+            let pairs_max = if joint.layout.blocks.fine_source { CURVATURE_PAIRS_FINE } else { CURVATURE_PAIRS };
+            let chosen = pairs_max.min(kept.len());
             all_chosen &= chosen == kept.len();
             let share = kept.len() as f64 / state.kept.len() as f64 / chosen as f64;
             fit.set(plane, &joint.plane_parameters(plane, theta));
@@ -373,69 +478,133 @@ impl ParametricLearner {
         if loss < best {
             let loss_before = self.state.best.as_ref().map_or(f64::INFINITY, |best| best.loss_before);
             let order = self.fit.layout.kernel.order() as u32;
-            self.state.best = Some(BestModel { order, varying: self.state.varying, parameters, loss, loss_before });
+            self.state.best = Some(BestModel { order, blocks: self.state.blocks, parameters, loss, loss_before });
         }
         Ok(self.state.steps_without_gain < STEPS_WITHOUT_GAIN_MAX)
     }
 
-    /// Goes on to the next order, then to a varying kernel, or ends learning.
-    fn advance_order(&mut self, exhausted: bool) {
-        let next = self.kernel_orders.get(self.state.order_index as usize + 1).copied();
-        let validation_chooses_order = self.validation_chooses_order();
-        let gained = match (&mut self.state.best, validation_chooses_order) {
-            (Some(best), true) => {
-                let gained = best.loss < best.loss_before * (1.0 - VALIDATION_GAIN_MIN);
-                best.loss_before = best.loss;
-                gained
-            }
-            (None, true) => self.fit.layout.kernel.order() < ORDER_DEFAULT,
-            (_, false) => true,
-        };
-        if self.state.varying {
-            self.state.converged = true;
-        } else if let Some(order) = next.filter(|_| gained && !exhausted) {
-            let (_, spent) = self.refinement();
-            let theta = self.state.refinement.take().map_or_else(Vec::new, |refinement| refinement.parameters);
-            self.state.evaluations += spent;
-            self.state.order_index += 1;
-            self.start_layout(Layout::new(self.options.model, order), &self.joint.clone(), &theta);
-        } else if self.options.model == KernelModel::Varying {
-            let (joint, theta) = self.best();
-            let theta = theta.to_vec();
-            self.state.uniform = self.state.best.take();
-            self.state.evaluations = self.options.refinement_evaluations;
-            self.state.refinement = None;
-            self.state.varying = true;
-            self.start_layout(Layout::of(self.options.model, joint.layout.kernel.order(), true), &joint, &theta);
-        } else {
-            self.state.converged = true;
+    /// Goes on to the next trial of a block or to the next order, or ends learning.
+    fn advance(&mut self) {
+        let (_, spent) = self.refinement();
+        if let Some(round) = self.state.round.take() {
+            self.state.trial_evaluations += spent;
+            return self.end_trial(round);
         }
+        match std::mem::take(&mut self.state.adopted) {
+            true => self.state.trial_evaluations += spent,
+            false => self.state.evaluations += spent,
+        }
+        if !self.start_round() {
+            self.next_order();
+        }
+    }
+
+    /// Goes on to the next order, then to a varying kernel, or ends learning.
+    fn next_order(&mut self) {
+        if !self.state.orders_done {
+            let validation_chooses_order = self.validation_chooses_order();
+            let gained = match (&mut self.state.best, validation_chooses_order) {
+                (Some(best), true) => {
+                    let gained = best.loss < best.loss_before * (1.0 - VALIDATION_GAIN_MIN);
+                    best.loss_before = best.loss;
+                    gained
+                }
+                (None, true) => self.fit.layout.kernel.order() < ORDER_DEFAULT,
+                (_, false) => true,
+            };
+            let exhausted = self.state.evaluations >= self.options.refinement_evaluations;
+            let next = self.kernel_orders.get(self.state.order_index as usize + 1).copied();
+            if let Some(order) = next.filter(|_| gained && !exhausted) {
+                let (joint, theta) = self.best();
+                let theta = theta.to_vec();
+                self.state.order_index += 1;
+                return self.start_layout(Layout::of(self.options.model, order, joint.layout.blocks), &joint, &theta);
+            }
+            self.state.orders_done = true;
+            if self.start_round() {
+                return;
+            }
+        }
+        self.state.converged = true;
+    }
+
+    /// Starts a round: blocks of the SLM are added at the first order; after the last one, blocks that the model does not
+    /// need are left out, and then a varying kernel is added. False if there is nothing to try, or no validation pairs to
+    /// choose by.
+    fn start_round(&mut self) -> bool {
+        let Some(before) = self.state.best.clone() else { return false };
+        let has = |block: &Block| before.blocks.contains(*block);
+        let lacks = |block: &Block| block.belongs_to(self.options.model) && !has(block);
+        let all = || Block::ALL.into_iter();
+        let (change, mut untried): (Change, Vec<Block>) = match (self.state.orders_done, self.state.pruned) {
+            (false, _) if self.state.order_index > 0 => return false,
+            (false, _) => (Change::Add, all().filter(|block| *block != Block::Varying && lacks(block)).collect()),
+            (true, false) => (Change::Remove, all().filter(has).collect()),
+            (true, true) => (Change::Add, all().filter(|block| *block == Block::Varying && lacks(block)).collect()),
+        };
+        if untried.is_empty() {
+            return match (self.state.orders_done, std::mem::replace(&mut self.state.pruned, self.state.orders_done)) {
+                (true, false) => self.start_round(),
+                _ => false,
+            };
+        }
+        let block = untried.remove(0);
+        self.start_trial(Round { change, before, block, steps: 0, untried, winner: None });
+        true
+    }
+
+    /// Starts to fit the best model so far with one more or one less block.
+    fn start_trial(&mut self, round: Round) {
+        let BestModel { order, blocks, parameters, .. } = &round.before;
+        let of = |blocks| Layout::of(self.options.model, *order as usize, blocks);
+        let (from, layout) = (self.joint.with_layout(of(*blocks)), of(round.blocks()));
+        self.start_layout(layout, &from, parameters);
+        (self.state.best, self.state.round) = (None, Some(round));
+    }
+
+    /// Goes on to the next block of the round. After the last one keeps the model of the best trial that passed, or returns
+    /// to the model before the round.
+    fn end_trial(&mut self, mut round: Round) {
+        let with = self.state.best.take().filter(|with| with.loss <= round.bound());
+        let both = round.winner.take().into_iter().chain(with);
+        round.winner = both.min_by(|a, b| a.loss.total_cmp(&b.loss));
+        if !round.untried.is_empty() {
+            let block = round.untried.remove(0);
+            return self.start_trial(Round { block, steps: 0, ..round });
+        }
+        let Some(winner) = round.winner else {
+            self.state.best = Some(round.before);
+            self.state.pruned |= round.change == Change::Remove;
+            // After a round of removals a varying kernel is due.
+            if round.change == Change::Add || !self.start_round() {
+                self.next_order();
+            }
+            return;
+        };
+        let layout = Layout::of(self.options.model, winner.order as usize, winner.blocks);
+        self.start_layout(layout, &self.joint.with_layout(layout), &winner.parameters);
+        self.state.adopted = true;
+        self.state.best = Some(winner);
     }
 
     /// Starts another layout from the θ of the previous one.
     fn start_layout(&mut self, layout: Layout, from: &JointLayout, theta: &[f64]) {
         let joint = from.with_layout(layout);
+        self.state.refinement = None;
         self.state.parameters = from.converted(theta, &joint);
-        if let (true, Some(model)) = (layout.varies(), &self.options.warm_start) {
+        if let (true, Some(model)) = (layout.varies() && !from.layout.varies(), &self.options.warm_start) {
             let start = layout.variation(0);
             self.state.parameters[start..].copy_from_slice(&layout.parameters(model)[start..]);
         }
         self.state.curvature.clear();
+        self.state.restarted = false;
         self.state.steps_without_gain = 0;
         self.change_layout(joint);
     }
 
-    /// Returns to the uniform kernel if the varying one lowers the validation loss too little.
-    fn choose_variation(&mut self) {
-        let Some(uniform) = &self.state.uniform else { return };
-        let bound = uniform.loss * (1.0 - VARIATION_GAIN_MIN);
-        if self.state.best.as_ref().is_none_or(|varying| varying.loss > bound) {
-            self.state.best = Some(uniform.clone());
-        }
-    }
-
     fn change_layout(&mut self, joint: JointLayout) {
         self.fit.change_layout(joint.layout);
+        (self.state.order, self.state.blocks) = (joint.layout.kernel.order() as u32, joint.layout.blocks);
         self.joint = joint;
     }
 
@@ -447,15 +616,23 @@ impl ParametricLearner {
     fn progress(&self, stage: LearnStage, loss: f64) -> LearnStep {
         let kept = self.state.kept.len() as u32;
         let (_, spent) = self.refinement();
-        let stages = 1 + u32::from(self.options.model == KernelModel::Varying);
-        let steps_total = self.adam_steps_total() + stages * self.options.refinement_evaluations * kept;
-        let step = (self.state.adam_steps + (self.state.evaluations + spent) * kept).min(steps_total);
+        let evaluations_total = blocks::fits_max(self.options.model) * self.options.refinement_evaluations;
+        let steps_total = self.adam_steps_total() + evaluations_total * kept;
+        let evaluations = self.state.evaluations + self.state.trial_evaluations + spent;
+        let step = (self.state.adam_steps + evaluations * kept).min(steps_total);
         let step = if self.state.converged { steps_total } else { step };
-        let bests = self.state.best.iter().chain(&self.state.uniform);
-        let validation_loss = bests.map(|best| best.loss).reduce(f64::min);
-        let (order, varying) = (self.fit.layout.kernel.order() as u32, self.fit.layout.varies());
-        LearnStep { stage, step, steps_total, loss, validation_loss, order, varying }
+        let of_round = self.state.round.iter().flat_map(|round| round.winner.iter().chain([&round.before]));
+        let validation_loss = self.state.best.iter().chain(of_round).map(|best| best.loss).reduce(f64::min);
+        let (order, blocks) = (self.state.order, self.state.blocks);
+        let trial = self.state.round.as_ref().map(|round| round.block);
+        LearnStep { stage, step, steps_total, loss, validation_loss, order, blocks, trial }
     }
+}
+
+/// The blocks of the display that a warm start begins with. A varying kernel comes later.
+fn initial_blocks(options: &LearnOptions) -> Blocks {
+    let of_model = options.warm_start.as_ref().map_or(Blocks::NONE, Blocks::of).without(Block::Varying);
+    of_model.iter().filter(|block| block.belongs_to(options.model)).fold(Blocks::NONE, Blocks::with)
 }
 
 /// The orders to fit one after the other. A warm start begins no lower than the order of the display that it starts

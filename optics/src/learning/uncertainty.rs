@@ -9,11 +9,11 @@
 //! includes what the model cannot describe, and counts each photograph once, whatever its number of pixels. H. White,
 //! Econometrica 50, 1 (1982).
 
-use super::KernelModel;
 use super::fit::Fit;
-use super::layout::{HARMONICS, Layout, SOURCE_ORDER};
+use super::layout::{HARMONICS, Layout};
 use super::pair::{Example, Pair};
 use super::parametric::{CURVATURE_PAIRS, CURVATURE_PX};
+use super::{Blocks, KernelModel};
 use crate::carrier::Carrier;
 use crate::optimizer::damped::{FLOOR, solve};
 use crate::{Detector, DisplayModel, Error, KernelShape, RegionOfInterest};
@@ -54,10 +54,12 @@ impl ResponseUncertainty {
     ) -> Result<Option<Self>, Error> {
         model.validate()?;
         let KernelShape::Smooth(kernel) = &model.kernel else { return Ok(None) };
-        if (model.source.order, model.response.len()) != (SOURCE_ORDER, HARMONICS) {
+        let layout = Layout::of(KernelModel::Display, kernel.order, Blocks::of(model));
+        let is_of_layout = (model.source.order, model.response.len()) == (layout.source.order(), layout.harmonics)
+            && [0, layout.response_variation].contains(&model.response_variation.coefficients.len());
+        if !is_of_layout {
             return Ok(None);
         }
-        let layout = Layout::of(KernelModel::Display, kernel.order, !model.variation.is_none());
         let mut fit = Fit::new(vec![model.setup], layout, detector, carrier)?;
         fit.set(0, &layout.parameters(model));
         let curvature = vec![0.0; layout.len() * layout.len()];

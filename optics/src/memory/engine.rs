@@ -42,6 +42,9 @@ pub struct EngineSize {
     pub kernels_per_side: usize,
     /// Whether the display has a source profile that is not flat.
     pub has_source: bool,
+    /// Whether the phases that the display shows differ from those it is given: by cross-talk, or by a response that varies
+    /// over the SLM.
+    pub wraps_phase: bool,
     /// Whether the display shows all orders of its pixels, so that each sub-sample has a transfer function.
     pub all_orders: bool,
     /// Whether a filter passes a part of the first order.
@@ -71,6 +74,7 @@ impl EngineSize {
             detector,
             kernels_per_side: 1,
             has_source: false,
+            wraps_phase: false,
             all_orders: false,
             is_filtered: false,
             exact: None,
@@ -113,6 +117,7 @@ impl EngineSize {
         let size = Self {
             kernels_per_side: if varies { local_kernels::per_side(&model.variation) } else { 1 },
             has_source: !model.source.is_flat(),
+            wraps_phase: !model.crosstalk.is_none() || !model.response_variation.is_none(),
             ..Self::ideal(grid.height_px(), grid.width_px(), detector, threads)
         };
         let has_errors = matches!(model.kernel, KernelShape::Smooth(_));
@@ -171,6 +176,7 @@ impl EngineSize {
         self.transfers_bytes()
             + self.sample_transfers_bytes()
             + if self.has_source { COMPLEX * self.pixels() } else { 0 }
+            + if self.wraps_phase { REAL * self.pixels() } else { 0 }
     }
 
     /// Transfer functions to the sub-samples, which an engine keeps if the display shows all orders.
@@ -194,7 +200,9 @@ impl EngineSize {
         let tile = 5 * columns * h * COMPLEX;
         // Lengths with large prime factors need up to four times their length.
         let plans = 16 * (w + h) * COMPLEX;
-        self.threads as u64 * (rows + tile + 4 * w * COMPLEX) + plans
+        // The shown phases, and the gradient by them.
+        let shown = if self.wraps_phase { 2 * self.pixels() * REAL } else { 0 };
+        self.threads as u64 * (rows + tile + 4 * w * COMPLEX) + plans + shown
     }
 
     /// Buffers of half-transformed fields for propagations there and back.

@@ -5,7 +5,7 @@ use crate::SpatialVariation;
 use crate::chebyshev::ChebyshevBasis;
 use crate::convolution::tile_columns;
 use crate::learning::KernelModel;
-use crate::learning::sizes::{CURVATURE_PX, HARMONICS, SOURCE_ORDER, VARIATION_ORDER};
+use crate::learning::sizes::{CURVATURE_PX, FINE_SOURCE_ORDER, HARMONICS, RESPONSE_VARIATION_ORDER, VARIATION_ORDER};
 
 /// Size of a fit of a display model to photographs.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,9 +27,11 @@ impl LearningSize {
     #[must_use]
     pub fn engine(&self) -> EngineSize {
         let varies = self.model == KernelModel::Varying;
+        let has_slm = matches!(self.model, KernelModel::Display | KernelModel::Varying);
         EngineSize {
             kernels_per_side: if varies { EngineSize::KERNELS_PER_SIDE_MAX } else { 1 },
-            has_source: matches!(self.model, KernelModel::Display | KernelModel::Varying),
+            has_source: has_slm,
+            wraps_phase: has_slm,
             ..self.engine
         }
     }
@@ -54,7 +56,8 @@ impl LearningSize {
         let tile = tile_columns::<f32>(engine.height_px) as u64 * engine.height_px as u64 * COMPLEX;
         let correlation = threads * (kernels + 1) * 2 * tile
             + 2 * engine.width_px as u64 * kernels * (ChebyshevBasis::ORDER_MAX as u64 + 1) * COMPLEX_F64 * 2;
-        let source = if engine.has_source { COMPLEX * n } else { 0 };
+        // Also the slopes of the shown phases by the two numbers of the cross-talk.
+        let source = if engine.has_source { COMPLEX * n + 2 * REAL * n } else { 0 };
         ideal + spectra + source + engine.sampling_bytes + correlation.max(self.curvature_bytes())
     }
 
@@ -69,11 +72,12 @@ impl LearningSize {
         derivatives + rows * parameters * parameters / 2 * 8 + 4 * parameters * parameters * 8 + 6 * joint * joint * 8
     }
 
-    /// Number of parameters of the model at one distance.
+    /// Number of parameters of the model at one distance, with all blocks.
     fn parameters(&self) -> u64 {
         let terms = |order: usize| ChebyshevBasis::new(order).terms();
         let kernel = 2 * terms(self.order);
-        let slm = 2 * terms(SOURCE_ORDER) + 2 * HARMONICS + 2;
+        let variation_of_response = terms(RESPONSE_VARIATION_ORDER) + 1;
+        let slm = 2 * terms(FINE_SOURCE_ORDER) + 2 * HARMONICS + 2 + 2 + variation_of_response;
         let variation = SpatialVariation::POWERS * 2 * terms(VARIATION_ORDER);
         let all = match self.model {
             KernelModel::Display => kernel + slm,
@@ -128,7 +132,8 @@ impl LearningSize {
     #[must_use]
     pub fn curvature_work(&self) -> f64 {
         let engine = self.engine();
-        let propagations = if engine.has_source { self.order + 20 } else { self.order + 1 };
+        let source = ChebyshevBasis::new(FINE_SOURCE_ORDER).terms();
+        let propagations = self.order + 1 + if engine.has_source { source + 2 * HARMONICS + 1 + 12 } else { 0 };
         let [rows, columns] = self.region_px.map(|side| side as f64);
         let products = (rows * columns).min(2.0 * CURVATURE_PX as f64) * (self.parameters() as f64).powi(2) / 8.0;
         propagations as f64 * engine.light_work() + products

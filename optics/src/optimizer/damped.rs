@@ -60,6 +60,20 @@ impl DampedState {
     pub fn step<E>(
         &mut self,
         curvature: &[f64],
+        evaluate: impl FnMut(&[f64]) -> Result<(f64, Vec<f64>), E>,
+    ) -> Result<bool, E> {
+        self.step_within(curvature, |_| (), evaluate)
+    }
+
+    /// [`Self::step`] with parameters that have limits: `limit` moves parameters into them.
+    ///
+    /// # Errors
+    ///
+    /// The errors of `evaluate`; the parameters then stay unchanged.
+    pub fn step_within<E>(
+        &mut self,
+        curvature: &[f64],
+        limit: impl Fn(&mut [f64]),
         mut evaluate: impl FnMut(&[f64]) -> Result<(f64, Vec<f64>), E>,
     ) -> Result<bool, E> {
         let mut growth = 2.0;
@@ -69,7 +83,8 @@ impl DampedState {
                 growth *= 2.0;
                 continue;
             };
-            let parameters: Vec<f64> = self.parameters.iter().zip(&step).map(|(p, d)| p + d).collect();
+            let mut parameters: Vec<f64> = self.parameters.iter().zip(&step).map(|(p, d)| p + d).collect();
+            limit(&mut parameters);
             let (loss, gradient) = evaluate(&parameters)?;
             self.evaluations += 1;
             if loss < self.loss {
@@ -82,6 +97,11 @@ impl DampedState {
             growth *= 2.0;
         }
         Ok(false)
+    }
+
+    /// Returns to the initial damping.
+    pub fn restart(&mut self) {
+        self.damping = DAMPING;
     }
 
     /// Step δ and the predicted decrease of the loss; `None` if the damped matrix is not positive definite or no

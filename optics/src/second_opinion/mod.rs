@@ -9,7 +9,7 @@ mod model;
 
 use crate::hologram::ShownLight;
 use crate::propagation::passes::gauss_legendre;
-use crate::{Detector, DisplayModel, KernelShape, Orders, Plane, RegionOfInterest, Result};
+use crate::{Carrier, Detector, DisplayModel, KernelShape, Orders, Plane, RegionOfInterest, Result};
 use frequencies::{Frequencies, PANELS};
 use model::Places;
 use serde::{Deserialize, Serialize};
@@ -58,14 +58,14 @@ impl SecondOpinion {
     }
 
     /// Compares the light that the engine computed for `phases`, shown one after the other, with the independent model's, for
-    /// one detector. `None` for a kernel that varies over the SLM or has a value for each frequency of the engine's grid, and
+    /// one detector. The phases are those before the carrier is added. `None` for a kernel that varies over the SLM or has a value for each frequency of the engine's grid, and
     /// where the model would take more than `effort` allows.
     ///
     /// # Errors
     ///
     /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for phases or a target of another size than the display.
     pub fn of(
-        model: &DisplayModel,
+        (model, carrier): (&DisplayModel, Option<Carrier>),
         phases: &[Plane<f32>],
         shown: &ShownLight,
         detector: Detector,
@@ -79,7 +79,7 @@ impl SecondOpinion {
         let Some(frequencies) = affordable(model, effort) else { return Ok(None) };
         let rows = model::rows(region, effort.rows_max);
         let (places, weights) = places(model, detector);
-        let lights = model::light(model, phases, &places, &rows, &frequencies);
+        let lights = model::light((model, carrier), phases, &places, &rows, &frequencies);
         let mut independent = Comparison::default();
         let mut engine = Comparison::default();
         let seen = shown.seen_by(detector);

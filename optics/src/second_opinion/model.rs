@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! u(x, y) = ∫∫ A(ν) E(ν) Σ_m Σ_n P(f) H(f) e^{i2π(f_x·x + f_y·y)} dν_x dν_y,   f = (ν_x + m, ν_y + n)
-//! A(ν) = Σ_x Σ_y a(x, y) (e^{ir(φ)} + z₀) e^{−i2π(ν_x·x + ν_y·y)}
+//! A(ν) = Σ_x Σ_y k(x, y) a(x, y) (e^{ir(ψ)} + z₀) e^{−i2π(ν_x·x + ν_y·y)},   ψ = K wrap(φ + grating)
 //! H(f) = e^{i2πz(√(1/λ² − f²/Δ²) − 1/λ)},   P(f) = sinc(w_x f_x) sinc(w_y f_y)
 //! ```
 //!
@@ -17,7 +17,7 @@ use super::frequencies::{Axis, Frequencies, PANELS, frequency};
 use crate::buffers::zeros;
 use crate::chebyshev::position;
 use crate::engine::SeriesAlongY;
-use crate::{DisplayModel, KernelShape, OpticalSetup, Plane, RegionOfInterest, interrupt};
+use crate::{Carrier, DisplayModel, KernelShape, OpticalSetup, Plane, RegionOfInterest, interrupt};
 use num_complex::Complex64;
 use rayon::prelude::*;
 use rustfft::{Fft, FftPlanner};
@@ -50,7 +50,7 @@ pub(super) fn rows(region: RegionOfInterest, rows_max: usize) -> Vec<usize> {
 
 /// Mean over `phases` of the light on the rows: for each place, ordered by y, then by x, a plane of the rows.
 pub(super) fn light(
-    model: &DisplayModel,
+    (model, carrier): (&DisplayModel, Option<Carrier>),
     phases: &[Plane<f32>],
     places: &Places,
     rows: &[usize],
@@ -62,7 +62,7 @@ pub(super) fn light(
     let width_px = model.setup.grid().width_px();
     let mut lights = vec![Plane::filled(rows.len(), width_px, 0.0); places.count()];
     for phase in phases {
-        let image = work.image(&on_modulator(model, phase));
+        let image = work.image(&on_modulator(model, carrier, phase));
         for (line, field) in image.chunks_exact(width_px).enumerate() {
             let (row, place) = (line / places.count(), line % places.count());
             let light = &mut lights[place].values_mut()[row * width_px..][..width_px];
@@ -72,28 +72,52 @@ pub(super) fn light(
     lights
 }
 
-/// Field on the modulator: source · (e^{ir(φ)} + z₀).
-fn on_modulator(model: &DisplayModel, phase: &Plane<f32>) -> Plane<Complex64> {
-    let response = |phi: f64| {
-        let harmonic = |(k, [a, b]): (usize, &[f64; 2])| {
-            let (sin, cos) = ((k + 1) as f64 * phi).sin_cos();
-            a * sin + b * cos
-        };
-        phi + model.response.iter().enumerate().map(harmonic).sum::<f64>()
-    };
-    let is_lit_evenly = model.source.is_flat();
+/// Field on the modulator: k · source · (e^{ir(ψ)} + z₀), with k = ±1 the sign of the carrier's grating.
+fn on_modulator(model: &DisplayModel, carrier: Option<Carrier>, phase: &Plane<f32>) -> Plane<Complex64> {
     let (height_px, width_px) = (phase.height_px(), phase.width_px());
+    let sign = |y: usize, x: usize| carrier.map_or(1.0, |carrier| carrier.sign(y, x));
+    let wrapped = Plane::from_fn(height_px, width_px, |y, x| {
+        let grating = if sign(y, x) < 0.0 { PI } else { 0.0 };
+        (f64::from(phase.at(y, x)) + grating).rem_euclid(TAU)
+    });
+    let shown = blurred(&wrapped, model);
     let mut field = Plane::filled(height_px, width_px, Complex64::ZERO);
     field.values_mut().par_chunks_mut(width_px).enumerate().for_each(|(y, row)| {
         interrupt::check();
         for (x, u) in row.iter_mut().enumerate() {
-            *u = Complex64::cis(response(f64::from(phase.at(y, x)))) + model.zero_order;
-            if !is_lit_evenly {
-                *u *= model.source.value(position(x, width_px), position(y, height_px));
-            }
+            let (at_x, at_y, psi) = (position(x, width_px), position(y, height_px), shown.at(y, x));
+            let harmonic = |(k, [a, b]): (usize, &[f64; 2])| {
+                let (sin, cos) = ((k + 1) as f64 * psi).sin_cos();
+                a * sin + b * cos
+            };
+            let bend: f64 = model.response.iter().enumerate().map(harmonic).sum();
+            let response = (1.0 + model.response_variation.value(at_x, at_y)) * psi + bend;
+            *u = sign(y, x) * model.source.value(at_x, at_y) * (Complex64::cis(response) + model.zero_order);
         }
     });
     field
+}
+
+/// Cross-talk: a Gaussian mean over the pixels up to three away along x, then along y.
+fn blurred(phase: &Plane<f64>, model: &DisplayModel) -> Plane<f64> {
+    let mut blurred = phase.clone();
+    let (last_y, last_x) = (phase.height_px() as i64 - 1, phase.width_px() as i64 - 1);
+    for (axis, sigma_px) in model.crosstalk.sigma_px().into_iter().enumerate() {
+        if sigma_px == 0.0 {
+            continue;
+        }
+        let weight = |away: i64| (-0.5 * (away as f64 / sigma_px).powi(2)).exp();
+        let total: f64 = (-3..=3).map(weight).sum();
+        let before = blurred;
+        blurred = Plane::from_fn(phase.height_px(), phase.width_px(), |y, x| {
+            let near = |away: i64| match axis {
+                0 => before.at(y, (x as i64 + away).clamp(0, last_x) as usize),
+                _ => before.at((y as i64 + away).clamp(0, last_y) as usize, x),
+            };
+            (-3..=3).map(|away| weight(away) / total * near(away)).sum()
+        });
+    }
+    blurred
 }
 
 /// H of free space at frequencies in 1/m, without its piston.

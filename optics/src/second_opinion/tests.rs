@@ -4,7 +4,8 @@ use crate::propagation::ImageWindow;
 use crate::reference::{first_order_onto, rayleigh_sommerfeld_onto};
 use crate::test_cards::TestCard;
 use crate::{
-    ConvolutionMethod, Engine, FilterShape, Grid, HologramProblem, OpticalSetup, Optimization, OrderFilter, SmoothField,
+    ConvolutionMethod, Crosstalk, Engine, FilterShape, Grid, HologramProblem, OpticalSetup, Optimization, OrderFilter,
+    ResponseVariation, SmoothField,
 };
 use crate::{Error, SpatialVariation};
 use num_complex::{Complex32, Complex64};
@@ -15,8 +16,16 @@ fn setup(height_px: usize, width_px: usize, distance_m: f64) -> OpticalSetup {
 
 /// Light of the model on all rows, at the given places in each pixel.
 fn light(model: &DisplayModel, phase: &Plane<f32>, places: &Places) -> Vec<Plane<f64>> {
+    steered_light((model, None), phase, places)
+}
+
+fn steered_light(
+    (model, carrier): (&DisplayModel, Option<Carrier>),
+    phase: &Plane<f32>,
+    places: &Places,
+) -> Vec<Plane<f64>> {
     let rows = model::rows(RegionOfInterest::full(&model.setup.grid()), usize::MAX);
-    model::light(model, std::slice::from_ref(phase), places, &rows, &Frequencies::of(&model.setup))
+    model::light((model, carrier), std::slice::from_ref(phase), places, &rows, &Frequencies::of(&model.setup))
 }
 
 /// Root mean square of the difference of two lights, relative to the mean light.
@@ -99,30 +108,32 @@ fn flawed(setup: OpticalSetup) -> DisplayModel {
         source: wavy(2, 0.2),
         response: vec![[0.15, -0.05], [0.02, 0.03]],
         zero_order: Complex64::new(0.1, -0.05),
+        response_variation: ResponseVariation { order: 1, coefficients: vec![0.05, -0.03, 0.08] },
+        crosstalk: Crosstalk::of_sigma_px([0.45, 0.3]),
         ..DisplayModel::ideal(setup)
     }
 }
 
 #[test]
 fn learned_display_matches_the_engine() {
-    for (orders, distance_m, within) in [
-        (Orders::First, 0.2e-3, 1e-4),
-        (Orders::First, 5e-3, 1e-4),
-        (Orders::First, 20e-3, 1e-4),
-        (FILTERED, 0.2e-3, 1e-4),
-        (FILTERED, 20e-3, 1e-4),
+    for (orders, distance_m, carrier, within) in [
+        (Orders::First, 0.2e-3, None, 1e-4),
+        (Orders::First, 5e-3, Some(Carrier::HalfOrderX), 1e-4),
+        (Orders::First, 20e-3, Some(Carrier::HalfOrderY), 1e-4),
+        (FILTERED, 0.2e-3, Some(Carrier::HalfOrderX), 1e-4),
+        (FILTERED, 20e-3, None, 1e-4),
         // The engine samples the errors on a padded frame, in which a little light comes back. Here hardly any leaves it.
-        (Orders::SQUARE, 0.2e-3, 2e-2),
+        (Orders::SQUARE, 0.2e-3, None, 2e-2),
     ] {
         let (setup, _) = setup(30, 40, distance_m).with_orders(orders).unwrap().planned().unwrap();
         let model = flawed(setup);
         let phase = Plane::from_fn(30, 40, |y, x| (0.2 * x as f32).sin() + (0.3 * y as f32).cos());
-        let engine = Engine::new(&model, Detector::Pixel, None).unwrap();
+        let engine = Engine::new(&model, Detector::Pixel, carrier).unwrap();
         let shown = ShownLight::of_frames(&engine, std::slice::from_ref(&phase)).unwrap();
         for detector in [Detector::Point, Detector::Supersampled] {
             let places = places(&model, detector).0;
             let down = places.along_y.len();
-            for (i, found) in light(&model, &phase, &places).iter().enumerate() {
+            for (i, found) in steered_light((&model, carrier), &phase, &places).iter().enumerate() {
                 let seen = shown.seen_by(detector);
                 let expected =
                     Plane::from_fn(30, 40, |y, x| f64::from(seen.at(down * y + i / down, down * x + i % down)));
@@ -146,7 +157,8 @@ fn judged(setup: OpticalSetup, detector: Detector, effort: Effort) -> SecondOpin
     while optimization.step().is_some() {}
     let phase = Plane::try_from_vec(grid.height_px(), grid.width_px(), optimization.phases().to_vec()).unwrap();
     let shown = ShownLight::of_frames(&engine, std::slice::from_ref(&phase)).unwrap();
-    let found = SecondOpinion::of(&model, &[phase], &shown, detector, (&target, region), effort).unwrap().unwrap();
+    let found =
+        SecondOpinion::of((&model, None), &[phase], &shown, detector, (&target, region), effort).unwrap().unwrap();
     if effort == Effort::THOROUGH {
         // All rows of the region were compared, as in the reported quality.
         let reported = match detector {
@@ -214,6 +226,6 @@ fn kernels_and_displays_beyond_the_model_have_no_opinion() {
     let engine = Engine::new(&ideal, Detector::Pixel, None).unwrap();
     let shown = ShownLight::of_frames(&engine, std::slice::from_ref(&phase)).unwrap();
     let wanted = (&Plane::filled(24, 30, 0.5), region);
-    let refused = SecondOpinion::of(&ideal, &[phase], &shown, Detector::Pixel, wanted, Effort::CHEAP);
+    let refused = SecondOpinion::of((&ideal, None), &[phase], &shown, Detector::Pixel, wanted, Effort::CHEAP);
     assert!(matches!(refused, Err(Error::SizeMismatch { .. })), "{refused:?}");
 }

@@ -184,6 +184,18 @@ impl SimulatedDisplay {
         self.source.at(y, x)
     }
 
+    /// Phase \[rad\] that the uneven surface adds to the light of a pixel of the modulator.
+    #[must_use]
+    pub fn surface_rad(&self, y: usize, x: usize) -> f64 {
+        self.surface.as_ref().map_or(0.0, |surface| surface.at(y, x))
+    }
+
+    /// Relative change of the modulator's phase at a pixel.
+    #[must_use]
+    pub fn response_variation(&self, y: usize, x: usize) -> f64 {
+        self.modulator.variation(y, x)
+    }
+
     /// The phase \[rad\] that the modulator shows for a nominal phase \[rad\], where its response does not vary.
     #[must_use]
     pub fn response(&self, phase_rad: f64) -> f64 {

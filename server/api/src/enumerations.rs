@@ -62,7 +62,7 @@ convert_by_name! {
     JobState = v1::job::State { Queued Running Succeeded Failed Cancelled }
     KernelFormat = v1::KernelFormat { Safetensors Compact Pt Npy Npz Complex64 F16 }
     Loss = v1::KernelLoss {
-        Source PhaseResponse ZeroOrder GainAndOffset Variation OuterSpectrum Parameters Interpolation Precision
+        Source PhaseResponse ResponseVariation Crosstalk ZeroOrder GainAndOffset Variation OuterSpectrum Parameters Interpolation Precision
     }
     AlignmentMethod = v1::alignment::Method { Points Dots Pairs }
     FindingKind = v1::finding::Kind {

@@ -18,6 +18,7 @@ use lightpath_domain::planning;
 use lightpath_domain::units::{Distance, Wavelength};
 use lightpath_optics::alignment::PointPair;
 use lightpath_optics::hologram::{DetectorQuality, Loss, Quality};
+use lightpath_optics::learning::BlockStrengths;
 use lightpath_optics::photometry::Quantity;
 use lightpath_optics::second_opinion::SecondOpinion;
 use lightpath_optics::{
@@ -278,7 +279,17 @@ fn hologram_learning_capture_and_evaluation_results_are_stored_as_before() {
     };
     check_stored(
         "learn_result",
-        &JobResult::Learn(LearnResult { kernels: vec![kernel], loss_history: vec![0.5], order: 8 }),
+        &JobResult::Learn(LearnResult {
+            kernels: vec![kernel],
+            loss_history: vec![0.5],
+            order: 8,
+            blocks: BlockStrengths {
+                surface_rms_rad: Some(1.5),
+                crosstalk_px: Some([0.5, 0.25]),
+                response_variation_rms: None,
+                kernel_varies: false,
+            },
+        }),
     );
     check_stored("capture_result", &JobResult::Capture(CaptureResult { photo: digest(1), propagation: propagation() }));
     let pair = PairLoss { pair: "p01".to_owned(), split: Split::Test, loss: 0.5, loss_full_frame: 0.25 };

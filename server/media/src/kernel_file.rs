@@ -11,6 +11,8 @@
 //! | `height_px`, `width_px`, `pixel_pitch_m`, `wavelength_m`, `distance_m` | the optical setup of the kernel |
 //! | `kernel_order`, `source_order` | highest total degrees of the Chebyshev series |
 //! | `variation_order` | highest total degree of the kernel's variation over the SLM; missing: 0 |
+//! | `response_variation_order` | highest total degree of the response's variation over the SLM; missing: the response is the same everywhere |
+//! | `has_crosstalk` | whether neighbouring pixels have cross-talk; missing: no |
 //! | `propagation` | the method of H_ideal; missing: `band_limited` |
 //! | `orders` | `first`, `filtered` with the filter, or `all` with the fill factors of the pixels: the diffraction orders with which the kernel was learned; missing: `first` |
 //! | `interpolated_from_m` | photographed distances \[m\], ascending, that an interpolated kernel was made from; missing: the kernel was not interpolated |
@@ -21,14 +23,17 @@
 //! | `variation.log_amplitude`, `variation.phase` | f64, \[5, terms\] | α_m and ψ_m, factors of x, y, x², xy and y² (`varying`) |
 //! | `kernel.bins` | f32, \[rows, columns, 2\] | H, real and imaginary, zero frequency in the middle (`paper`, `dense`) |
 //! | `source.log_amplitude`, `source.phase` | f64, \[terms\] | the source profile (`display`, `varying`) |
-//! | `response` | f64, \[harmonics, 2\] | r(φ) = φ + Σ a_k sin kφ + b_k cos kφ \[rad\] (`display`, `varying`) |
+//! | `response` | f64, \[harmonics, 2\] | r(ψ) = (1 + v) ψ + Σ a_k sin kψ + b_k cos kψ \[rad\] (`display`, `varying`) |
+//! | `response_variation` | f64, \[1 + terms\] | v: its constant, then its series (where the response varies) |
+//! | `crosstalk` | f64, \[2\] | q along x and along y (with cross-talk) |
 //! | `photometry` | f64, \[4\] | gain, offset, zero order (real, imaginary) |
 //!
 //! Coefficients are in the order of `lightpath_optics::chebyshev::ChebyshevBasis::degrees`.
 
 use lightpath_optics::KernelModel;
 use lightpath_optics::{
-    ConvolutionMethod, DisplayModel, Grid, KernelShape, OpticalSetup, Orders, Plane, SmoothField, SpatialVariation,
+    ConvolutionMethod, Crosstalk, DisplayModel, Grid, KernelShape, OpticalSetup, Orders, Plane, ResponseVariation,
+    SmoothField, SpatialVariation,
 };
 use num_complex::{Complex32, Complex64};
 use safetensors::tensor::TensorView;
@@ -88,6 +93,10 @@ pub(crate) struct Header {
     source_order: usize,
     #[serde(default, skip_serializing_if = "is_zero")]
     variation_order: usize,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    response_variation_order: Option<usize>,
+    #[serde(default, skip_serializing_if = "is_false")]
+    has_crosstalk: bool,
     propagation: ConvolutionMethod,
     #[serde(default, skip_serializing_if = "is_first")]
     orders: Orders,
@@ -114,6 +123,10 @@ impl Header {
 
 fn is_first(orders: &Orders) -> bool {
     *orders == Orders::First
+}
+
+fn is_false(value: &bool) -> bool {
+    !value
 }
 
 fn is_zero(order: &usize) -> bool {
@@ -171,6 +184,8 @@ pub(crate) fn header_text(model: &DisplayModel, kind: KernelModel, from_m: &[f64
         kernel_order: if let KernelShape::Smooth(errors) = &model.kernel { errors.order } else { 0 },
         source_order: model.source.order,
         variation_order: model.variation.order(),
+        response_variation_order: (!model.response_variation.is_none()).then_some(model.response_variation.order),
+        has_crosstalk: !model.crosstalk.is_none(),
         propagation: model.setup.method(),
         orders: model.setup.orders(),
         interpolated_from_m: from_m.to_vec(),
@@ -216,6 +231,13 @@ pub(crate) fn series(model: &DisplayModel) -> Vec<Tensor> {
         per_power("variation.phase", |field| &field.phase);
     }
     add("response", vec![model.response.len(), 2], model.response.as_flattened());
+    if !model.response_variation.is_none() {
+        let coefficients = &model.response_variation.coefficients;
+        add("response_variation", vec![coefficients.len()], coefficients);
+    }
+    if !model.crosstalk.is_none() {
+        add("crosstalk", vec![2], &model.crosstalk.ratios());
+    }
     tensors
 }
 
@@ -258,12 +280,27 @@ pub(crate) fn assemble<E: From<KernelFileError>>(
             phase: floats("source.phase")?,
         },
         response: floats("response")?.as_chunks().0.to_vec(),
+        response_variation: match header.response_variation_order {
+            Some(order) => ResponseVariation { order, coefficients: floats("response_variation")? },
+            None => ResponseVariation::none(),
+        },
+        crosstalk: match header.has_crosstalk {
+            true => crosstalk(&floats("crosstalk")?)?,
+            false => Crosstalk::NONE,
+        },
         zero_order: Complex64::new(re, im),
         gain,
         offset,
     };
     model.validate().map_err(KernelFileError::from)?;
     Ok(model)
+}
+
+fn crosstalk(ratios: &[f64]) -> Result<Crosstalk, KernelFileError> {
+    match *ratios {
+        [ratio_x, ratio_y] => Ok(Crosstalk { ratio_x, ratio_y }),
+        _ => Err(KernelFileError::Tensor { name: "crosstalk", expected: "two f64" }),
+    }
 }
 
 fn variation<E: From<KernelFileError>>(
@@ -367,6 +404,10 @@ mod tests {
                     (field.log_amplitude[1], field.phase[3]) = (-0.1 * size, 0.3 * size);
                     field
                 }));
+            }
+            if kind == KernelModel::Display {
+                model.crosstalk = Crosstalk { ratio_x: 1.0 / 12.0, ratio_y: 0.0 };
+                model.response_variation = ResponseVariation { order: 1, coefficients: vec![0.1 / 3.0, 0.0, -0.07] };
             }
             if kind == KernelModel::Varying {
                 let gaps = Orders::All { fill_factor_x: 0.93, fill_factor_y: 0.9 };

@@ -14,7 +14,9 @@ use lightpath_domain::job::{
 use lightpath_domain::kernel::{KernelLineage, KernelMetrics, LearnedDataset, NewKernelVersion};
 use lightpath_media::captures::Captures;
 use lightpath_media::kernel_file;
-use lightpath_optics::learning::{LearnOptions, LearnStage, Learner, LearningPairs, PairSource, unsaturated_px};
+use lightpath_optics::learning::{
+    BlockStrengths, LearnOptions, LearnStage, Learner, LearningPairs, PairSource, unsaturated_px,
+};
 use lightpath_optics::{DisplayModel, KernelModel, KernelShape, OpticalSetup, RegionOfInterest};
 
 pub(super) fn run(context: &JobContext, job: &Job, spec: &LearnKernel) -> Result<TaskOutput, TaskError> {
@@ -60,7 +62,7 @@ pub(super) fn run(context: &JobContext, job: &Job, spec: &LearnKernel) -> Result
         KernelShape::Ideal | KernelShape::Bins(_) => 0,
     };
     Ok(TaskOutput {
-        result: JobResult::Learn(LearnResult { kernels, loss_history, order }),
+        result: JobResult::Learn(LearnResult { kernels, loss_history, order, blocks: BlockStrengths::of(&models[0]) }),
         effect: JobEffect::Kernels(learned),
     })
 }
@@ -148,8 +150,10 @@ fn learn(
         let eta = *eta.get_or_insert_with(|| Eta::from(done.step));
         let stage = match done.stage {
             LearnStage::Adam => "learn".to_owned(),
-            LearnStage::Refinement if done.varying => format!("refine variation at order {}", done.order),
-            LearnStage::Refinement => format!("refine to order {}", done.order),
+            LearnStage::Refinement => match done.trial {
+                Some(block) => format!("try {} at order {}", block.name().replace('_', " "), done.order),
+                None => format!("refine to order {}", done.order),
+            },
         };
         let progress = Progress {
             stage,

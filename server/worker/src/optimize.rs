@@ -163,8 +163,14 @@ impl Finished<'_> {
             let quantized = shown.remove(1);
             drop(shown);
             let wanted = (&plane.target, self.setup.region);
-            let opinion =
-                SecondOpinion::of(&plane.model, &displayed, &quantized, spec.detector, wanted, Effort::CHEAP)?;
+            let opinion = SecondOpinion::of(
+                (&plane.model, display.carrier),
+                &displayed,
+                &quantized,
+                spec.detector,
+                wanted,
+                Effort::CHEAP,
+            )?;
             drop(quantized);
             planes.push(PlaneResult {
                 distance: plane.plane.distance,

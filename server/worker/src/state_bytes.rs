@@ -81,9 +81,9 @@ mod tests {
     use lightpath_domain::job::FrameResult;
     use lightpath_domain::units::Wavelength;
     use lightpath_optics::hologram::{HologramMethod, HologramOptions, OptimizationState};
-    use lightpath_optics::learning::LearnState;
     use lightpath_optics::learning::bins::BinsState;
-    use lightpath_optics::learning::parametric::{BestModel, ParametricState};
+    use lightpath_optics::learning::parametric::{BestModel, Change, ParametricState, Round};
+    use lightpath_optics::learning::{Block, Blocks, LearnState};
     use lightpath_optics::optimizer::damped::DampedState;
     use lightpath_optics::{
         Detector, DisplayModel, Engine, Grid, HologramProblem, OpticalSetup, Optimization, Plane, RegionOfInterest,
@@ -147,14 +147,29 @@ mod tests {
             damping: 1e-3,
             evaluations: 9,
         };
-        let best =
-            |order| BestModel { order, varying: true, parameters: vec![0.3], loss: 1e-4, loss_before: f64::INFINITY };
+        let best = |order| BestModel {
+            order,
+            blocks: Blocks::ALL,
+            parameters: vec![0.3],
+            loss: 1e-4,
+            loss_before: f64::INFINITY,
+        };
         let parametric = ParametricState {
             parameters: vec![0.1],
             refinement: Some(refinement),
             best: Some(best(8)),
-            uniform: Some(best(5)),
-            varying: true,
+            round: Some(Round {
+                change: Change::Remove,
+                before: best(5),
+                block: Block::FineSource,
+                steps: 2,
+                untried: vec![Block::Varying],
+                winner: Some(best(8)),
+            }),
+            adopted: true,
+            blocks: Blocks::ALL,
+            order: 8,
+            orders_done: true,
             kept: vec![0, 2, 3],
             curvature: vec![4.0],
             rescreened: true,

@@ -55,7 +55,14 @@ impl Work<'_> {
             let mut opinions = Vec::with_capacity(Detector::ALL.len());
             for detector in Detector::ALL {
                 let wanted = (&plane.target, setup.region);
-                let opinion = SecondOpinion::of(&plane.model, &phases, &shown, detector, wanted, Effort::THOROUGH)?;
+                let opinion = SecondOpinion::of(
+                    (&plane.model, setup.display.carrier),
+                    &phases,
+                    &shown,
+                    detector,
+                    wanted,
+                    Effort::THOROUGH,
+                )?;
                 opinions.push(opinion.ok_or_else(|| no_opinion(plane.plane.distance))?);
                 self.done += 1;
                 self.report()?;

@@ -218,6 +218,7 @@ fn widest(kernels: &[KernelSize]) -> EngineSize {
     kernels.iter().fold(first, |widest, kernel| EngineSize {
         kernels_per_side: widest.kernels_per_side.max(kernel.engine.kernels_per_side),
         has_source: widest.has_source || kernel.engine.has_source,
+        wraps_phase: widest.wraps_phase || kernel.engine.wraps_phase,
         ..widest
     })
 }
@@ -332,8 +333,14 @@ fn learning_work(spec: &super::LearnKernel, inputs: &LearningInputs, size: &Lear
     let of = |i: usize| inputs.pairs.iter().map(|pairs| pairs.splits[i]).sum::<usize>() as f64;
     let (training, validation, test) = (of(0), of(1), of(2));
     let epochs = f64::from(spec.epochs.unwrap_or(defaults.epochs));
-    let varying = if spec.model == KernelModel::Varying { 2.0 } else { 1.0 };
-    let evaluations = varying * f64::from(spec.refinement_evaluations.unwrap_or(defaults.refinement_evaluations));
+    // Trials of blocks end early, as does the fit of each order.
+    let trials = match spec.model {
+        KernelModel::Varying => 1.5,
+        KernelModel::Display => 0.5,
+        _ => 0.0,
+    };
+    let evaluations =
+        (1.0 + trials) * f64::from(spec.refinement_evaluations.unwrap_or(defaults.refinement_evaluations));
     let curvatures = evaluations * inputs.pairs.len() as f64 * training.min(4.0);
     let engine = size.engine();
     let measures = (evaluations + 2.0) * validation + 4.0 * training + 4.0 * test;
@@ -455,7 +462,13 @@ pub fn report_kernel(inputs: &ReportInputs) -> Need {
     let compared = inputs.pairs.map_or(0, |pairs| {
         let size = LearningSize {
             // The ideal kernel was sampled before.
-            engine: EngineSize { kernels_per_side: 1, has_source: false, sampling_bytes: 0, ..engine },
+            engine: EngineSize {
+                kernels_per_side: 1,
+                has_source: false,
+                wraps_phase: false,
+                sampling_bytes: 0,
+                ..engine
+            },
             model: inputs.model,
             order: kernel.order,
             distances: 1,

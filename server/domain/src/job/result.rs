@@ -7,6 +7,7 @@ use super::verify::VerifyResult;
 use crate::dataset::Split;
 use crate::kernel::KernelMetrics;
 use lightpath_optics::ValidityReport;
+use lightpath_optics::learning::BlockStrengths;
 use serde::{Deserialize, Serialize};
 
 /// Result of a job.
@@ -38,6 +39,8 @@ pub struct LearnResult {
     pub loss_history: Vec<f64>,
     /// Polynomial degree of the kernels; 0 for the models `paper` and `dense`.
     pub order: u32,
+    /// Parts of the model that this display needed, with their strengths.
+    pub blocks: BlockStrengths,
 }
 
 /// Kernel learned for the distance of one dataset.

@@ -5,14 +5,14 @@
 //! | offset | type | meaning |
 //! |---|---|---|
 //! | 0 | 4 bytes | `LPKC` |
-//! | 4 | u8 | version of the layout: 2 where the kernel varies over the SLM, else 1 |
+//! | 4 | u8 | version of the layout: 3 with cross-talk or a response that varies over the SLM, else 2 where the kernel varies over the SLM, else 1 |
 //! | 5 | u8 | model: 3 `smooth`, 4 `display`, 5 `varying` |
 //! | 6 | u8 | K, highest total degree of the kernel's series, 0 to 12; 0: H = H_ideal |
 //! | 7 | u8 | S, highest total degree of the source's series, 0 to 12 |
 //! | 8 | u8 | R, harmonics of the phase response, 0 to 8 |
 //! | 9 | u8 | number of the method of H_ideal, listed below |
 //! | 10 | u8 | V, highest total degree of the kernel's variation over the SLM, 0 to 8; 0: no variation |
-//! | 11 | u8 | 0 |
+//! | 11 | u8 | version 3: W + 1 with W the highest total degree of the response's variation, 0 to 12, or 0: no variation; else 0 |
 //! | 12 | u32, u32 | rows, columns of the display |
 //! | 20 | f64, f64, f64 | pixel pitch, wavelength, distance \[m\] |
 //! | 44 | f32 × 4 | gain, offset, real and imaginary part of the zero order |
@@ -20,7 +20,9 @@
 //! | | f32 × t(K) | ψ: the kernel's phase \[rad\] |
 //! | | f32 × t(S) | logarithm of the source's amplitude |
 //! | | f32 × t(S) | the source's phase \[rad\] |
-//! | | f32 × 2R | a₁ b₁ a₂ b₂ … of r(φ) = φ + Σ a_k sin kφ + b_k cos kφ \[rad\] |
+//! | | f32 × 2R | a₁ b₁ a₂ b₂ … of r(ψ) = (1 + v) ψ + Σ a_k sin kψ + b_k cos kψ \[rad\] |
+//! | | f32 × 2 | version 3 only: q of the cross-talk along x and along y |
+//! | | f32 × (1 + t(W)) | version 3 with variation only: v of the response, its constant first |
 //! | | f32 × 5·2t(V) | α₁ ψ₁ α₂ ψ₂ … of x, y, x², xy, y² |
 //! | end − 4 | u32 | CRC-32 (IEEE 802.3) of all bytes before |
 //!
@@ -28,6 +30,7 @@
 //! t(n) = (n + 1)(n + 2)/2 − 1,   s(x, y) = Σ c_ij T_i(x) T_j(y),  1 ≤ i + j ≤ n, ordered by i, then j
 //! H(fx, fy) = H_ideal · exp(α(2Δfx, 2Δfy) + iψ(2Δfx, 2Δfy))
 //! source(x, y) = exp(series of the source's amplitude + i · series of its phase),   x, y from −1 to 1 over the SLM
+//! v(x, y) = constant + its series,   ψ = Σ_k Σ_l K_k(q_y) K_l(q_x) wrap(φ)(y + k, x + l),   K_k(q) = q^{k²} / Σ_j q^{j²},   j, k, l = −3 … 3
 //! H(fx, fy; x, y) = H(fx, fy) · exp( Σ_m P_m(x, y) (α_m + iψ_m) )   for the light from (x, y) on the SLM
 //! ```
 //!
@@ -40,13 +43,15 @@ use super::error::KernelFormatError;
 use lightpath_optics::KernelModel;
 use lightpath_optics::chebyshev::ChebyshevBasis;
 use lightpath_optics::{
-    ConvolutionMethod, DisplayModel, Grid, KernelShape, OpticalSetup, SmoothField, SpatialVariation,
+    ConvolutionMethod, Crosstalk, DisplayModel, Grid, KernelShape, OpticalSetup, ResponseVariation, SmoothField,
+    SpatialVariation,
 };
 use num_complex::Complex64;
 
 const MAGIC: &[u8; 4] = b"LPKC";
 const VERSION: u8 = 1;
 const VERSION_VARYING: u8 = 2;
+const VERSION_UNEVEN: u8 = 3;
 /// Largest degree of the variation over the SLM. With higher degrees the largest model would not be compact.
 const VARIATION_ORDER_MAX: usize = 8;
 const HEADER_BYTES: usize = 60;
@@ -81,19 +86,14 @@ pub fn encode(model: &DisplayModel, kind: KernelModel) -> Result<Vec<u8>, Kernel
             return Err(KernelFormatError::NoSuchForm(message.to_owned()));
         }
     };
-    if model.setup.orders().filter().is_some() {
-        let message = "a kernel of a display with a filter has no compact form, which does not hold the filter; export another form";
-        return Err(KernelFormatError::NoSuchForm(message.to_owned()));
-    }
+    refuse_without_form(model)?;
     let variation_order = model.variation.order();
-    if variation_order > VARIATION_ORDER_MAX {
-        let message = format!(
-            "the kernel varies over the SLM with degree {variation_order}, but the compact form holds degrees up to \
-             {VARIATION_ORDER_MAX}; export another form"
-        );
-        return Err(KernelFormatError::NoSuchForm(message));
-    }
-    let version = if model.variation.is_none() { VERSION } else { VERSION_VARYING };
+    let is_uneven = !model.crosstalk.is_none() || !model.response_variation.is_none();
+    let version = match (is_uneven, model.variation.is_none()) {
+        (true, _) => VERSION_UNEVEN,
+        (false, true) => VERSION,
+        (false, false) => VERSION_VARYING,
+    };
     let code = match kind {
         KernelModel::Varying => 5,
         KernelModel::Display => 4,
@@ -110,7 +110,8 @@ pub fn encode(model: &DisplayModel, kind: KernelModel) -> Result<Vec<u8>, Kernel
     let orders = [kernel.order, model.source.order, model.response.len(), method].map(|number| number as u8);
     bytes.extend([version, code]);
     bytes.extend(orders);
-    bytes.extend([variation_order as u8, 0]);
+    let uneven_response = (!model.response_variation.is_none()).then_some(&model.response_variation);
+    bytes.extend([variation_order as u8, uneven_response.map_or(0, |variation| variation.order as u8 + 1)]);
     bytes.extend((grid.height_px() as u32).to_le_bytes());
     bytes.extend((grid.width_px() as u32).to_le_bytes());
     for length_m in [grid.pixel_pitch_m(), model.setup.wavelength_m(), model.setup.distance_m()] {
@@ -120,10 +121,30 @@ pub fn encode(model: &DisplayModel, kind: KernelModel) -> Result<Vec<u8>, Kernel
     let series = [&kernel.log_amplitude, &kernel.phase, &model.source.log_amplitude, &model.source.phase];
     let variation = model.variation.fields().iter().flat_map(|field| [&field.log_amplitude, &field.phase]).flatten();
     let numbers = photometry.iter().chain(series.into_iter().flatten()).chain(model.response.as_flattened());
-    let numbers = numbers.chain(variation);
+    let ratios = model.crosstalk.ratios();
+    let crosstalk = if is_uneven { &ratios[..] } else { &[] };
+    let uneven_response = uneven_response.into_iter().flat_map(|variation| &variation.coefficients);
+    let numbers = numbers.chain(crosstalk).chain(uneven_response).chain(variation);
     bytes.extend(numbers.flat_map(|&number| (number as f32).to_le_bytes()));
     bytes.extend(crc_of(&bytes).to_le_bytes());
     Ok(bytes)
+}
+
+/// Refuses displays that have parts which the form does not hold.
+fn refuse_without_form(model: &DisplayModel) -> Result<(), KernelFormatError> {
+    if model.setup.orders().filter().is_some() {
+        let message = "a kernel of a display with a filter has no compact form, which does not hold the filter; export another form";
+        return Err(KernelFormatError::NoSuchForm(message.to_owned()));
+    }
+    let variation_order = model.variation.order();
+    if variation_order > VARIATION_ORDER_MAX {
+        let message = format!(
+            "the kernel varies over the SLM with degree {variation_order}, but the compact form holds degrees up to \
+             {VARIATION_ORDER_MAX}; export another form"
+        );
+        return Err(KernelFormatError::NoSuchForm(message));
+    }
+    Ok(())
 }
 
 /// Decodes a compact kernel.
@@ -136,26 +157,8 @@ pub fn decode(bytes: &[u8]) -> Result<(DisplayModel, KernelModel), KernelFormatE
     if !is_compact(bytes) || bytes.len() < HEADER_BYTES + 4 {
         return Err(refused(format!("has {} bytes, or does not start with LPKC", bytes.len())));
     }
-    if !(VERSION..=VERSION_VARYING).contains(&bytes[4]) {
-        return Err(refused(format!("is of version {}; this server reads up to version {VERSION_VARYING}", bytes[4])));
-    }
-    let [kernel_order, source_order, harmonics, method, variation_order] =
-        [6, 7, 8, 9, 10].map(|at| usize::from(bytes[at]));
-    if kernel_order > ChebyshevBasis::ORDER_MAX || source_order > ChebyshevBasis::ORDER_MAX {
-        return Err(refused(format!("has orders {kernel_order} and {source_order}, but 12 is the highest")));
-    }
-    if variation_order > VARIATION_ORDER_MAX || (variation_order > 0) != (bytes[4] == VERSION_VARYING) {
-        return Err(refused(format!(
-            "is of version {} and varies over the SLM with degree {variation_order}; kernels of version 1 have degree \
-             0, those of version 2 have 1 to {VARIATION_ORDER_MAX}",
-            bytes[4]
-        )));
-    }
-    let terms = |order| ChebyshevBasis::new(order).terms();
-    let (kernel_terms, source_terms, variation_terms) =
-        (terms(kernel_order), terms(source_order), terms(variation_order));
-    let pairs = kernel_terms + source_terms + harmonics + SpatialVariation::POWERS * variation_terms;
-    let expected = HEADER_BYTES + 4 * 2 * pairs + 4;
+    let shape = Shape::read(bytes)?;
+    let expected = shape.bytes();
     if bytes.len() != expected {
         return Err(refused(format!("has {} bytes, but its header requires {expected}", bytes.len())));
     }
@@ -169,13 +172,21 @@ pub fn decode(bytes: &[u8]) -> Result<(DisplayModel, KernelModel), KernelFormatE
         5 => KernelModel::Varying,
         other => return Err(refused(format!("has the model number {other}, but must have 3, 4 or 5"))),
     };
-    let (_, method) = (METHODS.into_iter().find(|&(number, _)| number == method))
-        .ok_or_else(|| refused(format!("has the method number {method}, but must have 0 to 5")))?;
+    let (_, method) = (METHODS.into_iter().find(|&(number, _)| number == usize::from(bytes[9])))
+        .ok_or_else(|| refused(format!("has the method number {}, but must have 0 to 5", bytes[9])))?;
     let mut numbers = content[44..].as_chunks().0.iter().map(|&chunk| f64::from(f32::from_le_bytes(chunk)));
     let photometry = take(&mut numbers, 4);
-    let (kernel, source) = (take_field(&mut numbers, kernel_order), take_field(&mut numbers, source_order));
-    let response = take(&mut numbers, 2 * harmonics).as_chunks().0.to_vec();
-    let variation = match variation_order {
+    let (kernel, source) = (take_field(&mut numbers, shape.kernel_order), take_field(&mut numbers, shape.source_order));
+    let response = take(&mut numbers, 2 * shape.harmonics).as_chunks().0.to_vec();
+    let crosstalk = match take(&mut numbers, shape.crosstalk)[..] {
+        [ratio_x, ratio_y] => Crosstalk { ratio_x, ratio_y },
+        _ => Crosstalk::NONE,
+    };
+    let response_variation = match shape.uneven_order {
+        Some(order) => ResponseVariation { order, coefficients: take(&mut numbers, ResponseVariation::terms(order)) },
+        None => ResponseVariation::none(),
+    };
+    let variation = match shape.variation_order {
         0 => SpatialVariation::none(),
         order => SpatialVariation::new([(); SpatialVariation::POWERS].map(|()| take_field(&mut numbers, order))),
     };
@@ -185,12 +196,68 @@ pub fn decode(bytes: &[u8]) -> Result<(DisplayModel, KernelModel), KernelFormatE
         variation,
         source,
         response,
+        response_variation,
+        crosstalk,
         zero_order: Complex64::new(photometry[2], photometry[3]),
         gain: photometry[0],
         offset: photometry[1],
     };
     model.validate()?;
     Ok((model, kind))
+}
+
+/// The numbers of values in a compact kernel, from its header.
+struct Shape {
+    kernel_order: usize,
+    source_order: usize,
+    harmonics: usize,
+    variation_order: usize,
+    /// 2 in version 3, otherwise 0.
+    crosstalk: usize,
+    /// Order of the response's variation, if it varies.
+    uneven_order: Option<usize>,
+}
+
+impl Shape {
+    fn read(bytes: &[u8]) -> Result<Self, KernelFormatError> {
+        let refused = |problem: String| KernelFormatError::Compact(problem);
+        let version = bytes[4];
+        if !(VERSION..=VERSION_UNEVEN).contains(&version) {
+            return Err(refused(format!("is of version {version}; this server reads up to version {VERSION_UNEVEN}")));
+        }
+        let is_uneven = version == VERSION_UNEVEN;
+        let [kernel_order, source_order, harmonics, variation_order, uneven] =
+            [6, 7, 8, 10, 11].map(|at| usize::from(bytes[at]));
+        if uneven > if_uneven(is_uneven, ChebyshevBasis::ORDER_MAX + 1) {
+            return Err(refused(format!("has {uneven} in byte 11; version 3 has 0 to 13 there, the others 0")));
+        }
+        if kernel_order > ChebyshevBasis::ORDER_MAX || source_order > ChebyshevBasis::ORDER_MAX {
+            return Err(refused(format!("has orders {kernel_order} and {source_order}, but 12 is the highest")));
+        }
+        let varies_rightly = is_uneven || (variation_order > 0) == (version == VERSION_VARYING);
+        if variation_order > VARIATION_ORDER_MAX || !varies_rightly {
+            return Err(refused(format!(
+                "is of version {version} and varies over the SLM with degree {variation_order}; kernels of version 1 \
+                 have degree 0, those of version 2 have 1 to {VARIATION_ORDER_MAX}"
+            )));
+        }
+        let (crosstalk, uneven_order) = (if_uneven(is_uneven, 2), uneven.checked_sub(1));
+        Ok(Self { kernel_order, source_order, harmonics, variation_order, crosstalk, uneven_order })
+    }
+
+    /// Number of bytes of the file.
+    fn bytes(&self) -> usize {
+        let terms = |order| ChebyshevBasis::new(order).terms();
+        let variation = SpatialVariation::POWERS * terms(self.variation_order);
+        let pairs = terms(self.kernel_order) + terms(self.source_order) + self.harmonics + variation;
+        let uneven = self.uneven_order.map_or(0, ResponseVariation::terms);
+        HEADER_BYTES + 4 * (2 * pairs + self.crosstalk + uneven) + 4
+    }
+}
+
+/// A number that only version 3 has.
+fn if_uneven(is_uneven: bool, number: usize) -> usize {
+    if is_uneven { number } else { 0 }
 }
 
 /// The setup in the header of a compact kernel: height and width \[px\], then pitch, wavelength and distance \[m\].
@@ -236,8 +303,20 @@ mod tests {
 
     #[test]
     fn largest_model_is_below_4_kib_and_exact_to_f32() {
-        for (order, variation_order) in [(0, 0), (5, 0), (5, 4), (ChebyshevBasis::ORDER_MAX, VARIATION_ORDER_MAX)] {
+        for (order, variation_order, uneven) in [
+            (0, 0, None),
+            (5, 0, None),
+            (5, 0, Some(3)),
+            (5, 4, None),
+            (5, 4, Some(0)),
+            (ChebyshevBasis::ORDER_MAX, VARIATION_ORDER_MAX, Some(ChebyshevBasis::ORDER_MAX)),
+        ] {
             let mut model = smooth(order);
+            if let Some(order) = uneven {
+                model.crosstalk = Crosstalk { ratio_x: 0.085, ratio_y: 0.0 };
+                let coefficients = vec![0.01; ResponseVariation::terms(order)];
+                model.response_variation = ResponseVariation { order, coefficients };
+            }
             let model_kind = if variation_order == 0 { KernelModel::Display } else { KernelModel::Varying };
             if variation_order > 0 {
                 let KernelShape::Smooth(field) = smooth(variation_order).kernel else { panic!() };
@@ -247,6 +326,8 @@ mod tests {
             assert!(bytes.len() <= 4096, "{}", bytes.len());
             let (back, kind) = decode(&bytes).unwrap();
             assert_eq!((kind, back.variation.order()), (model_kind, variation_order));
+            assert_eq!(back.response_variation.order, uneven.unwrap_or(0));
+            assert!((back.crosstalk.ratio_x - model.crosstalk.ratio_x).abs() < 1e-8);
             assert_eq!(encode(&back, kind).unwrap(), bytes, "a second conversion loses nothing");
             let (KernelShape::Smooth(a), KernelShape::Smooth(b)) = (&model.kernel, &back.kernel) else { panic!() };
             // Rounding of coefficients up to 1 in f32.

@@ -159,7 +159,15 @@ pub(super) fn of_array(array: &Array, setup: &OpticalSetup, form: &'static str) 
     let kernel = KernelShape::Bins(Plane::try_from_vec(rows, columns, values)?);
     let model = DisplayModel { kernel, ..DisplayModel::ideal(*setup) };
     model.validate()?;
-    let whole = [Loss::Source, Loss::PhaseResponse, Loss::ZeroOrder, Loss::GainAndOffset, Loss::Variation];
+    let whole = [
+        Loss::Source,
+        Loss::PhaseResponse,
+        Loss::ResponseVariation,
+        Loss::Crosstalk,
+        Loss::ZeroOrder,
+        Loss::GainAndOffset,
+        Loss::Variation,
+    ];
     let outer = (kind == KernelModel::Paper).then_some(Loss::OuterSpectrum);
     Ok(Imported { kind, absent: whole.into_iter().chain(outer).collect(), ..Imported::new(form, model) })
 }

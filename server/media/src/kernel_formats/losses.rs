@@ -15,6 +15,10 @@ pub enum Loss {
     Source,
     /// The phase response of the SLM.
     PhaseResponse,
+    /// The variation of the phase response over the SLM.
+    ResponseVariation,
+    /// Cross-talk between neighbouring pixels of the SLM.
+    Crosstalk,
     /// The undiffracted light.
     ZeroOrder,
     /// Gain and offset of the camera.
@@ -37,6 +41,8 @@ impl fmt::Display for Loss {
         f.write_str(match self {
             Self::Source => "source",
             Self::PhaseResponse => "phase response",
+            Self::ResponseVariation => "variation of the phase response",
+            Self::Crosstalk => "cross-talk",
             Self::ZeroOrder => "zero order",
             Self::GainAndOffset => "gain and offset",
             Self::Variation => "variation over the SLM",
@@ -54,12 +60,16 @@ pub(super) fn losses(model: &DisplayModel, back: &Imported, relative_error: f64)
     let source_lost = !model.source.is_flat() && read.source.is_flat();
     let is_linear = |model: &DisplayModel| model.response.as_flattened().iter().all(|&harmonic| harmonic == 0.0);
     let response_lost = !is_linear(model) && is_linear(read);
+    let variation_lost = !model.response_variation.is_none() && read.response_variation.is_none();
+    let crosstalk_lost = !model.crosstalk.is_none() && read.crosstalk.is_none();
     let zero_order_lost = model.zero_order.norm_sqr() > 0.0 && read.zero_order.norm_sqr() == 0.0;
     let camera = |model: &DisplayModel| [model.gain, model.offset];
     let camera_lost = camera(model) != [1.0, 0.0] && camera(read) == [1.0, 0.0];
     let precision_lost = relative_error > 0.0
         || !source_lost && read.source != model.source
         || !response_lost && read.response != model.response
+        || !variation_lost && read.response_variation != model.response_variation
+        || !crosstalk_lost && read.crosstalk != model.crosstalk
         || !zero_order_lost && read.zero_order != model.zero_order
         || !camera_lost && camera(read) != camera(model);
     let is_smooth = |model: &DisplayModel| !matches!(model.kernel, KernelShape::Bins(_));
@@ -67,6 +77,8 @@ pub(super) fn losses(model: &DisplayModel, back: &Imported, relative_error: f64)
     [
         (Loss::Source, source_lost),
         (Loss::PhaseResponse, response_lost),
+        (Loss::ResponseVariation, variation_lost),
+        (Loss::Crosstalk, crosstalk_lost),
         (Loss::ZeroOrder, zero_order_lost),
         (Loss::GainAndOffset, camera_lost),
         (Loss::Variation, !model.variation.is_none() && read.variation.is_none()),
@@ -110,6 +122,8 @@ mod tests {
             variation: SpatialVariation::new([(); 5].map(|()| field())),
             source: field(),
             response: vec![[0.1, 0.0]],
+            response_variation: lightpath_optics::ResponseVariation { order: 0, coefficients: vec![0.1] },
+            crosstalk: lightpath_optics::Crosstalk { ratio_x: 0.1, ratio_y: 0.02 },
             zero_order: Complex64::new(0.03, 0.0),
             gain: 0.7,
             ..DisplayModel::ideal(setup())
@@ -119,7 +133,7 @@ mod tests {
     #[test]
     fn each_form_names_what_it_lost() {
         let lost = |model: &DisplayModel, kind, format| export(model, kind, format).unwrap().losses;
-        let parts = [Source, PhaseResponse, ZeroOrder, GainAndOffset, Variation];
+        let parts = [Source, PhaseResponse, ResponseVariation, Crosstalk, ZeroOrder, GainAndOffset, Variation];
         let array = [&parts[..], &[Parameters, Precision]].concat();
         let published = [&parts[..], &[OuterSpectrum, Parameters, Precision]].concat();
         for (format, losses) in [
@@ -174,7 +188,7 @@ mod tests {
     fn imports_say_what_their_file_did_not_hold() {
         let (model, kind) = (varying(), KernelModel::Varying);
         let absent = |format| import(&export(&model, kind, format).unwrap().bytes, &setup()).unwrap().absent;
-        let parts = [Source, PhaseResponse, ZeroOrder, GainAndOffset, Variation];
+        let parts = [Source, PhaseResponse, ResponseVariation, Crosstalk, ZeroOrder, GainAndOffset, Variation];
         assert_eq!(absent(KernelFormat::Complex64), parts);
         assert_eq!(absent(KernelFormat::Pt), [&parts[..], &[OuterSpectrum]].concat());
         for format in [KernelFormat::Safetensors, KernelFormat::Compact, KernelFormat::Npz] {

@@ -211,7 +211,7 @@ fn read_foreign(files: &archive::Files, setup: &OpticalSetup) -> Result<Imported
 mod tests {
     use super::super::{KernelFormat, export, import};
     use super::*;
-    use lightpath_optics::{ConvolutionMethod, Grid, SmoothField};
+    use lightpath_optics::{ConvolutionMethod, Crosstalk, Grid, ResponseVariation, SmoothField};
 
     /// A series with many digits.
     fn field(order: usize, size: f64) -> SmoothField {
@@ -241,10 +241,13 @@ mod tests {
         };
         let display = model(KernelShape::Smooth(field(4, 1.0)));
         let variation = SpatialVariation::new([1.0, 2.0, 3.0, 4.0, 5.0].map(|size| field(2, 0.1 * size)));
+        let crosstalk = Crosstalk { ratio_x: 0.1 / 3.0, ratio_y: 0.02 };
+        let response_variation = ResponseVariation { order: 1, coefficients: vec![0.1 / 3.0, 0.0, -0.07] };
         let plain = DisplayModel { kernel: display.kernel.clone(), ..DisplayModel::ideal(display.setup) };
         vec![
             (plain, KernelModel::Smooth),
             (display.clone(), KernelModel::Display),
+            (DisplayModel { crosstalk, response_variation, ..display.clone() }, KernelModel::Display),
             (DisplayModel { variation, ..display }, KernelModel::Varying),
             (bins(24, 32), KernelModel::Dense),
             (bins(12, 16), KernelModel::Paper),
@@ -334,6 +337,6 @@ mod tests {
         }
         let foreign = without("lightpath.npy").unwrap();
         assert_eq!((foreign.kind, &foreign.model.response), (KernelModel::Dense, &model.response));
-        assert_eq!(foreign.absent, [Loss::Source, Loss::Variation]);
+        assert_eq!(foreign.absent, [Loss::Source, Loss::ResponseVariation, Loss::Crosstalk, Loss::Variation]);
     }
 }

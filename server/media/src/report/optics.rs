@@ -4,7 +4,7 @@ use super::chapter::{Chapter, ReportError};
 use crate::figures::{Axis, Canvas, Chart, ColourMap, Heatmap, Line};
 use lightpath_optics::diagnostics::point_spread::{OVERSAMPLING, WINDOW_PX};
 use lightpath_optics::diagnostics::{PointSpread, ZernikeFit, point_spread};
-use lightpath_optics::learning::ResponseCovariance;
+use lightpath_optics::learning::{BlockStrengths, ResponseCovariance};
 use lightpath_optics::{DisplayModel, KernelShape, Plane};
 use num_complex::Complex64;
 use std::f64::consts::{PI, TAU};
@@ -273,6 +273,7 @@ fn response(model: &DisplayModel, uncertainty: Option<&ResponseCovariance>) -> C
         model.zero_order.arg(),
         100.0 * zero * zero
     );
+    body.push_str(&parts(&BlockStrengths::of(model)));
     let mut chapter = Chapter { title: "Modulator", ..Chapter::default() };
     if model.response.is_empty() {
         body.push_str(
@@ -311,6 +312,34 @@ fn response(model: &DisplayModel, uncertainty: Option<&ResponseCovariance>) -> C
     chapter.array("response_error_rad", &[STEPS + 1], curve);
     chapter.body = body;
     chapter
+}
+
+/// The parts of the model that this display needed.
+fn parts(blocks: &BlockStrengths) -> String {
+    let mut text = String::new();
+    if let Some(rms) = blocks.surface_rms_rad {
+        let _ = write!(
+            text,
+            "<p>The light on the modulator needs a fine profile. Its phase, the surface of the modulator, has {rms:.2} rad RMS without tilt.</p>"
+        );
+    }
+    if let Some([x, y]) = blocks.crosstalk_px {
+        let _ = write!(
+            text,
+            "<p>Cross-talk: the phases of neighbouring pixels blur into each other with a standard deviation of {x:.2} px \
+             along x and {y:.2} px along y.</p>"
+        );
+    }
+    if let Some(rms) = blocks.response_variation_rms {
+        let _ = write!(text, "<p>The phase response varies over the modulator by {:.1} % RMS.</p>", 100.0 * rms);
+    }
+    if text.is_empty() {
+        text.push_str(
+            "<p>The model has no uneven surface, no cross-talk and no variation of the phase response: the photographs \
+             did not need them, or the model does not know them.</p>",
+        );
+    }
+    text
 }
 
 /// Number of steps in the curve of the phase response.

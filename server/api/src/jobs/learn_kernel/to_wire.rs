@@ -4,6 +4,7 @@ use crate::enumerations::OnWire as _;
 use crate::kernels::to_wire::metrics;
 use crate::optics::to_wire::{region, validity_report};
 use lightpath_domain::job::{LearnKernel, LearnResult, LearnedKernel};
+use lightpath_optics::learning::BlockStrengths;
 use lightpath_proto::v1;
 
 /// Converts the request, with its defaults, into its message.
@@ -28,6 +29,17 @@ pub(crate) fn result(result: LearnResult) -> v1::LearnResult {
         kernels: result.kernels.into_iter().map(kernel).collect(),
         loss_history: result.loss_history,
         order: result.order,
+        blocks: Some(blocks(&result.blocks)),
+    }
+}
+
+fn blocks(blocks: &BlockStrengths) -> v1::learn_result::BlockStrengths {
+    v1::learn_result::BlockStrengths {
+        surface_rms_rad: blocks.surface_rms_rad,
+        crosstalk_x_px: blocks.crosstalk_px.map(|[x, _]| x),
+        crosstalk_y_px: blocks.crosstalk_px.map(|[_, y]| y),
+        response_variation_rms: blocks.response_variation_rms,
+        kernel_varies: blocks.kernel_varies,
     }
 }
 

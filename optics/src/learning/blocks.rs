@@ -1,0 +1,178 @@
+//! Blocks of the display model: parts that only some displays need.
+//!
+//! Learning tries each block when the simpler model is fitted, and keeps it if it lowers the validation loss by at least
+//! [`GAIN_MIN`].
+
+use super::KernelModel;
+use super::layout::SOURCE_ORDER;
+use crate::chebyshev::position;
+use crate::{DisplayModel, SmoothField};
+use serde::{Deserialize, Serialize};
+
+/// Least relative decrease of the validation loss by which a block is kept. Each block makes learning or every hologram
+/// more expensive.
+pub(super) const GAIN_MIN: f64 = 0.1;
+
+/// Most fits of `refinement_evaluations` evaluations that learning takes: one over all orders, and for each block its
+/// refinement and its trials.
+pub(super) fn fits_max(model: KernelModel) -> u32 {
+    1 + 2 * Block::ALL.into_iter().filter(|block| block.belongs_to(model)).count() as u32
+}
+
+/// A part of the display model that only some displays need.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Block {
+    /// A source profile of order 10 instead of 4, for the uneven surface of a modulator.
+    FineSource,
+    /// [`Crosstalk`](crate::Crosstalk) between neighbouring pixels.
+    Crosstalk,
+    /// A phase response that [varies over the SLM](crate::ResponseVariation).
+    UnevenResponse,
+    /// A kernel that [varies over the SLM](crate::SpatialVariation).
+    Varying,
+}
+
+impl Block {
+    /// All blocks.
+    pub const ALL: [Self; 4] = [Self::FineSource, Self::Crosstalk, Self::UnevenResponse, Self::Varying];
+
+    /// Name of the block in lower case, as it is stored.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::FineSource => "fine_source",
+            Self::Crosstalk => "crosstalk",
+            Self::UnevenResponse => "uneven_response",
+            Self::Varying => "varying",
+        }
+    }
+
+    /// Whether validation pairs may choose the block in a fit of `model`.
+    pub(super) fn belongs_to(self, model: KernelModel) -> bool {
+        match self {
+            Self::FineSource | Self::Crosstalk | Self::UnevenResponse => {
+                matches!(model, KernelModel::Display | KernelModel::Varying)
+            }
+            Self::Varying => model == KernelModel::Varying,
+        }
+    }
+}
+
+/// Strengths of the blocks that a display needed; `None` for a block that it has not.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct BlockStrengths {
+    /// Root mean square of the phase of the uneven surface, without its mean and its tilt \[rad\].
+    pub surface_rms_rad: Option<f64>,
+    /// Standard deviation of the cross-talk along x and along y \[px\].
+    pub crosstalk_px: Option<[f64; 2]>,
+    /// Root mean square of the relative change of the phase response over the SLM.
+    pub response_variation_rms: Option<f64>,
+    /// Whether the kernel varies over the SLM.
+    pub kernel_varies: bool,
+}
+
+impl BlockStrengths {
+    /// The strengths of the blocks of a display model.
+    #[must_use]
+    pub fn of(model: &DisplayModel) -> Self {
+        let blocks = Blocks::of(model);
+        Self {
+            surface_rms_rad: blocks.fine_source.then(|| surface_rms_rad(&model.source)),
+            crosstalk_px: blocks.crosstalk.then(|| model.crosstalk.sigma_px()),
+            response_variation_rms: blocks.uneven_response.then(|| model.response_variation.rms()),
+            kernel_varies: blocks.varying,
+        }
+    }
+
+    /// Whether the display needed no block.
+    #[must_use]
+    pub fn is_none(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
+/// Root mean square of a source's phase over the SLM without its mean and its tilt, which only moves the image.
+fn surface_rms_rad(source: &SmoothField) -> f64 {
+    /// Number of positions along each axis.
+    const SIDE: usize = 64;
+    let basis = source.basis();
+    let places = || (0..SIDE * SIDE).map(|i| (position(i % SIDE, SIDE), position(i / SIDE, SIDE)));
+    let phases: Vec<f64> = places().map(|(x, y)| basis.value(&source.phase, x, y)).collect();
+    // The mean and both tilts are orthogonal to each other on this grid.
+    let share = |of: fn((f64, f64)) -> f64| {
+        let product: f64 = places().zip(&phases).map(|(place, phase)| of(place) * phase).sum();
+        product / places().map(|place| of(place).powi(2)).sum::<f64>()
+    };
+    let (mean, tilt_x, tilt_y) = (share(|_| 1.0), share(|place| place.0), share(|place| place.1));
+    let rest = places().zip(&phases).map(|((x, y), phase)| (phase - mean - tilt_x * x - tilt_y * y).powi(2));
+    (rest.sum::<f64>() / phases.len() as f64).sqrt()
+}
+
+/// A set of blocks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Blocks {
+    /// [`Block::FineSource`]
+    pub fine_source: bool,
+    /// [`Block::Crosstalk`]
+    pub crosstalk: bool,
+    /// [`Block::UnevenResponse`]
+    pub uneven_response: bool,
+    /// [`Block::Varying`]
+    pub varying: bool,
+}
+
+impl Blocks {
+    /// No block.
+    pub const NONE: Self = Self { fine_source: false, crosstalk: false, uneven_response: false, varying: false };
+
+    /// All blocks.
+    pub const ALL: Self = Self { fine_source: true, crosstalk: true, uneven_response: true, varying: true };
+
+    /// The blocks that a display model has.
+    #[must_use]
+    pub fn of(model: &DisplayModel) -> Self {
+        Self {
+            fine_source: model.source.order > SOURCE_ORDER,
+            crosstalk: !model.crosstalk.is_none(),
+            uneven_response: !model.response_variation.is_none(),
+            varying: !model.variation.is_none(),
+        }
+    }
+
+    /// Whether the set has a block.
+    #[must_use]
+    pub fn contains(mut self, block: Block) -> bool {
+        *self.place(block)
+    }
+
+    /// The set with one more block.
+    #[must_use]
+    pub fn with(mut self, block: Block) -> Self {
+        *self.place(block) = true;
+        self
+    }
+
+    /// The set without a block.
+    #[must_use]
+    pub fn without(mut self, block: Block) -> Self {
+        *self.place(block) = false;
+        self
+    }
+
+    /// The blocks of the set, in the order of [`Block::ALL`].
+    pub fn iter(self) -> impl Iterator<Item = Block> {
+        Block::ALL.into_iter().filter(move |&block| self.contains(block))
+    }
+
+    fn place(&mut self, block: Block) -> &mut bool {
+        match block {
+            Block::FineSource => &mut self.fine_source,
+            Block::Crosstalk => &mut self.crosstalk,
+            Block::UnevenResponse => &mut self.uneven_response,
+            Block::Varying => &mut self.varying,
+        }
+    }
+}
