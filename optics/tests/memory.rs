@@ -142,10 +142,19 @@ fn check_learning(pool: &ThreadPool, model: KernelModel, distances: usize) {
     let engine = EngineSize::ideal(height_px, width_px, Detector::Pixel, 2);
     let region_px = [region.height_px(), region.width_px()];
     let size = LearningSize { engine, model, order: 5, distances, region_px };
-    // Estimates count all blocks, which a fit without validation pairs gets from a warm start only.
-    let has_blocks = matches!(model, KernelModel::Display | KernelModel::Varying);
+    // The estimate is that of a display that needs all blocks. Those of the SLM come from the start, and the variation of the
+    // kernel is tried because there are validation pairs.
+    let needs_blocks = DisplayModel {
+        kernel: KernelShape::Smooth(SmoothField::flat(5)),
+        source: SmoothField::flat(10),
+        crosstalk: Crosstalk { ratio_x: 0.05, ratio_y: 0.05 },
+        response_variation: ResponseVariation { order: 3, coefficients: vec![0.01; 10] },
+        ..DisplayModel::ideal(setups[0])
+    };
+    let has_slm = matches!(model, KernelModel::Display | KernelModel::Varying);
     let work = || {
         let options = LearnOptions {
+            warm_start: has_slm.then(|| needs_blocks.clone()),
             epochs: 1,
             order: Some(5),
             refinement_evaluations: if model.is_smooth() { 2 } else { 0 },
@@ -153,7 +162,9 @@ fn check_learning(pool: &ThreadPool, model: KernelModel, distances: usize) {
             ..LearnOptions::new(model, region)
         };
         let mut learner = Learner::start_joint(&setups, options, &pairs).unwrap();
-        while learner.step(LearningPairs::training_only(&pairs)).unwrap().is_some() {}
+        let validated = LearningPairs { training: &pairs, validation: &pairs };
+        let learning_pairs = if has_slm { validated } else { LearningPairs::training_only(&pairs) };
+        while learner.step(learning_pairs).unwrap().is_some() {}
     };
     // A varying kernel may need the largest grid, but this fit tries none, because it has no validation pairs. Fits over
     // several distances have more parameters than are derived at once.

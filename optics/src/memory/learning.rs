@@ -68,7 +68,7 @@ impl LearningSize {
         let (rows, parameters) = (rows.div_ceil(stride), self.parameters());
         let samples = self.engine.detector.samples() as u64;
         let derivatives = rows * columns * (parameters * REAL + samples * COMPLEX);
-        let joint = self.joint_parameters(parameters);
+        let joint = self.joint_parameters();
         derivatives + rows * parameters * parameters / 2 * 8 + 4 * parameters * parameters * 8 + 6 * joint * joint * 8
     }
 
@@ -87,9 +87,11 @@ impl LearningSize {
         all as u64 + 2
     }
 
-    fn joint_parameters(&self, parameters: u64) -> u64 {
-        // The kernel is a polynomial of the distance of degree 2 at most, and each distance has its own tilts.
-        parameters * self.distances.min(3) as u64 + 2 * self.distances as u64
+    fn joint_parameters(&self) -> u64 {
+        // The kernel is a polynomial of the distance of degree 2 at most, and each distance has its own tilts. The modulator
+        // is the same at all distances.
+        let kernel = 2 * ChebyshevBasis::new(self.order).terms() as u64;
+        self.parameters() + kernel * (self.distances.min(3) as u64 - 1) + 2 * self.distances as u64
     }
 
     /// What a model of bins needs in addition: its state, and the gradient of every bin.
@@ -104,7 +106,7 @@ impl LearningSize {
     #[must_use]
     pub fn state_bytes(&self) -> u64 {
         if self.model.is_smooth() {
-            let joint = self.joint_parameters(self.parameters());
+            let joint = self.joint_parameters();
             return 8 * (joint * joint + 8 * joint);
         }
         3 * self.kernel_bytes()
