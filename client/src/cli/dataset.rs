@@ -77,8 +77,9 @@ pub(crate) struct Finalize {
     /// Name of the dataset
     name: String,
 
-    /// Draw this fraction of the pairs without a split for validation, 0 to 0.8
-    #[arg(long, value_name = "X", default_value_t = 0.0)]
+    /// Draw this fraction of the pairs without a split for validation, 0 to 0.8; validation pairs choose the order of a
+    /// kernel and the parts of a display model
+    #[arg(long, value_name = "X", default_value_t = 0.2)]
     validation_fraction: f64,
 
     /// Draw this fraction of the pairs without a split for the test, but at least one pair; above 0, at most 0.8

@@ -8,8 +8,7 @@
 //! steps, starting from the best model so far. The one that gains most is kept if it gains enough, and is refined. Then
 //! the others are tried in another round, because blocks can help only together. After the highest order each block that
 //! was kept is left out for some steps, and stays away if the validation loss hardly rises: a kernel of low order can make
-//! a block look useful. Pairs of several distances are fitted
-//! together, by one model whose kernel depends on the distance.
+//! a block look useful. Pairs of several distances are fitted together, by one model whose kernel depends on the distance.
 
 use super::along_z::JointLayout;
 use super::blocks;
@@ -47,6 +46,7 @@ const TRIAL_STEP_GAIN_MIN: f64 = 5e-2;
 const VALIDATION_GAIN_MIN: f64 = 1e-2;
 /// Number of consecutive steps without a validation gain after which an order ends.
 const STEPS_WITHOUT_GAIN_MAX: u32 = 6;
+
 /// State of the fit of a parametric model: all that the next step depends on.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ParametricState {
