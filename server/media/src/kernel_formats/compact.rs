@@ -383,8 +383,8 @@ mod tests {
             assert!(decode(&damaged).is_err(), "byte {at}");
         }
         let mut later = bytes;
-        later[4] = 3;
-        assert!(decode(&later).unwrap_err().to_string().contains("version 3"));
+        later[4] = VERSION_UNEVEN + 1;
+        assert!(decode(&later).unwrap_err().to_string().contains(&format!("version {}", VERSION_UNEVEN + 1)));
     }
 
     #[test]
