@@ -1,18 +1,20 @@
 //! Display model: the parameters of a display's light transport, which are learned from photographs.
 //!
 //! ```text
-//! photograph ≈ gain · D( | H ∗ ( a · ( e^{i r(ψ)} + z₀ ) ) |² ) + offset
+//! photograph ≈ gain · D( | H ∗ ( a d · ( e^{i r(ψ)} + z₀ ) ) |² ) + offset
 //! ```
 //!
 //! H is the kernel, a transfer function that may [vary over the SLM](crate::SpatialVariation); a is the source profile with
-//! the SLM's uneven surface, ψ the hologram's phase after [`Crosstalk`], r the SLM's phase response, which may
-//! [vary](ResponseVariation), z₀ undiffracted light, and D the [`Detector`](crate::Detector). Smooth parts are
+//! the SLM's uneven surface, d the [`Dust`], ψ the hologram's phase after [`Crosstalk`], r the SLM's phase response, which
+//! may [vary](ResponseVariation), z₀ undiffracted light, and D the [`Detector`](crate::Detector). Smooth parts are
 //! [Chebyshev series](crate::chebyshev): of fx and fy over the band [−1/2Δ, 1/2Δ] for the kernel, of x and y over the
 //! SLM for the source.
 
 use crate::smooth_field::{SmoothField, expect_finite, out_of_range};
 use crate::spatial_variation::local_kernels;
-use crate::{ConvolutionMethod, Crosstalk, Error, OpticalSetup, Plane, ResponseVariation, Result, SpatialVariation};
+use crate::{
+    ConvolutionMethod, Crosstalk, Dust, Error, OpticalSetup, Plane, ResponseVariation, Result, SpatialVariation,
+};
 use num_complex::{Complex32, Complex64};
 
 /// Model of a display: the response of the SLM, the propagation of light from the SLM to the image, and the camera's
@@ -27,6 +29,8 @@ pub struct DisplayModel {
     pub variation: SpatialVariation,
     /// Complex amplitude of the light that falls on the SLM.
     pub source: SmoothField,
+    /// Dust and fringes in that light.
+    pub dust: Dust,
     /// Harmonics [a_k, b_k] of the phase response r(φ) = φ + Σ_k (a_k sin kφ + b_k cos kφ), k = 1, 2, … \[rad\].
     pub response: Vec<[f64; 2]>,
     /// Variation of the phase response over the SLM.
@@ -65,6 +69,7 @@ impl DisplayModel {
             kernel: KernelShape::Ideal,
             variation: SpatialVariation::none(),
             source: SmoothField::flat(0),
+            dust: Dust::none(),
             response: Vec::new(),
             response_variation: ResponseVariation::none(),
             crosstalk: Crosstalk::NONE,
@@ -79,10 +84,11 @@ impl DisplayModel {
     /// # Errors
     ///
     /// [`Error`] for parameters that are not finite, numbers of coefficients that do not match their
-    /// order, too many harmonics, a variation over the SLM of a kernel that is not smooth, or a kernel of bins that
+    /// order, dust of another size than the display, too many harmonics, a variation over the SLM of a kernel that is not smooth, or a kernel of bins that
     /// does not fit the padded spectrum.
     pub fn validate(&self) -> Result<()> {
         self.source.validate()?;
+        self.dust.validate(self.setup.grid().height_px(), self.setup.grid().width_px())?;
         if let KernelShape::Smooth(kernel) = &self.kernel {
             kernel.validate()?;
         }

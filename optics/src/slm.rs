@@ -4,7 +4,7 @@
 //! c(x, y) = k(x, y) · a(x, y) · ( e^{i r(ψ)} + z₀ ),   r(ψ) = (1 + v(x, y)) ψ + Σ_k ( a_k sin kψ + b_k cos kψ )
 //! ```
 //!
-//! ψ is the [shown](Shown) phase \[rad\], a the complex source profile, r the SLM's phase response, which may
+//! ψ is the [shown](Shown) phase \[rad\], a the complex source profile with its [dust](crate::Dust), r the SLM's phase response, which may
 //! [vary](crate::ResponseVariation) by v, and z₀ undiffracted light. With a carrier ψ includes its grating, and k = ±1 is
 //! the grating's sign, so that c is the field relative to the direction in which the image leaves. Without
 //! [cross-talk](crate::Crosstalk) and variation, ψ is the displayed phase φ.
@@ -23,7 +23,7 @@ use std::f64::consts::{PI, TAU};
 #[derive(Clone, Debug)]
 pub(crate) struct Slm<T> {
     pub(crate) width_px: usize,
-    /// Complex source profile a at each pixel; `None`: 1 everywhere.
+    /// Complex source profile a with dust at each pixel; `None`: 1 everywhere.
     pub(crate) source: Option<Vec<Complex<T>>>,
     /// Harmonics [a_k, b_k] of the phase response for k = 1, 2, …
     pub(crate) harmonics: Vec<[T; 2]>,

@@ -188,6 +188,32 @@ fn uneven_response_is_found_and_recovered() {
 }
 
 #[test]
+fn dust_is_found_and_recovered() {
+    let bench = simulated_display(6e-3, SimulatedBench { seed: 5, dust_contrast: 0.1, ..SimulatedBench::FAIR });
+    let model = learned_with_validation(&bench);
+    assert_eq!(Blocks::of(&model).without(Block::FineSource), Blocks::NONE.with(Block::Dust));
+    // Smooth parts of the dust belong to the smooth source as well, so both are compared together.
+    let learned =
+        |y: usize, x: usize| model.source.value(centre(x, WIDTH_PX), centre(y, HEIGHT_PX)) * model.dust.factor(y, x);
+    let dust = |y: usize, x: usize| learned(y, x) / bench.source(y, x);
+    // The light of the outer pixels mostly leaves the region that is compared.
+    let region = RegionOfInterest::middle(&bench.setup().grid());
+    let seen = |y: usize, x: usize| region.columns(y).is_some_and(|columns| columns.contains(&x));
+    let lit = || (0..HEIGHT_PX * WIDTH_PX).map(|i| (i / WIDTH_PX, i % WIDTH_PX)).filter(|&(y, x)| seen(y, x));
+    let rms = |of: &dyn Fn(usize, usize) -> f64| {
+        let mean = lit().map(|(y, x)| of(y, x)).sum::<f64>() / lit().count() as f64;
+        (lit().map(|(y, x)| (of(y, x) - mean).powi(2)).sum::<f64>() / lit().count() as f64).sqrt()
+    };
+    let amplitude = rms(&|y, x| (dust(y, x) / bench.dust(y, x)).norm().ln());
+    let phase_rad =
+        rms_without_tilt(|y, x| (dust(y, x) / bench.dust(y, x)).arg(), |y, x| f64::from(u8::from(seen(y, x))));
+    assert!(
+        rms(&|y, x| bench.dust(y, x).norm().ln()) > 0.06 && amplitude < 0.03 && phase_rad < 0.03,
+        "{amplitude}, {phase_rad}"
+    );
+}
+
+#[test]
 fn display_without_flaws_of_blocks_gets_none() {
     let perfect = SimulatedBench { seed: 5, strength: 0.0, ..SimulatedBench::FAIR };
     let model = learned_with_validation(&simulated_display(6e-3, perfect));
@@ -270,7 +296,7 @@ fn warm_start_needs_few_steps() {
 fn learning_does_not_depend_on_threads_or_pauses() {
     let flaws =
         SimulatedBench { crosstalk_px: 0.4, surface_waves: 1.0, response_variation: 0.1, ..SimulatedBench::FAIR };
-    let bench = simulated_display(6e-3, SimulatedBench { seed: 10, ..flaws });
+    let bench = simulated_display(6e-3, SimulatedBench { seed: 10, dust_contrast: 0.2, ..flaws });
     let (training, validation) = (pairs(&bench, 5, 100), pairs(&bench, 2, 400));
     let learning_pairs = LearningPairs { training: &training, validation: &validation };
     let short = |model, refinement_evaluations| LearnOptions {

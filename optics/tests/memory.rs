@@ -13,7 +13,7 @@ use lightpath_optics::second_opinion::{Effort, SecondOpinion};
 use lightpath_optics::simulated_display::SimulatedDisplay;
 use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{
-    Crosstalk, Detector, DisplayModel, Engine, EngineCache, Grid, HologramProblem, KernelShape, OpticalSetup,
+    Crosstalk, Detector, DisplayModel, Dust, Engine, EngineCache, Grid, HologramProblem, KernelShape, OpticalSetup,
     Optimization, OrderFilter, Orders, Plane, RegionOfInterest, ResponseVariation, SimulatedBench, SmoothField,
 };
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -149,6 +149,7 @@ fn check_learning(pool: &ThreadPool, model: KernelModel, distances: usize) {
         source: SmoothField::flat(10),
         crosstalk: Crosstalk { ratio_x: 0.05, ratio_y: 0.05 },
         response_variation: ResponseVariation { order: 3, coefficients: vec![0.01; 10] },
+        dust: Dust::new(Plane::filled(height_px, width_px, [0, 0])),
         ..DisplayModel::ideal(setups[0])
     };
     let has_slm = matches!(model, KernelModel::Display | KernelModel::Varying);

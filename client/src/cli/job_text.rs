@@ -98,7 +98,11 @@ pub(crate) fn facts(job: &Job) -> String {
                 .add("speed", format!("{:.1} ms per iteration, {} iterations", result.iteration_ms, result.iterations));
             text = holograms(result);
         }
-        Some(job_result::Kind::Learn(result)) => learn_facts(result, &mut facts),
+        Some(job_result::Kind::Learn(result)) => {
+            learn_facts(result, &mut facts);
+            let parts = result.kernels.iter().filter_map(|kernel| kernel.metrics.as_ref()).map(quality_text::parts);
+            text = parts.filter(|table| !table.is_empty()).map(|table| format!("\n{table}")).collect();
+        }
         Some(job_result::Kind::Capture(result)) => {
             propagation_facts(result.propagation.as_ref(), &mut facts);
             facts.add("photograph", &result.photo);
@@ -251,6 +255,9 @@ fn learn_facts(result: &v1::LearnResult, facts: &mut Facts) {
         }
         if let Some(rms) = blocks.response_variation_rms {
             facts.add("uneven response", format!("{:.1} % RMS", 100.0 * rms));
+        }
+        if let Some(contrast) = blocks.dust_contrast {
+            facts.add("dust and fringes", format!("contrast of {:.1} %", 100.0 * contrast));
         }
         if blocks.kernel_varies {
             facts.add("kernel", "varies over the modulator");

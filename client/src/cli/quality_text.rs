@@ -2,10 +2,10 @@
 
 use super::show;
 use super::table::{Facts, Table};
-use lightpath::units;
 use lightpath::v1::{
     KernelMetrics, PropagationMethod, Quality, SecondOpinion, VerifyResult, hologram_result::PlaneResult,
 };
+use lightpath::{Words as _, units};
 
 /// Difference of the engine and the independent model above which they contradict each other [dB].
 const CONTRADICTION_DB: f64 = 0.5;
@@ -67,6 +67,20 @@ pub(crate) fn second_opinion(plane: &PlaneResult) -> Option<String> {
     } else {
         format!("agrees: the independent model finds {difference_db:+.2} dB on {rows} rows")
     })
+}
+
+/// A table of what each part of a learned model explains; empty if that was not measured.
+pub(crate) fn parts(metrics: &KernelMetrics) -> String {
+    if metrics.parts.is_empty() {
+        return String::new();
+    }
+    let mut table =
+        Table::new(&["part of the model", ">photographs are predicted worse without it", ">over the photographs"]);
+    for part in &metrics.parts {
+        let range = format!("{:.1} to {:.1} dB", part.least_db, part.most_db);
+        table.row([part.part().word().replace('-', " "), show::decibel(part.cost_db), range]);
+    }
+    table.text()
 }
 
 /// A table of the opinions on each picture, for each detector.

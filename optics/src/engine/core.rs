@@ -12,7 +12,7 @@ use crate::propagation::passes::{has_sample_transfers, sample_transfers};
 use crate::slm::{Shown, Slm};
 use crate::smooth_field::SmoothField;
 use crate::spatial_variation::local_kernels;
-use crate::{ConvolutionMethod, Detector, DisplayModel, OpticalSetup, Plane, ResponseVariation, Result};
+use crate::{ConvolutionMethod, Detector, DisplayModel, Dust, OpticalSetup, Plane, ResponseVariation, Result};
 use num_complex::{Complex, Complex64};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -325,11 +325,23 @@ pub(crate) fn tabulate_slm<T: Real>(model: &DisplayModel, carrier: Option<Carrie
     let mut slm = Slm::ideal(grid.width_px(), carrier);
     slm.harmonics = model.response.iter().map(|&[a, b]| [T::of(a), T::of(b)]).collect();
     slm.zero_order = Complex::new(T::of(model.zero_order.re), T::of(model.zero_order.im));
-    slm.source = (!model.source.is_flat()).then(|| tabulate_source(&model.source, grid.height_px(), grid.width_px()));
+    slm.source = (!model.source.is_flat() || !model.dust.is_none()).then(|| {
+        let mut light = tabulate_source(&model.source, grid.height_px(), grid.width_px());
+        if let Some(steps) = model.dust.steps() {
+            let factor = |&steps: &[i16; 2]| Dust::factor_of(steps);
+            multiply(&mut light, steps.values().par_iter().map(factor).map(|d| Complex::new(T::of(d.re), T::of(d.im))));
+        }
+        light
+    });
     slm.crosstalk = (!model.crosstalk.is_none()).then_some(model.crosstalk);
     let variation = &model.response_variation;
     slm.phase_gain = (!variation.is_none()).then(|| tabulate_gain(variation, grid.height_px(), grid.width_px()));
     slm
+}
+
+/// Multiplies the light on each pixel by a factor.
+fn multiply<T: Real>(light: &mut [Complex<T>], factors: impl IndexedParallelIterator<Item = Complex<T>>) {
+    light.par_iter_mut().zip(factors).for_each(|(light, factor)| *light = *light * factor);
 }
 
 /// 1 + v of a response that varies over the SLM, at every pixel.

@@ -4,7 +4,7 @@
 use super::*;
 use crate::hologram::initial::random;
 use crate::{
-    Carrier, Crosstalk, Detector, DisplayModel, Grid, KernelShape, OpticalSetup, Orders, ResponseVariation,
+    Carrier, Crosstalk, Detector, DisplayModel, Dust, Grid, KernelShape, OpticalSetup, Orders, ResponseVariation,
     SmoothField, SpatialVariation,
 };
 use num_complex::Complex64;
@@ -12,7 +12,7 @@ use num_complex::Complex64;
 const SIZES: [(usize, usize); 3] = [(16, 24), (17, 13), (11, 30)];
 
 /// Display with all flaws of the display model. Its kernel varies across the image if `varies` is true. With `blurs` its
-/// pixels have cross-talk, and with `uneven` its response varies.
+/// pixels have cross-talk, and with `uneven` its response varies and there is dust.
 fn flawed(setup: OpticalSetup, varies: bool, [blurs, uneven]: [bool; 2]) -> DisplayModel {
     let smooth = |order, scale: f64| {
         let mut field = SmoothField::flat(order);
@@ -27,6 +27,15 @@ fn flawed(setup: OpticalSetup, varies: bool, [blurs, uneven]: [bool; 2]) -> Disp
             false => SpatialVariation::none(),
         },
         source: smooth(2, 0.1),
+        dust: match uneven {
+            true => {
+                let (height_px, width_px) = (setup.grid().height_px(), setup.grid().width_px());
+                let steps =
+                    |y, x| [(y * 7919 + x * 104_729) % 4001, (y * 31 + x * 17) % 3001].map(|n: usize| n as i16 - 2000);
+                Dust::new(Plane::from_fn(height_px, width_px, steps))
+            }
+            false => Dust::none(),
+        },
         response: vec![[0.15, -0.05], [0.02, 0.04]],
         zero_order: Complex64::new(0.03, -0.02),
         crosstalk: if blurs { Crosstalk { ratio_x: 0.1, ratio_y: 0.04 } } else { Crosstalk::NONE },

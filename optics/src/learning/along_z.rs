@@ -208,7 +208,7 @@ fn kernels_of_joint_fit<'a>(models: &[&'a DisplayModel], setup: &OpticalSetup) -
         };
         if modulator(model) != modulator(before) {
             return Err(Error::IncompatibleDistances {
-                reason: "the source, phase response, cross-talk, zero order and variations must be the same at all distances",
+                reason: "the source, dust, phase response, cross-talk, zero order and variations must be the same at all distances",
             });
         }
     }

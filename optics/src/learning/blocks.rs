@@ -13,6 +13,9 @@ use serde::{Deserialize, Serialize};
 /// more expensive.
 pub(super) const GAIN_MIN: f64 = 0.1;
 
+/// [`GAIN_MIN`] of [`Block::Dust`], which makes a kernel of some kilobytes one of megabytes.
+pub(super) const DUST_GAIN_MIN: f64 = 0.3;
+
 /// Most fits of `refinement_evaluations` evaluations that learning takes: one over all orders, and for each block its
 /// refinement and its trials.
 pub(super) fn fits_max(model: KernelModel) -> u32 {
@@ -31,11 +34,13 @@ pub enum Block {
     UnevenResponse,
     /// A kernel that [varies over the SLM](crate::SpatialVariation).
     Varying,
+    /// [`Dust`](crate::Dust) and fringes in the light on the SLM.
+    Dust,
 }
 
 impl Block {
     /// All blocks.
-    pub const ALL: [Self; 4] = [Self::FineSource, Self::Crosstalk, Self::UnevenResponse, Self::Varying];
+    pub const ALL: [Self; 5] = [Self::FineSource, Self::Crosstalk, Self::UnevenResponse, Self::Varying, Self::Dust];
 
     /// Name of the block in lower case, as it is stored.
     #[must_use]
@@ -45,13 +50,14 @@ impl Block {
             Self::Crosstalk => "crosstalk",
             Self::UnevenResponse => "uneven_response",
             Self::Varying => "varying",
+            Self::Dust => "dust",
         }
     }
 
     /// Whether validation pairs may choose the block in a fit of `model`.
     pub(super) fn belongs_to(self, model: KernelModel) -> bool {
         match self {
-            Self::FineSource | Self::Crosstalk | Self::UnevenResponse => {
+            Self::FineSource | Self::Crosstalk | Self::UnevenResponse | Self::Dust => {
                 matches!(model, KernelModel::Display | KernelModel::Varying)
             }
             Self::Varying => model == KernelModel::Varying,
@@ -71,6 +77,8 @@ pub struct BlockStrengths {
     pub response_variation_rms: Option<f64>,
     /// Whether the kernel varies over the SLM.
     pub kernel_varies: bool,
+    /// Contrast of the dust and fringes in the light on the SLM.
+    pub dust_contrast: Option<f64>,
 }
 
 impl BlockStrengths {
@@ -83,6 +91,7 @@ impl BlockStrengths {
             crosstalk_px: blocks.crosstalk.then(|| model.crosstalk.sigma_px()),
             response_variation_rms: blocks.uneven_response.then(|| model.response_variation.rms()),
             kernel_varies: blocks.varying,
+            dust_contrast: blocks.dust.then(|| model.dust.contrast()),
         }
     }
 
@@ -122,14 +131,17 @@ pub struct Blocks {
     pub uneven_response: bool,
     /// [`Block::Varying`]
     pub varying: bool,
+    /// [`Block::Dust`]
+    pub dust: bool,
 }
 
 impl Blocks {
     /// No block.
-    pub const NONE: Self = Self { fine_source: false, crosstalk: false, uneven_response: false, varying: false };
+    pub const NONE: Self =
+        Self { fine_source: false, crosstalk: false, uneven_response: false, varying: false, dust: false };
 
     /// All blocks.
-    pub const ALL: Self = Self { fine_source: true, crosstalk: true, uneven_response: true, varying: true };
+    pub const ALL: Self = Self { fine_source: true, crosstalk: true, uneven_response: true, varying: true, dust: true };
 
     /// The blocks that a display model has.
     #[must_use]
@@ -139,6 +151,7 @@ impl Blocks {
             crosstalk: !model.crosstalk.is_none(),
             uneven_response: !model.response_variation.is_none(),
             varying: !model.variation.is_none(),
+            dust: !model.dust.is_none(),
         }
     }
 
@@ -173,6 +186,7 @@ impl Blocks {
             Block::Crosstalk => &mut self.crosstalk,
             Block::UnevenResponse => &mut self.uneven_response,
             Block::Varying => &mut self.varying,
+            Block::Dust => &mut self.dust,
         }
     }
 }

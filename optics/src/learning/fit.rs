@@ -15,6 +15,7 @@ use crate::slm::{BLOCK, BlockResponse, ShownRow, Slm};
 use crate::{Detector, DisplayModel, Error, KernelShape, OpticalSetup};
 use num_complex::{Complex, Complex64};
 use pulp::Arch;
+use rayon::prelude::*;
 use std::sync::Arc;
 
 /// A parametric model at one or several planes. Set a plane's parameters first, then evaluate pairs of that plane.
@@ -32,6 +33,8 @@ pub(super) struct Fit<T> {
     pub(super) polynomials_x: Vec<Vec<T>>,
     pub(super) out: Fields<T>,
     back: Vec<Complex<T>>,
+    /// Factor of the light on each pixel by dust; `None`: 1 everywhere.
+    dust: Option<Vec<Complex<T>>>,
     /// Buffer for the spectra of derivatives.
     pub(super) spectra: Vec<Complex<T>>,
 }
@@ -80,6 +83,7 @@ impl<T: Real> Fit<T> {
             polynomials_x,
             out,
             back,
+            dust: None,
             spectra,
         })
     }
@@ -106,6 +110,15 @@ impl<T: Real> Fit<T> {
         self.out = Fields::new(&self.engine);
     }
 
+    /// Sets the dust: the logarithm of the amplitude and the phase of each pixel's factor. The next [`Self::set`] uses it.
+    pub(super) fn set_dust(&mut self, exponents: Option<&[f32]>) {
+        let factor = |&[log_amplitude, phase]: &[f32; 2]| {
+            let factor = Complex64::from_polar(f64::from(log_amplitude).exp(), phase.into());
+            Complex::new(T::of(factor.re), T::of(factor.im))
+        };
+        self.dust = exponents.map(|exponents| exponents.as_chunks().0.par_iter().map(factor).collect());
+    }
+
     pub(super) fn set(&mut self, plane: usize, parameters: &[f64]) {
         let model = self.layout.model(&self.setups[plane], (1.0, 0.0), parameters);
         let models = model.local_kernels().unwrap_or_else(|| vec![model.clone()]);
@@ -123,7 +136,11 @@ impl<T: Real> Fit<T> {
             let slm = Arc::make_mut(&mut self.engine.slm);
             slm.harmonics = model.response.iter().map(|&[a, b]| [T::of(a), T::of(b)]).collect();
             slm.zero_order = Complex::new(T::of(model.zero_order.re), T::of(model.zero_order.im));
-            slm.source = Some(tabulate_source(&model.source, height_px, width_px));
+            let mut source = tabulate_source(&model.source, height_px, width_px);
+            if let Some(dust) = &self.dust {
+                source.par_iter_mut().zip(dust).for_each(|(a, d)| *a = *a * d);
+            }
+            slm.source = Some(source);
             slm.crosstalk = self.layout.blocks.crosstalk.then_some(model.crosstalk);
             let variation = &model.response_variation;
             slm.phase_gain = self.layout.blocks.uneven_response.then(|| tabulate_gain(variation, height_px, width_px));
@@ -166,6 +183,26 @@ impl<T: Real> Fit<T> {
             gradient[self.layout.source()..][..slm.len()].copy_from_slice(&slm);
         }
         (sums, gradient)
+    }
+
+    /// The loss of one pair at its best gain and offset. Adds `share` times the gradient with respect to the exponents of
+    /// the dust to `gradient`, two numbers for each pixel.
+    pub(super) fn evaluate_dust(&mut self, example: &Example<T>, share: f64, gradient: &mut [T]) -> Sums {
+        self.propagate_and_fit_exposure(example);
+        let Self { engine, out, .. } = self;
+        let comparison = example.comparison(engine, self.gain, self.offset);
+        let sums = engine.convolver.compare(&out.tiles, &comparison, &mut out.spectrum);
+        let (slm, shown) = (&engine.slm, engine.slm.shown(example.phase.values()));
+        engine.return_rows(out, gradient.as_chunks_mut().0, |y, b, out: &mut [[T; 2]]| {
+            let mut field: Vec<Complex<T>> = zeros(b.len());
+            slm.field_row(y, shown.row(y), &mut field);
+            let twice = T::of(2.0 * share);
+            for ((out, c), b) in out.iter_mut().zip(&field).zip(b) {
+                let product = b.conj() * c;
+                *out = [out[0] + twice * product.re, out[1] - twice * product.im];
+            }
+        });
+        sums
     }
 
     fn slm_gradient(&self, example: &Example<T>) -> Vec<f64> {
@@ -362,6 +399,51 @@ mod tests {
                     (gradient[i] - difference).abs() < 1e-6 * scale,
                     "{model:?}, {blocks:?}, parameter {i} of {}: {} against {difference}",
                     theta.len(),
+                    gradient[i]
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn gradient_of_dust_matches_central_differences() {
+        for (blocks, carrier, detector) in [
+            (Blocks::NONE, None, Detector::Point),
+            (ALL, Some(Carrier::HalfOrderX), Detector::Pixel),
+            (Blocks::ALL, None, Detector::Supersampled),
+        ] {
+            let grid = Grid::try_new(12, 17, 8e-6).unwrap();
+            let setup = OpticalSetup::try_new(grid, 515e-9, 2e-3).unwrap();
+            let layout = Layout::of(KernelModel::Varying, 2, blocks);
+            let mut fit = Fit::<f64>::new(vec![setup], layout, detector, carrier).unwrap();
+            let photo = Plane::from_fn(12, 17, |y, x| 0.5 + 0.5 * ((y * 2 + x * 3) as f32).sin());
+            let phase = initial_phase(12, 17, 6.0, 3).unwrap();
+            let example = Example::new(&Pair { phase, photo }, &fit.engine, RegionOfInterest::middle(&grid)).unwrap();
+            let mut theta: Vec<f64> = (0..fit.layout.len()).map(|i| 0.1 * (i as f64 * 1.3 + 0.5).sin()).collect();
+            theta[layout.crosstalk()..layout.response_variation()].iter_mut().for_each(|q| *q = 0.1 + q.abs());
+            let mut exponents: Vec<f32> = (0..2 * 12 * 17).map(|i| 0.3 * (i as f32 * 1.9).sin()).collect();
+            let mut evaluate = |exponents: &[f32], gradient: &mut [f64]| {
+                fit.set_dust(Some(exponents));
+                fit.set(0, &theta);
+                0.7 * fit.evaluate_dust(&example, 0.7, gradient).loss()
+            };
+            let mut gradient = vec![0.0; exponents.len()];
+            evaluate(&exponents, &mut gradient);
+            let scale = gradient.iter().fold(0.0_f64, |largest, g| largest.max(g.abs()));
+            for i in (0..exponents.len()).step_by(7) {
+                let mut at = |step: f32| {
+                    let before = exponents[i];
+                    exponents[i] += step;
+                    let moved = f64::from(exponents[i] - before);
+                    let loss = evaluate(&exponents, &mut vec![0.0; gradient.len()]);
+                    exponents[i] = before;
+                    (loss, moved)
+                };
+                let ((after, up), (before, down)) = (at(1e-3), at(-1e-3));
+                let difference = (after - before) / (up - down);
+                assert!(
+                    (gradient[i] - difference).abs() < 1e-5 * scale,
+                    "{blocks:?}, {i}: {} against {difference}",
                     gradient[i]
                 );
             }

@@ -9,7 +9,9 @@ use super::{Blocks, KernelModel};
 use crate::chebyshev::ChebyshevBasis;
 use crate::convolution::Real;
 use crate::spatial_variation::local_kernels;
-use crate::{Crosstalk, DisplayModel, KernelShape, OpticalSetup, ResponseVariation, SmoothField, SpatialVariation};
+use crate::{
+    Crosstalk, DisplayModel, Dust, KernelShape, OpticalSetup, ResponseVariation, SmoothField, SpatialVariation,
+};
 use num_complex::Complex64;
 use std::ops::Range;
 
@@ -201,6 +203,7 @@ impl Layout {
             kernel: KernelShape::Smooth(smooth(self.kernel, 0)),
             variation,
             source: smooth(self.source, self.source()),
+            dust: Dust::none(),
             response: parameters[self.response()..self.zero_order()].as_chunks().0.to_vec(),
             response_variation,
             crosstalk,

@@ -18,11 +18,13 @@ mod along_z;
 pub mod bins;
 mod blocks;
 mod columns;
+mod dust;
 mod fit;
 mod jacobian;
 mod layout;
 mod pair;
 pub mod parametric;
+mod parts;
 mod schedule;
 mod screening;
 mod smooth_transfer;
@@ -37,6 +39,7 @@ pub(crate) mod sizes {
 pub use along_z::interpolated;
 pub use blocks::{Block, BlockStrengths, Blocks};
 pub use pair::{BoxError, Pair, PairSource, compare, unsaturated_px};
+pub use parts::{ModelPart, PartCost, without_each_part};
 pub use uncertainty::{ResponseCovariance, ResponseUncertainty};
 
 use crate::carrier::Carrier;

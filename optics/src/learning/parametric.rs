@@ -8,10 +8,12 @@
 //! steps, starting from the best model so far. The one that gains most is kept if it gains enough, and is refined. Then
 //! the others are tried in another round, because blocks can help only together. After the highest order each block that
 //! was kept is left out for some steps, and stays away if the validation loss hardly rises: a kernel of low order can make
-//! a block look useful. Pairs of several distances are fitted together, by one model whose kernel depends on the distance.
+//! a block look useful. The last block is dust, which has two numbers for each pixel and is fitted by L-BFGS, with all other
+//! parameters as they are. Pairs of several distances are fitted together, by one model whose kernel depends on the distance.
 
 use super::along_z::JointLayout;
 use super::blocks;
+pub use super::dust::DustFit;
 use super::fit::Fit;
 use super::layout::Layout;
 use super::pair::{Example, measure, total};
@@ -21,7 +23,7 @@ use super::{Block, Blocks, LearnOptions, LearnStage, LearnStep, LearningPairs, P
 use crate::optimizer::adam::AdamStep;
 use crate::optimizer::damped::DampedState;
 use crate::photometry::Sums;
-use crate::{DisplayModel, Error, KernelShape, OpticalSetup};
+use crate::{DisplayModel, Dust, Error, KernelShape, OpticalSetup, Plane};
 use serde::{Deserialize, Serialize};
 
 /// Orders of the kernel that are fitted one after the other, up to the requested order.
@@ -96,6 +98,10 @@ pub struct ParametricState {
     pub best: Option<BestModel>,
     /// Number of steps of the current order or trial since the last validation gain.
     pub steps_without_gain: u32,
+    /// A and B of the display's [dust](Dust).
+    pub dust: Option<Plane<[i16; 2]>>,
+    /// Fit of the dust in progress.
+    pub dust_fit: Option<DustFit>,
     /// Whether learning has ended.
     pub converged: bool,
     /// Mean training loss of each epoch, then of each refinement step.
@@ -179,8 +185,12 @@ impl ParametricLearner {
         pairs: &dyn PairSource,
     ) -> Result<Self, BoxError> {
         let (order, blocks) = (kernel_orders(&options)[0] as u32, initial_blocks(&options));
-        let mut learner =
-            Self::resume(setups, options, ParametricState { order, blocks, ..ParametricState::default() })?;
+        let dust = match (&options.warm_start, Block::Dust.belongs_to(options.model)) {
+            (Some(model), true) => model.dust.steps().cloned(),
+            _ => None,
+        };
+        let state = ParametricState { order, blocks, dust, ..ParametricState::default() };
+        let mut learner = Self::resume(setups, options, state)?;
         let layout = learner.joint.layout;
         let (plane_theta, predictor) = match &learner.options.warm_start {
             Some(model) => (layout.parameters(model), Predictor::Rough),
@@ -209,7 +219,18 @@ impl ParametricLearner {
             return Err(Error::OutOfRange { name: "state", value, allowed: "the number of parameters of the model" });
         }
         let fit = Fit::new(setups.to_vec(), layout, options.detector, options.carrier)?;
-        Ok(Self { options, kernel_orders, joint, fit, state })
+        let (height_px, width_px) = (fit.engine.height_px(), fit.engine.width_px());
+        state.dust.iter().try_for_each(|dust| dust.expect_size("dust", height_px, width_px))?;
+        if !state.dust_fit.as_ref().is_none_or(|dust| dust.is_consistent(height_px * width_px)) {
+            return Err(Error::OutOfRange {
+                name: "state",
+                value: 0.0,
+                allowed: "a fit of two numbers for each pixel",
+            });
+        }
+        let mut learner = Self { options, kernel_orders, joint, fit, state };
+        learner.use_dust();
+        Ok(learner)
     }
 
     pub(super) fn state(&self) -> &ParametricState {
@@ -220,7 +241,11 @@ impl ParametricLearner {
     pub(super) fn models(&self) -> Vec<DisplayModel> {
         let (joint, theta) = self.best();
         let exposure = (self.state.gain, self.state.offset);
-        let model = |(plane, setup)| joint.layout.model(setup, exposure, &joint.plane_parameters(plane, theta));
+        let dust = self.state.dust.clone().map_or_else(Dust::none, Dust::new);
+        let model = |(plane, setup)| DisplayModel {
+            dust: dust.clone(),
+            ..joint.layout.model(setup, exposure, &joint.plane_parameters(plane, theta))
+        };
         self.fit.setups.iter().enumerate().map(model).collect()
     }
 
@@ -248,6 +273,9 @@ impl ParametricLearner {
         }
         if self.state.converged || self.options.refinement_evaluations == 0 {
             return Ok(None);
+        }
+        if let Some(dust) = self.state.dust_fit.take() {
+            return self.dust_step(dust, learning_pairs).map(Some);
         }
         self.refine(learning_pairs).map(Some)
     }
@@ -372,14 +400,24 @@ impl ParametricLearner {
             self.advance();
         }
         if self.state.converged {
-            let (joint, theta) = self.best();
-            let theta = theta.to_vec();
-            (self.state.refinement, self.state.parameters) = (None, theta.clone());
-            self.change_layout(joint);
-            let each = self.measure_each(learning_pairs.training, &theta)?;
-            self.fit_exposure(&each);
+            self.take_best();
+            self.fit_final_exposure(learning_pairs.training)?;
         }
         Ok(self.progress(LearnStage::Refinement, loss))
+    }
+
+    /// Ends the refinement with the best model so far.
+    fn take_best(&mut self) {
+        let (joint, theta) = self.best();
+        (self.state.refinement, self.state.parameters) = (None, theta.to_vec());
+        self.change_layout(joint);
+    }
+
+    fn fit_final_exposure(&mut self, pairs: &dyn PairSource) -> Result<(), BoxError> {
+        let theta = self.state.parameters.clone();
+        let each = self.measure_each(pairs, &theta)?;
+        self.fit_exposure(&each);
+        Ok(())
     }
 
     /// Number of evaluations that the current order, or the trial or refinement of a block, may take.
@@ -409,20 +447,33 @@ impl ParametricLearner {
 
     /// The mean loss of the pairs in use, and its gradient.
     fn fit_all(&mut self, pairs: &dyn PairSource, theta: &[f64]) -> Result<(f64, Vec<f64>), BoxError> {
+        let (joint, mut gradient) = (self.joint.clone(), vec![0.0; theta.len()]);
+        let loss = self.each_kept(pairs, theta, |fit, plane, example, share| {
+            let (sums, own) = fit.evaluate(example);
+            joint.add_gradient(plane, &own, share, &mut gradient);
+            sums.loss() * share
+        })?;
+        Ok((loss, gradient))
+    }
+
+    /// Sum of what `evaluate(fit, plane, example, share)` returns for each pair in use, where the shares add up to 1.
+    fn each_kept(
+        &mut self,
+        pairs: &dyn PairSource,
+        theta: &[f64],
+        mut evaluate: impl FnMut(&mut Fit<f32>, usize, &Example<f32>, f64) -> f64,
+    ) -> Result<f64, BoxError> {
         let Self { fit, joint, options, state, .. } = self;
-        let (mut loss, mut gradient, mut set) = (0.0, vec![0.0; theta.len()], None);
-        let share = 1.0 / state.kept.len() as f64;
+        let (share, mut sum, mut set) = (1.0 / state.kept.len() as f64, 0.0, None);
         for index in state.kept.iter().map(|&index| index as usize) {
             let plane = pairs.plane(index);
             if set.replace(plane) != Some(plane) {
                 fit.set(plane, &joint.plane_parameters(plane, theta));
             }
             let example = Example::new(&pairs.pair(index)?, &fit.engine, options.region)?;
-            let (sums, own) = fit.evaluate(&example);
-            loss += sums.loss() * share;
-            joint.add_gradient(plane, &own, share, &mut gradient);
+            sum += evaluate(fit, plane, &example, share);
         }
-        Ok((loss, gradient))
+        Ok(sum)
     }
 
     /// The curvature of some pairs and rows of each plane; each round takes other pairs and rows.
@@ -465,13 +516,7 @@ impl ParametricLearner {
         let Some(parameters) = self.state.refinement.as_ref().map(|refinement| refinement.parameters.clone()) else {
             return Ok(true);
         };
-        let each = self.measure_each(pairs, &parameters)?;
-        // The median is robust against a wrong photograph among the validation pairs.
-        let mut losses: Vec<f64> = each.iter().map(Sums::fitted_loss).collect();
-        losses.sort_by(f64::total_cmp);
-        let middle = &losses[(losses.len() - 1) / 2..=losses.len() / 2];
-        let loss = middle.iter().sum::<f64>() / middle.len() as f64;
-
+        let loss = self.validation_loss(pairs, &parameters)?;
         let best = self.state.best.as_ref().map_or(f64::INFINITY, |best| best.loss);
         self.state.steps_without_gain =
             if loss < best * (1.0 - VALIDATION_GAIN_MIN) { 0 } else { self.state.steps_without_gain + 1 };
@@ -481,6 +526,16 @@ impl ParametricLearner {
             self.state.best = Some(BestModel { order, blocks: self.state.blocks, parameters, loss, loss_before });
         }
         Ok(self.state.steps_without_gain < STEPS_WITHOUT_GAIN_MAX)
+    }
+
+    /// Loss on the validation pairs for the displays that θ describes.
+    fn validation_loss(&mut self, pairs: &dyn PairSource, theta: &[f64]) -> Result<f64, BoxError> {
+        let each = self.measure_each(pairs, theta)?;
+        // The median is robust against a wrong photograph among the validation pairs.
+        let mut losses: Vec<f64> = each.iter().map(Sums::fitted_loss).collect();
+        losses.sort_by(f64::total_cmp);
+        let middle = &losses[(losses.len() - 1) / 2..=losses.len() / 2];
+        Ok(middle.iter().sum::<f64>() / middle.len() as f64)
     }
 
     /// Goes on to the next trial of a block or to the next order, or ends learning.
@@ -525,7 +580,58 @@ impl ParametricLearner {
                 return;
             }
         }
+        if !self.start_dust() {
+            self.state.converged = true;
+        }
+    }
+
+    /// Starts to fit the dust on the best model. False for models without dust, and without validation pairs.
+    fn start_dust(&mut self) -> bool {
+        if self.state.best.is_none() || !Block::Dust.belongs_to(self.options.model) {
+            return false;
+        }
+        self.take_best();
+        let pixels = self.fit.engine.height_px() * self.fit.engine.width_px();
+        let exponents = self.state.dust.as_ref().map_or_else(|| vec![0.0; 2 * pixels], dust_exponents);
+        self.state.dust_fit = Some(DustFit::start(exponents));
+        true
+    }
+
+    /// Takes a step of the fit of the dust. After the last one learning has ended.
+    fn dust_step(&mut self, mut dust: DustFit, learning_pairs: LearningPairs<'_>) -> Result<LearnStep, BoxError> {
+        let theta = self.state.parameters.clone();
+        let loss = dust.step(|exponents, gradient| {
+            self.fit.set_dust(Some(exponents));
+            self.each_kept(learning_pairs.training, &theta, |fit, _, example, share| {
+                share * fit.evaluate_dust(example, share, gradient).loss()
+            })
+        })?;
+        self.state.loss_history.push(loss);
+        let mut goes_on = dust.evaluations() < self.options.refinement_evaluations;
+        if dust.has_moved() {
+            self.fit.set_dust(Some(dust.exponents()));
+            goes_on &= dust.validated(loss, self.validation_loss(learning_pairs.validation, &theta)?);
+        }
+        if goes_on {
+            self.state.dust_fit = Some(dust);
+            return Ok(self.progress(LearnStage::Refinement, loss));
+        }
+        self.state.trial_evaluations += dust.evaluations();
+        if let Some((exponents, validation_loss)) = dust.kept() {
+            let kept = Dust::nearest(self.fit.engine.height_px(), self.fit.engine.width_px(), &exponents)?;
+            self.state.dust = kept.steps().cloned();
+            self.state.best.iter_mut().for_each(|best| best.loss = validation_loss);
+        }
+        self.use_dust();
         self.state.converged = true;
+        self.fit_final_exposure(learning_pairs.training)?;
+        Ok(self.progress(LearnStage::Refinement, loss))
+    }
+
+    /// Lets the fit use the dust of the state.
+    fn use_dust(&mut self) {
+        let exponents = self.state.dust.as_ref().map(dust_exponents);
+        self.fit.set_dust(exponents.as_deref());
     }
 
     /// Starts a round: blocks of the SLM are added at the first order; after the last one, blocks that the model does not
@@ -535,7 +641,8 @@ impl ParametricLearner {
         let Some(before) = self.state.best.clone() else { return false };
         let has = |block: &Block| before.blocks.contains(*block);
         let lacks = |block: &Block| block.belongs_to(self.options.model) && !has(block);
-        let all = || Block::ALL.into_iter();
+        // Dust has a fit of its own.
+        let all = || Block::ALL.into_iter().filter(|block| *block != Block::Dust);
         let (change, mut untried): (Change, Vec<Block>) = match (self.state.orders_done, self.state.pruned) {
             (false, _) if self.state.order_index > 0 => return false,
             (false, _) => (Change::Add, all().filter(|block| *block != Block::Varying && lacks(block)).collect()),
@@ -618,20 +725,28 @@ impl ParametricLearner {
         let (_, spent) = self.refinement();
         let evaluations_total = blocks::fits_max(self.options.model) * self.options.refinement_evaluations;
         let steps_total = self.adam_steps_total() + evaluations_total * kept;
-        let evaluations = self.state.evaluations + self.state.trial_evaluations + spent;
+        let of_dust = self.state.dust_fit.as_ref().map_or(0, DustFit::evaluations);
+        let evaluations = self.state.evaluations + self.state.trial_evaluations + spent + of_dust;
         let step = (self.state.adam_steps + evaluations * kept).min(steps_total);
         let step = if self.state.converged { steps_total } else { step };
         let of_round = self.state.round.iter().flat_map(|round| round.winner.iter().chain([&round.before]));
         let validation_loss = self.state.best.iter().chain(of_round).map(|best| best.loss).reduce(f64::min);
-        let (order, blocks) = (self.state.order, self.state.blocks);
-        let trial = self.state.round.as_ref().map(|round| round.block);
+        let (order, blocks) = (self.state.order, Blocks { dust: self.state.dust.is_some(), ..self.state.blocks });
+        let of_dust = self.state.dust_fit.as_ref().map(|_| Block::Dust);
+        let trial = self.state.round.as_ref().map(|round| round.block).or(of_dust);
         LearnStep { stage, step, steps_total, loss, validation_loss, order, blocks, trial }
     }
 }
 
-/// The blocks of the display that a warm start begins with. A varying kernel comes later.
+/// The exponents of the factors of dust, for each pixel in turn.
+fn dust_exponents(steps: &Plane<[i16; 2]>) -> Vec<f32> {
+    steps.values().as_flattened().iter().map(|&step| (f64::from(step) * Dust::STEP) as f32).collect()
+}
+
+/// The blocks of the display that a warm start begins with. A varying kernel comes later, and dust is no part of θ.
 fn initial_blocks(options: &LearnOptions) -> Blocks {
-    let of_model = options.warm_start.as_ref().map_or(Blocks::NONE, Blocks::of).without(Block::Varying);
+    let of_model = options.warm_start.as_ref().map_or(Blocks::NONE, Blocks::of);
+    let of_model = of_model.without(Block::Varying).without(Block::Dust);
     of_model.iter().filter(|block| block.belongs_to(options.model)).fold(Blocks::NONE, Blocks::with)
 }
 

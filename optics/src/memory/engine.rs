@@ -116,7 +116,7 @@ impl EngineSize {
         let varies = !model.variation.is_none();
         let size = Self {
             kernels_per_side: if varies { local_kernels::per_side(&model.variation) } else { 1 },
-            has_source: !model.source.is_flat(),
+            has_source: !model.source.is_flat() || !model.dust.is_none(),
             wraps_phase: !model.crosstalk.is_none() || !model.response_variation.is_none(),
             ..Self::ideal(grid.height_px(), grid.width_px(), detector, threads)
         };

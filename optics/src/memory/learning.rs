@@ -6,6 +6,7 @@ use crate::chebyshev::ChebyshevBasis;
 use crate::convolution::tile_columns;
 use crate::learning::KernelModel;
 use crate::learning::sizes::{CURVATURE_PX, FINE_SOURCE_ORDER, HARMONICS, RESPONSE_VARIATION_ORDER, VARIATION_ORDER};
+use crate::optimizer::limited_memory::HISTORY;
 
 /// Size of a fit of a display model to photographs.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,7 +59,24 @@ impl LearningSize {
             + 2 * engine.width_px as u64 * kernels * (ChebyshevBasis::ORDER_MAX as u64 + 1) * COMPLEX_F64 * 2;
         // Also the slopes of the shown phases by the two numbers of the cross-talk.
         let source = if engine.has_source { COMPLEX * n + 2 * REAL * n } else { 0 };
-        ideal + spectra + source + engine.sampling_bytes + correlation.max(self.curvature_bytes())
+        ideal
+            + spectra
+            + source
+            + engine.sampling_bytes
+            + correlation.max(self.curvature_bytes()).max(self.dust_bytes())
+    }
+
+    /// Exponents of the dust and factors at each pixel, and vectors of the fit: those of its state, and a point, a gradient
+    /// and sums.
+    fn dust_bytes(&self) -> u64 {
+        let n = if self.engine().has_source { self.engine.pixels() } else { 0 };
+        self.dust_state_bytes() + n * (COMPLEX + 3 * 2 * REAL)
+    }
+
+    /// State of the fit of the dust: L-BFGS with two numbers for each pixel, the best exponents, and dust of the display.
+    fn dust_state_bytes(&self) -> u64 {
+        let n = if self.engine().has_source { self.engine.pixels() } else { 0 };
+        n * ((4 + 2 * HISTORY as u64) * 2 * REAL + 4)
     }
 
     /// Derivatives at the sampled pixels, their products for each row, and some matrices.
@@ -107,18 +125,19 @@ impl LearningSize {
     pub fn state_bytes(&self) -> u64 {
         if self.model.is_smooth() {
             let joint = self.joint_parameters();
-            return 8 * (joint * joint + 8 * joint);
+            return 8 * (joint * joint + 8 * joint) + self.dust_state_bytes();
         }
         3 * self.kernel_bytes()
     }
 
-    /// The learned kernel: two numbers for each bin, or some hundred coefficients.
+    /// The learned kernel: two numbers for each bin, or some hundred coefficients with two small numbers for each pixel.
     #[must_use]
     pub fn kernel_bytes(&self) -> u64 {
         match self.model {
             KernelModel::Dense => 4 * self.engine.pixels() * COMPLEX,
             KernelModel::Paper => self.engine.pixels() * COMPLEX,
-            _ => 8 * self.parameters(),
+            KernelModel::Smooth => 8 * self.parameters(),
+            KernelModel::Display | KernelModel::Varying => 8 * self.parameters() + 4 * self.engine.pixels(),
         }
     }
 

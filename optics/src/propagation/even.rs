@@ -5,7 +5,7 @@ use crate::interrupt;
 use num_complex::Complex64;
 use rayon::prelude::*;
 use rustfft::FftPlanner;
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 /// Several even sequences, each with a period of `2·half`.
 #[derive(Clone, Copy, Debug)]
@@ -17,26 +17,49 @@ pub(super) struct EvenSequences {
     pub(super) kept: usize,
 }
 
-/// Fourier transform of each sequence f(s, 0), f(s, 1), …, f(s, half), f(s, half − 1), …, f(s, 1). The forward and the
-/// inverse transform of an even sequence are the same, apart from the scale.
+/// Fourier transform of each sequence f_0, f_1, …, f_half, f_{half − 1}, …, f_1, where `fill(s, f)` writes f_0 to f_half of the
+/// sequence s. The forward and the inverse transform of an even sequence are the same, apart from the scale.
+///
+/// With N = `half`, a transform of N values gives all 2N bins F of a sequence f:
+///
+/// ```text
+/// y_j = (f_j + f_{N−j})/2 − sin(πj/N) (f_j − f_{N−j}),   Y = DFT of y_0 … y_{N−1}
+/// F_2k = Y_k + Y_{N−k},   F_{2k+1} = F_{2k−1} + i (Y_k − Y_{N−k}),   F_1 = f_0 − f_N + 2 Σ_{0<j<N} f_j cos(πj/N)
+/// ```
+///
+/// Source: W. H. Press et al., Numerical Recipes, 3rd ed., section 12.4.2, there for real sequences.
 pub(super) fn even_transform(
     EvenSequences { count, half, kept }: EvenSequences,
-    f: impl Fn(usize, usize) -> Complex64 + Sync,
+    fill: impl Fn(usize, &mut [Complex64]) + Sync,
 ) -> Vec<Complex64> {
-    let fft = FftPlanner::new().plan_fft_forward(2 * half);
+    let fft = FftPlanner::new().plan_fft_forward(half);
+    let angles: Vec<(f64, f64)> = (0..half).map(|j| (PI * j as f64 / half as f64).sin_cos()).collect();
     let mut spectra: Vec<Complex64> = zeros(count * kept);
     spectra.par_chunks_exact_mut(kept).enumerate().for_each_init(
-        || (vec![Complex64::ZERO; 2 * half], vec![Complex64::ZERO; fft.get_inplace_scratch_len()]),
+        || (vec![Complex64::ZERO; half + 1], vec![Complex64::ZERO; fft.get_inplace_scratch_len()]),
         |(sequence, scratch), (s, out)| {
             interrupt::check();
-            for (i, value) in sequence[..=half].iter_mut().enumerate() {
-                *value = f(s, i);
+            fill(s, sequence);
+            let mut odd = sequence[0] - sequence[half];
+            odd += 2.0 * sequence[1..half].iter().zip(&angles[1..]).map(|(f, (_, cos))| f * cos).sum::<Complex64>();
+            // y_j and y_{N−j} come from the same two values.
+            for j in 0..=half / 2 {
+                let (a, b, sin) = (sequence[j], sequence[half - j], angles[j].0);
+                let (mean, difference) = (0.5 * (a + b), sin * (a - b));
+                (sequence[j], sequence[half - j]) = (mean - difference, mean + difference);
             }
-            for i in 1..half {
-                sequence[2 * half - i] = sequence[i];
+            fft.process_with_scratch(&mut sequence[..half], scratch);
+            for k in 0..kept.div_ceil(2) {
+                let (y, mirrored) = (sequence[k % half], sequence[(half - k) % half]);
+                out[2 * k] = y + mirrored;
+                if k > 0 {
+                    let step = y - mirrored;
+                    odd += Complex64::new(-step.im, step.re);
+                }
+                if let Some(out) = out.get_mut(2 * k + 1) {
+                    *out = odd;
+                }
             }
-            fft.process_with_scratch(sequence, scratch);
-            out.copy_from_slice(&sequence[..kept]);
         },
     );
     spectra
@@ -56,11 +79,12 @@ impl EvenSpectrum {
     /// The transfer function of the impulse response `h(y, x)` at the lags 0 … height and 0 … width.
     pub(super) fn new(height_px: usize, width_px: usize, h: impl Fn(usize, usize) -> Complex64 + Sync) -> Self {
         // First along x for each lag along y, then along y for each fx.
-        let along_x = even_transform(EvenSequences { count: height_px + 1, half: width_px, kept: width_px + 1 }, h);
-        let values =
-            even_transform(EvenSequences { count: width_px + 1, half: height_px, kept: height_px + 1 }, |u, y| {
-                along_x[y * (width_px + 1) + u]
-            });
+        let rows = EvenSequences { count: height_px + 1, half: width_px, kept: width_px + 1 };
+        let along_x = even_transform(rows, |y, row| row.iter_mut().enumerate().for_each(|(x, value)| *value = h(y, x)));
+        let columns = EvenSequences { count: width_px + 1, half: height_px, kept: height_px + 1 };
+        let values = even_transform(columns, |u, column| {
+            column.iter_mut().enumerate().for_each(|(y, value)| *value = along_x[y * (width_px + 1) + u]);
+        });
         Self { height_px, width_px, values }
     }
 

@@ -178,7 +178,13 @@ impl SampledTransfer {
     pub fn at(&self, fx: f64, fy: f64) -> Complex64 {
         let bin = |f: f64, side_px: usize| {
             let bins = 2 * side_px;
-            (f * self.setup.grid().pixel_pitch_m() * bins as f64).round().rem_euclid(bins as f64) as usize % bins
+            let position = f * self.setup.grid().pixel_pitch_m() * bins as f64;
+            // A cast rounds down from positive numbers, much faster than `round` does.
+            match (position + bins as f64 + 0.5) as usize {
+                bin if position >= -0.5 && bin < 2 * bins => bin - bins,
+                bin if position > -(bins as f64) && bin < bins => bin,
+                _ => position.round().rem_euclid(bins as f64) as usize % bins,
+            }
         };
         let (u, v) = (bin(fx, self.setup.grid().width_px()), bin(fy, self.setup.grid().height_px()));
         match &self.tables {

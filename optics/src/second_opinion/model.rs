@@ -8,7 +8,7 @@
 //!
 //! Places x, y in pixels, frequencies in cycles per pixel, ν from −½ to ½. A display that shows the first order has m = n = 0
 //! and P = 1, or what its filter passes; one that shows all orders has every order that reaches the image. w are the sides of a pixel's bright area in
-//! pixel pitches, E the errors of a learned kernel, a the source profile, r the phase response, z₀ undiffracted light,
+//! pixel pitches, E the errors of a learned kernel, a the source profile with its dust, r the phase response, z₀ undiffracted light,
 //! λ wavelength \[m\], z distance \[m\], Δ pixel pitch \[m\].
 //!
 //! The integral along x is summed node by node of its panels, so that the whole spectrum is never held.
@@ -72,7 +72,7 @@ pub(super) fn light(
     lights
 }
 
-/// Field on the modulator: k · source · (e^{ir(ψ)} + z₀), with k = ±1 the sign of the carrier's grating.
+/// Field on the modulator: k · source · dust · (e^{ir(ψ)} + z₀), with k = ±1 the sign of the carrier's grating.
 fn on_modulator(model: &DisplayModel, carrier: Option<Carrier>, phase: &Plane<f32>) -> Plane<Complex64> {
     let (height_px, width_px) = (phase.height_px(), phase.width_px());
     let sign = |y: usize, x: usize| carrier.map_or(1.0, |carrier| carrier.sign(y, x));
@@ -92,7 +92,8 @@ fn on_modulator(model: &DisplayModel, carrier: Option<Carrier>, phase: &Plane<f3
             };
             let bend: f64 = model.response.iter().enumerate().map(harmonic).sum();
             let response = (1.0 + model.response_variation.value(at_x, at_y)) * psi + bend;
-            *u = sign(y, x) * model.source.value(at_x, at_y) * (Complex64::cis(response) + model.zero_order);
+            let light = model.source.value(at_x, at_y) * model.dust.factor(y, x);
+            *u = sign(y, x) * light * (Complex64::cis(response) + model.zero_order);
         }
     });
     field

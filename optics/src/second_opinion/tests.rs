@@ -4,8 +4,8 @@ use crate::propagation::ImageWindow;
 use crate::reference::{first_order_onto, rayleigh_sommerfeld_onto};
 use crate::test_cards::TestCard;
 use crate::{
-    ConvolutionMethod, Crosstalk, Engine, FilterShape, Grid, HologramProblem, OpticalSetup, Optimization, OrderFilter,
-    ResponseVariation, SmoothField,
+    ConvolutionMethod, Crosstalk, Dust, Engine, FilterShape, Grid, HologramProblem, OpticalSetup, Optimization,
+    OrderFilter, ResponseVariation, SmoothField,
 };
 use crate::{Error, SpatialVariation};
 use num_complex::{Complex32, Complex64};
@@ -95,7 +95,14 @@ const FILTERED: Orders = Orders::Filtered(OrderFilter {
     centre_y: 0.2,
 });
 
-/// A display with every smooth error.
+/// Dust of a contrast of some tenths.
+fn dusty(height_px: usize, width_px: usize) -> Dust {
+    Dust::new(Plane::from_fn(height_px, width_px, |y, x| {
+        [(y * 7919 + x * 104_729) % 4001, (y * 31 + x * 17) % 3001].map(|n| n as i16 - 2000)
+    }))
+}
+
+/// A display with every error that has a second opinion.
 fn flawed(setup: OpticalSetup) -> DisplayModel {
     let wavy = |order: usize, size: f64| {
         let mut field = SmoothField::flat(order);
@@ -106,6 +113,7 @@ fn flawed(setup: OpticalSetup) -> DisplayModel {
     DisplayModel {
         kernel: KernelShape::Smooth(wavy(4, 0.1)),
         source: wavy(2, 0.2),
+        dust: dusty(setup.grid().height_px(), setup.grid().width_px()),
         response: vec![[0.15, -0.05], [0.02, 0.03]],
         zero_order: Complex64::new(0.1, -0.05),
         response_variation: ResponseVariation { order: 1, coefficients: vec![0.05, -0.03, 0.08] },

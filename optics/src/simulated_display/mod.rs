@@ -184,6 +184,12 @@ impl SimulatedDisplay {
         self.source.at(y, x)
     }
 
+    /// Factor by which dust and fringes change the light on a pixel of the modulator.
+    #[must_use]
+    pub fn dust(&self, y: usize, x: usize) -> Complex64 {
+        self.dust.as_ref().map_or(Complex64::ONE, |dust| dust.at(y, x))
+    }
+
     /// Phase \[rad\] that the uneven surface adds to the light of a pixel of the modulator.
     #[must_use]
     pub fn surface_rad(&self, y: usize, x: usize) -> f64 {

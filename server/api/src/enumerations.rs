@@ -5,6 +5,7 @@ use crate::field::Field;
 use lightpath_domain::dataset::{AlignmentMethod, Encoding, FindingKind, Split};
 use lightpath_domain::job::{Fit, JobState};
 use lightpath_media::kernel_formats::{KernelFormat, Loss};
+use lightpath_optics::learning::ModelPart;
 use lightpath_optics::photometry::Quantity;
 use lightpath_optics::{Carrier, Detector, FilterShape, KernelModel, PropagationMethod};
 use lightpath_proto::v1;
@@ -62,7 +63,10 @@ convert_by_name! {
     JobState = v1::job::State { Queued Running Succeeded Failed Cancelled }
     KernelFormat = v1::KernelFormat { Safetensors Compact Pt Npy Npz Complex64 F16 }
     Loss = v1::KernelLoss {
-        Source PhaseResponse ResponseVariation Crosstalk ZeroOrder GainAndOffset Variation OuterSpectrum Parameters Interpolation Precision
+        Source Dust PhaseResponse ResponseVariation Crosstalk ZeroOrder GainAndOffset Variation OuterSpectrum Parameters Interpolation Precision
+    }
+    ModelPart = v1::ModelPart {
+        TransferFunction VaryingTransferFunction Source Dust PhaseResponse UnevenResponse Crosstalk ZeroOrder
     }
     AlignmentMethod = v1::alignment::Method { Points Dots Pairs }
     FindingKind = v1::finding::Kind {

@@ -3,6 +3,7 @@
 pub use lightpath_optics::KernelModel;
 
 use crate::units::{Distance, Wavelength};
+use lightpath_optics::learning::PartCost;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
@@ -95,6 +96,9 @@ pub struct KernelMetrics {
     pub ideal_test_loss_full_frame: f64,
     /// Quality of photographs of new holograms; `None` for displays that are not simulated.
     pub captured: Option<CapturedQuality>,
+    /// What each part of the model explains of the test photographs, or of the validation photographs if there are none.
+    #[serde(default)]
+    pub parts: Vec<PartCost>,
 }
 
 /// Quality of a simulated display's photographs of new holograms, as a mean over some targets \[dB\].

@@ -18,7 +18,7 @@ use lightpath_domain::planning;
 use lightpath_domain::units::{Distance, Wavelength};
 use lightpath_optics::alignment::PointPair;
 use lightpath_optics::hologram::{DetectorQuality, Loss, Quality};
-use lightpath_optics::learning::BlockStrengths;
+use lightpath_optics::learning::{BlockStrengths, ModelPart, PartCost};
 use lightpath_optics::photometry::Quantity;
 use lightpath_optics::second_opinion::SecondOpinion;
 use lightpath_optics::{
@@ -236,7 +236,7 @@ fn dataset_and_report_results_are_stored_as_before() {
 }
 
 #[test]
-fn hologram_learning_capture_and_evaluation_results_are_stored_as_before() {
+fn hologram_capture_and_evaluation_results_are_stored_as_before() {
     let values = DetectorQuality {
         psnr_db: 30.5,
         ssim: Some(0.75),
@@ -270,6 +270,16 @@ fn hologram_learning_capture_and_evaluation_results_are_stored_as_before() {
         iteration_ms: 2.5,
     };
     check_stored("hologram_result", &JobResult::Hologram(Box::new(holograms)));
+    check_stored("capture_result", &JobResult::Capture(CaptureResult { photo: digest(1), propagation: propagation() }));
+    let pair = PairLoss { pair: "p01".to_owned(), split: Split::Test, loss: 0.5, loss_full_frame: 0.25 };
+    check_stored(
+        "evaluate_result",
+        &JobResult::Evaluate(EvaluateResult { pairs: vec![pair], propagation: propagation() }),
+    );
+}
+
+#[test]
+fn learning_results_are_stored_as_before() {
     let kernel = LearnedKernel {
         kernel_version: "displays/lab/kernels/515nm-4mm/versions/1".to_owned(),
         dataset: "near".to_owned(),
@@ -287,15 +297,10 @@ fn hologram_learning_capture_and_evaluation_results_are_stored_as_before() {
                 surface_rms_rad: Some(1.5),
                 crosstalk_px: Some([0.5, 0.25]),
                 response_variation_rms: None,
+                dust_contrast: Some(0.08),
                 kernel_varies: false,
             },
         }),
-    );
-    check_stored("capture_result", &JobResult::Capture(CaptureResult { photo: digest(1), propagation: propagation() }));
-    let pair = PairLoss { pair: "p01".to_owned(), split: Split::Test, loss: 0.5, loss_full_frame: 0.25 };
-    check_stored(
-        "evaluate_result",
-        &JobResult::Evaluate(EvaluateResult { pairs: vec![pair], propagation: propagation() }),
     );
 }
 
@@ -320,6 +325,7 @@ fn metrics() -> KernelMetrics {
         test_loss_full_frame: 0.25,
         ideal_test_loss_full_frame: 0.5,
         captured: Some(CapturedQuality { psnr_db: 25.5, ideal_psnr_db: 20.5 }),
+        parts: vec![PartCost { part: ModelPart::UnevenResponse, cost_db: 3.5, least_db: 2.5, most_db: 4.5 }],
     }
 }
 

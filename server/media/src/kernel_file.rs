@@ -13,6 +13,7 @@
 //! | `variation_order` | highest total degree of the kernel's variation over the SLM; missing: 0 |
 //! | `response_variation_order` | highest total degree of the response's variation over the SLM; missing: the response is the same everywhere |
 //! | `has_crosstalk` | whether neighbouring pixels have cross-talk; missing: no |
+//! | `has_dust` | whether there is dust in the light on the SLM; missing: no |
 //! | `propagation` | the method of H_ideal; missing: `band_limited` |
 //! | `orders` | `first`, `filtered` with the filter, or `all` with the fill factors of the pixels: the diffraction orders with which the kernel was learned; missing: `first` |
 //! | `interpolated_from_m` | photographed distances \[m\], ascending, that an interpolated kernel was made from; missing: the kernel was not interpolated |
@@ -26,20 +27,24 @@
 //! | `response` | f64, \[harmonics, 2\] | r(ψ) = (1 + v) ψ + Σ a_k sin kψ + b_k cos kψ \[rad\] (`display`, `varying`) |
 //! | `response_variation` | f64, \[1 + terms\] | v: its constant, then its series (where the response varies) |
 //! | `crosstalk` | f64, \[2\] | q along x and along y (with cross-talk) |
+//! | `dust` | i16, \[rows, columns, 2\] | A and B of each pixel's factor exp(10⁻⁴ (A + iB)) of the source (with dust) |
 //! | `photometry` | f64, \[4\] | gain, offset, zero order (real, imaginary) |
 //!
 //! Coefficients are in the order of `lightpath_optics::chebyshev::ChebyshevBasis::degrees`.
 
 use lightpath_optics::KernelModel;
 use lightpath_optics::{
-    ConvolutionMethod, Crosstalk, DisplayModel, Grid, KernelShape, OpticalSetup, Orders, Plane, ResponseVariation,
-    SmoothField, SpatialVariation,
+    ConvolutionMethod, Crosstalk, DisplayModel, Dust, Grid, KernelShape, OpticalSetup, Orders, Plane,
+    ResponseVariation, SmoothField, SpatialVariation,
 };
 use num_complex::{Complex32, Complex64};
 use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
+
+/// Name of the tensor with the dust.
+pub(crate) const DUST: &str = "dust";
 
 pub(crate) const METADATA_KEY: &str = "lightpath";
 const FORMAT: &str = "lightpath-kernel";
@@ -97,6 +102,8 @@ pub(crate) struct Header {
     response_variation_order: Option<usize>,
     #[serde(default, skip_serializing_if = "is_false")]
     has_crosstalk: bool,
+    #[serde(default, skip_serializing_if = "is_false")]
+    has_dust: bool,
     propagation: ConvolutionMethod,
     #[serde(default, skip_serializing_if = "is_first")]
     orders: Orders,
@@ -186,6 +193,7 @@ pub(crate) fn header_text(model: &DisplayModel, kind: KernelModel, from_m: &[f64
         variation_order: model.variation.order(),
         response_variation_order: (!model.response_variation.is_none()).then_some(model.response_variation.order),
         has_crosstalk: !model.crosstalk.is_none(),
+        has_dust: !model.dust.is_none(),
         propagation: model.setup.method(),
         orders: model.setup.orders(),
         interpolated_from_m: from_m.to_vec(),
@@ -203,7 +211,7 @@ fn tensors(model: &DisplayModel) -> Vec<Tensor> {
     tensors
 }
 
-/// The tensors of a kernel without `kernel.bins`. All of them are f64.
+/// The tensors of a kernel without `kernel.bins`. All of them are f64, except for `dust`.
 pub(crate) fn series(model: &DisplayModel) -> Vec<Tensor> {
     let mut tensors = Vec::new();
     let mut add = |name, shape, values: &[f64]| {
@@ -238,6 +246,11 @@ pub(crate) fn series(model: &DisplayModel) -> Vec<Tensor> {
     if !model.crosstalk.is_none() {
         add("crosstalk", vec![2], &model.crosstalk.ratios());
     }
+    if let Some(steps) = model.dust.steps() {
+        let bytes = steps.values().as_flattened().iter().flat_map(|step| step.to_le_bytes()).collect();
+        let shape = vec![steps.height_px(), steps.width_px(), 2];
+        tensors.push(Tensor { name: DUST, dtype: Dtype::I16, shape, bytes });
+    }
     tensors
 }
 
@@ -249,15 +262,17 @@ pub(crate) fn series(model: &DisplayModel) -> Vec<Tensor> {
 pub fn decode(bytes: &[u8]) -> Result<(DisplayModel, KernelModel), KernelFileError> {
     let header = header(bytes)?;
     let tensors = SafeTensors::deserialize(bytes)?;
-    let model = assemble(&header, |name| floats(&tensors, name), || bins(&tensors))?;
+    let model = assemble(&header, |name| floats(&tensors, name), || bins(&tensors), || dust(&tensors))?;
     Ok((model, header.model))
 }
 
-/// Makes the model of a header from its tensors. `floats` reads a tensor by its name, `bins` reads `kernel.bins`.
+/// Makes the model of a header from its tensors. `floats` reads a tensor by its name, `bins` reads `kernel.bins`, and `dust`
+/// reads `dust`.
 pub(crate) fn assemble<E: From<KernelFileError>>(
     header: &Header,
     floats: impl Fn(&'static str) -> Result<Vec<f64>, E>,
     bins: impl FnOnce() -> Result<Plane<Complex32>, E>,
+    dust: impl FnOnce() -> Result<Plane<[i16; 2]>, E>,
 ) -> Result<DisplayModel, E> {
     let setup = header.setup()?;
     let [gain, offset, re, im] = floats("photometry")?[..] else {
@@ -279,6 +294,7 @@ pub(crate) fn assemble<E: From<KernelFileError>>(
             log_amplitude: floats("source.log_amplitude")?,
             phase: floats("source.phase")?,
         },
+        dust: if header.has_dust { Dust::new(dust()?) } else { Dust::none() },
         response: floats("response")?.as_chunks().0.to_vec(),
         response_variation: match header.response_variation_order {
             Some(order) => ResponseVariation { order, coefficients: floats("response_variation")? },
@@ -365,6 +381,21 @@ fn bins(tensors: &SafeTensors<'_>) -> Result<Plane<Complex32>, KernelFileError> 
     Ok(Plane::try_from_vec(height_px, width_px, values)?)
 }
 
+fn dust(tensors: &SafeTensors<'_>) -> Result<Plane<[i16; 2]>, KernelFileError> {
+    let tensor = tensors.tensor(DUST)?;
+    let (Dtype::I16, &[height_px, width_px, 2]) = (tensor.dtype(), tensor.shape()) else {
+        return Err(KernelFileError::Tensor { name: DUST, expected: "i16 of shape [rows, columns, 2]" });
+    };
+    Ok(Plane::try_from_vec(height_px, width_px, dust_steps(tensor.data()))?)
+}
+
+/// A and B of each pixel, from little-endian bytes.
+pub(crate) fn dust_steps(bytes: &[u8]) -> Vec<[i16; 2]> {
+    let numbers =
+        bytes.as_chunks().0.iter().map(|&[a, b, c, d]| [i16::from_le_bytes([a, b]), i16::from_le_bytes([c, d])]);
+    numbers.collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -408,6 +439,8 @@ mod tests {
             if kind == KernelModel::Display {
                 model.crosstalk = Crosstalk { ratio_x: 1.0 / 12.0, ratio_y: 0.0 };
                 model.response_variation = ResponseVariation { order: 1, coefficients: vec![0.1 / 3.0, 0.0, -0.07] };
+                let (height_px, width_px) = (model.setup.grid().height_px(), model.setup.grid().width_px());
+                model.dust = Dust::new(Plane::from_fn(height_px, width_px, |y, x| [y as i16 - 3, -7 * x as i16]));
             }
             if kind == KernelModel::Varying {
                 let gaps = Orders::All { fill_factor_x: 0.93, fill_factor_y: 0.9 };

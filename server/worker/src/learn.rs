@@ -15,9 +15,10 @@ use lightpath_domain::kernel::{KernelLineage, KernelMetrics, LearnedDataset, New
 use lightpath_media::captures::Captures;
 use lightpath_media::kernel_file;
 use lightpath_optics::learning::{
-    BlockStrengths, LearnOptions, LearnStage, Learner, LearningPairs, PairSource, unsaturated_px,
+    BlockStrengths, LearnOptions, LearnStage, Learner, LearningPairs, ModelPart, PairSource, PartCost, unsaturated_px,
+    without_each_part,
 };
-use lightpath_optics::{DisplayModel, KernelModel, KernelShape, OpticalSetup, RegionOfInterest};
+use lightpath_optics::{Detector, DisplayModel, KernelModel, KernelShape, OpticalSetup, RegionOfInterest};
 
 pub(super) fn run(context: &JobContext, job: &Job, spec: &LearnKernel) -> Result<TaskOutput, TaskError> {
     let planes = read_planes(context, spec)?;
@@ -199,11 +200,14 @@ fn measure(
     let train_loss = mean(&kept.iter().map(|&index| train_losses[index]).collect::<Vec<_>>());
     let validation_loss = mean(&learned.losses(&validation, "measure on validation pairs")?);
     let test_loss = mean(&learned.losses(&test, "measure on test pairs")?);
+    let seen = if test.is_empty() { &validation } else { &test };
+    let with: Vec<f64> = learned.losses(seen, "measure the parts")?.iter().map(|loss| loss.region).collect();
     // Frees the transfer function of the learned model, so that only one is in memory at a time.
     drop(learned);
     let ideal = LossMeter::new(context, display, &DisplayModel::ideal(display.setup), detector, region)?;
     let ideal_test_loss = mean(&ideal.losses(&test, "measure the ideal kernel")?);
     drop(ideal);
+    let parts = part_costs(context, display, model, (detector, region), (seen, &with))?;
     let captures = Captures::of(&display.declared, dataset)?;
     let (validation_pairs, test_pairs) = (validation.len() as u32, test.len() as u32);
     // Frees the decoded pairs before holograms are computed.
@@ -219,7 +223,30 @@ fn measure(
         test_loss_full_frame: test_loss.full_frame,
         ideal_test_loss_full_frame: ideal_test_loss.full_frame,
         captured: captured::compare(context, display, &captures, model, detector, region)?,
+        parts,
     })
+}
+
+/// What the model loses without each of its parts, on pairs whose losses with all parts are known.
+fn part_costs(
+    context: &JobContext,
+    display: &DisplaySetup,
+    model: &DisplayModel,
+    (detector, region): (Detector, RegionOfInterest),
+    (pairs, with): (&Pairs, &[f64]),
+) -> Result<Vec<PartCost>, TaskError> {
+    let cost = |(part, without): (ModelPart, DisplayModel)| {
+        let meter = LossMeter::new(context, display, &without, detector, region)?;
+        let losses: Vec<f64> = meter.losses(pairs, "measure the parts")?.iter().map(|loss| loss.region).collect();
+        Ok(PartCost::of(part, with, &losses))
+    };
+    if pairs.is_empty() {
+        return Ok(Vec::new());
+    }
+    let costs = without_each_part(model).into_iter().map(cost).collect::<Result<Vec<_>, TaskError>>()?;
+    let mut costs: Vec<PartCost> = costs.into_iter().flatten().collect();
+    costs.sort_by(|a, b| b.cost_db.total_cmp(&a.cost_db));
+    Ok(costs)
 }
 
 fn lineage(

@@ -141,7 +141,7 @@ fn version_table(versions: &[KernelVersion]) -> Table {
     let titles = [">version", "active", "model", ">held-out loss", ">ideal", ">size", "dataset", "created"];
     let mut table = Table::new(&titles);
     for version in versions {
-        let metrics = version.metrics.unwrap_or_default();
+        let metrics = version.metrics.clone().unwrap_or_default();
         let lineage = version.lineage.clone().unwrap_or_default();
         let dataset = lineage.datasets.first().map(|dataset| names::id(&dataset.name)).unwrap_or_default();
         let measured = |loss| if metrics.test_pairs == 0 { "–".to_owned() } else { show::loss(loss) };
@@ -205,7 +205,8 @@ pub(super) fn version_facts(version: &KernelVersion) -> String {
     }
     facts.add_some("note", note(&lineage.parameters_json));
     facts.add_some("created", version.create_time.as_ref().map(show::time));
-    facts.text()
+    let parts = version.metrics.as_ref().map(quality_text::parts).filter(|table| !table.is_empty());
+    facts.text() + &parts.map(|table| format!("\n{table}")).unwrap_or_default()
 }
 
 /// What the file of an imported version did not hold.

@@ -5,6 +5,7 @@ use crate::time::timestamp;
 use lightpath_domain::kernel::{
     CapturedQuality, Kernel, KernelLineage, KernelMetrics, KernelMove, KernelVersion, LearnedDataset,
 };
+use lightpath_optics::learning::PartCost;
 use lightpath_proto::v1;
 
 /// Converts a kernel into its message.
@@ -53,7 +54,12 @@ pub(crate) fn metrics(metrics: &KernelMetrics) -> v1::KernelMetrics {
             .captured
             .map(|CapturedQuality { psnr_db, ideal_psnr_db }| v1::CapturedQuality { psnr_db, ideal_psnr_db }),
         no_better_than_ideal: metrics.no_better_than_ideal(),
+        parts: metrics.parts.iter().map(part_cost).collect(),
     }
+}
+
+fn part_cost(&PartCost { part, cost_db, least_db, most_db }: &PartCost) -> v1::kernel_metrics::PartCost {
+    v1::kernel_metrics::PartCost { part: part.to_wire(), cost_db, least_db, most_db }
 }
 
 /// Converts a move into its message.

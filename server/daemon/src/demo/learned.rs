@@ -25,7 +25,7 @@ pub(super) async fn learn(args: &DemoArgs, client: &DemoClient, console: &mut Co
         let started = std::time::Instant::now();
         let result = client.learn(DATASET, model, args.seed, &mut console.bar("learn")).await?;
         let kernel = result.kernels.first().context("the result contains no kernel")?;
-        let metrics = kernel.metrics.context("the result contains no metrics of the kernel")?;
+        let metrics = kernel.metrics.clone().context("the result contains no metrics of the kernel")?;
         let version = kernel.kernel_version.rsplit('/').next().and_then(|number| number.parse().ok());
         let version =
             version.with_context(|| format!("{:?} is not the name of a kernel version", kernel.kernel_version))?;

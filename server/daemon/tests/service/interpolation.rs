@@ -121,7 +121,7 @@ async fn interpolated_kernel_predicts_photographs_at_a_new_distance() {
     let learned: Vec<&str> = result.kernels.iter().map(|kernel| kernel.kernel_version.as_str()).collect();
     assert_eq!(learned, [4, 5, 6].map(|mm| format!("displays/lab/kernels/515nm-{mm}mm/versions/1")));
     assert!(result.kernels.iter().map(|kernel| &kernel.dataset).eq(&datasets));
-    for metrics in result.kernels.iter().map(|kernel| kernel.metrics.unwrap()) {
+    for metrics in result.kernels.iter().map(|kernel| kernel.metrics.as_ref().unwrap()) {
         assert!(metrics.test_pairs > 0 && metrics.test_loss < 0.2 * metrics.ideal_test_loss, "{metrics:?}");
     }
 

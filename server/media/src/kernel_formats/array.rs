@@ -2,7 +2,9 @@
 
 use super::error::KernelFormatError;
 use super::half;
+use crate::kernel_file::dust_steps;
 use crate::npy;
+use lightpath_optics::Plane;
 use npyz::{DType, Order};
 
 /// A dense array of real or complex numbers in C order.
@@ -15,6 +17,9 @@ pub(super) struct Array {
     pub(super) numbers: Vec<f32>,
     pub(super) complex: bool,
 }
+
+/// NumPy's name of 16-bit integers.
+pub(super) const I16: &str = "<i2";
 
 /// Number type of an array's bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -132,6 +137,13 @@ impl<'a> NpyFile<'a> {
             return Err(KernelFormatError::NotFinite { name: self.name.clone(), index });
         }
         Ok(numbers)
+    }
+
+    /// The pairs of integers of an array of int16 of shape \[rows, columns, 2\].
+    pub(super) fn i16_pairs(&self) -> Result<Plane<[i16; 2]>, KernelFormatError> {
+        let refused = || self.refused("of int16 of shape [rows, columns, 2]");
+        let (I16, &[height_px, width_px, 2]) = (self.descr.as_str(), &self.shape[..]) else { return Err(refused()) };
+        Plane::try_from_vec(height_px, width_px, dust_steps(self.data)).map_err(|_| refused())
     }
 
     /// The text of an array that holds a single one.

@@ -161,6 +161,7 @@ pub(super) fn of_array(array: &Array, setup: &OpticalSetup, form: &'static str) 
     model.validate()?;
     let whole = [
         Loss::Source,
+        Loss::Dust,
         Loss::PhaseResponse,
         Loss::ResponseVariation,
         Loss::Crosstalk,

@@ -13,6 +13,8 @@ const ROUNDING: f64 = 1e-6;
 pub enum Loss {
     /// The source profile.
     Source,
+    /// Dust and fringes in the light on the SLM.
+    Dust,
     /// The phase response of the SLM.
     PhaseResponse,
     /// The variation of the phase response over the SLM.
@@ -40,6 +42,7 @@ impl fmt::Display for Loss {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Source => "source",
+            Self::Dust => "dust",
             Self::PhaseResponse => "phase response",
             Self::ResponseVariation => "variation of the phase response",
             Self::Crosstalk => "cross-talk",
@@ -58,6 +61,7 @@ impl fmt::Display for Loss {
 pub(super) fn losses(model: &DisplayModel, back: &Imported, relative_error: f64) -> Vec<Loss> {
     let read = &back.model;
     let source_lost = !model.source.is_flat() && read.source.is_flat();
+    let dust_lost = !model.dust.is_none() && read.dust.is_none();
     let is_linear = |model: &DisplayModel| model.response.as_flattened().iter().all(|&harmonic| harmonic == 0.0);
     let response_lost = !is_linear(model) && is_linear(read);
     let variation_lost = !model.response_variation.is_none() && read.response_variation.is_none();
@@ -67,6 +71,7 @@ pub(super) fn losses(model: &DisplayModel, back: &Imported, relative_error: f64)
     let camera_lost = camera(model) != [1.0, 0.0] && camera(read) == [1.0, 0.0];
     let precision_lost = relative_error > 0.0
         || !source_lost && read.source != model.source
+        || !dust_lost && read.dust != model.dust
         || !response_lost && read.response != model.response
         || !variation_lost && read.response_variation != model.response_variation
         || !crosstalk_lost && read.crosstalk != model.crosstalk
@@ -76,6 +81,7 @@ pub(super) fn losses(model: &DisplayModel, back: &Imported, relative_error: f64)
     let (all, kept) = (bins(model), bins(read));
     [
         (Loss::Source, source_lost),
+        (Loss::Dust, dust_lost),
         (Loss::PhaseResponse, response_lost),
         (Loss::ResponseVariation, variation_lost),
         (Loss::Crosstalk, crosstalk_lost),
@@ -121,6 +127,7 @@ mod tests {
             kernel: KernelShape::Smooth(field()),
             variation: SpatialVariation::new([(); 5].map(|()| field())),
             source: field(),
+            dust: lightpath_optics::Dust::new(Plane::filled(12, 16, [50, -3])),
             response: vec![[0.1, 0.0]],
             response_variation: lightpath_optics::ResponseVariation { order: 0, coefficients: vec![0.1] },
             crosstalk: lightpath_optics::Crosstalk { ratio_x: 0.1, ratio_y: 0.02 },
@@ -133,12 +140,12 @@ mod tests {
     #[test]
     fn each_form_names_what_it_lost() {
         let lost = |model: &DisplayModel, kind, format| export(model, kind, format).unwrap().losses;
-        let parts = [Source, PhaseResponse, ResponseVariation, Crosstalk, ZeroOrder, GainAndOffset, Variation];
+        let parts = [Source, Dust, PhaseResponse, ResponseVariation, Crosstalk, ZeroOrder, GainAndOffset, Variation];
         let array = [&parts[..], &[Parameters, Precision]].concat();
         let published = [&parts[..], &[OuterSpectrum, Parameters, Precision]].concat();
         for (format, losses) in [
             (KernelFormat::Safetensors, vec![]),
-            (KernelFormat::Compact, vec![Precision]),
+            (KernelFormat::Compact, vec![Dust, Precision]),
             (KernelFormat::Npz, vec![]),
             (KernelFormat::Complex64, array.clone()),
             (KernelFormat::F16, array),
@@ -181,14 +188,14 @@ mod tests {
         assert_eq!(crate::kernel_file::interpolated_from_m(&native.bytes).unwrap(), [0.002, 0.004]);
         assert_eq!(native.losses, []);
         assert_eq!(export(KernelFormat::Npz).losses, [Interpolation]);
-        assert_eq!(export(KernelFormat::Compact).losses, [Interpolation, Precision]);
+        assert_eq!(export(KernelFormat::Compact).losses, [Dust, Interpolation, Precision]);
     }
 
     #[test]
     fn imports_say_what_their_file_did_not_hold() {
         let (model, kind) = (varying(), KernelModel::Varying);
         let absent = |format| import(&export(&model, kind, format).unwrap().bytes, &setup()).unwrap().absent;
-        let parts = [Source, PhaseResponse, ResponseVariation, Crosstalk, ZeroOrder, GainAndOffset, Variation];
+        let parts = [Source, Dust, PhaseResponse, ResponseVariation, Crosstalk, ZeroOrder, GainAndOffset, Variation];
         assert_eq!(absent(KernelFormat::Complex64), parts);
         assert_eq!(absent(KernelFormat::Pt), [&parts[..], &[OuterSpectrum]].concat());
         for format in [KernelFormat::Safetensors, KernelFormat::Compact, KernelFormat::Npz] {

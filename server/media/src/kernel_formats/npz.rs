@@ -3,7 +3,7 @@
 //! | array | type, shape | meaning |
 //! |---|---|---|
 //! | `transfer` | complex64, \[2·rows, 2·columns\] | H on the axis, zero frequency in the middle |
-//! | `source` | complex64, \[rows, columns\] | the source profile at each pixel |
+//! | `source` | complex64, \[rows, columns\] | the source profile at each pixel, with its dust |
 //! | `pitch_wavelength_distance_m` | float64, \[3\] | pixel pitch, wavelength, distance \[m\] |
 //! | `response_harmonics` | float64, \[R, 2\] | r(φ) = φ + Σ a_k sin kφ + b_k cos kφ \[rad\] |
 //! | `photometry` | float64, \[4\] | gain, offset, zero order (real, imaginary) |
@@ -11,10 +11,11 @@
 //! | `kernel.bins_shape` | float64, \[2\] | rows and columns of the middle part of `transfer` that is the kernel (`paper`, `dense`) |
 //! | `source.log_amplitude`, `source.phase` | float64, \[terms\] | the source profile |
 //! | `variation.log_amplitude`, `variation.phase` | float64, \[5, terms\] | factors of x, y, x², xy and y² (`varying`) |
+//! | `dust` | int16, \[rows, columns, 2\] | A and B of each pixel's factor exp(10⁻⁴ (A + iB)) of the source (with dust) |
 //! | `lightpath` | text | model, method, orders and optics: the JSON object of [`crate::kernel_file`] |
 //! | `transfer.digest`, `source.digest` | text | SHA-256 of the numbers of `transfer` and `source` |
 //!
-//! The last ten give the model exactly. `transfer` and `source` are for readers that only want numbers, and follow from
+//! The last eleven give the model exactly. `transfer` and `source` are for readers that only want numbers, and follow from
 //! them. If `transfer` was changed, its digest does not match. Then H is what `transfer` holds: the imported model is
 //! dense, and the series of the kernel and its variation do not count. A changed `source` cannot be imported, because a
 //! model has the source as a series. The import says both. An archive without `lightpath` is one of another program.
@@ -25,7 +26,7 @@ use super::error::KernelFormatError;
 use super::export::{f32_bytes, padded, parts};
 use super::import::{Imported, of_array};
 use super::losses::Loss;
-use crate::kernel_file::{self, Header, METADATA_KEY};
+use crate::kernel_file::{self, DUST, Header, METADATA_KEY};
 use lightpath_artifacts::digest_of;
 use lightpath_optics::{DisplayModel, KernelModel, KernelShape, OpticalSetup, Plane, SpatialVariation};
 use num_complex::{Complex32, Complex64};
@@ -57,7 +58,8 @@ pub(super) fn write(model: &DisplayModel, kind: KernelModel) -> Result<Vec<u8>, 
         add_f64(BINS_SHAPE, &[2], &[bins.height_px() as f64, bins.width_px() as f64]);
     }
     for tensor in kernel_file::series(model) {
-        add(array_name(tensor.name), array::npy("<f8", &tensor.shape, &tensor.bytes));
+        let descr = if tensor.name == DUST { array::I16 } else { "<f8" };
+        add(array_name(tensor.name), array::npy(descr, &tensor.shape, &tensor.bytes));
     }
     add(METADATA_KEY, array::npy_text(&kernel_file::header_text(model, kind, &[])?));
     let files: Vec<(&str, &[u8])> = files.iter().map(|(name, file)| (name.as_str(), &file[..])).collect();
@@ -76,7 +78,8 @@ fn sampled_source(model: &DisplayModel) -> Plane<Complex32> {
     source.values_mut().par_chunks_mut(width).enumerate().for_each(|(y, row)| {
         let position = |i: usize, n: usize| (2 * i + 1) as f64 / n as f64 - 1.0;
         for (x, value) in row.iter_mut().enumerate() {
-            let Complex64 { re, im } = model.source.value(position(x, width), position(y, height));
+            let Complex64 { re, im } =
+                model.source.value(position(x, width), position(y, height)) * model.dust.factor(y, x);
             *value = Complex32::new(re as f32, im as f32);
         }
     });
@@ -111,12 +114,13 @@ fn read_own(files: &archive::Files, header: &[u8]) -> Result<Imported, KernelFor
         let digest = format!("{name}.digest");
         Ok(NpyFile::open(&digest, require(&digest)?)?.text()? != digest_of_numbers(name, require(name)?)?)
     };
-    let model = kernel_file::assemble(&header, floats, bins)?;
+    let dust = || NpyFile::open(DUST, require(DUST)?)?.i16_pairs();
+    let model = kernel_file::assemble(&header, floats, bins, dust)?;
     let mut imported = Imported { kind: header.model, ..Imported::new("npz", model) };
     if is_changed(SOURCE)? {
         imported.remarks.push(
-            "the array `source` was changed and is not imported: a kernel has its source as a series, which stays as it \
-             was",
+            "the array `source` was changed and is not imported: a kernel has its source as a series and as dust, which stay \
+             as they were",
         );
     }
     if is_changed(TRANSFER)? {
@@ -211,7 +215,7 @@ fn read_foreign(files: &archive::Files, setup: &OpticalSetup) -> Result<Imported
 mod tests {
     use super::super::{KernelFormat, export, import};
     use super::*;
-    use lightpath_optics::{ConvolutionMethod, Crosstalk, Grid, ResponseVariation, SmoothField};
+    use lightpath_optics::{ConvolutionMethod, Crosstalk, Dust, Grid, ResponseVariation, SmoothField};
 
     /// A series with many digits.
     fn field(order: usize, size: f64) -> SmoothField {
@@ -243,11 +247,13 @@ mod tests {
         let variation = SpatialVariation::new([1.0, 2.0, 3.0, 4.0, 5.0].map(|size| field(2, 0.1 * size)));
         let crosstalk = Crosstalk { ratio_x: 0.1 / 3.0, ratio_y: 0.02 };
         let response_variation = ResponseVariation { order: 1, coefficients: vec![0.1 / 3.0, 0.0, -0.07] };
+        let dust = Dust::new(Plane::from_fn(12, 16, |y, x| [y as i16 - 3, -7 * x as i16]));
         let plain = DisplayModel { kernel: display.kernel.clone(), ..DisplayModel::ideal(display.setup) };
         vec![
             (plain, KernelModel::Smooth),
             (display.clone(), KernelModel::Display),
             (DisplayModel { crosstalk, response_variation, ..display.clone() }, KernelModel::Display),
+            (DisplayModel { dust, ..display.clone() }, KernelModel::Display),
             (DisplayModel { variation, ..display }, KernelModel::Varying),
             (bins(24, 32), KernelModel::Dense),
             (bins(12, 16), KernelModel::Paper),
@@ -337,6 +343,7 @@ mod tests {
         }
         let foreign = without("lightpath.npy").unwrap();
         assert_eq!((foreign.kind, &foreign.model.response), (KernelModel::Dense, &model.response));
-        assert_eq!(foreign.absent, [Loss::Source, Loss::ResponseVariation, Loss::Crosstalk, Loss::Variation]);
+        let lost = [Loss::Source, Loss::Dust, Loss::ResponseVariation, Loss::Crosstalk, Loss::Variation];
+        assert_eq!(foreign.absent, lost);
     }
 }

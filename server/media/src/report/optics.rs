@@ -25,7 +25,7 @@ pub(super) fn chapters(
             chapter.body.insert_str(0, "<p>This chapter describes the kernel on the axis of the modulator.</p>");
         }
     }
-    if !model.source.is_flat() {
+    if !model.source.is_flat() || !model.dust.is_none() {
         chapters.push(source(model)?);
     }
     chapters.push(response(model, uncertainty));
@@ -234,7 +234,8 @@ fn source(model: &DisplayModel) -> Result<Chapter, ReportError> {
     let grid = model.setup.grid();
     let (columns, rows) = (SAMPLES, (SAMPLES * grid.height_px()).div_ceil(grid.width_px()).max(1));
     let at = |i: usize, n: usize| (2 * i + 1) as f64 / n as f64 - 1.0;
-    let value = |y: usize, x: usize| model.source.value(at(x, columns), at(y, rows));
+    let dust = |y: usize, x: usize| model.dust.factor(y * grid.height_px() / rows, x * grid.width_px() / columns);
+    let value = |y: usize, x: usize| model.source.value(at(x, columns), at(y, rows)) * dust(y, x);
     let brightest =
         (0..rows * columns).map(|i| value(i / columns, i % columns).norm_sqr()).fold(f64::MIN_POSITIVE, f64::max);
     let intensity = Plane::from_fn(rows, columns, |y, x| (value(y, x).norm_sqr() / brightest) as f32);
@@ -333,9 +334,16 @@ fn parts(blocks: &BlockStrengths) -> String {
     if let Some(rms) = blocks.response_variation_rms {
         let _ = write!(text, "<p>The phase response varies over the modulator by {:.1} % RMS.</p>", 100.0 * rms);
     }
+    if let Some(contrast) = blocks.dust_contrast {
+        let _ = write!(
+            text,
+            "<p>Dust and fringes in the light on the modulator, with a contrast of {:.1} %.</p>",
+            100.0 * contrast
+        );
+    }
     if text.is_empty() {
         text.push_str(
-            "<p>The model has no uneven surface, no cross-talk and no variation of the phase response: the photographs \
+            "<p>The model has no uneven surface, no cross-talk, no variation of the phase response and no dust: the photographs \
              did not need them, or the model does not know them.</p>",
         );
     }

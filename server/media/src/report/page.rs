@@ -5,6 +5,7 @@ use super::chapter::{Chapter, Figure};
 use super::input::ReportInput;
 use crate::figures::escaped;
 use lightpath_domain::kernel::KernelMetrics;
+use lightpath_optics::learning::{ModelPart, PartCost};
 use std::fmt::Write as _;
 
 const STYLE: &str = "\
@@ -25,6 +26,7 @@ pub(super) fn summary(input: &ReportInput) -> Chapter {
     }
     body.push_str("</table>");
     body.push_str(&mean_losses(&input.version.content.metrics));
+    body.push_str(&parts(&input.version.content.metrics));
     Chapter { title: "Summary", body, ..Chapter::default() }
 }
 
@@ -87,6 +89,42 @@ fn mean_losses(metrics: &KernelMetrics) -> String {
         losses("held-out pairs, full frame", metrics.test_loss_full_frame, metrics.ideal_test_loss_full_frame),
         row("training pairs", metrics.train_loss),
     )
+}
+
+/// Table of what each part of the model explains, as HTML. Empty: it was not measured.
+fn parts(metrics: &KernelMetrics) -> String {
+    if metrics.parts.is_empty() {
+        return String::new();
+    }
+    let row = |cost: &PartCost| {
+        let certain = if cost.least_db > 0.0 { "" } else { "not in every photograph" };
+        let db = |value: f64| format!("{value:.1}").replace('-', "−");
+        format!(
+            "<tr><td>{}</td><td class=n>{} dB</td><td class=n>{} to {} dB</td><td>{certain}</td></tr>",
+            part_name(cost.part),
+            db(cost.cost_db),
+            db(cost.least_db),
+            db(cost.most_db)
+        )
+    };
+    format!(
+        "<p>What limits this display: how much worse photographs are predicted without each part of the model, all else being \
+         equal.</p><table><tr><th>part of the display</th><th class=n>median</th><th class=n>over the photographs</th><th></th></tr>{}</table>",
+        metrics.parts.iter().map(row).collect::<String>()
+    )
+}
+
+fn part_name(part: ModelPart) -> &'static str {
+    match part {
+        ModelPart::TransferFunction => "aberrations and losses of the optics",
+        ModelPart::VaryingTransferFunction => "their change over the modulator",
+        ModelPart::Source => "profile of the light on the modulator, and its surface",
+        ModelPart::Dust => "dust and fringes",
+        ModelPart::PhaseResponse => "bend of the phase response",
+        ModelPart::UnevenResponse => "change of the phase response over the modulator",
+        ModelPart::Crosstalk => "cross-talk between neighbouring pixels",
+        ModelPart::ZeroOrder => "undiffracted light",
+    }
 }
 
 fn losses(name: &str, learned: f64, ideal: f64) -> String {

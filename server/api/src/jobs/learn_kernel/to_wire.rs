@@ -40,6 +40,7 @@ fn blocks(blocks: &BlockStrengths) -> v1::learn_result::BlockStrengths {
         crosstalk_y_px: blocks.crosstalk_px.map(|[_, y]| y),
         response_variation_rms: blocks.response_variation_rms,
         kernel_varies: blocks.kernel_varies,
+        dust_contrast: blocks.dust_contrast,
     }
 }
 
