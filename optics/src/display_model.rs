@@ -4,16 +4,17 @@
 //! photograph ≈ gain · D( | H ∗ ( a d · ( e^{i r(ψ)} + z₀ ) ) |² ) + offset
 //! ```
 //!
-//! H is the kernel, a transfer function that may [vary over the SLM](crate::SpatialVariation); a is the source profile with
+//! H is the kernel, a transfer function that may [vary over the SLM](crate::SpatialVariation) and have a [`Ghost`]; a is the source profile with
 //! the SLM's uneven surface, d the [`Dust`], ψ the hologram's phase after [`Crosstalk`], r the SLM's phase response, which
 //! may [vary](ResponseVariation), z₀ undiffracted light, and D the [`Detector`](crate::Detector). Smooth parts are
 //! [Chebyshev series](crate::chebyshev): of fx and fy over the band [−1/2Δ, 1/2Δ] for the kernel, of x and y over the
 //! SLM for the source.
 
+use crate::ghost::TransferErrors;
 use crate::smooth_field::{SmoothField, expect_finite, out_of_range};
 use crate::spatial_variation::local_kernels;
 use crate::{
-    ConvolutionMethod, Crosstalk, Dust, Error, OpticalSetup, Plane, ResponseVariation, Result, SpatialVariation,
+    ConvolutionMethod, Crosstalk, Dust, Error, Ghost, OpticalSetup, Plane, ResponseVariation, Result, SpatialVariation,
 };
 use num_complex::{Complex32, Complex64};
 
@@ -25,6 +26,8 @@ pub struct DisplayModel {
     pub setup: OpticalSetup,
     /// Transfer function. If it varies over the SLM, this is its value on the axis.
     pub kernel: KernelShape,
+    /// Second image, by a factor of the transfer function. Only smooth kernels have one.
+    pub ghost: Ghost,
     /// Variation of the transfer function over the SLM.
     pub variation: SpatialVariation,
     /// Complex amplitude of the light that falls on the SLM.
@@ -67,6 +70,7 @@ impl DisplayModel {
         Self {
             setup,
             kernel: KernelShape::Ideal,
+            ghost: Ghost::NONE,
             variation: SpatialVariation::none(),
             source: SmoothField::flat(0),
             dust: Dust::none(),
@@ -95,6 +99,11 @@ impl DisplayModel {
         if !self.variation.is_none() && !matches!(self.kernel, KernelShape::Smooth(_)) {
             let fields = self.variation.fields().len() as f64;
             return Err(out_of_range("fields of spatial variation", fields, "0 for a kernel that is not smooth"));
+        }
+        self.ghost.validate()?;
+        if !self.ghost.is_none() && !matches!(self.kernel, KernelShape::Smooth(_)) {
+            let reason = "only a smooth kernel has a ghost beside it";
+            return Err(Error::Incompatible { name: "ghost", reason });
         }
         self.variation.validate()?;
         if self.response.len() > Self::HARMONICS_MAX {
@@ -127,6 +136,14 @@ impl DisplayModel {
         bins.map(|h| h.re + h.im).expect_finite("kernel")
     }
 
+    /// Errors of a smooth kernel with its ghost; `None` for other kernels.
+    pub(crate) fn transfer_errors(&self) -> Option<TransferErrors> {
+        match &self.kernel {
+            KernelShape::Smooth(smooth) => Some(TransferErrors { smooth: smooth.clone(), ghost: self.ghost }),
+            KernelShape::Ideal | KernelShape::Bins(_) => None,
+        }
+    }
+
     /// Models at a grid of points on the SLM, whose kernels approximate a kernel that varies over the SLM; `None` if
     /// the kernel does not vary.
     pub(crate) fn local_kernels(&self) -> Option<Vec<Self>> {
@@ -156,7 +173,10 @@ impl DisplayModel {
         let pitch_m = self.setup.grid().pixel_pitch_m();
         match &self.kernel {
             KernelShape::Ideal => ideal(fx, fy),
-            KernelShape::Smooth(errors) => ideal(fx, fy) * errors.value(2.0 * pitch_m * fx, 2.0 * pitch_m * fy),
+            KernelShape::Smooth(errors) => {
+                let (x, y) = (2.0 * pitch_m * fx, 2.0 * pitch_m * fy);
+                ideal(fx, fy) * errors.value(x, y) * self.ghost.factor(x, y)
+            }
             KernelShape::Bins(bins) => {
                 let index = |f: f64, padded: usize, side: usize| {
                     let i = (f * pitch_m * padded as f64).round() + (side / 2) as f64;

@@ -188,6 +188,15 @@ fn uneven_response_is_found_and_recovered() {
 }
 
 #[test]
+fn ghost_is_found_and_recovered() {
+    let bench = simulated_display(6e-3, SimulatedBench { seed: 5, ghost_share: 0.04, ..SimulatedBench::FAIR });
+    let model = learned_with_validation(&bench);
+    assert_eq!(Blocks::of(&model).without(Block::FineSource), Blocks::NONE.with(Block::Ghost));
+    // Half of the ghost's light interferes.
+    assert!((model.ghost.share() / 0.02 - 1.0).abs() < 0.2, "{:?}", model.ghost);
+}
+
+#[test]
 fn dust_is_found_and_recovered() {
     let bench = simulated_display(6e-3, SimulatedBench { seed: 5, dust_contrast: 0.1, ..SimulatedBench::FAIR });
     let model = learned_with_validation(&bench);
@@ -296,7 +305,7 @@ fn warm_start_needs_few_steps() {
 fn learning_does_not_depend_on_threads_or_pauses() {
     let flaws =
         SimulatedBench { crosstalk_px: 0.4, surface_waves: 1.0, response_variation: 0.1, ..SimulatedBench::FAIR };
-    let bench = simulated_display(6e-3, SimulatedBench { seed: 10, dust_contrast: 0.2, ..flaws });
+    let bench = simulated_display(6e-3, SimulatedBench { seed: 10, dust_contrast: 0.2, ghost_share: 0.04, ..flaws });
     let (training, validation) = (pairs(&bench, 5, 100), pairs(&bench, 2, 400));
     let learning_pairs = LearningPairs { training: &training, validation: &validation };
     let short = |model, refinement_evaluations| LearnOptions {

@@ -256,6 +256,9 @@ fn learn_facts(result: &v1::LearnResult, facts: &mut Facts) {
         if let Some(rms) = blocks.response_variation_rms {
             facts.add("uneven response", format!("{:.1} % RMS", 100.0 * rms));
         }
+        if let Some(share) = blocks.ghost_share {
+            facts.add("ghost", format!("{:.1} % of the light", 100.0 * share));
+        }
         if let Some(contrast) = blocks.dust_contrast {
             facts.add("dust and fringes", format!("contrast of {:.1} %", 100.0 * contrast));
         }

@@ -4,7 +4,7 @@ use super::core::{EngineCore, convolver, sample_kernels};
 use crate::carrier::Carrier;
 use crate::convolution::{Convolver, Kernels};
 use crate::display_model::KernelShape;
-use crate::{ConvolutionMethod, Detector, DisplayModel, Engine, OpticalSetup, Result, SpatialVariation};
+use crate::{ConvolutionMethod, Detector, DisplayModel, Engine, Ghost, OpticalSetup, Result, SpatialVariation};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Largest number of FFT plans in the cache, one for each size and detector. A plan is much smaller than a transfer
@@ -34,6 +34,7 @@ struct CachedParts {
 struct KernelKey {
     setup: OpticalSetup,
     kernel: KernelShape,
+    ghost: Ghost,
     variation: SpatialVariation,
 }
 
@@ -103,7 +104,12 @@ impl EngineCache {
 
 impl KernelKey {
     fn of(model: &DisplayModel) -> Self {
-        Self { setup: model.setup, kernel: model.kernel.clone(), variation: model.variation.clone() }
+        Self {
+            setup: model.setup,
+            kernel: model.kernel.clone(),
+            ghost: model.ghost,
+            variation: model.variation.clone(),
+        }
     }
 }
 

@@ -7,6 +7,7 @@ use crate::chebyshev::position;
 use crate::convolution::Real;
 use crate::convolution::{Convolver, Kernels, Transfer};
 use crate::display_model::KernelShape;
+use crate::ghost::TransferErrors;
 use crate::interrupt;
 use crate::propagation::passes::{has_sample_transfers, sample_transfers};
 use crate::slm::{Shown, Slm};
@@ -33,8 +34,8 @@ pub struct EngineCore<T> {
 pub(super) enum Transmission {
     /// All light passes.
     FreeSpace,
-    /// exp(2α) of these errors.
-    Smooth(Arc<SmoothField>),
+    /// |E|² of these errors.
+    Smooth(Arc<TransferErrors>),
     /// |H|² of the kernel.
     Bins,
 }
@@ -77,10 +78,10 @@ impl<T: Real> EngineCore<T> {
         (convolver, kernels): (Arc<Convolver<T>>, Arc<Kernels<T>>),
         carrier: Option<Carrier>,
     ) -> Self {
-        let transmission = match &model.kernel {
-            KernelShape::Ideal => Transmission::FreeSpace,
-            KernelShape::Smooth(errors) => Transmission::Smooth(Arc::new(errors.clone())),
-            KernelShape::Bins(_) => Transmission::Bins,
+        let transmission = match (model.transfer_errors(), &model.kernel) {
+            (Some(errors), _) => Transmission::Smooth(Arc::new(errors)),
+            (None, KernelShape::Bins(_)) => Transmission::Bins,
+            (None, _) => Transmission::FreeSpace,
         };
         let slm = Arc::new(tabulate_slm(model, carrier));
         Self { convolver, kernels, slm, detector, transmission, setup: model.setup }
@@ -279,11 +280,12 @@ fn sample_transfer<T: Real>(model: &DisplayModel) -> Transfer<T> {
             let sampled = model.sampled();
             Transfer::sample(height_px, width_px, |fx, fy| sampled(fx / pitch_m, fy / pitch_m))
         }
-        KernelShape::Smooth(errors) => {
+        KernelShape::Smooth(smooth) => {
+            let errors = TransferErrors { smooth: smooth.clone(), ghost: model.ghost };
             let ideal = model.setup.sampled_kernel();
             let mut transfer = Transfer::zeros(height_px, width_px);
             transfer.fill_columns(|fx, fys, column| {
-                let series = SeriesAlongY::new(errors, 2.0 * fx);
+                let series = errors.along_y(2.0 * fx);
                 for (value, &fy) in column.iter_mut().zip(fys) {
                     let exact = ideal.at(fx / pitch_m, fy / pitch_m) * series.at(2.0 * fy);
                     *value = Complex::new(T::of(exact.re), T::of(exact.im));

@@ -55,9 +55,11 @@ impl<T: Real> EngineCore<T> {
             Transmission::FreeSpace => weights.fill(1.0),
             Transmission::Smooth(errors) => {
                 let fx = fx(column);
-                let along_y = errors.basis().along_y(&errors.log_amplitude, 2.0 * fx);
+                let (smooth, ghost) = (&errors.smooth, &errors.ghost);
+                let along_y = smooth.basis().along_y(&smooth.log_amplitude, 2.0 * fx);
                 for (row, weight) in weights.iter_mut().enumerate() {
-                    *weight = (2.0 * clenshaw(&along_y, 2.0 * fy(row))).exp();
+                    let y = 2.0 * fy(row);
+                    *weight = (2.0 * clenshaw(&along_y, y)).exp() * ghost.factor(2.0 * fx, y).norm_sqr();
                 }
             }
             Transmission::Bins => {

@@ -4,15 +4,15 @@
 use super::*;
 use crate::hologram::initial::random;
 use crate::{
-    Carrier, Crosstalk, Detector, DisplayModel, Dust, Grid, KernelShape, OpticalSetup, Orders, ResponseVariation,
-    SmoothField, SpatialVariation,
+    Carrier, Crosstalk, Detector, DisplayModel, Dust, Ghost, Grid, KernelShape, OpticalSetup, Orders,
+    ResponseVariation, SmoothField, SpatialVariation,
 };
 use num_complex::Complex64;
 
 const SIZES: [(usize, usize); 3] = [(16, 24), (17, 13), (11, 30)];
 
 /// Display with all flaws of the display model. Its kernel varies across the image if `varies` is true. With `blurs` its
-/// pixels have cross-talk, and with `uneven` its response varies and there is dust.
+/// pixels have cross-talk, and with `uneven` its response varies, and there are dust and a ghost.
 fn flawed(setup: OpticalSetup, varies: bool, [blurs, uneven]: [bool; 2]) -> DisplayModel {
     let smooth = |order, scale: f64| {
         let mut field = SmoothField::flat(order);
@@ -22,6 +22,10 @@ fn flawed(setup: OpticalSetup, varies: bool, [blurs, uneven]: [bool; 2]) -> Disp
     };
     DisplayModel {
         kernel: KernelShape::Smooth(smooth(3, 0.3)),
+        ghost: match uneven {
+            true => Ghost { amplitude: Complex64::new(0.1, -0.07), shift_px: [4.3, -2.2], defocus_rad: 3.0 },
+            false => Ghost::NONE,
+        },
         variation: match varies {
             true => SpatialVariation::new([0.1, -0.1, 0.05, 0.1, -0.05].map(|scale| smooth(2, scale))),
             false => SpatialVariation::none(),

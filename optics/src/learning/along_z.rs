@@ -84,6 +84,13 @@ impl JointLayout {
         plane_theta
     }
 
+    /// Sets a parameter that all planes share.
+    pub(super) fn set_shared(&self, theta: &mut [f64], position: usize, value: f64) {
+        if let Some(slot) = self.slots.iter().position(|slot| *slot == (position, 0)) {
+            theta[slot] = value;
+        }
+    }
+
     /// Moves parameters that have limits into them.
     pub(super) fn limit(&self, theta: &mut [f64]) {
         for (&(position, _), value) in self.slots.iter().zip(theta) {

@@ -34,13 +34,16 @@ pub enum Block {
     UnevenResponse,
     /// A kernel that [varies over the SLM](crate::SpatialVariation).
     Varying,
+    /// A [`Ghost`](crate::Ghost): a second image.
+    Ghost,
     /// [`Dust`](crate::Dust) and fringes in the light on the SLM.
     Dust,
 }
 
 impl Block {
     /// All blocks.
-    pub const ALL: [Self; 5] = [Self::FineSource, Self::Crosstalk, Self::UnevenResponse, Self::Varying, Self::Dust];
+    pub const ALL: [Self; 6] =
+        [Self::FineSource, Self::Crosstalk, Self::UnevenResponse, Self::Varying, Self::Ghost, Self::Dust];
 
     /// Name of the block in lower case, as it is stored.
     #[must_use]
@@ -50,6 +53,7 @@ impl Block {
             Self::Crosstalk => "crosstalk",
             Self::UnevenResponse => "uneven_response",
             Self::Varying => "varying",
+            Self::Ghost => "ghost",
             Self::Dust => "dust",
         }
     }
@@ -57,7 +61,7 @@ impl Block {
     /// Whether validation pairs may choose the block in a fit of `model`.
     pub(super) fn belongs_to(self, model: KernelModel) -> bool {
         match self {
-            Self::FineSource | Self::Crosstalk | Self::UnevenResponse | Self::Dust => {
+            Self::FineSource | Self::Crosstalk | Self::UnevenResponse | Self::Ghost | Self::Dust => {
                 matches!(model, KernelModel::Display | KernelModel::Varying)
             }
             Self::Varying => model == KernelModel::Varying,
@@ -77,6 +81,8 @@ pub struct BlockStrengths {
     pub response_variation_rms: Option<f64>,
     /// Whether the kernel varies over the SLM.
     pub kernel_varies: bool,
+    /// Light of the ghost relative to that of the image.
+    pub ghost_share: Option<f64>,
     /// Contrast of the dust and fringes in the light on the SLM.
     pub dust_contrast: Option<f64>,
 }
@@ -91,6 +97,7 @@ impl BlockStrengths {
             crosstalk_px: blocks.crosstalk.then(|| model.crosstalk.sigma_px()),
             response_variation_rms: blocks.uneven_response.then(|| model.response_variation.rms()),
             kernel_varies: blocks.varying,
+            ghost_share: blocks.ghost.then(|| model.ghost.share()),
             dust_contrast: blocks.dust.then(|| model.dust.contrast()),
         }
     }
@@ -131,17 +138,26 @@ pub struct Blocks {
     pub uneven_response: bool,
     /// [`Block::Varying`]
     pub varying: bool,
+    /// [`Block::Ghost`]
+    pub ghost: bool,
     /// [`Block::Dust`]
     pub dust: bool,
 }
 
 impl Blocks {
     /// No block.
-    pub const NONE: Self =
-        Self { fine_source: false, crosstalk: false, uneven_response: false, varying: false, dust: false };
+    pub const NONE: Self = Self {
+        fine_source: false,
+        crosstalk: false,
+        uneven_response: false,
+        varying: false,
+        ghost: false,
+        dust: false,
+    };
 
     /// All blocks.
-    pub const ALL: Self = Self { fine_source: true, crosstalk: true, uneven_response: true, varying: true, dust: true };
+    pub const ALL: Self =
+        Self { fine_source: true, crosstalk: true, uneven_response: true, varying: true, ghost: true, dust: true };
 
     /// The blocks that a display model has.
     #[must_use]
@@ -151,6 +167,7 @@ impl Blocks {
             crosstalk: !model.crosstalk.is_none(),
             uneven_response: !model.response_variation.is_none(),
             varying: !model.variation.is_none(),
+            ghost: !model.ghost.is_none(),
             dust: !model.dust.is_none(),
         }
     }
@@ -186,6 +203,7 @@ impl Blocks {
             Block::Crosstalk => &mut self.crosstalk,
             Block::UnevenResponse => &mut self.uneven_response,
             Block::Varying => &mut self.varying,
+            Block::Ghost => &mut self.ghost,
             Block::Dust => &mut self.dust,
         }
     }

@@ -1,6 +1,7 @@
 //! A parametric model during the fit: its loss for one pair, and the gradient with respect to all its parameters.
 
 use super::columns::project;
+use super::ghost::{NO_GHOST_SUMS, ghost_gradient};
 use super::layout::{FINE_SOURCE_ORDER, HARMONICS, Layout, RESPONSE_VARIATION_ORDER};
 use super::pair::Example;
 use super::smooth_transfer::SmoothTransfer;
@@ -12,7 +13,7 @@ use crate::convolution::{Kernels, Transfer};
 use crate::engine::{EngineCore, Fields, kernel_grid, tabulate_gain, tabulate_source};
 use crate::photometry::Sums;
 use crate::slm::{BLOCK, BlockResponse, ShownRow, Slm};
-use crate::{Detector, DisplayModel, Error, KernelShape, OpticalSetup};
+use crate::{Detector, DisplayModel, Error, Ghost, KernelShape, OpticalSetup};
 use num_complex::{Complex, Complex64};
 use pulp::Arch;
 use rayon::prelude::*;
@@ -29,6 +30,8 @@ pub(super) struct Fit<T> {
     /// Gain and offset that fit the latest photograph best.
     pub(super) gain: f64,
     pub(super) offset: f64,
+    /// The ghost of the model.
+    pub(super) ghost: Ghost,
     /// T_i at the x of each pixel.
     pub(super) polynomials_x: Vec<Vec<T>>,
     pub(super) out: Fields<T>,
@@ -80,6 +83,7 @@ impl<T: Real> Fit<T> {
             engine,
             gain: 1.0,
             offset: 0.0,
+            ghost: Ghost::NONE,
             polynomials_x,
             out,
             back,
@@ -129,8 +133,10 @@ impl<T: Real> Fit<T> {
         for (model, transfer) in models.iter().zip(transfers) {
             if let KernelShape::Smooth(errors) = &model.kernel {
                 self.smooth.apply(plane, errors, transfer);
+                self.smooth.add_ghost(&model.ghost, transfer);
             }
         }
+        self.ghost = model.ghost;
         if self.layout.has_slm() {
             let (height_px, width_px) = (self.engine.height_px(), self.engine.width_px());
             let slm = Arc::make_mut(&mut self.engine.slm);
@@ -161,6 +167,35 @@ impl<T: Real> Fit<T> {
     /// The loss of one pair at its best gain and offset, and the gradient with respect to θ. The derivatives with
     /// respect to gain and offset are zero at their optimum, so the gradient is the one at fixed gain and offset.
     pub(super) fn evaluate(&mut self, example: &Example<T>) -> (Sums, Vec<f64>) {
+        let ghost = self.layout.blocks.ghost.then_some(self.ghost);
+        let (sums, columns) = self.correlate(example, |smooth, column, [h, u, g]| {
+            let of_ghost = ghost.map_or(NO_GHOST_SUMS, |ghost| smooth.ghost_sums(&ghost, column, [h, u, g]));
+            (smooth.column_sums(h, u, g), of_ghost)
+        });
+        let mut gradient = vec![0.0; self.layout.len()];
+        let count = self.engine.kernels.transfers.len();
+        let of_kernel = |kernel| columns.iter().skip(kernel).step_by(count).map(|(smooth, _)| smooth);
+        let local = (0..count).map(|kernel| self.smooth.gradient(of_kernel(kernel)));
+        self.layout.add_local_gradients(self.engine.kernels.lanes(), local, &mut gradient);
+        if let Some(ghost) = ghost {
+            let of_ghost = ghost_gradient(&ghost, columns.iter().map(|(_, of_ghost)| of_ghost));
+            gradient[self.layout.ghost()..][..of_ghost.len()].copy_from_slice(&of_ghost);
+        }
+        if self.layout.has_slm() {
+            let slm = self.slm_gradient(example);
+            gradient[self.layout.source()..][..slm.len()].copy_from_slice(&slm);
+        }
+        (sums, gradient)
+    }
+
+    /// Propagates a pair and the gradient of its loss, and calls `visit(smooth, column, [h, u, g])` for each column of each
+    /// kernel: the transfer function, and the spectra of the outgoing field and of the back-propagated gradient. The results are
+    /// ordered by column, then by kernel.
+    pub(super) fn correlate<R: Send>(
+        &mut self,
+        example: &Example<T>,
+        visit: impl Fn(&SmoothTransfer<T>, usize, [&[Complex<T>]; 3]) -> R + Sync,
+    ) -> (Sums, Vec<R>) {
         self.propagate_and_fit_exposure(example);
         let Self { engine, smooth, out, back, .. } = self;
         let (convolver, kernels) = (&engine.convolver, &engine.kernels);
@@ -168,21 +203,12 @@ impl<T: Real> Fit<T> {
         let sums = convolver.compare(&out.tiles, &comparison, back);
         let (field, tiles) = (&out.spectrum[..kernels.half_spectrum_len(convolver)], &mut out.tiles);
         let tiles = &mut tiles[..kernels.half_spectrum_len(convolver)];
-        let columns = convolver.correlate(field, back, kernels, tiles, |kernel, i, u, g| {
+        let columns = convolver.correlate(field, back, kernels, tiles, |kernel, column, u, g| {
             let mut h = u.to_vec();
-            kernels.transfers[kernel].read_column(i, &mut h);
-            smooth.column_sums(&h, u, g)
+            kernels.transfers[kernel].read_column(column, &mut h);
+            visit(smooth, column, [&h, u, g])
         });
-
-        let mut gradient = vec![0.0; self.layout.len()];
-        let count = kernels.transfers.len();
-        let local = (0..count).map(|kernel| smooth.gradient(columns.iter().skip(kernel).step_by(count)));
-        self.layout.add_local_gradients(kernels.lanes(), local, &mut gradient);
-        if self.layout.has_slm() {
-            let slm = self.slm_gradient(example);
-            gradient[self.layout.source()..][..slm.len()].copy_from_slice(&slm);
-        }
-        (sums, gradient)
+        (sums, columns)
     }
 
     /// The loss of one pair at its best gain and offset. Adds `share` times the gradient with respect to the exponents of

@@ -65,6 +65,9 @@ impl<T: Real> Fit<T> {
                 self.kernel_derivatives(&engine, series, &mut jacobian);
             }
         }
+        if layout.blocks.ghost {
+            self.ghost_derivatives(&engine, &mut jacobian);
+        }
         // The derivatives by the source change the windows of the kernels, which then must have one owner.
         drop(engine);
         if layout.has_slm() {
@@ -96,6 +99,25 @@ impl<T: Real> Fit<T> {
                     Some(start + basis.terms() + slot),
                 );
             }
+        }
+    }
+
+    /// Adds the derivatives by the numbers of the ghost.
+    fn ghost_derivatives(&mut self, engine: &EngineCore<T>, jacobian: &mut Jacobian<T>) {
+        let (start, convolver) = (self.layout.ghost(), &engine.convolver);
+        for (number, slots) in [
+            (0, [Some(start), Some(start + 1)]),
+            (2, [None, Some(start + 2)]),
+            (3, [None, Some(start + 3)]),
+            (4, [None, Some(start + 4)]),
+        ] {
+            let mut kernels = (*engine.kernels).clone();
+            for transfer in &mut kernels.transfers {
+                self.smooth.differentiate_ghost(&self.ghost, number, transfer);
+            }
+            let field = &self.out.spectrum[..engine.kernels.half_spectrum_len(convolver)];
+            convolver.propagate(field, &kernels, &mut self.out.tiles[..engine.image_len()]);
+            jacobian.add_derivatives(self, None, slots[0], slots[1]);
         }
     }
 

@@ -10,7 +10,7 @@ use crate::chebyshev::ChebyshevBasis;
 use crate::convolution::Real;
 use crate::spatial_variation::local_kernels;
 use crate::{
-    Crosstalk, DisplayModel, Dust, KernelShape, OpticalSetup, ResponseVariation, SmoothField, SpatialVariation,
+    Crosstalk, DisplayModel, Dust, Ghost, KernelShape, OpticalSetup, ResponseVariation, SmoothField, SpatialVariation,
 };
 use num_complex::Complex64;
 use std::ops::Range;
@@ -37,6 +37,8 @@ pub(super) struct Layout {
     crosstalk: usize,
     /// Number of coefficients of the response's variation.
     pub(super) response_variation: usize,
+    /// Numbers of the ghost: 5, or 0 without one.
+    ghost: usize,
     /// Basis of the variation over the SLM; of order 0 when the kernel is the same everywhere.
     pub(super) variation: ChebyshevBasis,
     /// Blocks of the model.
@@ -68,7 +70,8 @@ impl Layout {
         let crosstalk = if blocks.crosstalk { 2 } else { 0 };
         let response_variation =
             if blocks.uneven_response { ResponseVariation::terms(RESPONSE_VARIATION_ORDER) } else { 0 };
-        Self { kernel, source, harmonics, zero_order, crosstalk, response_variation, variation, blocks }
+        let ghost = if blocks.ghost { Ghost::NONE.numbers().len() } else { 0 };
+        Self { kernel, source, harmonics, zero_order, crosstalk, response_variation, ghost, variation, blocks }
     }
 
     /// Whether the kernel varies over the SLM.
@@ -100,16 +103,27 @@ impl Layout {
         self.crosstalk() + self.crosstalk
     }
 
+    pub(super) fn ghost(&self) -> usize {
+        self.response_variation() + self.response_variation
+    }
+
     /// Start of the coefficients of one power of the position on the SLM.
     pub(super) fn variation(&self, power: usize) -> usize {
-        self.response_variation() + self.response_variation + 2 * self.variation.terms() * power
+        self.ghost() + self.ghost + 2 * self.variation.terms() * power
     }
 
     /// The value of the parameter at a position of θ, moved into its limits.
     pub(super) fn limited(&self, position: usize, value: f64) -> f64 {
-        match (self.crosstalk()..self.response_variation()).contains(&position) {
-            true => value.clamp(0.0, Crosstalk::RATIO_MAX),
-            false => value,
+        match position {
+            _ if (self.crosstalk()..self.response_variation()).contains(&position) => {
+                value.clamp(0.0, Crosstalk::RATIO_MAX)
+            }
+            // Both parts of the amplitude, so that it stays within its limit.
+            _ if (self.ghost()..self.variation(0)).contains(&position) && position < self.ghost() + 2 => {
+                let limit = Ghost::AMPLITUDE_MAX / std::f64::consts::SQRT_2;
+                value.clamp(-limit, limit)
+            }
+            _ => value,
         }
     }
 
@@ -189,7 +203,11 @@ impl Layout {
             [ratio_x, ratio_y] => Crosstalk { ratio_x, ratio_y },
             _ => Crosstalk::NONE,
         };
-        let response_variation = match &parameters[self.response_variation()..self.variation(0)] {
+        let ghost = match parameters[self.ghost()..self.variation(0)] {
+            [re, im, x, y, defocus_rad] => Ghost::of_numbers([re, im, x, y, defocus_rad]),
+            _ => Ghost::NONE,
+        };
+        let response_variation = match &parameters[self.response_variation()..self.ghost()] {
             [] => ResponseVariation::none(),
             coefficients => ResponseVariation { order: RESPONSE_VARIATION_ORDER, coefficients: coefficients.to_vec() },
         };
@@ -201,6 +219,7 @@ impl Layout {
         DisplayModel {
             setup: *setup,
             kernel: KernelShape::Smooth(smooth(self.kernel, 0)),
+            ghost,
             variation,
             source: smooth(self.source, self.source()),
             dust: Dust::none(),
@@ -236,7 +255,8 @@ impl Layout {
         };
         move_numbers(self.response()..self.crosstalk(), to.response()..to.crosstalk());
         move_numbers(self.crosstalk()..self.response_variation(), to.crosstalk()..to.response_variation());
-        move_numbers(self.response_variation()..self.variation(0), to.response_variation()..to.variation(0));
+        move_numbers(self.response_variation()..self.ghost(), to.response_variation()..to.ghost());
+        move_numbers(self.ghost()..self.variation(0), to.ghost()..to.variation(0));
         converted
     }
 
@@ -258,6 +278,7 @@ impl Layout {
             parameters.push(constant);
             parameters.extend(coefficients(to, from, rest));
         }
+        parameters.extend(model.ghost.numbers().iter().take(self.ghost));
         for power in 0..SpatialVariation::POWERS {
             push_field(&mut parameters, self.variation, model.variation.fields().get(power));
         }

@@ -20,6 +20,7 @@ mod blocks;
 mod columns;
 mod dust;
 mod fit;
+mod ghost;
 mod jacobian;
 mod layout;
 mod pair;

@@ -4,7 +4,7 @@
 //! method then refines the result on all pairs, with kernels of increasing order. Pairs whose photographs do not show
 //! their holograms are left out. With validation pairs, the result is the model with the lowest validation loss, and
 //! learning ends when that loss no longer falls. Validation pairs also choose the [blocks](super::Block): those of the SLM
-//! after the lowest order of the kernel, a varying kernel after the highest. In a round each block is tried alone for some
+//! after the lowest order of the kernel, a varying kernel and a ghost after the highest. In a round each block is tried alone for some
 //! steps, starting from the best model so far. The one that gains most is kept if it gains enough, and is refined. Then
 //! the others are tried in another round, because blocks can help only together. After the highest order each block that
 //! was kept is left out for some steps, and stays away if the validation loss hardly rises: a kernel of low order can make
@@ -15,6 +15,7 @@ use super::along_z::JointLayout;
 use super::blocks;
 pub use super::dust::DustFit;
 use super::fit::Fit;
+use super::ghost::GhostSearch;
 use super::layout::Layout;
 use super::pair::{Example, measure, total};
 use super::schedule::{one_cycle, shuffled};
@@ -359,6 +360,9 @@ impl ParametricLearner {
     /// Takes a step of Levenberg and Marquardt's method, validates the result, and changes the order when the step was
     /// the last.
     fn refine(&mut self, learning_pairs: LearningPairs<'_>) -> Result<LearnStep, BoxError> {
+        if self.lacks_ghost(learning_pairs.training)? {
+            return self.end_refinement(learning_pairs.training, None);
+        }
         let before = self.state.refinement.as_ref().map(|refinement| refinement.loss);
         let improved = match self.state.refinement.take() {
             None => {
@@ -397,12 +401,39 @@ impl ParametricLearner {
             round.steps >= TRIAL_STEPS || round.steps > 0 && is_hopeless
         });
         if !improved || little || tried || spent >= self.evaluations_left() || !validated {
-            self.advance();
+            return self.end_refinement(learning_pairs.training, Some(loss));
         }
+        Ok(self.progress(LearnStage::Refinement, loss))
+    }
+
+    /// Whether a ghost is to be tried, but none can be seen. Otherwise the trial of a ghost starts with the one that is seen.
+    fn lacks_ghost(&mut self, pairs: &dyn PairSource) -> Result<bool, BoxError> {
+        let is_start = self.state.refinement.is_none();
+        let seeks = |round: &Round| (round.block, round.change) == (Block::Ghost, Change::Add);
+        if !is_start || !self.state.round.as_ref().is_some_and(seeks) {
+            return Ok(false);
+        }
+        let mut search = GhostSearch::new(self.fit.engine.height_px(), self.fit.engine.width_px());
+        let theta = self.state.parameters.clone();
+        self.each_kept(pairs, &theta, |fit, _, example, _| {
+            fit.add_to_search(example, &mut search);
+            0.0
+        })?;
+        let Some(ghost) = search.found() else { return Ok(true) };
+        for (i, number) in ghost.numbers().into_iter().enumerate() {
+            self.joint.set_shared(&mut self.state.parameters, self.joint.layout.ghost() + i, number);
+        }
+        Ok(false)
+    }
+
+    /// Goes on to what follows the refinement in progress. Ends learning with the best model if nothing does.
+    fn end_refinement(&mut self, pairs: &dyn PairSource, loss: Option<f64>) -> Result<LearnStep, BoxError> {
+        self.advance();
         if self.state.converged {
             self.take_best();
-            self.fit_final_exposure(learning_pairs.training)?;
+            self.fit_final_exposure(pairs)?;
         }
+        let loss = loss.or(self.state.loss_history.last().copied()).unwrap_or(f64::NAN);
         Ok(self.progress(LearnStage::Refinement, loss))
     }
 
@@ -641,13 +672,14 @@ impl ParametricLearner {
         let Some(before) = self.state.best.clone() else { return false };
         let has = |block: &Block| before.blocks.contains(*block);
         let lacks = |block: &Block| block.belongs_to(self.options.model) && !has(block);
-        // Dust has a fit of its own.
+        // Light of a ghost or of a varying kernel is little beside what the others change. Dust has a fit of its own.
+        let is_last = |block: &Block| matches!(block, Block::Varying | Block::Ghost);
         let all = || Block::ALL.into_iter().filter(|block| *block != Block::Dust);
         let (change, mut untried): (Change, Vec<Block>) = match (self.state.orders_done, self.state.pruned) {
             (false, _) if self.state.order_index > 0 => return false,
-            (false, _) => (Change::Add, all().filter(|block| *block != Block::Varying && lacks(block)).collect()),
+            (false, _) => (Change::Add, all().filter(|block| !is_last(block) && lacks(block)).collect()),
             (true, false) => (Change::Remove, all().filter(has).collect()),
-            (true, true) => (Change::Add, all().filter(|block| *block == Block::Varying && lacks(block)).collect()),
+            (true, true) => (Change::Add, all().filter(|block| is_last(block) && lacks(block)).collect()),
         };
         if untried.is_empty() {
             return match (self.state.orders_done, std::mem::replace(&mut self.state.pruned, self.state.orders_done)) {

@@ -1,6 +1,6 @@
 //! Parts of a learned display, and what the model loses without each of them.
 
-use crate::{Crosstalk, DisplayModel, Dust, KernelShape, ResponseVariation, SmoothField, SpatialVariation};
+use crate::{Crosstalk, DisplayModel, Dust, Ghost, KernelShape, ResponseVariation, SmoothField, SpatialVariation};
 use num_complex::Complex64;
 use serde::{Deserialize, Serialize};
 
@@ -12,6 +12,8 @@ pub enum ModelPart {
     TransferFunction,
     /// The change of these errors over the SLM.
     VaryingTransferFunction,
+    /// A ghost.
+    Ghost,
     /// The profile of the light on the SLM, and the uneven surface of the SLM.
     Source,
     /// Dust and fringes in this light.
@@ -73,11 +75,12 @@ pub fn without_each_part(model: &DisplayModel) -> Vec<(ModelPart, DisplayModel)>
         }
     };
     add(ModelPart::TransferFunction, !errors.is_flat(), |model| {
-        (model.kernel, model.variation) = (KernelShape::Ideal, SpatialVariation::none());
+        (model.kernel, model.variation) = (KernelShape::Smooth(SmoothField::flat(0)), SpatialVariation::none());
     });
     add(ModelPart::VaryingTransferFunction, !model.variation.is_none(), |model| {
         model.variation = SpatialVariation::none()
     });
+    add(ModelPart::Ghost, !model.ghost.is_none(), |model| model.ghost = Ghost::NONE);
     add(ModelPart::Source, !model.source.is_flat(), |model| model.source = SmoothField::flat(0));
     add(ModelPart::Dust, !model.dust.is_none(), |model| model.dust = Dust::none());
     add(ModelPart::PhaseResponse, is_bent, |model| model.response.clear());
@@ -109,21 +112,18 @@ mod tests {
             response_variation: ResponseVariation { order: 0, coefficients: vec![0.1] },
             crosstalk: Crosstalk { ratio_x: 0.1, ratio_y: 0.0 },
             zero_order: Complex64::new(0.1, 0.0),
+            ghost: Ghost { amplitude: Complex64::new(0.1, 0.0), ..Ghost::NONE },
             ..ideal.clone()
         };
         let parts = without_each_part(&all);
-        assert_eq!(parts.len(), 8);
+        assert_eq!(parts.len(), 9);
         for (part, without) in &parts {
             without.validate().unwrap();
             let left: Vec<ModelPart> = without_each_part(without).into_iter().map(|(part, _)| part).collect();
-            let gone = |other: &ModelPart| {
-                other == part || *part == ModelPart::TransferFunction && *other == ModelPart::VaryingTransferFunction
-            };
-            if *part != ModelPart::TransferFunction {
-                assert!(parts.iter().all(|(other, _)| left.contains(other) != gone(other)), "{part:?}");
-            } else {
-                assert_eq!((&without.kernel, without.variation.is_none()), (&KernelShape::Ideal, true));
-            }
+            // The change of the transfer function goes with it.
+            let together = [ModelPart::TransferFunction, ModelPart::VaryingTransferFunction];
+            let goes = |other: &ModelPart| other == part || *part == together[0] && *other == together[1];
+            assert!(parts.iter().all(|(other, _)| left.contains(other) != goes(other)), "{part:?}");
         }
     }
 

@@ -16,9 +16,9 @@ pub(super) struct SmoothTransfer<T> {
     basis: ChebyshevBasis,
     ideal: Vec<Transfer<T>>,
     /// fx of each column, scaled to [−1, 1].
-    columns: Vec<f64>,
+    pub(super) columns: Vec<f64>,
     /// fy of each bin, scaled to [−1, 1].
-    rows: Vec<f64>,
+    pub(super) rows: Vec<f64>,
     /// T_j at the fy of each bin.
     polynomials: Vec<Vec<T>>,
 }

@@ -19,10 +19,10 @@
 
 use super::band_response::{BandEnds, bins};
 use crate::buffers::zeros;
-use crate::engine::SeriesAlongY;
+use crate::ghost::TransferErrors;
 use crate::interrupt;
 use crate::transfer_function::angular_spectrum;
-use crate::{ConvolutionMethod, OpticalSetup, SmoothField};
+use crate::{ConvolutionMethod, OpticalSetup};
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 use rustfft::{Fft, FftPlanner};
@@ -113,7 +113,7 @@ struct End {
 
 impl BandSamples {
     /// The response at the place `offset_y` \[px\], behind these errors. `None` if there would be too many frequencies.
-    pub(super) fn new(setup: &OpticalSetup, errors: Option<&SmoothField>, offset_y: f64) -> Option<Self> {
+    pub(super) fn new(setup: &OpticalSetup, errors: Option<&TransferErrors>, offset_y: f64) -> Option<Self> {
         let [bins_x, bins_y] = bins(setup)?;
         let (height_px, pitch_m) = (setup.grid().height_px(), setup.grid().pixel_pitch_m());
         let (columns, band) = (Columns { bins_x, is_even: is_even(setup, errors.is_some()) }, BandEnds::new(setup));
@@ -132,7 +132,7 @@ impl BandSamples {
                     Column::Bin(bin) => signed(bin, bins_x),
                     Column::End(sign) | Column::Slope(sign) => 0.5 * sign,
                 };
-                let series = errors.map(|errors| SeriesAlongY::new(errors, 2.0 * nu));
+                let series = errors.map(|errors| errors.along_y(2.0 * nu));
                 let error = |mu: f64| {
                     let passed = filter.map_or(1.0, |filter| filter.passed(nu, mu));
                     series.as_ref().map_or(Complex64::ONE, |series| series.at(2.0 * mu)) * passed

@@ -15,8 +15,9 @@ use super::band_samples::{BandSamples, is_even};
 use super::pixel_response::PixelResponse;
 use crate::buffers::zeros;
 use crate::convolution::{Real, Transfer, split_bin};
+use crate::ghost::TransferErrors;
 use crate::interrupt;
-use crate::{ConvolutionMethod, OpticalSetup, SmoothField};
+use crate::{ConvolutionMethod, OpticalSetup};
 use num_complex::{Complex, Complex32, Complex64};
 use rayon::prelude::*;
 use rustfft::FftPlanner;
@@ -42,7 +43,7 @@ pub(crate) fn sample_transfers<T: Real>(setup: &OpticalSetup, places_px: &[[f64;
 /// what they can. On a display that shows the first order, it is that behind smooth `errors` of its kernel. Only one transfer function exists at a time. None if the setup [has none](has_sample_transfers).
 pub(crate) fn for_each_sample_transfer<T: Real>(
     setup: &OpticalSetup,
-    errors: Option<&SmoothField>,
+    errors: Option<&TransferErrors>,
     places_px: &[[f64; 2]],
     mut use_transfer: impl FnMut(usize, Transfer<T>),
 ) {

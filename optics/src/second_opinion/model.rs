@@ -247,14 +247,26 @@ impl<'a> Work<'a> {
             KernelShape::Smooth(errors) => Some(SeriesAlongY::new(errors, 2.0 * along_x)),
             KernelShape::Ideal | KernelShape::Bins(_) => None,
         };
+        let error = |frequency: f64| {
+            let smooth = errors.as_ref().map_or(Complex64::ONE, |errors| errors.at(2.0 * frequency));
+            smooth * self.ghost(along_x, frequency)
+        };
         for (u, &(frequency, weight)) in spectrum.iter_mut().zip(&self.frequencies_y) {
-            *u *= weight * errors.as_ref().map_or(Complex64::ONE, |errors| errors.at(2.0 * frequency));
+            *u *= weight * error(frequency);
         }
         if self.has_orders() {
             self.column_of_orders(&spectrum, along_x)
         } else {
             self.column_of_first(spectrum, along_x)
         }
+    }
+
+    /// Factor of the kernel's ghost at a frequency \[cycles per pixel\].
+    fn ghost(&self, fx: f64, fy: f64) -> Complex64 {
+        let ghost = &self.model.ghost;
+        let defocus_rad = ghost.defocus_rad * 4.0 * (fx * fx + fy * fy);
+        let shift = fx * ghost.shift_px[0] + fy * ghost.shift_px[1];
+        1.0 + ghost.amplitude * Complex64::cis(defocus_rad) * turn(shift)
     }
 
     fn column_of_first(&self, mut spectrum: Vec<Complex64>, along_x: f64) -> Vec<Complex64> {

@@ -4,7 +4,7 @@ use crate::propagation::ImageWindow;
 use crate::reference::{first_order_onto, rayleigh_sommerfeld_onto};
 use crate::test_cards::TestCard;
 use crate::{
-    ConvolutionMethod, Crosstalk, Dust, Engine, FilterShape, Grid, HologramProblem, OpticalSetup, Optimization,
+    ConvolutionMethod, Crosstalk, Dust, Engine, FilterShape, Ghost, Grid, HologramProblem, OpticalSetup, Optimization,
     OrderFilter, ResponseVariation, SmoothField,
 };
 use crate::{Error, SpatialVariation};
@@ -112,6 +112,7 @@ fn flawed(setup: OpticalSetup) -> DisplayModel {
     };
     DisplayModel {
         kernel: KernelShape::Smooth(wavy(4, 0.1)),
+        ghost: Ghost { amplitude: Complex64::new(0.1, -0.07), shift_px: [4.3, -2.2], defocus_rad: 3.0 },
         source: wavy(2, 0.2),
         dust: dusty(setup.grid().height_px(), setup.grid().width_px()),
         response: vec![[0.15, -0.05], [0.02, 0.03]],

@@ -297,6 +297,7 @@ fn learning_results_are_stored_as_before() {
                 surface_rms_rad: Some(1.5),
                 crosstalk_px: Some([0.5, 0.25]),
                 response_variation_rms: None,
+                ghost_share: None,
                 dust_contrast: Some(0.08),
                 kernel_varies: false,
             },

@@ -13,6 +13,7 @@
 //! | `variation_order` | highest total degree of the kernel's variation over the SLM; missing: 0 |
 //! | `response_variation_order` | highest total degree of the response's variation over the SLM; missing: the response is the same everywhere |
 //! | `has_crosstalk` | whether neighbouring pixels have cross-talk; missing: no |
+//! | `has_ghost` | whether the kernel has a ghost; missing: no |
 //! | `has_dust` | whether there is dust in the light on the SLM; missing: no |
 //! | `propagation` | the method of H_ideal; missing: `band_limited` |
 //! | `orders` | `first`, `filtered` with the filter, or `all` with the fill factors of the pixels: the diffraction orders with which the kernel was learned; missing: `first` |
@@ -27,6 +28,7 @@
 //! | `response` | f64, \[harmonics, 2\] | r(ψ) = (1 + v) ψ + Σ a_k sin kψ + b_k cos kψ \[rad\] (`display`, `varying`) |
 //! | `response_variation` | f64, \[1 + terms\] | v: its constant, then its series (where the response varies) |
 //! | `crosstalk` | f64, \[2\] | q along x and along y (with cross-talk) |
+//! | `ghost` | f64, \[5\] | real and imaginary part of the amplitude, shift along x and y \[px\], defocus \[rad\] (with a ghost) |
 //! | `dust` | i16, \[rows, columns, 2\] | A and B of each pixel's factor exp(10⁻⁴ (A + iB)) of the source (with dust) |
 //! | `photometry` | f64, \[4\] | gain, offset, zero order (real, imaginary) |
 //!
@@ -34,7 +36,7 @@
 
 use lightpath_optics::KernelModel;
 use lightpath_optics::{
-    ConvolutionMethod, Crosstalk, DisplayModel, Dust, Grid, KernelShape, OpticalSetup, Orders, Plane,
+    ConvolutionMethod, Crosstalk, DisplayModel, Dust, Ghost, Grid, KernelShape, OpticalSetup, Orders, Plane,
     ResponseVariation, SmoothField, SpatialVariation,
 };
 use num_complex::{Complex32, Complex64};
@@ -102,6 +104,8 @@ pub(crate) struct Header {
     response_variation_order: Option<usize>,
     #[serde(default, skip_serializing_if = "is_false")]
     has_crosstalk: bool,
+    #[serde(default, skip_serializing_if = "is_false")]
+    has_ghost: bool,
     #[serde(default, skip_serializing_if = "is_false")]
     has_dust: bool,
     propagation: ConvolutionMethod,
@@ -193,6 +197,7 @@ pub(crate) fn header_text(model: &DisplayModel, kind: KernelModel, from_m: &[f64
         variation_order: model.variation.order(),
         response_variation_order: (!model.response_variation.is_none()).then_some(model.response_variation.order),
         has_crosstalk: !model.crosstalk.is_none(),
+        has_ghost: !model.ghost.is_none(),
         has_dust: !model.dust.is_none(),
         propagation: model.setup.method(),
         orders: model.setup.orders(),
@@ -246,6 +251,9 @@ pub(crate) fn series(model: &DisplayModel) -> Vec<Tensor> {
     if !model.crosstalk.is_none() {
         add("crosstalk", vec![2], &model.crosstalk.ratios());
     }
+    if !model.ghost.is_none() {
+        add("ghost", vec![5], &model.ghost.numbers());
+    }
     if let Some(steps) = model.dust.steps() {
         let bytes = steps.values().as_flattened().iter().flat_map(|step| step.to_le_bytes()).collect();
         let shape = vec![steps.height_px(), steps.width_px(), 2];
@@ -288,6 +296,10 @@ pub(crate) fn assemble<E: From<KernelFileError>>(
                 phase: floats("kernel.phase")?,
             }),
         },
+        ghost: match header.has_ghost {
+            true => ghost(&floats("ghost")?)?,
+            false => Ghost::NONE,
+        },
         variation: variation(&floats, header.variation_order)?,
         source: SmoothField {
             order: header.source_order,
@@ -317,6 +329,11 @@ fn crosstalk(ratios: &[f64]) -> Result<Crosstalk, KernelFileError> {
         [ratio_x, ratio_y] => Ok(Crosstalk { ratio_x, ratio_y }),
         _ => Err(KernelFileError::Tensor { name: "crosstalk", expected: "two f64" }),
     }
+}
+
+fn ghost(numbers: &[f64]) -> Result<Ghost, KernelFileError> {
+    let numbers = numbers.try_into().map_err(|_| KernelFileError::Tensor { name: "ghost", expected: "five f64" })?;
+    Ok(Ghost::of_numbers(numbers))
 }
 
 fn variation<E: From<KernelFileError>>(
@@ -440,6 +457,7 @@ mod tests {
                 model.crosstalk = Crosstalk { ratio_x: 1.0 / 12.0, ratio_y: 0.0 };
                 model.response_variation = ResponseVariation { order: 1, coefficients: vec![0.1 / 3.0, 0.0, -0.07] };
                 let (height_px, width_px) = (model.setup.grid().height_px(), model.setup.grid().width_px());
+                model.ghost = Ghost::of_numbers([0.1 / 3.0, -0.02, 11.3, -7.0 / 3.0, 4.5]);
                 model.dust = Dust::new(Plane::from_fn(height_px, width_px, |y, x| [y as i16 - 3, -7 * x as i16]));
             }
             if kind == KernelModel::Varying {

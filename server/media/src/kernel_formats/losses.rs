@@ -15,6 +15,8 @@ pub enum Loss {
     Source,
     /// Dust and fringes in the light on the SLM.
     Dust,
+    /// A ghost. Forms with H at each frequency hold it as a part of H.
+    Ghost,
     /// The phase response of the SLM.
     PhaseResponse,
     /// The variation of the phase response over the SLM.
@@ -43,6 +45,7 @@ impl fmt::Display for Loss {
         f.write_str(match self {
             Self::Source => "source",
             Self::Dust => "dust",
+            Self::Ghost => "ghost",
             Self::PhaseResponse => "phase response",
             Self::ResponseVariation => "variation of the phase response",
             Self::Crosstalk => "cross-talk",
@@ -62,6 +65,8 @@ pub(super) fn losses(model: &DisplayModel, back: &Imported, relative_error: f64)
     let read = &back.model;
     let source_lost = !model.source.is_flat() && read.source.is_flat();
     let dust_lost = !model.dust.is_none() && read.dust.is_none();
+    let holds_all_h = matches!(read.kernel, KernelShape::Bins(_));
+    let ghost_lost = !model.ghost.is_none() && read.ghost.is_none() && !holds_all_h;
     let is_linear = |model: &DisplayModel| model.response.as_flattened().iter().all(|&harmonic| harmonic == 0.0);
     let response_lost = !is_linear(model) && is_linear(read);
     let variation_lost = !model.response_variation.is_none() && read.response_variation.is_none();
@@ -71,6 +76,7 @@ pub(super) fn losses(model: &DisplayModel, back: &Imported, relative_error: f64)
     let camera_lost = camera(model) != [1.0, 0.0] && camera(read) == [1.0, 0.0];
     let precision_lost = relative_error > 0.0
         || !source_lost && read.source != model.source
+        || !ghost_lost && !holds_all_h && read.ghost != model.ghost
         || !dust_lost && read.dust != model.dust
         || !response_lost && read.response != model.response
         || !variation_lost && read.response_variation != model.response_variation
@@ -82,6 +88,7 @@ pub(super) fn losses(model: &DisplayModel, back: &Imported, relative_error: f64)
     [
         (Loss::Source, source_lost),
         (Loss::Dust, dust_lost),
+        (Loss::Ghost, ghost_lost),
         (Loss::PhaseResponse, response_lost),
         (Loss::ResponseVariation, variation_lost),
         (Loss::Crosstalk, crosstalk_lost),
@@ -127,6 +134,7 @@ mod tests {
             kernel: KernelShape::Smooth(field()),
             variation: SpatialVariation::new([(); 5].map(|()| field())),
             source: field(),
+            ghost: lightpath_optics::Ghost::of_numbers([0.1, 0.0, 2.0, 1.0, 0.5]),
             dust: lightpath_optics::Dust::new(Plane::filled(12, 16, [50, -3])),
             response: vec![[0.1, 0.0]],
             response_variation: lightpath_optics::ResponseVariation { order: 0, coefficients: vec![0.1] },
@@ -145,7 +153,7 @@ mod tests {
         let published = [&parts[..], &[OuterSpectrum, Parameters, Precision]].concat();
         for (format, losses) in [
             (KernelFormat::Safetensors, vec![]),
-            (KernelFormat::Compact, vec![Dust, Precision]),
+            (KernelFormat::Compact, vec![Dust, Ghost, Precision]),
             (KernelFormat::Npz, vec![]),
             (KernelFormat::Complex64, array.clone()),
             (KernelFormat::F16, array),
@@ -188,7 +196,7 @@ mod tests {
         assert_eq!(crate::kernel_file::interpolated_from_m(&native.bytes).unwrap(), [0.002, 0.004]);
         assert_eq!(native.losses, []);
         assert_eq!(export(KernelFormat::Npz).losses, [Interpolation]);
-        assert_eq!(export(KernelFormat::Compact).losses, [Dust, Interpolation, Precision]);
+        assert_eq!(export(KernelFormat::Compact).losses, [Dust, Ghost, Interpolation, Precision]);
     }
 
     #[test]

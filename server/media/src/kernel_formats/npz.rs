@@ -11,11 +11,12 @@
 //! | `kernel.bins_shape` | float64, \[2\] | rows and columns of the middle part of `transfer` that is the kernel (`paper`, `dense`) |
 //! | `source.log_amplitude`, `source.phase` | float64, \[terms\] | the source profile |
 //! | `variation.log_amplitude`, `variation.phase` | float64, \[5, terms\] | factors of x, y, x², xy and y² (`varying`) |
+//! | `ghost` | float64, \[5\] | real and imaginary part of the ghost's amplitude, its shift along x and y \[px\], its defocus \[rad\] (with a ghost) |
 //! | `dust` | int16, \[rows, columns, 2\] | A and B of each pixel's factor exp(10⁻⁴ (A + iB)) of the source (with dust) |
 //! | `lightpath` | text | model, method, orders and optics: the JSON object of [`crate::kernel_file`] |
 //! | `transfer.digest`, `source.digest` | text | SHA-256 of the numbers of `transfer` and `source` |
 //!
-//! The last eleven give the model exactly. `transfer` and `source` are for readers that only want numbers, and follow from
+//! The last twelve give the model exactly. `transfer` and `source` are for readers that only want numbers, and follow from
 //! them. If `transfer` was changed, its digest does not match. Then H is what `transfer` holds: the imported model is
 //! dense, and the series of the kernel and its variation do not count. A changed `source` cannot be imported, because a
 //! model has the source as a series. The import says both. An archive without `lightpath` is one of another program.
@@ -28,7 +29,7 @@ use super::import::{Imported, of_array};
 use super::losses::Loss;
 use crate::kernel_file::{self, DUST, Header, METADATA_KEY};
 use lightpath_artifacts::digest_of;
-use lightpath_optics::{DisplayModel, KernelModel, KernelShape, OpticalSetup, Plane, SpatialVariation};
+use lightpath_optics::{DisplayModel, Ghost, KernelModel, KernelShape, OpticalSetup, Plane, SpatialVariation};
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 
@@ -135,6 +136,8 @@ fn take_transfer(imported: &mut Imported, transfer: &Array) -> Result<(), Kernel
     let changed = of_array(transfer, &model.setup, "npz")?;
     absent.extend((!model.variation.is_none()).then_some(Loss::Variation));
     (model.kernel, model.variation, *kind) = (changed.model.kernel, SpatialVariation::none(), changed.kind);
+    // H holds the ghost.
+    model.ghost = Ghost::NONE;
     remarks.push("the array `transfer` was changed, so H is taken from it and not from the parameters");
     Ok(())
 }
@@ -215,7 +218,7 @@ fn read_foreign(files: &archive::Files, setup: &OpticalSetup) -> Result<Imported
 mod tests {
     use super::super::{KernelFormat, export, import};
     use super::*;
-    use lightpath_optics::{ConvolutionMethod, Crosstalk, Dust, Grid, ResponseVariation, SmoothField};
+    use lightpath_optics::{ConvolutionMethod, Crosstalk, Dust, Ghost, Grid, ResponseVariation, SmoothField};
 
     /// A series with many digits.
     fn field(order: usize, size: f64) -> SmoothField {
@@ -247,13 +250,14 @@ mod tests {
         let variation = SpatialVariation::new([1.0, 2.0, 3.0, 4.0, 5.0].map(|size| field(2, 0.1 * size)));
         let crosstalk = Crosstalk { ratio_x: 0.1 / 3.0, ratio_y: 0.02 };
         let response_variation = ResponseVariation { order: 1, coefficients: vec![0.1 / 3.0, 0.0, -0.07] };
+        let ghost = Ghost::of_numbers([0.1 / 3.0, -0.02, 11.3, -7.0 / 3.0, 4.5]);
         let dust = Dust::new(Plane::from_fn(12, 16, |y, x| [y as i16 - 3, -7 * x as i16]));
         let plain = DisplayModel { kernel: display.kernel.clone(), ..DisplayModel::ideal(display.setup) };
         vec![
             (plain, KernelModel::Smooth),
             (display.clone(), KernelModel::Display),
             (DisplayModel { crosstalk, response_variation, ..display.clone() }, KernelModel::Display),
-            (DisplayModel { dust, ..display.clone() }, KernelModel::Display),
+            (DisplayModel { dust, ghost, ..display.clone() }, KernelModel::Display),
             (DisplayModel { variation, ..display }, KernelModel::Varying),
             (bins(24, 32), KernelModel::Dense),
             (bins(12, 16), KernelModel::Paper),

@@ -5,7 +5,7 @@ use crate::figures::{Axis, Canvas, Chart, ColourMap, Heatmap, Line};
 use lightpath_optics::diagnostics::point_spread::{OVERSAMPLING, WINDOW_PX};
 use lightpath_optics::diagnostics::{PointSpread, ZernikeFit, point_spread};
 use lightpath_optics::learning::{BlockStrengths, ResponseCovariance};
-use lightpath_optics::{DisplayModel, KernelShape, Plane};
+use lightpath_optics::{DisplayModel, Ghost, KernelShape, Plane};
 use num_complex::Complex64;
 use std::f64::consts::{PI, TAU};
 use std::fmt::Write as _;
@@ -274,7 +274,7 @@ fn response(model: &DisplayModel, uncertainty: Option<&ResponseCovariance>) -> C
         model.zero_order.arg(),
         100.0 * zero * zero
     );
-    body.push_str(&parts(&BlockStrengths::of(model)));
+    body.push_str(&parts(&BlockStrengths::of(model), &model.ghost));
     let mut chapter = Chapter { title: "Modulator", ..Chapter::default() };
     if model.response.is_empty() {
         body.push_str(
@@ -316,7 +316,7 @@ fn response(model: &DisplayModel, uncertainty: Option<&ResponseCovariance>) -> C
 }
 
 /// The parts of the model that this display needed.
-fn parts(blocks: &BlockStrengths) -> String {
+fn parts(blocks: &BlockStrengths, ghost: &Ghost) -> String {
     let mut text = String::new();
     if let Some(rms) = blocks.surface_rms_rad {
         let _ = write!(
@@ -334,6 +334,14 @@ fn parts(blocks: &BlockStrengths) -> String {
     if let Some(rms) = blocks.response_variation_rms {
         let _ = write!(text, "<p>The phase response varies over the modulator by {:.1} % RMS.</p>", 100.0 * rms);
     }
+    if let Some(share) = blocks.ghost_share {
+        let [x, y] = ghost.shift_px;
+        let _ = write!(
+            text,
+            "<p>A ghost, a second image with {:.2} % of the light, lies {x:.1} px and {y:.1} px beside the image along x and y.</p>",
+            100.0 * share
+        );
+    }
     if let Some(contrast) = blocks.dust_contrast {
         let _ = write!(
             text,
@@ -343,7 +351,7 @@ fn parts(blocks: &BlockStrengths) -> String {
     }
     if text.is_empty() {
         text.push_str(
-            "<p>The model has no uneven surface, no cross-talk, no variation of the phase response and no dust: the photographs \
+            "<p>The model has no uneven surface, no cross-talk, no variation of the phase response, no ghost and no dust: the photographs \
              did not need them, or the model does not know them.</p>",
         );
     }

@@ -41,6 +41,7 @@ fn blocks(blocks: &BlockStrengths) -> v1::learn_result::BlockStrengths {
         response_variation_rms: blocks.response_variation_rms,
         kernel_varies: blocks.kernel_varies,
         dust_contrast: blocks.dust_contrast,
+        ghost_share: blocks.ghost_share,
     }
 }
 
