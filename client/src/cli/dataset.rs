@@ -69,9 +69,10 @@ pub(crate) struct Create {
 
 /// Draw the split and close a dataset permanently; kernels are learned only from finalized datasets.
 ///
-/// The job first aligns photographs that are shifted against what their holograms should show, if the shift is so large
-/// that a kernel would learn it. It leaves out pairs that cannot be learned from: black photographs, copies, and
-/// photographs of another hologram. The printed findings say why.
+/// The job first aligns photographs that are turned against what their holograms should show, or shifted so far that
+/// learning may not find it. Scale and shear up to 2 px stay for learning, because an uneven modulator makes them, too. The
+/// job leaves out pairs that cannot be learned from: black photographs, copies, and photographs of another hologram. The
+/// printed findings say why.
 #[derive(Debug, Args)]
 pub(crate) struct Finalize {
     /// Name of the dataset
@@ -90,7 +91,7 @@ pub(crate) struct Finalize {
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
 
-    /// Keep the alignment unchanged even if the photographs are shifted
+    /// Keep the alignment unchanged even if the photographs are turned or shifted
     #[arg(long)]
     keep_alignment: bool,
 

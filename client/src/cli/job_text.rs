@@ -261,6 +261,9 @@ fn learn_facts(result: &v1::LearnResult, facts: &mut Facts) {
 fn prepare_facts(result: &v1::PrepareResult, facts: &mut Facts) {
     if let Some(alignment) = &result.alignment {
         facts.add("alignment", dataset::alignment(alignment));
+        if !alignment.explanation.is_empty() {
+            facts.add("alignment by pairs", &alignment.explanation);
+        }
         for (name, picture) in [("before", &alignment.before), ("after", &alignment.after)] {
             if !picture.is_empty() {
                 facts.add(name, picture);

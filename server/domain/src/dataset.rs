@@ -320,6 +320,8 @@ mod tests {
                     points: 4,
                     residual_px: 0.0,
                     corrected_px: 0.0,
+                    left_px: 0.0,
+                    explanation: String::new(),
                     photo: String::new(),
                     before: String::new(),
                     after: String::new(),

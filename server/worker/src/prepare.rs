@@ -12,7 +12,7 @@ use lightpath_domain::job::estimate::{ALIGNMENT_BYTES_MAX, ALIGNMENT_PAIRS_MAX};
 use lightpath_domain::job::{
     AlignBy, FailureReason, JobEffect, JobResult, PrepareDataset, PrepareResult, PrepareStep, Progress, SplitCounts,
 };
-use lightpath_media::captures::{self, CaptureError, Captures, FoundAlignment, ROUNDS_MAX, Reconstructor};
+use lightpath_media::captures::{self, CaptureError, Captures, Correction, FoundAlignment, ROUNDS_MAX, Reconstructor};
 use lightpath_optics::Plane;
 use lightpath_optics::alignment::PointPair;
 use serde::{Deserialize, Serialize};
@@ -121,7 +121,7 @@ impl<'a> Work<'a> {
                 AlignBy::Dots { photo } => Some(self.align_by_dots(photo)?),
                 AlignBy::Pairs => {
                     self.update_checks()?;
-                    Some(self.align_by_pairs()?.ok_or_else(|| not_alignable(&self.dataset.id))?)
+                    Some(self.align_by_pairs(Correction::Affine)?.ok_or_else(|| not_alignable(&self.dataset.id))?)
                 }
                 AlignBy::None => None,
             };
@@ -131,11 +131,12 @@ impl<'a> Work<'a> {
         self.update_checks()
     }
 
-    /// Measures the pairs, and aligns the photographs if they need it and the alignment improves.
+    /// Measures the pairs, and corrects what is clearly the camera's in the photographs, if they need it and the
+    /// alignment improves.
     fn prepare_to_finalize(&mut self, keep_alignment: bool) -> Result<(), TaskError> {
         self.update_checks()?;
         if !self.aligned && !keep_alignment && captures::needs_alignment(&self.dataset) {
-            if let Some(alignment) = self.align_by_pairs()? {
+            if let Some(alignment) = self.align_by_pairs(Correction::Camera)? {
                 self.set_alignment(Some(alignment));
             }
             return self.update_checks();
@@ -190,9 +191,9 @@ impl<'a> Work<'a> {
         self.store_alignment(AlignmentMethod::Dots, found, size, digest.to_owned())
     }
 
-    /// Computes the alignment from the photographs of the pairs. `None`: too few features were recognized, or the
-    /// present alignment could not be improved.
-    fn align_by_pairs(&self) -> Result<Option<Alignment>, TaskError> {
+    /// Computes the alignment from the photographs of the pairs. `None`: too few features were recognized, the present
+    /// alignment could not be improved, or there is nothing of the kind to correct.
+    fn align_by_pairs(&self, correction: Correction) -> Result<Option<Alignment>, TaskError> {
         let findings = captures::findings(&self.dataset);
         let good: Vec<&Pair> = self.dataset.pairs.iter().filter(|pair| !is_excluded(&findings, &pair.id)).collect();
         let Some(size) = good.first().and_then(|pair| pair.checks.as_ref()).map(|checks| checks.photo_px) else {
@@ -212,7 +213,8 @@ impl<'a> Work<'a> {
             let named = |error| unreadable(&pair.id, &error);
             light.push((reconstructor.light(&phase.map_err(named)?)?, photo.map_err(named)?));
         }
-        let found = captures::from_pairs(&captures, &light, |done| self.step(ALIGN, done, ROUNDS_MAX * count))?;
+        let found =
+            captures::from_pairs(&captures, &light, correction, |done| self.step(ALIGN, done, ROUNDS_MAX * count))?;
         found.map(|found| self.store_alignment(AlignmentMethod::Pairs, found, size, String::new())).transpose()
     }
 
@@ -240,6 +242,8 @@ impl<'a> Work<'a> {
             points: found.points as u32,
             residual_px: found.residual_px,
             corrected_px: found.corrected_px,
+            left_px: found.left_px,
+            explanation: found.explanation,
             photo,
             before: stored(found.before)?,
             after: stored(found.after)?,
