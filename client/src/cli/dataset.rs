@@ -79,9 +79,9 @@ pub(crate) struct Finalize {
     name: String,
 
     /// Draw this fraction of the pairs without a split for validation, 0 to 0.8; validation pairs choose the order of a
-    /// kernel and the parts of a display model
-    #[arg(long, value_name = "X", default_value_t = 0.2)]
-    validation_fraction: f64,
+    /// kernel and the parts of a display model [default: 0.2]
+    #[arg(long, value_name = "X")]
+    validation_fraction: Option<f64>,
 
     /// Draw this fraction of the pairs without a split for the test, but at least one pair; above 0, at most 0.8
     #[arg(long, value_name = "X", default_value_t = 0.2, value_parser = above_zero)]

@@ -176,6 +176,7 @@ fn preparation(spec: &v1::PrepareDataset) -> String {
         },
         Some(Step::Finalize(finalize)) => {
             let v1::prepare_dataset::Finalize { validation_fraction, test_fraction, seed, keep_alignment } = finalize;
+            let validation_fraction = validation_fraction.unwrap_or_default();
             let kept = if *keep_alignment { ", alignment kept" } else { "" };
             format!("finalize: {validation_fraction} for validation, {test_fraction} for the test, seed {seed}{kept}")
         }
