@@ -52,6 +52,14 @@ impl<const N: usize> NormalEquations<N> {
         self
     }
 
+    /// Entry of the inverse of Aᵀ W A on the diagonal: the variance of an unknown if every equation of weight 1 has variance 1.
+    /// `None` if the equations have no unique solution.
+    pub(crate) fn inverse_at(&self, unknown: usize) -> Option<f64> {
+        let mut unit = Self { right: [0.0; N], ..self.clone() };
+        unit.right[unknown] = 1.0;
+        Some(unit.solve()?[unknown])
+    }
+
     /// Solves the equations by Gaussian elimination with partial pivoting; `None` if they have no unique solution.
     pub(crate) fn solve(mut self) -> Option<[f64; N]> {
         let largest = self.matrix.as_flattened().iter().fold(0.0_f64, |most, entry| most.max(entry.abs()));
@@ -95,6 +103,12 @@ mod tests {
         }
         let solution = equations.solve().unwrap();
         assert!(solution.iter().zip(truth).all(|(a, b)| (a - b).abs() < 1e-12), "{solution:?}");
+        let mut equations = NormalEquations::new();
+        for _ in 0..4 {
+            equations.add(&[1.0, 1.0], 1.0, 1.0);
+            equations.add(&[1.0, -1.0], 1.0, 1.0);
+        }
+        assert!((equations.inverse_at(1).unwrap() - 0.125).abs() < 1e-12);
         let mut equations = NormalEquations::new();
         equations.add(&[1.0, 1.0], 1.0, 1.0);
         assert_eq!(equations.solve(), None);

@@ -192,7 +192,7 @@ async fn dataset_specs(
         let pair = Some(v1::Pair { id: format!("p{seed}"), phase, photo, ..Default::default() });
         client.add_pair(v1::AddPairRequest { dataset: dataset.clone(), pair }).await.unwrap();
     }
-    let finalize = v1::prepare_dataset::Finalize { validation_fraction: 0.2, ..Default::default() };
+    let finalize = v1::prepare_dataset::Finalize { validation_fraction: Some(0.2), ..Default::default() };
     let step = Some(v1::prepare_dataset::Step::Finalize(finalize));
     let smooth = model == v1::KernelModel::Display;
     let learn = v1::LearnKernel {

@@ -69,18 +69,19 @@ pub(crate) struct Create {
 
 /// Draw the split and close a dataset permanently; kernels are learned only from finalized datasets.
 ///
-/// The job first aligns photographs that are shifted against what their holograms should show, if the shift is so large
-/// that a kernel would learn it. It leaves out pairs that cannot be learned from: black photographs, copies, and
-/// photographs of another hologram. The printed findings say why.
+/// The job first aligns photographs that are turned against what their holograms should show, or shifted so far that
+/// learning may not find it. Scale and shear up to 2 px stay for learning, because an uneven modulator makes them, too. The
+/// job leaves out pairs that cannot be learned from: black photographs, copies, and photographs of another hologram. The
+/// printed findings say why.
 #[derive(Debug, Args)]
 pub(crate) struct Finalize {
     /// Name of the dataset
     name: String,
 
     /// Draw this fraction of the pairs without a split for validation, 0 to 0.8; validation pairs choose the order of a
-    /// kernel and the parts of a display model
-    #[arg(long, value_name = "X", default_value_t = 0.2)]
-    validation_fraction: f64,
+    /// kernel and the parts of a display model [default: 0.2]
+    #[arg(long, value_name = "X")]
+    validation_fraction: Option<f64>,
 
     /// Draw this fraction of the pairs without a split for the test, but at least one pair; above 0, at most 0.8
     #[arg(long, value_name = "X", default_value_t = 0.2, value_parser = above_zero)]
@@ -90,7 +91,7 @@ pub(crate) struct Finalize {
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
 
-    /// Keep the alignment unchanged even if the photographs are shifted
+    /// Keep the alignment unchanged even if the photographs are turned or shifted
     #[arg(long)]
     keep_alignment: bool,
 

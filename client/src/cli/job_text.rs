@@ -180,6 +180,7 @@ fn preparation(spec: &v1::PrepareDataset) -> String {
         },
         Some(Step::Finalize(finalize)) => {
             let v1::prepare_dataset::Finalize { validation_fraction, test_fraction, seed, keep_alignment } = finalize;
+            let validation_fraction = validation_fraction.unwrap_or_default();
             let kept = if *keep_alignment { ", alignment kept" } else { "" };
             format!("finalize: {validation_fraction} for validation, {test_fraction} for the test, seed {seed}{kept}")
         }
@@ -271,6 +272,9 @@ fn learn_facts(result: &v1::LearnResult, facts: &mut Facts) {
 fn prepare_facts(result: &v1::PrepareResult, facts: &mut Facts) {
     if let Some(alignment) = &result.alignment {
         facts.add("alignment", dataset::alignment(alignment));
+        if !alignment.explanation.is_empty() {
+            facts.add("alignment by pairs", &alignment.explanation);
+        }
         for (name, picture) in [("before", &alignment.before), ("after", &alignment.after)] {
             if !picture.is_empty() {
                 facts.add(name, picture);

@@ -8,6 +8,7 @@
 
 mod blobs;
 mod box_blur;
+mod camera_turn;
 mod dot_grid;
 mod homography;
 mod lattice;

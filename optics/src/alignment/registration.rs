@@ -9,7 +9,18 @@
 //! image lacks the display's aberrations, and a pure phase correlation would give their phase errors full weight at
 //! every frequency. The correlations of all pairs are added before the search for the peak, so that each tile is judged
 //! by the pairs that have detail there.
+//!
+//! The affine map M of the displacements is split into parts, because a camera can make all of them, and the display only some:
+//!
+//! ```text
+//! M p = m + t + R S (p − m)
+//! ```
+//!
+//! m middle of the region, t the shift, R the turn, S the stretch (scale and shear). A turn is certainly the camera's: the
+//! surface of a modulator displaces light by a gradient, which has no curl (`camera_turn`). Shift and stretch can be the
+//! camera's, or the surface's.
 
+use super::camera_turn::CameraTurn;
 use super::homography::distance;
 use super::{Homography, Point};
 use crate::interrupt;
@@ -29,15 +40,24 @@ pub struct Tiles {
     spectra: Vec<Vec<Complex64>>,
 }
 
-/// Result of the registration: an affine correction and its quality.
+/// Result of the registration: an affine correction, its parts, and its quality.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Registration {
     /// Affine map from a point of the display to the place where its light was found, both in pixels of the display.
     pub correction: Homography,
+    /// The shift and the turn of the correction, without its stretch.
+    pub rigid: Homography,
     /// Root mean square of the correction's displacement over the region \[px\].
     pub misalignment_px: f64,
-    /// Root mean square, over the region, of the displacement that a shift cannot undo: turn, scale and shear \[px\].
-    pub distortion_px: f64,
+    /// Length of the displacement of the region's middle \[px\].
+    pub shift_px: f64,
+    /// Root mean square, over the region, of the displacement by the turn about its middle \[px\]; negative for a turn from y
+    /// towards x.
+    pub turn_px: f64,
+    /// Uncertainty of `turn_px`, from the scatter of the tiles.
+    pub turn_uncertainty_px: f64,
+    /// Root mean square, over the region, of the displacement by scale and shear \[px\].
+    pub stretch_px: f64,
     /// Root mean square distance of the tiles' displacements from the correction \[px\]: a rough measure of its
     /// uncertainty.
     pub scatter_px: f64,
@@ -56,12 +76,12 @@ const PEAK_MIN: f64 = 6.0;
 const TILES_MIN: usize = 6;
 /// Standard deviation of the low-pass \[cycles/px\].
 const LOW_PASS: f64 = 0.12;
-const HUBER_PX: f64 = 0.3;
+pub(super) const HUBER_PX: f64 = 0.3;
 /// Largest distance of a tile's displacement from the fit \[px\]. Tiles beyond it are outliers.
-const OUTLIER_PX: f64 = 3.0;
+pub(super) const OUTLIER_PX: f64 = 3.0;
 
 impl Tiles {
-    /// Creates overlapping tiles that cover the region, with no pairs added. `None` for a region that is too small.
+    /// Creates tiles that cover the region and overlap by up to three quarters, with no pairs added. `None` for a region that is too small.
     #[must_use]
     pub fn cover(region: RegionOfInterest) -> Option<Self> {
         let shorter = region.height_px().min(region.width_px());
@@ -70,7 +90,7 @@ impl Tiles {
             return None;
         }
         let along = |start: usize, length: usize| -> Vec<usize> {
-            let count = (2 * length / side_px).saturating_sub(1).clamp(2, ALONG_MAX);
+            let count = (4 * length / side_px).saturating_sub(3).clamp(2, ALONG_MAX);
             (0..count).map(|i| start + (length - side_px) * i / (count - 1)).collect()
         };
         let (rows, columns) = (along(region.y_px(), region.height_px()), along(region.x_px(), region.width_px()));
@@ -115,7 +135,8 @@ impl Tiles {
                 Some(([x as f64 + half, y as f64 + half], shift))
             })
             .collect();
-        fit(&displacements, region)
+        let repeats = (self.corners.len() * self.side_px * self.side_px) as f64 / region.pixels() as f64;
+        fit(&displacements, region, repeats)
     }
 }
 
@@ -203,43 +224,57 @@ fn refine(spectrum: &Plane<Complex64>, y: f64, x: f64) -> (f64, f64) {
     if (ty - y).abs() <= 1.5 && (tx - x).abs() <= 1.5 { (ty, tx) } else { (y, x) }
 }
 
-/// Fits an affine displacement by iteratively reweighted least squares.
-fn fit(displacements: &[(Point, Point)], region: RegionOfInterest) -> Option<Registration> {
+/// Fits an affine displacement by iteratively reweighted least squares. Each pixel is in `repeats` tiles.
+fn fit(displacements: &[(Point, Point)], region: RegionOfInterest, repeats: f64) -> Option<Registration> {
     if displacements.len() < TILES_MIN {
         return None;
     }
     let frame = Frame::of(region);
     let parameters = frame.parameters(displacements)?;
-    let mut distances: Vec<f64> =
-        displacements.iter().map(|&(p, shift)| distance(frame.predicted(&parameters, p), shift)).collect();
-    distances.retain(|&off| off <= OUTLIER_PX);
-    if distances.len() < TILES_MIN || 2 * distances.len() < displacements.len() {
+    let off = |&(p, shift): &(Point, Point)| distance(frame.predicted(&parameters, p), shift);
+    let used: Vec<(Point, Point)> = displacements.iter().filter(|at| off(at) <= OUTLIER_PX).copied().collect();
+    if used.len() < TILES_MIN || 2 * used.len() < displacements.len() {
         return None;
     }
-    let rms = |values: &[f64]| (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt();
-    let [[x0, xx, xy], [y0, yx, yy]] = parameters;
     let Frame { centre, half } = frame;
-    let correction = Homography::try_new([
-        1.0 + xx / half[0],
-        xy / half[1],
-        x0 - xx * centre[0] / half[0] - xy * centre[1] / half[1],
-        yx / half[0],
-        1.0 + yy / half[1],
-        y0 - yx * centre[0] / half[0] - yy * centre[1] / half[1],
-        0.0,
-        0.0,
-        1.0,
-    ])
-    .ok()?;
-    // The mean square of a linear function over [−1, 1] is a third of the square of its value at the end.
-    let distortion_squared = (xx * xx + xy * xy + yx * yx + yy * yy) / 3.0;
+    let turn = CameraTurn::of(displacements, centre, half[0].max(half[1]), repeats)?;
+    let shift = parameters.map(|row| row[0]);
+    // The derivatives of the displacement, per pixel along both axes.
+    let slopes = parameters.map(|row| [row[1] / half[0], row[2] / half[1]]);
+    let parts = Parts::of(slopes, turn.rad);
     Some(Registration {
-        correction,
-        misalignment_px: (x0 * x0 + y0 * y0 + distortion_squared).sqrt(),
-        distortion_px: distortion_squared.sqrt(),
-        scatter_px: rms(&distances),
-        tiles: distances.len(),
+        correction: frame.about_middle(slopes, shift)?,
+        rigid: Homography::similarity(centre, parts.turn_rad, 1.0, shift),
+        misalignment_px: (shift[0].powi(2) + shift[1].powi(2) + frame.rms(slopes).powi(2)).sqrt(),
+        shift_px: shift[0].hypot(shift[1]),
+        turn_px: frame.rms(parts.turn).copysign(parts.turn_rad),
+        turn_uncertainty_px: frame.rms([[0.0, -turn.uncertainty_rad], [turn.uncertainty_rad, 0.0]]),
+        stretch_px: frame.rms(parts.stretch),
+        scatter_px: (used.iter().map(|at| off(at).powi(2)).sum::<f64>() / used.len() as f64).sqrt(),
+        tiles: used.len(),
     })
+}
+
+/// The turn and the stretch of an affine map 1 + slopes = R S. Each is the map's derivatives minus those of the identity.
+struct Parts {
+    turn_rad: f64,
+    turn: [[f64; 2]; 2],
+    stretch: [[f64; 2]; 2],
+}
+
+impl Parts {
+    /// Splits the derivatives of a displacement whose curl is twice `half_curl`. For a displacement that is exactly affine this is
+    /// the polar decomposition, and the stretch is symmetric.
+    fn of([[xx, xy], [yx, yy]]: [[f64; 2]; 2], half_curl: f64) -> Self {
+        let turn_rad = (2.0 * half_curl).atan2(2.0 + xx + yy);
+        let (sine, cosine) = turn_rad.sin_cos();
+        // S = Rᵀ (1 + slopes).
+        let stretch = [
+            [cosine * (1.0 + xx) + sine * yx - 1.0, cosine * xy + sine * (1.0 + yy)],
+            [cosine * yx - sine * (1.0 + xx), cosine * (1.0 + yy) - sine * xy - 1.0],
+        ];
+        Self { turn_rad, turn: [[cosine - 1.0, -sine], [sine, cosine - 1.0]], stretch }
+    }
 }
 
 /// Centre and half sides of a region. Displacements are linear in the position relative to them.
@@ -257,6 +292,20 @@ impl Frame {
             ],
             half: [region.width_px() as f64 / 2.0, region.height_px() as f64 / 2.0],
         }
+    }
+
+    /// The affine map whose displacement has these derivatives, and is `shift` in the middle.
+    fn about_middle(&self, [[xx, xy], [yx, yy]]: [[f64; 2]; 2], shift: Point) -> Option<Homography> {
+        let [x, y] = self.centre;
+        let (to_x, to_y) = (shift[0] - xx * x - xy * y, shift[1] - yx * x - yy * y);
+        Homography::try_new([1.0 + xx, xy, to_x, yx, 1.0 + yy, to_y, 0.0, 0.0, 1.0]).ok()
+    }
+
+    /// Root mean square over the region of a displacement with these derivatives, which is 0 in the middle \[px\].
+    fn rms(&self, slopes: [[f64; 2]; 2]) -> f64 {
+        // The mean square of a linear function over [−1, 1] is a third of the square of its value at the end.
+        let squares = slopes.as_flattened().iter().zip(self.half.iter().cycle());
+        (squares.map(|(slope, half)| (slope * half).powi(2)).sum::<f64>() / 3.0).sqrt()
     }
 
     fn at(&self, p: Point) -> [f64; 3] {
@@ -365,10 +414,97 @@ mod tests {
             tiles.register(region).unwrap()
         };
         let shifted = measure(&Homography::similarity([319.5, 179.5], 0.0, 1.0, [2.0, 0.0]));
-        assert!((shifted.misalignment_px - 2.0).abs() < 0.1 && shifted.distortion_px < 0.1, "{shifted:?}");
+        assert!((shifted.misalignment_px - 2.0).abs() < 0.1 && (shifted.shift_px - 2.0).abs() < 0.1, "{shifted:?}");
+        assert!(shifted.turn_px.abs() < 0.1 && shifted.stretch_px < 0.1, "{shifted:?}");
         let turned = measure(&Homography::similarity([319.5, 179.5], 1.0_f64.to_radians(), 1.0, [0.0, 0.0]));
         let expected = 1.0_f64.to_radians() * (256.0_f64.powi(2) / 3.0 + 144.0_f64.powi(2) / 3.0).sqrt();
-        assert!((turned.distortion_px - expected).abs() < 0.15, "{turned:?}, expected {expected}");
+        assert!((turned.turn_px - expected).abs() < 0.15, "{turned:?}, expected {expected}");
+        assert!(turned.turn_uncertainty_px < 0.3 && turned.stretch_px < 0.15, "{turned:?}");
+    }
+
+    /// Registration of tiles in `rows` rows and twice as many columns, whose displacements are exactly these.
+    fn registered(region: RegionOfInterest, rows: usize, displacement: impl Fn(Point) -> Point) -> Registration {
+        let at = |i: usize, count: usize, start: usize, length: usize| {
+            start as f64 + length as f64 * (i as f64 + 0.5) / count as f64
+        };
+        let columns = 2 * rows;
+        let places = (0..rows * columns).map(|i| {
+            let x = at(i % columns, columns, region.x_px(), region.width_px());
+            [x, at(i / columns, rows, region.y_px(), region.height_px())]
+        });
+        let displacements: Vec<(Point, Point)> = places.map(|p| (p, displacement(p))).collect();
+        fit(&displacements, region, 1.0).unwrap()
+    }
+
+    #[test]
+    fn affine_map_is_split_into_shift_turn_and_stretch() {
+        // A region that is much wider than high.
+        let region = region(300, 800);
+        let Frame { centre, half } = Frame::of(region);
+        let (along_x, along_y) = (half[0] / 3.0_f64.sqrt(), half[1] / 3.0_f64.sqrt());
+        // Turn, scales along x and y, shear, shift.
+        for (degrees, [scale_x, scale_y, shear], shift) in [
+            (0.7_f64, [0.0, 0.0, 0.0], [0.0, 0.0]),
+            (8.0, [0.0, 0.0, 0.0], [1.0, -2.0]),
+            (0.0, [0.01, 0.01, 0.0], [0.0, 0.0]),
+            (0.0, [0.01, -0.003, 0.0], [0.0, 3.0]),
+            (0.0, [0.0, 0.0, 0.004], [0.0, 0.0]),
+            (-0.4, [0.006, -0.002, 0.003], [-1.5, 0.25]),
+        ] {
+            let (sine, cosine) = degrees.to_radians().sin_cos();
+            let displacement = |[x, y]: Point| {
+                let (x, y) = (x - centre[0], y - centre[1]);
+                let (sx, sy) = ((1.0 + scale_x) * x + shear * y, shear * x + (1.0 + scale_y) * y);
+                [cosine * sx - sine * sy - x + shift[0], sine * sx + cosine * sy - y + shift[1]]
+            };
+            let found = registered(region, 5, displacement);
+            let turn_px = 2.0 * (degrees.to_radians() / 2.0).sin() * along_x.hypot(along_y);
+            let stretch_px = ((scale_x * along_x).powi(2)
+                + (scale_y * along_y).powi(2)
+                + shear * shear * (along_x.powi(2) + along_y.powi(2)))
+            .sqrt();
+            let shift_px = shift[0].hypot(shift[1]);
+            for (found, truth) in [(found.turn_px, turn_px), (found.stretch_px, stretch_px), (found.shift_px, shift_px)]
+            {
+                assert!((found - truth).abs() < 2e-3, "{degrees}°, {scale_x} {scale_y} {shear}: {found}, not {truth}");
+            }
+            assert!(found.turn_uncertainty_px < 0.01, "{found:?}");
+            let rigid = Homography::similarity(centre, degrees.to_radians(), 1.0, shift);
+            assert!(distance(found.rigid.apply([40.0, 30.0]), rigid.apply([40.0, 30.0])) < 5e-3, "{found:?}");
+        }
+    }
+
+    #[test]
+    fn bend_of_modulator_is_no_turn() {
+        let region = region(300, 800);
+        let Frame { centre, half } = Frame::of(region);
+        let unit = |[x, y]: Point| [(x - centre[0]) / half[0], (y - centre[1]) / half[0]];
+        // The gradient of x³y, of which the best affine map is turned, and that of a wave, which is no polynomial.
+        let cubic = |p: Point| {
+            let [x, y] = unit(p);
+            [6.0 * 3.0 * x * x * y, 6.0 * x.powi(3)]
+        };
+        let wave = |p: Point| {
+            let [x, y] = unit(p);
+            let slope = 1.5 * (2.0 * x + 3.0 * y + 0.4).cos();
+            [2.0 * slope, 3.0 * slope]
+        };
+        for rows in [3, 5] {
+            for (bend, degrees) in
+                [(&cubic as &dyn Fn(Point) -> Point, 0.0), (&cubic, 0.5), (&wave, 0.0), (&wave, -0.5)]
+            {
+                let turn = Homography::similarity(centre, f64::to_radians(degrees), 1.0, [0.0, 0.0]);
+                let displacement = |p: Point| {
+                    let [x, y] = bend(p);
+                    let seen = turn.apply([p[0] + x, p[1] + y]);
+                    [seen[0] - p[0], seen[1] - p[1]]
+                };
+                let found = registered(region, rows, displacement);
+                let truth = 2.0 * (f64::to_radians(degrees) / 2.0).sin() * half[0].hypot(half[1]) / 3.0_f64.sqrt();
+                let error = (found.turn_px - truth).abs();
+                assert!(error < 0.05 && error <= found.turn_uncertainty_px + 0.01, "{rows} {degrees}°: {found:?}");
+            }
+        }
     }
 
     #[test]

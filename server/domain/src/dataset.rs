@@ -170,21 +170,16 @@ pub enum Split {
 ///
 /// Pairs that have a split keep it. Of the others, a share of `test_fraction` is for testing (at least one pair if no
 /// pair was given as a test pair), and then a share of `validation_fraction` is for validation. Both numbers are
-/// rounded to whole pairs. The rest is for training. The draw orders pairs by a hash of the seed and the pair's id, so
-/// it does not depend on the order in which pairs were added.
+/// rounded to whole pairs. The rest is for training, at least one pair if there is another one and no pair was given for it. The
+/// draw orders pairs by a hash of the seed and the pair's id, so it does not depend on the order in which pairs were added.
 #[must_use]
 pub fn draw_split(pairs: &[Pair], validation_fraction: f64, test_fraction: f64, seed: u64) -> Vec<(String, Split)> {
     let mut free: Vec<&Pair> = pairs.iter().filter(|pair| pair.split.is_none()).collect();
-    free.sort_by_cached_key(|pair| {
-        let mut hasher = Sha256::new();
-        hasher.update(seed.to_le_bytes());
-        hasher.update(pair.id.as_bytes());
-        <[u8; 32]>::from(hasher.finalize())
-    });
+    free.sort_by_cached_key(|pair| drawn_number(&pair.id, seed));
     let share = |fraction: f64| (fraction * free.len() as f64).round() as usize;
-    let has_test = pairs.iter().any(|pair| pair.split == Some(Split::Test));
-    let test = share(test_fraction).max(usize::from(!has_test)).min(free.len());
-    let validation = share(validation_fraction).min(free.len() - test);
+    let missing = |split| usize::from(pairs.iter().all(|pair| pair.split != Some(split)));
+    let test = share(test_fraction).max(missing(Split::Test)).min(free.len());
+    let validation = share(validation_fraction).min((free.len() - test).saturating_sub(missing(Split::Train)));
 
     let drawn = free.iter().enumerate().map(|(rank, pair)| {
         let split = match rank {
@@ -198,6 +193,28 @@ pub fn draw_split(pairs: &[Pair], validation_fraction: f64, test_fraction: f64, 
     let mut splits: Vec<_> = drawn.chain(given).collect();
     splits.sort_by(|a, b| a.0.cmp(&b.0));
     splits
+}
+
+/// Gives a training pair another use, if no pair has that use, and returns its id. At least one training pair is kept. Of all
+/// training pairs, one without a given split is taken if there is one. `None`: nothing changed.
+pub fn replace_missing(splits: &mut [(String, Split)], pairs: &[Pair], missing: Split, seed: u64) -> Option<String> {
+    let count = |wanted: Split| splits.iter().filter(|(_, split)| *split == wanted).count();
+    if count(missing) > 0 || count(Split::Train) < 2 {
+        return None;
+    }
+    let is_given = |id: &str| pairs.iter().any(|pair| pair.id == id && pair.split.is_some());
+    let training = splits.iter_mut().filter(|(_, split)| *split == Split::Train);
+    let (id, split) = training.min_by_key(|(id, _)| (is_given(id), drawn_number(id, seed)))?;
+    *split = missing;
+    Some(id.clone())
+}
+
+/// Number by which pairs are drawn.
+fn drawn_number(id: &str, seed: u64) -> [u8; 32] {
+    let mut hasher = Sha256::new();
+    hasher.update(seed.to_le_bytes());
+    hasher.update(id.as_bytes());
+    hasher.finalize().into()
 }
 
 /// Digest (`sha256-…`) of the display, optics, pairs and split. Learning from datasets with the same digest gives the
@@ -294,6 +311,31 @@ mod tests {
     }
 
     #[test]
+    fn few_pairs_leave_one_for_training() {
+        for (pairs_total, expected) in [(2, (1, 0, 1)), (3, (1, 1, 1)), (4, (2, 1, 1)), (5, (3, 1, 1))] {
+            let splits = draw_split(&pairs(pairs_total), 0.2, 0.2, 1);
+            let counts = (count(&splits, Split::Train), count(&splits, Split::Validation), count(&splits, Split::Test));
+            assert_eq!(counts, expected, "{pairs_total} pairs");
+        }
+        let splits = draw_split(&pairs(3), 0.8, 0.0, 1);
+        assert_eq!((count(&splits, Split::Train), count(&splits, Split::Validation)), (1, 1));
+    }
+
+    #[test]
+    fn missing_use_is_given_to_training_pair_that_was_drawn() {
+        let mut pairs = pairs(5);
+        pairs[0].split = Some(Split::Train);
+        pairs[1].split = Some(Split::Test);
+        let mut splits = draw_split(&pairs, 0.0, 0.0, 1);
+        let moved = replace_missing(&mut splits, &pairs, Split::Validation, 1).unwrap();
+        assert!(moved.as_str() > "p01", "{moved} was drawn");
+        assert_eq!((count(&splits, Split::Train), count(&splits, Split::Validation)), (3, 1));
+        assert_eq!(replace_missing(&mut splits, &pairs, Split::Validation, 1), None);
+        let mut last = vec![("p00".to_owned(), Split::Train), ("p01".to_owned(), Split::Test)];
+        assert_eq!(replace_missing(&mut last, &pairs, Split::Validation, 1), None, "the last training pair stays");
+    }
+
+    #[test]
     fn digest_depends_on_content_but_not_on_id_time_or_order() {
         let (wavelength, distance) = (Wavelength { pm: 515_000 }, Distance { nm: 150_000_000 });
         let mut dataset = Dataset::empty("d".into(), "lab".into(), wavelength, distance, Encoding::Linear);
@@ -320,6 +362,8 @@ mod tests {
                     points: 4,
                     residual_px: 0.0,
                     corrected_px: 0.0,
+                    left_px: 0.0,
+                    explanation: String::new(),
                     photo: String::new(),
                     before: String::new(),
                     after: String::new(),

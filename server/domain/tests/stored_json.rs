@@ -193,6 +193,8 @@ fn alignment() -> Alignment {
         points: 24,
         residual_px: 0.125,
         corrected_px: 2.5,
+        left_px: 0.75,
+        explanation: "corrects a shift".to_owned(),
         photo: digest(1),
         before: digest(2),
         after: digest(3),
@@ -212,6 +214,7 @@ fn datasets_are_stored_as_before() {
     let checks = PairChecks {
         brightest: 0.75,
         correlation: Some(0.5),
+        turn_px: Some(-0.25),
         photo_px: [64, 48],
         homography: Some(alignment().homography),
         ..PairChecks::default()

@@ -4,20 +4,23 @@
 
 use super::{JobContext, TaskError, TaskOutput};
 use lightpath_domain::dataset::{
-    Alignment, AlignmentMethod, Dataset, Finalization, Finding, Pair, PairChecks, PreparedDataset, Split, Splits,
-    draw_split,
+    Alignment, AlignmentMethod, Dataset, Finalization, Finding, FindingKind, Pair, PairChecks, PreparedDataset, Split,
+    Splits, draw_split, replace_missing,
 };
 use lightpath_domain::display::Display;
 use lightpath_domain::job::estimate::{ALIGNMENT_BYTES_MAX, ALIGNMENT_PAIRS_MAX};
 use lightpath_domain::job::{
     AlignBy, FailureReason, JobEffect, JobResult, PrepareDataset, PrepareResult, PrepareStep, Progress, SplitCounts,
 };
-use lightpath_media::captures::{self, CaptureError, Captures, FoundAlignment, ROUNDS_MAX, Reconstructor};
+use lightpath_media::captures::{self, CaptureError, Captures, Correction, FoundAlignment, ROUNDS_MAX, Reconstructor};
 use lightpath_optics::Plane;
 use lightpath_optics::alignment::PointPair;
 use serde::{Deserialize, Serialize};
 use std::cell::OnceCell;
 use std::collections::BTreeMap;
+
+/// Number of training pairs from which they are not few.
+const TRAINING_PAIRS_FEW: usize = 6;
 
 const CHECK: &str = "check the photographs";
 const READ: &str = "read photographs for the alignment";
@@ -121,7 +124,7 @@ impl<'a> Work<'a> {
                 AlignBy::Dots { photo } => Some(self.align_by_dots(photo)?),
                 AlignBy::Pairs => {
                     self.update_checks()?;
-                    Some(self.align_by_pairs()?.ok_or_else(|| not_alignable(&self.dataset.id))?)
+                    Some(self.align_by_pairs(Correction::Affine)?.ok_or_else(|| not_alignable(&self.dataset.id))?)
                 }
                 AlignBy::None => None,
             };
@@ -131,11 +134,12 @@ impl<'a> Work<'a> {
         self.update_checks()
     }
 
-    /// Measures the pairs, and aligns the photographs if they need it and the alignment improves.
+    /// Measures the pairs, and corrects what is clearly the camera's in the photographs, if they need it and the
+    /// alignment improves.
     fn prepare_to_finalize(&mut self, keep_alignment: bool) -> Result<(), TaskError> {
         self.update_checks()?;
         if !self.aligned && !keep_alignment && captures::needs_alignment(&self.dataset) {
-            if let Some(alignment) = self.align_by_pairs()? {
+            if let Some(alignment) = self.align_by_pairs(Correction::Camera)? {
                 self.set_alignment(Some(alignment));
             }
             return self.update_checks();
@@ -190,9 +194,9 @@ impl<'a> Work<'a> {
         self.store_alignment(AlignmentMethod::Dots, found, size, digest.to_owned())
     }
 
-    /// Computes the alignment from the photographs of the pairs. `None`: too few features were recognized, or the
-    /// present alignment could not be improved.
-    fn align_by_pairs(&self) -> Result<Option<Alignment>, TaskError> {
+    /// Computes the alignment from the photographs of the pairs. `None`: too few features were recognized, the present
+    /// alignment could not be improved, or there is nothing of the kind to correct.
+    fn align_by_pairs(&self, correction: Correction) -> Result<Option<Alignment>, TaskError> {
         let findings = captures::findings(&self.dataset);
         let good: Vec<&Pair> = self.dataset.pairs.iter().filter(|pair| !is_excluded(&findings, &pair.id)).collect();
         let Some(size) = good.first().and_then(|pair| pair.checks.as_ref()).map(|checks| checks.photo_px) else {
@@ -212,7 +216,8 @@ impl<'a> Work<'a> {
             let named = |error| unreadable(&pair.id, &error);
             light.push((reconstructor.light(&phase.map_err(named)?)?, photo.map_err(named)?));
         }
-        let found = captures::from_pairs(&captures, &light, |done| self.step(ALIGN, done, ROUNDS_MAX * count))?;
+        let found =
+            captures::from_pairs(&captures, &light, correction, |done| self.step(ALIGN, done, ROUNDS_MAX * count))?;
         found.map(|found| self.store_alignment(AlignmentMethod::Pairs, found, size, String::new())).transpose()
     }
 
@@ -240,6 +245,8 @@ impl<'a> Work<'a> {
             points: found.points as u32,
             residual_px: found.residual_px,
             corrected_px: found.corrected_px,
+            left_px: found.left_px,
+            explanation: found.explanation,
             photo,
             before: stored(found.before)?,
             after: stored(found.after)?,
@@ -283,10 +290,10 @@ impl<'a> Work<'a> {
 
     /// Output of the task. The store refuses it if the dataset has changed in the meantime.
     fn output(self, closing: Option<Finalization>) -> Result<TaskOutput, TaskError> {
-        let findings = captures::findings(&self.dataset);
+        let mut findings = captures::findings(&self.dataset);
         let closing = match closing {
             None => None,
-            Some(finalization) => Some((finalization, splits(&self.dataset, &findings, finalization)?)),
+            Some(finalization) => Some((finalization, splits(&self.dataset, &mut findings, finalization)?)),
         };
         let splits = closing.iter().flat_map(|(_, splits)| splits.iter().map(|(_, split)| *split));
         let result = PrepareResult {
@@ -311,14 +318,26 @@ fn progress(stage: &str, step: u32, steps_total: u32) -> Progress {
     Progress { stage: stage.to_owned(), step, steps_total, loss: 0.0, eta_s: None }
 }
 
-/// Draws the split of the pairs. Pairs that are excluded from learning have no split.
-fn splits(dataset: &Dataset, findings: &[Finding], options: Finalization) -> Result<Splits, TaskError> {
+/// Draws the split of the pairs, and adds findings about it. Pairs that are excluded from learning have no split.
+fn splits(dataset: &Dataset, findings: &mut Vec<Finding>, options: Finalization) -> Result<Splits, TaskError> {
     if let Some(message) = captures::refusal(dataset, findings) {
         return Err(TaskError::permanent(FailureReason::DatasetUnusable, message));
     }
     let (left_out, good): (Vec<Pair>, Vec<Pair>) =
         dataset.pairs.iter().cloned().partition(|pair| is_excluded(findings, &pair.id));
-    let drawn = draw_split(&good, options.validation_fraction, options.test_fraction, options.seed);
+    let mut drawn = draw_split(&good, options.validation_fraction, options.test_fraction, options.seed);
+    // Pairs that were given for the test or for validation must not disappear only because none of them can be used.
+    for (split, word) in [(Split::Test, "the test"), (Split::Validation, "validation")] {
+        if left_out.iter().any(|pair| pair.split == Some(split))
+            && let Some(pair) = replace_missing(&mut drawn, &good, split, options.seed)
+        {
+            let message = format!("is used for {word}, because no pair that was given for {word} can be used");
+            findings.push(Finding { pair, kind: FindingKind::FewPairs, excludes: false, message });
+        }
+    }
+    findings.extend(few_pairs(&drawn));
+    // Findings about pairs, in the order of the pairs, then those about the whole dataset.
+    findings.sort_by(|a, b| (a.pair.is_empty(), &a.pair).cmp(&(b.pair.is_empty(), &b.pair)));
     let mut splits: Splits = drawn
         .into_iter()
         .map(|(id, split)| (id, Some(split)))
@@ -326,6 +345,34 @@ fn splits(dataset: &Dataset, findings: &[Finding], options: Finalization) -> Res
         .collect();
     splits.sort_by(|a, b| a.0.cmp(&b.0));
     Ok(splits)
+}
+
+/// Findings about too few pairs for training and for validation.
+fn few_pairs(splits: &[(String, Split)]) -> Vec<Finding> {
+    let count = |wanted: Split| splits.iter().filter(|(_, split)| *split == wanted).count();
+    let mut messages = Vec::new();
+    match count(Split::Validation) {
+        0 => messages.push(
+            "no pair is held out for validation, so that learning tries no part of the display model (uneven surface, \
+             cross-talk, uneven response) and no other order of the kernel; better have at least 2"
+                .to_owned(),
+        ),
+        1 => messages.push(
+            "only 1 pair is held out for validation, by which learning chooses the parts of the display model and the order \
+             of the kernel; better have at least 2"
+                .to_owned(),
+        ),
+        2.. => {}
+    }
+    let training = count(Split::Train);
+    if training < TRAINING_PAIRS_FEW {
+        messages.push(format!(
+            "only {training} pairs are left to learn from; better have at least {TRAINING_PAIRS_FEW}, and more for kernels of \
+             high order"
+        ));
+    }
+    let whole = |message| Finding { pair: String::new(), kind: FindingKind::FewPairs, excludes: false, message };
+    messages.into_iter().map(whole).collect()
 }
 
 fn is_excluded(findings: &[Finding], pair: &str) -> bool {
@@ -356,4 +403,63 @@ fn not_alignable(id: &str) -> TaskError {
          --help)"
     );
     TaskError::permanent(FailureReason::NotAlignable, message)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lightpath_domain::dataset::Encoding;
+    use lightpath_fixtures::{DISTANCE, WAVELENGTH};
+
+    fn dataset(given: &[Option<Split>]) -> Dataset {
+        let mut dataset = Dataset::empty("d".into(), "lab".into(), WAVELENGTH, DISTANCE, Encoding::Linear);
+        let pair = |(n, split): (usize, &Option<Split>)| Pair { id: format!("p{n}"), split: *split, ..Pair::default() };
+        dataset.pairs = given.iter().enumerate().map(pair).collect();
+        dataset
+    }
+
+    fn black(pair: &str) -> Finding {
+        Finding { pair: pair.to_owned(), kind: FindingKind::Black, excludes: true, message: "is black".to_owned() }
+    }
+
+    fn fractions(validation_fraction: f64, test_fraction: f64) -> Finalization {
+        Finalization { validation_fraction, test_fraction, seed: 1, keep_alignment: false }
+    }
+
+    #[test]
+    fn excluded_validation_and_test_pairs_are_replaced() {
+        let mut given = vec![None; 8];
+        (given[0], given[1]) = (Some(Split::Validation), Some(Split::Test));
+        let mut findings = vec![black("p0"), black("p1")];
+        let splits = splits(&dataset(&given), &mut findings, fractions(0.0, 0.0)).unwrap();
+        assert_eq!(splits[..2], [("p0".to_owned(), None), ("p1".to_owned(), None)]);
+        let used = counts(splits.iter().map(|(_, split)| *split));
+        assert_eq!((used.train, used.validation, used.test, used.left_out), (4, 1, 1, 2));
+        let validation = splits.iter().find(|(_, split)| *split == Some(Split::Validation)).unwrap();
+        let moved: Vec<_> =
+            findings.iter().filter(|finding| finding.message.contains("no pair that was given")).collect();
+        assert_eq!(moved.iter().map(|finding| &finding.pair).collect::<Vec<_>>(), [&validation.0], "{findings:?}");
+        assert!(findings.is_sorted_by_key(|finding| (finding.pair.is_empty(), finding.pair.clone())));
+    }
+
+    #[test]
+    fn given_pairs_stay_and_few_pairs_are_reported() {
+        let messages = |given: &[Option<Split>], options| {
+            let mut findings = Vec::new();
+            let splits = splits(&dataset(given), &mut findings, options).unwrap();
+            let messages: Vec<String> = findings.into_iter().map(|finding| finding.message).collect();
+            (counts(splits.into_iter().map(|(_, split)| split)), messages)
+        };
+        let (used, enough) = messages(&[None; 12], fractions(0.2, 0.2));
+        assert_eq!((used.train, used.validation, used.test), (8, 2, 2));
+        assert!(enough.is_empty(), "{enough:?}");
+        let (used, few) = messages(&[Some(Split::Validation), None, None, None], fractions(0.0, 0.2));
+        assert_eq!((used.train, used.validation, used.test), (2, 1, 1));
+        assert!(
+            few[0].starts_with("only 1 pair is held out") && few[1].starts_with("only 2 pairs are left"),
+            "{few:?}"
+        );
+        let (_, none) = messages(&[None; 12], fractions(0.0, 0.2));
+        assert!(none.len() == 1 && none[0].starts_with("no pair is held out for validation"), "{none:?}");
+    }
 }

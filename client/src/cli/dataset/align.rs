@@ -89,7 +89,8 @@ struct AlignmentSource {
     #[arg(long, value_name = "FILE.csv", requires = "photo_size")]
     points: Option<PathBuf>,
 
-    /// Refine the existing alignment with the dataset's own pairs
+    /// Refine the existing alignment with the dataset's own pairs; takes scale and shear for the camera's, even where an uneven
+    /// modulator makes them
     #[arg(long)]
     pairs: bool,
 

@@ -32,6 +32,9 @@ pub(super) fn facts(dataset: &Dataset) -> String {
     }
     if let Some(alignment) = &dataset.alignment {
         facts.add("alignment", self::alignment(alignment));
+        if !alignment.explanation.is_empty() {
+            facts.add("alignment by pairs", &alignment.explanation);
+        }
     }
     let mut text = facts.text();
     if !dataset.pairs.is_empty() {

@@ -50,7 +50,10 @@ fn checks(checks: PairChecks) -> v1::PairChecks {
         correlation: checks.correlation,
         vignetting: checks.vignetting,
         misalignment_px: checks.misalignment_px,
-        distortion_px: checks.distortion_px,
+        shift_px: checks.shift_px,
+        turn_px: checks.turn_px,
+        turn_uncertainty_px: checks.turn_uncertainty_px,
+        stretch_px: checks.stretch_px,
         photo_width_px: checks.photo_px[0],
         photo_height_px: checks.photo_px[1],
     }
@@ -77,5 +80,7 @@ pub(crate) fn alignment(alignment: Alignment) -> v1::Alignment {
         photo: alignment.photo,
         before: alignment.before,
         after: alignment.after,
+        left_px: alignment.left_px,
+        explanation: alignment.explanation,
     }
 }

@@ -42,6 +42,9 @@ async fn turned_and_shifted_photographs_are_aligned_and_a_wrong_one_is_excluded(
     let error = largest_distance_px(alignment, &map);
     assert!(error < 0.6, "{error} px off");
     assert!((1.9..3.5).contains(&alignment.corrected_px), "{}", alignment.corrected_px);
+    let [cosine, minus_sine, _, sine, ..] = alignment.homography[..] else { panic!("{alignment:?}") };
+    assert!((sine + minus_sine).abs() < 1e-9 && (cosine.hypot(sine) - 1.0).abs() < 1e-9, "only turned: {alignment:?}");
+    assert!(alignment.explanation.starts_with("corrects a shift of"), "{}", alignment.explanation);
     for picture in [&alignment.before, &alignment.after] {
         let request = v1::GetArtifactRequest { digest: picture.clone() };
         assert!(dataset.serving.artifacts().get_artifact(request).await.unwrap().into_inner().size_bytes > 1000);
@@ -50,6 +53,10 @@ async fn turned_and_shifted_photographs_are_aligned_and_a_wrong_one_is_excluded(
     assert_eq!(wrong.iter().map(|finding| finding.pair.as_str()).collect::<Vec<_>>(), ["p4"], "{wrong:?}");
     let splits: Vec<_> = finalized.pairs.iter().map(v1::Pair::split).collect();
     assert_eq!(splits.iter().filter(|split| **split == v1::Split::Excluded).count(), 1);
+    // By default a fifth of the pairs is for validation.
+    assert_eq!(splits.iter().filter(|split| **split == v1::Split::Validation).count(), 1);
+    let few: Vec<_> = finalized.findings.iter().filter(|finding| finding.kind() == Kind::FewPairs).collect();
+    assert_eq!(few.len(), 2, "1 pair for validation and 3 to learn from: {few:?}");
     assert_eq!(finalized.pairs[4].split(), v1::Split::Excluded);
     let good = finalized.pairs.iter().filter(|pair| pair.id != "p4");
     let left: Vec<_> = good.map(|pair| pair.checks.unwrap().misalignment_px).collect();

@@ -279,7 +279,7 @@ async fn datasets_accept_only_pairs_that_fit() {
     assert!(dataset.digest.starts_with("sha256-") && dataset.pairs.len() == 2);
     assert_eq!(finalize(&serving, "datasets/first").await.unwrap(), dataset, "finalizing again changes nothing");
     for step in [
-        Step::Finalize(Finalize { validation_fraction: 0.3, ..Default::default() }),
+        Step::Finalize(Finalize { validation_fraction: Some(0.3), ..Default::default() }),
         Step::Finalize(Finalize { seed: 1, ..Default::default() }),
         Step::Finalize(Finalize { keep_alignment: true, ..Default::default() }),
         Step::Align(Align { source: Some(Source::None(true)) }),

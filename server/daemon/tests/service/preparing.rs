@@ -106,7 +106,8 @@ async fn waiting_job_finalizes_the_pairs_present_at_its_start() {
     let Some(JobResult::Prepare(result)) = job.result.and_then(|result| result.kind) else {
         panic!("the result is of another kind")
     };
-    assert_eq!(result.train_pairs + result.test_pairs + result.left_out_pairs, 3);
+    let used = result.train_pairs + result.validation_pairs + result.test_pairs;
+    assert_eq!(used + result.left_out_pairs, 3);
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

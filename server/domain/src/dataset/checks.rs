@@ -22,8 +22,16 @@ pub struct PairChecks {
     /// Root mean square displacement of the photograph from the reconstruction \[px of the display\]; `None` if too few
     /// features are recognized.
     pub misalignment_px: Option<f64>,
-    /// Part of the displacement that remains after the best shift: rotation, scale and shear \[px of the display\].
-    pub distortion_px: Option<f64>,
+    /// Displacement of the middle \[px of the display\].
+    pub shift_px: Option<f64>,
+    /// Root mean square displacement by a turn about the middle, negative for a turn from y towards x \[px of the display\]. Only
+    /// a turned camera makes one.
+    pub turn_px: Option<f64>,
+    /// Uncertainty of `turn_px` \[px of the display\].
+    pub turn_uncertainty_px: Option<f64>,
+    /// Root mean square displacement by scale and shear \[px of the display\]: the camera's, or that of the modulator's uneven
+    /// surface.
+    pub stretch_px: Option<f64>,
     /// Columns and rows of the photograph \[px\].
     pub photo_px: [u32; 2],
     /// Digest of the hologram's decoded values: files with equal pixels have equal digests.
@@ -67,10 +75,15 @@ pub enum FindingKind {
     Duplicate,
     /// The photograph shows something other than the hologram.
     WrongHologram,
-    /// The photograph is displaced or rotated.
+    /// The photographs are turned, or displaced by more than learning can be expected to find.
     Misaligned,
+    /// The photographs are displaced by scale and shear, which may be the camera's or the display's.
+    Stretched,
     /// The light falls off towards the corners.
     Vignetting,
     /// The exposure of some pairs is known, and that of others is not.
     ExposureUnknown,
+    /// The dataset has few pairs for learning or for validation, or a pair has another use than was asked for, because too few
+    /// others can be used.
+    FewPairs,
 }

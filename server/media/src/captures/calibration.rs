@@ -1,6 +1,7 @@
 //! Computes the alignment of a dataset, and pictures that show it.
 
 use super::reading::{CaptureError, Captures};
+use super::{SHIFT_PX_MAX, STRETCH_PX_MAX, TURN_PX_MAX};
 use crate::figures;
 use crate::pictures::{SATURATED, SATURATION};
 use lightpath_optics::alignment::{AlignmentError, DotGrid, Homography, Point, PointPair, Registration, Tiles, warp};
@@ -17,10 +18,24 @@ pub struct FoundAlignment {
     pub residual_px: f64,
     /// Root mean square displacement of the alignment from the previous one \[px of the display\].
     pub corrected_px: f64,
+    /// Root mean square displacement by scale and shear that was left in the photographs \[px of the display\].
+    pub left_px: f64,
+    /// What was corrected and what was left, in words; empty for points and dots.
+    pub explanation: String,
     /// PNG of a photograph before the alignment; empty if there is no photograph.
     pub before: Vec<u8>,
     /// PNG of the same photograph after the alignment, on the display's grid; empty if there is no photograph.
     pub after: Vec<u8>,
+}
+
+/// What an alignment from pairs corrects.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Correction {
+    /// The whole affine map: everything is taken for the camera's.
+    Affine,
+    /// The turn and the shift, if the turn is clearly there or the shift is more than learning can be expected to find. Scale and
+    /// shear are corrected only above [`STRETCH_PX_MAX`], because they may be due to the modulator's surface.
+    Camera,
 }
 
 /// Largest number of rounds of refinement. Each round leaves about a tenth of the error.
@@ -50,6 +65,8 @@ pub fn from_points(captures: &Captures, points: &[PointPair]) -> Result<FoundAli
         points: fit.inliers,
         residual_px: fit.residual_px,
         corrected_px: moved_px(captures, &fit.homography),
+        left_px: 0.0,
+        explanation: String::new(),
         homography: fit.homography,
         before: Vec::new(),
         after: Vec::new(),
@@ -73,6 +90,8 @@ pub fn from_dots(captures: &Captures, photo: &Plane<f32>) -> Result<FoundAlignme
         points: found.fit.inliers,
         residual_px: found.fit.residual_px,
         corrected_px: moved_px(captures, &homography),
+        left_px: 0.0,
+        explanation: String::new(),
         homography,
         before: png(&before)?,
         after: png(&after)?,
@@ -80,7 +99,8 @@ pub fn from_dots(captures: &Captures, photo: &Plane<f32>) -> Result<FoundAlignme
 }
 
 /// Computes the alignment from pairs: the reconstruction of a hologram on the ideal display, and its photograph in its
-/// own size. `None`: too few features were recognized, or the previous alignment could not be improved.
+/// own size. `None`: too few features were recognized, the previous alignment could not be improved, or there is nothing that
+/// [`Correction::Camera`] corrects.
 ///
 /// Before each use of a photograph, `next_photo` is called with the number of uses so far. Each photograph is used at
 /// most [`ROUNDS_MAX`] times.
@@ -91,16 +111,11 @@ pub fn from_dots(captures: &Captures, photo: &Plane<f32>) -> Result<FoundAlignme
 pub fn from_pairs<E: From<CaptureError>>(
     captures: &Captures,
     pairs: &[(Plane<f32>, Plane<f32>)],
+    correction: Correction,
     mut next_photo: impl FnMut(usize) -> Result<(), E>,
 ) -> Result<Option<FoundAlignment>, E> {
     let Some((first_expected, first_photo)) = pairs.first() else { return Ok(None) };
-    let (height_px, width_px) = (first_photo.height_px(), first_photo.width_px());
-    for (_, photo) in pairs {
-        // Gives the error of a photograph whose size differs from that of the first one.
-        if (photo.height_px(), photo.width_px()) != (height_px, width_px) {
-            captures.realigned(Homography::IDENTITY, height_px, width_px).on_grid(photo.clone()).map_err(E::from)?;
-        }
-    }
+    require_equal_sizes(captures, pairs)?;
     let region = RegionOfInterest::middle(&captures.setup().grid());
     let before = captures.homography().unwrap_or(Homography::IDENTITY);
     let on_grid = |photo: &Plane<f32>, homography: &Homography| {
@@ -117,28 +132,108 @@ pub fn from_pairs<E: From<CaptureError>>(
         Ok(tiles.register(region))
     };
     let Some(first) = register(&before)? else { return Ok(None) };
-    let (mut homography, mut last) = (before.after(&first.correction), first);
+    let mut rounds = Rounds::begin(&before, first, correction);
     for _ in 1..ROUNDS_MAX {
-        let Some(next) = register(&homography)? else { return Ok(None) };
-        last = next;
-        if next.misalignment_px < SETTLED_PX {
+        let Some(next) = register(&rounds.homography)? else { return Ok(None) };
+        if rounds.has_settled(next) {
             break;
         }
-        homography = homography.after(&next.correction);
     }
-    if last.misalignment_px >= first.misalignment_px {
+    if !rounds.are_worth_it() {
         return Ok(None);
     }
     let picture =
         |homography| png(&figures::overlay(first_expected, &on_grid(first_photo, homography), PICTURE_WIDTH_PX_MAX));
     Ok(Some(FoundAlignment {
-        points: last.tiles,
-        residual_px: last.misalignment_px,
-        corrected_px: moved_px(captures, &homography),
+        points: rounds.last.tiles,
+        residual_px: rounds.off_px(&rounds.last),
+        corrected_px: moved_px(captures, &rounds.homography),
+        left_px: if rounds.is_affine() { 0.0 } else { rounds.last.stretch_px },
+        explanation: rounds.explanation(),
         before: picture(&before)?,
-        after: picture(&homography)?,
-        homography,
+        after: picture(&rounds.homography)?,
+        homography: rounds.homography,
     }))
+}
+
+/// The rounds of an alignment from pairs.
+struct Rounds {
+    /// What was asked for.
+    asked: Correction,
+    first: Registration,
+    last: Registration,
+    homography: Homography,
+    /// Sum of the corrected turns \[px\].
+    turn_px: f64,
+}
+
+impl Rounds {
+    fn begin(before: &Homography, first: Registration, asked: Correction) -> Self {
+        let mut rounds = Self { asked, first, last: first, homography: *before, turn_px: 0.0 };
+        rounds.correct(first);
+        rounds
+    }
+
+    /// Takes in the registration of another round. True: there is nothing left to correct.
+    fn has_settled(&mut self, next: Registration) -> bool {
+        self.last = next;
+        let settled = self.off_px(&next) < SETTLED_PX;
+        if !settled {
+            self.correct(next);
+        }
+        settled
+    }
+
+    fn correct(&mut self, found: Registration) {
+        let step = if self.is_affine() { found.correction } else { found.rigid };
+        self.homography = self.homography.after(&step);
+        self.turn_px += found.turn_px;
+    }
+
+    /// Whether scale and shear are corrected.
+    fn is_affine(&self) -> bool {
+        self.asked == Correction::Affine || self.first.stretch_px > STRETCH_PX_MAX
+    }
+
+    /// Root mean square of the displacement that is to be corrected.
+    fn off_px(&self, found: &Registration) -> f64 {
+        if self.is_affine() { found.misalignment_px } else { found.shift_px.hypot(found.turn_px) }
+    }
+
+    fn are_worth_it(&self) -> bool {
+        let is_turned = self.turn_px.abs() > TURN_PX_MAX.max(self.last.turn_uncertainty_px);
+        let is_needed = self.is_affine() || is_turned || self.first.shift_px > SHIFT_PX_MAX;
+        is_needed && self.off_px(&self.last) < self.off_px(&self.first)
+    }
+
+    fn explanation(&self) -> String {
+        let Registration { shift_px, stretch_px, .. } = self.first;
+        let (turn_px, uncertainty_px) = (self.turn_px.abs(), self.last.turn_uncertainty_px);
+        let rigid = format!("a shift of {shift_px:.2} px and a turn of {turn_px:.2} ± {uncertainty_px:.2} px");
+        let affine = format!("corrects {rigid}, and {stretch_px:.2} px of scale and shear");
+        match (self.asked, self.is_affine()) {
+            (Correction::Affine, _) => format!("{affine}, which are taken for the camera's, as asked"),
+            (Correction::Camera, true) => format!(
+                "{affine}, which are taken for the camera's because they are more than the {STRETCH_PX_MAX} px that \
+                 learning can be expected to find"
+            ),
+            (Correction::Camera, false) => format!(
+                "corrects {rigid}; leaves {:.2} px of scale and shear to learning, because they may be the camera's or the \
+                 modulator's surface",
+                self.last.stretch_px
+            ),
+        }
+    }
+}
+
+/// Gives the error of a photograph whose size differs from that of the first one.
+fn require_equal_sizes(captures: &Captures, pairs: &[(Plane<f32>, Plane<f32>)]) -> Result<(), CaptureError> {
+    let size = |photo: &Plane<f32>| (photo.height_px(), photo.width_px());
+    let Some(expected) = pairs.first().map(|(_, photo)| size(photo)) else { return Ok(()) };
+    for (_, photo) in pairs.iter().filter(|(_, photo)| size(photo) != expected) {
+        captures.realigned(Homography::IDENTITY, expected.0, expected.1).on_grid(photo.clone())?;
+    }
+    Ok(())
 }
 
 /// Root mean square displacement of a new alignment from the previous one, over the region of interest \[px of the
@@ -160,4 +255,79 @@ fn moved_px(captures: &Captures, homography: &Homography) -> f64 {
 
 fn png(canvas: &figures::Canvas) -> Result<Vec<u8>, CaptureError> {
     canvas.png().map_err(|error| crate::pictures::PictureError::Encode(error.to_string()).into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lightpath_domain::dataset::{Dataset, Encoding};
+    use lightpath_domain::display::Display;
+    use lightpath_domain::units::{Distance, Wavelength};
+    use lightpath_optics::test_cards::TestCard;
+
+    const SIZE_PX: [usize; 2] = [216, 384];
+
+    fn captures() -> Captures {
+        let (wavelength, distance) = (Wavelength::from_m(515e-9).unwrap(), Distance::from_m(0.05).unwrap());
+        let display = Display {
+            id: "lab".into(),
+            width_px: SIZE_PX[1] as u32,
+            height_px: SIZE_PX[0] as u32,
+            pixel_pitch_m: 8e-6,
+            bit_depth: 8,
+            wavelengths: vec![wavelength],
+            phase_response_rad: None,
+            carrier: None,
+            orders: Default::default(),
+            notes: String::new(),
+            simulated_bench: None,
+        };
+        let dataset = Dataset::empty("d".into(), "lab".into(), wavelength, distance, Encoding::Linear);
+        Captures::of(&display, &dataset).unwrap()
+    }
+
+    /// Cards, and photographs of them by a camera that is turned and shifted, and makes everything larger.
+    fn aligned(degrees: f64, scale: f64, shift_px: f64, correction: Correction) -> Option<FoundAlignment> {
+        let centre = [191.5, 107.5];
+        let map = Homography::similarity(centre, degrees.to_radians(), scale, [shift_px, 0.0]);
+        let pairs: Vec<_> = (0..4)
+            .map(|n| {
+                let card =
+                    TestCard::ALL[n].render(SIZE_PX[0], SIZE_PX[1], n as u64).unwrap().map(|light| 0.1 + 0.7 * light);
+                let photo = warp(&card, &map.inverse(), SIZE_PX[0], SIZE_PX[1], 9.0, 0.1);
+                (card, photo)
+            })
+            .collect();
+        from_pairs::<CaptureError>(&captures(), &pairs, correction, |_| Ok(())).unwrap()
+    }
+
+    #[test]
+    fn camera_alignment_corrects_turn_and_shift_and_leaves_scale() {
+        let found = aligned(0.6, 1.01, 1.0, Correction::Camera).unwrap();
+        let [cosine, minus_sine, _, sine, ..] = found.homography.entries();
+        assert!((cosine - 1.0).abs() < 1e-3 && (sine + minus_sine).abs() < 1e-9, "{:?}", found.homography);
+        assert!((sine.to_degrees() - 0.6).abs() < 0.03, "{:?}", found.homography);
+        assert!((found.left_px - 1.0).abs() < 0.15, "{}", found.left_px);
+        assert!(
+            found.explanation.contains("leaves 1.0") || found.explanation.contains("leaves 0.9"),
+            "{}",
+            found.explanation
+        );
+        let whole = aligned(0.6, 1.01, 1.0, Correction::Affine).unwrap();
+        let point = whole.homography.apply([300.0, 60.0]);
+        let truth = Homography::similarity([191.5, 107.5], 0.6_f64.to_radians(), 1.01, [1.0, 0.0]).apply([300.0, 60.0]);
+        assert!((point[0] - truth[0]).hypot(point[1] - truth[1]) < 0.1 && whole.left_px == 0.0, "{point:?}, {truth:?}");
+    }
+
+    #[test]
+    fn camera_alignment_needs_a_clear_turn_or_a_large_shift() {
+        assert!(aligned(0.0, 1.01, 1.0, Correction::Camera).is_none());
+        assert!(aligned(0.0, 1.01, 1.0, Correction::Affine).is_some());
+        let shifted = aligned(0.0, 1.01, 2.5, Correction::Camera).unwrap();
+        assert!((shifted.homography.entries()[0] - 1.0).abs() < 1e-3, "{:?}", shifted.homography);
+        // A scale that no surface makes.
+        let enlarged = aligned(0.0, 1.05, 0.0, Correction::Camera).unwrap();
+        assert!((enlarged.homography.entries()[0] - 1.05).abs() < 2e-3, "{:?}", enlarged.homography);
+        assert!(enlarged.explanation.contains("because they are more than the 2 px"), "{}", enlarged.explanation);
+    }
 }

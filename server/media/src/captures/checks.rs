@@ -79,7 +79,10 @@ pub fn check(
         tiles.add(&expected, &photo, SATURATION);
         let registration = tiles.register(region);
         checks.misalignment_px = registration.map(|found| found.misalignment_px);
-        checks.distortion_px = registration.map(|found| found.distortion_px);
+        checks.shift_px = registration.map(|found| found.shift_px);
+        checks.turn_px = registration.map(|found| found.turn_px);
+        checks.turn_uncertainty_px = registration.map(|found| found.turn_uncertainty_px);
+        checks.stretch_px = registration.map(|found| found.stretch_px);
     }
     Ok(checks)
 }

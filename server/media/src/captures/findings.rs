@@ -7,7 +7,7 @@
 //! then correlate with its own reconstruction more than by chance.
 
 use super::fingerprint::{self, Normalized};
-use super::{DISTORTION_PX_MAX, MISALIGNMENT_PX_MAX};
+use super::{SHIFT_PX_MAX, STRETCH_PX_MAX, TURN_PX_MAX};
 use lightpath_domain::dataset::{Dataset, Finding, FindingKind, Pair, PairChecks};
 
 /// Light of black photographs: the brightest light is below this fraction of full scale.
@@ -39,6 +39,8 @@ const CORRELATION_TELLING: f64 = 0.75;
 const CORRELATION_NONE: f64 = 0.2;
 /// Smallest number of pairs from which the common features of all pairs are computed.
 const COMMON_MIN: usize = 4;
+/// Displacement by scale and shear above which the dataset gets a finding \[px\].
+const STRETCH_PX_SOME: f64 = 0.35;
 /// Loss of light in the corners above which the dataset gets a finding.
 const VIGNETTING: f64 = 0.4;
 /// Largest number of pairs with which each pair is compared. The first pairs are used.
@@ -211,13 +213,8 @@ fn copy_findings(
 fn dataset_findings(dataset: &Dataset, checked: &[(&Pair, &PairChecks)]) -> Vec<Finding> {
     let whole = |kind, message| Finding { pair: String::new(), kind, excludes: false, message };
     let mut all = Vec::new();
-    if let Some([misalignment, distortion]) = misalignment(checked).filter(|found| is_misaligned(Some(*found))) {
-        let message = format!(
-            "photographs are displaced by {misalignment:.2} px from their reconstructions; {distortion:.2} px of this \
-             is rotation, scale and shear (median of {} pairs); finalizing aligns them unless keep_alignment is set",
-            checked.len()
-        );
-        all.push(whole(FindingKind::Misaligned, message));
+    if let Some(displacement) = Displacement::of(checked) {
+        all.extend(displacement.findings().map(|(kind, message)| whole(kind, message)));
     }
     if let Some(vignetting) = median(checked.iter().filter_map(|(_, checks)| checks.vignetting))
         && vignetting > VIGNETTING
@@ -240,10 +237,10 @@ fn dataset_findings(dataset: &Dataset, checked: &[(&Pair, &PairChecks)]) -> Vec<
     all
 }
 
-/// Whether the photographs are displaced so far that learning from them would give a worse kernel.
+/// Whether finalizing aligns the photographs, if their registration with all pairs together confirms it.
 #[must_use]
 pub fn needs_alignment(dataset: &Dataset) -> bool {
-    is_misaligned(misalignment(&with_checks(dataset)))
+    Displacement::of(&with_checks(dataset)).is_some_and(|displacement| displacement.is_misaligned())
 }
 
 /// The pairs that have measurements.
@@ -251,17 +248,64 @@ fn with_checks(dataset: &Dataset) -> Vec<(&Pair, &PairChecks)> {
     dataset.pairs.iter().filter_map(|pair| Some((pair, pair.checks.as_ref()?))).collect()
 }
 
-fn is_misaligned(misalignment: Option<[f64; 2]>) -> bool {
-    misalignment.is_some_and(|[all, distortion]| all > MISALIGNMENT_PX_MAX || distortion > DISTORTION_PX_MAX)
+/// Displacement of the photographs from the reconstructions, as medians over the pairs \[px\].
+#[derive(Clone, Copy, Debug)]
+struct Displacement {
+    pairs: usize,
+    shift_px: f64,
+    turn_px: f64,
+    turn_uncertainty_px: f64,
+    stretch_px: f64,
 }
 
-/// Medians of misalignment and distortion \[px\]; `None`: they are unknown for all pairs.
-fn misalignment(checked: &[(&Pair, &PairChecks)]) -> Option<[f64; 2]> {
-    let both = [
-        median(checked.iter().filter_map(|(_, checks)| checks.misalignment_px))?,
-        median(checked.iter().filter_map(|(_, checks)| checks.distortion_px))?,
-    ];
-    Some(both)
+impl Displacement {
+    /// `None`: it is unknown for all pairs.
+    fn of(checked: &[(&Pair, &PairChecks)]) -> Option<Self> {
+        let all = |of: fn(&PairChecks) -> Option<f64>| checked.iter().filter_map(move |(_, checks)| of(checks));
+        let pairs = all(|checks| checks.turn_px).count();
+        Some(Self {
+            pairs,
+            shift_px: median(all(|checks| checks.shift_px))?,
+            turn_px: median(all(|checks| checks.turn_px))?.abs(),
+            turn_uncertainty_px: median(all(|checks| checks.turn_uncertainty_px))? / (pairs as f64).sqrt(),
+            stretch_px: median(all(|checks| checks.stretch_px))?,
+        })
+    }
+
+    fn is_turned(&self) -> bool {
+        self.turn_px > TURN_PX_MAX.max(self.turn_uncertainty_px)
+    }
+
+    fn is_misaligned(&self) -> bool {
+        self.is_turned() || self.shift_px > SHIFT_PX_MAX || self.stretch_px > STRETCH_PX_MAX
+    }
+
+    fn findings(&self) -> impl Iterator<Item = (FindingKind, String)> + use<> {
+        let Self { pairs, shift_px, turn_px, turn_uncertainty_px, stretch_px } = *self;
+        let misaligned = self.is_misaligned().then(|| {
+            let message = format!(
+                "photographs are displaced from their reconstructions: by a shift of {shift_px:.2} px and a turn of \
+                 {turn_px:.2} ± {turn_uncertainty_px:.2} px (medians of {pairs} pairs); finalizing corrects them unless \
+                 keep_alignment is set"
+            );
+            (FindingKind::Misaligned, message)
+        });
+        let stretched = (stretch_px > STRETCH_PX_SOME).then(|| {
+            let what = if stretch_px > STRETCH_PX_MAX {
+                format!("finalizing takes more than {STRETCH_PX_MAX} px for the camera's and corrects them")
+            } else {
+                "they are left to learning, which describes them as the phase of the source (models display and varying)"
+                    .to_owned()
+            };
+            let message = format!(
+                "{stretch_px:.2} px of scale and shear may be the camera's or the modulator's surface; {what}; if they are the \
+                 camera's, align by points of an object of known size in the image plane (lightpath dataset align --points) \
+                 or by the pairs (--pairs)"
+            );
+            (FindingKind::Stretched, message)
+        });
+        misaligned.into_iter().chain(stretched)
+    }
 }
 
 fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
@@ -304,6 +348,29 @@ mod tests {
             dataset.pairs.push(Pair { id: format!("p{i}"), checks: Some(checks), ..Pair::default() });
         }
         dataset
+    }
+
+    /// Kinds of the findings about the whole dataset, and whether it needs an alignment.
+    fn displaced(shift_px: f64, turn_px: [f64; 3], stretch_px: f64) -> (Vec<FindingKind>, bool) {
+        let mut dataset = dataset(&[0.9; 3]);
+        for (pair, turn_px) in dataset.pairs.iter_mut().zip(turn_px) {
+            let checks = pair.checks.as_mut().unwrap();
+            (checks.shift_px, checks.stretch_px) = (Some(shift_px), Some(stretch_px));
+            (checks.turn_px, checks.turn_uncertainty_px) = (Some(turn_px), Some(0.5));
+        }
+        let all = findings(&dataset).into_iter();
+        (all.filter(|finding| finding.pair.is_empty()).map(|finding| finding.kind).collect(), needs_alignment(&dataset))
+    }
+
+    #[test]
+    fn only_what_is_clearly_the_cameras_needs_an_alignment() {
+        use FindingKind::{Misaligned, Stretched};
+        assert_eq!(displaced(0.9, [0.1, -0.6, 0.2], 0.2), (vec![], false));
+        // Turns of both signs are noise, and scale and shear may be the modulator's.
+        assert_eq!(displaced(0.9, [0.6, -0.6, 0.2], 0.9), (vec![Stretched], false));
+        assert_eq!(displaced(0.0, [-0.8, -0.7, -0.9], 0.9), (vec![Misaligned, Stretched], true));
+        assert_eq!(displaced(1.8, [0.0; 3], 0.0), (vec![Misaligned], true));
+        assert_eq!(displaced(0.0, [0.0; 3], STRETCH_PX_MAX + 0.1), (vec![Misaligned, Stretched], true));
     }
 
     fn wrong(correlations: &[f64]) -> Vec<(String, bool)> {

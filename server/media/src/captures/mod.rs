@@ -13,14 +13,17 @@ mod findings;
 mod fingerprint;
 mod reading;
 
-pub use calibration::{FoundAlignment, ROUNDS_MAX, from_dots, from_pairs, from_points, target};
+pub use calibration::{Correction, FoundAlignment, ROUNDS_MAX, from_dots, from_pairs, from_points, target};
 pub use checks::{Reconstructor, check};
 pub use findings::{findings, findings_with, needs_alignment, refusal};
 pub use reading::{CaptureError, Captures};
 
-/// Largest displacement of photographs \[px\]. Above it, finalizing a dataset aligns the photographs. Learning fits a
-/// small shift as part of the kernel, but it finds a shift of several pixels only by chance.
-pub const MISALIGNMENT_PX_MAX: f64 = 1.0;
-/// Largest displacement of photographs by rotation, scale and shear \[px\]. Above it, finalizing a dataset aligns the
-/// photographs. No kernel can correct these displacements.
-pub const DISTORTION_PX_MAX: f64 = 0.35;
+/// Largest shift of photographs \[px\]. Above it, finalizing a dataset aligns the photographs. Learning finds a smaller shift as
+/// part of the kernel, and a larger one only by chance.
+pub const SHIFT_PX_MAX: f64 = 1.5;
+/// Largest turn of photographs \[px, root mean square over the region\]. Above it, finalizing a dataset aligns the photographs.
+/// No kernel can correct a turn. Smaller ones cannot be told from errors of the measurement, which are 0.05 to 0.15 px.
+pub const TURN_PX_MAX: f64 = 0.25;
+/// Largest displacement by scale and shear \[px, root mean square over the region\] that finalizing leaves to learning. Learning
+/// finds it up to 1.7 px, and no longer at 2.6 px. A larger one is taken for the camera's.
+pub const STRETCH_PX_MAX: f64 = 2.0;

@@ -63,6 +63,8 @@ fn alignment(shift_px: f64) -> Alignment {
         points: 4,
         residual_px: 0.0,
         corrected_px: shift_px,
+        left_px: 0.0,
+        explanation: String::new(),
         photo: String::new(),
         before: digest(0),
         after: String::new(),

@@ -16,6 +16,8 @@ use lightpath_proto::v1::prepare_dataset::{Align, Finalize, Step};
 
 /// Limit on the fraction of the pairs that are held out: some pairs must remain for learning.
 const HELD_OUT_FRACTION_MAX: f64 = 0.8;
+/// Fraction of the pairs that is held out for validation by default.
+const VALIDATION_FRACTION_DEFAULT: f64 = 0.2;
 /// Fraction of the pairs that is held out for the test by default.
 const TEST_FRACTION_DEFAULT: f64 = 0.2;
 /// Limit on the points of an alignment: far more than a homography needs.
@@ -83,9 +85,13 @@ fn align_by_points(points: &v1::AlignmentPoints, field: &Field) -> Result<AlignB
 fn finalization(finalize: &Finalize, field: &Field) -> Result<Finalization, ApiError> {
     let allowed = 0.0..=HELD_OUT_FRACTION_MAX;
     let validation_field = field.at("validation_fraction");
-    let validation_fraction = validation_field.number(finalize.validation_fraction, allowed.clone())?;
-    let test_fraction = field.at("test_fraction").number_or(finalize.test_fraction, TEST_FRACTION_DEFAULT, allowed)?;
-    if validation_fraction + test_fraction > HELD_OUT_FRACTION_MAX {
+    let test_fraction =
+        field.at("test_fraction").number_or(finalize.test_fraction, TEST_FRACTION_DEFAULT, allowed.clone())?;
+    let validation_fraction = match finalize.validation_fraction {
+        Some(given) => validation_field.number(given, allowed)?,
+        None => VALIDATION_FRACTION_DEFAULT.min(HELD_OUT_FRACTION_MAX - test_fraction),
+    };
+    if finalize.validation_fraction.is_some() && validation_fraction + test_fraction > HELD_OUT_FRACTION_MAX {
         return Err(validation_field.invalid(format!(
             "and test_fraction are {validation_fraction} and {test_fraction}, but must sum to at most 0.8"
         )));

@@ -13,6 +13,7 @@ pub(crate) fn spec(spec: PrepareDataset) -> v1::PrepareDataset {
         PrepareStep::Align(by) => Step::Align(Align { source: Some(source(by)) }),
         PrepareStep::Finalize(finalization) => {
             let Finalization { validation_fraction, test_fraction, seed, keep_alignment } = finalization;
+            let validation_fraction = Some(validation_fraction);
             Step::Finalize(Finalize { validation_fraction, test_fraction, seed, keep_alignment })
         }
     };
