@@ -1,7 +1,6 @@
 //! Blocks of the display model: parts that only some displays need.
 //!
-//! Learning tries each block when the simpler model is fitted, and keeps it if it lowers the validation loss by at least
-//! [`GAIN_MIN`].
+//! Learning tries each block when the simpler model is fitted, and keeps it if it lowers the validation loss enough.
 
 use super::KernelModel;
 use super::layout::SOURCE_ORDER;
@@ -11,10 +10,12 @@ use serde::{Deserialize, Serialize};
 
 /// Least relative decrease of the validation loss by which a block is kept. Each block makes learning or every hologram
 /// more expensive.
-pub(super) const GAIN_MIN: f64 = 0.1;
-
+const GAIN_MIN: f64 = 0.1;
 /// [`GAIN_MIN`] of [`Block::Dust`], which makes a kernel of some kilobytes one of megabytes.
-pub(super) const DUST_GAIN_MIN: f64 = 0.3;
+const DUST_GAIN_MIN: f64 = 0.3;
+/// [`GAIN_MIN`] of [`Block::Ghost`]. A ghost that matters explains most of what the other parts leave; a few tenths of it may
+/// resemble a ghost by chance.
+const GHOST_GAIN_MIN: f64 = 0.5;
 
 /// Most fits of `refinement_evaluations` evaluations that learning takes: one over all orders, and for each block its
 /// refinement and its trials.
@@ -55,6 +56,15 @@ impl Block {
             Self::Varying => "varying",
             Self::Ghost => "ghost",
             Self::Dust => "dust",
+        }
+    }
+
+    /// Least relative decrease of the validation loss by which the block is kept.
+    pub(super) fn gain_min(self) -> f64 {
+        match self {
+            Self::FineSource | Self::Crosstalk | Self::UnevenResponse | Self::Varying => GAIN_MIN,
+            Self::Ghost => GHOST_GAIN_MIN,
+            Self::Dust => DUST_GAIN_MIN,
         }
     }
 

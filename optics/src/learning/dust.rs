@@ -8,7 +8,7 @@
 //! second term holds pixels near 1 whose light the photographs hardly show. The loss on the validation pairs decides when
 //! the fit ends and whether the dust is kept.
 
-use super::blocks::DUST_GAIN_MIN;
+use super::blocks::Block;
 use crate::optimizer::limited_memory::{LimitedMemory, Workspace};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -85,7 +85,7 @@ impl DustFit {
     /// The best exponents and their validation loss, if they are enough better than the start.
     pub(super) fn kept(self) -> Option<(Vec<f32>, f64)> {
         let (_, before) = self.before?;
-        self.best.filter(|(_, loss)| *loss <= before * (1.0 - DUST_GAIN_MIN))
+        self.best.filter(|(_, loss)| *loss <= before * (1.0 - Block::Dust.gain_min()))
     }
 }
 

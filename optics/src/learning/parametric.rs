@@ -140,8 +140,8 @@ impl Round {
     /// Largest validation loss with which a trial passes.
     fn bound(&self) -> f64 {
         match self.change {
-            Change::Add => self.before.loss * (1.0 - blocks::GAIN_MIN),
-            Change::Remove => self.before.loss / (1.0 - blocks::GAIN_MIN),
+            Change::Add => self.before.loss * (1.0 - self.block.gain_min()),
+            Change::Remove => self.before.loss / (1.0 - self.block.gain_min()),
         }
     }
 

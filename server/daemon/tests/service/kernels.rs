@@ -181,7 +181,11 @@ async fn every_format_is_fetched_and_imported_again() {
         assert_eq!(imported.model() == v1::KernelModel::Smooth, is_whole, "{format:?}");
         let form = imported.lineage.unwrap().parameters_json;
         assert!(form.contains("imported_from") && form.contains(&file.digest), "{form}");
-        assert_eq!(form.contains("\"note\":\"the file does not hold source, phase response"), !is_whole, "{form}");
+        assert_eq!(
+            form.contains("\"note\":\"the file does not hold source, dust, phase response"),
+            !is_whole,
+            "{form}"
+        );
         // The server stores the native format, which can be fetched and read.
         let (_, native) = fetch(&serving, imported.version).await.unwrap();
         kernel_file::decode(&native).unwrap();
