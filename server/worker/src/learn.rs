@@ -3,7 +3,7 @@
 use super::captured;
 use super::context::Eta;
 use super::display_setup::{DisplaySetup, finite};
-use super::losses::{LossMeter, mean};
+use super::losses::{Loss, LossMeter, mean};
 use super::pairs::{JointPairs, Pairs};
 use super::state_bytes::{from_bytes, to_bytes};
 use super::{JobContext, TaskError, TaskOutput};
@@ -198,16 +198,16 @@ fn measure(
     let training = Pairs::of(context, display, dataset, Split::Train)?;
     let train_losses = learned.losses(&training, "measure on training pairs")?;
     let train_loss = mean(&kept.iter().map(|&index| train_losses[index]).collect::<Vec<_>>());
-    let validation_loss = mean(&learned.losses(&validation, "measure on validation pairs")?);
-    let test_loss = mean(&learned.losses(&test, "measure on test pairs")?);
-    let seen = if test.is_empty() { &validation } else { &test };
-    let with: Vec<f64> = learned.losses(seen, "measure the parts")?.iter().map(|loss| loss.region).collect();
+    let validation_losses = learned.losses(&validation, "measure on validation pairs")?;
+    let test_losses = learned.losses(&test, "measure on test pairs")?;
+    let (validation_loss, test_loss) = (mean(&validation_losses), mean(&test_losses));
+    let held_out = if test.is_empty() { (&validation, &validation_losses[..]) } else { (&test, &test_losses[..]) };
     // Frees the transfer function of the learned model, so that only one is in memory at a time.
     drop(learned);
     let ideal = LossMeter::new(context, display, &DisplayModel::ideal(display.setup), detector, region)?;
     let ideal_test_loss = mean(&ideal.losses(&test, "measure the ideal kernel")?);
     drop(ideal);
-    let parts = part_costs(context, display, model, (detector, region), (seen, &with))?;
+    let parts = part_costs(context, display, model, (detector, region), held_out)?;
     let captures = Captures::of(&display.declared, dataset)?;
     let (validation_pairs, test_pairs) = (validation.len() as u32, test.len() as u32);
     // Frees the decoded pairs before holograms are computed.
@@ -233,12 +233,14 @@ fn part_costs(
     display: &DisplaySetup,
     model: &DisplayModel,
     (detector, region): (Detector, RegionOfInterest),
-    (pairs, with): (&Pairs, &[f64]),
+    (pairs, with): (&Pairs, &[Loss]),
 ) -> Result<Vec<PartCost>, TaskError> {
+    let of_region = |losses: &[Loss]| losses.iter().map(|loss| loss.region).collect::<Vec<_>>();
+    let with = of_region(with);
     let cost = |(part, without): (ModelPart, DisplayModel)| {
-        let meter = LossMeter::new(context, display, &without, detector, region)?;
-        let losses: Vec<f64> = meter.losses(pairs, "measure the parts")?.iter().map(|loss| loss.region).collect();
-        Ok(PartCost::of(part, with, &losses))
+        let losses =
+            LossMeter::new(context, display, &without, detector, region)?.losses(pairs, "measure the parts")?;
+        Ok(PartCost::of(part, &with, &of_region(&losses)))
     };
     if pairs.is_empty() {
         return Ok(Vec::new());
