@@ -2,7 +2,7 @@
 //!
 //! θ holds, in this order: α and ψ of the kernel, log amplitude and phase of the source, [a_k, b_k] of the phase
 //! response, the zero order's real and imaginary part, q of the cross-talk along x and y, the series v of the response's
-//! variation, and α_m and ψ_m of the kernel's variation over the SLM. The
+//! variation, the numbers of the ghost, and α_m and ψ_m of the kernel's variation over the SLM. The
 //! model `smooth` has the kernel only. Gain and offset are not in θ: each photograph has its own.
 
 use super::{Blocks, KernelModel};

@@ -15,7 +15,6 @@ use super::along_z::JointLayout;
 use super::blocks;
 pub use super::dust::DustFit;
 use super::fit::Fit;
-use super::ghost::GhostSearch;
 use super::layout::Layout;
 use super::pair::{Example, measure, total};
 use super::schedule::{one_cycle, shuffled};
@@ -26,6 +25,11 @@ use crate::optimizer::damped::DampedState;
 use crate::photometry::Sums;
 use crate::{DisplayModel, Dust, Error, KernelShape, OpticalSetup, Plane};
 use serde::{Deserialize, Serialize};
+
+mod dust_stage;
+mod trials;
+
+pub use trials::{Change, Round};
 
 /// Orders of the kernel that are fitted one after the other, up to the requested order.
 const ORDERS: [usize; 3] = [5, 8, 12];
@@ -107,51 +111,6 @@ pub struct ParametricState {
     pub converged: bool,
     /// Mean training loss of each epoch, then of each refinement step.
     pub loss_history: Vec<f64>,
-}
-
-/// A round of trials, each with one block more or one block less.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Round {
-    /// Whether blocks are added or left out.
-    pub change: Change,
-    /// Best model on the validation pairs before the round.
-    pub before: BestModel,
-    /// The block that is being tried.
-    pub block: Block,
-    /// Steps that the trial has taken.
-    pub steps: u32,
-    /// Blocks to try next.
-    pub untried: Vec<Block>,
-    /// The best model of a trial that passed.
-    pub winner: Option<BestModel>,
-}
-
-/// What a trial does with a block.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Change {
-    /// It adds the block to the model.
-    Add,
-    /// It leaves the block out.
-    Remove,
-}
-
-impl Round {
-    /// Largest validation loss with which a trial passes.
-    fn bound(&self) -> f64 {
-        match self.change {
-            Change::Add => self.before.loss * (1.0 - self.block.gain_min()),
-            Change::Remove => self.before.loss / (1.0 - self.block.gain_min()),
-        }
-    }
-
-    /// Blocks of the model that is being tried.
-    fn blocks(&self) -> Blocks {
-        match self.change {
-            Change::Add => self.before.blocks.with(self.block),
-            Change::Remove => self.before.blocks.without(self.block),
-        }
-    }
 }
 
 /// A model with a lower validation loss than all models before it.
@@ -406,26 +365,6 @@ impl ParametricLearner {
         Ok(self.progress(LearnStage::Refinement, loss))
     }
 
-    /// Whether a ghost is to be tried, but none can be seen. Otherwise the trial of a ghost starts with the one that is seen.
-    fn lacks_ghost(&mut self, pairs: &dyn PairSource) -> Result<bool, BoxError> {
-        let is_start = self.state.refinement.is_none();
-        let seeks = |round: &Round| (round.block, round.change) == (Block::Ghost, Change::Add);
-        if !is_start || !self.state.round.as_ref().is_some_and(seeks) {
-            return Ok(false);
-        }
-        let mut search = GhostSearch::new(self.fit.engine.height_px(), self.fit.engine.width_px());
-        let theta = self.state.parameters.clone();
-        self.each_kept(pairs, &theta, |fit, _, example, _| {
-            fit.add_to_search(example, &mut search);
-            0.0
-        })?;
-        let Some(ghost) = search.found() else { return Ok(true) };
-        for (i, number) in ghost.numbers().into_iter().enumerate() {
-            self.joint.set_shared(&mut self.state.parameters, self.joint.layout.ghost() + i, number);
-        }
-        Ok(false)
-    }
-
     /// Goes on to what follows the refinement in progress. Ends learning with the best model if nothing does.
     fn end_refinement(&mut self, pairs: &dyn PairSource, loss: Option<f64>) -> Result<LearnStep, BoxError> {
         self.advance();
@@ -616,116 +555,6 @@ impl ParametricLearner {
         }
     }
 
-    /// Starts to fit the dust on the best model. False for models without dust, and without validation pairs.
-    fn start_dust(&mut self) -> bool {
-        if self.state.best.is_none() || !Block::Dust.belongs_to(self.options.model) {
-            return false;
-        }
-        self.take_best();
-        let pixels = self.fit.engine.height_px() * self.fit.engine.width_px();
-        let exponents = self.state.dust.as_ref().map_or_else(|| vec![0.0; 2 * pixels], dust_exponents);
-        self.state.dust_fit = Some(DustFit::start(exponents));
-        true
-    }
-
-    /// Takes a step of the fit of the dust. After the last one learning has ended.
-    fn dust_step(&mut self, mut dust: DustFit, learning_pairs: LearningPairs<'_>) -> Result<LearnStep, BoxError> {
-        let theta = self.state.parameters.clone();
-        let loss = dust.step(|exponents, gradient| {
-            self.fit.set_dust(Some(exponents));
-            self.each_kept(learning_pairs.training, &theta, |fit, _, example, share| {
-                share * fit.evaluate_dust(example, share, gradient).loss()
-            })
-        })?;
-        self.state.loss_history.push(loss);
-        let mut goes_on = dust.evaluations() < self.options.refinement_evaluations;
-        if dust.has_moved() {
-            self.fit.set_dust(Some(dust.exponents()));
-            goes_on &= dust.validated(loss, self.validation_loss(learning_pairs.validation, &theta)?);
-        }
-        if goes_on {
-            self.state.dust_fit = Some(dust);
-            return Ok(self.progress(LearnStage::Refinement, loss));
-        }
-        self.state.trial_evaluations += dust.evaluations();
-        if let Some((exponents, validation_loss)) = dust.kept() {
-            let kept = Dust::nearest(self.fit.engine.height_px(), self.fit.engine.width_px(), &exponents)?;
-            self.state.dust = kept.steps().cloned();
-            self.state.best.iter_mut().for_each(|best| best.loss = validation_loss);
-        }
-        self.use_dust();
-        self.state.converged = true;
-        self.fit_final_exposure(learning_pairs.training)?;
-        Ok(self.progress(LearnStage::Refinement, loss))
-    }
-
-    /// Lets the fit use the dust of the state.
-    fn use_dust(&mut self) {
-        let exponents = self.state.dust.as_ref().map(dust_exponents);
-        self.fit.set_dust(exponents.as_deref());
-    }
-
-    /// Starts a round: blocks of the SLM are added at the first order; after the last one, blocks that the model does not
-    /// need are left out, and then a varying kernel is added. False if there is nothing to try, or no validation pairs to
-    /// choose by.
-    fn start_round(&mut self) -> bool {
-        let Some(before) = self.state.best.clone() else { return false };
-        let has = |block: &Block| before.blocks.contains(*block);
-        let lacks = |block: &Block| block.belongs_to(self.options.model) && !has(block);
-        // Light of a ghost or of a varying kernel is little beside what the others change. Dust has a fit of its own.
-        let is_last = |block: &Block| matches!(block, Block::Varying | Block::Ghost);
-        let all = || Block::ALL.into_iter().filter(|block| *block != Block::Dust);
-        let (change, mut untried): (Change, Vec<Block>) = match (self.state.orders_done, self.state.pruned) {
-            (false, _) if self.state.order_index > 0 => return false,
-            (false, _) => (Change::Add, all().filter(|block| !is_last(block) && lacks(block)).collect()),
-            (true, false) => (Change::Remove, all().filter(has).collect()),
-            (true, true) => (Change::Add, all().filter(|block| is_last(block) && lacks(block)).collect()),
-        };
-        if untried.is_empty() {
-            return match (self.state.orders_done, std::mem::replace(&mut self.state.pruned, self.state.orders_done)) {
-                (true, false) => self.start_round(),
-                _ => false,
-            };
-        }
-        let block = untried.remove(0);
-        self.start_trial(Round { change, before, block, steps: 0, untried, winner: None });
-        true
-    }
-
-    /// Starts to fit the best model so far with one more or one less block.
-    fn start_trial(&mut self, round: Round) {
-        let BestModel { order, blocks, parameters, .. } = &round.before;
-        let of = |blocks| Layout::of(self.options.model, *order as usize, blocks);
-        let (from, layout) = (self.joint.with_layout(of(*blocks)), of(round.blocks()));
-        self.start_layout(layout, &from, parameters);
-        (self.state.best, self.state.round) = (None, Some(round));
-    }
-
-    /// Goes on to the next block of the round. After the last one keeps the model of the best trial that passed, or returns
-    /// to the model before the round.
-    fn end_trial(&mut self, mut round: Round) {
-        let with = self.state.best.take().filter(|with| with.loss <= round.bound());
-        let both = round.winner.take().into_iter().chain(with);
-        round.winner = both.min_by(|a, b| a.loss.total_cmp(&b.loss));
-        if !round.untried.is_empty() {
-            let block = round.untried.remove(0);
-            return self.start_trial(Round { block, steps: 0, ..round });
-        }
-        let Some(winner) = round.winner else {
-            self.state.best = Some(round.before);
-            self.state.pruned |= round.change == Change::Remove;
-            // After a round of removals a varying kernel is due.
-            if round.change == Change::Add || !self.start_round() {
-                self.next_order();
-            }
-            return;
-        };
-        let layout = Layout::of(self.options.model, winner.order as usize, winner.blocks);
-        self.start_layout(layout, &self.joint.with_layout(layout), &winner.parameters);
-        self.state.adopted = true;
-        self.state.best = Some(winner);
-    }
-
     /// Starts another layout from the θ of the previous one.
     fn start_layout(&mut self, layout: Layout, from: &JointLayout, theta: &[f64]) {
         let joint = from.with_layout(layout);
@@ -768,11 +597,6 @@ impl ParametricLearner {
         let trial = self.state.round.as_ref().map(|round| round.block).or(of_dust);
         LearnStep { stage, step, steps_total, loss, validation_loss, order, blocks, trial }
     }
-}
-
-/// The exponents of the factors of dust, for each pixel in turn.
-fn dust_exponents(steps: &Plane<[i16; 2]>) -> Vec<f32> {
-    steps.values().as_flattened().iter().map(|&step| (f64::from(step) * Dust::STEP) as f32).collect()
 }
 
 /// The blocks of the display that a warm start begins with. A varying kernel comes later, and dust is no part of θ.

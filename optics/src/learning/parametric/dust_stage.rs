@@ -1,0 +1,66 @@
+//! The last stage: the fit of [`Dust`], with all other parameters as they are.
+
+use super::ParametricLearner;
+use crate::learning::dust::DustFit;
+use crate::learning::{Block, LearnStage, LearnStep, LearningPairs, pair::BoxError};
+use crate::{Dust, Plane};
+
+impl ParametricLearner {
+    /// Starts to fit the dust on the best model. False for models without dust, and without validation pairs.
+    pub(super) fn start_dust(&mut self) -> bool {
+        if self.state.best.is_none() || !Block::Dust.belongs_to(self.options.model) {
+            return false;
+        }
+        self.take_best();
+        let pixels = self.fit.engine.height_px() * self.fit.engine.width_px();
+        let exponents = self.state.dust.as_ref().map_or_else(|| vec![0.0; 2 * pixels], dust_exponents);
+        self.state.dust_fit = Some(DustFit::start(exponents));
+        true
+    }
+
+    /// Takes a step of the fit of the dust. After the last one learning has ended.
+    pub(super) fn dust_step(
+        &mut self,
+        mut dust: DustFit,
+        learning_pairs: LearningPairs<'_>,
+    ) -> Result<LearnStep, BoxError> {
+        let theta = self.state.parameters.clone();
+        let loss = dust.step(|exponents, gradient| {
+            self.fit.set_dust(Some(exponents));
+            self.each_kept(learning_pairs.training, &theta, |fit, _, example, share| {
+                share * fit.evaluate_dust(example, share, gradient).loss()
+            })
+        })?;
+        self.state.loss_history.push(loss);
+        let mut goes_on = dust.evaluations() < self.options.refinement_evaluations;
+        if dust.has_moved() {
+            self.fit.set_dust(Some(dust.exponents()));
+            goes_on &= dust.validated(loss, self.validation_loss(learning_pairs.validation, &theta)?);
+        }
+        if goes_on {
+            self.state.dust_fit = Some(dust);
+            return Ok(self.progress(LearnStage::Refinement, loss));
+        }
+        self.state.trial_evaluations += dust.evaluations();
+        if let Some((exponents, validation_loss)) = dust.kept() {
+            let kept = Dust::nearest(self.fit.engine.height_px(), self.fit.engine.width_px(), &exponents)?;
+            self.state.dust = kept.steps().cloned();
+            self.state.best.iter_mut().for_each(|best| best.loss = validation_loss);
+        }
+        self.use_dust();
+        self.state.converged = true;
+        self.fit_final_exposure(learning_pairs.training)?;
+        Ok(self.progress(LearnStage::Refinement, loss))
+    }
+
+    /// Lets the fit use the dust of the state.
+    pub(super) fn use_dust(&mut self) {
+        let exponents = self.state.dust.as_ref().map(dust_exponents);
+        self.fit.set_dust(exponents.as_deref());
+    }
+}
+
+/// The exponents of the factors of dust, for each pixel in turn.
+fn dust_exponents(steps: &Plane<[i16; 2]>) -> Vec<f32> {
+    steps.values().as_flattened().iter().map(|&step| (f64::from(step) * Dust::STEP) as f32).collect()
+}

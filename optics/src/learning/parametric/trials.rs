@@ -1,0 +1,135 @@
+//! Trials of [blocks](Block): which are tried when, and which of them are kept.
+
+use super::{BestModel, ParametricLearner};
+use crate::learning::ghost::GhostSearch;
+use crate::learning::layout::Layout;
+use crate::learning::{Block, Blocks, PairSource, pair::BoxError};
+use serde::{Deserialize, Serialize};
+
+/// A round of trials, each with one block more or one block less.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Round {
+    /// Whether blocks are added or left out.
+    pub change: Change,
+    /// Best model on the validation pairs before the round.
+    pub before: BestModel,
+    /// The block that is being tried.
+    pub block: Block,
+    /// Steps that the trial has taken.
+    pub steps: u32,
+    /// Blocks to try next.
+    pub untried: Vec<Block>,
+    /// The best model of a trial that passed.
+    pub winner: Option<BestModel>,
+}
+
+/// What a trial does with a block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Change {
+    /// It adds the block to the model.
+    Add,
+    /// It leaves the block out.
+    Remove,
+}
+
+impl Round {
+    /// Largest validation loss with which a trial passes.
+    pub(super) fn bound(&self) -> f64 {
+        match self.change {
+            Change::Add => self.before.loss * (1.0 - self.block.gain_min()),
+            Change::Remove => self.before.loss / (1.0 - self.block.gain_min()),
+        }
+    }
+
+    /// Blocks of the model that is being tried.
+    fn blocks(&self) -> Blocks {
+        match self.change {
+            Change::Add => self.before.blocks.with(self.block),
+            Change::Remove => self.before.blocks.without(self.block),
+        }
+    }
+}
+
+impl ParametricLearner {
+    /// Starts a round: blocks of the SLM are added at the first order; after the last one, blocks that the model does not
+    /// need are left out, and then a varying kernel or a ghost is added. False if there is nothing to try, or no validation
+    /// pairs to choose by.
+    pub(super) fn start_round(&mut self) -> bool {
+        let Some(before) = self.state.best.clone() else { return false };
+        let has = |block: &Block| before.blocks.contains(*block);
+        let lacks = |block: &Block| block.belongs_to(self.options.model) && !has(block);
+        // Light of a ghost or of a varying kernel is little beside what the others change. Dust has a fit of its own.
+        let is_last = |block: &Block| matches!(block, Block::Varying | Block::Ghost);
+        let all = || Block::ALL.into_iter().filter(|block| *block != Block::Dust);
+        let (change, mut untried): (Change, Vec<Block>) = match (self.state.orders_done, self.state.pruned) {
+            (false, _) if self.state.order_index > 0 => return false,
+            (false, _) => (Change::Add, all().filter(|block| !is_last(block) && lacks(block)).collect()),
+            (true, false) => (Change::Remove, all().filter(has).collect()),
+            (true, true) => (Change::Add, all().filter(|block| is_last(block) && lacks(block)).collect()),
+        };
+        if untried.is_empty() {
+            return match (self.state.orders_done, std::mem::replace(&mut self.state.pruned, self.state.orders_done)) {
+                (true, false) => self.start_round(),
+                _ => false,
+            };
+        }
+        let block = untried.remove(0);
+        self.start_trial(Round { change, before, block, steps: 0, untried, winner: None });
+        true
+    }
+
+    /// Starts to fit the best model so far with one more or one less block.
+    pub(super) fn start_trial(&mut self, round: Round) {
+        let BestModel { order, blocks, parameters, .. } = &round.before;
+        let of = |blocks| Layout::of(self.options.model, *order as usize, blocks);
+        let (from, layout) = (self.joint.with_layout(of(*blocks)), of(round.blocks()));
+        self.start_layout(layout, &from, parameters);
+        (self.state.best, self.state.round) = (None, Some(round));
+    }
+
+    /// Goes on to the next block of the round. After the last one keeps the model of the best trial that passed, or returns
+    /// to the model before the round.
+    pub(super) fn end_trial(&mut self, mut round: Round) {
+        let with = self.state.best.take().filter(|with| with.loss <= round.bound());
+        let both = round.winner.take().into_iter().chain(with);
+        round.winner = both.min_by(|a, b| a.loss.total_cmp(&b.loss));
+        if !round.untried.is_empty() {
+            let block = round.untried.remove(0);
+            return self.start_trial(Round { block, steps: 0, ..round });
+        }
+        let Some(winner) = round.winner else {
+            self.state.best = Some(round.before);
+            self.state.pruned |= round.change == Change::Remove;
+            // After a round of removals a varying kernel or a ghost is due.
+            if round.change == Change::Add || !self.start_round() {
+                self.next_order();
+            }
+            return;
+        };
+        let layout = Layout::of(self.options.model, winner.order as usize, winner.blocks);
+        self.start_layout(layout, &self.joint.with_layout(layout), &winner.parameters);
+        self.state.adopted = true;
+        self.state.best = Some(winner);
+    }
+
+    /// Whether a ghost is to be tried, but none can be seen. Otherwise the trial of a ghost starts with the one that is seen.
+    pub(super) fn lacks_ghost(&mut self, pairs: &dyn PairSource) -> Result<bool, BoxError> {
+        let is_start = self.state.refinement.is_none();
+        let seeks = |round: &Round| (round.block, round.change) == (Block::Ghost, Change::Add);
+        if !is_start || !self.state.round.as_ref().is_some_and(seeks) {
+            return Ok(false);
+        }
+        let mut search = GhostSearch::new(self.fit.engine.height_px(), self.fit.engine.width_px());
+        let theta = self.state.parameters.clone();
+        self.each_kept(pairs, &theta, |fit, _, example, _| {
+            fit.add_to_search(example, &mut search);
+            0.0
+        })?;
+        let Some(ghost) = search.found() else { return Ok(true) };
+        for (i, number) in ghost.numbers().into_iter().enumerate() {
+            self.joint.set_shared(&mut self.state.parameters, self.joint.layout.ghost() + i, number);
+        }
+        Ok(false)
+    }
+}
