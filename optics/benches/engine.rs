@@ -1,5 +1,5 @@
-//! Benchmarks of the engine: each pass of an evaluation, whole evaluations, steps of Adam, all metrics of
-//! a hologram, and steps of learning.
+//! Benchmarks of the engine: each pass of an evaluation, whole evaluations, steps of Adam, steps of the default method through
+//! learned displays, all metrics of a hologram, and steps of learning.
 //!
 //! ```sh
 //! cargo bench -p lightpath-optics                       # all benchmarks, about ten minutes
@@ -18,8 +18,10 @@ use lightpath_optics::learning::{KernelModel, LearnOptions, Learner, LearningPai
 use lightpath_optics::passes::{Pass, Passes};
 use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{
-    Detector, DisplayModel, Engine, Grid, HologramProblem, OpticalSetup, Optimization, Plane, RegionOfInterest,
+    Crosstalk, Detector, DisplayModel, Dust, Engine, FurtherMode, Ghost, Grid, HologramProblem, KernelShape,
+    OpticalSetup, Optimization, PartialCoherence, Plane, RegionOfInterest, ResponseVariation, SmoothField,
 };
+use num_complex::Complex64;
 use std::time::Duration;
 
 const SIZES: [(&str, usize, usize); 3] = [("540p", 540, 960), ("1080p", 1080, 1920), ("4K", 2160, 3840)];
@@ -100,6 +102,52 @@ fn whole_iterations(criterion: &mut Criterion, size: &str, job: &Job, detector: 
     group.finish();
 }
 
+/// Benchmark of a step of the default method through displays with nothing, with every part in one mode of light, and with
+/// three modes besides.
+fn display_models(criterion: &mut Criterion) {
+    for (size, height_px, width_px) in &SIZES[..2] {
+        let job = Job::new(*height_px, *width_px);
+        let whole = whole_model(job.setup);
+        let modes = vec![FurtherMode { light: 1.0, errors: wavy(2) }; 2];
+        let partly_coherent = DisplayModel { coherence: PartialCoherence::new(modes), ..whole.clone() };
+        let mut group = criterion.benchmark_group("lbfgs");
+        group.throughput(Throughput::Elements(job.phase.values().len() as u64));
+        for (name, model) in
+            [("ideal", DisplayModel::ideal(job.setup)), ("whole", whole), ("whole-3-modes", partly_coherent)]
+        {
+            let engine = Engine::new(&model, Detector::Pixel, None).unwrap();
+            let problem = HologramProblem::new(engine, job.target.clone(), job.region).unwrap();
+            let options = HologramOptions::new(HologramMethod::Lbfgs, u32::MAX);
+            let mut lbfgs = Optimization::start(problem, options, job.phase.values().to_vec()).unwrap();
+            group.bench_function(BenchmarkId::new(name, size), |bencher| bencher.iter(|| lbfgs.step()));
+        }
+        group.finish();
+    }
+}
+
+/// A display with every part that a model with one mode of light has, but for a kernel that varies.
+fn whole_model(setup: OpticalSetup) -> DisplayModel {
+    let (height_px, width_px) = (setup.grid().height_px(), setup.grid().width_px());
+    DisplayModel {
+        kernel: KernelShape::Smooth(wavy(8)),
+        ghost: Ghost { amplitude: Complex64::new(0.1, 0.02), shift_px: [9.0, -4.0], defocus_rad: 5.0 },
+        source: wavy(10),
+        dust: Dust::new(Plane::from_fn(height_px, width_px, |y, x| [(y % 300) as i16, (x % 300) as i16])),
+        response: vec![[0.1, -0.05], [0.03, 0.02], [0.01, 0.0]],
+        response_variation: ResponseVariation { order: 3, coefficients: vec![0.02; 10] },
+        crosstalk: Crosstalk { ratio_x: 0.08, ratio_y: 0.05 },
+        zero_order: Complex64::new(0.05, 0.02),
+        ..DisplayModel::ideal(setup)
+    }
+}
+
+fn wavy(order: usize) -> SmoothField {
+    let mut field = SmoothField::flat(order);
+    let both = field.log_amplitude.iter_mut().chain(&mut field.phase);
+    both.enumerate().for_each(|(i, c)| *c = 0.05 * (1.7 * i as f64 + 0.3).sin());
+    field
+}
+
 /// Benchmark of all metrics, which a job computes once at its end.
 fn all_metrics(criterion: &mut Criterion, size: &str, job: &Job) {
     let mut group = criterion.benchmark_group("quality");
@@ -133,6 +181,6 @@ fn learning(criterion: &mut Criterion) {
 criterion_group! {
     name = benches;
     config = Criterion::default().sample_size(10).warm_up_time(Duration::from_secs(1)).measurement_time(Duration::from_secs(3));
-    targets = engine, learning
+    targets = engine, display_models, learning
 }
 criterion_main!(benches);

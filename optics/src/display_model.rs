@@ -1,11 +1,11 @@
 //! Display model: the parameters of a display's light transport, which are learned from photographs.
 //!
 //! ```text
-//! photograph ≈ gain · D( | H ∗ ( a d · ( e^{i r(ψ)} + z₀ ) ) |² ) + offset
+//! photograph ≈ gain · D( Σ_m w_m | H_m ∗ ( a d · ( e^{i r(ψ)} + z₀ ) ) |² ) + offset
 //! ```
 //!
-//! H is the kernel, a transfer function that may [vary over the SLM](crate::SpatialVariation) and have a [`Ghost`]; a is the source profile with
-//! the SLM's uneven surface, d the [`Dust`], ψ the hologram's phase after [`Crosstalk`], r the SLM's phase response, which
+//! H₀ is the kernel, a transfer function that may [vary over the SLM](crate::SpatialVariation) and have a [`Ghost`]; the
+//! H_m of further modes make the light [partially coherent](PartialCoherence). a is the source profile with the SLM's uneven surface, d the [`Dust`], ψ the hologram's phase after [`Crosstalk`], r the SLM's phase response, which
 //! may [vary](ResponseVariation), z₀ undiffracted light, and D the [`Detector`](crate::Detector). Smooth parts are
 //! [Chebyshev series](crate::chebyshev): of fx and fy over the band [−1/2Δ, 1/2Δ] for the kernel, of x and y over the
 //! SLM for the source.
@@ -14,7 +14,8 @@ use crate::ghost::TransferErrors;
 use crate::smooth_field::{SmoothField, expect_finite, out_of_range};
 use crate::spatial_variation::local_kernels;
 use crate::{
-    ConvolutionMethod, Crosstalk, Dust, Error, Ghost, OpticalSetup, Plane, ResponseVariation, Result, SpatialVariation,
+    ConvolutionMethod, Crosstalk, Dust, Error, Ghost, OpticalSetup, PartialCoherence, Plane, ResponseVariation, Result,
+    SpatialVariation,
 };
 use num_complex::{Complex32, Complex64};
 
@@ -30,6 +31,8 @@ pub struct DisplayModel {
     pub ghost: Ghost,
     /// Variation of the transfer function over the SLM.
     pub variation: SpatialVariation,
+    /// Further modes of the light. Only smooth kernels have them.
+    pub coherence: PartialCoherence,
     /// Complex amplitude of the light that falls on the SLM.
     pub source: SmoothField,
     /// Dust and fringes in that light.
@@ -72,6 +75,7 @@ impl DisplayModel {
             kernel: KernelShape::Ideal,
             ghost: Ghost::NONE,
             variation: SpatialVariation::none(),
+            coherence: PartialCoherence::none(),
             source: SmoothField::flat(0),
             dust: Dust::none(),
             response: Vec::new(),
@@ -105,6 +109,11 @@ impl DisplayModel {
             let reason = "only a smooth kernel has a ghost beside it";
             return Err(Error::Incompatible { name: "ghost", reason });
         }
+        if !self.coherence.is_none() && !matches!(self.kernel, KernelShape::Smooth(_)) {
+            let reason = "only a smooth kernel has further modes of light";
+            return Err(Error::Incompatible { name: "coherence", reason });
+        }
+        self.coherence.validate()?;
         self.variation.validate()?;
         if self.response.len() > Self::HARMONICS_MAX {
             return Err(out_of_range("response harmonics", self.response.len() as f64, "at most 8"));
@@ -144,6 +153,36 @@ impl DisplayModel {
         }
     }
 
+    /// The display with all light in one mode, between the others.
+    #[must_use]
+    pub fn in_one_mode(&self) -> Self {
+        let mut model = self.clone();
+        let mean = std::mem::take(&mut model.coherence).mean_errors();
+        if let (KernelShape::Smooth(kernel), false) = (&mut model.kernel, self.coherence.is_none()) {
+            let first = std::mem::replace(kernel, SmoothField::flat(kernel.order.max(mean.order)));
+            [&first, &mean].iter().for_each(|part| kernel.add(1.0, part));
+        }
+        model
+    }
+
+    /// The display with each mode of its light alone.
+    pub(crate) fn modes(&self) -> impl Iterator<Item = Self> + '_ {
+        let alone = |mode: Option<&SmoothField>| {
+            let kernel = match (&self.kernel, mode) {
+                (KernelShape::Smooth(first), Some(mode)) => {
+                    let mut both = SmoothField::flat(first.order.max(mode.order));
+                    both.add(1.0, first);
+                    both.add(1.0, mode);
+                    KernelShape::Smooth(both)
+                }
+                (kernel, _) => kernel.clone(),
+            };
+            Self { kernel, coherence: PartialCoherence::none(), ..self.clone() }
+        };
+        let further = self.coherence.modes().iter().map(|mode| Some(&mode.errors));
+        std::iter::once(None).chain(further).map(alone)
+    }
+
     /// Models at a grid of points on the SLM, whose kernels approximate a kernel that varies over the SLM; `None` if
     /// the kernel does not vary.
     pub(crate) fn local_kernels(&self) -> Option<Vec<Self>> {
@@ -156,7 +195,7 @@ impl DisplayModel {
             .then(|| local_kernels::nodes(local_kernels::per_side(&self.variation)).map(local).collect())
     }
 
-    /// Transfer function H at the frequency fx, fy \[1/m\], on the axis. If the setup's method is an impulse response,
+    /// Transfer function H of the first mode at the frequency fx, fy \[1/m\], on the axis. If the setup's method is an impulse response,
     /// each call computes a sum over the frame.
     #[must_use]
     pub fn transfer(&self, fx: f64, fy: f64) -> Complex64 {

@@ -106,6 +106,7 @@ pub mod metrics;
 pub mod optimizer;
 mod order_filter;
 mod orders;
+mod partial_coherence;
 #[doc(hidden)]
 pub mod passes;
 pub mod phase_response;
@@ -142,6 +143,7 @@ pub use hologram::{Evaluation, Hologram, HologramMethod, HologramProblem, Initia
 pub use learning::KernelModel;
 pub use order_filter::{FilterShape, OrderFilter};
 pub use orders::Orders;
+pub use partial_coherence::{FurtherMode, PartialCoherence};
 pub use plane::Plane;
 pub use propagation::{ConvolutionMethod, PropagationMethod, ValidityReport, plan, plan_onto};
 pub use propagator::{Propagated, Propagator, propagate};

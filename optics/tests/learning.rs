@@ -197,6 +197,18 @@ fn ghost_is_found_and_recovered() {
 }
 
 #[test]
+fn partial_coherence_is_found_and_recovered() {
+    let angle = SimulatedBench { seed: 5, source_angle_mrad: 4.0, ..SimulatedBench::FAIR };
+    let model = learned_with_validation(&simulated_display(6e-3, angle));
+    assert_eq!(Blocks::of(&model).without(Block::FineSource), Blocks::NONE.with(Block::PartialCoherence));
+    // A uniform disc of directions has a standard deviation of a quarter of its diameter along each axis.
+    let expected_px = 4e-3 / 4.0 * 6e-3 / 8e-6;
+    for spread_px in model.coherence.spread_px() {
+        assert!((spread_px / expected_px - 1.0).abs() < 0.1, "{spread_px} px instead of {expected_px} px");
+    }
+}
+
+#[test]
 fn dust_is_found_and_recovered() {
     let bench = simulated_display(6e-3, SimulatedBench { seed: 5, dust_contrast: 0.1, ..SimulatedBench::FAIR });
     let model = learned_with_validation(&bench);

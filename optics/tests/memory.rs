@@ -13,9 +13,11 @@ use lightpath_optics::second_opinion::{Effort, SecondOpinion};
 use lightpath_optics::simulated_display::SimulatedDisplay;
 use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{
-    Crosstalk, Detector, DisplayModel, Dust, Engine, EngineCache, Grid, HologramProblem, KernelShape, OpticalSetup,
-    Optimization, OrderFilter, Orders, Plane, RegionOfInterest, ResponseVariation, SimulatedBench, SmoothField,
+    Crosstalk, Detector, DisplayModel, Dust, Engine, EngineCache, FurtherMode, Ghost, Grid, HologramProblem,
+    KernelShape, OpticalSetup, Optimization, OrderFilter, Orders, PartialCoherence, Plane, RegionOfInterest,
+    ResponseVariation, SimulatedBench, SmoothField,
 };
+use num_complex::Complex64;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::sync::Mutex;
 
@@ -59,7 +61,12 @@ fn optimize(size: &HologramSize, initial: &InitialPhase) {
     // The engines of a server share their plans and scratch memory.
     let cache = EngineCache::new(0);
     let planes = (0..size.planes).map(|p| {
-        let model = DisplayModel::ideal(setup(height_px, width_px, 0.01 + 0.01 * p as f64));
+        let mut model = DisplayModel::ideal(setup(height_px, width_px, 0.01 + 0.01 * p as f64));
+        if size.engine.modes > 1 {
+            let mode = FurtherMode { light: 1.0, errors: SmoothField::flat(2) };
+            model.kernel = KernelShape::Smooth(SmoothField::flat(2));
+            model.coherence = PartialCoherence::new(vec![mode; size.engine.modes - 1]);
+        }
         let engine = cache.engine(&model, detector, None);
         let weight = size.weighted.then(|| Plane::filled(height_px, width_px, 0.5));
         ImagePlane { engine: engine.unwrap(), target: target(height_px, width_px), weight, share: 1.0 }
@@ -142,14 +149,19 @@ fn check_learning(pool: &ThreadPool, model: KernelModel, distances: usize) {
     let engine = EngineSize::ideal(height_px, width_px, Detector::Pixel, 2);
     let region_px = [region.height_px(), region.width_px()];
     let size = LearningSize { engine, model, order: 5, distances, region_px };
-    // The estimate is that of a display that needs all blocks. Those of the SLM come from the start, and the variation of the
-    // kernel is tried because there are validation pairs.
+    // The estimate is that of a display that needs all blocks. They come from the start, but for the variation of the kernel,
+    // which is tried because there are validation pairs. No display has both it and several modes.
     let needs_blocks = DisplayModel {
         kernel: KernelShape::Smooth(SmoothField::flat(5)),
         source: SmoothField::flat(10),
         crosstalk: Crosstalk { ratio_x: 0.05, ratio_y: 0.05 },
         response_variation: ResponseVariation { order: 3, coefficients: vec![0.01; 10] },
         dust: Dust::new(Plane::filled(height_px, width_px, [0, 0])),
+        ghost: Ghost { amplitude: Complex64::new(0.1, 0.0), shift_px: [4.0, 3.0], defocus_rad: 1.0 },
+        coherence: match model {
+            KernelModel::Varying => PartialCoherence::none(),
+            _ => PartialCoherence::new(vec![FurtherMode { light: 1.0, errors: SmoothField::flat(2) }; 2]),
+        },
         ..DisplayModel::ideal(setups[0])
     };
     let has_slm = matches!(model, KernelModel::Display | KernelModel::Varying);
@@ -235,6 +247,9 @@ fn counted_memory_is_that_of_the_functions() {
         check_hologram(&pool, weighted, &InitialPhase::BackPropagated { range_rad: 1.0 });
     }
     let engine = EngineSize::ideal(300, 400, Detector::Pixel, 2);
+    let partly_coherent = EngineSize { modes: 3, ..engine };
+    check_hologram(&pool, HologramSize::new(partly_coherent, methods[0], 12), &random);
+    check_hologram(&pool, HologramSize::new(partly_coherent, methods[1], 12), &random);
     let rough = HologramSize { rough: true, ..HologramSize::new(engine, methods[0], 12) };
     check_hologram(&pool, rough, &random);
     check_hologram(&pool, HologramSize::new(engine, HologramMethod::Lbfgs, 3), &random);
@@ -243,6 +258,8 @@ fn counted_memory_is_that_of_the_functions() {
     let learned = DisplayModel { kernel: KernelShape::Smooth(SmoothField::flat(3)), ..ideal.clone() };
     check_quality(&pool, 1, DisplayModel::ideal(first));
     check_quality(&pool, 3, ideal);
+    let modes = vec![FurtherMode { light: 1.0, errors: SmoothField::flat(2) }; 2];
+    check_quality(&pool, 1, DisplayModel { coherence: PartialCoherence::new(modes), ..learned.clone() });
     check_quality(&pool, 1, learned);
     check_quality(&pool, 1, DisplayModel::ideal(first.with_orders(Orders::SQUARE).unwrap()));
     let filtered = Orders::Filtered(OrderFilter::rectangle(0.5, 1.0));

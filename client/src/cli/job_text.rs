@@ -260,6 +260,9 @@ fn learn_facts(result: &v1::LearnResult, facts: &mut Facts) {
         if let Some(share) = blocks.ghost_share {
             facts.add("ghost", format!("{:.1} % of the light", 100.0 * share));
         }
+        if let (Some(x), Some(y)) = (blocks.image_spread_x_px, blocks.image_spread_y_px) {
+            facts.add("partly coherent", format!("images of several modes, σ {x:.2} px along x, {y:.2} px along y"));
+        }
         if let Some(contrast) = blocks.dust_contrast {
             facts.add("dust and fringes", format!("contrast of {:.1} %", 100.0 * contrast));
         }

@@ -53,8 +53,8 @@ impl EngineCache {
     /// The errors of [`Engine::new`].
     pub fn engine(&self, model: &DisplayModel, detector: Detector, carrier: Option<Carrier>) -> Result<Engine> {
         model.validate()?;
-        let (plans, kernels) = (self.plans(model, detector), self.kernels(model));
-        Ok(Engine { core: EngineCore::of_parts(model, detector, (plans, kernels), carrier) })
+        let parts = (self.plans(model, detector), |mode: &DisplayModel| self.kernels(mode));
+        Ok(Engine { core: EngineCore::of_parts(model, detector, parts, carrier) })
     }
 
     fn plans(&self, model: &DisplayModel, detector: Detector) -> Arc<Convolver<f32>> {

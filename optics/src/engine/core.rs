@@ -27,6 +27,18 @@ pub struct EngineCore<T> {
     pub(crate) detector: Detector,
     pub(super) transmission: Transmission,
     pub(super) setup: OpticalSetup,
+    /// Part of the light that this mode has.
+    pub(crate) share: f64,
+    /// The display's further modes of light.
+    pub(crate) further: Vec<Mode<T>>,
+}
+
+/// What distinguishes a mode of a display's light from the others.
+#[derive(Clone, Debug)]
+pub(crate) struct Mode<T> {
+    pub(crate) share: f64,
+    pub(crate) kernels: Arc<Kernels<T>>,
+    transmission: Transmission,
 }
 
 /// Part of the light that the optics let pass at each frequency.
@@ -55,8 +67,8 @@ impl<T: Real> EngineCore<T> {
     /// The errors of [`DisplayModel::validate`].
     pub fn new(model: &DisplayModel, detector: Detector, carrier: Option<Carrier>) -> Result<Self> {
         model.validate()?;
-        let parts = (Arc::new(convolver(&model.setup, detector)), Arc::new(sample_kernels(model)));
-        Ok(Self::of_parts(model, detector, parts, carrier))
+        let convolver = Arc::new(convolver(&model.setup, detector));
+        Ok(Self::of_parts(model, detector, (convolver, |mode| Arc::new(sample_kernels(mode))), carrier))
     }
 
     /// Engine of a display with all orders whose sub-samples are named later, by [`Self::light_at`].
@@ -67,24 +79,45 @@ impl<T: Real> EngineCore<T> {
     pub(crate) fn without_samples(model: &DisplayModel) -> Result<Self> {
         model.validate()?;
         let grid = model.setup.grid();
-        let convolver = Convolver::new(grid.height_px(), grid.width_px(), &[0.0]);
-        Ok(Self::of_parts(model, Detector::Point, (Arc::new(convolver), Arc::new(sample_kernels(model))), None))
+        let convolver = Arc::new(Convolver::new(grid.height_px(), grid.width_px(), &[0.0]));
+        Ok(Self::of_parts(model, Detector::Point, (convolver, |mode| Arc::new(sample_kernels(mode))), None))
     }
 
-    /// Engine of a valid model, from plans and kernels that were made for it.
+    /// Engine of a valid model, from plans that were made for it and the kernels of each of its modes.
     pub(super) fn of_parts(
         model: &DisplayModel,
         detector: Detector,
-        (convolver, kernels): (Arc<Convolver<T>>, Arc<Kernels<T>>),
+        (convolver, kernels_of): (Arc<Convolver<T>>, impl Fn(&DisplayModel) -> Arc<Kernels<T>>),
         carrier: Option<Carrier>,
     ) -> Self {
-        let transmission = match (model.transfer_errors(), &model.kernel) {
-            (Some(errors), _) => Transmission::Smooth(Arc::new(errors)),
-            (None, KernelShape::Bins(_)) => Transmission::Bins,
-            (None, _) => Transmission::FreeSpace,
-        };
         let slm = Arc::new(tabulate_slm(model, carrier));
-        Self { convolver, kernels, slm, detector, transmission, setup: model.setup }
+        let shares = model.coherence.shares();
+        let mut modes = model.modes().zip(shares).map(|(mode, share)| Mode::of(&mode, kernels_of(&mode), share));
+        let Mode { share, kernels, transmission } =
+            modes.next().unwrap_or_else(|| unreachable!("every display has a first mode"));
+        let further = modes.collect();
+        Self { convolver, kernels, slm, detector, transmission, setup: model.setup, share, further }
+    }
+
+    /// Whether all light of the display interferes.
+    pub(crate) fn is_coherent(&self) -> bool {
+        self.further.is_empty()
+    }
+
+    /// Engines of the display with each mode of its light alone. They share all large data.
+    pub(crate) fn modes(&self) -> impl Iterator<Item = Self> + '_ {
+        let (share, kernels, transmission) = (self.share, Arc::clone(&self.kernels), self.transmission.clone());
+        let first = Mode { share, kernels, transmission };
+        std::iter::once(first).chain(self.further.iter().cloned()).map(|Mode { share, kernels, transmission }| Self {
+            convolver: Arc::clone(&self.convolver),
+            kernels,
+            slm: Arc::clone(&self.slm),
+            detector: self.detector,
+            transmission,
+            setup: self.setup,
+            share,
+            further: Vec::new(),
+        })
     }
 
     /// Whether the exact transfer function to every place in a pixel is known.
@@ -134,7 +167,7 @@ impl<T: Real> EngineCore<T> {
         self.convolver.width_px
     }
 
-    /// Complex field in the image plane at the pixels' centres, for a `phase` \[rad\] on the SLM.
+    /// Complex field of the first mode in the image plane at the pixels' centres, for a `phase` \[rad\] on the SLM.
     ///
     /// # Errors
     ///
@@ -163,11 +196,27 @@ impl<T: Real> EngineCore<T> {
     /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for a phase of another size.
     pub fn light(&self, phase: &Plane<T>) -> Result<Plane<T>> {
         phase.expect_size("phase", self.height_px(), self.width_px())?;
-        let mut fields = Fields::for_light(self);
-        self.send(phase.values(), &mut fields);
-        let mut light = Plane::filled(self.height_px(), self.width_px(), T::zero());
-        self.convolver.light(&fields.tiles, light.values_mut());
-        Ok(light)
+        Ok(self.sum_over_modes(|mode| {
+            let mut fields = Fields::for_light(mode);
+            mode.send(phase.values(), &mut fields);
+            let mut light = Plane::filled(mode.height_px(), mode.width_px(), T::zero());
+            mode.convolver.light(&fields.tiles, light.values_mut());
+            light
+        }))
+    }
+
+    /// Sum of the light of all modes, where `light` computes that of a mode for all of the light.
+    pub(super) fn sum_over_modes(&self, light: impl Fn(&Self) -> Plane<T>) -> Plane<T> {
+        if self.is_coherent() {
+            return light(self);
+        }
+        let mut sum: Option<Plane<T>> = None;
+        for mode in self.modes() {
+            let (light, share) = (light(&mode), T::of(mode.share));
+            let sum = sum.get_or_insert_with(|| Plane::filled(light.height_px(), light.width_px(), T::zero()));
+            sum.values_mut().par_iter_mut().zip(light.values()).for_each(|(sum, &light)| *sum = *sum + light * share);
+        }
+        sum.unwrap_or_else(|| light(self))
     }
 
     /// Propagates the phase on the SLM to half-transformed fields in the image plane.
@@ -220,6 +269,22 @@ impl<T: Real> EngineCore<T> {
             out.copy_from_slice(row)
         });
         field
+    }
+}
+
+impl<T> Mode<T> {
+    /// A mode of which only the light in the image plane is wanted.
+    pub(crate) fn with_kernels(kernels: Arc<Kernels<T>>) -> Self {
+        Self { share: 1.0, kernels, transmission: Transmission::FreeSpace }
+    }
+
+    fn of(model: &DisplayModel, kernels: Arc<Kernels<T>>, share: f64) -> Self {
+        let transmission = match (model.transfer_errors(), &model.kernel) {
+            (Some(errors), _) => Transmission::Smooth(Arc::new(errors)),
+            (None, KernelShape::Bins(_)) => Transmission::Bins,
+            (None, _) => Transmission::FreeSpace,
+        };
+        Self { share, kernels, transmission }
     }
 }
 

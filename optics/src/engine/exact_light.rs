@@ -62,7 +62,7 @@ impl<T: Real> EngineCore<T> {
                 samples[set].values_mut().par_chunks_exact_mut(4 * width_px).zip(light.par_chunks_exact(width_px));
             rows.for_each(|(out, light)| {
                 let out = &mut out[below * 2 * width_px..][..2 * width_px];
-                out.iter_mut().skip(right).step_by(2).zip(light).for_each(|(out, light)| *out = *light);
+                out.iter_mut().skip(right).step_by(2).zip(light).for_each(|(out, &light)| *out = *out + light);
             });
         })?;
         Ok(Some(samples))
@@ -106,17 +106,28 @@ impl<T: Real> EngineCore<T> {
         Ok(sums)
     }
 
-    /// Calls `use_light(place, set, light)` with the mean light of each set of phases at each of the places. The places are
-    /// computed one after the other, so the memory does not depend on their number. The engine
+    /// Calls `add_light(place, set, light)` with the mean light of each set of phases at each of the places, for each mode of
+    /// the light. The places are computed one after the other, so the memory does not depend on their number. The engine
     /// [has exact places](Self::has_exact_places).
     fn for_each_place(
         &self,
         places_px: &[[f64; 2]],
         sets: &[&[Plane<T>]],
-        mut use_light: impl FnMut(usize, usize, &[T]),
+        mut add_light: impl FnMut(usize, usize, &[T]),
     ) -> Result<()> {
         let (height_px, width_px) = (self.height_px(), self.width_px());
         sets.iter().copied().flatten().try_for_each(|phase| phase.expect_size("phase", height_px, width_px))?;
+        self.modes().for_each(|mode| mode.for_each_place_in_mode(places_px, sets, &mut add_light));
+        Ok(())
+    }
+
+    fn for_each_place_in_mode(
+        &self,
+        places_px: &[[f64; 2]],
+        sets: &[&[Plane<T>]],
+        add_light: &mut impl FnMut(usize, usize, &[T]),
+    ) {
+        let (height_px, width_px) = (self.height_px(), self.width_px());
         let (mut mean, mut part) = (vec![T::zero(); height_px * width_px], vec![T::zero(); height_px * width_px]);
         let errors = match &self.transmission {
             Transmission::Smooth(errors) if !self.shows_all_orders() => Some(&**errors),
@@ -126,17 +137,16 @@ impl<T: Real> EngineCore<T> {
             let engine = self.at_place(transfer);
             let mut fields = Fields::for_light(&engine);
             for (set, phases) in sets.iter().enumerate() {
-                let share = T::of(1.0 / phases.len() as f64);
+                let share = T::of(self.share / phases.len() as f64);
                 mean.fill(T::zero());
                 for phase in *phases {
                     engine.send(phase.values(), &mut fields);
                     engine.convolver.light(&fields.tiles, &mut part);
                     mean.par_iter_mut().zip(&part).for_each(|(sum, &light)| *sum = *sum + light * share);
                 }
-                use_light(place, set, &mean);
+                add_light(place, set, &mean);
             }
         });
-        Ok(())
     }
 }
 

@@ -19,6 +19,10 @@ impl<T: Real> EngineCore<T> {
     /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for a phase of another size.
     pub fn samples(&self, phase: &Plane<T>) -> Result<Plane<T>> {
         phase.expect_size("phase", self.height_px(), self.width_px())?;
+        Ok(self.sum_over_modes(|mode| mode.samples_of_mode(phase)))
+    }
+
+    fn samples_of_mode(&self, phase: &Plane<T>) -> Plane<T> {
         let per_side = self.detector().offsets_px().len();
         let mut fields = Fields::for_light(self);
         self.send(phase.values(), &mut fields);
@@ -37,7 +41,7 @@ impl<T: Real> EngineCore<T> {
                 }
             },
         );
-        Ok(samples)
+        samples
     }
 
     /// All light that passes the optics, see [`Engine::light_passed`](crate::Engine::light_passed).
@@ -47,6 +51,10 @@ impl<T: Real> EngineCore<T> {
     /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for a phase of another size.
     pub fn light_passed(&self, phase: &Plane<T>) -> Result<f64> {
         phase.expect_size("phase", self.height_px(), self.width_px())?;
+        Ok(self.modes().map(|mode| mode.share * mode.passed_in_mode(phase)).sum())
+    }
+
+    fn passed_in_mode(&self, phase: &Plane<T>) -> f64 {
         let (height_px, width_px) = (self.height_px(), self.width_px());
         let filter = self.setup.orders().filter();
         let fx = |column: usize| frequency_per_px(split_bin(column, width_px), width_px);
@@ -79,14 +87,14 @@ impl<T: Real> EngineCore<T> {
             weights.iter_mut().enumerate().for_each(|(row, weight)| *weight *= through(row));
         };
         if matches!(self.transmission, Transmission::FreeSpace) && filter.is_none() {
-            return Ok(self.light_sent(phase));
+            return self.light_sent(phase);
         }
         let mut spectrum: Vec<Complex<T>> = zeros(self.convolver.half_spectrum_len(1));
         let shown = self.slm.shown(phase.values());
         self.convolver.forward_rows(&mut spectrum, &[None], |y, row| self.slm.field_row(y, shown.row(y), row));
         // The sum over the padded bins divided by their number is the sum over the pixels (Parseval).
         let power = self.convolver.weighted_power(&spectrum, passed);
-        Ok(power / (4 * height_px * width_px) as f64)
+        power / (4 * height_px * width_px) as f64
     }
 
     /// Light that leaves the modulator: Σ |c|² over the pixels, with c the field behind the modulator.
@@ -118,7 +126,10 @@ fn interleave<T: Real>(fields: &[Complex<T>], per_side: usize, out: &mut [T]) {
 mod tests {
     use super::*;
     use crate::hologram::initial_phase;
-    use crate::{ConvolutionMethod, Detector, DisplayModel, Grid, KernelShape, OpticalSetup, SmoothField, reference};
+    use crate::{
+        ConvolutionMethod, Detector, DisplayModel, FurtherMode, Grid, KernelShape, OpticalSetup, PartialCoherence,
+        SmoothField, reference,
+    };
     use num_complex::{Complex32, Complex64};
 
     const PITCH_M: f64 = 8e-6;
@@ -158,6 +169,44 @@ mod tests {
         }
         let point = engine(Detector::Point);
         assert_eq!(point.samples(&phase).unwrap(), point.light(&phase).unwrap());
+    }
+
+    #[test]
+    fn light_of_modes_adds_up() {
+        let phase = initial_phase(18, 25, 6.0, 3).unwrap().map(f64::from);
+        let wavy = |order: usize, shift: f64| {
+            let mut field = SmoothField::flat(order);
+            let both = field.log_amplitude.iter_mut().chain(&mut field.phase);
+            both.enumerate().for_each(|(i, c)| *c = 0.2 * (1.3 * i as f64 + shift).sin());
+            field
+        };
+        let further =
+            [FurtherMode { light: 0.6, errors: wavy(2, 0.3) }, FurtherMode { light: 0.4, errors: wavy(1, 2.0) }];
+        let kernel = wavy(3, 1.0);
+        let model = DisplayModel {
+            kernel: KernelShape::Smooth(kernel.clone()),
+            coherence: PartialCoherence::new(further.to_vec()),
+            ..DisplayModel::ideal(setup())
+        };
+        let mut expected = Plane::filled(18, 25, 0.0);
+        let modes = [(1.0, None), (0.6, Some(&further[0].errors)), (0.4, Some(&further[1].errors))];
+        for (light, errors) in modes {
+            let field = reference::propagate(&phase.map(Complex64::cis), PITCH_M, |fx, fy| {
+                let (x, y) = (2.0 * PITCH_M * fx, 2.0 * PITCH_M * fy);
+                let own = errors.map_or(Complex64::ONE, |errors| errors.value(x, y));
+                setup().transfer(fx, fy) * kernel.value(x, y) * own
+            });
+            expected
+                .values_mut()
+                .iter_mut()
+                .zip(field.values())
+                .for_each(|(sum, u)| *sum += light / 2.0 * u.norm_sqr());
+        }
+        let engine = EngineCore::<f64>::new(&model, Detector::Point, None).unwrap();
+        let found = [engine.light(&phase).unwrap(), engine.samples(&phase).unwrap()];
+        for (found, expected) in found.iter().flat_map(|found| found.values().iter().zip(expected.values())) {
+            assert!((found - expected).abs() < 1e-11, "{found} {expected}");
+        }
     }
 
     #[test]

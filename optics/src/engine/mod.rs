@@ -10,7 +10,7 @@ mod light;
 
 pub use cache::EngineCache;
 pub use core::EngineCore;
-pub(crate) use core::{Fields, SeriesAlongY, kernel_grid, tabulate_gain, tabulate_source};
+pub(crate) use core::{Fields, Mode, SeriesAlongY, kernel_grid, tabulate_gain, tabulate_source};
 pub(crate) use exact_light::nodes;
 
 use crate::carrier::Carrier;
@@ -57,7 +57,7 @@ impl Engine {
         self.core.width_px()
     }
 
-    /// Complex field in the image plane at the pixels' centres, for a `phase` \[rad\] on the SLM.
+    /// Complex field of the first mode in the image plane at the pixels' centres, for a `phase` \[rad\] on the SLM.
     ///
     /// # Errors
     ///
@@ -103,7 +103,8 @@ impl Engine {
     /// ```
     ///
     /// U₀ is the spectrum of the field on the modulator and E the optics' transmission, 1 for free space. For an ideal display
-    /// this is the number of pixels. For a kernel that varies over the SLM, E is that on the axis.
+    /// this is the number of pixels. For a kernel that varies over the SLM, E is that on the axis. The light of all modes is
+    /// added up.
     ///
     /// # Errors
     ///

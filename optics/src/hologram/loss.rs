@@ -106,6 +106,8 @@ impl From<ImagePlane> for PlaneInput<f32> {
 #[derive(Debug)]
 pub(super) struct TargetPlane<T> {
     pub(super) engine: EngineCore<T>,
+    /// Engines of the display with each mode of its light alone.
+    pub(super) modes: Vec<EngineCore<T>>,
     /// Target of q: t or √t.
     pub(super) picture: Plane<T>,
     pub(super) weight: Option<Plane<T>>,
@@ -152,7 +154,8 @@ impl<T: Real> TargetPlane<T> {
             Quantity::Amplitude => target.map(T::sqrt),
         };
         let compares_amplitudes = loss.quantity == Quantity::Amplitude;
-        Ok(Self { engine, picture, weight, compares_amplitudes, weight_sum, share: share / shares, blocks })
+        let modes = engine.modes().collect();
+        Ok(Self { engine, modes, picture, weight, compares_amplitudes, weight_sum, share: share / shares, blocks })
     }
 
     /// Whether the target has a bright pixel with a positive weight in the region.

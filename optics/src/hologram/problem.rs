@@ -171,13 +171,18 @@ impl<T: Real> ProblemCore<T> {
         self.frames * self.frame_len()
     }
 
+    /// Whether the light of several fields must be added up before it is compared, or kept to be compared with itself.
+    fn needs_two_passes(&self) -> bool {
+        self.frames > 1 || self.loss.has_roughness() || self.planes.iter().any(|plane| !plane.engine.is_coherent())
+    }
+
     pub(super) fn frame_len(&self) -> usize {
         self.engine().height_px() * self.engine().width_px()
     }
 
     /// Evaluates the loss at `gain` and its gradient, see [`HologramProblem::evaluate`].
     pub(super) fn evaluate(&mut self, phase: &[T], gain: f64, gradient: &mut [T]) -> Evaluation {
-        if self.frames > 1 || self.loss.has_roughness() {
+        if self.needs_two_passes() {
             return self.evaluate_in_two(phase, Some(gain), gradient);
         }
         let begin = self.stopwatch.start();
@@ -202,7 +207,7 @@ impl<T: Real> ProblemCore<T> {
 
     /// Evaluates the loss at `gain` without its gradient, see [`HologramProblem::measure`].
     pub(super) fn measure(&mut self, phase: &[T], gain: f64) -> Evaluation {
-        if self.frames > 1 || self.loss.has_roughness() {
+        if self.needs_two_passes() {
             self.compute_light(phase);
             let sums = weighted_sums(self.planes.len(), |p| self.measure_plane(p, gain));
             let roughness = (0..self.planes.len()).map(|p| self.roughness(p)).sum();

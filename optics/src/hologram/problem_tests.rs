@@ -4,15 +4,16 @@
 use super::*;
 use crate::hologram::initial::random;
 use crate::{
-    Carrier, Crosstalk, Detector, DisplayModel, Dust, Ghost, Grid, KernelShape, OpticalSetup, Orders,
-    ResponseVariation, SmoothField, SpatialVariation,
+    Carrier, Crosstalk, Detector, DisplayModel, Dust, FurtherMode, Ghost, Grid, KernelShape, OpticalSetup, Orders,
+    PartialCoherence, ResponseVariation, SmoothField, SpatialVariation,
 };
 use num_complex::Complex64;
 
 const SIZES: [(usize, usize); 3] = [(16, 24), (17, 13), (11, 30)];
 
 /// Display with all flaws of the display model. Its kernel varies across the image if `varies` is true. With `blurs` its
-/// pixels have cross-talk, and with `uneven` its response varies, and there are dust and a ghost.
+/// pixels have cross-talk, and with `uneven` its response varies, and there are dust, a ghost and
+/// three modes of light.
 fn flawed(setup: OpticalSetup, varies: bool, [blurs, uneven]: [bool; 2]) -> DisplayModel {
     let smooth = |order, scale: f64| {
         let mut field = SmoothField::flat(order);
@@ -29,6 +30,13 @@ fn flawed(setup: OpticalSetup, varies: bool, [blurs, uneven]: [bool; 2]) -> Disp
         variation: match varies {
             true => SpatialVariation::new([0.1, -0.1, 0.05, 0.1, -0.05].map(|scale| smooth(2, scale))),
             false => SpatialVariation::none(),
+        },
+        coherence: match uneven {
+            true => PartialCoherence::new(vec![
+                FurtherMode { light: 0.7, errors: smooth(2, 0.4) },
+                FurtherMode { light: 0.3, errors: smooth(1, -0.6) },
+            ]),
+            false => PartialCoherence::none(),
         },
         source: smooth(2, 0.1),
         dust: match uneven {

@@ -1,5 +1,5 @@
 //! Evaluations in two passes: the first computes all of the light, the second its gradient. They serve the gain that
-//! fits best, several frames, roughness, and the projections of Gerchberg–Saxton.
+//! fits best, several frames, several modes of light, roughness, and the projections of Gerchberg–Saxton.
 
 use super::loss::{TargetPlane, weighted_sums};
 use super::problem::{Evaluation, ProblemCore, Sink, compare_with, send_back};
@@ -17,8 +17,8 @@ use rayon::prelude::*;
 /// Light and samples kept between the two passes of an evaluation; empty until an evaluation needs them.
 #[derive(Debug)]
 pub(super) struct Buffers<T> {
-    /// Samples of each plane and frame, if they fit into `SAMPLES_BYTES_MAX`. With one plane and one frame the
-    /// samples are kept in the problem's `fields` instead.
+    /// Samples of each plane, mode of light and frame, if they fit into `SAMPLES_BYTES_MAX`. Those of a single field are
+    /// kept in the problem's `fields` instead.
     samples: Vec<Vec<Complex<T>>>,
     /// Light planes of each image plane.
     lights: Vec<Vec<T>>,
@@ -26,7 +26,7 @@ pub(super) struct Buffers<T> {
     slopes: Vec<T>,
 }
 
-/// Largest size of the kept samples of several planes and frames \[bytes\]. Above this size the samples are computed
+/// Largest size of the kept samples of several fields \[bytes\]. Above this size the samples are computed
 /// again in the second pass. Three planes of 1080×1920 px with a pixel detector fit.
 pub(crate) const SAMPLES_BYTES_MAX: usize = 256 << 20;
 
@@ -138,23 +138,31 @@ impl<T: Real> ProblemCore<T> {
         field
     }
 
-    /// Computes the light of all planes as the mean over the frames.
+    /// Computes the light of all planes: the sum over the modes, and the mean over the frames.
     pub(super) fn compute_light(&mut self, phase: &[T]) {
         self.allocate_buffers();
-        let (frame_len, share) = (self.frame_len(), 1.0 / self.frames as f64);
-        let single_field = self.planes.len() * self.frames == 1;
+        let (frame_len, frames) = (self.frame_len(), self.frames);
+        let (single_field, mut field) = (self.fields_before(self.planes.len()) == 1, 0);
         for (p, plane) in self.planes.iter().enumerate() {
-            for (f, phase) in phase.chunks_exact(frame_len).enumerate() {
-                plane.engine.send(phase, &mut self.fields);
-                let stored = match self.buffers.samples.get_mut(p * self.frames + f) {
+            let sent =
+                plane.modes.iter().flat_map(|mode| phase.chunks_exact(frame_len).map(move |phase| (mode, phase)));
+            for (i, (mode, phase)) in sent.enumerate() {
+                mode.send(phase, &mut self.fields);
+                let stored = match self.buffers.samples.get_mut(field) {
                     Some(stored) => Some(stored.as_mut_slice()),
                     None if single_field => Some(self.fields.spectrum.as_mut_slice()),
                     None => None,
                 };
-                let lights = &mut self.buffers.lights[p];
-                plane.engine.convolver.add_light(&self.fields.tiles, share, f == 0, stored, lights);
+                let (share, lights) = (mode.share / frames as f64, &mut self.buffers.lights[p]);
+                mode.convolver.add_light(&self.fields.tiles, share, i == 0, stored, lights);
+                field += 1;
             }
         }
+    }
+
+    /// Number of fields of the planes before plane `p`: one for each mode and frame.
+    fn fields_before(&self, p: usize) -> usize {
+        self.frames * self.planes[..p].iter().map(|plane| plane.modes.len()).sum::<usize>()
     }
 
     fn allocate_buffers(&mut self) {
@@ -162,7 +170,7 @@ impl<T: Real> ProblemCore<T> {
             return;
         }
         let light_len = self.engine().detector().light_planes() * self.frame_len();
-        let (fields, len) = (self.planes.len() * self.frames, self.fields.spectrum.len());
+        let (fields, len) = (self.fields_before(self.planes.len()), self.fields.spectrum.len());
         self.buffers.lights = (0..self.planes.len()).map(|_| zeros(light_len)).collect();
         self.buffers.slopes = zeros(light_len);
         if fields > 1 && fields * len * size_of::<Complex<T>>() <= SAMPLES_BYTES_MAX {
@@ -199,25 +207,26 @@ impl<T: Real> ProblemCore<T> {
         sum / count as f64
     }
 
-    /// Multiplies a plane's samples by the slopes and propagates them back to the SLM, frame by frame.
+    /// Multiplies a plane's samples by the slopes and propagates them back to the SLM, mode by mode and frame by frame.
     fn weigh_and_send_back(&mut self, p: usize, phase: &[T], mut sink: Sink<'_, T>) {
-        let (plane, frame_len) = (&self.planes[p], self.frame_len());
-        let engine = &plane.engine;
-        let factor = 1.0 / (engine.detector().samples() * self.frames) as f64;
-        let single_field = self.planes.len() * self.frames == 1;
-        for (f, phase) in phase.chunks_exact(frame_len).enumerate() {
-            let Buffers { samples, slopes, .. } = &mut self.buffers;
-            if let Some(stored) = samples.get_mut(p * self.frames + f) {
-                engine.convolver.weigh_stored_samples(stored, slopes, factor);
-                std::mem::swap(stored, &mut self.fields.spectrum);
-            } else if single_field {
-                engine.convolver.weigh_stored_samples(&mut self.fields.spectrum, slopes, factor);
-            } else {
-                engine.send(phase, &mut self.fields);
-                let Fields { spectrum, tiles } = &mut self.fields;
-                engine.convolver.weigh_sampled_tiles(tiles, slopes, factor, spectrum);
+        let (first_field, frame_len) = (self.fields_before(p), self.frame_len());
+        let single_field = self.fields_before(self.planes.len()) == 1;
+        for (m, mode) in self.planes[p].modes.iter().enumerate() {
+            let factor = mode.share / (mode.detector().samples() * self.frames) as f64;
+            for (f, phase) in phase.chunks_exact(frame_len).enumerate() {
+                let Buffers { samples, slopes, .. } = &mut self.buffers;
+                if let Some(stored) = samples.get_mut(first_field + m * self.frames + f) {
+                    mode.convolver.weigh_stored_samples(stored, slopes, factor);
+                    std::mem::swap(stored, &mut self.fields.spectrum);
+                } else if single_field {
+                    mode.convolver.weigh_stored_samples(&mut self.fields.spectrum, slopes, factor);
+                } else {
+                    mode.send(phase, &mut self.fields);
+                    let Fields { spectrum, tiles } = &mut self.fields;
+                    mode.convolver.weigh_sampled_tiles(tiles, slopes, factor, spectrum);
+                }
+                send_back(mode, &mut self.fields, phase, &mut sink.frame(f, frame_len), p + m > 0);
             }
-            send_back(engine, &mut self.fields, phase, &mut sink.frame(f, frame_len), p > 0);
         }
     }
 }

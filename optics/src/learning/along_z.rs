@@ -91,6 +91,16 @@ impl JointLayout {
         }
     }
 
+    /// Adds `by` to a parameter of each plane.
+    pub(super) fn add_to_all_planes(&self, theta: &mut [f64], position: usize, by: f64) {
+        let is_tilt = self.layout.part(position) == Part::Tilt;
+        for ((of, k), value) in self.slots.iter().zip(theta) {
+            if *of == position && (*k == 0 || is_tilt) {
+                *value += by;
+            }
+        }
+    }
+
     /// Moves parameters that have limits into them.
     pub(super) fn limit(&self, theta: &mut [f64]) {
         for (&(position, _), value) in self.slots.iter().zip(theta) {

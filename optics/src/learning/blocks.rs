@@ -13,6 +13,8 @@ use serde::{Deserialize, Serialize};
 const GAIN_MIN: f64 = 0.1;
 /// [`GAIN_MIN`] of [`Block::Dust`], which makes a kernel of some kilobytes one of megabytes.
 const DUST_GAIN_MIN: f64 = 0.3;
+/// [`GAIN_MIN`] of [`Block::PartialCoherence`], which makes every hologram three times as expensive.
+const COHERENCE_GAIN_MIN: f64 = 0.3;
 /// [`GAIN_MIN`] of [`Block::Ghost`]. A ghost that matters explains most of what the other parts leave; a few tenths of it may
 /// resemble a ghost by chance.
 const GHOST_GAIN_MIN: f64 = 0.5;
@@ -33,6 +35,8 @@ pub enum Block {
     Crosstalk,
     /// A phase response that [varies over the SLM](crate::ResponseVariation).
     UnevenResponse,
+    /// Light of several modes that do not interfere: [partial coherence](crate::PartialCoherence).
+    PartialCoherence,
     /// A kernel that [varies over the SLM](crate::SpatialVariation).
     Varying,
     /// A [`Ghost`](crate::Ghost): a second image.
@@ -43,8 +47,15 @@ pub enum Block {
 
 impl Block {
     /// All blocks.
-    pub const ALL: [Self; 6] =
-        [Self::FineSource, Self::Crosstalk, Self::UnevenResponse, Self::Varying, Self::Ghost, Self::Dust];
+    pub const ALL: [Self; 7] = [
+        Self::FineSource,
+        Self::Crosstalk,
+        Self::UnevenResponse,
+        Self::PartialCoherence,
+        Self::Varying,
+        Self::Ghost,
+        Self::Dust,
+    ];
 
     /// Name of the block in lower case, as it is stored.
     #[must_use]
@@ -53,6 +64,7 @@ impl Block {
             Self::FineSource => "fine_source",
             Self::Crosstalk => "crosstalk",
             Self::UnevenResponse => "uneven_response",
+            Self::PartialCoherence => "partial_coherence",
             Self::Varying => "varying",
             Self::Ghost => "ghost",
             Self::Dust => "dust",
@@ -63,6 +75,7 @@ impl Block {
     pub(super) fn gain_min(self) -> f64 {
         match self {
             Self::FineSource | Self::Crosstalk | Self::UnevenResponse | Self::Varying => GAIN_MIN,
+            Self::PartialCoherence => COHERENCE_GAIN_MIN,
             Self::Ghost => GHOST_GAIN_MIN,
             Self::Dust => DUST_GAIN_MIN,
         }
@@ -71,10 +84,8 @@ impl Block {
     /// Whether validation pairs may choose the block in a fit of `model`.
     pub(super) fn belongs_to(self, model: KernelModel) -> bool {
         match self {
-            Self::FineSource | Self::Crosstalk | Self::UnevenResponse | Self::Ghost | Self::Dust => {
-                matches!(model, KernelModel::Display | KernelModel::Varying)
-            }
             Self::Varying => model == KernelModel::Varying,
+            _ => matches!(model, KernelModel::Display | KernelModel::Varying),
         }
     }
 }
@@ -89,6 +100,8 @@ pub struct BlockStrengths {
     pub crosstalk_px: Option<[f64; 2]>,
     /// Root mean square of the relative change of the phase response over the SLM.
     pub response_variation_rms: Option<f64>,
+    /// Standard deviation of the places of the images of modes that do not interfere, along x and along y \[px\].
+    pub image_spread_px: Option<[f64; 2]>,
     /// Whether the kernel varies over the SLM.
     pub kernel_varies: bool,
     /// Light of the ghost relative to that of the image.
@@ -106,6 +119,7 @@ impl BlockStrengths {
             surface_rms_rad: blocks.fine_source.then(|| surface_rms_rad(&model.source)),
             crosstalk_px: blocks.crosstalk.then(|| model.crosstalk.sigma_px()),
             response_variation_rms: blocks.uneven_response.then(|| model.response_variation.rms()),
+            image_spread_px: blocks.partial_coherence.then(|| model.coherence.spread_px()),
             kernel_varies: blocks.varying,
             ghost_share: blocks.ghost.then(|| model.ghost.share()),
             dust_contrast: blocks.dust.then(|| model.dust.contrast()),
@@ -146,6 +160,8 @@ pub struct Blocks {
     pub crosstalk: bool,
     /// [`Block::UnevenResponse`]
     pub uneven_response: bool,
+    /// [`Block::PartialCoherence`]
+    pub partial_coherence: bool,
     /// [`Block::Varying`]
     pub varying: bool,
     /// [`Block::Ghost`]
@@ -160,14 +176,22 @@ impl Blocks {
         fine_source: false,
         crosstalk: false,
         uneven_response: false,
+        partial_coherence: false,
         varying: false,
         ghost: false,
         dust: false,
     };
 
     /// All blocks.
-    pub const ALL: Self =
-        Self { fine_source: true, crosstalk: true, uneven_response: true, varying: true, ghost: true, dust: true };
+    pub const ALL: Self = Self {
+        fine_source: true,
+        crosstalk: true,
+        uneven_response: true,
+        partial_coherence: true,
+        varying: true,
+        ghost: true,
+        dust: true,
+    };
 
     /// The blocks that a display model has.
     #[must_use]
@@ -176,6 +200,7 @@ impl Blocks {
             fine_source: model.source.order > SOURCE_ORDER,
             crosstalk: !model.crosstalk.is_none(),
             uneven_response: !model.response_variation.is_none(),
+            partial_coherence: !model.coherence.is_none(),
             varying: !model.variation.is_none(),
             ghost: !model.ghost.is_none(),
             dust: !model.dust.is_none(),
@@ -212,6 +237,7 @@ impl Blocks {
             Block::FineSource => &mut self.fine_source,
             Block::Crosstalk => &mut self.crosstalk,
             Block::UnevenResponse => &mut self.uneven_response,
+            Block::PartialCoherence => &mut self.partial_coherence,
             Block::Varying => &mut self.varying,
             Block::Ghost => &mut self.ghost,
             Block::Dust => &mut self.dust,

@@ -3,6 +3,7 @@
 use super::columns::project;
 use super::ghost::{NO_GHOST_SUMS, ghost_gradient};
 use super::layout::{FINE_SOURCE_ORDER, HARMONICS, Layout, RESPONSE_VARIATION_ORDER};
+use super::modes::ModeBuffers;
 use super::pair::Example;
 use super::smooth_transfer::SmoothTransfer;
 use crate::buffers::zeros;
@@ -10,7 +11,7 @@ use crate::carrier::Carrier;
 use crate::chebyshev::{ChebyshevBasis, polynomials, position};
 use crate::convolution::Real;
 use crate::convolution::{Kernels, Transfer};
-use crate::engine::{EngineCore, Fields, kernel_grid, tabulate_gain, tabulate_source};
+use crate::engine::{EngineCore, Fields, Mode, kernel_grid, tabulate_gain, tabulate_source};
 use crate::photometry::Sums;
 use crate::slm::{BLOCK, BlockResponse, ShownRow, Slm};
 use crate::{Detector, DisplayModel, Error, Ghost, KernelShape, OpticalSetup};
@@ -35,7 +36,9 @@ pub(super) struct Fit<T> {
     /// T_i at the x of each pixel.
     pub(super) polynomials_x: Vec<Vec<T>>,
     pub(super) out: Fields<T>,
-    back: Vec<Complex<T>>,
+    /// Half-transformed gradient in the image plane.
+    pub(super) back: Vec<Complex<T>>,
+    pub(super) modes: ModeBuffers<T>,
     /// Factor of the light on each pixel by dust; `None`: 1 everywhere.
     dust: Option<Vec<Complex<T>>>,
     /// Buffer for the spectra of derivatives.
@@ -87,6 +90,7 @@ impl<T: Real> Fit<T> {
             polynomials_x,
             out,
             back,
+            modes: ModeBuffers::empty(),
             dust: None,
             spectra,
         })
@@ -103,15 +107,22 @@ impl<T: Real> Fit<T> {
         self.layout = layout;
     }
 
-    /// Allocates `count` transfer functions and the fields for them.
-    fn allocate_kernels(&mut self, count: usize) {
+    /// Allocates `count` transfer functions for each mode of the light, and the fields for them.
+    fn allocate_kernels(&mut self, count: usize, modes: usize) {
         let (height_px, width_px) = (self.engine.height_px(), self.engine.width_px());
-        let zeros = Transfer::zeros(height_px, width_px);
-        self.engine.kernels = Arc::new(match count {
-            1 => Kernels::single(zeros),
-            _ => kernel_grid(vec![zeros; count]),
-        });
+        let kernels = || {
+            let zeros = Transfer::zeros(height_px, width_px);
+            Arc::new(match count {
+                1 => Kernels::single(zeros),
+                _ => kernel_grid(vec![zeros; count]),
+            })
+        };
+        // Frees memory before the new ones are allocated.
+        (self.engine.further, self.modes) = (Vec::new(), ModeBuffers::empty());
+        self.engine.kernels = kernels();
+        self.engine.further = (1..modes).map(|_| Mode::with_kernels(kernels())).collect();
         self.out = Fields::new(&self.engine);
+        self.modes = ModeBuffers::of(&self.engine);
     }
 
     /// Sets the dust: the logarithm of the amplitude and the phase of each pixel's factor. The next [`Self::set`] uses it.
@@ -125,17 +136,22 @@ impl<T: Real> Fit<T> {
 
     pub(super) fn set(&mut self, plane: usize, parameters: &[f64]) {
         let model = self.layout.model(&self.setups[plane], (1.0, 0.0), parameters);
-        let models = model.local_kernels().unwrap_or_else(|| vec![model.clone()]);
-        if self.engine.kernels.transfers.len() != models.len() {
-            self.allocate_kernels(models.len());
+        let shares = model.coherence.shares();
+        let local: Vec<Vec<DisplayModel>> =
+            model.modes().map(|mode| mode.local_kernels().unwrap_or_else(|| vec![mode])).collect();
+        if (self.engine.kernels.transfers.len(), self.engine.further.len() + 1) != (local[0].len(), local.len()) {
+            self.allocate_kernels(local[0].len(), local.len());
         }
-        let transfers = &mut Arc::make_mut(&mut self.engine.kernels).transfers;
-        for (model, transfer) in models.iter().zip(transfers) {
-            if let KernelShape::Smooth(errors) = &model.kernel {
-                self.smooth.apply(plane, errors, transfer);
-                self.smooth.add_ghost(&model.ghost, transfer);
+        self.for_each_mode(|fit, m| {
+            fit.engine.share = shares[m];
+            let transfers = &mut Arc::make_mut(&mut fit.engine.kernels).transfers;
+            for (model, transfer) in local[m].iter().zip(transfers) {
+                if let KernelShape::Smooth(errors) = &model.kernel {
+                    fit.smooth.apply(plane, errors, transfer);
+                    fit.smooth.add_ghost(&model.ghost, transfer);
+                }
             }
-        }
+        });
         self.ghost = model.ghost;
         if self.layout.has_slm() {
             let (height_px, width_px) = (self.engine.height_px(), self.engine.width_px());
@@ -157,9 +173,13 @@ impl<T: Real> Fit<T> {
     /// display. If the light does not correlate with the photograph, the gain is 0 and nothing is learned from the
     /// pair.
     pub(super) fn propagate_and_fit_exposure(&mut self, example: &Example<T>) {
-        let Self { engine, out, .. } = self;
-        engine.send(example.phase.values(), out);
-        let sums = engine.convolver.measure(&out.tiles, &example.comparison(engine, 1.0, 0.0));
+        let sums = if self.engine.is_coherent() {
+            let Self { engine, out, .. } = self;
+            engine.send(example.phase.values(), out);
+            engine.convolver.measure(&out.tiles, &example.comparison(engine, 1.0, 0.0))
+        } else {
+            self.measure_modes(example)
+        };
         let (gain, offset) = sums.best_gain_and_offset();
         (self.gain, self.offset) = if gain > 0.0 { (gain, offset) } else { (0.0, sums.t / sums.w) };
     }
@@ -173,10 +193,17 @@ impl<T: Real> Fit<T> {
             (smooth.column_sums(h, u, g), of_ghost)
         });
         let mut gradient = vec![0.0; self.layout.len()];
-        let count = self.engine.kernels.transfers.len();
-        let of_kernel = |kernel| columns.iter().skip(kernel).step_by(count).map(|(smooth, _)| smooth);
-        let local = (0..count).map(|kernel| self.smooth.gradient(of_kernel(kernel)));
-        self.layout.add_local_gradients(self.engine.kernels.lanes(), local, &mut gradient);
+        let (count, modes) = (self.engine.kernels.transfers.len(), self.engine.further.len() + 1);
+        for (m, columns) in columns.chunks_exact(columns.len() / modes).enumerate() {
+            let of_kernel = |kernel| columns.iter().skip(kernel).step_by(count).map(|(smooth, _)| smooth);
+            let local: Vec<_> = (0..count).map(|kernel| self.smooth.gradient(of_kernel(kernel))).collect();
+            self.layout.add_local_gradients(self.engine.kernels.lanes(), &local, &mut gradient);
+            if let Some(further) = m.checked_sub(1) {
+                self.layout.add_mode_gradients(further, &local, &mut gradient);
+                // The share of the light is the square of an amplitude, and the gain compensates what the other modes lose.
+                gradient[self.layout.mode_light(further)] = columns.iter().map(|(smooth, _)| smooth[0].re).sum();
+            }
+        }
         if let Some(ghost) = ghost {
             let of_ghost = ghost_gradient(&ghost, columns.iter().map(|(_, of_ghost)| of_ghost));
             gradient[self.layout.ghost()..][..of_ghost.len()].copy_from_slice(&of_ghost);
@@ -189,35 +216,69 @@ impl<T: Real> Fit<T> {
     }
 
     /// Propagates a pair and the gradient of its loss, and calls `visit(smooth, column, [h, u, g])` for each column of each
-    /// kernel: the transfer function, and the spectra of the outgoing field and of the back-propagated gradient. The results are
-    /// ordered by column, then by kernel.
+    /// kernel in each mode: the transfer function, and the spectra of the outgoing field and of the back-propagated gradient. The
+    /// results are ordered by mode, then by column, then by kernel.
     pub(super) fn correlate<R: Send>(
         &mut self,
         example: &Example<T>,
         visit: impl Fn(&SmoothTransfer<T>, usize, [&[Complex<T>]; 3]) -> R + Sync,
     ) -> (Sums, Vec<R>) {
         self.propagate_and_fit_exposure(example);
+        let comparison = example.comparison(&self.engine, self.gain, self.offset);
+        if self.engine.is_coherent() {
+            let sums = self.engine.convolver.compare(&self.out.tiles, &comparison, &mut self.back);
+            return (sums, self.correlate_mode(&visit));
+        }
+        let (sums, mut columns) = (self.compare_modes(&comparison), Vec::new());
+        self.for_each_mode(|fit, m| {
+            fit.weigh_mode();
+            columns.extend(fit.correlate_mode(&visit));
+            fit.add_returned(m);
+        });
+        (sums, columns)
+    }
+
+    /// [`Self::correlate`] for the mode whose engine the fit has now.
+    fn correlate_mode<R: Send>(
+        &mut self,
+        visit: &(impl Fn(&SmoothTransfer<T>, usize, [&[Complex<T>]; 3]) -> R + Sync),
+    ) -> Vec<R> {
         let Self { engine, smooth, out, back, .. } = self;
         let (convolver, kernels) = (&engine.convolver, &engine.kernels);
-        let comparison = example.comparison(engine, self.gain, self.offset);
-        let sums = convolver.compare(&out.tiles, &comparison, back);
         let (field, tiles) = (&out.spectrum[..kernels.half_spectrum_len(convolver)], &mut out.tiles);
         let tiles = &mut tiles[..kernels.half_spectrum_len(convolver)];
-        let columns = convolver.correlate(field, back, kernels, tiles, |kernel, column, u, g| {
+        convolver.correlate(field, back, kernels, tiles, |kernel, column, u, g| {
             let mut h = u.to_vec();
             kernels.transfers[kernel].read_column(column, &mut h);
             visit(smooth, column, [&h, u, g])
-        });
-        (sums, columns)
+        })
     }
 
     /// The loss of one pair at its best gain and offset. Adds `share` times the gradient with respect to the exponents of
     /// the dust to `gradient`, two numbers for each pixel.
     pub(super) fn evaluate_dust(&mut self, example: &Example<T>, share: f64, gradient: &mut [T]) -> Sums {
         self.propagate_and_fit_exposure(example);
+        let comparison = example.comparison(&self.engine, self.gain, self.offset);
+        if self.engine.is_coherent() {
+            let Fields { spectrum, tiles } = &mut self.out;
+            let sums = self.engine.convolver.compare(tiles, &comparison, spectrum);
+            self.return_to_dust(example, share, gradient);
+            return sums;
+        }
+        let sums = self.compare_modes(&comparison);
+        self.for_each_mode(|fit, _| {
+            fit.weigh_mode();
+            // The spectrum is needed again for the next mode.
+            std::mem::swap(&mut fit.out.spectrum, &mut fit.back);
+            fit.return_to_dust(example, share, gradient);
+            std::mem::swap(&mut fit.out.spectrum, &mut fit.back);
+        });
+        sums
+    }
+
+    /// Propagates the half-transformed gradient in the spectrum back, and adds `share` times the gradient by the dust.
+    fn return_to_dust(&mut self, example: &Example<T>, share: f64, gradient: &mut [T]) {
         let Self { engine, out, .. } = self;
-        let comparison = example.comparison(engine, self.gain, self.offset);
-        let sums = engine.convolver.compare(&out.tiles, &comparison, &mut out.spectrum);
         let (slm, shown) = (&engine.slm, engine.slm.shown(example.phase.values()));
         engine.return_rows(out, gradient.as_chunks_mut().0, |y, b, out: &mut [[T; 2]]| {
             let mut field: Vec<Complex<T>> = zeros(b.len());
@@ -228,7 +289,6 @@ impl<T: Real> Fit<T> {
                 *out = [out[0] + twice * product.re, out[1] - twice * product.im];
             }
         });
-        sums
     }
 
     fn slm_gradient(&self, example: &Example<T>) -> Vec<f64> {

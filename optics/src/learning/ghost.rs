@@ -40,14 +40,15 @@ impl<T: Real> SmoothTransfer<T> {
     /// Multiplies a transfer function by the factor of a ghost.
     pub(super) fn add_ghost(&self, ghost: &Ghost, transfer: &mut Transfer<T>) {
         if !ghost.is_none() {
-            self.multiply(transfer, |x, y| ghost.factor(x, y));
+            let image = transfer.clone();
+            self.multiply(&image, transfer, |x, y| ghost.factor(x, y));
         }
     }
 
-    /// Turns a transfer function with a ghost into its derivative by one of the ghost's numbers: by the real part of the
+    /// Writes the derivative of a transfer function with a ghost by one of the ghost's numbers: by the real part of the
     /// amplitude for 0; for 2 to 4 by a shift or the defocus, without the factor i.
-    pub(super) fn differentiate_ghost(&self, ghost: &Ghost, number: usize, transfer: &mut Transfer<T>) {
-        self.multiply(transfer, |x, y| {
+    pub(super) fn differentiate_ghost(&self, ghost: &Ghost, number: usize, of: &Transfer<T>, out: &mut Transfer<T>) {
+        self.multiply(of, out, |x, y| {
             let beside = beside_image(ghost, x, y);
             match number {
                 2 => PI * x * ghost.amplitude * beside,
@@ -58,10 +59,9 @@ impl<T: Real> SmoothTransfer<T> {
         });
     }
 
-    fn multiply(&self, transfer: &mut Transfer<T>, factor: impl Fn(f64, f64) -> Complex64 + Sync) {
-        let before = transfer.clone();
-        transfer.write_columns(|i, column| {
-            before.read_column(i, column);
+    fn multiply(&self, of: &Transfer<T>, out: &mut Transfer<T>, factor: impl Fn(f64, f64) -> Complex64 + Sync) {
+        out.write_columns(|i, column| {
+            of.read_column(i, column);
             for (h, &y) in column.iter_mut().zip(&self.rows) {
                 let factor = factor(self.columns[i], y);
                 *h = *h * Complex::new(T::of(factor.re), T::of(factor.im));

@@ -43,41 +43,55 @@ struct Jacobian<T> {
     columns: Range<usize>,
     parameters: usize,
     samples: usize,
-    /// The field u, indexed \[row\]\[sub-sample\]\[x\].
+    /// The field u of a mode, indexed \[row\]\[sub-sample\]\[x\].
     field: Vec<Complex<T>>,
     /// The derivatives ∂e/∂θ, indexed \[row\]\[θ\]\[x\].
     values: Vec<T>,
+    /// The light of all modes, indexed \[row\]\[x\].
+    light: Vec<T>,
 }
 
 impl<T: Real> Fit<T> {
     /// The curvature of a pair's loss at the current parameters, from every `stride`-th row starting at row `first`.
     pub(super) fn curvature(&mut self, example: &Example<T>, first: usize, stride: usize) -> Curvature {
-        let engine = self.engine.clone();
         self.propagate_and_fit_exposure(example);
         let mut jacobian = Jacobian::new(self, example, first, stride);
-        jacobian.store_field(self);
+        let is_coherent = self.engine.is_coherent();
+        self.for_each_mode(|fit, m| {
+            if !is_coherent {
+                fit.engine.send(example.phase.values(), &mut fit.out);
+            }
+            fit.derivatives_in_mode(m, example, &mut jacobian);
+        });
+        jacobian.curvature(self, example)
+    }
 
-        let layout = self.layout;
-        self.kernel_derivatives(&engine, (None, layout.kernel, 0), &mut jacobian);
+    /// Adds the derivatives of the light of mode `m`, which the fit has just propagated.
+    fn derivatives_in_mode(&mut self, m: usize, example: &Example<T>, jacobian: &mut Jacobian<T>) {
+        let (layout, engine, further) = (self.layout, self.engine.clone(), m.checked_sub(1));
+        jacobian.store_field(self, further.map(|further| layout.mode_light(further)));
+        self.kernel_derivatives(&engine, (None, layout.kernel, 0), jacobian);
+        if let Some(further) = further {
+            self.kernel_derivatives(&engine, (None, layout.mode, layout.mode_errors(further)), jacobian);
+        }
         if layout.varies() {
             for power in 0..SpatialVariation::POWERS {
                 let series = (Some(power), layout.variation, layout.variation(power));
-                self.kernel_derivatives(&engine, series, &mut jacobian);
+                self.kernel_derivatives(&engine, series, jacobian);
             }
         }
         if layout.blocks.ghost {
-            self.ghost_derivatives(&engine, &mut jacobian);
+            self.ghost_derivatives(&engine, jacobian);
         }
         // The derivatives by the source change the windows of the kernels, which then must have one owner.
         drop(engine);
         if layout.has_slm() {
-            self.slm_derivatives(example, &mut jacobian);
+            self.slm_derivatives(example, jacobian);
         }
-        jacobian.curvature(self, example)
     }
 
-    /// Adds the derivatives by the terms of a series that begins at `start` in θ: the kernel's series, or that of one
-    /// power of the position on the SLM.
+    /// Adds the derivatives by the terms of a series that begins at `start` in θ: the kernel's series, that of a further mode,
+    /// or that of one power of the position on the SLM.
     fn kernel_derivatives(
         &mut self,
         engine: &EngineCore<T>,
@@ -105,15 +119,15 @@ impl<T: Real> Fit<T> {
     /// Adds the derivatives by the numbers of the ghost.
     fn ghost_derivatives(&mut self, engine: &EngineCore<T>, jacobian: &mut Jacobian<T>) {
         let (start, convolver) = (self.layout.ghost(), &engine.convolver);
+        let mut kernels = (*engine.kernels).clone();
         for (number, slots) in [
             (0, [Some(start), Some(start + 1)]),
             (2, [None, Some(start + 2)]),
             (3, [None, Some(start + 3)]),
             (4, [None, Some(start + 4)]),
         ] {
-            let mut kernels = (*engine.kernels).clone();
-            for transfer in &mut kernels.transfers {
-                self.smooth.differentiate_ghost(&self.ghost, number, transfer);
+            for (of, derivative) in engine.kernels.transfers.iter().zip(&mut kernels.transfers) {
+                self.smooth.differentiate_ghost(&self.ghost, number, of, derivative);
             }
             let field = &self.out.spectrum[..engine.kernels.half_spectrum_len(convolver)];
             convolver.propagate(field, &kernels, &mut self.out.tiles[..engine.image_len()]);
@@ -245,11 +259,12 @@ impl<T: Real> Jacobian<T> {
         let (parameters, samples) = (fit.layout.len() + 2, fit.engine.detector.samples());
         let pixels = rows.len() * columns.len();
         let field = zeros(pixels * samples);
-        Self { rows, columns, parameters, samples, field, values: zeros(pixels * parameters) }
+        Self { rows, columns, parameters, samples, field, values: zeros(pixels * parameters), light: zeros(pixels) }
     }
 
-    /// Stores u, the field that the fit has just propagated.
-    fn store_field(&mut self, fit: &Fit<T>) {
+    /// Stores u, the field that the fit has just propagated, and adds its light. Writes ∂e by the logarithm of the mode's part
+    /// of the light to the slot `light_slot`, but for a multiple of the light of all modes, which the gain compensates.
+    fn store_field(&mut self, fit: &Fit<T>, light_slot: Option<usize>) {
         let convolver = &fit.engine.convolver;
         let (width_px, columns, arch) = (convolver.width_px, self.columns.clone(), Arch::new());
         let per_row = self.samples * columns.len();
@@ -263,6 +278,19 @@ impl<T: Real> Jacobian<T> {
                 }
             },
         );
+        let (samples, width, gain) = (self.samples, columns.len(), T::of(fit.gain));
+        let share = T::of(fit.engine.share / samples as f64);
+        let values = self.values.par_chunks_mut(self.parameters * width);
+        let rows = values.zip(self.light.par_chunks_mut(width)).zip(self.field.par_chunks(per_row));
+        rows.for_each(|((values, light), field)| {
+            for x in 0..width {
+                let of_mode = (0..samples).fold(T::zero(), |sum, s| sum + field[s * width + x].norm_sqr()) * share;
+                light[x] = light[x] + of_mode;
+                if let Some(slot) = light_slot {
+                    values[slot * width + x] = gain * of_mode;
+                }
+            }
+        });
     }
 
     /// Writes ∂e for the field that the fit has just propagated, with its spectrum weighted by columns: to the slot
@@ -271,7 +299,7 @@ impl<T: Real> Jacobian<T> {
         let convolver = &fit.engine.convolver;
         let (width_px, columns, arch) = (convolver.width_px, self.columns.clone(), Arch::new());
         let width = columns.len();
-        let factor = T::of(2.0 * fit.gain / self.samples as f64);
+        let factor = T::of(2.0 * fit.gain * fit.engine.share / self.samples as f64);
         let field = self.field.par_chunks(self.samples * width);
         self.values.par_chunks_mut(self.parameters * width).zip(field).zip(&self.rows).for_each_init(
             || convolver.scratch.take(),
@@ -300,20 +328,17 @@ impl<T: Real> Jacobian<T> {
     fn curvature(mut self, fit: &Fit<T>, example: &Example<T>) -> Curvature {
         let (parameters, width, arch) = (self.parameters, self.columns.len(), Arch::new());
         let (gain_slot, gain, offset) = (fit.layout.len(), T::of(fit.gain), T::of(fit.offset));
-        let share = T::of(1.0 / self.samples as f64);
-        let samples = self.samples;
-        let field = self.field.par_chunks(samples * width);
+        let light = self.light.par_chunks(width);
         let columns = self.columns.clone();
         let rows =
-            self.values.par_chunks_mut(parameters * width).zip(field).zip(&self.rows).map(|((values, field), &y)| {
+            self.values.par_chunks_mut(parameters * width).zip(light).zip(&self.rows).map(|((values, light), &y)| {
                 interrupt::check();
                 let (photo, weight) = (&example.photo.row(y)[columns.clone()], &example.weight.row(y)[columns.clone()]);
                 let mut error = vec![T::zero(); width];
                 for x in 0..width {
-                    let light = (0..samples).fold(T::zero(), |sum, s| sum + field[s * width + x].norm_sqr()) * share;
-                    values[gain_slot * width + x] = gain * light;
+                    values[gain_slot * width + x] = gain * light[x];
                     values[(gain_slot + 1) * width + x] = T::one();
-                    error[x] = gain * light + offset - photo[x];
+                    error[x] = gain * light[x] + offset - photo[x];
                 }
                 for row in values.chunks_exact_mut(width) {
                     row.iter_mut().zip(weight).for_each(|(value, &weight)| *value = *value * weight);

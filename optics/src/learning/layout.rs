@@ -2,15 +2,16 @@
 //!
 //! θ holds, in this order: α and ψ of the kernel, log amplitude and phase of the source, [a_k, b_k] of the phase
 //! response, the zero order's real and imaginary part, q of the cross-talk along x and y, the series v of the response's
-//! variation, the numbers of the ghost, and α_m and ψ_m of the kernel's variation over the SLM. The
-//! model `smooth` has the kernel only. Gain and offset are not in θ: each photograph has its own.
+//! variation, the numbers of the ghost, α_m and ψ_m of the kernel's variation over the SLM, and for each further mode of
+//! light ln(w_m/w_0), α_m and ψ_m. The model `smooth` has the kernel only. Gain and offset are not in θ: each photograph has its own.
 
 use super::{Blocks, KernelModel};
 use crate::chebyshev::ChebyshevBasis;
 use crate::convolution::Real;
 use crate::spatial_variation::local_kernels;
 use crate::{
-    Crosstalk, DisplayModel, Dust, Ghost, KernelShape, OpticalSetup, ResponseVariation, SmoothField, SpatialVariation,
+    Crosstalk, DisplayModel, Dust, FurtherMode, Ghost, KernelShape, OpticalSetup, PartialCoherence, ResponseVariation,
+    SmoothField, SpatialVariation,
 };
 use num_complex::Complex64;
 use std::ops::Range;
@@ -25,6 +26,13 @@ pub(crate) const HARMONICS: usize = 3;
 pub(crate) const RESPONSE_VARIATION_ORDER: usize = 3;
 /// Highest total degree of the kernel's variation over the SLM: that of third-order aberrations.
 pub(crate) const VARIATION_ORDER: usize = 4;
+
+/// Number of further modes of partially coherent light: with the first one, three directions have any spread along both axes.
+pub(crate) const FURTHER_MODES: usize = 2;
+/// Highest total degree of a mode's transfer function relative to the kernel: a shift, and a defocus.
+pub(crate) const MODE_ORDER: usize = 2;
+/// Limits of the logarithm of a mode's light relative to that of the first mode.
+const LOG_LIGHT: (f64, f64) = (-7.0, 3.0);
 
 /// Positions of the parameters in θ.
 #[derive(Clone, Copy, Debug)]
@@ -41,6 +49,10 @@ pub(super) struct Layout {
     ghost: usize,
     /// Basis of the variation over the SLM; of order 0 when the kernel is the same everywhere.
     pub(super) variation: ChebyshevBasis,
+    /// Number of further modes of the light.
+    pub(super) modes: usize,
+    /// Basis of their transfer functions relative to the kernel.
+    pub(super) mode: ChebyshevBasis,
     /// Blocks of the model.
     pub(super) blocks: Blocks,
 }
@@ -52,7 +64,7 @@ pub(super) enum Part {
     Tilt,
     /// A term of the kernel other than these tilts.
     Kernel,
-    /// A parameter of the source, the phase response, the zero order, or the variation over the SLM.
+    /// A parameter of the source, the phase response, the zero order, the variation over the SLM, or the modes of light.
     Slm,
 }
 
@@ -66,12 +78,26 @@ impl Layout {
             KernelModel::Paper | KernelModel::Dense => unreachable!("models of bins are learned by their own method"),
         };
         let variation = if blocks.varying { VARIATION_ORDER.min(order) } else { 0 };
-        let [kernel, source, variation] = [order, source, variation].map(ChebyshevBasis::new);
+        let [kernel, source, variation, mode] =
+            [order, source, variation, MODE_ORDER.min(order)].map(ChebyshevBasis::new);
+        let modes = if blocks.partial_coherence { FURTHER_MODES } else { 0 };
         let crosstalk = if blocks.crosstalk { 2 } else { 0 };
         let response_variation =
             if blocks.uneven_response { ResponseVariation::terms(RESPONSE_VARIATION_ORDER) } else { 0 };
         let ghost = if blocks.ghost { Ghost::NONE.numbers().len() } else { 0 };
-        Self { kernel, source, harmonics, zero_order, crosstalk, response_variation, ghost, variation, blocks }
+        Self {
+            kernel,
+            source,
+            harmonics,
+            zero_order,
+            crosstalk,
+            response_variation,
+            ghost,
+            variation,
+            modes,
+            mode,
+            blocks,
+        }
     }
 
     /// Whether the kernel varies over the SLM.
@@ -80,7 +106,7 @@ impl Layout {
     }
 
     pub(super) fn len(&self) -> usize {
-        self.variation(SpatialVariation::POWERS)
+        self.mode_light(self.modes)
     }
 
     pub(super) fn source(&self) -> usize {
@@ -112,6 +138,16 @@ impl Layout {
         self.ghost() + self.ghost + 2 * self.variation.terms() * power
     }
 
+    /// Position of the logarithm of the light of further mode `m`, which comes before its errors.
+    pub(super) fn mode_light(&self, m: usize) -> usize {
+        self.variation(SpatialVariation::POWERS) + (1 + 2 * self.mode.terms()) * m
+    }
+
+    /// Start of the coefficients of the errors of further mode `m`.
+    pub(super) fn mode_errors(&self, m: usize) -> usize {
+        self.mode_light(m) + 1
+    }
+
     /// The value of the parameter at a position of θ, moved into its limits.
     pub(super) fn limited(&self, position: usize, value: f64) -> f64 {
         match position {
@@ -123,6 +159,7 @@ impl Layout {
                 let limit = Ghost::AMPLITUDE_MAX / std::f64::consts::SQRT_2;
                 value.clamp(-limit, limit)
             }
+            _ if (0..self.modes).any(|m| self.mode_light(m) == position) => value.clamp(LOG_LIGHT.0, LOG_LIGHT.1),
             _ => value,
         }
     }
@@ -145,17 +182,12 @@ impl Layout {
 
     /// Adds to the gradient of θ the contributions of all local kernels of a grid, given the gradients with respect to
     /// their α and ψ.
-    pub(super) fn add_local_gradients(
-        &self,
-        side: usize,
-        local: impl Iterator<Item = (Vec<f64>, Vec<f64>)>,
-        gradient: &mut [f64],
-    ) {
-        let slots: Vec<(usize, usize)> = self.variation_terms().collect();
-        for ((alpha, psi), powers) in local.zip(self.local_powers(side)) {
+    pub(super) fn add_local_gradients(&self, side: usize, local: &[(Vec<f64>, Vec<f64>)], gradient: &mut [f64]) {
+        let slots = self.terms_in_kernel(self.variation);
+        for ((alpha, psi), powers) in local.iter().zip(self.local_powers(side)) {
             let terms = self.kernel.terms();
-            gradient[..terms].iter_mut().zip(&alpha).for_each(|(sum, value)| *sum += value);
-            gradient[terms..2 * terms].iter_mut().zip(&psi).for_each(|(sum, value)| *sum += value);
+            gradient[..terms].iter_mut().zip(alpha).for_each(|(sum, value)| *sum += value);
+            gradient[terms..2 * terms].iter_mut().zip(psi).for_each(|(sum, value)| *sum += value);
             for (power, weight) in powers.into_iter().enumerate() {
                 let start = self.variation(power);
                 for &(slot, term) in &slots {
@@ -174,11 +206,22 @@ impl Layout {
         }
     }
 
-    /// For each term of the variation's series: its index, and the index of the same term in the kernel's series.
-    fn variation_terms(&self) -> impl Iterator<Item = (usize, usize)> {
-        let kernel = self.kernel;
-        let kernel_term = move |degrees| kernel.degrees().position(|of_kernel| of_kernel == degrees);
-        self.variation.degrees().enumerate().filter_map(move |(slot, degrees)| Some((slot, kernel_term(degrees)?)))
+    /// Adds to the gradient of θ what the gradients with respect to α and ψ of the local kernels of further mode `m` say of
+    /// the mode's own errors.
+    pub(super) fn add_mode_gradients(&self, m: usize, local: &[(Vec<f64>, Vec<f64>)], gradient: &mut [f64]) {
+        let (start, slots) = (self.mode_errors(m), self.terms_in_kernel(self.mode));
+        for (alpha, psi) in local {
+            for &(slot, term) in &slots {
+                gradient[start + slot] += alpha[term];
+                gradient[start + self.mode.terms() + slot] += psi[term];
+            }
+        }
+    }
+
+    /// For each term of a series: its index, and the index of the same term in the kernel's series.
+    fn terms_in_kernel(&self, basis: ChebyshevBasis) -> Vec<(usize, usize)> {
+        let kernel_term = |degrees| self.kernel.degrees().position(|of_kernel| of_kernel == degrees);
+        basis.degrees().enumerate().filter_map(|(slot, degrees)| Some((slot, kernel_term(degrees)?))).collect()
     }
 
     /// Weight of each local kernel's light in the derivative by a power of the position on the SLM. With no power all
@@ -216,11 +259,16 @@ impl Layout {
             true => SpatialVariation::new(std::array::from_fn(along)),
             false => SpatialVariation::none(),
         };
+        let mode = |m| FurtherMode {
+            light: parameters[self.mode_light(m)].exp(),
+            errors: smooth(self.mode, self.mode_errors(m)),
+        };
         DisplayModel {
             setup: *setup,
             kernel: KernelShape::Smooth(smooth(self.kernel, 0)),
             ghost,
             variation,
+            coherence: PartialCoherence::new((0..self.modes).map(mode).collect()),
             source: smooth(self.source, self.source()),
             dust: Dust::none(),
             response: parameters[self.response()..self.zero_order()].as_chunks().0.to_vec(),
@@ -257,6 +305,7 @@ impl Layout {
         move_numbers(self.crosstalk()..self.response_variation(), to.crosstalk()..to.response_variation());
         move_numbers(self.response_variation()..self.ghost(), to.response_variation()..to.ghost());
         move_numbers(self.ghost()..self.variation(0), to.ghost()..to.variation(0));
+        move_numbers(self.mode_light(0)..self.len(), to.mode_light(0)..to.len());
         converted
     }
 
@@ -281,6 +330,11 @@ impl Layout {
         parameters.extend(model.ghost.numbers().iter().take(self.ghost));
         for power in 0..SpatialVariation::POWERS {
             push_field(&mut parameters, self.variation, model.variation.fields().get(power));
+        }
+        for m in 0..self.modes {
+            let mode = model.coherence.modes().get(m);
+            parameters.push(mode.map_or(LOG_LIGHT.0, |mode| mode.light.ln().clamp(LOG_LIGHT.0, LOG_LIGHT.1)));
+            push_field(&mut parameters, self.mode, mode.map(|mode| &mode.errors));
         }
         parameters
     }
@@ -314,7 +368,8 @@ mod tests {
         let small = Layout::of(KernelModel::Display, 3, Blocks::NONE);
         let theta: Vec<f64> = (0..small.len()).map(|i| (i as f64 * 1.3 + 0.5).sin()).collect();
         let model = small.model(&setup, (0.7, 0.1), &theta);
-        let large = Layout::of(KernelModel::Display, 8, Blocks { varying: false, ..Blocks::ALL });
+        let blocks = Blocks { varying: false, partial_coherence: false, ..Blocks::ALL };
+        let large = Layout::of(KernelModel::Display, 8, blocks);
         let again = large.model(&setup, (model.gain, model.offset), &large.parameters(&model));
         let (KernelShape::Smooth(before), KernelShape::Smooth(after)) = (&model.kernel, &again.kernel) else {
             panic!()

@@ -23,6 +23,7 @@ mod fit;
 mod ghost;
 mod jacobian;
 mod layout;
+mod modes;
 mod pair;
 pub mod parametric;
 mod parts;
@@ -33,7 +34,9 @@ mod uncertainty;
 
 /// Sizes that determine the memory of a fit.
 pub(crate) mod sizes {
-    pub(crate) use super::layout::{FINE_SOURCE_ORDER, HARMONICS, RESPONSE_VARIATION_ORDER, VARIATION_ORDER};
+    pub(crate) use super::layout::{
+        FINE_SOURCE_ORDER, FURTHER_MODES, HARMONICS, MODE_ORDER, RESPONSE_VARIATION_ORDER, VARIATION_ORDER,
+    };
     pub(crate) use super::parametric::CURVATURE_PX;
 }
 

@@ -1,5 +1,6 @@
 //! Pairs of a hologram and its photograph.
 
+use crate::buffers::zeros;
 use crate::convolution::Real;
 use crate::engine::{Engine, EngineCore, Fields};
 use crate::photometry::{Comparison, Quantity, Sums};
@@ -122,8 +123,17 @@ pub(super) fn measure<T: Real>(
     region: RegionOfInterest,
 ) -> Result<Sums, Error> {
     let example = Example::new(pair, engine, region)?;
-    engine.send(example.phase.values(), fields);
-    Ok(engine.convolver.measure(&fields.tiles, &example.comparison(engine, 1.0, 0.0)))
+    let comparison = example.comparison(engine, 1.0, 0.0);
+    if engine.is_coherent() {
+        engine.send(example.phase.values(), fields);
+        return Ok(engine.convolver.measure(&fields.tiles, &comparison));
+    }
+    let mut lights = zeros(engine.detector.light_planes() * engine.height_px() * engine.width_px());
+    for (m, mode) in engine.modes().enumerate() {
+        mode.send(example.phase.values(), fields);
+        mode.convolver.add_light(&fields.tiles, mode.share, m == 0, None, &mut lights);
+    }
+    Ok(engine.convolver.measure_lights(&comparison, &lights))
 }
 
 /// Adds up the sums of several pairs; the result gives the gain and offset that fit all of them best.

@@ -319,6 +319,7 @@ impl ParametricLearner {
     /// Takes a step of Levenberg and Marquardt's method, validates the result, and changes the order when the step was
     /// the last.
     fn refine(&mut self, learning_pairs: LearningPairs<'_>) -> Result<LearnStep, BoxError> {
+        self.separate_modes();
         if self.lacks_ghost(learning_pairs.training)? {
             return self.end_refinement(learning_pairs.training, None);
         }

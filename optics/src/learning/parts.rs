@@ -12,6 +12,8 @@ pub enum ModelPart {
     TransferFunction,
     /// The change of these errors over the SLM.
     VaryingTransferFunction,
+    /// Light of further modes, which does not interfere.
+    PartialCoherence,
     /// A ghost.
     Ghost,
     /// The profile of the light on the SLM, and the uneven surface of the SLM.
@@ -80,6 +82,9 @@ pub fn without_each_part(model: &DisplayModel) -> Vec<(ModelPart, DisplayModel)>
     add(ModelPart::VaryingTransferFunction, !model.variation.is_none(), |model| {
         model.variation = SpatialVariation::none()
     });
+    add(ModelPart::PartialCoherence, !model.coherence.is_none(), |model| {
+        *model = model.in_one_mode();
+    });
     add(ModelPart::Ghost, !model.ghost.is_none(), |model| model.ghost = Ghost::NONE);
     add(ModelPart::Source, !model.source.is_flat(), |model| model.source = SmoothField::flat(0));
     add(ModelPart::Dust, !model.dust.is_none(), |model| model.dust = Dust::none());
@@ -95,7 +100,7 @@ pub fn without_each_part(model: &DisplayModel) -> Vec<(ModelPart, DisplayModel)>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Grid, OpticalSetup, Plane};
+    use crate::{FurtherMode, Grid, OpticalSetup, PartialCoherence, Plane};
 
     #[test]
     fn each_part_that_a_model_has_is_left_out_alone() {
@@ -106,6 +111,7 @@ mod tests {
         let all = DisplayModel {
             kernel: KernelShape::Smooth(wavy.clone()),
             variation: SpatialVariation::new([(); 5].map(|()| wavy.clone())),
+            coherence: PartialCoherence::new(vec![FurtherMode { light: 0.5, errors: wavy.clone() }]),
             source: wavy,
             dust: Dust::new(Plane::filled(4, 6, [10, -20])),
             response: vec![[0.1, 0.0]],
@@ -116,7 +122,7 @@ mod tests {
             ..ideal.clone()
         };
         let parts = without_each_part(&all);
-        assert_eq!(parts.len(), 9);
+        assert_eq!(parts.len(), 10);
         for (part, without) in &parts {
             without.validate().unwrap();
             let left: Vec<ModelPart> = without_each_part(without).into_iter().map(|(part, _)| part).collect();

@@ -56,7 +56,9 @@ impl ResponseUncertainty {
         let KernelShape::Smooth(kernel) = &model.kernel else { return Ok(None) };
         let layout = Layout::of(KernelModel::Display, kernel.order, Blocks::of(model));
         let is_of_layout = (model.source.order, model.response.len()) == (layout.source.order(), layout.harmonics)
-            && [0, layout.response_variation].contains(&model.response_variation.coefficients.len());
+            && [0, layout.response_variation].contains(&model.response_variation.coefficients.len())
+            && model.coherence.modes().len() == layout.modes
+            && model.coherence.modes().iter().all(|mode| mode.errors.order == layout.mode.order());
         if !is_of_layout {
             return Ok(None);
         }

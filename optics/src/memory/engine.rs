@@ -40,6 +40,8 @@ pub struct EngineSize {
     pub detector: Detector,
     /// Kernels along each side of the grid that approximates a kernel; 1 for a kernel that does not vary over the SLM.
     pub kernels_per_side: usize,
+    /// Modes of light that do not interfere; 1 for coherent light.
+    pub modes: usize,
     /// Whether the display has a source profile that is not flat.
     pub has_source: bool,
     /// Whether the phases that the display shows differ from those it is given: by cross-talk, or by a response that varies
@@ -73,6 +75,7 @@ impl EngineSize {
             width_px,
             detector,
             kernels_per_side: 1,
+            modes: 1,
             has_source: false,
             wraps_phase: false,
             all_orders: false,
@@ -101,7 +104,7 @@ impl EngineSize {
             opinion_values: if kernel_has_bins || self.kernels_per_side > 1 {
                 0
             } else {
-                values(&ideal, Effort::CHEAP)
+                self.modes as u64 * values(&ideal, Effort::CHEAP)
             },
             sampling_bytes: sampling_bytes(setup),
             sampling_work: sampling_work(setup),
@@ -116,6 +119,7 @@ impl EngineSize {
         let varies = !model.variation.is_none();
         let size = Self {
             kernels_per_side: if varies { local_kernels::per_side(&model.variation) } else { 1 },
+            modes: model.coherence.shares().len(),
             has_source: !model.source.is_flat() || !model.dust.is_none(),
             wraps_phase: !model.crosstalk.is_none() || !model.response_variation.is_none(),
             ..Self::ideal(grid.height_px(), grid.width_px(), detector, threads)
@@ -167,7 +171,7 @@ impl EngineSize {
     /// Transfer functions of all kernels.
     #[must_use]
     pub fn transfers_bytes(&self) -> u64 {
-        self.kernels() * self.transfer_bytes()
+        self.modes as u64 * self.kernels() * self.transfer_bytes()
     }
 
     /// Transfer functions and tables of the SLM, which an engine keeps.
@@ -226,7 +230,7 @@ impl EngineSize {
     #[must_use]
     pub fn quality_bytes(&self, frames: usize) -> u64 {
         const SETS: u64 = 2;
-        let n = self.pixels();
+        let (n, several) = (self.pixels(), u64::from(frames * self.modes > 1));
         let (point, fine) = (self.with_detector(Detector::Point), self.with_detector(Detector::Supersampled));
         let (points, samples) = (SETS * n * REAL, 4 * n * REAL);
         let propagated = match self.exact {
@@ -238,7 +242,7 @@ impl EngineSize {
             }
             None => {
                 let propagated = fine.light_bytes().max(fine.half_spectrum_bytes(2) + samples);
-                propagated + (SETS - 1 + u64::from(frames > 1)) * samples + fine.scratch_bytes()
+                propagated + (SETS - 1 + several) * samples + fine.scratch_bytes()
             }
         };
         // The light of both, a copy of the samples, the halved pictures and the flat pixels.
@@ -255,7 +259,7 @@ impl EngineSize {
             None => (point.light_work() + fine.light_work(), 0),
             Some(exact) => ((exact.places + 1) as f64 * point.light_work(), exact.work),
         };
-        SETS * frames as f64 * light + sampling as f64 + METRICS_STAGES * self.pixels() as f64
+        self.modes as f64 * (SETS * frames as f64 * light + sampling as f64) + METRICS_STAGES * self.pixels() as f64
     }
 
     /// Work of a second opinion with an effort on a hologram in one plane, for this number of frames and all of the detectors.
@@ -297,7 +301,7 @@ impl EngineSize {
             return 0.0;
         }
         let point = Self { detector: Detector::Point, ..*self };
-        4.0 * frames as f64 * point.light_work() + (4 * self.pixels() * RESPONSE_STAGES) as f64
+        4.0 * (frames * self.modes) as f64 * point.light_work() + (4 * self.pixels() * RESPONSE_STAGES) as f64
     }
 
     /// Work of one propagation to the image and its detection, in values times radix-2 stages.

@@ -67,15 +67,22 @@ impl HologramSize {
 
     /// The kept samples; `None` if they would be too large.
     fn samples_bytes(&self) -> Option<u64> {
-        let fields = (self.planes * self.frames) as u64;
+        let fields = self.fields() as u64;
         let bytes = fields * self.engine.fields_bytes() / 2;
         if fields == 1 { Some(0) } else { (bytes <= SAMPLES_BYTES_MAX as u64).then_some(bytes) }
+    }
+
+    /// Number of fields whose light is computed in an evaluation.
+    fn fields(&self) -> usize {
+        self.planes * self.frames * self.engine.modes
     }
 
     fn takes_two_passes(&self) -> bool {
         match self.method {
             HologramMethod::Lbfgs | HologramMethod::GerchbergSaxton | HologramMethod::WeightedGerchbergSaxton => true,
-            HologramMethod::Adam { .. } | HologramMethod::DoublePhase => self.frames > 1 || self.rough,
+            HologramMethod::Adam { .. } | HologramMethod::DoublePhase => {
+                self.frames * self.engine.modes > 1 || self.rough
+            }
         }
     }
 
@@ -127,7 +134,7 @@ impl HologramSize {
     /// Work of one step.
     #[must_use]
     pub fn step_work(&self) -> f64 {
-        let (fields, values) = ((self.planes * self.frames) as f64, self.frames as f64 * self.engine.pixels() as f64);
+        let (fields, values) = (self.fields() as f64, self.frames as f64 * self.engine.pixels() as f64);
         let again = if self.samples_bytes().is_none() && self.takes_two_passes() { 1.0 } else { 0.0 };
         let evaluations = fields * (self.engine.evaluation_work() + again * self.engine.light_work());
         let per_value = match self.method {

@@ -5,7 +5,9 @@ use crate::SpatialVariation;
 use crate::chebyshev::ChebyshevBasis;
 use crate::convolution::tile_columns;
 use crate::learning::KernelModel;
-use crate::learning::sizes::{CURVATURE_PX, FINE_SOURCE_ORDER, HARMONICS, RESPONSE_VARIATION_ORDER, VARIATION_ORDER};
+use crate::learning::sizes::{
+    CURVATURE_PX, FINE_SOURCE_ORDER, FURTHER_MODES, HARMONICS, MODE_ORDER, RESPONSE_VARIATION_ORDER, VARIATION_ORDER,
+};
 use crate::optimizer::limited_memory::HISTORY;
 
 /// Size of a fit of a display model to photographs.
@@ -31,6 +33,8 @@ impl LearningSize {
         let has_slm = matches!(self.model, KernelModel::Display | KernelModel::Varying);
         EngineSize {
             kernels_per_side: if varies { EngineSize::KERNELS_PER_SIDE_MAX } else { 1 },
+            // A varying kernel has more transfer functions than the modes, and no display has both.
+            modes: if self.model == KernelModel::Display { 1 + FURTHER_MODES } else { 1 },
             has_source: has_slm,
             wraps_phase: has_slm,
             ..self.engine
@@ -45,7 +49,10 @@ impl LearningSize {
         let example = (3 + 2) * n * REAL;
         let buffers = engine.engine_bytes() + engine.fields_bytes() + engine.scratch_bytes();
         let back = engine.half_spectrum_bytes(engine.lanes());
-        buffers + back + example + if self.model.is_smooth() { self.smooth_bytes() } else { self.bins_bytes() }
+        // Light, its slopes, and what returns to the SLM.
+        let light = 2 * engine.detector.light_planes() as u64 * n * REAL;
+        let modes = if engine.modes > 1 { light + engine.half_spectrum_bytes(1) } else { 0 };
+        buffers + back + modes + example + if self.model.is_smooth() { self.smooth_bytes() } else { self.bins_bytes() }
     }
 
     /// What a smooth model needs in addition: ideal transfer functions, spectra, derivatives.
@@ -63,7 +70,13 @@ impl LearningSize {
             + spectra
             + source
             + engine.sampling_bytes
-            + correlation.max(self.curvature_bytes()).max(self.dust_bytes())
+            + correlation.max(self.curvature_bytes() + self.ghost_bytes()).max(self.dust_bytes())
+    }
+
+    /// Derivatives of one mode's transfer functions by a number of the ghost.
+    fn ghost_bytes(&self) -> u64 {
+        let engine = self.engine();
+        if engine.has_source { engine.kernels() * engine.transfer_bytes() } else { 0 }
     }
 
     /// Exponents of the dust and factors at each pixel, and vectors of the fit: those of its state, and a point, a gradient
@@ -85,7 +98,7 @@ impl LearningSize {
         let stride = (rows * columns / CURVATURE_PX as u64).max(1);
         let (rows, parameters) = (rows.div_ceil(stride), self.parameters());
         let samples = self.engine.detector.samples() as u64;
-        let derivatives = rows * columns * (parameters * REAL + samples * COMPLEX);
+        let derivatives = rows * columns * ((parameters + 1) * REAL + samples * COMPLEX);
         let joint = self.joint_parameters();
         derivatives + rows * parameters * parameters / 2 * 8 + 4 * parameters * parameters * 8 + 6 * joint * joint * 8
     }
@@ -95,7 +108,8 @@ impl LearningSize {
         let terms = |order: usize| ChebyshevBasis::new(order).terms();
         let kernel = 2 * terms(self.order);
         let variation_of_response = terms(RESPONSE_VARIATION_ORDER) + 1;
-        let slm = 2 * terms(FINE_SOURCE_ORDER) + 2 * HARMONICS + 2 + 2 + variation_of_response;
+        let modes = FURTHER_MODES * (1 + 2 * terms(MODE_ORDER));
+        let slm = 2 * terms(FINE_SOURCE_ORDER) + 2 * HARMONICS + 2 + 2 + variation_of_response + modes;
         let variation = SpatialVariation::POWERS * 2 * terms(VARIATION_ORDER);
         let all = match self.model {
             KernelModel::Display => kernel + slm,

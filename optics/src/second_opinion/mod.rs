@@ -110,7 +110,7 @@ impl SecondOpinion {
 /// Number of values of transfer functions that [`SecondOpinion::of`] computes for one plane; 0 where it has no opinion.
 #[must_use]
 pub fn values(model: &DisplayModel, effort: Effort) -> u64 {
-    affordable(model, effort).map_or(0, |frequencies| frequencies.values())
+    affordable(model, effort).map_or(0, |frequencies| frequencies.values() * model.coherence.shares().len() as u64)
 }
 
 /// Memory of a second opinion with [`Effort::CHEAP`] \[bytes\] on a display of this many rows and columns, for the number of
@@ -129,7 +129,7 @@ fn affordable(model: &DisplayModel, effort: Effort) -> Option<Frequencies> {
         return None;
     }
     let frequencies = Frequencies::of(&model.setup);
-    (frequencies.values() <= effort.values_max).then_some(frequencies)
+    (frequencies.values() * model.coherence.shares().len() as u64 <= effort.values_max).then_some(frequencies)
 }
 
 /// Places in a pixel at which a detector measures, with the weights of their light.

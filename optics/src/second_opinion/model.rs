@@ -1,14 +1,15 @@
 //! The independent model: light on rows of the image, from the definition of the angular spectrum.
 //!
 //! ```text
-//! u(x, y) = ∫∫ A(ν) E(ν) Σ_m Σ_n P(f) H(f) e^{i2π(f_x·x + f_y·y)} dν_x dν_y,   f = (ν_x + m, ν_y + n)
+//! light = Σ_l w_l |u_l(x, y)|²
+//! u_l(x, y) = ∫∫ A(ν) E(ν) E_l(ν) Σ_m Σ_n P(f) H(f) e^{i2π(f_x·x + f_y·y)} dν_x dν_y,   f = (ν_x + m, ν_y + n)
 //! A(ν) = Σ_x Σ_y k(x, y) a(x, y) (e^{ir(ψ)} + z₀) e^{−i2π(ν_x·x + ν_y·y)},   ψ = K wrap(φ + grating)
 //! H(f) = e^{i2πz(√(1/λ² − f²/Δ²) − 1/λ)},   P(f) = sinc(w_x f_x) sinc(w_y f_y)
 //! ```
 //!
 //! Places x, y in pixels, frequencies in cycles per pixel, ν from −½ to ½. A display that shows the first order has m = n = 0
 //! and P = 1, or what its filter passes; one that shows all orders has every order that reaches the image. w are the sides of a pixel's bright area in
-//! pixel pitches, E the errors of a learned kernel, a the source profile with its dust, r the phase response, z₀ undiffracted light,
+//! pixel pitches, E the errors of a learned kernel, E_l those of mode l of the light relative to it, w_l the mode's part of the light, a the source profile with its dust, r the phase response, z₀ undiffracted light,
 //! λ wavelength \[m\], z distance \[m\], Δ pixel pitch \[m\].
 //!
 //! The integral along x is summed node by node of its panels, so that the whole spectrum is never held.
@@ -17,7 +18,7 @@ use super::frequencies::{Axis, Frequencies, PANELS, frequency};
 use crate::buffers::zeros;
 use crate::chebyshev::position;
 use crate::engine::SeriesAlongY;
-use crate::{Carrier, DisplayModel, KernelShape, OpticalSetup, Plane, RegionOfInterest, interrupt};
+use crate::{Carrier, DisplayModel, KernelShape, OpticalSetup, Plane, RegionOfInterest, SmoothField, interrupt};
 use num_complex::Complex64;
 use rayon::prelude::*;
 use rustfft::{Fft, FftPlanner};
@@ -58,15 +59,20 @@ pub(super) fn light(
 ) -> Vec<Plane<f64>> {
     let (window, pitch_m) = (model.setup.window(), model.setup.grid().pixel_pitch_m());
     let places = places.moved(window.centre_x_m() / pitch_m, window.centre_y_m() / pitch_m);
-    let work = Work::new(model, &places, rows, frequencies);
+    let mut work = Work::new(model, &places, rows, frequencies);
     let width_px = model.setup.grid().width_px();
     let mut lights = vec![Plane::filled(rows.len(), width_px, 0.0); places.count()];
-    for phase in phases {
-        let image = work.image(&on_modulator(model, carrier, phase));
-        for (line, field) in image.chunks_exact(width_px).enumerate() {
-            let (row, place) = (line / places.count(), line % places.count());
-            let light = &mut lights[place].values_mut()[row * width_px..][..width_px];
-            light.iter_mut().zip(field).for_each(|(sum, u)| *sum += u.norm_sqr() / phases.len() as f64);
+    let all_light: f64 = 1.0 + model.coherence.modes().iter().map(|mode| mode.light).sum::<f64>();
+    for mode in std::iter::once(None).chain(model.coherence.modes().iter().map(Some)) {
+        work.mode = mode.map(|mode| &mode.errors);
+        let share = mode.map_or(1.0, |mode| mode.light) / (all_light * phases.len() as f64);
+        for phase in phases {
+            let image = work.image(&on_modulator(model, carrier, phase));
+            for (line, field) in image.chunks_exact(width_px).enumerate() {
+                let (row, place) = (line / places.count(), line % places.count());
+                let light = &mut lights[place].values_mut()[row * width_px..][..width_px];
+                light.iter_mut().zip(field).for_each(|(sum, u)| *sum += share * u.norm_sqr());
+            }
         }
     }
     lights
@@ -158,6 +164,8 @@ fn dot(a: &[Complex64], b: &[Complex64]) -> Complex64 {
 /// Tables and transforms for all frequencies.
 struct Work<'a> {
     model: &'a DisplayModel,
+    /// Errors of the mode of light relative to the kernel; `None`: the first mode.
+    mode: Option<&'a SmoothField>,
     places: &'a Places,
     x: &'a Axis,
     y: &'a Axis,
@@ -188,6 +196,7 @@ impl<'a> Work<'a> {
         let waves = |at: &f64| frequencies_y.iter().map(|(frequency, _)| turn(frequency * at)).collect();
         Self {
             model,
+            mode: None,
             places,
             x,
             y,
@@ -249,7 +258,8 @@ impl<'a> Work<'a> {
         };
         let error = |frequency: f64| {
             let smooth = errors.as_ref().map_or(Complex64::ONE, |errors| errors.at(2.0 * frequency));
-            smooth * self.ghost(along_x, frequency)
+            let of_mode = self.mode.map_or(Complex64::ONE, |mode| mode.value(2.0 * along_x, 2.0 * frequency));
+            smooth * of_mode * self.ghost(along_x, frequency)
         };
         for (u, &(frequency, weight)) in spectrum.iter_mut().zip(&self.frequencies_y) {
             *u *= weight * error(frequency);

@@ -4,8 +4,8 @@ use crate::propagation::ImageWindow;
 use crate::reference::{first_order_onto, rayleigh_sommerfeld_onto};
 use crate::test_cards::TestCard;
 use crate::{
-    ConvolutionMethod, Crosstalk, Dust, Engine, FilterShape, Ghost, Grid, HologramProblem, OpticalSetup, Optimization,
-    OrderFilter, ResponseVariation, SmoothField,
+    ConvolutionMethod, Crosstalk, Dust, Engine, FilterShape, FurtherMode, Ghost, Grid, HologramProblem, OpticalSetup,
+    Optimization, OrderFilter, PartialCoherence, ResponseVariation, SmoothField,
 };
 use crate::{Error, SpatialVariation};
 use num_complex::{Complex32, Complex64};
@@ -113,6 +113,10 @@ fn flawed(setup: OpticalSetup) -> DisplayModel {
     DisplayModel {
         kernel: KernelShape::Smooth(wavy(4, 0.1)),
         ghost: Ghost { amplitude: Complex64::new(0.1, -0.07), shift_px: [4.3, -2.2], defocus_rad: 3.0 },
+        coherence: PartialCoherence::new(vec![
+            FurtherMode { light: 0.7, errors: wavy(2, 0.1) },
+            FurtherMode { light: 0.3, errors: wavy(1, -0.2) },
+        ]),
         source: wavy(2, 0.2),
         dust: dusty(setup.grid().height_px(), setup.grid().width_px()),
         response: vec![[0.15, -0.05], [0.02, 0.03]],

@@ -14,6 +14,7 @@
 //! | `response_variation_order` | highest total degree of the response's variation over the SLM; missing: the response is the same everywhere |
 //! | `has_crosstalk` | whether neighbouring pixels have cross-talk; missing: no |
 //! | `has_ghost` | whether the kernel has a ghost; missing: no |
+//! | `mode_orders` | highest total degree of each further mode's transfer function relative to the kernel; missing: the light is coherent |
 //! | `has_dust` | whether there is dust in the light on the SLM; missing: no |
 //! | `propagation` | the method of H_ideal; missing: `band_limited` |
 //! | `orders` | `first`, `filtered` with the filter, or `all` with the fill factors of the pixels: the diffraction orders with which the kernel was learned; missing: `first` |
@@ -29,15 +30,18 @@
 //! | `response_variation` | f64, \[1 + terms\] | v: its constant, then its series (where the response varies) |
 //! | `crosstalk` | f64, \[2\] | q along x and along y (with cross-talk) |
 //! | `ghost` | f64, \[5\] | real and imaginary part of the amplitude, shift along x and y \[px\], defocus \[rad\] (with a ghost) |
+//! | `mode.light` | f64, \[modes\] | light of each further mode relative to the first one (partially coherent light) |
+//! | `mode.log_amplitude`, `mode.phase` | f64, \[terms of all modes\] | α_m and ψ_m of each further mode's transfer function H · exp(α_m + iψ_m), mode after mode (partially coherent light) |
 //! | `dust` | i16, \[rows, columns, 2\] | A and B of each pixel's factor exp(10⁻⁴ (A + iB)) of the source (with dust) |
 //! | `photometry` | f64, \[4\] | gain, offset, zero order (real, imaginary) |
 //!
 //! Coefficients are in the order of `lightpath_optics::chebyshev::ChebyshevBasis::degrees`.
 
 use lightpath_optics::KernelModel;
+use lightpath_optics::chebyshev::ChebyshevBasis;
 use lightpath_optics::{
-    ConvolutionMethod, Crosstalk, DisplayModel, Dust, Ghost, Grid, KernelShape, OpticalSetup, Orders, Plane,
-    ResponseVariation, SmoothField, SpatialVariation,
+    ConvolutionMethod, Crosstalk, DisplayModel, Dust, FurtherMode, Ghost, Grid, KernelShape, OpticalSetup, Orders,
+    PartialCoherence, Plane, ResponseVariation, SmoothField, SpatialVariation,
 };
 use num_complex::{Complex32, Complex64};
 use safetensors::tensor::TensorView;
@@ -106,6 +110,8 @@ pub(crate) struct Header {
     has_crosstalk: bool,
     #[serde(default, skip_serializing_if = "is_false")]
     has_ghost: bool,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    mode_orders: Vec<usize>,
     #[serde(default, skip_serializing_if = "is_false")]
     has_dust: bool,
     propagation: ConvolutionMethod,
@@ -198,6 +204,7 @@ pub(crate) fn header_text(model: &DisplayModel, kind: KernelModel, from_m: &[f64
         response_variation_order: (!model.response_variation.is_none()).then_some(model.response_variation.order),
         has_crosstalk: !model.crosstalk.is_none(),
         has_ghost: !model.ghost.is_none(),
+        mode_orders: model.coherence.modes().iter().map(|mode| mode.errors.order).collect(),
         has_dust: !model.dust.is_none(),
         propagation: model.setup.method(),
         orders: model.setup.orders(),
@@ -254,6 +261,17 @@ pub(crate) fn series(model: &DisplayModel) -> Vec<Tensor> {
     if !model.ghost.is_none() {
         add("ghost", vec![5], &model.ghost.numbers());
     }
+    let modes = model.coherence.modes();
+    if !modes.is_empty() {
+        let lights: Vec<f64> = modes.iter().map(|mode| mode.light).collect();
+        add("mode.light", vec![modes.len()], &lights);
+        let mut of_all = |name, of: fn(&SmoothField) -> &[f64]| {
+            let values: Vec<f64> = modes.iter().flat_map(|mode| of(&mode.errors)).copied().collect();
+            add(name, vec![values.len()], &values);
+        };
+        of_all("mode.log_amplitude", |field| &field.log_amplitude);
+        of_all("mode.phase", |field| &field.phase);
+    }
     if let Some(steps) = model.dust.steps() {
         let bytes = steps.values().as_flattened().iter().flat_map(|step| step.to_le_bytes()).collect();
         let shape = vec![steps.height_px(), steps.width_px(), 2];
@@ -301,6 +319,7 @@ pub(crate) fn assemble<E: From<KernelFileError>>(
             false => Ghost::NONE,
         },
         variation: variation(&floats, header.variation_order)?,
+        coherence: coherence(&floats, &header.mode_orders)?,
         source: SmoothField {
             order: header.source_order,
             log_amplitude: floats("source.log_amplitude")?,
@@ -334,6 +353,43 @@ fn crosstalk(ratios: &[f64]) -> Result<Crosstalk, KernelFileError> {
 fn ghost(numbers: &[f64]) -> Result<Ghost, KernelFileError> {
     let numbers = numbers.try_into().map_err(|_| KernelFileError::Tensor { name: "ghost", expected: "five f64" })?;
     Ok(Ghost::of_numbers(numbers))
+}
+
+fn coherence<E: From<KernelFileError>>(
+    floats: impl Fn(&'static str) -> Result<Vec<f64>, E>,
+    orders: &[usize],
+) -> Result<PartialCoherence, E> {
+    if orders.is_empty() {
+        return Ok(PartialCoherence::none());
+    }
+    let fields = orders.iter().map(|&order| {
+        // A field of such an order would be refused only after its coefficients were made.
+        let is_possible = order <= ChebyshevBasis::ORDER_MAX;
+        if is_possible { Ok(SmoothField::flat(order)) } else { Err(mode_shape("mode.phase")) }
+    });
+    let mut fields = fields.collect::<Result<Vec<_>, _>>()?;
+    let lights = floats("mode.light")?;
+    let terms: usize = fields.iter().map(|field| field.phase.len()).sum();
+    let (log_amplitudes, phases) = (floats("mode.log_amplitude")?, floats("mode.phase")?);
+    for (name, found, expected) in [
+        ("mode.light", lights.len(), orders.len()),
+        ("mode.log_amplitude", log_amplitudes.len(), terms),
+        ("mode.phase", phases.len(), terms),
+    ] {
+        if found != expected {
+            return Err(mode_shape(name).into());
+        }
+    }
+    let coefficients = fields.iter_mut().flat_map(|field| field.log_amplitude.iter_mut().zip(&mut field.phase));
+    for ((a, b), (log_amplitude, phase)) in coefficients.zip(log_amplitudes.into_iter().zip(phases)) {
+        (*a, *b) = (log_amplitude, phase);
+    }
+    let modes = lights.into_iter().zip(fields).map(|(light, errors)| FurtherMode { light, errors });
+    Ok(PartialCoherence::new(modes.collect()))
+}
+
+fn mode_shape(name: &'static str) -> KernelFileError {
+    KernelFileError::Tensor { name, expected: "f64 with the numbers of all modes in `mode_orders`" }
 }
 
 fn variation<E: From<KernelFileError>>(
@@ -459,6 +515,12 @@ mod tests {
                 let (height_px, width_px) = (model.setup.grid().height_px(), model.setup.grid().width_px());
                 model.ghost = Ghost::of_numbers([0.1 / 3.0, -0.02, 11.3, -7.0 / 3.0, 4.5]);
                 model.dust = Dust::new(Plane::from_fn(height_px, width_px, |y, x| [y as i16 - 3, -7 * x as i16]));
+                let mode = |light, order, size: f64| {
+                    let mut errors = SmoothField::flat(order);
+                    (errors.log_amplitude[0], errors.phase[1]) = (-0.1 * size, 0.3 * size);
+                    FurtherMode { light, errors }
+                };
+                model.coherence = PartialCoherence::new(vec![mode(0.7, 2, 1.0 / 3.0), mode(0.1, 1, -1.0)]);
             }
             if kind == KernelModel::Varying {
                 let gaps = Orders::All { fill_factor_x: 0.93, fill_factor_y: 0.9 };

@@ -1,10 +1,19 @@
 //! Trials of [blocks](Block): which are tried when, and which of them are kept.
 
 use super::{BestModel, ParametricLearner};
+use crate::chebyshev::ChebyshevBasis;
 use crate::learning::ghost::GhostSearch;
 use crate::learning::layout::Layout;
 use crate::learning::{Block, Blocks, PairSource, pair::BoxError};
 use serde::{Deserialize, Serialize};
+use std::f64::consts::{PI, TAU};
+
+/// Distance of each mode's image from the image so far, at the start of a trial \[px\].
+const MODE_RADIUS_PX: f64 = 0.5;
+/// Direction of the first mode's image, so that none lies on an axis \[turns\].
+const MODE_TURN: f64 = 0.04;
+/// Defocus of the further modes, to either side, at the start of a trial: half their phase at the end of the band \[rad\].
+const MODE_DEFOCUS_RAD: f64 = 0.3;
 
 /// A round of trials, each with one block more or one block less.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -58,7 +67,9 @@ impl ParametricLearner {
     pub(super) fn start_round(&mut self) -> bool {
         let Some(before) = self.state.best.clone() else { return false };
         let has = |block: &Block| before.blocks.contains(*block);
-        let lacks = |block: &Block| block.belongs_to(self.options.model) && !has(block);
+        // A kernel that varies and several modes together take too many transfer functions.
+        let excluded = |block: &Block| *block == Block::Varying && before.blocks.partial_coherence;
+        let lacks = |block: &Block| block.belongs_to(self.options.model) && !has(block) && !excluded(block);
         // Light of a ghost or of a varying kernel is little beside what the others change. Dust has a fit of its own.
         let is_last = |block: &Block| matches!(block, Block::Varying | Block::Ghost);
         let all = || Block::ALL.into_iter().filter(|block| *block != Block::Dust);
@@ -111,6 +122,39 @@ impl ParametricLearner {
         self.start_layout(layout, &self.joint.with_layout(layout), &winner.parameters);
         self.state.adopted = true;
         self.state.best = Some(winner);
+    }
+
+    /// Gives the modes of light a start if partially coherent light is about to be tried: three images of the same light around
+    /// the image so far, at slightly different distances.
+    pub(super) fn separate_modes(&mut self) {
+        let is_start = self.state.refinement.is_none();
+        let wanted = |round: &Round| (round.block, round.change) == (Block::PartialCoherence, Change::Add);
+        if !is_start || !self.state.round.as_ref().is_some_and(wanted) {
+            return;
+        }
+        let layout = self.joint.layout;
+        let place_px = |mode: usize| {
+            let angle = TAU * (mode as f64 / (layout.modes + 1) as f64 + MODE_TURN);
+            [MODE_RADIUS_PX * angle.cos(), MODE_RADIUS_PX * angle.sin()]
+        };
+        let mut add = |start: usize, basis: ChebyshevBasis, degrees: (usize, usize), by: f64| {
+            if let Some(term) = basis.degrees().position(|of_term| of_term == degrees) {
+                let position = start + basis.terms() + term;
+                self.joint.add_to_all_planes(&mut self.state.parameters, position, by);
+            }
+        };
+        let first = place_px(0);
+        for (axis, degrees) in [(1, 0), (0, 1)].into_iter().enumerate() {
+            add(0, layout.kernel, degrees, PI * first[axis]);
+            for m in 0..layout.modes {
+                let shift_px = place_px(m + 1)[axis] - first[axis];
+                add(layout.mode_errors(m), layout.mode, degrees, PI * shift_px);
+            }
+        }
+        for (m, degrees) in (0..layout.modes).flat_map(|m| [(m, (2, 0)), (m, (0, 2))]) {
+            let side = if m % 2 == 0 { 1.0 } else { -1.0 };
+            add(layout.mode_errors(m), layout.mode, degrees, side * MODE_DEFOCUS_RAD);
+        }
     }
 
     /// Whether a ghost is to be tried, but none can be seen. Otherwise the trial of a ghost starts with the one that is seen.

@@ -10,6 +10,7 @@ use lightpath_optics::spatial_variation::local_kernels;
 use lightpath_optics::{DisplayModel, KernelShape, Plane};
 use num_complex::Complex32;
 use rayon::prelude::*;
+use std::borrow::Cow;
 
 /// A file form of a kernel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,6 +60,12 @@ pub fn export(model: &DisplayModel, kind: KernelModel, format: KernelFormat) -> 
                        no other form than safetensors";
         return Err(KernelFormatError::NoSuchForm(message.to_owned()));
     }
+    // Forms without modes hold all light in one mode.
+    let held = match format {
+        KernelFormat::Safetensors | KernelFormat::Npz => Cow::Borrowed(model),
+        _ => Cow::Owned(model.in_one_mode()),
+    };
+    let (whole, model) = (model, &*held);
     let bytes = match format {
         KernelFormat::Safetensors => kernel_file::encode(model, kind)?,
         KernelFormat::Compact => compact::encode(model, kind)?,
@@ -84,7 +91,7 @@ pub fn export(model: &DisplayModel, kind: KernelModel, format: KernelFormat) -> 
     };
     let back = import(&bytes, &model.setup)?;
     let relative_error = difference(model, &back.model);
-    Ok(Exported { bytes, relative_error, losses: losses(model, &back, relative_error) })
+    Ok(Exported { bytes, relative_error, losses: losses(whole, &back, relative_error) })
 }
 
 /// [`export`] for a kernel that was interpolated between photographed distances \[m\]. Only the native form holds these

@@ -17,6 +17,8 @@ pub enum Loss {
     Dust,
     /// A ghost. Forms with H at each frequency hold it as a part of H.
     Ghost,
+    /// The further modes of partially coherent light. All light is in one mode between them.
+    Coherence,
     /// The phase response of the SLM.
     PhaseResponse,
     /// The variation of the phase response over the SLM.
@@ -46,6 +48,7 @@ impl fmt::Display for Loss {
             Self::Source => "source",
             Self::Dust => "dust",
             Self::Ghost => "ghost",
+            Self::Coherence => "further modes of the light",
             Self::PhaseResponse => "phase response",
             Self::ResponseVariation => "variation of the phase response",
             Self::Crosstalk => "cross-talk",
@@ -67,6 +70,7 @@ pub(super) fn losses(model: &DisplayModel, back: &Imported, relative_error: f64)
     let dust_lost = !model.dust.is_none() && read.dust.is_none();
     let holds_all_h = matches!(read.kernel, KernelShape::Bins(_));
     let ghost_lost = !model.ghost.is_none() && read.ghost.is_none() && !holds_all_h;
+    let coherence_lost = !model.coherence.is_none() && read.coherence.is_none();
     let is_linear = |model: &DisplayModel| model.response.as_flattened().iter().all(|&harmonic| harmonic == 0.0);
     let response_lost = !is_linear(model) && is_linear(read);
     let variation_lost = !model.response_variation.is_none() && read.response_variation.is_none();
@@ -76,6 +80,7 @@ pub(super) fn losses(model: &DisplayModel, back: &Imported, relative_error: f64)
     let camera_lost = camera(model) != [1.0, 0.0] && camera(read) == [1.0, 0.0];
     let precision_lost = relative_error > 0.0
         || !source_lost && read.source != model.source
+        || !coherence_lost && read.coherence != model.coherence
         || !ghost_lost && !holds_all_h && read.ghost != model.ghost
         || !dust_lost && read.dust != model.dust
         || !response_lost && read.response != model.response
@@ -89,6 +94,7 @@ pub(super) fn losses(model: &DisplayModel, back: &Imported, relative_error: f64)
         (Loss::Source, source_lost),
         (Loss::Dust, dust_lost),
         (Loss::Ghost, ghost_lost),
+        (Loss::Coherence, coherence_lost),
         (Loss::PhaseResponse, response_lost),
         (Loss::ResponseVariation, variation_lost),
         (Loss::Crosstalk, crosstalk_lost),
@@ -117,7 +123,9 @@ mod tests {
     use super::super::{KernelFormat, export, export_interpolated, import};
     use super::Loss::*;
     use super::*;
-    use lightpath_optics::{Grid, KernelModel, OpticalSetup, Plane, SmoothField, SpatialVariation};
+    use lightpath_optics::{
+        FurtherMode, Grid, KernelModel, OpticalSetup, PartialCoherence, Plane, SmoothField, SpatialVariation,
+    };
     use num_complex::{Complex32, Complex64};
 
     fn setup() -> OpticalSetup {
@@ -135,6 +143,7 @@ mod tests {
             variation: SpatialVariation::new([(); 5].map(|()| field())),
             source: field(),
             ghost: lightpath_optics::Ghost::of_numbers([0.1, 0.0, 2.0, 1.0, 0.5]),
+            coherence: PartialCoherence::new(vec![FurtherMode { light: 0.5, errors: field() }]),
             dust: lightpath_optics::Dust::new(Plane::filled(12, 16, [50, -3])),
             response: vec![[0.1, 0.0]],
             response_variation: lightpath_optics::ResponseVariation { order: 0, coefficients: vec![0.1] },
@@ -148,12 +157,13 @@ mod tests {
     #[test]
     fn each_form_names_what_it_lost() {
         let lost = |model: &DisplayModel, kind, format| export(model, kind, format).unwrap().losses;
-        let parts = [Source, Dust, PhaseResponse, ResponseVariation, Crosstalk, ZeroOrder, GainAndOffset, Variation];
+        let parts =
+            [Source, Dust, Coherence, PhaseResponse, ResponseVariation, Crosstalk, ZeroOrder, GainAndOffset, Variation];
         let array = [&parts[..], &[Parameters, Precision]].concat();
         let published = [&parts[..], &[OuterSpectrum, Parameters, Precision]].concat();
         for (format, losses) in [
             (KernelFormat::Safetensors, vec![]),
-            (KernelFormat::Compact, vec![Dust, Ghost, Precision]),
+            (KernelFormat::Compact, vec![Dust, Ghost, Coherence, Precision]),
             (KernelFormat::Npz, vec![]),
             (KernelFormat::Complex64, array.clone()),
             (KernelFormat::F16, array),
@@ -196,14 +206,15 @@ mod tests {
         assert_eq!(crate::kernel_file::interpolated_from_m(&native.bytes).unwrap(), [0.002, 0.004]);
         assert_eq!(native.losses, []);
         assert_eq!(export(KernelFormat::Npz).losses, [Interpolation]);
-        assert_eq!(export(KernelFormat::Compact).losses, [Dust, Ghost, Interpolation, Precision]);
+        assert_eq!(export(KernelFormat::Compact).losses, [Dust, Ghost, Coherence, Interpolation, Precision]);
     }
 
     #[test]
     fn imports_say_what_their_file_did_not_hold() {
         let (model, kind) = (varying(), KernelModel::Varying);
         let absent = |format| import(&export(&model, kind, format).unwrap().bytes, &setup()).unwrap().absent;
-        let parts = [Source, Dust, PhaseResponse, ResponseVariation, Crosstalk, ZeroOrder, GainAndOffset, Variation];
+        let parts =
+            [Source, Dust, Coherence, PhaseResponse, ResponseVariation, Crosstalk, ZeroOrder, GainAndOffset, Variation];
         assert_eq!(absent(KernelFormat::Complex64), parts);
         assert_eq!(absent(KernelFormat::Pt), [&parts[..], &[OuterSpectrum]].concat());
         for format in [KernelFormat::Safetensors, KernelFormat::Compact, KernelFormat::Npz] {

@@ -11,6 +11,7 @@
 //! | `kernel.bins_shape` | float64, \[2\] | rows and columns of the middle part of `transfer` that is the kernel (`paper`, `dense`) |
 //! | `source.log_amplitude`, `source.phase` | float64, \[terms\] | the source profile |
 //! | `variation.log_amplitude`, `variation.phase` | float64, \[5, terms\] | factors of x, y, x², xy and y² (`varying`) |
+//! | `mode.light`, `mode.log_amplitude`, `mode.phase` | float64 | the further modes of the light, as in the native form (partially coherent light); `transfer` is H of the first mode |
 //! | `ghost` | float64, \[5\] | real and imaginary part of the ghost's amplitude, its shift along x and y \[px\], its defocus \[rad\] (with a ghost) |
 //! | `dust` | int16, \[rows, columns, 2\] | A and B of each pixel's factor exp(10⁻⁴ (A + iB)) of the source (with dust) |
 //! | `lightpath` | text | model, method, orders and optics: the JSON object of [`crate::kernel_file`] |
@@ -134,7 +135,9 @@ fn read_own(files: &archive::Files, header: &[u8]) -> Result<Imported, KernelFor
 fn take_transfer(imported: &mut Imported, transfer: &Array) -> Result<(), KernelFormatError> {
     let Imported { model, kind, absent, remarks, .. } = imported;
     let changed = of_array(transfer, &model.setup, "npz")?;
+    absent.extend((!model.coherence.is_none()).then_some(Loss::Coherence));
     absent.extend((!model.variation.is_none()).then_some(Loss::Variation));
+    *model = model.in_one_mode();
     (model.kernel, model.variation, *kind) = (changed.model.kernel, SpatialVariation::none(), changed.kind);
     // H holds the ghost.
     model.ghost = Ghost::NONE;
@@ -218,7 +221,9 @@ fn read_foreign(files: &archive::Files, setup: &OpticalSetup) -> Result<Imported
 mod tests {
     use super::super::{KernelFormat, export, import};
     use super::*;
-    use lightpath_optics::{ConvolutionMethod, Crosstalk, Dust, Ghost, Grid, ResponseVariation, SmoothField};
+    use lightpath_optics::{
+        ConvolutionMethod, Crosstalk, Dust, FurtherMode, Ghost, Grid, PartialCoherence, ResponseVariation, SmoothField,
+    };
 
     /// A series with many digits.
     fn field(order: usize, size: f64) -> SmoothField {
@@ -252,12 +257,13 @@ mod tests {
         let response_variation = ResponseVariation { order: 1, coefficients: vec![0.1 / 3.0, 0.0, -0.07] };
         let ghost = Ghost::of_numbers([0.1 / 3.0, -0.02, 11.3, -7.0 / 3.0, 4.5]);
         let dust = Dust::new(Plane::from_fn(12, 16, |y, x| [y as i16 - 3, -7 * x as i16]));
+        let coherence = PartialCoherence::new(vec![FurtherMode { light: 0.3, errors: field(2, 0.1) }]);
         let plain = DisplayModel { kernel: display.kernel.clone(), ..DisplayModel::ideal(display.setup) };
         vec![
             (plain, KernelModel::Smooth),
             (display.clone(), KernelModel::Display),
             (DisplayModel { crosstalk, response_variation, ..display.clone() }, KernelModel::Display),
-            (DisplayModel { dust, ghost, ..display.clone() }, KernelModel::Display),
+            (DisplayModel { dust, ghost, coherence, ..display.clone() }, KernelModel::Display),
             (DisplayModel { variation, ..display }, KernelModel::Varying),
             (bins(24, 32), KernelModel::Dense),
             (bins(12, 16), KernelModel::Paper),

@@ -349,10 +349,17 @@ fn parts(blocks: &BlockStrengths, ghost: &Ghost) -> String {
             100.0 * contrast
         );
     }
+    if let Some([x, y]) = blocks.image_spread_px {
+        let _ = write!(
+            text,
+            "<p>The light is partially coherent: it has several modes that do not interfere, and the places of their images have a \
+             standard deviation of {x:.2} px along x and {y:.2} px along y. Pictures of the kernel show its first mode.</p>"
+        );
+    }
     if text.is_empty() {
         text.push_str(
-            "<p>The model has no uneven surface, no cross-talk, no variation of the phase response, no ghost and no dust: the photographs \
-             did not need them, or the model does not know them.</p>",
+            "<p>The model has no uneven surface, no cross-talk, no variation of the phase response, no ghost, no dust and no further modes of \
+             light: the photographs did not need them, or the model does not know them.</p>",
         );
     }
     text

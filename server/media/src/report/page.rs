@@ -118,6 +118,7 @@ fn part_name(part: ModelPart) -> &'static str {
     match part {
         ModelPart::TransferFunction => "aberrations and losses of the optics",
         ModelPart::VaryingTransferFunction => "their change over the modulator",
+        ModelPart::PartialCoherence => "further modes of the light, which do not interfere",
         ModelPart::Ghost => "ghost",
         ModelPart::Source => "profile of the light on the modulator, and its surface",
         ModelPart::Dust => "dust and fringes",

@@ -42,6 +42,8 @@ fn blocks(blocks: &BlockStrengths) -> v1::learn_result::BlockStrengths {
         kernel_varies: blocks.kernel_varies,
         dust_contrast: blocks.dust_contrast,
         ghost_share: blocks.ghost_share,
+        image_spread_x_px: blocks.image_spread_px.map(|[x, _]| x),
+        image_spread_y_px: blocks.image_spread_px.map(|[_, y]| y),
     }
 }
 

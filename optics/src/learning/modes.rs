@@ -1,0 +1,108 @@
+//! Fits of light with several modes that do not interfere.
+//!
+//! The light of all modes is added up first. Then each mode is propagated again, multiplied by the slope of the loss and
+//! propagated back, and what arrives at the SLM is added up.
+
+use super::fit::Fit;
+use super::pair::Example;
+use crate::buffers::zeros;
+use crate::convolution::Real;
+use crate::engine::{EngineCore, Fields};
+use crate::photometry::{Comparison, Sums};
+use num_complex::Complex;
+use rayon::prelude::*;
+
+/// Light of all modes, and its gradient. Empty while a display has a single mode.
+#[derive(Debug)]
+pub(super) struct ModeBuffers<T> {
+    /// Light planes.
+    lights: Vec<T>,
+    /// Slopes of the loss by the light.
+    slopes: Vec<T>,
+    /// Sum of what arrives at the SLM.
+    returned: Vec<Complex<T>>,
+}
+
+impl<T: Real> ModeBuffers<T> {
+    pub(super) fn empty() -> Self {
+        Self { lights: Vec::new(), slopes: Vec::new(), returned: Vec::new() }
+    }
+
+    /// Buffers for an engine with its kernels.
+    pub(super) fn of(engine: &EngineCore<T>) -> Self {
+        if engine.is_coherent() {
+            return Self::empty();
+        }
+        let light_len = engine.detector.light_planes() * engine.height_px() * engine.width_px();
+        let returned_len = engine.kernels.half_spectrum_len(&engine.convolver);
+        Self { lights: zeros(light_len), slopes: zeros(light_len), returned: zeros(returned_len) }
+    }
+}
+
+impl<T: Real> Fit<T> {
+    /// Calls `use_mode(fit, m)` for each mode of the light, while the fit's engine is that of the mode.
+    pub(super) fn for_each_mode(&mut self, mut use_mode: impl FnMut(&mut Self, usize)) {
+        for m in 0..=self.engine.further.len() {
+            self.exchange_mode(m);
+            use_mode(self, m);
+            self.exchange_mode(m);
+        }
+    }
+
+    /// Exchanges the first mode and mode `m`.
+    fn exchange_mode(&mut self, m: usize) {
+        let EngineCore { kernels, share, further, .. } = &mut self.engine;
+        if let Some(mode) = m.checked_sub(1).and_then(|i| further.get_mut(i)) {
+            std::mem::swap(kernels, &mut mode.kernels);
+            std::mem::swap(share, &mut mode.share);
+        }
+    }
+
+    /// Propagates a hologram in all modes, and returns the sums of their light at gain 1 and offset 0. The hologram's
+    /// spectrum stays in `out`.
+    pub(super) fn measure_modes(&mut self, example: &Example<T>) -> Sums {
+        self.for_each_mode(|fit, m| {
+            match m {
+                0 => fit.engine.send(example.phase.values(), &mut fit.out),
+                _ => fit.propagate_spectrum(),
+            }
+            let Self { engine, out, modes, .. } = fit;
+            engine.convolver.add_light(&out.tiles, engine.share, m == 0, None, &mut modes.lights);
+        });
+        let comparison = example.comparison(&self.engine, 1.0, 0.0);
+        self.engine.convolver.measure_lights(&comparison, &self.modes.lights)
+    }
+
+    /// Compares the light of all modes with a photograph, for [`Self::weigh_mode`].
+    pub(super) fn compare_modes(&mut self, comparison: &Comparison<'_, T>) -> Sums {
+        let Self { engine, modes: ModeBuffers { lights, slopes, .. }, .. } = self;
+        engine.convolver.slopes(comparison, lights, slopes)
+    }
+
+    /// Writes the half-transformed gradient of the mode whose engine the fit has now to `back`.
+    pub(super) fn weigh_mode(&mut self) {
+        self.propagate_spectrum();
+        let Self { engine, out, back, modes, .. } = self;
+        let factor = engine.share / engine.detector.samples() as f64;
+        engine.convolver.weigh_sampled_tiles(&out.tiles, &modes.slopes, factor, back);
+    }
+
+    /// Propagates the spectrum in `out` to the image.
+    fn propagate_spectrum(&mut self) {
+        let Self { engine, out: Fields { spectrum, tiles }, .. } = self;
+        let (convolver, kernels) = (&engine.convolver, &engine.kernels);
+        let image = &mut tiles[..engine.image_len()];
+        convolver.propagate(&spectrum[..kernels.half_spectrum_len(convolver)], kernels, image);
+    }
+
+    /// Adds what has arrived at the SLM in mode `m`, the first values of the tiles, to that of the modes before it. Writes the
+    /// sum to the tiles.
+    pub(super) fn add_returned(&mut self, m: usize) {
+        let Self { out, modes: ModeBuffers { returned, .. }, .. } = self;
+        let tiles = &mut out.tiles[..returned.len()];
+        if m > 0 {
+            tiles.par_iter_mut().zip(&*returned).for_each(|(sum, &before)| *sum = *sum + before);
+        }
+        returned.copy_from_slice(tiles);
+    }
+}
