@@ -1,5 +1,5 @@
-//! Benchmarks of the engine: each pass of an evaluation, whole evaluations, steps of Adam, steps of the default method through
-//! learned displays, all metrics of a hologram, and steps of learning.
+//! Benchmarks of the engine: each pass of an evaluation, whole evaluations, steps of Adam, evaluations of the default method
+//! through learned displays, all metrics of a hologram, and steps of learning.
 //!
 //! ```sh
 //! cargo bench -p lightpath-optics                       # all benchmarks, about ten minutes
@@ -102,7 +102,7 @@ fn whole_iterations(criterion: &mut Criterion, size: &str, job: &Job, detector: 
     group.finish();
 }
 
-/// Benchmark of a step of the default method through displays with nothing, with every part in one mode of light, and with
+/// Benchmark of an evaluation of the default method through displays with nothing, with every part in one mode of light, and with
 /// three modes besides.
 fn display_models(criterion: &mut Criterion) {
     for (size, height_px, width_px) in &SIZES[..2] {
@@ -110,16 +110,17 @@ fn display_models(criterion: &mut Criterion) {
         let whole = whole_model(job.setup);
         let modes = vec![FurtherMode { light: 1.0, errors: wavy(2) }; 2];
         let partly_coherent = DisplayModel { coherence: PartialCoherence::new(modes), ..whole.clone() };
-        let mut group = criterion.benchmark_group("lbfgs");
+        let mut group = criterion.benchmark_group("evaluate_fitted");
         group.throughput(Throughput::Elements(job.phase.values().len() as u64));
         for (name, model) in
             [("ideal", DisplayModel::ideal(job.setup)), ("whole", whole), ("whole-3-modes", partly_coherent)]
         {
             let engine = Engine::new(&model, Detector::Pixel, None).unwrap();
-            let problem = HologramProblem::new(engine, job.target.clone(), job.region).unwrap();
-            let options = HologramOptions::new(HologramMethod::Lbfgs, u32::MAX);
-            let mut lbfgs = Optimization::start(problem, options, job.phase.values().to_vec()).unwrap();
-            group.bench_function(BenchmarkId::new(name, size), |bencher| bencher.iter(|| lbfgs.step()));
+            let mut problem = HologramProblem::new(engine, job.target.clone(), job.region).unwrap();
+            let mut gradient = job.phase.values().to_vec();
+            group.bench_function(BenchmarkId::new(name, size), |bencher| {
+                bencher.iter(|| problem.evaluate_fitted(job.phase.values(), &mut gradient));
+            });
         }
         group.finish();
     }

@@ -3,8 +3,8 @@
 
 use lightpath_optics::hologram::initial_phase;
 use lightpath_optics::learning::{
-    Block, Blocks, BoxError, KernelModel, LearnOptions, Learner, LearningPairs, Pair, PairSource, ResponseUncertainty,
-    compare, interpolated,
+    Block, Blocks, BoxError, KernelModel, LearnOptions, LearnStage, LearnState, Learner, LearningPairs, Pair, PairSource,
+    ResponseUncertainty, compare, interpolated,
 };
 use lightpath_optics::simulated_display::{SimulatedBench, SimulatedDisplay};
 use lightpath_optics::{
@@ -294,6 +294,27 @@ fn kernel_varies_over_modulator_only_if_validation_loss_falls() {
         assert_eq!(!varying.variation.is_none(), varies, "{field_aberration_rad} rad");
         let (varying, display) = (held_out_loss(&bench, &varying), held_out_loss(&bench, &display));
         assert!(if varies { varying < 0.6 * display } else { varying == display }, "{varying} against {display}");
+    }
+}
+
+#[test]
+fn fitted_model_takes_explained_pairs_back_and_leaves_wrong_ones_out() {
+    let bench = simulated_display(6e-3, SimulatedBench { seed: 5, crosstalk_px: 0.45, ..SimulatedBench::FAIR });
+    let (mut training, validation) = (pairs(&bench, 10, 100), pairs(&bench, 2, 400));
+    training[3].photo = training[4].photo.clone();
+    let learning_pairs = LearningPairs { training: &training, validation: &validation };
+    for has_validation in [true, false] {
+        let learning_pairs = if has_validation { learning_pairs } else { LearningPairs::training_only(&training) };
+        let options = options(&bench, Some(5));
+        let mut learner = Learner::start(bench.setup(), options.clone(), &training).unwrap();
+        while learner.step(learning_pairs).unwrap().unwrap().stage == LearnStage::Adam {}
+        let LearnState::Parametric(mut state) = learner.state().into_owned() else { panic!("a smooth model") };
+        assert_eq!(state.kept, [0, 1, 2, 4, 5, 6, 7, 8, 9]);
+        // As if two good photographs had resembled their holograms too little.
+        state.kept.retain(|&index| index != 1 && index != 6);
+        let mut learner = Learner::resume(bench.setup(), options, LearnState::Parametric(state)).unwrap();
+        while learner.step(learning_pairs).unwrap().is_some() {}
+        assert_eq!(learner.kept_pairs(10), [0, 1, 2, 4, 5, 6, 7, 8, 9], "validation pairs: {has_validation}");
     }
 }
 

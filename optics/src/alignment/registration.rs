@@ -121,12 +121,10 @@ impl Tiles {
         });
     }
 
-    /// The correction that most tiles agree on. `None` when too few tiles have a clear peak.
-    #[must_use]
-    pub fn register(&self, region: RegionOfInterest) -> Option<Registration> {
+    /// For each tile with a clear peak its middle, and the displacement of the photographs there (x, y) \[px\].
+    pub(crate) fn displacements(&self) -> Vec<(Point, Point)> {
         let half = self.side_px as f64 / 2.0 - 0.5;
-        let displacements: Vec<(Point, Point)> = self
-            .spectra
+        self.spectra
             .par_iter()
             .zip(&self.corners)
             .filter_map(|(spectrum, &(y, x))| {
@@ -134,9 +132,14 @@ impl Tiles {
                 let shift = peak(spectrum, self.side_px)?;
                 Some(([x as f64 + half, y as f64 + half], shift))
             })
-            .collect();
+            .collect()
+    }
+
+    /// The correction that most tiles agree on. `None` when too few tiles have a clear peak.
+    #[must_use]
+    pub fn register(&self, region: RegionOfInterest) -> Option<Registration> {
         let repeats = (self.corners.len() * self.side_px * self.side_px) as f64 / region.pixels() as f64;
-        fit(&displacements, region, repeats)
+        fit(&self.displacements(), region, repeats)
     }
 }
 

@@ -91,6 +91,16 @@ impl JointLayout {
         }
     }
 
+    /// Adds `by` to a parameter of one plane, or of all if they share it.
+    pub(super) fn add_to_plane(&self, theta: &mut [f64], plane: usize, position: usize, by: f64) {
+        let function = if self.layout.part(position) == Part::Tilt { plane } else { 0 };
+        for (slot, value) in self.slots.iter().zip(theta) {
+            if *slot == (position, function) {
+                *value += by;
+            }
+        }
+    }
+
     /// Adds `by` to a parameter of each plane.
     pub(super) fn add_to_all_planes(&self, theta: &mut [f64], position: usize, by: f64) {
         let is_tilt = self.layout.part(position) == Part::Tilt;

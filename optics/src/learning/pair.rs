@@ -8,7 +8,7 @@ use crate::{Error, Plane, RegionOfInterest};
 
 /// Values of a photograph from which on a pixel counts as saturated: the camera's highest level 255, less a quarter
 /// level.
-const SATURATION: f32 = 254.75 / 255.0;
+pub(super) const SATURATION: f32 = 254.75 / 255.0;
 
 /// A hologram and its photograph.
 #[derive(Clone, Debug, PartialEq)]

@@ -2,7 +2,7 @@
 //!
 //! Adam first takes single pairs and a kernel of low order, and comes close to the optimum. Levenberg and Marquardt's
 //! method then refines the result on all pairs, with kernels of increasing order. Pairs whose photographs do not show
-//! their holograms are left out. With validation pairs, the result is the model with the lowest validation loss, and
+//! their holograms are left out; the fitted model decides in the end which. With validation pairs, the result is the model with the lowest validation loss, and
 //! learning ends when that loss no longer falls. Validation pairs also choose the [blocks](super::Block): those of the SLM
 //! after the lowest order of the kernel, a varying kernel and a ghost after the highest. In a round each block is tried alone for some
 //! steps, starting from the best model so far. The one that gains most is kept if it gains enough, and is refined. Then
@@ -27,6 +27,7 @@ use crate::{DisplayModel, Dust, Error, KernelShape, OpticalSetup, Plane};
 use serde::{Deserialize, Serialize};
 
 mod dust_stage;
+mod surface_start;
 mod trials;
 
 pub use trials::{Change, Round};
@@ -75,6 +76,8 @@ pub struct ParametricState {
     pub kept: Vec<u32>,
     /// Whether the pairs have been screened again after Adam.
     pub rescreened: bool,
+    /// The screening of all pairs by the fitted model.
+    pub last_screening: LastScreening,
     /// Index of the current order in the list of the orders to fit, which is also the number of finished orders.
     pub order_index: u32,
     /// Order of the kernel that is being fitted.
@@ -111,6 +114,19 @@ pub struct ParametricState {
     pub converged: bool,
     /// Mean training loss of each epoch, then of each refinement step.
     pub loss_history: Vec<f64>,
+}
+
+/// State of the screening by the fitted model.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LastScreening {
+    /// The model is not fitted yet.
+    #[default]
+    Pending,
+    /// The model is fitted, and the next step screens the pairs.
+    Due,
+    /// The pairs have been screened.
+    Done,
 }
 
 /// A model with a lower validation loss than all models before it.
@@ -156,7 +172,10 @@ impl ParametricLearner {
             Some(model) => (layout.parameters(model), Predictor::Rough),
             None => (vec![0.0; layout.len()], Predictor::Ideal),
         };
-        let parameters = learner.joint.parameters_for_all_planes(&plane_theta);
+        let mut parameters = learner.joint.parameters_for_all_planes(&plane_theta);
+        if learner.options.warm_start.is_none() {
+            learner.start_from_displacements(pairs, &mut parameters)?;
+        }
         learner.screen(pairs, &parameters, predictor)?;
         let zeros = vec![0.0; parameters.len()];
         let state = &mut learner.state;
@@ -234,6 +253,9 @@ impl ParametricLearner {
         if self.state.converged || self.options.refinement_evaluations == 0 {
             return Ok(None);
         }
+        if self.state.last_screening == LastScreening::Due {
+            return self.screen_by_fit(learning_pairs.training).map(Some);
+        }
         if let Some(dust) = self.state.dust_fit.take() {
             return self.dust_step(dust, learning_pairs).map(Some);
         }
@@ -275,6 +297,24 @@ impl ParametricLearner {
         self.screen(pairs, &theta, Predictor::Rough)?;
         self.state.rescreened = true;
         Ok(())
+    }
+
+    /// Screens all pairs with the fitted model: only pairs that it does not explain stay left out. If others are in use now, the
+    /// model is refined with them, and else learning goes on to what is last.
+    fn screen_by_fit(&mut self, pairs: &dyn PairSource) -> Result<LearnStep, BoxError> {
+        self.state.last_screening = LastScreening::Done;
+        self.take_best();
+        let (theta, kept) = (self.state.parameters.clone(), self.state.kept.clone());
+        self.screen(pairs, &theta, Predictor::Rough)?;
+        if self.state.kept != kept {
+            self.state.curvature.clear();
+            (self.state.restarted, self.state.adopted, self.state.steps_without_gain) = (false, true, 0);
+        } else if !self.start_dust() {
+            self.state.converged = true;
+            self.fit_final_exposure(pairs)?;
+        }
+        let loss = self.state.loss_history.last().copied().unwrap_or(f64::NAN);
+        Ok(self.progress(LearnStage::Refinement, loss))
     }
 
     /// Selects the pairs to keep by comparing those of each plane with one another, and fits one gain and offset to
@@ -350,7 +390,8 @@ impl ParametricLearner {
         let validated = self.validate(learning_pairs.validation)?;
         let is_trial = self.state.round.is_some();
         let gain_min = if is_trial { TRIAL_STEP_GAIN_MIN } else { STEP_GAIN_MIN };
-        let little = before.is_some_and(|before| loss > before * (1.0 - gain_min));
+        let is_trusted = self.state.refinement.as_ref().is_none_or(|refinement| refinement.trusted);
+        let little = is_trusted && before.is_some_and(|before| loss > before * (1.0 - gain_min));
         if !improved && !is_trial && self.restart_curvature() {
             return Ok(self.progress(LearnStage::Refinement, loss));
         }
@@ -551,8 +592,9 @@ impl ParametricLearner {
                 return;
             }
         }
-        if !self.start_dust() {
-            self.state.converged = true;
+        match self.state.last_screening {
+            LastScreening::Done => self.state.converged = !self.start_dust(),
+            LastScreening::Pending | LastScreening::Due => self.state.last_screening = LastScreening::Due,
         }
     }
 

@@ -18,7 +18,11 @@ const DAMPING_MIN: f64 = 1e-7;
 /// Largest damping λ. With a larger value a step would not change the parameters.
 const DAMPING_MAX: f64 = 1e6;
 /// Largest number of trials in one step.
-const TRIALS_MAX: u32 = 4;
+const TRIALS_MAX: u32 = 5;
+/// Factor of the damping after a trial that failed. Far from the optimum the first damping may be far too small.
+const GROWTH: f64 = 8.0;
+/// Least ratio of the actual to the predicted decrease of the loss at which a step is trusted.
+const TRUSTED_MIN: f64 = 0.1;
 /// Part of the largest curvature that is added to every curvature. Parameters that the data do not determine then keep
 /// their values.
 pub(crate) const FLOOR: f64 = 1e-10;
@@ -36,6 +40,9 @@ pub struct DampedState {
     pub damping: f64,
     /// Number of evaluations so far.
     pub evaluations: u32,
+    /// Whether the last step lowered the loss by about what was predicted. If not, a small decrease does not mean that the
+    /// optimum is near.
+    pub trusted: bool,
 }
 
 impl DampedState {
@@ -49,7 +56,7 @@ impl DampedState {
         mut evaluate: impl FnMut(&[f64]) -> Result<(f64, Vec<f64>), E>,
     ) -> Result<Self, E> {
         let (loss, gradient) = evaluate(&parameters)?;
-        Ok(Self { parameters, loss, gradient, damping: DAMPING, evaluations: 1 })
+        Ok(Self { parameters, loss, gradient, damping: DAMPING, evaluations: 1, trusted: true })
     }
 
     /// Takes one step with the curvature matrix A, given row by row. Returns false if no better point was found.
@@ -76,11 +83,9 @@ impl DampedState {
         limit: impl Fn(&mut [f64]),
         mut evaluate: impl FnMut(&[f64]) -> Result<(f64, Vec<f64>), E>,
     ) -> Result<bool, E> {
-        let mut growth = 2.0;
         for _ in 0..TRIALS_MAX {
             let Some((step, predicted_decrease)) = self.damped_step(curvature) else {
-                self.damping = (self.damping * growth).min(DAMPING_MAX);
-                growth *= 2.0;
+                self.damping = (self.damping * GROWTH).min(DAMPING_MAX);
                 continue;
             };
             let mut parameters: Vec<f64> = self.parameters.iter().zip(&step).map(|(p, d)| p + d).collect();
@@ -88,13 +93,14 @@ impl DampedState {
             let (loss, gradient) = evaluate(&parameters)?;
             self.evaluations += 1;
             if loss < self.loss {
-                let factor = 1.0 - (2.0 * (self.loss - loss) / predicted_decrease - 1.0).powi(3);
-                self.damping = (self.damping * factor.clamp(0.1, 2.0)).max(DAMPING_MIN);
+                let ratio = (self.loss - loss) / predicted_decrease;
+                self.trusted = ratio >= TRUSTED_MIN;
+                let factor = if self.trusted { (1.0 - (2.0 * ratio - 1.0).powi(3)).clamp(0.1, 2.0) } else { GROWTH };
+                self.damping = (self.damping * factor).clamp(DAMPING_MIN, DAMPING_MAX);
                 (self.parameters, self.loss, self.gradient) = (parameters, loss, gradient);
                 return Ok(true);
             }
-            self.damping = (self.damping * growth).min(DAMPING_MAX);
-            growth *= 2.0;
+            self.damping = (self.damping * GROWTH).min(DAMPING_MAX);
         }
         Ok(false)
     }

@@ -4,8 +4,14 @@ use crate::cli::failure::Failure;
 use lightpath::v1::SimulatedBench;
 use std::path::Path;
 
-/// Reads a bench from a file. All properties are optional.
+/// Name of the bench that comes with the program, and its file.
+const LIKE_THE_PAPER: (&str, &str) = ("like-the-paper", include_str!("../../../../docs/like-the-paper.toml"));
+
+/// Reads a bench from a file, or takes the one that comes with the program by its name. All properties are optional.
 pub(super) fn read(path: &Path) -> Result<SimulatedBench, Failure> {
+    if path.as_os_str() == LIKE_THE_PAPER.0 {
+        return parse(LIKE_THE_PAPER.1).map_err(Failure::Usage);
+    }
     let text = std::fs::read_to_string(path).map_err(|source| lightpath::Error::File {
         action: "read",
         path: path.to_owned(),

@@ -1,0 +1,204 @@
+//! A start for uneven modulators.
+//!
+//! ```text
+//! d = K ∇φ + d₀,   K = λz / (2πΔ²)
+//! ```
+//!
+//! A modulator whose surface adds the phase φ \[rad\] sends its light in the direction of φ's slope \[rad/px\], so the picture is displaced by
+//! d \[px\] there, as in a sensor of Shack and Hartmann (B. C. Platt and R. Shack, J. Refract. Surg. 17, S573 (2001)). Bends of some waves displace it by
+//! more pixels than its details measure, and then the loss has no slope towards the right φ. The displacements of tiles of
+//! the photographs from what their holograms should show determine φ up to such pixels. d₀, the shift of the whole picture,
+//! becomes a tilt of the kernel. λ wavelength \[m\], z distance \[m\], Δ pixel pitch \[m\].
+//!
+//! Tiles see details of low frequencies best, which holograms of a narrow range of phases have.
+
+use super::ParametricLearner;
+use crate::alignment::Tiles;
+use crate::chebyshev::{ChebyshevBasis, polynomials, position};
+use crate::learning::layout::Layout;
+use crate::learning::pair::SATURATION;
+use crate::learning::{Block, PairSource, pair::BoxError};
+use crate::least_squares::NormalEquations;
+use std::f64::consts::{PI, TAU};
+
+/// Highest total degrees of φ in the rounds: each round starts from the result of the one before.
+const ORDERS: [usize; 4] = [2, 4, 8, 8];
+/// Number of terms of the highest order.
+const TERMS: usize = 44;
+/// Most pairs that are compared.
+const PAIRS_MAX: usize = 16;
+/// Distance of a tile's displacement from the fit at which it counts half \[px\].
+const HALF_PX: f64 = 1.0;
+/// Number of fits, each with the weights of the fit before.
+const REWEIGHTED: usize = 8;
+/// Damping of the fit: coefficients that hardly displace any tile stay near 0.
+const DAMPING: f64 = 1e-2;
+/// Least relative decrease of the loss by which a start is kept.
+const GAIN_MIN: f64 = 0.03;
+/// Least relative decrease of the loss by which the fine terms of a start are kept.
+const FINE_GAIN_MIN: f64 = 0.1;
+
+impl ParametricLearner {
+    /// Finds a start for the surface of the modulator and the shift of the picture, and writes it to the `parameters`, which are
+    /// those of the ideal display. They stay as they are if the loss hardly falls.
+    pub(super) fn start_from_displacements(
+        &mut self,
+        pairs: &dyn PairSource,
+        parameters: &mut Vec<f64>,
+    ) -> Result<(), BoxError> {
+        if !Block::FineSource.belongs_to(self.options.model) {
+            return Ok(());
+        }
+        let coarse = self.joint.clone();
+        let blocks = coarse.layout.blocks.with(Block::FineSource);
+        let fine = coarse.with_layout(Layout::of(self.options.model, coarse.layout.kernel.order(), blocks));
+        self.change_layout(fine.clone());
+        let mut best = coarse.converted(parameters, &fine);
+        let before = self.start_loss(pairs, &best)?;
+        let mut lowest = before;
+        for order in ORDERS {
+            let Some(moved) = self.moved_towards_photographs(pairs, &best, order)? else { break };
+            let loss = self.start_loss(pairs, &moved)?;
+            // A round of a higher order may correct what a lower one could not describe.
+            if loss >= lowest {
+                continue;
+            }
+            (best, lowest) = (moved, loss);
+        }
+        let is_kept = lowest <= before * (1.0 - GAIN_MIN);
+        let without_fine_terms = fine.converted(&best, &coarse);
+        let is_fine = is_kept
+            && lowest
+                <= (1.0 - FINE_GAIN_MIN) * self.start_loss(pairs, &coarse.converted(&without_fine_terms, &fine))?;
+        if is_fine {
+            *parameters = best;
+            return Ok(());
+        }
+        self.change_layout(coarse);
+        if is_kept {
+            *parameters = without_fine_terms;
+        }
+        Ok(())
+    }
+
+    /// Mean of the losses of the pairs that are compared.
+    fn start_loss(&mut self, pairs: &dyn PairSource, theta: &[f64]) -> Result<f64, BoxError> {
+        let compared = Compared::of(pairs);
+        let each = self.measure_each(&compared, theta)?;
+        Ok(each.iter().map(crate::photometry::Sums::fitted_loss).sum::<f64>() / each.len() as f64)
+    }
+
+    /// θ with the surface and the shift by which the photographs are displaced. `None` without enough tiles.
+    fn moved_towards_photographs(
+        &mut self,
+        pairs: &dyn PairSource,
+        theta: &[f64],
+        order: usize,
+    ) -> Result<Option<Vec<f64>>, BoxError> {
+        let (compared, setup) = (Compared::of(pairs), self.fit.setups[0]);
+        let Some(mut tiles) = Tiles::cover(self.options.region) else { return Ok(None) };
+        self.fit.set(0, &self.joint.plane_parameters(0, theta));
+        for index in 0..compared.len() {
+            let pair = compared.pair(index)?;
+            let light = self.fit.engine.light(&pair.phase)?;
+            tiles.add(&light, &pair.photo, SATURATION);
+        }
+        let (height_px, width_px) = (setup.grid().height_px(), setup.grid().width_px());
+        let pitch_m = setup.grid().pixel_pitch_m();
+        let px_per_slope = setup.wavelength_m() * setup.distance_m() / (TAU * pitch_m * pitch_m);
+        let basis = ChebyshevBasis::new(order);
+        let equations: Vec<([f64; TERMS], f64)> = tiles
+            .displacements()
+            .into_iter()
+            .flat_map(|([x, y], [dx, dy])| {
+                let (along_x, along_y) = (slopes(order, x, width_px), slopes(order, y, height_px));
+                let row = |of: &dyn Fn(usize, usize) -> f64| {
+                    let mut row = [0.0; TERMS];
+                    row.iter_mut().zip(basis.degrees()).for_each(|(a, (i, j))| *a = px_per_slope * of(i, j));
+                    row
+                };
+                let by_x = row(&|i, j| along_x[i].1 * along_y[j].0);
+                let by_y = row(&|i, j| along_x[i].0 * along_y[j].1);
+                [(by_x, dx), (by_y, dy)]
+            })
+            .collect();
+        if equations.len() < 3 * basis.terms() {
+            return Ok(None);
+        }
+        let Some(found) = robust_fit(&equations) else { return Ok(None) };
+        let (mut moved, layout) = (theta.to_vec(), self.joint.layout);
+        let mut add = |start: usize, of: ChebyshevBasis, degrees: (usize, usize), by: f64| {
+            if let Some(term) = of.degrees().position(|of_term| of_term == degrees) {
+                self.joint.add_to_plane(&mut moved, 0, start + of.terms() + term, by);
+            }
+        };
+        for (degrees, coefficient) in basis.degrees().zip(found) {
+            match degrees {
+                // The kernel's factor exp(iτx), x = 2Δfx, moves the picture by −τ/π px.
+                (1, 0) => add(0, layout.kernel, degrees, -PI * px_per_slope * coefficient * 2.0 / width_px as f64),
+                (0, 1) => add(0, layout.kernel, degrees, -PI * px_per_slope * coefficient * 2.0 / height_px as f64),
+                _ => add(layout.source(), layout.source, degrees, coefficient),
+            }
+        }
+        Ok(Some(moved))
+    }
+}
+
+/// T_i and its derivative by the pixel, at a place on an axis of `side_px` pixels.
+fn slopes(order: usize, at_px: f64, side_px: usize) -> Vec<(f64, f64)> {
+    let per_px = 2.0 / side_px as f64;
+    let x = position(0, side_px) + per_px * at_px;
+    let values = polynomials(order, x);
+    // Polynomials of the second kind: T_i′ = i U_{i−1}.
+    let (mut before, mut second) = (0.0, 1.0);
+    let derivative = |(i, value): (usize, f64)| {
+        if i == 0 {
+            return (value, 0.0);
+        }
+        let slope = i as f64 * second;
+        (before, second) = (second, 2.0 * x * second - before);
+        (value, slope * per_px)
+    };
+    values.into_iter().enumerate().map(derivative).collect()
+}
+
+/// Least squares in which equations far from the fit count little.
+fn robust_fit(equations: &[([f64; TERMS], f64)]) -> Option<[f64; TERMS]> {
+    let mut found = [0.0; TERMS];
+    let mut weights = vec![1.0; equations.len()];
+    for _ in 0..REWEIGHTED {
+        let mut normal = NormalEquations::<TERMS>::new();
+        for ((row, value), weight) in equations.iter().zip(&weights) {
+            normal.add(row, *value, *weight);
+        }
+        found = normal.damped(TERMS, DAMPING).solve()?;
+        for ((row, value), weight) in equations.iter().zip(&mut weights) {
+            let rest = value - row.iter().zip(&found).map(|(a, x)| a * x).sum::<f64>();
+            *weight = 1.0 / (1.0 + (rest / HALF_PX).powi(2));
+        }
+    }
+    Some(found)
+}
+
+/// The first pairs of the first distance.
+struct Compared<'a> {
+    pairs: &'a dyn PairSource,
+    len: usize,
+}
+
+impl<'a> Compared<'a> {
+    fn of(pairs: &'a dyn PairSource) -> Self {
+        let of_first = (0..pairs.len()).take_while(|&index| pairs.plane(index) == 0).count();
+        Self { pairs, len: of_first.min(PAIRS_MAX) }
+    }
+}
+
+impl PairSource for Compared<'_> {
+    fn len(&self) -> usize {
+        self.len
+    }
+
+    fn pair(&self, index: usize) -> Result<crate::learning::Pair, BoxError> {
+        self.pairs.pair(index)
+    }
+}
