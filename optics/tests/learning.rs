@@ -3,8 +3,8 @@
 
 use lightpath_optics::hologram::initial_phase;
 use lightpath_optics::learning::{
-    Block, Blocks, BoxError, KernelModel, LearnOptions, LearnStage, LearnState, Learner, LearningPairs, Pair, PairSource,
-    ResponseUncertainty, compare, interpolated,
+    Block, Blocks, BoxError, KernelModel, LearnOptions, LearnStage, LearnState, Learner, LearningPairs, Pair,
+    PairSource, ResponseUncertainty, compare, interpolated,
 };
 use lightpath_optics::simulated_display::{SimulatedBench, SimulatedDisplay};
 use lightpath_optics::{

@@ -57,7 +57,8 @@ A display that exists only as a simulation (see lightpath simulate --help):
   lightpath display create bench --resolution 960x540 --pixel-pitch 8um \\
       --wavelength 515nm --simulated bench.toml
 
-docs/bench.toml has every property of a simulated bench with its range and default.")]
+docs/bench.toml has every property of a simulated bench with its range and default;
+docs/like-the-paper.toml is the bench with that name.")]
 pub(crate) struct Create {
     /// Id of the new display: 1 to 63 characters of a-z, 0-9 and '-', starting with a letter
     id: String,
@@ -96,10 +97,10 @@ pub(crate) struct Create {
     #[arg(long, value_name = "TEXT", default_value = "", hide_default_value = true)]
     notes: String,
 
-    /// Make it a simulated display with the properties in this TOML file
+    /// Make it a simulated display with the properties in this TOML file, or like that of the paper
     #[arg(
         long,
-        value_name = "BENCH.toml",
+        value_name = "BENCH.toml|like-the-paper",
         conflicts_with_all = ["simulated_seed", "simulated_strength", "camera_noise", "misalignment"],
         help_heading = "Simulated bench"
     )]

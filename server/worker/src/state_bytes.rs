@@ -82,7 +82,7 @@ mod tests {
     use lightpath_domain::units::Wavelength;
     use lightpath_optics::hologram::{HologramMethod, HologramOptions, OptimizationState};
     use lightpath_optics::learning::bins::BinsState;
-    use lightpath_optics::learning::parametric::{BestModel, Change, ParametricState, Round};
+    use lightpath_optics::learning::parametric::{BestModel, Change, LastScreening, ParametricState, Round};
     use lightpath_optics::learning::{Block, Blocks, LearnState};
     use lightpath_optics::optimizer::damped::DampedState;
     use lightpath_optics::{
@@ -146,6 +146,7 @@ mod tests {
             gradient: vec![-1.0 / 7.0, 0.0],
             damping: 1e-3,
             evaluations: 9,
+            trusted: false,
         };
         let best = |order| BestModel {
             order,
@@ -172,6 +173,7 @@ mod tests {
             orders_done: true,
             kept: vec![0, 2, 3],
             curvature: vec![4.0],
+            last_screening: LastScreening::Due,
             rescreened: true,
             order_index: 1,
             converged: true,

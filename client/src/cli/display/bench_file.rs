@@ -81,6 +81,12 @@ mod tests {
     }
 
     #[test]
+    fn bench_like_the_paper_comes_with_the_program() {
+        let bench = read(Path::new(LIKE_THE_PAPER.0)).unwrap();
+        assert_eq!((bench.seed, bench.surface_waves, bench.ghost_share), (2022, 1.0, 0.02));
+    }
+
+    #[test]
     fn damaged_files_never_panic_the_parser() {
         let accepted = damaged(DOCUMENTED).filter(|text| parse(text).is_ok()).count();
         assert!((1..DAMAGED).contains(&accepted), "{accepted} were accepted");

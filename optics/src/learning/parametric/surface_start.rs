@@ -202,3 +202,79 @@ impl PairSource for Compared<'_> {
         self.pairs.pair(index)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::learning::{KernelModel, LearnOptions, Pair};
+    use crate::simulated_display::{SimulatedBench, SimulatedDisplay};
+    use crate::test_cards::TestCard;
+    use crate::{
+        Detector, DisplayModel, Engine, Grid, HologramProblem, OpticalSetup, Optimization, Plane, RegionOfInterest,
+    };
+
+    #[test]
+    fn slopes_match_central_differences() {
+        let at = |px: f64| slopes(8, px, 40);
+        for px in [0.0, 3.7, 20.0, 39.0] {
+            for ((i, (value, slope)), (after, before)) in
+                at(px).into_iter().enumerate().zip(at(px + 1e-5).into_iter().zip(at(px - 1e-5)))
+            {
+                assert!((value - polynomials(8, position(0, 40) + px / 20.0)[i]).abs() < 1e-12);
+                assert!((slope - (after.0 - before.0) / 2e-5).abs() < 1e-6, "T_{i} at {px} px");
+            }
+        }
+    }
+
+    #[test]
+    fn fit_ignores_outliers() {
+        let wanted: [f64; TERMS] = std::array::from_fn(|i| (i as f64).sin());
+        let equations: Vec<_> = (0..400)
+            .map(|k| {
+                let row: [f64; TERMS] = std::array::from_fn(|i| (1.0 + (k * (i + 3)) as f64).sin());
+                let value: f64 = row.iter().zip(&wanted).map(|(a, x)| a * x).sum();
+                (row, if k % 10 == 0 { 30.0 } else { value })
+            })
+            .collect();
+        let found = robust_fit(&equations).unwrap();
+        assert!(found.iter().zip(&wanted).all(|(a, b)| (a - b).abs() < 0.1), "{found:?}");
+    }
+
+    /// Pairs of a bench, whose holograms are optimized for pictures.
+    fn pairs(bench: &SimulatedDisplay) -> Vec<Pair> {
+        let (setup, region) = (bench.setup(), RegionOfInterest::middle(&bench.setup().grid()));
+        let engine = Engine::new(&DisplayModel::ideal(setup), Detector::Pixel, None).unwrap();
+        let cards = [TestCard::Portrait, TestCard::City, TestCard::Flower, TestCard::Leaf];
+        let pair = |(number, card): (usize, TestCard)| {
+            let target = card.render(setup.grid().height_px(), setup.grid().width_px(), 1).unwrap();
+            let problem = HologramProblem::new(engine.clone(), target, region).unwrap();
+            let phases =
+                crate::hologram::initial_phase(problem.engine().height_px(), problem.engine().width_px(), 1.0, 3);
+            let options = crate::hologram::HologramOptions::new(crate::hologram::HologramMethod::Lbfgs, 12);
+            let mut run = Optimization::start(problem, options, phases.unwrap().values().to_vec()).unwrap();
+            while run.step().is_some() {}
+            let phases = run.phases().to_vec();
+            let phase = Plane::try_from_vec(setup.grid().height_px(), setup.grid().width_px(), phases).unwrap();
+            let photo = bench.capture(&phase, number as u64).unwrap().map(|level| f32::from(level) / 255.0);
+            Pair { phase, photo }
+        };
+        cards.into_iter().enumerate().map(pair).collect()
+    }
+
+    #[test]
+    fn start_lowers_the_loss_on_a_bent_modulator_only() {
+        let setup = OpticalSetup::try_new(Grid::try_new(270, 480, 8e-6).unwrap(), 515e-9, 40e-3).unwrap();
+        for (surface_waves, is_bent) in [(1.0, true), (0.0, false)] {
+            let bench = SimulatedBench { seed: 41, surface_waves, strength: 0.0, ..SimulatedBench::FAIR };
+            let bench = SimulatedDisplay::draw(setup, None, bench).unwrap();
+            let pairs = pairs(&bench);
+            let options = LearnOptions::new(KernelModel::Display, RegionOfInterest::middle(&setup.grid()));
+            let mut learner = ParametricLearner::start(&[setup], options, &pairs).unwrap();
+            let theta = learner.state.parameters.clone();
+            assert_eq!(theta.iter().any(|&parameter| parameter != 0.0), is_bent, "{surface_waves} waves");
+            let loss = |learner: &mut ParametricLearner, theta: &[f64]| learner.start_loss(&pairs, theta).unwrap();
+            let (started, ideal) = (loss(&mut learner, &theta), loss(&mut learner, &vec![0.0; theta.len()]));
+            assert!(!is_bent || started < 0.8 * ideal, "{started} against {ideal}");
+        }
+    }
+}

@@ -162,6 +162,7 @@ pub(super) fn of_array(array: &Array, setup: &OpticalSetup, form: &'static str) 
     let whole = [
         Loss::Source,
         Loss::Dust,
+        Loss::Coherence,
         Loss::PhaseResponse,
         Loss::ResponseVariation,
         Loss::Crosstalk,

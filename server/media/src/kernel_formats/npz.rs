@@ -310,8 +310,9 @@ mod tests {
             assert_eq!((&back.model.source, back.kind), (&model.source, KernelModel::Dense));
             assert_eq!((&back.model.response, back.model.gain), (&model.response, model.gain));
             assert!(back.remarks[0].contains("`transfer` was changed"), "{:?}", back.remarks);
-            let varies = kind == KernelModel::Varying;
-            assert_eq!(back.absent, varies.then_some(Loss::Variation).into_iter().collect::<Vec<_>>());
+            let lost = [(Loss::Coherence, !model.coherence.is_none()), (Loss::Variation, !model.variation.is_none())];
+            let lost: Vec<Loss> = lost.into_iter().filter_map(|(loss, is_lost)| is_lost.then_some(loss)).collect();
+            assert_eq!((back.absent, back.model.coherence.is_none()), (lost, true));
         }
     }
 
@@ -353,7 +354,8 @@ mod tests {
         }
         let foreign = without("lightpath.npy").unwrap();
         assert_eq!((foreign.kind, &foreign.model.response), (KernelModel::Dense, &model.response));
-        let lost = [Loss::Source, Loss::Dust, Loss::ResponseVariation, Loss::Crosstalk, Loss::Variation];
+        let lost =
+            [Loss::Source, Loss::Dust, Loss::Coherence, Loss::ResponseVariation, Loss::Crosstalk, Loss::Variation];
         assert_eq!(foreign.absent, lost);
     }
 }
