@@ -23,9 +23,14 @@ pub struct LearningSize {
     pub distances: usize,
     /// Rows and columns of the region that is compared \[px\].
     pub region_px: [usize; 2],
+    /// Most modes of light that the fit may have.
+    pub modes: usize,
 }
 
 impl LearningSize {
+    /// Most modes of light that learning tries.
+    pub const MODES_MAX: usize = 1 + FURTHER_MODES;
+
     /// Engine during the fit.
     #[must_use]
     pub fn engine(&self) -> EngineSize {
@@ -34,7 +39,7 @@ impl LearningSize {
         EngineSize {
             kernels_per_side: if varies { EngineSize::KERNELS_PER_SIDE_MAX } else { 1 },
             // A varying kernel has more transfer functions than the modes, and no display has both.
-            modes: if self.model == KernelModel::Display { 1 + FURTHER_MODES } else { 1 },
+            modes: if self.model == KernelModel::Display { self.modes } else { 1 },
             has_source: has_slm,
             wraps_phase: has_slm,
             ..self.engine

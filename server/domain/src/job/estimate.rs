@@ -295,7 +295,8 @@ pub fn learn_kernel(spec: &super::LearnKernel, inputs: &LearningInputs) -> Need 
     let (n, datasets) = (inputs.engine.pixels(), inputs.pairs.len());
     let region_px = [spec.region_of_interest.height_px(), spec.region_of_interest.width_px()];
     let order = spec.order.map_or(12, |order| order as usize);
-    let size = LearningSize { engine: inputs.engine, model: spec.model, order, distances: datasets, region_px };
+    let modes = LearningSize::MODES_MAX;
+    let size = LearningSize { engine: inputs.engine, model: spec.model, order, distances: datasets, region_px, modes };
     let kept: Vec<[u64; 3]> = inputs.pairs.iter().map(|pairs| pairs.kept_bytes(n, datasets)).collect();
     let kept_of = |splits: &[usize]| -> u64 { kept.iter().flat_map(|kept| splits.iter().map(|&i| kept[i])).sum() };
     let reading = inputs.pairs.iter().map(|pairs| pairs.reading_bytes(n)).max().unwrap_or(0);
@@ -473,6 +474,7 @@ pub fn report_kernel(inputs: &ReportInputs) -> Need {
             order: kernel.order,
             distances: 1,
             region_px: inputs.region_px,
+            modes: engine.modes,
         };
         let fit =
             if matches!(inputs.model, KernelModel::Display | KernelModel::Varying) { size.fit_bytes() } else { 0 };
