@@ -46,7 +46,7 @@ def main():
     python = peers.environment(given.environment.resolve())
     programs = build()
     with contextlib.ExitStack() as stack:
-        folder = given.keep or pathlib.Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        folder = given.keep.resolve() if given.keep else pathlib.Path(stack.enter_context(tempfile.TemporaryDirectory()))
         folder.mkdir(parents=True, exist_ok=True)
         lightpath = stack.enter_context(server(programs, folder))
         lightpath("display", "create", "perfect", "--resolution", "1920x1080", "--pixel-pitch", "8um", "--wavelength", "515nm", *PERFECT)
@@ -96,11 +96,14 @@ def odak_hologram(given, python, folder, out):
     """The hologram as grey levels: the phase as a part of 2 pi, of 256."""
     target, phase = folder / "target.npy", folder / "odak.npy"
     size = [str(side) for side in PIXELS]
-    subprocess.run([python, peers.HERE / "prepare.py", given.target, target, *size, "linear"], check=True)
+    prepare = [python, peers.HERE / "prepare.py", given.target.resolve(), target, *size, "linear"]
+    subprocess.run(prepare, cwd=folder, check=True)
     peers.say("odak's hologram: some minutes")
     started = time.monotonic()
     job = ["--target", target, "--out", phase, "--iterations", str(given.iterations), *OPTICS]
-    done = subprocess.run([python, peers.HERE / "torch_job.py", "odak", *job], check=True, capture_output=True, text=True)
+    # odak leaves a log in the folder that it runs in.
+    job = [python, peers.HERE / "torch_job.py", "odak", *job]
+    done = subprocess.run(job, cwd=folder, check=True, capture_output=True, text=True)
     reported = json.loads(done.stdout)
     peers.say(f"odak's own figure: {reported['reported_at_best_gain_db']:.1f} dB, after {time.monotonic() - started:.0f} s")
     script = (

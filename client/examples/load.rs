@@ -5,11 +5,11 @@
 //! cargo run --release -p lightpath --example load
 //! ```
 //!
-//! A long job keeps the server's cores busy during all measurements. The example submits many jobs, lists pages of jobs,
-//! follows up to 500 jobs at once and uploads large artifacts in parallel. For each followed job it measures the delay
-//! between the cancellation and the message to the follower. With TLS, use
-//! `--server https://localhost:7070 --ca-file cert.pem --token-file ada.token`. A client cannot measure how long a worker
-//! takes to claim a job among a million: the test with `LIGHTPATH_SCALE_JOBS` does (CONTRIBUTING.md).
+//! A long job keeps the server's cores busy during all measurements. The example submits many jobs, lists pages of
+//! jobs, follows up to 500 jobs at once and uploads large artifacts in parallel. For each followed job it measures the
+//! delay between the cancellation and the message to the follower. With TLS, use `--server https://localhost:7070
+//! --ca-file cert.pem --token-file ada.token`. A client cannot measure how long a worker takes to claim a job among a
+//! million: the test with `LIGHTPATH_SCALE_JOBS` does (CONTRIBUTING.md).
 
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 

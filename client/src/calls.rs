@@ -79,8 +79,8 @@ calls! {
     kernels.list_kernel_versions(ListKernelVersionsRequest) -> ListKernelVersionsResponse;
     /// Makes a version the active one.
     kernels.promote_kernel(PromoteKernelRequest) -> Kernel;
-    /// Makes the version active again that was active before the last change. The request names the version that is active
-    /// now.
+    /// Makes the version active again that was active before the last change. The request names the version that is
+    /// active now.
     kernels.rollback_kernel(RollbackKernelRequest) -> Kernel;
     /// Returns a page of the changes of the active version, newest first.
     kernels.list_kernel_moves(ListKernelMovesRequest) -> ListKernelMovesResponse;
@@ -105,7 +105,8 @@ impl Client {
     ///
     /// # Errors
     ///
-    /// [`crate::Error::Refused`] when the server refuses the call, [`crate::Error::Unreachable`] when no server answers.
+    /// [`crate::Error::Refused`] when the server refuses the call, [`crate::Error::Unreachable`] when no server
+    /// answers.
     pub async fn watch_job(&self, request: v1::WatchJobRequest) -> Result<Streaming<v1::Job>> {
         Ok(self.jobs().watch_job(request).await.map_err(|status| self.error(status))?.into_inner())
     }
@@ -116,7 +117,8 @@ impl Client {
     ///
     /// # Errors
     ///
-    /// [`crate::Error::Refused`] when the server refuses the call, [`crate::Error::Unreachable`] when no server answers.
+    /// [`crate::Error::Refused`] when the server refuses the call, [`crate::Error::Unreachable`] when no server
+    /// answers.
     pub async fn watch_kernel(&self, request: v1::WatchKernelRequest) -> Result<Streaming<v1::Kernel>> {
         Ok(self.kernels().watch_kernel(request).await.map_err(|status| self.error(status))?.into_inner())
     }
@@ -125,7 +127,8 @@ impl Client {
     ///
     /// # Errors
     ///
-    /// [`crate::Error::Refused`] when the server refuses the call, [`crate::Error::Unreachable`] when no server answers.
+    /// [`crate::Error::Refused`] when the server refuses the call, [`crate::Error::Unreachable`] when no server
+    /// answers.
     pub async fn read_artifact(&self, request: v1::ReadArtifactRequest) -> Result<Streaming<v1::ReadArtifactResponse>> {
         Ok(self.artifacts().read_artifact(request).await.map_err(|status| self.error(status))?.into_inner())
     }

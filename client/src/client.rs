@@ -81,8 +81,8 @@ impl Client {
     ///
     /// # Errors
     ///
-    /// [`Error::Url`] when `url` is not an `http://` or `https://` address. [`Error::Token`] when the token is empty or has
-    /// characters other than printable ASCII.
+    /// [`Error::Url`] when `url` is not an `http://` or `https://` address. [`Error::Token`] when the token is empty or
+    /// has characters other than printable ASCII.
     pub fn connect_with_token(url: &str, token: &str) -> Result<Self> {
         Self::connect_as(url, &Credentials { token: Some(token.to_owned()), ..Credentials::default() })
     }

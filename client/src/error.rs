@@ -75,7 +75,8 @@ pub enum Error {
     },
 }
 
-/// A refusal by the server. Its text is the code and the message, then a line for each wrong field and for the retry delay.
+/// A refusal by the server. Its text is the code and the message, then a line for each wrong field and for the retry
+/// delay.
 #[derive(Debug)]
 pub struct Refusal {
     /// The gRPC status with all details.
@@ -166,7 +167,8 @@ impl fmt::Display for Refusal {
 
 impl std::error::Error for Refusal {}
 
-/// True for a lost connection. tonic reports it as UNAVAILABLE, or as another code with a transport error as its source.
+/// True for a lost connection. tonic reports it as UNAVAILABLE, or as another code with a transport error as its
+/// source.
 fn is_unreachable(status: &Status) -> bool {
     let from_transport = status.source().is_some_and(|source| {
         source.is::<tonic::transport::Error>() || source.is::<tonic::Status>() || source.is::<io::Error>()
@@ -174,7 +176,8 @@ fn is_unreachable(status: &Status) -> bool {
     status.code() == Code::Unavailable || from_transport || is_broken_stream(status)
 }
 
-/// True for a connection that was lost in the middle of a stream. hyper and h2 report it only in the text of the message.
+/// True for a connection that was lost in the middle of a stream. hyper and h2 report it only in the text of the
+/// message.
 fn is_broken_stream(status: &Status) -> bool {
     matches!(status.code(), Code::Unknown | Code::Internal | Code::Cancelled)
         && [

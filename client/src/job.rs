@@ -4,8 +4,8 @@ use crate::retry::Backoff;
 use crate::v1::{self, Job, SubmitJobRequest, WatchJobRequest};
 use crate::{Client, Error, Result};
 
-/// Tries to reach the server again while waiting for a job. They take about ten minutes, which is enough for a restart with
-/// recovery.
+/// Tries to reach the server again while waiting for a job. They take about ten minutes, which is enough for a restart
+/// with recovery.
 const WAIT_TRIES_MAX: u32 = 200;
 
 /// A change that [`Client::wait`] reports while it waits.
@@ -23,12 +23,13 @@ pub enum JobChange<'a> {
 impl Client {
     /// Submits a job and returns it after the server has stored it on disk.
     ///
-    /// If `request_id` is empty, the client chooses one. A retry after a lost connection therefore never creates a second
-    /// job.
+    /// If `request_id` is empty, the client chooses one. A retry after a lost connection therefore never creates a
+    /// second job.
     ///
     /// # Errors
     ///
-    /// [`Error::Refused`] when the server refuses the job, [`Error::Unreachable`] after about 15 seconds without a server.
+    /// [`Error::Refused`] when the server refuses the job, [`Error::Unreachable`] after about 15 seconds without a
+    /// server.
     pub async fn submit(&self, mut request: SubmitJobRequest) -> Result<Job> {
         if request.request_id.is_empty() {
             request.request_id = uuid::Uuid::now_v7().to_string();
@@ -115,7 +116,8 @@ macro_rules! results {
             ///
             /// # Errors
             ///
-            /// [`Error::JobUnsuccessful`] when the job has not succeeded, [`Error::Protocol`] when it is of another kind.
+            /// [`Error::JobUnsuccessful`] when the job has not succeeded, [`Error::Protocol`] when it is of another
+            /// kind.
             pub fn $name(job: &Job) -> Result<&v1::$result> {
                 match succeeded(job)? {
                     v1::job_result::Kind::$kind(result) => Ok(result),

@@ -16,8 +16,8 @@ impl Client {
     ///
     /// # Errors
     ///
-    /// [`Error::Refused`] when the server refuses the call, [`Error::Unreachable`] after about 15 seconds without a server,
-    /// [`Error::Damaged`] when the bytes do not match the digest.
+    /// [`Error::Refused`] when the server refuses the call, [`Error::Unreachable`] after about 15 seconds without a
+    /// server, [`Error::Damaged`] when the bytes do not match the digest.
     pub async fn fetch_kernel_as(
         &self,
         kernel: &str,

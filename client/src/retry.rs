@@ -10,7 +10,8 @@ const PAUSE_MIN: Duration = Duration::from_millis(100);
 /// Longest pause before a retry.
 const PAUSE_MAX: Duration = Duration::from_secs(3);
 
-/// Tries of a call without progress before its error is returned. The pauses between them last about 15 seconds in total.
+/// Tries of a call without progress before its error is returned. The pauses between them last about 15 seconds in
+/// total.
 const TRIES_MAX: u32 = 10;
 
 /// Counts the tries of a call and doubles the pause between them.

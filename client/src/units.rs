@@ -68,7 +68,8 @@ const UNITS: [(&str, i32); 8] =
     [("cm", -2), ("mm", -3), ("um", -6), ("µm", -6), ("μm", -6), ("nm", -9), ("pm", -12), ("m", 0)];
 
 impl Length {
-    /// Parses `150mm`, `8um`, `8µm`, `515nm`, `0.15m` or a plain number, and returns metres. A plain number is in metres.
+    /// Parses `150mm`, `8um`, `8µm`, `515nm`, `0.15m` or a plain number, and returns metres. A plain number is in
+    /// metres.
     ///
     /// The result is the f64 nearest to the decimal number. The server checks its range.
     ///

@@ -26,7 +26,8 @@ impl Client {
     ///
     /// # Errors
     ///
-    /// [`Error::Refused`] when the server refuses the call, [`Error::Unreachable`] after about 15 seconds without a server.
+    /// [`Error::Refused`] when the server refuses the call, [`Error::Unreachable`] after about 15 seconds without a
+    /// server.
     pub async fn upload_bytes(&self, bytes: impl Into<Vec<u8>>) -> Result<String> {
         let bytes: Vec<u8> = bytes.into();
         let (digest, size_bytes) = (digest_of(&bytes), bytes.len() as u64);

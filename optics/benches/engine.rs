@@ -1,5 +1,5 @@
-//! Benchmarks of the engine: each pass of an evaluation, whole evaluations, steps of Adam, evaluations of the default method
-//! through learned displays, all metrics of a hologram, and steps of learning.
+//! Benchmarks of the engine: each pass of an evaluation, whole evaluations, steps of Adam, evaluations of the default
+//! method through learned displays, all metrics of a hologram, and steps of learning.
 //!
 //! ```sh
 //! cargo bench -p lightpath-optics                       # all benchmarks, about ten minutes
@@ -102,8 +102,8 @@ fn whole_iterations(criterion: &mut Criterion, size: &str, job: &Job, detector: 
     group.finish();
 }
 
-/// Benchmark of an evaluation of the default method through displays with nothing, with every part in one mode of light, and with
-/// three modes besides.
+/// Benchmark of an evaluation of the default method through displays with nothing, with every part in one mode of
+/// light, and with three modes besides.
 fn display_models(criterion: &mut Criterion) {
     for (size, height_px, width_px) in &SIZES[..2] {
         let job = Job::new(*height_px, *width_px);

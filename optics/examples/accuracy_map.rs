@@ -1,5 +1,5 @@
-//! Differences between the reported quality of holograms and that of an independent model, over distances, aspect ratios, kinds
-//! of displays, detectors and propagation methods: a picture, and a summary as text.
+//! Differences between the reported quality of holograms and that of an independent model, over distances, aspect
+//! ratios, kinds of displays, detectors and propagation methods: a picture, and a summary as text.
 //!
 //! ```text
 //! cargo run --release -p lightpath-optics --example accuracy_map -- accuracy-map.svg

@@ -1,5 +1,5 @@
-//! Holograms for displays that show the first diffraction order of their pixels, and for those that show all orders, each seen
-//! on both kinds.
+//! Holograms for displays that show the first diffraction order of their pixels, and for those that show all orders,
+//! each seen on both kinds.
 //!
 //! ```text
 //! cargo run --release -p lightpath-optics --example orders

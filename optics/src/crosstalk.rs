@@ -4,10 +4,11 @@
 //! ψ(y, x) = Σ_k Σ_l K_k(q_y) K_l(q_x) wrap( φ + grating )(y + k, x + l),   K_k(q) = q^{k²} / Σ_j q^{j²},   j, k, l = −3 … 3
 //! ```
 //!
-//! φ is the phase \[rad\], wrapped to [0, 2π) with the carrier's grating before it blurs, as the voltages of neighbouring
-//! pixels blur. So a jump from 2π to 0 becomes a slope. q along each axis is the weight of a neighbour relative to the
-//! pixel's own. K samples a Gaussian of standard deviation σ = 1/√(−2 ln q) \[px\]. Beyond the edge, the phases of the edge
-//! continue. Measured modulators: S. Moser, M. Ritsch-Marte and G. Thalhammer, Optics Express 27, 25046 (2019).
+//! φ is the phase \[rad\], wrapped to [0, 2π) with the carrier's grating before it blurs, as the voltages of
+//! neighbouring pixels blur. So a jump from 2π to 0 becomes a slope. q along each axis is the weight of a neighbour
+//! relative to the pixel's own. K samples a Gaussian of standard deviation σ = 1/√(−2 ln q) \[px\]. Beyond the edge,
+//! the phases of the edge continue. Measured modulators: S. Moser, M. Ritsch-Marte and G. Thalhammer, Optics Express
+//! 27, 25046 (2019).
 
 use crate::buffers::zeros;
 use crate::interrupt;
@@ -36,7 +37,8 @@ pub struct Crosstalk {
 impl Crosstalk {
     /// No cross-talk.
     pub const NONE: Self = Self { ratio_x: 0.0, ratio_y: 0.0 };
-    /// Largest q, of a standard deviation of 0.99 px. With a larger one, more than three pixels on either side would count.
+    /// Largest q, of a standard deviation of 0.99 px. With a larger one, more than three pixels on either side would
+    /// count.
     pub const RATIO_MAX: f64 = 0.6;
 
     /// Cross-talk with a standard deviation along x and one along y \[px\].

@@ -12,13 +12,13 @@ use serde::{Deserialize, Serialize};
 pub enum Detector {
     /// \|u\|² at the sample point only.
     Point,
-    /// Light integrated over the pixel, as a camera of the same pitch sees it: the mean of \|u\|² over the four sub-samples at
-    /// (±0.271, ±0.271) px. These places give the integral to 2 % of the light's variation within the pixels; ±1/4 px would
-    /// give it to 6 %.
+    /// Light integrated over the pixel, as a camera of the same pitch sees it: the mean of \|u\|² over the four
+    /// sub-samples at (±0.271, ±0.271) px. These places give the integral to 2 % of the light's variation within the
+    /// pixels; ±1/4 px would give it to 6 %.
     #[default]
     Pixel,
-    /// \|u\|² at each of the four sub-samples at (±1/4, ±1/4) px separately, which constrains the light within each pixel, as
-    /// an eye sees it. Two samples per pixel along each axis are all that the intensity of one order holds.
+    /// \|u\|² at each of the four sub-samples at (±1/4, ±1/4) px separately, which constrains the light within each
+    /// pixel, as an eye sees it. Two samples per pixel along each axis are all that the intensity of one order holds.
     Supersampled,
 }
 

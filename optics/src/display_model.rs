@@ -4,8 +4,9 @@
 //! photograph ≈ gain · D( Σ_m w_m | H_m ∗ ( a d · ( e^{i r(ψ)} + z₀ ) ) |² ) + offset
 //! ```
 //!
-//! H₀ is the kernel, a transfer function that may [vary over the SLM](crate::SpatialVariation) and have a [`Ghost`]; the
-//! H_m of further modes make the light [partially coherent](PartialCoherence). a is the source profile with the SLM's uneven surface, d the [`Dust`], ψ the hologram's phase after [`Crosstalk`], r the SLM's phase response, which
+//! H₀ is the kernel, a transfer function that may [vary over the SLM](crate::SpatialVariation) and have a [`Ghost`];
+//! the H_m of further modes make the light [partially coherent](PartialCoherence). a is the source profile with the
+//! SLM's uneven surface, d the [`Dust`], ψ the hologram's phase after [`Crosstalk`], r the SLM's phase response, which
 //! may [vary](ResponseVariation), z₀ undiffracted light, and D the [`Detector`](crate::Detector). Smooth parts are
 //! [Chebyshev series](crate::chebyshev): of fx and fy over the band [−1/2Δ, 1/2Δ] for the kernel, of x and y over the
 //! SLM for the source.
@@ -14,10 +15,11 @@ use crate::ghost::TransferErrors;
 use crate::smooth_field::{SmoothField, expect_finite, out_of_range};
 use crate::spatial_variation::local_kernels;
 use crate::{
-    ConvolutionMethod, Crosstalk, Dust, Error, Ghost, OpticalSetup, PartialCoherence, Plane, ResponseVariation, Result,
-    SpatialVariation,
+    ConvolutionMethod, Crosstalk, Dust, Error, FurtherMode, Ghost, OpticalSetup, PartialCoherence, Plane,
+    ResponseVariation, Result, SpatialVariation,
 };
 use num_complex::{Complex32, Complex64};
+use std::borrow::Cow;
 
 /// Model of a display: the response of the SLM, the propagation of light from the SLM to the image, and the camera's
 /// gain and offset.
@@ -91,9 +93,9 @@ impl DisplayModel {
     ///
     /// # Errors
     ///
-    /// [`Error`] for parameters that are not finite, numbers of coefficients that do not match their
-    /// order, dust of another size than the display, too many harmonics, a variation over the SLM of a kernel that is not smooth, or a kernel of bins that
-    /// does not fit the padded spectrum.
+    /// [`Error`] for parameters that are not finite, numbers of coefficients that do not match their order, dust of
+    /// another size than the display, too many harmonics, a variation over the SLM, a ghost or further modes of a
+    /// kernel that is not smooth, or a kernel of bins that does not fit the padded spectrum.
     pub fn validate(&self) -> Result<()> {
         self.source.validate()?;
         self.dust.validate(self.setup.grid().height_px(), self.setup.grid().width_px())?;
@@ -165,38 +167,35 @@ impl DisplayModel {
         model
     }
 
-    /// The display with each mode of its light alone.
-    pub(crate) fn modes(&self) -> impl Iterator<Item = Self> + '_ {
-        let alone = |mode: Option<&SmoothField>| {
-            let kernel = match (&self.kernel, mode) {
-                (KernelShape::Smooth(first), Some(mode)) => {
-                    let mut both = SmoothField::flat(first.order.max(mode.order));
-                    both.add(1.0, first);
-                    both.add(1.0, mode);
-                    KernelShape::Smooth(both)
-                }
-                (kernel, _) => kernel.clone(),
+    /// The display's first mode of light, then the transfer function of each further mode, without the SLM that it
+    /// shares with the first.
+    pub(crate) fn modes(&self) -> impl Iterator<Item = Cow<'_, Self>> {
+        let alone = |mode: &FurtherMode| {
+            let KernelShape::Smooth(first) = &self.kernel else {
+                unreachable!("only a smooth kernel has further modes of light")
             };
-            Self { kernel, coherence: PartialCoherence::none(), ..self.clone() }
+            let mut both = SmoothField::flat(first.order.max(mode.errors.order));
+            [first, &mode.errors].iter().for_each(|part| both.add(1.0, part));
+            let (ghost, variation) = (self.ghost, self.variation.clone());
+            Cow::Owned(Self { kernel: KernelShape::Smooth(both), ghost, variation, ..Self::ideal(self.setup) })
         };
-        let further = self.coherence.modes().iter().map(|mode| Some(&mode.errors));
-        std::iter::once(None).chain(further).map(alone)
+        std::iter::once(Cow::Borrowed(self)).chain(self.coherence.modes().iter().map(alone))
     }
 
-    /// Models at a grid of points on the SLM, whose kernels approximate a kernel that varies over the SLM; `None` if
-    /// the kernel does not vary.
+    /// Models of the transfer function at a grid of points on the SLM, which approximate one that varies over the SLM;
+    /// `None` if it does not vary.
     pub(crate) fn local_kernels(&self) -> Option<Vec<Self>> {
         let KernelShape::Smooth(kernel) = &self.kernel else { return None };
         let local = |(x, y)| {
             let kernel = KernelShape::Smooth(self.variation.local_kernel(kernel, x, y));
-            Self { kernel, variation: SpatialVariation::none(), ..self.clone() }
+            Self { kernel, ghost: self.ghost, ..Self::ideal(self.setup) }
         };
         (!self.variation.is_none())
             .then(|| local_kernels::nodes(local_kernels::per_side(&self.variation)).map(local).collect())
     }
 
-    /// Transfer function H of the first mode at the frequency fx, fy \[1/m\], on the axis. If the setup's method is an impulse response,
-    /// each call computes a sum over the frame.
+    /// Transfer function H of the first mode at the frequency fx, fy \[1/m\], on the axis. If the setup's method is an
+    /// impulse response, each call computes a sum over the frame.
     #[must_use]
     pub fn transfer(&self, fx: f64, fy: f64) -> Complex64 {
         self.beside_ideal(fx, fy, |fx, fy| self.setup.transfer(fx, fy))

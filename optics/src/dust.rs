@@ -4,9 +4,9 @@
 //! factor(y, x) = exp( s (A + i B)(y, x) ),   s = 10⁻⁴,   A, B = −32767 … 32767
 //! ```
 //!
-//! The factor multiplies the smooth source. Grains of dust and scratches are a few pixels wide, and the rings of dust before
-//! the SLM some dozens (J. W. Goodman, *Speckle Phenomena in Optics*, 2007), so no short series holds them. A and B are
-//! integers, so that every form of a kernel holds the same factors.
+//! The factor multiplies the smooth source. Grains of dust and scratches are a few pixels wide, and the rings of dust
+//! before the SLM some dozens (J. W. Goodman, *Speckle Phenomena in Optics*, 2007), so no short series holds them. A
+//! and B are integers, so that every form of a kernel holds the same factors.
 
 use crate::smooth_field::out_of_range;
 use crate::{Plane, Result};
@@ -37,7 +37,8 @@ impl Dust {
     ///
     /// # Errors
     ///
-    /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) if the number of exponents is not twice the number of pixels.
+    /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) if the number of exponents is not twice the number of
+    /// pixels.
     pub fn nearest(height_px: usize, width_px: usize, exponents: &[f32]) -> Result<Self> {
         let largest = f64::from(i16::MAX);
         let step = |value: f32| (f64::from(value) / Self::STEP).round().clamp(-largest, largest) as i16;

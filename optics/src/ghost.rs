@@ -4,9 +4,9 @@
 //! factor(x, y) = 1 + g · exp( iπ (x s_x + y s_y) + i d (x² + y²) ),   x = 2Δ fx,   y = 2Δ fy
 //! ```
 //!
-//! The factor multiplies the transfer function. s is the shift of the ghost \[px\], d its defocus \[rad\] at the end of the
-//! band along an axis, and g its complex amplitude relative to the image. Ghosts come from light that surfaces of the
-//! optics reflect twice. Their factor turns too often over the band for a smooth series.
+//! The factor multiplies the transfer function. s is the shift of the ghost \[px\], d its defocus \[rad\] at the end of
+//! the band along an axis, and g its complex amplitude relative to the image. Ghosts come from light that surfaces of
+//! the optics reflect twice. Their factor turns too often over the band for a smooth series.
 
 use crate::Result;
 use crate::engine::SeriesAlongY;
@@ -43,8 +43,8 @@ impl Ghost {
         self.amplitude.norm_sqr()
     }
 
-    /// Phase of the ghost's transfer function relative to that of the image \[rad\], at a frequency in units of half the
-    /// sampling frequency.
+    /// Phase of the ghost's transfer function relative to that of the image \[rad\], at a frequency in units of half
+    /// the sampling frequency.
     pub(crate) fn phase_rad(&self, x: f64, y: f64) -> f64 {
         PI * (x * self.shift_px[0] + y * self.shift_px[1]) + self.defocus_rad * (x * x + y * y)
     }

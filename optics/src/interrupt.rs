@@ -82,8 +82,8 @@ impl Interrupt {
     }
 }
 
-/// Ends the computation if its flag was raised: unwinds to [`Interrupt::run`]. Long loops outside of this crate call it,
-/// too. Does nothing outside of [`Interrupt::run`].
+/// Ends the computation if its flag was raised: unwinds to [`Interrupt::run`]. Long loops outside of this crate call
+/// it, too. Does nothing outside of [`Interrupt::run`].
 #[inline]
 pub fn check() {
     if CURRENT.with_borrow(|current| current.as_ref().is_some_and(Interrupt::is_raised)) {

@@ -52,8 +52,8 @@ impl<const N: usize> NormalEquations<N> {
         self
     }
 
-    /// Entry of the inverse of Aᵀ W A on the diagonal: the variance of an unknown if every equation of weight 1 has variance 1.
-    /// `None` if the equations have no unique solution.
+    /// Entry of the inverse of Aᵀ W A on the diagonal: the variance of an unknown if every equation of weight 1 has
+    /// variance 1. `None` if the equations have no unique solution.
     pub(crate) fn inverse_at(&self, unknown: usize) -> Option<f64> {
         let mut unit = Self { right: [0.0; N], ..self.clone() };
         unit.right[unknown] = 1.0;

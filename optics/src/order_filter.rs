@@ -4,9 +4,9 @@
 //! place on the stop = λ f · ν/Δ,   ν from −½ to ½ cycles per pixel
 //! ```
 //!
-//! A lens of focal length f \[m\] spreads the spectrum of the hologram over its focal plane, where each order takes λf/Δ.
-//! A stop there passes some frequencies ν and absorbs the others. λ is the wavelength \[m\], Δ the pixel pitch \[m\].
-//! Source: J. W. Goodman, Introduction to Fourier Optics, chapter on spatial filtering.
+//! A lens of focal length f \[m\] spreads the spectrum of the hologram over its focal plane, where each order takes
+//! λf/Δ. A stop there passes some frequencies ν and absorbs the others. λ is the wavelength \[m\], Δ the pixel pitch
+//! \[m\]. Source: J. W. Goodman, Introduction to Fourier Optics, chapter on spatial filtering.
 
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -23,9 +23,9 @@ pub enum FilterShape {
     Ellipse,
 }
 
-/// Opening of a filter. Sides and centre are in orders, the distance between two diffraction orders in the filter's plane.
-/// The centre counts from the middle of the steered image's spectrum: on a display with a [carrier](crate::Carrier), half
-/// an order beside the undiffracted light.
+/// Opening of a filter. Sides and centre are in orders, the distance between two diffraction orders in the filter's
+/// plane. The centre counts from the middle of the steered image's spectrum: on a display with a
+/// [carrier](crate::Carrier), half an order beside the undiffracted light.
 ///
 /// Half-order filtering passes less than a whole order along the axis of the carrier, for example a side of ½. The
 /// undiffracted light lies half an order beside the centre, and the filter absorbs it.
@@ -46,8 +46,8 @@ pub struct OrderFilter {
 impl OrderFilter {
     /// Smallest side, in orders.
     pub const SIDE_MIN: f64 = 0.1;
-    /// Width over which the light falls off at an edge, in orders. The focus of a display of 50 pixels is as wide. A sharper
-    /// edge would only add faint light far beside the image.
+    /// Width over which the light falls off at an edge, in orders. The focus of a display of 50 pixels is as wide. A
+    /// sharper edge would only add faint light far beside the image.
     pub const EDGE: f64 = 0.02;
 
     /// A rectangle in the middle.
@@ -56,8 +56,8 @@ impl OrderFilter {
         Self { shape: FilterShape::Rectangle, width, height, centre_x: 0.0, centre_y: 0.0 }
     }
 
-    /// Largest distance of the centre from the middle of the order, for a side along the same axis, in orders. Beyond it the
-    /// opening would reach into the next order.
+    /// Largest distance of the centre from the middle of the order, for a side along the same axis, in orders. Beyond
+    /// it the opening would reach into the next order.
     #[must_use]
     pub fn centre_max(side: f64) -> f64 {
         0.5 * (1.0 - side)
@@ -73,8 +73,8 @@ impl OrderFilter {
     ///
     /// # Errors
     ///
-    /// [`Error::OutOfRange`] for a side that is not between [`Self::SIDE_MIN`] and 1, or a centre from which the opening
-    /// reaches beyond the first order.
+    /// [`Error::OutOfRange`] for a side that is not between [`Self::SIDE_MIN`] and 1, or a centre from which the
+    /// opening reaches beyond the first order.
     pub fn validate(self) -> Result<()> {
         for (name, value) in [("filter_width", self.width), ("filter_height", self.height)] {
             if !(Self::SIDE_MIN..=1.0).contains(&value) {

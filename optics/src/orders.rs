@@ -8,8 +8,8 @@ use std::fmt;
 ///
 /// A grid of pixels repeats the spectrum of its hologram at multiples of 1/Δ, Δ the pixel pitch. Each repetition is an
 /// order, and its light arrives λz/Δ beside the next one. Optics with a filter, such as a 4f relay with a stop, let the
-/// first order through, the frequencies up to ½ cycle per pixel, or a part of it. Without a filter the image receives the
-/// light of square pixels, with all orders.
+/// first order through, the frequencies up to ½ cycle per pixel, or a part of it. Without a filter the image receives
+/// the light of square pixels, with all orders.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Orders {

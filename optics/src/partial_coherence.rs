@@ -4,10 +4,11 @@
 //! I = Σ_m w_m | F⁻¹[ H_m F c ] |²,   H_0 = H,   H_m = H · exp( α_m + iψ_m ),   Σ_m w_m = 1
 //! ```
 //!
-//! A source with an extent lights the SLM from several directions: each moves the image by direction times distance, which
-//! is a tilt of ψ. A source of several wavelengths focuses each at another distance, which is a parabola. So smooth fields
-//! of second order hold both. Any source is a sum of coherent modes (E. Wolf, J. Opt. Soc. Am. 72, 343 (1982)), and a few of
-//! them describe a display with a partially coherent source (S. Choi et al., Nature 629, 791 (2024)).
+//! A source with an extent lights the SLM from several directions: each moves the image by direction times distance,
+//! which is a tilt of ψ. A source of several wavelengths focuses each at another distance, which is a parabola. So
+//! smooth fields of second order hold both. Any source is a sum of coherent modes (E. Wolf, J. Opt. Soc. Am. 72, 343
+//! (1982)), and a few of them describe a display with a partially coherent source (S. Choi et al., Nature 629, 791
+//! (2024)).
 
 use crate::Result;
 use crate::smooth_field::{SmoothField, out_of_range};

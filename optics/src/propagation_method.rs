@@ -7,11 +7,11 @@ use std::fmt;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PropagationMethod {
-    /// Convolution with the impulse response of the pixels' band: the angular spectrum of a display that shows the first
-    /// order of its pixels. No light wraps around, at any distance.
+    /// Convolution with the impulse response of the pixels' band: the angular spectrum of a display that shows the
+    /// first order of its pixels. No light wraps around, at any distance.
     BandResponse,
-    /// Convolution with the response of square pixels: all diffraction orders of a display without a filter. No light wraps
-    /// around, at any distance.
+    /// Convolution with the response of square pixels: all diffraction orders of a display without a filter. No light
+    /// wraps around, at any distance.
     AllOrders,
     /// The angular spectrum with its whole band, evanescent waves included.
     AngularSpectrum,

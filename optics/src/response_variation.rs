@@ -12,8 +12,8 @@ use crate::Result;
 use crate::chebyshev::{ChebyshevBasis, position};
 use crate::smooth_field::{expect_finite, out_of_range};
 
-/// Relative change v of the phase response over the SLM, a Chebyshev series. Without coefficients the response is the same
-/// everywhere.
+/// Relative change v of the phase response over the SLM, a Chebyshev series. Without coefficients the response is the
+/// same everywhere.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ResponseVariation {
     /// Highest total degree of the polynomials.

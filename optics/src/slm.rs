@@ -4,10 +4,10 @@
 //! c(x, y) = k(x, y) · a(x, y) · ( e^{i r(ψ)} + z₀ ),   r(ψ) = (1 + v(x, y)) ψ + Σ_k ( a_k sin kψ + b_k cos kψ )
 //! ```
 //!
-//! ψ is the [shown](Shown) phase \[rad\], a the complex source profile with its [dust](crate::Dust), r the SLM's phase response, which may
-//! [vary](crate::ResponseVariation) by v, and z₀ undiffracted light. With a carrier ψ includes its grating, and k = ±1 is
-//! the grating's sign, so that c is the field relative to the direction in which the image leaves. Without
-//! [cross-talk](crate::Crosstalk) and variation, ψ is the displayed phase φ.
+//! ψ is the [shown](Shown) phase \[rad\], a the complex source profile with its [dust](crate::Dust), r the SLM's phase
+//! response, which may [vary](crate::ResponseVariation) by v, and z₀ undiffracted light. With a carrier ψ includes its
+//! grating, and k = ±1 is the grating's sign, so that c is the field relative to the direction in which the image
+//! leaves. Without [cross-talk](crate::Crosstalk) and variation, ψ is the displayed phase φ.
 
 use crate::carrier::Carrier;
 use crate::crosstalk::{Blur, Crosstalk};
@@ -35,8 +35,8 @@ pub(crate) struct Slm<T> {
     pub(crate) phase_gain: Option<Vec<T>>,
 }
 
-/// The phases ψ that the liquid crystal of an SLM shows, for a whole frame: the displayed phases themselves, or wrapped and
-/// blurred ones.
+/// The phases ψ that the liquid crystal of an SLM shows, for a whole frame: the displayed phases themselves, or wrapped
+/// and blurred ones.
 #[derive(Clone, Debug)]
 pub(crate) struct Shown<'a, T: Clone> {
     phase: Cow<'a, [T]>,

@@ -23,7 +23,8 @@ impl<T: Number> Slm<T> {
         }
     }
 
-    /// Replaces the wanted phases of the light in `row` by the phases to display. The zero order and cross-talk are ignored.
+    /// Replaces the wanted phases of the light in `row` by the phases to display. The zero order and cross-talk are
+    /// ignored.
     pub(crate) fn phases_to_display_row(&self, y: usize, row: &mut [T]) {
         for (x, phase) in row.iter_mut().enumerate() {
             let grating = self.grating(y, x);

@@ -91,7 +91,8 @@ fn uneven_surface_is_no_turn_and_turned_camera_is_turned_back() {
             assert!(first.stretch_px > 0.3, "the surface displaces the image: {first:?}");
         }
     }
-    // Where the surface bends so much that many tiles have several images, the turn is uncertain, and not taken for the camera's.
+    // Where the surface bends so much that many tiles have several images, the turn is uncertain, and not taken for the
+    // camera's.
     let (first, _) = holograms.registered(SimulatedBench { seed: 4, ..uneven });
     assert!(first.turn_px.abs() < first.turn_uncertainty_px, "{first:?}");
 }

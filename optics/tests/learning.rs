@@ -71,8 +71,8 @@ fn learned_display_has_far_lower_loss_than_ideal_display() {
     assert!(loss < 0.03 * ideal, "{loss} against {ideal}");
 }
 
-/// A display that shows all orders of its pixels, with errors that learning must find. Its photographs have 12 bits and no
-/// noise.
+/// A display that shows all orders of its pixels, with errors that learning must find. Its photographs have 12 bits and
+/// no noise.
 #[test]
 fn display_with_all_orders_is_learned() {
     let grid = Grid::try_new(HEIGHT_PX, WIDTH_PX, 8e-6).unwrap();

@@ -150,8 +150,8 @@ fn check_learning(pool: &ThreadPool, model: KernelModel, distances: usize) {
     let region_px = [region.height_px(), region.width_px()];
     let modes = LearningSize::MODES_MAX;
     let size = LearningSize { engine, model, order: 5, distances, region_px, modes };
-    // The estimate is that of a display that needs all blocks. They come from the start, but for the variation of the kernel,
-    // which is tried because there are validation pairs. No display has both it and several modes.
+    // The estimate is that of a display that needs all blocks. They come from the start, but for the variation of the
+    // kernel, which is tried because there are validation pairs. No display has both it and several modes.
     let needs_blocks = DisplayModel {
         kernel: KernelShape::Smooth(SmoothField::flat(5)),
         source: SmoothField::flat(10),
@@ -179,8 +179,8 @@ fn check_learning(pool: &ThreadPool, model: KernelModel, distances: usize) {
         let learning_pairs = if has_slm { validated } else { LearningPairs::training_only(&pairs) };
         while learner.step(learning_pairs).unwrap().is_some() {}
     };
-    // A varying kernel may need the largest grid, but this one needs the smallest. The threads need their memory at the same
-    // time in some runs, and one after the other in others.
+    // A varying kernel may need the largest grid, but this one needs the smallest. The threads need their memory at the
+    // same time in some runs, and one after the other in others.
     let factor = if model == KernelModel::Varying { 3.0 } else { 1.5 };
     check(&format!("{model:?} at {distances} distances"), size.fit_bytes(), peak_bytes(pool, work), factor);
 }

@@ -19,8 +19,8 @@ const JOBS_PER_LIFE: u64 = 2;
 const LIFE_MS_MAX: u64 = 700;
 /// Number of times that a server is suspended until its leases have ended.
 const STOPS: u32 = 3;
-/// Settings of the server: a checkpoint about every third iteration, and a short lease, so that the job of a dead worker is
-/// soon given to another.
+/// Settings of the server: a checkpoint about every third iteration, and a short lease, so that the job of a dead
+/// worker is soon given to another.
 const SETTINGS: [&str; 8] =
     ["--checkpoint-interval-s", "0.02", "--lease-s", "1", "--compute-threads", "1", "--workers", "2"];
 
@@ -37,8 +37,8 @@ async fn server_killed_at_random_moments_keeps_every_promise() {
         let client = daemon.client.clone();
         ledger.assert_kept(&client, &material).await;
         let alive = Duration::from_millis(random.random_range(0..LIFE_MS_MAX));
-        // The kill comes at a random moment, and the server must survive it in every state. Answers that arrive before the
-        // kill are recorded.
+        // The kill comes at a random moment, and the server must survive it in every state. Answers that arrive before
+        // the kill are recorded.
         let kill = async {
             tokio::time::sleep(alive).await;
             daemon.kill().await;

@@ -46,8 +46,8 @@ enum Slowness {
 }
 
 impl Slowness {
-    /// The slowness of the nth connection. Few send many requests, because answers cost the server time until the buffer is
-    /// full.
+    /// The slowness of the nth connection. Few send many requests, because answers cost the server time until the
+    /// buffer is full.
     fn of(n: usize) -> Self {
         match (n % 4, n % 20) {
             (_, 19) => Self::Unread,

@@ -51,8 +51,8 @@ impl Ledger {
         self.asked.insert(request_id, None);
     }
 
-    /// Sends all kinds of requests that the server acknowledges, until the server is killed. The number `life` makes the
-    /// requests unique.
+    /// Sends all kinds of requests that the server acknowledges, until the server is killed. The number `life` makes
+    /// the requests unique.
     pub(crate) async fn load(&mut self, client: &Client, material: &Material, life: u64) {
         let Self { asked, succeeded, uploads, promotions, .. } = self;
         let submitting = async {

@@ -11,8 +11,8 @@ use tempfile::TempDir;
 const SECONDS: u64 = 8;
 /// Clients that use the server at once.
 const CLIENTS: u64 = 4;
-/// Allowed growth of the server's memory between the first quarter and the end \[KiB\]. Caches fill, and logs stay in memory
-/// until they are written.
+/// Allowed growth of the server's memory between the first quarter and the end \[KiB\]. Caches fill, and logs stay in
+/// memory until they are written.
 const GROWTH_KIB_MAX: u64 = 16 << 10;
 /// Allowed growth of the number of open files after the first quarter.
 const FILES_MAX: usize = 32;

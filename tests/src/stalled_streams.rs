@@ -18,8 +18,8 @@ const CONNECTIONS: usize = 4;
 const STREAMS: u32 = 250;
 /// Setting of the server: memory for messages under way \[MiB\]. It is so small that the test need not send gigabytes.
 const UNDER_WAY_MIB: u64 = 64;
-/// Allowed growth of the server's memory \[KiB\]: messages under way, connections, streams, and memory that the allocator
-/// keeps.
+/// Allowed growth of the server's memory \[KiB\]: messages under way, connections, streams, and memory that the
+/// allocator keeps.
 const MEMORY_KIB_MAX: u64 = (UNDER_WAY_MIB + 64) << 10;
 /// Announced size of each message \[bytes\].
 const MESSAGE_BYTES: u32 = 4_000_000;

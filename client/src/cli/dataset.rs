@@ -70,9 +70,9 @@ pub(crate) struct Create {
 /// Draw the split and close a dataset permanently; kernels are learned only from finalized datasets.
 ///
 /// The job first aligns photographs that are turned against what their holograms should show, or shifted so far that
-/// learning may not find it. Scale and shear up to 2 px stay for learning, because an uneven modulator makes them, too. The
-/// job leaves out pairs that cannot be learned from: black photographs, copies, and photographs of another hologram. The
-/// printed findings say why.
+/// learning may not find it. Scale and shear up to 2 px stay for learning, because an uneven modulator makes them, too.
+/// The job leaves out pairs that cannot be learned from: black photographs, copies, and photographs of another
+/// hologram. The printed findings say why.
 #[derive(Debug, Args)]
 pub(crate) struct Finalize {
     /// Name of the dataset

@@ -1,4 +1,5 @@
-//! Paths of output files, from one file, a folder, or a pattern with `{name}`. They are checked before a job is submitted.
+//! Paths of output files, from one file, a folder, or a pattern with `{name}`. They are checked before a job is
+//! submitted.
 
 use super::failure::Failure;
 use std::collections::BTreeSet;

@@ -71,7 +71,8 @@ pub(crate) struct Create {
     #[arg(long, value_name = "LENGTH", value_parser = pixel_pitch, allow_hyphen_values = true)]
     pixel_pitch: f64,
 
-    /// Set a wavelength in vacuum that illuminates the display, 200nm to 2um, for example 515nm; may be given several times
+    /// Set a wavelength in vacuum that illuminates the display, 200nm to 2um, for example 515nm; may be given several
+    /// times
     #[arg(long = "wavelength", value_name = "LENGTH", value_parser = wavelength, required = true, allow_hyphen_values = true)]
     wavelengths: Vec<f64>,
 

@@ -39,12 +39,12 @@ pub(crate) enum HologramCommand {
 ///
 /// Each target becomes a job of its own. Several --plane options make one job that shows several pictures at several
 /// distances. With several wavelengths each job computes one hologram per wavelength. With --wait or an output file the
-/// command waits with a progress bar for each job, saves the files and prints the quality of the holograms. Otherwise it
-/// prints the jobs and ends.
+/// command waits with a progress bar for each job, saves the files and prints the quality of the holograms. Otherwise
+/// it prints the jobs and ends.
 ///
-/// The printed quality is the peak signal-to-noise ratio (PSNR) in the region of interest for three detectors: `point` sees
-/// only the sample points, `pixel` integrates over each pixel like a camera of the same pitch, `supersampled` also sees
-/// between the sample points like an eye.
+/// The printed quality is the peak signal-to-noise ratio (PSNR) in the region of interest for three detectors: `point`
+/// sees only the sample points, `pixel` integrates over each pixel like a camera of the same pitch, `supersampled` also
+/// sees between the sample points like an eye.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:

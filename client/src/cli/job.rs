@@ -12,8 +12,8 @@ use futures::{StreamExt as _, TryStreamExt as _};
 use lightpath::names;
 use lightpath::v1::{self, Job, job};
 
-/// Most jobs that `job watch` follows at once. Each needs a stream; one connection carries more. The limit is higher than
-/// `WATCHES_MAX`, because the user asked to see every change of each job.
+/// Most jobs that `job watch` follows at once. Each needs a stream; one connection carries more. The limit is higher
+/// than `WATCHES_MAX`, because the user asked to see every change of each job.
 const NAMED_WATCHES_MAX: usize = 64;
 
 /// Commands for jobs.
@@ -25,7 +25,8 @@ pub(crate) enum JobCommand {
     Show(Id),
     /// Follow jobs until they have ended; survives a restart of the server
     ///
-    /// With --output json the command prints each change as one line of JSON. The exit code is 1 if a job did not succeed.
+    /// With --output json the command prints each change as one line of JSON. The exit code is 1 if a job did not
+    /// succeed.
     Watch(Watch),
     /// Cancel a job; a running job ends within an iteration
     Cancel(Id),

@@ -26,14 +26,15 @@ impl PhotoCommand {
 
 /// Measure how well photographs show a target.
 ///
-/// Finds the target in each photograph, corrects perspective and lens distortion, and compares the two in the middle 80 %
-/// of each axis. Needs no display and no dataset: any photograph of any display will do, sharp and not saturated. It may
-/// show the surroundings, too. The target may be turned by up to 12 degrees, upside down or mirrored.
+/// Finds the target in each photograph, corrects perspective and lens distortion, and compares the two in the middle 80
+/// % of each axis. Needs no display and no dataset: any photograph of any display will do, sharp and not saturated. It
+/// may show the surroundings, too. The target may be turned by up to 12 degrees, upside down or mirrored.
 ///
 /// PSNR and SSIM are computed after the gain that fits best; PSNR+ after gain and offset. SPECKLE is the standard
-/// deviation over the mean in flat bright blocks of 16x16 px. RESOLUTION is the finest detail that photograph and target
-/// share, in cycles per pixel of the target, and as a part of the highest frequency that the target can have. RESIDUAL is
-/// the root mean square and the largest displacement that the alignment leaves. Above 1 px, do not trust the figures.
+/// deviation over the mean in flat bright blocks of 16x16 px. RESOLUTION is the finest detail that photograph and
+/// target share, in cycles per pixel of the target, and as a part of the highest frequency that the target can have.
+/// RESIDUAL is the root mean square and the largest displacement that the alignment leaves. Above 1 px, do not trust
+/// the figures.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:

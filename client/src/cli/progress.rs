@@ -1,4 +1,5 @@
-//! Waiting for jobs. On a terminal each job has a progress bar; otherwise each change is a line. All output is on stderr.
+//! Waiting for jobs. On a terminal each job has a progress bar; otherwise each change is a line. All output is on
+//! stderr.
 
 use super::failure::Failure;
 use super::session::{Session, print_note};
@@ -11,7 +12,8 @@ use std::cell::Cell;
 use std::io::IsTerminal as _;
 use std::time::Duration;
 
-/// Most jobs that a command waits for at once. Each needs a stream and a progress bar; one connection carries more streams.
+/// Most jobs that a command waits for at once. Each needs a stream and a progress bar; one connection carries more
+/// streams.
 pub(crate) const WATCHES_MAX: usize = 16;
 
 /// Interval between frames of the spinner of a queued job.
@@ -83,8 +85,8 @@ impl Progress {
     }
 }
 
-/// Waits until all jobs have ended, and returns them in the given order. They may have succeeded, failed or been cancelled.
-/// Ctrl-C ends the waiting but not the jobs.
+/// Waits until all jobs have ended, and returns them in the given order. They may have succeeded, failed or been
+/// cancelled. Ctrl-C ends the waiting but not the jobs.
 pub(crate) async fn wait_all(session: &Session, jobs: Vec<(String, Job)>) -> Result<Vec<Job>, Failure> {
     let progress = Progress::new(jobs.iter().map(|(label, _)| label.as_str()));
     let ids: Vec<String> = jobs.iter().map(|(_, job)| names::id(&job.name).to_owned()).collect();

@@ -45,8 +45,8 @@ pub(crate) fn table(plane: &PlaneResult) -> String {
     if phases.is_empty() { String::new() } else { table.text() }
 }
 
-/// What the quantized hologram would show on a display of the other kind, for example `21.3 dB on a display that shows all
-/// diffraction orders`; `None`: unknown.
+/// What the quantized hologram would show on a display of the other kind, for example `21.3 dB on a display that shows
+/// all diffraction orders`; `None`: unknown.
 pub(crate) fn other_orders(plane: &PlaneResult) -> Option<String> {
     let psnr = show::decibel(plane.other_orders_psnr_db?);
     let shows_all = plane.propagation.as_ref().is_some_and(|report| report.method() == PropagationMethod::AllOrders);
@@ -125,8 +125,8 @@ fn is_contradiction(opinion: &SecondOpinion) -> bool {
     (opinion.independent_psnr_db - opinion.engine_psnr_db).abs() > CONTRADICTION_DB
 }
 
-/// Six cells: PSNR of the optimized phase for the detectors point, pixel and supersampled, then PSNR, SSIM and diffraction
-/// efficiency of the quantized phase for the detector pixel.
+/// Six cells: PSNR of the optimized phase for the detectors point, pixel and supersampled, then PSNR, SSIM and
+/// diffraction efficiency of the quantized phase for the detector pixel.
 pub(crate) fn summary(plane: PlaneResult) -> [String; 6] {
     let Quality { point, pixel, supersampled } = plane.quality.unwrap_or_default();
     let quantized = plane.quantized_quality.and_then(|quality| quality.pixel).unwrap_or_default();

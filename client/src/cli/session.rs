@@ -92,8 +92,8 @@ pub(crate) fn print_note(text: &str) {
     let _ = writeln!(io::stderr().lock(), "{text}");
 }
 
-/// Requests pages until there are `limit` items, or all items if `limit` is 0. Returns the items and the token of the next
-/// page.
+/// Requests pages until there are `limit` items, or all items if `limit` is 0. Returns the items and the token of the
+/// next page.
 pub(crate) async fn pages<T>(
     limit: u32,
     mut page: impl AsyncFnMut(u32, String) -> lightpath::Result<(Vec<T>, String)>,

@@ -13,7 +13,8 @@ use lightpath::{job_spec as spec_of, names};
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Queue")]
 pub(crate) struct Submission {
-    /// Set the priority of the job, -100 to 100; jobs with lower numbers start first; numbers below 0 need the role curator or admin
+    /// Set the priority of the job, -100 to 100; jobs with lower numbers start first; numbers below 0 need the role
+    /// curator or admin
     #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
     pub(crate) priority: i32,
 

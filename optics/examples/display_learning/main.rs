@@ -11,8 +11,9 @@
 //!
 //! The example prints one line for each model: its held-out error; that error relative to the error of the display's
 //! true transfer function (the lower bound for any single kernel); the PSNR of photographs of new targets; their gain
-//! over the ideal kernel, target by target; and the cost of learning. With `--yardstick yes`, `bench 1` and `bench 2π` are
-//! holograms that are optimized through the bench itself, from a random phase of that range \[rad\]: no model can be better.
+//! over the ideal kernel, target by target; and the cost of learning. With `--yardstick yes`, `bench 1` and `bench 2π`
+//! are holograms that are optimized through the bench itself, from a random phase of that range \[rad\]: no model can
+//! be better.
 #![allow(clippy::print_stdout)] // an example prints its results
 
 mod camera_mistakes;

@@ -107,8 +107,8 @@ fn model(name: &str) -> Result<KernelModel, Failure> {
     })
 }
 
-/// A bench with some properties given as `name=value,name=value`; the camera is half a pixel off. With `like-the-paper` before
-/// them, the others are those of [`SimulatedBench::LIKE_THE_PAPER`].
+/// A bench with some properties given as `name=value,name=value`; the camera is half a pixel off. With `like-the-paper`
+/// before them, the others are those of [`SimulatedBench::LIKE_THE_PAPER`].
 fn bench(text: &str) -> Result<SimulatedBench, Failure> {
     let (usual, text) = match text.strip_prefix("like-the-paper") {
         Some(text) => (SimulatedBench::LIKE_THE_PAPER, text),

@@ -7,8 +7,8 @@
 //! A phase φ on the modulator displaces light by λz/2π ∇φ, so every displacement that an uneven modulator makes is the
 //! gradient of a potential P, and has no curl. A turned camera displaces all points with the same curl 2ω. P is a
 //! polynomial in the position p = (x, y) relative to the middle of the region; its linear terms are the shift, its
-//! quadratic terms scale and shear. The higher terms matter also where only the turn is wanted: the affine map that fits
-//! the gradient of x³y best is turned.
+//! quadratic terms scale and shear. The higher terms matter also where only the turn is wanted: the affine map that
+//! fits the gradient of x³y best is turned.
 
 use super::Point;
 use super::homography::distance;
@@ -29,14 +29,15 @@ const DISPLACEMENTS_MIN: [usize; 2] = [12, 40];
 /// Weight of the wish that higher terms are 0, relative to that of a displacement: the square of a displacement's
 /// uncertainty (0.1 px), relative to that of the bend (1 px).
 const HIGHER_TERMS_WEIGHT: f64 = 0.01;
-/// Factor from the standard deviation to the uncertainty. What the fit leaves over is not random where the surface bends much. On
-/// simulated benches with 1.5 waves the errors are at most as large as the uncertainty.
+/// Factor from the standard deviation to the uncertainty. What the fit leaves over is not random where the surface
+/// bends much. On simulated benches with 1.5 waves the errors are at most as large as the uncertainty.
 const CAUTION: f64 = 1.5;
 const ROUNDS: usize = 20;
 
 impl CameraTurn {
-    /// Fits the displacements \[px\] of points. `centre` is the middle of the region, `half_px` half of its longer side, and
-    /// `repeats` the number of displacements that each pixel has a part in. `None`: the points do not determine a turn.
+    /// Fits the displacements \[px\] of points. `centre` is the middle of the region, `half_px` half of its longer
+    /// side, and `repeats` the number of displacements that each pixel has a part in. `None`: the points do not
+    /// determine a turn.
     pub(super) fn of(displacements: &[(Point, Point)], centre: Point, half_px: f64, repeats: f64) -> Option<Self> {
         let around: Vec<(Point, Point)> = displacements
             .iter()

@@ -2,9 +2,9 @@
 //!
 //! A [`Homography`] maps a point of the image plane, in pixels of the display, to the camera's pixels. It is fitted to
 //! given points, to the photograph of a displayed [`DotGrid`], or to pairs of simulated and photographed images
-//! ([`registration`]). [`find_target`] finds a picture anywhere in a photograph, by a [`CameraMap`], which has the lens's
-//! distortion, too. [`warp`](fn@warp) resamples photographs with either map. In all coordinates x points right, y points
-//! down, and pixel centres lie at whole numbers.
+//! ([`registration`]). [`find_target`] finds a picture anywhere in a photograph, by a [`CameraMap`], which has the
+//! lens's distortion, too. [`warp`](fn@warp) resamples photographs with either map. In all coordinates x points right,
+//! y points down, and pixel centres lie at whole numbers.
 
 mod blobs;
 mod box_blur;

@@ -10,15 +10,16 @@
 //! every frequency. The correlations of all pairs are added before the search for the peak, so that each tile is judged
 //! by the pairs that have detail there.
 //!
-//! The affine map M of the displacements is split into parts, because a camera can make all of them, and the display only some:
+//! The affine map M of the displacements is split into parts, because a camera can make all of them, and the display
+//! only some:
 //!
 //! ```text
 //! M p = m + t + R S (p − m)
 //! ```
 //!
-//! m middle of the region, t the shift, R the turn, S the stretch (scale and shear). A turn is certainly the camera's: the
-//! surface of a modulator displaces light by a gradient, which has no curl (`camera_turn`). Shift and stretch can be the
-//! camera's, or the surface's.
+//! m middle of the region, t the shift, R the turn, S the stretch (scale and shear). A turn is certainly the camera's:
+//! the surface of a modulator displaces light by a gradient, which has no curl (`camera_turn`). Shift and stretch can
+//! be the camera's, or the surface's.
 
 use super::camera_turn::CameraTurn;
 use super::homography::distance;
@@ -51,8 +52,8 @@ pub struct Registration {
     pub misalignment_px: f64,
     /// Length of the displacement of the region's middle \[px\].
     pub shift_px: f64,
-    /// Root mean square, over the region, of the displacement by the turn about its middle \[px\]; negative for a turn from y
-    /// towards x.
+    /// Root mean square, over the region, of the displacement by the turn about its middle \[px\]; negative for a turn
+    /// from y towards x.
     pub turn_px: f64,
     /// Uncertainty of `turn_px`, from the scatter of the tiles.
     pub turn_uncertainty_px: f64,
@@ -81,7 +82,8 @@ pub(super) const HUBER_PX: f64 = 0.3;
 pub(super) const OUTLIER_PX: f64 = 3.0;
 
 impl Tiles {
-    /// Creates tiles that cover the region and overlap by up to three quarters, with no pairs added. `None` for a region that is too small.
+    /// Creates tiles that cover the region and overlap by up to three quarters, with no pairs added. `None` for a
+    /// region that is too small.
     #[must_use]
     pub fn cover(region: RegionOfInterest) -> Option<Self> {
         let shorter = region.height_px().min(region.width_px());
@@ -258,7 +260,8 @@ fn fit(displacements: &[(Point, Point)], region: RegionOfInterest, repeats: f64)
     })
 }
 
-/// The turn and the stretch of an affine map 1 + slopes = R S. Each is the map's derivatives minus those of the identity.
+/// The turn and the stretch of an affine map 1 + slopes = R S. Each is the map's derivatives minus those of the
+/// identity.
 struct Parts {
     turn_rad: f64,
     turn: [[f64; 2]; 2],
@@ -266,8 +269,8 @@ struct Parts {
 }
 
 impl Parts {
-    /// Splits the derivatives of a displacement whose curl is twice `half_curl`. For a displacement that is exactly affine this is
-    /// the polar decomposition, and the stretch is symmetric.
+    /// Splits the derivatives of a displacement whose curl is twice `half_curl`. For a displacement that is exactly
+    /// affine this is the polar decomposition, and the stretch is symmetric.
     fn of([[xx, xy], [yx, yy]]: [[f64; 2]; 2], half_curl: f64) -> Self {
         let turn_rad = (2.0 * half_curl).atan2(2.0 + xx + yy);
         let (sine, cosine) = turn_rad.sin_cos();

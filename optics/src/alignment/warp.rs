@@ -4,9 +4,9 @@
 //! out(p) = mean over n × n sub-pixels s of  Σ_q L(q_x − H(p + s)_x) L(q_y − H(p + s)_y) photo(q),   L(t) = sinc(t) sinc(t/3), |t| < 3
 //! ```
 //!
-//! H is the map to the camera, such as a homography. n is the number of camera pixels along a display pixel, rounded up,
-//! so that the pixels of a fine camera are averaged over the area of a display pixel. L is Lanczos's kernel, with weights scaled to the sum 1.
-//! K. Turkowski, Graphics Gems I, 147 (1990).
+//! H is the map to the camera, such as a homography. n is the number of camera pixels along a display pixel, rounded
+//! up, so that the pixels of a fine camera are averaged over the area of a display pixel. L is Lanczos's kernel, with
+//! weights scaled to the sum 1. K. Turkowski, Graphics Gems I, 147 (1990).
 
 use super::{CameraMap, Homography, Point};
 use crate::Plane;

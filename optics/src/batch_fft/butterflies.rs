@@ -5,8 +5,8 @@
 //! ```
 //!
 //! Sizes with coprime factors use the algorithm of I. J. Good (J. R. Stat. Soc. B 20, 361 (1958)), which needs no
-//! twiddle factors: of a size a·b, input n = b·n₁ + a·n₂ (mod a·b) is number n₂ of row n₁, and output k is number k mod a
-//! of column k mod b. Other composite sizes use that of J. Cooley and J. Tukey (Math. Comput. 19, 297 (1965)).
+//! twiddle factors: of a size a·b, input n = b·n₁ + a·n₂ (mod a·b) is number n₂ of row n₁, and output k is number k mod
+//! a of column k mod b. Other composite sizes use that of J. Cooley and J. Tukey (Math. Comput. 19, 297 (1965)).
 //!
 //! Nothing here is a loop. Whether a compiler unrolls a loop over the numbers of a butterfly depends on the code around
 //! it, and a butterfly whose numbers are kept in memory instead of in registers takes three times as long.

@@ -73,8 +73,8 @@ impl<T: Real> Convolver<T> {
         answers.collect::<Vec<_>>().into_iter().flatten().collect()
     }
 
-    /// Σ weight·|U|² over the padded bins of a half-transformed field. `weigh(column, weights)` writes the weights of all bins
-    /// of a column.
+    /// Σ weight·|U|² over the padded bins of a half-transformed field. `weigh(column, weights)` writes the weights of
+    /// all bins of a column.
     pub(crate) fn weighted_power(&self, spectrum: &[Complex<T>], weigh: impl Fn(usize, &mut [f64]) + Sync) -> f64 {
         let kernels = &Kernels { transfers: Vec::new(), along_x: vec![None], along_y: vec![None] };
         let zeros = |len| vec![Complex::new(T::zero(), T::zero()); len];

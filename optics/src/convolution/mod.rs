@@ -48,8 +48,8 @@ impl Real for f64 {}
 pub(crate) struct Convolver<T> {
     pub(crate) height_px: usize,
     pub(crate) width_px: usize,
-    /// Offsets along each axis at which the field is detected, from the pixels' centres \[px\]; empty if the sub-samples have
-    /// transfer functions.
+    /// Offsets along each axis at which the field is detected, from the pixels' centres \[px\]; empty if the
+    /// sub-samples have transfer functions.
     offsets_px: Vec<f64>,
     /// Transfer functions to the sub-samples, in place of offsets; empty for offsets.
     pub(crate) to_samples: Vec<Transfer<T>>,

@@ -70,8 +70,8 @@ impl<T: Real> Transfer<T> {
         );
     }
 
-    /// Calls `write(scratch, columns, tile)` in parallel to write each tile, row by row. Rows of the last tile may be longer
-    /// than its range of columns; their ends stay zero. `scratch` makes the scratch memory of a thread.
+    /// Calls `write(scratch, columns, tile)` in parallel to write each tile, row by row. Rows of the last tile may be
+    /// longer than its range of columns; their ends stay zero. `scratch` makes the scratch memory of a thread.
     pub(crate) fn write_tiles<S>(
         &mut self,
         scratch: impl Fn() -> S + Sync + Send,

@@ -126,8 +126,8 @@ impl<T: Real> EngineCore<T> {
         self.shows_all_orders() || has_sample_transfers(&self.setup) && is_one_kernel
     }
 
-    /// Engine that sees one place in each pixel, through the exact transfer function to it. The kernel of a display that shows
-    /// all orders multiplies it; for others it holds the errors of the kernel.
+    /// Engine that sees one place in each pixel, through the exact transfer function to it. The kernel of a display
+    /// that shows all orders multiplies it; for others it holds the errors of the kernel.
     pub(super) fn at_place(&self, transfer: Transfer<T>) -> Self {
         let (height_px, width_px) = (self.height_px(), self.width_px());
         if self.shows_all_orders() {

@@ -1,12 +1,12 @@
 //! Light of the image at exact places, for the quality that is reported.
 //!
-//! Each place in the pixels has a [transfer function of its own](crate::propagation::passes::sample_transfers). Optimizations on a
-//! display that shows the first order move the samples by a linear phase instead, which takes fewer transforms; its error
-//! is some −50 dB of the light.
+//! Each place in the pixels has a [transfer function of its own](crate::propagation::passes::sample_transfers).
+//! Optimizations on a display that shows the first order move the samples by a linear phase instead, which takes fewer
+//! transforms; its error is some −50 dB of the light.
 //!
 //! The field of all orders has details finer than a pixel, so a few fixed sub-samples do not hold its light. A pixel is
-//! integrated by the quadrature of Gauss and Legendre along each axis. Light reaches a point of the image from directions
-//! up to the display's sides, and the intensity's finest detail there has
+//! integrated by the quadrature of Gauss and Legendre along each axis. Light reaches a point of the image from
+//! directions up to the display's sides, and the intensity's finest detail there has
 //!
 //! ```text
 //! ν = N Δ²/(λz) = z_c/2z cycles per pixel
@@ -43,8 +43,8 @@ fn places([nodes_x, nodes_y]: [usize; 2]) -> Vec<([f64; 2], f64)> {
 }
 
 impl<T: Real> EngineCore<T> {
-    /// Light at the sub-samples of [`Detector::Supersampled`], 2×2 values per pixel, by the exact transfer function of each
-    /// sub-sample: for each set of phases their mean. `None`: the engine has no such transfer functions.
+    /// Light at the sub-samples of [`Detector::Supersampled`], 2×2 values per pixel, by the exact transfer function of
+    /// each sub-sample: for each set of phases their mean. `None`: the engine has no such transfer functions.
     ///
     /// # Errors
     ///
@@ -68,8 +68,8 @@ impl<T: Real> EngineCore<T> {
         Ok(Some(samples))
     }
 
-    /// Light at the pixels' centres: for each set of phases their mean. `None`: the engine has no exact transfer function behind the
-    /// errors of its kernel, or has no errors, so that its own is exact.
+    /// Light at the pixels' centres: for each set of phases their mean. `None`: the engine has no exact transfer
+    /// function behind the errors of its kernel, or has no errors, so that its own is exact.
     ///
     /// # Errors
     ///
@@ -82,7 +82,8 @@ impl<T: Real> EngineCore<T> {
         self.light_at(&[([0.0, 0.0], 1.0)], sets).map(Some)
     }
 
-    /// Light of all orders, integrated over each pixel: for each set of phases the mean. The engine's detector does not matter.
+    /// Light of all orders, integrated over each pixel: for each set of phases the mean. The engine's detector does not
+    /// matter.
     ///
     /// # Errors
     ///
@@ -106,9 +107,9 @@ impl<T: Real> EngineCore<T> {
         Ok(sums)
     }
 
-    /// Calls `add_light(place, set, light)` with the mean light of each set of phases at each of the places, for each mode of
-    /// the light. The places are computed one after the other, so the memory does not depend on their number. The engine
-    /// [has exact places](Self::has_exact_places).
+    /// Calls `add_light(place, set, light)` with the mean light of each set of phases at each of the places, for each
+    /// mode of the light. The places are computed one after the other, so the memory does not depend on their number.
+    /// The engine [has exact places](Self::has_exact_places).
     fn for_each_place(
         &self,
         places_px: &[[f64; 2]],

@@ -102,9 +102,9 @@ impl Engine {
     /// ∫ |E U₀|² df
     /// ```
     ///
-    /// U₀ is the spectrum of the field on the modulator and E the optics' transmission, 1 for free space. For an ideal display
-    /// this is the number of pixels. For a kernel that varies over the SLM, E is that on the axis. The light of all modes is
-    /// added up.
+    /// U₀ is the spectrum of the field on the modulator and E the optics' transmission, 1 for free space. For an ideal
+    /// display this is the number of pixels. For a kernel that varies over the SLM, E is that on the axis. The light of
+    /// all modes is added up.
     ///
     /// # Errors
     ///

@@ -36,8 +36,9 @@ impl Hologram {
 /// Finds the phase with which an ideal display shows `target`: intensity in linear light, of the setup's size.
 ///
 /// The [planner](crate::plan) chooses the propagation method. L-BFGS takes 100 steps from the
-/// [recommended](InitialPhase::recommended) initial phase, which is the same in every call. The loss compares the light integrated over each pixel in the middle 80 % of each
-/// axis. For other methods, detectors, regions, several planes, and learned displays see [`Optimization`].
+/// [recommended](InitialPhase::recommended) initial phase, which is the same in every call. The loss compares the light
+/// integrated over each pixel in the middle 80 % of each axis. For other methods, detectors, regions, several planes,
+/// and learned displays see [`Optimization`].
 ///
 /// # Errors
 ///

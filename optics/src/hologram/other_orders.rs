@@ -1,17 +1,18 @@
-//! What a hologram would show on a display of the other kind: with all diffraction orders instead of the first or of what a
-//! filter passes, or with the first instead of all.
+//! What a hologram would show on a display of the other kind: with all diffraction orders instead of the first or of
+//! what a filter passes, or with the first instead of all.
 
 use super::shown_light::light_of_frames;
 use crate::engine::EngineCore;
 use crate::metrics::{Gain, psnr_db};
 use crate::{Detector, DisplayModel, Engine, KernelShape, Orders, Plane, RegionOfInterest, Result};
 
-/// Limit on the pixels of a display for which the other kind is computed. Its transfer functions would take more memory than
-/// the hologram on larger displays.
+/// Limit on the pixels of a display for which the other kind is computed. Its transfer functions would take more memory
+/// than the hologram on larger displays.
 pub(crate) const OTHER_ORDERS_PIXELS_MAX: usize = 1 << 22;
 
-/// The display with the other kind of optics. Pixels that show all orders have no gaps. `None` for a kernel with a value for
-/// each frequency, which holds the optics, for very large displays, and where the other kind shows no picture.
+/// The display with the other kind of optics. Pixels that show all orders have no gaps. `None` for a kernel with a
+/// value for each frequency, which holds the optics, for very large displays, and where the other kind shows no
+/// picture.
 #[must_use]
 pub fn with_other_orders(model: &DisplayModel) -> Option<DisplayModel> {
     let grid = model.setup.grid();

@@ -30,8 +30,8 @@ impl ShownLight {
         Ok(Self::of_sets(engine, &[phases])?.remove(0))
     }
 
-    /// Light of several sets of phases. The phases of a set are shown one after the other. The sets share transfer functions,
-    /// which are made for this and take most of the time.
+    /// Light of several sets of phases. The phases of a set are shown one after the other. The sets share transfer
+    /// functions, which are made for this and take most of the time.
     ///
     /// # Errors
     ///
@@ -86,7 +86,8 @@ impl ShownLight {
     ///
     /// # Errors
     ///
-    /// [`Error::SizeMismatch`] for a target of another size than the image; [`Error::OutOfRange`] when the region leaves it.
+    /// [`Error::SizeMismatch`] for a target of another size than the image; [`Error::OutOfRange`] when the region
+    /// leaves it.
     pub fn quality(&self, target: &Plane<f32>, region: RegionOfInterest) -> Result<Quality> {
         target.expect_size("target_intensity", self.at_points.height_px(), self.at_points.width_px())?;
         let efficiency = |light: &Plane<f32>| {
@@ -128,13 +129,13 @@ fn narrowed<T: Real>(plane: &Plane<T>) -> Plane<f32> {
     plane.map(|value| value.wide() as f32)
 }
 
-/// Weights of the integral over a pixel on samples at ±1/4, ±3/4, ±5/4 and ±7/4 px. The samples hold all of the intensity
-/// of a field without details finer than two pixels, up to one cycle per pixel. The weights fit the integral of such
-/// details, sin(πν)/πν at ν cycles per pixel, to 0.5 %, and flat light exactly.
+/// Weights of the integral over a pixel on samples at ±1/4, ±3/4, ±5/4 and ±7/4 px. The samples hold all of the
+/// intensity of a field without details finer than two pixels, up to one cycle per pixel. The weights fit the integral
+/// of such details, sin(πν)/πν at ν cycles per pixel, to 0.5 %, and flat light exactly.
 const PIXEL_WEIGHTS: [f32; 4] = [0.948_33, 0.058_50, -0.008_86, 0.002_03];
 
-/// Light integrated over each pixel, from two samples per pixel along each axis. Beyond the sides of the image the outermost
-/// samples count again.
+/// Light integrated over each pixel, from two samples per pixel along each axis. Beyond the sides of the image the
+/// outermost samples count again.
 fn integrated(samples: &Plane<f32>, height_px: usize, width_px: usize) -> Plane<f32> {
     let mut light = Plane::filled(height_px, width_px, 0.0);
     // The samples at `2i − reach` and `2i + 1 + reach` lie on both sides of pixel i.

@@ -17,8 +17,8 @@ use rayon::prelude::*;
 /// Light and samples kept between the two passes of an evaluation; empty until an evaluation needs them.
 #[derive(Debug)]
 pub(super) struct Buffers<T> {
-    /// Samples of each plane, mode of light and frame, if they fit into `SAMPLES_BYTES_MAX`. Those of a single field are
-    /// kept in the problem's `fields` instead.
+    /// Samples of each plane, mode of light and frame, if they fit into `SAMPLES_BYTES_MAX`. Those of a single field
+    /// are kept in the problem's `fields` instead.
     samples: Vec<Vec<Complex<T>>>,
     /// Light planes of each image plane.
     lights: Vec<Vec<T>>,

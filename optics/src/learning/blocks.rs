@@ -15,8 +15,8 @@ const GAIN_MIN: f64 = 0.1;
 const DUST_GAIN_MIN: f64 = 0.3;
 /// [`GAIN_MIN`] of [`Block::PartialCoherence`], which makes every hologram three times as expensive.
 const COHERENCE_GAIN_MIN: f64 = 0.3;
-/// [`GAIN_MIN`] of [`Block::Ghost`]. A ghost that matters explains most of what the other parts leave; a few tenths of it may
-/// resemble a ghost by chance.
+/// [`GAIN_MIN`] of [`Block::Ghost`]. A ghost that matters explains most of what the other parts leave; a few tenths of
+/// it may resemble a ghost by chance.
 const GHOST_GAIN_MIN: f64 = 0.5;
 
 /// Most fits of `refinement_evaluations` evaluations that learning takes: one over all orders, and for each block its

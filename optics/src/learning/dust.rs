@@ -4,17 +4,17 @@
 //! min over δ, ε of  mean over pairs of L  +  w · mean over pixels of ( δ² + ε² )
 //! ```
 //!
-//! The factor is exp(δ + iε) and L the loss of a pair. Everything else of the display stays as it was fitted before. The
-//! second term holds pixels near 1 whose light the photographs hardly show. The loss on the validation pairs decides when
-//! the fit ends and whether the dust is kept.
+//! The factor is exp(δ + iε) and L the loss of a pair. Everything else of the display stays as it was fitted before.
+//! The second term holds pixels near 1 whose light the photographs hardly show. The loss on the validation pairs
+//! decides when the fit ends and whether the dust is kept.
 
 use super::blocks::Block;
 use crate::optimizer::limited_memory::{LimitedMemory, Workspace};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// Weight of the second term, relative to the loss without dust: exponents of 1 everywhere cost a hundredth of that loss. Ten
-/// times as much changes the result little.
+/// Weight of the second term, relative to the loss without dust: exponents of 1 everywhere cost a hundredth of that
+/// loss. Ten times as much changes the result little.
 const PRIOR: f64 = 0.01;
 /// Least relative decrease of the validation loss by which an evaluation counts as a gain.
 const GAIN_MIN: f64 = 1e-2;
@@ -56,8 +56,8 @@ impl DustFit {
         self.search.is_consistent(2 * pixels) && self.best.as_ref().is_none_or(|(best, _)| best.len() == 2 * pixels)
     }
 
-    /// Takes a step. `evaluate(exponents, gradient)` returns the mean loss of the training pairs, and adds its gradient.
-    /// Returns the loss at the point that was evaluated.
+    /// Takes a step. `evaluate(exponents, gradient)` returns the mean loss of the training pairs, and adds its
+    /// gradient. Returns the loss at the point that was evaluated.
     pub(super) fn step<E>(&mut self, mut evaluate: impl FnMut(&[f32], &mut [f32]) -> Result<f64, E>) -> Result<f64, E> {
         let (mut outcome, mut first) = (Ok(f64::NAN), self.before.map(|(loss, _)| loss));
         self.search.advance(&mut Workspace::default(), |exponents, gradient| {

@@ -125,7 +125,8 @@ impl<T: Real> Fit<T> {
         self.modes = ModeBuffers::of(&self.engine);
     }
 
-    /// Sets the dust: the logarithm of the amplitude and the phase of each pixel's factor. The next [`Self::set`] uses it.
+    /// Sets the dust: the logarithm of the amplitude and the phase of each pixel's factor. The next [`Self::set`] uses
+    /// it.
     pub(super) fn set_dust(&mut self, exponents: Option<&[f32]>) {
         let factor = |&[log_amplitude, phase]: &[f32; 2]| {
             let factor = Complex64::from_polar(f64::from(log_amplitude).exp(), phase.into());
@@ -138,7 +139,7 @@ impl<T: Real> Fit<T> {
         let model = self.layout.model(&self.setups[plane], (1.0, 0.0), parameters);
         let shares = model.coherence.shares();
         let local: Vec<Vec<DisplayModel>> =
-            model.modes().map(|mode| mode.local_kernels().unwrap_or_else(|| vec![mode])).collect();
+            model.modes().map(|mode| mode.local_kernels().unwrap_or_else(|| vec![mode.into_owned()])).collect();
         if (self.engine.kernels.transfers.len(), self.engine.further.len() + 1) != (local[0].len(), local.len()) {
             self.allocate_kernels(local[0].len(), local.len());
         }
@@ -200,7 +201,8 @@ impl<T: Real> Fit<T> {
             self.layout.add_local_gradients(self.engine.kernels.lanes(), &local, &mut gradient);
             if let Some(further) = m.checked_sub(1) {
                 self.layout.add_mode_gradients(further, &local, &mut gradient);
-                // The share of the light is the square of an amplitude, and the gain compensates what the other modes lose.
+                // The share of the light is the square of an amplitude, and the gain compensates what the other modes
+                // lose.
                 gradient[self.layout.mode_light(further)] = columns.iter().map(|(smooth, _)| smooth[0].re).sum();
             }
         }
@@ -215,9 +217,9 @@ impl<T: Real> Fit<T> {
         (sums, gradient)
     }
 
-    /// Propagates a pair and the gradient of its loss, and calls `visit(smooth, column, [h, u, g])` for each column of each
-    /// kernel in each mode: the transfer function, and the spectra of the outgoing field and of the back-propagated gradient. The
-    /// results are ordered by mode, then by column, then by kernel.
+    /// Propagates a pair and the gradient of its loss, and calls `visit(smooth, column, [h, u, g])` for each column of
+    /// each kernel in each mode: the transfer function, and the spectra of the outgoing field and of the
+    /// back-propagated gradient. The results are ordered by mode, then by column, then by kernel.
     pub(super) fn correlate<R: Send>(
         &mut self,
         example: &Example<T>,
@@ -254,8 +256,8 @@ impl<T: Real> Fit<T> {
         })
     }
 
-    /// The loss of one pair at its best gain and offset. Adds `share` times the gradient with respect to the exponents of
-    /// the dust to `gradient`, two numbers for each pixel.
+    /// The loss of one pair at its best gain and offset. Adds `share` times the gradient with respect to the exponents
+    /// of the dust to `gradient`, two numbers for each pixel.
     pub(super) fn evaluate_dust(&mut self, example: &Example<T>, share: f64, gradient: &mut [T]) -> Sums {
         self.propagate_and_fit_exposure(example);
         let comparison = example.comparison(&self.engine, self.gain, self.offset);

@@ -6,8 +6,9 @@
 //! ∂H/∂Re g = E,   ∂H/∂Im g = iE,   ∂H/∂s_x = iπ x g E,   ∂H/∂s_y = iπ y g E,   ∂H/∂d = i(x² + y²) g E,   E = S e^{iθ}
 //! ```
 //!
-//! A display without a ghost in its model shows where one is: ∂L/∂Re g for every shift at once is a Fourier transform of
-//! u · g* · S over the frequencies, with g* the back-propagated gradient. Its largest value is the ghost, if it stands out.
+//! A display without a ghost in its model shows where one is: ∂L/∂Re g for every shift at once is a Fourier transform
+//! of u · g* · S over the frequencies, with g* the back-propagated gradient. Its largest value is the ghost, if it
+//! stands out.
 
 use super::fit::Fit;
 use super::pair::Example;

@@ -90,8 +90,8 @@ impl<T: Real> Fit<T> {
         }
     }
 
-    /// Adds the derivatives by the terms of a series that begins at `start` in θ: the kernel's series, that of a further mode,
-    /// or that of one power of the position on the SLM.
+    /// Adds the derivatives by the terms of a series that begins at `start` in θ: the kernel's series, that of a
+    /// further mode, or that of one power of the position on the SLM.
     fn kernel_derivatives(
         &mut self,
         engine: &EngineCore<T>,
@@ -178,8 +178,8 @@ impl<T: Real> Fit<T> {
         }
     }
 
-    /// Adds the derivatives by the terms T_i(x) T_j(y) of the source: rows are transformed once for each i, and T_j is a
-    /// window along y.
+    /// Adds the derivatives by the terms T_i(x) T_j(y) of the source: rows are transformed once for each i, and T_j is
+    /// a window along y.
     fn source_derivatives(&mut self, shown: &Shown<'_, T>, slm: &Slm<T>, jacobian: &mut Jacobian<T>) {
         let (basis, start) = (self.layout.source, self.layout.source());
         let polynomials_y: Vec<Vec<T>> = tabulate(basis.order(), self.engine.height_px());
@@ -262,8 +262,9 @@ impl<T: Real> Jacobian<T> {
         Self { rows, columns, parameters, samples, field, values: zeros(pixels * parameters), light: zeros(pixels) }
     }
 
-    /// Stores u, the field that the fit has just propagated, and adds its light. Writes ∂e by the logarithm of the mode's part
-    /// of the light to the slot `light_slot`, but for a multiple of the light of all modes, which the gain compensates.
+    /// Stores u, the field that the fit has just propagated, and adds its light. Writes ∂e by the logarithm of the
+    /// mode's part of the light to the slot `light_slot`, but for a multiple of the light of all modes, which the gain
+    /// compensates.
     fn store_field(&mut self, fit: &Fit<T>, light_slot: Option<usize>) {
         let convolver = &fit.engine.convolver;
         let (width_px, columns, arch) = (convolver.width_px, self.columns.clone(), Arch::new());

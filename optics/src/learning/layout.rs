@@ -1,9 +1,10 @@
 //! Positions of a model's parameters in θ.
 //!
 //! θ holds, in this order: α and ψ of the kernel, log amplitude and phase of the source, [a_k, b_k] of the phase
-//! response, the zero order's real and imaginary part, q of the cross-talk along x and y, the series v of the response's
-//! variation, the numbers of the ghost, α_m and ψ_m of the kernel's variation over the SLM, and for each further mode of
-//! light ln(w_m/w_0), α_m and ψ_m. The model `smooth` has the kernel only. Gain and offset are not in θ: each photograph has its own.
+//! response, the zero order's real and imaginary part, q of the cross-talk along x and y, the series v of the
+//! response's variation, the numbers of the ghost, α_m and ψ_m of the kernel's variation over the SLM, and for each
+//! further mode of light ln(w_m/w_0), α_m and ψ_m. The model `smooth` has the kernel only. Gain and offset are not in
+//! θ: each photograph has its own.
 
 use super::{Blocks, KernelModel};
 use crate::chebyshev::ChebyshevBasis;
@@ -27,7 +28,8 @@ pub(crate) const RESPONSE_VARIATION_ORDER: usize = 3;
 /// Highest total degree of the kernel's variation over the SLM: that of third-order aberrations.
 pub(crate) const VARIATION_ORDER: usize = 4;
 
-/// Number of further modes of partially coherent light: with the first one, three directions have any spread along both axes.
+/// Number of further modes of partially coherent light: with the first one, three directions have any spread along both
+/// axes.
 pub(crate) const FURTHER_MODES: usize = 2;
 /// Highest total degree of a mode's transfer function relative to the kernel: a shift, and a defocus.
 pub(crate) const MODE_ORDER: usize = 2;
@@ -64,7 +66,8 @@ pub(super) enum Part {
     Tilt,
     /// A term of the kernel other than these tilts.
     Kernel,
-    /// A parameter of the source, the phase response, the zero order, the variation over the SLM, or the modes of light.
+    /// A parameter of the source, the phase response, the zero order, the variation over the SLM, or the modes of
+    /// light.
     Slm,
 }
 
@@ -206,8 +209,8 @@ impl Layout {
         }
     }
 
-    /// Adds to the gradient of θ what the gradients with respect to α and ψ of the local kernels of further mode `m` say of
-    /// the mode's own errors.
+    /// Adds to the gradient of θ what the gradients with respect to α and ψ of the local kernels of further mode `m`
+    /// say of the mode's own errors.
     pub(super) fn add_mode_gradients(&self, m: usize, local: &[(Vec<f64>, Vec<f64>)], gradient: &mut [f64]) {
         let (start, slots) = (self.mode_errors(m), self.terms_in_kernel(self.mode));
         for (alpha, psi) in local {

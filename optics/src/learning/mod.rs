@@ -5,11 +5,11 @@
 //! ```
 //!
 //! φ is the hologram, photo its photograph. w is 1 in the region of interest and 0 where the camera saturates, as in
-//! [`compare`], which measures finished models. s and o are gain and offset of the exposure: each photograph has its own.
-//! Only `paper` and `dense` share one pair of s and o among all photographs and fit it after each epoch. [`parametric`]
-//! models describe the display by some dozens or hundreds of numbers, [`bins`] models by two numbers for each
-//! frequency. A display that was photographed at several distances can be learned as [one](Learner::start_joint), and
-//! its kernel can be [interpolated] between the distances.
+//! [`compare`], which measures finished models. s and o are gain and offset of the exposure: each photograph has its
+//! own. Only `paper` and `dense` share one pair of s and o among all photographs and fit it after each epoch.
+//! [`parametric`] models describe the display by some dozens or hundreds of numbers, [`bins`] models by two numbers for
+//! each frequency. A display that was photographed at several distances can be learned as [one](Learner::start_joint),
+//! and its kernel can be [interpolated] between the distances.
 //!
 //! Learning is a sequence of [steps](Learner::step). It can stop after any step and go on later: [`Learner::state`] is
 //! all that the next step depends on.

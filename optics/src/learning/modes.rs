@@ -1,7 +1,7 @@
 //! Fits of light with several modes that do not interfere.
 //!
-//! The light of all modes is added up first. Then each mode is propagated again, multiplied by the slope of the loss and
-//! propagated back, and what arrives at the SLM is added up.
+//! The light of all modes is added up first. Then each mode is propagated again, multiplied by the slope of the loss
+//! and propagated back, and what arrives at the SLM is added up.
 
 use super::fit::Fit;
 use super::pair::Example;
@@ -95,8 +95,8 @@ impl<T: Real> Fit<T> {
         convolver.propagate(&spectrum[..kernels.half_spectrum_len(convolver)], kernels, image);
     }
 
-    /// Adds what has arrived at the SLM in mode `m`, the first values of the tiles, to that of the modes before it. Writes the
-    /// sum to the tiles.
+    /// Adds what has arrived at the SLM in mode `m`, the first values of the tiles, to that of the modes before it.
+    /// Writes the sum to the tiles.
     pub(super) fn add_returned(&mut self, m: usize) {
         let Self { out, modes: ModeBuffers { returned, .. }, .. } = self;
         let tiles = &mut out.tiles[..returned.len()];

@@ -2,34 +2,36 @@
 //!
 //! Adam first takes single pairs and a kernel of low order, and comes close to the optimum. Levenberg and Marquardt's
 //! method then refines the result on all pairs, with kernels of increasing order. Pairs whose photographs do not show
-//! their holograms are left out; the fitted model decides in the end which. With validation pairs, the result is the model with the lowest validation loss, and
-//! learning ends when that loss no longer falls. Validation pairs also choose the [blocks](super::Block): those of the SLM
-//! after the lowest order of the kernel, a varying kernel and a ghost after the highest. In a round each block is tried alone for some
-//! steps, starting from the best model so far. The one that gains most is kept if it gains enough, and is refined. Then
-//! the others are tried in another round, because blocks can help only together. After the highest order each block that
-//! was kept is left out for some steps, and stays away if the validation loss hardly rises: a kernel of low order can make
-//! a block look useful. The last block is dust, which has two numbers for each pixel and is fitted by L-BFGS, with all other
-//! parameters as they are. Pairs of several distances are fitted together, by one model whose kernel depends on the distance.
+//! their holograms are left out; the fitted model decides in the end which. With validation pairs, the result is the
+//! model with the lowest validation loss, and learning ends when that loss no longer falls. Validation pairs also
+//! choose the [blocks](super::Block): those of the SLM after the lowest order of the kernel, a varying kernel and a
+//! ghost after the highest. In a round each block is tried alone for some steps, starting from the best model so far.
+//! The one that gains most is kept if it gains enough, and is refined. Then the others are tried in another round,
+//! because blocks can help only together. After the highest order each block that was kept is left out for some steps,
+//! and stays away if the validation loss hardly rises: a kernel of low order can make a block look useful. The last
+//! block is dust, which has two numbers for each pixel and is fitted by L-BFGS, with all other parameters as they are.
+//! Pairs of several distances are fitted together, by one model whose kernel depends on the distance.
 
 use super::along_z::JointLayout;
 use super::blocks;
 pub use super::dust::DustFit;
 use super::fit::Fit;
 use super::layout::Layout;
-use super::pair::{Example, measure, total};
+use super::pair::Example;
 use super::schedule::{one_cycle, shuffled};
-use super::screening::{self, Predictor};
+use super::screening::Predictor;
 use super::{Block, Blocks, LearnOptions, LearnStage, LearnStep, LearningPairs, PairSource, pair::BoxError};
 use crate::optimizer::adam::AdamStep;
-use crate::optimizer::damped::DampedState;
-use crate::photometry::Sums;
-use crate::{DisplayModel, Dust, Error, KernelShape, OpticalSetup, Plane};
-use serde::{Deserialize, Serialize};
+use crate::{DisplayModel, Dust, Error, KernelShape, OpticalSetup, RegionOfInterest};
 
 mod dust_stage;
+mod refinement_stage;
+mod screening_stage;
+mod state;
 mod surface_start;
 mod trials;
 
+pub use state::{BestModel, LastScreening, ParametricState};
 pub use trials::{Change, Round};
 
 /// Orders of the kernel that are fitted one after the other, up to the requested order.
@@ -38,111 +40,15 @@ const ORDERS: [usize; 3] = [5, 8, 12];
 const ORDER_DEFAULT: usize = 8;
 /// Number of pairs of a plane from which the curvature of all its pairs is estimated.
 pub(super) const CURVATURE_PAIRS: usize = 4;
-/// [`CURVATURE_PAIRS`] with a fine source, whose terms take one propagation each.
-const CURVATURE_PAIRS_FINE: usize = 2;
+/// Least number of pairs of a plane that are in use before the fitted model has screened all.
+const FEW_PAIRS: usize = 5;
+/// Number of pixels of the photographs of a plane that are in use before the fitted model has screened all, as far as
+/// there are: some ten thousand for each parameter.
+const FEW_PAIRS_PX: usize = 4_000_000;
 /// Number of pixels of a pair from which its curvature is estimated: several hundred for each parameter.
 pub(crate) const CURVATURE_PX: usize = 40_000;
-/// Least relative decrease of the training loss. A smaller one ends the refinement of the current order.
-const STEP_GAIN_MIN: f64 = 1e-2;
-/// Largest number of steps for which a block is tried.
-const TRIAL_STEPS: u32 = 3;
-/// Validation loss, relative to the largest with which it passes, above which a trial without a block ends after one step.
-const HOPELESS: f64 = 2.0;
-/// Least relative decrease of the training loss in a step of a trial. A smaller one ends the trial.
-const TRIAL_STEP_GAIN_MIN: f64 = 5e-2;
 /// Least relative decrease of the validation loss by which a step or an order counts as a gain.
 const VALIDATION_GAIN_MIN: f64 = 1e-2;
-/// Number of consecutive steps without a validation gain after which an order ends.
-const STEPS_WITHOUT_GAIN_MAX: u32 = 6;
-
-/// State of the fit of a parametric model: all that the next step depends on.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct ParametricState {
-    /// θ, in the order of the internal layout.
-    pub parameters: Vec<f64>,
-    /// First moments of Adam.
-    pub first_moment: Vec<f64>,
-    /// Second moments of Adam.
-    pub second_moment: Vec<f64>,
-    /// Steps of Adam so far.
-    pub adam_steps: u32,
-    /// Sum of the losses of the current epoch.
-    pub epoch_loss: f64,
-    /// Gain that fits all photographs best, fitted at the start and at the end.
-    pub gain: f64,
-    /// Offset that fits all photographs best, fitted together with the gain.
-    pub offset: f64,
-    /// Indices of the training pairs in use.
-    pub kept: Vec<u32>,
-    /// Whether the pairs have been screened again after Adam.
-    pub rescreened: bool,
-    /// The screening of all pairs by the fitted model.
-    pub last_screening: LastScreening,
-    /// Index of the current order in the list of the orders to fit, which is also the number of finished orders.
-    pub order_index: u32,
-    /// Order of the kernel that is being fitted.
-    pub order: u32,
-    /// Blocks of the model that is being fitted.
-    pub blocks: Blocks,
-    /// The round of trials of blocks in progress, if any.
-    pub round: Option<Round>,
-    /// Whether a block has just been kept and is being refined.
-    pub adopted: bool,
-    /// Whether all orders of the kernel have been fitted.
-    pub orders_done: bool,
-    /// Whether all blocks that the model has are needed.
-    pub pruned: bool,
-    /// Refinement of the current order; `None` before Adam has ended.
-    pub refinement: Option<DampedState>,
-    /// Running mean of the curvature, row after row; empty when the curvature is computed from all pairs.
-    pub curvature: Vec<f64>,
-    /// Whether the last step failed and the curvature starts anew.
-    pub restarted: bool,
-    /// Evaluations of all pairs that previous orders have taken.
-    pub evaluations: u32,
-    /// Evaluations of all pairs that trials and refinements of blocks have taken.
-    pub trial_evaluations: u32,
-    /// Best model so far on the validation pairs; while a block is tried, the best with this block.
-    pub best: Option<BestModel>,
-    /// Number of steps of the current order or trial since the last validation gain.
-    pub steps_without_gain: u32,
-    /// A and B of the display's [dust](Dust).
-    pub dust: Option<Plane<[i16; 2]>>,
-    /// Fit of the dust in progress.
-    pub dust_fit: Option<DustFit>,
-    /// Whether learning has ended.
-    pub converged: bool,
-    /// Mean training loss of each epoch, then of each refinement step.
-    pub loss_history: Vec<f64>,
-}
-
-/// State of the screening by the fitted model.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum LastScreening {
-    /// The model is not fitted yet.
-    #[default]
-    Pending,
-    /// The model is fitted, and the next step screens the pairs.
-    Due,
-    /// The pairs have been screened.
-    Done,
-}
-
-/// A model with a lower validation loss than all models before it.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct BestModel {
-    /// Order of the kernel.
-    pub order: u32,
-    /// Blocks of the model.
-    pub blocks: Blocks,
-    /// θ of the model.
-    pub parameters: Vec<f64>,
-    /// Loss on the validation pairs.
-    pub loss: f64,
-    /// Best validation loss at the end of the previous order.
-    pub loss_before: f64,
-}
 
 /// Fit of a parametric model.
 #[derive(Debug)]
@@ -291,133 +197,6 @@ impl ParametricLearner {
         Ok(self.progress(LearnStage::Adam, sums.loss()))
     }
 
-    /// Screens the pairs again with the model that Adam found.
-    fn rescreen(&mut self, pairs: &dyn PairSource) -> Result<(), BoxError> {
-        let theta = self.state.parameters.clone();
-        self.screen(pairs, &theta, Predictor::Rough)?;
-        self.state.rescreened = true;
-        Ok(())
-    }
-
-    /// Screens all pairs with the fitted model: only pairs that it does not explain stay left out. If others are in use now, the
-    /// model is refined with them, and else learning goes on to what is last.
-    fn screen_by_fit(&mut self, pairs: &dyn PairSource) -> Result<LearnStep, BoxError> {
-        self.state.last_screening = LastScreening::Done;
-        self.take_best();
-        let (theta, kept) = (self.state.parameters.clone(), self.state.kept.clone());
-        self.screen(pairs, &theta, Predictor::Rough)?;
-        if self.state.kept != kept {
-            self.state.curvature.clear();
-            (self.state.restarted, self.state.adopted, self.state.steps_without_gain) = (false, true, 0);
-        } else if !self.start_dust() {
-            self.state.converged = true;
-            self.fit_final_exposure(pairs)?;
-        }
-        let loss = self.state.loss_history.last().copied().unwrap_or(f64::NAN);
-        Ok(self.progress(LearnStage::Refinement, loss))
-    }
-
-    /// Selects the pairs to keep by comparing those of each plane with one another, and fits one gain and offset to
-    /// them.
-    fn screen(&mut self, pairs: &dyn PairSource, theta: &[f64], predictor: Predictor) -> Result<(), BoxError> {
-        let each = self.measure_each(pairs, theta)?;
-        let mut kept = Vec::with_capacity(each.len());
-        for plane in 0..self.joint.planes() {
-            let plane_pairs: Vec<usize> = (0..each.len()).filter(|&index| pairs.plane(index) == plane).collect();
-            let correlations: Vec<f64> = plane_pairs.iter().map(|&index| each[index].correlation()).collect();
-            kept.extend(
-                screening::pairs_to_keep(&correlations, predictor)?
-                    .into_iter()
-                    .map(|position| plane_pairs[position] as u32),
-            );
-        }
-        self.state.kept = kept;
-        self.fit_exposure(&each);
-        Ok(())
-    }
-
-    /// Photometric sums of each pair for the displays that θ describes.
-    fn measure_each(&mut self, pairs: &dyn PairSource, theta: &[f64]) -> Result<Vec<Sums>, BoxError> {
-        let Self { fit, joint, options, .. } = self;
-        let mut set = None;
-        let one = |index| {
-            let plane = pairs.plane(index);
-            if set.replace(plane) != Some(plane) {
-                fit.set(plane, &joint.plane_parameters(plane, theta));
-            }
-            Ok(measure(&fit.engine, &mut fit.out, &pairs.pair(index)?, options.region)?)
-        };
-        (0..pairs.len()).map(one).collect()
-    }
-
-    /// Fits one gain and offset to all photographs in use.
-    fn fit_exposure(&mut self, each: &[Sums]) {
-        let kept = self.state.kept.iter().map(|&index| &each[index as usize]);
-        (self.state.gain, self.state.offset) = total(kept).best_gain_and_offset();
-    }
-
-    /// Takes a step of Levenberg and Marquardt's method, validates the result, and changes the order when the step was
-    /// the last.
-    fn refine(&mut self, learning_pairs: LearningPairs<'_>) -> Result<LearnStep, BoxError> {
-        self.separate_modes();
-        if self.lacks_ghost(learning_pairs.training)? {
-            return self.end_refinement(learning_pairs.training, None);
-        }
-        let before = self.state.refinement.as_ref().map(|refinement| refinement.loss);
-        let improved = match self.state.refinement.take() {
-            None => {
-                let start = self.state.parameters.clone();
-                self.state.refinement =
-                    Some(DampedState::start(start, |theta| self.fit_all(learning_pairs.training, theta))?);
-                true
-            }
-            Some(mut refinement) => {
-                let curvature =
-                    self.curvature(learning_pairs.training, &refinement.parameters, refinement.evaluations)?;
-                let joint = self.joint.clone();
-                let improved = refinement.step_within(
-                    &curvature,
-                    |theta| joint.limit(theta),
-                    |theta| self.fit_all(learning_pairs.training, theta),
-                )?;
-                self.state.refinement = Some(refinement);
-                self.state.restarted &= !improved;
-                improved
-            }
-        };
-        let (loss, spent) = self.refinement();
-        self.state.loss_history.push(loss);
-        let validated = self.validate(learning_pairs.validation)?;
-        let is_trial = self.state.round.is_some();
-        let gain_min = if is_trial { TRIAL_STEP_GAIN_MIN } else { STEP_GAIN_MIN };
-        let is_trusted = self.state.refinement.as_ref().is_none_or(|refinement| refinement.trusted);
-        let little = is_trusted && before.is_some_and(|before| loss > before * (1.0 - gain_min));
-        if !improved && !is_trial && self.restart_curvature() {
-            return Ok(self.progress(LearnStage::Refinement, loss));
-        }
-        let tried = self.state.round.as_mut().is_some_and(|round| {
-            round.steps += u32::from(before.is_some());
-            let is_hopeless = round.change == Change::Remove
-                && self.state.best.as_ref().is_some_and(|best| best.loss > HOPELESS * round.bound());
-            round.steps >= TRIAL_STEPS || round.steps > 0 && is_hopeless
-        });
-        if !improved || little || tried || spent >= self.evaluations_left() || !validated {
-            return self.end_refinement(learning_pairs.training, Some(loss));
-        }
-        Ok(self.progress(LearnStage::Refinement, loss))
-    }
-
-    /// Goes on to what follows the refinement in progress. Ends learning with the best model if nothing does.
-    fn end_refinement(&mut self, pairs: &dyn PairSource, loss: Option<f64>) -> Result<LearnStep, BoxError> {
-        self.advance();
-        if self.state.converged {
-            self.take_best();
-            self.fit_final_exposure(pairs)?;
-        }
-        let loss = loss.or(self.state.loss_history.last().copied()).unwrap_or(f64::NAN);
-        Ok(self.progress(LearnStage::Refinement, loss))
-    }
-
     /// Ends the refinement with the best model so far.
     fn take_best(&mut self) {
         let (joint, theta) = self.best();
@@ -425,129 +204,38 @@ impl ParametricLearner {
         self.change_layout(joint);
     }
 
-    fn fit_final_exposure(&mut self, pairs: &dyn PairSource) -> Result<(), BoxError> {
-        let theta = self.state.parameters.clone();
-        let each = self.measure_each(pairs, &theta)?;
-        self.fit_exposure(&each);
-        Ok(())
-    }
-
-    /// Number of evaluations that the current order, or the trial or refinement of a block, may take.
-    fn evaluations_left(&self) -> u32 {
-        match self.state.round.is_some() || self.state.adopted {
-            true => self.options.refinement_evaluations,
-            false => self.options.refinement_evaluations.saturating_sub(self.state.evaluations),
-        }
-    }
-
-    /// Forgets the curvature of previous steps, and the damping, when a step with blocks has failed: far from the optimum
-    /// a mean over several steps may be useless. False if the step that failed had a curvature of its own.
-    fn restart_curvature(&mut self) -> bool {
-        let has_blocks = self.state.blocks != Blocks::NONE;
-        let Some(refinement) = self.state.refinement.as_mut().filter(|_| has_blocks && !self.state.restarted) else {
-            return false;
+    /// The pairs of each plane in use. Of large photographs some suffice until the fitted model has screened all.
+    fn in_use(&self, pairs: &dyn PairSource) -> Vec<Vec<usize>> {
+        let kept = || self.state.kept.iter().map(|&index| index as usize);
+        let of_plane = |plane| {
+            let all: Vec<usize> = kept().filter(|&index| pairs.plane(index) == plane).collect();
+            match self.state.last_screening {
+                LastScreening::Pending | LastScreening::Due => few_of(all, self.options.region, self.options.seed),
+                LastScreening::Done => all,
+            }
         };
-        refinement.restart();
-        self.state.curvature.clear();
-        self.state.restarted = true;
-        true
-    }
-
-    fn refinement(&self) -> (f64, u32) {
-        self.state.refinement.as_ref().map_or((f64::NAN, 0), |refinement| (refinement.loss, refinement.evaluations))
-    }
-
-    /// The mean loss of the pairs in use, and its gradient.
-    fn fit_all(&mut self, pairs: &dyn PairSource, theta: &[f64]) -> Result<(f64, Vec<f64>), BoxError> {
-        let (joint, mut gradient) = (self.joint.clone(), vec![0.0; theta.len()]);
-        let loss = self.each_kept(pairs, theta, |fit, plane, example, share| {
-            let (sums, own) = fit.evaluate(example);
-            joint.add_gradient(plane, &own, share, &mut gradient);
-            sums.loss() * share
-        })?;
-        Ok((loss, gradient))
+        (0..self.joint.planes()).map(of_plane).collect()
     }
 
     /// Sum of what `evaluate(fit, plane, example, share)` returns for each pair in use, where the shares add up to 1.
-    fn each_kept(
+    fn each_in_use(
         &mut self,
         pairs: &dyn PairSource,
         theta: &[f64],
         mut evaluate: impl FnMut(&mut Fit<f32>, usize, &Example<f32>, f64) -> f64,
     ) -> Result<f64, BoxError> {
-        let Self { fit, joint, options, state, .. } = self;
-        let (share, mut sum, mut set) = (1.0 / state.kept.len() as f64, 0.0, None);
-        for index in state.kept.iter().map(|&index| index as usize) {
-            let plane = pairs.plane(index);
-            if set.replace(plane) != Some(plane) {
-                fit.set(plane, &joint.plane_parameters(plane, theta));
-            }
-            let example = Example::new(&pairs.pair(index)?, &fit.engine, options.region)?;
-            sum += evaluate(fit, plane, &example, share);
-        }
-        Ok(sum)
-    }
-
-    /// The curvature of some pairs and rows of each plane; each round takes other pairs and rows.
-    fn curvature(&mut self, pairs: &dyn PairSource, theta: &[f64], round: u32) -> Result<Vec<f64>, BoxError> {
-        let Self { fit, joint, options, state, .. } = self;
-        let stride = (options.region.pixels() / CURVATURE_PX).max(1);
-        let mut sum = vec![0.0; theta.len() * theta.len()];
-        let mut all_chosen = true;
-        for plane in 0..joint.planes() {
-            let kept: Vec<usize> =
-                state.kept.iter().map(|&index| index as usize).filter(|&index| pairs.plane(index) == plane).collect();
-            let order = shuffled(kept.len(), 1000 + round, options.seed);
-            let pairs_max = if joint.layout.blocks.fine_source { CURVATURE_PAIRS_FINE } else { CURVATURE_PAIRS };
-            let chosen = pairs_max.min(kept.len());
-            all_chosen &= chosen == kept.len();
-            let share = kept.len() as f64 / state.kept.len() as f64 / chosen as f64;
+        let in_use = self.in_use(pairs);
+        let share = 1.0 / in_use.iter().map(Vec::len).sum::<usize>() as f64;
+        let Self { fit, joint, options, .. } = self;
+        let mut sum = 0.0;
+        for (plane, indices) in in_use.into_iter().enumerate().filter(|(_, indices)| !indices.is_empty()) {
             fit.set(plane, &joint.plane_parameters(plane, theta));
-            for (turn, &position) in order.iter().take(chosen).enumerate() {
-                let example = Example::new(&pairs.pair(kept[position])?, &fit.engine, options.region)?;
-                let first = (round as usize + turn * stride / chosen) % stride;
-                let curvature = fit.curvature(&example, first, stride);
-                joint.add_curvature(plane, &curvature.matrix, share, &mut sum);
+            for index in indices {
+                let example = Example::new(&pairs.pair(index)?, &fit.engine, options.region)?;
+                sum += evaluate(fit, plane, &example, share);
             }
-        }
-        if !all_chosen {
-            // Averaged with the curvature of the previous steps, which came in part from other pairs.
-            if state.curvature.len() == sum.len() {
-                sum.iter_mut().zip(&state.curvature).for_each(|(new, old)| *new = (*new + old) / 2.0);
-            }
-            state.curvature.clone_from(&sum);
         }
         Ok(sum)
-    }
-
-    /// Evaluates the validation pairs. False when their loss has stopped falling.
-    fn validate(&mut self, pairs: &dyn PairSource) -> Result<bool, BoxError> {
-        if pairs.is_empty() {
-            return Ok(true);
-        }
-        let Some(parameters) = self.state.refinement.as_ref().map(|refinement| refinement.parameters.clone()) else {
-            return Ok(true);
-        };
-        let loss = self.validation_loss(pairs, &parameters)?;
-        let best = self.state.best.as_ref().map_or(f64::INFINITY, |best| best.loss);
-        self.state.steps_without_gain =
-            if loss < best * (1.0 - VALIDATION_GAIN_MIN) { 0 } else { self.state.steps_without_gain + 1 };
-        if loss < best {
-            let loss_before = self.state.best.as_ref().map_or(f64::INFINITY, |best| best.loss_before);
-            let order = self.fit.layout.kernel.order() as u32;
-            self.state.best = Some(BestModel { order, blocks: self.state.blocks, parameters, loss, loss_before });
-        }
-        Ok(self.state.steps_without_gain < STEPS_WITHOUT_GAIN_MAX)
-    }
-
-    /// Loss on the validation pairs for the displays that θ describes.
-    fn validation_loss(&mut self, pairs: &dyn PairSource, theta: &[f64]) -> Result<f64, BoxError> {
-        let each = self.measure_each(pairs, theta)?;
-        // The median is robust against a wrong photograph among the validation pairs.
-        let mut losses: Vec<f64> = each.iter().map(Sums::fitted_loss).collect();
-        losses.sort_by(f64::total_cmp);
-        let middle = &losses[(losses.len() - 1) / 2..=losses.len() / 2];
-        Ok(middle.iter().sum::<f64>() / middle.len() as f64)
     }
 
     /// Goes on to the next trial of a block or to the next order, or ends learning.
@@ -642,6 +330,15 @@ impl ParametricLearner {
     }
 }
 
+/// Some of a plane's pairs, drawn at random in their order: as many as have enough pixels in the region.
+fn few_of(all: Vec<usize>, region: RegionOfInterest, seed: u64) -> Vec<usize> {
+    let count = FEW_PAIRS_PX.div_ceil(region.pixels().max(1)).max(FEW_PAIRS);
+    let mut drawn = shuffled(all.len(), 0, seed);
+    drawn.truncate(count);
+    drawn.sort_unstable();
+    drawn.into_iter().map(|position| all[position]).collect()
+}
+
 /// The blocks of the display that a warm start begins with. A varying kernel comes later, and dust is no part of θ.
 fn initial_blocks(options: &LearnOptions) -> Blocks {
     let of_model = options.warm_start.as_ref().map_or(Blocks::NONE, Blocks::of);
@@ -660,5 +357,23 @@ fn kernel_orders(options: &LearnOptions) -> Vec<usize> {
     match options.order {
         None => candidates.collect(),
         Some(order) => candidates.filter(|&candidate| candidate < order.min(ORDERS[1])).chain([order]).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Grid;
+
+    #[test]
+    fn few_pairs_are_used_only_of_large_photographs() {
+        let few = |width_px, height_px, pairs: usize| {
+            let region = RegionOfInterest::middle(&Grid::try_new(height_px, width_px, 8e-6).unwrap());
+            few_of((0..pairs).map(|index| 3 * index).collect(), region, 7)
+        };
+        assert_eq!(few(640, 360, 16), (0..16).map(|index| 3 * index).collect::<Vec<_>>());
+        assert_eq!((few(1280, 720, 16).len(), few(3840, 2160, 16).len(), few(3840, 2160, 3).len()), (7, 5, 3));
+        let drawn = few(1920, 1080, 16);
+        assert!(drawn.len() == 5 && drawn.is_sorted_by(|a, b| a < b) && drawn.iter().all(|index| index % 3 == 0));
     }
 }

@@ -30,7 +30,8 @@ pub enum ModelPart {
     ZeroOrder,
 }
 
-/// What a part of a model explains: how much larger the losses of photographs are without it, all else being equal \[dB\].
+/// What a part of a model explains: how much larger the losses of photographs are without it, all else being equal
+/// \[dB\].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PartCost {
     /// The part.
@@ -44,8 +45,8 @@ pub struct PartCost {
 }
 
 impl PartCost {
-    /// The cost of a part, from the losses of the same photographs with and without it. `None` without photographs, or where a
-    /// loss is not positive.
+    /// The cost of a part, from the losses of the same photographs with and without it. `None` without photographs, or
+    /// where a loss is not positive.
     #[must_use]
     pub fn of(part: ModelPart, with: &[f64], without: &[f64]) -> Option<Self> {
         let mut costs_db: Vec<f64> =

@@ -13,7 +13,8 @@ use crate::{ConvolutionMethod, Detector, DisplayModel, KernelShape, OpticalSetup
 /// Memory of a simulated bench while it exists, for each pixel of its display \[bytes\]: source, speckle, and transfer
 /// functions in f64.
 const BENCH_BYTES_PER_PX: u64 = 96;
-/// Memory of each further mode of a bench's source, for each pixel of its display \[bytes\]: a transfer function in f64.
+/// Memory of each further mode of a bench's source, for each pixel of its display \[bytes\]: a transfer function in
+/// f64.
 const MODE_BYTES_PER_PX: u64 = 64;
 /// Memory for drawing a bench or taking a photograph with it, besides the bench, for each pixel of its display
 /// \[bytes\]: padded fields and spectra in f64, and their transposed copies.
@@ -44,14 +45,15 @@ pub struct EngineSize {
     pub modes: usize,
     /// Whether the display has a source profile that is not flat.
     pub has_source: bool,
-    /// Whether the phases that the display shows differ from those it is given: by cross-talk, or by a response that varies
-    /// over the SLM.
+    /// Whether the phases that the display shows differ from those it is given: by cross-talk, or by a response that
+    /// varies over the SLM.
     pub wraps_phase: bool,
     /// Whether the display shows all orders of its pixels, so that each sub-sample has a transfer function.
     pub all_orders: bool,
     /// Whether a filter passes a part of the first order.
     pub is_filtered: bool,
-    /// The exact transfer functions with which the quality of holograms is measured; `None`: it is measured without them.
+    /// The exact transfer functions with which the quality of holograms is measured; `None`: it is measured without
+    /// them.
     pub exact: Option<ExactSize>,
     /// Values of transfer functions in the [`second opinion`](crate::second_opinion); 0: none.
     pub opinion_values: u64,
@@ -262,7 +264,8 @@ impl EngineSize {
         self.modes as f64 * (SETS * frames as f64 * light + sampling as f64) + METRICS_STAGES * self.pixels() as f64
     }
 
-    /// Work of a second opinion with an effort on a hologram in one plane, for this number of frames and all of the detectors.
+    /// Work of a second opinion with an effort on a hologram in one plane, for this number of frames and all of the
+    /// detectors.
     #[must_use]
     pub fn opinion_work(&self, frames: usize, rows: usize, detectors: &[Detector]) -> f64 {
         let of = |detector: &Detector| {
@@ -282,8 +285,8 @@ impl EngineSize {
         if self.opinion_values == 0 { 0 } else { opinion_bytes([self.height_px, self.width_px], self.opinion_values) }
     }
 
-    /// Memory for measuring what a hologram would show on a display that shows the other diffraction orders, besides the
-    /// engine: sampling, an engine with one sub-sample, its fields, and light. 0 where it is not measured.
+    /// Memory for measuring what a hologram would show on a display that shows the other diffraction orders, besides
+    /// the engine: sampling, an engine with one sub-sample, its fields, and light. 0 where it is not measured.
     #[must_use]
     pub fn other_orders_bytes(&self) -> u64 {
         if self.pixels() > OTHER_ORDERS_PIXELS_MAX as u64 {

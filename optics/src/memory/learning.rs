@@ -84,14 +84,15 @@ impl LearningSize {
         if engine.has_source { engine.kernels() * engine.transfer_bytes() } else { 0 }
     }
 
-    /// Exponents of the dust and factors at each pixel, and vectors of the fit: those of its state, and a point, a gradient
-    /// and sums.
+    /// Exponents of the dust and factors at each pixel, and vectors of the fit: those of its state, and a point, a
+    /// gradient and sums.
     fn dust_bytes(&self) -> u64 {
         let n = if self.engine().has_source { self.engine.pixels() } else { 0 };
         self.dust_state_bytes() + n * (COMPLEX + 3 * 2 * REAL)
     }
 
-    /// State of the fit of the dust: L-BFGS with two numbers for each pixel, the best exponents, and dust of the display.
+    /// State of the fit of the dust: L-BFGS with two numbers for each pixel, the best exponents, and dust of the
+    /// display.
     fn dust_state_bytes(&self) -> u64 {
         let n = if self.engine().has_source { self.engine.pixels() } else { 0 };
         n * ((4 + 2 * HISTORY as u64) * 2 * REAL + 4)
@@ -125,8 +126,8 @@ impl LearningSize {
     }
 
     fn joint_parameters(&self) -> u64 {
-        // The kernel is a polynomial of the distance of degree 2 at most, and each distance has its own tilts. The modulator
-        // is the same at all distances.
+        // The kernel is a polynomial of the distance of degree 2 at most, and each distance has its own tilts. The
+        // modulator is the same at all distances.
         let kernel = 2 * ChebyshevBasis::new(self.order).terms() as u64;
         self.parameters() + kernel * (self.distances.min(3) as u64 - 1) + 2 * self.distances as u64
     }
@@ -149,7 +150,8 @@ impl LearningSize {
         3 * self.kernel_bytes()
     }
 
-    /// The learned kernel: two numbers for each bin, or some hundred coefficients with two small numbers for each pixel.
+    /// The learned kernel: two numbers for each bin, or some hundred coefficients with two small numbers for each
+    /// pixel.
     #[must_use]
     pub fn kernel_bytes(&self) -> u64 {
         match self.model {

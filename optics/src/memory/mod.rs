@@ -1,8 +1,9 @@
 //! Memory of computations at their peak \[bytes\] and their work, counted before they start.
 //!
 //! The functions mirror the buffers of the engine, the optimizations and the fits: `convolution` (half-transformed
-//! fields, transfer functions, scratch), `engine`, `hologram`, `optimizer`, `learning` and `simulated_display`. The test
-//! `tests/memory.rs` compares them with counted allocations, so a change of a buffer must change its function here.
+//! fields, transfer functions, scratch), `engine`, `hologram`, `optimizer`, `learning` and `simulated_display`. The
+//! test `tests/memory.rs` compares them with counted allocations, so a change of a buffer must change its function
+//! here.
 //!
 //! ```
 //! use lightpath_optics::Detector;

@@ -5,12 +5,13 @@ use crate::engine::nodes;
 use crate::propagation::passes::{band_samples, frequencies, is_even, peak_values};
 use crate::{ConvolutionMethod, OpticalSetup};
 
-/// Time of sampling the response of a pixel at one lag and of the transforms of four sub-samples, in radix-2 stages of a value.
+/// Time of sampling the response of a pixel at one lag and of the transforms of four sub-samples, in radix-2 stages of
+/// a value.
 pub(super) const RESPONSE_STAGES: u64 = 1400;
 /// Time of sampling one frequency of the band response and of its transforms, in radix-2 stages of a value.
 const BAND_STAGES: u64 = 260;
-/// Time of the four exact transfer functions of a report, in radix-2 stages of a frequency of a quarter of the band, if the
-/// response is even.
+/// Time of the four exact transfer functions of a report, in radix-2 stages of a frequency of a quarter of the band, if
+/// the response is even.
 const EVEN_SAMPLES_STAGES: u64 = 650;
 /// The same if the response is not even, behind a filter.
 const FILTERED_SAMPLES_STAGES: u64 = 2400;

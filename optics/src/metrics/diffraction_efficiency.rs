@@ -6,16 +6,16 @@
 //!
 //! p is the light at the image's pixels, P all light that passes the optics
 //! ([`Engine::light_passed`](crate::Engine::light_passed)): U₀ is the spectrum of the field on the modulator and E the
-//! optics' transmission of each frequency, 1 for free space. A camera does not tell how much light the optics lose, so a
-//! learned transmission has an unknown factor. It is in both sums, and η stays a part of the light. The rest falls elsewhere
-//! in the image plane. Over the full frame, the same ratio is the part of the light that falls on the image.
+//! optics' transmission of each frequency, 1 for free space. A camera does not tell how much light the optics lose, so
+//! a learned transmission has an unknown factor. It is in both sums, and η stays a part of the light. The rest falls
+//! elsewhere in the image plane. Over the full frame, the same ratio is the part of the light that falls on the image.
 
 use crate::{Plane, RegionOfInterest};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// The light inside the region as a part of `light_passed`, all light that passes the optics; both in the same unit, per
-/// pixel. 0 for a dark modulator. Parts of the region outside of `light` are ignored.
+/// The light inside the region as a part of `light_passed`, all light that passes the optics; both in the same unit,
+/// per pixel. 0 for a dark modulator. Parts of the region outside of `light` are ignored.
 ///
 /// ```
 /// use lightpath_optics::{Grid, Plane, RegionOfInterest, metrics::diffraction_efficiency};

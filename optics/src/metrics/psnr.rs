@@ -36,8 +36,8 @@ pub fn psnr_db(reconstruction: &Plane<f32>, target: &Plane<f32>, roi: RegionOfIn
 }
 
 /// Peak signal to noise ratio \[dB\] over the region of interest after the gain and the offset with the smallest mean
-/// squared error, for a peak of 1: −10 log₁₀ of the mean of (s p + o − t)². The offset undoes a camera's black level and
-/// light of the surroundings.
+/// squared error, for a peak of 1: −10 log₁₀ of the mean of (s p + o − t)². The offset undoes a camera's black level
+/// and light of the surroundings.
 ///
 /// # Errors
 ///

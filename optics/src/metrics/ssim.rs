@@ -227,7 +227,8 @@ mod tests {
     }
 
     /// Expected values are from scikit-image 0.26.0, with the same arrays in float64 and `gain` times `p`:
-    /// `structural_similarity(t, gain * p, gaussian_weights=True, sigma=1.5, use_sample_covariance=False, data_range=1.0)`.
+    /// `structural_similarity(t, gain * p, gaussian_weights=True, sigma=1.5, use_sample_covariance=False,
+    /// data_range=1.0)`.
     #[test]
     fn ssim_matches_scikit_image() {
         for (height_px, width_px, same, half, fitted) in [

@@ -40,8 +40,8 @@ pub struct DampedState {
     pub damping: f64,
     /// Number of evaluations so far.
     pub evaluations: u32,
-    /// Whether the last step lowered the loss by about what was predicted. If not, a small decrease does not mean that the
-    /// optimum is near.
+    /// Whether the last step lowered the loss by about what was predicted. If not, a small decrease does not mean that
+    /// the optimum is near.
     pub trusted: bool,
 }
 

@@ -4,12 +4,12 @@
 //! c(f) = Re Σ_ring P* T / √( Σ_ring |P|² Σ_ring |T|² )
 //! ```
 //!
-//! P and T are the spectra of photograph and target in the region, without their means and under a Hann window. Each ring
-//! holds the frequencies between f and f + 0.01 cycles per pixel of the target. The resolution is the frequency where
-//! c first falls below 0.5. There the photograph has as much light that is not the target's as that is. The measure is
-//! the Fourier ring correlation (W. Saxton and W. Baumeister, J. Microscopy 127, 127 (1982)), with the target in the
-//! place of a second picture. It does not depend on gain and offset. Blur alone, without noise, does not lower it.
-//! Frequencies below 0.02 do not count: uneven light, not resolution, decides there.
+//! P and T are the spectra of photograph and target in the region, without their means and under a Hann window. Each
+//! ring holds the frequencies between f and f + 0.01 cycles per pixel of the target. The resolution is the frequency
+//! where c first falls below 0.5. There the photograph has as much light that is not the target's as that is. The
+//! measure is the Fourier ring correlation (W. Saxton and W. Baumeister, J. Microscopy 127, 127 (1982)), with the
+//! target in the place of a second picture. It does not depend on gain and offset. Blur alone, without noise, does not
+//! lower it. Frequencies below 0.02 do not count: uneven light, not resolution, decides there.
 
 use crate::interrupt;
 use crate::reference::{Direction, fft2};

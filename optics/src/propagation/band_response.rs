@@ -5,23 +5,23 @@
 //! H = e^{i2πz√(1/λ² − f²)}
 //! ```
 //!
-//! λ wavelength \[m\], z distance \[m\], Δ pixel pitch \[m\]; the piston e^{ikz} is left out. This is the field of a display
-//! whose optics let the first order of its pixels through and nothing else. The frame needs h only at the lags between
-//! its own pixels, |n| ≤ N, so a transform of twice the side gives exactly these sums: no light that leaves the frame
-//! comes back, at any distance.
+//! λ wavelength \[m\], z distance \[m\], Δ pixel pitch \[m\]; the piston e^{ikz} is left out. This is the field of a
+//! display whose optics let the first order of its pixels through and nothing else. The frame needs h only at the lags
+//! between its own pixels, |n| ≤ N, so a transform of twice the side gives exactly these sums: no light that leaves the
+//! frame comes back, at any distance.
 //!
-//! The integral is a sum over M frequencies along each axis (the trapezoidal rule). The sum repeats h every M pixels. The
-//! light of a pixel spreads over S = 2z tan θ/Δ pixels, sin θ = λ/2Δ, and beyond them fades out slowly, because the band
-//! ends sharply. The leading term of this error is known (the Euler–Maclaurin formula) and subtracted: along x
+//! The integral is a sum over M frequencies along each axis (the trapezoidal rule). The sum repeats h every M pixels.
+//! The light of a pixel spreads over S = 2z tan θ/Δ pixels, sin θ = λ/2Δ, and beyond them fades out slowly, because the
+//! band ends sharply. The leading term of this error is known (the Euler–Maclaurin formula) and subtracted: along x
 //!
 //! ```text
 //! error(n) = (−1)^n/(6M²) · ∂H/∂ν,   ν = Δ·fx = 1/2
 //! ```
 //!
-//! With M ≥ 4N + 2S the relative error that remains in a field of random phases is below 1e-5 within the critical distances
-//! and below 5e-4 far beyond. Displays and distances that would take too many frequencies get fewer. H is even along both
-//! axes, so a quarter of the frequencies is enough.
-//! Source of the formula: M. Abramowitz and I. Stegun, Handbook of Mathematical Functions, section 23.1.30.
+//! With M ≥ 4N + 2S the relative error that remains in a field of random phases is below 1e-5 within the critical
+//! distances and below 5e-4 far beyond. Displays and distances that would take too many frequencies get fewer. H is
+//! even along both axes, so a quarter of the frequencies is enough. Source of the formula: M. Abramowitz and I. Stegun,
+//! Handbook of Mathematical Functions, section 23.1.30.
 
 use super::chirp_z::fast_length;
 use super::even::{EvenSequences, even_transform};
@@ -35,8 +35,8 @@ use pulp::Arch;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Frequencies M along an axis, in sides N of the display and spreads S of the light. The first pair that takes few enough
-/// frequencies is used.
+/// Frequencies M along an axis, in sides N of the display and spreads S of the light. The first pair that takes few
+/// enough frequencies is used.
 const PADDINGS: [(usize, usize); 3] = [(4, 2), (3, 1), (2, 1)];
 /// Fewest frequencies along an axis. Small displays cost little.
 const BINS_MIN: usize = 1024;
@@ -106,8 +106,8 @@ pub(super) fn band_response(setup: &OpticalSetup) -> Vec<Complex64> {
     response
 }
 
-/// Samples H at `fx` and at 0, `step`, 2 `step` … along y \[1/m\]. Whole turns are subtracted in f64; sine and cosine of the
-/// rest are exact to f32, far below the error of the sum.
+/// Samples H at `fx` and at 0, `step`, 2 `step` … along y \[1/m\]. Whole turns are subtracted in f64; sine and cosine
+/// of the rest are exact to f32, far below the error of the sum.
 fn sample_column(fx: f64, step: f64, (wavelength_m, z): (f64, f64), column: &mut [Complex64]) {
     /// Number of frequencies whose phases are computed together, as vector instructions.
     const TOGETHER: usize = 32;

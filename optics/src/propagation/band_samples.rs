@@ -1,21 +1,21 @@
-//! The response of the pixels' [band](super::band_response) beside the pixels' centres, behind the errors of a learned kernel, and
-//! behind a filter.
+//! The response of the pixels' [band](super::band_response) beside the pixels' centres, behind the errors of a learned
+//! kernel, and behind a filter.
 //!
 //! ```text
 //! h(n + o) = Δ² ∫∫ H(fx, fy) E(fx, fy) e^{i2πΔ((n_x + o_x)·fx + (n_y + o_y)·fy)} dfx dfy   over |fx|, |fy| ≤ 1/2Δ
 //! ```
 //!
-//! n lags between two pixels of the frame, o place of a sub-sample from the centre of its pixel \[px\], E smooth errors times the
-//! part that a [filter](crate::OrderFilter) passes, whose edges are smooth over many of the frequencies. It is the
-//! same sum over M frequencies along each axis as at the centres. The leading term of its error along x is now
+//! n lags between two pixels of the frame, o place of a sub-sample from the centre of its pixel \[px\], E smooth errors
+//! times the part that a [filter](crate::OrderFilter) passes, whose edges are smooth over many of the frequencies. It
+//! is the same sum over M frequencies along each axis as at the centres. The leading term of its error along x is now
 //!
 //! ```text
 //! error(x) = 1/(12M²) · [ (F′ + i2πx F) e^{i2πνx} ]  from ν = −1/2 to ν = 1/2,   F = H·E,   x = n + o,   ν = Δ·fx
 //! ```
 //!
-//! A linear phase on the padded spectrum would move the samples by o as well, but from samples of the whole padded frame,
-//! which beyond the image are not those of the field. For the same reason errors that are multiplied there are not quite
-//! those of the optics.
+//! A linear phase on the padded spectrum would move the samples by o as well, but from samples of the whole padded
+//! frame, which beyond the image are not those of the field. For the same reason errors that are multiplied there are
+//! not quite those of the optics.
 
 use super::band_response::{BandEnds, bins};
 use crate::buffers::zeros;
@@ -51,14 +51,14 @@ pub(super) struct BandSamples {
     height_px: usize,
     bins_y: usize,
     columns: Columns,
-    /// For each of the columns the lags along y, in the order of the padded frame. The rounding to f32 is as small as that of
-    /// the transfer function that is made of them.
+    /// For each of the columns the lags along y, in the order of the padded frame. The rounding to f32 is as small as
+    /// that of the transfer function that is made of them.
     along_y: Vec<Complex32>,
     fft: Arc<dyn Fft<f64>>,
 }
 
-/// Columns of frequencies along x that are transformed along y, and where each is stored: bin by bin, then what belongs to the
-/// ends of the band. Of an even response only one side.
+/// Columns of frequencies along x that are transformed along y, and where each is stored: bin by bin, then what belongs
+/// to the ends of the band. Of an even response only one side.
 #[derive(Clone, Copy)]
 struct Columns {
     bins_x: usize,
@@ -169,7 +169,8 @@ impl BandSamples {
         AlongX { samples: self, offset_x, edge: Edge::at(offset_x), turns: turns(self.columns.bins_x, offset_x) }
     }
 
-    /// The values of some rows of the padded frame, row by row. Rows that are gathered together share lines of the cache.
+    /// The values of some rows of the padded frame, row by row. Rows that are gathered together share lines of the
+    /// cache.
     pub(super) fn gather(&self, rows: Range<usize>, gathered: &mut Vec<Complex32>) {
         let (count, len) = (self.columns.count(), 2 * self.height_px);
         gathered.resize(count * rows.len(), Complex32::ZERO);
@@ -190,8 +191,8 @@ pub(super) struct AlongX<'a> {
 }
 
 impl AlongX<'_> {
-    /// Writes the response at the lag along y of one of the [gathered](BandSamples::gather) rows, at all lags along x of the
-    /// columns of the padded frame. `buffer` is scratch memory.
+    /// Writes the response at the lag along y of one of the [gathered](BandSamples::gather) rows, at all lags along x
+    /// of the columns of the padded frame. `buffer` is scratch memory.
     pub(super) fn row(&self, row: usize, gathered: &[Complex32], out: &mut [Complex64], buffer: &mut Vec<Complex64>) {
         let BandSamples { bins_y, columns, fft, .. } = self.samples;
         let (bins_x, width_px) = (columns.bins_x, out.len() / 2);

@@ -17,8 +17,9 @@ pub(super) struct EvenSequences {
     pub(super) kept: usize,
 }
 
-/// Fourier transform of each sequence f_0, f_1, …, f_half, f_{half − 1}, …, f_1, where `fill(s, f)` writes f_0 to f_half of the
-/// sequence s. The forward and the inverse transform of an even sequence are the same, apart from the scale.
+/// Fourier transform of each sequence f_0, f_1, …, f_half, f_{half − 1}, …, f_1, where `fill(s, f)` writes f_0 to
+/// f_half of the sequence s. The forward and the inverse transform of an even sequence are the same, apart from the
+/// scale.
 ///
 /// With N = `half`, a transform of N values gives all 2N bins F of a sequence f:
 ///

@@ -22,11 +22,12 @@
 //! λ wavelength \[m\], z distance \[m\], f spatial frequency \[1/m\], N padded pixels along an axis, Δ pixel pitch
 //! \[m\], D the display's diagonal \[m\], and z_c = N·Δ²/λ the critical distance of each axis.
 //!
-//! The first eight methods are [convolutions](ConvolutionMethod) on the grid padded twofold. An [`Engine`](crate::Engine)
-//! runs them and optimizes holograms through them; [`OpticalSetup::with_method`](crate::OpticalSetup::with_method)
-//! chooses the method. [`Propagator`](crate::Propagator) runs all twelve methods and their adjoints. [`plan`] and
-//! [`plan_onto`] choose a method, explain the choice, and report its quality. They refuse a setup for which no method
-//! is valid, and give the numbers. Tests compare all methods with the direct sum
+//! The first eight methods are [convolutions](ConvolutionMethod) on the grid padded twofold. An
+//! [`Engine`](crate::Engine) runs them and optimizes holograms through them;
+//! [`OpticalSetup::with_method`](crate::OpticalSetup::with_method) chooses the method.
+//! [`Propagator`](crate::Propagator) runs all twelve methods and their adjoints. [`plan`] and [`plan_onto`] choose a
+//! method, explain the choice, and report its quality. They refuse a setup for which no method is valid, and give the
+//! numbers. Tests compare all methods with the direct sum
 //! [`reference::rayleigh_sommerfeld`](crate::reference::rayleigh_sommerfeld).
 
 mod band_extended;

@@ -5,19 +5,20 @@
 //! g(x, y) = (ab)^{−1/2} ∫∫ h(x − s, y − t) ds dt   over |s| ≤ aΔ/2, |t| ≤ bΔ/2
 //! ```
 //!
-//! h is the [Rayleigh–Sommerfeld impulse response](super::impulse_response), Δ the pixel pitch \[m\], a and b the sides of
-//! a pixel's bright area in pitches (the fill factor along x and y). Nothing stands between the pixels and the image, so
-//! g holds all diffraction orders. The factor (ab)^{−1/2} makes each pixel send the same light whatever its fill factor.
+//! h is the [Rayleigh–Sommerfeld impulse response](super::impulse_response), Δ the pixel pitch \[m\], a and b the sides
+//! of a pixel's bright area in pitches (the fill factor along x and y). Nothing stands between the pixels and the
+//! image, so g holds all diffraction orders. The factor (ab)^{−1/2} makes each pixel send the same light whatever its
+//! fill factor.
 //!
-//! The integrand oscillates, but its phase is nearly linear over a pixel. Let r₀ be the distance from the pixel's centre
-//! and F what remains without the linear phase:
+//! The integrand oscillates, but its phase is nearly linear over a pixel. Let r₀ be the distance from the pixel's
+//! centre and F what remains without the linear phase:
 //!
 //! ```text
 //! h = F(s, t) e^{−ik(xs + yt)/r₀},   F = z/(2πr²) · (1/r − ik) · e^{ik(r − z + (xs + yt)/r₀)}
 //! ```
 //!
-//! F is interpolated by Legendre polynomials at the nodes of Gauss and Legendre, whose products with the linear phase have
-//! known integrals (the method of L. Filon, Proc. R. Soc. Edinburgh 49, 38 (1928)):
+//! F is interpolated by Legendre polynomials at the nodes of Gauss and Legendre, whose products with the linear phase
+//! have known integrals (the method of L. Filon, Proc. R. Soc. Edinburgh 49, 38 (1928)):
 //!
 //! ```text
 //! ∫ P_k(τ) e^{iωτ} dτ over −1 … 1 = 2 iᵏ j_k(ω)
@@ -33,8 +34,8 @@ use std::f64::consts::{FRAC_1_PI, PI, TAU};
 
 /// Largest number of nodes along a side of a pixel.
 const NODES_MAX: usize = 13;
-/// Numbers of nodes for the largest curvature of the phase over a pixel \[rad\] up to which they are enough. The relative
-/// error of the field is then below 1e-4.
+/// Numbers of nodes for the largest curvature of the phase over a pixel \[rad\] up to which they are enough. The
+/// relative error of the field is then below 1e-4.
 const NODES: [(f64, usize); 6] = [(1e-3, 2), (0.1, 3), (0.4, 5), (1.0, 7), (2.0, 9), (6.0, NODES_MAX)];
 
 /// The response g of a display's pixels.
@@ -158,8 +159,8 @@ impl Rule {
     }
 }
 
-/// Nodes and weights of the quadrature of Gauss and Legendre on −1 … 1. Source: M. Abramowitz and I. Stegun, Handbook of
-/// Mathematical Functions, section 25.4.29.
+/// Nodes and weights of the quadrature of Gauss and Legendre on −1 … 1. Source: M. Abramowitz and I. Stegun, Handbook
+/// of Mathematical Functions, section 25.4.29.
 pub(crate) fn gauss_legendre(count: usize) -> Vec<(f64, f64)> {
     let node = |i: usize| {
         // A zero of P_count, by Newton's method from its asymptotic place.

@@ -17,7 +17,8 @@
 //! pixels: they are never the best, and serve comparisons.
 //!
 //! The rules come from a comparison of all methods with the [direct integral of the first
-//! order](crate::reference::first_order_onto), of a random field on 32×48 px of 8 µm at 515 nm; z_c is 8.0 mm along y and
+//! order](crate::reference::first_order_onto), of a random field on 32×48 px of 8 µm at 515 nm; z_c is 8.0 mm along y
+//! and
 //! 11.9 mm along x. The table gives the relative L2 error of the field:
 //!
 //! | z / z_c,y | band response | angular spectrum | band-limited | band-extended | impulse response | scaled | Fresnel impulse response |

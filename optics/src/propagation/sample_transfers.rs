@@ -6,9 +6,9 @@
 //! H_o(f) = Σ g((n + o)Δ) e^{−i2πfn}   over the lags n between two pixels of the frame
 //! ```
 //!
-//! o is the place of the sub-sample from the centre of the pixel \[px\], g the response of a [pixel](super::pixel_response) of
-//! a display that shows all orders, or of the [band](super::band_samples) of one that shows the first. g is even along both axes,
-//! so the sub-samples (±o_x, ±o_y) share its values.
+//! o is the place of the sub-sample from the centre of the pixel \[px\], g the response of a
+//! [pixel](super::pixel_response) of a display that shows all orders, or of the [band](super::band_samples) of one that
+//! shows the first. g is even along both axes, so the sub-samples (±o_x, ±o_y) share its values.
 
 use super::band_response::bins;
 use super::band_samples::{BandSamples, is_even};
@@ -39,8 +39,9 @@ pub(crate) fn sample_transfers<T: Real>(setup: &OpticalSetup, places_px: &[[f64;
     transfers.into_iter().flatten().collect()
 }
 
-/// Calls `use_transfer(i, transfer)` with the transfer function to each of the places, in an order in which places share
-/// what they can. On a display that shows the first order, it is that behind smooth `errors` of its kernel. Only one transfer function exists at a time. None if the setup [has none](has_sample_transfers).
+/// Calls `use_transfer(i, transfer)` with the transfer function to each of the places, in an order in which places
+/// share what they can. On a display that shows the first order, it is that behind smooth `errors` of its kernel. Only
+/// one transfer function exists at a time. None if the setup [has none](has_sample_transfers).
 pub(crate) fn for_each_sample_transfer<T: Real>(
     setup: &OpticalSetup,
     errors: Option<&TransferErrors>,
@@ -77,8 +78,8 @@ pub(crate) fn for_each_sample_transfer<T: Real>(
     }
 }
 
-/// The transfer function to the pixels' centres at all padded bins, for each column all rows. Empty if the setup is not that of a
-/// [band response](ConvolutionMethod::BandResponse), or would take too many frequencies.
+/// The transfer function to the pixels' centres at all padded bins, for each column all rows. Empty if the setup is not
+/// that of a [band response](ConvolutionMethod::BandResponse), or would take too many frequencies.
 pub(super) fn transfer_by_column(setup: &OpticalSetup) -> Vec<Complex32> {
     let Some(samples) = BandSamples::new(setup, None, 0.0) else { return Vec::new() };
     let spectra = RowSpectra::<f32>::of_band(setup, &samples, 0.0);
@@ -145,8 +146,9 @@ impl<T: Real> RowSpectra<T> {
         })
     }
 
-    /// `gather(rows, gathered)` reads what some rows of the padded frame need. `fill(lag_y, i, scratch)` then writes the response
-    /// of the i-th of them, at a lag along y and all lags along x, into `scratch.sequence`. The lags of a whole side do not matter.
+    /// `gather(rows, gathered)` reads what some rows of the padded frame need. `fill(lag_y, i, scratch)` then writes
+    /// the response of the i-th of them, at a lag along y and all lags along x, into `scratch.sequence`. The lags of a
+    /// whole side do not matter.
     fn new(
         setup: &OpticalSetup,
         gather: impl Fn(Range<usize>, &mut Vec<Complex32>) + Sync,
@@ -215,8 +217,8 @@ fn widened<T: Real>(value: Complex<T>) -> Complex64 {
     Complex64::new(value.re.wide(), value.im.wide())
 }
 
-/// The lag at an index of a sequence of `2·side_px` values that repeats; `None` for the lag of a whole side, which no two
-/// pixels have.
+/// The lag at an index of a sequence of `2·side_px` values that repeats; `None` for the lag of a whole side, which no
+/// two pixels have.
 fn lag(index: usize, side_px: usize) -> Option<f64> {
     match index.cmp(&side_px) {
         std::cmp::Ordering::Less => Some(index as f64),

@@ -39,8 +39,8 @@ impl OpticalSetup {
 
     /// The transfer function at fx, fy \[1/m\], without the piston. [`propagation`](super) has the formulas.
     ///
-    /// Methods with an impulse response sum over the whole frame in each call; behind a filter each call samples all bins and
-    /// returns the nearest one. Use [`Self::sampled`] to sample many bins.
+    /// Methods with an impulse response sum over the whole frame in each call; behind a filter each call samples all
+    /// bins and returns the nearest one. Use [`Self::sampled`] to sample many bins.
     #[must_use]
     pub fn transfer(&self, fx: f64, fy: f64) -> Complex64 {
         let (wavelength_m, distance_m, grid) = (self.wavelength_m(), self.distance_m(), self.grid());
@@ -80,8 +80,8 @@ impl OpticalSetup {
         SampledTransfer::new(*self)
     }
 
-    /// The transfer function of an engine's kernel without errors, with tables: that of the setup, or 1 where each sub-sample
-    /// has a [transfer function of its own](super::passes::sample_transfers).
+    /// The transfer function of an engine's kernel without errors, with tables: that of the setup, or 1 where each
+    /// sub-sample has a [transfer function of its own](super::passes::sample_transfers).
     pub(crate) fn sampled_kernel(&self) -> SampledTransfer {
         match self.method() {
             ConvolutionMethod::AllOrders => SampledTransfer { setup: *self, tables: Tables::One },
@@ -107,8 +107,8 @@ impl OpticalSetup {
     }
 }
 
-/// The response of square pixels at their centres: at the lags between two pixels of the frame, and 0 at the lag of a whole
-/// side.
+/// The response of square pixels at their centres: at the lags between two pixels of the frame, and 0 at the lag of a
+/// whole side.
 fn pixels_response(setup: &OpticalSetup) -> impl Fn(usize, usize) -> Complex64 + Sync {
     let (height_px, width_px, pitch_m) =
         (setup.grid().height_px(), setup.grid().width_px(), setup.grid().pixel_pitch_m());

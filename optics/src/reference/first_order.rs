@@ -6,9 +6,10 @@
 //! ```
 //!
 //! λ wavelength \[m\], z distance \[m\], Δ pixel pitch \[m\]. This is the field of a display whose optics let the first
-//! order of its pixels through and nothing else, or the part of it that a [filter](crate::OrderFilter) passes. The integral is computed by Gauss–Legendre quadrature, without Fourier
-//! transforms and without a padded frame: light that leaves the window cannot come back. Source: M. Abramowitz and I.
-//! Stegun, Handbook of Mathematical Functions, section 25.4.29.
+//! order of its pixels through and nothing else, or the part of it that a [filter](crate::OrderFilter) passes. The
+//! integral is computed by Gauss–Legendre quadrature, without Fourier transforms and without a padded frame: light that
+//! leaves the window cannot come back. Source: M. Abramowitz and I. Stegun, Handbook of Mathematical Functions, section
+//! 25.4.29.
 
 use crate::propagation::ImageWindow;
 use crate::transfer_function::angular_spectrum;
@@ -88,8 +89,8 @@ fn dot(a: &[Complex64], b: &[Complex64]) -> Complex64 {
 fn frequencies(setup: &OpticalSetup, from_m: &[f64], to_m: &[f64]) -> Vec<(f64, f64)> {
     let nyquist = 0.5 / setup.grid().pixel_pitch_m();
     let apart_m = from_m.iter().chain(to_m).fold(0.0_f64, |farthest, m| farthest.max(m.abs())) * 2.0;
-    // The phase of H changes by 2π z tan θ for each unit of frequency; near the end of travelling waves tan θ grows, and
-    // panels stay short.
+    // The phase of H changes by 2π z tan θ for each unit of frequency; near the end of travelling waves tan θ grows,
+    // and panels stay short.
     let sine = (setup.wavelength_m() * nyquist * std::f64::consts::SQRT_2).min(0.999);
     let spread_m = setup.distance_m().abs() * sine / (1.0 - sine * sine).sqrt();
     let panels = (TAU * (apart_m + spread_m) * 2.0 * nyquist / PANEL_RAD).ceil().max(1.0) as usize;

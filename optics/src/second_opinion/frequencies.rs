@@ -6,20 +6,22 @@
 //! ν = (p + τ)/L − ½ cycles per pixel,   p = 0 … L−1 panel, τ from 0 to 1 node
 //! ```
 //!
-//! The same node of all panels lies on a regular grid, so that a short Fourier transform computes it. There is no padded
-//! frame: light that leaves the image cannot come back into it. The integrand turns by c = N + S cycles over the band,
+//! The same node of all panels lies on a regular grid, so that a short Fourier transform computes it. There is no
+//! padded frame: light that leaves the image cannot come back into it. The integrand turns by c = N + S cycles over the
+//! band,
 //!
 //! ```text
 //! S = z/Δ · λf/√(1 − λ²(f_x² + f_y²)) pixels,   f = 1/2Δ for the first order
 //! ```
 //!
-//! the pixels over which the light of a pixel spreads to each side. The band of the first order ends sharply; Gauss–Legendre
-//! quadrature is exact to rounding if a panel has some nodes more than π/2 per cycle. λ wavelength \[m\], z distance \[m\],
-//! Δ pixel pitch \[m\], N side of the display \[px\].
+//! the pixels over which the light of a pixel spreads to each side. The band of the first order ends sharply;
+//! Gauss–Legendre quadrature is exact to rounding if a panel has some nodes more than π/2 per cycle. λ wavelength
+//! \[m\], z distance \[m\], Δ pixel pitch \[m\], N side of the display \[px\].
 //!
-//! With all orders the frequencies ν + m of every order m count from which light reaches the image. The frequency of light
-//! that moves by x on its way is x/(λ√(x² + z²)); beyond that of the display's side the orders fade out smoothly, so that the
-//! end has no effect in the image. Their sum is periodic and smooth: equally spaced nodes, one per cycle, are exact.
+//! With all orders the frequencies ν + m of every order m count from which light reaches the image. The frequency of
+//! light that moves by x on its way is x/(λ√(x² + z²)); beyond that of the display's side the orders fade out smoothly,
+//! so that the end has no effect in the image. Their sum is periodic and smooth: equally spaced nodes, one per cycle,
+//! are exact.
 
 use crate::propagation::passes::gauss_legendre;
 use crate::{OpticalSetup, Orders};
@@ -29,7 +31,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 pub(super) const PANELS: usize = 64;
 /// Nodes of a panel besides those that the turns of the integrand need.
 const SPARE_NODES: usize = 8;
-/// Smallest cosine of the angle between light and axis that is taken into account. Light nearer to the plane is spread thinly.
+/// Smallest cosine of the angle between light and axis that is taken into account. Light nearer to the plane is spread
+/// thinly.
 const COSINE_MIN: f64 = 0.2;
 
 /// Frequencies along both axes.
@@ -88,8 +91,8 @@ impl Frequencies {
     }
 }
 
-/// Where the orders begin and end to fade out [cycles per pixel]. `way_px` is the longest way of light along the axis that ends
-/// in the image.
+/// Where the orders begin and end to fade out [cycles per pixel]. `way_px` is the longest way of light along the axis
+/// that ends in the image.
 fn fades(setup: &OpticalSetup, way_px: f64) -> [f64; 2] {
     let (pitch_m, z, wavelength_m) = (setup.grid().pixel_pitch_m(), setup.distance_m().abs(), setup.wavelength_m());
     let way_m = way_px * pitch_m;
@@ -103,7 +106,8 @@ fn fades(setup: &OpticalSetup, way_px: f64) -> [f64; 2] {
 }
 
 impl Axis {
-    /// The nodes τ of a panel, with the weights of their frequencies. Takes O(nodes²), so ask only for what is affordable.
+    /// The nodes τ of a panel, with the weights of their frequencies. Takes O(nodes²), so ask only for what is
+    /// affordable.
     pub(super) fn nodes(&self) -> Vec<(f64, f64)> {
         let on_unit = |(node, weight): (f64, f64)| (0.5 + 0.5 * node, 0.5 * weight / PANELS as f64);
         match self.is_periodic {

@@ -1,8 +1,8 @@
 //! A second opinion on a hologram's picture: the PSNR that a slow, independent model finds on some rows of the image,
 //! beside the engine's on the same rows.
 //!
-//! The independent model computes in f64. It shares the display's parameters with the engine, but no transform, padding, transfer
-//! function or place between the pixels.
+//! The independent model computes in f64. It shares the display's parameters with the engine, but no transform,
+//! padding, transfer function or place between the pixels.
 
 mod frequencies;
 mod model;
@@ -57,9 +57,10 @@ impl SecondOpinion {
         self.difference_db().abs() > Self::CONTRADICTION_DB
     }
 
-    /// Compares the light that the engine computed for `phases`, shown one after the other, with the independent model's, for
-    /// one detector. The phases are those before the carrier is added. `None` for a kernel that varies over the SLM or has a value for each frequency of the engine's grid, and
-    /// where the model would take more than `effort` allows.
+    /// Compares the light that the engine computed for `phases`, shown one after the other, with the independent
+    /// model's, for one detector. The phases are those before the carrier is added. `None` for a kernel that varies
+    /// over the SLM or has a value for each frequency of the engine's grid, and where the model would take more than
+    /// `effort` allows.
     ///
     /// # Errors
     ///
@@ -113,8 +114,8 @@ pub fn values(model: &DisplayModel, effort: Effort) -> u64 {
     affordable(model, effort).map_or(0, |frequencies| frequencies.values() * model.coherence.shares().len() as u64)
 }
 
-/// Memory of a second opinion with [`Effort::CHEAP`] \[bytes\] on a display of this many rows and columns, for the number of
-/// [`values`].
+/// Memory of a second opinion with [`Effort::CHEAP`] \[bytes\] on a display of this many rows and columns, for the
+/// number of [`values`].
 pub(crate) fn opinion_bytes([height_px, width_px]: [usize; 2], values: u64) -> u64 {
     const COMPLEX: u64 = 16;
     let (height, width, rows) = (height_px as u64, width_px as u64, Effort::CHEAP.rows_max as u64);

@@ -7,10 +7,11 @@
 //! H(f) = e^{i2πz(√(1/λ² − f²/Δ²) − 1/λ)},   P(f) = sinc(w_x f_x) sinc(w_y f_y)
 //! ```
 //!
-//! Places x, y in pixels, frequencies in cycles per pixel, ν from −½ to ½. A display that shows the first order has m = n = 0
-//! and P = 1, or what its filter passes; one that shows all orders has every order that reaches the image. w are the sides of a pixel's bright area in
-//! pixel pitches, E the errors of a learned kernel, E_l those of mode l of the light relative to it, w_l the mode's part of the light, a the source profile with its dust, r the phase response, z₀ undiffracted light,
-//! λ wavelength \[m\], z distance \[m\], Δ pixel pitch \[m\].
+//! Places x, y in pixels, frequencies in cycles per pixel, ν from −½ to ½. A display that shows the first order has m =
+//! n = 0 and P = 1, or what its filter passes; one that shows all orders has every order that reaches the image. w_x
+//! and w_y are the sides of a pixel's bright area in pixel pitches, E the errors of a learned kernel, E_l those of mode
+//! l of the light relative to it, w_l the mode's part of the light, a the source profile with its dust, r the phase
+//! response, z₀ undiffracted light, λ wavelength \[m\], z distance \[m\], Δ pixel pitch \[m\].
 //!
 //! The integral along x is summed node by node of its panels, so that the whole spectrum is never held.
 
@@ -241,8 +242,8 @@ impl<'a> Work<'a> {
         spectra
     }
 
-    /// Field on the wanted rows at one frequency along x: for each row and place along y (and x, where the places have transfer
-    /// functions of their own).
+    /// Field on the wanted rows at one frequency along x: for each row and place along y (and x, where the places have
+    /// transfer functions of their own).
     fn column(&self, spectra: &[Complex64], panel: usize, along_x: f64) -> Vec<Complex64> {
         interrupt::check();
         let mut spectrum = vec![Complex64::ZERO; self.frequencies_y.len()];

@@ -135,7 +135,8 @@ fn learned_display_matches_the_engine() {
         (Orders::First, 20e-3, Some(Carrier::HalfOrderY), 1e-4),
         (FILTERED, 0.2e-3, Some(Carrier::HalfOrderX), 1e-4),
         (FILTERED, 20e-3, None, 1e-4),
-        // The engine samples the errors on a padded frame, in which a little light comes back. Here hardly any leaves it.
+        // The engine samples the errors on a padded frame, in which a little light comes back. Here hardly any leaves
+        // it.
         (Orders::SQUARE, 0.2e-3, None, 2e-2),
     ] {
         let (setup, _) = setup(30, 40, distance_m).with_orders(orders).unwrap().planned().unwrap();

@@ -39,13 +39,14 @@ pub struct SimulatedBench {
     pub dust_contrast: f64,
     /// Light of a ghost: a shifted and defocused second image, as a part of the image's light, 0 to 0.3.
     pub ghost_share: f64,
-    /// Angular width of the source as the modulator sees it \[mrad\], 0 to 5. The light of different directions does not
-    /// interfere.
+    /// Angular width of the source as the modulator sees it \[mrad\], 0 to 5. The light of different directions does
+    /// not interfere.
     pub source_angle_mrad: f64,
     /// Width of the source's line, full width at half maximum, as a part of its wavelength, 0 to 0.1: below 0.001 for
     /// a laser diode, 0.03 to 0.06 for an LED.
     pub bandwidth: f64,
-    /// Distortion by the camera's lens: displacement of the image's corner, as a part of its distance from the middle, −0.1 to
+    /// Distortion by the camera's lens: displacement of the image's corner, as a part of its distance from the middle,
+    /// −0.1 to
     /// 0.1.
     pub distortion: f64,
     /// Part of the light that the camera's lens loses at the image's corner, 0 to 0.9.
@@ -96,9 +97,10 @@ impl SimulatedBench {
         field_aberration_rad: 0.0,
     };
 
-    /// A display like that of the paper (Kavaklı, Ürey and Akşit 2022), as far as its published photographs show: holograms made as
-    /// the paper made them give photographs with a similar PSNR and speckle contrast. What the photographs can not tell apart has
-    /// values from the literature: surface and cross-talk of a liquid crystal on silicon, see the other fields, and a laser.
+    /// A display like that of the paper (Kavaklı, Ürey and Akşit 2022), as far as its published photographs show:
+    /// holograms made as the paper made them give photographs with a similar PSNR and speckle contrast. What the
+    /// photographs can not tell apart has values from the literature: surface and cross-talk of a liquid crystal on
+    /// silicon, see the other fields, and a laser.
     pub const LIKE_THE_PAPER: Self = Self {
         seed: 2022,
         strength: 1.0,
@@ -147,7 +149,8 @@ impl SimulatedBench {
         ]
     }
 
-    /// Number of modes of light that do not interfere. Each takes a transfer function, and an image for each photograph.
+    /// Number of modes of light that do not interfere. Each takes a transfer function, and an image for each
+    /// photograph.
     #[must_use]
     pub fn modes(&self) -> usize {
         modes::draw(self.seed, self.source_angle_mrad, self.bandwidth, self.ghost_share).len()

@@ -4,21 +4,21 @@
 //! min over φ of  min over s of  mean over the region of ( s · I(φ) − target )²
 //! ```
 //!
-//! I is the light on the camera's pixels, without noise. A learned model can at best be the bench, so the photographs of
-//! these holograms are the yardstick for those of learned models.
+//! I is the light on the camera's pixels, without noise. A learned model can at best be the bench, so the photographs
+//! of these holograms are the yardstick for those of learned models.
 
 use super::SimulatedDisplay;
 use crate::optimizer::limited_memory::{LimitedMemory, Workspace};
 use crate::{Plane, RegionOfInterest, Result};
 
 impl SimulatedDisplay {
-    /// Optimizes the displayed phase \[rad\] by L-BFGS with `evaluations` evaluations from the phase `start`, through all
-    /// that the bench does to light. The gain of the photograph is free. Slow: everything is computed in f64.
+    /// Optimizes the displayed phase \[rad\] by L-BFGS with `evaluations` evaluations from the phase `start`, through
+    /// all that the bench does to light. The gain of the photograph is free. Slow: everything is computed in f64.
     ///
     /// # Errors
     ///
-    /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) or [`Error::NotFinite`](crate::Error::NotFinite) for a start or
-    /// a target that does not fit the display.
+    /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) or [`Error::NotFinite`](crate::Error::NotFinite) for a start
+    /// or a target that does not fit the display.
     pub fn optimize(
         &self,
         target: &Plane<f32>,

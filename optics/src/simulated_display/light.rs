@@ -29,8 +29,8 @@ impl SimulatedDisplay {
         Ok(self.seen(&light, hours))
     }
 
-    /// Σ s ∂I/∂φ: the gradient with respect to the displayed phase of a loss whose derivative with respect to the light I
-    /// on each camera pixel is `slope(I)`.
+    /// Σ s ∂I/∂φ: the gradient with respect to the displayed phase of a loss whose derivative with respect to the light
+    /// I on each camera pixel is `slope(I)`.
     pub(super) fn gradient(
         &self,
         phase_displayed: &Plane<f32>,

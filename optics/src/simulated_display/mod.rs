@@ -10,11 +10,11 @@
 //! f64. All properties come from a seed: the same seed gives the same bench for any wavelength and distance, on any
 //! number of threads.
 //!
-//! Optional properties, in the light's order: several modes of the source that do not interfere, dust and fringes in the
-//! illumination, an uneven modulator, cross-talk between its pixels, flicker, and a response that varies over it,
+//! Optional properties, in the light's order: several modes of the source that do not interfere, dust and fringes in
+//! the illumination, an uneven modulator, cross-talk between its pixels, flicker, and a response that varies over it,
 //! aberrations that depend on the position on the modulator, a ghost, a turned camera whose lens blurs, distorts and
-//! vignettes, a fixed speckle pattern, and drift of the image and dimming of the source with time. With the distance, the
-//! image moves along a tilted rail, and the light fills more of the aperture that has the aberrations.
+//! vignettes, a fixed speckle pattern, and drift of the image and dimming of the source with time. With the distance,
+//! the image moves along a tilted rail, and the light fills more of the aperture that has the aberrations.
 
 mod aberration;
 mod bench;

@@ -4,9 +4,9 @@
 //! r(φ; y, x) = (1 + v(y, x)) φ + s Σ_{n = 1, 2} (a_n sin nφ + b_n cos nφ),   light on a pixel: e^{i r(φ)} + z₀
 //! ```
 //!
-//! φ is in [0, 2π). v is smooth, with up to one period over the longer side, and has a given largest value: the thickness
-//! of the liquid crystal and its temperature change over a panel, by some 10 % of the phase (X. Xun and R. W. Cohn,
-//! Applied Optics 43, 6400 (2004)).
+//! φ is in [0, 2π). v is smooth, with up to one period over the longer side, and has a given largest value: the
+//! thickness of the liquid crystal and its temperature change over a panel, by some 10 % of the phase (X. Xun and R. W.
+//! Cohn, Applied Optics 43, 6400 (2004)).
 
 use super::draws::{Draws, Stream};
 use super::surface::{extremes, smooth_shape};

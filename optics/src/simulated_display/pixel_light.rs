@@ -4,9 +4,9 @@
 //! I(y, x) = 1/16 Σ_{i, j} |u(y + d_i, x + d_j)|²,   u = F⁻¹ { H · e^{i2π(fx d_j + fy d_i)} · F pad u₀ },   d = ±0.0938, ±0.3973 px
 //! ```
 //!
-//! This is the integral over a whole pixel by Chebyshev's quadrature with equal weights: |u|² has twice the bandwidth of u,
-//! so samples at the pixel pitch alone would miss detail between them. The offsets along y and x are separate phase factors, so four column transforms and
-//! sixteen row transforms are enough for sixteen images.
+//! This is the integral over a whole pixel by Chebyshev's quadrature with equal weights: |u|² has twice the bandwidth
+//! of u, so samples at the pixel pitch alone would miss detail between them. The offsets along y and x are separate
+//! phase factors, so four column transforms and sixteen row transforms are enough for sixteen images.
 
 use crate::Plane;
 use crate::grid::frequency;
@@ -17,7 +17,8 @@ use rustfft::{Fft, FftPlanner};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-/// Halves of the nodes ±0.18759247 and ±0.79465447 (M. Abramowitz and I. Stegun, Handbook of Mathematical Functions, table
+/// Halves of the nodes ±0.18759247 and ±0.79465447 (M. Abramowitz and I. Stegun, Handbook of Mathematical Functions,
+/// table
 /// 25.3). The mean over them differs from the integral by less than 1e-3 for details of up to one cycle per pixel.
 const OFFSETS_PX: [f64; 4] = [-0.397_327_236, -0.093_796_237, 0.093_796_237, 0.397_327_236];
 

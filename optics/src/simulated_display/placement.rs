@@ -4,9 +4,9 @@
 //! image(p) = light( m + R (p − m) (1 + k |p − m|² / c²) + d )
 //! ```
 //!
-//! R is a rotation about the middle m, d the drift of the image, k the radial distortion and c the distance of the corner
-//! from the middle. Light between pixels is interpolated by Catmull and Rom's cubic. It blurs the finest detail of the
-//! image, but the pixels of a turned camera would blur that as well.
+//! R is a rotation about the middle m, d the drift of the image, k the radial distortion and c the distance of the
+//! corner from the middle. Light between pixels is interpolated by Catmull and Rom's cubic. It blurs the finest detail
+//! of the image, but the pixels of a turned camera would blur that as well.
 
 use crate::Plane;
 use crate::interrupt;
@@ -61,8 +61,8 @@ impl View {
         sum
     }
 
-    /// The pixels of the light that a pixel of the camera sees, with their weights. Beyond the edge, the values of the edge
-    /// continue.
+    /// The pixels of the light that a pixel of the camera sees, with their weights. Beyond the edge, the values of the
+    /// edge continue.
     fn taps(&self, light: &Plane<f64>, y: usize, x: usize) -> impl Iterator<Item = (usize, f64)> + use<> {
         let (height_px, width_px) = (light.height_px(), light.width_px());
         let (middle_y, middle_x) = ((height_px - 1) as f64 / 2.0, (width_px - 1) as f64 / 2.0);

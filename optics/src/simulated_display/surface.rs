@@ -4,12 +4,12 @@
 //! S(p) = 2π · w · s(p) / (max s − min s),   s(p) = Σ_k c_k cos(2π f_k · p + δ_k) / |f_k|^{3/2}
 //! ```
 //!
-//! w is the height from peak to valley in waves of the reflected light, and p the position in halves of the longer side.
-//! The frequencies f_k, in cycles per half side, are drawn from a tenth to 1.5: the low and the middle orders of a bent
-//! panel. c_k are normal random numbers. Measured panels bend by one to four waves: J. Otón, P. Ambs, M. S. Millán and
-//! E. Pérez-Cabré, Applied Optics 46, 5667 (2007); X. Xun and R. W. Cohn, Applied Optics 43, 6400 (2004). The mean slope
-//! is taken away, as the panel's mount takes it. The shape is no polynomial, so no model with polynomials is exact for
-//! it.
+//! w is the height from peak to valley in waves of the reflected light, and p the position in halves of the longer
+//! side. The frequencies f_k, in cycles per half side, are drawn from a tenth to 1.5: the low and the middle orders of
+//! a bent panel. c_k are normal random numbers. Measured panels bend by one to four waves: J. Otón, P. Ambs, M. S.
+//! Millán and E. Pérez-Cabré, Applied Optics 46, 5667 (2007); X. Xun and R. W. Cohn, Applied Optics 43, 6400 (2004).
+//! The mean slope is taken away, as the panel's mount takes it. The shape is no polynomial, so no model with
+//! polynomials is exact for it.
 
 use super::draws::{Draws, Stream};
 use crate::chebyshev::position;

@@ -9,7 +9,8 @@ use num_complex::Complex64;
 /// Points along a side of a pixel in the direct sum.
 const POINTS: usize = 96;
 
-/// The field in a window by the direct sum over POINTS×POINTS points of each pixel. Points beyond the bright area are dark.
+/// The field in a window by the direct sum over POINTS×POINTS points of each pixel. Points beyond the bright area are
+/// dark.
 fn summed(setup: &OpticalSetup, field: &Plane<Complex64>, window: &ImageWindow) -> Plane<Complex64> {
     let (grid, [fill_x, fill_y]) = (setup.grid(), setup.fill_factor());
     let fine = Grid::try_new(POINTS * grid.height_px(), POINTS * grid.width_px(), grid.pixel_pitch_m() / POINTS as f64);

@@ -43,8 +43,8 @@ pub(crate) fn require_all_displays(call: &Call, field: &str) -> Result<(), ApiEr
 ///
 /// # Errors
 ///
-/// [`ApiError::Denied`] if `given` is not the caller's name, unless the caller is an admin for all displays: other owners
-/// have jobs and limits that concern other displays.
+/// [`ApiError::Denied`] if `given` is not the caller's name, unless the caller is an admin for all displays: other
+/// owners have jobs and limits that concern other displays.
 pub(crate) fn owner_of_job(call: &Call, given: String) -> Result<String, ApiError> {
     match (call.caller.name.as_str(), call.caller.role) {
         ("", _) => Ok(given),

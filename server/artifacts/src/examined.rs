@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::timeout;
 
-/// Time for which a finding about a file holds while the file does not change: long compared with the time of hashing it,
-/// short compared with the time in which disks damage files.
+/// Time for which a finding about a file holds while the file does not change: long compared with the time of hashing
+/// it, short compared with the time in which disks damage files.
 const HOLDS_FOR: Duration = Duration::from_secs(600);
 /// Limit on the remembered findings, for their memory: about 2 MB.
 const FINDINGS_MAX: usize = 10_000;

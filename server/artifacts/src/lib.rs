@@ -73,7 +73,8 @@ struct Inner {
     data_dir: PathBuf,
     space: Space,
     /// A writer holds this lock shared from before a blob gets its name until the store has recorded the blob. A
-    /// collection of artifacts holds it exclusively, so that it never removes a file that is about to be recorded again.
+    /// collection of artifacts holds it exclusively, so that it never removes a file that is about to be recorded
+    /// again.
     publishing: Arc<RwLock<()>>,
     /// Lock of the data folder. The operating system releases it when the process ends, even after a crash.
     _lock: FolderLock,
@@ -190,8 +191,8 @@ impl Artifacts {
         Ok(self.inner.blobs.open(digest)?.0)
     }
 
-    /// Checks a blob against its digest, then returns a reader of its bytes from `offset_bytes` on, on the calling thread,
-    /// which may block. The reader returns at most `limit_bytes` (0: to the end).
+    /// Checks a blob against its digest, then returns a reader of its bytes from `offset_bytes` on, on the calling
+    /// thread, which may block. The reader returns at most `limit_bytes` (0: to the end).
     ///
     /// # Errors
     ///
@@ -253,8 +254,8 @@ impl Artifacts {
         self.blocking(move |inner| inner.blobs.delete(&digest)).await
     }
 
-    /// Stores a checkpoint and returns its digest. Two jobs must never store the same bytes, because each job deletes its
-    /// own checkpoints.
+    /// Stores a checkpoint and returns its digest. Two jobs must never store the same bytes, because each job deletes
+    /// its own checkpoints.
     ///
     /// # Errors
     ///

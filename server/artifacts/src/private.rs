@@ -1,8 +1,8 @@
-//! Files and folders that only the user of the server can read and change. The data folder contains pictures of customers,
-//! hashes of tokens, and the audit log.
+//! Files and folders that only the user of the server can read and change. The data folder contains pictures of
+//! customers, hashes of tokens, and the audit log.
 //!
-//! Each file gets its mode when it is created. A mask of the whole process would also change the files that other parts of
-//! a program create.
+//! Each file gets its mode when it is created. A mask of the whole process would also change the files that other parts
+//! of a program create.
 
 use std::fs::{self, DirBuilder, File, OpenOptions, Permissions};
 use std::io;
@@ -42,8 +42,8 @@ pub fn create_private_folder(path: &Path) -> io::Result<()> {
     }
 }
 
-/// Takes the permissions of other users from everything in a data folder, as a program with another mask may have created
-/// it. Returns the paths that changed. Files with other names are left as they are.
+/// Takes the permissions of other users from everything in a data folder, as a program with another mask may have
+/// created it. Returns the paths that changed. Files with other names are left as they are.
 ///
 /// # Errors
 ///

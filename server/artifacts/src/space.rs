@@ -65,8 +65,8 @@ impl Space {
         }
     }
 
-    /// Checks that a checkpoint of this size may be written. A part of the reserve must stay free: half of it is left to
-    /// the results of the running jobs.
+    /// Checks that a checkpoint of this size may be written. A part of the reserve must stay free: half of it is left
+    /// to the results of the running jobs.
     ///
     /// # Errors
     ///

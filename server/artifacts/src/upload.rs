@@ -85,8 +85,8 @@ impl Uploads {
         .await
     }
 
-    /// Starts an owner's upload of `size_bytes` in total (`offset_bytes` 0), or continues one (`offset_bytes` as returned
-    /// by [`Self::received_bytes`]).
+    /// Starts an owner's upload of `size_bytes` in total (`offset_bytes` 0), or continues one (`offset_bytes` as
+    /// returned by [`Self::received_bytes`]).
     ///
     /// # Errors
     ///

@@ -1,9 +1,9 @@
 //! Gives large blocks of freed memory back to the system.
 //!
-//! The GNU C library raises the size from which a block has pages of its own (`M_MMAP_THRESHOLD` of mallopt(3)) whenever
-//! such a block is freed. Later blocks come from one of many heaps, each of which keeps what is freed in its middle. A
-//! server then holds several times the memory that it counts. A threshold in the environment is fixed, but the library
-//! reads it only at the start of a program.
+//! The GNU C library raises the size from which a block has pages of its own (`M_MMAP_THRESHOLD` of mallopt(3))
+//! whenever such a block is freed. Later blocks come from one of many heaps, each of which keeps what is freed in its
+//! middle. A server then holds several times the memory that it counts. A threshold in the environment is fixed, but
+//! the library reads it only at the start of a program.
 
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 use std::os::unix::process::CommandExt as _;
@@ -11,8 +11,8 @@ use std::os::unix::process::CommandExt as _;
 /// The threshold, as the library names it.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 const THRESHOLD: &str = "MALLOC_MMAP_THRESHOLD_";
-/// Blocks from this size on have pages of their own \[bytes\]. Pictures, kernels and the fields of the engine are larger,
-/// messages and rows of the database are smaller.
+/// Blocks from this size on have pages of their own \[bytes\]. Pictures, kernels and the fields of the engine are
+/// larger, messages and rows of the database are smaller.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 const BLOCK_BYTES: &str = "1048576";
 

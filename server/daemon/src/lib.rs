@@ -1,5 +1,5 @@
-//! The Lightpath server: a durable job queue, workers on the optics engine, and a registry of learned kernels, behind one
-//! gRPC and HTTP port.
+//! The Lightpath server: a durable job queue, workers on the optics engine, and a registry of learned kernels, behind
+//! one gRPC and HTTP port.
 //!
 //! # Layout
 //!

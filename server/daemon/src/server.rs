@@ -190,8 +190,8 @@ fn make_private(data_dir: &Path) {
     }
 }
 
-/// Returns the jobs to the queue that did not stop in time. Without this, the next start would take the stop for a death of
-/// the server. The computations still run, but can write nothing more.
+/// Returns the jobs to the queue that did not stop in time. Without this, the next start would take the stop for a
+/// death of the server. The computations still run, but can write nothing more.
 async fn release_unfinished(store: &Store) {
     match store.release_all(Clock::default().now_ms()).await {
         Ok(jobs) => {

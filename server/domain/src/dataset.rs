@@ -170,8 +170,9 @@ pub enum Split {
 ///
 /// Pairs that have a split keep it. Of the others, a share of `test_fraction` is for testing (at least one pair if no
 /// pair was given as a test pair), and then a share of `validation_fraction` is for validation. Both numbers are
-/// rounded to whole pairs. The rest is for training, at least one pair if there is another one and no pair was given for it. The
-/// draw orders pairs by a hash of the seed and the pair's id, so it does not depend on the order in which pairs were added.
+/// rounded to whole pairs. The rest is for training, at least one pair if there is another one and no pair was given
+/// for it. The draw orders pairs by a hash of the seed and the pair's id, so it does not depend on the order in which
+/// pairs were added.
 #[must_use]
 pub fn draw_split(pairs: &[Pair], validation_fraction: f64, test_fraction: f64, seed: u64) -> Vec<(String, Split)> {
     let mut free: Vec<&Pair> = pairs.iter().filter(|pair| pair.split.is_none()).collect();
@@ -195,8 +196,8 @@ pub fn draw_split(pairs: &[Pair], validation_fraction: f64, test_fraction: f64, 
     splits
 }
 
-/// Gives a training pair another use, if no pair has that use, and returns its id. At least one training pair is kept. Of all
-/// training pairs, one without a given split is taken if there is one. `None`: nothing changed.
+/// Gives a training pair another use, if no pair has that use, and returns its id. At least one training pair is kept.
+/// Of all training pairs, one without a given split is taken if there is one. `None`: nothing changed.
 pub fn replace_missing(splits: &mut [(String, Split)], pairs: &[Pair], missing: Split, seed: u64) -> Option<String> {
     let count = |wanted: Split| splits.iter().filter(|(_, split)| *split == wanted).count();
     if count(missing) > 0 || count(Split::Train) < 2 {

@@ -96,7 +96,8 @@ pub struct KernelMetrics {
     pub ideal_test_loss_full_frame: f64,
     /// Quality of photographs of new holograms; `None` for displays that are not simulated.
     pub captured: Option<CapturedQuality>,
-    /// What each part of the model explains of the test photographs, or of the validation photographs if there are none.
+    /// What each part of the model explains of the test photographs, or of the validation photographs if there are
+    /// none.
     #[serde(default)]
     pub parts: Vec<PartCost>,
 }

@@ -292,8 +292,8 @@ pub fn decode(bytes: &[u8]) -> Result<(DisplayModel, KernelModel), KernelFileErr
     Ok((model, header.model))
 }
 
-/// Makes the model of a header from its tensors. `floats` reads a tensor by its name, `bins` reads `kernel.bins`, and `dust`
-/// reads `dust`.
+/// Makes the model of a header from its tensors. `floats` reads a tensor by its name, `bins` reads `kernel.bins`, and
+/// `dust` reads `dust`.
 pub(crate) fn assemble<E: From<KernelFileError>>(
     header: &Header,
     floats: impl Fn(&'static str) -> Result<Vec<f64>, E>,

@@ -1,5 +1,5 @@
-//! The quality of a photograph of a target: reading both files, comparing them, and drawing the aligned photograph and its
-//! error.
+//! The quality of a photograph of a target: reading both files, comparing them, and drawing the aligned photograph and
+//! its error.
 
 use crate::figures::{Axis, Canvas, ColourMap, Heatmap};
 use crate::pictures::{self, PictureError, SATURATION, srgb_to_linear};

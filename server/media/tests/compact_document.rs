@@ -1,5 +1,5 @@
-//! A decoder of the compact form, written from `docs/compact-kernel.md` alone: plain sums in f64. It makes the same transfer
-//! functions as the engine.
+//! A decoder of the compact form, written from `docs/compact-kernel.md` alone: plain sums in f64. It makes the same
+//! transfer functions as the engine.
 #![allow(clippy::unwrap_used)]
 
 use lightpath_media::kernel_formats::compact;
@@ -261,7 +261,8 @@ fn check(pitch_m: f64, wavelength_m: f64, distance_m: f64) {
         let file = compact::encode(&model, KernelModel::Smooth).unwrap();
         assert_eq!(file[9], number);
         let error = relative_error(&model, &read(&file).transfer());
-        // Both are sums in f64. The longest phase, 2πz/λ, has 1e6 rad. The engine has phases exact to f32 in its band response.
+        // Both are sums in f64. The longest phase, 2πz/λ, has 1e6 rad. The engine has phases exact to f32 in its band
+        // response.
         let tolerance = if method == ConvolutionMethod::BandResponse { 2e-7 } else { 1e-8 };
         assert!(error < tolerance, "{method} at {distance_m} m, pixels of {pitch_m} m: {error:e}");
     }

@@ -103,8 +103,8 @@ pub fn collected(jobs: u64, artifacts: u64, bytes: u64) {
     counter!(COLLECTED_BYTES).increment(bytes);
 }
 
-/// Starts recording; earlier measurements are lost. The recorder belongs to the process: all its servers share it. Every
-/// counter starts at 0, because a rate can be computed only if the counter existed before its first event.
+/// Starts recording; earlier measurements are lost. The recorder belongs to the process: all its servers share it.
+/// Every counter starts at 0, because a rate can be computed only if the counter existed before its first event.
 pub fn install() {
     let _ = handle();
     for kind in JobSpec::KINDS {
@@ -126,8 +126,8 @@ pub fn expect_requests(methods: impl IntoIterator<Item = (String, &'static str)>
     }
 }
 
-/// Moves measurements into the buckets of their histograms. Before that, every measurement takes memory of its own, even
-/// if no client reads the metrics.
+/// Moves measurements into the buckets of their histograms. Before that, every measurement takes memory of its own,
+/// even if no client reads the metrics.
 pub fn summarize() {
     if let Some(handle) = handle() {
         handle.run_upkeep();

@@ -24,9 +24,8 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::NotFound`], also if a dataset of the job was deleted; [`StoreError::Precondition`] if the job waits,
-    /// runs or has succeeded;
-    /// [`StoreError::DependenciesFull`].
+    /// [`StoreError::NotFound`], also if a dataset of the job was deleted; [`StoreError::Precondition`] if the job
+    /// waits, runs or has succeeded; [`StoreError::DependenciesFull`].
     pub async fn retry(&self, id: &str, now_ms: i64) -> Result<Job, StoreError> {
         let id = id.to_owned();
         self.write(move |write| Box::pin(async move { retry(write, &id, now_ms).await })).await

@@ -53,8 +53,8 @@ impl Store {
         query.build().fetch_all(self.readers()).await?.iter().map(dataset_of).collect()
     }
 
-    /// Deletes a dataset with its pairs, unless a waiting or running job reads or prepares it. Kernels learned from it are
-    /// kept. Its photographs and holograms are kept for their time of grace.
+    /// Deletes a dataset with its pairs, unless a waiting or running job reads or prepares it. Kernels learned from it
+    /// are kept. Its photographs and holograms are kept for their time of grace.
     ///
     /// # Errors
     ///
@@ -65,8 +65,8 @@ impl Store {
     }
 
     /// Adds a pair to an open dataset and returns the dataset without its pairs. Adding the same pair again changes
-    /// nothing. `findings` contains the findings about this pair, and all findings about the whole dataset, which have no
-    /// pair id.
+    /// nothing. `findings` contains the findings about this pair, and all findings about the whole dataset, which have
+    /// no pair id.
     ///
     /// # Errors
     ///

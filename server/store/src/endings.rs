@@ -42,15 +42,15 @@ enum Cause {
 
 impl Store {
     /// Ends the job with its result and applies its effect in the same transaction. Learned kernels become new versions
-    /// of their kernels, and the result contains the names of these versions. If the job finalized a dataset, the result
-    /// contains the dataset's digest.
+    /// of their kernels, and the result contains the names of these versions. If the job finalized a dataset, the
+    /// result contains the dataset's digest.
     ///
     /// # Errors
     ///
     /// [`StoreError::LeaseLost`]; [`StoreError::NotFound`] if an artifact of the effect is not recorded;
-    /// [`StoreError::Aborted`] if the dataset changed after the job read it; [`StoreError::Precondition`] if the dataset
-    /// was finalized in the meantime, if its split has no training pair or no test pair, or if a kernel has reached its
-    /// limit of versions.
+    /// [`StoreError::Aborted`] if the dataset changed after the job read it; [`StoreError::Precondition`] if the
+    /// dataset was finalized in the meantime, if its split has no training pair or no test pair, or if a kernel has
+    /// reached its limit of versions.
     pub async fn finish(
         &self,
         lease: &Lease,
@@ -131,8 +131,9 @@ impl Store {
         .await
     }
 
-    /// Takes every running job from its worker, because the one process that works on this database stops, and some of its
-    /// jobs did not stop in time. The jobs return to the queue, and neither failures nor deaths of the server are counted.
+    /// Takes every running job from its worker, because the one process that works on this database stops, and some of
+    /// its jobs did not stop in time. The jobs return to the queue, and neither failures nor deaths of the server are
+    /// counted.
     ///
     /// # Errors
     ///
@@ -175,8 +176,9 @@ impl Store {
     }
 
     /// Takes every running job from its worker. Only for the start of the one process that works on this database: the
-    /// workers that held the leases are dead. Each death of the server counts as an attempt of the job until the job saves
-    /// a checkpoint. So a job that kills its server fails when its attempts are spent, and other jobs can run again.
+    /// workers that held the leases are dead. Each death of the server counts as an attempt of the job until the job
+    /// saves a checkpoint. So a job that kills its server fails when its attempts are spent, and other jobs can run
+    /// again.
     ///
     /// # Errors
     ///

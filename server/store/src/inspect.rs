@@ -287,8 +287,8 @@ impl Inspection {
     }
 }
 
-/// Connects to a database for reading. Readers of a database with a write-ahead log usually create its index, which needs
-/// a folder that can be written.
+/// Connects to a database for reading. Readers of a database with a write-ahead log usually create its index, which
+/// needs a folder that can be written.
 async fn connect(path: &Path) -> Result<SqliteConnection, StoreError> {
     match connect_options(path).create_if_missing(false).connect().await {
         Err(error) if is_unwritable(&error) => connect_without_writing(path).await,
@@ -301,8 +301,8 @@ async fn connect_without_writing(path: &Path) -> Result<SqliteConnection, StoreE
     let mut log = path.as_os_str().to_owned();
     log.push("-wal");
     let has_log = fs::metadata(log).is_ok_and(|log| log.len() > 0);
-    // Without a log the file is complete, and nobody changes it. With a log, a server of another user may be running, and its
-    // index of the log can be read.
+    // Without a log the file is complete, and nobody changes it. With a log, a server of another user may be running,
+    // and its index of the log can be read.
     let options = SqliteConnectOptions::new().filename(path).read_only(true).immutable(!has_log);
     let mut connection = options.connect().await?;
     // SQLite opens the log when it reads first.

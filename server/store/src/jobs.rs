@@ -68,11 +68,11 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::AlreadyExists`] if the owner used the request id with other content, or a waiting or running job of
-    /// the owner has the same unique key; [`StoreError::QueueFull`] and [`StoreError::OwnerQueueFull`] if too many jobs wait already;
-    /// [`StoreError::OwnerBytes`] if the owner has stored too much; [`StoreError::DependenciesFull`]; [`StoreError::Precondition`] if a job that this job
-    /// waits for has failed or was cancelled; [`StoreError::NotFound`] if the display, the dataset or an artifact does
-    /// not exist.
+    /// [`StoreError::AlreadyExists`] if the owner used the request id with other content, or a waiting or running job
+    /// of the owner has the same unique key; [`StoreError::QueueFull`] and [`StoreError::OwnerQueueFull`] if too many
+    /// jobs wait already; [`StoreError::OwnerBytes`] if the owner has stored too much;
+    /// [`StoreError::DependenciesFull`]; [`StoreError::Precondition`] if a job that this job waits for has failed or
+    /// was cancelled; [`StoreError::NotFound`] if the display, the dataset or an artifact does not exist.
     pub async fn submit(
         &self,
         new: &NewJob,
@@ -93,8 +93,8 @@ impl Store {
         job_of(&row.ok_or_else(|| StoreError::not_found(format!("jobs/{id}")))?)
     }
 
-    /// The job that the owner's request with this id created, if any. A repeated submit that names "the active kernel" must
-    /// mean the version that was active at the first submit, so callers look here before they resolve that name.
+    /// The job that the owner's request with this id created, if any. A repeated submit that names "the active kernel"
+    /// must mean the version that was active at the first submit, so callers look here before they resolve that name.
     ///
     /// # Errors
     ///
@@ -242,8 +242,8 @@ async fn find_existing(sql: &mut SqliteConnection, new: &NewJob, spec: &str) -> 
     Ok(Some(job))
 }
 
-/// Checks that the queue has room for a job of this owner and that no waiting or running job of the owner has its unique
-/// key.
+/// Checks that the queue has room for a job of this owner and that no waiting or running job of the owner has its
+/// unique key.
 async fn require_queue_room(sql: &mut SqliteConnection, new: &NewJob, limits: QueueLimits) -> Result<(), StoreError> {
     let (queued, owned): (i64, i64) = sqlx::query_as(
         "select coalesce(sum(jobs), 0), coalesce(sum(jobs) filter (where owner = ?), 0) \

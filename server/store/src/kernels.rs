@@ -124,8 +124,8 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::NotFound`] if the display or the artifact does not exist; [`StoreError::Precondition`] if the kernel
-    /// has [`VERSIONS_MAX`] versions.
+    /// [`StoreError::NotFound`] if the display or the artifact does not exist; [`StoreError::Precondition`] if the
+    /// kernel has [`VERSIONS_MAX`] versions.
     pub async fn add_kernel_version(
         &self,
         key: &KernelKey,

@@ -47,8 +47,8 @@ pub(super) use fenced;
 
 impl Store {
     /// Gives the next job to `worker`, with a lease of `lease_ms`. Jobs are ordered by: lowest `priority`; owner with
-    /// the fewest running jobs; owner whose last start is longest ago; earliest due; oldest. Starts in the future, from a
-    /// time when the clock was wrong, do not count.
+    /// the fewest running jobs; owner whose last start is longest ago; earliest due; oldest. Starts in the future, from
+    /// a time when the clock was wrong, do not count.
     ///
     /// # Errors
     ///
@@ -123,9 +123,9 @@ impl Store {
         .await
     }
 
-    /// Makes waiting jobs due earlier whose start lies further ahead than its reasons explain, because the system's clock
-    /// was ahead when it was set: a job starts at the time that its submitter requested or, after a failed attempt, at
-    /// most `pause_max_ms` from now. Returns the number of these jobs.
+    /// Makes waiting jobs due earlier whose start lies further ahead than its reasons explain, because the system's
+    /// clock was ahead when it was set: a job starts at the time that its submitter requested or, after a failed
+    /// attempt, at most `pause_max_ms` from now. Returns the number of these jobs.
     ///
     /// # Errors
     ///

@@ -38,7 +38,8 @@ impl Store {
     }
 
     /// Undoes the latest promotion that has not been undone. The version `expected` (`None`: no version) must be active
-    /// before, so that of two rollbacks at the same time only one takes effect. A later rollback undoes the promotion before.
+    /// before, so that of two rollbacks at the same time only one takes effect. A later rollback undoes the promotion
+    /// before.
     ///
     /// # Errors
     ///

@@ -1,8 +1,8 @@
 //! Storage of the results of jobs that align or finalize datasets.
 //!
-//! A job reads a dataset and computes. One transaction then ends the job and stores its results. The transaction fails if
-//! the dataset has changed since the job read it. So the digest of a finalized dataset always matches its stored pairs and
-//! alignment, even if other callers add pairs or align the dataset at the same time.
+//! A job reads a dataset and computes. One transaction then ends the job and stores its results. The transaction fails
+//! if the dataset has changed since the job read it. So the digest of a finalized dataset always matches its stored
+//! pairs and alignment, even if other callers add pairs or align the dataset at the same time.
 
 use super::datasets::{require_artifact, with_pairs};
 use super::rows::{to_json, to_word};

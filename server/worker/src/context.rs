@@ -192,8 +192,8 @@ impl JobContext {
     ///
     /// # Errors
     ///
-    /// [`TaskError::Failed`] if the artifact cannot be written or recorded, [`TaskError::Stopped`] if the task must stop
-    /// at once.
+    /// [`TaskError::Failed`] if the artifact cannot be written or recorded, [`TaskError::Stopped`] if the task must
+    /// stop at once.
     pub fn put_artifact(&self, bytes: Vec<u8>) -> Result<String, TaskError> {
         let (artifacts, store, owner) = (self.artifacts.clone(), self.store.clone(), self.owner.clone());
         let (size_bytes, now_ms) = (bytes.len() as u64, self.clock.now_ms());

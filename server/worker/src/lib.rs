@@ -74,8 +74,8 @@ const PAUSE: Duration = Duration::from_secs(1);
 /// Scheduling priority of the compute threads, as of the command `nice`. Threads that answer calls get a core at once.
 #[cfg(target_os = "linux")]
 const COMPUTE_NICENESS: i32 = 10;
-/// Time without a check of the leases after which no lease is taken back, in leases. The checks come twice in the time of
-/// a lease, and a lease outlives two thirds of its time without heartbeats.
+/// Time without a check of the leases after which no lease is taken back, in leases. The checks come twice in the time
+/// of a lease, and a lease outlives two thirds of its time without heartbeats.
 const ABSENCE_MIN: f64 = 0.6;
 /// Longest time between two reads of the queue.
 const POLL_INTERVAL_MAX: Duration = Duration::from_secs(60);
@@ -355,8 +355,8 @@ impl Worker {
                 () = drain.cancelled() => return,
             }
             if checked.elapsed() > self.config.lease.mul_f64(ABSENCE_MIN) {
-                // This process was suspended, or it could not write. Its heartbeats could not be stored either, so they come
-                // first now.
+                // This process was suspended, or it could not write. Its heartbeats could not be stored either, so they
+                // come first now.
                 tracing::warn!(
                     absent_s = checked.elapsed().as_secs_f64(),
                     "the server was suspended or could not write"

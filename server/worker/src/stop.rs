@@ -6,7 +6,8 @@ use std::sync::atomic::{AtomicU8, Ordering};
 use std::time::Duration;
 use tokio::time::sleep;
 
-/// Interval at which a wait or a read of a file looks at the flag: short beside the second within which a job must stop.
+/// Interval at which a wait or a read of a file looks at the flag: short beside the second within which a job must
+/// stop.
 const LOOK_INTERVAL: Duration = Duration::from_millis(50);
 
 /// Reason why an attempt must stop before its end. A reason with a higher number replaces one with a lower number.

@@ -15,7 +15,8 @@ use std::path::{Path, PathBuf};
 /// Compute the hologram of a grid of dots, which is photographed to align the camera.
 ///
 /// The hologram is optimized for the dataset's display, wavelength and distance with the ideal kernel. Display it and
-/// photograph it with the camera in its position for the dataset. Give the photograph to lightpath dataset align --dots.
+/// photograph it with the camera in its position for the dataset. Give the photograph to lightpath dataset align
+/// --dots.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Example:
@@ -41,8 +42,8 @@ pub(crate) struct Calibration {
 /// Determine where the camera sees the display's pixels.
 ///
 /// The positions come from the photograph of the displayed dots, from given points, or from correlating the dataset's
-/// photographs with what their holograms should show. From then on photographs may have any size and are resampled to the
-/// display's pixels.
+/// photographs with what their holograms should show. From then on photographs may have any size and are resampled to
+/// the display's pixels.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -89,8 +90,8 @@ struct AlignmentSource {
     #[arg(long, value_name = "FILE.csv", requires = "photo_size")]
     points: Option<PathBuf>,
 
-    /// Refine the existing alignment with the dataset's own pairs; takes scale and shear for the camera's, even where an uneven
-    /// modulator makes them
+    /// Refine the existing alignment with the dataset's own pairs; takes scale and shear for the camera's, even where
+    /// an uneven modulator makes them
     #[arg(long)]
     pairs: bool,
 

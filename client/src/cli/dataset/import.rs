@@ -40,7 +40,8 @@ pub(crate) struct Import {
     #[arg(required = true, num_args = 1..=2, value_name = "FOLDER")]
     folders: Vec<PathBuf>,
 
-    /// Take the photographs of the plane with this index, which the names of their files end with; neural-holography only
+    /// Take the photographs of the plane with this index, which the names of their files end with; neural-holography
+    /// only
     #[arg(long, value_name = "INDEX")]
     plane: Option<u32>,
 

@@ -15,8 +15,8 @@ pub(super) enum Layout {
     /// the order of the paths belongs to the n-th hologram. Numbers in the names must agree. K. Kavakli, H. Urey and
     /// K. Aksit, Learned holographic light transport (2022), https://doi.org/10.5522/04/15087867
     RealisticHolography,
-    /// One folder, with train, val and test. Each has phase/NAME.png and captured/NAME_PLANE.png. S. Choi, M. Gopakumar,
-    /// Y. Peng, J. Kim and G. Wetzstein, Neural 3D holography (2021)
+    /// One folder, with train, val and test. Each has phase/NAME.png and captured/NAME_PLANE.png. S. Choi, M.
+    /// Gopakumar, Y. Peng, J. Kim and G. Wetzstein, Neural 3D holography (2021)
     NeuralHolography,
 }
 
@@ -24,7 +24,8 @@ pub(super) enum Layout {
 ///
 /// # Errors
 ///
-/// [`Failure::Usage`] if the folders have no PNG files or different numbers of them, or if the numbers in two names differ.
+/// [`Failure::Usage`] if the folders have no PNG files or different numbers of them, or if the numbers in two names
+/// differ.
 pub(super) fn realistic_holography(holograms: &Path, photographs: &Path) -> Result<Vec<Entry>, Failure> {
     let (phases, photos) = (pngs(holograms)?, pngs(photographs)?);
     if phases.is_empty() || phases.len() != photos.len() {

@@ -9,26 +9,28 @@ use lightpath::v1::{self, Display, display, order_filter};
 /// Options for the diffraction orders of a display.
 #[derive(Debug, Args)]
 pub(super) struct Options {
-    /// Say which diffraction orders of the pixels reach the image: first behind optics that filter them, such as a 4f relay
-    /// with a stop, and all without a filter
+    /// Say which diffraction orders of the pixels reach the image: first behind optics that filter them, such as a 4f
+    /// relay with a stop, and all without a filter
     ///
     /// The orders are λz/pitch apart. Holograms are optimized through all orders that the display shows.
     #[arg(long, value_enum, default_value_t = Orders::First)]
     orders: Orders,
 
-    /// Set the side of a pixel's bright area in pixel pitches, along x and y, 0.1 to 1: one number, or two like 0.93x0.9
+    /// Set the side of a pixel's bright area in pixel pitches, along x and y, 0.1 to 1: one number, or two like
+    /// 0.93x0.9
     #[arg(long, value_name = "X[xY]", value_parser = sides, default_value = "1")]
     fill_factor: Sides,
 
-    /// Set the opening of the filter that passes a part of the first order, along x and y, 0.1 to 1 orders each: one number,
-    /// or two like 1x0.5 [default: the whole first order]
+    /// Set the opening of the filter that passes a part of the first order, along x and y, 0.1 to 1 orders each: one
+    /// number, or two like 1x0.5 [default: the whole first order]
     ///
-    /// In the focal plane of a lens of focal length f, an order takes λf/pitch. Holograms are optimized through the filter.
+    /// In the focal plane of a lens of focal length f, an order takes λf/pitch. Holograms are optimized through the
+    /// filter.
     #[arg(long, value_name = "X[xY]", value_parser = sides, help_heading = "Filter of the first order")]
     filter: Option<Sides>,
 
-    /// Set the middle of the filter's opening in orders, along x and y, for example 0,0.25; the opening lies within the first
-    /// order
+    /// Set the middle of the filter's opening in orders, along x and y, for example 0,0.25; the opening lies within the
+    /// first order
     ///
     /// It counts from the middle of the image's spectrum. A carrier moves that by half an order.
     #[arg(

@@ -45,10 +45,10 @@ pub(super) struct OptimizationOptions {
     frames: u32,
 
     /// Choose the phase that the search starts from: random; back-propagated (the targets propagated back to the SLM);
-    /// quadratic, or quadratic:200mm with a focal length; constant, or constant:1.5 in radians; or .npy files of radians
-    /// (float32), one per wavelength, separated by commas [default: back-propagated, within 1 rad, or 0 rad with the
-    /// detector supersampled; but random with --phase-range, with several --frames and for gerchberg-saxton, and constant
-    /// for double-phase]
+    /// quadratic, or quadratic:200mm with a focal length; constant, or constant:1.5 in radians; or .npy files of
+    /// radians (float32), one per wavelength, separated by commas [default: back-propagated, within 1 rad, or 0 rad
+    /// with the detector supersampled; but random with --phase-range, with several --frames and for gerchberg-saxton,
+    /// and constant for double-phase]
     #[arg(long, value_name = "KIND", value_parser = initial_phase, allow_hyphen_values = true)]
     initial_phase: Option<Start>,
 
@@ -65,12 +65,13 @@ pub(super) struct OptimizationOptions {
     #[arg(long, default_value = "intensity", value_parser = WordParser::<Quantity>::new())]
     loss: Quantity,
 
-    /// Smooth the picture: add this factor times the light's total variation, relative to its mean, to the loss; 0 to 1000,
-    /// try 0.001 first
+    /// Smooth the picture: add this factor times the light's total variation, relative to its mean, to the loss; 0 to
+    /// 1000, try 0.001 first
     #[arg(long, value_name = "FACTOR", default_value_t = 0.0)]
     total_variation: f64,
 
-    /// Reduce speckle: add this factor times the difference in local contrast from the target to the loss; 0 to 1000, try
+    /// Reduce speckle: add this factor times the difference in local contrast from the target to the loss; 0 to 1000,
+    /// try
     /// 0.01 first
     #[arg(long, value_name = "FACTOR", default_value_t = 0.0)]
     speckle: f64,

@@ -21,8 +21,8 @@ pub(super) struct Pictures {
     #[arg(long, value_name = "ID")]
     display: String,
 
-    /// Set the distance from the SLM to the image plane, at most 10m, for example 150mm; negative for an image behind the
-    /// SLM. With --depth-map give the distances of all planes, separated by commas
+    /// Set the distance from the SLM to the image plane, at most 10m, for example 150mm; negative for an image behind
+    /// the SLM. With --depth-map give the distances of all planes, separated by commas
     #[arg(long = "distance", value_name = "LENGTH", value_parser = distance, value_delimiter = ',')]
     #[arg(allow_hyphen_values = true, required_unless_present = "planes")]
     distances: Vec<f64>,

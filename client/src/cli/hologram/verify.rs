@@ -10,10 +10,10 @@ use lightpath::{names, verify_result};
 
 /// Judge the holograms of a job by a slow, independent model, for all detectors.
 ///
-/// The model computes in double precision. It shares the display's parameters with the engine that optimizes holograms, but
-/// no transform, padding or transfer function, and light that leaves the image cannot come back into it. It judges up to
-/// 128 rows of each picture, with the phases as the display shows them. The printed difference is its PSNR minus that of
-/// the engine on the same rows; above 0.5 dB the two contradict each other.
+/// The model computes in double precision. It shares the display's parameters with the engine that optimizes holograms,
+/// but no transform, padding or transfer function, and light that leaves the image cannot come back into it. It judges
+/// up to 128 rows of each picture, with the phases as the display shows them. The printed difference is its PSNR minus
+/// that of the engine on the same rows; above 0.5 dB the two contradict each other.
 ///
 /// Every hologram job has such an opinion on 8 rows for its own detector already, where the model can judge its kernel.
 #[derive(Debug, Args)]

@@ -9,8 +9,8 @@ use lightpath::{names, v1};
 
 /// Interpolate a kernel at a distance between photographed distances.
 ///
-/// First learn several distances together: kernel learn with several --dataset options. The model describes the display as
-/// a function of the distance. The interpolated kernel becomes the next version at the new distance, marked as
+/// First learn several distances together: kernel learn with several --dataset options. The model describes the display
+/// as a function of the distance. The interpolated kernel becomes the next version at the new distance, marked as
 /// interpolated. The server refuses photographed distances and distances outside their range.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\

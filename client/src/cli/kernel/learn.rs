@@ -11,9 +11,9 @@ use lightpath::v1::{self, EvaluateKernel, KernelModel, LearnKernel, job_spec};
 
 /// Learn a display's light transport from photographs.
 ///
-/// The result is the next version of the kernel for the dataset's display, wavelength and distance. It is not used until
-/// it is promoted. From datasets of several distances the job learns one model, which gives a version for each distance.
-/// The command kernel interpolate then makes kernels for distances between them.
+/// The result is the next version of the kernel for the dataset's display, wavelength and distance. It is not used
+/// until it is promoted. From datasets of several distances the job learns one model, which gives a version for each
+/// distance. The command kernel interpolate then makes kernels for distances between them.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Example:
@@ -21,7 +21,8 @@ Example:
   lightpath kernel promote --display lab-2 --distance 150mm --version 1 \\
       --reason \"held-out loss 0.0001\"")]
 pub(crate) struct Learn {
-    /// Learn from this finalized dataset; may be given up to 8 times, for one display and wavelength and different distances
+    /// Learn from this finalized dataset; may be given up to 8 times, for one display and wavelength and different
+    /// distances
     #[arg(long = "dataset", value_name = "NAME", required = true)]
     datasets: Vec<String>,
 
@@ -33,8 +34,8 @@ pub(crate) struct Learn {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     epochs: Option<u32>,
 
-    /// Refine after Adam with at most this many evaluations of all pairs, 0 to 10000; only for smooth, display and varying
-    /// [default: depends on the model]
+    /// Refine after Adam with at most this many evaluations of all pairs, 0 to 10000; only for smooth, display and
+    /// varying [default: depends on the model]
     #[arg(long, value_name = "N")]
     refinement_evaluations: Option<u32>,
 
@@ -46,8 +47,8 @@ pub(crate) struct Learn {
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
 
-    /// Set the highest polynomial degree of the smooth errors, 1 to 12; auto takes the one of 5, 8 and 12 that predicts the
-    /// validation pairs best, and 8 without validation pairs
+    /// Set the highest polynomial degree of the smooth errors, 1 to 12; auto takes the one of 5, 8 and 12 that predicts
+    /// the validation pairs best, and 8 without validation pairs
     #[arg(long, value_name = "N", default_value = "auto", value_parser = order)]
     order: u32,
 

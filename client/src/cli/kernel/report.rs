@@ -11,8 +11,9 @@ use std::path::PathBuf;
 
 /// Write a report of a kernel version as one HTML file with pictures, figures and tables.
 ///
-/// The report shows the kernel and its ratio to the ideal kernel, aberrations, point spread and contrast, the source, the
-/// phase response, photographs beside predictions, what the data do not determine, and differences to other versions.
+/// The report shows the kernel and its ratio to the ideal kernel, aberrations, point spread and contrast, the source,
+/// the phase response, photographs beside predictions, what the data do not determine, and differences to other
+/// versions.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Example:

@@ -14,8 +14,8 @@ use std::path::{Path, PathBuf};
 
 /// Download a kernel to a file, checked against its SHA-256 digest; by default the active version.
 ///
-/// The formats safetensors and npz hold the whole kernel, compact holds a whole smooth one. The other formats hold only its
-/// transfer function. A warning on stderr names what is lost, before the file is written.
+/// The formats safetensors and npz hold the whole kernel, compact holds a whole smooth one. The other formats hold only
+/// its transfer function. A warning on stderr names what is lost, before the file is written.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -65,9 +65,9 @@ struct KernelFile {
 /// The file may be one that kernel fetch wrote in any format, or a bare transfer function as .pt, .npy, .npz or
 /// safetensors. A bare transfer function is one of: amplitude and phase, 1 x 2 x rows x columns, as in the paper; real
 /// and imaginary parts, rows x columns x 2; complex numbers, rows x columns. Zero frequency is in the middle. Rows and
-/// columns are those of the display or of the padded spectrum. Nothing in a .pt file is executed. The new version is without
-/// what the file does not hold, and its note names that. If the array transfer of an .npz file was changed, the transfer
-/// function is taken from it.
+/// columns are those of the display or of the padded spectrum. Nothing in a .pt file is executed. The new version is
+/// without what the file does not hold, and its note names that. If the array transfer of an .npz file was changed, the
+/// transfer function is taken from it.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -116,8 +116,8 @@ struct Fetched {
     file: Option<v1::KernelFile>,
 }
 
-/// Downloads a kernel version to a file and prints its size and deviation. Prints what the format loses before the file is
-/// put in place. Version 0 stands for the active version.
+/// Downloads a kernel version to a file and prints its size and deviation. Prints what the format loses before the file
+/// is put in place. Version 0 stands for the active version.
 async fn write(session: &Session, kernel: &KernelChoice, version: u32, file: &KernelFile) -> Result<(), Failure> {
     let path: &Path = &file.path;
     let name = kernel.name(session).await?;

@@ -5,10 +5,10 @@
 //! v = u (1 + k₁ r² + k₂ r⁴) + ( 2 p₁ u₁u₂ + p₂ (r² + 2 u₁²),  p₁ (r² + 2 u₂²) + 2 p₂ u₁u₂ )
 //! ```
 //!
-//! (ξ, η) is the point of the picture relative to the picture's centre, in halves of its diagonal. v is the point of the
-//! photograph relative to the photograph's centre, in halves of its diagonal, so r = 1 in the photograph's corners. The
-//! distortion is that of D. C. Brown, Photogrammetric Engineering 37, 855 (1971): radial, and decentring for lenses that
-//! are tilted or off their axis.
+//! (ξ, η) is the point of the picture relative to the picture's centre, in halves of its diagonal. v is the point of
+//! the photograph relative to the photograph's centre, in halves of its diagonal, so r = 1 in the photograph's corners.
+//! The distortion is that of D. C. Brown, Photogrammetric Engineering 37, 855 (1971): radial, and decentring for lenses
+//! that are tilted or off their axis.
 
 use crate::Plane;
 use crate::alignment::{Homography, Point};

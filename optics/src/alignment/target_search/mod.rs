@@ -1,9 +1,9 @@
 //! Search for a target picture in a photograph.
 //!
-//! [`find_target`] needs no start. It searches the reduced photograph at every scale, at several turns and for all mirror
-//! images (`coarse`). It refines the best places on finer and finer details of both pictures (`refinement`): first an
-//! affine map, then the perspective, then the lens's distortion ([`CameraMap`]). Details are blurred a little and have no
-//! slow changes, so neither speckle nor gain, offset and uneven light decide.
+//! [`find_target`] needs no start. It searches the reduced photograph at every scale, at several turns and for all
+//! mirror images (`coarse`). It refines the best places on finer and finer details of both pictures (`refinement`):
+//! first an affine map, then the perspective, then the lens's distortion ([`CameraMap`]). Details are blurred a little
+//! and have no slow changes, so neither speckle nor gain, offset and uneven light decide.
 //!
 //! The target may cover a part of the photograph, or the photograph most of the target.
 
@@ -35,8 +35,8 @@ pub struct FoundTarget {
 
 /// Shortest allowed side of a target and of a photograph \[px\].
 pub const TARGET_SIDE_MIN: usize = 32;
-/// Least correlation of the details of target and photograph. Photographs with speckle reach 0.7 and more, unrelated small
-/// pictures sometimes 0.2.
+/// Least correlation of the details of target and photograph. Photographs with speckle reach 0.7 and more, unrelated
+/// small pictures sometimes 0.2.
 pub const CORRELATION_MIN: f64 = 0.35;
 /// Longer side of the target in the first refinement \[px\].
 const FIRST_PX: f64 = 64.0;
@@ -124,8 +124,8 @@ fn distinct(fits: &[Fit], kept: usize, longer_px: f64) -> Vec<Fit> {
     others
 }
 
-/// Whether a camera can see a target of this size so: no corner lies at infinity, and no part is turned over or strongly
-/// shrunk.
+/// Whether a camera can see a target of this size so: no corner lies at infinity, and no part is turned over or
+/// strongly shrunk.
 fn is_possible(map: &CameraMap, [width, height]: [usize; 2]) -> bool {
     let (right, bottom) = (width as f64 - 1.0, height as f64 - 1.0);
     let corners = [[0.0, 0.0], [right, 0.0], [0.0, bottom], [right, bottom]];

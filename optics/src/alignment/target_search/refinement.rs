@@ -5,8 +5,9 @@
 //! ```
 //!
 //! T and W are the details of target and photograph, m the map with its parameters θ. A linear fit gives α, β and the
-//! step δ. It raises the normalized correlation of T and W, whatever gain and offset the photograph has (G. Evangelidis,
-//! E. Psarakis, IEEE TPAMI 30, 1858 (2008)). Steps are damped as K. Levenberg (1944) and D. Marquardt (1963) proposed.
+//! step δ. It raises the normalized correlation of T and W, whatever gain and offset the photograph has (G.
+//! Evangelidis, E. Psarakis, IEEE TPAMI 30, 1858 (2008)). Steps are damped as K. Levenberg (1944) and D. Marquardt
+//! (1963) proposed.
 //!
 //! A target may have no details where the perspective and the distortion show most. So the refinement minimizes
 //!
@@ -14,8 +15,8 @@
 //! ln(1 − c²) + (C / n) Σ_i (θ_i / σ_i)²
 //! ```
 //!
-//! c is the correlation, n the number of values, of which C neighbours count as one because speckle covers several. σ_i is
-//! the usual size of a parameter of the perspective or the distortion.
+//! c is the correlation, n the number of values, of which C neighbours count as one because speckle covers several. σ_i
+//! is the usual size of a parameter of the perspective or the distortion.
 
 use super::camera_map::{CameraMap, PARAMETERS};
 use super::pyramid::{DETAILS_REACH, Details};

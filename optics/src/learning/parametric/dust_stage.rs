@@ -27,7 +27,7 @@ impl ParametricLearner {
         let theta = self.state.parameters.clone();
         let loss = dust.step(|exponents, gradient| {
             self.fit.set_dust(Some(exponents));
-            self.each_kept(learning_pairs.training, &theta, |fit, _, example, share| {
+            self.each_in_use(learning_pairs.training, &theta, |fit, _, example, share| {
                 share * fit.evaluate_dust(example, share, gradient).loss()
             })
         })?;

@@ -4,11 +4,12 @@
 //! d = K ∇φ + d₀,   K = λz / (2πΔ²)
 //! ```
 //!
-//! A modulator whose surface adds the phase φ \[rad\] sends its light in the direction of φ's slope \[rad/px\], so the picture is displaced by
-//! d \[px\] there, as in a sensor of Shack and Hartmann (B. C. Platt and R. Shack, J. Refract. Surg. 17, S573 (2001)). Bends of some waves displace it by
-//! more pixels than its details measure, and then the loss has no slope towards the right φ. The displacements of tiles of
-//! the photographs from what their holograms should show determine φ up to such pixels. d₀, the shift of the whole picture,
-//! becomes a tilt of the kernel. λ wavelength \[m\], z distance \[m\], Δ pixel pitch \[m\].
+//! A modulator whose surface adds the phase φ \[rad\] sends its light in the direction of φ's slope \[rad/px\], so the
+//! picture is displaced by d \[px\] there, as in a sensor of Shack and Hartmann (B. C. Platt and R. Shack, J. Refract.
+//! Surg. 17, S573 (2001)). Bends of some waves displace it by more pixels than its details measure, and then the loss
+//! has no slope towards the right φ. The displacements of tiles of the photographs from what their holograms should
+//! show determine φ up to such pixels. d₀, the shift of the whole picture, becomes a tilt of the kernel. λ wavelength
+//! \[m\], z distance \[m\], Δ pixel pitch \[m\].
 //!
 //! Tiles see details of low frequencies best, which holograms of a narrow range of phases have.
 
@@ -39,8 +40,8 @@ const GAIN_MIN: f64 = 0.03;
 const FINE_GAIN_MIN: f64 = 0.1;
 
 impl ParametricLearner {
-    /// Finds a start for the surface of the modulator and the shift of the picture, and writes it to the `parameters`, which are
-    /// those of the ideal display. They stay as they are if the loss hardly falls.
+    /// Finds a start for the surface of the modulator and the shift of the picture, and writes it to the `parameters`,
+    /// which are those of the ideal display. They stay as they are if the loss hardly falls.
     pub(super) fn start_from_displacements(
         &mut self,
         pairs: &dyn PairSource,

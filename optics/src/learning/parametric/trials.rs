@@ -12,7 +12,8 @@ use std::f64::consts::{PI, TAU};
 const MODE_RADIUS_PX: f64 = 0.5;
 /// Direction of the first mode's image, so that none lies on an axis \[turns\].
 const MODE_TURN: f64 = 0.04;
-/// Defocus of the further modes, to either side, at the start of a trial: half their phase at the end of the band \[rad\].
+/// Defocus of the further modes, to either side, at the start of a trial: half their phase at the end of the band
+/// \[rad\].
 const MODE_DEFOCUS_RAD: f64 = 0.3;
 
 /// A round of trials, each with one block more or one block less.
@@ -61,9 +62,9 @@ impl Round {
 }
 
 impl ParametricLearner {
-    /// Starts a round: blocks of the SLM are added at the first order; after the last one, blocks that the model does not
-    /// need are left out, and then a varying kernel or a ghost is added. False if there is nothing to try, or no validation
-    /// pairs to choose by.
+    /// Starts a round: blocks of the SLM are added at the first order; after the last one, blocks that the model does
+    /// not need are left out, and then a varying kernel or a ghost is added. False if there is nothing to try, or no
+    /// validation pairs to choose by.
     pub(super) fn start_round(&mut self) -> bool {
         let Some(before) = self.state.best.clone() else { return false };
         let has = |block: &Block| before.blocks.contains(*block);
@@ -99,8 +100,8 @@ impl ParametricLearner {
         (self.state.best, self.state.round) = (None, Some(round));
     }
 
-    /// Goes on to the next block of the round. After the last one keeps the model of the best trial that passed, or returns
-    /// to the model before the round.
+    /// Goes on to the next block of the round. After the last one keeps the model of the best trial that passed, or
+    /// returns to the model before the round.
     pub(super) fn end_trial(&mut self, mut round: Round) {
         let with = self.state.best.take().filter(|with| with.loss <= round.bound());
         let both = round.winner.take().into_iter().chain(with);
@@ -124,8 +125,8 @@ impl ParametricLearner {
         self.state.best = Some(winner);
     }
 
-    /// Gives the modes of light a start if partially coherent light is about to be tried: three images of the same light around
-    /// the image so far, at slightly different distances.
+    /// Gives the modes of light a start if partially coherent light is about to be tried: three images of the same
+    /// light around the image so far, at slightly different distances.
     pub(super) fn separate_modes(&mut self) {
         let is_start = self.state.refinement.is_none();
         let wanted = |round: &Round| (round.block, round.change) == (Block::PartialCoherence, Change::Add);
@@ -157,7 +158,8 @@ impl ParametricLearner {
         }
     }
 
-    /// Whether a ghost is to be tried, but none can be seen. Otherwise the trial of a ghost starts with the one that is seen.
+    /// Whether a ghost is to be tried, but none can be seen. Otherwise the trial of a ghost starts with the one that is
+    /// seen.
     pub(super) fn lacks_ghost(&mut self, pairs: &dyn PairSource) -> Result<bool, BoxError> {
         let is_start = self.state.refinement.is_none();
         let seeks = |round: &Round| (round.block, round.change) == (Block::Ghost, Change::Add);
@@ -166,7 +168,7 @@ impl ParametricLearner {
         }
         let mut search = GhostSearch::new(self.fit.engine.height_px(), self.fit.engine.width_px());
         let theta = self.state.parameters.clone();
-        self.each_kept(pairs, &theta, |fit, _, example, _| {
+        self.each_in_use(pairs, &theta, |fit, _, example, _| {
             fit.add_to_search(example, &mut search);
             0.0
         })?;

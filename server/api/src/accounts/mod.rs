@@ -31,8 +31,8 @@ use turns::{RETRY, TurnLimits, Turns};
 
 /// Limit on the computations that run at once. They share the cores with jobs, which have a lower priority.
 const COMPUTATIONS_MAX: usize = 6;
-/// Scheduling priority of these computations, as of the command `nice`: between the threads that answer calls, which get
-/// a core at once, and those of jobs.
+/// Scheduling priority of these computations, as of the command `nice`: between the threads that answer calls, which
+/// get a core at once, and those of jobs.
 #[cfg(target_os = "linux")]
 const NICENESS: i32 = 5;
 
@@ -51,14 +51,14 @@ impl Accounts {
     }
 
     /// Runs `compute`, which needs `bytes` of memory, on a thread of its own, when it is the client's turn. The
-    /// memory stays counted until `compute` has ended, even if the call is cancelled. A cancelled call interrupts `compute`
-    /// where it looks at the interrupt, for example in the decoders of pictures.
+    /// memory stays counted until `compute` has ended, even if the call is cancelled. A cancelled call interrupts
+    /// `compute` where it looks at the interrupt, for example in the decoders of pictures.
     ///
     /// # Errors
     ///
-    /// [`ApiError::TooLarge`] if `compute` needs more memory than one client may use; [`ApiError::Exhausted`] if too many
-    /// computations wait or the system has no thread; [`ApiError::Cancelled`] if the client leaves before the turn comes;
-    /// [`ApiError::Panicked`] if `compute` panics.
+    /// [`ApiError::TooLarge`] if `compute` needs more memory than one client may use; [`ApiError::Exhausted`] if too
+    /// many computations wait or the system has no thread; [`ApiError::Cancelled`] if the client leaves before the turn
+    /// comes; [`ApiError::Panicked`] if `compute` panics.
     pub(crate) async fn compute<T: Send + 'static>(
         &self,
         call: &Call,

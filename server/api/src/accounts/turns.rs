@@ -7,9 +7,9 @@
 //! spent(t) = Σ over computations of  duration · ½^((t − end) / 10 s)
 //! ```
 //!
-//! So a client with many or long computations delays only itself: some threads and memory are kept for clients that spent
-//! little. A turn belongs to the computation, not to the call: a
-//! call that its client has cancelled gives back its memory when its computation has really ended.
+//! So a client with many or long computations delays only itself: some threads and memory are kept for clients that
+//! spent little. A turn belongs to the computation, not to the call: a call that its client has cancelled gives back
+//! its memory when its computation has really ended.
 
 use super::client::Client;
 use crate::error::{ApiError, LimitReason};

@@ -28,8 +28,8 @@ impl Api {
         Ok(answers.boxed())
     }
 
-    /// A reader of at most `limit_bytes` (0: all) of an artifact from `offset_bytes` on. The whole file is compared with
-    /// its digest first, which takes a second for each gigabyte.
+    /// A reader of at most `limit_bytes` (0: all) of an artifact from `offset_bytes` on. The whole file is compared
+    /// with its digest first, which takes a second for each gigabyte.
     pub(crate) async fn checked_reader(
         &self,
         call: &Call,

@@ -31,8 +31,8 @@ impl Api {
         }
     }
 
-    /// The record of an artifact whose bytes the caller offers; `None` if the server needs the bytes: the artifact is not
-    /// stored, the caller may not read it, or its file is missing or damaged.
+    /// The record of an artifact whose bytes the caller offers; `None` if the server needs the bytes: the artifact is
+    /// not stored, the caller may not read it, or its file is missing or damaged.
     pub(crate) async fn intact_artifact(&self, call: &Call, digest: &str) -> Result<Option<ArtifactRecord>, ApiError> {
         let Some(record) = self.artifact_in_use(call, digest).await? else { return Ok(None) };
         if self.artifacts.is_intact(digest).await? {

@@ -10,9 +10,9 @@
 //! ```
 //!
 //! A change is appended when its call ends, even if its client has left before. Refusals are counted, and each kind of
-//! refusal is a line a second: so a flood of refused calls can neither fill the disk nor push out the record of changes.
-//! Lines are flushed to disk once a second. The log contains the names of callers, but neither secrets nor the contents of
-//! requests.
+//! refusal is a line a second: so a flood of refused calls can neither fill the disk nor push out the record of
+//! changes. Lines are flushed to disk once a second. The log contains the names of callers, but neither secrets nor the
+//! contents of requests.
 
 mod journal;
 

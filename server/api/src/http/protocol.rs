@@ -10,8 +10,8 @@ pub(super) fn is_grpc(path: &str) -> bool {
     service.is_some_and(|(service, method)| service.contains('.') && !method.contains('/'))
 }
 
-/// Refuses a request for a gRPC method that is no gRPC request. A web page of another site can send such requests without
-/// asking, for example with the content type `text/plain`.
+/// Refuses a request for a gRPC method that is no gRPC request. A web page of another site can send such requests
+/// without asking, for example with the content type `text/plain`.
 ///
 /// # Errors
 ///

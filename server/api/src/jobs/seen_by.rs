@@ -1,5 +1,5 @@
-//! What a caller sees of jobs that refer to other jobs. A job may wait for jobs on displays that the caller may not use;
-//! their names are left out.
+//! What a caller sees of jobs that refer to other jobs. A job may wait for jobs on displays that the caller may not
+//! use; their names are left out.
 
 use crate::api::Api;
 use crate::error::ApiError;

@@ -1,7 +1,7 @@
 //! Kernel files in other formats, kept for later calls.
 //!
-//! A converted file may have hundreds of megabytes. It is kept in the artifact folder's cache and not in memory, so that
-//! slow clients hold no memory, and many clients that want the same kernel share one conversion.
+//! A converted file may have hundreds of megabytes. It is kept in the artifact folder's cache and not in memory, so
+//! that slow clients hold no memory, and many clients that want the same kernel share one conversion.
 
 use lightpath_media::kernel_formats::{KernelFormat, Loss};
 use std::collections::VecDeque;

@@ -18,8 +18,8 @@ const TRANSFER_BYTES_PER_PX: u64 = 32;
 const OTHER_BYTES: u64 = 16 << 20;
 
 /// Memory for converting a kernel file of `file_bytes` to any format \[bytes\]: the file and its model, the transfer
-/// function at all frequencies, its numbers, the other file, the model read back from it, and the sampling of free space. A
-/// dense kernel of 1080p was measured to need 128 bytes a pixel besides its file.
+/// function at all frequencies, its numbers, the other file, the model read back from it, and the sampling of free
+/// space. A dense kernel of 1080p was measured to need 128 bytes a pixel besides its file.
 pub(super) fn exporting_bytes(file_bytes: u64, display: &Display, key: &KernelKey) -> u64 {
     let px = u64::from(display.height_px) * u64::from(display.width_px);
     // The file names the method. These need most.
@@ -29,8 +29,8 @@ pub(super) fn exporting_bytes(file_bytes: u64, display: &Display, key: &KernelKe
     file_bytes + 4 * TRANSFER_BYTES_PER_PX * px + sampling + OTHER_BYTES
 }
 
-/// Memory for reading kernel files of `file_bytes` and writing a native one \[bytes\]: the files, their numbers (those of
-/// 16-bit files take twice the space), the model, and the other file.
+/// Memory for reading kernel files of `file_bytes` and writing a native one \[bytes\]: the files, their numbers (those
+/// of 16-bit files take twice the space), the model, and the other file.
 pub(super) fn importing_bytes(file_bytes: u64) -> u64 {
     6 * file_bytes + OTHER_BYTES
 }

@@ -17,8 +17,8 @@ impl Config {
     ///
     /// # Errors
     ///
-    /// [`ConfigError::Incomplete`] if only one of certificate and key is given, or if client authorities are given without
-    /// them.
+    /// [`ConfigError::Incomplete`] if only one of certificate and key is given, or if client authorities are given
+    /// without them.
     pub fn tls(&self) -> Result<Option<TlsFiles>, ConfigError> {
         let client_authority = self.tls_client_ca.clone();
         match (self.tls_cert.clone(), self.tls_key.clone()) {

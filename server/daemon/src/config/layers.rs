@@ -117,8 +117,8 @@ impl Effective {
     ///
     /// # Errors
     ///
-    /// [`ConfigError::Value`] if a value is out of range, [`ConfigError::Incomplete`] if one of two settings that belong
-    /// together is missing.
+    /// [`ConfigError::Value`] if a value is out of range, [`ConfigError::Incomplete`] if one of two settings that
+    /// belong together is missing.
     pub fn merge(given: Settings, file: Settings) -> Result<Self, ConfigError> {
         let mut settings = Settings::defaults();
         settings.0.extend(file.0);

@@ -55,8 +55,8 @@ settings! {
     /// Limit on the memory of all unfinished requests and answers, in MiB; one address gets at most three quarters of
     /// it; further calls are refused; 0: no limit
     under_way_mib_max: f64 = 512.0, "MIB", SPACE_MIB;
-    /// Limit on the memory of the computations for calls, such as decoding a submitted picture or converting a kernel, in
-    /// MiB; one client gets at most half of it; further computations wait
+    /// Limit on the memory of the computations for calls, such as decoding a submitted picture or converting a kernel,
+    /// in MiB; one client gets at most half of it; further computations wait
     computing_mib_max: f64 = 3072.0, "MIB", Allowed::Numbers(64.0, 1_048_576.0);
     /// Names of the server, besides localhost and its IP addresses, under which it answers without tokens; separated by
     /// commas
@@ -97,8 +97,8 @@ settings! {
     report_timeout_s: f64 = 0.0, "SECONDS", TIMEOUT_S;
     /// Time limit of one attempt to verify holograms; 0: no limit
     verify_timeout_s: f64 = 0.0, "SECONDS", TIMEOUT_S;
-    // The rest is for the server itself: unfinished requests (under_way_mib_max), the checks of uploaded pictures (up to
-    // 1 GiB each for large ones), the database, and the system.
+    // The rest is for the server itself: unfinished requests (under_way_mib_max), the checks of uploaded pictures (up
+    // to 1 GiB each for large ones), the database, and the system.
     /// Limit on the estimated memory of all running jobs together, in MiB; a job that needs more is refused; by default
     /// three quarters of the machine's memory or of the limit of its control group, and at least 1 GiB less than all of
     /// it

@@ -13,7 +13,8 @@ pub(super) const DATASET: &str = "demo-photographs";
 /// Model of the kernel that the demo makes active.
 const FIRST_MODEL: KernelModel = KernelModel::Display;
 
-/// Run all steps on a simulated display: optimize holograms, photograph them, learn a kernel, optimize better holograms.
+/// Run all steps on a simulated display: optimize holograms, photograph them, learn a kernel, optimize better
+/// holograms.
 #[derive(Clone, Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -29,14 +30,15 @@ pub struct DemoArgs {
     /// Folder of PNG, JPEG or TIFF pictures to use instead of generated ones; at least 5
     #[arg(long, value_name = "DIR")]
     pub images: Option<PathBuf>,
-    /// Compare with the paper on which Lightpath is based: learn the model paper, too, use a display of the paper's size, and
-    /// print a table of training and test errors in the paper's form
+    /// Compare with the paper on which Lightpath is based: learn the model paper, too, use a display of the paper's
+    /// size, and print a table of training and test errors in the paper's form
     #[arg(long)]
     pub paper: bool,
     /// Size of the display in pixels, WIDTHxHEIGHT [default: 480x270, with --paper 1920x1080]
     #[arg(long = "resolution", value_name = "WxH", value_parser = resolution)]
     pub asked_resolution: Option<(u32, u32)>,
-    /// Distance from the display to the image [default: 0.6 of the critical distance, up to which the whole band is sampled]
+    /// Distance from the display to the image [default: 0.6 of the critical distance, up to which the whole band is
+    /// sampled]
     #[arg(long, value_name = "LENGTH", value_parser = |text: &str| length(Length::Distance, text))]
     pub distance: Option<f64>,
     /// Wavelength of the light
@@ -60,7 +62,8 @@ pub struct DemoArgs {
     /// Iterations for each hologram to learn from
     #[arg(long, value_name = "N", default_value_t = 60, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub training_iterations: u32,
-    /// Models to learn: display (always, and first), varying, smooth, dense, paper [default: display,smooth, with --paper display,paper]
+    /// Models to learn: display (always, and first), varying, smooth, dense, paper [default: display,smooth, with
+    /// --paper display,paper]
     #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = model)]
     pub models: Vec<KernelModel>,
 }

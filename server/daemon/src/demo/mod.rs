@@ -1,8 +1,9 @@
 //! `lightpathd demo`: all steps of the work with a simulated display, on a real server and with the real client.
 //!
 //! The demo optimizes holograms of targets, photographs them, learns kernels from the photographs, and optimizes better
-//! holograms through the learned kernels. It measures the kernels on held-out targets, for which the learning set has no
-//! holograms. It compares them with two references: the ideal kernel, and the display's true transfer function alone.
+//! holograms through the learned kernels. It measures the kernels on held-out targets, for which the learning set has
+//! no holograms. It compares them with two references: the ideal kernel, and the display's true transfer function
+//! alone.
 
 mod args;
 mod console;
@@ -143,8 +144,8 @@ async fn photograph_holograms(
     let photos = client.photographs(requests.collect(), &mut console.bar("photograph")).await?;
     client.create_dataset(DATASET).await?;
     for (i, (hologram, photo)) in holograms.iter().zip(&photos).enumerate() {
-        // No pair is for validation: trying the parts of the display model takes two to three times as long, and the demo should take
-        // about a minute. Its display has none of the flaws that they describe.
+        // No pair is for validation: trying the parts of the display model takes two to three times as long, and the
+        // demo should take about a minute. Its display has none of the flaws that they describe.
         let split = if i < targets.training.len() { v1::Split::Train } else { v1::Split::Test };
         let id = format!("pair-{:02}", i + 1);
         files.write(&format!("pairs/{id}-phase.png"), client.download(&hologram.phase).await?)?;

@@ -77,8 +77,8 @@ fn picture(args: &DemoArgs, name: String, file: Vec<u8>) -> anyhow::Result<Pictu
     Ok(Picture { name, file, intensity })
 }
 
-/// Reads the pictures in a folder. The first pictures by name are held out. The others are for learning, and are repeated
-/// if there are too few.
+/// Reads the pictures in a folder. The first pictures by name are held out. The others are for learning, and are
+/// repeated if there are too few.
 fn from_folder(args: &DemoArgs, folder: &Path) -> anyhow::Result<Targets> {
     let mut paths: Vec<PathBuf> = fs::read_dir(folder)
         .with_context(|| format!("cannot read {}", folder.display()))?

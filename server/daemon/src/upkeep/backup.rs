@@ -53,8 +53,8 @@ pub struct Backup {
     pub damaged: Vec<Finding>,
 }
 
-/// Copies `data_dir` to `destination`, a folder that is empty or does not exist. The copy is checked and on disk when this
-/// returns. It is complete except for the damaged artifacts, which are named.
+/// Copies `data_dir` to `destination`, a folder that is empty or does not exist. The copy is checked and on disk when
+/// this returns. It is complete except for the damaged artifacts, which are named.
 ///
 /// # Errors
 ///

@@ -48,8 +48,8 @@ pub struct CheckArgs {
     folder: DataDir,
 }
 
-/// Copy a data folder to a folder that is empty or does not exist. The server may be running. The copy is checked and shows
-/// the state of one moment. Damaged artifacts are listed, and everything else is copied.
+/// Copy a data folder to a folder that is empty or does not exist. The server may be running. The copy is checked and
+/// shows the state of one moment. Damaged artifacts are listed, and everything else is copied.
 ///
 /// Exit code 0: the copy is complete. 1: it lacks the listed artifacts. 2: there is no copy.
 #[derive(Debug, clap::Args)]
@@ -64,8 +64,8 @@ pub struct BackupArgs {
     folder: DataDir,
 }
 
-/// Create a data folder from a backup. The data folder must be empty or not exist. The backup does not change. Damaged files
-/// are listed, and everything else is restored.
+/// Create a data folder from a backup. The data folder must be empty or not exist. The backup does not change. Damaged
+/// files are listed, and everything else is restored.
 ///
 /// Exit code 0: no problems. 1: problems were found. 2: nothing was restored.
 #[derive(Debug, clap::Args)]
@@ -80,8 +80,8 @@ pub struct RestoreArgs {
     folder: DataDir,
 }
 
-/// Remove ended jobs, and artifacts without references, that have reached the ages in the settings. A running server does
-/// this every hour. Use this command for a preview, or while the server is stopped.
+/// Remove ended jobs, and artifacts without references, that have reached the ages in the settings. A running server
+/// does this every hour. Use this command for a preview, or while the server is stopped.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:

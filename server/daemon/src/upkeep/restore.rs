@@ -10,7 +10,8 @@ use std::io;
 use std::path::Path;
 
 /// Copies a backup to `data_dir`, a folder that is empty or does not exist, and checks the copy. The backup does not
-/// change. Until this returns, no server can be started on the folder. Then the data is on disk and a server can use it.
+/// change. Until this returns, no server can be started on the folder. Then the data is on disk and a server can use
+/// it.
 ///
 /// # Errors
 ///

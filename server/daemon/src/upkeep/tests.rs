@@ -12,8 +12,8 @@ use std::process::ExitCode;
 use std::time::Duration;
 use tempfile::TempDir;
 
-/// A data folder with a display, a job that succeeded, and a waiting job with a checkpoint. It is open, as while a server
-/// runs.
+/// A data folder with a display, a job that succeeded, and a waiting job with a checkpoint. It is open, as while a
+/// server runs.
 struct TestData {
     folder: TempDir,
     store: Store,

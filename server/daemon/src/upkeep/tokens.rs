@@ -112,8 +112,8 @@ impl Create {
         );
         let data_dir = self.folder.path()?;
         let database = data_dir.join(DATABASE);
-        // The first token is created before the first start of the server. The lock prevents that this command creates a
-        // database while a restore is about to put another one into the folder.
+        // The first token is created before the first start of the server. The lock prevents that this command creates
+        // a database while a restore is about to put another one into the folder.
         let _lock = if database.is_file() { None } else { Some(FolderLock::take(&data_dir)?) };
         let secret = Secret::generate().context("the system provided no random numbers")?;
         let caller = Caller { name: self.name, role: self.role, displays: self.display };

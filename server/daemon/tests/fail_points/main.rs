@@ -1,8 +1,8 @@
-//! Tests of failures at every fail point: a process dies there, or a call fails there. Afterwards the data folder is sound,
-//! everything that was acknowledged is stored, and the work continues.
+//! Tests of failures at every fail point: a process dies there, or a call fails there. Afterwards the data folder is
+//! sound, everything that was acknowledged is stored, and the work continues.
 //!
-//! `LIGHTPATH_FAIL_POINTS=all cargo test --release -p lightpath-server --test fail_points -- --nocapture` fails at every
-//! passage of every point. Without the variable, the tests fail at up to three passages of each point.
+//! `LIGHTPATH_FAIL_POINTS=all cargo test --release -p lightpath-server --test fail_points -- --nocapture` fails at
+//! every passage of every point. Without the variable, the tests fail at up to three passages of each point.
 #![allow(clippy::unwrap_used)]
 
 mod workload;
@@ -133,8 +133,9 @@ async fn fail_at_all_points(kind: &'static str) {
     eprintln!("{kind}: nothing acknowledged was lost; failures at each point: {failures:?}");
 }
 
-/// Runs the workload with a failure at a point, and checks what is left. Returns whether the point was reached: the number of
-/// passages differs a little between runs, because of heartbeats and progress reports, so the last may not be reached.
+/// Runs the workload with a failure at a point, and checks what is left. Returns whether the point was reached: the
+/// number of passages differs a little between runs, because of heartbeats and progress reports, so the last may not be
+/// reached.
 async fn fail_at(point: &str, kind: &str) -> bool {
     let (_folder, work_folder) = work_folder();
     let (folder, armed) = (work_folder.0.clone(), point.to_owned());

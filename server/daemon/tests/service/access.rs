@@ -22,8 +22,8 @@ use tokio::time::sleep;
 use tonic::transport::{Certificate, Channel, ClientTlsConfig, Identity};
 use tonic::{Code, Request, Status};
 
-// Roles that may call each method. This list does not use the rules of the server. A method that is missing here fails the
-// test of all methods.
+// Roles that may call each method. This list does not use the rules of the server. A method that is missing here fails
+// the test of all methods.
 const MAY_READ: &str = "viewer submitter curator admin";
 const MAY_FETCH: &str = "viewer submitter curator firmware admin";
 const MAY_SUBMIT: &str = "submitter curator admin";

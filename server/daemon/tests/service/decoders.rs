@@ -1,8 +1,8 @@
-//! Tests of every decoder of outside files with damaged files. A decoder must refuse or read them, with bounded memory and
-//! without a panic.
+//! Tests of every decoder of outside files with damaged files. A decoder must refuse or read them, with bounded memory
+//! and without a panic.
 //!
-//! `LIGHTPATH_FUZZ_SECONDS=600 cargo test --release -p lightpath-server --test service decoders -- --nocapture` tests each
-//! decoder for ten minutes. `fuzz/` tests the same decoders with libFuzzer.
+//! `LIGHTPATH_FUZZ_SECONDS=600 cargo test --release -p lightpath-server --test service decoders -- --nocapture` tests
+//! each decoder for ten minutes. `fuzz/` tests the same decoders with libFuzzer.
 
 use crate::mutation::{Random, add_to_corpus, mutated};
 use image::{DynamicImage, ImageFormat};

@@ -161,7 +161,8 @@ async fn every_format_is_fetched_and_imported_again() {
     serving.display("lab").await;
     import(&serving, &kernel(64, 0.3), 0.05).await.unwrap();
     use v1::KernelLoss::{Parameters, Precision};
-    // At this distance the band limit leaves H zero outside the inner half of the band, so the published form has all of it.
+    // At this distance the band limit leaves H zero outside the inner half of the band, so the published form has all
+    // of it.
     let array = vec![Parameters, Precision];
     for (format, size, error, losses) in [
         (v1::KernelFormat::Compact, 60 + 4 * 18 + 4, 1e-6, vec![Precision]),

@@ -91,7 +91,8 @@ async fn malformed_requests_get_the_right_status() {
         let mut random = Random::new(n);
         let (name, seed) = &seeds[random.below(seeds.len())];
         let seed_method = || methods.iter().find(|path| path.ends_with(&format!("/{name}"))).unwrap();
-        // Most requests can be decoded and have invalid values. The others cannot be decoded, or belong to another method.
+        // Most requests can be decoded and have invalid values. The others cannot be decoded, or belong to another
+        // method.
         let (path, message) = match n % 4 {
             0 | 1 => (seed_method(), with_changed_fields(seed, &mut random)),
             2 => (seed_method(), mutated(seed, texts, &mut random)),

@@ -1,5 +1,5 @@
-//! Test of a display that was learned from imperfect photographs: turned, shifted and overexposed photographs, and one of
-//! another hologram.
+//! Test of a display that was learned from imperfect photographs: turned, shifted and overexposed photographs, and one
+//! of another hologram.
 
 use crate::jobs::{submit, watch_to_end};
 use crate::kernels::fetch_version;
@@ -53,7 +53,8 @@ async fn display_is_learned_from_turned_overexposed_and_swapped_photographs() {
     let (_, file) = fetch_version(&dataset.serving, kernel, version.parse().unwrap()).await.unwrap();
     let engine = Engine::new(&kernel_file::decode(&file).unwrap().0, Detector::Pixel, None).unwrap();
 
-    // Photographs of new holograms by the same camera, resampled to the display's pixels with the alignment of the dataset.
+    // Photographs of new holograms by the same camera, resampled to the display's pixels with the alignment of the
+    // dataset.
     let found = Homography::try_new(alignment.homography.clone().try_into().unwrap()).unwrap();
     let captured_db = |engine: &Engine, target: &Plane<f32>, seed: u64| {
         let photo = bench.photo(&bench.phase_through(engine, target, 60), seed, &map, HEIGHT, WIDTH);

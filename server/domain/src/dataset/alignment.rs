@@ -20,8 +20,8 @@ pub struct Alignment {
     /// Root mean square displacement of this alignment from the previous one, over the region of interest \[px of the
     /// display\]; 0 if there was no previous one.
     pub corrected_px: f64,
-    /// Root mean square displacement by scale and shear that the alignment leaves in the photographs, because it may be the
-    /// display's \[px of the display\]; 0 if the alignment takes all of it for the camera's.
+    /// Root mean square displacement by scale and shear that the alignment leaves in the photographs, because it may be
+    /// the display's \[px of the display\]; 0 if the alignment takes all of it for the camera's.
     pub left_px: f64,
     /// What the alignment corrects, what it leaves and why, in words; empty for points and dots.
     pub explanation: String,

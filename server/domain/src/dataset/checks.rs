@@ -24,13 +24,13 @@ pub struct PairChecks {
     pub misalignment_px: Option<f64>,
     /// Displacement of the middle \[px of the display\].
     pub shift_px: Option<f64>,
-    /// Root mean square displacement by a turn about the middle, negative for a turn from y towards x \[px of the display\]. Only
-    /// a turned camera makes one.
+    /// Root mean square displacement by a turn about the middle, negative for a turn from y towards x \[px of the
+    /// display\]. Only a turned camera makes one.
     pub turn_px: Option<f64>,
     /// Uncertainty of `turn_px` \[px of the display\].
     pub turn_uncertainty_px: Option<f64>,
-    /// Root mean square displacement by scale and shear \[px of the display\]: the camera's, or that of the modulator's uneven
-    /// surface.
+    /// Root mean square displacement by scale and shear \[px of the display\]: the camera's, or that of the modulator's
+    /// uneven surface.
     pub stretch_px: Option<f64>,
     /// Columns and rows of the photograph \[px\].
     pub photo_px: [u32; 2],
@@ -83,7 +83,7 @@ pub enum FindingKind {
     Vignetting,
     /// The exposure of some pairs is known, and that of others is not.
     ExposureUnknown,
-    /// The dataset has few pairs for learning or for validation, or a pair has another use than was asked for, because too few
-    /// others can be used.
+    /// The dataset has few pairs for learning or for validation, or a pair has another use than was asked for, because
+    /// too few others can be used.
     FewPairs,
 }

@@ -1,11 +1,12 @@
 //! Estimates of the memory and the time of jobs, made before they start.
 //!
-//! Each kind of job runs in stages. An estimate is the largest sum of the memory that is held at once. The engine counts
-//! its own buffers (`lightpath_optics::memory`), and the reading of pictures is counted where they are decoded. The work
-//! of a job has the unit of the engine, values times radix-2 stages. The speed of the machine turns it into a time.
+//! Each kind of job runs in stages. An estimate is the largest sum of the memory that is held at once. The engine
+//! counts its own buffers (`lightpath_optics::memory`), and the reading of pictures is counted where they are decoded.
+//! The work of a job has the unit of the engine, values times radix-2 stages. The speed of the machine turns it into a
+//! time.
 //!
-//! An estimate must not be below the real memory, and should be at most half as much again. `docs/estimates.md` compares
-//! estimates with measurements.
+//! An estimate must not be below the real memory, and should be at most half as much again. `docs/estimates.md`
+//! compares estimates with measurements.
 
 #[cfg(test)]
 mod tests;
@@ -42,8 +43,8 @@ const FRAGMENTATION: f64 = 0.03;
 const REAL: u64 = 4;
 /// Time of reading or writing a pixel of a picture: codec, digest and disk, in the unit of work.
 const FILE_STAGES: f64 = 1500.0;
-/// Time of a step, relative to that on a small display, whose buffers fit into the caches. The speed is measured on such a
-/// display.
+/// Time of a step, relative to that on a small display, whose buffers fit into the caches. The speed is measured on
+/// such a display.
 const STEP_FACTOR: f64 = 1.2;
 /// Time of learning, relative to that of its propagations and products.
 const LEARNING_FACTOR: f64 = 1.5;
@@ -98,8 +99,8 @@ pub struct KernelSize {
 }
 
 impl KernelSize {
-    /// Memory for reading the kernel and sampling its transfer functions, besides them: the file, its numbers, and their
-    /// copy.
+    /// Memory for reading the kernel and sampling its transfer functions, besides them: the file, its numbers, and
+    /// their copy.
     fn reading_bytes(&self) -> u64 {
         3 * self.numbers_bytes() + self.engine.sampling_bytes
     }

@@ -129,10 +129,10 @@ pub struct PlaneResult {
     pub quantized_quality: Quality,
     /// Propagation method of the reconstruction, and its limits.
     pub propagation: ValidityReport,
-    /// PSNR of the phases as the display shows them, on a display that shows the other diffraction orders \[dB\]; `None`: not
-    /// computed.
+    /// PSNR of the phases as the display shows them, on a display that shows the other diffraction orders \[dB\];
+    /// `None`: not computed.
     pub other_orders_psnr_db: Option<f64>,
-    /// Second opinion on the phases as the display shows them, for the job's detector; `None`: the independent model does
-    /// not have this kernel, or would take much longer than the job.
+    /// Second opinion on the phases as the display shows them, for the job's detector; `None`: the independent model
+    /// does not have this kernel, or would take much longer than the job.
     pub second_opinion: Option<SecondOpinion>,
 }

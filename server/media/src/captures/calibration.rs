@@ -33,8 +33,8 @@ pub struct FoundAlignment {
 pub enum Correction {
     /// The whole affine map: everything is taken for the camera's.
     Affine,
-    /// The turn and the shift, if the turn is clearly there or the shift is more than learning can be expected to find. Scale and
-    /// shear are corrected only above [`STRETCH_PX_MAX`], because they may be due to the modulator's surface.
+    /// The turn and the shift, if the turn is clearly there or the shift is more than learning can be expected to find.
+    /// Scale and shear are corrected only above [`STRETCH_PX_MAX`], because they may be due to the modulator's surface.
     Camera,
 }
 
@@ -99,8 +99,8 @@ pub fn from_dots(captures: &Captures, photo: &Plane<f32>) -> Result<FoundAlignme
 }
 
 /// Computes the alignment from pairs: the reconstruction of a hologram on the ideal display, and its photograph in its
-/// own size. `None`: too few features were recognized, the previous alignment could not be improved, or there is nothing that
-/// [`Correction::Camera`] corrects.
+/// own size. `None`: too few features were recognized, the previous alignment could not be improved, or there is
+/// nothing that [`Correction::Camera`] corrects.
 ///
 /// Before each use of a photograph, `next_photo` is called with the number of uses so far. Each photograph is used at
 /// most [`ROUNDS_MAX`] times.

@@ -33,7 +33,8 @@ const CORRELATION_MIN: f64 = 0.5;
 /// Factor of the median for [`CORRELATION_MIN`].
 const CORRELATION_PART: f64 = 0.6;
 /// Median from which the ideal display explains the photographs so well that [`CORRELATION_PART`] decides. Below it the
-/// display is far from ideal, and good photographs scatter as widely; then learning decides, with a display that it fitted.
+/// display is far from ideal, and good photographs scatter as widely; then learning decides, with a display that it
+/// fitted.
 const CORRELATION_TELLING: f64 = 0.75;
 /// Correlation below which a photograph does not show its hologram, for any median.
 const CORRELATION_NONE: f64 = 0.2;

@@ -34,10 +34,10 @@
 //! H(fx, fy; x, y) = H(fx, fy) · exp( Σ_m P_m(x, y) (α_m + iψ_m) )   for the light from (x, y) on the SLM
 //! ```
 //!
-//! T_i Chebyshev polynomials, Δ the pixel pitch. The form leaves out ghosts, further modes of the light, and dust in the light on the SLM, which has two numbers
-//! for each pixel. Methods: 0 band-limited, 1 angular spectrum,
-//! 2 band response, 3 Rayleigh–Sommerfeld, 4 Fresnel transfer function, 5 Fresnel impulse response. `docs/compact-kernel.md` describes
-//! the form for authors of other decoders; [`decode`] is the reference.
+//! T_i Chebyshev polynomials, Δ the pixel pitch. The form leaves out ghosts, further modes of the light, and dust in
+//! the light on the SLM, which has two numbers for each pixel. Methods: 0 band-limited, 1 angular spectrum, 2 band
+//! response, 3 Rayleigh–Sommerfeld, 4 Fresnel transfer function, 5 Fresnel impulse response. `docs/compact-kernel.md`
+//! describes the form for authors of other decoders; [`decode`] is the reference.
 
 use super::archive::crc_of;
 use super::error::KernelFormatError;

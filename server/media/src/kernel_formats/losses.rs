@@ -4,8 +4,8 @@ use super::import::Imported;
 use lightpath_optics::{DisplayModel, KernelShape};
 use std::fmt;
 
-/// Relative error of H that is only rounding to f32. At far distances a band limit can leave H zero outside the inner half
-/// of the band.
+/// Relative error of H that is only rounding to f32. At far distances a band limit can leave H zero outside the inner
+/// half of the band.
 const ROUNDING: f64 = 1e-6;
 
 /// A part of a model that a file does not hold.

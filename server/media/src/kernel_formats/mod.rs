@@ -11,8 +11,9 @@
 //! | `f16` | H alone, `.npy`, float16 \[2·rows, 2·columns, 2\] | as `complex64`, and digits beyond f16 |
 //! | `npy`, `pt` | H alone in the paper's layout: float32 \[1, 2, rows, columns\], amplitude and phase of the inner half | as `complex64`, and H outside the inner half |
 //!
-//! An export lists what it lost ([`Loss`]), and an import what the file did not hold. No form but `safetensors` holds the
-//! distances from which a kernel was interpolated. In all forms zero frequency is in the middle, at `[rows/2][columns/2]` of the array's own size.
+//! An export lists what it lost ([`Loss`]), and an import what the file did not hold. No form but `safetensors` holds
+//! the distances from which a kernel was interpolated. In all forms zero frequency is in the middle, at
+//! `[rows/2][columns/2]` of the array's own size.
 //!
 //! # Layout
 //!

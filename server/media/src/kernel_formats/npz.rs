@@ -17,10 +17,11 @@
 //! | `lightpath` | text | model, method, orders and optics: the JSON object of [`crate::kernel_file`] |
 //! | `transfer.digest`, `source.digest` | text | SHA-256 of the numbers of `transfer` and `source` |
 //!
-//! The last twelve give the model exactly. `transfer` and `source` are for readers that only want numbers, and follow from
-//! them. If `transfer` was changed, its digest does not match. Then H is what `transfer` holds: the imported model is
-//! dense, and the series of the kernel and its variation do not count. A changed `source` cannot be imported, because a
-//! model has the source as a series. The import says both. An archive without `lightpath` is one of another program.
+//! The last twelve give the model exactly. `transfer` and `source` are for readers that only want numbers, and follow
+//! from them. If `transfer` was changed, its digest does not match. Then H is what `transfer` holds: the imported model
+//! is dense, and the series of the kernel and its variation do not count. A changed `source` cannot be imported,
+//! because a model has the source as a series. The import says both. An archive without `lightpath` is one of another
+//! program.
 
 use super::archive;
 use super::array::{self, Array, NpyFile};

@@ -66,8 +66,8 @@ pub fn photograph(bytes: &[u8], encoding: Encoding) -> Result<Plane<f32>, Pictur
     linear_light(bytes, encoding, Channel::Mean, 1)
 }
 
-/// Decodes a picture to linear light in [0, 1], in its own size: one plane for a picture without colours, else red, green
-/// and blue.
+/// Decodes a picture to linear light in [0, 1], in its own size: one plane for a picture without colours, else red,
+/// green and blue.
 ///
 /// # Errors
 ///

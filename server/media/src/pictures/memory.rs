@@ -19,8 +19,8 @@ const OTHER_BYTES: u64 = 4 << 20;
 /// bytes = 2 f + max( n (d + 4 t),  4 n + 8 max(n, m) ) + 4 MiB
 /// ```
 ///
-/// f bytes of the file (some decoders copy it), n pixels of the picture, m pixels after fitting. First the decoder has d
-/// bytes for each pixel beside the light, of which there is a turned copy (t = 2) if the file records an orientation
+/// f bytes of the file (some decoders copy it), n pixels of the picture, m pixels after fitting. First the decoder has
+/// d bytes for each pixel beside the light, of which there is a turned copy (t = 2) if the file records an orientation
 /// (otherwise t = 1). Then fitting has the picture, an intermediate of one side each, and the result.
 ///
 /// # Errors

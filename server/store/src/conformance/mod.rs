@@ -1,9 +1,9 @@
 //! Tests of the store on a real database in a temporary folder.
 //!
-//! `queue`: states of jobs and their changes. `scheduling`: when and for which owner jobs run. `registry`: displays, artifacts,
-//! datasets, kernels. `preparing`: datasets that jobs align and finalize. `model`: random histories of one job, compared
-//! with a small model. `machine`: random histories of a whole queue. `migrations`: databases of earlier versions.
-//! `scale`: many jobs. `limits`: limits on stored records. `query_plans`: the indexes that queries use.
+//! `queue`: states of jobs and their changes. `scheduling`: when and for which owner jobs run. `registry`: displays,
+//! artifacts, datasets, kernels. `preparing`: datasets that jobs align and finalize. `model`: random histories of one
+//! job, compared with a small model. `machine`: random histories of a whole queue. `migrations`: databases of earlier
+//! versions. `scale`: many jobs. `limits`: limits on stored records. `query_plans`: the indexes that queries use.
 
 mod limits;
 mod machine;

@@ -392,7 +392,8 @@ async fn jobs_queued_while_the_clock_was_ahead_run_when_it_is_set_right() {
         let store = bench.store.clone();
         async move { store.submit(&new, now_ms() + day_ms, 1000).await.unwrap().0.id }
     };
-    // The server died while the clock was ahead: one job ran, one waited. Another one is queued before the clock is set back.
+    // The server died while the clock was ahead: one job ran, one waited. Another one is queued before the clock is set
+    // back.
     let (orphan, before) = (ahead("orphan").await, ahead("before").await);
     let claimed = bench.store.claim(now_ms() + day_ms, 30_000, "dead").await.unwrap().unwrap().0;
     assert_eq!(claimed.id, orphan);

@@ -21,8 +21,8 @@ const FRAMES_MAX: u32 = 24;
 
 impl Api {
     /// Checks a request, looks up the named resources, fills in defaults, and converts the request. Returns also the
-    /// largest memory for decoding one of its pictures \[bytes\]. `before` is the job of an earlier submission of the same
-    /// request.
+    /// largest memory for decoding one of its pictures \[bytes\]. `before` is the job of an earlier submission of the
+    /// same request.
     pub(crate) async fn optimize_hologram_spec(
         &self,
         call: &Call,

@@ -1,5 +1,5 @@
-//! Tests of every call with every role, scope and protocol, generated from the API. A method, a field or a changing call
-//! that these tests do not know fails them.
+//! Tests of every call with every role, scope and protocol, generated from the API. A method, a field or a changing
+//! call that these tests do not know fails them.
 //!
 //! # Layout
 //!

@@ -1,4 +1,5 @@
-//! Requests about own things succeed, their answers have no trace of foreign things, and every change is in the audit log.
+//! Requests about own things succeed, their answers have no trace of foreign things, and every change is in the audit
+//! log.
 
 use super::examples::{Example, examples};
 use super::person::Person;

@@ -1,5 +1,5 @@
-//! Random histories of a whole queue, compared with a simple model. The model keeps only a list of jobs and examines all
-//! of them for every question. It has no lanes and no counts.
+//! Random histories of a whole queue, compared with a simple model. The model keeps only a list of jobs and examines
+//! all of them for every question. It has no lanes and no counts.
 //!
 //! `LIGHTPATH_MODEL_COMMANDS=100000 cargo test --release -p lightpath-store --lib the_queue_agrees_with_its_model` runs
 //! that many commands; by default the test is short.
