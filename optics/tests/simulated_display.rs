@@ -92,6 +92,7 @@ fn each_flaw_changes_photographs_and_time_alone_does_not() {
         ("rotation", SimulatedBench { rotation_deg: 2.0, ..FAIR }, 0.0),
         ("blur", SimulatedBench { blur_px: 1.0, ..FAIR }, 0.0),
         ("shot noise", SimulatedBench { full_well_electrons: 500.0, ..FAIR }, 0.0),
+        ("camera's response", SimulatedBench { camera_nonlinearity: 0.1, ..FAIR }, 0.0),
         ("speckle", SimulatedBench { speckle_contrast: 0.2, ..FAIR }, 0.0),
         ("cross-talk", SimulatedBench { crosstalk_px: 0.5, ..FAIR }, 0.0),
         ("cross-talk along y", SimulatedBench { crosstalk_y_px: 0.5, ..FAIR }, 0.0),

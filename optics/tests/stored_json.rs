@@ -121,7 +121,7 @@ fn missing_bench_properties_have_defaults_and_unknown_ones_are_refused() {
             "drift_px_per_hour": 0.0, "dimming_per_hour": 0.0, "rail_tilt_deg": 0.0, "aberrations_at_m": 0.0,
             "field_aberration_rad": 0.0, "crosstalk_y_px": 0.0, "surface_waves": 0.0, "response_variation": 0.0,
             "dust_contrast": 0.0, "ghost_share": 0.0, "source_angle_mrad": 0.0, "bandwidth": 0.0, "distortion": 0.0,
-            "vignetting": 0.0,
+            "vignetting": 0.0, "camera_nonlinearity": 0.0,
         }),
     );
     let drawn: SimulatedBench = serde_json::from_value(json!({"seed": 3, "blur_px": 0.5})).unwrap();

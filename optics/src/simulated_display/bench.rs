@@ -23,6 +23,11 @@ pub struct SimulatedBench {
     /// Number of electrons of a camera pixel at full scale, which determines the shot noise, 0 to 10⁷. With 0 the shot
     /// noise at full scale equals the read noise, so the total noise there is √2 times that of a dark pixel.
     pub full_well_electrons: f64,
+    /// Nonlinearity c of the camera's response, −0.3 to 0.3: light I in full scales gives the signal I + c·I·(1 − I).
+    /// The largest deviation is c/4 of full scale, at half of it. The linearity error of EMVA Standard 1288 (Release 4.0
+    /// Linear, 2021) is such a deviation from a straight line: that of machine vision cameras is below some percent, so
+    /// c is within ±0.1. Pictures for viewing have the curve of sRGB (IEC 61966-2-1), far beyond this range.
+    pub camera_nonlinearity: f64,
     /// Contrast of a fixed speckle pattern from dust and coatings, 0 to 0.5.
     pub speckle_contrast: f64,
     /// Cross-talk of the modulator: standard deviation of the blur of its phase along x \[px\], 0 to 2. The phase is
@@ -78,6 +83,7 @@ impl SimulatedBench {
         rotation_deg: 0.0,
         blur_px: 0.0,
         full_well_electrons: 0.0,
+        camera_nonlinearity: 0.0,
         speckle_contrast: 0.0,
         crosstalk_px: 0.0,
         crosstalk_y_px: 0.0,
@@ -121,7 +127,7 @@ impl SimulatedBench {
 
     /// For each property: its name, its value, its least and largest allowed value, and the allowed range in words.
     #[must_use]
-    pub fn ranges(&self) -> [(&'static str, f64, f64, f64, &'static str); 23] {
+    pub fn ranges(&self) -> [(&'static str, f64, f64, f64, &'static str); 24] {
         [
             ("strength", self.strength, 0.0, 4.0, "0 to 4"),
             ("camera_noise", self.camera_noise, 0.0, 0.1, "0 to 0.1"),
@@ -129,6 +135,7 @@ impl SimulatedBench {
             ("rotation_deg", self.rotation_deg, -10.0, 10.0, "-10 to 10 degrees"),
             ("blur_px", self.blur_px, 0.0, 4.0, "0 to 4 px"),
             ("full_well_electrons", self.full_well_electrons, 0.0, 1e7, "0 to 10000000"),
+            ("camera_nonlinearity", self.camera_nonlinearity, -0.3, 0.3, "-0.3 to 0.3"),
             ("speckle_contrast", self.speckle_contrast, 0.0, 0.5, "0 to 0.5"),
             ("crosstalk_px", self.crosstalk_px, 0.0, 2.0, "0 to 2 px"),
             ("crosstalk_y_px", self.crosstalk_y_px, 0.0, 2.0, "0 to 2 px"),

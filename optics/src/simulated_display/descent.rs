@@ -1,10 +1,10 @@
 //! Holograms that are optimized through the bench itself.
 //!
 //! ```text
-//! min over φ of  min over s of  mean over the region of ( s · I(φ) − target )²
+//! min over φ of  min over s of  mean over the region of ( s · r(I(φ)) − target )²
 //! ```
 //!
-//! I is the light on the camera's pixels, without noise. A learned model can at best be the bench, so the photographs
+//! I is the light on the camera's pixels, without noise, and r the camera's response. A learned model can at best be the bench, so the photographs
 //! of these holograms are the yardstick for those of learned models.
 
 use super::SimulatedDisplay;
@@ -13,7 +13,7 @@ use crate::{Plane, RegionOfInterest, Result};
 
 impl SimulatedDisplay {
     /// Optimizes the displayed phase \[rad\] by L-BFGS with `evaluations` evaluations from the phase `start`, through
-    /// all that the bench does to light. The gain of the photograph is free. Slow: everything is computed in f64.
+    /// all that the bench does to light, and the camera's response. The gain of the photograph is free. Slow: everything is computed in f64.
     ///
     /// # Errors
     ///
@@ -64,6 +64,8 @@ impl SimulatedDisplay {
         let pixels = region.pixels() as f64;
         let mut loss = 0.0;
         let slope = |light: &Plane<f64>| {
+            let light_slope = light.map(|light| self.camera.response(light).1);
+            let light = light.map(|light| self.camera.response(light).0);
             let columns = |y: usize| region.columns(y).unwrap_or_default();
             let places = || (0..light.height_px()).flat_map(|y| columns(y).map(move |x| (y, x)));
             let sum = |of: &dyn Fn(f64, f64) -> f64| {
@@ -74,7 +76,7 @@ impl SimulatedDisplay {
             Plane::from_fn(light.height_px(), light.width_px(), |y, x| {
                 let inside = columns(y).contains(&x);
                 let error = gain * light.at(y, x) - f64::from(target.at(y, x));
-                if inside { 2.0 * gain * error / pixels } else { 0.0 }
+                if inside { 2.0 * gain * error * light_slope.at(y, x) / pixels } else { 0.0 }
             })
         };
         let gradient = self.gradient(phase, slope)?;
@@ -106,6 +108,7 @@ mod tests {
             bandwidth: 0.005,
             distortion: 0.01,
             vignetting: 0.2,
+            camera_nonlinearity: -0.2,
             ..SimulatedBench::FAIR
         }
     }

@@ -13,7 +13,7 @@
 //! Optional properties, in the light's order: several modes of the source that do not interfere, dust and fringes in
 //! the illumination, an uneven modulator, cross-talk between its pixels, flicker, and a response that varies over it,
 //! aberrations that depend on the position on the modulator, a ghost, a turned camera whose lens blurs, distorts and
-//! vignettes, a fixed speckle pattern, and drift of the image and dimming of the source with time. With the distance,
+//! vignettes and whose response is not linear, a fixed speckle pattern, and drift of the image and dimming of the source with time. With the distance,
 //! the image moves along a tilted rail, and the light fills more of the aperture that has the aberrations.
 
 mod aberration;
@@ -81,7 +81,7 @@ impl SimulatedDisplay {
     /// [`Error::OutOfRange`](crate::Error::OutOfRange) for an imperfection outside its range.
     pub fn draw(setup: OpticalSetup, carrier: Option<Carrier>, bench: SimulatedBench) -> Result<Self> {
         bench.validate()?;
-        let SimulatedBench { seed, strength, camera_noise, misalignment_px, full_well_electrons, .. } = bench;
+        let SimulatedBench { seed, strength, misalignment_px, .. } = bench;
         let mut draws = Draws::new(seed, Stream::Camera);
         let mut shift_px = || misalignment_px * draws.between(-1.0, 1.0);
         let shift_px = (shift_px(), shift_px());
@@ -102,7 +102,7 @@ impl SimulatedDisplay {
             modes: modes::draw(seed, bench.source_angle_mrad, bench.bandwidth, bench.ghost_share),
             transfers: Vec::new(),
             shift_px: (shift_px.0 + along_rail_px * towards.cos(), shift_px.1 + along_rail_px * towards.sin()),
-            camera: Camera::draw(&mut draws, camera_noise, full_well_electrons),
+            camera: Camera::draw(&mut draws, &bench),
             exposure: 1.0,
             speckle: speckle::draw(&grid, seed, bench.speckle_contrast),
             drift_towards: Draws::new(seed, Stream::Drift).angle(),
@@ -142,8 +142,8 @@ impl SimulatedDisplay {
         self.camera.photograph(light, noise_seed)
     }
 
-    /// The light on each camera pixel, in units of the camera's full scale, without noise, black level, clipping and
-    /// quantization.
+    /// The light on each camera pixel, in units of the camera's full scale, without its response, noise, black level,
+    /// clipping and quantization.
     ///
     /// # Errors
     ///
@@ -375,6 +375,7 @@ mod tests {
             (SimulatedBench { rotation_deg: -11.0, ..fair }, "rotation_deg is -11"),
             (SimulatedBench { blur_px: 4.5, ..fair }, "blur_px is 4.5"),
             (SimulatedBench { full_well_electrons: -1.0, ..fair }, "full_well_electrons is -1"),
+            (SimulatedBench { camera_nonlinearity: 0.4, ..fair }, "camera_nonlinearity is 0.4"),
             (SimulatedBench { speckle_contrast: 0.6, ..fair }, "speckle_contrast is 0.6"),
             (SimulatedBench { crosstalk_px: 3.0, ..fair }, "crosstalk_px is 3"),
             (SimulatedBench { crosstalk_y_px: -1.0, ..fair }, "crosstalk_y_px is -1"),

@@ -35,6 +35,7 @@ macro_rules! with_all_properties {
             bandwidth: bench.bandwidth,
             distortion: bench.distortion,
             vignetting: bench.vignetting,
+            camera_nonlinearity: bench.camera_nonlinearity,
         }
     }};
 }
