@@ -213,14 +213,33 @@ fn photographed(setup: &OpticalSetup) -> Vec<Pair> {
     (0..4).map(pair).collect()
 }
 
-fn check_simulation(pool: &ThreadPool, name: &str, bench: SimulatedBench) {
-    let engine = EngineSize::ideal(120, 160, Detector::Pixel, 2);
+fn check_simulation(pool: &ThreadPool, name: &str, orders: Orders, bench: SimulatedBench) {
+    let setup = setup(120, 160, 0.01).with_orders(orders).unwrap();
+    let engine = EngineSize::ideal(120, 160, Detector::Pixel, 2).sampled_with(&setup, false);
     let phase = initial_phase(120, 160, 6.0, 1).unwrap();
     let work = || {
-        let display = SimulatedDisplay::draw(setup(120, 160, 0.01), None, bench).unwrap();
+        let display = SimulatedDisplay::draw(setup, None, bench).unwrap();
         display.capture(&phase, 1).unwrap();
     };
     check(name, engine.simulation_bytes(&bench), peak_bytes(pool, work), 1.1);
+}
+
+fn check_simulations(pool: &ThreadPool) {
+    let fair = SimulatedBench { speckle_contrast: 0.1, ..SimulatedBench::FAIR };
+    let varying = SimulatedBench { field_aberration_rad: 2.0, ..fair };
+    for (orders, name) in [(Orders::First, "bench"), (Orders::SQUARE, "bench of all orders")] {
+        check_simulation(pool, name, orders, fair);
+        check_simulation(pool, &format!("{name}, varying"), orders, varying);
+    }
+    let flaws = SimulatedBench { surface_waves: 1.0, dust_contrast: 0.1, response_variation: 0.1, ..fair };
+    let six = SimulatedBench { source_angle_mrad: 0.3, bandwidth: 0.01, ..flaws };
+    check_simulation(pool, "bench, six modes", Orders::First, six);
+    check_simulation(
+        pool,
+        "bench of all orders, two modes",
+        Orders::SQUARE,
+        SimulatedBench { bandwidth: 0.01, ..fair },
+    );
 }
 
 #[test]
@@ -273,11 +292,7 @@ fn counted_memory_is_that_of_the_functions() {
         check_learning(&pool, model, 1);
     }
     check_learning(&pool, KernelModel::Display, 3);
-    let fair = SimulatedBench { speckle_contrast: 0.1, ..SimulatedBench::FAIR };
-    check_simulation(&pool, "bench", fair);
-    check_simulation(&pool, "bench, varying", SimulatedBench { field_aberration_rad: 2.0, ..fair });
-    let flaws = SimulatedBench { surface_waves: 1.0, dust_contrast: 0.1, response_variation: 0.1, ..fair };
-    check_simulation(&pool, "bench, six modes", SimulatedBench { source_angle_mrad: 0.3, bandwidth: 0.01, ..flaws });
+    check_simulations(&pool);
     let wrong = WRONG.lock().unwrap();
     assert!(wrong.is_empty(), "{wrong:#?}");
 }

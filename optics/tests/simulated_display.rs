@@ -2,10 +2,11 @@
 #![allow(clippy::unwrap_used)]
 
 use lightpath_optics::carrier::Carrier;
+use lightpath_optics::hologram::initial_phase;
 use lightpath_optics::metrics::{Gain, psnr_db};
 use lightpath_optics::reference::propagate;
 use lightpath_optics::simulated_display::{SimulatedBench, SimulatedDisplay};
-use lightpath_optics::{Grid, OpticalSetup, Plane, RegionOfInterest};
+use lightpath_optics::{Grid, OpticalSetup, Orders, Plane, RegionOfInterest};
 use num_complex::Complex64;
 use rayon::ThreadPoolBuilder;
 use std::f64::consts::TAU;
@@ -138,6 +139,27 @@ fn true_kernel_gives_better_photographs_than_ideal_kernel() {
         through_true_kernel > ideal + 2.0,
         "{through_true_kernel} dB through the true kernel, {ideal} dB through the ideal one"
     );
+}
+
+#[test]
+fn orders_and_fill_factor_change_the_light() {
+    let phase = initial_phase(60, 90, 6.0, 4).unwrap();
+    let light = |orders: Orders| {
+        let display = SimulatedDisplay::draw(setup(60, 90, 0.005).with_orders(orders).unwrap(), None, FAIR).unwrap();
+        display.light(&phase).unwrap().map(f64::from)
+    };
+    let all = |fill_factor| light(Orders::All { fill_factor_x: fill_factor, fill_factor_y: fill_factor });
+    // Relative L2 difference with the best gain.
+    let difference = |a: &Plane<f64>, b: &Plane<f64>| {
+        let sum =
+            |of: &dyn Fn(f64, f64) -> f64| a.values().iter().zip(b.values()).map(|(a, b)| of(*a, *b)).sum::<f64>();
+        let product = sum(&|a, b| a * b);
+        (1.0 - product * product / (sum(&|a, _| a * a) * sum(&|_, b| b * b))).sqrt()
+    };
+    let (first, full, half) = (light(Orders::First), all(1.0), all(0.5));
+    // The orders, 40 px apart, overlap in the image. The smaller the bright area, the more light they have.
+    let (of_full, of_half) = (difference(&first, &full), difference(&first, &half));
+    assert!(of_full > 0.2 && of_half > of_full && difference(&full, &half) > 0.1, "{of_full}, {of_half}");
 }
 
 type Transfer<'a> = &'a (dyn Fn(f64, f64) -> Complex64 + Sync);

@@ -13,6 +13,7 @@ pub(crate) struct ModelEvaluation<'a> {
     test: &'a PhotographedPairs,
     targets: Vec<Plane<f32>>,
     iterations: u32,
+    judges_light: bool,
 }
 
 /// Measured quality of a model.
@@ -26,7 +27,7 @@ pub(crate) struct ModelScore {
 impl<'a> ModelEvaluation<'a> {
     pub(crate) fn new(lab: &'a Lab, test: &'a PhotographedPairs, options: &Options) -> Result<Self, Failure> {
         let targets = (0..options.targets).map(|i| lab.new_target(i)).collect::<Result<_, _>>()?;
-        Ok(Self { lab, test, targets, iterations: options.iterations })
+        Ok(Self { lab, test, targets, iterations: options.iterations, judges_light: options.judges_light })
     }
 
     pub(crate) fn score(&self, model: &DisplayModel) -> Result<ModelScore, Failure> {
@@ -52,8 +53,11 @@ impl<'a> ModelEvaluation<'a> {
         levels: impl Fn(&Plane<f32>, u64) -> Result<Plane<u8>, Failure>,
     ) -> Result<Vec<f64>, Failure> {
         let captured = self.targets.iter().zip(1..).map(|(target, seed)| {
-            let photo = self.lab.bench().capture(&phase(&levels(target, seed)?)?, 1_000_000 + seed)?;
-            let light = photo.map(|level| f32::from(level) / 255.0);
+            let (bench, shown) = (self.lab.bench(), phase(&levels(target, seed)?)?);
+            let light = match self.judges_light {
+                true => bench.light(&shown)?,
+                false => bench.capture(&shown, 1_000_000 + seed)?.map(|level| f32::from(level) / 255.0),
+            };
             Ok(psnr_db(&light, target, self.lab.region(), Gain::Fitted)?)
         });
         captured.collect()

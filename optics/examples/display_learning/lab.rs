@@ -37,7 +37,7 @@ impl Lab {
         let grid = Grid::try_new(height_px, width_px, pitch_m)?;
         let critical_m = 2.0 * width_px.min(height_px) as f64 * pitch_m * pitch_m / wavelength_m;
         let distance_m = if options.distance_m > 0.0 { options.distance_m } else { 0.6 * critical_m };
-        let setup = OpticalSetup::try_new(grid, wavelength_m, distance_m)?.planned()?.0;
+        let setup = OpticalSetup::try_new(grid, wavelength_m, distance_m)?.with_orders(options.orders)?.planned()?.0;
         Ok(Self {
             bench: SimulatedDisplay::draw(setup, None, SimulatedBench { seed, ..options.bench })?,
             region: RegionOfInterest::middle(&grid),
@@ -67,9 +67,13 @@ impl Lab {
         &self.bench
     }
 
-    /// The display's true transfer function with a flat source, a linear response and no undiffracted light.
-    pub(crate) fn true_kernel(&self) -> DisplayModel {
+    /// The display's true transfer function with a flat source, a linear response and no undiffracted light. `None` for
+    /// a display that shows all orders, which no single transfer function describes.
+    pub(crate) fn true_kernel(&self) -> Option<DisplayModel> {
         let setup = self.setup();
+        if setup.orders().are_all() {
+            return None;
+        }
         let (rows, columns, pitch_m) =
             (setup.padded_height_px(), setup.padded_width_px(), setup.grid().pixel_pitch_m());
         let centred = |i: usize, n: usize| (i as f64 - (n / 2) as f64) / (n as f64 * pitch_m);
@@ -77,7 +81,7 @@ impl Lab {
             let value = self.bench.true_transfer(centred(x, columns), centred(y, rows));
             Complex32::new(value.re as f32, value.im as f32)
         });
-        DisplayModel { kernel: KernelShape::Bins(bins), ..DisplayModel::ideal(setup) }
+        Some(DisplayModel { kernel: KernelShape::Bins(bins), ..DisplayModel::ideal(setup) })
     }
 
     /// Holograms optimized through the ideal kernel, and their photographs. Half of the holograms start from a random

@@ -1,5 +1,6 @@
 //! Options of the example: the displays to simulate and the models to learn.
 
+use lightpath_optics::Orders;
 use lightpath_optics::learning::KernelModel;
 use lightpath_optics::simulated_display::SimulatedBench;
 use std::collections::BTreeMap;
@@ -13,6 +14,7 @@ pub(crate) struct Options {
     pub(crate) size_px: (usize, usize),
     /// Propagation distance \[m\]. 0: 0.6 times the critical distance of the shorter side.
     pub(crate) distance_m: f64,
+    pub(crate) orders: Orders,
     pub(crate) seeds: Vec<u64>,
     pub(crate) models: Vec<KernelModel>,
     /// Order of the learned kernels. `None`: the validation pairs choose it.
@@ -27,6 +29,8 @@ pub(crate) struct Options {
     pub(crate) bench: SimulatedBench,
     /// Whether holograms are also optimized through the bench itself, which no learned model can surpass.
     pub(crate) yardstick: bool,
+    /// Whether the light is judged instead of its photograph, which the camera's response bends.
+    pub(crate) judges_light: bool,
     /// Number of training pairs whose photograph belongs to another hologram.
     pub(crate) wrong: usize,
     /// Part of the training photographs' pixels that is overexposed, 0 to 1.
@@ -56,6 +60,7 @@ impl Options {
         let options = Self {
             size_px: size(&text("size", "320x180"))?,
             distance_m: number("distance", &text("distance", "0"))?,
+            orders: orders(&text("orders", "first"), number("fill-factor", &text("fill-factor", "1"))?)?,
             seeds: text("seeds", "1").split(',').map(|seed| number("seeds", seed)).collect::<Result<_, _>>()?,
             models: models.split(',').map(model).collect::<Result<_, _>>()?,
             order: some_number("order", &text("order", "auto"))?,
@@ -67,6 +72,7 @@ impl Options {
             iterations: number("iterations", &text("iterations", "100"))?,
             bench: bench(&text("bench", ""))?,
             yardstick: text("yardstick", "no") == "yes",
+            judges_light: text("judge", "photograph") == "light",
             wrong: number("wrong", &text("wrong", "0"))?,
             saturated: number("saturated", &text("saturated", "0"))?,
             rotation_deg: number("rotation-deg", &text("rotation-deg", "0"))?,
@@ -77,6 +83,15 @@ impl Options {
             verbose: text("verbose", "no") == "yes",
         };
         given.keys().next().map_or(Ok(options), |name| Err(format!("--{name} is not an option of this example").into()))
+    }
+}
+
+/// Diffraction orders of pixels with this fill factor along both axes.
+fn orders(name: &str, fill_factor: f64) -> Result<Orders, Failure> {
+    match name {
+        "first" => Ok(Orders::First),
+        "all" => Ok(Orders::All { fill_factor_x: fill_factor, fill_factor_y: fill_factor }),
+        other => Err(format!("--orders is {other}, but must be first or all").into()),
     }
 }
 

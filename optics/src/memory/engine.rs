@@ -6,19 +6,23 @@ use crate::convolution::{padded_columns, rows::ROWS, tile_columns};
 use crate::hologram::OTHER_ORDERS_PIXELS_MAX;
 use crate::propagation::passes::has_sample_transfers;
 use crate::second_opinion::{Effort, opinion_bytes, values};
-use crate::simulated_display::SimulatedBench;
+use crate::simulated_display::{AxisSize, POSITIONS, SimulatedBench, all_orders_sizes};
 use crate::spatial_variation::local_kernels;
 use crate::{ConvolutionMethod, Detector, DisplayModel, KernelShape, OpticalSetup};
 
-/// Memory of a simulated bench while it exists, for each pixel of its display \[bytes\]: source, speckle, and transfer
-/// functions in f64.
-const BENCH_BYTES_PER_PX: u64 = 96;
-/// Memory of each further mode of a bench's source, for each pixel of its display \[bytes\]: a transfer function in
+/// Memory of a simulated bench while it exists, for each pixel of its display \[bytes\]: source, speckle, and tables of
+/// free space.
+const BENCH_BYTES_PER_PX: u64 = 32;
+/// Memory of each mode of a bench's source, for each pixel of its display \[bytes\]: a transfer function in
 /// f64.
 const MODE_BYTES_PER_PX: u64 = 64;
 /// Memory for drawing a bench or taking a photograph with it, besides the bench, for each pixel of its display
 /// \[bytes\]: padded fields and spectra in f64, and their transposed copies.
 const EXPOSURE_BYTES_PER_PX: u64 = 324;
+/// Memory of a field and of an image in f64, for each pixel \[bytes\].
+const FIELD_BYTES_PER_PX: u64 = 48;
+/// Time of a value of the transfer function of all orders, in radix-2 stages of a value.
+const TRANSFER_STAGES: f64 = 8.0;
 /// Time of all metrics of a hologram, as optimized and as quantized, for a pixel, in radix-2 stages.
 const METRICS_STAGES: f64 = 600.0;
 /// Time of a value of a second opinion, in radix-2 stages: its transfer function, and its part of the spectra.
@@ -31,7 +35,7 @@ const STAGES_BESIDE: f64 = 4.0;
 const F64_FACTOR: f64 = 4.0;
 
 /// Size of an engine: of its display, its detector and its kernel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EngineSize {
     /// Rows \[px\].
     pub height_px: usize,
@@ -50,6 +54,9 @@ pub struct EngineSize {
     pub wraps_phase: bool,
     /// Whether the display shows all orders of its pixels, so that each sub-sample has a transfer function.
     pub all_orders: bool,
+    /// Setup of a display that shows all orders, on which the size of its simulated bench depends. `None`: the size
+    /// depends on the number of pixels alone.
+    pub orders_setup: Option<OpticalSetup>,
     /// Whether a filter passes a part of the first order.
     pub is_filtered: bool,
     /// The exact transfer functions with which the quality of holograms is measured; `None`: it is measured without
@@ -81,6 +88,7 @@ impl EngineSize {
             has_source: false,
             wraps_phase: false,
             all_orders: false,
+            orders_setup: None,
             is_filtered: false,
             exact: None,
             opinion_values: 0,
@@ -101,6 +109,7 @@ impl EngineSize {
         let ideal = DisplayModel::ideal(*setup);
         Self {
             all_orders: setup.method() == ConvolutionMethod::AllOrders,
+            orders_setup: setup.orders().are_all().then_some(*setup),
             is_filtered: setup.orders().filter().is_some(),
             exact: has_samples.then(|| ExactSize::of(setup, has_errors)),
             opinion_values: if kernel_has_bins || self.kernels_per_side > 1 {
@@ -329,22 +338,64 @@ impl EngineSize {
         // The dust is complex.
         let flaws = [bench.surface_waves, bench.response_variation, bench.dust_contrast, bench.dust_contrast];
         let planes = flaws.iter().filter(|&&flaw| flaw > 0.0).count() as u64;
-        (BENCH_BYTES_PER_PX + (bench.modes() as u64 - 1) * MODE_BYTES_PER_PX + 8 * planes) * self.pixels()
+        let transfers = match self.orders_setup {
+            Some(setup) => all_orders_sizes(&setup, bench).iter().map(passage_bytes).sum(),
+            None => bench.modes() as u64 * MODE_BYTES_PER_PX * self.pixels(),
+        };
+        (BENCH_BYTES_PER_PX + 8 * planes) * self.pixels() + transfers
     }
 
     /// Memory for drawing a simulated bench of this display and for its exposures, with the bench.
     #[must_use]
     pub fn simulation_bytes(&self, bench: &SimulatedBench) -> u64 {
-        self.bench_bytes(bench) + EXPOSURE_BYTES_PER_PX * self.pixels()
+        let exposure = EXPOSURE_BYTES_PER_PX * self.pixels();
+        let orders = self.orders_setup.map_or(0, |setup| {
+            let of_mode = |[x, y]: &[AxisSize; 2]| {
+                let parts = if bench.field_aberration_rad > 0.0 { POSITIONS as u64 } else { 1 };
+                let columns = (y.places as u64 * frequencies(x) + parts * x.padded_px as u64) * self.height_px as u64;
+                // Of each thread: the transfer function and the spectrum at a frequency along x, before and behind it.
+                let scratch = 3 * frequencies(y) + (2 * parts * parts + 1) * y.padded_px as u64;
+                (columns + self.threads as u64 * scratch) * COMPLEX_F64
+            };
+            all_orders_sizes(&setup, bench).iter().map(of_mode).max().unwrap_or(0)
+        });
+        self.bench_bytes(bench) + exposure.max(orders + FIELD_BYTES_PER_PX * self.pixels())
     }
 
     /// Work of one photograph of a simulated bench: sixteen images in f64 for each mode of its source.
     #[must_use]
     pub fn simulation_work(&self, bench: &SimulatedBench) -> f64 {
         let (w, h) = (self.width_px as f64, self.height_px as f64);
-        let kernels = if bench.field_aberration_rad > 0.0 { 49.0 } else { 1.0 };
-        let transforms = 4.0 * w * h * ((16.0 + 4.0) * w.log2() + (8.0 + 2.0 * kernels) * h.log2());
         let images = bench.modes() as f64 * if bench.flicker > 0.0 { 2.0 } else { 1.0 };
+        let kernels = if bench.field_aberration_rad > 0.0 { 49.0 } else { 1.0 };
+        if let Some(setup) = self.orders_setup {
+            let of_mode = |size: &[AxisSize; 2]| orders_work(size, h, kernels);
+            let work: f64 = all_orders_sizes(&setup, bench).iter().map(of_mode).sum();
+            return F64_FACTOR * images / bench.modes() as f64 * work;
+        }
+        let transforms = 4.0 * w * h * ((16.0 + 4.0) * w.log2() + (8.0 + 2.0 * kernels) * h.log2());
         F64_FACTOR * images * transforms
     }
+}
+
+/// What the light of one mode passes, of a bench that shows all orders: errors of the optics, and tables of each axis.
+fn passage_bytes([x, y]: &[AxisSize; 2]) -> u64 {
+    let tables = |size: &AxisSize| (size.places as u64 + 1) * frequencies(size);
+    ((x.padded_px as u64 + 1) * (y.padded_px as u64 + 1) + tables(x) + tables(y)) * COMPLEX_F64
+}
+
+/// Number of frequencies along an axis.
+fn frequencies(size: &AxisSize) -> u64 {
+    (size.orders() * size.padded_px) as u64
+}
+
+/// Work of an image of one mode, of a bench that shows all orders, whose aberrations take `kernels` transfer functions.
+fn orders_work([x, y]: &[AxisSize; 2], height_px: f64, kernels: f64) -> f64 {
+    let stages = |size: &AxisSize| size.padded_px as f64 * (size.padded_px as f64).log2();
+    let (orders_x, orders_y, places_x, places_y) =
+        (x.orders() as f64, y.orders() as f64, x.places as f64, y.places as f64);
+    let columns = x.padded_px as f64 * (kernels + orders_x * places_y) * stages(y);
+    let rows = height_px * places_x * places_y * stages(x);
+    let values = orders_x * orders_y * (x.padded_px * y.padded_px) as f64;
+    columns + rows + values * (TRANSFER_STAGES + 2.0 * places_y + 3.0 * kernels)
 }

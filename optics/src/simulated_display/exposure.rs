@@ -4,7 +4,6 @@
 //! headroom.
 
 use super::draws::{Draws, Stream};
-use super::pixel_light::{pixel_light, spectrum_by_column};
 use crate::propagation::SampledTransfer;
 use crate::reference::propagate;
 use crate::{Grid, Plane, RegionOfInterest};
@@ -14,13 +13,13 @@ use num_complex::Complex64;
 const EXPOSED_TO: f64 = 0.9;
 
 /// Computes the gain from intensity to full scales of the camera at which the brightest thousandth of a speckled image
-/// reaches [`EXPOSED_TO`].
+/// reaches [`EXPOSED_TO`]. `image` makes the light on the camera's pixels of a field on the modulator.
 pub(super) fn calibrate(
     ideal: &SampledTransfer,
     grid: Grid,
     source: &Plane<Complex64>,
-    transfer_by_column: &Plane<Complex64>,
     seed: u64,
+    image: impl FnOnce(&Plane<Complex64>) -> Plane<f64>,
 ) -> f64 {
     let region = RegionOfInterest::middle(&grid);
     let mut draws = Draws::new(seed, Stream::Exposure);
@@ -32,7 +31,7 @@ pub(super) fn calibrate(
     let field = Plane::from_fn(grid.height_px(), grid.width_px(), |y, x| {
         source.at(y, x) * Complex64::cis(hologram.at(y, x).arg())
     });
-    let light = pixel_light(&spectrum_by_column(&field, transfer_by_column));
+    let light = image(&field);
     let rows = (0..grid.height_px()).filter_map(|y| region.columns(y).map(|columns| &light.row(y)[columns]));
     let mut values: Vec<f64> = rows.flatten().copied().collect();
     let brightest = values.len() - 1 - values.len() / 1000;

@@ -23,7 +23,7 @@ use rayon::prelude::*;
 use rustfft::FftPlanner;
 
 /// Number of positions along each axis between which transfer functions are interpolated.
-const POSITIONS: usize = 7;
+pub(crate) const POSITIONS: usize = 7;
 
 /// The aberrations of one bench, with drawn properties.
 #[derive(Clone, Debug)]
@@ -65,6 +65,12 @@ impl FieldAberration {
     }
 }
 
+/// For each position along an axis its window: the part of each pixel's light that has its transfer function.
+pub(super) fn windows(side_px: usize) -> Vec<Vec<f64>> {
+    let along = |i| (0..side_px).map(|px| window(i, POSITIONS, position(px, side_px))).collect();
+    (0..POSITIONS).map(along).collect()
+}
+
 /// Computes Σ over positions of H · e^{α + iψ} · F pad( window · u₀ ), with one row for each fx.
 pub(super) fn spectrum_by_column(
     field: &Plane<Complex64>,
@@ -74,10 +80,6 @@ pub(super) fn spectrum_by_column(
     let (height_px, width_px) = (field.height_px(), field.width_px());
     let forward_x = FftPlanner::new().plan_fft_forward(2 * width_px);
     let forward_y = FftPlanner::new().plan_fft_forward(2 * height_px);
-    let windows = |side_px: usize| {
-        let along = |i| (0..side_px).map(|px| window(i, POSITIONS, position(px, side_px))).collect();
-        (0..POSITIONS).map(along).collect::<Vec<Vec<f64>>>()
-    };
     let (along_x, along_y) = (windows(width_px), windows(height_px));
     let rows_through = |window: &Vec<f64>| {
         let mut rows = Plane::filled(height_px, 2 * width_px, Complex64::ZERO);

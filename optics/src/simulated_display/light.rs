@@ -3,10 +3,12 @@
 //! Each step from phase to light has its adjoint beside it, so that a hologram can be optimized through the bench
 //! itself. This is the yardstick for learned models: no model can be better.
 
+use super::all_orders::{self, AllOrders, AxisSize};
 use super::blur::{blurred_along, spread_along};
+use super::field_aberration::FieldAberration;
 use super::modes::Mode;
 use super::placement::View;
-use super::{SimulatedDisplay, field_aberration, pixel_light};
+use super::{Passage, SimulatedDisplay, field_aberration, pixel_light};
 use crate::grid::frequency;
 use crate::interrupt;
 use crate::phase_response::wrap;
@@ -23,8 +25,7 @@ impl SimulatedDisplay {
         let shown = self.shown(phase_displayed)?;
         let mut light = Plane::filled(shown.height_px(), shown.width_px(), 0.0);
         for (swing, mode, scale) in self.images() {
-            let spectrum = self.spectrum(&self.field(&shown, swing, mode), mode);
-            add(&mut light, &pixel_light::pixel_light(&spectrum), scale);
+            add(&mut light, &self.image(&self.field(&shown, swing, mode), mode), scale);
         }
         Ok(self.seen(&light, hours))
     }
@@ -40,9 +41,7 @@ impl SimulatedDisplay {
         let shown = self.shown(phase_displayed)?;
         let mut gradient = Plane::filled(shown.height_px(), shown.width_px(), 0.0);
         for (swing, mode, scale) in self.images() {
-            let spectrum = self.spectrum(&self.field(&shown, swing, mode), mode);
-            let back = pixel_light::pixel_light_adjoint(&spectrum, &in_image_plane);
-            let back = self.spectrum_adjoint(back, mode);
+            let back = self.image_adjoint(&self.field(&shown, swing, mode), mode, &in_image_plane);
             add(&mut gradient, &self.phase_gradient(&shown, swing, mode, &back), scale);
         }
         Ok(spread_along(&gradient, self.crosstalk_px()))
@@ -109,17 +108,44 @@ impl SimulatedDisplay {
         self.source.at(y, x) * dust * Complex64::cis(TAU * tilt + surface_rad)
     }
 
-    /// H · F pad u₀ of a mode, with one row for each fx.
-    fn spectrum(&self, field: &Plane<Complex64>, mode: usize) -> Plane<Complex64> {
-        let transfer = &self.transfers[mode];
+    /// The light of a mode's field on the pixels of a camera in the image plane.
+    fn image(&self, field: &Plane<Complex64>, mode: usize) -> Plane<f64> {
+        match &self.passages[mode] {
+            Passage::FirstOrder(transfer) => pixel_light::pixel_light(&self.spectrum(field, transfer)),
+            Passage::AllOrders(orders) => orders.light(field, &self.field_aberration),
+        }
+    }
+
+    /// [`Self::image`] of the first mode, without aberrations that depend on the position on the modulator.
+    pub(super) fn image_on_axis(&self, field: &Plane<Complex64>) -> Plane<f64> {
+        match &self.passages[0] {
+            Passage::FirstOrder(transfer) => {
+                pixel_light::pixel_light(&pixel_light::spectrum_by_column(field, transfer))
+            }
+            Passage::AllOrders(orders) => orders.light(field, &FieldAberration::draw(self.bench.seed, 0.0)),
+        }
+    }
+
+    /// The derivative of Σ s·I by the conjugate of a mode's field, for s = `slope` and the light I of [`Self::image`].
+    fn image_adjoint(&self, field: &Plane<Complex64>, mode: usize, slope: &Plane<f64>) -> Plane<Complex64> {
+        match &self.passages[mode] {
+            Passage::FirstOrder(transfer) => {
+                let spectrum = self.spectrum(field, transfer);
+                self.spectrum_adjoint(pixel_light::pixel_light_adjoint(&spectrum, slope), transfer)
+            }
+            Passage::AllOrders(orders) => orders.light_adjoint(field, &self.field_aberration, slope),
+        }
+    }
+
+    /// H · F pad u₀, with one row for each fx.
+    fn spectrum(&self, field: &Plane<Complex64>, transfer: &Plane<Complex64>) -> Plane<Complex64> {
         match self.field_aberration.is_none() {
             true => pixel_light::spectrum_by_column(field, transfer),
             false => field_aberration::spectrum_by_column(field, transfer, &self.field_aberration),
         }
     }
 
-    fn spectrum_adjoint(&self, back: Plane<Complex64>, mode: usize) -> Plane<Complex64> {
-        let transfer = &self.transfers[mode];
+    fn spectrum_adjoint(&self, back: Plane<Complex64>, transfer: &Plane<Complex64>) -> Plane<Complex64> {
         match self.field_aberration.is_none() {
             true => pixel_light::spectrum_adjoint(back, transfer),
             false => field_aberration::spectrum_adjoint(&back, transfer, &self.field_aberration),
@@ -163,8 +189,24 @@ impl SimulatedDisplay {
         });
     }
 
+    /// What the light of each mode passes.
+    pub(super) fn passages_of_modes(&self) -> Result<Vec<Passage>> {
+        if !self.setup.orders().are_all() {
+            let first = |mode| Ok(Passage::FirstOrder(self.sampled_transfer(mode)?));
+            return self.modes.iter().map(first).collect();
+        }
+        let sizes = all_orders::sizes(&self.setup, &self.bench);
+        let all = |(mode, size): (&Mode, [AxisSize; 2])| {
+            let setup = self.setup.at_wavelength(mode.wavelength * self.setup.wavelength_m())?;
+            let ghost = self.ghost.map(|ghost| (ghost, mode.ghost));
+            let errors = |x: f64, y: f64| self.aberrations(x, y, mode);
+            Ok(Passage::AllOrders(Box::new(AllOrders::new(&setup, size, self.shift_px, ghost, errors))))
+        };
+        self.modes.iter().zip(sizes).map(all).collect()
+    }
+
     /// H of a mode on the padded grid, with one row for each fx.
-    pub(super) fn sampled_transfer(&self, mode: &Mode) -> Result<Plane<Complex64>> {
+    fn sampled_transfer(&self, mode: &Mode) -> Result<Plane<Complex64>> {
         let (height_px, width_px) = (self.setup.padded_height_px(), self.setup.padded_width_px());
         let pitch_m = self.setup.grid().pixel_pitch_m();
         let ideal = match mode.wavelength {
@@ -193,6 +235,12 @@ impl SimulatedDisplay {
 
     /// The optics' errors of a mode at a frequency in units of the Nyquist frequency.
     pub(super) fn errors(&self, x: f64, y: f64, mode: &Mode) -> Complex64 {
+        let aberrations = self.aberrations(x, y, mode);
+        self.ghost.map_or(aberrations, |ghost| aberrations * ghost.factor(x, y, mode.ghost))
+    }
+
+    /// [`Self::errors`] without the ghost.
+    pub(super) fn aberrations(&self, x: f64, y: f64, mode: &Mode) -> Complex64 {
         let filled = match self.bench.aberrations_at_m {
             0.0 => 1.0,
             distance_m => (self.setup.distance_m() / distance_m).abs(),
@@ -200,8 +248,7 @@ impl SimulatedDisplay {
         // A frequency is a direction in proportion to the wavelength, and an error of the wavefront a phase in inverse
         // proportion.
         let aperture = filled * mode.wavelength;
-        let aberration = self.aberration.at(aperture * x, aperture * y, 1.0 / mode.wavelength);
-        self.ghost.map_or(aberration, |ghost| aberration * ghost.factor(x, y, mode.ghost))
+        self.aberration.at(aperture * x, aperture * y, 1.0 / mode.wavelength)
     }
 }
 

@@ -17,6 +17,7 @@
 //! the image moves along a tilted rail, and the light fills more of the aperture that has the aberrations.
 
 mod aberration;
+mod all_orders;
 mod bench;
 mod blur;
 mod camera;
@@ -39,11 +40,14 @@ pub use bench::SimulatedBench;
 use crate::carrier::Carrier;
 use crate::phase_response::wrap;
 use crate::propagation::SampledTransfer;
-use crate::{OpticalSetup, Plane, Result};
+use crate::{OpticalSetup, Orders, Plane, Result};
 use aberration::Aberration;
+use all_orders::AllOrders;
+pub(crate) use all_orders::{AxisSize, sizes as all_orders_sizes};
 use camera::Camera;
 use draws::{Draws, Stream};
 use field_aberration::FieldAberration;
+pub(crate) use field_aberration::POSITIONS;
 use modes::{Ghost, Mode};
 use modulator::Modulator;
 use num_complex::Complex64;
@@ -62,8 +66,8 @@ pub struct SimulatedDisplay {
     modulator: Modulator,
     ghost: Option<Ghost>,
     modes: Vec<Mode>,
-    /// The transfer function of each mode on the padded grid, with one row for each fx.
-    transfers: Vec<Plane<Complex64>>,
+    /// What the light of each mode passes.
+    passages: Vec<Passage>,
     camera: Camera,
     shift_px: (f64, f64),
     exposure: f64,
@@ -71,6 +75,15 @@ pub struct SimulatedDisplay {
     speckle: Option<Plane<f64>>,
     /// Direction in which the image drifts \[rad\].
     drift_towards: f64,
+}
+
+/// What the light of one mode passes on its way from the modulator to the camera.
+#[derive(Clone)]
+enum Passage {
+    /// The first order, or what a filter passes of it: the transfer function on the padded grid, with one row for each
+    /// fx.
+    FirstOrder(Plane<Complex64>),
+    AllOrders(Box<AllOrders>),
 }
 
 impl SimulatedDisplay {
@@ -85,12 +98,13 @@ impl SimulatedDisplay {
         let mut draws = Draws::new(seed, Stream::Camera);
         let mut shift_px = || misalignment_px * draws.between(-1.0, 1.0);
         let shift_px = (shift_px(), shift_px());
-        let along_rail_px = setup.distance_m() * bench.rail_tilt_deg.to_radians().tan() / setup.grid().pixel_pitch_m();
+        let along_rail_px = all_orders::along_rail_px(&setup, &bench);
         let towards = Draws::new(seed, Stream::Rail).angle();
         let grid = setup.grid();
         let mut display = Self {
             setup,
-            ideal: setup.sampled(),
+            // The sharp end of the band limit does not matter here, and the engine's response of pixels is not wanted.
+            ideal: if setup.orders().are_all() { setup.with_orders(Orders::First)? } else { setup }.sampled(),
             carrier,
             aberration: Aberration::draw(seed, strength),
             field_aberration: FieldAberration::draw(seed, bench.field_aberration_rad),
@@ -100,7 +114,7 @@ impl SimulatedDisplay {
             modulator: Modulator::draw(&grid, seed, strength, bench.response_variation),
             ghost: (bench.ghost_share > 0.0).then(|| Ghost::draw(seed, bench.ghost_share)),
             modes: modes::draw(seed, bench.source_angle_mrad, bench.bandwidth, bench.ghost_share),
-            transfers: Vec::new(),
+            passages: Vec::new(),
             shift_px: (shift_px.0 + along_rail_px * towards.cos(), shift_px.1 + along_rail_px * towards.sin()),
             camera: Camera::draw(&mut draws, &bench),
             exposure: 1.0,
@@ -108,9 +122,9 @@ impl SimulatedDisplay {
             drift_towards: Draws::new(seed, Stream::Drift).angle(),
             bench,
         };
-        display.transfers = display.modes.iter().map(|mode| display.sampled_transfer(mode)).collect::<Result<_>>()?;
+        display.passages = display.passages_of_modes()?;
         let lit = Plane::from_fn(grid.height_px(), grid.width_px(), |y, x| display.lit(y, x, &display.modes[0]));
-        display.exposure = exposure::calibrate(&display.ideal, grid, &lit, &display.transfers[0], seed);
+        display.exposure = exposure::calibrate(&display.ideal, grid, &lit, seed, |field| display.image_on_axis(field));
         Ok(display)
     }
 
@@ -164,7 +178,8 @@ impl SimulatedDisplay {
 
     /// H(fx, fy) with frequencies in 1/m: free space, the aberrations that all pixels share, apodization, and the
     /// camera's shift. If the setup's propagation method is an impulse response, free space has the value of the
-    /// nearest padded bin.
+    /// nearest padded bin. On a display that shows all orders this is what the light of the first order meets, without
+    /// the size of the pixels.
     #[must_use]
     pub fn true_transfer(&self, fx: f64, fy: f64) -> Complex64 {
         self.transfer(&self.ideal, &self.modes[0], fx, fy)

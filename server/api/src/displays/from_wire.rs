@@ -45,9 +45,7 @@ pub(crate) fn display(call: &Call, message: v1::Display, field: &Field) -> Resul
         carrier: at("carrier").enum_value(message.carrier)?,
         orders: match message.orders {
             None => Orders::First,
-            Some(display::Orders::AllOrders(all)) => {
-                all_orders(&at("all_orders"), all, bench.is_some(), message.carrier != 0)?
-            }
+            Some(display::Orders::AllOrders(all)) => all_orders(&at("all_orders"), all, message.carrier != 0)?,
             Some(display::Orders::OrderFilter(filter)) => order_filter(&at("order_filter"), filter)?,
         },
         notes: at("notes").text(message.notes, NOTES_BYTES_MAX)?,
@@ -55,17 +53,9 @@ pub(crate) fn display(call: &Call, message: v1::Display, field: &Field) -> Resul
     })
 }
 
-fn all_orders(
-    field: &Field,
-    message: v1::AllOrders,
-    is_simulated: bool,
-    has_carrier: bool,
-) -> Result<Orders, ApiError> {
+fn all_orders(field: &Field, message: v1::AllOrders, has_carrier: bool) -> Result<Orders, ApiError> {
     if has_carrier {
         return Err(field.invalid("is given, but a carrier needs optics that let only one half of the orders through"));
-    }
-    if is_simulated {
-        return Err(field.invalid("is given, but simulated benches show only the first diffraction order"));
     }
     let fill = |name, value: f64| {
         let field = field.at(name);
@@ -192,8 +182,8 @@ mod tests {
 
     #[test]
     fn all_orders_survive_conversion_with_defaults_filled_in() {
-        let orders = Some(all(0.93, 0.0));
-        let message = v1::Display { orders, simulated_bench: None, carrier: 0, ..message() };
+        // On a simulated display, too.
+        let message = v1::Display { orders: Some(all(0.93, 0.0)), carrier: 0, ..message() };
         let domain = display(&Call::without_token(), message, &Field::new("display")).unwrap();
         assert_eq!(domain.orders, Orders::All { fill_factor_x: 0.93, fill_factor_y: 1.0 });
         let converted = to_wire::display(domain.clone(), 1_500);
@@ -230,13 +220,6 @@ mod tests {
             (
                 refusal(|d| {
                     d.carrier = 0;
-                    d.orders = Some(all(0.0, 0.0));
-                }),
-                "display.all_orders is given, but simulated",
-            ),
-            (
-                refusal(|d| {
-                    (d.simulated_bench, d.carrier) = (None, 0);
                     d.orders = Some(all(1.2, 1.0));
                 }),
                 "display.all_orders.fill_factor_x is 1.2, but",

@@ -21,7 +21,7 @@ use lightpath_media::{captures, kernel_file};
 use lightpath_optics::learning::KernelModel;
 use lightpath_optics::memory::EngineSize;
 use lightpath_optics::propagation::ConvolutionMethod;
-use lightpath_optics::{Detector, DisplayModel, KernelShape, RegionOfInterest};
+use lightpath_optics::{Detector, DisplayModel, KernelShape, OpticalSetup, RegionOfInterest};
 use lightpath_store::StoreError;
 
 const MIB: f64 = 1_048_576.0;
@@ -101,7 +101,12 @@ impl Api {
             let dataset = self.store.dataset(id).await?;
             let own = self.ideal_engine(&display, &key_of(&dataset), spec.detector, None)?;
             let before: EngineSize = engine.unwrap_or(own);
-            engine = Some(EngineSize { sampling_bytes: before.sampling_bytes.max(own.sampling_bytes), ..own });
+            let sampling_bytes = before.sampling_bytes.max(own.sampling_bytes);
+            // A bench of all orders takes the most memory at the smallest distance.
+            let distance_m = |setup: &OpticalSetup| setup.distance_m().abs();
+            let setups = before.orders_setup.into_iter().chain(own.orders_setup);
+            let orders_setup = setups.min_by(|a, b| distance_m(a).total_cmp(&distance_m(b)));
+            engine = Some(EngineSize { sampling_bytes, orders_setup, ..own });
             pairs.push(PairsSize::of(&dataset, &display));
         }
         let Some(engine) = engine else { return Err(StoreError::NotFound { resource: "datasets".to_owned() }.into()) };
