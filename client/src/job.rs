@@ -141,6 +141,8 @@ results! {
     prepare_result: Prepare(PrepareResult);
     /// Returns the report of a kernel version.
     report_result: Report(ReportResult);
+    /// Returns the holograms that a job suggests.
+    suggest_result: Suggest(SuggestResult);
     /// Returns the judgement of a job's holograms.
     verify_result: Verify(VerifyResult);
 }

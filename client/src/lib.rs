@@ -50,6 +50,6 @@ pub use digest::digest_of;
 pub use error::{Error, FieldViolation, Refusal, Result};
 pub use job::{
     JobChange, capture_result, evaluate_result, has_ended, hologram_result, job_spec, learn_result, prepare_result,
-    report_result, verify_result,
+    report_result, suggest_result, verify_result,
 };
 pub use lightpath_proto::{Word, Words, v1};

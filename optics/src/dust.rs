@@ -67,6 +67,12 @@ impl Dust {
         }
     }
 
+    /// The exponents of the factors with these steps: the logarithm of the amplitude and the phase of each pixel in
+    /// turn.
+    pub(crate) fn exponents_of(steps: &Plane<[i16; 2]>) -> Vec<f32> {
+        steps.values().as_flattened().iter().map(|&step| (f64::from(step) * Self::STEP) as f32).collect()
+    }
+
     /// The factor of one pixel's A and B.
     pub(crate) fn factor_of(steps: [i16; 2]) -> Complex64 {
         let [log_amplitude, phase] = steps.map(|step| f64::from(step) * Self::STEP);

@@ -86,6 +86,7 @@ mod batch_fft;
 mod buffers;
 pub mod carrier;
 pub mod chebyshev;
+mod cholesky;
 mod convolution;
 pub mod crosstalk;
 pub mod detector;

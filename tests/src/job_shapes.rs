@@ -204,15 +204,20 @@ async fn dataset_specs(
         ..Default::default()
     };
     let kernel_version = format!("{}/kernels/515nm-50mm/versions/1", names::display("lab"));
-    vec![
+    let mut jobs = vec![
         ("finalize", job_spec::Kind::PrepareDataset(v1::PrepareDataset { dataset: dataset.clone(), step })),
         ("learn", job_spec::Kind::LearnKernel(learn)),
         (
             "evaluate",
             job_spec::Kind::EvaluateKernel(v1::EvaluateKernel { dataset, kernel: "1".into(), ..Default::default() }),
         ),
-        ("report", job_spec::Kind::ReportKernel(v1::ReportKernel { kernel_version })),
-    ]
+        ("report", job_spec::Kind::ReportKernel(v1::ReportKernel { kernel_version: kernel_version.clone() })),
+    ];
+    if smooth {
+        let suggest = v1::SuggestHolograms { kernel_version, ..Default::default() };
+        jobs.push(("suggest", job_spec::Kind::SuggestHolograms(suggest)));
+    }
+    jobs
 }
 
 async fn dense_report_spec(client: &Client, size_px: (u32, u32), others: u32) -> job_spec::Kind {

@@ -6,6 +6,7 @@ mod import;
 mod layouts;
 mod manifest;
 mod show;
+mod suggest;
 
 use super::arguments::{Limit, Optics, above_zero};
 use super::failure::Failure;
@@ -33,6 +34,7 @@ pub(crate) enum DatasetCommand {
     Calibration(align::Calibration),
     Align(align::Align),
     Finalize(Finalize),
+    Suggest(suggest::Suggest),
     /// Show a dataset with its pairs
     Show(Name),
     /// List datasets
@@ -129,6 +131,7 @@ impl DatasetCommand {
             Self::Calibration(calibration) => calibration.run(session).await,
             Self::Align(align) => align.run(session).await,
             Self::Finalize(finalize) => finalize.run(session).await,
+            Self::Suggest(suggest) => suggest.run(session).await,
             Self::Show(name) => {
                 let request = v1::GetDatasetRequest { name: names::dataset(&name.name) };
                 session.print(&session.client.get_dataset(request).await?, facts)

@@ -2,7 +2,7 @@
 
 use super::failure::Failure;
 use super::table::{Facts, Table};
-use super::{dataset, propagation_text, quality_text, show};
+use super::{dataset, propagation_text, quality_text, show, strengths_text};
 use lightpath::v1::prepare_dataset::{Step, align::Source};
 use lightpath::v1::{self, Job, job::State, job_result, job_spec};
 use lightpath::{Words as _, names, units};
@@ -20,6 +20,7 @@ pub(crate) fn kind(job: &Job) -> &'static str {
             Some(Step::Align(_)) | None => "align dataset",
         },
         Some(job_spec::Kind::ReportKernel(_)) => "report kernel",
+        Some(job_spec::Kind::SuggestHolograms(_)) => "suggest holograms",
         Some(job_spec::Kind::VerifyHologram(_)) => "verify hologram",
         None => "unknown",
     }
@@ -34,6 +35,7 @@ pub(crate) fn subject(job: &Job) -> &str {
         Some(job_spec::Kind::EvaluateKernel(spec)) => names::id(&spec.dataset),
         Some(job_spec::Kind::PrepareDataset(spec)) => names::id(&spec.dataset),
         Some(job_spec::Kind::ReportKernel(spec)) => spec.kernel_version.trim_start_matches("displays/"),
+        Some(job_spec::Kind::SuggestHolograms(spec)) => spec.kernel_version.trim_start_matches("displays/"),
         Some(job_spec::Kind::VerifyHologram(spec)) => names::id(&spec.job),
         None => "–",
     }
@@ -120,6 +122,7 @@ pub(crate) fn facts(job: &Job) -> String {
             facts.add("arrays", &result.arrays);
             facts.add("pictures", result.figures.len().to_string());
         }
+        Some(job_result::Kind::Suggest(result)) => text = format!("\n{}", quality_text::suggestions(result)),
         Some(job_result::Kind::Verify(result)) => text = format!("\n{}", quality_text::opinions(result)),
         None => {}
     }
@@ -165,6 +168,7 @@ fn spec_facts(job: &Job, facts: &mut Facts) {
             facts.add("work", preparation(spec));
         }
         Some(job_spec::Kind::ReportKernel(spec)) => facts.add("kernel", &spec.kernel_version),
+        Some(job_spec::Kind::SuggestHolograms(spec)) => facts.add("kernel", &spec.kernel_version),
         Some(job_spec::Kind::VerifyHologram(spec)) => facts.add("hologram job", names::id(&spec.job)),
         None => {}
     }
@@ -247,29 +251,7 @@ fn learn_facts(result: &v1::LearnResult, facts: &mut Facts) {
     if result.order > 0 {
         facts.add("order", result.order.to_string());
     }
-    if let Some(blocks) = &result.blocks {
-        if let Some(rms) = blocks.surface_rms_rad {
-            facts.add("fine source", format!("surface of {rms:.2} rad RMS"));
-        }
-        if let (Some(x), Some(y)) = (blocks.crosstalk_x_px, blocks.crosstalk_y_px) {
-            facts.add("cross-talk", format!("σ {x:.2} px along x, {y:.2} px along y"));
-        }
-        if let Some(rms) = blocks.response_variation_rms {
-            facts.add("uneven response", format!("{:.1} % RMS", 100.0 * rms));
-        }
-        if let Some(share) = blocks.ghost_share {
-            facts.add("ghost", format!("{:.1} % of the light", 100.0 * share));
-        }
-        if let (Some(x), Some(y)) = (blocks.image_spread_x_px, blocks.image_spread_y_px) {
-            facts.add("partly coherent", format!("images of several modes, σ {x:.2} px along x, {y:.2} px along y"));
-        }
-        if let Some(contrast) = blocks.dust_contrast {
-            facts.add("dust and fringes", format!("contrast of {:.1} %", 100.0 * contrast));
-        }
-        if blocks.kernel_varies {
-            facts.add("kernel", "varies over the modulator");
-        }
-    }
+    strengths_text::add(result, facts);
 }
 
 fn prepare_facts(result: &v1::PrepareResult, facts: &mut Facts) {

@@ -2,8 +2,8 @@
 //!
 //! - `arguments`, `words`, `submission`, `kernel_choice`: command-line arguments.
 //! - `session`: the connection and the two forms of output. `failure`: exit codes and error output.
-//! - `table`, `show`, `job_text`, `quality_text`, `propagation_text`: text output for people. `progress`: waiting for jobs,
-//!   with progress bars. `destination`: paths of output files.
+//! - `table`, `show`, `job_text`, `quality_text`, `strengths_text`, `propagation_text`: text output for people.
+//!   `progress`: waiting for jobs, with progress bars. `destination`: paths of output files.
 
 mod arguments;
 mod dataset;
@@ -23,6 +23,7 @@ mod queue;
 mod session;
 mod show;
 mod simulate;
+mod strengths_text;
 mod submission;
 mod table;
 mod words;

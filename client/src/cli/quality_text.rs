@@ -3,7 +3,7 @@
 use super::show;
 use super::table::{Facts, Table};
 use lightpath::v1::{
-    KernelMetrics, PropagationMethod, Quality, SecondOpinion, VerifyResult, hologram_result::PlaneResult,
+    KernelMetrics, PropagationMethod, Quality, SecondOpinion, SuggestResult, VerifyResult, hologram_result::PlaneResult,
 };
 use lightpath::{Words as _, units};
 
@@ -81,6 +81,28 @@ pub(crate) fn parts(metrics: &KernelMetrics) -> String {
         table.row([part.part().word().replace('-', " "), show::decibel(part.cost_db), range]);
     }
     table.text()
+}
+
+/// A table of the holograms to photograph next.
+pub(crate) fn suggestions(found: &SuggestResult) -> String {
+    let mut table =
+        Table::new(&[">hologram", "picture", ">phase range", ">error", "tells most about", ">error by this part"]);
+    for (index, hologram) in found.holograms.iter().enumerate() {
+        table.row([
+            (index + 1).to_string(),
+            hologram.picture.clone(),
+            format!("{:.2} rad", hologram.phase_range_rad),
+            format!("{:+.1} dB", hologram.error_db),
+            hologram.part().word().replace('-', " "),
+            format!("{:+.1} dB", hologram.part_db),
+        ]);
+    }
+    let count = found.holograms.len();
+    format!(
+        "{}These {count} tell as much as {:.0} more holograms like those of the dataset.\n",
+        table.text(),
+        found.worth_photographs
+    )
 }
 
 /// A table of the opinions on each picture, for each detector.

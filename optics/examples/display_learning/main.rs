@@ -18,8 +18,8 @@
 //! be better. With `--judge light`, the PSNR is that of the light on the camera instead of that of its photograph; the
 //! camera's response bends photographs only.
 //!
-//! With `--orders all`, the displays show all orders of their pixels. No single transfer function describes them, so the
-//! line of the true one is left out.
+//! With `--orders all`, the displays show all orders of their pixels. No single transfer function describes them, so
+//! the line of the true one is left out.
 #![allow(clippy::print_stdout)] // an example prints its results
 
 mod camera_mistakes;

@@ -14,7 +14,7 @@ use crate::convolution::{Kernels, Transfer};
 use crate::engine::{EngineCore, Fields, Mode, kernel_grid, tabulate_gain, tabulate_source};
 use crate::photometry::Sums;
 use crate::slm::{BLOCK, BlockResponse, ShownRow, Slm};
-use crate::{Detector, DisplayModel, Error, Ghost, KernelShape, OpticalSetup};
+use crate::{Detector, DisplayModel, Dust, Error, Ghost, KernelShape, OpticalSetup};
 use num_complex::{Complex, Complex64};
 use pulp::Arch;
 use rayon::prelude::*;
@@ -133,6 +133,11 @@ impl<T: Real> Fit<T> {
             Complex::new(T::of(factor.re), T::of(factor.im))
         };
         self.dust = exponents.map(|exponents| exponents.as_chunks().0.par_iter().map(factor).collect());
+    }
+
+    /// [`Self::set_dust`] to that of a display.
+    pub(super) fn set_dust_of(&mut self, model: &DisplayModel) {
+        self.set_dust(model.dust.steps().map(Dust::exponents_of).as_deref());
     }
 
     pub(super) fn set(&mut self, plane: usize, parameters: &[f64]) {

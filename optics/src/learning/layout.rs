@@ -6,7 +6,7 @@
 //! further mode of light ln(w_m/w_0), α_m and ψ_m. The model `smooth` has the kernel only. Gain and offset are not in
 //! θ: each photograph has its own.
 
-use super::{Blocks, KernelModel};
+use super::{Blocks, KernelModel, ModelPart};
 use crate::chebyshev::ChebyshevBasis;
 use crate::convolution::Real;
 use crate::spatial_variation::local_kernels;
@@ -149,6 +149,22 @@ impl Layout {
     /// Start of the coefficients of the errors of further mode `m`.
     pub(super) fn mode_errors(&self, m: usize) -> usize {
         self.mode_light(m) + 1
+    }
+
+    /// The parameters of each part of the display.
+    pub(super) fn parts(&self) -> Vec<(ModelPart, Range<usize>)> {
+        let parts = [
+            (ModelPart::TransferFunction, 0..self.source()),
+            (ModelPart::Source, self.source()..self.response()),
+            (ModelPart::PhaseResponse, self.response()..self.zero_order()),
+            (ModelPart::ZeroOrder, self.zero_order()..self.crosstalk()),
+            (ModelPart::Crosstalk, self.crosstalk()..self.response_variation()),
+            (ModelPart::UnevenResponse, self.response_variation()..self.ghost()),
+            (ModelPart::Ghost, self.ghost()..self.variation(0)),
+            (ModelPart::VaryingTransferFunction, self.variation(0)..self.mode_light(0)),
+            (ModelPart::PartialCoherence, self.mode_light(0)..self.len()),
+        ];
+        parts.into_iter().filter(|(_, range)| !range.is_empty()).collect()
     }
 
     /// The value of the parameter at a position of θ, moved into its limits.

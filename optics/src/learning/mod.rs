@@ -30,6 +30,7 @@ mod parts;
 mod schedule;
 mod screening;
 mod smooth_transfer;
+mod suggestion;
 mod uncertainty;
 
 /// Sizes that determine the memory of a fit.
@@ -44,7 +45,8 @@ pub use along_z::interpolated;
 pub use blocks::{Block, BlockStrengths, Blocks};
 pub use pair::{BoxError, Pair, PairSource, compare, unsaturated_px};
 pub use parts::{ModelPart, PartCost, without_each_part};
-pub use uncertainty::{ResponseCovariance, ResponseUncertainty};
+pub use suggestion::{HologramChoice, Suggestion};
+pub use uncertainty::{ModelUncertainty, ResponseCovariance, StrengthUncertainty};
 
 use crate::carrier::Carrier;
 use crate::{Detector, DisplayModel, Error, OpticalSetup, RegionOfInterest};

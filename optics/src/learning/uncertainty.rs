@@ -1,29 +1,43 @@
-//! Uncertainty of a learned phase response.
+//! Uncertainty of a learned model.
 //!
 //! ```text
-//! C = A⁻¹ [ Σ_p (g_p − ḡ)(g_p − ḡ)ᵀ ] A⁻¹ / (P (P − 1)),   var r(φ) = vᵀ C v,   v = ∂r/∂θ: sin kφ at a_k, cos kφ at b_k, else 0
+//! C = A⁻¹ [ Σ_p (g_p − ḡ)(g_p − ḡ)ᵀ ] A⁻¹ / (P (P − 1)),   var f(θ) = vᵀ C v,   v = ∂f/∂θ
 //! ```
 //!
 //! g_p is the gradient of pair p's loss at the learned θ, ḡ the mean over the P pairs, A the curvature of the loss. To
 //! first order, this is the scatter of the fits that leave out one photograph each. It needs no model of the noise,
 //! includes what the model cannot describe, and counts each photograph once, whatever its number of pixels. H. White,
 //! Econometrica 50, 1 (1982).
+//!
+//! θ can have parameters that the model lacks, such as cross-talk, with the value 0. Their scatter says how much of
+//! them the photographs could hide.
 
 use super::fit::Fit;
 use super::layout::{HARMONICS, Layout};
 use super::pair::{Example, Pair};
 use super::parametric::{CURVATURE_PAIRS, CURVATURE_PX};
-use super::{Blocks, KernelModel};
+use super::{Block, BlockStrengths, Blocks, KernelModel};
 use crate::carrier::Carrier;
-use crate::optimizer::damped::{FLOOR, solve};
-use crate::{Detector, DisplayModel, Error, KernelShape, RegionOfInterest};
+use crate::chebyshev::position;
+use crate::cholesky::Cholesky;
+use crate::optimizer::damped::FLOOR;
+use crate::{Crosstalk, Detector, DisplayModel, Error, KernelShape, RegionOfInterest, ResponseVariation};
+use serde::{Deserialize, Serialize};
+use std::ops::Range;
 
 /// Fewest pairs from which the scatter between pairs can be estimated.
 const PAIRS_MIN: usize = 3;
+/// Change of a parameter by which the slope of a strength is computed.
+const CHANGE: f64 = 1e-4;
+/// Number of standard deviations that a part can have without being noticed.
+const HIDDEN_DEVIATIONS: f64 = 2.0;
 
-/// Estimator of the uncertainty of a model's phase response. Pairs are added one after the other.
+/// Estimator of the uncertainty of a learned model. Pairs are added one after the other.
 #[derive(Debug)]
-pub struct ResponseUncertainty {
+pub struct ModelUncertainty {
+    model: DisplayModel,
+    /// Layout of the model. That of the fit has cross-talk and an uneven response besides.
+    layout: Layout,
     fit: Fit<f32>,
     region: RegionOfInterest,
     /// Sum of the curvatures of the first pairs, row after row.
@@ -39,7 +53,27 @@ pub struct ResponseCovariance {
     matrix: [[f64; 2 * HARMONICS]; 2 * HARMONICS],
 }
 
-impl ResponseUncertainty {
+/// Uncertainty of the strengths of a model's blocks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct StrengthUncertainty {
+    /// One standard deviation of the strength of each block that the model has; `None` for dust, and for blocks that it
+    /// lacks.
+    pub deviations: BlockStrengths,
+    /// Two standard deviations of the strength of cross-talk and of an uneven response, if the model lacks them: with
+    /// less, the photographs would look the same.
+    pub hidden: BlockStrengths,
+}
+
+/// Scatter of some parameters between fits that leave out one pair each.
+struct Scatter<'a> {
+    positions: Vec<usize>,
+    curvature: Cholesky,
+    gradients: &'a [Vec<f64>],
+    mean: Vec<f64>,
+}
+
+impl ModelUncertainty {
     /// An estimator for pairs that `model` was learned from. `None` for a model without a learned response, or of
     /// another shape.
     ///
@@ -53,19 +87,14 @@ impl ResponseUncertainty {
         region: RegionOfInterest,
     ) -> Result<Option<Self>, Error> {
         model.validate()?;
-        let KernelShape::Smooth(kernel) = &model.kernel else { return Ok(None) };
-        let layout = Layout::of(KernelModel::Display, kernel.order, Blocks::of(model));
-        let is_of_layout = (model.source.order, model.response.len()) == (layout.source.order(), layout.harmonics)
-            && [0, layout.response_variation].contains(&model.response_variation.coefficients.len())
-            && model.coherence.modes().len() == layout.modes
-            && model.coherence.modes().iter().all(|mode| mode.errors.order == layout.mode.order());
-        if !is_of_layout {
-            return Ok(None);
-        }
-        let mut fit = Fit::new(vec![model.setup], layout, detector, carrier)?;
-        fit.set(0, &layout.parameters(model));
-        let curvature = vec![0.0; layout.len() * layout.len()];
-        Ok(Some(Self { fit, region, curvature, gradients: Vec::new() }))
+        let Some(layout) = layout_of(model) else { return Ok(None) };
+        let blocks = layout.blocks.with(Block::Crosstalk).with(Block::UnevenResponse);
+        let extended = Layout::of(KernelModel::Display, layout.kernel.order(), blocks);
+        let mut fit = Fit::new(vec![model.setup], extended, detector, carrier)?;
+        fit.set_dust_of(model);
+        fit.set(0, &extended.parameters(model));
+        let curvature = vec![0.0; extended.len() * extended.len()];
+        Ok(Some(Self { model: model.clone(), layout, fit, region, curvature, gradients: Vec::new() }))
     }
 
     /// Adds a pair.
@@ -86,36 +115,173 @@ impl ResponseUncertainty {
         Ok(())
     }
 
-    /// The covariance estimated from the pairs. `None` for fewer than three pairs, or pairs that do not determine the
+    /// The covariance of the phase response. `None` for fewer than three pairs, or pairs that do not determine the
     /// response.
     #[must_use]
-    pub fn covariance(&self) -> Option<ResponseCovariance> {
+    pub fn response(&self) -> Option<ResponseCovariance> {
+        let (scatter, first) = (self.scatter(0..0)?, self.fit.layout.response());
+        let changes: [Vec<f64>; 2 * HARMONICS] = std::array::from_fn(|i| scatter.changes(&[(first + i, 1.0)]));
+        Some(ResponseCovariance {
+            matrix: std::array::from_fn(|a| std::array::from_fn(|b| scatter.covariance(&changes[a], &changes[b]))),
+        })
+    }
+
+    /// The uncertainty of the strengths of the model's blocks. `None` for fewer than three pairs, or pairs that do not
+    /// determine the model.
+    #[must_use]
+    pub fn strengths(&self) -> Option<StrengthUncertainty> {
+        let (all, has) = (self.fit.layout, self.layout.blocks);
+        let scatter = self.scatter(0..0)?;
+        let variation = |scatter: &Scatter<'_>| scatter.response_variation(&all);
+        let of_light = |axis: usize| {
+            self.deviation(&scatter, all.mode_light(0)..all.len(), |strengths| {
+                strengths.image_spread_px?.get(axis).copied()
+            })
+        };
+        let deviations = BlockStrengths {
+            surface_rms_rad: self
+                .deviation(&scatter, all.source()..all.response(), |strengths| strengths.surface_rms_rad),
+            crosstalk_px: has.crosstalk.then(|| scatter.crosstalk_px(&all, &self.model.crosstalk)),
+            response_variation_rms: has.uneven_response.then(|| variation(&scatter)),
+            image_spread_px: of_light(0).zip(of_light(1)).map(|(x, y)| [x, y]),
+            ghost_share: self.deviation(&scatter, all.ghost()..all.variation(0), |strengths| strengths.ghost_share),
+            ..BlockStrengths::default()
+        };
+        let with = |range: Range<usize>| self.scatter(range);
+        let hidden = BlockStrengths {
+            crosstalk_px: match has.crosstalk {
+                true => None,
+                false => {
+                    with(all.crosstalk()..all.response_variation()).map(|scatter| scatter.hidden_crosstalk_px(&all))
+                }
+            },
+            response_variation_rms: match has.uneven_response {
+                true => None,
+                false => {
+                    with(all.response_variation()..all.ghost()).map(|scatter| HIDDEN_DEVIATIONS * variation(&scatter))
+                }
+            },
+            ..BlockStrengths::default()
+        };
+        Some(StrengthUncertainty { deviations, hidden })
+    }
+
+    /// Standard deviation of a strength that depends on a range of θ; `None` if the model lacks its block.
+    fn deviation(
+        &self,
+        scatter: &Scatter<'_>,
+        range: Range<usize>,
+        strength: impl Fn(&BlockStrengths) -> Option<f64>,
+    ) -> Option<f64> {
+        strength(&BlockStrengths::of(&self.model))?;
+        let (layout, theta) = (&self.fit.layout, self.fit.layout.parameters(&self.model));
+        let at = |position: usize, change: f64| {
+            let mut theta = theta.clone();
+            theta[position] += change;
+            strength(&BlockStrengths::of(&layout.model(&self.model.setup, (1.0, 0.0), &theta)))
+        };
+        let slope = |position| Some((at(position, CHANGE)? - at(position, -CHANGE)?) / (2.0 * CHANGE));
+        let slopes: Option<Vec<(usize, f64)>> =
+            range.map(|position| slope(position).map(|slope| (position, slope))).collect();
+        Some(scatter.deviation(&slopes?))
+    }
+
+    /// The scatter of the model's own parameters and of those in a range. `None` for fewer than three pairs, or pairs
+    /// that do not determine them.
+    fn scatter(&self, besides: Range<usize>) -> Option<Scatter<'_>> {
         let pairs = self.gradients.len();
         if pairs < PAIRS_MIN {
             return None;
         }
-        let (n, first) = (self.fit.layout.len(), self.fit.layout.response());
+        let own = self.layout.converted(&vec![1.0; self.layout.len()], &self.fit.layout);
+        let positions: Vec<usize> = (0..own.len()).filter(|at| own[*at] == 1.0 || besides.contains(at)).collect();
+        let (n, all) = (positions.len(), own.len());
+        let at = |a: usize, b: usize| self.curvature[a * all + b] / CURVATURE_PAIRS.min(pairs) as f64;
         let mut curvature: Vec<f64> =
-            self.curvature.iter().map(|sum| sum / CURVATURE_PAIRS.min(pairs) as f64).collect();
+            positions.iter().flat_map(|&a| positions.iter().map(move |&b| at(a, b))).collect();
         let largest = (0..n).map(|i| curvature[i * n + i]).fold(0.0, f64::max);
         (0..n).for_each(|i| curvature[i * n + i] += FLOOR * largest);
-        let mean: Vec<f64> =
-            (0..n).map(|i| self.gradients.iter().map(|gradient| gradient[i]).sum::<f64>() / pairs as f64).collect();
-
-        // First-order change of each coefficient when a pair is left out, times P.
-        let mut changes = Vec::with_capacity(2 * HARMONICS);
-        for coefficient in first..first + 2 * HARMONICS {
-            let unit = (0..n).map(|i| f64::from(u8::from(i == coefficient))).collect();
-            let row = solve(curvature.clone(), unit)?;
-            let along = |gradient: &Vec<f64>| -> f64 {
-                row.iter().zip(gradient.iter().zip(&mean)).map(|(a, (g, mean))| a * (g - mean)).sum()
-            };
-            changes.push(self.gradients.iter().map(along).collect::<Vec<f64>>());
-        }
-        let scale = 1.0 / (pairs * (pairs - 1)) as f64;
-        let product = |a: usize, b: usize| changes[a].iter().zip(&changes[b]).map(|(a, b)| a * b).sum::<f64>() * scale;
-        Some(ResponseCovariance { matrix: std::array::from_fn(|a| std::array::from_fn(|b| product(a, b))) })
+        let mean = (0..all).map(|i| self.gradients.iter().map(|g| g[i]).sum::<f64>() / pairs as f64).collect();
+        Some(Scatter { positions, curvature: Cholesky::of(curvature, n)?, gradients: &self.gradients, mean })
     }
+}
+
+impl Scatter<'_> {
+    /// First-order change, when a pair is left out, of a function with these slopes by parameters, times P.
+    fn changes(&self, slopes: &[(usize, f64)]) -> Vec<f64> {
+        let slope = |at: &usize| slopes.iter().filter(|(of, _)| of == at).map(|(_, slope)| slope).sum();
+        let row = self.curvature.solve(self.positions.iter().map(slope).collect());
+        let change = |gradient: &Vec<f64>| {
+            self.positions.iter().zip(&row).map(|(&at, a)| a * (gradient[at] - self.mean[at])).sum()
+        };
+        self.gradients.iter().map(change).collect()
+    }
+
+    /// Covariance of two functions with these changes.
+    fn covariance(&self, a: &[f64], b: &[f64]) -> f64 {
+        let pairs = self.gradients.len();
+        a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>() / (pairs * (pairs - 1)) as f64
+    }
+
+    /// Standard deviation of a function with these slopes by parameters.
+    fn deviation(&self, slopes: &[(usize, f64)]) -> f64 {
+        let changes = self.changes(slopes);
+        self.covariance(&changes, &changes).sqrt()
+    }
+
+    /// Standard deviation of the cross-talk's q along x and along y.
+    fn crosstalk_ratios(&self, layout: &Layout) -> [f64; 2] {
+        [0, 1].map(|axis| self.deviation(&[(layout.crosstalk() + axis, 1.0)]))
+    }
+
+    /// Standard deviation of the cross-talk's σ along x and along y \[px\]: half the distance between the σ of the
+    /// limits of q, because σ changes infinitely fast at q = 0.
+    fn crosstalk_px(&self, layout: &Layout, crosstalk: &Crosstalk) -> [f64; 2] {
+        let (ratios, deviations) = (crosstalk.ratios(), self.crosstalk_ratios(layout));
+        let moved = |by: f64| sigma_px(std::array::from_fn(|axis| ratios[axis] + by * deviations[axis]));
+        let (most, least) = (moved(1.0), moved(-1.0));
+        std::array::from_fn(|axis| (most[axis] - least[axis]) / 2.0)
+    }
+
+    /// σ of the most cross-talk that could be hidden along x and along y \[px\].
+    fn hidden_crosstalk_px(&self, layout: &Layout) -> [f64; 2] {
+        sigma_px(self.crosstalk_ratios(layout).map(|deviation| HIDDEN_DEVIATIONS * deviation))
+    }
+
+    /// Root mean square over the SLM of the standard deviation of the response's variation v.
+    fn response_variation(&self, layout: &Layout) -> f64 {
+        /// Number of places along each axis.
+        const SIDE: usize = 8;
+        let range = layout.response_variation()..layout.ghost();
+        let variance = |x: f64, y: f64| {
+            let slope = |term: usize| {
+                let mut coefficients = vec![0.0; range.len()];
+                coefficients[term] = 1.0;
+                ResponseVariation { order: super::layout::RESPONSE_VARIATION_ORDER, coefficients }.value(x, y)
+            };
+            let slopes: Vec<_> = (0..range.len()).map(|term| (range.start + term, slope(term))).collect();
+            self.deviation(&slopes).powi(2)
+        };
+        let places = (0..SIDE * SIDE).map(|i| (position(i % SIDE, SIDE), position(i / SIDE, SIDE)));
+        (places.map(|(x, y)| variance(x, y)).sum::<f64>() / (SIDE * SIDE) as f64).sqrt()
+    }
+}
+
+/// σ along x and along y \[px\] of cross-talk with these q, moved into their limits.
+fn sigma_px(ratios: [f64; 2]) -> [f64; 2] {
+    let [ratio_x, ratio_y] = ratios.map(|q| q.clamp(0.0, Crosstalk::RATIO_MAX));
+    Crosstalk { ratio_x, ratio_y }.sigma_px()
+}
+
+/// The layout of a learned model with a phase response; `None` for a model of another shape.
+pub(super) fn layout_of(model: &DisplayModel) -> Option<Layout> {
+    let KernelShape::Smooth(kernel) = &model.kernel else { return None };
+    let layout = Layout::of(KernelModel::Display, kernel.order, Blocks::of(model));
+    let is_of_layout = (model.source.order, model.response.len()) == (layout.source.order(), layout.harmonics)
+        && [0, layout.response_variation].contains(&model.response_variation.coefficients.len())
+        && model.coherence.modes().len() == layout.modes
+        && model.coherence.modes().iter().all(|mode| mode.errors.order == layout.mode.order());
+    is_of_layout.then_some(layout)
 }
 
 impl ResponseCovariance {

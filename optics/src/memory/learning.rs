@@ -49,6 +49,18 @@ impl LearningSize {
     /// Memory of a fit, besides the pairs.
     #[must_use]
     pub fn fit_bytes(&self) -> u64 {
+        let stages = self.correlation_bytes().max(self.curvature_bytes() + self.ghost_bytes()).max(self.dust_bytes());
+        self.evaluated_bytes() + if self.model.is_smooth() { self.smooth_bytes() + stages } else { self.bins_bytes() }
+    }
+
+    /// Memory of a smooth model of which only curvatures are computed, besides the pairs.
+    #[must_use]
+    pub fn weighed_bytes(&self) -> u64 {
+        self.evaluated_bytes() + self.smooth_bytes() + self.curvature_bytes() + self.ghost_bytes()
+    }
+
+    /// What every model needs to be compared with a photograph.
+    fn evaluated_bytes(&self) -> u64 {
         let (engine, n) = (self.engine(), self.engine.pixels());
         // Phase, photograph and weights of an example, and the pair it is made from.
         let example = (3 + 2) * n * REAL;
@@ -57,25 +69,26 @@ impl LearningSize {
         // Light, its slopes, and what returns to the SLM.
         let light = 2 * engine.detector.light_planes() as u64 * n * REAL;
         let modes = if engine.modes > 1 { light + engine.half_spectrum_bytes(1) } else { 0 };
-        buffers + back + modes + example + if self.model.is_smooth() { self.smooth_bytes() } else { self.bins_bytes() }
+        buffers + back + modes + example
     }
 
-    /// What a smooth model needs in addition: ideal transfer functions, spectra, derivatives.
+    /// What a smooth model needs in addition: ideal transfer functions and spectra.
     fn smooth_bytes(&self) -> u64 {
         let (engine, n) = (self.engine(), self.engine.pixels());
         let ideal = self.distances as u64 * engine.transfer_bytes();
-        let (kernels, threads) = (engine.kernels(), engine.threads as u64);
         let spectra = engine.half_spectrum_bytes(2);
-        let tile = tile_columns::<f32>(engine.height_px) as u64 * engine.height_px as u64 * COMPLEX;
-        let correlation = threads * (kernels + 1) * 2 * tile
-            + 2 * engine.width_px as u64 * kernels * (ChebyshevBasis::ORDER_MAX as u64 + 1) * COMPLEX_F64 * 2;
         // Also the slopes of the shown phases by the two numbers of the cross-talk.
         let source = if engine.has_source { COMPLEX * n + 2 * REAL * n } else { 0 };
-        ideal
-            + spectra
-            + source
-            + engine.sampling_bytes
-            + correlation.max(self.curvature_bytes() + self.ghost_bytes()).max(self.dust_bytes())
+        ideal + spectra + source + engine.sampling_bytes
+    }
+
+    /// Columns of the spectra of the field and of the gradient, and their sums.
+    fn correlation_bytes(&self) -> u64 {
+        let engine = self.engine();
+        let (kernels, threads) = (engine.kernels(), engine.threads as u64);
+        let tile = tile_columns::<f32>(engine.height_px) as u64 * engine.height_px as u64 * COMPLEX;
+        threads * (kernels + 1) * 2 * tile
+            + 2 * engine.width_px as u64 * kernels * (ChebyshevBasis::ORDER_MAX as u64 + 1) * COMPLEX_F64 * 2
     }
 
     /// Derivatives of one mode's transfer functions by a number of the ghost.

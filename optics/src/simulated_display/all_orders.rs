@@ -6,19 +6,19 @@
 //! ```
 //!
 //! ν frequency \[cycles per pixel\], A the spectrum of the pixels' fields, which repeats in every order, a and b the
-//! sides of a pixel's bright area in pixel pitches, H the angular spectrum of free space, d and w the places and weights
-//! of Gauss's and Legendre's quadrature over a camera pixel. The factor √(ab) makes each pixel send the same light
-//! whatever its fill factor. This is a computation by frequencies; the engine's is one by places, from the response of a
-//! pixel ([`crate::ConvolutionMethod::AllOrders`]).
+//! sides of a pixel's bright area in pixel pitches, H the angular spectrum of free space, d and w the places and
+//! weights of Gauss's and Legendre's quadrature over a camera pixel. The factor √(ab) makes each pixel send the same
+//! light whatever its fill factor. This is a computation by frequencies; the engine's is one by places, from the
+//! response of a pixel ([`crate::ConvolutionMethod::AllOrders`]).
 //!
-//! Light that moves by more than the image's side on its way never reaches the image. Its frequencies fade out smoothly,
-//! and the frame is padded so far that the rest cannot come back on the other side.
+//! Light that moves by more than the image's side on its way never reaches the image. Its frequencies fade out
+//! smoothly, and the frame is padded so far that the rest cannot come back on the other side.
 //!
 //! E are the errors of the optics. They are drawn over the band of the first order, up to ½ cycle per pixel along each
 //! axis. Beyond it they keep the value of the nearest frequency of the band, ν̂: their polynomials would grow without
-//! bound there. A shift of the camera and a ghost are not held, because a shift is a shift at every frequency. Errors of
-//! a learned model repeat in every order, as A does. So a learned model of such a display is exact without errors, and
-//! nearly so where they are small.
+//! bound there. A shift of the camera and a ghost are not held, because a shift is a shift at every frequency. Errors
+//! of a learned model repeat in every order, as A does. So a learned model of such a display is exact without errors,
+//! and nearly so where they are small.
 
 use super::field_aberration::{FieldAberration, POSITIONS, windows};
 use super::modes::Ghost;
@@ -482,8 +482,8 @@ mod tests {
 
     #[test]
     fn flawless_bench_shows_the_light_of_the_engine() {
-        // From an eighth of the critical distance to three times it, also behind the display. Nearer, the engine's eight
-        // nodes miss details of a pixel's light.
+        // From an eighth of the critical distance to three times it, also behind the display. Nearer, the engine's
+        // eight nodes miss details of a pixel's light.
         for (distance_m, fill) in
             [(1.2e-3, [1.0, 1.0]), (2e-3, [0.9, 0.6]), (6e-3, [0.9, 0.9]), (-6e-3, [0.5, 1.0]), (0.03, [1.0, 0.8])]
         {
@@ -568,8 +568,8 @@ mod tests {
         }
         let found = display.light_in_f64(&phase, 0.0).unwrap().map(|light| light / display.exposure());
         let error = difference(&found, &light);
-        // The mean over 32 points along an axis has an error of (πν/32)²/6 of a detail of ν cycles per pixel: 0.4 % of the
-        // few details of 1.5 cycles.
+        // The mean over 32 points along an axis has an error of (πν/32)²/6 of a detail of ν cycles per pixel: 0.4 % of
+        // the few details of 1.5 cycles.
         assert!(error < 1e-3, "{error:e}");
     }
 }

@@ -24,9 +24,10 @@ pub struct SimulatedBench {
     /// noise at full scale equals the read noise, so the total noise there is √2 times that of a dark pixel.
     pub full_well_electrons: f64,
     /// Nonlinearity c of the camera's response, −0.3 to 0.3: light I in full scales gives the signal I + c·I·(1 − I).
-    /// The largest deviation is c/4 of full scale, at half of it. The linearity error of EMVA Standard 1288 (Release 4.0
-    /// Linear, 2021) is such a deviation from a straight line: that of machine vision cameras is below some percent, so
-    /// c is within ±0.1. Pictures for viewing have the curve of sRGB (IEC 61966-2-1), far beyond this range.
+    /// The largest deviation is c/4 of full scale, at half of it. The linearity error of EMVA Standard 1288 (Release
+    /// 4.0 Linear, 2021) is such a deviation from a straight line: that of machine vision cameras is below some
+    /// percent, so c is within ±0.1. Pictures for viewing have the curve of sRGB (IEC 61966-2-1), far beyond this
+    /// range.
     pub camera_nonlinearity: f64,
     /// Contrast of a fixed speckle pattern from dust and coatings, 0 to 0.5.
     pub speckle_contrast: f64,

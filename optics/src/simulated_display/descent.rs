@@ -4,8 +4,8 @@
 //! min over φ of  min over s of  mean over the region of ( s · r(I(φ)) − target )²
 //! ```
 //!
-//! I is the light on the camera's pixels, without noise, and r the camera's response. A learned model can at best be the bench, so the photographs
-//! of these holograms are the yardstick for those of learned models.
+//! I is the light on the camera's pixels, without noise, and r the camera's response. A learned model can at best be
+//! the bench, so the photographs of these holograms are the yardstick for those of learned models.
 
 use super::SimulatedDisplay;
 use crate::optimizer::limited_memory::{LimitedMemory, Workspace};
@@ -13,7 +13,8 @@ use crate::{Plane, RegionOfInterest, Result};
 
 impl SimulatedDisplay {
     /// Optimizes the displayed phase \[rad\] by L-BFGS with `evaluations` evaluations from the phase `start`, through
-    /// all that the bench does to light, and the camera's response. The gain of the photograph is free. Slow: everything is computed in f64.
+    /// all that the bench does to light, and the camera's response. The gain of the photograph is free. Slow:
+    /// everything is computed in f64.
     ///
     /// # Errors
     ///

@@ -13,8 +13,9 @@
 //! Optional properties, in the light's order: several modes of the source that do not interfere, dust and fringes in
 //! the illumination, an uneven modulator, cross-talk between its pixels, flicker, and a response that varies over it,
 //! aberrations that depend on the position on the modulator, a ghost, a turned camera whose lens blurs, distorts and
-//! vignettes and whose response is not linear, a fixed speckle pattern, and drift of the image and dimming of the source with time. With the distance,
-//! the image moves along a tilted rail, and the light fills more of the aperture that has the aberrations.
+//! vignettes and whose response is not linear, a fixed speckle pattern, and drift of the image and dimming of the
+//! source with time. With the distance, the image moves along a tilted rail, and the light fills more of the aperture
+//! that has the aberrations.
 
 mod aberration;
 mod all_orders;

@@ -13,8 +13,8 @@
 //!
 //! - `spec`: validated requests.
 //! - `result`: results.
-//! - `hologram`, `prepare`, `report`, `verify`: request and result of jobs for holograms, datasets, reports and
-//!   judgements.
+//! - `hologram`, `prepare`, `report`, `verify`, `suggest`: request and result of jobs for holograms, datasets, reports,
+//!   judgements and suggestions.
 //! - `effect`: changes that a job makes besides its result.
 //! - `failure`: reasons why attempts fail. `estimate`: memory and time of jobs before they start.
 
@@ -26,6 +26,7 @@ mod prepare;
 mod report;
 mod result;
 mod spec;
+pub mod suggest;
 mod verify;
 
 pub use effect::JobEffect;
@@ -36,6 +37,7 @@ pub use prepare::{AlignBy, PrepareDataset, PrepareResult, PrepareStep, SplitCoun
 pub use report::{OTHER_VERSIONS_MAX, ReportFigure, ReportKernel, ReportResult};
 pub use result::{CaptureResult, EvaluateResult, JobResult, LearnResult, LearnedKernel, PairLoss};
 pub use spec::{EvaluateKernel, JobSpec, LearnKernel, SimulateCapture};
+pub use suggest::{SuggestHolograms, SuggestResult, SuggestedHologram};
 pub use verify::{PlaneOpinion, VerifyHologram, VerifyResult};
 
 use serde::{Deserialize, Serialize};

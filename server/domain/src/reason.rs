@@ -35,6 +35,8 @@ macro_rules! reasons {
 reasons! {
     /// Why the present state does not allow a request, as a code for programs.
     pub enum PreconditionReason {
+        /// The dataset from which the kernel version was learned was deleted.
+        DatasetDeleted = "DATASET_DELETED",
         /// The dataset has no pairs.
         DatasetEmpty = "DATASET_EMPTY",
         /// The dataset is finalized and can no longer change.

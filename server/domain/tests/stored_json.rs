@@ -11,14 +11,15 @@ use lightpath_domain::job::{
     AlignBy, CaptureResult, EvaluateKernel, EvaluateResult, FailureReason, Fit, FrameResult, HologramResult,
     ImagePlane, JobError, JobResult, JobSpec, LearnKernel, LearnResult, LearnedKernel, OptimizeHologram, PairLoss,
     PlaneOpinion, PlaneResult, PrepareDataset, PrepareResult, PrepareStep, Progress, ReportFigure, ReportKernel,
-    ReportResult, SimulateCapture, SplitCounts, VerifyHologram, VerifyResult, WavelengthResult,
+    ReportResult, SimulateCapture, SplitCounts, SuggestHolograms, SuggestResult, SuggestedHologram, VerifyHologram,
+    VerifyResult, WavelengthResult,
 };
 use lightpath_domain::kernel::{CapturedQuality, KernelKey, KernelLineage, KernelMetrics, LearnedDataset};
 use lightpath_domain::planning;
 use lightpath_domain::units::{Distance, Wavelength};
 use lightpath_optics::alignment::PointPair;
 use lightpath_optics::hologram::{DetectorQuality, Loss, Quality};
-use lightpath_optics::learning::{BlockStrengths, ModelPart, PartCost};
+use lightpath_optics::learning::{BlockStrengths, ModelPart, PartCost, StrengthUncertainty};
 use lightpath_optics::photometry::Quantity;
 use lightpath_optics::second_opinion::SecondOpinion;
 use lightpath_optics::{
@@ -175,6 +176,8 @@ fn dataset_and_report_jobs_are_stored_as_before() {
     check_job("align_by_none", &prepare(PrepareStep::Align(AlignBy::None)));
     check_job("finalize_dataset", &prepare(PrepareStep::Finalize(finalization())));
     let kernel = KernelKey { display: "lab".to_owned(), wavelength: GREEN, distance: NEAR };
+    let suggest = SuggestHolograms { kernel: kernel.clone(), version: 3, holograms: 4, seed: 7 };
+    check_job("suggest_holograms", &JobSpec::SuggestHolograms(suggest));
     check_job("report_kernel", &JobSpec::ReportKernel(ReportKernel { kernel, version: 3 }));
     let verify = VerifyHologram { job: "0193".to_owned(), display: "lab".to_owned() };
     check_job("verify_hologram", &JobSpec::VerifyHologram(verify));
@@ -234,6 +237,16 @@ fn dataset_and_report_results_are_stored_as_before() {
     let figure = ReportFigure { name: "mtf.svg".to_owned(), title: "Contrast".to_owned(), artifact: digest(3) };
     let report = ReportResult { html: digest(1), arrays: digest(2), figures: vec![figure] };
     check_stored("report_result", &JobResult::Report(report));
+    let suggested = SuggestedHologram {
+        phase: digest(4),
+        picture: "portrait".to_owned(),
+        phase_range_rad: 2.0,
+        error_db: -1.5,
+        part: ModelPart::Crosstalk,
+        part_db: -3.0,
+    };
+    let suggestions = SuggestResult { holograms: vec![suggested], worth_photographs: 6.5 };
+    check_stored("suggest_result", &JobResult::Suggest(suggestions));
     let plane = PlaneOpinion { wavelength: GREEN, distance: NEAR, opinions: [OPINION; 3] };
     check_stored("verify_result", &JobResult::Verify(VerifyResult { planes: vec![plane] }));
 }
@@ -304,6 +317,10 @@ fn learning_results_are_stored_as_before() {
                 dust_contrast: Some(0.08),
                 image_spread_px: None,
                 kernel_varies: false,
+            },
+            certainty: StrengthUncertainty {
+                deviations: BlockStrengths { crosstalk_px: Some([0.01, 0.02]), ..BlockStrengths::default() },
+                hidden: BlockStrengths { response_variation_rms: Some(0.004), ..BlockStrengths::default() },
             },
         }),
     );

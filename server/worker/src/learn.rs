@@ -15,10 +15,13 @@ use lightpath_domain::kernel::{KernelLineage, KernelMetrics, LearnedDataset, New
 use lightpath_media::captures::Captures;
 use lightpath_media::kernel_file;
 use lightpath_optics::learning::{
-    BlockStrengths, LearnOptions, LearnStage, Learner, LearningPairs, ModelPart, PairSource, PartCost, unsaturated_px,
-    without_each_part,
+    BlockStrengths, LearnOptions, LearnStage, Learner, LearningPairs, ModelPart, ModelUncertainty, PairSource,
+    PartCost, StrengthUncertainty, unsaturated_px, without_each_part,
 };
 use lightpath_optics::{Detector, DisplayModel, KernelModel, KernelShape, OpticalSetup, RegionOfInterest};
+
+/// Limit on the number of pairs from which the certainty of a model is measured. More would change little.
+const CERTAINTY_PAIRS_MAX: usize = 16;
 
 pub(super) fn run(context: &JobContext, job: &Job, spec: &LearnKernel) -> Result<TaskOutput, TaskError> {
     let planes = read_planes(context, spec)?;
@@ -40,6 +43,7 @@ pub(super) fn run(context: &JobContext, job: &Job, spec: &LearnKernel) -> Result
     // Frees the memory of decoded pairs before `measure` reads pairs.
     drop((training, validation));
 
+    let learned_from_first = kept[0].indices.clone();
     let (mut kernels, mut learned) = (Vec::with_capacity(planes.len()), Vec::with_capacity(planes.len()));
     for ((plane, model), kept) in planes.iter().zip(&models).zip(kept) {
         let metrics = measure(context, spec, plane, region, model, &kept.indices)?;
@@ -58,12 +62,14 @@ pub(super) fn run(context: &JobContext, job: &Job, spec: &LearnKernel) -> Result
         let version = NewKernelVersion { model: kind, artifact, size_bytes, metrics, lineage };
         learned.push((plane.0.key.clone(), version));
     }
+    let blocks = BlockStrengths::of(&models[0]);
+    let certainty = certainty(context, &planes[0], &models[0], (spec.detector, region), &learned_from_first)?;
     let order = match &models[0].kernel {
         KernelShape::Smooth(field) => field.order as u32,
         KernelShape::Ideal | KernelShape::Bins(_) => 0,
     };
     Ok(TaskOutput {
-        result: JobResult::Learn(LearnResult { kernels, loss_history, order, blocks: BlockStrengths::of(&models[0]) }),
+        result: JobResult::Learn(LearnResult { kernels, loss_history, order, blocks, certainty }),
         effect: JobEffect::Kernels(learned),
     })
 }
@@ -225,6 +231,28 @@ fn measure(
         captured: captured::compare(context, display, &captures, model, detector, region)?,
         parts,
     })
+}
+
+/// How certain the strengths of a model's parts are, from training pairs that learning used.
+fn certainty(
+    context: &JobContext,
+    (display, dataset): &(DisplaySetup, Dataset),
+    model: &DisplayModel,
+    (detector, region): (Detector, RegionOfInterest),
+    kept: &[usize],
+) -> Result<StrengthUncertainty, TaskError> {
+    let Some(mut uncertainty) = ModelUncertainty::of(model, detector, display.carrier, region)? else {
+        return Ok(StrengthUncertainty::default());
+    };
+    let training = Pairs::of(context, display, dataset, Split::Train)?;
+    let used = &kept[..kept.len().min(CERTAINTY_PAIRS_MAX)];
+    let steps_total = used.len() as u32;
+    for (done, &index) in used.iter().enumerate() {
+        uncertainty.add(&training.pair(index)?)?;
+        let (stage, step) = ("measure the certainty".to_owned(), done as u32 + 1);
+        context.report(Progress { stage, step, steps_total, loss: 0.0, eta_s: None })?;
+    }
+    Ok(uncertainty.strengths().unwrap_or_default())
 }
 
 /// What the model loses without each of its parts, on pairs whose losses with all parts are known.

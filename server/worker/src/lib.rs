@@ -33,6 +33,7 @@ mod evaluate;
 mod hologram_setup;
 mod job_memory;
 mod learn;
+mod learned_from;
 mod losses;
 mod optics_task;
 mod optimize;
@@ -43,6 +44,7 @@ mod simulate;
 mod speed;
 mod state_bytes;
 mod stop;
+mod suggest;
 #[cfg(test)]
 mod tests;
 mod verify;
@@ -154,6 +156,8 @@ pub struct Timeouts {
     pub prepare: Option<Duration>,
     /// Time limit for making reports of kernels.
     pub report: Option<Duration>,
+    /// Time limit for suggesting holograms.
+    pub suggest: Option<Duration>,
     /// Time limit for verifying holograms.
     pub verify: Option<Duration>,
 }
@@ -170,6 +174,7 @@ impl Timeouts {
             JobSpec::EvaluateKernel(_) => self.evaluate,
             JobSpec::PrepareDataset(_) => self.prepare,
             JobSpec::ReportKernel(_) => self.report,
+            JobSpec::SuggestHolograms(_) => self.suggest,
             JobSpec::VerifyHologram(_) => self.verify,
         })
     }

@@ -1,6 +1,8 @@
 //! The task of the server: it runs each kind of job by its own function.
 
-use super::{JobContext, Task, TaskError, TaskOutput, evaluate, learn, optimize, prepare, report, simulate, verify};
+use super::{
+    JobContext, Task, TaskError, TaskOutput, evaluate, learn, optimize, prepare, report, simulate, suggest, verify,
+};
 use lightpath_domain::job::{Job, JobSpec};
 
 /// Runs jobs on the optics engine.
@@ -16,6 +18,7 @@ impl Task for OpticsTask {
             JobSpec::EvaluateKernel(spec) => evaluate::run(context, spec),
             JobSpec::PrepareDataset(spec) => prepare::run(context, spec),
             JobSpec::ReportKernel(spec) => report::run(context, spec),
+            JobSpec::SuggestHolograms(spec) => suggest::run(context, spec),
             JobSpec::VerifyHologram(spec) => verify::run(context, spec),
         }
     }

@@ -1,9 +1,9 @@
 //! The last stage: the fit of [`Dust`], with all other parameters as they are.
 
 use super::ParametricLearner;
+use crate::Dust;
 use crate::learning::dust::DustFit;
 use crate::learning::{Block, LearnStage, LearnStep, LearningPairs, pair::BoxError};
-use crate::{Dust, Plane};
 
 impl ParametricLearner {
     /// Starts to fit the dust on the best model. False for models without dust, and without validation pairs.
@@ -13,7 +13,7 @@ impl ParametricLearner {
         }
         self.take_best();
         let pixels = self.fit.engine.height_px() * self.fit.engine.width_px();
-        let exponents = self.state.dust.as_ref().map_or_else(|| vec![0.0; 2 * pixels], dust_exponents);
+        let exponents = self.state.dust.as_ref().map_or_else(|| vec![0.0; 2 * pixels], Dust::exponents_of);
         self.state.dust_fit = Some(DustFit::start(exponents));
         true
     }
@@ -55,12 +55,7 @@ impl ParametricLearner {
 
     /// Lets the fit use the dust of the state.
     pub(super) fn use_dust(&mut self) {
-        let exponents = self.state.dust.as_ref().map(dust_exponents);
+        let exponents = self.state.dust.as_ref().map(Dust::exponents_of);
         self.fit.set_dust(exponents.as_deref());
     }
-}
-
-/// The exponents of the factors of dust, for each pixel in turn.
-fn dust_exponents(steps: &Plane<[i16; 2]>) -> Vec<f32> {
-    steps.values().as_flattened().iter().map(|&step| (f64::from(step) * Dust::STEP) as f32).collect()
 }

@@ -1,6 +1,5 @@
 //! Refinement by Levenberg and Marquardt's method, on all pairs in use, and its validation.
 
-use super::trials::Change;
 use super::{BestModel, CURVATURE_PAIRS, CURVATURE_PX, ParametricLearner, VALIDATION_GAIN_MIN};
 use crate::learning::pair::{BoxError, Example};
 use crate::learning::schedule::shuffled;
@@ -12,15 +11,14 @@ use crate::photometry::Sums;
 const STEP_GAIN_MIN: f64 = 1e-2;
 /// Largest number of steps for which a block is tried.
 const TRIAL_STEPS: u32 = 3;
-/// Validation loss, relative to the largest with which it passes, above which a trial without a block ends after one
-/// step.
-const HOPELESS: f64 = 2.0;
 /// Least relative decrease of the training loss in a step of a trial. A smaller one ends the trial.
 const TRIAL_STEP_GAIN_MIN: f64 = 5e-2;
 /// Number of consecutive steps without a validation gain after which an order ends.
 const STEPS_WITHOUT_GAIN_MAX: u32 = 6;
 /// [`CURVATURE_PAIRS`] with a fine source, whose terms take one propagation each.
 const CURVATURE_PAIRS_FINE: usize = 2;
+/// [`CURVATURE_PAIRS_FINE`] as long as only some of the pairs are in use.
+const CURVATURE_PAIRS_FINE_OF_FEW: usize = 1;
 
 impl ParametricLearner {
     /// Takes a step of Levenberg and Marquardt's method, validates the result, and changes the order when the step was
@@ -64,8 +62,7 @@ impl ParametricLearner {
         }
         let tried = self.state.round.as_mut().is_some_and(|round| {
             round.steps += u32::from(before.is_some());
-            let is_hopeless = round.change == Change::Remove
-                && self.state.best.as_ref().is_some_and(|best| best.loss > HOPELESS * round.bound());
+            let is_hopeless = self.state.best.as_ref().is_some_and(|best| round.is_hopeless(best.loss));
             round.steps >= TRIAL_STEPS || round.steps > 0 && is_hopeless
         });
         if !improved || little || tried || spent >= self.evaluations_left() || !validated {
@@ -136,7 +133,11 @@ impl ParametricLearner {
         let mut all_chosen = true;
         for (plane, indices) in in_use.iter().enumerate() {
             let order = shuffled(indices.len(), 1000 + round, options.seed);
-            let pairs_max = if joint.layout.blocks.fine_source { CURVATURE_PAIRS_FINE } else { CURVATURE_PAIRS };
+            let pairs_max = match joint.layout.blocks.fine_source {
+                false => CURVATURE_PAIRS,
+                true if used < state.kept.len() => CURVATURE_PAIRS_FINE_OF_FEW,
+                true => CURVATURE_PAIRS_FINE,
+            };
             let chosen = pairs_max.min(indices.len());
             all_chosen &= chosen == indices.len();
             let share = indices.len() as f64 / used as f64 / chosen as f64;

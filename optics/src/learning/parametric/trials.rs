@@ -8,6 +8,12 @@ use crate::learning::{Block, Blocks, PairSource, pair::BoxError};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
 
+/// Validation loss, relative to the largest with which it passes, above which a trial without a block ends after one
+/// step.
+const HOPELESS: f64 = 2.0;
+/// Least part of the decrease with which it passes that a trial of modes of light must have reached after one step. Its
+/// steps take three times as long as those of other trials.
+const HOPEFUL: f64 = 1.0 / 3.0;
 /// Distance of each mode's image from the image so far, at the start of a trial \[px\].
 const MODE_RADIUS_PX: f64 = 0.5;
 /// Direction of the first mode's image, so that none lies on an axis \[turns\].
@@ -49,6 +55,17 @@ impl Round {
         match self.change {
             Change::Add => self.before.loss * (1.0 - self.block.gain_min()),
             Change::Remove => self.before.loss / (1.0 - self.block.gain_min()),
+        }
+    }
+
+    /// Whether a trial with this validation loss after its first step is not worth another one.
+    pub(super) fn is_hopeless(&self, loss: f64) -> bool {
+        match (self.change, self.block) {
+            (Change::Add, Block::PartialCoherence) => {
+                loss > self.before.loss - HOPEFUL * (self.before.loss - self.bound())
+            }
+            (Change::Add, _) => false,
+            (Change::Remove, _) => loss > HOPELESS * self.bound(),
         }
     }
 

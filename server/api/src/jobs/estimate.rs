@@ -7,12 +7,13 @@ use crate::field::Field;
 use lightpath_domain::dataset::Dataset;
 use lightpath_domain::display::Display;
 use lightpath_domain::job::estimate::{
-    HologramInputs, KernelSize, LearningInputs, Need, PairsSize, PreparingInputs, ReportInputs, evaluate_kernel,
-    learn_kernel, optimize_hologram, prepare_dataset, report_kernel, simulate_capture, verify_hologram,
+    HologramInputs, KernelSize, LearningInputs, Need, PairsSize, PreparingInputs, ReportInputs, SuggestInputs,
+    evaluate_kernel, learn_kernel, optimize_hologram, prepare_dataset, report_kernel, simulate_capture,
+    suggest_holograms, verify_hologram,
 };
 use lightpath_domain::job::{
     AlignBy, Estimate, EvaluateKernel, JobSpec, LearnKernel, OTHER_VERSIONS_MAX, OptimizeHologram, PrepareDataset,
-    PrepareStep, ReportKernel, SimulateCapture, VerifyHologram,
+    PrepareStep, ReportKernel, SimulateCapture, SuggestHolograms, VerifyHologram,
 };
 use lightpath_domain::kernel::{KernelKey, KernelVersion};
 use lightpath_domain::planning;
@@ -21,7 +22,7 @@ use lightpath_media::{captures, kernel_file};
 use lightpath_optics::learning::KernelModel;
 use lightpath_optics::memory::EngineSize;
 use lightpath_optics::propagation::ConvolutionMethod;
-use lightpath_optics::{Detector, DisplayModel, KernelShape, OpticalSetup, RegionOfInterest};
+use lightpath_optics::{Detector, DisplayModel, KernelShape, OpticalSetup};
 use lightpath_store::StoreError;
 
 const MIB: f64 = 1_048_576.0;
@@ -60,6 +61,7 @@ impl Api {
             JobSpec::PrepareDataset(spec) => self.preparing_need(spec, decoding_bytes).await?,
             JobSpec::ReportKernel(spec) => self.report_need(spec).await?,
             JobSpec::VerifyHologram(spec) => self.verification_need(spec).await?,
+            JobSpec::SuggestHolograms(spec) => self.suggestion_need(spec).await?,
         };
         let estimate = need.on(self.job_limits.work_per_s);
         require_within(&estimate, &self.job_limits, spec)?;
@@ -148,24 +150,41 @@ impl Api {
         let others = self.store.kernel_versions(&spec.kernel, None, OTHER_VERSIONS_MAX + 1).await?;
         let sizes = || others.iter().map(|other| other.content.size_bytes);
         let (other_file_bytes, other_files_bytes) = (sizes().max().unwrap_or(0), sizes().sum());
-        let pairs = match version.content.lineage.own_dataset() {
-            None => None,
-            Some(learned) => match self.store.dataset(&learned.id).await {
-                // Another dataset, perhaps of another display, may have the id of a deleted one.
-                Ok(dataset) if dataset.digest.as_deref() == Some(&learned.digest) => {
-                    Some(PairsSize::of(&dataset, &display))
-                }
-                Ok(_) => None,
-                Err(StoreError::NotFound { .. }) => None,
-                Err(error) => return Err(error.into()),
-            },
-        };
-        let region = learned_region(&version);
-        let region_px = region.map_or([kernel.engine.height_px, kernel.engine.width_px], |region| {
-            [region.height_px(), region.width_px()]
-        });
-        let model = version.content.model;
+        let pairs = self.learned_pairs(&version, &display).await?;
+        let (model, region_px) = (version.content.model, learned_region_px(&version, &kernel));
         Ok(report_kernel(&ReportInputs { kernel, model, other_file_bytes, other_files_bytes, pairs, region_px }))
+    }
+
+    async fn suggestion_need(&self, spec: &SuggestHolograms) -> Result<Need, ApiError> {
+        let (display, _) = self.store.display(&spec.kernel.display).await?;
+        let version = self.store.kernel_version(&spec.kernel, spec.version).await?;
+        let kernel = self.kernel_size(&display, &spec.kernel, Some(spec.version), Detector::Pixel, None).await?;
+        let (model, region_px) = (version.content.model, learned_region_px(&version, &kernel));
+        match self.learned_pairs(&version, &display).await? {
+            Some(pairs) => Ok(suggest_holograms(spec, &SuggestInputs { kernel, model, pairs, region_px })),
+            None => Err(ApiError::Precondition {
+                reason: PreconditionReason::DatasetDeleted,
+                message: format!(
+                    "the dataset of {}/versions/{} was deleted, and with it the holograms that were photographed; name a \
+                     version whose dataset exists",
+                    spec.kernel, spec.version
+                ),
+            }),
+        }
+    }
+
+    /// Pairs of the dataset from which a version was learned; `None`: it has none, or it was deleted.
+    async fn learned_pairs(&self, version: &KernelVersion, display: &Display) -> Result<Option<PairsSize>, ApiError> {
+        let Some(learned) = version.content.lineage.own_dataset() else { return Ok(None) };
+        match self.store.dataset(&learned.id).await {
+            // Another dataset, perhaps of another display, may have the id of a deleted one.
+            Ok(dataset) => {
+                let is_same = dataset.digest.as_deref() == Some(&learned.digest);
+                Ok(is_same.then(|| PairsSize::of(&dataset, display)))
+            }
+            Err(StoreError::NotFound { .. }) => Ok(None),
+            Err(error) => Err(error.into()),
+        }
     }
 
     /// Engine of the ideal display, with the given propagation or the planner's choice.
@@ -237,10 +256,11 @@ fn key_of(dataset: &Dataset) -> KernelKey {
     KernelKey { display: dataset.display.clone(), wavelength: dataset.wavelength, distance: dataset.distance }
 }
 
-/// Region that the job compared which learned a version; `None`: unknown.
-fn learned_region(version: &KernelVersion) -> Option<RegionOfInterest> {
-    let parameters: LearnKernel = serde_json::from_str(&version.content.lineage.parameters_json).ok()?;
-    Some(parameters.region_of_interest)
+/// Rows and columns of the region that the job compared which learned a version \[px\]; all if it is not known.
+fn learned_region_px(version: &KernelVersion, kernel: &KernelSize) -> [usize; 2] {
+    let parameters = serde_json::from_str(&version.content.lineage.parameters_json);
+    let region = parameters.map(|parameters: LearnKernel| parameters.region_of_interest);
+    region.map_or([kernel.engine.height_px, kernel.engine.width_px], |region| [region.height_px(), region.width_px()])
 }
 
 /// Refuses a job that needs more memory or time than the server gives a job.
@@ -276,6 +296,7 @@ fn advice(spec: &JobSpec) -> &'static str {
             "use fewer pairs, smaller photographs, or a smaller display"
         }
         JobSpec::SimulateCapture(_) | JobSpec::ReportKernel(_) => "use a smaller display",
+        JobSpec::SuggestHolograms(_) => "ask for fewer holograms, or use a smaller display",
         JobSpec::VerifyHologram(_) => "verify holograms with fewer frames or planes, or of a smaller display",
     }
 }

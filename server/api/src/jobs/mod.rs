@@ -14,6 +14,7 @@ mod seen_by;
 mod service;
 mod simulate_capture;
 mod submit;
+mod suggest_holograms;
 mod to_wire;
 mod verify_hologram;
 mod watch_job;

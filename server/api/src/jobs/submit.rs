@@ -75,6 +75,10 @@ impl Api {
             job_spec::Kind::ReportKernel(message) => {
                 JobSpec::ReportKernel(self.report_kernel_spec(call, message, &field.at("report_kernel")).await?)
             }
+            job_spec::Kind::SuggestHolograms(message) => {
+                let field = field.at("suggest_holograms");
+                JobSpec::SuggestHolograms(self.suggest_holograms_spec(call, message, &field).await?)
+            }
             job_spec::Kind::VerifyHologram(message) => {
                 JobSpec::VerifyHologram(self.verify_hologram_spec(call, message, &field.at("verify_hologram")).await?)
             }

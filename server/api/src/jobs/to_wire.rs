@@ -1,7 +1,8 @@
 //! Conversion of jobs into messages.
 
 use super::{
-    evaluate_kernel, learn_kernel, optimize_hologram, prepare_dataset, report_kernel, simulate_capture, verify_hologram,
+    evaluate_kernel, learn_kernel, optimize_hologram, prepare_dataset, report_kernel, simulate_capture,
+    suggest_holograms, verify_hologram,
 };
 use crate::enumerations::OnWire as _;
 use crate::time::timestamp;
@@ -63,6 +64,7 @@ fn spec(spec: JobSpec) -> v1::JobSpec {
         JobSpec::EvaluateKernel(spec) => job_spec::Kind::EvaluateKernel(evaluate_kernel::to_wire::spec(spec)),
         JobSpec::PrepareDataset(spec) => job_spec::Kind::PrepareDataset(prepare_dataset::to_wire::spec(spec)),
         JobSpec::ReportKernel(spec) => job_spec::Kind::ReportKernel(report_kernel::to_wire::spec(spec)),
+        JobSpec::SuggestHolograms(spec) => job_spec::Kind::SuggestHolograms(suggest_holograms::to_wire::spec(spec)),
         JobSpec::VerifyHologram(spec) => job_spec::Kind::VerifyHologram(verify_hologram::to_wire::spec(spec)),
     };
     v1::JobSpec { kind: Some(kind) }
@@ -76,6 +78,7 @@ fn result(result: JobResult) -> v1::JobResult {
         JobResult::Evaluate(result) => job_result::Kind::Evaluate(evaluate_kernel::to_wire::result(result)),
         JobResult::Prepare(result) => job_result::Kind::Prepare(prepare_dataset::to_wire::result(result)),
         JobResult::Report(result) => job_result::Kind::Report(report_kernel::to_wire::result(result)),
+        JobResult::Suggest(result) => job_result::Kind::Suggest(suggest_holograms::to_wire::result(result)),
         JobResult::Verify(result) => job_result::Kind::Verify(verify_hologram::to_wire::result(result)),
     };
     v1::JobResult { kind: Some(kind) }

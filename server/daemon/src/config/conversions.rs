@@ -111,6 +111,7 @@ impl Config {
                 evaluate: limit(self.evaluate_timeout_s),
                 prepare: limit(self.prepare_timeout_s),
                 report: limit(self.report_timeout_s),
+                suggest: limit(self.suggest_timeout_s),
                 verify: limit(self.verify_timeout_s),
             },
             memory_bytes: bytes(self.job_memory_mib_max),

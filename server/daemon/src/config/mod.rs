@@ -95,6 +95,8 @@ settings! {
     prepare_timeout_s: f64 = 0.0, "SECONDS", TIMEOUT_S;
     /// Time limit of one attempt to report on a kernel; 0: no limit
     report_timeout_s: f64 = 0.0, "SECONDS", TIMEOUT_S;
+    /// Time limit of one attempt to suggest holograms; 0: no limit
+    suggest_timeout_s: f64 = 0.0, "SECONDS", TIMEOUT_S;
     /// Time limit of one attempt to verify holograms; 0: no limit
     verify_timeout_s: f64 = 0.0, "SECONDS", TIMEOUT_S;
     // The rest is for the server itself: unfinished requests (under_way_mib_max), the checks of uploaded pictures (up

@@ -34,6 +34,12 @@ pub const ALIGNMENT_PAIRS_MAX: usize = 8;
 /// result is within one or two decibels of convergence.
 pub const CAPTURED_ITERATIONS: u32 = 40;
 
+/// Number of L-BFGS steps for each hologram from which the suggested ones are chosen: enough for a recognizable
+/// picture.
+pub const SUGGESTED_ITERATIONS: u32 = 15;
+/// Limit on the number of photographed holograms whose information is computed. It is taken for that of all.
+pub const SAMPLED_PAIRS_MAX: usize = 8;
+
 /// Memory that every job takes: stacks of its threads, rows of the database, tables, and what the allocator keeps
 /// \[bytes\].
 const BASE_BYTES: u64 = 12 << 20;
@@ -425,6 +431,37 @@ pub fn prepare_dataset(step: &PrepareStep, inputs: &PreparingInputs) -> Need {
     let lights = if measures { 2 * pairs.all } else { 0 } + if by_pairs { 6 * ALIGNMENT_PAIRS_MAX } else { 0 };
     let sampling = if measures || by_pairs { engine.sampling_work as f64 } else { 0.0 };
     Need::new(stages, 3.0 * lights as f64 * engine.light_work() + sampling)
+}
+
+/// What a job needs that suggests holograms.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SuggestInputs {
+    /// Kernel of the version.
+    pub kernel: KernelSize,
+    /// Model of the version.
+    pub model: KernelModel,
+    /// Pairs of its dataset.
+    pub pairs: PairsSize,
+    /// Rows and columns of the region that is compared \[px\].
+    pub region_px: [usize; 2],
+}
+
+/// Need of a job that suggests holograms.
+#[must_use]
+pub fn suggest_holograms(spec: &super::SuggestHolograms, inputs: &SuggestInputs) -> Need {
+    let SuggestInputs { kernel, model, pairs, region_px } = *inputs;
+    let (engine, n) = (kernel.engine, kernel.engine.pixels());
+    let size = LearningSize { engine, model, order: kernel.order, distances: 1, region_px, modes: engine.modes };
+    let hologram = HologramSize::new(engine, HologramMethod::Lbfgs, SUGGESTED_ITERATIONS);
+    let running = hologram.problem_bytes() + hologram.state_bytes() + hologram.scratch_bytes() + 3 * REAL * n;
+    let candidates = super::suggest::candidates(spec.holograms);
+    // The files of all candidates are kept: at most two bytes for each pixel.
+    let kept = engine.engine_bytes() + size.weighed_bytes() + u64::from(candidates) * 2 * n;
+    let stages = [kernel.reading_bytes(), kept + running.max(pairs.reading_bytes(n))];
+    let steps = f64::from(candidates * SUGGESTED_ITERATIONS) * STEP_FACTOR * hologram.step_work();
+    let curvatures = f64::from(candidates) + (SAMPLED_PAIRS_MAX as f64).min(pairs.splits[0] as f64);
+    let work = steps + LEARNING_FACTOR * curvatures * size.curvature_work() + 2.0 * engine.sampling_work as f64;
+    Need::new(stages, work)
 }
 
 /// What the report of a kernel version needs.

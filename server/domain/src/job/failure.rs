@@ -26,6 +26,8 @@ crate::reasons! {
         DataLoss = "DATA_LOSS",
         /// The dataset was changed while the job prepared it.
         DatasetChanged = "DATASET_CHANGED",
+        /// The dataset from which the kernel version was learned was deleted.
+        DatasetDeleted = "DATASET_DELETED",
         /// The dataset is finalized, so it can no longer change.
         DatasetFinalized = "DATASET_FINALIZED",
         /// The dataset is not finalized.
@@ -67,6 +69,8 @@ crate::reasons! {
         NotAlignable = "NOT_ALIGNABLE",
         /// A resource that the job names does not exist.
         NotFound = "NOT_FOUND",
+        /// The kernel's model does not say what holograms can tell about it.
+        NoSuggestion = "NO_SUGGESTION",
         /// The independent model cannot judge the hologram.
         NotVerifiable = "NOT_VERIFIABLE",
         /// The display has no simulated bench.

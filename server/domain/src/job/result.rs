@@ -3,11 +3,12 @@
 use super::hologram::HologramResult;
 use super::prepare::PrepareResult;
 use super::report::ReportResult;
+use super::suggest::SuggestResult;
 use super::verify::VerifyResult;
 use crate::dataset::Split;
 use crate::kernel::KernelMetrics;
 use lightpath_optics::ValidityReport;
-use lightpath_optics::learning::BlockStrengths;
+use lightpath_optics::learning::{BlockStrengths, StrengthUncertainty};
 use serde::{Deserialize, Serialize};
 
 /// Result of a job.
@@ -28,6 +29,8 @@ pub enum JobResult {
     Report(ReportResult),
     /// Result of [`VerifyHologram`](super::VerifyHologram).
     Verify(VerifyResult),
+    /// Result of [`SuggestHolograms`](super::SuggestHolograms).
+    Suggest(SuggestResult),
 }
 
 /// Learned kernels. The store gives them version numbers in the transaction that ends the job.
@@ -41,6 +44,8 @@ pub struct LearnResult {
     pub order: u32,
     /// Parts of the model that this display needed, with their strengths.
     pub blocks: BlockStrengths,
+    /// How certain these strengths are, and what the photographs could hide.
+    pub certainty: StrengthUncertainty,
 }
 
 /// Kernel learned for the distance of one dataset.

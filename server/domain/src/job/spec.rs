@@ -3,6 +3,7 @@
 use super::hologram::OptimizeHologram;
 use super::prepare::PrepareDataset;
 use super::report::ReportKernel;
+use super::suggest::SuggestHolograms;
 use super::verify::VerifyHologram;
 use crate::units::{Distance, Wavelength};
 use lightpath_optics::learning::KernelModel;
@@ -28,11 +29,13 @@ pub enum JobSpec {
     ReportKernel(ReportKernel),
     /// Judge holograms by an independent model.
     VerifyHologram(VerifyHologram),
+    /// Suggest holograms to photograph.
+    SuggestHolograms(SuggestHolograms),
 }
 
 impl JobSpec {
     /// Words for all kinds of jobs.
-    pub const KINDS: [&'static str; 7] = [
+    pub const KINDS: [&'static str; 8] = [
         "optimize_hologram",
         "learn_kernel",
         "simulate_capture",
@@ -40,12 +43,13 @@ impl JobSpec {
         "prepare_dataset",
         "report_kernel",
         "verify_hologram",
+        "suggest_holograms",
     ];
 
     /// The word for the job's kind, as it is stored.
     #[must_use]
     pub fn kind(&self) -> &'static str {
-        let [optimize, learn, simulate, evaluate, prepare, report, verify] = Self::KINDS;
+        let [optimize, learn, simulate, evaluate, prepare, report, verify, suggest] = Self::KINDS;
         match self {
             Self::OptimizeHologram(_) => optimize,
             Self::LearnKernel(_) => learn,
@@ -54,6 +58,7 @@ impl JobSpec {
             Self::PrepareDataset(_) => prepare,
             Self::ReportKernel(_) => report,
             Self::VerifyHologram(_) => verify,
+            Self::SuggestHolograms(_) => suggest,
         }
     }
 
@@ -68,6 +73,7 @@ impl JobSpec {
             Self::PrepareDataset(spec) => &spec.display,
             Self::ReportKernel(spec) => &spec.kernel.display,
             Self::VerifyHologram(spec) => &spec.display,
+            Self::SuggestHolograms(spec) => &spec.kernel.display,
         }
     }
 
@@ -84,9 +90,11 @@ impl JobSpec {
             Self::LearnKernel(spec) => &spec.datasets,
             Self::EvaluateKernel(spec) => slice::from_ref(&spec.dataset),
             Self::PrepareDataset(spec) => slice::from_ref(&spec.dataset),
-            Self::OptimizeHologram(_) | Self::SimulateCapture(_) | Self::ReportKernel(_) | Self::VerifyHologram(_) => {
-                &[]
-            }
+            Self::OptimizeHologram(_)
+            | Self::SimulateCapture(_)
+            | Self::ReportKernel(_)
+            | Self::VerifyHologram(_)
+            | Self::SuggestHolograms(_) => &[],
         }
     }
 
@@ -101,7 +109,8 @@ impl JobSpec {
             | Self::SimulateCapture(_)
             | Self::PrepareDataset(_)
             | Self::ReportKernel(_)
-            | Self::VerifyHologram(_) => Vec::new(),
+            | Self::VerifyHologram(_)
+            | Self::SuggestHolograms(_) => Vec::new(),
         }
     }
 }

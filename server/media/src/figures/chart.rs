@@ -32,7 +32,7 @@ pub struct Line {
 }
 
 const COLOURS: [&str; 6] = ["#1f5fa8", "#d46a0c", "#2b8a5e", "#a82e5b", "#6b55b0", "#555555"];
-const WIDTH: f64 = 640.0;
+const WIDTH: f64 = 680.0;
 const HEIGHT: f64 = 340.0;
 const LEFT: f64 = 76.0;
 const TOP: f64 = 36.0;

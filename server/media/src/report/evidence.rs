@@ -4,7 +4,7 @@ use super::chapter::{Chapter, ReportError};
 use crate::figures::{Axis, Canvas, CaptionedPicture, ColourMap, ContactRow, ContactSheet, Heatmap, escaped};
 use lightpath_domain::dataset::Split;
 use lightpath_optics::diagnostics::LitBand;
-use lightpath_optics::learning::{Pair, ResponseCovariance, compare};
+use lightpath_optics::learning::{Pair, ResponseCovariance, StrengthUncertainty, compare};
 use lightpath_optics::{Engine, Error, Plane, RegionOfInterest};
 use std::fmt::Write as _;
 
@@ -17,6 +17,8 @@ pub struct Evidence {
     lit: LitBand,
     /// Uncertainty of the phase response. `None`: the training pairs do not determine it.
     pub response: Option<ResponseCovariance>,
+    /// Uncertainty of the strengths of the model's parts. `None`: the training pairs do not determine it.
+    pub strengths: Option<StrengthUncertainty>,
 }
 
 /// Comparison of one pair with the kernel, with small pictures.
@@ -40,7 +42,8 @@ impl Evidence {
     /// Evidence without pairs.
     #[must_use]
     pub fn new(region: RegionOfInterest, height_px: usize, width_px: usize, pixel_pitch_m: f64) -> Self {
-        Self { region, pixel_pitch_m, pairs: Vec::new(), lit: LitBand::new(height_px, width_px), response: None }
+        let (pairs, lit) = (Vec::new(), LitBand::new(height_px, width_px));
+        Self { region, pixel_pitch_m, pairs, lit, response: None, strengths: None }
     }
 
     /// Compares a pair's photograph with the engine's prediction, and keeps pictures of both.

@@ -2,8 +2,8 @@
 //!
 //! # Layout
 //!
-//! - `optics`: the kernel, its aberrations, spot and contrast, source and response. `evidence`: residuals per pair, and
-//!   the band that the holograms illuminated. `history`: losses during learning, and drift against earlier versions.
+//! - `optics`: the kernel, its aberrations, spot and contrast, and the source. `modulator`: the parts of the modulator and
+//!   its response. `evidence`: residuals per pair, and the band that the holograms illuminated. `history`: losses during learning, and drift against earlier versions.
 //!   `over_distance`: aberrations between photographed distances. `over_modulator`: a kernel that varies over the
 //!   modulator.
 //! - `input`: the input of a report. `chapter`: text, pictures and arrays of one chapter. `page`: the HTML page.
@@ -14,6 +14,7 @@ mod chapter;
 mod evidence;
 mod history;
 mod input;
+mod modulator;
 mod optics;
 mod over_distance;
 mod over_modulator;
@@ -51,9 +52,8 @@ pub fn make<E: From<ReportError>>(
 ) -> Result<Report, E> {
     let mut chapters = vec![page::summary(input)];
     chapters.extend(history::losses(input));
-    let uncertainty = input.evidence.as_ref().and_then(|evidence| evidence.response.as_ref());
     next(0)?;
-    chapters.extend(optics::chapters(&input.model, uncertainty)?);
+    chapters.extend(optics::chapters(&input.model, input.evidence.as_ref())?);
     next(1)?;
     chapters.extend(over_modulator::chapter(&input.model)?);
     next(2)?;

@@ -1,11 +1,12 @@
 //! Chapters about the kernel and its optics.
 
 use super::chapter::{Chapter, ReportError};
+use super::evidence::Evidence;
+use super::modulator;
 use crate::figures::{Axis, Canvas, Chart, ColourMap, Heatmap, Line};
 use lightpath_optics::diagnostics::point_spread::{OVERSAMPLING, WINDOW_PX};
 use lightpath_optics::diagnostics::{PointSpread, ZernikeFit, point_spread};
-use lightpath_optics::learning::{BlockStrengths, ResponseCovariance};
-use lightpath_optics::{DisplayModel, Ghost, KernelShape, Plane};
+use lightpath_optics::{DisplayModel, KernelShape, Plane};
 use num_complex::Complex64;
 use std::f64::consts::{PI, TAU};
 use std::fmt::Write as _;
@@ -14,10 +15,7 @@ use std::fmt::Write as _;
 const SAMPLES: usize = 256;
 
 /// The chapters about kernel, aberrations, spot, source and response.
-pub(super) fn chapters(
-    model: &DisplayModel,
-    uncertainty: Option<&ResponseCovariance>,
-) -> Result<Vec<Chapter>, ReportError> {
+pub(super) fn chapters(model: &DisplayModel, evidence: Option<&Evidence>) -> Result<Vec<Chapter>, ReportError> {
     let ratio = ratio(model);
     let mut chapters = vec![transfer(model, &ratio)?, aberrations(model), spot(model, &ratio)?];
     if !model.variation.is_none() {
@@ -28,7 +26,7 @@ pub(super) fn chapters(
     if !model.source.is_flat() || !model.dust.is_none() {
         chapters.push(source(model)?);
     }
-    chapters.push(response(model, uncertainty));
+    chapters.push(modulator::chapter(model, evidence));
     Ok(chapters)
 }
 
@@ -263,133 +261,4 @@ fn source(model: &DisplayModel) -> Result<Chapter, ReportError> {
     chapter.array("source_intensity", &[rows, columns], intensity.values().iter().map(|&value| value.into()));
     chapter.array("source_phase_rad", &[rows, columns], phase.values().iter().map(|&value| value.into()));
     Ok(chapter)
-}
-
-fn response(model: &DisplayModel, uncertainty: Option<&ResponseCovariance>) -> Chapter {
-    let zero = model.zero_order.norm();
-    let mut body = format!(
-        "<p>Undiffracted light: its amplitude is {:.4} of that of the modulated light, its phase is {:.2} rad, and its \
-         intensity is {:.2} % of that of the modulated light.</p>",
-        zero,
-        model.zero_order.arg(),
-        100.0 * zero * zero
-    );
-    body.push_str(&parts(&BlockStrengths::of(model), &model.ghost));
-    let mut chapter = Chapter { title: "Modulator", ..Chapter::default() };
-    if model.response.is_empty() {
-        body.push_str(
-            "<p>The phase response was not learned. The model assumes that the modulator shows the requested phase.</p>",
-        );
-        chapter.body = body;
-        return chapter;
-    }
-    let requested_rad = |i: usize| TAU * i as f64 / STEPS as f64;
-    let curve: Vec<f64> = (0..=STEPS).map(|i| response_error_rad(model, requested_rad(i))).collect();
-    let mean = curve.iter().take(STEPS).sum::<f64>() / STEPS as f64;
-    let worst = curve.iter().map(|value| (value - mean).abs()).fold(0.0, f64::max);
-    let _ = write!(
-        body,
-        "<p>The modulator's phase differs from the requested phase by up to {worst:.3} rad around the mean \
-         difference.</p>"
-    );
-    let deviations: Vec<f64> = uncertainty
-        .iter()
-        .flat_map(|uncertainty| (0..=STEPS).map(|i| uncertainty.deviation_rad(requested_rad(i))))
-        .collect();
-    match deviations.iter().copied().reduce(f64::max) {
-        Some(largest) => {
-            let _ = write!(
-                body,
-                "<p>The band around the curve is one standard deviation, at most {largest:.4} rad. It estimates how \
-                 much the curve would differ if it were learned from other photographs.</p>"
-            );
-            chapter.array("response_deviation_rad", &[STEPS + 1], deviations.iter().copied());
-        }
-        None => body
-            .push_str("<p>The uncertainty of the curve is unknown. Its estimate needs three training photographs.</p>"),
-    }
-    let chart = response_chart(&curve, &deviations);
-    chapter.svg("response", "Shown phase minus requested phase of the modulator", chart.svg());
-    chapter.array("response_error_rad", &[STEPS + 1], curve);
-    chapter.body = body;
-    chapter
-}
-
-/// The parts of the model that this display needed.
-fn parts(blocks: &BlockStrengths, ghost: &Ghost) -> String {
-    let mut text = String::new();
-    if let Some(rms) = blocks.surface_rms_rad {
-        let _ = write!(
-            text,
-            "<p>The light on the modulator needs a fine profile. Its phase, the surface of the modulator, has {rms:.2} rad RMS without tilt.</p>"
-        );
-    }
-    if let Some([x, y]) = blocks.crosstalk_px {
-        let _ = write!(
-            text,
-            "<p>Cross-talk: the phases of neighbouring pixels blur into each other with a standard deviation of {x:.2} px \
-             along x and {y:.2} px along y.</p>"
-        );
-    }
-    if let Some(rms) = blocks.response_variation_rms {
-        let _ = write!(text, "<p>The phase response varies over the modulator by {:.1} % RMS.</p>", 100.0 * rms);
-    }
-    if let Some(share) = blocks.ghost_share {
-        let [x, y] = ghost.shift_px;
-        let _ = write!(
-            text,
-            "<p>A ghost, a second image with {:.2} % of the light, lies {x:.1} px and {y:.1} px beside the image along x and y.</p>",
-            100.0 * share
-        );
-    }
-    if let Some(contrast) = blocks.dust_contrast {
-        let _ = write!(
-            text,
-            "<p>Dust and fringes in the light on the modulator, with a contrast of {:.1} %.</p>",
-            100.0 * contrast
-        );
-    }
-    if let Some([x, y]) = blocks.image_spread_px {
-        let _ = write!(
-            text,
-            "<p>The light is partially coherent: it has several modes that do not interfere, and the places of their images have a \
-             standard deviation of {x:.2} px along x and {y:.2} px along y. Pictures of the kernel show its first mode.</p>"
-        );
-    }
-    if text.is_empty() {
-        text.push_str(
-            "<p>The model has no uneven surface, no cross-talk, no variation of the phase response, no ghost, no dust and no further modes of \
-             light: the photographs did not need them, or the model does not know them.</p>",
-        );
-    }
-    text
-}
-
-/// Number of steps in the curve of the phase response.
-const STEPS: usize = 128;
-
-/// Error of the modulator's phase \[rad\] for the requested phase `requested_rad`: shown phase minus requested phase.
-fn response_error_rad(model: &DisplayModel, requested_rad: f64) -> f64 {
-    let harmonic = |(k, [a, b]): (u32, &[f64; 2])| {
-        a * (f64::from(k) * requested_rad).sin() + b * (f64::from(k) * requested_rad).cos()
-    };
-    (1..).zip(&model.response).map(harmonic).sum()
-}
-
-fn response_chart(curve: &[f64], deviations: &[f64]) -> Chart<'static> {
-    let requested_rad = |i: usize| TAU * i as f64 / STEPS as f64;
-    let around = |(i, deviation): (usize, &f64)| (requested_rad(i), [curve[i] - deviation, curve[i] + deviation]);
-    let band = deviations.iter().enumerate().map(around).collect();
-    let points = curve.iter().enumerate().map(|(i, &value)| (requested_rad(i), value)).collect();
-    Chart {
-        title: "Phase response",
-        x_label: "requested phase [rad]",
-        y_label: "shown − requested [rad]",
-        logarithmic: false,
-        lines: vec![
-            Line { label: "learned".to_owned(), points, dashed: false },
-            Line { label: "linear".to_owned(), points: vec![(0.0, 0.0), (TAU, 0.0)], dashed: true },
-        ],
-        band,
-    }
 }

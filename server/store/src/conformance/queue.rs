@@ -295,6 +295,7 @@ async fn learned_kernel_becomes_a_version_when_its_job_ends() {
         loss_history: vec![0.5],
         order: 0,
         blocks: Default::default(),
+        certainty: Default::default(),
     };
     let learned = JobResult::Learn(learned);
     let far = KernelKey { distance: Distance { nm: 200_000_000 }, ..key() };

@@ -1,6 +1,7 @@
 //! `machinery`: all ways in which a job can end, with simple tasks. `whole_loop`: the real tasks, on a small display.
-//! `bench`: the test bench of both.
+//! `suggestion`: holograms to photograph next. `bench`: the test bench of all.
 
 mod bench;
 mod machinery;
+mod suggestion;
 mod whole_loop;

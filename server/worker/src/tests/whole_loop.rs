@@ -24,14 +24,14 @@ use std::collections::BTreeMap;
 const QUARTER: Finalization =
     Finalization { validation_fraction: 0.0, test_fraction: 0.25, seed: 1, keep_alignment: true };
 
-struct Lab {
-    bench: Bench,
-    height_px: usize,
-    width_px: usize,
+pub(super) struct Lab {
+    pub(super) bench: Bench,
+    pub(super) height_px: usize,
+    pub(super) width_px: usize,
 }
 
 impl Lab {
-    async fn new() -> Self {
+    pub(super) async fn new() -> Self {
         let simulated_bench =
             SimulatedBench { seed: 3, camera_noise: 0.002, misalignment_px: 0.3, ..SimulatedBench::FAIR };
         let carrier = Some(Carrier::HalfOrderX);
@@ -58,7 +58,7 @@ impl Lab {
     }
 
     /// Runs workers until the condition holds for the job.
-    async fn run_until(&self, config: WorkerConfig, id: &str, condition: impl Fn(&Job) -> bool) -> Job {
+    pub(super) async fn run_until(&self, config: WorkerConfig, id: &str, condition: impl Fn(&Job) -> bool) -> Job {
         let working = self.bench.start(config, OpticsTask);
         self.bench.until(id, condition).await;
         working.stop().await;
@@ -66,7 +66,7 @@ impl Lab {
     }
 
     /// Runs a job to its end, checks that it succeeded, and returns its result.
-    async fn run_job(&self, request_id: &str, spec: JobSpec) -> JobResult {
+    pub(super) async fn run_job(&self, request_id: &str, spec: JobSpec) -> JobResult {
         let id = self.bench.submit(request_id, spec, 1).await;
         let job = self.run_until(threads(2), &id, |job| job.state.has_ended()).await;
         assert_eq!(job.state, JobState::Succeeded, "{:?}", job.error);
@@ -91,7 +91,7 @@ impl Lab {
         }
     }
 
-    async fn photograph(&self, request_id: &str, phase: &str) -> String {
+    pub(super) async fn photograph(&self, request_id: &str, phase: &str) -> String {
         let (display, phase) = ("lab".to_owned(), phase.to_owned());
         let spec =
             SimulateCapture { display, wavelength: WAVELENGTH, distance: DISTANCE, phase, seed: 1, elapsed_s: 0.0 };
@@ -102,7 +102,7 @@ impl Lab {
     }
 
     /// Creates a dataset of ideal holograms and their photographs on the simulated bench.
-    async fn dataset(&self, pairs: usize) {
+    pub(super) async fn dataset(&self, pairs: usize) {
         let pairs = self.photographed(pairs).await;
         self.create_finalized(pairs).await;
     }
@@ -195,7 +195,7 @@ fn region() -> RegionOfInterest {
     RegionOfInterest::try_new(&Grid::try_new(48, 64, 8e-6).unwrap(), 6, 5, 52, 38).unwrap()
 }
 
-fn threads(compute_threads: usize) -> WorkerConfig {
+pub(super) fn threads(compute_threads: usize) -> WorkerConfig {
     WorkerConfig { compute_threads, ..WorkerConfig::default() }
 }
 
@@ -222,7 +222,7 @@ fn optimize(target: String, kernel_version: Option<u32>, iterations: u32) -> Job
     }))
 }
 
-fn learn(model: KernelModel, epochs: u32, refinement_evaluations: u32) -> JobSpec {
+pub(super) fn learn(model: KernelModel, epochs: u32, refinement_evaluations: u32) -> JobSpec {
     JobSpec::LearnKernel(LearnKernel {
         datasets: vec!["photos".to_owned()],
         display: "lab".to_owned(),

@@ -30,6 +30,8 @@ pub(crate) fn result(result: LearnResult) -> v1::LearnResult {
         loss_history: result.loss_history,
         order: result.order,
         blocks: Some(blocks(&result.blocks)),
+        deviations: Some(blocks(&result.certainty.deviations)),
+        hidden: Some(blocks(&result.certainty.hidden)),
     }
 }
 

@@ -6,6 +6,7 @@ use crate::error::ApiError;
 use crate::field::Field;
 use crate::names;
 use lightpath_domain::job::ReportKernel;
+use lightpath_domain::kernel::KernelVersion;
 use lightpath_proto::v1;
 use lightpath_store::StoreError;
 
@@ -18,10 +19,21 @@ impl Api {
         field: &Field,
     ) -> Result<ReportKernel, ApiError> {
         let field = field.at("kernel_version");
-        let (kernel, version) = names::kernel_version(call, &field, &message.kernel_version)?;
+        let KernelVersion { key, version, .. } = self.existing_version(call, &field, &message.kernel_version).await?;
+        Ok(ReportKernel { kernel: key, version })
+    }
+
+    /// The kernel version that a field names. Refuses one that does not exist.
+    pub(crate) async fn existing_version(
+        &self,
+        call: &Call,
+        field: &Field,
+        name: &str,
+    ) -> Result<KernelVersion, ApiError> {
+        let (kernel, version) = names::kernel_version(call, field, name)?;
         match self.store.kernel_version(&kernel, version).await {
             Err(StoreError::NotFound { resource }) => Err(field.missing(resource, "name one of the kernel's versions")),
-            found => found.map(|_| ReportKernel { kernel, version }).map_err(ApiError::from),
+            found => found.map_err(ApiError::from),
         }
     }
 }

@@ -4,7 +4,7 @@
 use lightpath_optics::hologram::initial_phase;
 use lightpath_optics::learning::{
     Block, Blocks, BoxError, KernelModel, LearnOptions, LearnStage, LearnState, Learner, LearningPairs, Pair,
-    PairSource, ResponseUncertainty, compare, interpolated,
+    PairSource, compare, interpolated,
 };
 use lightpath_optics::simulated_display::{SimulatedBench, SimulatedDisplay};
 use lightpath_optics::{
@@ -12,6 +12,8 @@ use lightpath_optics::{
 };
 use rayon::ThreadPoolBuilder;
 use std::f64::consts::TAU;
+
+mod certainty;
 
 const HEIGHT_PX: usize = 72;
 const WIDTH_PX: usize = 96;
@@ -472,37 +474,4 @@ fn joint_learning_refuses_setups_that_differ_in_more_than_distance() {
     assert!(refused(&[near, middle, far], KernelModel::Dense).contains("only the models smooth and display"));
     let more = OpticalSetup::try_new(near.grid(), 515e-9, 8e-3).unwrap();
     assert!(refused(&[near, middle, far, more], display).contains("pairs is empty"));
-}
-
-#[test]
-fn predicted_response_uncertainty_matches_scatter() {
-    let bench = bench(12);
-    let region = RegionOfInterest::middle(&bench.setup().grid());
-    let phases: Vec<f64> = (0..16).map(|i| f64::from(i) * std::f64::consts::TAU / 16.0).collect();
-    let error = |model: &DisplayModel, phase: f64| -> f64 {
-        let harmonic = |(k, [a, b]): (f64, &[f64; 2])| a * (k * phase).sin() + b * (k * phase).cos();
-        [1.0, 2.0, 3.0].into_iter().zip(&model.response).map(harmonic).sum()
-    };
-    // Learns the same display several times, from photographs of different holograms.
-    let (mut curves, mut predicted) = (Vec::new(), Vec::new());
-    for set in 0..5 {
-        let training = pairs(&bench, 8, 1000 * (set + 1));
-        let model = learned(&bench, options(&bench, Some(5)), LearningPairs::training_only(&training)).model();
-        let mut uncertainty = ResponseUncertainty::of(&model, Detector::Pixel, None, region).unwrap().unwrap();
-        assert_eq!(uncertainty.covariance(), None, "without pairs there is no covariance");
-        training.iter().for_each(|pair| uncertainty.add(pair).unwrap());
-        let covariance = uncertainty.covariance().unwrap();
-        predicted.push(phases.iter().map(|&phase| covariance.deviation_rad(phase).powi(2)).sum::<f64>());
-        curves.push(phases.iter().map(|&phase| error(&model, phase)).collect::<Vec<f64>>());
-    }
-    let spread = |i: usize| {
-        let mean = curves.iter().map(|curve| curve[i]).sum::<f64>() / curves.len() as f64;
-        curves.iter().map(|curve| (curve[i] - mean).powi(2)).sum::<f64>() / (curves.len() - 1) as f64
-    };
-    let observed = (0..phases.len()).map(spread).sum::<f64>();
-    let predicted = predicted.iter().sum::<f64>() / predicted.len() as f64;
-    assert!((0.4..2.5).contains(&(predicted / observed).sqrt()), "{predicted} against {observed}");
-    assert!(
-        ResponseUncertainty::of(&DisplayModel::ideal(bench.setup()), Detector::Pixel, None, region).unwrap().is_none()
-    );
 }
