@@ -58,7 +58,7 @@ pub struct ParametricState {
     pub best: Option<BestModel>,
     /// Number of steps of the current order or trial since the last validation gain.
     pub steps_without_gain: u32,
-    /// A and B of the display's [dust](Dust).
+    /// A and B of the display's [dust](crate::Dust).
     pub dust: Option<Plane<[i16; 2]>>,
     /// Fit of the dust in progress.
     pub dust_fit: Option<DustFit>,
