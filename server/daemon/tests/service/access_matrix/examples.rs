@@ -176,7 +176,7 @@ fn other_jobs() -> Vec<Example> {
         submit(json!({ "evaluate_kernel": { "dataset": "$near", "kernel": "$choice" } })),
         submit(json!({ "prepare_dataset": { "dataset": "$open", "align": { "dots_photo": "$pair_photo" } } })),
         submit(json!({ "report_kernel": { "kernel_version": "$version" } })),
-        submit(json!({ "suggest_holograms": { "kernel_version": "$version", "holograms": 1 } })),
+        submit(json!({ "suggest_holograms": { "kernel_version": "$learned_version", "holograms": 1 } })),
         submit(json!({ "verify_hologram": { "job": "$hologram" } })),
     ]
 }

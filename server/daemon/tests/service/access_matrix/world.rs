@@ -181,7 +181,7 @@ impl Builder<'_> {
         let job = self.run(job_spec::Kind::LearnKernel(learn)).await;
         world.set("ended", job.name);
         let name = format!("{}/versions/1", self.kernel());
-        let get = v1::GetKernelVersionRequest { name };
+        let get = v1::GetKernelVersionRequest { name: name.clone() };
         let learned: v1::KernelVersion = self.owner.ask("KernelService/GetKernelVersion", get).await.unwrap();
         let versions = if self.prefix == "faraway" { 2..=3 } else { 2..=2 };
         for version in versions.clone() {
@@ -201,6 +201,7 @@ impl Builder<'_> {
             self.owner.ask::<v1::Kernel>("KernelService/PromoteKernel", request).await.unwrap();
         }
         world.set("file", learned.artifact);
+        world.set("learned_version", name);
         world.set("number", *versions.end());
         world.set("choice", versions.end().to_string());
     }
