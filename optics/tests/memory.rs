@@ -7,7 +7,7 @@ use lightpath_optics::hologram::{
     HologramMethod, HologramOptions, ImagePlane, InitialPhase, Loss, ShownLight, initial_phase, pixel_psnr_db,
     with_other_orders,
 };
-use lightpath_optics::learning::{KernelModel, LearnOptions, Learner, LearningPairs, Pair};
+use lightpath_optics::learning::{Blocks, KernelModel, LearnOptions, Learner, LearningPairs, Pair};
 use lightpath_optics::memory::{EngineSize, HologramSize, LearningSize};
 use lightpath_optics::second_opinion::{Effort, SecondOpinion};
 use lightpath_optics::simulated_display::SimulatedDisplay;
@@ -149,7 +149,7 @@ fn check_learning(pool: &ThreadPool, model: KernelModel, distances: usize) {
     let engine = EngineSize::ideal(height_px, width_px, Detector::Pixel, 2);
     let region_px = [region.height_px(), region.width_px()];
     let modes = LearningSize::MODES_MAX;
-    let size = LearningSize { engine, model, order: 5, distances, region_px, modes };
+    let size = LearningSize { engine, model, order: 5, distances, region_px, modes, blocks: Blocks::ALL };
     // The estimate is that of a display that needs all blocks. They come from the start, but for the variation of the
     // kernel, which is tried because there are validation pairs. No display has both it and several modes.
     let needs_blocks = DisplayModel {

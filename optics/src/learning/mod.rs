@@ -38,7 +38,8 @@ mod uncertainty;
 /// Sizes that determine the memory of a fit.
 pub(crate) mod sizes {
     pub(crate) use super::layout::{
-        FINE_SOURCE_ORDER, FURTHER_MODES, HARMONICS, MODE_ORDER, RESPONSE_VARIATION_ORDER, VARIATION_ORDER,
+        FINE_SOURCE_ORDER, FURTHER_MODES, HARMONICS, MODE_ORDER, RESPONSE_VARIATION_ORDER, SOURCE_ORDER,
+        VARIATION_ORDER,
     };
     pub(crate) use super::parametric::CURVATURE_PX;
 }

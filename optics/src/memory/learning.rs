@@ -4,10 +4,11 @@ use super::{COMPLEX, COMPLEX_F64, EngineSize, REAL};
 use crate::SpatialVariation;
 use crate::chebyshev::ChebyshevBasis;
 use crate::convolution::tile_columns;
-use crate::learning::KernelModel;
 use crate::learning::sizes::{
-    CURVATURE_PX, FINE_SOURCE_ORDER, FURTHER_MODES, HARMONICS, MODE_ORDER, RESPONSE_VARIATION_ORDER, VARIATION_ORDER,
+    CURVATURE_PX, FINE_SOURCE_ORDER, FURTHER_MODES, HARMONICS, MODE_ORDER, RESPONSE_VARIATION_ORDER, SOURCE_ORDER,
+    VARIATION_ORDER,
 };
+use crate::learning::{Blocks, KernelModel};
 use crate::optimizer::limited_memory::HISTORY;
 
 /// Size of a fit of a display model to photographs.
@@ -25,6 +26,8 @@ pub struct LearningSize {
     pub region_px: [usize; 2],
     /// Most modes of light that the fit may have.
     pub modes: usize,
+    /// Blocks that the fit may have.
+    pub blocks: Blocks,
 }
 
 impl LearningSize {
@@ -94,7 +97,7 @@ impl LearningSize {
     /// Derivatives of one mode's transfer functions by a number of the ghost.
     fn ghost_bytes(&self) -> u64 {
         let engine = self.engine();
-        if engine.has_source { engine.kernels() * engine.transfer_bytes() } else { 0 }
+        if engine.has_source && self.blocks.ghost { engine.kernels() * engine.transfer_bytes() } else { 0 }
     }
 
     /// Exponents of the dust and factors at each pixel, and vectors of the fit: those of its state, and a point, a
@@ -122,13 +125,16 @@ impl LearningSize {
         derivatives + rows * parameters * parameters / 2 * 8 + 4 * parameters * parameters * 8 + 6 * joint * joint * 8
     }
 
-    /// Number of parameters of the model at one distance, with all blocks.
+    /// Number of parameters of the model at one distance.
     fn parameters(&self) -> u64 {
         let terms = |order: usize| ChebyshevBasis::new(order).terms();
         let kernel = 2 * terms(self.order);
-        let variation_of_response = terms(RESPONSE_VARIATION_ORDER) + 1;
-        let modes = FURTHER_MODES * (1 + 2 * terms(MODE_ORDER));
-        let slm = 2 * terms(FINE_SOURCE_ORDER) + 2 * HARMONICS + 2 + 2 + variation_of_response + modes;
+        let some = |has: bool, count: usize| if has { count } else { 0 };
+        let Blocks { fine_source, uneven_response, partial_coherence, .. } = self.blocks;
+        let variation_of_response = some(uneven_response, terms(RESPONSE_VARIATION_ORDER) + 1);
+        let modes = some(partial_coherence, FURTHER_MODES * (1 + 2 * terms(MODE_ORDER)));
+        let source = if fine_source { FINE_SOURCE_ORDER } else { SOURCE_ORDER };
+        let slm = 2 * terms(source) + 2 * HARMONICS + 2 + 2 + variation_of_response + modes;
         let variation = SpatialVariation::POWERS * 2 * terms(VARIATION_ORDER);
         let all = match self.model {
             KernelModel::Display => kernel + slm,
@@ -187,7 +193,8 @@ impl LearningSize {
     #[must_use]
     pub fn curvature_work(&self) -> f64 {
         let engine = self.engine();
-        let source = ChebyshevBasis::new(FINE_SOURCE_ORDER).terms();
+        let source_order = if self.blocks.fine_source { FINE_SOURCE_ORDER } else { SOURCE_ORDER };
+        let source = ChebyshevBasis::new(source_order).terms();
         let propagations = self.order + 1 + if engine.has_source { source + 2 * HARMONICS + 1 + 12 } else { 0 };
         let [rows, columns] = self.region_px.map(|side| side as f64);
         let products = (rows * columns).min(2.0 * CURVATURE_PX as f64) * (self.parameters() as f64).powi(2) / 8.0;

@@ -19,7 +19,7 @@ use lightpath_domain::kernel::{KernelKey, KernelVersion};
 use lightpath_domain::planning;
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_media::{captures, kernel_file};
-use lightpath_optics::learning::KernelModel;
+use lightpath_optics::learning::{Blocks, KernelModel};
 use lightpath_optics::memory::EngineSize;
 use lightpath_optics::propagation::ConvolutionMethod;
 use lightpath_optics::{Detector, DisplayModel, KernelShape, OpticalSetup};
@@ -214,20 +214,23 @@ impl Api {
     ) -> Result<KernelSize, ApiError> {
         let ideal = self.ideal_engine(display, key, detector, propagation)?;
         let Some(version) = version else {
-            return Ok(KernelSize { engine: ideal, order: 0, has_bins: false, file_bytes: 0 });
+            return Ok(KernelSize { engine: ideal, order: 0, blocks: Blocks::NONE, has_bins: false, file_bytes: 0 });
         };
         let content = self.store.kernel_version(key, version).await?.content;
-        let (engine, order) = match content.model {
-            KernelModel::Paper | KernelModel::Dense => (EngineSize { exact: None, opinion_values: 0, ..ideal }, 0),
+        let (engine, order, blocks) = match content.model {
+            KernelModel::Paper | KernelModel::Dense => {
+                (EngineSize { exact: None, opinion_values: 0, ..ideal }, 0, Blocks::NONE)
+            }
             // Such files have some hundred numbers.
             KernelModel::Smooth | KernelModel::Display | KernelModel::Varying => {
                 let file = self.artifacts.read_all(&content.artifact).await?;
-                kernel_file::decode(&file).map_or((ideal, 0), |(model, _)| {
-                    (EngineSize::of(&model, detector, self.job_limits.threads), order_of(&model))
+                kernel_file::decode(&file).map_or((ideal, 0, Blocks::ALL), |(model, _)| {
+                    let engine = EngineSize::of(&model, detector, self.job_limits.threads);
+                    (engine, order_of(&model), Blocks::of(&model))
                 })
             }
         };
-        Ok(KernelSize { engine, order, has_bins: !content.model.is_smooth(), file_bytes: content.size_bytes })
+        Ok(KernelSize { engine, order, blocks, has_bins: !content.model.is_smooth(), file_bytes: content.size_bytes })
     }
 
     /// Memory for decoding the photograph of dots from which a dataset is aligned; 0 for other jobs.

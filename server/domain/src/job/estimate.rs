@@ -15,7 +15,7 @@ use super::{AlignBy, OptimizeHologram, PrepareStep};
 use crate::dataset::{Dataset, Split};
 use crate::display::Display;
 use lightpath_optics::hologram::{HologramMethod, InitialPhase};
-use lightpath_optics::learning::{KernelModel, LearnOptions};
+use lightpath_optics::learning::{Blocks, KernelModel, LearnOptions};
 use lightpath_optics::memory::{EngineSize, HologramSize, LearningSize};
 use lightpath_optics::second_opinion::Effort;
 use lightpath_optics::{Detector, SimulatedBench};
@@ -98,6 +98,8 @@ pub struct KernelSize {
     pub engine: EngineSize,
     /// Highest order of a smooth kernel; 0 for other kernels.
     pub order: usize,
+    /// Blocks of the kernel's model.
+    pub blocks: Blocks,
     /// Whether the kernel has a value for each frequency.
     pub has_bins: bool,
     /// Size of the kernel's file \[bytes\]; 0: the ideal kernel.
@@ -303,7 +305,8 @@ pub fn learn_kernel(spec: &super::LearnKernel, inputs: &LearningInputs) -> Need 
     let region_px = [spec.region_of_interest.height_px(), spec.region_of_interest.width_px()];
     let order = spec.order.map_or(12, |order| order as usize);
     let modes = LearningSize::MODES_MAX;
-    let size = LearningSize { engine: inputs.engine, model: spec.model, order, distances: datasets, region_px, modes };
+    let (engine, model, blocks) = (inputs.engine, spec.model, Blocks::ALL);
+    let size = LearningSize { engine, model, order, distances: datasets, region_px, modes, blocks };
     let kept: Vec<[u64; 3]> = inputs.pairs.iter().map(|pairs| pairs.kept_bytes(n, datasets)).collect();
     let kept_of = |splits: &[usize]| -> u64 { kept.iter().flat_map(|kept| splits.iter().map(|&i| kept[i])).sum() };
     let reading = inputs.pairs.iter().map(|pairs| pairs.reading_bytes(n)).max().unwrap_or(0);
@@ -451,7 +454,8 @@ pub struct SuggestInputs {
 pub fn suggest_holograms(spec: &super::SuggestHolograms, inputs: &SuggestInputs) -> Need {
     let SuggestInputs { kernel, model, pairs, region_px } = *inputs;
     let (engine, n) = (kernel.engine, kernel.engine.pixels());
-    let size = LearningSize { engine, model, order: kernel.order, distances: 1, region_px, modes: engine.modes };
+    let (order, modes, blocks) = (kernel.order, engine.modes, kernel.blocks);
+    let size = LearningSize { engine, model, order, distances: 1, region_px, modes, blocks };
     let hologram = HologramSize::new(engine, HologramMethod::Lbfgs, SUGGESTED_ITERATIONS);
     let running = hologram.problem_bytes() + hologram.state_bytes() + hologram.scratch_bytes() + 3 * REAL * n;
     let candidates = super::suggest::candidates(spec.holograms);
@@ -513,6 +517,7 @@ pub fn report_kernel(inputs: &ReportInputs) -> Need {
             distances: 1,
             region_px: inputs.region_px,
             modes: engine.modes,
+            blocks: Blocks::ALL,
         };
         let fit =
             if matches!(inputs.model, KernelModel::Display | KernelModel::Varying) { size.fit_bytes() } else { 0 };

@@ -37,7 +37,7 @@ fn spec(side_px: usize, planes: usize) -> OptimizeHologram {
 
 fn need(side_px: usize, spec: &OptimizeHologram, decoding_bytes: u64) -> Need {
     let engine = EngineSize::ideal(side_px, side_px, spec.detector, 2);
-    let kernel = KernelSize { engine, order: 0, has_bins: false, file_bytes: 0 };
+    let kernel = KernelSize { engine, order: 0, blocks: Blocks::NONE, has_bins: false, file_bytes: 0 };
     let kernels = vec![vec![kernel; spec.planes.len()]; spec.wavelengths.len()];
     optimize_hologram(spec, &HologramInputs { cache_bytes_max: 0, kernels, decoding_bytes })
 }
