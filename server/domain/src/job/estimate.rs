@@ -455,13 +455,18 @@ pub fn suggest_holograms(spec: &super::SuggestHolograms, inputs: &SuggestInputs)
     let SuggestInputs { kernel, model, pairs, region_px } = *inputs;
     let (engine, n) = (kernel.engine, kernel.engine.pixels());
     let (order, modes, blocks) = (kernel.order, engine.modes, kernel.blocks);
-    let size = LearningSize { engine, model, order, distances: 1, region_px, modes, blocks };
+    // Transfer functions are sampled before.
+    let sampled = EngineSize { sampling_bytes: 0, ..engine };
+    let size = LearningSize { engine: sampled, model, order, distances: 1, region_px, modes, blocks };
     let hologram = HologramSize::new(engine, HologramMethod::Lbfgs, SUGGESTED_ITERATIONS);
     let running = hologram.problem_bytes() + hologram.state_bytes() + hologram.scratch_bytes() + 3 * REAL * n;
     let candidates = super::suggest::candidates(spec.holograms);
+    // While a hologram is optimized, no curvature is computed: its rows are counted apart.
+    let between = LearningSize { region_px: [1, 1], ..size }.weighed_bytes();
+    let weighing = size.weighed_bytes() - between + pairs.reading_bytes(n);
     // The files of all candidates are kept: at most two bytes for each pixel.
-    let kept = engine.engine_bytes() + size.weighed_bytes() + u64::from(candidates) * 2 * n;
-    let stages = [kernel.reading_bytes(), kept + running.max(pairs.reading_bytes(n))];
+    let kept = engine.engine_bytes() + between + u64::from(candidates) * 2 * n;
+    let stages = [kernel.reading_bytes(), kept + running.max(weighing)];
     let steps = f64::from(candidates * SUGGESTED_ITERATIONS) * STEP_FACTOR * hologram.step_work();
     let curvatures = f64::from(candidates) + (SAMPLED_PAIRS_MAX as f64).min(pairs.splits[0] as f64);
     let work = steps + LEARNING_FACTOR * curvatures * size.curvature_work() + 2.0 * engine.sampling_work as f64;
