@@ -148,8 +148,7 @@ fn check_learning(pool: &ThreadPool, model: KernelModel, distances: usize) {
     let pairs = Joint(pairs);
     let engine = EngineSize::ideal(height_px, width_px, Detector::Pixel, 2);
     let region_px = [region.height_px(), region.width_px()];
-    let modes = LearningSize::MODES_MAX;
-    let size = LearningSize { engine, model, order: 5, distances, region_px, modes, blocks: Blocks::ALL };
+    let size = LearningSize { engine, model, order: 5, distances, region_px, blocks: Blocks::ALL };
     // The estimate is that of a display that needs all blocks. They come from the start, but for the variation of the
     // kernel, which is tried because there are validation pairs. No display has both it and several modes.
     let needs_blocks = DisplayModel {

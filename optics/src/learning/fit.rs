@@ -70,6 +70,19 @@ impl<T: Real> Fit<T> {
         })
     }
 
+    /// The fit of a learned model, with its dust, at one plane.
+    pub(super) fn of_model(
+        model: &DisplayModel,
+        layout: Layout,
+        detector: Detector,
+        carrier: Option<Carrier>,
+    ) -> Result<Self, Error> {
+        let mut fit = Self::new(vec![model.setup], layout, detector, carrier)?;
+        fit.set_dust(model.dust.steps().map(Dust::exponents_of).as_deref());
+        fit.set(0, &layout.parameters(model));
+        Ok(fit)
+    }
+
     /// Changes the order of the kernel or the blocks.
     pub(super) fn change_layout(&mut self, layout: Layout) {
         if layout.source != self.layout.source {
@@ -107,11 +120,6 @@ impl<T: Real> Fit<T> {
             Complex::new(T::of(factor.re), T::of(factor.im))
         };
         self.dust = exponents.map(|exponents| exponents.as_chunks().0.par_iter().map(factor).collect());
-    }
-
-    /// [`Self::set_dust`] to that of a display.
-    pub(super) fn set_dust_of(&mut self, model: &DisplayModel) {
-        self.set_dust(model.dust.steps().map(Dust::exponents_of).as_deref());
     }
 
     pub(super) fn set(&mut self, plane: usize, parameters: &[f64]) {

@@ -66,9 +66,7 @@ impl HologramChoice {
     ) -> Result<Option<Self>, Error> {
         model.validate()?;
         let Some(layout) = layout_of(model) else { return Ok(None) };
-        let mut fit = Fit::new(vec![model.setup], layout, detector, carrier)?;
-        fit.set_dust_of(model);
-        fit.set(0, &layout.parameters(model));
+        let fit = Fit::of_model(model, layout, detector, carrier)?;
         Ok(Some(Self { layout, fit, region, photographed: Vec::new(), candidates: Vec::new() }))
     }
 

@@ -90,9 +90,7 @@ impl ModelUncertainty {
         let Some(layout) = layout_of(model) else { return Ok(None) };
         let blocks = layout.blocks.with(Block::Crosstalk).with(Block::UnevenResponse);
         let extended = Layout::of(KernelModel::Display, layout.kernel.order(), blocks);
-        let mut fit = Fit::new(vec![model.setup], extended, detector, carrier)?;
-        fit.set_dust_of(model);
-        fit.set(0, &extended.parameters(model));
+        let fit = Fit::of_model(model, extended, detector, carrier)?;
         let curvature = vec![0.0; extended.len() * extended.len()];
         Ok(Some(Self { model: model.clone(), layout, fit, region, curvature, gradients: Vec::new() }))
     }

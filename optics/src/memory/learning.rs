@@ -24,16 +24,11 @@ pub struct LearningSize {
     pub distances: usize,
     /// Rows and columns of the region that is compared \[px\].
     pub region_px: [usize; 2],
-    /// Most modes of light that the fit may have.
-    pub modes: usize,
     /// Blocks that the fit may have.
     pub blocks: Blocks,
 }
 
 impl LearningSize {
-    /// Most modes of light that learning tries.
-    pub const MODES_MAX: usize = 1 + FURTHER_MODES;
-
     /// Engine during the fit.
     #[must_use]
     pub fn engine(&self) -> EngineSize {
@@ -42,7 +37,11 @@ impl LearningSize {
         EngineSize {
             kernels_per_side: if varies { EngineSize::KERNELS_PER_SIDE_MAX } else { 1 },
             // A varying kernel has more transfer functions than the modes, and no display has both.
-            modes: if self.model == KernelModel::Display { self.modes } else { 1 },
+            modes: if self.model == KernelModel::Display && self.blocks.partial_coherence {
+                1 + FURTHER_MODES
+            } else {
+                1
+            },
             has_source: has_slm,
             wraps_phase: has_slm,
             ..self.engine
@@ -52,14 +51,20 @@ impl LearningSize {
     /// Memory of a fit, besides the pairs.
     #[must_use]
     pub fn fit_bytes(&self) -> u64 {
-        let stages = self.correlation_bytes().max(self.curvature_bytes() + self.ghost_bytes()).max(self.dust_bytes());
+        let stages = self.correlation_bytes().max(self.weighing_bytes()).max(self.dust_bytes());
         self.evaluated_bytes() + if self.model.is_smooth() { self.smooth_bytes() + stages } else { self.bins_bytes() }
     }
 
-    /// Memory of a smooth model of which only curvatures are computed, besides the pairs.
+    /// Memory that a smooth model keeps between computations, besides the pairs.
     #[must_use]
-    pub fn weighed_bytes(&self) -> u64 {
-        self.evaluated_bytes() + self.smooth_bytes() + self.curvature_bytes() + self.ghost_bytes()
+    pub fn held_bytes(&self) -> u64 {
+        self.evaluated_bytes() + self.smooth_bytes()
+    }
+
+    /// Memory for a curvature, besides [`Self::held_bytes`].
+    #[must_use]
+    pub fn weighing_bytes(&self) -> u64 {
+        self.curvature_bytes() + self.ghost_bytes()
     }
 
     /// What every model needs to be compared with a photograph.

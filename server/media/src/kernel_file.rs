@@ -37,16 +37,18 @@
 //!
 //! Coefficients are in the order of `lightpath_optics::chebyshev::ChebyshevBasis::degrees`.
 
-use lightpath_optics::KernelModel;
-use lightpath_optics::chebyshev::ChebyshevBasis;
+mod header;
+mod parts;
+
+pub(crate) use header::Header;
+
 use lightpath_optics::{
-    ConvolutionMethod, Crosstalk, DisplayModel, Dust, FurtherMode, Ghost, Grid, KernelShape, OpticalSetup, Orders,
-    PartialCoherence, Plane, ResponseVariation, SmoothField, SpatialVariation,
+    Crosstalk, DisplayModel, Dust, Ghost, KernelModel, KernelShape, Plane, ResponseVariation, SmoothField,
+    SpatialVariation,
 };
 use num_complex::{Complex32, Complex64};
 use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
-use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 
 /// Name of the tensor with the dust.
@@ -87,67 +89,6 @@ pub enum KernelFileError {
     /// The numbers do not describe a possible display.
     #[error("the kernel is impossible: {0}")]
     Model(#[from] lightpath_optics::Error),
-}
-
-/// The kernel's metadata.
-#[derive(Serialize, Deserialize)]
-pub(crate) struct Header {
-    format: String,
-    format_version: u32,
-    pub(crate) model: KernelModel,
-    height_px: usize,
-    width_px: usize,
-    pixel_pitch_m: f64,
-    wavelength_m: f64,
-    distance_m: f64,
-    kernel_order: usize,
-    source_order: usize,
-    #[serde(default, skip_serializing_if = "is_zero")]
-    variation_order: usize,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    response_variation_order: Option<usize>,
-    #[serde(default, skip_serializing_if = "is_false")]
-    has_crosstalk: bool,
-    #[serde(default, skip_serializing_if = "is_false")]
-    has_ghost: bool,
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    mode_orders: Vec<usize>,
-    #[serde(default, skip_serializing_if = "is_false")]
-    has_dust: bool,
-    propagation: ConvolutionMethod,
-    #[serde(default, skip_serializing_if = "is_first")]
-    orders: Orders,
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    interpolated_from_m: Vec<f64>,
-}
-
-impl Header {
-    /// Reads the metadata, and refuses another format or a later version.
-    pub(crate) fn parse(text: &str) -> Result<Self, KernelFileError> {
-        let header: Self = serde_json::from_str(text)?;
-        if header.format != FORMAT || header.format_version != FORMAT_VERSION {
-            return Err(KernelFileError::Format { format: header.format, version: header.format_version });
-        }
-        Ok(header)
-    }
-
-    fn setup(&self) -> Result<OpticalSetup, KernelFileError> {
-        let grid = Grid::try_new(self.height_px, self.width_px, self.pixel_pitch_m)?;
-        let setup = OpticalSetup::try_new(grid, self.wavelength_m, self.distance_m)?;
-        Ok(setup.with_method_regardless(self.propagation).with_orders(self.orders)?)
-    }
-}
-
-fn is_first(orders: &Orders) -> bool {
-    *orders == Orders::First
-}
-
-fn is_false(value: &bool) -> bool {
-    !value
-}
-
-fn is_zero(order: &usize) -> bool {
-    *order == 0
 }
 
 /// Encodes a kernel. The same model gives the same bytes.
@@ -315,11 +256,11 @@ pub(crate) fn assemble<E: From<KernelFileError>>(
             }),
         },
         ghost: match header.has_ghost {
-            true => ghost(&floats("ghost")?)?,
+            true => parts::ghost(&floats("ghost")?)?,
             false => Ghost::NONE,
         },
-        variation: variation(&floats, header.variation_order)?,
-        coherence: coherence(&floats, &header.mode_orders)?,
+        variation: parts::variation(&floats, header.variation_order)?,
+        coherence: parts::coherence(&floats, &header.mode_orders)?,
         source: SmoothField {
             order: header.source_order,
             log_amplitude: floats("source.log_amplitude")?,
@@ -332,7 +273,7 @@ pub(crate) fn assemble<E: From<KernelFileError>>(
             None => ResponseVariation::none(),
         },
         crosstalk: match header.has_crosstalk {
-            true => crosstalk(&floats("crosstalk")?)?,
+            true => parts::crosstalk(&floats("crosstalk")?)?,
             false => Crosstalk::NONE,
         },
         zero_order: Complex64::new(re, im),
@@ -341,79 +282,6 @@ pub(crate) fn assemble<E: From<KernelFileError>>(
     };
     model.validate().map_err(KernelFileError::from)?;
     Ok(model)
-}
-
-fn crosstalk(ratios: &[f64]) -> Result<Crosstalk, KernelFileError> {
-    match *ratios {
-        [ratio_x, ratio_y] => Ok(Crosstalk { ratio_x, ratio_y }),
-        _ => Err(KernelFileError::Tensor { name: "crosstalk", expected: "two f64" }),
-    }
-}
-
-fn ghost(numbers: &[f64]) -> Result<Ghost, KernelFileError> {
-    let numbers = numbers.try_into().map_err(|_| KernelFileError::Tensor { name: "ghost", expected: "five f64" })?;
-    Ok(Ghost::of_numbers(numbers))
-}
-
-fn coherence<E: From<KernelFileError>>(
-    floats: impl Fn(&'static str) -> Result<Vec<f64>, E>,
-    orders: &[usize],
-) -> Result<PartialCoherence, E> {
-    if orders.is_empty() {
-        return Ok(PartialCoherence::none());
-    }
-    let fields = orders.iter().map(|&order| {
-        // A field of such an order would be refused only after its coefficients were made.
-        let is_possible = order <= ChebyshevBasis::ORDER_MAX;
-        if is_possible { Ok(SmoothField::flat(order)) } else { Err(mode_shape("mode.phase")) }
-    });
-    let mut fields = fields.collect::<Result<Vec<_>, _>>()?;
-    let lights = floats("mode.light")?;
-    let terms: usize = fields.iter().map(|field| field.phase.len()).sum();
-    let (log_amplitudes, phases) = (floats("mode.log_amplitude")?, floats("mode.phase")?);
-    for (name, found, expected) in [
-        ("mode.light", lights.len(), orders.len()),
-        ("mode.log_amplitude", log_amplitudes.len(), terms),
-        ("mode.phase", phases.len(), terms),
-    ] {
-        if found != expected {
-            return Err(mode_shape(name).into());
-        }
-    }
-    let coefficients = fields.iter_mut().flat_map(|field| field.log_amplitude.iter_mut().zip(&mut field.phase));
-    for ((a, b), (log_amplitude, phase)) in coefficients.zip(log_amplitudes.into_iter().zip(phases)) {
-        (*a, *b) = (log_amplitude, phase);
-    }
-    let modes = lights.into_iter().zip(fields).map(|(light, errors)| FurtherMode { light, errors });
-    Ok(PartialCoherence::new(modes.collect()))
-}
-
-fn mode_shape(name: &'static str) -> KernelFileError {
-    KernelFileError::Tensor { name, expected: "f64 with the numbers of all modes in `mode_orders`" }
-}
-
-fn variation<E: From<KernelFileError>>(
-    floats: impl Fn(&'static str) -> Result<Vec<f64>, E>,
-    order: usize,
-) -> Result<SpatialVariation, E> {
-    if order == 0 {
-        return Ok(SpatialVariation::none());
-    }
-    let per_power = |name| -> Result<Vec<Vec<f64>>, E> {
-        let values = floats(name)?;
-        let terms = values.len() / SpatialVariation::POWERS;
-        if terms == 0 || values.len() % SpatialVariation::POWERS != 0 {
-            return Err(KernelFileError::Tensor { name, expected: "f64 of shape [5, terms]" }.into());
-        }
-        Ok(values.chunks_exact(terms).map(<[f64]>::to_vec).collect())
-    };
-    let (mut log_amplitudes, mut phases) =
-        (per_power("variation.log_amplitude")?.into_iter(), per_power("variation.phase")?.into_iter());
-    Ok(SpatialVariation::new([(); SpatialVariation::POWERS].map(|()| SmoothField {
-        order,
-        log_amplitude: log_amplitudes.next().unwrap_or_default(),
-        phase: phases.next().unwrap_or_default(),
-    })))
 }
 
 /// Reads the photographed distances \[m\] that a file's kernel was interpolated from. Empty: it was not interpolated.
@@ -473,6 +341,7 @@ pub(crate) fn dust_steps(bytes: &[u8]) -> Vec<[i16; 2]> {
 mod tests {
     use super::*;
     use lightpath_optics::OrderFilter;
+    use lightpath_optics::{FurtherMode, Grid, OpticalSetup, Orders, PartialCoherence};
 
     fn model(kernel: KernelShape) -> DisplayModel {
         let grid = Grid::try_new(32, 48, 8e-6).unwrap();

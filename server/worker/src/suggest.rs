@@ -1,11 +1,11 @@
 //! Suggests holograms to photograph, from which a kernel would be learned best.
 
-use super::display_setup::{DisplaySetup, finite};
+use super::display_setup::finite;
 use super::learned_from::{LearnedFrom, learn_result, model_of};
 use super::{JobContext, TaskError, TaskOutput};
 use lightpath_domain::dataset::Split;
 use lightpath_domain::job::estimate::{SAMPLED_PAIRS_MAX, SUGGESTED_ITERATIONS};
-use lightpath_domain::job::suggest::{PHASE_RANGES_RAD, candidates};
+use lightpath_domain::job::suggest::{self, PHASE_RANGES_RAD};
 use lightpath_domain::job::{
     FailureReason, JobEffect, JobResult, Progress, SuggestHolograms, SuggestResult, SuggestedHologram,
 };
@@ -44,7 +44,7 @@ pub(super) fn run(context: &JobContext, spec: &SuggestHolograms) -> Result<TaskO
         TaskError::permanent(FailureReason::NoSuggestion, message)
     })?;
     let photographed = from.pairs(Split::Train, usize::MAX).count();
-    let steps_total = photographed.min(SAMPLED_PAIRS_MAX) as u32 + candidates(spec.holograms);
+    let steps_total = photographed.min(SAMPLED_PAIRS_MAX) as u32 + suggest::candidates(spec.holograms);
     let mut work = Work { context, step: 0, steps_total };
     for pair in from.pairs(Split::Train, SAMPLED_PAIRS_MAX) {
         choice.add_photographed(from.captures.phase(&context.read_artifact(&pair.phase)?)?)?;
@@ -71,7 +71,7 @@ impl Work<'_> {
         let LearnedFrom { display, detector, .. } = from;
         let engine = self.context.engines().engine(model, *detector, display.carrier)?;
         let mut candidates = Vec::new();
-        for index in 0..lightpath_domain::job::suggest::candidates(spec.holograms) as usize {
+        for index in 0..suggest::candidates(spec.holograms) as usize {
             let ranges = PHASE_RANGES_RAD.len();
             let (card, phase_range_rad) =
                 (TestCard::ALL[index / ranges % TestCard::ALL.len()], PHASE_RANGES_RAD[index % ranges]);
@@ -95,7 +95,7 @@ impl Work<'_> {
         phase_range_rad: f64,
         seed: u64,
     ) -> Result<Plane<f32>, TaskError> {
-        let (height_px, width_px) = (DisplaySetup::height_px(display), display.width_px());
+        let (height_px, width_px) = (display.height_px(), display.width_px());
         let target = card.render(height_px, width_px, seed)?;
         let problem = HologramProblem::new(engine.clone(), target, *region)?;
         let start = initial_phase(height_px, width_px, phase_range_rad, seed)?.into_vec();

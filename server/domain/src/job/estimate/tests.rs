@@ -2,11 +2,10 @@
 
 use super::*;
 use crate::dataset::Encoding;
-use crate::job::{Fit, ImagePlane};
+use crate::job::{Fit, ImagePlane, OptimizeHologram};
 use crate::units::{Distance, Wavelength};
-use lightpath_optics::Grid;
-use lightpath_optics::RegionOfInterest;
-use lightpath_optics::hologram::Loss;
+use lightpath_optics::hologram::{HologramMethod, InitialPhase, Loss};
+use lightpath_optics::{Detector, Grid, RegionOfInterest};
 
 const MIB: u64 = 1 << 20;
 
