@@ -5,6 +5,7 @@ use super::options::{Failure, Options};
 use super::photographed::{PhotographedPairs, phase};
 use lightpath_optics::learning::{PairSource, compare};
 use lightpath_optics::metrics::{Gain, psnr_db};
+use lightpath_optics::photo_score::align;
 use lightpath_optics::{Detector, DisplayModel, Engine, Plane};
 
 /// Measures the quality of models with the photographs of a lab.
@@ -14,6 +15,7 @@ pub(crate) struct ModelEvaluation<'a> {
     targets: Vec<Plane<f32>>,
     iterations: u32,
     judges_light: bool,
+    aligns: bool,
 }
 
 /// Measured quality of a model.
@@ -22,12 +24,21 @@ pub(crate) struct ModelScore {
     pub(crate) test_loss: f64,
     /// PSNR of the photographs of new holograms \[dB\], one value for each target.
     pub(crate) captured_db: Vec<f64>,
+    /// The same after alignment of each photograph with its target \[dB\]. Empty: they were not aligned.
+    pub(crate) aligned_db: Vec<f64>,
 }
 
 impl<'a> ModelEvaluation<'a> {
     pub(crate) fn new(lab: &'a Lab, test: &'a PhotographedPairs, options: &Options) -> Result<Self, Failure> {
         let targets = (0..options.targets).map(|i| lab.new_target(i)).collect::<Result<_, _>>()?;
-        Ok(Self { lab, test, targets, iterations: options.iterations, judges_light: options.judges_light })
+        Ok(Self {
+            lab,
+            test,
+            targets,
+            iterations: options.iterations,
+            judges_light: options.judges_light,
+            aligns: options.aligns,
+        })
     }
 
     pub(crate) fn score(&self, model: &DisplayModel) -> Result<ModelScore, Failure> {
@@ -36,30 +47,34 @@ impl<'a> ModelEvaluation<'a> {
         for index in 0..self.test.len() {
             test_loss += compare(&engine, &self.test.pair(index)?, self.lab.region())?.fitted_loss();
         }
-        Ok(ModelScore {
-            test_loss: test_loss / self.test.len() as f64,
-            captured_db: self
-                .captured_db(|target, seed| self.lab.hologram(&engine, target, 1.0, seed, self.iterations))?,
-        })
+        let test_loss = test_loss / self.test.len() as f64;
+        self.captured(test_loss, |target, seed| self.lab.hologram(&engine, target, 1.0, seed, self.iterations))
     }
 
-    /// PSNR of the photographs of holograms that are optimized through the bench itself \[dB\].
-    pub(crate) fn best_captured_db(&self, range_rad: f64) -> Result<Vec<f64>, Failure> {
-        self.captured_db(|target, seed| self.lab.best_hologram(target, range_rad, seed, self.iterations))
+    /// The score of holograms that are optimized through the bench itself. It has no held-out error.
+    pub(crate) fn best_score(&self, range_rad: f64) -> Result<ModelScore, Failure> {
+        self.captured(f64::NAN, |target, seed| self.lab.best_hologram(target, range_rad, seed, self.iterations))
     }
 
-    fn captured_db(
+    fn captured(
         &self,
+        test_loss: f64,
         levels: impl Fn(&Plane<f32>, u64) -> Result<Plane<u8>, Failure>,
-    ) -> Result<Vec<f64>, Failure> {
-        let captured = self.targets.iter().zip(1..).map(|(target, seed)| {
+    ) -> Result<ModelScore, Failure> {
+        let mut score = ModelScore { test_loss, captured_db: Vec::new(), aligned_db: Vec::new() };
+        for (target, seed) in self.targets.iter().zip(1..) {
             let (bench, shown) = (self.lab.bench(), phase(&levels(target, seed)?)?);
             let light = match self.judges_light {
                 true => bench.light(&shown)?,
                 false => bench.capture(&shown, 1_000_000 + seed)?.map(|level| f32::from(level) / 255.0),
             };
-            Ok(psnr_db(&light, target, self.lab.region(), Gain::Fitted)?)
-        });
-        captured.collect()
+            let region = self.lab.region();
+            score.captured_db.push(psnr_db(&light, target, region, Gain::Fitted)?);
+            if self.aligns {
+                let aligned = align(&[light], std::slice::from_ref(target), region)?;
+                score.aligned_db.push(psnr_db(&aligned.channels[0], target, region, Gain::Fitted)?);
+            }
+        }
+        Ok(score)
     }
 }

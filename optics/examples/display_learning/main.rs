@@ -16,7 +16,8 @@
 //! over the ideal kernel, target by target; and the cost of learning. With `--yardstick yes`, `bench 1` and `bench 2π`
 //! are holograms that are optimized through the bench itself, from a random phase of that range \[rad\]: no model can
 //! be better. With `--judge light`, the PSNR is that of the light on the camera instead of that of its photograph; the
-//! camera's response bends photographs only.
+//! camera's response bends photographs only. With `--align yes`, a second line has the PSNR after each photograph is
+//! aligned with its target, as `lightpath photo score` aligns them: what moves or turns the image costs nothing there.
 //!
 //! With `--orders all`, the displays show all orders of their pixels. No single transfer function describes them, so
 //! the line of the true one is left out.
@@ -70,6 +71,9 @@ fn show_display(options: &Options, seed: u64) -> Result<(), Failure> {
             list(&score.captured_db),
             list(&gains)
         );
+        if !score.aligned_db.is_empty() {
+            println!("     aligned                       {:26}", list(&score.aligned_db));
+        }
     };
     show("ideal", &ideal, "");
     if let Some(lower_bound) = &lower_bound {
@@ -77,8 +81,7 @@ fn show_display(options: &Options, seed: u64) -> Result<(), Failure> {
     }
     if options.yardstick {
         for (name, range_rad) in [("bench 1", 1.0), ("bench 2π", TAU)] {
-            let captured_db = evaluation.best_captured_db(range_rad)?;
-            show(name, &ModelScore { test_loss: f64::NAN, captured_db }, "");
+            show(name, &evaluation.best_score(range_rad)?, "");
         }
     }
     for &model in &options.models {

@@ -31,6 +31,8 @@ pub(crate) struct Options {
     pub(crate) yardstick: bool,
     /// Whether the light is judged instead of its photograph, which the camera's response bends.
     pub(crate) judges_light: bool,
+    /// Whether the photographs are judged again after alignment with their targets.
+    pub(crate) aligns: bool,
     /// Number of training pairs whose photograph belongs to another hologram.
     pub(crate) wrong: usize,
     /// Part of the training photographs' pixels that is overexposed, 0 to 1.
@@ -73,6 +75,7 @@ impl Options {
             bench: bench(&text("bench", ""))?,
             yardstick: text("yardstick", "no") == "yes",
             judges_light: text("judge", "photograph") == "light",
+            aligns: text("align", "no") == "yes",
             wrong: number("wrong", &text("wrong", "0"))?,
             saturated: number("saturated", &text("saturated", "0"))?,
             rotation_deg: number("rotation-deg", &text("rotation-deg", "0"))?,
