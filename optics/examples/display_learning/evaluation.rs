@@ -3,9 +3,9 @@
 use super::lab::Lab;
 use super::options::{Failure, Options};
 use super::photographed::{PhotographedPairs, phase};
+use lightpath_optics::alignment::{Tiles, warp};
 use lightpath_optics::learning::{PairSource, compare};
 use lightpath_optics::metrics::{Gain, psnr_db};
-use lightpath_optics::photo_score::align;
 use lightpath_optics::{Detector, DisplayModel, Engine, Plane};
 
 /// Measures the quality of models with the photographs of a lab.
@@ -24,7 +24,7 @@ pub(crate) struct ModelScore {
     pub(crate) test_loss: f64,
     /// PSNR of the photographs of new holograms \[dB\], one value for each target.
     pub(crate) captured_db: Vec<f64>,
-    /// The same after alignment of each photograph with its target \[dB\]. Empty: they were not aligned.
+    /// The same after the affine move that aligns each photograph with its target \[dB\]. Empty: they were not aligned.
     pub(crate) aligned_db: Vec<f64>,
 }
 
@@ -69,10 +69,17 @@ impl<'a> ModelEvaluation<'a> {
                 false => bench.capture(&shown, 1_000_000 + seed)?.map(|level| f32::from(level) / 255.0),
             };
             let region = self.lab.region();
-            score.captured_db.push(psnr_db(&light, target, region, Gain::Fitted)?);
+            let captured_db = psnr_db(&light, target, region, Gain::Fitted)?;
+            score.captured_db.push(captured_db);
             if self.aligns {
-                let aligned = align(&[light], std::slice::from_ref(target), region)?;
-                score.aligned_db.push(psnr_db(&aligned.channels[0], target, region, Gain::Fitted)?);
+                let mut tiles = Tiles::cover(region).ok_or("--align needs a larger display")?;
+                tiles.add(target, &light, f32::INFINITY);
+                let moved = tiles.register(region).map(|found| {
+                    warp(&light, &found.correction, target.height_px(), target.width_px(), f32::INFINITY, 0.0)
+                });
+                let moved_db = moved.map(|moved| psnr_db(&moved, target, region, Gain::Fitted)).transpose()?;
+                // Where the picture is in its place already, resampling only blurs it.
+                score.aligned_db.push(moved_db.unwrap_or(captured_db).max(captured_db));
             }
         }
         Ok(score)

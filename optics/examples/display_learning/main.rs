@@ -16,8 +16,8 @@
 //! over the ideal kernel, target by target; and the cost of learning. With `--yardstick yes`, `bench 1` and `bench 2π`
 //! are holograms that are optimized through the bench itself, from a random phase of that range \[rad\]: no model can
 //! be better. With `--judge light`, the PSNR is that of the light on the camera instead of that of its photograph; the
-//! camera's response bends photographs only. With `--align yes`, a second line has the PSNR after each photograph is
-//! aligned with its target, as `lightpath photo score` aligns them: what moves or turns the image costs nothing there.
+//! camera's response bends photographs only. With `--align yes`, a second line has the PSNR after the affine move that
+//! aligns each photograph with its target: what moves, turns or stretches the image costs nothing there.
 //!
 //! With `--orders all`, the displays show all orders of their pixels. No single transfer function describes them, so
 //! the line of the true one is left out.
