@@ -15,9 +15,9 @@ const GAIN_MIN: f64 = 0.1;
 const DUST_GAIN_MIN: f64 = 0.3;
 /// [`GAIN_MIN`] of [`Block::PartialCoherence`], which makes every hologram three times as expensive.
 const COHERENCE_GAIN_MIN: f64 = 0.3;
-/// [`GAIN_MIN`] of [`Block::Ghost`]. A ghost that matters explains most of what the other parts leave; a few tenths of
-/// it may resemble a ghost by chance.
-const GHOST_GAIN_MIN: f64 = 0.5;
+/// [`GAIN_MIN`] of [`Block::Ghost`]. What other parts leave may resemble a ghost by chance. A ghost is tried before the
+/// dust is fitted, and must still explain as much afterwards.
+const GHOST_GAIN_MIN: f64 = 0.3;
 
 /// Most fits of `refinement_evaluations` evaluations that learning takes: one over all orders, and for each block its
 /// refinement and its trials.

@@ -1,9 +1,10 @@
 //! The last stage: the fit of [`Dust`], with all other parameters as they are.
 
-use super::ParametricLearner;
+use super::{BestModel, ParametricLearner};
 use crate::Dust;
 use crate::learning::dust::DustFit;
-use crate::learning::{Block, LearnStage, LearnStep, LearningPairs, pair::BoxError};
+use crate::learning::layout::Layout;
+use crate::learning::{Block, LearnStage, LearnStep, LearningPairs, PairSource, pair::BoxError};
 
 impl ParametricLearner {
     /// Starts to fit the dust on the best model. False for models without dust, and without validation pairs.
@@ -48,9 +49,25 @@ impl ParametricLearner {
             self.state.best.iter_mut().for_each(|best| best.loss = validation_loss);
         }
         self.use_dust();
+        self.leave_out_chance_ghost(learning_pairs.validation)?;
         self.state.converged = true;
         self.fit_final_exposure(learning_pairs.training)?;
         Ok(self.progress(LearnStage::Refinement, loss))
+    }
+
+    /// Leaves a ghost out again that explains too little now that the dust is fitted.
+    fn leave_out_chance_ghost(&mut self, validation: &dyn PairSource) -> Result<(), BoxError> {
+        let Some(with) = self.state.best.clone().filter(|best| best.blocks.ghost) else { return Ok(()) };
+        let blocks = with.blocks.without(Block::Ghost);
+        let (from, layout) = (self.joint.clone(), Layout::of(self.options.model, with.order as usize, blocks));
+        self.start_layout(layout, &from, &with.parameters);
+        let parameters = self.state.parameters.clone();
+        let loss = self.validation_loss(validation, &parameters)?;
+        match with.loss <= loss * (1.0 - Block::Ghost.gain_min()) {
+            true => self.take_best(),
+            false => self.state.best = Some(BestModel { blocks, parameters, loss, ..with }),
+        }
+        Ok(())
     }
 
     /// Lets the fit use the dust of the state.
