@@ -3,5 +3,12 @@ create table display (
     id             text    not null primary key check (length(id) between 1 and 63),
     -- all properties as JSON; equal displays have equal text
     content        text    not null check (json_valid(content)),
-    create_time_ms integer not null
+    create_time_ms integer not null,
+    -- number of moves of `active` on the kernels of the display, rollbacks too, and the time of the last one
+    generation         integer not null default 0 check (generation >= 0),
+    generation_time_ms integer not null default 0
 ) strict, without rowid;
+
+create trigger generation_rises before update on display
+when new.generation < old.generation
+begin select raise(abort, 'the generation of a display never falls'); end;

@@ -40,6 +40,8 @@ create table kernel_move (
     from_version integer,
     to_version   integer not null,
     reason       text    not null,
+    -- generation of the display after the move
+    generation   integer not null check (generation >= 1),
     undoes       integer unique references kernel_move (sequence),
     foreign key (kernel, from_version) references kernel_version (kernel, version),
     foreign key (kernel, to_version) references kernel_version (kernel, version)

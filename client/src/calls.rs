@@ -84,6 +84,10 @@ calls! {
     kernels.rollback_kernel(RollbackKernelRequest) -> Kernel;
     /// Returns a page of the changes of the active version, newest first.
     kernels.list_kernel_moves(ListKernelMovesRequest) -> ListKernelMovesResponse;
+    /// Returns the signed manifest of a kernel's active version.
+    kernels.get_kernel_manifest(GetKernelManifestRequest) -> KernelManifest;
+    /// Returns the keys that may sign manifests.
+    kernels.get_keyring(GetKeyringRequest) -> Keyring;
     /// Stores an uploaded kernel file as the next version of a kernel.
     kernels.import_kernel(ImportKernelRequest) -> KernelVersion;
     /// Interpolates a kernel at a distance between photographed distances, and stores it as the next version there.

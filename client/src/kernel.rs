@@ -83,7 +83,7 @@ impl Client {
         version: u32,
         format: KernelFormat,
     ) -> Result<(KernelVersion, Option<KernelFile>, Vec<u8>)> {
-        let request = FetchKernelRequest { kernel: kernel.to_owned(), version, format: format.into() };
+        let request = FetchKernelRequest { kernel: kernel.to_owned(), version, format: format.into(), offset_bytes: 0 };
         let call_error = |status| self.error(status);
         let mut stream = self.kernels().fetch_kernel(request).await.map_err(call_error)?.into_inner();
         let Some(Part::Version(version)) = stream.message().await.map_err(call_error)?.and_then(|first| first.part)

@@ -4,10 +4,11 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Every crate, with the crates of the workspace that it may depend on.
-const CRATES: [(&str, &[&str]); 14] = [
+const CRATES: [(&str, &[&str]); 15] = [
     ("optics", &[]),
+    ("manifest", &[]),
     ("proto", &[]),
-    ("client", &["proto"]),
+    ("client", &["manifest", "proto"]),
     ("server/domain", &["optics"]),
     ("server/fail-points", &[]),
     ("server/fixtures", &["domain"]),
@@ -16,10 +17,23 @@ const CRATES: [(&str, &[&str]); 14] = [
     ("server/media", &["artifacts", "domain", "optics"]),
     ("server/metrics", &["artifacts", "domain", "store"]),
     ("server/worker", &["artifacts", "domain", "media", "metrics", "optics", "store"]),
-    ("server/api", &["artifacts", "domain", "fail-points", "media", "metrics", "optics", "proto", "store"]),
+    ("server/api", &["artifacts", "domain", "fail-points", "manifest", "media", "metrics", "optics", "proto", "store"]),
     (
         "server/daemon",
-        &["", "api", "artifacts", "domain", "fail-points", "media", "metrics", "optics", "proto", "store", "worker"],
+        &[
+            "",
+            "api",
+            "artifacts",
+            "domain",
+            "fail-points",
+            "manifest",
+            "media",
+            "metrics",
+            "optics",
+            "proto",
+            "store",
+            "worker",
+        ],
     ),
     ("tests", &[]),
 ];

@@ -15,6 +15,8 @@ pub(crate) enum Failure {
     Jobs(Vec<String>),
     /// The arguments of the command are wrong.
     Usage(String),
+    /// A document, a key or a file is not acceptable.
+    Refused(String),
     /// The user pressed Ctrl-C. The text says what to do next.
     Interrupted(String),
     /// The output could not be written.
@@ -55,6 +57,7 @@ pub(crate) fn report(failure: &Failure) -> ExitCode {
         Failure::Target(failure) => (code_of(&failure.error), failure.text()),
         Failure::Jobs(endings) => (1, endings.join("\nlightpath: ")),
         Failure::Usage(text) => (2, text.clone()),
+        Failure::Refused(text) => (1, text.clone()),
         Failure::Interrupted(text) => (130, text.clone()),
         // The reader of the pipe closed it on purpose, as `head` does.
         Failure::Output(error) if error.kind() == io::ErrorKind::BrokenPipe => return ExitCode::SUCCESS,

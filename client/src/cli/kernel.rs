@@ -2,6 +2,7 @@
 
 mod interpolate;
 mod learn;
+mod manifest;
 mod moves;
 mod report;
 mod show;
@@ -26,6 +27,7 @@ pub(crate) enum KernelCommand {
     History(moves::History),
     Fetch(transfer::Fetch),
     Export(transfer::Export),
+    Manifest(manifest::Manifest),
     Import(transfer::Import),
     Report(report::Report),
 }
@@ -44,6 +46,7 @@ impl KernelCommand {
             Self::History(history) => history.run(session).await,
             Self::Fetch(fetch) => fetch.run(session).await,
             Self::Export(export) => export.run(session).await,
+            Self::Manifest(manifest) => manifest.run(session).await,
             Self::Import(import) => import.run(session).await,
             Self::Report(report) => report.run(session).await,
         }

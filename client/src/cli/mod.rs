@@ -15,6 +15,7 @@ mod job;
 mod job_text;
 mod kernel;
 mod kernel_choice;
+mod keyring;
 mod photo;
 mod progress;
 mod propagation_text;
@@ -127,6 +128,9 @@ enum Command {
     /// Learn, show, promote, export and import kernels
     #[command(subcommand)]
     Kernel(kernel::KernelCommand),
+    /// Show the keys that sign manifests of kernels, and sign keyrings
+    #[command(subcommand)]
+    Keyring(keyring::KeyringCommand),
     Simulate(simulate::Simulate),
     /// Measure photographs of what displays show
     #[command(subcommand)]
@@ -174,6 +178,7 @@ async fn run(cli: Cli) -> Result<(), Failure> {
         Command::Hologram(command) => command.run(&session).await,
         Command::Dataset(command) => command.run(&session).await,
         Command::Kernel(command) => command.run(&session).await,
+        Command::Keyring(command) => command.run(&session).await,
         Command::Simulate(command) => command.run(&session).await,
         Command::Photo(command) => command.run(&session).await,
         Command::Job(command) => command.run(&session).await,

@@ -5,6 +5,7 @@ use crate::checked_targets::CheckedTargets;
 use crate::error::ApiError;
 use crate::jobs::estimate::JobLimits;
 use crate::kernels::conversions::Conversions;
+use crate::manifests::{ManifestRules, Manifests};
 use crate::reconstructors::LastReconstructor;
 use lightpath_artifacts::Artifacts;
 use lightpath_proto::v1::artifact_service_server::ArtifactServiceServer;
@@ -35,6 +36,8 @@ pub struct ApiLimits {
     pub jobs: JobLimits,
     /// Memory that computations for calls may use together \[bytes\]; one client may use half of it.
     pub computing_bytes: u64,
+    /// How long manifests count, and how often devices ask.
+    pub manifests: ManifestRules,
 }
 
 /// State shared by all services; cheap to clone.
@@ -46,6 +49,7 @@ pub struct Api {
     pub(crate) accounts: Accounts,
     pub(crate) checked_targets: CheckedTargets,
     pub(crate) conversions: Conversions,
+    pub(crate) manifests: Manifests,
     pub(crate) last_reconstructor: LastReconstructor,
     pub(crate) stopping: CancellationToken,
     /// Result of the latest health check.
@@ -63,6 +67,7 @@ impl Api {
             accounts: Accounts::new(limits.computing_bytes),
             checked_targets: CheckedTargets::default(),
             conversions: Conversions::default(),
+            manifests: Manifests::new(limits.manifests),
             last_reconstructor: LastReconstructor::default(),
             stopping,
             health: watch::Sender::new(Ok(())),
@@ -140,7 +145,12 @@ pub(crate) mod tests {
         Api::new(
             store,
             Artifacts::open(folder).unwrap(),
-            ApiLimits { queue: QueueLimits::from(10), jobs: JobLimits::default(), computing_bytes: 1 << 30 },
+            ApiLimits {
+                queue: QueueLimits::from(10),
+                jobs: JobLimits::default(),
+                computing_bytes: 1 << 30,
+                manifests: ManifestRules::default(),
+            },
             CancellationToken::new(),
         )
     }

@@ -4,6 +4,7 @@
 //!
 //! - The resources, each with its service and with the conversions of its messages (`from_wire` and `to_wire`):
 //!   `displays`, `datasets`, `jobs` (with a folder for each kind of job), `queue`, `kernels`, `photos`, `artifacts`.
+//! - `manifests`: signed manifests of kernels, for devices.
 //! - `optics`: messages of the optics engine that several resources use, such as propagation methods and regions.
 //! - `api`: state shared by all services. `call`: passing gRPC requests with their callers to methods.
 //! - `rules`: which roles may make each call. `permissions`: which displays a caller may use.
@@ -30,6 +31,7 @@ mod field;
 pub mod http;
 mod jobs;
 mod kernels;
+mod manifests;
 mod names;
 mod optics;
 mod pages;
@@ -46,3 +48,4 @@ mod watch;
 pub use api::{Api, ApiLimits};
 pub use error::ApiError;
 pub use jobs::estimate::JobLimits;
+pub use manifests::ManifestRules;

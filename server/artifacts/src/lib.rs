@@ -295,14 +295,20 @@ impl Artifacts {
         self.inner.conversions.put(bytes)
     }
 
-    /// Checks a stored conversion against its digest, then returns a reader of its bytes. Blocks.
+    /// Checks a stored conversion against its digest, then returns a reader of at most `limit_bytes` (0: all) of its
+    /// bytes from `offset_bytes` on. Blocks.
     ///
     /// # Errors
     ///
-    /// The errors of [`Self::read_all`].
-    pub fn read_conversion_blocking(&self, digest: &str) -> Result<ArtifactReader, ArtifactError> {
+    /// The errors of [`Self::read_range_blocking`].
+    pub fn read_conversion_blocking(
+        &self,
+        digest: &str,
+        offset_bytes: u64,
+        limit_bytes: u64,
+    ) -> Result<ArtifactReader, ArtifactError> {
         let (file, size_bytes) = self.inner.conversions.open_verified(digest)?;
-        ArtifactReader::new(file, size_bytes, 0, 0)
+        ArtifactReader::new(file, size_bytes, offset_bytes, limit_bytes)
     }
 
     /// Removes a conversion. A missing one is no error.

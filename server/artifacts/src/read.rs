@@ -45,13 +45,13 @@ impl ArtifactReader {
         self.left_bytes
     }
 
-    /// Returns the next piece, at most [`CHUNK_BYTES`] long; `None` at the end of the range.
+    /// Returns the next piece, at most `bytes_max` long; `None` at the end of the range.
     ///
     /// # Errors
     ///
     /// [`ArtifactError::Io`].
-    pub async fn next_chunk(&mut self) -> Result<Option<Vec<u8>>, ArtifactError> {
-        let count = self.left_bytes.min(CHUNK_BYTES as u64);
+    pub async fn next_chunk(&mut self, bytes_max: usize) -> Result<Option<Vec<u8>>, ArtifactError> {
+        let count = self.left_bytes.min(bytes_max as u64);
         let Some(mut file) = self.file.take().filter(|_| count > 0) else { return Ok(None) };
         let (file, chunk) = blocking(move || {
             let mut chunk = vec![0; count as usize];

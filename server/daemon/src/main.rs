@@ -7,7 +7,7 @@ use clap::{Parser, Subcommand};
 use lightpath_server::config::{Config, Effective, LogFormat, Settings};
 use lightpath_server::demo::{self, DemoArgs};
 use lightpath_server::server;
-use lightpath_server::upkeep::{BackupArgs, CheckArgs, CollectArgs, RestoreArgs, TokenCommand};
+use lightpath_server::upkeep::{BackupArgs, CheckArgs, CollectArgs, KeyCommand, RestoreArgs, TokenCommand};
 use std::future::Future;
 use std::io::{IsTerminal as _, Write as _};
 use std::path::PathBuf;
@@ -36,6 +36,8 @@ enum Command {
     /// Create, list and revoke access tokens
     #[command(subcommand)]
     Token(TokenCommand),
+    #[command(subcommand)]
+    Key(KeyCommand),
     Demo(DemoArgs),
 }
 
@@ -74,6 +76,7 @@ fn main() -> ExitCode {
         Command::Restore(args) => Ok(args.run()),
         Command::Collect(args) => Ok(args.run()),
         Command::Token(command) => Ok(command.run()),
+        Command::Key(command) => Ok(command.run()),
         Command::Demo(args) => demo::run(args).map(|()| ExitCode::SUCCESS),
     };
     match outcome {

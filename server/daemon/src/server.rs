@@ -1,7 +1,7 @@
 //! Assembly of the server: store, artifacts, workers, gRPC and HTTP.
 
 use crate::config::{Config, ConfigError};
-use crate::upkeep::{Collected, DATABASE, Retention, UpkeepError};
+use crate::upkeep::{self, Collected, DATABASE, KeysError, Retention, UpkeepError};
 use lightpath_api::audit::Audit;
 use lightpath_api::connections;
 use lightpath_api::http::{self, EndedTokens, Gate, Hosts, MemoryBudget, Rate};
@@ -43,6 +43,9 @@ pub enum ServeError {
     /// The database cannot be used.
     #[error(transparent)]
     Store(#[from] StoreError),
+    /// The keys that sign manifests cannot be used.
+    #[error(transparent)]
+    Keys(#[from] KeysError),
     /// The workers cannot start.
     #[error(transparent)]
     Worker(#[from] WorkerError),
@@ -120,6 +123,7 @@ pub async fn run_and_announce(
     make_private(&config.data_dir);
     let store = Store::open(&config.data_dir.join(DATABASE)).await?;
     let address = listener.local_addr().map_err(ServeError::Listener)?;
+    upkeep::tend(&store, Clock::default().now_ms()).await?;
     let tokens_required = check_access(&store, &config, address).await?;
     let tls = tls.map(Tls::open).transpose()?.map(Arc::new);
     let audit = Arc::new(Audit::open(&config.data_dir).map_err(ServeError::Audit)?);
@@ -286,6 +290,7 @@ async fn upkeep_loop(store: Store, artifacts: Artifacts, retention: Retention, s
                 store.artifact_totals().await.map(|(_, bytes)| artifacts.space().set_stored_bytes(bytes)).map_err(Into::into)
             }
             _ = collect.tick() => async {
+                upkeep::tend(&store, Clock::default().now_ms()).await?;
                 let collected = retention.collect(&store, &artifacts, Clock::default().now_ms()).await?;
                 if collected != Collected::default() {
                     let Collected { jobs, artifacts, artifact_bytes } = collected;

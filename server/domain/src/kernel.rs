@@ -199,8 +199,23 @@ pub struct KernelMove {
     pub to_version: u32,
     /// Reason that the caller gave.
     pub reason: String,
+    /// Generation of the display after the move: the number of moves on all its kernels so far.
+    pub generation: u64,
     /// Whether the move was a rollback.
     pub rollback: bool,
+}
+
+/// What a manifest says changes with these.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct KernelMoment {
+    /// Number of the active version; `None`: no version is active.
+    pub active_version: Option<u32>,
+    /// Generation of the display.
+    pub generation: u64,
+    /// Time when the display reached its generation \[ms since 1970\].
+    pub generation_time_ms: i64,
+    /// Number of the newest keyring; `None`: the server has none.
+    pub keyring_version: Option<u32>,
 }
 
 #[cfg(test)]

@@ -73,6 +73,8 @@ reasons! {
         NoEarlierVersion = "NO_EARLIER_VERSION",
         /// No kernels of the display were learned together at several distances.
         NoJointFit = "NO_JOINT_FIT",
+        /// The server has no key that may sign manifests.
+        NoSigningKey = "NO_SIGNING_KEY",
         /// The kernel cannot be written in this format.
         NoSuchForm = "NO_SUCH_FORM",
         /// The queue is not paused.

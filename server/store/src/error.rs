@@ -9,6 +9,8 @@ lightpath_domain::reasons! {
         ActiveVersionChanged = "ACTIVE_VERSION_CHANGED",
         /// The pairs or the alignment of the dataset changed.
         DatasetChanged = "DATASET_CHANGED",
+        /// Another keyring was added.
+        KeyringChanged = "KEYRING_CHANGED",
     }
 }
 

@@ -14,7 +14,7 @@
 //!
 //! # Layout
 //!
-//! - `tokens`: API tokens. `queue`: pauses and the state of the queue. `dependencies`: jobs that wait for other jobs.
+//! - `tokens`: API tokens. `signing`: keyrings and private keys. `queue`: pauses and the state of the queue. `dependencies`: jobs that wait for other jobs.
 //! - `collection`: automatic removal of old records. `inspect`: read access for checks and backups.
 //! - `open`: files, pragmas, migrations. `write`: write transactions. `changes`: announcements. `subscriptions`:
 //!   receiving announcements. `rows`: text and JSON. `job_rows`: jobs as rows.
@@ -45,6 +45,7 @@ mod open;
 mod prepared;
 mod queue;
 mod rows;
+mod signing;
 mod subscriptions;
 mod tokens;
 mod totals;
@@ -58,6 +59,7 @@ pub use jobs::{JobFilter, QueueCounts, QueueLimits, Submitted};
 pub use leases::{ClaimLimits, Heartbeat};
 pub use open::Store;
 pub use queue::{BatchProgress, OwnerQueue, Pause};
+pub use signing::{PrivateKey, StoredKeyring};
 pub use tokens::TokenRecord;
 pub use totals::QueueDepth;
 

@@ -56,6 +56,25 @@ impl Store {
         self.write(move |write| Box::pin(async move { rollback(write, &key, expected, cause, now_ms).await })).await
     }
 
+    /// Raises the generation of every display to at least `least`. Devices have seen the generations of moves that a
+    /// restored database lacks.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn raise_generations(&self, least: u64) -> Result<(), StoreError> {
+        self.write(move |write| {
+            Box::pin(async move {
+                sqlx::query("update display set generation = ?1 where generation < ?1")
+                    .bind(least as i64)
+                    .execute(write.sql())
+                    .await?;
+                Ok(())
+            })
+        })
+        .await
+    }
+
     /// At most `limit` moves of a kernel, newest first and older than the move `before`.
     ///
     /// # Errors
@@ -85,6 +104,7 @@ impl Store {
                     from_version: row.try_get("from_version")?,
                     to_version: row.try_get("to_version")?,
                     reason: row.try_get("reason")?,
+                    generation: row.try_get::<i64, _>("generation")?.unsigned_abs(),
                     rollback: row.try_get::<Option<i64>, _>("undoes")?.is_some(),
                 })
             })
@@ -156,9 +176,17 @@ async fn rollback(
 }
 
 async fn apply(write: &mut Write, id: i64, key: &KernelKey, step: Move, now_ms: i64) -> Result<Kernel, StoreError> {
+    let generation: i64 = sqlx::query_scalar(
+        "update display set generation = generation + 1, generation_time_ms = max(generation_time_ms, ?2) where id = ?1 \
+         returning generation",
+    )
+    .bind(&key.display)
+    .bind(now_ms)
+    .fetch_one(write.sql())
+    .await?;
     sqlx::query(
-        "insert into kernel_move (kernel, time_ms, caller, from_version, to_version, reason, undoes) \
-         values (?, ?, ?, ?, ?, ?, ?)",
+        "insert into kernel_move (kernel, time_ms, caller, from_version, to_version, reason, generation, undoes) \
+         values (?, ?, ?, ?, ?, ?, ?, ?)",
     )
     .bind(id)
     .bind(now_ms)
@@ -166,6 +194,7 @@ async fn apply(write: &mut Write, id: i64, key: &KernelKey, step: Move, now_ms: 
     .bind(step.from)
     .bind(step.to)
     .bind(step.cause.reason)
+    .bind(generation)
     .bind(step.undoes)
     .execute(write.sql())
     .await?;

@@ -48,7 +48,7 @@ pub(crate) fn chunks(
     open: OpenStream,
 ) -> impl Stream<Item = Result<Bytes, ApiError>> + Send + 'static {
     stream::try_unfold((reader, open), |(mut reader, open)| async move {
-        let chunk = reader.next_chunk().await?;
+        let chunk = reader.next_chunk(CHUNK_BYTES).await?;
         Ok(chunk.map(|chunk| (Bytes::from(chunk), (reader, open))))
     })
 }

@@ -1,16 +1,19 @@
-//! Plain HTTP beside gRPC: health, metrics, and jobs as JSON with the same messages.
+//! Plain HTTP beside gRPC: health, metrics, jobs as JSON with the same messages, and kernels for firmware.
 //!
 //! # Layout
 //!
 //! - `gate`: identifies callers and checks their roles. `origin`: keeps out web pages of other sites. `protocol`: gRPC or
 //!   HTTP. `token_expiry`: ends calls of invalid tokens.
 //! - `memory_use`: memory of each call, taken from the memory budget. `checked_body`: bodies whose frames these check.
-//! - `requests`: deadlines and metrics of requests, including gRPC. `jobs_json`: `/v1/jobs`. `refusal`: errors as
+//! - `requests`: deadlines and metrics of requests, including gRPC. `jobs_json`: `/v1/jobs`. `kernel_files`, `byte_range`:
+//!   `/v1/displays` and `/v1/keyring`. `refusal`: errors as
 //!   answers.
 
+mod byte_range;
 mod checked_body;
 mod gate;
 mod jobs_json;
+mod kernel_files;
 mod memory_use;
 mod origin;
 mod protocol;
@@ -39,18 +42,33 @@ pub use token_expiry::EndedTokens;
 use tonic::Status;
 
 /// Paths of plain HTTP.
-const PATHS: [&str; 4] = ["/healthz", "/metrics", "/v1/jobs", "/v1/jobs/{id}"];
+const PATHS: [&str; 9] = [
+    "/healthz",
+    "/metrics",
+    "/v1/jobs",
+    "/v1/jobs/{id}",
+    "/v1/keyring",
+    "/v1/displays/{display}/kernels",
+    "/v1/displays/{display}/kernels/{kernel}",
+    "/v1/displays/{display}/kernels/{kernel}/manifest",
+    "/v1/displays/{display}/kernels/{kernel}/versions/{version}/{form}/{digest}",
+];
 
 /// The router for gRPC and HTTP.
 pub fn router(gate: Gate, budget: Arc<MemoryBudget>, grpc: tonic::service::Routes) -> Router {
     requests::expect_all();
     let api = gate.api.clone();
-    let [healthz, metrics_path, jobs, job] = PATHS;
+    let [healthz, metrics_path, jobs, job, keyring, kernels, kernel, manifest, file] = PATHS;
     let http = Router::new()
         .route(healthz, get(health))
         .route(metrics_path, get(metrics))
         .route(jobs, get(jobs_json::list_jobs))
         .route(job, get(jobs_json::get_job))
+        .route(keyring, get(kernel_files::get_keyring))
+        .route(kernels, get(kernel_files::list_kernels))
+        .route(kernel, get(kernel_files::get_kernel))
+        .route(manifest, get(kernel_files::get_manifest))
+        .route(file, get(kernel_files::get_file))
         .fallback(unknown)
         .with_state(api.clone());
     // Both routers have a fallback, and a merged router can have only one.

@@ -50,13 +50,14 @@ impl Api {
         };
         let version = self.store.kernel_version(key, number).await?;
         let format = Field::new("format").enum_value(request.format)?.unwrap_or(KernelFormat::Safetensors);
+        let range = (request.offset_bytes, 0);
         if format != KernelFormat::Safetensors {
-            return self.fetch_as(call, version, format).await;
+            return self.fetch_as(call, version, format, range).await;
         }
         // The file is opened and its hash is checked before the first message, so that no part of a damaged file is
         // sent.
         let open = self.accounts.streams.open(StreamKind::Download, &call.client)?;
-        let reader = self.checked_reader(call, &version.content.artifact, (0, 0)).await?;
+        let reader = self.checked_reader(call, &version.content.artifact, range).await?;
         let first = message(Part::Version(to_wire::version(version)));
         let rest = chunks(reader, open).map(|chunk| chunk.map(Part::Chunk).map(message));
         Ok(stream::iter([Ok(first)]).chain(rest).boxed())
@@ -69,9 +70,11 @@ impl Api {
         call: &Call,
         version: KernelVersion,
         format: KernelFormat,
+        range: (u64, u64),
     ) -> Result<Answers<v1::FetchKernelResponse>, ApiError> {
         let open = self.accounts.streams.open(StreamKind::Download, &call.client)?;
-        let (converted, reader) = self.converted(call, &version, format).await?;
+        let converted = self.converted(call, &version, format).await?;
+        let reader = self.conversion_reader(call, &version, format, &converted, range).await?;
         let file = v1::KernelFile {
             format: format.to_wire(),
             digest: converted.digest,
@@ -83,38 +86,53 @@ impl Api {
         Ok(stream::iter(head).chain(chunks(reader, open).map(|chunk| chunk.map(Part::Chunk).map(message))).boxed())
     }
 
-    /// The file of a version in another format, and a reader of its bytes.
-    async fn converted(
+    /// The file of a version in another format. It is made if it was not made before.
+    pub(crate) async fn converted(
         &self,
         call: &Call,
         version: &KernelVersion,
         format: KernelFormat,
-    ) -> Result<(Converted, ArtifactReader), ApiError> {
+    ) -> Result<Converted, ApiError> {
         let key = ConversionKey { artifact: version.content.artifact.clone(), format };
         if let Some(converted) = self.conversions.find(&key) {
-            let (artifacts, digest) = (self.artifacts.clone(), converted.digest.clone());
-            let read = move || artifacts.read_conversion_blocking(&digest);
-            match self.accounts.compute(call, CHUNK_BYTES as u64, read).await? {
-                Ok(reader) => return Ok((converted, reader)),
-                // The file was removed to make room, or is damaged. It is made again.
-                Err(ArtifactError::NotFound { .. } | ArtifactError::DataLoss { .. }) => self.conversions.forget(&key),
-                Err(error) => return Err(error.into()),
-            }
+            return Ok(converted);
         }
-        let (converted, reader) = self.export(call, version, format).await?;
+        let converted = self.export(call, version, format).await?;
         for removed in self.conversions.insert(key, converted.clone()) {
             self.artifacts.delete_conversion(&removed).await?;
         }
-        Ok((converted, reader))
+        Ok(converted)
     }
 
-    /// Converts the file of a version. The other file is written before the memory for the conversion is given back.
-    async fn export(
+    /// A reader of a range (offset and limit; limit 0: all) of a converted file. The whole file is compared with its
+    /// digest first.
+    pub(crate) async fn conversion_reader(
         &self,
         call: &Call,
         version: &KernelVersion,
         format: KernelFormat,
-    ) -> Result<(Converted, ArtifactReader), ApiError> {
+        converted: &Converted,
+        (offset_bytes, limit_bytes): (u64, u64),
+    ) -> Result<ArtifactReader, ApiError> {
+        let open = async || {
+            let (artifacts, digest) = (self.artifacts.clone(), converted.digest.clone());
+            let read = move || artifacts.read_conversion_blocking(&digest, offset_bytes, limit_bytes);
+            self.accounts.compute(call, CHUNK_BYTES as u64, read).await
+        };
+        match open().await? {
+            // The file was removed to make room, or is damaged. It is made again, with the same bytes.
+            Err(ArtifactError::NotFound { .. } | ArtifactError::DataLoss { .. }) => {
+                let key = ConversionKey { artifact: version.content.artifact.clone(), format };
+                self.conversions.forget(&key);
+                self.converted(call, version, format).await?;
+                Ok(open().await??)
+            }
+            opened => Ok(opened?),
+        }
+    }
+
+    /// Converts the file of a version. The other file is written before the memory for the conversion is given back.
+    async fn export(&self, call: &Call, version: &KernelVersion, format: KernelFormat) -> Result<Converted, ApiError> {
         let (display, _) = self.store.display(&version.key.display).await?;
         let need_bytes = model_file::exporting_bytes(version.content.size_bytes, &display, &version.key);
         let (artifacts, artifact) = (self.artifacts.clone(), version.content.artifact.clone());
@@ -125,8 +143,7 @@ impl Api {
                 Err(error) => return Ok(Err(error)),
             };
             let digest = artifacts.put_conversion_blocking(&bytes)?;
-            let reader = artifacts.read_conversion_blocking(&digest)?;
-            Ok(Ok((Converted { digest, size_bytes: bytes.len() as u64, relative_error, losses }, reader)))
+            Ok(Ok(Converted { digest, size_bytes: bytes.len() as u64, relative_error, losses }))
         };
         let exported = self.accounts.compute(call, need_bytes, export).await??;
         exported.map_err(|error| ApiError::Precondition {
@@ -136,7 +153,7 @@ impl Api {
     }
 
     /// Number of the active version. Refuses a kernel without one.
-    async fn require_active(&self, key: &KernelKey) -> Result<u32, ApiError> {
+    pub(crate) async fn require_active(&self, key: &KernelKey) -> Result<u32, ApiError> {
         self.store.kernel(key).await?.active_version.ok_or_else(|| {
             let message = format!("no version of {key} is active; promote one first, or give a version number");
             ApiError::Precondition { reason: PreconditionReason::NoActiveKernel, message }

@@ -1,7 +1,7 @@
 //! Kernels and their versions: listing, fetching, promoting, importing and interpolating.
 
 pub(crate) mod conversions;
-mod fetch;
+pub(crate) mod fetch;
 pub(crate) mod import;
 mod interpolate;
 mod model_file;

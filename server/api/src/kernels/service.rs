@@ -48,6 +48,17 @@ impl KernelService for Api {
         self.answer_with_stream(request, Self::fetch_kernel).await
     }
 
+    async fn get_kernel_manifest(
+        &self,
+        request: Request<v1::GetKernelManifestRequest>,
+    ) -> Result<Response<v1::KernelManifest>, Status> {
+        self.answer(request, Self::get_kernel_manifest).await
+    }
+
+    async fn get_keyring(&self, request: Request<v1::GetKeyringRequest>) -> Result<Response<v1::Keyring>, Status> {
+        self.answer(request, Self::get_keyring).await
+    }
+
     type WatchKernelStream = StatusStream<v1::Kernel>;
 
     async fn watch_kernel(
@@ -91,12 +102,12 @@ impl KernelService for Api {
 }
 
 impl Api {
-    async fn get_kernel(&self, call: &Call, request: v1::GetKernelRequest) -> Result<v1::Kernel, ApiError> {
+    pub(crate) async fn get_kernel(&self, call: &Call, request: v1::GetKernelRequest) -> Result<v1::Kernel, ApiError> {
         let key = names::kernel_key(call, &Field::new("name"), &request.name)?;
         Ok(to_wire::kernel(&self.store.kernel(&key).await?))
     }
 
-    async fn list_kernels(
+    pub(crate) async fn list_kernels(
         &self,
         call: &Call,
         request: v1::ListKernelsRequest,

@@ -71,6 +71,7 @@ pub(crate) fn kernel_move(moved: KernelMove) -> v1::KernelMove {
         to_version: moved.to_version,
         reason: moved.reason,
         rollback: moved.rollback,
+        generation: moved.generation,
     }
 }
 

@@ -3,7 +3,7 @@
 use super::{Config, ConfigError};
 use crate::upkeep::Retention;
 use lightpath_api::tls::TlsFiles;
-use lightpath_api::{ApiLimits, JobLimits};
+use lightpath_api::{ApiLimits, JobLimits, ManifestRules};
 use lightpath_artifacts::SpaceLimits;
 use lightpath_store::{ClaimLimits, QueueLimits};
 use lightpath_worker::{Timeouts, WorkerConfig};
@@ -48,7 +48,11 @@ impl Config {
     #[must_use]
     pub fn api_limits(&self, work_per_s: f64) -> ApiLimits {
         let (queue, jobs) = (self.queue_limits(), self.job_limits(work_per_s));
-        ApiLimits { queue, jobs, computing_bytes: bytes(self.computing_mib_max) }
+        let manifests = ManifestRules {
+            life_s: (self.manifest_days * DAY_S) as u32,
+            poll_interval_s: self.poll_interval_s.round() as u32,
+        };
+        ApiLimits { queue, jobs, computing_bytes: bytes(self.computing_mib_max), manifests }
     }
 
     /// Names of the server besides localhost and its addresses.

@@ -115,6 +115,10 @@ settings! {
     collect_artifacts_after_days: f64 = 7.0, "DAYS", AGE_DAYS;
     /// Days since its end after which a job is removed, with its events; 0: never
     collect_jobs_after_days: f64 = 0.0, "DAYS", AGE_DAYS;
+    /// Days for which a signed manifest of a kernel counts; a device that receives no newer one refuses it afterwards
+    manifest_days: f64 = 7.0, "DAYS", Allowed::Numbers(0.01, 366.0);
+    /// Mean time after which a device asks again for a manifest
+    poll_interval_s: f64 = 60.0, "SECONDS", Allowed::Numbers(1.0, 86_400.0);
     /// Time limit for jobs and requests to end when the server stops
     drain_deadline_s: f64 = 20.0, "SECONDS", Allowed::Numbers(0.0, 3600.0);
     /// Format of the log on stderr; auto: text on a terminal, JSON otherwise

@@ -8,12 +8,15 @@
 //! # Layout
 //!
 //! - `check`, `backup`, `restore`: these commands. `collect`: automatic removal of old data. `tokens`: creating, listing
-//!   and revoking tokens. `commands`: the commands on the command line.
+//!   and revoking tokens. `keys`: keys that sign manifests; `key_commands`: `lightpathd key`. `commands`: the other
+//!   commands on the command line.
 
 mod backup;
 mod check;
 mod collect;
 mod commands;
+mod key_commands;
+mod keys;
 mod restore;
 #[cfg(test)]
 mod tests;
@@ -23,6 +26,8 @@ pub use backup::{Backup, Manifest, backup};
 pub use check::{Finding, FindingKind, Report, check};
 pub use collect::{Collected, Retention};
 pub use commands::{BackupArgs, CheckArgs, CollectArgs, RestoreArgs};
+pub use key_commands::KeyCommand;
+pub use keys::{KeyChange, KeyLine, KeyState, KeysError, change_keyring, install, state, tend};
 pub use restore::restore;
 pub use tokens::TokenCommand;
 
@@ -78,6 +83,9 @@ pub enum UpkeepError {
     /// The database could not be used.
     #[error(transparent)]
     Store(#[from] StoreError),
+    /// The keys could not be used.
+    #[error(transparent)]
+    Keys(Box<KeysError>),
     /// The artifacts could not be used.
     #[error(transparent)]
     Artifacts(#[from] ArtifactError),

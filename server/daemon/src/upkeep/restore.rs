@@ -1,10 +1,12 @@
 //! Creates a data folder from a backup.
 
 use super::backup::{MANIFEST, Manifest, lock_empty, require_outside};
+use super::keys::raise_after_restore;
 use super::{DATABASE, Report, UpkeepError, check};
 use lightpath_artifacts::{ArtifactError, BlobKind, Inventory, digest_of_file, private_file};
 use lightpath_fail_points as fail;
-use lightpath_store::Inspection;
+use lightpath_store::{Inspection, Store};
+use lightpath_worker::Clock;
 use std::fs::{self, File};
 use std::io;
 use std::path::Path;
@@ -44,14 +46,19 @@ pub async fn restore(backup: &Path, data_dir: &Path) -> Result<Report, UpkeepErr
         .create_new(true)
         .open(&partial)
         .and_then(|mut file| io::copy(&mut File::open(&database)?, &mut file))
-        .and_then(|_| fail::point("restore.flush"))
+        .map(drop);
+    copied.map_err(UpkeepError::io("copy the database to", &copy))?;
+    // This refuses a database of a newer program now and not when the server starts.
+    Inspection::open(&partial).await?.close().await?;
+    let store = Store::open_shared(&partial).await?;
+    raise_after_restore(&store, Clock::default().now_ms()).await?;
+    store.close().await;
+    let renamed = fail::point("restore.flush")
         .and_then(|()| File::open(&partial)?.sync_all())
         .and_then(|()| fail::point("restore.rename"))
         .and_then(|()| fs::rename(&partial, &copy));
-    copied.map_err(UpkeepError::io("copy the database to", &copy))?;
+    renamed.map_err(UpkeepError::io("copy the database to", &copy))?;
     to.flush()?;
-    // This refuses a database of a newer program now and not when the server starts.
-    Inspection::open(&copy).await?.close().await?;
     check(data_dir).await
 }
 

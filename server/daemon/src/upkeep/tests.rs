@@ -4,7 +4,9 @@ use super::*;
 use lightpath_artifacts::Artifacts;
 use lightpath_domain::job::JobEffect;
 use lightpath_fixtures::{capture_job, capture_result, change_database, display};
+use lightpath_manifest::{SignedKeyring, SigningKey, Time, Trust};
 use lightpath_store::Store;
+use lightpath_worker::Clock;
 use std::fs::{self, File};
 use std::io::Write as _;
 use std::path::Path;
@@ -367,4 +369,69 @@ async fn incomplete_backup_is_not_restored() {
     let refused = restore(&copy, &restored).await.unwrap_err().to_string();
     assert!(refused.contains("is not a complete backup: backup.json cannot be read"), "{refused}");
     assert!(!restored.join(DATABASE).exists(), "a server would not take the folder for a complete one");
+}
+
+/// Devices refuse a lower generation and an older keyring than they have seen.
+#[tokio::test]
+async fn restored_server_says_what_devices_accept() {
+    const NOW_MS: i64 = 1_795_458_600_000;
+    let data = TestData::new().await;
+    tend(&data.store, NOW_MS).await.unwrap();
+    let keyring = async |store: &Store| store.keyring().await.unwrap().unwrap();
+    let target = tempfile::tempdir().unwrap();
+    let (copy, restored) = (target.path().join("copy"), target.path().join("restored"));
+    backup(data.path(), &copy).await.unwrap();
+    // The device sees three more keyrings, which the backup does not have.
+    for _ in 0..3 {
+        change_keyring(&data.store, KeyChange::Rotate, NOW_MS).await.unwrap();
+    }
+    let time = |unix_ms: i64| Time::from_unix_s(unix_ms / 1000).unwrap();
+    let first = SignedKeyring::parse(keyring(&data.store).await.document.as_bytes()).unwrap().unchecked().clone();
+    assert_eq!(first.version, 4);
+    let device = Trust::Keyring(first);
+    restore(&copy, &restored).await.unwrap();
+    let store = Store::open(&restored.join(DATABASE)).await.unwrap();
+    let document = keyring(&store).await.document;
+    let now = Time::from_unix_s(Clock::default().now_ms() / 1000).unwrap();
+    let accepted = device.renew(document.as_bytes(), now.max(time(NOW_MS))).unwrap();
+    assert!(i64::from(accepted.version) > 1_700_000_000, "{}", accepted.version);
+}
+
+#[tokio::test]
+async fn keys_are_renewed_before_they_end_and_the_root_key_can_live_elsewhere() {
+    const NOW_MS: i64 = 1_795_458_600_000;
+    const DAY_MS: i64 = 24 * 3600 * 1000;
+    let data = TestData::new().await;
+    let store = &data.store;
+    assert!(matches!(state(store).await, Err(KeysError::NoKeyring)));
+    tend(store, NOW_MS).await.unwrap();
+    tend(store, NOW_MS + 40 * DAY_MS).await.unwrap();
+    assert_eq!(state(store).await.unwrap().keyring, 1, "nothing ends soon");
+    tend(store, NOW_MS + 50 * DAY_MS).await.unwrap();
+    let renewed = state(store).await.unwrap();
+    assert_eq!((renewed.keyring, renewed.keys.len()), (2, 2));
+    tend(store, NOW_MS + 210 * DAY_MS).await.unwrap();
+    let rotated = state(store).await.unwrap();
+    assert_eq!((rotated.keyring, rotated.keys.len()), (3, 3), "a second key for manifests");
+
+    // The root key moves to another place.
+    let now_ms = NOW_MS + 211 * DAY_MS;
+    let elsewhere = SigningKey::from_seed([5; 32]);
+    let draft = keys::draft(store, KeyChange::Renew, Some(elsewhere.public()), now_ms).await.unwrap();
+    assert_eq!(install(store, &draft, now_ms).await.unwrap(), 4);
+    let old = rotated.keys.iter().find(|key| key.use_ == "root").unwrap();
+    assert!(store.forget_private_key(&old.public).await.unwrap());
+    let refused = change_keyring(store, KeyChange::Rotate, now_ms).await.unwrap_err();
+    assert!(matches!(&refused, KeysError::RootElsewhere { root } if *root == elsewhere.public().id()), "{refused}");
+    // The server only warns.
+    tend(store, now_ms + 80 * DAY_MS).await.unwrap();
+    assert_eq!(state(store).await.unwrap().keyring, 4);
+    let next = keys::draft(store, KeyChange::Renew, None, now_ms).await.unwrap();
+    let unsigned = install(store, &next, now_ms).await.unwrap_err();
+    assert!(matches!(unsigned, KeysError::Refused(_)), "{unsigned}");
+    let signature = elsewhere.sign(next.as_bytes());
+    let signed = format!("{next}signature {} {signature}\n", elsewhere.public());
+    assert_eq!(install(store, &signed, now_ms).await.unwrap(), 5);
+    let again = install(store, &signed, now_ms).await.unwrap_err();
+    assert!(matches!(again, KeysError::Store(_)), "{again}");
 }

@@ -168,9 +168,10 @@ impl Revoke {
     }
 }
 
-fn with_store<T>(
+/// Runs `work` with the store of a data folder that a server may be using.
+pub(super) fn with_store<T, E: std::error::Error + Send + Sync + 'static>(
     folder: &DataDir,
-    work: impl AsyncFnOnce(&Store) -> Result<T, lightpath_store::StoreError>,
+    work: impl AsyncFnOnce(&Store) -> Result<T, E>,
 ) -> anyhow::Result<T> {
     let data_dir = folder.path()?;
     let database = data_dir.join(DATABASE);

@@ -142,7 +142,7 @@ async fn fetch_as(
     version: u32,
     format: v1::KernelFormat,
 ) -> Result<(v1::KernelFile, Vec<u8>), Status> {
-    let request = v1::FetchKernelRequest { kernel: KERNEL.into(), version, format: format.into() };
+    let request = v1::FetchKernelRequest { kernel: KERNEL.into(), version, format: format.into(), offset_bytes: 0 };
     let mut stream = client(serving).fetch_kernel(request).await?.into_inner();
     let Some(Part::Version(_)) = stream.message().await?.unwrap().part else { panic!("no version first") };
     let Some(Part::File(file)) = stream.message().await?.unwrap().part else { panic!("no file second") };

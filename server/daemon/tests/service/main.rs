@@ -15,6 +15,7 @@ mod jobs;
 mod kernels;
 mod lifecycle;
 mod malformed;
+mod manifests;
 mod memory_limits;
 mod mutation;
 mod ownership;

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use std::borrow::Cow;
 
 /// A file form of a kernel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum KernelFormat {
     /// The native form, `safetensors`.
     Safetensors,
@@ -29,6 +29,32 @@ pub enum KernelFormat {
     Complex64,
     /// A `.npy` file with H as float16.
     F16,
+}
+
+impl KernelFormat {
+    /// All forms.
+    pub const ALL: [Self; 7] =
+        [Self::Safetensors, Self::Compact, Self::Pt, Self::Npy, Self::Npz, Self::Complex64, Self::F16];
+
+    /// Name of the form, as in requests and manifests.
+    #[must_use]
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Safetensors => "safetensors",
+            Self::Compact => "compact",
+            Self::Pt => "pt",
+            Self::Npy => "npy",
+            Self::Npz => "npz",
+            Self::Complex64 => "complex64",
+            Self::F16 => "f16",
+        }
+    }
+
+    /// The form with this name.
+    #[must_use]
+    pub fn parse(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|form| form.as_str() == name)
+    }
 }
 
 /// An exported kernel.

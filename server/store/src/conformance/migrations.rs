@@ -13,7 +13,7 @@ use std::path::Path;
 const ROWS: &[(usize, &str)] = &[(
     STEPS_OF_0_1_0,
     r#"
-    insert into display values ('lab', '{"id":"lab","width_px":64,"height_px":64,"pixel_pitch_m":8e-6,
+    insert into display (id, content, create_time_ms) values ('lab', '{"id":"lab","width_px":64,"height_px":64,"pixel_pitch_m":8e-6,
     "bit_depth":8,"wavelengths":[{"pm":515000}],"phase_response_rad":null,"carrier":null,"orders":"first","notes":"",
     "simulated_bench":null}', 1);
 
@@ -38,7 +38,9 @@ const ROWS: &[(usize, &str)] = &[(
     '{"job":"","datasets":[],"interpolated":false,"parent_version":null,"parameters_json":"{}","seed":1,
     "code_version":"0.1.0"}', 9;
     update kernel set active_version = 1;
-    insert into kernel_move (kernel, time_ms, caller, from_version, to_version, reason) values (1, 10, 'ada', null, 1, 'good');
+    insert into kernel_move (kernel, time_ms, caller, from_version, to_version, reason, generation)
+    values (1, 10, 'ada', null, 1, 'good', 1);
+    update display set generation = 1, generation_time_ms = 10;
 
     insert into job (id, request_id, display, spec, state, attempt, start_time_ms, finish_time_ms, lease_id,
     lease_until_ms, worker, error, result, checkpoint, owner, priority, attempts_max, create_time_ms, run_time_ms)
@@ -59,6 +61,9 @@ const ROWS: &[(usize, &str)] = &[(
     ('e', 'cancelled', 1, 12, 13, null, null, null, null, null, null));
     insert into job_event (job, time_ms, attempt, message)
     select id, 11, 0, 'queued' from job union all select 'c', 13, 1, 'succeeded';
+
+    insert into keyring values (1, 'lightpath keyring 1', 15);
+    insert into signing_key values (printf('%064x', 2), 'private', 15);
 
     insert into pause values ('', 14, 'the laser is off');
     insert into token values ('ada', printf('%064x', 1), 'submitter', '[]', 1, null, null)"#,

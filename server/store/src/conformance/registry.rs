@@ -1,8 +1,8 @@
 //! Tests of displays, artifacts, datasets and kernels.
 
 use super::*;
-use crate::QueueLimits;
 use crate::open::connect_options;
+use crate::{AbortReason, PrivateKey, QueueLimits, StoredKeyring};
 use lightpath_domain::display::Display;
 use lightpath_domain::kernel::MoveCause;
 use sqlx::{ConnectOptions as _, Connection as _};
@@ -198,6 +198,7 @@ async fn versions_are_numbered_and_rollbacks_undo_promotions_in_reverse_order() 
     assert_eq!(store.rollback(&key(), Some(4), &cause("worse"), 13).await.unwrap().active_version, Some(1));
 
     let moves = store.kernel_moves(&key(), None, 50).await.unwrap();
+    assert_eq!(moves.iter().map(|m| m.generation).collect::<Vec<_>>(), [7, 6, 5, 4, 3, 2, 1]);
     let listed: Vec<_> = moves.iter().map(|m| (m.from_version, m.to_version, m.rollback)).collect();
     assert_eq!(
         listed,
@@ -245,4 +246,58 @@ async fn only_one_of_two_rollbacks_goes_back() {
     assert!(matches!(refused, Err(StoreError::Aborted { .. })), "{refused:?}");
     assert!(matches!(rollback(None).await, Err(StoreError::Aborted { .. })));
     assert_eq!(store.kernel(&key()).await.unwrap().active_version, Some(2));
+}
+
+/// A device that has seen a generation refuses a lower one, so the generation rises with every move on any kernel of
+/// the display, and after a restore.
+#[tokio::test]
+async fn generation_of_a_display_rises_with_every_move_and_never_falls() {
+    let (store, folder) = store().await;
+    record(&store, 5).await;
+    let other = KernelKey { distance: Distance::from_m(0.2).unwrap(), ..key() };
+    for key in [key(), other.clone()] {
+        store.add_kernel_version(&key, new_version(1), 5).await.unwrap();
+    }
+    let moment = |key: KernelKey| {
+        let store = store.clone();
+        async move { store.kernel_moment(&key).await.unwrap() }
+    };
+    let first = moment(key()).await;
+    assert_eq!((first.generation, first.active_version, first.keyring_version), (0, None, None));
+    store.promote(&key(), 1, None, &cause("better"), 20).await.unwrap();
+    store.promote(&other, 1, None, &cause("better"), 30).await.unwrap();
+    // A clock that went back does not take the time back.
+    store.add_kernel_version(&key(), new_version(2), 5).await.unwrap();
+    store.promote(&key(), 2, None, &cause("better"), 25).await.unwrap();
+    for (key, active) in [(key(), 2), (other, 1)] {
+        let found = moment(key).await;
+        assert_eq!((found.generation, found.generation_time_ms, found.active_version), (3, 30, Some(active)));
+    }
+    store.raise_generations(1_000).await.unwrap();
+    store.raise_generations(900).await.unwrap();
+    assert_eq!(moment(key()).await.generation, 1_000);
+    store.close().await;
+    let mut connection = connect_options(&folder.path().join("lightpath.db")).connect().await.unwrap();
+    let fall = sqlx::query("update display set generation = 999").execute(&mut connection).await.unwrap_err();
+    assert!(fall.to_string().contains("never falls"), "{fall}");
+}
+
+#[tokio::test]
+async fn keyrings_have_rising_numbers_and_private_keys_are_forgotten() {
+    let (store, _folder) = store().await;
+    assert_eq!(store.keyring().await.unwrap(), None);
+    let ring = |version| StoredKeyring { version, document: format!("keyring {version}") };
+    let private = |number: u8| PrivateKey { public: format!("{number:064x}"), private: format!("private {number}") };
+    store.add_keyring(ring(1), vec![private(1), private(2)], vec![], 5).await.unwrap();
+    assert!(!format!("{:?}", private(1)).contains("private 1"));
+    for version in [0, 1] {
+        let refused = store.add_keyring(ring(version), vec![private(3)], vec![], 6).await;
+        assert!(matches!(refused, Err(StoreError::Aborted { reason: AbortReason::KeyringChanged, .. })), "{refused:?}");
+    }
+    store.add_keyring(ring(7), vec![private(4)], vec![private(1).public], 7).await.unwrap();
+    assert_eq!(store.keyring().await.unwrap(), Some(ring(7)));
+    assert_eq!(store.private_keys().await.unwrap(), [private(2), private(4)]);
+    assert!(store.forget_private_key(&private(2).public).await.unwrap());
+    assert!(!store.forget_private_key(&private(2).public).await.unwrap());
+    assert_eq!(store.private_keys().await.unwrap(), [private(4)]);
 }

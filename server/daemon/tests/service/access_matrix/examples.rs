@@ -195,6 +195,8 @@ fn kernels() -> Vec<Example> {
             "KernelService/FetchKernel",
             json!({ "kernel": "$kernel", "version": "$number" }),
         ),
+        Example::new::<v1::GetKernelManifestRequest>("KernelService/GetKernelManifest", json!({ "kernel": "$kernel" })),
+        Example::new::<v1::GetKeyringRequest>("KernelService/GetKeyring", json!({})),
         Example::new::<v1::WatchKernelRequest>("KernelService/WatchKernel", json!({ "name": "$kernel" })),
         Example::new::<v1::ListKernelMovesRequest>("KernelService/ListKernelMoves", page),
     ]

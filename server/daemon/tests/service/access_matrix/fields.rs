@@ -154,6 +154,7 @@ const FIELDS: &[(&str, Names)] = &[
     ("ListKernelVersionsRequest.page_token", PageToken),
     ("FetchKernelRequest.kernel", Kernel),
     ("FetchKernelRequest.version", VersionNumber),
+    ("GetKernelManifestRequest.kernel", Kernel),
     ("WatchKernelRequest.name", Kernel),
     ("PromoteKernelRequest.kernel", Kernel),
     ("PromoteKernelRequest.version", VersionNumber),

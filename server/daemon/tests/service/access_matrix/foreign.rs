@@ -142,16 +142,17 @@ impl Search<'_> {
         }
     }
 
-    /// Asks for jobs and metrics over plain HTTP.
+    /// Asks for jobs, kernels and metrics over plain HTTP.
     async fn ask_over_http(&mut self) {
         let mut client = Client::new(&self.worlds.guarded.serving, Some(self.person.token.clone()));
         let get = Form { method: "GET", content_type: None };
         let path_of = |world: &World, key: &str| match key {
             "$display" => format!("/v1/jobs?display={}", world.text(key)),
             "$batch" => format!("/v1/jobs?display=displays/lab&batch={}", world.text(key)),
+            "$kernel" => format!("/v1/{}/manifest", world.text(key)),
             _ => format!("/v1/{}", world.text(key)),
         };
-        for key in ["$display", "$batch", "$waiting", "$ended"] {
+        for key in ["$display", "$batch", "$waiting", "$ended", "$kernel"] {
             let mut answers = Vec::new();
             for world in [&self.worlds.foreign, &self.worlds.foreign.missing()] {
                 let answer = client.http1(&path_of(world, key), get).await;
@@ -160,7 +161,14 @@ impl Search<'_> {
             self.check(answers[0] == answers[1], || format!("HTTP {key}: {answers:?}"));
             self.check_traces(&answers[0].1, key);
         }
-        for path in ["/metrics", "/v1/jobs", "/v1/jobs?display=displays/lab", "/healthz"] {
+        for path in [
+            "/metrics",
+            "/v1/jobs",
+            "/v1/jobs?display=displays/lab",
+            "/healthz",
+            "/v1/displays/lab/kernels",
+            "/v1/keyring",
+        ] {
             let answer = client.http1(path, get).await;
             self.check_traces(&answer.body, path);
         }

@@ -1,0 +1,324 @@
+//! What a device accepts.
+
+use crate::keyring::SignedKeyring;
+use crate::{DocumentError, Keyring, Manifest, PublicKey, SignedManifest, Time};
+
+/// What a device asks for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Wanted {
+    /// Id of the device's display.
+    pub display: String,
+    /// Wavelength in vacuum \[pm\].
+    pub wavelength_pm: i64,
+    /// Distance from the SLM to the image plane \[nm\].
+    pub distance_nm: i64,
+    /// Form of the file.
+    pub form: String,
+    /// Generation of the manifest that the device accepted last; 0: none.
+    pub generation: u64,
+}
+
+/// Reason why a device does not accept a document.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Distrust {
+    /// The text is not a document of the wanted kind.
+    #[error(transparent)]
+    Document(#[from] DocumentError),
+    /// No root key that the device knows signed the keyring.
+    #[error("the keyring is not signed by a root key of this device")]
+    KeyringSignature,
+    /// The keyring has a lower number than the device's own.
+    #[error("the keyring has version {found}, but version {known} is known")]
+    OlderKeyring {
+        /// Version of the keyring.
+        found: u32,
+        /// Version of the device's keyring.
+        known: u32,
+    },
+    /// The keyring has the number of the device's own and says something else.
+    #[error("the keyring has version {version} like the known one, but other keys")]
+    OtherKeyring {
+        /// Version of both.
+        version: u32,
+    },
+    /// The keyring counts no more, or not yet.
+    #[error("the keyring counts from {from} until {until}, but it is {now}")]
+    KeyringTime {
+        /// First time of the keyring.
+        from: Time,
+        /// Last time of the keyring.
+        until: Time,
+        /// Present time.
+        now: Time,
+    },
+    /// The manifest's key is not in the keyring.
+    #[error("the manifest is signed with the key {key}, which the keyring does not list")]
+    UnknownKey {
+        /// Id of the key.
+        key: String,
+    },
+    /// The manifest's key was revoked.
+    #[error("the manifest is signed with the key {key}, which is revoked")]
+    RevokedKey {
+        /// Id of the key.
+        key: String,
+    },
+    /// The manifest's key counts no more, or not yet.
+    #[error("the manifest's key counts from {from} until {until}, but it is {now}")]
+    KeyTime {
+        /// First time of the key.
+        from: Time,
+        /// Last time of the key.
+        until: Time,
+        /// Present time.
+        now: Time,
+    },
+    /// The signature is wrong.
+    #[error("the manifest's signature is wrong")]
+    Signature,
+    /// The manifest counts no more, or not yet.
+    #[error("the manifest counts from {from} until {until}, but it is {now}")]
+    Time {
+        /// First time of the manifest.
+        from: Time,
+        /// Last time of the manifest.
+        until: Time,
+        /// Present time.
+        now: Time,
+    },
+    /// The manifest is about something else than the device asked for.
+    #[error("the manifest has {name} {found}, but {wanted} was asked for")]
+    Other {
+        /// Name of the line.
+        name: &'static str,
+        /// Value of the manifest.
+        found: String,
+        /// Value that the device asked for.
+        wanted: String,
+    },
+    /// The manifest is older than the one that the device accepted last.
+    #[error("the manifest has generation {found}, but generation {known} was accepted before")]
+    LowerGeneration {
+        /// Generation of the manifest.
+        found: u64,
+        /// Generation of the manifest that the device accepted last.
+        known: u64,
+    },
+}
+
+/// What a device trusts: its newest keyring, and before the first one the root keys of its manufacture.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Trust {
+    /// Root keys from the device's manufacture.
+    Roots(Vec<PublicKey>),
+    /// The newest keyring.
+    Keyring(Keyring),
+}
+
+impl Trust {
+    /// Root keys that may sign the next keyring.
+    #[must_use]
+    pub fn roots(&self) -> &[PublicKey] {
+        match self {
+            Self::Roots(roots) => roots,
+            Self::Keyring(keyring) => &keyring.roots,
+        }
+    }
+
+    /// The keyring of a document, if the device accepts it. Roots of an expired keyring still count: a device that
+    /// slept for a year needs them to accept the present one.
+    ///
+    /// # Errors
+    ///
+    /// [`Distrust`].
+    pub fn renew(&self, bytes: &[u8], now: Time) -> Result<Keyring, Distrust> {
+        let signed = SignedKeyring::parse(bytes)?;
+        let keyring = signed.verified_by(self.roots()).ok_or(Distrust::KeyringSignature)?;
+        if let Self::Keyring(known) = self {
+            if keyring.version < known.version {
+                return Err(Distrust::OlderKeyring { found: keyring.version, known: known.version });
+            }
+            if keyring.version == known.version && keyring != *known {
+                return Err(Distrust::OtherKeyring { version: known.version });
+            }
+        }
+        check_time(&keyring, now)?;
+        Ok(keyring)
+    }
+
+    /// The manifest of a document, if the device accepts it.
+    ///
+    /// # Errors
+    ///
+    /// [`Distrust`].
+    pub fn manifest(&self, bytes: &[u8], wanted: &Wanted, now: Time) -> Result<Manifest, Distrust> {
+        let signed = SignedManifest::parse(bytes)?;
+        let unknown = || Distrust::UnknownKey { key: signed.key_id().to_owned() };
+        let Self::Keyring(keyring) = self else { return Err(unknown()) };
+        check_time(keyring, now)?;
+        if keyring.revoked.iter().any(|key| key.id() == signed.key_id()) {
+            return Err(Distrust::RevokedKey { key: signed.key_id().to_owned() });
+        }
+        let listed = *keyring.key(signed.key_id()).ok_or_else(unknown)?;
+        if now < listed.from || now >= listed.until {
+            return Err(Distrust::KeyTime { from: listed.from, until: listed.until, now });
+        }
+        let manifest = signed.verified_by(&listed.key).ok_or(Distrust::Signature)?;
+        if now < manifest.issued || now >= manifest.expires {
+            return Err(Distrust::Time { from: manifest.issued, until: manifest.expires, now });
+        }
+        wanted.check(&manifest)?;
+        Ok(manifest)
+    }
+}
+
+impl Wanted {
+    fn check(&self, manifest: &Manifest) -> Result<(), Distrust> {
+        for (name, found, wanted) in [
+            ("display", manifest.display.clone(), self.display.clone()),
+            ("wavelength_pm", manifest.wavelength_pm.to_string(), self.wavelength_pm.to_string()),
+            ("distance_nm", manifest.distance_nm.to_string(), self.distance_nm.to_string()),
+            ("form", manifest.form.clone(), self.form.clone()),
+        ] {
+            if found != wanted {
+                return Err(Distrust::Other { name, found, wanted });
+            }
+        }
+        if manifest.generation < self.generation {
+            return Err(Distrust::LowerGeneration { found: manifest.generation, known: self.generation });
+        }
+        Ok(())
+    }
+}
+
+fn check_time(keyring: &Keyring, now: Time) -> Result<(), Distrust> {
+    if now < keyring.issued || now >= keyring.expires {
+        return Err(Distrust::KeyringTime { from: keyring.issued, until: keyring.expires, now });
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::manifest::tests::manifest;
+    use crate::{ListedKey, SigningKey};
+
+    fn time(text: &str) -> Time {
+        Time::parse(text).unwrap()
+    }
+
+    fn now() -> Time {
+        time("2026-11-24T00:00:00Z")
+    }
+
+    fn key(number: u8) -> SigningKey {
+        SigningKey::from_seed([number; 32])
+    }
+
+    const ROOT: u8 = 1;
+    const SIGNER: u8 = 2;
+
+    fn listed(number: u8) -> ListedKey {
+        let (from, until) = (time("2026-11-01T00:00:00Z"), time("2027-11-01T00:00:00Z"));
+        ListedKey { key: key(number).public(), from, until }
+    }
+
+    fn keyring(version: u32) -> Keyring {
+        Keyring {
+            version,
+            issued: time("2026-11-01T00:00:00Z"),
+            expires: time("2026-12-01T00:00:00Z"),
+            roots: vec![key(ROOT).public()],
+            keys: vec![listed(SIGNER)],
+            revoked: vec![key(9).public()],
+        }
+    }
+
+    fn wanted() -> Wanted {
+        let (display, form) = ("pluto".to_owned(), "compact".to_owned());
+        Wanted { display, wavelength_pm: 515_000, distance_nm: 150_000_000, form, generation: 6 }
+    }
+
+    fn refused(trust: &Trust, text: &str, wanted: &Wanted, now: Time) -> String {
+        trust.manifest(text.as_bytes(), wanted, now).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn device_accepts_the_manifest_of_a_listed_key_and_names_why_it_refuses_others() {
+        let trust = Trust::Keyring(keyring(1));
+        let good = manifest().signed(&key(SIGNER));
+        assert_eq!(trust.manifest(good.as_bytes(), &wanted(), now()), Ok(manifest()));
+        let of = |number: u8| manifest().signed(&key(number));
+        assert!(refused(&trust, &of(3), &wanted(), now()).contains("does not list"));
+        assert!(refused(&trust, &of(9), &wanted(), now()).contains("is revoked"));
+        assert!(refused(&Trust::Roots(vec![key(ROOT).public()]), &good, &wanted(), now()).contains("does not list"));
+        // The body of one version with the signature of another.
+        let other = Manifest { version: 11, ..manifest() }.signed(&key(SIGNER));
+        let mixed = good.split("signature").next().unwrap().to_owned() + &other[other.find("signature").unwrap()..];
+        assert_eq!(refused(&trust, &mixed, &wanted(), now()), "the manifest's signature is wrong");
+        let late = time("2026-11-30T18:00:00Z");
+        assert!(refused(&trust, &good, &wanted(), late).contains("but it is 2026-11-30T18:00:00Z"));
+        assert!(
+            refused(&trust, &good, &wanted(), time("2026-11-23T17:59:59Z")).starts_with("the manifest counts from")
+        );
+        let generation = Wanted { generation: 8, ..wanted() };
+        assert!(refused(&trust, &good, &generation, now()).contains("generation 7, but generation 8"));
+        for (other, name) in [
+            (Wanted { display: "venus".to_owned(), ..wanted() }, "display pluto, but venus"),
+            (Wanted { wavelength_pm: 638_000, ..wanted() }, "wavelength_pm 515000, but 638000"),
+            (Wanted { distance_nm: 1, ..wanted() }, "distance_nm 150000000, but 1 "),
+            (Wanted { form: "f16".to_owned(), ..wanted() }, "form compact, but f16"),
+        ] {
+            assert!(refused(&trust, &good, &other, now()).contains(name));
+        }
+        let old_key = ListedKey { until: time("2026-11-20T00:00:00Z"), ..listed(SIGNER) };
+        let trust = Trust::Keyring(Keyring { keys: vec![old_key], ..keyring(1) });
+        assert!(refused(&trust, &good, &wanted(), now()).starts_with("the manifest's key counts"));
+        let trust = Trust::Keyring(Keyring { expires: time("2026-11-23T00:00:00Z"), ..keyring(1) });
+        assert!(refused(&trust, &good, &wanted(), now()).starts_with("the keyring counts"));
+    }
+
+    #[test]
+    fn keyring_is_renewed_only_by_a_root_key_and_never_goes_back() {
+        let trust = Trust::Roots(vec![key(ROOT).public()]);
+        let first = keyring(1).signed(&[&key(ROOT)]);
+        assert_eq!(trust.renew(first.as_bytes(), now()), Ok(keyring(1)));
+        assert_eq!(trust.renew(keyring(1).signed(&[&key(SIGNER)]).as_bytes(), now()), Err(Distrust::KeyringSignature));
+        // A line more than was signed.
+        let added = first.replacen("revoked", &format!("key {} {} {}\nrevoked", key(5).public(), now(), now()), 1);
+        assert_eq!(trust.renew(added.as_bytes(), now()), Err(Distrust::KeyringSignature));
+        let trust = Trust::Keyring(keyring(2));
+        assert_eq!(trust.renew(first.as_bytes(), now()), Err(Distrust::OlderKeyring { found: 1, known: 2 }));
+        assert!(trust.renew(keyring(2).signed(&[&key(ROOT)]).as_bytes(), now()).is_ok());
+        let other = Keyring { keys: vec![], ..keyring(2) }.signed(&[&key(ROOT)]);
+        assert_eq!(trust.renew(other.as_bytes(), now()), Err(Distrust::OtherKeyring { version: 2 }));
+        let late = time("2026-12-01T00:00:00Z");
+        assert!(matches!(
+            trust.renew(keyring(3).signed(&[&key(ROOT)]).as_bytes(), late),
+            Err(Distrust::KeyringTime { .. })
+        ));
+        // A new root key: the old one signs the keyring that lists the new one.
+        let moved = Keyring { roots: vec![key(4).public()], ..keyring(3) };
+        let accepted = trust.renew(moved.signed(&[&key(ROOT), &key(4)]).as_bytes(), now()).unwrap();
+        let trust = Trust::Keyring(accepted);
+        assert!(trust.renew(keyring(4).signed(&[&key(ROOT)]).as_bytes(), now()).is_err());
+        assert!(trust.renew(keyring(4).signed(&[&key(4)]).as_bytes(), now()).is_ok());
+    }
+
+    #[test]
+    fn largest_keyring_fits_its_limit() {
+        let all = |from: u8| (from..from + 8).map(key).collect::<Vec<_>>();
+        let public = |keys: &[SigningKey]| keys.iter().map(SigningKey::public).collect::<Vec<_>>();
+        let largest = Keyring {
+            version: u32::MAX,
+            roots: public(&all(1)),
+            keys: (11..19).map(listed).collect(),
+            revoked: public(&all(21)),
+            ..keyring(1)
+        };
+        let text = largest.signed(&all(1).iter().collect::<Vec<_>>());
+        assert!(text.len() <= crate::DOCUMENT_BYTES_MAX, "{}", text.len());
+        assert_eq!(Trust::Roots(public(&all(1))).renew(text.as_bytes(), now()), Ok(largest));
+    }
+}

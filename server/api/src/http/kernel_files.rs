@@ -1,0 +1,322 @@
+//! Kernels over HTTP, for firmware: lists, signed manifests, and files in pieces.
+//!
+//! A device asks for the manifest with the ETag that it has (`If-None-Match`), and gets 304 until something changes.
+//! Then it fetches the file, whose path has everything that the manifest says about it. The bytes of such a path never
+//! change, so a cut download continues with `Range`, on any server that holds the kernel.
+
+use super::byte_range::{RangeOutcome, requested_range};
+use super::refusal::Refusal;
+use crate::accounts::{OpenStream, StreamKind};
+use crate::api::Api;
+use crate::call::Call;
+use crate::error::ApiError;
+use crate::field::{Field, shortened};
+use crate::kernels::conversions::Converted;
+use crate::manifests::Issued;
+use crate::names;
+use axum::body::{Body, Bytes};
+use axum::extract::rejection::QueryRejection;
+use axum::extract::{Path, Query, State};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use axum::{Extension, Json};
+use futures::stream;
+use lightpath_artifacts::ArtifactReader;
+use lightpath_domain::kernel::{KernelKey, KernelVersion};
+use lightpath_media::kernel_formats::KernelFormat;
+use lightpath_proto::v1;
+use serde::Deserialize;
+use sha2::{Digest as _, Sha256};
+use std::fmt::Write as _;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::sync::broadcast::error::RecvError;
+use tokio::time::timeout;
+use tonic::Status;
+
+/// Longest time for which a request for a manifest waits for a change \[s\]. Gateways commonly end requests after a
+/// minute.
+const WAIT_S_MAX: u64 = 50;
+/// Size of the pieces of a file \[bytes\]. Many slow devices may fetch at once, and each holds a few pieces.
+const PIECE_BYTES: usize = 32 << 10;
+/// Header with the time after which a device should ask again \[s\].
+const POLL_AFTER: &str = "lightpath-poll-after-s";
+/// What a path names never changes.
+const IMMUTABLE: &str = "private, max-age=31536000, immutable";
+const TEXT: &str = "text/plain; charset=us-ascii";
+
+/// Parameters of a list of kernels.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct List {
+    #[serde(default, alias = "pageSize")]
+    page_size: u32,
+    #[serde(default, alias = "pageToken")]
+    page_token: String,
+}
+
+/// Parameters of a manifest.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ManifestQuery {
+    /// Form of the file, such as `compact`.
+    #[serde(default)]
+    form: String,
+    /// Time to wait for a change \[s\].
+    #[serde(default)]
+    wait_s: u64,
+}
+
+/// The file of a version, as its manifest names it.
+#[derive(Debug, Deserialize)]
+pub(super) struct FilePath {
+    display: String,
+    kernel: String,
+    version: u32,
+    form: String,
+    digest: String,
+}
+
+/// Handles `GET /v1/displays/{display}/kernels`.
+pub(super) async fn list_kernels(
+    State(api): State<Api>,
+    Extension(call): Extension<Call>,
+    Path(display): Path<String>,
+    query: Result<Query<List>, QueryRejection>,
+) -> Result<Json<v1::ListKernelsResponse>, Refusal> {
+    let Query(List { page_size, page_token }) = checked(query)?;
+    let request = v1::ListKernelsRequest { page_size, page_token, display: format!("displays/{display}") };
+    Ok(Json(api.list_kernels(&call, request).await?))
+}
+
+/// Handles `GET /v1/displays/{display}/kernels/{kernel}`.
+pub(super) async fn get_kernel(
+    State(api): State<Api>,
+    Extension(call): Extension<Call>,
+    Path((display, kernel)): Path<(String, String)>,
+) -> Result<Json<v1::Kernel>, Refusal> {
+    let request = v1::GetKernelRequest { name: format!("displays/{display}/kernels/{kernel}") };
+    Ok(Json(api.get_kernel(&call, request).await?))
+}
+
+/// Handles `GET /v1/keyring`.
+pub(super) async fn get_keyring(
+    State(api): State<Api>,
+    Extension(call): Extension<Call>,
+    headers: HeaderMap,
+) -> Result<Response, Refusal> {
+    let keyring = api.get_keyring(&call, v1::GetKeyringRequest {}).await?;
+    Ok(document(&api, &headers, keyring.document))
+}
+
+/// Handles `GET /v1/displays/{display}/kernels/{kernel}/manifest`.
+pub(super) async fn get_manifest(
+    State(api): State<Api>,
+    Extension(call): Extension<Call>,
+    Path((display, kernel)): Path<(String, String)>,
+    query: Result<Query<ManifestQuery>, QueryRejection>,
+    headers: HeaderMap,
+) -> Result<Response, Refusal> {
+    let Query(ManifestQuery { form, wait_s }) = checked(query)?;
+    let key = names::kernel_key(&call, &Field::new("kernel"), &format!("displays/{display}/kernels/{kernel}"))?;
+    let form = match form.as_str() {
+        "" => KernelFormat::Safetensors,
+        name => parsed_form(name)?,
+    };
+    if wait_s > WAIT_S_MAX {
+        return Err(Status::invalid_argument(format!("wait_s is {wait_s}, but must be 0 to {WAIT_S_MAX}")).into());
+    }
+    let issued = if wait_s > 0 {
+        changed_manifest(&api, &call, &key, form, &headers, Duration::from_secs(wait_s)).await?
+    } else {
+        api.manifest(&call, &key, form).await?
+    };
+    Ok(document(&api, &headers, issued.document.clone()))
+}
+
+/// The manifest, as soon as it is another one than the client has, or after the wait.
+async fn changed_manifest(
+    api: &Api,
+    call: &Call,
+    key: &KernelKey,
+    form: KernelFormat,
+    headers: &HeaderMap,
+    wait: Duration,
+) -> Result<Arc<Issued>, ApiError> {
+    let _open = api.accounts.streams.open(StreamKind::Watch, &call.client)?;
+    // This subscribes before the first read, so that it misses no change.
+    let mut changes = api.store().subscribe_kernel_changes();
+    let first = api.manifest(call, key, form).await?;
+    if !has(headers, &etag(&first.document)) {
+        return Ok(first);
+    }
+    let change = async {
+        loop {
+            match changes.recv().await {
+                // Every move on a kernel of the display raises the generation.
+                Ok(change) if change.display != key.display => {}
+                Ok(_) | Err(RecvError::Lagged(_)) => {
+                    let issued = api.manifest(call, key, form).await?;
+                    if issued.document != first.document {
+                        return Ok(issued);
+                    }
+                }
+                Err(RecvError::Closed) => return Err(ApiError::Stopping),
+            }
+        }
+    };
+    tokio::select! {
+        changed = timeout(wait, change) => changed.unwrap_or(Ok(first.clone())),
+        () = api.stopping.cancelled() => Err(ApiError::Stopping),
+    }
+}
+
+/// Handles `GET /v1/displays/{display}/kernels/{kernel}/versions/{version}/{form}/{digest}`.
+pub(super) async fn get_file(
+    State(api): State<Api>,
+    Extension(call): Extension<Call>,
+    Path(path): Path<FilePath>,
+    headers: HeaderMap,
+) -> Result<Response, Refusal> {
+    let name = format!("displays/{}/kernels/{}", path.display, path.kernel);
+    let key = names::kernel_key(&call, &Field::new("kernel"), &name)?;
+    let form = parsed_form(&path.form)?;
+    let version = api.store().kernel_version(&key, path.version).await.map_err(ApiError::from)?;
+    let etag = format!("\"{}\"", path.digest);
+    let open = api.accounts.streams.open(StreamKind::Download, &call.client)?;
+    let whole = file_of(&api, &call, &version, form, &path.digest).await?;
+    if has(&headers, &etag) {
+        return Ok((StatusCode::NOT_MODIFIED, [(header::ETAG, etag), (header::CACHE_CONTROL, IMMUTABLE.into())])
+            .into_response());
+    }
+    let range = match requested_range(&headers, &etag, whole.size_bytes) {
+        RangeOutcome::Whole => None,
+        RangeOutcome::Part { first, last } => Some((first, last)),
+        RangeOutcome::Unsatisfiable => {
+            let range = format!("bytes */{}", whole.size_bytes);
+            return Ok((StatusCode::RANGE_NOT_SATISFIABLE, [(header::CONTENT_RANGE, range)]).into_response());
+        }
+    };
+    let (first, last) = range.unwrap_or((0, whole.size_bytes.saturating_sub(1)));
+    let length = if whole.size_bytes == 0 { 0 } else { last - first + 1 };
+    let reader = whole.reader(&api, &call, (first, length)).await?;
+    let mut response = Response::new(Body::from_stream(pieces(reader, open)));
+    let fields = response.headers_mut();
+    fields.insert(header::CONTENT_TYPE, HeaderValue::from_static("application/octet-stream"));
+    fields.insert(header::ACCEPT_RANGES, HeaderValue::from_static("bytes"));
+    fields.insert(header::CACHE_CONTROL, HeaderValue::from_static(IMMUTABLE));
+    fields.insert(header::CONTENT_LENGTH, HeaderValue::from(length));
+    fields.insert(header::ETAG, text_value(&etag));
+    if range.is_some() {
+        *response.status_mut() = StatusCode::PARTIAL_CONTENT;
+        let text = format!("bytes {first}-{last}/{}", whole.size_bytes);
+        response.headers_mut().insert(header::CONTENT_RANGE, text_value(&text));
+    }
+    Ok(response)
+}
+
+/// A file that a manifest may name.
+struct KernelFile {
+    version: KernelVersion,
+    form: KernelFormat,
+    /// The converted file; `None`: the file is the version's own.
+    converted: Option<Converted>,
+    size_bytes: u64,
+}
+
+/// The file of a version in a form. Refuses a digest of anything else.
+async fn file_of(
+    api: &Api,
+    call: &Call,
+    version: &KernelVersion,
+    form: KernelFormat,
+    digest: &str,
+) -> Result<KernelFile, Refusal> {
+    let version = version.clone();
+    let (converted, size_bytes, found) = match form {
+        KernelFormat::Safetensors => (None, version.content.size_bytes, version.content.artifact.clone()),
+        _ => {
+            let converted = api.converted(call, &version, form).await?;
+            (Some(converted.clone()), converted.size_bytes, converted.digest)
+        }
+    };
+    if found != digest {
+        let message = format!(
+            "{}/versions/{} in the form {} has the digest {found}; read the manifest again",
+            version.key,
+            version.version,
+            form.as_str()
+        );
+        return Err(Status::not_found(message).into());
+    }
+    Ok(KernelFile { version, form, converted, size_bytes })
+}
+
+impl KernelFile {
+    /// A reader of a range (offset and length).
+    async fn reader(&self, api: &Api, call: &Call, range: (u64, u64)) -> Result<ArtifactReader, ApiError> {
+        match &self.converted {
+            None => api.checked_reader(call, &self.version.content.artifact, range).await,
+            Some(converted) => api.conversion_reader(call, &self.version, self.form, converted, range).await,
+        }
+    }
+}
+
+/// The bytes of a reader in small pieces. The download is counted until its end.
+fn pieces(
+    reader: ArtifactReader,
+    open: OpenStream,
+) -> impl futures::Stream<Item = Result<Bytes, ApiError>> + Send + 'static {
+    stream::try_unfold((reader, open), |(mut reader, open)| async move {
+        let piece = reader.next_chunk(PIECE_BYTES).await?;
+        Ok(piece.map(|piece| (Bytes::from(piece), (reader, open))))
+    })
+}
+
+/// A signed document, or 304 if the client has it.
+fn document(api: &Api, headers: &HeaderMap, text: String) -> Response {
+    let etag = etag(&text);
+    let fields = [
+        (header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache")),
+        (header::HeaderName::from_static(POLL_AFTER), HeaderValue::from(api.manifests.poll_after_s())),
+        (header::ETAG, text_value(&etag)),
+    ];
+    match has(headers, &etag) {
+        true => (StatusCode::NOT_MODIFIED, fields).into_response(),
+        false => (fields, [(header::CONTENT_TYPE, TEXT)], text).into_response(),
+    }
+}
+
+/// The strong ETag of a text.
+fn etag(text: &str) -> String {
+    let mut etag = String::from("\"");
+    for byte in &Sha256::digest(text)[..16] {
+        // Writing to a string cannot fail.
+        let _ = write!(etag, "{byte:02x}");
+    }
+    etag + "\""
+}
+
+/// Whether the client has what the ETag names (RFC 9110, section 13.1.2).
+fn has(headers: &HeaderMap, etag: &str) -> bool {
+    let fields = headers.get_all(header::IF_NONE_MATCH).into_iter().filter_map(|value| value.to_str().ok());
+    let mut tags = fields.flat_map(|value| value.split(',')).map(str::trim);
+    tags.any(|tag| tag == "*" || tag.strip_prefix("W/").unwrap_or(tag) == etag)
+}
+
+fn parsed_form(name: &str) -> Result<KernelFormat, Refusal> {
+    KernelFormat::parse(name).ok_or_else(|| {
+        let forms: Vec<&str> = KernelFormat::ALL.iter().map(|form| form.as_str()).collect();
+        let message = format!("form is {:?}, but must be one of {}", shortened(name), forms.join(", "));
+        Status::invalid_argument(message).into()
+    })
+}
+
+fn checked<T>(query: Result<Query<T>, QueryRejection>) -> Result<Query<T>, Refusal> {
+    query.map_err(|rejection| Status::invalid_argument(rejection.body_text()).into())
+}
+
+/// A header field. The texts of this file are ASCII.
+fn text_value(text: &str) -> HeaderValue {
+    HeaderValue::from_str(text).unwrap_or_else(|_| HeaderValue::from_static(""))
+}

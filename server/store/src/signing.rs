@@ -1,0 +1,151 @@
+//! Keyrings, and the private keys of this server.
+
+use super::write::Write;
+use super::{AbortReason, Store, StoreError};
+use lightpath_domain::kernel::{KernelKey, KernelMoment};
+use sqlx::Row;
+
+/// A signed keyring.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct StoredKeyring {
+    /// Number of the keyring, from 1.
+    pub version: u32,
+    /// The signed document.
+    pub document: String,
+}
+
+/// A private key of this server.
+#[derive(Clone, PartialEq, Eq)]
+pub struct PrivateKey {
+    /// The public key, as 64 hexadecimal digits.
+    pub public: String,
+    /// The private key, as PKCS#8 in PEM form.
+    pub private: String,
+}
+
+impl std::fmt::Debug for PrivateKey {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("PrivateKey").field("public", &self.public).finish_non_exhaustive()
+    }
+}
+
+impl Store {
+    /// The newest keyring.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn keyring(&self) -> Result<Option<StoredKeyring>, StoreError> {
+        let row = sqlx::query("select version, document from keyring order by version desc limit 1")
+            .fetch_optional(self.readers())
+            .await?;
+        let keyring =
+            row.map(|row| Ok(StoredKeyring { version: row.try_get("version")?, document: row.try_get("document")? }));
+        keyring.transpose()
+    }
+
+    /// Adds a keyring, together with new private keys, and forgets private keys.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Aborted`] if the keyring's number is not above all others: another keyring was added meanwhile.
+    pub async fn add_keyring(
+        &self,
+        keyring: StoredKeyring,
+        new: Vec<PrivateKey>,
+        forgotten: Vec<String>,
+        now_ms: i64,
+    ) -> Result<(), StoreError> {
+        self.write(move |write| Box::pin(async move { add(write, keyring, new, forgotten, now_ms).await })).await
+    }
+
+    /// Private keys of this server.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn private_keys(&self) -> Result<Vec<PrivateKey>, StoreError> {
+        let rows =
+            sqlx::query("select public, private from signing_key order by public").fetch_all(self.readers()).await?;
+        let key = |row: &sqlx::sqlite::SqliteRow| {
+            Ok(PrivateKey { public: row.try_get("public")?, private: row.try_get("private")? })
+        };
+        rows.iter().map(key).collect()
+    }
+
+    /// Forgets a private key. False if this server does not have it.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn forget_private_key(&self, public: &str) -> Result<bool, StoreError> {
+        let public = public.to_owned();
+        self.write(move |write| {
+            Box::pin(async move {
+                let deleted =
+                    sqlx::query("delete from signing_key where public = ?").bind(public).execute(write.sql()).await?;
+                Ok(deleted.rows_affected() > 0)
+            })
+        })
+        .await
+    }
+
+    /// What decides the manifests of a kernel, read at one moment.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::NotFound`] if the kernel does not exist.
+    pub async fn kernel_moment(&self, key: &KernelKey) -> Result<KernelMoment, StoreError> {
+        let row = sqlx::query(
+            "select k.active_version, d.generation, d.generation_time_ms, \
+             (select max(version) from keyring) as keyring_version \
+             from kernel k join display d on d.id = k.display where k.name = ?",
+        )
+        .bind(key.to_string())
+        .fetch_optional(self.readers())
+        .await?;
+        let row = row.ok_or_else(|| StoreError::not_found(key.to_string()))?;
+        Ok(KernelMoment {
+            active_version: row.try_get("active_version")?,
+            generation: row.try_get::<i64, _>("generation")?.unsigned_abs(),
+            generation_time_ms: row.try_get("generation_time_ms")?,
+            keyring_version: row.try_get("keyring_version")?,
+        })
+    }
+}
+
+async fn add(
+    write: &mut Write,
+    keyring: StoredKeyring,
+    new: Vec<PrivateKey>,
+    forgotten: Vec<String>,
+    now_ms: i64,
+) -> Result<(), StoreError> {
+    let newest: Option<u32> = sqlx::query_scalar("select max(version) from keyring").fetch_one(write.sql()).await?;
+    let newest = newest.unwrap_or(0);
+    if keyring.version <= newest {
+        let message = format!(
+            "the keyring has version {}, but one with version {newest} exists; make it again with a higher version",
+            keyring.version
+        );
+        return Err(StoreError::Aborted { reason: AbortReason::KeyringChanged, message });
+    }
+    sqlx::query("insert into keyring values (?, ?, ?)")
+        .bind(keyring.version)
+        .bind(keyring.document)
+        .bind(now_ms)
+        .execute(write.sql())
+        .await?;
+    for PrivateKey { public, private } in new {
+        sqlx::query("insert into signing_key values (?, ?, ?) on conflict do nothing")
+            .bind(public)
+            .bind(private)
+            .bind(now_ms)
+            .execute(write.sql())
+            .await?;
+    }
+    for public in forgotten {
+        sqlx::query("delete from signing_key where public = ?").bind(public).execute(write.sql()).await?;
+    }
+    Ok(())
+}
