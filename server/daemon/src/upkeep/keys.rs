@@ -77,6 +77,7 @@ pub struct KeyLine {
     /// The public key.
     pub public: String,
     /// `root`, `manifest` or `revoked`.
+    #[serde(rename = "use")]
     pub use_: &'static str,
     /// First time of a manifest key.
     pub from: Option<String>,
