@@ -34,6 +34,7 @@
 //!
 //! - `lines`: the form that both documents share. `manifest`, `keyring`: the documents. `keys`: Ed25519 keys and their
 //!   files. `trust`: what a device accepts.
+#![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod keyring;
 mod keys;

@@ -142,6 +142,7 @@ async fn hoard(field: Field) {
             kernel: names::kernel("learned", WAVELENGTH_M, DISTANCE_M),
             version: 1,
             format: v1::KernelFormat::Complex64.into(),
+            offset_bytes: 0,
         };
         let mut kernels = KernelServiceClient::new(field.channel());
         match kernels.fetch_kernel(field.with_token(fetch)).await {

@@ -19,7 +19,7 @@ fn files(folder: &Path) -> Vec<String> {
 
 async fn read_to_end(mut reader: ArtifactReader) -> Vec<u8> {
     let mut bytes = Vec::new();
-    while let Some(chunk) = reader.next_chunk().await.unwrap() {
+    while let Some(chunk) = reader.next_chunk(CHUNK_BYTES).await.unwrap() {
         bytes.extend(chunk);
     }
     bytes

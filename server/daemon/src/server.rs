@@ -1,7 +1,7 @@
 //! Assembly of the server: store, artifacts, workers, gRPC and HTTP.
 
 use crate::config::{Config, ConfigError};
-use crate::upkeep::{self, Collected, DATABASE, KeysError, Retention, UpkeepError};
+use crate::upkeep::{self, Collected, DATABASE, Retention, UpkeepError};
 use lightpath_api::audit::Audit;
 use lightpath_api::connections;
 use lightpath_api::http::{self, EndedTokens, Gate, Hosts, MemoryBudget, Rate};
@@ -43,9 +43,6 @@ pub enum ServeError {
     /// The database cannot be used.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// The keys that sign manifests cannot be used.
-    #[error(transparent)]
-    Keys(#[from] KeysError),
     /// The workers cannot start.
     #[error(transparent)]
     Worker(#[from] WorkerError),
@@ -121,9 +118,8 @@ pub async fn run_and_announce(
     let (space, tls, retention) = (config.space(), config.tls()?, config.retention());
     let artifacts = tokio::task::spawn_blocking(move || Artifacts::open_within(&data_dir, space)).await??;
     make_private(&config.data_dir);
-    let store = Store::open(&config.data_dir.join(DATABASE)).await?;
+    let store = open_store(&config).await?;
     let address = listener.local_addr().map_err(ServeError::Listener)?;
-    upkeep::tend(&store, Clock::default().now_ms()).await?;
     let tokens_required = check_access(&store, &config, address).await?;
     let tls = tls.map(Tls::open).transpose()?.map(Arc::new);
     let audit = Arc::new(Audit::open(&config.data_dir).map_err(ServeError::Audit)?);
@@ -178,6 +174,20 @@ pub async fn run_and_announce(
     workers_ended??;
     tracing::info!("stopped");
     Ok(())
+}
+
+async fn open_store(config: &Config) -> Result<Store, ServeError> {
+    let store = Store::open(&config.data_dir.join(DATABASE)).await?;
+    tend_keys(&store).await;
+    Ok(store)
+}
+
+/// Makes or renews the keys that sign manifests. The server works without them, for example on a full disk, and only
+/// signs no manifests then.
+async fn tend_keys(store: &Store) {
+    if let Err(error) = upkeep::tend(store, Clock::default().now_ms()).await {
+        tracing::error!(error = &error as &dyn std::error::Error, "the keys that sign manifests could not be renewed");
+    }
 }
 
 /// Takes the permissions of other users from the files of the data folder, and logs what has changed.
@@ -290,7 +300,7 @@ async fn upkeep_loop(store: Store, artifacts: Artifacts, retention: Retention, s
                 store.artifact_totals().await.map(|(_, bytes)| artifacts.space().set_stored_bytes(bytes)).map_err(Into::into)
             }
             _ = collect.tick() => async {
-                upkeep::tend(&store, Clock::default().now_ms()).await?;
+                tend_keys(&store).await;
                 let collected = retention.collect(&store, &artifacts, Clock::default().now_ms()).await?;
                 if collected != Collected::default() {
                     let Collected { jobs, artifacts, artifact_bytes } = collected;
