@@ -59,6 +59,15 @@ impl Store {
         self.write(move |write| Box::pin(async move { add(write, keyring, new, forgotten, now_ms).await })).await
     }
 
+    /// Adds private keys, for a keyring that is signed elsewhere and added later.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn add_private_keys(&self, new: Vec<PrivateKey>, now_ms: i64) -> Result<(), StoreError> {
+        self.write(move |write| Box::pin(async move { add_private(write, new, now_ms).await })).await
+    }
+
     /// Private keys of this server.
     ///
     /// # Errors
@@ -136,6 +145,14 @@ async fn add(
         .bind(now_ms)
         .execute(write.sql())
         .await?;
+    add_private(write, new, now_ms).await?;
+    for public in forgotten {
+        sqlx::query("delete from signing_key where public = ?").bind(public).execute(write.sql()).await?;
+    }
+    Ok(())
+}
+
+async fn add_private(write: &mut Write, new: Vec<PrivateKey>, now_ms: i64) -> Result<(), StoreError> {
     for PrivateKey { public, private } in new {
         sqlx::query("insert into signing_key values (?, ?, ?) on conflict do nothing")
             .bind(public)
@@ -143,9 +160,6 @@ async fn add(
             .bind(now_ms)
             .execute(write.sql())
             .await?;
-    }
-    for public in forgotten {
-        sqlx::query("delete from signing_key where public = ?").bind(public).execute(write.sql()).await?;
     }
     Ok(())
 }

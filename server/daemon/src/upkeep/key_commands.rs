@@ -68,6 +68,12 @@ pub struct Draft {
     /// Public key of a new root key, 64 hexadecimal digits, which replaces the present one
     #[arg(long, value_name = "PUBLIC", value_parser = public_key)]
     new_root: Option<PublicKey>,
+    /// List a new key for manifests
+    #[arg(long, conflicts_with = "revoke")]
+    rotate: bool,
+    /// Revoke the key with this id, and list a new one
+    #[arg(long, value_name = "ID")]
+    revoke: Option<String>,
     #[command(flatten)]
     folder: DataDir,
 }
@@ -121,9 +127,15 @@ impl List {
 impl Draft {
     fn run(self) -> anyhow::Result<bool> {
         let now_ms = Clock::default().now_ms();
-        let new_root = self.new_root;
-        let text =
-            with_store(&self.folder, async move |store| keys::draft(store, KeyChange::Renew, new_root, now_ms).await)?;
+        let Self { new_root, rotate, revoke, folder } = self;
+        let text = with_store(&folder, async move |store| {
+            let change = match (rotate, revoke) {
+                (true, _) => KeyChange::Rotate,
+                (false, Some(id)) => KeyChange::Revoke(find(&keys::state(store).await?, &id, "manifest")?),
+                (false, None) => KeyChange::Renew,
+            };
+            keys::draft(store, change, new_root, now_ms).await
+        })?;
         write!(std::io::stdout().lock(), "{text}")?;
         Ok(true)
     }

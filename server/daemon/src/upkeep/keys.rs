@@ -206,7 +206,8 @@ async fn drafted(
     Ok((keyring, new))
 }
 
-/// The text of the next keyring, signed with the root keys of this server, if it has any.
+/// The text of the next keyring, signed with the root keys of this server, if it has any. A new manifest key in it is
+/// kept here.
 ///
 /// # Errors
 ///
@@ -217,7 +218,9 @@ pub(super) async fn draft(
     new_root: Option<PublicKey>,
     now_ms: i64,
 ) -> Result<String, KeysError> {
-    let (keyring, _) = drafted(store, change, new_root, now_ms).await?;
+    let (keyring, new) = drafted(store, change, new_root, now_ms).await?;
+    // Private keys that no keyring lists sign nothing.
+    store.add_private_keys(new.iter().map(private).collect(), now_ms).await?;
     let roots = private_roots(store, &keyring).await?;
     Ok(keyring.signed(&roots.iter().collect::<Vec<_>>()))
 }
@@ -232,7 +235,8 @@ pub async fn install(store: &Store, document: &str, now_ms: i64) -> Result<u32, 
     let now_s = now_ms.div_euclid(1000);
     let keyring = Trust::Keyring(read(&present)?).renew(document.as_bytes(), time(now_s)?)?;
     let stored = StoredKeyring { version: keyring.version, document: document.to_owned() };
-    store.add_keyring(stored, Vec::new(), Vec::new(), now_ms).await?;
+    let revoked = keyring.revoked.iter().map(PublicKey::to_string).collect();
+    store.add_keyring(stored, Vec::new(), revoked, now_ms).await?;
     Ok(keyring.version)
 }
 

@@ -4,7 +4,7 @@ use super::*;
 use lightpath_artifacts::Artifacts;
 use lightpath_domain::job::JobEffect;
 use lightpath_fixtures::{capture_job, capture_result, change_database, display};
-use lightpath_manifest::{SignedKeyring, SigningKey, Time, Trust};
+use lightpath_manifest::{PublicKey, SignedKeyring, SigningKey, Time, Trust};
 use lightpath_store::Store;
 use lightpath_worker::Clock;
 use std::fs::{self, File};
@@ -434,4 +434,14 @@ async fn keys_are_renewed_before_they_end_and_the_root_key_can_live_elsewhere() 
     assert_eq!(install(store, &signed, now_ms).await.unwrap(), 5);
     let again = install(store, &signed, now_ms).await.unwrap_err();
     assert!(matches!(again, KeysError::Store(_)), "{again}");
+
+    // A key is revoked, with its successor, by the root key elsewhere.
+    let signer = state(store).await.unwrap().keys.into_iter().find(|key| key.use_ == "manifest").unwrap();
+    let revoked = KeyChange::Revoke(PublicKey::parse(&signer.public).unwrap());
+    let next = keys::draft(store, revoked, None, now_ms).await.unwrap();
+    let signed = format!("{next}signature {} {}\n", elsewhere.public(), elsewhere.sign(next.as_bytes()));
+    assert_eq!(install(store, &signed, now_ms).await.unwrap(), 6);
+    let keys = state(store).await.unwrap().keys;
+    let is_here = |use_: &str| keys.iter().filter(|key| key.use_ == use_).map(|key| key.is_here).collect::<Vec<_>>();
+    assert_eq!((is_here("revoked"), is_here("manifest").last()), (vec![false], Some(&true)));
 }

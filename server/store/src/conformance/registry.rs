@@ -299,5 +299,6 @@ async fn keyrings_have_rising_numbers_and_private_keys_are_forgotten() {
     assert_eq!(store.private_keys().await.unwrap(), [private(2), private(4)]);
     assert!(store.forget_private_key(&private(2).public).await.unwrap());
     assert!(!store.forget_private_key(&private(2).public).await.unwrap());
-    assert_eq!(store.private_keys().await.unwrap(), [private(4)]);
+    store.add_private_keys(vec![private(4), private(5)], 8).await.unwrap();
+    assert_eq!(store.private_keys().await.unwrap(), [private(4), private(5)]);
 }
