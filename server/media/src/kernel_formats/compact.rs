@@ -180,7 +180,7 @@ pub fn decode(bytes: &[u8]) -> Result<(DisplayModel, KernelModel), KernelFormatE
     let (kernel, source) = (take_field(&mut numbers, shape.kernel_order), take_field(&mut numbers, shape.source_order));
     let response = take(&mut numbers, 2 * shape.harmonics).as_chunks().0.to_vec();
     let crosstalk = match take(&mut numbers, shape.crosstalk)[..] {
-        [ratio_x, ratio_y] => Crosstalk { ratio_x, ratio_y },
+        [ratio_x, ratio_y] => Crosstalk { ratio_x: crosstalk_ratio(ratio_x), ratio_y: crosstalk_ratio(ratio_y) },
         _ => Crosstalk::NONE,
     };
     let response_variation = match shape.uneven_order {
@@ -273,6 +273,11 @@ fn setup_of(content: &[u8]) -> Result<OpticalSetup, KernelFormatError> {
     Ok(OpticalSetup::try_new(grid, lengths[1], lengths[2])?)
 }
 
+/// q of the cross-talk. The largest allowed one, 0.6, is larger when it is rounded to f32.
+fn crosstalk_ratio(ratio: f64) -> f64 {
+    if ratio == f64::from(Crosstalk::RATIO_MAX as f32) { Crosstalk::RATIO_MAX } else { ratio }
+}
+
 fn take(numbers: &mut impl Iterator<Item = f64>, count: usize) -> Vec<f64> {
     numbers.take(count).collect()
 }
@@ -338,6 +343,13 @@ mod tests {
             assert!(a.phase.iter().zip(&b.phase).all(|(a, b)| (a - b).abs() <= 2.0_f64.powi(-25)));
             assert_eq!(back.setup, model.setup);
         }
+    }
+
+    #[test]
+    fn the_largest_crosstalk_is_read_back() {
+        let crosstalk = Crosstalk { ratio_x: Crosstalk::RATIO_MAX, ratio_y: 0.0 };
+        let bytes = encode(&DisplayModel { crosstalk, ..smooth(1) }, KernelModel::Display).unwrap();
+        assert_eq!(decode(&bytes).unwrap().0.crosstalk, crosstalk);
     }
 
     /// PSNR \[dB\] of the display's image of a hologram optimized through `through`, with fitted gain.
