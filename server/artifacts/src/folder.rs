@@ -188,10 +188,14 @@ pub(super) fn hash_rest(file: &mut File) -> io::Result<Sha256> {
     }
 }
 
-/// Removes every file in a folder.
+/// Removes everything in a folder: files, and folders of blobs.
 pub(super) fn empty(folder: &Path) -> io::Result<()> {
-    for file in fs::read_dir(folder)? {
-        fs::remove_file(file?.path())?;
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        match entry.file_type()?.is_dir() {
+            true => fs::remove_dir_all(entry.path())?,
+            false => fs::remove_file(entry.path())?,
+        }
     }
     Ok(())
 }

@@ -225,3 +225,15 @@ async fn checkpoints_are_separate_from_artifacts() {
     artifacts.delete_checkpoint(&digest).await.unwrap();
     assert!(artifacts.checkpoints().await.unwrap().is_empty());
 }
+
+#[tokio::test]
+async fn folder_with_conversions_is_opened_again_without_them() {
+    let data = tempfile::tempdir().unwrap();
+    let artifacts = Artifacts::open(data.path()).unwrap();
+    let digest = artifacts.put_conversion_blocking(b"converted").unwrap();
+    assert_eq!(read_to_end(artifacts.read_conversion_blocking(&digest, 0, 0).unwrap()).await, b"converted");
+    drop(artifacts);
+    let artifacts = Artifacts::open(data.path()).unwrap();
+    assert!(matches!(artifacts.read_conversion_blocking(&digest, 0, 0), Err(ArtifactError::NotFound { .. })));
+    assert!(files(&data.path().join("conversions")).is_empty());
+}

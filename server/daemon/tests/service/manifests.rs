@@ -147,6 +147,12 @@ async fn curl_gets_a_manifest_then_304_and_a_file_that_continues_after_a_cut() {
     assert!(refused.text().contains("read the manifest again"), "{}", refused.text());
     let refused = curl(&serving, &path("/manifest?form=round"), &[]).await;
     assert!(refused.status == 400 && refused.text().contains("one of safetensors, compact"), "{}", refused.text());
+    // After a restart a cut download continues, although the server made the file anew.
+    let (before, said) = manifest(&serving, "f16").await;
+    let serving = serving.restart().await;
+    let rest = curl(&serving, &file_path(&said), &["--range", "200-"]).await;
+    assert_eq!((rest.status, rest.body.len() as u64), (206, said.size_bytes - 200), "{}", rest.head);
+    assert_eq!(manifest(&serving, "f16").await.0.body, before.body);
     let list = curl(&serving, "/v1/displays/lab/kernels", &[]).await;
     assert!(list.status == 200 && list.text().contains(KERNEL), "{}", list.text());
     let one = curl(&serving, &path(""), &[]).await;
