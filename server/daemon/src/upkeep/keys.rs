@@ -153,19 +153,30 @@ async fn create(store: &Store, now_ms: i64) -> Result<(), KeysError> {
 /// [`KeysError::RootElsewhere`], [`KeysError::NoSuchKey`], and those of the store.
 pub async fn change_keyring(store: &Store, change: KeyChange, now_ms: i64) -> Result<u32, KeysError> {
     let (keyring, new) = drafted(store, change, None, now_ms).await?;
-    let roots = private_roots(store, &keyring).await?;
-    if roots.is_empty() {
-        let root = keyring.roots.first().map(PublicKey::id).unwrap_or_default();
-        return Err(KeysError::RootElsewhere { root });
-    }
-    let stored =
-        StoredKeyring { version: keyring.version, document: keyring.signed(&roots.iter().collect::<Vec<_>>()) };
     let forgotten = match change {
         KeyChange::Revoke(key) => vec![key.to_string()],
         KeyChange::Renew | KeyChange::Rotate => Vec::new(),
     };
-    store.add_keyring(stored, new.iter().map(private).collect(), forgotten, now_ms).await?;
+    sign_and_add(store, &keyring, &new, forgotten, now_ms).await?;
     Ok(keyring.version)
+}
+
+/// Signs a keyring with the root keys of this server, and stores it with new private keys.
+async fn sign_and_add(
+    store: &Store,
+    keyring: &Keyring,
+    new: &[SigningKey],
+    forgotten: Vec<String>,
+    now_ms: i64,
+) -> Result<(), KeysError> {
+    let roots = private_roots(store, keyring).await?;
+    if roots.is_empty() {
+        let root = keyring.roots.first().map(PublicKey::id).unwrap_or_default();
+        return Err(KeysError::RootElsewhere { root });
+    }
+    let document = keyring.signed(&roots.iter().collect::<Vec<_>>());
+    let stored = StoredKeyring { version: keyring.version, document };
+    Ok(store.add_keyring(stored, new.iter().map(private).collect(), forgotten, now_ms).await?)
 }
 
 /// The next keyring, with the root key replaced if a new one is given, and the private keys that it needs.
@@ -254,15 +265,13 @@ pub(super) async fn raise_after_restore(store: &Store, now_ms: i64) -> Result<()
     }
     let (mut keyring, _) = drafted(store, KeyChange::Renew, None, now_ms).await?;
     keyring.version = keyring.version.max(u32::try_from(now_s).unwrap_or(u32::MAX));
-    let roots = private_roots(store, &keyring).await?;
-    if roots.is_empty() {
-        tracing::warn!("devices may refuse the restored keyring: sign one with a higher version, and install it");
-        return Ok(());
+    match sign_and_add(store, &keyring, &[], Vec::new(), now_ms).await {
+        Err(KeysError::RootElsewhere { .. }) => {
+            tracing::warn!("devices may refuse the restored keyring: sign one with a higher version, and install it");
+            Ok(())
+        }
+        added => added,
     }
-    let stored =
-        StoredKeyring { version: keyring.version, document: keyring.signed(&roots.iter().collect::<Vec<_>>()) };
-    store.add_keyring(stored, Vec::new(), Vec::new(), now_ms).await?;
-    Ok(())
 }
 
 /// The state of a server's keys.
