@@ -4,7 +4,8 @@ create table display (
     -- all properties as JSON; equal displays have equal text
     content        text    not null check (json_valid(content)),
     create_time_ms integer not null,
-    -- number of moves of `active` on the kernels of the display, rollbacks too, and the time of the last one
+    -- number of changes so far of what devices get (moves of `active`, rollbacks and rollouts of the display's kernels),
+    -- and the time of the last one
     generation         integer not null default 0 check (generation >= 0),
     generation_time_ms integer not null default 0
 ) strict, without rowid;

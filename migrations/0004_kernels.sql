@@ -30,21 +30,35 @@ create index kernel_version_by_artifact on kernel_version (artifact);
 create trigger kernel_version_stays before update on kernel_version
 begin select raise(abort, 'kernel versions are immutable'); end;
 
--- History of the alias `active`. A rollback names the move that it undoes, and no move is undone twice. So the moves
--- that are not undone form a stack, and the next rollback undoes the top one.
+-- Names for versions besides `active`. Devices follow only `active`.
+create table kernel_alias (
+    kernel  integer not null references kernel (id),
+    alias   text    not null check (length(alias) between 1 and 63 and alias <> 'active'),
+    version integer not null,
+    primary key (kernel, alias),
+    foreign key (kernel, version) references kernel_version (kernel, version)
+) strict, without rowid;
+
+-- History of the aliases. A rollback names the move of `active` that it undoes, and no move is undone twice. So the
+-- moves of `active` that are not undone form a stack, and the next rollback undoes the top one.
 create table kernel_move (
     sequence     integer primary key autoincrement,
     kernel       integer not null references kernel (id),
+    alias        text    not null,
     time_ms      integer not null,
     caller       text    not null,
     from_version integer,
-    to_version   integer not null,
+    -- null: the alias was removed
+    to_version   integer,
     reason       text    not null,
+    -- what failed of the promotion gate and was overridden
+    overridden   text    not null default '[]' check (json_valid(overridden)),
     -- generation of the display after the move
-    generation   integer not null check (generation >= 1),
+    generation   integer not null check (generation >= 0),
     undoes       integer unique references kernel_move (sequence),
     foreign key (kernel, from_version) references kernel_version (kernel, version),
-    foreign key (kernel, to_version) references kernel_version (kernel, version)
+    foreign key (kernel, to_version) references kernel_version (kernel, version),
+    check (to_version is not null or alias <> 'active')
 ) strict;
 
 create index kernel_move_by_kernel on kernel_move (kernel, sequence);
@@ -54,3 +68,38 @@ begin select raise(abort, 'the history of a kernel is append-only'); end;
 
 create trigger kernel_move_is_kept before delete on kernel_move
 begin select raise(abort, 'the history of a kernel is append-only'); end;
+
+-- Deprecations and their withdrawals. The newest row of a version counts.
+create table kernel_deprecation (
+    sequence   integer primary key autoincrement,
+    kernel     integer not null,
+    version    integer not null,
+    deprecated integer not null check (deprecated in (0, 1)),
+    time_ms    integer not null,
+    caller     text    not null,
+    reason     text    not null,
+    foreign key (kernel, version) references kernel_version (kernel, version)
+) strict;
+
+create index kernel_deprecation_by_version on kernel_deprecation (kernel, version, sequence);
+
+create trigger kernel_deprecation_stays before update on kernel_deprecation
+begin select raise(abort, 'the history of a kernel is append-only'); end;
+
+create trigger kernel_deprecation_is_kept before delete on kernel_deprecation
+begin select raise(abort, 'the history of a kernel is append-only'); end;
+
+-- What a version must show before it becomes active on a display. The newest row of a display counts.
+create table promotion_gate (
+    sequence integer primary key autoincrement,
+    display  text    not null references display (id) on delete cascade,
+    time_ms  integer not null,
+    caller   text    not null,
+    reason   text    not null,
+    gate     text    not null check (json_valid(gate))
+) strict;
+
+create index promotion_gate_by_display on promotion_gate (display, sequence);
+
+create trigger promotion_gate_stays before update on promotion_gate
+begin select raise(abort, 'the history of promotion gates is append-only'); end;

@@ -7,14 +7,17 @@ use prost_types::{DescriptorProto, EnumDescriptorProto, FileDescriptorProto};
 use std::fmt::Write as _;
 use std::{env, error::Error, fs, path::PathBuf};
 
-const PROTOS: [&str; 7] = [
+const PROTOS: [&str; 10] = [
     "lightpath/v1/artifact.proto",
     "lightpath/v1/dataset.proto",
+    "lightpath/v1/device.proto",
     "lightpath/v1/display.proto",
     "lightpath/v1/job.proto",
     "lightpath/v1/kernel.proto",
     "lightpath/v1/photo.proto",
+    "lightpath/v1/promotion.proto",
     "lightpath/v1/propagation.proto",
+    "lightpath/v1/rollout.proto",
 ];
 
 /// Field numbers in descriptors. The path of a comment in `SourceCodeInfo` consists of such numbers and of indices.

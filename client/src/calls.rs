@@ -79,10 +79,22 @@ calls! {
     kernels.list_kernel_versions(ListKernelVersionsRequest) -> ListKernelVersionsResponse;
     /// Makes a version the active one.
     kernels.promote_kernel(PromoteKernelRequest) -> Kernel;
+    /// Checks a version with the display's promotion gate, and changes nothing.
+    kernels.check_promotion(CheckPromotionRequest) -> PromotionVerdict;
+    /// Sets what versions must show before they become active on a display.
+    kernels.set_promotion_gate(SetPromotionGateRequest) -> DisplayGate;
+    /// Returns the promotion gate of a display with its history.
+    kernels.get_promotion_gate(GetPromotionGateRequest) -> DisplayGate;
+    /// Lets an alias name a version, or removes the alias.
+    kernels.set_kernel_alias(SetKernelAliasRequest) -> Kernel;
+    /// Marks a version as deprecated, or takes that back.
+    kernels.deprecate_kernel_version(DeprecateKernelVersionRequest) -> KernelVersion;
+    /// Finds the kernels of a display whose distances are nearest to a distance.
+    kernels.find_nearest_kernels(FindNearestKernelsRequest) -> FindNearestKernelsResponse;
     /// Makes the version active again that was active before the last change. The request names the version that is
     /// active now.
     kernels.rollback_kernel(RollbackKernelRequest) -> Kernel;
-    /// Returns a page of the changes of the active version, newest first.
+    /// Returns a page of the moves of `active` and other aliases, newest first.
     kernels.list_kernel_moves(ListKernelMovesRequest) -> ListKernelMovesResponse;
     /// Returns the signed manifest of a kernel's active version.
     kernels.get_kernel_manifest(GetKernelManifestRequest) -> KernelManifest;
@@ -92,6 +104,28 @@ calls! {
     kernels.import_kernel(ImportKernelRequest) -> KernelVersion;
     /// Interpolates a kernel at a distance between photographed distances, and stores it as the next version there.
     kernels.interpolate_kernel(InterpolateKernelRequest) -> KernelVersion;
+
+    /// Starts a staged rollout of a version.
+    rollouts.start_rollout(StartRolloutRequest) -> Rollout;
+    /// Gives the version of a rollout to a larger share of the devices.
+    rollouts.widen_rollout(WidenRolloutRequest) -> Rollout;
+    /// Ends a rollout by making its version active.
+    rollouts.complete_rollout(CompleteRolloutRequest) -> Rollout;
+    /// Ends a rollout: all devices go back to the active version.
+    rollouts.halt_rollout(HaltRolloutRequest) -> Rollout;
+    /// Returns a rollout with its events.
+    rollouts.get_rollout(GetRolloutRequest) -> Rollout;
+    /// Returns a page of the rollouts of a kernel, newest first.
+    rollouts.list_rollouts(ListRolloutsRequest) -> ListRolloutsResponse;
+
+    /// Reports the kernel that a device uses.
+    devices.report_device(ReportDeviceRequest) -> ReportDeviceResponse;
+    /// Returns a page of the devices of a display, ordered by id.
+    devices.list_devices(ListDevicesRequest) -> ListDevicesResponse;
+    /// Puts a device into a group, or takes it out of its group.
+    devices.set_device_group(SetDeviceGroupRequest) -> Device;
+    /// Forgets a device and its reports.
+    devices.delete_device(DeleteDeviceRequest) -> DeleteDeviceResponse;
 
     /// Finds a target in a photograph and compares the two.
     photos.score_photo(ScorePhotoRequest) -> PhotoScore;

@@ -2,10 +2,12 @@
 
 use crate::v1::artifact_service_client::ArtifactServiceClient;
 use crate::v1::dataset_service_client::DatasetServiceClient;
+use crate::v1::device_service_client::DeviceServiceClient;
 use crate::v1::display_service_client::DisplayServiceClient;
 use crate::v1::job_service_client::JobServiceClient;
 use crate::v1::kernel_service_client::KernelServiceClient;
 use crate::v1::photo_service_client::PhotoServiceClient;
+use crate::v1::rollout_service_client::RolloutServiceClient;
 use crate::{Error, Result};
 use std::fmt;
 use std::time::Duration;
@@ -113,6 +115,10 @@ impl Client {
         DatasetServiceClient::new(self.transport.clone()).max_decoding_message_size(MESSAGE_BYTES_MAX)
     }
 
+    pub(crate) fn devices(&self) -> DeviceServiceClient<Transport> {
+        DeviceServiceClient::new(self.transport.clone()).max_decoding_message_size(MESSAGE_BYTES_MAX)
+    }
+
     pub(crate) fn displays(&self) -> DisplayServiceClient<Transport> {
         DisplayServiceClient::new(self.transport.clone()).max_decoding_message_size(MESSAGE_BYTES_MAX)
     }
@@ -127,6 +133,10 @@ impl Client {
 
     pub(crate) fn photos(&self) -> PhotoServiceClient<Transport> {
         PhotoServiceClient::new(self.transport.clone()).max_decoding_message_size(MESSAGE_BYTES_MAX)
+    }
+
+    pub(crate) fn rollouts(&self) -> RolloutServiceClient<Transport> {
+        RolloutServiceClient::new(self.transport.clone()).max_decoding_message_size(MESSAGE_BYTES_MAX)
     }
 
     /// Converts the status of a failed call into an error.

@@ -34,6 +34,18 @@ pub fn kernel_version(kernel: &str, version: u32) -> String {
     format!("{kernel}/versions/{version}")
 }
 
+/// Returns `{kernel}/rollouts/{number}`.
+#[must_use]
+pub fn rollout(kernel: &str, number: u32) -> String {
+    format!("{kernel}/rollouts/{number}")
+}
+
+/// Returns `displays/{display}/devices/{device}`. A `device_id` that is already such a name is returned unchanged.
+#[must_use]
+pub fn device(display_id: &str, device_id: &str) -> String {
+    if device_id.contains('/') { device_id.to_owned() } else { format!("{}/devices/{device_id}", display(display_id)) }
+}
+
 /// Returns the last part of a name: the id.
 #[must_use]
 pub fn id(name: &str) -> &str {

@@ -1,9 +1,12 @@
 //! The commands `lightpath kernel …`.
 
+mod alias;
+mod gate;
 mod interpolate;
 mod learn;
 mod manifest;
 mod moves;
+mod nearest;
 mod report;
 mod show;
 mod transfer;
@@ -22,9 +25,14 @@ pub(crate) enum KernelCommand {
     List(show::List),
     Show(show::Show),
     Versions(show::Versions),
+    Gate(gate::Gate),
+    Check(gate::Check),
     Promote(moves::Promote),
     Rollback(moves::Rollback),
     History(moves::History),
+    Alias(alias::Alias),
+    Deprecate(alias::Deprecate),
+    Nearest(nearest::Nearest),
     Fetch(transfer::Fetch),
     Export(transfer::Export),
     Manifest(manifest::Manifest),
@@ -41,6 +49,11 @@ impl KernelCommand {
             Self::List(list) => list.run(session).await,
             Self::Show(show) => show.run(session).await,
             Self::Versions(versions) => versions.run(session).await,
+            Self::Gate(gate) => gate.run(session).await,
+            Self::Check(check) => check.run(session).await,
+            Self::Alias(alias) => alias.run(session).await,
+            Self::Deprecate(deprecate) => deprecate.run(session).await,
+            Self::Nearest(nearest) => nearest.run(session).await,
             Self::Promote(promote) => promote.run(session).await,
             Self::Rollback(rollback) => rollback.run(session).await,
             Self::History(history) => history.run(session).await,

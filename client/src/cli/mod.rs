@@ -8,6 +8,7 @@
 mod arguments;
 mod dataset;
 mod destination;
+mod device;
 mod display;
 mod failure;
 mod hologram;
@@ -21,6 +22,7 @@ mod progress;
 mod propagation_text;
 mod quality_text;
 mod queue;
+mod rollout;
 mod session;
 mod show;
 mod simulate;
@@ -125,9 +127,15 @@ enum Command {
     /// Collect photographs to learn kernels from
     #[command(subcommand)]
     Dataset(dataset::DatasetCommand),
-    /// Learn, show, promote, export and import kernels
+    /// Learn, judge, promote, show, export and import kernels
     #[command(subcommand)]
     Kernel(kernel::KernelCommand),
+    /// Bring a version of a kernel to some devices first, and then to all
+    #[command(subcommand)]
+    Rollout(rollout::RolloutCommand),
+    /// Show which devices use which version, and put them into groups
+    #[command(subcommand)]
+    Device(device::DeviceCommand),
     /// Show the keys that sign manifests of kernels, and sign keyrings
     #[command(subcommand)]
     Keyring(keyring::KeyringCommand),
@@ -178,6 +186,8 @@ async fn run(cli: Cli) -> Result<(), Failure> {
         Command::Hologram(command) => command.run(&session).await,
         Command::Dataset(command) => command.run(&session).await,
         Command::Kernel(command) => command.run(&session).await,
+        Command::Rollout(command) => command.run(&session).await,
+        Command::Device(command) => command.run(&session).await,
         Command::Keyring(command) => command.run(&session).await,
         Command::Simulate(command) => command.run(&session).await,
         Command::Photo(command) => command.run(&session).await,

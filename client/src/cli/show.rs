@@ -71,6 +71,11 @@ pub(crate) fn kernel_versions(versions: &[u32]) -> String {
     }
 }
 
+/// A text, or `–` if it is empty.
+pub(crate) fn or_dash(text: &str) -> String {
+    if text.is_empty() { "–".to_owned() } else { text.to_owned() }
+}
+
 /// A version number, for example `3`. 0 means none and is `–`.
 pub(crate) fn version_or_dash(version: u32) -> String {
     if version == 0 { "–".to_owned() } else { version.to_string() }

@@ -10,10 +10,12 @@ use crate::reconstructors::LastReconstructor;
 use lightpath_artifacts::Artifacts;
 use lightpath_proto::v1::artifact_service_server::ArtifactServiceServer;
 use lightpath_proto::v1::dataset_service_server::DatasetServiceServer;
+use lightpath_proto::v1::device_service_server::DeviceServiceServer;
 use lightpath_proto::v1::display_service_server::DisplayServiceServer;
 use lightpath_proto::v1::job_service_server::JobServiceServer;
 use lightpath_proto::v1::kernel_service_server::KernelServiceServer;
 use lightpath_proto::v1::photo_service_server::PhotoServiceServer;
+use lightpath_proto::v1::rollout_service_server::RolloutServiceServer;
 use lightpath_store::{QueueLimits, Store};
 use std::time::Duration;
 use tokio::sync::watch;
@@ -89,6 +91,8 @@ impl Api {
             .add_service(DatasetServiceServer::new(self.clone()).max_decoding_message_size(limit))
             .add_service(JobServiceServer::new(self.clone()).max_decoding_message_size(limit))
             .add_service(KernelServiceServer::new(self.clone()).max_decoding_message_size(limit))
+            .add_service(RolloutServiceServer::new(self.clone()).max_decoding_message_size(limit))
+            .add_service(DeviceServiceServer::new(self.clone()).max_decoding_message_size(limit))
             .add_service(PhotoServiceServer::new(self.clone()).max_decoding_message_size(limit))
             .add_service(ArtifactServiceServer::new(self).max_decoding_message_size(limit))
             .add_service(health_service)

@@ -4,6 +4,7 @@ use crate::error::ApiError;
 use crate::field::Field;
 use lightpath_domain::dataset::{AlignmentMethod, Encoding, FindingKind, Split};
 use lightpath_domain::job::{Fit, JobState};
+use lightpath_domain::rollout::RolloutState;
 use lightpath_media::kernel_formats::{KernelFormat, Loss};
 use lightpath_optics::learning::ModelPart;
 use lightpath_optics::photometry::Quantity;
@@ -60,6 +61,7 @@ convert_by_name! {
     Quantity = v1::optimize_hologram::loss::Quantity { Intensity Amplitude }
     Fit = v1::optimize_hologram::Fit { Contain Cover Stretch Exact }
     Encoding = v1::Encoding { Linear Srgb }
+    RolloutState = v1::rollout::State { Running Completed Halted }
     JobState = v1::job::State { Queued Running Succeeded Failed Cancelled }
     KernelFormat = v1::KernelFormat { Safetensors Compact Pt Npy Npz Complex64 F16 }
     Loss = v1::KernelLoss {

@@ -4,7 +4,8 @@
 //!
 //! - The resources, each with its service and with the conversions of its messages (`from_wire` and `to_wire`):
 //!   `displays`, `datasets`, `jobs` (with a folder for each kind of job), `queue`, `kernels`, `photos`, `artifacts`.
-//! - `manifests`: signed manifests of kernels, for devices.
+//! - `manifests`: signed manifests of kernels, for devices. `rollouts`, `devices`: which devices get which version, and
+//!   what they report.
 //! - `optics`: messages of the optics engine that several resources use, such as propagation methods and regions.
 //! - `api`: state shared by all services. `call`: passing gRPC requests with their callers to methods.
 //! - `rules`: which roles may make each call. `permissions`: which displays a caller may use.
@@ -24,6 +25,7 @@ mod call;
 mod checked_targets;
 pub mod connections;
 mod datasets;
+mod devices;
 mod displays;
 mod enumerations;
 mod error;
@@ -39,6 +41,7 @@ mod permissions;
 mod photos;
 mod queue;
 mod reconstructors;
+mod rollouts;
 mod rules;
 mod status;
 mod time;

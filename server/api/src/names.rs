@@ -68,6 +68,44 @@ pub(crate) fn kernel_version(call: &Call, field: &Field, name: &str) -> Result<(
     Ok((kernel_key(call, field, kernel)?, version))
 }
 
+/// The display and the device in `displays/{id}/devices/{d}`.
+pub(crate) fn device(call: &Call, field: &Field, name: &str) -> Result<(String, String), ApiError> {
+    let (display, device) = name.split_once("/devices/").ok_or_else(|| {
+        field.invalid(format!("is {:?}, but must have the form displays/{{id}}/devices/{{d}}", shortened(name)))
+    })?;
+    Ok((display_id(call, field, display)?, device_id(field, device)?))
+}
+
+/// The kernel and the number in `displays/{id}/kernels/{k}/rollouts/{n}`.
+pub(crate) fn rollout(call: &Call, field: &Field, name: &str) -> Result<(KernelKey, u32), ApiError> {
+    let refusal = || {
+        let form = "displays/{id}/kernels/{k}/rollouts/{n}";
+        field.invalid(format!("is {:?}, but must have the form {form}", shortened(name)))
+    };
+    let (kernel, number) = name.split_once("/rollouts/").ok_or_else(refusal)?;
+    let number: u32 = number.parse().map_err(|_| refusal())?;
+    Ok((kernel_key(call, field, kernel)?, number))
+}
+
+/// Checks the id of a device. Ids are like the names of tokens, because a device is named after its token.
+pub(crate) fn device_id(field: &Field, id: &str) -> Result<String, ApiError> {
+    pair_id(field, id)
+}
+
+/// Checks a name that people choose: 1 to 63 characters of a-z, 0-9 and '-', starting with a letter.
+pub(crate) fn label<'a>(field: &Field, text: &'a str) -> Result<&'a str, ApiError> {
+    if is_label(text) {
+        return Ok(text);
+    }
+    let rule = "1 to 63 characters of a-z, 0-9 and '-', starting with a letter";
+    Err(field.invalid(format!("is {:?}, but must be {rule}", shortened(text))))
+}
+
+fn is_label(text: &str) -> bool {
+    let allowed = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'-';
+    (1..=ID_BYTES_MAX).contains(&text.len()) && text.as_bytes()[0].is_ascii_lowercase() && text.bytes().all(allowed)
+}
+
 /// Checks the id of a pair: 1 to 63 characters of a-z, A-Z, 0-9, '.', '_' and '-'.
 pub(crate) fn pair_id(field: &Field, id: &str) -> Result<String, ApiError> {
     let allowed = |byte: u8| byte.is_ascii_alphanumeric() || b"._-".contains(&byte);
@@ -80,11 +118,7 @@ pub(crate) fn pair_id(field: &Field, id: &str) -> Result<String, ApiError> {
 
 fn checked_id(field: &Field, name: &str, collection: &str) -> Result<String, ApiError> {
     let id = name.strip_prefix(collection).and_then(|rest| rest.strip_prefix('/'));
-    let allowed = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'-';
-    let is_valid = |id: &&str| {
-        (1..=ID_BYTES_MAX).contains(&id.len()) && id.as_bytes()[0].is_ascii_lowercase() && id.bytes().all(allowed)
-    };
-    id.filter(is_valid).map(ToOwned::to_owned).ok_or_else(|| {
+    id.filter(|id| is_label(id)).map(ToOwned::to_owned).ok_or_else(|| {
         let rule = "with an id of 1 to 63 characters of a-z, 0-9 and '-', starting with a letter";
         field.invalid(format!("is {:?}, but must be {collection}/{{id}} {rule}", shortened(name)))
     })

@@ -5,6 +5,7 @@
 
 use crate::call::Call;
 use crate::error::ApiError;
+use crate::field::shortened;
 use lightpath_domain::access::Role;
 
 /// Refuses a caller whose token is for other displays.
@@ -35,6 +36,23 @@ pub(crate) fn require_all_displays(call: &Call, field: &str) -> Result<(), ApiEr
             "the token \"{}\" is not valid for all displays; set {field} to one of its displays, such as displays/{own}",
             call.caller.name
         ))),
+    }
+}
+
+/// The device that a call is about: `given`, or the device of the caller's token if `given` is empty. A token of the
+/// role firmware stands for the device of its own name, so that no device can speak for another one.
+///
+/// # Errors
+///
+/// [`ApiError::Denied`] if `given` is another device than that of the token.
+pub(crate) fn device_of(call: &Call, given: &str) -> Result<Option<String>, ApiError> {
+    match (call.caller.role, call.caller.name.as_str()) {
+        (Role::Firmware, name) if given.is_empty() || given == name => Ok(Some(name.to_owned())),
+        (Role::Firmware, name) => Err(ApiError::Denied(format!(
+            "the token \"{name}\" stands for the device {name}, and not for {:?}; use the token of that device",
+            shortened(given)
+        ))),
+        (_, _) => Ok((!given.is_empty()).then(|| given.to_owned())),
     }
 }
 
@@ -79,6 +97,16 @@ mod tests {
         let refusal = require_all_displays(&ada(Role::Submitter), "display").unwrap_err().to_string();
         assert!(refusal.contains("set display to one of its displays, such as displays/lab"), "{refusal}");
         assert!(require_all_displays(&Call::without_token(), "display").is_ok());
+    }
+
+    #[test]
+    fn firmware_speaks_for_its_own_device() {
+        for given in ["", "ada"] {
+            assert_eq!(device_of(&ada(Role::Firmware), given).unwrap().as_deref(), Some("ada"));
+        }
+        assert!(matches!(device_of(&ada(Role::Firmware), "bob"), Err(ApiError::Denied(_))));
+        assert_eq!(device_of(&ada(Role::Curator), "bob").unwrap().as_deref(), Some("bob"));
+        assert_eq!(device_of(&Call::without_token(), "").unwrap(), None);
     }
 
     #[test]

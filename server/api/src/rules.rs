@@ -37,6 +37,8 @@ const READERS: Access = Access::Only(&[Viewer, Submitter, Curator, Admin]);
 const KERNEL_READERS: Access = Access::Only(&[Viewer, Submitter, Curator, Firmware, Admin]);
 const SUBMITTERS: Access = Access::Only(&[Submitter, Curator, Admin]);
 const CURATORS: Access = Access::Only(&[Curator, Admin]);
+/// Devices, and people who try what devices do.
+const REPORTERS: Access = Access::Only(&[Curator, Firmware, Admin]);
 const ADMINS: Access = Access::Only(&[Admin]);
 
 const fn rule(access: Access, effect: Effect) -> Rule {
@@ -80,10 +82,26 @@ pub(crate) const METHODS: &[(&str, Rule)] = &[
     ("KernelService/GetKeyring", rule(KERNEL_READERS, Effect::Reads)),
     ("KernelService/WatchKernel", rule(KERNEL_READERS, Effect::Reads)),
     ("KernelService/PromoteKernel", rule(CURATORS, Effect::Changes)),
+    ("KernelService/CheckPromotion", rule(READERS, Effect::Reads)),
+    ("KernelService/SetPromotionGate", rule(CURATORS, Effect::Changes)),
+    ("KernelService/GetPromotionGate", rule(READERS, Effect::Reads)),
+    ("KernelService/SetKernelAlias", rule(CURATORS, Effect::Changes)),
+    ("KernelService/DeprecateKernelVersion", rule(CURATORS, Effect::Changes)),
+    ("KernelService/FindNearestKernels", rule(KERNEL_READERS, Effect::Reads)),
     ("KernelService/RollbackKernel", rule(CURATORS, Effect::Changes)),
     ("KernelService/ListKernelMoves", rule(READERS, Effect::Reads)),
     ("KernelService/ImportKernel", rule(CURATORS, Effect::Creates)),
     ("KernelService/InterpolateKernel", rule(SUBMITTERS, Effect::Creates)),
+    ("RolloutService/StartRollout", rule(CURATORS, Effect::Changes)),
+    ("RolloutService/WidenRollout", rule(CURATORS, Effect::Changes)),
+    ("RolloutService/CompleteRollout", rule(CURATORS, Effect::Changes)),
+    ("RolloutService/HaltRollout", rule(CURATORS, Effect::Changes)),
+    ("RolloutService/GetRollout", rule(READERS, Effect::Reads)),
+    ("RolloutService/ListRollouts", rule(READERS, Effect::Reads)),
+    ("DeviceService/ReportDevice", rule(REPORTERS, Effect::Changes)),
+    ("DeviceService/ListDevices", rule(READERS, Effect::Reads)),
+    ("DeviceService/SetDeviceGroup", rule(CURATORS, Effect::Changes)),
+    ("DeviceService/DeleteDevice", rule(CURATORS, Effect::Changes)),
     ("PhotoService/ScorePhoto", rule(SUBMITTERS, Effect::Creates)),
 ];
 
@@ -94,6 +112,9 @@ const ROUTES: &[(&str, Rule)] = &[
     ("/v1/jobs", rule(READERS, Effect::Reads)),
     ("/v1/jobs/{id}", rule(READERS, Effect::Reads)),
     ("/v1/keyring", rule(KERNEL_READERS, Effect::Reads)),
+    ("/v1/displays/{display}/devices", rule(READERS, Effect::Reads)),
+    ("/v1/displays/{display}/devices/{device}/report", rule(REPORTERS, Effect::Changes)),
+    ("/v1/displays/{display}/nearest-kernels", rule(KERNEL_READERS, Effect::Reads)),
     ("/v1/displays/{display}/kernels", rule(KERNEL_READERS, Effect::Reads)),
     ("/v1/displays/{display}/kernels/{kernel}", rule(KERNEL_READERS, Effect::Reads)),
     ("/v1/displays/{display}/kernels/{kernel}/manifest", rule(KERNEL_READERS, Effect::Reads)),
@@ -144,13 +165,14 @@ mod tests {
     }
 
     #[test]
-    fn viewers_and_firmware_may_only_read() {
+    fn viewers_and_firmware_may_only_read_and_firmware_also_report() {
         for (name, rule) in METHODS.iter().chain(ROUTES) {
             let is_open = match rule.access {
                 Access::Everyone => true,
                 Access::Only(roles) => roles.contains(&Viewer) || roles.contains(&Firmware),
             };
-            assert!(!is_open || rule.effect == Effect::Reads, "{name}");
+            let is_report = rule.access == REPORTERS && name.to_ascii_lowercase().contains("report");
+            assert!(!is_open || rule.effect == Effect::Reads || is_report, "{name}");
         }
     }
 }

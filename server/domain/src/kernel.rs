@@ -5,6 +5,7 @@ pub use lightpath_optics::KernelModel;
 use crate::units::{Distance, Wavelength};
 use lightpath_optics::learning::PartCost;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::fmt;
 
 /// Limit on the versions of a kernel: several a day for years. Each version and its file are kept for ever.
@@ -40,6 +41,10 @@ pub struct Kernel {
     pub interpolated: bool,
     /// Time when the kernel was created \[ms since 1970\].
     pub create_time_ms: i64,
+    /// Versions that aliases other than `active` name.
+    pub aliases: BTreeMap<String, u32>,
+    /// Number of the running rollout.
+    pub rollout: Option<u32>,
 }
 
 /// A learned or imported kernel before it has a version number. It becomes the kernel's next version.
@@ -70,6 +75,17 @@ pub struct KernelVersion {
     pub create_time_ms: i64,
     /// Whether this is the active version.
     pub active: bool,
+    /// Why the version should not be used any more; `None`: it may be used.
+    pub deprecation: Option<Deprecation>,
+}
+
+/// Why a version should not be used any more.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Deprecation {
+    /// Time of the deprecation \[ms since 1970\].
+    pub time_ms: i64,
+    /// Who deprecated the version, and why.
+    pub cause: Cause,
 }
 
 /// Mean squared errors between photographs and predictions. Saturated pixels are left out, gain and black level are
@@ -175,31 +191,36 @@ pub struct LearnedDataset {
     pub digest: String,
 }
 
-/// Who changed the active version, and why.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct MoveCause {
+/// Who changed something, and why.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Cause {
     /// Name of the caller's token; empty: no token was required.
     pub caller: String,
     /// Reason that the caller gave.
     pub reason: String,
 }
 
-/// A change of the active version of a kernel.
+/// The alias that holograms and devices follow.
+pub const ACTIVE: &str = "active";
+
+/// A change of the version that an alias names.
 #[derive(Clone, Debug, PartialEq)]
 pub struct KernelMove {
     /// Sequence number, which grows over all kernels. Pages of moves continue from it.
     pub sequence: i64,
+    /// [`ACTIVE`] or another alias.
+    pub alias: String,
     /// Time of the move \[ms since 1970\].
     pub time_ms: i64,
-    /// Name of the token that made the move; empty: no token was required.
-    pub caller: String,
-    /// Version that was active before; `None`: no version.
+    /// Who made the move, and why.
+    pub cause: Cause,
+    /// Version that the alias named before; `None`: no version.
     pub from_version: Option<u32>,
-    /// The version that became active.
-    pub to_version: u32,
-    /// Reason that the caller gave.
-    pub reason: String,
-    /// Generation of the display after the move: the number of moves on all its kernels so far.
+    /// Version that it names now; `None`: the alias was removed.
+    pub to_version: Option<u32>,
+    /// What failed of the promotion gate and was overridden.
+    pub overridden: Vec<String>,
+    /// Generation of the display after the move.
     pub generation: u64,
     /// Whether the move was a rollback.
     pub rollback: bool,
@@ -208,8 +229,8 @@ pub struct KernelMove {
 /// What a manifest says changes with these.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct KernelMoment {
-    /// Number of the active version; `None`: no version is active.
-    pub active_version: Option<u32>,
+    /// Version for the device that asks: the active one, or that of a rollout; `None`: no version is active.
+    pub version: Option<u32>,
     /// Generation of the display.
     pub generation: u64,
     /// Time when the display reached its generation \[ms since 1970\].

@@ -3,7 +3,9 @@
 //! # Layout
 //!
 //! - [`units`]: exact wavelengths and distances. [`display`], [`dataset`], [`kernel`], [`job`]: the resources of the
-//!   service.
+//!   service. [`kernel_format`]: the file forms of kernels.
+//! - [`promotion`]: what a version must show before it becomes active. [`rollout`], [`device`]: versions on their way
+//!   to the displays in the field.
 //! - [`planning`], [`slm`]: conversion from displays to the types of the optics engine.
 //! - [`access`]: roles and tokens. [`causes`]: error messages in one line.
 //! - [`reason`]: codes for errors and refusals, for programs.
@@ -12,10 +14,14 @@
 pub mod access;
 pub mod causes;
 pub mod dataset;
+pub mod device;
 pub mod display;
 pub mod job;
 pub mod kernel;
+pub mod kernel_format;
 pub mod planning;
+pub mod promotion;
 pub mod reason;
+pub mod rollout;
 pub mod slm;
 pub mod units;

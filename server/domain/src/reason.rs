@@ -67,8 +67,6 @@ reasons! {
         KernelUnreadable = "KERNEL_UNREADABLE",
         /// The kernel has no active version.
         NoActiveKernel = "NO_ACTIVE_KERNEL",
-        /// The version predicts photographs no better than the ideal kernel.
-        NoBetterThanIdeal = "NO_BETTER_THAN_IDEAL",
         /// The kernel has no earlier active version.
         NoEarlierVersion = "NO_EARLIER_VERSION",
         /// No kernels of the display were learned together at several distances.
@@ -77,6 +75,14 @@ reasons! {
         NoSigningKey = "NO_SIGNING_KEY",
         /// The kernel cannot be written in this format.
         NoSuchForm = "NO_SUCH_FORM",
+        /// The version does not pass the promotion gate of the display.
+        PromotionGateFailed = "PROMOTION_GATE_FAILED",
+        /// The rollout has ended.
+        RolloutEnded = "ROLLOUT_ENDED",
+        /// A rollout of the kernel is running.
+        RolloutRunning = "ROLLOUT_RUNNING",
+        /// The display has reached its limit of devices.
+        DevicesFull = "DEVICES_FULL",
         /// The queue is not paused.
         NotPaused = "NOT_PAUSED",
         /// The display has no simulated bench.

@@ -7,6 +7,10 @@ lightpath_domain::reasons! {
     pub enum AbortReason {
         /// Another version of the kernel was made active.
         ActiveVersionChanged = "ACTIVE_VERSION_CHANGED",
+        /// The alias of the kernel was made to name another version.
+        AliasChanged = "ALIAS_CHANGED",
+        /// The rollout changed.
+        RolloutChanged = "ROLLOUT_CHANGED",
         /// The pairs or the alignment of the dataset changed.
         DatasetChanged = "DATASET_CHANGED",
         /// Another keyring was added.

@@ -5,7 +5,7 @@ use super::datasets::require_artifact;
 use super::rows::{from_json, from_word, to_json, to_word};
 use super::write::Write;
 use super::{Store, StoreError, page};
-use lightpath_domain::kernel::{Kernel, KernelKey, KernelVersion, NewKernelVersion, VERSIONS_MAX};
+use lightpath_domain::kernel::{Cause, Deprecation, Kernel, KernelKey, KernelVersion, NewKernelVersion, VERSIONS_MAX};
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_domain::units::{Distance, Wavelength};
 use sqlx::sqlite::SqliteRow;
@@ -14,7 +14,16 @@ use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
 /// Selects kernels. `interpolated` describes the active version, or the latest one if no version is active.
 const KERNELS: &str = "select kernel.*, exists (select 1 from kernel_version v where v.kernel = kernel.id \
                        and v.version = coalesce(kernel.active_version, kernel.latest_version) \
-                       and v.lineage ->> '$.interpolated') as interpolated from kernel";
+                       and v.lineage ->> '$.interpolated') as interpolated, \
+                       (select json_group_object(alias, version) from kernel_alias a where a.kernel = kernel.id) \
+                       as aliases, (select number from rollout r where r.kernel = kernel.id \
+                       and r.state = 'running') as rollout from kernel";
+/// Selects versions, with the newest row about their deprecation.
+const VERSIONS: &str = "select v.*, v.version is k.active_version as active, k.distance_nm, \
+                        d.time_ms as deprecation_time_ms, d.caller as deprecation_caller, \
+                        d.reason as deprecation_reason from kernel k join kernel_version v on v.kernel = k.id \
+                        left join kernel_deprecation d on d.deprecated and d.sequence = (select max(sequence) \
+                        from kernel_deprecation n where n.kernel = v.kernel and n.version = v.version)";
 
 impl Store {
     /// Reads a kernel.
@@ -48,21 +57,39 @@ impl Store {
         query.build().fetch_all(self.readers()).await?.iter().map(kernel_of).collect()
     }
 
+    /// The kernels with an active version whose distances are nearest to that of `key`, the nearest first: one at it,
+    /// or at most one on each side.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn nearest_kernels(&self, key: &KernelKey) -> Result<Vec<Kernel>, StoreError> {
+        let mut read = self.readers().begin().await?;
+        let mut found = Vec::new();
+        for (side, order) in [(" and distance_nm <= ", "desc"), (" and distance_nm > ", "asc")] {
+            let mut query = QueryBuilder::<Sqlite>::new(KERNELS);
+            query.push(" where active_version is not null and display = ").push_bind(&key.display);
+            query.push(" and wavelength_pm = ").push_bind(key.wavelength.pm);
+            query.push(side).push_bind(key.distance.nm);
+            query.push(format!(" order by distance_nm {order} limit 1"));
+            let row = query.build().fetch_optional(&mut *read).await?;
+            found.extend(row.as_ref().map(kernel_of).transpose()?);
+            if found.first().is_some_and(|kernel| kernel.key == *key) {
+                break;
+            }
+        }
+        found.sort_by_key(|kernel| kernel.key.distance.nm.abs_diff(key.distance.nm));
+        Ok(found)
+    }
+
     /// Reads a version of a kernel.
     ///
     /// # Errors
     ///
     /// [`StoreError::NotFound`].
     pub async fn kernel_version(&self, key: &KernelKey, version: u32) -> Result<KernelVersion, StoreError> {
-        let row = sqlx::query(
-            "select v.*, v.version is k.active_version as active from kernel k \
-             join kernel_version v on v.kernel = k.id where k.name = ? and v.version = ?",
-        )
-        .bind(key.to_string())
-        .bind(version)
-        .fetch_optional(self.readers())
-        .await?;
-        version_of(key, &row.ok_or_else(|| StoreError::not_found(format!("{key}/versions/{version}")))?)
+        let mut read = self.readers().acquire().await?;
+        find_version(&mut read, key, version).await
     }
 
     /// At most `limit` versions of a kernel, newest first and older than `before`.
@@ -78,15 +105,11 @@ impl Store {
     ) -> Result<Vec<KernelVersion>, StoreError> {
         let mut read = self.readers().begin().await?;
         let (id, _) = find(&mut read, key).await?;
-        let rows = sqlx::query(
-            "select v.*, v.version is k.active_version as active from kernel_version v \
-             join kernel k on k.id = v.kernel where v.kernel = ? and v.version < ? order by v.version desc limit ?",
-        )
-        .bind(id)
-        .bind(before.map_or(i64::MAX, i64::from))
-        .bind(page(limit))
-        .fetch_all(&mut *read)
-        .await?;
+        let mut query = QueryBuilder::<Sqlite>::new(VERSIONS);
+        query.push(" where k.id = ").push_bind(id);
+        query.push(" and v.version < ").push_bind(before.map_or(i64::MAX, i64::from));
+        query.push(" order by v.version desc limit ").push_bind(page(limit));
+        let rows = query.build().fetch_all(&mut *read).await?;
         rows.iter().map(|row| version_of(key, row)).collect()
     }
 
@@ -102,22 +125,56 @@ impl Store {
         wavelength: Wavelength,
         limit: u32,
     ) -> Result<Vec<KernelVersion>, StoreError> {
-        let rows = sqlx::query(
-            "select v.*, v.version is k.active_version as active, k.distance_nm from kernel k \
-             join kernel_version v on v.kernel = k.id where k.display = ? and k.wavelength_pm = ? \
-             and v.lineage ->> '$.interpolated' = 0 and json_array_length(v.lineage, '$.datasets') > 1 \
-             order by v.create_time_ms desc, v.lineage ->> '$.job', k.distance_nm limit ?",
-        )
-        .bind(display)
-        .bind(wavelength.pm)
-        .bind(page(limit))
-        .fetch_all(self.readers())
-        .await?;
+        let mut query = QueryBuilder::<Sqlite>::new(VERSIONS);
+        query.push(" where k.display = ").push_bind(display);
+        query.push(" and k.wavelength_pm = ").push_bind(wavelength.pm);
+        query.push(
+            " and v.lineage ->> '$.interpolated' = 0 and json_array_length(v.lineage, '$.datasets') > 1 \
+             order by v.create_time_ms desc, v.lineage ->> '$.job', k.distance_nm limit ",
+        );
+        query.push_bind(page(limit));
+        let rows = query.build().fetch_all(self.readers()).await?;
         let of_row = |row: &SqliteRow| {
             let distance = Distance { nm: row.try_get("distance_nm")? };
             version_of(&KernelKey { display: display.to_owned(), wavelength, distance }, row)
         };
         rows.iter().map(of_row).collect()
+    }
+
+    /// Marks a version as deprecated, or takes that back.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::NotFound`] if the version does not exist.
+    pub async fn deprecate_kernel_version(
+        &self,
+        key: &KernelKey,
+        version: u32,
+        deprecated: bool,
+        cause: &Cause,
+        now_ms: i64,
+    ) -> Result<KernelVersion, StoreError> {
+        let (key, cause) = (key.clone(), cause.clone());
+        self.write(move |write| {
+            Box::pin(async move {
+                find_version(write.sql(), &key, version).await?;
+                sqlx::query(
+                    "insert into kernel_deprecation (kernel, version, deprecated, time_ms, caller, reason) \
+                     select id, ?, ?, ?, ?, ? from kernel where name = ?",
+                )
+                .bind(version)
+                .bind(deprecated)
+                .bind(now_ms)
+                .bind(cause.caller)
+                .bind(cause.reason)
+                .bind(key.to_string())
+                .execute(write.sql())
+                .await?;
+                write.announce(Change::Kernel(key.clone()));
+                find_version(write.sql(), &key, version).await
+            })
+        })
+        .await
     }
 
     /// Appends a version to a kernel and creates the kernel for its first version. The active version stays the same.
@@ -171,7 +228,7 @@ pub(super) async fn append_version(
         .execute(write.sql())
         .await?;
     write.announce(Change::Kernel(key.clone()));
-    Ok(KernelVersion { key: key.clone(), version, content, create_time_ms: now_ms, active: false })
+    Ok(KernelVersion { key: key.clone(), version, content, create_time_ms: now_ms, active: false, deprecation: None })
 }
 
 /// Row id and latest version of the kernel, which is created if it does not exist.
@@ -207,7 +264,21 @@ pub(super) async fn find(sql: &mut SqliteConnection, key: &KernelKey) -> Result<
     Ok((row.try_get("id")?, kernel_of(&row)?))
 }
 
+/// A version of a kernel.
+pub(super) async fn find_version(
+    sql: &mut SqliteConnection,
+    key: &KernelKey,
+    version: u32,
+) -> Result<KernelVersion, StoreError> {
+    let mut query = QueryBuilder::<Sqlite>::new(VERSIONS);
+    query.push(" where k.name = ").push_bind(key.to_string());
+    query.push(" and v.version = ").push_bind(version);
+    let row = query.build().fetch_optional(sql).await?;
+    version_of(key, &row.ok_or_else(|| StoreError::not_found(format!("{key}/versions/{version}")))?)
+}
+
 fn kernel_of(row: &SqliteRow) -> Result<Kernel, StoreError> {
+    let aliases: String = row.try_get("aliases")?;
     Ok(Kernel {
         key: KernelKey {
             display: row.try_get("display")?,
@@ -218,6 +289,8 @@ fn kernel_of(row: &SqliteRow) -> Result<Kernel, StoreError> {
         latest_version: row.try_get("latest_version")?,
         interpolated: row.try_get("interpolated")?,
         create_time_ms: row.try_get("create_time_ms")?,
+        aliases: from_json("kernel_alias", &aliases)?,
+        rollout: row.try_get("rollout")?,
     })
 }
 
@@ -236,5 +309,12 @@ fn version_of(key: &KernelKey, row: &SqliteRow) -> Result<KernelVersion, StoreEr
         },
         create_time_ms: row.try_get("create_time_ms")?,
         active: row.try_get("active")?,
+        deprecation: deprecation_of(row)?,
     })
+}
+
+fn deprecation_of(row: &SqliteRow) -> Result<Option<Deprecation>, StoreError> {
+    let Some(time_ms) = row.try_get("deprecation_time_ms")? else { return Ok(None) };
+    let cause = Cause { caller: row.try_get("deprecation_caller")?, reason: row.try_get("deprecation_reason")? };
+    Ok(Some(Deprecation { time_ms, cause }))
 }

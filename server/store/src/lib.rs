@@ -14,7 +14,10 @@
 //!
 //! # Layout
 //!
-//! - `tokens`: API tokens. `signing`: keyrings and private keys. `queue`: pauses and the state of the queue. `dependencies`: jobs that wait for other jobs.
+//! - `tokens`: API tokens. `signing`: keyrings and private keys. `queue`: pauses and the state of the queue.
+//!   `dependencies`: jobs that wait for other jobs.
+//! - `gates`: what versions must show before they become active. `rollouts`, `devices`: versions on their way to the
+//!   displays in the field.
 //! - `collection`: automatic removal of old records. `inspect`: read access for checks and backups.
 //! - `open`: files, pragmas, migrations. `write`: write transactions. `changes`: announcements. `subscriptions`:
 //!   receiving announcements. `rows`: text and JSON. `job_rows`: jobs as rows.
@@ -31,10 +34,12 @@ mod collection;
 mod conformance;
 mod datasets;
 mod dependencies;
+mod devices;
 mod displays;
 mod endings;
 mod error;
 mod events;
+mod gates;
 mod inspect;
 mod job_rows;
 mod jobs;
@@ -44,6 +49,7 @@ mod moves;
 mod open;
 mod prepared;
 mod queue;
+mod rollouts;
 mod rows;
 mod signing;
 mod subscriptions;
@@ -53,10 +59,12 @@ mod write;
 
 pub use artifacts::ArtifactRecord;
 pub use collection::Deleted;
+pub use devices::DEVICES_MAX;
 pub use error::{AbortReason, StoreError};
 pub use inspect::{Counts, DanglingReference, Inspection, StoredBlob};
 pub use jobs::{JobFilter, QueueCounts, QueueLimits, Submitted};
 pub use leases::{ClaimLimits, Heartbeat};
+pub use moves::Promotion;
 pub use open::Store;
 pub use queue::{BatchProgress, OwnerQueue, Pause};
 pub use signing::{PrivateKey, StoredKeyring};

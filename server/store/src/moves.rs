@@ -1,40 +1,80 @@
-//! Changes of the active version of a kernel, and their history.
+//! Changes of the versions that `active` and other aliases name, and their history.
 
 use super::changes::Change;
 use super::kernels::find;
+use super::rows::{from_json, to_json};
 use super::write::Write;
 use super::{AbortReason, Store, StoreError, page};
-use lightpath_domain::kernel::{Kernel, KernelKey, KernelMove, MoveCause};
+use lightpath_domain::kernel::{ACTIVE, Cause, Kernel, KernelKey, KernelMove};
 use lightpath_domain::reason::PreconditionReason;
 use sqlx::Row;
 
-/// A promotion or a rollback.
-struct Move {
+/// Limit on the aliases of a kernel besides `active`: a page of them can be read.
+const ALIASES_MAX: usize = 64;
+
+/// A change of the version that an alias names.
+struct Move<'a> {
+    alias: &'a str,
     from: Option<u32>,
-    to: u32,
-    cause: MoveCause,
+    to: Option<u32>,
+    cause: Cause,
+    overridden: &'a [String],
     undoes: Option<i64>,
 }
 
+/// A version to make active, for [`Store::promote`].
+#[derive(Clone, Debug)]
+pub struct Promotion {
+    /// Number of the version.
+    pub version: u32,
+    /// Version that must be active before (`None`: no version).
+    pub expected_active: Option<u32>,
+    /// Who makes it active, and why.
+    pub cause: Cause,
+    /// What failed of the promotion gate and was overridden.
+    pub overridden: Vec<String>,
+}
+
 impl Store {
-    /// Makes a version active. If `expected` is given, the active version must be that one before (`Some(None)`: no
-    /// version). Promoting the active version changes nothing.
+    /// Makes a version active. Promoting the active version changes nothing.
     ///
     /// # Errors
     ///
-    /// [`StoreError::NotFound`] if the version does not exist; [`StoreError::Aborted`] if a version other than
-    /// `expected` is active.
-    pub async fn promote(
+    /// [`StoreError::NotFound`] if the version does not exist; [`StoreError::Aborted`] if a version other than the
+    /// expected one is active; [`StoreError::Precondition`] while a rollout of the kernel is running.
+    pub async fn promote(&self, key: &KernelKey, promotion: Promotion, now_ms: i64) -> Result<Kernel, StoreError> {
+        let key = key.clone();
+        self.write(move |write| {
+            Box::pin(async move {
+                let (_, kernel) = find(write.sql(), &key).await?;
+                require_no_rollout(&kernel)?;
+                promote(write, &key, promotion, now_ms).await
+            })
+        })
+        .await
+    }
+
+    /// Lets an alias other than `active` name a version, or removes it (`None`). If `expected` is given, the alias must
+    /// name that version before (`Some(None)`: none).
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::NotFound`] if the version does not exist; [`StoreError::Aborted`] if the alias names another
+    /// version than expected; [`StoreError::Precondition`] if the kernel has [`ALIASES_MAX`] aliases.
+    pub async fn set_alias(
         &self,
         key: &KernelKey,
-        version: u32,
+        alias: &str,
+        version: Option<u32>,
         expected: Option<Option<u32>>,
-        cause: &MoveCause,
+        cause: &Cause,
         now_ms: i64,
     ) -> Result<Kernel, StoreError> {
-        let (key, cause) = (key.clone(), cause.clone());
-        self.write(move |write| Box::pin(async move { promote(write, &key, version, expected, cause, now_ms).await }))
-            .await
+        let (key, alias, cause) = (key.clone(), alias.to_owned(), cause.clone());
+        self.write(move |write| {
+            Box::pin(async move { set_alias(write, &key, &alias, version, expected, cause, now_ms).await })
+        })
+        .await
     }
 
     /// Undoes the latest promotion that has not been undone. The version `expected` (`None`: no version) must be active
@@ -49,7 +89,7 @@ impl Store {
         &self,
         key: &KernelKey,
         expected: Option<u32>,
-        cause: &MoveCause,
+        cause: &Cause,
         now_ms: i64,
     ) -> Result<Kernel, StoreError> {
         let (key, cause) = (key.clone(), cause.clone());
@@ -97,13 +137,15 @@ impl Store {
                 .await?;
         rows.iter()
             .map(|row| {
+                let overridden: String = row.try_get("overridden")?;
                 Ok(KernelMove {
                     sequence: row.try_get("sequence")?,
+                    alias: row.try_get("alias")?,
                     time_ms: row.try_get("time_ms")?,
-                    caller: row.try_get("caller")?,
+                    cause: Cause { caller: row.try_get("caller")?, reason: row.try_get("reason")? },
                     from_version: row.try_get("from_version")?,
                     to_version: row.try_get("to_version")?,
-                    reason: row.try_get("reason")?,
+                    overridden: from_json("kernel_move.overridden", &overridden)?,
                     generation: row.try_get::<i64, _>("generation")?.unsigned_abs(),
                     rollback: row.try_get::<Option<i64>, _>("undoes")?.is_some(),
                 })
@@ -112,30 +154,77 @@ impl Store {
     }
 }
 
-async fn promote(
+/// Makes a version active within the caller's transaction.
+pub(super) async fn promote(
     write: &mut Write,
     key: &KernelKey,
-    version: u32,
-    expected: Option<Option<u32>>,
-    cause: MoveCause,
+    promotion: Promotion,
     now_ms: i64,
 ) -> Result<Kernel, StoreError> {
+    let Promotion { version, expected_active, cause, overridden } = promotion;
     let (id, kernel) = find(write.sql(), key).await?;
-    if version == 0 || version > kernel.latest_version {
-        return Err(StoreError::not_found(format!("{key}/versions/{version}")));
-    }
-    if let Some(expected) = expected {
-        require_active(&kernel, expected)?;
-    }
+    require_version(&kernel, version)?;
+    require_active(&kernel, expected_active)?;
     if kernel.active_version == Some(version) {
         return Ok(kernel);
     }
-    let step = Move { from: kernel.active_version, to: version, cause, undoes: None };
-    apply(write, id, key, step, now_ms).await
+    let from = kernel.active_version;
+    let step = Move { alias: ACTIVE, from, to: Some(version), cause, overridden: &overridden, undoes: None };
+    let generation = raise_generation(write, key, now_ms).await?;
+    apply(write, id, key, step, generation, now_ms).await
+}
+
+async fn set_alias(
+    write: &mut Write,
+    key: &KernelKey,
+    alias: &str,
+    version: Option<u32>,
+    expected: Option<Option<u32>>,
+    cause: Cause,
+    now_ms: i64,
+) -> Result<Kernel, StoreError> {
+    let (id, kernel) = find(write.sql(), key).await?;
+    if let Some(version) = version {
+        require_version(&kernel, version)?;
+    }
+    let from = kernel.aliases.get(alias).copied();
+    if expected.is_some_and(|expected| expected != from) {
+        let now = from.map_or_else(|| "no version".to_owned(), |version| format!("version {version}"));
+        let message = format!("the alias {alias} of {key} names {now}; read the kernel again");
+        return Err(StoreError::Aborted { reason: AbortReason::AliasChanged, message });
+    }
+    if from == version {
+        return Ok(kernel);
+    }
+    if from.is_none() && kernel.aliases.len() >= ALIASES_MAX {
+        let message = format!("{key} has {ALIASES_MAX} aliases, which is the limit; remove one first");
+        return Err(StoreError::precondition(PreconditionReason::KernelFull, message));
+    }
+    let generation: i64 = sqlx::query_scalar("select generation from display where id = ?")
+        .bind(&key.display)
+        .fetch_one(write.sql())
+        .await?;
+    let step = Move { alias, from, to: version, cause, overridden: &[], undoes: None };
+    apply(write, id, key, step, generation, now_ms).await
+}
+
+/// Refuses a version that does not exist.
+pub(super) fn require_version(kernel: &Kernel, version: u32) -> Result<(), StoreError> {
+    match version {
+        1.. if version <= kernel.latest_version => Ok(()),
+        _ => Err(StoreError::not_found(format!("{}/versions/{version}", kernel.key))),
+    }
+}
+
+/// Refuses a move of `active` while a rollout of the kernel is running.
+pub(super) fn require_no_rollout(kernel: &Kernel) -> Result<(), StoreError> {
+    let Some(number) = kernel.rollout else { return Ok(()) };
+    let message = format!("{}/rollouts/{number} is running; complete or halt it first", kernel.key);
+    Err(StoreError::precondition(PreconditionReason::RolloutRunning, message))
 }
 
 /// Checks that the version `expected` is active (`None`: no version).
-fn require_active(kernel: &Kernel, expected: Option<u32>) -> Result<(), StoreError> {
+pub(super) fn require_active(kernel: &Kernel, expected: Option<u32>) -> Result<(), StoreError> {
     if expected == kernel.active_version {
         return Ok(());
     }
@@ -151,13 +240,14 @@ async fn rollback(
     write: &mut Write,
     key: &KernelKey,
     expected: Option<u32>,
-    cause: MoveCause,
+    cause: Cause,
     now_ms: i64,
 ) -> Result<Kernel, StoreError> {
     let (id, kernel) = find(write.sql(), key).await?;
+    require_no_rollout(&kernel)?;
     require_active(&kernel, expected)?;
     let last = sqlx::query(
-        "select sequence, from_version from kernel_move m where kernel = ? and undoes is null \
+        "select sequence, from_version from kernel_move m where kernel = ? and alias = 'active' and undoes is null \
          and not exists (select 1 from kernel_move u where u.undoes = m.sequence) order by sequence desc limit 1",
     )
     .bind(id)
@@ -171,38 +261,53 @@ async fn rollback(
         let message = format!("{key} has no earlier active version to go back to");
         return Err(StoreError::precondition(PreconditionReason::NoEarlierVersion, message));
     };
-    let step = Move { from: kernel.active_version, to, cause, undoes: Some(undone) };
-    apply(write, id, key, step, now_ms).await
+    let (from, to) = (kernel.active_version, Some(to));
+    let step = Move { alias: ACTIVE, from, to, cause, overridden: &[], undoes: Some(undone) };
+    let generation = raise_generation(write, key, now_ms).await?;
+    apply(write, id, key, step, generation, now_ms).await
 }
 
-async fn apply(write: &mut Write, id: i64, key: &KernelKey, step: Move, now_ms: i64) -> Result<Kernel, StoreError> {
-    let generation: i64 = sqlx::query_scalar(
-        "update display set generation = generation + 1, generation_time_ms = max(generation_time_ms, ?2) where id = ?1 \
-         returning generation",
-    )
-    .bind(&key.display)
-    .bind(now_ms)
-    .fetch_one(write.sql())
-    .await?;
+/// Raises the generation of a kernel's display, because what its devices get changes.
+pub(super) async fn raise_generation(write: &mut Write, key: &KernelKey, now_ms: i64) -> Result<i64, StoreError> {
+    let raise = "update display set generation = generation + 1, \
+                 generation_time_ms = max(generation_time_ms, ?2) where id = ?1 returning generation";
+    write.announce(Change::Kernel(key.clone()));
+    Ok(sqlx::query_scalar(raise).bind(&key.display).bind(now_ms).fetch_one(write.sql()).await?)
+}
+
+async fn apply(
+    write: &mut Write,
+    id: i64,
+    key: &KernelKey,
+    step: Move<'_>,
+    generation: i64,
+    now_ms: i64,
+) -> Result<Kernel, StoreError> {
     sqlx::query(
-        "insert into kernel_move (kernel, time_ms, caller, from_version, to_version, reason, generation, undoes) \
-         values (?, ?, ?, ?, ?, ?, ?, ?)",
+        "insert into kernel_move \
+         (kernel, alias, time_ms, caller, from_version, to_version, reason, overridden, generation, undoes) \
+         values (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
     )
     .bind(id)
+    .bind(step.alias)
     .bind(now_ms)
     .bind(step.cause.caller)
     .bind(step.from)
     .bind(step.to)
     .bind(step.cause.reason)
+    .bind(to_json("kernel_move.overridden", &step.overridden)?)
     .bind(generation)
     .bind(step.undoes)
     .execute(write.sql())
     .await?;
-    sqlx::query("update kernel set active_version = ? where id = ?")
-        .bind(step.to)
-        .bind(id)
-        .execute(write.sql())
-        .await?;
+    let change = match (step.alias, step.to) {
+        (ACTIVE, _) => "update kernel set active_version = ?3 where id = ?1",
+        (_, None) => "delete from kernel_alias where kernel = ?1 and alias = ?2 and ?3 is null",
+        (_, Some(_)) => {
+            "insert into kernel_alias values (?1, ?2, ?3) on conflict do update set version = excluded.version"
+        }
+    };
+    sqlx::query(change).bind(id).bind(step.alias).bind(step.to).execute(write.sql()).await?;
     write.announce(Change::Kernel(key.clone()));
     Ok(find(write.sql(), key).await?.1)
 }

@@ -32,11 +32,12 @@ pub(super) const MIGRATIONS: &[(&str, &str)] = &[
     ("0005_jobs", include_str!("../../../migrations/0005_jobs.sql")),
     ("0006_tokens", include_str!("../../../migrations/0006_tokens.sql")),
     ("0007_signing", include_str!("../../../migrations/0007_signing.sql")),
+    ("0008_devices", include_str!("../../../migrations/0008_devices.sql")),
 ];
 
 /// Number of migrations of the oldest version whose databases can be migrated.
 #[cfg(test)]
-pub(super) const STEPS_OF_0_1_0: usize = 7;
+pub(super) const STEPS_OF_0_1_0: usize = 8;
 
 /// A handle to the database; see the documentation of the crate.
 #[derive(Clone, Debug)]

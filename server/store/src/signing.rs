@@ -3,7 +3,9 @@
 use super::write::Write;
 use super::{AbortReason, Store, StoreError};
 use lightpath_domain::kernel::{KernelKey, KernelMoment};
+use lightpath_domain::rollout::is_in_share;
 use sqlx::Row;
+use sqlx::sqlite::SqliteRow;
 
 /// A signed keyring.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -76,9 +78,7 @@ impl Store {
     pub async fn private_keys(&self) -> Result<Vec<PrivateKey>, StoreError> {
         let rows =
             sqlx::query("select public, private from signing_key order by public").fetch_all(self.readers()).await?;
-        let key = |row: &sqlx::sqlite::SqliteRow| {
-            Ok(PrivateKey { public: row.try_get("public")?, private: row.try_get("private")? })
-        };
+        let key = |row: &SqliteRow| Ok(PrivateKey { public: row.try_get("public")?, private: row.try_get("private")? });
         rows.iter().map(key).collect()
     }
 
@@ -99,28 +99,44 @@ impl Store {
         .await
     }
 
-    /// What decides the manifests of a kernel, read at one moment.
+    /// What decides the manifests of a kernel for a device, read at one moment.
     ///
     /// # Errors
     ///
     /// [`StoreError::NotFound`] if the kernel does not exist.
-    pub async fn kernel_moment(&self, key: &KernelKey) -> Result<KernelMoment, StoreError> {
+    pub async fn kernel_moment(&self, key: &KernelKey, device: Option<&str>) -> Result<KernelMoment, StoreError> {
         let row = sqlx::query(
             "select k.active_version, d.generation, d.generation_time_ms, \
-             (select max(version) from keyring) as keyring_version \
-             from kernel k join display d on d.id = k.display where k.name = ?",
+             (select max(version) from keyring) as keyring_version, \
+             r.number as rollout, r.version as rollout_version, r.share_percent, \
+             r.group_name <> '' and r.group_name = e.group_name as is_in_group \
+             from kernel k join display d on d.id = k.display \
+             left join rollout r on r.kernel = k.id and r.state = 'running' \
+             left join device e on e.display = k.display and e.id = ?2 where k.name = ?1",
         )
         .bind(key.to_string())
+        .bind(device)
         .fetch_optional(self.readers())
         .await?;
         let row = row.ok_or_else(|| StoreError::not_found(key.to_string()))?;
         Ok(KernelMoment {
-            active_version: row.try_get("active_version")?,
+            version: version_for(&row, key, device)?,
             generation: row.try_get::<i64, _>("generation")?.unsigned_abs(),
             generation_time_ms: row.try_get("generation_time_ms")?,
             keyring_version: row.try_get("keyring_version")?,
         })
     }
+}
+
+/// The version for a device: that of the rollout, or the active one. Unknown devices get the new version when all do.
+fn version_for(row: &SqliteRow, key: &KernelKey, device: Option<&str>) -> Result<Option<u32>, StoreError> {
+    let active = row.try_get("active_version")?;
+    let Some(rollout) = row.try_get("rollout")? else { return Ok(active) };
+    let share_percent: f64 = row.try_get("share_percent")?;
+    let is_in_group: Option<bool> = row.try_get("is_in_group")?;
+    let is_first = is_in_group == Some(true)
+        || device.map_or(share_percent >= 100.0, |device| is_in_share(key, rollout, device, share_percent));
+    Ok(if is_first { row.try_get("rollout_version")? } else { active })
 }
 
 async fn add(

@@ -30,6 +30,10 @@ pub(crate) struct Manifest {
     #[arg(long, default_value = "safetensors", value_parser = WordParser::<v1::KernelFormat>::new())]
     format: v1::KernelFormat,
 
+    /// Ask for the device with this id: during a rollout devices get different versions [default: no device]
+    #[arg(long, value_name = "ID", default_value = "", hide_default_value = true)]
+    device: String,
+
     /// Check the signatures with this root key, 64 hexadecimal digits, as lightpathd key list prints it
     #[arg(long, value_name = "PUBLIC", value_parser = public_key)]
     root: Option<PublicKey>,
@@ -38,7 +42,7 @@ pub(crate) struct Manifest {
 impl Manifest {
     pub(super) async fn run(self, session: &Session) -> Result<(), Failure> {
         let kernel = self.kernel.name(session).await?;
-        let request = v1::GetKernelManifestRequest { kernel, format: self.format.into() };
+        let request = v1::GetKernelManifestRequest { kernel, format: self.format.into(), device: self.device };
         let manifest = session.client.get_kernel_manifest(request).await?;
         if let Some(root) = self.root {
             let keyring = session.client.get_keyring(v1::GetKeyringRequest {}).await?;

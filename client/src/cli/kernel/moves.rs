@@ -10,7 +10,10 @@ use crate::cli::table::Table;
 use clap::Args;
 use lightpath::v1;
 
-/// Make a version active; holograms and firmware use the active version.
+/// Make a version active, if it passes the display's promotion gate; holograms and firmware use the active version.
+///
+/// The command kernel check shows how it would do. Devices get the version at once: to try it on some of them first, use
+/// rollout start.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Example:
@@ -28,11 +31,12 @@ pub(crate) struct Promote {
     #[arg(long, value_name = "TEXT", default_value = "", hide_default_value = true)]
     reason: String,
 
-    /// Promote the version even if measurements show that it is no better than the ideal kernel; needs --reason
+    /// Promote the version even if it fails the gate; needs --reason, and the history keeps what failed
     #[arg(long, requires = "reason")]
     force: bool,
 
-    /// Promote only if this version is active now; 0 means no active version
+    /// Promote only if this version is active now; 0 means no active version [default: the version that is active when
+    /// the gate is checked]
     #[arg(long, value_name = "N")]
     expected_active: Option<u32>,
 }
@@ -52,7 +56,7 @@ pub(crate) struct Rollback {
     expected_active: Option<u32>,
 }
 
-/// List every change of the active version, newest first.
+/// List every move of active and other aliases, newest first.
 #[derive(Debug, Args)]
 pub(crate) struct History {
     #[command(flatten)]
@@ -98,18 +102,34 @@ impl History {
         })
         .await?;
         session.print(&v1::ListKernelMovesResponse { moves, next_page_token }, |list| {
-            let mut table = Table::new(&["time", "caller", ">from", ">to", "kind", "reason"]);
+            let mut table = Table::new(&["time", "caller", "alias", ">from", ">to", "kind", "reason"]);
             for entry in &list.moves {
                 table.row([
                     show::time_or_dash(entry.time.as_ref()),
-                    if entry.caller.is_empty() { "-".to_owned() } else { entry.caller.clone() },
+                    show::or_dash(&entry.caller),
+                    entry.alias.clone(),
                     show::version_or_dash(entry.from_version),
                     show::version_or_dash(entry.to_version),
-                    if entry.rollback { "rollback".to_owned() } else { "promote".to_owned() },
-                    entry.reason.clone(),
+                    kind(entry).to_owned(),
+                    reason(entry),
                 ]);
             }
             table.text_or("no version has been active yet") + more_hint(&list.next_page_token)
         })
     }
+}
+
+fn kind(entry: &v1::KernelMove) -> &'static str {
+    match (entry.alias.as_str(), entry.rollback) {
+        (_, true) => "rollback",
+        ("active", false) if entry.overridden.is_empty() => "promote",
+        ("active", false) => "override",
+        _ => "alias",
+    }
+}
+
+/// The reason, with what failed of the gate.
+fn reason(entry: &v1::KernelMove) -> String {
+    let failed = entry.overridden.join("; ");
+    if failed.is_empty() { entry.reason.clone() } else { format!("{} (overridden: {failed})", entry.reason) }
 }

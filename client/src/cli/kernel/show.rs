@@ -130,6 +130,10 @@ pub(super) fn kernel_facts(kernel: &Kernel) -> String {
         },
     );
     facts.add("latest", show::kernel_version(kernel.latest_version));
+    let mut aliases: Vec<String> = kernel.aliases.iter().map(|(alias, version)| format!("{alias} {version}")).collect();
+    aliases.sort();
+    facts.add_some("aliases", (!aliases.is_empty()).then(|| aliases.join(", ")));
+    facts.add_some("rollout", (!kernel.rollout.is_empty()).then(|| format!("{} is running", kernel.rollout)));
     if kernel.interpolated {
         facts.add("from", "interpolated between photographed distances");
     }
@@ -138,7 +142,7 @@ pub(super) fn kernel_facts(kernel: &Kernel) -> String {
 }
 
 fn version_table(versions: &[KernelVersion]) -> Table {
-    let titles = [">version", "active", "model", ">held-out loss", ">ideal", ">size", "dataset", "created"];
+    let titles = [">version", "state", "model", ">held-out loss", ">ideal", ">size", "dataset", "created"];
     let mut table = Table::new(&titles);
     for version in versions {
         let metrics = version.metrics.clone().unwrap_or_default();
@@ -147,7 +151,7 @@ fn version_table(versions: &[KernelVersion]) -> Table {
         let measured = |loss| if metrics.test_pairs == 0 { "–".to_owned() } else { show::loss(loss) };
         table.row([
             version.version.to_string(),
-            if version.active { "active".to_owned() } else { String::new() },
+            state(version).to_owned(),
             model(version),
             measured(metrics.test_loss),
             measured(metrics.ideal_test_loss),
@@ -163,6 +167,15 @@ fn version_table(versions: &[KernelVersion]) -> Table {
     table
 }
 
+fn state(version: &KernelVersion) -> &'static str {
+    match (version.active, version.deprecation.is_some()) {
+        (true, false) => "active",
+        (true, true) => "active, deprecated",
+        (false, true) => "deprecated",
+        (false, false) => "",
+    }
+}
+
 fn model(version: &KernelVersion) -> String {
     version.model().word().to_owned()
 }
@@ -173,6 +186,11 @@ pub(super) fn version_facts(version: &KernelVersion) -> String {
     facts.add("version", &version.name);
     facts.add("model", model(version));
     facts.add("active", if version.active { "yes" } else { "no" });
+    if let Some(deprecation) = &version.deprecation {
+        let by = if deprecation.caller.is_empty() { String::new() } else { format!(", by {}", deprecation.caller) };
+        let time = show::time_or_dash(deprecation.time.as_ref());
+        facts.add("deprecated", format!("{} ({time}{by})", deprecation.reason));
+    }
     facts.add("file", format!("{}, {}", version.artifact, show::bytes(version.size_bytes)));
     let lineage = version.lineage.clone().unwrap_or_default();
     if lineage.interpolated || lineage.datasets.len() > 1 {

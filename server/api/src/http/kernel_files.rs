@@ -14,6 +14,7 @@ use crate::field::{Field, shortened};
 use crate::kernels::conversions::Converted;
 use crate::manifests::Issued;
 use crate::names;
+use crate::permissions;
 use axum::body::{Body, Bytes};
 use axum::extract::rejection::QueryRejection;
 use axum::extract::{Path, Query, State};
@@ -65,6 +66,9 @@ pub(super) struct ManifestQuery {
     /// Time to wait for a change \[s\].
     #[serde(default)]
     wait_s: u64,
+    /// Device that asks. Tokens of the role firmware ask for the device of their own name.
+    #[serde(default)]
+    device: String,
 }
 
 /// The file of a version, as its manifest names it.
@@ -117,7 +121,7 @@ pub(super) async fn get_manifest(
     query: Result<Query<ManifestQuery>, QueryRejection>,
     headers: HeaderMap,
 ) -> Result<Response, Refusal> {
-    let Query(ManifestQuery { form, wait_s }) = checked(query)?;
+    let Query(ManifestQuery { form, wait_s, device }) = checked(query)?;
     let key = names::kernel_key(&call, &Field::new("kernel"), &format!("displays/{display}/kernels/{kernel}"))?;
     let form = match form.as_str() {
         "" => KernelFormat::Safetensors,
@@ -126,27 +130,41 @@ pub(super) async fn get_manifest(
     if wait_s > WAIT_S_MAX {
         return Err(Status::invalid_argument(format!("wait_s is {wait_s}, but must be 0 to {WAIT_S_MAX}")).into());
     }
+    let device = permissions::device_of(&call, &device)?;
+    let asked = Asked { key, form, device };
     let issued = if wait_s > 0 {
-        changed_manifest(&api, &call, &key, form, &headers, Duration::from_secs(wait_s)).await?
+        changed_manifest(&api, &call, &asked, &headers, Duration::from_secs(wait_s)).await?
     } else {
-        api.manifest(&call, &key, form).await?
+        asked.manifest(&api, &call).await?
     };
     Ok(document(&api, &headers, issued.document.clone()))
+}
+
+/// What manifest a device asks for.
+struct Asked {
+    key: KernelKey,
+    form: KernelFormat,
+    device: Option<String>,
+}
+
+impl Asked {
+    async fn manifest(&self, api: &Api, call: &Call) -> Result<Arc<Issued>, ApiError> {
+        api.manifest(call, &self.key, self.form, self.device.as_deref()).await
+    }
 }
 
 /// The manifest, as soon as it is another one than the client has, or after the wait.
 async fn changed_manifest(
     api: &Api,
     call: &Call,
-    key: &KernelKey,
-    form: KernelFormat,
+    asked: &Asked,
     headers: &HeaderMap,
     wait: Duration,
 ) -> Result<Arc<Issued>, ApiError> {
     let _open = api.accounts.streams.open(StreamKind::Watch, &call.client)?;
     // This subscribes before the first read, so that it misses no change.
     let mut changes = api.store().subscribe_kernel_changes();
-    let first = api.manifest(call, key, form).await?;
+    let first = asked.manifest(api, call).await?;
     if !has(headers, &etag(&first.document)) {
         return Ok(first);
     }
@@ -154,9 +172,9 @@ async fn changed_manifest(
         loop {
             match changes.recv().await {
                 // Every move on a kernel of the display raises the generation.
-                Ok(change) if change.display != key.display => {}
+                Ok(change) if change.display != asked.key.display => {}
                 Ok(_) | Err(RecvError::Lagged(_)) => {
-                    let issued = api.manifest(call, key, form).await?;
+                    let issued = asked.manifest(api, call).await?;
                     if issued.document != first.document {
                         return Ok(issued);
                     }

@@ -6,11 +6,11 @@
 //!   HTTP. `token_expiry`: ends calls of invalid tokens.
 //! - `memory_use`: memory of each call, taken from the memory budget. `checked_body`: bodies whose frames these check.
 //! - `requests`: deadlines and metrics of requests, including gRPC. `jobs_json`: `/v1/jobs`. `kernel_files`, `byte_range`:
-//!   `/v1/displays` and `/v1/keyring`. `refusal`: errors as
-//!   answers.
+//!   kernels and keyrings for devices. `device_json`: what devices report. `refusal`: errors as answers.
 
 mod byte_range;
 mod checked_body;
+mod device_json;
 mod gate;
 mod jobs_json;
 mod kernel_files;
@@ -26,11 +26,11 @@ use crate::api::Api;
 use crate::call::Call;
 use crate::error::ApiError;
 use crate::time::now_ms;
-use axum::extract::{Request, State};
+use axum::extract::{DefaultBodyLimit, Request, State};
 use axum::http::{StatusCode, header};
 use axum::middleware;
 use axum::response::{IntoResponse, Response};
-use axum::routing::get;
+use axum::routing::{get, post};
 use axum::{Extension, Router};
 pub use gate::Gate;
 use lightpath_metrics as metrics;
@@ -42,12 +42,15 @@ pub use token_expiry::EndedTokens;
 use tonic::Status;
 
 /// Paths of plain HTTP.
-const PATHS: [&str; 9] = [
+const PATHS: [&str; 12] = [
     "/healthz",
     "/metrics",
     "/v1/jobs",
     "/v1/jobs/{id}",
     "/v1/keyring",
+    "/v1/displays/{display}/devices",
+    "/v1/displays/{display}/devices/{device}/report",
+    "/v1/displays/{display}/nearest-kernels",
     "/v1/displays/{display}/kernels",
     "/v1/displays/{display}/kernels/{kernel}",
     "/v1/displays/{display}/kernels/{kernel}/manifest",
@@ -58,13 +61,16 @@ const PATHS: [&str; 9] = [
 pub fn router(gate: Gate, budget: Arc<MemoryBudget>, grpc: tonic::service::Routes) -> Router {
     requests::expect_all();
     let api = gate.api.clone();
-    let [healthz, metrics_path, jobs, job, keyring, kernels, kernel, manifest, file] = PATHS;
+    let [healthz, metrics_path, jobs, job, keyring, devices, report, nearest, kernels, kernel, manifest, file] = PATHS;
     let http = Router::new()
         .route(healthz, get(health))
         .route(metrics_path, get(metrics))
         .route(jobs, get(jobs_json::list_jobs))
         .route(job, get(jobs_json::get_job))
         .route(keyring, get(kernel_files::get_keyring))
+        .route(devices, get(device_json::list_devices))
+        .route(report, post(device_json::report_device).layer(DefaultBodyLimit::max(device_json::BODY_BYTES_MAX)))
+        .route(nearest, get(device_json::find_nearest_kernels))
         .route(kernels, get(kernel_files::list_kernels))
         .route(kernel, get(kernel_files::get_kernel))
         .route(manifest, get(kernel_files::get_manifest))

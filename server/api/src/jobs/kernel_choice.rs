@@ -6,6 +6,7 @@ use crate::field::{Field, shortened};
 use lightpath_domain::kernel::KernelKey;
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_store::StoreError;
+use std::collections::BTreeMap;
 
 impl Api {
     /// The kernel version for which `kernel` stands; `None`: the ideal kernel. An empty text stands for the active
@@ -28,10 +29,11 @@ impl Api {
                 }
                 Ok(active)
             }
-            number => {
-                let form = "but must be `ideal`, `active` or a version number from 1";
-                let refusal = || field.invalid(format!("is {:?}, {form}", shortened(number)));
-                let version: u32 = number.parse().map_err(|_| refusal())?;
+            text => {
+                let version = match text.parse() {
+                    Ok(number) => number,
+                    Err(_) => self.version_of_alias(field, text, key).await?,
+                };
                 match self.store.kernel_version(key, version).await {
                     Err(StoreError::NotFound { resource }) => {
                         Err(field.missing(resource, "name one of the kernel's versions, `active` or `ideal`"))
@@ -40,6 +42,19 @@ impl Api {
                 }
             }
         }
+    }
+
+    /// The version that an alias of the kernel names.
+    async fn version_of_alias(&self, field: &Field, alias: &str, key: &KernelKey) -> Result<u32, ApiError> {
+        let aliases = match self.store.kernel(key).await {
+            Ok(kernel) => kernel.aliases,
+            Err(StoreError::NotFound { .. }) => BTreeMap::new(),
+            Err(error) => return Err(error.into()),
+        };
+        aliases.get(alias).copied().ok_or_else(|| {
+            let form = "but must be `ideal`, `active`, a version number from 1, or an alias of";
+            field.invalid(format!("is {:?}, {form} {key}", shortened(alias)))
+        })
     }
 
     async fn active_version(&self, key: &KernelKey) -> Result<Option<u32>, ApiError> {

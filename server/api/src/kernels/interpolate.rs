@@ -68,6 +68,14 @@ impl Api {
     }
 }
 
+impl Api {
+    /// Whether [`Self::interpolate_kernel`] could make this kernel.
+    pub(super) async fn can_be_interpolated(&self, key: &KernelKey) -> Result<bool, ApiError> {
+        let versions = self.store.joint_versions(&key.display, key.wavelength, VERSIONS_MAX).await?;
+        Ok(fit_around(&Field::new("distance_m"), key, &versions).is_ok())
+    }
+}
+
 /// The dataset of the version's own distance.
 fn own_dataset(version: &KernelVersion) -> Option<LearnedDataset> {
     version.content.lineage.own_dataset().cloned()

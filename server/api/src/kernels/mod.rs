@@ -1,11 +1,12 @@
-//! Kernels and their versions: listing, fetching, promoting, importing and interpolating.
+//! Kernels and their versions: listing, fetching, promoting, judging, importing and interpolating.
 
 pub(crate) mod conversions;
 pub(crate) mod fetch;
 pub(crate) mod import;
 mod interpolate;
 mod model_file;
-mod promotion;
+pub(crate) mod promotion;
+mod registry;
 mod service;
 pub(crate) mod to_wire;
 mod watch_kernel;

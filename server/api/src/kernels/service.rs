@@ -72,6 +72,48 @@ impl KernelService for Api {
         self.answer(request, Self::promote_kernel).await
     }
 
+    async fn check_promotion(
+        &self,
+        request: Request<v1::CheckPromotionRequest>,
+    ) -> Result<Response<v1::PromotionVerdict>, Status> {
+        self.answer(request, Self::check_promotion).await
+    }
+
+    async fn set_promotion_gate(
+        &self,
+        request: Request<v1::SetPromotionGateRequest>,
+    ) -> Result<Response<v1::DisplayGate>, Status> {
+        self.answer(request, Self::set_promotion_gate).await
+    }
+
+    async fn get_promotion_gate(
+        &self,
+        request: Request<v1::GetPromotionGateRequest>,
+    ) -> Result<Response<v1::DisplayGate>, Status> {
+        self.answer(request, Self::get_promotion_gate).await
+    }
+
+    async fn set_kernel_alias(
+        &self,
+        request: Request<v1::SetKernelAliasRequest>,
+    ) -> Result<Response<v1::Kernel>, Status> {
+        self.answer(request, Self::set_kernel_alias).await
+    }
+
+    async fn deprecate_kernel_version(
+        &self,
+        request: Request<v1::DeprecateKernelVersionRequest>,
+    ) -> Result<Response<v1::KernelVersion>, Status> {
+        self.answer(request, Self::deprecate_kernel_version).await
+    }
+
+    async fn find_nearest_kernels(
+        &self,
+        request: Request<v1::FindNearestKernelsRequest>,
+    ) -> Result<Response<v1::FindNearestKernelsResponse>, Status> {
+        self.answer(request, Self::find_nearest_kernels).await
+    }
+
     async fn rollback_kernel(
         &self,
         request: Request<v1::RollbackKernelRequest>,

@@ -3,8 +3,9 @@
 use crate::enumerations::OnWire as _;
 use crate::time::timestamp;
 use lightpath_domain::kernel::{
-    CapturedQuality, Kernel, KernelLineage, KernelMetrics, KernelMove, KernelVersion, LearnedDataset,
+    CapturedQuality, Deprecation, Kernel, KernelLineage, KernelMetrics, KernelMove, KernelVersion, LearnedDataset,
 };
+use lightpath_domain::promotion::{GateChange, GateCheck, PromotionGate};
 use lightpath_optics::learning::PartCost;
 use lightpath_proto::v1;
 
@@ -19,6 +20,8 @@ pub(crate) fn kernel(kernel: &Kernel) -> v1::Kernel {
         latest_version: kernel.latest_version,
         create_time: Some(timestamp(kernel.create_time_ms)),
         interpolated: kernel.interpolated,
+        aliases: kernel.aliases.clone().into_iter().collect(),
+        rollout: kernel.rollout.map(|number| format!("{}/rollouts/{number}", kernel.key)).unwrap_or_default(),
     }
 }
 
@@ -35,7 +38,37 @@ pub(crate) fn version(version: KernelVersion) -> v1::KernelVersion {
         lineage: Some(lineage(content.lineage)),
         create_time: Some(timestamp(version.create_time_ms)),
         active: version.active,
+        deprecation: version.deprecation.map(deprecation),
     }
+}
+
+fn deprecation(Deprecation { time_ms, cause }: Deprecation) -> v1::Deprecation {
+    v1::Deprecation { time: Some(timestamp(time_ms)), caller: cause.caller, reason: cause.reason }
+}
+
+/// Converts a promotion gate into its message.
+pub(crate) fn gate(gate: PromotionGate) -> v1::PromotionGate {
+    v1::PromotionGate {
+        better_than_active_percent: gate.better_than_active_percent,
+        worse_than_ideal_allowed: gate.worse_than_ideal_allowed,
+        test_pairs_min: gate.test_pairs_min,
+        forms: gate.forms.iter().map(|form| form.as_str().to_owned()).collect(),
+    }
+}
+
+/// Converts a promotion gate that was set into its message.
+pub(crate) fn gate_change(change: GateChange) -> v1::GateChange {
+    v1::GateChange {
+        time: Some(timestamp(change.time_ms)),
+        caller: change.cause.caller,
+        reason: change.cause.reason,
+        gate: Some(gate(change.gate)),
+    }
+}
+
+/// Converts a check of a promotion gate into its message.
+pub(crate) fn gate_check(GateCheck { passed, finding }: GateCheck) -> v1::GateCheck {
+    v1::GateCheck { passed, finding }
 }
 
 /// Converts the metrics of a version into their message.
@@ -66,10 +99,12 @@ fn part_cost(&PartCost { part, cost_db, least_db, most_db }: &PartCost) -> v1::k
 pub(crate) fn kernel_move(moved: KernelMove) -> v1::KernelMove {
     v1::KernelMove {
         time: Some(timestamp(moved.time_ms)),
-        caller: moved.caller,
+        alias: moved.alias,
+        caller: moved.cause.caller,
         from_version: moved.from_version.unwrap_or(0),
-        to_version: moved.to_version,
-        reason: moved.reason,
+        to_version: moved.to_version.unwrap_or(0),
+        reason: moved.cause.reason,
+        overridden: moved.overridden,
         rollback: moved.rollback,
         generation: moved.generation,
     }

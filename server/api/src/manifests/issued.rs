@@ -45,10 +45,11 @@ impl ManifestRules {
     }
 }
 
-/// Kernel and form of a manifest.
+/// Kernel, version and form of a manifest.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) struct IssuedKey {
     pub(super) kernel: KernelKey,
+    pub(super) version: u32,
     pub(super) format: KernelFormat,
 }
 

@@ -1,7 +1,7 @@
 //! Signed manifests of kernels: which file holds the active version, vouched for by a key.
 //!
-//! A manifest depends only on the active version, the generation of its display, the keyring and the time, which is
-//! rounded to periods. So every answer within a period has the same bytes, and a device that asks again learns that
+//! A manifest depends only on the version (the active one, or that of a rollout), the generation of its display, the
+//! keyring and the time, which is rounded to periods. So every answer within a period has the same bytes, and a device that asks again learns that
 //! nothing changed. A manifest is made once for each period and kept in memory.
 
 mod issued;
@@ -15,6 +15,7 @@ use crate::call::Call;
 use crate::error::ApiError;
 use crate::field::Field;
 use crate::names;
+use crate::permissions;
 use crate::time::{now_ms, timestamp};
 use issued::IssuedKey;
 use lightpath_domain::kernel::{KernelKey, KernelMoment, KernelVersion};
@@ -33,7 +34,8 @@ impl Api {
     ) -> Result<v1::KernelManifest, ApiError> {
         let key = names::kernel_key(call, &Field::new("kernel"), &request.kernel)?;
         let format = Field::new("format").enum_value(request.format)?.unwrap_or(KernelFormat::Safetensors);
-        let issued = self.manifest(call, &key, format).await?;
+        let device = permissions::device_of(call, &request.device)?;
+        let issued = self.manifest(call, &key, format, device.as_deref()).await?;
         Ok(v1::KernelManifest {
             document: issued.document.clone(),
             generation: issued.manifest.generation,
@@ -50,24 +52,25 @@ impl Api {
         Ok(v1::Keyring { document: keyring.document, version: keyring.version })
     }
 
-    /// The manifest of a kernel's active version in a form.
+    /// The manifest of a kernel's version for a device, in a form.
     pub(crate) async fn manifest(
         &self,
         call: &Call,
         key: &KernelKey,
         format: KernelFormat,
+        device: Option<&str>,
     ) -> Result<Arc<Issued>, ApiError> {
-        let moment = self.store.kernel_moment(key).await?;
+        let moment = self.store.kernel_moment(key, device).await?;
         let now_s = now_ms().div_euclid(1000);
-        let issued_key = IssuedKey { kernel: key.clone(), format };
-        if let Some(issued) = self.manifests.find(&issued_key, &moment, now_s) {
-            return Ok(issued);
-        }
-        let Some(active) = moment.active_version else {
+        let Some(version) = moment.version else {
             let message = format!("no version of {key} is active; promote one first");
             return Err(ApiError::Precondition { reason: PreconditionReason::NoActiveKernel, message });
         };
-        let version = self.store.kernel_version(key, active).await?;
+        let issued_key = IssuedKey { kernel: key.clone(), version, format };
+        if let Some(issued) = self.manifests.find(&issued_key, &moment, now_s) {
+            return Ok(issued);
+        }
+        let version = self.store.kernel_version(key, version).await?;
         let manifest = self.unsigned(call, &version, &moment, format, now_s).await?;
         let signing_key = signer::signing_key(&self.store, now_s).await?;
         let document = manifest.signed(&signing_key);

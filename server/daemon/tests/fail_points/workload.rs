@@ -4,10 +4,10 @@
 use lightpath_api::audit::{Audit, Change};
 use lightpath_artifacts::{Artifacts, digest_of};
 use lightpath_domain::job::{Job, JobEffect, JobState, NewJob, Progress, Scheduling};
-use lightpath_domain::kernel::{KernelKey, KernelLineage, KernelMetrics, KernelModel, MoveCause, NewKernelVersion};
+use lightpath_domain::kernel::{Cause, KernelKey, KernelLineage, KernelMetrics, KernelModel, NewKernelVersion};
 use lightpath_fixtures::{DISTANCE, WAVELENGTH, capture_job, capture_result, display};
 use lightpath_server::upkeep::{DATABASE, Retention, backup, restore};
-use lightpath_store::Store;
+use lightpath_store::{Promotion, Store};
 use lightpath_worker::{Backoff, Clock, JobContext, TaskError, TaskOutput, Worker, WorkerConfig};
 use std::error::Error;
 use std::fs::File;
@@ -155,12 +155,14 @@ pub(super) async fn work(folder: &WorkFolder) -> Outcome {
         }
     }
 
-    let cause = MoveCause { caller: "ada".into(), reason: "better".into() };
-    for number in ["1", "2"] {
+    let cause = Cause { caller: "ada".into(), reason: "better".into() };
+    for (number, expected_active) in [("1", None), ("2", Some(1))] {
         let version = server.store.add_kernel_version(&kernel(), new_version(&target), now_ms()).await?;
         assert_eq!(version.version.to_string(), number);
         folder.acknowledged("version", number);
-        server.store.promote(&kernel(), version.version, None, &cause, now_ms()).await?;
+        let (version, overridden) = (version.version, Vec::new());
+        let promotion = Promotion { version, expected_active, cause: cause.clone(), overridden };
+        server.store.promote(&kernel(), promotion, now_ms()).await?;
         folder.acknowledged("active", number);
     }
 

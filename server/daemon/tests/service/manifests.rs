@@ -176,10 +176,14 @@ async fn generation_rises_with_a_rollback_and_a_device_refuses_the_manifest_befo
     let refused = trust.manifest(&old.body, &wanted("compact", 3), now()).unwrap_err().to_string();
     assert!(refused.contains("generation 2, but generation 3"), "{refused}");
     // gRPC has the same document.
-    let request = v1::GetKernelManifestRequest { kernel: KERNEL.into(), format: v1::KernelFormat::Compact.into() };
+    let request = v1::GetKernelManifestRequest {
+        kernel: KERNEL.into(),
+        format: v1::KernelFormat::Compact.into(),
+        ..Default::default()
+    };
     let same = kernels(&serving).get_kernel_manifest(request).await.unwrap().into_inner();
     assert_eq!((same.document.as_bytes(), same.generation), (new.body.as_slice(), 3));
-    let other = v1::GetKernelManifestRequest { kernel: "displays/lab/kernels/515nm-60mm".into(), format: 0 };
+    let other = v1::GetKernelManifestRequest { kernel: "displays/lab/kernels/515nm-60mm".into(), ..Default::default() };
     expect(kernels(&serving).get_kernel_manifest(other).await, Code::NotFound, "");
     serving.stop().await.unwrap();
 }

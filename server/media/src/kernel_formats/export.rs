@@ -4,6 +4,7 @@ use super::error::KernelFormatError;
 use super::losses::{Loss, losses};
 use super::{array, compact, half, import, npz, torch};
 use crate::kernel_file;
+use lightpath_domain::kernel_format::KernelFormat;
 use lightpath_optics::KernelModel;
 use lightpath_optics::grid::frequency;
 use lightpath_optics::spatial_variation::local_kernels;
@@ -11,51 +12,6 @@ use lightpath_optics::{DisplayModel, KernelShape, Plane};
 use num_complex::Complex32;
 use rayon::prelude::*;
 use std::borrow::Cow;
-
-/// A file form of a kernel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum KernelFormat {
-    /// The native form, `safetensors`.
-    Safetensors,
-    /// The compact form: a whole smooth model in some hundred bytes.
-    Compact,
-    /// A `.pt` file with the tensor of the paper.
-    Pt,
-    /// A `.npy` file with the array of the paper.
-    Npy,
-    /// A `.npz` archive with the whole model, and with H and the source as arrays.
-    Npz,
-    /// A `.npy` file with H as complex64.
-    Complex64,
-    /// A `.npy` file with H as float16.
-    F16,
-}
-
-impl KernelFormat {
-    /// All forms.
-    pub const ALL: [Self; 7] =
-        [Self::Safetensors, Self::Compact, Self::Pt, Self::Npy, Self::Npz, Self::Complex64, Self::F16];
-
-    /// Name of the form, as in requests and manifests.
-    #[must_use]
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Self::Safetensors => "safetensors",
-            Self::Compact => "compact",
-            Self::Pt => "pt",
-            Self::Npy => "npy",
-            Self::Npz => "npz",
-            Self::Complex64 => "complex64",
-            Self::F16 => "f16",
-        }
-    }
-
-    /// The form with this name.
-    #[must_use]
-    pub fn parse(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|form| form.as_str() == name)
-    }
-}
 
 /// An exported kernel.
 #[derive(Clone, Debug, PartialEq)]

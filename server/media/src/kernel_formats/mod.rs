@@ -36,8 +36,9 @@ mod pickle;
 mod torch;
 
 pub use error::KernelFormatError;
-pub use export::{Exported, KernelFormat, export, export_interpolated};
+pub use export::{Exported, export, export_interpolated};
 pub use import::{Imported, import};
+pub use lightpath_domain::kernel_format::KernelFormat;
 pub use losses::Loss;
 
 /// Writes a `.npy` file of float32 in C order, from its little-endian bytes.

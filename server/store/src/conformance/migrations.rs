@@ -5,6 +5,8 @@ use crate::open::{MIGRATIONS, STEPS_OF_0_1_0, connect_options, migrator};
 use crate::{Inspection, JobFilter};
 use lightpath_domain::display::Display;
 use lightpath_domain::job::JobState;
+use lightpath_domain::kernel_format::KernelFormat;
+use lightpath_domain::rollout::RolloutState;
 use sqlx::{ConnectOptions as _, Connection as _, Row};
 use std::path::Path;
 
@@ -38,9 +40,20 @@ const ROWS: &[(usize, &str)] = &[(
     '{"job":"","datasets":[],"interpolated":false,"parent_version":null,"parameters_json":"{}","seed":1,
     "code_version":"0.1.0"}', 9;
     update kernel set active_version = 1;
-    insert into kernel_move (kernel, time_ms, caller, from_version, to_version, reason, generation)
-    values (1, 10, 'ada', null, 1, 'good', 1);
+    insert into kernel_move (kernel, alias, time_ms, caller, from_version, to_version, reason, generation)
+    values (1, 'active', 10, 'ada', null, 1, 'good', 1);
     update display set generation = 1, generation_time_ms = 10;
+    insert into kernel_alias values (1, 'candidate', 1);
+    insert into kernel_deprecation (kernel, version, deprecated, time_ms, caller, reason)
+    values (1, 1, 1, 10, 'ada', 'old lens');
+    insert into promotion_gate (display, time_ms, caller, reason, gate) values ('lab', 10, 'ada', 'why',
+    '{"better_than_active_percent":5.0,"worse_than_ideal_allowed":false,"test_pairs_min":2,"forms":["compact"]}');
+    insert into device values ('lab', 'bench-7', 'first', 'lightpath-agent 0.1.0', 10);
+    insert into device_kernel values ('lab', 'bench-7', 1, 1, 'compact', 'sha256-c', 1, null, '', 0.5, 10);
+    insert into rollout values (1, 1, 1, null, 'completed', 5.0, 'first', 10.0, 10, 0.5, 'ada', 'good', '[]', 9, 10, 2);
+    insert into rollout_event (kernel, number, time_ms, caller, message, generation)
+    values (1, 1, 9, 'ada', 'started', 1);
+    insert into rollout_report values (1, 1, 'bench-7', 1, 10);
 
     insert into job (id, request_id, display, spec, state, attempt, start_time_ms, finish_time_ms, lease_id,
     lease_until_ms, worker, error, result, checkpoint, owner, priority, attempts_max, create_time_ms, run_time_ms)
@@ -111,6 +124,7 @@ async fn migration_keeps_the_data_of_every_version() {
         let dataset = store.dataset("d").await.unwrap();
         assert_eq!((dataset.pairs.len(), dataset.digest.as_deref()), (2, Some("sha256-d")));
         store.add_pair("open", &pair(0), &[]).await.unwrap();
+        assert_registry_kept(&store).await;
         assert_kernels_kept(&store).await;
         assert_eq!(store.tokens().await.unwrap().len(), 1);
         assert_jobs_kept(&store).await;
@@ -146,12 +160,26 @@ async fn only_the_server_completes_an_interrupted_migration() {
 async fn assert_kernels_kept(store: &Store) {
     assert_eq!(store.kernel(&key()).await.unwrap().active_version, Some(1));
     let moved = &store.kernel_moves(&key(), None, 9).await.unwrap()[0];
-    assert_eq!((moved.caller.as_str(), moved.reason.as_str()), ("ada", "good"));
+    assert_eq!((moved.cause.caller.as_str(), moved.cause.reason.as_str()), ("ada", "good"));
     for model in [KernelModel::Display, KernelModel::Varying] {
         let content = NewKernelVersion { model, ..new_version(2) };
         let added = store.add_kernel_version(&key(), content, 20).await.unwrap();
         assert_eq!(store.kernel_version(&key(), added.version).await.unwrap().content.model, model);
     }
+}
+
+async fn assert_registry_kept(store: &Store) {
+    assert_eq!(store.kernel(&key()).await.unwrap().aliases["candidate"], 1);
+    let deprecation = store.kernel_version(&key(), 1).await.unwrap().deprecation.unwrap();
+    assert_eq!((deprecation.time_ms, deprecation.cause.reason.as_str()), (10, "old lens"));
+    let gate = &store.gates("lab", 9).await.unwrap()[0].gate;
+    assert_eq!((gate.better_than_active_percent, gate.forms.as_slice()), (Some(5.0), &[KernelFormat::Compact][..]));
+    let device = &store.devices("lab", None, 9).await.unwrap()[0];
+    let installed = &device.kernels[0];
+    assert_eq!((device.group.as_str(), installed.file.as_ref().unwrap().digest.as_str()), ("first", "sha256-c"));
+    assert_eq!((&installed.kernel, installed.self_test_loss), (&key(), Some(0.5)));
+    let (rollout, events) = store.rollout(&key(), 1).await.unwrap();
+    assert_eq!((rollout.state, rollout.devices_passed, events.len()), (RolloutState::Completed, 1, 1));
 }
 
 async fn assert_jobs_kept(store: &Store) {

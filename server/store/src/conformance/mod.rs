@@ -1,7 +1,7 @@
 //! Tests of the store on a real database in a temporary folder.
 //!
 //! `queue`: states of jobs and their changes. `scheduling`: when and for which owner jobs run. `registry`: displays,
-//! artifacts, datasets, kernels. `preparing`: datasets that jobs align and finalize. `model`: random histories of one
+//! artifacts, datasets, kernels. `rollouts`: aliases, gates, devices, rollouts. `preparing`: datasets that jobs align and finalize. `model`: random histories of one
 //! job, compared with a small model. `machine`: random histories of a whole queue. `migrations`: databases of earlier
 //! versions. `scale`: many jobs. `limits`: limits on stored records. `query_plans`: the indexes that queries use.
 
@@ -13,13 +13,14 @@ mod preparing;
 mod query_plans;
 mod queue;
 mod registry;
+mod rollouts;
 mod scale;
 mod scheduling;
 
-use super::{Store, StoreError};
+use super::{Promotion, Store, StoreError};
 use lightpath_domain::dataset::{Dataset, Encoding, Pair};
 use lightpath_domain::job::{FailureReason, JobEffect, JobError, JobResult, JobSpec, NewJob};
-use lightpath_domain::kernel::{KernelKey, KernelLineage, KernelMetrics, KernelModel, NewKernelVersion};
+use lightpath_domain::kernel::{Cause, KernelKey, KernelLineage, KernelMetrics, KernelModel, NewKernelVersion};
 use lightpath_domain::units::Distance;
 use lightpath_fixtures::{DISTANCE, WAVELENGTH, capture_job, capture_result, display};
 use tempfile::TempDir;
@@ -48,6 +49,15 @@ fn result() -> JobResult {
 
 fn io_error() -> JobError {
     JobError { reason: FailureReason::Io, message: "the disk failed".to_owned(), retryable: true }
+}
+
+/// Something that ada did.
+fn cause(reason: &str) -> Cause {
+    Cause { caller: "ada".to_owned(), reason: reason.to_owned() }
+}
+
+fn promotion(version: u32, expected_active: Option<u32>) -> Promotion {
+    Promotion { version, expected_active, cause: cause("better"), overridden: Vec::new() }
 }
 
 fn digest(n: u32) -> String {

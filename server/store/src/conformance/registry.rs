@@ -4,13 +4,7 @@ use super::*;
 use crate::open::connect_options;
 use crate::{AbortReason, PrivateKey, QueueLimits, StoredKeyring};
 use lightpath_domain::display::Display;
-use lightpath_domain::kernel::MoveCause;
 use sqlx::{ConnectOptions as _, Connection as _};
-
-/// A move by ada.
-fn cause(reason: &str) -> MoveCause {
-    MoveCause { caller: "ada".to_owned(), reason: reason.to_owned() }
-}
 
 #[tokio::test]
 async fn display_is_created_once_and_deleted_when_unused() {
@@ -178,23 +172,23 @@ async fn versions_are_numbered_and_rollbacks_undo_promotions_in_reverse_order() 
     assert_eq!(changes.try_recv().unwrap(), key());
     assert_eq!(store.kernel(&key()).await.unwrap().active_version, None);
     assert!(matches!(store.rollback(&key(), None, &cause(""), 1).await, Err(StoreError::Precondition { .. })));
-    assert!(matches!(store.promote(&key(), 5, None, &cause(""), 1).await, Err(StoreError::NotFound { .. })));
 
     let promote = |version, expected| {
         let store = store.clone();
-        async move { store.promote(&key(), version, expected, &cause("better"), 9).await }
+        async move { store.promote(&key(), promotion(version, expected), 9).await }
     };
-    promote(1, Some(None)).await.unwrap();
-    promote(2, Some(Some(1))).await.unwrap();
-    assert!(matches!(promote(3, Some(Some(1))).await, Err(StoreError::Aborted { .. })));
-    assert!(matches!(promote(3, Some(None)).await, Err(StoreError::Aborted { .. })));
-    promote(3, None).await.unwrap();
-    promote(3, None).await.unwrap();
+    assert!(matches!(promote(5, None).await, Err(StoreError::NotFound { .. })));
+    promote(1, None).await.unwrap();
+    promote(2, Some(1)).await.unwrap();
+    assert!(matches!(promote(3, Some(1)).await, Err(StoreError::Aborted { .. })));
+    assert!(matches!(promote(3, None).await, Err(StoreError::Aborted { .. })));
+    promote(3, Some(2)).await.unwrap();
+    promote(3, Some(3)).await.unwrap();
     assert_eq!(store.rollback(&key(), Some(3), &cause("worse"), 10).await.unwrap().active_version, Some(2));
     assert_eq!(store.rollback(&key(), Some(2), &cause("worse"), 11).await.unwrap().active_version, Some(1));
     let refused = store.rollback(&key(), Some(1), &cause("worse"), 12).await;
     assert!(matches!(refused, Err(StoreError::Precondition { .. })));
-    promote(4, None).await.unwrap();
+    promote(4, Some(1)).await.unwrap();
     assert_eq!(store.rollback(&key(), Some(4), &cause("worse"), 13).await.unwrap().active_version, Some(1));
 
     let moves = store.kernel_moves(&key(), None, 50).await.unwrap();
@@ -203,16 +197,16 @@ async fn versions_are_numbered_and_rollbacks_undo_promotions_in_reverse_order() 
     assert_eq!(
         listed,
         [
-            (Some(4), 1, true),
-            (Some(1), 4, false),
-            (Some(2), 1, true),
-            (Some(3), 2, true),
-            (Some(2), 3, false),
-            (Some(1), 2, false),
-            (None, 1, false),
+            (Some(4), Some(1), true),
+            (Some(1), Some(4), false),
+            (Some(2), Some(1), true),
+            (Some(3), Some(2), true),
+            (Some(2), Some(3), false),
+            (Some(1), Some(2), false),
+            (None, Some(1), false),
         ]
     );
-    assert!(moves.iter().all(|m| m.caller == "ada" && !m.reason.is_empty()), "{moves:?}");
+    assert!(moves.iter().all(|m| m.cause.caller == "ada" && !m.cause.reason.is_empty()), "{moves:?}");
     let page = store.kernel_moves(&key(), Some(moves[1].sequence), 2).await.unwrap();
     assert_eq!(page, moves[2..4]);
 
@@ -234,7 +228,7 @@ async fn only_one_of_two_rollbacks_goes_back() {
     record(&store, 5).await;
     for version in 1..=3 {
         store.add_kernel_version(&key(), new_version(version), 5).await.unwrap();
-        store.promote(&key(), version, None, &cause("better"), 6).await.unwrap();
+        store.promote(&key(), promotion(version, version.checked_sub(1).filter(|n| *n > 0)), 6).await.unwrap();
     }
     let rollback = |expected| {
         let store = store.clone();
@@ -260,18 +254,18 @@ async fn generation_of_a_display_rises_with_every_move_and_never_falls() {
     }
     let moment = |key: KernelKey| {
         let store = store.clone();
-        async move { store.kernel_moment(&key).await.unwrap() }
+        async move { store.kernel_moment(&key, None).await.unwrap() }
     };
     let first = moment(key()).await;
-    assert_eq!((first.generation, first.active_version, first.keyring_version), (0, None, None));
-    store.promote(&key(), 1, None, &cause("better"), 20).await.unwrap();
-    store.promote(&other, 1, None, &cause("better"), 30).await.unwrap();
+    assert_eq!((first.generation, first.version, first.keyring_version), (0, None, None));
+    store.promote(&key(), promotion(1, None), 20).await.unwrap();
+    store.promote(&other, promotion(1, None), 30).await.unwrap();
     // A clock that went back does not take the time back.
     store.add_kernel_version(&key(), new_version(2), 5).await.unwrap();
-    store.promote(&key(), 2, None, &cause("better"), 25).await.unwrap();
+    store.promote(&key(), promotion(2, Some(1)), 25).await.unwrap();
     for (key, active) in [(key(), 2), (other, 1)] {
         let found = moment(key).await;
-        assert_eq!((found.generation, found.generation_time_ms, found.active_version), (3, 30, Some(active)));
+        assert_eq!((found.generation, found.generation_time_ms, found.version), (3, 30, Some(active)));
     }
     store.raise_generations(1_000).await.unwrap();
     store.raise_generations(900).await.unwrap();

@@ -11,6 +11,8 @@ use tonic::{Code, Status};
 
 /// Content of the artifact that the examples upload.
 pub(super) const UPLOADED: &[u8] = b"uploaded";
+/// Digest that a device reports. It names nothing on the server.
+const DIGEST: &str = "sha256-0000000000000000000000000000000000000000000000000000000000000000";
 
 /// Messages for a method, and the answer to a caller who may use everything that they name.
 #[derive(Clone)]
@@ -57,7 +59,9 @@ pub(super) fn examples() -> Vec<Example> {
         holograms(),
         other_jobs(),
         kernels(),
+        rollouts(),
         changes_of_kernels(),
+        devices(),
         photos(),
         last(),
     ]
@@ -199,6 +203,12 @@ fn kernels() -> Vec<Example> {
         Example::new::<v1::GetKeyringRequest>("KernelService/GetKeyring", json!({})),
         Example::new::<v1::WatchKernelRequest>("KernelService/WatchKernel", json!({ "name": "$kernel" })),
         Example::new::<v1::ListKernelMovesRequest>("KernelService/ListKernelMoves", page),
+        Example::new::<v1::CheckPromotionRequest>("KernelService/CheckPromotion", json!({ "name": "$version" })),
+        Example::new::<v1::GetPromotionGateRequest>("KernelService/GetPromotionGate", json!({ "display": "$display" })),
+        Example::new::<v1::FindNearestKernelsRequest>(
+            "KernelService/FindNearestKernels",
+            json!({ "display": "$display", "distance_m": 4.5e-3 }),
+        ),
     ]
 }
 
@@ -209,11 +219,59 @@ fn changes_of_kernels() -> Vec<Example> {
     let at = |distance_m: f64| json!({ "display": "$display", "distance_m": distance_m });
     let mut file = at(4e-3);
     file["artifact"] = "$file".into();
+    let gate = json!({ "display": "$display", "gate": { "worse_than_ideal_allowed": true }, "reason": "why" });
+    let alias = json!({ "kernel": "$kernel", "alias": "candidate", "version": "$number", "reason": "why" });
+    let mut next_alias = alias.clone();
+    next_alias["version"] = 1.into();
+    next_alias["expected_version"] = "$number".into();
+    let deprecation = json!({ "name": "$version", "reason": "why" });
     vec![
+        Example::new::<v1::SetPromotionGateRequest>("KernelService/SetPromotionGate", gate),
+        Example::new::<v1::SetKernelAliasRequest>("KernelService/SetKernelAlias", alias),
+        Example::new::<v1::SetKernelAliasRequest>("KernelService/SetKernelAlias", next_alias),
         Example::new::<v1::PromoteKernelRequest>("KernelService/PromoteKernel", promotion),
         Example::new::<v1::RollbackKernelRequest>("KernelService/RollbackKernel", rollback),
         Example::new::<v1::ImportKernelRequest>("KernelService/ImportKernel", file),
         Example::new::<v1::InterpolateKernelRequest>("KernelService/InterpolateKernel", at(5e-3)),
+        Example::new::<v1::DeprecateKernelVersionRequest>("KernelService/DeprecateKernelVersion", deprecation),
+    ]
+}
+
+fn started() -> Value {
+    json!({ "kernel": "$kernel", "version": "$number", "share_percent": 5.0, "group": "first", "reason": "why", "force": true })
+}
+
+fn rollouts() -> Vec<Example> {
+    let list = json!({ "kernel": "$far_kernel", "page_size": 1, "page_token": "" });
+    let mut start = started();
+    start["version"] = 1.into();
+    start["expected_active_version"] = "$number".into();
+    let halt = json!({ "name": "$next_rollout", "reason": "why" });
+    vec![
+        Example::new::<v1::GetRolloutRequest>("RolloutService/GetRollout", json!({ "name": "$rollout" })),
+        Example::new::<v1::ListRolloutsRequest>("RolloutService/ListRollouts", list),
+        Example::new::<v1::WidenRolloutRequest>(
+            "RolloutService/WidenRollout",
+            json!({ "name": "$rollout", "share_percent": 50.0 }),
+        ),
+        Example::new::<v1::CompleteRolloutRequest>("RolloutService/CompleteRollout", json!({ "name": "$rollout" })),
+        Example::new::<v1::StartRolloutRequest>("RolloutService/StartRollout", start),
+        Example::new::<v1::HaltRolloutRequest>("RolloutService/HaltRollout", halt),
+    ]
+}
+
+fn devices() -> Vec<Example> {
+    let list = json!({ "display": "$display", "page_size": 1, "page_token": "" });
+    let report = json!({
+        "name": "$device", "kernel": "515nm-4mm", "version": "$number", "form": "compact", "digest": DIGEST,
+        "generation": "1", "tried_version": "$number", "message": "why", "agent": "agent 1"
+    });
+    let group = json!({ "name": "$device", "group": "second" });
+    vec![
+        Example::new::<v1::ReportDeviceRequest>("DeviceService/ReportDevice", report),
+        Example::new::<v1::ListDevicesRequest>("DeviceService/ListDevices", list),
+        Example::new::<v1::SetDeviceGroupRequest>("DeviceService/SetDeviceGroup", group),
+        Example::new::<v1::DeleteDeviceRequest>("DeviceService/DeleteDevice", json!({ "name": "$device" })),
     ]
 }
 
@@ -226,6 +284,7 @@ fn photos() -> Vec<Example> {
 fn last() -> Vec<Example> {
     vec![
         Example::new::<v1::CancelJobRequest>("JobService/CancelJob", json!({ "name": "$waiting" })),
+        Example::new::<v1::StartRolloutRequest>("RolloutService/StartRollout", started()),
         Example::new::<v1::PauseQueueRequest>(
             "JobService/PauseQueue",
             json!({ "display": "$display", "reason": "why" }),

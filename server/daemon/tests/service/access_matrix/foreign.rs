@@ -51,7 +51,9 @@ fn without(bytes: &[u8], name: &str) -> Vec<u8> {
 /// Whether a foreign name in a field of this kind may be answered with this code.
 fn is_allowed(names: Names, code: Code) -> bool {
     match names {
-        Names::Display | Names::Kernel | Names::KernelVersion | Names::Owner => code == Code::PermissionDenied,
+        Names::Display | Names::Kernel | Names::KernelVersion | Names::Rollout | Names::Device | Names::Owner => {
+            code == Code::PermissionDenied
+        }
         Names::Dataset | Names::Job | Names::Artifact => matches!(code, Code::NotFound | Code::PermissionDenied),
         Names::VersionNumber => matches!(code, Code::NotFound | Code::Aborted | Code::PermissionDenied),
         // The ids of datasets are unique on the server.
@@ -150,9 +152,11 @@ impl Search<'_> {
             "$display" => format!("/v1/jobs?display={}", world.text(key)),
             "$batch" => format!("/v1/jobs?display=displays/lab&batch={}", world.text(key)),
             "$kernel" => format!("/v1/{}/manifest", world.text(key)),
+            "$spare" => format!("/v1/{}/devices", world.text(key)),
+            "$far_kernel" => format!("/v1/{}/nearest-kernels?distance_m=0.004", world.display(key)),
             _ => format!("/v1/{}", world.text(key)),
         };
-        for key in ["$display", "$batch", "$waiting", "$ended", "$kernel"] {
+        for key in ["$display", "$batch", "$waiting", "$ended", "$kernel", "$spare", "$far_kernel"] {
             let mut answers = Vec::new();
             for world in [&self.worlds.foreign, &self.worlds.foreign.missing()] {
                 let answer = client.http1(&path_of(world, key), get).await;
@@ -167,6 +171,8 @@ impl Search<'_> {
             "/v1/jobs?display=displays/lab",
             "/healthz",
             "/v1/displays/lab/kernels",
+            "/v1/displays/lab/devices",
+            "/v1/displays/lab/nearest-kernels?distance_m=0.004",
             "/v1/keyring",
         ] {
             let answer = client.http1(path, get).await;

@@ -71,9 +71,15 @@ async fn add_kernels(all: &mut Vec<u8>, admin: &Person<'_>, display: &str) {
         let list = v1::ListKernelVersionsRequest { kernel: kernel.name.clone(), page_size, ..Default::default() };
         let versions = admin.ask::<v1::ListKernelVersionsResponse>("KernelService/ListKernelVersions", list);
         add(all, &versions.await.unwrap());
-        let list = v1::ListKernelMovesRequest { kernel: kernel.name, page_size, ..Default::default() };
+        let list = v1::ListKernelMovesRequest { kernel: kernel.name.clone(), page_size, ..Default::default() };
         add(all, &admin.ask::<v1::ListKernelMovesResponse>("KernelService/ListKernelMoves", list).await.unwrap());
+        let list = v1::ListRolloutsRequest { kernel: kernel.name, page_size, ..Default::default() };
+        add(all, &admin.ask::<v1::ListRolloutsResponse>("RolloutService/ListRollouts", list).await.unwrap());
     }
+    let get = v1::GetPromotionGateRequest { display: display.to_owned() };
+    add(all, &admin.ask::<v1::DisplayGate>("KernelService/GetPromotionGate", get).await.unwrap());
+    let list = v1::ListDevicesRequest { display: display.to_owned(), page_size, ..Default::default() };
+    add(all, &admin.ask::<v1::ListDevicesResponse>("DeviceService/ListDevices", list).await.unwrap());
 }
 
 fn add(all: &mut Vec<u8>, message: &impl Message) {

@@ -44,6 +44,11 @@ impl World {
         self.value(key).as_str().unwrap()
     }
 
+    /// The display of a kernel.
+    pub(super) fn display(&self, key: &str) -> &str {
+        self.text(key).split_once("/kernels/").unwrap().0
+    }
+
     pub(super) fn set(&mut self, key: &'static str, value: impl Into<Value>) {
         self.values.insert(key, value.into());
     }
@@ -101,6 +106,7 @@ pub(super) async fn build(guarded: &Guarded, prefix: &'static str, seed: u64) ->
     world.set("kernel", builder.kernel());
     builder.add_datasets(&mut world).await;
     builder.add_kernels(&mut world).await;
+    builder.add_rollouts(&mut world).await;
     builder.add_jobs(&mut world).await;
     builder.add_uploads(&mut world).await;
     world
@@ -204,6 +210,32 @@ impl Builder<'_> {
         world.set("learned_version", name);
         world.set("number", *versions.end());
         world.set("choice", versions.end().to_string());
+    }
+
+    /// Halts one rollout of the far kernel and starts another one, and puts two devices into a group.
+    async fn add_rollouts(&self, world: &mut World) {
+        let kernel = format!("displays/{}/kernels/515nm-6mm", self.prefix);
+        let start = v1::StartRolloutRequest {
+            kernel: kernel.clone(),
+            version: 1,
+            share_percent: 10.0,
+            reason: format!("{} rollout", self.prefix),
+            force: true,
+            ..Default::default()
+        };
+        let first: v1::Rollout = self.owner.ask("RolloutService/StartRollout", start.clone()).await.unwrap();
+        let halt = v1::HaltRolloutRequest { name: first.name, reason: format!("{} halt", self.prefix) };
+        self.owner.ask::<v1::Rollout>("RolloutService/HaltRollout", halt).await.unwrap();
+        let second: v1::Rollout = self.owner.ask("RolloutService/StartRollout", start).await.unwrap();
+        for n in 1..=2 {
+            let name = format!("displays/{0}/devices/{0}-device-{n}", self.prefix);
+            let request = v1::SetDeviceGroupRequest { name: name.clone(), group: "first".into() };
+            self.owner.ask::<v1::Device>("DeviceService/SetDeviceGroup", request).await.unwrap();
+            world.set("device", name);
+        }
+        world.set("far_kernel", kernel);
+        world.set("rollout", second.name);
+        world.set("next_rollout", format!("{}/rollouts/1", self.kernel()));
     }
 
     fn hologram(&self, target: &str) -> v1::SubmitJobRequest {

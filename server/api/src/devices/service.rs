@@ -1,0 +1,129 @@
+//! The device service.
+
+use super::to_wire;
+use crate::api::Api;
+use crate::call::Call;
+use crate::error::ApiError;
+use crate::field::{Field, shortened};
+use crate::names;
+use crate::pages::Page;
+use crate::permissions;
+use crate::time::now_ms;
+use lightpath_domain::device::{Device, InstalledFile, InstalledKernel, Report};
+use lightpath_domain::kernel_format::KernelFormat;
+use lightpath_proto::v1;
+use lightpath_proto::v1::device_service_server::DeviceService;
+use tonic::{Request, Response, Status};
+
+/// Limit on the length of a device's message \[bytes\].
+const MESSAGE_BYTES_MAX: usize = 1024;
+/// Limit on the length of the name of a device's program \[bytes\].
+const AGENT_BYTES_MAX: usize = 128;
+
+#[tonic::async_trait]
+impl DeviceService for Api {
+    async fn report_device(
+        &self,
+        request: Request<v1::ReportDeviceRequest>,
+    ) -> Result<Response<v1::ReportDeviceResponse>, Status> {
+        self.answer(request, Self::report_device).await
+    }
+
+    async fn list_devices(
+        &self,
+        request: Request<v1::ListDevicesRequest>,
+    ) -> Result<Response<v1::ListDevicesResponse>, Status> {
+        self.answer(request, Self::list_devices).await
+    }
+
+    async fn set_device_group(
+        &self,
+        request: Request<v1::SetDeviceGroupRequest>,
+    ) -> Result<Response<v1::Device>, Status> {
+        self.answer(request, Self::set_device_group).await
+    }
+
+    async fn delete_device(
+        &self,
+        request: Request<v1::DeleteDeviceRequest>,
+    ) -> Result<Response<v1::DeleteDeviceResponse>, Status> {
+        self.answer(request, Self::delete_device).await
+    }
+}
+
+impl Api {
+    pub(crate) async fn report_device(
+        &self,
+        call: &Call,
+        request: v1::ReportDeviceRequest,
+    ) -> Result<v1::ReportDeviceResponse, ApiError> {
+        let (display, device) = names::device(call, &Field::new("name"), &request.name)?;
+        permissions::device_of(call, &device)?;
+        call.concerns(&request.name);
+        let kernel = format!("displays/{display}/kernels/{}", request.kernel);
+        let generation = Field::new("generation").integer(request.generation, 0..=i64::MAX.unsigned_abs())?;
+        let loss = request.self_test_loss;
+        let report = Report {
+            device,
+            agent: Field::new("agent").text(request.agent, AGENT_BYTES_MAX)?,
+            installed: InstalledKernel {
+                kernel: names::kernel_key(call, &Field::new("kernel"), &kernel)?,
+                file: installed_file(request.version, &request.form, &request.digest)?,
+                generation,
+                tried_version: (request.tried_version > 0).then_some(request.tried_version),
+                message: Field::new("message").text(request.message, MESSAGE_BYTES_MAX)?,
+                self_test_loss: loss
+                    .map(|loss| Field::new("self_test_loss").number(loss, 0.0..=f64::MAX))
+                    .transpose()?,
+                report_time_ms: now_ms(),
+            },
+        };
+        self.store.report_device(report).await?;
+        Ok(v1::ReportDeviceResponse {})
+    }
+
+    pub(crate) async fn list_devices(
+        &self,
+        call: &Call,
+        request: v1::ListDevicesRequest,
+    ) -> Result<v1::ListDevicesResponse, ApiError> {
+        let display = self.display_named(call, &Field::new("display"), &request.display).await?;
+        let page = Page::new(&["devices", &request.display], request.page_size, &request.page_token)?;
+        let devices = self.store.devices(&display.id, page.after.as_deref(), page.limit()).await?;
+        let (devices, next_page_token) = page.fill(devices, |device: &Device| device.id.clone(), to_wire::device);
+        Ok(v1::ListDevicesResponse { devices, next_page_token })
+    }
+
+    async fn set_device_group(&self, call: &Call, request: v1::SetDeviceGroupRequest) -> Result<v1::Device, ApiError> {
+        let (display, device) = names::device(call, &Field::new("name"), &request.name)?;
+        call.concerns(&request.name);
+        let group = match request.group.as_str() {
+            "" => "",
+            group => names::label(&Field::new("group"), group)?,
+        };
+        Ok(to_wire::device(self.store.set_device_group(&display, &device, group, now_ms()).await?))
+    }
+
+    async fn delete_device(
+        &self,
+        call: &Call,
+        request: v1::DeleteDeviceRequest,
+    ) -> Result<v1::DeleteDeviceResponse, ApiError> {
+        let (display, device) = names::device(call, &Field::new("name"), &request.name)?;
+        call.concerns(&request.name);
+        self.store.delete_device(&display, &device).await?;
+        Ok(v1::DeleteDeviceResponse {})
+    }
+}
+
+/// The file that a device uses; `None` for version 0.
+fn installed_file(version: u32, form: &str, digest: &str) -> Result<Option<InstalledFile>, ApiError> {
+    if version == 0 {
+        return Ok(None);
+    }
+    let form = KernelFormat::parse(form).ok_or_else(|| {
+        let forms: Vec<&str> = KernelFormat::ALL.iter().map(|form| form.as_str()).collect();
+        Field::new("form").invalid(format!("is {:?}, but must be one of {}", shortened(form), forms.join(", ")))
+    })?;
+    Ok(Some(InstalledFile { version, form, digest: Field::new("digest").digest(digest)? }))
+}

@@ -1,0 +1,131 @@
+//! What people say about versions: promotion gates, aliases, deprecations; and the search for the nearest distance.
+
+use super::promotion::{REASON_BYTES_MAX, cause};
+use super::to_wire;
+use crate::api::Api;
+use crate::call::Call;
+use crate::error::ApiError;
+use crate::field::{Field, shortened};
+use crate::names;
+use crate::time::now_ms;
+use lightpath_domain::kernel::{ACTIVE, KernelKey};
+use lightpath_domain::kernel_format::KernelFormat;
+use lightpath_domain::promotion::PromotionGate;
+use lightpath_proto::v1;
+
+/// Gates of a display's history that one answer shows.
+const GATES_SHOWN: u32 = 100;
+/// Limit on the test pairs that a gate requires: no dataset has more.
+const TEST_PAIRS_MAX: u32 = 100_000;
+/// Names that cannot be aliases, because they have another meaning where a version is named.
+const RESERVED: [&str; 3] = [ACTIVE, "ideal", "latest"];
+
+impl Api {
+    pub(crate) async fn set_promotion_gate(
+        &self,
+        call: &Call,
+        request: v1::SetPromotionGateRequest,
+    ) -> Result<v1::DisplayGate, ApiError> {
+        let display = self.display_named(call, &Field::new("display"), &request.display).await?;
+        call.concerns(&request.display);
+        let reason = Field::new("reason").text(request.reason, REASON_BYTES_MAX)?;
+        let gate = gate_from_wire(&Field::new("gate"), request.gate.unwrap_or_default())?;
+        self.store.set_gate(&display.id, &gate, &cause(call, reason), now_ms()).await?;
+        self.display_gate(&display.id).await
+    }
+
+    pub(crate) async fn get_promotion_gate(
+        &self,
+        call: &Call,
+        request: v1::GetPromotionGateRequest,
+    ) -> Result<v1::DisplayGate, ApiError> {
+        let display = self.display_named(call, &Field::new("display"), &request.display).await?;
+        self.display_gate(&display.id).await
+    }
+
+    async fn display_gate(&self, display: &str) -> Result<v1::DisplayGate, ApiError> {
+        let history = self.store.gates(display, GATES_SHOWN).await?;
+        let gate = history.first().map(|change| change.gate.clone()).unwrap_or_default();
+        Ok(v1::DisplayGate {
+            display: format!("displays/{display}"),
+            gate: Some(to_wire::gate(gate)),
+            history: history.into_iter().map(to_wire::gate_change).collect(),
+        })
+    }
+
+    pub(crate) async fn set_kernel_alias(
+        &self,
+        call: &Call,
+        request: v1::SetKernelAliasRequest,
+    ) -> Result<v1::Kernel, ApiError> {
+        let key = names::kernel_key(call, &Field::new("kernel"), &request.kernel)?;
+        call.concerns(key.to_string());
+        let alias = alias(&Field::new("alias"), &request.alias)?;
+        let reason = Field::new("reason").text(request.reason, REASON_BYTES_MAX)?;
+        let some = |version: u32| (version > 0).then_some(version);
+        let (version, expected) = (some(request.version), request.expected_version.map(some));
+        let kernel = self.store.set_alias(&key, alias, version, expected, &cause(call, reason), now_ms()).await?;
+        Ok(to_wire::kernel(&kernel))
+    }
+
+    pub(crate) async fn deprecate_kernel_version(
+        &self,
+        call: &Call,
+        request: v1::DeprecateKernelVersionRequest,
+    ) -> Result<v1::KernelVersion, ApiError> {
+        let (key, version) = names::kernel_version(call, &Field::new("name"), &request.name)?;
+        call.concerns(&request.name);
+        let field = Field::new("reason");
+        let reason = field.text(request.reason, REASON_BYTES_MAX)?;
+        if reason.trim().is_empty() {
+            return Err(field.invalid("is empty, but must say why"));
+        }
+        let deprecated = !request.undo;
+        let version =
+            self.store.deprecate_kernel_version(&key, version, deprecated, &cause(call, reason), now_ms()).await?;
+        Ok(to_wire::version(version))
+    }
+
+    pub(crate) async fn find_nearest_kernels(
+        &self,
+        call: &Call,
+        request: v1::FindNearestKernelsRequest,
+    ) -> Result<v1::FindNearestKernelsResponse, ApiError> {
+        let display = self.display_named(call, &Field::new("display"), &request.display).await?;
+        let wavelength = Field::new("wavelength_m").wavelength_of(request.wavelength_m, &display)?;
+        let distance = Field::new("distance_m").distance(request.distance_m)?;
+        let key = KernelKey { display: display.id, wavelength, distance };
+        let kernels = self.store.nearest_kernels(&key).await?;
+        Ok(v1::FindNearestKernelsResponse {
+            kernels: kernels.iter().map(to_wire::kernel).collect(),
+            can_be_interpolated: self.can_be_interpolated(&key).await?,
+        })
+    }
+}
+
+fn gate_from_wire(field: &Field, gate: v1::PromotionGate) -> Result<PromotionGate, ApiError> {
+    let percent = gate.better_than_active_percent;
+    let percent = percent.map(|percent| field.at("better_than_active_percent").number(percent, 0.0..=100.0));
+    let forms = gate.forms.iter().map(|name| {
+        KernelFormat::parse(name).ok_or_else(|| {
+            let known: Vec<&str> = KernelFormat::ALL.iter().map(|form| form.as_str()).collect();
+            let problem = format!("has {:?}, but must have some of {}", shortened(name), known.join(", "));
+            field.at("forms").invalid(problem)
+        })
+    });
+    Ok(PromotionGate {
+        better_than_active_percent: percent.transpose()?,
+        worse_than_ideal_allowed: gate.worse_than_ideal_allowed,
+        test_pairs_min: field.at("test_pairs_min").integer(gate.test_pairs_min, 0..=TEST_PAIRS_MAX)?,
+        forms: forms.collect::<Result<_, _>>()?,
+    })
+}
+
+/// Checks an alias other than `active`.
+fn alias<'a>(field: &Field, text: &'a str) -> Result<&'a str, ApiError> {
+    let alias = names::label(field, text)?;
+    if RESERVED.contains(&alias) {
+        return Err(field.invalid(format!("is {alias:?}, which has another meaning; choose another name")));
+    }
+    Ok(alias)
+}

@@ -1,0 +1,4 @@
+//! Staged rollouts: starting, widening, completing, halting.
+
+mod service;
+mod to_wire;

@@ -1,0 +1,37 @@
+//! Conversion of rollouts into messages.
+
+use crate::enumerations::OnWire as _;
+use crate::time::timestamp;
+use lightpath_domain::rollout::{Rollout, RolloutEvent};
+use lightpath_proto::v1;
+
+/// Converts a rollout into its message.
+pub(super) fn rollout(rollout: Rollout, events: Vec<RolloutEvent>) -> v1::Rollout {
+    let plan = rollout.plan;
+    v1::Rollout {
+        name: format!("{}/rollouts/{}", rollout.key, rollout.number),
+        version: plan.version,
+        from_version: rollout.from_version.unwrap_or(0),
+        state: rollout.state.to_wire(),
+        share_percent: plan.share_percent,
+        group: plan.group,
+        failed_percent_max: plan.failed_percent_max,
+        devices_min: plan.devices_min,
+        self_test_loss_max: plan.self_test_loss_max,
+        devices_passed: rollout.devices_passed,
+        devices_failed: rollout.devices_failed,
+        start_time: Some(timestamp(rollout.start_time_ms)),
+        end_time: rollout.end_time_ms.map(timestamp),
+        revision: rollout.revision,
+        events: events.into_iter().map(event).collect(),
+    }
+}
+
+fn event(event: RolloutEvent) -> v1::RolloutEvent {
+    v1::RolloutEvent {
+        time: Some(timestamp(event.time_ms)),
+        caller: event.caller,
+        message: event.message,
+        generation: event.generation,
+    }
+}

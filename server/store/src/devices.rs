@@ -1,0 +1,224 @@
+//! Devices and their reports.
+
+use super::kernels::find;
+use super::moves::require_version;
+use super::rollouts;
+use super::rows::{from_word, to_word};
+use super::write::Write;
+use super::{Store, StoreError, page};
+use lightpath_domain::device::{Device, InstalledFile, InstalledKernel, Report};
+use lightpath_domain::kernel::KernelKey;
+use lightpath_domain::kernel_format::KernelFormat;
+use lightpath_domain::reason::PreconditionReason;
+use lightpath_domain::units::{Distance, Wavelength};
+use sqlx::sqlite::SqliteRow;
+use sqlx::{Row, SqliteConnection};
+
+/// Limit on the devices of a display, so that wrong ids cannot fill the disk.
+pub const DEVICES_MAX: u32 = 100_000;
+
+impl Store {
+    /// Stores the report of a device, and halts a rollout that has failed by it.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::NotFound`] if the kernel or a version does not exist; [`StoreError::Precondition`] if the display
+    /// has [`DEVICES_MAX`] devices.
+    pub async fn report_device(&self, report: Report) -> Result<(), StoreError> {
+        self.write(move |write| Box::pin(async move { store_report(write, &report).await })).await
+    }
+
+    /// At most `limit` devices of a display in the order of their ids, behind the id `after`.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn devices(&self, display: &str, after: Option<&str>, limit: u32) -> Result<Vec<Device>, StoreError> {
+        let mut read = self.readers().begin().await?;
+        let rows = sqlx::query("select * from device where display = ? and id > ? order by id limit ?")
+            .bind(display)
+            .bind(after.unwrap_or(""))
+            .bind(page(limit))
+            .fetch_all(&mut *read)
+            .await?;
+        let mut devices = Vec::with_capacity(rows.len());
+        for row in &rows {
+            devices.push(device_of(&mut read, row).await?);
+        }
+        Ok(devices)
+    }
+
+    /// Puts a device into a group (empty: none), and creates the device if it is unknown.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::NotFound`] if the display does not exist; [`StoreError::Precondition`] if it has [`DEVICES_MAX`]
+    /// devices.
+    pub async fn set_device_group(
+        &self,
+        display: &str,
+        device: &str,
+        group: &str,
+        now_ms: i64,
+    ) -> Result<Device, StoreError> {
+        let (display, device, group) = (display.to_owned(), device.to_owned(), group.to_owned());
+        self.write(move |write| {
+            Box::pin(async move {
+                create(write.sql(), &display, &device).await?;
+                let regroup = "update device set group_name = ?3 where display = ?1 and id = ?2 and group_name <> ?3";
+                let changed =
+                    sqlx::query(regroup).bind(&display).bind(&device).bind(&group).execute(write.sql()).await?;
+                if changed.rows_affected() > 0 {
+                    rollouts::note_regrouping(write, &display, now_ms).await?;
+                }
+                let row = sqlx::query("select * from device where display = ? and id = ?")
+                    .bind(&display)
+                    .bind(&device)
+                    .fetch_one(write.sql())
+                    .await?;
+                device_of(write.sql(), &row).await
+            })
+        })
+        .await
+    }
+
+    /// Forgets a device and its reports.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::NotFound`].
+    pub async fn delete_device(&self, display: &str, device: &str) -> Result<(), StoreError> {
+        let (display, device) = (display.to_owned(), device.to_owned());
+        self.write(move |write| {
+            Box::pin(async move {
+                let delete = "delete from device where display = ? and id = ?";
+                let deleted = sqlx::query(delete).bind(&display).bind(&device).execute(write.sql()).await?;
+                match deleted.rows_affected() {
+                    0 => Err(StoreError::not_found(format!("displays/{display}/devices/{device}"))),
+                    _ => Ok(()),
+                }
+            })
+        })
+        .await
+    }
+
+    /// The forms of a kernel that devices use.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::NotFound`] if the kernel does not exist.
+    pub async fn forms_in_use(&self, key: &KernelKey) -> Result<Vec<KernelFormat>, StoreError> {
+        let mut read = self.readers().begin().await?;
+        let (id, _) = find(&mut read, key).await?;
+        let words: Vec<String> =
+            sqlx::query_scalar("select distinct form from device_kernel where kernel = ? and form <> '' order by form")
+                .bind(id)
+                .fetch_all(&mut *read)
+                .await?;
+        words.into_iter().map(|word| from_word("device_kernel.form", word)).collect()
+    }
+}
+
+async fn store_report(write: &mut Write, report: &Report) -> Result<(), StoreError> {
+    let Report { device, agent, installed } = report;
+    let (id, kernel) = find(write.sql(), &installed.kernel).await?;
+    let file = installed.file.as_ref();
+    for version in file.map(|file| file.version).into_iter().chain(installed.tried_version) {
+        require_version(&kernel, version)?;
+    }
+    let display = &installed.kernel.display;
+    create(write.sql(), display, device).await?;
+    sqlx::query("update device set agent = ?, report_time_ms = ? where display = ? and id = ?")
+        .bind(agent)
+        .bind(installed.report_time_ms)
+        .bind(display)
+        .bind(device)
+        .execute(write.sql())
+        .await?;
+    sqlx::query(
+        "insert into device_kernel values (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) on conflict do update set \
+         version = excluded.version, form = excluded.form, digest = excluded.digest, \
+         generation = excluded.generation, tried_version = excluded.tried_version, message = excluded.message, \
+         self_test_loss = excluded.self_test_loss, report_time_ms = excluded.report_time_ms",
+    )
+    .bind(display)
+    .bind(device)
+    .bind(id)
+    .bind(file.map(|file| file.version))
+    .bind(file.map(|file| to_word("device_kernel.form", &file.form)).transpose()?.unwrap_or_default())
+    .bind(file.map(|file| file.digest.as_str()).unwrap_or_default())
+    .bind(installed.generation as i64)
+    .bind(installed.tried_version)
+    .bind(&installed.message)
+    .bind(installed.self_test_loss)
+    .bind(installed.report_time_ms)
+    .execute(write.sql())
+    .await?;
+    rollouts::note_report(write, id, &kernel, report).await
+}
+
+/// Creates a device if it is unknown.
+async fn create(sql: &mut SqliteConnection, display: &str, device: &str) -> Result<(), StoreError> {
+    let state = "select exists (select 1 from display where id = ?1), \
+                 exists (select 1 from device where display = ?1 and id = ?2)";
+    let (display_exists, device_exists): (bool, bool) =
+        sqlx::query_as(state).bind(display).bind(device).fetch_one(&mut *sql).await?;
+    if !display_exists {
+        return Err(StoreError::not_found(format!("displays/{display}")));
+    }
+    if device_exists {
+        return Ok(());
+    }
+    let devices: u32 =
+        sqlx::query_scalar("select count(*) from device where display = ?").bind(display).fetch_one(&mut *sql).await?;
+    if devices >= DEVICES_MAX {
+        let message = format!("displays/{display} has {DEVICES_MAX} devices, which is the limit; delete old ones");
+        return Err(StoreError::precondition(PreconditionReason::DevicesFull, message));
+    }
+    sqlx::query("insert into device (display, id) values (?, ?)").bind(display).bind(device).execute(sql).await?;
+    Ok(())
+}
+
+async fn device_of(sql: &mut SqliteConnection, row: &SqliteRow) -> Result<Device, StoreError> {
+    let (display, id): (String, String) = (row.try_get("display")?, row.try_get("id")?);
+    let kernels = sqlx::query(
+        "select d.*, k.wavelength_pm, k.distance_nm from device_kernel d join kernel k on k.id = d.kernel \
+         where d.display = ? and d.device = ? order by k.name",
+    )
+    .bind(&display)
+    .bind(&id)
+    .fetch_all(sql)
+    .await?;
+    Ok(Device {
+        kernels: kernels.iter().map(|row| installed_of(&display, row)).collect::<Result<_, _>>()?,
+        display,
+        id,
+        group: row.try_get("group_name")?,
+        agent: row.try_get("agent")?,
+        report_time_ms: row.try_get("report_time_ms")?,
+    })
+}
+
+fn installed_of(display: &str, row: &SqliteRow) -> Result<InstalledKernel, StoreError> {
+    let file = match row.try_get("version")? {
+        None => None,
+        Some(version) => Some(InstalledFile {
+            version,
+            form: from_word("device_kernel.form", row.try_get("form")?)?,
+            digest: row.try_get("digest")?,
+        }),
+    };
+    Ok(InstalledKernel {
+        kernel: KernelKey {
+            display: display.to_owned(),
+            wavelength: Wavelength { pm: row.try_get("wavelength_pm")? },
+            distance: Distance { nm: row.try_get("distance_nm")? },
+        },
+        file,
+        generation: row.try_get::<i64, _>("generation")?.unsigned_abs(),
+        tried_version: row.try_get("tried_version")?,
+        message: row.try_get("message")?,
+        self_test_loss: row.try_get("self_test_loss")?,
+        report_time_ms: row.try_get("report_time_ms")?,
+    })
+}

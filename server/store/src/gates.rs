@@ -1,0 +1,67 @@
+//! Promotion gates of displays.
+
+use super::rows::{from_json, to_json};
+use super::{Store, StoreError, page};
+use lightpath_domain::kernel::Cause;
+use lightpath_domain::promotion::{GateChange, PromotionGate};
+use sqlx::Row;
+
+impl Store {
+    /// Sets the promotion gate of a display.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::NotFound`] if the display does not exist.
+    pub async fn set_gate(
+        &self,
+        display: &str,
+        gate: &PromotionGate,
+        cause: &Cause,
+        now_ms: i64,
+    ) -> Result<(), StoreError> {
+        let (display, gate, cause) = (display.to_owned(), to_json("promotion_gate.gate", gate)?, cause.clone());
+        self.write(move |write| {
+            Box::pin(async move {
+                let inserted = sqlx::query(
+                    "insert into promotion_gate (display, time_ms, caller, reason, gate) \
+                     select id, ?, ?, ?, ? from display where id = ?",
+                )
+                .bind(now_ms)
+                .bind(cause.caller)
+                .bind(cause.reason)
+                .bind(gate)
+                .bind(&display)
+                .execute(write.sql())
+                .await?;
+                match inserted.rows_affected() {
+                    0 => Err(StoreError::not_found(format!("displays/{display}"))),
+                    _ => Ok(()),
+                }
+            })
+        })
+        .await
+    }
+
+    /// At most `limit` gates that were set for a display, the newest first. The first one counts.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn gates(&self, display: &str, limit: u32) -> Result<Vec<GateChange>, StoreError> {
+        let rows = sqlx::query("select * from promotion_gate where display = ? order by sequence desc limit ?")
+            .bind(display)
+            .bind(page(limit))
+            .fetch_all(self.readers())
+            .await?;
+        rows.iter()
+            .map(|row| {
+                let gate: String = row.try_get("gate")?;
+                Ok(GateChange {
+                    time_ms: row.try_get("time_ms")?,
+                    cause: Cause { caller: row.try_get("caller")?, reason: row.try_get("reason")? },
+                    gate: from_json("promotion_gate.gate", &gate)?,
+                })
+            })
+            .collect()
+    }
+}

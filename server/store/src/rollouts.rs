@@ -1,0 +1,398 @@
+//! Staged rollouts.
+
+use super::kernels::find;
+use super::moves::{Promotion, promote, raise_generation, require_active, require_no_rollout, require_version};
+use super::rows::{from_json, from_word, to_json, to_word};
+use super::write::Write;
+use super::{AbortReason, Store, StoreError, page};
+use lightpath_domain::device::Report;
+use lightpath_domain::kernel::{Cause, Kernel, KernelKey};
+use lightpath_domain::reason::PreconditionReason;
+use lightpath_domain::rollout::{Rollout, RolloutEvent, RolloutPlan, RolloutState};
+use lightpath_domain::units::{Distance, Wavelength};
+use sqlx::sqlite::SqliteRow;
+use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
+
+/// Selects rollouts with the numbers of their reports.
+const ROLLOUTS: &str = "select r.*, k.display, k.wavelength_pm, k.distance_nm, \
+                        (select count(*) from rollout_report p where p.kernel = r.kernel and p.number = r.number \
+                        and p.passed) as devices_passed, \
+                        (select count(*) from rollout_report p where p.kernel = r.kernel and p.number = r.number \
+                        and not p.passed) as devices_failed \
+                        from rollout r join kernel k on k.id = r.kernel";
+
+impl Store {
+    /// Starts a rollout.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::NotFound`] if the version does not exist; [`StoreError::Aborted`] if a version other than
+    /// `expected_active` (`None`: no version) is active; [`StoreError::Precondition`] if a rollout is running or the
+    /// version is active.
+    pub async fn start_rollout(
+        &self,
+        key: &KernelKey,
+        plan: RolloutPlan,
+        expected_active: Option<u32>,
+        now_ms: i64,
+    ) -> Result<Rollout, StoreError> {
+        let key = key.clone();
+        self.write(move |write| Box::pin(async move { start(write, &key, plan, expected_active, now_ms).await })).await
+    }
+
+    /// Gives the version of a rollout to a larger share of the devices.
+    ///
+    /// # Errors
+    ///
+    /// The errors of [`Self::halt_rollout`]; [`StoreError::Aborted`] if the revision is not the expected one, or the
+    /// share is not larger.
+    pub async fn widen_rollout(
+        &self,
+        key: &KernelKey,
+        number: u32,
+        share_percent: f64,
+        expected_revision: Option<u32>,
+        caller: &str,
+        now_ms: i64,
+    ) -> Result<Rollout, StoreError> {
+        let (key, caller) = (key.clone(), caller.to_owned());
+        self.write(move |write| {
+            Box::pin(async move {
+                let rollout = running(write.sql(), &key, number, expected_revision).await?;
+                let present = rollout.plan.share_percent;
+                if share_percent <= present {
+                    let message = format!("{} has {present} % already; halt it to go back", name(&key, number));
+                    return Err(StoreError::Aborted { reason: AbortReason::RolloutChanged, message });
+                }
+                let set = "update rollout set share_percent = ?3, revision = revision + 1 where number = ?2 \
+                           and kernel = (select id from kernel where name = ?1)";
+                sqlx::query(set).bind(key.to_string()).bind(number).bind(share_percent).execute(write.sql()).await?;
+                let generation = raise_generation(write, &key, now_ms).await?;
+                let event = RolloutEvent {
+                    time_ms: now_ms,
+                    caller,
+                    message: format!("{share_percent} % of the devices get the version, instead of {present} %"),
+                    generation: generation.unsigned_abs(),
+                };
+                append_event(write, &key, number, event).await?;
+                find_rollout(write.sql(), &key, number).await
+            })
+        })
+        .await
+    }
+
+    /// Ends a rollout by making its version active.
+    ///
+    /// # Errors
+    ///
+    /// The errors of [`Self::halt_rollout`]; [`StoreError::Aborted`] if the revision is not the expected one.
+    pub async fn complete_rollout(
+        &self,
+        key: &KernelKey,
+        number: u32,
+        expected_revision: Option<u32>,
+        caller: &str,
+        now_ms: i64,
+    ) -> Result<Rollout, StoreError> {
+        let (key, caller) = (key.clone(), caller.to_owned());
+        self.write(move |write| {
+            Box::pin(async move {
+                let Rollout { plan, from_version, .. } = running(write.sql(), &key, number, expected_revision).await?;
+                let ending = Ending { state: RolloutState::Completed, caller, message: "the version is active".into() };
+                end(write, &key, number, ending, now_ms).await?;
+                let promotion = Promotion {
+                    version: plan.version,
+                    expected_active: from_version,
+                    cause: plan.cause,
+                    overridden: plan.overridden,
+                };
+                promote(write, &key, promotion, now_ms).await?;
+                find_rollout(write.sql(), &key, number).await
+            })
+        })
+        .await
+    }
+
+    /// Ends a rollout: all devices go back to the active version.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::NotFound`]; [`StoreError::Precondition`] if the rollout has ended.
+    pub async fn halt_rollout(
+        &self,
+        key: &KernelKey,
+        number: u32,
+        cause: &Cause,
+        now_ms: i64,
+    ) -> Result<Rollout, StoreError> {
+        let (key, cause) = (key.clone(), cause.clone());
+        self.write(move |write| {
+            Box::pin(async move {
+                running(write.sql(), &key, number, None).await?;
+                let why = if cause.reason.is_empty() { String::new() } else { format!(": {}", cause.reason) };
+                let message = format!("halted{why}");
+                let ending = Ending { state: RolloutState::Halted, caller: cause.caller, message };
+                end(write, &key, number, ending, now_ms).await?;
+                raise_generation(write, &key, now_ms).await?;
+                find_rollout(write.sql(), &key, number).await
+            })
+        })
+        .await
+    }
+
+    /// A rollout with its events, the oldest first.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::NotFound`].
+    pub async fn rollout(&self, key: &KernelKey, number: u32) -> Result<(Rollout, Vec<RolloutEvent>), StoreError> {
+        let mut read = self.readers().begin().await?;
+        let rollout = find_rollout(&mut read, key, number).await?;
+        let rows = sqlx::query(
+            "select e.* from rollout_event e join kernel k on k.id = e.kernel where k.name = ? and e.number = ? \
+             order by sequence limit ?",
+        )
+        .bind(key.to_string())
+        .bind(number)
+        .bind(page(u32::MAX))
+        .fetch_all(&mut *read)
+        .await?;
+        let events = rows.iter().map(|row| {
+            Ok(RolloutEvent {
+                time_ms: row.try_get("time_ms")?,
+                caller: row.try_get("caller")?,
+                message: row.try_get("message")?,
+                generation: row.try_get::<i64, _>("generation")?.unsigned_abs(),
+            })
+        });
+        Ok((rollout, events.collect::<Result<_, StoreError>>()?))
+    }
+
+    /// At most `limit` rollouts of a kernel, newest first and older than the rollout `before`.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::NotFound`] if the kernel does not exist.
+    pub async fn rollouts(&self, key: &KernelKey, before: Option<u32>, limit: u32) -> Result<Vec<Rollout>, StoreError> {
+        let mut read = self.readers().begin().await?;
+        let (id, _) = find(&mut read, key).await?;
+        let mut query = QueryBuilder::<Sqlite>::new(ROLLOUTS);
+        query.push(" where r.kernel = ").push_bind(id);
+        query.push(" and r.number < ").push_bind(before.map_or(i64::MAX, i64::from));
+        query.push(" order by r.number desc limit ").push_bind(page(limit));
+        query.build().fetch_all(&mut *read).await?.iter().map(rollout_of).collect()
+    }
+}
+
+/// How a rollout ends.
+struct Ending {
+    state: RolloutState,
+    caller: String,
+    message: String,
+}
+
+async fn start(
+    write: &mut Write,
+    key: &KernelKey,
+    plan: RolloutPlan,
+    expected_active: Option<u32>,
+    now_ms: i64,
+) -> Result<Rollout, StoreError> {
+    let (id, kernel) = find(write.sql(), key).await?;
+    require_version(&kernel, plan.version)?;
+    require_active(&kernel, expected_active)?;
+    require_no_rollout(&kernel)?;
+    if kernel.active_version == Some(plan.version) {
+        let message = format!("version {} of {key} is active already", plan.version);
+        return Err(StoreError::precondition(PreconditionReason::RolloutEnded, message));
+    }
+    let number: u32 = sqlx::query_scalar(
+        "insert into rollout (kernel, number, version, from_version, state, share_percent, group_name, \
+         failed_percent_max, devices_min, self_test_loss_max, caller, reason, overridden, start_time_ms) \
+         select ?1, 1 + coalesce((select max(number) from rollout where kernel = ?1), 0), ?2, ?3, 'running', \
+         ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12 returning number",
+    )
+    .bind(id)
+    .bind(plan.version)
+    .bind(kernel.active_version)
+    .bind(plan.share_percent)
+    .bind(&plan.group)
+    .bind(plan.failed_percent_max)
+    .bind(plan.devices_min)
+    .bind(plan.self_test_loss_max)
+    .bind(&plan.cause.caller)
+    .bind(&plan.cause.reason)
+    .bind(to_json("rollout.overridden", &plan.overridden)?)
+    .bind(now_ms)
+    .fetch_one(write.sql())
+    .await?;
+    let generation = raise_generation(write, key, now_ms).await?.unsigned_abs();
+    let RolloutPlan { version, share_percent, group, cause, .. } = plan;
+    let group = if group.is_empty() { String::new() } else { format!(" and the group {group}") };
+    let message = format!("{share_percent} % of the devices{group} get version {version}");
+    let event = RolloutEvent { time_ms: now_ms, caller: cause.caller, message, generation };
+    append_event(write, key, number, event).await?;
+    find_rollout(write.sql(), key, number).await
+}
+
+/// Ends a running rollout. The caller changes what devices get, which raises the generation.
+async fn end(write: &mut Write, key: &KernelKey, number: u32, ending: Ending, now_ms: i64) -> Result<(), StoreError> {
+    let Ending { state, caller, message } = ending;
+    let word = to_word("rollout.state", &state)?;
+    sqlx::query(
+        "update rollout set state = ?3, end_time_ms = ?4, revision = revision + 1 where number = ?2 \
+         and kernel = (select id from kernel where name = ?1)",
+    )
+    .bind(key.to_string())
+    .bind(number)
+    .bind(word)
+    .bind(now_ms)
+    .execute(write.sql())
+    .await?;
+    let generation: i64 = sqlx::query_scalar("select generation + 1 from display where id = ?")
+        .bind(&key.display)
+        .fetch_one(write.sql())
+        .await?;
+    let event = RolloutEvent { time_ms: now_ms, caller, message, generation: generation.unsigned_abs() };
+    append_event(write, key, number, event).await
+}
+
+/// Notes what a device reports about the version of a running rollout, and halts the rollout if too many have failed.
+pub(super) async fn note_report(
+    write: &mut Write,
+    kernel_id: i64,
+    kernel: &Kernel,
+    report: &Report,
+) -> Result<(), StoreError> {
+    let Some(number) = kernel.rollout else { return Ok(()) };
+    let key = &kernel.key;
+    let Rollout { plan, .. } = find_rollout(write.sql(), key, number).await?;
+    let installed = &report.installed;
+    let is_installed = installed.file.as_ref().is_some_and(|file| file.version == plan.version);
+    let is_within = match (plan.self_test_loss_max, installed.self_test_loss) {
+        (Some(most), Some(loss)) => loss <= most,
+        _ => true,
+    };
+    let passed = match (installed.tried_version == Some(plan.version), is_installed) {
+        (true, _) => false,
+        (false, true) => is_within,
+        (false, false) => return Ok(()),
+    };
+    sqlx::query(
+        "insert into rollout_report values (?, ?, ?, ?, ?) on conflict do update set passed = excluded.passed, \
+         time_ms = excluded.time_ms",
+    )
+    .bind(kernel_id)
+    .bind(number)
+    .bind(&report.device)
+    .bind(passed)
+    .bind(installed.report_time_ms)
+    .execute(write.sql())
+    .await?;
+    let rollout = find_rollout(write.sql(), key, number).await?;
+    if !rollout.has_failed() {
+        return Ok(());
+    }
+    let (failed, reported) = (rollout.devices_failed, rollout.devices_failed + rollout.devices_passed);
+    let message = format!(
+        "halted: {failed} of {reported} devices failed, the last one {}; above {} % of at least {} devices",
+        report.device, plan.failed_percent_max, plan.devices_min
+    );
+    let ending = Ending { state: RolloutState::Halted, caller: String::new(), message };
+    end(write, key, number, ending, installed.report_time_ms).await?;
+    raise_generation(write, key, installed.report_time_ms).await?;
+    Ok(())
+}
+
+/// Raises the generation of a display whose devices changed their groups while a rollout runs: what they get changes.
+pub(super) async fn note_regrouping(write: &mut Write, display: &str, now_ms: i64) -> Result<(), StoreError> {
+    let running = sqlx::query(
+        "select k.wavelength_pm, k.distance_nm from rollout r join kernel k on k.id = r.kernel \
+         where k.display = ? and r.state = 'running' and r.group_name <> ''",
+    )
+    .bind(display)
+    .fetch_all(write.sql())
+    .await?;
+    for row in running {
+        let (wavelength, distance) =
+            (Wavelength { pm: row.try_get("wavelength_pm")? }, Distance { nm: row.try_get("distance_nm")? });
+        raise_generation(write, &KernelKey { display: display.to_owned(), wavelength, distance }, now_ms).await?;
+    }
+    Ok(())
+}
+
+/// A running rollout with the expected revision.
+async fn running(
+    sql: &mut SqliteConnection,
+    key: &KernelKey,
+    number: u32,
+    expected_revision: Option<u32>,
+) -> Result<Rollout, StoreError> {
+    let rollout = find_rollout(sql, key, number).await?;
+    if rollout.state != RolloutState::Running {
+        let message = format!("{} has ended", name(key, number));
+        return Err(StoreError::precondition(PreconditionReason::RolloutEnded, message));
+    }
+    if expected_revision.is_some_and(|expected| expected != rollout.revision) {
+        let message = format!("{} has the revision {} now; read it again", name(key, number), rollout.revision);
+        return Err(StoreError::Aborted { reason: AbortReason::RolloutChanged, message });
+    }
+    Ok(rollout)
+}
+
+fn name(key: &KernelKey, number: u32) -> String {
+    format!("{key}/rollouts/{number}")
+}
+
+async fn find_rollout(sql: &mut SqliteConnection, key: &KernelKey, number: u32) -> Result<Rollout, StoreError> {
+    let mut query = QueryBuilder::<Sqlite>::new(ROLLOUTS);
+    query.push(" where k.name = ").push_bind(key.to_string());
+    query.push(" and r.number = ").push_bind(number);
+    let row = query.build().fetch_optional(sql).await?;
+    rollout_of(&row.ok_or_else(|| StoreError::not_found(name(key, number)))?)
+}
+
+async fn append_event(write: &mut Write, key: &KernelKey, number: u32, event: RolloutEvent) -> Result<(), StoreError> {
+    sqlx::query(
+        "insert into rollout_event (kernel, number, time_ms, caller, message, generation) \
+         select id, ?2, ?3, ?4, ?5, ?6 from kernel where name = ?1",
+    )
+    .bind(key.to_string())
+    .bind(number)
+    .bind(event.time_ms)
+    .bind(event.caller)
+    .bind(event.message)
+    .bind(event.generation as i64)
+    .execute(write.sql())
+    .await?;
+    Ok(())
+}
+
+fn rollout_of(row: &SqliteRow) -> Result<Rollout, StoreError> {
+    let overridden: String = row.try_get("overridden")?;
+    Ok(Rollout {
+        key: KernelKey {
+            display: row.try_get("display")?,
+            wavelength: Wavelength { pm: row.try_get("wavelength_pm")? },
+            distance: Distance { nm: row.try_get("distance_nm")? },
+        },
+        number: row.try_get("number")?,
+        plan: RolloutPlan {
+            version: row.try_get("version")?,
+            share_percent: row.try_get("share_percent")?,
+            group: row.try_get("group_name")?,
+            failed_percent_max: row.try_get("failed_percent_max")?,
+            devices_min: row.try_get("devices_min")?,
+            self_test_loss_max: row.try_get("self_test_loss_max")?,
+            cause: Cause { caller: row.try_get("caller")?, reason: row.try_get("reason")? },
+            overridden: from_json("rollout.overridden", &overridden)?,
+        },
+        from_version: row.try_get("from_version")?,
+        state: from_word("rollout.state", row.try_get("state")?)?,
+        devices_passed: row.try_get("devices_passed")?,
+        devices_failed: row.try_get("devices_failed")?,
+        start_time_ms: row.try_get("start_time_ms")?,
+        end_time_ms: row.try_get("end_time_ms")?,
+        revision: row.try_get("revision")?,
+    })
+}
