@@ -23,6 +23,7 @@ mod photos;
 mod preparing;
 mod raw;
 mod read_only;
+mod rollouts;
 mod rough_photographs;
 mod serving;
 mod test_bench;

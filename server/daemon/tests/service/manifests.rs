@@ -36,24 +36,24 @@ async fn serving() -> Serving {
 
 /// An answer that curl received.
 #[derive(Debug)]
-struct Answer {
-    status: u16,
+pub(crate) struct Answer {
+    pub(crate) status: u16,
     head: String,
-    body: Vec<u8>,
+    pub(crate) body: Vec<u8>,
 }
 
 impl Answer {
-    fn field(&self, name: &str) -> Option<&str> {
+    pub(crate) fn field(&self, name: &str) -> Option<&str> {
         self.head.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(": ")).map(str::trim)
     }
 
-    fn text(&self) -> String {
+    pub(crate) fn text(&self) -> String {
         String::from_utf8(self.body.clone()).unwrap()
     }
 }
 
 /// Asks the server with curl.
-async fn curl(serving: &Serving, path: &str, more: &[&str]) -> Answer {
+pub(crate) async fn curl(serving: &Serving, path: &str, more: &[&str]) -> Answer {
     let url = format!("http://{}{path}", serving.address);
     let more: Vec<String> = more.iter().map(|&argument| argument.to_owned()).collect();
     let run = move || {
@@ -81,7 +81,7 @@ fn wanted(form: &str, generation: u64) -> Wanted {
     Wanted { display, wavelength_pm: 515_000, distance_nm: 50_000_000, form, generation }
 }
 
-async fn store_of(serving: &Serving) -> Store {
+pub(crate) async fn store_of(serving: &Serving) -> Store {
     Store::open(&serving.config.data_dir.join(DATABASE)).await.unwrap()
 }
 
