@@ -1,6 +1,6 @@
 //! Questions about documents, and what `Trust` answers.
 
-use crate::documents::{ROOT, digest, public};
+use crate::documents::{digest, pinned_roots};
 use lightpath_manifest::{
     Distrust, DocumentError, Keyring, Manifest, PublicKey, Signature, SignedKeyring, SignedManifest, Time, Trust,
     Wanted,
@@ -52,7 +52,7 @@ impl Known {
 
     fn trust(&self) -> Trust {
         if self.document.is_empty() {
-            return Trust::Roots(vec![public(ROOT)]);
+            return Trust::Roots(pinned_roots());
         }
         Trust::Keyring(SignedKeyring::parse(&self.document).unwrap().unchecked().clone())
     }
@@ -153,7 +153,7 @@ pub(crate) fn pack(cases: &[Case]) -> Vec<u8> {
         packed.extend((bytes.len() as u32).to_le_bytes());
         packed.extend(bytes);
     };
-    part(public(ROOT).as_bytes());
+    part(&pinned_roots().iter().flat_map(|root| *root.as_bytes()).collect::<Vec<_>>());
     for case in cases {
         let known: &[u8] = match &case.question {
             Question::Keyring { known, .. } | Question::Manifest { known, .. } => &known.document,

@@ -3,6 +3,7 @@
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use std::sync::OnceLock;
 
 /// Each error of memory or arithmetic ends the program.
 const FLAGS: [&str; 8] = [
@@ -31,18 +32,21 @@ const MONOCYPHER: &str = "#include <stddef.h>\n#include <stdint.h>\n\
     int crypto_ed25519_check(const uint8_t signature[64], const uint8_t public_key[32], const uint8_t *message,\n\
     \x20   size_t message_size);\n";
 
-/// A program of `firmware/c/test`, which is one file.
+/// A program of `firmware/c/test`, which is one file. It is compiled once.
 #[derive(Debug)]
-pub(crate) struct Program(&'static str);
+pub(crate) struct Program {
+    name: &'static str,
+    compiled: OnceLock<PathBuf>,
+}
 
 /// Compares the verdicts of the vectors.
-pub(crate) const CHECK_MANIFESTS: Program = Program("check_manifests");
+pub(crate) static CHECK_MANIFESTS: Program = Program { name: "check_manifests", compiled: OnceLock::new() };
 /// Prints verdicts.
-pub(crate) const MANIFEST_VERDICTS: Program = Program("manifest_verdicts");
+pub(crate) static MANIFEST_VERDICTS: Program = Program { name: "manifest_verdicts", compiled: OnceLock::new() };
 
 /// Runs a program, which must succeed, and returns what it printed.
 pub(crate) fn run(program: &Program, argument: &OsStr) -> String {
-    let mut command = Command::new(compiled(program));
+    let mut command = Command::new(program.compiled.get_or_init(|| compiled(program.name)));
     // The code allocates nothing, and a search for leaks fails where processes may not be traced.
     let output = command.arg(argument).env("ASAN_OPTIONS", "detect_leaks=0").output().unwrap();
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
@@ -78,10 +82,10 @@ fn temporary(name: &str) -> PathBuf {
 }
 
 /// Compiles a program and returns its path.
-fn compiled(program: &Program) -> PathBuf {
+fn compiled(program: &str) -> PathBuf {
     require_sanitizers();
-    let path = temporary(program.0).join("program");
-    let test = format!("test/{}.c", program.0);
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("lightpath_{program}"));
+    let test = format!("test/{program}.c");
     let sources = SOURCES.iter().copied().chain([test.as_str()]).map(|file| code().join(file));
     let output = cc().args(FLAGS).args(sources).arg("-o").arg(&path).output().unwrap();
     assert!(output.status.success(), "the code does not compile without warnings:\n{}", errors(&output));

@@ -14,6 +14,8 @@ pub(crate) const EARLY: u8 = 3;
 pub(crate) const LATE: u8 = 4;
 /// Seed of the root key that follows.
 pub(crate) const NEW_ROOT: u8 = 5;
+/// Seed of another root key of the device's manufacture. It signs nothing.
+pub(crate) const SPARE_ROOT: u8 = 6;
 /// Seed of a key that no keyring has.
 pub(crate) const STRANGER: u8 = 7;
 /// Seed of a revoked key. The keyring also lists it.
@@ -30,6 +32,11 @@ pub(crate) fn key(seed: u8) -> SigningKey {
 
 pub(crate) fn public(seed: u8) -> PublicKey {
     key(seed).public()
+}
+
+/// The root keys of the device's manufacture.
+pub(crate) fn pinned_roots() -> Vec<PublicKey> {
+    vec![public(SPARE_ROOT), public(ROOT)]
 }
 
 pub(crate) fn time(text: &str) -> Time {

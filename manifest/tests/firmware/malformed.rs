@@ -13,7 +13,7 @@ const NOT_TEXT: &str = "document_not_text";
 const TOO_LONG: &str = "document_too_long";
 
 /// Values of a manifest that are not possible: the number of the line, a name for the file, the line.
-const MANIFEST_VALUES: [(usize, &str, &str); 58] = [
+const MANIFEST_VALUES: [(usize, &str, &str); 60] = [
     (1, "next-version", "lightpath manifest 2"),
     (1, "leading-zero", "lightpath manifest 01"),
     (1, "no-version", "lightpath manifest "),
@@ -59,6 +59,8 @@ const MANIFEST_VALUES: [(usize, &str, &str); 58] = [
     (14, "space-at-end", "interpolated no "),
     (15, "no-leap-year", "issued 2026-02-29T00:00:00Z"),
     (15, "century", "issued 2100-02-29T00:00:00Z"),
+    (15, "month-0", "issued 2026-00-01T00:00:00Z"),
+    (15, "minute-60", "issued 2026-11-23T18:60:00Z"),
     (15, "month-13", "issued 2026-13-01T00:00:00Z"),
     (15, "day-0", "issued 2026-11-00T00:00:00Z"),
     (15, "hour-24", "issued 2026-11-23T24:00:00Z"),

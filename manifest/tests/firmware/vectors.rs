@@ -3,10 +3,10 @@
 use crate::cases::{Case, Known, Question, Verdict};
 use crate::documents::{
     EARLY, GONE, LATE, NEW_ROOT, NOW, REVOKED, ROOT, SIGNER, STRANGER, body, digest, extreme_manifest, key, keyring,
-    listed, manifest, manifest_of, public, signed_keyring, time, unix_s, wanted_of,
+    listed, manifest, manifest_of, pinned_roots, public, signed_keyring, time, unix_s, wanted_of,
 };
 use crate::malformed;
-use lightpath_manifest::{DOCUMENT_BYTES_MAX, Keyring, Manifest, Wanted};
+use lightpath_manifest::{DOCUMENT_BYTES_MAX, Keyring, ListedKey, Manifest, Wanted};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -61,7 +61,8 @@ impl Set {
         files.insert("cases.txt".to_owned(), (CASES_HEAD.to_owned() + &cases.collect::<String>()).into_bytes());
         let signatures: String = signatures.into_iter().collect();
         files.insert("signatures.txt".to_owned(), (SIGNATURES_HEAD.to_owned() + &signatures).into_bytes());
-        let roots = format!("# The root keys of the device's manufacture.\n{}\n", public(ROOT));
+        let roots: String = pinned_roots().iter().map(|root| format!("{root}\n")).collect();
+        let roots = "# The root keys of the device's manufacture.\n".to_owned() + &roots;
         files.insert("roots.txt".to_owned(), roots.into_bytes());
         files.insert(".gitattributes".to_owned(), ATTRIBUTES.as_bytes().to_vec());
         files
@@ -216,15 +217,21 @@ fn next_keyrings(set: &mut Set) {
     add("next.keyring", &known, NOW, signed_keyring(&of(4), &[ROOT]), "trusted");
     add("older.keyring", &known, NOW, signed_keyring(&of(2), &[ROOT]), "keyring_older");
     add("older.keyring", &Known::pinned(), NOW, signed_keyring(&of(2), &[ROOT]), "trusted");
-    let different: [(&str, Keyring); 4] = [
+    let with_key = |change: &dyn Fn(&mut ListedKey)| {
+        let mut keys = keyring().keys;
+        change(&mut keys[1]);
+        Keyring { keys, ..keyring() }
+    };
+    let different: [(&str, Keyring); 9] = [
+        ("root", Keyring { roots: vec![public(NEW_ROOT)], ..keyring() }),
         ("fewer-keys", Keyring { keys: vec![], ..keyring() }),
         ("fewer-revoked", Keyring { revoked: vec![public(REVOKED)], ..keyring() }),
-        ("longer-time", Keyring { expires: time("2026-12-31T00:00:01Z"), ..keyring() }),
-        ("other-times-of-keys", {
-            let mut keys = keyring().keys;
-            keys[1].until = time("2027-11-01T00:00:01Z");
-            Keyring { keys, ..keyring() }
-        }),
+        ("revoked", Keyring { revoked: vec![public(REVOKED), public(STRANGER)], ..keyring() }),
+        ("issued", Keyring { issued: time("2026-11-01T00:00:01Z"), ..keyring() }),
+        ("expires", Keyring { expires: time("2026-12-31T00:00:01Z"), ..keyring() }),
+        ("key", with_key(&|key| key.key = public(STRANGER))),
+        ("key-from", with_key(&|key| key.from = time("2026-12-01T00:00:01Z"))),
+        ("key-until", with_key(&|key| key.until = time("2027-11-01T00:00:01Z"))),
     ];
     for (name, keyring) in different {
         let document = signed_keyring(&keyring, &[ROOT]);
@@ -235,6 +242,15 @@ fn next_keyrings(set: &mut Set) {
     add("after-the-move.keyring", &moved, NOW, signed_keyring(&after, &[NEW_ROOT]), "trusted");
     add("after-the-move.keyring", &known, NOW, signed_keyring(&after, &[NEW_ROOT]), "keyring_wrong_signature");
     add("old-root-after-the-move.keyring", &moved, NOW, signed_keyring(&of(5), &[ROOT]), "keyring_wrong_signature");
+    // Each of several root keys may sign, and one right signature is enough.
+    let two = Keyring { roots: vec![public(NEW_ROOT), public(ROOT)], ..of(4) };
+    let two = Known { name: "two-roots.keyring".to_owned(), document: signed_keyring(&two, &[ROOT]) };
+    add("two-roots.keyring", &known, NOW, two.document.clone(), "trusted");
+    add("after-two-roots.keyring", &two, NOW, signed_keyring(&of(5), &[ROOT]), "trusted");
+    add("signed-twice.keyring", &two, NOW, signed_keyring(&of(5), &[NEW_ROOT, ROOT]), "trusted");
+    let text = String::from_utf8(signed_keyring(&of(5), &[ROOT, NEW_ROOT])).unwrap();
+    let second = text.replace(&format!("signature {} ", public(ROOT)), &format!("signature {} ", public(NEW_ROOT)));
+    add("first-signature-wrong.keyring", &two, NOW, second.into_bytes(), "trusted");
     // The device slept: its own keyring has expired, and still leads to the present one.
     let present = Keyring { issued: time("2027-10-01T00:00:00Z"), expires: time("2027-12-31T00:00:00Z"), ..of(8) };
     add("a-year-later.keyring", &known, "2027-11-24T00:00:00Z", signed_keyring(&present, &[ROOT]), "trusted");
@@ -351,6 +367,9 @@ fn bodies(set: &mut Set) {
     add("much-longer.body", [body(), body(), body()].concat(), "body_longer");
     add("shorter.body", body()[..199].to_vec(), "body_shorter");
     add("empty.body", Vec::new(), "body_shorter");
+    let near = digest(&body())[..70].to_owned() + if digest(&body()).ends_with('0') { "1" } else { "0" };
+    let near = Question::Body { size_bytes: body().len() as u64, digest: near };
+    set.add("good.body", body(), near, "body_corrupt", 0);
     let nothing = Question::Body { size_bytes: 0, digest: digest(b"") };
     set.add("empty.body", Vec::new(), nothing, "trusted", 0);
 }
