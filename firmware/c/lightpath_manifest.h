@@ -75,8 +75,8 @@ const char *lightpath_verdict_text(lightpath_verdict verdict);
  *
  *   - the end of a freeze: a server or mirror may offer an old manifest, once signed, for ever. The device still
  *     refuses lower generations and older keyrings than it has, so it stays where it is and never goes back;
- *   - the end of a stolen key: the key of an old manifest counts until the device has the keyring that revokes it, and
- *     whoever holds the key can keep that keyring away.
+ *   - the end of a stolen key: a key counts until the device has the keyring that revokes it. Who holds the key, and
+ *     the network between, can keep that keyring away for ever.
  *
  * Any other negative number is a time before all documents, which are then refused: a clock that fails with -1 does
  * not become a missing clock.

@@ -1,5 +1,6 @@
 /*
- * Cases of firmware/vectors/manifests/cases.txt: a document or a file, what the device knows and wants, and the verdict.
+ * Cases of firmware/vectors/manifests/cases.txt: a document or a file, what the device knows and wants, and the
+ * verdict.
  *
  *   keyring FILE KNOWN NOW VERDICT LINE
  *   manifest FILE KNOWN NOW DISPLAY WAVELENGTH DISTANCE FORM GENERATION VERDICT LINE

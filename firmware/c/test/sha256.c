@@ -1,5 +1,6 @@
 /*
- * SHA-256 as FIPS 180-4 writes it, sections 5.1.1 and 6.2.2. The names of numbers and functions are those of the standard.
+ * SHA-256 as FIPS 180-4 writes it, sections 5.1.1 and 6.2.2. The names of numbers and functions are those of the
+ * standard.
  *
  * SPDX-License-Identifier: MIT OR Apache-2.0
  */

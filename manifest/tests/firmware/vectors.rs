@@ -18,7 +18,8 @@ const CASES_HEAD: &str = "\
 # body FILE SIZE DIGEST VERDICT
 ";
 const SIGNATURES_HEAD: &str = "\
-# Every right signature of the documents, for a test without Ed25519: the key, the SHA-256 of what it signed, the signature.
+# Every right signature of the documents, for a test without Ed25519: the key, the SHA-256 of what it signed, the
+# signature.
 ";
 /// Signed documents must not be changed by a checkout.
 const ATTRIBUTES: &str = "* -text\n";
