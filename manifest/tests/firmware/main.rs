@@ -7,7 +7,7 @@
 //!
 //! ```sh
 //! LIGHTPATH_WRITE_VECTORS=1 cargo test -p lightpath-manifest --test firmware vectors_are
-//! LIGHTPATH_DAMAGED_MANIFESTS=1000000 cargo test -p lightpath-manifest --test firmware damaged -- --nocapture
+//! LIGHTPATH_DAMAGED_MANIFESTS=1000000 cargo test --release -p lightpath-manifest --test firmware damaged -- --nocapture
 //! ```
 #![allow(clippy::unwrap_used)]
 
