@@ -1,21 +1,15 @@
 /*
- * Measures the decoder on an emulated Cortex-M: instructions and stack. QEMU must run with -icount shift=0, where each
- * instruction takes a nanosecond of the board's time.
+ * Measures the decoder on an emulated Cortex-M: instructions and stack.
  *
  * SPDX-License-Identifier: MIT OR Apache-2.0
  */
 #include "../../lightpath_f16.h"
 #include "../../lightpath_kernel.h"
 #include "../vector_files.h"
+#include "stopwatch.h"
 
 #include <string.h>
 
-/* The board's timer 0 counts down at 25 MHz. */
-#define TIMER ((volatile uint32_t *)0x40000000u)
-#define INSTRUCTIONS_PER_TICK 40u
-/* Stack that is watched [bytes]. */
-#define STACK_MAX 4096u
-#define PATTERN 0xa5u
 #define ROWS 90u
 #define COLUMNS 160u
 #define ORDER 5u
@@ -115,28 +109,6 @@ static void read_array(void)
     }
 }
 
-/*
- * Runs `work` and prints its instructions for each of its `parts`, and its stack. The memory below the stack pointer is
- * painted before: what lost its paint was used.
- */
-static void measure(const char *name, void (*work)(void), uint64_t parts, const char *part)
-{
-    volatile uint8_t *top;
-    size_t stack = STACK_MAX;
-    __asm volatile("mov %0, sp" : "=r"(top));
-    for (size_t i = 1; i <= STACK_MAX; i++) {
-        *(top - i) = PATTERN;
-    }
-    const uint32_t begin = TIMER[1];
-    work();
-    const uint64_t instructions = (uint64_t)(begin - TIMER[1]) * INSTRUCTIONS_PER_TICK;
-    while (stack > 0u && *(top - stack) == PATTERN) {
-        stack--;
-    }
-    printf("%-42s %9lu  %-9s %5lu\n", name, (unsigned long)((instructions + parts / 2u) / parts), part,
-        (unsigned long)stack);
-}
-
 /* The sums of the first row, alone or with its group, then the row itself. */
 static void measure_method(uint8_t method, const char *name, uint32_t rows_together, const char *together)
 {
@@ -161,9 +133,7 @@ static void measure_method(uint8_t method, const char *name, uint32_t rows_toget
 
 int main(void)
 {
-    TIMER[2] = 0xffffffffu;
-    TIMER[0] = 1u;
-    printf("%-42s %9s  %-9s %5s\n", "", "instr.", "for each", "stack");
+    begin_measuring();
     make_kernel(0u, 0u);
     measure("open", open_kernel, all.length, "byte");
     measure_method(0u, "method 0", 1u, "");
