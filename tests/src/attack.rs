@@ -315,6 +315,7 @@ async fn prepare(admin: &Client, scale: &Scale) -> (String, String) {
         wavelength_m: WAVELENGTH_M,
         distance_m: DISTANCE_M,
         artifact,
+        ..Default::default()
     };
     admin.import_kernel(import).await.unwrap();
     let bomb = admin.upload_bytes(picture_bomb(scale.side_px)).await.unwrap();

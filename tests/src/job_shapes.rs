@@ -228,7 +228,13 @@ async fn dense_report_spec(client: &Client, size_px: (u32, u32), others: u32) ->
         let model = DisplayModel { kernel: KernelShape::Bins(bins), ..DisplayModel::ideal(setup) };
         let artifact = client.upload_bytes(kernel_file::encode(&model, KernelModel::Dense).unwrap()).await.unwrap();
         let display = names::display("lab");
-        let request = v1::ImportKernelRequest { display, wavelength_m: WAVELENGTH_M, distance_m: DISTANCE_M, artifact };
+        let request = v1::ImportKernelRequest {
+            display,
+            wavelength_m: WAVELENGTH_M,
+            distance_m: DISTANCE_M,
+            artifact,
+            ..Default::default()
+        };
         client.import_kernel(request).await.unwrap();
     }
     let kernel_version = format!("{}/kernels/515nm-50mm/versions/1", names::display("lab"));

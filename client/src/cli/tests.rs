@@ -104,6 +104,7 @@ const COMMANDS: &[&str] = &[
     "lightpath device list lab-2 --limit 3",
     "lightpath device group --display lab-2 bench-7 first",
     "lightpath device delete --display lab-2 bench-7",
+    "lightpath kernel import --display lab-2 --distance 150mm k.bundle --from-another-display",
     "lightpath kernel rollback --display lab-2 --distance 150mm --expected-active 3 --reason worse",
     "lightpath kernel fetch --display lab-2 --distance 150mm --format safetensors -o k.safetensors",
     "lightpath kernel export --display lab-2 --distance 150mm --version 1 -o k.safetensors",

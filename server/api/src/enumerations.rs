@@ -63,7 +63,7 @@ convert_by_name! {
     Encoding = v1::Encoding { Linear Srgb }
     RolloutState = v1::rollout::State { Running Completed Halted }
     JobState = v1::job::State { Queued Running Succeeded Failed Cancelled }
-    KernelFormat = v1::KernelFormat { Safetensors Compact Pt Npy Npz Complex64 F16 }
+    KernelFormat = v1::KernelFormat { Safetensors Compact Pt Npy Npz Complex64 F16 Bundle }
     Loss = v1::KernelLoss {
         Source Dust Ghost Coherence PhaseResponse ResponseVariation Crosstalk ZeroOrder GainAndOffset Variation OuterSpectrum Parameters Interpolation Precision
     }

@@ -20,12 +20,14 @@ pub enum KernelFormat {
     Complex64,
     /// A `.npy` file with H as float16.
     F16,
+    /// The native form with the record of the version: its number, measurements and lineage.
+    Bundle,
 }
 
 impl KernelFormat {
     /// All forms.
-    pub const ALL: [Self; 7] =
-        [Self::Safetensors, Self::Compact, Self::Pt, Self::Npy, Self::Npz, Self::Complex64, Self::F16];
+    pub const ALL: [Self; 8] =
+        [Self::Safetensors, Self::Compact, Self::Pt, Self::Npy, Self::Npz, Self::Complex64, Self::F16, Self::Bundle];
 
     /// Name of the form, as in requests and manifests.
     #[must_use]
@@ -38,6 +40,7 @@ impl KernelFormat {
             Self::Npz => "npz",
             Self::Complex64 => "complex64",
             Self::F16 => "f16",
+            Self::Bundle => "bundle",
         }
     }
 

@@ -18,6 +18,8 @@
 //! | `has_dust` | whether there is dust in the light on the SLM; missing: no |
 //! | `propagation` | the method of H_ideal; missing: `band_limited` |
 //! | `orders` | `first`, `filtered` with the filter, or `all` with the fill factors of the pixels: the diffraction orders with which the kernel was learned; missing: `first` |
+//! | `display` | id of the display; missing: unknown |
+//! | `record` | number, measurements and lineage of the version (`server/api`, only in bundles) |
 //! | `interpolated_from_m` | photographed distances \[m\], ascending, that an interpolated kernel was made from; missing: the kernel was not interpolated |
 //!
 //! | tensor | type, shape | meaning |
@@ -49,6 +51,7 @@ use lightpath_optics::{
 use num_complex::{Complex32, Complex64};
 use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
+use serde_json::Value;
 use std::collections::HashMap;
 
 /// Name of the tensor with the dust.
@@ -97,21 +100,28 @@ pub enum KernelFileError {
 ///
 /// [`KernelFileError::Safetensors`] when the model is too large for the format.
 pub fn encode(model: &DisplayModel, kind: KernelModel) -> Result<Vec<u8>, KernelFileError> {
-    encode_interpolated(model, kind, &[])
+    encode_with(model, kind, &Origin::default())
 }
 
-/// [`encode`] for a kernel that was interpolated between photographed distances \[m\]. The file stores these distances.
+/// Where a kernel comes from, besides its model.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Origin {
+    /// Id of the display; `None`: unknown.
+    pub display: Option<String>,
+    /// Photographed distances \[m\] between which the kernel was interpolated, ascending. Empty: it was not.
+    pub interpolated_from_m: Vec<f64>,
+    /// What a server knew of the version, in bundles.
+    pub record: Option<Value>,
+}
+
+/// [`encode`] with the origin of the kernel.
 ///
 /// # Errors
 ///
 /// The errors of [`encode`].
-pub fn encode_interpolated(
-    model: &DisplayModel,
-    kind: KernelModel,
-    from_m: &[f64],
-) -> Result<Vec<u8>, KernelFileError> {
+pub fn encode_with(model: &DisplayModel, kind: KernelModel, origin: &Origin) -> Result<Vec<u8>, KernelFileError> {
     let tensors = tensors(model);
-    let metadata = HashMap::from([(METADATA_KEY.to_owned(), header_text(model, kind, from_m)?)]);
+    let metadata = HashMap::from([(METADATA_KEY.to_owned(), header_text(model, kind, origin)?)]);
     let views = tensors
         .iter()
         .map(|tensor| Ok((tensor.name, TensorView::new(tensor.dtype, tensor.shape.clone(), &tensor.bytes)?)))
@@ -128,7 +138,7 @@ pub(crate) struct Tensor {
 }
 
 /// The metadata of a kernel, as JSON.
-pub(crate) fn header_text(model: &DisplayModel, kind: KernelModel, from_m: &[f64]) -> Result<String, KernelFileError> {
+pub(crate) fn header_text(model: &DisplayModel, kind: KernelModel, origin: &Origin) -> Result<String, KernelFileError> {
     let grid = model.setup.grid();
     Ok(serde_json::to_string(&Header {
         format: FORMAT.to_owned(),
@@ -149,7 +159,9 @@ pub(crate) fn header_text(model: &DisplayModel, kind: KernelModel, from_m: &[f64
         has_dust: !model.dust.is_none(),
         propagation: model.setup.method(),
         orders: model.setup.orders(),
-        interpolated_from_m: from_m.to_vec(),
+        interpolated_from_m: origin.interpolated_from_m.clone(),
+        display: origin.display.clone(),
+        record: origin.record.clone(),
     })?)
 }
 
@@ -284,13 +296,13 @@ pub(crate) fn assemble<E: From<KernelFileError>>(
     Ok(model)
 }
 
-/// Reads the photographed distances \[m\] that a file's kernel was interpolated from. Empty: it was not interpolated.
+/// Reads where the kernel of a file comes from.
 ///
 /// # Errors
 ///
 /// [`KernelFileError`] for a file that is no kernel file.
-pub fn interpolated_from_m(bytes: &[u8]) -> Result<Vec<f64>, KernelFileError> {
-    Ok(header(bytes)?.interpolated_from_m)
+pub fn origin(bytes: &[u8]) -> Result<Origin, KernelFileError> {
+    Ok(header(bytes)?.origin())
 }
 
 fn header(bytes: &[u8]) -> Result<Header, KernelFileError> {

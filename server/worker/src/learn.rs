@@ -13,7 +13,7 @@ use lightpath_domain::job::{
 };
 use lightpath_domain::kernel::{KernelLineage, KernelMetrics, LearnedDataset, NewKernelVersion};
 use lightpath_media::captures::Captures;
-use lightpath_media::kernel_file;
+use lightpath_media::kernel_file::{self, Origin};
 use lightpath_optics::learning::{
     BlockStrengths, LearnOptions, LearnStage, Learner, LearningPairs, ModelPart, ModelUncertainty, PairSource,
     PartCost, StrengthUncertainty, unsaturated_px, without_each_part,
@@ -56,7 +56,8 @@ pub(super) fn run(context: &JobContext, job: &Job, spec: &LearnKernel) -> Result
             propagation: plane.0.validity.clone(),
         });
         let kind = kind(spec.model, model);
-        let file = kernel_file::encode(model, kind)?;
+        let display = Some(plane.0.key.display.clone());
+        let file = kernel_file::encode_with(model, kind, &Origin { display, ..Origin::default() })?;
         let size_bytes = file.len() as u64;
         let (artifact, lineage) = (context.put_artifact(file)?, lineage(job, spec, plane, &planes)?);
         let version = NewKernelVersion { model: kind, artifact, size_bytes, metrics, lineage };

@@ -14,14 +14,17 @@ use std::path::{Path, PathBuf};
 
 /// Download a kernel to a file, checked against its SHA-256 digest; by default the active version.
 ///
-/// The formats safetensors and npz hold the whole kernel, compact holds a whole smooth one. The other formats hold only
-/// its transfer function. A warning on stderr names what is lost, before the file is written.
+/// The formats safetensors, npz and bundle hold the whole kernel, compact holds a whole smooth one. A bundle also holds
+/// the measurements and the lineage of the version, for another server. The other formats hold only the transfer
+/// function. A warning on stderr names what is lost, before the file is written.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
   lightpath kernel fetch --display lab-2 --distance 150mm -o kernel.safetensors
   lightpath kernel fetch --display lab-2 --distance 150mm --format compact \\
-      -o kernel.lpk")]
+      -o kernel.lpk
+  lightpath kernel fetch --display lab-2 --distance 150mm --format bundle \\
+      -o kernel.bundle")]
 pub(crate) struct Fetch {
     #[command(flatten)]
     kernel: KernelChoice,
@@ -80,6 +83,10 @@ pub(crate) struct Import {
     /// Import this file
     #[arg(value_name = "FILE")]
     path: PathBuf,
+
+    /// Accept a file that names another display
+    #[arg(long)]
+    from_another_display: bool,
 }
 
 impl Fetch {
@@ -101,6 +108,7 @@ impl Import {
             wavelength_m: self.optics.wavelength_m(),
             distance_m: self.optics.distance,
             artifact: session.client.upload_file(&self.path).await?,
+            from_another_display: self.from_another_display,
         };
         session.print(&session.client.import_kernel(request).await?, version_facts)
     }

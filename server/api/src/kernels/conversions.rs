@@ -3,6 +3,7 @@
 //! A converted file may have hundreds of megabytes. It is kept in the artifact folder's cache and not in memory, so
 //! that slow clients hold no memory, and many clients that want the same kernel share one conversion.
 
+use lightpath_domain::kernel::KernelVersion;
 use lightpath_media::kernel_formats::{KernelFormat, Loss};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -13,9 +14,15 @@ const BYTES_MAX: u64 = 1 << 30;
 /// What a file was made from, and its format.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct ConversionKey {
-    /// Digest of the version's own file.
-    pub(crate) artifact: String,
+    /// Name of the version. Bundles of versions with equal files differ.
+    pub(crate) version: String,
     pub(crate) format: KernelFormat,
+}
+
+impl ConversionKey {
+    pub(crate) fn new(version: &KernelVersion, format: KernelFormat) -> Self {
+        Self { version: format!("{}/versions/{}", version.key, version.version), format }
+    }
 }
 
 /// A converted file.
@@ -73,7 +80,7 @@ mod tests {
     use super::*;
 
     fn file(name: &str, size_bytes: u64) -> (ConversionKey, Converted) {
-        let key = ConversionKey { artifact: name.to_owned(), format: KernelFormat::Npz };
+        let key = ConversionKey { version: name.to_owned(), format: KernelFormat::Npz };
         (
             key,
             Converted {

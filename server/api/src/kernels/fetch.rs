@@ -1,7 +1,7 @@
 //! Downloads of kernel files, in the requested format.
 
 use super::conversions::{ConversionKey, Converted};
-use super::{model_file, to_wire};
+use super::{bundle, model_file, to_wire};
 use crate::accounts::StreamKind;
 use crate::api::Api;
 use crate::artifacts::download::chunks;
@@ -14,11 +14,12 @@ use futures::stream::{self, StreamExt as _};
 use lightpath_artifacts::{ArtifactError, ArtifactReader, CHUNK_BYTES};
 use lightpath_domain::kernel::{KernelKey, KernelVersion};
 use lightpath_domain::reason::PreconditionReason;
-use lightpath_media::kernel_file;
+use lightpath_media::kernel_file::{self, Origin};
 use lightpath_media::kernel_formats::{self, Exported, KernelFormat, KernelFormatError};
 use lightpath_metrics as metrics;
 use lightpath_proto::v1;
 use lightpath_proto::v1::fetch_kernel_response::Part;
+use serde_json::Value;
 use tonic::Code;
 
 impl Api {
@@ -93,7 +94,7 @@ impl Api {
         version: &KernelVersion,
         format: KernelFormat,
     ) -> Result<Converted, ApiError> {
-        let key = ConversionKey { artifact: version.content.artifact.clone(), format };
+        let key = ConversionKey::new(version, format);
         if let Some(converted) = self.conversions.find(&key) {
             return Ok(converted);
         }
@@ -122,7 +123,7 @@ impl Api {
         match open().await? {
             // The file was removed to make room, or is damaged. It is made again, with the same bytes.
             Err(ArtifactError::NotFound { .. } | ArtifactError::DataLoss { .. }) => {
-                let key = ConversionKey { artifact: version.content.artifact.clone(), format };
+                let key = ConversionKey::new(version, format);
                 self.conversions.forget(&key);
                 self.converted(call, version, format).await?;
                 Ok(open().await??)
@@ -136,9 +137,10 @@ impl Api {
         let (display, _) = self.store.display(&version.key.display).await?;
         let need_bytes = model_file::exporting_bytes(version.content.size_bytes, &display, &version.key);
         let (artifacts, artifact) = (self.artifacts.clone(), version.content.artifact.clone());
+        let record = bundle::record(version);
         let export = move || -> Result<_, ArtifactError> {
             let file = artifacts.read_blocking(&artifact)?;
-            let Exported { bytes, relative_error, losses } = match exported(&file, format) {
+            let Exported { bytes, relative_error, losses } = match exported(&file, record, format) {
                 Ok(exported) => exported,
                 Err(error) => return Ok(Err(error)),
             };
@@ -162,9 +164,10 @@ impl Api {
 }
 
 /// Converts a file in the native format.
-fn exported(file: &[u8], format: KernelFormat) -> Result<Exported, KernelFormatError> {
+fn exported(file: &[u8], record: Value, format: KernelFormat) -> Result<Exported, KernelFormatError> {
     let (model, kind) = kernel_file::decode(file)?;
-    kernel_formats::export_interpolated(&model, kind, &kernel_file::interpolated_from_m(file)?, format)
+    let origin = Origin { record: Some(record), ..kernel_file::origin(file)? };
+    kernel_formats::export_with(&model, kind, &origin, format)
 }
 
 fn message(part: Part) -> v1::FetchKernelResponse {

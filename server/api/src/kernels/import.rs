@@ -1,5 +1,6 @@
 //! Imports of kernels from files.
 
+use super::bundle::Record;
 use super::model_file::importing_bytes;
 use super::to_wire;
 use crate::api::Api;
@@ -12,7 +13,7 @@ use lightpath_domain::display::Display;
 use lightpath_domain::kernel::{KernelKey, KernelLineage, KernelMetrics, LearnedDataset, NewKernelVersion};
 use lightpath_domain::planning;
 use lightpath_domain::units::{Distance, Wavelength};
-use lightpath_media::kernel_file;
+use lightpath_media::kernel_file::{self, Origin};
 use lightpath_media::kernel_formats::{self, Imported, KernelFormatError};
 use lightpath_optics::{KernelModel, OpticalSetup};
 use lightpath_proto::v1;
@@ -39,50 +40,76 @@ impl Api {
         // A kernel is accepted even if no propagation method is valid for it.
         let setup = planning::planned(setup, None).map_or(setup, |(planned, _)| planned);
         let need_bytes = importing_bytes(record.size_bytes);
-        let (artifacts, name, refused) = (self.artifacts.clone(), digest.clone(), field.clone());
+        let (artifacts, name) = (self.artifacts.clone(), digest.clone());
+        let place =
+            Place { field: field.clone(), display, key: key.clone(), any_display: request.from_another_display };
         let read = move || -> Result<_, ArtifactError> {
             let file = artifacts.read_blocking(&name)?;
-            Ok(imported(&file, &setup, |setup| require_setup(&refused, setup, &display, &key).map(|()| key)))
+            Ok(imported(&file, &setup, &place))
         };
-        let Import { key, kind, form, native_file, interpolated_from_m, note } =
+        let Import { kind, form, native_file, origin, note } =
             self.accounts.compute(call, need_bytes, read).await??.map_err(|error| match error {
                 ImportError::Format(error) => field.invalid(format!("({digest}): {error}")),
-                ImportError::Setup(error) => error,
+                ImportError::Refused(error) => error,
             })?;
-        let (digest, size_bytes, parameters_json) = match native_file {
-            None => (digest, record.size_bytes, "{}".to_owned()),
-            // The kernel is stored in the native format, which all other code reads.
+        let mut parameters = serde_json::json!({});
+        if native_file.is_some() {
+            parameters = serde_json::json!({ "imported_from": form, "artifact": digest });
+        }
+        if let Some(note) = note {
+            parameters["note"] = note.into();
+        }
+        // The kernel is stored in the native format, which all other code reads.
+        let (artifact, size_bytes) = match native_file {
+            None => (digest, record.size_bytes),
             Some(file) => {
-                let mut parameters = serde_json::json!({ "imported_from": form, "artifact": digest });
-                if let Some(note) = note {
-                    parameters["note"] = note.into();
-                }
                 let size_bytes = file.len() as u64;
-                (self.store_artifact(call, file).await?, size_bytes, parameters.to_string())
+                (self.store_artifact(call, file).await?, size_bytes)
             }
         };
-        let lineage = KernelLineage {
-            parameters_json,
-            code_version: env!("CARGO_PKG_VERSION").to_owned(),
-            interpolated: !interpolated_from_m.is_empty(),
-            datasets: interpolated_from_m.into_iter().filter_map(imported_dataset).collect(),
-            ..KernelLineage::default()
+        let (metrics, lineage) = match origin.record {
+            Some(record) => {
+                let record: Record = serde_json::from_value(record)
+                    .map_err(|error| field.invalid(format!("is a bundle with a damaged record: {error}")))?;
+                (record.metrics.clone(), record.imported_lineage())
+            }
+            // Without a record the version is not measured.
+            None => (KernelMetrics::default(), lineage(parameters.to_string(), origin.interpolated_from_m)),
         };
-        // The version is not measured, because an import has no held-out pairs.
-        let metrics = KernelMetrics::default();
-        let version = NewKernelVersion { model: kind, artifact: digest, size_bytes, metrics, lineage };
+        let version = NewKernelVersion { model: kind, artifact, size_bytes, metrics, lineage };
         Ok(to_wire::version(self.store.add_kernel_version(&key, version, now_ms()).await?))
     }
 }
 
+/// The lineage of a version that was imported without its record.
+fn lineage(parameters_json: String, interpolated_from_m: Vec<f64>) -> KernelLineage {
+    KernelLineage {
+        parameters_json,
+        code_version: env!("CARGO_PKG_VERSION").to_owned(),
+        interpolated: !interpolated_from_m.is_empty(),
+        datasets: interpolated_from_m.into_iter().filter_map(imported_dataset).collect(),
+        ..KernelLineage::default()
+    }
+}
+
+/// Where an imported kernel belongs.
+struct Place {
+    /// Field of the request that names the file.
+    field: Field,
+    display: Display,
+    key: KernelKey,
+    /// Whether the file may name another display.
+    any_display: bool,
+}
+
 /// A kernel read from a file.
 struct Import {
-    key: KernelKey,
     kind: KernelModel,
     form: &'static str,
-    /// The kernel in the native format, if the file has another format.
+    /// The kernel in the native format, if the file has another format, or says something else about its origin.
     native_file: Option<Vec<u8>>,
-    interpolated_from_m: Vec<f64>,
+    /// What the file says about the origin.
+    origin: Origin,
     /// What the file did not hold, for people; `None` if it held a whole model.
     note: Option<String>,
 }
@@ -90,25 +117,37 @@ struct Import {
 /// Why a file is not accepted.
 enum ImportError {
     Format(KernelFormatError),
-    Setup(ApiError),
+    Refused(ApiError),
 }
 
-/// Reads a kernel from a file, and converts it to the native format if the file has another one. `key_of` checks the
-/// setup of the kernel.
-fn imported(
-    file: &[u8],
-    setup: &OpticalSetup,
-    key_of: impl FnOnce(&OpticalSetup) -> Result<KernelKey, ApiError>,
-) -> Result<Import, ImportError> {
+/// Reads a kernel from a file, and converts it to the native format if the file has another one.
+fn imported(file: &[u8], setup: &OpticalSetup, place: &Place) -> Result<Import, ImportError> {
     let imported = kernel_formats::import(file, setup).map_err(ImportError::Format)?;
+    require_setup(&place.field, &imported.model.setup, &place.display, &place.key).map_err(ImportError::Refused)?;
+    require_display(place, &imported.origin).map_err(ImportError::Refused)?;
     let note = imported.note();
-    let Imported { model, kind, form, native, .. } = imported;
-    let key = key_of(&model.setup).map_err(ImportError::Setup)?;
-    let encode = || kernel_file::encode(&model, kind).map_err(|error| ImportError::Format(error.into()));
-    let native_file = (!native).then(encode).transpose()?;
-    // Files in other formats do not contain these distances.
-    let interpolated_from_m = kernel_file::interpolated_from_m(file).unwrap_or_default();
-    Ok(Import { key, kind, form, native_file, interpolated_from_m, note })
+    let Imported { model, kind, form, native, origin, .. } = imported;
+    let kept = Origin {
+        display: origin.display.as_ref().map(|_| place.key.display.clone()),
+        interpolated_from_m: origin.interpolated_from_m.clone(),
+        record: None,
+    };
+    let encode = || kernel_file::encode_with(&model, kind, &kept).map_err(|error| ImportError::Format(error.into()));
+    let native_file = (!native || kept != origin).then(encode).transpose()?;
+    Ok(Import { kind, form, native_file, origin, note })
+}
+
+/// Refuses the kernel of another display, unless the caller accepts it.
+fn require_display(place: &Place, origin: &Origin) -> Result<(), ApiError> {
+    let Place { field, key, any_display, .. } = place;
+    match &origin.display {
+        Some(other) if *other != key.display && !any_display => Err(field.invalid(format!(
+            "is a kernel of displays/{other}, but must be one of displays/{}; set from_another_display if it fits this \
+             display as well",
+            key.display
+        ))),
+        _ => Ok(()),
+    }
 }
 
 /// A dataset of which only the distance is known. `None` if the distance is not valid.

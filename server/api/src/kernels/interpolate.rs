@@ -14,7 +14,7 @@ use lightpath_domain::kernel::{
 use lightpath_domain::planning;
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_domain::units::Distance;
-use lightpath_media::kernel_file::{self, KernelFileError};
+use lightpath_media::kernel_file::{self, KernelFileError, Origin};
 use lightpath_optics::learning::interpolated;
 use lightpath_proto::v1;
 
@@ -46,7 +46,8 @@ impl Api {
         let content = &fit.versions[0].content;
         let (kind, size_bytes) = (content.model, fit.versions.iter().map(|version| version.content.size_bytes).sum());
         let interpolate = move || -> Result<Vec<u8>, KernelFileError> {
-            kernel_file::encode_interpolated(&interpolated(&models, setup)?, kind, &from_m)
+            let origin = Origin { display: Some(display.id), interpolated_from_m: from_m, record: None };
+            kernel_file::encode_with(&interpolated(&models, setup)?, kind, &origin)
         };
         let file = self.accounts.compute(call, importing_bytes(size_bytes), interpolate).await?;
         let file = file.map_err(|error| field.invalid(format!("is {distance}: {error}")))?;

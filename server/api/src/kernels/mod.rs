@@ -1,5 +1,6 @@
 //! Kernels and their versions: listing, fetching, promoting, judging, importing and interpolating.
 
+mod bundle;
 pub(crate) mod conversions;
 pub(crate) mod fetch;
 pub(crate) mod import;

@@ -258,6 +258,7 @@ impl DemoClient {
             wavelength_m: self.wavelength_m,
             distance_m: self.distance_m,
             artifact: self.client.upload_bytes(file).await?,
+            ..Default::default()
         };
         Ok(self.client.import_kernel(request).await?.version)
     }

@@ -44,7 +44,7 @@ fn kernels(serving: &Serving) -> KernelServiceClient<Channel> {
 }
 
 /// Creates and finalizes the dataset `at-{mm}mm` with photographs at that distance.
-async fn create_dataset_at(serving: &Serving, mm: u32) -> String {
+pub(crate) async fn create_dataset_at(serving: &Serving, mm: u32) -> String {
     let (bench, name) = (bench(f64::from(mm) / 1e3), format!("datasets/at-{mm}mm"));
     let mut client = DatasetServiceClient::new(serving.channel.clone());
     let dataset = v1::Dataset {
@@ -138,7 +138,7 @@ async fn interpolated_kernel_predicts_photographs_at_a_new_distance() {
     assert!(marked.contains(&("displays/lab/kernels/515nm-4.6mm", true)));
 
     let file = serving.read(&version.artifact).await;
-    assert_eq!(kernel_file::interpolated_from_m(&file).unwrap(), [4e-3, 5e-3, 6e-3]);
+    assert_eq!(kernel_file::origin(&file).unwrap().interpolated_from_m, [4e-3, 5e-3, 6e-3]);
     let (model, _) = kernel_file::decode(&file).unwrap();
     let there = bench(4.6e-3);
     let (found, ideal) = (loss(&there, &model), loss(&there, &DisplayModel::ideal(there.setup())));

@@ -64,7 +64,7 @@ async fn promote(serving: &Serving, version: u32, expected: Option<u32>) -> Resu
     Ok(client(serving).promote_kernel(request).await?.into_inner())
 }
 
-fn client(serving: &Serving) -> KernelServiceClient<Channel> {
+pub(crate) fn client(serving: &Serving) -> KernelServiceClient<Channel> {
     KernelServiceClient::new(serving.channel.clone())
 }
 
@@ -129,7 +129,7 @@ async fn kernels_of_other_displays_are_not_imported() {
     serving.displays().create_display(v1::CreateDisplayRequest { display }).await.unwrap();
     let artifact = serving.upload(&good).await;
     let (display, wavelength_m) = ("displays/relay".to_owned(), 515e-9);
-    let request = v1::ImportKernelRequest { display, wavelength_m, distance_m: 0.05, artifact };
+    let request = v1::ImportKernelRequest { display, wavelength_m, distance_m: 0.05, artifact, ..Default::default() };
     let start = "artifact is a kernel of a display that shows the whole first order, but displays/relay shows the first \
                  order through a filter of 1×0.5 orders";
     expect(client(&serving).import_kernel(request).await, Code::InvalidArgument, start);

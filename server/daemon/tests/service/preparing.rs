@@ -15,7 +15,7 @@ use tonic::Code;
 
 /// Submits a job and returns its result. The error is the message of the refusal if the submit was refused, or
 /// `REASON: message` if the job failed.
-async fn run_job(serving: &Serving, kind: Kind) -> Result<JobResult, String> {
+pub(crate) async fn run_job(serving: &Serving, kind: Kind) -> Result<JobResult, String> {
     let job = submit(serving, kind, "").await.map_err(|status| status.message().to_owned())?;
     let job = watch_to_end(serving, &job.name).await;
     match (job.result.and_then(|result| result.kind), job.error) {

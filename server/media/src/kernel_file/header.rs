@@ -1,8 +1,9 @@
 //! The metadata of a kernel file.
 
-use super::{FORMAT, FORMAT_VERSION, KernelFileError};
+use super::{FORMAT, FORMAT_VERSION, KernelFileError, Origin};
 use lightpath_optics::{ConvolutionMethod, Grid, KernelModel, OpticalSetup, Orders};
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 /// The kernel's metadata.
 #[derive(Serialize, Deserialize)]
@@ -34,6 +35,10 @@ pub(crate) struct Header {
     pub(super) orders: Orders,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(super) interpolated_from_m: Vec<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) display: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) record: Option<Value>,
 }
 
 impl Header {
@@ -44,6 +49,14 @@ impl Header {
             return Err(KernelFileError::Format { format: header.format, version: header.format_version });
         }
         Ok(header)
+    }
+
+    pub(crate) fn origin(&self) -> Origin {
+        Origin {
+            display: self.display.clone(),
+            interpolated_from_m: self.interpolated_from_m.clone(),
+            record: self.record.clone(),
+        }
     }
 
     pub(super) fn setup(&self) -> Result<OpticalSetup, KernelFileError> {

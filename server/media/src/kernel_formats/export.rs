@@ -3,7 +3,7 @@
 use super::error::KernelFormatError;
 use super::losses::{Loss, losses};
 use super::{array, compact, half, import, npz, torch};
-use crate::kernel_file;
+use crate::kernel_file::{self, Origin};
 use lightpath_domain::kernel_format::KernelFormat;
 use lightpath_optics::KernelModel;
 use lightpath_optics::grid::frequency;
@@ -37,19 +37,36 @@ const POSITIONS: usize = 3;
 ///
 /// [`KernelFormatError::NoSuchForm`] for a model that the form cannot hold.
 pub fn export(model: &DisplayModel, kind: KernelModel, format: KernelFormat) -> Result<Exported, KernelFormatError> {
-    if format != KernelFormat::Safetensors && model.setup.orders().are_all() {
+    export_with(model, kind, &Origin::default(), format)
+}
+
+/// [`export`] with the origin of the kernel. Forms that hold a whole model hold its origin as well, but only bundles
+/// have its record.
+///
+/// # Errors
+///
+/// The errors of [`export`].
+pub fn export_with(
+    model: &DisplayModel,
+    kind: KernelModel,
+    origin: &Origin,
+    format: KernelFormat,
+) -> Result<Exported, KernelFormatError> {
+    let is_native = matches!(format, KernelFormat::Safetensors | KernelFormat::Bundle);
+    if !is_native && model.setup.orders().are_all() {
         let message = "a kernel of a display that shows all diffraction orders has a transfer function for each sub-sample, and \
                        no other form than safetensors";
         return Err(KernelFormatError::NoSuchForm(message.to_owned()));
     }
     // Forms without modes hold all light in one mode.
     let held = match format {
-        KernelFormat::Safetensors | KernelFormat::Npz => Cow::Borrowed(model),
+        _ if is_native || format == KernelFormat::Npz => Cow::Borrowed(model),
         _ => Cow::Owned(model.in_one_mode()),
     };
     let (whole, model) = (model, &*held);
     let bytes = match format {
-        KernelFormat::Safetensors => kernel_file::encode(model, kind)?,
+        KernelFormat::Bundle => kernel_file::encode_with(model, kind, origin)?,
+        KernelFormat::Safetensors => kernel_file::encode_with(model, kind, &Origin { record: None, ..origin.clone() })?,
         KernelFormat::Compact => compact::encode(model, kind)?,
         KernelFormat::Pt => {
             let (shape, numbers) = as_published(model);
@@ -69,33 +86,16 @@ pub fn export(model: &DisplayModel, kind: KernelModel, format: KernelFormat) -> 
             let bytes: Vec<u8> = numbers.iter().flat_map(|&number| half::from_f32(number).to_le_bytes()).collect();
             array::npy("<f2", &[transfer.height_px(), transfer.width_px(), 2], &bytes)
         }
-        KernelFormat::Npz => npz::write(model, kind)?,
+        KernelFormat::Npz => npz::write(model, kind, &Origin { record: None, ..origin.clone() })?,
     };
     let back = import(&bytes, &model.setup)?;
     let relative_error = difference(model, &back.model);
-    Ok(Exported { bytes, relative_error, losses: losses(whole, &back, relative_error) })
-}
-
-/// [`export`] for a kernel that was interpolated between photographed distances \[m\]. Only the native form holds these
-/// distances.
-///
-/// # Errors
-///
-/// The errors of [`export`].
-pub fn export_interpolated(
-    model: &DisplayModel,
-    kind: KernelModel,
-    from_m: &[f64],
-    format: KernelFormat,
-) -> Result<Exported, KernelFormatError> {
-    let mut exported = export(model, kind, format)?;
-    match format {
-        _ if from_m.is_empty() => {}
-        KernelFormat::Safetensors => exported.bytes = kernel_file::encode_interpolated(model, kind, from_m)?,
-        _ => exported.losses.push(Loss::Interpolation),
+    let mut losses = losses(whole, &back, relative_error);
+    if origin.interpolated_from_m != back.origin.interpolated_from_m {
+        losses.push(Loss::Interpolation);
+        losses.sort_unstable();
     }
-    exported.losses.sort_unstable();
-    Ok(exported)
+    Ok(Exported { bytes, relative_error, losses })
 }
 
 /// Amplitude and phase of the inner half of the spectrum, in the shape of the paper's code: \[1, 2, rows, columns\].

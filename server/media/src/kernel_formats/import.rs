@@ -4,7 +4,7 @@ use super::array::{self, Array};
 use super::error::KernelFormatError;
 use super::losses::Loss;
 use super::{archive, compact, npz, torch};
-use crate::kernel_file;
+use crate::kernel_file::{self, Origin};
 use crate::npy;
 use lightpath_optics::KernelModel;
 use lightpath_optics::{DisplayModel, KernelShape, OpticalSetup, Plane};
@@ -19,6 +19,8 @@ pub struct Imported {
     pub kind: KernelModel,
     /// Name of the file's form, for people and for the lineage.
     pub form: &'static str,
+    /// Where the kernel comes from, as far as the file says it.
+    pub origin: Origin,
     /// Whether the file is in the native form already.
     pub native: bool,
     /// What the file did not hold, and the model is without.
@@ -30,7 +32,15 @@ pub struct Imported {
 impl Imported {
     /// A display model from a file that held all of it.
     pub(super) fn new(form: &'static str, model: DisplayModel) -> Self {
-        Self { model, kind: KernelModel::Smooth, form, native: false, absent: Vec::new(), remarks: Vec::new() }
+        Self {
+            model,
+            kind: KernelModel::Smooth,
+            form,
+            origin: Origin::default(),
+            native: false,
+            absent: Vec::new(),
+            remarks: Vec::new(),
+        }
     }
 
     /// What the file did not hold and what else a person should know, as one sentence; `None` for a file that held a
@@ -77,7 +87,10 @@ pub fn import(bytes: &[u8], setup: &OpticalSetup) -> Result<Imported, KernelForm
         return Err(KernelFormatError::Unknown { start });
     }
     match kernel_file::decode(bytes) {
-        Ok((model, kind)) => Ok(Imported { kind, native: true, ..Imported::new("safetensors", model) }),
+        Ok((model, kind)) => {
+            let origin = kernel_file::origin(bytes)?;
+            Ok(Imported { kind, origin, native: true, ..Imported::new("safetensors", model) })
+        }
         Err(kernel_file::KernelFileError::NoHeader) => of_foreign_safetensors(bytes, setup),
         Err(error) => Err(error.into()),
     }

@@ -120,9 +120,10 @@ fn bins(model: &DisplayModel) -> (usize, usize) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{KernelFormat, export, export_interpolated, import};
+    use super::super::{KernelFormat, export, export_with, import};
     use super::Loss::*;
     use super::*;
+    use crate::kernel_file::Origin;
     use lightpath_optics::{
         FurtherMode, Grid, KernelModel, OpticalSetup, PartialCoherence, Plane, SmoothField, SpatialVariation,
     };
@@ -200,12 +201,19 @@ mod tests {
     }
 
     #[test]
-    fn only_the_native_form_holds_the_distances_of_an_interpolated_kernel() {
-        let export = |format| export_interpolated(&varying(), KernelModel::Varying, &[0.002, 0.004], format).unwrap();
-        let native = export(KernelFormat::Safetensors);
-        assert_eq!(crate::kernel_file::interpolated_from_m(&native.bytes).unwrap(), [0.002, 0.004]);
-        assert_eq!(native.losses, []);
-        assert_eq!(export(KernelFormat::Npz).losses, [Interpolation]);
+    fn forms_of_whole_models_hold_the_origin_and_bundles_the_record() {
+        let record = Some(serde_json::json!({ "version": 3 }));
+        let origin =
+            Origin { display: Some("lab".to_owned()), interpolated_from_m: vec![0.002, 0.004], record: record.clone() };
+        let export = |format| export_with(&varying(), KernelModel::Varying, &origin, format).unwrap();
+        for (format, record) in
+            [(KernelFormat::Safetensors, None), (KernelFormat::Npz, None), (KernelFormat::Bundle, record)]
+        {
+            let exported = export(format);
+            assert_eq!(exported.losses, [], "{format:?}");
+            let back = import(&exported.bytes, &setup()).unwrap();
+            assert_eq!((back.origin, back.model), (Origin { record, ..origin.clone() }, varying()), "{format:?}");
+        }
         assert_eq!(export(KernelFormat::Compact).losses, [Dust, Ghost, Coherence, Interpolation, Precision]);
     }
 

@@ -36,7 +36,7 @@ mod pickle;
 mod torch;
 
 pub use error::KernelFormatError;
-pub use export::{Exported, export, export_interpolated};
+pub use export::{Exported, export, export_with};
 pub use import::{Imported, import};
 pub use lightpath_domain::kernel_format::KernelFormat;
 pub use losses::Loss;

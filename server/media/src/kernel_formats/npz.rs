@@ -29,7 +29,7 @@ use super::error::KernelFormatError;
 use super::export::{f32_bytes, padded, parts};
 use super::import::{Imported, of_array};
 use super::losses::Loss;
-use crate::kernel_file::{self, DUST, Header, METADATA_KEY};
+use crate::kernel_file::{self, DUST, Header, METADATA_KEY, Origin};
 use lightpath_artifacts::digest_of;
 use lightpath_optics::{DisplayModel, Ghost, KernelModel, KernelShape, OpticalSetup, Plane, SpatialVariation};
 use num_complex::{Complex32, Complex64};
@@ -40,7 +40,7 @@ const SOURCE: &str = "source";
 const BINS_SHAPE: &str = "kernel.bins_shape";
 
 /// Writes the model.
-pub(super) fn write(model: &DisplayModel, kind: KernelModel) -> Result<Vec<u8>, KernelFormatError> {
+pub(super) fn write(model: &DisplayModel, kind: KernelModel, origin: &Origin) -> Result<Vec<u8>, KernelFormatError> {
     let grid = model.setup.grid();
     let mut files: Vec<(String, Vec<u8>)> = Vec::new();
     let mut add = |name: &str, file: Vec<u8>| files.push((format!("{name}.npy"), file));
@@ -64,7 +64,7 @@ pub(super) fn write(model: &DisplayModel, kind: KernelModel) -> Result<Vec<u8>, 
         let descr = if tensor.name == DUST { array::I16 } else { "<f8" };
         add(array_name(tensor.name), array::npy(descr, &tensor.shape, &tensor.bytes));
     }
-    add(METADATA_KEY, array::npy_text(&kernel_file::header_text(model, kind, &[])?));
+    add(METADATA_KEY, array::npy_text(&kernel_file::header_text(model, kind, origin)?));
     let files: Vec<(&str, &[u8])> = files.iter().map(|(name, file)| (name.as_str(), &file[..])).collect();
     archive::write(&files)
 }
@@ -119,7 +119,7 @@ fn read_own(files: &archive::Files, header: &[u8]) -> Result<Imported, KernelFor
     };
     let dust = || NpyFile::open(DUST, require(DUST)?)?.i16_pairs();
     let model = kernel_file::assemble(&header, floats, bins, dust)?;
-    let mut imported = Imported { kind: header.model, ..Imported::new("npz", model) };
+    let mut imported = Imported { kind: header.model, origin: header.origin(), ..Imported::new("npz", model) };
     if is_changed(SOURCE)? {
         imported.remarks.push(
             "the array `source` was changed and is not imported: a kernel has its source as a series and as dust, which stay \
@@ -274,7 +274,7 @@ mod tests {
 
     /// The archive of a model after `change` changed the contents of an array.
     fn changed(model: &DisplayModel, kind: KernelModel, array: &str, change: impl Fn(&[u8]) -> Vec<u8>) -> Vec<u8> {
-        let mut files = archive::read(&write(model, kind).unwrap()).unwrap();
+        let mut files = archive::read(&write(model, kind, &Origin::default()).unwrap()).unwrap();
         let file = files.iter_mut().find(|(name, _)| name.strip_suffix(".npy") == Some(array)).unwrap();
         file.1 = change(&file.1);
         let files: Vec<(&str, &[u8])> = files.iter().map(|(name, file)| (name.as_str(), &file[..])).collect();
@@ -343,7 +343,7 @@ mod tests {
     #[test]
     fn incomplete_archives_are_refused_by_name_and_foreign_ones_are_read() {
         let (model, kind) = models().remove(1);
-        let files = archive::read(&write(&model, kind).unwrap()).unwrap();
+        let files = archive::read(&write(&model, kind, &Origin::default()).unwrap()).unwrap();
         let without = |left_out: &str| {
             let kept = files.iter().filter(|(name, _)| name != left_out);
             let kept: Vec<(&str, &[u8])> = kept.map(|(name, file)| (name.as_str(), &file[..])).collect();
