@@ -89,6 +89,8 @@ calls! {
     kernels.set_kernel_alias(SetKernelAliasRequest) -> Kernel;
     /// Marks a version as deprecated, or takes that back.
     kernels.deprecate_kernel_version(DeprecateKernelVersionRequest) -> KernelVersion;
+    /// Compares two versions of the kernels of one display.
+    kernels.compare_kernel_versions(CompareKernelVersionsRequest) -> KernelComparison;
     /// Finds the kernels of a display whose distances are nearest to a distance.
     kernels.find_nearest_kernels(FindNearestKernelsRequest) -> FindNearestKernelsResponse;
     /// Makes the version active again that was active before the last change. The request names the version that is

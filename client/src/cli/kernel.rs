@@ -1,6 +1,7 @@
 //! The commands `lightpath kernel …`.
 
 mod alias;
+mod compare;
 mod gate;
 mod interpolate;
 mod learn;
@@ -32,6 +33,7 @@ pub(crate) enum KernelCommand {
     History(moves::History),
     Alias(alias::Alias),
     Deprecate(alias::Deprecate),
+    Compare(compare::Compare),
     Nearest(nearest::Nearest),
     Fetch(transfer::Fetch),
     Export(transfer::Export),
@@ -53,6 +55,7 @@ impl KernelCommand {
             Self::Check(check) => check.run(session).await,
             Self::Alias(alias) => alias.run(session).await,
             Self::Deprecate(deprecate) => deprecate.run(session).await,
+            Self::Compare(compare) => compare.run(session).await,
             Self::Nearest(nearest) => nearest.run(session).await,
             Self::Promote(promote) => promote.run(session).await,
             Self::Rollback(rollback) => rollback.run(session).await,

@@ -105,6 +105,7 @@ const COMMANDS: &[&str] = &[
     "lightpath device group --display lab-2 bench-7 first",
     "lightpath device delete --display lab-2 bench-7",
     "lightpath kernel import --display lab-2 --distance 150mm k.bundle --from-another-display",
+    "lightpath kernel compare --display lab-2 --distance 150mm --version 3 --with 4 -o difference.png",
     "lightpath kernel rollback --display lab-2 --distance 150mm --expected-active 3 --reason worse",
     "lightpath kernel fetch --display lab-2 --distance 150mm --format safetensors -o k.safetensors",
     "lightpath kernel export --display lab-2 --distance 150mm --version 1 -o k.safetensors",

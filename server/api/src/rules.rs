@@ -87,6 +87,7 @@ pub(crate) const METHODS: &[(&str, Rule)] = &[
     ("KernelService/GetPromotionGate", rule(READERS, Effect::Reads)),
     ("KernelService/SetKernelAlias", rule(CURATORS, Effect::Changes)),
     ("KernelService/DeprecateKernelVersion", rule(CURATORS, Effect::Changes)),
+    ("KernelService/CompareKernelVersions", rule(READERS, Effect::Reads)),
     ("KernelService/FindNearestKernels", rule(KERNEL_READERS, Effect::Reads)),
     ("KernelService/RollbackKernel", rule(CURATORS, Effect::Changes)),
     ("KernelService/ListKernelMoves", rule(READERS, Effect::Reads)),

@@ -1,6 +1,7 @@
 //! Kernels and their versions: listing, fetching, promoting, judging, importing and interpolating.
 
 mod bundle;
+mod compare;
 pub(crate) mod conversions;
 pub(crate) mod fetch;
 pub(crate) mod import;

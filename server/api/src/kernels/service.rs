@@ -107,6 +107,13 @@ impl KernelService for Api {
         self.answer(request, Self::deprecate_kernel_version).await
     }
 
+    async fn compare_kernel_versions(
+        &self,
+        request: Request<v1::CompareKernelVersionsRequest>,
+    ) -> Result<Response<v1::KernelComparison>, Status> {
+        self.answer(request, Self::compare_kernel_versions).await
+    }
+
     async fn find_nearest_kernels(
         &self,
         request: Request<v1::FindNearestKernelsRequest>,

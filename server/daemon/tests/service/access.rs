@@ -72,6 +72,7 @@ pub(crate) const EXPECTED: &[(&str, &str)] = &[
     ("/lightpath.v1.KernelService/GetPromotionGate", MAY_READ),
     ("/lightpath.v1.KernelService/SetKernelAlias", MAY_CURATE),
     ("/lightpath.v1.KernelService/DeprecateKernelVersion", MAY_CURATE),
+    ("/lightpath.v1.KernelService/CompareKernelVersions", MAY_READ),
     ("/lightpath.v1.KernelService/FindNearestKernels", MAY_FETCH),
     ("/lightpath.v1.KernelService/RollbackKernel", MAY_CURATE),
     ("/lightpath.v1.KernelService/ListKernelMoves", MAY_READ),

@@ -4,7 +4,6 @@ use super::chapter::Chapter;
 use super::input::{KernelDifference, ReportInput};
 use crate::figures::{Chart, Line};
 use lightpath_optics::DisplayModel;
-use num_complex::Complex64;
 use std::fmt::Write as _;
 
 /// Number of frequencies along an axis at which versions are compared.
@@ -76,24 +75,8 @@ pub fn difference(model: &DisplayModel, other: &DisplayModel) -> KernelDifferenc
     let nyquist = 0.5 / model.setup.grid().pixel_pitch_m();
     let along = |i: usize| nyquist * ((2 * i + 1) as f64 / SAMPLES as f64 - 1.0);
     let (h, g) = (model.sampled(), other.sampled());
-    let values: Vec<(Complex64, Complex64)> = (0..SAMPLES * SAMPLES)
-        .map(|i| (along(i % SAMPLES), along(i / SAMPLES)))
-        .map(|(fx, fy)| (h(fx, fy), g(fx, fy)))
-        .collect();
-    let cross: Complex64 = values.iter().map(|(h, g)| g.conj() * h).sum();
-    let energy: f64 = values.iter().map(|(_, g)| g.norm_sqr()).sum();
-    let own: f64 = values.iter().map(|(h, _)| h.norm_sqr()).sum();
-    if energy <= 0.0 || own <= 0.0 {
-        return KernelDifference { relative: 1.0, phase_rad: 0.0, gain: 0.0 };
-    }
-    let c = cross / energy;
-    let off: f64 = values.iter().map(|(h, g)| (c * g - h).norm_sqr()).sum();
-    let (phase, weight) = values.iter().fold((0.0, 0.0), |(phase, weight), (h, g)| {
-        let between = (c * g).conj() * h;
-        (phase + between.norm() * between.arg().powi(2), weight + between.norm())
-    });
-    let phase_rad = if weight > 0.0 { (phase / weight).sqrt() } else { 0.0 };
-    KernelDifference { relative: (off / own).sqrt(), phase_rad, gain: c.norm_sqr() }
+    let at = |i: usize| (along(i % SAMPLES), along(i / SAMPLES));
+    KernelDifference::of((0..SAMPLES * SAMPLES).map(at).map(|(fx, fy)| (h(fx, fy), g(fx, fy)))).0
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 use super::evidence::Evidence;
 use lightpath_domain::kernel::KernelVersion;
 use lightpath_optics::DisplayModel;
+use num_complex::Complex64;
 
 /// The data that a report is made from.
 #[derive(Debug)]
@@ -42,4 +43,25 @@ pub struct KernelDifference {
     pub phase_rad: f64,
     /// |c|².
     pub gain: f64,
+}
+
+impl KernelDifference {
+    /// The difference of values H and H', and the factor c.
+    pub(super) fn of(values: impl Iterator<Item = (Complex64, Complex64)>) -> (Self, Complex64) {
+        let values: Vec<(Complex64, Complex64)> = values.collect();
+        let cross: Complex64 = values.iter().map(|(h, g)| g.conj() * h).sum();
+        let energy: f64 = values.iter().map(|(_, g)| g.norm_sqr()).sum();
+        let own: f64 = values.iter().map(|(h, _)| h.norm_sqr()).sum();
+        if energy <= 0.0 || own <= 0.0 {
+            return (Self { relative: 1.0, phase_rad: 0.0, gain: 0.0 }, Complex64::ONE);
+        }
+        let c = cross / energy;
+        let off: f64 = values.iter().map(|(h, g)| (c * g - h).norm_sqr()).sum();
+        let (phase, weight) = values.iter().fold((0.0, 0.0), |(phase, weight), (h, g)| {
+            let between = (c * g).conj() * h;
+            (phase + between.norm() * between.arg().powi(2), weight + between.norm())
+        });
+        let phase_rad = if weight > 0.0 { (phase / weight).sqrt() } else { 0.0 };
+        (Self { relative: (off / own).sqrt(), phase_rad, gain: c.norm_sqr() }, c)
+    }
 }

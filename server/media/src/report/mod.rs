@@ -3,14 +3,15 @@
 //! # Layout
 //!
 //! - `optics`: the kernel, its aberrations, spot and contrast, and the source. `modulator`: the parts of the modulator and
-//!   its response. `evidence`: residuals per pair, and the band that the holograms illuminated. `history`: losses during learning, and drift against earlier versions.
-//!   `over_distance`: aberrations between photographed distances. `over_modulator`: a kernel that varies over the
+//!   its response. `evidence`: residuals per pair, and the band that the holograms illuminated. `history`: losses
+//!   during learning, and drift against earlier versions. `comparison`: two versions. `over_distance`: aberrations between photographed distances. `over_modulator`: a kernel that varies over the
 //!   modulator.
 //! - `input`: the input of a report. `chapter`: text, pictures and arrays of one chapter. `page`: the HTML page.
 //!   `base64`: the encoding of pictures inside the page.
 
 mod base64;
 mod chapter;
+mod comparison;
 mod evidence;
 mod history;
 mod input;
@@ -21,6 +22,7 @@ mod over_modulator;
 mod page;
 
 pub use chapter::{Figure, ReportError};
+pub use comparison::{Comparison, comparison};
 pub use evidence::{Evidence, PAIRS_SHOWN_MAX, PairEvidence};
 pub use history::difference;
 pub use input::{KernelDifference, OtherVersion, ReportInput};

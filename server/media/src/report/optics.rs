@@ -12,7 +12,7 @@ use std::f64::consts::{PI, TAU};
 use std::fmt::Write as _;
 
 /// Number of samples of the band along an axis, in pictures and arrays.
-const SAMPLES: usize = 256;
+pub(super) const SAMPLES: usize = 256;
 
 /// The chapters about kernel, aberrations, spot, source and response.
 pub(super) fn chapters(model: &DisplayModel, evidence: Option<&Evidence>) -> Result<Vec<Chapter>, ReportError> {
@@ -51,12 +51,19 @@ pub(super) fn ratio(model: &DisplayModel) -> impl Fn(f64, f64) -> Complex64 + Sy
     move |fx, fy| raw(fx, fy) * turn
 }
 
-fn band(nyquist: f64, of: impl Fn(f64, f64) -> f64) -> Plane<f32> {
+pub(super) fn band(nyquist: f64, of: impl Fn(f64, f64) -> f64) -> Plane<f32> {
     let along = |i: usize| nyquist * ((2 * i + 1) as f64 / SAMPLES as f64 - 1.0);
     Plane::from_fn(SAMPLES, SAMPLES, |y, x| of(along(x), along(y)) as f32)
 }
 
-fn heat(title: &str, values: &Plane<f32>, colours: ColourMap, range: (f32, f32), half: f64, unit: &str) -> Canvas {
+pub(super) fn heat(
+    title: &str,
+    values: &Plane<f32>,
+    colours: ColourMap,
+    range: (f32, f32),
+    half: f64,
+    unit: &str,
+) -> Canvas {
     let axis = |label| Axis { label, start: -half, end: half };
     let (x, y) = (axis("fx [1/mm]"), axis("fy [1/mm]"));
     Heatmap { title, values, colours, range, unit, x, y }.draw()

@@ -205,6 +205,10 @@ fn kernels() -> Vec<Example> {
         Example::new::<v1::ListKernelMovesRequest>("KernelService/ListKernelMoves", page),
         Example::new::<v1::CheckPromotionRequest>("KernelService/CheckPromotion", json!({ "name": "$version" })),
         Example::new::<v1::GetPromotionGateRequest>("KernelService/GetPromotionGate", json!({ "display": "$display" })),
+        Example::new::<v1::CompareKernelVersionsRequest>(
+            "KernelService/CompareKernelVersions",
+            json!({ "first": "$learned_version", "second": "$version" }),
+        ),
         Example::new::<v1::FindNearestKernelsRequest>(
             "KernelService/FindNearestKernels",
             json!({ "display": "$display", "distance_m": 4.5e-3 }),

@@ -176,6 +176,8 @@ const FIELDS: &[(&str, Names)] = &[
     ("SetKernelAliasRequest.expected_version", VersionNumber),
     ("DeprecateKernelVersionRequest.name", KernelVersion),
     ("DeprecateKernelVersionRequest.reason", Nothing),
+    ("CompareKernelVersionsRequest.first", KernelVersion),
+    ("CompareKernelVersionsRequest.second", KernelVersion),
     ("FindNearestKernelsRequest.display", Display),
     ("RollbackKernelRequest.kernel", Kernel),
     ("RollbackKernelRequest.reason", Nothing),

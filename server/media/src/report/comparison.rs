@@ -1,0 +1,154 @@
+//! Comparison of two versions: numbers and pictures of what differs.
+
+use super::chapter::ReportError;
+use super::input::KernelDifference;
+use super::optics::{SAMPLES, band, heat, ratio};
+use crate::figures::{Axis, Canvas, ColourMap, Heatmap};
+use crate::pictures::PictureError;
+use lightpath_optics::learning::BlockStrengths;
+use lightpath_optics::{DisplayModel, KernelShape, Plane};
+use num_complex::Complex64;
+use std::f64::consts::PI;
+
+/// What differs between two models of one display.
+#[derive(Clone, Debug)]
+pub struct Comparison {
+    /// Difference of the transfer functions, each relative to the ideal one of its distance.
+    pub transfer: KernelDifference,
+    /// Difference of the light on the modulator.
+    pub source: KernelDifference,
+    /// Name with unit, value in the first and in the second model; `None`: the model is without this part.
+    pub parameters: Vec<(&'static str, [Option<String>; 2])>,
+    /// The ratio of the transfer functions and the sources, as PNG.
+    pub picture_png: Vec<u8>,
+}
+
+/// Compares two models of one display.
+///
+/// # Errors
+///
+/// [`ReportError`] if the picture cannot be written.
+pub fn comparison(models: [&DisplayModel; 2]) -> Result<Comparison, ReportError> {
+    let [first, second] = models;
+    let nyquist = 0.5 / first.setup.grid().pixel_pitch_m();
+    let (h, g) = (ratio(first), ratio(second));
+    let along = |i: usize| (2 * i + 1) as f64 / SAMPLES as f64 - 1.0;
+    let at = |i: usize| (along(i % SAMPLES), along(i / SAMPLES));
+    let of_band = |(x, y): (f64, f64)| (h(nyquist * x, nyquist * y), g(nyquist * x, nyquist * y));
+    let of_source = |(x, y): (f64, f64)| (light(first, x, y), light(second, x, y));
+    let (transfer, turn) = KernelDifference::of((0..SAMPLES * SAMPLES).map(at).map(of_band));
+    let (source, _) = KernelDifference::of((0..SAMPLES * SAMPLES).map(at).map(of_source));
+    let between = |fx: f64, fy: f64| {
+        let (h, g) = (h(fx, fy), turn * g(fx, fy));
+        if h.norm() > 1e-6 { g / h } else { Complex64::ZERO }
+    };
+    let picture_png = sheet(models, between).png().map_err(|error| PictureError::Encode(error.to_string()))?;
+    Ok(Comparison { transfer, source, parameters: parameters(models), picture_png })
+}
+
+/// The light on the modulator at −1 to 1 along each axis, with its dust.
+fn light(model: &DisplayModel, x: f64, y: f64) -> Complex64 {
+    let grid = model.setup.grid();
+    let pixel = |position: f64, side: usize| (((position + 1.0) / 2.0 * side as f64) as usize).min(side - 1);
+    model.source.value(x, y) * model.dust.factor(pixel(y, grid.height_px()), pixel(x, grid.width_px()))
+}
+
+fn sheet(models: [&DisplayModel; 2], between: impl Fn(f64, f64) -> Complex64) -> Canvas {
+    let nyquist = 0.5 / models[0].setup.grid().pixel_pitch_m();
+    let per_mm = nyquist / 1000.0;
+    let amplitude = band(nyquist, |fx, fy| between(fx, fy).norm());
+    let phase = band(nyquist, |fx, fy| between(fx, fy).arg());
+    let cyclic = (-PI as f32, PI as f32);
+    // Amplitudes of 0 to 2 show gain and loss alike.
+    let ratios = vec![
+        heat("second / first: amplitude", &amplitude, ColourMap::Sequential, (0.0, 2.0), per_mm, ""),
+        heat("second / first: phase", &phase, ColourMap::Cyclic, cyclic, per_mm, "rad"),
+    ];
+    let sources: Vec<Plane<f32>> = models.iter().map(|model| source_amplitude(model)).collect();
+    let top = sources.iter().flat_map(|plane| plane.values()).copied().fold(f32::MIN_POSITIVE, f32::max);
+    let titles = ["first: light on the modulator", "second: light on the modulator"];
+    let lights = titles.iter().zip(&sources).map(|(title, values)| light_picture(models[0], title, values, top));
+    Canvas::grid(&[ratios, lights.collect()])
+}
+
+fn source_amplitude(model: &DisplayModel) -> Plane<f32> {
+    let grid = model.setup.grid();
+    let longest = grid.height_px().max(grid.width_px());
+    let side = |px: usize| (px * SAMPLES / longest).max(1);
+    let (rows, columns) = (side(grid.height_px()), side(grid.width_px()));
+    let position = |i: usize, side: usize| (2 * i + 1) as f64 / side as f64 - 1.0;
+    Plane::from_fn(rows, columns, |y, x| light(model, position(x, columns), position(y, rows)).norm() as f32)
+}
+
+fn light_picture(model: &DisplayModel, title: &str, values: &Plane<f32>, top: f32) -> Canvas {
+    let grid = model.setup.grid();
+    let half_mm = |px: usize| px as f64 * grid.pixel_pitch_m() * 500.0;
+    let axis = |label, half: f64| Axis { label, start: -half, end: half };
+    let (x, y) = (axis("x [mm]", half_mm(grid.width_px())), axis("y [mm]", half_mm(grid.height_px())));
+    Heatmap { title, values, colours: ColourMap::Sequential, range: (0.0, top), unit: "", x, y }.draw()
+}
+
+fn parameters(models: [&DisplayModel; 2]) -> Vec<(&'static str, [Option<String>; 2])> {
+    let strengths = models.map(BlockStrengths::of);
+    let of_model = |of: &dyn Fn(&DisplayModel) -> Option<String>| models.map(of);
+    let of_blocks = |of: &dyn Fn(&BlockStrengths) -> Option<String>| [of(&strengths[0]), of(&strengths[1])];
+    let number = |value: f64| format!("{value:.4}");
+    let percent = |value: f64| format!("{:.2}", 100.0 * value);
+    let pair = |pair: [f64; 2]| format!("{:.3}, {:.3}", pair[0], pair[1]);
+    let rows = vec![
+        (
+            "degree of the kernel",
+            of_model(&|model| match &model.kernel {
+                KernelShape::Smooth(errors) => Some(errors.order.to_string()),
+                KernelShape::Ideal | KernelShape::Bins(_) => None,
+            }),
+        ),
+        ("degree of the source", of_model(&|model| (!model.source.is_flat()).then(|| model.source.order.to_string()))),
+        ("gain of the camera", of_model(&|model| Some(number(model.gain)))),
+        (
+            "undiffracted light, amplitude",
+            of_model(&|model| {
+                let amplitude = model.zero_order.norm();
+                (amplitude > 0.0).then(|| number(amplitude))
+            }),
+        ),
+        (
+            "bend of the response, first harmonic [rad]",
+            of_model(&|model| model.response.first().map(|&[sine, cosine]| number(sine.hypot(cosine)))),
+        ),
+        ("surface, rms [rad]", of_blocks(&|blocks| blocks.surface_rms_rad.map(number))),
+        ("cross-talk along x, y, σ [px]", of_blocks(&|blocks| blocks.crosstalk_px.map(pair))),
+        ("uneven response, rms [%]", of_blocks(&|blocks| blocks.response_variation_rms.map(percent))),
+        ("ghost, share of the light [%]", of_blocks(&|blocks| blocks.ghost_share.map(percent))),
+        ("dust, contrast [%]", of_blocks(&|blocks| blocks.dust_contrast.map(percent))),
+        ("spread of the modes along x, y [px]", of_blocks(&|blocks| blocks.image_spread_px.map(pair))),
+    ];
+    rows.into_iter().filter(|(_, values)| values.iter().any(Option::is_some)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lightpath_optics::{Grid, OpticalSetup, SmoothField};
+
+    #[test]
+    fn a_tilt_of_the_kernel_and_a_gain_of_the_source_are_told_apart() {
+        let setup = OpticalSetup::try_new(Grid::try_new(32, 48, 8e-6).unwrap(), 515e-9, 3e-3).unwrap();
+        let first = DisplayModel::ideal(setup);
+        let mut errors = SmoothField::flat(1);
+        errors.phase[0] = 0.1;
+        let mut source = SmoothField::flat(1);
+        source.log_amplitude[0] = 0.2;
+        let second = DisplayModel { kernel: KernelShape::Smooth(errors), source, ..first.clone() };
+        let same = comparison([&first, &first]).unwrap();
+        assert!(same.transfer.relative < 1e-9 && same.source.relative < 1e-9);
+        let found = comparison([&first, &second]).unwrap();
+        // A tilt of ±0.1 rad has an rms of 0.1/√3, and a slope of ±0.2 of the logarithm changes no phase.
+        assert!((found.transfer.phase_rad - 0.1 / 3.0_f64.sqrt()).abs() < 1e-3, "{:?}", found.transfer);
+        assert!(found.source.phase_rad < 1e-6 && (found.source.relative - 0.2 / 3.0_f64.sqrt()).abs() < 0.01);
+        assert!(found.parameters.iter().any(|(name, values)| {
+            name.starts_with("degree of the source") && values == &[None, Some("1".to_owned())]
+        }));
+        assert!(found.picture_png.starts_with(b"\x89PNG"));
+    }
+}
